@@ -1,0 +1,1 @@
+"""jerkbench: which navigation filter is better, by how much, on which recordings, and why."""

@@ -1,0 +1,57 @@
+"""Array types, and the checks that every recorded array passes once, when it is made."""
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from jerkbench.errors import RecordingError
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+BoolArray = npt.NDArray[np.bool_]
+
+
+def frozen(owner: object, name: str, value: Any, shape: tuple[int | None, ...]) -> FloatArray:  # noqa: ANN401 - anything array-like
+    """Return ``value`` as a read-only float64 array of ``shape`` (None: any length).
+
+    Raises:
+        RecordingError: it is not numeric or has another shape; names ``owner.name``.
+    """
+    where = f"{type(owner).__name__}.{name}"
+    try:
+        array: FloatArray = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise RecordingError(f"{where} is not an array of numbers: {error}.") from error
+    if array.ndim != len(shape) or any(want not in (None, have) for want, have in zip(shape, array.shape, strict=True)):
+        wanted = ", ".join("n" if n is None else str(n) for n in shape)
+        raise RecordingError(f"{where} has shape {array.shape}; it must be ({wanted}).")
+    array.flags.writeable = False
+    return array
+
+
+def require(ok: npt.ArrayLike, owner: object, name: str, reason: str) -> None:
+    """Raise a RecordingError that names the field and the first row where ``ok`` is False."""
+    rows = np.flatnonzero(~np.asarray(ok, dtype=bool))
+    if rows.size:
+        more = f" (and {rows.size - 1} rows more)" if rows.size > 1 else ""
+        raise RecordingError(f"{type(owner).__name__}.{name} row {rows[0]}{more}: {reason}.")
+
+
+def require_times(owner: object, t_s: FloatArray) -> None:
+    """Check that times are finite and strictly increasing."""
+    require(np.isfinite(t_s), owner, "t_s", "the time is not a finite number")
+    steps = np.concatenate([[True], np.diff(t_s) > 0])
+    require(steps, owner, "t_s", "the time does not increase")
+
+
+def require_covariances(owner: object, name: str, covariance: FloatArray, present: BoolArray) -> None:
+    """Check that each 3 x 3 covariance is finite, symmetric and positive definite on the axes that are present."""
+    unused = ~present[:, :, None] | ~present[:, None, :]
+    block = np.where(unused, np.eye(3), covariance)
+    finite = np.isfinite(block).all(axis=(1, 2))
+    require(finite, owner, name, "the covariance of a measured axis is not finite")
+    require(np.abs(block - block.transpose(0, 2, 1)).max(axis=(1, 2), initial=0) <= 1e-9 * np.abs(block).max(axis=(1, 2), initial=0),
+            owner, name, "the covariance is not symmetric")  # fmt: skip
+    lowest = np.linalg.eigvalsh(block)[:, 0]
+    require(lowest > 0, owner, name, "the covariance is not positive definite")

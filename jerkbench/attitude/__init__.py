@@ -1,0 +1,1 @@
+"""Recording -> Attitude: tilt, yaw, gravity compensation."""

@@ -1,0 +1,120 @@
+"""What a plugin of each kind offers. A plugin need not inherit from these; it only has to fit."""
+
+from typing import ClassVar, Protocol, runtime_checkable
+
+from jerkbench.arrays import BoolArray, FloatArray, IntArray
+from jerkbench.estimate import Attitude, Estimate
+from jerkbench.recording import Recording
+
+
+class Dataset(Protocol):
+    """A source of recordings.
+
+    Attributes:
+        seeded: whether another seed gives another recording (a simulation) or not (a file).
+    """
+
+    seeded: ClassVar[bool]
+
+    def load(self, seed: int) -> Recording:
+        """Return the recording; of a simulation, the one that belongs to ``seed``."""
+        ...
+
+    def fingerprint(self) -> str:
+        """Return a hash of the data that `load` reads besides the parameters; empty where it reads none."""
+        ...
+
+
+class Disturbance(Protocol):
+    """A change of a recording.
+
+    Attributes:
+        seeded: whether it draws random numbers.
+    """
+
+    seeded: ClassVar[bool]
+
+    def apply(self, recording: Recording, seed: int) -> Recording:
+        """Return the disturbed recording. Random numbers come from `jerkbench.streams.stream` alone."""
+        ...
+
+    def replicates(self) -> int:
+        """Return how many different results seeds 0, 1, 2, ... give without any randomness (phases of a decimation)."""
+        ...
+
+
+class AttitudeFilter(Protocol):
+    """A way to find the attitude."""
+
+    def estimate(self, recording: Recording) -> Attitude:
+        """Return the attitude and the gravity-compensated acceleration at the IMU's stamps."""
+        ...
+
+
+@runtime_checkable
+class Filter(Protocol):
+    """A kinematic filter: the model of one axis; the full one is A (x) I3, b (x) I3, Q (x) I3, H = [I6 0]."""
+
+    def axis_model(self, dt: float, dt0: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return A (n, n), b (n,), Q (n, n) of one axis for a step of ``dt`` seconds.
+
+        ``dt0`` is the nominal interval of the IMU: where a measurement splits a sample, white noise of the
+        sample scales with dt0/dt, so that the velocity variances add up to the whole.
+        """
+        ...
+
+    def initial_variances(self) -> FloatArray:
+        """Return (n - 2,) initial variances of the states after position and velocity, the same for each axis."""
+        ...
+
+
+@runtime_checkable
+class Estimator(Protocol):
+    """Anything that is not a kinematic filter; it stands in the group ``filter`` too."""
+
+    adaptations: ClassVar[tuple[str, ...]]
+    """Names of the adaptations that it accepts; a sweep leaves the others out."""
+
+    def estimate(self, recording: Recording, attitude: Attitude, adaptation: "Adaptation") -> Estimate:
+        """Return the navigation solution at the reference's stamps."""
+        ...
+
+
+class Adaptation(Protocol):
+    """A rule that changes R (and may fade P) between predict and update.
+
+    Two things are optional. ``fade(self, innovation, HPHt, R, rows, memory) -> float`` is called first and gives a factor on
+    the prior covariance. A class attribute ``wants_true_covariance = True`` asks for the true covariance as R.
+    """
+
+    def memory_size(self) -> int:
+        """Return the length of the memory that `adapt` gets."""
+        ...
+
+    def adapt(
+        self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
+    ) -> FloatArray:
+        """Return the R to use.
+
+        Args:
+            innovation: (m,) y = z - H x of the rows that are there.
+            HPHt: (m, m) H P- H'.
+            R: (m, m) as reported, diagonal not below the floor; not to be changed in place.
+            rows: (m,) which of the six rows these are (0-2 position, 3-5 velocity).
+            memory: float64 vector, zero at the start of a run, changed in place.
+
+        Returns:
+            (m, m). An infinite variance drops its row; with all dropped there is no update.
+        """
+        ...
+
+
+class Metric(Protocol):
+    """A number, or a few, from one run."""
+
+    def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
+        """Return the values by column name (unit included); NaN where it does not apply.
+
+        ``counted`` (k,) says which rows of the estimate count: the reference is scored there, after the burn-in.
+        """
+        ...

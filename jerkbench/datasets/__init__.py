@@ -1,0 +1,1 @@
+"""A source -> Recording; one file a source."""

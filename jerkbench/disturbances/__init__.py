@@ -1,0 +1,1 @@
+"""Recording -> Recording; small, composable, for simulated and real recordings alike."""

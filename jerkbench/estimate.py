@@ -1,0 +1,76 @@
+"""What was estimated: the attitude at the IMU's stamps, and the navigation solution at the reference's stamps."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from jerkbench.arrays import BoolArray, FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Attitude:
+    """Orientation and gravity-compensated acceleration at the IMU's stamps.
+
+    Attributes:
+        t_s: (n,) stamps of the IMU.
+        dcm: (n, 3, 3) Omega, body FLU -> ENU.
+        euler_rad: (n, 3) roll, pitch, yaw; Omega = Rz(yaw) Ry(pitch) Rx(roll).
+        accel_enu_mps2: (n, 3) the input u of the navigation filter.
+        triggered: (n,) whether the tilt filter saw an external acceleration.
+    """
+
+    t_s: FloatArray
+    dcm: FloatArray
+    euler_rad: FloatArray
+    accel_enu_mps2: FloatArray
+    triggered: BoolArray
+
+
+@dataclass(frozen=True, eq=False)
+class Updates:
+    """What each measurement update saw; the basis of consistency checks.
+
+    Attributes:
+        t_s: (m,) times of the updates.
+        rows: (m,) how many rows the update had.
+        nis: (m,) y' (H P- H' + R)^-1 y with the reported R and the prior before any fading.
+        nis_used: (m,) the same with the S that was used; NaN where every row was dropped.
+        innovation: (m, 6) y, NaN where a row was absent.
+        R_diagonal: (m, 6) diagonal of the adapted R, NaN where a row was absent, infinite where it was dropped.
+    """
+
+    t_s: FloatArray
+    rows: FloatArray
+    nis: FloatArray
+    nis_used: FloatArray
+    innovation: FloatArray
+    R_diagonal: FloatArray
+
+    @classmethod
+    def empty(cls) -> "Updates":
+        """No update at all (an estimator that has none)."""
+        none = np.empty(0)
+        return cls(none, none, none, none, np.empty((0, 6)), np.empty((0, 6)))
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """The navigation solution at the reference's stamps (only those that the run reached).
+
+    Attributes:
+        index: (k,) which rows of the reference these are.
+        position_m: (k, 3) ENU.
+        velocity_mps: (k, 3) ENU.
+        covariance: (k, 6, 6) of position and velocity.
+        euler_rad: (k, 3) roll, pitch, yaw that the run used.
+        updates: what the measurement updates saw.
+        failure: why the run stopped early, or an empty string.
+    """
+
+    index: "np.ndarray[tuple[int], np.dtype[np.int64]]"
+    position_m: FloatArray
+    velocity_mps: FloatArray
+    covariance: FloatArray
+    euler_rad: FloatArray
+    updates: Updates = field(default_factory=Updates.empty)
+    failure: str = ""

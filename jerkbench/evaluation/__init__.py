@@ -1,0 +1,1 @@
+"""(Estimate, Recording) -> numbers: errors, outages, consistency, statistics."""

@@ -1,0 +1,1 @@
+"""Motion models of one axis, and estimators of another kind."""

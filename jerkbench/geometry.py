@@ -1,0 +1,46 @@
+"""Geodetic <-> ENU and rotations: thin over pymap3d and scipy, in the conventions of `jerkbench.recording`."""
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from jerkbench.arrays import FloatArray
+from jerkbench.recording import Origin
+
+
+def geodetic_to_enu(
+    latitude_deg: FloatArray, longitude_deg: FloatArray, height_m: FloatArray, origin: Origin
+) -> FloatArray:
+    """Turn WGS-84 coordinates into ENU [m] at ``origin``; returns (n, 3)."""
+    from pymap3d import geodetic2enu
+
+    there = (origin.latitude_deg, origin.longitude_deg, origin.height_m)
+    return np.column_stack(geodetic2enu(latitude_deg, longitude_deg, height_m, *there))
+
+
+def enu_to_geodetic(enu_m: FloatArray, origin: Origin) -> FloatArray:
+    """Turn (n, 3) ENU [m] at ``origin`` into latitude [deg], longitude [deg], height [m]; returns (n, 3)."""
+    from pymap3d import enu2geodetic
+
+    there = (origin.latitude_deg, origin.longitude_deg, origin.height_m)
+    return np.column_stack(enu2geodetic(enu_m[:, 0], enu_m[:, 1], enu_m[:, 2], *there))
+
+
+def dcm_from_euler(euler_rad: FloatArray) -> FloatArray:
+    """Omega = Rz(yaw) Ry(pitch) Rx(roll), body -> ENU, from (..., 3) roll, pitch, yaw; returns (..., 3, 3)."""
+    roll_pitch_yaw = np.asarray(euler_rad)
+    return np.asarray(Rotation.from_euler("ZYX", roll_pitch_yaw[..., ::-1]).as_matrix())
+
+
+def euler_from_dcm(dcm: FloatArray) -> FloatArray:
+    """Roll, pitch, yaw (n, 3) of rotation matrices (n, 3, 3)."""
+    return np.asarray(Rotation.from_matrix(dcm).as_euler("ZYX"))[:, ::-1]
+
+
+def wrap_angle(angle_rad: FloatArray) -> FloatArray:
+    """Wrap to (-pi, pi].
+
+    >>> float(wrap_angle(np.array(-np.pi)))
+    3.141592653589793
+    """
+    wrapped: FloatArray = np.pi - np.mod(np.pi - angle_rad, 2 * np.pi)
+    return wrapped

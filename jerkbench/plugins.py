@@ -1,0 +1,157 @@
+"""The registries: a frozen dataclass with a decorator, or an entry point, is a plugin.
+
+A plugin's fields are its parameters, its Hydra schema and its documentation at once. In this package it is
+registered by `register`; in anybody else's by an entry point in the group ``jerkbench.<kind>``, whose name is the
+plugin's name. What each kind has to offer is written in `jerkbench.contracts`.
+"""
+
+import dataclasses
+import importlib
+import pkgutil
+import typing
+import warnings
+from collections.abc import Callable, Mapping
+from functools import cache, partial
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any, TypeVar
+
+from jerkbench.errors import PluginError, unknown
+
+PACKAGES = {
+    "dataset": "jerkbench.datasets",
+    "disturbance": "jerkbench.disturbances",
+    "attitude": "jerkbench.attitude",
+    "filter": "jerkbench.filters",
+    "adaptation": "jerkbench.adaptation",
+    "metric": "jerkbench.evaluation",
+}
+"""Each kind of plugin, in the order of the data's way, and the package where the tree's own ones live."""
+
+KINDS = tuple(PACKAGES)
+
+_registry: dict[str, dict[str, type]] = {kind: {} for kind in KINDS}
+
+Class = TypeVar("Class", bound=type)
+
+
+def register(kind: str, name: str) -> Callable[[Class], Class]:
+    """Register the decorated frozen dataclass as the plugin ``name`` of ``kind``.
+
+    Raises:
+        PluginError: no such kind, not a frozen dataclass, or the name is taken by another class.
+    """
+
+    def add(cls: Class) -> Class:
+        _add(kind, name, cls)
+        return cls
+
+    return add
+
+
+def get(kind: str, name: str) -> type:
+    """Return the class of a plugin.
+
+    Raises:
+        PluginError: there is none; says what there is and the nearest match.
+    """
+    known = _of_kind(kind)
+    if name not in known:
+        raise PluginError(unknown(kind, name, known))
+    return known[name]
+
+
+def names(kind: str) -> list[str]:
+    """Names of all plugins of ``kind``, sorted."""
+    return sorted(_of_kind(kind))
+
+
+def create(kind: str, config: Mapping[str, Any]) -> Any:  # noqa: ANN401 - the kind decides the contract
+    """Make a plugin from ``{"name": ..., field: value, ...}``.
+
+    Raises:
+        PluginError: unknown name or field, or a value of the wrong type; names the plugin and the field.
+    """
+    from omegaconf import OmegaConf
+    from omegaconf.errors import OmegaConfBaseException
+
+    name = str(config.get("name"))
+    cls = get(kind, name)
+    known = [f.name for f in dataclasses.fields(cls)]
+    for key in config:
+        if key not in (*known, "name"):
+            raise PluginError(unknown(f"parameter of {kind} {name}", str(key), known))
+    try:
+        merged = OmegaConf.merge(OmegaConf.structured(schema(kind, name)), dict(config))
+        values = OmegaConf.to_container(merged, resolve=True, throw_on_missing=True)
+    except OmegaConfBaseException as error:
+        reason = str(error).splitlines()[0].rstrip(".")
+        raise PluginError(f"{kind} {name}, parameter '{error.full_key}': {reason}.") from error
+    assert isinstance(values, dict)  # noqa: S101 - a structured config is a dict
+    return cls(**{str(key): _hashable(value) for key, value in values.items() if key != "name"})
+
+
+def schema(kind: str, name: str) -> type:
+    """Return the Hydra schema of a plugin: its fields and defaults, with the field ``name`` before them.
+
+    A copy, because OmegaConf makes the configuration of a frozen dataclass read-only.
+    """
+    cls = get(kind, name)
+    hints = typing.get_type_hints(cls)
+    fields: list[tuple[str, Any, Any]] = [("name", str, name)]
+    for f in dataclasses.fields(cls):
+        if f.default_factory is not dataclasses.MISSING:
+            fields.append((f.name, hints[f.name], dataclasses.field(default_factory=f.default_factory)))
+        elif isinstance(f.default, tuple):
+            fields.append((f.name, hints[f.name], dataclasses.field(default_factory=partial(list, f.default))))
+        else:
+            fields.append((f.name, hints[f.name], "???" if f.default is dataclasses.MISSING else f.default))
+    return dataclasses.make_dataclass(cls.__name__, fields)
+
+
+def _add(kind: str, name: str, cls: type) -> None:
+    if kind not in KINDS:
+        raise PluginError(unknown("kind of plugin", kind, KINDS))
+    if not (dataclasses.is_dataclass(cls) and cls.__dataclass_params__.frozen):  # type: ignore[attr-defined]
+        raise PluginError(
+            f"{kind} {name}: {cls.__name__} is not a frozen dataclass; write @dataclass(frozen=True) above it."
+        )
+    other = _registry[kind].get(name)
+    if other is not None and (other.__module__, other.__qualname__) != (cls.__module__, cls.__qualname__):
+        raise PluginError(
+            f"{kind} {name} is already {other.__module__}.{other.__qualname__}; choose another name than that."
+        )
+    _registry[kind][name] = cls
+
+
+def _of_kind(kind: str) -> dict[str, type]:
+    if kind not in KINDS:
+        raise PluginError(unknown("kind of plugin", kind, KINDS))
+    _import_own(kind)
+    _import_entry_points(kind)
+    return _registry[kind]
+
+
+@cache
+def _import_own(kind: str) -> None:
+    """Import every module of the kind's package, so that its decorators run."""
+    package = importlib.import_module(PACKAGES[kind])
+    for module in pkgutil.iter_modules(package.__path__, prefix=f"{package.__name__}."):
+        importlib.import_module(module.name)
+
+
+@cache
+def _import_entry_points(kind: str) -> None:
+    for entry in entry_points(group=f"jerkbench.{kind}"):
+        try:
+            _add(kind, entry.name, entry.load())
+        except Exception as error:  # noqa: BLE001 - whatever a third party's module raises, the others must still work
+            warnings.warn(_failed(kind, entry, error), stacklevel=2)
+
+
+def _failed(kind: str, entry: EntryPoint, error: Exception) -> str:
+    owner = f"{entry.dist.name} {entry.dist.version}" if entry.dist else entry.value
+    return f"{kind} '{entry.name}' of {owner} is left out: {type(error).__name__}: {error}"
+
+
+def _hashable(value: Any) -> Any:  # noqa: ANN401 - a field's value
+    return tuple(_hashable(item) for item in value) if isinstance(value, list) else value

@@ -1,0 +1,236 @@
+"""What was recorded: IMU, position, velocity, heading and the reference, validated when made and never changed.
+
+Frames: positions and velocities are in the local tangent plane ENU at ``Recording.origin`` (WGS-84), the body is
+FLU (forward, left, up). The attitude Omega = Rz(yaw) Ry(pitch) Rx(roll) turns body into ENU; positive pitch is nose
+down. Specific force at rest and level is (0, 0, +g). Times are seconds from the recording's start, and each is the
+time at which the value was true (the stamp less the latency). A value that is NaN is not there.
+"""
+
+from dataclasses import dataclass, field
+from datetime import datetime
+from typing import Any, Literal
+
+import numpy as np
+
+from jerkbench.arrays import BoolArray, FloatArray, frozen, require, require_covariances, require_times
+from jerkbench.errors import RecordingError
+
+GRAVITY_MPS2 = 9.81
+"""Magnitude of gravity that the filters, the simulator and the gravity compensation use."""
+
+
+def _freeze(owner: object, **shapes: tuple[int | None, ...]) -> None:
+    """Replace each named field of a frozen dataclass by its checked read-only array."""
+    for name, shape in shapes.items():
+        value: Any = getattr(owner, name)
+        if value is not None:
+            object.__setattr__(owner, name, frozen(owner, name, value, shape))
+
+
+@dataclass(frozen=True, eq=False)
+class Imu:
+    """Inertial samples; each is the mean over the interval that ends at its stamp.
+
+    Attributes:
+        t_s: (n,) end of each sample's interval.
+        accel_mps2: (n, 3) specific force, body FLU, gravity included.
+        gyro_radps: (n, 3) angular rate, body FLU.
+    """
+
+    t_s: FloatArray
+    accel_mps2: FloatArray
+    gyro_radps: FloatArray
+
+    def __post_init__(self) -> None:
+        """Check shapes, times and that every sample is a number."""
+        _freeze(self, t_s=(None,))
+        n = len(self.t_s)
+        if n < 2:
+            raise RecordingError(f"Imu.t_s has {n} samples; at least 2 are needed.")
+        _freeze(self, accel_mps2=(n, 3), gyro_radps=(n, 3))
+        require_times(self, self.t_s)
+        for name in ("accel_mps2", "gyro_radps"):
+            require(np.isfinite(getattr(self, name)).all(axis=1), self, name, "the sample is NaN or infinite")
+
+    @property
+    def nominal_interval_s(self) -> float:
+        """The interval dt0 between samples (median)."""
+        return float(np.median(np.diff(self.t_s)))
+
+
+@dataclass(frozen=True, eq=False)
+class Position:
+    """Position fixes.
+
+    Attributes:
+        t_s: (m,) time at which the fix was true.
+        enu_m: (m, 3) east, north, up; a NaN axis was not measured.
+        covariance_m2: (m, 3, 3) as reported by the receiver.
+        true_covariance_m2: (m, 3, 3) what the errors were really drawn from (simulated or disturbed fixes), or None.
+    """
+
+    t_s: FloatArray
+    enu_m: FloatArray
+    covariance_m2: FloatArray
+    true_covariance_m2: FloatArray | None = None
+
+    def __post_init__(self) -> None:
+        """Check shapes, times and covariances."""
+        _freeze(self, t_s=(None,))
+        m = len(self.t_s)
+        _freeze(self, enu_m=(m, 3), covariance_m2=(m, 3, 3), true_covariance_m2=(m, 3, 3))
+        require_times(self, self.t_s)
+        require_covariances(self, "covariance_m2", self.covariance_m2, np.isfinite(self.enu_m))
+        if self.true_covariance_m2 is not None:
+            require_covariances(self, "true_covariance_m2", self.true_covariance_m2, np.isfinite(self.enu_m))
+
+
+@dataclass(frozen=True, eq=False)
+class Velocity:
+    """Velocity measurements.
+
+    Attributes:
+        t_s: (m,) time at which the value was true. Axes with different latencies stand in rows of their own.
+        mps: (m, 3) velocity in ``frame``; a NaN axis was not measured.
+        covariance_m2ps2: (m, 3, 3) in ``frame``.
+        frame: "enu", or "body" (FLU; turned into ENU with the attitude at that time, covariance too).
+        true_covariance_m2ps2: as in Position.
+    """
+
+    t_s: FloatArray
+    mps: FloatArray
+    covariance_m2ps2: FloatArray
+    frame: Literal["enu", "body"] = "enu"
+    true_covariance_m2ps2: FloatArray | None = None
+
+    def __post_init__(self) -> None:
+        """Check shapes, times, covariances and the frame."""
+        _freeze(self, t_s=(None,))
+        m = len(self.t_s)
+        _freeze(self, mps=(m, 3), covariance_m2ps2=(m, 3, 3), true_covariance_m2ps2=(m, 3, 3))
+        require_times(self, self.t_s)
+        present = np.isfinite(self.mps)
+        require_covariances(self, "covariance_m2ps2", self.covariance_m2ps2, present)
+        if self.true_covariance_m2ps2 is not None:
+            require_covariances(self, "true_covariance_m2ps2", self.true_covariance_m2ps2, present)
+        if self.frame not in ("enu", "body"):
+            raise RecordingError(f"Velocity.frame is '{self.frame}'; it must be 'enu' or 'body'.")
+        if self.frame == "body":
+            require(present.all(axis=1) | ~present.any(axis=1), self, "mps", "a body velocity needs all three axes")
+
+
+@dataclass(frozen=True, eq=False)
+class Heading:
+    """Heading measurements (dual antenna).
+
+    Attributes:
+        t_s: (m,) time at which the heading was true.
+        yaw_rad: (m,) from east towards north.
+        sigma_rad: (m,) one standard deviation.
+    """
+
+    t_s: FloatArray
+    yaw_rad: FloatArray
+    sigma_rad: FloatArray
+
+    def __post_init__(self) -> None:
+        """Check shapes, times and that every sigma is positive."""
+        _freeze(self, t_s=(None,))
+        m = len(self.t_s)
+        _freeze(self, yaw_rad=(m,), sigma_rad=(m,))
+        require_times(self, self.t_s)
+        require(np.isfinite(self.yaw_rad), self, "yaw_rad", "the heading is not a finite number")
+        require(self.sigma_rad > 0, self, "sigma_rad", "the standard deviation is not positive")
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """What the estimates are compared with, at its own stamps.
+
+    Attributes:
+        t_s: (k,) stamps.
+        source: one phrase: where it comes from.
+        independent: whether it shares nothing with the measurements that the filters get.
+        enu_m: (k, 3) position, or None. NaN: not known there.
+        velocity_mps: (k, 3) in ENU, or None.
+        euler_rad: (k, 3) roll, pitch, yaw, or None.
+        scored: (k,) whether errors count there (default: everywhere).
+    """
+
+    t_s: FloatArray
+    source: str
+    independent: bool
+    enu_m: FloatArray | None = None
+    velocity_mps: FloatArray | None = None
+    euler_rad: FloatArray | None = None
+    scored: BoolArray = None  # type: ignore[assignment]  # filled in below
+
+    def __post_init__(self) -> None:
+        """Check shapes and times; fill in ``scored``."""
+        _freeze(self, t_s=(None,))
+        k = len(self.t_s)
+        _freeze(self, enu_m=(k, 3), velocity_mps=(k, 3), euler_rad=(k, 3))
+        require_times(self, self.t_s)
+        scored = np.ones(k, dtype=bool) if self.scored is None else np.array(self.scored, dtype=bool)
+        if scored.shape != (k,):
+            raise RecordingError(f"Reference.scored has shape {scored.shape}; it must be ({k},).")
+        scored.flags.writeable = False
+        object.__setattr__(self, "scored", scored)
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Origin of the local tangent plane (WGS-84).
+
+    Attributes:
+        latitude_deg: geodetic latitude.
+        longitude_deg: longitude.
+        height_m: height above the ellipsoid (or above the datum that the recording's heights use).
+    """
+
+    latitude_deg: float
+    longitude_deg: float
+    height_m: float
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """One drive, as the filters see it, with its reference.
+
+    Attributes:
+        name: what tables call it.
+        imu: inertial samples.
+        reference: what is compared with.
+        position: fixes, or None.
+        velocity: velocity measurements, or None.
+        heading: dual-antenna headings, or None.
+        origin: origin of ENU, or None where nothing is known of it.
+        start_utc: time of t_s = 0, or None.
+        static_start_s: how long it stands still at the start (for the alignment); 0: it moves from the start.
+        outages_s: (k, 2) begin and end of each interval without aiding (for the metrics).
+        notes: sentences that a reader of the table has to know.
+    """
+
+    name: str
+    imu: Imu
+    reference: Reference
+    position: Position | None = None
+    velocity: Velocity | None = None
+    heading: Heading | None = None
+    origin: Origin | None = None
+    start_utc: datetime | None = None
+    static_start_s: float = 0.0
+    outages_s: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Check that an outage ends after it begins."""
+        _freeze(self, outages_s=(None, 2))
+        require(
+            self.outages_s[:, 1] > self.outages_s[:, 0], self, "outages_s", "the outage does not end after it begins"
+        )
+
+    @property
+    def duration_s(self) -> float:
+        """Time of the last IMU sample."""
+        return float(self.imu.t_s[-1])
