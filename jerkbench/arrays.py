@@ -51,7 +51,8 @@ def require_covariances(owner: object, name: str, covariance: FloatArray, presen
     block = np.where(unused, np.eye(3), covariance)
     finite = np.isfinite(block).all(axis=(1, 2))
     require(finite, owner, name, "the covariance of a measured axis is not finite")
-    require(np.abs(block - block.transpose(0, 2, 1)).max(axis=(1, 2), initial=0) <= 1e-9 * np.abs(block).max(axis=(1, 2), initial=0),
-            owner, name, "the covariance is not symmetric")  # fmt: skip
+    asymmetry = np.abs(block - block.transpose(0, 2, 1)).max(axis=(1, 2), initial=0)
+    symmetric = asymmetry <= 1e-9 * np.abs(block).max(axis=(1, 2), initial=0)
+    require(symmetric, owner, name, "the covariance is not symmetric")
     lowest = np.linalg.eigvalsh(block)[:, 0]
     require(lowest > 0, owner, name, "the covariance is not positive definite")

@@ -96,13 +96,13 @@ def schema(kind: str, name: str) -> type:
     A copy, because OmegaConf makes the configuration of a frozen dataclass read-only.
     """
     cls = get(kind, name)
-    hints = typing.get_type_hints(cls)
+    hints = {key: _as_list(hint) for key, hint in typing.get_type_hints(cls).items()}
     fields: list[tuple[str, Any, Any]] = [("name", str, name)]
     for f in dataclasses.fields(cls):
         if f.default_factory is not dataclasses.MISSING:
             fields.append((f.name, hints[f.name], dataclasses.field(default_factory=f.default_factory)))
         elif isinstance(f.default, tuple):
-            fields.append((f.name, hints[f.name], dataclasses.field(default_factory=partial(list, f.default))))
+            fields.append((f.name, hints[f.name], dataclasses.field(default_factory=partial(_as_lists, f.default))))
         else:
             fields.append((f.name, hints[f.name], "???" if f.default is dataclasses.MISSING else f.default))
     return dataclasses.make_dataclass(cls.__name__, fields)
@@ -151,6 +151,16 @@ def _import_entry_points(kind: str) -> None:
 def _failed(kind: str, entry: EntryPoint, error: Exception) -> str:
     owner = f"{entry.dist.name} {entry.dist.version}" if entry.dist else entry.value
     return f"{kind} '{entry.name}' of {owner} is left out: {type(error).__name__}: {error}"
+
+
+def _as_list(hint: Any) -> Any:  # noqa: ANN401 - a type hint
+    """Turn tuple[T, ...] into list[T], also inside: Hydra knows no nested tuples."""
+    items = [_as_list(item) for item in typing.get_args(hint) if item is not Ellipsis]
+    return list[items[0]] if typing.get_origin(hint) is tuple else hint  # type: ignore[valid-type]
+
+
+def _as_lists(value: Any) -> Any:  # noqa: ANN401 - a field's value
+    return [_as_lists(item) for item in value] if isinstance(value, tuple) else value
 
 
 def _hashable(value: Any) -> Any:  # noqa: ANN401 - a field's value
