@@ -84,7 +84,8 @@ class Adaptation(Protocol):
     """A rule that changes R (and may fade P) between predict and update.
 
     Two things are optional. ``fade(self, innovation, HPHt, R, rows, memory) -> float`` is called first and gives a
-    factor on the prior covariance. A class attribute ``wants_true_covariance = True`` asks for the true covariance as R.
+    factor on the prior covariance. A class attribute ``wants_true_covariance = True`` asks for the true
+    covariance as R.
     """
 
     def memory_size(self) -> int:

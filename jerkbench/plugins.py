@@ -86,8 +86,7 @@ def create(kind: str, config: Mapping[str, Any]) -> Any:  # noqa: ANN401 - the k
     except OmegaConfBaseException as error:
         reason = str(error).splitlines()[0].rstrip(".")
         raise PluginError(f"{kind} {name}, parameter '{error.full_key}': {reason}.") from error
-    assert isinstance(values, dict)  # noqa: S101 - a structured config is a dict
-    return cls(**{str(key): _hashable(value) for key, value in values.items() if key != "name"})
+    return cls(**_fitted(f"{kind} {name}", cls, typing.cast("dict[str, Any]", values)))
 
 
 def schema(kind: str, name: str) -> type:
@@ -153,15 +152,33 @@ def _failed(kind: str, entry: EntryPoint, error: Exception) -> str:
     return f"{kind} '{entry.name}' of {owner} is left out: {type(error).__name__}: {error}"
 
 
+def _fitted(plugin: str, cls: type, values: dict[str, Any]) -> dict[str, Any]:
+    fitted = {}
+    for key, hint in typing.get_type_hints(cls).items():
+        if key in values:
+            try:
+                fitted[key] = _fit(values[key], hint)
+            except (TypeError, ValueError) as error:
+                raise PluginError(f"{plugin}, parameter '{key}': {error}.") from error
+    return fitted
+
+
 def _as_list(hint: Any) -> Any:  # noqa: ANN401 - a type hint
-    """Turn tuple[T, ...] into list[T], also inside: Hydra knows no nested tuples."""
-    items = [_as_list(item) for item in typing.get_args(hint) if item is not Ellipsis]
-    return list[items[0]] if typing.get_origin(hint) is tuple else hint  # type: ignore[valid-type]
+    """Turn tuple[T, ...] into list[T]. Hydra knows no nested tuples: inside, `_fit` does the checking."""
+    items = [item for item in typing.get_args(hint) if item is not Ellipsis]
+    if typing.get_origin(hint) is not tuple:
+        return hint
+    return list[Any] if typing.get_origin(items[0]) is tuple else list[items[0]]  # type: ignore[valid-type]
 
 
 def _as_lists(value: Any) -> Any:  # noqa: ANN401 - a field's value
     return [_as_lists(item) for item in value] if isinstance(value, tuple) else value
 
 
-def _hashable(value: Any) -> Any:  # noqa: ANN401 - a field's value
-    return tuple(_hashable(item) for item in value) if isinstance(value, list) else value
+def _fit(value: Any, hint: Any) -> Any:  # noqa: ANN401 - a field's value and its type hint
+    """Turn lists back into the tuples that the field declares."""
+    if typing.get_origin(hint) is not tuple:
+        return float(value) if hint is float else value
+    if not isinstance(value, list):
+        raise TypeError(f"{value!r} is not a list")
+    return tuple(_fit(item, typing.get_args(hint)[0]) for item in value)
