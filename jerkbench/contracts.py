@@ -5,6 +5,7 @@ from typing import ClassVar, Protocol, runtime_checkable
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.recording import Recording
+from jerkbench.timeline.timeline import Timeline
 
 
 class Dataset(Protocol):
@@ -107,6 +108,14 @@ class Adaptation(Protocol):
         Returns:
             (m, m). An infinite variance drops its row; with all dropped there is no update.
         """
+        ...
+
+
+class Engine(Protocol):
+    """A way to run a kinematic filter with an adaptation; all engines have the same inputs and outputs."""
+
+    def run(self, timeline: Timeline, model: Filter, adaptation: Adaptation) -> Estimate:
+        """Return the navigation solution at the reference's stamps."""
         ...
 
 

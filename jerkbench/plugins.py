@@ -23,6 +23,7 @@ PACKAGES = {
     "attitude": "jerkbench.attitude",
     "filter": "jerkbench.filters",
     "adaptation": "jerkbench.adaptation",
+    "engine": "jerkbench.engines",
     "metric": "jerkbench.evaluation",
 }
 """Each kind of plugin, in the order of the data's way, and the package where the tree's own ones live."""

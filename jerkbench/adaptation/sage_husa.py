@@ -1,0 +1,64 @@
+"""Sage and Husa: a recursive estimate of R from the innovations."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.errors import PluginError
+from jerkbench.plugins import register
+
+
+@register("adaptation", "sage_husa")
+@dataclass(frozen=True)
+class SageHusa:
+    """Estimates each variance of R recursively, with fading memory.
+
+    At the k-th update of row i, with y the innovation, h_i = (H P- H')_ii and r_i the reported variance::
+
+        d = (1 - b) / (1 - b^(k+1))
+        rh_i = clip((1 - d) rh_i + d (y_i^2 - h_i), lo r_i, hi r_i);    R = diag(rh)
+
+    k = 0 takes the reported variance. It learns slowly (about 1/(1 - b) updates) and forgets as slowly: good on
+    long-lasting changes of the noise, late on bursts, and misled where the process, not the sensor, is at fault.
+
+    Source: A. P. Sage and G. W. Husa, "Adaptive filtering with unknown prior statistics", Joint Automatic Control
+    Conference 1969; the bounds keep R positive.
+
+    Attributes:
+        forgetting: b, between 0 and 1 [-].
+        low: lo, lower bound as a multiple of the reported variance [-].
+        high: hi, upper bound as a multiple of the reported variance [-].
+    """
+
+    forgetting: float = 0.97
+    low: float = 0.1
+    high: float = 1e4
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        if not 0 < self.forgetting < 1:
+            raise PluginError(f"sage_husa.forgetting is {self.forgetting}; it must lie between 0 and 1.")
+        if not 0 < self.low <= self.high:
+            raise PluginError(f"sage_husa needs 0 < low <= high; they are {self.low} and {self.high}.")
+
+    def memory_size(self) -> int:
+        """Return 12: rh and k of each row."""
+        return 12
+
+    def adapt(
+        self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
+    ) -> FloatArray:
+        """Return the diagonal R of the estimated variances."""
+        adapted = np.zeros_like(R)
+        for i, row in enumerate(rows):
+            r, k = R[i, i], memory[6 + row]
+            if k == 0:
+                memory[row] = r
+            else:
+                d = (1.0 - self.forgetting) / (1.0 - self.forgetting ** (k + 1.0))
+                estimate = (1.0 - d) * memory[row] + d * (innovation[i] ** 2 - HPHt[i, i])
+                memory[row] = min(max(estimate, self.low * r), self.high * r)
+            memory[6 + row] = k + 1.0
+            adapted[i, i] = memory[row]
+        return adapted

@@ -1,0 +1,36 @@
+"""One factor on the whole of R."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.plugins import register
+
+
+@register("adaptation", "scalar_r")
+@dataclass(frozen=True)
+class ScalarR:
+    """Scales the whole of R by one factor when the innovation is larger than expected.
+
+    With y the innovation, h_i = (H P- H')_ii and r_i = R_ii::
+
+        if y'y >= sum h + sum r:    R = R (y'y - sum h) / sum r
+
+    After it tr S = y'y. One bad axis makes all the others worse: the "all or nothing" that multiple factors avoid.
+
+    Source: single-factor innovation adaptation (A. H. Mohamed and K. P. Schwarz, 1999, doi:10.1007/s001900050236,
+    reduced to one scalar), the scalar scheme that the paper compares with.
+    """
+
+    def memory_size(self) -> int:
+        """Return 0: nothing is remembered."""
+        return 0
+
+    def adapt(
+        self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
+    ) -> FloatArray:
+        """Return R, scaled as a whole where the test triggers."""
+        energy = np.sum(innovation**2)
+        h, r = np.trace(HPHt), np.trace(R)
+        return R * ((energy - h) / r) if energy >= h + r else R

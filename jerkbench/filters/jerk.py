@@ -1,0 +1,47 @@
+"""The jerk-augmented filter of the paper."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jerkbench.arrays import FloatArray
+from jerkbench.plugins import register
+
+
+@register("filter", "jerk")
+@dataclass(frozen=True)
+class Jerk:
+    """Nine states [p, v, j]: the baseline with a jerk that is a random walk.
+
+    For each axis, with b = [dt^2/2, dt, 0]::
+
+        x = [[1, dt, dt^3/6], [0, 1, dt^2/2], [0, 0, 1]] x + b u
+        Q = sigma_a^2 (dt0/dt) b b' + diag(0, 0, sigma_j^2 dt)
+
+    No state carries an acceleration, so the jerk never integrates into one: over a step it adds j dt^2/2 to the
+    velocity, just as an acceleration bias of j dt/2 would. The filter `bias` says so openly and is its control.
+
+    Source: the jerk-augmented extended Kalman filter of Candan, Atallah, Servadio and Arabi, "Resilient Navigation for
+    Autonomous Farm Robots by Leveraging Jerk-Augmented Models with IMU-Only Disturbance Rejection".
+
+    Attributes:
+        accel_mps2: sigma_a, noise of one sample of u [m/s2].
+        jerk_mps3_per_sqrt_s: sigma_j, random walk of the jerk [m/s3/sqrt(s)].
+        initial_jerk_mps3: one sigma of the jerk at the start [m/s3].
+    """
+
+    accel_mps2: float = 0.1
+    jerk_mps3_per_sqrt_s: float = 6.0
+    initial_jerk_mps3: float = 20.0
+
+    def axis_model(self, dt: float, dt0: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return A (3, 3), b (3,), Q (3, 3) for a step of ``dt`` seconds."""
+        A = np.array([[1.0, dt, dt**3 / 6.0], [0.0, 1.0, 0.5 * dt**2], [0.0, 0.0, 1.0]])
+        b = np.array([0.5 * dt**2, dt, 0.0])
+        Q = self.accel_mps2**2 * (dt0 / dt) * np.outer(b, b)
+        Q[2, 2] += self.jerk_mps3_per_sqrt_s**2 * dt
+        return A, b, Q
+
+    def initial_variances(self) -> FloatArray:
+        """Return (1,) the initial variance of the jerk."""
+        return np.array([self.initial_jerk_mps3**2])

@@ -1,0 +1,118 @@
+"""(Recording, Attitude) -> Timeline: the events of a run in the order in which they were true.
+
+Nothing is rounded to the IMU's grid and nothing is interpolated: a measurement, or a stamp of the reference, between
+two IMU stamps splits the interval. Times are compared as whole nanoseconds, so that equal stamps are equal.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.errors import RecordingError
+from jerkbench.estimate import Attitude
+from jerkbench.recording import Recording
+from jerkbench.timeline.measurements import Measurements, gather
+
+INITIAL_SPEED_SIGMA_MPS = 10.0
+"""One sigma of a velocity axis that nothing measures within a second of the start."""
+
+
+@dataclass(frozen=True, eq=False)
+class Timeline:
+    """The steps of one run: predict over dt with u of ``sample``, then update, then compare with the reference.
+
+    Attributes:
+        dt0_s: nominal interval of the IMU.
+        dt_s: (n,) length of each step; the first is 0 (the start).
+        sample: (n,) which IMU sample covers the step.
+        update: (n,) row of ``measurements`` at the end of the step, or -1.
+        reference: (n,) row of the reference at the end of the step, or -1.
+        accel_enu_mps2: (samples, 3) the input u.
+        measurements: what is measured, six rows each.
+        x0: (6,) initial position and velocity.
+        P0: (6, 6) their covariance.
+        euler_rad: (k, 3) roll, pitch, yaw at the reference's stamps.
+        t_s: (n,) time at the end of each step.
+    """
+
+    dt0_s: float
+    dt_s: FloatArray
+    sample: IntArray
+    update: IntArray
+    reference: IntArray
+    accel_enu_mps2: FloatArray
+    measurements: Measurements
+    x0: FloatArray
+    P0: FloatArray
+    euler_rad: FloatArray
+    t_s: FloatArray
+
+
+def build_timeline(recording: Recording, attitude: Attitude) -> Timeline:
+    """Order the events of ``recording`` from the first fix to the last IMU sample.
+
+    Raises:
+        RecordingError: there is no complete position fix while the IMU runs.
+    """
+    measurements = gather(recording, attitude)
+    imu, reference = nanoseconds(recording.imu.t_s), nanoseconds(recording.reference.t_s)
+    dt0_s = recording.imu.nominal_interval_s
+    first = _first_fix(measurements, imu[0] - round(dt0_s * 1e9), imu[-1], recording.name)
+    start = measurements.t_ns[first]
+    events = np.unique(np.concatenate([imu, measurements.t_ns, reference]))
+    events = events[(events >= start) & (events <= imu[-1])]
+    x0, P0 = _initial(measurements, first)
+    update = _rows_at(events, measurements.t_ns)
+    update[0] = -1  # the first fix is the start itself
+    return Timeline(
+        dt0_s=dt0_s,
+        dt_s=np.diff(events, prepend=start) * 1e-9,
+        sample=np.searchsorted(imu, events).astype(np.int64),
+        update=update,
+        reference=_rows_at(events, reference),
+        accel_enu_mps2=attitude.accel_enu_mps2,
+        measurements=measurements,
+        x0=x0,
+        P0=P0,
+        euler_rad=attitude.euler_rad[np.maximum(np.searchsorted(imu, reference, side="right") - 1, 0)],
+        t_s=events * 1e-9,
+    )
+
+
+def nanoseconds(t_s: FloatArray) -> IntArray:
+    """Turn seconds into whole nanoseconds."""
+    return np.round(np.asarray(t_s) * 1e9).astype(np.int64)
+
+
+def _rows_at(events: IntArray, t_ns: IntArray) -> IntArray:
+    """Which row of ``t_ns`` each event is, or -1."""
+    rows = np.full(len(events), -1, dtype=np.int64)
+    if len(t_ns):
+        near = np.minimum(np.searchsorted(t_ns, events), len(t_ns) - 1)
+        rows[t_ns[near] == events] = near[t_ns[near] == events]
+    return rows
+
+
+def _first_fix(measurements: Measurements, begin_ns: int, end_ns: int, name: str) -> int:
+    complete = np.isfinite(measurements.z[:, :3]).all(axis=1)
+    inside = (measurements.t_ns >= begin_ns) & (measurements.t_ns <= end_ns)
+    rows = np.flatnonzero(complete & inside)
+    if not rows.size:
+        raise RecordingError(
+            f"{name} has no complete position fix while its IMU runs; a navigation filter needs one to start from."
+        )
+    return int(rows[0])
+
+
+def _initial(measurements: Measurements, first: int) -> tuple[FloatArray, FloatArray]:
+    """Position from the first fix; each velocity axis from the measurement nearest to it within a second."""
+    x0, P0 = np.zeros(6), np.diag([1.0] * 3 + [INITIAL_SPEED_SIGMA_MPS**2] * 3)
+    x0[:3], P0[:3, :3] = measurements.z[first, :3], measurements.R[first, :3, :3]
+    distance = np.abs(measurements.t_ns - measurements.t_ns[first])
+    for axis in (3, 4, 5):
+        away = np.where(np.isfinite(measurements.z[:, axis]), distance, np.iinfo(np.int64).max)
+        row = int(np.argmin(away))
+        if away[row] <= 1_000_000_000:
+            x0[axis], P0[axis, axis] = measurements.z[row, axis], measurements.R[row, axis, axis]
+    return x0, P0
