@@ -1,0 +1,82 @@
+"""From one run to its row: which rows count, what the metrics say, and whether the run went well."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from jerkbench.arrays import BoolArray
+from jerkbench.contracts import Metric
+from jerkbench.errors import PluginError
+from jerkbench.estimate import Estimate
+from jerkbench.evaluation.navigation_errors import known, position_error_m
+from jerkbench.recording import Recording
+
+
+def counted_rows(estimate: Estimate, recording: Recording, burn_in_s: float) -> BoolArray:
+    """Return (k,) which rows of the estimate count.
+
+    The reference is scored there, the burn-in [s] is over, and something of the reference is known. Whether the
+    estimate itself is a number does not matter here: a filter must not improve its score by failing.
+    """
+    reference = recording.reference
+    truths = (reference.enu_m, reference.velocity_mps, reference.euler_rad)
+    something = [known(truth, estimate, (axis,)) for truth in truths for axis in range(3)]
+    late = reference.t_s[estimate.index] >= burn_in_s
+    rows: BoolArray = reference.scored[estimate.index] & late & np.any(something, axis=0)
+    return rows
+
+
+def evaluate_run(
+    estimate: Estimate, recording: Recording, burn_in_s: float, metrics: Sequence[Metric]
+) -> dict[str, float]:
+    """Return the values of all metrics by column name.
+
+    Raises:
+        PluginError: two metrics give the same column.
+    """
+    counted = counted_rows(estimate, recording, burn_in_s)
+    values: dict[str, float] = {}
+    owners: dict[str, str] = {}
+    for metric in metrics:
+        for column, value in metric.evaluate(estimate, recording, counted).items():
+            if column in values:
+                raise PluginError(_taken(column, owners[column], type(metric).__name__))
+            values[column], owners[column] = float(value), type(metric).__name__
+    return values
+
+
+def run_status(estimate: Estimate, recording: Recording, limit_m: float = 1000.0) -> tuple[str, str]:
+    """Return ("ok", "") or ("diverged", why).
+
+    A run diverged if it stopped early, reached none of the reference's stamps, has a position or velocity that is not
+    finite, or a position error over ``limit_m`` on the axes that the reference knows (also where it is not scored).
+    """
+    reason = estimate.failure or _not_there(estimate) or _too_far(estimate, recording, limit_m)
+    return ("diverged", reason) if reason else ("ok", "")
+
+
+def _taken(column: str, owner: str, other: str) -> str:
+    return (
+        f"The metrics {owner} and {other} both give the column '{column}'; rename it in one of them, or leave one out."
+    )
+
+
+def _not_there(estimate: Estimate) -> str:
+    if len(estimate.index) == 0:
+        return "The run reached none of the reference's stamps."
+    return ""
+
+
+def _too_far(estimate: Estimate, recording: Recording, limit_m: float) -> str:
+    t_s = recording.reference.t_s[estimate.index]
+    state = np.hstack([estimate.position_m, estimate.velocity_mps])
+    finite = np.isfinite(state).all(axis=1)
+    if not finite.all():
+        return f"The state is not finite at {t_s[np.argmin(finite)]:.2f} s."
+    with np.errstate(over="ignore"):
+        distance_m = np.sqrt(np.nansum(position_error_m(estimate, recording) ** 2, axis=1))
+    far = distance_m > limit_m
+    if not far.any():
+        return ""
+    first = int(np.argmax(far))
+    return f"The position error is {distance_m[first]:.0f} m at {t_s[first]:.2f} s; the limit is {limit_m:g} m."

@@ -1,0 +1,130 @@
+"""Position, velocity and attitude errors against naive loops."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from jerkbench.evaluation.attitude import AttitudeRmse
+from jerkbench.evaluation.outage import Outage
+from jerkbench.evaluation.position import PositionRmse
+from jerkbench.evaluation.run import counted_rows
+from jerkbench.evaluation.velocity import VelocityRmse
+
+BURN_IN_S = 5.0
+
+
+def naive_rms(values, truths, axes, rows):
+    squares = []
+    for value, truth, row in zip(values, truths, rows, strict=True):
+        if row and not any(math.isnan(truth[axis]) for axis in axes):
+            squares.append(sum((value[axis] - truth[axis]) ** 2 for axis in axes))
+    return math.sqrt(sum(squares) / len(squares))
+
+
+@pytest.fixture
+def counted(estimate, recording):
+    return counted_rows(estimate, recording, BURN_IN_S)
+
+
+@pytest.mark.parametrize(
+    ("column", "axes"),
+    [
+        ("position_rmse_m", (0, 1, 2)),
+        ("position_rmse_horizontal_m", (0, 1)),
+        ("position_rmse_east_m", (0,)),
+        ("position_rmse_north_m", (1,)),
+        ("position_rmse_up_m", (2,)),
+    ],
+)
+def test_position_rmse_is_the_naive_loop(estimate, recording, counted, column, axes):
+    truths = recording.reference.enu_m[estimate.index]
+    expected = naive_rms(estimate.position_m, truths, axes, counted)
+    assert PositionRmse().evaluate(estimate, recording, counted)[column] == pytest.approx(expected, rel=1e-12)
+
+
+def test_whole_run_counts_the_burn_in_but_not_what_is_not_scored(estimate, recording, counted):
+    truths = recording.reference.enu_m[estimate.index]
+    scored = recording.reference.scored[estimate.index]
+    values = PositionRmse().evaluate(estimate, recording, counted)
+    assert values["position_rmse_whole_m"] == pytest.approx(naive_rms(estimate.position_m, truths, (0, 1, 2), scored))
+    assert values["position_rmse_whole_m"] != values["position_rmse_m"]
+
+
+def test_position_max_is_the_naive_loop(estimate, recording, counted):
+    truths = recording.reference.enu_m[estimate.index]
+    distances = [math.dist(p, q) for p, q, row in zip(estimate.position_m, truths, counted, strict=True) if row]
+    largest = max(d for d in distances if not math.isnan(d))
+    assert PositionRmse().evaluate(estimate, recording, counted)["position_max_m"] == pytest.approx(largest)
+
+
+@pytest.mark.parametrize(
+    ("column", "axes"),
+    [
+        ("velocity_rmse_mps", (0, 1, 2)),
+        ("velocity_rmse_horizontal_mps", (0, 1)),
+        ("velocity_rmse_up_mps", (2,)),
+    ],
+)
+def test_velocity_rmse_is_the_naive_loop(estimate, recording, counted, column, axes):
+    truths = recording.reference.velocity_mps[estimate.index]
+    expected = naive_rms(estimate.velocity_mps, truths, axes, counted)
+    assert VelocityRmse().evaluate(estimate, recording, counted)[column] == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize(("axis", "column"), list(enumerate(("roll_rmse_rad", "pitch_rmse_rad", "yaw_rmse_rad"))))
+def test_attitude_rmse_is_the_naive_loop(estimate, recording, counted, axis, column):
+    truths = recording.reference.euler_rad[estimate.index]
+    expected = naive_rms(estimate.euler_rad, truths, (axis,), counted)
+    assert AttitudeRmse().evaluate(estimate, recording, counted)[column] == pytest.approx(expected, rel=1e-12)
+
+
+def test_yaw_error_does_not_see_full_turns(estimate, recording, counted):
+    turned = dataclasses.replace(estimate, euler_rad=estimate.euler_rad + np.array([0.0, 0.0, 4 * math.pi]))
+    before = AttitudeRmse().evaluate(estimate, recording, counted)["yaw_rmse_rad"]
+    assert AttitudeRmse().evaluate(turned, recording, counted)["yaw_rmse_rad"] == pytest.approx(before, rel=1e-9)
+
+
+def naive_outage(estimate, recording, counted):
+    inside, ends = [], []
+    for begin, end in recording.outages_s:
+        last = None
+        for row, position, count in zip(estimate.index, estimate.position_m, counted, strict=True):
+            t, truth = recording.reference.t_s[row], recording.reference.enu_m[row]
+            if count and begin <= t < end and not np.isnan(truth).any():
+                last = math.dist(position, truth)
+                inside.append(last)
+        if last is not None:
+            ends.append(last)
+    return math.sqrt(sum(d * d for d in inside) / len(inside)), ends
+
+
+def test_outage_is_the_naive_loop(estimate, recording, counted):
+    rmse, ends = naive_outage(estimate, recording, counted)
+    assert len(ends) == 2
+    assert Outage().evaluate(estimate, recording, counted) == pytest.approx(
+        {"outage_rmse_m": rmse, "outage_end_m": sum(ends) / 2, "outage_end_max_m": max(ends)}
+    )
+
+
+def test_an_outage_ends_before_the_fix_at_its_end(estimate, recording, counted):
+    """At t = 14 s a fix is back, and an estimate there may already have used it."""
+    at_end = int(np.flatnonzero(recording.reference.t_s[estimate.index] == 14.0)[0])
+    position_m = estimate.position_m.copy()
+    position_m[at_end] += 1e6
+    values = Outage().evaluate(dataclasses.replace(estimate, position_m=position_m), recording, counted)
+    assert values == Outage().evaluate(estimate, recording, counted)
+
+
+def test_an_estimate_that_is_nan_is_not_left_out(estimate, recording, counted):
+    position_m = estimate.position_m.copy()
+    position_m[40] = np.nan
+    values = PositionRmse().evaluate(dataclasses.replace(estimate, position_m=position_m), recording, counted)
+    assert math.isnan(values["position_rmse_m"])
+    assert math.isnan(values["position_max_m"])
+
+
+def test_a_huge_error_is_infinite_and_warns_of_nothing(estimate, recording, counted):
+    far = dataclasses.replace(estimate, position_m=estimate.position_m + 1e200)
+    assert PositionRmse().evaluate(far, recording, counted)["position_rmse_m"] == math.inf

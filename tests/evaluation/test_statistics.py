@@ -1,0 +1,89 @@
+"""The interval of a mean against an independent BCa bootstrap, a closed form, and its own promises."""
+
+import dataclasses
+import math
+from statistics import NormalDist
+
+import numpy as np
+import pytest
+
+from jerkbench.evaluation import statistics
+from jerkbench.evaluation.statistics import Interval, mean_interval, mean_intervals
+
+
+def naive_bca(values, confidence, resamples, seed):
+    """Efron's formulas, with resamples of their own."""
+    rng, normal, n = np.random.default_rng(seed), NormalDist(), len(values)
+    means = np.sort(rng.choice(values, (resamples, n)).mean(axis=1))
+    mean = np.mean(values)
+    z0 = normal.inv_cdf(np.mean(means < mean))
+    left_out = np.array([np.mean(np.delete(values, i)) for i in range(n)])
+    d = left_out.mean() - left_out
+    a = (d**3).sum() / (6 * (d**2).sum() ** 1.5)
+    ends = []
+    for tail in ((1 - confidence) / 2, (1 + confidence) / 2):
+        z = z0 + normal.inv_cdf(tail)
+        ends.append(np.quantile(means, normal.cdf(z0 + z / (1 - a * z))))
+    return ends
+
+
+@pytest.mark.parametrize("confidence", [0.8, 0.95])
+def test_it_is_the_bca_interval(confidence, monkeypatch):
+    """The upper end's standard deviation from draw to draw is 0.5 % of the width with so many resamples (measured)."""
+    monkeypatch.setattr(statistics, "RESAMPLES", 200_000)
+    values = np.random.default_rng(4).lognormal(sigma=1.0, size=20)  # skewed: percentile and BCa differ
+    low, high = naive_bca(values, confidence, 200_000, seed=5)
+    interval = mean_interval(values, confidence)
+    assert interval.mean == pytest.approx(values.mean())
+    assert interval.low == pytest.approx(low, abs=0.03 * (high - low))
+    assert interval.high == pytest.approx(high, abs=0.03 * (high - low))
+
+
+def test_it_covers_the_true_mean_about_as_often_as_it_says():
+    samples = np.random.default_rng(6).normal(3.0, 1.0, size=(400, 20))
+    hits = sum(i.low <= 3.0 <= i.high for i in mean_intervals(list(samples)))
+    assert 0.89 < hits / 400 < 0.975
+
+
+def test_one_value_has_no_interval():
+    interval = mean_interval([0.3])
+    assert (interval.mean, interval.n) == (0.3, 1)
+    assert math.isnan(interval.low)
+    assert math.isnan(interval.high)
+
+
+def test_equal_values_have_the_mean_as_interval():
+    assert mean_interval([0.1] * 7) == Interval(mean_interval([0.1] * 7).mean, *[pytest.approx(0.1)] * 2, 7)
+
+
+def test_no_value_is_nan():
+    interval = mean_interval([])
+    assert interval.n == 0
+    assert math.isnan(interval.mean)
+
+
+def test_nan_is_left_out():
+    assert mean_interval([1.0, math.nan, 2.0, 4.0]) == mean_interval([1.0, 2.0, 4.0])
+
+
+def test_infinity_is_not_left_out():
+    interval = mean_interval([1.0, math.inf])
+    assert interval.mean == math.inf
+    assert math.isnan(interval.high)
+
+
+@pytest.mark.parametrize(
+    "values", [[1.0, 2.0], [1.0, 1.0 + 1e-15], [1e-300, 2e-300, 5e-300], [0, 0, 0, 1], [-1, 1], [1e9, 1e9 + 1e-6, 1e9]]
+)
+def test_odd_samples_warn_of_nothing_and_contain_their_mean(values):
+    interval = mean_interval(values)
+    assert interval.low <= interval.mean <= interval.high
+
+
+def test_neither_order_nor_company_changes_it():
+    rng = np.random.default_rng(7)
+    samples = [rng.gamma(2.0, size=n) for n in (20, 5, 20, 1, 20) + (20,) * 40]
+    together = mean_intervals(samples)
+    for k in (0, 1, 2, 4, 40):
+        alone = mean_interval(samples[k][::-1])
+        assert dataclasses.astuple(together[k]) == pytest.approx(dataclasses.astuple(alone), rel=1e-12, nan_ok=True)
