@@ -1,0 +1,42 @@
+"""Files of a recording: finding them, and the hash of their bytes."""
+
+import hashlib
+from functools import lru_cache
+from pathlib import Path
+
+from jerkbench.errors import RecordingError
+
+
+def find_file(folder: Path, name: str, suffix: str, parameter: str) -> Path:
+    """Return ``folder / name``, or, where ``name`` is empty, the one file of ``folder`` that ends in ``suffix``.
+
+    Raises:
+        RecordingError: the folder or the file is missing, or several files fit; says which ``parameter`` names one.
+    """
+    if not folder.is_dir():
+        raise RecordingError(f"There is no folder {folder}; give the one that the recording was copied to.")
+    if name:
+        return _existing(folder / name, parameter)
+    found = sorted(path.name for path in folder.iterdir() if path.name.endswith(suffix) and path.is_file())
+    if len(found) != 1:
+        there = f"{len(found)} files ({', '.join(found)})" if found else "no file"
+        raise RecordingError(f"{folder} has {there} ending in {suffix}; give the name as '{parameter}'.")
+    return folder / found[0]
+
+
+def fingerprint(paths: tuple[Path, ...]) -> str:
+    """Return the SHA-256 over the bytes of ``paths``, one after the other."""
+    digests = [_sha256(path, path.stat().st_mtime_ns, path.stat().st_size) for path in paths]
+    return hashlib.sha256("".join(digests).encode()).hexdigest()
+
+
+def _existing(path: Path, parameter: str) -> Path:
+    if not path.is_file():
+        raise RecordingError(f"There is no file {path}; correct '{parameter}' or copy the file there.")
+    return path
+
+
+@lru_cache(maxsize=64)
+def _sha256(path: Path, mtime_ns: int, size: int) -> str:  # noqa: ARG001 - time and size say when to read it again
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -1,0 +1,52 @@
+"""The IMU log beside an RTKLIB solution (.csv, with its time tag) -> arrays as the sensor gave them."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from jerkbench.arrays import FloatArray
+from jerkbench.errors import RecordingError
+from jerkbench.readers.text import parse_numbers, read_lines, require_increasing
+from jerkbench.readers.time_tag import read_time_tag
+
+CLOCKS_AGREE = 0.01
+"""By how much the sensor's and the logger's clock may differ before the tag is taken for another recording's."""
+
+
+@dataclass(frozen=True, eq=False)
+class ImuLog:
+    """An IMU's samples in its own axes and units.
+
+    Attributes:
+        start_gpst_ns: GPST of the first sample, nanoseconds of the calendar since 1970.
+        t_s: (n,) time since then.
+        accel: (n, 3) specific force, the sensor's axes and unit.
+        gyro: (n, 3) angular rate, the sensor's axes and unit.
+    """
+
+    start_gpst_ns: int
+    t_s: FloatArray
+    accel: FloatArray
+    gyro: FloatArray
+
+
+def read_imu_log(path: Path, tag_path: Path) -> ImuLog:
+    """Read a log without header: ax, ay, az, gx, gy, gz, milliseconds since power-up.
+
+    The sensor's clock (ms) drifts; the tag's does not: t = (ms - ms[0]) total / (ms[-1] - ms[0]) from the tag's start.
+
+    Raises:
+        RecordingError: a file is missing, empty or damaged (names the line), or the two are not of one recording.
+    """
+    lines = read_lines(path)
+    table = parse_numbers(path, lines, 7, ",")
+    milliseconds = table[:, 6]
+    require_increasing(path, lines, milliseconds, "the time (field 7)")
+    tag = read_time_tag(tag_path)
+    elapsed_s = float(milliseconds[-1] - milliseconds[0]) * 1e-3
+    if abs(elapsed_s - tag.total_s) > CLOCKS_AGREE * tag.total_s:
+        raise RecordingError(
+            f"{path} covers {elapsed_s:.3f} s, its time tag {tag_path.name} {tag.total_s:.3f} s;"
+            " give the tag of the same recording, and neither of them cut short."
+        )
+    t_s = (milliseconds - milliseconds[0]) * (1e-3 * tag.total_s / elapsed_s)
+    return ImuLog(tag.start_gpst_ns, t_s, table[:, :3], table[:, 3:6])

@@ -1,0 +1,87 @@
+"""Text files of numbers. What cannot be read is named by file and line."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+
+from jerkbench.arrays import FloatArray
+from jerkbench.errors import RecordingError
+
+Line = tuple[int, str]
+"""A line's number in its file (from 1) and its text."""
+
+
+def read_bytes(path: Path) -> bytes:
+    """Return the content of ``path``.
+
+    Raises:
+        RecordingError: there is no such file, it cannot be read, or it is empty.
+    """
+    try:
+        content = path.read_bytes()
+    except FileNotFoundError as error:
+        raise RecordingError(f"There is no file {path}; check the folder and the file's name.") from error
+    except OSError as error:
+        raise RecordingError(f"{path} cannot be read: {error.strerror}.") from error
+    if not content.strip():
+        raise RecordingError(f"{path} is empty; copy it again from where it was recorded.")
+    return content
+
+
+def read_lines(path: Path) -> list[Line]:
+    """Return the lines of ``path`` that are not blank; bytes that are no ASCII become a replacement character.
+
+    Raises:
+        RecordingError: as in `read_bytes`.
+    """
+    text = read_bytes(path).decode("ascii", errors="replace")
+    return [(number, line) for number, line in enumerate(text.split("\n"), start=1) if line.strip()]
+
+
+def parse_numbers(path: Path, lines: list[Line], columns: int, separator: str | None = None) -> FloatArray:
+    """Return the numbers of ``lines`` as (n, columns); ``separator`` None: white space.
+
+    Raises:
+        RecordingError: there is no line, or one has another number of fields or a field that is no finite number.
+    """
+    if not lines:
+        raise RecordingError(f"{path} has no rows of data; {columns} columns of numbers are expected.")
+    try:
+        table = np.loadtxt([text for _, text in lines], delimiter=separator, comments=None, ndmin=2)
+    except ValueError:
+        table = np.empty((0, 0))
+    if table.shape != (len(lines), columns) or not np.isfinite(table).all():
+        raise RecordingError(_first_fault(path, lines, columns, separator))
+    return table
+
+
+def require_increasing(path: Path, lines: list[Line], times: np.ndarray, what: str) -> None:
+    """Check that ``times``, one a line, increase.
+
+    Raises:
+        RecordingError: names the first line whose time does not.
+    """
+    back = np.flatnonzero(np.diff(times) <= 0)
+    if back.size:
+        raise RecordingError(
+            f"{path}, line {lines[back[0] + 1][0]}: {what} does not increase; the line is damaged or out of order."
+        )
+
+
+def _first_fault(path: Path, lines: list[Line], columns: int, separator: str | None) -> str:
+    for number, text in lines:
+        fields = text.split(separator)
+        if len(fields) != columns:
+            return f"{path}, line {number} has {len(fields)} fields; it must have {columns}: correct or remove it."
+        for column, entry in enumerate(fields, start=1):
+            if not _is_number(entry):
+                return f"{path}, line {number}, field {column} is '{entry.strip()}', not a finite number: correct it."
+    return f"{path} cannot be read as {columns} columns of numbers; copy it again from where it was recorded."
+
+
+def _is_number(entry: str) -> bool:
+    try:
+        return math.isfinite(float(entry)) and "_" not in entry
+    except ValueError:
+        return False
