@@ -1,0 +1,26 @@
+"""No disturbance."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from jerkbench.plugins import register
+from jerkbench.recording import Recording
+
+
+@register("disturbance", "none")
+@dataclass(frozen=True)
+class NoDisturbance:
+    """The recording as it is.
+
+    The row that every disturbance is compared with.
+    """
+
+    seeded: ClassVar[bool] = False
+
+    def apply(self, recording: Recording, seed: int) -> Recording:
+        """Return ``recording`` itself."""
+        return recording
+
+    def replicates(self) -> int:
+        """Return 1."""
+        return 1

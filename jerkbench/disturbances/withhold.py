@@ -1,0 +1,112 @@
+"""Fixes kept from the filter and used as reference."""
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from jerkbench.arrays import BoolArray, FloatArray, IntArray
+from jerkbench.disturbances._rows import nanoseconds, rows_of
+from jerkbench.errors import PluginError, RecordingError
+from jerkbench.plugins import register
+from jerkbench.recording import Position, Recording, Reference, Velocity
+
+SOURCE = "fixes of the same receiver, withheld from the filter"
+
+SAME_RATE = 0.1
+"""By what part the interval of a velocity may differ from the fixes' and still be of the same receiver's epochs."""
+
+
+@register("disturbance", "withhold")
+@dataclass(frozen=True)
+class Withhold:
+    """The filter gets every n-th GNSS epoch; the others become the reference.
+
+    Epoch i = 0, 1, 2, ... goes to the filter where i mod every = phase. The phases are the replicates: seed s has
+    the phase s mod every. An independent reference (a simulation's truth) stays as it is. Withheld fixes share the
+    receiver with those that the filter gets, so that an error which both have is not seen.
+
+    Where a receiver derives its velocity from its positions, the velocity of a withheld epoch would leak its
+    position, so it is withheld too. Rows that have the same axes form a group; a group that comes at the rate of
+    the fixes belongs to their epochs, its i-th row to epoch i (latencies move the times of a group, not its order).
+    Where a group has another number of rows than there are fixes, a row belongs to the first fix not before it.
+    A velocity at another rate is another sensor's (a wheel's) and stays.
+
+    Attributes:
+        every: n.
+        phase: the same one for all seeds, below ``every``; None: seed mod every.
+        velocity: whether the velocity of a withheld epoch is withheld too.
+    """
+
+    seeded: ClassVar[bool] = False
+
+    every: int = 4
+    phase: int | None = None
+    velocity: bool = True
+
+    def __post_init__(self) -> None:
+        """Check that phase and every fit."""
+        if self.every < 2:
+            raise PluginError(f"every is {self.every}; give 2 or more, or nothing is withheld.")
+        if self.phase is not None and not 0 <= self.phase < self.every:
+            raise PluginError(f"phase is {self.phase}; it must lie between 0 and every - 1 = {self.every - 1}.")
+
+    def apply(self, recording: Recording, seed: int) -> Recording:
+        """Return the recording with one phase of its GNSS epochs, and the others as reference.
+
+        Raises:
+            RecordingError: it has no position.
+        """
+        position, velocity = recording.position, recording.velocity
+        if position is None:
+            raise RecordingError(f"{recording.name} has no position fixes, so none can be withheld.")
+        phase = seed % self.every if self.phase is None else self.phase
+        kept = np.arange(len(position.t_s)) % self.every == phase
+        if velocity is not None and self.velocity:
+            velocity = rows_of(velocity, _kept_velocity(velocity, position.t_s, kept))
+        return replace(
+            recording,
+            position=rows_of(position, kept),
+            velocity=velocity,
+            reference=_reference(recording.reference, position, ~kept),
+        )
+
+    def replicates(self) -> int:
+        """Return how many phases there are."""
+        return self.every if self.phase is None else 1
+
+
+def _kept_velocity(velocity: Velocity, fixes_t_s: FloatArray, kept: BoolArray) -> BoolArray:
+    """Which rows of ``velocity`` (m,) belong to a kept epoch, or to no epoch."""
+    keep = np.ones(len(velocity.t_s), dtype=bool)
+    axes = np.isfinite(velocity.mps) @ np.array([1, 2, 4])
+    for group in np.unique(axes):
+        rows = np.flatnonzero(axes == group)
+        if _same_rate(velocity.t_s[rows], fixes_t_s):
+            keep[rows] = kept[_epochs(velocity.t_s[rows], fixes_t_s)]
+    return keep
+
+
+def _same_rate(t_s: FloatArray, fixes_t_s: FloatArray) -> bool:
+    if min(len(t_s), len(fixes_t_s)) < 2:
+        return True  # too few to tell: withhold with the fixes rather than leak
+    interval, fixes = np.median(np.diff(t_s)), np.median(np.diff(fixes_t_s))
+    return bool(abs(interval - fixes) <= SAME_RATE * fixes)
+
+
+def _epochs(t_s: FloatArray, fixes_t_s: FloatArray) -> IntArray:
+    """Which fix (its row) each velocity row belongs to."""
+    if len(t_s) == len(fixes_t_s):
+        return np.arange(len(t_s))
+    return np.minimum(np.searchsorted(nanoseconds(fixes_t_s), nanoseconds(t_s)), len(fixes_t_s) - 1)
+
+
+def _reference(reference: Reference, position: Position, withheld: BoolArray) -> Reference:
+    """Make the withheld fixes the reference; they keep ``scored``, and more, where the old one has their stamps."""
+    if reference.independent:
+        return reference
+    t_s = position.t_s[withheld]
+    same = np.isin(nanoseconds(reference.t_s), nanoseconds(t_s))
+    if reference.enu_m is not None and same.sum() == len(t_s):
+        return rows_of(reference, same, source=SOURCE)
+    return Reference(t_s, SOURCE, independent=False, enu_m=position.enu_m[withheld])

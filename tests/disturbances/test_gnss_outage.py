@@ -1,0 +1,67 @@
+import numpy as np
+import pytest
+
+from jerkbench import plugins
+from jerkbench.disturbances.gnss_outage import GnssOutage
+from jerkbench.errors import PluginError
+
+
+def test_begin_is_inside_and_end_is_not(recording):
+    done = GnssOutage(windows_s=((40.0, 50.0), (102.0, 112.0))).apply(recording, 0)
+    expected = [t for t in recording.position.t_s if not (40 <= t < 50 or 102 <= t < 112)]
+    assert done.position.t_s.tolist() == done.velocity.t_s.tolist() == expected
+    assert 50.0 in done.position.t_s
+    np.testing.assert_array_equal(done.position.enu_m[:, 0], expected)
+    assert done.outages_s.tolist() == [[40, 50], [102, 112]]
+    assert done.reference is recording.reference
+    assert done.heading is recording.heading
+
+
+def test_the_heading_goes_when_asked(recording):
+    done = GnssOutage(heading=True).apply(recording, 0)
+    assert done.heading.t_s.tolist() == done.position.t_s.tolist()
+
+
+def test_outages_add_up_and_windows_outside_are_left_out(recording):
+    first = GnssOutage(windows_s=((-9.0, -1.0), (10.0, 20.0), (200.0, 210.0))).apply(recording, 0)
+    second = GnssOutage(windows_s=((115.0, 130.0),)).apply(first, 0)
+    assert second.outages_s.tolist() == [[10, 20], [115, 120]]
+
+
+def test_regular_windows_replace_the_given_ones(recording):
+    done = GnssOutage(count=3, length_s=5.0, first_s=20.0, every_s=30.0).apply(recording, 0)
+    assert done.outages_s.tolist() == [[20, 25], [50, 55], [80, 85]]
+
+
+def test_streams_that_are_absent_stay_absent(make):
+    done = GnssOutage(heading=True).apply(make(velocity=None, heading=None), 0)
+    assert done.velocity is None
+    assert done.heading is None
+
+
+def test_no_window_is_no_outage(recording):
+    done = GnssOutage(windows_s=()).apply(recording, 0)
+    assert len(done.position.t_s) == len(recording.position.t_s)
+    assert done.outages_s.shape == (0, 2)
+
+
+def test_it_reads_its_windows_from_a_configuration():
+    made = plugins.create("disturbance", {"name": "gnss_outage", "windows_s": [[1, 2], [3, 4]]})
+    assert made.windows_s == ((1, 2), (3, 4))
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"windows_s": ((50.0, 40.0),)},
+        {"windows_s": ((5.0, 5.0),)},
+        {"windows_s": ((1.0, float("nan")),)},
+        {"windows_s": ((1.0, 2.0, 3.0),)},
+        {"count": 2, "length_s": 50.0},
+        {"count": 1, "length_s": 0.0},
+        {"count": -1},
+    ],
+)
+def test_windows_that_are_none_are_refused(wrong):
+    with pytest.raises(PluginError):
+        GnssOutage(**wrong)

@@ -1,0 +1,79 @@
+import dataclasses
+
+import numpy as np
+import pytest
+
+from jerkbench.disturbances.multipath_single_axis import MultipathSingleAxis
+from jerkbench.errors import PluginError, RecordingError
+
+
+def bursts_of(shift, t_s):
+    """Runs of equal, non-zero shift: (first time, last time, shift)."""
+    runs = []
+    for t, row in zip(t_s, shift, strict=True):
+        if runs and np.array_equal(runs[-1][2], row) and row.any():
+            runs[-1][1] = t
+        elif row.any():
+            runs.append([t, t, row])
+        else:
+            runs.append([t, t, row])
+    return [run for run in runs if run[2].any()]
+
+
+def test_bursts_are_as_many_as_long_and_as_large_as_said(make):
+    recording = make(duration_s=150.0, rate_hz=10)
+    t_s = recording.position.t_s
+    axes, signs = set(), set()
+    for seed in range(20):
+        shift = np.round(MultipathSingleAxis().apply(recording, seed).position.enu_m - recording.position.enu_m, 9)
+        runs = bursts_of(shift, t_s)
+        assert len(runs) == 10
+        for begin, end, offset in runs:
+            assert begin >= 10
+            assert 1.8 <= end - begin <= 6.0  # between fixes 0.1 s apart
+            assert np.count_nonzero(offset) == 1
+            assert 0.5 <= np.abs(offset).max() <= 2.0
+            axes.add(int(np.argmax(np.abs(offset))))
+            signs.add(float(np.sign(offset.sum())))
+    assert axes == {0, 1, 2}
+    assert signs == {-1.0, 1.0}
+
+
+def test_only_the_true_covariance_knows(recording):
+    done = MultipathSingleAxis().apply(recording, 1).position
+    np.testing.assert_array_equal(done.covariance_m2, recording.position.covariance_m2)
+    shift = done.enu_m - recording.position.enu_m
+    for reported, true, moved in zip(done.covariance_m2, done.true_covariance_m2, shift, strict=True):
+        np.testing.assert_allclose(true, reported + np.diag(moved**2), atol=1e-9)
+
+
+def test_a_true_covariance_that_is_there_is_the_base(recording):
+    position = dataclasses.replace(recording.position, true_covariance_m2=9 * recording.position.covariance_m2)
+    done = MultipathSingleAxis().apply(dataclasses.replace(recording, position=position), 1).position
+    still = (done.enu_m == recording.position.enu_m).all(axis=1)
+    assert still.any()
+    np.testing.assert_array_equal(done.true_covariance_m2[still], position.true_covariance_m2[still])
+
+
+def test_what_is_not_measured_stays_so(make, recording):
+    enu_m = recording.position.enu_m.copy()
+    enu_m[:, 2] = np.nan
+    position = dataclasses.replace(recording.position, enu_m=enu_m)
+    done = MultipathSingleAxis().apply(make(position=position), 1).position
+    assert np.isnan(done.enu_m[:, 2]).all()
+    assert np.isfinite(done.enu_m[:, :2]).all()
+
+
+def test_a_short_recording_and_one_without_position_are_named(make):
+    with pytest.raises(RecordingError, match=r"do not fit after 10\.0 s"):
+        MultipathSingleAxis().apply(make(duration_s=25.0), 0)
+    with pytest.raises(RecordingError, match="has no position fixes"):
+        MultipathSingleAxis().apply(make(position=None), 0)
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"bursts": -1}, {"shortest_s": 7.0}, {"shortest_s": 0.0}, {"smallest_m": 3.0}, {"smallest_m": -1.0}]
+)
+def test_ranges_are_checked(wrong):
+    with pytest.raises(PluginError):
+        MultipathSingleAxis(**wrong)
