@@ -1,0 +1,161 @@
+"""The attitude plugin ``tilt``: tilt filter, yaw filter and gravity compensation one after the other."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jerkbench.arrays import BoolArray, FloatArray
+from jerkbench.attitude.alignment import align
+from jerkbench.attitude.compensation import COMPENSATIONS, compensate_gravity
+from jerkbench.attitude.external_acceleration import ADAPTATIONS
+from jerkbench.attitude.headings import YAW_SOURCES, select_headings
+from jerkbench.attitude.tilt import TiltParameters, roll_pitch, run_tilt
+from jerkbench.attitude.yaw import estimate_yaw, yaw_rate
+from jerkbench.errors import PluginError, unknown
+from jerkbench.estimate import Attitude
+from jerkbench.geometry import dcm_from_euler
+from jerkbench.plugins import register
+from jerkbench.recording import Imu, Recording
+
+PROPAGATIONS = ("first_order", "exact")
+
+
+@register("attitude", "tilt")
+@dataclass(frozen=True)
+class Tilt:
+    """Tilt from gyro and accelerometer, adaptive to external acceleration; yaw from headings or the course.
+
+    Tilt, at the IMU rate, x = Omega^T e3 (the vertical of ENU seen from the body), g = 9.81 m/s2::
+
+        Phi = I - dt skew(y_G)   (exact: exp(-dt skew(y_G)))
+        Q = -dt^2 sigma_G^2 skew(x+)^2;  x- = Phi x+;  P- = Phi P+ Phi' + Q
+        z = y_A - c_a a_prev;  e = z - g x-;  C0 = g^2 P- + sigma_A^2 I
+        triggered = e'e >= tr(C0)
+        none:   Sigma = 0
+        mtf:    Sigma = diag(max(0, w_i - C0_ii)) if triggered,  w_i = mean of e_i^2 over the last mu samples
+        scalar: Sigma = I (e'e - tr C0)/3 if triggered
+        lee:    Sigma = I c_a^2 |a_prev|^2/3, always
+        M = sigma_A^2 I + Sigma;  K = g P- (g^2 P- + M)^-1;  x = x- + K e
+        P = (I - gK) P- (I - gK)' + K M K', symmetrised;  x /= |x|;  a_prev = y_A - g x
+        roll = atan2(x2, x3);  pitch = atan2(-x1, hypot(x2, x3))
+
+    Start: at rest for 1 s, x is the normalised mean of y_A, P = 1e-3 I; moving, x is level, P = .03 I. a_prev = 0.
+
+    Yaw, one state::
+
+        yaw += dt (w_y sin(roll) + w_z cos(roll))/cos(pitch);  P += dt walk^2;  P0 = variance of the first heading
+        course: atan2(v_n, v_e), sigma = max(sigma_v/speed, minimum), sigma_v across the course
+
+    Sample k uses headings up to its own time; before the first one, that one less the integrated gyro. With
+    gyro_only yaw starts at 0 (east). The yaw rate is singular at a pitch of 90 degrees.
+
+    Input of the navigation filter: u_k = mean(Omega_{k-1}, Omega_k) y_A + (0, 0, -g), or Omega_k y_A + (0, 0, -g).
+
+    Source: J. K. Lee, E. J. Park, S. N. Robinovitch, "Estimation of attitude and external acceleration using inertial
+    sensor measurement during various dynamic conditions", IEEE Trans. Instrum. Meas. 61(8), 2012, for the state, Q
+    and ``lee``; multiple tuning factors for ``mtf``.
+
+    Attributes:
+        adapt: how Sigma is found: none, mtf, scalar or lee.
+        sigma_gyro_radps: sigma_G, noise of one gyro sample.
+        sigma_accel_mps2: sigma_A, noise of one accelerometer sample; null: 0.02 when adaptive, 2.0 with none.
+        external_memory: c_a, from 0 to 1. With 1 the absolute tilt is not observable; lee needs more than 0.
+        window: mu, samples in the mean of mtf, this one included.
+        normalise: bring x back to length 1 after each update.
+        propagation: first_order, or exact for fast rotation.
+        compensation: midpoint or endpoint.
+        yaw_source: dual_antenna, course, gyro_only, or auto: the first of these that the recording has. A velocity in
+            the body frame has no course.
+        yaw_walk_rad_per_sqrt_s: random walk of yaw.
+        course_min_speed_mps: horizontal speed above which the course counts.
+        course_sigma_min_rad: least standard deviation of a course.
+        initial_tilt_variance: diagonal of the first P; null: 1e-3 at rest, .03 moving.
+    """
+
+    adapt: str = "mtf"
+    sigma_gyro_radps: float = 0.0017
+    sigma_accel_mps2: float | None = None
+    external_memory: float = 0.0
+    window: int = 1
+    normalise: bool = True
+    propagation: str = "first_order"
+    compensation: str = "midpoint"
+    yaw_source: str = "auto"
+    yaw_walk_rad_per_sqrt_s: float = 2e-4
+    course_min_speed_mps: float = 0.5
+    course_sigma_min_rad: float = 0.0087
+    initial_tilt_variance: float | None = None
+
+    def __post_init__(self) -> None:
+        """Check that every choice exists and every number makes sense."""
+        self._check_choices()
+        self._check_numbers()
+
+    def estimate(self, recording: Recording) -> Attitude:
+        """Return attitude and ENU acceleration at the IMU's stamps.
+
+        Raises:
+            RecordingError: the recording lacks the yaw source that was asked for.
+        """
+        imu = recording.imu
+        headings = select_headings(
+            recording, self.yaw_source, self.course_min_speed_mps, self.course_sigma_min_rad
+        )  # first, because a missing source should not cost the whole loop
+        dt = _intervals(imu)
+        roll, pitch, triggered = self._tilt(recording, dt)
+        rate = yaw_rate(imu.gyro_radps, roll, pitch)
+        yaw = estimate_yaw(imu.t_s, dt, rate, headings, self.yaw_walk_rad_per_sqrt_s)
+        euler = np.column_stack([roll, pitch, yaw])
+        dcm = dcm_from_euler(euler)
+        return Attitude(imu.t_s, dcm, euler, compensate_gravity(dcm, imu.accel_mps2, self.compensation), triggered)
+
+    def tilt_parameters(self) -> TiltParameters:
+        """Return the parameters of a tilt step, the null ones filled in."""
+        sigma = self.sigma_accel_mps2
+        if sigma is None:
+            sigma = 2.0 if self.adapt == "none" else 0.02
+        return TiltParameters(
+            sigma_gyro_radps=self.sigma_gyro_radps,
+            sigma_accel_mps2=sigma,
+            external_memory=self.external_memory,
+            window=self.window,
+            normalise=self.normalise,
+            exact=self.propagation == "exact",
+            adapt=self.adapt,
+        )
+
+    def _tilt(self, recording: Recording, dt_s: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
+        imu, start = recording.imu, align(recording, self.initial_tilt_variance)
+        x, triggered = run_tilt(start, imu.gyro_radps, imu.accel_mps2, dt_s, self.tilt_parameters())
+        return *roll_pitch(x), triggered
+
+    def _check_choices(self) -> None:
+        choices = {
+            "adapt": ADAPTATIONS,
+            "propagation": PROPAGATIONS,
+            "compensation": COMPENSATIONS,
+            "yaw_source": YAW_SOURCES,
+        }
+        for name, available in choices.items():
+            if getattr(self, name) not in available:
+                raise PluginError(unknown(f"{name} of attitude tilt", getattr(self, name), available))
+
+    def _check_numbers(self) -> None:
+        for name in ("sigma_accel_mps2", "initial_tilt_variance", "course_min_speed_mps", "course_sigma_min_rad"):
+            value = getattr(self, name)
+            if value is not None and not 0 < value < np.inf:
+                raise PluginError(f"attitude tilt: {name} is {value}; it must be a positive number.")
+        for name in ("sigma_gyro_radps", "yaw_walk_rad_per_sqrt_s"):
+            if not 0 <= getattr(self, name) < np.inf:
+                raise PluginError(f"attitude tilt: {name} is {getattr(self, name)}; it must be zero or positive.")
+        if not 0 <= self.external_memory <= 1:
+            raise PluginError(f"attitude tilt: external_memory is {self.external_memory}; it must be from 0 to 1.")
+        if self.window < 1:
+            raise PluginError(f"attitude tilt: window is {self.window}; it must be at least 1.")
+        if self.adapt == "lee" and self.external_memory == 0:
+            raise PluginError("attitude tilt: adapt lee with external_memory 0 never adapts; set external_memory.")
+
+
+def _intervals(imu: Imu) -> FloatArray:
+    """The interval (n,) that ends at each stamp; nobody saw the first one begin, so it is the nominal one."""
+    return np.concatenate(([imu.nominal_interval_s], np.diff(imu.t_s)))

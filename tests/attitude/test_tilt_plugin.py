@@ -1,0 +1,185 @@
+import dataclasses
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from omegaconf import OmegaConf
+
+from jerkbench.attitude.alignment import align
+from jerkbench.attitude.plugin import Tilt
+from jerkbench.errors import PluginError, RecordingError
+from jerkbench.geometry import dcm_from_euler
+from jerkbench.plugins import create, get
+from jerkbench.recording import Heading, Imu, Recording, Reference, Velocity
+
+G = 9.81
+PRESETS = Path(__file__).parents[2] / "conf" / "attitude"
+
+
+def recording(accel, gyro=None, static_start_s=2.0, **parts):
+    n = len(accel)
+    imu = Imu(0.01 * np.arange(1, n + 1), accel, np.zeros((n, 3)) if gyro is None else gyro)
+    reference = Reference([0.01 * n], "made up", independent=True)
+    return Recording("farm", imu, reference, static_start_s=static_start_s, **parts)
+
+
+def standing(euler, n=300):
+    return np.tile(dcm_from_euler(np.array(euler)).T @ [0.0, 0.0, G], (n, 1))
+
+
+def test_a_robot_at_rest_on_a_slope():
+    heading = Heading([0.1, 1.0], [2.0, 2.0], [0.01, 0.01])
+    attitude = Tilt().estimate(recording(standing([0.1, -0.2, 0.0]), heading=heading))
+    np.testing.assert_allclose(attitude.euler_rad, np.tile([0.1, -0.2, 2.0], (300, 1)), atol=1e-12)
+    np.testing.assert_allclose(attitude.dcm, dcm_from_euler(attitude.euler_rad), atol=1e-15)
+    np.testing.assert_allclose(attitude.accel_enu_mps2, 0, atol=1e-11)
+    assert not attitude.triggered.any()
+    assert attitude.t_s.shape == (300,)
+
+
+def test_a_circle_on_a_level_field():
+    # Constant speed 2 m/s, 0.4 rad/s to the left: .8 m/s2 to the left all the time, once it is moving.
+    n, speed, rate = 1000, 2.0, 0.4
+    t = 0.01 * np.arange(1, n + 1)
+    accel = np.tile([0.0, speed * rate, G], (n, 1))
+    velocity = Velocity(t, speed * np.column_stack([np.cos(rate * t), np.sin(rate * t), 0 * t]), [1e-4 * np.eye(3)] * n)
+    circle = recording(accel, np.tile([0.0, 0.0, rate], (n, 1)), static_start_s=0.0, velocity=velocity)
+    attitude = Tilt(initial_tilt_variance=1e-8).estimate(circle)
+    yaw = attitude.euler_rad[:, 2]
+    np.testing.assert_allclose(np.cos(yaw - rate * t), 1, atol=1e-9)
+    # Midpoint: the mean of the acceleration over the sample, a = v rate (-sin, cos) of the middle's yaw.
+    middle = rate * (t - 0.005)
+    wanted = speed * rate * np.column_stack([-np.sin(middle), np.cos(middle)])
+    np.testing.assert_allclose(attitude.accel_enu_mps2[1:, :2], wanted[1:], atol=0.02)
+    assert attitude.triggered.all()
+
+
+def test_midpoint_and_endpoint_differ_by_half_a_turn_of_the_sample():
+    gyro = np.tile([0.0, 0.0, 1.0], (300, 1))
+    spin = recording(np.tile([1.0, 0.0, G], (300, 1)), gyro, static_start_s=0.0)
+    u = {c: Tilt(compensation=c, adapt="none", sigma_accel_mps2=1e6).estimate(spin) for c in ("midpoint", "endpoint")}
+    ahead = [np.arctan2(a.accel_enu_mps2[1:, 1], a.accel_enu_mps2[1:, 0]) for a in (u["endpoint"], u["midpoint"])]
+    np.testing.assert_allclose(np.mod(ahead[0] - ahead[1], 2 * np.pi), 0.005, atol=1e-9)
+
+
+def test_the_first_interval_is_the_nominal_one():
+    spin = recording(standing([0, 0, 0]), np.tile([0.0, 0.0, 1.0], (300, 1)))
+    np.testing.assert_allclose(Tilt().estimate(spin).euler_rad[:3, 2], [0.01, 0.02, 0.03], atol=1e-12)
+
+
+def test_an_uneven_interval_counts_with_its_own_length():
+    imu = Imu([0.0, 0.01, 0.05, 0.06], np.tile([0.0, 0.0, G], (4, 1)), np.tile([0.0, 0.0, 1.0], (4, 1)))
+    attitude = Tilt().estimate(Recording("gap", imu, Reference([0.06], "made up", independent=True)))
+    np.testing.assert_allclose(np.diff(attitude.euler_rad[:, 2]), [0.01, 0.04, 0.01], atol=1e-12)
+
+
+def test_the_alignment_takes_the_first_second():
+    accel = standing([0.0, 0.0, 0.0], 300)
+    accel[:100] = standing([0.1, 0.2, 0.0], 100) + 0.1 * np.random.default_rng(0).normal(size=(100, 3))
+    start = align(recording(accel), None)
+    mean = accel[:100].mean(axis=0)
+    np.testing.assert_allclose(start.x, mean / np.linalg.norm(mean), atol=1e-15)
+    np.testing.assert_array_equal(start.P, 1e-3 * np.eye(3))
+    np.testing.assert_array_equal(start.a_prev, np.zeros(3))
+
+
+def test_a_recording_that_moves_starts_level():
+    start = align(recording(standing([0.1, 0.2, 0.0]), static_start_s=0.9), None)
+    np.testing.assert_array_equal(start.x, [0, 0, 1])
+    np.testing.assert_array_equal(start.P, 0.03 * np.eye(3))
+    assert align(recording(standing([0, 0, 0])), 0.5).P[1, 1] == 0.5
+
+
+def test_no_gravity_is_one_sentence():
+    with pytest.raises(RecordingError, match="farm: the accelerometer's mean over the first second is zero"):
+        Tilt().estimate(recording(np.zeros((300, 3))))
+
+
+def test_sigma_accel_follows_the_adaptation():
+    assert Tilt().tilt_parameters().sigma_accel_mps2 == 0.02
+    assert Tilt(adapt="none").tilt_parameters().sigma_accel_mps2 == 2.0
+    assert Tilt(adapt="none", sigma_accel_mps2=0.3).tilt_parameters().sigma_accel_mps2 == 0.3
+
+
+def test_every_parameter_reaches_the_step():
+    p = Tilt("lee", 0.1, 0.2, 0.3, 4, normalise=False, propagation="exact").tilt_parameters()
+    assert p == (0.1, 0.2, 0.3, 4, False, True, "lee")
+
+
+def yaw_at_the_end(**parameters):
+    """Yaw of a level recording with two headings and two courses; the slow course points to the south."""
+    heading = Heading([0.5, 1.5], [0.0, 1.0], [0.1, 0.1])
+    covariance = np.diag([0.04, 0.04, 1.0])
+    velocity = Velocity([0.5, 1.0, 1.5], [[2.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, -1.0, 0.0]], [covariance] * 3)
+    level = recording(standing([0, 0, 0]), heading=heading, velocity=velocity)
+    return Tilt(**parameters).estimate(level).euler_rad[-1, 2]
+
+
+def test_the_yaw_parameters_reach_the_yaw_filter():
+    # Without walk two equal sigmas average; with walk w over 1 s the second weighs (1 + w^2/s^2)/(2 + w^2/s^2).
+    assert yaw_at_the_end(yaw_walk_rad_per_sqrt_s=0.0) == pytest.approx(0.5)
+    assert yaw_at_the_end(yaw_walk_rad_per_sqrt_s=0.1) == pytest.approx(2 / 3)
+    assert yaw_at_the_end(yaw_source="gyro_only") == pytest.approx(0.0)
+    course = {"yaw_source": "course", "yaw_walk_rad_per_sqrt_s": 0.0, "course_min_speed_mps": 1.0}
+    assert yaw_at_the_end(**course) == pytest.approx(np.pi / 4)
+    # The slow one has sigma .2, the mean of the two others .1/sqrt(2): K = .005/(.005 + .04) = 1/9.
+    course["course_min_speed_mps"] = 0.9
+    assert yaw_at_the_end(**course) == pytest.approx(np.pi / 4 - 3 * np.pi / 4 / 9)
+    # With a large least sigma all three weigh alike.
+    assert yaw_at_the_end(**course, course_sigma_min_rad=1.0) == pytest.approx(np.pi / 4 - 3 * np.pi / 4 / 3)
+
+
+def test_a_later_sample_changes_nothing_earlier_and_a_second_run_is_the_same():
+    rng = np.random.default_rng(0)
+    accel, gyro = standing([0, 0, 0]) + rng.normal(size=(300, 3)), rng.normal(size=(300, 3))
+    later = accel.copy()
+    later[200:] += 1.0
+    one, two, changed = (Tilt().estimate(recording(a, gyro)) for a in (accel, accel, later))
+    for name in ("dcm", "euler_rad", "accel_enu_mps2", "triggered"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(two, name))
+        np.testing.assert_array_equal(getattr(one, name)[:200], getattr(changed, name)[:200])
+    assert (one.euler_rad[200:] != changed.euler_rad[200:]).any()
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "reason"),
+    [
+        ("adapt", "mft", "no adapt of attitude tilt 'mft'. Did you mean 'mtf'"),
+        ("propagation", "euler", "no propagation of attitude tilt 'euler'"),
+        ("compensation", "mid", "no compensation of attitude tilt 'mid'"),
+        ("yaw_source", "compass", "no yaw_source of attitude tilt 'compass'"),
+        ("sigma_accel_mps2", 0.0, "sigma_accel_mps2 is 0.0; it must be a positive number"),
+        ("initial_tilt_variance", -1.0, "initial_tilt_variance is -1.0"),
+        ("course_min_speed_mps", 0.0, "course_min_speed_mps is 0.0"),
+        ("course_sigma_min_rad", math.nan, "course_sigma_min_rad is nan"),
+        ("sigma_gyro_radps", -1.0, "sigma_gyro_radps is -1.0; it must be zero or positive"),
+        ("yaw_walk_rad_per_sqrt_s", -1.0, "yaw_walk_rad_per_sqrt_s is -1.0"),
+        ("external_memory", 1.5, "external_memory is 1.5; it must be from 0 to 1"),
+        ("window", 0, "window is 0; it must be at least 1"),
+        ("adapt", "lee", "adapt lee with external_memory 0 never adapts"),
+    ],
+)
+def test_a_value_that_makes_no_sense_is_one_sentence(field, value, reason):
+    with pytest.raises(PluginError, match=reason):
+        Tilt(**{field: value})
+
+
+def test_it_is_registered_and_every_parameter_is_documented():
+    assert get("attitude", "tilt") is Tilt
+    for field in dataclasses.fields(Tilt):
+        assert f"        {field.name}: " in Tilt.__doc__
+
+
+@pytest.mark.parametrize(
+    ("preset", "wanted"),
+    [
+        ("field", Tilt()),
+        ("real", Tilt(sigma_accel_mps2=0.5, propagation="exact")),
+        ("none", Tilt(adapt="none")),
+    ],
+)
+def test_the_presets(preset, wanted):
+    config = OmegaConf.to_container(OmegaConf.load(PRESETS / f"{preset}.yaml"))
+    assert config.pop("defaults") == ["tilt", "_self_"]
+    assert create("attitude", {"name": "tilt", **config}).tilt_parameters() == wanted.tilt_parameters()
