@@ -1,5 +1,6 @@
 """What a plugin of each kind offers. A plugin need not inherit from these; it only has to fit."""
 
+from collections.abc import Hashable
 from typing import ClassVar, Protocol, runtime_checkable
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
@@ -8,7 +9,7 @@ from jerkbench.recording import Recording
 from jerkbench.timeline.timeline import Timeline
 
 
-class Dataset(Protocol):
+class Dataset(Hashable, Protocol):
     """A source of recordings.
 
     Attributes:
@@ -26,7 +27,7 @@ class Dataset(Protocol):
         ...
 
 
-class Disturbance(Protocol):
+class Disturbance(Hashable, Protocol):
     """A change of a recording.
 
     Attributes:
@@ -44,7 +45,7 @@ class Disturbance(Protocol):
         ...
 
 
-class AttitudeFilter(Protocol):
+class AttitudeFilter(Hashable, Protocol):
     """A way to find the attitude."""
 
     def estimate(self, recording: Recording) -> Attitude:

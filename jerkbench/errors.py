@@ -1,7 +1,12 @@
 """Errors that are sentences: what was given, what there is, what to do."""
 
 import difflib
+import sys
 from collections.abc import Iterable
+from typing import NoReturn
+
+BAD_INPUT = 2
+"""Exit code of the command line where the input is at fault."""
 
 
 class JerkbenchError(Exception):
@@ -26,3 +31,9 @@ def unknown(what: str, given: str, available: Iterable[str]) -> str:
     near = difflib.get_close_matches(given, names, n=1)
     hint = f" Did you mean '{near[0]}'?" if near else ""
     return f"There is no {what} '{given}'.{hint} Available: {', '.join(names)}."
+
+
+def exit_with(error: JerkbenchError) -> NoReturn:
+    """End the command line with the sentence of ``error``."""
+    print(f"jerkbench: {error}", file=sys.stderr)
+    raise SystemExit(BAD_INPUT) from None

@@ -1,0 +1,37 @@
+"""Hydra finds launchers and sweepers in the namespace ``hydra_plugins`` only; ours are thin and hand over."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
+from hydra.core.utils import JobReturn
+from hydra.plugins.launcher import Launcher
+from hydra.types import HydraContext, TaskFunction
+from omegaconf import DictConfig
+
+
+class JerkbenchLauncher(Launcher):
+    """Gets all jobs of a sweep at once, and runs them as one sweep of cells."""
+
+    def setup(self, *, hydra_context: HydraContext, task_function: TaskFunction, config: DictConfig) -> None:
+        """Keep what is needed to compose the jobs."""
+        self.config, self.hydra_context = config, hydra_context
+
+    def launch(self, job_overrides: Sequence[Sequence[str]], initial_job_idx: int) -> Sequence[JobReturn]:
+        """Run the jobs; the results are in the study's folder."""
+        from jerkbench.benchmark.app import sweep
+
+        return sweep(self.hydra_context.config_loader, self.config, job_overrides)
+
+
+class JerkbenchSweeper(BasicSweeper):
+    """Hydra's own sweeper, which composes each job once more to see whether it can; our launcher sees that itself."""
+
+    def __init__(self, max_batch_size: int | None = None, params: Any = None) -> None:  # noqa: ANN401 - Hydra's mapping
+        """Take Hydra's own parameters."""
+        super().__init__(max_batch_size, params or {})
+
+    def validate_batch_is_legal(self, batch: Sequence[Sequence[str]]) -> None:
+        """Leave it to a foreign launcher's job only where there is one."""
+        if not isinstance(self.launcher, JerkbenchLauncher):
+            super().validate_batch_is_legal(batch)

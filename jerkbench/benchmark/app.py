@@ -1,0 +1,165 @@
+"""The Hydra app behind `jerkbench run`: one cell, or a sweep of many."""
+
+import signal
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import hydra
+from hydra.conf import HydraConf
+from hydra.core.config_loader import ConfigLoader
+from hydra.core.config_store import ConfigStore
+from hydra.core.hydra_config import HydraConfig
+from hydra.core.utils import JobReturn, JobStatus
+from hydra.experimental.callback import Callback
+from hydra.types import RunMode
+from omegaconf import DictConfig, open_dict
+
+from jerkbench.benchmark.cell import Cell, refusal
+from jerkbench.benchmark.configuration import cell_of, register_schemas, study_folder
+from jerkbench.benchmark.single import run_single
+from jerkbench.benchmark.store import Store
+from jerkbench.benchmark.study import load_study, write_manifest, write_study
+from jerkbench.benchmark.sweep import Plan, Planned, plan_sweep, run_and_store, run_sweep
+from jerkbench.errors import JerkbenchError, PluginError, exit_with
+from jerkbench.presets import config_folder
+
+FAILED, INTERRUPTED = 1, 130
+SWEEPER = "hydra_plugins.jerkbench.JerkbenchSweeper"
+LAUNCHER = "hydra_plugins.jerkbench.JerkbenchLauncher"
+
+
+def main(arguments: Sequence[str]) -> None:
+    """Run the app with Hydra's command line ``arguments``."""
+    register_schemas()
+    _register_hydra_parts()
+    app = hydra.main(version_base="1.3", config_path=str(config_folder()), config_name="config")(_task)
+    sys.argv = ["jerkbench run", *arguments]
+    app()
+
+
+def sweep(loader: ConfigLoader, config: DictConfig, jobs: Sequence[Sequence[str]]) -> list[JobReturn]:
+    """Run all jobs of a sweep, and end with the table, also after a failure or Ctrl-C.
+
+    Raises:
+        SystemExit: a run failed, or the sweep was interrupted.
+    """
+    try:
+        plan = plan_sweep([_composed_cell(loader, config, job) for job in jobs])
+    except JerkbenchError as error:
+        exit_with(error)
+    for line in plan.refused:
+        print(line, file=sys.stderr)
+    store = Store(study_folder(config))
+    code = 0
+    try:
+        with _terminated_like_interrupted():
+            run_sweep(plan, store, config.workers or _processors())
+    except KeyboardInterrupt:
+        print("Interrupted. What is done is stored; the same command goes on from there.", file=sys.stderr)
+        code = INTERRUPTED
+    failed = _conclude(plan, store, config)
+    if code or failed:
+        raise SystemExit(code or FAILED)
+    return [JobReturn(status=JobStatus.COMPLETED) for _ in jobs]
+
+
+class Conclude(Callback):
+    """Writes the table after a sweep that another launcher than ours has run."""
+
+    def on_multirun_end(self, config: DictConfig, **_: Any) -> None:  # noqa: ANN401 - Hydra's signature
+        """Write the table of the whole study."""
+        if config.hydra.launcher["_target_"] != LAUNCHER:
+            write_study(load_study(study_folder(config)))
+
+
+def _task(config: DictConfig) -> None:
+    """One job: a single run, or one cell of a sweep that another launcher has started."""
+    try:
+        _run_job(config, HydraConfig.get())
+    except JerkbenchError as error:  # here, because Hydra would print more than the sentence
+        exit_with(error)
+
+
+def _run_job(config: DictConfig, job: HydraConf) -> None:
+    cell = cell_of(config, job.runtime.choices, list(job.overrides.task))
+    sweeping = job.mode == RunMode.MULTIRUN
+    if reason := refusal(cell):
+        if not sweeping:
+            raise PluginError(f"This combination makes no sense: {reason}.")
+        print(f"Left out: {reason}.", file=sys.stderr)
+        return
+    (one,) = plan_sweep([cell]).cells
+    folder = study_folder(config)
+    if not sweeping:
+        _run_and_show(one, folder, config)
+    elif not Store(folder).done(one.key):
+        run_and_store(folder, one)
+
+
+def _run_and_show(one: Planned, folder: Path, config: DictConfig) -> None:
+    from jerkbench.report.terminal import print_run
+
+    rows, figures = run_single(one, folder, figures=config.figures)
+    write_manifest(folder, [one.key], list(config.notes), sys.argv)
+    write_study(load_study(folder))
+    print_run(rows)
+    for path in figures:
+        print(f"Figure: {path}")
+
+
+def _composed_cell(loader: ConfigLoader, config: DictConfig, job: Sequence[str]) -> Cell:
+    composed = loader.load_sweep_config(config, list(job))
+    choices, overrides = composed.hydra.runtime.choices, list(composed.hydra.overrides.task)
+    with open_dict(composed):
+        del composed["hydra"]
+    return cell_of(composed, choices, overrides)
+
+
+def _conclude(plan: Plan, store: Store, config: DictConfig) -> bool:
+    """Write and print the tables of what is there; whether any run failed."""
+    from jerkbench.report.terminal import print_table
+
+    keys = [one.key for one in plan.cells]
+    folder = store.folder.parent
+    done = [key for key in keys if store.path(key).exists()]
+    if not done:
+        return False
+    write_manifest(folder, keys, list(config.notes), sys.argv)
+    study = load_study(folder)
+    write_study(study)
+    ours = study.only(keys)
+    print_table(ours.rows, ours.notes)
+    print(f"\nRows, tables and manifest: {folder}")
+    return bool((ours.rows["status"] == "failed").any())
+
+
+@contextmanager
+def _terminated_like_interrupted() -> Iterator[None]:
+    """Let SIGTERM end a sweep as Ctrl-C does."""
+
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGTERM, interrupt)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def _processors() -> int:
+    import os
+
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _register_hydra_parts() -> None:
+    store = ConfigStore.instance()
+    store.store(group="hydra/launcher", name="jerkbench", node={"_target_": LAUNCHER})
+    sweeper: dict[str, Any] = {"_target_": SWEEPER, "max_batch_size": None, "params": {}}
+    store.store(group="hydra/sweeper", name="jerkbench", node=sweeper)
+    callback = {"conclude": {"_target_": "jerkbench.benchmark.app.Conclude"}}
+    store.store(group="hydra/callbacks", name="jerkbench", node=callback)

@@ -1,0 +1,154 @@
+"""A cell: one combination of data set, disturbances, attitude, filter, adaptation and noise, with all its seeds."""
+
+import dataclasses
+from collections.abc import Iterable, Mapping
+from typing import Any, NamedTuple
+
+from jerkbench import plugins
+from jerkbench.benchmark.noise import replaced
+from jerkbench.contracts import (
+    Adaptation,
+    AttitudeFilter,
+    Dataset,
+    Disturbance,
+    Engine,
+    Estimator,
+    Filter,
+    Metric,
+)
+from jerkbench.errors import PluginError
+
+Config = Mapping[str, Any]
+
+
+class Labels(NamedTuple):
+    """What the tables call the parts of a cell."""
+
+    dataset: str
+    disturbance: str
+    attitude: str
+    filter: str
+    adaptation: str
+    noise: str
+
+
+@dataclasses.dataclass(frozen=True)
+class Protocol:
+    """How a cell is run and scored.
+
+    Attributes:
+        seeds: number of runs of a cell that has anything random.
+        first_seed: the first of them.
+        burn_in_s: errors count from this time on [s].
+        divergence_limit_m: a larger position error is a divergence [m].
+    """
+
+    seeds: int = 5
+    first_seed: int = 0
+    burn_in_s: float = 5.0
+    divergence_limit_m: float = 1000.0
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        if self.seeds < 1:
+            raise PluginError(f"seeds is {self.seeds}; at least one run is needed.")
+        if self.first_seed < 0:
+            raise PluginError(f"first_seed is {self.first_seed}; it must not be negative.")
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Cell:
+    """A cell, ready to run.
+
+    Attributes:
+        labels: what tables call its parts.
+        spec: its parts as plain data: kind -> {"name": ..., parameters}; `build` makes the same cell from it.
+        protocol: how it is run and scored.
+        dataset: source of the recordings.
+        disturbances: applied in this order.
+        attitude: attitude filter.
+        filter: kinematic filter, or estimator.
+        adaptation: rule that adapts R.
+        engine: what runs a kinematic filter.
+        metrics: what is computed from each run.
+    """
+
+    labels: Labels
+    spec: Config
+    protocol: Protocol
+    dataset: Dataset
+    disturbances: tuple[Disturbance, ...]
+    attitude: AttitudeFilter
+    filter: Filter | Estimator
+    adaptation: Adaptation
+    engine: Engine
+    metrics: tuple[Metric, ...]
+
+    @property
+    def seeded(self) -> bool:
+        """Whether anything in it is random."""
+        return self.dataset.seeded or any(d.seeded for d in self.disturbances)
+
+    @property
+    def draws(self) -> range:
+        """The seeds to run; of a deterministic cell, the phases of its decimation."""
+        if self.seeded:
+            return range(self.protocol.first_seed, self.protocol.first_seed + self.protocol.seeds)
+        return range(max((d.replicates() for d in self.disturbances), default=1))
+
+
+def build(spec: Config, protocol: Protocol, labels: Labels | None = None) -> Cell:
+    """Make a cell from plain data.
+
+    Args:
+        spec: dataset, attitude, filter, adaptation, engine: {"name": ..., parameters}; disturbance: a list of such;
+            noise (optional): parameters that replace the filter's own; metrics (optional): names, default all.
+        protocol: how it is run and scored.
+        labels: what tables call its parts; default: the plugins' names.
+
+    Raises:
+        PluginError: something is unknown or does not fit together.
+    """
+    single = {kind: plugins.create(kind, spec[kind]) for kind in ("dataset", "attitude", "adaptation", "engine")}
+    noise = replaced(plugins.get("filter", spec["filter"]["name"]), spec.get("noise", {}))
+    model = plugins.create("filter", {**spec["filter"], **noise})
+    disturbances = tuple(plugins.create("disturbance", one) for one in spec["disturbance"])
+    metrics = tuple(spec.get("metrics") or plugins.names("metric"))
+    effective: dict[str, Any] = {
+        kind: _plain(spec[kind]["name"], part) for kind, part in {**single, "filter": model}.items()
+    }
+    effective["disturbance"] = [_plain(d["name"], p) for d, p in zip(spec["disturbance"], disturbances, strict=True)]
+    return Cell(
+        labels=labels or default_labels(effective),
+        spec={**effective, "metrics": list(metrics)},
+        protocol=protocol,
+        disturbances=disturbances,
+        filter=model,
+        metrics=tuple(plugins.create("metric", {"name": name}) for name in metrics),
+        **single,
+    )
+
+
+def refusal(cell: Cell) -> str:
+    """Return why the filter does not take the adaptation, or an empty string."""
+    name = cell.spec["adaptation"]["name"]
+    if not isinstance(cell.filter, Estimator) or name in cell.filter.adaptations:
+        return ""
+    accepted = ", ".join(cell.filter.adaptations)
+    return f"the filter {cell.spec['filter']['name']} takes no adaptation '{name}', only: {accepted}"
+
+
+def default_labels(spec: Config) -> Labels:
+    """The plugins' own names."""
+    names = {kind: spec[kind]["name"] for kind in ("dataset", "attitude", "filter", "adaptation")}
+    return Labels(disturbance=joined(d["name"] for d in spec["disturbance"]), noise="own", **names)
+
+
+def joined(names: Iterable[str]) -> str:
+    """One name for a list of disturbances; `none` only when it is the only one."""
+    several = list(names)
+    return "+".join(name for name in several if name != "none") or "none"
+
+
+def _plain(name: str, plugin: Any) -> dict[str, Any]:  # noqa: ANN401 - a plugin of any kind
+    return {"name": name, **dataclasses.asdict(plugin)}

@@ -1,0 +1,132 @@
+"""Between Hydra and a cell: the schema of the configuration, and the cell that a composed one describes."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+from hydra.core.config_store import ConfigStore
+from omegaconf import DictConfig, OmegaConf
+
+from jerkbench import plugins
+from jerkbench.benchmark.cell import Cell, Labels, Protocol, build, joined
+from jerkbench.benchmark.noise import Noise
+
+GROUPS = ("dataset", "attitude", "filter", "adaptation", "engine")
+"""Groups of which a configuration holds one plugin; `disturbance` holds several."""
+
+
+@dataclass
+class Schema:
+    """The fields of a configuration that belong to no group.
+
+    Attributes:
+        study: name of the study; its results are in ``results``/``study``.
+        results: folder of all results.
+        seeds: number of runs of a cell that has anything random.
+        first_seed: the first of them.
+        burn_in_s: errors count from this time on [s].
+        divergence_limit_m: a larger position error is a divergence [m].
+        metrics: names of the metrics to compute; empty: all.
+        workers: number of processes of a sweep; 0: one for each processor.
+        figures: whether a single run draws its trajectory and its errors.
+        notes: sentences to print under the tables (what was tuned, on what, with which budget).
+    """
+
+    study: str = "adhoc"
+    results: str = "results"
+    seeds: int = 5
+    first_seed: int = 0
+    burn_in_s: float = 5.0
+    divergence_limit_m: float = 1000.0
+    metrics: list[str] = field(default_factory=list)
+    workers: int = 0
+    figures: bool = True
+    notes: list[str] = field(default_factory=list)
+    dataset: Any = None
+    disturbance: Any = None
+    attitude: Any = None
+    filter: Any = None
+    adaptation: Any = None
+    engine: Any = None
+    noise: Noise = field(default_factory=Noise)
+
+
+def register_schemas() -> None:
+    """Put the schema and every plugin into Hydra's ConfigStore."""
+    store = ConfigStore.instance()
+    store.store(name="schema", node=Schema)
+    store.store(group="noise", name="schema", node=Noise)
+    for kind in (*GROUPS, "disturbance"):
+        for name in plugins.names(kind):
+            _store_plugin(store, kind, name)
+
+
+def study_folder(config: DictConfig) -> Path:
+    """Where the results of the configuration's study are."""
+    return Path(str(config.results)) / str(config.study)
+
+
+def cell_of(config: DictConfig, choices: Mapping[str, Any], overrides: list[str]) -> Cell:
+    """Make the cell that a composed configuration describes.
+
+    Args:
+        config: the configuration without its ``hydra`` part.
+        choices: Hydra's choice for each group, for the labels.
+        overrides: the overrides of the job, for the labels.
+
+    Raises:
+        PluginError: a plugin does not take its parameters.
+    """
+    plain: Any = OmegaConf.to_container(config, resolve=True)
+    spec = {group: plain[group] for group in GROUPS}
+    spec["disturbance"] = list(plain["disturbance"].values())
+    spec["noise"], spec["metrics"] = plain["noise"], plain["metrics"]
+    protocol = Protocol(**{f.name: plain[f.name] for f in fields(Protocol)})
+    return build(spec, protocol, _labels(spec, choices, overrides))
+
+
+def _store_plugin(store: ConfigStore, kind: str, name: str) -> None:
+    schema = plugins.schema(kind, name)
+    if kind == "disturbance":  # each under its own name, so that several can be chosen
+        store.store(group=kind, name=name, node=schema, package=f"disturbance.{name}")
+        return
+    attitude = getattr(plugins.get(kind, name), "default_attitude", None)
+    if kind == "dataset" and attitude:
+        node = {"defaults": ["_self_", {"override /attitude": attitude}], kind: OmegaConf.structured(schema)}
+        store.store(group=kind, name=name, node=OmegaConf.create(node), package="_global_")
+    else:
+        store.store(group=kind, name=name, node=schema)
+
+
+def _labels(spec: dict[str, Any], choices: Mapping[str, Any], overrides: list[str]) -> Labels:
+    """Names of the choices, with the parameters that the overrides set in parentheses."""
+    changed = _parameters(overrides)
+    names = {kind: _named(str(choices[kind]), changed.get(kind, [])) for kind in GROUPS if kind != "engine"}
+    disturbances = (_named(d["name"], changed.get(f"disturbance.{d['name']}", [])) for d in spec["disturbance"])
+    return Labels(disturbance=joined(disturbances), noise=_noise_label(spec, choices, changed), **names)
+
+
+def _noise_label(spec: dict[str, Any], choices: Mapping[str, Any], changed: dict[str, list[str]]) -> str:
+    """The preset or the swept values; "own" for a filter that has none of the fields."""
+    own = {f.name for f in fields(plugins.get("filter", spec["filter"]["name"]))}
+    if not own & {key for key, value in spec["noise"].items() if value is not None}:
+        return "own"
+    preset = str(choices["noise"])
+    parameters = [p for p in changed.get("noise", []) if p.split("=")[0] in own]
+    return ", ".join(parameters) if preset == "own" else _named(preset, parameters)
+
+
+def _parameters(overrides: list[str]) -> dict[str, list[str]]:
+    """Parameters set by overrides, "key=value", for each plugin; places of files are no label."""
+    found: dict[str, list[str]] = {}
+    for override in overrides:
+        key, _, value = override.lstrip("+~").partition("=")
+        owner, _, name = key.rpartition(".")
+        if owner and not key.startswith("hydra") and "/" not in value and name not in ("folder", "file"):
+            found.setdefault(owner, []).append(f"{name}={value}")
+    return found
+
+
+def _named(name: str, parameters: list[str]) -> str:
+    return f"{name}({', '.join(parameters)})" if parameters else name

@@ -1,0 +1,33 @@
+"""What every filter of a sweep shares: the recording, its attitude, its timeline; made once for each process."""
+
+from functools import lru_cache
+
+from jerkbench.contracts import AttitudeFilter, Dataset, Disturbance
+from jerkbench.estimate import Attitude
+from jerkbench.recording import Recording
+from jerkbench.timeline.timeline import Timeline, build_timeline
+
+KEPT = 64
+"""How many of each are kept: about 5 MB for 150 s at 100 Hz."""
+
+
+@lru_cache(maxsize=KEPT)
+def disturbed(dataset: Dataset, disturbances: tuple[Disturbance, ...], fingerprint: str, seed: int) -> Recording:
+    """The recording of ``seed`` after all disturbances, in order; ``fingerprint`` tells changed files apart."""
+    del fingerprint  # it is only part of the cache's key
+    recording = dataset.load(seed)
+    for disturbance in disturbances:
+        recording = disturbance.apply(recording, seed)
+    return recording
+
+
+@lru_cache(maxsize=KEPT)
+def attitude_of(recording: Recording, attitude: AttitudeFilter) -> Attitude:
+    """The attitude that ``attitude`` finds in ``recording``."""
+    return attitude.estimate(recording)
+
+
+@lru_cache(maxsize=KEPT)
+def timeline_of(recording: Recording, attitude: Attitude) -> Timeline:
+    """The events of the run."""
+    return build_timeline(recording, attitude)

@@ -1,0 +1,90 @@
+"""Runs cells in processes of their own; a process goes on with cells of the recording that it knows already."""
+
+import multiprocessing
+import signal
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from typing import Generic, TypeVar
+
+Task = TypeVar("Task")
+Result = TypeVar("Result")
+
+
+def run_grouped(
+    work: Callable[[Task], Result], groups: Iterable[list[Task]], workers: int
+) -> Iterator[tuple[Task, Result | None]]:
+    """Yield each task with its result as it is done; None where the process died.
+
+    A worker takes the tasks of one group in their order. When no group is left it helps with the longest.
+    """
+    waiting = [deque(group) for group in groups if group]
+    workers = min(workers, sum(map(len, waiting)))
+    if workers <= 1:
+        yield from ((task, work(task)) for group in waiting for task in group)
+        return
+    pool = _Pool(work, waiting, workers)
+    try:
+        yield from pool.results()
+    finally:
+        pool.close()
+
+
+class _Pool(Generic[Task, Result]):
+    """One single-process executor a worker, so that it is known who has which recording in memory."""
+
+    def __init__(self, work: Callable[[Task], Result], waiting: list[deque[Task]], workers: int) -> None:
+        self.work, self.waiting = work, waiting
+        self.executors = [_executor() for _ in range(workers)]
+        self.current: list[deque[Task] | None] = [None] * workers
+
+    def results(self) -> Iterator[tuple[Task, Result | None]]:
+        running: dict[Future[Result], tuple[int, Task]] = {}
+        for worker in range(len(self.executors)):
+            self._start(worker, running)
+        while running:
+            finished, _ = wait(running, return_when=FIRST_COMPLETED)
+            for future in finished:
+                worker, task = running.pop(future)
+                yield task, self._result(future, worker)
+                self._start(worker, running)
+
+    def close(self) -> None:
+        """End the workers at once, whatever they are doing: what is done is stored, the rest is not wanted."""
+        for executor in self.executors:
+            executor.shutdown(wait=False, cancel_futures=True)
+        for child in multiprocessing.active_children():
+            child.terminate()
+
+    def _start(self, worker: int, running: dict[Future[Result], tuple[int, Task]]) -> None:
+        if (task := self._next(worker)) is not None:
+            running[self.executors[worker].submit(self.work, task)] = (worker, task)
+
+    def _next(self, worker: int) -> Task | None:
+        group = self.current[worker]
+        if not group:
+            untouched = [g for g in self.waiting if g and g not in self.current]
+            group = max(untouched or self.waiting, key=len)
+            self.current[worker] = group
+        return group.popleft() if group else None
+
+    def _result(self, future: Future[Result], worker: int) -> Result | None:
+        try:
+            return future.result()
+        except BrokenProcessPool:
+            self.executors[worker] = _executor()
+            return None
+
+
+def _executor() -> ProcessPoolExecutor:
+    # spawn: a forked process may hang in libraries that hold threads
+    return ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), initializer=_prepare)
+
+
+def _prepare() -> None:
+    """One thread a process; Ctrl-C is for the parent."""
+    from threadpoolctl import threadpool_limits
+
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threadpool_limits(1)

@@ -1,0 +1,76 @@
+"""Runs a cell: one row for each seed."""
+
+import traceback
+from typing import Any
+
+from jerkbench.benchmark import inputs
+from jerkbench.benchmark.cell import Cell
+from jerkbench.contracts import Estimator
+from jerkbench.errors import JerkbenchError
+from jerkbench.estimate import Estimate
+from jerkbench.evaluation.run import evaluate_run, run_status
+from jerkbench.recording import Recording
+
+Row = dict[str, Any]
+
+
+def run_cell(cell: Cell, fingerprint: str) -> tuple[list[Row], list[str]]:
+    """Run every seed of ``cell``; returns a row for each, and what a reader of them has to know.
+
+    A run that raises is a row with the status "failed" and the reason.
+    """
+    rows, notes = [], {}
+    for draw in cell.draws:
+        row, said = _guarded_row(cell, draw, fingerprint)
+        rows.append(row)
+        notes.update(dict.fromkeys(said))
+    return rows, list(notes)
+
+
+def run_once(cell: Cell, draw: int, fingerprint: str) -> tuple[Recording, Estimate]:
+    """Run one seed; returns what the filter saw and what it made of it."""
+    recording = inputs.disturbed(cell.dataset, cell.disturbances, fingerprint, draw)
+    attitude = inputs.attitude_of(recording, cell.attitude)
+    if isinstance(cell.filter, Estimator):
+        return recording, cell.filter.estimate(recording, attitude, cell.adaptation)
+    timeline = inputs.timeline_of(recording, attitude)
+    return recording, cell.engine.run(timeline, cell.filter, cell.adaptation)
+
+
+def score(cell: Cell, draw: int, recording: Recording, estimate: Estimate) -> Row:
+    """Return the row of one run."""
+    status, reason = run_status(estimate, recording, cell.protocol.divergence_limit_m)
+    values = evaluate_run(estimate, recording, cell.protocol.burn_in_s, cell.metrics)
+    return {**_head(cell, draw), "status": status, "reason": reason, **values}
+
+
+def failed_rows(cell: Cell, reason: str) -> list[Row]:
+    """Rows of a cell of which no seed could be run."""
+    return [_failed(cell, draw, reason) for draw in cell.draws]
+
+
+def notes_of(cell: Cell, recording: Recording) -> list[str]:
+    """Where the reference comes from, and what the recording says about itself."""
+    reference, name = recording.reference, cell.labels.dataset
+    independence = "independent of" if reference.independent else "not independent of"
+    source = f"Reference of {name}: {reference.source}; {independence} the measurements."
+    return [source, *(f"{name}: {note}" for note in recording.notes)]
+
+
+def _guarded_row(cell: Cell, draw: int, fingerprint: str) -> tuple[Row, list[str]]:
+    try:
+        recording, estimate = run_once(cell, draw, fingerprint)
+        return score(cell, draw, recording, estimate), notes_of(cell, recording)
+    except JerkbenchError as error:
+        return _failed(cell, draw, str(error)), []
+    except Exception as error:  # noqa: BLE001 - whatever a plugin raises becomes a row that says so
+        at = traceback.extract_tb(error.__traceback__)[-1]
+        return _failed(cell, draw, f"{type(error).__name__}: {error} ({at.name}, line {at.lineno})"), []
+
+
+def _failed(cell: Cell, draw: int, reason: str) -> Row:
+    return {**_head(cell, draw), "status": "failed", "reason": reason}
+
+
+def _head(cell: Cell, draw: int) -> Row:
+    return {**cell.labels._asdict(), "seed": draw, "replicate": "seed" if cell.seeded else "phase"}

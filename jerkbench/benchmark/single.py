@@ -1,0 +1,58 @@
+"""A single run: one cell, its metrics in the terminal, its trajectory and its errors as figures."""
+
+import re
+import time
+from pathlib import Path
+
+import pandas as pd
+
+from jerkbench.benchmark.cell import Cell
+from jerkbench.benchmark.run import Row, notes_of, run_once, score
+from jerkbench.benchmark.store import Store
+from jerkbench.benchmark.sweep import Planned, about
+from jerkbench.estimate import Estimate
+from jerkbench.recording import Recording
+
+
+def run_single(one: Planned, folder: Path, *, figures: bool) -> tuple[pd.DataFrame, list[Path]]:
+    """Run one cell, unless it is done; returns its rows and the figures of its first seed.
+
+    Nothing is caught: what is wrong with the input or a plugin ends the run, and nothing is stored.
+    """
+    store = Store(folder)
+    if not store.done(one.key):
+        _run_and_store(one, store)
+    (stored,), _ = store.read([one.key])
+    return stored.rows, _draw(one, folder) if figures else []
+
+
+def _run_and_store(one: Planned, store: Store) -> None:
+    began = time.perf_counter()
+    rows: list[Row] = []
+    notes: dict[str, None] = {}
+    for draw in one.cell.draws:
+        recording, estimate = run_once(one.cell, draw, one.fingerprint)
+        rows.append(score(one.cell, draw, recording, estimate))
+        notes.update(dict.fromkeys(notes_of(one.cell, recording)))
+    store.write(one.key, rows, about(one, list(notes), time.perf_counter() - began))
+
+
+def _draw(one: Planned, folder: Path) -> list[Path]:
+    """Draw trajectory and errors of the first seed."""
+    recording, estimate = run_once(one.cell, one.cell.draws[0], one.fingerprint)
+    return draw_run(one.cell, recording, estimate, folder / "figures")
+
+
+def draw_run(cell: Cell, recording: Recording, estimate: Estimate, folder: Path) -> list[Path]:
+    """Draw the trajectory and the errors of one run; returns the files."""
+    from jerkbench.report.figures import error_figure, save_figure, trajectory_figure
+
+    labels = cell.labels
+    estimates = {f"{labels.filter} + {labels.adaptation}": estimate}
+    name = re.sub(r"[^A-Za-z0-9.+=-]+", "_", "-".join(labels))
+    drawn = {"trajectory": trajectory_figure, "errors": error_figure}
+    paths = []
+    for what, draw in drawn.items():
+        paths.append(folder / f"{name}-{what}.png")
+        save_figure(draw(recording, estimates), paths[-1])
+    return paths

@@ -1,0 +1,101 @@
+"""The store: one Parquet file a cell, written at once and atomically, found again by its key."""
+
+import hashlib
+import json
+import os
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from jerkbench.benchmark.cell import Cell
+from jerkbench.benchmark.run import Row
+from jerkbench.benchmark.versions import code_digest, plugin_digest
+
+METADATA = b"jerkbench"
+
+
+@dataclass(frozen=True)
+class Stored:
+    """A cell as it was found.
+
+    Attributes:
+        key: its name in the store.
+        rows: one row a seed.
+        about: its specification, protocol, data, notes and times.
+    """
+
+    key: str
+    rows: pd.DataFrame
+    about: dict[str, Any]
+
+
+class Store:
+    """The cells of one study."""
+
+    def __init__(self, folder: Path) -> None:
+        """Open the store below ``folder`` (the study's); nothing is written yet."""
+        self.folder = folder / "cells"
+
+    def path(self, key: str) -> Path:
+        """Where the cell ``key`` is, or would be."""
+        return self.folder / f"{key}.parquet"
+
+    def done(self, key: str) -> bool:
+        """Whether the cell is there, whole, and no run of it failed (a failed one is tried again)."""
+        about = _read_about(self.path(key))
+        return about is not None and not about["failed"]
+
+    def write(self, key: str, rows: Sequence[Row], about: dict[str, Any]) -> None:
+        """Store a cell; a reader sees the whole of it or nothing."""
+        failed = sum(row["status"] == "failed" for row in rows)
+        table = pa.Table.from_pandas(pd.DataFrame(rows), preserve_index=False)
+        head = {METADATA: json.dumps({**about, "failed": failed}).encode()}
+        self.folder.mkdir(parents=True, exist_ok=True)
+        partial = self.folder / f".{key}.{os.getpid()}.partial"
+        try:
+            pq.write_table(table.replace_schema_metadata({**(table.schema.metadata or {}), **head}), partial)
+            partial.replace(self.path(key))
+        finally:
+            partial.unlink(missing_ok=True)
+
+    def read(self, keys: Iterable[str] | None = None) -> tuple[list[Stored], list[str]]:
+        """Return the cells ``keys`` (default: all), and the keys of those that cannot be read."""
+        if keys is None:
+            keys = sorted(path.stem for path in self.folder.glob("*.parquet"))
+        found, broken = [], []
+        for key in keys:
+            path = self.path(key)
+            about = _read_about(path)
+            if about is not None:
+                found.append(Stored(key, pd.read_parquet(path), about))
+            elif path.exists():
+                broken.append(key)
+        return found, broken
+
+
+def cell_key(cell: Cell, fingerprint: str) -> str:
+    """Hash of everything that the cell's rows depend on: specification, protocol, code, plugins, data."""
+    parts = [cell.dataset, *cell.disturbances, cell.attitude, cell.filter, cell.adaptation, cell.engine, *cell.metrics]
+    everything = {
+        "labels": cell.labels,
+        "spec": cell.spec,
+        "protocol": asdict(cell.protocol),
+        "code": code_digest(),
+        "plugins": [plugin_digest(type(part)) for part in parts],
+        "data": fingerprint,
+    }
+    return hashlib.sha256(json.dumps(everything, sort_keys=True).encode()).hexdigest()[:20]
+
+
+def _read_about(path: Path) -> dict[str, Any] | None:
+    """Metadata of a cell; None where there is no file, or none that is whole."""
+    try:
+        about: dict[str, Any] = json.loads(pq.read_schema(path).metadata[METADATA])
+    except (FileNotFoundError, pa.ArrowInvalid, KeyError, TypeError):
+        return None
+    return about

@@ -1,0 +1,111 @@
+"""The command line: one verb after the other, each answering at once; heavy libraries load where they are used."""
+
+import argparse
+import os
+import sys
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+
+from jerkbench.errors import JerkbenchError, exit_with
+
+RUN_HELP = """\
+jerkbench run [-m] [GROUP=NAME ...] [KEY=VALUE ...]
+
+Runs one combination, or with -m every combination of the values that are separated by commas.
+
+  jerkbench run                                             the defaults: the baseline on the simulated field
+  jerkbench run filter=jerk adaptation=mtf seeds=20
+  jerkbench run -m filter=baseline,jerk adaptation=none,mtf disturbance=none,gnss_outage
+  jerkbench run -m noise.accel_mps2=0.1,0.2,0.5             a sweep of the process noise
+  jerkbench run -m experiment=paper                         the paper's whole comparison
+
+GROUPs: dataset, disturbance, attitude, filter, adaptation, noise, engine, experiment. `jerkbench list` names what there
+is, `jerkbench show KIND NAME` the parameters. Several disturbances act in order: disturbance=[bias,gnss_outage].
+
+Other KEYs: study, results, seeds, first_seed, burn_in_s, divergence_limit_m, metrics, workers, figures, notes.
+Results are in results/STUDY. A cell that is done is not run again; a sweep that was stopped goes on where it was.
+
+It is a Hydra 1.3 app: --cfg job, --info, hydra/launcher=... and the rest work as Hydra documents them.
+"""
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run ``arguments`` (default: the process's own); exits with 2 and a sentence where the input is at fault."""
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    warnings.showwarning = _one_line
+    try:
+        _run(words[1:]) if words[:1] == ["run"] else _answer(words)
+    except JerkbenchError as error:
+        exit_with(error)
+    except BrokenPipeError:  # the reader, `head` for example, has had enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _run(words: list[str]) -> None:
+    """Hand over to Hydra; what it has to say about the configuration becomes one sentence."""
+    if {"-h", "--help"} & set(words):
+        print(RUN_HELP, end="")
+        return
+    os.environ["HYDRA_FULL_ERROR"] = "1"  # let errors through, instead of printing them and exiting
+    from hydra.errors import HydraException
+    from omegaconf.errors import OmegaConfBaseException
+
+    from jerkbench.benchmark.app import main as app
+    from jerkbench.benchmark.complaints import sentence
+
+    try:
+        app(words)
+    except (HydraException, OmegaConfBaseException) as error:
+        raise JerkbenchError(sentence(error)) from error
+
+
+def _answer(words: list[str]) -> None:
+    chosen = _parser().parse_args(words)
+    if chosen.verb == "list":
+        from jerkbench.catalogue import list_text
+
+        print(list_text(chosen.kind))
+    elif chosen.verb == "show":
+        from jerkbench.catalogue import show_text
+
+        print(show_text(chosen.kind, chosen.name))
+    elif chosen.verb == "table":
+        from jerkbench.benchmark.tabulate import print_study_table
+
+        print_study_table(chosen.folder, chosen.metric, chosen.rows, chosen.columns, chosen.format)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="jerkbench", description="Which navigation filter is better, by how much, on which recordings, and why?"
+    )
+    parser.add_argument("--version", action="version", version=_version())
+    verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB")
+    verbs.add_parser("run", help="run one combination, or with -m a sweep (jerkbench run --help)")
+    listing = verbs.add_parser("list", help="name what there is, of every kind or of one")
+    listing.add_argument("kind", nargs="?", help="dataset, disturbance, attitude, filter, adaptation, ...")
+    show = verbs.add_parser("show", help="print equations, parameters, defaults and source of one plugin or preset")
+    show.add_argument("kind")
+    show.add_argument("name")
+    _add_table(verbs.add_parser("table", help="print the table of a study once more, arranged as you like"))
+    return parser
+
+
+def _add_table(table: argparse.ArgumentParser) -> None:
+    factors = "dataset, disturbance, attitude, filter, adaptation, noise; separated by commas"
+    table.add_argument("folder", type=Path, help="the study's folder, for example results/paper")
+    table.add_argument("--metric", default="position_rmse_m", help="a column of rows.csv (default: position_rmse_m)")
+    table.add_argument("--rows", help=f"factors that make the rows: {factors}")
+    table.add_argument("--columns", help="factors that make the columns (default: adaptation)")
+    table.add_argument("--format", choices=("terminal", "md", "csv", "tex"), default="terminal")
+
+
+def _version() -> str:
+    from importlib.metadata import version
+
+    return f"jerkbench {version('jerkbench')}"
+
+
+def _one_line(message: Warning | str, *_: object, **__: object) -> None:
+    print(f"jerkbench: {message}", file=sys.stderr)

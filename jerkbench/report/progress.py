@@ -1,0 +1,49 @@
+"""The progress of a sweep, with the time left."""
+
+from collections import Counter
+from collections.abc import Sequence
+from types import TracebackType
+from typing import Self
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import Progress as Bar
+
+
+class Progress:
+    """A bar over the cells of a sweep, on standard error; says how many runs diverged or failed."""
+
+    def __init__(self, cells: int, already: int) -> None:
+        """Prepare a bar for ``cells``, of which ``already`` many are done."""
+        self._counts: Counter[str] = Counter()
+        columns = (
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TextColumn("cells"),
+            TimeElapsedColumn(),
+            TextColumn("left"),
+            TimeRemainingColumn(),
+            TextColumn("{task.fields[trouble]}"),
+        )
+        self._bar = Bar(*columns, console=Console(stderr=True))
+        self._task = self._bar.add_task("Sweep", total=cells - already, trouble="")
+        if already:
+            self._bar.console.print(f"{already} of {cells} cells are done already.")
+
+    def advance(self, statuses: Sequence[str]) -> None:
+        """Count one more cell, whose runs ended with ``statuses``."""
+        self._counts.update(statuses)
+        trouble = ", ".join(f"{self._counts[s]} runs {s}" for s in ("diverged", "failed") if self._counts[s])
+        self._bar.update(self._task, advance=1, trouble=trouble)
+
+    def __enter__(self) -> Self:
+        """Start drawing."""
+        self._bar.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Stop drawing."""
+        self._bar.stop()
