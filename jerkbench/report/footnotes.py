@@ -1,0 +1,62 @@
+"""The sentences under a table: what is the same everywhere, how to read a cell, what went wrong."""
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+from jerkbench.report.quantities import quantity
+from jerkbench.report.table import ABSENT, Cell, Table
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+FEW = 10
+"""Below so many seeds the bootstrap's interval is too short."""
+
+REASONS = 3
+"""How many different reasons of failures are told."""
+
+
+def footnotes(table: Table, rows: "pd.DataFrame", notes: Sequence[str]) -> tuple[str, ...]:
+    """Return the sentences under ``table``, the caller's ``notes`` at the end."""
+    cells = [cell for row in table.cells for cell in row if cell is not None]
+    return (*_constants(table), *_reading(table, cells), *_trouble(cells, rows), *notes)
+
+
+def _constants(table: Table) -> Iterator[str]:
+    if table.constants:
+        yield "In every cell: " + ", ".join(f"{key} {value}" for key, value in table.constants) + "."
+
+
+def _reading(table: Table, cells: list[Cell]) -> Iterator[str]:
+    """How to read the numbers."""
+    yield from _intervals([c for c in cells if c.interval and c.replicate == "seed"])
+    if any(c.interval for c in cells if c.replicate == "phase"):
+        yield "{low–high}: range over the phases of one recording: not a confidence interval."  # noqa: RUF001 - a range
+    if any(c.best for c in cells):
+        yield "Bold: the lowest mean of the row among the cells whose runs all went well."
+    expected = quantity(table.metric).expected
+    if expected is not None:
+        yield f"A consistent filter gives {expected:g}; more is overconfident, less too cautious."
+    if any(c.number == "n/a" for c in cells):
+        yield "n/a: the metric does not apply."
+    if any(cell is None for row in table.cells for cell in row):
+        yield f"{ABSENT}: this combination was not run."
+
+
+def _intervals(cells: list[Cell]) -> Iterator[str]:
+    if not cells:
+        return
+    good = [cell.runs - cell.diverged - cell.failed for cell in cells]
+    seeds = f"{max(good)}" if min(good) == max(good) else f"{min(good)} to {max(good)}"
+    few = f" Of fewer than {FEW} seeds it is too short." if min(good) < FEW else ""
+    yield f"[low, high]: 95 % BCa bootstrap interval of the mean over {seeds} seeds.{few}"
+
+
+def _trouble(cells: list[Cell], rows: "pd.DataFrame") -> Iterator[str]:
+    if any(c.diverged and not math.isnan(c.mean) for c in cells):
+        yield "k/n diverged: k of n runs diverged; the mean is over the others."
+    if any(c.failed for c in cells):
+        reasons = list(dict.fromkeys(rows.loc[rows["status"] == "failed", "reason"].astype(str)))
+        more = f"; and {len(reasons) - REASONS} more" if len(reasons) > REASONS else ""
+        yield "Failed: " + "; ".join(reason.rstrip(".") for reason in reasons[:REASONS]) + more + "."

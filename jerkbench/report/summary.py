@@ -1,0 +1,139 @@
+"""Rows of runs -> one table."""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.errors import JerkbenchError, unknown
+from jerkbench.evaluation.statistics import mean_intervals
+from jerkbench.report.factors import FACTORS, constants, layout
+from jerkbench.report.footnotes import footnotes
+from jerkbench.report.quantities import quantity
+from jerkbench.report.table import Cell, Table, number
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+IDENTITY = (*FACTORS, "seed", "replicate", "status", "reason")
+"""Columns of a row that are not metrics."""
+
+
+def summarise(
+    rows: "pd.DataFrame",
+    metric: str,
+    row_keys: Sequence[str] | None = None,
+    column_keys: Sequence[str] | None = None,
+    notes: Sequence[str] = (),
+) -> Table:
+    """Return the table of one metric.
+
+    Args:
+        rows: one row a cell and seed: the six factors, seed, replicate ("seed" or "phase"), status ("ok", "diverged",
+            "failed"), reason, and the metrics.
+        metric: which metric's column.
+        row_keys: factors of the rows; without them, all that vary and are not columns.
+        column_keys: factors of the columns; without them the adaptation.
+        notes: sentences to put under the table, such as which combinations were left out and why.
+
+    Raises:
+        JerkbenchError: no such metric or factor, or two rows of the same combination and seed.
+    """
+    rows = _checked(rows, metric)
+    across, down = layout(rows, row_keys, column_keys)
+    cells = _cells(rows, metric, [*across, *down])
+    row_values = _unique(rows, across)
+    column_values = _unique(rows, down)
+    what = quantity(metric)
+    grid = [[cells.get((*row, *column)) for column in column_values] for row in row_values]
+    if what.expected is None:
+        grid = [_with_best(row) for row in grid]
+    table = Table(
+        title=what.heading,
+        metric=metric,
+        unit=what.unit,
+        row_keys=across,
+        column_keys=down,
+        rows=row_values,
+        columns=column_values,
+        cells=tuple(tuple(row) for row in grid),
+        constants=constants(rows, (*across, *down)),
+    )
+    return dataclasses.replace(table, footnotes=footnotes(table, rows, notes))
+
+
+def metric_columns(rows: "pd.DataFrame") -> list[str]:
+    """Return the columns that hold metrics: numbers that are not part of a row's identity."""
+    numbers = rows.select_dtypes("number").columns
+    return [str(column) for column in numbers if column not in IDENTITY]
+
+
+def _checked(rows: "pd.DataFrame", metric: str) -> "pd.DataFrame":
+    """Return a copy with the factors as text; a metric is missing only where no run went well."""
+    if metric not in rows.columns:
+        if (rows["status"] == "ok").any():
+            raise JerkbenchError(unknown("metric", metric, metric_columns(rows)))
+        rows = rows.assign(**{metric: np.nan})
+    rows = rows.assign(**{key: rows[key].astype(str) for key in FACTORS})
+    repeated = rows[rows.duplicated([*FACTORS, "seed"])]
+    if len(repeated):
+        first = repeated.iloc[0]
+        names = ", ".join(f"{key} {first[key]}" for key in FACTORS)
+        raise JerkbenchError(
+            f"{len(repeated)} rows repeat a combination and seed, first {names}, seed {first['seed']}; "
+            "give combinations with different parameters different names, or keep one row of each."
+        )
+    return rows
+
+
+def _unique(rows: "pd.DataFrame", keys: tuple[str, ...]) -> tuple[tuple[str, ...], ...]:
+    """Return the combinations of ``keys`` in the order in which they appear."""
+    if not keys:
+        return ((),)
+    return tuple(rows[list(keys)].drop_duplicates().itertuples(index=False, name=None))
+
+
+def _cells(rows: "pd.DataFrame", metric: str, keys: list[str]) -> dict[tuple[str, ...], Cell]:
+    status, replicate = (rows[name].to_numpy(dtype=str) for name in ("status", "replicate"))
+    values = rows[metric].to_numpy(dtype=float)
+    groups = _groups(rows, keys)
+    phases = [bool((replicate[group] == "phase").any()) for group in groups.values()]
+    good = [values[group[status[group] == "ok"]] for group in groups.values()]
+    intervals = mean_intervals([[] if phase else one for one, phase in zip(good, phases, strict=True)])
+    cells = {}
+    for (key, group), one, phase, interval in zip(groups.items(), good, phases, intervals, strict=True):
+        ends = _range(one) if phase else (interval.mean, interval.low, interval.high)
+        diverged, failed = (int((status[group] == name).sum()) for name in ("diverged", "failed"))
+        cells[key] = Cell(*ends, len(group), diverged, failed, "phase" if phase else "seed")
+    return cells
+
+
+def _groups(rows: "pd.DataFrame", keys: list[str]) -> dict[tuple[str, ...], IntArray]:
+    """Return the row numbers of each combination of ``keys``."""
+    groups: dict[tuple[str, ...], list[int]] = {}
+    for number_of_row, key in enumerate(rows[keys].itertuples(index=False, name=None)):
+        groups.setdefault(key, []).append(number_of_row)
+    return {key: np.array(group) for key, group in groups.items()}
+
+
+def _range(values: FloatArray) -> tuple[float, float, float]:
+    """Return the mean, the smallest and the largest; one phase has no range."""
+    known = values[~np.isnan(values)]
+    if len(known) == 0:
+        return np.nan, np.nan, np.nan
+    low, high = (known.min(), known.max()) if len(known) > 1 else (np.nan, np.nan)
+    return float(known.mean()), float(low), float(high)
+
+
+def _with_best(row: list[Cell | None]) -> list[Cell | None]:
+    """Mark the lowest mean, and what prints the same. A mean over the survivors of a divergence does not compete."""
+    candidates = [cell for cell in row if cell is not None and cell.complete]
+    if len(candidates) < 2:
+        return row
+    lowest = number(min(cell.mean for cell in candidates))
+    return [
+        dataclasses.replace(cell, best=True) if cell in candidates and cell and number(cell.mean) == lowest else cell
+        for cell in row
+    ]

@@ -1,0 +1,127 @@
+"""A table as plain values: what every writer reads."""
+
+import math
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One combination with all its runs.
+
+    Attributes:
+        mean: over the runs that went well; NaN without any, or where the metric does not apply.
+        low: lower end of the interval (seeds), or the smallest value (phases); NaN where there is none.
+        high: upper end, or the largest value.
+        runs: all runs, also those that did not go well.
+        diverged: how many of them diverged.
+        failed: how many of them raised an error.
+        replicate: "seed" (independent draws) or "phase" (of one recording: not independent).
+        best: whether no other cell of its row has a lower mean, as printed.
+    """
+
+    mean: float
+    low: float
+    high: float
+    runs: int
+    diverged: int = 0
+    failed: int = 0
+    replicate: str = "seed"
+    best: bool = False
+
+    @property
+    def complete(self) -> bool:
+        """Whether all runs went well and the metric applies."""
+        return self.diverged == self.failed == 0 and math.isfinite(self.mean)
+
+    @property
+    def text(self) -> str:
+        """The cell as printed: mean, interval, and what went wrong."""
+        parts = (self.number, self.interval, self.trouble)
+        return " ".join(part for part in parts if part)
+
+    @property
+    def number(self) -> str:
+        """The mean, "n/a" where the metric does not apply, or nothing where no run went well."""
+        if self.diverged + self.failed == self.runs:
+            return ""
+        return "n/a" if math.isnan(self.mean) else number(self.mean)
+
+    @property
+    def interval(self) -> str:
+        """The interval in brackets, the range over phases in braces, or nothing."""
+        if not (math.isfinite(self.low) and math.isfinite(self.high)):
+            return ""
+        low, high = number(self.low), number(self.high)
+        return f"{{{low}–{high}}}" if self.replicate == "phase" else f"[{low}, {high}]"  # noqa: RUF001 - a range
+
+    @property
+    def trouble(self) -> str:
+        """How many runs diverged or failed, or nothing."""
+        counts = (("diverged", self.diverged), ("failed", self.failed))
+        if self.diverged + self.failed == self.runs:
+            return ", ".join(f"{word} {n}/{self.runs}" for word, n in counts if n)
+        said = ", ".join(f"{n}/{self.runs} {word}" for word, n in counts if n)
+        return f"({said})" if said else ""
+
+
+@dataclass(frozen=True)
+class Table:
+    """One metric over two sets of factors.
+
+    Attributes:
+        title: what it shows, with the unit.
+        metric: column name of the metric.
+        unit: unit of all numbers, "" for a ratio.
+        row_keys: factors of the rows, such as ("filter",).
+        column_keys: factors of the columns.
+        rows: values of `row_keys`, one tuple a row.
+        columns: values of `column_keys`, one tuple a column.
+        cells: one tuple a row; None where the combination does not exist.
+        constants: the other factors, each with its one value.
+        footnotes: sentences that belong under it.
+    """
+
+    title: str
+    metric: str
+    unit: str
+    row_keys: tuple[str, ...]
+    column_keys: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    columns: tuple[tuple[str, ...], ...]
+    cells: tuple[tuple[Cell | None, ...], ...]
+    constants: tuple[tuple[str, str], ...] = ()
+    footnotes: tuple[str, ...] = ()
+
+    @property
+    def header(self) -> list[str]:
+        """The row factors, then one text a column."""
+        return [*self.row_keys, *(" / ".join(column) or "mean" for column in self.columns)]
+
+    @property
+    def sparse_rows(self) -> list[list[str]]:
+        """Values of `row_keys` without the leading ones that the line above has too."""
+        lines, before = [], None
+        for row in self.rows:
+            same = 0
+            while before is not None and same < len(row) - 1 and row[same] == before[same]:
+                same += 1
+            lines.append([*[""] * same, *row[same:]])
+            before = row
+        return lines
+
+
+ABSENT = "–"  # noqa: RUF001 - the usual sign for a combination that does not exist
+
+
+def number(value: float) -> str:
+    """Write with three significant digits, all digits before the point, and no exponent where that reads well.
+
+    >>> number(0.014), number(0.09996), number(140.2), number(4801.3), number(2.5e-6)
+    ('0.0140', '0.100', '140', '4801', '2.50e-06')
+    """
+    if value == 0 or not math.isfinite(value):
+        return f"{value:g}"
+    exponent = int(f"{value:.2e}".partition("e")[2])
+    if not -4 <= exponent <= 5:
+        return f"{value:.2e}"
+    return f"{value:.{max(0, 2 - exponent)}f}"

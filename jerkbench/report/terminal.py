@@ -1,0 +1,91 @@
+"""Table -> rich rendering for the terminal."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from jerkbench.report.factors import FACTORS
+from jerkbench.report.quantities import quantity
+from jerkbench.report.summary import metric_columns, summarise
+from jerkbench.report.table import ABSENT, Cell, Table
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from rich.console import Group
+    from rich.table import Table as RichTable
+    from rich.text import Text
+
+
+def print_table(rows: "pd.DataFrame", notes: Sequence[str] = (), metric: str = "position_rmse_m") -> None:
+    """Print the table of ``metric`` with ``notes`` under it; in a pipe it is as wide as it needs to be."""
+    _print(terminal_table(summarise(rows, metric, notes=notes)))
+
+
+def print_run(rows: "pd.DataFrame") -> None:
+    """Print every metric that applies to one cell, and why runs of it went wrong."""
+    from rich.text import Text
+
+    grid = _grid()
+    grid.add_column("metric")
+    grid.add_column(f"{len(rows)} {'run' if len(rows) == 1 else 'runs'}")
+    for metric in metric_columns(rows):
+        ((cell,),) = summarise(rows, metric, row_keys=FACTORS[:-1], column_keys=FACTORS[-1:]).cells
+        if cell is not None and cell.number != "n/a":
+            grid.add_row(Text(quantity(metric).heading), _text(cell))
+    _print(_group(", ".join(f"{key} {rows[key].iloc[0]}" for key in FACTORS), grid, _complaints(rows)))
+
+
+def terminal_table(table: Table) -> "Group":
+    """Return title, table and footnotes for a rich console; repeated row headers are said once, trouble is red."""
+    from rich.text import Text
+
+    grid = _grid()
+    for k, header in enumerate(table.header):
+        grid.add_column(Text(header), no_wrap=k < len(table.row_keys))
+    for values, cells in zip(table.sparse_rows, table.cells, strict=True):
+        grid.add_row(*map(Text, values), *map(_text, cells))
+    return _group(table.title, grid, table.footnotes)
+
+
+def _grid() -> "RichTable":
+    from rich import box
+    from rich.table import Table as RichTable
+
+    return RichTable(box=box.SIMPLE_HEAD, pad_edge=False)
+
+
+def _group(title: str, grid: "RichTable", notes: Sequence[str]) -> "Group":
+    from rich.console import Group
+    from rich.text import Text
+
+    return Group(Text(title, style="bold"), grid, *(Text(note) for note in notes))
+
+
+def _print(drawn: "Group") -> None:
+    from rich.console import Console
+    from rich.measure import Measurement
+
+    console = Console(highlight=False)
+    if not console.is_terminal:
+        wide = console.options.update(width=10_000)
+        console.width = max(120, Measurement.get(console, wide, drawn).maximum)
+    console.print(drawn)
+
+
+def _complaints(rows: "pd.DataFrame") -> list[str]:
+    """Return the reasons of the runs that did not go well."""
+    wrong = rows[rows["status"] != "ok"]
+    columns = (wrong["replicate"], wrong["seed"], wrong["status"], wrong["reason"])
+    return [f"{what} {k} {status}: {reason}" for what, k, status, reason in zip(*columns, strict=True)]
+
+
+def _text(cell: Cell | None) -> "Text":
+    from rich.text import Text
+
+    if cell is None:
+        return Text(ABSENT, style="dim")
+    text = Text(cell.text)
+    if cell.best:
+        text.stylize("bold", 0, len(cell.number))
+    if cell.trouble:
+        text.stylize("red", len(cell.text) - len(cell.trouble))
+    return text

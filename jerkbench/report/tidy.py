@@ -1,0 +1,37 @@
+"""Tables -> tidy CSV: one line a cell, all digits."""
+
+import csv
+import io
+import math
+from collections.abc import Sequence
+
+from jerkbench.report.factors import FACTORS
+from jerkbench.report.table import Cell, Table
+
+VALUES = ("mean", "low", "high", "runs", "diverged", "failed", "replicate")
+"""Columns after the metric, its unit and the factors; the ends are a range where ``replicate`` is "phase"."""
+
+
+def tidy_csv(tables: Sequence[Table]) -> str:
+    """Return one line for each cell of the tables; a number that is not there is empty."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(["metric", "unit", *FACTORS, *VALUES])
+    for table in tables:
+        for row, cells in zip(table.rows, table.cells, strict=True):
+            for column, cell in zip(table.columns, cells, strict=True):
+                if cell is not None:
+                    writer.writerow([table.metric, table.unit, *_factors(table, row, column), *_values(cell)])
+    return text.getvalue()
+
+
+def _factors(table: Table, row: tuple[str, ...], column: tuple[str, ...]) -> list[str]:
+    keys = (*table.row_keys, *table.column_keys)
+    values = dict(table.constants) | dict(zip(keys, (*row, *column), strict=True))
+    return [values[key] for key in FACTORS]
+
+
+def _values(cell: Cell) -> list[str]:
+    ends = (cell.mean, cell.low, cell.high)
+    numbers = ["" if math.isnan(value) else repr(value) for value in ends]
+    return [*numbers, str(cell.runs), str(cell.diverged), str(cell.failed), cell.replicate]

@@ -1,0 +1,41 @@
+"""Rows of runs, as a sweep stores them."""
+
+import pandas as pd
+import pytest
+
+FACTORS = ("dataset", "disturbance", "attitude", "filter", "adaptation", "noise")
+
+
+def make_row(seed=0, status="ok", reason="", replicate="seed", **values):
+    factors = {"dataset": "field", "disturbance": "none", "attitude": "tilt", "noise": "own"}
+    return {**factors, "seed": seed, "replicate": replicate, "status": status, "reason": reason, **values}
+
+
+def make_cell(filter_name, adaptation, values, **more):
+    return [
+        make_row(seed, filter=filter_name, adaptation=adaptation, position_rmse_m=value, **more)
+        for seed, value in enumerate(values)
+    ]
+
+
+@pytest.fixture
+def row():
+    return make_row
+
+
+@pytest.fixture
+def cell_rows():
+    return make_cell
+
+
+@pytest.fixture
+def rows():
+    """Two filters with two adaptations; one combination is missing, in one two of four runs diverged."""
+    cells = [
+        *make_cell("jerk", "none", [0.011, 0.012, 0.014, 0.013], anees=4.0),
+        *make_cell("jerk", "sage_husa", [0.021, 0.022, 0.024, 0.023], anees=5.0),
+        *make_cell("baseline", "none", [0.031, 0.032, 9.0, 9.0], anees=6.0),
+    ]
+    for one in cells[-2:]:
+        one.update(status="diverged", reason="The position error is 4000 m at 3.00 s; the limit is 1000 m.")
+    return pd.DataFrame(cells)

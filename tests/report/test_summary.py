@@ -1,0 +1,163 @@
+"""From rows to cells: grouping, means, intervals, what is best, what went wrong."""
+
+import math
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from jerkbench.errors import JerkbenchError
+from jerkbench.evaluation.statistics import mean_interval
+from jerkbench.report.tables import summarise
+
+
+def cell_of(table, row, column):
+    return table.cells[table.rows.index(row)][table.columns.index(column)]
+
+
+def test_columns_are_adaptations_and_rows_what_else_varies(rows):
+    table = summarise(rows, "position_rmse_m")
+    assert (table.row_keys, table.column_keys) == (("filter",), ("adaptation",))
+    assert table.rows == (("jerk",), ("baseline",))  # order of appearance, not of the alphabet
+    assert table.columns == (("none",), ("sage_husa",))
+    assert dict(table.constants) == {"dataset": "field", "disturbance": "none", "attitude": "tilt", "noise": "own"}
+    assert "In every cell: dataset field, disturbance none, attitude tilt, noise own." in table.footnotes
+
+
+def test_a_cell_is_the_mean_over_its_good_seeds(rows):
+    table = summarise(rows, "position_rmse_m")
+    good = cell_of(table, ("jerk",), ("none",))
+    interval = mean_interval([0.011, 0.012, 0.013, 0.014])
+    assert (good.mean, good.low, good.high) == pytest.approx((0.0125, interval.low, interval.high))
+    assert (good.runs, good.diverged, good.failed) == (4, 0, 0)
+    half = cell_of(table, ("baseline",), ("none",))
+    assert half.mean == pytest.approx((0.031 + 0.032) / 2)
+    assert half.text.startswith("0.0315 [")
+    assert half.text.endswith("] (2/4 diverged)")
+
+
+def test_a_missing_combination_is_none_and_said(rows):
+    table = summarise(rows, "position_rmse_m", notes=("sage_husa was left out for the baseline.",))
+    assert cell_of(table, ("baseline",), ("sage_husa",)) is None
+    assert "–: this combination was not run." in table.footnotes  # noqa: RUF001 - the sign itself
+    assert table.footnotes[-1] == "sage_husa was left out for the baseline."
+
+
+def test_the_lowest_mean_of_a_row_is_best_and_a_survivor_does_not_compete(cell_rows):
+    cells = [
+        *cell_rows("jerk", "a", [3.0, 3.2]),
+        *cell_rows("jerk", "b", [2.0, 2.2]),
+        *cell_rows("jerk", "c", [1.0, 1]),
+    ]
+    cells[-1]["status"] = "diverged"
+    (row,) = summarise(pd.DataFrame(cells), "position_rmse_m").cells
+    assert [cell.best for cell in row] == [False, True, False]
+
+
+def test_what_prints_the_same_is_equally_good(cell_rows):
+    cells = [
+        *cell_rows("jerk", "a", [1.0001] * 3),
+        *cell_rows("jerk", "b", [1.0002] * 3),
+        *cell_rows("jerk", "c", [1.1] * 3),
+    ]
+    (row,) = summarise(pd.DataFrame(cells), "position_rmse_m").cells
+    assert [cell.best for cell in row] == [True, True, False]
+
+
+def test_nothing_is_best_alone_or_in_a_consistency(rows):
+    baseline = rows[(rows["filter"] == "jerk") & (rows["adaptation"] == "none")]
+    assert not summarise(baseline, "position_rmse_m").cells[0][0].best
+    assert not any(cell.best for row in summarise(rows, "anees").cells for cell in row if cell)
+    assert (
+        "A consistent filter gives 6; more is overconfident, less too cautious." in summarise(rows, "anees").footnotes
+    )
+
+
+def test_phases_have_a_range_and_no_confidence_interval(cell_rows):
+    phases = pd.DataFrame(cell_rows("jerk", "none", [0.0344, 0.0379, 0.0360, 0.0361], replicate="phase"))
+    table = summarise(phases, "position_rmse_m")
+    assert table.cells[0][0].text == "0.0361 {0.0344–0.0379}"  # noqa: RUF001 - a range
+    said = " ".join(table.footnotes)
+    assert "range over the phases of one recording: not a confidence interval" in said
+    assert "BCa" not in said
+
+
+def test_one_run_is_a_number_alone(cell_rows):
+    for replicate in ("seed", "phase"):
+        one = pd.DataFrame(cell_rows("jerk", "none", [0.5], replicate=replicate))
+        assert summarise(one, "position_rmse_m").cells[0][0].text == "0.500"
+
+
+@pytest.mark.parametrize(
+    ("statuses", "text"),
+    [
+        (["diverged"] * 4, "diverged 4/4"),
+        (["failed"] * 4, "failed 4/4"),
+        (["diverged", "failed", "failed", "failed"], "diverged 1/4, failed 3/4"),
+        (["ok", "ok", "ok", "failed"], "2.00 (1/4 failed)"),
+    ],
+)
+def test_what_went_wrong_is_in_the_cell(cell_rows, statuses, text):
+    frame = pd.DataFrame(cell_rows("jerk", "none", [2.0] * 4)).assign(status=statuses, reason="ValueError: no.")
+    table = summarise(frame, "position_rmse_m")
+    cell = table.cells[0][0]
+    assert f"{cell.number} {cell.trouble}".strip() == text
+    assert ("Failed: ValueError: no." in table.footnotes) == ("failed" in statuses)
+
+
+def test_a_study_in_which_everything_failed_still_has_a_table(row):
+    frame = pd.DataFrame([row(filter="jerk", adaptation="none", status="failed", reason="ValueError: no.")])
+    assert summarise(frame, "position_rmse_m").cells[0][0].text == "failed 1/1"
+
+
+def test_a_metric_that_does_not_apply_is_said(rows):
+    table = summarise(rows.assign(outage_rmse_m=np.nan), "outage_rmse_m")
+    assert table.cells[0][0].text == "n/a"
+    assert math.isnan(table.cells[0][0].mean)
+    assert "n/a: the metric does not apply." in table.footnotes
+
+
+def test_few_seeds_are_said(rows, cell_rows):
+    assert any(
+        "Of fewer than 10 seeds it is too short." in note for note in summarise(rows, "position_rmse_m").footnotes
+    )
+    many = pd.DataFrame(cell_rows("jerk", "none", np.linspace(1, 2, 12)))
+    assert (
+        "[low, high]: 95 % BCa bootstrap interval of the mean over 12 seeds."
+        in summarise(many, "position_rmse_m").footnotes
+    )
+
+
+def test_a_factor_that_varies_is_never_averaged_over(rows):
+    both = pd.concat([rows, rows.assign(disturbance="bias", position_rmse_m=rows["position_rmse_m"] * 10)])
+    table = summarise(both, "position_rmse_m", row_keys=["filter"])
+    assert table.row_keys == ("filter", "disturbance")
+    assert cell_of(table, ("jerk", "bias"), ("none",)).mean == pytest.approx(0.125)
+
+
+def test_rows_and_columns_can_be_chosen(rows):
+    table = summarise(rows, "position_rmse_m", row_keys=["adaptation"])
+    assert (table.row_keys, table.column_keys) == (("adaptation",), ("filter",))
+    table = summarise(rows, "position_rmse_m", row_keys=["dataset"], column_keys=["filter", "adaptation"])
+    assert table.header == ["dataset", "jerk / none", "jerk / sage_husa", "baseline / none"]
+    assert cell_of(table, ("field",), ("jerk", "sage_husa")).mean == pytest.approx(0.0225)
+
+
+def test_wrong_names_are_sentences(rows):
+    with pytest.raises(JerkbenchError, match=r"no metric 'position_rmse'. Did you mean 'position_rmse_m'\?"):
+        summarise(rows, "position_rmse")
+    with pytest.raises(JerkbenchError, match=r"no factor 'filtr'. Did you mean 'filter'\?"):
+        summarise(rows, "position_rmse_m", row_keys=["filtr"])
+    with pytest.raises(JerkbenchError, match="'filter' is asked for twice"):
+        summarise(rows, "position_rmse_m", row_keys=["filter"], column_keys=["filter"])
+
+
+def test_rows_that_repeat_a_seed_are_refused(rows):
+    with pytest.raises(JerkbenchError, match=r"12 rows repeat .* filter jerk, adaptation none, noise own, seed 0"):
+        summarise(pd.concat([rows, rows]), "position_rmse_m")
+
+
+def test_the_rows_stay_as_they_were(rows):
+    before = rows.copy()
+    summarise(rows, "position_rmse_m")
+    pd.testing.assert_frame_equal(rows, before)
