@@ -39,13 +39,13 @@ def show_text(kind: str, name: str) -> str:
     if kind in plugins.KINDS and name not in plugins.names(kind):
         raise PluginError(unknown(kind, name, [*plugins.names(kind), *presets]))
     cls = plugins.get(kind, name)
-    parts = [
-        f"{kind} {name}",
-        inspect.getdoc(cls) or "It has no docstring.",
-        _defaults(cls),
-        f"Defined in {_home(cls)}.",
-    ]
-    return "\n\n".join(part for part in parts if part)
+    return "\n\n".join([f"{kind} {name}", *_docs(cls), _defaults(cls), f"Defined in {_home(cls)}."])
+
+
+def _docs(cls: type) -> list[str]:
+    """The docstrings of a plugin and of the plugins that it varies; the equations stand with the first of them."""
+    family = [c for c in cls.__mro__ if dataclasses.is_dataclass(c)]
+    return [inspect.cleandoc(c.__doc__ or "It has no docstring.") for c in family]
 
 
 def _list_kind(kind: str) -> str:

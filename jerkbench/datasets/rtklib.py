@@ -73,6 +73,7 @@ class RtklibDrive:
     """
 
     seeded: ClassVar[bool] = False
+    default_attitude: ClassVar[str] = "real"
 
     folder: str
     position_file: str = ""

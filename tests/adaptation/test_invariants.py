@@ -1,0 +1,128 @@
+"""What each adaptation promises, on random innovations."""
+
+import numpy as np
+import pytest
+
+from jerkbench.adaptation.mtf import Mtf
+from jerkbench.adaptation.none import NoAdaptation
+from jerkbench.adaptation.sage_husa import SageHusa
+from jerkbench.adaptation.scalar_r import ScalarR
+from jerkbench.errors import PluginError
+
+ALL_ROWS = np.arange(6)
+
+
+def random_case(rng, rows=ALL_ROWS, scale=3.0):
+    """An innovation, HPH' and a full R, for the given rows."""
+    m = len(rows)
+    half = rng.normal(size=(2, m, 2 * m))
+    HPHt, R = half @ half.transpose(0, 2, 1)
+    return scale * rng.normal(size=m) * np.sqrt(np.diag(HPHt + R)), HPHt, R
+
+
+def adapt(adaptation, case, rows=ALL_ROWS, memory=None):
+    memory = np.zeros(adaptation.memory_size()) if memory is None else memory
+    return adaptation.adapt(*case, rows, memory)
+
+
+@pytest.mark.parametrize("adaptation", [NoAdaptation(), ScalarR(), Mtf(), Mtf(window=3), SageHusa()])
+def test_the_reported_r_is_not_changed_in_place(adaptation):
+    case = random_case(np.random.default_rng(0))
+    before = case[2].copy()
+    memory = np.zeros(adaptation.memory_size())
+    for _ in range(3):
+        adapt(adaptation, case, memory=memory)
+
+    np.testing.assert_array_equal(case[2], before)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_after_mtf_no_squared_innovation_exceeds_its_variance_and_off_diagonals_stay(seed):
+    y, HPHt, R = case = random_case(np.random.default_rng(seed))
+    adapted = adapt(Mtf(), case)
+
+    assert (y @ y >= np.trace(HPHt) + np.trace(R)) == (adapted != R).any()
+    if (adapted != R).any():
+        assert (y**2 <= np.diag(HPHt + adapted) * (1 + 1e-12)).all()
+    np.testing.assert_array_equal(adapted - np.diag(np.diag(adapted)), R - np.diag(np.diag(R)))
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_after_scalar_r_the_trace_of_s_is_the_squared_innovation(seed):
+    y, HPHt, R = case = random_case(np.random.default_rng(seed))
+    adapted = adapt(ScalarR(), case)
+    triggered = y @ y >= np.trace(HPHt) + np.trace(R)
+
+    assert np.trace(HPHt + adapted) == pytest.approx(y @ y if triggered else np.trace(HPHt + R))
+    np.testing.assert_allclose(adapted / R, adapted[0, 0] / R[0, 0])
+
+
+def test_below_the_threshold_nothing_is_adapted():
+    case = random_case(np.random.default_rng(1), scale=0.1)
+
+    for adaptation in (Mtf(), Mtf(window=5), ScalarR()):
+        np.testing.assert_array_equal(adapt(adaptation, case), case[2])
+
+
+def test_the_window_is_the_mean_of_the_last_squared_innovations_triggered_or_not():
+    rng, mtf = np.random.default_rng(2), Mtf(window=4)
+    memory, history = np.zeros(mtf.memory_size()), []
+    for k in range(12):
+        y, HPHt, R = case = random_case(rng, scale=0.1 if k % 3 else 3.0)
+        history.append(y**2)
+        adapted = adapt(mtf, case, memory=memory)
+        w = np.mean(history[-4:], axis=0)
+        excess = np.maximum(0.0, w - np.diag(HPHt + R)) if y @ y >= np.trace(HPHt + R) else np.zeros(6)
+        np.testing.assert_allclose(np.diag(adapted), np.diag(R) + excess, rtol=1e-12)
+
+
+def test_the_guard_lets_only_the_first_hits_of_a_sequence_inflate():
+    mtf = Mtf(guard=2)
+    memory = np.zeros(mtf.memory_size())
+    hit, miss = np.array([10.0, 0, 0, 0, 0, 0]), np.zeros(6)
+    inflated = []
+    for y in (hit, hit, hit, hit, miss, hit):
+        adapted = adapt(mtf, (y, np.eye(6), np.eye(6)), memory=memory)
+        inflated.append(adapted[0, 0] > 1.0)
+
+    assert inflated == [True, True, False, False, False, True]
+
+
+def test_memory_belongs_to_a_row_and_advances_only_when_it_is_there():
+    sage, memory = SageHusa(), np.zeros(12)
+    position, velocity = np.arange(3), np.arange(3, 6)
+    y, eye = np.full(3, 5.0), np.eye(3)
+    for _ in range(3):
+        adapt(sage, (y, eye, eye), rows=position, memory=memory)
+    adapted = adapt(sage, (y, eye, eye), rows=velocity, memory=memory)
+
+    np.testing.assert_array_equal(memory[6:], [3, 3, 3, 1, 1, 1])
+    np.testing.assert_array_equal(adapted, eye)  # the first update of these rows takes the reported variance
+
+
+def test_sage_husa_finds_the_true_variance_of_a_sensor_that_reports_too_little():
+    rng, sage = np.random.default_rng(4), SageHusa(forgetting=0.995)
+    memory, row, found = np.zeros(12), np.array([0]), []
+    for _ in range(4000):
+        y = rng.normal(0.0, np.sqrt(2.0 + 9.0), 1)  # h = 2, the true r = 9, reported 1
+        found.append(adapt(sage, (y, np.array([[2.0]]), np.array([[1.0]])), rows=row, memory=memory)[0, 0])
+
+    assert np.mean(found[1000:]) == pytest.approx(9.0, rel=0.1)
+
+
+def test_sage_husa_stays_between_its_bounds_and_makes_r_diagonal():
+    rng, sage = np.random.default_rng(5), SageHusa(low=0.5, high=2.0)
+    memory = np.zeros(12)
+    for k in range(50):
+        case = random_case(rng, scale=10.0 if k % 2 else 0.01)
+        adapted = adapt(sage, case, memory=memory)
+        ratio = np.diag(adapted) / np.diag(case[2])
+        assert ((ratio >= 0.5 - 1e-12) & (ratio <= 2.0 + 1e-12)).all()
+        assert np.count_nonzero(adapted) == 6
+
+
+@pytest.mark.parametrize("make", [lambda: Mtf(window=0), lambda: Mtf(guard=-1), lambda: SageHusa(forgetting=1.0),
+                                  lambda: SageHusa(low=2.0, high=1.0)])  # fmt: skip
+def test_parameters_out_of_range_are_a_sentence(make):
+    with pytest.raises(PluginError, match=r"must|needs"):
+        make()

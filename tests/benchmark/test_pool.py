@@ -1,0 +1,39 @@
+"""Work in processes: grouped, helping each other, surviving a death."""
+
+import os
+import time
+
+from jerkbench.benchmark.pool import run_grouped
+
+
+def where(task):
+    time.sleep(0.2)
+    return os.getpid()
+
+
+def die_on_three(task):
+    if task == 3:
+        os._exit(1)
+    return task * 10
+
+
+def test_every_task_is_done_once_in_this_process_where_one_worker_is_enough():
+    done = list(run_grouped(where, [[1, 2], [3]], workers=1))
+
+    assert done == [(1, os.getpid()), (2, os.getpid()), (3, os.getpid())]
+
+
+def test_two_workers_take_a_group_each_and_the_idle_one_helps():
+    done = dict(run_grouped(where, [[1, 2], [11, 12, 13, 14, 15, 16, 17, 18]], workers=2))
+
+    assert sorted(done) == [1, 2, 11, 12, 13, 14, 15, 16, 17, 18]
+    assert done[1] == done[2]
+    assert done[11] != done[1]
+    assert len({done[task] for task in range(11, 19)}) == 2
+    assert os.getpid() not in done.values()
+
+
+def test_a_process_that_dies_costs_its_own_task_only():
+    done = dict(run_grouped(die_on_three, [[1, 2, 3, 4], [5, 6]], workers=2))
+
+    assert done == {1: 10, 2: 20, 3: None, 4: 40, 5: 50, 6: 60}

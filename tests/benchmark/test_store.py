@@ -1,0 +1,55 @@
+"""The store: whole or not at all."""
+
+import pytest
+
+from jerkbench.benchmark.store import Store
+
+ROWS = [{"dataset": "field", "seed": 0, "status": "ok", "reason": "", "position_rmse_m": 0.1 + 0.2}]
+ABOUT = {"labels": {"dataset": "field"}, "notes": ["a note"]}
+
+
+@pytest.fixture
+def store(tmp_path):
+    return Store(tmp_path)
+
+
+def test_what_is_written_is_read_to_the_bit(store):
+    store.write("key", ROWS, ABOUT)
+    (found,), broken = store.read()
+
+    assert found.key == "key"
+    assert found.rows.to_dict("records") == ROWS
+    assert found.about["notes"] == ["a note"]
+    assert broken == []
+    assert store.done("key")
+    assert not store.done("another")
+
+
+def test_a_cell_with_a_failed_run_is_there_but_not_done(store):
+    store.write("key", [{**ROWS[0], "status": "failed"}], ABOUT)
+
+    assert not store.done("key")
+    assert len(store.read()[0]) == 1
+
+
+@pytest.mark.parametrize("size", [0, 4, 300])
+def test_a_file_that_is_cut_is_not_done_and_is_named(store, size):
+    store.write("key", ROWS, ABOUT)
+    store.path("key").write_bytes(store.path("key").read_bytes()[:size])
+
+    assert not store.done("key")
+    assert store.read() == ([], ["key"])
+
+
+def test_a_write_that_fails_leaves_the_old_cell_and_nothing_else(store, monkeypatch):
+    store.write("key", ROWS, ABOUT)
+
+    def full(*_):
+        raise OSError("No space left on device")
+
+    monkeypatch.setattr("jerkbench.benchmark.store.pq.write_table", full)
+    with pytest.raises(OSError, match="No space"):
+        store.write("key", [], ABOUT)
+
+    assert store.done("key")
+    assert [path.name for path in store.folder.iterdir()] == ["key.parquet"]

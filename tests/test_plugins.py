@@ -1,0 +1,89 @@
+"""Registries: what a plugin is, how it is found, and what is said when something is wrong with it."""
+
+import dataclasses
+import warnings
+from dataclasses import dataclass
+from importlib.metadata import EntryPoint
+
+import pytest
+from omegaconf import OmegaConf
+
+from jerkbench import plugins
+from jerkbench.adaptation.mtf import Mtf
+from jerkbench.catalogue import show_text
+from jerkbench.errors import PluginError
+
+
+def test_every_kind_has_plugins_and_each_says_in_one_line_what_it_is():
+    for kind in plugins.KINDS:
+        assert plugins.names(kind)
+        for name in plugins.names(kind):
+            cls = plugins.get(kind, name)
+            first = (cls.__doc__ or "").split("\n", 1)[0]
+            assert first.endswith("."), f"{kind} {name}: {first!r}"
+            for f in dataclasses.fields(cls):
+                assert f"{f.name}:" in show_text(kind, name), f"{kind} {name} does not document {f.name}"
+
+
+def test_a_wrong_name_lists_what_there_is_and_the_nearest():
+    with pytest.raises(PluginError, match=r"no adaptation 'mtv'. Did you mean 'mtf'\? Available: .*sage_husa"):
+        plugins.get("adaptation", "mtv")
+
+
+def test_a_wrong_parameter_names_the_plugin_and_the_parameter():
+    with pytest.raises(PluginError, match=r"no parameter of adaptation mtf 'windw'. Did you mean 'window'\?"):
+        plugins.create("adaptation", {"name": "mtf", "windw": 3})
+
+
+def test_a_wrong_type_names_the_plugin_and_the_parameter():
+    with pytest.raises(PluginError, match="adaptation mtf, parameter 'window': Value 'three'"):
+        plugins.create("adaptation", {"name": "mtf", "window": "three"})
+
+
+def test_lists_of_pairs_come_as_tuples_and_a_wrong_one_is_a_sentence():
+    outage = plugins.create("disturbance", {"name": "gnss_outage", "windows_s": [[1, 2], [5, 6.5]]})
+
+    assert outage.windows_s == ((1.0, 2.0), (5.0, 6.5))
+    with pytest.raises(PluginError, match="parameter 'windows_s'"):
+        plugins.create("disturbance", {"name": "gnss_outage", "windows_s": [3]})
+
+
+def test_the_schema_can_be_changed_although_the_plugin_is_frozen():
+    config = OmegaConf.structured(plugins.schema("adaptation", "mtf"))
+    config.window = 7
+
+    assert plugins.create("adaptation", config) == Mtf(window=7)
+
+
+@dataclass
+class Thawed:
+    pass
+
+
+def test_a_class_that_is_no_frozen_dataclass_is_refused():
+    with pytest.raises(PluginError, match="Thawed is not a frozen dataclass"):
+        plugins.register("adaptation", "thawed")(Thawed)
+
+
+@dataclass(frozen=True)
+class Other:
+    pass
+
+
+def test_a_name_can_be_taken_only_once():
+    with pytest.raises(PluginError, match=r"mtf is already jerkbench.adaptation.mtf.Mtf"):
+        plugins.register("adaptation", "mtf")(Other)
+
+
+def test_an_entry_point_that_fails_to_import_is_one_warning_and_harms_no_other(monkeypatch):
+    broken = EntryPoint("broken", "no_such_module:Nothing", "jerkbench.adaptation")
+    monkeypatch.setattr(plugins, "entry_points", lambda group: [broken] if group == "jerkbench.adaptation" else [])
+    plugins._import_entry_points.cache_clear()
+    with pytest.warns(UserWarning, match="adaptation 'broken' of no_such_module:Nothing is left out: ModuleNotFound"):
+        names = plugins.names("adaptation")
+
+    assert "mtf" in names
+    assert "broken" not in names
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        plugins.names("adaptation")  # said once

@@ -1,0 +1,110 @@
+"""The events of a run stand in the order in which they were true, and nothing is rounded."""
+
+import numpy as np
+import pytest
+
+from jerkbench.errors import RecordingError
+from jerkbench.recording import Position, Reference, Velocity
+from jerkbench.timeline.timeline import INITIAL_SPEED_SIGMA_MPS, build_timeline
+from synthetic import level_attitude, recording_at_rest
+
+COVARIANCE = 0.01 * np.eye(3)
+
+
+def positions(t_s, enu_m=None):
+    n = len(t_s)
+    return Position(t_s, np.zeros((n, 3)) if enu_m is None else enu_m, np.tile(COVARIANCE, (n, 1, 1)))
+
+
+def velocities(t_s, mps):
+    return Velocity(t_s, mps, np.tile(COVARIANCE, (len(t_s), 1, 1)))
+
+
+def timeline_of(**replaced):
+    recording = recording_at_rest(duration_s=1.0, **replaced)
+    return build_timeline(recording, level_attitude(recording))
+
+
+def test_a_measurement_between_two_samples_splits_the_interval():
+    timeline = timeline_of(position=positions([0.1, 0.505]), velocity=None)
+    at = int(np.flatnonzero(timeline.update >= 0)[0])
+
+    assert timeline.t_s[at] == pytest.approx(0.505, abs=1e-12)
+    np.testing.assert_allclose(timeline.dt_s[at : at + 2], [0.005, 0.005], atol=1e-12)
+    assert timeline.sample[at] == timeline.sample[at + 1] == 50  # the sample that ends at 0.51 s
+
+
+def test_the_steps_add_up_to_the_time_from_the_first_fix_to_the_last_sample():
+    timeline = timeline_of(position=positions([0.1237, 0.3333, 0.7]), velocity=None)
+
+    assert timeline.dt_s[0] == 0.0
+    assert timeline.dt_s.sum() == pytest.approx(1.0 - 0.1237, abs=1e-12)
+    np.testing.assert_allclose(np.cumsum(timeline.dt_s) + 0.1237, timeline.t_s, atol=1e-9)
+
+
+def test_equal_stamps_that_differ_by_rounding_are_one_event():
+    timeline = timeline_of(position=positions([0.1, 0.1 + 0.2]), velocity=None)  # 0.30000000000000004
+
+    assert timeline.dt_s[1:].min() > 0.009
+
+
+def test_position_and_velocity_at_the_same_time_are_one_update_and_else_two():
+    timeline = timeline_of(
+        position=positions([0.1, 0.5, 0.8]), velocity=velocities([0.5, 0.7], [[1.0, np.nan, np.nan], [2.0, 3.0, 4.0]])
+    )
+    rows = [np.flatnonzero(np.isfinite(z)).tolist() for z in timeline.measurements.z]
+
+    assert rows == [[0, 1, 2], [0, 1, 2, 3], [3, 4, 5], [0, 1, 2]]
+    assert timeline.update[timeline.update >= 0].tolist() == [1, 2, 3]
+
+
+def test_the_reference_is_met_at_its_own_stamps():
+    stamps = np.array([0.05, 0.4567, 0.99])
+    timeline = timeline_of(
+        position=positions([0.1]),
+        velocity=None,
+        reference=Reference(stamps, "made by hand", independent=True, enu_m=np.zeros((3, 3))),
+    )
+    met = timeline.reference >= 0
+
+    assert timeline.reference[met].tolist() == [1, 2]  # the first one is before the first fix
+    np.testing.assert_allclose(timeline.t_s[met], stamps[1:], atol=1e-12)
+
+
+def test_it_starts_at_the_first_fix_with_the_nearest_velocity_and_does_not_use_the_fix_twice():
+    timeline = timeline_of(
+        position=positions([0.1, 0.5], [[1.0, 2.0, 3.0], [0.0, 0.0, 0.0]]),
+        velocity=velocities([0.05, 0.2], [[7.0, 8.0, np.nan], [9.0, 9.0, np.nan]]),
+    )
+
+    np.testing.assert_array_equal(timeline.x0, [1.0, 2.0, 3.0, 7.0, 8.0, 0.0])
+    np.testing.assert_array_equal(np.diag(timeline.P0), [0.01] * 5 + [INITIAL_SPEED_SIGMA_MPS**2])
+    assert timeline.update[0] == -1
+
+
+def test_variances_below_a_millimetre_are_raised_and_the_rest_stays():
+    covariance = np.tile([[1e-9, 1e-7, 0.0], [1e-7, 1.0, 0.0], [0.0, 0.0, 1.0]], (1, 1, 1))
+    timeline = timeline_of(position=Position([0.1], np.zeros((1, 3)), covariance), velocity=None)
+
+    assert timeline.measurements.R[0, 0, 0] == 1e-6
+    assert timeline.measurements.R[0, 0, 1] == 1e-7
+
+
+def test_a_body_velocity_is_turned_with_the_attitude_of_its_time():
+    recording = recording_at_rest(
+        duration_s=1.0,
+        velocity=Velocity([0.5], [[1.0, 0.0, 0.0]], np.diag([1.0, 4.0, 9.0])[None], frame="body"),
+    )
+    attitude = level_attitude(recording)
+    quarter_turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])  # heading north
+    attitude.dcm[49:] = quarter_turn  # from 0.5 s on
+    z = build_timeline(recording, attitude).measurements
+    at = int(np.flatnonzero(np.isfinite(z.z[:, 3]))[0])
+
+    np.testing.assert_allclose(z.z[at, 3:], [0.0, 1.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(np.diag(z.R[at])[3:], [4.0, 1.0, 9.0], atol=1e-12)
+
+
+def test_without_a_fix_there_is_a_sentence():
+    with pytest.raises(RecordingError, match="rest has no complete position fix"):
+        timeline_of(position=None)
