@@ -90,7 +90,7 @@ def test_a_thinned_reference_keeps_rows_of_the_full_one(drive):
 
 
 def test_it_stands_still_at_the_start():
-    recording = Field(noise=False).load(3)
+    recording = Field(noise=False, duration_s=10.0).load(3)
     rest = recording.imu.t_s <= recording.static_start_s
     assert rest.sum() == 300
     assert np.ptp(recording.reference.enu_m[rest], axis=0).max() == 0
@@ -152,13 +152,14 @@ def test_a_seed_is_one_recording():
         ({"position_sigma_m": (1.0, 1.0, 1.0)}, {"position"}),
         ({"velocity_sigma_mps": (1.0, 1.0, 1.0)}, {"velocity"}),
         ({"heading_sigma_rad": 0.1}, {"heading"}),
-        ({"impacts_per_s": 0.3}, {"accelerometer"}),
+        ({"impacts_per_s": 3.0}, {"accelerometer"}),
         ({"accel_range_g": 1.0}, {"accelerometer"}),
         ({"imu": "tactical"}, {"accelerometer", "gyro"}),
     ],
 )
-def test_switching_one_source_does_not_move_the_others(drive, switch, moves):
-    assert changed(drive, Field(**switch).load(1)) == moves
+def test_switching_one_source_does_not_move_the_others(switch, moves):
+    short = Field(duration_s=12.0)
+    assert changed(short.load(1), replace(short, **switch).load(1)) == moves
 
 
 def test_switching_vibration_off_moves_neither_terrain_nor_noise(drive):
@@ -202,7 +203,7 @@ def test_pitch_follows_the_climb_and_is_positive_nose_down():
 
 
 def test_roll_lifts_the_left_side_where_the_hill_is_on_the_left():
-    north = replace(Field(), roughness=0.0, vibration_rad=0.0, vibration_mps2=0.0, heading_rad=np.pi / 2)
+    north = Field(duration_s=10.0, roughness=0.0, vibration_rad=0.0, vibration_mps2=0.0, heading_rad=np.pi / 2)
     roll = north.load(0).reference.euler_rad[0, 0]
     assert roll == pytest.approx(-np.arctan(0.4 * 2 * np.pi / 60))  # driving north, the hill rises to the right
 

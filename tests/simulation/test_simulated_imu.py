@@ -19,7 +19,7 @@ def rodrigues(rotation_vector):
 
 
 def test_gyro_integrates_to_the_true_attitude():
-    truth = FieldVibration(duration_s=60.0).truth(1)
+    truth = FieldVibration(duration_s=40.0).truth(1)
     _, gyro = perfect_imu(truth)
     true = dcm_from_euler(truth.euler_rad)
     attitude = true[300]
@@ -38,7 +38,7 @@ def mean_specific_force(field):
     return body.reshape(-1, 20, 3).mean(axis=1)
 
 
-@pytest.mark.parametrize("field", [Field(duration_s=40.0), FieldVibration(duration_s=40.0)])
+@pytest.mark.parametrize("field", [Field(duration_s=30.0), FieldVibration(duration_s=30.0)])
 def test_accelerometer_is_the_mean_of_the_body_s_specific_force_to_second_order(field):
     difference = perfect_imu(field.truth(3))[0] - mean_specific_force(field)
     assert np.sqrt((difference**2).mean()) < 2e-3  # a tenth of the sensor's noise

@@ -21,7 +21,7 @@ def flat(seed, roughness=1.5):
     return draw_terrain(np.random.default_rng(seed), roughness, 0.6, 0.0, 60.0)
 
 
-def drive(terrain, length=20000.0, step=0.2):
+def drive(terrain, length=5000.0, step=0.2):
     s = np.arange(0.0, length, step)
     return terrain.at(s, np.zeros_like(s))
 
