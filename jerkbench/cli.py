@@ -33,9 +33,10 @@ It is a Hydra 1.3 app: --cfg job, --info, hydra/launcher=... and the rest work a
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run ``arguments`` (default: the process's own); exits with 2 and a sentence where the input is at fault."""
     words = list(sys.argv[1:] if arguments is None else arguments)
-    warnings.showwarning = _one_line
     try:
-        _run(words[1:]) if words[:1] == ["run"] else _answer(words)
+        with warnings.catch_warnings():
+            warnings.showwarning = _one_line
+            _run(words[1:]) if words[:1] == ["run"] else _answer(words)
     except JerkbenchError as error:
         exit_with(error)
     except BrokenPipeError:  # the reader, `head` for example, has had enough

@@ -1,7 +1,6 @@
 """Geodetic <-> ENU and rotations: thin over pymap3d and scipy, in the conventions of `jerkbench.recording`."""
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from jerkbench.arrays import FloatArray
 from jerkbench.recording import Origin
@@ -27,12 +26,16 @@ def enu_to_geodetic(enu_m: FloatArray, origin: Origin) -> FloatArray:
 
 def dcm_from_euler(euler_rad: FloatArray) -> FloatArray:
     """Omega = Rz(yaw) Ry(pitch) Rx(roll), body -> ENU, from (..., 3) roll, pitch, yaw; returns (..., 3, 3)."""
+    from scipy.spatial.transform import Rotation
+
     roll_pitch_yaw = np.asarray(euler_rad)
     return np.asarray(Rotation.from_euler("ZYX", roll_pitch_yaw[..., ::-1]).as_matrix())
 
 
 def euler_from_dcm(dcm: FloatArray) -> FloatArray:
     """Roll, pitch, yaw (n, 3) of rotation matrices (n, 3, 3)."""
+    from scipy.spatial.transform import Rotation
+
     return np.asarray(Rotation.from_matrix(dcm).as_euler("ZYX"))[:, ::-1]
 
 

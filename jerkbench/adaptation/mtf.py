@@ -19,10 +19,10 @@ class Mtf:
         if y'y >= sum h + sum r:    r_i = r_i + max(0, w_i - h_i - r_i)
 
     With mu = 1, y_i^2 <= S_ii afterwards. The test is instantaneous and mixes metres with metres per second; in the
-    nominal case it triggers on about a third of the updates. Good on a fault of single axes of the sensor; harmful where
-    the process is at fault (a bias, wheel slip): the filter then rejects the measurements that would have put it right,
-    and may lock out. The guard limits that: of a row's hits (triggered, and w_i > h_i + r_i) only the first N in a
-    sequence inflate; an update of the row without a hit starts anew.
+    nominal case it triggers on about a third of the updates. Good on a fault of single axes of the sensor; harmful
+    where the process is at fault (a bias, wheel slip): the filter then rejects the measurements that would have put it
+    right, and may lock out. The guard limits that: of a row's hits (triggered, and w_i > h_i + r_i) only the first N in
+    a sequence inflate; an update of the row without a hit starts anew.
 
     Source: the paper's equations for S_t and s_i, transferred from its tilt filter to the GNSS update; the method is by
     H. E. Soken and C. Hajiyev, 2010, doi:10.1016/j.isatra.2010.04.001.

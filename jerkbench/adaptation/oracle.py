@@ -13,8 +13,8 @@ class Oracle:
     """R is the covariance that each measurement's error was really drawn from.
 
     Only a simulation (or a simulated disturbance of a recording) knows it; a fixed offset counts as its square on its
-    axis. No adaptation of R can be expected to do better: what lies between `none` and this row is what there is to gain.
-    Where nothing is known beyond the reported R it equals `none`.
+    axis. No adaptation of R can be expected to do better: what lies between `none` and this row is what there is to
+    gain. Where nothing is known beyond the reported R it equals `none`.
     """
 
     wants_true_covariance: ClassVar[bool] = True

@@ -18,6 +18,9 @@ def sentence(error: Exception) -> str:
     missing = re.search(r"Could not (?:find|load) '([\w/]+)/([^'/]+)'", text)
     if missing:
         return unknown(missing[1], missing[2], _options(text) or _names(missing[1]))
+    several = re.search(r"Ambiguous value for argument '([^']+)'", text)
+    if several:
+        return f"{several[1]} has several values; add -m to run them all, or put a list into [brackets]."
     key = re.search(r"Key '(\w+)' (?:is )?not in '(\w+)'", text)
     if key:
         full = re.search(r"full_key: (\S+)", text)

@@ -4,6 +4,7 @@ import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.estimate import Estimate
+from jerkbench.geometry import wrap_angle
 from jerkbench.recording import Recording
 
 
@@ -19,8 +20,6 @@ def velocity_error_mps(estimate: Estimate, recording: Recording) -> FloatArray:
 
 def euler_error_rad(estimate: Estimate, recording: Recording) -> FloatArray:
     """Return (k, 3) roll, pitch, yaw less reference, each wrapped to (-pi, pi]; NaN where it is not known."""
-    from jerkbench.geometry import wrap_angle  # here, because that module imports scipy
-
     return wrap_angle(_error(estimate.euler_rad, recording.reference.euler_rad, estimate))
 
 

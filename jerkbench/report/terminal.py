@@ -17,7 +17,12 @@ if TYPE_CHECKING:
 
 def print_table(rows: "pd.DataFrame", notes: Sequence[str] = (), metric: str = "position_rmse_m") -> None:
     """Print the table of ``metric`` with ``notes`` under it; in a pipe it is as wide as it needs to be."""
-    _print(terminal_table(summarise(rows, metric, notes=notes)))
+    print_summary(summarise(rows, metric, notes=notes))
+
+
+def print_summary(table: Table) -> None:
+    """Print a table that is made already."""
+    _print(terminal_table(table))
 
 
 def print_run(rows: "pd.DataFrame") -> None:

@@ -1,7 +1,6 @@
 """What a perfect IMU measures on a true motion, and what the accelerometer's range leaves of it."""
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from jerkbench.arrays import FloatArray
 from jerkbench.recording import GRAVITY_MPS2
@@ -20,6 +19,8 @@ def perfect_imu(truth: Truth) -> tuple[FloatArray, FloatArray]:
     so that integrating it with the true attitude returns the true velocity exactly. It differs from the mean of
     the body's specific force only in the second order of dt, as sculling and coning do.
     """
+    from scipy.spatial.transform import Rotation
+
     turns = Rotation.from_euler("ZYX", truth.euler_rad[:, ::-1])
     dt = np.diff(truth.t_s)[:, None]
     gyro = (turns[:-1].inv() * turns[1:]).as_rotvec() / dt

@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import lfilter
 
 from jerkbench.arrays import FloatArray
 from jerkbench.recording import GRAVITY_MPS2
@@ -126,4 +125,6 @@ def _wandering(rows: int, sigma: float, interval_s: float, seed: int, sensor: st
     keep = np.exp(-interval_s / BIAS_TIME_S)
     drive = stream(seed, "dataset", sensor, "wander").standard_normal((rows, 3)) * sigma
     drive[1:] *= np.sqrt(1.0 - keep**2)
+    from scipy.signal import lfilter
+
     return np.asarray(lfilter([1.0], [1.0, -keep], drive, axis=0))

@@ -1,0 +1,29 @@
+"""Runs the command line as a person does: in a process of its own, in an empty folder."""
+
+import os
+import subprocess
+import sys
+
+SHORT = ["dataset.duration_s=12", "seeds=1", "figures=false", "workers=1"]
+"""A simulation that takes a fraction of a second."""
+
+
+def environment(**more):
+    return {**os.environ, "COLUMNS": "200", **more}
+
+
+def jerkbench(*words, cwd, **more):
+    """Run `jerkbench WORDS`; returns the finished process with its output as text."""
+    command = [sys.executable, "-m", "jerkbench", *words]
+    done = subprocess.run(
+        command, cwd=cwd, env=environment(**more), capture_output=True, text=True, timeout=300, check=False
+    )
+    assert "Traceback" not in done.stderr, done.stderr
+    return done
+
+
+def swept(*words, cwd, **more):
+    """Run a sweep that has to go well."""
+    done = jerkbench("run", "-m", *SHORT, *words, cwd=cwd, **more)
+    assert done.returncode == 0, done.stderr
+    return done

@@ -1,0 +1,215 @@
+"""The command line, as a person uses it."""
+
+import signal
+import subprocess
+import sys
+import time
+
+import pandas as pd
+import pytest
+
+from commands import SHORT, environment, jerkbench, swept
+from jerkbench.cli import main
+
+CELLS = ["filter=baseline,jerk,gnss_only", "adaptation=none,mtf"]
+
+
+def rows_of(folder):
+    return pd.read_csv(folder / "rows.csv")
+
+
+def test_help_and_catalogue_answer(tmp_path):
+    assert "VERB" in jerkbench("--help", cwd=tmp_path).stdout
+    assert "experiment=paper" in jerkbench("run", "--help", cwd=tmp_path).stdout
+    listed = jerkbench("list", cwd=tmp_path).stdout
+    assert all(name in listed for name in ("field_ruts", "gnss_outage", "sage_husa", "baseline_naive", "paper"))
+    shown = jerkbench("show", "adaptation", "mtf", cwd=tmp_path).stdout
+    assert all(word in shown for word in ("y'y >= sum h + sum r", "window = 1", "Source:", "[updates]"))
+    assert "0.02 # m/s2" in jerkbench("show", "filter", "baseline_naive", cwd=tmp_path).stdout
+
+
+def test_a_single_run_prints_its_metrics_and_draws_two_figures(tmp_path):
+    words = [word for word in SHORT if not word.startswith("figures")]
+    done = jerkbench("run", *words, "filter=jerk", "adaptation=mtf", cwd=tmp_path)
+    study = tmp_path / "results" / "adhoc"
+
+    assert done.returncode == 0
+    assert "Position RMSE (3-D) [m]" in done.stdout
+    drawn = sorted(path.name.rsplit("-", 1)[1] for path in (study / "figures").iterdir())
+    assert drawn == ["errors.png", "trajectory.png"]
+    (row,) = rows_of(study).to_dict("records")
+    assert (row["filter"], row["adaptation"], row["seed"], row["status"]) == ("jerk", "mtf", 0, "ok")
+    assert 0.001 < row["position_rmse_m"] < 0.1
+
+
+@pytest.fixture(scope="module")
+def sweep(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("sweep")
+    return folder / "results" / "adhoc", swept(*CELLS, "disturbance=none,[bias,gnss_outage]", cwd=folder)
+
+
+def test_a_sweep_leaves_rows_tables_and_a_manifest(sweep):
+    study, done = sweep
+    rows = rows_of(study)
+
+    assert len(rows) == 2 * 5  # gnss_only takes no mtf
+    assert "Left out 2 combinations: the filter gnss_only takes no adaptation 'mtf', only: none." in done.stderr
+    assert list(rows.columns[:9]) == [
+        *("dataset", "disturbance", "attitude", "filter", "adaptation", "noise", "seed", "replicate", "status")
+    ]
+    assert set(rows["disturbance"]) == {"none", "bias+gnss_outage"}
+    for name in ("table.md", "table.csv", "table.tex", "manifest.json"):
+        assert (study / name).stat().st_size > 0
+    assert "Position RMSE (3-D) [m]" in done.stdout
+    assert "simulated truth; independent of the measurements" in done.stdout
+
+
+def test_a_sweep_goes_on_where_it_was_and_gives_the_same_rows(sweep):
+    study, _ = sweep
+    before = rows_of(study)
+    next(iter((study / "cells").glob("*.parquet"))).unlink()
+    again = swept(*CELLS, "disturbance=none,[bias,gnss_outage]", cwd=study.parents[1])
+
+    assert "9 of 10 cells are done already" in again.stderr
+    pd.testing.assert_frame_equal(rows_of(study), before, check_exact=True)
+
+
+def test_the_table_can_be_arranged_otherwise(sweep):
+    study, _ = sweep
+    arranged = ["--rows", "adaptation", "--columns", "filter,disturbance", "--format", "md"]
+    done = jerkbench("table", str(study), "--metric", "velocity_rmse_mps", *arranged, cwd=study)
+
+    assert done.returncode == 0
+    assert "Velocity RMSE" in done.stdout
+    assert "| mtf" in done.stdout
+
+
+def test_two_workers_give_the_rows_of_one(sweep):
+    study, _ = sweep
+    swept(*CELLS, "disturbance=none,[bias,gnss_outage]", "workers=2", "study=two", cwd=study.parents[1])
+
+    pd.testing.assert_frame_equal(rows_of(study.parent / "two"), rows_of(study), check_exact=True)
+
+
+def test_hydras_own_launcher_gives_the_same_rows_and_the_table(sweep):
+    study, _ = sweep
+    words = ["hydra/launcher=basic", "study=basic"]
+    swept(*CELLS, "disturbance=none,[bias,gnss_outage]", *words, cwd=study.parents[1])
+    key = ["disturbance", "filter", "adaptation"]
+
+    pd.testing.assert_frame_equal(
+        rows_of(study.parent / "basic").sort_values(key, ignore_index=True),
+        rows_of(study).sort_values(key, ignore_index=True),
+        check_exact=True,
+    )
+
+
+def test_swept_parameters_are_in_the_labels(tmp_path):
+    swept("noise.accel_mps2=0.1,0.2", "filter=baseline,gnss_only", cwd=tmp_path)
+    rows = rows_of(tmp_path / "results" / "adhoc")
+
+    assert list(zip(rows["filter"], rows["noise"], strict=True)) == [
+        ("baseline", "accel_mps2=0.1"),
+        ("gnss_only", "own"),  # once: it has no such parameter
+        ("baseline", "accel_mps2=0.2"),
+    ]
+
+
+BAD = [
+    (["filter=jrk"], "There is no filter 'jrk'. Did you mean 'jerk'?"),
+    (["disturbance=[bias,gnss_outag]"], "Did you mean 'gnss_outage'?"),
+    (["sedds=3"], "There is no option 'sedds'. Did you mean 'seeds'?"),
+    (["filter.acel_mps2=3"], "Did you mean 'filter.accel_mps2'?"),
+    (["noise.accel_mps2=much"], "noise.accel_mps2: Value 'much'"),
+    (["seeds=many"], "seeds: Value 'many'"),
+    (["seeds=0"], "seeds is 0; at least one run is needed."),
+    (["adaptation=mtf", "adaptation.window=0"], "mtf.window is 0"),
+    (["metrics=[position_rms]"], "Did you mean 'position_rmse'?"),
+    (["dataset=rtklib"], "'folder'"),
+    (["dataset=rtklib", "dataset.folder=nowhere"], "nowhere"),
+    (["dataset=rtklib", "dataset.folder=."], "."),
+    (["filter==jerk"], "="),
+]
+
+
+@pytest.fixture
+def said_in_process(tmp_path, monkeypatch, capsys):
+    """Run the command line in this process, which is faster; returns exit code, output and errors."""
+
+    def run(*words):
+        monkeypatch.chdir(tmp_path)
+        monkeypatch.setattr(sys, "argv", ["jerkbench"])
+        monkeypatch.setenv("HYDRA_FULL_ERROR", "1")
+        with pytest.raises(SystemExit) as ended:
+            main(words)
+        return ended.value.code, *capsys.readouterr()
+
+    return run
+
+
+@pytest.mark.parametrize(("words", "said"), BAD, ids=[" ".join(words) for words, _ in BAD])
+@pytest.mark.parametrize("multirun", [[], ["-m"]], ids=["single", "sweep"])
+def test_bad_input_is_one_sentence_and_leaves_no_result(tmp_path, said_in_process, words, said, multirun):
+    code, out, err = said_in_process("run", *multirun, *words)
+
+    assert code == 2
+    assert said in err
+    assert err.startswith("jerkbench: ")
+    assert err.count("\n") == 1, err
+    assert out == ""
+    assert not list(tmp_path.rglob("*.parquet"))
+    assert not list(tmp_path.rglob("rows.csv"))
+
+
+def test_several_values_without_a_sweep_are_a_sentence(said_in_process):
+    code, _, err = said_in_process("run", "filter=jerk,bias")
+
+    assert code == 2
+    assert (
+        err
+        == "jerkbench: filter=jerk,bias has several values; add -m to run them all, or put a list into [brackets].\n"
+    )
+
+
+def test_what_the_process_says_is_what_a_person_sees(tmp_path):
+    done = jerkbench("run", "filter=jrk", cwd=tmp_path)
+
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith("jerkbench: There is no filter 'jrk'.")
+
+
+def test_a_combination_that_makes_no_sense_is_a_sentence(said_in_process):
+    code, _, err = said_in_process("run", "filter=gnss_only", "adaptation=mtf")
+
+    assert code == 2
+    assert "takes no adaptation 'mtf'" in err
+
+
+def test_a_folder_without_results_is_a_sentence(said_in_process):
+    code, _, err = said_in_process("table", "results/nothing")
+
+    assert code == 2
+    assert "results/nothing holds no results" in err
+
+
+def test_an_interrupted_sweep_ends_with_its_table_and_goes_on(tmp_path):
+    swept_values = ",".join(str(value / 24) for value in range(1, 25))
+    words = ["run", "-m", "seeds=2", "figures=false", "dataset.duration_s=20", f"noise.accel_mps2={swept_values}"]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    process = subprocess.Popen([sys.executable, "-m", "jerkbench", *words], cwd=tmp_path, env=environment(), **pipes)
+    cells = tmp_path / "results" / "adhoc" / "cells"
+    while process.poll() is None and not (cells.is_dir() and list(cells.glob("*.parquet"))):
+        time.sleep(0.02)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+
+    assert process.returncode == 130, err
+    assert "the same command goes on from there" in err
+    assert "Traceback" not in err
+    assert "Position RMSE" in out
+    done = len(list(cells.glob("*.parquet")))
+    assert 1 <= done < 24
+    assert not list(cells.glob(".*"))
+    again = jerkbench(*words, cwd=tmp_path)
+    assert f"{done} of 24 cells are done already" in again.stderr
+    assert len(rows_of(cells.parent)) == 48

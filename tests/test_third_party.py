@@ -1,0 +1,103 @@
+"""Anybody's package of two files brings an adaptation into sweeps, lists and pages."""
+
+import subprocess
+import sys
+
+import pandas as pd
+import pytest
+
+from commands import SHORT, jerkbench, swept
+
+MODULE = '''
+"""A rule of our own."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """Multiplies R by a constant.
+
+    Attributes:
+        factor: the constant [-].
+    """
+
+    factor: float = 4.0
+
+    def memory_size(self):
+        return 0
+
+    def adapt(self, innovation, HPHt, R, rows, memory):
+        return self.factor * R
+
+
+@dataclass(frozen=True)
+class Clumsy(Doubt):
+    """Fails when it meets a velocity.
+
+    Attributes:
+        factor: the constant [-].
+    """
+
+    def adapt(self, innovation, HPHt, R, rows, memory):
+        raise ZeroDivisionError("that was clumsy")
+'''
+PROJECT = """
+[build-system]
+requires = ["hatchling"]
+build-backend = "hatchling.build"
+
+[project]
+name = "doubting-filters"
+version = "1.2"
+
+[project.entry-points."jerkbench.adaptation"]
+doubt = "doubting:Doubt"
+clumsy = "doubting:Clumsy"
+lost = "doubting:Lost"
+
+[tool.hatch.build.targets.wheel]
+include = ["doubting.py"]
+"""
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory):
+    """The folder into which the package is installed."""
+    source, target = tmp_path_factory.mktemp("source"), tmp_path_factory.mktemp("installed")
+    (source / "doubting.py").write_text(MODULE)
+    (source / "pyproject.toml").write_text(PROJECT)
+    words = ["install", "--quiet", "--no-deps", "--no-build-isolation", "--target", str(target), str(source)]
+    subprocess.run([sys.executable, "-m", "pip", *words], check=True, capture_output=True, timeout=120)
+    return str(target)
+
+
+def test_it_is_listed_with_its_package_and_shown(installed, tmp_path):
+    listed = jerkbench("list", "adaptation", cwd=tmp_path, PYTHONPATH=installed)
+
+    assert "Multiplies R by a constant. [doubting]" in listed.stdout
+    assert "factor = 4.0" in jerkbench("show", "adaptation", "doubt", cwd=tmp_path, PYTHONPATH=installed).stdout
+    assert listed.stderr.count("\n") == 1
+    assert "adaptation 'lost' of doubting-filters 1.2 is left out: AttributeError" in listed.stderr
+
+
+def test_it_is_swept_with_its_parameters_and_agrees_with_a_filter_that_reports_that_r(installed, tmp_path):
+    swept("adaptation=none,doubt", cwd=tmp_path, PYTHONPATH=installed)
+    swept("adaptation=doubt", "adaptation.factor=1.0,2.0", cwd=tmp_path, PYTHONPATH=installed)
+    rows = pd.read_csv(tmp_path / "results" / "adhoc" / "rows.csv").set_index("adaptation")["position_rmse_m"]
+
+    assert set(rows.index) == {"none", "doubt", "doubt(factor=1.0)", "doubt(factor=2.0)"}
+    assert rows["doubt(factor=1.0)"] == rows["none"]
+    assert len(set(rows)) == 3
+
+
+def test_one_that_raises_is_a_row_with_the_reason_and_the_exit_code_says_so(installed, tmp_path):
+    words = ["run", "-m", *SHORT, "adaptation=clumsy,none"]
+    done = jerkbench(*words, cwd=tmp_path, PYTHONPATH=installed)
+    rows = pd.read_csv(tmp_path / "results" / "adhoc" / "rows.csv").set_index("adaptation")
+
+    assert done.returncode == 1
+    assert rows.loc["clumsy", "status"] == "failed"
+    assert rows.loc["clumsy", "reason"] == "ZeroDivisionError: that was clumsy (adapt, line 33)"
+    assert rows.loc["none", "status"] == "ok"
+    assert "failed 1/1" in done.stdout
