@@ -1,0 +1,66 @@
+"""How figures look: colours that the colour-blind can tell apart, and quiet axes."""
+
+from collections.abc import Iterable, Iterator
+from itertools import cycle, product
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
+
+OKABE_ITO = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+"""Okabe and Ito's palette (2008) in an order that keeps neighbours apart; its yellow is too pale for a line."""
+
+DASHES = ("-", "--", ":")
+"""Line styles once all colours are used."""
+
+REFERENCE = "black"
+MEASURED = "#9A9A9A"
+OUTAGE = "#F0C27B"
+
+DOTS_PER_INCH = 150
+"""Set when a figure is made, so that it is laid out as it is saved."""
+
+LEGEND_CHARACTERS = 93
+"""How many characters fit beside each other under a figure of 7 inch."""
+HANDLE_CHARACTERS = 9
+"""How many of them the line before a label takes."""
+
+LEGEND_ROW_IN = 0.22
+
+
+def lines(names: Iterable[str]) -> Iterator[tuple[str, str, str]]:
+    """Yield each name with a colour and a line style."""
+    for name, (dash, colour) in zip(names, cycle(product(DASHES, OKABE_ITO)), strict=False):
+        yield name, colour, dash
+
+
+def quiet(axes: Axes) -> None:
+    """Take away the box, put a light grid behind the lines, and let the ticks depend on the limits alone.
+
+    Ticks that depend on the height too change after the layout has measured their labels, and labels get clipped.
+    """
+    if axes.get_yscale() == "linear":
+        axes.yaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]))
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.grid(visible=True, color="#E4E4E4", linewidth=0.6)
+    axes.set_axisbelow(True)
+
+
+def legend_below(figure: Figure) -> None:
+    """Put the legend under the axes, in as many columns as its labels allow, and make the figure taller for it."""
+    labels = [label for axes in figure.axes for label in axes.get_legend_handles_labels()[1]]
+    if not labels:
+        return
+    columns = max(1, min(3, len(labels), LEGEND_CHARACTERS // (max(map(len, labels)) + HANDLE_CHARACTERS)))
+    width, height = figure.get_size_inches()
+    figure.set_size_inches(width, height + LEGEND_ROW_IN * -(-len(labels) // columns))
+    legend = figure.legend(loc="outside lower center", ncols=columns, frameon=False)
+    for handle in legend.legend_handles:
+        if isinstance(handle, Line2D) and handle.get_marker() == ".":
+            handle.set(markersize=6.0, alpha=1.0)
+
+
+def say(axes: Axes, sentence: str) -> None:
+    """Write ``sentence`` where there is nothing to draw."""
+    axes.text(0.5, 0.5, sentence, transform=axes.transAxes, ha="center", va="center", color="#555555")
