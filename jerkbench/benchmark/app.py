@@ -15,9 +15,10 @@ from hydra.core.hydra_config import HydraConfig
 from hydra.core.utils import JobReturn, JobStatus
 from hydra.experimental.callback import Callback
 from hydra.types import RunMode
-from omegaconf import DictConfig, open_dict
+from omegaconf import DictConfig
 
-from jerkbench.benchmark.cell import Cell, refusal
+from jerkbench.benchmark.cell import refusal
+from jerkbench.benchmark.composition import compose_jobs
 from jerkbench.benchmark.configuration import cell_of, register_schemas, study_folder
 from jerkbench.benchmark.single import run_single
 from jerkbench.benchmark.store import Store
@@ -47,7 +48,8 @@ def sweep(loader: ConfigLoader, config: DictConfig, jobs: Sequence[Sequence[str]
         SystemExit: a run failed, or the sweep was interrupted.
     """
     try:
-        plan = plan_sweep([_composed_cell(loader, config, job) for job in jobs])
+        composed = compose_jobs(loader, config, jobs)
+        plan = plan_sweep([cell_of(one.config, one.choices, one.overrides) for one in composed])
     except JerkbenchError as error:
         exit_with(error)
     for line in plan.refused:
@@ -108,14 +110,6 @@ def _run_and_show(one: Planned, folder: Path, config: DictConfig) -> None:
     print_run(rows)
     for path in figures:
         print(f"Figure: {path}")
-
-
-def _composed_cell(loader: ConfigLoader, config: DictConfig, job: Sequence[str]) -> Cell:
-    composed = loader.load_sweep_config(config, list(job))
-    choices, overrides = composed.hydra.runtime.choices, list(composed.hydra.overrides.task)
-    with open_dict(composed):
-        del composed["hydra"]
-    return cell_of(composed, choices, overrides)
 
 
 def _conclude(plan: Plan, store: Store, config: DictConfig) -> bool:

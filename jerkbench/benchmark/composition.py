@@ -1,0 +1,90 @@
+"""Composes the jobs of a sweep, paying Hydra's price once for each value of each factor, not for each combination."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from hydra.core.config_loader import ConfigLoader
+from omegaconf import DictConfig, OmegaConf
+
+INDEPENDENT = ("filter", "adaptation", "noise", "engine", "disturbance")
+"""Groups that only decide their own part of the configuration."""
+
+REST = "rest"
+"""Everything else: a data set may choose the attitude filter, an experiment anything."""
+
+Job = Sequence[str]
+
+
+@dataclass(frozen=True, eq=False)
+class Composed:
+    """A job's configuration.
+
+    Attributes:
+        config: without the ``hydra`` part.
+        choices: Hydra's choice for each group.
+        overrides: the overrides of the job.
+    """
+
+    config: DictConfig
+    choices: dict[str, Any]
+    overrides: list[str]
+
+
+def compose_jobs(loader: ConfigLoader, config: DictConfig, jobs: Sequence[Job]) -> list[Composed]:
+    """Compose every job: what it would be alone, but put together from parts.
+
+    The part that belongs to a group of `INDEPENDENT` is composed once for each distinct set of overrides of this group,
+    with everything else as in the first job.
+    """
+    if not _separable(jobs):
+        return [_compose(loader, config, job) for job in jobs]
+    split = [_split(job) for job in jobs]
+    known: dict[tuple[str, tuple[str, ...]], Composed] = {}
+    for parts in split:
+        for factor, words in parts.items():
+            if (factor, words) not in known:
+                job = [word for name, own in split[0].items() for word in (words if name == factor else own)]
+                known[factor, words] = _compose(loader, config, job)
+    return [_assembled(job, parts, known) for job, parts in zip(jobs, split, strict=True)]
+
+
+def _assembled(
+    job: Job, parts: dict[str, tuple[str, ...]], known: dict[tuple[str, tuple[str, ...]], Composed]
+) -> Composed:
+    """Take each group's part from the composition that knows its overrides."""
+    rest = known[REST, parts[REST]]
+    config, choices = OmegaConf.to_container(rest.config), dict(rest.choices)
+    assert isinstance(config, dict)  # noqa: S101 - a configuration is a mapping
+    for group in INDEPENDENT:
+        own = known[group, parts[group]]
+        config[group] = OmegaConf.to_container(own.config[group])
+        choices[group] = own.choices.get(group)
+    return Composed(OmegaConf.create(config), choices, list(job))
+
+
+def _compose(loader: ConfigLoader, config: DictConfig, job: Job) -> Composed:
+    composed = loader.load_sweep_config(config, list(job))
+    choices: Any = OmegaConf.to_container(composed.hydra.runtime.choices)
+    overrides: Any = OmegaConf.to_container(composed.hydra.overrides.task)
+    bare = {key: value for key, value in composed.items() if key != "hydra"}
+    return Composed(OmegaConf.create(bare), choices, overrides)
+
+
+def _separable(jobs: Sequence[Job]) -> bool:
+    """Whether no job chooses another experiment than the others, which might decide any part."""
+    return len({tuple(word for word in job if _owner(word) == "experiment") for job in jobs}) == 1
+
+
+def _split(job: Job) -> dict[str, tuple[str, ...]]:
+    """The overrides of a job, by the group that they belong to."""
+    parts: dict[str, list[str]] = {factor: [] for factor in (REST, *INDEPENDENT)}
+    for word in job:
+        owner = _owner(word)
+        parts[owner if owner in INDEPENDENT else REST].append(word)
+    return {factor: tuple(words) for factor, words in parts.items()}
+
+
+def _owner(word: str) -> str:
+    """The group, or the first part of the key, that an override is about."""
+    return word.lstrip("+~").partition("=")[0].partition(".")[0].partition("@")[0]
