@@ -1,0 +1,84 @@
+"""What the README says to type is typed here, on a shorter drive; its plugin is installed and swept."""
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+from commands import jerkbench
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+QUICK = ["dataset.duration_s=80", "seeds=1", "workers=1"]
+
+
+def blocks(language):
+    return re.findall(rf"```{language}\n(.*?)```", README, flags=re.DOTALL)
+
+
+def commands():
+    """Every `jerkbench` command of the README, without those that the project's gate runs as they are."""
+    lines = [line for block in blocks("sh") for line in block.splitlines()]
+    return [shlex.split(line)[1:] for line in lines if line.startswith("jerkbench ")]
+
+
+def is_run(words):
+    return words[0] == "run"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("reader")
+
+
+@pytest.fixture(scope="module")
+def plugin(tmp_path_factory):
+    """The README's package, as an installer would leave it: the module and its entry points."""
+    installed = tmp_path_factory.mktemp("installed")
+    (installed / "doubting.py").write_text(blocks("python")[0])
+    metadata = installed / "doubting-1.0.dist-info"
+    metadata.mkdir()
+    (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: doubting\nVersion: 1.0\n")
+    group, entry = re.search(r'entry-points\."(.*?)"\]\n(.*)', blocks("toml")[0]).groups()
+    (metadata / "entry_points.txt").write_text(f"[{group}]\n{entry.replace(chr(34), '')}\n")
+    return str(installed)
+
+
+@pytest.mark.parametrize(
+    "words", [w for w in commands() if is_run(w) and "dataset.folder=FOLDER" not in w], ids=" ".join
+)
+def test_the_runs_of_the_readme_go_well(folder, plugin, words):
+    done = jerkbench(*words, *QUICK, cwd=folder, PYTHONPATH=plugin)
+
+    assert done.returncode == 0, done.stderr
+    assert "Position RMSE (3-D) [m]" in done.stdout
+
+
+@pytest.mark.parametrize("words", [w for w in commands() if not is_run(w)], ids=" ".join)
+def test_the_other_commands_of_the_readme_go_well(folder, plugin, words):
+    if words[0] == "table":  # of a sweep with outages
+        sweep = ["run", "-m", "filter=baseline,jerk", "adaptation=none,mtf", "disturbance=gnss_outage", "study=adhoc"]
+        jerkbench(*sweep, "dataset.duration_s=60", *QUICK[1:], cwd=folder)
+    done = jerkbench(*words, cwd=folder, PYTHONPATH=plugin)
+
+    assert done.returncode == 0, done.stderr
+    assert len(done.stdout) > 200
+
+
+def test_the_drive_of_the_readme_goes_well(folder, shared_folder):
+    (words,) = [w for w in commands() if "dataset.folder=FOLDER" in w]
+    drive = f"dataset.folder={shared_folder / 'data' / 'rtklib_drive_0708'}"
+    less = ["filter=gnss_only", "adaptation=none", "noise.accel_mps2=0.2", "disturbance=withhold"]
+    done = jerkbench(*words[:-1], drive, *less, cwd=folder)
+
+    assert done.returncode == 0, done.stderr
+    assert "withheld from the filter; not independent" in done.stdout
+
+
+def test_the_two_commands_of_the_readme_are_what_the_gate_runs():
+    gate = (ROOT / ".ci" / "run").read_text(encoding="utf-8")
+
+    for name in ("main", "tests"):
+        assert f"<!-- {name} -->\n```sh\npython3 -m venv .venv\n" in README
+        assert f"readme {name}" in gate
