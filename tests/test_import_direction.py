@@ -9,7 +9,7 @@ ORDER = [
     ["errors", "arrays", "files", "streams", "presets"],
     ["recording"],
     ["estimate", "geometry"],
-    ["timeline"],
+    ["timeline", "inertial"],
     ["contracts"],
     ["plugins"],
     ["simulation", "readers"],
@@ -21,7 +21,7 @@ ORDER = [
     ["evaluation"],
     ["report"],
     ["benchmark"],
-    ["catalogue"],
+    ["catalogue", "api"],
     ["cli"],
 ]
 STAGE = {name: place for place, names in enumerate(ORDER) for name in names}

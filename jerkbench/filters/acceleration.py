@@ -1,0 +1,43 @@
+"""A filter that takes no input: the acceleration is a state."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jerkbench.arrays import FloatArray
+from jerkbench.plugins import register
+
+
+@register("filter", "acceleration")
+@dataclass(frozen=True)
+class Acceleration:
+    """Nine states [p, v, a]: the acceleration is a random walk, and the IMU is not used.
+
+    For each axis, with q = [dt^2/2, dt, 1] and no input (b = 0)::
+
+        x = [[1, dt, dt^2/2], [0, 1, dt], [0, 0, 1]] x
+        Q = sigma_w^2 dt q q'
+
+    It owes nothing to attitude or accelerometer, so that neither can mislead it, and it knows nothing between fixes
+    and in an outage but the last acceleration. What the baseline gains over it is what the IMU is worth.
+
+    Source: the Wiener-process acceleration model (Bar-Shalom, Li and Kirubarajan, "Estimation with Applications to
+    Tracking and Navigation", 6.3), the "9-state" filter of the paper's related work.
+
+    Attributes:
+        accel_walk_mps2_per_sqrt_s: sigma_w, random walk of the acceleration [m/s2/sqrt(s)].
+        initial_accel_mps2: one sigma of the acceleration at the start [m/s2].
+    """
+
+    accel_walk_mps2_per_sqrt_s: float = 2.0
+    initial_accel_mps2: float = 1.0
+
+    def axis_model(self, dt: float, dt0: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return A (3, 3), b (3,), Q (3, 3) for a step of ``dt`` seconds."""
+        A = np.array([[1.0, dt, 0.5 * dt**2], [0.0, 1.0, dt], [0.0, 0.0, 1.0]])
+        q = np.array([0.5 * dt**2, dt, 1.0])
+        return A, np.zeros(3), self.accel_walk_mps2_per_sqrt_s**2 * dt * np.outer(q, q)
+
+    def initial_variances(self) -> FloatArray:
+        """Return (1,) the initial variance of the acceleration."""
+        return np.array([self.initial_accel_mps2**2])

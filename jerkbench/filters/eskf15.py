@@ -1,0 +1,246 @@
+"""The error-state inertial navigation that practitioners run."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from jerkbench.arrays import FloatArray
+from jerkbench.contracts import Adaptation
+from jerkbench.errors import PluginError, unknown
+from jerkbench.estimate import Attitude, Estimate
+from jerkbench.filters._accepted import without_fading
+from jerkbench.inertial.alignment import StartSigmas, align
+from jerkbench.inertial.earth import earth_at
+from jerkbench.inertial.error_model import SensorNoise
+from jerkbench.inertial.events import merge_events
+from jerkbench.inertial.run import Constraints, InertialRun, InertialSolution, Settings
+from jerkbench.inertial.state import NavigationState
+from jerkbench.inertial.stillness import still_samples
+from jerkbench.inertial.track import yaw_from_track
+from jerkbench.plugins import register
+from jerkbench.recording import GRAVITY_MPS2, Recording
+from jerkbench.timeline.timeline import Timeline, build_timeline
+
+YAW_SOURCES = ("attitude", "track")
+
+DEG_PER_H = np.deg2rad(1.0) / 3600.0
+PER_SQRT_H = 1.0 / 60.0
+MG = 1e-3 * GRAVITY_MPS2
+
+POSITIVE = (
+    *("angle_random_walk_deg_per_sqrt_h", "velocity_random_walk_mps_per_sqrt_h"),
+    *("gyro_correlation_s", "accel_correlation_s", "gyro_turn_on_deg_per_h", "accel_turn_on_mg"),
+    *("initial_yaw_sigma_rad", "track_least_m", "zero_velocity_sigma_mps", "nonholonomic_sigma_mps"),
+    *("constraint_interval_s", "still_window_s", "still_accel_mps2", "still_gyro_radps", "still_below_mps"),
+)
+ARMS = ("antenna_m", "nonholonomic_point_m", "reference_point_m")
+
+
+@register("filter", "eskf15")
+@dataclass(frozen=True)
+class Eskf15:
+    """Error-state inertial navigation with 15 states: position, velocity, attitude, gyro and accelerometer bias.
+
+    Unlike the kinematic filters it integrates the raw IMU itself, so that position and velocity correct the attitude
+    too. Nominal state, from the mean force y_A and rate y_G of a sample, C the attitude (body -> ENU)::
+
+        w = y_G - b_g,  f = y_A - b_a
+        C+ = Exp(-w_e dt) C Exp(w dt),  C_mean = (C + C+)/2
+        v+ = v + (C_mean f + g(p) - 2 w_e x v) dt,  p+ = p + (v + v+)/2 dt
+
+    Error state dx = [dp, dv, phi, db_g, db_a], truth less estimate, true C = Exp(phi) C::
+
+        dp' = dv,  dv' = -[C f] phi - C db_a + n_a,  phi' = -C db_g + n_g,  db' = n_b
+        P = Phi P Phi' + Q;  density of n_b: 2 sigma^2/tau
+        K = P H' (H P H' + R)^-1;  dx = K (z - h(x)), put into the nominal state;  P in Joseph form
+
+    A bias walks as a Gauss-Markov process of sigma and tau does over times below tau; it is not drawn back to zero,
+    because the turn-on bias, which is in the same state, is not.
+
+    Measurements, at their own times, l a lever arm::
+
+        position (antenna)      p + C l
+        velocity, ENU           v + C (w x l)          body: C' v (of the IMU)
+        heading                 atan2(C_21, C_11)
+        zero velocity           v = 0                  when IMU and estimate agree that it stands still
+        non-holonomic           (C' v + w x l)_yz = 0  when it does not
+
+    Start: at rest, roll and pitch from the first second of specific force (with the error that an accelerometer bias
+    makes of it), v = 0; moving, from the attitude filter. Yaw is the attitude filter's at the start (before its first
+    course: that one less the integrated gyro), or that of the first two fixes that are apart. The attitude filter is
+    used for nothing else. Wrong by a right angle or more, the filter may never recover.
+
+    Neglected: the Earth's rotation and curvature unless switched on (in a fixed tangent plane there is no transport
+    rate; what is left is that gravity turns, .16 mrad a km), the change of gravity with latitude (a bias takes it),
+    coning and sculling within a sample, scale factors and misalignments, the latency of a receiver. There is no wheel
+    speed in a recording, so no wheel scale. Good where the vehicle turns and accelerates, which makes yaw and biases
+    observable, and in outages of up to a minute; it needs an IMU whose data sheet is known.
+
+    Rows that an adaptation sees are those of position and velocity (in the velocity's own frame); headings and
+    constraints are not adapted, and not among the recorded updates. It takes every adaptation that does not fade P.
+
+    Source: P. D. Groves, "Principles of GNSS, Inertial, and Multisensor Integrated Navigation Systems", 2nd ed.,
+    chapters 5 and 14, reduced to a tangent plane.
+
+    Attributes:
+        angle_random_walk_deg_per_sqrt_h: white noise of the gyro [deg/sqrt(h)].
+        velocity_random_walk_mps_per_sqrt_h: white noise of the accelerometer [m/s/sqrt(h)].
+        gyro_instability_deg_per_h: sigma of the wandering part of the gyro's bias; 0: it is constant [deg/h].
+        gyro_correlation_s: tau of it [s].
+        accel_instability_mg: sigma of the wandering part of the accelerometer's bias; 0: it is constant [mg].
+        accel_correlation_s: tau of it [s].
+        gyro_turn_on_deg_per_h: one sigma of the gyro's bias at the start [deg/h].
+        accel_turn_on_mg: one sigma of the accelerometer's bias at the start [mg].
+        gyro_bias_from_rest: whether the gyro's mean over the rest at the start is its first bias.
+        yaw_source: first yaw, attitude (of the attitude filter) or track (of the fixes).
+        initial_yaw_sigma_rad: one sigma of the first yaw [rad].
+        track_least_m: how far apart two fixes show a course [m].
+        position_sigma_m: one sigma of each axis of a fix, in place of the reported covariance; null: as reported [m].
+        antenna_m: lever arm from the IMU to the antenna, body: forward, left, up [m].
+        use_velocity: whether the velocity is used.
+        use_heading: whether a dual-antenna heading is used.
+        zero_velocity: whether the vehicle is held when it stands still.
+        zero_velocity_sigma_mps: one sigma of each axis then, and of the velocity at a start at rest [m/s].
+        still_window_s: how long the IMU has to be still [s].
+        still_accel_mps2: standard deviation of the accelerometer below which it is, three axes together [m/s2].
+        still_gyro_radps: standard deviation of the gyro below which it is, three axes together [rad/s].
+        still_below_mps: estimated speed below which it may be [m/s].
+        nonholonomic: whether the vehicle does not move sideways and upwards.
+        nonholonomic_sigma_mps: one sigma of each of the two [m/s].
+        nonholonomic_point_m: where that holds (rear axle), from the IMU, body [m].
+        constraint_interval_s: time between two zero-velocity or non-holonomic updates [s].
+        reference_point_m: the point whose position and velocity are given out, from the IMU, body [m].
+        earth_rotation: whether the Earth's rotation is taken into account; needs the recording's origin, and a gyro
+            from which the mean at rest was not taken.
+        earth_curvature: whether gravity turns with the position.
+    """
+
+    angle_random_walk_deg_per_sqrt_h: float = 0.6
+    velocity_random_walk_mps_per_sqrt_h: float = 0.12
+    gyro_instability_deg_per_h: float = 0.0
+    gyro_correlation_s: float = 1000.0
+    accel_instability_mg: float = 0.0
+    accel_correlation_s: float = 1000.0
+    gyro_turn_on_deg_per_h: float = 500.0
+    accel_turn_on_mg: float = 10.0
+    gyro_bias_from_rest: bool = True
+    yaw_source: str = "attitude"
+    initial_yaw_sigma_rad: float = 0.05
+    track_least_m: float = 1.0
+    position_sigma_m: float | None = None
+    antenna_m: tuple[float, ...] = (0.0, 0.0, 0.0)
+    use_velocity: bool = True
+    use_heading: bool = True
+    zero_velocity: bool = False
+    zero_velocity_sigma_mps: float = 0.02
+    still_window_s: float = 1.0
+    still_accel_mps2: float = 0.1
+    still_gyro_radps: float = 0.01
+    still_below_mps: float = 0.3
+    nonholonomic: bool = False
+    nonholonomic_sigma_mps: float = 0.2
+    nonholonomic_point_m: tuple[float, ...] = (0.0, 0.0, 0.0)
+    constraint_interval_s: float = 0.1
+    reference_point_m: tuple[float, ...] = (0.0, 0.0, 0.0)
+    earth_rotation: bool = False
+    earth_curvature: bool = False
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        if self.yaw_source not in YAW_SOURCES:
+            raise PluginError(unknown("yaw_source of filter eskf15", self.yaw_source, YAW_SOURCES))
+        positive = (*POSITIVE, *(("position_sigma_m",) if self.position_sigma_m is not None else ()))
+        for name in positive:
+            if not getattr(self, name) > 0:
+                raise PluginError(f"eskf15.{name} is {getattr(self, name)}; it must be positive.")
+        for name in ("gyro_instability_deg_per_h", "accel_instability_mg"):
+            if not getattr(self, name) >= 0:
+                raise PluginError(f"eskf15.{name} is {getattr(self, name)}; it must be 0 (constant) or more.")
+        for name in ARMS:
+            if len(getattr(self, name)) != 3:
+                raise PluginError(f"eskf15.{name} is {getattr(self, name)}; give three: forward, left, up.")
+
+    @property
+    def adaptations(self) -> tuple[str, ...]:
+        """Names of the adaptations that it accepts: all that do not fade P."""
+        return without_fading()
+
+    def estimate(self, recording: Recording, attitude: Attitude, adaptation: Adaptation) -> Estimate:
+        """Return the navigation solution at the reference's stamps."""
+        return self.solve(recording, attitude, adaptation).estimate
+
+    def solve(self, recording: Recording, attitude: Attitude, adaptation: Adaptation) -> InertialSolution:
+        """Return the navigation solution with the state and the whole covariance at the end."""
+        recording = self._aided(recording)
+        timeline = build_timeline(recording, _unturned(attitude))
+        headings = recording.heading if self.use_heading else None
+        events = merge_events(timeline, recording.imu, headings, self.constraint_interval_s)
+        start = self._start(recording, attitude, timeline)
+        return InertialRun(recording.imu, timeline, headings, start, adaptation, self._settings(recording)).over(events)
+
+    def sensor_noise(self) -> SensorNoise:
+        """Return the process noise in SI units."""
+        gyro, accel = self.gyro_instability_deg_per_h * DEG_PER_H, self.accel_instability_mg * MG
+        return SensorNoise(
+            angle=float(np.deg2rad(self.angle_random_walk_deg_per_sqrt_h) * PER_SQRT_H) ** 2,
+            velocity=(self.velocity_random_walk_mps_per_sqrt_h * PER_SQRT_H) ** 2,
+            gyro_bias=float(2.0 * gyro**2 / self.gyro_correlation_s),
+            accel_bias=float(2.0 * accel**2 / self.accel_correlation_s),
+        )
+
+    def _aided(self, recording: Recording) -> Recording:
+        """The recording with the measurements, and the fixes' covariance, that are asked for."""
+        if not self.use_velocity:
+            recording = replace(recording, velocity=None)
+        if self.position_sigma_m is not None and recording.position is not None:
+            covariance = np.broadcast_to(self.position_sigma_m**2 * np.eye(3), recording.position.covariance_m2.shape)
+            recording = replace(recording, position=replace(recording.position, covariance_m2=covariance))
+        return recording
+
+    def _start(
+        self, recording: Recording, attitude: Attitude, timeline: Timeline
+    ) -> tuple[NavigationState, FloatArray]:
+        sigmas = StartSigmas(
+            gyro_bias_radps=float(self.gyro_turn_on_deg_per_h * DEG_PER_H),
+            accel_bias_mps2=self.accel_turn_on_mg * MG,
+            yaw_rad=self.initial_yaw_sigma_rad,
+            still_mps=self.zero_velocity_sigma_mps,
+        )
+        if self.yaw_source == "track":
+            yaw_rad = yaw_from_track(recording, timeline.t_s[0], self.track_least_m)
+        else:
+            yaw_rad = float(attitude.euler_rad[timeline.sample[0], 2])
+        noise, from_rest = self.sensor_noise(), self.gyro_bias_from_rest
+        state, P = align(recording, attitude, timeline, yaw_rad, sigmas, noise, gyro_bias_from_rest=from_rest)
+        if _is_body(recording):  # the timeline's first velocity stands in the body's frame
+            state = state._replace(velocity_mps=state.dcm @ state.velocity_mps)
+            P[3:6, 3:6] = state.dcm @ P[3:6, 3:6] @ state.dcm.T
+        return state._replace(position_m=state.position_m - state.dcm @ np.array(self.antenna_m)), P
+
+    def _settings(self, recording: Recording) -> Settings:
+        imu = recording.imu
+        still = still_samples(imu, self.still_window_s, self.still_accel_mps2, self.still_gyro_radps)
+        constraints = Constraints(
+            still=still & self.zero_velocity,
+            still_below_mps=self.still_below_mps,
+            still_sigma_mps=self.zero_velocity_sigma_mps,
+            sideways_sigma_mps=self.nonholonomic_sigma_mps if self.nonholonomic else 0.0,
+            sideways_point_m=np.array(self.nonholonomic_point_m),
+        )
+        return Settings(
+            noise=self.sensor_noise(),
+            earth=earth_at(recording.origin, rotates=self.earth_rotation, curved=self.earth_curvature),
+            antenna_m=np.array(self.antenna_m),
+            reference_point_m=np.array(self.reference_point_m),
+            body_velocity=_is_body(recording),
+            constraints=constraints,
+        )
+
+
+def _is_body(recording: Recording) -> bool:
+    return recording.velocity is not None and recording.velocity.frame == "body"
+
+
+def _unturned(attitude: Attitude) -> Attitude:
+    """An attitude that leaves a body velocity in its frame: this filter turns it with its own."""
+    return replace(attitude, dcm=np.broadcast_to(np.eye(3), attitude.dcm.shape))

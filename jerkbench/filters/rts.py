@@ -1,0 +1,170 @@
+"""The smoother: what hindsight could reach."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from jerkbench.arrays import FloatArray
+from jerkbench.contracts import Adaptation, Filter
+from jerkbench.errors import PluginError, unknown
+from jerkbench.estimate import Attitude, Estimate
+from jerkbench.filters._accepted import without_fading
+from jerkbench.filters._linear import StepModels, initial, is_healthy, squared_distance, updated
+from jerkbench.filters.baseline import Baseline
+from jerkbench.filters.bias import Bias
+from jerkbench.filters.jerk import Jerk
+from jerkbench.plugins import register
+from jerkbench.recording import Recording
+from jerkbench.timeline.recorder import Recorder
+from jerkbench.timeline.timeline import Timeline, build_timeline
+
+MODELS = ("baseline", "bias", "jerk")
+
+
+@register("filter", "rts")
+@dataclass(frozen=True)
+class RauchTungStriebel:
+    """The Rauch-Tung-Striebel smoother over a kinematic filter: every estimate knows all measurements, later ones too.
+
+    Forward, the filter ``model`` with the adaptation: x, P after each step of the timeline, x-, P- before its update.
+    Backward from the last step, with F from k to k + 1::
+
+        G = P F' (P-_{k+1})^-1
+        xs = x + G (xs_{k+1} - x-_{k+1})
+        Ps = P + G (Ps_{k+1} - P-_{k+1}) G',  symmetrised
+
+    No filter of the same model can be better: the row tells what waiting for the rest of the recording would gain,
+    most of it in outages. It is of no use while driving. A wrong model stays wrong in hindsight, and innovations and
+    NIS are those of the forward pass. An adaptation that fades P- is not accepted: the backward pass needs the F and Q
+    that the forward pass really used. The covariances R that an adaptation chose are kept as they were.
+
+    It keeps every step: 1.4 kB each with six states, 2.9 kB with nine.
+
+    Source: H. E. Rauch, F. Tung, C. T. Striebel, "Maximum likelihood estimates of linear dynamic systems", AIAA
+    Journal 3(8), 1965, doi:10.2514/3.3166.
+
+    Attributes:
+        model: kinematic filter: baseline, bias or jerk. Fields of the other models do nothing.
+        accel_mps2: sigma_a, noise of one sample of u [m/s2].
+        jerk_mps3_per_sqrt_s: sigma_j, random walk of the jerk [m/s3/sqrt(s)].
+        initial_jerk_mps3: one sigma of the jerk at the start [m/s3].
+        bias_mps2_per_sqrt_s: sigma_b, random walk of the bias [m/s2/sqrt(s)].
+        initial_bias_mps2: one sigma of the bias at the start [m/s2].
+    """
+
+    model: str = "bias"
+    accel_mps2: float = 0.1
+    jerk_mps3_per_sqrt_s: float = 6.0
+    initial_jerk_mps3: float = 20.0
+    bias_mps2_per_sqrt_s: float = 0.03
+    initial_bias_mps2: float = 0.1
+
+    def __post_init__(self) -> None:
+        """Check the name of the model."""
+        if self.model not in MODELS:
+            raise PluginError(unknown("model of filter rts", self.model, MODELS))
+
+    @property
+    def adaptations(self) -> tuple[str, ...]:
+        """Names of the adaptations that it accepts: all that do not fade P."""
+        return without_fading()
+
+    def kinematic_filter(self) -> Filter:
+        """Return the filter of the forward pass."""
+        if self.model == "baseline":
+            return Baseline(self.accel_mps2)
+        if self.model == "jerk":
+            return Jerk(self.accel_mps2, self.jerk_mps3_per_sqrt_s, self.initial_jerk_mps3)
+        return Bias(self.accel_mps2, self.bias_mps2_per_sqrt_s, self.initial_bias_mps2)
+
+    def estimate(self, recording: Recording, attitude: Attitude, adaptation: Adaptation) -> Estimate:
+        """Return the smoothed solution at the reference's stamps; where the forward pass stops, up to there."""
+        timeline = build_timeline(recording, attitude)
+        recorder = Recorder(timeline)
+        forward, failure = _forward(timeline, self.kinematic_filter(), adaptation, recorder)
+        x, P = smoothed(forward)
+        for k in np.flatnonzero(timeline.reference[: len(x)] >= 0).tolist():
+            recorder.state(int(timeline.reference[k]), x[k, :6], P[k, :6, :6])
+        return recorder.estimate(failure)
+
+
+class ForwardPass(NamedTuple):
+    """What the forward pass leaves for the backward pass, for each of n steps.
+
+    Attributes:
+        x: (n, s) after the update.
+        P: (n, s, s) its covariance.
+        x_prior: (n, s) before the update.
+        P_prior: (n, s, s) its covariance.
+        F: n matrices (s, s) that led to the step; the first is not used.
+    """
+
+    x: FloatArray
+    P: FloatArray
+    x_prior: FloatArray
+    P_prior: FloatArray
+    F: list[FloatArray]
+
+    def until(self, k: int) -> "ForwardPass":
+        """Return the first ``k`` steps."""
+        return ForwardPass(self.x[:k], self.P[:k], self.x_prior[:k], self.P_prior[:k], self.F[:k])
+
+
+def smoothed(forward: ForwardPass) -> tuple[FloatArray, FloatArray]:
+    """Return the smoothed x (n, s) and P (n, s, s)."""
+    x, P = forward.x.copy(), forward.P.copy()
+    for k in range(len(x) - 2, -1, -1):
+        prior = forward.P_prior[k + 1]
+        G = np.linalg.solve(prior, forward.F[k + 1] @ P[k]).T
+        x[k] += G @ (x[k + 1] - forward.x_prior[k + 1])
+        later = P[k] + G @ (P[k + 1] - prior) @ G.T
+        P[k] = 0.5 * (later + later.T)
+    return x, P
+
+
+def _forward(timeline: Timeline, model: Filter, adaptation: Adaptation, recorder: Recorder) -> tuple[ForwardPass, str]:
+    """Filter; return every step up to the end or the first sign of divergence, and the reason for that."""
+    x, P = initial(timeline, model)
+    n, s = len(timeline.dt_s), len(x)
+    kept = ForwardPass(np.empty((n, s)), np.empty((n, s, s)), np.empty((n, s)), np.empty((n, s, s)), [np.eye(s)] * n)
+    models = StepModels(model, timeline.dt0_s)
+    update = _Update(timeline, adaptation, recorder)
+    for k, (dt, sample) in enumerate(zip(timeline.dt_s.tolist(), timeline.sample.tolist(), strict=True)):
+        if dt > 0:
+            F, B, Q = models.of(dt)
+            x, P = F @ x + B @ timeline.accel_enu_mps2[sample], F @ P @ F.T + Q
+            kept.F[k] = F
+        kept.x_prior[k], kept.P_prior[k] = x, P
+        row = int(timeline.update[k])
+        if row >= 0:
+            x, P = update(row, x, P)
+            if not is_healthy(x, P):
+                return kept.until(k), f"the covariance is no longer positive definite at {timeline.t_s[k]:.2f} s"
+        kept.x[k], kept.P[k] = x, P
+    return kept, ""
+
+
+class _Update:
+    """The measurement updates of one run, with the adaptation's memory."""
+
+    def __init__(self, timeline: Timeline, adaptation: Adaptation, recorder: Recorder) -> None:
+        measured = timeline.measurements
+        self.measured, self.adaptation, self.recorder = measured, adaptation, recorder
+        self.R = measured.R_true if getattr(adaptation, "wants_true_covariance", False) else measured.R
+        self.memory = np.zeros(adaptation.memory_size())
+
+    def __call__(self, row: int, x: FloatArray, P: FloatArray) -> tuple[FloatArray, FloatArray]:
+        z = self.measured.z[row]
+        rows = np.flatnonzero(np.isfinite(z))
+        block = np.ix_(rows, rows)
+        innovation, HPHt = z[rows] - x[rows], P[block]
+        nis = squared_distance(innovation, HPHt + self.measured.R[row][block])
+        R = self.adaptation.adapt(innovation, HPHt, self.R[row][block], rows, self.memory)
+        kept, used = np.isfinite(np.diag(R)), float("nan")
+        if kept.any():
+            few = np.ix_(kept, kept)
+            used = squared_distance(innovation[kept], HPHt[few] + R[few])
+            x, P = updated(x, P, innovation[kept], np.eye(len(x))[rows[kept]], R[few])
+        self.recorder.update(row, rows, innovation, np.diag(R), nis, used)
+        return x, P

@@ -1,0 +1,109 @@
+"""Where the inertial navigation starts: levelled at rest, or on the attitude filter's first tilt when it moves."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from jerkbench.arrays import FloatArray
+from jerkbench.errors import RecordingError
+from jerkbench.estimate import Attitude
+from jerkbench.geometry import dcm_from_euler
+from jerkbench.inertial.error_model import SensorNoise
+from jerkbench.inertial.state import BA, BG, PHI, STATES, NavigationState
+from jerkbench.recording import GRAVITY_MPS2, Recording
+from jerkbench.timeline.timeline import Timeline
+
+LEVELLING_S = 1.0
+"""How much rest the levelling takes, and needs."""
+
+MOVING_TILT_RAD = 0.17
+"""One sigma of roll and pitch when it moves from the start; the variance is .03 as in the tilt filter."""
+
+
+class StartSigmas(NamedTuple):
+    """One sigma of what is not known at the start.
+
+    Attributes:
+        gyro_bias_radps: of each axis.
+        accel_bias_mps2: of each axis.
+        yaw_rad: of the yaw that is given.
+        still_mps: of the velocity at rest, each axis.
+    """
+
+    gyro_bias_radps: float
+    accel_bias_mps2: float
+    yaw_rad: float
+    still_mps: float
+
+
+def align(
+    recording: Recording,
+    attitude: Attitude,
+    timeline: Timeline,
+    yaw_rad: float,
+    sigmas: StartSigmas,
+    noise: SensorNoise,
+    *,
+    gyro_bias_from_rest: bool,
+) -> tuple[NavigationState, FloatArray]:
+    """Return the nominal state at the timeline's start, and the covariance (15, 15) of its error.
+
+    At rest: roll and pitch from the mean specific force of the first second, v = 0, and on request the gyro's mean
+    over the rest as its bias, with the variance q_g/T. Moving: roll and pitch of ``attitude`` at the start, v from
+    the timeline. p is the first fix.
+    """
+    P = np.zeros((STATES, STATES))
+    P[:6, :6] = timeline.P0
+    P[BG, BG], P[BA, BA] = sigmas.gyro_bias_radps**2 * np.eye(3), sigmas.accel_bias_mps2**2 * np.eye(3)
+    roll, pitch, _ = attitude.euler_rad[timeline.sample[0]]
+    v, bg, resting = timeline.x0[3:], np.zeros(3), _is_resting(recording, timeline)
+    if resting:
+        roll, pitch = levelled(recording)
+        v, P[3:6, :6], P[:6, 3:6] = np.zeros(3), 0.0, 0.0
+        P[3:6, 3:6] = sigmas.still_mps**2 * np.eye(3)
+        if gyro_bias_from_rest:
+            bg = _mean_rate(recording)
+            P[BG, BG] = noise.angle / recording.static_start_s * np.eye(3)
+    C = dcm_from_euler(np.array([roll, pitch, yaw_rad]))
+    level = np.sqrt(noise.velocity / LEVELLING_S) / GRAVITY_MPS2 if resting else MOVING_TILT_RAD
+    P[PHI, PHI] = np.diag([level**2, level**2, sigmas.yaw_rad**2])
+    if resting:
+        _couple_tilt(P, C)
+    return NavigationState(timeline.x0[:3], v, C, bg, np.zeros(3)), P
+
+
+def levelled(recording: Recording) -> tuple[float, float]:
+    """Roll and pitch [rad] from the mean specific force of the first second.
+
+    Raises:
+        RecordingError: the accelerometer shows no gravity.
+    """
+    imu = recording.imu
+    x, y, z = imu.accel_mps2[imu.t_s < imu.t_s[0] + LEVELLING_S].mean(axis=0)
+    if not np.hypot(np.hypot(x, y), z) > 0:
+        raise RecordingError(
+            f"{recording.name}: the accelerometer's mean over the first second is zero, so that it cannot be levelled;"
+            " specific force must contain gravity."
+        )
+    return float(np.arctan2(y, z)), float(np.arctan2(-x, np.hypot(y, z)))
+
+
+def _is_resting(recording: Recording, timeline: Timeline) -> bool:
+    return recording.static_start_s >= LEVELLING_S and timeline.t_s[0] < recording.static_start_s
+
+
+def _mean_rate(recording: Recording) -> FloatArray:
+    """The gyro's mean over the rest; the Earth's rate goes with it."""
+    imu = recording.imu
+    return np.asarray(imu.gyro_radps[imu.t_s < imu.t_s[0] + recording.static_start_s].mean(axis=0))
+
+
+def _couple_tilt(P: FloatArray, C: FloatArray) -> None:
+    """Put the tilt that an accelerometer bias makes of levelling into P, in place.
+
+    At rest 0 = -[g e3] phi - C db_a, so that phi = J db_a with J = [[0, -1, 0], [1, 0, 0], [0, 0, 0]] C/g.
+    """
+    J = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]) @ C / GRAVITY_MPS2
+    P[PHI, BA] = J @ P[BA, BA]
+    P[BA, PHI] = P[PHI, BA].T
+    P[PHI, PHI] += J @ P[BA, BA] @ J.T

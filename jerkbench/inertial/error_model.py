@@ -1,0 +1,89 @@
+"""How the error state grows over a step: Phi and Q."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from jerkbench.arrays import FloatArray
+from jerkbench.inertial.rotation import skew
+from jerkbench.inertial.state import BG, PHI, STATES, P, V
+
+
+class SensorNoise(NamedTuple):
+    """Power densities of the process noise, the same for each axis.
+
+    Attributes:
+        angle: q_g, square of the angle random walk [rad2/s].
+        velocity: q_a, square of the velocity random walk [m2/s3].
+        gyro_bias: drive of the gyro bias [rad2/s3].
+        accel_bias: drive of the accelerometer bias [m2/s5].
+    """
+
+    angle: float
+    velocity: float
+    gyro_bias: float
+    accel_bias: float
+
+
+class StepModel(NamedTuple):
+    """What the error state's growth over a step owes to its length alone; made once for each length.
+
+    Attributes:
+        dt_s: length of the step.
+        constant: (15, 15) Phi without attitude and force.
+        on_velocity: (9,) factors on [a], [a] C and C in the rows of dv.
+        on_position: (9,) the same in the rows of dp.
+        Q: (15, 15) process noise.
+    """
+
+    dt_s: float
+    constant: FloatArray
+    on_velocity: FloatArray
+    on_position: FloatArray
+    Q: FloatArray
+
+
+def step_model(noise: SensorNoise, dt_s: float) -> StepModel:
+    """Return the model of all steps of ``dt_s``."""
+    constant = np.eye(STATES)
+    constant[P, V] = dt_s * np.eye(3)
+    on_velocity = np.repeat([-dt_s, dt_s**2 / 2.0, -dt_s], 3)
+    on_position = np.repeat([-(dt_s**2) / 2.0, dt_s**3 / 6.0, -(dt_s**2) / 2.0], 3)
+    return StepModel(dt_s, constant, on_velocity, on_position, process_noise(noise, dt_s))
+
+
+def transition(step: StepModel, dcm: FloatArray, force_enu_mps2: FloatArray) -> FloatArray:
+    """Return Phi (15, 15) of a step, with C in its middle and the mean specific force a = C f.
+
+    Of dp' = dv, dv' = -[a] phi - C db_a, phi' = -C db_g, db' = 0, with a and C as constants::
+
+        dp+  = dp + dt dv - dt^2/2 [a] phi + dt^3/6 [a] C db_g - dt^2/2 C db_a
+        dv+  = dv - dt [a] phi + dt^2/2 [a] C db_g - dt C db_a
+        phi+ = phi - dt C db_g
+
+    Coriolis and the turning of phi with the Earth (1e-4 a second) are left out: they are far below the noise.
+    """
+    a = skew(force_enu_mps2)
+    blocks = np.concatenate((a, a @ dcm, dcm), axis=1)
+    Phi = step.constant.copy()
+    Phi[P, 6:], Phi[V, 6:] = step.on_position * blocks, step.on_velocity * blocks
+    Phi[PHI, BG] = -step.dt_s * dcm
+    return Phi
+
+
+def process_noise(noise: SensorNoise, dt_s: float) -> FloatArray:
+    """Return Q (15, 15) of a step; that of two halves adds up to that of the whole.
+
+    White accelerometer noise reaches position and velocity as [[dt^3/3, dt^2/2], [dt^2/2, dt]] q_a, the gyro's phi as
+    dt q_g; each bias walks. What gyro noise and walking biases do to velocity within one step is left out.
+    """
+    q = np.zeros((5, 5))
+    q[0, 0], q[1, 1] = noise.velocity * dt_s**3 / 3.0, noise.velocity * dt_s
+    q[0, 1] = q[1, 0] = noise.velocity * dt_s**2 / 2.0
+    q[2, 2], q[3, 3], q[4, 4] = noise.angle * dt_s, noise.gyro_bias * dt_s, noise.accel_bias * dt_s
+    return np.asarray(np.kron(q, np.eye(3)), dtype=np.float64)
+
+
+def propagated(covariance: FloatArray, Phi: FloatArray, Q: FloatArray) -> FloatArray:
+    """Return Phi P Phi' + Q."""
+    return np.asarray(Phi @ covariance @ Phi.T + Q)

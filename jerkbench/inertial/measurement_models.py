@@ -1,0 +1,54 @@
+"""What the state says about each measurement: h(x), and H with h(x + dx) = h(x) + H dx."""
+
+import math
+
+import numpy as np
+
+from jerkbench.arrays import FloatArray
+from jerkbench.inertial.rotation import cross, skew
+from jerkbench.inertial.state import BG, PHI, STATES, NavigationState, P, V
+
+
+def point_in_enu(
+    state: NavigationState, rate_radps: FloatArray, lever_arm_m: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Position and velocity (6,) in ENU of a point of the body, and H (6, 15).
+
+    With the lever arm l from the IMU and w = ``rate_radps``, the rate less its bias::
+
+        h = [p + C l; v + C (w x l)]
+        dh = [dp - [C l] phi; dv - [C (w x l)] phi + C [l] db_g]
+    """
+    H = np.zeros((6, STATES))
+    H[:, :6] = np.eye(6)
+    if not lever_arm_m.any():
+        return np.concatenate([state.position_m, state.velocity_mps]), H
+    C = state.dcm
+    arm, swing = C @ lever_arm_m, C @ cross(rate_radps, lever_arm_m)
+    H[P, PHI], H[V, PHI] = -skew(arm), -skew(swing)
+    H[V, BG] = C @ skew(lever_arm_m)
+    return np.concatenate([state.position_m + arm, state.velocity_mps + swing]), H
+
+
+def velocity_in_body(
+    state: NavigationState, rate_radps: FloatArray, lever_arm_m: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Velocity (3,) of a point of the body, in the body frame, and H (3, 15).
+
+    h = C' v + w x l;  dh = C' dv + C' [v] phi + [l] db_g, with l and w as in `point_in_enu`.
+    """
+    H = np.zeros((3, STATES))
+    turn = state.dcm.T
+    H[:, V], H[:, PHI], H[:, BG] = turn, turn @ skew(state.velocity_mps), skew(lever_arm_m)
+    return turn @ state.velocity_mps + cross(rate_radps, lever_arm_m), H
+
+
+def heading(state: NavigationState) -> tuple[float, FloatArray]:
+    """Yaw [rad] from east towards north, and H (1, 15).
+
+    With c the first column of C: h = atan2(c_n, c_e); dh = phi_u - c_u (c_e phi_e + c_n phi_n)/(c_e^2 + c_n^2).
+    """
+    e, n, u = state.dcm[:, 0].tolist()
+    H = np.zeros((1, STATES))
+    H[0, PHI] = [-u * e / (e * e + n * n), -u * n / (e * e + n * n), 1.0]
+    return math.atan2(n, e), H
