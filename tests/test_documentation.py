@@ -82,3 +82,9 @@ def test_the_two_commands_of_the_readme_are_what_the_gate_runs():
     for name in ("main", "tests"):
         assert f"<!-- {name} -->\n```sh\npython3 -m venv .venv\n" in README
         assert f"readme {name}" in gate
+
+
+def test_the_python_of_the_readme_runs(capsys):
+    exec(blocks("python")[1], {})  # noqa: S102 - our own README
+
+    assert "outage_end_m" in capsys.readouterr().out

@@ -1,0 +1,59 @@
+"""The Python API: one combination from plain names, as rows."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Part = str | Mapping[str, Any]
+"""A plugin by its name, or {"name": ..., parameter: value, ...}."""
+
+
+def run(
+    *,
+    dataset: Part = "field",
+    disturbance: Part | Sequence[Part] = (),
+    attitude: Part = "tilt",
+    filter: Part = "baseline",  # noqa: A002 - the group's name
+    adaptation: Part = "none",
+    engine: Part = "filterpy",
+    seeds: int = 5,
+    first_seed: int = 0,
+    burn_in_s: float = 5.0,
+) -> "pd.DataFrame":
+    """Run one combination; returns one row for each seed: factors, seed, status, reason, metrics.
+
+    Args:
+        dataset: where the recordings come from.
+        disturbance: one, or several in order.
+        attitude: attitude filter.
+        filter: kinematic filter, or estimator.
+        adaptation: rule that adapts R.
+        engine: what runs a kinematic filter.
+        seeds: number of runs, where anything is random.
+        first_seed: the first of them.
+        burn_in_s: errors count from this time on [s].
+
+    Raises:
+        JerkbenchError: something is unknown or does not fit; a run that fails is a row.
+    """
+    import pandas as pd
+
+    from jerkbench.benchmark.cell import Protocol, build, refusal
+    from jerkbench.benchmark.run import run_cell
+    from jerkbench.errors import PluginError
+
+    single = {"dataset": dataset, "attitude": attitude, "filter": filter, "adaptation": adaptation, "engine": engine}
+    several = [disturbance] if isinstance(disturbance, str | Mapping) else list(disturbance)
+    spec: dict[str, Any] = {kind: _named(part) for kind, part in single.items()}
+    spec["disturbance"] = [_named(part) for part in several]
+    cell = build(spec, Protocol(seeds=seeds, first_seed=first_seed, burn_in_s=burn_in_s))
+    if reason := refusal(cell):
+        raise PluginError(f"This combination makes no sense: {reason}.")
+    rows, _ = run_cell(cell, cell.dataset.fingerprint())
+    return pd.DataFrame(rows)
+
+
+def _named(part: Part) -> dict[str, Any]:
+    return {"name": part} if isinstance(part, str) else dict(part)
