@@ -25,7 +25,8 @@ class Mtf:
     a sequence inflate; an update of the row without a hit starts anew.
 
     Source: the paper's equations for S_t and s_i, transferred from its tilt filter to the GNSS update; the method is by
-    H. E. Soken and C. Hajiyev, 2010, doi:10.1016/j.isatra.2010.04.001.
+    H. E. Soken and C. Hajiyev, "Pico satellite attitude estimation via robust unscented Kalman filter in the presence of
+    measurement faults", ISA Transactions 49(3), 249-256, 2010.
 
     Attributes:
         window: mu, number of squared innovations in the mean, this one included [updates].
