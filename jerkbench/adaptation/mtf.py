@@ -26,7 +26,7 @@ class Mtf:
 
     Source: the paper's equations for S_t and s_i, transferred from its tilt filter to the GNSS update; the method is by
     H. E. Soken and C. Hajiyev, "Pico satellite attitude estimation via robust unscented Kalman filter in the presence of
-    measurement faults", ISA Transactions 49(3), 249-256, 2010.
+    measurement faults", ISA Transactions 49, 249-256, 2010.
 
     Attributes:
         window: mu, number of squared innovations in the mean, this one included [updates].
