@@ -7,7 +7,7 @@ import warnings
 from collections.abc import Sequence
 from pathlib import Path
 
-from jerkbench.errors import JerkbenchError, exit_with
+from jerkbench.errors import INTERRUPTED, JerkbenchError, exit_with
 
 RUN_HELP = """\
 jerkbench run [-m] [GROUP=NAME ...] [KEY=VALUE ...]
@@ -39,6 +39,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
             _run(words[1:]) if words[:1] == ["run"] else _answer(words)
     except JerkbenchError as error:
         exit_with(error)
+    except KeyboardInterrupt:
+        print("jerkbench: interrupted.", file=sys.stderr)
+        raise SystemExit(INTERRUPTED) from None
     except BrokenPipeError:  # the reader, `head` for example, has had enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 

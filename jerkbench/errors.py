@@ -8,6 +8,9 @@ from typing import NoReturn
 BAD_INPUT = 2
 """Exit code of the command line where the input is at fault."""
 
+INTERRUPTED = 130
+"""Exit code of the command line after Ctrl-C."""
+
 
 class JerkbenchError(Exception):
     """Anything the user can put right; the command line prints its message and no traceback."""

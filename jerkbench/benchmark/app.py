@@ -24,10 +24,11 @@ from jerkbench.benchmark.single import run_single
 from jerkbench.benchmark.store import Store
 from jerkbench.benchmark.study import load_study, write_manifest, write_study
 from jerkbench.benchmark.sweep import Plan, Planned, plan_sweep, run_and_store, run_sweep
-from jerkbench.errors import JerkbenchError, PluginError, exit_with
+from jerkbench.errors import INTERRUPTED, JerkbenchError, PluginError, exit_with
 from jerkbench.presets import config_folder
 
-FAILED, INTERRUPTED = 1, 130
+FAILED = 1
+"""Exit code of a sweep of which a run failed."""
 SWEEPER = "hydra_plugins.jerkbench.JerkbenchSweeper"
 LAUNCHER = "hydra_plugins.jerkbench.JerkbenchLauncher"
 
