@@ -1,0 +1,170 @@
+"""Interacting multiple models against filterpy's own, and where the result is known without any."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from filterpy.kalman import IMMEstimator, KalmanFilter
+from scipy.stats import multivariate_normal
+
+from jerkbench.adaptation.none import NoAdaptation
+from jerkbench.adaptation.oracle import Oracle
+from jerkbench.engines.filterpy_engine import FilterpyEngine
+from jerkbench.errors import PluginError
+from jerkbench.filters.baseline import Baseline
+from jerkbench.filters.imm import InteractingMultipleModels, combined, log_density, mixed, weighed
+from jerkbench.filters.jerk import Jerk
+from jerkbench.timeline.timeline import build_timeline
+from synthetic import level_attitude, recording_at_rest
+
+
+def noisy_recording(seed=1, **options):
+    """A body that rests, measured with the noise that is reported, and with a changing input."""
+    recording = recording_at_rest(**options)
+    rng = np.random.default_rng(seed)
+    n = len(recording.position.t_s)
+    recording = replace(
+        recording,
+        position=replace(recording.position, enu_m=rng.normal(0.0, 0.01, (n, 3))),
+        velocity=replace(recording.velocity, mps=rng.normal(0.0, 0.03, (n, 3))),
+    )
+    t = recording.imu.t_s
+    u = np.column_stack([0.3 * np.sin(t), np.where(t > t[-1] / 2, 2.0, 0.0), 0.05 * rng.normal(size=len(t))])
+    return recording, level_attitude(recording, u)
+
+
+def filterpy_filter(model, timeline, extra=None):
+    """A filterpy filter of one step length, its matrices written out axis by axis."""
+    dt = float(timeline.dt_s[1])
+    A, b, Q = model.axis_model(dt, timeline.dt0_s)
+    if extra is not None:
+        A, b = np.block([[A, np.zeros((2, 1))], [np.zeros((1, 2)), np.eye(1)]]), np.append(b, 0.0)
+        Q = np.pad(Q, ((0, 1), (0, 1)))
+    kf = KalmanFilter(dim_x=9, dim_z=6, dim_u=3)
+    kf.F, kf.B, kf.Q = np.zeros((9, 9)), np.zeros((9, 3)), np.zeros((9, 9))
+    for axis in range(3):
+        rows = np.arange(3) * 3 + axis
+        kf.F[np.ix_(rows, rows)], kf.Q[np.ix_(rows, rows)], kf.B[rows, axis] = A, Q, b
+    kf.H = np.eye(6, 9)
+    kf.x = np.append(timeline.x0, np.zeros(3))[:, None]
+    kf.P = np.diag(np.append(np.diag(timeline.P0), np.full(3, 400.0)))
+    return kf
+
+
+def test_it_agrees_with_filterpy_where_each_step_has_an_update():
+    recording, attitude = noisy_recording(duration_s=12.0, imu_rate_hz=5, gnss_rate_hz=5)
+    timeline = build_timeline(recording, attitude)
+    filters = [filterpy_filter(Baseline(0.2), timeline, extra=400.0), filterpy_filter(Jerk(), timeline)]
+    imm = IMMEstimator(filters, [0.7, 0.3], np.array([[0.9, 0.1], [0.2, 0.8]]))
+    expected = []
+    for sample, update in zip(timeline.sample[1:], timeline.update[1:], strict=True):
+        imm.predict(timeline.accel_enu_mps2[sample][:, None])
+        for kf in filters:
+            kf.R = timeline.measurements.R[update]
+        imm.update(timeline.measurements.z[update][:, None])
+        expected.append((imm.x[:6, 0].copy(), imm.P[:6, :6].copy()))
+
+    model = InteractingMultipleModels(first_stays=0.9, second_stays=0.8, first_probability=0.7)
+    estimate = model.estimate(recording, attitude, NoAdaptation())
+    np.testing.assert_allclose(estimate.position_m[1:], [x[:3] for x, _ in expected], rtol=1e-9, atol=1e-11)
+    np.testing.assert_allclose(estimate.velocity_mps[1:], [x[3:] for x, _ in expected], rtol=1e-9, atol=1e-11)
+    np.testing.assert_allclose(estimate.covariance[1:], [P for _, P in expected], rtol=1e-8, atol=1e-13)
+
+
+def without_some_rows(recording):
+    masked = recording.velocity.mps.copy()
+    masked[10:20], masked[20:, 2] = np.nan, np.nan
+    return replace(recording, velocity=replace(recording.velocity, mps=masked))
+
+
+def test_one_model_twice_is_that_model_alone_with_rows_absent_too():
+    recording, attitude = noisy_recording(duration_s=10.0)
+    recording = without_some_rows(recording)
+    alone = FilterpyEngine().run(build_timeline(recording, attitude), Baseline(0.3), NoAdaptation())
+    twice = InteractingMultipleModels("baseline", "baseline", first_accel_mps2=0.3, second_accel_mps2=0.3)
+    estimate = twice.estimate(recording, attitude, NoAdaptation())
+
+    np.testing.assert_allclose(estimate.position_m, alone.position_m, atol=1e-10)
+    np.testing.assert_allclose(estimate.covariance, alone.covariance, rtol=1e-8, atol=1e-14)
+    np.testing.assert_allclose(estimate.updates.nis, alone.updates.nis, rtol=1e-8)
+    np.testing.assert_allclose(estimate.updates.innovation, alone.updates.innovation, atol=1e-10)
+
+
+@pytest.mark.parametrize(("probability", "model"), [(1 - 1e-9, Baseline(0.2)), (1e-9, Jerk())])
+def test_a_model_that_is_certain_is_that_model_alone(probability, model):
+    recording, _ = noisy_recording(duration_s=6.0)
+    attitude = level_attitude(recording)  # both explain this well: no likelihood outweighs the certainty
+    alone = FilterpyEngine().run(build_timeline(recording, attitude), model, NoAdaptation())
+    sure = InteractingMultipleModels(first_stays=probability, second_stays=1 - probability)
+    sure = replace(sure, first_probability=probability)
+    estimate = sure.estimate(recording, attitude, NoAdaptation())
+
+    np.testing.assert_allclose(estimate.position_m, alone.position_m, atol=1e-6)
+
+
+def test_the_model_that_fits_gets_the_weight():
+    recording, attitude = noisy_recording(duration_s=20.0)  # from 10 s on, 2 m/s2 of the input are false
+    pair = InteractingMultipleModels("baseline", "baseline", first_accel_mps2=0.1, second_accel_mps2=5.0)
+    estimate = pair.estimate(recording, attitude, NoAdaptation())
+    sigma = np.sqrt(estimate.covariance[:, 4, 4])
+    wide, narrow = (
+        FilterpyEngine().run(build_timeline(recording, attitude), Baseline(a), NoAdaptation()) for a in (5.0, 0.1)
+    )
+
+    late = recording.reference.t_s[estimate.index] > 11.0
+    assert np.abs(estimate.position_m[late]).max() < 1.5 * np.abs(wide.position_m[late]).max()
+    assert np.abs(narrow.position_m[late]).max() > 10 * np.abs(estimate.position_m[late]).max()
+    assert sigma[late].mean() > 1.5 * sigma[~late].mean()
+
+
+def test_mixing_keeps_the_mean_and_the_covariance_of_the_whole():
+    rng = np.random.default_rng(2)
+    x, root = rng.normal(size=(2, 4)), rng.normal(size=(2, 4, 4))
+    P, mu = root @ root.transpose(0, 2, 1), np.array([0.3, 0.7])
+    x0, P0, c = mixed(x, P, mu, np.array([[0.9, 0.1], [0.25, 0.75]]))
+
+    np.testing.assert_allclose(c, [0.3 * 0.9 + 0.7 * 0.25, 0.3 * 0.1 + 0.7 * 0.75])
+    for before, after in zip(combined(x, P, mu), combined(x0, P0, c), strict=True):
+        np.testing.assert_allclose(after, before, atol=1e-12)
+
+
+def test_the_moments_of_a_mixture_are_those_of_its_samples():
+    rng = np.random.default_rng(3)
+    x, P = np.array([[0.0, 1.0], [4.0, -1.0]]), np.array([np.eye(2), np.diag([0.25, 4.0])])
+    which = rng.random(200_000) < 0.3
+    samples = np.where(
+        which[:, None], rng.multivariate_normal(x[0], P[0], 200_000), rng.multivariate_normal(x[1], P[1], 200_000)
+    )
+    mean, covariance = combined(x, P, np.array([0.3, 0.7]))
+
+    np.testing.assert_allclose(samples.mean(axis=0), mean, atol=0.02)
+    np.testing.assert_allclose(np.cov(samples.T), covariance, atol=0.06)
+
+
+def test_the_likelihood_is_that_of_the_normal_distribution_and_never_underflows():
+    S, y = np.array([[2.0, 0.3], [0.3, 1.0]]), np.array([0.4, -1.0])
+
+    assert log_density(y, S) == pytest.approx(multivariate_normal.logpdf(y, cov=S))
+    np.testing.assert_allclose(weighed(np.array([0.5, 0.5]), np.log([0.2, 0.6])), [0.25, 0.75])
+    np.testing.assert_allclose(weighed(np.array([0.5, 0.5]), np.array([-5000.0, -5001.0])), [0.7310586, 0.2689414])
+
+
+def test_the_oracle_gets_the_true_covariance():
+    recording, attitude = noisy_recording(duration_s=4.0)
+    true = np.tile(np.eye(3), (len(recording.position.t_s), 1, 1))
+    recording = replace(recording, position=replace(recording.position, true_covariance_m2=true))
+    estimate = InteractingMultipleModels().estimate(recording, attitude, Oracle())
+
+    np.testing.assert_allclose(estimate.updates.R_diagonal[:, :3], 1.0)
+
+
+def test_models_with_different_third_states_cannot_be_mixed():
+    with pytest.raises(PluginError, match="cannot mix jerk with bias"):
+        InteractingMultipleModels("jerk", "bias")
+
+
+def test_a_wrong_name_or_probability_is_a_sentence():
+    with pytest.raises(PluginError, match="Did you mean 'jerk'"):
+        InteractingMultipleModels(second="jrk")
+    with pytest.raises(PluginError, match="first_stays is 1.0; it must lie between 0 and 1"):
+        InteractingMultipleModels(first_stays=1.0)

@@ -1,0 +1,157 @@
+"""The smoother against filterpy's, and against one least-squares solution of the whole run."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from filterpy.kalman import KalmanFilter
+
+from jerkbench import plugins
+from jerkbench.adaptation.mtf import Mtf
+from jerkbench.adaptation.none import NoAdaptation
+from jerkbench.engines.filterpy_engine import FilterpyEngine
+from jerkbench.errors import PluginError
+from jerkbench.filters.rts import RauchTungStriebel
+from jerkbench.recording import Reference
+from jerkbench.timeline.timeline import build_timeline
+from synthetic import level_attitude, recording_at_rest
+
+MODELS = ("baseline", "bias", "jerk")
+
+
+def noisy_recording(seed=1, **options):
+    recording = recording_at_rest(**options)
+    rng = np.random.default_rng(seed)
+    n = len(recording.position.t_s)
+    return replace(
+        recording,
+        position=replace(recording.position, enu_m=rng.normal(0.0, 0.01, (n, 3))),
+        velocity=replace(recording.velocity, mps=rng.normal(0.0, 0.03, (n, 3))),
+    )
+
+
+def model_matrices(model, dt, dt0):
+    A, b, Q = model.axis_model(dt, dt0)
+    return np.kron(A, np.eye(3)), np.kron(b[:, None], np.eye(3)), np.kron(Q, np.eye(3))
+
+
+def start(timeline, model):
+    P = np.diag(np.append(np.zeros(6), np.repeat(model.initial_variances(), 3)))
+    P[:6, :6] = timeline.P0
+    return np.append(timeline.x0, np.zeros(len(P) - 6)), P
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_it_agrees_with_filterpy_over_a_whole_run(name):
+    recording = noisy_recording(duration_s=6.0, imu_rate_hz=50)  # u = 0: filterpy's smoother knows no input
+    attitude, smoother = level_attitude(recording), RauchTungStriebel(name)
+    timeline, model = build_timeline(recording, attitude), smoother.kinematic_filter()
+    x, P = start(timeline, model)
+    kf = KalmanFilter(dim_x=len(x), dim_z=6)
+    kf.x, kf.P, kf.H = x[:, None], P, np.eye(6, len(x))
+    xs, Ps, Fs, Qs = [], [], [], []
+    for dt, update in zip(timeline.dt_s, timeline.update, strict=True):
+        F, _, Q = model_matrices(model, dt, timeline.dt0_s) if dt > 0 else (np.eye(len(x)), 0, np.zeros((len(x),) * 2))
+        kf.predict(F=F, Q=Q)
+        if update >= 0:
+            kf.update(timeline.measurements.z[update][:, None], R=timeline.measurements.R[update])
+        for kept, value in zip((xs, Ps, Fs, Qs), (kf.x.copy(), kf.P.copy(), F, Q), strict=True):
+            kept.append(value)
+    xs, Ps, _, _ = kf.rts_smoother(np.array(xs), np.array(Ps), Fs, Qs)
+
+    estimate = smoother.estimate(recording, attitude, NoAdaptation())
+    at = np.flatnonzero(timeline.reference >= 0)
+    np.testing.assert_allclose(estimate.position_m, xs[at, :3, 0], atol=1e-8)
+    np.testing.assert_allclose(estimate.velocity_mps, xs[at, 3:6, 0], atol=1e-8)
+    np.testing.assert_allclose(estimate.covariance, Ps[at, :6, :6], rtol=1e-5, atol=1e-11)
+
+
+def batch_solution(timeline, model):
+    """The mean and covariance of all states at once, given all measurements."""
+    x, P = start(timeline, model)
+    n, s = len(timeline.dt_s), len(x)
+    mean, joint = np.zeros((n, s)), np.zeros((n * s, n * s))
+    block = [slice(k * s, (k + 1) * s) for k in range(n)]
+    mean[0], joint[block[0], block[0]] = x, P
+    for k in range(1, n):
+        F, B, Q = model_matrices(model, timeline.dt_s[k], timeline.dt0_s)
+        mean[k] = F @ mean[k - 1] + B @ timeline.accel_enu_mps2[timeline.sample[k]]
+        joint[block[k], : k * s] = F @ joint[block[k - 1], : k * s]
+        joint[: k * s, block[k]] = joint[block[k], : k * s].T
+        joint[block[k], block[k]] = F @ joint[block[k - 1], block[k - 1]] @ F.T + Q
+    seen = [(k, u, i) for k, u in enumerate(timeline.update) if u >= 0 for i in range(6)]
+    seen = [(k, u, i) for k, u, i in seen if np.isfinite(timeline.measurements.z[u, i])]
+    H = np.zeros((len(seen), n * s))
+    H[np.arange(len(seen)), [k * s + i for k, _, i in seen]] = 1.0
+    z = np.array([timeline.measurements.z[u, i] for _, u, i in seen])
+    R = np.diag([timeline.measurements.R[u, i, i] for _, u, i in seen])
+    gain = np.linalg.solve(H @ joint @ H.T + R, H @ joint).T
+    states, covariance = mean.ravel() + gain @ (z - H @ mean.ravel()), joint - gain @ H @ joint
+    return states.reshape(n, s), [covariance[b, b] for b in block]
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_it_is_the_batch_solution_of_all_measurements_with_input_and_rows_absent(name):
+    recording = noisy_recording(duration_s=4.0, imu_rate_hz=10, gnss_rate_hz=2)
+    masked = recording.velocity.mps.copy()
+    masked[3:6, 1], masked[5] = np.nan, np.nan
+    stamps = np.array([0.55, 1.0, 1.74, 2.5, 3.33, 3.9])  # most of them split a sample
+    recording = replace(
+        recording,
+        velocity=replace(recording.velocity, mps=masked),
+        reference=Reference(stamps, "none", independent=True, enu_m=np.zeros((6, 3))),
+    )
+    attitude = level_attitude(recording, np.sin(np.arange(120.0)).reshape(40, 3))
+    smoother = RauchTungStriebel(name)
+    timeline = build_timeline(recording, attitude)
+    states, covariances = batch_solution(timeline, smoother.kinematic_filter())
+
+    estimate = smoother.estimate(recording, attitude, NoAdaptation())
+    at = np.flatnonzero(timeline.reference >= 0)
+    assert len(estimate.index) == len(stamps)
+    np.testing.assert_allclose(estimate.position_m, states[at, :3], atol=1e-7)
+    np.testing.assert_allclose(estimate.velocity_mps, states[at, 3:6], atol=1e-7)
+    for k, covariance in zip(at, estimate.covariance, strict=True):
+        np.testing.assert_allclose(covariance, covariances[k][:6, :6], rtol=1e-4, atol=1e-8)
+
+
+def test_at_the_end_it_is_the_filter_and_before_it_is_surer():
+    recording = noisy_recording(duration_s=6.0)
+    attitude, smoother = level_attitude(recording), RauchTungStriebel("jerk")
+    timeline = build_timeline(recording, attitude)
+    filtered = FilterpyEngine().run(timeline, smoother.kinematic_filter(), Mtf())
+    estimate = smoother.estimate(recording, attitude, Mtf())
+
+    np.testing.assert_allclose(estimate.position_m[-1], filtered.position_m[-1], atol=1e-10)
+    np.testing.assert_allclose(estimate.updates.R_diagonal, filtered.updates.R_diagonal, rtol=1e-9)
+    np.testing.assert_allclose(estimate.updates.nis_used, filtered.updates.nis_used, rtol=1e-8)
+    surer = np.linalg.eigvalsh(filtered.covariance - estimate.covariance)[:, 0]
+    assert surer.min() > -1e-12
+    assert estimate.covariance[100, 0, 0] < 0.7 * filtered.covariance[100, 0, 0]
+
+
+@dataclass(frozen=True)
+class Spoil(NoAdaptation):
+    def adapt(self, innovation, HPHt, R, rows, memory):
+        return -R
+
+
+def test_a_forward_pass_that_diverges_is_smoothed_up_to_there():
+    recording = noisy_recording(duration_s=2.0)
+    estimate = RauchTungStriebel().estimate(recording, level_attitude(recording), Spoil())
+
+    assert estimate.failure == "the covariance is no longer positive definite at 0.40 s"
+    assert recording.reference.t_s[estimate.index[-1]] == pytest.approx(0.39)
+
+
+def test_it_takes_all_adaptations_but_those_that_fade():
+    accepted = RauchTungStriebel().adaptations
+    faders = {n for n in plugins.names("adaptation") if hasattr(plugins.get("adaptation", n), "fade")}
+
+    assert set(accepted) == set(plugins.names("adaptation")) - faders
+    assert {"none", "mtf", "oracle"} <= set(accepted)
+
+
+def test_a_wrong_model_is_a_sentence():
+    with pytest.raises(PluginError, match="Did you mean 'jerk'"):
+        RauchTungStriebel("jrk")

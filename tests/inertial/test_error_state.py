@@ -1,0 +1,136 @@
+"""Every derivative of the error state, against differences of the functions themselves."""
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+from scipy.spatial.transform import Rotation
+
+from jerkbench.inertial.earth import FLAT
+from jerkbench.inertial.error_model import SensorNoise, process_noise, propagated, step_model, transition
+from jerkbench.inertial.measurement_models import heading, point_in_enu, velocity_in_body
+from jerkbench.inertial.mechanisation import mechanise
+from jerkbench.inertial.state import NavigationState, corrected
+from jerkbench.inertial.update import correction
+
+NOISE = SensorNoise(angle=3e-6, velocity=1e-3, gyro_bias=2e-9, accel_bias=4e-7)
+ARM = np.array([0.7, -0.3, 1.2])
+GYRO = np.array([0.3, -0.2, 0.5])
+STATE = NavigationState(
+    np.array([10.0, -20.0, 3.0]),
+    np.array([5.0, 2.0, -0.5]),
+    Rotation.from_euler("ZYX", [2.0, 0.2, -0.3]).as_matrix(),
+    np.array([0.01, -0.02, 0.005]),
+    np.array([0.1, 0.05, -0.2]),
+)
+
+
+def difference(after, before):
+    """The error state that takes ``before`` to ``after``."""
+    turn = Rotation.from_matrix(after.dcm @ before.dcm.T).as_rotvec()
+    return np.concatenate(
+        [
+            after.position_m - before.position_m,
+            after.velocity_mps - before.velocity_mps,
+            turn,
+            after.gyro_bias_radps - before.gyro_bias_radps,
+            after.accel_bias_mps2 - before.accel_bias_mps2,
+        ]
+    )
+
+
+def derivative(function, rows, step=1e-5):
+    """Central differences of ``function`` over the error state."""
+    H = np.empty((rows, 15))
+    for i, dx in enumerate(step * np.eye(15)):
+        H[:, i] = (function(corrected(STATE, dx)) - function(corrected(STATE, -dx))) / (2 * step)
+    return H
+
+
+def test_a_correction_is_put_in_as_the_error_state_defines_it():
+    dx = 1e-3 * np.arange(1.0, 16.0)
+
+    np.testing.assert_allclose(difference(corrected(STATE, dx), STATE), dx, atol=1e-12)
+
+
+def test_phi_is_the_derivative_of_the_mechanisation():
+    dt, accel = 0.01, np.array([1.0, -2.0, 9.0])
+    after, mean, force = mechanise(STATE, accel, GYRO, dt, FLAT)
+    numeric = derivative(lambda s: difference(mechanise(s, accel, GYRO, dt, FLAT)[0], after), 15)
+
+    # first-order blocks to 1e-3 of themselves, what is left of the second order in dt absolutely
+    np.testing.assert_allclose(transition(step_model(NOISE, dt), mean, force), numeric, rtol=1e-3, atol=2e-6)
+
+
+def test_phi_over_a_longer_step_is_the_matrix_exponential():
+    dt, C, force = 0.5, STATE.dcm, np.array([1.0, -2.0, 12.0])
+    a = np.array([[0, -force[2], force[1]], [force[2], 0, -force[0]], [-force[1], force[0], 0]])
+    F = np.zeros((15, 15))
+    F[:3, 3:6], F[3:6, 6:9], F[3:6, 12:], F[6:9, 9:12] = np.eye(3), -a, -C, -C
+
+    np.testing.assert_allclose(transition(step_model(NOISE, dt), C, force), expm(F * dt), atol=1e-12)
+
+
+def test_the_noise_of_two_halves_is_that_of_the_whole():
+    whole, half = process_noise(NOISE, 0.02), process_noise(NOISE, 0.01)
+    Phi = np.eye(15)
+    Phi[:3, 3:6] = 0.01 * np.eye(3)
+
+    np.testing.assert_allclose(Phi @ half @ Phi.T + half, whole, atol=1e-18)
+
+
+def test_the_noise_has_the_densities_of_its_definition():
+    Q = process_noise(NOISE, 0.1)
+
+    np.testing.assert_allclose(np.diag(Q)[3:], np.repeat([1e-4, 3e-7, 2e-10, 4e-8], 3))
+
+
+def test_propagation_is_that_of_samples():
+    rng = np.random.default_rng(1)
+    root = rng.normal(size=(15, 15))
+    Phi, Q = np.eye(15) + 0.1 * rng.normal(size=(15, 15)), np.diag(np.arange(1.0, 16.0))
+    x = rng.normal(size=(200_000, 15)) @ root.T
+    after = x @ Phi.T + rng.normal(size=x.shape) * np.sqrt(np.diag(Q))
+    expected = propagated(root @ root.T, Phi, Q)
+
+    np.testing.assert_allclose(np.cov(after.T), expected, atol=0.02 * np.abs(expected).max())
+
+
+def rate_of(state):
+    return GYRO - state.gyro_bias_radps
+
+
+@pytest.mark.parametrize("arm", [ARM, np.zeros(3)])
+def test_position_and_velocity_of_a_point_and_their_derivative(arm):
+    h, H = point_in_enu(STATE, rate_of(STATE), arm)
+    C = STATE.dcm
+
+    np.testing.assert_allclose(h[:3], STATE.position_m + C @ arm)
+    np.testing.assert_allclose(h[3:], STATE.velocity_mps + C @ np.cross(rate_of(STATE), arm))
+    np.testing.assert_allclose(H, derivative(lambda s: point_in_enu(s, rate_of(s), arm)[0], 6), atol=1e-8)
+
+
+def test_velocity_in_the_body_and_its_derivative():
+    h, H = velocity_in_body(STATE, rate_of(STATE), ARM)
+
+    np.testing.assert_allclose(STATE.dcm @ h, point_in_enu(STATE, rate_of(STATE), ARM)[0][3:])
+    np.testing.assert_allclose(H, derivative(lambda s: velocity_in_body(s, rate_of(s), ARM)[0], 3), atol=1e-8)
+
+
+def test_heading_and_its_derivative():
+    yaw, H = heading(STATE)
+
+    assert yaw == pytest.approx(2.0)
+    np.testing.assert_allclose(H, derivative(lambda s: np.array([heading(s)[0]]), 1), atol=1e-8)
+
+
+def test_the_update_is_that_of_the_information_form():
+    rng = np.random.default_rng(2)
+    root, H = rng.normal(size=(15, 15)), rng.normal(size=(4, 15))
+    P, R, y = root @ root.T + np.eye(15), np.diag([1.0, 2.0, 0.5, 3.0]), rng.normal(size=4)
+    dx, posterior, nis = correction(P, y, H, R)
+    information = np.linalg.inv(P) + H.T @ np.linalg.inv(R) @ H
+
+    np.testing.assert_allclose(posterior, np.linalg.inv(information), atol=1e-9)
+    np.testing.assert_allclose(dx, np.linalg.solve(information, H.T @ np.linalg.solve(R, y)), atol=1e-9)
+    assert nis == pytest.approx(y @ np.linalg.inv(H @ P @ H.T + R) @ y)
+    np.testing.assert_array_equal(posterior, posterior.T)
