@@ -55,7 +55,9 @@ class Eskf15:
         K = P H' (H P H' + R)^-1;  dx = K (z - h(x)), put into the nominal state;  P in Joseph form
 
     A bias walks as a Gauss-Markov process of sigma and tau does over times below tau; it is not drawn back to zero,
-    because the turn-on bias, which is in the same state, is not.
+    because the turn-on bias, which is in the same state, is not. Do not set it to zero for the accelerometer: a tilt
+    error phi, until turns show it, leaves g phi^2/2 in the vertical, which is of the second order and not in P; 8 mrad
+    (a bias of .08 m/s2) leave .3 mm/s2, more than a constant vertical bias would be known to after half a minute.
 
     Measurements, at their own times, l a lever arm::
 
@@ -117,9 +119,9 @@ class Eskf15:
 
     angle_random_walk_deg_per_sqrt_h: float = 0.6
     velocity_random_walk_mps_per_sqrt_h: float = 0.12
-    gyro_instability_deg_per_h: float = 0.0
+    gyro_instability_deg_per_h: float = 5.0
     gyro_correlation_s: float = 1000.0
-    accel_instability_mg: float = 0.0
+    accel_instability_mg: float = 0.1
     accel_correlation_s: float = 1000.0
     gyro_turn_on_deg_per_h: float = 500.0
     accel_turn_on_mg: float = 10.0

@@ -71,7 +71,7 @@ def test_the_tilt_that_an_accelerometer_bias_makes_is_in_the_covariance():
 
 def test_moving_it_starts_with_the_attitude_and_the_velocity_that_are_given():
     recording = tilted(0.1, -0.2, static_start_s=0.0)
-    moving = replace(recording.velocity, mps=recording.velocity.mps + [1.0, 2.0, 3.0])
+    moving = replace(recording.velocity, mps=recording.velocity.mps + np.array([1.0, 2.0, 3.0]))
     state, P = start_of(replace(recording, velocity=moving))
 
     np.testing.assert_allclose(state.dcm, Rotation.from_euler("Z", 0.7).as_matrix(), atol=1e-12)

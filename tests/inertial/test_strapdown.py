@@ -58,7 +58,7 @@ def test_circular_motion_comes_out_as_a_circle():
 def test_biases_are_taken_off_and_stay():
     state = at_rest(gyro_bias_radps=np.array([0.01, 0.02, -0.03]), accel_bias_mps2=np.array([0.1, -0.2, 0.3]))
     after, mean, force = mechanise(
-        state, state.accel_bias_mps2 + [0, 0, GRAVITY_MPS2], state.gyro_bias_radps, 0.1, FLAT
+        state, state.accel_bias_mps2 + np.array([0, 0, GRAVITY_MPS2]), state.gyro_bias_radps, 0.1, FLAT
     )
 
     np.testing.assert_allclose(after.velocity_mps, 0.0, atol=1e-15)
@@ -101,7 +101,7 @@ def test_the_earths_rate_is_that_of_the_latitude():
 
 def test_gravity_points_to_the_centre_of_the_earth():
     p = np.array([3000.0, -4000.0, 100.0])
-    towards = -(p + [0.0, 0.0, RADIUS_M])
+    towards = -(p + np.array([0.0, 0.0, RADIUS_M]))
     exact = GRAVITY_MPS2 * RADIUS_M**2 * towards / np.linalg.norm(towards) ** 3
 
     np.testing.assert_allclose(gravity_enu(p, 1.0 / RADIUS_M), exact, atol=1e-5)

@@ -1,0 +1,143 @@
+"""Does eskf15 find the biases, and are its errors as large as it says?
+
+Usage: python experiments/eskf15_consistency/check.py [--seeds 100] [--duration-s 150]
+"""
+
+import argparse
+import os
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+from scipy.stats import chi2
+
+from jerkbench.adaptation.none import NoAdaptation
+from jerkbench.arrays import FloatArray
+from jerkbench.attitude.plugin import Tilt
+from jerkbench.datasets.field import Field
+from jerkbench.disturbances.bias import Bias
+from jerkbench.filters.eskf15 import Eskf15
+from jerkbench.inertial.run import InertialSolution
+from jerkbench.recording import Imu, Recording
+from jerkbench.simulation.imu_errors import ALLAN_FLOOR, BIAS_TIME_S, GRADES, disturb
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What one seed gives, at the end of the drive.
+
+    Attributes:
+        nees: (15,) e' P^-1 e of the whole error state.
+        nees_navigation: the same of position and velocity (6).
+        bias_ratio: (6,) error of each bias over its own sigma, gyro first.
+    """
+
+    nees: float
+    nees_navigation: float
+    bias_ratio: FloatArray
+
+
+def check(seed: int, imu: str = "per_sample", duration_s: float = 150.0) -> Outcome:
+    """Run eskf15, with the noise of the simulation, on one drive of the simulated field with IMU biases.
+
+    Args:
+        seed: of the drive and the biases.
+        imu: per_sample (white noise, and the biases of the disturbance ``bias``), or a grade.
+        duration_s: length of the drive.
+    """
+    dataset = Field(imu=imu, duration_s=duration_s, reference_rate_hz=1.0)
+    clean = dataset.load(seed)
+    recording = Bias().apply(clean, seed) if imu == "per_sample" else clean
+    solution = tuned(imu).solve(recording, Tilt().estimate(recording), NoAdaptation())
+    error = _error(recording, solution, _true_bias(dataset, clean.imu, recording.imu, seed))
+    sigma = np.sqrt(np.diag(solution.covariance))
+    return Outcome(
+        nees=_squared(error, solution.covariance),
+        nees_navigation=_squared(error[:6], solution.covariance[:6, :6]),
+        bias_ratio=np.abs(error[9:]) / sigma[9:],
+    )
+
+
+def tuned(imu: str) -> Eskf15:
+    """The filter with the noise of the sensor's data sheet."""
+    if imu == "per_sample":  # .0017 rad/s and .02 m/s2 a sample at 100 Hz
+        arw, vrw = float(np.rad2deg(0.0017) / 10.0 * 60.0), 0.02 / 10.0 * 60.0
+        gyro = float(np.rad2deg(0.002) * 3600.0)
+        return Eskf15(arw, vrw, gyro_instability_deg_per_h=0.0, gyro_turn_on_deg_per_h=gyro, accel_turn_on_mg=8.2)
+    grade = GRADES[imu]
+    return Eskf15(
+        grade.angle_random_walk_deg_per_sqrt_h,
+        grade.velocity_random_walk_mps_per_sqrt_h,
+        gyro_instability_deg_per_h=grade.gyro_instability_deg_per_h / ALLAN_FLOOR,
+        gyro_correlation_s=BIAS_TIME_S,
+        accel_instability_mg=grade.accel_instability_mg / ALLAN_FLOOR,
+        accel_correlation_s=BIAS_TIME_S,
+        gyro_turn_on_deg_per_h=grade.gyro_turn_on_deg_per_h,
+        accel_turn_on_mg=grade.accel_turn_on_mg,
+    )
+
+
+def _true_bias(dataset: Field, clean: Imu, recorded: Imu, seed: int) -> FloatArray:
+    """(6,) gyro and accelerometer bias at the end: turn-on and wander, without scale factors and misalignments."""
+    if dataset.imu == "per_sample":
+        gyro, accel = recorded.gyro_radps - clean.gyro_radps, recorded.accel_mps2 - clean.accel_mps2
+    else:
+        grade, rate, zero = GRADES[dataset.imu], dataset.imu_rate_hz, np.zeros_like(clean.gyro_radps)
+        gyro = disturb(zero, replace(grade.gyro(rate), noise=0.0), 1.0 / rate, seed, "gyro")
+        accel = disturb(zero, replace(grade.accelerometer(rate), noise=0.0), 1.0 / rate, seed, "accelerometer")
+    return np.concatenate([gyro[-1], accel[-1]])
+
+
+def _error(recording: Recording, solution: InertialSolution, bias: FloatArray) -> FloatArray:
+    """(15,) truth less estimate at the last stamp of the reference, which is the last sample."""
+    reference, state = recording.reference, solution.state
+    true = Rotation.from_euler("ZYX", reference.euler_rad[-1, ::-1])
+    phi = (true * Rotation.from_matrix(state.dcm).inv()).as_rotvec()
+    return np.concatenate(
+        [
+            reference.enu_m[-1] - state.position_m,
+            reference.velocity_mps[-1] - state.velocity_mps,
+            phi,
+            bias - np.concatenate([state.gyro_bias_radps, state.accel_bias_mps2]),
+        ]
+    )
+
+
+def _squared(error: FloatArray, covariance: FloatArray) -> float:
+    return float(error @ np.linalg.solve(covariance, error))
+
+
+def main() -> None:
+    """Print one line for each sensor."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seeds", type=int, default=100)
+    parser.add_argument("--first-seed", type=int, default=0)
+    parser.add_argument("--duration-s", type=float, default=150.0)
+    parser.add_argument("--imu", nargs="*", default=["per_sample", *GRADES])
+    args = parser.parse_args()
+    print("| IMU | biases within 3 sigma | NEES of 15 | band | NEES of p, v | band |\n|---|---|---|---|---|---|")
+    for imu in args.imu:
+        seeds = range(args.first_seed, args.first_seed + args.seeds)
+        outcomes = [check(seed, imu, args.duration_s) for seed in seeds]
+        print(line(imu, outcomes), flush=True)
+
+
+def line(imu: str, outcomes: list[Outcome]) -> str:
+    """One row of the table."""
+    within = np.mean([o.bias_ratio.max() < 3.0 for o in outcomes])
+    cells = [imu, f"{within:.0%}"]
+    for values, states in (([o.nees for o in outcomes], 15), ([o.nees_navigation for o in outcomes], 6)):
+        low, high = band(states, len(outcomes))
+        cells += [f"{np.mean(values):.2f}", f"{low:.2f} to {high:.2f}"]
+    return f"| {' | '.join(cells)} |"
+
+
+def band(states: int, runs: int) -> tuple[float, float]:
+    """95 % band of the mean NEES of ``runs`` independent runs."""
+    low, high = chi2.ppf([0.025, 0.975], states * runs) / runs
+    return float(low), float(high)
+
+
+if __name__ == "__main__":
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    main()

@@ -1,0 +1,257 @@
+"""The inertial navigation as a whole: what it must find where the truth is known."""
+
+import importlib.util
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from jerkbench.adaptation.mtf import Mtf
+from jerkbench.adaptation.none import NoAdaptation
+from jerkbench.attitude.plugin import Tilt
+from jerkbench.contracts import Estimator
+from jerkbench.datasets.field import Field
+from jerkbench.disturbances.gnss_outage import GnssOutage
+from jerkbench.errors import PluginError
+from jerkbench.filters.eskf15 import Eskf15
+from jerkbench.recording import Heading, Imu, Reference
+from synthetic import level_attitude, recording_at_rest
+
+CHECK = Path(__file__).parents[2] / "experiments" / "eskf15_consistency" / "check.py"
+
+
+@pytest.fixture(scope="module")
+def check():
+    spec = importlib.util.spec_from_file_location("eskf15_check", CHECK)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="module")
+def field():
+    """A noise-free drive of the simulated robot; reference at the rate of the fixes."""
+    return Field(duration_s=30.0, noise=False, reference_rate_hz=5.0).load(1)
+
+
+@pytest.fixture(scope="module")
+def noisy_field():
+    return Field(duration_s=30.0, reference_rate_hz=5.0).load(2)
+
+
+def position_errors(model, recording):
+    estimate = model.estimate(recording, Tilt().estimate(recording), NoAdaptation())
+    assert estimate.failure == ""
+    return estimate, np.linalg.norm(estimate.position_m - recording.reference.enu_m[estimate.index], axis=1)
+
+
+def test_it_is_an_estimator():
+    assert isinstance(Eskf15(), Estimator)
+
+
+def test_a_perfect_recording_gives_the_truth(field):
+    estimate, error = position_errors(Eskf15(), field)
+    truth = field.reference
+
+    assert error.max() < 1e-3
+    assert np.abs(estimate.velocity_mps - truth.velocity_mps[estimate.index]).max() < 3e-3
+    turns = Rotation.from_euler("ZYX", estimate.euler_rad[:, ::-1])
+    true = Rotation.from_euler("ZYX", truth.euler_rad[estimate.index][:, ::-1])
+    assert (turns * true.inv()).magnitude().max() < 3e-3
+    assert np.nanmax(estimate.updates.nis) < 0.1
+
+
+def shown_in_body(recording):
+    turn = Rotation.from_euler("ZYX", recording.reference.euler_rad[:, ::-1])
+    velocity = recording.velocity
+    rows = np.searchsorted(recording.reference.t_s, velocity.t_s - 1e-6)
+    return replace(
+        recording, velocity=replace(velocity, frame="body", mps=turn[rows].inv().apply(np.array(velocity.mps)))
+    )
+
+
+def test_a_velocity_in_the_body_is_turned_with_its_own_attitude(field):
+    recording = shown_in_body(field)
+    wrong = Tilt().estimate(field)  # the attitude filter is off after the start; this one must not care
+    late = np.arange(len(wrong.t_s)) > 100
+    turn = Rotation.from_euler("x", 0.3).as_matrix()
+    wrong = replace(wrong, dcm=np.where(late[:, None, None], wrong.dcm @ turn, wrong.dcm))
+    estimate = Eskf15().estimate(recording, wrong, NoAdaptation())
+
+    error = estimate.position_m - recording.reference.enu_m[estimate.index]
+    assert np.abs(error).max() < 1e-3
+
+
+def test_the_lever_arm_carries_the_antenna_to_the_imu_and_back(field):
+    arm = np.array([0.8, -0.4, 1.5])
+    rows = np.searchsorted(field.reference.t_s, field.position.t_s - 1e-6)
+    turn = Rotation.from_euler("ZYX", field.reference.euler_rad[rows][:, ::-1])
+    antenna = replace(field.position, enu_m=field.position.enu_m + turn.apply(arm))
+    recording = replace(field, position=antenna, velocity=None)
+    _, ignored = position_errors(Eskf15(), recording)
+    _, at_imu = position_errors(Eskf15(antenna_m=tuple(arm)), recording)
+    back = Eskf15(antenna_m=tuple(arm), reference_point_m=tuple(arm)).estimate(
+        recording, Tilt().estimate(field), NoAdaptation()
+    )
+
+    assert at_imu.max() < 1e-2
+    assert ignored.max() > 1.0
+    shown = replace(recording, reference=Reference(antenna.t_s, "", independent=True, enu_m=antenna.enu_m))
+    assert np.abs(back.position_m - shown.reference.enu_m[-len(back.index) :]).max() < 1e-2
+
+
+def test_nees_lies_in_its_band_and_the_biases_within_three_sigma(check):
+    outcomes = [check.check(seed, duration_s=30.0) for seed in range(6)]
+    low, high = check.band(15, len(outcomes))
+
+    assert low < np.mean([o.nees for o in outcomes]) < high
+    assert sum(o.bias_ratio.max() < 3.0 for o in outcomes) >= 5
+
+
+def rotating_recording(t_end_s=20.0):
+    """At rest at the origin, with headings a quarter of a turn away from the first yaw, across the branch of atan2."""
+    rest = recording_at_rest(duration_s=t_end_s, velocity=None, static_start_s=2.0)
+    t_s = np.arange(1, 5 * int(t_end_s)) / 5.0
+    return replace(rest, heading=Heading(t_s, np.full(len(t_s), -3.1), np.full(len(t_s), 0.01)))
+
+
+def test_headings_turn_it_the_short_way():
+    recording = rotating_recording()
+    attitude = level_attitude(recording)
+    attitude = replace(attitude, euler_rad=attitude.euler_rad + np.array([0.0, 0.0, 3.0]))
+    model = Eskf15(initial_yaw_sigma_rad=0.3)
+    used, unused = (
+        replace(model, use_heading=use).estimate(recording, attitude, NoAdaptation()).euler_rad[:, 2]
+        for use in (True, False)
+    )
+
+    assert used[-1] == pytest.approx(-3.1, abs=1e-3)
+    assert np.abs(np.abs(used) - np.pi).max() < 0.15  # never through 0
+    np.testing.assert_allclose(unused, 3.0, atol=1e-6)
+
+
+def drifting(seed=3, length_s=30.0):
+    """A body at rest whose accelerometer drifts away without fixes."""
+    rest = recording_at_rest(duration_s=length_s, velocity=None, static_start_s=2.0)
+    rng = np.random.default_rng(seed)
+    n = len(rest.imu.t_s)
+    imu = Imu(
+        rest.imu.t_s,
+        rest.imu.accel_mps2 + rng.normal(0.0, 0.02, (n, 3)) + [0.03, -0.02, 0.0],
+        rng.normal(0.0, 0.0017, (n, 3)),
+    )
+    return GnssOutage(windows_s=((10.0, length_s),)).apply(replace(rest, imu=imu), 0)
+
+
+def test_zero_velocity_holds_a_body_that_stands():
+    recording = drifting()
+    free, held = (position_errors(Eskf15(zero_velocity=z), recording)[1].max() for z in (False, True))
+
+    assert held < 0.2
+    assert free > 5.0 * held
+
+
+def test_zero_velocity_leaves_a_moving_one_alone(noisy_field):
+    free, held = (position_errors(Eskf15(zero_velocity=z), noisy_field)[1] for z in (False, True))
+    moving = noisy_field.reference.t_s[-len(free) :] > 8.0
+
+    np.testing.assert_allclose(held[moving], free[moving], atol=5e-3)
+
+
+def test_a_steady_ride_is_not_taken_for_a_stop():
+    rest = recording_at_rest(duration_s=20.0)
+    speed = np.array([5.0, 0.0, 0.0])
+    fixes, velocity, truth = rest.position, rest.velocity, rest.reference
+    recording = replace(
+        rest,
+        position=replace(fixes, enu_m=fixes.t_s[:, None] * speed),
+        velocity=replace(velocity, mps=velocity.mps + speed),
+        reference=replace(truth, enu_m=truth.t_s[:, None] * speed, velocity_mps=truth.velocity_mps + speed),
+    )
+    model = Eskf15(zero_velocity=True)
+    estimate = model.estimate(recording, level_attitude(recording), NoAdaptation())
+
+    np.testing.assert_allclose(estimate.velocity_mps[-1], speed, atol=1e-3)
+
+
+def test_the_non_holonomic_constraint_helps_through_an_outage(noisy_field):
+    recording = GnssOutage(windows_s=((15.0, 30.0),)).apply(noisy_field, 0)
+    free = Eskf15(use_heading=False, nonholonomic_sigma_mps=0.05)
+    without, bound = (position_errors(m, recording)[1].max() for m in (free, replace(free, nonholonomic=True)))
+
+    assert bound < 0.6 * without
+
+
+def test_the_fix_sigma_replaces_the_reported_covariance(noisy_field):
+    estimate, _ = position_errors(Eskf15(position_sigma_m=0.5), noisy_field)
+
+    np.testing.assert_allclose(estimate.updates.R_diagonal[:, :3], 0.25)
+    np.testing.assert_allclose(estimate.updates.R_diagonal[:, 3:5], 0.03**2)
+
+
+def test_without_velocity_only_position_is_an_update(noisy_field):
+    estimate, error = position_errors(Eskf15(use_velocity=False), noisy_field)
+
+    assert (estimate.updates.rows == 3).all()
+    assert error.max() < 0.1
+
+
+def test_an_adaptation_sees_the_rows_of_position_and_velocity(noisy_field):
+    fixes = noisy_field.position
+    jump = fixes.enu_m.copy()
+    jump[100] += [5.0, 0.0, 0.0]
+    recording = replace(noisy_field, position=replace(fixes, enu_m=jump))
+    attitude = Tilt().estimate(recording)
+    none, mtf = (Eskf15().estimate(recording, attitude, a) for a in (NoAdaptation(), Mtf()))
+    at = np.flatnonzero(recording.reference.t_s[mtf.index] == fixes.t_s[100])[0]
+    hit = np.argmin(np.abs(mtf.updates.t_s - fixes.t_s[100]))
+
+    assert mtf.updates.R_diagonal[hit, 0] > 20.0
+    assert np.abs(mtf.position_m[at] - recording.reference.enu_m[mtf.index[at]]).max() < 0.1
+    assert np.abs(none.position_m[at] - recording.reference.enu_m[none.index[at]]).max() > 0.3
+
+
+def test_the_yaw_of_the_track_is_enough_where_there_is_no_other(field):
+    recording = replace(field, velocity=None, heading=None)
+    lost = Tilt().estimate(recording)  # no course and no heading: its yaw starts at 0
+    estimate = Eskf15(yaw_source="track", initial_yaw_sigma_rad=0.2).estimate(recording, lost, NoAdaptation())
+    off = estimate.euler_rad[-1, 2] - recording.reference.euler_rad[estimate.index[-1], 2]
+
+    assert abs(np.remainder(off + np.pi, 2 * np.pi) - np.pi) < 0.02
+
+
+def test_noise_comes_in_the_units_of_data_sheets():
+    model = Eskf15(6.0, 1.8, gyro_instability_deg_per_h=20.0, accel_instability_mg=0.1, accel_correlation_s=100.0)
+    noise = model.sensor_noise()
+
+    assert noise.angle == pytest.approx(np.deg2rad(0.1) ** 2)  # 6 deg/sqrt(h) are .1 deg/sqrt(s)
+    assert noise.velocity == pytest.approx(0.03**2)
+    assert noise.gyro_bias == pytest.approx(2.0 * np.deg2rad(20.0 / 3600.0) ** 2 / 1000.0)
+    assert noise.accel_bias == pytest.approx(2.0 * (1e-4 * 9.81) ** 2 / 100.0)
+
+
+def test_it_reports_a_divergence(noisy_field):
+    wild = replace(noisy_field.imu, accel_mps2=noisy_field.imu.accel_mps2.copy())
+    spoiled = wild.accel_mps2.copy()
+    spoiled[2000:] = 1e300
+    recording = replace(noisy_field, imu=replace(wild, accel_mps2=spoiled))
+    with np.errstate(all="ignore"):
+        estimate = Eskf15().estimate(recording, Tilt().estimate(noisy_field), NoAdaptation())
+
+    assert estimate.failure.startswith("the covariance is no longer positive definite at 20.")
+
+
+@pytest.mark.parametrize(
+    ("parameters", "sentence"),
+    [
+        ({"yaw_source": "trak"}, "Did you mean 'track'"),
+        ({"position_sigma_m": 0.0}, "position_sigma_m is 0.0; it must be positive"),
+        ({"gyro_instability_deg_per_h": -1.0}, "it must be 0 .constant. or more"),
+        ({"antenna_m": (1.0, 2.0)}, "give three: forward, left, up"),
+    ],
+)
+def test_a_wrong_parameter_is_a_sentence(parameters, sentence):
+    with pytest.raises(PluginError, match=sentence):
+        Eskf15(**parameters)

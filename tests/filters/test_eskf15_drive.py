@@ -1,0 +1,108 @@
+"""The inertial navigation on the real drive, beside an independent implementation (python-ins)."""
+
+import numpy as np
+import pytest
+
+from jerkbench.adaptation.none import NoAdaptation
+from jerkbench.attitude.plugin import Tilt
+from jerkbench.datasets.rtklib import RtklibDrive
+from jerkbench.disturbances.withhold import Withhold
+from jerkbench.filters.eskf15 import Eskf15
+from jerkbench.geometry import enu_to_geodetic
+
+ARW_DEG_PER_SQRT_H, VRW_MPS_PER_SQRT_H = 6.0, 1.8
+
+SETTINGS = [(-0.1, 0.02, 0.057), (-0.2, 0.01, 0.034)]
+"""Shift of the IMU's stamps, sigma of a fix, and the RMSE that python-ins and KF-GINS reach."""
+
+
+def drive(shared_folder, imu_shift_s):
+    """Position at 1 Hz; the fixes between are the reference."""
+    folder = str(shared_folder / "data" / "rtklib_drive_0708")
+    dataset = RtklibDrive(folder, imu_shift_s=imu_shift_s, min_speed_mps=0.0)
+    return Withhold(every=4, phase=0).apply(dataset.load(), 0)
+
+
+def attitude_of(recording):
+    return Tilt(sigma_accel_mps2=0.5, propagation="exact").estimate(recording)
+
+
+def rmse_after_60_s(recording, t_s, enu_m):
+    late = t_s >= 60.0
+    truth = recording.reference.enu_m[np.searchsorted(recording.reference.t_s, t_s[late] - 1e-6)]
+    return np.sqrt(np.mean(np.sum((enu_m[late] - truth) ** 2, axis=1)))
+
+
+def rmse_of_eskf15(recording, sigma_m):
+    model = Eskf15(ARW_DEG_PER_SQRT_H, VRW_MPS_PER_SQRT_H, use_velocity=False, position_sigma_m=sigma_m)
+    estimate = model.estimate(recording, attitude_of(recording), NoAdaptation())
+    assert estimate.failure == ""
+    return rmse_after_60_s(recording, recording.reference.t_s[estimate.index], estimate.position_m)
+
+
+@pytest.mark.parametrize(("imu_shift_s", "sigma_m", "rmse_m"), SETTINGS)
+def test_it_reaches_what_other_implementations_reach(shared_folder, imu_shift_s, sigma_m, rmse_m):
+    recording = drive(shared_folder, imu_shift_s)
+
+    assert rmse_of_eskf15(recording, sigma_m) == pytest.approx(rmse_m, abs=0.003)
+
+
+@pytest.mark.slow
+def test_python_ins_gives_the_same_on_the_same_recording(shared_folder):
+    pytest.importorskip("pyins")
+    recording = drive(shared_folder, -0.2)
+    t_s, enu_m = run_python_ins(recording, 0.01)
+    theirs, ours = rmse_after_60_s(recording, t_s, enu_m), rmse_of_eskf15(recording, 0.01)
+
+    assert ours == pytest.approx(theirs, abs=0.003)
+
+
+def run_python_ins(recording, sigma_m):
+    """Position (k, 3) at the reference's stamps, which are measurements without weight there."""
+    import pandas as pd
+    from pyins import filters, inertial_sensor, measurements, strapdown
+
+    flip = np.array([1.0, -1.0, -1.0])  # FLU -> FRD
+    imu, fixes, reference = recording.imu, recording.position, recording.reference
+    dt = np.diff(imu.t_s, prepend=imu.t_s[0] - imu.nominal_interval_s)[:, None]
+    columns = ["gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z"]
+    samples = np.hstack([imu.gyro_radps * flip * dt, imu.accel_mps2 * flip * dt])
+    increments = strapdown.compute_increments_from_imu(pd.DataFrame(samples, imu.t_s, columns), "increment")
+    start = np.flatnonzero(fixes.t_s > imu.t_s[1])[0]
+    first = int(np.searchsorted(increments.index, fixes.t_s[start]))
+    roll, pitch, yaw = np.rad2deg(attitude_of(recording).euler_rad[first])
+    names = ["lat", "lon", "alt"]
+    lla = enu_to_geodetic(fixes.enu_m, recording.origin)
+    pva = pd.Series(
+        [*lla[start], 0.0, 0.0, 0.0, roll, -pitch, 90.0 - yaw],
+        [*names, "VN", "VE", "VD", "roll", "pitch", "heading"],
+        name=increments.index[first],
+    )
+    aiding = [measurements.Position(pd.DataFrame(lla, fixes.t_s, names), sigma_m)]
+    watched = Watched(
+        pd.DataFrame(enu_to_geodetic(reference.enu_m, recording.origin), reference.t_s, names), recording.origin
+    )
+    filters.run_feedback_filter(
+        pva,
+        *(0.02, 0.02, 1.0, 3.0),
+        increments.iloc[first + 1 :],
+        gyro_model=inertial_sensor.EstimationModel(bias_sd=0.0024, noise=np.deg2rad(ARW_DEG_PER_SQRT_H) / 60),
+        accel_model=inertial_sensor.EstimationModel(bias_sd=0.1, noise=VRW_MPS_PER_SQRT_H / 60),
+        measurements=[*aiding, watched],
+    )
+    return np.array(watched.t_s), np.array(watched.enu_m)
+
+
+class Watched:
+    """A "measurement" for python-ins that measures nothing: it notes the position at its stamps."""
+
+    def __init__(self, data, origin):
+        self.data, self.origin, self.t_s, self.enu_m = data, origin, [], []
+
+    def compute_matrices(self, time, pva, error_model):
+        from pymap3d import geodetic2enu
+
+        if time in self.data.index:
+            origin = (self.origin.latitude_deg, self.origin.longitude_deg, self.origin.height_m)
+            self.t_s.append(time)
+            self.enu_m.append(geodetic2enu(pva.lat, pva.lon, pva.alt, *origin))
