@@ -1,0 +1,137 @@
+"""Two kinematic filters that run side by side and are mixed at each update: the algorithm of `imm`."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.contracts import Adaptation, Filter
+from jerkbench.estimate import Estimate
+from jerkbench.filters._linear import StepModels, initial, is_healthy, squared_distance, updated
+from jerkbench.timeline.recorder import Recorder
+from jerkbench.timeline.timeline import Timeline
+
+
+@dataclass(frozen=True)
+class WithInertState:
+    """The baseline with a third state that does nothing.
+
+    Attributes:
+        baseline: the filter itself.
+        variances: (1,) initial variance of the third state, that of the filter it is mixed with.
+    """
+
+    baseline: Filter
+    variances: FloatArray
+
+    def axis_model(self, dt: float, dt0: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return A (3, 3), b (3,), Q (3, 3) for a step of ``dt`` seconds."""
+        A, b, Q = np.eye(3), np.zeros(3), np.zeros((3, 3))
+        A[:2, :2], b[:2], Q[:2, :2] = self.baseline.axis_model(dt, dt0)
+        return A, b, Q
+
+    def initial_variances(self) -> FloatArray:
+        """Return (1,) the variance of the third state."""
+        return self.variances
+
+
+def embedded(model: Filter, like: Filter) -> Filter:
+    """Return ``model`` with as many states as ``like``, or itself where it has them."""
+    wanted = like.initial_variances()
+    return model if len(model.initial_variances()) >= len(wanted) else WithInertState(model, wanted)
+
+
+class Mixture:
+    """The state of one run: both filters and the weights c of the mixed states."""
+
+    def __init__(
+        self,
+        timeline: Timeline,
+        models: tuple[Filter, Filter],
+        transitions: FloatArray,
+        mu: FloatArray,
+        adaptation: Adaptation,
+    ) -> None:
+        """Start both filters from the timeline's start."""
+        self.timeline, self.transitions = timeline, transitions
+        self.models = [StepModels(model, timeline.dt0_s) for model in models]
+        starts = [initial(timeline, model) for model in models]
+        x, P = np.array([x for x, _ in starts]), np.array([P for _, P in starts])
+        self.x, self.P, self.weights = mixed(x, P, mu, transitions)
+        measured = timeline.measurements
+        self.R = measured.R_true if getattr(adaptation, "wants_true_covariance", False) else measured.R
+        self.recorder = Recorder(timeline)
+
+    def to_the_end(self) -> Estimate:
+        """Go through the timeline; stops at the first sign of divergence."""
+        t = self.timeline
+        steps = zip(t.dt_s.tolist(), t.sample.tolist(), t.update.tolist(), t.reference.tolist(), strict=True)
+        for k, (dt, sample, update, reference) in enumerate(steps):
+            if dt > 0:
+                self._predict(dt, t.accel_enu_mps2[sample])
+            if update >= 0 and not self._update(update):
+                return self.recorder.estimate(f"a covariance is no longer positive definite at {t.t_s[k]:.2f} s")
+            if reference >= 0:
+                x, P = combined(self.x, self.P, self.weights)
+                self.recorder.state(reference, x[:6], P[:6, :6])
+        return self.recorder.estimate()
+
+    def _predict(self, dt: float, u: FloatArray) -> None:
+        for j, models in enumerate(self.models):
+            F, B, Q = models.of(dt)
+            self.x[j], self.P[j] = F @ self.x[j] + B @ u, F @ self.P[j] @ F.T + Q
+
+    def _update(self, row: int) -> bool:
+        """Update both, weigh and mix; return whether both are healthy."""
+        z, R = self.timeline.measurements.z[row], self.R[row]
+        rows = np.flatnonzero(np.isfinite(z))
+        R, H = R[np.ix_(rows, rows)], np.eye(self.x.shape[1])[rows]
+        self._record(row, rows)
+        log_likelihood = np.empty(2)
+        for j in range(2):
+            y = z[rows] - self.x[j, rows]
+            log_likelihood[j] = log_density(y, self.P[j][np.ix_(rows, rows)] + R)
+            self.x[j], self.P[j] = updated(self.x[j], self.P[j], y, H, R)
+        if not all(is_healthy(x, P) for x, P in zip(self.x, self.P, strict=True)):
+            return False
+        mu = weighed(self.weights, log_likelihood)
+        self.x, self.P, self.weights = mixed(self.x, self.P, mu, self.transitions)
+        return True
+
+    def _record(self, row: int, rows: IntArray) -> None:
+        """Keep the innovation of the combined prediction."""
+        x, P = combined(self.x, self.P, self.weights)
+        block, measured = np.ix_(rows, rows), self.timeline.measurements
+        y, R = measured.z[row, rows] - x[rows], self.R[row][block]
+        nis = squared_distance(y, P[block] + measured.R[row][block])
+        self.recorder.update(row, rows, y, np.diag(R), nis, squared_distance(y, P[block] + R))
+
+
+def mixed(
+    x: FloatArray, P: FloatArray, mu: FloatArray, transitions: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the mixed states (2, n), covariances (2, n, n) and the weights c (2,) that a cycle begins with."""
+    joint = transitions * mu[:, None]
+    c = joint.sum(axis=0)
+    parts = [combined(x, P, joint[:, j] / c[j]) for j in range(2)]
+    return np.array([x for x, _ in parts]), np.array([P for _, P in parts]), c
+
+
+def combined(x: FloatArray, P: FloatArray, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return mean (n,) and covariance (n, n) of a mixture of two normal distributions."""
+    mean = weights @ x
+    apart = x - mean
+    spread = np.einsum("j,ja,jb->ab", weights, apart, apart)
+    return mean, np.tensordot(weights, P, axes=1) + spread
+
+
+def weighed(c: FloatArray, log_likelihood: FloatArray) -> FloatArray:
+    """Return mu (2,); the largest likelihood is taken out first, so that none underflows to nothing but the smaller."""
+    likely = c * np.exp(log_likelihood - log_likelihood.max())
+    return np.asarray(likely / likely.sum())
+
+
+def log_density(y: FloatArray, S: FloatArray) -> float:
+    """Return log N(y; 0, S)."""
+    log_det = np.linalg.slogdet(S)[1]
+    return float(-0.5 * (squared_distance(y, S) + log_det + len(y) * np.log(2.0 * np.pi)))
