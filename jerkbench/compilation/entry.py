@@ -1,0 +1,88 @@
+"""Entry points: small generated modules, real files, because numba keeps on disk only what comes from a file."""
+
+import hashlib
+import importlib.util
+import os
+import platform
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from jerkbench.files import write_text
+
+Namespace = Callable[[str], Mapping[str, Any]]
+
+
+def cache_folder() -> Path:
+    """Where compiled code is kept: $JERKBENCH_CACHE, or jerkbench/compiled in the user's cache folder."""
+    own = os.environ.get("JERKBENCH_CACHE")
+    user = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA") or str(Path.home() / ".cache")
+    return Path(own) if own else Path(user) / "jerkbench" / "compiled"
+
+
+def load_entry(title: str, source: str, key: str, namespace: Namespace) -> ModuleType:
+    """Import the entry point ``source``; it compiles what it defines, or finds it compiled on the disk.
+
+    Args:
+        title: what is compiled, for the line that says so.
+        source: text of the module. Together with ``key`` it names the file.
+        key: digest of everything that the entry point calls.
+        namespace: given the module's name, the values that stand in the module before its first line.
+    """
+    name = _module_name(title, source, key)
+    if name in sys.modules:
+        return sys.modules[name]
+    path = cache_folder() / f"{name}.py"
+    if not path.exists():
+        write_text(path, source)
+    if not any((path.parent / "__pycache__").glob(f"{name}.*.nbi")):
+        sys.stderr.write(f"jerkbench: compiling {title}, once; it is kept in {path.parent}\n")
+    return _imported(name, path, namespace)
+
+
+@contextmanager
+def _vectorised() -> Iterator[None]:
+    """Let LLVM join like operations of straight code into vectors, which numba leaves out by default."""
+    from numba import config
+
+    before = config.SLP_VECTORIZE
+    config.SLP_VECTORIZE = 1
+    try:
+        yield
+    finally:
+        config.SLP_VECTORIZE = before
+
+
+def _module_name(title: str, source: str, key: str) -> str:
+    import numba
+
+    versions = f"{numba.__version__} {platform.python_version()} {_own_digest()}"
+    digest = hashlib.sha256(f"{versions} {key} {source}".encode()).hexdigest()[:16]
+    return f"jerkbench_{''.join(c if c.isalnum() else '_' for c in title)}_{digest}"
+
+
+@cache
+def _own_digest() -> str:
+    """Hash of this package: how something is compiled decides on the result as well."""
+    sources = sorted(Path(__file__).parent.glob("*.py"))
+    return hashlib.sha256(b"".join(path.read_bytes() for path in sources)).hexdigest()
+
+
+def _imported(name: str, path: Path, namespace: Namespace) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(name, path)
+    if spec is None or spec.loader is None:
+        raise ImportError(f"{path} is no Python module; delete it and try again.")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module  # numba looks there when it loads compiled code
+    try:
+        module.__dict__.update(namespace(name))
+        with _vectorised():
+            spec.loader.exec_module(module)
+    except BaseException:
+        del sys.modules[name]
+        raise
+    return module

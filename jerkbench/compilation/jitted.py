@@ -1,0 +1,79 @@
+"""A plain function and all that it calls, handed to numba as it is."""
+
+import types
+from collections.abc import Callable, Mapping
+from typing import Any, cast
+
+from jerkbench.compilation.reach import own_function, reached
+from jerkbench.compilation.repeated import Repeated
+
+
+def jitted(
+    function: Callable[..., Any],
+    home: str,
+    constants: Mapping[str, object] | None = None,
+    *,
+    kernel: bool = False,
+    apart: tuple[str, ...] = (),
+) -> Any:  # noqa: ANN401 - numba has no types
+    """Return ``function`` as a numba dispatcher; the functions that it calls need no decorator.
+
+    Args:
+        function: any function that numba's nopython mode understands.
+        home: name of the module that numba will look for when it loads the result from the disk.
+        constants: values that replace globals of that name, everywhere.
+        kernel: whether everything becomes one body, in which a product and a sum may become one instruction (it rounds
+            once instead of twice).
+        apart: names of functions that stay outside that body, because they are rarely called.
+    """
+    return _Jit(home, dict(constants or {}), kernel, apart).of(cast("types.FunctionType", function))
+
+
+class _Jit:
+    """One compilation: every function becomes one dispatcher, whoever calls it."""
+
+    def __init__(self, home: str, constants: dict[str, object], kernel: bool, apart: tuple[str, ...]) -> None:
+        from numba import njit
+
+        options: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"} if kernel else False, "nogil": True}
+        self.decorate, self.decorate_inlined = njit(**options), njit(**options, forceinline=True)
+        self.home, self.constants, self.kernel, self.apart = home, constants, kernel, apart
+        self.done: dict[int, Any] = {}
+
+    def of(self, function: types.FunctionType) -> Any:  # noqa: ANN401 - numba has no types
+        if id(function) not in self.done:
+            scope: dict[str, Any] = {}
+            copy = _copy(function, scope, tuple(self._cell(cell) for cell in function.__closure__ or ()))
+            inlined = self.kernel and function.__name__ not in self.apart
+            self.done[id(function)] = (self.decorate_inlined if inlined else self.decorate)(copy)
+            scope.update(self._scope(function))
+        return self.done[id(function)]
+
+    def _scope(self, function: types.FunctionType) -> dict[str, Any]:
+        """The globals of ``function`` with dispatchers in place of functions."""
+        values = {name: self._value(value) for name, value in reached(function).items()}
+        replaced = {name: self.constants[name] for name in values if name in self.constants}
+        return {**values, **replaced, "__name__": self.home, "__builtins__": __builtins__}
+
+    def _cell(self, cell: types.CellType) -> types.CellType:
+        return types.CellType(self._value(cell.cell_contents))
+
+    def _value(self, value: Any) -> Any:  # noqa: ANN401 - any global of a module
+        if isinstance(value, Repeated):
+            return self._repeated(value)
+        function = own_function(value)
+        return value if function is None else self.of(function)
+
+    def _repeated(self, loop: Repeated) -> Any:  # noqa: ANN401 - numba has no types
+        if id(loop) not in self.done:
+            written = loop.written_out(loop.times(self.constants))
+            inner = self.of(cast("types.FunctionType", loop.function))
+            written.__globals__.update(function=inner, __name__=self.home)
+            self.done[id(loop)] = self.decorate_inlined(written)
+        return self.done[id(loop)]
+
+
+def _copy(function: types.FunctionType, scope: dict[str, Any], closure: tuple[types.CellType, ...]) -> Any:  # noqa: ANN401 - goes to numba
+    copy = types.FunctionType(function.__code__, scope, function.__name__, function.__defaults__, closure or None)
+    copy.__module__ = scope.setdefault("__name__", function.__module__)
+    return copy

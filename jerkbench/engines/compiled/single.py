@@ -1,0 +1,126 @@
+"""One run from Python: arrays in, an Estimate out."""
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from jerkbench.arrays import FloatArray
+from jerkbench.compilation.entry import load_entry
+from jerkbench.compilation.jitted import jitted
+from jerkbench.compilation.reach import digest
+from jerkbench.contracts import Adaptation, Filter
+from jerkbench.engines.compiled.loop import Kept, Steps, run_steps
+from jerkbench.engines.compiled.models import model_of, step_lengths
+from jerkbench.engines.compiled.rule import CompiledRule
+from jerkbench.engines.compiled.sizes import sizes
+from jerkbench.estimate import Estimate, Updates
+from jerkbench.timeline.timeline import Timeline
+
+RARE = ("run_steps", "predict_general", "_mahalanobis_by_inverse", "_gain_by_inverse")
+"""Kernels that are seldom called: inlined they would only cost time to compile."""
+
+SOURCE = '''"""Made by jerkbench: the loop of the compiled engine."""
+
+from numba import njit
+
+
+@njit(signature, cache=True, error_model="numpy", nogil=True)
+def entry(adapt, fade, steps, model, rule, kept):
+    return loop(adapt, fade, steps, model, rule, kept)
+'''
+
+
+def run_single(timeline: Timeline, model: Filter, adaptation: Adaptation, compiled: CompiledRule) -> Estimate:
+    """Run ``model`` with the compiled adaptation over ``timeline``; stops at the first sign of divergence."""
+    lengths_s, which = step_lengths(timeline.dt_s)
+    steps = steps_of(timeline, which, wants_truth=getattr(adaptation, "wants_true_covariance", False))
+    prepared, kept = model_of(timeline, model, lengths_s), make_kept(timeline)
+    entry = loop_for(prepared.A.shape[1])
+    states, updates, failed = entry(compiled.adapt, compiled.fade, steps, prepared, compiled.rule, kept)
+    return _estimate(timeline, kept, states, updates, failed)
+
+
+def steps_of(timeline: Timeline, which: Any, *, wants_truth: bool) -> Steps:  # noqa: ANN401 - an array
+    """Return the steps as arrays of the layout that the compiled loop takes."""
+    measured = timeline.measurements
+    R = measured.R_true if wants_truth else measured.R
+    return Steps(
+        which,
+        plain(timeline.sample, np.int64),
+        plain(timeline.update, np.int64),
+        plain(timeline.reference, np.int64),
+        plain(timeline.accel_enu_mps2, np.float64),
+        plain(measured.z, np.float64),
+        plain(R, np.float64).reshape(-1, 36),
+        plain(measured.R, np.float64).reshape(-1, 36),
+    )
+
+
+def plain(array: Any, dtype: npt.DTypeLike) -> Any:  # noqa: ANN401 - any array
+    """Return ``array`` contiguous and writeable, copied only if it is not: a compiled signature is exact."""
+    return np.require(array, dtype, ["C", "W", "A"])
+
+
+def make_kept(timeline: Timeline) -> Kept:
+    """Make room for every stamp of the reference and every update of ``timeline``."""
+    k, m = int(np.count_nonzero(timeline.reference >= 0)), int(np.count_nonzero(timeline.update >= 0))
+    nothing = np.full((2, m, 6), np.nan)
+    return Kept(
+        np.empty(k, dtype=np.int64),
+        np.empty((k, 6)),
+        np.empty((k, 36)),
+        np.empty(m, dtype=np.int64),
+        np.empty(m),
+        np.empty(m),
+        np.empty(m),
+        nothing[0],
+        nothing[1],
+    )
+
+
+@cache
+def loop_for(n: int) -> Any:  # noqa: ANN401 - numba has no types
+    """Return the compiled loop for filters with ``n`` quantities on each axis."""
+
+    def namespace(home: str) -> dict[str, Any]:
+        loop = jitted(run_steps, home, sizes(n), kernel=True, apart=RARE)
+        return {"loop": loop, "signature": _signature()}
+
+    return load_entry(f"the loop for {3 * n} states", SOURCE, digest(run_steps, n=n, apart=RARE), namespace).entry
+
+
+def _signature() -> Any:  # noqa: ANN401 - numba has no types
+    """The exact type of the loop: only such a one is found on the disk by the next process."""
+    from numba import types
+
+    from jerkbench.engines.compiled.loop import Model, Rule
+
+    f, i = types.float64, types.int64
+    vector, matrix, cube, indices = f[::1], f[:, ::1], f[:, :, ::1], i[::1]
+    given = (vector, vector, matrix, matrix, indices, vector)
+    return types.UniTuple(i, 3)(
+        types.FunctionType(types.void(*given, matrix)),
+        types.FunctionType(f(*given)),
+        types.NamedTuple([indices] * 4 + [matrix] * 4, Steps),
+        types.NamedTuple([cube, matrix, cube, vector, matrix, types.boolean], Model),
+        types.NamedTuple([vector, vector, types.boolean], Rule),
+        types.NamedTuple([indices, matrix, matrix, indices, vector, vector, vector, matrix, matrix], Kept),
+    )
+
+
+def _estimate(timeline: Timeline, kept: Kept, states: int, updates: int, failed: int) -> Estimate:
+    t_s: FloatArray = np.asarray(timeline.measurements.t_ns * 1e-9, dtype=np.float64)
+    failure = f"the covariance is no longer positive definite at {t_s[failed]:.2f} s" if failed >= 0 else ""
+    m, index, x = updates, kept.reference[:states], kept.x[:states]
+    seen = (kept.rows, kept.nis, kept.nis_used, kept.innovation, kept.R)
+    return Estimate(
+        index,
+        x[:, :3],
+        x[:, 3:],
+        kept.P[:states].reshape(-1, 6, 6),
+        timeline.euler_rad[index],
+        Updates(t_s[kept.which[:m]], *(array[:m] for array in seen)),
+        failure,
+    )

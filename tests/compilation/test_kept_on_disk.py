@@ -1,0 +1,69 @@
+"""What is compiled once is found on the disk by the next process, and is not used after an edit."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+PLUGIN = """
+from dataclasses import dataclass
+
+from helping import helped
+
+
+@dataclass(frozen=True)
+class Rule:
+    factor: float = 2.0
+
+    def memory_size(self):
+        return 0
+
+    def adapt(self, innovation, HPHt, R, rows, memory):
+        return helped(R, self.factor)
+"""
+HELPER = "def helped(R, factor):\n    return R * factor + {constant}\n"
+SCRIPT = """
+import sys
+import numpy as np
+from jerkbench.engines.compiled.rule import ADAPT, compiled_method, parameter_vector
+from rule import Rule
+
+plugin = Rule(float(sys.argv[1]))
+function, result = compiled_method(plugin, ADAPT), np.zeros((1, 1))
+one = np.ones(1)
+function(parameter_vector(plugin), one, np.ones((1, 1)), np.ones((1, 1)), np.zeros(1, dtype=np.int64), one, result)
+print(result[0, 0], sum(function.stats.cache_misses.values()), sum(function.stats.cache_hits.values()))
+"""
+
+
+@pytest.fixture
+def process(tmp_path):
+    """Write the plugin and its helper, run it in a process of its own: (value, compiled, found), and what it said."""
+
+    def run(constant=1.0, factor=2.0, plugin=PLUGIN):
+        (tmp_path / "rule.py").write_text(plugin)
+        (tmp_path / "helping.py").write_text(HELPER.format(constant=constant))
+        environment = {**os.environ, "JERKBENCH_CACHE": str(tmp_path / "cache"), "PYTHONPATH": str(tmp_path)}
+        words = [sys.executable, "-c", SCRIPT, str(factor)]
+        done = subprocess.run(words, env=environment, capture_output=True, text=True, check=True, timeout=120)
+        return tuple(map(float, done.stdout.split())), done.stderr
+
+    return run
+
+
+def test_the_second_process_compiles_nothing_whatever_the_parameters_are(process):
+    first, said = process(factor=2.0)
+    second, silence = process(factor=5.0)
+
+    assert first == (3.0, 1, 0)
+    assert second == (6.0, 0, 1)
+    assert said.startswith("jerkbench: compiling Rule.adapt, once; it is kept in ")
+    assert silence == ""
+
+
+def test_an_edit_of_a_helper_in_another_file_is_noticed_and_undoing_it_is_too(process):
+    process(constant=1.0)
+
+    assert process(constant=4.0)[0] == (6.0, 1, 0)
+    assert process(constant=1.0)[0] == (3.0, 0, 1)

@@ -1,0 +1,205 @@
+"""The compiled engine against the reference engine, over whole runs."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from jerkbench import plugins
+from jerkbench.adaptation.none import NoAdaptation
+from jerkbench.engines.compiled.models import step_lengths
+from jerkbench.engines.compiled_engine import CompiledEngine
+from jerkbench.engines.filterpy_engine import FilterpyEngine
+from jerkbench.filters.baseline import Baseline
+from jerkbench.filters.jerk import Jerk
+from jerkbench.recording import Position, Reference, Velocity
+from jerkbench.timeline.timeline import build_timeline
+from synthetic import level_attitude, recording_at_rest
+
+FILTERS = [name for name in plugins.names("filter") if hasattr(plugins.get("filter", name), "axis_model")]
+ADAPTATIONS = plugins.names("adaptation")
+
+
+def full_covariances(rng, sigma, n):
+    """Symmetric positive definite, different each time, with off-diagonals."""
+    half = rng.normal(size=(n, 3, 5)) * sigma
+    return half @ half.transpose(0, 2, 1) + (0.3 * sigma) ** 2 * np.eye(3)
+
+
+def rough_recording(seed=0, duration_s=20.0):
+    """Fixes off the grid, full covariances, outliers, missing axes, position and velocity now together, now apart."""
+    rng = np.random.default_rng(seed)
+    rest = recording_at_rest(duration_s=duration_s, imu_rate_hz=50)
+    at_p = np.round(np.arange(0.2, duration_s, 0.2) + 0.0031, 4)
+    at_v = np.sort(np.concatenate([at_p[::2], np.round(at_p[1::2] + 0.05, 4)]))
+    p = rng.normal(0.0, 0.02, (len(at_p), 3)) * np.where(rng.random((len(at_p), 1)) < 0.1, 40.0, 1.0)
+    v = rng.normal(0.0, 0.05, (len(at_v), 3)) * np.where(rng.random((len(at_v), 1)) < 0.1, 20.0, 1.0)
+    p[rng.random(p.shape) < 0.1], p[0] = np.nan, 0.0
+    v[rng.random(v.shape) < 0.1] = np.nan
+    R_p, R_v = full_covariances(rng, 0.02, len(at_p)), full_covariances(rng, 0.05, len(at_v))
+    stamps = np.round(np.arange(0.1, duration_s, 0.03), 4)
+    zeros = np.zeros((len(stamps), 3))
+    return replace(
+        rest,
+        position=Position(at_p, p, R_p, 4.0 * R_p),
+        velocity=Velocity(at_v, v, R_v),
+        reference=Reference(stamps, "made by hand", independent=True, enu_m=zeros, velocity_mps=zeros),
+    )
+
+
+@pytest.fixture(scope="module")
+def timeline():
+    recording = rough_recording()
+    u = np.random.default_rng(1).normal(0.0, 0.2, (len(recording.imu.t_s), 3))
+    return build_timeline(recording, level_attitude(recording, u))
+
+
+def agree(compiled, reference):
+    """Compare two estimates; after a test that flipped by rounding only what was before it."""
+    flipped = first_flip(compiled, reference)
+    end = np.inf if flipped is None else flipped
+    assert compiled.failure == reference.failure
+    np.testing.assert_array_equal(compiled.index, reference.index)
+    before = compiled.index < np.searchsorted(compiled.index, end) if flipped is not None else slice(None)
+    scale = np.sqrt(np.einsum("ni,nj->nij", *2 * [np.einsum("nii->ni", reference.covariance)]))
+    assert np.abs(compiled.position_m - reference.position_m)[before].max() < 1e-9
+    assert np.abs(compiled.velocity_mps - reference.velocity_mps)[before].max() < 1e-9
+    assert (np.abs(compiled.covariance - reference.covariance) / np.maximum(scale, 1.0))[before].max() < 1e-12
+    for name in ("t_s", "rows", "nis", "nis_used", "innovation", "R_diagonal"):
+        got, wanted = (getattr(estimate.updates, name) for estimate in (compiled, reference))
+        np.testing.assert_allclose(got, wanted, rtol=1e-7, atol=1e-9, err_msg=name)
+    assert flipped is None, f"a threshold flipped by rounding at the update at {flipped:.3f} s"
+
+
+def first_flip(compiled, reference):
+    """Return the time of the first update whose adapted R differs by more than rounding."""
+    n = min(len(compiled.updates.t_s), len(reference.updates.t_s))
+    same = np.isclose(compiled.updates.R_diagonal[:n], reference.updates.R_diagonal[:n], rtol=1e-6, equal_nan=True)
+    differs = np.flatnonzero(~same.all(axis=1))
+    return float(reference.updates.t_s[differs[0]]) if differs.size else None
+
+
+@pytest.mark.parametrize("adaptation", ADAPTATIONS)
+@pytest.mark.parametrize("model", FILTERS)
+def test_every_filter_with_every_adaptation_agrees_with_the_reference_engine(timeline, model, adaptation, capsys):
+    pair = plugins.create("filter", {"name": model}), plugins.create("adaptation", {"name": adaptation})
+    agree(CompiledEngine().run(timeline, *pair), FilterpyEngine().run(timeline, *pair))
+    assert "runs on the engine filterpy" not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("config", [{"name": "mtf", "window": 4, "guard": 2}, {"name": "mtf", "window": 2}])
+def test_parameters_reach_the_compiled_code(timeline, config):
+    adaptation = plugins.create("adaptation", config)
+    default = CompiledEngine().run(timeline, Jerk(), plugins.create("adaptation", {"name": "mtf"}))
+    run = CompiledEngine().run(timeline, Jerk(), adaptation)
+
+    agree(run, FilterpyEngine().run(timeline, Jerk(), adaptation))
+    assert np.abs(run.position_m - default.position_m).max() > 1e-6
+
+
+@dataclass(frozen=True)
+class Faded(NoAdaptation):
+    """Parameters of all kinds, a fade, memory, dropped rows and a helper."""
+
+    factor: float = 1.5
+    every: int = 3
+    on: bool = True
+    weights: tuple[float, ...] = (1.0, 2.0, 3.0)
+
+    def memory_size(self):
+        return 1
+
+    def fade(self, innovation, HPHt, R, rows, memory):
+        memory[0] += 1.0
+        return self.factor if self.on and int(memory[0]) % self.every == 0 else 1.0
+
+    def adapt(self, innovation, HPHt, R, rows, memory):
+        adapted = weighted(R, self.weights[int(memory[0]) % 3])
+        if int(memory[0]) % 5 == 0:
+            adapted[0, 0] = np.inf
+        if int(memory[0]) % 7 == 0:
+            for i in range(len(rows)):
+                adapted[i, i] = np.inf
+        return adapted.T  # not contiguous
+
+
+def weighted(R, weight):
+    return weight * R
+
+
+def test_fading_dropped_rows_helpers_and_parameters_of_all_kinds(timeline):
+    for adaptation in (Faded(), Faded(factor=1.1, every=2, weights=(3.0, 1.0, 1.0)), Faded(on=False)):
+        run = CompiledEngine().run(timeline, Jerk(), adaptation)
+        agree(run, FilterpyEngine().run(timeline, Jerk(), adaptation))
+        assert np.isnan(run.updates.nis_used).any()
+        assert np.isinf(run.updates.R_diagonal).any()
+
+
+@dataclass(frozen=True)
+class Damped:
+    """Four states on an axis; A is not triangular with ones on its diagonal."""
+
+    def axis_model(self, dt, dt0):
+        A = np.eye(4) + dt * np.diag([1.0, 1.0, 1.0], 1)
+        A[2, 2], A[3, 1] = np.exp(-dt / 5.0), -0.1 * dt
+        return A, np.array([0.5 * dt**2, dt, 0.0, 0.0]), 0.01 * dt * np.diag([0.0, 1.0, 1.0, 2.0])
+
+    def initial_variances(self):
+        return np.array([1.0, 0.5])
+
+
+def test_any_model_of_any_size(timeline):
+    pair = Damped(), plugins.create("adaptation", {"name": "scalar_r"})
+    agree(CompiledEngine().run(timeline, *pair), FilterpyEngine().run(timeline, *pair))
+
+
+@dataclass(frozen=True)
+class Negative(NoAdaptation):
+    def adapt(self, innovation, HPHt, R, rows, memory):
+        return -R
+
+
+def test_a_run_that_diverges_stops_where_the_reference_stops(timeline):
+    run, reference = (engine.run(timeline, Jerk(), Negative()) for engine in (CompiledEngine(), FilterpyEngine()))
+
+    assert run.failure == reference.failure != ""
+    np.testing.assert_array_equal(run.index, reference.index)
+    np.testing.assert_array_equal(run.updates.t_s, reference.updates.t_s)
+
+
+@dataclass(frozen=True)
+class Raises(NoAdaptation):
+    def adapt(self, innovation, HPHt, R, rows, memory):
+        if innovation[0] != 0.0:
+            raise ValueError("that was enough")
+        return R
+
+
+def test_what_an_adaptation_raises_reaches_the_caller(timeline):
+    with pytest.raises(ValueError, match="that was enough"):
+        CompiledEngine().run(timeline, Baseline(), Raises())
+
+
+@dataclass(frozen=True)
+class Dictionary(NoAdaptation):
+    def adapt(self, innovation, HPHt, R, rows, memory):
+        return dict.fromkeys(("R", "Q"), 2.0 * R).popitem()[1]
+
+
+def test_what_numba_cannot_compile_runs_on_the_reference_engine_with_one_line(timeline, capsys):
+    engine = CompiledEngine()
+    first, second = engine.run(timeline, Baseline(), Dictionary()), engine.run(timeline, Jerk(), Dictionary())
+    said = capsys.readouterr().err
+
+    agree(first, FilterpyEngine().run(timeline, Baseline(), Dictionary()))
+    agree(second, FilterpyEngine().run(timeline, Jerk(), Dictionary()))
+    (line,) = [line for line in said.splitlines() if "compiling" not in line]
+    assert line.startswith("jerkbench: Dictionary runs on the engine filterpy: ")
+    assert len(line) > len("jerkbench: Dictionary runs on the engine filterpy: ") + 10
+
+
+def test_step_lengths_are_those_of_whole_nanoseconds_and_the_first_of_each():
+    lengths, which = step_lengths(np.array([0.0, 0.01, 0.01 + 1e-12, 0.02, 0.01]))
+
+    np.testing.assert_array_equal(which, [-1, 1, 1, 2, 1])
+    np.testing.assert_array_equal(lengths[which[1:]], [0.01, 0.01, 0.02, 0.01])
