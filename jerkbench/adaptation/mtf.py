@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from jerkbench.adaptation._windows import check_window, inflated
 from jerkbench.arrays import FloatArray, IntArray
-from jerkbench.errors import PluginError
 from jerkbench.plugins import register
 
 
@@ -25,8 +25,8 @@ class Mtf:
     a sequence inflate; an update of the row without a hit starts anew.
 
     Source: the paper's equations for S_t and s_i, transferred from its tilt filter to the GNSS update; the method is by
-    H. E. Soken and C. Hajiyev, "Pico satellite attitude estimation via robust unscented Kalman filter in the presence of
-    measurement faults", ISA Transactions 49, 249-256, 2010.
+    H. E. Soken and C. Hajiyev, "Pico satellite attitude estimation via robust unscented Kalman filter in the presence
+    of measurement faults", ISA Transactions 49, 249-256, 2010.
 
     Attributes:
         window: mu, number of squared innovations in the mean, this one included [updates].
@@ -38,10 +38,7 @@ class Mtf:
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        if self.window < 1:
-            raise PluginError(f"mtf.window is {self.window}; it must be at least 1.")
-        if self.guard < 0:
-            raise PluginError(f"mtf.guard is {self.guard}; it must be 0 (off) or the number of hits that inflate.")
+        check_window("mtf", self.window, self.guard)
 
     def memory_size(self) -> int:
         """Return the length of the ring of squared innovations, the update count and the hit count, of six rows."""
@@ -51,16 +48,6 @@ class Mtf:
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
     ) -> FloatArray:
         """Return R with the variances of the rows in question inflated."""
-        ring, counts = memory[: 6 * self.window].reshape(6, self.window), memory[6 * self.window :]
         triggered = np.sum(innovation**2) >= np.trace(HPHt) + np.trace(R)
-        adapted = R.copy()
-        for i, row in enumerate(rows):
-            seen = int(counts[row])
-            ring[row, seen % self.window] = innovation[i] ** 2
-            counts[row] = seen + 1
-            excess = np.mean(ring[row, : min(seen + 1, self.window)]) - HPHt[i, i] - R[i, i]
-            hit = triggered and excess > 0.0
-            counts[6 + row] = counts[6 + row] + 1.0 if hit else 0.0
-            if hit and (self.guard == 0 or counts[6 + row] <= self.guard):
-                adapted[i, i] += excess
-        return adapted
+        each = np.full(len(rows), triggered)
+        return inflated(innovation, HPHt, R, rows, memory, self.window, self.guard, each)

@@ -1,0 +1,62 @@
+"""The chi-square gate."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jerkbench.adaptation._chi2 import check_probability, chi2_tail, squared_distance
+from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.errors import PluginError
+from jerkbench.plugins import register
+
+
+@register("adaptation", "chi2")
+@dataclass(frozen=True)
+class Chi2Gate:
+    """Drops a position or a velocity that fails the chi-square test.
+
+    For each of the two blocks, with the y and S = H P- H' + R of its m rows that are there::
+
+        dropped if y' S^-1 y > chi2(p, m), but at most N times in a row
+
+    The update after N rejections in a row is accepted whatever it says, and the counter starts anew; it also does with
+    each update that passes. The classical gate: good on single outliers, of no use on errors just below the threshold,
+    and with a wrong process it shuts out the measurements that would help, for N updates at a time.
+
+    Source: the validation gate, e.g. Y. Bar-Shalom, X. R. Li, T. Kirubarajan, "Estimation with Applications to Tracking
+    and Navigation", Wiley, 2001; the limit on rejections in a row is common practice.
+
+    Attributes:
+        probability: p, of the chi-square test: how often a consistent filter passes it [-].
+        longest: N, largest number of rejections in a row [updates].
+    """
+
+    probability: float = 0.99
+    longest: int = 25
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        check_probability("chi2", self.probability)
+        if self.longest < 0:
+            raise PluginError(f"chi2.longest is {self.longest}; it must be 0 or more.")
+
+    def memory_size(self) -> int:
+        """Return 2: rejections in a row of each block."""
+        return 2
+
+    def adapt(
+        self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
+    ) -> FloatArray:
+        """Return R with infinite variances in the blocks that are dropped."""
+        adapted = R.copy()
+        for block in range(2):
+            at = np.flatnonzero(rows // 3 == block)
+            if len(at) > 0:
+                nis = squared_distance(innovation[at], (HPHt + R)[at][:, at])
+                if chi2_tail(nis, len(at)) < 1.0 - self.probability and memory[block] < self.longest:
+                    memory[block] += 1.0
+                    for i in at:
+                        adapted[i, i] = np.inf
+                else:
+                    memory[block] = 0.0
+        return adapted

@@ -1,0 +1,62 @@
+"""The federated filter with two locals."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.errors import PluginError
+from jerkbench.plugins import register
+
+
+@register("adaptation", "federated")
+@dataclass(frozen=True)
+class Federated:
+    """A federated filter: position and velocity each in a local filter that scales its own R.
+
+    The locals share the prior, P_i = P- / beta_i with beta_p = beta, beta_v = 1 - beta, and are fused and reset after
+    each update: P^-1 = sum P_i^-1, x = P sum P_i^-1 x_i. Each adapts like `scalar_r`, with y, h_i = (H P- H')_ii and
+    r_i = R_ii of its own block::
+
+        if y'y >= sum h / beta_i + sum r:    lambda_i = (y'y - sum h / beta_i) / sum r,  else 1
+        R_block = lambda_i R_block
+
+    This is what is computed: the fusion of such locals is the central filter with these R, exactly, so that without
+    a trigger it is the central filter for any beta. Covariances between position and velocity, which the locals could
+    not use, are scaled by sqrt(lambda_p lambda_v). beta stays as it is where a block is absent.
+
+    Good on a fault of one of the two sensors, whose block alone is made worse; inside a block it is all or nothing. A
+    small beta makes a local more tolerant.
+
+    Source: N. A. Carlson, "Federated square root filter for decentralized parallel processes", IEEE Trans. Aerospace
+    and Electronic Systems 26(3), 1990, with `scalar_r` in the locals.
+
+    Attributes:
+        beta: share of the prior's information that goes to the position's filter [-].
+    """
+
+    beta: float = 0.5
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        if not 0 < self.beta < 1:
+            raise PluginError(f"federated.beta is {self.beta}; it must lie between 0 and 1.")
+
+    def memory_size(self) -> int:
+        """Return 0: nothing is remembered."""
+        return 0
+
+    def adapt(
+        self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
+    ) -> FloatArray:
+        """Return R with each block scaled by its own factor."""
+        factors = np.ones(len(rows))
+        for block in range(2):
+            inside = rows // 3 == block
+            if inside.any():
+                share = self.beta if block == 0 else 1.0 - self.beta
+                energy, h = np.sum(innovation[inside] ** 2), np.sum(np.diag(HPHt)[inside]) / share
+                r = np.sum(np.diag(R)[inside])
+                if energy >= h + r:
+                    factors = np.where(inside, (energy - h) / r, factors)
+        return R * np.sqrt(np.outer(factors, factors))

@@ -1,0 +1,62 @@
+"""Fuzzy rules on R."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.errors import PluginError
+from jerkbench.plugins import register
+
+
+@register("adaptation", "fuzzy")
+@dataclass(frozen=True)
+class Fuzzy:
+    """Scales the whole of R by fuzzy rules on a smoothed ratio of innovation to expectation.
+
+    With y the innovation, h_i = (H P- H')_ii, r_i = R_ii and rho = 1 at the start::
+
+        rho = s rho + (1 - s) y'y / (sum h + sum r)
+        small = clip(2 - rho, 0, 1),  large = clip((rho - 2) / 4, 0, 1)
+        R = R (small + medium (1 - small - large) + large_factor large)
+
+    R is as reported up to rho = 1, 4 times that at rho = 2, 25 times from rho = 6 on. Smooth, and quick to forget
+    (half of rho goes with each update). One factor for all rows: one bad axis makes the others worse, and metres are
+    added to metres per second. rho belongs to the whole innovation, whichever rows are there.
+
+    Source: fuzzy adaptation of R by the degree of mismatch, after P. J. Escamilla-Ambrosio, N. Mort, "Multisensor data
+    fusion architecture based on adaptive Kalman filters and fuzzy logic performance assessment", Fusion 2002; the rules
+    are a simple set of three.
+
+    Attributes:
+        smoothing: s, share of the old rho [-].
+        medium: factor on R of the rule "medium" [-].
+        large: factor on R of the rule "large" [-].
+    """
+
+    smoothing: float = 0.5
+    medium: float = 4.0
+    large: float = 25.0
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        if not 0 <= self.smoothing < 1:
+            raise PluginError(f"fuzzy.smoothing is {self.smoothing}; it must be from 0 to below 1.")
+        if not (self.medium > 0 and self.large > 0):
+            raise PluginError(f"fuzzy.medium and large are {self.medium} and {self.large}; they must be above 0.")
+
+    def memory_size(self) -> int:
+        """Return 1: rho - 1, because a run starts with zeros."""
+        return 1
+
+    def adapt(
+        self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
+    ) -> FloatArray:
+        """Return R, scaled as a whole."""
+        ratio = np.sum(innovation**2) / (np.trace(HPHt) + np.trace(R))
+        rho = self.smoothing * (memory[0] + 1.0) + (1.0 - self.smoothing) * ratio
+        memory[0] = rho - 1.0
+        small = min(max(2.0 - rho, 0.0), 1.0)
+        large = min(max((rho - 2.0) / 4.0, 0.0), 1.0)
+        factor: float = small + self.medium * (1.0 - small - large) + self.large * large
+        return R * factor

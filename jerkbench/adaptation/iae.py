@@ -1,0 +1,56 @@
+"""Innovation-based adaptive estimation of R."""
+
+from dataclasses import dataclass
+
+from jerkbench.adaptation._windows import check_window, is_full, windowed_mean
+from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.errors import PluginError
+from jerkbench.plugins import register
+
+
+@register("adaptation", "iae")
+@dataclass(frozen=True)
+class InnovationBased:
+    """Innovation-based adaptive estimation: the variance that the last innovations had, less that of the prior.
+
+    With w_i the mean of the last N values of y_i^2, this one included, and h_i = (H P- H')_ii of now::
+
+        r_i = max(w_i - h_i, lo r_i),    R diagonal
+
+    A row that has not seen N updates keeps its reported variance and its off-diagonals. Good on noise that changes
+    slowly against the window; N values give the variance with a relative sigma of sqrt(2/N), so a short window is
+    noise itself (45 % with ten). It cannot tell a wrong process from a wrong sensor.
+
+    Source: A. H. Mohamed and K. P. Schwarz, "Adaptive Kalman filtering for INS/GPS", Journal of Geodesy 73, 193-203,
+    1999, doi:10.1007/s001900050236; the diagonal of R alone, with the h of now instead of the window's.
+
+    Attributes:
+        window: N, number of squared innovations in the mean, this one included [updates].
+        low: lo, lower bound as a multiple of the reported variance [-].
+    """
+
+    window: int = 10
+    low: float = 0.1
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        check_window("iae", self.window)
+        if not self.low > 0:
+            raise PluginError(f"iae.low is {self.low}; it must be above 0, or R would not be positive.")
+
+    def memory_size(self) -> int:
+        """Return the length of the rings and the update counts of six rows."""
+        return 6 * (self.window + 1)
+
+    def adapt(
+        self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
+    ) -> FloatArray:
+        """Return R with the estimated variances of the rows whose window is full."""
+        adapted = R.copy()
+        for i, row in enumerate(rows):
+            mean = windowed_mean(memory, self.window, row, innovation[i] ** 2)
+            if is_full(memory, self.window, row):
+                adapted[i, :] = 0.0
+                adapted[:, i] = 0.0
+                adapted[i, i] = max(mean - HPHt[i, i], self.low * R[i, i])
+        return adapted

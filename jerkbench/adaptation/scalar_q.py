@@ -1,0 +1,56 @@
+"""One factor on the whole of the prior covariance."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.errors import PluginError
+from jerkbench.plugins import register
+
+
+@register("adaptation", "scalar_q")
+@dataclass(frozen=True)
+class ScalarQ:
+    """Scales the whole prior covariance by one factor when the innovation is larger than expected.
+
+    With y the innovation, h_i = (H P- H')_ii and r_i = R_ii::
+
+        if y'y >= sum h + sum r:    P- = P- min((y'y - sum r) / sum h, limit)
+
+    Unless the limit acts, tr S = y'y afterwards, R as reported. It blames the process for what `scalar_r` blames the
+    sensor for: good after a slip or an unmodelled manoeuvre, bad on outliers, which it lets in with a gain near 1. All
+    states are inflated, also those that the innovation says nothing of, hence the limit.
+
+    Source: fading memory with a suboptimal factor, as in D. H. Zhou, P. M. Frank, "Strong tracking filtering of
+    nonlinear time-varying stochastic systems with coloured noise: application to parameter estimation and empirical
+    robustness analysis", International Journal of Control 65(2), 1996; reduced to one scalar for all states.
+
+    Attributes:
+        limit: largest factor on the prior covariance [-].
+    """
+
+    limit: float = 1e3
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        if not self.limit >= 1:
+            raise PluginError(f"scalar_q.limit is {self.limit}; it must be at least 1.")
+
+    def memory_size(self) -> int:
+        """Return 0: nothing is remembered."""
+        return 0
+
+    def fade(
+        self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
+    ) -> float:
+        """Return the factor on the prior covariance."""
+        energy = np.sum(innovation**2)
+        h, r = np.trace(HPHt), np.trace(R)
+        return min((energy - r) / h, self.limit) if energy >= h + r else 1.0
+
+    def adapt(
+        self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
+    ) -> FloatArray:
+        """Return R unchanged."""
+        return R

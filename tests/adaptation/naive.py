@@ -1,0 +1,212 @@
+"""Every adaptation once more, straight from its formulas: 6 x 6 matrices with a mask, histories as lists."""
+
+import numpy as np
+from scipy.linalg import block_diag, sqrtm
+from scipy.stats import chi2
+
+BLOCKS = (slice(0, 3), slice(3, 6))
+
+
+class Update:
+    """One update, the rows that are absent filled with zeros in y and h, and with 1 in R."""
+
+    def __init__(self, y, HPHt, R, rows):
+        self.there = np.isin(np.arange(6), rows)
+        self.y, self.HPHt, self.R = np.zeros(6), np.zeros((6, 6)), np.eye(6)
+        self.y[rows] = y
+        self.HPHt[np.ix_(rows, rows)], self.R[np.ix_(rows, rows)] = HPHt, R
+        self.m, self.S = len(rows), self.HPHt + self.R
+        self.h, self.r = np.diag(self.HPHt) * self.there, np.diag(self.R) * self.there
+
+    def of(self, block):
+        """The three sums of a block, and how many of its rows are there."""
+        return (self.y[block] ** 2).sum(), self.h[block].sum(), self.r[block].sum(), self.there[block].sum()
+
+    def nis(self, block=slice(0, 6)):
+        return self.y[block] @ np.linalg.inv(self.S[block, block]) @ self.y[block]
+
+
+class Histories:
+    """The squared innovations of each row, oldest first."""
+
+    def __init__(self):
+        self.of = [[] for _ in range(6)]
+
+    def mean(self, u, length):
+        for i in np.flatnonzero(u.there):
+            self.of[i].append(u.y[i] ** 2)
+        return np.array([np.mean(values[-length:] or [0.0]) for values in self.of])
+
+
+class NaiveMtf:
+    def __init__(self, test, window=1, guard=0):
+        self.test, self.window, self.guard, self.past, self.hits = test, window, guard, Histories(), np.zeros(6)
+
+    def __call__(self, u):
+        excess = self.past.mean(u, self.window) - u.h - u.r
+        hit = self.test(u) & (excess > 0) & u.there
+        self.hits = np.where(u.there, np.where(hit, self.hits + 1, 0), self.hits)
+        allowed = hit if self.guard == 0 else hit & (self.hits <= self.guard)
+        return u.R + np.diag(np.where(allowed, excess, 0.0))
+
+
+def total_test(u):
+    return np.full(6, (u.y**2).sum() >= u.h.sum() + u.r.sum())
+
+
+def block_test(u):
+    return np.repeat([u.of(b)[0] >= u.of(b)[1] + u.of(b)[2] for b in BLOCKS], 3)
+
+
+def nis_test(u):
+    return np.full(6, u.nis() >= chi2.ppf(0.99, u.m))
+
+
+class NaiveIae:
+    def __init__(self):
+        self.past = Histories()
+
+    def __call__(self, u):
+        w = self.past.mean(u, 10)
+        full = np.array([len(values) >= 10 for values in self.past.of]) & u.there
+        keep = np.where(full, 0.0, 1.0)
+        R = u.R * np.outer(keep, keep)
+        return R + np.diag(np.where(full, np.maximum(w - u.h, 0.1 * u.r), 0.0))
+
+
+def naive_federated(beta):
+    def adapted(u):
+        factors = []
+        for block, share in zip(BLOCKS, (beta, 1 - beta), strict=True):
+            energy, h, r, n = u.of(block)
+            factors.append((energy - h / share) / r if n and energy >= h / share + r else 1.0)
+        root = block_diag(*(np.sqrt(f) * np.eye(3) for f in factors))
+        return root @ u.R @ root
+
+    return adapted
+
+
+class NaiveFuzzy:
+    def __init__(self):
+        self.rho = 1.0
+
+    def __call__(self, u):
+        self.rho = 0.5 * self.rho + 0.5 * (u.y**2).sum() / (u.h.sum() + u.r.sum())
+        small, large = np.clip(2 - self.rho, 0, 1), np.clip((self.rho - 2) / 4, 0, 1)
+        return u.R * (small + 4 * (1 - small - large) + 25 * large)
+
+
+class NaiveChi2:
+    def __init__(self):
+        self.rejected = [0, 0]
+
+    def __call__(self, u):
+        R = u.R.copy()
+        for k, block in enumerate(BLOCKS):
+            n = u.of(block)[3]
+            if n == 0:
+                continue
+            if u.nis(block) > chi2.ppf(0.99, n) and self.rejected[k] < 25:
+                self.rejected[k] += 1
+                dropped = np.zeros(6)
+                dropped[block] = np.inf
+                R[np.diag_indices(6)] = np.where(u.there & np.isinf(dropped), np.inf, np.diag(R))
+            else:
+                self.rejected[k] = 0
+        return R
+
+
+def naive_huber(u):
+    sigmas = np.abs(u.y) / np.sqrt(np.diag(u.S)) / 1.345
+    return u.R + np.diag(np.where(sigmas > 1, (sigmas - 1) * u.r, 0.0))
+
+
+def naive_student_t(u):
+    return u.R / ((4 + u.m) / (4 + u.nis()))
+
+
+class NaiveVariationalBayes:
+    """With the information form of the posterior: another way to H P+ H' and to the residual."""
+
+    def __init__(self):
+        self.alpha, self.beta = np.zeros(6), np.zeros(6)
+
+    def __call__(self, u):
+        new = u.there & (self.alpha == 0)
+        self.alpha[new], self.beta[new] = 3.0, 3.0 * u.r[new]
+        rows, rho = np.flatnonzero(u.there), 1 - np.exp(-4)
+        alpha, kept = rho * self.alpha[rows] + 0.5, rho * self.beta[rows]
+        HPHt, y, beta = u.HPHt[np.ix_(rows, rows)], u.y[rows], kept
+        for _ in range(2):
+            r = beta / alpha
+            posterior = np.linalg.inv(np.linalg.inv(HPHt) + np.diag(1 / r))
+            residual = y - posterior @ np.diag(1 / r) @ y
+            beta = kept + 0.5 * (residual**2 + np.diag(posterior))
+        self.alpha[rows], self.beta[rows] = alpha, beta
+        R = np.eye(6)
+        R[rows, rows] = r
+        return R
+
+
+def posterior_residual(u, R):
+    """z - H x+ of an update with R, with H = I: x+ = (P^-1 + R^-1)^-1 R^-1 y on the rows that are there."""
+    rows = np.flatnonzero(u.there)
+    at = np.ix_(rows, rows)
+    information = np.linalg.inv(R[at])
+    P = np.linalg.inv(np.linalg.inv(u.HPHt[at]) + information)
+    residual = np.zeros(6)
+    residual[rows] = u.y[rows] - P @ information @ u.y[rows]
+    covariance = np.zeros((6, 6))
+    covariance[at] = P
+    return residual, covariance
+
+
+def reweighting(weights_of):
+    def adapted(u):
+        L, R = np.linalg.cholesky(u.R), u.R
+        for _ in range(5):
+            residual, _ = posterior_residual(u, R)
+            weights = np.maximum(weights_of(np.linalg.inv(L) @ residual, u), 1e-9)
+            R = sum(np.outer(column, column) / w for column, w in zip(L.T, weights, strict=True))
+        return R
+
+    return adapted
+
+
+def correntropy_weights(e, u):
+    return np.exp(-(e**2) / 50)
+
+
+def centred_entropy_weights(e, u):
+    weights = np.ones(6)
+    for i in np.flatnonzero(u.there):
+        others = [np.exp(-((e[i] - e[j]) ** 2) / 50) for j in np.flatnonzero(u.there) if j != i]
+        centre = np.exp(-(e[i] ** 2) / 50)
+        weights[i] = 0.8 * centre + 0.2 * np.mean(others) if others else centre
+    return weights
+
+
+def naive_similarity(u):
+    weight, root = 1.0, np.linalg.inv(sqrtm(u.R).real)
+    for _ in range(10):
+        residual, P = posterior_residual(u, u.R / weight)
+        B = np.outer(residual, residual) + P
+        weight = np.sqrt((3 + u.m) / (3 + np.trace(root @ B @ root)))
+    return u.R / weight
+
+
+def naive_scalar_q(u):
+    energy, h, r = (u.y**2).sum(), u.h.sum(), u.r.sum()
+    return min((energy - r) / h, 1e3) if energy >= h + r else 1.0
+
+
+class NaiveAdaptiveQ:
+    def __init__(self, window):
+        self.window, self.past = window, Histories()
+
+    def __call__(self, u):
+        w = self.past.mean(u, self.window)
+        if min(len(self.past.of[i]) for i in np.flatnonzero(u.there)) < self.window:
+            return 1.0
+        alpha = np.where(u.there, w - u.r, 0.0).sum() / u.h.sum()
+        return float(np.clip(np.sqrt(max(alpha, 0.0)), 1.0, 100.0))

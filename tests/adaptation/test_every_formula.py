@@ -1,0 +1,84 @@
+"""Each adaptation against a naive one of another structure, over random sequences with rows that come and go."""
+
+import naive
+import numpy as np
+import pytest
+from sequences import diagonal_sequence, sequence
+
+from jerkbench.plugins import create
+
+ADAPT = {
+    "mtf": lambda: naive.NaiveMtf(naive.total_test),
+    "mtf_block": lambda: naive.NaiveMtf(naive.block_test),
+    "mtf_nis": lambda: naive.NaiveMtf(naive.nis_test),
+    "iae": naive.NaiveIae,
+    "federated": lambda: naive.naive_federated(0.5),
+    "fuzzy": naive.NaiveFuzzy,
+    "chi2": naive.NaiveChi2,
+    "huber": lambda: naive.naive_huber,
+    "student_t": lambda: naive.naive_student_t,
+    "variational_bayes": naive.NaiveVariationalBayes,
+    "ssmkf": lambda: naive.naive_similarity,
+}
+"""Plugins whose formulas hold for a full R as they are."""
+
+WEIGHTED = {
+    "maximum_correntropy": naive.correntropy_weights,
+    "cerkf": naive.centred_entropy_weights,
+}
+FADE = {"scalar_q": lambda: naive.naive_scalar_q, "adaptive_q": lambda: naive.NaiveAdaptiveQ(20)}
+
+
+def assert_agree(plugin, oracle, updates, rtol=1e-9):
+    memory = np.zeros(plugin.memory_size())
+    changed = 0
+    for y, HPHt, R, rows in updates:
+        adapted = plugin.adapt(y, HPHt, R, rows, memory)
+        wanted = oracle(naive.Update(y, HPHt, R, rows))[np.ix_(rows, rows)]
+        finite = np.isfinite(wanted)
+        np.testing.assert_array_equal(np.isfinite(adapted), finite)
+        scale = np.sqrt(np.outer(np.diag(R), np.diag(R)))
+        np.testing.assert_allclose((adapted / scale)[finite], (wanted / scale)[finite], rtol=rtol, atol=1e-11)
+        changed += not np.array_equal(adapted, R)
+    assert changed > 5, "the sequence asks nothing of it"
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("name", ADAPT)
+def test_it_agrees_with_the_formulas_written_out(name, seed):
+    assert_agree(create("adaptation", {"name": name}), ADAPT[name](), sequence(seed))
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("name", WEIGHTED)
+def test_weights_agree_with_the_information_form(name, seed):
+    # Exponential weights of larger outliers only show the rounding of the two ways.
+    updates = [*sequence(seed, 60, largest=9.0), *diagonal_sequence(seed + 10, 60, largest=9.0)]
+    assert_agree(create("adaptation", {"name": name}), naive.reweighting(WEIGHTED[name]), updates, rtol=1e-7)
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("name", FADE)
+def test_the_factor_on_the_prior_agrees_with_the_formulas_written_out(name, seed):
+    plugin, oracle = create("adaptation", {"name": name}), FADE[name]()
+    memory, factors = np.zeros(plugin.memory_size()), []
+    for update in sequence(seed, length=200):
+        factors.append(plugin.fade(*update, memory))
+        assert factors[-1] == pytest.approx(oracle(naive.Update(*update)), rel=1e-12)
+        assert plugin.adapt(*update, memory) is update[2]
+    assert max(factors) > 2
+    assert min(factors) == 1
+
+
+@pytest.mark.parametrize("beta", [0.2, 0.9])
+def test_federated_with_another_share(beta):
+    plugin = create("adaptation", {"name": "federated", "beta": beta})
+    assert_agree(plugin, naive.naive_federated(beta), sequence(7))
+
+
+@pytest.mark.parametrize("test", ["total", "block", "nis"])
+def test_windows_and_guards_of_the_three_variants(test):
+    name = {"total": "mtf", "block": "mtf_block", "nis": "mtf_nis"}[test]
+    plugin = create("adaptation", {"name": name, "window": 4, "guard": 2})
+    oracle = naive.NaiveMtf(getattr(naive, f"{test}_test"), window=4, guard=2)
+    assert_agree(plugin, oracle, sequence(11, length=300))
