@@ -8,7 +8,7 @@ from jerkbench.attitude.plugin import Tilt
 from jerkbench.datasets.rtklib import RtklibDrive
 from jerkbench.disturbances.withhold import Withhold
 from jerkbench.filters.eskf15 import Eskf15
-from jerkbench.geometry import enu_to_geodetic
+from jerkbench.geometry import enu_to_geodetic, geodetic_to_enu
 
 ARW_DEG_PER_SQRT_H, VRW_MPS_PER_SQRT_H = 6.0, 1.8
 
@@ -58,7 +58,7 @@ def test_python_ins_gives_the_same_on_the_same_recording(shared_folder):
 
 
 def run_python_ins(recording, sigma_m):
-    """Position (k, 3) at the reference's stamps, which are measurements without weight there."""
+    """Position (k, 3) at the reference's stamps t_s (k,), between its own steps along the chord."""
     import pandas as pd
     from pyins import filters, inertial_sensor, measurements, strapdown
 
@@ -78,31 +78,24 @@ def run_python_ins(recording, sigma_m):
         [*names, "VN", "VE", "VD", "roll", "pitch", "heading"],
         name=increments.index[first],
     )
-    aiding = [measurements.Position(pd.DataFrame(lla, fixes.t_s, names), sigma_m)]
-    watched = Watched(
-        pd.DataFrame(enu_to_geodetic(reference.enu_m, recording.origin), reference.t_s, names), recording.origin
+    sensors = (
+        {"bias_sd": 0.0024, "noise": np.deg2rad(ARW_DEG_PER_SQRT_H) / 60},
+        {"bias_sd": 0.1, "noise": VRW_MPS_PER_SQRT_H / 60},
     )
-    filters.run_feedback_filter(
+    gyro_model, accel_model = (inertial_sensor.EstimationModel(**sensor) for sensor in sensors)
+    result = filters.run_feedback_filter(
         pva,
         *(0.02, 0.02, 1.0, 3.0),
         increments.iloc[first + 1 :],
-        gyro_model=inertial_sensor.EstimationModel(bias_sd=0.0024, noise=np.deg2rad(ARW_DEG_PER_SQRT_H) / 60),
-        accel_model=inertial_sensor.EstimationModel(bias_sd=0.1, noise=VRW_MPS_PER_SQRT_H / 60),
-        measurements=[*aiding, watched],
+        gyro_model,
+        accel_model,
+        [measurements.Position(pd.DataFrame(lla, fixes.t_s, names), sigma_m)],
+        time_step=0.25,  # it is slow
     )
-    return np.array(watched.t_s), np.array(watched.enu_m)
+    path = enu_from_geodetic(result.trajectory[names].to_numpy(), recording.origin)
+    t_s = reference.t_s[(reference.t_s > result.trajectory.index[0]) & (reference.t_s < result.trajectory.index[-1])]
+    return t_s, np.column_stack([np.interp(t_s, result.trajectory.index, axis) for axis in path.T])
 
 
-class Watched:
-    """A "measurement" for python-ins that measures nothing: it notes the position at its stamps."""
-
-    def __init__(self, data, origin):
-        self.data, self.origin, self.t_s, self.enu_m = data, origin, [], []
-
-    def compute_matrices(self, time, pva, error_model):
-        from pymap3d import geodetic2enu
-
-        if time in self.data.index:
-            origin = (self.origin.latitude_deg, self.origin.longitude_deg, self.origin.height_m)
-            self.t_s.append(time)
-            self.enu_m.append(geodetic2enu(pva.lat, pva.lon, pva.alt, *origin))
+def enu_from_geodetic(lla, origin):
+    return geodetic_to_enu(lla[:, 0], lla[:, 1], lla[:, 2], origin)
