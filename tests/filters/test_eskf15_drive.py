@@ -12,7 +12,7 @@ from jerkbench.geometry import enu_to_geodetic, geodetic_to_enu
 
 ARW_DEG_PER_SQRT_H, VRW_MPS_PER_SQRT_H = 6.0, 1.8
 
-SETTINGS = [(-0.1, 0.02, 0.057), (-0.2, 0.01, 0.034)]
+SETTINGS = [(-0.2, 0.01, 0.034), (-0.1, 0.02, 0.057)]
 """Shift of the IMU's stamps, sigma of a fix, and the RMSE that python-ins and KF-GINS reach."""
 
 
@@ -40,7 +40,9 @@ def rmse_of_eskf15(recording, sigma_m):
     return rmse_after_60_s(recording, recording.reference.t_s[estimate.index], estimate.position_m)
 
 
-@pytest.mark.parametrize(("imu_shift_s", "sigma_m", "rmse_m"), SETTINGS)
+@pytest.mark.parametrize(
+    ("imu_shift_s", "sigma_m", "rmse_m"), [SETTINGS[0], pytest.param(*SETTINGS[1], marks=pytest.mark.slow)]
+)
 def test_it_reaches_what_other_implementations_reach(shared_folder, imu_shift_s, sigma_m, rmse_m):
     recording = drive(shared_folder, imu_shift_s)
 
