@@ -30,6 +30,14 @@ def frozen(owner: object, name: str, value: Any, shape: tuple[int | None, ...]) 
     return array
 
 
+def nearest_rows(stamps_s: FloatArray, t_s: FloatArray) -> IntArray:
+    """Return (m,) which of the increasing ``stamps_s`` (at least one) is nearest to each of ``t_s`` (m,)."""
+    after = np.clip(np.searchsorted(stamps_s, t_s), 1, max(len(stamps_s) - 1, 1))
+    before = after - 1
+    last = np.minimum(after, len(stamps_s) - 1)
+    return np.where(t_s - stamps_s[before] <= stamps_s[last] - t_s, before, last).astype(np.int64)
+
+
 def require(ok: npt.ArrayLike, owner: object, name: str, reason: str) -> None:
     """Raise a RecordingError that names the field and the first row where ``ok`` is False."""
     rows = np.flatnonzero(~np.asarray(ok, dtype=bool))

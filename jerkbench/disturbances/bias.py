@@ -3,10 +3,10 @@
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
+from jerkbench.disturbances._draws import own_stream
 from jerkbench.errors import PluginError
 from jerkbench.plugins import register
 from jerkbench.recording import Imu, Recording
-from jerkbench.streams import stream
 
 
 @register("disturbance", "bias")
@@ -25,12 +25,14 @@ class Bias:
     Attributes:
         accel_mps2: sigma_a, one sigma of an axis [m/s2].
         gyro_radps: sigma_g, one sigma of an axis [rad/s].
+        stream: label of the random stream; give a second disturbance of this name in a list another one.
     """
 
     seeded: ClassVar[bool] = True
 
     accel_mps2: float = 0.08
     gyro_radps: float = 0.002
+    stream: str = ""
 
     def __post_init__(self) -> None:
         """Check that no sigma is negative."""
@@ -40,7 +42,7 @@ class Bias:
 
     def apply(self, recording: Recording, seed: int) -> Recording:
         """Return the recording with the biases of ``seed`` added to its IMU."""
-        accel, gyro = stream(seed, "disturbance", "bias").normal(size=(2, 3))
+        accel, gyro = own_stream(seed, "bias", self.stream).normal(size=(2, 3))
         imu = recording.imu
         biased = Imu(imu.t_s, imu.accel_mps2 + self.accel_mps2 * accel, imu.gyro_radps + self.gyro_radps * gyro)
         return replace(recording, imu=biased)

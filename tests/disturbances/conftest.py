@@ -26,6 +26,6 @@ def recording():
     return make_recording()
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def make():
     return make_recording

@@ -1,15 +1,48 @@
+import dataclasses
+import inspect
 import pickle
 
+import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from jerkbench import plugins
+from jerkbench.errors import RecordingError
 
-NAMES = ("none", "gnss_outage", "multipath_single_axis", "bias", "decimate_position", "withhold")
+NAMES = [
+    name
+    for name in plugins.names("disturbance")
+    if plugins.get("disturbance", name).__module__.startswith("jerkbench.")
+]
+SEEDED = [name for name in NAMES if plugins.get("disturbance", name).seeded]
+IMU_OR_STAMPS = ("bias", "imu_vibration", "dropout", "jitter")
+FLOAT = ("rtk_float", "rtk_float_overconfident")  # correlated in time: a test of its own
+OUTAGE = {"windows_s": ((15.0, 25.0),)}
+
+
+def create(name, **parameters):
+    return plugins.create("disturbance", {"name": name, **parameters})
+
+
+def changed(one, other):
+    """Names of the recording's parts that differ."""
+    names = [f.name for f in dataclasses.fields(one)]
+    return {name for name in names if pickle.dumps(getattr(one, name)) != pickle.dumps(getattr(other, name))}
+
+
+def test_all_of_the_page_are_there():
+    wanted = (
+        "none gnss_outage position_outage velocity_outage multipath_single_axis multipath_all_axes rtk_float"
+        " rtk_float_overconfident bias wheel_slip imu_vibration dropout jitter outliers heavy_tailed noise_step"
+        " noise_sine outage_sweep decimate_position withhold"
+    )
+    assert set(wanted.split()) <= set(NAMES)
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_the_input_stays_and_the_same_seed_gives_the_same(recording, name):
-    disturbance = plugins.create("disturbance", {"name": name})
+    disturbance = create(name)
     before = pickle.dumps(recording)
     first, again = disturbance.apply(recording, 3), disturbance.apply(recording, 3)
     assert pickle.dumps(recording) == before
@@ -19,9 +52,16 @@ def test_the_input_stays_and_the_same_seed_gives_the_same(recording, name):
     )
 
 
+@pytest.mark.parametrize("name", sorted(set(NAMES) - {"none"}))
+def test_it_does_something_to_the_defaults_recording(recording, name):
+    done = create(name).apply(recording, 0)
+    assert changed(done, recording)
+    assert pickle.dumps(done.reference) == pickle.dumps(recording.reference) or name == "withhold"
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_seeds_beyond_the_replicates_repeat(recording, name):
-    disturbance = plugins.create("disturbance", {"name": name})
+    disturbance = create(name)
     n = disturbance.replicates()
     if not disturbance.seeded:
         results = [pickle.dumps(disturbance.apply(recording, seed)) for seed in range(2 * n)]
@@ -29,5 +69,67 @@ def test_seeds_beyond_the_replicates_repeat(recording, name):
         assert results[:n] == results[n:]
 
 
+@settings(max_examples=60, deadline=None)
+@given(st.sampled_from(NAMES), st.integers(0, 2**31), st.permutations(["own", "withhold", "gnss_outage"]))
+def test_it_composes_with_withhold_and_an_outage_in_any_order(make, name, seed, order):
+    recording = make()
+    parts = {"own": create(name), "withhold": create("withhold"), "gnss_outage": create("gnss_outage", **OUTAGE)}
+    done = recording
+    for part in order:
+        done = parts[part].apply(done, seed)
+    assert [15.0, 25.0] in done.outages_s.tolist()
+    assert done.reference.source.startswith("fixes of the same receiver")
+    if name != "jitter":  # its stamps may leave the window again
+        assert not ((done.position.t_s >= 15) & (done.position.t_s < 25)).any()
+    if order.index("withhold") < order.index("gnss_outage") and name not in ("withhold", "decimate_position", "jitter"):
+        assert ((done.reference.t_s >= 15) & (done.reference.t_s < 25)).sum() == 30
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.sampled_from(SEEDED), st.integers(0, 2**31), st.integers(0, 2**31))
+def test_seeds_and_labels_decide_what_is_drawn(make, name, one, other):
+    recording = make(duration_s=100.0)
+    first, second = (create(name).apply(recording, seed) for seed in (one, other))
+    assert bool(changed(first, second)) == (one != other)
+    assert changed(first, create(name, stream="second").apply(recording, one))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_recording_without_gnss_is_taken_or_refused_by_its_name(make, name):
+    bare = make(position=None, velocity=None, heading=None)
+    try:
+        plugins.create("disturbance", {"name": name}).apply(bare, 0)
+    except RecordingError as error:
+        assert str(error).startswith("made has n")  # noqa: PT017 - either is right, but not another sentence
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_each_parameter_is_documented(name):
+    cls = plugins.get("disturbance", name)
+    text = "\n".join(inspect.getdoc(c) or "" for c in cls.__mro__ if dataclasses.is_dataclass(c))
+    assert all(f"\n    {f.name}: " in text for f in dataclasses.fields(cls))
+
+
 def test_none_is_the_identity(recording):
-    assert plugins.create("disturbance", {"name": "none"}).apply(recording, 0) is recording
+    assert create("none").apply(recording, 0) is recording
+
+
+@pytest.mark.parametrize("name", [n for n in SEEDED if n not in (*IMU_OR_STAMPS, *FLOAT)])
+def test_true_covariances_hold_what_was_added(make, name):
+    """Over many rows the added error, normalised with what the true covariance grew by, has a mean square of one."""
+    recording = make(duration_s=1000.0)
+    done = create(name).apply(recording, 0)
+    for before, after, values, true in (
+        (recording.position, done.position, "enu_m", "true_covariance_m2"),
+        (recording.velocity, done.velocity, "mps", "true_covariance_m2ps2"),
+    ):
+        if after is before:
+            continue
+        error = getattr(after, values) - getattr(before, values)
+        growth = getattr(after, true) - getattr(before, true.removeprefix("true_"))
+        hit = np.trace(growth, axis1=1, axis2=2) > 1e-12
+        assert hit.any()
+        np.testing.assert_allclose(error[~hit], 0, atol=1e-12)
+        nees = np.einsum("mi,mij,mj->m", error[hit], np.linalg.pinv(growth[hit], rcond=1e-9), error[hit])
+        rank = np.linalg.matrix_rank(growth[hit][0], tol=1e-9)
+        assert nees.mean() / rank == pytest.approx(1, abs=0.15)

@@ -1,0 +1,74 @@
+"""Stamps that are not quite right."""
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from jerkbench.arrays import FloatArray
+from jerkbench.disturbances._draws import own_stream
+from jerkbench.disturbances._rows import Stream
+from jerkbench.errors import PluginError
+from jerkbench.plugins import register
+from jerkbench.recording import Recording
+
+ROOM = 0.45
+"""How far a stamp may go towards its neighbour, in parts of the interval between them."""
+
+
+@register("disturbance", "jitter")
+@dataclass(frozen=True)
+class Jitter:
+    """Stamps of the IMU and of the measurements are off at random; the values and the reference stay.
+
+    t_k' = t_k + e_k,  e_k ~ N(0, sigma^2), cut off at .45 of the interval to the neighbour, so that stamps go on
+    increasing. The IMU's first and last stamp stay. Position, velocity and heading each have errors of their own. The
+    error that a wrong stamp makes depends on the motion: no covariance knows of it, the true one neither.
+
+    Attributes:
+        imu_s: sigma of the IMU's stamps.
+        measurement_s: sigma of the stamps of position, velocity and heading.
+        stream: label of the random stream; give a second disturbance of this name in a list another one.
+    """
+
+    seeded: ClassVar[bool] = True
+
+    imu_s: float = 0.001
+    measurement_s: float = 0.01
+    stream: str = ""
+
+    def __post_init__(self) -> None:
+        """Check that no sigma is negative."""
+        for name in ("imu_s", "measurement_s"):
+            if not 0 <= getattr(self, name) < np.inf:
+                raise PluginError(f"{name} is {getattr(self, name)}; a standard deviation must be 0 or more.")
+
+    def apply(self, recording: Recording, seed: int) -> Recording:
+        """Return the recording with the stamps of ``seed``."""
+        t_s = recording.imu.t_s
+        imu_t_s = jittered(t_s, self.imu_s, own_stream(seed, "jitter", self.stream, "imu"))
+        imu_t_s[[0, -1]] = t_s[[0, -1]]
+        return replace(
+            recording,
+            imu=replace(recording.imu, t_s=imu_t_s),
+            position=self._restamped(recording.position, seed, "position"),
+            velocity=self._restamped(recording.velocity, seed, "velocity"),
+            heading=self._restamped(recording.heading, seed, "heading"),
+        )
+
+    def replicates(self) -> int:
+        """Return 1."""
+        return 1
+
+    def _restamped(self, measured: Stream | None, seed: int, name: str) -> Stream | None:
+        if measured is None:
+            return None
+        random = own_stream(seed, "jitter", self.stream, name)
+        return replace(measured, t_s=jittered(measured.t_s, self.measurement_s, random))
+
+
+def jittered(t_s: FloatArray, sigma_s: float, random: np.random.Generator) -> FloatArray:
+    """Return increasing stamps (n,) as new values: each with an error, cut off where it comes near a neighbour."""
+    gaps = np.concatenate([[np.inf], np.diff(t_s), [np.inf]])
+    errors = sigma_s * random.standard_normal(len(t_s))
+    return np.asarray(t_s + np.clip(errors, -ROOM * gaps[:-1], ROOM * gaps[1:]))

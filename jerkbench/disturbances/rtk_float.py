@@ -1,0 +1,72 @@
+"""RTK that loses its fixed solution and falls back to a float one."""
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from jerkbench.disturbances._draws import own_stream
+from jerkbench.disturbances._gauss_markov import gauss_markov
+from jerkbench.disturbances._measured import with_errors
+from jerkbench.disturbances._windows import Windows, as_array, in_any, require_windows
+from jerkbench.errors import PluginError, RecordingError
+from jerkbench.plugins import register
+from jerkbench.recording import Recording
+
+
+@register("disturbance", "rtk_float")
+@dataclass(frozen=True)
+class RtkFloat:
+    """RTK float instead of fixed in the given windows: errors of decimetres that last, honestly reported.
+
+    A Gauss-Markov process b(t), stationary with the given sigmas, is added to the fixes in the windows::
+
+        z' = z + b(t),  E[b(t) b(t + tau)'] = diag(sigma^2) exp(-|tau|/time)
+        R' = R + diag(sigma^2),  R_true' = R_true + diag(sigma^2)
+
+    The covariance is honest for one fix, but successive errors are correlated: a filter that takes them for white
+    still becomes too confident. One process runs through the whole recording and shows in the windows, so that moving
+    a window does not change it.
+
+    Attributes:
+        windows_s: begin and end of each window [s].
+        sigma_m: one sigma of b, east, north, up.
+        time_s: correlation time.
+        stream: label of the random stream; give a second float of either kind in a list another one.
+    """
+
+    seeded: ClassVar[bool] = True
+    honest: ClassVar[bool] = True
+
+    windows_s: Windows = ((30.0, 60.0), (95.0, 120.0))
+    sigma_m: tuple[float, ...] = (0.25, 0.25, 0.5)
+    time_s: float = 15.0
+    stream: str = ""
+
+    def __post_init__(self) -> None:
+        """Check windows, sigmas and the time."""
+        require_windows(self.windows_s, "float solution")
+        if len(self.sigma_m) != 3 or not all(sigma >= 0 for sigma in self.sigma_m):
+            raise PluginError(f"sigma_m is {self.sigma_m}; give three, 0 or more: east, north, up.")
+        if not self.time_s > 0:
+            raise PluginError(f"time_s is {self.time_s}; a correlation time must be positive.")
+
+    def apply(self, recording: Recording, seed: int) -> Recording:
+        """Return the recording with the float solutions of ``seed``.
+
+        Raises:
+            RecordingError: it has no position.
+        """
+        position = recording.position
+        if position is None:
+            raise RecordingError(f"{recording.name} has no position fixes, so none can be float; leave rtk_float out.")
+        random = own_stream(seed, "rtk_float", self.stream)
+        process = gauss_markov(position.t_s, self.time_s, random) * np.array(self.sigma_m)
+        inside = in_any(position.t_s, as_array(self.windows_s))
+        growth = inside[:, None, None] * np.diag(np.square(self.sigma_m))
+        moved = with_errors(position, inside[:, None] * process, growth, reported_growth=growth if self.honest else 0.0)
+        return replace(recording, position=moved)
+
+    def replicates(self) -> int:
+        """Return 1."""
+        return 1
