@@ -1,5 +1,7 @@
 """The inertial navigation on the real drive, beside an independent implementation (python-ins)."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ from jerkbench.datasets.rtklib import RtklibDrive
 from jerkbench.disturbances.withhold import Withhold
 from jerkbench.filters.eskf15 import Eskf15
 from jerkbench.geometry import enu_to_geodetic, geodetic_to_enu
+from jerkbench.recording import Imu
 
 ARW_DEG_PER_SQRT_H, VRW_MPS_PER_SQRT_H = 6.0, 1.8
 
@@ -49,10 +52,16 @@ def test_it_reaches_what_other_implementations_reach(shared_folder, imu_shift_s,
     assert rmse_of_eskf15(recording, sigma_m) == pytest.approx(rmse_m, abs=0.003)
 
 
+def first_part(recording, end_s):
+    imu = recording.imu
+    n = int(np.searchsorted(imu.t_s, end_s))
+    return replace(recording, imu=Imu(imu.t_s[:n], imu.accel_mps2[:n], imu.gyro_radps[:n]))
+
+
 @pytest.mark.slow
-def test_python_ins_gives_the_same_on_the_same_recording(shared_folder):
+def test_python_ins_goes_the_same_way(shared_folder):
     pytest.importorskip("pyins")
-    recording = drive(shared_folder, -0.2)
+    recording = first_part(drive(shared_folder, -0.2), 130.0)  # it takes minutes for the whole drive
     t_s, enu_m = run_python_ins(recording, 0.01)
     theirs, ours = rmse_after_60_s(recording, t_s, enu_m), rmse_of_eskf15(recording, 0.01)
 
