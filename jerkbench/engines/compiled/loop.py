@@ -114,6 +114,9 @@ class Packed(NamedTuple):
         HPHt: (36,) the first m m.
         R: (36,) the first m m.
         adapted: (36,) the first m m: what the adaptation returns.
+        HPHt_of_six: (6, 6) the same memory as HPHt, for an update with all rows; so are the next two.
+        R_of_six: (6, 6).
+        adapted_of_six: (6, 6).
     """
 
     rows: IntArray
@@ -121,12 +124,17 @@ class Packed(NamedTuple):
     HPHt: FloatArray
     R: FloatArray
     adapted: FloatArray
+    HPHt_of_six: FloatArray
+    R_of_six: FloatArray
+    adapted_of_six: FloatArray
 
 
 def run_steps(adapt: Adapt, fade: Fade, steps: Steps, model: Model, rule: Rule, kept: Kept) -> tuple[int, int, int]:
     """Fill ``kept``; return how many states and updates there are, and the update at which the run failed, or -1."""
     w = start(model)
-    packed = Packed(np.zeros(6, dtype=np.int64), np.zeros(6), np.zeros(36), np.zeros(36), np.zeros(36))
+    HPHt, given, adapted = np.zeros(36), np.zeros(36), np.zeros(36)
+    of_six = HPHt.reshape(6, 6), given.reshape(6, 6), adapted.reshape(6, 6)
+    packed = Packed(np.zeros(6, dtype=np.int64), np.zeros(6), HPHt, given, adapted, *of_six)
     states = updates = 0
     for k in range(len(steps.model)):
         if steps.model[k] >= 0:
@@ -184,8 +192,16 @@ def update(
     kept.which[place], kept.rows[place] = which, m
     for e in range(36):
         w[R + e] = steps.reported[which, e]
-    kept.nis[place] = mahalanobis(w)
-    _adapt(adapt, fade, w, packed, steps.R, which, rule, m)
+    if rule.fades:  # it changes P
+        kept.nis[place] = mahalanobis(w)
+    if m == 6:
+        _adapt_six(adapt, fade, w, packed, steps.R, which, rule)
+    else:
+        _adapt_some(adapt, fade, w, packed, steps.R, which, rule, m)
+    unchanged = not rule.fades and _unchanged(w, packed, m)
+    if not rule.fades and not unchanged:
+        kept.nis[place] = mahalanobis(w)
+    _take_adapted(w, packed, m)
     dropped = 0
     for i in range(m):
         r = packed.rows[i]
@@ -195,6 +211,8 @@ def update(
             dropped += 1
             _drop(w, r)
     kept.nis_used[place] = correct(w) if dropped < m else np.nan
+    if unchanged:
+        kept.nis[place] = kept.nis_used[place]
     square_to_blocks(w)
     return _healthy(w)
 
@@ -212,29 +230,61 @@ def _innovate(w: FloatArray, packed: Packed, z: FloatArray, which: int) -> int:
     return m
 
 
-def _adapt(
+def _adapt_six(
+    adapt: Adapt, fade: Fade, w: FloatArray, packed: Packed, given: FloatArray, which: int, rule: Rule
+) -> None:
+    """Call the adaptation with all six rows."""
+    for i in range(6):
+        for j in range(6):
+            packed.HPHt[6 * i + j] = w[P + S * i + j]
+            packed.R[6 * i + j] = given[which, 6 * i + j]
+    y, HPHt, reported = packed.y, packed.HPHt_of_six, packed.R_of_six
+    if rule.fades:
+        _fade(w, packed, fade(rule.parameters, y, HPHt, reported, packed.rows, rule.memory))
+    adapt(rule.parameters, y, HPHt, reported, packed.rows, rule.memory, packed.adapted_of_six)
+
+
+def _adapt_some(
     adapt: Adapt, fade: Fade, w: FloatArray, packed: Packed, given: FloatArray, which: int, rule: Rule, m: int
 ) -> None:
-    """Call the adaptation with the rows that are there, packed; put what it says into R, zero elsewhere."""
+    """Call the adaptation with the m rows that are there."""
     for i in range(m):
         for j in range(m):
             packed.HPHt[m * i + j] = w[P + S * packed.rows[i] + packed.rows[j]]
             packed.R[m * i + j] = given[which, 6 * packed.rows[i] + packed.rows[j]]
     y, rows = packed.y[:m], packed.rows[:m]
     HPHt, reported = packed.HPHt[: m * m].reshape(m, m), packed.R[: m * m].reshape(m, m)
-    adapted = packed.adapted[: m * m].reshape(m, m)
     if rule.fades:
-        factor = fade(rule.parameters, y, HPHt, reported, rows, rule.memory)
-        for e in range(S * S):
-            w[P + e] *= factor
-        for e in range(m * m):
-            packed.HPHt[e] *= factor
-    adapt(rule.parameters, y, HPHt, reported, rows, rule.memory, adapted)
+        _fade(w, packed, fade(rule.parameters, y, HPHt, reported, rows, rule.memory))
+    adapt(rule.parameters, y, HPHt, reported, rows, rule.memory, packed.adapted[: m * m].reshape(m, m))
+
+
+def _fade(w: FloatArray, packed: Packed, factor: float) -> None:
+    """Scale the prior covariance, and what the adaptation will see of it."""
+    for e in range(S * S):
+        w[P + e] *= factor
     for e in range(36):
-        w[R + e] = 0.0
-    for i in range(m):
-        for j in range(m):
-            w[R + 6 * rows[i] + rows[j]] = adapted[i, j]
+        packed.HPHt[e] *= factor
+
+
+def _unchanged(w: FloatArray, packed: Packed, m: int) -> bool:
+    """Whether the adapted R is the reported one, so that one NIS serves as both."""
+    if m < 6:
+        return False
+    same = True
+    for e in range(36):
+        same &= packed.adapted[e] == w[R + e]
+    return same
+
+
+def _take_adapted(w: FloatArray, packed: Packed, m: int) -> None:
+    """Put what the adaptation says into R, zero where a row is not there."""
+    for e in range(36):
+        w[R + e] = packed.adapted[e] if m == 6 else 0.0
+    if m < 6:
+        for i in range(m):
+            for j in range(m):
+                w[R + 6 * packed.rows[i] + packed.rows[j]] = packed.adapted[m * i + j]
 
 
 def _drop(w: FloatArray, r: int) -> None:

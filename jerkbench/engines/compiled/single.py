@@ -18,7 +18,7 @@ from jerkbench.engines.compiled.sizes import sizes
 from jerkbench.estimate import Estimate, Updates
 from jerkbench.timeline.timeline import Timeline
 
-RARE = ("run_steps", "predict_general", "_mahalanobis_by_inverse", "_gain_by_inverse")
+RARE = ("run_steps", "predict_general", "_adapt_some", "_mahalanobis_by_inverse", "_gain_by_inverse")
 """Kernels that are seldom called: inlined they would only cost time to compile."""
 
 SOURCE = '''"""Made by jerkbench: the loop of the compiled engine."""
