@@ -2,7 +2,7 @@
 
     python benchmarks/engines.py [--repeats 20]
 
-Workload: filter jerk (9 states), 15 000 steps of 0.01 s, 1 500 updates of six rows with a full R that changes each time.
+Workload: filter jerk (9 states), 15 000 steps of 0.01 s, 1 500 updates of six rows with a full R that changes.
 Times are CPU times of this process, the smallest of the repeats; libraries that are not installed are left out.
 """
 
