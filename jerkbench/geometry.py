@@ -3,7 +3,14 @@
 import numpy as np
 
 from jerkbench.arrays import FloatArray
+from jerkbench.errors import JerkbenchError, unknown
 from jerkbench.recording import Origin
+
+EULER_ORDERS = (
+    *("XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX"),  # three axes (Tait-Bryan)
+    *("XYX", "XZX", "YXY", "YZY", "ZXZ", "ZYZ"),  # the first axis again (proper Euler)
+)
+"""The orders of axes that `euler_in_order` knows."""
 
 
 def geodetic_to_enu(
@@ -37,6 +44,22 @@ def euler_from_dcm(dcm: FloatArray) -> FloatArray:
     from scipy.spatial.transform import Rotation
 
     return np.asarray(Rotation.from_matrix(dcm).as_euler("ZYX"))[:, ::-1]
+
+
+def euler_in_order(dcm: FloatArray, order: str) -> FloatArray:
+    """Angles [rad] (n, 3) of rotation matrices (n, 3, 3), in any of the twelve orders of axes.
+
+    The rotations follow each other about the axes of the turned body, the first letter first: with "ZYX" the angles
+    are yaw, pitch, roll of Omega = Rz(yaw) Ry(pitch) Rx(roll); with "ZXZ" Omega = Rz(a) Rx(b) Rz(c).
+
+    Raises:
+        JerkbenchError: ``order`` is none of the twelve.
+    """
+    if order not in EULER_ORDERS:
+        raise JerkbenchError(unknown("order of axes", order, EULER_ORDERS))
+    from scipy.spatial.transform import Rotation
+
+    return np.asarray(Rotation.from_matrix(dcm).as_euler(order))
 
 
 def wrap_angle(angle_rad: FloatArray) -> FloatArray:

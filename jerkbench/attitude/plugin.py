@@ -6,17 +6,16 @@ import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.attitude.alignment import align
-from jerkbench.attitude.compensation import COMPENSATIONS, compensate_gravity
+from jerkbench.attitude.assembly import attitude_from, intervals, with_yaw
+from jerkbench.attitude.compensation import COMPENSATIONS
 from jerkbench.attitude.compiled_tilt import run_tilt_compiled
 from jerkbench.attitude.external_acceleration import ADAPTATIONS
 from jerkbench.attitude.headings import YAW_SOURCES, select_headings
 from jerkbench.attitude.tilt import TiltParameters, roll_pitch, run_tilt
-from jerkbench.attitude.yaw import estimate_yaw, yaw_rate
 from jerkbench.errors import PluginError, unknown
 from jerkbench.estimate import Attitude
-from jerkbench.geometry import dcm_from_euler
 from jerkbench.plugins import register
-from jerkbench.recording import Imu, Recording
+from jerkbench.recording import Recording
 
 PROPAGATIONS = ("first_order", "exact")
 
@@ -104,13 +103,9 @@ class Tilt:
         headings = select_headings(
             recording, self.yaw_source, self.course_min_speed_mps, self.course_sigma_min_rad
         )  # first, because a missing source should not cost the whole loop
-        dt = _intervals(imu)
-        roll, pitch, triggered = self._tilt(recording, dt)
-        rate = yaw_rate(imu.gyro_radps, roll, pitch)
-        yaw = estimate_yaw(imu.t_s, dt, rate, headings, self.yaw_walk_rad_per_sqrt_s)
-        euler = np.column_stack([roll, pitch, yaw])
-        dcm = dcm_from_euler(euler)
-        return Attitude(imu.t_s, dcm, euler, compensate_gravity(dcm, imu.accel_mps2, self.compensation), triggered)
+        roll, pitch, triggered = self._tilt(recording, intervals(imu))
+        euler = with_yaw(imu, roll, pitch, headings, self.yaw_walk_rad_per_sqrt_s)
+        return attitude_from(imu, euler, self.compensation, triggered)
 
     def tilt_parameters(self) -> TiltParameters:
         """Return the parameters of a tilt step, the null ones filled in."""
@@ -158,8 +153,3 @@ class Tilt:
             raise PluginError(f"attitude tilt: window is {self.window}; it must be at least 1.")
         if self.adapt == "lee" and self.external_memory == 0:
             raise PluginError("attitude tilt: adapt lee with external_memory 0 never adapts; set external_memory.")
-
-
-def _intervals(imu: Imu) -> FloatArray:
-    """The interval (n,) that ends at each stamp; nobody saw the first one begin, so it is the nominal one."""
-    return np.concatenate(([imu.nominal_interval_s], np.diff(imu.t_s)))

@@ -1,0 +1,76 @@
+"""The attitude plugin ``gyro_only``: no accelerometer after the alignment."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jerkbench.arrays import FloatArray
+from jerkbench.attitude.alignment import align
+from jerkbench.attitude.assembly import attitude_from, intervals, with_yaw
+from jerkbench.attitude.compensation import COMPENSATIONS
+from jerkbench.attitude.headings import YAW_SOURCES, select_headings
+from jerkbench.attitude.tilt import roll_pitch, transition
+from jerkbench.errors import PluginError, unknown
+from jerkbench.estimate import Attitude
+from jerkbench.plugins import register
+from jerkbench.recording import Recording
+from jerkbench.simulation.checks import require_not_negative, require_positive
+
+
+@register("attitude", "gyro_only")
+@dataclass(frozen=True)
+class GyroOnly:
+    """Tilt from the gyro alone after the alignment; yaw from headings or the course, as in `tilt`.
+
+    With x = Omega^T e3, the vertical of ENU seen from the body::
+
+        x_k = exp(-dt skew(y_G)) x_{k-1};  roll = atan2(x2, x3);  pitch = atan2(-x1, hypot(x2, x3))
+
+    Start: at rest for 1 s, x_0 is the normalised mean of y_A over it; moving, x_0 is level. Yaw and the input of the
+    navigation filter are those of `tilt`.
+
+    No external acceleration disturbs it, and nothing ever corrects it: a gyro bias b tilts it by b t, and gravity
+    leaks by g b t. It shows what the accelerometer is worth to the tilt filter.
+
+    Attributes:
+        compensation: midpoint or endpoint.
+        yaw_source: dual_antenna, course, gyro_only, or auto: the first of these that the recording has.
+        yaw_walk_rad_per_sqrt_s: random walk of yaw.
+        course_min_speed_mps: horizontal speed above which the course counts.
+        course_sigma_min_rad: least standard deviation of a course.
+    """
+
+    compensation: str = "midpoint"
+    yaw_source: str = "auto"
+    yaw_walk_rad_per_sqrt_s: float = 2e-4
+    course_min_speed_mps: float = 0.5
+    course_sigma_min_rad: float = 0.0087
+
+    def __post_init__(self) -> None:
+        """Check that every choice exists and every number makes sense."""
+        for name, available in (("compensation", COMPENSATIONS), ("yaw_source", YAW_SOURCES)):
+            if getattr(self, name) not in available:
+                raise PluginError(unknown(f"{name} of attitude gyro_only", getattr(self, name), available))
+        require_positive("attitude gyro_only", self, ("course_min_speed_mps", "course_sigma_min_rad"))
+        require_not_negative("attitude gyro_only", self, ("yaw_walk_rad_per_sqrt_s",))
+
+    def estimate(self, recording: Recording) -> Attitude:
+        """Return attitude and ENU acceleration at the IMU's stamps.
+
+        Raises:
+            RecordingError: the recording lacks the yaw source that was asked for.
+        """
+        headings = select_headings(recording, self.yaw_source, self.course_min_speed_mps, self.course_sigma_min_rad)
+        imu = recording.imu
+        x = propagate(align(recording, None).x, intervals(imu)[:, None] * imu.gyro_radps)
+        euler = with_yaw(imu, *roll_pitch(x), headings, self.yaw_walk_rad_per_sqrt_s)
+        return attitude_from(imu, euler, self.compensation)
+
+
+def propagate(x: FloatArray, turns_rad: FloatArray) -> FloatArray:
+    """Return x (n, 3) after each of the turns (n, 3) of the body."""
+    after = np.empty_like(turns_rad)
+    for k, turn in enumerate(turns_rad):
+        x = transition(turn, exact=True).dot(x)
+        after[k] = x
+    return after

@@ -1,0 +1,68 @@
+"""The attitude plugin ``reference``: the attitude that the reference knows."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jerkbench.arrays import FloatArray, nearest_rows
+from jerkbench.attitude.assembly import attitude_from
+from jerkbench.attitude.compensation import COMPENSATIONS
+from jerkbench.errors import PluginError, RecordingError, unknown
+from jerkbench.estimate import Attitude
+from jerkbench.plugins import register
+from jerkbench.recording import Recording
+from jerkbench.simulation.checks import require_positive
+
+
+@register("attitude", "reference")
+@dataclass(frozen=True)
+class ReferenceAttitude:
+    """Roll, pitch and yaw of the reference: it separates errors of the attitude from those of the navigation.
+
+    At each stamp of the IMU stands the attitude of the reference's stamp nearest to it that has all three angles;
+    nothing is interpolated. The simulated fields have a reference at every sample of the IMU. The input of the
+    navigation filter is that of `tilt`.
+
+    It is a bound, not a competitor: what a filter gains here over `tilt` is what a better attitude could bring. A
+    reference that is slower than the IMU lags by up to half its interval.
+
+    Attributes:
+        compensation: midpoint or endpoint.
+        gap_s: how far the nearest stamp of the reference may be from a sample of the IMU.
+    """
+
+    compensation: str = "midpoint"
+    gap_s: float = 0.1
+
+    def __post_init__(self) -> None:
+        """Check the compensation and the gap."""
+        if self.compensation not in COMPENSATIONS:
+            raise PluginError(unknown("compensation of attitude reference", self.compensation, COMPENSATIONS))
+        require_positive("attitude reference", self, ("gap_s",))
+
+    def estimate(self, recording: Recording) -> Attitude:
+        """Return attitude and ENU acceleration at the IMU's stamps.
+
+        Raises:
+            RecordingError: the reference has no attitude, or none near enough to a sample.
+        """
+        t_s, euler_rad = _known(recording)
+        rows = nearest_rows(t_s, recording.imu.t_s)
+        away_s = np.abs(t_s[rows] - recording.imu.t_s)
+        if away_s.max() > self.gap_s:
+            worst = int(np.argmax(away_s))
+            raise RecordingError(
+                f"{recording.name}: the reference's attitude nearest to {recording.imu.t_s[worst]:.2f} s is"
+                f" {away_s[worst]:.2f} s away; raise gap_s (now {self.gap_s} s) or take the attitude tilt."
+            )
+        return attitude_from(recording.imu, euler_rad[rows], self.compensation)
+
+
+def _known(recording: Recording) -> tuple[FloatArray, FloatArray]:
+    """Stamps and angles of the reference where it knows all three."""
+    reference = recording.reference
+    if reference.euler_rad is not None:
+        rows = np.isfinite(reference.euler_rad).all(axis=1)
+        if rows.any():
+            return reference.t_s[rows], reference.euler_rad[rows]
+    raise RecordingError(f"{recording.name} has a reference without attitude; take the attitude tilt or gyro_only.")
