@@ -17,7 +17,7 @@ from jerkbench.timeline.timeline import build_timeline
 from synthetic import level_attitude, recording_at_rest
 
 FILTERS = [name for name in plugins.names("filter") if hasattr(plugins.get("filter", name), "axis_model")]
-OPEN = ("adaptive_q", "cerkf", "federated")
+OPEN = ("adaptive_q", "cerkf", "maximum_correntropy", "scalar_q")
 """Adaptations with which some filter differs by more than the limit; not yet known whether they amplify rounding."""
 
 ADAPTATIONS = [
