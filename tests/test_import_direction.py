@@ -20,10 +20,13 @@ ORDER = [
     ["filters", "adaptation"],
     ["engines"],
     ["evaluation"],
+    ["conformance"],
+    ["testing"],
     ["report"],
     ["benchmark"],
     ["catalogue", "api"],
     ["cli"],
+    ["__main__"],
 ]
 STAGE = {name: place for place, names in enumerate(ORDER) for name in names}
 PACKAGE = Path(jerkbench.__file__).parent

@@ -47,7 +47,9 @@ class ScalarQ:
         """Return the factor on the prior covariance."""
         energy = np.sum(innovation**2)
         h, r = np.trace(HPHt), np.trace(R)
-        return min((energy - r) / h, self.limit) if energy >= h + r else 1.0
+        if energy < h + r:
+            return 1.0
+        return min(max((energy - r) / h, 1.0), self.limit)  # with h far below r, rounding alone would leave 0
 
     def adapt(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray

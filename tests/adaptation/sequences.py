@@ -5,7 +5,7 @@ import numpy as np
 ROWS = ([0, 1, 2, 3, 4, 5], [0, 1, 2], [3, 4, 5], [2], [0, 2, 4])
 
 
-def sequence(seed, length=120, largest=60.0):
+def sequence(seed, length=80, largest=60.0):
     """(innovation, HPHt, R, rows) of each update; HPH' and R are full."""
     rng = np.random.default_rng(seed)
     for k in range(length):
@@ -18,7 +18,7 @@ def sequence(seed, length=120, largest=60.0):
         yield innovation, HPHt, R, rows
 
 
-def diagonal_sequence(seed, length=120, largest=60.0):
+def diagonal_sequence(seed, length=80, largest=60.0):
     """The same with diagonal R."""
     for innovation, HPHt, R, rows in sequence(seed, length, largest):
         yield innovation, HPHt, np.diag(np.diag(R)), rows

@@ -43,13 +43,13 @@ def assert_agree(plugin, oracle, updates, rtol=1e-9):
     assert changed > 5, "the sequence asks nothing of it"
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("name", ADAPT)
 def test_it_agrees_with_the_formulas_written_out(name, seed):
     assert_agree(create("adaptation", {"name": name}), ADAPT[name](), sequence(seed))
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("name", WEIGHTED)
 def test_weights_agree_with_the_information_form(name, seed):
     # Exponential weights of larger outliers only show the rounding of the two ways.
@@ -57,7 +57,7 @@ def test_weights_agree_with_the_information_form(name, seed):
     assert_agree(create("adaptation", {"name": name}), naive.reweighting(WEIGHTED[name]), updates, rtol=1e-7)
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("name", FADE)
 def test_the_factor_on_the_prior_agrees_with_the_formulas_written_out(name, seed):
     plugin, oracle = create("adaptation", {"name": name}), FADE[name]()

@@ -1,0 +1,110 @@
+"""What an adaptation has to fulfil."""
+
+import copy
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.conformance.matrices import require_covariance, require_finite, require_shape
+from jerkbench.conformance.require import require
+from jerkbench.conformance.same import same
+from jerkbench.streams import stream
+
+ROWS = ((0, 1, 2, 3, 4, 5), (0, 1, 2), (3, 4, 5), (4,), (2,), (0, 1, 4))
+"""Rows that may be there."""
+
+SCALES = ((1.0, 1.0), (1.0, 1e-6), (1e-4, 1e12), (1e6, 1e-6))
+"""Of H P- H' and of R: ordinary, a tiny R, an R that is all but infinite, a prior that knows nothing."""
+
+SIGMAS = (0.0, 1.0, 1.0, 100.0)
+"""Size of the innovation in standard deviations; the last is an outlier."""
+
+
+class Update(NamedTuple):
+    """What an adaptation sees of one update, besides its memory."""
+
+    innovation: FloatArray
+    HPHt: FloatArray
+    R: FloatArray
+    rows: IntArray
+
+
+def check_adaptation(plugin: Any) -> None:  # noqa: ANN401 - it is what is being checked
+    """Check an adaptation over updates of all kinds: rows that come and go, outliers, a tiny and a huge R.
+
+    Raises:
+        AssertionError: it changes its inputs, keeps anything outside its memory, returns something that is no
+            covariance, or leaves NaN in the memory.
+    """
+    what = type(plugin).__name__
+    size = plugin.memory_size()
+    require(isinstance(size, int), f"{what}.memory_size() is {size!r}; it must be a whole number.")
+    require(size >= 0, f"{what}.memory_size() is {size}; it must not be negative.")
+    updates = list(_updates())
+    first = _run(plugin, updates, size)
+    second = _run(plugin, updates, size)
+    require(
+        same(first, second),
+        f"{what} gives another result in a second run with the same updates; what it remembers must stand in memory.",
+    )
+
+
+def _updates() -> Iterator[Update]:
+    random = stream(0, "conformance", "adaptation")
+    for scales in SCALES:
+        for sigma in SIGMAS:
+            for rows in ROWS:
+                yield _update(random, rows, scales, sigma)
+    for _ in range(40):  # long enough for every window and every counter
+        yield _update(random, ROWS[0], SCALES[0], 100.0)
+
+
+def _update(random: np.random.Generator, rows: tuple[int, ...], scales: tuple[float, float], sigma: float) -> Update:
+    m = len(rows)
+    half = random.normal(size=(2, m, 2 * m)) / np.sqrt(2 * m)
+    HPHt, R = half @ half.transpose(0, 2, 1) * np.array(scales)[:, None, None]
+    R = 0.5 * (R + R.T)
+    innovation = sigma * np.sqrt(np.diag(HPHt + R)) * random.choice([-1.0, 1.0], size=m)
+    return Update(innovation, 0.5 * (HPHt + HPHt.T), R, np.array(rows))
+
+
+def _run(plugin: Any, updates: list[Update], size: int) -> list[Any]:  # noqa: ANN401 - as above
+    """Every factor and every R of a run, checked."""
+    memory, results = np.zeros(size), []
+    for update in updates:
+        factor = _faded(plugin, update, memory)
+        seen = update._replace(HPHt=update.HPHt * factor)
+        results.append((factor, _adapted(plugin, seen, memory).copy()))
+        require_finite(f"the memory of {type(plugin).__name__}", memory)
+    return results
+
+
+def _faded(plugin: Any, update: Update, memory: FloatArray) -> float:  # noqa: ANN401 - as above
+    if not hasattr(plugin, "fade"):
+        return 1.0
+    what = f"{type(plugin).__name__}.fade()"
+    factor = float(_untouched(what, plugin.fade, update, memory))
+    require(np.isfinite(factor), f"{what} is {factor}; the factor on the prior covariance must be finite.")
+    require(factor > 0, f"{what} is {factor}; the factor on the prior covariance must be positive.")
+    return factor
+
+
+def _adapted(plugin: Any, update: Update, memory: FloatArray) -> FloatArray:  # noqa: ANN401 - as above
+    what = f"{type(plugin).__name__}.adapt()"
+    m = len(update.rows)
+    adapted: FloatArray = _untouched(what, plugin.adapt, update, memory)
+    require_shape(what, adapted, (m, m))
+    require(not np.isnan(np.diag(adapted)).any(), f"{what} has NaN as a variance; infinity drops a row.")
+    kept = np.diag(adapted) != np.inf
+    require_covariance(what, adapted[np.ix_(kept, kept)])
+    return adapted
+
+
+def _untouched(what: str, method: Any, update: Update, memory: FloatArray) -> Any:  # noqa: ANN401 - as above
+    before = copy.deepcopy(update)
+    result = method(*update, memory)
+    for name, old, new in zip(Update._fields, before, update, strict=True):
+        require(same(old, new), f"{what} changes {name} in place; it must work on a copy.")
+    return result

@@ -1,0 +1,44 @@
+"""What an attitude filter has to fulfil."""
+
+from typing import Any
+
+import numpy as np
+
+from jerkbench.conformance.matrices import require_finite, require_shape
+from jerkbench.conformance.recordings import small_recording
+from jerkbench.conformance.require import require
+from jerkbench.conformance.same import pure_result
+from jerkbench.estimate import Attitude
+from jerkbench.geometry import dcm_from_euler
+
+
+def check_attitude(plugin: Any) -> None:  # noqa: ANN401 - it is what is being checked
+    """Check an attitude filter on a small recording.
+
+    Raises:
+        AssertionError: stamps, shapes or types are wrong, a matrix is no rotation or does not belong to its angles.
+    """
+    what = type(plugin).__name__
+    recording = small_recording()
+    attitude = pure_result(f"{what}.estimate()", plugin.estimate, recording)
+    require(isinstance(attitude, Attitude), f"{what}.estimate() gives a {type(attitude).__name__}, not an Attitude.")
+    n = len(recording.imu.t_s)
+    require(np.array_equal(attitude.t_s, recording.imu.t_s), f"{what}: t_s must be the stamps of the IMU.")
+    for name, shape in [("dcm", (n, 3, 3)), ("euler_rad", (n, 3)), ("accel_enu_mps2", (n, 3))]:
+        require_shape(f"{what}: {name}", getattr(attitude, name), shape)
+        require_finite(f"{what}: {name}", getattr(attitude, name))
+    triggered = np.asarray(attitude.triggered)
+    require(triggered.shape == (n,), f"{what}: triggered has shape {triggered.shape}; it must be ({n},).")
+    require(triggered.dtype == np.bool_, f"{what}: triggered is of {triggered.dtype}; it must be of bool.")
+    _check_rotations(what, attitude)
+
+
+def _check_rotations(what: str, attitude: Attitude) -> None:
+    dcm = attitude.dcm
+    product = dcm @ dcm.transpose(0, 2, 1)
+    proper = np.allclose(product, np.eye(3), rtol=0.0, atol=1e-6) and (np.linalg.det(dcm) > 0).all()
+    require(proper, f"{what}: dcm holds matrices that are no rotations.")
+    require(
+        np.allclose(dcm, dcm_from_euler(attitude.euler_rad), rtol=0.0, atol=1e-6),
+        f"{what}: dcm is not Rz(yaw) Ry(pitch) Rx(roll) of euler_rad (roll, pitch, yaw; body FLU to ENU).",
+    )

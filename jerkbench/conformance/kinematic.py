@@ -1,0 +1,105 @@
+"""What a kinematic filter and an estimator have to fulfil."""
+
+from typing import Any
+
+import numpy as np
+
+from jerkbench.adaptation.none import NoAdaptation
+from jerkbench.arrays import FloatArray
+from jerkbench.conformance.matrices import require_covariance, require_finite, require_shape
+from jerkbench.conformance.recordings import small_recording, true_attitude
+from jerkbench.conformance.require import require
+from jerkbench.conformance.same import pure_result
+from jerkbench.contracts import Estimator, Filter
+from jerkbench.engines.filterpy_engine import FilterpyEngine
+from jerkbench.estimate import Estimate
+from jerkbench.plugins import create
+from jerkbench.timeline.timeline import build_timeline
+
+INTERVALS_S = ((0.01, 0.01), (0.01 / 3.0, 0.01), (0.004, 0.004), (0.02, 0.02))
+"""Pairs of dt and dt0: whole samples and a split one."""
+
+INSTANT_S = 1e-9
+
+
+def check_filter(plugin: Any) -> None:  # noqa: ANN401 - it is what is being checked
+    """Check a plugin of the kind filter: a kinematic filter, or an estimator.
+
+    Raises:
+        AssertionError: it is neither; a model with wrong shapes, a Q that is no covariance, position that does not
+            follow velocity, or a run over a small recording that fails.
+    """
+    what = type(plugin).__name__
+    if isinstance(plugin, Filter):
+        n = 2 + len(plugin.initial_variances())
+        require_shape(f"{what}.initial_variances()", plugin.initial_variances(), (n - 2,))
+        require_covariance(f"{what}.initial_variances()", np.diag(plugin.initial_variances()))
+        for dt, dt0 in INTERVALS_S:
+            _check_model(f"{what}.axis_model({dt:g}, {dt0:g})", plugin, n, dt, dt0)
+        _check_instant(plugin, n)
+        _check_run(plugin)
+    else:
+        require(isinstance(plugin, Estimator), f"{what} has neither axis_model() nor estimate(); it needs one of them.")
+        _check_estimator(plugin)
+
+
+def _check_model(what: str, plugin: Filter, n: int, dt: float, dt0: float) -> None:
+    A, b, Q = pure_result(what, plugin.axis_model, dt, dt0)
+    for name, part, shape in [("A", A, (n, n)), ("b", b, (n,)), ("Q", Q, (n, n))]:
+        require_shape(f"{name} of {what}", part, shape)
+        require_finite(f"{name} of {what}", part)
+    require_covariance(f"Q of {what}", Q)
+    require(
+        np.allclose(A[0, :2], [1.0, dt], rtol=1e-2, atol=0.0),
+        f"A of {what} begins with {A[0, 0]:.6g}, {A[0, 1]:.6g}; position (the first state) must follow velocity (the"
+        f" second): 1, {dt:g}.",
+    )
+
+
+def _check_instant(plugin: Filter, n: int) -> None:
+    """A step of a nanosecond must change next to nothing, because measurements split samples anywhere."""
+    A, b, Q = plugin.axis_model(INSTANT_S, 0.01)
+    _, b0, Q0 = plugin.axis_model(0.01, 0.01)
+    nothing = (
+        np.allclose(A, np.eye(n), rtol=0.0, atol=1e-4)
+        and (np.abs(b) <= 1e-4 * np.abs(b0)).all()
+        and (np.diag(Q) <= 1e-4 * np.diag(Q0)).all()
+    )
+    require(
+        nothing,
+        f"{type(plugin).__name__}.axis_model(): a step of a nanosecond still moves or blurs the state; A must go to I,"
+        " b and Q to 0 with dt, also where dt0 stays.",
+    )
+
+
+def _check_run(plugin: Filter) -> None:
+    recording = small_recording()
+    timeline = build_timeline(recording, true_attitude(recording))
+    estimate = FilterpyEngine().run(timeline, plugin, NoAdaptation())
+    check_estimate(type(plugin).__name__, estimate)
+
+
+def _check_estimator(plugin: Estimator) -> None:
+    what = type(plugin).__name__
+    accepted = plugin.adaptations
+    require(isinstance(accepted, tuple), f"{what}.adaptations is {accepted!r}; it must be a tuple of names.")
+    require(accepted, f"{what}.adaptations is empty; it must name at least one adaptation, none for instance.")
+    recording = small_recording()
+    attitude = true_attitude(recording)
+    adaptation = create("adaptation", {"name": accepted[0]})
+    check_estimate(what, pure_result(f"{what}.estimate()", plugin.estimate, recording, attitude, adaptation))
+
+
+def check_estimate(what: str, estimate: Estimate) -> None:
+    """Check the shapes of an estimate, that it got to the end, and that its covariances are such."""
+    require(not estimate.failure, f"{what} fails on a small recording: {estimate.failure}.")
+    k = len(estimate.index)
+    require(k > 0, f"{what} estimates nothing on a small recording.")
+    require((np.diff(estimate.index) > 0).all(), f"{what}: the rows of the reference in index do not increase.")
+    for name in ("position_m", "velocity_mps", "euler_rad"):
+        values: FloatArray = getattr(estimate, name)
+        require_shape(f"{what}: {name}", values, (k, 3))
+        require_finite(f"{what}: {name}", values)
+    require_shape(f"{what}: covariance", estimate.covariance, (k, 6, 6))
+    for P in estimate.covariance[:: max(k // 50, 1)]:
+        require_covariance(f"{what}: covariance", P)

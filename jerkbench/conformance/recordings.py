@@ -1,0 +1,69 @@
+"""A small recording that has everything, to try plugins on."""
+
+import numpy as np
+
+from jerkbench.arrays import FloatArray
+from jerkbench.estimate import Attitude
+from jerkbench.geometry import dcm_from_euler
+from jerkbench.recording import GRAVITY_MPS2, Heading, Imu, Origin, Position, Recording, Reference, Velocity
+from jerkbench.streams import stream
+
+RADIUS_M, RATE_RADPS, STAND_S, RAMP_S = 8.0, 0.25, 4.0, 4.0
+IMU_RATE_HZ, GNSS_RATE_HZ = 50, 5
+
+
+def small_recording(duration_s: float = 24.0) -> Recording:
+    """Return a level body that stands for 4 s and then drives in a circle, with noise on everything; all in ENU."""
+    noise = stream(0, "conformance")
+    t = np.arange(1, round(duration_s * IMU_RATE_HZ) + 1) / IMU_RATE_HZ
+    fix = t[IMU_RATE_HZ // GNSS_RATE_HZ - 1 :: IMU_RATE_HZ // GNSS_RATE_HZ]
+    enu, velocity, euler, specific_force = _circle(t)
+    gyro = np.column_stack([0 * t, 0 * t, _angle(t)[1]])
+    at_fix = _circle(fix)
+    p = at_fix[0] + 0.02 * noise.normal(size=(len(fix), 3))
+    p[len(fix) // 2, 2] = np.nan  # an axis that is not there
+    return Recording(
+        name="conformance",
+        imu=Imu(t, specific_force + 0.02 * noise.normal(size=(len(t), 3)), gyro + 1e-3 * noise.normal(size=gyro.shape)),
+        reference=Reference(
+            t, "made for the checks", independent=True, enu_m=enu, velocity_mps=velocity, euler_rad=euler
+        ),
+        position=Position(fix, p, _covariances(len(fix), 0.02)),
+        velocity=Velocity(fix, at_fix[1] + 0.03 * noise.normal(size=(len(fix), 3)), _covariances(len(fix), 0.03)),
+        heading=Heading(fix, at_fix[2][:, 2] + 0.01 * noise.normal(size=len(fix)), np.full(len(fix), 0.01)),
+        origin=Origin(48.0, 11.0, 500.0),
+        static_start_s=STAND_S,
+        outages_s=np.array([[14.0, 16.0]]),
+    )
+
+
+def true_attitude(recording: Recording) -> Attitude:
+    """Return the attitude of the reference, with the acceleration that belongs to it."""
+    euler = np.asarray(recording.reference.euler_rad)
+    dcm = dcm_from_euler(euler)
+    u = np.einsum("nij,nj->ni", dcm, recording.imu.accel_mps2) - [0.0, 0.0, GRAVITY_MPS2]
+    return Attitude(recording.imu.t_s, dcm, euler.copy(), u, np.zeros(len(euler), dtype=bool))
+
+
+def _angle(t_s: FloatArray) -> FloatArray:
+    """Angle on the circle and its two derivatives; the rate grows linearly over the ramp."""
+    on = np.clip(t_s - STAND_S, 0.0, RAMP_S)
+    after = np.maximum(t_s - STAND_S - RAMP_S, 0.0)
+    slope = RATE_RADPS / RAMP_S
+    angle = 0.5 * slope * on**2 + RATE_RADPS * after
+    return np.array([angle, slope * on, np.where((on > 0) & (after <= 0), slope, 0.0)])
+
+
+def _circle(t_s: FloatArray) -> list[FloatArray]:
+    """Position, velocity, Euler angles and specific force in the body, level, heading along the circle."""
+    angle, rate, change = _angle(t_s)
+    zero = 0 * angle
+    position = RADIUS_M * np.column_stack([np.sin(angle), 1.0 - np.cos(angle), zero])
+    velocity = RADIUS_M * np.column_stack([rate * np.cos(angle), rate * np.sin(angle), zero])
+    euler = np.column_stack([zero, zero, np.arctan2(np.sin(angle), np.cos(angle))])
+    force = np.column_stack([RADIUS_M * change, RADIUS_M * rate**2, zero + GRAVITY_MPS2])
+    return [position, velocity, euler, force]
+
+
+def _covariances(n: int, sigma: float) -> FloatArray:
+    return np.tile(sigma**2 * np.eye(3), (n, 1, 1))

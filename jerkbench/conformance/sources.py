@@ -1,0 +1,61 @@
+"""What a data set and a disturbance have to fulfil."""
+
+from typing import Any
+
+from jerkbench.conformance.recordings import small_recording
+from jerkbench.conformance.require import require
+from jerkbench.conformance.same import pure_result, same
+from jerkbench.recording import Recording
+
+LONG_S = 600.0
+"""Disturbances put several bursts or outages into a recording; they need room."""
+
+
+def check_dataset(plugin: Any) -> None:  # noqa: ANN401 - it is what is being checked
+    """Check a data set.
+
+    Raises:
+        AssertionError: it loads something that is no recording, is not repeatable, or lies about ``seeded``.
+    """
+    what = type(plugin).__name__
+    _check_seeded(what, plugin)
+    first = pure_result(f"{what}.load(0)", plugin.load, 0)
+    require(isinstance(first, Recording), f"{what}.load() gives a {type(first).__name__}; it must be a Recording.")
+    require(first.position is not None, f"{what}.load() gives no positions; a filter has nothing to start from.")
+    mark = pure_result(f"{what}.fingerprint()", plugin.fingerprint)
+    require(isinstance(mark, str), f"{what}.fingerprint() is {mark!r}; it must be a string.")
+    alike = same(first, plugin.load(1))
+    require(alike or plugin.seeded, f"{what}.load() depends on the seed, but its seeded is False.")
+    require(not alike or not plugin.seeded, f"{what}.load() gives the same for seeds 0 and 1, but its seeded is True.")
+
+
+def check_disturbance(plugin: Any) -> None:  # noqa: ANN401 - as above
+    """Check a disturbance on a small recording, with and without its optional parts.
+
+    Raises:
+        AssertionError: it returns no recording, changes its input, is not repeatable, or lies about ``seeded`` or
+            ``replicates``.
+    """
+    what = type(plugin).__name__
+    _check_seeded(what, plugin)
+    n = plugin.replicates()
+    require(isinstance(n, int), f"{what}.replicates() is {n!r}; it must be a whole number.")
+    require(n >= 1, f"{what}.replicates() is {n}; it must be at least 1.")
+    recording = small_recording(LONG_S)
+    for seed in (0, 3):
+        disturbed = pure_result(f"{what}.apply()", plugin.apply, recording, seed)
+        require(
+            isinstance(disturbed, Recording),
+            f"{what}.apply() gives a {type(disturbed).__name__}; it must be a Recording.",
+        )
+        if not plugin.seeded:
+            require(
+                same(disturbed, plugin.apply(recording, seed + n)),
+                f"{what}.apply() gives different results for seeds {seed} and {seed + n}, but it is not seeded and has"
+                f" {n} replicates.",
+            )
+
+
+def _check_seeded(what: str, plugin: Any) -> None:  # noqa: ANN401 - as above
+    seeded = getattr(plugin, "seeded", None)
+    require(isinstance(seeded, bool), f"{what}.seeded is {seeded!r}; it must be True or False.")

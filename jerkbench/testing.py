@@ -1,0 +1,31 @@
+"""Conformance checks for a plugin's author.
+
+Each check raises an AssertionError whose sentence says what is not as it must be. In a test of your own::
+
+    from jerkbench.testing import check_plugin
+    from my_package import MyAdaptation
+
+    def test_it_is_a_proper_adaptation():
+        check_plugin("adaptation", MyAdaptation())
+
+`check_plugin` looks at the class as well (frozen, documented, hashable); the others at what their kind promises.
+"""
+
+from jerkbench.conformance.adaptation import check_adaptation
+from jerkbench.conformance.attitude import check_attitude
+from jerkbench.conformance.engine import check_engine
+from jerkbench.conformance.kinematic import check_filter
+from jerkbench.conformance.metric import check_metric
+from jerkbench.conformance.plugin import check_plugin
+from jerkbench.conformance.sources import check_dataset, check_disturbance
+
+__all__ = [
+    "check_adaptation",
+    "check_attitude",
+    "check_dataset",
+    "check_disturbance",
+    "check_engine",
+    "check_filter",
+    "check_metric",
+    "check_plugin",
+]

@@ -1,0 +1,58 @@
+"""Every adaptation compiles in numba's nopython mode and gives the same there, `self` being a named tuple."""
+
+import dataclasses
+import types
+from collections import namedtuple
+
+import numpy as np
+import pytest
+from sequences import sequence
+
+from jerkbench import plugins
+
+numba = pytest.importorskip("numba")
+NAMES = plugins.names("adaptation")
+
+
+def compiled(function, done):
+    """`function` as a dispatcher, and before it every plain function of this package that it calls."""
+    if function not in done:
+        scope = dict(function.__globals__)
+        done[function] = numba.njit(types.FunctionType(function.__code__, scope, function.__name__))
+        for name in function.__code__.co_names:
+            helper = scope.get(name)
+            if isinstance(helper, types.FunctionType) and helper.__module__.startswith("jerkbench"):
+                scope[name] = compiled(helper, done)
+    return done[function]
+
+
+def parameters(plugin):
+    """The fields as a named tuple."""
+    names = [f.name for f in dataclasses.fields(plugin)]
+    return namedtuple("Parameters", names)(*(getattr(plugin, name) for name in names))  # noqa: PYI024 - the fields are known only here
+
+
+@pytest.fixture(scope="module")
+def done():
+    """What is compiled already; without optimisation, which is what takes the time."""
+    level, numba.config.OPT = numba.config.OPT, type(numba.config.OPT)(0)
+    yield {}
+    numba.config.OPT = level
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", NAMES)
+def test_compiled_and_plain_agree(name, done):
+    plugin = plugins.create("adaptation", {"name": name})
+    self = parameters(plugin)
+    memories = np.zeros((2, plugin.memory_size()))
+    for method in ("fade", "adapt"):
+        if not hasattr(plugin, method):
+            continue
+        fast = compiled(getattr(type(plugin), method), done)
+        for y, HPHt, R, rows in sequence(1, 80):
+            wanted = getattr(plugin, method)(y, HPHt, R, rows, memories[0])
+            got = fast(self, y, HPHt, R, rows, memories[1])
+            scale = 1.0 if method == "fade" else np.sqrt(np.outer(np.diag(R), np.diag(R)))
+            np.testing.assert_allclose(got / scale, wanted / scale, rtol=1e-6, atol=1e-9)
+            np.testing.assert_allclose(*memories, rtol=1e-9, atol=1e-12)

@@ -1,0 +1,247 @@
+"""What each adaptation's source promises: closed forms, limits and long runs."""
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+from sequences import sequence
+
+from jerkbench.adaptation._chi2 import chi2_tail
+from jerkbench.errors import PluginError
+from jerkbench.plugins import create
+
+ONE = np.array([0])
+POSITION, VELOCITY = np.arange(3), np.arange(3, 6)
+EYE = np.eye(3)
+
+
+def make(name, **parameters):
+    return create("adaptation", {"name": name, **parameters})
+
+
+def run(plugin, updates):
+    memory = np.zeros(plugin.memory_size())
+    return [plugin.adapt(*update, memory) for update in updates]
+
+
+def scalar_update(y, h=1.0, r=1.0):
+    return np.array([y]), np.array([[h]]), np.array([[r]]), ONE
+
+
+@pytest.mark.parametrize("rows", range(1, 7))
+@pytest.mark.parametrize("probability", [0.5, 0.95, 0.99, 0.9999])
+def test_the_tail_is_that_of_scipy(rows, probability):
+    threshold = chi2.ppf(probability, rows)
+    assert chi2_tail(threshold, rows) == pytest.approx(1 - probability, rel=1e-10)
+    assert chi2_tail(1.3 * threshold, rows) == pytest.approx(chi2.sf(1.3 * threshold, rows), rel=1e-12)
+
+
+@pytest.mark.parametrize("x", [1e5, 1e300, np.inf])
+def test_the_tail_far_out_is_nothing_and_no_error(x):
+    assert 0 <= chi2_tail(x, 6) < 1e-200
+
+
+@pytest.mark.parametrize(
+    ("name", "wide"),
+    [
+        ("student_t", {"nu": 1e12}),
+        ("ssmkf", {"nu": 1e12}),
+        ("maximum_correntropy", {"bandwidth": 1e7}),
+        ("cerkf", {"centre_bandwidth": 1e7, "pair_bandwidth": 1e7}),
+        ("huber", {"threshold": 1e12}),
+    ],
+)
+def test_with_the_widest_parameter_it_is_none(name, wide):
+    updates = list(sequence(3))
+    for (_, _, R, _), adapted in zip(updates, run(make(name, **wide), updates), strict=True):
+        np.testing.assert_allclose(adapted, R, rtol=1e-6, atol=1e-7 * np.max(np.diag(R)))
+
+
+@pytest.mark.parametrize("name", ["scalar_r", "huber", "federated", "mtf_block", "mtf_nis", "chi2", "fuzzy"])
+def test_a_small_innovation_changes_nothing(name):
+    updates = [(0.1 * y / np.abs(y).max() * np.sqrt(np.diag(R).min()), H, R, rows) for y, H, R, rows in sequence(4)]
+    for (_, _, R, _), adapted in zip(updates, run(make(name), updates), strict=True):
+        np.testing.assert_array_equal(adapted, R)
+
+
+def test_scalar_q_makes_the_trace_of_s_the_squared_innovation_up_to_its_limit():
+    for limit in (1e3, 3.0):
+        plugin, limited = make("scalar_q", limit=limit), 0
+        for y, HPHt, R, rows in sequence(5):
+            factor = plugin.fade(y, HPHt, R, rows, np.zeros(0))
+            limited += factor == limit
+            if 1 < factor < limit:
+                assert np.trace(factor * HPHt + R) == pytest.approx(y @ y)
+        assert limited > 5
+
+
+def test_iae_finds_the_variance_of_a_sensor_that_reports_too_little():
+    rng = np.random.default_rng(6)
+    updates = [scalar_update(y, h=2.0) for y in rng.normal(0.0, np.sqrt(11.0), 5000)]
+
+    assert np.mean(run(make("iae", window=200), updates)[200:]) == pytest.approx(9.0, rel=0.05)
+
+
+def test_iae_reports_until_ten_are_there_and_counts_each_row_apart():
+    full = np.array([[2.0, 0.5], [0.5, 3.0]])
+    both, first = np.array([0, 4]), np.array([0])
+    plugin = make("iae")
+    memory = np.zeros(plugin.memory_size())
+    for _ in range(5):
+        plugin.adapt(np.array([9.0]), np.eye(1), np.array([[2.0]]), first, memory)
+    for _ in range(4):
+        np.testing.assert_array_equal(plugin.adapt(np.array([9.0, 0.1]), np.eye(2), full, both, memory), full)
+    tenth = plugin.adapt(np.array([9.0, 0.1]), np.eye(2), full, both, memory)
+
+    np.testing.assert_allclose(tenth, [[80.0, 0.0], [0.0, 3.0]])
+
+
+def test_variational_bayes_finds_the_variance_of_a_sensor_that_reports_too_little():
+    rng = np.random.default_rng(7)
+    updates = [scalar_update(y, h=2.0) for y in rng.normal(0.0, np.sqrt(11.0), 4000)]
+    found = run(make("variational_bayes", forgetting=0.995), updates)
+
+    assert np.mean(found[1000:]) == pytest.approx(9.0, rel=0.05)
+
+
+def test_variational_bayes_listens_to_the_reported_variance_at_the_start_only():
+    updates = [scalar_update(1.0, r=r) for r in (1.0, 1.0, 1.0)]
+    others = [scalar_update(1.0, r=r) for r in (1.0, 50.0, 0.02)]
+
+    np.testing.assert_array_equal(run(make("variational_bayes"), updates), run(make("variational_bayes"), others))
+
+
+def test_chi2_rejects_twenty_five_in_a_row_then_accepts_one_and_starts_anew():
+    update = (np.full(3, 100.0), EYE, EYE, POSITION)
+    dropped = [np.isinf(np.diag(R)).all() for R in run(make("chi2"), [update] * 60)]
+
+    assert dropped == ([True] * 25 + [False]) * 2 + [True] * 8
+
+
+def test_chi2_drops_the_block_at_fault_alone_and_counts_the_blocks_apart():
+    y = np.array([100.0, 0, 0, 0.1, 0.1, 0.1])
+    plugin = make("chi2", longest=2)
+    memory = np.zeros(2)
+    seen = [np.isinf(np.diag(plugin.adapt(y, np.eye(6), np.eye(6), np.arange(6), memory))) for _ in range(2)]
+    velocity = plugin.adapt(np.full(3, 100.0), EYE, EYE, VELOCITY, memory)
+    position = plugin.adapt(np.full(3, 100.0), EYE, EYE, POSITION, memory)
+
+    np.testing.assert_array_equal(seen, [[True] * 3 + [False] * 3] * 2)
+    assert np.isinf(np.diag(velocity)).all()
+    assert np.isfinite(np.diag(position)).all()
+
+
+@pytest.mark.parametrize("name", ["chi2", "mtf_nis"])
+def test_a_consistent_filter_triggers_one_time_in_a_hundred(name):
+    rng = np.random.default_rng(8)
+    updates = [(rng.normal(size=3) * np.sqrt(2), EYE, EYE, POSITION) for _ in range(6000)]
+    changed = [not np.array_equal(R, EYE) for R in run(make(name), updates)]
+
+    assert np.mean(changed) == pytest.approx(0.01, abs=0.004)  # three sigma
+
+
+@pytest.mark.parametrize("name", ["mtf_block", "mtf_nis"])
+@pytest.mark.parametrize("seed", range(2))
+def test_no_squared_innovation_of_a_triggered_block_exceeds_its_variance(name, seed):
+    raised = 0
+    for y, HPHt, R, rows in sequence(seed):
+        adapted = run(make(name), [(y, HPHt, R, rows)])[0]
+        off = ~np.eye(len(rows), dtype=bool)
+        np.testing.assert_array_equal(adapted[off], R[off])
+        for row in np.flatnonzero(np.diag(adapted) > np.diag(R)):
+            assert HPHt[row, row] + adapted[row, row] == pytest.approx(y[row] ** 2)
+            raised += 1
+    assert raised > 20
+
+
+def test_mtf_block_sees_a_velocity_fault_that_the_mixed_test_cannot_see():
+    y = np.array([0.0, 0, 0, 1.0, 0, 0])
+    R = np.diag([100.0, 100, 100, 0.01, 0.01, 0.01])
+    update = (y, 0.01 * np.eye(6), R, np.arange(6))
+
+    np.testing.assert_array_equal(run(make("mtf"), [update])[0], R)
+    assert run(make("mtf_block"), [update])[0][3, 3] == pytest.approx(0.99)
+
+
+def test_fuzzy_has_its_three_levels():
+    for ratio, factor in [(1.0, 1.0), (2.0, 4.0), (4.0, 14.5), (6.0, 25.0), (50.0, 25.0)]:
+        update = scalar_update(np.sqrt(2 * ratio))
+        settled = run(make("fuzzy"), [update] * 200)[-1]
+        assert settled[0, 0] == pytest.approx(factor)
+
+
+def test_huber_bounds_the_pull_of_an_outlier():
+    pulls = []
+    for y in (10.0, 100.0, 1000.0):
+        update = scalar_update(y, h=1e-6)
+        R = run(make("huber"), [update])[0]
+        pulls.append(update[1][0, 0] / (update[1] + R)[0, 0] * y)
+
+    np.testing.assert_allclose(pulls, pulls[0], rtol=1e-4)
+
+
+def test_correntropy_lets_a_far_outlier_go_but_not_a_fix_after_an_outage():
+    outlier, after_outage = scalar_update(100.0, h=0.01), scalar_update(100.0, h=1e4)
+
+    assert run(make("maximum_correntropy"), [outlier])[0][0, 0] > 1e8
+    assert run(make("maximum_correntropy"), [after_outage])[0][0, 0] == pytest.approx(1.0, rel=1e-3)
+
+
+def test_centred_entropy_takes_more_from_a_row_that_stands_apart_than_from_rows_that_err_together():
+    apart, together = np.array([30.0, 0, 0]), np.array([30.0, 30.0, 30.0])
+    alone = run(make("cerkf"), [(apart, 0.01 * EYE, EYE, POSITION)])[0]
+    shared = run(make("cerkf"), [(together, 0.01 * EYE, EYE, POSITION)])[0]
+
+    assert alone[0, 0] > 1e4
+    assert shared[0, 0] == pytest.approx(5.0, rel=1e-3)  # 1/(1 - eta)
+
+
+def test_the_similarity_weight_is_a_fixed_point():
+    y, h, r = 20.0, 0.5, 2.0
+    R = run(make("ssmkf", passes=200), [scalar_update(y, h, r)])[0][0, 0]
+    weight, expected = r / R, (y * R / (h + R)) ** 2 + h * R / (h + R)
+
+    assert weight == pytest.approx(np.sqrt((3 + 1) / (3 + expected / r)), rel=1e-12)
+
+
+def test_adaptive_q_opens_a_filter_whose_prior_is_too_small_and_leaves_one_that_is_right():
+    rng = np.random.default_rng(9)
+    for scale, low, high in [(1.0, 1.0, 1.3), (25.0, 4.2, 5.8)]:
+        plugin = make("adaptive_q", window=300)
+        memory = np.zeros(plugin.memory_size())
+        y = rng.normal(size=400) * np.sqrt(scale + 1.0)
+        factors = [plugin.fade(*scalar_update(value), memory) for value in y]
+        assert factors[:299] == [1.0] * 299
+        assert low <= factors[-1] <= high
+
+
+@pytest.mark.parametrize(
+    ("name", "wrong"),
+    [
+        ("scalar_q", {"limit": 0.5}),
+        ("iae", {"window": 0}),
+        ("iae", {"low": 0.0}),
+        ("mtf_block", {"window": 0}),
+        ("mtf_block", {"guard": -1}),
+        ("mtf_nis", {"guard": -1}),
+        ("mtf_nis", {"probability": 1.0}),
+        ("federated", {"beta": 1.0}),
+        ("fuzzy", {"smoothing": 1.0}),
+        ("fuzzy", {"large": 0.0}),
+        ("chi2", {"probability": 0.0}),
+        ("chi2", {"longest": -1}),
+        ("huber", {"threshold": 0.0}),
+        ("student_t", {"nu": 0.0}),
+        ("variational_bayes", {"forgetting": 1.0}),
+        ("variational_bayes", {"passes": 0}),
+        ("maximum_correntropy", {"bandwidth": 0.0}),
+        ("ssmkf", {"nu": 0.0}),
+        ("cerkf", {"eta": 1.5}),
+        ("cerkf", {"pair_bandwidth": 0.0}),
+        ("cerkf", {"passes": 0}),
+        ("adaptive_q", {"low": 2.0, "high": 1.0}),
+        ("adaptive_q", {"window": 0}),
+    ],
+)
+def test_a_parameter_out_of_range_is_a_sentence_that_names_it(name, wrong):
+    with pytest.raises(PluginError, match=rf"{name}.*{next(iter(wrong))}"):
+        make(name, **wrong)

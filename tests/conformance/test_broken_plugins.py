@@ -1,0 +1,433 @@
+"""Each check fails on a plugin that is broken in just the way it looks for, with a sentence that says so."""
+
+import dataclasses
+from dataclasses import dataclass, field, replace
+from typing import ClassVar
+
+import numpy as np
+import pytest
+
+from jerkbench import testing
+from jerkbench.adaptation.mtf import Mtf
+from jerkbench.adaptation.none import NoAdaptation
+from jerkbench.conformance.recordings import small_recording, true_attitude
+from jerkbench.disturbances.bias import Bias as BiasDisturbance
+from jerkbench.engines.filterpy_engine import FilterpyEngine
+from jerkbench.errors import PluginError
+from jerkbench.evaluation.position import PositionRmse
+from jerkbench.filters.gnss_only import GnssOnly
+from jerkbench.filters.jerk import Jerk
+
+
+def fails(check, plugin, sentence):
+    with pytest.raises(AssertionError, match=sentence) as caught:
+        check(plugin)
+    assert str(caught.value).endswith((".", "1, 0.01."))
+
+
+def adaptation(adapt, *, size=0, fade=None):
+    """An adaptation made of functions."""
+
+    class Broken(NoAdaptation):
+        def memory_size(self):
+            return size
+
+    Broken.adapt = adapt
+    if fade is not None:
+        Broken.fade = fade
+    return Broken()
+
+
+class Counting(NoAdaptation):
+    """Remembers outside its memory."""
+
+    seen = 0
+
+    def adapt(self, innovation, HPHt, R, rows, memory):
+        type(self).seen += 1
+        return R * (1.0 + type(self).seen)
+
+
+def in_place(part):
+    def adapt(self, innovation, HPHt, R, rows, memory):
+        given = {"innovation": innovation, "HPHt": HPHt, "R": R, "rows": rows}
+        given[part][...] = given[part] * 2
+        return R.copy()
+
+    return adapt
+
+
+def asymmetric(self, innovation, HPHt, R, rows, memory):
+    return R + np.triu(R, 1) * 0.01
+
+
+def negative(self, innovation, HPHt, R, rows, memory):
+    return R - 0.5 * np.diag(np.minimum(innovation**2, 3 * np.diag(R)))
+
+
+def indefinite(self, innovation, HPHt, R, rows, memory):
+    s = np.sqrt(np.diag(R))
+    return np.diag(s**2) if len(s) < 2 else np.outer(s, s) * (1.5 - 0.5 * np.eye(len(s)))
+
+
+def sometimes_nan(self, innovation, HPHt, R, rows, memory):
+    return R * (np.nan if len(rows) == 1 else 1.0)
+
+
+def poisons_memory(self, innovation, HPHt, R, rows, memory):
+    memory[0] = max(memory[0] * 1e3 + 1.0, np.inf if np.abs(innovation).max() > 50 else 0.0)
+    return R
+
+
+ADAPTATIONS = {
+    "changes innovation in place": adaptation(in_place("innovation")),
+    "changes HPHt in place": adaptation(in_place("HPHt")),
+    "changes R in place": adaptation(in_place("R")),
+    "changes rows in place": adaptation(in_place("rows")),
+    "second run": Counting(),
+    "is not symmetric": adaptation(asymmetric),
+    "negative variance": adaptation(negative),
+    "not positive semidefinite": adaptation(indefinite),
+    "NaN as a variance": adaptation(sometimes_nan),
+    "shape": adaptation(lambda self, y, HPHt, R, rows, memory: np.diag(R)),
+    "must be float64": adaptation(lambda self, y, HPHt, R, rows, memory: R.astype(np.float32)),
+    "must be a NumPy array": adaptation(lambda self, y, HPHt, R, rows, memory: R.tolist()),
+    "the memory of Broken holds NaN": adaptation(poisons_memory, size=1),
+    "must be positive": adaptation(NoAdaptation.adapt, fade=lambda self, *update: 0.0),
+    "must be finite": adaptation(NoAdaptation.adapt, fade=lambda self, *update: np.inf),
+    "must not be negative": adaptation(NoAdaptation.adapt, size=-1),
+    "whole number": adaptation(NoAdaptation.adapt, size=1.5),
+}
+
+
+@pytest.mark.parametrize("sentence", ADAPTATIONS)
+def test_adaptations(sentence):
+    fails(testing.check_adaptation, ADAPTATIONS[sentence], sentence)
+
+
+def test_dropped_rows_are_no_failure():
+    def drop_all(self, innovation, HPHt, R, rows, memory):
+        return np.where(np.eye(len(rows)) > 0, np.inf, R)
+
+    testing.check_adaptation(adaptation(drop_all))
+
+
+class BrokenJerk(Jerk):
+    """A jerk filter whose model is spoilt."""
+
+    def __init__(self, spoil, extra=None):
+        super().__init__()
+        object.__setattr__(self, "spoil", spoil)
+        object.__setattr__(self, "extra", extra)
+
+    def axis_model(self, dt, dt0):
+        return self.spoil(*super().axis_model(dt, dt0))
+
+    def initial_variances(self):
+        return super().initial_variances() if self.extra is None else self.extra
+
+
+def keep(A, b, Q):
+    return A, b, Q
+
+
+FILTERS = {
+    r"A of .* has shape": BrokenJerk(lambda A, b, Q: (A[:2, :2], b, Q)),
+    r"b of .* has shape": BrokenJerk(lambda A, b, Q: (A, b[:, None], Q)),
+    r"Q of .* has a negative variance": BrokenJerk(lambda A, b, Q: (A, b, -Q)),
+    r"Q of .* is not symmetric": BrokenJerk(lambda A, b, Q: (A, b, Q + np.triu(Q, 1))),
+    r"holds NaN": BrokenJerk(lambda A, b, Q: (A, b * np.nan, Q)),
+    r"must follow velocity": BrokenJerk(lambda A, b, Q: (np.eye(3), b, Q)),
+    r"a step of a nanosecond": BrokenJerk(lambda A, b, Q: (A, b, Q + np.diag([0, 0, 1.0]))),
+    r"another result the second time": BrokenJerk(
+        lambda A, b, Q, seen=[]: (A, b, Q * (1 + len(seen), seen.append(0))[0])
+    ),
+    r"initial_variances\(\) has a negative": BrokenJerk(keep, np.array([-1.0])),
+    r"must be a NumPy array": BrokenJerk(keep, [1.0]),
+    r"neither axis_model\(\) nor estimate\(\)": NoAdaptation(),
+}
+
+
+@pytest.mark.parametrize("sentence", FILTERS)
+def test_filters(sentence):
+    fails(testing.check_filter, FILTERS[sentence], sentence)
+
+
+class BrokenEstimator(GnssOnly):
+    """An estimator whose result is spoilt."""
+
+    def __init__(self, **changes):
+        object.__setattr__(self, "changes", changes)
+
+    def estimate(self, recording, attitude, adaptation):
+        estimate = super().estimate(recording, attitude, adaptation)
+        changes = {name: change(getattr(estimate, name)) for name, change in self.changes.items()}
+        return dataclasses.replace(estimate, **changes)
+
+
+class Unwilling(GnssOnly):
+    """Accepts nothing."""
+
+    adaptations = ()
+
+
+class Meddling(GnssOnly):
+    """Changes the attitude that it is given."""
+
+    def estimate(self, recording, attitude, adaptation):
+        attitude.euler_rad[0] += 1.0
+        return super().estimate(recording, attitude, adaptation)
+
+
+ESTIMATORS = {
+    "fails on a small recording: tired": BrokenEstimator(failure=lambda _: "tired"),
+    "estimates nothing": BrokenEstimator(index=lambda index: index[:0]),
+    "do not increase": BrokenEstimator(index=lambda index: index[::-1]),
+    "position_m holds NaN": BrokenEstimator(position_m=lambda p: p * np.nan),
+    "velocity_mps has shape": BrokenEstimator(velocity_mps=lambda v: v[:, :2]),
+    "covariance has shape": BrokenEstimator(covariance=lambda P: P[:, :3, :3]),
+    "covariance has a negative variance": BrokenEstimator(covariance=lambda P: -P),
+    "adaptations is empty": Unwilling(),
+    "changes its input in place": Meddling(),
+}
+
+
+@pytest.mark.parametrize("sentence", ESTIMATORS)
+def test_estimators(sentence):
+    fails(testing.check_filter, ESTIMATORS[sentence], sentence)
+
+
+class BrokenDisturbance(BiasDisturbance):
+    """A disturbance made of a function."""
+
+    def __init__(self, apply, seeded=False, replicates=1):
+        super().__init__()
+        for name, value in {"change": apply, "seeded": seeded, "count": replicates}.items():
+            object.__setattr__(self, name, value)
+
+    def apply(self, recording, seed):
+        return self.change(recording, seed)
+
+    def replicates(self):
+        return self.count
+
+
+def global_numbers(recording, seed):
+    np.random.seed(np.random.randint(10**6))  # noqa: NPY002 - that is the defect
+    return recording
+
+
+def thawing(recording, seed):
+    imu = recording.imu
+    imu.gyro_radps.flags.writeable = True
+    imu.gyro_radps[0] += 1.0
+    return recording
+
+
+DISTURBANCES = {
+    "it must be a Recording": BrokenDisturbance(lambda recording, seed: None),
+    "it is not seeded and has 1 replicates": BrokenDisturbance(lambda r, seed: replace(r, name=f"{r.name} {seed}")),
+    "it is not seeded and has 2 replicates": BrokenDisturbance(
+        lambda r, seed: replace(r, name=f"{r.name} {seed % 3}"), replicates=2
+    ),
+    "global random numbers": BrokenDisturbance(global_numbers, seeded=True),
+    "another result the second time": BrokenDisturbance(
+        lambda r, seed: replace(r, name=str(np.random.default_rng().random())), seeded=True
+    ),
+    "changes its input in place": BrokenDisturbance(thawing),
+    "must be at least 1": BrokenDisturbance(lambda r, seed: r, replicates=0),
+    "replicates.. is 1.5": BrokenDisturbance(lambda r, seed: r, replicates=1.5),
+    "seeded is 'yes'": BrokenDisturbance(lambda r, seed: r, seeded="yes"),
+}
+
+
+@pytest.mark.parametrize("sentence", DISTURBANCES)
+def test_disturbances(sentence):
+    fails(testing.check_disturbance, DISTURBANCES[sentence], sentence)
+
+
+@dataclass(frozen=True)
+class Source:
+    """A data set made of a function."""
+
+    seeded: ClassVar[bool] = True
+
+    make: object = None
+    mark: object = ""
+
+    def load(self, seed):
+        return self.make(seed)
+
+    def fingerprint(self):
+        return self.mark
+
+
+class UnseededSource(Source):
+    """The same, and says that it is not seeded."""
+
+    seeded = False
+
+
+def numbered(seed):
+    return replace(small_recording(6.0), name=str(seed))
+
+
+DATASETS = {
+    "it must be a Recording": Source(lambda seed: seed),
+    "gives no positions": Source(lambda seed: replace(numbered(seed), position=None)),
+    "another result the second time": Source(lambda seed: numbered(np.random.default_rng().random())),
+    "it must be a string": Source(numbered, mark=7),
+    "its seeded is True": Source(lambda seed: numbered(0)),
+    "its seeded is False": UnseededSource(numbered),
+}
+
+
+@pytest.mark.parametrize("sentence", DATASETS)
+def test_datasets(sentence):
+    fails(testing.check_dataset, DATASETS[sentence], sentence)
+
+
+def test_datasets_that_are_right():
+    testing.check_dataset(Source(numbered))
+    testing.check_dataset(UnseededSource(lambda seed: numbered(0)))
+
+
+class FromReference:
+    """An attitude filter that looks at the reference; its result can be spoilt."""
+
+    def __init__(self, **changes):
+        self.changes = changes
+
+    def estimate(self, recording):
+        attitude = true_attitude(recording)
+        return replace(attitude, **{name: change(getattr(attitude, name)) for name, change in self.changes.items()})
+
+
+ATTITUDES = {
+    "t_s must be the stamps": FromReference(t_s=lambda t: t + 0.1),
+    "dcm has shape": FromReference(dcm=lambda dcm: dcm[:-1]),
+    "euler_rad holds NaN": FromReference(euler_rad=lambda euler: euler * np.nan),
+    "matrices that are no rotations": FromReference(dcm=lambda dcm: 1.01 * dcm),
+    "are no rotations": FromReference(dcm=lambda dcm: -dcm),
+    "dcm is not Rz": FromReference(dcm=lambda dcm: dcm.transpose(0, 2, 1)),
+    "triggered is of float64": FromReference(triggered=lambda triggered: triggered.astype(float)),
+    "triggered has shape": FromReference(triggered=lambda triggered: triggered[:-1]),
+}
+
+
+def test_an_attitude_that_is_right():
+    testing.check_attitude(FromReference())
+
+
+@pytest.mark.parametrize("sentence", ATTITUDES)
+def test_attitudes(sentence):
+    fails(testing.check_attitude, ATTITUDES[sentence], sentence)
+
+
+class Metric:
+    """A metric made of a function."""
+
+    def __init__(self, evaluate):
+        self.evaluate = evaluate
+
+
+def moves_the_estimate(estimate, recording, counted):
+    estimate.position_m[0] += 1.0
+    return {"a_m": 0.0}
+
+
+METRICS = {
+    "gives no value": Metric(lambda *run: {}),
+    "must be a dictionary": Metric(lambda *run: 1.0),
+    "must be a float": Metric(lambda *run: {"a_m": "1"}),
+    "must be a string": Metric(lambda *run: {1: 1.0}),
+    "where fewer rows count": Metric(lambda e, r, counted: {"a_m": 0.0} if counted.any() else {}),
+    "changes its input in place": Metric(moves_the_estimate),
+}
+
+
+@pytest.mark.parametrize("sentence", METRICS)
+def test_metrics(sentence):
+    fails(testing.check_metric, METRICS[sentence], sentence)
+
+
+class BrokenEngine(FilterpyEngine):
+    """An engine that adds to the position, or takes another adaptation."""
+
+    def __init__(self, offset_m=0.0, adaptation=None):
+        super().__init__()
+        object.__setattr__(self, "offset_m", offset_m)
+        object.__setattr__(self, "adaptation", adaptation)
+
+    def run(self, timeline, model, adaptation):
+        estimate = super().run(timeline, model, self.adaptation or adaptation)
+        return replace(estimate, position_m=estimate.position_m + self.offset_m)
+
+
+@pytest.mark.parametrize("engine", [BrokenEngine(offset_m=1e-5), BrokenEngine(adaptation=NoAdaptation())])
+def test_engines(engine):
+    fails(testing.check_engine, engine, "off the reference engine")
+
+
+@dataclass
+class Thawed:
+    """Not frozen."""
+
+
+@dataclass(frozen=True)
+class Undocumented(Mtf):
+    """Has a parameter of which nothing is said."""
+
+    extra: float = 1.0
+
+
+@dataclass(frozen=True)
+class Silent:
+    window: int = 1
+
+
+@dataclass(frozen=True)
+class Listed(NoAdaptation):
+    """Has a list.
+
+    Attributes:
+        items: some numbers.
+    """
+
+    items: list = field(default_factory=list)
+
+
+def local_plugin():
+    @dataclass(frozen=True)
+    class Local(NoAdaptation):
+        """Cannot be found by another process."""
+
+    return Local()
+
+
+@pytest.mark.parametrize(
+    ("plugin", "sentence"),
+    [
+        (Thawed(), "Thawed is not a frozen dataclass"),
+        (Undocumented(), "does not document its parameter extra"),
+        (Silent(), "Silent has no docstring"),
+        (Listed(), "Listed is not hashable"),
+        (local_plugin(), "cannot be pickled"),
+    ],
+)
+def test_any_plugin(plugin, sentence):
+    fails(lambda p: testing.check_plugin("adaptation", p), plugin, sentence)
+
+
+def test_check_plugin_goes_on_to_the_check_of_the_kind():
+    with pytest.raises(AssertionError, match="neither axis_model"):
+        testing.check_plugin("filter", NoAdaptation())
+
+
+def test_an_unknown_kind_is_a_sentence():
+    with pytest.raises(PluginError, match=r"no kind of plugin 'adaption'\. Did you mean 'adaptation'"):
+        testing.check_plugin("adaption", NoAdaptation())
+
+
+def test_the_metric_of_the_package_is_right():
+    testing.check_metric(PositionRmse())
