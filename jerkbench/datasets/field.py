@@ -1,44 +1,38 @@
 """The simulated farm robot, on four kinds of field."""
 
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from typing import ClassVar
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.errors import PluginError, unknown
-from jerkbench.geometry import wrap_angle
+from jerkbench.errors import PluginError
 from jerkbench.plugins import register
-from jerkbench.recording import Heading, Imu, Origin, Position, Recording, Reference, Velocity
+from jerkbench.recording import Recording
 from jerkbench.simulation.checks import require_axes, require_multiple, require_not_negative, require_positive
 from jerkbench.simulation.false_force import draw_impacts, impact_force, inner_times, rut_force
-from jerkbench.simulation.gnss import measure_heading, measure_position, measure_velocity, white
-from jerkbench.simulation.imu import perfect_imu, saturate
-from jerkbench.simulation.imu_errors import GRADES, SensorErrors, disturb
 from jerkbench.simulation.path import Path
 from jerkbench.simulation.ruts import Ruts
+from jerkbench.simulation.sensors import Sensors
 from jerkbench.simulation.terrain import draw_terrain
 from jerkbench.simulation.truth import Truth, simulate_truth
 from jerkbench.simulation.vibration import draw_vibration
 from jerkbench.streams import stream
 
-START_UTC = datetime(2024, 5, 14, 14, 0, tzinfo=UTC)
-IMUS = ("per_sample", *GRADES)
 POSITIVE = (
-    *("duration_s", "imu_rate_hz", "gnss_rate_hz", "reference_rate_hz", "sensor_rate_hz"),
+    *("duration_s", "sensor_rate_hz"),
     *("ramp_s", "pass_s", "turn_s", "speed_mps", "turn_speed_mps", "speed_change_s", "hill_length_m"),
-    *("rut_tau_s", "rut_force_decay_s", "heading_sigma_rad"),
+    *("rut_tau_s", "rut_force_decay_s"),
 )
 NOT_NEGATIVE = (
     *("stand_s", "roughness", "roll_ratio_radpm", "vibration_mps2", "vibration_rad"),
-    *("impacts_per_s", "accel_sigma_mps2", "gyro_sigma_radps"),
+    "impacts_per_s",
 )
 
 
 @register("dataset", "field")
 @dataclass(frozen=True)
-class Field:
+class Field(Sensors):
     """A simulated farm robot that drives to and fro over rough ground, with RTK-fixed GNSS.
 
     It stands, ramps up, then drives straight passes with headland turns of 180 degrees to alternating sides. Speed is
@@ -54,23 +48,14 @@ class Field:
     so that the robot stands still at the start. A rut at t_r, with u = (t - t_r)/tau, H = (1 + tanh u)/2 and
     B = 1 - tanh^2 u, lowers the height by drop H and the speed by dip B and adds pitch and roll times B.
 
-    Truth and IMU agree exactly. Over the interval that ends at its stamp each sample is
+    The accelerometer also feels false forces, with which the robot does not move: ruts, and impacts of 20 ms, a half
+    sine upwards. The sensors are those of every simulated vehicle, below.
 
-        gyro = Log(Omega_{k-1}' Omega_k)/dt
-        accel = [(Omega_{k-1} + Omega_k)/2]^-1 ((v_k - v_{k-1})/dt + (0, 0, g))
-
-    plus false forces (the accelerometer feels them, the robot does not move so: ruts, and impacts of 20 ms, a half
-    sine upwards) and noise, cut off at the accelerometer's range. GNSS noise is white, and its covariance is reported
-    as it is. Every source of randomness has its own stream: switching one off does not move the others.
-
-    Source: ISO 8608:2016 for G (c = 1.5 gives 2304e-6 m3 at .1 cycles/m, in its class E); IEEE Std 952 for the terms
-    of the IMU grades; the robot itself is an invention, with the sensors of a small field robot.
+    Source: ISO 8608:2016 for G (c = 1.5 gives 2304e-6 m3 at .1 cycles/m, in its class E); the robot itself is
+    an invention, with the sensors of a small field robot.
 
     Attributes:
         duration_s: length of the drive.
-        imu_rate_hz: rate of the IMU.
-        gnss_rate_hz: rate of position, velocity and heading; the IMU's rate is a multiple of it.
-        reference_rate_hz: rate of the reference; the IMU's rate is a multiple of it.
         sensor_rate_hz: rate at which false forces and the range act within the accelerometer, before it averages.
         stand_s: how long it stands at the start.
         ramp_s: how long it takes to reach its speed, and the vibration its strength.
@@ -98,26 +83,12 @@ class Field:
         impacts_per_s: rate of the impacts (Poisson), from the end of the ramp on.
         impact_mps2: peak of an impact.
         false_forces: whether ruts and impacts act on the accelerometer.
-        imu: per_sample (the two sigmas below, nothing else), or the grade consumer, industrial or tactical.
-        accel_sigma_mps2: noise of one accelerometer sample, with per_sample.
-        gyro_sigma_radps: noise of one gyro sample, with per_sample.
-        accel_range_g: the accelerometer's range in g; null: no limit.
-        position_sigma_m: noise of position, east, north, up.
-        velocity_sigma_mps: noise of velocity, east, north, up.
-        heading_sigma_rad: noise of heading.
-        noise: whether sensors have any errors; without, the covariances are still reported.
-        latitude_deg: of the origin.
-        longitude_deg: of the origin.
-        height_m: of the origin.
     """
 
     seeded: ClassVar[bool] = True
     recording_name: ClassVar[str] = "field"
 
     duration_s: float = 150.0
-    imu_rate_hz: float = 100.0
-    gnss_rate_hz: float = 5.0
-    reference_rate_hz: float = 100.0
     sensor_rate_hz: float = 1000.0
     stand_s: float = 3.0
     ramp_s: float = 3.0
@@ -145,41 +116,18 @@ class Field:
     impacts_per_s: float = 0.0
     impact_mps2: float = 45.0
     false_forces: bool = True
-    imu: str = "per_sample"
-    accel_sigma_mps2: float = 0.02
-    gyro_sigma_radps: float = 0.0017
-    accel_range_g: float | None = 4.0
-    position_sigma_m: tuple[float, ...] = (0.01, 0.01, 0.02)
-    velocity_sigma_mps: tuple[float, ...] = (0.03, 0.03, 0.06)
-    heading_sigma_rad: float = 0.0087
-    noise: bool = True
-    latitude_deg: float = 42.03
-    longitude_deg: float = -93.64
-    height_m: float = 300.0
 
     def __post_init__(self) -> None:
         """Check that every choice exists, the rates fit and every number makes sense."""
-        if self.imu not in IMUS:
-            raise PluginError(unknown(f"imu of dataset {self.recording_name}", self.imu, IMUS))
+        self.check_sensors(self._what)
         self._check_signs()
-        self._check_rates()
+        require_multiple(self._what, self, "sensor_rate_hz", "imu_rate_hz")
         self._check_times()
 
     def load(self, seed: int) -> Recording:
         """Return the drive that belongs to ``seed``."""
         truth = self.truth(seed)
-        fixes = _every(truth, self.imu_rate_hz / self.gnss_rate_hz)
-        return Recording(
-            name=self.recording_name,
-            imu=self._imu(truth, seed),
-            reference=_reference(_every(truth, self.imu_rate_hz / self.reference_rate_hz)),
-            position=self._position(fixes, seed),
-            velocity=self._velocity(fixes, seed),
-            heading=self._heading(fixes, seed),
-            origin=Origin(self.latitude_deg, self.longitude_deg, self.height_m),
-            start_utc=START_UTC,
-            static_start_s=self.stand_s,
-        )
+        return self.record(self.recording_name, truth, seed, self.stand_s, self._false_force(truth.t_s, seed))
 
     def fingerprint(self) -> str:
         """Return the empty string: it reads no data."""
@@ -223,21 +171,6 @@ class Field:
     def _rut_times(self) -> tuple[float, ...]:
         return self.rut_times_s if self.ruts else ()
 
-    def _imu(self, truth: Truth, seed: int) -> Imu:
-        force, gyro = perfect_imu(truth)
-        if self.noise:
-            accel_errors, gyro_errors = self._sensor_errors()
-            force = disturb(force, accel_errors, 1.0 / self.imu_rate_hz, seed, "accelerometer")
-            gyro = disturb(gyro, gyro_errors, 1.0 / self.imu_rate_hz, seed, "gyro")
-        return Imu(truth.t_s[1:], saturate(force, self._false_force(truth.t_s, seed), self.accel_range_g), gyro)
-
-    def _sensor_errors(self) -> tuple[SensorErrors, SensorErrors]:
-        """Return the errors of accelerometer and gyro."""
-        if self.imu == "per_sample":
-            return SensorErrors(self.accel_sigma_mps2), SensorErrors(self.gyro_sigma_radps)
-        grade = GRADES[self.imu]
-        return grade.accelerometer(self.imu_rate_hz), grade.gyro(self.imu_rate_hz)
-
     def _false_force(self, t_s: FloatArray, seed: int) -> FloatArray | None:
         """Return (n, m, 3) within each of the n intervals between ``t_s``, or None where there is none."""
         if not self.false_forces or not (self.ruts or self.impacts_per_s):
@@ -248,18 +181,6 @@ class Field:
         ruts = rut_force(inner, self._rut_times(), self.rut_force_mps2, self.rut_force_decay_s)
         return ruts + impact_force(inner, impacts, self.impact_mps2)
 
-    def _position(self, fixes: Truth, seed: int) -> Position:
-        noise = white(seed, "position", fixes.enu_m.shape, self.noise)
-        return measure_position(fixes.t_s, fixes.enu_m, self.position_sigma_m, noise)
-
-    def _velocity(self, fixes: Truth, seed: int) -> Velocity:
-        noise = white(seed, "velocity", fixes.velocity_mps.shape, self.noise)
-        return measure_velocity(fixes.t_s, fixes.velocity_mps, self.velocity_sigma_mps, noise)
-
-    def _heading(self, fixes: Truth, seed: int) -> Heading:
-        noise = white(seed, "heading", fixes.t_s.shape, self.noise)
-        return measure_heading(fixes.t_s, fixes.euler_rad[:, 2], self.heading_sigma_rad, noise)
-
     @property
     def _what(self) -> str:
         return f"dataset {self.recording_name}"
@@ -268,18 +189,7 @@ class Field:
         """Check that lengths and sigmas are positive, and strengths not negative."""
         require_positive(self._what, self, POSITIVE)
         require_not_negative(self._what, self, NOT_NEGATIVE)
-        require_axes(self._what, self, ("position_sigma_m", "velocity_sigma_mps"), positive=True)
         require_axes(self._what, self, ("rut_force_mps2",), positive=False)
-        if self.accel_range_g is not None:
-            require_positive(self._what, self, ("accel_range_g",))
-
-    def _check_rates(self) -> None:
-        for high, low in (
-            ("imu_rate_hz", "gnss_rate_hz"),
-            ("imu_rate_hz", "reference_rate_hz"),
-            ("sensor_rate_hz", "imu_rate_hz"),
-        ):
-            require_multiple(self._what, self, high, low)
 
     def _check_times(self) -> None:
         """Check that a pass has room for its speed changes, and that nothing happens before the robot moves."""
@@ -344,22 +254,3 @@ class FieldHeadland(Field):
     turn_s: float = 3.5
     speed_mps: float = 2.0
     turn_speed_mps: float = 1.6
-
-
-def _every(truth: Truth, ratio: float) -> Truth:
-    """Return every ``ratio``-th row; the start, row 0, is none of them."""
-    step = round(ratio)
-    rows = slice(step, None, step)
-    return Truth(truth.t_s[rows], truth.enu_m[rows], truth.velocity_mps[rows], truth.euler_rad[rows])
-
-
-def _reference(truth: Truth) -> Reference:
-    euler = np.column_stack([truth.euler_rad[:, :2], wrap_angle(truth.euler_rad[:, 2])])
-    return Reference(
-        truth.t_s,
-        source="simulated truth",
-        independent=True,
-        enu_m=truth.enu_m,
-        velocity_mps=truth.velocity_mps,
-        euler_rad=euler,
-    )

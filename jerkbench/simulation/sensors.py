@@ -1,0 +1,144 @@
+"""The sensors of a simulated vehicle: from its true motion to a recording."""
+
+from dataclasses import dataclass
+from datetime import UTC, datetime
+
+import numpy as np
+
+from jerkbench.arrays import FloatArray
+from jerkbench.errors import PluginError, unknown
+from jerkbench.geometry import wrap_angle
+from jerkbench.recording import Heading, Imu, Origin, Position, Recording, Reference, Velocity
+from jerkbench.simulation.checks import require_axes, require_multiple, require_not_negative, require_positive
+from jerkbench.simulation.gnss import measure_heading, measure_position, measure_velocity, white
+from jerkbench.simulation.imu import perfect_imu, saturate
+from jerkbench.simulation.imu_errors import GRADES, SensorErrors, disturb
+from jerkbench.simulation.truth import Truth
+
+START_UTC = datetime(2024, 5, 14, 14, 0, tzinfo=UTC)
+IMUS = ("per_sample", *GRADES)
+
+
+@dataclass(frozen=True)
+class Sensors:
+    """IMU, GNSS and the reference of a simulated vehicle.
+
+    Truth and IMU agree exactly. Over the interval that ends at its stamp each sample is
+
+        gyro = Log(Omega_{k-1}' Omega_k)/dt
+        accel = [(Omega_{k-1} + Omega_k)/2]^-1 ((v_k - v_{k-1})/dt + (0, 0, g))
+
+    plus noise, cut off at the accelerometer's range. GNSS noise is white, and its covariance is reported as it is.
+    Every source of randomness has its own stream: switching one off does not move the others.
+
+    Source: IEEE Std 952 for the terms of the IMU grades.
+
+    Attributes:
+        imu_rate_hz: rate of the IMU.
+        gnss_rate_hz: rate of position, velocity and heading; the IMU's rate is a multiple of it.
+        reference_rate_hz: rate of the reference; the IMU's rate is a multiple of it.
+        imu: per_sample (the two sigmas below, nothing else), or the grade consumer, industrial or tactical.
+        accel_sigma_mps2: noise of one accelerometer sample, with per_sample.
+        gyro_sigma_radps: noise of one gyro sample, with per_sample.
+        accel_range_g: the accelerometer's range in g; null: no limit.
+        position_sigma_m: noise of position, east, north, up.
+        velocity_sigma_mps: noise of velocity, east, north, up.
+        heading_sigma_rad: noise of heading.
+        noise: whether sensors have any errors; without, the covariances are still reported.
+        latitude_deg: of the origin.
+        longitude_deg: of the origin.
+        height_m: of the origin.
+    """
+
+    imu_rate_hz: float = 100.0
+    gnss_rate_hz: float = 5.0
+    reference_rate_hz: float = 100.0
+    imu: str = "per_sample"
+    accel_sigma_mps2: float = 0.02
+    gyro_sigma_radps: float = 0.0017
+    accel_range_g: float | None = 4.0
+    position_sigma_m: tuple[float, ...] = (0.01, 0.01, 0.02)
+    velocity_sigma_mps: tuple[float, ...] = (0.03, 0.03, 0.06)
+    heading_sigma_rad: float = 0.0087
+    noise: bool = True
+    latitude_deg: float = 42.03
+    longitude_deg: float = -93.64
+    height_m: float = 300.0
+
+    def record(
+        self, name: str, truth: Truth, seed: int, static_start_s: float, false_mps2: FloatArray | None = None
+    ) -> Recording:
+        """Return what the sensors see of ``truth`` (from t = 0 on, at the IMU's rate).
+
+        ``false_mps2`` (n, m, 3) is specific force that only the accelerometer feels, within each sample.
+        """
+        fixes = every(truth, self.imu_rate_hz / self.gnss_rate_hz)
+        return Recording(
+            name=name,
+            imu=self._imu(truth, seed, false_mps2),
+            reference=_reference(every(truth, self.imu_rate_hz / self.reference_rate_hz)),
+            position=self._position(fixes, seed),
+            velocity=self._velocity(fixes, seed),
+            heading=self._heading(fixes, seed),
+            origin=Origin(self.latitude_deg, self.longitude_deg, self.height_m),
+            start_utc=START_UTC,
+            static_start_s=static_start_s,
+        )
+
+    def check_sensors(self, what: str) -> None:
+        """Raise a PluginError, which begins with ``what``, unless every choice exists and every number makes sense."""
+        if self.imu not in IMUS:
+            raise PluginError(unknown(f"imu of {what}", self.imu, IMUS))
+        require_positive(what, self, ("imu_rate_hz", "gnss_rate_hz", "reference_rate_hz", "heading_sigma_rad"))
+        require_not_negative(what, self, ("accel_sigma_mps2", "gyro_sigma_radps"))
+        require_axes(what, self, ("position_sigma_m", "velocity_sigma_mps"), positive=True)
+        if self.accel_range_g is not None:
+            require_positive(what, self, ("accel_range_g",))
+        for low in ("gnss_rate_hz", "reference_rate_hz"):
+            require_multiple(what, self, "imu_rate_hz", low)
+
+    def _imu(self, truth: Truth, seed: int, false_mps2: FloatArray | None) -> Imu:
+        force, gyro = perfect_imu(truth)
+        if self.noise:
+            accel_errors, gyro_errors = self._sensor_errors()
+            force = disturb(force, accel_errors, 1.0 / self.imu_rate_hz, seed, "accelerometer")
+            gyro = disturb(gyro, gyro_errors, 1.0 / self.imu_rate_hz, seed, "gyro")
+        return Imu(truth.t_s[1:], saturate(force, false_mps2, self.accel_range_g), gyro)
+
+    def _sensor_errors(self) -> tuple[SensorErrors, SensorErrors]:
+        """Return the errors of accelerometer and gyro."""
+        if self.imu == "per_sample":
+            return SensorErrors(self.accel_sigma_mps2), SensorErrors(self.gyro_sigma_radps)
+        grade = GRADES[self.imu]
+        return grade.accelerometer(self.imu_rate_hz), grade.gyro(self.imu_rate_hz)
+
+    def _position(self, fixes: Truth, seed: int) -> Position:
+        noise = white(seed, "position", fixes.enu_m.shape, self.noise)
+        return measure_position(fixes.t_s, fixes.enu_m, self.position_sigma_m, noise)
+
+    def _velocity(self, fixes: Truth, seed: int) -> Velocity:
+        noise = white(seed, "velocity", fixes.velocity_mps.shape, self.noise)
+        return measure_velocity(fixes.t_s, fixes.velocity_mps, self.velocity_sigma_mps, noise)
+
+    def _heading(self, fixes: Truth, seed: int) -> Heading:
+        noise = white(seed, "heading", fixes.t_s.shape, self.noise)
+        return measure_heading(fixes.t_s, fixes.euler_rad[:, 2], self.heading_sigma_rad, noise)
+
+
+def every(truth: Truth, ratio: float) -> Truth:
+    """Return every ``ratio``-th row; the start, row 0, is none of them."""
+    step = round(ratio)
+    rows = slice(step, None, step)
+    return Truth(truth.t_s[rows], truth.enu_m[rows], truth.velocity_mps[rows], truth.euler_rad[rows])
+
+
+def _reference(truth: Truth) -> Reference:
+    euler = np.column_stack([truth.euler_rad[:, :2], wrap_angle(truth.euler_rad[:, 2])])
+    return Reference(
+        truth.t_s,
+        source="simulated truth",
+        independent=True,
+        enu_m=truth.enu_m,
+        velocity_mps=truth.velocity_mps,
+        euler_rad=euler,
+    )

@@ -1,0 +1,129 @@
+"""A path that was given: through waypoints at a speed, or through a table of times and places."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from jerkbench.arrays import BoolArray, FloatArray
+from jerkbench.simulation.smooth import smoothstep, smoothstep_area
+
+FINE_M = 0.01
+"""Step in which the length of a path is summed up."""
+
+Curve = Callable[[FloatArray, int], FloatArray]
+"""From a parameter (n,) and the order of the derivative to (n, 3)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Way:
+    """A smooth motion without vibration, at n times.
+
+    Attributes:
+        enu_m: (n, 3) position.
+        velocity_mps: (n, 3) its derivative.
+        euler_rad: (n, 3) roll (0), pitch and yaw along the path; yaw is not wrapped.
+    """
+
+    enu_m: FloatArray
+    velocity_mps: FloatArray
+    euler_rad: FloatArray
+
+
+@dataclass(frozen=True)
+class Drive:
+    """How fast a way of a given length is driven: stand, ramp up, go on, ramp down to a stop at its end.
+
+    speed(t) = v [S((t - stand)/ramp) - S((t - stop)/ramp)], S the quintic smoothstep, and the stop begins such that
+    the integral is the length: stop = stand + length/v.
+
+    Attributes:
+        length_m: of the way, at least speed times ramp.
+        stand_s: standing at the start.
+        ramp_s: of both ramps.
+        speed_mps: v.
+    """
+
+    length_m: float
+    stand_s: float
+    ramp_s: float
+    speed_mps: float
+
+    @property
+    def duration_s(self) -> float:
+        """Time until it stands again."""
+        return self.stand_s + self.length_m / self.speed_mps + self.ramp_s
+
+    def speed_mps_at(self, t_s: FloatArray) -> FloatArray:
+        """Return the speed (n,)."""
+        up, down = self._progress(t_s)
+        return np.asarray(self.speed_mps * (smoothstep(up) - smoothstep(down)))
+
+    def distance_m_at(self, t_s: FloatArray) -> FloatArray:
+        """Return the distance driven (n,)."""
+        up, down = self._progress(t_s)
+        return np.asarray(self.speed_mps * self.ramp_s * (smoothstep_area(up) - smoothstep_area(down)))
+
+    def _progress(self, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        up = (t_s - self.stand_s) / self.ramp_s
+        return up, up - self.length_m / self.speed_mps / self.ramp_s
+
+
+class WaypointPath:
+    """A cubic spline through waypoints (k, 3), k >= 2, over the sum of the straight distances between them."""
+
+    def __init__(self, waypoints_m: FloatArray) -> None:
+        """Lay the spline, and measure its length."""
+        from scipy.interpolate import CubicSpline
+
+        chords = np.linalg.norm(np.diff(waypoints_m, axis=0), axis=1)
+        knots = np.concatenate([[0.0], np.cumsum(chords)])
+        self._curve: Curve = CubicSpline(knots, waypoints_m)
+        u = np.linspace(0.0, knots[-1], max(3, int(np.ceil(knots[-1] / FINE_M))))
+        stretch = np.linalg.norm(self._curve(0.5 * (u[1:] + u[:-1]), 1), axis=1)
+        lengths = np.concatenate([[0.0], np.cumsum(stretch * np.diff(u))])
+        self.length_m = float(lengths[-1])
+        self._parameter = CubicSpline(lengths, u)
+
+    def driven(self, t_s: FloatArray, drive: Drive) -> Way:
+        """Return the motion at the times (n,); the velocity is the position's derivative to the last digit."""
+        distance = np.clip(drive.distance_m_at(t_s), 0.0, self.length_m)
+        u = self._parameter(distance)
+        tangent = self._curve(u, 1)
+        rate = self._parameter(distance, 1) * drive.speed_mps_at(t_s)
+        return Way(self._curve(u, 0), rate[:, None] * tangent, along(tangent, np.ones(len(t_s), dtype=bool)))
+
+
+def table_curve(table_t_s: FloatArray, enu_m: FloatArray, sigma_m: float) -> Curve:
+    """Return the cubic spline over time through the places (k, 3), or near them.
+
+    With ``sigma_m`` > 0 each axis is a smoothing spline whose mean squared distance from the places is sigma^2 at most.
+    """
+    from scipy.interpolate import CubicSpline, UnivariateSpline
+
+    if sigma_m == 0:
+        return CubicSpline(table_t_s, enu_m)  # type: ignore[no-any-return]  # scipy ships no types
+    allowed = len(table_t_s) * sigma_m**2
+    axes = [UnivariateSpline(table_t_s, axis, k=3, s=allowed) for axis in enu_m.T]
+    return lambda t_s, order: np.column_stack([axis(t_s, order) for axis in axes])
+
+
+def curve_way(t_s: FloatArray, curve: Curve, min_speed_mps: float) -> tuple[Way, BoolArray]:
+    """Return the motion at the times (n,), and where it is faster than the minimum, level, so that it has a course."""
+    velocity = curve(t_s, 1)
+    moving = np.hypot(velocity[:, 0], velocity[:, 1]) > min_speed_mps
+    return Way(curve(t_s, 0), velocity, along(velocity, moving)), moving
+
+
+def along(direction: FloatArray, known: BoolArray) -> FloatArray:
+    """Roll, pitch and yaw (n, 3) of a vehicle that points along ``direction`` (n, 3) and does not roll.
+
+    pitch = -atan(up/level), positive nose down; yaw = atan2(north, east). Where it is not ``known`` (n,) the angles go
+    straight from the last that is to the next one; zero if none is.
+    """
+    if not known.any():
+        return np.zeros_like(direction)
+    east, north, up = direction[known].T
+    yaw, pitch = np.unwrap(np.arctan2(north, east)), -np.arctan2(up, np.hypot(east, north))
+    rows, at = np.arange(len(direction)), np.flatnonzero(known)
+    return np.column_stack([np.zeros(len(rows)), np.interp(rows, at, pitch), np.interp(rows, at, yaw)])
