@@ -45,11 +45,8 @@ class ScalarQ:
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
     ) -> float:
         """Return the factor on the prior covariance."""
-        energy = np.sum(innovation**2)
-        h, r = np.trace(HPHt), np.trace(R)
-        if energy < h + r:
-            return 1.0
-        return min(max((energy - r) / h, 1.0), self.limit)  # with h far below r, rounding alone would leave 0
+        factor: float = (np.sum(innovation**2) - np.trace(R)) / np.trace(HPHt)
+        return min(max(factor, 1.0), self.limit)  # 1 or more just where y'y >= sum h + sum r
 
     def adapt(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray

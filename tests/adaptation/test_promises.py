@@ -95,6 +95,12 @@ def test_iae_reports_until_ten_are_there_and_counts_each_row_apart():
     np.testing.assert_allclose(tenth, [[80.0, 0.0], [0.0, 3.0]])
 
 
+def test_iae_goes_no_lower_than_a_tenth_of_the_reported_variance():
+    for low in (0.1, 0.3):
+        last = run(make("iae", low=low), [scalar_update(0.01, r=5.0)] * 10)[-1]
+        assert last[0, 0] == pytest.approx(low * 5.0)
+
+
 def test_variational_bayes_finds_the_variance_of_a_sensor_that_reports_too_little():
     rng = np.random.default_rng(7)
     updates = [scalar_update(y, h=2.0) for y in rng.normal(0.0, np.sqrt(11.0), 4000)]
