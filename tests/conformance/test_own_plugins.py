@@ -1,7 +1,5 @@
 """Every plugin of this package passes the checks that it offers to others."""
 
-import warnings
-
 import pytest
 
 from jerkbench import plugins
@@ -30,7 +28,6 @@ def test_the_reference_engine_conforms():
     check_plugin("engine", plugins.create("engine", {"name": "filterpy"}))
 
 
-def test_no_data_set_is_forgotten():
-    others = [name for name in own("dataset") if not name.startswith("field")]
-    if set(others) != {"rtklib"}:
-        warnings.warn(f"data sets without a check: {others}", stacklevel=1)
+def test_the_real_drive_conforms(shared_folder):
+    folder = shared_folder / "data" / "rtklib_drive_0708"
+    check_plugin("dataset", plugins.create("dataset", {"name": "rtklib", "folder": str(folder)}))
