@@ -397,6 +397,14 @@ class Listed(NoAdaptation):
     items: list = field(default_factory=list)
 
 
+@dataclass(frozen=True)
+class Forgetful(Mtf):
+    """Loses its parameters on the way to another process."""
+
+    def __reduce__(self):
+        return Forgetful, ()
+
+
 def local_plugin():
     @dataclass(frozen=True)
     class Local(NoAdaptation):
@@ -413,6 +421,7 @@ def local_plugin():
         (Silent(), "Silent has no docstring"),
         (Listed(), "Listed is not hashable"),
         (local_plugin(), "cannot be pickled"),
+        (Forgetful(window=3), "is another after pickling"),
     ],
 )
 def test_any_plugin(plugin, sentence):
