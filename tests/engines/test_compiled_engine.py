@@ -1,10 +1,15 @@
-"""The compiled engine against the reference engine, over whole runs."""
+"""The compiled engine against the reference engine, over whole runs.
+
+Warm, that is with the compiled code of an earlier session on the disk, nearly all of the time is the reference
+engine's. Cold, three loops are compiled (for 6, 9 and 12 states) and each adaptation.
+"""
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 
+from engine_agreement import agree
 from jerkbench import plugins
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.engines.compiled.models import step_lengths
@@ -17,17 +22,8 @@ from jerkbench.timeline.timeline import build_timeline
 from synthetic import level_attitude, recording_at_rest
 
 FILTERS = [name for name in plugins.names("filter") if hasattr(plugins.get("filter", name), "axis_model")]
-OPEN = ("adaptive_q", "cerkf", "maximum_correntropy", "scalar_q")
-"""Adaptations with which some filter differs by more than the limit; not yet known whether they amplify rounding."""
-
-ADAPTATIONS = [
-    pytest.param(
-        name, marks=pytest.mark.xfail(strict=False, reason="differs by more than the limit; under examination")
-    )
-    if name in OPEN
-    else name
-    for name in plugins.names("adaptation")
-]
+ADAPTATIONS = plugins.names("adaptation")
+LONG = (("jerk", "mtf"), ("acceleration", "scalar_q"))
 
 
 def full_covariances(rng, sigma, n):
@@ -36,12 +32,12 @@ def full_covariances(rng, sigma, n):
     return half @ half.transpose(0, 2, 1) + (0.3 * sigma) ** 2 * np.eye(3)
 
 
-def rough_recording(seed=0, duration_s=20.0):
+def rough_recording(duration_s, seed=0):
     """Fixes off the grid, full covariances, outliers, missing axes, position and velocity now together, now apart."""
     rng = np.random.default_rng(seed)
     rest = recording_at_rest(duration_s=duration_s, imu_rate_hz=50)
-    at_p = np.round(np.arange(0.2, duration_s, 0.2) + 0.0031, 4)
-    at_v = np.sort(np.concatenate([at_p[::2], np.round(at_p[1::2] + 0.05, 4)]))
+    at_p = np.round(np.arange(0.2, duration_s, 0.1) + 0.0031, 4)
+    at_v = np.sort(np.concatenate([at_p[::2], np.round(at_p[1::2] + 0.035, 4)]))
     p = rng.normal(0.0, 0.02, (len(at_p), 3)) * np.where(rng.random((len(at_p), 1)) < 0.1, 40.0, 1.0)
     v = rng.normal(0.0, 0.05, (len(at_v), 3)) * np.where(rng.random((len(at_v), 1)) < 0.1, 20.0, 1.0)
     p[rng.random(p.shape) < 0.1], p[0] = np.nan, 0.0
@@ -57,44 +53,89 @@ def rough_recording(seed=0, duration_s=20.0):
     )
 
 
-@pytest.fixture(scope="module")
-def timeline():
-    recording = rough_recording()
+def rough_timeline(duration_s):
+    recording = rough_recording(duration_s)
     u = np.random.default_rng(1).normal(0.0, 0.2, (len(recording.imu.t_s), 3))
     return build_timeline(recording, level_attitude(recording, u))
 
 
-def agree(compiled, reference):
-    """Compare two estimates; after a test that flipped by rounding only what was before it."""
-    flipped = first_flip(compiled, reference)
-    end = np.inf if flipped is None else flipped
-    assert compiled.failure == reference.failure
-    np.testing.assert_array_equal(compiled.index, reference.index)
-    before = compiled.index < np.searchsorted(compiled.index, end) if flipped is not None else slice(None)
-    scale = np.sqrt(np.einsum("ni,nj->nij", *2 * [np.einsum("nii->ni", reference.covariance)]))
-    assert np.abs(compiled.position_m - reference.position_m)[before].max() < 1e-9
-    assert np.abs(compiled.velocity_mps - reference.velocity_mps)[before].max() < 1e-9
-    assert (np.abs(compiled.covariance - reference.covariance) / np.maximum(scale, 1.0))[before].max() < 1e-12
-    for name in ("t_s", "rows", "nis", "nis_used", "innovation", "R_diagonal"):
-        got, wanted = (getattr(estimate.updates, name) for estimate in (compiled, reference))
-        np.testing.assert_allclose(got, wanted, rtol=1e-7, atol=1e-9, err_msg=name)
-    assert flipped is None, f"a threshold flipped by rounding at the update at {flipped:.3f} s"
+@pytest.fixture(scope="module")
+def timeline():
+    return rough_timeline(5.0)
 
 
-def first_flip(compiled, reference):
-    """Return the time of the first update whose adapted R differs by more than rounding."""
-    n = min(len(compiled.updates.t_s), len(reference.updates.t_s))
-    same = np.isclose(compiled.updates.R_diagonal[:n], reference.updates.R_diagonal[:n], rtol=1e-6, equal_nan=True)
-    differs = np.flatnonzero(~same.all(axis=1))
-    return float(reference.updates.t_s[differs[0]]) if differs.size else None
+@pytest.fixture(scope="module")
+def long_timeline():
+    return rough_timeline(60.0)
 
 
 @pytest.mark.parametrize("adaptation", ADAPTATIONS)
 @pytest.mark.parametrize("model", FILTERS)
 def test_every_filter_with_every_adaptation_agrees_with_the_reference_engine(timeline, model, adaptation, capsys):
     pair = plugins.create("filter", {"name": model}), plugins.create("adaptation", {"name": adaptation})
-    agree(CompiledEngine().run(timeline, *pair), FilterpyEngine().run(timeline, *pair))
+    agree(timeline, *pair)
     assert "runs on the engine filterpy" not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("model", "adaptation"), LONG)
+def test_a_minute_agrees_too(long_timeline, model, adaptation):
+    agree(long_timeline, plugins.create("filter", {"name": model}), plugins.create("adaptation", {"name": adaptation}))
+
+
+@pytest.mark.parametrize(("model", "adaptation"), [("jerk", "none"), ("jerk", "mtf"), ("acceleration", "huber")])
+def test_rounding_is_not_amplified_where_nothing_is_steep(timeline, model, adaptation):
+    pair = plugins.create("filter", {"name": model}), plugins.create("adaptation", {"name": adaptation})
+    assert agree(timeline, *pair) == (None, False)
+
+
+@dataclass(frozen=True)
+class Threshold(NoAdaptation):
+    """Takes one decision in a run, at update ``at``: whether R grows."""
+
+    at: int = 0
+    threshold: float = np.inf
+
+    def memory_size(self):
+        return 1
+
+    def adapt(self, innovation, HPHt, R, rows, memory):
+        memory[0] += 1.0
+        nis = np.sum(innovation * np.linalg.solve(HPHt + R, innovation))
+        return 4.0 * R if int(memory[0]) - 1 == self.at and nis > self.threshold else R
+
+
+@pytest.fixture(scope="module")
+def short_timeline():
+    return rough_timeline(2.5)
+
+
+def test_a_threshold_that_flips_by_rounding_is_found_where_it_is(short_timeline):
+    nis = FilterpyEngine().run(short_timeline, Jerk(), Threshold()).updates.nis
+    updates = range(3, len(nis), 4)
+
+    flips = [agree(short_timeline, Jerk(), Threshold(k, nis[k])).flip for k in updates]
+
+    assert any(flip is not None for flip in flips)
+    assert all(flip in {None, k} for k, flip in zip(updates, flips, strict=True))
+
+
+@pytest.mark.parametrize("error", [1e-9, -1e-9])
+def test_a_threshold_that_is_a_little_wrong_is_no_rounding(short_timeline, error):
+    nis = FilterpyEngine().run(short_timeline, Jerk(), Threshold()).updates.nis
+    right, wrong = Threshold(7, nis[7] * (1.0 + 0.5 * error)), Threshold(7, nis[7] * (1.0 - 0.5 * error))
+
+    with pytest.raises(AssertionError, match=r"update 7 at .* rounding does not explain it"):
+        agree(short_timeline, Jerk(), right, CompiledEngine().run(short_timeline, Jerk(), wrong))
+
+
+@pytest.mark.parametrize("adaptation", ["none", "scalar_q", "cerkf"])
+def test_an_engine_that_is_a_little_wrong_does_not_agree(timeline, adaptation):
+    pair = plugins.create("filter", {"name": "acceleration"}), plugins.create("adaptation", {"name": adaptation})
+    given = timeline.measurements
+    wrong = replace(timeline, measurements=replace(given, R=given.R * (1.0 + 1e-10)))
+
+    with pytest.raises(AssertionError):
+        agree(timeline, *pair, CompiledEngine().run(wrong, *pair))
 
 
 @pytest.mark.parametrize("config", [{"name": "mtf", "window": 4, "guard": 2}, {"name": "mtf", "window": 2}])
@@ -103,7 +144,7 @@ def test_parameters_reach_the_compiled_code(timeline, config):
     default = CompiledEngine().run(timeline, Jerk(), plugins.create("adaptation", {"name": "mtf"}))
     run = CompiledEngine().run(timeline, Jerk(), adaptation)
 
-    agree(run, FilterpyEngine().run(timeline, Jerk(), adaptation))
+    agree(timeline, Jerk(), adaptation, run)
     assert np.abs(run.position_m - default.position_m).max() > 1e-6
 
 
@@ -140,7 +181,7 @@ def weighted(R, weight):
 def test_fading_dropped_rows_helpers_and_parameters_of_all_kinds(timeline):
     for adaptation in (Faded(), Faded(factor=1.1, every=2, weights=(3.0, 1.0, 1.0)), Faded(on=False)):
         run = CompiledEngine().run(timeline, Jerk(), adaptation)
-        agree(run, FilterpyEngine().run(timeline, Jerk(), adaptation))
+        agree(timeline, Jerk(), adaptation, run)
         assert np.isnan(run.updates.nis_used).any()
         assert np.isinf(run.updates.R_diagonal).any()
 
@@ -160,7 +201,7 @@ class Damped:
 
 def test_any_model_of_any_size(timeline):
     pair = Damped(), plugins.create("adaptation", {"name": "scalar_r"})
-    agree(CompiledEngine().run(timeline, *pair), FilterpyEngine().run(timeline, *pair))
+    agree(timeline, *pair)
 
 
 @dataclass(frozen=True)
@@ -201,8 +242,8 @@ def test_what_numba_cannot_compile_runs_on_the_reference_engine_with_one_line(ti
     first, second = engine.run(timeline, Baseline(), Dictionary()), engine.run(timeline, Jerk(), Dictionary())
     said = capsys.readouterr().err
 
-    agree(first, FilterpyEngine().run(timeline, Baseline(), Dictionary()))
-    agree(second, FilterpyEngine().run(timeline, Jerk(), Dictionary()))
+    agree(timeline, Baseline(), Dictionary(), first)
+    agree(timeline, Jerk(), Dictionary(), second)
     (line,) = [line for line in said.splitlines() if "compiling" not in line]
     assert line.startswith("jerkbench: Dictionary runs on the engine filterpy: ")
     assert len(line) > len("jerkbench: Dictionary runs on the engine filterpy: ") + 10

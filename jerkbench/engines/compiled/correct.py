@@ -69,7 +69,12 @@ def _gain_by_inverse(w: FloatArray) -> float:
 
 
 def _joseph(w: FloatArray) -> None:
-    """P = A - (A H' - K R) K' with A = (I - K H) P; the upper triangle is computed, the lower is its mirror."""
+    """P = A - (A H' - K R) K' with A = (I - K H) P; one triangle is computed, the other is its mirror.
+
+    A lies transposed, and the triangle that is computed is the one whose columns are measured: there A (I - H' K')
+    shrinks the rounding of A, which the size of the prior decides, by R/S. The columns of A H' are its own, not its
+    rows: so an error of K enters only squared.
+    """
     _gain_rows(w)
     _noise_rows(w)
     _joseph_rows(w)
@@ -79,16 +84,16 @@ def _joseph(w: FloatArray) -> None:
 
 
 def _gain_row(w: FloatArray, s: int) -> None:
-    """A = P - K H P, in the place of P; the first six rows are needed in full."""
+    """A' = P - (H P)' K', in the place of P; the first six rows are needed in full."""
     for t in range(0 if s < 6 else s, S):
         total = w[P + S * s + t]
         for r in range(6):
-            total -= w[K + S * r + s] * w[W + S * r + t]
+            total -= w[W + S * r + s] * w[K + S * r + t]
         w[P + S * s + t] = total
 
 
 def _noise_row(w: FloatArray, c: int) -> None:
-    """W = (A H' - K R)'; A is symmetric, and the rows of K that are not kept are zero."""
+    """W = (A H' - K R)'; the rows of K that are not kept are zero."""
     for s in range(S):
         total = w[P + S * c + s]
         for r in range(6):
@@ -97,11 +102,11 @@ def _noise_row(w: FloatArray, c: int) -> None:
 
 
 def _joseph_row(w: FloatArray, s: int) -> None:
-    """P = A - W' K', on and above the diagonal."""
+    """P = A' - K W, on and above the diagonal."""
     for t in range(s, S):
         total = w[P + S * s + t]
         for r in range(6):
-            total -= w[W + S * r + s] * w[K + S * r + t]
+            total -= w[K + S * r + s] * w[W + S * r + t]
         w[P + S * s + t] = total
 
 
