@@ -155,7 +155,8 @@ def _failed(kind: str, entry: EntryPoint, error: Exception) -> str:
 
 def _fitted(plugin: str, cls: type, values: dict[str, Any]) -> dict[str, Any]:
     fitted = {}
-    for key, hint in typing.get_type_hints(cls).items():
+    hints = typing.get_type_hints(cls)
+    for key, hint in ((f.name, hints[f.name]) for f in dataclasses.fields(cls)):
         if key in values:
             try:
                 fitted[key] = _fit(values[key], hint)

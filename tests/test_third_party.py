@@ -1,5 +1,6 @@
 """Anybody's package of two files brings an adaptation into sweeps, lists and pages."""
 
+import importlib
 import subprocess
 import sys
 
@@ -7,6 +8,8 @@ import pandas as pd
 import pytest
 
 from commands import SHORT, jerkbench, swept
+from jerkbench.adaptation.mtf import Mtf
+from jerkbench.benchmark.versions import plugin_digest
 
 MODULE = '''
 """A rule of our own."""
@@ -89,6 +92,22 @@ def test_it_is_swept_with_its_parameters_and_agrees_with_a_filter_that_reports_t
     assert set(rows.index) == {"none", "doubt", "doubt(factor=1.0)", "doubt(factor=2.0)"}
     assert rows["doubt(factor=1.0)"] == rows["none"]
     assert len(set(rows)) == 3
+
+
+def test_an_edit_in_a_helper_of_its_package_gives_another_key(tmp_path, monkeypatch):
+    package = tmp_path / "edited"
+    package.mkdir()
+    (package / "__init__.py").write_text("")
+    (package / "helper.py").write_text("K = 1.0\n")
+    (package / "rule.py").write_text("from edited.helper import K\n\n\nclass Rule:\n    k = K\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    rule = importlib.import_module("edited.rule").Rule
+    before = plugin_digest(rule)
+    plugin_digest.cache_clear()
+    (package / "helper.py").write_text("K = 2.0\n")
+
+    assert plugin_digest(rule) != before
+    assert plugin_digest(Mtf) == ""
 
 
 def test_one_that_raises_is_a_row_with_the_reason_and_the_exit_code_says_so(installed, tmp_path):

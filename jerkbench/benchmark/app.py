@@ -56,26 +56,39 @@ def sweep(loader: ConfigLoader, config: DictConfig, jobs: Sequence[Sequence[str]
     for line in plan.refused:
         print(line, file=sys.stderr)
     store = Store(study_folder(config))
-    code = 0
-    try:
-        with _terminated_like_interrupted():
-            run_sweep(plan, store, config.workers or _processors())
-    except KeyboardInterrupt:
-        print("Interrupted. What is done is stored; the same command goes on from there.", file=sys.stderr)
-        code = INTERRUPTED
-    failed = _conclude(plan, store, config)
+    code = _run(plan, store, config.workers or _processors())
+    failed = _conclude(store, [one.key for one in plan.cells], config)
     if code or failed:
         raise SystemExit(code or FAILED)
     return [JobReturn(status=JobStatus.COMPLETED) for _ in jobs]
+
+
+def _run(plan: Plan, store: Store, workers: int) -> int:
+    """Run the plan; returns the exit code of a sweep that did not come to its end, or 0."""
+    try:
+        store.prepare()
+        with _terminated_like_interrupted():
+            run_sweep(plan, store, workers)
+    except KeyboardInterrupt:
+        print("Interrupted. What is done is stored; the same command goes on from there.", file=sys.stderr)
+        return INTERRUPTED
+    except OSError as error:
+        print(f"jerkbench: the sweep ends here, because a result cannot be stored: {error}.", file=sys.stderr)
+        return FAILED
+    except JerkbenchError as error:
+        exit_with(error)
+    return 0
 
 
 class Conclude(Callback):
     """Writes the table after a sweep that another launcher than ours has run."""
 
     def on_multirun_end(self, config: DictConfig, **_: Any) -> None:  # noqa: ANN401 - Hydra's signature
-        """Write the table of the whole study."""
+        """Write and print the table of the whole study; exits as our own launcher would."""
         if config.hydra.launcher["_target_"] != LAUNCHER:
-            write_study(load_study(study_folder(config)))
+            store = Store(study_folder(config))
+            if _conclude(store, [one.key for one in store.read()[0]], config):
+                raise SystemExit(FAILED)
 
 
 def _task(config: DictConfig) -> None:
@@ -105,25 +118,24 @@ def _run_job(config: DictConfig, job: HydraConf) -> None:
 def _run_and_show(one: Planned, folder: Path, config: DictConfig) -> None:
     from jerkbench.report.terminal import print_run
 
+    Store(folder).prepare()
     rows, figures = run_single(one, folder, figures=config.figures)
     write_manifest(folder, [one.key], list(config.notes), sys.argv)
-    write_study(load_study(folder))
+    write_study(load_study(folder, prefer=[one.key]))
     print_run(rows)
     for path in figures:
         print(f"Figure: {path}")
 
 
-def _conclude(plan: Plan, store: Store, config: DictConfig) -> bool:
+def _conclude(store: Store, keys: Sequence[str], config: DictConfig) -> bool:
     """Write and print the tables of what is there; whether any run failed."""
     from jerkbench.report.terminal import print_table
 
-    keys = [one.key for one in plan.cells]
     folder = store.folder.parent
-    done = [key for key in keys if store.path(key).exists()]
-    if not done:
+    if not any(store.path(key).exists() for key in keys):
         return False
     write_manifest(folder, keys, list(config.notes), sys.argv)
-    study = load_study(folder)
+    study = load_study(folder, prefer=keys)
     write_study(study)
     ours = study.only(keys)
     print_table(ours.rows, ours.notes)

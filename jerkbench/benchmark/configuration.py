@@ -103,8 +103,19 @@ def _labels(spec: dict[str, Any], choices: Mapping[str, Any], overrides: list[st
     """Names of the choices, with the parameters that the overrides set in parentheses."""
     changed = _parameters(overrides)
     names = {kind: _named(str(choices[kind]), changed.get(kind, [])) for kind in GROUPS if kind != "engine"}
-    disturbances = (_named(d["name"], changed.get(f"disturbance.{d['name']}", [])) for d in spec["disturbance"])
-    return Labels(disturbance=joined(disturbances), noise=_noise_label(spec, choices, changed), **names)
+    disturbance = _disturbance_label(spec, choices, overrides, changed)
+    return Labels(disturbance=disturbance, noise=_noise_label(spec, choices, changed), **names)
+
+
+def _disturbance_label(
+    spec: dict[str, Any], choices: Mapping[str, Any], overrides: list[str], changed: dict[str, list[str]]
+) -> str:
+    """The chosen names, presets too, in their order; parameters stand with the plugin that they belong to."""
+    listed = [word.partition("=")[2].strip("[]") for word in overrides if word.startswith("disturbance=")]
+    chosen = listed[-1] if listed else str(choices.get("disturbance") or "")
+    names = [name.strip() for name in chosen.split(",") if name.strip()] or [d["name"] for d in spec["disturbance"]]
+    also = [d["name"] for d in spec["disturbance"] if d["name"] not in names and f"disturbance.{d['name']}" in changed]
+    return joined(_named(name, changed.get(f"disturbance.{name}", [])) for name in [*names, *also])
 
 
 def _noise_label(spec: dict[str, Any], choices: Mapping[str, Any], changed: dict[str, list[str]]) -> str:
@@ -124,7 +135,7 @@ def _parameters(overrides: list[str]) -> dict[str, list[str]]:
         key, _, value = override.lstrip("+~").partition("=")
         owner, _, name = key.rpartition(".")
         if owner and not key.startswith("hydra") and "/" not in value and name not in ("folder", "file"):
-            found.setdefault(owner, []).append(f"{name}={value}")
+            found.setdefault(owner, []).append(f"{name}={value.lower() if value in ('True', 'False') else value}")
     return found
 
 

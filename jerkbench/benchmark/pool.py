@@ -14,8 +14,8 @@ Result = TypeVar("Result")
 
 def run_grouped(
     work: Callable[[Task], Result], groups: Iterable[list[Task]], workers: int
-) -> Iterator[tuple[Task, Result | None]]:
-    """Yield each task with its result as it is done; None where the process died.
+) -> Iterator[tuple[Task, Result | Exception]]:
+    """Yield each task with its result as it is done, or with what kept it from being done (its process died).
 
     A worker takes the tasks of one group in their order. When no group is left it helps with the longest.
     """
@@ -39,7 +39,7 @@ class _Pool(Generic[Task, Result]):
         self.executors = [_executor() for _ in range(workers)]
         self.current: list[deque[Task] | None] = [None] * workers
 
-    def results(self) -> Iterator[tuple[Task, Result | None]]:
+    def results(self) -> Iterator[tuple[Task, Result | Exception]]:
         running: dict[Future[Result], tuple[int, Task]] = {}
         for worker in range(len(self.executors)):
             self._start(worker, running)
@@ -69,12 +69,16 @@ class _Pool(Generic[Task, Result]):
             self.current[worker] = group
         return group.popleft() if group else None
 
-    def _result(self, future: Future[Result], worker: int) -> Result | None:
+    def _result(self, future: Future[Result], worker: int) -> Result | Exception:
         try:
             return future.result()
+        except OSError:  # nothing more can be stored: the sweep has to end
+            raise
         except BrokenProcessPool:
             self.executors[worker] = _executor()
-            return None
+            return ChildProcessError("the process that ran it died")
+        except Exception as error:  # noqa: BLE001 - a plugin that cannot be sent to a process, for example
+            return error
 
 
 def _executor() -> ProcessPoolExecutor:

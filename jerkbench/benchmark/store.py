@@ -3,6 +3,7 @@
 import hashlib
 import json
 import os
+import time
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -14,9 +15,12 @@ import pyarrow.parquet as pq
 
 from jerkbench.benchmark.cell import Cell
 from jerkbench.benchmark.run import Row
-from jerkbench.benchmark.versions import code_digest, plugin_digest
+from jerkbench.benchmark.versions import code_digest, plugin_digest, versions
+from jerkbench.errors import JerkbenchError
 
 METADATA = b"jerkbench"
+ABANDONED_S = 3600.0
+"""A half-written file that is older belongs to nobody any more."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +44,23 @@ class Store:
     def __init__(self, folder: Path) -> None:
         """Open the store below ``folder`` (the study's); nothing is written yet."""
         self.folder = folder / "cells"
+
+    def prepare(self) -> None:
+        """Make the folder, and clear away what a killed process has left half-written.
+
+        Raises:
+            JerkbenchError: nothing can be written there.
+        """
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            probe = self.folder / f".probe.{os.getpid()}"
+            probe.touch()
+            probe.unlink()
+            for partial in self.folder.glob(".*.partial"):
+                if time.time() - partial.stat().st_mtime > ABANDONED_S:
+                    partial.unlink(missing_ok=True)
+        except OSError as error:
+            raise JerkbenchError(f"Results cannot be written to {self.folder}: {error.strerror}.") from error
 
     def path(self, key: str) -> Path:
         """Where the cell ``key`` is, or would be."""
@@ -79,17 +100,24 @@ class Store:
 
 
 def cell_key(cell: Cell, fingerprint: str) -> str:
-    """Hash of everything that the cell's rows depend on: specification, protocol, code, plugins, data."""
+    """Hash of all that the cell's rows depend on: specification, protocol, our code, the plugins', libraries, data."""
     parts = [cell.dataset, *cell.disturbances, cell.attitude, cell.filter, cell.adaptation, cell.engine, *cell.metrics]
     everything = {
         "labels": cell.labels,
         "spec": cell.spec,
-        "protocol": asdict(cell.protocol),
+        "protocol": _deciding(cell),
         "code": code_digest(),
+        "versions": versions(),
         "plugins": [plugin_digest(type(part)) for part in parts],
         "data": fingerprint,
     }
     return hashlib.sha256(json.dumps(everything, sort_keys=True).encode()).hexdigest()[:20]
+
+
+def _deciding(cell: Cell) -> dict[str, Any]:
+    """The protocol without what does not matter: a deterministic cell has no seeds."""
+    everything = asdict(cell.protocol)
+    return everything if cell.seeded else {k: v for k, v in everything.items() if k not in ("seeds", "first_seed")}
 
 
 def _read_about(path: Path) -> dict[str, Any] | None:

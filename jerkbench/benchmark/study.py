@@ -5,7 +5,7 @@ import os
 import platform
 import sys
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,8 @@ from jerkbench.errors import JerkbenchError
 from jerkbench.files import write_text
 
 MANIFEST = "manifest.json"
+RECORDED = ("labels", "spec", "protocol", "data", "code", "versions", "commit")
+"""What the manifest says of each cell."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,8 +44,12 @@ class Study:
         return Study(self.folder, self.rows[chosen].reset_index(drop=True), self.notes, self.keys[chosen])
 
 
-def load_study(folder: Path) -> Study:
-    """Read every cell of a study.
+def load_study(folder: Path, prefer: Collection[str] = ()) -> Study:
+    """Read the cells of a study; of several with the same name, one.
+
+    Args:
+        folder: the study's.
+        prefer: keys that are taken before others of the same name; without them those of the last run, then the newest.
 
     Raises:
         JerkbenchError: there is no cell.
@@ -52,14 +58,11 @@ def load_study(folder: Path) -> Study:
     if not found:
         raise JerkbenchError(f"{folder} holds no results; `jerkbench run` writes them there (cells/*.parquet).")
     manifest = read_manifest(folder)
-    current, older = _newest(_ordered(found, manifest.get("cells", [])))
-    notes = list(dict.fromkeys([*manifest.get("notes", []), *(n for one in current for n in one.about["notes"])]))
-    if older:
-        notes.append(f"{older} older results of the same combinations (other code or data) are left out.")
-    if broken:
-        notes.append(f"{len(broken)} damaged files of cells are left out: {', '.join(broken)}.")
+    preferred = set(prefer or manifest.get("last", []))
+    current = _current(_ordered(found, manifest.get("cells", [])), preferred)
     rows = pd.concat([one.rows for one in current], ignore_index=True)
     keys = pd.Series([one.key for one in current for _ in range(len(one.rows))])
+    notes = [*_notes(current, manifest), *_remarks(current, len(found) - len(current), broken)]
     return Study(folder, rows, tuple(notes), keys)
 
 
@@ -72,19 +75,19 @@ def write_study(study: Study) -> None:
 
 
 def write_manifest(folder: Path, keys: Sequence[str], notes: Sequence[str], command: Sequence[str]) -> None:
-    """Write what was run, by which code, on which machine; the order of earlier cells is kept."""
+    """Write what was run, by which code, on which machine; the order and the notes of earlier cells are kept."""
     before = read_manifest(folder)
-    ours = [(one.key, one.about) for one in Store(folder).read()[0]]
+    stored = [(one.key, one.about) for one in Store(folder).read()[0]]
     manifest = {
         "cells": list(dict.fromkeys([*before.get("cells", []), *keys])),
-        "notes": list(dict.fromkeys([*before.get("notes", []), *notes])),
+        "last": list(keys),
+        "notes": {**before.get("notes", {}), **{key: list(notes) for key in keys}},
         "command": list(command),
         "finished": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
         "versions": versions(),
         "commit": git_commit(),
         "host": {"system": platform.platform(), "machine": platform.machine(), "processors": os.cpu_count()},
-        "data": {about["labels"]["dataset"]: about["data"] for _, about in ours},
-        "configuration": {key: {part: about[part] for part in ("labels", "spec", "protocol")} for key, about in ours},
+        "configuration": {key: {part: about[part] for part in RECORDED} for key, about in stored},
     }
     write_text(folder / MANIFEST, json.dumps(manifest, indent=1))
 
@@ -108,11 +111,34 @@ def _ordered(found: list[Stored], order: list[str]) -> list[Stored]:
     return sorted(found, key=lambda one: (place.get(one.key, len(place)), list(one.about["labels"].values())))
 
 
-def _newest(found: list[Stored]) -> tuple[list[Stored], int]:
-    """Of several results of the same combination only the newest; and how many others there were."""
-    newest: dict[str, Stored] = {}
+def _current(found: list[Stored], preferred: set[str]) -> list[Stored]:
+    """Of several results with the same labels, the preferred one, else the newest."""
+    chosen: dict[tuple[str, ...], Stored] = {}
+
+    def rank(one: Stored) -> tuple[bool, str]:
+        return one.key in preferred, one.about["created"]
+
     for one in found:
-        same = json.dumps([one.about["labels"], one.about["spec"], one.about["protocol"]], sort_keys=True)
-        if same not in newest or one.about["created"] > newest[same].about["created"]:
-            newest[same] = one
-    return list(newest.values()), len(found) - len(newest)
+        name = tuple(one.about["labels"].values())
+        if name not in chosen or rank(one) > rank(chosen[name]):
+            chosen[name] = one
+    return list(chosen.values())
+
+
+def _notes(current: list[Stored], manifest: dict[str, Any]) -> list[str]:
+    """What the configuration, and then the recordings, have to say about the cells that are shown."""
+    configured = [note for one in current for note in manifest.get("notes", {}).get(one.key, [])]
+    return list(dict.fromkeys([*configured, *(note for one in current for note in one.about["notes"])]))
+
+
+def _remarks(current: list[Stored], others: int, broken: list[str]) -> list[str]:
+    """What a reader has to know about the cells that are there, and about those that are not shown."""
+    remarks = []
+    codes = {json.dumps([one.about["code"], one.about["versions"]], sort_keys=True) for one in current}
+    if len(codes) > 1:
+        remarks.append(f"These results come from {len(codes)} versions of the code or its libraries.")
+    if others:
+        remarks.append(f"{others} results of the same names with other settings, code or data are left out.")
+    if broken:
+        remarks.append(f"{len(broken)} damaged files of cells are left out: {', '.join(broken)}.")
+    return remarks

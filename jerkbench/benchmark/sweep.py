@@ -10,7 +10,8 @@ from jerkbench.benchmark.cell import Cell, refusal
 from jerkbench.benchmark.pool import run_grouped
 from jerkbench.benchmark.run import failed_rows, run_cell
 from jerkbench.benchmark.store import Store, cell_key
-from jerkbench.benchmark.versions import git_commit, versions
+from jerkbench.benchmark.versions import code_digest, git_commit, versions
+from jerkbench.errors import PluginError
 from jerkbench.report.progress import Progress
 
 
@@ -41,6 +42,7 @@ def plan_sweep(cells: Sequence[Cell]) -> Plan:
 
     Raises:
         RecordingError: the data of a cell are not there.
+        PluginError: two cells would have the same name in the table.
     """
     planned: dict[str, Planned] = {}
     refused: dict[str, int] = {}
@@ -54,6 +56,7 @@ def plan_sweep(cells: Sequence[Cell]) -> Plan:
         fingerprint = fingerprints[cell.dataset]
         key = cell_key(cell, fingerprint)
         planned.setdefault(key, Planned(cell, key, fingerprint))
+    _require_names([one.cell for one in planned.values()])
     lines = tuple(f"Left out {count} combinations: {reason}." for reason, count in refused.items())
     return Plan(tuple(planned.values()), lines)
 
@@ -64,10 +67,10 @@ def run_sweep(plan: Plan, store: Store, workers: int) -> None:
     with Progress(len(plan.cells), already=len(plan.cells) - len(pending)) as progress:
         work = partial(run_and_store, store.folder.parent)
         for one, statuses in run_grouped(work, _grouped(pending), workers):
-            if statuses is None:
-                rows = failed_rows(one.cell, "the process that ran it died")
+            if isinstance(statuses, Exception):
+                rows = failed_rows(one.cell, f"{type(statuses).__name__}: {statuses}")
                 store.write(one.key, rows, about(one, notes=[], seconds=0.0))
-                statuses = [row["status"] for row in rows]  # noqa: PLW2901 - what the dead process did not say
+                statuses = [row["status"] for row in rows]  # noqa: PLW2901 - what the process could not say
             progress.advance(statuses)
 
 
@@ -88,11 +91,25 @@ def about(one: Planned, notes: list[str], seconds: float) -> dict[str, object]:
         "protocol": asdict(cell.protocol),
         "data": one.fingerprint,
         "notes": notes,
+        "code": code_digest(),
         "versions": versions(),
         "commit": git_commit(),
         "created": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
         "seconds": round(seconds, 3),
     }
+
+
+def _require_names(cells: Sequence[Cell]) -> None:
+    """Refuse two cells that no column of the table would tell apart."""
+    seen: dict[object, Cell] = {}
+    for cell in cells:
+        other = seen.setdefault(cell.labels, cell)
+        if other is not cell:
+            parts = [part for part in cell.spec if cell.spec[part] != other.spec[part]]
+            raise PluginError(
+                f"Two combinations would both be called {', '.join(cell.labels)}: they differ in {' and '.join(parts)} "
+                "in a way that no column shows; run them into studies of their own (study=NAME)."
+            )
 
 
 def _grouped(pending: Sequence[Planned]) -> list[list[Planned]]:

@@ -9,7 +9,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 PACKAGE = Path(__file__).parents[1]
-LIBRARIES = ("filterpy", "numpy", "scipy", "pandas", "pymap3d", "hydra-core")
+LIBRARIES = ("filterpy", "numba", "numpy", "scipy", "pandas", "pymap3d", "hydra-core")
 NOT_COMPUTING = ("cli", "report")
 """Parts of the package that no number depends on."""
 
@@ -27,14 +27,27 @@ def code_digest() -> str:
 
 @cache
 def plugin_digest(cls: type) -> str:
-    """Hash of the module that defines a plugin outside this package; empty for our own."""
-    if cls.__module__.split(".", 1)[0] == "jerkbench":
-        return ""
+    """Hash of the code of a plugin outside this package: its package, or its module, and those of its bases.
+
+    Empty for our own plugins, which `code_digest` covers.
+    """
+    foreign = [c for c in cls.__mro__ if c.__module__.partition(".")[0] not in ("jerkbench", "builtins")]
+    digest = hashlib.sha256()
+    for path in sorted({path for c in foreign for path in _sources(c)}):
+        digest.update(path.read_bytes())
+    return digest.hexdigest() if foreign else ""
+
+
+def _sources(cls: type) -> list[Path]:
+    """Every Python file of the class's package; of a module that stands alone, its file."""
     try:
         source = inspect.getsourcefile(cls)
     except TypeError:  # defined in an interactive session: there is no file
-        return cls.__qualname__
-    return hashlib.sha256(Path(source).read_bytes()).hexdigest() if source else cls.__qualname__
+        return []
+    if source is None:
+        return []
+    levels = cls.__module__.count(".") + Path(source).stem.count("__init__")
+    return sorted(Path(source).parents[levels - 1].rglob("*.py")) if levels else [Path(source)]
 
 
 @cache

@@ -90,3 +90,17 @@ def test_impossible_protocols_are_a_sentence():
         Protocol(seeds=0)
     with pytest.raises(PluginError, match="first_seed is -1"):
         replace(Protocol(), first_seed=-1)
+
+
+def test_seeds_do_not_change_the_key_of_a_cell_without_anything_random():
+    drive = {"name": "rtklib", "folder": "anywhere"}
+    few, many = (cell(Protocol(seeds=n), dataset=drive) for n in (2, 20))
+
+    assert cell_key(few, "data") == cell_key(many, "data")
+
+
+def test_the_key_depends_on_the_versions_of_the_libraries(monkeypatch):
+    before = cell_key(cell(), "data")
+    monkeypatch.setattr(store, "versions", lambda: {"numpy": "another"})
+
+    assert cell_key(cell(), "data") != before

@@ -36,4 +36,5 @@ def test_two_workers_take_a_group_each_and_the_idle_one_helps():
 def test_a_process_that_dies_costs_its_own_task_only():
     done = dict(run_grouped(die_on_three, [[1, 2, 3, 4], [5, 6]], workers=2))
 
-    assert done == {1: 10, 2: 20, 3: None, 4: 40, 5: 50, 6: 60}
+    assert isinstance(done.pop(3), ChildProcessError)
+    assert done == {1: 10, 2: 20, 4: 40, 5: 50, 6: 60}
