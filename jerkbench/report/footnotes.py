@@ -47,15 +47,17 @@ def _reading(table: Table, cells: list[Cell]) -> Iterator[str]:
 def _intervals(cells: list[Cell]) -> Iterator[str]:
     if not cells:
         return
-    good = [cell.runs - cell.diverged - cell.failed for cell in cells]
-    seeds = f"{max(good)}" if min(good) == max(good) else f"{min(good)} to {max(good)}"
-    few = f" Of fewer than {FEW} seeds it is too short." if min(good) < FEW else ""
+    used = [cell.used for cell in cells]
+    seeds = f"{max(used)}" if min(used) == max(used) else f"{min(used)} to {max(used)}"
+    few = f" Of fewer than {FEW} seeds it is too short." if min(used) < FEW else ""
     yield f"[low, high]: 95 % BCa bootstrap interval of the mean over {seeds} seeds.{few}"
 
 
 def _trouble(cells: list[Cell], rows: "pd.DataFrame") -> Iterator[str]:
     if any(c.diverged and not math.isnan(c.mean) for c in cells):
         yield "k/n diverged: k of n runs diverged; the mean is over the others."
+    if any(c.missing and c.used for c in cells):
+        yield "k/n n/a: k of n runs have no value of this metric; the mean is over the others, and never bold."
     if any(c.failed for c in cells):
         reasons = list(dict.fromkeys(rows.loc[rows["status"] == "failed", "reason"].astype(str)))
         more = f"; and {len(reasons) - REASONS} more" if len(reasons) > REASONS else ""

@@ -106,7 +106,8 @@ def _cells(rows: "pd.DataFrame", metric: str, keys: list[str]) -> dict[tuple[str
     for (key, group), one, phase, interval in zip(groups.items(), good, phases, intervals, strict=True):
         ends = _range(one) if phase else (interval.mean, interval.low, interval.high)
         diverged, failed = (int((status[group] == name).sum()) for name in ("diverged", "failed"))
-        cells[key] = Cell(*ends, len(group), diverged, failed, "phase" if phase else "seed")
+        missing = int(np.isnan(one).sum())
+        cells[key] = Cell(*ends, len(group), diverged, failed, missing, "phase" if phase else "seed")
     return cells
 
 

@@ -9,12 +9,13 @@ class Cell:
     """One combination with all its runs.
 
     Attributes:
-        mean: over the runs that went well; NaN without any, or where the metric does not apply.
+        mean: over the runs that went well and have the metric; NaN without any.
         low: lower end of the interval (seeds), or the smallest value (phases); NaN where there is none.
         high: upper end, or the largest value.
         runs: all runs, also those that did not go well.
         diverged: how many of them diverged.
         failed: how many of them raised an error.
+        missing: how many went well, but have no value of the metric (NaN).
         replicate: "seed" (independent draws) or "phase" (of one recording: not independent).
         best: whether no other cell of its row has a lower mean, as printed.
     """
@@ -25,13 +26,19 @@ class Cell:
     runs: int
     diverged: int = 0
     failed: int = 0
+    missing: int = 0
     replicate: str = "seed"
     best: bool = False
 
     @property
     def complete(self) -> bool:
-        """Whether all runs went well and the metric applies."""
-        return self.diverged == self.failed == 0 and math.isfinite(self.mean)
+        """Whether the mean is over all runs."""
+        return self.used == self.runs and math.isfinite(self.mean)
+
+    @property
+    def used(self) -> int:
+        """How many runs the mean is over."""
+        return self.runs - self.diverged - self.failed - self.missing
 
     @property
     def text(self) -> str:
@@ -56,8 +63,8 @@ class Cell:
 
     @property
     def trouble(self) -> str:
-        """How many runs diverged or failed, or nothing."""
-        counts = (("diverged", self.diverged), ("failed", self.failed))
+        """How many runs diverged, failed or have no value, or nothing; where none has one, "n/a" says that already."""
+        counts = [("diverged", self.diverged), ("failed", self.failed), ("n/a", self.missing if self.used else 0)]
         if self.diverged + self.failed == self.runs:
             return ", ".join(f"{word} {n}/{self.runs}" for word, n in counts if n)
         said = ", ".join(f"{n}/{self.runs} {word}" for word, n in counts if n)

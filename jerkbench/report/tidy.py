@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from jerkbench.report.factors import FACTORS
 from jerkbench.report.table import Cell, Table
 
-VALUES = ("mean", "low", "high", "runs", "diverged", "failed", "replicate")
+VALUES = ("mean", "low", "high", "runs", "diverged", "failed", "missing", "replicate")
 """Columns after the metric, its unit and the factors; the ends are a range where ``replicate`` is "phase"."""
 
 
@@ -34,4 +34,5 @@ def _factors(table: Table, row: tuple[str, ...], column: tuple[str, ...]) -> lis
 def _values(cell: Cell) -> list[str]:
     ends = (cell.mean, cell.low, cell.high)
     numbers = ["" if math.isnan(value) else repr(value) for value in ends]
-    return [*numbers, str(cell.runs), str(cell.diverged), str(cell.failed), cell.replicate]
+    counts = (cell.runs, cell.diverged, cell.failed, cell.missing)
+    return [*numbers, *map(str, counts), cell.replicate]

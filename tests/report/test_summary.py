@@ -117,6 +117,46 @@ def test_a_metric_that_does_not_apply_is_said(rows):
     assert "n/a: the metric does not apply." in table.footnotes
 
 
+def test_runs_without_the_metric_are_counted(cell_rows):
+    frame = pd.DataFrame(
+        [*cell_rows("jerk", "a", [1.0, 2.0, np.nan, np.nan, np.nan]), *cell_rows("jerk", "b", [3.0] * 5)]
+    )
+    table = summarise(frame, "position_rmse_m")
+    holed, whole = table.cells[0]
+    assert holed.text == "1.50 [1.00, 2.00] (3/5 n/a)"
+    assert (holed.used, holed.missing, holed.complete, holed.best) == (2, 3, False, False)
+    assert (whole.used, whole.missing, whole.complete, whole.text) == (5, 0, True, "3.00 [3.00, 3.00]")
+    said = " ".join(table.footnotes)
+    assert "mean over 2 to 5 seeds. Of fewer than 10 seeds it is too short." in said
+    assert "k/n n/a: k of n runs have no value of this metric; the mean is over the others, and never bold." in said
+    assert "n/a: the metric does not apply." not in table.footnotes
+
+
+def test_a_mean_over_a_part_of_the_runs_does_not_compete(cell_rows):
+    cells = [
+        *cell_rows("jerk", "a", [1.0, np.nan]),
+        *cell_rows("jerk", "b", [2.0, 2.0]),
+        *cell_rows("jerk", "c", [3.0, 3.0]),
+    ]
+    (row,) = summarise(pd.DataFrame(cells), "position_rmse_m").cells
+    assert [cell.best for cell in row] == [False, True, False]
+
+
+@pytest.mark.parametrize(
+    ("statuses", "values", "text"),
+    [
+        (["ok", "ok", "ok", "diverged"], [2.0, np.nan, np.nan, 9.0], "2.00 (1/4 diverged, 2/4 n/a)"),
+        (["ok", "ok", "diverged", "failed"], [np.nan, np.nan, 9.0, np.nan], "n/a (1/4 diverged, 1/4 failed)"),
+        (["diverged", "diverged", "failed", "failed"], [np.nan] * 4, "diverged 2/4, failed 2/4"),
+        (["ok"] * 4, [np.nan] * 4, "n/a"),
+    ],
+)
+@pytest.mark.parametrize("replicate", ["seed", "phase"])
+def test_only_runs_that_went_well_are_missing(cell_rows, statuses, values, text, replicate):
+    frame = pd.DataFrame(cell_rows("jerk", "none", values, replicate=replicate)).assign(status=statuses)
+    assert summarise(frame, "position_rmse_m").cells[0][0].text == text
+
+
 def test_few_seeds_are_said(rows, cell_rows):
     assert any(
         "Of fewer than 10 seeds it is too short." in note for note in summarise(rows, "position_rmse_m").footnotes

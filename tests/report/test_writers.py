@@ -96,8 +96,18 @@ def test_csv_reads_back_with_all_digits(rows):
     cell = table.cells[0][0]
     assert tuple(float(first[name]) for name in ("mean", "low", "high")) == (cell.mean, cell.low, cell.high)
     (one,) = [line for line in lines if line["filter"] == "baseline" and line["metric"] == "position_rmse_m"]
-    assert (one["runs"], one["diverged"], one["failed"], one["unit"]) == ("4", "2", "0", "m")
+    assert (one["runs"], one["diverged"], one["failed"], one["missing"], one["unit"]) == ("4", "2", "0", "0", "m")
     assert (one["dataset"], one["adaptation"], one["noise"]) == ("field", "none", "own")
+
+
+def test_csv_counts_the_runs_without_the_metric(rows):
+    holed = rows.assign(anees=rows["anees"].where(rows["seed"] > 0))
+    lines = list(csv.DictReader(io.StringIO(tidy_csv([summarise(holed, "anees")]))))
+    assert [(line["runs"], line["diverged"], line["missing"]) for line in lines] == [
+        ("4", "0", "1"),
+        ("4", "0", "1"),
+        ("4", "2", "1"),
+    ]
 
 
 def test_csv_leaves_a_number_empty_that_is_not_there(rows):
