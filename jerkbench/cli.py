@@ -99,7 +99,7 @@ def _parser() -> argparse.ArgumentParser:
 def _add_table(table: argparse.ArgumentParser) -> None:
     factors = "dataset, disturbance, attitude, filter, adaptation, noise; separated by commas"
     table.add_argument("folder", type=Path, help="the study's folder, for example results/paper")
-    table.add_argument("--metric", default="position_rmse_m", help="a column of rows.csv (default: position_rmse_m)")
+    table.add_argument("--metric", help="a column of rows.csv (default: position_rmse_m, or the first there is)")
     table.add_argument("--rows", help=f"factors that make the rows: {factors}")
     table.add_argument("--columns", help="factors that make the columns (default: adaptation)")
     table.add_argument("--format", choices=("terminal", "md", "csv", "tex"), default="terminal")

@@ -5,17 +5,17 @@ from pathlib import Path
 from jerkbench.benchmark.study import load_study
 from jerkbench.report.latex import latex
 from jerkbench.report.markdown import markdown
-from jerkbench.report.summary import summarise
+from jerkbench.report.summary import main_metric, summarise
 from jerkbench.report.terminal import print_summary
 from jerkbench.report.tidy import tidy_csv
 
 
-def print_study_table(folder: Path, metric: str, rows: str | None, columns: str | None, form: str) -> None:
+def print_study_table(folder: Path, metric: str | None, rows: str | None, columns: str | None, form: str) -> None:
     """Print one metric of the study in ``folder``.
 
     Args:
         folder: the study's.
-        metric: a column of its rows.csv.
+        metric: a column of its rows.csv; None: the position's, or the first there is.
         rows: factors of the rows, separated by commas; None: all that vary and are not columns.
         columns: factors of the columns; None: the adaptation.
         form: "terminal", "md", "csv" or "tex".
@@ -24,7 +24,7 @@ def print_study_table(folder: Path, metric: str, rows: str | None, columns: str 
         JerkbenchError: there are no results, or no such metric or factor.
     """
     study = load_study(folder)
-    table = summarise(study.rows, metric, _factors(rows), _factors(columns), study.notes)
+    table = summarise(study.rows, metric or main_metric(study.rows), _factors(rows), _factors(columns), study.notes)
     if form == "terminal":
         print_summary(table)
     else:

@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 IDENTITY = (*FACTORS, "seed", "replicate", "status", "reason")
 """Columns of a row that are not metrics."""
 
+MAIN = "position_rmse_m"
+"""The metric of a table for which none is asked."""
+
 
 def summarise(
     rows: "pd.DataFrame",
@@ -62,6 +65,13 @@ def summarise(
         constants=constants(rows, (*across, *down)),
     )
     return dataclasses.replace(table, footnotes=footnotes(table, rows, notes))
+
+
+def main_metric(rows: "pd.DataFrame") -> str:
+    """Return `MAIN` if it was computed or no run went well, else the first metric that was computed."""
+    if MAIN in rows.columns or not (rows["status"] == "ok").any():
+        return MAIN
+    return next(iter(metric_columns(rows)), MAIN)
 
 
 def metric_columns(rows: "pd.DataFrame") -> list[str]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from jerkbench.files import write_text
 from jerkbench.report.latex import latex
 from jerkbench.report.markdown import markdown
-from jerkbench.report.summary import metric_columns, summarise
+from jerkbench.report.summary import main_metric, metric_columns, summarise
 from jerkbench.report.table import Cell, Table
 from jerkbench.report.tidy import tidy_csv
 
@@ -18,11 +18,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Cell", "Table", "summarise", "write_tables"]
 
-MAIN = "position_rmse_m"
-"""The metric of the first section, and of table.tex."""
-
 SECTIONS = (
-    MAIN,
+    "position_rmse_m",
     "position_rmse_horizontal_m",
     "position_rmse_up_m",
     "position_max_m",
@@ -35,24 +32,25 @@ SECTIONS = (
     "anees",
     "anis_per_row",
 )
-"""Metrics that get a section in table.md, where they apply; table.csv has all."""
+"""Metrics that get a section in table.md, where they apply, after the main one; table.csv has all."""
 
 
 def write_tables(rows: "pd.DataFrame", folder: Path, notes: Sequence[str] = ()) -> None:
-    """Write table.md, table.csv and table.tex into ``folder``.
+    """Write table.md, table.csv and table.tex into ``folder``; the last has `main_metric` alone.
 
     Args:
         rows: as for `summarise`.
         folder: made where it is not there; each file is replaced as a whole.
         notes: sentences that go under the first table.
     """
-    metrics = list(dict.fromkeys([MAIN, *metric_columns(rows)]))
-    tables = {metric: summarise(rows, metric, notes=notes if metric == MAIN else ()) for metric in metrics}
-    main = tables[MAIN]
-    others = [tables[metric] for metric in SECTIONS[1:] if metric in tables and _applies(tables[metric])]
+    first = main_metric(rows)
+    metrics = dict.fromkeys([first, *metric_columns(rows)])
+    tables = {metric: summarise(rows, metric, notes=notes if metric == first else ()) for metric in metrics}
+    main = tables.pop(first)
+    others = [tables[metric] for metric in SECTIONS if metric in tables and _applies(tables[metric])]
     sections = [markdown(main, level=1), *(markdown(_news(table, main)) for table in others)]
     write_text(folder / "table.md", "\n".join(sections))
-    write_text(folder / "table.csv", tidy_csv(list(tables.values())))
+    write_text(folder / "table.csv", tidy_csv([main, *tables.values()]))
     write_text(folder / "table.tex", latex(main))
 
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 from jerkbench.report.factors import FACTORS
 from jerkbench.report.quantities import quantity
-from jerkbench.report.summary import metric_columns, summarise
+from jerkbench.report.summary import main_metric, metric_columns, summarise
 from jerkbench.report.table import ABSENT, Cell, Table
 
 if TYPE_CHECKING:
@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     from rich.text import Text
 
 
-def print_table(rows: "pd.DataFrame", notes: Sequence[str] = (), metric: str = "position_rmse_m") -> None:
-    """Print the table of ``metric`` with ``notes`` under it; in a pipe it is as wide as it needs to be."""
-    print_summary(summarise(rows, metric, notes=notes))
+def print_table(rows: "pd.DataFrame", notes: Sequence[str] = (), metric: str | None = None) -> None:
+    """Print the table of ``metric`` (default: `main_metric`) with ``notes``; in a pipe as wide as it has to be."""
+    print_summary(summarise(rows, metric or main_metric(rows), notes=notes))
 
 
 def print_summary(table: Table) -> None:

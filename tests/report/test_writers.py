@@ -147,6 +147,37 @@ def test_the_three_files(rows, tmp_path):
     assert r"\caption{Position RMSE (3-D) {[}m{]}}" in (tmp_path / "new" / "table.tex").read_text(encoding="utf-8")
 
 
+@pytest.fixture
+def without_position(rows):
+    return rows.drop(columns="position_rmse_m").assign(step_us=3, velocity_rmse_mps=0.25)
+
+
+def test_without_the_main_metric_the_first_that_was_computed_leads(without_position, tmp_path, capsys):
+    write_tables(without_position, tmp_path, ("A note.",))
+    text = (tmp_path / "table.md").read_text(encoding="utf-8")
+    titles = [line for line in text.splitlines() if line.startswith("#")]
+    assert titles == ["# ANEES of position and velocity", "## Velocity RMSE (3-D) [m/s]"]
+    assert text.index("A note.") < text.index("## Velocity")
+    metrics = pd.read_csv(tmp_path / "table.csv")["metric"].unique()
+    assert list(metrics) == ["anees", "step_us", "velocity_rmse_mps"]
+    assert r"\caption{ANEES of position and velocity}" in (tmp_path / "table.tex").read_text(encoding="utf-8")
+    print_table(without_position)
+    assert capsys.readouterr().out.startswith("ANEES of position and velocity")
+
+
+def test_where_no_run_went_well_the_table_is_of_the_main_metric(without_position, tmp_path, capsys):
+    lost = without_position.assign(status="failed", reason="ValueError: no.")
+    write_tables(lost, tmp_path)
+    assert (tmp_path / "table.md").read_text(encoding="utf-8").startswith("# Position RMSE (3-D) [m]")
+    print_table(lost)
+    assert capsys.readouterr().out.startswith("Position RMSE (3-D) [m]")
+
+
+def test_the_terminal_shows_the_metric_that_is_asked_for(rows, capsys):
+    print_table(rows, metric="anees")
+    assert capsys.readouterr().out.startswith("ANEES of position and velocity")
+
+
 def test_the_same_rows_give_the_same_bytes(rows, tmp_path):
     for name in ("a", "b"):
         write_tables(rows, tmp_path / name, ())
