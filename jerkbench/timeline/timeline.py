@@ -15,7 +15,10 @@ from jerkbench.recording import Recording
 from jerkbench.timeline.measurements import Measurements, gather
 
 INITIAL_SPEED_SIGMA_MPS = 10.0
-"""One sigma of a velocity axis that nothing measures within a second of the start."""
+"""One sigma of a velocity axis that nothing measures in the last second before the start, or at it."""
+
+INITIAL_SPEED_AGE_NS = 1_000_000_000
+"""How old a velocity may be to start from."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,13 +109,16 @@ def _first_fix(measurements: Measurements, begin_ns: int, end_ns: int, name: str
 
 
 def _initial(measurements: Measurements, first: int) -> tuple[FloatArray, FloatArray]:
-    """Position from the first fix; each velocity axis from the measurement nearest to it within a second."""
+    """Position from the first fix; each velocity axis from its latest measurement of the last second up to the fix.
+
+    An axis that was not measured by then is 0 +- 10 m/s: what comes later is an update, and must not be used twice.
+    """
     x0, P0 = np.zeros(6), np.diag([1.0] * 3 + [INITIAL_SPEED_SIGMA_MPS**2] * 3)
     x0[:3], P0[:3, :3] = measurements.z[first, :3], measurements.R[first, :3, :3]
-    distance = np.abs(measurements.t_ns - measurements.t_ns[first])
+    age = measurements.t_ns[first] - measurements.t_ns
+    recent = (age >= 0) & (age <= INITIAL_SPEED_AGE_NS)
     for axis in (3, 4, 5):
-        away = np.where(np.isfinite(measurements.z[:, axis]), distance, np.iinfo(np.int64).max)
-        row = int(np.argmin(away))
-        if away[row] <= 1_000_000_000:
-            x0[axis], P0[axis, axis] = measurements.z[row, axis], measurements.R[row, axis, axis]
+        rows = np.flatnonzero(recent & np.isfinite(measurements.z[:, axis]))
+        if rows.size:  # in the order of time: the last one is the latest
+            x0[axis], P0[axis, axis] = measurements.z[rows[-1], axis], measurements.R[rows[-1], axis, axis]
     return x0, P0

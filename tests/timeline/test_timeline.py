@@ -71,15 +71,49 @@ def test_the_reference_is_met_at_its_own_stamps():
     np.testing.assert_allclose(timeline.t_s[met], stamps[1:], atol=1e-12)
 
 
-def test_it_starts_at_the_first_fix_with_the_nearest_velocity_and_does_not_use_the_fix_twice():
-    timeline = timeline_of(
-        position=positions([0.1, 0.5], [[1.0, 2.0, 3.0], [0.0, 0.0, 0.0]]),
-        velocity=velocities([0.05, 0.2], [[7.0, 8.0, np.nan], [9.0, 9.0, np.nan]]),
-    )
+def start_with(t_s, mps, fix_at=0.5):
+    """The start of a run whose first fix is at 0.5 s, given what the velocity axes are when."""
+    fixes = positions([fix_at, fix_at + 0.3], [[1.0, 2.0, 3.0], [0.0, 0.0, 0.0]])
+    covariance = np.array([(i + 1.0) * np.diag([1.0, 2.0, 3.0]) for i in range(len(t_s))])
+    return timeline_of(position=fixes, velocity=Velocity(t_s, mps, covariance))
 
-    np.testing.assert_array_equal(timeline.x0, [1.0, 2.0, 3.0, 7.0, 8.0, 0.0])
-    np.testing.assert_array_equal(np.diag(timeline.P0), [0.01] * 5 + [INITIAL_SPEED_SIGMA_MPS**2])
+
+def test_it_starts_at_the_first_fix_and_does_not_use_it_twice():
+    timeline = start_with([0.5], [[7.0, 8.0, 9.0]])
+
+    np.testing.assert_array_equal(timeline.x0, [1.0, 2.0, 3.0, 7.0, 8.0, 9.0])
+    np.testing.assert_array_equal(np.diag(timeline.P0), [0.01, 0.01, 0.01, 1.0, 2.0, 3.0])
     assert timeline.update[0] == -1
+    assert timeline.update[timeline.update >= 0].tolist() == [1]  # the fix at 0.8 s
+
+
+def test_each_velocity_axis_starts_from_its_latest_measurement_up_to_the_fix():
+    nan = np.nan
+    timeline = start_with([0.1, 0.3, 0.5], [[1.0, 2.0, 3.0], [4.0, 5.0, nan], [6.0, nan, nan]])
+
+    np.testing.assert_array_equal(timeline.x0[3:], [6.0, 5.0, 3.0])
+    np.testing.assert_array_equal(np.diag(timeline.P0)[3:], [3.0 * 1.0, 2.0 * 2.0, 1.0 * 3.0])
+
+
+def test_a_velocity_after_the_fix_is_an_update_and_not_the_start():
+    timeline = start_with([0.2, 0.501], [[7.0, np.nan, np.nan], [8.0, 9.0, np.nan]])
+
+    np.testing.assert_array_equal(timeline.x0[3:], [7.0, 0.0, 0.0])
+    np.testing.assert_array_equal(
+        np.diag(timeline.P0)[3:], [1.0, INITIAL_SPEED_SIGMA_MPS**2, INITIAL_SPEED_SIGMA_MPS**2]
+    )
+    updates = timeline.measurements.z[timeline.update[timeline.update >= 0]]
+    np.testing.assert_array_equal(updates[0, 3:], [8.0, 9.0, np.nan])
+
+
+@pytest.mark.parametrize(("age_s", "used"), [(1.0, True), (1.001, False)])
+def test_a_velocity_of_more_than_a_second_ago_is_too_old_to_start_from(age_s, used):
+    recording = recording_at_rest(
+        duration_s=3.0, position=positions([2.0]), velocity=velocities([2.0 - age_s], [[1.0, 2.0, 3.0]])
+    )
+    timeline = build_timeline(recording, level_attitude(recording))
+
+    np.testing.assert_array_equal(timeline.x0[3:], [1.0, 2.0, 3.0] if used else np.zeros(3))
 
 
 def test_variances_below_a_millimetre_are_raised_and_the_rest_stays():
