@@ -1,6 +1,7 @@
 """A cell: one combination of data set, disturbances, attitude, filter, adaptation and noise, with all its seeds."""
 
 import dataclasses
+import math
 from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
@@ -40,7 +41,7 @@ class Protocol:
         seeds: number of runs of a cell that has anything random.
         first_seed: the first of them.
         burn_in_s: errors count from this time on [s].
-        divergence_limit_m: a larger position error is a divergence [m].
+        divergence_limit_m: a larger position error is a divergence [m]; infinite: none is.
     """
 
     seeds: int = 5
@@ -54,6 +55,10 @@ class Protocol:
             raise PluginError(f"seeds is {self.seeds}; at least one run is needed.")
         if self.first_seed < 0:
             raise PluginError(f"first_seed is {self.first_seed}; it must not be negative.")
+        if not (math.isfinite(self.burn_in_s) and self.burn_in_s >= 0):
+            raise PluginError(f"burn_in_s is {self.burn_in_s:g}; it must be a number of seconds, 0 or more.")
+        if math.isnan(self.divergence_limit_m) or self.divergence_limit_m <= 0:
+            raise PluginError(f"divergence_limit_m is {self.divergence_limit_m:g}; it must be more than 0.")
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -6,7 +6,7 @@ import numpy as np
 
 from jerkbench.arrays import BoolArray
 from jerkbench.contracts import Metric
-from jerkbench.errors import PluginError
+from jerkbench.errors import PluginError, RecordingError
 from jerkbench.estimate import Estimate
 from jerkbench.evaluation.navigation_errors import known, position_error_m
 from jerkbench.recording import Recording
@@ -29,12 +29,15 @@ def counted_rows(estimate: Estimate, recording: Recording, burn_in_s: float) -> 
 def evaluate_run(
     estimate: Estimate, recording: Recording, burn_in_s: float, metrics: Sequence[Metric]
 ) -> dict[str, float]:
-    """Return the values of all metrics by column name.
+    """Return the values of all metrics by column name; of a run that stopped before a row counted, they are NaN.
 
     Raises:
+        RecordingError: no row counts, though the run did not stop early.
         PluginError: two metrics give the same column.
     """
     counted = counted_rows(estimate, recording, burn_in_s)
+    if not counted.any() and not _stopped(estimate):
+        raise RecordingError(_nothing_counts(recording, burn_in_s))
     values: dict[str, float] = {}
     owners: dict[str, str] = {}
     for metric in metrics:
@@ -51,7 +54,7 @@ def run_status(estimate: Estimate, recording: Recording, limit_m: float = 1000.0
     A run diverged if it stopped early, reached none of the reference's stamps, has a position or velocity that is not
     finite, or a position error over ``limit_m`` on the axes that the reference knows (also where it is not scored).
     """
-    reason = estimate.failure or _not_there(estimate) or _too_far(estimate, recording, limit_m)
+    reason = _stopped(estimate) or _too_far(estimate, recording, limit_m)
     return ("diverged", reason) if reason else ("ok", "")
 
 
@@ -61,10 +64,19 @@ def _taken(column: str, owner: str, other: str) -> str:
     )
 
 
-def _not_there(estimate: Estimate) -> str:
-    if len(estimate.index) == 0:
-        return "The run reached none of the reference's stamps."
-    return ""
+def _nothing_counts(recording: Recording, burn_in_s: float) -> str:
+    return (
+        f"No error counts: burn_in_s is {burn_in_s:g}, the recording '{recording.name}' lasts "
+        f"{recording.duration_s:.2f} s, and no row of its reference after the burn-in is known, scored and reached; "
+        "give a shorter burn-in, or a recording with a reference."
+    )
+
+
+def _stopped(estimate: Estimate) -> str:
+    """Return why the run stopped early, or an empty string."""
+    if estimate.failure or len(estimate.index):
+        return estimate.failure
+    return "The run reached none of the reference's stamps."
 
 
 def _too_far(estimate: Estimate, recording: Recording, limit_m: float) -> str:

@@ -92,6 +92,23 @@ def test_impossible_protocols_are_a_sentence():
         replace(Protocol(), first_seed=-1)
 
 
+@pytest.mark.parametrize("burn_in_s", [-0.1, float("inf"), float("nan")])
+def test_a_burn_in_is_a_number_of_seconds(burn_in_s):
+    with pytest.raises(PluginError, match=f"burn_in_s is {burn_in_s:g}; it must be"):
+        Protocol(burn_in_s=burn_in_s)
+
+
+@pytest.mark.parametrize("limit_m", [0.0, -1.0, float("-inf"), float("nan")])
+def test_a_divergence_limit_is_more_than_nothing(limit_m):
+    with pytest.raises(PluginError, match=f"divergence_limit_m is {limit_m:g}; it must be"):
+        Protocol(divergence_limit_m=limit_m)
+
+
+def test_no_burn_in_and_no_limit_are_possible():
+    protocol = Protocol(burn_in_s=0.0, divergence_limit_m=float("inf"))
+    assert (protocol.burn_in_s, protocol.divergence_limit_m) == (0.0, float("inf"))
+
+
 def test_seeds_do_not_change_the_key_of_a_cell_without_anything_random():
     drive = {"name": "rtklib", "folder": "anywhere"}
     few, many = (cell(Protocol(seeds=n), dataset=drive) for n in (2, 20))

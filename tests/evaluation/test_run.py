@@ -9,20 +9,16 @@ import numpy as np
 import pytest
 
 from jerkbench import plugins
-from jerkbench.errors import PluginError
+from jerkbench.errors import PluginError, RecordingError
 from jerkbench.estimate import Updates
 from jerkbench.evaluation.run import counted_rows, evaluate_run, run_status
 
 METRICS = ("attitude_rmse", "consistency", "outage", "position_rmse", "velocity_rmse")
+UNKNOWN = {"enu_m": None, "velocity_mps": None, "euler_rad": None}
 
 
 def all_metrics():
     return [plugins.create("metric", {"name": name}) for name in METRICS]
-
-
-def without_reference(recording):
-    reference = dataclasses.replace(recording.reference, enu_m=None, velocity_mps=None, euler_rad=None)
-    return dataclasses.replace(recording, reference=reference, outages_s=np.empty((0, 2)))
 
 
 def test_the_metrics_are_registered():
@@ -48,15 +44,37 @@ def test_every_column_is_there_and_a_number(estimate, recording):
 
 
 def test_what_does_not_apply_is_nan_and_never_missing(estimate, recording):
-    blind = dataclasses.replace(estimate, updates=Updates.empty())
-    values = evaluate_run(blind, without_reference(recording), 5.0, all_metrics())
-    assert set(values) == set(evaluate_run(estimate, recording, 5.0, all_metrics()))
-    assert all(math.isnan(value) for value in values.values())
+    """Of the reference, yaw alone is known."""
+    euler_rad = np.where([False, False, True], recording.reference.euler_rad, np.nan)
+    reference = dataclasses.replace(recording.reference, enu_m=None, velocity_mps=None, euler_rad=euler_rad)
+    yaw_alone = dataclasses.replace(recording, reference=reference, outages_s=np.empty((0, 2)))
+    values = evaluate_run(dataclasses.replace(estimate, updates=Updates.empty()), yaw_alone, 5.0, all_metrics())
+    assert list(values) == list(evaluate_run(estimate, recording, 5.0, all_metrics()))
+    assert [name for name, value in values.items() if not math.isnan(value)] == ["yaw_rmse_rad"]
 
 
-def test_a_burn_in_longer_than_the_run_leaves_nothing_but_the_whole(estimate, recording):
-    values = evaluate_run(estimate, recording, 1e6, all_metrics())
-    assert [name for name, value in values.items() if math.isfinite(value)] == ["position_rmse_whole_m"]
+def test_a_run_of_which_nothing_counts_is_a_sentence(estimate, recording):
+    with pytest.raises(RecordingError, match=r"burn_in_s is 500, the recording 'drawn' lasts 34\.50 s"):
+        evaluate_run(estimate, recording, 500.0, all_metrics())
+    last_s = recording.reference.t_s[estimate.index[-1]]
+    assert math.isfinite(evaluate_run(estimate, recording, last_s, all_metrics())["position_rmse_m"])
+
+
+@pytest.mark.parametrize("changes", [{"scored": np.zeros(70, dtype=bool)}, UNKNOWN])
+def test_a_reference_that_is_not_scored_or_not_known_is_a_sentence(estimate, recording, changes):
+    reference = dataclasses.replace(recording.reference, **changes)
+    with pytest.raises(RecordingError, match="no row of its reference after the burn-in is known, scored"):
+        evaluate_run(estimate, dataclasses.replace(recording, reference=reference), 5.0, all_metrics())
+
+
+@pytest.mark.parametrize(("reached", "failure"), [(4, "The covariance is not positive definite at 4.50 s."), (0, "")])
+def test_a_run_that_stopped_in_the_burn_in_stays_diverged(estimate, recording, reached, failure):
+    names = ("index", "position_m", "velocity_mps", "covariance", "euler_rad")
+    cut = {name: getattr(estimate, name)[:reached] for name in names}
+    stopped = dataclasses.replace(estimate, **cut, failure=failure, updates=Updates.empty())
+    values = evaluate_run(stopped, recording, 5.0, all_metrics())
+    assert run_status(stopped, recording)[0] == "diverged"
+    assert math.isnan(values["position_rmse_m"])
 
 
 def test_two_metrics_may_not_give_the_same_column(estimate, recording):
