@@ -165,9 +165,10 @@ class Faded(NoAdaptation):
         return self.factor if self.on and int(memory[0]) % self.every == 0 else 1.0
 
     def adapt(self, innovation, HPHt, R, rows, memory):
-        adapted = weighted(R, self.weights[int(memory[0]) % 3])
+        adapted = weighted(R, self.weights[int(memory[0]) % 3]) + 0.1 * HPHt  # the faded one
         if int(memory[0]) % 5 == 0:
-            adapted[0, 0] = np.inf
+            adapted[0, :] = np.inf
+            adapted[:, 0] = np.inf
         if int(memory[0]) % 7 == 0:
             for i in range(len(rows)):
                 adapted[i, i] = np.inf
@@ -250,7 +251,7 @@ def test_what_numba_cannot_compile_runs_on_the_reference_engine_with_one_line(ti
 
 
 def test_step_lengths_are_those_of_whole_nanoseconds_and_the_first_of_each():
-    lengths, which = step_lengths(np.array([0.0, 0.01, 0.01 + 1e-12, 0.02, 0.01]))
+    lengths, which = step_lengths(np.array([0.0, 0.01, 0.01 + 1e-12, 0.02, 0.01, 0.01 + 2e-9]))
 
-    np.testing.assert_array_equal(which, [-1, 1, 1, 2, 1])
-    np.testing.assert_array_equal(lengths[which[1:]], [0.01, 0.01, 0.02, 0.01])
+    np.testing.assert_array_equal(which, [-1, 1, 1, 3, 1, 2])
+    np.testing.assert_array_equal(lengths[which[1:]], [0.01, 0.01, 0.02, 0.01, 0.01 + 2e-9])
