@@ -70,7 +70,7 @@ class Tilt:
         course_min_speed_mps: horizontal speed above which the course counts.
         course_sigma_min_rad: least standard deviation of a course.
         initial_tilt_variance: diagonal of the first P; null: 1e-3 at rest, .03 moving.
-        compiled: run the tilt loop compiled by numba; the same to 1e-10, over a hundred times as fast.
+        compiled: run the tilt loop compiled by numba; the same to 1e-10.
     """
 
     adapt: str = "mtf"
