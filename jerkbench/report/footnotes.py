@@ -16,11 +16,14 @@ FEW = 10
 REASONS = 3
 """How many different reasons of failures are told."""
 
+AT_THE_END = ("outage_end_m", "outage_end_max_m")
+"""Metrics of which the number of outages is told."""
+
 
 def footnotes(table: Table, rows: "pd.DataFrame", notes: Sequence[str]) -> tuple[str, ...]:
     """Return the sentences under ``table``, the caller's ``notes`` at the end."""
     cells = [cell for row in table.cells for cell in row if cell is not None]
-    return (*_constants(table), *_reading(table, cells), *_trouble(cells, rows), *notes)
+    return (*_constants(table), *_reading(table, cells), *_outages(table, rows), *_trouble(cells, rows), *notes)
 
 
 def _constants(table: Table) -> Iterator[str]:
@@ -51,6 +54,16 @@ def _intervals(cells: list[Cell]) -> Iterator[str]:
     seeds = f"{max(used)}" if min(used) == max(used) else f"{min(used)} to {max(used)}"
     few = f" Of fewer than {FEW} seeds it is too short." if min(used) < FEW else ""
     yield f"[low, high]: 95 % BCa bootstrap interval of the mean over {seeds} seeds.{few}"
+
+
+def _outages(table: Table, rows: "pd.DataFrame") -> Iterator[str]:
+    """How many outages an error at their end is taken from."""
+    if table.metric not in AT_THE_END or "outages_counted" not in rows.columns:
+        return
+    counts = rows.loc[rows["status"] == "ok", "outages_counted"].dropna()
+    if len(counts):
+        low, high = int(counts.min()), int(counts.max())
+        yield f"Outages of a run with a known error at the end: {low if low == high else f'{low} to {high}'}."
 
 
 def _trouble(cells: list[Cell], rows: "pd.DataFrame") -> Iterator[str]:

@@ -16,6 +16,7 @@ TITLES = {
     "outage_rmse_m": "Position RMSE (3-D) during outages",
     "outage_end_m": "Position error (3-D) at the end of an outage, mean over the outages",
     "outage_end_max_m": "Position error (3-D) at the end of an outage, the largest",
+    "outages_counted": "Outages with a known error at the end",
     "anees": "ANEES of position and velocity",
     "anees_position": "ANEES of position",
     "anis_per_row": "ANIS per row, with the reported R",
@@ -26,6 +27,9 @@ TITLES = {
 EXPECTED = {"anees": 6, "anees_position": 3, "anis_per_row": 1, "anis_used_per_row": 1}
 """What a consistent filter gives; of these neither the lowest nor the highest is the best."""
 
+COUNTS = ("outages_counted",)
+"""What tells how much was scored: no quality of a filter."""
+
 
 @dataclass(frozen=True)
 class Quantity:
@@ -34,12 +38,14 @@ class Quantity:
     Attributes:
         title: in words.
         unit: "" for a ratio.
-        expected: what a consistent filter gives, or None where lower is better.
+        expected: what a consistent filter gives, or None.
+        lowest_is_best: whether the lowest is the best; if not, none is.
     """
 
     title: str
     unit: str
     expected: float | None = None
+    lowest_is_best: bool = True
 
     @property
     def heading(self) -> str:
@@ -57,4 +63,5 @@ def quantity(column: str) -> Quantity:
     unit = UNITS.get(last, "") if stem else ""
     words = [WORDS.get(word, word) for word in (stem if unit else column).split("_")]
     plain = " ".join(words)
-    return Quantity(TITLES.get(column, plain[:1].upper() + plain[1:]), unit, EXPECTED.get(column))
+    title = TITLES.get(column, plain[:1].upper() + plain[1:])
+    return Quantity(title, unit, EXPECTED.get(column), column not in (*EXPECTED, *COUNTS))

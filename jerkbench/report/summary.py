@@ -51,7 +51,7 @@ def summarise(
     column_values = _unique(rows, down)
     what = quantity(metric)
     grid = [[cells.get((*row, *column)) for column in column_values] for row in row_values]
-    if what.expected is None:
+    if what.lowest_is_best:
         grid = [_with_best(row) for row in grid]
     table = Table(
         title=what.heading,

@@ -2,6 +2,8 @@
 
 import dataclasses
 import math
+import statistics
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -87,25 +89,84 @@ def test_yaw_error_does_not_see_full_turns(estimate, recording, counted):
 
 
 def naive_outage(estimate, recording, counted):
+    reference = recording.reference
+    known_s = [t for t, truth in zip(reference.t_s, reference.enu_m, strict=True) if not np.isnan(truth).any()]
+    oldest_s = 2 * statistics.median(after - before for before, after in pairwise(known_s)) + 1e-9
+    start_s = min(reference.t_s[row] for row, count in zip(estimate.index, counted, strict=True) if count)
     inside, ends = [], []
     for begin, end in recording.outages_s:
         last = None
         for row, position, count in zip(estimate.index, estimate.position_m, counted, strict=True):
-            t, truth = recording.reference.t_s[row], recording.reference.enu_m[row]
-            if count and begin <= t < end and not np.isnan(truth).any():
-                last = math.dist(position, truth)
-                inside.append(last)
-        if last is not None:
-            ends.append(last)
+            t, truth = reference.t_s[row], reference.enu_m[row]
+            if begin <= t < end and not np.isnan(truth).any():
+                if count:
+                    inside.append(math.dist(position, truth))
+                if t >= start_s:
+                    last = t, math.dist(position, truth)
+        if last is not None and end - last[0] <= oldest_s:
+            ends.append(last[1])
     return math.sqrt(sum(d * d for d in inside) / len(inside)), ends
 
 
-def test_outage_is_the_naive_loop(estimate, recording, counted):
-    rmse, ends = naive_outage(estimate, recording, counted)
-    assert len(ends) == 2
-    assert Outage().evaluate(estimate, recording, counted) == pytest.approx(
-        {"outage_rmse_m": rmse, "outage_end_m": sum(ends) / 2, "outage_end_max_m": max(ends)}
+def holed(recording, unknown=(), unscored=()):
+    """Return the recording without the reference in some of its rows, t = row / 2 s; outages: 10 to 14, 20 to 22 s."""
+    enu_m, scored = recording.reference.enu_m.copy(), recording.reference.scored.copy()
+    enu_m[list(unknown)], scored[list(unscored)] = np.nan, False
+    return dataclasses.replace(
+        recording, reference=dataclasses.replace(recording.reference, enu_m=enu_m, scored=scored)
     )
+
+
+@pytest.mark.parametrize(
+    ("holes", "burn_in_s", "n"),
+    [
+        ({}, 5.0, 2),
+        ({"unscored": (26, 27)}, 5.0, 2),  # the end counts though it is not scored
+        ({"unscored": range(20, 28)}, 5.0, 2),
+        ({"unknown": (27,)}, 5.0, 2),  # two intervals before the end
+        ({"unknown": (26, 27)}, 5.0, 1),  # three and more
+        ({"unknown": range(40, 44)}, 5.0, 1),
+        ({"unknown": range(48, 60)}, 5.0, 2),  # a hole elsewhere is not an interval
+        ({}, 13.0, 2),
+        ({}, 14.0, 1),  # the first outage is over
+    ],
+)
+def test_outage_is_the_naive_loop(estimate, recording, holes, burn_in_s, n):
+    recording = holed(recording, **holes)
+    counted = counted_rows(estimate, recording, burn_in_s)
+    rmse, ends = naive_outage(estimate, recording, counted)
+    assert len(ends) == n
+    assert Outage().evaluate(estimate, recording, counted) == pytest.approx(
+        {
+            "outage_rmse_m": rmse,
+            "outage_end_m": sum(ends) / n,
+            "outage_end_max_m": max(ends),
+            "outages_counted": n,
+        }
+    )
+
+
+def test_an_outage_that_the_run_does_not_reach_the_end_of_is_not_counted(estimate, recording):
+    names = ("index", "position_m", "velocity_mps", "covariance", "euler_rad")
+    for reached_s, n in ((22.0, 2), (21.0, 2), (20.5, 1)):
+        reached = recording.reference.t_s[estimate.index] <= reached_s
+        cut = dataclasses.replace(estimate, **{name: getattr(estimate, name)[reached] for name in names})
+        values = Outage().evaluate(cut, recording, counted_rows(cut, recording, BURN_IN_S))
+        assert values["outages_counted"] == n
+
+
+def test_without_an_error_at_any_end_there_are_no_outages_and_no_errors(estimate, recording):
+    unknown = holed(recording, unknown=(*range(20, 28), *range(40, 44)))
+    values = Outage().evaluate(estimate, unknown, counted_rows(estimate, unknown, BURN_IN_S))
+    assert values.pop("outages_counted") == 0
+    assert all(math.isnan(value) for value in values.values())
+
+
+def test_without_outages_nothing_applies(estimate, recording, counted):
+    always = dataclasses.replace(recording, outages_s=np.empty((0, 2)))
+    values = Outage().evaluate(estimate, always, counted)
+    assert len(values) == 4
+    assert all(math.isnan(value) for value in values.values())
 
 
 def test_an_outage_ends_before_the_fix_at_its_end(estimate, recording, counted):

@@ -157,6 +157,26 @@ def test_only_runs_that_went_well_are_missing(cell_rows, statuses, values, text,
     assert summarise(frame, "position_rmse_m").cells[0][0].text == text
 
 
+def test_how_many_outages_an_error_at_their_end_is_from_is_said(rows):
+    said = "Outages of a run with a known error at the end: {}."
+    counted = rows.assign(outage_end_m=0.5, outage_end_max_m=0.7, outages_counted=3.0)
+    lost = counted["status"] == "diverged"
+    counted.loc[lost, "outages_counted"] = 1.0  # of no run that is in the table
+    for metric in ("outage_end_m", "outage_end_max_m"):
+        assert said.format(3) in summarise(counted, metric).footnotes
+    assert not any("known error at the end" in note for note in summarise(counted, "position_rmse_m").footnotes)
+    assert said.format("1 to 3") in summarise(counted.assign(status="ok"), "outage_end_m").footnotes
+    without = summarise(counted.assign(outages_counted=np.nan), "outage_end_m").footnotes
+    assert not any("known error at the end" in note for note in without)
+
+
+def test_nothing_is_best_in_a_count(rows):
+    counted = rows.assign(outages_counted=np.where(rows["adaptation"] == "none", 2.0, 3.0))
+    (jerk, _) = summarise(counted, "outages_counted").cells
+    assert [cell.text for cell in jerk] == ["2.00 [2.00, 2.00]", "3.00 [3.00, 3.00]"]
+    assert not any(cell.best for cell in jerk)
+
+
 def test_few_seeds_are_said(rows, cell_rows):
     assert any(
         "Of fewer than 10 seeds it is too short." in note for note in summarise(rows, "position_rmse_m").footnotes
