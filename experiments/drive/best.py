@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pandas as pd
 
-COLUMNS = {"withhold": "position_rmse_m", "withhold+gnss_outage": "outage_rmse_m"}
+COLUMNS = {"withhold": "position_rmse_m", "withhold+twelve_outages": "outage_rmse_m"}
 
 
 def best(rows: pd.DataFrame, metric: str) -> pd.DataFrame:
