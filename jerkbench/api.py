@@ -7,16 +7,17 @@ if TYPE_CHECKING:
     import pandas as pd
 
 Part = str | Mapping[str, Any]
-"""A plugin by its name, or {"name": ..., parameter: value, ...}."""
+"""A plugin or a preset by its name, or {"name": ..., parameter: value, ...}."""
 
 
 def run(
     *,
     dataset: Part = "field",
     disturbance: Part | Sequence[Part] = (),
-    attitude: Part = "tilt",
+    attitude: Part | None = None,
     filter: Part = "baseline",  # noqa: A002 - the group's name
     adaptation: Part = "none",
+    noise: Part | None = None,
     engine: Part = "filterpy",
     seeds: int = 5,
     first_seed: int = 0,
@@ -24,12 +25,15 @@ def run(
 ) -> "pd.DataFrame":
     """Run one combination; returns one row for each seed: factors, seed, status, reason, metrics.
 
+    The same names with the same parameters give the same rows as on the command line.
+
     Args:
         dataset: where the recordings come from.
         disturbance: one, or several in order.
-        attitude: attitude filter.
+        attitude: attitude filter; None: what the data set prefers (`rtklib`: the preset `real`), else `field`.
         filter: kinematic filter, or estimator.
         adaptation: rule that adapts R.
+        noise: process noise that replaces the filter's own: a preset, or {"accel_mps2": ...}; None: the filter's own.
         engine: what runs a kinematic filter.
         seeds: number of runs, where anything is random.
         first_seed: the first of them.
@@ -40,20 +44,16 @@ def run(
     """
     import pandas as pd
 
-    from jerkbench.benchmark.cell import Protocol, build, refusal
+    from jerkbench.benchmark.cell import Protocol, refusal
+    from jerkbench.benchmark.parts import cell_of_parts
     from jerkbench.benchmark.run import run_cell
     from jerkbench.errors import PluginError
 
     single = {"dataset": dataset, "attitude": attitude, "filter": filter, "adaptation": adaptation, "engine": engine}
     several = [disturbance] if isinstance(disturbance, str | Mapping) else list(disturbance)
-    spec: dict[str, Any] = {kind: _named(part) for kind, part in single.items()}
-    spec["disturbance"] = [_named(part) for part in several]
-    cell = build(spec, Protocol(seeds=seeds, first_seed=first_seed, burn_in_s=burn_in_s))
+    protocol = Protocol(seeds=seeds, first_seed=first_seed, burn_in_s=burn_in_s)
+    cell = cell_of_parts(single, several, noise, protocol)
     if reason := refusal(cell):
         raise PluginError(f"This combination makes no sense: {reason}.")
     rows, _ = run_cell(cell, cell.dataset.fingerprint())
     return pd.DataFrame(rows)
-
-
-def _named(part: Part) -> dict[str, Any]:
-    return {"name": part} if isinstance(part, str) else dict(part)

@@ -1,6 +1,9 @@
-"""Where the presets are."""
+"""Where the presets are, and one of them as plain data."""
 
 from pathlib import Path
+from typing import Any
+
+from jerkbench.errors import PluginError, unknown
 
 
 def config_folder() -> Path:
@@ -8,3 +11,59 @@ def config_folder() -> Path:
     package = Path(__file__).parent
     beside, inside = package.parent / "conf", package / "conf"
     return beside if (beside / "config.yaml").is_file() else inside
+
+
+def preset_names(kind: str) -> list[str]:
+    """Names of the presets of a group, sorted."""
+    return sorted(path.stem for path in (config_folder() / kind).glob("*.yaml"))
+
+
+def preset(kind: str, name: str) -> dict[str, Any]:
+    """Return what conf/KIND/NAME.yaml stands for: its ``defaults`` in order, and its own values over them.
+
+    A default that is a preset itself is read in the same way; any other is the name of a plugin, which stands as
+    {"name": ...}. Of disturbances, that may be several, each stands under its name. ``noise`` has no plugins.
+
+    Raises:
+        PluginError: there is none, or it chooses parts of other groups, which only the command line can do.
+    """
+    if name not in preset_names(kind):
+        raise PluginError(unknown(f"preset of {kind}", name, preset_names(kind)))
+    own = _read(config_folder() / kind / f"{name}.yaml")
+    defaults = own.pop("defaults", [])
+    if "_self_" not in defaults:
+        defaults = [*defaults, "_self_"]
+    made: dict[str, Any] = {}
+    for entry in defaults:
+        made = merged(made, own if entry == "_self_" else _default(kind, name, entry))
+    return made
+
+
+def merged(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
+    """Return both, a mapping inside them merged likewise; where both have a value, that of ``above``."""
+    both = {**below, **above}
+    for key in below.keys() & above.keys():
+        if isinstance(below[key], dict) and isinstance(above[key], dict):
+            both[key] = merged(below[key], above[key])
+    return both
+
+
+def _read(path: Path) -> dict[str, Any]:
+    from omegaconf import OmegaConf
+
+    values: Any = OmegaConf.to_container(OmegaConf.load(path), resolve=True)
+    return values or {}
+
+
+def _default(kind: str, preset_name: str, entry: object) -> dict[str, Any]:
+    """What one entry of the defaults stands for."""
+    if not isinstance(entry, str):
+        raise PluginError(
+            f"The preset {kind}/{preset_name} has {entry} in its defaults; from Python only names of {kind} can stand "
+            "there: give the other parts by their own arguments."
+        )
+    if entry in preset_names(kind):
+        return preset(kind, entry)
+    if kind == "noise":  # the schema: nothing is set
+        return {}
+    return {entry: {"name": entry}} if kind == "disturbance" else {"name": entry}

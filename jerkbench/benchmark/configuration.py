@@ -83,7 +83,7 @@ def cell_of(config: DictConfig, choices: Mapping[str, Any], overrides: list[str]
     spec["disturbance"] = list(plain["disturbance"].values())
     spec["noise"], spec["metrics"] = plain["noise"], plain["metrics"]
     protocol = Protocol(**{f.name: plain[f.name] for f in fields(Protocol)})
-    return build(spec, protocol, _labels(spec, choices, overrides))
+    return build(spec, protocol, labels_of(spec, choices, overrides))
 
 
 def _store_plugin(store: ConfigStore, kind: str, name: str) -> None:
@@ -99,7 +99,7 @@ def _store_plugin(store: ConfigStore, kind: str, name: str) -> None:
         store.store(group=kind, name=name, node=schema)
 
 
-def _labels(spec: dict[str, Any], choices: Mapping[str, Any], overrides: list[str]) -> Labels:
+def labels_of(spec: dict[str, Any], choices: Mapping[str, Any], overrides: list[str]) -> Labels:
     """Names of the choices, with the parameters that the overrides set in parentheses."""
     changed = _parameters(overrides)
     names = {kind: _named(str(choices[kind]), changed.get(kind, [])) for kind in GROUPS if kind != "engine"}

@@ -1,0 +1,102 @@
+"""A preset as plain data is what Hydra makes of the same file."""
+
+from functools import cache
+
+import pytest
+from hydra import compose, initialize_config_dir
+from omegaconf import OmegaConf
+
+from jerkbench import plugins, presets
+from jerkbench.benchmark.app import _register_hydra_parts
+from jerkbench.benchmark.configuration import register_schemas
+from jerkbench.errors import PluginError
+from jerkbench.presets import config_folder, merged, preset, preset_names
+
+KINDS = ("dataset", "disturbance", "attitude", "filter", "adaptation", "noise", "engine")
+SHIPPED = [(kind, name) for kind in KINDS for name in preset_names(kind)]
+
+
+@cache
+def by_hydra(kind, name):
+    register_schemas()
+    _register_hydra_parts()
+    with initialize_config_dir(str(config_folder().resolve()), version_base="1.3"):
+        return OmegaConf.to_container(compose("config", [f"{kind}={name}"])[kind], resolve=True)
+
+
+def completed(kind, part):
+    """A part with the defaults of its plugin, as Hydra shows it."""
+    return OmegaConf.to_container(OmegaConf.merge(OmegaConf.structured(plugins.schema(kind, part["name"])), part))
+
+
+@pytest.mark.parametrize(("kind", "name"), SHIPPED)
+def test_every_preset_that_is_shipped_is_what_hydra_makes_of_it(kind, name):
+    part, wanted = preset(kind, name), by_hydra(kind, name)
+
+    if kind == "noise":
+        assert part == {key: value for key, value in wanted.items() if value is not None}
+    elif kind == "disturbance":
+        assert list(part) == list(wanted)
+        assert {key: completed(kind, one) for key, one in part.items()} == wanted
+    else:
+        assert completed(kind, part) == wanted
+
+
+def test_there_are_presets_to_compare():
+    assert {("filter", "baseline_naive"), ("disturbance", "combined"), ("attitude", "real")} <= set(SHIPPED)
+    assert ("noise", "tuned") in SHIPPED
+
+
+@pytest.fixture
+def conf(tmp_path, monkeypatch):
+    """A folder of presets of one's own; returns a function that writes one."""
+    monkeypatch.setattr(presets, "config_folder", lambda: tmp_path)
+
+    def write(kind, name, text):
+        (tmp_path / kind).mkdir(exist_ok=True)
+        (tmp_path / kind / f"{name}.yaml").write_text(text)
+
+    return write
+
+
+def test_a_preset_of_a_preset_is_read_to_the_end(conf):
+    conf("filter", "first", "defaults: [jerk]\naccel_mps2: 1.0\njerk_mps3_per_sqrt_s: 2.0\n")
+    conf("filter", "second", "defaults: [first, _self_]\naccel_mps2: 3.0\n")
+
+    assert preset("filter", "second") == {"name": "jerk", "accel_mps2": 3.0, "jerk_mps3_per_sqrt_s": 2.0}
+
+
+def test_what_stands_later_wins_and_self_says_where_the_own_values_stand(conf):
+    conf("filter", "first", "defaults: [jerk]\naccel_mps2: 1.0\n")
+    conf("filter", "under", "defaults: [_self_, first]\naccel_mps2: 3.0\n")
+
+    assert preset("filter", "under")["accel_mps2"] == 1.0
+
+
+def test_disturbances_of_presets_are_merged_by_their_names(conf):
+    conf("disturbance", "one", "defaults: [bias, gnss_outage]\nbias: {accel_mps2: 1.0, gyro_radps: 2.0}\n")
+    conf("disturbance", "two", "defaults: [one]\nbias: {gyro_radps: 3.0}\n")
+
+    assert preset("disturbance", "two") == {
+        "bias": {"name": "bias", "accel_mps2": 1.0, "gyro_radps": 3.0},
+        "gnss_outage": {"name": "gnss_outage"},
+    }
+
+
+def test_neither_side_of_a_merge_is_changed():
+    below, above = {"a": {"b": 1, "c": 2}}, {"a": {"b": 3}, "d": 4}
+
+    assert merged(below, above) == {"a": {"b": 3, "c": 2}, "d": 4}
+    assert (below, above) == ({"a": {"b": 1, "c": 2}}, {"a": {"b": 3}, "d": 4})
+
+
+def test_a_preset_that_reaches_into_another_group_is_a_sentence(conf):
+    conf("dataset", "mine", "defaults:\n  - field\n  - override /attitude: real\n")
+
+    with pytest.raises(PluginError, match=r"dataset/mine .*override /attitude.* only names of dataset"):
+        preset("dataset", "mine")
+
+
+def test_an_unknown_preset_names_the_nearest():
+    with pytest.raises(PluginError, match="Did you mean 'baseline_naive'"):
+        preset("filter", "baseline_naiv")
