@@ -23,6 +23,12 @@ NOTES = (
     "Heights are above mean sea level, not above the ellipsoid; ENU is relative to the first fix and hardly changes.",
     "The receiver's fixes are measurement and reference at once unless they are withheld from the filter.",
 )
+FITTED = {
+    "mounting": ("mounting_yaw_deg", "mounting_pitch_deg"),
+    "time shift": ("imu_shift_s",),
+    "latencies": ("velocity_latency_s",),
+}
+"""What was fitted on the public drive itself, and the parameters whose defaults it is."""
 
 
 @register("dataset", "rtklib")
@@ -128,12 +134,22 @@ class RtklibDrive:
             origin=origin,
             start_utc=utc_of(zero_ns, self.gpst_minus_utc_s),
             static_start_s=rest_s,
-            notes=NOTES,
+            notes=(*NOTES, *self._fitted()),
         )
 
     def fingerprint(self) -> str:
         """Return the SHA-256 over the bytes of the three files."""
         return fingerprint(self._paths())
+
+    def _fitted(self) -> tuple[str, ...]:
+        """What of the parameters is fitted rather than given: a note that says so, or none."""
+        own = type(self)
+        fitted = [what for what, names in FITTED.items() if any(getattr(self, n) == getattr(own, n) for n in names)]
+        if not fitted:
+            return ()
+        listed = " and ".join([", ".join(fitted[:-1]), fitted[-1]] if fitted[1:] else fitted)
+        was = "was" if fitted in (["mounting"], ["time shift"]) else "were"
+        return (f"{listed.capitalize()} {was} fitted on this same drive.",)
 
     def _paths(self) -> tuple[Path, Path, Path]:
         folder = Path(self.folder).expanduser()

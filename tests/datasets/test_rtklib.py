@@ -116,6 +116,24 @@ def test_moving_from_the_start_says_what_to_switch_off(tmp_path):
     assert recording.static_start_s == 0.0
 
 
+@pytest.mark.parametrize(
+    ("own", "said"),
+    [
+        ({}, ["Mounting, time shift and latencies were fitted on this same drive."]),
+        ({"imu_shift_s": 0.0}, ["Mounting and latencies were fitted on this same drive."]),
+        ({"mounting_yaw_deg": 0.0, "imu_shift_s": 0.0, "velocity_latency_s": (0.0,) * 3}, ["Mounting was fitted on"]),
+        ({"mounting_yaw_deg": 0.0, "mounting_pitch_deg": 0.0, "imu_shift_s": 0.0}, ["Latencies were fitted on"]),
+        (PLAIN, []),
+    ],
+)
+def test_what_was_fitted_on_the_drive_itself_is_noted(tmp_path, own, said):
+    notes = RtklibDrive(write_drive(tmp_path), **own).load(0).notes
+    fitted = [note for note in notes if "fitted" in note]
+    assert len(fitted) == len(said)
+    assert all(note.startswith(start) for note, start in zip(fitted, said, strict=True))
+    assert len(notes) == 2 + len(said)
+
+
 @pytest.mark.parametrize("missing", ["a.pos", "a.csv", "a.csv.tag"])
 def test_a_missing_file_is_one_sentence(tmp_path, missing):
     folder = write_drive(tmp_path)
