@@ -113,6 +113,7 @@ def test_a_study_in_which_everything_failed_still_has_a_table(row):
 def test_a_metric_that_does_not_apply_is_said(rows):
     table = summarise(rows.assign(outage_rmse_m=np.nan), "outage_rmse_m")
     assert table.cells[0][0].text == "n/a"
+    assert not any(note.startswith("k/n n/a") for note in table.footnotes)
     assert math.isnan(table.cells[0][0].mean)
     assert "n/a: the metric does not apply." in table.footnotes
 

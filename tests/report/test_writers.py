@@ -173,6 +173,11 @@ def test_where_no_run_went_well_the_table_is_of_the_main_metric(without_position
     assert capsys.readouterr().out.startswith("Position RMSE (3-D) [m]")
 
 
+def test_the_main_metric_leads_wherever_its_column_stands(rows, capsys):
+    print_table(rows[[*rows.columns.drop("position_rmse_m"), "position_rmse_m"]])
+    assert capsys.readouterr().out.startswith("Position RMSE (3-D) [m]")
+
+
 def test_the_terminal_shows_the_metric_that_is_asked_for(rows, capsys):
     print_table(rows, metric="anees")
     assert capsys.readouterr().out.startswith("ANEES of position and velocity")
