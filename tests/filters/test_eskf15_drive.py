@@ -59,6 +59,7 @@ def first_part(recording, end_s):
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:The copy keyword is deprecated")  # python-ins with pandas 3
 def test_python_ins_goes_the_same_way(shared_folder):
     pytest.importorskip("pyins")
     recording = first_part(drive(shared_folder, -0.2), 130.0)  # it takes minutes for the whole drive
