@@ -192,11 +192,19 @@ def test_a_folder_without_results_is_a_sentence(said_in_process):
     assert "results/nothing holds no results" in err
 
 
+LISTENING = """
+import signal, sys
+from jerkbench.cli import main
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a job in the background is born deaf to Ctrl-C
+main(sys.argv[1:])
+"""
+
+
 def test_an_interrupted_sweep_ends_with_its_table_and_goes_on(tmp_path):
     swept_values = ",".join(str(value / 24) for value in range(1, 25))
     words = ["run", "-m", "seeds=2", "figures=false", "dataset.duration_s=20", f"noise.accel_mps2={swept_values}"]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-    process = subprocess.Popen([sys.executable, "-m", "jerkbench", *words], cwd=tmp_path, env=environment(), **pipes)
+    process = subprocess.Popen([sys.executable, "-c", LISTENING, *words], cwd=tmp_path, env=environment(), **pipes)
     cells = tmp_path / "results" / "adhoc" / "cells"
     while process.poll() is None and not (cells.is_dir() and list(cells.glob("*.parquet"))):
         time.sleep(0.02)
