@@ -7,6 +7,7 @@ import warnings
 from collections.abc import Sequence
 from pathlib import Path
 
+from jerkbench.data.verbs import VERBS, add_verbs, answer
 from jerkbench.errors import INTERRUPTED, JerkbenchError, exit_with
 
 RUN_HELP = """\
@@ -78,6 +79,8 @@ def _answer(words: list[str]) -> None:
         from jerkbench.benchmark.tabulate import print_study_table
 
         print_study_table(chosen.folder, chosen.metric, chosen.rows, chosen.columns, chosen.format)
+    elif chosen.verb == "data":
+        answer(chosen)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -92,6 +95,7 @@ def _parser() -> argparse.ArgumentParser:
     show = verbs.add_parser("show", help="print equations, parameters, defaults and source of one plugin or preset")
     show.add_argument("kind")
     show.add_argument("name")
+    add_verbs(verbs.add_parser("data", help="look after recordings: " + ", ".join(VERBS)))
     _add_table(verbs.add_parser("table", help="print the table of a study once more, arranged as you like"))
     return parser
 

@@ -25,6 +25,7 @@ ORDER = [
     ["report"],
     ["benchmark"],
     ["catalogue", "api"],
+    ["data"],
     ["cli"],
     ["__main__"],
 ]

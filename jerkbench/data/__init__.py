@@ -1,0 +1,1 @@
+"""The verbs of `jerkbench data`, which look after recordings."""

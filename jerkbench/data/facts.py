@@ -1,0 +1,74 @@
+"""What can be read off a recording: its streams, their rates and gaps, gravity, the covariances, the notes."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from jerkbench.arrays import FloatArray
+from jerkbench.recording import Recording
+
+GAP = 2.5
+"""A step of more than so many usual intervals is a gap."""
+
+
+def facts_text(recording: Recording) -> str:
+    """Return everything, one fact a line."""
+    lines = [recording.name, *_times(recording), "", *_streams(recording), "", *_inertial(recording)]
+    return "\n".join([*lines, *(f"Note: {note}" for note in recording.notes)])
+
+
+def _times(recording: Recording) -> Iterator[str]:
+    start = recording.start_utc.isoformat() if recording.start_utc else "unknown"
+    yield f"start (UTC) {start}, {recording.duration_s:.2f} s; stands still for {recording.static_start_s:.1f} s"
+    if recording.origin is not None:
+        o = recording.origin
+        yield f"origin {o.latitude_deg:.7f} deg, {o.longitude_deg:.7f} deg, {o.height_m:.2f} m"
+
+
+def _streams(recording: Recording) -> Iterator[str]:
+    streams = {
+        "imu": recording.imu,
+        "position": recording.position,
+        "velocity": recording.velocity,
+        "heading": recording.heading,
+        "reference": recording.reference,
+    }
+    for name, stream in streams.items():
+        yield f"{name:<10}" + ("none" if stream is None else _rate(stream.t_s) + _sigma(stream))
+
+
+def _rate(t_s: FloatArray) -> str:
+    if len(t_s) < 2:
+        return f"{len(t_s):>7} rows"
+    steps = np.diff(t_s)
+    usual = float(np.median(steps))
+    gaps = steps[steps > GAP * usual]
+    said = f"; {len(gaps)} gaps, the longest {gaps.max():.2f} s" if len(gaps) else "; no gaps"
+    return f"{len(t_s):>7} rows, {1 / usual:.4g} Hz, {t_s[0]:.3f} to {t_s[-1]:.3f} s{said}"
+
+
+def _sigma(stream: object) -> str:
+    """The stated standard deviations (median), axis by axis, where something was measured."""
+    for values, covariance, unit in (("enu_m", "covariance_m2", "m"), ("mps", "covariance_m2ps2", "m/s")):
+        if hasattr(stream, covariance) and np.isfinite(getattr(stream, values)).any(axis=0).all():
+            variances = np.diagonal(getattr(stream, covariance), axis1=1, axis2=2)
+            measured = np.where(np.isfinite(getattr(stream, values)), variances, np.nan)
+            median = np.sqrt(np.nanmedian(measured, axis=0))
+            return "; stated sigma (median) " + ", ".join(f"{value:.3g}" for value in median) + f" {unit}"
+    return ""
+
+
+def _inertial(recording: Recording) -> Iterator[str]:
+    imu = recording.imu
+    force = np.median(imu.accel_mps2, axis=0)
+    size = np.linalg.norm(force)
+    yield f"specific force (median) {np.array2string(force, precision=3)} m/s2, |f| {size:.3f}: {_up(force)}"
+    rate = np.median(imu.gyro_radps, axis=0)
+    yield f"angular rate (median) {np.array2string(np.degrees(rate), precision=3)} deg/s"
+
+
+def _up(force: FloatArray) -> str:
+    axis = int(np.argmax(np.abs(force)))
+    sign = "+" if force[axis] > 0 else "-"
+    up = f"gravity is felt on {sign}{'xyz'[axis]}"
+    return up if (axis, sign) == (2, "+") else f"{up}; a body in FLU feels it on +z: the axes need turning"

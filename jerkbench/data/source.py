@@ -1,0 +1,77 @@
+"""From what a person types to a recording: a file or folder, or the name of a data set."""
+
+import argparse
+import dataclasses
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, cast
+
+from jerkbench.contracts import Dataset
+from jerkbench.errors import PluginError
+
+SUFFIXES = {".pos": "rtklib"}
+"""Which data set reads a file of this suffix, or a folder that holds such files."""
+
+
+def add_source(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments that name a recording."""
+    parser.add_argument("source", help="a file or folder, or the name of a data set or its preset")
+    parser.add_argument("--dataset", metavar="NAME", help="the data set that reads the file (default: by its suffix)")
+    parser.add_argument("--set", nargs="+", default=[], metavar="KEY=VALUE", help="parameters of the data set")
+    parser.add_argument("--seed", type=int, default=0, help="of a simulated recording (default 0)")
+
+
+def dataset_of(source: str, name: str | None, words: Sequence[str]) -> Dataset:
+    """Return the data set that reads ``source``.
+
+    Args:
+        source: an existing file or folder, or the name of a data set or preset.
+        name: the data set that reads the file; None: by its suffix.
+        words: parameters, ``key=value`` each.
+
+    Raises:
+        PluginError: nothing of that name, no data set for the file, or a parameter that does not fit.
+    """
+    from jerkbench.benchmark.parts import choose
+
+    given = _parameters(words)
+    path = Path(source).expanduser()
+    if path.exists():
+        return _created(choose("dataset", {**given, "name": name or _by_suffix(path)}).plain, str(path))
+    if name is not None or path.name != source or path.suffix:
+        raise PluginError(f"There is no file or folder {source}; correct the path.")
+    return _created(choose("dataset", {**given, "name": source}).plain)
+
+
+def _created(plain: dict[str, Any], path: str | None = None) -> Dataset:
+    """Make the data set; its first parameter is the file or folder that it reads."""
+    from jerkbench import plugins
+
+    if path is not None:
+        plain = {**plain, dataclasses.fields(plugins.get("dataset", plain["name"]))[0].name: path}
+    created: Dataset = plugins.create("dataset", plain)
+    return created
+
+
+def _parameters(words: Sequence[str]) -> dict[str, Any]:
+    from omegaconf import OmegaConf
+    from omegaconf.errors import OmegaConfBaseException
+
+    wrong = [word for word in words if "=" not in word]
+    if wrong:
+        raise PluginError(f"'{wrong[0]}' is no parameter; give KEY=VALUE.")
+    try:
+        parsed = OmegaConf.to_container(OmegaConf.from_dotlist(list(words)))
+    except (OmegaConfBaseException, ValueError) as error:
+        raise PluginError(f"{' '.join(words)} cannot be read: {error}.") from error
+    return cast("dict[str, Any]", parsed)
+
+
+def _by_suffix(path: Path) -> str:
+    suffixes = [path.suffix] if path.is_file() else sorted({inside.suffix for inside in path.iterdir()})
+    fitting = list(dict.fromkeys(SUFFIXES[suffix] for suffix in suffixes if suffix in SUFFIXES))
+    if len(fitting) == 1:
+        return fitting[0]
+    raise PluginError(
+        f"{path} has no suffix by which one data set is known; {', '.join(sorted(SUFFIXES))} are: give --dataset NAME."
+    )

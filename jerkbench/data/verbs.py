@@ -1,0 +1,29 @@
+"""The group `jerkbench data`: each verb is a module here with ``add_arguments(parser)`` and ``answer(chosen)``.
+
+Its first lines import next to nothing, because `jerkbench --help` asks every verb for its arguments.
+"""
+
+import argparse
+from importlib import import_module
+from types import ModuleType
+
+VERBS = {
+    "inspect": "print what a recording is made of, and what is wrong with it",
+}
+"""Each verb, and what it does."""
+
+
+def add_verbs(parser: argparse.ArgumentParser) -> None:
+    """Add the verbs to the parser of `jerkbench data`."""
+    group = parser.add_subparsers(dest="data_verb", required=True, metavar="VERB")
+    for name, what in VERBS.items():
+        _module(name).add_arguments(group.add_parser(name, help=what, description=what[0].upper() + what[1:] + "."))
+
+
+def answer(chosen: argparse.Namespace) -> None:
+    """Do what the chosen verb is for."""
+    _module(chosen.data_verb).answer(chosen)
+
+
+def _module(name: str) -> ModuleType:
+    return import_module(f"jerkbench.data.{name}")
