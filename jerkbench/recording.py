@@ -8,7 +8,7 @@ time at which the value was true (the stamp less the latency). A value that is N
 
 from dataclasses import dataclass, field
 from datetime import datetime
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
 import numpy as np
 
@@ -17,6 +17,12 @@ from jerkbench.errors import RecordingError
 
 GRAVITY_MPS2 = 9.81
 """Magnitude of gravity that the filters, the simulator and the gravity compensation use."""
+
+VELOCITY_FRAMES = ("enu", "body", "speed")
+"""In which axes a velocity may be."""
+
+HEADING_SOURCES = ("dual_antenna", "odometry", "course")
+"""What may measure a heading."""
 
 
 def _freeze(owner: object, **shapes: tuple[int | None, ...]) -> None:
@@ -93,14 +99,16 @@ class Velocity:
         t_s: (m,) time at which the value was true. Axes with different latencies stand in rows of their own.
         mps: (m, 3) velocity in ``frame``; a NaN axis was not measured.
         covariance_m2ps2: (m, 3, 3) in ``frame``.
-        frame: "enu", or "body" (FLU; turned into ENU with the attitude at that time, covariance too).
+        frame: "enu"; "body" (FLU), all three axes; or "speed": what a wheel measures, along the body's x axis, which a
+            data set turns into the direction of travel, and across it, left and up, what is known of that (or NaN).
+            The last two are turned into ENU with the attitude at that time, covariance too.
         true_covariance_m2ps2: as in Position.
     """
 
     t_s: FloatArray
     mps: FloatArray
     covariance_m2ps2: FloatArray
-    frame: Literal["enu", "body"] = "enu"
+    frame: Literal["enu", "body", "speed"] = "enu"
     true_covariance_m2ps2: FloatArray | None = None
 
     def __post_init__(self) -> None:
@@ -113,34 +121,60 @@ class Velocity:
         require_covariances(self, "covariance_m2ps2", self.covariance_m2ps2, present)
         if self.true_covariance_m2ps2 is not None:
             require_covariances(self, "true_covariance_m2ps2", self.true_covariance_m2ps2, present)
-        if self.frame not in ("enu", "body"):
-            raise RecordingError(f"Velocity.frame is '{self.frame}'; it must be 'enu' or 'body'.")
+        if self.frame not in VELOCITY_FRAMES:
+            raise RecordingError(f"Velocity.frame is '{self.frame}'; it must be 'enu', 'body' or 'speed'.")
         if self.frame == "body":
             require(present.all(axis=1) | ~present.any(axis=1), self, "mps", "a body velocity needs all three axes")
+        if self.frame == "speed":
+            require(present[:, 0] | ~present.any(axis=1), self, "mps", "a speed needs its first axis, along the course")
+
+    @classmethod
+    def along_course(
+        cls, t_s: FloatArray, speed_mps: FloatArray, sigma_mps: float, across_sigma_mps: float | None = None
+    ) -> Self:
+        """Return a wheel's speed in the frame "speed".
+
+        Args:
+            t_s: (m,) time at which it was true.
+            speed_mps: (m,) forwards; NaN: not there.
+            sigma_mps: one standard deviation of it.
+            across_sigma_mps: one standard deviation of the velocity to the left and upwards, taken to be zero (the
+                vehicle does not slide: non-holonomic); None: nothing is known of it.
+        """
+        along = np.asarray(speed_mps, dtype=np.float64)
+        across = np.where(np.isfinite(along), np.nan if across_sigma_mps is None else 0.0, np.nan)
+        variances = np.array([sigma_mps, across_sigma_mps or 1.0, across_sigma_mps or 1.0]) ** 2
+        covariance = np.tile(np.diag(variances), (len(along), 1, 1))
+        return cls(t_s, np.column_stack([along, across, across]), covariance, "speed")
 
 
 @dataclass(frozen=True, eq=False)
 class Heading:
-    """Heading measurements (dual antenna).
+    """Heading measurements.
 
     Attributes:
         t_s: (m,) time at which the heading was true.
         yaw_rad: (m,) from east towards north.
         sigma_rad: (m,) one standard deviation.
+        source: what measured it: "dual_antenna", "odometry" (the yaw of a vehicle's own odometry) or "course" (a
+            receiver's course over ground, where it gives no velocity in ENU).
     """
 
     t_s: FloatArray
     yaw_rad: FloatArray
     sigma_rad: FloatArray
+    source: Literal["dual_antenna", "odometry", "course"] = "dual_antenna"
 
     def __post_init__(self) -> None:
-        """Check shapes, times and that every sigma is positive."""
+        """Check shapes, times, that every sigma is positive, and the source."""
         _freeze(self, t_s=(None,))
         m = len(self.t_s)
         _freeze(self, yaw_rad=(m,), sigma_rad=(m,))
         require_times(self, self.t_s)
         require(np.isfinite(self.yaw_rad), self, "yaw_rad", "the heading is not a finite number")
         require(self.sigma_rad > 0, self, "sigma_rad", "the standard deviation is not positive")
+        if self.source not in HEADING_SOURCES:
+            raise RecordingError(f"Heading.source is '{self.source}'; it must be one of {', '.join(HEADING_SOURCES)}.")
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,7 +237,7 @@ class Recording:
         reference: what is compared with.
         position: fixes, or None.
         velocity: velocity measurements, or None.
-        heading: dual-antenna headings, or None.
+        heading: headings of one source, or None.
         origin: origin of ENU, or None where nothing is known of it.
         start_utc: time of t_s = 0, or None.
         static_start_s: how long it stands still at the start (for the alignment); 0: it moves from the start.

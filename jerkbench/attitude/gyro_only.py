@@ -34,7 +34,7 @@ class GyroOnly:
 
     Attributes:
         compensation: midpoint or endpoint.
-        yaw_source: dual_antenna, course, gyro_only, or auto: the first of these that the recording has.
+        yaw_source: dual_antenna, odometry, course, gyro_only or auto, as in `tilt`.
         yaw_walk_rad_per_sqrt_s: random walk of yaw.
         course_min_speed_mps: horizontal speed above which the course counts.
         course_sigma_min_rad: least standard deviation of a course.

@@ -1,31 +1,35 @@
-"""Where the yaw filter gets its headings: the dual antenna, the course of the velocity, or nowhere."""
+"""Where the yaw filter gets its headings: what the recording measured, the course of its velocity, or nowhere."""
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.errors import RecordingError
-from jerkbench.recording import Heading, Recording, Velocity
+from jerkbench.recording import HEADING_SOURCES, Heading, Recording, Velocity
 
-YAW_SOURCES = ("auto", "dual_antenna", "course", "gyro_only")
+YAW_SOURCES = ("auto", *HEADING_SOURCES, "gyro_only")
 
 
 def select_headings(recording: Recording, source: str, min_speed_mps: float, sigma_min_rad: float) -> Heading | None:
     """Return the headings of ``source``, one of `YAW_SOURCES`; None for gyro_only.
 
-    ``auto`` takes the dual antenna when the recording has headings, else the course when there is an ENU velocity
-    that is fast enough at least once, else none. A body-frame velocity holds no course: auto passes it over.
+    ``auto`` takes the headings that the recording has, whatever measured them, else the course when there is an ENU
+    velocity that is fast enough at least once, else none. A velocity along the body's axes holds no course over
+    ground: auto passes it over.
 
     Raises:
         RecordingError: the recording lacks the source that was asked for.
     """
+    measured = recording.heading
     if source == "gyro_only":
         return None
-    if source == "dual_antenna":
-        return _dual_antenna(recording)
+    if measured is not None and len(measured.t_s) and source in ("auto", measured.source):
+        return measured
     if source == "course":
         return _course(recording, min_speed_mps, sigma_min_rad)
-    if recording.heading is not None and len(recording.heading.t_s):
-        return recording.heading
+    if source != "auto":
+        raise RecordingError(
+            f"{recording.name} has no {_name(source)} heading{_instead(measured)}; take yaw_source {_others(source)}."
+        )
     if recording.velocity is None or recording.velocity.frame != "enu":
         return None
     courses = course_headings(recording.velocity, min_speed_mps, sigma_min_rad)
@@ -48,22 +52,29 @@ def course_headings(velocity: Velocity, min_speed_mps: float, sigma_min_rad: flo
     return Heading(velocity.t_s[usable], np.arctan2(north, east)[usable], sigma)
 
 
-def _dual_antenna(recording: Recording) -> Heading:
-    if recording.heading is None or not len(recording.heading.t_s):
-        raise RecordingError(
-            f"{recording.name} has no dual-antenna heading; take yaw_source course, gyro_only or auto."
-        )
-    return recording.heading
+def _name(source: str) -> str:
+    return source.replace("_", "-")
+
+
+def _instead(measured: Heading | None) -> str:
+    return "" if measured is None or not len(measured.t_s) else f", its headings are of source {measured.source}"
+
+
+def _others(source: str) -> str:
+    return f"{', '.join(s for s in ('course', 'gyro_only') if s != source)} or auto"
 
 
 def _course(recording: Recording, min_speed_mps: float, sigma_min_rad: float) -> Heading:
     velocity = recording.velocity
     if velocity is None:
-        raise RecordingError(f"{recording.name} has no velocity, so no course; take yaw_source gyro_only or auto.")
+        raise RecordingError(
+            f"{recording.name} has no velocity, so no course{_instead(recording.heading)}; take yaw_source gyro_only or"
+            " auto."
+        )
     if velocity.frame != "enu":
         raise RecordingError(
-            f"{recording.name} has its velocity in the {velocity.frame} frame, which tells no course over ground;"
-            " take yaw_source dual_antenna, gyro_only or auto."
+            f"{recording.name} has its velocity in the {velocity.frame} frame, which tells no course over ground"
+            f"{_instead(recording.heading)}; take yaw_source gyro_only or auto."
         )
     courses = course_headings(velocity, min_speed_mps, sigma_min_rad)
     if not len(courses.t_s):

@@ -64,8 +64,8 @@ class Tilt:
         normalise: bring x back to length 1 after each update.
         propagation: first_order, or exact for fast rotation.
         compensation: midpoint or endpoint.
-        yaw_source: dual_antenna, course, gyro_only, or auto: the first of these that the recording has. A velocity in
-            the body frame has no course.
+        yaw_source: dual_antenna, odometry, course, gyro_only, or auto: the headings that the recording has, whatever
+            measured them, else the course of its velocity in ENU, else the gyro alone.
         yaw_walk_rad_per_sqrt_s: random walk of yaw.
         course_min_speed_mps: horizontal speed above which the course counts.
         course_sigma_min_rad: least standard deviation of a course.

@@ -7,13 +7,15 @@ import numpy as np
 
 from jerkbench.disturbances._outages import OutageWindows, without
 from jerkbench.plugins import register
-from jerkbench.recording import Recording
+from jerkbench.recording import Heading, Recording
 
 
 @register("disturbance", "gnss_outage")
 @dataclass(frozen=True)
 class GnssOutage(OutageWindows):
-    """No position and no velocity in the given windows; the reference stays.
+    """No position and no velocity in the given windows; the reference stays, and so does a wheel's speed.
+
+    A heading that is a receiver's course goes with it, one of odometry stays.
 
     Attributes:
         heading: whether the dual-antenna heading goes too (it comes from the same antennas, but the paper's outage
@@ -26,11 +28,17 @@ class GnssOutage(OutageWindows):
 
     def apply(self, recording: Recording, seed: int) -> Recording:
         """Return the recording without GNSS in the windows."""
-        windows = self.windows_in(recording)
+        windows, velocity, heading = self.windows_in(recording), recording.velocity, recording.heading
+        is_wheel = velocity is not None and velocity.frame == "speed"
         return replace(
             recording,
             position=without(recording.position, windows),
-            velocity=without(recording.velocity, windows),
-            heading=without(recording.heading, windows) if self.heading else recording.heading,
+            velocity=velocity if is_wheel else without(velocity, windows),
+            heading=without(heading, windows) if self._takes(heading) else heading,
             outages_s=np.concatenate([recording.outages_s, windows]),
         )
+
+    def _takes(self, heading: Heading | None) -> bool:
+        if heading is None or heading.source == "odometry":
+            return False
+        return heading.source == "course" or self.heading

@@ -12,7 +12,7 @@ from jerkbench.recording import Recording
 @register("disturbance", "outage_sweep")
 @dataclass(frozen=True)
 class OutageSweep:
-    """Outages of position and velocity, all of one length, that begin at many places of the drive.
+    """Outages of GNSS (as `gnss_outage`), all of one length, that begin at many places of the drive.
 
     With the phase p = 0 ... phases - 1, and k = 0, 1, ... as long as the outage ends within the recording::
 

@@ -22,9 +22,9 @@ class WheelSlip:
 
         v' = v + o,  o = s (h'v) h;  R_true' = R_true + o o'
 
-    A velocity in the body frame has h = (1, 0, 0). One in ENU takes the yaw of the reference at the stamp nearest to
-    it; where the reference knows none, h is the velocity's own course, forwards. A row without both east and north
-    stays as it is.
+    A velocity in the body frame, and a wheel's speed, has h = (1, 0, 0). One in ENU takes the yaw of the reference at
+    the stamp nearest to it; where the reference knows none, h is the velocity's own course, forwards. A row of a
+    body's velocity or of one in ENU without both horizontal axes stays as it is.
 
     Attributes:
         windows_s: begin and end of each window [s].
@@ -51,7 +51,8 @@ class WheelSlip:
         velocity = recording.velocity
         if velocity is None:
             raise RecordingError(f"{recording.name} has no velocity, so no wheel can slip; leave wheel_slip out.")
-        if len(velocity.t_s) and not np.isfinite(velocity.mps[:, :2]).all(axis=1).any():
+        together = velocity.mps[:, :1] if velocity.frame == "speed" else velocity.mps[:, :2]
+        if len(velocity.t_s) and not np.isfinite(together).all(axis=1).any():
             raise RecordingError(
                 f"{recording.name} has no velocity with east and north at one time, so nothing along a heading can"
                 " slip; leave wheel_slip out, or give both the same latency."
@@ -68,7 +69,7 @@ class WheelSlip:
 def _along(velocity: Velocity, reference: Reference) -> FloatArray:
     """Return (h'v) h (m, 3), zero where it is not known."""
     v = velocity.mps * [1.0, 1.0, 0.0]
-    if velocity.frame == "body":
+    if velocity.frame in ("body", "speed"):
         return np.asarray(np.nan_to_num(v * [1.0, 0.0, 0.0]))
     yaw = _reference_yaw(velocity.t_s, reference)
     h = np.column_stack([np.cos(yaw), np.sin(yaw), 0.0 * yaw])

@@ -6,7 +6,7 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.contracts import Adaptation
-from jerkbench.errors import PluginError, unknown
+from jerkbench.errors import PluginError, RecordingError, unknown
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.filters._accepted import without_fading
 from jerkbench.inertial.alignment import StartSigmas, align
@@ -14,7 +14,7 @@ from jerkbench.inertial.earth import earth_at
 from jerkbench.inertial.error_model import SensorNoise
 from jerkbench.inertial.events import merge_events
 from jerkbench.inertial.run import Constraints, InertialRun, InertialSolution, Settings
-from jerkbench.inertial.state import NavigationState
+from jerkbench.inertial.state import WHEEL, NavigationState
 from jerkbench.inertial.stillness import still_samples
 from jerkbench.inertial.track import yaw_from_track
 from jerkbench.plugins import register
@@ -31,6 +31,7 @@ POSITIVE = (
     *("angle_random_walk_deg_per_sqrt_h", "velocity_random_walk_mps_per_sqrt_h"),
     *("gyro_correlation_s", "accel_correlation_s", "gyro_turn_on_deg_per_h", "accel_turn_on_mg"),
     *("initial_yaw_sigma_rad", "track_least_m", "zero_velocity_sigma_mps", "nonholonomic_sigma_mps"),
+    "wheel_scale_sigma",
     *("constraint_interval_s", "still_window_s", "still_accel_mps2", "still_gyro_radps", "still_below_mps"),
 )
 ARMS = ("antenna_m", "nonholonomic_point_m", "reference_point_m")
@@ -63,6 +64,7 @@ class Eskf15:
 
         position (antenna)      p + C l
         velocity, ENU           v + C (w x l)          body: C' v (of the IMU)
+        wheel's speed           (1 + k) (C' v + w x l)_x, and (C' v + w x l)_yz where it is said to be zero
         heading                 atan2(C_21, C_11)
         zero velocity           v = 0                  when IMU and estimate agree that it stands still
         non-holonomic           (C' v + w x l)_yz = 0  when it does not
@@ -74,9 +76,10 @@ class Eskf15:
 
     Neglected: the Earth's rotation and curvature unless switched on (in a fixed tangent plane there is no transport
     rate; what is left is that gravity turns, .16 mrad a km), the change of gravity with latitude (a bias takes it),
-    coning and sculling within a sample, scale factors and misalignments, the latency of a receiver. There is no wheel
-    speed in a recording, so no wheel scale. Good where the vehicle turns and accelerates, which makes yaw and biases
-    observable, and in outages of up to a minute; it needs an IMU whose data sheet is known.
+    coning and sculling within a sample, scale factors and misalignments, the latency of a receiver. The error k of a
+    wheel's scale is zero, or with ``wheel_scale`` a sixteenth state, constant. Good where the vehicle turns and
+    accelerates, which makes yaw and biases observable, and in outages of up to a minute; it needs an IMU whose data
+    sheet is known.
 
     Rows that an adaptation sees are those of position and velocity (in the velocity's own frame); headings and
     constraints are not adapted, and not among the recorded updates. It takes every adaptation that does not fade P.
@@ -100,7 +103,9 @@ class Eskf15:
         position_sigma_m: one sigma of each axis of a fix, in place of the reported covariance; null: as reported [m].
         antenna_m: lever arm from the IMU to the antenna, body: forward, left, up [m].
         use_velocity: whether the velocity is used.
-        use_heading: whether a dual-antenna heading is used.
+        use_heading: whether a measured heading is used; one that is a course is taken for the body's.
+        wheel_scale: whether the error of a wheel's scale is estimated; needs a velocity in the frame "speed".
+        wheel_scale_sigma: one sigma of it at the start.
         zero_velocity: whether the vehicle is held when it stands still.
         zero_velocity_sigma_mps: one sigma of each axis then, and of the velocity at a start at rest [m/s].
         still_window_s: how long the IMU has to be still [s].
@@ -109,7 +114,7 @@ class Eskf15:
         still_below_mps: estimated speed below which it may be [m/s].
         nonholonomic: whether the vehicle does not move sideways and upwards.
         nonholonomic_sigma_mps: one sigma of each of the two [m/s].
-        nonholonomic_point_m: where that holds (rear axle), from the IMU, body [m].
+        nonholonomic_point_m: where that holds, and where a wheel measures (rear axle), from the IMU, body [m].
         constraint_interval_s: time between two zero-velocity or non-holonomic updates [s].
         reference_point_m: the point whose position and velocity are given out, from the IMU, body [m].
         earth_rotation: whether the Earth's rotation is taken into account; needs the recording's origin, and a gyro
@@ -133,6 +138,8 @@ class Eskf15:
     antenna_m: tuple[float, ...] = (0.0, 0.0, 0.0)
     use_velocity: bool = True
     use_heading: bool = True
+    wheel_scale: bool = False
+    wheel_scale_sigma: float = 0.02
     zero_velocity: bool = False
     zero_velocity_sigma_mps: float = 0.02
     still_window_s: float = 1.0
@@ -174,7 +181,7 @@ class Eskf15:
     def solve(self, recording: Recording, attitude: Attitude, adaptation: Adaptation) -> InertialSolution:
         """Return the navigation solution with the state and the whole covariance at the end."""
         recording = self._aided(recording)
-        timeline = build_timeline(recording, _unturned(attitude))
+        timeline = build_timeline(_as_measured(recording), attitude)
         headings = recording.heading if self.use_heading else None
         events = merge_events(timeline, recording.imu, headings, self.constraint_interval_s)
         start = self._start(recording, attitude, timeline)
@@ -191,9 +198,18 @@ class Eskf15:
         )
 
     def _aided(self, recording: Recording) -> Recording:
-        """The recording with the measurements, and the fixes' covariance, that are asked for."""
+        """The recording with the measurements, and the fixes' covariance, that are asked for.
+
+        Raises:
+            RecordingError: the wheel's scale is asked for, and there is no wheel's speed.
+        """
         if not self.use_velocity:
             recording = replace(recording, velocity=None)
+        if self.wheel_scale and _velocity_frame(recording) != "speed":
+            raise RecordingError(
+                f"{recording.name}: eskf15.wheel_scale needs a wheel's speed, and the velocity that is used is"
+                f" {'none' if recording.velocity is None else recording.velocity.frame}; switch wheel_scale off."
+            )
         if self.position_sigma_m is not None and recording.position is not None:
             covariance = np.broadcast_to(self.position_sigma_m**2 * np.eye(3), recording.position.covariance_m2.shape)
             recording = replace(recording, position=replace(recording.position, covariance_m2=covariance))
@@ -214,9 +230,12 @@ class Eskf15:
             yaw_rad = float(attitude.euler_rad[timeline.sample[0], 2])
         noise, from_rest = self.sensor_noise(), self.gyro_bias_from_rest
         state, P = align(recording, attitude, timeline, yaw_rad, sigmas, noise, gyro_bias_from_rest=from_rest)
-        if _is_body(recording):  # the timeline's first velocity stands in the body's frame
+        if _velocity_frame(recording) != "enu":  # the timeline's first velocity stands in the body's frame
             state = state._replace(velocity_mps=state.dcm @ state.velocity_mps)
             P[3:6, 3:6] = state.dcm @ P[3:6, 3:6] @ state.dcm.T
+        if self.wheel_scale:
+            P = np.pad(P, (0, 1))
+            P[WHEEL, WHEEL] = self.wheel_scale_sigma**2
         return state._replace(position_m=state.position_m - state.dcm @ np.array(self.antenna_m)), P
 
     def _settings(self, recording: Recording) -> Settings:
@@ -234,15 +253,18 @@ class Eskf15:
             earth=earth_at(recording.origin, rotates=self.earth_rotation, curved=self.earth_curvature),
             antenna_m=np.array(self.antenna_m),
             reference_point_m=np.array(self.reference_point_m),
-            body_velocity=_is_body(recording),
+            velocity_frame=_velocity_frame(recording),
+            wheel_m=np.array(self.nonholonomic_point_m),
             constraints=constraints,
         )
 
 
-def _is_body(recording: Recording) -> bool:
-    return recording.velocity is not None and recording.velocity.frame == "body"
+def _velocity_frame(recording: Recording) -> str:
+    return "enu" if recording.velocity is None else recording.velocity.frame
 
 
-def _unturned(attitude: Attitude) -> Attitude:
-    """An attitude that leaves a body velocity in its frame: this filter turns it with its own."""
-    return replace(attitude, dcm=np.broadcast_to(np.eye(3), attitude.dcm.shape))
+def _as_measured(recording: Recording) -> Recording:
+    """The recording with its velocity taken as it is: this filter turns one of the body with its own attitude."""
+    if recording.velocity is None:
+        return recording
+    return replace(recording, velocity=replace(recording.velocity, frame="enu"))

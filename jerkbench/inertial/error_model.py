@@ -30,10 +30,10 @@ class StepModel(NamedTuple):
 
     Attributes:
         dt_s: length of the step.
-        constant: (15, 15) Phi without attitude and force.
+        constant: (n, n) Phi without attitude and force; n is 15, or 16 with the wheel's scale.
         on_velocity: (9,) factors on [a], [a] C and C in the rows of dv.
         on_position: (9,) the same in the rows of dp.
-        Q: (15, 15) process noise.
+        Q: (n, n) process noise.
     """
 
     dt_s: float
@@ -43,17 +43,19 @@ class StepModel(NamedTuple):
     Q: FloatArray
 
 
-def step_model(noise: SensorNoise, dt_s: float) -> StepModel:
-    """Return the model of all steps of ``dt_s``."""
-    constant = np.eye(STATES)
+def step_model(noise: SensorNoise, dt_s: float, states: int = STATES) -> StepModel:
+    """Return the model of all steps of ``dt_s``; states after the fifteenth are constant."""
+    constant = np.eye(states)
     constant[P, V] = dt_s * np.eye(3)
     on_velocity = np.repeat([-dt_s, dt_s**2 / 2.0, -dt_s], 3)
     on_position = np.repeat([-(dt_s**2) / 2.0, dt_s**3 / 6.0, -(dt_s**2) / 2.0], 3)
-    return StepModel(dt_s, constant, on_velocity, on_position, process_noise(noise, dt_s))
+    Q = np.zeros((states, states))
+    Q[:STATES, :STATES] = process_noise(noise, dt_s)
+    return StepModel(dt_s, constant, on_velocity, on_position, Q)
 
 
 def transition(step: StepModel, dcm: FloatArray, force_enu_mps2: FloatArray) -> FloatArray:
-    """Return Phi (15, 15) of a step, with C in its middle and the mean specific force a = C f.
+    """Return Phi (n, n) of a step, with C in its middle and the mean specific force a = C f.
 
     Of dp' = dv, dv' = -[a] phi - C db_a, phi' = -C db_g, db' = 0, with a and C as constants::
 
@@ -66,7 +68,7 @@ def transition(step: StepModel, dcm: FloatArray, force_enu_mps2: FloatArray) -> 
     a = skew(force_enu_mps2)
     blocks = np.concatenate((a, a @ dcm, dcm), axis=1)
     Phi = step.constant.copy()
-    Phi[P, 6:], Phi[V, 6:] = step.on_position * blocks, step.on_velocity * blocks
+    Phi[P, 6:STATES], Phi[V, 6:STATES] = step.on_position * blocks, step.on_velocity * blocks
     Phi[PHI, BG] = -step.dt_s * dcm
     return Phi
 

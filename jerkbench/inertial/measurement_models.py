@@ -6,7 +6,7 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.inertial.rotation import cross, skew
-from jerkbench.inertial.state import BG, PHI, STATES, NavigationState, P, V
+from jerkbench.inertial.state import BG, PHI, STATES, WHEEL, NavigationState, P, V
 
 
 def point_in_enu(
@@ -41,6 +41,26 @@ def velocity_in_body(
     turn = state.dcm.T
     H[:, V], H[:, PHI], H[:, BG] = turn, turn @ skew(state.velocity_mps), skew(lever_arm_m)
     return turn @ state.velocity_mps + cross(rate_radps, lever_arm_m), H
+
+
+def wheel_speed(
+    state: NavigationState, rate_radps: FloatArray, lever_arm_m: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """What a wheel shows of the velocity (3,) of a point of the body, and H (3, 16).
+
+    With u as in `velocity_in_body`: h = [(1 + k) u_x, u_y, u_z]; dh_x = (1 + k) du_x + u_x dk.
+    """
+    h, of_velocity = velocity_in_body(state, rate_radps, lever_arm_m)
+    H = with_wheel(of_velocity)
+    H[0] *= 1.0 + state.wheel_scale
+    H[0, WHEEL] = h[0]
+    h[0] *= 1.0 + state.wheel_scale
+    return h, H
+
+
+def with_wheel(H: FloatArray) -> FloatArray:
+    """Return H (m, 16) of rows (m, 15) that do not depend on the wheel's scale."""
+    return np.pad(H, ((0, 0), (0, WHEEL + 1 - H.shape[1])))
 
 
 def heading(state: NavigationState) -> tuple[float, FloatArray]:

@@ -27,7 +27,7 @@ def mechanise(
         dt_s: length of the step.
         earth: gravity and the Earth's rotation.
     """
-    p, v, C, bg, ba = state
+    p, v, C, bg, ba, scale = state
     turned = C @ rotation_exp((gyro_radps - bg) * dt_s)
     accel = gravity_enu(p, earth.per_radius)
     if earth.rotates:
@@ -37,4 +37,4 @@ def mechanise(
     force = mean @ (accel_mps2 - ba)
     v_end = v + (force + accel) * dt_s
     p_end = p + (0.5 * dt_s) * (v + v_end)
-    return NavigationState(p_end, v_end, np.asarray(turned), bg, ba), mean, np.asarray(force)
+    return NavigationState(p_end, v_end, np.asarray(turned), bg, ba, scale), mean, np.asarray(force)

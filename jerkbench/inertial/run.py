@@ -11,9 +11,9 @@ from jerkbench.geometry import euler_from_dcm
 from jerkbench.inertial.earth import Earth
 from jerkbench.inertial.error_model import SensorNoise, StepModel, propagated, step_model, transition
 from jerkbench.inertial.events import Events
-from jerkbench.inertial.measurement_models import heading, point_in_enu, velocity_in_body
+from jerkbench.inertial.measurement_models import heading, point_in_enu, velocity_in_body, wheel_speed, with_wheel
 from jerkbench.inertial.mechanisation import mechanise
-from jerkbench.inertial.state import NavigationState, corrected, is_finite
+from jerkbench.inertial.state import STATES, NavigationState, corrected, is_finite
 from jerkbench.inertial.update import correction
 from jerkbench.recording import Heading, Imu
 from jerkbench.timeline.recorder import Recorder
@@ -60,7 +60,9 @@ class Settings(NamedTuple):
         earth: gravity and rotation.
         antenna_m: (3,) from the IMU, in the body.
         reference_point_m: (3,) the point whose position is given out, from the IMU, in the body.
-        body_velocity: whether rows 3 to 5 of z are in the body frame (of the IMU), not in ENU (of the antenna).
+        velocity_frame: of rows 3 to 5 of z: "enu" (of the antenna), "body" (of the IMU), or "speed" (body, of the
+            wheel).
+        wheel_m: (3,) where the wheel measures, from the IMU, in the body.
         constraints: what the vehicle cannot do.
     """
 
@@ -68,7 +70,8 @@ class Settings(NamedTuple):
     earth: Earth
     antenna_m: FloatArray
     reference_point_m: FloatArray
-    body_velocity: bool
+    velocity_frame: str
+    wheel_m: FloatArray
     constraints: Constraints
 
 
@@ -78,7 +81,7 @@ class InertialSolution(NamedTuple):
     Attributes:
         estimate: at the reference's stamps.
         state: nominal state at the end.
-        covariance: (15, 15) of its error.
+        covariance: (15, 15) of its error; (16, 16) with the wheel's scale.
     """
 
     estimate: Estimate
@@ -139,7 +142,7 @@ class InertialRun:
         """The model of a step of dt, made once for each whole nanosecond."""
         key = round(dt * 1e9)
         if key not in self.step_models:
-            self.step_models[key] = step_model(self.settings.noise, dt)
+            self.step_models[key] = step_model(self.settings.noise, dt, len(self.P))
         return self.step_models[key]
 
     def _update(self, update: int) -> None:
@@ -160,9 +163,12 @@ class InertialRun:
     def _expected(self) -> tuple[FloatArray, FloatArray]:
         """The six rows of position and velocity that the state expects, and their H."""
         h, H = point_in_enu(self.state, self.rate, self.settings.antenna_m)
-        if self.settings.body_velocity:
+        if self.settings.velocity_frame == "body":
             h[3:], H[3:] = velocity_in_body(self.state, self.rate, np.zeros(3))
-        return h, H
+        elif self.settings.velocity_frame == "speed":
+            H = with_wheel(H)
+            h[3:], H[3:] = wheel_speed(self.state, self.rate, self.settings.wheel_m)
+        return h, H[:, : len(self.P)]
 
     def _take_heading(self, yaw_rad: float, sigma_rad: float) -> None:
         expected, H = heading(self.state)
@@ -182,6 +188,8 @@ class InertialRun:
 
     def _correct(self, innovation: FloatArray, H: FloatArray, R: FloatArray) -> float:
         """Update with rows that are there; return their NIS."""
+        if H.shape[1] < len(self.P):
+            H = with_wheel(H)
         dx, self.P, nis = correction(self.P, innovation, H, R)
         self.state = corrected(self.state, dx)
         return nis
@@ -192,7 +200,7 @@ class InertialRun:
             x, P = np.concatenate([self.state.position_m, self.state.velocity_mps]), self.P[:6, :6]
         else:
             x, H = point_in_enu(self.state, self.rate, self.settings.reference_point_m)
-            P = H @ self.P @ H.T
+            P = H @ self.P[:STATES, :STATES] @ H.T
         self.recorder.state(reference, x, P)
         self.dcms.append(self.state.dcm)
 

@@ -4,12 +4,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.estimate import Attitude
 from jerkbench.recording import Recording, Velocity
 
 FLOOR = 1e-6
 """No variance is taken below (1 mm)^2 or (1 mm/s)^2."""
+
+ABSENT_SIGMA_MPS = 100.0
+"""One sigma of what a speed does not tell: far more than any vehicle's, and still well conditioned."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,18 +54,29 @@ def gather(recording: Recording, attitude: Attitude) -> Measurements:
 
 
 def velocity_in_enu(velocity: Velocity, attitude: Attitude) -> Velocity:
-    """Turn a body velocity, and its covariances, into ENU with the attitude of the last IMU stamp before it."""
+    """Turn a velocity along the body's axes, and its covariances, into ENU; one that is in ENU stays as it is.
+
+    With Omega of the last IMU stamp before it, v in the frame "body" or "speed" and C its covariance::
+
+        z = Omega v;  R = Omega C Omega'
+
+    An axis of "speed" that nothing is known of is 0 with the variance (100 m/s)^2, uncorrelated: once turned, only that
+    much in R says that it is absent, for the rows of z are those of ENU. A speed alone is so one quantity in three
+    rows; a rule that adds up variances, or takes the diagonal alone, sees little in them.
+    """
     if velocity.frame == "enu":
         return velocity
     sample = np.maximum(np.searchsorted(attitude.t_s, velocity.t_s, side="right") - 1, 0)
     omega = attitude.dcm[sample]
+    nothing = ~np.isfinite(velocity.mps)
+    nothing[nothing.all(axis=1)] = False  # such a row stays absent as a whole
     true = velocity.true_covariance_m2ps2
     return Velocity(
         velocity.t_s,
-        np.einsum("nij,nj->ni", omega, velocity.mps),
-        _turned(omega, velocity.covariance_m2ps2),
+        np.einsum("nij,nj->ni", omega, np.where(nothing, 0.0, velocity.mps)),
+        _turned(omega, _widened(velocity.covariance_m2ps2, nothing)),
         "enu",
-        None if true is None else _turned(omega, true),
+        None if true is None else _turned(omega, _widened(true, nothing)),
     )
 
 
@@ -72,6 +86,12 @@ def floored(covariance: FloatArray) -> FloatArray:
     diagonal = np.einsum("nii->ni", raised)
     np.maximum(diagonal, FLOOR, out=diagonal)
     return raised
+
+
+def _widened(covariance: FloatArray, nothing: BoolArray) -> FloatArray:
+    """The covariance with the variance of an absent axis where ``nothing`` (n, 3) is known."""
+    either = nothing[:, :, None] | nothing[:, None, :]
+    return np.where(either, ABSENT_SIGMA_MPS**2 * np.eye(3), covariance)
 
 
 def _turned(omega: FloatArray, covariance: FloatArray) -> FloatArray:

@@ -120,5 +120,6 @@ def _initial(measurements: Measurements, first: int) -> tuple[FloatArray, FloatA
     for axis in (3, 4, 5):
         rows = np.flatnonzero(recent & np.isfinite(measurements.z[:, axis]))
         if rows.size:  # in the order of time: the last one is the latest
-            x0[axis], P0[axis, axis] = measurements.z[rows[-1], axis], measurements.R[rows[-1], axis, axis]
+            x0[axis] = measurements.z[rows[-1], axis]
+            P0[axis, axis] = min(measurements.R[rows[-1], axis, axis], P0[axis, axis])  # of a speed R may say nothing
     return x0, P0

@@ -10,8 +10,11 @@ from jerkbench.recording import Heading, Imu, Recording, Reference, Velocity
 IMU = Imu([0.0, 1.0], [[0, 0, 9.81]] * 2, np.zeros((2, 3)))
 HEADING = Heading([0.5], [1.0], [0.01])
 FAST = Velocity([0.5], [[3.0, 4.0, 0.0]], [np.eye(3)])
+ODOMETRY = Heading([0.5], [1.2], [0.02], "odometry")
+COURSE = Heading([0.5], [1.3], [0.02], "course")
 SLOW = Velocity([0.5], [[0.3, 0.3, 2.0]], [np.eye(3)])
 BODY = Velocity([0.5], [[5.0, 0.0, 0.0]], [np.eye(3)], frame="body")
+SPEED = Velocity.along_course([0.5], [5.0], 0.5)
 
 
 def recording(**parts):
@@ -52,7 +55,8 @@ def test_auto_takes_the_dual_antenna_then_the_course_then_nothing():
     assert select("auto", heading=HEADING, velocity=FAST) is HEADING
     assert select("auto", velocity=FAST).yaw_rad[0] == pytest.approx(math.atan2(4, 3))
     assert select("auto", heading=Heading([], [], []), velocity=FAST).yaw_rad[0] == pytest.approx(math.atan2(4, 3))
-    for velocity in (None, SLOW, BODY):
+    assert select("auto", heading=ODOMETRY, velocity=FAST) is ODOMETRY
+    for velocity in (None, SLOW, BODY, SPEED):
         assert select("auto", velocity=velocity) is None
 
 
@@ -60,13 +64,17 @@ def test_a_source_that_is_asked_for_is_taken():
     assert select("gyro_only", heading=HEADING, velocity=FAST) is None
     assert select("dual_antenna", heading=HEADING, velocity=FAST) is HEADING
     assert select("course", heading=HEADING, velocity=FAST).yaw_rad[0] == pytest.approx(math.atan2(4, 3))
+    assert select("odometry", heading=ODOMETRY, velocity=FAST) is ODOMETRY
+    assert select("course", heading=COURSE, velocity=SPEED) is COURSE
 
 
 @pytest.mark.parametrize(
     ("source", "velocity", "reason"),
     [
         ("dual_antenna", FAST, "farm has no dual-antenna heading; take"),
+        ("odometry", FAST, "farm has no odometry heading; take"),
         ("course", None, "farm has no velocity, so no course; take"),
+        ("course", SPEED, "farm has its velocity in the speed frame"),
         ("course", BODY, "farm has its velocity in the body frame"),
         ("course", SLOW, "farm is never faster than 0.5 m/s"),
     ],
@@ -74,3 +82,9 @@ def test_a_source_that_is_asked_for_is_taken():
 def test_a_source_that_is_not_there_is_one_sentence(source, velocity, reason):
     with pytest.raises(RecordingError, match=reason):
         select(source, velocity=velocity)
+
+
+@pytest.mark.parametrize("source", ["dual_antenna", "course"])
+def test_the_sentence_says_what_the_headings_are_from(source):
+    with pytest.raises(RecordingError, match="its headings are of source odometry; take yaw_source"):
+        select(source, heading=ODOMETRY)

@@ -4,6 +4,7 @@ import pytest
 from jerkbench import plugins
 from jerkbench.disturbances.gnss_outage import GnssOutage
 from jerkbench.errors import PluginError
+from jerkbench.recording import Heading, Velocity
 
 
 def test_begin_is_inside_and_end_is_not(recording):
@@ -20,6 +21,17 @@ def test_begin_is_inside_and_end_is_not(recording):
 def test_the_heading_goes_when_asked(recording):
     done = GnssOutage(heading=True).apply(recording, 0)
     assert done.heading.t_s.tolist() == done.position.t_s.tolist()
+
+
+def test_a_wheel_and_odometry_stay_and_a_receivers_course_goes(make):
+    t_s = make().heading.t_s
+    zeros, sigma = np.zeros(len(t_s)), np.full(len(t_s), 0.01)
+    driven = make(velocity=Velocity.along_course(t_s, zeros, 0.1), heading=Heading(t_s, zeros, sigma, "odometry"))
+    done = GnssOutage(heading=True).apply(driven, 0)
+    assert done.velocity is driven.velocity
+    assert done.heading is driven.heading
+    course = GnssOutage().apply(make(heading=Heading(t_s, zeros, sigma, "course")), 0)
+    assert course.heading.t_s.tolist() == course.position.t_s.tolist()
 
 
 def test_outages_add_up_and_windows_outside_are_left_out(recording):

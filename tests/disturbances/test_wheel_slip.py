@@ -67,6 +67,13 @@ def test_the_yaw_of_the_nearest_stamp_is_taken(recording):
     np.testing.assert_allclose(late[27 * 4 : 28 * 4], np.tile([0, 0.3, 0], (4, 1)), atol=1e-12)
 
 
+def test_a_wheels_speed_slips_where_it_is_there(recording):
+    speed = Velocity.along_course(recording.position.t_s, np.full(len(recording.position.t_s), 2.0), 0.1)
+    offset = slipped(dataclasses.replace(recording, velocity=speed), slip=-0.5)
+    np.testing.assert_allclose(offset[:, 0], -1.0)
+    assert np.isnan(offset[:, 1:]).all()
+
+
 def test_a_body_velocity_slips_forwards(recording):
     np.testing.assert_allclose(
         slipped(with_velocity(recording, [2.0, 0.3, 0.1], frame="body"), slip=-0.5), np.tile([-1, 0, 0], (16, 1))

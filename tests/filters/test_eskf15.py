@@ -14,9 +14,10 @@ from jerkbench.attitude.plugin import Tilt
 from jerkbench.contracts import Estimator
 from jerkbench.datasets.field import Field
 from jerkbench.disturbances.gnss_outage import GnssOutage
-from jerkbench.errors import PluginError
+from jerkbench.disturbances.position_outage import PositionOutage
+from jerkbench.errors import PluginError, RecordingError
 from jerkbench.filters.eskf15 import Eskf15
-from jerkbench.recording import Heading, Imu, Reference
+from jerkbench.recording import Heading, Imu, Reference, Velocity
 from synthetic import level_attitude, recording_at_rest
 
 CHECK = Path(__file__).parents[2] / "experiments" / "eskf15_consistency" / "check.py"
@@ -82,6 +83,48 @@ def test_a_velocity_in_the_body_is_turned_with_its_own_attitude(field):
 
     error = estimate.position_m - recording.reference.enu_m[estimate.index]
     assert np.abs(error).max() < 1e-3
+
+
+def with_wheel(recording, scale):
+    """The recording with a wheel's speed in the place of its velocity."""
+    shown = shown_in_body(recording).velocity
+    return replace(recording, velocity=Velocity.along_course(shown.t_s, scale * shown.mps[:, 0], 0.03))
+
+
+def test_a_wheel_that_shows_too_much_is_found_out(noisy_field):
+    recording = PositionOutage(windows_s=((20.0, 30.0),)).apply(with_wheel(noisy_field, 1.05), 0)
+    attitude = Tilt().estimate(recording)
+    trusting, careful = (
+        Eskf15(wheel_scale=w, nonholonomic=True, nonholonomic_sigma_mps=0.05).solve(recording, attitude, NoAdaptation())
+        for w in (False, True)
+    )
+    late = careful.estimate.index >= 125  # from 25 s on
+    errors = [
+        np.linalg.norm(s.estimate.position_m - recording.reference.enu_m[s.estimate.index], axis=1)[late].max()
+        for s in (trusting, careful)
+    ]
+
+    assert careful.covariance.shape == (16, 16)
+    assert careful.state.wheel_scale == pytest.approx(0.05, abs=3 * np.sqrt(careful.covariance[15, 15]))
+    assert careful.covariance[15, 15] < 0.005**2
+    assert errors[1] < 0.5 * errors[0]
+
+
+def test_a_wheel_stands_on_its_own_point_and_its_absent_axes_are_no_rows(field):
+    arm = np.array([-1.5, 0.4, -0.6])
+    recording = with_wheel(field, 1.0)
+    rate = field.imu.gyro_radps[np.searchsorted(field.imu.t_s, recording.velocity.t_s - 1e-6)]
+    there = recording.velocity.mps[:, 0] + np.cross(rate, arm)[:, 0]
+    shown = replace(recording, velocity=Velocity.along_course(recording.velocity.t_s, there, 0.03))
+    estimate, _ = position_errors(Eskf15(nonholonomic_point_m=tuple(arm)), shown)
+
+    assert np.nanmax(estimate.updates.nis) < 0.1
+    assert set(estimate.updates.rows) <= {1.0, 4.0}
+
+
+def test_the_scale_needs_a_wheel(field):
+    with pytest.raises(RecordingError, match="needs a wheel's speed, and the velocity that is used is enu"):
+        Eskf15(wheel_scale=True).estimate(field, Tilt().estimate(field), NoAdaptation())
 
 
 def test_the_lever_arm_carries_the_antenna_to_the_imu_and_back(field):

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from jerkbench.inertial.earth import FLAT
 from jerkbench.inertial.error_model import SensorNoise, process_noise, propagated, step_model, transition
-from jerkbench.inertial.measurement_models import heading, point_in_enu, velocity_in_body
+from jerkbench.inertial.measurement_models import heading, point_in_enu, velocity_in_body, wheel_speed
 from jerkbench.inertial.mechanisation import mechanise
 from jerkbench.inertial.state import NavigationState, corrected
 from jerkbench.inertial.update import correction
@@ -22,6 +22,7 @@ STATE = NavigationState(
     np.array([0.01, -0.02, 0.005]),
     np.array([0.1, 0.05, -0.2]),
 )
+WORN = STATE._replace(wheel_scale=0.03)
 
 
 def difference(after, before):
@@ -38,10 +39,10 @@ def difference(after, before):
     )
 
 
-def derivative(function, rows, step=1e-5):
+def derivative(function, rows, step=1e-5, states=15):
     """Central differences of ``function`` over the error state."""
-    H = np.empty((rows, 15))
-    for i, dx in enumerate(step * np.eye(15)):
+    H = np.empty((rows, states))
+    for i, dx in enumerate(step * np.eye(states)):
         H[:, i] = (function(corrected(STATE, dx)) - function(corrected(STATE, -dx))) / (2 * step)
     return H
 
@@ -114,6 +115,27 @@ def test_velocity_in_the_body_and_its_derivative():
 
     np.testing.assert_allclose(STATE.dcm @ h, point_in_enu(STATE, rate_of(STATE), ARM)[0][3:])
     np.testing.assert_allclose(H, derivative(lambda s: velocity_in_body(s, rate_of(s), ARM)[0], 3), atol=1e-8)
+
+
+def test_the_speed_of_a_wheel_of_another_size_and_its_derivative():
+    h, H = wheel_speed(WORN, rate_of(STATE), ARM)
+    u = velocity_in_body(STATE, rate_of(STATE), ARM)[0]
+
+    np.testing.assert_allclose(h, u * [1.03, 1.0, 1.0])
+    numeric = derivative(
+        lambda s: wheel_speed(s._replace(wheel_scale=0.03 + s.wheel_scale), rate_of(s), ARM)[0], 3, states=16
+    )
+    np.testing.assert_allclose(H, numeric, atol=1e-8)
+
+
+def test_the_scale_of_a_wheel_is_constant():
+    wide = step_model(NOISE, 0.5, 16)
+    Phi = transition(wide, STATE.dcm, np.array([1.0, -2.0, 12.0]))
+
+    np.testing.assert_array_equal(Phi[:15, :15], transition(step_model(NOISE, 0.5), STATE.dcm, np.array([1.0, -2, 12])))
+    np.testing.assert_array_equal([*Phi[15], *Phi[:, 15]], 2 * [*np.zeros(15), 1.0])
+    assert not wide.Q[15].any()
+    assert not wide.Q[:, 15].any()
 
 
 def test_heading_and_its_derivative():
