@@ -46,7 +46,11 @@ class Disturbance(Hashable, Protocol):
 
 
 class AttitudeFilter(Hashable, Protocol):
-    """A way to find the attitude."""
+    """A way to find the attitude.
+
+    One thing is optional. ``require(self, load)`` is called before a sweep begins; it raises a RecordingError where the
+    recording that ``load()`` returns lacks what the parameters ask for.
+    """
 
     def estimate(self, recording: Recording) -> Attitude:
         """Return the attitude and the gravity-compensated acceleration at the IMU's stamps."""

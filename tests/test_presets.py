@@ -44,7 +44,22 @@ def test_every_preset_that_is_shipped_is_what_hydra_makes_of_it(kind, name):
 
 def test_there_are_presets_to_compare():
     assert {("filter", "baseline_naive"), ("disturbance", "combined"), ("attitude", "real")} <= set(SHIPPED)
-    assert ("noise", "tuned") in SHIPPED
+    assert {("noise", "tuned"), ("noise", "paper")} <= set(SHIPPED)
+
+
+def test_the_papers_noise_is_its_filters_own_and_the_same_sigma_a_for_both():
+    noise = preset("noise", "paper")
+    jerk, bias = (plugins.create("filter", {"name": name}) for name in ("jerk", "bias"))
+
+    assert noise["accel_mps2"] == jerk.accel_mps2 == bias.accel_mps2
+    assert (noise["jerk_mps3_per_sqrt_s"], noise["initial_jerk_mps3"]) == (
+        jerk.jerk_mps3_per_sqrt_s,
+        jerk.initial_jerk_mps3,
+    )
+    assert (noise["bias_mps2_per_sqrt_s"], noise["initial_bias_mps2"]) == (
+        bias.bias_mps2_per_sqrt_s,
+        bias.initial_bias_mps2,
+    )
 
 
 @pytest.fixture

@@ -1,5 +1,6 @@
 """The attitude plugin ``gyro_only``: no accelerometer after the alignment."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,7 +9,7 @@ from jerkbench.arrays import FloatArray
 from jerkbench.attitude.alignment import align
 from jerkbench.attitude.assembly import attitude_from, intervals, with_yaw
 from jerkbench.attitude.compensation import COMPENSATIONS
-from jerkbench.attitude.headings import YAW_SOURCES, select_headings
+from jerkbench.attitude.headings import YAW_SOURCES, require_headings, select_headings
 from jerkbench.attitude.tilt import roll_pitch, transition
 from jerkbench.errors import PluginError, unknown
 from jerkbench.estimate import Attitude
@@ -53,6 +54,14 @@ class GyroOnly:
                 raise PluginError(unknown(f"{name} of attitude gyro_only", getattr(self, name), available))
         require_positive("attitude gyro_only", self, ("course_min_speed_mps", "course_sigma_min_rad"))
         require_not_negative("attitude gyro_only", self, ("yaw_walk_rad_per_sqrt_s",))
+
+    def require(self, load: Callable[[], Recording]) -> None:
+        """Check, before a sweep begins, that the recording of ``load`` has the yaw source that was asked for.
+
+        Raises:
+            RecordingError: it has not.
+        """
+        require_headings(load, self.yaw_source, self.course_min_speed_mps, self.course_sigma_min_rad)
 
     def estimate(self, recording: Recording) -> Attitude:
         """Return attitude and ENU acceleration at the IMU's stamps.

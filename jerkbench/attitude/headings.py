@@ -1,5 +1,7 @@
 """Where the yaw filter gets its headings: what the recording measured, the course of its velocity, or nowhere."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from jerkbench.arrays import FloatArray
@@ -34,6 +36,16 @@ def select_headings(recording: Recording, source: str, min_speed_mps: float, sig
         return None
     courses = course_headings(recording.velocity, min_speed_mps, sigma_min_rad)
     return courses if len(courses.t_s) else None
+
+
+def require_headings(load: Callable[[], Recording], source: str, min_speed_mps: float, sigma_min_rad: float) -> None:
+    """Check, before anything runs, that a source that was asked for is there; ``load`` gives the recording.
+
+    Raises:
+        RecordingError: it is not.
+    """
+    if source not in ("auto", "gyro_only"):
+        select_headings(load(), source, min_speed_mps, sigma_min_rad)
 
 
 def course_headings(velocity: Velocity, min_speed_mps: float, sigma_min_rad: float) -> Heading:

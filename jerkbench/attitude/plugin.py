@@ -1,5 +1,6 @@
 """The attitude plugin ``tilt``: tilt filter, yaw filter and gravity compensation one after the other."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +11,7 @@ from jerkbench.attitude.assembly import attitude_from, intervals, with_yaw
 from jerkbench.attitude.compensation import COMPENSATIONS
 from jerkbench.attitude.compiled_tilt import run_tilt_compiled
 from jerkbench.attitude.external_acceleration import ADAPTATIONS
-from jerkbench.attitude.headings import YAW_SOURCES, select_headings
+from jerkbench.attitude.headings import YAW_SOURCES, require_headings, select_headings
 from jerkbench.attitude.tilt import TiltParameters, roll_pitch, run_tilt
 from jerkbench.errors import PluginError, unknown
 from jerkbench.estimate import Attitude
@@ -92,6 +93,14 @@ class Tilt:
         """Check that every choice exists and every number makes sense."""
         self._check_choices()
         self._check_numbers()
+
+    def require(self, load: Callable[[], Recording]) -> None:
+        """Check, before a sweep begins, that the recording of ``load`` has the yaw source that was asked for.
+
+        Raises:
+            RecordingError: it has not.
+        """
+        require_headings(load, self.yaw_source, self.course_min_speed_mps, self.course_sigma_min_rad)
 
     def estimate(self, recording: Recording) -> Attitude:
         """Return attitude and ENU acceleration at the IMU's stamps.

@@ -7,6 +7,7 @@ from functools import partial
 from pathlib import Path
 
 from jerkbench.benchmark.cell import Cell, refusal
+from jerkbench.benchmark.missing import require_inputs
 from jerkbench.benchmark.pool import run_grouped
 from jerkbench.benchmark.run import failed_rows, run_cell
 from jerkbench.benchmark.store import Store, cell_key
@@ -41,18 +42,22 @@ def plan_sweep(cells: Sequence[Cell]) -> Plan:
     """Find the key of each cell; leave out what is refused and what is there twice.
 
     Raises:
-        RecordingError: the data of a cell are not there.
+        RecordingError: the data of a cell are not there, or lack what its attitude filter was asked to use.
         PluginError: two cells would have the same name in the table.
     """
     planned: dict[str, Planned] = {}
     refused: dict[str, int] = {}
     fingerprints: dict[object, str] = {}
+    checked: set[tuple[object, object]] = set()
     for cell in cells:
         if reason := refusal(cell):
             refused[reason] = refused.get(reason, 0) + 1
             continue
         if cell.dataset not in fingerprints:
             fingerprints[cell.dataset] = cell.dataset.fingerprint()
+        if (cell.dataset, cell.attitude) not in checked:
+            require_inputs(cell)
+            checked.add((cell.dataset, cell.attitude))
         fingerprint = fingerprints[cell.dataset]
         key = cell_key(cell, fingerprint)
         planned.setdefault(key, Planned(cell, key, fingerprint))

@@ -6,7 +6,7 @@ from jerkbench.benchmark.cell import Protocol, build
 from jerkbench.benchmark.store import Store
 from jerkbench.benchmark.study import load_study, write_manifest, write_study
 from jerkbench.benchmark.sweep import plan_sweep
-from jerkbench.errors import JerkbenchError, PluginError
+from jerkbench.errors import JerkbenchError, PluginError, RecordingError
 
 LABELS = {
     "dataset": "field",
@@ -94,3 +94,14 @@ def test_two_combinations_that_the_table_could_not_tell_apart_are_refused_before
 
     with pytest.raises(PluginError, match=r"both be called field, none, .* they differ in engine"):
         plan_sweep(cells)
+
+
+@pytest.mark.parametrize("name", ["tilt", "gyro_only"])
+def test_a_yaw_source_that_no_recording_has_ends_the_sweep_before_anything_runs(name):
+    dataset = {"name": "field", "duration_s": 20.0}
+    there = build({**SPEC, "dataset": dataset, "attitude": {"name": name, "yaw_source": "dual_antenna"}}, Protocol())
+    absent = build({**SPEC, "dataset": dataset, "attitude": {"name": name, "yaw_source": "odometry"}}, Protocol())
+
+    assert len(plan_sweep([there]).cells) == 1
+    with pytest.raises(RecordingError, match="field has no odometry heading, its headings are of source dual_antenna"):
+        plan_sweep([there, absent])
