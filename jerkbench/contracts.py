@@ -125,7 +125,10 @@ class Engine(Protocol):
 
 
 class Metric(Protocol):
-    """A number, or a few, from one run."""
+    """A number, or a few, from one run.
+
+    A class attribute ``default = False`` says that it is only computed where it is asked for (``metrics=[name]``).
+    """
 
     def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
         """Return the values by column name (unit included); NaN where it does not apply.

@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from jerkbench import plugins
@@ -107,7 +107,7 @@ def build(spec: Config, protocol: Protocol, labels: Labels | None = None) -> Cel
 
     Args:
         spec: dataset, attitude, filter, adaptation, engine: {"name": ..., parameters}; disturbance: a list of such;
-            noise (optional): parameters that replace the filter's own; metrics (optional): names, default all.
+            noise (optional): parameters that replace the filter's own; metrics (optional): names, or "all".
         protocol: how it is run and scored.
         labels: what tables call its parts; default: the plugins' names.
 
@@ -118,7 +118,7 @@ def build(spec: Config, protocol: Protocol, labels: Labels | None = None) -> Cel
     noise = replaced(plugins.get("filter", spec["filter"]["name"]), spec.get("noise", {}))
     model = plugins.create("filter", {**spec["filter"], **noise})
     disturbances = tuple(plugins.create("disturbance", one) for one in spec["disturbance"])
-    metrics = tuple(spec.get("metrics") or plugins.names("metric"))
+    metrics = _metrics(spec.get("metrics") or ())
     effective: dict[str, Any] = {
         kind: _plain(spec[kind]["name"], part) for kind, part in {**single, "filter": model}.items()
     }
@@ -153,6 +153,14 @@ def joined(names: Iterable[str]) -> str:
     """One name for a list of disturbances; `none` only when it is the only one."""
     several = list(names)
     return "+".join(name for name in several if name != "none") or "none"
+
+
+def _metrics(asked: Sequence[str]) -> tuple[str, ...]:
+    """The names that are asked for; of none those that say nothing else, of "all" every one."""
+    known = plugins.names("metric")
+    if not asked:
+        return tuple(name for name in known if getattr(plugins.get("metric", name), "default", True))
+    return tuple(dict.fromkeys(name for one in asked for name in (known if one == "all" else [one])))
 
 
 def _plain(name: str, plugin: Any) -> dict[str, Any]:  # noqa: ANN401 - a plugin of any kind

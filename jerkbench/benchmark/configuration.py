@@ -27,7 +27,7 @@ class Schema:
         first_seed: the first of them.
         burn_in_s: errors count from this time on [s].
         divergence_limit_m: a larger position error is a divergence [m].
-        metrics: names of the metrics to compute; empty: all.
+        metrics: names of the metrics to compute; empty: those that are cheap; [all]: every one.
         workers: number of processes of a sweep; 0: one for each processor.
         figures: whether a single run draws its trajectory and its errors.
         notes: sentences to print under the tables (what was tuned, on what, with which budget).

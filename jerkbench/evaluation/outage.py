@@ -38,10 +38,10 @@ class Outage:
         there = known(recording.reference.enu_m, estimate)
         error = position_error_m(estimate, recording)
         t_s = recording.reference.t_s[estimate.index]
-        inside = _inside(t_s, recording.outages_s) & there
+        inside = inside_outages(t_s, recording.outages_s) & there
         late = t_s >= np.min(t_s[counted], initial=np.inf)
-        last = _last_rows(inside & late, t_s, recording)
-        ends = np.array([rms_norm(error[[row]]) for row in last])
+        found = outage_rows(inside & late, t_s, recording)
+        ends = np.array([rms_norm(error[[last]]) for _, last in found])
         return {
             "outage_rmse_m": rms_norm(error[inside.any(axis=0) & counted]),
             "outage_end_m": float(ends.mean()) if ends.size else float("nan"),
@@ -50,22 +50,22 @@ class Outage:
         }
 
 
-def _inside(t_s: FloatArray, outages_s: FloatArray) -> BoolArray:
+def inside_outages(t_s: FloatArray, outages_s: FloatArray) -> BoolArray:
     """Return (j, k) whether time k lies in outage j."""
     begin, end = outages_s[:, :1], outages_s[:, 1:]
     rows: BoolArray = (t_s >= begin) & (t_s < end)
     return rows
 
 
-def _last_rows(inside: BoolArray, t_s: FloatArray, recording: Recording) -> list[int]:
-    """Return the last row inside each outage, (j, k) rows, where it is near the outage's end."""
+def outage_rows(inside: BoolArray, t_s: FloatArray, recording: Recording) -> list[tuple[int, int]]:
+    """Return the first and the last row inside each outage, (j, k) rows, where the last is near the outage's end."""
     oldest_s = OLDEST * _interval_s(recording.reference)
     ends = (
-        (int(np.flatnonzero(rows)[-1]), end)
+        (int(np.argmax(rows)), int(np.flatnonzero(rows)[-1]), end)
         for rows, (_, end) in zip(inside, recording.outages_s, strict=True)
         if rows.any()
     )
-    return [row for row, end in ends if end - t_s[row] <= oldest_s]
+    return [(first, last) for first, last, end in ends if end - t_s[last] <= oldest_s]
 
 
 def _interval_s(reference: Reference) -> float:

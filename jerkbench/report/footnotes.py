@@ -38,9 +38,9 @@ def _reading(table: Table, cells: list[Cell]) -> Iterator[str]:
         yield "{low–high}: range over the phases of one recording: not a confidence interval."  # noqa: RUF001 - a range
     if any(c.best for c in cells):
         yield "Bold: the lowest mean of the row among the cells whose runs all went well."
-    expected = quantity(table.metric).expected
-    if expected is not None:
-        yield f"A consistent filter gives {expected:g}; more is overconfident, less too cautious."
+    what = quantity(table.metric)
+    if what.expected is not None:
+        yield f"A consistent filter gives {what.expected:g}; {what.reading}."
     if any(c.number == "n/a" for c in cells):
         yield "n/a: the metric does not apply."
     if any(cell is None for row in table.cells for cell in row):

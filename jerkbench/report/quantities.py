@@ -16,6 +16,16 @@ TITLES = {
     "outage_rmse_m": "Position RMSE (3-D) during outages",
     "outage_end_m": "Position error (3-D) at the end of an outage, mean over the outages",
     "outage_end_max_m": "Position error (3-D) at the end of an outage, the largest",
+    "outage_drift_mps": "Growth of the position error (3-D) in an outage",
+    "position_rmse_low_m": "Position RMSE (3-D), lower end of the recording's own interval",
+    "position_rmse_high_m": "Position RMSE (3-D), upper end of the recording's own interval",
+    "position_log_score": "Log-score of the true position (nats)",
+    "relative_error_percent": "Error of the displacement (3-D), of the distance",
+    "inflated_percent": "Updates with an inflated position",
+    "rejected_percent": "Updates with a rejected position",
+    "lockout_s": "Longest streak of inflated positions",
+    "innovation_correlation": "Correlation of successive innovations",
+    "innovation_white_percent": "Rows with white innovations",
     "outages_counted": "Outages with a known error at the end",
     "anees": "ANEES of position and velocity",
     "anees_position": "ANEES of position",
@@ -24,11 +34,28 @@ TITLES = {
 }
 """Titles that say more than the column's name."""
 
-EXPECTED = {"anees": 6, "anees_position": 3, "anis_per_row": 1, "anis_used_per_row": 1}
+EXPECTED = {
+    "anees": 6,
+    "anees_position": 3,
+    "anis_per_row": 1,
+    "anis_used_per_row": 1,
+    "coverage_1_sigma_percent": 68.3,
+    "coverage_2_sigma_percent": 95.4,
+    "coverage_3_sigma_percent": 99.7,
+    "innovation_correlation": 0,
+    "innovation_white_percent": 95,
+}
 """What a consistent filter gives; of these neither the lowest nor the highest is the best."""
 
-COUNTS = ("outages_counted",)
-"""What tells how much was scored: no quality of a filter."""
+READING = {
+    **{f"coverage_{k}_sigma_percent": "less is overconfident, more too cautious" for k in (1, 2, 3)},
+    "innovation_correlation": "more lags behind the measurements, less overshoots",
+    "innovation_white_percent": "less means that innovations follow each other",
+}
+"""How to read what is not as expected, where it is not "more is overconfident"."""
+
+COUNTS = ("outages_counted", "error_correlation_rows", "inflated_percent", "rejected_percent", "lockout_s")
+"""What tells how much was scored, or what an adaptation did: no quality of a filter."""
 
 
 @dataclass(frozen=True)
@@ -40,12 +67,14 @@ class Quantity:
         unit: "" for a ratio.
         expected: what a consistent filter gives, or None.
         lowest_is_best: whether the lowest is the best; if not, none is.
+        reading: what more or less than expected means.
     """
 
     title: str
     unit: str
     expected: float | None = None
     lowest_is_best: bool = True
+    reading: str = "more is overconfident, less too cautious"
 
     @property
     def heading(self) -> str:
@@ -64,4 +93,5 @@ def quantity(column: str) -> Quantity:
     words = [WORDS.get(word, word) for word in (stem if unit else column).split("_")]
     plain = " ".join(words)
     title = TITLES.get(column, plain[:1].upper() + plain[1:])
-    return Quantity(title, unit, EXPECTED.get(column), column not in (*EXPECTED, *COUNTS))
+    reading = READING.get(column, Quantity.reading)
+    return Quantity(title, unit, EXPECTED.get(column), column not in (*EXPECTED, *COUNTS), reading)

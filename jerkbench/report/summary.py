@@ -8,7 +8,7 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import JerkbenchError, unknown
-from jerkbench.evaluation.statistics import mean_intervals
+from jerkbench.evaluation.statistics.intervals import mean_intervals
 from jerkbench.report.factors import FACTORS, constants, layout
 from jerkbench.report.footnotes import footnotes
 from jerkbench.report.quantities import quantity

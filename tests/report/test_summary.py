@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from jerkbench.errors import JerkbenchError
-from jerkbench.evaluation.statistics import mean_interval
+from jerkbench.evaluation.statistics.intervals import mean_interval
 from jerkbench.report.tables import summarise
 
 

@@ -7,8 +7,8 @@ from statistics import NormalDist
 import numpy as np
 import pytest
 
-from jerkbench.evaluation import statistics
-from jerkbench.evaluation.statistics import Interval, mean_interval, mean_intervals
+from jerkbench.evaluation.statistics import intervals
+from jerkbench.evaluation.statistics.intervals import Interval, mean_interval, mean_intervals
 
 
 def naive_bca(values, confidence, resamples, seed):
@@ -30,7 +30,7 @@ def naive_bca(values, confidence, resamples, seed):
 @pytest.mark.parametrize("confidence", [0.8, 0.95])
 def test_it_is_the_bca_interval(confidence, monkeypatch):
     """The upper end's standard deviation from draw to draw is 0.5 % of the width with so many resamples (measured)."""
-    monkeypatch.setattr(statistics, "RESAMPLES", 200_000)
+    monkeypatch.setattr(intervals, "RESAMPLES", 200_000)
     values = np.random.default_rng(4).lognormal(sigma=1.0, size=20)  # skewed: percentile and BCa differ
     low, high = naive_bca(values, confidence, 200_000, seed=5)
     interval = mean_interval(values, confidence)

@@ -1,0 +1,36 @@
+"""Whether the innovations follow each other."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jerkbench.arrays import BoolArray
+from jerkbench.estimate import Estimate
+from jerkbench.evaluation.statistics.whiteness import whiteness
+from jerkbench.plugins import register
+from jerkbench.recording import Recording
+
+
+@register("metric", "innovation")
+@dataclass(frozen=True)
+class Innovation:
+    """Correlation of successive innovations: those of an optimal filter have none.
+
+    With rho_a(1) the autocorrelation at lag 1 of row a of the innovations, from the first counted row on, and p_a the
+    p of the Ljung-Box test over 20 lags::
+
+        innovation_correlation   = mean over the rows of rho_a(1)               expect 0
+        innovation_white_percent = share of the rows with p_a >= 0.05           expect 95
+
+    Above 0 the filter lags behind: its process noise is too small for what happens. NaN with fewer than 30 updates.
+    """
+
+    def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
+        """Return the two values by column name."""
+        start_s = np.min(recording.reference.t_s[estimate.index][counted], initial=np.inf)
+        late = estimate.updates.innovation[estimate.updates.t_s >= start_s]
+        tests = [one for one in map(whiteness, late.T) if not np.isnan(one.first)]
+        return {
+            "innovation_correlation": float(np.mean([one.first for one in tests])) if tests else np.nan,
+            "innovation_white_percent": 100 * float(np.mean([one.white for one in tests])) if tests else np.nan,
+        }

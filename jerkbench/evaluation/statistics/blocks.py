@@ -1,0 +1,93 @@
+"""One recording: an interval for its RMSE from errors that follow each other, by a moving-block bootstrap."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jerkbench.arrays import FloatArray
+
+RESAMPLES = 1999
+SEED = 20
+"""Fixed: the same errors give the same interval."""
+
+FEWEST_BLOCKS = 5
+"""Fewer independent pieces carry no interval."""
+
+
+@dataclass(frozen=True)
+class RecordingInterval:
+    """The RMSE over one recording, with what this one recording can say about its accuracy.
+
+    Attributes:
+        rmse: over all rows; NaN without any.
+        low: lower end; NaN where the recording is shorter than `FEWEST_BLOCKS` blocks.
+        high: upper end.
+        block: rows of a block.
+        correlation: rows after which squared errors forget each other (integrated autocorrelation).
+    """
+
+    rmse: float
+    low: float
+    high: float
+    block: int
+    correlation: float
+
+
+def block_interval(squares: FloatArray, confidence: float = 0.95) -> RecordingInterval:
+    """Return the RMSE of (n,) squared errors in their order, with a moving-block bootstrap interval.
+
+    Blocks of l rows, drawn with replacement from all n - l + 1 of them, keep the correlation within; l is at least
+    four times the correlation time (with twice, it is 11 % too short) and n^(1/3). It says how the RMSE would vary
+    over other stretches of the same kind of drive: not over other drives, receivers or days, and it carries no p-value.
+
+    Source: Künsch, "The jackknife and the bootstrap for general stationary observations", Ann. Statist. 17 (1989).
+    """
+    n = len(squares)
+    if n == 0 or not np.isfinite(squares).all():
+        return RecordingInterval(np.nan, np.nan, np.nan, 0, np.nan)
+    tau = correlation_rows(squares)
+    block = int(min(n, max(np.ceil(4 * tau), np.ceil(n ** (1 / 3)))))
+    rmse = float(np.sqrt(np.mean(squares)))
+    if n < FEWEST_BLOCKS * block:
+        return RecordingInterval(rmse, np.nan, np.nan, block, tau)
+    means = _resampled_means(squares, block)
+    low, high = np.quantile(means, [(1 - confidence) / 2, (1 + confidence) / 2])
+    return RecordingInterval(rmse, float(np.sqrt(low)), float(np.sqrt(high)), block, tau)
+
+
+def correlation_rows(values: FloatArray) -> float:
+    """Return 1 + 2 sum rho_k, the rows that count as one independent value; at least 1.
+
+    The sum ends before the first pair rho_{2k} + rho_{2k+1} that is not positive.
+
+    Source: Geyer, "Practical Markov chain Monte Carlo", Statistical Science 7 (1992), the initial positive sequence.
+    """
+    rho = autocorrelation(values)
+    pairs = rho[: len(rho) // 2 * 2].reshape(-1, 2).sum(axis=1)
+    ends = np.flatnonzero(pairs <= 0)
+    kept = pairs[: ends[0]] if len(ends) else pairs
+    return max(1.0, float(2 * kept.sum() - 1.0))
+
+
+def autocorrelation(values: FloatArray) -> FloatArray:
+    """Return (n,) the autocorrelation of (n,) values at lags 0, 1, ...; of a constant 1, 0, 0, ..."""
+    n = len(values)
+    centred = values - values.mean()
+    power = float(centred @ centred)
+    if power <= n * (1e-14 * float(np.abs(values).max(initial=0.0))) ** 2:
+        return np.concatenate([np.ones(min(n, 1)), np.zeros(max(n - 1, 0))])
+    spectrum = np.abs(np.fft.rfft(centred, 2 * n)) ** 2  # with n zeros behind, so that nothing wraps around
+    lags: FloatArray = np.fft.irfft(spectrum, 2 * n)[:n] / power
+    return lags
+
+
+def _resampled_means(values: FloatArray, block: int) -> FloatArray:
+    """Return (RESAMPLES,) means of series of n values made of blocks; the last block is cut to fit."""
+    n = len(values)
+    sums = np.concatenate([[0.0], np.cumsum(values)])
+    whole, rest = divmod(n, block)
+    starts = np.random.default_rng(SEED).integers(0, n - block + 1, (RESAMPLES, whole + 1))
+    total = (sums[starts[:, :-1] + block] - sums[starts[:, :-1]]).sum(axis=1)
+    last: FloatArray = sums[starts[:, -1] + rest] - sums[starts[:, -1]]
+    means: FloatArray = (total + last) / n
+    return means

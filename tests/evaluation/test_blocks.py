@@ -1,0 +1,73 @@
+"""The interval from one recording against closed forms of an autoregressive series."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from jerkbench.evaluation.statistics.blocks import autocorrelation, block_interval, correlation_rows
+from jerkbench.evaluation.statistics.intervals import mean_interval
+
+
+def autoregressive(phi, n, seed, count=1):
+    """Return (count, n) stationary x_k = phi x_{k-1} + w_k, of variance 1."""
+    noise = np.random.default_rng(seed).normal(size=(count, n + 500)) * math.sqrt(1 - phi**2)
+    return lfilter([1.0], [1.0, -phi], noise, axis=1)[:, 500:]
+
+
+@pytest.mark.parametrize("phi", [0.0, 0.5, 0.9])
+def test_the_correlation_time_is_that_of_the_process(phi):
+    expected = (1 + phi) / (1 - phi)
+    found = np.mean([correlation_rows(x) for x in autoregressive(phi, 5000, 1, count=40)])
+    assert found == pytest.approx(expected, rel=0.12)
+
+
+def test_the_autocorrelation_is_the_naive_sum():
+    x = autoregressive(0.7, 50, 2)[0]
+    c = x - x.mean()
+    naive = [sum(c[i] * c[i + k] for i in range(50 - k)) / sum(c * c) for k in range(50)]
+    np.testing.assert_allclose(autocorrelation(x), naive, atol=1e-12)
+
+
+def test_blocks_are_wider_than_independent_rows_where_errors_follow_each_other():
+    wider = []
+    for squares in autoregressive(0.95, 4000, 3, count=20) ** 2:
+        got, naive = block_interval(squares), 2 * 1.96 * squares.std() / math.sqrt(len(squares))
+        wider.append((got.high**2 - got.low**2) / naive)
+        assert got.block >= got.correlation
+    # squares of a Gaussian series have the autocorrelation phi^2k, so the mean's sigma grows by this
+    assert np.mean(wider) == pytest.approx(math.sqrt((1 + 0.95**2) / (1 - 0.95**2)), rel=0.12)
+
+
+def test_of_independent_rows_it_is_as_wide_as_the_ordinary_bootstrap():
+    squares = np.random.default_rng(4).normal(size=3000) ** 2
+    got, naive = block_interval(squares), mean_interval(squares)
+    assert got.high**2 - got.low**2 == pytest.approx(naive.high - naive.low, rel=0.15)
+
+
+def test_it_holds_the_true_rmse_about_95_times_in_100():
+    """A block bootstrap is a little short for finite series; independent rows would hold it half the time."""
+    series = autoregressive(0.8, 2000, 5, count=200) ** 2
+    held = [(i := block_interval(x)).low <= 1.0 <= i.high for x in series]
+    assert 0.88 <= np.mean(held) <= 0.98
+
+
+def test_the_rmse_is_that_of_the_rows_and_the_same_rows_give_the_same():
+    squares = np.arange(1.0, 101.0)
+    assert block_interval(squares).rmse == pytest.approx(math.sqrt(50.5))
+    assert block_interval(squares) == block_interval(squares.copy())
+
+
+def test_a_recording_that_is_too_short_has_no_interval():
+    trend = np.linspace(0, 1, 100)
+    got = block_interval(trend)
+    assert math.isfinite(got.rmse)
+    assert math.isnan(got.low)
+    for nothing in (np.empty(0), np.array([1.0, np.nan])):
+        assert math.isnan(block_interval(nothing).rmse)
+
+
+def test_a_constant_error_is_its_own_interval():
+    got = block_interval(np.full(100, 4.0))
+    assert (got.low, got.rmse, got.high) == pytest.approx((2.0, 2.0, 2.0))

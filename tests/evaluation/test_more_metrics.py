@@ -1,0 +1,185 @@
+"""Coverage, percentiles, drift, lock-out, innovations, log-score, one recording's interval: against naive loops."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal
+
+from jerkbench.errors import PluginError
+from jerkbench.estimate import Updates
+from jerkbench.evaluation.coverage import Coverage
+from jerkbench.evaluation.drift import OutageDrift
+from jerkbench.evaluation.innovation import Innovation
+from jerkbench.evaluation.lockout import Lockout, longest_streak_s
+from jerkbench.evaluation.log_score import LogScore
+from jerkbench.evaluation.one_recording import OneRecording
+from jerkbench.evaluation.percentiles import Percentiles
+from jerkbench.evaluation.position import PositionRmse
+from jerkbench.evaluation.relative_error import RelativeError
+from jerkbench.evaluation.run import counted_rows
+from jerkbench.recording import Position
+
+
+@pytest.fixture
+def counted(estimate, recording):
+    return counted_rows(estimate, recording, 5.0)
+
+
+@pytest.fixture
+def errors(estimate, recording, counted):
+    """(row of the estimate, error) where all axes are known and count."""
+    truth = recording.reference.enu_m[estimate.index]
+    return [
+        (k, p - q)
+        for k, (p, q, c) in enumerate(zip(estimate.position_m, truth, counted, strict=True))
+        if c and not np.isnan(q).any()
+    ]
+
+
+@pytest.mark.parametrize("k", [1, 2, 3])
+def test_coverage_is_the_naive_count(estimate, recording, counted, errors, k):
+    inside = [abs(e[a]) <= k * math.sqrt(estimate.covariance[row, a, a]) for row, e in errors for a in range(3)]
+    got = Coverage().evaluate(estimate, recording, counted)[f"coverage_{k}_sigma_percent"]
+    assert got == pytest.approx(100 * sum(inside) / len(inside))
+
+
+def test_errors_drawn_from_their_covariance_are_covered_as_expected(estimate, recording):
+    rng = np.random.default_rng(1)
+    truth = recording.reference.enu_m[estimate.index]
+    shares = []
+    for _ in range(60):
+        noise = np.array([rng.multivariate_normal(np.zeros(3), P[:3, :3]) for P in estimate.covariance])
+        drawn = dataclasses.replace(estimate, position_m=truth + noise)
+        counted = counted_rows(drawn, recording, 0.0)
+        shares.append(list(Coverage().evaluate(drawn, recording, counted).values()))
+    np.testing.assert_allclose(np.mean(shares, axis=0), [68.3, 95.4, 99.7], atol=1.5)
+
+
+def test_percentiles_are_those_of_the_sorted_errors(estimate, recording, counted, errors):
+    norms = sorted(math.hypot(*e) for _, e in errors)
+    place = 0.95 * (len(norms) - 1)
+    low = int(place)
+    expected = norms[low] + (place - low) * (norms[low + 1] - norms[low])
+    got = Percentiles().evaluate(estimate, recording, counted)
+    assert got["position_p95_m"] == pytest.approx(expected)
+    assert got["position_horizontal_p50_m"] < got["position_horizontal_p99_m"] <= got["position_p99_m"]
+
+
+def test_the_log_score_is_scipys_density(estimate, recording, counted, errors):
+    scores = [-multivariate_normal(np.zeros(3), estimate.covariance[k, :3, :3]).logpdf(e) for k, e in errors]
+    got = LogScore().evaluate(estimate, recording, counted)["position_log_score"]
+    assert got == pytest.approx(np.mean(scores))
+
+
+def test_no_covariance_but_the_true_one_improves_the_log_score(recording, estimate):
+    rng = np.random.default_rng(2)
+    truth = np.nan_to_num(recording.reference.enu_m[estimate.index])
+    error = rng.normal(scale=0.5, size=truth.shape)
+    counted = np.ones(len(truth), dtype=bool)
+
+    def score(sigma):
+        claimed = np.tile(np.eye(6) * sigma**2, (len(truth), 1, 1))
+        one = dataclasses.replace(estimate, position_m=truth + error, covariance=claimed)
+        return LogScore().evaluate(one, recording, counted)["position_log_score"]
+
+    assert score(0.5) < min(score(0.35), score(0.7))
+
+
+def test_the_relative_error_is_the_naive_loop(estimate, recording, counted, errors):
+    d = 20.0
+    truth = recording.reference.enu_m
+    driven, before, places = 0.0, None, {}
+    for row, point in enumerate(truth):
+        if not np.isnan(point).any():
+            driven += 0.0 if before is None else math.dist(point, before)
+            before, places[row] = point, driven
+    along = [(places[estimate.index[k]], e) for k, e in errors]
+    squares = []
+    for s, e in along:
+        later = [other for t, other in along if t >= s + d]
+        if later:
+            squares.append(sum((later[0] - e) ** 2))
+    got = RelativeError(distance_m=d).evaluate(estimate, recording, counted)["relative_error_percent"]
+    assert got == pytest.approx(100 * math.sqrt(np.mean(squares)) / d)
+
+
+def test_a_constant_error_is_no_relative_error(estimate, recording, counted):
+    shifted = dataclasses.replace(estimate, position_m=recording.reference.enu_m[estimate.index] + [3.0, 4.0, 0.0])
+    assert RelativeError(distance_m=5.0).evaluate(shifted, recording, counted)["relative_error_percent"] < 1e-9
+    with pytest.raises(PluginError, match="must be more than 0"):
+        RelativeError(distance_m=0.0)
+
+
+def test_the_drift_is_the_growth_over_the_outages(estimate, recording, counted):
+    """Outages from 10 to 14 and from 20 to 22 s, of which the reference (every 0.5 s) knows all but row 25, up."""
+    t_s = recording.reference.t_s[estimate.index]
+    truth = recording.reference.enu_m[estimate.index]
+    drifts = []
+    for begin, end in recording.outages_s:
+        rows = [k for k in range(len(t_s)) if begin <= t_s[k] < end and not np.isnan(truth[k]).any() and t_s[k] >= 5.0]
+        first, last = (estimate.position_m[k] - truth[k] for k in (rows[0], rows[-1]))
+        drifts.append(math.dist(first, last) / (t_s[rows[-1]] - t_s[rows[0]]))
+    got = OutageDrift().evaluate(estimate, recording, counted)["outage_drift_mps"]
+    assert got == pytest.approx(np.mean(drifts))
+
+
+def updates_of(R, t_s):
+    m = len(t_s)
+    full = np.full((m, 6), np.nan)
+    full[:, :3] = R
+    return Updates(t_s, np.full(m, 3.0), np.ones(m), np.ones(m), np.zeros((m, 6)), full)
+
+
+def test_lockout_is_the_longest_streak(estimate, recording, counted):
+    t_s = 5.0 + np.arange(10.0)
+    position = Position(t_s, np.zeros((10, 3)), np.tile(0.01 * np.eye(3), (10, 1, 1)))
+    R = np.full((10, 3), 0.01)
+    R[1, 0] = 0.05  # one axis is enough
+    R[3:7] = np.inf
+    R[7, 2] = 1.0
+    R[9, 1] = 0.039  # less than twice the sigma
+    recording = dataclasses.replace(recording, position=position)
+    estimate = dataclasses.replace(estimate, updates=updates_of(R, t_s))
+    got = Lockout().evaluate(estimate, recording, counted)
+    assert got == {"inflated_percent": 60.0, "rejected_percent": 40.0, "lockout_s": 4.0}
+
+
+def test_the_longest_streak_of_flags():
+    t_s = np.array([0.0, 1.0, 2.0, 10.0, 11.0])
+    assert longest_streak_s(np.array([True, True, False, True, True]), t_s) == 1.0
+    assert longest_streak_s(np.array([True, True, True, True, True]), t_s) == 11.0
+    assert longest_streak_s(np.zeros(5, dtype=bool), t_s) == 0.0
+
+
+def test_without_fixes_there_is_no_lockout(estimate, recording, counted):
+    assert all(math.isnan(value) for value in Lockout().evaluate(estimate, recording, counted).values())
+
+
+def test_innovations_that_follow_each_other_are_seen(estimate, recording, counted):
+    rng = np.random.default_rng(3)
+    t_s = 5.0 + np.arange(400.0)
+    white = dataclasses.replace(updates_of(1.0, t_s), innovation=rng.normal(size=(400, 6)))
+    walk = dataclasses.replace(white, innovation=np.cumsum(white.innovation, axis=0))
+    got = {
+        name: Innovation().evaluate(dataclasses.replace(estimate, updates=one), recording, counted)
+        for name, one in (("white", white), ("walk", walk))
+    }
+    assert abs(got["white"]["innovation_correlation"]) < 0.08
+    assert got["walk"]["innovation_correlation"] > 0.9
+    assert got["walk"]["innovation_white_percent"] == 0.0
+
+
+def test_the_interval_of_one_recording_holds_its_rmse(estimate, recording, counted):
+    got = OneRecording().evaluate(estimate, recording, counted)
+    rmse = PositionRmse().evaluate(estimate, recording, counted)["position_rmse_m"]
+    assert got["position_rmse_low_m"] < rmse < got["position_rmse_high_m"]
+    assert got["error_correlation_rows"] >= 1.0
+
+
+@pytest.mark.parametrize(
+    "metric", [Coverage(), Percentiles(), LogScore(), RelativeError(), OneRecording(), OutageDrift()]
+)
+def test_where_nothing_counts_there_is_no_number(metric, estimate, recording, counted):
+    assert all(math.isnan(value) for value in metric.evaluate(estimate, recording, ~counted & False).values())
