@@ -12,6 +12,9 @@ from jerkbench.timeline.timeline import Timeline
 class Dataset(Hashable, Protocol):
     """A source of recordings.
 
+    Two class attributes are optional: ``default_attitude`` names the attitude filter that suits it; ``attitude_only =
+    True`` says that it has nothing to navigate by, so that only a filter with the same attribute runs over it.
+
     Attributes:
         seeded: whether another seed gives another recording (a simulation) or not (a file).
     """

@@ -65,6 +65,7 @@ class Estimate:
         euler_rad: (k, 3) roll, pitch, yaw that the run used.
         updates: what the measurement updates saw.
         failure: why the run stopped early, or an empty string.
+        attitude_only: whether only the attitude was estimated; position, velocity and covariance are NaN then.
     """
 
     index: "np.ndarray[tuple[int], np.dtype[np.int64]]"
@@ -74,3 +75,4 @@ class Estimate:
     euler_rad: FloatArray
     updates: Updates = field(default_factory=Updates.empty)
     failure: str = ""
+    attitude_only: bool = False

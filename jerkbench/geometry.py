@@ -46,6 +46,21 @@ def euler_from_dcm(dcm: FloatArray) -> FloatArray:
     return np.asarray(Rotation.from_matrix(dcm).as_euler("ZYX"))[:, ::-1]
 
 
+def euler_from_quaternion(wxyz: FloatArray) -> FloatArray:
+    """Roll, pitch, yaw (n, 3) of quaternions (n, 4), scalar first, that turn the body into ENU."""
+    from scipy.spatial.transform import Rotation
+
+    if not len(wxyz):
+        return np.empty((0, 3))
+    return euler_from_dcm(np.asarray(Rotation.from_quat(np.asarray(wxyz), scalar_first=True).as_matrix()))
+
+
+def vertical_in_body(euler_rad: FloatArray) -> FloatArray:
+    """Omega' e3, the vertical of ENU seen from the body, of (..., 3) roll, pitch, yaw; returns (..., 3)."""
+    roll, pitch = euler_rad[..., 0], euler_rad[..., 1]
+    return np.stack([-np.sin(pitch), np.cos(pitch) * np.sin(roll), np.cos(pitch) * np.cos(roll)], axis=-1)
+
+
 def euler_in_order(dcm: FloatArray, order: str) -> FloatArray:
     """Angles [rad] (n, 3) of rotation matrices (n, 3, 3), in any of the twelve orders of axes.
 

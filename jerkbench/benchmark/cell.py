@@ -135,12 +135,22 @@ def build(spec: Config, protocol: Protocol, labels: Labels | None = None) -> Cel
 
 
 def refusal(cell: Cell) -> str:
-    """Return why the filter does not take the adaptation, or an empty string."""
+    """Return why the filter does not take the data set or the adaptation, or an empty string."""
+    if getattr(cell.dataset, "attitude_only", False) and not getattr(cell.filter, "attitude_only", False):
+        return (
+            f"the data set {cell.spec['dataset']['name']} has no position to navigate by, so the filter"
+            f" {cell.spec['filter']['name']} cannot run over it, only: {', '.join(_attitude_only_filters())}"
+        )
     name = cell.spec["adaptation"]["name"]
     if not isinstance(cell.filter, Estimator) or name in cell.filter.adaptations:
         return ""
     accepted = ", ".join(cell.filter.adaptations)
     return f"the filter {cell.spec['filter']['name']} takes no adaptation '{name}', only: {accepted}"
+
+
+def _attitude_only_filters() -> list[str]:
+    known = plugins.names("filter")
+    return [name for name in known if getattr(plugins.get("filter", name), "attitude_only", False)]
 
 
 def default_labels(spec: Config) -> Labels:

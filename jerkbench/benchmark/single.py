@@ -45,12 +45,14 @@ def _draw(one: Planned, folder: Path) -> list[Path]:
 
 def draw_run(cell: Cell, recording: Recording, estimate: Estimate, folder: Path) -> list[Path]:
     """Draw the trajectory and the errors of one run; returns the files."""
-    from jerkbench.report.figures import error_figure, save_figure, trajectory_figure
+    from jerkbench.report.figures import error_figure, inclination_figure, save_figure, trajectory_figure
 
     labels = cell.labels
     estimates = {f"{labels.filter} + {labels.adaptation}": estimate}
     name = re.sub(r"[^A-Za-z0-9.+=-]+", "_", "-".join(labels))
     drawn = {"trajectory": trajectory_figure, "errors": error_figure}
+    if estimate.attitude_only:
+        drawn = {"inclination": inclination_figure}
     paths = []
     for what, draw in drawn.items():
         paths.append(folder / f"{name}-{what}.png")

@@ -21,12 +21,22 @@ def check_dataset(plugin: Any) -> None:  # noqa: ANN401 - it is what is being ch
     _check_seeded(what, plugin)
     first = pure_result(f"{what}.load(0)", plugin.load, 0)
     require(isinstance(first, Recording), f"{what}.load() gives a {type(first).__name__}; it must be a Recording.")
-    require(first.position is not None, f"{what}.load() gives no positions; a filter has nothing to start from.")
+    _check_positions(what, plugin, first)
     mark = pure_result(f"{what}.fingerprint()", plugin.fingerprint)
     require(isinstance(mark, str), f"{what}.fingerprint() is {mark!r}; it must be a string.")
     alike = same(first, plugin.load(1))
     require(alike or plugin.seeded, f"{what}.load() depends on the seed, but its seeded is False.")
     require(not alike or not plugin.seeded, f"{what}.load() gives the same for seeds 0 and 1, but its seeded is True.")
+
+
+def _check_positions(what: str, plugin: Any, recording: Recording) -> None:  # noqa: ANN401 - as above
+    """Only a data set that says so has no positions."""
+    without = getattr(plugin, "attitude_only", False)
+    require(
+        without or recording.position is not None,
+        f"{what}.load() gives no positions; a filter has nothing to start from. If there are none, say so with a class"
+        " attribute attitude_only = True.",
+    )
 
 
 def check_disturbance(plugin: Any) -> None:  # noqa: ANN401 - as above

@@ -4,7 +4,7 @@ import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.estimate import Estimate
-from jerkbench.geometry import wrap_angle
+from jerkbench.geometry import vertical_in_body, wrap_angle
 from jerkbench.recording import Recording
 
 
@@ -21,6 +21,19 @@ def velocity_error_mps(estimate: Estimate, recording: Recording) -> FloatArray:
 def euler_error_rad(estimate: Estimate, recording: Recording) -> FloatArray:
     """Return (k, 3) roll, pitch, yaw less reference, each wrapped to (-pi, pi]; NaN where it is not known."""
     return wrap_angle(_error(estimate.euler_rad, recording.reference.euler_rad, estimate))
+
+
+def inclination_error_rad(estimate: Estimate, recording: Recording) -> FloatArray:
+    """Return (k,) the angle between estimated and true vertical, seen from the body; NaN where it is not known."""
+    truth = recording.reference.euler_rad
+    if truth is None:
+        return np.full(len(estimate.index), np.nan)
+    return angle_between(vertical_in_body(estimate.euler_rad), vertical_in_body(truth[estimate.index]))
+
+
+def angle_between(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return the angle (k,) [rad] between the rows of two (k, 3)."""
+    return np.asarray(np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), np.sum(a * b, axis=1)))
 
 
 def known(truth: FloatArray | None, estimate: Estimate, axes: tuple[int, ...] = (0, 1, 2)) -> BoolArray:

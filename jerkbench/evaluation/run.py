@@ -51,8 +51,9 @@ def evaluate_run(
 def run_status(estimate: Estimate, recording: Recording, limit_m: float = 1000.0) -> tuple[str, str]:
     """Return ("ok", "") or ("diverged", why).
 
-    A run diverged if it stopped early, reached none of the reference's stamps, has a position or velocity that is not
-    finite, or a position error over ``limit_m`` on the axes that the reference knows (also where it is not scored).
+    A run diverged if it stopped early, reached none of the reference's stamps, has a position or velocity (of one that
+    estimates the attitude only: an angle) that is not finite, or a position error over ``limit_m`` on the axes that the
+    reference knows (also where it is not scored).
     """
     reason = _stopped(estimate) or _too_far(estimate, recording, limit_m)
     return ("diverged", reason) if reason else ("ok", "")
@@ -81,7 +82,7 @@ def _stopped(estimate: Estimate) -> str:
 
 def _too_far(estimate: Estimate, recording: Recording, limit_m: float) -> str:
     t_s = recording.reference.t_s[estimate.index]
-    state = np.hstack([estimate.position_m, estimate.velocity_mps])
+    state = estimate.euler_rad if estimate.attitude_only else np.hstack([estimate.position_m, estimate.velocity_mps])
     finite = np.isfinite(state).all(axis=1)
     if not finite.all():
         return f"The state is not finite at {t_s[np.argmin(finite)]:.2f} s."

@@ -17,17 +17,19 @@ def layout(
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return the factors of the rows and of the columns.
 
-    A factor that varies and is not asked for becomes one of the rows: unlike runs are never averaged.
+    A factor that varies and is not asked for becomes one of the rows: unlike runs are never averaged. The columns for
+    which none is asked are the adaptation (or the filter); the attitude, where it alone of the three varies.
 
     Raises:
         JerkbenchError: a key that is no factor, or one that is asked for twice.
     """
     asked = [*(row_keys or ()), *(column_keys or ())]
     _check(asked)
+    varying = [key for key in FACTORS if len(rows[key].unique()) > 1]
     if column_keys is None:
         free = [key for key in ("adaptation", "filter") if key not in asked]
-        column_keys = free[:1]
-    varying = [key for key in FACTORS if len(rows[key].unique()) > 1]
+        tilting = "attitude" in varying and "attitude" not in asked and not {"adaptation", "filter"} & set(varying)
+        column_keys = ["attitude"] if tilting else free[:1]
     placed = {*(row_keys or ()), *column_keys}
     extra = [key for key in varying if key not in placed]
     first = [*(row_keys or ()), *extra] or [key for key in ("filter", "dataset") if key not in placed][:1]

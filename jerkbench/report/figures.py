@@ -6,9 +6,10 @@ from matplotlib.figure import Figure
 
 from jerkbench.files import write_atomically
 from jerkbench.report.errors_over_time import error_figure
+from jerkbench.report.inclination_over_time import inclination_figure
 from jerkbench.report.trajectory import trajectory_figure
 
-__all__ = ["error_figure", "save_figure", "trajectory_figure"]
+__all__ = ["error_figure", "inclination_figure", "save_figure", "trajectory_figure"]
 
 
 def save_figure(figure: Figure, path: Path) -> None:

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-UNITS = {"m": "m", "mps": "m/s", "rad": "rad", "radps": "rad/s", "s": "s", "us": "µs", "percent": "%"}
+UNITS = {"m": "m", "mps": "m/s", "rad": "rad", "deg": "deg", "radps": "rad/s", "s": "s", "us": "µs", "percent": "%"}
 """Last part of a column's name, and the unit that it stands for."""
 
 WORDS = {"rmse": "RMSE", "anees": "ANEES", "anis": "ANIS", "max": "maximum"}
@@ -27,6 +27,10 @@ TITLES = {
     "innovation_correlation": "Correlation of successive innovations",
     "innovation_white_percent": "Rows with white innovations",
     "outages_counted": "Outages with a known error at the end",
+    "inclination_rmse_rad": "RMSE of the inclination",
+    "inclination_rmse_deg": "RMSE of the inclination",
+    "inclination_max_deg": "Largest error of the inclination",
+    "inclination_floor_deg": "Floor of the inclination: accelerometer against reference at rest",
     "anees": "ANEES of position and velocity",
     "anees_position": "ANEES of position",
     "anis_per_row": "ANIS per row, with the reported R",
@@ -54,8 +58,11 @@ READING = {
 }
 """How to read what is not as expected, where it is not "more is overconfident"."""
 
-COUNTS = ("outages_counted", "error_correlation_rows", "inflated_percent", "rejected_percent", "lockout_s")
-"""What tells how much was scored, or what an adaptation did: no quality of a filter."""
+COUNTS = (
+    *("outages_counted", "error_correlation_rows", "inflated_percent", "rejected_percent", "lockout_s"),
+    "inclination_floor_deg",
+)
+"""What tells how much was scored, how well, or what an adaptation did: no quality of a filter."""
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,10 @@ MAIN = "position_rmse_m"
 """The metric of a table for which none is asked."""
 
 
+LEADING = (MAIN, "inclination_rmse_deg")
+"""What leads a study for which it was computed; the second, where there is nothing but attitude."""
+
+
 def summarise(
     rows: "pd.DataFrame",
     metric: str,
@@ -68,10 +72,9 @@ def summarise(
 
 
 def main_metric(rows: "pd.DataFrame") -> str:
-    """Return `MAIN` if it was computed or no run went well, else the first metric that was computed."""
-    if MAIN in rows.columns or not (rows["status"] == "ok").any():
-        return MAIN
-    return next(iter(metric_columns(rows)), MAIN)
+    """Return the first of `LEADING` that has a value, else the first metric that has one, else `MAIN`."""
+    valued = [column for column in metric_columns(rows) if rows.loc[rows["status"] == "ok", column].notna().any()]
+    return next(iter([*(metric for metric in LEADING if metric in valued), *valued]), MAIN)
 
 
 def metric_columns(rows: "pd.DataFrame") -> list[str]:

@@ -78,7 +78,8 @@ def test_velocity_rmse_is_the_naive_loop(estimate, recording, counted, column, a
 @pytest.mark.parametrize(("axis", "column"), list(enumerate(("roll_rmse_rad", "pitch_rmse_rad", "yaw_rmse_rad"))))
 def test_attitude_rmse_is_the_naive_loop(estimate, recording, counted, axis, column):
     truths = recording.reference.euler_rad[estimate.index]
-    expected = naive_rms(estimate.euler_rad, truths, (axis,), counted)
+    steep = (np.abs(truths[:, 1]) > math.radians(75)) & (axis != 1)
+    expected = naive_rms(estimate.euler_rad, truths, (axis,), counted & ~steep)
     assert AttitudeRmse().evaluate(estimate, recording, counted)[column] == pytest.approx(expected, rel=1e-12)
 
 

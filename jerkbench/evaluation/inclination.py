@@ -1,0 +1,84 @@
+"""The error of the tilt as one angle, and how well the reference itself is known to be level."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jerkbench.arrays import BoolArray, FloatArray, IntArray
+from jerkbench.estimate import Estimate
+from jerkbench.evaluation.navigation_errors import angle_between, inclination_error_rad, known, largest_norm, rms_norm
+from jerkbench.geometry import vertical_in_body
+from jerkbench.plugins import register
+from jerkbench.recording import Recording
+
+WINDOW_S = 1.0
+"""Over how long the accelerometer is averaged for the floor."""
+
+STILL_RANGE_RADPS = 0.05
+STILL_MIDDLE_RADPS = 0.02
+"""A window is still where the gyro's range on each axis and the middle of it are not above these."""
+
+
+@register("metric", "inclination")
+@dataclass(frozen=True)
+class Inclination:
+    """Root mean square error of the inclination: the angle between the estimated and the true vertical.
+
+    With x = Omega' e3 = (-sin(pitch), cos(pitch) sin(roll), cos(pitch) cos(roll)), the vertical seen from the body,
+    and a_i = atan2(|x_i x x_ref,i|, x_i' x_ref,i), over the N counted rows whose roll and pitch are known::
+
+        inclination_rmse_rad   = sqrt(1/N sum a_i^2)            inclination_rmse_deg: the same in degrees
+        inclination_max_deg    = max a_i
+        inclination_floor_deg  = median over windows of 1 s of the angle between the mean specific force and the mean
+                                 x_ref
+
+    The angle is defined at every attitude; roll and yaw say nothing where the pitch is 90 degrees. The floor takes the
+    windows in which the body is still (gyro, each axis: range up to 0.05, its middle up to 0.02 rad/s) and the
+    reference is known, scored or not. There the accelerometer shows the vertical, so what it says is an error of the
+    reference, of its alignment with the IMU, or of the accelerometer: no error far below the floor means anything. NaN
+    where there is nothing.
+    """
+
+    def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
+        """Return the four values by column name."""
+        rows = counted & known(recording.reference.euler_rad, estimate, (0, 1))
+        angle = inclination_error_rad(estimate, recording)[rows, None]
+        rmse_rad = rms_norm(angle)
+        return {
+            "inclination_rmse_rad": rmse_rad,
+            "inclination_rmse_deg": float(np.degrees(rmse_rad)),
+            "inclination_max_deg": float(np.degrees(largest_norm(angle))),
+            "inclination_floor_deg": float(np.degrees(_floor_rad(recording))),
+        }
+
+
+def _floor_rad(recording: Recording) -> float:
+    """Median angle between specific force and the reference's vertical over the windows that are still."""
+    reference, imu = recording.reference, recording.imu
+    if reference.euler_rad is None:
+        return float("nan")
+    there = np.isfinite(reference.euler_rad[:, :2]).all(axis=1)
+    truth = vertical_in_body(np.nan_to_num(reference.euler_rad[there]))
+    windows = np.arange(np.floor(imu.t_s[0] / WINDOW_S), np.ceil(imu.t_s[-1] / WINDOW_S) + 1) * WINDOW_S
+    vertical, seen = _means(truth, np.searchsorted(windows, reference.t_s[there], side="right"), len(windows))
+    starts = np.searchsorted(imu.t_s, windows[:-1])
+    force, sampled = _means(imu.accel_mps2, np.searchsorted(windows, imu.t_s, side="right"), len(windows))
+    still = np.zeros(len(seen), dtype=bool)
+    still[1 : len(windows)] = _still(imu.gyro_radps, starts)
+    use = still & (seen > 0) & (sampled > 0)
+    return float(np.median(angle_between(force[use], vertical[use]))) if use.any() else float("nan")
+
+
+def _means(rows: FloatArray, window: IntArray, count: int) -> tuple[FloatArray, FloatArray]:
+    """Mean of (n, 3) rows in each of the windows 0 ... count, and how many rows it has."""
+    number = np.bincount(window, minlength=count + 1).astype(np.float64)
+    total = np.column_stack([np.bincount(window, weights=rows[:, i], minlength=count + 1) for i in range(3)])
+    return total / np.maximum(number, 1)[:, None], number
+
+
+def _still(gyro_radps: FloatArray, starts: IntArray) -> BoolArray:
+    """Whether the body hardly turns from each start to the next; an empty window does not count anyway."""
+    starts = np.minimum(starts, len(gyro_radps) - 1)
+    high, low = np.maximum.reduceat(gyro_radps, starts), np.minimum.reduceat(gyro_radps, starts)
+    calm = ((high - low) <= STILL_RANGE_RADPS).all(axis=1)
+    return np.asarray(calm & (np.abs(high + low).max(axis=1) / 2 <= STILL_MIDDLE_RADPS))
