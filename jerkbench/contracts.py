@@ -131,6 +131,11 @@ class Metric(Protocol):
     """A number, or a few, from one run.
 
     A class attribute ``default = False`` says that it is only computed where it is asked for (``metrics=[name]``).
+
+    Two more things are optional; a cell all of whose metrics have one of them runs without storing trajectories, which
+    is many times faster. ``summarise(sums: jerkbench.evaluation.sums.Sums) -> dict[str, float]`` gives the same as
+    `evaluate` from sums over the run alone. A class attribute ``reads`` says that `evaluate` looks at less than all of
+    the estimate: "attitude" (``index`` and ``euler_rad``) or "updates" (these and ``updates``).
     """
 
     def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:

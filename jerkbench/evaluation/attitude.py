@@ -1,6 +1,7 @@
 """Attitude errors."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -29,6 +30,8 @@ class AttitudeRmse:
 
     NaN without a single such row.
     """
+
+    reads: ClassVar[str] = "attitude"
 
     def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
         """Return the three values by column name."""

@@ -2,11 +2,10 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-
-from jerkbench.arrays import BoolArray, FloatArray
-from jerkbench.estimate import Estimate, Updates
-from jerkbench.evaluation.navigation_errors import known, position_error_m, velocity_error_mps
+from jerkbench.arrays import BoolArray
+from jerkbench.estimate import Estimate
+from jerkbench.evaluation.navigation_errors import mean
+from jerkbench.evaluation.sums import Sums, sums_of
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 
@@ -32,39 +31,13 @@ class Consistency:
 
     def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
         """Return the four values by column name."""
-        position = position_error_m(estimate, recording)
-        error = np.hstack([position, velocity_error_mps(estimate, recording)])
-        reference = recording.reference
-        located = counted & known(reference.enu_m, estimate)
-        both = located & known(reference.velocity_mps, estimate)
-        start_s = np.min(reference.t_s[estimate.index][counted], initial=np.inf)
-        late = estimate.updates.t_s >= start_s
+        return self.summarise(sums_of(estimate, recording, counted))
+
+    def summarise(self, sums: Sums) -> dict[str, float]:
+        """Return the same from the sums of a run."""
         return {
-            "anees": _anees(error[both], estimate.covariance[both]),
-            "anees_position": _anees(position[located], estimate.covariance[located, :3, :3]),
-            "anis_per_row": _anis(estimate.updates.nis[late], estimate.updates.rows[late]),
-            "anis_used_per_row": _anis_used(estimate.updates, late),
+            "anees": mean(sums.nees, sums.nees_rows),
+            "anees_position": mean(sums.nees_position, float(sums.position_rows[0])),
+            "anis_per_row": mean(sums.nis_per_row, sums.nis_updates),
+            "anis_used_per_row": mean(sums.nis_used_per_row, sums.nis_used_updates),
         }
-
-
-def _anees(error: FloatArray, covariance: FloatArray) -> float:
-    """Return the mean of e' P^-1 e, by whitening with the Cholesky factor of P."""
-    if len(error) == 0:
-        return float("nan")
-    try:
-        white = np.linalg.solve(np.linalg.cholesky(covariance), error[:, :, None])
-    except np.linalg.LinAlgError:
-        return float("nan")
-    with np.errstate(over="ignore", invalid="ignore"):
-        return float(np.mean(np.sum(white[:, :, 0] ** 2, axis=1)))
-
-
-def _anis(nis: FloatArray, rows: FloatArray) -> float:
-    there = rows > 0
-    return float(np.mean(nis[there] / rows[there])) if there.any() else float("nan")
-
-
-def _anis_used(updates: Updates, late: BoolArray) -> float:
-    """Return the mean over the updates that kept at least one row."""
-    kept = updates.rows[late] - np.isinf(updates.R_diagonal[late]).sum(axis=1)
-    return _anis(updates.nis_used[late], kept)

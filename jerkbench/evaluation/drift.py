@@ -6,8 +6,8 @@ import numpy as np
 
 from jerkbench.arrays import BoolArray
 from jerkbench.estimate import Estimate
-from jerkbench.evaluation.navigation_errors import known, position_error_m
-from jerkbench.evaluation.outage import inside_outages, outage_rows
+from jerkbench.evaluation.navigation_errors import mean
+from jerkbench.evaluation.sums import Sums, sums_of
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 
@@ -26,14 +26,9 @@ class OutageDrift:
 
     def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
         """Return the value by column name."""
-        t_s = recording.reference.t_s[estimate.index]
-        late = t_s >= np.min(t_s[counted], initial=np.inf)
-        inside = inside_outages(t_s, recording.outages_s) & known(recording.reference.enu_m, estimate) & late
-        error = position_error_m(estimate, recording)
-        with np.errstate(over="ignore", invalid="ignore"):
-            drifts = [
-                np.linalg.norm(error[b] - error[a]) / (t_s[b] - t_s[a])
-                for a, b in outage_rows(inside, t_s, recording)
-                if b > a
-            ]
-        return {"outage_drift_mps": float(np.mean(drifts)) if drifts else np.nan}
+        return self.summarise(sums_of(estimate, recording, counted))
+
+    def summarise(self, sums: Sums) -> dict[str, float]:
+        """Return the same from the sums of a run."""
+        drifts = sums.outage_drifts_mps[~np.isnan(sums.outage_drifts_mps)]
+        return {"outage_drift_mps": mean(float(drifts.sum()), float(drifts.size))}

@@ -1,6 +1,7 @@
 """The error of the tilt as one angle, and how well the reference itself is known to be level."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -38,6 +39,8 @@ class Inclination:
     reference, of its alignment with the IMU, or of the accelerometer: no error far below the floor means anything. NaN
     where there is nothing.
     """
+
+    reads: ClassVar[str] = "attitude"
 
     def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
         """Return the four values by column name."""

@@ -1,6 +1,7 @@
 """Whether the innovations follow each other."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -24,6 +25,8 @@ class Innovation:
 
     Above 0 the filter lags behind: its process noise is too small for what happens. NaN with fewer than 30 updates.
     """
+
+    reads: ClassVar[str] = "updates"
 
     def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
         """Return the two values by column name."""

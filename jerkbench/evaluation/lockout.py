@@ -1,6 +1,7 @@
 """How often, and for how long in a row, an adaptation does not believe the fixes."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -29,6 +30,8 @@ class Lockout:
 
     A filter that drifts away and rejects every fix has a long lock-out. NaN without such an update.
     """
+
+    reads: ClassVar[str] = "updates"
 
     def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
         """Return the three values by column name."""

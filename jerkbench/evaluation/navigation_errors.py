@@ -62,6 +62,16 @@ def largest_norm(vectors: FloatArray) -> float:
         return float(np.max(np.sqrt(np.sum(vectors**2, axis=1))))
 
 
+def rms(square: float, rows: float) -> float:
+    """Return sqrt(square/rows) of a sum of squares over so many rows; NaN without rows."""
+    return float(np.sqrt(mean(square, rows)))
+
+
+def mean(total: float, rows: float) -> float:
+    """Return total/rows; NaN without rows."""
+    return float(total / rows) if rows else float("nan")
+
+
 def _error(value: FloatArray, truth: FloatArray | None, estimate: Estimate) -> FloatArray:
     if truth is None:
         return np.full_like(value, np.nan)

@@ -2,16 +2,12 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-
-from jerkbench.arrays import BoolArray, FloatArray
+from jerkbench.arrays import BoolArray
 from jerkbench.estimate import Estimate
-from jerkbench.evaluation.navigation_errors import known, position_error_m, rms_norm
+from jerkbench.evaluation.navigation_errors import mean, rms
+from jerkbench.evaluation.sums import Sums, sums_of
 from jerkbench.plugins import register
-from jerkbench.recording import Recording, Reference
-
-OLDEST = 2 + 1e-6
-"""Intervals of the reference that the last error may be older than the end; more than two by the rounding of stamps."""
+from jerkbench.recording import Recording
 
 
 @register("metric", "outage")
@@ -35,42 +31,14 @@ class Outage:
 
     def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
         """Return the four values by column name."""
-        there = known(recording.reference.enu_m, estimate)
-        error = position_error_m(estimate, recording)
-        t_s = recording.reference.t_s[estimate.index]
-        inside = inside_outages(t_s, recording.outages_s) & there
-        late = t_s >= np.min(t_s[counted], initial=np.inf)
-        found = outage_rows(inside & late, t_s, recording)
-        ends = np.array([rms_norm(error[[last]]) for _, last in found])
+        return self.summarise(sums_of(estimate, recording, counted))
+
+    def summarise(self, sums: Sums) -> dict[str, float]:
+        """Return the same from the sums of a run."""
+        ends = sums.outage_ends_m
         return {
-            "outage_rmse_m": rms_norm(error[inside.any(axis=0) & counted]),
-            "outage_end_m": float(ends.mean()) if ends.size else float("nan"),
+            "outage_rmse_m": rms(sums.outage_m2, sums.outage_rows),
+            "outage_end_m": mean(float(ends.sum()), float(ends.size)),
             "outage_end_max_m": float(ends.max()) if ends.size else float("nan"),
-            "outages_counted": float(ends.size) if len(recording.outages_s) else float("nan"),
+            "outages_counted": float(ends.size) if sums.outages else float("nan"),
         }
-
-
-def inside_outages(t_s: FloatArray, outages_s: FloatArray) -> BoolArray:
-    """Return (j, k) whether time k lies in outage j."""
-    begin, end = outages_s[:, :1], outages_s[:, 1:]
-    rows: BoolArray = (t_s >= begin) & (t_s < end)
-    return rows
-
-
-def outage_rows(inside: BoolArray, t_s: FloatArray, recording: Recording) -> list[tuple[int, int]]:
-    """Return the first and the last row inside each outage, (j, k) rows, where the last is near the outage's end."""
-    oldest_s = OLDEST * _interval_s(recording.reference)
-    ends = (
-        (int(np.argmax(rows)), int(np.flatnonzero(rows)[-1]), end)
-        for rows, (_, end) in zip(inside, recording.outages_s, strict=True)
-        if rows.any()
-    )
-    return [(first, last) for first, last, end in ends if end - t_s[last] <= oldest_s]
-
-
-def _interval_s(reference: Reference) -> float:
-    """Return the median interval [s] between the stamps at which the position is known; 0 of fewer than two."""
-    if reference.enu_m is None:
-        return 0.0
-    known_s = reference.t_s[np.isfinite(reference.enu_m).all(axis=1)]
-    return float(np.median(np.diff(known_s))) if len(known_s) > 1 else 0.0

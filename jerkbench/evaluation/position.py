@@ -4,12 +4,11 @@ from dataclasses import dataclass
 
 from jerkbench.arrays import BoolArray
 from jerkbench.estimate import Estimate
-from jerkbench.evaluation.navigation_errors import known, largest_norm, position_error_m, rms_norm
+from jerkbench.evaluation.navigation_errors import rms
+from jerkbench.evaluation.rows import POSITION_AXES
+from jerkbench.evaluation.sums import Sums, sums_of
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
-
-AXES = {"": (0, 1, 2), "_horizontal": (0, 1), "_east": (0,), "_north": (1,), "_up": (2,)}
-"""What the column's name says, and the axes that it takes."""
 
 
 @register("metric", "position_rmse")
@@ -30,14 +29,12 @@ class PositionRmse:
 
     def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
         """Return the seven values by column name."""
-        error = position_error_m(estimate, recording)
-        truth = recording.reference.enu_m
-        values = {
-            f"position_rmse{name}_m": rms_norm(error[counted & known(truth, estimate, axes)][:, axes])
-            for name, axes in AXES.items()
-        }
-        scored = recording.reference.scored[estimate.index]
-        there = known(truth, estimate)
-        values["position_rmse_whole_m"] = rms_norm(error[scored & there])
-        values["position_max_m"] = largest_norm(error[counted & there])
+        return self.summarise(sums_of(estimate, recording, counted))
+
+    def summarise(self, sums: Sums) -> dict[str, float]:
+        """Return the same from the sums of a run."""
+        each = zip(POSITION_AXES, sums.position_m2, sums.position_rows, strict=True)
+        values = {f"position_rmse{name}_m": rms(square, rows) for name, square, rows in each}
+        values["position_rmse_whole_m"] = rms(sums.whole_m2, sums.whole_rows)
+        values["position_max_m"] = sums.position_max_m
         return values

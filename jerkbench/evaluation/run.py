@@ -1,6 +1,6 @@
 """From one run to its row: which rows count, what the metrics say, and whether the run went well."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -9,6 +9,7 @@ from jerkbench.contracts import Metric
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.estimate import Estimate
 from jerkbench.evaluation.navigation_errors import known, position_error_m
+from jerkbench.evaluation.sums import sums_of
 from jerkbench.recording import Recording
 
 
@@ -38,10 +39,28 @@ def evaluate_run(
     counted = counted_rows(estimate, recording, burn_in_s)
     if not counted.any() and not _stopped(estimate):
         raise RecordingError(_nothing_counts(recording, burn_in_s))
+    sums = sums_of(estimate, recording, counted) if any(map(can_summarise, metrics)) else None
+    return gathered(
+        (metric, metric.summarise(sums) if can_summarise(metric) else metric.evaluate(estimate, recording, counted))  # type: ignore[attr-defined]  # it was asked
+        for metric in metrics
+    )
+
+
+def can_summarise(metric: Metric) -> bool:
+    """Whether the metric needs no more of a run than its sums."""
+    return hasattr(metric, "summarise")
+
+
+def gathered(given: Iterable[tuple[Metric, Mapping[str, float]]]) -> dict[str, float]:
+    """Return the columns of all metrics.
+
+    Raises:
+        PluginError: two metrics give the same column.
+    """
     values: dict[str, float] = {}
     owners: dict[str, str] = {}
-    for metric in metrics:
-        for column, value in metric.evaluate(estimate, recording, counted).items():
+    for metric, columns in given:
+        for column, value in columns.items():
             if column in values:
                 raise PluginError(_taken(column, owners[column], type(metric).__name__))
             values[column], owners[column] = float(value), type(metric).__name__

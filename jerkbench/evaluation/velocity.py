@@ -4,12 +4,11 @@ from dataclasses import dataclass
 
 from jerkbench.arrays import BoolArray
 from jerkbench.estimate import Estimate
-from jerkbench.evaluation.navigation_errors import known, rms_norm, velocity_error_mps
+from jerkbench.evaluation.navigation_errors import rms
+from jerkbench.evaluation.rows import VELOCITY_AXES
+from jerkbench.evaluation.sums import Sums, sums_of
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
-
-AXES = {"": (0, 1, 2), "_horizontal": (0, 1), "_up": (2,)}
-"""What the column's name says, and the axes that it takes."""
 
 
 @register("metric", "velocity_rmse")
@@ -28,9 +27,9 @@ class VelocityRmse:
 
     def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
         """Return the three values by column name."""
-        error = velocity_error_mps(estimate, recording)
-        truth = recording.reference.velocity_mps
-        return {
-            f"velocity_rmse{name}_mps": rms_norm(error[counted & known(truth, estimate, axes)][:, axes])
-            for name, axes in AXES.items()
-        }
+        return self.summarise(sums_of(estimate, recording, counted))
+
+    def summarise(self, sums: Sums) -> dict[str, float]:
+        """Return the same from the sums of a run."""
+        each = zip(VELOCITY_AXES, sums.velocity_m2ps2, sums.velocity_rows, strict=True)
+        return {f"velocity_rmse{name}_mps": rms(square, rows) for name, square, rows in each}

@@ -1,0 +1,98 @@
+"""Which rows of a run count for what."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from jerkbench.arrays import BoolArray, FloatArray, IntArray
+from jerkbench.recording import Recording, Reference
+
+POSITION_AXES = {"": (0, 1, 2), "_horizontal": (0, 1), "_east": (0,), "_north": (1,), "_up": (2,)}
+"""What the name of a column of position errors says, and the axes that it takes."""
+
+VELOCITY_AXES = {"": (0, 1, 2), "_horizontal": (0, 1), "_up": (2,)}
+"""The same of velocity errors."""
+
+OLDEST = 2 + 1e-6
+"""Intervals of the reference that the last error may be older than the end; more than two by the rounding of stamps."""
+
+
+class Rows(NamedTuple):
+    """Which of k rows count; in each case only those whose reference is known on the axes in question.
+
+    Attributes:
+        position: (5, k) counted, for each of POSITION_AXES.
+        velocity: (3, k) counted, for each of VELOCITY_AXES.
+        both: (k,) counted, position and velocity known.
+        whole: (k,) scored, the burn-in too.
+        outage: (k,) counted, inside an outage.
+        outages: (j, 2) the first and the last row inside each outage that the reference follows to its end, scored or
+            not.
+        outages_s: (j, 2) their times.
+        start_s: time of the first counted row; infinite without one.
+    """
+
+    position: BoolArray
+    velocity: BoolArray
+    both: BoolArray
+    whole: BoolArray
+    outage: BoolArray
+    outages: IntArray
+    outages_s: FloatArray
+    start_s: float
+
+
+def counting(index: IntArray, recording: Recording, counted: BoolArray) -> Rows:
+    """Return what the rows ``index`` (k,) of the reference count for, given those (k,) that are counted at all."""
+    reference = recording.reference
+    located = known_axes(reference.enu_m, index)
+    moving = known_axes(reference.velocity_mps, index)
+    position = np.array([counted & located[:, axes].all(axis=1) for axes in POSITION_AXES.values()])
+    velocity = np.array([counted & moving[:, axes].all(axis=1) for axes in VELOCITY_AXES.values()])
+    t_s, there = reference.t_s[index], located.all(axis=1)
+    start_s = float(np.min(t_s[counted], initial=np.inf))
+    inside = inside_outages(t_s, recording.outages_s) & there
+    outages = _outages(inside & (t_s >= start_s), t_s, recording)
+    return Rows(
+        position,
+        velocity,
+        position[0] & velocity[0],
+        reference.scored[index] & there,
+        inside.any(axis=0) & counted,
+        outages,
+        t_s[outages],
+        start_s,
+    )
+
+
+def known_axes(truth: FloatArray | None, index: IntArray) -> BoolArray:
+    """Return (k, 3) whether each axis of ``truth`` is a number."""
+    if truth is None:
+        return np.zeros((len(index), 3), dtype=bool)
+    return np.asarray(np.isfinite(truth[index]))
+
+
+def inside_outages(t_s: FloatArray, outages_s: FloatArray) -> BoolArray:
+    """Return (j, k) whether time k lies in outage j; at the end itself a fix may already have come."""
+    begin, end = outages_s[:, :1], outages_s[:, 1:]
+    rows: BoolArray = (t_s >= begin) & (t_s < end)
+    return rows
+
+
+def _outages(inside: BoolArray, t_s: FloatArray, recording: Recording) -> IntArray:
+    """The first and the last row inside each outage, (j, k) rows, where the last is near the outage's end."""
+    oldest_s = OLDEST * _interval_s(recording.reference)
+    found = [
+        (np.flatnonzero(rows)[[0, -1]], end)
+        for rows, (_, end) in zip(inside, recording.outages_s, strict=True)
+        if rows.any()
+    ]
+    return np.array([pair for pair, end in found if end - t_s[pair[1]] <= oldest_s], dtype=np.int64).reshape(-1, 2)
+
+
+def _interval_s(reference: Reference) -> float:
+    """Return the median interval [s] between the stamps at which the position is known; 0 of fewer than two."""
+    if reference.enu_m is None:
+        return 0.0
+    known_s = reference.t_s[np.isfinite(reference.enu_m).all(axis=1)]
+    return float(np.median(np.diff(known_s))) if len(known_s) > 1 else 0.0
