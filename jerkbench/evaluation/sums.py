@@ -10,7 +10,6 @@ from jerkbench.evaluation.navigation_errors import position_error_m, velocity_er
 from jerkbench.evaluation.rows import POSITION_AXES, VELOCITY_AXES, Rows, counting
 from jerkbench.recording import Recording
 
-
 BLOCK = 512
 """Rows whose covariances are taken together: they fit into the processor's cache."""
 
@@ -144,7 +143,9 @@ def _over_axes(squares: FloatArray, rows: BoolArray, axes: tuple[tuple[int, ...]
 
 def _nees(error: FloatArray, covariance: FloatArray, rows: Rows) -> tuple[float, float]:
     located = rows.position[0]
-    squares = nested_squares(error, covariance) if located.all() else nested_squares(error[located], covariance[located])
+    squares = (
+        nested_squares(error, covariance) if located.all() else nested_squares(error[located], covariance[located])
+    )
     with np.errstate(over="ignore", invalid="ignore"):
         return float(squares[5, rows.both[located]].sum()), float(squares[2].sum())
 
