@@ -5,10 +5,11 @@ import os
 import sys
 import warnings
 from collections.abc import Sequence
-from pathlib import Path
 
-from jerkbench.data.verbs import VERBS, add_verbs, answer
+from jerkbench.data.verbs import VERBS as DATA_VERBS
+from jerkbench.data.verbs import add_verbs, answer
 from jerkbench.errors import INTERRUPTED, JerkbenchError, exit_with
+from jerkbench.verbs import VERBS
 
 RUN_HELP = """\
 jerkbench run [-m] [GROUP=NAME ...] [KEY=VALUE ...]
@@ -75,12 +76,10 @@ def _answer(words: list[str]) -> None:
         from jerkbench.catalogue import show_text
 
         print(show_text(chosen.kind, chosen.name))
-    elif chosen.verb == "table":
-        from jerkbench.benchmark.tabulate import print_study_table
-
-        print_study_table(chosen.folder, chosen.metric, chosen.rows, chosen.columns, chosen.format)
     elif chosen.verb == "data":
         answer(chosen)
+    else:
+        chosen.answer(chosen)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -95,18 +94,10 @@ def _parser() -> argparse.ArgumentParser:
     show = verbs.add_parser("show", help="print equations, parameters, defaults and source of one plugin or preset")
     show.add_argument("kind")
     show.add_argument("name")
-    add_verbs(verbs.add_parser("data", help="look after recordings: " + ", ".join(VERBS)))
-    _add_table(verbs.add_parser("table", help="print the table of a study once more, arranged as you like"))
+    add_verbs(verbs.add_parser("data", help="look after recordings: " + ", ".join(DATA_VERBS)))
+    for verb in VERBS:
+        verb.add(verbs)
     return parser
-
-
-def _add_table(table: argparse.ArgumentParser) -> None:
-    factors = "dataset, disturbance, attitude, filter, adaptation, noise; separated by commas"
-    table.add_argument("folder", type=Path, help="the study's folder, for example results/paper")
-    table.add_argument("--metric", help="a column of rows.csv (default: position_rmse_m, or the first there is)")
-    table.add_argument("--rows", help=f"factors that make the rows: {factors}")
-    table.add_argument("--columns", help="factors that make the columns (default: adaptation)")
-    table.add_argument("--format", choices=("terminal", "md", "csv", "tex"), default="terminal")
 
 
 def _version() -> str:

@@ -84,6 +84,19 @@ def test_the_table_can_be_arranged_otherwise(sweep):
     assert "| mtf" in done.stdout
 
 
+def test_the_table_has_ratios_and_findings(sweep, tmp_path):
+    study, _ = sweep
+    for path in (study / "cells").glob("*.parquet"):
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    done = jerkbench("table", str(tmp_path), "--baseline", "adaptation=none", "--format", "html", cwd=tmp_path)
+    assert '<span class="factor">' in done.stdout
+    said = jerkbench("table", str(study), "--findings", cwd=tmp_path).stdout
+    assert "The paper says that jerk+mtf is more than 10 times better than baseline+none." in said
+    wrong = jerkbench("table", str(study), "--baseline", "adaptation=nome", cwd=tmp_path)
+    assert wrong.returncode == 2
+    assert "Did you mean 'none'?" in wrong.stderr
+
+
 def test_two_workers_give_the_rows_of_one(sweep):
     study, _ = sweep
     swept(*CELLS, "disturbance=none,[bias,gnss_outage]", "workers=2", "study=two", cwd=study.parents[1])

@@ -25,7 +25,7 @@ ORDER = [
     ["report"],
     ["benchmark"],
     ["catalogue", "api"],
-    ["data"],
+    ["data", "verbs"],
     ["cli"],
     ["__main__"],
 ]

@@ -42,8 +42,9 @@ class Store:
     """The cells of one study."""
 
     def __init__(self, folder: Path) -> None:
-        """Open the store below ``folder`` (the study's); nothing is written yet."""
-        self.folder = folder / "cells"
+        """Open the store below ``folder`` (the study's), or a folder of cells itself; nothing is written yet."""
+        below = folder / "cells"
+        self.folder = folder if not below.is_dir() and any(folder.glob("*.parquet")) else below
 
     def prepare(self) -> None:
         """Make the folder, and clear away what a killed process has left half-written.

@@ -20,10 +20,10 @@ AT_THE_END = ("outage_end_m", "outage_end_max_m")
 """Metrics of which the number of outages is told."""
 
 
-def footnotes(table: Table, rows: "pd.DataFrame", notes: Sequence[str]) -> tuple[str, ...]:
-    """Return the sentences under ``table``, the caller's ``notes`` at the end."""
+def footnotes(table: Table, rows: "pd.DataFrame", notes: Sequence[str], family: str = "") -> tuple[str, ...]:
+    """Return the sentences under ``table``: of its tests as ``family`` says, the caller's ``notes`` at the end."""
     cells = [cell for row in table.cells for cell in row if cell is not None]
-    return (*_constants(table), *_reading(table, cells), *_outages(table, rows), *_trouble(cells, rows), *notes)
+    return (*_constants(table), *_reading(table, cells, family), *_outages(table, rows), *_trouble(cells, rows), *notes)
 
 
 def _constants(table: Table) -> Iterator[str]:
@@ -31,13 +31,14 @@ def _constants(table: Table) -> Iterator[str]:
         yield "In every cell: " + ", ".join(f"{key} {value}" for key, value in table.constants) + "."
 
 
-def _reading(table: Table, cells: list[Cell]) -> Iterator[str]:
+def _reading(table: Table, cells: list[Cell], family: str) -> Iterator[str]:
     """How to read the numbers."""
     yield from _intervals([c for c in cells if c.interval and c.replicate == "seed"])
     if any(c.interval for c in cells if c.replicate == "phase"):
         yield "{low–high}: range over the phases of one recording: not a confidence interval."  # noqa: RUF001 - a range
     if any(c.best for c in cells):
         yield "Bold: the lowest mean of the row among the cells whose runs all went well."
+    yield from _ratios(table, family)
     what = quantity(table.metric)
     if what.expected is not None:
         yield f"A consistent filter gives {what.expected:g}; {what.reading}."
@@ -54,6 +55,15 @@ def _intervals(cells: list[Cell]) -> Iterator[str]:
     seeds = f"{max(used)}" if min(used) == max(used) else f"{min(used)} to {max(used)}"
     few = f" Of fewer than {FEW} seeds it is too short." if min(used) < FEW else ""
     yield f"[low, high]: 95 % BCa bootstrap interval of the mean over {seeds} seeds.{few}"
+
+
+def _ratios(table: Table, family: str) -> Iterator[str]:
+    """What the factors in the cells are, and what a star means."""
+    if not table.baseline:
+        return
+    baseline = ", ".join(f"{key}={value}" for key, value in table.baseline)
+    yield f"×r: geometric mean of the ratio to {baseline} over the seeds that went well in both."  # noqa: RUF001
+    yield family
 
 
 def _outages(table: Table, rows: "pd.DataFrame") -> Iterator[str]:

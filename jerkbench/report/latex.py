@@ -1,5 +1,7 @@
-r"""Table -> LaTeX (booktabs); needs ``\usepackage{booktabs}`` and nothing else."""
+r"""Table -> LaTeX; needs ``\usepackage{booktabs}`` and ``\usepackage{siunitx}`` (version 3)."""
 
+import re
+from collections.abc import Sequence
 from itertools import zip_longest
 
 from jerkbench.report.table import ABSENT, Cell, Table
@@ -23,22 +25,33 @@ SPECIAL = {
     "–": "--",  # noqa: RUF001 - what the key is for
     "µ": r"$\mu$",
     "±": r"$\pm$",
+    "×": r"$\times$",  # noqa: RUF001 - what the key is for
     "σ": r"$\sigma$",  # noqa: RUF001 - what the key is for
 }
 """Characters that LaTeX reads otherwise, and how to write them."""
 
+PLAIN = re.compile(r"-?[0-9]+(\.[0-9]+)?")
+"""Numbers that a column of siunitx can align."""
+
+UNITS = {"%": r"\percent", "µs": r"\micro\second", "deg": r"\degree"}
+"""Units that siunitx takes no letters for."""
+
 
 def latex(table: Table) -> str:
-    """Return a ``table`` environment: the title as caption, booktabs rules, the footnotes under it."""
+    """Return a ``table`` environment: the title as caption, booktabs rules, numbers at the point, footnotes below."""
+    columns = "".join(_column([row[k] for row in table.cells]) for k in range(len(table.columns)))
+    keys = len(table.row_keys)
+    head = [escaped(text) if k < keys else f"{{{escaped(text)}}}" for k, text in enumerate(table.header)]
     lines = [
         r"\begin{table}",
         r"  \centering",
-        rf"  \caption{{{escaped(table.title)}}}",
+        r"  \sisetup{detect-weight=true, mode=text}",
+        rf"  \caption{{{_title(table)}}}",
         rf"  \label{{tab:{table.metric.replace('_', '-')}}}",
         r"  \small",
-        rf"  \begin{{tabular}}{{{'l' * len(table.header)}}}",
+        rf"  \begin{{tabular}}{{{'l' * keys}{columns}}}",
         r"    \toprule",
-        _line([escaped(text) for text in table.header]),
+        _line(head),
         r"    \midrule",
         *_body(table),
         r"    \bottomrule",
@@ -72,11 +85,32 @@ def _line(texts: list[str]) -> str:
 
 
 def _stack(cell: Cell | None) -> list[str]:
+    """The lines of a cell; what is no plain number stands in braces, so that siunitx leaves it alone."""
     if cell is None:
-        return [escaped(ABSENT)]
-    number = rf"\textbf{{{cell.number}}}" if cell.best else escaped(cell.number)
-    small = [rf"{{\scriptsize {escaped(text)}}}" for text in (cell.interval, cell.trouble) if text]
-    return [number, *small] if number else small
+        return [f"{{{escaped(ABSENT)}}}"]
+    number = cell.number if PLAIN.fullmatch(cell.number) else f"{{{escaped(cell.number)}}}"
+    if cell.best:
+        number = rf"\bfseries {number}"
+    small = (cell.interval, cell.factor, cell.trouble)
+    lines = [rf"{{{{\scriptsize {escaped(text)}}}}}" for text in small if text]
+    return [number, *lines] if cell.number else lines
+
+
+def _column(cells: Sequence[Cell | None]) -> str:
+    """A column of siunitx with room for the digits of its plain numbers; a centred one where it has none."""
+    plain = [cell.number for cell in cells if cell is not None and PLAIN.fullmatch(cell.number)]
+    if not plain:
+        return "c"
+    whole, decimals = (max(len(text.partition(".")[k]) for text in plain) for k in (0, 2))
+    return f"S[table-format={whole}.{decimals}]"
+
+
+def _title(table: Table) -> str:
+    """The title, the unit in brackets as siunitx writes it."""
+    unit = f" [{table.unit}]"
+    if not table.unit or not table.title.endswith(unit):
+        return escaped(table.title)
+    return rf"{escaped(table.title.removesuffix(unit))} {{[}}\unit{{{UNITS.get(table.unit, table.unit)}}}{{]}}"
 
 
 def _notes(table: Table) -> list[str]:

@@ -1,24 +1,22 @@
 """Rows of runs -> one table."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
-from jerkbench.errors import JerkbenchError, unknown
 from jerkbench.evaluation.statistics.intervals import mean_intervals
+from jerkbench.report.comparison import Combination, Comparison, compare_to, family_note
 from jerkbench.report.factors import FACTORS, constants, layout
 from jerkbench.report.footnotes import footnotes
 from jerkbench.report.quantities import quantity
-from jerkbench.report.table import Cell, Table, number
+from jerkbench.report.rows import checked, metric_columns
+from jerkbench.report.table import Cell, Ratio, Table, number
 
 if TYPE_CHECKING:
     import pandas as pd
-
-IDENTITY = (*FACTORS, "seed", "replicate", "status", "reason")
-"""Columns of a row that are not metrics."""
 
 MAIN = "position_rmse_m"
 """The metric of a table for which none is asked."""
@@ -34,6 +32,7 @@ def summarise(
     row_keys: Sequence[str] | None = None,
     column_keys: Sequence[str] | None = None,
     notes: Sequence[str] = (),
+    baseline: Mapping[str, str] | None = None,
 ) -> Table:
     """Return the table of one metric.
 
@@ -44,13 +43,16 @@ def summarise(
         row_keys: factors of the rows; without them, all that vary and are not columns.
         column_keys: factors of the columns; without them the adaptation.
         notes: sentences to put under the table, such as which combinations were left out and why.
+        baseline: values of factors; each cell then has its ratio to the cell that is like it but for these.
 
     Raises:
         JerkbenchError: no such metric or factor, or two rows of the same combination and seed.
     """
-    rows = _checked(rows, metric)
+    rows = checked(rows, metric)
     across, down = layout(rows, row_keys, column_keys)
     cells = _cells(rows, metric, [*across, *down])
+    comparisons = compare_to(rows, metric, baseline) if baseline else []
+    cells = _with_ratios(cells, comparisons, (*across, *down))
     row_values = _unique(rows, across)
     column_values = _unique(rows, down)
     what = quantity(metric)
@@ -67,38 +69,15 @@ def summarise(
         columns=column_values,
         cells=tuple(tuple(row) for row in grid),
         constants=constants(rows, (*across, *down)),
+        baseline=tuple((baseline or {}).items()),
     )
-    return dataclasses.replace(table, footnotes=footnotes(table, rows, notes))
+    return dataclasses.replace(table, footnotes=footnotes(table, rows, notes, family_note(comparisons)))
 
 
 def main_metric(rows: "pd.DataFrame") -> str:
     """Return the first of `LEADING` that has a value, else the first metric that has one, else `MAIN`."""
     valued = [column for column in metric_columns(rows) if rows.loc[rows["status"] == "ok", column].notna().any()]
     return next(iter([*(metric for metric in LEADING if metric in valued), *valued]), MAIN)
-
-
-def metric_columns(rows: "pd.DataFrame") -> list[str]:
-    """Return the columns that hold metrics: numbers that are not part of a row's identity."""
-    numbers = rows.select_dtypes("number").columns
-    return [str(column) for column in numbers if column not in IDENTITY]
-
-
-def _checked(rows: "pd.DataFrame", metric: str) -> "pd.DataFrame":
-    """Return a copy with the factors as text; a metric is missing only where no run went well."""
-    if metric not in rows.columns:
-        if (rows["status"] == "ok").any():
-            raise JerkbenchError(unknown("metric", metric, metric_columns(rows)))
-        rows = rows.assign(**{metric: np.nan})
-    rows = rows.assign(**{key: rows[key].astype(str) for key in FACTORS})
-    repeated = rows[rows.duplicated([*FACTORS, "seed"])]
-    if len(repeated):
-        first = repeated.iloc[0]
-        names = ", ".join(f"{key} {first[key]}" for key in FACTORS)
-        raise JerkbenchError(
-            f"{len(repeated)} rows repeat a combination and seed, first {names}, seed {first['seed']}; "
-            "give combinations with different parameters different names, or keep one row of each."
-        )
-    return rows
 
 
 def _unique(rows: "pd.DataFrame", keys: tuple[str, ...]) -> tuple[tuple[str, ...], ...]:
@@ -122,6 +101,19 @@ def _cells(rows: "pd.DataFrame", metric: str, keys: list[str]) -> dict[tuple[str
         missing = int(np.isnan(one).sum())
         cells[key] = Cell(*ends, len(group), diverged, failed, missing, "phase" if phase else "seed")
     return cells
+
+
+def _with_ratios(
+    cells: dict[Combination, Cell], comparisons: Sequence[Comparison], keys: tuple[str, ...]
+) -> dict[Combination, Cell]:
+    """Put each comparison into the cell of its subject."""
+    compared = dict(cells)
+    for one in comparisons:
+        place = tuple(dict(zip(FACTORS, one.subject, strict=True))[key] for key in keys)
+        paired = one.paired
+        ratio = Ratio(paired.ratio, paired.low, paired.high, one.p, one.shown)
+        compared[place] = dataclasses.replace(compared[place], ratio=ratio)
+    return compared
 
 
 def _groups(rows: "pd.DataFrame", keys: list[str]) -> dict[tuple[str, ...], IntArray]:

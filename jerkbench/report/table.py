@@ -5,6 +5,30 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
+class Ratio:
+    """A cell's metric over that of the baseline, on the same seeds.
+
+    Attributes:
+        value: geometric mean; NaN where no seed went well in both.
+        low: lower end of its 95 % interval (phases: the smallest).
+        high: upper end.
+        p: Wilcoxon's, corrected for the table by Holm; NaN where there is no test.
+        shown: whether a difference was shown.
+    """
+
+    value: float
+    low: float
+    high: float
+    p: float
+    shown: bool
+
+    @property
+    def text(self) -> str:
+        """The factor, with a star where a difference was shown; nothing without a pair."""
+        return f"×{number(self.value)}{'*' if self.shown else ''}" if math.isfinite(self.value) else ""  # noqa: RUF001
+
+
+@dataclass(frozen=True)
 class Cell:
     """One combination with all its runs.
 
@@ -18,6 +42,7 @@ class Cell:
         missing: how many went well, but have no value of the metric (NaN).
         replicate: "seed" (independent draws) or "phase" (of one recording: not independent).
         best: whether no other cell of its row has a lower mean, as printed.
+        ratio: to the baseline, where one was chosen and this is not it.
     """
 
     mean: float
@@ -29,6 +54,7 @@ class Cell:
     missing: int = 0
     replicate: str = "seed"
     best: bool = False
+    ratio: Ratio | None = None
 
     @property
     def complete(self) -> bool:
@@ -43,7 +69,7 @@ class Cell:
     @property
     def text(self) -> str:
         """The cell as printed: mean, interval, and what went wrong."""
-        parts = (self.number, self.interval, self.trouble)
+        parts = (self.number, self.interval, self.factor, self.trouble)
         return " ".join(part for part in parts if part)
 
     @property
@@ -60,6 +86,11 @@ class Cell:
             return ""
         low, high = number(self.low), number(self.high)
         return f"{{{low}–{high}}}" if self.replicate == "phase" else f"[{low}, {high}]"  # noqa: RUF001 - a range
+
+    @property
+    def factor(self) -> str:
+        """The ratio to the baseline, or nothing."""
+        return self.ratio.text if self.ratio else ""
 
     @property
     def trouble(self) -> str:
@@ -86,6 +117,7 @@ class Table:
         cells: one tuple a row; None where the combination does not exist.
         constants: the other factors, each with its one value.
         footnotes: sentences that belong under it.
+        baseline: factors and values of what the ratios are to; empty: there are none.
     """
 
     title: str
@@ -98,6 +130,7 @@ class Table:
     cells: tuple[tuple[Cell | None, ...], ...]
     constants: tuple[tuple[str, str], ...] = ()
     footnotes: tuple[str, ...] = ()
+    baseline: tuple[tuple[str, str], ...] = ()
 
     @property
     def header(self) -> list[str]:

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 from jerkbench.files import write_text
 from jerkbench.report.latex import latex
 from jerkbench.report.markdown import markdown
-from jerkbench.report.summary import main_metric, metric_columns, summarise
+from jerkbench.report.rows import metric_columns
+from jerkbench.report.summary import main_metric, summarise
 from jerkbench.report.table import Cell, Table
 from jerkbench.report.tidy import tidy_csv
 

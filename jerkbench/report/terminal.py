@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING
 
 from jerkbench.report.factors import FACTORS
 from jerkbench.report.quantities import quantity
-from jerkbench.report.summary import main_metric, metric_columns, summarise
+from jerkbench.report.rows import metric_columns
+from jerkbench.report.summary import main_metric, summarise
 from jerkbench.report.table import ABSENT, Cell, Table
 
 if TYPE_CHECKING:

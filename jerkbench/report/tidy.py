@@ -6,10 +6,24 @@ import math
 from collections.abc import Sequence
 
 from jerkbench.report.factors import FACTORS
-from jerkbench.report.table import Cell, Table
+from jerkbench.report.table import Cell, Ratio, Table
 
-VALUES = ("mean", "low", "high", "runs", "diverged", "failed", "missing", "replicate")
-"""Columns after the metric, its unit and the factors; the ends are a range where ``replicate`` is "phase"."""
+VALUES = (
+    "mean",
+    "low",
+    "high",
+    "runs",
+    "diverged",
+    "failed",
+    "missing",
+    "replicate",
+    "ratio",
+    "ratio_low",
+    "ratio_high",
+    "p",
+)
+"""Columns after the metric, its unit and the factors; the ends are a range where ``replicate`` is "phase";
+the ratio is empty without a baseline."""
 
 
 def tidy_csv(tables: Sequence[Table]) -> str:
@@ -32,7 +46,11 @@ def _factors(table: Table, row: tuple[str, ...], column: tuple[str, ...]) -> lis
 
 
 def _values(cell: Cell) -> list[str]:
-    ends = (cell.mean, cell.low, cell.high)
-    numbers = ["" if math.isnan(value) else repr(value) for value in ends]
     counts = (cell.runs, cell.diverged, cell.failed, cell.missing)
-    return [*numbers, *map(str, counts), cell.replicate]
+    ratio = cell.ratio or Ratio(math.nan, math.nan, math.nan, math.nan, shown=False)
+    against = _written(ratio.value, ratio.low, ratio.high, ratio.p)
+    return [*_written(cell.mean, cell.low, cell.high), *map(str, counts), cell.replicate, *against]
+
+
+def _written(*values: float) -> list[str]:
+    return ["" if math.isnan(value) else repr(value) for value in values]

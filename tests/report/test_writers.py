@@ -77,7 +77,7 @@ def test_latex_is_balanced_and_escaped(rows):
     lines = [line for line in body.splitlines() if line.endswith(r"\\")]
     assert {line.count("&") for line in lines} == {2}
     assert r"sage\_husa" in lines[0]
-    assert r"\textbf{0.0125}" in body
+    assert r"\bfseries 0.0125 &" in body
     assert r"(2/4 diverged)" in body
     assert not re.search(r"(?<!\\)[_%#$~^]", text.replace(r"$\mu$", ""))
     assert r"100\% of R\_k \& \{x\} \#1 \textasciitilde{} \textasciicircum{} \textless{}\$\textgreater{}" in text
@@ -144,7 +144,9 @@ def test_the_three_files(rows, tmp_path):
     assert text.count("A note.") == text.count("In every cell") == 1
     metrics = pd.read_csv(tmp_path / "new" / "table.csv")["metric"].unique()
     assert list(metrics) == ["position_rmse_m", "anees", "velocity_rmse_mps", "outage_rmse_m", "step_us"]
-    assert r"\caption{Position RMSE (3-D) {[}m{]}}" in (tmp_path / "new" / "table.tex").read_text(encoding="utf-8")
+    assert r"\caption{Position RMSE (3-D) {[}\unit{m}{]}}" in (tmp_path / "new" / "table.tex").read_text(
+        encoding="utf-8"
+    )
 
 
 @pytest.fixture

@@ -1,0 +1,38 @@
+"""Rows of runs: which columns are metrics, and whether they can be tabulated."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from jerkbench.errors import JerkbenchError, unknown
+from jerkbench.report.factors import FACTORS
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+IDENTITY = (*FACTORS, "seed", "replicate", "status", "reason")
+"""Columns of a row that are not metrics."""
+
+
+def metric_columns(rows: "pd.DataFrame") -> list[str]:
+    """Return the columns that hold metrics: numbers that are not part of a row's identity."""
+    numbers = rows.select_dtypes("number").columns
+    return [str(column) for column in numbers if column not in IDENTITY]
+
+
+def checked(rows: "pd.DataFrame", metric: str) -> "pd.DataFrame":
+    """Return a copy with the factors as text; a metric is missing only where no run went well."""
+    if metric not in rows.columns:
+        if (rows["status"] == "ok").any():
+            raise JerkbenchError(unknown("metric", metric, metric_columns(rows)))
+        rows = rows.assign(**{metric: np.nan})
+    rows = rows.assign(**{key: rows[key].astype(str) for key in FACTORS})
+    repeated = rows[rows.duplicated([*FACTORS, "seed"])]
+    if len(repeated):
+        first = repeated.iloc[0]
+        names = ", ".join(f"{key} {first[key]}" for key in FACTORS)
+        raise JerkbenchError(
+            f"{len(repeated)} rows repeat a combination and seed, first {names}, seed {first['seed']}; "
+            "give combinations with different parameters different names, or keep one row of each."
+        )
+    return rows

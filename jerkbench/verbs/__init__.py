@@ -1,0 +1,6 @@
+"""The verbs that read results: each a file with `add`, which declares its words and what answers them."""
+
+from jerkbench.verbs import table
+
+VERBS = (table,)
+"""In the order in which `jerkbench --help` names them."""
