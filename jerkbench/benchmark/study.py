@@ -31,17 +31,24 @@ class Study:
         rows: one row a cell and seed, in the order of the sweeps.
         notes: sentences that belong under its tables.
         keys: key of the cell of each row.
+        code: the commits that its cells come from, in a few words.
     """
 
     folder: Path
     rows: pd.DataFrame
     notes: tuple[str, ...]
     keys: pd.Series
+    code: str = ""
+
+    @property
+    def combinations(self) -> int:
+        """How many cells it has."""
+        return len(self.keys.unique())
 
     def only(self, keys: Iterable[str]) -> "Study":
         """The same study with the cells ``keys`` alone."""
         chosen = self.keys.isin(list(keys))
-        return Study(self.folder, self.rows[chosen].reset_index(drop=True), self.notes, self.keys[chosen])
+        return Study(self.folder, self.rows[chosen].reset_index(drop=True), self.notes, self.keys[chosen], self.code)
 
 
 def load_study(folder: Path, prefer: Collection[str] = ()) -> Study:
@@ -63,7 +70,7 @@ def load_study(folder: Path, prefer: Collection[str] = ()) -> Study:
     rows = pd.concat([one.rows for one in current], ignore_index=True)
     keys = pd.Series([one.key for one in current for _ in range(len(one.rows))])
     notes = [*_notes(current, manifest), *_remarks(current, len(found) - len(current), broken)]
-    return Study(folder, rows, tuple(notes), keys)
+    return Study(folder, rows, tuple(notes), keys, _code(current))
 
 
 def write_study(study: Study) -> None:
@@ -129,6 +136,12 @@ def _notes(current: list[Stored], manifest: dict[str, Any]) -> list[str]:
     """What the configuration, and then the recordings, have to say about the cells that are shown."""
     configured = [note for one in current for note in manifest.get("notes", {}).get(one.key, [])]
     return list(dict.fromkeys([*configured, *(note for one in current for note in one.about["notes"])]))
+
+
+def _code(current: list[Stored]) -> str:
+    """The commit, or how many there are; without one the beginning of the code's hash."""
+    named = {one.about["commit"] or f"code {one.about['code'][:12]}" for one in current}
+    return f"{len(named)} versions of the code" if len(named) > 1 else f"commit {named.pop()}"
 
 
 def _remarks(current: list[Stored], others: int, broken: list[str]) -> list[str]:

@@ -40,6 +40,18 @@ def print_run(rows: "pd.DataFrame") -> None:
     _print(_group(", ".join(f"{key} {rows[key].iloc[0]}" for key in FACTORS), grid, _complaints(rows)))
 
 
+def print_grid(title: str, header: Sequence[str], rows: Sequence[Sequence[str]], notes: Sequence[str] = ()) -> None:
+    """Print lines of texts under a title and a header, with notes below."""
+    from rich.text import Text
+
+    grid = _grid()
+    for text in header:
+        grid.add_column(Text(text))
+    for row in rows:
+        grid.add_row(*map(Text, row))
+    _print(_group(title, grid, notes))
+
+
 def terminal_table(table: Table) -> "Group":
     """Return title, table and footnotes for a rich console; repeated row headers are said once, trouble is red."""
     from rich.text import Text

@@ -1,0 +1,120 @@
+"""A row once more, from the configuration that is stored with it."""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from jerkbench.benchmark.cell import Cell, Labels, Protocol, build
+from jerkbench.benchmark.run import Row, run_once, score
+from jerkbench.benchmark.store import Store, Stored
+from jerkbench.benchmark.study import load_study
+from jerkbench.benchmark.versions import code_digest, versions
+from jerkbench.errors import JerkbenchError
+from jerkbench.estimate import Estimate
+from jerkbench.recording import Recording
+
+
+@dataclass(frozen=True, eq=False)
+class StoredRow:
+    """A row, and all that is needed to make it again.
+
+    Attributes:
+        cell: made from the stored specification.
+        draw: its seed, or phase.
+        fingerprint: of the data that it was made from.
+        row: as it was stored.
+        about: what else is stored of its cell.
+    """
+
+    cell: Cell
+    draw: int
+    fingerprint: str
+    row: Row
+    about: dict[str, Any]
+
+    def run(self) -> tuple[Recording, Estimate]:
+        """Run it again: what the filter saw, and what it made of it.
+
+        Raises:
+            JerkbenchError: the data are other data now.
+        """
+        found = self.cell.dataset.fingerprint()
+        if found != self.fingerprint:
+            raise JerkbenchError(
+                f"The data of {self.cell.labels.dataset} have changed since the row was stored: their hash was "
+                f"{self.fingerprint or 'empty'}, it is {found or 'empty'}."
+            )
+        return run_once(self.cell, self.draw, self.fingerprint)
+
+    @property
+    def code_changed(self) -> bool:
+        """Whether this package or a library is another than the one that stored the row."""
+        return bool(self.about["code"] != code_digest() or self.about["versions"] != versions())
+
+
+def stored_row(folder: Path, which: str) -> StoredRow:
+    """Find a row of a study.
+
+    Args:
+        folder: the study's, or a folder of cells.
+        which: the row's number in rows.csv, from 1 on; or the beginning of its cell's key, with ``:SEED`` or its first.
+
+    Raises:
+        JerkbenchError: there is none, or several.
+    """
+    key, seed = _by_number(folder, int(which)) if which.isdecimal() and len(which) < 6 else _by_key(folder, which)
+    (stored,), _ = Store(folder).read([key])
+    return row_of(stored, seed)
+
+
+def row_of(stored: Stored, seed: int | None = None) -> StoredRow:
+    """Return one row of a stored cell: that of ``seed``, or its first.
+
+    Raises:
+        JerkbenchError: it has no such seed.
+    """
+    seeds = [int(one) for one in stored.rows["seed"]]
+    draw = seeds[0] if seed is None else seed
+    if draw not in seeds:
+        raise JerkbenchError(f"The cell {stored.key} has no seed {draw}; it has {', '.join(map(str, seeds))}.")
+    about = stored.about
+    cell = build(about["spec"], Protocol(**about["protocol"]), Labels(**about["labels"]))
+    return StoredRow(cell, draw, about["data"], stored.rows.to_dict("records")[seeds.index(draw)], about)  # type: ignore[arg-type]  # keys are strings
+
+
+def differences(one: StoredRow) -> list[tuple[str, float, float]]:
+    """Run the row again; return each metric with its stored and its new value.
+
+    Raises:
+        JerkbenchError: the run cannot be made again, or ends otherwise than it did.
+    """
+    recording, estimate = one.run()
+    again = score(one.cell, one.draw, recording, estimate)
+    if again["status"] != one.row["status"]:
+        raise JerkbenchError(f"The run was {one.row['status']} and is {again['status']} now: {again['reason']}")
+    skip = {*one.cell.labels._fields, "seed", "replicate", "status", "reason"}
+    return [(name, float(one.row[name]), float(again[name])) for name in again if name not in skip and name in one.row]
+
+
+def same(before: float, after: float) -> bool:
+    """Whether two values are the same to the bit, or both not there."""
+    return before == after or (math.isnan(before) and math.isnan(after))
+
+
+def _by_number(folder: Path, place: int) -> tuple[str, int]:
+    study = load_study(folder)
+    if not 1 <= place <= len(study.rows):
+        raise JerkbenchError(f"{folder} has the rows 1 to {len(study.rows)}; there is no row {place}.")
+    return str(study.keys.iloc[place - 1]), int(study.rows["seed"].iloc[place - 1])
+
+
+def _by_key(folder: Path, which: str) -> tuple[str, int | None]:
+    beginning, _, seed = which.partition(":")
+    keys = sorted(path.stem for path in Store(folder).folder.glob("*.parquet") if path.stem.startswith(beginning))
+    if len(keys) != 1 or (seed and not seed.isdecimal()):
+        raise JerkbenchError(
+            f"'{which}' is no row of {folder}: {len(keys)} cells begin with '{beginning}'. Give the row's number in "
+            "rows.csv (from 1), or KEY:SEED, with the name of a file in cells/."
+        )
+    return keys[0], int(seed) if seed else None

@@ -1,0 +1,32 @@
+"""`jerkbench export`: the trajectory of one row, for other tools."""
+
+import argparse
+from pathlib import Path
+
+from jerkbench.verbs.kinds import Verbs
+from jerkbench.verbs.rerun import add_row
+
+
+def add(verbs: Verbs) -> None:
+    """Declare the verb."""
+    export = verbs.add_parser("export", help="write one row's estimate and reference as trajectories (TUM)")
+    add_row(export)
+    export.add_argument("--tum", type=Path, required=True, metavar="FOLDER", help="write estimate.tum, reference.tum")
+    export.set_defaults(answer=answer)
+
+
+def answer(chosen: argparse.Namespace) -> None:
+    """Run the row again and write its trajectories.
+
+    Raises:
+        JerkbenchError: there is no such row, its data have changed, or it has no reference.
+    """
+    from jerkbench.benchmark.again import stored_row
+    from jerkbench.evaluation.run import counted_rows
+    from jerkbench.report.tum import write_tum
+
+    one = stored_row(chosen.folder, chosen.row)
+    recording, estimate = one.run()
+    counted = counted_rows(estimate, recording, one.cell.protocol.burn_in_s)
+    for path in write_tum(chosen.tum, recording, estimate, counted):
+        print(path)

@@ -1,0 +1,43 @@
+"""`jerkbench rerun`: one row once more, from the configuration that is stored with it."""
+
+import argparse
+from pathlib import Path
+
+from jerkbench.verbs.kinds import Verbs
+
+DIFFERENT = 1
+"""Exit code where a number is another."""
+
+
+def add(verbs: Verbs) -> None:
+    """Declare the verb."""
+    rerun = verbs.add_parser("rerun", help="run one row again, from its own stored configuration: the same numbers?")
+    add_row(rerun)
+    rerun.set_defaults(answer=answer)
+
+
+def add_row(parser: argparse.ArgumentParser) -> None:
+    """Declare the words that say which row."""
+    parser.add_argument("folder", type=Path, help="a study's folder, or a folder of cells")
+    parser.add_argument("row", metavar="ROW", help="its number in rows.csv, from 1; or KEY:SEED of a file in cells/")
+
+
+def answer(chosen: argparse.Namespace) -> None:
+    """Print every metric as it was and as it is.
+
+    Raises:
+        JerkbenchError: there is no such row, or its data have changed.
+        SystemExit: 1, where a number is another.
+    """
+    from jerkbench.benchmark.again import differences, same, stored_row
+    from jerkbench.report.terminal import print_grid
+
+    one = stored_row(chosen.folder, chosen.row)
+    found = differences(one)
+    lines = [[name, repr(a), repr(b), "" if same(a, b) else "differs"] for name, a, b in found]
+    notes = ["The code or a library is another than when the row was stored."] if one.code_changed else []
+    print_grid(f"{', '.join(one.cell.labels)}, {one.row['replicate']} {one.draw}", ["", "was", "is", ""], lines, notes)
+    differing = sum(not same(a, b) for _, a, b in found)
+    print(f"{differing} of {len(found)} numbers differ.")
+    if differing:
+        raise SystemExit(DIFFERENT)

@@ -1,0 +1,98 @@
+"""The verbs that read results, as a person uses them, over one small study."""
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from commands import jerkbench, swept
+
+WORDS = ["filter=baseline,jerk", "adaptation=none,mtf", "disturbance=none,gnss_outage", "seeds=2"]
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("verbs")
+    swept(*WORDS, "dataset.duration_s=60", cwd=folder)
+    return folder / "results" / "adhoc"
+
+
+def test_a_row_is_run_again_with_the_same_numbers(study):
+    done = jerkbench("rerun", str(study), "3", cwd=study)
+    assert done.returncode == 0, done.stdout
+    assert "0 of " in done.stdout
+    assert " numbers differ." in done.stdout
+    key = next(iter((study / "cells").glob("*.parquet"))).stem
+    assert jerkbench("rerun", str(study), f"{key[:8]}:1", cwd=study).returncode == 0
+
+
+def changed_copy(path, folder, factor):
+    """Write the cell of ``path`` into ``folder``, with other position errors."""
+    table = pq.read_table(path)
+    rows = table.to_pandas()
+    rows = rows.assign(position_rmse_m=rows["position_rmse_m"] * factor)
+    changed = pa.Table.from_pandas(rows, preserve_index=False).replace_schema_metadata(table.schema.metadata)
+    pq.write_table(changed, folder / path.name)
+
+
+def test_a_row_whose_numbers_are_others_is_seen(study, tmp_path):
+    changed_copy(next(iter((study / "cells").glob("*.parquet"))), tmp_path, 1.5)
+    done = jerkbench("rerun", str(tmp_path), "1", cwd=tmp_path)
+    assert done.returncode == 1
+    assert "1 of " in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("row", "words"),
+    [("99", "has the rows 1 to 16; there is no row 99"), ("zzz", "0 cells begin with 'zzz'"), (":1", "8 cells begin")],
+)
+def test_a_row_that_is_not_there_is_a_sentence(study, row, words):
+    done = jerkbench("rerun", str(study), row, cwd=study)
+    assert done.returncode == 2
+    assert words in done.stderr
+
+
+def test_the_rmse_is_evos_over_the_exported_trajectories(study, tmp_path):
+    pytest.importorskip("evo", reason="evo is not there; pip install 'jerkbench[anchors]'")
+    from evo.core import metrics, sync
+    from evo.tools import file_interface
+
+    row = pd.read_csv(study / "rows.csv").iloc[5]
+    done = jerkbench("export", str(study), "6", "--tum", str(tmp_path / "out"), cwd=study)
+    assert done.returncode == 0, done.stderr
+    both = [file_interface.read_tum_trajectory_file(tmp_path / "out" / f"{n}.tum") for n in ("reference", "estimate")]
+    error = metrics.APE(metrics.PoseRelation.translation_part)
+    error.process_data(sync.associate_trajectories(*both))
+    assert error.get_statistic(metrics.StatisticsType.rmse) == pytest.approx(row["position_rmse_m"], abs=1e-9, rel=1e-9)
+    assert error.get_statistic(metrics.StatisticsType.max) == pytest.approx(row["position_max_m"], abs=1e-9)
+
+
+def test_exported_quaternions_are_the_attitude(study, tmp_path):
+    from scipy.spatial.transform import Rotation
+
+    jerkbench("export", str(study), "1", "--tum", str(tmp_path), cwd=study)
+    poses = np.loadtxt(tmp_path / "estimate.tum")
+    truth = np.loadtxt(tmp_path / "reference.tum")
+    angle = (Rotation.from_quat(poses[:, 4:]).inv() * Rotation.from_quat(truth[:, 4:])).magnitude()
+    row = pd.read_csv(study / "rows.csv").iloc[0]
+    squares = sum(row[f"{name}_rmse_rad"] ** 2 for name in ("roll", "pitch", "yaw"))
+    assert np.sqrt(np.mean(angle**2)) == pytest.approx(np.sqrt(squares), rel=0.02)  # the angles are small
+
+
+def test_compare_tells_a_machine(study, tmp_path):
+    same = jerkbench("compare", str(study), str(study), "--fail-above", "0", cwd=tmp_path)
+    assert same.returncode == 0
+    assert "0 of 8 combinations are worse by more than 0 %." in same.stdout
+    for path in (study / "cells").glob("*.parquet"):
+        changed_copy(path, tmp_path, 1.1)
+    for percent, code, count in (("9", 1, 8), ("11", 0, 0)):
+        done = jerkbench("compare", str(study), str(tmp_path), "--fail-above", percent, cwd=tmp_path)
+        assert done.returncode == code
+        assert f"{count} of 8 combinations are worse by more than {percent} %." in done.stdout
+        assert "×1.10" in done.stdout  # noqa: RUF001
+    swept(*WORDS, "dataset.duration_s=60", "noise.accel_mps2=3", "filter=jerk", cwd=tmp_path)
+    worse = tmp_path / "results" / "adhoc"
+    none = jerkbench("compare", str(study), str(worse), cwd=tmp_path)
+    assert none.returncode == 2  # they have other names: the noise
+    assert "No combination of the 8" in none.stderr
