@@ -31,6 +31,55 @@ def enu_to_geodetic(enu_m: FloatArray, origin: Origin) -> FloatArray:
     return np.column_stack(enu2geodetic(enu_m[:, 0], enu_m[:, 1], enu_m[:, 2], *there))
 
 
+def ecef_to_enu(ecef_m: FloatArray, origin: Origin) -> FloatArray:
+    """Turn (n, 3) ECEF [m] into ENU [m] at ``origin``; returns (n, 3)."""
+    from pymap3d import ecef2enu
+
+    there = (origin.latitude_deg, origin.longitude_deg, origin.height_m)
+    return np.column_stack(ecef2enu(ecef_m[:, 0], ecef_m[:, 1], ecef_m[:, 2], *there))
+
+
+def enu_to_ecef(enu_m: FloatArray, origin: Origin) -> FloatArray:
+    """Turn (n, 3) ENU [m] at ``origin`` into ECEF [m]; returns (n, 3)."""
+    from pymap3d import enu2ecef
+
+    there = (origin.latitude_deg, origin.longitude_deg, origin.height_m)
+    return np.column_stack(enu2ecef(enu_m[:, 0], enu_m[:, 1], enu_m[:, 2], *there))
+
+
+def ecef_to_origin(ecef_m: FloatArray) -> Origin:
+    """Return the origin at one point (3,) in ECEF [m]."""
+    from pymap3d import ecef2geodetic
+
+    return Origin(*(float(value) for value in ecef2geodetic(*ecef_m)))
+
+
+def enu_axes(origin: Origin) -> FloatArray:
+    """Return (3, 3) E with v_enu = E v_ecef: its rows are east, north and up at ``origin``."""
+    lat, lon = np.radians([origin.latitude_deg, origin.longitude_deg])
+    return np.array(
+        [
+            [-np.sin(lon), np.cos(lon), 0.0],
+            [-np.sin(lat) * np.cos(lon), -np.sin(lat) * np.sin(lon), np.cos(lat)],
+            [np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)],
+        ]
+    )
+
+
+def dcm_from_quaternion(xyzw: FloatArray) -> FloatArray:
+    """Return the rotation matrices (n, 3, 3) of unit quaternions (n, 4), scalar last."""
+    from scipy.spatial.transform import Rotation
+
+    return np.asarray(Rotation.from_quat(xyzw).as_matrix())
+
+
+def quaternion_from_dcm(dcm: FloatArray) -> FloatArray:
+    """Return unit quaternions (n, 4), scalar last, of rotation matrices (n, 3, 3)."""
+    from scipy.spatial.transform import Rotation
+
+    return np.asarray(Rotation.from_matrix(dcm).as_quat())
+
+
 def dcm_from_euler(euler_rad: FloatArray) -> FloatArray:
     """Omega = Rz(yaw) Ry(pitch) Rx(roll), body -> ENU, from (..., 3) roll, pitch, yaw; returns (..., 3, 3)."""
     from scipy.spatial.transform import Rotation

@@ -14,6 +14,8 @@ ORDER = [
     ["contracts"],
     ["plugins"],
     ["simulation", "readers"],
+    ["sanitiser"],
+    ["bags"],
     ["datasets"],
     ["disturbances"],
     ["attitude"],

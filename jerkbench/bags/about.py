@@ -1,0 +1,67 @@
+"""What a recording holds and no ROS message does: the topic that our own writer adds, as JSON."""
+
+import json
+from dataclasses import dataclass
+from typing import Any
+
+from jerkbench.readers.ros.bag import Bag
+from jerkbench.readers.ros.errors import BagError
+
+ABOUT_TOPIC = "/jerkbench/about"
+STRING = "std_msgs/msg/String"
+
+
+@dataclass(frozen=True)
+class About:
+    """What `jerkbench data convert` writes beside the measurements.
+
+    Attributes:
+        name: of the recording.
+        start_ns: time 0, nanoseconds since 1970.
+        static_start_s: how long it stands still.
+        origin: latitude [deg], longitude [deg], height [m]; empty where unknown.
+        reference_source: where the reference comes from.
+        reference_independent: whether it shares nothing with the measurements.
+        outages_s: intervals without aiding.
+        topics: role -> topic.
+        velocity_frame: frame of the velocity.
+        heading_source: what measured the headings.
+        covariance_order: of the fixes: neu or enu.
+    """
+
+    name: str
+    start_ns: int
+    static_start_s: float
+    origin: tuple[float, ...]
+    reference_source: str
+    reference_independent: bool
+    outages_s: tuple[tuple[float, float], ...]
+    topics: dict[str, str]
+    velocity_frame: str
+    heading_source: str
+    covariance_order: str
+
+    def to_json(self) -> str:
+        """Return the content of the message."""
+        return json.dumps(vars(self), sort_keys=True)
+
+
+def read_about(bag: Bag) -> About | None:
+    """Return what the bag's own topic says, or None where there is none.
+
+    Raises:
+        BagError: the topic is there and damaged.
+    """
+    if not any(topic.name == ABOUT_TOPIC and topic.msgtype == STRING and topic.count for topic in bag.topics):
+        return None
+    said = bag.text(ABOUT_TOPIC)
+    try:
+        values: dict[str, Any] = json.loads(said)
+        values["origin"] = tuple(float(value) for value in values["origin"])
+        values["outages_s"] = tuple((float(begin), float(end)) for begin, end in values["outages_s"])
+        values["topics"] = {str(role): str(topic) for role, topic in values["topics"].items()}
+        return About(**values)
+    except (ValueError, TypeError, KeyError, AttributeError) as error:
+        raise BagError(
+            f"{bag.path}, topic {ABOUT_TOPIC} is damaged ({type(error).__name__}); convert the recording once more."
+        ) from error

@@ -1,0 +1,209 @@
+"""A bag and a plan -> a recording: read, clean, turn, order by time."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from jerkbench.arrays import FloatArray
+from jerkbench.bags.about import About, read_about
+from jerkbench.bags.cleaning import by_topic, clean_topics
+from jerkbench.bags.options import BagOptions
+from jerkbench.bags.positions import Place, first_place, frame_of
+from jerkbench.bags.references import at_body, no_reference, reference_of
+from jerkbench.bags.roles import Plan, wanted_fields
+from jerkbench.bags.streams import heading_of, imu_of, position_of, usable_fixes, velocity_of
+from jerkbench.readers.rest import first_rest_s, scaled_to_gravity, without_gyro_bias
+from jerkbench.readers.ros.bag import Bag, open_bag
+from jerkbench.readers.ros.files import bag_files, missing_parts
+from jerkbench.readers.ros.messages import Messages
+from jerkbench.recording import Heading, Imu, Position, Recording, Reference, Velocity
+from jerkbench.sanitiser.ledger import Finding, Ledger
+
+
+@dataclass(frozen=True)
+class Frames:
+    """How the topics of a plan are to be understood.
+
+    Attributes:
+        covariance_order: of the position's covariances: enu or neu.
+        position: frame of the position's poses: auto, ecef, enu or ned.
+        velocity: body, enu, ned or speed.
+        reference: frame of the reference's poses.
+        heading: what measured the headings.
+        reference_source: where the reference comes from; empty: its topic.
+        reference_independent: whether it shares nothing with the measurements.
+    """
+
+    covariance_order: str = "enu"
+    position: str = "auto"
+    velocity: str = "body"
+    reference: str = "auto"
+    heading: Literal["dual_antenna", "odometry"] = "odometry"
+    reference_source: str = ""
+    reference_independent: bool = False
+
+
+Planner = Callable[[Bag], tuple[Plan, Frames]]
+
+
+@dataclass(frozen=True)
+class Loaded:
+    """A recording and how it came about.
+
+    Attributes:
+        recording: the recording.
+        plan: which topic had which role.
+        findings: the sanitiser's report.
+        topics: name, type and number of messages of every topic of the bag, in sentences.
+    """
+
+    recording: Recording
+    plan: Plan
+    findings: tuple[Finding, ...]
+    topics: tuple[str, ...]
+
+
+def load_bag(options: BagOptions, planner: Planner) -> Loaded:
+    """Read the bag of ``options`` into a recording.
+
+    Raises:
+        RecordingError: the bag is damaged, a topic is missing, nothing usable is left, or ``sanitise`` refuses.
+        PluginError: a parameter does not fit.
+    """
+    path = Path(options.file).expanduser()
+    with open_bag(path) as bag:
+        about = read_about(bag)
+        plan, frames = planned(about, bag, planner)
+        raw = bag.read(wanted_fields(plan, bag))
+        topics = tuple(f"{t.name} ({t.msgtype}, {t.count} messages)" for t in bag.topics)
+    ledger = Ledger(options.sanitise, min((int(m.bag_ns[0]) for m in raw.values() if len(m)), default=0))
+    clean = clean_topics(raw, plan, ledger, options.earliest_ns, bag_time=options.time_source == "bag")
+    parts = missing_parts(bag_files(path))
+    notes = [f"Parts {parts} of the split bag are missing."] if parts else []
+    recording = _assembled(options, plan, frames, about, clean, ledger)
+    notes += [*plan.notes, *recording.notes, *(str(finding) for finding in ledger.findings)]
+    return Loaded(replace(recording, notes=tuple(notes)), plan, tuple(ledger.findings), topics)
+
+
+def planned(about: About | None, bag: Bag, planner: Planner) -> tuple[Plan, Frames]:
+    """Return the plan: what our own writer says, else the planner's."""
+    if about is None:
+        return planner(bag)
+    plan = Plan(about.topics)  # type: ignore[arg-type]  # checked when its fields are looked up
+    return plan, Frames(
+        covariance_order=about.covariance_order,
+        velocity=about.velocity_frame,
+        heading=about.heading_source,  # type: ignore[arg-type]  # Heading checks it
+        reference_source=about.reference_source,
+        reference_independent=about.reference_independent,
+    )
+
+
+def _assembled(
+    options: BagOptions, plan: Plan, frames: Frames, about: About | None, clean: dict[str, Messages], ledger: Ledger
+) -> Recording:
+    samples = _required(clean, plan, "imu")
+    zero_ns = about.start_ns if about else int(samples.stamp_ns[0]) + round(options.imu_shift_s * 1e9)
+    imu = imu_of(samples, options, zero_ns)
+    fixes, place = _fixes(options, plan, frames, about, clean, ledger)
+    position = None
+    if fixes is not None:
+        order, latency_s = frames.covariance_order, options.position_latency_s
+        position = position_of(fixes, frames.position, order, latency_s, place, zero_ns)
+    velocity = _velocity(options, plan, frames, clean, ledger, zero_ns)
+    reference = _reference(plan, frames, clean, place, zero_ns, imu if position is None else position)
+    rest_s = _rest_s(options, about, velocity, float(imu.t_s[-1]))
+    return Recording(
+        name=about.name if about else Path(options.file).stem,
+        imu=_calibrated(imu, options, rest_s),
+        reference=reference,
+        position=None if position is None else at_body(position, reference, options.lever_arm_m),
+        velocity=velocity,
+        heading=_heading(plan, frames, clean, ledger, place, zero_ns),
+        origin=place.origin,
+        start_utc=datetime(1970, 1, 1, tzinfo=UTC) + timedelta(microseconds=round(zero_ns / 1000)),
+        static_start_s=rest_s,
+        outages_s=np.array(about.outages_s if about else ()).reshape(-1, 2),
+        notes=_dependence(plan),
+    )
+
+
+def _required(clean: dict[str, Messages], plan: Plan, role: str) -> Messages:
+    return clean[plan.topics[role]]  # type: ignore[index]  # a plan has an IMU
+
+
+def _fixes(
+    options: BagOptions, plan: Plan, frames: Frames, about: About | None, clean: dict[str, Messages], ledger: Ledger
+) -> tuple[Messages | None, Place]:
+    """The usable positions, and where ENU begins."""
+    messages, origin = by_topic(plan, clean, "position"), options.origin or (about.origin if about else ())
+    if messages is not None:
+        messages = usable_fixes(messages, plan.label(messages.topic), frames.position, options, ledger)
+        return messages, first_place(messages, frame_of(messages, frames.position), origin)
+    reference = by_topic(plan, clean, "reference")
+    if reference is None:
+        return None, Place(None, np.zeros(3))
+    return None, first_place(reference, frame_of(reference, frames.reference), origin)
+
+
+def _velocity(
+    options: BagOptions, plan: Plan, frames: Frames, clean: dict[str, Messages], ledger: Ledger, zero_ns: int
+) -> Velocity | None:
+    messages = by_topic(plan, clean, "velocity")
+    if messages is None:
+        return None
+    return velocity_of(messages, plan.label(messages.topic), frames.velocity, options, ledger, zero_ns)
+
+
+def _reference(
+    plan: Plan, frames: Frames, clean: dict[str, Messages], place: Place, zero_ns: int, otherwise: Imu | Position
+) -> Reference:
+    messages = by_topic(plan, clean, "reference")
+    if messages is None:
+        return no_reference(otherwise.t_s)
+    source = frames.reference_source or f"the topic {messages.topic}"
+    independent = frames.reference_independent and len(plan.roles(messages.topic)) == 1
+    return reference_of(messages, frames.reference, place, zero_ns, source, independent=independent)
+
+
+def _heading(
+    plan: Plan, frames: Frames, clean: dict[str, Messages], ledger: Ledger, place: Place, zero_ns: int
+) -> Heading | None:
+    messages = by_topic(plan, clean, "heading")
+    if messages is None:
+        return None
+    label = plan.label(messages.topic)
+    return heading_of(messages, label, frames.heading, ledger, place, zero_ns, frames.reference)
+
+
+def _rest_s(options: BagOptions, about: About | None, velocity: Velocity | None, end_s: float) -> float:
+    if options.rest_s is not None:
+        return options.rest_s
+    if about is not None:
+        return about.static_start_s
+    if velocity is None:
+        return 0.0
+    late = velocity.t_s >= 0
+    speed: FloatArray = np.linalg.norm(np.nan_to_num(velocity.mps[late]), axis=1)
+    return first_rest_s(velocity.t_s[late], speed, end_s) if late.any() else 0.0
+
+
+def _calibrated(imu: Imu, options: BagOptions, rest_s: float) -> Imu:
+    if options.remove_gyro_bias:
+        imu = without_gyro_bias(imu, rest_s)
+    return scaled_to_gravity(imu, rest_s) if options.scale_accel_to_gravity else imu
+
+
+def _dependence(plan: Plan) -> tuple[str, ...]:
+    """Sentences about roles that share a topic."""
+    sharing = {topic: plan.roles(topic) for topic in plan.topics.values()}
+    return tuple(
+        f"{' and '.join([', '.join(roles[:-1]), roles[-1]]).capitalize()} are of one topic, {topic}: not independent of"
+        " each other."
+        for topic, roles in sharing.items()
+        if len(roles) > 1
+    )

@@ -1,0 +1,80 @@
+"""Which topic has which role, where nobody said: by type, content and rate."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from jerkbench.bags.roles import FIX, IMU, NONE, ODOMETRY, TWIST, Plan, Role
+from jerkbench.errors import RecordingError
+from jerkbench.readers.ros.bag import Bag, Topic
+
+SAMPLE = 200
+"""So many messages of a topic are looked at."""
+
+GRAVITY_BETWEEN_MPS2 = (5.0, 15.0)
+"""Median length of the specific force of an IMU that feels gravity."""
+
+
+def complete_plan(bag: Bag, given: Mapping[Role, str]) -> Plan:
+    """Return the plan with what is ``given`` (topic, `NONE`, or empty: to be guessed).
+
+    Raises:
+        RecordingError: there is no IMU with gravity in it, or nothing that gives positions.
+    """
+    topics: dict[Role, str] = {}
+    notes: list[str] = []
+    for role in ("imu", "position", "velocity"):
+        name = given.get(role, "")
+        if not name:
+            name, why = {"imu": _imu, "position": _position, "velocity": _velocity}[role](bag)
+            notes.append(why)
+        if name != NONE:
+            topics[role] = name
+    for more in ("heading", "reference"):
+        if given.get(more, NONE) not in ("", NONE):
+            topics[more] = given[more]
+    return Plan(topics, tuple(notes))
+
+
+def _imu(bag: Bag) -> tuple[str, str]:
+    candidates = _most_first(bag, IMU)
+    for topic in candidates:
+        force = bag.read({topic.name: ["linear_acceleration"]}, most=SAMPLE)[topic.name]["linear_acceleration"]
+        length = float(np.median(np.linalg.norm(force, axis=1))) if len(force) else 0.0
+        if GRAVITY_BETWEEN_MPS2[0] < length < GRAVITY_BETWEEN_MPS2[1]:
+            return topic.name, _chose("IMU", topic, f"it feels {length:.2f} m/s2", candidates)
+    there = ", ".join(topic.name for topic in candidates)
+    raise RecordingError(
+        f"{bag.path} has no IMU topic that feels gravity ({there or 'none of type sensor_msgs/Imu'}); give imu_topic."
+    )
+
+
+def _position(bag: Bag) -> tuple[str, str]:
+    candidates = _most_first(bag, FIX)
+    for topic in candidates:
+        status = bag.read({topic.name: ["status"]})[topic.name]["status"]
+        if (status >= 0).any():
+            return topic.name, _chose("positions", topic, "it has fixes", candidates)
+    raise RecordingError(
+        f"{bag.path} has no topic with GNSS fixes (sensor_msgs/NavSatFix); give position_topic, an odometry in ECEF,"
+        f" ENU or NED for example. There are: {', '.join(f'{t.name} ({t.msgtype})' for t in bag.topics)}."
+    )
+
+
+def _velocity(bag: Bag) -> tuple[str, str]:
+    for msgtype in (TWIST, ODOMETRY):
+        candidates = _most_first(bag, msgtype)
+        if candidates:
+            return candidates[0].name, _chose("velocities", candidates[0], "the most messages", candidates)
+    return NONE, "No topic gives velocities (an odometry or a twist with covariance)."
+
+
+def _most_first(bag: Bag, msgtype: str) -> list[Topic]:
+    found = [topic for topic in bag.topics if topic.msgtype == msgtype and topic.count]
+    return sorted(found, key=lambda topic: -topic.count)
+
+
+def _chose(what: str, topic: Topic, why: str, candidates: list[Topic]) -> str:
+    others = [one.name for one in candidates if one is not topic]
+    more = f"; not {', '.join(others)}" if others else ""
+    return f"Topic of the {what}, guessed: {topic.name} ({topic.count} messages; {why}{more})."

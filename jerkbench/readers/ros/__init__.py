@@ -1,0 +1,1 @@
+"""ROS bags: opening them, choosing topics, and turning messages into arrays."""

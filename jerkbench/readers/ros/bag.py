@@ -1,0 +1,163 @@
+"""An open bag: its topics, and their messages as arrays. rosbags does the reading."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from jerkbench.errors import unknown
+from jerkbench.readers.ros.decode import Block, decode
+from jerkbench.readers.ros.errors import BagError, bag_errors
+from jerkbench.readers.ros.files import bag_files
+from jerkbench.readers.ros.layouts import LAYOUTS
+from jerkbench.readers.ros.messages import Messages
+
+if TYPE_CHECKING:
+    from rosbags.highlevel import AnyReader
+
+BLOCK = 8192
+"""So many messages of a topic become arrays at once: the serialised ones of a long bag need not be kept."""
+
+Wanted = Mapping[str, Sequence[str]]
+"""Topics, and the fields of each that are read."""
+
+
+@dataclass(frozen=True)
+class Topic:
+    """A topic of a bag.
+
+    Attributes:
+        name: with its namespace.
+        msgtype: as ROS 2 writes it: sensor_msgs/msg/Imu.
+        count: how many messages there are.
+    """
+
+    name: str
+    msgtype: str
+    count: int
+
+
+@dataclass
+class _Collected:
+    """What is read of one topic so far."""
+
+    fields: Sequence[str]
+    bag_ns: list[int] = field(default_factory=list)
+    raw: list[bytes] = field(default_factory=list)
+    blocks: list[Block] = field(default_factory=list)
+
+
+class Bag:
+    """An open bag; `open_bag` makes it."""
+
+    def __init__(self, path: Path, reader: "AnyReader") -> None:
+        """Take over an open ``reader``."""
+        self.path, self._reader = path, reader
+        infos = sorted(reader.topics.items())
+        self.topics = tuple(Topic(name, info.msgtype or "several types", info.msgcount) for name, info in infos)
+
+    def topic(self, name: str) -> Topic:
+        """Return the topic ``name``.
+
+        Raises:
+            BagError: there is none; says what there is.
+        """
+        for topic in self.topics:
+            if topic.name == name:
+                return topic
+        raise BagError(f"{self.path}: {unknown('topic', name, [topic.name for topic in self.topics])}")
+
+    def read(self, wanted: Wanted, most: int | None = None) -> dict[str, Messages]:
+        """Return the messages of each topic, in one pass over the bag.
+
+        Args:
+            wanted: which fields of which topics.
+            most: only so many messages of each topic, the first ones.
+
+        Raises:
+            BagError: a topic is missing, of a type that is not read, or damaged.
+        """
+        collected = {name: _Collected(fields) for name, fields in wanted.items()}
+        for name in wanted:
+            self._check_type(self.topic(name))
+        with bag_errors(self.path, ", ".join(wanted)):
+            for name, bag_ns, raw in self._messages(list(wanted)):
+                one = collected[name]
+                if most is None or len(one.bag_ns) < most:
+                    one.bag_ns.append(bag_ns)
+                    one.raw.append(raw)
+                elif all(len(other.bag_ns) >= most for other in collected.values()):
+                    break
+                if len(one.raw) >= BLOCK:
+                    self._flush(name, one)
+        return {name: self._messages_of(name, one) for name, one in collected.items()}
+
+    def text(self, name: str) -> str:
+        """Return the last message of a topic of type std_msgs/msg/String."""
+        with bag_errors(self.path, name):
+            said = [self._reader.deserialize(raw, "std_msgs/msg/String").data for _, _, raw in self._messages([name])]  # type: ignore[attr-defined]
+        if not said:
+            raise BagError(f"{self.path}: the topic {name} has no message.")
+        return str(said[-1])
+
+    def _messages(self, names: Sequence[str]) -> Iterator[tuple[str, int, bytes]]:
+        connections = [c for c in self._reader.connections if c.topic in names]
+        if connections:  # an empty list would mean all of them
+            for connection, bag_ns, raw in self._reader.messages(connections):
+                yield connection.topic, bag_ns, raw
+
+    def _check_type(self, topic: Topic) -> None:
+        if topic.msgtype not in LAYOUTS:
+            raise BagError(
+                f"{self.path}, topic {topic.name} is of type {topic.msgtype}; read are {', '.join(sorted(LAYOUTS))}:"
+                " choose another topic."
+            )
+
+    def _flush(self, name: str, one: _Collected) -> None:
+        if one.raw:
+            with bag_errors(self.path, name):
+                cdr, deserialise = self._reader.is2, self._reader.deserialize
+                one.blocks.append(decode(one.raw, self.topic(name).msgtype, one.fields, deserialise, cdr=cdr))
+            one.raw.clear()
+
+    def _messages_of(self, name: str, one: _Collected) -> Messages:
+        self._flush(name, one)
+        msgtype = self.topic(name).msgtype
+        strings = one.blocks[0].strings if one.blocks else ("", "")
+        sizes = {part.name: part.count for part in LAYOUTS[msgtype]}
+        values = {f: _joined([b.values.pop(f) for b in one.blocks], sizes[f]) for f in one.fields}
+        stamps = [b.stamp_ns for b in one.blocks]
+        stamp_ns = np.concatenate(stamps) if stamps else np.empty(0, dtype=np.int64)
+        return Messages(name, msgtype, *strings, np.array(one.bag_ns, dtype=np.int64), stamp_ns, values)
+
+
+def _joined(blocks: list[Any], width: int) -> Any:  # noqa: ANN401 - arrays of numbers
+    return np.concatenate(blocks) if blocks else np.empty((0, width))
+
+
+@contextmanager
+def open_bag(path: Path) -> Iterator[Bag]:
+    """Open a ROS 1 bag (also a folder of split ones) or a ROS 2 bag (folder, .db3, .mcap).
+
+    Raises:
+        BagError: it is missing, empty, damaged, or holds no message.
+    """
+    from rosbags.highlevel import AnyReader
+    from rosbags.typesys import Stores, get_typestore
+
+    files = bag_files(path)
+    store = get_typestore(Stores.ROS1_NOETIC if files[0].suffix == ".bag" else Stores.ROS2_HUMBLE)
+    with bag_errors(path):
+        reader = AnyReader(files, default_typestore=store)
+        reader.open()
+    try:
+        with bag_errors(path):
+            bag = Bag(path, reader)
+        if not any(topic.count for topic in bag.topics):
+            raise BagError(f"{path} holds {len(bag.topics)} topics and no message; record it again.")
+        yield bag
+    finally:
+        reader.close()

@@ -1,0 +1,81 @@
+"""Which files a bag consists of, and whether they are what their names say."""
+
+import re
+from pathlib import Path
+
+from jerkbench.readers.ros.errors import BagError
+
+MAGIC = {b"#ROSBAG V": ".bag", b"SQLite format 3\0": ".db3", b"\x89MCAP0": ".mcap"}
+"""First bytes of a file, and the suffix that it needs to be read."""
+
+_SPLIT = re.compile(r"^(.*)_(\d+)$")
+
+
+def bag_files(path: Path) -> tuple[Path, ...]:
+    """Return what to open: one file, the parts of a split ROS 1 bag in a folder, or the folder of a ROS 2 bag.
+
+    Raises:
+        BagError: there is nothing, it is empty, or its content is not what its suffix says.
+    """
+    if path.is_dir():
+        return (path,) if (path / "metadata.yaml").exists() else _parts(path)
+    if not path.is_file():
+        raise BagError(f"There is no bag {path}; correct the path.")
+    _check_content(path)
+    return (path,)
+
+
+def content_files(path: Path) -> tuple[Path, ...]:
+    """Return every file whose bytes make the bag, for its fingerprint.
+
+    Raises:
+        BagError: as in `bag_files`.
+    """
+    inside = [p for top in bag_files(path) for p in (sorted(top.iterdir()) if top.is_dir() else [top])]
+    return tuple(p for p in inside if p.is_file())
+
+
+def missing_parts(paths: tuple[Path, ...]) -> list[int]:
+    """Return the numbers that are missing between the parts of split bags (name_0.bag, name_1.bag, ...)."""
+    matches = [_SPLIT.match(path.stem) for path in paths]
+    numbers = [int(match[2]) for match in matches if match]
+    if len(numbers) < len(paths) or len({match[1] for match in matches if match and "-" not in match[1]}) > 1:
+        return []
+    return sorted(set(range(max(numbers) + 1)) - set(numbers)) if len(numbers) > 1 else []
+
+
+def _parts(folder: Path) -> tuple[Path, ...]:
+    parts = sorted(folder.glob("*.bag"), key=_number) or sorted(folder.glob("*.mcap")) or sorted(folder.glob("*.db3"))
+    if not parts:
+        raise BagError(f"{folder} holds no metadata.yaml and no .bag, .mcap or .db3; give the bag itself.")
+    if parts[0].suffix != ".bag" and len(parts) > 1:
+        raise BagError(
+            f"{folder} holds {len(parts)} files ending in {parts[0].suffix} but no metadata.yaml; copy it there, or let"
+            " `ros2 bag reindex` write it."
+        )
+    for part in parts:
+        _check_content(part)
+    return tuple(parts)
+
+
+def _number(path: Path) -> tuple[int, str]:
+    match = _SPLIT.match(path.stem)
+    return (int(match[2]) if match else -1, path.name)
+
+
+def _check_content(path: Path) -> None:
+    try:
+        with path.open("rb") as file:
+            first = file.read(16)
+    except OSError as error:
+        raise BagError(f"{path} cannot be read: {error.strerror}.") from error
+    if not first:
+        raise BagError(f"{path} is empty; copy it again from where it was recorded.")
+    suffix = next((suffix for magic, suffix in MAGIC.items() if first.startswith(magic)), "")
+    if not suffix:
+        raise BagError(
+            f"{path} begins neither like a ROS 1 bag nor like SQLite (.db3) or mcap; it is another kind of file,"
+            " compressed as a whole, or damaged at its start: unpack it or copy it again."
+        )
+    if path.suffix != suffix:
+        raise BagError(f"{path} is a {suffix} file by its content; rename it so that it ends in {suffix}.")

@@ -1,0 +1,161 @@
+"""Messages of a known type as arrays, by their fixed layout: numpy reads all of them at once.
+
+After its strings a message has the same bytes at the same places, so that equal strings make equal layouts. Whatever
+does not fit (strings that change, another byte order) is left to the deserialiser of rosbags, which
+`jerkbench.readers.ros.decode` falls back on, and which the tests compare with.
+"""
+
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+STRING = "string"
+
+
+@dataclass(frozen=True)
+class Part:
+    """A run of equal numbers in a message, or a string.
+
+    Attributes:
+        name: of the field in `Messages`.
+        path: where the number is in the deserialised message.
+        code: numpy's code of one number, or `STRING`.
+        count: how many numbers.
+    """
+
+    name: str
+    path: str
+    code: str = "f8"
+    count: int = 1
+
+
+def _pose(path: str) -> tuple[Part, ...]:
+    return Part("position", f"{path}.position", count=3), Part("orientation", f"{path}.orientation", count=4)
+
+
+def _twist(path: str) -> tuple[Part, ...]:
+    return Part("linear", f"{path}.linear", count=3), Part("angular", f"{path}.angular", count=3)
+
+
+POSE_COVARIANCE = Part("pose_covariance", "pose.covariance", count=36)
+TWIST_COVARIANCE = Part("twist_covariance", "twist.covariance", count=36)
+
+LAYOUTS: dict[str, tuple[Part, ...]] = {
+    "sensor_msgs/msg/Imu": (
+        Part("orientation", "orientation", count=4),
+        Part("orientation_covariance", "orientation_covariance", count=9),
+        Part("angular_velocity", "angular_velocity", count=3),
+        Part("angular_velocity_covariance", "angular_velocity_covariance", count=9),
+        Part("linear_acceleration", "linear_acceleration", count=3),
+        Part("linear_acceleration_covariance", "linear_acceleration_covariance", count=9),
+    ),
+    "sensor_msgs/msg/NavSatFix": (
+        Part("status", "status.status", "i1"),
+        Part("service", "status.service", "u2"),
+        Part("latitude", "latitude"),
+        Part("longitude", "longitude"),
+        Part("altitude", "altitude"),
+        Part("position_covariance", "position_covariance", count=9),
+        Part("position_covariance_type", "position_covariance_type", "u1"),
+    ),
+    "nav_msgs/msg/Odometry": (
+        Part("child_frame_id", "child_frame_id", STRING),
+        *_pose("pose.pose"),
+        POSE_COVARIANCE,
+        *_twist("twist.twist"),
+        TWIST_COVARIANCE,
+    ),
+    "geometry_msgs/msg/PoseStamped": _pose("pose"),
+    "geometry_msgs/msg/PoseWithCovarianceStamped": (*_pose("pose.pose"), POSE_COVARIANCE),
+    "geometry_msgs/msg/TwistStamped": _twist("twist"),
+    "geometry_msgs/msg/TwistWithCovarianceStamped": (*_twist("twist.twist"), TWIST_COVARIANCE),
+    "geometry_msgs/msg/Vector3Stamped": (Part("linear", "vector", count=3),),
+}
+"""What follows the header in each type that is read."""
+
+
+@dataclass(frozen=True)
+class Table:
+    """Messages of equal layout.
+
+    Attributes:
+        frame_id: of the header.
+        child_frame_id: of an odometry; else empty.
+        rows: (n,) structured: sec, nanosec, and the parts by name.
+    """
+
+    frame_id: str
+    child_frame_id: str
+    rows: npt.NDArray[Any]
+
+
+def read_table(raw: Sequence[bytes], msgtype: str, *, cdr: bool) -> Table | None:
+    """Return the messages as one structured array; None where they are not all of one layout.
+
+    Args:
+        raw: the serialised messages, at least one.
+        msgtype: one of `LAYOUTS`.
+        cdr: ROS 2's serialisation; else ROS 1's.
+    """
+    first, size = raw[0], len(raw[0])
+    joined = b"".join(raw)
+    if len(joined) != size * len(raw) or (cdr and first[:2] != b"\x00\x01"):
+        return None
+    try:
+        layout, strings, fixed = _layout(first, msgtype, cdr=cdr)
+    except (struct.error, UnicodeDecodeError):
+        return None
+    if size - layout.itemsize not in range(4 if cdr else 1):  # CDR may pad the end
+        return None
+    grid = np.frombuffer(joined, dtype=np.uint8).reshape(len(raw), size)
+    if any((grid[:, begin:end] != grid[0, begin:end]).any() for begin, end in fixed):
+        return None
+    rows = np.frombuffer(joined, dtype=_padded(layout, size))
+    return Table(strings[0], strings[1] if len(strings) > 1 else "", rows)
+
+
+def _padded(layout: np.dtype[Any], size: int) -> np.dtype[Any]:
+    fields: Any = layout.fields
+    return np.dtype(
+        {
+            "names": list(fields),
+            "formats": [fields[name][0] for name in fields],
+            "offsets": [fields[name][1] for name in fields],
+            "itemsize": size,
+        }
+    )
+
+
+def _layout(first: bytes, msgtype: str, *, cdr: bool) -> tuple[np.dtype[Any], list[str], list[tuple[int, int]]]:
+    """The places of the numbers, the strings, and the places of bytes that all messages must have in common."""
+    base = 4 if cdr else 0  # the encapsulation; alignment counts from behind it
+    at = base + (0 if cdr else 4)  # ROS 1 begins with a running number
+    names, formats, offsets = ["sec", "nanosec"], ["<u4" if not cdr else "<i4", "<u4"], [at, at + 4]
+    strings: list[str] = []
+    fixed: list[tuple[int, int]] = [(0, base)] if cdr else []
+    at += 8
+    for part in (Part("frame_id", "", STRING), *LAYOUTS[msgtype]):
+        if part.code == STRING:
+            begin = _aligned(at, base, 4) if cdr else at
+            (length,) = struct.unpack_from("<I", first, begin)
+            at = begin + 4 + length
+            if at > len(first):
+                raise struct.error
+            strings.append(first[begin + 4 : at].decode().rstrip("\0"))
+            fixed.append((begin, at))
+            continue
+        width = np.dtype(part.code).itemsize
+        at = _aligned(at, base, width) if cdr else at
+        names.append(part.name)
+        formats.append(f"({part.count},)<{part.code}" if part.count > 1 else f"<{part.code}")
+        offsets.append(at)
+        at += part.count * width
+    return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": at}), strings, fixed
+
+
+def _aligned(at: int, base: int, width: int) -> int:
+    return base + -(-(at - base) // width) * width

@@ -1,0 +1,68 @@
+"""Fixes that are none, that leap, and jumps where the kind of fix changes."""
+
+import numpy as np
+
+from jerkbench.arrays import BoolArray, FloatArray
+from jerkbench.readers.ros.messages import Messages
+from jerkbench.sanitiser.ledger import DROPPED, KEPT, Ledger
+
+LOWEST_M, HIGHEST_M = -1000.0, 20_000.0
+LEAP_M, LEAP_MPS = 50.0, 100.0
+"""A fix that is further from the median of its neighbours than this, plus this a second, is damage."""
+
+MANOEUVRE_MPS2 = 10.0
+ANOTHER_LEVEL = 4.0
+"""A ratio of traces from which another covariance means another kind of fix."""
+
+
+def without_no_fix(stream: str, messages: Messages, ledger: Ledger) -> Messages:
+    """Drop what has the status -1, and coordinates that are not on Earth (or exactly 0, 0: never filled in)."""
+    none = messages["status"][:, 0] < 0
+    ledger.add(stream, "status -1 (no fix)", none, messages.bag_ns, DROPPED)
+    messages = messages.rows(~none)
+    lat, lon, height = (messages[name][:, 0] for name in ("latitude", "longitude", "altitude"))
+    on_earth = (np.abs(lat) <= 90) & (np.abs(lon) <= 180) & (height > LOWEST_M) & (height < HIGHEST_M)
+    bad = ~on_earth | ((lat == 0) & (lon == 0))
+    ledger.add(stream, "coordinates that are NaN, zero or not on Earth", bad, messages.bag_ns, DROPPED)
+    return messages.rows(~bad)
+
+
+def without_leaps(stream: str, messages: Messages, ledger: Ledger, field: str) -> Messages:
+    """Drop positions [m] (n, 3) that no vehicle can have reached from its neighbours."""
+    leaps = leaping_rows(np.asarray(messages.stamp_ns * 1e-9), messages[field])
+    ledger.add(stream, "a position that leaps out of its neighbours", leaps, messages.bag_ns, DROPPED)
+    return messages.rows(~leaps)
+
+
+def leaping_rows(t_s: FloatArray, position_m: FloatArray) -> BoolArray:
+    """Return (n,) which are too far from the median of the five positions around them."""
+    n = len(position_m)
+    if n < 5:
+        return np.zeros(n, dtype=bool)
+    around = np.clip(np.arange(n)[:, None] + np.arange(-2, 3), 0, n - 1)
+    far_m = np.linalg.norm(position_m - np.median(position_m[around], axis=1), axis=1)
+    span_s = t_s[around[:, -1]] - t_s[around[:, 0]]
+    leaps: BoolArray = far_m > LEAP_M + LEAP_MPS * span_s
+    return leaps
+
+
+def report_jumps(stream: str, messages: Messages, ledger: Ledger, field: str, status: FloatArray | None = None) -> None:
+    """Count jumps where status or covariance level changes: a receiver leaves or finds its fixed solution.
+
+    The position [m] of ``field`` is compared with the one extrapolated from the two before; a jump is more than 3 sigma
+    of both and what 10 m/s2 would explain.
+    """
+    p, t_s = messages[field], messages.stamp_ns * 1e-9
+    if len(p) < 3:
+        return
+    dt = np.diff(t_s)
+    trace = np.trace(messages["position_covariance"].reshape(-1, 3, 3), axis1=1, axis2=2)
+    ratio = trace[2:] / trace[1:-1]
+    changed = (ratio > ANOTHER_LEVEL) | (ratio < 1 / ANOTHER_LEVEL)
+    if status is not None:
+        changed |= np.diff(status)[1:] != 0
+    expected = p[1:-1] + (p[1:-1] - p[:-2]) * (dt[1:] / dt[:-1])[:, None]
+    explained = 3 * np.sqrt(trace[2:] + trace[1:-1]) + 0.5 * MANOEUVRE_MPS2 * (dt[1:] ** 2 + dt[1:] * dt[:-1])
+    jumped = changed & (np.linalg.norm(p[2:] - expected, axis=1) > explained)
+    rows = np.concatenate([[False, False], jumped])
+    ledger.add(stream, "a jump at a change of the kind of fix", rows, messages.bag_ns, KEPT)

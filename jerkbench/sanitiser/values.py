@@ -1,0 +1,73 @@
+"""Values that cannot be: not a number, beyond anything that moves on the ground, frozen."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from jerkbench.arrays import BoolArray, FloatArray
+from jerkbench.readers.ros.messages import Messages
+from jerkbench.sanitiser.ledger import DROPPED, Ledger
+
+MOST_MPS2 = 1000.0
+MOST_RADPS = 100.0
+MOST_MPS = 200.0
+"""Beyond these a value is damage: 100 g, 5700 deg/s, 720 km/h."""
+
+FROZEN_ROWS = 10
+"""An angular rate that is the same so often in a row is not measured: noise alone would move the last digit."""
+
+UNIT_WITHIN = 0.02
+"""How far the length of a unit quaternion may be from 1."""
+
+
+def without_impossible(
+    stream: str, messages: Messages, ledger: Ledger, limits: Sequence[tuple[str, float]]
+) -> Messages:
+    """Drop rows in which a field is no finite number, or its length is above its limit."""
+    for field, most in limits:
+        value = messages[field]
+        finite: BoolArray = np.asarray(np.isfinite(value).all(axis=1))
+        ledger.add(stream, f"a {_said(field)} that is NaN or infinite", ~finite, messages.bag_ns, DROPPED)
+        messages = messages.rows(finite)
+        with np.errstate(over="ignore"):
+            over = np.linalg.norm(messages[field], axis=1) > most
+        ledger.add(stream, f"an impossible {_said(field)}, above {most:g}", over, messages.bag_ns, DROPPED)
+        messages = messages.rows(~over)
+    return messages
+
+
+def without_frozen_gyro(stream: str, messages: Messages, ledger: Ledger, field: str = "angular_velocity") -> Messages:
+    """Drop the rows of each run in which the angular rate stays the same, except the first of the run."""
+    frozen = frozen_rows(messages[field])
+    ledger.add(stream, "a frozen angular rate", frozen, messages.bag_ns, DROPPED)
+    return messages.rows(~frozen)
+
+
+def frozen_rows(values: FloatArray) -> BoolArray:
+    """Return (n,) which of (n, k) repeat the row before, within runs of at least `FROZEN_ROWS`.
+
+    A run at the very start is frozen as a whole: nothing was measured yet.
+    """
+    same = np.concatenate([[False], (np.diff(values, axis=0) == 0).all(axis=1)])[: len(values)]
+    run = np.cumsum(~same)
+    long = np.bincount(run, minlength=1)[run] >= FROZEN_ROWS if len(values) else same
+    frozen: BoolArray = long & (same | (run == 1))
+    return frozen
+
+
+def without_bad_quaternions(stream: str, messages: Messages, ledger: Ledger, field: str = "orientation") -> Messages:
+    """Drop rows whose quaternion is not of length 1."""
+    bad = ~unit_quaternions(messages[field])
+    ledger.add(stream, "an orientation that is no unit quaternion", bad, messages.bag_ns, DROPPED)
+    return messages.rows(~bad)
+
+
+def unit_quaternions(quaternions: FloatArray) -> BoolArray:
+    """Return (n,) which of (n, 4) are of length 1."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        unit: BoolArray = np.abs(np.linalg.norm(quaternions, axis=1) - 1.0) <= UNIT_WITHIN
+    return unit
+
+
+def _said(field: str) -> str:
+    return field.replace("_", " ")
