@@ -11,6 +11,7 @@ from rosbags.typesys import Stores, get_typestore
 
 ROS1, ROS2 = get_typestore(Stores.ROS1_NOETIC), get_typestore(Stores.ROS2_HUMBLE)
 START_NS = 1_700_000_000_000_000_000  # 2023-11-14
+IMU_TYPE = "sensor_msgs/msg/Imu"
 DELAY_NS = 20_000_000
 EARTH_M = 6_378_137.0
 STANDS_S, SPEED_MPS = 2.0, 1.0
@@ -117,7 +118,7 @@ class Drive:
         return write_bag(path, self.rows, self.store, compression)
 
 
-def write_bag(path, rows, store, compression=None):
+def write_bag(path, rows, store, compression=None, empty=None):
     path = Path(path)
     one = store is ROS1
     if one:
@@ -135,6 +136,8 @@ def write_bag(path, rows, store, compression=None):
         connections = {
             topic: writer.add_connection(topic, some[0][1], typestore=store) for topic, some in rows.items() if some
         }
+        for topic, msgtype in (empty or {}).items():
+            writer.add_connection(topic, msgtype, typestore=store)
         everything = [(row[0], topic, row) for topic, some in rows.items() for row in some]
         for bag_ns, topic, row in sorted(everything, key=lambda one: one[0]):
             raw = store.serialize_ros1(row[2], row[1]) if one else store.serialize_cdr(row[2], row[1])

@@ -39,7 +39,7 @@ def leaping_rows(t_s: FloatArray, position_m: FloatArray) -> BoolArray:
     n = len(position_m)
     if n < 5:
         return np.zeros(n, dtype=bool)
-    around = np.clip(np.arange(n)[:, None] + np.arange(-2, 3), 0, n - 1)
+    around = np.clip(np.arange(n), 2, n - 3)[:, None] + np.arange(-2, 3)  # at the ends the nearest five
     far_m = np.linalg.norm(position_m - np.median(position_m[around], axis=1), axis=1)
     span_s = t_s[around[:, -1]] - t_s[around[:, 0]]
     leaps: BoolArray = far_m > LEAP_M + LEAP_MPS * span_s

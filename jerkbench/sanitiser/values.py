@@ -27,7 +27,7 @@ def without_impossible(
     for field, most in limits:
         value = messages[field]
         finite: BoolArray = np.asarray(np.isfinite(value).all(axis=1))
-        ledger.add(stream, f"a {_said(field)} that is NaN or infinite", ~finite, messages.bag_ns, DROPPED)
+        ledger.add(stream, f"a NaN or infinite {_said(field)}", ~finite, messages.bag_ns, DROPPED)
         messages = messages.rows(finite)
         with np.errstate(over="ignore"):
             over = np.linalg.norm(messages[field], axis=1) > most
@@ -70,4 +70,4 @@ def unit_quaternions(quaternions: FloatArray) -> BoolArray:
 
 
 def _said(field: str) -> str:
-    return field.replace("_", " ")
+    return {"linear": "linear velocity"}.get(field, field.replace("_", " "))

@@ -10,7 +10,7 @@ import numpy as np
 
 from jerkbench.errors import unknown
 from jerkbench.readers.ros.decode import Block, decode
-from jerkbench.readers.ros.errors import BagError, bag_errors
+from jerkbench.readers.ros.errors import BagError, bag_errors, way_out
 from jerkbench.readers.ros.files import bag_files
 from jerkbench.readers.ros.layouts import LAYOUTS
 from jerkbench.readers.ros.messages import Messages
@@ -93,6 +93,8 @@ class Bag:
                     break
                 if len(one.raw) >= BLOCK:
                     self._flush(name, one)
+        if most is None:
+            self._check_counts({name: len(one.bag_ns) for name, one in collected.items()})
         return {name: self._messages_of(name, one) for name, one in collected.items()}
 
     def text(self, name: str) -> str:
@@ -115,6 +117,15 @@ class Bag:
                 f"{self.path}, topic {topic.name} is of type {topic.msgtype}; read are {', '.join(sorted(LAYOUTS))}:"
                 " choose another topic."
             )
+
+    def _check_counts(self, read: Mapping[str, int]) -> None:
+        """Compare what was read with what the index promises: some damage raises nothing and ends the reading."""
+        for name, count in read.items():
+            if count != self.topic(name).count:
+                raise BagError(
+                    f"{self.path}, topic {name}: {count} messages can be read, and its index promises"
+                    f" {self.topic(name).count}. {way_out(self.path)}"
+                )
 
     def _flush(self, name: str, one: _Collected) -> None:
         if one.raw:

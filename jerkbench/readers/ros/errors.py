@@ -26,7 +26,7 @@ def bag_errors(path: Path, topic: str = "") -> Iterator[None]:
         raise BagError(f"{path} cannot be read: {error.strerror}; give yourself the right to read it.") from error
     except Exception as error:
         where = f"{path}, topic {topic}" if topic else f"{path}"
-        raise BagError(f"{where} cannot be read: {_reason(error)}. {_way_out(path)}") from error
+        raise BagError(f"{where} cannot be read: {_reason(error)}. {way_out(path)}") from error
 
 
 def _reason(error: Exception) -> str:
@@ -34,7 +34,8 @@ def _reason(error: Exception) -> str:
     return f"{type(error).__name__}: {said}" if said else type(error).__name__
 
 
-def _way_out(path: Path) -> str:
+def way_out(path: Path) -> str:
+    """Return what to do about a damaged bag."""
     if path.suffix == ".bag":
         return "Copy it again; `jerkbench data salvage` saves what is whole in a damaged ROS 1 bag."
     return "Copy it again from where it was recorded, or let `ros2 bag reindex` and `mcap recover` mend it."
