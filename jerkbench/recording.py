@@ -211,6 +211,11 @@ class Reference:
         scored.flags.writeable = False
         object.__setattr__(self, "scored", scored)
 
+    @property
+    def empty(self) -> bool:
+        """Whether it knows nothing: no position, no velocity, no attitude."""
+        return self.enu_m is None and self.velocity_mps is None and self.euler_rad is None
+
 
 @dataclass(frozen=True)
 class Origin:

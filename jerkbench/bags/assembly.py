@@ -31,7 +31,7 @@ class Frames:
     Attributes:
         covariance_order: of the position's covariances: enu or neu.
         position: frame of the position's poses: auto, ecef, enu or ned.
-        velocity: body, enu, ned or speed.
+        velocity: body, frd, enu, ned or speed.
         reference: frame of the reference's poses.
         heading: what measured the headings.
         reference_source: where the reference comes from; empty: its topic.
@@ -176,8 +176,9 @@ def _heading(
     messages = by_topic(plan, clean, "heading")
     if messages is None:
         return None
-    label = plan.label(messages.topic)
-    return heading_of(messages, label, frames.heading, ledger, place, zero_ns, frames.reference)
+    label, same = plan.label(messages.topic), messages.topic == plan.topics.get("position")
+    frame = frames.position if same else frames.reference
+    return heading_of(messages, label, frames.heading, ledger, place, zero_ns, frame)
 
 
 def _rest_s(options: BagOptions, about: About | None, velocity: Velocity | None, end_s: float) -> float:

@@ -15,8 +15,11 @@ from jerkbench.recording import Origin
 Frame = Literal["geodetic", "ecef", "enu", "ned"]
 POSE_FRAMES = ("auto", "ecef", "enu", "ned")
 FROM_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
-"""East, north, up from north, east, down; and from north, east, up when the last sign is left out."""
+"""East, north, up from north, east, down."""
+FROM_FRD = np.diag([1.0, -1.0, -1.0])
+"""Forward, left, up from forward, right, down: the body of orientations and velocities in NED."""
 FROM_NEU: FloatArray = np.abs(FROM_NED)
+"""East, north, up from north, east, up."""
 
 
 @dataclass(frozen=True)
@@ -86,6 +89,12 @@ def axes_to_enu(frame: Frame, place: Place, covariance_order: str = "enu") -> Fl
     if frame == "geodetic" and covariance_order == "neu":
         return FROM_NEU
     matrix: FloatArray = FROM_NED if frame == "ned" else np.eye(3)
+    return matrix
+
+
+def body_axes(frame: Frame) -> FloatArray:
+    """Return the matrix (3, 3) that turns FLU into the body of orientations in ``frame``: FRD in NED, else FLU."""
+    matrix: FloatArray = FROM_FRD if frame == "ned" else np.eye(3)
     return matrix
 
 

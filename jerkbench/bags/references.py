@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, nearest_rows
-from jerkbench.bags.positions import Place, axes_to_enu, frame_of, in_enu
+from jerkbench.bags.positions import Place, axes_to_enu, body_axes, frame_of, in_enu
 from jerkbench.bags.streams import seconds
 from jerkbench.errors import RecordingError
 from jerkbench.geometry import dcm_from_euler, dcm_from_quaternion, euler_from_dcm
@@ -13,7 +13,7 @@ from jerkbench.readers.ros.messages import Messages
 from jerkbench.recording import Position, Reference
 from jerkbench.sanitiser.values import unit_quaternions
 
-NO_REFERENCE = "none in the bag, so that no error can be given (NIS alone judges); nothing"
+NO_REFERENCE = "none was named in the bag, so that errors are n/a and only the innovations (NIS) can judge"
 
 
 def no_reference(t_s: FloatArray) -> Reference:
@@ -33,11 +33,11 @@ def reference_of(
     if not known.any():
         return Reference(t_s, source, independent, enu_m=enu_m)
     xyzw = np.where(known[:, None], messages["orientation"], [0.0, 0.0, 0.0, 1.0])
-    dcm = axes_to_enu(frame, place) @ dcm_from_quaternion(xyzw)
+    dcm = axes_to_enu(frame, place) @ dcm_from_quaternion(xyzw) @ body_axes(frame)
     euler_rad = _where(known, euler_from_dcm(dcm))
     if "linear" not in messages.values:
         return Reference(t_s, source, independent, enu_m=enu_m, euler_rad=euler_rad)
-    velocity_mps = _where(known, np.einsum("nij,nj->ni", dcm, messages["linear"]))
+    velocity_mps = _where(known, np.einsum("nij,nj->ni", dcm, messages["linear"] @ body_axes(frame)))
     return Reference(t_s, source, independent, enu_m=enu_m, velocity_mps=velocity_mps, euler_rad=euler_rad)
 
 

@@ -6,7 +6,18 @@ import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.bags.options import BagOptions
-from jerkbench.bags.positions import Place, axes_to_enu, block, frame_of, in_enu, turned
+from jerkbench.bags.positions import (
+    FROM_FRD,
+    FROM_NED,
+    Place,
+    axes_to_enu,
+    block,
+    body_axes,
+    first_place,
+    frame_of,
+    in_enu,
+    turned,
+)
 from jerkbench.errors import PluginError, RecordingError, unknown
 from jerkbench.geometry import dcm_from_quaternion, euler_from_dcm
 from jerkbench.readers.latency import velocity_when_true
@@ -17,7 +28,10 @@ from jerkbench.sanitiser.fixes import report_jumps, without_leaps
 from jerkbench.sanitiser.ledger import DROPPED, Ledger
 from jerkbench.sanitiser.values import unit_quaternions
 
-VELOCITY_FRAMES = ("body", "enu", "ned", "speed")
+VELOCITY_FRAMES = ("body", "enu", "frd", "ned", "speed")
+FROM = {"ned": FROM_NED, "frd": FROM_FRD}
+"""What turns a velocity into ENU, or into the body's axes."""
+
 WORST_HEADING_RAD = float(np.pi)
 """A heading with a larger sigma says nothing."""
 
@@ -51,8 +65,6 @@ def usable_fixes(messages: Messages, label: str, stated_frame: str, options: Bag
 
 
 def _about(messages: Messages, frame: str) -> Place:
-    from jerkbench.bags.positions import first_place
-
     return first_place(messages, frame, ())  # type: ignore[arg-type]  # it comes from frame_of
 
 
@@ -81,9 +93,8 @@ def velocity_of(
     mps = np.where(absent, np.nan, messages["linear"])
     covariance = messages["velocity_covariance"].reshape(-1, 3, 3)
     t_s, latency_s = seconds(messages.stamp_ns, zero_ns), options.velocity_latency_s
-    if frame == "ned":
-        turn = axes_to_enu("ned", Place(None))
-        mps, covariance = mps @ turn.T, turned(turn, covariance)
+    if frame in FROM:
+        mps, covariance = mps @ FROM[frame].T, turned(FROM[frame], covariance)
     if frame in ("enu", "ned"):
         return velocity_when_true(t_s, mps, covariance, latency_s)
     if len(set(latency_s)) > 1:
@@ -115,17 +126,17 @@ def heading_of(
     ledger: Ledger,
     place: Place,
     zero_ns: int,
-    position_frame: str,
+    stated_frame: str,
 ) -> Heading:
     """Return the yaw of the orientations, with the sigma of their covariance."""
     if "pose_covariance" in messages.values:
-        covariance, frame = block(messages, "pose_covariance", 3), frame_of(messages, position_frame)
+        covariance, frame = block(messages, "pose_covariance", 3), frame_of(messages, stated_frame)
     else:
         covariance, frame = messages["orientation_covariance"], "enu"
     turn = axes_to_enu(frame, place)
     variance = turned(turn, covariance.reshape(-1, 3, 3))[:, 2, 2]
     good = unit_quaternions(messages["orientation"]) & (variance > 0) & (variance < WORST_HEADING_RAD**2)
     ledger.add(label, "a heading without a usable covariance", ~good, messages.bag_ns, DROPPED)
-    dcm = turn @ dcm_from_quaternion(messages["orientation"][good])
+    dcm = turn @ dcm_from_quaternion(messages["orientation"][good]) @ body_axes(frame)
     yaw_rad = euler_from_dcm(dcm)[:, 2] if good.any() else np.empty(0)
     return Heading(seconds(messages.stamp_ns[good], zero_ns), yaw_rad, np.sqrt(variance[good]), source)

@@ -52,6 +52,8 @@ def failed_rows(cell: Cell, reason: str) -> list[Row]:
 def notes_of(cell: Cell, recording: Recording) -> list[str]:
     """Where the reference comes from, and what the recording says about itself; once for all its parameters."""
     reference, name = recording.reference, cell.labels.dataset.partition("(")[0]
+    if reference.empty:
+        return [f"{name} has no reference: {reference.source}.", *(f"{name}: {note}" for note in recording.notes)]
     independence = "independent of" if reference.independent else "not independent of"
     source = f"Reference of {name}: {reference.source}; {independence} the measurements."
     return [source, *(f"{name}: {note}" for note in recording.notes)]

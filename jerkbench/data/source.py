@@ -9,7 +9,7 @@ from typing import Any, cast
 from jerkbench.contracts import Dataset
 from jerkbench.errors import PluginError
 
-SUFFIXES = {".pos": "rtklib"}
+SUFFIXES = {".pos": "rtklib", ".bag": "rosbag", ".db3": "rosbag", ".mcap": "rosbag"}
 """Which data set reads a file of this suffix, or a folder that holds such files."""
 
 

@@ -38,10 +38,11 @@ class RosBag(BagOptions):
         imu_topic: angular rate and specific force; empty: guessed.
         position_topic: fixes, or poses in ``position_frame``; empty: guessed; none: without.
         velocity_topic: velocities in ``velocity_frame``; empty: guessed; none: without.
-        heading_topic: orientations in ENU, of which the yaw is used; empty: none.
+        heading_topic: orientations, of which the yaw is used: an IMU's in ENU, an odometry's in its own frame; empty:
+            none.
         reference_topic: what is compared with; empty: none.
-        position_frame: of poses: auto (ECEF by its size, else ENU), ecef, enu or ned (local or UTM).
-        velocity_frame: body (forward, left, up), enu, ned, or speed (a wheel's, along the course).
+        position_frame: of poses: auto (ECEF by its size, else ENU), ecef, enu or ned (local or UTM; its body is FRD).
+        velocity_frame: body (forward, left, up), frd, enu, ned, or speed (a wheel's, along the course).
         reference_frame: of the reference's poses.
         heading_source: what measured the headings: odometry or dual_antenna.
         reference_source: where the reference comes from, in words; empty: its topic.

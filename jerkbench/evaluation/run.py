@@ -16,14 +16,15 @@ from jerkbench.recording import Recording
 def counted_rows(estimate: Estimate, recording: Recording, burn_in_s: float) -> BoolArray:
     """Return (k,) which rows of the estimate count.
 
-    The reference is scored there, the burn-in [s] is over, and something of the reference is known. Whether the
-    estimate itself is a number does not matter here: a filter must not improve its score by failing.
+    The reference is scored there, the burn-in [s] is over, and something of the reference is known; with an empty
+    reference the innovations count all the same. Whether the estimate itself is a number does not matter here: a filter
+    must not improve its score by failing.
     """
     reference = recording.reference
     truths = (reference.enu_m, reference.velocity_mps, reference.euler_rad)
     something = [known(truth, estimate, (axis,)) for truth in truths for axis in range(3)]
     late = reference.t_s[estimate.index] >= burn_in_s
-    rows: BoolArray = reference.scored[estimate.index] & late & np.any(something, axis=0)
+    rows: BoolArray = reference.scored[estimate.index] & late & (reference.empty | np.any(something, axis=0))
     return rows
 
 

@@ -22,8 +22,8 @@ MAIN = "position_rmse_m"
 """The metric of a table for which none is asked."""
 
 
-LEADING = (MAIN, "inclination_rmse_deg")
-"""What leads a study for which it was computed; the second, where there is nothing but attitude."""
+LEADING = (MAIN, "inclination_rmse_deg", "anis_per_row")
+"""What leads a study for which it was computed; the second of attitude alone, the third without a reference."""
 
 
 def summarise(

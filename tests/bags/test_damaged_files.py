@@ -63,7 +63,7 @@ def test_flipped_bytes_end_in_a_sentence_or_in_the_same_drive_without_the_worst(
     try:
         recording = Fixposition(harmed(sound[0][name], tmp_path, flip)).load(0)
     except RecordingError as error:
-        assert len(str(error)) > 40
+        assert len(str(error)) > 40  # noqa: PT017 - the drive itself is right too
         return
     as_it_was = sound[1]
     assert len(recording.imu.t_s) >= 190
@@ -100,14 +100,14 @@ def test_what_is_no_bag(tmp_path):
 
 @pytest.mark.parametrize(("store", "name"), [(ROS1, "a.bag"), (ROS2, "a"), (ROS2, "a.mcap")])
 def test_no_topics_and_no_messages(tmp_path, store, name):
-    with pytest.raises(BagError, match="holds 0 topics and no message|No rosbag|holds no|empty"):
+    with pytest.raises(BagError, match=r"holds 0 topics and no message"):
         RosBag(str(write_bag(tmp_path / name, {}, store))).load(0)
 
 
 @pytest.mark.parametrize(("store", "name"), [(ROS1, "a.bag"), (ROS2, "a"), (ROS2, "a.mcap")])
 def test_a_topic_without_messages(tmp_path, store, name):
     path = write_bag(tmp_path / name, {}, store, empty={"/imu": IMU_TYPE})
-    with pytest.raises(BagError, match="holds 1 topics? and no message|holds 0 topics"):
+    with pytest.raises(BagError, match=r"holds 1 topics? and no message|holds 0 topics"):
         RosBag(str(path)).load(0)
 
 
