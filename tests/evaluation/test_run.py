@@ -60,11 +60,25 @@ def test_a_run_of_which_nothing_counts_is_a_sentence(estimate, recording):
     assert math.isfinite(evaluate_run(estimate, recording, last_s, all_metrics())["position_rmse_m"])
 
 
-@pytest.mark.parametrize("changes", [{"scored": np.zeros(70, dtype=bool)}, UNKNOWN])
+NOT_KNOWN = dict.fromkeys(UNKNOWN, np.full((70, 3), np.nan))
+
+
+@pytest.mark.parametrize("changes", [{"scored": np.zeros(70, dtype=bool)}, NOT_KNOWN])
 def test_a_reference_that_is_not_scored_or_not_known_is_a_sentence(estimate, recording, changes):
     reference = dataclasses.replace(recording.reference, **changes)
     with pytest.raises(RecordingError, match="no row of its reference after the burn-in is known, scored"):
         evaluate_run(estimate, dataclasses.replace(recording, reference=reference), 5.0, all_metrics())
+
+
+def test_without_a_reference_the_innovations_alone_are_judged(estimate, recording):
+    reference = dataclasses.replace(recording.reference, **UNKNOWN)
+    assert reference.empty
+    assert not dataclasses.replace(recording.reference, **NOT_KNOWN).empty
+    values = evaluate_run(estimate, dataclasses.replace(recording, reference=reference), 5.0, all_metrics())
+    with_one = evaluate_run(estimate, recording, 5.0, all_metrics())
+    assert values["anis_per_row"] == with_one["anis_per_row"]
+    assert math.isnan(values["position_rmse_m"])
+    assert math.isnan(values["anees"])
 
 
 @pytest.mark.parametrize(("reached", "failure"), [(4, "The covariance is not positive definite at 4.50 s."), (0, "")])
