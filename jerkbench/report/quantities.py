@@ -14,6 +14,8 @@ TITLES = {
     "position_max_m": "Largest position error (3-D)",
     "velocity_rmse_mps": "Velocity RMSE (3-D)",
     "outage_rmse_m": "Position RMSE (3-D) during outages",
+    "outage_rmse_horizontal_m": "Position RMSE during outages, horizontal",
+    "outage_rmse_up_m": "Position RMSE during outages, up",
     "outage_end_m": "Position error (3-D) at the end of an outage, mean over the outages",
     "outage_end_max_m": "Position error (3-D) at the end of an outage, the largest",
     "outage_drift_mps": "Growth of the position error (3-D) in an outage",

@@ -26,6 +26,8 @@ SECTIONS = (
     "position_max_m",
     "velocity_rmse_mps",
     "outage_rmse_m",
+    "outage_rmse_horizontal_m",
+    "outage_rmse_up_m",
     "outage_end_m",
     "inclination_rmse_deg",
     "inclination_rmse_rad",

@@ -1,0 +1,180 @@
+"""A minute of comma2k19: a car with the IMU and the receiver of a phone-like device, and the car's own wheel speed."""
+
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+
+from jerkbench.arrays import FloatArray
+from jerkbench.errors import RecordingError
+from jerkbench.geometry import ecef_to_enu, enu_from_ecef, euler_from_dcm, geodetic_to_enu, wrap_angle
+from jerkbench.plugins import register
+from jerkbench.readers.comma_segment import CommaSegment, read_comma_segment, segment_files
+from jerkbench.readers.files import fingerprint
+from jerkbench.readers.mounting import body_from_sensor
+from jerkbench.recording import Heading, Imu, Origin, Position, Recording, Reference, Velocity
+from jerkbench.simulation.checks import require_positive
+
+DEVICE_SIGNS = (1.0, -1.0, -1.0)
+"""The device's axes are forward, right, down."""
+
+FLU_SIGNS = (1.0, 1.0, 1.0)
+
+FITTED = "The mounting, the wheel's scale and the age of the fixes were fitted on the reference of this same minute."
+NOTES = (
+    "The fixes carry no covariance: position_sigma_m stands for all of them; their errors are correlated over seconds.",
+)
+
+
+@register("dataset", "comma2k19")
+@dataclass(frozen=True)
+class Comma2k19:
+    """A minute of comma2k19: a car at 8 to 20 m/s, its reference apart from the fixes; with its wheel speed.
+
+    The defaults are those of ``Example_1`` of github.com/commaai/comma2k19 (MIT). Time 0 is the first IMU sample. The
+    log's stamps of the fixes jitter by -20 to +39 ms, so they are taken from a straight line of the log's time on the
+    receiver's UTC (least squares)::
+
+        t_fix = a UTC + b - position_age;    t_course = a UTC + b - course_age
+
+    Body: x along the direction of travel, which the device sees at Rz(yaw) Ry(pitch) x::
+
+        f_body = (Rz(yaw) Ry(pitch))' diag(1, -1, -1) f_device                  and the same for the gyro
+
+    The wheel's speed times its scale is a `Velocity` along the course; the receiver's
+    bearing is a heading of the source "course" where it is fast enough. The car moves from the start: the tilt starts
+    level.
+
+    Source: H. Schafer, E. Santana, A. Haden, R. Biasini, "A Commute in Data: The comma2k19 Dataset", arXiv:1812.05752.
+
+    Attributes:
+        folder: the one with global_pose and processed_log.
+        mounting_yaw_deg: of the direction of travel, seen from the device; positive is to its left.
+        mounting_pitch_deg: of the direction of travel, seen from the device; negative is upwards.
+        position_age_s: how old a fix is at its time on the line.
+        position_sigma_m: one standard deviation of a fix on each axis.
+        course_age_s: how old the bearing is.
+        course_sigma_deg: one standard deviation of the bearing.
+        course_min_speed_mps: speed of the receiver below which the bearing is dropped.
+        wheel: whether the wheel's speed is given to the filters.
+        wheel_scale: true speed over the wheel's.
+        wheel_sigma_mps: one standard deviation of the wheel's speed; larger than its noise, which is coloured.
+        across_sigma_mps: of the velocity across the course, taken as zero (non-holonomic); null: nothing is known of it.
+    """
+
+    seeded: ClassVar[bool] = False
+    default_attitude: ClassVar[str] = "real"
+
+    folder: str
+    mounting_yaw_deg: float = -0.81
+    mounting_pitch_deg: float = -3.81
+    position_age_s: float = 0.083
+    position_sigma_m: float = 0.5
+    course_age_s: float = 0.15
+    course_sigma_deg: float = 0.5
+    course_min_speed_mps: float = 1.0
+    wheel: bool = True
+    wheel_scale: float = 1.0087
+    wheel_sigma_mps: float = 0.5
+    across_sigma_mps: float | None = None
+
+    def __post_init__(self) -> None:
+        """Check that every sigma and the scale are positive."""
+        names = ("position_sigma_m", "course_sigma_deg", "wheel_scale", "wheel_sigma_mps")
+        require_positive("dataset comma2k19", self, names)
+        if self.across_sigma_mps is not None:
+            require_positive("dataset comma2k19", self, ("across_sigma_mps",))
+
+    def load(self, seed: int = 0) -> Recording:
+        """Return the minute; ``seed`` changes nothing.
+
+        Raises:
+            RecordingError: a file is missing or damaged.
+        """
+        segment = read_comma_segment(self._folder())
+        zero_s = segment.imu_log_s[0]
+        line = _clock(segment)
+        latitude, longitude, height = segment.gnss[:, 0], segment.gnss[:, 1], segment.gnss[:, 4]
+        origin = Origin(float(latitude[0]), float(longitude[0]), float(height[0]))
+        enu_m = geodetic_to_enu(latitude, longitude, height, origin)
+        covariance = np.tile(self.position_sigma_m**2 * np.eye(3), (len(enu_m), 1, 1))
+        return Recording(
+            name="comma2k19",
+            imu=self._imu(segment),
+            reference=self._reference(segment, origin),
+            position=Position(_utc_s(segment) @ line - zero_s - self.position_age_s, enu_m, covariance),
+            velocity=self._wheel(segment) if self.wheel else None,
+            heading=self._course(segment, line),
+            origin=origin,
+            start_utc=_start_utc(segment, line),
+            notes=(*NOTES, *((FITTED,) if self._fitted() else ())),
+        )
+
+    def fingerprint(self) -> str:
+        """Return the SHA-256 over the bytes of the files that are read."""
+        return fingerprint(segment_files(self._folder()))
+
+    def _folder(self) -> Path:
+        return Path(self.folder).expanduser()
+
+    def _fitted(self) -> bool:
+        own = type(self)
+        names = ("mounting_yaw_deg", "mounting_pitch_deg", "wheel_scale", "position_age_s")
+        return any(getattr(self, name) == getattr(own, name) for name in names)
+
+    def _imu(self, segment: CommaSegment) -> Imu:
+        turn = body_from_sensor(DEVICE_SIGNS, self.mounting_yaw_deg, self.mounting_pitch_deg)
+        t_s = segment.imu_log_s - segment.imu_log_s[0]
+        return Imu(t_s, segment.accel_mps2 @ turn.T, segment.gyro_radps @ turn.T)
+
+    def _wheel(self, segment: CommaSegment) -> Velocity:
+        t_s = segment.wheel_log_s - segment.imu_log_s[0]
+        speed = self.wheel_scale * segment.wheel_mps
+        return Velocity.along_course(t_s, speed, self.wheel_sigma_mps, self.across_sigma_mps)
+
+    def _course(self, segment: CommaSegment, line: FloatArray) -> Heading:
+        fast = segment.gnss[:, 2] >= self.course_min_speed_mps
+        t_s = (_utc_s(segment) @ line)[fast] - segment.imu_log_s[0] - self.course_age_s
+        yaw_rad = wrap_angle(np.radians(90.0 - segment.gnss[fast, 5]))
+        return Heading(t_s, yaw_rad, np.full(len(t_s), np.radians(self.course_sigma_deg)), "course")
+
+    def _reference(self, segment: CommaSegment, origin: Origin) -> Reference:
+        from scipy.spatial.transform import Rotation
+
+        turn = enu_from_ecef(origin)
+        device = Rotation.from_quat(segment.frame_wxyz, scalar_first=True).as_matrix() @ np.diag(DEVICE_SIGNS)
+        body_from_device = body_from_sensor(FLU_SIGNS, self.mounting_yaw_deg, self.mounting_pitch_deg)
+        return Reference(
+            segment.frame_log_s - segment.imu_log_s[0],
+            source="the vendor's optimiser over INS, GNSS and vision (decimetres), which shares the receiver",
+            independent=False,
+            enu_m=ecef_to_enu(segment.frame_ecef_m, origin),
+            velocity_mps=segment.frame_ecef_mps @ turn.T,
+            euler_rad=euler_from_dcm(turn @ device @ body_from_device.T),
+        )
+
+
+def _utc_s(segment: CommaSegment) -> FloatArray:
+    """(m, 2): UTC since the first fix [s], and ones."""
+    return np.column_stack([(segment.gnss[:, 3] - segment.gnss[0, 3]) * 1e-3, np.ones(len(segment.gnss))])
+
+
+def _clock(segment: CommaSegment) -> FloatArray:
+    """Return (2,) a, b of log time = a UTC + b.
+
+    Raises:
+        RecordingError: the UTC of the fixes does not increase.
+    """
+    back = np.flatnonzero(np.diff(segment.gnss[:, 3]) <= 0)
+    if back.size:
+        raise RecordingError(f"The UTC of fix {back[0] + 1} is not later than that of the fix before; copy it again.")
+    line, *_ = np.linalg.lstsq(_utc_s(segment), segment.gnss_log_s, rcond=None)
+    return np.asarray(line)
+
+
+def _start_utc(segment: CommaSegment, line: FloatArray) -> datetime:
+    """UTC of the first IMU sample, by the line."""
+    since_s = (segment.imu_log_s[0] - line[1]) / line[0]
+    return datetime(1970, 1, 1, tzinfo=UTC) + timedelta(milliseconds=float(segment.gnss[0, 3]), seconds=float(since_s))
