@@ -61,7 +61,8 @@ class Comma2k19:
         wheel: whether the wheel's speed is given to the filters.
         wheel_scale: true speed over the wheel's.
         wheel_sigma_mps: one standard deviation of the wheel's speed; larger than its noise, which is coloured.
-        across_sigma_mps: of the velocity across the course, taken as zero (non-holonomic); null: nothing is known of it.
+        across_sigma_mps: of the velocity across the course, taken as zero (non-holonomic); null: nothing is known of
+            it.
     """
 
     seeded: ClassVar[bool] = False
