@@ -23,22 +23,6 @@ def geodetic_to_enu(
     return np.column_stack(geodetic2enu(latitude_deg, longitude_deg, height_m, *there))
 
 
-def ecef_to_enu(ecef_m: FloatArray, origin: Origin) -> FloatArray:
-    """Turn (n, 3) ECEF [m] into ENU [m] at ``origin``; returns (n, 3)."""
-    from pymap3d import ecef2enu
-
-    there = (origin.latitude_deg, origin.longitude_deg, origin.height_m)
-    return np.column_stack(ecef2enu(ecef_m[:, 0], ecef_m[:, 1], ecef_m[:, 2], *there))
-
-
-def enu_from_ecef(origin: Origin) -> FloatArray:
-    """Return (3, 3) the rotation ECEF -> ENU at ``origin``: v_enu = R v_ecef."""
-    from pymap3d import ecef2enuv
-
-    columns = [ecef2enuv(*axis, origin.latitude_deg, origin.longitude_deg) for axis in np.eye(3)]
-    return np.array(columns, dtype=np.float64).T
-
-
 def enu_to_geodetic(enu_m: FloatArray, origin: Origin) -> FloatArray:
     """Turn (n, 3) ENU [m] at ``origin`` into latitude [deg], longitude [deg], height [m]; returns (n, 3)."""
     from pymap3d import enu2geodetic

@@ -9,7 +9,7 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.errors import RecordingError
-from jerkbench.geometry import ecef_to_enu, enu_from_ecef, euler_from_dcm, geodetic_to_enu, wrap_angle
+from jerkbench.geometry import ecef_to_enu, enu_axes, euler_from_dcm, geodetic_to_enu, wrap_angle
 from jerkbench.plugins import register
 from jerkbench.readers.comma_segment import CommaSegment, read_comma_segment, segment_files
 from jerkbench.readers.files import fingerprint
@@ -144,7 +144,7 @@ class Comma2k19:
     def _reference(self, segment: CommaSegment, origin: Origin) -> Reference:
         from scipy.spatial.transform import Rotation
 
-        turn = enu_from_ecef(origin)
+        turn = enu_axes(origin)
         device = Rotation.from_quat(segment.frame_wxyz, scalar_first=True).as_matrix() @ np.diag(DEVICE_SIGNS)
         body_from_device = body_from_sensor(FLU_SIGNS, self.mounting_yaw_deg, self.mounting_pitch_deg)
         return Reference(
