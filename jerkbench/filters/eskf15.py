@@ -14,7 +14,7 @@ from jerkbench.inertial.earth import earth_at
 from jerkbench.inertial.error_model import SensorNoise
 from jerkbench.inertial.events import merge_events
 from jerkbench.inertial.run import Constraints, InertialRun, InertialSolution, Settings
-from jerkbench.inertial.state import WHEEL, NavigationState
+from jerkbench.inertial.state import NavigationState
 from jerkbench.inertial.stillness import still_samples
 from jerkbench.inertial.track import yaw_from_track
 from jerkbench.plugins import register
@@ -34,6 +34,7 @@ POSITIVE = (
     "wheel_scale_sigma",
     *("constraint_interval_s", "still_window_s", "still_accel_mps2", "still_gyro_radps", "still_below_mps"),
 )
+DEFORMATION = ("gyro_scale_ppm", "accel_scale_ppm", "misalignment_mrad")
 ARMS = ("antenna_m", "nonholonomic_point_m", "reference_point_m")
 
 
@@ -60,6 +61,10 @@ class Eskf15:
     error phi, until turns show it, leaves g phi^2/2 in the vertical, which is of the second order and not in P; 8 mrad
     (a bias of .08 m/s2) leave .3 mm/s2, more than a constant vertical bias would be known to after half a minute.
 
+    Scale factors and misalignments are 18 more states, for an IMU that has them: a sensor shows (I + M) y + b, so
+    column j of dM is a bias db times y_j in the equations above. They are no noise: half a circle with a gyro that is
+    1 mrad out of line leaves 3 mrad of tilt, and the next half circle, to the other side, takes them away.
+
     Measurements, at their own times, l a lever arm::
 
         position (antenna)      p + C l
@@ -76,10 +81,9 @@ class Eskf15:
 
     Neglected: the Earth's rotation and curvature unless switched on (in a fixed tangent plane there is no transport
     rate; what is left is that gravity turns, .16 mrad a km), the change of gravity with latitude (a bias takes it),
-    coning and sculling within a sample, scale factors and misalignments, the latency of a receiver. The error k of a
-    wheel's scale is zero, or with ``wheel_scale`` a sixteenth state, constant. Good where the vehicle turns and
-    accelerates, which makes yaw and biases observable, and in outages of up to a minute; it needs an IMU whose data
-    sheet is known.
+    coning and sculling within a sample, the latency of a receiver. The error k of a wheel's scale is zero, or with
+    ``wheel_scale`` one more state, constant. Good where the vehicle turns and accelerates, which makes yaw and biases
+    observable, and in outages of up to a minute; it needs an IMU whose data sheet is known.
 
     Rows that an adaptation sees are those of position and velocity (in the velocity's own frame); headings and
     constraints are not adapted, and not among the recorded updates. It takes every adaptation that does not fade P.
@@ -96,6 +100,9 @@ class Eskf15:
         accel_correlation_s: tau of it [s].
         gyro_turn_on_deg_per_h: one sigma of the gyro's bias at the start [deg/h].
         accel_turn_on_mg: one sigma of the accelerometer's bias at the start [mg].
+        gyro_scale_ppm: one sigma of each scale factor of the gyro; 0, and so the next two: no such states [1e-6].
+        accel_scale_ppm: one sigma of each scale factor of the accelerometer [1e-6].
+        misalignment_mrad: one sigma of the tilt of each axis towards each other, in both sensors [mrad].
         gyro_bias_from_rest: whether the gyro's mean over the rest at the start is its first bias.
         yaw_source: first yaw, attitude (of the attitude filter) or track (of the fixes).
         initial_yaw_sigma_rad: one sigma of the first yaw [rad].
@@ -130,6 +137,9 @@ class Eskf15:
     accel_correlation_s: float = 1000.0
     gyro_turn_on_deg_per_h: float = 500.0
     accel_turn_on_mg: float = 10.0
+    gyro_scale_ppm: float = 0.0
+    accel_scale_ppm: float = 0.0
+    misalignment_mrad: float = 0.0
     gyro_bias_from_rest: bool = True
     yaw_source: str = "attitude"
     initial_yaw_sigma_rad: float = 0.05
@@ -162,9 +172,11 @@ class Eskf15:
         for name in positive:
             if not getattr(self, name) > 0:
                 raise PluginError(f"eskf15.{name} is {getattr(self, name)}; it must be positive.")
-        for name in ("gyro_instability_deg_per_h", "accel_instability_mg"):
+        for name in ("gyro_instability_deg_per_h", "accel_instability_mg", *DEFORMATION):
             if not getattr(self, name) >= 0:
                 raise PluginError(f"eskf15.{name} is {getattr(self, name)}; it must be 0 (constant) or more.")
+        if len({getattr(self, name) > 0 for name in DEFORMATION}) == 2:
+            raise PluginError(f"eskf15: {', '.join(DEFORMATION)} belong together; give all three, or 0 for all.")
         for name in ARMS:
             if len(getattr(self, name)) != 3:
                 raise PluginError(f"eskf15.{name} is {getattr(self, name)}; give three: forward, left, up.")
@@ -223,6 +235,10 @@ class Eskf15:
             accel_bias_mps2=self.accel_turn_on_mg * MG,
             yaw_rad=self.initial_yaw_sigma_rad,
             still_mps=self.zero_velocity_sigma_mps,
+            gyro_scale=self.gyro_scale_ppm * 1e-6,
+            accel_scale=self.accel_scale_ppm * 1e-6,
+            misalignment_rad=self.misalignment_mrad * 1e-3,
+            wheel_scale=self.wheel_scale_sigma if self.wheel_scale else 0.0,
         )
         if self.yaw_source == "track":
             yaw_rad = yaw_from_track(recording, timeline.t_s[0], self.track_least_m)
@@ -233,9 +249,6 @@ class Eskf15:
         if _velocity_frame(recording) != "enu":  # the timeline's first velocity stands in the body's frame
             state = state._replace(velocity_mps=state.dcm @ state.velocity_mps)
             P[3:6, 3:6] = state.dcm @ P[3:6, 3:6] @ state.dcm.T
-        if self.wheel_scale:
-            P = np.pad(P, (0, 1))
-            P[WHEEL, WHEEL] = self.wheel_scale_sigma**2
         return state._replace(position_m=state.position_m - state.dcm @ np.array(self.antenna_m)), P
 
     def _settings(self, recording: Recording) -> Settings:

@@ -8,8 +8,8 @@ from jerkbench.arrays import FloatArray
 from jerkbench.errors import RecordingError
 from jerkbench.estimate import Attitude
 from jerkbench.geometry import dcm_from_euler
-from jerkbench.inertial.error_model import SensorNoise
-from jerkbench.inertial.state import BA, BG, PHI, STATES, NavigationState
+from jerkbench.inertial.error_model import SensorNoise, by_column
+from jerkbench.inertial.state import BA, BG, MA, MG, PHI, Deformation, NavigationState, error_states, has_deformation
 from jerkbench.recording import GRAVITY_MPS2, Recording
 from jerkbench.timeline.timeline import Timeline
 
@@ -28,12 +28,25 @@ class StartSigmas(NamedTuple):
         accel_bias_mps2: of each axis.
         yaw_rad: of the yaw that is given.
         still_mps: of the velocity at rest, each axis.
+        gyro_scale: of a scale factor of the gyro; 0: it has none.
+        accel_scale: of a scale factor of the accelerometer.
+        misalignment_rad: of each axis towards each other, in both.
+        wheel_scale: of the wheel's scale; 0: it has none.
     """
 
     gyro_bias_radps: float
     accel_bias_mps2: float
     yaw_rad: float
     still_mps: float
+    gyro_scale: float = 0.0
+    accel_scale: float = 0.0
+    misalignment_rad: float = 0.0
+    wheel_scale: float = 0.0
+
+    @property
+    def deformed(self) -> bool:
+        """Whether the sensors have scale factors and misalignments."""
+        return self.gyro_scale > 0.0
 
 
 def align(
@@ -46,15 +59,14 @@ def align(
     *,
     gyro_bias_from_rest: bool,
 ) -> tuple[NavigationState, FloatArray]:
-    """Return the nominal state at the timeline's start, and the covariance (15, 15) of its error.
+    """Return the nominal state at the timeline's start, and the covariance (n, n) of its error.
 
     At rest: roll and pitch from the mean specific force of the first second, v = 0, and on request the gyro's mean
     over the rest as its bias, with the variance q_g/T. Moving: roll and pitch of ``attitude`` at the start, v from
     the timeline. p is the first fix.
     """
-    P = np.zeros((STATES, STATES))
+    P = _of_sensors(sigmas)
     P[:6, :6] = timeline.P0
-    P[BG, BG], P[BA, BA] = sigmas.gyro_bias_radps**2 * np.eye(3), sigmas.accel_bias_mps2**2 * np.eye(3)
     roll, pitch, _ = attitude.euler_rad[timeline.sample[0]]
     v, bg, resting = timeline.x0[3:], np.zeros(3), _is_resting(recording, timeline)
     if resting:
@@ -69,7 +81,21 @@ def align(
     P[PHI, PHI] = np.diag([level**2, level**2, sigmas.yaw_rad**2])
     if resting:
         _couple_tilt(P, C)
-    return NavigationState(timeline.x0[:3], v, C, bg, np.zeros(3)), P
+    deformation = Deformation(np.zeros((3, 3)), np.zeros((3, 3))) if sigmas.deformed else None
+    return NavigationState(timeline.x0[:3], v, C, bg, np.zeros(3), deformation), P
+
+
+def _of_sensors(sigmas: StartSigmas) -> FloatArray:
+    """The covariance (n, n) of what is not known of the sensors, the rest zero."""
+    states = error_states(deformation=sigmas.deformed, wheel=sigmas.wheel_scale > 0.0)
+    variances = np.zeros(states)
+    variances[BG], variances[BA] = sigmas.gyro_bias_radps**2, sigmas.accel_bias_mps2**2
+    if sigmas.deformed:
+        for at, scale in ((MG, sigmas.gyro_scale), (MA, sigmas.accel_scale)):
+            variances[at] = np.where(np.eye(3), scale, sigmas.misalignment_rad).ravel() ** 2
+    if sigmas.wheel_scale > 0.0:
+        variances[-1] = sigmas.wheel_scale**2
+    return np.diag(variances)
 
 
 def levelled(recording: Recording) -> tuple[float, float]:
@@ -99,11 +125,16 @@ def _mean_rate(recording: Recording) -> FloatArray:
 
 
 def _couple_tilt(P: FloatArray, C: FloatArray) -> None:
-    """Put the tilt that an accelerometer bias makes of levelling into P, in place.
+    """Put the tilt that errors of the accelerometer make of levelling into P, in place.
 
-    At rest 0 = -[g e3] phi - C db_a, so that phi = J db_a with J = [[0, -1, 0], [1, 0, 0], [0, 0, 0]] C/g.
+    At rest 0 = -[g e3] phi - C (db_a + dM_a f), so that phi = J (db_a + dM_a f) with f = g C' e3 and
+    J = [[0, -1, 0], [1, 0, 0], [0, 0, 0]] C/g.
     """
     J = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]) @ C / GRAVITY_MPS2
-    P[PHI, BA] = J @ P[BA, BA]
-    P[BA, PHI] = P[PHI, BA].T
-    P[PHI, PHI] += J @ P[BA, BA] @ J.T
+    of_errors = [(BA, J)]
+    if has_deformation(len(P)):
+        of_errors.append((MA, by_column(J, GRAVITY_MPS2 * C[2])))
+    for at, block in of_errors:
+        P[PHI, at] = block @ P[at, at]
+        P[at, PHI] = P[PHI, at].T
+        P[PHI, PHI] += block @ P[at, at] @ block.T

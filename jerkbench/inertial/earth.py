@@ -41,8 +41,14 @@ def earth_at(origin: Origin | None, *, rotates: bool, curved: bool) -> Earth:
     return Earth(rotates=True, rate_radps=rate, per_radius=1.0 / RADIUS_M if curved else 0.0)
 
 
+STRAIGHT_DOWN = np.array([0.0, 0.0, -GRAVITY_MPS2])
+STRAIGHT_DOWN.flags.writeable = False
+
+
 def gravity_enu(position_m: FloatArray, per_radius: float) -> FloatArray:
     """Return g(p) = -g [e/R, n/R, 1 - 2 u/R]: in the tangent plane it points to the Earth's centre."""
+    if per_radius == 0.0:
+        return STRAIGHT_DOWN
     e, n, u = position_m.tolist()
     g = GRAVITY_MPS2
     return np.array([-g * e * per_radius, -g * n * per_radius, -g * (1.0 - 2.0 * u * per_radius)])

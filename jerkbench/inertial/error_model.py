@@ -6,7 +6,7 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.inertial.rotation import skew
-from jerkbench.inertial.state import BG, PHI, STATES, P, V
+from jerkbench.inertial.state import BA, BG, MA, MG, PHI, STATES, P, V, has_deformation
 
 
 class SensorNoise(NamedTuple):
@@ -30,16 +30,14 @@ class StepModel(NamedTuple):
 
     Attributes:
         dt_s: length of the step.
-        constant: (n, n) Phi without attitude and force; n is 15, or 16 with the wheel's scale.
-        on_velocity: (9,) factors on [a], [a] C and C in the rows of dv.
-        on_position: (9,) the same in the rows of dp.
+        constant: (n, n) Phi without attitude and force; n as in `jerkbench.inertial.state.error_states`.
+        factors: (2, 1, 9) factors on [a], [a] C and C in the rows of dp, and of dv.
         Q: (n, n) process noise.
     """
 
     dt_s: float
     constant: FloatArray
-    on_velocity: FloatArray
-    on_position: FloatArray
+    factors: FloatArray
     Q: FloatArray
 
 
@@ -47,14 +45,16 @@ def step_model(noise: SensorNoise, dt_s: float, states: int = STATES) -> StepMod
     """Return the model of all steps of ``dt_s``; states after the fifteenth are constant."""
     constant = np.eye(states)
     constant[P, V] = dt_s * np.eye(3)
-    on_velocity = np.repeat([-dt_s, dt_s**2 / 2.0, -dt_s], 3)
-    on_position = np.repeat([-(dt_s**2) / 2.0, dt_s**3 / 6.0, -(dt_s**2) / 2.0], 3)
+    on_position, on_velocity = [-(dt_s**2) / 2.0, dt_s**3 / 6.0, -(dt_s**2) / 2.0], [-dt_s, dt_s**2 / 2.0, -dt_s]
+    factors = np.repeat([[on_position], [on_velocity]], 3, axis=2)
     Q = np.zeros((states, states))
     Q[:STATES, :STATES] = process_noise(noise, dt_s)
-    return StepModel(dt_s, constant, on_velocity, on_position, Q)
+    return StepModel(dt_s, constant, factors, Q)
 
 
-def transition(step: StepModel, dcm: FloatArray, force_enu_mps2: FloatArray) -> FloatArray:
+def transition(
+    step: StepModel, dcm: FloatArray, force_enu_mps2: FloatArray, sensed: tuple[FloatArray, FloatArray] | None = None
+) -> FloatArray:
     """Return Phi (n, n) of a step, with C in its middle and the mean specific force a = C f.
 
     Of dp' = dv, dv' = -[a] phi - C db_a, phi' = -C db_g, db' = 0, with a and C as constants::
@@ -63,14 +63,24 @@ def transition(step: StepModel, dcm: FloatArray, force_enu_mps2: FloatArray) -> 
         dv+  = dv - dt [a] phi + dt^2/2 [a] C db_g - dt C db_a
         phi+ = phi - dt C db_g
 
+    ``sensed`` is f and w in the body, for the deformations only: dM y acts as a bias, so column j of dM_g as db_g
+    times w_j, and column j of dM_a as db_a times f_j.
+
     Coriolis and the turning of phi with the Earth (1e-4 a second) are left out: they are far below the noise.
     """
     a = skew(force_enu_mps2)
     blocks = np.concatenate((a, a @ dcm, dcm), axis=1)
     Phi = step.constant.copy()
-    Phi[P, 6:STATES], Phi[V, 6:STATES] = step.on_position * blocks, step.on_velocity * blocks
+    Phi[:6, 6:STATES] = (step.factors * blocks).reshape(6, 9)
     Phi[PHI, BG] = -step.dt_s * dcm
+    if sensed is not None and has_deformation(len(Phi)):
+        Phi[:9, MG], Phi[:9, MA] = by_column(Phi[:9, BG], sensed[1]), by_column(Phi[:9, BA], sensed[0])
     return Phi
+
+
+def by_column(block: FloatArray, seen: FloatArray) -> FloatArray:
+    """Return (m, 9) what a deformation does, column by column of dM, where a bias does ``block`` (m, 3)."""
+    return np.asarray((block[:, None, :] * seen[None, :, None]).reshape(len(block), 9))
 
 
 def process_noise(noise: SensorNoise, dt_s: float) -> FloatArray:

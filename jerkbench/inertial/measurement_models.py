@@ -5,8 +5,9 @@ import math
 import numpy as np
 
 from jerkbench.arrays import FloatArray
+from jerkbench.inertial.error_model import by_column
 from jerkbench.inertial.rotation import cross, skew
-from jerkbench.inertial.state import BG, PHI, STATES, WHEEL, NavigationState, P, V
+from jerkbench.inertial.state import BG, MG, PHI, STATES, NavigationState, P, V, has_deformation, has_wheel
 
 
 def point_in_enu(
@@ -46,21 +47,31 @@ def velocity_in_body(
 def wheel_speed(
     state: NavigationState, rate_radps: FloatArray, lever_arm_m: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """What a wheel shows of the velocity (3,) of a point of the body, and H (3, 16).
+    """What a wheel shows of the velocity (3,) of a point of the body, and H (3, 16), by k last.
 
     With u as in `velocity_in_body`: h = [(1 + k) u_x, u_y, u_z]; dh_x = (1 + k) du_x + u_x dk.
     """
     h, of_velocity = velocity_in_body(state, rate_radps, lever_arm_m)
-    H = with_wheel(of_velocity)
-    H[0] *= 1.0 + state.wheel_scale
-    H[0, WHEEL] = h[0]
+    H = np.hstack([of_velocity, [[h[0]], [0.0], [0.0]]])
+    H[0, :STATES] *= 1.0 + state.wheel_scale
     h[0] *= 1.0 + state.wheel_scale
     return h, H
 
 
-def with_wheel(H: FloatArray) -> FloatArray:
-    """Return H (m, 16) of rows (m, 15) that do not depend on the wheel's scale."""
-    return np.pad(H, ((0, 0), (0, WHEEL + 1 - H.shape[1])))
+def widened(H: FloatArray, states: int, rate_radps: FloatArray) -> FloatArray:
+    """Return H (m, n) of rows (m, 15), or (m, 16) with the wheel's scale last.
+
+    A deformation of the gyro is a wrong rate, as its bias is; one of the accelerometer is in no measurement.
+    """
+    if H.shape[1] == states:
+        return H
+    wide = np.zeros((len(H), states))
+    wide[:, :STATES] = H[:, :STATES]
+    if has_deformation(states):
+        wide[:, MG] = by_column(H[:, BG], rate_radps)
+    if has_wheel(states) and H.shape[1] > STATES:
+        wide[:, -1] = H[:, -1]
+    return wide
 
 
 def heading(state: NavigationState) -> tuple[float, FloatArray]:

@@ -11,10 +11,10 @@ from jerkbench.geometry import euler_from_dcm
 from jerkbench.inertial.earth import Earth
 from jerkbench.inertial.error_model import SensorNoise, StepModel, propagated, step_model, transition
 from jerkbench.inertial.events import Events
-from jerkbench.inertial.measurement_models import heading, point_in_enu, velocity_in_body, wheel_speed, with_wheel
-from jerkbench.inertial.mechanisation import mechanise
-from jerkbench.inertial.state import STATES, NavigationState, corrected, is_finite
-from jerkbench.inertial.update import correction
+from jerkbench.inertial.measurement_models import heading, point_in_enu, velocity_in_body, wheel_speed, widened
+from jerkbench.inertial.mechanisation import advance, calibrated
+from jerkbench.inertial.state import PHI, NavigationState, corrected, is_finite
+from jerkbench.inertial.update import carried_over, correction
 from jerkbench.recording import Heading, Imu
 from jerkbench.timeline.recorder import Recorder
 from jerkbench.timeline.timeline import Timeline
@@ -81,7 +81,7 @@ class InertialSolution(NamedTuple):
     Attributes:
         estimate: at the reference's stamps.
         state: nominal state at the end.
-        covariance: (15, 15) of its error; (16, 16) with the wheel's scale.
+        covariance: (n, n) of its error, n as in `jerkbench.inertial.state.error_states`.
     """
 
     estimate: Estimate
@@ -133,10 +133,11 @@ class InertialRun:
 
     def _predict(self, dt: float, sample: int) -> None:
         accel, gyro = self.imu.accel_mps2[sample], self.imu.gyro_radps[sample]
-        self.state, dcm, force = mechanise(self.state, accel, gyro, dt, self.settings.earth)
-        self.rate = gyro - self.state.gyro_bias_radps
+        sensed = calibrated(self.state, accel, gyro)
+        self.state, dcm, force = advance(self.state, *sensed, dt, self.settings.earth)
+        self.rate = sensed[1]
         step = self._step_model(dt)
-        self.P = propagated(self.P, transition(step, dcm, force), step.Q)
+        self.P = propagated(self.P, transition(step, dcm, force, sensed), step.Q)
 
     def _step_model(self, dt: float) -> StepModel:
         """The model of a step of dt, made once for each whole nanosecond."""
@@ -166,9 +167,9 @@ class InertialRun:
         if self.settings.velocity_frame == "body":
             h[3:], H[3:] = velocity_in_body(self.state, self.rate, np.zeros(3))
         elif self.settings.velocity_frame == "speed":
-            H = with_wheel(H)
+            H = np.pad(H, ((0, 0), (0, 1)))
             h[3:], H[3:] = wheel_speed(self.state, self.rate, self.settings.wheel_m)
-        return h, H[:, : len(self.P)]
+        return h, widened(H, len(self.P), self.rate)
 
     def _take_heading(self, yaw_rad: float, sigma_rad: float) -> None:
         expected, H = heading(self.state)
@@ -188,10 +189,10 @@ class InertialRun:
 
     def _correct(self, innovation: FloatArray, H: FloatArray, R: FloatArray) -> float:
         """Update with rows that are there; return their NIS."""
-        if H.shape[1] < len(self.P):
-            H = with_wheel(H)
-        dx, self.P, nis = correction(self.P, innovation, H, R)
-        self.state = corrected(self.state, dx)
+        dx, self.P, nis = correction(self.P, innovation, widened(H, len(self.P), self.rate), R)
+        before = self.state
+        self.state = corrected(before, dx)
+        self.P = carried_over(self.P, before, self.state, dx[PHI])
         return nis
 
     def _keep(self, reference: int) -> None:
@@ -200,7 +201,8 @@ class InertialRun:
             x, P = np.concatenate([self.state.position_m, self.state.velocity_mps]), self.P[:6, :6]
         else:
             x, H = point_in_enu(self.state, self.rate, self.settings.reference_point_m)
-            P = H @ self.P[:STATES, :STATES] @ H.T
+            H = widened(H, len(self.P), self.rate)
+            P = H @ self.P @ H.T
         self.recorder.state(reference, x, P)
         self.dcms.append(self.state.dcm)
 

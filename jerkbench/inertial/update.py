@@ -3,6 +3,43 @@
 import numpy as np
 
 from jerkbench.arrays import FloatArray
+from jerkbench.inertial.error_model import by_column
+from jerkbench.inertial.rotation import skew
+from jerkbench.inertial.state import BA, MA, PHI, NavigationState, has_deformation
+from jerkbench.recording import GRAVITY_MPS2
+
+UP_MPS2 = np.array([0.0, 0.0, GRAVITY_MPS2])
+"""a, the force that holds the body up, in ENU."""
+
+
+def carried_over(
+    covariance: FloatArray, before: NavigationState, after: NavigationState, turn_rad: FloatArray
+) -> FloatArray:
+    """Return the covariance of the error of ``after``: ``before`` with a correction, phi that of ``turn_rad`` (3,)."""
+    G = reset(before, after, turn_rad, len(covariance))
+    carried = G @ covariance @ G.T
+    return np.asarray(0.5 * (carried + carried.T))
+
+
+def reset(before: NavigationState, after: NavigationState, turn_rad: FloatArray, states: int) -> FloatArray:
+    """Return G (n, n), from an error of ``before`` that the correction has left, to the same one as ``after`` has it.
+
+    The same error has other numbers there. With a the force that holds the body up::
+
+        phi+ = (I + [turn]/2) phi;  db_a+ = C+' C (db_a + dM_a C' a) - dM_a C+' a + C+' ((phi+ - phi) x a)
+
+    so that the error of that force in ENU, phi x a - C (db_a + dM_a C' a), stays what it is: levelling has made it
+    known well, while tilt and bias are not. That a correction changes the force itself is left out.
+    """
+    G = np.eye(states)
+    half = 0.5 * skew(turn_rad)
+    back = after.dcm.T @ before.dcm
+    G[PHI, PHI] += half
+    G[BA, BA] = back
+    G[BA, PHI] = -after.dcm.T @ skew(UP_MPS2) @ half
+    if has_deformation(states):
+        G[BA, MA] = by_column(back, before.dcm.T @ UP_MPS2) - by_column(np.eye(3), after.dcm.T @ UP_MPS2)
+    return G
 
 
 def correction(
@@ -11,8 +48,7 @@ def correction(
     """Return the estimated error dx (n,), the covariance after the update and the NIS y' S^-1 y.
 
     S = H P H' + R;  K = P H' S^-1;  dx = K y;  P = (I - K H) P (I - K H)' + K R K', symmetrised. The prior dx is 0:
-    every estimated error goes into the nominal state at once. That this turns phi's own axes by half of dx's angle is
-    left out, as usual: it is of the second order.
+    every estimated error goes into the nominal state at once.
     """
     PHt = covariance @ H.T
     S = H @ PHt + R

@@ -153,6 +153,26 @@ def test_nees_lies_in_its_band_and_the_biases_within_three_sigma(check):
     assert sum(o.bias_ratio.max() < 3.0 for o in outcomes) >= 5
 
 
+@pytest.mark.parametrize("imu", ["tactical", "consumer"])
+def test_the_grades_of_imu_are_consistent_too(check, imu):
+    """With scale factors and misalignments, which the filter estimates; the study has more seeds, and longer drives."""
+    outcomes = [check.check(seed, imu, duration_s=36.0) for seed in range(20)]
+
+    assert sum(o.bias_ratio.max() < 3.0 for o in outcomes) >= 19
+    for values, states in (([o.nees for o in outcomes], 15), ([o.nees_navigation for o in outcomes], 6)):
+        low, high = check.band(states, len(outcomes))
+        assert low < np.mean(values) < high
+
+
+def test_a_misalignment_that_is_no_state_spoils_the_biases(check, monkeypatch):
+    tuned = check.tuned("tactical")
+    blind = replace(tuned, gyro_scale_ppm=0.0, accel_scale_ppm=0.0, misalignment_mrad=0.0)
+    monkeypatch.setattr(check, "tuned", lambda imu: blind)
+    outcomes = [check.check(seed, "tactical", duration_s=36.0) for seed in range(3)]
+
+    assert np.mean([o.nees for o in outcomes]) > 45.0
+
+
 def rotating_recording(t_end_s=20.0):
     """At rest at the origin, with headings a quarter of a turn away from the first yaw, across the branch of atan2."""
     rest = recording_at_rest(duration_s=t_end_s, velocity=None, static_start_s=2.0)
@@ -292,6 +312,7 @@ def test_it_reports_a_divergence(noisy_field):
         ({"yaw_source": "trak"}, "Did you mean 'track'"),
         ({"position_sigma_m": 0.0}, "position_sigma_m is 0.0; it must be positive"),
         ({"gyro_instability_deg_per_h": -1.0}, "it must be 0 .constant. or more"),
+        ({"misalignment_mrad": 1.0}, "belong together; give all three, or 0 for all"),
         ({"antenna_m": (1.0, 2.0)}, "give three: forward, left, up"),
     ],
 )

@@ -4,13 +4,15 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
+from stepping import mechanise
 
 from jerkbench.inertial.earth import FLAT
 from jerkbench.inertial.error_model import SensorNoise, process_noise, propagated, step_model, transition
-from jerkbench.inertial.measurement_models import heading, point_in_enu, velocity_in_body, wheel_speed
-from jerkbench.inertial.mechanisation import mechanise
-from jerkbench.inertial.state import NavigationState, corrected
-from jerkbench.inertial.update import correction
+from jerkbench.inertial.measurement_models import heading, point_in_enu, velocity_in_body, wheel_speed, widened
+from jerkbench.inertial.mechanisation import calibrated
+from jerkbench.inertial.state import Deformation, NavigationState, corrected
+from jerkbench.inertial.update import carried_over, correction, reset
+from jerkbench.recording import GRAVITY_MPS2
 
 NOISE = SensorNoise(angle=3e-6, velocity=1e-3, gyro_bias=2e-9, accel_bias=4e-7)
 ARM = np.array([0.7, -0.3, 1.2])
@@ -23,11 +25,18 @@ STATE = NavigationState(
     np.array([0.1, 0.05, -0.2]),
 )
 WORN = STATE._replace(wheel_scale=0.03)
+BENT = STATE._replace(
+    deformation=Deformation(1e-4 * np.arange(9.0).reshape(3, 3), -2e-4 * np.arange(9.0).reshape(3, 3))
+)
 
 
 def difference(after, before):
     """The error state that takes ``before`` to ``after``."""
     turn = Rotation.from_matrix(after.dcm @ before.dcm.T).as_rotvec()
+    deformed = []
+    if after.deformation is not None:
+        pairs = zip(after.deformation, before.deformation, strict=True)
+        deformed = [(one - other).T.ravel() for one, other in pairs]
     return np.concatenate(
         [
             after.position_m - before.position_m,
@@ -35,22 +44,63 @@ def difference(after, before):
             turn,
             after.gyro_bias_radps - before.gyro_bias_radps,
             after.accel_bias_mps2 - before.accel_bias_mps2,
+            *deformed,
         ]
     )
 
 
-def derivative(function, rows, step=1e-5, states=15):
+def derivative(function, rows, step=1e-5, states=15, about=STATE, retracted=corrected):
     """Central differences of ``function`` over the error state."""
     H = np.empty((rows, states))
     for i, dx in enumerate(step * np.eye(states)):
-        H[:, i] = (function(corrected(STATE, dx)) - function(corrected(STATE, -dx))) / (2 * step)
+        H[:, i] = (function(retracted(about, dx)) - function(retracted(about, -dx))) / (2 * step)
     return H
 
 
-def test_a_correction_is_put_in_as_the_error_state_defines_it():
-    dx = 1e-3 * np.arange(1.0, 16.0)
+@pytest.mark.parametrize(("about", "states"), [(STATE, 15), (BENT, 33)])
+def test_a_small_correction_is_put_in_as_the_error_state_defines_it(about, states):
+    dx = 1e-6 * np.arange(1.0, states + 1.0)
 
-    np.testing.assert_allclose(difference(corrected(STATE, dx), STATE), dx, atol=1e-12)
+    np.testing.assert_allclose(difference(corrected(about, dx), about), dx, atol=2e-8)
+
+
+def held_up(state, sensed):
+    """What the state makes, in ENU, of a force that the accelerometer shows at rest."""
+    return state.dcm @ calibrated(state, sensed, GYRO)[0]
+
+
+UP_BODY = STATE.dcm.T @ [0.0, 0.0, GRAVITY_MPS2]
+
+
+@pytest.mark.parametrize(("about", "states"), [(STATE, 15), (BENT, 33)])
+def test_a_large_correction_changes_the_force_that_holds_up_as_the_linear_filter_says(about, states):
+    dx = np.zeros(states)
+    dx[6:9], dx[12:15] = [0.03, -0.02, 0.05], [0.3, -0.2, 0.1]
+    dx[24:] = 1e-3 * np.arange(len(dx[24:]))
+    sensed = UP_BODY + about.accel_bias_mps2 + (about.deformation.accel @ UP_BODY if about.deformation else 0.0)
+    up = np.array([0.0, 0.0, GRAVITY_MPS2])
+    of_bias = dx[12:15] + (dx[24:].reshape(3, 3).T @ UP_BODY if states == 33 else 0.0)
+
+    expected = up + np.cross(dx[6:9], up) - about.dcm @ of_bias
+    np.testing.assert_allclose(held_up(corrected(about, dx), sensed), expected, atol=1e-9 if states == 15 else 2e-3)
+
+
+@pytest.mark.parametrize(("about", "states"), [(STATE, 15), (BENT, 33)])
+def test_an_error_beside_a_correction_has_the_numbers_of_the_new_state(about, states):
+    dx = 1e-3 * np.sin(np.arange(1.0, states + 1.0))
+    dx[15:] *= 0.01  # what a deformation does to another one is left out
+    deformed = dx[24:].reshape(3, 3).T @ UP_BODY if states == 33 else 0.0
+    dx[12:15] = about.dcm.T @ np.cross(dx[6:9], about.dcm @ UP_BODY) - deformed  # what held it up holds it up
+    after = corrected(about, dx)
+    numeric = derivative(
+        lambda s: difference(s, after), states, states=states, about=about, retracted=lambda s, e: corrected(s, dx + e)
+    )
+    G = reset(about, after, dx[6:9], states)
+    P = np.diag(np.arange(1.0, states + 1.0))
+
+    np.testing.assert_allclose(G, numeric, atol=2e-4)
+    assert np.abs(G - np.eye(states)).max() > 2e-3
+    np.testing.assert_allclose(carried_over(P, about, after, dx[6:9]), G @ P @ G.T, atol=1e-12)
 
 
 def test_phi_is_the_derivative_of_the_mechanisation():
@@ -60,6 +110,39 @@ def test_phi_is_the_derivative_of_the_mechanisation():
 
     # first-order blocks to 1e-3 of themselves, what is left of the second order in dt absolutely
     np.testing.assert_allclose(transition(step_model(NOISE, dt), mean, force), numeric, rtol=1e-3, atol=2e-6)
+
+
+def test_phi_with_deformations_is_the_derivative_of_the_mechanisation():
+    dt, accel = 0.01, np.array([1.0, -2.0, 9.0])
+    after, mean, force = mechanise(BENT, accel, GYRO, dt, FLAT)
+    numeric = derivative(lambda s: difference(mechanise(s, accel, GYRO, dt, FLAT)[0], after), 33, states=33, about=BENT)
+    Phi = transition(step_model(NOISE, dt, 33), mean, force, calibrated(BENT, accel, GYRO))
+
+    # M is taken to the first order, so its columns are right to some 1e-3 of themselves
+    np.testing.assert_allclose(Phi, numeric, rtol=5e-3, atol=3e-6)
+
+
+def test_a_deformed_sensor_is_put_right():
+    deformation = Deformation(1e-3 * np.arange(9.0).reshape(3, 3), -1e-3 * np.eye(3))
+    force, rate = np.array([1.0, -2.0, 9.0]), np.array([0.3, -0.2, 0.5])
+    state = STATE._replace(deformation=deformation)
+    shown_force = (np.eye(3) + deformation.accel) @ force + state.accel_bias_mps2
+    shown_rate = (np.eye(3) + deformation.gyro) @ rate + state.gyro_bias_radps
+    found_force, found_rate = calibrated(state, shown_force, shown_rate)
+
+    np.testing.assert_allclose(found_force, force, atol=2e-5)  # M^2 y is left
+    np.testing.assert_allclose(found_rate, rate, atol=1e-4)
+
+
+def test_a_deformed_gyro_swings_a_lever_arm():
+    def rate(state):
+        return calibrated(state, np.zeros(3), GYRO)[1]
+
+    H = widened(point_in_enu(BENT, rate(BENT), ARM)[1], 33, rate(BENT))
+    numeric = derivative(lambda s: point_in_enu(s, rate(s), ARM)[0], 6, states=33, about=BENT)
+
+    np.testing.assert_allclose(H, numeric, atol=2e-3)
+    np.testing.assert_allclose(H[:, 15:24], numeric[:, 15:24], atol=1e-2 * np.abs(numeric[:, 15:24]).max())
 
 
 def test_phi_over_a_longer_step_is_the_matrix_exponential():

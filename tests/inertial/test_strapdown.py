@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from stepping import mechanise
 
 from jerkbench.inertial.earth import FLAT, RADIUS_M, RATE_RADPS, earth_at, gravity_enu
-from jerkbench.inertial.mechanisation import mechanise
 from jerkbench.inertial.rotation import cross, orthonormal, rotation_exp, skew
 from jerkbench.inertial.state import NavigationState
 from jerkbench.recording import GRAVITY_MPS2, Origin
