@@ -96,3 +96,13 @@ def test_compare_tells_a_machine(study, tmp_path):
     none = jerkbench("compare", str(study), str(worse), cwd=tmp_path)
     assert none.returncode == 2  # they have other names: the noise
     assert "No combination of the 8" in none.stderr
+
+
+def test_every_figure_of_a_study_is_drawn(study, tmp_path):
+    done = jerkbench("figures", str(study), "--out", str(tmp_path), "--scenarios", "1", cwd=study)
+    assert done.returncode == 0, done.stderr
+    kinds = {path.stem.rsplit("_", 1)[-1].lstrip("-") for path in tmp_path.glob("*none*.pdf")}
+    named = ("errors", "zoom", "trajectory", "three-sigma", "tilt", "acceleration", "consistency", "adapted-r")
+    assert all(any(kind.endswith(name) for kind in kinds) for name in named)
+    assert {"bars.png", "heat-map.png", "profile.png"} <= {path.name for path in tmp_path.iterdir()}
+    assert len(list(tmp_path.glob("*.png"))) == len(list(tmp_path.glob("*.pdf"))) == 11

@@ -19,12 +19,13 @@ LOGARITHMIC_FROM = 30.0
 BAND = "±3σ"  # noqa: RUF001 - sigma is the sign of a standard deviation
 
 
-def error_figure(recording: Recording, estimates: Mapping[str, Estimate]) -> Figure:
+def error_figure(recording: Recording, estimates: Mapping[str, Estimate], panels: int | None = None) -> Figure:
     """Draw the length of the position error [m] over time [s], with each estimate's RMSE over the scored stamps.
 
-    A single estimate also gets its errors east, north and up, with the three sigmas that it claims.
+    A single estimate also gets its errors east, north and up, with the three sigmas that it claims, unless ``panels``
+    is 1.
     """
-    single = len(estimates) == 1 and recording.reference.enu_m is not None
+    single = len(estimates) == 1 and recording.reference.enu_m is not None and panels != 1
     panels = 4 if single else 1
     figure = Figure(figsize=(7.0, 7.5 if single else 3.2), dpi=DOTS_PER_INCH, layout="constrained")
     ratios = [1.5, 1.0, 1.0, 1.0][:panels]

@@ -1,0 +1,95 @@
+"""Every figure of a study, as files."""
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from jerkbench.benchmark.scenes import Scene, scenes
+from jerkbench.benchmark.study import Study
+from jerkbench.report.summary import main_metric, summarise
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+FORMATS = ("png", "pdf")
+
+LIMIT = 20
+"""Scenarios whose runs are drawn, unless asked otherwise."""
+
+
+@dataclass(frozen=True, eq=False)
+class Drawing:
+    """A figure with what belongs under it.
+
+    Attributes:
+        name: of its files, without the ending.
+        caption: what it shows.
+        figure: the figure.
+    """
+
+    name: str
+    caption: str
+    figure: "Figure"
+
+
+def drawings(study: Study, folder: Path, limit: int = LIMIT) -> Iterator[Drawing]:
+    """Yield the figures of a study: first those of all its rows, then those of up to ``limit`` scenarios' runs."""
+    yield from of_rows(study)
+    for scene in scenes(study, folder, limit):
+        yield from of_scene(scene)
+
+
+def of_rows(study: Study) -> Iterator[Drawing]:
+    """Yield the figures that need the rows alone."""
+    from jerkbench.report.costs import costs
+    from jerkbench.report.plots.bars import bars_figure
+    from jerkbench.report.plots.heat_map import heat_map_figure
+    from jerkbench.report.plots.profile import profile_figure
+    from jerkbench.report.plots.sensitivity import sensitivity_figure, with_sigma
+    from jerkbench.report.quantities import quantity
+
+    metric = main_metric(study.rows)
+    title = quantity(metric).heading
+    table = summarise(study.rows, metric)
+    yield Drawing("bars", f"{title}: means with 95 % intervals; hatched: some runs were lost.", bars_figure(table))
+    values, scenarios, methods = costs(study.rows, metric)
+    if len(scenarios) > 1 and len(methods) > 1:
+        yield Drawing("heat-map", f"{title}, scenario by method.", heat_map_figure(values, scenarios, methods, title))
+        yield Drawing("profile", "Performance profiles over the scenarios.", profile_figure(values, methods, title))
+    if with_sigma(study.rows)["sigma_a"].nunique() > 1:
+        figure = sensitivity_figure(study.rows, metric)
+        yield Drawing("sensitivity", f"{title} over the process noise; hollow: some runs were lost.", figure)
+
+
+def of_scene(scene: Scene) -> Iterator[Drawing]:
+    """Yield the figures of one scenario's runs."""
+    from jerkbench.report.errors_over_time import error_figure
+    from jerkbench.report.plots.acceleration import acceleration_figure
+    from jerkbench.report.plots.adapted_r import adapted_r_figure
+    from jerkbench.report.plots.consistency import consistency_figure
+    from jerkbench.report.plots.inset import inset_trajectory_figure
+    from jerkbench.report.plots.tilt import tilt_figure
+    from jerkbench.report.plots.zoom import disturbed_window_s, zoomed_error_figure
+
+    recording, estimates = scene.recording, scene.estimates
+    window_s = disturbed_window_s(recording, estimates)
+    only = {scene.best: estimates[scene.best]}
+    updated = {name: one for name, one in estimates.items() if len(one.updates.t_s)}
+    made = {
+        "errors": ("position error, first seed", error_figure(recording, estimates, panels=1)),
+        "zoom": ("position error around a disturbance", zoomed_error_figure(recording, estimates, window_s)),
+        "trajectory": (
+            "trajectory, and a part of it enlarged",
+            inset_trajectory_figure(recording, estimates),
+        ),
+        "three-sigma": (f"errors of {scene.best} with three sigmas", error_figure(recording, only)),
+        "tilt": ("roll and pitch against the reference", tilt_figure(recording, scene.tilts)),
+        "acceleration": ("raw and compensated acceleration", acceleration_figure(recording, scene.attitude)),
+        "consistency": (f"NEES and NIS of {scene.best}", consistency_figure(scene.best_runs, scene.best)),
+        "adapted-r": ("measurement noise that was used", adapted_r_figure(recording, updated)),
+    }
+    slug = re.sub(r"[^A-Za-z0-9.+=-]+", "_", scene.name)
+    for kind, (caption, figure) in made.items():
+        yield Drawing(f"{slug}-{kind}", f"{scene.name}: {caption}.", figure)

@@ -1,0 +1,32 @@
+"""Rows -> a matrix of scenarios by methods."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from jerkbench.arrays import FloatArray
+from jerkbench.report.factors import FACTORS
+from jerkbench.report.rows import checked
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+METHOD = ("filter", "adaptation", "noise")
+"""Factors that make a method; the others make a scenario."""
+
+
+def costs(rows: "pd.DataFrame", metric: str) -> tuple[FloatArray, list[str], list[str]]:
+    """Return (p, s) means of ``metric``, the names of the p scenarios and of the s methods, as they appear.
+
+    Infinite where a run was lost or has no value, NaN where the combination was not run. Names say what varies.
+    """
+    rows = checked(rows, metric)
+    varying = [key for key in FACTORS if len(rows[key].unique()) > 1]
+    of_method = [key for key in METHOD if key in varying] or ["filter"]
+    of_scenario = [key for key in FACTORS if key in varying and key not in METHOD] or ["dataset"]
+    value = rows[metric].where(rows["status"] == "ok", np.inf).fillna(np.inf)
+    named = rows.assign(
+        cost=value, scenario=rows[of_scenario].agg(", ".join, axis=1), method=rows[of_method].agg(" + ".join, axis=1)
+    )
+    wide = named.pivot_table(index="scenario", columns="method", values="cost", aggfunc="mean", sort=False)
+    return wide.to_numpy(dtype=float), [str(one) for one in wide.index], [str(one) for one in wide.columns]

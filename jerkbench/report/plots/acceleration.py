@@ -1,0 +1,58 @@
+"""The figure of the raw and the compensated acceleration (the paper's Fig. 6)."""
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from jerkbench.arrays import FloatArray
+from jerkbench.estimate import Attitude
+from jerkbench.recording import Recording
+from jerkbench.report.style import DOTS_PER_INCH, MEASURED, OKABE_ITO, legend_below, quiet
+
+RAW = ("Forward", "Left", "Up")
+ENU = ("east", "north", "up")
+
+
+def acceleration_figure(recording: Recording, attitude: Attitude) -> Figure:
+    """Draw the raw specific force [m/s2] of each body axis and, over it, the gravity-compensated one in ENU.
+
+    Where the tilt filter saw an external acceleration, a tick stands on the lower edge.
+    """
+    figure = Figure(figsize=(7.0, 6.0), dpi=DOTS_PER_INCH, layout="constrained")
+    panels = figure.subplots(3, 1, sharex=True)
+    panels[0].set_title(recording.name)
+    t_s = recording.imu.t_s
+    for axis, axes in enumerate(panels):
+        raw = recording.imu.accel_mps2[:, axis]
+        named = axis == 0
+        axes.plot(t_s, raw, color=MEASURED, linewidth=0.5, label="raw, body (FLU)" if named else None)
+        compensated = attitude.accel_enu_mps2[:, axis]
+        label = "compensated, ENU" if named else None
+        axes.plot(attitude.t_s, compensated, color=OKABE_ITO[0], linewidth=0.6, label=label)
+        axes.set_ylabel(f"{RAW[axis]} / {ENU[axis]} [m/s$^2$]")
+        axes.set_ylim(*_limits(raw, compensated))
+        quiet(axes)
+    ticks = attitude.t_s[attitude.triggered]
+    if len(ticks):
+        panels[2].plot(
+            ticks,
+            np.full(len(ticks), 0.02),
+            "|",
+            color=OKABE_ITO[1],
+            markersize=4.0,
+            transform=panels[2].get_xaxis_transform(),
+            label=f"external acceleration seen ({100 * attitude.triggered.mean():.0f} % of samples)",
+        )
+    panels[2].set_xlabel("Time [s]")
+    figure.align_ylabels()
+    legend_below(figure)
+    return figure
+
+
+def _limits(*series: FloatArray) -> tuple[float, float]:
+    """Room for all but the rarest spikes: an impact must not flatten the rest."""
+    values = np.concatenate([one[np.isfinite(one)] for one in series])
+    if len(values) == 0:
+        return -1.0, 1.0
+    low, high = np.percentile(values, [0.05, 99.95])
+    room = 0.15 * max(high - low, 0.1)
+    return float(low - room), float(high + room)

@@ -1,0 +1,91 @@
+"""The figure of NEES and NIS over time, each with the band of a consistent filter."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from jerkbench.arrays import FloatArray
+from jerkbench.estimate import Estimate
+from jerkbench.evaluation.navigation_errors import known, position_error_m, velocity_error_mps
+from jerkbench.evaluation.statistics.consistency import chi2_band
+from jerkbench.recording import Recording
+from jerkbench.report.style import DOTS_PER_INCH, OKABE_ITO, legend_below, quiet, say
+
+WINDOW = 21
+"""Updates over which NIS is averaged; odd."""
+
+
+def consistency_figure(runs: Sequence[tuple[Recording, Estimate]], name: str) -> Figure:
+    """Draw NEES of position and velocity, averaged over the runs, and NIS per row, averaged over `WINDOW` updates too.
+
+    The band is the 95 % interval of chi-square at one moment: a consistent filter is outside it for 5 % of the time.
+    All runs must have the same reference stamps; of the updates those with the same number are averaged.
+    """
+    figure = Figure(figsize=(7.0, 5.0), dpi=DOTS_PER_INCH, layout="constrained")
+    above, below = figure.subplots(2, 1, sharex=True)
+    recording = runs[0][0]
+    above.set_title(f"{recording.name}: {name}, {len(runs)} {'run' if len(runs) == 1 else 'runs'}")
+    _draw_nees(above, runs)
+    _draw_nis(below, runs)
+    below.set_xlabel("Time [s]")
+    legend_below(figure)
+    return figure
+
+
+def nees(recording: Recording, estimate: Estimate) -> FloatArray:
+    """Return (k,) the NEES of position and velocity; NaN where the reference is not known or P is not invertible."""
+    error = np.hstack([position_error_m(estimate, recording), velocity_error_mps(estimate, recording)])
+    rows = known(recording.reference.enu_m, estimate) & known(recording.reference.velocity_mps, estimate)
+    values = np.full(len(error), np.nan)
+    try:
+        root = np.linalg.cholesky(estimate.covariance[rows])
+    except np.linalg.LinAlgError:
+        return values
+    with np.errstate(over="ignore", invalid="ignore"):
+        values[rows] = np.sum(np.linalg.solve(root, error[rows][:, :, None])[:, :, 0] ** 2, axis=1)
+    return values
+
+
+def _draw_nees(axes: Axes, runs: Sequence[tuple[Recording, Estimate]]) -> None:
+    reached = min(len(estimate.index) for _, estimate in runs)
+    t_s = runs[0][0].reference.t_s[runs[0][1].index[:reached]]
+    average = np.mean([nees(*run)[:reached] for run in runs], axis=0)
+    axes.set_ylabel("NEES (6 states)")
+    if not np.isfinite(average).any():
+        say(axes, "The recording has no reference of position and velocity.")
+        return
+    low, high = chi2_band(6, len(runs))
+    inside = float(np.mean((average >= low) & (average <= high)))
+    axes.axhspan(low, high, color=OKABE_ITO[5], alpha=0.35, linewidth=0, label="95 % of a consistent filter")
+    axes.plot(t_s, average, color=OKABE_ITO[0], linewidth=0.8, label=f"NEES: {100 * inside:.0f} % of the time inside")
+    axes.set_yscale("log")
+    quiet(axes)
+
+
+def _draw_nis(axes: Axes, runs: Sequence[tuple[Recording, Estimate]]) -> None:
+    updates = [estimate.updates for _, estimate in runs]
+    count = min(len(one.t_s) for one in updates)
+    axes.set_ylabel("NIS per row")
+    if count < WINDOW:
+        say(axes, "There are too few updates.")
+        return
+    rows = np.sum([one.rows[:count] for one in updates], axis=0)
+    t_s = updates[0].t_s[:count][WINDOW // 2 : count - WINDOW // 2]
+    summed = _moving(rows)
+    kinds = (("nis", OKABE_ITO[0], "NIS, reported R"), ("nis_used", OKABE_ITO[1], "NIS, R that was used"))
+    for attribute, colour, label in kinds:
+        total = np.sum([np.nan_to_num(getattr(one, attribute)[:count], posinf=0.0) for one in updates], axis=0)
+        axes.plot(t_s, _moving(total) / np.maximum(summed, 1), color=colour, linewidth=0.9, label=label)
+    low, high = np.array([chi2_band(1, max(n, 1)) for n in np.unique(summed)]).T[
+        :, np.searchsorted(np.unique(summed), summed)
+    ]
+    axes.fill_between(t_s, low, high, color=OKABE_ITO[5], alpha=0.35, linewidth=0)
+    axes.set_yscale("log")
+    quiet(axes)
+
+
+def _moving(values: FloatArray) -> FloatArray:
+    """Return the sums over `WINDOW` values in a row."""
+    return np.convolve(values, np.ones(WINDOW), mode="valid")

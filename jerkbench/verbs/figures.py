@@ -1,0 +1,32 @@
+"""`jerkbench figures`: every figure of a study, as PNG and PDF."""
+
+import argparse
+from pathlib import Path
+
+from jerkbench.verbs.kinds import Verbs
+
+
+def add(verbs: Verbs) -> None:
+    """Declare the verb."""
+    figures = verbs.add_parser("figures", help="draw a study's figures: those of its rows, and of each scenario's runs")
+    figures.add_argument("folder", type=Path, help="the study's folder, or a folder of cells")
+    figures.add_argument("--out", type=Path, help="where they go (default: figures/ in the study's folder)")
+    figures.add_argument("--scenarios", type=int, default=20, help="draw the runs of so many scenarios (default: 20)")
+    figures.set_defaults(answer=answer)
+
+
+def answer(chosen: argparse.Namespace) -> None:
+    """Draw, and name each file.
+
+    Raises:
+        JerkbenchError: there are no results.
+    """
+    from jerkbench.benchmark.drawing import FORMATS, drawings
+    from jerkbench.benchmark.study import load_study
+    from jerkbench.report.figures import save_figure
+
+    out = chosen.out or chosen.folder / "figures"
+    for one in drawings(load_study(chosen.folder), chosen.folder, chosen.scenarios):
+        for form in FORMATS:
+            save_figure(one.figure, out / f"{one.name}.{form}")
+        print(out / f"{one.name}.png")
