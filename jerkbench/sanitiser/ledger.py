@@ -36,7 +36,7 @@ class Finding:
         """Return the finding as a sentence."""
         return (
             f"{self.stream}: {self.count} of {self.of} rows with {self.what}"
-            f" (the first {self.first_s:.2f} s into the bag): {self.done}."
+            f", the first {self.first_s:.2f} s into the bag: {self.done}."
         )
 
 

@@ -181,7 +181,7 @@ KEPT = [  # what is done, what the report says, and how many rows of which strea
     (everything_in_1980, "300 of 300 rows with a stamp before 2017-01-01", {}),
     (zero_stamps, "10 of 300 rows with a stamp before 2017-01-01", {}),
     (repeated, "5 of 300 rows with the stamp of the row before", {"imu": 295}),
-    (late, "2 of 300 rows with a stamp older than an earlier row's (the first 2.40 s into the bag): sorted in", {}),
+    (late, "2 of 300 rows with a stamp older than an earlier row's, the first 2.40 s into the bag: sorted in", {}),
     (set_back, "5 of 300 rows with a stamp that was set back by seconds", {"imu": 295}),
     (in_the_future, "1 of 300 rows with a stamp far from the time of recording", {"imu": 299}),
     (frozen_in_the_middle, "19 of 300 rows with a frozen angular rate", {"imu": 281}),

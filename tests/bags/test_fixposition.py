@@ -125,7 +125,7 @@ def test_before_the_fusion_starts_nothing_is_used(tmp_path):
     assert recording.imu.t_s[0] == 0.0
     assert recording.reference.t_s[1] == pytest.approx(1.6 - 76 / 50)  # the first good one, since the first sample
     said = " ".join(recording.notes)
-    assert "75 of 300 rows with a frozen angular rate (the first 0.00 s into the bag): dropped" in said
+    assert "75 of 300 rows with a frozen angular rate, the first 0.00 s into the bag: dropped" in said
     assert "7 of 60 rows with an orientation that is no unit quaternion" in said
     assert "7 of 53 rows with the stamp of the row before" in said
 

@@ -1,4 +1,9 @@
+import pytest
+
+from bag_maker import ROS1, START_NS, Drive, odometry
 from commands import jerkbench
+from jerkbench.bags.survey import survey
+from jerkbench.readers.ros.bag import open_bag
 
 
 def test_a_simulated_recording_is_described(tmp_path):
@@ -18,3 +23,74 @@ def test_what_is_no_source_is_a_sentence(tmp_path):
     (tmp_path / "a.xyz").touch()
     done = jerkbench("data", "inspect", "a.xyz", cwd=tmp_path)
     assert "give --dataset NAME" in done.stderr
+
+
+def surveyed(path):
+    with open_bag(path) as bag:
+        return "\n".join(survey(bag))
+
+
+def test_a_bag_is_described_topic_by_topic(tmp_path):
+    drive = Drive(duration_s=4.0)
+    for message in drive.messages("/fixposition/gnss1")[:3]:
+        message.status.status = -1
+    for k in range(40):  # a body that heads north, its velocity in the world, computed from its positions
+        ns, quarter = START_NS + k * 10**8, (0, 0, 0.5**0.5, 0.5**0.5)
+        drive.add("/world", ns, odometry(ROS1, ns, (0, k, 0), quarter, (0, 10, 0), 0.0, 0.0))
+        drive.add("/body", ns, odometry(ROS1, ns, (4.5e5, 5.4e6 + k, 0), quarter, (10.5, 0, 0), 0.1 + k, 0.2))
+    drive.write(tmp_path / "a.bag")
+    done = jerkbench("data", "inspect", "a.bag", "--dataset", "fixposition", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    said = done.stdout
+    assert "/fixposition/gnss1 (sensor_msgs/msg/NavSatFix): 20 messages, 5 Hz, frame FP_A" in said
+    assert "status -1: 3, 2: 17" in said
+    assert "recorded 0.020 s after its stamp (0.020 to 0.020 s)" in said
+    assert "ECEF, by its distance from the Earth's centre" in said
+    assert ": gravity on +z" in said
+    world, body = (said.split(f"/{name} (")[1].split("\n/")[0] for name in ("world", "body"))
+    assert "in the world's frame (misfit to the slope of the positions 0.000" in world
+    assert "its velocity is the slope of its positions: not independent of them" in world
+    assert "pose covariance: zero throughout" in world
+    assert "in the body's frame (misfit to the slope of the positions 0.500" in body
+    assert "a map projection such as UTM, east first: probably ENU" in body
+    assert "twist covariance: sigma (0.4472, 0.4472, 0.4472) in every row: a placeholder" in body
+    assert "3 of 20 rows with status -1 (no fix)" in said
+
+
+def test_what_a_bag_lacks_is_an_answer(tmp_path):
+    drive = Drive(duration_s=2.0)
+    del drive.rows["/fixposition/gnss1"]
+    drive.write(tmp_path / "a.bag")
+    done = jerkbench("data", "inspect", "a.bag", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "No recording can be made of it as it is: a.bag has no topic with GNSS fixes" in done.stdout
+    (tmp_path / "b.bag").write_bytes((tmp_path / "a.bag").read_bytes()[:3000])
+    done = jerkbench("data", "inspect", "b.bag", cwd=tmp_path)
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert "jerkbench data salvage" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("file", "oddities"),
+    [
+        ("test1.bag", ["gravity on +y: give imu_axes", "in the body's frame", "a placeholder rather than an estimate"]),
+        (
+            "xsens.bag",
+            [
+                "every measurement is zero: this is no IMU",
+                "probably NED",
+                "in the world's frame",
+                "99% of the stamps are later than their recording",
+                "347 stamps repeat the one before, 31 go backwards",
+                "a placeholder rather than an estimate",
+                "zero throughout, that is, unknown",
+            ],
+        ),
+    ],
+)
+def test_the_oddities_of_real_bags_are_found(shared_folder, file, oddities):
+    path = shared_folder / "data" / "robot_localization" / file
+    if not path.exists():
+        pytest.skip("the bags of robot_localization are not in ../shared/data")
+    said = surveyed(path)
+    assert [oddity for oddity in oddities if oddity not in said] == []

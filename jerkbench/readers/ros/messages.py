@@ -55,6 +55,6 @@ class Messages:
         return Messages(self.topic, self.msgtype, self.frame_id, self.child_frame_id, bag_ns, stamp_ns, values)
 
     def rate_hz(self) -> float:
-        """Median rate of the stamps; 0 of fewer than two messages, or where they stand still."""
-        interval_ns = float(np.median(np.diff(self.bag_ns))) if len(self) > 1 else 0.0
-        return 1e9 / interval_ns if interval_ns > 0 else 0.0
+        """Mean rate of the recording; 0 of fewer than two messages."""
+        duration_ns = int(np.ptp(self.bag_ns)) if len(self) > 1 else 0
+        return 1e9 * (len(self) - 1) / duration_ns if duration_ns > 0 else 0.0

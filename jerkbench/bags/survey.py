@@ -1,0 +1,136 @@
+"""What each topic of a bag looks like, whatever it may be used for: the oddities that a loader has to know."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from jerkbench.arrays import FloatArray
+from jerkbench.bags.cleaning import is_ecef
+from jerkbench.bags.frames import twist_frame
+from jerkbench.bags.roles import FIX, IMU
+from jerkbench.readers.ros.bag import Bag, Topic
+from jerkbench.readers.ros.layouts import LAYOUTS
+from jerkbench.readers.ros.messages import Messages
+from jerkbench.sanitiser.values import frozen_rows, unit_quaternions
+
+COVARIANCES = ("position_covariance", "pose_covariance", "twist_covariance", "linear_acceleration_covariance")
+UTM_M = 1e5
+"""Local coordinates are smaller, UTM's are larger."""
+
+LEAST_GRAVITY_MPS2 = 5.0
+
+
+def survey(bag: Bag) -> Iterator[str]:
+    """Yield a line for each topic, and indented lines for what is to be known of it.
+
+    Raises:
+        BagError: a topic is damaged.
+    """
+    for topic in bag.topics:
+        if topic.msgtype not in LAYOUTS or not topic.count:
+            yield f"{topic.name} ({topic.msgtype}): {topic.count} messages"
+            continue
+        messages = bag.read({topic.name: _fields(topic)})[topic.name]
+        frames = " in ".join(name for name in (messages.child_frame_id, messages.frame_id) if name)
+        rate = f"{topic.count} messages, {messages.rate_hz():.4g} Hz"
+        yield f"{topic.name} ({topic.msgtype}): {rate}, frame {frames or '-'}"
+        yield from (f"    {line}" for line in _oddities(messages))
+
+
+def _fields(topic: Topic) -> list[str]:
+    unused = ("service", "orientation_covariance", "angular")
+    return [part.name for part in LAYOUTS[topic.msgtype] if part.code != "string" and part.name not in unused]
+
+
+def _oddities(messages: Messages) -> Iterator[str]:
+    yield from _stamps(messages)
+    if messages.msgtype == IMU:
+        yield from _imu(messages)
+    elif messages.msgtype == FIX:
+        yield from _fixes(messages)
+    elif "position" in messages.values:
+        yield from _poses(messages)
+    yield from _covariances(messages)
+
+
+def _stamps(messages: Messages) -> Iterator[str]:
+    delay_s = (messages.bag_ns - messages.stamp_ns) * 1e-9
+    steps = np.diff(messages.stamp_ns)
+    low, middle, high = np.percentile(delay_s, [0, 50, 100])
+    late = f"; {np.mean(delay_s < 0):.0%} of the stamps are later than their recording" if low < 0 else ""
+    yield f"recorded {middle:.3f} s after its stamp ({low:.3f} to {high:.3f} s){late}"
+    if (steps <= 0).any():
+        yield f"{(steps == 0).sum()} stamps repeat the one before, {(steps < 0).sum()} go backwards"
+
+
+def _imu(messages: Messages) -> Iterator[str]:
+    force, rate = messages["linear_acceleration"], messages["angular_velocity"]
+    if not force.any() and not rate.any():
+        yield "every measurement is zero: this is no IMU"
+        return
+    middle = np.nanmedian(force, axis=0)
+    size, axis = float(np.linalg.norm(middle)), int(np.argmax(np.abs(middle)))
+    felt = f"gravity on {'-' if middle[axis] < 0 else '+'}{'xyz'[axis]}"
+    if size < LEAST_GRAVITY_MPS2:
+        felt = "no gravity in it"
+    turn = "" if felt in ("gravity on +z", "no gravity in it") else ": give imu_axes"
+    yield f"specific force (median) {_numbers(middle)} m/s2, length {size:.3f}: {felt}{turn}"
+    if (frozen := frozen_rows(rate)).any():
+        yield f"the angular rate is frozen in {frozen.sum()} of {len(frozen)} rows"
+    if not unit_quaternions(messages["orientation"]).any():
+        yield "no orientation"
+
+
+def _fixes(messages: Messages) -> Iterator[str]:
+    states, counts = np.unique(messages["status"], return_counts=True)
+    yield "status " + ", ".join(f"{int(s)}: {n}" for s, n in zip(states, counts, strict=True))
+    coordinates = [messages[name][:, 0] for name in ("latitude", "longitude", "altitude")]
+    ranges = [f"{np.nanmin(one):.5f} to {np.nanmax(one):.5f}" for one in coordinates]
+    yield f"latitude {ranges[0]} deg, longitude {ranges[1]} deg, height {ranges[2]} m"
+
+
+def _poses(messages: Messages) -> Iterator[str]:
+    position = messages["position"]
+    if not position.any():
+        yield "every position is zero"
+        return
+    first = position[int(np.argmax(np.abs(position).any(axis=1)))]
+    yield f"first position {_numbers(first)} m: {_position_frame(position, first)}"
+    if (~unit_quaternions(messages["orientation"])).all():
+        yield "no orientation"
+    elif "linear" in messages.values:
+        yield from twist_frame(messages)
+
+
+def _position_frame(position: FloatArray, first: FloatArray) -> str:
+    if is_ecef(position):
+        return "ECEF, by its distance from the Earth's centre"
+    if np.abs(first[:2]).max() > UTM_M:
+        north_first = abs(first[0]) > abs(first[1]) and abs(first[0]) > 1e6
+        order = "north first: probably NED" if north_first else "east first: probably ENU"
+        return f"a map projection such as UTM, {order}"
+    return "local"
+
+
+def _covariances(messages: Messages) -> Iterator[str]:
+    for name in COVARIANCES:
+        if name in messages.values:
+            width = 3 if messages[name].shape[1] == 9 else 6
+            variances = np.diagonal(messages[name].reshape(-1, width, width), axis1=1, axis2=2)[:, :3]
+            yield f"{name.replace('_', ' ')}: {_level(variances)}"
+
+
+def _level(variances: FloatArray) -> str:
+    if not variances.any():
+        return "zero throughout, that is, unknown"
+    zeros = int((variances == 0).any(axis=1).sum())
+    some = f", zero in {zeros} rows" if zeros else ""
+    with np.errstate(invalid="ignore"):
+        sigma = _numbers(np.sqrt(np.nanmedian(variances, axis=0)))
+    if len(np.unique(variances[variances.any(axis=1)], axis=0)) == 1:
+        return f"sigma {sigma} in every row{some}: a placeholder rather than an estimate"
+    return f"sigma (median) {sigma}{some}"
+
+
+def _numbers(values: FloatArray) -> str:
+    return "(" + ", ".join(f"{value:.4g}" for value in values) + ")"
