@@ -16,6 +16,7 @@ ORDER = [
     ["simulation", "readers"],
     ["sanitiser"],
     ["bags"],
+    ["writers"],
     ["datasets"],
     ["disturbances"],
     ["attitude"],

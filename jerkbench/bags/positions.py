@@ -98,6 +98,13 @@ def body_axes(frame: Frame) -> FloatArray:
     return matrix
 
 
+def swapped(matrix: FloatArray, vectors: FloatArray) -> FloatArray:
+    """Return M v of vectors (n, 3) where M only swaps and mirrors axes; one that is NaN stays the only one."""
+    axes = np.abs(matrix).argmax(axis=1)
+    mirrored: FloatArray = vectors[:, axes] * matrix[np.arange(3), axes]
+    return mirrored
+
+
 def turned(matrix: FloatArray, covariance: FloatArray) -> FloatArray:
     """M C M' of covariances (n, 3, 3), symmetric to the bit."""
     product = np.asarray(matrix @ covariance @ matrix.T)

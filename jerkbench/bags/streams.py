@@ -16,6 +16,7 @@ from jerkbench.bags.positions import (
     first_place,
     frame_of,
     in_enu,
+    swapped,
     turned,
 )
 from jerkbench.errors import PluginError, RecordingError, unknown
@@ -28,7 +29,7 @@ from jerkbench.sanitiser.fixes import report_jumps, without_leaps
 from jerkbench.sanitiser.ledger import DROPPED, Ledger
 from jerkbench.sanitiser.values import unit_quaternions
 
-VELOCITY_FRAMES = ("body", "enu", "frd", "ned", "speed")
+VELOCITY_FRAMES = ("body", "course", "enu", "frd", "ned", "speed")
 FROM = {"ned": FROM_NED, "frd": FROM_FRD}
 """What turns a velocity into ENU, or into the body's axes."""
 
@@ -94,14 +95,14 @@ def velocity_of(
     covariance = messages["velocity_covariance"].reshape(-1, 3, 3)
     t_s, latency_s = seconds(messages.stamp_ns, zero_ns), options.velocity_latency_s
     if frame in FROM:
-        mps, covariance = mps @ FROM[frame].T, turned(FROM[frame], covariance)
+        mps, covariance = swapped(FROM[frame], mps), turned(FROM[frame], covariance)
     if frame in ("enu", "ned"):
         return velocity_when_true(t_s, mps, covariance, latency_s)
     if len(set(latency_s)) > 1:
         raise PluginError(f"velocity_latency_s is {list(latency_s)}; in the frame {frame} all three must be the same.")
     if frame == "speed":
         return Velocity.along_course(t_s - latency_s[0], mps[:, 0], float(np.sqrt(np.median(covariance[:, 0, 0]))))
-    return Velocity(t_s - latency_s[0], mps, covariance, "body")
+    return Velocity(t_s - latency_s[0], mps, covariance, "speed" if frame == "course" else "body")
 
 
 def _with_velocity_covariance(

@@ -8,6 +8,7 @@ from importlib import import_module
 from types import ModuleType
 
 VERBS = {
+    "convert": "write a recording as a ROS bag, a table or a trajectory",
     "inspect": "print what a recording is made of, and what is wrong with it",
 }
 """Each verb, and what it does."""

@@ -42,7 +42,8 @@ class RosBag(BagOptions):
             none.
         reference_topic: what is compared with; empty: none.
         position_frame: of poses: auto (ECEF by its size, else ENU), ecef, enu or ned (local or UTM; its body is FRD).
-        velocity_frame: body (forward, left, up), frd, enu, ned, or speed (a wheel's, along the course).
+        velocity_frame: body (forward, left, up), frd, enu, ned, speed (a wheel's: the x axis alone,
+            along the course), or course (all that was measured along and across it).
         reference_frame: of the reference's poses.
         heading_source: what measured the headings: odometry or dual_antenna.
         reference_source: where the reference comes from, in words; empty: its topic.

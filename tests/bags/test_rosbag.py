@@ -147,6 +147,9 @@ def test_an_axis_with_a_negative_variance_was_not_measured(tmp_path):
     velocity = RosBag(bag(tmp_path / "a.bag", more), velocity_frame="enu").load(0).velocity
     np.testing.assert_array_equal(velocity.mps[0], [1, 2, np.nan])
     np.testing.assert_allclose(np.diag(velocity.covariance_m2ps2[0])[:2], [0.04, 0.09])
+    ned = RosBag(str(tmp_path / "a.bag"), velocity_frame="ned").load(0).velocity
+    np.testing.assert_array_equal(ned.mps[0], [2, 1, np.nan])
+    np.testing.assert_allclose(np.diag(ned.covariance_m2ps2[0])[:2], [0.09, 0.04])
 
 
 def test_times_are_the_headers_or_the_bags_less_their_latencies(tmp_path):

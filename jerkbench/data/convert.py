@@ -1,0 +1,54 @@
+"""`jerkbench data convert`: any recording into a bag, a table or a trajectory."""
+
+import argparse
+from pathlib import Path
+
+from jerkbench.data.source import add_source, dataset_of
+
+TARGETS = {
+    ".bag": "ROS 1 bag",
+    ".db3": "ROS 2 bag, sqlite3",
+    ".mcap": "ROS 2 bag, mcap",
+    ".csv": "table",
+    ".parquet": "table",
+    ".tum": "trajectory as text",
+    ".kml": "trajectory on the Earth",
+}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of the verb."""
+    parser.epilog = "TARGET ends in: " + ", ".join(f"{suffix} ({what})" for suffix, what in TARGETS.items())
+    add_source(parser)
+    parser.add_argument("target", type=Path, help="the file to write; its suffix says what")
+    parser.add_argument(
+        "--coordinates", choices=("enu", "geodetic", "ned"), default="enu", help="of a table's positions"
+    )
+    parser.add_argument(
+        "--stream", choices=("reference", "position"), help="which trajectory (default: the reference's)"
+    )
+
+
+def answer(chosen: argparse.Namespace) -> None:
+    """Write the target."""
+    from jerkbench.errors import JerkbenchError, unknown
+
+    target: Path = chosen.target
+    if target.suffix not in TARGETS:
+        raise JerkbenchError(unknown("suffix of a target", target.suffix, TARGETS))
+    if target.exists():
+        raise JerkbenchError(f"{target} is there already; delete it or give another name.")
+    recording = dataset_of(chosen.source, chosen.dataset, chosen.set).load(chosen.seed)
+    if target.suffix in (".csv", ".parquet"):
+        from jerkbench.writers.tables import write_table
+
+        write_table(recording, target, chosen.coordinates)
+    elif target.suffix in (".tum", ".kml"):
+        from jerkbench.writers.trajectories import write_kml, write_tum
+
+        (write_tum if target.suffix == ".tum" else write_kml)(recording, target, chosen.stream)
+    else:
+        from jerkbench.writers.ros_bag import write_bag
+
+        write_bag(recording, target)
+    print(f"{target}: {recording.name} as {TARGETS[target.suffix]}")

@@ -1,0 +1,1 @@
+"""A recording as a file: a ROS bag, a table, a trajectory."""

@@ -1,0 +1,120 @@
+"""A recording as a Fixposition-like ROS bag, which `dataset=fixposition` and `dataset=rosbag` read back as it was."""
+
+import shutil
+from collections.abc import Iterable, Mapping
+from datetime import UTC, datetime
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from jerkbench.bags.about import ABOUT_TOPIC, STRING, About
+from jerkbench.errors import RecordingError
+from jerkbench.files import write_atomically
+from jerkbench.recording import Origin, Recording
+from jerkbench.writers.ros_messages import (
+    Maker,
+    Stamped,
+    fix_messages,
+    heading_messages,
+    imu_messages,
+    reference_messages,
+    velocity_messages,
+)
+
+TOPICS = {
+    "imu": "/fixposition/poiimu",
+    "position": "/fixposition/gnss1",
+    "velocity": "/jerkbench/velocity",
+    "heading": "/jerkbench/heading",
+}
+ODOMETRY_TOPIC, REFERENCE_TOPIC = "/fixposition/odometry_ecef", "/jerkbench/reference"
+SOMETIME = datetime(2020, 1, 1, tzinfo=UTC)
+"""Time 0 of a recording of which nobody knows when it was."""
+
+
+def write_bag(recording: Recording, path: Path) -> None:
+    """Write a ROS 1 bag (.bag), or the one file of a ROS 2 bag (.db3, .mcap).
+
+    What the driver has no topic for is under /jerkbench: velocities with their own frame, headings, and what belongs to
+    the recording as a whole. True covariances, which only a simulation has, are not written.
+
+    Raises:
+        RecordingError: it has no origin, so that nothing of it is on the Earth.
+    """
+    if recording.origin is None:
+        raise RecordingError(
+            f"{recording.name} has no origin on the Earth, and the topics of a bag are geodetic and ECEF; convert it to"
+            " .csv or .parquet."
+        )
+    from rosbags.typesys import Stores, get_typestore
+
+    ros1 = path.suffix == ".bag"
+    store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_HUMBLE)
+    start = recording.start_utc or SOMETIME
+    make = Maker(store, ros1, round(start.timestamp() * 1e6) * 1000)
+    streams = _streams(make, recording, recording.origin)
+    write = _write_ros1 if ros1 else _write_ros2
+    write_atomically(path, lambda partial: write(make, streams, partial))
+
+
+def _streams(make: Maker, recording: Recording, origin: Origin) -> dict[str, list[Stamped]]:
+    streams = {TOPICS["imu"]: list(imu_messages(make, recording.imu))}
+    if recording.position is not None:
+        streams[TOPICS["position"]] = list(fix_messages(make, recording.position, origin))
+    if recording.velocity is not None:
+        streams[TOPICS["velocity"]] = list(velocity_messages(make, recording.velocity))
+    if recording.heading is not None:
+        streams[TOPICS["heading"]] = list(heading_messages(make, recording.heading))
+    reference = list(reference_messages(make, recording.reference, origin))
+    if reference:
+        streams[ODOMETRY_TOPIC if "Odometry" in reference[0][1] else REFERENCE_TOPIC] = reference
+    about = make.of(STRING, _about(recording, origin, make.start_ns, streams).to_json())
+    return {**streams, ABOUT_TOPIC: [(float(recording.imu.t_s[0]), STRING, about)]}
+
+
+def _about(recording: Recording, origin: Origin, start_ns: int, topics: Iterable[str]) -> About:
+    roles = {role: topic for role, topic in TOPICS.items() if topic in topics}
+    references = [topic for topic in (ODOMETRY_TOPIC, REFERENCE_TOPIC) if topic in topics]
+    velocity, heading = recording.velocity, recording.heading
+    frame = "enu" if velocity is None else velocity.frame
+    return About(
+        name=recording.name,
+        start_ns=start_ns,
+        static_start_s=recording.static_start_s,
+        origin=(origin.latitude_deg, origin.longitude_deg, origin.height_m),
+        reference_source=recording.reference.source,
+        reference_independent=recording.reference.independent,
+        outages_s=tuple((float(begin), float(end)) for begin, end in recording.outages_s),
+        topics={**roles, **({"reference": references[0]} if references else {})},
+        velocity_frame="course" if frame == "speed" else frame,
+        heading_source="dual_antenna" if heading is None else heading.source,
+        covariance_order="neu",
+    )
+
+
+def _write_ros1(make: Maker, streams: Mapping[str, list[Stamped]], path: Path) -> None:
+    from rosbags.rosbag1 import Writer
+
+    with Writer(path) as writer:
+        _fill(make, writer, make.store.serialize_ros1, streams)
+
+
+def _write_ros2(make: Maker, streams: Mapping[str, list[Stamped]], path: Path) -> None:
+    """Write the folder of a ROS 2 bag, and keep its one file."""
+    from rosbags.rosbag2 import StoragePlugin, Writer
+
+    plugin = StoragePlugin.MCAP if path.suffix == ".mcap" else StoragePlugin.SQLITE3
+    with TemporaryDirectory(dir=path.parent) as folder:
+        with Writer(Path(folder) / "bag", version=9, storage_plugin=plugin) as writer:
+            _fill(make, writer, make.store.serialize_cdr, streams)
+        (file,) = (Path(folder) / "bag").glob(f"*{path.suffix}")
+        shutil.move(file, path)
+
+
+def _fill(make: Maker, writer: Any, serialise: Any, streams: Mapping[str, list[Stamped]]) -> None:  # noqa: ANN401 - one of two writers
+    connections = {
+        topic: writer.add_connection(topic, some[0][1], typestore=make.store) for topic, some in streams.items() if some
+    }
+    everything = ((one, topic) for topic, some in streams.items() for one in some)
+    for (t, msgtype, message), topic in sorted(everything, key=lambda pair: pair[0][0]):
+        writer.write(connections[topic], make.stamp_ns(t), serialise(message, msgtype))

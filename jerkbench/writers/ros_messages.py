@@ -1,0 +1,162 @@
+"""The parts of a recording as ROS messages, in the frames and orders of the Fixposition driver."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from jerkbench.arrays import FloatArray
+from jerkbench.geometry import (
+    dcm_from_euler,
+    enu_axes,
+    enu_to_ecef,
+    enu_to_geodetic,
+    quaternion_from_dcm,
+)
+from jerkbench.recording import Heading, Imu, Origin, Position, Reference, Velocity
+
+if TYPE_CHECKING:
+    from rosbags.typesys.store import Typestore
+
+NEU = [1, 0, 2]
+"""Where north, east, up stand in east, north, up."""
+
+RTK_FIXED, GPS, KNOWN = 2, 1, 3
+"""Status, service and type of covariance of a NavSatFix."""
+
+NOT_MEASURED = -1.0
+"""Variance of an axis that was not measured."""
+
+Stamped = tuple[float, str, Any]
+"""Time [s] since the start, type, message."""
+
+
+@dataclass(frozen=True)
+class Maker:
+    """Makes messages of one generation of ROS.
+
+    Attributes:
+        store: the types.
+        ros1: whether headers have a running number.
+        start_ns: time 0, nanoseconds since 1970.
+    """
+
+    store: "Typestore"
+    ros1: bool
+    start_ns: int
+
+    def stamp_ns(self, t_s: float) -> int:
+        """Return the stamp of a time since the start."""
+        return self.start_ns + round(t_s * 1e9)
+
+    def header(self, t_s: float, frame_id: str) -> Any:  # noqa: ANN401 - a class that rosbags makes at run time
+        """Return a header."""
+        stamp = self.of("builtin_interfaces/msg/Time", *divmod(self.stamp_ns(t_s), 1_000_000_000))
+        return self.of("std_msgs/msg/Header", *([0] if self.ros1 else []), stamp, frame_id)
+
+    def of(self, msgtype: str, *values: Any) -> Any:  # noqa: ANN401 - as above
+        """Return a message."""
+        return self.store.types[msgtype](*values)
+
+    def xyz(self, values: FloatArray, name: str = "Vector3") -> Any:  # noqa: ANN401 - as above
+        """Return a Vector3, Point or Quaternion."""
+        return self.of(f"geometry_msgs/msg/{name}", *(float(value) for value in values))
+
+
+def imu_messages(make: Maker, imu: Imu) -> Iterator[Stamped]:
+    """Yield what the driver calls poiimu: orientation and covariances are zeros, that is, absent."""
+    name, zeros = "sensor_msgs/msg/Imu", np.zeros(9)
+    for t, force, rate in zip(imu.t_s, imu.accel_mps2, imu.gyro_radps, strict=True):
+        absent = make.xyz(np.zeros(4), "Quaternion")
+        body = (absent, zeros, make.xyz(rate), zeros, make.xyz(force), zeros)
+        yield t, name, make.of(name, make.header(t, "FP_POI"), *body)
+
+
+def fix_messages(make: Maker, position: Position, origin: Origin) -> Iterator[Stamped]:
+    """Yield what the driver calls gnss1: covariance in the order north, east, up."""
+    whole = np.isfinite(position.enu_m).all(axis=1)
+    covariance = position.covariance_m2[whole][:, NEU][:, :, NEU]
+    yield from _fixes(make, position.t_s[whole], position.enu_m[whole], covariance, origin)
+
+
+def _fixes(
+    make: Maker, t_s: FloatArray, enu_m: FloatArray, covariance: FloatArray, origin: Origin
+) -> Iterator[Stamped]:
+    name = "sensor_msgs/msg/NavSatFix"
+    for t, place, one in zip(t_s, enu_to_geodetic(enu_m, origin), covariance, strict=True):
+        status = make.of("sensor_msgs/msg/NavSatStatus", RTK_FIXED, GPS)
+        where = (float(value) for value in place)
+        yield t, name, make.of(name, make.header(t, "GNSS1"), status, *where, one.ravel(), KNOWN)
+
+
+def velocity_messages(make: Maker, velocity: Velocity) -> Iterator[Stamped]:
+    """Yield velocities in the recording's own frame; an axis that was not measured has the variance -1."""
+    name = "geometry_msgs/msg/TwistWithCovarianceStamped"
+    present = np.isfinite(velocity.mps)
+    for t, mps, covariance, there in zip(velocity.t_s, velocity.mps, velocity.covariance_m2ps2, present, strict=True):
+        six = np.zeros((6, 6))
+        six[:3, :3] = np.where(np.outer(there, there), covariance, np.diag(np.where(there, 0.0, NOT_MEASURED)))
+        twist = make.of("geometry_msgs/msg/Twist", make.xyz(np.nan_to_num(mps)), make.xyz(np.zeros(3)))
+        body = make.of("geometry_msgs/msg/TwistWithCovariance", twist, six.ravel())
+        yield t, name, make.of(name, make.header(t, velocity.frame), body)
+
+
+def heading_messages(make: Maker, heading: Heading) -> Iterator[Stamped]:
+    """Yield headings as u-blox's driver does: an Imu with nothing but a yaw and its variance."""
+    name, zeros = "sensor_msgs/msg/Imu", np.zeros(9)
+    for t, yaw, sigma in zip(heading.t_s, heading.yaw_rad, heading.sigma_rad, strict=True):
+        turned = make.xyz(np.array([0.0, 0.0, np.sin(yaw / 2), np.cos(yaw / 2)]), "Quaternion")
+        body = (
+            turned,
+            np.diag([0.0, 0.0, sigma**2]).ravel(),
+            make.xyz(np.zeros(3)),
+            zeros,
+            make.xyz(np.zeros(3)),
+            zeros,
+        )
+        yield t, name, make.of(name, make.header(t, "enu"), *body)
+
+
+def reference_messages(make: Maker, reference: Reference, origin: Origin) -> Iterator[Stamped]:
+    """Yield the reference: an odometry in ECEF where all of it is known, else a pose, else a fix.
+
+    Rows in which something is not known that the others have are left out.
+    """
+    parts = [one for one in (reference.enu_m, reference.velocity_mps, reference.euler_rad) if one is not None]
+    if reference.enu_m is None:
+        return
+    rows = np.isfinite(np.hstack(parts)).all(axis=1)
+    t_s, enu_m = reference.t_s[rows], reference.enu_m[rows]
+    if reference.euler_rad is None:
+        yield from _fixes(make, t_s, enu_m, np.tile(1e-4 * np.eye(3), (len(t_s), 1, 1)), origin)
+        return
+    omega = dcm_from_euler(reference.euler_rad[rows])
+    xyzw = quaternion_from_dcm(enu_axes(origin).T @ omega)
+    poses = zip(t_s, enu_to_ecef(enu_m, origin), xyzw, strict=True)
+    if reference.velocity_mps is None:
+        yield from ((t, "geometry_msgs/msg/PoseStamped", _pose_stamped(make, t, p, q)) for t, p, q in poses)
+        return
+    body_mps = np.einsum("nji,nj->ni", omega, reference.velocity_mps[rows])
+    for (t, p, q), v in zip(poses, body_mps, strict=True):
+        yield t, "nav_msgs/msg/Odometry", _odometry(make, t, p, q, v)
+
+
+def _pose(make: Maker, p: FloatArray, q: FloatArray) -> Any:  # noqa: ANN401 - a message
+    return make.of("geometry_msgs/msg/Pose", make.xyz(p, "Point"), make.xyz(q, "Quaternion"))
+
+
+def _pose_stamped(make: Maker, t: float, p: FloatArray, q: FloatArray) -> Any:  # noqa: ANN401 - a message
+    return make.of("geometry_msgs/msg/PoseStamped", make.header(t, "FP_ECEF"), _pose(make, p, q))
+
+
+def _odometry(make: Maker, t: float, p: FloatArray, q: FloatArray, v: FloatArray) -> Any:  # noqa: ANN401 - a message
+    twist = make.of("geometry_msgs/msg/Twist", make.xyz(v), make.xyz(np.zeros(3)))
+    small = 1e-4 * np.eye(6).ravel()
+    return make.of(
+        "nav_msgs/msg/Odometry",
+        make.header(t, "FP_ECEF"),
+        "FP_POI",
+        make.of("geometry_msgs/msg/PoseWithCovariance", _pose(make, p, q), small),
+        make.of("geometry_msgs/msg/TwistWithCovariance", twist, small),
+    )
