@@ -9,6 +9,7 @@ from types import ModuleType
 
 VERBS = {
     "convert": "write a recording as a ROS bag, a table or a trajectory",
+    "salvage": "write a fresh bag from what is whole in a ROS 1 bag that was cut off or damaged",
     "inspect": "print what a recording is made of, and what is wrong with it",
 }
 """Each verb, and what it does."""

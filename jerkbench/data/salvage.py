@@ -1,0 +1,22 @@
+"""`jerkbench data salvage`: a fresh bag from what is whole in a damaged one."""
+
+import argparse
+from pathlib import Path
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of the verb."""
+    parser.add_argument("source", type=Path, help="a ROS 1 bag that was cut off or damaged")
+    parser.add_argument("target", type=Path, help="the bag to write")
+
+
+def answer(chosen: argparse.Namespace) -> None:
+    """Write the target, and print what could be saved."""
+    from jerkbench.readers.ros.salvage import salvage
+
+    saved = salvage(chosen.source, chosen.target)
+    print(f"{chosen.target}: {sum(saved.messages.values())} messages from {saved.chunks} chunks")
+    for topic, count in sorted(saved.messages.items()):
+        print(f"  {topic}: {count}")
+    if saved.cut_chunks or saved.lost_bytes:
+        print(f"{saved.cut_chunks} chunks were not whole, and {saved.lost_bytes} bytes belong to none.")
