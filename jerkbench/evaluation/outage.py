@@ -23,22 +23,25 @@ class Outage:
         J                 = the outages with end_j - t_l(j) <= 2 dt,    dt = median interval of the known reference
         outage_end_m      = mean over j in J of |e_l(j)|
         outage_end_max_m  = max over j in J of |e_l(j)|
+        outage_end_percent = 100 sum over J of |e_l(j)| / sum over J of d_j
         outages_counted   = how many outages J has
 
-    An outage whose end the reference or the run does not reach is thus left out, and seen to be. Errors are NaN without
-    such a row or outage, all four without any outage.
+    with d_j the way of the reference from the first row inside outage j to the last. An outage whose end the reference
+    or the run does not reach is thus left out, and seen to be. Errors are NaN without such a row or outage, the part of
+    the distance also where all stood still; all five without any outage.
     """
 
     def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
-        """Return the four values by column name."""
+        """Return the five values by column name."""
         return self.summarise(sums_of(estimate, recording, counted))
 
     def summarise(self, sums: Sums) -> dict[str, float]:
         """Return the same from the sums of a run."""
-        ends = sums.outage_ends_m
+        ends, driven_m = sums.outage_ends_m, float(sums.outage_driven_m.sum())
         return {
             "outage_rmse_m": rms(sums.outage_m2, sums.outage_rows),
             "outage_end_m": mean(float(ends.sum()), float(ends.size)),
             "outage_end_max_m": float(ends.max()) if ends.size else float("nan"),
+            "outage_end_percent": mean(100 * float(ends.sum()), driven_m),
             "outages_counted": float(ends.size) if sums.outages else float("nan"),
         }

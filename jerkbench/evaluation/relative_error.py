@@ -9,6 +9,7 @@ from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.errors import PluginError
 from jerkbench.estimate import Estimate
 from jerkbench.evaluation.navigation_errors import known, position_error_m, rms_norm
+from jerkbench.evaluation.rows import driven_m
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 
@@ -47,17 +48,8 @@ class RelativeError:
         error = position_error_m(estimate, recording)[rows]
         if len(error) == 0:
             return {"relative_error_percent": np.nan}
-        begin, end = _stretches(self._driven_m(estimate, recording)[rows], self.distance_m)
+        begin, end = _stretches(driven_m(recording.reference)[estimate.index[rows]], self.distance_m)
         return {"relative_error_percent": 100 * rms_norm(error[end] - error[begin]) / self.distance_m}
-
-    def _driven_m(self, estimate: Estimate, recording: Recording) -> FloatArray:
-        """Return (k,) the distance driven up to each row of the estimate, over all known rows of the reference."""
-        truth = recording.reference.enu_m
-        steps = np.zeros(len(recording.reference.t_s))
-        if truth is not None:
-            there = np.flatnonzero(np.isfinite(truth).all(axis=1))
-            steps[there[1:]] = np.linalg.norm(np.diff(truth[there], axis=0), axis=1)
-        return np.asarray(np.cumsum(steps)[estimate.index])
 
 
 def _stretches(driven_m: FloatArray, distance_m: float) -> tuple[IntArray, IntArray]:

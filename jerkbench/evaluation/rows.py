@@ -29,6 +29,7 @@ class Rows(NamedTuple):
         outages: (j, 2) the first and the last row inside each outage that the reference follows to its end, scored or
             not.
         outages_s: (j, 2) their times.
+        outages_driven_m: (j,) how far the reference went between the two.
         start_s: time of the first counted row; infinite without one.
     """
 
@@ -39,6 +40,7 @@ class Rows(NamedTuple):
     outage: BoolArray
     outages: IntArray
     outages_s: FloatArray
+    outages_driven_m: FloatArray
     start_s: float
 
 
@@ -61,8 +63,18 @@ def counting(index: IntArray, recording: Recording, counted: BoolArray) -> Rows:
         inside.any(axis=0) & counted,
         outages,
         t_s[outages],
+        np.diff(driven_m(reference)[index][outages], axis=1)[:, 0],
         start_s,
     )
+
+
+def driven_m(reference: Reference) -> FloatArray:
+    """Return (k,) the distance up to each row, straight from each known position to the next."""
+    steps = np.zeros(len(reference.t_s))
+    if reference.enu_m is not None:
+        there = np.flatnonzero(np.isfinite(reference.enu_m).all(axis=1))
+        steps[there[1:]] = np.linalg.norm(np.diff(reference.enu_m[there], axis=0), axis=1)
+    return np.cumsum(steps)
 
 
 def known_axes(truth: FloatArray | None, index: IntArray) -> BoolArray:

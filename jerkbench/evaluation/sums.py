@@ -35,6 +35,7 @@ class Sums(NamedTuple):
         outage_m2: sum of |e|^2 of position inside outages.
         outage_rows: their number.
         outage_ends_m: (j,) |e| at the end of each outage.
+        outage_driven_m: (j,) how far the reference went in each.
         outage_drifts_mps: (j,) change of e from its first to its last row, per second; NaN where they are one.
         outages: number of outages of the recording, reached or not.
     """
@@ -56,6 +57,7 @@ class Sums(NamedTuple):
     outage_m2: float
     outage_rows: float
     outage_ends_m: FloatArray
+    outage_driven_m: FloatArray
     outage_drifts_mps: FloatArray
     outages: int
 
@@ -88,6 +90,7 @@ def sums_of(estimate: Estimate, recording: Recording, counted: BoolArray) -> Sum
             outage_m2=float(norm2[rows.outage].sum()),
             outage_rows=float(rows.outage.sum()),
             outage_ends_m=np.sqrt(norm2[rows.outages[:, 1]]),
+            outage_driven_m=rows.outages_driven_m,
             outage_drifts_mps=drifts_mps(position[rows.outages], rows.outages_s),
             outages=len(recording.outages_s),
         )

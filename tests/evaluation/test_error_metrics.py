@@ -94,9 +94,9 @@ def naive_outage(estimate, recording, counted):
     known_s = [t for t, truth in zip(reference.t_s, reference.enu_m, strict=True) if not np.isnan(truth).any()]
     oldest_s = 2 * statistics.median(after - before for before, after in pairwise(known_s)) + 1e-9
     start_s = min(reference.t_s[row] for row, count in zip(estimate.index, counted, strict=True) if count)
-    inside, ends = [], []
+    inside, ends, driven = [], [], []
     for begin, end in recording.outages_s:
-        last = None
+        last, way, before = None, 0.0, None
         for row, position, count in zip(estimate.index, estimate.position_m, counted, strict=True):
             t, truth = reference.t_s[row], reference.enu_m[row]
             if begin <= t < end and not np.isnan(truth).any():
@@ -104,9 +104,12 @@ def naive_outage(estimate, recording, counted):
                     inside.append(math.dist(position, truth))
                 if t >= start_s:
                     last = t, math.dist(position, truth)
+                    way += 0.0 if before is None else math.dist(before, truth)
+                    before = truth
         if last is not None and end - last[0] <= oldest_s:
             ends.append(last[1])
-    return math.sqrt(sum(d * d for d in inside) / len(inside)), ends
+            driven.append(way)
+    return math.sqrt(sum(d * d for d in inside) / len(inside)), ends, driven
 
 
 def holed(recording, unknown=(), unscored=()):
@@ -135,16 +138,25 @@ def holed(recording, unknown=(), unscored=()):
 def test_outage_is_the_naive_loop(estimate, recording, holes, burn_in_s, n):
     recording = holed(recording, **holes)
     counted = counted_rows(estimate, recording, burn_in_s)
-    rmse, ends = naive_outage(estimate, recording, counted)
+    rmse, ends, driven = naive_outage(estimate, recording, counted)
     assert len(ends) == n
     assert Outage().evaluate(estimate, recording, counted) == pytest.approx(
         {
             "outage_rmse_m": rmse,
             "outage_end_m": sum(ends) / n,
             "outage_end_max_m": max(ends),
+            "outage_end_percent": 100 * sum(ends) / sum(driven),
             "outages_counted": n,
         }
     )
+
+
+def test_an_error_without_any_way_is_no_part_of_it(estimate, recording):
+    still = dataclasses.replace(recording.reference, enu_m=np.ones_like(recording.reference.enu_m))
+    parked = dataclasses.replace(recording, reference=still)
+    values = Outage().evaluate(estimate, parked, counted_rows(estimate, parked, BURN_IN_S))
+    assert math.isnan(values["outage_end_percent"])
+    assert values["outage_end_m"] > 0
 
 
 def test_an_outage_that_the_run_does_not_reach_the_end_of_is_not_counted(estimate, recording):
@@ -166,7 +178,7 @@ def test_without_an_error_at_any_end_there_are_no_outages_and_no_errors(estimate
 def test_without_outages_nothing_applies(estimate, recording, counted):
     always = dataclasses.replace(recording, outages_s=np.empty((0, 2)))
     values = Outage().evaluate(estimate, always, counted)
-    assert len(values) == 4
+    assert len(values) == 5
     assert all(math.isnan(value) for value in values.values())
 
 

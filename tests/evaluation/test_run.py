@@ -39,7 +39,7 @@ def test_counted_rows_are_scored_late_and_known(estimate, recording):
 
 def test_every_column_is_there_and_a_number(estimate, recording):
     values = evaluate_run(estimate, recording, 5.0, all_metrics())
-    assert len(values) == 21
+    assert len(values) == 22
     assert all(type(value) is float and math.isfinite(value) for value in values.values())
 
 
