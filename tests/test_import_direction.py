@@ -28,6 +28,7 @@ ORDER = [
     ["report"],
     ["benchmark"],
     ["catalogue", "api"],
+    ["inspection"],
     ["data", "verbs"],
     ["cli"],
     ["__main__"],

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from jerkbench.arrays import FloatArray
+from jerkbench.inspection.findings import findings_text
 from jerkbench.recording import Recording
 
 GAP = 2.5
@@ -14,6 +15,7 @@ GAP = 2.5
 def facts_text(recording: Recording) -> str:
     """Return everything, one fact a line."""
     lines = [recording.name, *_times(recording), "", *_streams(recording), "", *_inertial(recording)]
+    lines += ["", findings_text(recording), ""]
     return "\n".join([*lines, *(f"Note: {note}" for note in recording.notes)])
 
 

@@ -1,0 +1,46 @@
+"""What the inspection found, in lines that a person reads."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from jerkbench.inspection.allan import RestNoise, rest_noise
+from jerkbench.inspection.lags import Lag, estimated_lags
+from jerkbench.inspection.sigmas import Sigma, stated_against_real_sigma
+from jerkbench.recording import Recording
+
+
+def findings_text(recording: Recording) -> str:
+    """Return lags, real against stated sigmas, and the noise of the IMU at rest, one a line."""
+    noise = rest_noise(recording)
+    lines = [_lag_line(lag) for lag in estimated_lags(recording)]
+    lines += [_sigma_line(sigma) for sigma in stated_against_real_sigma(recording)]
+    lines += _noise_lines(noise) if noise else ["imu noise: no rest of 5 s at the start to read it from"]
+    return "\n".join(lines)
+
+
+def _lag_line(lag: Lag) -> str:
+    if np.isnan(lag.lag_s):
+        return f"lag of {lag.stream} against {lag.against}: cannot be told (correlation {lag.correlation:.2f})"
+    return f"lag of {lag.stream} against {lag.against}: {lag.lag_s:+.3f} s (correlation {lag.correlation:.3f})"
+
+
+def _sigma_line(sigma: Sigma) -> str:
+    real, stated = (", ".join(f"{value:.3g}" for value in values) for values in (sigma.real, sigma.stated))
+    return (
+        f"{sigma.stream}, {sigma.basis}: {real} {sigma.unit}; stated {stated} {sigma.unit}: {sigma.ratio:.2f} times as"
+        f" large as stated ({sigma.rows} rows)"
+    )
+
+
+def _noise_lines(noise: RestNoise) -> Iterator[str]:
+    yield (
+        f"imu noise over {noise.duration_s:.0f} s of rest: gyro {noise.angle_random_walk_deg_per_sqrt_h:.3g}"
+        f" deg/sqrt(h), accelerometer {noise.velocity_random_walk_mps_per_sqrt_h:.3g} m/s/sqrt(h); nearest grade:"
+        f" {noise.grade}"
+    )
+    if np.isfinite(noise.gyro_instability_deg_per_h):
+        yield (
+            f"imu instability: gyro {noise.gyro_instability_deg_per_h:.3g} deg/h, accelerometer"
+            f" {noise.accel_instability_mg:.3g} mg"
+        )

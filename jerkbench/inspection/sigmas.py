@@ -1,0 +1,98 @@
+"""Whether a receiver errs as much as it says."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jerkbench.arrays import FloatArray
+from jerkbench.recording import Recording
+
+LEAST_ROWS = 10
+
+REST, REFERENCE = "scatter at rest", "error against the reference"
+
+
+@dataclass(frozen=True)
+class Sigma:
+    """One standard deviation of a stream, stated and real.
+
+    Attributes:
+        stream: "position" or "velocity".
+        unit: "m" or "m/s".
+        basis: where the real one comes from: the scatter at rest, which a slow error does not show in, or the error
+            against the reference.
+        stated: (3,) root of the mean stated variance on each axis.
+        real: (3,) root mean square on each axis.
+        ratio: root of the mean of e' R^-1 e/3; 1: as stated, 2: twice as large.
+        rows: over how many.
+    """
+
+    stream: str
+    unit: str
+    basis: str
+    stated: FloatArray
+    real: FloatArray
+    ratio: float
+    rows: int
+
+
+def stated_against_real_sigma(recording: Recording) -> list[Sigma]:
+    """Return what can be told of position and ENU velocity: at rest at the start, and against the reference.
+
+    A reference whose places are the fixes themselves says nothing of them; it is left out. The reference is taken
+    linearly between its stamps, where these are no further apart than 0.5 s.
+    """
+    found = []
+    for name, unit, t_s, values, covariance in _streams(recording):
+        whole = np.isfinite(values).all(axis=1)
+        still = whole & (t_s >= 0) & (t_s < recording.static_start_s)
+        if still.sum() >= LEAST_ROWS:
+            centre = values[still].mean(axis=0) if name == "position" else np.zeros(3)
+            found.append(_sigma(name, unit, REST, values[still] - centre, covariance[still]))
+        truth = _truth(recording, name, t_s)
+        there = whole & np.isfinite(truth).all(axis=1)
+        error = values[there] - truth[there]
+        if there.sum() >= LEAST_ROWS and error.any():
+            found.append(_sigma(name, unit, REFERENCE, error, covariance[there]))
+    return found
+
+
+def _streams(recording: Recording) -> list[tuple[str, str, FloatArray, FloatArray, FloatArray]]:
+    streams = []
+    if recording.position is not None:
+        p = recording.position
+        streams.append(("position", "m", p.t_s, p.enu_m, p.covariance_m2))
+    if recording.velocity is not None and recording.velocity.frame == "enu":
+        v = recording.velocity
+        streams.append(("velocity", "m/s", v.t_s, v.mps, v.covariance_m2ps2))
+    return streams
+
+
+def _truth(recording: Recording, stream: str, t_s: FloatArray) -> FloatArray:
+    """(m, 3) the reference at ``t_s``; NaN where it is not known near."""
+    reference = recording.reference
+    values = reference.enu_m if stream == "position" else reference.velocity_mps
+    if values is None or len(reference.t_s) < 2:
+        return np.full((len(t_s), 3), np.nan)
+    after = np.clip(np.searchsorted(reference.t_s, t_s), 1, len(reference.t_s) - 1)
+    near = (reference.t_s[after] - reference.t_s[after - 1] <= NEAR_S)[:, None]
+    inside = ((t_s >= reference.t_s[0]) & (t_s <= reference.t_s[-1]))[:, None]
+    there = np.column_stack([np.interp(t_s, reference.t_s, values[:, axis]) for axis in range(3)])
+    return np.where(near & inside, there, np.nan)
+
+
+NEAR_S = 0.5
+"""Over a longer interval of the reference a straight line says little."""
+
+
+def _sigma(name: str, unit: str, basis: str, error: FloatArray, covariance: FloatArray) -> Sigma:
+    squares = np.einsum("ki,ki->k", error, np.linalg.solve(covariance, error[:, :, None])[:, :, 0])
+    return Sigma(
+        stream=name,
+        unit=unit,
+        basis=basis,
+        stated=np.sqrt(np.diagonal(covariance, axis1=1, axis2=2).mean(axis=0)),
+        real=np.sqrt((error**2).mean(axis=0)),
+        ratio=float(np.sqrt(squares.mean() / 3)),
+        rows=len(error),
+    )

@@ -1,0 +1,61 @@
+"""Allan deviations of processes whose closed form is known (IEEE Std 952)."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from jerkbench.datasets.field import Field
+from jerkbench.inspection.allan import allan_deviation, nearest_grade, rest_noise
+from jerkbench.simulation.imu_errors import GRADES
+
+
+def naive(samples, interval_s, j):
+    """The definition: differences of successive means over j samples, from every start."""
+    means = [samples[i : i + j].mean() for i in range(len(samples) - j + 1)]
+    return np.sqrt(np.mean([(means[i + j] - means[i]) ** 2 for i in range(len(means) - j)]) / 2)
+
+
+def test_it_is_the_definition():
+    samples = np.random.default_rng(0).normal(size=(200, 1)).cumsum(axis=0)
+    tau_s, deviation = allan_deviation(samples, 0.1)
+    for k in (0, 5, len(tau_s) - 1):
+        assert deviation[k, 0] == pytest.approx(naive(samples[:, 0], 0.1, round(tau_s[k] / 0.1)), rel=1e-9)
+
+
+def test_white_noise_falls_and_a_random_walk_rises_with_the_root():
+    rng = np.random.default_rng(1)
+    white = 0.3 * rng.normal(size=(100_000, 1)) / np.sqrt(0.01)  # N = 0.3
+    walk = np.cumsum(0.2 * np.sqrt(0.01) * rng.normal(size=(100_000, 1)), axis=0)  # K = 0.2
+    tau_s, deviation = allan_deviation(white, 0.01)
+    short = tau_s < 5
+    np.testing.assert_allclose(deviation[short, 0], 0.3 / np.sqrt(tau_s[short]), rtol=0.1)
+    tau_s, deviation = allan_deviation(walk, 0.01)
+    middle = (tau_s > 0.1) & (tau_s < 5)
+    np.testing.assert_allclose(deviation[middle, 0], 0.2 * np.sqrt(tau_s[middle] / 3), rtol=0.15)
+
+
+@pytest.mark.parametrize("grade", list(GRADES))
+def test_the_grade_of_a_simulated_imu_is_found(grade):
+    noise = rest_noise(Field(imu=grade, stand_s=40.0, duration_s=60.0).load(1))
+    stated = GRADES[grade]
+    assert noise.grade == grade
+    assert noise.angle_random_walk_deg_per_sqrt_h == pytest.approx(stated.angle_random_walk_deg_per_sqrt_h, rel=0.2)
+    assert noise.velocity_random_walk_mps_per_sqrt_h == pytest.approx(
+        stated.velocity_random_walk_mps_per_sqrt_h, rel=0.2
+    )
+    assert np.isnan(noise.gyro_instability_deg_per_h)
+
+
+def test_a_long_rest_shows_the_instability_as_well():
+    recording = Field(imu="consumer", stand_s=70.0, duration_s=90.0).load(1)
+    noise = rest_noise(recording)
+    lowest = np.degrees(noise.gyro_radps.min(axis=0).max()) * 3600
+    assert noise.gyro_instability_deg_per_h == pytest.approx(lowest / 0.664)
+    assert rest_noise(dataclasses.replace(recording, static_start_s=4.0)) is None
+
+
+def test_the_nearest_grade_is_nearest_in_ratio():
+    assert nearest_grade(5.0, 1.0) == "consumer"
+    assert nearest_grade(0.12, 0.062) == "tactical"
+    assert nearest_grade(0.0, 0.0) in GRADES

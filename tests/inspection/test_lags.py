@@ -1,0 +1,71 @@
+"""Lags put into recordings of which everything is known, and those of the real drive."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from jerkbench.datasets.rtklib import RtklibDrive
+from jerkbench.inspection.lags import estimated_lags
+from jerkbench.recording import Imu, Position, Recording, Reference, Velocity
+
+
+def speed(t):
+    return 6.0 + 3.0 * np.sin(0.7 * t)
+
+
+def moving(t):
+    course = 0.8 * np.sin(0.3 * t)
+    return speed(t)[:, None] * np.column_stack([np.cos(course), np.sin(course), 0.05 * np.sin(t)])
+
+
+def driving(velocity_late_s=0.0, imu_late_s=0.0, frame="enu"):
+    """A minute on a winding road at changing speed; closed forms for velocity and forward force."""
+    t, fine, fix, stamps = (
+        np.arange(*one) for one in ((0, 60, 0.005), (-1, 62, 0.005), (0.2, 60, 0.2), (0.5, 59, 0.1))
+    )
+    path = np.cumsum(moving(fine), axis=0) * 0.005
+    enu = np.column_stack([np.interp(fix, fine + 0.0025, path[:, axis]) for axis in range(3)])
+    true = stamps - velocity_late_s
+    velocity = Velocity(stamps, moving(true), np.tile(0.01 * np.eye(3), (len(stamps), 1, 1)))
+    if frame == "speed":
+        velocity = Velocity.along_course(stamps, speed(true), 0.1)
+    force = np.column_stack([2.1 * np.cos(0.7 * (t - imu_late_s)), 0 * t, 0 * t + 9.81])
+    position = Position(fix, enu, np.tile(1e-4 * np.eye(3), (len(fix), 1, 1)))
+    reference = Reference(fix, "made", independent=True, enu_m=enu)
+    return Recording("road", Imu(t + 0.0025, force, 0 * force), reference, position, velocity)
+
+
+def by_name(recording):
+    return {lag.stream: lag.lag_s for lag in estimated_lags(recording)}
+
+
+@pytest.mark.parametrize(("velocity_s", "imu_s"), [(0.0, 0.0), (0.125, 0.2), (-0.08, -0.31)])
+def test_lags_that_were_put_in_are_found(velocity_s, imu_s):
+    found = by_name(driving(velocity_s, imu_s))
+    assert found == pytest.approx(
+        {"velocity, horizontal": velocity_s, "velocity, up": velocity_s, "imu": imu_s}, abs=0.01
+    )
+
+
+def test_a_speed_has_a_lag_too():
+    assert by_name(driving(0.1, 0.05, frame="speed")) == pytest.approx({"speed": 0.1, "imu": 0.05}, abs=0.012)
+
+
+def test_what_cannot_be_told_is_not_a_number():
+    recording = driving()
+    imu = recording.imu
+    resting = dataclasses.replace(recording, imu=Imu(imu.t_s, 0 * imu.accel_mps2, 0 * imu.gyro_radps))
+    assert np.isnan(by_name(resting)["imu"])
+    assert estimated_lags(dataclasses.replace(recording, velocity=None)) == []
+    assert set(by_name(dataclasses.replace(recording, position=None))) == {"imu"}
+    assert np.isnan(by_name(driving(velocity_late_s=0.9))["velocity, horizontal"])
+
+
+def test_the_latencies_of_the_real_drive_are_found(shared_folder):
+    """Its data set corrects them; read without, they are there: .125 s, .275 s and .20 s."""
+    folder = str(shared_folder / "data" / "rtklib_drive_0708")
+    raw = by_name(RtklibDrive(folder, imu_shift_s=0.0, velocity_latency_s=(0.0, 0.0, 0.0)).load(0))
+    assert raw == pytest.approx({"velocity, horizontal": 0.125, "velocity, up": 0.275, "imu": 0.20}, abs=0.01)
+    corrected = by_name(RtklibDrive(folder).load(0))
+    assert corrected == pytest.approx(dict.fromkeys(raw, 0.0), abs=0.01)

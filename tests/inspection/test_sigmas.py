@@ -1,0 +1,47 @@
+"""Noise that was drawn, against what is stated of it."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from jerkbench.inspection.sigmas import REFERENCE, REST, stated_against_real_sigma
+from jerkbench.recording import Position, Reference, Velocity
+from synthetic import recording_at_rest
+
+
+def noisy(real_m=0.02, stated_m=0.01):
+    recording = recording_at_rest(400.0, imu_rate_hz=10)
+    rng = np.random.default_rng(3)
+    fix = recording.position.t_s
+    n = len(fix)
+    position = Position(fix, real_m * rng.normal(size=(n, 3)), np.tile(stated_m**2 * np.eye(3), (n, 1, 1)))
+    velocity = Velocity(fix, 0.03 * rng.normal(size=(n, 3)), np.tile(0.03**2 * np.eye(3), (n, 1, 1)))
+    return dataclasses.replace(recording, position=position, velocity=velocity, static_start_s=200.0)
+
+
+def test_the_ratio_is_that_of_the_noise_that_was_drawn():
+    found = {(one.stream, one.basis): one for one in stated_against_real_sigma(noisy())}
+
+    assert set(found) == {(stream, basis) for stream in ("position", "velocity") for basis in (REST, REFERENCE)}
+    assert found["position", REST].ratio == pytest.approx(2.0, rel=0.05)
+    assert found["position", REFERENCE].ratio == pytest.approx(2.0, rel=0.03)
+    assert found["velocity", REFERENCE].ratio == pytest.approx(1.0, rel=0.03)
+    np.testing.assert_allclose(found["position", REFERENCE].real, 0.02, rtol=0.06)
+    np.testing.assert_allclose(found["position", REFERENCE].stated, 0.01)
+
+
+def test_fixes_that_are_the_reference_themselves_say_nothing():
+    recording = noisy()
+    position = recording.position
+    same = Reference(position.t_s, "the fixes", independent=False, enu_m=position.enu_m)
+    assert (
+        stated_against_real_sigma(dataclasses.replace(recording, reference=same, velocity=None, static_start_s=0.0))
+        == []
+    )
+
+
+def test_a_reference_with_holes_is_not_bridged():
+    recording = noisy()
+    coarse = Reference(np.arange(0, 400, 2.0), "coarse", independent=True, enu_m=np.zeros((200, 3)))
+    assert stated_against_real_sigma(dataclasses.replace(recording, reference=coarse, static_start_s=0.0)) == []
