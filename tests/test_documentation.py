@@ -57,13 +57,13 @@ def test_the_runs_of_the_readme_go_well(folder, plugin, words):
 
 @pytest.mark.parametrize("words", [w for w in commands() if not is_run(w)], ids=" ".join)
 def test_the_other_commands_of_the_readme_go_well(folder, plugin, words):
-    if words[0] == "table":  # of a sweep with outages
+    if "results/adhoc" in words:  # of a sweep with outages
         sweep = ["run", "-m", "filter=baseline,jerk", "adaptation=none,mtf", "disturbance=gnss_outage", "study=adhoc"]
         jerkbench(*sweep, "dataset.duration_s=60", *QUICK[1:], cwd=folder)
     done = jerkbench(*words, cwd=folder, PYTHONPATH=plugin)
 
     assert done.returncode == 0, done.stderr
-    assert len(done.stdout) > 200
+    assert len(done.stdout) > (10 if words[0] == "report" else 200)  # which names its file
 
 
 def test_the_drive_of_the_readme_goes_well(folder, shared_folder):

@@ -1,6 +1,6 @@
 """The verbs that read results: each a file with `add`, which declares its words and what answers them."""
 
-from jerkbench.verbs import compare, export, figures, rerun, table
+from jerkbench.verbs import compare, export, figures, report, rerun, table
 
-VERBS = (table, figures, compare, rerun, export)
+VERBS = (table, figures, report, compare, rerun, export)
 """In the order in which `jerkbench --help` names them."""

@@ -1,0 +1,135 @@
+"""The part of the report with every cell: a table to sort and to filter, and each cell's configuration behind it."""
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from html import escape
+from typing import TYPE_CHECKING, Any
+
+from jerkbench.evaluation.statistics.consistency import runs_verdict
+from jerkbench.report.comparison import Comparison, compare_to
+from jerkbench.report.factors import FACTORS
+from jerkbench.report.quantities import quantity
+from jerkbench.report.rows import metric_columns
+from jerkbench.report.summary import summarise
+from jerkbench.report.table import Cell, number
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+COLUMNS = ("velocity_rmse_mps", "outage_rmse_m", "outage_end_m", "lockout_s", "anees", "anis_per_row")
+"""Metrics that get a column after the leading one, where they have values."""
+
+VERDICT = ("anees", 6.0)
+"""The metric that is judged in words, and what a consistent filter gives."""
+
+
+def cells_section(
+    rows: "pd.DataFrame", keys: Sequence[str], about: Mapping[str, Mapping[str, Any]], metric: str
+) -> str:
+    """Return the filters, the table and a template for each cell.
+
+    Args:
+        rows: one row a cell and seed.
+        keys: key of the cell of each row.
+        about: what is stored beside each cell's rows, by key.
+        metric: the leading metric.
+    """
+    metrics = [metric, *(one for one in COLUMNS if one != metric and one in rows and rows[one].notna().any())]
+    tables = {one: _by_combination(rows, one) for one in metrics}
+    ratios = _ratios(rows, metric)
+    groups = rows.assign(key=list(keys)).groupby("key", sort=False)
+    lines, templates = [], []
+    for key, group in groups:
+        combination = tuple(str(group[one].iloc[0]) for one in FACTORS)
+        cells = [tables[one][combination] for one in metrics]
+        lines.append(_line(str(key), combination, cells, ratios.get(combination), group))
+        templates.append(_template(str(key), combination, group, about[str(key)]))
+    heads = [*FACTORS, *(quantity(one).heading for one in metrics), "×  none", "NEES says", "lost", "runs"]  # noqa: RUF001
+    head = "".join(f'<th scope="col"><button>{escape(text)}</button></th>' for text in heads)
+    return (
+        f'{_filters(rows)}<div class="scroll"><table id="cells"><thead><tr>{head}<th></th></tr></thead>\n<tbody>\n'
+        + "\n".join(lines)
+        + '\n</tbody></table></div>\n<dialog id="cell"><form method="dialog"><button>Close</button></form>'
+        + '<div id="content"></div></dialog>\n'
+        + "\n".join(templates)
+    )
+
+
+def _by_combination(rows: "pd.DataFrame", metric: str) -> dict[tuple[str, ...], Cell]:
+    table = summarise(rows, metric, row_keys=FACTORS[:-1], column_keys=FACTORS[-1:])
+    return {
+        (*row, *column): cell
+        for row, line in zip(table.rows, table.cells, strict=True)
+        for column, cell in zip(table.columns, line, strict=True)
+        if cell is not None
+    }
+
+
+def _ratios(rows: "pd.DataFrame", metric: str) -> dict[tuple[str, ...], Comparison]:
+    if "none" not in set(rows["adaptation"].astype(str)):
+        return {}
+    return {one.subject: one for one in compare_to(rows, metric, {"adaptation": "none"})}
+
+
+def _line(
+    key: str, combination: tuple[str, ...], cells: Sequence[Cell], ratio: Comparison | None, group: "pd.DataFrame"
+) -> str:
+    texts = "".join(f"<td>{escape(text)}</td>" for text in combination)
+    numbers = "".join(_mean(cell) for cell in cells)
+    lost = int((group["status"] != "ok").sum())
+    against = _number(ratio.paired.ratio, "*" if ratio.shown else "") if ratio else _number(math.nan)
+    end = f"{_number(lost)}{_number(len(group))}"
+    button = f'<td><button data-key="{key}">open</button></td>'
+    return f"<tr>{texts}{numbers}{against}<td>{_verdict(group)}</td>{end}{button}</tr>"
+
+
+def _mean(cell: Cell) -> str:
+    if not math.isfinite(cell.mean):
+        return f'<td class="number" data-value="">{escape(cell.text)}</td>'
+    interval = f' <span class="interval">{escape(cell.interval)}</span>' if cell.interval else ""
+    return f'<td class="number" data-value="{cell.mean!r}">{escape(cell.number)}{interval}</td>'
+
+
+def _number(value: float, mark: str = "") -> str:
+    if not math.isfinite(value):
+        return '<td class="number" data-value=""></td>'
+    return f'<td class="number" data-value="{value!r}">{number(value) if value % 1 else int(value)}{mark}</td>'
+
+
+def _verdict(group: "pd.DataFrame") -> str:
+    column, expected = VERDICT
+    if column not in group:
+        return ""
+    return runs_verdict(group.loc[group["status"] == "ok", column].to_numpy(dtype=float), expected).word
+
+
+def _filters(rows: "pd.DataFrame") -> str:
+    selects = []
+    for place, key in enumerate(FACTORS):
+        values = list(dict.fromkeys(rows[key].astype(str)))
+        if len(values) > 1:
+            options = "".join(f"<option>{escape(value)}</option>" for value in values)
+            selects.append(
+                f'<label>{key} <select data-column="{place}"><option value="">all</option>{options}</select></label>'
+            )
+    words = '<label>words <input id="words" type="search" placeholder="jerk outage"></label>'
+    return f'<div class="filters">{words}{"".join(selects)}<span id="shown"></span></div>\n'
+
+
+def _template(key: str, combination: tuple[str, ...], group: "pd.DataFrame", about: Mapping[str, Any]) -> str:
+    columns = ["seed", "status", "reason", *metric_columns(group)]
+    values = group[[one for one in columns if group[one].notna().any()]]
+    head = "".join(f"<th>{escape(str(one))}</th>" for one in values.columns)
+    lines = "".join(
+        f"<tr>{''.join(f'<td>{escape(str(value))}</td>' for value in line)}</tr>"
+        for line in values.itertuples(index=False)
+    )
+    told = {
+        one: about[one] for one in ("spec", "protocol", "data", "notes", "created", "seconds", "commit", "versions")
+    }
+    return (
+        f'<template id="cell-{key}"><h3>{escape(", ".join(combination))}</h3><p class="muted">{key}</p>'
+        f'<div class="scroll"><table><thead><tr>{head}</tr></thead><tbody>{lines}</tbody></table></div>'
+        f"<pre>{escape(json.dumps(told, indent=1, ensure_ascii=False))}</pre></template>"
+    )

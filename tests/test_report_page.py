@@ -1,0 +1,199 @@
+"""The report: one file, everything in it, and it can be sorted, filtered and opened in a browser."""
+
+import html
+import json
+import re
+import shutil
+
+import pandas as pd
+import pytest
+from matplotlib.figure import Figure
+
+from commands import jerkbench, swept
+from jerkbench.report.page.page import Results, page
+from jerkbench.report.review import Evidence, review
+
+WORDS = ["filter=baseline,jerk", "adaptation=none,mtf", "disturbance=none,multipath_single_axis", "seeds=2"]
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("report")
+    swept(*WORDS, "dataset.duration_s=60", cwd=folder)
+    done = jerkbench("report", "results/adhoc", "--scenarios", "1", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    return folder / "results" / "adhoc" / "report.html"
+
+
+def test_it_is_one_file_that_asks_for_nothing(report):
+    text = report.read_text(encoding="utf-8")
+    assert not re.findall(r"(?:src|href)=\"(?!data:image/png;base64,|#)", text)
+    assert "http" not in re.sub(r"base64,[^\"]*", "", text).replace("http-equiv", "")
+    assert text.count("data:image/png;base64,") == 11
+    assert "The paper says that jerk+mtf is more than 10 times better than baseline+none." in text
+
+
+def test_every_cells_configuration_is_in_it(report):
+    text = report.read_text(encoding="utf-8")
+    stored = {path.stem for path in (report.parent / "cells").glob("*.parquet")}
+    found = dict(re.findall(r'<template id="cell-(\w+)">.*?<pre>(.*?)</pre>', text, flags=re.DOTALL))
+    assert set(found) == stored
+    for content in found.values():
+        about = json.loads(html.unescape(content))
+        assert about["spec"]["dataset"]["duration_s"] == 60.0
+        assert about["protocol"]["seeds"] == 2
+
+
+@pytest.fixture(scope="module")
+def browser():
+    selenium = pytest.importorskip("selenium", reason="selenium is not there; pip install 'jerkbench[test]'")
+    del selenium
+    chromium, driver = shutil.which("chromium"), shutil.which("chromedriver")
+    if chromium is None or driver is None:
+        pytest.skip("chromium and its driver are not there (Debian: chromium chromium-driver)")
+    from selenium import webdriver
+    from selenium.webdriver.chrome.service import Service
+
+    options = webdriver.ChromeOptions()
+    options.binary_location = chromium
+    for word in ("--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--window-size=1500,1200"):
+        options.add_argument(word)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    with webdriver.Chrome(options=options, service=Service(driver)) as opened:
+        yield opened
+
+
+@pytest.fixture
+def opened(browser, report):
+    browser.get(report.as_uri())
+    return browser
+
+
+def columns(opened, place):
+    rows = opened.find_elements("css selector", "#cells tbody tr")
+    return [
+        row.find_elements("css selector", "td")[place].get_attribute("textContent")
+        for row in rows
+        if row.is_displayed()
+    ]
+
+
+def header(opened, text):
+    heads = opened.find_elements("css selector", "#cells thead th")
+    place = next(k for k, one in enumerate(heads) if one.text.startswith(text))
+    return place, heads[place].find_element("css selector", "button")
+
+
+def test_it_sorts_up_and_down(opened):
+    place, button = header(opened, "Position RMSE")
+    for sign in (1, -1):
+        opened.execute_script("arguments[0].click()", button)
+        means = [sign * float(text.split()[0]) for text in columns(opened, place)]
+        assert len(means) == 8
+        assert means == sorted(means)
+
+
+def test_it_filters_by_words_and_by_factor(opened):
+    opened.find_element("id", "words").send_keys("jerk multipath")
+    assert set(columns(opened, 3)) == {"jerk"}
+    assert opened.find_element("id", "shown").text == "2 of 8 cells"
+    select = opened.find_element("css selector", "select[data-column='4']")
+    select.find_element("xpath", "./option[text()='mtf']").click()
+    assert columns(opened, 4) == ["mtf"]
+    opened.find_element("id", "words").clear()
+    opened.find_element("id", "words").send_keys(" ")
+    assert columns(opened, 4) == ["mtf"] * 4
+
+
+def test_a_cell_opens_and_closes(opened):
+    opened.execute_script("arguments[0].click()", opened.find_element("css selector", "#cells button[data-key]"))
+    dialog = opened.find_element("id", "cell")
+    assert dialog.is_displayed()
+    assert '"spec"' in dialog.text
+    assert "duration_s" in dialog.text
+    dialog.find_element("css selector", "form button").click()
+    assert not dialog.is_displayed()
+
+
+def test_the_browser_has_nothing_to_complain_about(opened):
+    assert [one for one in opened.get_log("browser") if one["level"] != "INFO"] == []
+
+
+def cell(filter_parameter=1.0, dataset="field", data="", window=1, independent="independent of", **more):
+    labels = {"dataset": dataset, "disturbance": "none", "attitude": "tilt", "filter": "jerk", "adaptation": "none"}
+    return {
+        "labels": {**labels, "noise": f"accel_mps2={filter_parameter}"},
+        "spec": {
+            "dataset": {"name": dataset, **more},
+            "filter": {"name": "jerk", "accel_mps2": filter_parameter},
+            "adaptation": {"name": "mtf", "window": window},
+            "attitude": {"name": "tilt"},
+        },
+        "data": data,
+        "notes": [f"Reference of {dataset}: drawn; {independent} the measurements."],
+    }
+
+
+def answers(cells, seeds=12, anees=6.0, replicate="seed"):
+    rows = [
+        {**one["labels"], "seed": seed, "replicate": replicate, "status": "ok", "reason": ""}
+        | {"position_rmse_m": 1.0 + 0.1 * seed, "anees": anees}
+        for one in cells
+        for seed in range(seeds)
+    ]
+    checks = review(Evidence(pd.DataFrame(rows), cells, "position_rmse_m"))
+    keys = ("covariance", "budget", "recordings", "seeds", "intervals", "consistency", "independence", "windows")
+    return {key: one.passed for key, one in zip(keys, checks, strict=True)}
+
+
+GOOD = [cell(k, dataset, window=k) for k in (1, 2, 3) for dataset in ("field", "field_ruts")]
+
+
+def test_a_good_study_passes_the_review():
+    assert answers(GOOD) == {**dict.fromkeys(answers(GOOD), True), "covariance": None}
+    real = [{**one, "data": "hash"} for one in GOOD]
+    assert answers(real)["covariance"] is True
+
+
+@pytest.mark.parametrize(
+    ("question", "cells", "more"),
+    [
+        ("covariance", [cell(k, data="hash", position_sigma_m=1.0) for k in (1, 2, 3)], {}),
+        ("budget", [cell(1)], {}),
+        ("recordings", [cell(k) for k in (1, 2, 3)], {}),
+        ("seeds", GOOD, {"seeds": 5}),
+        ("seeds", GOOD, {"replicate": "phase"}),
+        ("intervals", GOOD, {"replicate": "phase"}),
+        ("consistency", GOOD, {"anees": 60.0}),
+        ("consistency", GOOD, {"anees": float("nan")}),
+        ("independence", [*GOOD, cell(dataset="drive", independent="not independent of")], {}),
+        ("windows", [cell(k, window=4) for k in (1, 2, 3)], {}),
+    ],
+)
+def test_what_is_missing_fails_the_review(question, cells, more):
+    assert answers(cells, **more)[question] is False
+
+
+def test_what_stands_in_a_study_cannot_break_the_page(cell_rows):
+    nasty = '<script>alert("x")</script>&'
+    rows = pd.DataFrame(cell_rows(nasty, "none", [1.0, 2.0]))
+    about = {**cell(), "protocol": {}, "created": "", "seconds": 0, "commit": "", "versions": {}, "notes": [nasty]}
+    text = page(Results(nasty, rows, ["k", "k"], {"k": about}, (nasty,), {}), [(nasty, Figure())])
+    assert "<script>alert" not in text
+
+
+@pytest.fixture
+def cell_rows():
+    def make(filter_name, adaptation, values):
+        head = {
+            "dataset": "field",
+            "disturbance": "none",
+            "attitude": "tilt",
+            "noise": "own",
+            "status": "ok",
+            "reason": "",
+        }
+        more = {"filter": filter_name, "adaptation": adaptation, "replicate": "seed"}
+        return [{**head, **more, "seed": k, "position_rmse_m": v} for k, v in enumerate(values)]
+
+    return make
