@@ -10,6 +10,7 @@ ORDER = [
     ["recording"],
     ["estimate", "geometry"],
     ["timeline"],
+    ["streamed"],
     ["inertial"],
     ["contracts"],
     ["plugins"],

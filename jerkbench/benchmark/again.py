@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from jerkbench.benchmark.cell import Cell, Labels, Protocol, build
-from jerkbench.benchmark.run import Row, run_once, score
+from jerkbench.benchmark.run import Row, run_once, run_open
 from jerkbench.benchmark.store import Store, Stored
 from jerkbench.benchmark.study import load_study
 from jerkbench.benchmark.versions import code_digest, versions
@@ -39,13 +39,26 @@ class StoredRow:
         Raises:
             JerkbenchError: the data are other data now.
         """
+        self._require_same_data()
+        return run_once(self.cell, self.draw, self.fingerprint)
+
+    def score(self) -> Row:
+        """Run it again as the sweep did; returns its row.
+
+        Raises:
+            JerkbenchError: the data are other data now.
+        """
+        self._require_same_data()
+        (row,), _ = run_open(self.cell, self.fingerprint, [self.draw])
+        return row
+
+    def _require_same_data(self) -> None:
         found = self.cell.dataset.fingerprint()
         if found != self.fingerprint:
             raise JerkbenchError(
                 f"The data of {self.cell.labels.dataset} have changed since the row was stored: their hash was "
                 f"{self.fingerprint or 'empty'}, it is {found or 'empty'}."
             )
-        return run_once(self.cell, self.draw, self.fingerprint)
 
     @property
     def code_changed(self) -> bool:
@@ -89,8 +102,7 @@ def differences(one: StoredRow) -> list[tuple[str, float, float]]:
     Raises:
         JerkbenchError: the run cannot be made again, or ends otherwise than it did.
     """
-    recording, estimate = one.run()
-    again = score(one.cell, one.draw, recording, estimate)
+    again = one.score()
     if again["status"] != one.row["status"]:
         raise JerkbenchError(f"The run was {one.row['status']} and is {again['status']} now: {again['reason']}")
     skip = {*one.cell.labels._fields, "seed", "replicate", "status", "reason"}

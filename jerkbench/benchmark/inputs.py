@@ -1,9 +1,12 @@
 """What every filter of a sweep shares: the recording, its attitude, its timeline; made once for each process."""
 
+from collections.abc import Hashable, Mapping
 from functools import lru_cache
+from typing import cast
 
-from jerkbench.contracts import AttitudeFilter, Dataset, Disturbance
+from jerkbench.contracts import AttitudeFilter, Dataset, Disturbance, Metric
 from jerkbench.estimate import Attitude
+from jerkbench.evaluation.streaming import Scored, scored
 from jerkbench.recording import Recording
 from jerkbench.timeline.timeline import Timeline, build_timeline
 
@@ -31,3 +34,15 @@ def attitude_of(recording: Recording, attitude: AttitudeFilter) -> Attitude:
 def timeline_of(recording: Recording, attitude: Attitude) -> Timeline:
     """The events of the run."""
     return build_timeline(recording, attitude)
+
+
+@lru_cache(maxsize=KEPT)
+def scored_of(recording: Recording, timeline: Timeline, burn_in_s: float) -> Scored | None:
+    """How runs over the timeline are scored without a trajectory."""
+    return scored(recording, timeline, burn_in_s)
+
+
+@lru_cache(maxsize=8 * KEPT)
+def attitude_columns(metric: Hashable, scored: Scored, recording: Recording) -> Mapping[str, float]:
+    """What a metric that reads the attitude alone says: the same for every filter."""
+    return cast("Metric", metric).evaluate(scored.outline, recording, scored.counted)

@@ -1,10 +1,12 @@
 """Runs a cell: one row for each seed."""
 
 import traceback
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from jerkbench.benchmark import inputs
 from jerkbench.benchmark.cell import Cell
+from jerkbench.benchmark.streaming import streamed_values, streams
 from jerkbench.contracts import Estimator
 from jerkbench.errors import JerkbenchError
 from jerkbench.estimate import Estimate
@@ -14,17 +16,51 @@ from jerkbench.recording import Recording
 Row = dict[str, Any]
 
 
-def run_cell(cell: Cell, fingerprint: str) -> tuple[list[Row], list[str]]:
-    """Run every seed of ``cell``; returns a row for each, and what a reader of them has to know.
+def run_cell(cell: Cell, fingerprint: str, draws: Sequence[int] = (), threads: int = 1) -> tuple[list[Row], list[str]]:
+    """Run the seeds of ``cell``; returns a row for each, and what a reader of them has to know.
 
     A run that raises is a row with the status "failed" and the reason.
+
+    Args:
+        cell: what to run.
+        fingerprint: tells changed data apart.
+        draws: which seeds; default: all of them.
+        threads: how many the engine may use.
     """
     rows, notes = [], {}
-    for draw in cell.draws:
-        row, said = _guarded_row(cell, draw, fingerprint)
+    for result in _results(cell, fingerprint, draws or cell.draws, threads):
+        row, said = result if isinstance(result, tuple) else _guarded_row(cell, result, fingerprint)
         rows.append(row)
         notes.update(dict.fromkeys(said))
     return rows, list(notes)
+
+
+def run_open(cell: Cell, fingerprint: str, draws: Sequence[int] = (), threads: int = 1) -> tuple[list[Row], list[str]]:
+    """The same, but what is wrong with the input or a plugin is raised."""
+    rows, notes = [], {}
+    for result in _results(cell, fingerprint, draws or cell.draws, threads):
+        row, said = result if isinstance(result, tuple) else _row(cell, result, fingerprint)
+        rows.append(row)
+        notes.update(dict.fromkeys(said))
+    return rows, list(notes)
+
+
+def _results(cell: Cell, fingerprint: str, draws: Sequence[int], threads: int) -> Iterator[tuple[Row, list[str]] | int]:
+    """Row and notes of each draw that can go side by side with others; of another one, the draw itself."""
+    for begin in range(0, len(draws), inputs.KEPT):
+        some = draws[begin : begin + inputs.KEPT]
+        done = streamed_values(cell, some, fingerprint, threads) if streams(cell) else {}
+        for draw in some:
+            yield _streamed_row(cell, draw, *done[draw]) if draw in done else draw
+
+
+def _streamed_row(cell: Cell, draw: int, recording: Recording, values: Mapping[str, float]) -> tuple[Row, list[str]]:
+    return {**_head(cell, draw), "status": "ok", "reason": "", **values}, notes_of(cell, recording)
+
+
+def _row(cell: Cell, draw: int, fingerprint: str) -> tuple[Row, list[str]]:
+    recording, estimate = run_once(cell, draw, fingerprint)
+    return score(cell, draw, recording, estimate), notes_of(cell, recording)
 
 
 def run_once(cell: Cell, draw: int, fingerprint: str) -> tuple[Recording, Estimate]:
@@ -61,8 +97,7 @@ def notes_of(cell: Cell, recording: Recording) -> list[str]:
 
 def _guarded_row(cell: Cell, draw: int, fingerprint: str) -> tuple[Row, list[str]]:
     try:
-        recording, estimate = run_once(cell, draw, fingerprint)
-        return score(cell, draw, recording, estimate), notes_of(cell, recording)
+        return _row(cell, draw, fingerprint)
     except JerkbenchError as error:
         return _failed(cell, draw, str(error)), []
     except Exception as error:  # noqa: BLE001 - whatever a plugin raises becomes a row that says so

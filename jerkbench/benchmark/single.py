@@ -1,5 +1,6 @@
 """A single run: one cell, its metrics in the terminal, its trajectory and its errors as figures."""
 
+import os
 import re
 import time
 from pathlib import Path
@@ -7,7 +8,7 @@ from pathlib import Path
 import pandas as pd
 
 from jerkbench.benchmark.cell import Cell
-from jerkbench.benchmark.run import Row, notes_of, run_once, score
+from jerkbench.benchmark.run import run_once, run_open
 from jerkbench.benchmark.store import Store
 from jerkbench.benchmark.sweep import Planned, about
 from jerkbench.estimate import Estimate
@@ -28,13 +29,8 @@ def run_single(one: Planned, folder: Path, *, figures: bool) -> tuple[pd.DataFra
 
 def _run_and_store(one: Planned, store: Store) -> None:
     began = time.perf_counter()
-    rows: list[Row] = []
-    notes: dict[str, None] = {}
-    for draw in one.cell.draws:
-        recording, estimate = run_once(one.cell, draw, one.fingerprint)
-        rows.append(score(one.cell, draw, recording, estimate))
-        notes.update(dict.fromkeys(notes_of(one.cell, recording)))
-    store.write(one.key, rows, about(one, list(notes), time.perf_counter() - began))
+    rows, notes = run_open(one.cell, one.fingerprint, threads=os.cpu_count() or 1)
+    store.write(one.key, rows, about(one, notes, time.perf_counter() - began))
 
 
 def _draw(one: Planned, folder: Path) -> list[Path]:

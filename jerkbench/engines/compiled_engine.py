@@ -1,7 +1,7 @@
 """The fast engine: the same filter, compiled."""
 
 import sys
-from collections.abc import Hashable
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import cast
@@ -11,6 +11,7 @@ from jerkbench.engines.compiled.rule import CompiledRule, rule_of
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.estimate import Estimate
 from jerkbench.plugins import register
+from jerkbench.streamed import Run, Streamed
 from jerkbench.timeline.timeline import Timeline
 
 
@@ -42,6 +43,28 @@ class CompiledEngine:
         from jerkbench.engines.compiled.single import run_single
 
         return run_single(timeline, model, adaptation, compiled)
+
+    def run_many(
+        self, runs: Sequence[Run], model: Filter, adaptation: Adaptation, *, updates: bool, threads: int
+    ) -> Sequence[Streamed | None]:
+        """Run ``model`` with ``adaptation`` over all ``runs`` side by side, without keeping trajectories.
+
+        Args:
+            runs: timelines, and what the errors count for.
+            model: the filter.
+            adaptation: the adaptation.
+            updates: whether to keep what the updates saw.
+            threads: how many to use.
+
+        Returns:
+            The sums of each run; None where it is to be run alone by `run`, which says why.
+        """
+        compiled = compiled_rule(adaptation)
+        if compiled is None:
+            return [None] * len(runs)
+        from jerkbench.engines.compiled.lanes.batch import run_batch
+
+        return run_batch(runs, model, adaptation, compiled, updates=updates, threads=threads)
 
 
 def compiled_rule(adaptation: Adaptation) -> CompiledRule | None:

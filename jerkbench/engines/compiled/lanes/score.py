@@ -1,0 +1,67 @@
+"""What a row of the reference adds to the sums of several runs."""
+
+from jerkbench.arrays import FloatArray
+from jerkbench.compilation.vectors import chosen
+from jerkbench.engines.compiled.lanes.places import (
+    EAST,
+    FARTHEST,
+    LARGEST,
+    NEES,
+    NEES_POSITION,
+    ODD,
+    SQUARE,
+    VEAST,
+    WHOLE,
+    C,
+    E,
+)
+from jerkbench.engines.compiled.sizes import B, N, X
+
+
+def score(w: FloatArray, truth: FloatArray, row: int, weights: FloatArray) -> None:
+    """Add row ``row`` of ``truth`` (k, 6 vectors), with its ``weights`` (k, 4) in the order of `places.ROWS`."""
+    for s in range(6):
+        w[E + s] = w[X + s] - truth[6 * row + s]
+    counted, whole, moving = weights[row, 0], weights[row, 1], weights[row, 2]
+    for i in range(3):
+        w[EAST + i] += counted * (w[E + i] * w[E + i])
+        w[VEAST + i] += moving * (w[E + 3 + i] * w[E + 3 + i])
+    square = w[E] * w[E] + w[E + 1] * w[E + 1] + w[E + 2] * w[E + 2]
+    w[SQUARE] = square
+    w[WHOLE] += whole * square
+    w[FARTHEST] = chosen(square, w[FARTHEST], square, w[FARTHEST])
+    w[LARGEST] = chosen(counted * square, w[LARGEST], square, w[LARGEST])
+    _add_nees(w, counted, weights[row, 3])
+
+
+def _add_nees(w: FloatArray, counted: float, both: float) -> None:
+    """Add e' P^-1 e of position, and of position and velocity, by elimination."""
+    _load_measured(w)
+    total = w[E] * 0.0
+    for c in range(6):
+        pivot = w[C + 7 * c]
+        w[ODD] += chosen(pivot, 0.0, 0.0, 1.0)
+        scale = 1.0 / pivot
+        scaled = w[E + c] * scale
+        total += w[E + c] * scaled
+        for r in range(c + 1, 6):
+            w[E + r] -= w[C + 6 * c + r] * scaled
+            factor = w[C + 6 * c + r] * scale
+            for j in range(r, 6):
+                w[C + 6 * r + j] -= factor * w[C + 6 * c + j]
+        if c == 2:
+            w[NEES_POSITION] += counted * total
+    w[NEES] += both * total
+
+
+def _load_measured(w: FloatArray) -> None:
+    """C = upper triangle of the covariance of position and velocity."""
+    p = 0
+    for i in range(3):
+        for j in range(i, 3):
+            at = B + N * N * p
+            w[C + 6 * i + j] = w[at]
+            w[C + 6 * i + 3 + j] = w[at + 1]
+            w[C + 6 * j + 3 + i] = w[at + N]
+            w[C + 6 * (3 + i) + 3 + j] = w[at + N + 1]
+            p += 1

@@ -1,0 +1,74 @@
+"""What goes into a run that keeps no trajectory, besides its timeline, and what comes out of it."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.estimate import Updates
+from jerkbench.timeline.timeline import Timeline
+
+
+@dataclass(frozen=True, eq=False)
+class Scoring:
+    """What the errors of a run count for, at the k stamps of the reference that it visits.
+
+    Attributes:
+        truth: (k, 6) position and velocity of the reference; 0 where a velocity is not known.
+        counted: (k,) 1 where the errors count, else 0.
+        whole: (k,) 1 where they count with the burn-in, else 0.
+        moving: (k,) 1 where the velocity errors count, else 0.
+        outage: (k,) 1 where they count for the outages, else 0.
+        marks: (j,) rows whose position errors are kept.
+        start_s: from when on updates count.
+    """
+
+    truth: FloatArray
+    counted: FloatArray
+    whole: FloatArray
+    moving: FloatArray
+    outage: FloatArray
+    marks: IntArray
+    start_s: float
+
+
+class Run(NamedTuple):
+    """A run without its filter."""
+
+    timeline: Timeline
+    scoring: Scoring
+
+
+class Streamed(NamedTuple):
+    """Sums over a run, of squares where nothing else is said, and what its updates saw.
+
+    Attributes:
+        position_m2: (3,) east, north, up.
+        velocity_m2ps2: (3,) likewise.
+        whole_m2: of the position, with the burn-in.
+        outage_m2: of the position, inside the outages.
+        largest_m2: the largest of the position, where it counts.
+        farthest_m2: the largest of all.
+        nees: sum of e' P^-1 e.
+        nees_position: the same of the position alone.
+        nis_per_row: sum of nis/m over the updates that count.
+        nis_updates: their number.
+        nis_used_per_row: the same with the S that was used and the rows that were kept.
+        nis_used_updates: their number.
+        marked_m: (j, 3) position errors at the marks.
+        updates: what the updates saw, or none where they were not kept.
+    """
+
+    position_m2: FloatArray
+    velocity_m2ps2: FloatArray
+    whole_m2: float
+    outage_m2: float
+    largest_m2: float
+    farthest_m2: float
+    nees: float
+    nees_position: float
+    nis_per_row: float
+    nis_updates: float
+    nis_used_per_row: float
+    nis_used_updates: float
+    marked_m: FloatArray
+    updates: Updates

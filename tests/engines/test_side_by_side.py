@@ -1,0 +1,156 @@
+"""Runs side by side, without trajectories, against the metrics of the reference engine's trajectories."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from test_compiled_engine import ADAPTATIONS, FILTERS, Damped, Faded, rough_recording
+
+from engine_agreement import with_other_last_bits
+from jerkbench import plugins
+from jerkbench.adaptation.mtf import Mtf
+from jerkbench.adaptation.none import NoAdaptation
+from jerkbench.engines.compiled_engine import CompiledEngine
+from jerkbench.engines.filterpy_engine import FilterpyEngine
+from jerkbench.evaluation.run import evaluate_run
+from jerkbench.evaluation.streaming import can_stream, scored, sums_from, with_updates
+from jerkbench.filters.baseline import Baseline
+from jerkbench.filters.jerk import Jerk
+from jerkbench.streamed import Run
+from jerkbench.timeline.timeline import build_timeline
+from synthetic import level_attitude
+
+BURN_IN_S = 1.0
+METRICS = [plugins.create("metric", {"name": name}) for name in plugins.names("metric")]
+STREAMED = [metric for metric in METRICS if can_stream(metric)]
+
+
+def one(seed, duration_s=4.0, **changes):
+    """A rough recording with two outages in the sense of the metrics, and its timeline."""
+    recording = replace(rough_recording(duration_s, seed), outages_s=np.array([[1.5, 2.0], [2.6, 3.1]]), **changes)
+    u = np.random.default_rng(100 + seed).normal(0.0, 0.2, (len(recording.imu.t_s), 3))
+    return recording, build_timeline(recording, level_attitude(recording, u))
+
+
+@pytest.fixture(scope="module")
+def several():
+    """Eleven runs: one full vector, and one that is not."""
+    return [one(seed) for seed in range(11)]
+
+
+def side_by_side(pairs, model, adaptation, **options):
+    score = [scored(recording, timeline, BURN_IN_S) for recording, timeline in pairs]
+    runs = [Run(timeline, s.scoring) for (_, timeline), s in zip(pairs, score, strict=True)]
+    results = CompiledEngine().run_many(runs, model, adaptation, **{"updates": True, "threads": 1, **options})
+    return [
+        None if result is None else values(result, s, recording)
+        for result, s, (recording, _) in zip(results, score, pairs, strict=True)
+    ]
+
+
+def values(result, score, recording):
+    sums, seen = sums_from(result, score, recording), with_updates(score.outline, result.updates)
+    columns = {}
+    for metric in STREAMED:
+        summarises = hasattr(metric, "summarise")
+        columns |= metric.summarise(sums) if summarises else metric.evaluate(seen, recording, score.counted)
+    return columns
+
+
+def trajectory(recording, timeline, model, adaptation):
+    estimate = FilterpyEngine().run(timeline, model, adaptation)
+    return evaluate_run(estimate, recording, BURN_IN_S, STREAMED)
+
+
+def assert_same(got, wanted, tolerance):
+    assert got.keys() == wanted.keys()
+    for name, value in wanted.items():
+        allowed = tolerance.get(name, 0.0) if np.isfinite(tolerance.get(name, 0.0)) else 0.0
+        assert got[name] == pytest.approx(value, rel=1e-9, abs=max(allowed, 1e-15), nan_ok=True), name
+
+
+def test_every_sort_of_metric_is_there():
+    assert {"position_rmse", "velocity_rmse", "consistency", "outage", "attitude_rmse"} <= {
+        name for name, metric in zip(plugins.names("metric"), METRICS, strict=True) if metric in STREAMED
+    }
+
+
+@pytest.mark.parametrize("adaptation", ADAPTATIONS)
+@pytest.mark.parametrize("model", FILTERS)
+def test_every_filter_with_every_adaptation_has_the_metrics_of_the_reference_engine(several, model, adaptation):
+    pair = plugins.create("filter", {"name": model}), plugins.create("adaptation", {"name": adaptation})
+    pairs = several[:2]
+
+    got = side_by_side(pairs, *pair)
+
+    for result, (recording, timeline) in zip(got, pairs, strict=True):
+        wanted = trajectory(recording, timeline, *pair)
+        moved = [trajectory(recording, with_other_last_bits(timeline, seed), *pair) for seed in range(2)]
+        rounding = {name: 10.0 * max(abs(m[name] - wanted[name]) for m in moved) for name in wanted}
+        assert_same(result, wanted, rounding)
+
+
+def test_a_run_does_not_depend_on_its_neighbours(several):
+    together = side_by_side(several, Jerk(), Mtf())
+    backwards = side_by_side(several[::-1], Jerk(), Mtf(), threads=2)[::-1]
+    alone = [side_by_side([pair], Jerk(), Mtf())[0] for pair in several]
+
+    assert len({tuple(result.values()) for result in together}) == len(several)
+    for a, b, c in zip(together, backwards, alone, strict=True):
+        np.testing.assert_array_equal(list(a.values()), list(b.values()))
+        np.testing.assert_array_equal(list(a.values()), list(c.values()))
+
+
+def test_fading_and_dropped_rows(several):
+    for adaptation in (Faded(), Faded(factor=1.1, every=2, weights=(3.0, 1.0, 1.0))):
+        got = side_by_side(several[:1], Jerk(), adaptation)[0]
+        assert_same(got, trajectory(*several[0], Jerk(), adaptation), {})
+
+
+def test_runs_of_other_lengths_and_steps_go_into_the_same_batch(several):
+    pairs = [several[0], one(3, duration_s=2.0), several[1], one(4, duration_s=3.0, velocity=None)]
+
+    for got, pair in zip(side_by_side(pairs, Jerk(), Mtf()), pairs, strict=True):
+        assert_same(got, trajectory(*pair, Jerk(), Mtf()), {})
+
+
+def test_a_run_that_lacks_updates_of_its_neighbour_has_its_own(several):
+    recording, timeline = several[0]
+    fewer = timeline.update.copy()
+    fewer[np.flatnonzero(fewer >= 0)[5:40:3]] = -1
+    pairs = [(recording, replace(timeline, update=fewer)), several[1]]
+
+    for got, pair in zip(side_by_side(pairs, Jerk(), Mtf()), pairs, strict=True):
+        assert_same(got, trajectory(*pair, Jerk(), Mtf()), {})
+
+
+@dataclass(frozen=True)
+class Broken(NoAdaptation):
+    """A variance that makes the covariance lose its sign where the innovation is large."""
+
+    def adapt(self, innovation, HPHt, R, rows, memory):
+        return -0.9 * HPHt if np.abs(innovation).max() > 0.6 else R
+
+
+def test_a_run_that_fails_is_left_to_the_run_alone_and_harms_no_other(several):
+    got = side_by_side(several, Baseline(), Broken())
+    failed = [bool(FilterpyEngine().run(timeline, Baseline(), Broken()).failure) for _, timeline in several]
+
+    assert any(failed)
+    for result, fails, pair in zip(got, failed, several, strict=True):
+        assert not (fails and result is not None)
+        if result is not None:
+            assert_same(result, trajectory(*pair, Baseline(), Broken()), {})
+
+
+def test_a_model_that_is_not_triangular_is_left_to_the_run_alone(several):
+    assert side_by_side(several[:2], Damped(), Mtf()) == [None, None]
+
+
+def test_a_reference_with_holes_needs_a_trajectory(several):
+    recording, timeline = several[0]
+    truth = recording.reference.enu_m.copy()
+    truth[20, 1] = np.nan
+
+    assert scored(replace(recording, reference=replace(recording.reference, enu_m=truth)), timeline, BURN_IN_S) is None
+    assert scored(recording, timeline, burn_in_s=100.0) is None
