@@ -1,6 +1,6 @@
 """Finds, for each adaptation of the tilt filter, the one setting that suits all trials of BROAD best.
 
-    python experiments/broad/settings.py FOLDER
+    python experiments/broad/settings.py FOLDER [TRIAL ...]
 
 Every adaptation gets the same 35 settings of sigma_G and sigma_A; each is scored on the trials that it is chosen on.
 """
@@ -25,10 +25,10 @@ SIGMA_ACCEL_MPS2 = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)
 LEE_MEMORY = 0.3
 
 
-def trials(folder: Path) -> list[Recording]:
-    """Return the recordings of all trials that are there."""
-    numbers = sorted({int(path.name[:2]) for path in folder.iterdir() if path.suffix in (".hdf5", ".mat")})
-    return [Broad(str(folder), trial).load(0) for trial in numbers]
+def trials(folder: Path, chosen: list[int]) -> list[Recording]:
+    """Return the recordings of the ``chosen`` trials; of all that are there, where none is."""
+    there = {int(path.name[:2]) for path in folder.iterdir() if path.suffix in (".hdf5", ".mat")}
+    return [Broad(str(folder), trial).load(0) for trial in chosen or sorted(there)]
 
 
 def score(recording: Recording, tilt: Tilt) -> float:
@@ -51,7 +51,7 @@ def scores(recordings: list[Recording], adapt: str) -> tuple[list[tuple[float, f
 
 def main() -> None:
     """Print the best setting of each adaptation, and what the best setting for each trial would give."""
-    recordings = trials(Path(sys.argv[1]))
+    recordings = trials(Path(sys.argv[1]), [int(number) for number in sys.argv[2:]])
     print("RMSE of the inclination [deg]:", ", ".join(recording.name for recording in recordings))
     for adapt in ADAPTATIONS:
         settings, table = scores(recordings, adapt)

@@ -39,6 +39,11 @@ RATIOS = [
 ]
 
 
+def value(table: pd.DataFrame, at: tuple[str, ...], metric: str) -> float:
+    """What stands there; NaN where that was not run."""
+    return float(table.loc[at, metric]) if at in table.index else float("nan")
+
+
 def main(folder: Path) -> None:
     """Print measured beside expected."""
     rows = pd.read_csv(folder / "rows.csv")
@@ -49,10 +54,11 @@ def main(folder: Path) -> None:
     for *key, metric, expected in EXPECTED:
         at = tuple(key)
         what = f"{' '.join(key)} {metric}"
-        print(f"{what:<66}{expected:>10.4g}{means.loc[at, metric]:>10.3g}{spread.loc[at, metric]:>12.2g}")
+        measured, varied = (value(table, at, metric) for table in (means, spread))
+        print(f"{what:<66}{expected:>10.4g}{measured:>10.3g}{varied:>12.2g}")
     print()
     for what, disturbance, metric, above, below, expected in RATIOS:
-        upper, lower = (means.loc["field", disturbance, name, "none"][metric] for name in (above, below))
+        upper, lower = (value(means, ("field", disturbance, name, "none"), metric) for name in (above, below))
         print(f"{what:<60}{expected:>16}{upper / lower:>10.3g}")
 
 

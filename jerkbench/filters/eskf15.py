@@ -57,9 +57,9 @@ class Eskf15:
         K = P H' (H P H' + R)^-1;  dx = K (z - h(x)), put into the nominal state;  P in Joseph form
 
     A bias walks as a Gauss-Markov process of sigma and tau does over times below tau; it is not drawn back to zero,
-    because the turn-on bias, which is in the same state, is not. Do not set it to zero for the accelerometer: a tilt
-    error phi, until turns show it, leaves g phi^2/2 in the vertical, which is of the second order and not in P; 8 mrad
-    (a bias of .08 m/s2) leave .3 mm/s2, more than a constant vertical bias would be known to after half a minute.
+    because the turn-on bias, which is in the same state, is not. A correction, and P with it, keeps the force that
+    holds the body up as the linear filter says (`jerkbench.inertial.state.corrected`): levelling hides an accelerometer
+    bias in the tilt, and the turn that tells them apart would else leave g phi^2/2 in the vertical.
 
     Scale factors and misalignments are 18 more states, for an IMU that has them: a sensor shows (I + M) y + b, so
     column j of dM is a bias db times y_j in the equations above. They are no noise: half a circle with a gyro that is
