@@ -2,7 +2,7 @@
 
 import json
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 from jerkbench.readers.ros.bag import Bag
 from jerkbench.readers.ros.errors import BagError
@@ -41,6 +41,18 @@ class About:
     heading_source: str
     covariance_order: str
 
+    @classmethod
+    def from_plain(cls, values: dict[str, Any]) -> Self:
+        """Return it from what JSON makes of it.
+
+        Raises:
+            ValueError, TypeError, KeyError, AttributeError: something is missing or of another type.
+        """
+        topics = {str(role): str(topic) for role, topic in values["topics"].items()}
+        origin = tuple(float(value) for value in values["origin"])
+        outages_s = tuple((float(begin), float(end)) for begin, end in values["outages_s"])
+        return cls(**{**values, "topics": topics, "origin": origin, "outages_s": outages_s})
+
     def to_json(self) -> str:
         """Return the content of the message."""
         return json.dumps(vars(self), sort_keys=True)
@@ -56,11 +68,7 @@ def read_about(bag: Bag) -> About | None:
         return None
     said = bag.text(ABOUT_TOPIC)
     try:
-        values: dict[str, Any] = json.loads(said)
-        values["origin"] = tuple(float(value) for value in values["origin"])
-        values["outages_s"] = tuple((float(begin), float(end)) for begin, end in values["outages_s"])
-        values["topics"] = {str(role): str(topic) for role, topic in values["topics"].items()}
-        return About(**values)
+        return About.from_plain(json.loads(said))
     except (ValueError, TypeError, KeyError, AttributeError) as error:
         raise BagError(
             f"{bag.path}, topic {ABOUT_TOPIC} is damaged ({type(error).__name__}); convert the recording once more."

@@ -1,53 +1,25 @@
 """A bag and a plan -> a recording: read, clean, turn, order by time."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.bags.about import About, read_about
+from jerkbench.bags.about import About
 from jerkbench.bags.cleaning import by_topic, clean_topics
+from jerkbench.bags.extract import Frames, Planner, choices_of, extract
 from jerkbench.bags.options import BagOptions
 from jerkbench.bags.positions import Place, first_place, frame_of
 from jerkbench.bags.references import at_body, no_reference, reference_of
-from jerkbench.bags.roles import Plan, wanted_fields
+from jerkbench.bags.roles import Plan
 from jerkbench.bags.streams import heading_of, imu_of, position_of, usable_fixes, velocity_of
 from jerkbench.readers.rest import first_rest_s, scaled_to_gravity, without_gyro_bias
-from jerkbench.readers.ros.bag import Bag, open_bag
 from jerkbench.readers.ros.files import bag_files, missing_parts
 from jerkbench.readers.ros.messages import Messages
 from jerkbench.recording import Heading, Imu, Position, Recording, Reference, Velocity
 from jerkbench.sanitiser.ledger import Finding, Ledger
-
-
-@dataclass(frozen=True)
-class Frames:
-    """How the topics of a plan are to be understood.
-
-    Attributes:
-        covariance_order: of the position's covariances: enu or neu.
-        position: frame of the position's poses: auto, ecef, enu or ned.
-        velocity: body, frd, enu, ned or speed.
-        reference: frame of the reference's poses.
-        heading: what measured the headings.
-        reference_source: where the reference comes from; empty: its topic.
-        reference_independent: whether it shares nothing with the measurements.
-    """
-
-    covariance_order: str = "enu"
-    position: str = "auto"
-    velocity: str = "body"
-    reference: str = "auto"
-    heading: Literal["dual_antenna", "odometry"] = "odometry"
-    reference_source: str = ""
-    reference_independent: bool = False
-
-
-Planner = Callable[[Bag], tuple[Plan, Frames]]
 
 
 @dataclass(frozen=True)
@@ -58,13 +30,11 @@ class Loaded:
         recording: the recording.
         plan: which topic had which role.
         findings: the sanitiser's report.
-        topics: name, type and number of messages of every topic of the bag, in sentences.
     """
 
     recording: Recording
     plan: Plan
     findings: tuple[Finding, ...]
-    topics: tuple[str, ...]
 
 
 def load_bag(options: BagOptions, planner: Planner) -> Loaded:
@@ -75,32 +45,15 @@ def load_bag(options: BagOptions, planner: Planner) -> Loaded:
         PluginError: a parameter does not fit.
     """
     path = Path(options.file).expanduser()
-    with open_bag(path) as bag:
-        about = read_about(bag)
-        plan, frames = planned(about, bag, planner)
-        raw = bag.read(wanted_fields(plan, bag))
-        topics = tuple(f"{t.name} ({t.msgtype}, {t.count} messages)" for t in bag.topics)
+    taken = extract(path, planner, choices_of(options, BagOptions))
+    plan, raw = taken.plan, dict(taken.raw)
     ledger = Ledger(options.sanitise, min((int(m.bag_ns[0]) for m in raw.values() if len(m)), default=0))
     clean = clean_topics(raw, plan, ledger, options.earliest_ns, bag_time=options.time_source == "bag")
     parts = missing_parts(bag_files(path))
     notes = [f"Parts {parts} of the split bag are missing."] if parts else []
-    recording = _assembled(options, plan, frames, about, clean, ledger)
+    recording = _assembled(options, plan, taken.frames, taken.about, clean, ledger)
     notes += [*plan.notes, *recording.notes, *(str(finding) for finding in ledger.findings)]
-    return Loaded(replace(recording, notes=tuple(notes)), plan, tuple(ledger.findings), topics)
-
-
-def planned(about: About | None, bag: Bag, planner: Planner) -> tuple[Plan, Frames]:
-    """Return the plan: what our own writer says, else the planner's."""
-    if about is None:
-        return planner(bag)
-    plan = Plan(about.topics)  # type: ignore[arg-type]  # checked when its fields are looked up
-    return plan, Frames(
-        covariance_order=about.covariance_order,
-        velocity=about.velocity_frame,
-        heading=about.heading_source,  # type: ignore[arg-type]  # Heading checks it
-        reference_source=about.reference_source,
-        reference_independent=about.reference_independent,
-    )
+    return Loaded(replace(recording, notes=tuple(notes)), plan, tuple(ledger.findings))
 
 
 def _assembled(

@@ -4,7 +4,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
-from jerkbench.bags.assembly import Frames, Loaded, load_bag
+from jerkbench.bags.assembly import Loaded, load_bag
+from jerkbench.bags.extract import Frames
 from jerkbench.bags.fixposition import plan_topics
 from jerkbench.bags.options import BagOptions
 from jerkbench.bags.roles import Plan

@@ -4,8 +4,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import ClassVar
 
-from jerkbench.bags.assembly import Frames, Loaded, load_bag
+from jerkbench.bags.assembly import Loaded, load_bag
 from jerkbench.bags.courses import with_courses
+from jerkbench.bags.extract import Frames
 from jerkbench.bags.guess import complete_plan
 from jerkbench.bags.options import BagOptions
 from jerkbench.bags.positions import POSE_FRAMES

@@ -1,0 +1,183 @@
+"""What a data set takes out of a bag, before the sanitiser; kept in the user's cache by the content of the bag."""
+
+import dataclasses
+import hashlib
+import json
+import os
+import warnings
+import zipfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from jerkbench.bags.about import About, read_about
+from jerkbench.bags.roles import Plan, wanted_fields
+from jerkbench.files import write_atomically
+from jerkbench.readers.files import fingerprint
+from jerkbench.readers.ros.bag import Bag, open_bag
+from jerkbench.readers.ros.files import content_files
+from jerkbench.readers.ros.messages import Messages
+
+WORTH_BYTES = 4_000_000
+"""A smaller bag is read faster than a person notices; it is not kept."""
+
+KEPT = 24
+"""So many extracts are kept, the latest."""
+
+DAMAGE = (OSError, EOFError, ValueError, KeyError, TypeError, zipfile.BadZipFile)
+"""What reading a damaged file of the cache raises: then the bag itself is read again."""
+
+
+@dataclass(frozen=True)
+class Frames:
+    """How the topics of a plan are to be understood.
+
+    Attributes:
+        covariance_order: of the position's covariances: enu or neu.
+        position: frame of the position's poses: auto, ecef, enu or ned.
+        velocity: body, course, frd, enu, ned or speed.
+        reference: frame of the reference's poses.
+        heading: what measured the headings.
+        reference_source: where the reference comes from; empty: its topic.
+        reference_independent: whether it shares nothing with the measurements.
+    """
+
+    covariance_order: str = "enu"
+    position: str = "auto"
+    velocity: str = "body"
+    reference: str = "auto"
+    heading: Literal["dual_antenna", "odometry"] = "odometry"
+    reference_source: str = ""
+    reference_independent: bool = False
+
+
+Planner = Callable[[Bag], tuple[Plan, Frames]]
+
+
+@dataclass(frozen=True)
+class Extract:
+    """The messages that are used, and what they are used for.
+
+    Attributes:
+        about: what our own writer said, or None.
+        plan: which topic has which role.
+        frames: how they are to be understood.
+        raw: the messages by topic.
+    """
+
+    about: About | None
+    plan: Plan
+    frames: Frames
+    raw: dict[str, Messages]
+
+
+def extract(path: Path, planner: Planner, choices: str) -> Extract:
+    """Return what ``planner`` takes out of the bag; of a large bag the second time from the cache.
+
+    Args:
+        path: the bag.
+        planner: decides about topics.
+        choices: everything that its decision depends on besides the bag.
+
+    Raises:
+        RecordingError: the bag is damaged, or lacks a topic.
+    """
+    files = content_files(path)
+    if sum(file.stat().st_size for file in files) < WORTH_BYTES:
+        return _read(path, planner)
+    key = f"{fingerprint(files)} {choices} {_reader_digest()}"
+    kept = cache_folder() / f"{hashlib.sha256(key.encode()).hexdigest()[:32]}.npz"
+    found = _kept(kept) if kept.exists() else None
+    if found is not None:
+        return found
+    read = _read(path, planner)
+    try:
+        _keep(read, kept)
+    except OSError as error:
+        warnings.warn(f"{kept.parent} cannot be written ({error}); bags are read anew each time.", stacklevel=2)
+    return read
+
+
+def cache_folder() -> Path:
+    """Where extracts are kept: bags in $JERKBENCH_CACHE, or in jerkbench in the user's cache folder."""
+    user = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA") or str(Path.home() / ".cache")
+    return Path(os.environ.get("JERKBENCH_CACHE") or Path(user) / "jerkbench") / "bags"
+
+
+def _read(path: Path, planner: Planner) -> Extract:
+    with open_bag(path) as bag:
+        about = read_about(bag)
+        plan, frames = planner(bag) if about is None else _as_written(about)
+        return Extract(about, plan, frames, bag.read(wanted_fields(plan, bag)))
+
+
+def _as_written(about: About) -> tuple[Plan, Frames]:
+    """What our own writer says needs no planner."""
+    frames = Frames(
+        covariance_order=about.covariance_order,
+        velocity=about.velocity_frame,
+        heading=about.heading_source,  # type: ignore[arg-type]  # Heading checks it
+        reference_source=about.reference_source,
+        reference_independent=about.reference_independent,
+    )
+    return Plan(about.topics), frames  # type: ignore[arg-type]  # checked where its fields are looked up
+
+
+def _keep(read: Extract, path: Path) -> None:
+    arrays: dict[str, Any] = {}
+    heads = []
+    for k, messages in enumerate(read.raw.values()):
+        heads.append([messages.topic, messages.msgtype, messages.frame_id, messages.child_frame_id])
+        arrays |= {f"{k}.bag_ns": messages.bag_ns, f"{k}.stamp_ns": messages.stamp_ns}
+        arrays |= {f"{k}:{name}": value for name, value in messages.values.items()}
+    about = None if read.about is None else vars(read.about)
+    said = {
+        "about": about,
+        "topics": dict(read.plan.topics),
+        "notes": read.plan.notes,
+        "frames": vars(read.frames),
+        "heads": heads,
+    }
+    arrays["said"] = np.frombuffer(json.dumps(said).encode(), dtype=np.uint8)
+    write_atomically(path, lambda partial: np.savez(partial, **arrays))
+    for old in sorted(path.parent.glob("*.npz"), key=lambda one: -one.stat().st_mtime)[KEPT:]:
+        old.unlink(missing_ok=True)
+
+
+def _kept(path: Path) -> Extract | None:
+    try:
+        with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:  # closed on damage too
+            arrays = {name: file[name] for name in file.files}
+        said = json.loads(arrays.pop("said").tobytes())
+        about = None if said["about"] is None else About.from_plain(said["about"])
+        raw = {head[0]: _messages(k, head, arrays) for k, head in enumerate(said["heads"])}
+        return Extract(about, Plan(said["topics"], tuple(said["notes"])), Frames(**said["frames"]), raw)
+    except DAMAGE:
+        return None
+
+
+def _messages(k: int, head: list[str], arrays: dict[str, Any]) -> Messages:
+    values = {name.partition(":")[2]: value for name, value in arrays.items() if name.startswith(f"{k}:")}
+    topic, msgtype, frame_id, child_frame_id = head
+    stamps = arrays[f"{k}.bag_ns"], arrays[f"{k}.stamp_ns"]
+    return Messages(topic, msgtype, frame_id, child_frame_id, *stamps, values)
+
+
+def choices_of(dataset: Any, common: type) -> str:  # noqa: ANN401 - a dataclass
+    """Return the fields that a data set has besides those of ``common``, and their values."""
+    shared = {f.name for f in dataclasses.fields(common)} - {"covariance_order"}
+    own = {f.name: getattr(dataset, f.name) for f in dataclasses.fields(dataset) if f.name not in shared}
+    return f"{type(dataset).__name__} {own}"
+
+
+@cache
+def _reader_digest() -> str:
+    """Hash of the code that reads: what another version kept is not read."""
+    package = Path(__file__).parents[1]
+    sources = sorted([*(package / "readers" / "ros").glob("*.py"), *(package / "bags").glob("*.py")])
+    return hashlib.sha256(b"".join(source.read_bytes() for source in sources)).hexdigest() + version("rosbags")

@@ -1,0 +1,111 @@
+"""A large bag is read once: the second time from the cache, equal to the bit."""
+
+import time
+
+import numpy as np
+import pytest
+
+from bag_maker import Drive
+from jerkbench.bags import extract
+from jerkbench.conformance.same import same
+from jerkbench.datasets.fixposition import Fixposition
+from jerkbench.datasets.rosbag import RosBag
+
+
+@pytest.fixture
+def bag(tmp_path, monkeypatch):
+    """Every bag is worth keeping."""
+    monkeypatch.setenv("JERKBENCH_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr(extract, "WORTH_BYTES", 0)
+    return Drive(duration_s=4.0).write(tmp_path / "a.bag")
+
+
+def kept(folder):
+    return sorted((folder / "cache" / "bags").glob("*.npz"))
+
+
+def never(*_):
+    raise AssertionError
+
+
+def test_the_second_reading_is_the_first_without_the_bag(bag, tmp_path, monkeypatch):
+    first = Fixposition(str(bag)).load(0)
+    assert len(kept(tmp_path)) == 1
+    monkeypatch.setattr(extract, "open_bag", never)
+    assert same(Fixposition(str(bag)).load(0), first)
+    moved = bag.rename(tmp_path / "b.bag")  # it is the content that counts
+    np.testing.assert_array_equal(Fixposition(str(moved)).load(0).imu.accel_mps2, first.imu.accel_mps2)
+
+
+def test_what_changes_nothing_of_the_reading_takes_it_from_the_cache(bag, tmp_path, monkeypatch):
+    Fixposition(str(bag)).load(0)
+    monkeypatch.setattr(extract, "open_bag", never)
+    turned = Fixposition(str(bag), imu_axes="z y -x", imu_shift_s=0.1, sanitise="drop", earliest_utc="2001-01-01").load(
+        0
+    )
+    assert np.abs(turned.imu.accel_mps2[:, 0] - 9.81).max() < 0.1
+
+
+@pytest.mark.parametrize("changed", [{"velocity": "none"}, {"covariance_order": "enu"}, {"heading": "odometry"}])
+def test_another_choice_is_another_reading(bag, tmp_path, changed):
+    Fixposition(str(bag)).load(0)
+    Fixposition(str(bag), **changed).load(0)
+    RosBag(str(bag)).load(0)
+    assert len(kept(tmp_path)) == 3
+
+
+def test_another_content_is_another_reading(bag, tmp_path):
+    before = Fixposition(str(bag)).load(0)
+    bag.unlink()
+    Drive(duration_s=3.0).write(bag)
+    assert len(Fixposition(str(bag)).load(0).imu.t_s) == 150 < len(before.imu.t_s)
+    assert len(kept(tmp_path)) == 2
+
+
+@pytest.mark.parametrize("harm", [lambda c: c[: len(c) // 2], lambda _: b"", lambda c: b"\0" * len(c)])
+def test_a_damaged_cache_is_read_again_from_the_bag(bag, tmp_path, harm):
+    first = Fixposition(str(bag)).load(0)
+    (file,) = kept(tmp_path)
+    whole = file.read_bytes()
+    file.write_bytes(harm(whole))
+    assert same(Fixposition(str(bag)).load(0), first)
+    assert len(file.read_bytes()) == len(whole)
+
+
+def test_a_cache_that_cannot_be_written_is_one_line(bag, tmp_path):
+    (tmp_path / "cache").write_text("a file, where a folder should be")
+    with pytest.warns(UserWarning, match="cannot be written .* bags are read anew each time"):
+        recording = Fixposition(str(bag)).load(0)
+    assert len(recording.imu.t_s) == 200
+
+
+def test_the_oldest_make_room(bag, tmp_path, monkeypatch):
+    monkeypatch.setattr(extract, "KEPT", 2)
+    for velocity in ("none", "odometry"):
+        for heading in ("none", "odometry"):
+            Fixposition(str(bag), velocity=velocity, heading=heading).load(0)
+    assert len(kept(tmp_path)) == 2
+
+
+def test_what_our_own_writer_said_is_kept_too(bag, tmp_path, monkeypatch):
+    from jerkbench.conformance.recordings import small_recording
+    from jerkbench.writers.ros_bag import write_bag
+
+    write_bag(small_recording(), tmp_path / "own.mcap")
+    first = RosBag(str(tmp_path / "own.mcap")).load(0)
+    monkeypatch.setattr(extract, "open_bag", never)
+    assert same(RosBag(str(tmp_path / "own.mcap")).load(0), first)
+    assert (first.name, first.static_start_s) == ("conformance", 4.0)
+
+
+def test_a_second_reading_takes_less_than_a_tenth_of_a_second(tmp_path, monkeypatch):
+    monkeypatch.setenv("JERKBENCH_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr(extract, "WORTH_BYTES", 0)
+    bag = str(Drive(duration_s=60.0, imu_hz=150).write(tmp_path / "a.bag"))
+    times = []
+    for _ in range(4):
+        began = time.perf_counter()
+        Fixposition(bag).load(0)
+        times.append(time.perf_counter() - began)
+    assert kept(tmp_path)
+    assert min(times[1:]) < 0.1
