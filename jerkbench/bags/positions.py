@@ -109,9 +109,3 @@ def turned(matrix: FloatArray, covariance: FloatArray) -> FloatArray:
     """M C M' of covariances (n, 3, 3), symmetric to the bit."""
     product = np.asarray(matrix @ covariance @ matrix.T)
     return 0.5 * (product + product.transpose(0, 2, 1))
-
-
-def block(messages: Messages, field: str, first: int = 0) -> FloatArray:
-    """Return (n, 9): the 3 x 3 block of a 6 x 6 covariance field that begins at row ``first``."""
-    matrix = messages[field].reshape(-1, 6, 6)[:, first : first + 3, first : first + 3]
-    return np.ascontiguousarray(matrix).reshape(-1, 9)

@@ -21,18 +21,18 @@ FIELDS: dict[Role, dict[str, tuple[str, ...]]] = {
     "imu": {IMU: ("angular_velocity", "linear_acceleration")},
     "position": {
         FIX: COORDINATES,
-        ODOMETRY: (*WHETHER_FUSED, "pose_covariance"),
-        POSE: (*WHETHER_FUSED, "pose_covariance"),
+        ODOMETRY: (*WHETHER_FUSED, "position_covariance"),
+        POSE: (*WHETHER_FUSED, "position_covariance"),
     },
     "velocity": {
-        ODOMETRY: (*WHETHER_FUSED, "linear", "twist_covariance"),
-        TWIST: ("linear", "twist_covariance"),
+        ODOMETRY: (*WHETHER_FUSED, "linear", "linear_covariance"),
+        TWIST: ("linear", "linear_covariance"),
         "geometry_msgs/msg/TwistStamped": ("linear",),
         "geometry_msgs/msg/Vector3Stamped": ("linear",),
     },
     "heading": {
         IMU: ("orientation", "orientation_covariance"),
-        ODOMETRY: (*WHETHER_FUSED, "pose_covariance"),
+        ODOMETRY: (*WHETHER_FUSED, "orientation_covariance"),
     },
     "reference": {
         ODOMETRY: (*WHETHER_FUSED, "linear"),

@@ -11,7 +11,6 @@ from jerkbench.bags.positions import (
     FROM_NED,
     Place,
     axes_to_enu,
-    block,
     body_axes,
     first_place,
     frame_of,
@@ -51,8 +50,6 @@ def imu_of(messages: Messages, options: BagOptions, zero_ns: int) -> Imu:
 
 def usable_fixes(messages: Messages, label: str, stated_frame: str, options: BagOptions, ledger: Ledger) -> Messages:
     """Return the positions that can be used, with ``enu_m`` about the first of them and a 3 x 3 covariance."""
-    if "pose_covariance" in messages.values:
-        messages = messages.with_values(position_covariance=block(messages, "pose_covariance"))
     sigma = options.position_sigma_m
     messages = sound_covariances(label, messages, ledger, "position_covariance", sigma, "position_sigma_m")
     frame = frame_of(messages, stated_frame)
@@ -110,7 +107,7 @@ def _with_velocity_covariance(
 ) -> tuple[Messages, BoolArray]:
     """The messages with a 3 x 3 covariance, and which axes (n, 3) were not measured."""
     n = len(messages)
-    stated = block(messages, "twist_covariance") if "twist_covariance" in messages.values else np.zeros((n, 9))
+    stated = messages.values.get("linear_covariance", np.zeros((n, 9)))
     absent = stated[:, [0, 4, 8]] < 0
     unused = (absent[:, :, None] | absent[:, None, :]).reshape(n, 9)
     stated = np.where(unused, np.eye(3).ravel(), stated)
@@ -130,10 +127,8 @@ def heading_of(
     stated_frame: str,
 ) -> Heading:
     """Return the yaw of the orientations, with the sigma of their covariance."""
-    if "pose_covariance" in messages.values:
-        covariance, frame = block(messages, "pose_covariance", 3), frame_of(messages, stated_frame)
-    else:
-        covariance, frame = messages["orientation_covariance"], "enu"
+    frame = frame_of(messages, stated_frame) if "position" in messages.values else "enu"
+    covariance = messages["orientation_covariance"]
     turn = axes_to_enu(frame, place)
     variance = turned(turn, covariance.reshape(-1, 3, 3))[:, 2, 2]
     good = unit_quaternions(messages["orientation"]) & (variance > 0) & (variance < WORST_HEADING_RAD**2)

@@ -13,7 +13,10 @@ from jerkbench.readers.ros.layouts import LAYOUTS
 from jerkbench.readers.ros.messages import Messages
 from jerkbench.sanitiser.values import frozen_rows, unit_quaternions
 
-COVARIANCES = ("position_covariance", "pose_covariance", "twist_covariance", "linear_acceleration_covariance")
+COVARIANCES = ("position_covariance", "linear_covariance", "linear_acceleration_covariance")
+BLOCKED = {"pose_covariance": "position_covariance", "twist_covariance": "linear_covariance"}
+"""Of a covariance of six rows the part that is looked at."""
+
 UTM_M = 1e5
 """Local coordinates are smaller, UTM's are larger."""
 
@@ -38,8 +41,9 @@ def survey(bag: Bag) -> Iterator[str]:
 
 
 def _fields(topic: Topic) -> list[str]:
-    unused = ("service", "orientation_covariance", "angular")
-    return [part.name for part in LAYOUTS[topic.msgtype] if part.code != "string" and part.name not in unused]
+    unused = ("service", "orientation_covariance", "angular", *BLOCKED)
+    names = [part.name for part in LAYOUTS[topic.msgtype] if part.code != "string"]
+    return [name for name in names if name not in unused] + [BLOCKED[name] for name in names if name in BLOCKED]
 
 
 def _oddities(messages: Messages) -> Iterator[str]:
@@ -115,8 +119,7 @@ def _position_frame(position: FloatArray, first: FloatArray) -> str:
 def _covariances(messages: Messages) -> Iterator[str]:
     for name in COVARIANCES:
         if name in messages.values:
-            width = 3 if messages[name].shape[1] == 9 else 6
-            variances = np.diagonal(messages[name].reshape(-1, width, width), axis1=1, axis2=2)[:, :3]
+            variances = messages[name][:, [0, 4, 8]]
             yield f"{name.replace('_', ' ')}: {_level(variances)}"
 
 

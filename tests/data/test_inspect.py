@@ -50,10 +50,10 @@ def test_a_bag_is_described_topic_by_topic(tmp_path):
     world, body = (said.split(f"/{name} (")[1].split("\n/")[0] for name in ("world", "body"))
     assert "in the world's frame (misfit to the slope of the positions 0.000" in world
     assert "its velocity is the slope of its positions: not independent of them" in world
-    assert "pose covariance: zero throughout" in world
+    assert "position covariance: zero throughout" in world
     assert "in the body's frame (misfit to the slope of the positions 0.500" in body
     assert "a map projection such as UTM, east first: probably ENU" in body
-    assert "twist covariance: sigma (0.4472, 0.4472, 0.4472) in every row: a placeholder" in body
+    assert "linear covariance: sigma (0.4472, 0.4472, 0.4472) in every row: a placeholder" in body
     assert "3 of 20 rows with status -1 (no fix)" in said
 
 

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from jerkbench.arrays import IntArray
 from jerkbench.errors import unknown
 from jerkbench.readers.ros.decode import Block, decode
 from jerkbench.readers.ros.errors import BagError, bag_errors, way_out
 from jerkbench.readers.ros.files import bag_files
-from jerkbench.readers.ros.layouts import LAYOUTS
+from jerkbench.readers.ros.layouts import LAYOUTS, source_of
 from jerkbench.readers.ros.messages import Messages
 
 if TYPE_CHECKING:
@@ -45,7 +46,9 @@ class _Collected:
     """What is read of one topic so far."""
 
     fields: Sequence[str]
+    count: int = 0
     bag_ns: list[int] = field(default_factory=list)
+    stamps: list[IntArray] = field(default_factory=list)
     raw: list[bytes] = field(default_factory=list)
     blocks: list[Block] = field(default_factory=list)
 
@@ -86,15 +89,16 @@ class Bag:
         with bag_errors(self.path, ", ".join(wanted)):
             for name, bag_ns, raw in self._messages(list(wanted)):
                 one = collected[name]
-                if most is None or len(one.bag_ns) < most:
+                if most is None or one.count < most:
+                    one.count += 1
                     one.bag_ns.append(bag_ns)
                     one.raw.append(raw)
-                elif all(len(other.bag_ns) >= most for other in collected.values()):
+                elif all(other.count >= most for other in collected.values()):
                     break
                 if len(one.raw) >= BLOCK:
                     self._flush(name, one)
         if most is None:
-            self._check_counts({name: len(one.bag_ns) for name, one in collected.items()})
+            self._check_counts({name: one.count for name, one in collected.items()})
         return {name: self._messages_of(name, one) for name, one in collected.items()}
 
     def text(self, name: str) -> str:
@@ -132,17 +136,23 @@ class Bag:
             with bag_errors(self.path, name):
                 cdr, deserialise = self._reader.is2, self._reader.deserialize
                 one.blocks.append(decode(one.raw, self.topic(name).msgtype, one.fields, deserialise, cdr=cdr))
+            one.stamps.append(np.array(one.bag_ns, dtype=np.int64))
             one.raw.clear()
+            one.bag_ns.clear()
 
     def _messages_of(self, name: str, one: _Collected) -> Messages:
         self._flush(name, one)
         msgtype = self.topic(name).msgtype
         strings = one.blocks[0].strings if one.blocks else ("", "")
-        sizes = {part.name: part.count for part in LAYOUTS[msgtype]}
-        values = {f: _joined([b.values.pop(f) for b in one.blocks], sizes[f]) for f in one.fields}
-        stamps = [b.stamp_ns for b in one.blocks]
-        stamp_ns = np.concatenate(stamps) if stamps else np.empty(0, dtype=np.int64)
-        return Messages(name, msgtype, *strings, np.array(one.bag_ns, dtype=np.int64), stamp_ns, values)
+        sources = {name: source_of(msgtype, name) for name in one.fields}
+        widths = {name: part.count if first is None else 9 for name, (part, first) in sources.items()}
+        values = {f: _joined([block.values.pop(f) for block in one.blocks], width) for f, width in widths.items()}
+        bag_ns, stamp_ns = _stamps(one.stamps), _stamps([block.stamp_ns for block in one.blocks])
+        return Messages(name, msgtype, *strings, bag_ns, stamp_ns, values)
+
+
+def _stamps(blocks: list[IntArray]) -> IntArray:
+    return np.concatenate(blocks) if blocks else np.empty(0, dtype=np.int64)
 
 
 def _joined(blocks: list[Any], width: int) -> Any:  # noqa: ANN401 - arrays of numbers

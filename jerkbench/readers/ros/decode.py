@@ -7,7 +7,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
-from jerkbench.readers.ros.layouts import LAYOUTS, STRING, Part, Table, read_table
+from jerkbench.readers.ros.layouts import STRING, Part, Table, read_table, source_of
 
 
 class Deserialise(Protocol):
@@ -36,29 +36,41 @@ class Block:
 def decode(raw: Sequence[bytes], msgtype: str, fields: Sequence[str], deserialise: Deserialise, *, cdr: bool) -> Block:
     """Return the ``fields`` of the messages, fast where their layout is fixed."""
     table = read_table(raw, msgtype, cdr=cdr)
-    return _of_table(table, fields) if table is not None else decode_each(raw, msgtype, fields, deserialise)
+    return _of_table(table, msgtype, fields) if table is not None else decode_each(raw, msgtype, fields, deserialise)
 
 
 def decode_each(raw: Sequence[bytes], msgtype: str, fields: Sequence[str], deserialise: Deserialise) -> Block:
     """Return the same with the ordinary deserialiser, message by message."""
-    parts = [part for part in LAYOUTS[msgtype] if part.name in fields]
+    sources = {name: source_of(msgtype, name) for name in fields}
     stamp_ns = np.empty(len(raw), dtype=np.int64)
-    values = {part.name: np.empty((len(raw), part.count)) for part in parts}
+    whole = {part.name: np.empty((len(raw), part.count)) for part, _ in sources.values()}
+    parts = {part.name: part for part, _ in sources.values()}
     strings = ("", "")
     for k, one in enumerate(raw):
         message = deserialise(one, msgtype)
         stamp_ns[k] = message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
-        for part in parts:
-            values[part.name][k] = _numbers(message, part)
+        for name, part in parts.items():
+            whole[name][k] = _numbers(message, part)
         strings = strings if k else (message.header.frame_id, getattr(message, "child_frame_id", ""))
-    return Block(strings, stamp_ns, values)
+    return Block(strings, stamp_ns, {name: _block(whole[part.name], at) for name, (part, at) in sources.items()})
 
 
-def _of_table(table: Table, fields: Sequence[str]) -> Block:
-    rows = table.rows
+def _of_table(table: Table, msgtype: str, fields: Sequence[str]) -> Block:
+    rows, values = table.rows, {}
+    for name in fields:
+        part, first = source_of(msgtype, name)
+        whole = rows[part.name].reshape(len(rows), -1)
+        values[name] = _block(whole, first).astype(np.float64)
     stamp_ns = rows["sec"].astype(np.int64) * 1_000_000_000 + rows["nanosec"]
-    values = {name: rows[name].reshape(len(rows), -1).astype(np.float64) for name in fields}
     return Block((table.frame_id, table.child_frame_id), stamp_ns, values)
+
+
+def _block(whole: FloatArray, first: int | None) -> FloatArray:
+    """Return (n, 9), the 3 x 3 block of (n, 36) that begins at row ``first``; None: the whole."""
+    if first is None:
+        return whole
+    square = whole.reshape(len(whole), 6, 6)[:, first : first + 3, first : first + 3]
+    return np.ascontiguousarray(square).reshape(len(whole), 9)
 
 
 def _numbers(message: Any, part: Part) -> Any:  # noqa: ANN401 - a number, or numbers

@@ -78,6 +78,27 @@ LAYOUTS: dict[str, tuple[Part, ...]] = {
 """What follows the header in each type that is read."""
 
 
+BLOCKS = {
+    "position_covariance": ("pose_covariance", 0),
+    "orientation_covariance": ("pose_covariance", 3),
+    "linear_covariance": ("twist_covariance", 0),
+}
+"""3 x 3 blocks of the 6 x 6 covariances, and the row where they begin: the rest need not be kept."""
+
+
+def source_of(msgtype: str, name: str) -> tuple[Part, int | None]:
+    """Return the part of a message that holds the field ``name``, and, of a block, the row where it begins.
+
+    Raises:
+        KeyError: messages of this type have no such field.
+    """
+    parts = {part.name: part for part in LAYOUTS[msgtype] if part.code != STRING}
+    if name in parts:
+        return parts[name], None
+    whole, first = BLOCKS[name]
+    return parts[whole], first
+
+
 @dataclass(frozen=True)
 class Table:
     """Messages of equal layout.

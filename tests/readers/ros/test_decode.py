@@ -5,7 +5,7 @@ import pytest
 
 from bag_maker import ROS1, ROS2, START_NS, fix, imu, odometry
 from jerkbench.readers.ros.decode import decode, decode_each
-from jerkbench.readers.ros.layouts import LAYOUTS, STRING, read_table
+from jerkbench.readers.ros.layouts import BLOCKS, LAYOUTS, STRING, read_table
 
 
 def serialised(store, make, count, **changing):
@@ -32,7 +32,8 @@ def an_odometry(store, ns, draw, frame="odom", child="base"):
 
 
 def fields(msgtype):
-    return [part.name for part in LAYOUTS[msgtype] if part.code != STRING]
+    names = [part.name for part in LAYOUTS[msgtype] if part.code != STRING]
+    return names + [block for block, (whole, _) in BLOCKS.items() if whole in names]
 
 
 def assert_same(fast, slow):
@@ -95,3 +96,14 @@ def test_it_is_five_times_as_fast(store):
     fast = seconds(lambda: decode(raw, msgtype, fields(msgtype), deserialise, cdr=store is ROS2))
     slow = seconds(lambda: decode_each(raw, msgtype, fields(msgtype), deserialise))
     assert fast < slow / 5
+
+
+def test_blocks_are_the_right_ones():
+    name, one = an_odometry(ROS1, START_NS, np.random.default_rng(0))
+    one.pose.covariance[:] = np.arange(36)
+    one.twist.covariance[:] = 100 + np.arange(36)
+    raw = [bytes(ROS1.serialize_ros1(one, name))]
+    block = decode(raw, name, list(BLOCKS), ROS1.deserialize_ros1, cdr=False).values
+    np.testing.assert_array_equal(block["position_covariance"][0], [0, 1, 2, 6, 7, 8, 12, 13, 14])
+    np.testing.assert_array_equal(block["orientation_covariance"][0], [21, 22, 23, 27, 28, 29, 33, 34, 35])
+    np.testing.assert_array_equal(block["linear_covariance"][0], [100, 101, 102, 106, 107, 108, 112, 113, 114])
