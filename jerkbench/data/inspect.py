@@ -2,30 +2,55 @@
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from jerkbench.data.source import add_source, dataset_of
+
+if TYPE_CHECKING:
+    from jerkbench.recording import Recording
+
+FIGURES = (".pdf", ".png", ".svg")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the verb."""
     add_source(parser)
+    parser.add_argument(
+        "--figure", type=Path, metavar="FILE", help="draw an overview of the recording too (.png, .pdf)"
+    )
 
 
 def answer(chosen: argparse.Namespace) -> None:
     """Print the topics of a bag, then the facts of the recording that the data set makes of it."""
     from jerkbench.bags.options import BagOptions
-    from jerkbench.data.facts import facts_text
-    from jerkbench.errors import RecordingError
+    from jerkbench.errors import JerkbenchError, RecordingError, unknown
 
+    if chosen.figure is not None and chosen.figure.suffix not in FIGURES:
+        raise JerkbenchError(unknown("suffix of a figure", chosen.figure.suffix, FIGURES))
     dataset = dataset_of(chosen.source, chosen.dataset, chosen.set)
     if not isinstance(dataset, BagOptions):
-        print(facts_text(dataset.load(chosen.seed)))
+        _describe(dataset.load(chosen.seed), chosen.figure)
         return
     _print_topics(Path(dataset.file).expanduser())
     try:
-        print(f"\n{facts_text(dataset.load(chosen.seed))}")
+        recording = dataset.load(chosen.seed)
     except RecordingError as error:  # the bag can be read: what it lacks is an answer
         print(f"\nNo recording can be made of it as it is: {error}")
+    else:
+        print()
+        _describe(recording, chosen.figure)
+
+
+def _describe(recording: "Recording", figure: Path | None) -> None:
+    from jerkbench.data.facts import facts_text
+
+    print(facts_text(recording))
+    if figure is not None:
+        from jerkbench.inspection.overview import overview_figure
+        from jerkbench.report.figures import save_figure
+
+        save_figure(overview_figure(recording), figure)
+        print(f"Figure: {figure}")
 
 
 def _print_topics(path: Path) -> None:

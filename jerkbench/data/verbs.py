@@ -7,6 +7,8 @@ import argparse
 from importlib import import_module
 from types import ModuleType
 
+from jerkbench.errors import JerkbenchError
+
 VERBS = {
     "convert": "write a recording as a ROS bag, a table or a trajectory",
     "salvage": "write a fresh bag from what is whole in a ROS 1 bag that was cut off or damaged",
@@ -24,7 +26,11 @@ def add_verbs(parser: argparse.ArgumentParser) -> None:
 
 def answer(chosen: argparse.Namespace) -> None:
     """Do what the chosen verb is for."""
-    _module(chosen.data_verb).answer(chosen)
+    try:
+        _module(chosen.data_verb).answer(chosen)
+    except OSError as error:
+        where = error.filename or "A file"
+        raise JerkbenchError(f"{where} cannot be read or written: {error.strerror}; correct the path.") from error
 
 
 def _module(name: str) -> ModuleType:

@@ -88,7 +88,7 @@ def allan_deviation(samples: FloatArray, interval_s: float) -> tuple[FloatArray,
     longest = max(1, int(LONGEST_PART * len(samples)))
     steps = np.unique(np.round(np.geomspace(1, longest, POINTS)).astype(np.int64))
     rows = [np.sqrt(((theta[2 * j :] - 2 * theta[j:-j] + theta[: -2 * j]) ** 2).mean(axis=0) / 2) for j in steps]
-    tau_s = steps * interval_s
+    tau_s = np.asarray(steps * interval_s, dtype=np.float64)
     return tau_s, np.array(rows) / tau_s[:, None]
 
 

@@ -36,7 +36,7 @@ def sound_covariances(
             f" give {parameter}: three standard deviations."
         )
     messages = messages.with_values(**{field: whole.reshape(-1, 9)})
-    what = "a covariance that is zero, NaN or not positive definite"
+    what = f"a {field.replace('_', ' ')} that is zero, NaN or not positive definite"
     if ledger.repairs or not good.any():
         replacement, done = _replacement(whole[good], sigma)
         ledger.add(stream, what, ~good, messages.bag_ns, done)

@@ -199,17 +199,17 @@ KEPT = [  # what is done, what the report says, and how many rows of which strea
     (leap, "1 of 30 rows with a position that leaps out of its neighbours", {"position": 29}),
     (first_leaps, "1 of 30 rows with a position that leaps out of its neighbours", {"position": 29}),
     (float_jump, "2 of 30 rows with a jump at a change of the kind of fix", {}),
-    (zero_covariance, "5 of 30 rows with a covariance that is zero, NaN or not positive definite", {}),
-    (nan_covariance, "1 of 30 rows with a covariance that is zero, NaN or not positive definite", {}),
-    (indefinite_covariance, "1 of 30 rows with a covariance that is zero, NaN or not positive definite", {}),
-    (skew_covariance, "1 of 30 rows with a covariance that is zero, NaN or not positive definite", {}),
-    (huge_covariance, "1 of 30 rows with a covariance that is zero, NaN or not positive definite", {}),
+    (zero_covariance, "5 of 30 rows with a position covariance that is zero, NaN or not positive definite", {}),
+    (nan_covariance, "1 of 30 rows with a position covariance that is zero, NaN or not positive definite", {}),
+    (indefinite_covariance, "1 of 30 rows with a position covariance that is zero, NaN or not positive definite", {}),
+    (skew_covariance, "1 of 30 rows with a position covariance that is zero, NaN or not positive definite", {}),
+    (huge_covariance, "1 of 30 rows with a position covariance that is zero, NaN or not positive definite", {}),
     (zero_quaternion, "1 of 60 rows with an orientation that is no unit quaternion", {"velocity": 59, "reference": 59}),
     (long_quaternion, "1 of 60 rows with an orientation that is no unit quaternion", {"velocity": 59, "reference": 59}),
     (off_the_earth, "1 of 60 rows with an ECEF position that is not on Earth", {"velocity": 59, "reference": 59}),
     (nan_position, "1 of 60 rows with a NaN or infinite position", {"velocity": 59, "reference": 59}),
     (huge_speed, "1 of 60 rows with an impossible linear velocity, above 200", {"velocity": 59, "reference": 59}),
-    (zero_twist_covariance, "1 of 60 rows with a covariance that is zero, NaN or not positive definite", {}),
+    (zero_twist_covariance, "1 of 60 rows with a velocity covariance that is zero, NaN or not positive definite", {}),
 ]
 
 

@@ -7,12 +7,14 @@ from jerkbench.readers.ros.bag import open_bag
 
 
 def test_a_simulated_recording_is_described(tmp_path):
-    done = jerkbench("data", "inspect", "field", "--set", "duration_s=20", cwd=tmp_path)
+    words = ("data", "inspect", "field", "--set", "duration_s=20", "--figure", "field.png")
+    done = jerkbench(*words, cwd=tmp_path)
 
     assert done.returncode == 0, done.stderr
     assert "imu          2000 rows, 100 Hz, 0.010 to 20.000 s; no gaps" in done.stdout
     assert "position      100 rows, 5 Hz" in done.stdout
     assert "gravity is felt on +z" in done.stdout
+    assert (tmp_path / "field.png").stat().st_size > 10_000
 
 
 def test_what_is_no_source_is_a_sentence(tmp_path):
@@ -23,6 +25,22 @@ def test_what_is_no_source_is_a_sentence(tmp_path):
     (tmp_path / "a.xyz").touch()
     done = jerkbench("data", "inspect", "a.xyz", cwd=tmp_path)
     assert "give --dataset NAME" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["inspect", "field", "--figure", "a.weird"], "There is no suffix of a figure '.weird'"),
+        (["convert", "field", "file/a.csv"], "jerkbench: file cannot be read or written: File exists; correct the path"),
+        (["convert", "field", "a.csv", "--set", "duration"], "'duration' is no parameter; give KEY=VALUE"),
+        (["convert", "field", "a.csv", "--set", "durations_s=3"], "Did you mean 'duration_s'?"),
+    ],
+)
+def test_what_cannot_be_done_is_a_sentence(tmp_path, words, said):
+    (tmp_path / "file").touch()
+    done = jerkbench("data", *words, cwd=tmp_path)
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert said in done.stderr
 
 
 def surveyed(path):
