@@ -81,6 +81,7 @@ def sums_from(streamed: Streamed, scored: Scored, recording: Recording) -> Sums:
         outage_m2=streamed.outage_m2,
         outage_rows=float(rows.outage.sum()),
         outage_ends_m=np.sqrt((pairs[:, 1] ** 2).sum(axis=1)),
+        outage_driven_m=rows.outages_driven_m,
         outage_drifts_mps=drifts_mps(pairs, rows.outages_s),
         outages=len(recording.outages_s),
     )
