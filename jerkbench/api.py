@@ -18,7 +18,7 @@ def run(
     filter: Part = "baseline",  # noqa: A002 - the group's name
     adaptation: Part = "none",
     noise: Part | None = None,
-    engine: Part = "filterpy",
+    engine: Part = "compiled",
     seeds: int = 5,
     first_seed: int = 0,
     burn_in_s: float = 5.0,

@@ -71,7 +71,7 @@ class Tilt:
         course_min_speed_mps: horizontal speed above which the course counts.
         course_sigma_min_rad: least standard deviation of a course.
         initial_tilt_variance: diagonal of the first P; null: 1e-3 at rest, .03 moving.
-        compiled: run the tilt loop compiled by numba; the same to 1e-10.
+        compiled: run the tilt loop compiled by numba (true), or in NumPy; the same to 1e-10.
     """
 
     adapt: str = "mtf"
@@ -87,7 +87,7 @@ class Tilt:
     course_min_speed_mps: float = 0.5
     course_sigma_min_rad: float = 0.0087
     initial_tilt_variance: float | None = None
-    compiled: bool = False
+    compiled: bool = True
 
     def __post_init__(self) -> None:
         """Check that every choice exists and every number makes sense."""

@@ -23,7 +23,8 @@ from jerkbench.benchmark.configuration import cell_of, register_schemas, study_f
 from jerkbench.benchmark.single import run_single
 from jerkbench.benchmark.store import Store
 from jerkbench.benchmark.study import load_study, write_manifest, write_study
-from jerkbench.benchmark.sweep import Plan, Planned, plan_sweep, run_and_store, run_sweep
+from jerkbench.benchmark.sweep import Plan, plan_sweep, run_sweep, run_task
+from jerkbench.benchmark.tasks import Planned, Task
 from jerkbench.errors import INTERRUPTED, JerkbenchError, PluginError, exit_with
 from jerkbench.presets import config_folder
 
@@ -112,7 +113,7 @@ def _run_job(config: DictConfig, job: HydraConf) -> None:
     if not sweeping:
         _run_and_show(one, folder, config)
     elif not Store(folder).done(one.key):
-        run_and_store(folder, one)
+        run_task(folder, Task(one, one.cell.draws))
 
 
 def _run_and_show(one: Planned, folder: Path, config: DictConfig) -> None:

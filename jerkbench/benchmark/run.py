@@ -80,9 +80,9 @@ def score(cell: Cell, draw: int, recording: Recording, estimate: Estimate) -> Ro
     return {**_head(cell, draw), "status": status, "reason": reason, **values}
 
 
-def failed_rows(cell: Cell, reason: str) -> list[Row]:
-    """Rows of a cell of which no seed could be run."""
-    return [_failed(cell, draw, reason) for draw in cell.draws]
+def failed_rows(cell: Cell, draws: Sequence[int], reason: str) -> list[Row]:
+    """Rows of seeds of a cell that could not be run."""
+    return [_failed(cell, draw, reason) for draw in draws]
 
 
 def notes_of(cell: Cell, recording: Recording) -> list[str]:

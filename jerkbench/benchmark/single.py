@@ -10,7 +10,8 @@ import pandas as pd
 from jerkbench.benchmark.cell import Cell
 from jerkbench.benchmark.run import run_once, run_open
 from jerkbench.benchmark.store import Store
-from jerkbench.benchmark.sweep import Planned, about
+from jerkbench.benchmark.sweep import about
+from jerkbench.benchmark.tasks import Planned
 from jerkbench.estimate import Estimate
 from jerkbench.recording import Recording
 

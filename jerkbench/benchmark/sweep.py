@@ -11,18 +11,10 @@ from jerkbench.benchmark.missing import require_inputs
 from jerkbench.benchmark.pool import run_grouped
 from jerkbench.benchmark.run import failed_rows, run_cell
 from jerkbench.benchmark.store import Store, cell_key
+from jerkbench.benchmark.tasks import Planned, Result, Task, grouped
 from jerkbench.benchmark.versions import code_digest, git_commit, versions
 from jerkbench.errors import PluginError
 from jerkbench.report.progress import Progress
-
-
-@dataclass(frozen=True, eq=False)
-class Planned:
-    """A cell with its key and what is known of its data."""
-
-    cell: Cell
-    key: str
-    fingerprint: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,22 +61,47 @@ def plan_sweep(cells: Sequence[Cell]) -> Plan:
 def run_sweep(plan: Plan, store: Store, workers: int) -> None:
     """Run what is not done yet, in ``workers`` processes, with a progress bar; store every cell as it is finished."""
     pending = [one for one in plan.cells if not store.done(one.key)]
+    finished = Finished(store)
     with Progress(len(plan.cells), already=len(plan.cells) - len(pending)) as progress:
-        work = partial(run_and_store, store.folder.parent)
-        for one, statuses in run_grouped(work, _grouped(pending), workers):
-            if isinstance(statuses, Exception):
-                rows = failed_rows(one.cell, f"{type(statuses).__name__}: {statuses}")
-                store.write(one.key, rows, about(one, notes=[], seconds=0.0))
-                statuses = [row["status"] for row in rows]  # noqa: PLW2901 - what the process could not say
-            progress.advance(statuses)
+        for task, result in run_grouped(partial(run_task, store.folder.parent), grouped(pending), workers):
+            if statuses := finished.add(task, result):
+                progress.advance(statuses)
 
 
-def run_and_store(folder: Path, one: Planned) -> list[str]:
-    """Run one cell and store it; returns the status of each of its rows."""
+def run_task(folder: Path, task: Task) -> Result:
+    """Run some seeds of a cell; a whole cell is stored."""
     began = time.perf_counter()
-    rows, notes = run_cell(one.cell, one.fingerprint)
-    Store(folder).write(one.key, rows, about(one, notes, time.perf_counter() - began))
-    return [row["status"] for row in rows]
+    one = task.one
+    rows, notes = run_cell(one.cell, one.fingerprint, task.draws)
+    seconds = time.perf_counter() - began
+    if task.whole:
+        Store(folder).write(one.key, rows, about(one, notes, seconds))
+    return Result(rows, notes, seconds)
+
+
+class Finished:
+    """Cells of which some seeds are still running."""
+
+    def __init__(self, store: Store) -> None:
+        """Start with none."""
+        self._store = store
+        self._parts: dict[str, dict[int, Result]] = {}
+
+    def add(self, task: Task, result: Result | Exception) -> list[str]:
+        """Add what became of ``task``; store a cell with its last part, and return the status of its rows."""
+        one, known = task.one, not isinstance(result, Exception)
+        if isinstance(result, Exception):  # what the process could not say
+            result = Result(failed_rows(one.cell, task.draws, f"{type(result).__name__}: {result}"), [], 0.0)
+        parts = self._parts.setdefault(one.key, {})
+        parts[task.draws.start] = result
+        rows = [row for start in sorted(parts) for row in parts[start].rows]
+        if len(rows) < len(one.cell.draws):
+            return []
+        del self._parts[one.key]
+        if not (task.whole and known):
+            notes = list(dict.fromkeys(note for part in parts.values() for note in part.notes))
+            self._store.write(one.key, rows, about(one, notes, sum(part.seconds for part in parts.values())))
+        return [row["status"] for row in rows]
 
 
 def about(one: Planned, notes: list[str], seconds: float) -> dict[str, object]:
@@ -115,12 +132,3 @@ def _require_names(cells: Sequence[Cell]) -> None:
                 f"Two combinations would both be called {', '.join(cell.labels)}: they differ in {' and '.join(parts)} "
                 "in a way that no column shows; run them into studies of their own (study=NAME)."
             )
-
-
-def _grouped(pending: Sequence[Planned]) -> list[list[Planned]]:
-    """Cells that share their recording and attitude, together."""
-    groups: dict[object, list[Planned]] = {}
-    for one in pending:
-        cell = one.cell
-        groups.setdefault((cell.dataset, cell.disturbances, cell.attitude, one.fingerprint), []).append(one)
-    return list(groups.values())

@@ -18,9 +18,6 @@ from jerkbench.engines.compiled.rule import CompiledRule
 from jerkbench.estimate import Updates
 from jerkbench.streamed import Run, Streamed
 
-PACKS = 16
-"""How many packs are kept for the next filter: some 10 MB each for 150 s at 100 Hz."""
-
 
 def run_batch(
     runs: Sequence[Run], model: Filter, adaptation: Adaptation, compiled: CompiledRule, *, updates: bool, threads: int
@@ -47,7 +44,7 @@ def run_batch(
     return found
 
 
-_packs = lru_cache(maxsize=4)(pack_runs)
+_packs = lru_cache(maxsize=2)(pack_runs)  # for the next filter; some 10 MB for each vector of 150 s at 100 Hz
 
 
 def _run_pack(pack: Pack, model: Filter, compiled: CompiledRule, *, updates: bool) -> list[Streamed | None]:
