@@ -83,7 +83,6 @@ def sums_from(streamed: Streamed, scored: Scored, recording: Recording) -> Sums:
         outage_ends_m=np.sqrt((pairs[:, 1] ** 2).sum(axis=1)),
         outage_driven_m=rows.outages_driven_m,
         outage_drifts_mps=drifts_mps(pairs, rows.outages_s),
-        outage_driven_m=rows.outages_driven_m,
         outages=len(recording.outages_s),
     )
 

@@ -1,5 +1,6 @@
 """Cells with many seeds run in pieces, and are whole again afterwards."""
 
+import pandas as pd
 import pytest
 
 from jerkbench.benchmark.cell import Protocol, build
@@ -49,7 +50,7 @@ def test_a_cell_in_pieces_has_the_rows_of_the_whole_one(plan, tmp_path):
     for one in plan.cells:
         (stored,), _ = store.read([one.key])
         rows, notes = run_cell(one.cell, one.fingerprint)
-        assert stored.rows.to_dict("records") == rows
+        pd.testing.assert_frame_equal(stored.rows, pd.DataFrame(rows), check_exact=True)
         assert stored.about["notes"] == notes
 
 
