@@ -1,6 +1,7 @@
 """The command line: one verb after the other, each answering at once; heavy libraries load where they are used."""
 
 import argparse
+import errno
 import os
 import sys
 import warnings
@@ -10,6 +11,9 @@ from jerkbench.data.verbs import VERBS as DATA_VERBS
 from jerkbench.data.verbs import add_verbs, answer
 from jerkbench.errors import INTERRUPTED, JerkbenchError, exit_with
 from jerkbench.verbs import VERBS
+
+NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
+"""What the system says of a disk that takes no more."""
 
 RUN_HELP = """\
 jerkbench run [-m] [GROUP=NAME ...] [KEY=VALUE ...]
@@ -64,6 +68,10 @@ def _run(words: list[str]) -> None:
         app(words)
     except (HydraException, OmegaConfBaseException) as error:
         raise JerkbenchError(sentence(error)) from error
+    except OSError as error:
+        if error.errno not in NO_ROOM:
+            raise
+        raise JerkbenchError(f"Results cannot be written: {error}.") from error
 
 
 def _answer(words: list[str]) -> None:

@@ -58,7 +58,11 @@ def sweep(loader: ConfigLoader, config: DictConfig, jobs: Sequence[Sequence[str]
         print(line, file=sys.stderr)
     store = Store(study_folder(config))
     code = _run(plan, store, config.workers or _processors())
-    failed = _conclude(store, [one.key for one in plan.cells], config)
+    try:
+        failed = _conclude(store, [one.key for one in plan.cells], config)
+    except OSError as error:
+        print(f"jerkbench: the tables cannot be written: {error}. What is done is stored.", file=sys.stderr)
+        raise SystemExit(FAILED) from None
     if code or failed:
         raise SystemExit(code or FAILED)
     return [JobReturn(status=JobStatus.COMPLETED) for _ in jobs]
@@ -68,6 +72,8 @@ def _run(plan: Plan, store: Store, workers: int) -> int:
     """Run the plan; returns the exit code of a sweep that did not come to its end, or 0."""
     try:
         store.prepare()
+        if damaged := store.damaged([one.key for one in plan.cells]):
+            print(f"{len(damaged)} damaged files of cells are run again: {', '.join(damaged)}.", file=sys.stderr)
         with _terminated_like_interrupted():
             run_sweep(plan, store, workers)
     except KeyboardInterrupt:

@@ -1,7 +1,10 @@
 """Runs cells in processes of their own; a process goes on with cells of the recording that it knows already."""
 
 import multiprocessing
+import multiprocessing.connection
+import os
 import signal
+import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
@@ -81,14 +84,23 @@ class _Pool(Generic[Task, Result]):
             return error
 
 
+def _end_with_parent() -> None:
+    """Wait for the parent's end: its queue would never say so, because this process holds both ends of it."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        multiprocessing.connection.wait([parent.sentinel])
+        os._exit(1)
+
+
 def _executor() -> ProcessPoolExecutor:
     # spawn: a forked process may hang in libraries that hold threads
     return ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), initializer=_prepare)
 
 
 def _prepare() -> None:
-    """One thread a process; Ctrl-C is for the parent."""
+    """One thread a process; Ctrl-C is for the parent, and where the parent is killed there is nothing left to do."""
     from threadpoolctl import threadpool_limits
 
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threadpool_limits(1)

@@ -19,6 +19,8 @@ from jerkbench.benchmark.versions import code_digest, plugin_digest, versions
 from jerkbench.errors import JerkbenchError
 
 METADATA = b"jerkbench"
+DIGEST = b"jerkbench.digest"
+"""Hash of the rows and of what is stored beside them: a flipped bit in a page or in a name is found."""
 ABANDONED_S = 3600.0
 """A half-written file that is older belongs to nobody any more."""
 
@@ -69,14 +71,19 @@ class Store:
 
     def done(self, key: str) -> bool:
         """Whether the cell is there, whole, and no run of it failed (a failed one is tried again)."""
-        about = _read_about(self.path(key))
-        return about is not None and not about["failed"]
+        stored = _read(self.path(key))
+        return stored is not None and not stored.about["failed"]
+
+    def damaged(self, keys: Iterable[str]) -> list[str]:
+        """Return those of ``keys`` whose file is there, but not as it was written."""
+        return [key for key in keys if self.path(key).exists() and _read(self.path(key)) is None]
 
     def write(self, key: str, rows: Sequence[Row], about: dict[str, Any]) -> None:
         """Store a cell; a reader sees the whole of it or nothing."""
         failed = sum(row["status"] == "failed" for row in rows)
         table = pa.Table.from_pandas(pd.DataFrame(rows), preserve_index=False)
-        head = {METADATA: json.dumps({**about, "failed": failed}).encode()}
+        text = json.dumps({**about, "failed": failed})
+        head = {METADATA: text.encode(), DIGEST: _digest(table.to_pandas(), text)}
         self.folder.mkdir(parents=True, exist_ok=True)
         partial = self.folder / f".{key}.{os.getpid()}.partial"
         try:
@@ -91,11 +98,10 @@ class Store:
             keys = sorted(path.stem for path in self.folder.glob("*.parquet"))
         found, broken = [], []
         for key in keys:
-            path = self.path(key)
-            about = _read_about(path)
-            if about is not None:
-                found.append(Stored(key, pd.read_parquet(path), about))
-            elif path.exists():
+            stored = _read(self.path(key))
+            if stored is not None:
+                found.append(stored)
+            elif self.path(key).exists():
                 broken.append(key)
         return found, broken
 
@@ -121,10 +127,25 @@ def _deciding(cell: Cell) -> dict[str, Any]:
     return everything if cell.seeded else {k: v for k, v in everything.items() if k not in ("seeds", "first_seed")}
 
 
-def _read_about(path: Path) -> dict[str, Any] | None:
-    """Metadata of a cell; None where there is no file, or none that is whole."""
+def _read(path: Path) -> Stored | None:
+    """Read a cell; None where there is no file, or none that is as it was written."""
     try:
-        about: dict[str, Any] = json.loads(pq.read_schema(path).metadata[METADATA])
-    except (FileNotFoundError, pa.ArrowInvalid, KeyError, TypeError):
+        with path.open("rb") as file:  # whether it may be read is no matter of damage
+            table = pq.read_table(file)
+            head = table.schema.metadata
+            text = head[METADATA].decode()
+            about: dict[str, Any] = json.loads(text)
+            rows = table.to_pandas()
+            whole = DIGEST not in head or head[DIGEST] == _digest(rows, text)
+    except FileNotFoundError:
         return None
-    return about
+    except PermissionError as error:
+        raise JerkbenchError(f"{path} cannot be read: {error.strerror}.") from error
+    except (OSError, ValueError, KeyError, TypeError, pa.ArrowException):  # what pyarrow says of damage
+        return None
+    return Stored(path.stem, rows, about) if whole else None
+
+
+def _digest(rows: pd.DataFrame, text: str) -> bytes:
+    """Hash all values, to the bit, and the text beside them."""
+    return hashlib.sha256((rows.to_csv(index=False) + text).encode()).hexdigest().encode()

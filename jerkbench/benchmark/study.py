@@ -82,7 +82,17 @@ def write_study(study: Study) -> None:
 
 
 def write_manifest(folder: Path, keys: Sequence[str], notes: Sequence[str], command: Sequence[str]) -> None:
-    """Write what was run, by which code, on which machine; the order and the notes of earlier cells are kept."""
+    """Write what was run, by which code, on which machine; the order and the notes of earlier cells are kept.
+
+    Of two processes in one folder each adds to what the other has written.
+    """
+    from filelock import FileLock
+
+    with FileLock(folder / ".manifest.lock"):
+        _write_manifest(folder, keys, notes, command)
+
+
+def _write_manifest(folder: Path, keys: Sequence[str], notes: Sequence[str], command: Sequence[str]) -> None:
     before = read_manifest(folder)
     stored = [(one.key, one.about) for one in Store(folder).read()[0]]
     manifest = {
