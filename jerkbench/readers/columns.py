@@ -1,0 +1,177 @@
+"""Any table, CSV or Parquet, one file or many -> columns of numbers, by name or number."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.errors import RecordingError, unknown
+from jerkbench.readers.text import read_bytes
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+TIME_UNITS = {"s": 1_000_000_000, "ms": 1_000_000, "us": 1_000, "ns": 1}
+"""Nanoseconds in each unit of time."""
+
+LARGEST_NS = 9.2e18
+"""Nanoseconds that fit into 64 bits: 292 years."""
+
+
+@dataclass(frozen=True)
+class TextFormat:
+    """How text is cut into columns; Parquet needs none of it.
+
+    Attributes:
+        separator: between columns; empty: white space.
+        header: whether the first line names the columns.
+        comment: what a line to be left out begins with; empty: nothing.
+    """
+
+    separator: str = ","
+    header: bool = True
+    comment: str = ""
+
+
+class Columns:
+    """A table that was read."""
+
+    def __init__(self, where: str, table: "pd.DataFrame") -> None:
+        """Keep the table; ``where`` names it in errors."""
+        self.where = where
+        numbered = all(not isinstance(name, str) for name in table.columns)
+        names = [str(k + 1) if numbered else str(n).strip().lstrip("#").strip() for k, n in enumerate(table.columns)]
+        self._table, self._names = table, names
+
+    def __len__(self) -> int:
+        """How many rows there are."""
+        return len(self._table)
+
+    def numbers(self, names: Sequence[str]) -> FloatArray:
+        """Return (n, len(names)); an empty cell is NaN.
+
+        Raises:
+            RecordingError: there is no such column, or a cell is no number.
+        """
+        columns = [self._numeric(name) for name in names]
+        return np.column_stack(columns).astype(np.float64) if columns else np.empty((len(self), 0))
+
+    def stamps_ns(self, name: str, unit: str) -> IntArray:
+        """Return (n,) a column of times in ``unit`` as whole nanoseconds; whole numbers stay exact.
+
+        Raises:
+            RecordingError: as in `numbers`, or a time is missing or does not fit.
+        """
+        values = self._numeric(name)
+        scale = TIME_UNITS[unit]
+        wrong = ~np.isfinite(values.astype(np.float64)) | (np.abs(values.astype(np.float64)) * scale > LARGEST_NS)
+        if wrong.any():
+            row = int(np.argmax(wrong))
+            raise RecordingError(f"{self.where}, row {row + 1}, column {name}: '{values[row]}' is no time in {unit}.")
+        if np.issubdtype(values.dtype, np.integer):
+            return np.asarray(values.astype(np.int64) * scale)
+        return np.round(values.astype(np.float64) * scale).astype(np.int64)
+
+    def _numeric(self, name: str) -> np.ndarray[Any, Any]:
+        import pandas as pd
+
+        column = self._table.iloc[:, self._place(name)]
+        if pd.api.types.is_bool_dtype(column) or pd.api.types.is_complex_dtype(column):
+            raise RecordingError(f"{self.where}, column {name} holds {column.dtype} values; numbers are expected.")
+        numeric = pd.to_numeric(column, errors="coerce")
+        wrong = numeric.isna() & ~column.isna()
+        if wrong.any():
+            row = int(np.argmax(wrong.to_numpy()))
+            raise RecordingError(f"{self.where}, row {row + 1}, column {name}: '{column.iloc[row]}' is no number.")
+        whole = pd.api.types.is_integer_dtype(numeric) and not numeric.isna().any()
+        return numeric.to_numpy(dtype=np.int64 if whole and numeric.dtype != np.uint64 else np.float64)
+
+    def _place(self, name: str) -> int:
+        """A name of the header, or a number from 1."""
+        if name in self._names:
+            return self._names.index(name)
+        if name.isascii() and name.isdigit() and 1 <= int(name) <= len(self._names):
+            return int(name) - 1
+        raise RecordingError(f"{self.where}: {unknown('column', name, self._names)} Numbers count from 1.")
+
+
+def find_tables(folder: Path, pattern: str, parameter: str) -> tuple[Path, ...]:
+    """Return the files of ``folder`` that fit ``pattern`` (a name, or a glob such as ``data/*.txt``), sorted.
+
+    Raises:
+        RecordingError: there is no such folder or file.
+    """
+    if not folder.is_dir():
+        raise RecordingError(f"There is no folder {folder}; give the one that the recording was copied to.")
+    try:
+        found = tuple(sorted(path for path in folder.glob(pattern) if path.is_file()))
+    except (ValueError, NotImplementedError, OSError) as error:
+        raise RecordingError(
+            f"{parameter} is '{pattern}': {error}; give a name or a pattern below {folder}."
+        ) from error
+    if not found:
+        raise RecordingError(f"There is no file {folder / pattern}; correct '{parameter}' or copy the file there.")
+    return found
+
+
+def read_columns(paths: Sequence[Path], text: TextFormat) -> Columns:
+    """Read the files one after the other into one table.
+
+    Raises:
+        RecordingError: a file is missing, empty, or no table; the files have different columns.
+    """
+    import pandas as pd
+
+    tables = [_read(path, text) for path in paths]
+    if len({table.shape[1] for table in tables}) > 1:
+        raise RecordingError(
+            f"{paths[0]} and the files beside it have different numbers of columns; remove the odd one."
+        )
+    where = str(paths[0]) if len(paths) == 1 else f"{paths[0]} and {len(paths) - 1} files more"
+    return Columns(where, tables[0] if len(tables) == 1 else pd.concat(tables, ignore_index=True))
+
+
+def read_datetimes_ns(path: Path) -> IntArray:
+    """Read a file of UTC times, one a line, ``2011-09-26 13:02:25.594360375``, as nanoseconds since 1970.
+
+    Raises:
+        RecordingError: no such file, or a line is no time.
+    """
+    lines = read_bytes(path).decode("ascii", errors="replace").split("\n")
+    stamps = []
+    for number, line in enumerate(lines, start=1):
+        if line.strip():
+            try:
+                stamps.append(np.datetime64(line.strip().replace(" ", "T"), "ns").astype(np.int64))
+            except ValueError:
+                raise RecordingError(
+                    f"{path}, line {number}: '{line.strip()}' is no time of day with a date."
+                ) from None
+    return np.array(stamps, dtype=np.int64)
+
+
+def _read(path: Path, text: TextFormat) -> "pd.DataFrame":
+    import pandas as pd
+
+    read_bytes(path)
+    try:
+        if path.suffix == ".parquet":
+            return pd.read_parquet(path)
+        return pd.read_csv(
+            path,
+            sep=text.separator or r"\s+",
+            header=0 if text.header else None,
+            comment=text.comment or None,
+            skipinitialspace=True,
+            index_col=False,
+            low_memory=False,
+        )
+    except Exception as error:  # pandas and pyarrow raise a dozen kinds on damaged files
+        kind = "Parquet" if path.suffix == ".parquet" else "text columns"
+        said = " ".join(str(error).split())
+        raise RecordingError(
+            f"{path} cannot be read as {kind} ({type(error).__name__}: {said}); correct it."
+        ) from error

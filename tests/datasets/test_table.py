@@ -1,0 +1,225 @@
+"""One drive on a circle, known in closed form, written in every format that there is a preset for."""
+
+from datetime import UTC, datetime, timedelta
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.spatial.transform import Rotation
+
+from jerkbench.benchmark.parts import choose
+from jerkbench.conformance.plugin import check_plugin
+from jerkbench.datasets.table import Tables
+from jerkbench.errors import PluginError, RecordingError
+from jerkbench.plugins import create
+
+START_NS = 1_403_636_579_763_555_584
+LATITUDE, LONGITUDE, HEIGHT = 49.0, 8.4, 110.0
+SQUARE = 1 - 0.00669437999014 * np.sin(np.radians(LATITUDE)) ** 2
+NORTH_M_PER_RAD = 6378137.0 * (1 - 0.00669437999014) / SQUARE**1.5 + HEIGHT  # the ellipsoid's radii of curvature
+EAST_M_PER_RAD = (6378137.0 / SQUARE**0.5 + HEIGHT) * np.cos(np.radians(LATITUDE))
+
+
+def circle(t):
+    """East, north, up; velocity; yaw; 2 m/s on 5 m, with the body's forward force 0 and its force to the left 0.8."""
+    angle = 0.4 * t
+    enu = np.column_stack([5 * np.sin(angle), 5 - 5 * np.cos(angle), 0 * t])
+    velocity = np.column_stack([2 * np.cos(angle), 2 * np.sin(angle), 0 * t])
+    return enu, velocity, np.arctan2(np.sin(angle), np.cos(angle))
+
+
+IMU_S, FIX_S = np.arange(1000) / 100, np.arange(95) / 10
+FORCE, RATE = np.tile([0.0, 0.8, 9.81], (1000, 1)), np.tile([0.0, 0.0, 0.4], (1000, 1))
+
+
+def stamps_ns(t_s):
+    return START_NS + np.round(t_s * 1e9).astype(np.int64)
+
+
+def geodetic(enu):
+    return np.column_stack(
+        [
+            LATITUDE + np.degrees(enu[:, 1] / NORTH_M_PER_RAD),
+            LONGITUDE + np.degrees(enu[:, 0] / EAST_M_PER_RAD),
+            HEIGHT + enu[:, 2],
+        ]
+    )
+
+
+def write(path, table, **how):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    pd.DataFrame(table).to_csv(path, **({"index": False} | how))
+
+
+def euroc(folder):
+    """The sensor's x is up, y right, z forward."""
+    sensor_from_flu = np.array([[0, 0, 1], [0, -1, 0], [1, 0, 0]])
+    imu = pd.DataFrame(np.hstack([RATE @ sensor_from_flu.T, FORCE @ sensor_from_flu.T]))
+    imu.insert(0, "#timestamp [ns]", stamps_ns(IMU_S))
+    write(folder / "imu0/data.csv", imu)
+    enu, velocity, yaw = circle(FIX_S)
+    place = pd.DataFrame(enu, columns=["x", "y", "z"])
+    place.insert(0, "#timestamp", stamps_ns(FIX_S))
+    write(folder / "leica0/data.csv", place)
+    world_from_sensor = Rotation.from_euler("z", yaw[:, None]).as_matrix() @ sensor_from_flu.T
+    attitude = Rotation.from_matrix(world_from_sensor).as_quat(scalar_first=True)
+    truth = pd.concat([place, pd.DataFrame(np.hstack([attitude, velocity, np.zeros((95, 6))]))], axis=1)
+    write(folder / "state_groundtruth_estimate0/data.csv", truth)
+
+
+def tum(folder):
+    imu = np.column_stack([IMU_S, RATE, FORCE])
+    (folder / "imu.txt").write_text("\n".join(" ".join(map(str, row)) for row in imu))
+    enu, _, yaw = circle(FIX_S)
+    rows = np.column_stack([FIX_S, enu, Rotation.from_euler("z", yaw[:, None]).as_quat()])
+    lines = ["# t x y z qx qy qz qw", *(" ".join(map(str, row)) for row in rows)]
+    (folder / "groundtruth.txt").write_text("\n".join(lines))
+
+
+def kitti(folder):
+    """Every row is a file of its own; the OXTS has 30 columns."""
+    data = folder / "oxts" / "data"
+    data.mkdir(parents=True)
+    enu, velocity, yaw = circle(FIX_S)
+    table = np.zeros((95, 30))
+    table[:, :3], table[:, 5], table[:, 6], table[:, 7] = geodetic(enu), yaw, velocity[:, 1], velocity[:, 0]
+    table[:, 14:17], table[:, 20:23], table[:, 23] = FORCE[0], RATE[0], 0.05
+    for k, row in enumerate(table):
+        (data / f"{k:010d}.txt").write_text(" ".join(map(repr, row.tolist())))
+    start = datetime(2011, 9, 26, 13, 2, 25, tzinfo=UTC)
+    times = ((start + timedelta(seconds=t)).strftime("%Y-%m-%d %H:%M:%S.%f") + "000" for t in FIX_S)
+    (folder / "oxts" / "timestamps.txt").write_text("\n".join(times))
+
+
+def nclt(folder):
+    frd = np.array([1.0, -1.0, -1.0])
+    imu = pd.DataFrame(np.hstack([np.zeros((1000, 3)), FORCE * frd, RATE * frd]))
+    imu.insert(0, "utime", stamps_ns(IMU_S) // 1000)
+    write(folder / "ms25.csv", imu, header=False)
+    places = geodetic(circle(FIX_S)[0])
+    places[:, :2] = np.radians(places[:, :2])
+    gps = pd.DataFrame(np.hstack([np.full((95, 2), 3.0), places, np.zeros((95, 2))]))
+    gps.insert(0, "utime", stamps_ns(FIX_S) // 1000)
+    write(folder / "gps.csv", gps, header=False)
+
+
+def loaded(preset, folder, **changes):
+    plain = choose("dataset", {"name": preset, "folder": str(folder), **changes}).plain
+    return create("dataset", plain).load(0)
+
+
+@pytest.mark.parametrize("preset", [euroc, tum, kitti, nclt])
+def test_every_preset_gives_the_same_drive(tmp_path, preset):
+    preset(tmp_path)
+    recording = loaded(preset.__name__, tmp_path)
+    enu, velocity, yaw = circle(recording.position.t_s)
+
+    assert len(recording.position.t_s) == 95
+    assert recording.imu.t_s[0] == 0
+    np.testing.assert_allclose(recording.position.t_s, FIX_S, atol=1e-6)
+    np.testing.assert_allclose(recording.position.enu_m, enu, atol=2e-3)
+    np.testing.assert_allclose(recording.imu.accel_mps2, FORCE[: len(recording.imu.t_s)], atol=1e-12)
+    np.testing.assert_allclose(recording.imu.gyro_radps, RATE[: len(recording.imu.t_s)], atol=1e-12)
+    if recording.velocity is not None:
+        np.testing.assert_allclose(recording.velocity.mps, velocity, atol=1e-9)
+    if recording.reference.euler_rad is not None:
+        np.testing.assert_allclose(recording.reference.euler_rad, np.column_stack([0 * yaw, 0 * yaw, yaw]), atol=1e-9)
+    np.testing.assert_allclose(recording.reference.enu_m, enu, atol=2e-3)
+
+
+def test_nanoseconds_stay_exact_and_date_the_start(tmp_path):
+    euroc(tmp_path)
+    recording = loaded("euroc", tmp_path)
+    assert recording.imu.t_s[1] == pytest.approx(0.01, abs=1e-12)
+    assert recording.start_utc == datetime.fromtimestamp(START_NS // 10**9, tz=UTC) + timedelta(microseconds=763555)
+
+
+PLAIN = {"t": IMU_S, "ax": 0 * IMU_S, "ay": 0 * IMU_S, "az": 0 * IMU_S + 1, "gx": 0 * IMU_S, "gy": 0 * IMU_S}
+PLAIN["gz"] = 0 * IMU_S + 90
+GIVEN = {"accel_unit": "g", "gyro_unit": "deg/s", "epoch": "none"}
+
+
+def test_units_axes_shifts_and_parquet(tmp_path):
+    pd.DataFrame(PLAIN).to_parquet(tmp_path / "imu.parquet")
+    enu, _, _ = circle(FIX_S)
+    fixes = pd.DataFrame({"t": FIX_S, "n": enu[:, 1], "e": enu[:, 0], "d": 0 * FIX_S, "s": 0 * FIX_S + 0.3})
+    fixes.loc[3, "d"] = np.nan
+    fixes.to_csv(tmp_path / "fix.csv", index=False)
+    speeds = pd.DataFrame({"t": FIX_S, "v": 2.0})
+    speeds.to_csv(tmp_path / "wheel.csv", index=False)
+    dataset = Tables(
+        str(tmp_path),
+        **GIVEN,
+        imu_file="imu.parquet",
+        imu_axes=("-x", "-y", "z"),
+        position_file="fix.csv",
+        position_columns=("n", "e", "d"),
+        position_frame="ned",
+        position_sigma=("s",),
+        position_shift_s=-0.05,
+        velocity_file="wheel.csv",
+        velocity_columns=("v",),
+        velocity_frame="speed",
+    )
+    recording = dataset.load(0)
+
+    np.testing.assert_allclose(recording.imu.accel_mps2[0], [0, 0, 9.80665])
+    np.testing.assert_allclose(recording.imu.gyro_radps[0], [0, 0, np.pi / 2])
+    np.testing.assert_allclose(recording.position.t_s, FIX_S - 0.05, atol=1e-9)
+    np.testing.assert_allclose(recording.position.enu_m[:, :2], enu[:, :2])
+    assert np.isnan(recording.position.enu_m[3, 2])
+    np.testing.assert_allclose(recording.position.covariance_m2[0], 0.09 * np.eye(3))
+    assert (recording.velocity.frame, recording.velocity.mps[0, 0], recording.start_utc) == ("speed", 2.0, None)
+    check_plugin("dataset", dataset)
+
+
+def test_a_row_that_changes_changes_the_fingerprint(tmp_path):
+    write(tmp_path / "imu.csv", PLAIN)
+    before = Tables(str(tmp_path)).fingerprint()
+    with (tmp_path / "imu.csv").open("a") as file:
+        file.write("10,0,0,1,0,0,90\n")
+    assert Tables(str(tmp_path)).fingerprint() != before
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"imu_accel": ("ax", "ay", "a")}, "no column 'a'.*Did you mean 'az'"),
+        ({"imu_time": "9"}, "no column '9'"),
+        ({"imu_file": "gone.csv"}, "There is no file .*gone.csv; correct 'imu_file'"),
+        ({"imu_file": "../imu.csv/"}, "imu_file|There is no file"),
+        ({"imu_time": ""}, "no file|time_file"),
+        ({"imu_time": "gz"}, "t_s row 1 .*does not increase"),
+        ({"position_file": "imu.csv", "position_time": "t"}, "no column 'latitude'"),
+    ],
+)
+def test_what_does_not_fit_is_a_sentence(tmp_path, changes, said):
+    write(tmp_path / "imu.csv", PLAIN)
+    with pytest.raises(RecordingError, match=said):
+        Tables(str(tmp_path), **changes).load(0)
+
+
+def test_a_cell_that_is_no_number_is_named(tmp_path):
+    write(tmp_path / "imu.csv", PLAIN | {"ay": ["x" if k == 7 else 0.0 for k in range(1000)]})
+    with pytest.raises(RecordingError, match=r"imu\.csv, row 8, column ay: 'x' is no number"):
+        Tables(str(tmp_path)).load(0)
+    write(tmp_path / "imu.csv", PLAIN | {"t": [np.nan if k == 7 else float(k) for k in range(1000)]})
+    with pytest.raises(RecordingError, match="row 8, column t: 'nan' is no time in s"):
+        Tables(str(tmp_path)).load(0)
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"imu_axes": ("x", "y", "-z")}, "right-handed"),
+        ({"imu_axes": ("x", "y", "up")}, "give three of x, y, z"),
+        ({"imu_accel": ("a",)}, "imu_accel names 1 columns"),
+        ({"position_frame": "utm"}, "no position_frame 'utm'"),
+        ({"time_unit": "minutes"}, "no time_unit 'minutes'"),
+        ({"velocity_frame": "speed"}, "velocity_columns names 3 columns"),
+        ({"position_sigma_m": 0.0}, "position_sigma_m"),
+    ],
+)
+def test_parameters_are_checked(changes, said):
+    with pytest.raises(PluginError, match=said):
+        Tables("somewhere", **changes)
