@@ -54,7 +54,7 @@ def write(path, table, **how):
 def euroc(folder):
     """The sensor's x is up, y right, z forward."""
     sensor_from_flu = np.array([[0, 0, 1], [0, -1, 0], [1, 0, 0]])
-    imu = pd.DataFrame(np.hstack([RATE @ sensor_from_flu.T, FORCE @ sensor_from_flu.T]))
+    imu = pd.DataFrame(np.hstack([RATE @ sensor_from_flu.T, FORCE @ sensor_from_flu.T])).add_prefix("c")
     imu.insert(0, "#timestamp [ns]", stamps_ns(IMU_S))
     write(folder / "imu0/data.csv", imu)
     enu, velocity, yaw = circle(FIX_S)
@@ -63,7 +63,7 @@ def euroc(folder):
     write(folder / "leica0/data.csv", place)
     world_from_sensor = Rotation.from_euler("z", yaw[:, None]).as_matrix() @ sensor_from_flu.T
     attitude = Rotation.from_matrix(world_from_sensor).as_quat(scalar_first=True)
-    truth = pd.concat([place, pd.DataFrame(np.hstack([attitude, velocity, np.zeros((95, 6))]))], axis=1)
+    truth = pd.concat([place, pd.DataFrame(np.hstack([attitude, velocity, np.zeros((95, 6))])).add_prefix("c")], axis=1)
     write(folder / "state_groundtruth_estimate0/data.csv", truth)
 
 
