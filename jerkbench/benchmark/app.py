@@ -130,6 +130,9 @@ def _run_and_show(one: Planned, folder: Path, config: DictConfig) -> None:
     write_manifest(folder, [one.key], list(config.notes), sys.argv)
     write_study(load_study(folder, prefer=[one.key]))
     print_run(rows)
+    (stored,), _ = Store(folder).read([one.key])
+    for note in stored.about["notes"]:
+        print(note)
     for path in figures:
         print(f"Figure: {path}")
 

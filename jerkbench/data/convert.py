@@ -39,6 +39,7 @@ def answer(chosen: argparse.Namespace) -> None:
     if target.exists():
         raise JerkbenchError(f"{target} is there already; delete it or give another name.")
     recording = dataset_of(chosen.source, chosen.dataset, chosen.set).load(chosen.seed)
+    left_out: list[str] = []
     if target.suffix in (".csv", ".parquet"):
         from jerkbench.writers.tables import write_table
 
@@ -50,5 +51,7 @@ def answer(chosen: argparse.Namespace) -> None:
     else:
         from jerkbench.writers.ros_bag import write_bag
 
-        write_bag(recording, target)
+        left_out = write_bag(recording, target)
     print(f"{target}: {recording.name} as {TARGETS[target.suffix]}")
+    for sentence in left_out:
+        print(sentence)

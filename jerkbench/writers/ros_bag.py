@@ -1,7 +1,7 @@
 """A recording as a Fixposition-like ROS bag, which `dataset=fixposition` and `dataset=rosbag` read back as it was."""
 
 import shutil
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -32,11 +32,14 @@ SOMETIME = datetime(2020, 1, 1, tzinfo=UTC)
 """Time 0 of a recording of which nobody knows when it was."""
 
 
-def write_bag(recording: Recording, path: Path) -> None:
+def write_bag(recording: Recording, path: Path) -> list[str]:
     """Write a ROS 1 bag (.bag), or the one file of a ROS 2 bag (.db3, .mcap).
 
     What the driver has no topic for is under /jerkbench: velocities with their own frame, headings, and what belongs to
-    the recording as a whole. True covariances, which only a simulation has, are not written.
+    the recording as a whole.
+
+    Returns:
+        What could not be written, a sentence each.
 
     Raises:
         RecordingError: it has no origin, so that nothing of it is on the Earth.
@@ -55,6 +58,7 @@ def write_bag(recording: Recording, path: Path) -> None:
     streams = _streams(make, recording, recording.origin)
     write = _write_ros1 if ros1 else _write_ros2
     write_atomically(path, lambda partial: write(make, streams, partial))
+    return list(_left_out(recording, streams))
 
 
 def _streams(make: Maker, recording: Recording, origin: Origin) -> dict[str, list[Stamped]]:
@@ -70,6 +74,21 @@ def _streams(make: Maker, recording: Recording, origin: Origin) -> dict[str, lis
         streams[ODOMETRY_TOPIC if "Odometry" in reference[0][1] else REFERENCE_TOPIC] = reference
     about = make.of(STRING, _about(recording, origin, make.start_ns, streams).to_json())
     return {**streams, ABOUT_TOPIC: [(float(recording.imu.t_s[0]), STRING, about)]}
+
+
+def _left_out(recording: Recording, streams: Mapping[str, list[Stamped]]) -> Iterator[str]:
+    position, velocity, reference = recording.position, recording.velocity, recording.reference
+    if position is not None and (lost := len(position.t_s) - len(streams[TOPICS["position"]])):
+        yield f"{lost} of {len(position.t_s)} fixes lack an axis, and a NavSatFix has all three: they are left out."
+    written = len(streams.get(ODOMETRY_TOPIC, streams.get(REFERENCE_TOPIC, ())))
+    if not reference.empty and (lost := len(reference.t_s) - written):
+        yield f"{lost} of {len(reference.t_s)} rows of the reference lack what other rows have: they are left out."
+    if not reference.scored.all():
+        yield "Which rows of the reference are scored has no place in a bag: all of them will be."
+    if (position and position.true_covariance_m2 is not None) or (
+        velocity and velocity.true_covariance_m2ps2 is not None
+    ):
+        yield "True covariances have no place in a bag: an oracle will see the reported ones."
 
 
 def _about(recording: Recording, origin: Origin, start_ns: int, topics: Iterable[str]) -> About:

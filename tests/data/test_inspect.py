@@ -1,14 +1,13 @@
 import pytest
 
 from bag_maker import ROS1, START_NS, Drive, odometry
-from commands import jerkbench
 from jerkbench.bags.survey import survey
 from jerkbench.readers.ros.bag import open_bag
 
 
-def test_a_simulated_recording_is_described(tmp_path):
+def test_a_simulated_recording_is_described(tmp_path, typed):
     words = ("data", "inspect", "field", "--set", "duration_s=20", "--figure", "field.png")
-    done = jerkbench(*words, cwd=tmp_path)
+    done = typed(*words)
 
     assert done.returncode == 0, done.stderr
     assert "imu          2000 rows, 100 Hz, 0.010 to 20.000 s; no gaps" in done.stdout
@@ -17,13 +16,13 @@ def test_a_simulated_recording_is_described(tmp_path):
     assert (tmp_path / "field.png").stat().st_size > 10_000
 
 
-def test_what_is_no_source_is_a_sentence(tmp_path):
-    done = jerkbench("data", "inspect", "gone.bag", cwd=tmp_path)
+def test_what_is_no_source_is_a_sentence(tmp_path, typed):
+    done = typed("data", "inspect", "gone.bag")
     assert (done.returncode, done.stderr) == (2, "jerkbench: There is no file or folder gone.bag; correct the path.\n")
-    done = jerkbench("data", "inspect", "feild", cwd=tmp_path)
+    done = typed("data", "inspect", "feild")
     assert "Did you mean 'field'?" in done.stderr
     (tmp_path / "a.xyz").touch()
-    done = jerkbench("data", "inspect", "a.xyz", cwd=tmp_path)
+    done = typed("data", "inspect", "a.xyz")
     assert "give --dataset NAME" in done.stderr
 
 
@@ -36,9 +35,9 @@ def test_what_is_no_source_is_a_sentence(tmp_path):
         (["convert", "field", "a.csv", "--set", "durations_s=3"], "Did you mean 'duration_s'?"),
     ],
 )
-def test_what_cannot_be_done_is_a_sentence(tmp_path, words, said):
+def test_what_cannot_be_done_is_a_sentence(tmp_path, typed, words, said):
     (tmp_path / "file").touch()
-    done = jerkbench("data", *words, cwd=tmp_path)
+    done = typed("data", *words)
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
     assert said in done.stderr
 
@@ -48,7 +47,7 @@ def surveyed(path):
         return "\n".join(survey(bag))
 
 
-def test_a_bag_is_described_topic_by_topic(tmp_path):
+def test_a_bag_is_described_topic_by_topic(tmp_path, typed):
     drive = Drive(duration_s=4.0)
     for message in drive.messages("/fixposition/gnss1")[:3]:
         message.status.status = -1
@@ -57,7 +56,7 @@ def test_a_bag_is_described_topic_by_topic(tmp_path):
         drive.add("/world", ns, odometry(ROS1, ns, (0, k, 0), quarter, (0, 10, 0), 0.0, 0.0))
         drive.add("/body", ns, odometry(ROS1, ns, (4.5e5, 5.4e6 + k, 0), quarter, (10.5, 0, 0), 0.1 + k, 0.2))
     drive.write(tmp_path / "a.bag")
-    done = jerkbench("data", "inspect", "a.bag", "--dataset", "fixposition", cwd=tmp_path)
+    done = typed("data", "inspect", "a.bag", "--dataset", "fixposition")
     assert done.returncode == 0, done.stderr
     said = done.stdout
     assert "/fixposition/gnss1 (sensor_msgs/msg/NavSatFix): 20 messages, 5 Hz, frame FP_A" in said
@@ -75,15 +74,15 @@ def test_a_bag_is_described_topic_by_topic(tmp_path):
     assert "3 of 20 rows with status -1 (no fix)" in said
 
 
-def test_what_a_bag_lacks_is_an_answer(tmp_path):
+def test_what_a_bag_lacks_is_an_answer(tmp_path, typed):
     drive = Drive(duration_s=2.0)
     del drive.rows["/fixposition/gnss1"]
     drive.write(tmp_path / "a.bag")
-    done = jerkbench("data", "inspect", "a.bag", cwd=tmp_path)
+    done = typed("data", "inspect", "a.bag")
     assert done.returncode == 0, done.stderr
     assert "No recording can be made of it as it is: a.bag has no topic with GNSS fixes" in done.stdout
     (tmp_path / "b.bag").write_bytes((tmp_path / "a.bag").read_bytes()[:3000])
-    done = jerkbench("data", "inspect", "b.bag", cwd=tmp_path)
+    done = typed("data", "inspect", "b.bag")
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
     assert "jerkbench data salvage" in done.stderr
 

@@ -98,7 +98,8 @@ def test_what_is_partly_there_comes_back_so(tmp_path):
     ]
     for k, (reference, velocity) in enumerate(zip(references, velocities, strict=True)):
         given = dataclasses.replace(small, reference=reference, velocity=velocity, heading=None)
-        write_bag(given, tmp_path / f"{k}.bag")
+        said = write_bag(given, tmp_path / f"{k}.bag")
+        assert "1 of 120 fixes lack an axis" in said[0]
         back = RosBag(str(tmp_path / f"{k}.bag")).load(0)
         assert back.velocity.frame == velocity.frame
         same(back, given, "velocity", "t_s", "mps")
@@ -109,6 +110,16 @@ def test_what_is_partly_there_comes_back_so(tmp_path):
             assert (back.reference.source, back.reference.independent) == (reference.source, reference.independent)
         assert len(back.position.t_s) == len(small.position.t_s) - 1  # the fix without height is no NavSatFix
     np.testing.assert_array_equal(back.outages_s, small.outages_s)
+
+
+def test_what_has_no_place_in_a_bag_is_said(tmp_path):
+    field = Field(**FIELD).load(0)
+    assert write_bag(field, tmp_path / "a.bag") == []
+    position = dataclasses.replace(field.position, true_covariance_m2=field.position.covariance_m2)
+    known = np.where(np.arange(2000)[:, None] < 1990, field.reference.euler_rad, np.nan)
+    reference = dataclasses.replace(field.reference, euler_rad=known, scored=np.arange(2000) > 5)
+    said = write_bag(dataclasses.replace(field, position=position, reference=reference), tmp_path / "b.bag")
+    assert [sentence.split(" ")[0] for sentence in said] == ["10", "Which", "True"]
 
 
 def test_the_real_drive_comes_back(tmp_path, shared_folder):
