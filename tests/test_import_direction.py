@@ -29,7 +29,7 @@ ORDER = [
     ["report"],
     ["benchmark"],
     ["catalogue", "api"],
-    ["inspection"],
+    ["inspection", "fetching"],
     ["data", "verbs"],
     ["cli"],
     ["__main__"],

@@ -10,7 +10,7 @@ from pathlib import Path
 
 PACKAGE = Path(__file__).parents[1]
 LIBRARIES = ("filterpy", "numba", "numpy", "scipy", "pandas", "pymap3d", "hydra-core")
-NOT_COMPUTING = ("inspection", "cli", "data", "report", "verbs")
+NOT_COMPUTING = ("fetching", "inspection", "cli", "data", "report", "verbs")
 """Parts of the package that no number depends on."""
 
 

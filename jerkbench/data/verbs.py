@@ -12,6 +12,7 @@ from jerkbench.errors import JerkbenchError
 VERBS = {
     "convert": "write a recording as a ROS bag, a table or a trajectory",
     "salvage": "write a fresh bag from what is whole in a ROS 1 bag that was cut off or damaged",
+    "fetch": "download a public recording, check it, and keep it",
     "inspect": "print what a recording is made of, and what is wrong with it",
 }
 """Each verb, and what it does."""

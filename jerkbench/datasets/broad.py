@@ -11,6 +11,7 @@ from jerkbench.errors import RecordingError
 from jerkbench.geometry import euler_from_quaternion
 from jerkbench.plugins import register
 from jerkbench.readers.broad_trial import BroadTrial, read_broad_trial
+from jerkbench.readers.fetched import recording_folder
 from jerkbench.readers.files import fingerprint
 from jerkbench.readers.rest import without_gyro_bias
 from jerkbench.recording import Imu, Recording, Reference
@@ -42,7 +43,7 @@ class Broad:
     Estimation", Data 6(7), 2021, doi:10.3390/data6070072; github.com/dlaidig/broad (CC BY 4.0).
 
     Attributes:
-        folder: where the files of the trials are.
+        folder: where the files of the trials are; empty: where `jerkbench data fetch broad` has put them.
         trial: number of the trial: the file whose name begins with it is read (.hdf5 or .mat).
         remove_gyro_bias: subtract the gyro's mean over the first rest.
     """
@@ -51,7 +52,7 @@ class Broad:
     default_attitude: ClassVar[str] = "real"
     attitude_only: ClassVar[bool] = True
 
-    folder: str
+    folder: str = ""
     trial: int = 16
     remove_gyro_bias: bool = True
 
@@ -80,7 +81,7 @@ class Broad:
         return fingerprint((self._path(),))
 
     def _path(self) -> Path:
-        folder = Path(self.folder).expanduser()
+        folder = recording_folder(self.folder, "broad")
         if not folder.is_dir():
             raise RecordingError(f"There is no folder {folder}; give the one that the trials were copied to.")
         trials = sorted(path for path in folder.iterdir() if path.suffix in ENDINGS and path.is_file())

@@ -12,6 +12,7 @@ from jerkbench.errors import RecordingError
 from jerkbench.geometry import ecef_to_enu, enu_axes, euler_from_dcm, geodetic_to_enu, wrap_angle
 from jerkbench.plugins import register
 from jerkbench.readers.comma_segment import CommaSegment, read_comma_segment, segment_files
+from jerkbench.readers.fetched import recording_folder
 from jerkbench.readers.files import fingerprint
 from jerkbench.readers.mounting import body_from_sensor
 from jerkbench.recording import Heading, Imu, Origin, Position, Recording, Reference, Velocity
@@ -50,7 +51,7 @@ class Comma2k19:
     Source: H. Schafer, E. Santana, A. Haden, R. Biasini, "A Commute in Data: The comma2k19 Dataset", arXiv:1812.05752.
 
     Attributes:
-        folder: the one with global_pose and processed_log.
+        folder: the one with global_pose and processed_log; empty: where `jerkbench data fetch comma2k19` has put it.
         mounting_yaw_deg: of the direction of travel, seen from the device; positive is to its left.
         mounting_pitch_deg: of the direction of travel, seen from the device; negative is upwards.
         position_age_s: how old a fix is at its time on the line.
@@ -68,7 +69,7 @@ class Comma2k19:
     seeded: ClassVar[bool] = False
     default_attitude: ClassVar[str] = "real"
 
-    folder: str
+    folder: str = ""
     mounting_yaw_deg: float = -0.81
     mounting_pitch_deg: float = -3.81
     position_age_s: float = 0.083
@@ -118,7 +119,7 @@ class Comma2k19:
         return fingerprint(segment_files(self._folder()))
 
     def _folder(self) -> Path:
-        return Path(self.folder).expanduser()
+        return recording_folder(self.folder, "comma2k19")
 
     def _fitted(self) -> bool:
         own = type(self)

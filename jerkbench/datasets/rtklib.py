@@ -10,6 +10,7 @@ from jerkbench.arrays import FloatArray
 from jerkbench.errors import PluginError, RecordingError, unknown
 from jerkbench.geometry import geodetic_to_enu
 from jerkbench.plugins import register
+from jerkbench.readers.fetched import recording_folder
 from jerkbench.readers.files import find_file, fingerprint
 from jerkbench.readers.gpst import GPST_MINUS_UTC_S, utc_of
 from jerkbench.readers.imu_log import ImuLog, read_imu_log
@@ -59,7 +60,7 @@ class RtklibDrive:
     Source: RTKLIB manual, appendix B, "Positioning Solution File".
 
     Attributes:
-        folder: where the files are.
+        folder: where the files are; empty: where `jerkbench data fetch rtklib_drive_0708` has put them.
         position_file: name of the solution in it; empty: the one that ends in .pos.
         imu_file: name of the IMU log: ax, ay, az, gx, gy, gz, ms; no header. Empty: the one that ends in .csv.
         tag_file: name of its time tag; empty: the IMU log's name and .tag.
@@ -81,7 +82,7 @@ class RtklibDrive:
     seeded: ClassVar[bool] = False
     default_attitude: ClassVar[str] = "real"
 
-    folder: str
+    folder: str = ""
     position_file: str = ""
     imu_file: str = ""
     tag_file: str = ""
@@ -152,7 +153,7 @@ class RtklibDrive:
         return (f"{listed.capitalize()} {was} fitted on this same drive.",)
 
     def _paths(self) -> tuple[Path, Path, Path]:
-        folder = Path(self.folder).expanduser()
+        folder = recording_folder(self.folder, "rtklib_drive_0708")
         pos = find_file(folder, self.position_file, ".pos", "position_file")
         imu = find_file(folder, self.imu_file, ".csv", "imu_file")
         return pos, imu, find_file(folder, self.tag_file or f"{imu.name}.tag", ".tag", "tag_file")

@@ -161,12 +161,16 @@ def test_parameters_are_checked(field, value, said):
         RtklibDrive("somewhere", **{field: value})
 
 
-def test_it_is_a_plugin_and_the_folder_is_mandatory(tmp_path):
+def test_it_is_a_plugin_and_needs_a_folder_or_what_was_fetched(tmp_path, monkeypatch):
     folder = write_drive(tmp_path)
     dataset = plugins.create("dataset", {"name": "rtklib", "folder": folder, "imu_shift_s": -0.1})
     assert dataset == RtklibDrive(folder, imu_shift_s=-0.1)
-    with pytest.raises(PluginError, match="folder"):
-        plugins.create("dataset", {"name": "rtklib"})
+    monkeypatch.setenv("JERKBENCH_DATA", str(tmp_path))
+    with pytest.raises(RecordingError, match="run `jerkbench data fetch rtklib_drive_0708`"):
+        plugins.create("dataset", {"name": "rtklib"}).load(0)
+    (tmp_path / "rtklib_drive_0708").mkdir()
+    write_drive(tmp_path / "rtklib_drive_0708")
+    assert plugins.create("dataset", {"name": "rtklib"}).load(0).name == "rtklib_drive_0708"
 
 
 def test_the_fingerprint_is_of_all_three_files(tmp_path):

@@ -1,0 +1,28 @@
+"""`jerkbench data fetch`: public recordings from where they are published."""
+
+import argparse
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of the verb."""
+    parser.add_argument("name", nargs="?", help="the recording; without it: what there is, and where it is kept")
+
+
+def answer(chosen: argparse.Namespace) -> None:
+    """Fetch the recording, or list what there is.
+
+    Raises:
+        RecordingError: there is no such recording, or it cannot be had.
+    """
+    from jerkbench.fetching.fetch import fetch
+    from jerkbench.fetching.listing import public_recording, public_recordings
+    from jerkbench.readers.fetched import fetched_folder
+
+    if chosen.name is None:
+        for one in public_recordings().values():
+            kept = fetched_folder(one.name)
+            print(f"{one.name}: {one.what} ({one.licence}); {kept if kept.is_dir() else 'not fetched'}")
+        return
+    recording, folder = public_recording(chosen.name), fetched_folder(chosen.name)
+    fetch(recording, folder, print)
+    print(f"{recording.name} ({recording.licence}) is in {folder}")

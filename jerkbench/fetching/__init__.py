@@ -1,0 +1,1 @@
+"""Public recordings from where they are published: listed, downloaded, checked, kept."""

@@ -1,0 +1,179 @@
+"""Fetching from a server on this machine that can be told to misbehave."""
+
+import hashlib
+import threading
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+
+import pytest
+
+from commands import jerkbench
+from jerkbench.errors import RecordingError
+from jerkbench.fetching import download
+from jerkbench.fetching.fetch import fetch
+from jerkbench.fetching.listing import PublicFile, PublicRecording, public_recording, public_recordings
+
+CONTENT = bytes(range(256)) * 2000
+SHA256 = hashlib.sha256(CONTENT).hexdigest()
+
+
+class Misbehaving(BaseHTTPRequestHandler):
+    """Serves CONTENT at /whole; cuts /cut after so many bytes; the requests are written down."""
+
+    cut_after = 100_000
+    cuts = 0
+    ranges = True
+    asked: list[tuple[str, str]]
+
+    def do_GET(self):
+        cls = type(self)
+        begin = self.headers.get("Range", "")
+        cls.asked.append((self.path, begin))
+        if self.path == "/gone":
+            self.send_error(404)
+            return
+        if self.path == "/busy":
+            self.send_error(503)
+            return
+        start = int(begin.removeprefix("bytes=").rstrip("-") or 0) if cls.ranges else 0
+        if start >= len(CONTENT):
+            self.send_error(416)
+            return
+        self.send_response(206 if start else 200)
+        self.send_header("Content-Length", str(len(CONTENT) - start))
+        self.end_headers()
+        body = CONTENT[start:]
+        if self.path == "/cut" and cls.cuts > 0:
+            cls.cuts -= 1
+            body = body[: cls.cut_after]
+        self.wfile.write(body)
+
+    def log_message(self, *_):
+        pass
+
+
+@pytest.fixture
+def server():
+    handler = type("Handler", (Misbehaving,), {"asked": []})
+    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as running:
+        thread = threading.Thread(target=running.serve_forever, daemon=True)
+        thread.start()
+        handler.address = f"http://127.0.0.1:{running.server_port}"
+        yield handler
+        running.shutdown()
+        thread.join()
+
+
+def recording(server, path, sha256=SHA256, name="deep/a.bin"):
+    return PublicRecording("some", "a test", "MIT", (PublicFile(name, f"{server.address}{path}", sha256),))
+
+
+def said():
+    lines = []
+    return lines, lines.append
+
+
+def test_what_is_whole_is_kept_and_not_asked_for_again(server, tmp_path):
+    lines, say = said()
+    fetch(recording(server, "/whole"), tmp_path / "some", say)
+    fetch(recording(server, "/whole"), tmp_path / "some", say)
+
+    assert (tmp_path / "some" / "deep" / "a.bin").read_bytes() == CONTENT
+    assert [path.name for path in tmp_path.iterdir()] == ["some"]
+    assert sorted(path.name for path in (tmp_path / "some").rglob("*")) == ["a.bin", "deep"]
+    assert lines == ["deep/a.bin: downloading", "deep/a.bin: there"]
+    assert server.asked == [("/whole", "")]
+
+
+def test_a_cut_connection_is_resumed_where_it_was(server, tmp_path):
+    server.cuts = 2
+    fetch(recording(server, "/cut"), tmp_path / "some", print)
+
+    assert (tmp_path / "some" / "deep" / "a.bin").read_bytes() == CONTENT
+    assert server.asked == [("/cut", ""), ("/cut", "bytes=100000-"), ("/cut", "bytes=200000-")]
+
+
+def test_a_connection_that_is_always_cut_goes_on_the_next_time(server, tmp_path):
+    server.cuts = download.ATTEMPTS
+    with pytest.raises(RecordingError, match=r"cut .*400000 bytes are kept, and the same command goes on"):
+        fetch(recording(server, "/cut"), tmp_path / "some", print)
+    assert not (tmp_path / "some").exists()
+    fetch(recording(server, "/cut"), tmp_path / "some", print)
+
+    assert server.asked[-1] == ("/cut", "bytes=400000-")
+    assert (tmp_path / "some" / "deep" / "a.bin").read_bytes() == CONTENT
+
+
+def test_a_server_that_knows_no_ranges_sends_all_of_it_again(server, tmp_path):
+    server.cuts, server.ranges = 1, False
+    fetch(recording(server, "/cut"), tmp_path / "some", print)
+    assert (tmp_path / "some" / "deep" / "a.bin").read_bytes() == CONTENT
+
+
+def test_another_file_is_refused_and_not_kept(server, tmp_path):
+    with pytest.raises(RecordingError, match="is not the file that was recorded"):
+        fetch(recording(server, "/whole", sha256="0" * 64), tmp_path / "some", print)
+    assert not (tmp_path / "some").exists()
+    assert [path for path in tmp_path.rglob("*") if path.is_file()] == []
+
+
+def test_a_file_that_was_damaged_since_is_fetched_again(server, tmp_path):
+    fetch(recording(server, "/whole"), tmp_path / "some", print)
+    (tmp_path / "some" / "deep" / "a.bin").write_bytes(b"damaged")
+    fetch(recording(server, "/whole"), tmp_path / "some", print)
+    assert (tmp_path / "some" / "deep" / "a.bin").read_bytes() == CONTENT
+
+
+@pytest.mark.parametrize(
+    ("path", "message"), [("/gone", r"There is nothing at .*/gone \(404\)"), ("/busy", "answers 503")]
+)
+def test_a_refusal_is_a_sentence(server, tmp_path, path, message):
+    with pytest.raises(RecordingError, match=message):
+        fetch(recording(server, path), tmp_path / "some", print)
+    assert len(server.asked) == 1
+
+
+def test_a_server_that_is_not_there_is_a_sentence(server, tmp_path):
+    one = PublicRecording("some", "a test", "MIT", (PublicFile("a", "http://127.0.0.1:9/a", "0" * 64),))
+    with pytest.raises(RecordingError, match="the server cannot be reached"):
+        fetch(one, tmp_path / "some", print)
+
+
+def test_a_folder_that_cannot_be_written_is_a_sentence(server, tmp_path):
+    (tmp_path / "file").touch()
+    with pytest.raises(RecordingError, match="cannot be written"):
+        fetch(recording(server, "/whole"), tmp_path / "file" / "some", print)
+
+
+def test_the_registry_lists_whole_recordings_at_fixed_commits():
+    known = public_recordings()
+    assert set(known) == {"rtklib_drive_0708", "comma2k19", "broad", "robot_localization"}
+    for one in known.values():
+        for file in one.files:
+            assert len(file.sha256) == 64
+            assert file.url.startswith("https://raw.githubusercontent.com/")
+            assert " " not in file.url
+            assert "|" not in file.url
+    with pytest.raises(RecordingError, match="Did you mean 'broad'"):
+        public_recording("brod")
+
+
+def test_the_registry_has_the_hashes_of_the_files_beside(shared_folder):
+    for one in public_recordings().values():
+        for file in one.files:
+            path = shared_folder / "data" / one.name / file.name
+            assert hashlib.sha256(path.read_bytes()).hexdigest() == file.sha256, path
+
+
+def test_the_verb_lists_and_finds(tmp_path):
+    done = jerkbench("data", "fetch", cwd=tmp_path, JERKBENCH_DATA=str(tmp_path))
+    assert "broad: a hand-held IMU with motion capture" in done.stdout
+    assert "not fetched" in done.stdout
+    done = jerkbench("data", "fetch", "brod", cwd=tmp_path)
+    assert (done.returncode, "Did you mean 'broad'" in done.stderr) == (2, True)
+
+
+def test_a_data_set_finds_what_was_fetched(tmp_path, shared_folder):
+    (tmp_path / "kept").mkdir()
+    (tmp_path / "kept" / "comma2k19").symlink_to(shared_folder / "data" / "comma2k19")
+    done = jerkbench("data", "inspect", "comma2k19", cwd=tmp_path, JERKBENCH_DATA=str(tmp_path / "kept"))
+    assert "position      579 rows" in done.stdout, done.stderr
