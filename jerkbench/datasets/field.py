@@ -138,12 +138,13 @@ class Field(Sensors):
         t_s = np.arange(round(self.duration_s * self.imu_rate_hz) + 1) / self.imu_rate_hz
         terrain = draw_terrain(
             stream(seed, "dataset", "terrain"),
-            self.roughness,
+            self.heard("terrain", self.roughness),
             self.roll_ratio_radpm,
             self.hill_height_m,
             self.hill_length_m,
         )
-        vibration = draw_vibration(stream(seed, "dataset", "vibration"), self.vibration_mps2, self.vibration_rad)
+        sizes = (self.heard("vibration", size) for size in (self.vibration_mps2, self.vibration_rad))
+        vibration = draw_vibration(stream(seed, "dataset", "vibration"), *sizes)
         return simulate_truth(t_s, self._path(), terrain, vibration, self._ruts())
 
     def _path(self) -> Path:
@@ -173,11 +174,12 @@ class Field(Sensors):
 
     def _false_force(self, t_s: FloatArray, seed: int) -> FloatArray | None:
         """Return (n, m, 3) within each of the n intervals between ``t_s``, or None where there is none."""
-        if not self.false_forces or not (self.ruts or self.impacts_per_s):
+        impacts_per_s = self.heard("impacts", self.impacts_per_s)
+        if not self.false_forces or not (self.ruts or impacts_per_s):
             return None
         inner = inner_times(t_s, round(self.sensor_rate_hz / self.imu_rate_hz))
         begin = self.stand_s + self.ramp_s
-        impacts = draw_impacts(stream(seed, "dataset", "impacts"), self.impacts_per_s, begin, self.duration_s)
+        impacts = draw_impacts(stream(seed, "dataset", "impacts"), impacts_per_s, begin, self.duration_s)
         ruts = rut_force(inner, self._rut_times(), self.rut_force_mps2, self.rut_force_decay_s)
         return ruts + impact_force(inner, impacts, self.impact_mps2)
 

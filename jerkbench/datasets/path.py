@@ -96,7 +96,8 @@ class DrivenPath(Sensors):
         """Return the true motion from t = 0 on, at the IMU's rate, and how long it stands at the start [s]."""
         t_s, way, rest_s = self._table() if self.file else self._waypoints()
         u = (t_s - rest_s) / self.ramp_s
-        vibration = draw_vibration(stream(seed, "dataset", "vibration"), self.vibration_mps2, self.vibration_rad)
+        sizes = (self.heard("vibration", size) for size in (self.vibration_mps2, self.vibration_rad))
+        vibration = draw_vibration(stream(seed, "dataset", "vibration"), *sizes)
         shaking = vibration.at(t_s, smoothstep(u), smoothstep_rate(u) / self.ramp_s)
         truth = Truth(
             t_s=t_s,

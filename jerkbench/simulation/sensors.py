@@ -17,6 +17,8 @@ from jerkbench.simulation.truth import Truth
 
 START_UTC = datetime(2024, 5, 14, 14, 0, tzinfo=UTC)
 IMUS = ("per_sample", *GRADES)
+STREAMS = ("accelerometer", "gyro", "position", "velocity", "heading", "terrain", "vibration", "impacts")
+"""Sources of randomness that ``silent`` can name; what a vehicle does not have is silent anyway."""
 
 
 @dataclass(frozen=True)
@@ -45,6 +47,9 @@ class Sensors:
         velocity_sigma_mps: noise of velocity, east, north, up.
         heading_sigma_rad: noise of heading.
         noise: whether sensors have any errors; without, the covariances are still reported.
+        silent: sources of randomness that are switched off one by one: accelerometer, gyro (each with its biases),
+            position, velocity, heading, terrain, vibration, impacts. Covariances are still reported, the others draw
+            what they drew.
         latitude_deg: of the origin.
         longitude_deg: of the origin.
         height_m: of the origin.
@@ -61,6 +66,7 @@ class Sensors:
     velocity_sigma_mps: tuple[float, ...] = (0.03, 0.03, 0.06)
     heading_sigma_rad: float = 0.0087
     noise: bool = True
+    silent: tuple[str, ...] = ()
     latitude_deg: float = 42.03
     longitude_deg: float = -93.64
     height_m: float = 300.0
@@ -89,6 +95,9 @@ class Sensors:
         """Raise a PluginError, which begins with ``what``, unless every choice exists and every number makes sense."""
         if self.imu not in IMUS:
             raise PluginError(unknown(f"imu of {what}", self.imu, IMUS))
+        for source in self.silent:
+            if source not in STREAMS:
+                raise PluginError(unknown(f"source of randomness of {what}", source, STREAMS))
         require_positive(what, self, ("imu_rate_hz", "gnss_rate_hz", "reference_rate_hz", "heading_sigma_rad"))
         require_not_negative(what, self, ("accel_sigma_mps2", "gyro_sigma_radps"))
         require_axes(what, self, ("position_sigma_m", "velocity_sigma_mps"), positive=True)
@@ -99,11 +108,19 @@ class Sensors:
 
     def _imu(self, truth: Truth, seed: int, false_mps2: FloatArray | None) -> Imu:
         force, gyro = perfect_imu(truth)
-        if self.noise:
-            accel_errors, gyro_errors = self._sensor_errors()
+        accel_errors, gyro_errors = self._sensor_errors()
+        if self._on("accelerometer"):
             force = disturb(force, accel_errors, 1.0 / self.imu_rate_hz, seed, "accelerometer")
+        if self._on("gyro"):
             gyro = disturb(gyro, gyro_errors, 1.0 / self.imu_rate_hz, seed, "gyro")
         return Imu(truth.t_s[1:], saturate(force, false_mps2, self.accel_range_g), gyro)
+
+    def heard(self, source: str, size: float) -> float:
+        """Return ``size``, or nothing where the source of randomness is silent."""
+        return 0.0 if source in self.silent else size
+
+    def _on(self, sensor: str) -> bool:
+        return self.noise and sensor not in self.silent
 
     def _sensor_errors(self) -> tuple[SensorErrors, SensorErrors]:
         """Return the errors of accelerometer and gyro."""
@@ -113,15 +130,15 @@ class Sensors:
         return grade.accelerometer(self.imu_rate_hz), grade.gyro(self.imu_rate_hz)
 
     def _position(self, fixes: Truth, seed: int) -> Position:
-        noise = white(seed, "position", fixes.enu_m.shape, self.noise)
+        noise = white(seed, "position", fixes.enu_m.shape, self._on("position"))
         return measure_position(fixes.t_s, fixes.enu_m, self.position_sigma_m, noise)
 
     def _velocity(self, fixes: Truth, seed: int) -> Velocity:
-        noise = white(seed, "velocity", fixes.velocity_mps.shape, self.noise)
+        noise = white(seed, "velocity", fixes.velocity_mps.shape, self._on("velocity"))
         return measure_velocity(fixes.t_s, fixes.velocity_mps, self.velocity_sigma_mps, noise)
 
     def _heading(self, fixes: Truth, seed: int) -> Heading:
-        noise = white(seed, "heading", fixes.t_s.shape, self.noise)
+        noise = white(seed, "heading", fixes.t_s.shape, self._on("heading"))
         return measure_heading(fixes.t_s, fixes.euler_rad[:, 2], self.heading_sigma_rad, noise)
 
 

@@ -155,11 +155,34 @@ def test_a_seed_is_one_recording():
         ({"impacts_per_s": 3.0}, {"accelerometer"}),
         ({"accel_range_g": 1.0}, {"accelerometer"}),
         ({"imu": "tactical"}, {"accelerometer", "gyro"}),
+        *(({"silent": (name,)}, {name}) for name in ("accelerometer", "gyro", "position", "velocity", "heading")),
+        ({"silent": ("position", "gyro")}, {"position", "gyro"}),
+        ({"silent": ("impacts",)}, set()),  # it has none
     ],
 )
 def test_switching_one_source_does_not_move_the_others(switch, moves):
     short = Field(duration_s=12.0)
     assert changed(short.load(1), replace(short, **switch).load(1)) == moves
+
+
+def test_a_silent_source_is_one_without_size():
+    short = replace(Field(duration_s=12.0), impacts_per_s=3.0)
+    sizes = {
+        "terrain": {"roughness": 0.0},
+        "vibration": {"vibration_mps2": 0.0, "vibration_rad": 0.0},
+        "impacts": {"impacts_per_s": 0.0},
+    }
+    for name, size in sizes.items():
+        silent = replace(short, silent=(name,)).load(1)
+        assert changed(silent, replace(short, **size).load(1)) == set()
+        assert "accelerometer" in changed(silent, short.load(1))
+
+
+def test_a_silent_sensor_is_still_believed_as_before():
+    one, other = Field(duration_s=12.0).load(1), Field(duration_s=12.0, silent=("position",)).load(1)
+    np.testing.assert_array_equal(one.position.covariance_m2, other.position.covariance_m2)
+    with pytest.raises(PluginError, match=r"no source of randomness of .* 'positon'. Did you mean 'position'"):
+        Field(silent=("positon",))
 
 
 def test_switching_vibration_off_moves_neither_terrain_nor_noise(drive):
