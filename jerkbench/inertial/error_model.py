@@ -32,12 +32,14 @@ class StepModel(NamedTuple):
         dt_s: length of the step.
         constant: (n, n) Phi without attitude and force; n as in `jerkbench.inertial.state.error_states`.
         factors: (2, 1, 9) factors on [a], [a] C and C in the rows of dp, and of dv.
+        turn: (3, 3) factors on C in the rows of phi.
         Q: (n, n) process noise.
     """
 
     dt_s: float
     constant: FloatArray
     factors: FloatArray
+    turn: FloatArray
     Q: FloatArray
 
 
@@ -49,7 +51,7 @@ def step_model(noise: SensorNoise, dt_s: float, states: int = STATES) -> StepMod
     factors = np.repeat([[on_position], [on_velocity]], 3, axis=2)
     Q = np.zeros((states, states))
     Q[:STATES, :STATES] = process_noise(noise, dt_s)
-    return StepModel(dt_s, constant, factors, Q)
+    return StepModel(dt_s, constant, factors, np.full((3, 3), -dt_s), Q)
 
 
 def transition(
@@ -69,10 +71,10 @@ def transition(
     Coriolis and the turning of phi with the Earth (1e-4 a second) are left out: they are far below the noise.
     """
     a = skew(force_enu_mps2)
-    blocks = np.concatenate((a, a @ dcm, dcm), axis=1)
+    blocks = np.concatenate((a, a.dot(dcm), dcm), axis=1)
     Phi = step.constant.copy()
     Phi[:6, 6:STATES] = (step.factors * blocks).reshape(6, 9)
-    Phi[PHI, BG] = -step.dt_s * dcm
+    Phi[PHI, BG] = step.turn * dcm
     if sensed is not None and has_deformation(len(Phi)):
         Phi[:9, MG], Phi[:9, MA] = by_column(Phi[:9, BG], sensed[1]), by_column(Phi[:9, BA], sensed[0])
     return Phi
@@ -98,4 +100,4 @@ def process_noise(noise: SensorNoise, dt_s: float) -> FloatArray:
 
 def propagated(covariance: FloatArray, Phi: FloatArray, Q: FloatArray) -> FloatArray:
     """Return Phi P Phi' + Q."""
-    return np.asarray(Phi @ covariance @ Phi.T + Q)
+    return np.asarray(Phi.dot(covariance).dot(Phi.T) + Q)

@@ -50,10 +50,10 @@ def correction(
     S = H P H' + R;  K = P H' S^-1;  dx = K y;  P = (I - K H) P (I - K H)' + K R K', symmetrised. The prior dx is 0:
     every estimated error goes into the nominal state at once.
     """
-    PHt = covariance @ H.T
-    S = H @ PHt + R
-    K = np.linalg.solve(S, PHt.T).T
-    rest = np.eye(len(covariance)) - K @ H
-    posterior = rest @ covariance @ rest.T + K @ R @ K.T
-    nis = float(innovation @ np.linalg.solve(S, innovation))
-    return K @ innovation, 0.5 * (posterior + posterior.T), nis
+    PHt = covariance.dot(H.T)
+    S = H.dot(PHt) + R
+    solved = np.linalg.solve(S, np.column_stack([PHt.T, innovation]))
+    K, y = solved[:, :-1].T, solved[:, -1]
+    rest = np.eye(len(covariance)) - K.dot(H)
+    posterior = rest.dot(covariance).dot(rest.T) + K.dot(R).dot(K.T)
+    return PHt.dot(y), 0.5 * (posterior + posterior.T), float(innovation.dot(y))
