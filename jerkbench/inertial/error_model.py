@@ -25,39 +25,14 @@ class SensorNoise(NamedTuple):
     accel_bias: float
 
 
-class StepModel(NamedTuple):
-    """What the error state's growth over a step owes to its length alone; made once for each length.
-
-    Attributes:
-        dt_s: length of the step.
-        constant: (n, n) Phi without attitude and force; n as in `jerkbench.inertial.state.error_states`.
-        factors: (2, 1, 9) factors on [a], [a] C and C in the rows of dp, and of dv.
-        turn: (3, 3) factors on C in the rows of phi.
-        Q: (n, n) process noise.
-    """
-
-    dt_s: float
-    constant: FloatArray
-    factors: FloatArray
-    turn: FloatArray
-    Q: FloatArray
-
-
-def step_model(noise: SensorNoise, dt_s: float, states: int = STATES) -> StepModel:
-    """Return the model of all steps of ``dt_s``; states after the fifteenth are constant."""
-    constant = np.eye(states)
-    constant[P, V] = dt_s * np.eye(3)
-    on_position, on_velocity = [-(dt_s**2) / 2.0, dt_s**3 / 6.0, -(dt_s**2) / 2.0], [-dt_s, dt_s**2 / 2.0, -dt_s]
-    factors = np.repeat([[on_position], [on_velocity]], 3, axis=2)
-    Q = np.zeros((states, states))
-    Q[:STATES, :STATES] = process_noise(noise, dt_s)
-    return StepModel(dt_s, constant, factors, np.full((3, 3), -dt_s), Q)
-
-
 def transition(
-    step: StepModel, dcm: FloatArray, force_enu_mps2: FloatArray, sensed: tuple[FloatArray, FloatArray] | None = None
+    dt_s: FloatArray,
+    dcm: FloatArray,
+    force_enu_mps2: FloatArray,
+    states: int = STATES,
+    sensed: tuple[FloatArray, FloatArray] | None = None,
 ) -> FloatArray:
-    """Return Phi (n, n) of a step, with C in its middle and the mean specific force a = C f.
+    """Return Phi (k, n, n) of k steps, with C in the middle of each and the mean specific force a = C f.
 
     Of dp' = dv, dv' = -[a] phi - C db_a, phi' = -C db_g, db' = 0, with a and C as constants::
 
@@ -65,24 +40,39 @@ def transition(
         dv+  = dv - dt [a] phi + dt^2/2 [a] C db_g - dt C db_a
         phi+ = phi - dt C db_g
 
-    ``sensed`` is f and w in the body, for the deformations only: dM y acts as a bias, so column j of dM_g as db_g
-    times w_j, and column j of dM_a as db_a times f_j.
-
     Coriolis and the turning of phi with the Earth (1e-4 a second) are left out: they are far below the noise.
+
+    Args:
+        dt_s: (k,) lengths.
+        dcm: (k, 3, 3) C.
+        force_enu_mps2: (k, 3) a.
+        states: n, as in `jerkbench.inertial.state.error_states`; what is not named above is constant.
+        sensed: f and w (k, 3) in the body, for the deformations only: dM y acts as a bias, so column j of dM_g as db_g
+            times w_j, and column j of dM_a as db_a times f_j.
     """
-    a = skew(force_enu_mps2)
-    blocks = np.concatenate((a, a.dot(dcm), dcm), axis=1)
-    Phi = step.constant.copy()
-    Phi[:6, 6:STATES] = (step.factors * blocks).reshape(6, 9)
-    Phi[PHI, BG] = step.turn * dcm
-    if sensed is not None and has_deformation(len(Phi)):
-        Phi[:9, MG], Phi[:9, MA] = by_column(Phi[:9, BG], sensed[1]), by_column(Phi[:9, BA], sensed[0])
+    dt, a = dt_s[:, None, None], skew(force_enu_mps2)
+    aC = a @ dcm
+    Phi = np.zeros((len(dt_s), states, states))
+    Phi[:, range(states), range(states)] = 1.0
+    Phi[:, range(3), range(3, 6)] = dt_s[:, None]
+    Phi[:, V, PHI], Phi[:, V, BG], Phi[:, V, BA] = -dt * a, (dt**2 / 2.0) * aC, -dt * dcm
+    Phi[:, P, PHI], Phi[:, P, BG], Phi[:, P, BA] = (-(dt**2) / 2.0) * a, (dt**3 / 6.0) * aC, (-(dt**2) / 2.0) * dcm
+    Phi[:, PHI, BG] = -dt * dcm
+    if sensed is not None and has_deformation(states):
+        Phi[:, :9, MG], Phi[:, :9, MA] = by_column(Phi[:, :9, BG], sensed[1]), by_column(Phi[:, :9, BA], sensed[0])
     return Phi
 
 
 def by_column(block: FloatArray, seen: FloatArray) -> FloatArray:
-    """Return (m, 9) what a deformation does, column by column of dM, where a bias does ``block`` (m, 3)."""
-    return np.asarray((block[:, None, :] * seen[None, :, None]).reshape(len(block), 9))
+    """Return (..., m, 9) what a deformation does, column by column of dM, where a bias does ``block`` (..., m, 3)."""
+    return np.asarray((block[..., :, None, :] * seen[..., None, :, None]).reshape(*block.shape[:-1], 9))
+
+
+def step_noise(noise: SensorNoise, dt_s: float, states: int = STATES) -> FloatArray:
+    """Return Q (n, n) of a step; states after the fifteenth are constant."""
+    Q = np.zeros((states, states))
+    Q[:STATES, :STATES] = process_noise(noise, dt_s)
+    return Q
 
 
 def process_noise(noise: SensorNoise, dt_s: float) -> FloatArray:

@@ -9,7 +9,7 @@ from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.estimate import Estimate
 from jerkbench.geometry import euler_from_dcm
 from jerkbench.inertial.earth import Earth
-from jerkbench.inertial.error_model import SensorNoise, StepModel, propagated, step_model, transition
+from jerkbench.inertial.error_model import SensorNoise, propagated, step_noise, transition
 from jerkbench.inertial.events import Events
 from jerkbench.inertial.measurement_models import heading, point_in_enu, velocity_in_body, wheel_speed, widened
 from jerkbench.inertial.mechanisation import advance, calibrated
@@ -18,6 +18,9 @@ from jerkbench.inertial.update import carried_over, correction
 from jerkbench.recording import Heading, Imu
 from jerkbench.timeline.recorder import Recorder
 from jerkbench.timeline.timeline import Timeline
+
+STRETCH = 512
+"""Most steps that are made at once: their Phi have to find room."""
 
 
 class Adapts(Protocol):
@@ -107,7 +110,7 @@ class InertialRun:
         self.adaptation, self.memory = adaptation, np.zeros(adaptation.memory_size())
         measured = timeline.measurements
         self.R = measured.R_true if getattr(adaptation, "wants_true_covariance", False) else measured.R
-        self.step_models: dict[int, StepModel] = {}
+        self.noises: dict[int, FloatArray] = {}
         self.rate = np.zeros(3)
         self.reference_is_imu = not settings.reference_point_m.any()
         self.recorder = Recorder(timeline)
@@ -115,36 +118,61 @@ class InertialRun:
 
     def over(self, events: Events) -> InertialSolution:
         """Go through ``events``; stops at the first sign of divergence."""
-        columns = (events.t_s, events.dt_s, *events[2:])
-        for t, dt, sample, update, row, constrained, reference in zip(*(c.tolist() for c in columns), strict=True):
-            if dt > 0:
-                self._predict(dt, sample)
-            if update >= 0:
-                self._update(update)
-            if row >= 0 and self.headings is not None:
-                self._take_heading(float(self.headings.yaw_rad[row]), float(self.headings.sigma_rad[row]))
-            if constrained:
-                self._constrain(sample)
-            if (update >= 0 or row >= 0 or constrained) and not self._is_healthy():
-                return self._solution(f"the covariance is no longer positive definite at {t:.2f} s")
-            if reference >= 0:
-                self._keep(reference)
+        constrained = events.constrained & self._is_constrained(events.sample)
+        corrects = (events.update >= 0) | (events.heading >= 0) | constrained
+        is_end = np.arange(len(corrects)) % STRETCH == STRETCH - 1
+        is_end[-1] = True
+        begin = 0
+        for last in np.flatnonzero(corrects | is_end).tolist():
+            self._predict(events, begin, last)
+            if corrects[last] and not self._take(events, last, constrained=bool(constrained[last])):
+                return self._solution(f"the covariance is no longer positive definite at {events.t_s[last]:.2f} s")
+            if events.reference[last] >= 0:
+                self._keep(int(events.reference[last]))
+            begin = last + 1
         return self._solution()
 
-    def _predict(self, dt: float, sample: int) -> None:
-        accel, gyro = self.imu.accel_mps2[sample], self.imu.gyro_radps[sample]
-        sensed = calibrated(self.state, accel, gyro)
-        self.state, dcm, force = advance(self.state, *sensed, dt, self.settings.earth)
-        self.rate = sensed[1]
-        step = self._step_model(dt)
-        self.P = propagated(self.P, transition(step, dcm, force, sensed), step.Q)
+    def _predict(self, events: Events, begin: int, last: int) -> None:
+        """Go through a stretch of steps at whose ends nothing is corrected but at the last one's.
 
-    def _step_model(self, dt: float) -> StepModel:
-        """The model of a step of dt, made once for each whole nanosecond."""
+        The nominal state does not depend on P, so all of its steps are made at once.
+        """
+        steps = slice(begin, last + 1)
+        dt_s, samples = events.dt_s[steps], events.sample[steps]
+        start = self.state
+        sensed = calibrated(start, self.imu.accel_mps2[samples], self.imu.gyro_radps[samples])
+        passage = advance(start, *sensed, dt_s, self.settings.earth)
+        Phi = transition(dt_s, passage.mean_dcm, passage.force_enu_mps2, len(self.P), sensed)
+        references = events.reference[steps].tolist()
+        for k, dt in enumerate(dt_s.tolist()):
+            self.P = propagated(self.P, Phi[k], self._noise(dt))
+            if k == len(dt_s) - 1 or references[k] >= 0:
+                self.state, self.rate = passage.state(start, k), sensed[1][k]
+            if k < len(dt_s) - 1 and references[k] >= 0:
+                self._keep(references[k])
+
+    def _noise(self, dt: float) -> FloatArray:
+        """The process noise of a step of dt, made once for each whole nanosecond."""
         key = round(dt * 1e9)
-        if key not in self.step_models:
-            self.step_models[key] = step_model(self.settings.noise, dt, len(self.P))
-        return self.step_models[key]
+        if key not in self.noises:
+            self.noises[key] = step_noise(self.settings.noise, dt, len(self.P))
+        return self.noises[key]
+
+    def _is_constrained(self, sample: IntArray) -> BoolArray:
+        """Whether there is any constraint at those samples of the IMU."""
+        limits = self.settings.constraints
+        return np.asarray(limits.still[sample] | (limits.sideways_sigma_mps > 0))
+
+    def _take(self, events: Events, at: int, *, constrained: bool) -> bool:
+        """Take what comes at the end of a step; whether the filter is well after it."""
+        update, row = int(events.update[at]), int(events.heading[at])
+        if update >= 0:
+            self._update(update)
+        if row >= 0 and self.headings is not None:
+            self._take_heading(float(self.headings.yaw_rad[row]), float(self.headings.sigma_rad[row]))
+        if constrained:
+            self._constrain(int(events.sample[at]))
+        return self._is_healthy()
 
     def _update(self, update: int) -> None:
         """Adapt R and take position and velocity."""

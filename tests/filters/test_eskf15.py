@@ -17,6 +17,7 @@ from jerkbench.disturbances.gnss_outage import GnssOutage
 from jerkbench.disturbances.position_outage import PositionOutage
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.filters.eskf15 import Eskf15
+from jerkbench.inertial import run
 from jerkbench.recording import Heading, Imu, Reference, Velocity
 from synthetic import level_attitude, recording_at_rest
 
@@ -193,6 +194,24 @@ def test_headings_turn_it_the_short_way():
     assert used[-1] == pytest.approx(-3.1, abs=1e-3)
     assert np.abs(np.abs(used) - np.pi).max() < 0.15  # never through 0
     np.testing.assert_allclose(unused, 3.0, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "more", [{}, {"earth_rotation": True, "earth_curvature": True, "reference_point_m": (1.0, 0, 0)}]
+)
+def test_it_does_not_matter_how_many_steps_are_made_at_once(field, monkeypatch, more):
+    attitude = Tilt().estimate(field)
+    recording = GnssOutage(windows_s=((10.0, 20.0),), heading=True).apply(field, 0)
+    solutions = []
+    for stretch in (512, 7, 1):
+        monkeypatch.setattr(run, "STRETCH", stretch)
+        solutions.append(Eskf15(**more).solve(recording, attitude, NoAdaptation()))
+
+    for other in solutions[1:]:
+        for name in ("position_m", "velocity_mps", "covariance", "euler_rad"):
+            np.testing.assert_allclose(
+                getattr(other.estimate, name), getattr(solutions[0].estimate, name), rtol=1e-9, atol=1e-11
+            )
 
 
 def drifting(seed=3, length_s=30.0):

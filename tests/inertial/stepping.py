@@ -1,7 +1,20 @@
-"""One step from what the sensors show."""
+"""One step at a time."""
 
+import numpy as np
+
+from jerkbench.inertial import error_model
 from jerkbench.inertial.mechanisation import advance, calibrated
 
 
 def mechanise(state, accel_mps2, gyro_radps, dt_s, earth):
-    return advance(state, *calibrated(state, accel_mps2, gyro_radps), dt_s, earth)
+    """The state after a step from what the sensors show, C and the force in its middle."""
+    sensed = calibrated(state, accel_mps2[None], gyro_radps[None])
+    to = advance(state, *sensed, np.array([dt_s]), earth)
+    after = state._replace(position_m=to.position_m[0], velocity_mps=to.velocity_mps[0], dcm=to.dcm[0])
+    return after, to.mean_dcm[0], to.force_enu_mps2[0]
+
+
+def transition(dt_s, dcm, force, states=15, sensed=None):
+    """Phi of one step."""
+    seen = None if sensed is None else tuple(part[None] for part in sensed)
+    return error_model.transition(np.array([dt_s]), dcm[None], force[None], states, seen)[0]

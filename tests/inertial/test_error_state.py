@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
-from stepping import mechanise
+from stepping import mechanise, transition
 
 from jerkbench.inertial.earth import FLAT
-from jerkbench.inertial.error_model import SensorNoise, process_noise, propagated, step_model, transition
+from jerkbench.inertial.error_model import SensorNoise, process_noise, propagated, step_noise
 from jerkbench.inertial.measurement_models import heading, point_in_enu, velocity_in_body, wheel_speed, widened
 from jerkbench.inertial.mechanisation import calibrated
 from jerkbench.inertial.state import Deformation, NavigationState, corrected
@@ -109,14 +109,14 @@ def test_phi_is_the_derivative_of_the_mechanisation():
     numeric = derivative(lambda s: difference(mechanise(s, accel, GYRO, dt, FLAT)[0], after), 15)
 
     # first-order blocks to 1e-3 of themselves, what is left of the second order in dt absolutely
-    np.testing.assert_allclose(transition(step_model(NOISE, dt), mean, force), numeric, rtol=1e-3, atol=2e-6)
+    np.testing.assert_allclose(transition(dt, mean, force), numeric, rtol=1e-3, atol=2e-6)
 
 
 def test_phi_with_deformations_is_the_derivative_of_the_mechanisation():
     dt, accel = 0.01, np.array([1.0, -2.0, 9.0])
     after, mean, force = mechanise(BENT, accel, GYRO, dt, FLAT)
     numeric = derivative(lambda s: difference(mechanise(s, accel, GYRO, dt, FLAT)[0], after), 33, states=33, about=BENT)
-    Phi = transition(step_model(NOISE, dt, 33), mean, force, calibrated(BENT, accel, GYRO))
+    Phi = transition(dt, mean, force, 33, calibrated(BENT, accel, GYRO))
 
     # M is taken to the first order, so its columns are right to some 1e-3 of themselves
     np.testing.assert_allclose(Phi, numeric, rtol=5e-3, atol=3e-6)
@@ -151,7 +151,7 @@ def test_phi_over_a_longer_step_is_the_matrix_exponential():
     F = np.zeros((15, 15))
     F[:3, 3:6], F[3:6, 6:9], F[3:6, 12:], F[6:9, 9:12] = np.eye(3), -a, -C, -C
 
-    np.testing.assert_allclose(transition(step_model(NOISE, dt), C, force), expm(F * dt), atol=1e-12)
+    np.testing.assert_allclose(transition(dt, C, force), expm(F * dt), atol=1e-12)
 
 
 def test_the_noise_of_two_halves_is_that_of_the_whole():
@@ -213,13 +213,13 @@ def test_the_speed_of_a_wheel_of_another_size_and_its_derivative():
 
 
 def test_the_scale_of_a_wheel_is_constant():
-    wide = step_model(NOISE, 0.5, 16)
-    Phi = transition(wide, STATE.dcm, np.array([1.0, -2.0, 12.0]))
+    force, Q = np.array([1.0, -2.0, 12.0]), step_noise(NOISE, 0.5, 16)
+    Phi = transition(0.5, STATE.dcm, force, 16)
 
-    np.testing.assert_array_equal(Phi[:15, :15], transition(step_model(NOISE, 0.5), STATE.dcm, np.array([1.0, -2, 12])))
+    np.testing.assert_array_equal(Phi[:15, :15], transition(0.5, STATE.dcm, force))
     np.testing.assert_array_equal([*Phi[15], *Phi[:, 15]], 2 * [*np.zeros(15), 1.0])
-    assert not wide.Q[15].any()
-    assert not wide.Q[:, 15].any()
+    assert not Q[15].any()
+    assert not Q[:, 15].any()
 
 
 def test_heading_and_its_derivative():

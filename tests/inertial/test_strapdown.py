@@ -25,6 +25,12 @@ def test_the_exponential_is_that_of_scipy(length):
     np.testing.assert_allclose(rotation_exp(phi), Rotation.from_rotvec(phi).as_matrix(), atol=1e-15)
 
 
+def test_many_rotations_at_once_are_those_of_each():
+    phi = np.array([[0.0, 0.0, 0.0], [1e-9, 0.0, 0.0], [0.3, -0.2, 1.0]])
+
+    np.testing.assert_array_equal(rotation_exp(phi), [rotation_exp(one) for one in phi])
+
+
 def test_skew_and_cross_are_those_of_numpy():
     a, b = np.array([1.0, -2.0, 3.0]), np.array([0.5, 4.0, -1.0])
 
