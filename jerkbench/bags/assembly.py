@@ -50,7 +50,7 @@ def load_bag(options: BagOptions, planner: Planner) -> Loaded:
     ledger = Ledger(options.sanitise, min((int(m.bag_ns[0]) for m in raw.values() if len(m)), default=0))
     clean = clean_topics(raw, plan, ledger, options.earliest_ns, bag_time=options.time_source == "bag")
     parts = missing_parts(bag_files(path))
-    notes = [f"Parts {parts} of the split bag are missing."] if parts else []
+    notes = [*options.remarks, *([f"Parts {parts} of the split bag are missing."] if parts else [])]
     recording = _assembled(options, plan, taken.frames, taken.about, clean, ledger)
     notes += [*plan.notes, *recording.notes, *(str(finding) for finding in ledger.findings)]
     return Loaded(replace(recording, notes=tuple(notes)), plan, tuple(ledger.findings))

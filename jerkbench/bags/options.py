@@ -53,6 +53,7 @@ class BagOptions:
         rest_s: how long it stands still from time 0; null: found in the velocity.
         remove_gyro_bias: subtract the gyro's mean over the rest.
         scale_accel_to_gravity: scale the accelerometer so that its mean over the rest has the magnitude 9.81 m/s2.
+        remarks: sentences that belong under every table of this recording.
     """
 
     file: str
@@ -72,6 +73,7 @@ class BagOptions:
     rest_s: float | None = None
     remove_gyro_bias: bool = False
     scale_accel_to_gravity: bool = False
+    remarks: tuple[str, ...] = ()
 
     def check_options(self) -> None:
         """Check that every choice exists and every list has its length.

@@ -64,6 +64,8 @@ def test_a_map_is_followed_without_a_word(tmp_path):
     assert len(recording.imu.t_s) == 40
     assert recording.velocity is None
     assert recording.notes == ()
+    remarked = RosBag(str(tmp_path / "a.bag"), remarks=("It rained.",), **given).load(0)
+    assert remarked.notes == ("It rained.",)
 
 
 @pytest.mark.parametrize(
