@@ -161,6 +161,11 @@ def test_times_are_the_headers_or_the_bags_less_their_latencies(tmp_path):
     assert RosBag(path, time_source="bag").load(0).position.t_s[0] == pytest.approx(0.07)
     late = RosBag(path, position_latency_s=0.1, imu_shift_s=-0.2).load(0)
     assert (late.imu.t_s[0], late.position.t_s[0]) == (0.0, pytest.approx(0.1))
+    assert RosBag(path, velocity_latency_s=(0.3, 0.3, 0.3)).load(0).velocity.t_s[0] == pytest.approx(-0.3)
+    apart = RosBag(path, velocity_latency_s=(0.1, 0.1, 0.3), velocity_frame="enu").load(0).velocity
+    np.testing.assert_array_equal(apart.mps[0], [np.nan, np.nan, 0.25])
+    with pytest.raises(PluginError, match="in the frame body all three must be the same"):
+        RosBag(path, velocity_latency_s=(0.1, 0.1, 0.3)).load(0)
 
 
 def test_origin_and_reference_as_configured(tmp_path):
