@@ -10,7 +10,6 @@ from jerkbench.contracts import Adaptation
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
-from jerkbench.timeline.recorder import Recorder
 from jerkbench.timeline.timeline import Timeline, build_timeline
 
 
@@ -32,29 +31,34 @@ class GnssOnly:
     def estimate(self, recording: Recording, attitude: Attitude, adaptation: Adaptation) -> Estimate:
         """Return the carried-on fixes at the reference's stamps."""
         timeline = build_timeline(recording, attitude)
-        recorder = Recorder(timeline)
-        last, R, since = timeline.x0.copy(), timeline.P0.copy(), np.full(3, timeline.t_s[0])
-        for t, update, reference in zip(timeline.t_s, timeline.update, timeline.reference, strict=True):
-            if update >= 0:
-                _take(timeline, update, t, last, R, since)
-            if reference >= 0:
-                x, P = _carried(t, last, R, since)
-                recorder.state(reference, x, P)
-        return recorder.estimate()
+        steps = np.flatnonzero(timeline.reference >= 0)
+        last, R, since_s = _after_updates(timeline)
+        latest = np.cumsum(timeline.update >= 0)[steps]  # row 0 is the start
+        x, P = _carried(timeline.t_s[steps, None] - since_s[latest], last[latest], R[latest])
+        index = timeline.reference[steps]
+        return Estimate(index, x[:, :3], x[:, 3:], P, timeline.euler_rad[index])
 
 
-def _take(timeline: Timeline, update: int, t: float, last: FloatArray, R: FloatArray, since: FloatArray) -> None:
-    """Put the rows that were measured in the place of the last ones."""
-    z = timeline.measurements.z[update]
-    rows = np.flatnonzero(np.isfinite(z))
-    last[rows] = z[rows]
-    R[rows, :] = R[:, rows] = 0.0
-    R[np.ix_(rows, rows)] = timeline.measurements.R[update][np.ix_(rows, rows)]
-    since[rows[rows < 3]] = t
+def _after_updates(timeline: Timeline) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """What was measured last (m, 6), its covariance (m, 6, 6) and the positions' times (m, 3): at the start, and after
+    each update.
+    """
+    steps = np.flatnonzero(timeline.update >= 0)
+    last, R = np.tile(timeline.x0, (len(steps) + 1, 1)), np.tile(timeline.P0, (len(steps) + 1, 1, 1))
+    since_s = np.full((len(steps) + 1, 3), timeline.t_s[0])
+    for k, step in enumerate(steps, start=1):
+        z, reported = timeline.measurements.z[timeline.update[step]], timeline.measurements.R[timeline.update[step]]
+        there = np.isfinite(z)
+        last[k], since_s[k] = np.where(there, z, last[k - 1]), np.where(there[:3], timeline.t_s[step], since_s[k - 1])
+        R[k] = np.where(np.logical_and.outer(there, there), reported, 0.0)
+        R[k] += np.where(np.logical_or.outer(there, there), 0.0, R[k - 1])
+    return last, R, since_s
 
 
-def _carried(t: float, last: FloatArray, R: FloatArray, since: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """State and covariance at t: F x and F R F' with F = [[I, diag(t - since)], [0, I]]."""
-    F = np.eye(6)
-    F[[0, 1, 2], [3, 4, 5]] = t - since
-    return F @ last, F @ R @ F.T
+def _carried(dt_s: FloatArray, last: FloatArray, R: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """States (k, 6) and covariances (k, 6, 6): F x and F R F' with F = [[I, D], [0, I]], D = diag(dt) of (k, 3)."""
+    x, P = last.copy(), R.copy()
+    x[:, :3] += dt_s * last[:, 3:]
+    P[:, :3] += dt_s[:, :, None] * R[:, 3:]
+    P[:, :, :3] += P[:, :, 3:] * dt_s[:, None, :]
+    return x, P

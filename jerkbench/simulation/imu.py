@@ -3,6 +3,7 @@
 import numpy as np
 
 from jerkbench.arrays import FloatArray
+from jerkbench.geometry import dcm_from_euler
 from jerkbench.recording import GRAVITY_MPS2
 from jerkbench.simulation.truth import Truth
 
@@ -21,11 +22,10 @@ def perfect_imu(truth: Truth) -> tuple[FloatArray, FloatArray]:
     """
     from scipy.spatial.transform import Rotation
 
-    turns = Rotation.from_euler("ZYX", truth.euler_rad[:, ::-1])
+    dcm = dcm_from_euler(truth.euler_rad)
     dt = np.diff(truth.t_s)[:, None]
-    gyro = (turns[:-1].inv() * turns[1:]).as_rotvec() / dt
+    gyro = Rotation.from_matrix(dcm[:-1].transpose(0, 2, 1) @ dcm[1:]).as_rotvec() / dt
     accel = np.diff(truth.velocity_mps, axis=0) / dt + np.array([0.0, 0.0, GRAVITY_MPS2])
-    dcm = turns.as_matrix()
     force = np.linalg.solve(0.5 * (dcm[:-1] + dcm[1:]), accel[:, :, None])[:, :, 0]
     return np.asarray(force), np.asarray(gyro)
 
