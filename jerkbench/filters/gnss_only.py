@@ -40,8 +40,10 @@ class GnssOnly:
 
 
 def _after_updates(timeline: Timeline) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """What was measured last (m, 6), its covariance (m, 6, 6) and the positions' times (m, 3): at the start, and after
-    each update.
+    """Return what was measured last, at the start and after each of m - 1 updates.
+
+    Returns:
+        The rows (m, 6), their covariance (m, 6, 6) and the times of the positions (m, 3).
     """
     steps = np.flatnonzero(timeline.update >= 0)
     last, R = np.tile(timeline.x0, (len(steps) + 1, 1)), np.tile(timeline.P0, (len(steps) + 1, 1, 1))
