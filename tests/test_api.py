@@ -34,7 +34,7 @@ def by_words(*overrides):
 
 def by_parts(disturbance=(), noise=None, **single):
     """The cell that Python's arguments make."""
-    usual = {"dataset": "field", "attitude": None, "filter": "baseline", "adaptation": "none", "engine": "filterpy"}
+    usual = {"dataset": "field", "attitude": None, "filter": "baseline", "adaptation": "none", "engine": "compiled"}
     return cell_of_parts({**usual, **single}, disturbance, noise, Protocol())
 
 
