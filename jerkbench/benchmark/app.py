@@ -20,7 +20,7 @@ from omegaconf import DictConfig
 from jerkbench.benchmark.cell import refusal
 from jerkbench.benchmark.composition import compose_jobs
 from jerkbench.benchmark.configuration import cell_of, register_schemas, study_folder
-from jerkbench.benchmark.single import run_single
+from jerkbench.benchmark.single import draw_single, run_single
 from jerkbench.benchmark.store import Store
 from jerkbench.benchmark.study import load_study, write_manifest, write_study
 from jerkbench.benchmark.sweep import Plan, plan_sweep, run_sweep, run_task
@@ -126,14 +126,13 @@ def _run_and_show(one: Planned, folder: Path, config: DictConfig) -> None:
     from jerkbench.report.terminal import print_run
 
     Store(folder).prepare()
-    rows, figures = run_single(one, folder, figures=config.figures)
+    stored = run_single(one, folder)
+    print_run(stored.rows)  # at once: files and figures take longer than the run
+    for note in stored.about["notes"]:
+        print(note, flush=True)
     write_manifest(folder, [one.key], list(config.notes), sys.argv)
     write_study(load_study(folder, prefer=[one.key]))
-    print_run(rows)
-    (stored,), _ = Store(folder).read([one.key])
-    for note in stored.about["notes"]:
-        print(note)
-    for path in figures:
+    for path in draw_single(one, folder) if config.figures else ():
         print(f"Figure: {path}")
 
 

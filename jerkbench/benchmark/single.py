@@ -5,19 +5,17 @@ import re
 import time
 from pathlib import Path
 
-import pandas as pd
-
 from jerkbench.benchmark.cell import Cell
 from jerkbench.benchmark.run import run_once, run_open
-from jerkbench.benchmark.store import Store
+from jerkbench.benchmark.store import Store, Stored
 from jerkbench.benchmark.sweep import about
 from jerkbench.benchmark.tasks import Planned
 from jerkbench.estimate import Estimate
 from jerkbench.recording import Recording
 
 
-def run_single(one: Planned, folder: Path, *, figures: bool) -> tuple[pd.DataFrame, list[Path]]:
-    """Run one cell, unless it is done; returns its rows and the figures of its first seed.
+def run_single(one: Planned, folder: Path) -> Stored:
+    """Run one cell, unless it is done; returns it as it is stored.
 
     Nothing is caught: what is wrong with the input or a plugin ends the run, and nothing is stored.
     """
@@ -25,7 +23,7 @@ def run_single(one: Planned, folder: Path, *, figures: bool) -> tuple[pd.DataFra
     if not store.done(one.key):
         _run_and_store(one, store)
     (stored,), _ = store.read([one.key])
-    return stored.rows, _draw(one, folder) if figures else []
+    return stored
 
 
 def _run_and_store(one: Planned, store: Store) -> None:
@@ -34,8 +32,8 @@ def _run_and_store(one: Planned, store: Store) -> None:
     store.write(one.key, rows, about(one, notes, time.perf_counter() - began))
 
 
-def _draw(one: Planned, folder: Path) -> list[Path]:
-    """Draw trajectory and errors of the first seed."""
+def draw_single(one: Planned, folder: Path) -> list[Path]:
+    """Draw trajectory and errors of the first seed; returns the files."""
     recording, estimate = run_once(one.cell, one.cell.draws[0], one.fingerprint)
     return draw_run(one.cell, recording, estimate, folder / "figures")
 
