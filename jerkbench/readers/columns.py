@@ -9,7 +9,8 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import RecordingError, unknown
-from jerkbench.readers.text import read_bytes
+from jerkbench.readers.dates import calendar_ns
+from jerkbench.readers.text import LARGEST, read_bytes
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -57,7 +58,13 @@ class Columns:
             RecordingError: there is no such column, or a cell is no number.
         """
         columns = [self._numeric(name) for name in names]
-        return np.column_stack(columns).astype(np.float64) if columns else np.empty((len(self), 0))
+        table = np.column_stack(columns).astype(np.float64) if columns else np.empty((len(self), 0))
+        for name, column in zip(names, table.T, strict=True):
+            wrong = np.abs(column) > LARGEST
+            if wrong.any():
+                row = int(np.argmax(wrong))
+                raise RecordingError(f"{self.where}, row {row + 1}, column {name}: {column[row]:g} is no measurement.")
+        return table
 
     def stamps_ns(self, name: str, unit: str) -> IntArray:
         """Return (n,) a column of times in ``unit`` as whole nanoseconds; whole numbers stay exact.
@@ -67,7 +74,7 @@ class Columns:
         """
         values = self._numeric(name)
         scale = TIME_UNITS[unit]
-        wrong = ~np.isfinite(values.astype(np.float64)) | (np.abs(values.astype(np.float64)) * scale > LARGEST_NS)
+        wrong = ~(np.abs(values.astype(np.float64)) <= LARGEST_NS / scale)  # NaN is wrong too
         if wrong.any():
             row = int(np.argmax(wrong))
             raise RecordingError(f"{self.where}, row {row + 1}, column {name}: '{values[row]}' is no time in {unit}.")
@@ -141,16 +148,18 @@ def read_datetimes_ns(path: Path) -> IntArray:
         RecordingError: no such file, or a line is no time.
     """
     lines = read_bytes(path).decode("ascii", errors="replace").split("\n")
-    stamps = []
-    for number, line in enumerate(lines, start=1):
-        if line.strip():
-            try:
-                stamps.append(np.datetime64(line.strip().replace(" ", "T"), "ns").astype(np.int64))
-            except ValueError:
-                raise RecordingError(
-                    f"{path}, line {number}: '{line.strip()}' is no time of day with a date."
-                ) from None
+    stamps = [_datetime_ns(path, number, line.strip()) for number, line in enumerate(lines, start=1) if line.strip()]
     return np.array(stamps, dtype=np.int64)
+
+
+def _datetime_ns(path: Path, number: int, text: str) -> int:
+    date, _, time = text.removesuffix("Z").replace("T", " ").partition(" ")
+    stamp_ns = calendar_ns(date, time)
+    if stamp_ns is None:
+        raise RecordingError(
+            f"{path}, line {number}: '{text}' is no date and time in UTC; it must look like 2011-09-26 13:02:25.594."
+        )
+    return stamp_ns
 
 
 def _read(path: Path, text: TextFormat) -> "pd.DataFrame":

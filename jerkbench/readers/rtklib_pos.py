@@ -7,6 +7,7 @@ import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.errors import RecordingError
+from jerkbench.readers.dates import calendar_ns
 from jerkbench.readers.text import Line, parse_numbers, read_lines, require_increasing
 
 COLUMNS = (
@@ -94,14 +95,12 @@ def _check_header(path: Path, comments: list[Line]) -> None:
 def _stamp(path: Path, number: int, date_time: list[str]) -> int:
     """Nanoseconds since 1970 of ``["2025/07/08", "19:34:18.499"]``."""
     date, time = date_time
-    try:
-        if date.count("/") != 2 or time.count(":") != 2:
-            raise ValueError  # noqa: TRY301 - numpy would take a year alone for a date
-        return int(np.datetime64(f"{date.replace('/', '-')}T{time}", "ns").astype(np.int64))
-    except ValueError:
+    stamp_ns = calendar_ns(date.replace("/", "-"), time)
+    if stamp_ns is None:
         raise RecordingError(
             f"{path}, line {number}: '{date} {time}' is no GPST stamp; it must look like 2025/07/08 19:34:18.499."
-        ) from None
+        )
+    return stamp_ns
 
 
 def _covariance(sd: FloatArray) -> FloatArray:

@@ -1,12 +1,14 @@
 """Text files of numbers. What cannot be read is named by file and line."""
 
-import math
 from pathlib import Path
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.errors import RecordingError
+
+LARGEST = 1e15
+"""Nothing that is measured on a vehicle is larger; what is larger is damage, and would overflow once squared."""
 
 Line = tuple[int, str]
 """A line's number in its file (from 1) and its text."""
@@ -51,7 +53,7 @@ def parse_numbers(path: Path, lines: list[Line], columns: int, separator: str | 
         table = np.loadtxt([text for _, text in lines], delimiter=separator, comments=None, ndmin=2)
     except ValueError:
         table = np.empty((0, 0))
-    if table.shape != (len(lines), columns) or not np.isfinite(table).all():
+    if table.shape != (len(lines), columns) or not (np.abs(table) <= LARGEST).all():
         raise RecordingError(_first_fault(path, lines, columns, separator))
     return table
 
@@ -76,12 +78,15 @@ def _first_fault(path: Path, lines: list[Line], columns: int, separator: str | N
             return f"{path}, line {number} has {len(fields)} fields; it must have {columns}: correct or remove it."
         for column, entry in enumerate(fields, start=1):
             if not _is_number(entry):
-                return f"{path}, line {number}, field {column} is '{entry.strip()}', not a finite number: correct it."
+                return (
+                    f"{path}, line {number}, field {column} is '{entry.strip()}', not a finite number up to"
+                    f" {LARGEST:g}: correct it."
+                )
     return f"{path} cannot be read as {columns} columns of numbers; copy it again from where it was recorded."
 
 
 def _is_number(entry: str) -> bool:
     try:
-        return math.isfinite(float(entry)) and "_" not in entry
+        return abs(float(entry)) <= LARGEST and "_" not in entry
     except ValueError:
         return False
