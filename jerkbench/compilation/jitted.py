@@ -43,7 +43,7 @@ class _Jit:
     def of(self, function: types.FunctionType) -> Any:  # noqa: ANN401 - numba has no types
         if id(function) not in self.done:
             scope: dict[str, Any] = {}
-            copy = _copy(function, scope, tuple(self._cell(cell) for cell in function.__closure__ or ()))
+            copy = _copy(function, scope, tuple(self._cell(cell) for cell in function.__closure__ or ()), self.home)
             inlined = self.kernel and function.__name__ not in self.apart
             self.done[id(function)] = (self.decorate_inlined if inlined else self.decorate)(copy)
             scope.update(self._scope(function))
@@ -69,11 +69,13 @@ class _Jit:
             written = loop.written_out(loop.times(self.constants))
             inner = self.of(cast("types.FunctionType", loop.function))
             written.__globals__.update(function=inner, __name__=self.home)
+            written.__module__ = self.home
             self.done[id(loop)] = self.decorate_inlined(written)
         return self.done[id(loop)]
 
 
-def _copy(function: types.FunctionType, scope: dict[str, Any], closure: tuple[types.CellType, ...]) -> Any:  # noqa: ANN401 - goes to numba
+def _copy(function: types.FunctionType, scope: dict[str, Any], closure: tuple[types.CellType, ...], home: str) -> Any:  # noqa: ANN401 - goes to numba
+    """Return ``function`` in another module: under its own name a linker would take one compilation for another."""
     copy = types.FunctionType(function.__code__, scope, function.__name__, function.__defaults__, closure or None)
-    copy.__module__ = scope.setdefault("__name__", function.__module__)
+    copy.__module__ = scope["__name__"] = home
     return copy

@@ -67,3 +67,53 @@ def test_an_edit_of_a_helper_in_another_file_is_noticed_and_undoing_it_is_too(pr
 
     assert process(constant=4.0)[0] == (6.0, 1, 0)
     assert process(constant=1.0)[0] == (3.0, 0, 1)
+
+
+COUNTING = """
+LEAF = 0.0
+
+
+def count(n):
+    return LEAF if n < 2 else count(n - 1) + count(n - 2)
+"""
+TWO_SIZES = """
+import sys
+from counting import count
+from jerkbench.compilation.entry import load_entry
+from jerkbench.compilation.jitted import jitted
+
+SOURCE = '''
+from numba import float64, int64, njit
+
+
+@njit(float64(int64), cache=True)
+def entry(n):
+    return count(n)
+'''
+
+
+def compiled(leaf):
+    def namespace(home):
+        return {"count": jitted(count, home, {"LEAF": leaf})}
+
+    return load_entry("count", SOURCE, str(leaf), namespace).entry
+
+
+for entry, leaf in [(compiled(float(word)), float(word)) for word in sys.argv[1:]]:
+    print(entry(5), sum(entry.stats.cache_hits.values()))
+"""
+
+
+def test_two_compilations_of_one_function_by_two_processes_do_not_take_each_others_code(tmp_path):
+    """The linker of a third process knows a function by its name alone, and takes the first that it finds."""
+    (tmp_path / "counting.py").write_text(COUNTING)
+    environment = {**os.environ, "JERKBENCH_CACHE": str(tmp_path / "cache"), "PYTHONPATH": str(tmp_path)}
+
+    def said(*leaves):
+        words = [sys.executable, "-c", TWO_SIZES, *leaves]
+        done = subprocess.run(words, env=environment, capture_output=True, text=True, check=True, timeout=120)
+        return done.stdout.split("\n")[:-1]
+
+    assert said("2") == ["16.0 0"]
+    assert said("3") == ["24.0 0"]
+    assert said("2", "3") == ["16.0 1", "24.0 1"]
