@@ -1,13 +1,14 @@
 """The inertial navigation as a whole: what it must find where the truth is known."""
 
 import importlib.util
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from jerkbench import plugins
 from jerkbench.adaptation.mtf import Mtf
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.attitude.plugin import Tilt
@@ -18,7 +19,9 @@ from jerkbench.disturbances.position_outage import PositionOutage
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.filters.eskf15 import Eskf15
 from jerkbench.inertial import run
+from jerkbench.presets import preset
 from jerkbench.recording import Heading, Imu, Reference, Velocity
+from jerkbench.simulation.imu_errors import GRADES
 from synthetic import level_attitude, recording_at_rest
 
 CHECK = Path(__file__).parents[2] / "experiments" / "eskf15_consistency" / "check.py"
@@ -163,6 +166,13 @@ def test_the_grades_of_imu_are_consistent_too(check, imu):
     for values, states in (([o.nees for o in outcomes], 15), ([o.nees_navigation for o in outcomes], 6)):
         low, high = check.band(states, len(outcomes))
         assert low < np.mean(values) < high
+
+
+@pytest.mark.parametrize("imu", GRADES)
+def test_there_is_a_preset_for_each_grade_of_imu(check, imu):
+    made = plugins.create("filter", preset("filter", f"eskf15_{imu}"))
+
+    assert asdict(made) == pytest.approx(asdict(check.tuned(imu)), rel=1e-3)
 
 
 def test_a_misalignment_that_is_no_state_spoils_the_biases(check, monkeypatch):
