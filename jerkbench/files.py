@@ -5,6 +5,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 
+def user_cache_folder() -> Path:
+    """Where this package keeps what it can make again, in the user's cache folder."""
+    user = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA") or str(Path.home() / ".cache")
+    return Path(user) / "jerkbench"
+
+
 def write_atomically(path: Path, write: Callable[[Path], object]) -> None:
     """Let ``write`` fill a temporary file beside ``path``, then put it in its place.
 

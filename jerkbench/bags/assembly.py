@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
-from pathlib import Path
 
 import numpy as np
 
@@ -44,7 +43,7 @@ def load_bag(options: BagOptions, planner: Planner) -> Loaded:
         RecordingError: the bag is damaged, a topic is missing, nothing usable is left, or ``sanitise`` refuses.
         PluginError: a parameter does not fit.
     """
-    path = Path(options.file).expanduser()
+    path = options.path
     taken = extract(path, planner, choices_of(options, BagOptions))
     plan, raw = taken.plan, dict(taken.raw)
     ledger = Ledger(options.sanitise, min((int(m.bag_ns[0]) for m in raw.values() if len(m)), default=0))
@@ -71,7 +70,7 @@ def _assembled(
     reference = _reference(plan, frames, clean, place, zero_ns, imu if position is None else position)
     rest_s = _rest_s(options, about, velocity, float(imu.t_s[-1]))
     return Recording(
-        name=about.name if about else Path(options.file).stem,
+        name=about.name if about else options.path.stem,
         imu=_calibrated(imu, options, rest_s),
         reference=reference,
         position=None if position is None else at_body(position, reference, options.lever_arm_m),

@@ -17,7 +17,7 @@ import numpy as np
 
 from jerkbench.bags.about import About, read_about
 from jerkbench.bags.roles import Plan, wanted_fields
-from jerkbench.files import write_atomically
+from jerkbench.files import user_cache_folder, write_atomically
 from jerkbench.readers.files import fingerprint
 from jerkbench.readers.ros.bag import Bag, open_bag
 from jerkbench.readers.ros.files import content_files
@@ -105,8 +105,7 @@ def extract(path: Path, planner: Planner, choices: str) -> Extract:
 
 def cache_folder() -> Path:
     """Where extracts are kept: bags in $JERKBENCH_CACHE, or in jerkbench in the user's cache folder."""
-    user = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA") or str(Path.home() / ".cache")
-    return Path(os.environ.get("JERKBENCH_CACHE") or Path(user) / "jerkbench") / "bags"
+    return Path(os.environ.get("JERKBENCH_CACHE") or user_cache_folder()) / "bags"
 
 
 def _read(path: Path, planner: Planner) -> Extract:

@@ -2,14 +2,17 @@
 
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from pathlib import Path
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.errors import PluginError, unknown
+from jerkbench.errors import PluginError, RecordingError, unknown
 from jerkbench.geometry import dcm_from_euler
+from jerkbench.readers.fetched import fetched_folder
 from jerkbench.sanitiser.ledger import MODES
 
+FETCHED = "fetched:"
 TIME_SOURCES = ("bag", "header")
 COVARIANCE_ORDERS = ("enu", "neu")
 LENGTHS = {
@@ -36,7 +39,8 @@ class BagOptions:
     or leaping; covariances that are zero, NaN or not positive definite; jumps where the kind of fix changes.
 
     Attributes:
-        file: a .bag, .db3 or .mcap file, a ROS 2 bag's folder, or a folder with the parts of a split .bag.
+        file: a .bag, .db3 or .mcap file, a ROS 2 bag's folder, or a folder with the parts of a split .bag;
+            "fetched:NAME/FILE" is what `jerkbench data fetch NAME` has fetched.
         sanitise: repair (mend what can be mended, drop the rest), drop, or refuse (the first trouble is an error).
         earliest_utc: a stamp before this day is none.
         time_source: header (the stamps), or bag (when each message was recorded).
@@ -89,6 +93,23 @@ class BagOptions:
             if len(getattr(self, name)) not in lengths:
                 raise PluginError(f"{name} is {list(getattr(self, name))}; give three numbers.")
         _ = self.earliest_ns, self.body_from_imu
+
+    @property
+    def path(self) -> Path:
+        """Where ``file`` is.
+
+        Raises:
+            RecordingError: it is one to be fetched, and was not.
+        """
+        if not self.file.startswith(FETCHED):
+            return Path(self.file).expanduser()
+        name, _, file = self.file.removeprefix(FETCHED).partition("/")
+        folder = fetched_folder(name)
+        if not folder.is_dir():
+            raise RecordingError(
+                f"The recording {name} was not fetched: run `jerkbench data fetch {name}`, or give dataset.file=FILE."
+            )
+        return folder / file
 
     @property
     def earliest_ns(self) -> int:

@@ -12,7 +12,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from jerkbench.files import write_text
+from jerkbench.files import user_cache_folder, write_text
 
 Namespace = Callable[[str], Mapping[str, Any]]
 
@@ -20,8 +20,7 @@ Namespace = Callable[[str], Mapping[str, Any]]
 def cache_folder() -> Path:
     """Where compiled code is kept: $JERKBENCH_CACHE, or jerkbench/compiled in the user's cache folder."""
     own = os.environ.get("JERKBENCH_CACHE")
-    user = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA") or str(Path.home() / ".cache")
-    return Path(own) if own else Path(user) / "jerkbench" / "compiled"
+    return Path(own) if own else user_cache_folder() / "compiled"
 
 
 def load_entry(title: str, source: str, key: str, namespace: Namespace) -> ModuleType:

@@ -31,7 +31,7 @@ def answer(chosen: argparse.Namespace) -> None:
     if not isinstance(dataset, BagOptions):
         _describe(dataset.load(chosen.seed), chosen.figure)
         return
-    _print_topics(Path(dataset.file).expanduser())
+    _print_topics(dataset.path)
     try:
         recording = dataset.load(chosen.seed)
     except RecordingError as error:  # the bag can be read: what it lacks is an answer

@@ -10,6 +10,7 @@ from types import ModuleType
 from jerkbench.errors import JerkbenchError
 
 VERBS = {
+    "cache": "show what is kept in the user's cache, or clear it",
     "convert": "write a recording as a ROS bag, a table or a trajectory",
     "salvage": "write a fresh bag from what is whole in a ROS 1 bag that was cut off or damaged",
     "fetch": "download a public recording, check it, and keep it",

@@ -1,7 +1,6 @@
 """Recordings of a Fixposition Vision-RTK 2 in ROS bags."""
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import ClassVar
 
 from jerkbench.bags.assembly import Loaded, load_bag
@@ -77,7 +76,7 @@ class Fixposition(BagOptions):
 
     def fingerprint(self) -> str:
         """Return the SHA-256 over the bytes of the bag's files."""
-        return fingerprint(content_files(Path(self.file).expanduser()))
+        return fingerprint(content_files(self.path))
 
     def _plan(self, bag: Bag) -> tuple[Plan, Frames]:
         velocity, heading = self.velocity == "odometry", self.heading == "odometry"

@@ -1,7 +1,6 @@
 """Any ROS bag: a map from topics to what they measure, or a guess that says what it chose."""
 
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import ClassVar
 
 from jerkbench.bags.assembly import Loaded, load_bag
@@ -98,7 +97,7 @@ class RosBag(BagOptions):
 
     def fingerprint(self) -> str:
         """Return the SHA-256 over the bytes of the bag's files."""
-        return fingerprint(content_files(Path(self.file).expanduser()))
+        return fingerprint(content_files(self.path))
 
     def _plan(self, bag: Bag) -> tuple[Plan, Frames]:
         plan = complete_plan(

@@ -1,0 +1,35 @@
+import pytest
+
+from bag_maker import Drive
+from jerkbench.bags import extract
+from jerkbench.datasets.fixposition import Fixposition
+from jerkbench.datasets.rosbag import RosBag
+from jerkbench.errors import RecordingError
+
+
+def test_what_is_kept_is_shown_and_cleared_and_nothing_else(tmp_path, typed, monkeypatch):
+    cache = tmp_path / "cache"
+    monkeypatch.setenv("JERKBENCH_CACHE", str(cache))
+    monkeypatch.setattr(extract, "WORTH_BYTES", 0)
+    Fixposition(str(Drive(duration_s=3.0).write(tmp_path / "a.bag"))).load(0)
+    (cache / "__pycache__").mkdir()
+    for ours in ("jerkbench_mtf_1.py", "__pycache__/jerkbench_mtf_1.nbi"):
+        (cache / ours).write_bytes(bytes(500_000))
+    (cache / "mine.txt").touch()
+    shown = typed("data", "cache").stdout
+    assert f"compiled filters and adaptations: 2 files, 1.0 MB in {cache}\n" in shown
+    assert "what was read of bags: 1 files, 0.0 MB" in shown
+    assert typed("data", "cache", "--clear").stdout.count(", deleted") == 2
+    assert [path.name for path in cache.rglob("*") if path.is_file()] == ["mine.txt"]
+    assert typed("data", "cache").stdout.count(": 0 files, 0.0 MB") == 2
+
+
+def test_a_fetched_bag_needs_no_path(tmp_path, monkeypatch):
+    monkeypatch.setenv("JERKBENCH_DATA", str(tmp_path))
+    dataset = RosBag("fetched:somewhere/a.bag", position_topic="/fixposition/gnss1")
+    with pytest.raises(RecordingError, match=r"run `jerkbench data fetch somewhere`, or give dataset\.file=FILE"):
+        dataset.load(0)
+    (tmp_path / "somewhere").mkdir()
+    Drive(duration_s=3.0).write(tmp_path / "somewhere" / "a.bag")
+    assert dataset.load(0).name == "a"
+    assert dataset.fingerprint() == RosBag(str(tmp_path / "somewhere" / "a.bag")).fingerprint()
