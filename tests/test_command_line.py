@@ -138,7 +138,7 @@ BAD = [
     (["seeds=0"], "seeds is 0; at least one run is needed."),
     (["adaptation=mtf", "adaptation.window=0"], "mtf.window is 0"),
     (["metrics=[position_rms]"], "Did you mean 'position_rmse'?"),
-    (["dataset=rtklib"], "'folder'"),
+    (["dataset=rtklib"], "run `jerkbench data fetch rtklib_drive_0708`, or give dataset.folder=FOLDER"),
     (["dataset=rtklib", "dataset.folder=nowhere"], "nowhere"),
     (["dataset=rtklib", "dataset.folder=."], "."),
     (["filter==jerk"], "="),
@@ -153,6 +153,7 @@ def said_in_process(tmp_path, monkeypatch, capsys):
         monkeypatch.chdir(tmp_path)
         monkeypatch.setattr(sys, "argv", ["jerkbench"])
         monkeypatch.setenv("HYDRA_FULL_ERROR", "1")
+        monkeypatch.setenv("JERKBENCH_DATA", str(tmp_path / "fetched"))
         with pytest.raises(SystemExit) as ended:
             main(words)
         return ended.value.code, *capsys.readouterr()
