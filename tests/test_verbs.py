@@ -2,11 +2,10 @@
 
 import numpy as np
 import pandas as pd
-import pyarrow as pa
-import pyarrow.parquet as pq
 import pytest
 
 from commands import jerkbench, swept
+from jerkbench.benchmark.store import Store
 
 WORDS = ["filter=baseline,jerk", "adaptation=none,mtf", "disturbance=none,gnss_outage", "seeds=2"]
 
@@ -27,18 +26,17 @@ def test_a_row_is_run_again_with_the_same_numbers(study):
     assert jerkbench("rerun", str(study), f"{key[:8]}:1", cwd=study).returncode == 0
 
 
-def changed_copy(path, folder, factor):
-    """Write the cell of ``path`` into ``folder``, with other position errors."""
-    table = pq.read_table(path)
-    rows = table.to_pandas()
-    rows = rows.assign(position_rmse_m=rows["position_rmse_m"] * factor)
-    changed = pa.Table.from_pandas(rows, preserve_index=False).replace_schema_metadata(table.schema.metadata)
-    pq.write_table(changed, folder / path.name)
+def changed_copy(study, folder, factor, count=None):
+    """Store ``count`` cells of ``study`` (default: all) below ``folder``, with other position errors; returns where."""
+    stored, _ = Store(study).read()
+    for one in stored[:count]:
+        rows = one.rows.assign(position_rmse_m=one.rows["position_rmse_m"] * factor)
+        Store(folder).write(one.key, rows.to_dict("records"), one.about)
+    return folder / "cells"
 
 
 def test_a_row_whose_numbers_are_others_is_seen(study, tmp_path):
-    changed_copy(next(iter((study / "cells").glob("*.parquet"))), tmp_path, 1.5)
-    done = jerkbench("rerun", str(tmp_path), "1", cwd=tmp_path)
+    done = jerkbench("rerun", str(changed_copy(study, tmp_path, 1.5, count=1)), "1", cwd=tmp_path)
     assert done.returncode == 1
     assert "1 of " in done.stdout
 
@@ -84,10 +82,9 @@ def test_compare_tells_a_machine(study, tmp_path):
     same = jerkbench("compare", str(study), str(study), "--fail-above", "0", cwd=tmp_path)
     assert same.returncode == 0
     assert "0 of 8 combinations are worse by more than 0 %." in same.stdout
-    for path in (study / "cells").glob("*.parquet"):
-        changed_copy(path, tmp_path, 1.1)
+    higher = changed_copy(study, tmp_path, 1.1)
     for percent, code, count in (("9", 1, 8), ("11", 0, 0)):
-        done = jerkbench("compare", str(study), str(tmp_path), "--fail-above", percent, cwd=tmp_path)
+        done = jerkbench("compare", str(study), str(higher), "--fail-above", percent, cwd=tmp_path)
         assert done.returncode == code
         assert f"{count} of 8 combinations are worse by more than {percent} %." in done.stdout
         assert "×1.10" in done.stdout  # noqa: RUF001
