@@ -32,6 +32,11 @@ def is_full(memory: FloatArray, window: int, row: int) -> bool:
     return bool(memory[6 * window + row] >= window)
 
 
+def inflation_memory(window: int) -> int:
+    """Return how many numbers `inflated` remembers: the rings, the update counts and the hit counts of six rows."""
+    return 6 * (window + 2)
+
+
 def inflated(
     innovation: FloatArray,
     HPHt: FloatArray,
@@ -44,7 +49,7 @@ def inflated(
 ) -> FloatArray:
     """Return R with r_i + max(0, w_i - h_i - r_i) on the diagonal of the ``triggered`` (m,) rows.
 
-    ``memory`` needs 6 (window + 2) numbers.
+    ``memory`` has the length `inflation_memory`.
     """
     adapted = R.copy()
     for i, row in enumerate(rows):

@@ -26,7 +26,8 @@ class AdaptiveQ:
     (a naive baseline); where the sensor is at fault it opens the filter to it for N updates.
 
     Source: W. Ding, J. Wang, C. Rizos, D. Kinlyside, "Improving adaptive Kalman estimation in GPS/INS integration",
-    Journal of Navigation 60, 2007: their factor on Q is sqrt(alpha) with the mean of y y' in place of w; here on P-.
+    Journal of Navigation 60(3), 517-529, 2007, doi:10.1017/S0373463307004316: their factor on Q is sqrt(alpha) with the
+    mean of y y' in place of w; here on P-.
 
     Attributes:
         window: N, number of squared innovations in the mean, this one included [updates].

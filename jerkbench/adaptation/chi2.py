@@ -24,7 +24,7 @@ class Chi2Gate:
     and with a wrong process it shuts out the measurements that would help, for N updates at a time.
 
     Source: the validation gate, e.g. Y. Bar-Shalom, X. R. Li, T. Kirubarajan, "Estimation with Applications to Tracking
-    and Navigation", Wiley, 2001; the limit on rejections in a row is common practice.
+    and Navigation", Wiley, 2001, doi:10.1002/0471221279; the limit on rejections in a row is common practice.
 
     Attributes:
         probability: p, of the chi-square test: how often a consistent filter passes it [-].

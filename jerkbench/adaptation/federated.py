@@ -29,7 +29,7 @@ class Federated:
     small beta makes a local more tolerant.
 
     Source: N. A. Carlson, "Federated square root filter for decentralized parallel processes", IEEE Trans. Aerospace
-    and Electronic Systems 26(3), 1990, with `scalar_r` in the locals.
+    and Electronic Systems 26(3), 517-525, 1990, doi:10.1109/7.106130, with `scalar_r` in the locals.
 
     Attributes:
         beta: share of the prior's information that goes to the position's filter [-].

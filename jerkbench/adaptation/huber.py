@@ -22,9 +22,10 @@ class Huber:
     Gaussian noise. An outlier is never dropped, its pull is bounded as long as h_i is small against r_i; a block of
     outliers in a row still moves the filter. Off-diagonals of R stay. One step of reweighting, from the prior.
 
-    Source: P. J. Huber, "Robust estimation of a location parameter", Annals of Mathematical Statistics 35, 1964; in
-    Kalman filters e.g. C. D. Karlgaard, H. Schaub, "Huber-based divided difference filtering", Journal of Guidance,
-    Control, and Dynamics 30(3), 2007. Simplified: the measurement alone, row by row, without iterations.
+    Source: P. J. Huber, "Robust estimation of a location parameter", Annals of Mathematical Statistics 35, 73-101,
+    1964, doi:10.1214/aoms/1177703732; in Kalman filters e.g. C. D. Karlgaard, H. Schaub, "Huber-based divided
+    difference filtering", Journal of Guidance, Control, and Dynamics 30(3), 885-891, 2007. Simplified: the measurement
+    alone, row by row, without iterations.
 
     Attributes:
         threshold: k, in standard deviations of the innovation [-].

@@ -24,10 +24,11 @@ class MaximumCorrentropy:
     sigma is in standard deviations of the measurement, so a measurement noise that is reported too small is taken for
     outliers. With sigma -> infinity it is `none`.
 
-    Source: B. Chen, X. Liu, H. Zhao, J. C. Principe, "Maximum correntropy Kalman filter", Automatica 76, 70-77, 2017.
-    Simplified: the kernel weighs the measurement alone, the prior keeps its covariance; a fixed number of passes; and
-    the fixed point starts from the Kalman update with the reported R instead of the prior, because after an outage
-    (h much larger than r) every good measurement is far from the prior and would be rejected.
+    Source: B. Chen, X. Liu, H. Zhao, J. C. Principe, "Maximum correntropy Kalman filter", Automatica 76, 70-77, 2017,
+    doi:10.1016/j.automatica.2016.10.004. Simplified: the kernel weighs the measurement alone, the prior keeps its
+    covariance; a fixed number of passes; and the fixed point starts from the Kalman update with the reported R instead
+    of the prior, because after an outage (h much larger than r) every good measurement is far from the prior and would
+    be rejected.
 
     Attributes:
         bandwidth: sigma, of the kernel, in standard deviations of the measurement [-].

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jerkbench.adaptation._windows import check_window, inflated
+from jerkbench.adaptation._windows import check_window, inflated, inflation_memory
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.plugins import register
 
@@ -26,7 +26,7 @@ class Mtf:
 
     Source: the paper's equations for S_t and s_i, transferred from its tilt filter to the GNSS update; the method is by
     H. E. Soken and C. Hajiyev, "Pico satellite attitude estimation via robust unscented Kalman filter in the presence
-    of measurement faults", ISA Transactions 49, 249-256, 2010.
+    of measurement faults", ISA Transactions 49, 249-256, 2010, doi:10.1016/j.isatra.2010.04.001.
 
     Attributes:
         window: mu, number of squared innovations in the mean, this one included [updates].
@@ -42,7 +42,7 @@ class Mtf:
 
     def memory_size(self) -> int:
         """Return the length of the ring of squared innovations, the update count and the hit count, of six rows."""
-        return 6 * (self.window + 2)
+        return inflation_memory(self.window)
 
     def adapt(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from jerkbench.adaptation._chi2 import check_probability, chi2_tail, squared_distance
-from jerkbench.adaptation._windows import check_window, inflated
+from jerkbench.adaptation._windows import check_window, inflated, inflation_memory
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.plugins import register
 
@@ -24,8 +24,8 @@ class MtfNis:
     is as reported most of the time. An overconfident filter triggers more often, a cautious one never.
 
     Source: multiple tuning factors (H. E. Soken and C. Hajiyev, "Pico satellite attitude estimation via robust
-    unscented Kalman filter in the presence of measurement faults", ISA Transactions 49, 249-256, 2010); the test
-    by NIS is ours.
+    unscented Kalman filter in the presence of measurement faults", ISA Transactions 49, 249-256, 2010,
+    doi:10.1016/j.isatra.2010.04.001); the test by NIS is ours.
 
     Attributes:
         probability: p, of the chi-square test: how often a consistent filter passes it [-].
@@ -44,7 +44,7 @@ class MtfNis:
 
     def memory_size(self) -> int:
         """Return the length of the ring of squared innovations, the update count and the hit count, of six rows."""
-        return 6 * (self.window + 2)
+        return inflation_memory(self.window)
 
     def adapt(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray

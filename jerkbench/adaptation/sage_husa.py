@@ -23,7 +23,7 @@ class SageHusa:
     long-lasting changes of the noise, late on bursts, and misled where the process, not the sensor, is at fault.
 
     Source: A. P. Sage and G. W. Husa, "Adaptive filtering with unknown prior statistics", Joint Automatic Control
-    Conference 1969; the bounds keep R positive.
+    Conference 1969, 760-769 (no DOI); the bounds keep R positive.
 
     Attributes:
         forgetting: b, between 0 and 1 [-].

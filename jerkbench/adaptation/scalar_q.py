@@ -24,7 +24,8 @@ class ScalarQ:
 
     Source: fading memory with a suboptimal factor, as in D. H. Zhou, P. M. Frank, "Strong tracking filtering of
     nonlinear time-varying stochastic systems with coloured noise: application to parameter estimation and empirical
-    robustness analysis", International Journal of Control 65(2), 1996; reduced to one scalar for all states.
+    robustness analysis", International Journal of Control 65(2), 295-307, 1996,
+    doi:10.1080/00207179608921698; reduced to one scalar for all states.
 
     Attributes:
         limit: largest factor on the prior covariance [-].

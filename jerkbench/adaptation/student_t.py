@@ -22,8 +22,9 @@ class StudentT:
     nu -> infinity it is `none`.
 
     Source: the expected scale of a multivariate t noise, as in G. Agamennoni, J. I. Nieto, E. M. Nebot, "An
-    outlier-robust Kalman filter", IEEE International Conference on Robotics and Automation, 2011. Simplified: one pass
-    with the reported R and the innovation in place of the expected residual; R is scaled, not estimated.
+    outlier-robust Kalman filter", IEEE International Conference on Robotics and Automation, 2011,
+    doi:10.1109/ICRA.2011.5979605. Simplified: one pass with the reported R and the innovation in place of the expected
+    residual; R is scaled, not estimated.
 
     Attributes:
         nu: degrees of freedom; the smaller, the heavier the tails [-].

@@ -53,8 +53,8 @@ class Tilt:
     Input of the navigation filter: u_k = mean(Omega_{k-1}, Omega_k) y_A + (0, 0, -g), or Omega_k y_A + (0, 0, -g).
 
     Source: J. K. Lee, E. J. Park, S. N. Robinovitch, "Estimation of attitude and external acceleration using inertial
-    sensor measurement during various dynamic conditions", IEEE Trans. Instrum. Meas. 61(8), 2012, for the state, Q
-    and ``lee``; multiple tuning factors for ``mtf``.
+    sensor measurement during various dynamic conditions", IEEE Trans. Instrum. Meas. 61(8), 2262-2273, 2012,
+    doi:10.1109/TIM.2012.2187245, for the state, Q and ``lee``; multiple tuning factors for ``mtf``.
 
     Attributes:
         adapt: how Sigma is found: none, mtf, scalar or lee.

@@ -22,7 +22,7 @@ class Acceleration:
     and in an outage but the last acceleration. What the baseline gains over it is what the IMU is worth.
 
     Source: the Wiener-process acceleration model (Bar-Shalom, Li and Kirubarajan, "Estimation with Applications to
-    Tracking and Navigation", 6.3), the "9-state" filter of the paper's related work.
+    Tracking and Navigation", 6.3, doi:10.1002/0471221279), the "9-state" filter of the paper's related work.
 
     Attributes:
         accel_walk_mps2_per_sqrt_s: sigma_w, random walk of the acceleration [m/s2/sqrt(s)].

@@ -149,12 +149,14 @@ class _Update:
     """The measurement updates of one run, with the adaptation's memory."""
 
     def __init__(self, timeline: Timeline, adaptation: Adaptation, recorder: Recorder) -> None:
+        """Start with an empty memory; an adaptation that asks for the true covariances gets them."""
         measured = timeline.measurements
         self.measured, self.adaptation, self.recorder = measured, adaptation, recorder
         self.R = measured.R_true if getattr(adaptation, "wants_true_covariance", False) else measured.R
         self.memory = np.zeros(adaptation.memory_size())
 
     def __call__(self, row: int, x: FloatArray, P: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return x and P after the measurement ``row``; both as they were if every row of it is dropped."""
         z = self.measured.z[row]
         rows = np.flatnonzero(np.isfinite(z))
         block = np.ix_(rows, rows)
