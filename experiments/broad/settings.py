@@ -44,7 +44,7 @@ def scores(recordings: list[Recording], adapt: str) -> tuple[list[tuple[float, f
     memory = LEE_MEMORY if adapt == "lee" else 0.0
     table = []
     for gyro, accel in settings:
-        tilt = Tilt(adapt, gyro, accel, memory, propagation="exact", yaw_source="gyro_only", compiled=True)
+        tilt = Tilt(adapt, gyro, accel, memory, propagation="exact", yaw_source="gyro_only")
         table.append([score(recording, tilt) for recording in recordings])
     return settings, np.array(table)
 

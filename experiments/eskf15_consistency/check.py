@@ -48,7 +48,7 @@ def check(seed: int, imu: str = "per_sample", duration_s: float = 150.0) -> Outc
     dataset = Field(imu=imu, duration_s=duration_s, reference_rate_hz=1.0)
     clean = dataset.load(seed)
     recording = Bias().apply(clean, seed) if imu == "per_sample" else clean
-    solution = tuned(imu).solve(recording, Tilt(compiled=True).estimate(recording), NoAdaptation())
+    solution = tuned(imu).solve(recording, Tilt().estimate(recording), NoAdaptation())
     error = _error(recording, solution, _true_bias(dataset, clean.imu, recording.imu, seed))
     covariance = solution.covariance[:15, :15]
     sigma = np.sqrt(np.diag(covariance))
