@@ -1,5 +1,6 @@
 """The attitude plugin ``reference``: the attitude that the reference knows."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,12 +41,24 @@ class ReferenceAttitude:
             raise PluginError(unknown("compensation of attitude reference", self.compensation, COMPENSATIONS))
         require_positive("attitude reference", self, ("gap_s",))
 
+    def require(self, load: Callable[[], Recording]) -> None:
+        """Check, before a sweep begins, that the reference of the recording of ``load`` has an attitude all along.
+
+        Raises:
+            RecordingError: it has not.
+        """
+        self._angles(load())
+
     def estimate(self, recording: Recording) -> Attitude:
         """Return attitude and ENU acceleration at the IMU's stamps.
 
         Raises:
             RecordingError: the reference has no attitude, or none near enough to a sample.
         """
+        return attitude_from(recording.imu, self._angles(recording), self.compensation)
+
+    def _angles(self, recording: Recording) -> FloatArray:
+        """Roll, pitch and yaw (n, 3) at the IMU's stamps."""
         t_s, euler_rad = _known(recording)
         rows = nearest_rows(t_s, recording.imu.t_s)
         away_s = np.abs(t_s[rows] - recording.imu.t_s)
@@ -55,7 +68,7 @@ class ReferenceAttitude:
                 f"{recording.name}: the reference's attitude nearest to {recording.imu.t_s[worst]:.2f} s is"
                 f" {away_s[worst]:.2f} s away; raise gap_s (now {self.gap_s} s) or take the attitude tilt."
             )
-        return attitude_from(recording.imu, euler_rad[rows], self.compensation)
+        return euler_rad[rows]
 
 
 def _known(recording: Recording) -> tuple[FloatArray, FloatArray]:

@@ -63,6 +63,14 @@ def test_no_attitude_and_a_gap_are_sentences():
         ReferenceAttitude(gap_s=0.0)
 
 
+def test_what_the_reference_lacks_is_said_before_a_sweep_begins():
+    ReferenceAttitude().require(lambda: Field(duration_s=5.0).load(0))
+    with pytest.raises(RecordingError, match="rest has a reference without attitude"):
+        ReferenceAttitude().require(lambda: recording_at_rest(1.0))
+    with pytest.raises(RecordingError, match="raise gap_s"):
+        ReferenceAttitude().require(lambda: made([0.0], np.zeros((1, 3))))
+
+
 def test_every_parameter_is_documented():
     doc = inspect.getdoc(ReferenceAttitude)
     assert all(f"\n    {f.name}: " in doc for f in dataclasses.fields(ReferenceAttitude))
