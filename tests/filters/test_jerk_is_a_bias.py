@@ -1,0 +1,23 @@
+"""What the jerk state is: the control experiment, on the nominal field with the defaults of both filters."""
+
+import numpy as np
+
+from jerkbench.adaptation.none import NoAdaptation
+from jerkbench.attitude.plugin import Tilt
+from jerkbench.datasets.field import Field
+from jerkbench.engines.compiled_engine import CompiledEngine
+from jerkbench.filters.baseline import Baseline
+from jerkbench.filters.bias import Bias
+from jerkbench.filters.jerk import Jerk
+from jerkbench.timeline.timeline import build_timeline
+
+
+def test_jerk_and_bias_agree_to_a_millimetre_on_the_nominal_field():
+    recording = Field().load(0)
+    timeline = build_timeline(recording, Tilt().estimate(recording))
+    jerk, bias, baseline = (
+        CompiledEngine().run(timeline, model, NoAdaptation()).position_m for model in (Jerk(), Bias(), Baseline())
+    )
+
+    assert np.linalg.norm(jerk - bias, axis=1).max() < 1e-3
+    assert np.linalg.norm(jerk - baseline, axis=1).max() > 1e-2
