@@ -29,7 +29,7 @@ Runs one combination, or with -m every combination of the values that are separa
 GROUPs: dataset, disturbance, attitude, filter, adaptation, noise, engine, experiment. `jerkbench list` names what there
 is, `jerkbench show KIND NAME` the parameters. Several disturbances act in order: disturbance=[bias,gnss_outage].
 
-Other KEYs: study, results, seeds, first_seed, burn_in_s, divergence_limit_m, metrics, workers, figures, notes.
+Other KEYs: study, results, seeds, first_seed, burn_in_s, divergence_limit_m, metrics, workers, figures, report, notes.
 Results are in results/STUDY. A cell that is done is not run again; a sweep that was stopped goes on where it was.
 
 It is a Hydra 1.3 app: --cfg job, --info, hydra/launcher=... and the rest work as Hydra documents them.

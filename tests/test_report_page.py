@@ -4,13 +4,14 @@ import html
 import json
 import re
 import shutil
+from pathlib import Path
 
 import pandas as pd
 import pytest
-from matplotlib.figure import Figure
 
-from commands import jerkbench, swept
+from commands import swept
 from jerkbench.report.page.page import Results, page
+from jerkbench.report.picture import Picture
 from jerkbench.report.review import Evidence, review
 
 WORDS = ["filter=baseline,jerk", "adaptation=none,mtf", "disturbance=none,multipath_single_axis", "seeds=2"]
@@ -19,18 +20,38 @@ WORDS = ["filter=baseline,jerk", "adaptation=none,mtf", "disturbance=none,multip
 @pytest.fixture(scope="module")
 def report(tmp_path_factory):
     folder = tmp_path_factory.mktemp("report")
-    swept(*WORDS, "dataset.duration_s=60", cwd=folder)
-    done = jerkbench("report", "results/adhoc", "--scenarios", "1", cwd=folder)
-    assert done.returncode == 0, done.stderr
+    done = swept(*WORDS, "dataset.duration_s=60", "report=true", "figures=true", "workers=2", cwd=folder)
+    assert "Drawing the figures (figures=false leaves them out)." in done.stdout
+    assert f"Report: {Path('results/adhoc/report.html')}" in done.stdout
     return folder / "results" / "adhoc" / "report.html"
+
+
+def test_a_sweep_ends_with_all_figures_where_they_are_asked_for(report):
+    drawn = {form: {path.stem for path in (report.parent / "figures").glob(f"*.{form}")} for form in ("png", "pdf")}
+    assert drawn["png"] == drawn["pdf"]
+    of_runs = {f"field_duration_s=60_{where}_field" for where in ("none", "multipath_single_axis")}
+    kinds = ("errors", "zoom", "trajectory", "three-sigma", "tilt", "acceleration", "consistency", "adapted-r")
+    named = {f"{scene}-{kind}" for scene in of_runs for kind in kinds}
+    assert drawn["png"] == {"bars", "heat-map", "profile", *named}
+
+
+def test_a_report_without_figures_is_quick_to_have(report, tmp_path):
+    shutil.copytree(report.parent / "cells", tmp_path / "results" / "adhoc" / "cells")
+    done = swept(*WORDS, "dataset.duration_s=60", "report=true", cwd=tmp_path)
+    assert "8 of 8 cells are done already" in done.stderr
+    assert "Drawing" not in done.stdout
+    assert not (tmp_path / "results" / "adhoc" / "figures").exists()
+    text = (tmp_path / "results" / "adhoc" / "report.html").read_text(encoding="utf-8")
+    assert "None was drawn." in text
+    assert "A reviewer&#x27;s questions" in text
 
 
 def test_it_is_one_file_that_asks_for_nothing(report):
     text = report.read_text(encoding="utf-8")
     assert not re.findall(r"(?:src|href)=\"(?!data:image/png;base64,|#)", text)
     assert "http" not in re.sub(r"base64,[^\"]*", "", text).replace("http-equiv", "")
-    assert text.count("data:image/png;base64,") == 11
-    assert "The paper says that jerk+mtf is more than 10 times better than baseline+none." in text
+    assert text.count("data:image/png;base64,") == 19
+    assert "The paper says that jerk+mtf is more than 10 times better than baseline+none. Of 2 cases it" in text
 
 
 def test_every_cells_configuration_is_in_it(report):
@@ -44,8 +65,21 @@ def test_every_cells_configuration_is_in_it(report):
         assert about["protocol"]["seeds"] == 2
 
 
+WORDS_OF_CHROMIUM = (
+    "--headless=new",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-dev-shm-usage",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--no-first-run",
+    "--window-size=1500,1200",
+)
+
+
 @pytest.fixture(scope="module")
-def browser():
+def browser(tmp_path_factory):
     selenium = pytest.importorskip("selenium", reason="selenium is not there; pip install 'jerkbench[test]'")
     del selenium
     chromium, driver = shutil.which("chromium"), shutil.which("chromedriver")
@@ -56,8 +90,9 @@ def browser():
 
     options = webdriver.ChromeOptions()
     options.binary_location = chromium
-    for word in ("--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--window-size=1500,1200"):
+    for word in WORDS_OF_CHROMIUM:
         options.add_argument(word)
+    options.add_argument(f"--user-data-dir={tmp_path_factory.mktemp('chromium')}")
     options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
     with webdriver.Chrome(options=options, service=Service(driver)) as opened:
         yield opened
@@ -113,6 +148,22 @@ def test_a_cell_opens_and_closes(opened):
     assert "duration_s" in dialog.text
     dialog.find_element("css selector", "form button").click()
     assert not dialog.is_displayed()
+
+
+def test_what_is_in_a_fold_is_seen_when_it_is_opened(opened):
+    fold = opened.find_element("css selector", "#section-findings details:last-of-type")
+    sentence = fold.find_element("css selector", "li")
+    assert not sentence.is_displayed()
+    opened.execute_script("arguments[0].click()", fold.find_element("css selector", "summary"))
+    assert sentence.is_displayed()
+    images = opened.find_elements("css selector", "figure img")
+    assert len(images) == 19
+    opened.execute_script("for (const one of document.images) one.loading = 'eager';")
+    sizes = opened.execute_async_script(
+        "const done = arguments[0];"
+        "Promise.all([...document.images].map((one) => one.decode().then(() => one.naturalWidth))).then(done);"
+    )
+    assert min(sizes) > 500
 
 
 def test_the_browser_has_nothing_to_complain_about(opened):
@@ -178,7 +229,7 @@ def test_what_stands_in_a_study_cannot_break_the_page(cell_rows):
     nasty = '<script>alert("x")</script>&'
     rows = pd.DataFrame(cell_rows(nasty, "none", [1.0, 2.0]))
     about = {**cell(), "protocol": {}, "created": "", "seconds": 0, "commit": "", "versions": {}, "notes": [nasty]}
-    text = page(Results(nasty, rows, ["k", "k"], {"k": about}, (nasty,), {}), [(nasty, Figure())])
+    text = page(Results(nasty, rows, ["k", "k"], {"k": about}, (nasty,), {}), [Picture(nasty, nasty, nasty, b"")])
     assert "<script>alert" not in text
 
 

@@ -20,9 +20,10 @@ from omegaconf import DictConfig
 from jerkbench.benchmark.cell import refusal
 from jerkbench.benchmark.composition import compose_jobs
 from jerkbench.benchmark.configuration import cell_of, register_schemas, study_folder
+from jerkbench.benchmark.processors import processors
 from jerkbench.benchmark.single import draw_single, run_single
 from jerkbench.benchmark.store import Store
-from jerkbench.benchmark.study import load_study, write_manifest, write_study
+from jerkbench.benchmark.study import Study, load_study, write_manifest, write_study
 from jerkbench.benchmark.sweep import Plan, plan_sweep, run_sweep, run_task
 from jerkbench.benchmark.tasks import Planned, Task
 from jerkbench.errors import INTERRUPTED, JerkbenchError, PluginError, exit_with
@@ -57,14 +58,16 @@ def sweep(loader: ConfigLoader, config: DictConfig, jobs: Sequence[Sequence[str]
     for line in plan.refused:
         print(line, file=sys.stderr)
     store = Store(study_folder(config))
-    code = _run(plan, store, config.workers or _processors())
+    code = _run(plan, store, config.workers or processors())
     try:
-        failed = _conclude(store, [one.key for one in plan.cells], config)
+        study = _conclude(store, [one.key for one in plan.cells], config)
     except OSError as error:
         print(f"jerkbench: the tables cannot be written: {error}. What is done is stored.", file=sys.stderr)
         raise SystemExit(FAILED) from None
-    if code or failed:
-        raise SystemExit(code or FAILED)
+    if study is not None and not code:
+        code = _present(study, config)
+    if code := code or _failed(study):
+        raise SystemExit(code)
     return [JobReturn(status=JobStatus.COMPLETED) for _ in jobs]
 
 
@@ -94,8 +97,9 @@ class Conclude(Callback):
         """Write and print the table of the whole study; exits as our own launcher would."""
         if config.hydra.launcher["_target_"] != LAUNCHER:
             store = Store(study_folder(config))
-            if _conclude(store, [one.key for one in store.read()[0]], config):
-                raise SystemExit(FAILED)
+            study = _conclude(store, [one.key for one in store.read()[0]], config)
+            if code := (_present(study, config) if study else 0) or _failed(study):
+                raise SystemExit(code)
 
 
 def _task(config: DictConfig) -> None:
@@ -136,20 +140,43 @@ def _run_and_show(one: Planned, folder: Path, config: DictConfig) -> None:
         print(f"Figure: {path}")
 
 
-def _conclude(store: Store, keys: Sequence[str], config: DictConfig) -> bool:
-    """Write and print the tables of what is there; whether any run failed."""
+def _conclude(store: Store, keys: Sequence[str], config: DictConfig) -> Study | None:
+    """Write and print the tables of what is there; returns the cells ``keys``, or nothing without any."""
     from jerkbench.report.terminal import print_table
 
     folder = store.folder.parent
     if not any(store.path(key).exists() for key in keys):
-        return False
+        return None
     write_manifest(folder, keys, list(config.notes), sys.argv)
     study = load_study(folder, prefer=keys)
     write_study(study)
     ours = study.only(keys)
     print_table(ours.rows, ours.notes)
-    print(f"\nRows, tables and manifest: {folder}")
-    return bool((ours.rows["status"] == "failed").any())
+    print(f"\nRows, tables and manifest: {folder}", flush=True)
+    return ours
+
+
+def _failed(study: Study | None) -> int:
+    """The exit code for a study of which a run failed, or 0."""
+    return FAILED if study is not None and (study.rows["status"] == "failed").any() else 0
+
+
+def _present(study: Study, config: DictConfig) -> int:
+    """Draw the figures and write the report where they are asked for; returns the exit code, or 0."""
+    from jerkbench.benchmark.presentation import present
+
+    if not config.report:
+        return 0
+    try:
+        with _terminated_like_interrupted():
+            present(study, config.workers or processors(), figures=config.figures)
+    except KeyboardInterrupt:
+        print(f"Interrupted. The results are complete; `jerkbench report {study.folder}` draws again.", file=sys.stderr)
+        return INTERRUPTED
+    except OSError as error:
+        print(f"jerkbench: the figures and the report cannot be written: {error}. The results are.", file=sys.stderr)
+        return FAILED
+    return 0
 
 
 @contextmanager
@@ -164,12 +191,6 @@ def _terminated_like_interrupted() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGTERM, before)
-
-
-def _processors() -> int:
-    import os
-
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _register_hydra_parts() -> None:

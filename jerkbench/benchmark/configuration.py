@@ -29,7 +29,8 @@ class Schema:
         divergence_limit_m: a larger position error is a divergence [m].
         metrics: names of the metrics to compute; empty: those that are cheap; [all]: every one.
         workers: number of processes of a sweep; 0: one for each processor.
-        figures: whether a single run draws its trajectory and its errors.
+        figures: whether a single run draws its trajectory and its errors, and a sweep with a report its figures.
+        report: whether a sweep ends with its figures and its report (``jerkbench report`` makes it at any time).
         notes: sentences to print under the tables (what was tuned, on what, with which budget).
     """
 
@@ -42,6 +43,7 @@ class Schema:
     metrics: list[str] = field(default_factory=list)
     workers: int = 0
     figures: bool = True
+    report: bool = False
     notes: list[str] = field(default_factory=list)
     dataset: Any = None
     disturbance: Any = None

@@ -1,22 +1,19 @@
-"""Every figure of a study, as files."""
+"""Every figure of a study, with its caption."""
 
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from jerkbench.benchmark.scenes import Scene, scenes
-from jerkbench.benchmark.study import Study
+from jerkbench.benchmark.scenes import Scene
 from jerkbench.report.summary import main_metric, summarise
 
 if TYPE_CHECKING:
+    import pandas as pd
     from matplotlib.figure import Figure
 
-FORMATS = ("png", "pdf")
 
-LIMIT = 20
-"""Scenarios whose runs are drawn, unless asked otherwise."""
+AT_BEST = "Each method has its best noise of the sweep, on these very runs."
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,15 +31,9 @@ class Drawing:
     figure: "Figure"
 
 
-def drawings(study: Study, folder: Path, limit: int = LIMIT) -> Iterator[Drawing]:
-    """Yield the figures of a study: first those of all its rows, then those of up to ``limit`` scenarios' runs."""
-    yield from of_rows(study)
-    for scene in scenes(study, folder, limit):
-        yield from of_scene(scene)
-
-
-def of_rows(study: Study) -> Iterator[Drawing]:
+def of_rows(rows: "pd.DataFrame") -> Iterator[Drawing]:
     """Yield the figures that need the rows alone."""
+    from jerkbench.report.best_noise import at_best_noise
     from jerkbench.report.costs import costs
     from jerkbench.report.plots.bars import bars_figure
     from jerkbench.report.plots.heat_map import heat_map_figure
@@ -50,16 +41,20 @@ def of_rows(study: Study) -> Iterator[Drawing]:
     from jerkbench.report.plots.sensitivity import sensitivity_figure, with_sigma
     from jerkbench.report.quantities import quantity
 
-    metric = main_metric(study.rows)
+    metric = main_metric(rows)
     title = quantity(metric).heading
-    table = summarise(study.rows, metric)
-    yield Drawing("bars", f"{title}: means with 95 % intervals; hatched: some runs were lost.", bars_figure(table))
-    values, scenarios, methods = costs(study.rows, metric)
+    best = at_best_noise(rows, metric)
+    noise = f" {AT_BEST}" if best["noise"].nunique() == 1 < rows["noise"].nunique() else ""
+    means = f"{title}: means with 95 % intervals; hatched: some runs were lost.{noise}"
+    yield Drawing("bars", means, bars_figure(summarise(best, metric)))
+    values, scenarios, methods = costs(best, metric)
     if len(scenarios) > 1 and len(methods) > 1:
-        yield Drawing("heat-map", f"{title}, scenario by method.", heat_map_figure(values, scenarios, methods, title))
-        yield Drawing("profile", "Performance profiles over the scenarios.", profile_figure(values, methods, title))
-    if with_sigma(study.rows)["sigma_a"].nunique() > 1:
-        figure = sensitivity_figure(study.rows, metric)
+        figure = heat_map_figure(values, scenarios, methods, title)
+        yield Drawing("heat-map", f"{title}, method by scenario; bold: the best of a scenario.{noise}", figure)
+        figure = profile_figure(values, methods, title)
+        yield Drawing("profile", f"Performance profiles over the scenarios.{noise}", figure)
+    if len(with_sigma(rows)["sigma_a"].unique()) > 1:
+        figure = sensitivity_figure(rows, metric)
         yield Drawing("sensitivity", f"{title} over the process noise; hollow: some runs were lost.", figure)
 
 

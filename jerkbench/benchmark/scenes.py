@@ -1,7 +1,6 @@
 """The runs of a study that are worth a picture: of each scenario a few methods, over the same seed."""
 
-import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -10,13 +9,14 @@ from jerkbench.benchmark import inputs
 from jerkbench.benchmark.again import StoredRow, row_of
 from jerkbench.benchmark.store import Store, Stored
 from jerkbench.benchmark.study import Study
-from jerkbench.errors import JerkbenchError
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.recording import Recording
-from jerkbench.report.summary import main_metric
 
 WANTED = (("baseline", "none"), ("jerk", "mtf"), ("jerk", "none"), ("gnss_only", "none"))
 """Filters and adaptations that are drawn where they are there, beside the best one."""
+
+CEILING = "oracle"
+"""It knows the true covariance: the best that is drawn is another."""
 
 SHOWN = 5
 """Methods in one picture."""
@@ -51,19 +51,29 @@ class Scene:
     best_runs: tuple[tuple[Recording, Estimate], ...]
 
 
-def scenes(study: Study, folder: Path, limit: int) -> Iterator[Scene]:
-    """Yield up to ``limit`` scenarios of a study, run again; what cannot be run again is told on standard error."""
-    cells = {one.key: one for one in Store(folder).read(list(dict.fromkeys(study.keys)))[0]}
-    groups: dict[str, list[Stored]] = {}
-    for one in cells.values():
-        labels = one.about["labels"]
-        groups.setdefault(", ".join(labels[k] for k in ("dataset", "disturbance", "attitude")), []).append(one)
-    metric = main_metric(study.rows)
-    for name, group in list(groups.items())[:limit]:
-        try:
-            yield _scene(name, _chosen(group, metric))
-        except JerkbenchError as error:
-            print(f"jerkbench: no figures of {name}: {error}", file=sys.stderr)
+def scene_keys(study: Study, limit: int) -> dict[str, tuple[str, ...]]:
+    """Return the names of up to ``limit`` scenarios of a study, in their order, each with the keys of its cells."""
+    named = study.rows[["dataset", "disturbance", "attitude"]].astype(str).agg(", ".join, axis=1)
+    found: dict[str, dict[str, None]] = {}
+    for name, key in zip(named, study.keys, strict=True):
+        found.setdefault(name, {})[key] = None
+    return {name: tuple(keys) for name, keys in list(found.items())[:limit]}
+
+
+def load_scene(folder: Path, name: str, keys: Sequence[str], metric: str) -> Scene:
+    """Run those cells ``keys`` of a scenario again that are worth a picture.
+
+    Args:
+        folder: the study's.
+        name: of the scenario.
+        keys: of its cells.
+        metric: by which they are chosen.
+
+    Raises:
+        JerkbenchError: they cannot be run again.
+    """
+    stored, _ = Store(folder).read(keys)
+    return _scene(name, _chosen(stored, metric))
 
 
 def _scene(name: str, chosen: Mapping[str, Stored]) -> Scene:
@@ -95,7 +105,7 @@ def _best_runs(stored: Stored) -> Iterator[tuple[Recording, Estimate]]:
 
 def _chosen(group: list[Stored], metric: str) -> dict[str, Stored]:
     """Pick the best, those that are wanted, and then the next best; of one method with several noises the best."""
-    ranked = sorted(group, key=lambda one: _mean(one, metric))
+    ranked = sorted(group, key=lambda one: (one.about["labels"]["adaptation"] == CEILING, _mean(one, metric)))
     methods: dict[tuple[str, str], Stored] = {}
     for one in ranked:
         methods.setdefault((one.about["labels"]["filter"], one.about["labels"]["adaptation"]), one)

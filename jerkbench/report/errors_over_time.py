@@ -50,10 +50,11 @@ def _draw_norms(axes: Axes, recording: Recording, estimates: Mapping[str, Estima
         say(axes, "The recording has no position reference.")
         return
     norms = {name: _norm_m(recording, estimate) for name, estimate in estimates.items()}
-    for name, colour, dash in lines(estimates):
+    for place, (name, colour, dash) in enumerate(lines(estimates)):
         t_s = recording.reference.t_s[estimates[name].index]
         label = f"{name}: {_rmse(recording, estimates[name])}"
-        axes.plot(t_s, norms[name], color=colour, linestyle=dash, linewidth=1.0, label=label)
+        above = 3 - 0.01 * place  # the first on top
+        axes.plot(t_s, norms[name], color=colour, linestyle=dash, linewidth=1.0, label=label, zorder=above)
     if _spread(norms) > LOGARITHMIC_FROM:
         lowest = [np.percentile(norm[norm > 0], 1) for norm in norms.values() if (norm > 0).any()]
         axes.set_yscale("log")

@@ -11,28 +11,28 @@ from rich.progress import Progress as Bar
 
 
 class Progress:
-    """A bar over the cells of a sweep, on standard error; says how many runs diverged or failed."""
+    """A bar over the cells of a sweep (or other things), on standard error; says how many runs diverged or failed."""
 
-    def __init__(self, cells: int, already: int) -> None:
-        """Prepare a bar for ``cells``, of which ``already`` many are done."""
+    def __init__(self, count: int, already: int = 0, doing: str = "Sweep", things: str = "cells") -> None:
+        """Prepare a bar for ``count`` ``things``, of which ``already`` many are done."""
         self._counts: Counter[str] = Counter()
         columns = (
             TextColumn("{task.description}"),
             BarColumn(),
             MofNCompleteColumn(),
-            TextColumn("cells"),
+            TextColumn(things),
             TimeElapsedColumn(),
             TextColumn("left"),
             TimeRemainingColumn(),
             TextColumn("{task.fields[trouble]}"),
         )
         self._bar = Bar(*columns, console=Console(stderr=True))
-        self._task = self._bar.add_task("Sweep", total=cells - already, trouble="")
+        self._task = self._bar.add_task(doing, total=count - already, trouble="")
         if already:
-            self._bar.console.print(f"{already} of {cells} cells are done already.")
+            self._bar.console.print(f"{already} of {count} {things} are done already.")
 
-    def advance(self, statuses: Sequence[str]) -> None:
-        """Count one more cell, whose runs ended with ``statuses``."""
+    def advance(self, statuses: Sequence[str] = ()) -> None:
+        """Count one more, whose runs ended with ``statuses``."""
         self._counts.update(statuses)
         trouble = ", ".join(f"{self._counts[s]} runs {s}" for s in ("diverged", "failed") if self._counts[s])
         self._bar.update(self._task, advance=1, trouble=trouble)

@@ -93,7 +93,10 @@ def _budget(evidence: Evidence) -> tuple[bool | None, str]:
     if not counts:
         return None, "No filter has a parameter."
     passed = len(set(counts.values())) == 1 and min(counts.values()) >= LEAST_SETTINGS
-    return passed, f"Settings of each filter in this study: {said}."
+    return (
+        passed,
+        f"Settings of each filter: {said}; as many of each, and at least {LEAST_SETTINGS}, are asked for.",
+    )
 
 
 def _recordings(evidence: Evidence) -> tuple[bool | None, str]:
@@ -109,7 +112,9 @@ def _seeds(evidence: Evidence) -> tuple[bool | None, str]:
     if len(runs) == 0:
         return False, f"None: {phases} rows are phases of recordings, which are not independent."
     few = int((runs < FEW).sum())
-    return few == 0 and phases == 0, f"{runs.min()} to {runs.max()} a cell; {FEW} are asked for. Phases: {phases} rows."
+    counted = f"{runs.min()}" if runs.min() == runs.max() else f"{runs.min()} to {runs.max()}"
+    more = f" {phases} rows are phases of recordings, which are not independent." if phases else ""
+    return few == 0 and phases == 0, f"{counted} a cell; {FEW} are asked for.{more}"
 
 
 def _intervals(evidence: Evidence) -> tuple[bool | None, str]:

@@ -4,9 +4,10 @@ from collections.abc import Iterable, Iterator
 from itertools import cycle, product
 
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
 OKABE_ITO = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 """Okabe and Ito's palette (2008) in an order that keeps neighbours apart; its yellow is too pale for a line."""
@@ -42,9 +43,21 @@ def quiet(axes: Axes) -> None:
     """
     if axes.get_yscale() == "linear":
         axes.yaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]))
+    for axis in (axes.xaxis, axes.yaxis):
+        if axis.get_scale() == "log":
+            _plain(axis)
     axes.spines[["top", "right"]].set_visible(False)
     axes.grid(visible=True, color="#E4E4E4", linewidth=0.6)
     axes.set_axisbelow(True)
+
+
+def _plain(axis: Axis) -> None:
+    """Name the ticks of a logarithmic axis as one says them (0.02); within two decades also those between tens."""
+    low, high = sorted(axis.get_view_interval())
+    between = (1.0, 2.0, 5.0) if low > 0 and high < 100 * low else (1.0,)
+    axis.set_major_locator(LogLocator(subs=between, numticks=9))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())
 
 
 def legend_below(figure: Figure) -> None:
@@ -63,4 +76,6 @@ def legend_below(figure: Figure) -> None:
 
 def say(axes: Axes, sentence: str) -> None:
     """Write ``sentence`` where there is nothing to draw."""
+    axes.set(xticks=[], yticks=[])
+    axes.spines[:].set_color("#CCCCCC")
     axes.text(0.5, 0.5, sentence, transform=axes.transAxes, ha="center", va="center", color="#555555")

@@ -21,12 +21,11 @@ def answer(chosen: argparse.Namespace) -> None:
     Raises:
         JerkbenchError: there are no results.
     """
-    from jerkbench.benchmark.drawing import FORMATS, drawings
+    from jerkbench.benchmark.pictures import draw_pictures
+    from jerkbench.benchmark.presentation import FIGURES
+    from jerkbench.benchmark.processors import processors
     from jerkbench.benchmark.study import load_study
-    from jerkbench.report.figures import save_figure
 
-    out = chosen.out or chosen.folder / "figures"
-    for one in drawings(load_study(chosen.folder), chosen.folder, chosen.scenarios):
-        for form in FORMATS:
-            save_figure(one.figure, out / f"{one.name}.{form}")
+    out = chosen.out or chosen.folder / FIGURES
+    for one in draw_pictures(load_study(chosen.folder), out, chosen.scenarios, processors()):
         print(out / f"{one.name}.png")

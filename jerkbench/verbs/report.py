@@ -21,26 +21,12 @@ def answer(chosen: argparse.Namespace) -> None:
     Raises:
         JerkbenchError: there are no results.
     """
-    from jerkbench.benchmark.drawing import drawings
-    from jerkbench.benchmark.store import Store
-    from jerkbench.benchmark.study import load_study, read_manifest
-    from jerkbench.files import write_text
-    from jerkbench.report.page.page import Results, page
+    from jerkbench.benchmark.pictures import draw_pictures
+    from jerkbench.benchmark.presentation import REPORT, write_report
+    from jerkbench.benchmark.processors import processors
+    from jerkbench.benchmark.study import load_study
 
     study = load_study(chosen.folder)
-    stored, _ = Store(chosen.folder).read(list(dict.fromkeys(study.keys)))
-    manifest = read_manifest(chosen.folder)
-    results = Results(
-        name=chosen.folder.resolve().name,
-        rows=study.rows,
-        keys=list(study.keys),
-        about={one.key: one.about for one in stored},
-        notes=study.notes,
-        provenance={
-            key: manifest[key] for key in ("command", "finished", "commit", "versions", "host") if key in manifest
-        },
-    )
-    figures = ((one.caption, one.figure) for one in drawings(study, chosen.folder, chosen.scenarios))
-    path = chosen.out or chosen.folder / "report.html"
-    write_text(path, page(results, figures))
+    path = chosen.out or chosen.folder / REPORT
+    write_report(study, draw_pictures(study, None, chosen.scenarios, processors()), path)
     print(path)

@@ -34,8 +34,9 @@ def answer(chosen: argparse.Namespace) -> None:
         JerkbenchError: there are no results, or no such metric, factor or baseline.
     """
     from jerkbench.benchmark.study import load_study
+    from jerkbench.report.claim import claims
     from jerkbench.report.comparison import parse_baseline
-    from jerkbench.report.findings import claims, findings
+    from jerkbench.report.findings import findings
     from jerkbench.report.summary import main_metric, summarise
 
     study = load_study(chosen.folder)

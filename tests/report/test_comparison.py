@@ -10,8 +10,9 @@ import pytest
 from scipy.stats import wilcoxon
 
 from jerkbench.errors import JerkbenchError
+from jerkbench.report.claim import claims
 from jerkbench.report.comparison import compare_to, parse_baseline
-from jerkbench.report.findings import claims, findings
+from jerkbench.report.findings import findings
 from jerkbench.report.html import html_table
 from jerkbench.report.latex import latex
 from jerkbench.report.markdown import markdown

@@ -11,6 +11,7 @@ from scipy.stats import chi2
 
 from jerkbench.estimate import Attitude, Estimate, Updates
 from jerkbench.recording import Imu, Position, Recording, Reference
+from jerkbench.report.best_noise import at_best_noise
 from jerkbench.report.costs import costs
 from jerkbench.report.figures import save_figure
 from jerkbench.report.plots.acceleration import acceleration_figure
@@ -199,11 +200,27 @@ def test_adapted_r_is_a_sigma_with_ticks_where_a_row_was_dropped():
 
 def test_bars_are_the_means_with_their_intervals(cell_rows):
     table = summarise(study(cell_rows), "position_rmse_m")
-    (axes,) = bars_figure(table).axes
-    widths = [bar.get_width() for bar in axes.patches if np.isfinite(bar.get_width())]
-    assert sorted(widths) == pytest.approx(sorted(c.mean for row in table.cells for c in row if c is not None))
-    assert sum(bar.get_hatch() is not None for bar in axes.patches) == 1
-    assert [t.get_text() for t in axes.get_yticklabels()] == [", ".join(row) for row in table.rows]
+    panels = bars_figure(table).axes
+    heights = [bar.get_height() for axes in panels for bar in axes.patches if np.isfinite(bar.get_height())]
+    assert sorted(heights) == pytest.approx(sorted(c.mean for row in table.cells for c in row if c is not None))
+    assert sum(bar.get_hatch() is not None for axes in panels for bar in axes.patches) == 1
+    assert [axes.get_title() for axes in panels] == ["none", "bias"]
+    assert [t.get_text() for t in panels[0].get_xticklabels()] == ["baseline", "jerk", "gnss\nonly"]
+
+
+def test_of_several_noises_the_best_is_shown(cell_rows):
+    rows = swept(cell_rows)
+    kept = at_best_noise(rows, "position_rmse_m")
+    assert kept.groupby("filter")["position_rmse_m"].apply(list).to_dict() == {
+        "jerk": [0.1, 0.2, 0.12],
+        "gnss_only": [1.0],
+    }
+    last = rows["noise"] == "accel_mps2=0.5"
+    better = rows.assign(status="ok", position_rmse_m=rows["position_rmse_m"].where(~last, 0.01))
+    best = at_best_noise(better, "position_rmse_m")
+    assert best.loc[best["filter"] == "jerk", "position_rmse_m"].tolist() == [0.01] * 3
+    lost = at_best_noise(better.assign(status=np.where(last, "diverged", "ok")), "position_rmse_m")
+    assert lost.loc[lost["filter"] == "jerk", "position_rmse_m"].tolist() == [0.1, 0.2, 0.12]
 
 
 def test_costs_are_means_and_what_was_lost_is_infinite(cell_rows):

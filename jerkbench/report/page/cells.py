@@ -36,7 +36,7 @@ def cells_section(
         metric: the leading metric.
     """
     metrics = [metric, *(one for one in COLUMNS if one != metric and one in rows and rows[one].notna().any())]
-    tables = {one: _by_combination(rows, one) for one in metrics}
+    tables = {one: by_combination(rows, one) for one in metrics}
     ratios = _ratios(rows, metric)
     groups = rows.assign(key=list(keys)).groupby("key", sort=False)
     lines, templates = [], []
@@ -46,9 +46,13 @@ def cells_section(
         lines.append(_line(str(key), combination, cells, ratios.get(combination), group))
         templates.append(_template(str(key), combination, group, about[str(key)]))
     heads = [*FACTORS, *(quantity(one).heading for one in metrics), "×  none", "NEES says", "lost", "runs"]  # noqa: RUF001
+    varying = [len(rows[key].unique()) > 1 for key in FACTORS]
+    constant = [f":nth-child({k + 1})" for k, one in enumerate(varying) if not one]
+    hidden = f"#cells :is(th, td):is({', '.join(constant)}) {{ display: none; }}" if constant else ""
     head = "".join(f'<th scope="col"><button>{escape(text)}</button></th>' for text in heads)
     return (
-        f'{_filters(rows)}<div class="scroll"><table id="cells"><thead><tr>{head}<th></th></tr></thead>\n<tbody>\n'
+        f"<style>{hidden}</style>{_same(rows, varying)}{_filters(rows)}"
+        f'<div class="scroll"><table id="cells"><thead><tr>{head}<th></th></tr></thead>\n<tbody>\n'
         + "\n".join(lines)
         + '\n</tbody></table></div>\n<dialog id="cell"><form method="dialog"><button>Close</button></form>'
         + '<div id="content"></div></dialog>\n'
@@ -56,7 +60,14 @@ def cells_section(
     )
 
 
-def _by_combination(rows: "pd.DataFrame", metric: str) -> dict[tuple[str, ...], Cell]:
+def _same(rows: "pd.DataFrame", varying: Sequence[bool]) -> str:
+    """What needs no column."""
+    constant = [f"{key} {rows[key].iloc[0]}" for key, one in zip(FACTORS, varying, strict=True) if not one]
+    return f'<p class="muted">In every cell: {escape(", ".join(constant))}.</p>' if constant else ""
+
+
+def by_combination(rows: "pd.DataFrame", metric: str) -> dict[tuple[str, ...], Cell]:
+    """Return the cell of each combination of the six factors."""
     table = summarise(rows, metric, row_keys=FACTORS[:-1], column_keys=FACTORS[-1:])
     return {
         (*row, *column): cell
@@ -117,19 +128,26 @@ def _filters(rows: "pd.DataFrame") -> str:
     return f'<div class="filters">{words}{"".join(selects)}<span id="shown"></span></div>\n'
 
 
+def _value(value: object) -> str:
+    if not isinstance(value, float):
+        return str(value)
+    return "" if math.isnan(value) else number(value)
+
+
 def _template(key: str, combination: tuple[str, ...], group: "pd.DataFrame", about: Mapping[str, Any]) -> str:
     columns = ["seed", "status", "reason", *metric_columns(group)]
     values = group[[one for one in columns if group[one].notna().any()]]
     head = "".join(f"<th>{escape(str(one))}</th>" for one in values.columns)
     lines = "".join(
-        f"<tr>{''.join(f'<td>{escape(str(value))}</td>' for value in line)}</tr>"
+        f"<tr>{''.join(f'<td>{escape(_value(value))}</td>' for value in line)}</tr>"
         for line in values.itertuples(index=False)
     )
     told = {
         one: about[one] for one in ("spec", "protocol", "data", "notes", "created", "seconds", "commit", "versions")
     }
+    again = f"cells/{key}.parquet; once more: jerkbench rerun FOLDER {key}"
     return (
-        f'<template id="cell-{key}"><h3>{escape(", ".join(combination))}</h3><p class="muted">{key}</p>'
+        f'<template id="cell-{key}"><h3>{escape(", ".join(combination))}</h3><p class="muted">{again}</p>'
         f'<div class="scroll"><table><thead><tr>{head}</tr></thead><tbody>{lines}</tbody></table></div>'
         f"<pre>{escape(json.dumps(told, indent=1, ensure_ascii=False))}</pre></template>"
     )

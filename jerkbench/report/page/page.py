@@ -1,26 +1,26 @@
-"""The report as one HTML file: what was found, every cell, the figures, a reviewer's questions, where it comes from."""
+"""The report as one HTML file: what was found, the table, figures, a reviewer's questions, every cell, provenance."""
 
-import base64
-import io
-import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
-from jerkbench.report.findings import claims, findings
 from jerkbench.report.html import html_table
-from jerkbench.report.page.cells import cells_section
+from jerkbench.report.page.cells import by_combination, cells_section
+from jerkbench.report.page.findings import findings_section
+from jerkbench.report.page.gallery import gallery
+from jerkbench.report.page.text import bullets
+from jerkbench.report.picture import Picture
 from jerkbench.report.quantities import quantity
 from jerkbench.report.review import Check, Evidence, review
 from jerkbench.report.summary import main_metric, summarise
 
 if TYPE_CHECKING:
     import pandas as pd
-    from matplotlib.figure import Figure
 
-FIGURE_DPI = 110
+WORDS = {True: ("passed", "passed"), False: ("failed", "failed"), None: ("muted", "does not arise")}
+"""Class and word of an answer."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,32 +44,54 @@ class Results:
     provenance: Mapping[str, Any]
 
 
-def page(results: Results, figures: Iterable[tuple[str, "Figure"]]) -> str:
-    """Return the report; ``figures`` are captions with figures."""
-    metric = main_metric(results.rows)
-    evidence = Evidence(results.rows, list(results.about.values()), metric)
+def page(results: Results, pictures: Sequence[Picture]) -> str:
+    """Return the report."""
+    rows, metric = results.rows, main_metric(results.rows)
+    title = quantity(metric).heading
+    checks = review(Evidence(rows, list(results.about.values()), metric))
+    independence = [note for note in results.notes if "ndependent of" in note]
     sections = {
-        "Findings": _findings(results.rows, metric),
-        "Table": html_table(summarise(results.rows, metric, notes=results.notes, baseline=_baseline(results.rows))),
-        "Cells": cells_section(results.rows, results.keys, results.about, metric),
-        "Figures": "\n".join(_figure(caption, figure) for caption, figure in figures),
-        "A reviewer's questions": _review(review(evidence)),
-        "What is independent": _list(
-            [note for note in results.notes if "ndependent of" in note] or ["Nothing is said."]
-        ),
-        "Provenance": f"<pre>{escape(json.dumps(results.provenance, indent=1))}</pre>",
+        "Findings": findings_section(rows, metric, title, by_combination(rows, metric)),
+        "Table": html_table(summarise(rows, metric, notes=results.notes, baseline=_baseline(rows)), level=3),
+        "Figures": gallery(pictures),
+        "A reviewer's questions": _review(checks),
+        "Every cell": cells_section(rows, results.keys, results.about, metric),
+        "What is independent": bullets(independence or ["Nothing is said."]),
+        "Provenance": _provenance(results.provenance),
     }
     links = "".join(f'<a href="#{_anchor(name)}">{escape(name)}</a>' for name in sections)
-    body = "\n".join(f'<h2 id="{_anchor(n)}">{escape(n)}</h2>\n{text}' for n, text in sections.items())
-    title, assets = escape(f"jerkbench: {results.name}"), files("jerkbench.report.page")
-    style, script = (assets.joinpath(f"report.{end}").read_text(encoding="utf-8") for end in ("css", "js"))
-    cells = f"{len(results.about)} cells, {len(results.rows)} runs, {quantity(metric).heading}"
-    head = f'<meta charset="utf-8"><title>{title}</title>\n<style>{style}</style>'
-    top = f"<h1>{title}</h1><p>{escape(cells)}</p><nav>{links}</nav>"
-    return (
-        f'<!DOCTYPE html>\n<html lang="en"><head>{head}</head>\n'
-        f"<body>{top}\n{body}\n<script>{script}</script></body></html>\n"
+    body = "\n".join(
+        f'<section id="{_anchor(n)}"><h2>{escape(n)}</h2>\n{text}</section>' for n, text in sections.items()
     )
+    return _document(results.name, f"{_tiles(results, checks, title)}<nav>{links}</nav>", body)
+
+
+def _document(name: str, top: str, body: str) -> str:
+    assets = files("jerkbench.report.page")
+    style, script = (assets.joinpath(f"report.{end}").read_text(encoding="utf-8") for end in ("css", "js"))
+    title = escape(f"jerkbench: {name}")
+    head = '<meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">'
+    return (
+        f'<!DOCTYPE html>\n<html lang="en"><head>{head}<title>{title}</title>\n<style>{style}</style></head>\n'
+        f"<body><header><h1>{escape(name)}</h1>{top}</header>\n{body}\n<script>{script}</script></body></html>\n"
+    )
+
+
+def _tiles(results: Results, checks: Sequence[Check], title: str) -> str:
+    """The size of the study, what was lost, and how the review went."""
+    rows = results.rows
+    lost = int((rows["status"] != "ok").sum())
+    asked = [one for one in checks if one.passed is not None]
+    passed = sum(bool(one.passed) for one in asked)
+    finished = str(results.provenance.get("finished", ""))[:10]
+    tiles = [
+        (f"{len(results.about)}", "combinations"),
+        (f"{len(rows)}", f"runs, {lost} of them lost"),
+        (f"{passed} of {len(asked)}", "of a reviewer's questions passed"),
+    ]
+    shown = "".join(f"<div><strong>{escape(value)}</strong> {escape(text)}</div>" for value, text in tiles)
+    words = " · ".join(part for part in ("jerkbench", title, finished) if part)
+    return f'<p class="muted">{escape(words)}</p><div class="tiles">{shown}</div>'
 
 
 def _baseline(rows: "pd.DataFrame") -> dict[str, str] | None:
@@ -77,35 +99,26 @@ def _baseline(rows: "pd.DataFrame") -> dict[str, str] | None:
     return {"adaptation": "none"} if "none" in values and len(values) > 1 else None
 
 
-def _findings(rows: "pd.DataFrame", metric: str) -> str:
-    """The paper's claim, what was shown, and behind a fold what was not."""
-    found = findings(rows, metric)
-    shown = [line for line in found if not line.startswith("No difference")]
-    rest = [line for line in found if line.startswith("No difference")]
-    more = f"<details><summary>{len(rest)} comparisons without a difference</summary>{_list(rest)}</details>"
-    return _list([*claims(rows), *shown] or ["Nothing can be compared."]) + (more if rest else "")
-
-
 def _review(checks: Sequence[Check]) -> str:
-    words = {True: ("passed", "passed"), False: ("failed", "failed"), None: ("muted", "does not arise")}
     lines = [
-        f'<tr><th scope="row">{escape(one.question)}</th><td class="{words[one.passed][0]}">{words[one.passed][1]}</td>'
+        f'<tr><th scope="row">{escape(one.question)}</th><td class="{WORDS[one.passed][0]}">{WORDS[one.passed][1]}</td>'
         f"<td>{escape(one.reason)}</td></tr>"
         for one in checks
     ]
-    return f'<table id="review">{"".join(lines)}</table>'
+    return f'<div class="wide"><table id="review">{"".join(lines)}</table></div>'
 
 
-def _figure(caption: str, figure: "Figure") -> str:
-    data = io.BytesIO()
-    figure.savefig(data, format="png", dpi=FIGURE_DPI)
-    encoded = base64.b64encode(data.getvalue()).decode()
-    text = escape(caption)
-    return f'<figure><img src="data:image/png;base64,{encoded}" alt="{text}"><figcaption>{text}</figcaption></figure>'
+def _provenance(told: Mapping[str, Any]) -> str:
+    lines = "".join(f"<dt>{escape(name)}</dt><dd>{escape(_plain(value))}</dd>" for name, value in told.items())
+    return f"<dl>{lines}</dl>"
 
 
-def _list(lines: Iterable[str]) -> str:
-    return f"<ul>{''.join(f'<li>{escape(line)}</li>' for line in lines)}</ul>"
+def _plain(value: object) -> str:
+    if isinstance(value, Mapping):
+        return ", ".join(f"{key} {_plain(one)}" for key, one in value.items())
+    if isinstance(value, str) or not isinstance(value, Iterable):
+        return str(value)
+    return " ".join(map(str, value))
 
 
 def _anchor(name: str) -> str:

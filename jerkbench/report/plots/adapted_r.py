@@ -15,6 +15,8 @@ AXES = ("East", "North", "Up")
 def adapted_r_figure(recording: Recording, estimates: Mapping[str, Estimate]) -> Figure:
     """Draw the square roots of R's diagonal: position [m] on the left, velocity [m/s] on the right.
 
+    Where the first lines are covered by the next, they are the same.
+
     A row that was dropped (an infinite variance) stands as a tick on the upper edge.
     """
     figure = Figure(figsize=(7.0, 6.0), dpi=DOTS_PER_INCH, layout="constrained")
@@ -22,12 +24,13 @@ def adapted_r_figure(recording: Recording, estimates: Mapping[str, Estimate]) ->
     figure.suptitle(recording.name, fontsize="medium")
     for row in range(6):
         axes = panels[row % 3][row // 3]
-        for name, colour, dash in lines(estimates):
+        for place, (name, colour, dash) in enumerate(lines(estimates)):
             updates = estimates[name].updates
             sigma = np.sqrt(updates.R_diagonal[:, row])
             there, dropped = np.isfinite(sigma), np.isinf(sigma)
             label = name if row == 0 else None
-            axes.plot(updates.t_s[there], sigma[there], color=colour, linestyle=dash, linewidth=0.8, label=label)
+            width = 0.8 + 0.8 * (len(estimates) - 1 - place)  # of equal ones each is seen behind the next
+            axes.plot(updates.t_s[there], sigma[there], color=colour, linestyle=dash, linewidth=width, label=label)
             axes.plot(
                 updates.t_s[dropped],
                 np.full(int(dropped.sum()), 0.97),

@@ -18,8 +18,9 @@ WINDOW = 21
 
 
 def consistency_figure(runs: Sequence[tuple[Recording, Estimate]], name: str) -> Figure:
-    """Draw NEES of position and velocity, averaged over the runs, and NIS per row, averaged over `WINDOW` updates too.
+    """Draw NEES, averaged over the runs, and NIS per row, averaged over `WINDOW` updates too.
 
+    NEES is of position and velocity; of the position alone where no velocity is known.
     The band is the 95 % interval of chi-square at one moment: a consistent filter is outside it for 5 % of the time.
     All runs must have the same reference stamps; of the updates those with the same number are averaged.
     """
@@ -35,12 +36,15 @@ def consistency_figure(runs: Sequence[tuple[Recording, Estimate]], name: str) ->
 
 
 def nees(recording: Recording, estimate: Estimate) -> FloatArray:
-    """Return (k,) the NEES of position and velocity; NaN where the reference is not known or P is not invertible."""
-    error = np.hstack([position_error_m(estimate, recording), velocity_error_mps(estimate, recording)])
-    rows = known(recording.reference.enu_m, estimate) & known(recording.reference.velocity_mps, estimate)
+    """Return (k,) the NEES of `states`; NaN where the reference is not known or scored, or P is not invertible."""
+    m = states(recording)
+    error = np.hstack([position_error_m(estimate, recording), velocity_error_mps(estimate, recording)])[:, :m]
+    rows = known(recording.reference.enu_m, estimate) & recording.reference.scored[estimate.index]
+    if m == 6:
+        rows &= known(recording.reference.velocity_mps, estimate)
     values = np.full(len(error), np.nan)
     try:
-        root = np.linalg.cholesky(estimate.covariance[rows])
+        root = np.linalg.cholesky(estimate.covariance[rows][:, :m, :m])
     except np.linalg.LinAlgError:
         return values
     with np.errstate(over="ignore", invalid="ignore"):
@@ -48,15 +52,22 @@ def nees(recording: Recording, estimate: Estimate) -> FloatArray:
     return values
 
 
+def states(recording: Recording) -> int:
+    """How many states NEES is of: position and velocity, or position alone where no velocity is known."""
+    return 3 if recording.reference.velocity_mps is None else 6
+
+
 def _draw_nees(axes: Axes, runs: Sequence[tuple[Recording, Estimate]]) -> None:
     reached = min(len(estimate.index) for _, estimate in runs)
     t_s = runs[0][0].reference.t_s[runs[0][1].index[:reached]]
     average = np.mean([nees(*run)[:reached] for run in runs], axis=0)
-    axes.set_ylabel("NEES (6 states)")
-    if not np.isfinite(average).any():
-        say(axes, "The recording has no reference of position and velocity.")
+    m = states(runs[0][0])
+    axes.set_ylabel(f"NEES ({m} states)")
+    t_s, average = t_s[np.isfinite(average)], average[np.isfinite(average)]
+    if len(average) == 0:
+        say(axes, "There is no reference of the position, or no covariance.")
         return
-    low, high = chi2_band(6, len(runs))
+    low, high = chi2_band(m, len(runs))
     inside = float(np.mean((average >= low) & (average <= high)))
     axes.axhspan(low, high, color=OKABE_ITO[5], alpha=0.35, linewidth=0, label="95 % of a consistent filter")
     axes.plot(t_s, average, color=OKABE_ITO[0], linewidth=0.8, label=f"NEES: {100 * inside:.0f} % of the time inside")
@@ -74,10 +85,10 @@ def _draw_nis(axes: Axes, runs: Sequence[tuple[Recording, Estimate]]) -> None:
     rows = np.sum([one.rows[:count] for one in updates], axis=0)
     t_s = updates[0].t_s[:count][WINDOW // 2 : count - WINDOW // 2]
     summed = _moving(rows)
-    kinds = (("nis", OKABE_ITO[0], "NIS, reported R"), ("nis_used", OKABE_ITO[1], "NIS, R that was used"))
-    for attribute, colour, label in kinds:
+    kinds = (("nis", OKABE_ITO[0], 2.4, "NIS, reported R"), ("nis_used", OKABE_ITO[1], 0.9, "NIS, R that was used"))
+    for attribute, colour, width, label in kinds:  # the wider one stays visible behind an equal one
         total = np.sum([np.nan_to_num(getattr(one, attribute)[:count], posinf=0.0) for one in updates], axis=0)
-        axes.plot(t_s, _moving(total) / np.maximum(summed, 1), color=colour, linewidth=0.9, label=label)
+        axes.plot(t_s, _moving(total) / np.maximum(summed, 1), color=colour, linewidth=width, label=label)
     low, high = np.array([chi2_band(1, max(n, 1)) for n in np.unique(summed)]).T[
         :, np.searchsorted(np.unique(summed), summed)
     ]

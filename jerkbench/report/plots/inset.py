@@ -11,6 +11,9 @@ from jerkbench.recording import Recording
 from jerkbench.report.style import MEASURED, REFERENCE, lines, quiet
 from jerkbench.report.trajectory import trajectory_figure
 
+INSET_IN = 3.5
+"""Height of the enlarged part, which is twice as wide as high [inch]."""
+
 LEAST_M = 0.2
 """Half the width of what is enlarged is five times the largest error, and at least this."""
 
@@ -25,9 +28,10 @@ def inset_trajectory_figure(recording: Recording, estimates: Mapping[str, Estima
     width_m = float(np.ptp(main.get_xlim()))
     middle, worst_m = _place(recording, truth, estimates, width_m)
     half = min(max(LEAST_M, 5.0 * worst_m), width_m / 2)
-    figure.set_figheight(figure.get_figheight() + 3.2)
+    above_in = figure.get_figheight()
+    figure.set_figheight(above_in + INSET_IN)
     figure.set_layout_engine("constrained")
-    grid = figure.add_gridspec(2, 1, height_ratios=[1.0, 1.0])
+    grid = figure.add_gridspec(2, 1, height_ratios=[above_in, INSET_IN])
     main.set_subplotspec(grid[0])
     inset = figure.add_subplot(grid[1])
     if recording.position is not None:

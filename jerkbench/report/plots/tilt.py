@@ -9,22 +9,27 @@ from matplotlib.figure import Figure
 from jerkbench.estimate import Estimate
 from jerkbench.evaluation.navigation_errors import euler_error_rad, known
 from jerkbench.recording import Recording
-from jerkbench.report.style import DOTS_PER_INCH, REFERENCE, legend_below, lines, quiet, say
+from jerkbench.report.style import DOTS_PER_INCH, REFERENCE, legend_below, lines, quiet
 from jerkbench.report.table import number
 
 ANGLES = ("Roll", "Pitch")
 
 
 def tilt_figure(recording: Recording, estimates: Mapping[str, Estimate]) -> Figure:
-    """Draw roll and pitch [deg] over time with the reference's, and their RMSE [deg] over the scored stamps as bars."""
-    figure = Figure(figsize=(7.0, 6.0), dpi=DOTS_PER_INCH, layout="constrained")
-    panels = figure.subplot_mosaic([["Roll", "Roll"], ["Pitch", "Pitch"], ["bar Roll", "bar Pitch"]])
-    panels["Roll"].set_title(recording.name)
-    for axis, name in enumerate(ANGLES):
-        _draw_angle(panels[name], recording, estimates, axis)
-        _draw_bars(panels[f"bar {name}"], recording, estimates, axis)
-    panels["Pitch"].sharex(panels["Roll"])
-    panels["Pitch"].set_xlabel("Time [s]")
+    """Draw roll and pitch [deg] over time with the reference's, and their RMSE [deg] over the scored stamps as bars.
+
+    Without a reference of the attitude there are no bars.
+    """
+    judged = recording.reference.euler_rad is not None
+    figure = Figure(figsize=(7.0, 6.0 if judged else 4.2), dpi=DOTS_PER_INCH, layout="constrained")
+    panels = figure.subplot_mosaic("RR;PP;rp" if judged else "R;P")
+    panels["R"].set_title(recording.name + ("" if judged else ": no reference of the attitude"))
+    for axis, letter in enumerate("RP"):
+        _draw_angle(panels[letter], recording, estimates, axis)
+        if judged:
+            _draw_bars(panels[letter.lower()], recording, estimates, axis)
+    panels["P"].sharex(panels["R"])
+    panels["P"].set_xlabel("Time [s]")
     legend_below(figure)
     return figure
 
@@ -32,17 +37,15 @@ def tilt_figure(recording: Recording, estimates: Mapping[str, Estimate]) -> Figu
 def _draw_angle(axes: Axes, recording: Recording, estimates: Mapping[str, Estimate], axis: int) -> None:
     axes.set_ylabel(f"{ANGLES[axis]} [deg]")
     truth = recording.reference.euler_rad
-    if truth is None:
-        say(axes, "The recording has no attitude reference.")
-        return
     named = axis == 0
     for name, colour, dash in lines(estimates):
         one = estimates[name]
         t_s = recording.reference.t_s[one.index]
         label = name if named else None
         axes.plot(t_s, np.degrees(one.euler_rad[:, axis]), color=colour, linestyle=dash, linewidth=1.0, label=label)
-    label = "reference" if named else None
-    axes.plot(recording.reference.t_s, np.degrees(truth[:, axis]), color=REFERENCE, linewidth=0.6, label=label)
+    if truth is not None:
+        label = "reference" if named else None
+        axes.plot(recording.reference.t_s, np.degrees(truth[:, axis]), color=REFERENCE, linewidth=0.6, label=label)
     quiet(axes)
 
 

@@ -20,7 +20,7 @@ def zoomed_error_figure(
     figure = error_figure(recording, dict(estimates), panels=1)
     axes = figure.axes[0]
     axes.set_xlim(*window_s)
-    axes.set_title(f"{recording.name}, {window_s[0]:g} to {window_s[1]:g} s")
+    axes.set_title(f"{recording.name}, {window_s[0]:.1f} to {window_s[1]:.1f} s")
     seen = [
         values[(line.get_xdata() >= window_s[0]) & (line.get_xdata() <= window_s[1])]  # type: ignore[operator]  # arrays
         for line in axes.get_lines()
