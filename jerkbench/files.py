@@ -25,6 +25,27 @@ def write_atomically(path: Path, write: Callable[[Path], object]) -> None:
         partial.unlink(missing_ok=True)
 
 
+def forget_oldest(folder: Path, pattern: str, most_bytes: int) -> None:
+    """Delete files of a cache until the rest is not larger than ``most_bytes``: the longest unused first.
+
+    The latest one stays, however large. A file that another process deletes meanwhile is gone as well.
+    """
+    found = [(path, stat) for path in folder.glob(pattern) if (stat := _stat(path)) is not None]
+    found.sort(key=lambda one: -one[1].st_mtime_ns)
+    size = 0
+    for place, (path, stat) in enumerate(found):
+        size += stat.st_size
+        if place and size > most_bytes:
+            path.unlink(missing_ok=True)
+
+
+def _stat(path: Path) -> os.stat_result | None:
+    try:
+        return path.stat()
+    except FileNotFoundError:
+        return None
+
+
 def write_text(path: Path, text: str) -> None:
     """Write ``text`` to ``path`` atomically, as UTF-8."""
     write_atomically(path, lambda partial: partial.write_text(text, encoding="utf-8"))

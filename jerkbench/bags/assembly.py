@@ -14,11 +14,14 @@ from jerkbench.bags.positions import Place, first_place, frame_of
 from jerkbench.bags.references import at_body, no_reference, reference_of
 from jerkbench.bags.roles import Plan
 from jerkbench.bags.streams import heading_of, imu_of, position_of, usable_fixes, velocity_of
+from jerkbench.readers.overlap import with_common_time
 from jerkbench.readers.rest import first_rest_s, scaled_to_gravity, without_gyro_bias
 from jerkbench.readers.ros.files import bag_files, missing_parts
 from jerkbench.readers.ros.messages import Messages
 from jerkbench.recording import Heading, Imu, Position, Recording, Reference, Velocity
 from jerkbench.sanitiser.ledger import Finding, Ledger
+
+OTHER_CLOCK = "check that all topics are of one drive, or take the times of recording with time_source=bag"
 
 
 @dataclass(frozen=True)
@@ -50,7 +53,7 @@ def load_bag(options: BagOptions, planner: Planner) -> Loaded:
     clean = clean_topics(raw, plan, ledger, options.earliest_ns, bag_time=options.time_source == "bag")
     parts = missing_parts(bag_files(path))
     notes = [*options.remarks, *([f"Parts {parts} of the split bag are missing."] if parts else [])]
-    recording = _assembled(options, plan, taken.frames, taken.about, clean, ledger)
+    recording = with_common_time(_assembled(options, plan, taken.frames, taken.about, clean, ledger), OTHER_CLOCK)
     notes += [*plan.notes, *recording.notes, *(str(finding) for finding in ledger.findings)]
     return Loaded(replace(recording, notes=tuple(notes)), plan, tuple(ledger.findings))
 

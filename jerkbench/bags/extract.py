@@ -7,6 +7,7 @@ import os
 import warnings
 import zipfile
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import version
@@ -17,7 +18,7 @@ import numpy as np
 
 from jerkbench.bags.about import About, read_about
 from jerkbench.bags.roles import Plan, wanted_fields
-from jerkbench.files import user_cache_folder, write_atomically
+from jerkbench.files import forget_oldest, user_cache_folder, write_atomically
 from jerkbench.readers.files import fingerprint
 from jerkbench.readers.ros.bag import Bag, open_bag
 from jerkbench.readers.ros.files import content_files
@@ -26,11 +27,14 @@ from jerkbench.readers.ros.messages import Messages
 WORTH_BYTES = 4_000_000
 """A smaller bag is read faster than a person notices; it is not kept."""
 
-KEPT = 24
-"""So many extracts are kept, the latest."""
+MOST_BYTES = 2_000_000_000
+"""No more than so much is kept; what was not used for the longest time goes first."""
+
+PATTERN = "*.npz"
+"""The extracts in their folder."""
 
 DAMAGE = (OSError, EOFError, ValueError, KeyError, TypeError, zipfile.BadZipFile)
-"""What reading a damaged file of the cache raises: then the bag itself is read again."""
+"""What reading a damaged file of the cache raises (one that is gone too): then the bag itself is read again."""
 
 
 @dataclass(frozen=True)
@@ -92,7 +96,7 @@ def extract(path: Path, planner: Planner, choices: str) -> Extract:
         return _read(path, planner)
     key = f"{fingerprint(files)} {choices} {_reader_digest()}"
     kept = cache_folder() / f"{hashlib.sha256(key.encode()).hexdigest()[:32]}.npz"
-    found = _kept(kept) if kept.exists() else None
+    found = _kept(kept)
     if found is not None:
         return found
     read = _read(path, planner)
@@ -144,8 +148,7 @@ def _keep(read: Extract, path: Path) -> None:
     }
     arrays["said"] = np.frombuffer(json.dumps(said).encode(), dtype=np.uint8)
     write_atomically(path, lambda partial: np.savez(partial, **arrays))
-    for old in sorted(path.parent.glob("*.npz"), key=lambda one: -one.stat().st_mtime)[KEPT:]:
-        old.unlink(missing_ok=True)
+    forget_oldest(path.parent, PATTERN, MOST_BYTES)
 
 
 def _kept(path: Path) -> Extract | None:
@@ -155,6 +158,8 @@ def _kept(path: Path) -> Extract | None:
         said = json.loads(arrays.pop("said").tobytes())
         about = None if said["about"] is None else About.from_plain(said["about"])
         raw = {head[0]: _messages(k, head, arrays) for k, head in enumerate(said["heads"])}
+        with suppress(OSError):
+            os.utime(path)  # used just now: others go first; a cache that is read only stays as it is
         return Extract(about, Plan(said["topics"], tuple(said["notes"])), Frames(**said["frames"]), raw)
     except DAMAGE:
         return None

@@ -14,6 +14,7 @@ from jerkbench.plugins import register
 from jerkbench.readers.columns import TIME_UNITS, Columns, TextFormat
 from jerkbench.readers.files import fingerprint
 from jerkbench.readers.mounting import ACCEL_UNITS, GYRO_UNITS
+from jerkbench.readers.overlap import with_common_time
 from jerkbench.readers.rest import without_gyro_bias
 from jerkbench.readers.streams import FRAMES, axes_in_enu, axes_matrix, enu_from, in_enu, origin_of, require_frame
 from jerkbench.recording import Imu, Origin, Position, Recording, Reference, Velocity
@@ -158,7 +159,7 @@ class Tables(TimedColumns):
         zero_ns = int(imu.t_ns[0]) if len(imu.t_ns) else 0
         position, origin = self._position(zero_ns)
         reference, origin = self._reference(zero_ns, origin, position)
-        return Recording(
+        recording = Recording(
             name=Path(self.folder).expanduser().resolve().name,
             imu=self._imu(imu, zero_ns),
             reference=reference,
@@ -168,6 +169,7 @@ class Tables(TimedColumns):
             start_utc=self._start_utc(zero_ns),
             static_start_s=self.static_start_s,
         )
+        return with_common_time(recording, "check the columns of times and their unit")
 
     def fingerprint(self) -> str:
         """Return the SHA-256 over the bytes of the files."""

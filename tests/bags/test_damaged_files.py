@@ -154,6 +154,30 @@ def test_a_split_bag_is_one_drive_and_a_missing_part_is_said(tmp_path):
     assert any("a gap before them, up to 2.02 s" in note for note in lacking.notes)
 
 
+def test_bags_of_different_drives_in_one_folder_are_not_joined(tmp_path):
+    drive = Drive(duration_s=3.0)
+    for name in ("test1.bag", "xsens.bag"):
+        drive.write(tmp_path / name)
+    with pytest.raises(BagError, match=r"holds 2 bags that are no parts of one \(test1\.bag, xsens\.bag\): give one"):
+        Fixposition(str(tmp_path)).load(0)
+    (tmp_path / "test1.bag").rename(tmp_path / "drive_2023-11-14-22-13-20_0.bag")
+    (tmp_path / "xsens.bag").rename(tmp_path / "other_2023-11-14-22-14-20_1.bag")
+    with pytest.raises(BagError, match=r"give one of them; the parts of one are called NAME_0\.bag, NAME_1\.bag"):
+        Fixposition(str(tmp_path)).load(0)
+    (tmp_path / "other_2023-11-14-22-14-20_1.bag").rename(tmp_path / "drive_2023-11-14-22-14-20_1.bag")
+    assert len(Fixposition(str(tmp_path)).load(0).imu.t_s) == 150  # each stamp is there twice
+
+
+def test_a_topic_of_another_time_is_a_sentence(tmp_path):
+    drive = Drive(duration_s=3.0)
+    for row in drive.rows["/fixposition/gnss1"]:
+        row[0] += 3600 * 10**9
+        row[2].header.stamp.sec += 3600
+    path = str(drive.write(tmp_path / "a.bag"))
+    with pytest.raises(RecordingError, match=r"positions are from 3600\.180 .* they have no time in common; check that"):
+        Fixposition(path).load(0)
+
+
 def test_a_message_of_another_type_under_the_same_name(tmp_path):
     drive = Drive(duration_s=3.0)
     drive.rows["/fixposition/gnss1"] = [[row[0], *imu(ROS1, row[0])] for row in drive.rows["/fixposition/gnss1"]]

@@ -1,5 +1,6 @@
 """A large bag is read once: the second time from the cache, equal to the bit."""
 
+import os
 import time
 
 import numpy as np
@@ -79,12 +80,26 @@ def test_a_cache_that_cannot_be_written_is_one_line(bag, tmp_path):
     assert len(recording.imu.t_s) == 200
 
 
-def test_the_oldest_make_room(bag, tmp_path, monkeypatch):
-    monkeypatch.setattr(extract, "KEPT", 2)
-    for velocity in ("none", "odometry"):
-        for heading in ("none", "odometry"):
-            Fixposition(str(bag), velocity=velocity, heading=heading).load(0)
+def test_the_longest_unused_make_room(bag, tmp_path, monkeypatch):
+    Fixposition(str(bag)).load(0)
+    (first,) = kept(tmp_path)
+    monkeypatch.setattr(extract, "MOST_BYTES", int(2.5 * first.stat().st_size))
+    os.utime(first, (1, 1))
+    Fixposition(str(bag), velocity="none").load(0)
+    (second,) = set(kept(tmp_path)) - {first}
+    os.utime(second, (2, 2))
+    Fixposition(str(bag)).load(0)  # used: younger than the second now
+    Fixposition(str(bag), heading="odometry").load(0)
+    assert first in kept(tmp_path)
+    assert second not in kept(tmp_path)
     assert len(kept(tmp_path)) == 2
+
+
+def test_one_that_is_too_large_for_the_bound_is_kept_alone(bag, tmp_path, monkeypatch):
+    monkeypatch.setattr(extract, "MOST_BYTES", 10)
+    Fixposition(str(bag), velocity="none").load(0)
+    Fixposition(str(bag)).load(0)
+    assert len(kept(tmp_path)) == 1
 
 
 def test_what_our_own_writer_said_is_kept_too(bag, tmp_path, monkeypatch):

@@ -9,6 +9,8 @@ MAGIC = {b"#ROSBAG V": ".bag", b"SQLite format 3\0": ".db3", b"\x89MCAP0": ".mca
 """First bytes of a file, and the suffix that it needs to be read."""
 
 _SPLIT = re.compile(r"^(.*)_(\d+)$")
+_STARTED = re.compile(r"_?\d{4}-\d\d-\d\d-\d\d-\d\d-\d\d$")
+"""What `rosbag record` writes before the number of a part: when that part was begun."""
 
 
 def bag_files(path: Path) -> tuple[Path, ...]:
@@ -37,10 +39,7 @@ def content_files(path: Path) -> tuple[Path, ...]:
 
 def missing_parts(paths: tuple[Path, ...]) -> list[int]:
     """Return the numbers that are missing between the parts of split bags (name_0.bag, name_1.bag, ...)."""
-    matches = [_SPLIT.match(path.stem) for path in paths]
-    numbers = [int(match[2]) for match in matches if match]
-    if len(numbers) < len(paths) or len({match[1] for match in matches if match and "-" not in match[1]}) > 1:
-        return []
+    numbers = [_number(path)[0] for path in paths]
     return sorted(set(range(max(numbers) + 1)) - set(numbers)) if len(numbers) > 1 else []
 
 
@@ -53,9 +52,20 @@ def _parts(folder: Path) -> tuple[Path, ...]:
             f"{folder} holds {len(parts)} files ending in {parts[0].suffix} but no metadata.yaml; copy it there, or let"
             " `ros2 bag reindex` write it."
         )
+    if len({_drive(part) for part in parts}) > 1:
+        raise BagError(
+            f"{folder} holds {len(parts)} bags that are no parts of one ({', '.join(part.name for part in parts)}): give"
+            " one of them; the parts of one are called NAME_0.bag, NAME_1.bag, ..."
+        )
     for part in parts:
         _check_content(part)
     return tuple(parts)
+
+
+def _drive(part: Path) -> str:
+    """What the parts of one drive have in common; of a file that is no part, its own name."""
+    match = _SPLIT.match(part.stem)
+    return f"{_STARTED.sub('', match[1])}_*" if match else part.name
 
 
 def _number(path: Path) -> tuple[int, str]:

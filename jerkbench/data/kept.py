@@ -1,0 +1,35 @@
+"""Everything that is kept in the user's cache: one line a kind."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass(frozen=True)
+class Kept:
+    """One kind of files.
+
+    Attributes:
+        what: in words.
+        folder: where they are; it may hold other files, which are not ours.
+        patterns: which of the files are ours.
+    """
+
+    what: str
+    folder: Path
+    patterns: tuple[str, ...]
+
+    def files(self) -> list[Path]:
+        """Return the files that there are."""
+        return [path for pattern in self.patterns for path in sorted(self.folder.glob(pattern)) if path.is_file()]
+
+
+def kept() -> Iterator[Kept]:
+    """Yield every kind. Recordings that were fetched are none: they are data, not a cache."""
+    from jerkbench.bags import extract
+    from jerkbench.compilation import entry
+
+    yield Kept(
+        "compiled filters and adaptations", entry.cache_folder(), ("jerkbench_*.py", "__pycache__/jerkbench_*")
+    )
+    yield Kept("what was read of bags", extract.cache_folder(), (extract.PATTERN,))
