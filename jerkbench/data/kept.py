@@ -29,7 +29,5 @@ def kept() -> Iterator[Kept]:
     from jerkbench.bags import extract
     from jerkbench.compilation import entry
 
-    yield Kept(
-        "compiled filters and adaptations", entry.cache_folder(), ("jerkbench_*.py", "__pycache__/jerkbench_*")
-    )
+    yield Kept("compiled filters and adaptations", entry.cache_folder(), ("jerkbench_*.py", "__pycache__/jerkbench_*"))
     yield Kept("what was read of bags", extract.cache_folder(), (extract.PATTERN,))

@@ -1,8 +1,11 @@
 """A recording as a Fixposition-like ROS bag, which `dataset=fixposition` and `dataset=rosbag` read back as it was."""
 
+import heapq
 import shutil
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from datetime import UTC, datetime
+from itertools import chain, repeat
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -12,6 +15,7 @@ from jerkbench.errors import RecordingError
 from jerkbench.files import write_atomically
 from jerkbench.recording import Origin, Recording
 from jerkbench.writers.ros_messages import (
+    ODOMETRY,
     Maker,
     Stamped,
     fix_messages,
@@ -19,6 +23,8 @@ from jerkbench.writers.ros_messages import (
     imu_messages,
     reference_messages,
     velocity_messages,
+    whole_fixes,
+    whole_rows,
 )
 
 TOPICS = {
@@ -61,26 +67,48 @@ def write_bag(recording: Recording, path: Path) -> list[str]:
     return list(_left_out(recording, streams))
 
 
-def _streams(make: Maker, recording: Recording, origin: Origin) -> dict[str, list[Stamped]]:
-    streams = {TOPICS["imu"]: list(imu_messages(make, recording.imu))}
-    if recording.position is not None:
-        streams[TOPICS["position"]] = list(fix_messages(make, recording.position, origin))
-    if recording.velocity is not None:
-        streams[TOPICS["velocity"]] = list(velocity_messages(make, recording.velocity))
-    if recording.heading is not None:
-        streams[TOPICS["heading"]] = list(heading_messages(make, recording.heading))
-    reference = list(reference_messages(make, recording.reference, origin))
-    if reference:
-        streams[ODOMETRY_TOPIC if "Odometry" in reference[0][1] else REFERENCE_TOPIC] = reference
+@dataclass(frozen=True)
+class _Stream:
+    """The messages of a topic; they are made when they are written, for those of hours would not fit into memory."""
+
+    msgtype: str
+    count: int
+    messages: Iterator[Stamped]
+
+
+def _streams(make: Maker, recording: Recording, origin: Origin) -> dict[str, _Stream]:
+    position, velocity, heading, reference = (
+        recording.position,
+        recording.velocity,
+        recording.heading,
+        recording.reference,
+    )
+    streams = {TOPICS["imu"]: _stream(len(recording.imu.t_s), imu_messages(make, recording.imu))}
+    if position is not None:
+        streams[TOPICS["position"]] = _stream(int(whole_fixes(position).sum()), fix_messages(make, position, origin))
+    if velocity is not None:
+        streams[TOPICS["velocity"]] = _stream(len(velocity.t_s), velocity_messages(make, velocity))
+    if heading is not None:
+        streams[TOPICS["heading"]] = _stream(len(heading.t_s), heading_messages(make, heading))
+    truth = _stream(int(whole_rows(reference).sum()), reference_messages(make, reference, origin))
+    streams[ODOMETRY_TOPIC if truth.msgtype == ODOMETRY else REFERENCE_TOPIC] = truth
+    streams = {topic: stream for topic, stream in streams.items() if stream.count}
     about = make.of(STRING, _about(recording, origin, make.start_ns, streams).to_json())
-    return {**streams, ABOUT_TOPIC: [(float(recording.imu.t_s[0]), STRING, about)]}
+    return {**streams, ABOUT_TOPIC: _stream(1, iter([(float(recording.imu.t_s[0]), STRING, about)]))}
 
 
-def _left_out(recording: Recording, streams: Mapping[str, list[Stamped]]) -> Iterator[str]:
+def _stream(count: int, messages: Iterator[Stamped]) -> _Stream:
+    """The first message says of which type they are."""
+    first = next(messages, None)
+    return _Stream("", 0, iter(())) if first is None else _Stream(first[1], count, chain([first], messages))
+
+
+def _left_out(recording: Recording, streams: Mapping[str, _Stream]) -> Iterator[str]:
     position, velocity, reference = recording.position, recording.velocity, recording.reference
-    if position is not None and (lost := len(position.t_s) - len(streams[TOPICS["position"]])):
+    counts = {topic: stream.count for topic, stream in streams.items()}
+    if position is not None and (lost := len(position.t_s) - counts.get(TOPICS["position"], 0)):
         yield f"{lost} of {len(position.t_s)} fixes lack an axis, and a NavSatFix has all three: they are left out."
-    written = len(streams.get(ODOMETRY_TOPIC, streams.get(REFERENCE_TOPIC, ())))
+    written = counts.get(ODOMETRY_TOPIC, counts.get(REFERENCE_TOPIC, 0))
     if not reference.empty and (lost := len(reference.t_s) - written):
         yield f"{lost} of {len(reference.t_s)} rows of the reference lack what other rows have: they are left out."
     if not reference.scored.all():
@@ -111,14 +139,14 @@ def _about(recording: Recording, origin: Origin, start_ns: int, topics: Iterable
     )
 
 
-def _write_ros1(make: Maker, streams: Mapping[str, list[Stamped]], path: Path) -> None:
+def _write_ros1(make: Maker, streams: Mapping[str, _Stream], path: Path) -> None:
     from rosbags.rosbag1 import Writer
 
     with Writer(path) as writer:
         _fill(make, writer, make.store.serialize_ros1, streams)
 
 
-def _write_ros2(make: Maker, streams: Mapping[str, list[Stamped]], path: Path) -> None:
+def _write_ros2(make: Maker, streams: Mapping[str, _Stream], path: Path) -> None:
     """Write the folder of a ROS 2 bag, and keep its one file."""
     from rosbags.rosbag2 import StoragePlugin, Writer
 
@@ -130,10 +158,11 @@ def _write_ros2(make: Maker, streams: Mapping[str, list[Stamped]], path: Path) -
         shutil.move(file, path)
 
 
-def _fill(make: Maker, writer: Any, serialise: Any, streams: Mapping[str, list[Stamped]]) -> None:  # noqa: ANN401 - one of two writers
-    connections = {
-        topic: writer.add_connection(topic, some[0][1], typestore=make.store) for topic, some in streams.items() if some
-    }
-    everything = ((one, topic) for topic, some in streams.items() for one in some)
-    for (t, msgtype, message), topic in sorted(everything, key=lambda pair: pair[0][0]):
-        writer.write(connections[topic], make.stamp_ns(t), serialise(message, msgtype))
+def _fill(make: Maker, writer: Any, serialise: Any, streams: Mapping[str, _Stream]) -> None:  # noqa: ANN401 - one of two writers
+    connections = [writer.add_connection(topic, one.msgtype, typestore=make.store) for topic, one in streams.items()]
+    bound = [
+        zip(stream.messages, repeat(connection))
+        for stream, connection in zip(streams.values(), connections, strict=True)
+    ]
+    for (t, msgtype, message), connection in heapq.merge(*bound, key=lambda pair: pair[0][0]):
+        writer.write(connection, make.stamp_ns(t), serialise(message, msgtype))

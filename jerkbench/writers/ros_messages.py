@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from jerkbench.arrays import FloatArray
+from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.geometry import (
     dcm_from_euler,
     enu_axes,
@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 
 NEU = [1, 0, 2]
 """Where north, east, up stand in east, north, up."""
+
+ODOMETRY = "nav_msgs/msg/Odometry"
+"""Type of a reference of which everything is known."""
 
 RTK_FIXED, GPS, KNOWN = 2, 1, 3
 """Status, service and type of covariance of a NavSatFix."""
@@ -73,9 +76,14 @@ def imu_messages(make: Maker, imu: Imu) -> Iterator[Stamped]:
         yield t, name, make.of(name, make.header(t, "FP_POI"), *body)
 
 
+def whole_fixes(position: Position) -> BoolArray:
+    """Return (m,) which fixes have all three axes."""
+    return np.asarray(np.isfinite(position.enu_m).all(axis=1))
+
+
 def fix_messages(make: Maker, position: Position, origin: Origin) -> Iterator[Stamped]:
     """Yield what the driver calls gnss1: covariance in the order north, east, up."""
-    whole = np.isfinite(position.enu_m).all(axis=1)
+    whole = whole_fixes(position)
     covariance = position.covariance_m2[whole][:, NEU][:, :, NEU]
     yield from _fixes(make, position.t_s[whole], position.enu_m[whole], covariance, origin)
 
@@ -118,15 +126,22 @@ def heading_messages(make: Maker, heading: Heading) -> Iterator[Stamped]:
         yield t, name, make.of(name, make.header(t, "enu"), *body)
 
 
+def whole_rows(reference: Reference) -> BoolArray:
+    """Return (k,) which rows know all that any row does; none of a reference without positions."""
+    parts = [one for one in (reference.enu_m, reference.velocity_mps, reference.euler_rad) if one is not None]
+    if reference.enu_m is None:
+        return np.zeros(len(reference.t_s), dtype=bool)
+    return np.asarray(np.isfinite(np.hstack(parts)).all(axis=1))
+
+
 def reference_messages(make: Maker, reference: Reference, origin: Origin) -> Iterator[Stamped]:
     """Yield the reference: an odometry in ECEF where all of it is known, else a pose, else a fix.
 
     Rows in which something is not known that the others have are left out.
     """
-    parts = [one for one in (reference.enu_m, reference.velocity_mps, reference.euler_rad) if one is not None]
     if reference.enu_m is None:
         return
-    rows = np.isfinite(np.hstack(parts)).all(axis=1)
+    rows = whole_rows(reference)
     t_s, enu_m = reference.t_s[rows], reference.enu_m[rows]
     if reference.euler_rad is None:
         yield from _fixes(make, t_s, enu_m, np.tile(1e-4 * np.eye(3), (len(t_s), 1, 1)), origin)
@@ -139,7 +154,7 @@ def reference_messages(make: Maker, reference: Reference, origin: Origin) -> Ite
         return
     body_mps = np.einsum("nji,nj->ni", omega, reference.velocity_mps[rows])
     for (t, p, q), v in zip(poses, body_mps, strict=True):
-        yield t, "nav_msgs/msg/Odometry", _odometry(make, t, p, q, v)
+        yield t, ODOMETRY, _odometry(make, t, p, q, v)
 
 
 def _pose(make: Maker, p: FloatArray, q: FloatArray) -> Any:  # noqa: ANN401 - a message
@@ -154,7 +169,7 @@ def _odometry(make: Maker, t: float, p: FloatArray, q: FloatArray, v: FloatArray
     twist = make.of("geometry_msgs/msg/Twist", make.xyz(v), make.xyz(np.zeros(3)))
     small = 1e-4 * np.eye(6).ravel()
     return make.of(
-        "nav_msgs/msg/Odometry",
+        ODOMETRY,
         make.header(t, "FP_ECEF"),
         "FP_POI",
         make.of("geometry_msgs/msg/PoseWithCovariance", _pose(make, p, q), small),

@@ -40,13 +40,15 @@ def test_a_simulated_field_comes_back(tmp_path, suffix):
     assert back.notes == ()
 
 
-@pytest.mark.parametrize("dataset", ["fixposition", "rosbag"])
-def test_the_table_is_the_same(tmp_path, dataset):
-    write_bag(Field(**FIELD).load(0), tmp_path / "a.mcap")
+@pytest.mark.parametrize(
+    ("dataset", "suffix"), [("fixposition", ".bag"), ("rosbag", ".db3"), ("fixposition", ".mcap"), ("rosbag", ".mcap")]
+)
+def test_the_table_is_the_same(tmp_path, dataset, suffix):
+    write_bag(Field(**FIELD).load(0), tmp_path / f"a{suffix}")
     parts = {"filter": "jerk", "adaptation": "mtf", "attitude": "field", "disturbance": "gnss_outage", "seeds": 1}
     parts["disturbance"] = [{"name": "gnss_outage", "windows_s": [[8, 12]]}]
     (simulated,) = jerkbench.run(dataset={"name": "field", **FIELD}, **parts).to_dict("records")
-    (read,) = jerkbench.run(dataset={"name": dataset, "file": str(tmp_path / "a.mcap")}, **parts).to_dict("records")
+    (read,) = jerkbench.run(dataset={"name": dataset, "file": str(tmp_path / f"a{suffix}")}, **parts).to_dict("records")
     numbers = [key for key, value in simulated.items() if isinstance(value, float)]
     assert "position_rmse_m" in numbers
     assert len(numbers) > 10

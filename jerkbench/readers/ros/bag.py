@@ -1,6 +1,6 @@
 """An open bag: its topics, and their messages as arrays. rosbags does the reading."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,9 +10,10 @@ import numpy as np
 
 from jerkbench.arrays import IntArray
 from jerkbench.errors import unknown
+from jerkbench.readers.ros.bulk.reading import read_in_bulk
 from jerkbench.readers.ros.decode import Block, decode
 from jerkbench.readers.ros.errors import BagError, bag_errors, way_out
-from jerkbench.readers.ros.files import bag_files
+from jerkbench.readers.ros.files import bag_files, storage_files
 from jerkbench.readers.ros.layouts import LAYOUTS, source_of
 from jerkbench.readers.ros.messages import Messages
 
@@ -56,9 +57,9 @@ class _Collected:
 class Bag:
     """An open bag; `open_bag` makes it."""
 
-    def __init__(self, path: Path, reader: "AnyReader") -> None:
-        """Take over an open ``reader``."""
-        self.path, self._reader = path, reader
+    def __init__(self, path: Path, reader: "AnyReader", files: Sequence[Path]) -> None:
+        """Take over an open ``reader`` of ``files``."""
+        self.path, self._reader, self._files = path, reader, files
         infos = sorted(reader.topics.items())
         self.topics = tuple(Topic(name, info.msgtype or "several types", info.msgcount) for name, info in infos)
 
@@ -83,9 +84,35 @@ class Bag:
         Raises:
             BagError: a topic is missing, of a type that is not read, or damaged.
         """
-        collected = {name: _Collected(fields) for name, fields in wanted.items()}
         for name in wanted:
             self._check_type(self.topic(name))
+        found = self._in_bulk(wanted) if most is None else None
+        return found or self._one_by_one(wanted, most)
+
+    def _in_bulk(self, wanted: Wanted) -> dict[str, Messages] | None:
+        """The quick way, which not every bag is made for; what it returns has as many messages as the index says."""
+        if not wanted or not all(self.topic(name).count for name in wanted):
+            return None
+        types = {name: self.topic(name).msgtype for name in wanted}
+        whole = read_in_bulk(self._connections(wanted), types, wanted)
+        if whole is None or any(len(one.bag_ns) != self.topic(name).count for name, one in whole.items()):
+            return None
+        return {
+            name: Messages(name, types[name], *one.block.strings, one.bag_ns, one.block.stamp_ns, one.block.values)
+            for name, one in whole.items()
+        }
+
+    def _connections(self, names: Iterable[str]) -> dict[Path, dict[int, str]]:
+        """Each file, and which of its connections have which topic."""
+        files: dict[Path, dict[int, str]] = {file: {} for file in self._files}
+        for connection in self._reader.connections:
+            path = getattr(connection.owner, "path", None)
+            if connection.topic in names and path in files:
+                files[path][connection.id] = connection.topic
+        return files
+
+    def _one_by_one(self, wanted: Wanted, most: int | None) -> dict[str, Messages]:
+        collected = {name: _Collected(fields) for name, fields in wanted.items()}
         with bag_errors(self.path, ", ".join(wanted)):
             for name, bag_ns, raw in self._messages(list(wanted)):
                 one = collected[name]
@@ -176,7 +203,7 @@ def open_bag(path: Path) -> Iterator[Bag]:
         reader.open()
     try:
         with bag_errors(path):
-            bag = Bag(path, reader)
+            bag = Bag(path, reader, storage_files(path))
         if not any(topic.count for topic in bag.topics):
             raise BagError(f"{path} holds {len(bag.topics)} topics and no message; record it again.")
         yield bag

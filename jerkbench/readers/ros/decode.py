@@ -32,11 +32,15 @@ class Block:
     stamp_ns: IntArray
     values: dict[str, FloatArray]
 
+    def rows(self, rows: IntArray) -> "Block":
+        """Return only ``rows``, in this order."""
+        return Block(self.strings, self.stamp_ns[rows], {name: value[rows] for name, value in self.values.items()})
+
 
 def decode(raw: Sequence[bytes], msgtype: str, fields: Sequence[str], deserialise: Deserialise, *, cdr: bool) -> Block:
     """Return the ``fields`` of the messages, fast where their layout is fixed."""
     table = read_table(raw, msgtype, cdr=cdr)
-    return _of_table(table, msgtype, fields) if table is not None else decode_each(raw, msgtype, fields, deserialise)
+    return block_of(table, msgtype, fields) if table is not None else decode_each(raw, msgtype, fields, deserialise)
 
 
 def decode_each(raw: Sequence[bytes], msgtype: str, fields: Sequence[str], deserialise: Deserialise) -> Block:
@@ -55,7 +59,8 @@ def decode_each(raw: Sequence[bytes], msgtype: str, fields: Sequence[str], deser
     return Block(strings, stamp_ns, {name: _block(whole[part.name], at) for name, (part, at) in sources.items()})
 
 
-def _of_table(table: Table, msgtype: str, fields: Sequence[str]) -> Block:
+def block_of(table: Table, msgtype: str, fields: Sequence[str]) -> Block:
+    """Return the ``fields`` of messages of equal layout."""
     rows, values = table.rows, {}
     for name in fields:
         part, first = source_of(msgtype, name)
@@ -63,6 +68,12 @@ def _of_table(table: Table, msgtype: str, fields: Sequence[str]) -> Block:
         values[name] = _block(whole, first).astype(np.float64)
     stamp_ns = rows["sec"].astype(np.int64) * 1_000_000_000 + rows["nanosec"]
     return Block((table.frame_id, table.child_frame_id), stamp_ns, values)
+
+
+def joined_blocks(blocks: Sequence[Block]) -> Block:
+    """Return blocks, at least one, as one; takes the values out of them."""
+    values = {name: np.concatenate([block.values.pop(name) for block in blocks]) for name in list(blocks[0].values)}
+    return Block(blocks[0].strings, np.concatenate([block.stamp_ns for block in blocks]), values)
 
 
 def _block(whole: FloatArray, first: int | None) -> FloatArray:

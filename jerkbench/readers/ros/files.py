@@ -37,6 +37,15 @@ def content_files(path: Path) -> tuple[Path, ...]:
     return tuple(p for p in inside if p.is_file())
 
 
+def storage_files(path: Path) -> tuple[Path, ...]:
+    """Return the files that hold the messages; none where they are compressed as a whole.
+
+    Raises:
+        BagError: as in `bag_files`.
+    """
+    return tuple(file for file in content_files(path) if file.suffix in MAGIC.values())
+
+
 def missing_parts(paths: tuple[Path, ...]) -> list[int]:
     """Return the numbers that are missing between the parts of split bags (name_0.bag, name_1.bag, ...)."""
     numbers = [_number(path)[0] for path in paths]
@@ -54,8 +63,8 @@ def _parts(folder: Path) -> tuple[Path, ...]:
         )
     if len({_drive(part) for part in parts}) > 1:
         raise BagError(
-            f"{folder} holds {len(parts)} bags that are no parts of one ({', '.join(part.name for part in parts)}): give"
-            " one of them; the parts of one are called NAME_0.bag, NAME_1.bag, ..."
+            f"{folder} holds {len(parts)} bags that are no parts of one ({', '.join(part.name for part in parts)}):"
+            " give one of them; the parts of one are called NAME_0.bag, NAME_1.bag, ..."
         )
     for part in parts:
         _check_content(part)

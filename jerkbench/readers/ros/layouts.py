@@ -122,9 +122,16 @@ def read_table(raw: Sequence[bytes], msgtype: str, *, cdr: bool) -> Table | None
         msgtype: one of `LAYOUTS`.
         cdr: ROS 2's serialisation; else ROS 1's.
     """
-    first, size = raw[0], len(raw[0])
-    joined = b"".join(raw)
-    if len(joined) != size * len(raw) or (cdr and first[:2] != b"\x00\x01"):
+    size, joined = len(raw[0]), b"".join(raw)
+    if len(joined) != size * len(raw) or not size:
+        return None
+    return table_of(np.frombuffer(joined, dtype=np.uint8).reshape(len(raw), size), msgtype, cdr=cdr)
+
+
+def table_of(grid: npt.NDArray[np.uint8], msgtype: str, *, cdr: bool) -> Table | None:
+    """Return the same of messages (n, size) of equal length, n at least one."""
+    first, size = bytes(grid[0]), grid.shape[1]
+    if cdr and first[:2] != b"\x00\x01":
         return None
     try:
         layout, strings, fixed = _layout(first, msgtype, cdr=cdr)
@@ -132,10 +139,9 @@ def read_table(raw: Sequence[bytes], msgtype: str, *, cdr: bool) -> Table | None
         return None
     if size - layout.itemsize not in range(4 if cdr else 1):  # CDR may pad the end
         return None
-    grid = np.frombuffer(joined, dtype=np.uint8).reshape(len(raw), size)
     if any((grid[:, begin:end] != grid[0, begin:end]).any() for begin, end in fixed):
         return None
-    rows = np.frombuffer(joined, dtype=_padded(layout, size))
+    rows = np.ascontiguousarray(grid).view(_padded(layout, size))[:, 0]
     return Table(strings[0], strings[1] if len(strings) > 1 else "", rows)
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import cast
 
 MAGIC = b"#ROSBAG V2.0\n"
-MESSAGE, CHUNK, CONNECTION = 2, 5, 7
+MESSAGE, INDEX, CHUNK, CONNECTION = 2, 4, 5, 7
 LONGEST_HEADER = 64 * 1024
 """No record has a longer header (a connection's has a topic in it)."""
 
@@ -71,7 +71,7 @@ def chunks(content: memoryview) -> Iterator[Record | int]:
 
 def inside(chunk: Record) -> Iterator[Record]:
     """Yield the whole messages and connections of a chunk, up to where it is damaged."""
-    content = memoryview(_decompressed(chunk))
+    content = memoryview(decompressed(chunk))
     at = 0
     while at < len(content):
         record = read_record(content, at)
@@ -87,8 +87,8 @@ def header_fields(data: memoryview) -> dict[bytes, bytes]:
     return _fields(data) or {}
 
 
-def _decompressed(chunk: Record) -> bytes:
-    """All that can be decompressed, of a chunk that was cut too; nothing where it is damaged."""
+def decompressed(chunk: Record) -> bytes:
+    """Return all that can be decompressed, of a chunk that was cut too; nothing where it is damaged."""
     name = chunk.fields.get(b"compression", b"").decode(errors="replace")
     try:
         return _DECOMPRESSORS[name](bytes(chunk.data)) if name in _DECOMPRESSORS else b""

@@ -1,0 +1,112 @@
+"""Whole topics of a bag in bulk."""
+
+import sqlite3
+import struct
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from jerkbench.arrays import IntArray
+from jerkbench.readers.ros.bulk.cutting import Bytes, Cut, NotInBulk
+from jerkbench.readers.ros.bulk.mcap import cut_mcap
+from jerkbench.readers.ros.bulk.ros1 import cut_ros1
+from jerkbench.readers.ros.bulk.sqlite import cut_sqlite
+from jerkbench.readers.ros.decode import Block, block_of, joined_blocks
+from jerkbench.readers.ros.layouts import table_of
+
+UNFIT = (
+    NotInBulk,
+    OSError,
+    EOFError,
+    RuntimeError,
+    ValueError,
+    IndexError,
+    OverflowError,
+    MemoryError,
+    struct.error,
+    sqlite3.Error,
+)
+"""What says that a bag is not made for it or damaged: the ordinary reader then says what it is."""
+
+AT_ONCE = 4096
+"""So many messages of a connection become numbers at once."""
+
+
+@dataclass(frozen=True, eq=False)
+class Whole:
+    """All messages of a topic.
+
+    Attributes:
+        bag_ns: (n,) when each was recorded, in this order.
+        block: what was read of them.
+    """
+
+    bag_ns: IntArray
+    block: Block
+
+
+@dataclass
+class _Waiting:
+    """Messages of a connection, cut out and not yet read, and what was read before."""
+
+    bag_ns: list[IntArray] = field(default_factory=list)
+    grids: list[Bytes] = field(default_factory=list)
+    blocks: list[Block] = field(default_factory=list)
+
+
+def read_in_bulk(
+    files: Mapping[Path, Mapping[int, str]], types: Mapping[str, str], fields: Mapping[str, Sequence[str]]
+) -> dict[str, Whole] | None:
+    """Return the ``fields`` of each topic, or None where the ordinary reader has to do it.
+
+    Args:
+        files: each file, and, of a ROS 1 bag, its connections' numbers and topics.
+        types: the type of each topic.
+        fields: topics, and the fields of each that are read.
+    """
+    waiting: dict[tuple[str, Path, int], _Waiting] = {}
+    try:
+        for path, cut in _cuts(files, fields):
+            one = waiting.setdefault((cut.topic, path, cut.source), _Waiting())
+            one.bag_ns.append(cut.bag_ns)
+            one.grids.append(cut.grid)
+            if sum(len(grid) for grid in one.grids) >= AT_ONCE:
+                _read(one, types[cut.topic], fields[cut.topic], cdr=path.suffix != ".bag")
+        for (topic, path, _), one in waiting.items():
+            _read(one, types[topic], fields[topic], cdr=path.suffix != ".bag")
+    except UNFIT:
+        return None
+    topics = {topic: [waiting[key] for key in sorted(waiting) if key[0] == topic] for topic in fields}
+    return {topic: _whole(some) for topic, some in topics.items()} if all(topics.values()) else None
+
+
+def _cuts(files: Mapping[Path, Mapping[int, str]], fields: Mapping[str, Sequence[str]]) -> Iterator[tuple[Path, Cut]]:
+    for path, connections in files.items():
+        if path.suffix == ".bag":
+            cuts = cut_ros1(path, connections)
+        else:
+            cuts = (cut_mcap if path.suffix == ".mcap" else cut_sqlite)(path, fields.keys())
+        yield from ((path, cut) for cut in cuts)
+
+
+def _read(one: _Waiting, msgtype: str, fields: Sequence[str], *, cdr: bool) -> None:
+    if not one.grids:
+        return
+    if len({grid.shape[1] for grid in one.grids}) > 1:
+        raise NotInBulk
+    table = table_of(np.concatenate(one.grids), msgtype, cdr=cdr)
+    if table is None:
+        raise NotInBulk
+    one.blocks.append(block_of(table, msgtype, fields))
+    one.grids.clear()
+
+
+def _whole(some: Sequence[_Waiting]) -> Whole:
+    bag_ns = np.concatenate([part for one in some for part in one.bag_ns])
+    block = joined_blocks([block for one in some for block in one.blocks])
+    if (np.diff(bag_ns) < 0).any():
+        order = np.argsort(bag_ns, kind="stable")
+        bag_ns, block = bag_ns[order], block.rows(order)
+    return Whole(bag_ns, block)
