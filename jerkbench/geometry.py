@@ -47,6 +47,13 @@ def enu_to_ecef(enu_m: FloatArray, origin: Origin) -> FloatArray:
     return np.column_stack(enu2ecef(enu_m[:, 0], enu_m[:, 1], enu_m[:, 2], *there))
 
 
+def ecef_to_geodetic(ecef_m: FloatArray) -> FloatArray:
+    """Return latitude [deg], longitude [deg], height [m] (n, 3) of points (n, 3) in ECEF [m]."""
+    from pymap3d import ecef2geodetic
+
+    return np.column_stack(ecef2geodetic(ecef_m[:, 0], ecef_m[:, 1], ecef_m[:, 2]))
+
+
 def ecef_to_origin(ecef_m: FloatArray) -> Origin:
     """Return the origin at one point (3,) in ECEF [m]."""
     from pymap3d import ecef2geodetic

@@ -9,11 +9,26 @@ import numpy as np
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import RecordingError
 from jerkbench.geometry import dcm_from_euler, dcm_from_quaternion, euler_from_dcm
-from jerkbench.readers.columns import Columns, TextFormat, find_tables, read_columns, read_datetimes_ns
+from jerkbench.readers.columns import Columns, TextFormat, find_tables, read_columns, read_datetimes_ns, times_ns
 from jerkbench.readers.streams import axes_in_enu
 from jerkbench.recording import Position, Reference, Velocity
 
 _FLU_FROM_FRD = np.diag([1.0, -1.0, -1.0])
+
+
+@dataclass(frozen=True)
+class Clock:
+    """How the times of a table are to be read.
+
+    Attributes:
+        unit: of the columns of times: s, ms, us or ns.
+        week: column of GPS weeks, where the times are of the week; empty: they are not.
+        dates: a file of dates and times for a stream without such a column.
+    """
+
+    unit: str
+    week: str
+    dates: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,12 +45,7 @@ class Stream:
 
     @classmethod
     def read(
-        cls,
-        folder: str,
-        named: tuple[str, str],
-        text: TextFormat,
-        time: tuple[str, str, str],
-        shift_s: float,
+        cls, folder: str, named: tuple[str, str], text: TextFormat, column: str, clock: Clock, shift_s: float
     ) -> Self:
         """Read a stream.
 
@@ -43,22 +53,22 @@ class Stream:
             folder: where its files are.
             named: what it is called, and the name or pattern of its files.
             text: how text is cut into columns.
-            time: column of times, their unit, and the file of dates for a stream without such a column.
+            column: of its times.
+            clock: how these are to be read.
             shift_s: added to the stamps.
 
         Raises:
             RecordingError: a file is missing or damaged, or there are not as many dates as rows.
         """
         name, file = named
-        column, unit, dates = time
         columns = read_columns(cls.files(folder, file, f"{name}_file"), text)
         if column:
-            t_ns = columns.stamps_ns(column, unit)
+            t_ns = times_ns(columns, column, clock.unit, clock.week)
         else:
-            t_ns = read_datetimes_ns(cls.files(folder, dates, "time_file")[0])
+            t_ns = read_datetimes_ns(cls.files(folder, clock.dates, "time_file")[0])
         if len(t_ns) != len(columns):
             raise RecordingError(
-                f"{columns.where} has {len(columns)} rows, {dates} has {len(t_ns)} times; they must be the same."
+                f"{columns.where} has {len(columns)} rows, {clock.dates} has {len(t_ns)} times; they must be the same."
             )
         return cls(columns, t_ns + round(shift_s * 1e9))
 

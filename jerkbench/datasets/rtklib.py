@@ -1,5 +1,6 @@
 """A real drive: a receiver's solution in RTKLIB's text, and the IMU's log beside it."""
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
@@ -8,18 +9,21 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.errors import PluginError, RecordingError, unknown
-from jerkbench.geometry import geodetic_to_enu
 from jerkbench.plugins import register
+from jerkbench.readers.columns import TIME_UNITS, TextFormat
 from jerkbench.readers.fetched import recording_folder
 from jerkbench.readers.files import find_file, fingerprint
 from jerkbench.readers.gpst import GPST_MINUS_UTC_S, utc_of
-from jerkbench.readers.imu_log import ImuLog, read_imu_log
+from jerkbench.readers.imu_log import ImuLog, ImuMap, read_imu_log, read_imu_table
 from jerkbench.readers.latency import velocity_when_true
 from jerkbench.readers.mounting import ACCEL_UNITS, GYRO_UNITS, body_from_sensor
+from jerkbench.readers.overlap import with_common_time
 from jerkbench.readers.rest import first_rest_s, scaled_to_gravity, without_gyro_bias
 from jerkbench.readers.rtklib_pos import PosSolution, read_rtklib_pos
-from jerkbench.recording import Imu, Origin, Position, Recording, Reference
+from jerkbench.readers.streams import axes_matrix
+from jerkbench.recording import Imu, Position, Recording, Reference, Velocity
 
+EPOCHS = ("gps", "unix")
 NOTES = (
     "Heights are above mean sea level, not above the ellipsoid; ENU is relative to the first fix and hardly changes.",
     "The receiver's fixes are measurement and reference at once unless they are withheld from the filter.",
@@ -35,9 +39,12 @@ FITTED = {
 @register("dataset", "rtklib")
 @dataclass(frozen=True)
 class RtklibDrive:
-    """A real drive from an RTKLIB solution (.pos) and an IMU log (.csv with its .tag).
+    """A real drive from an RTKLIB solution (any .pos) and an IMU's log.
 
-    The defaults are those of the public drive that it was written for: ``data/drive_0708`` of
+    The log is ax, ay, az, gx, gy, gz, ms without header, whose clock its time tag (.tag) sets; or, with ``imu_time``,
+    any table with absolute times, read as the data set ``table`` does it: CSV, text or Parquet, by columns.
+
+    The other defaults are those of the public drive that it was written for: ``data/drive_0708`` of
     github.com/rtklibexplorer/GNSS_IMU (BSD-3), a car of 549 s and 4 km. Mounting and latencies were measured on it
     and hold for no other; give your own, or zeros, for another drive.
 
@@ -51,7 +58,7 @@ class RtklibDrive:
 
     and the IMU is turned into the body::
 
-        f_body = (Rz(yaw) Ry(pitch))' diag(signs) f_sensor                       and the same for the gyro
+        f_body = (Rz(yaw) Ry(pitch))' diag(signs) A f_sensor, A from imu_axes    and the same for the gyro
 
     Two percent of the public drive's IMU rows repeat the row before: the logger asks a little more often than the
     sensor measures. They are kept, for the value holds until the next one comes, and so the intervals of the samples
@@ -62,8 +69,17 @@ class RtklibDrive:
     Attributes:
         folder: where the files are; empty: where `jerkbench data fetch rtklib_drive_0708` has put them.
         position_file: name of the solution in it; empty: the one that ends in .pos.
-        imu_file: name of the IMU log: ax, ay, az, gx, gy, gz, ms; no header. Empty: the one that ends in .csv.
-        tag_file: name of its time tag; empty: the IMU log's name and .tag.
+        imu_file: name of the IMU log; empty: the one that ends in .csv.
+        tag_file: name of its time tag; empty: the IMU log's name and .tag. Not used with ``imu_time``.
+        imu_time: column of absolute times, a name of the header or a number from 1; empty: the time tag's.
+        imu_week: column of GPS weeks, where the times are those of the week; empty: they are not.
+        imu_time_unit: s, ms, us or ns.
+        imu_epoch: what the times count from: gps (1980, GPS time) or unix (1970, UTC).
+        imu_accel: columns of the specific force x, y, z.
+        imu_gyro: columns of the angular rate x, y, z.
+        imu_separator: between the columns of a text; empty: white space.
+        imu_header: whether the first line names the columns.
+        imu_axes: which axes of the sensor are x, y and z here: x, -x, y, -y, z or -z each.
         accel_unit: of the log: g or m/s2.
         gyro_unit: of the log: deg/s or rad/s.
         imu_axis_signs: applied first: x, y, z.
@@ -86,6 +102,15 @@ class RtklibDrive:
     position_file: str = ""
     imu_file: str = ""
     tag_file: str = ""
+    imu_time: str = ""
+    imu_week: str = ""
+    imu_time_unit: str = "s"
+    imu_epoch: str = "gps"
+    imu_accel: tuple[str, ...] = ("1", "2", "3")
+    imu_gyro: tuple[str, ...] = ("4", "5", "6")
+    imu_separator: str = ","
+    imu_header: bool = True
+    imu_axes: tuple[str, ...] = ("x", "y", "z")
     accel_unit: str = "g"
     gyro_unit: str = "deg/s"
     imu_axis_signs: tuple[float, ...] = (-1.0, -1.0, 1.0)
@@ -102,10 +127,19 @@ class RtklibDrive:
 
     def __post_init__(self) -> None:
         """Check the units and the three axes."""
-        if self.accel_unit not in ACCEL_UNITS:
-            raise PluginError(unknown("accel_unit", self.accel_unit, ACCEL_UNITS))
-        if self.gyro_unit not in GYRO_UNITS:
-            raise PluginError(unknown("gyro_unit", self.gyro_unit, GYRO_UNITS))
+        choices: dict[str, Collection[str]] = {
+            "accel_unit": ACCEL_UNITS,
+            "gyro_unit": GYRO_UNITS,
+            "imu_time_unit": TIME_UNITS,
+            "imu_epoch": EPOCHS,
+        }
+        for name, known in choices.items():
+            if getattr(self, name) not in known:
+                raise PluginError(unknown(name, getattr(self, name), known))
+        axes_matrix(self.imu_axes)
+        for name in ("imu_accel", "imu_gyro"):
+            if len(getattr(self, name)) != 3:
+                raise PluginError(f"{name} is {getattr(self, name)}; give three columns: x, y, z.")
         if len(self.velocity_latency_s) != 3:
             raise PluginError(f"velocity_latency_s is {self.velocity_latency_s}; give three: east, north, up.")
         if len(self.imu_axis_signs) != 3 or any(abs(sign) != 1 for sign in self.imu_axis_signs):
@@ -117,29 +151,29 @@ class RtklibDrive:
         Raises:
             RecordingError: a file is missing or damaged, no fix is accepted, or there is no rest to calibrate in.
         """
-        pos_path, imu_path, tag_path = self._paths()
-        fixes, log = self._accepted(read_rtklib_pos(pos_path), pos_path), read_imu_log(imu_path, tag_path)
+        pos_path, imu_path = self._paths()[:2]
+        fixes = self._accepted(read_rtklib_pos(pos_path, self.gpst_minus_utc_s), pos_path)
+        log = self._log()
         zero_ns = log.start_gpst_ns + round(self.imu_shift_s * 1e9)
         t_s = ((fixes.gpst_ns - zero_ns) * 1e-9).astype(np.float64)
-        rest_s = first_rest_s(t_s, fixes.speed_mps, log.t_s[-1]) if self.rest_s is None else self.rest_s
-        origin = Origin(*(float(v[0]) for v in (fixes.latitude_deg, fixes.longitude_deg, fixes.height_m)))
-        enu_m = geodetic_to_enu(fixes.latitude_deg, fixes.longitude_deg, fixes.height_m, origin)
-        return Recording(
+        position, origin = fixes.position(t_s)
+        speed_mps = _speed(fixes, position)
+        rest_s = first_rest_s(t_s, speed_mps, log.t_s[-1]) if self.rest_s is None else self.rest_s
+        recording = Recording(
             name=pos_path.parent.resolve().name,
             imu=self._calibrated(self._in_body(log), rest_s),
-            reference=self._reference(t_s, enu_m, fixes.speed_mps),
-            position=Position(t_s, enu_m, fixes.covariance_m2),
-            velocity=velocity_when_true(
-                t_s, fixes.velocity_enu_mps, fixes.velocity_covariance_m2ps2, self.velocity_latency_s
-            ),
+            reference=self._reference(t_s, position.enu_m, speed_mps),
+            position=position,
+            velocity=self._velocity(t_s, fixes),
             origin=origin,
             start_utc=utc_of(zero_ns, self.gpst_minus_utc_s),
             static_start_s=rest_s,
             notes=(*NOTES, *self._fitted()),
         )
+        return with_common_time(recording, f"check that {imu_path.name} is of the same drive, and its times in GPST")
 
     def fingerprint(self) -> str:
-        """Return the SHA-256 over the bytes of the three files."""
+        """Return the SHA-256 over the bytes of the files."""
         return fingerprint(self._paths())
 
     def _fitted(self) -> tuple[str, ...]:
@@ -152,11 +186,28 @@ class RtklibDrive:
         was = "was" if fitted in (["mounting"], ["time shift"]) else "were"
         return (f"{listed.capitalize()} {was} fitted on this same drive.",)
 
-    def _paths(self) -> tuple[Path, Path, Path]:
+    def _paths(self) -> tuple[Path, ...]:
+        """The solution, the IMU log, and its time tag where there is one."""
         folder = recording_folder(self.folder, "rtklib_drive_0708")
         pos = find_file(folder, self.position_file, ".pos", "position_file")
         imu = find_file(folder, self.imu_file, ".csv", "imu_file")
+        if self.imu_time:
+            return pos, imu
         return pos, imu, find_file(folder, self.tag_file or f"{imu.name}.tag", ".tag", "tag_file")
+
+    def _log(self) -> ImuLog:
+        _, path, *tag = self._paths()
+        if tag:
+            return read_imu_log(path, tag[0])
+        text = TextFormat(self.imu_separator, self.imu_header)
+        times = (self.imu_time, self.imu_week, self.imu_time_unit, self.imu_epoch)
+        return read_imu_table(path, ImuMap(text, *times, self.imu_accel, self.imu_gyro), self.gpst_minus_utc_s)
+
+    def _velocity(self, t_s: FloatArray, fixes: PosSolution) -> Velocity | None:
+        if fixes.velocity_enu_mps is None or fixes.velocity_covariance_m2ps2 is None:
+            return None
+        mps, covariance = fixes.velocity_enu_mps, fixes.velocity_covariance_m2ps2
+        return velocity_when_true(t_s, mps, covariance, self.velocity_latency_s)
 
     def _accepted(self, fixes: PosSolution, path: Path) -> PosSolution:
         rows = np.isin(fixes.quality, self.accepted_quality)
@@ -169,6 +220,7 @@ class RtklibDrive:
 
     def _in_body(self, log: ImuLog) -> Imu:
         turn = body_from_sensor(self.imu_axis_signs, self.mounting_yaw_deg, self.mounting_pitch_deg)
+        turn = turn @ axes_matrix(self.imu_axes)
         accel_mps2 = log.accel * ACCEL_UNITS[self.accel_unit] @ turn.T
         return Imu(log.t_s, accel_mps2, log.gyro * GYRO_UNITS[self.gyro_unit] @ turn.T)
 
@@ -185,3 +237,12 @@ class RtklibDrive:
             enu_m=enu_m,
             scored=speed_mps >= self.min_speed_mps,
         )
+
+
+def _speed(fixes: PosSolution, position: Position) -> FloatArray:
+    """Speed over ground (m,): the receiver's, or, where it gives none, from fix to fix."""
+    if fixes.speed_mps is not None:
+        return fixes.speed_mps
+    if len(position.t_s) < 2:
+        return np.zeros(len(position.t_s))
+    return np.asarray(np.hypot(*np.gradient(position.enu_m[:, :2], position.t_s, axis=0).T))

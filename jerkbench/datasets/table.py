@@ -8,14 +8,23 @@ from typing import ClassVar
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.datasets._table_parts import Stream, attitude_in_flu, covariances, fixes_as_reference, velocity_of
-from jerkbench.errors import PluginError
+from jerkbench.datasets._table_parts import (
+    Clock,
+    Stream,
+    attitude_in_flu,
+    covariances,
+    fixes_as_reference,
+    velocity_of,
+)
+from jerkbench.errors import PluginError, RecordingError
 from jerkbench.plugins import register
 from jerkbench.readers.columns import TIME_UNITS, Columns, TextFormat
 from jerkbench.readers.files import fingerprint
+from jerkbench.readers.gpst import GPS_EPOCH_NS, GPST_MINUS_UTC_S, utc_of
 from jerkbench.readers.mounting import ACCEL_UNITS, GYRO_UNITS
 from jerkbench.readers.overlap import with_common_time
 from jerkbench.readers.rest import without_gyro_bias
+from jerkbench.readers.rtklib_pos import PosSolution, read_rtklib_pos
 from jerkbench.readers.streams import FRAMES, axes_in_enu, axes_matrix, enu_from, in_enu, origin_of, require_frame
 from jerkbench.recording import Imu, Origin, Position, Recording, Reference, Velocity
 from jerkbench.simulation.checks import require_not_negative, require_positive
@@ -25,7 +34,10 @@ ANGLE_UNITS = {"deg": 1.0, "rad": float(np.degrees(1.0))}
 
 VELOCITY_FRAMES = ("enu", "ned", "body", "speed")
 ATTITUDE_BODIES = ("flu", "frd", "sensor")
-EPOCHS = {"none": None, "unix": datetime(1970, 1, 1, tzinfo=UTC)}
+UNIX = datetime(1970, 1, 1, tzinfo=UTC)
+EPOCHS = ("gps", "none", "unix")
+SOLUTION = ".pos"
+"""Ending of RTKLIB's solutions, which say themselves what their columns are."""
 
 
 @dataclass(frozen=True)
@@ -38,8 +50,10 @@ class TimedColumns:
         header: whether the first line names the columns; if not, they are numbered from 1.
         comment: what a line to be left out begins with.
         time_unit: of every column of times: s, ms, us or ns.
+        time_week: the column of GPS weeks, in every file, where the times are those of the week; empty: they are not.
         time_file: a file of UTC dates and times, one a row, for a stream whose column of times is empty.
-        epoch: what the times count from: unix, or none (unknown).
+        epoch: what the times count from: unix (1970, UTC), gps (1980, GPS time), or none (unknown).
+        gpst_minus_utc_s: leap seconds; 18 since 2017.
     """
 
     folder: str
@@ -47,8 +61,10 @@ class TimedColumns:
     header: bool = True
     comment: str = ""
     time_unit: str = "s"
+    time_week: str = ""
     time_file: str = ""
     epoch: str = "unix"
+    gpst_minus_utc_s: float = GPST_MINUS_UTC_S
 
 
 @register("dataset", "table")
@@ -58,13 +74,14 @@ class Tables(TimedColumns):
 
     A column is a name of the header or a number from 1. A file is a name, or a pattern (``data/*.txt``): all files
     that fit, one after the other. Time 0 is the first IMU sample; a stream's shift is added to its stamps, so that a
-    value that is .1 s old needs -0.1. An empty cell of a position or velocity is an axis that was not measured.
+    value that is .1 s old needs -0.1. An empty cell of a position or velocity is an axis that was not measured. A file
+    of positions or velocities that ends in .pos is RTKLIB's: it needs no columns, and has its own covariances.
 
     Body: FLU, from the sensor's axes by ``imu_axes``. Frames of places: enu, ned (local), geodetic, ecef; the first
     fix (without fixes, the first place of the reference) is the origin of ENU. What is not given is not there: without
     a position file, only the filter attitude_only runs.
 
-    Presets: kitti, euroc, tum, nclt.
+    Presets: kitti, euroc, tum, nclt, urbannav.
 
     Attributes:
         imu_file: the file of the IMU.
@@ -95,8 +112,10 @@ class Tables(TimedColumns):
         reference_time: its column of times.
         reference_position: three columns, or none.
         reference_velocity: three columns, or none; in ENU, or NED with that frame.
-        reference_attitude: three columns (roll, pitch, yaw [rad]) or four (w, x, y, z), body to local frame, or none.
+        reference_attitude: three columns (roll, pitch, yaw) or four (w, x, y, z), body to local frame, or none.
         reference_frame: enu, ned, geodetic or ecef.
+        attitude_unit: of roll, pitch and yaw: rad or deg.
+        attitude_frame: local frame of the attitude: enu, or ned (yaw from north, clockwise); empty: as reference_frame.
         reference_body: whose attitude it is: flu, frd or sensor (the IMU's own axes).
         reference_shift_s: added to its stamps.
         reference_source: one phrase: where the reference comes from.
@@ -136,6 +155,8 @@ class Tables(TimedColumns):
     reference_velocity: tuple[str, ...] = ()
     reference_attitude: tuple[str, ...] = ()
     reference_frame: str = "enu"
+    attitude_unit: str = "rad"
+    attitude_frame: str = ""
     reference_body: str = "flu"
     reference_shift_s: float = 0.0
     reference_source: str = "a table"
@@ -183,7 +204,9 @@ class Tables(TimedColumns):
             "gyro_unit": tuple(GYRO_UNITS),
             "time_unit": tuple(TIME_UNITS),
             "angle_unit": tuple(ANGLE_UNITS),
-            "epoch": tuple(EPOCHS),
+            "epoch": EPOCHS,
+            "attitude_unit": tuple(ANGLE_UNITS),
+            "attitude_frame": ("", "enu", "ned"),
             "position_frame": FRAMES,
             "reference_frame": FRAMES,
             "velocity_frame": VELOCITY_FRAMES,
@@ -211,7 +234,17 @@ class Tables(TimedColumns):
 
     def _stream(self, name: str, file: str, time: str, shift_s: float) -> Stream:
         text = TextFormat(self.separator, self.header, self.comment)
-        return Stream.read(self.folder, (name, file), text, (time, self.time_unit, self.time_file), shift_s)
+        clock = Clock(self.time_unit, self.time_week, self.time_file)
+        return Stream.read(self.folder, (name, file), text, time, clock, shift_s)
+
+    def _solution(self, name: str, file: str, zero_ns: int, shift_s: float) -> tuple[FloatArray, PosSolution]:
+        """RTKLIB's solution, with its times since ``zero_ns`` of the tables' clock."""
+        if self.epoch == "none":
+            raise PluginError(f"dataset table: {name}_file is '{file}', in GPS time; epoch must be gps or unix.")
+        solution = read_rtklib_pos(Stream.files(self.folder, file, f"{name}_file")[0], self.gpst_minus_utc_s)
+        offset_ns = GPS_EPOCH_NS if self.epoch == "gps" else round(self.gpst_minus_utc_s * 1e9)
+        since_ns = solution.gpst_ns - offset_ns - zero_ns + round(shift_s * 1e9)
+        return np.asarray(since_ns * 1e-9), solution
 
     def _imu(self, stream: Stream, zero_ns: int) -> Imu:
         turn = axes_matrix(self.imu_axes)
@@ -223,6 +256,9 @@ class Tables(TimedColumns):
     def _position(self, zero_ns: int) -> tuple[Position | None, Origin | None]:
         if not self.position_file:
             return None, None
+        if self.position_file.endswith(SOLUTION):
+            t_s, solution = self._solution("position", self.position_file, zero_ns, self.position_shift_s)
+            return solution.position(t_s)
         stream = self._stream("position", self.position_file, self.position_time, self.position_shift_s)
         places = self._places(stream.columns.numbers(self.position_columns), self.position_frame)
         origin = origin_of(places, self.position_frame)
@@ -233,9 +269,20 @@ class Tables(TimedColumns):
     def _velocity(self, zero_ns: int) -> Velocity | None:
         if not self.velocity_file:
             return None
+        if self.velocity_file.endswith(SOLUTION):
+            return self._solved_velocity(zero_ns)
         stream = self._stream("velocity", self.velocity_file, self.velocity_time, self.velocity_shift_s)
         values = stream.columns.numbers(self.velocity_columns)
         return velocity_of(stream.t_s(zero_ns), values, self.velocity_frame, self.velocity_sigma_mps)
+
+    def _solved_velocity(self, zero_ns: int) -> Velocity:
+        t_s, solution = self._solution("velocity", self.velocity_file, zero_ns, self.velocity_shift_s)
+        if solution.velocity_enu_mps is None or solution.velocity_covariance_m2ps2 is None:
+            raise RecordingError(
+                f"dataset table: {self.velocity_file} has no velocities; let RTKLIB write them (out-outvel=on), or"
+                " leave velocity_file empty."
+            )
+        return Velocity(t_s, solution.velocity_enu_mps, solution.velocity_covariance_m2ps2)
 
     def _reference(
         self, zero_ns: int, origin: Origin | None, position: Position | None
@@ -265,12 +312,16 @@ class Tables(TimedColumns):
             return None
         body = axes_matrix(self.imu_axes) if self.reference_body == "sensor" else None
         attitude = columns.numbers(self.reference_attitude)
-        return attitude_in_flu(attitude, enu_from(self.reference_frame), self.reference_body, body)
+        if len(self.reference_attitude) == 3 and self.attitude_unit == "deg":
+            attitude = np.radians(attitude)
+        turn = enu_from(self.attitude_frame or self.reference_frame)
+        return attitude_in_flu(attitude, turn, self.reference_body, body)
 
     def _places(self, values: FloatArray, frame: str) -> FloatArray:
         """Latitude and longitude in degrees."""
         return values * ([ANGLE_UNITS[self.angle_unit]] * 2 + [1.0]) if frame == "geodetic" else values
 
     def _start_utc(self, zero_ns: int) -> datetime | None:
-        base = EPOCHS[self.epoch]
-        return None if base is None else base + timedelta(microseconds=zero_ns // 1000)
+        if self.epoch == "gps":
+            return utc_of(zero_ns + GPS_EPOCH_NS, self.gpst_minus_utc_s)
+        return UNIX + timedelta(microseconds=zero_ns // 1000) if self.epoch == "unix" else None

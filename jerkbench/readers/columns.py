@@ -10,6 +10,7 @@ import numpy as np
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import RecordingError, unknown
 from jerkbench.readers.dates import calendar_ns
+from jerkbench.readers.gpst import WEEK_NS
 from jerkbench.readers.text import LARGEST, read_bytes
 
 if TYPE_CHECKING:
@@ -73,7 +74,7 @@ class Columns:
             RecordingError: as in `numbers`, or a time is missing or does not fit.
         """
         values = self._numeric(name)
-        scale = TIME_UNITS[unit]
+        scale = WEEK_NS if unit == "week" else TIME_UNITS[unit]
         wrong = ~(np.abs(values.astype(np.float64)) <= LARGEST_NS / scale)  # NaN is wrong too
         if wrong.any():
             row = int(np.argmax(wrong))
@@ -103,6 +104,16 @@ class Columns:
         if name.isascii() and name.isdigit() and 1 <= int(name) <= len(self._names):
             return int(name) - 1
         raise RecordingError(f"{self.where}: {unknown('column', name, self._names)} Numbers count from 1.")
+
+
+def times_ns(columns: Columns, name: str, unit: str, week: str) -> IntArray:
+    """Return (n,) a column of times as nanoseconds; of a time of week with those of the weeks in the column ``week``.
+
+    Raises:
+        RecordingError: there is no such column, or a time is none.
+    """
+    t_ns = columns.stamps_ns(name, unit)
+    return t_ns + columns.stamps_ns(week, "week") if week else t_ns
 
 
 def find_tables(folder: Path, pattern: str, parameter: str) -> tuple[Path, ...]:

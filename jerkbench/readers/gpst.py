@@ -5,6 +5,11 @@ from datetime import UTC, datetime, timedelta
 GPST_MINUS_UTC_S = 18.0
 """GPST less UTC. Valid since 2017-01-01 and for as long as no further leap second is announced (none is by 2025)."""
 
+GPS_EPOCH_NS = 315_964_800_000_000_000
+"""GPST's first moment, 1980-01-06, in nanoseconds of the calendar since 1970."""
+
+WEEK_NS = 604_800_000_000_000
+
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 

@@ -3,11 +3,16 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from jerkbench.arrays import FloatArray
 from jerkbench.errors import RecordingError
+from jerkbench.readers.columns import TextFormat, read_columns, times_ns
+from jerkbench.readers.gpst import GPS_EPOCH_NS
 from jerkbench.readers.text import parse_numbers, read_lines, require_increasing
 from jerkbench.readers.time_tag import read_time_tag
 
+LEAST_ROWS = 2
 CLOCKS_AGREE = 0.01
 """By how much the sensor's and the logger's clock may differ before the tag is taken for another recording's."""
 
@@ -27,6 +32,44 @@ class ImuLog:
     t_s: FloatArray
     accel: FloatArray
     gyro: FloatArray
+
+
+@dataclass(frozen=True)
+class ImuMap:
+    """Which columns of a table of IMU samples are what.
+
+    Attributes:
+        text: how text is cut into columns.
+        time: column of the times.
+        week: column of GPS weeks, where the times are those of the week; empty: they are not.
+        unit: of the times: s, ms, us or ns.
+        epoch: what they count from: gps (1980, GPS time) or unix (1970, UTC).
+        accel: three columns of the specific force.
+        gyro: three columns of the angular rate.
+    """
+
+    text: TextFormat
+    time: str
+    week: str
+    unit: str
+    epoch: str
+    accel: tuple[str, ...]
+    gyro: tuple[str, ...]
+
+
+def read_imu_table(path: Path, columns: ImuMap, gpst_minus_utc_s: float) -> ImuLog:
+    """Read any table of IMU samples (CSV, text, Parquet) whose times are absolute.
+
+    Raises:
+        RecordingError: the file is missing or damaged, or a column is not there or has fewer than two rows.
+    """
+    table = read_columns((path,), columns.text)
+    t_ns = times_ns(table, columns.time, columns.unit, columns.week)
+    if len(t_ns) < LEAST_ROWS:
+        raise RecordingError(f"{path} has {len(t_ns)} rows; an IMU's log has at least {LEAST_ROWS}.")
+    start_ns = int(t_ns[0]) + (GPS_EPOCH_NS if columns.epoch == "gps" else round(gpst_minus_utc_s * 1e9))
+    t_s = np.asarray((t_ns - t_ns[0]) * 1e-9)
+    return ImuLog(start_ns, t_s, table.numbers(columns.accel), table.numbers(columns.gyro))
 
 
 def read_imu_log(path: Path, tag_path: Path) -> ImuLog:

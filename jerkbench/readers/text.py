@@ -1,5 +1,6 @@
 """Text files of numbers. What cannot be read is named by file and line."""
 
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -49,10 +50,10 @@ def parse_numbers(path: Path, lines: list[Line], columns: int, separator: str | 
     """
     if not lines:
         raise RecordingError(f"{path} has no rows of data; {columns} columns of numbers are expected.")
-    try:
-        table = np.loadtxt([text for _, text in lines], delimiter=separator, comments=None, ndmin=2)
-    except ValueError:
-        table = np.empty((0, 0))
+    table = np.empty((0, 0))
+    if any(text.strip() for _, text in lines):  # else numpy warns
+        with suppress(ValueError):
+            table = np.loadtxt([text for _, text in lines], delimiter=separator, comments=None, ndmin=2)
     if table.shape != (len(lines), columns) or not (np.abs(table) <= LARGEST).all():
         raise RecordingError(_first_fault(path, lines, columns, separator))
     return table

@@ -3,12 +3,13 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from jerkbench import plugins
 from jerkbench.datasets.rtklib import RtklibDrive
 from jerkbench.errors import PluginError, RecordingError
-from jerkbench.readers.rtklib_pos import COLUMNS
+from jerkbench.readers.pos_header import COLUMNS
 
 DRIVE = Path(__file__).parents[2].parent / "shared" / "data" / "rtklib_drive_0708"
 START = datetime(2025, 7, 8, 19, 34, 18, tzinfo=UTC)  # GPST, as if it were UTC
@@ -215,3 +216,70 @@ def test_the_real_velocity_agrees_best_with_the_positions_at_its_own_times():
         t_s, mps = recording.velocity.t_s[rows], recording.velocity.mps[rows, axis]
         errors = {lag: np.std(slope(t_s + lag)[:, axis] - mps) for lag in (-0.1, -0.05, 0.0, 0.05, 0.1)}
         assert min(errors, key=errors.get) == 0.0
+
+
+def imu_table(folder, name, t, **how):
+    table = {"time": t, "gx": 1.0, "gy": 2.0, "gz": 3.0, "ax": 0.0, "ay": 1.0, "az": 0.0}
+    pd.DataFrame(table, index=range(len(t))).to_csv(folder / name, index=False, **how)
+
+
+MAPPED = {"imu_time": "time", "imu_accel": ("ax", "ay", "az"), "imu_gyro": ("2", "3", "4")}
+
+
+@pytest.mark.parametrize(
+    ("epoch", "unit", "times"),
+    [
+        ("unix", "s", lambda t: START.timestamp() - 18 + t),
+        ("unix", "ms", lambda t: np.round((START.timestamp() - 18 + t) * 1e3).astype(np.int64)),
+        ("gps", "s", lambda t: START.timestamp() - 315964800 + t),
+    ],
+)
+def test_any_table_of_an_imu_by_its_columns(tmp_path, epoch, unit, times):
+    """The sensor's y points up; the same drive as with the tag."""
+    folder = write_drive(tmp_path)
+    with_tag = RtklibDrive(folder, **PLAIN).load(0)
+    for file in ("a.csv", "a.csv.tag"):
+        (tmp_path / file).unlink()
+    imu_table(tmp_path, "imu.csv", times(1 + np.arange(701) / 100))
+    mapped = MAPPED | PLAIN | {"imu_epoch": epoch, "imu_time_unit": unit, "imu_axes": ("x", "-z", "y")}
+    drive = RtklibDrive(folder, **mapped)
+    recording = drive.load(0)
+    np.testing.assert_allclose(recording.imu.t_s, with_tag.imu.t_s, atol=1e-6)
+    np.testing.assert_allclose(recording.imu.accel_mps2, with_tag.imu.accel_mps2, atol=1e-9)
+    np.testing.assert_allclose(recording.position.t_s, with_tag.position.t_s, atol=1e-6)
+    assert abs(recording.start_utc - with_tag.start_utc) < timedelta(microseconds=2)
+    raw = RtklibDrive(folder, **mapped, remove_gyro_bias=False).load(0)
+    np.testing.assert_allclose(raw.imu.gyro_radps[0], np.radians([1, -3, 2]))
+    assert drive.fingerprint() != RtklibDrive(write_drive(tmp_path), **PLAIN, imu_file="a.csv").fingerprint()
+
+
+def test_times_of_another_clock_are_a_sentence(tmp_path):
+    folder = write_drive(tmp_path)
+    imu_table(tmp_path, "a.csv", 1 + np.arange(701) / 100)
+    with pytest.raises(RecordingError, match=r"no time in common; check that a\.csv is of the same drive, and its"):
+        RtklibDrive(folder, **MAPPED, **PLAIN, rest_s=2.0).load(0)
+
+
+def test_without_velocities_the_fixes_tell_the_speed(tmp_path):
+    folder = write_drive(tmp_path)
+    header, *rows = (tmp_path / "a.pos").read_text().splitlines()
+    lines = [" ".join(header.split()[:15]), *(" ".join(row.split()[:15]) for row in rows)]
+    (tmp_path / "a.pos").write_text("\n".join(lines) + "\n")
+    recording = RtklibDrive(folder, **PLAIN).load(0)
+    assert recording.velocity is None
+    assert recording.static_start_s == 2.0
+    assert recording.reference.scored.tolist() == [False] * 8 + [True] * 9
+
+
+@pytest.mark.parametrize(
+    ("own", "said"),
+    [
+        ({"imu_epoch": "glonass"}, "no imu_epoch 'glonass'"),
+        ({"imu_time_unit": "h"}, "no imu_time_unit 'h'"),
+        ({"imu_accel": ("1",)}, "imu_accel is .* give three columns"),
+        ({"imu_axes": ("x", "y", "-z")}, "no right-handed body"),
+    ],
+)
+def test_a_map_that_is_none(own, said):
+    with pytest.raises(PluginError, match=said):
+        RtklibDrive("anywhere", **own)

@@ -103,12 +103,42 @@ def nclt(folder):
     write(folder / "gps.csv", gps, header=False)
 
 
+def urbannav(folder):
+    """A SPAN's angles: roll, pitch, heading from north clockwise, of a body whose axes are forward, right, down."""
+    frd, week = np.array([1.0, -1.0, -1.0]), 2032
+    start = week * 604800 + 200000.0 + 315964800 - 18  # UTC since 1970
+    named = [
+        f"{what} {axis} ({unit})"
+        for what, unit in (("Acceleration", "m/s^2"), ("Angular rate", "rad/s"))
+        for axis in "XYZ"
+    ]
+    imu = pd.DataFrame(np.hstack([FORCE * frd, RATE * frd]), columns=named)
+    imu.insert(0, "GPS TOW (s)", 200000 + IMU_S)
+    imu.insert(1, " GPS Week", week)
+    write(folder / "Odaiba_imu.csv", imu)
+    enu, velocity, yaw = circle(FIX_S)
+    angles = np.degrees(np.column_stack([0 * yaw, 0 * yaw, np.pi / 2 - yaw]))
+    names = ["Latitude (deg)", "Longitude (deg)", "Ellipsoid Height (m)", "Roll (deg)", "Pitch (deg)", "Heading (deg)"]
+    reference = pd.DataFrame(np.hstack([geodetic(enu), angles]), columns=names)
+    reference[[f"Velocity {axis} (m/s)" for axis in "XYZ"]] = velocity
+    reference.insert(0, "GPS TOW (s)", 200000 + FIX_S)
+    reference.insert(1, "GPS Week", week)
+    write(folder / "Odaiba_reference.csv", reference)
+    lines = [
+        "%  UTC latitude(deg) longitude(deg) height(m) Q ns sdn(m) sde(m) sdu(m) sdne(m) sdeu(m) sdun(m) age(s) ratio"
+    ]
+    for t, place in zip(FIX_S, geodetic(enu), strict=True):
+        stamp = datetime.fromtimestamp(round(start + t, 3), tz=UTC).strftime("%Y/%m/%d %H:%M:%S.%f")
+        lines.append(" ".join([stamp, *(f"{v:.12f}" for v in place), "5 9 2 1 4 0 0 0 0 0"]))
+    (folder / "rover.pos").write_text("\n".join(lines))
+
+
 def loaded(preset, folder, **changes):
     plain = choose("dataset", {"name": preset, "folder": str(folder), **changes}).plain
     return create("dataset", plain).load(0)
 
 
-@pytest.mark.parametrize("preset", [euroc, tum, kitti, nclt])
+@pytest.mark.parametrize("preset", [euroc, tum, kitti, nclt, urbannav])
 def test_every_preset_gives_the_same_drive(tmp_path, preset):
     preset(tmp_path)
     recording = loaded(preset.__name__, tmp_path)
@@ -132,6 +162,36 @@ def test_nanoseconds_stay_exact_and_date_the_start(tmp_path):
     recording = loaded("euroc", tmp_path)
     assert recording.imu.t_s[1] == pytest.approx(0.01, abs=1e-12)
     assert recording.start_utc == datetime.fromtimestamp(START_NS // 10**9, tz=UTC) + timedelta(microseconds=763555)
+
+
+def test_weeks_and_times_of_week_are_gps_time(tmp_path):
+    urbannav(tmp_path)
+    recording = loaded("urbannav", tmp_path)
+    assert recording.start_utc == datetime(2018, 12, 18, 7, 33, 2, tzinfo=UTC)  # week 2032 begins on 16 December
+    np.testing.assert_allclose(recording.position.covariance_m2[0], np.diag([1.0, 4.0, 16.0]))
+    with pytest.raises(PluginError, match=r"'\*\.pos', in GPS time; epoch must be gps or unix"):
+        loaded("urbannav", tmp_path, epoch="none")
+    with pytest.raises(RecordingError, match=r"no velocities; let RTKLIB write them \(out-outvel=on\)"):
+        loaded("urbannav", tmp_path, velocity_file="rover.pos")
+
+
+def test_a_solution_beside_times_of_unix(tmp_path):
+    """RTKLIB's velocities too; GPS time is 18 s ahead."""
+    from jerkbench.readers.pos_header import COLUMNS
+
+    start = datetime(2025, 7, 8, 19, 34, 18, tzinfo=UTC)
+    write(tmp_path / "imu.csv", PLAIN | {"t": start.timestamp() + IMU_S})
+    rows = [f"% {COLUMNS}"]
+    for k in range(8):
+        stamp = (start + timedelta(seconds=18 + k)).strftime("%Y/%m/%d %H:%M:%S.%f")
+        rows.append(f"{stamp} 49 8.4 110 1 9 .01 .01 .02 0 0 0 0 0 1.5 -2.5 0.25 .1 .2 .3 0 0 0")
+    (tmp_path / "a.pos").write_text("\n".join(rows))
+    solved = {"position_file": "a.pos", "velocity_file": "a.pos", "velocity_shift_s": -0.1, "position_shift_s": 0.2}
+    recording = Tables(str(tmp_path), **solved).load(0)
+    np.testing.assert_allclose(recording.position.t_s, np.arange(8) + 0.2, atol=1e-6)
+    np.testing.assert_allclose(recording.velocity.t_s, np.arange(8) - 0.1, atol=1e-6)
+    np.testing.assert_allclose(recording.velocity.mps[3], [-2.5, 1.5, 0.25])
+    np.testing.assert_allclose(recording.velocity.covariance_m2ps2[0], np.diag([0.04, 0.01, 0.09]))
 
 
 PLAIN = {"t": IMU_S, "ax": 0 * IMU_S, "ay": 0 * IMU_S, "az": 0 * IMU_S + 1, "gx": 0 * IMU_S, "gy": 0 * IMU_S}

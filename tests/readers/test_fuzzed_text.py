@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from jerkbench.datasets.rtklib import RtklibDrive
 from jerkbench.datasets.table import Tables
 from jerkbench.errors import JerkbenchError
-from jerkbench.readers.rtklib_pos import COLUMNS
+from jerkbench.readers.pos_header import COLUMNS
 from jerkbench.recording import Recording
 
 START = datetime(2025, 7, 8, 19, 34, 18, tzinfo=UTC)

@@ -1,10 +1,12 @@
 from datetime import UTC, datetime
 
 import numpy as np
+import pymap3d
 import pytest
 
 from jerkbench.errors import RecordingError
-from jerkbench.readers.rtklib_pos import COLUMNS, read_rtklib_pos
+from jerkbench.readers.pos_header import COLUMNS
+from jerkbench.readers.rtklib_pos import read_rtklib_pos
 
 HEADER = f"% program : RTKLIB\n%  {COLUMNS.replace(' ', '   ')}\n"
 ROW = (
@@ -48,6 +50,95 @@ def test_rows_can_be_selected(tmp_path):
     assert second.covariance_m2.shape == (1, 3, 3)
 
 
+PLACE = (40.0, -105.0, 1600.0)
+NEAR = [(0.0, 0.0, 0.0), (10.0, -20.0, 0.5), (300.0, 400.0, -3.0)]
+SD, SDV = [0.02, 0.01, 0.04, -0.005, 0.003, -0.002], [0.3, 0.2, 0.4, 0.05, -0.06, 0.07]
+
+
+def dms(degrees):
+    size = abs(degrees)
+    minutes = (size - int(size)) * 60
+    sign = "-" if degrees < 0 else ""
+    return f"{sign}{int(size)} {int(minutes)} {(minutes - int(minutes)) * 60:.9f}"
+
+
+def solution_text(kind, time="GPST", separator=" ", velocity=True):
+    """Three fixes near PLACE, a second apart, as RTKLIB's options write them."""
+    position, axes = {
+        "deg": ("latitude(deg) longitude(deg) height(m)", "neu"),
+        "dms": ("latitude(d'\") longitude(d'\") height(m)", "neu"),
+        "ecef": ("x-ecef(m) y-ecef(m) z-ecef(m)", "xyz"),
+        "baseline": ("e-baseline(m) n-baseline(m) u-baseline(m)", "enu"),
+    }[kind]
+    sds = [*axes, *(axes[k] + axes[(k + 1) % 3] for k in range(3))]
+    names = [time.split()[0], *position.split(), "Q", "ns", *(f"sd{s}(m)" for s in sds), "age(s)", "ratio"]
+    names += [f"v{a}(m/s)" for a in axes] + [f"sdv{s}" for s in sds] if velocity else []
+    lines = [f"% ref pos   : {PLACE[0]} {PLACE[1]} {PLACE[2]}", "%  " + separator.join(names)]
+    for second, enu in enumerate(NEAR):
+        stamp = {
+            "GPST": f"2025/07/08 19:34:{18 + second}.500",
+            "UTC": f"2025/07/08 19:34:{second:02}.500",
+            "JST": f"2025/07/09 04:34:{second:02}.500",
+            "GPST week": f"2374{separator}{243258.5 + second}",
+        }[time]
+        lat, lon, height = (float(v) for v in pymap3d.enu2geodetic(*enu, *PLACE))
+        ecef = pymap3d.enu2ecef(*enu, *PLACE)
+        where = {
+            "deg": f"{lat:.12f} {lon:.12f} {height:.6f}",
+            "dms": f"{dms(lat)} {dms(lon)} {height:.6f}",
+            "ecef": " ".join(f"{v:.6f}" for v in ecef),
+            "baseline": " ".join(map(str, enu)),
+        }[kind]
+        v = {"neu": (1.5, -2.5, 0.25), "enu": (-2.5, 1.5, 0.25)}.get(axes) or pymap3d.enu2uvw(
+            -2.5, 1.5, 0.25, *PLACE[:2]
+        )
+        rest = [where, "1 9", *map(str, SD), "0 0", *(map(str, [*v, *SDV]) if velocity else [])]
+        lines.append(stamp + separator + separator.join(" ".join(rest).split()))
+    return "\n".join([*lines, ""])
+
+
+@pytest.mark.parametrize("separator", [" ", ",", "  ;", "\t"])
+@pytest.mark.parametrize("time", ["GPST", "UTC", "JST", "GPST week"])
+@pytest.mark.parametrize("kind", ["deg", "dms", "ecef", "baseline"])
+def test_whatever_rtklib_was_told_to_write_is_the_same_solution(tmp_path, kind, time, separator):
+    solution = read_rtklib_pos(written(tmp_path, solution_text(kind, time, separator)))
+    start = datetime(2025, 7, 8, 19, 34, 18, 500000, tzinfo=UTC)
+    assert solution.gpst_ns.tolist() == [int(start.timestamp() * 10) * 10**8 + k * 10**9 for k in range(3)]
+    geodetic = (solution.latitude_deg, solution.longitude_deg, solution.height_m)
+    enu = np.column_stack(pymap3d.geodetic2enu(*geodetic, *PLACE))
+    np.testing.assert_allclose(enu, NEAR, atol=5e-6)
+    np.testing.assert_allclose(solution.velocity_enu_mps, [[-2.5, 1.5, 0.25]] * 3, atol=1e-9)
+
+
+def test_covariances_of_every_frame(tmp_path):
+    """The same six roots mean other axes in each; turned by hand with the rotation of the place."""
+    a, b, c, ab, bc, ca = (s * abs(s) for s in SD)
+    own = np.array([[a, ab, ca], [ab, b, bc], [ca, bc, c]])
+    columns = [pymap3d.ecef2enu(*(np.array(pymap3d.geodetic2ecef(*PLACE)) + axis), *PLACE) for axis in np.eye(3)]
+    turns = {"deg": np.eye(3)[[1, 0, 2]], "baseline": np.eye(3), "ecef": np.array(columns).T}
+    for kind, turn in turns.items():
+        solution = read_rtklib_pos(written(tmp_path, solution_text(kind)))
+        np.testing.assert_allclose(solution.covariance_m2[0], turn @ own @ turn.T, atol=1e-11)
+
+
+def test_a_solution_without_velocities_has_none(tmp_path):
+    solution = read_rtklib_pos(written(tmp_path, solution_text("deg", velocity=False)))
+    assert solution.velocity_enu_mps is None
+    assert solution.speed_mps is None
+    assert solution.select(np.array([True, False, True])).velocity_covariance_m2ps2 is None
+
+
+def test_south_of_the_equator_minutes_go_south_too(tmp_path):
+    text = solution_text("dms").replace(dms(PLACE[0]), "-0 30 36.0")
+    assert read_rtklib_pos(written(tmp_path, text)).latitude_deg[0] == pytest.approx(-0.51, abs=1e-12)
+
+
+def test_a_baseline_from_nowhere_says_what_to_write(tmp_path):
+    text = solution_text("baseline").split("\n", 1)[1]
+    with pytest.raises(RecordingError, match=r"does not say from where .* let RTKLIB write degrees or ECEF"):
+        read_rtklib_pos(written(tmp_path, text))
+
+
 GOOD = ROW.format(ms=499)
 
 
@@ -56,15 +147,19 @@ GOOD = ROW.format(ms=499)
     [
         ("", "is empty"),
         (GOOD, "line 1: the header is 'no line that begins with %'"),
-        (HEADER.replace("GPST", "UTC") + GOOD, "line 2: the header is '% UTC latitude(deg)"),
-        (HEADER.replace("latitude(deg)", "x-ecef(m)") + GOOD, "line 2: the header is '% GPST x-ecef(m)"),
+        (HEADER.replace("GPST", "BDT") + GOOD, "line 2: the header is '% BDT latitude(deg)"),
+        (
+            HEADER.replace("latitude(deg)", "x-ecef(m)") + GOOD,
+            "line 2: the header lacks y-ecef(m), z-ecef(m), sdx(m), ",
+        ),
+        (HEADER.replace(" Q ", " ") + GOOD, "line 2: the header lacks Q; let RTKLIB write"),
         (HEADER, "has no rows of data"),
         (HEADER + GOOD + "2025/07/08 19:34:18.749 40.5 -105.25\n", "line 4 has 2 fields; it must have 22"),
         (HEADER + GOOD + "2025/07/08\n", "line 4 has 0 fields"),
         (HEADER + GOOD.replace("40.5", "nan"), "line 3, field 1 is 'nan'"),
         (HEADER + GOOD.replace("1601.5", "16#1.5"), "line 3, field 3 is '16#1.5'"),
         (HEADER + GOOD.replace("19:34", "19:99"), "line 3: '2025/07/08 19:99:18.499' is no GPST stamp"),
-        (HEADER + GOOD.replace("2025/07/08 19:34:18.499", "2374 243258.499"), "line 3: '2374 243258.499' is no GPST"),
+        (HEADER + GOOD.replace("2025/07/08 19:34:18.499", "2374 8e5"), "line 3: '2374 8e5' is no GPST stamp"),
         (HEADER + GOOD + GOOD, "line 4: the time does not increase"),
     ],
 )
