@@ -29,8 +29,13 @@ def claimed(rows: "pd.DataFrame") -> list[Comparison]:
     if "position_rmse_m" not in rows or not _has(rows, CLAIM):
         return []
     against = [{"filter": name, "adaptation": "none"} for name in AGAINST]
-    compared = [one for b in against if _has(rows, b) for one in compare_to(rows, "position_rmse_m", b)]
+    compared = [one for b in against if _has(rows, b) for one in compare_to(_only(rows, b), "position_rmse_m", b)]
     return [one for one in compared if with_values(one.subject, CLAIM) == one.subject]
+
+
+def _only(rows: "pd.DataFrame", against: Mapping[str, str]) -> "pd.DataFrame":
+    """The rows of both sides: the claim needs intervals, and no test of a family."""
+    return rows[_are(rows, CLAIM) | _are(rows, against)]
 
 
 def verdict(one: Comparison) -> str:
@@ -49,8 +54,13 @@ def better(one: Comparison) -> tuple[float, float, float]:
 
 def claims(rows: "pd.DataFrame") -> list[str]:
     """Return what the rows say about the claim in each scenario, in sentences."""
+    return claim_sentences(rows, claimed(rows))
+
+
+def claim_sentences(rows: "pd.DataFrame", comparisons: Sequence[Comparison]) -> list[str]:
+    """Return a sentence for each of the claim's ``comparisons``."""
     varying = varying_factors(rows)
-    return [_sentence(one, varying) for one in claimed(rows)]
+    return [_sentence(one, varying) for one in comparisons]
 
 
 def headlines(rows: "pd.DataFrame", comparisons: Sequence[Comparison]) -> list[str]:
@@ -86,4 +96,9 @@ def _sentence(one: Comparison, varying: Sequence[str]) -> str:
 
 
 def _has(rows: "pd.DataFrame", values: Mapping[str, str]) -> bool:
-    return all(value in set(rows[key].astype(str)) for key, value in values.items())
+    return bool(_are(rows, values).any())
+
+
+def _are(rows: "pd.DataFrame", values: Mapping[str, str]) -> "pd.Series":
+    """Which rows have these values."""
+    return (rows[list(values)].astype(str) == list(values.values())).all(axis=1)

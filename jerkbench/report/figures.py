@@ -3,6 +3,7 @@
 import io
 from pathlib import Path
 
+import numpy as np
 from matplotlib.figure import Figure
 
 from jerkbench.files import write_atomically
@@ -22,17 +23,22 @@ def save_figure(figure: Figure, path: Path) -> None:
 
 
 def png_bytes(figure: Figure) -> bytes:
-    """Return ``figure`` as a PNG with a palette."""
+    """Return ``figure`` as a PNG with a palette; drawn once (`savefig` draws twice)."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from PIL import Image
 
-    full, small = io.BytesIO(), io.BytesIO()
-    figure.savefig(full, format="png")
-    image = Image.open(full).convert("RGB")
-    image.quantize(COLOURS, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE).save(small, format="png")
-    return small.getvalue()
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()  # type: ignore[no-untyped-call]  # matplotlib's
+    pixels = np.asarray(canvas.buffer_rgba())  # type: ignore[no-untyped-call]
+    image = Image.fromarray(pixels).convert("RGB")
+    data = io.BytesIO()
+    image.quantize(COLOURS, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE).save(data, format="png")
+    return data.getvalue()
 
 
 def save_pdf(figure: Figure, path: Path) -> None:
     """Write ``figure`` as it was laid out for its PNG: to lay it out again takes as long as to draw it."""
+    from matplotlib.backends.backend_pdf import FigureCanvasPdf
+
     figure.set_layout_engine("none")
-    save_figure(figure, path)
+    write_atomically(path, FigureCanvasPdf(figure).print_pdf)

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from html import escape
 from typing import TYPE_CHECKING
 
-from jerkbench.report.claim import CLAIMED, FAILS, HOLDS, OPEN, better, claimed, claims, headlines, verdict
+from jerkbench.report.claim import CLAIMED, FAILS, HOLDS, OPEN, better, claim_sentences, claimed, headlines, verdict
 from jerkbench.report.comparison import Combination, Comparison
 from jerkbench.report.factors import FACTORS
 from jerkbench.report.findings import compared, names, sentence, varying_factors
@@ -86,7 +86,8 @@ def _claim(rows: "pd.DataFrame") -> str:
     ]
     table = grid(["case", *(f"times better than {name}" for name in opponents)], lines)
     head = f"<h3>The paper's claim: more than {CLAIMED:g} times better</h3>"
-    return f"{head}{bullets(headlines(rows, found))}{table}{fold('The same in sentences', bullets(claims(rows)))}"
+    sentences = fold("The same in sentences", bullets(claim_sentences(rows, found)))
+    return f"{head}{bullets(headlines(rows, found))}{table}{sentences}"
 
 
 def _judged(one: Comparison) -> str:
