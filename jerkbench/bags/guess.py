@@ -14,6 +14,12 @@ SAMPLE = 200
 GRAVITY_BETWEEN_MPS2 = (5.0, 15.0)
 """Median length of the specific force of an IMU that feels gravity."""
 
+OF_FIXPOSITION = ("/poiimu", "/odometry_ecef")
+LIKE_FIXPOSITION = (
+    "The topics are called like a Fixposition's: dataset=fixposition knows the order of their covariances, and what is"
+    " not independent."
+)
+
 
 def complete_plan(bag: Bag, given: Mapping[Role, str]) -> Plan:
     """Return the plan with what is ``given`` (topic, `NONE`, or empty: to be guessed).
@@ -33,6 +39,8 @@ def complete_plan(bag: Bag, given: Mapping[Role, str]) -> Plan:
     for more in ("heading", "reference"):
         if given.get(more, NONE) not in ("", NONE):
             topics[more] = given[more]
+    if notes and any(topic.name.endswith(OF_FIXPOSITION) for topic in bag.topics):
+        notes.append(LIKE_FIXPOSITION)
     return Plan(topics, tuple(notes))
 
 

@@ -7,7 +7,11 @@ from typing import TYPE_CHECKING
 from jerkbench.data.source import add_source, dataset_of
 
 if TYPE_CHECKING:
+    from jerkbench.contracts import Dataset
     from jerkbench.recording import Recording
+
+SHIFTS = ("imu_shift_s", "position_latency_s", "velocity_latency_s", "position_shift_s", "velocity_shift_s")
+"""Parameters of data sets that move stamps to the time when the values were true."""
 
 FIGURES = (".pdf", ".png", ".svg")
 
@@ -29,7 +33,7 @@ def answer(chosen: argparse.Namespace) -> None:
         raise JerkbenchError(unknown("suffix of a figure", chosen.figure.suffix, FIGURES))
     dataset = dataset_of(chosen.source, chosen.dataset, chosen.set)
     if not isinstance(dataset, BagOptions):
-        _describe(dataset.load(chosen.seed), chosen.figure)
+        _describe(dataset.load(chosen.seed), dataset, chosen.figure)
         return
     _print_topics(dataset.path)
     try:
@@ -38,13 +42,17 @@ def answer(chosen: argparse.Namespace) -> None:
         print(f"\nNo recording can be made of it as it is: {error}")
     else:
         print()
-        _describe(recording, chosen.figure)
+        _describe(recording, dataset, chosen.figure)
 
 
-def _describe(recording: "Recording", figure: Path | None) -> None:
+def _describe(recording: "Recording", dataset: "Dataset", figure: Path | None) -> None:
     from jerkbench.data.facts import facts_text
 
     print(facts_text(recording))
+    shifts = {name: getattr(dataset, name, None) for name in SHIFTS}
+    given = [f"{name}={value}" for name, value in shifts.items() if (any(value) if isinstance(value, tuple) else value)]
+    if given:
+        print(f"Times are shifted already by {', '.join(given)}: what is left of the lags is above.")
     if figure is not None:
         from jerkbench.inspection.overview import overview_figure
         from jerkbench.report.figures import save_figure

@@ -12,6 +12,9 @@ from jerkbench.errors import PluginError
 SUFFIXES = {".pos": "rtklib", ".bag": "rosbag", ".db3": "rosbag", ".mcap": "rosbag"}
 """Which data set reads a file of this suffix, or a folder that holds such files."""
 
+INSIDE = {"*.hdf5": "broad", "processed_log": "comma2k19", "oxts": "kitti", "imu0": "euroc", "ms25.csv": "nclt"}
+"""What a folder holds of which a data set, or a preset of one, is known."""
+
 
 def add_source(parser: argparse.ArgumentParser) -> None:
     """Add the arguments that name a recording."""
@@ -37,7 +40,7 @@ def dataset_of(source: str, name: str | None, words: Sequence[str]) -> Dataset:
     given = _parameters(words)
     path = Path(source).expanduser()
     if path.exists():
-        return _created(choose("dataset", {**given, "name": name or _by_suffix(path)}).plain, str(path))
+        return _created(choose("dataset", {**given, "name": name or _by_content(path)}).plain, str(path))
     if name is not None or path.name != source or path.suffix:
         raise PluginError(f"There is no file or folder {source}; correct the path.")
     return _created(choose("dataset", {**given, "name": source}).plain)
@@ -67,11 +70,26 @@ def _parameters(words: Sequence[str]) -> dict[str, Any]:
     return cast("dict[str, Any]", parsed)
 
 
-def _by_suffix(path: Path) -> str:
+def _by_content(path: Path) -> str:
+    """The data set that the suffix of a file names, or what a folder holds."""
     suffixes = [path.suffix] if path.is_file() else sorted({inside.suffix for inside in path.iterdir()})
-    fitting = list(dict.fromkeys(SUFFIXES[suffix] for suffix in suffixes if suffix in SUFFIXES))
+    fitting = [SUFFIXES[suffix] for suffix in suffixes if suffix in SUFFIXES]
+    if path.is_dir():
+        fitting += [name for pattern, name in INSIDE.items() if any(path.glob(pattern))]
+    fitting = list(dict.fromkeys(fitting))
     if len(fitting) == 1:
         return fitting[0]
-    raise PluginError(
-        f"{path} has no suffix by which one data set is known; {', '.join(sorted(SUFFIXES))} are: give --dataset NAME."
+    why = (
+        f"could be of {' or '.join(fitting)}"
+        if fitting
+        else "has no suffix, and holds nothing, that tells its data set"
     )
+    raise PluginError(f"{path} {why}; give --dataset NAME ({', '.join(_readers())}).")
+
+
+def _readers() -> list[str]:
+    """Data sets that read files."""
+    from jerkbench import plugins
+
+    names = plugins.names("dataset")
+    return [n for n in names if dataclasses.fields(plugins.get("dataset", n))[0].name in ("file", "folder")]

@@ -5,15 +5,17 @@ from collections.abc import Iterator
 import numpy as np
 
 from jerkbench.inspection.allan import RestNoise, rest_noise
+from jerkbench.inspection.dependence import Dependence, velocity_dependence
 from jerkbench.inspection.lags import Lag, estimated_lags
 from jerkbench.inspection.sigmas import Sigma, stated_against_real_sigma
 from jerkbench.recording import Recording
 
 
 def findings_text(recording: Recording) -> str:
-    """Return lags, real against stated sigmas, and the noise of the IMU at rest, one a line."""
+    """Return lags, the velocity's dependence, real against stated sigmas, and the IMU's noise at rest, one a line."""
     noise = rest_noise(recording)
     lines = [_lag_line(lag) for lag in estimated_lags(recording)]
+    lines += [_dependence_line(one) for one in velocity_dependence(recording)]
     lines += [_sigma_line(sigma) for sigma in stated_against_real_sigma(recording)]
     lines += _noise_lines(noise) if noise else ["imu noise: no rest of 5 s at the start to read it from"]
     return "\n".join(lines)
@@ -22,7 +24,17 @@ def findings_text(recording: Recording) -> str:
 def _lag_line(lag: Lag) -> str:
     if np.isnan(lag.lag_s):
         return f"lag of {lag.stream} against {lag.against}: cannot be told (correlation {lag.correlation:.2f})"
-    return f"lag of {lag.stream} against {lag.against}: {lag.lag_s:+.3f} s (correlation {lag.correlation:.3f})"
+    return (
+        f"lag of {lag.stream} against {lag.against}: {lag.lag_s:+.3f} s, give or take {lag.within_s:.2f} s (correlation"
+        f" {lag.correlation:.3f})"
+    )
+
+
+def _dependence_line(one: Dependence) -> str:
+    return (
+        f"{one.stream} against the slope of the positions: fast changes correlate by {one.correlation:.2f} (0: noise of"
+        " its own, 1: one is computed from the other)"
+    )
 
 
 def _sigma_line(sigma: Sigma) -> str:

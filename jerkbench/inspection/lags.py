@@ -25,6 +25,15 @@ LEAST_ROWS = 20
 LEAST_CORRELATION = 0.5
 """With fewer rows, or a weaker relation at the best lag, none is stated."""
 
+ROWS_OF_A_DRAW = 10
+"""So many rows are worth one of a white residual: what is left at the best lag follows itself."""
+
+LIKELY = 3.84
+"""Chi-square of one degree of freedom, 95 %."""
+
+WORST_S = 0.1
+"""A lag of which no more than this is known is none."""
+
 
 @dataclass(frozen=True)
 class Lag:
@@ -35,12 +44,14 @@ class Lag:
         against: what it was compared with.
         lag_s: how old its values are at their stamps; the stamps less this are right. NaN where it cannot be told.
         correlation: of the two at that lag.
+        within_s: half the width of the lags that fit hardly worse (95 %).
     """
 
     stream: str
     against: str
     lag_s: float
     correlation: float
+    within_s: float
 
 
 def estimated_lags(recording: Recording) -> list[Lag]:
@@ -73,7 +84,7 @@ def _velocity_lags(position: Position, velocity: Velocity) -> list[Lag]:
     ]
 
 
-def _velocity_lag(position: Position, velocity: Velocity, axes: tuple[int, ...]) -> tuple[float, float]:
+def _velocity_lag(position: Position, velocity: Velocity, axes: tuple[int, ...]) -> tuple[float, float, float]:
     """Compare the velocity with the slope of the positions on ``axes``; a speed with the slope's length."""
     from scipy.interpolate import CubicSpline
 
@@ -98,7 +109,7 @@ def _speeds(velocity: Velocity, lags: list[Lag]) -> tuple[FloatArray, FloatArray
     return velocity.t_s[rows] - late_s, np.linalg.norm(velocity.mps[rows][:, axes], axis=1)
 
 
-def _imu_lag(imu: Imu, t_s: FloatArray, speed_mps: FloatArray) -> tuple[float, float]:
+def _imu_lag(imu: Imu, t_s: FloatArray, speed_mps: FloatArray) -> tuple[float, float, float]:
     """Compare the speed's changes with the integral of the forward force over the same time."""
     t_s, speed_mps = _spaced(t_s, speed_mps)
     gained = np.concatenate([[0.0], np.cumsum(imu.accel_mps2[1:, 0] * np.diff(imu.t_s))])
@@ -120,20 +131,33 @@ def _spaced(t_s: FloatArray, speed_mps: FloatArray) -> tuple[FloatArray, FloatAr
     return t_s[::every], speed_mps[::every]
 
 
-def _peak(correlation: Callable[[float], float], rows: int) -> tuple[float, float]:
-    """Return the lag of the largest correlation, refined by a parabola, and that; NaN where nothing can be told."""
+def _peak(correlation: Callable[[float], float], rows: int) -> tuple[float, float, float]:
+    """Return the lag of the largest correlation, refined by a parabola, that, and how well the lag is known.
+
+    A lag tau fits hardly worse than the best where (n/10) ln((1 - r(tau)^2)/(1 - r(best)^2)) < 3.84, r of n rows.
+    NaN where nothing can be told.
+    """
     if rows < LEAST_ROWS:
-        return float("nan"), float("nan")
+        return float("nan"), float("nan"), float("nan")
     steps = round(LARGEST_S / STEP_S)
-    lags_s = np.arange(-steps, steps + 1) * STEP_S
+    lags_s = np.asarray(np.arange(-steps, steps + 1) * STEP_S, dtype=np.float64)
     values = np.array([correlation(lag_s) for lag_s in lags_s])
     best = int(np.argmax(values))
-    if not values[best] >= LEAST_CORRELATION or best in (0, len(values) - 1):
-        return float("nan"), float(values[best])
+    within_s = _within(lags_s, values, rows)
+    if not values[best] >= LEAST_CORRELATION or best in (0, len(values) - 1) or within_s > WORST_S:
+        return float("nan"), float(values[best]), within_s
     before, here, after = values[best - 1 : best + 2]
     bend = before - 2 * here + after
     offset = 0.5 * (before - after) / bend if bend < 0 else 0.0
-    return float(lags_s[best] + offset * STEP_S), float(here)
+    return float(lags_s[best] + offset * STEP_S), float(here), within_s
+
+
+def _within(lags_s: FloatArray, values: FloatArray, rows: int) -> float:
+    """Half the width of the lags that fit hardly worse than the best; at least half a step."""
+    misfit = np.maximum(1.0 - values**2, 1e-12)
+    likely = np.log(misfit / misfit[int(np.argmax(values))]) < LIKELY * ROWS_OF_A_DRAW / rows
+    likely &= values > 0
+    return float(0.5 * (np.ptp(lags_s[likely]) + STEP_S)) if likely.any() else LARGEST_S
 
 
 def _correlation(a: FloatArray, b: FloatArray) -> float:

@@ -42,6 +42,39 @@ def test_what_cannot_be_done_is_a_sentence(tmp_path, typed, words, said):
     assert said in done.stderr
 
 
+@pytest.mark.parametrize(
+    ("inside", "said"),
+    [
+        (["a.pos", "b.bag"], "could be of rosbag or rtklib; give --dataset NAME (broad, comma2k19, fixposition, "),
+        (["a.pos", "oxts/data"], "could be of rtklib or kitti; give --dataset NAME"),
+        (["a.txt"], "holds nothing, that tells its data set; give --dataset NAME (broad, comma2k19, fixposition, "),
+        (["imu0/data.csv"], "imu0/data.csv is empty"),
+        (["processed_log/a"], "global_pose/frame_times"),
+    ],
+)
+def test_a_folder_is_known_by_what_it_holds(tmp_path, typed, inside, said):
+    for name in inside:
+        (tmp_path / "folder" / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / "folder" / name).touch()
+    done = typed("data", "inspect", "folder")
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert said in done.stderr
+
+
+def test_times_that_are_shifted_already_are_said(tmp_path, typed):
+    drive = Drive(duration_s=4.0)
+    drive.write(tmp_path / "a.bag")
+    given = ["imu_shift_s=-0.2", "velocity_latency_s=[0.1,0.1,0.1]"]
+    said = typed("data", "inspect", "a.bag", "--dataset", "fixposition", "--set", *given).stdout
+    assert "shifted already by imu_shift_s=-0.2, velocity_latency_s=(0.1, 0.1, 0.1): what is left" in said
+    assert "shifted already" not in typed("data", "inspect", "a.bag", "--dataset", "fixposition").stdout
+
+
+def test_a_fixpositions_bag_is_recognised(tmp_path, typed):
+    Drive(duration_s=4.0).write(tmp_path / "a.bag")
+    assert "like a Fixposition's: dataset=fixposition knows" in typed("data", "inspect", "a.bag").stdout
+
+
 def surveyed(path):
     with open_bag(path) as bag:
         return "\n".join(survey(bag))

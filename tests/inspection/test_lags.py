@@ -69,3 +69,28 @@ def test_the_latencies_of_the_real_drive_are_found(shared_folder):
     assert raw == pytest.approx({"velocity, horizontal": 0.125, "velocity, up": 0.275, "imu": 0.20}, abs=0.01)
     corrected = by_name(RtklibDrive(folder).load(0))
     assert corrected == pytest.approx(dict.fromkeys(raw, 0.0), abs=0.01)
+
+
+def test_how_well_a_lag_is_known_grows_with_the_noise():
+    """Forces with noise of their own: the lag stays, and the interval about it covers the true one."""
+    recording = driving(0.0, 0.2)
+    imu, draw = recording.imu, np.random.default_rng(1)
+    widths = []
+    for sigma in (0.0, 1.0):
+        noisy = imu.accel_mps2 + sigma * draw.normal(size=imu.accel_mps2.shape)
+        lag = estimated_lags(dataclasses.replace(recording, imu=Imu(imu.t_s, noisy, imu.gyro_radps)))[-1]
+        assert abs(lag.lag_s - 0.2) < lag.within_s
+        widths.append(lag.within_s)
+    assert widths[0] < widths[1] < 0.1
+
+
+def test_a_lag_that_fits_many_is_none():
+    """As comma2k19's: the wheel's stamps jitter, and a correlation of 0.8 stays over half a second."""
+    recording = driving(0.0, 0.0, frame="speed")
+    velocity, draw = recording.velocity, np.random.default_rng(0)
+    few = slice(0, 120)
+    jittered = velocity.mps[few] + 0.35 * draw.normal(size=(120, 1))
+    short = Velocity(velocity.t_s[few], jittered, velocity.covariance_m2ps2[few], "speed")
+    lag = estimated_lags(dataclasses.replace(recording, velocity=short))[-1]
+    assert np.isnan(lag.lag_s)
+    assert lag.within_s > 0.1

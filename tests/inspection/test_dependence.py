@@ -1,0 +1,43 @@
+"""A velocity that is the slope of its positions, and one that is not."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from jerkbench.conformance.recordings import small_recording
+from jerkbench.datasets.field import Field
+from jerkbench.inspection.dependence import velocity_dependence
+from jerkbench.recording import Position, Velocity
+
+
+def with_velocity(recording, mps):
+    position = recording.position
+    covariance = np.tile(0.01 * np.eye(3), (len(mps), 1, 1))
+    return dataclasses.replace(recording, velocity=Velocity(position.t_s, mps, covariance))
+
+
+@pytest.mark.parametrize("late", [0, 1])
+def test_the_backward_difference_of_the_positions_is_found(late):
+    drive = Field(duration_s=60.0).load(0)
+    p, t = drive.position.enu_m, drive.position.t_s
+    slope = np.vstack([np.zeros((1 + late, 3)), (np.diff(p, axis=0) / np.diff(t)[:, None])[: len(p) - 1 - late]])
+    found = velocity_dependence(with_velocity(drive, slope))
+    assert [one.stream for one in found] == ["velocity, horizontal", "velocity, up"]
+    assert all(one.correlation > 0.999 for one in found)
+    half = slope + np.std(np.diff(slope, axis=0)) * np.random.default_rng(0).normal(size=slope.shape)
+    assert all(0.3 < one.correlation < 0.9 for one in velocity_dependence(with_velocity(drive, half)))
+
+
+def test_noise_of_its_own_is_found_too():
+    for one in velocity_dependence(Field(duration_s=120.0).load(0)):
+        assert abs(one.correlation) < 0.2
+
+
+def test_a_velocity_without_a_position_for_each_is_left_out():
+    small = small_recording()
+    assert velocity_dependence(small) == []  # a fix lacks its height
+    position = small.position
+    fewer = Position(position.t_s[:50], np.nan_to_num(position.enu_m[:50]), position.covariance_m2[:50])
+    assert velocity_dependence(dataclasses.replace(small, position=fewer)) == []
+    assert velocity_dependence(dataclasses.replace(small, velocity=None)) == []
