@@ -1,5 +1,6 @@
 """Parts of a recording from the columns of a table."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
@@ -71,6 +72,17 @@ class Stream:
                 f"{columns.where} has {len(columns)} rows, {clock.dates} has {len(t_ns)} times; they must be the same."
             )
         return cls(columns, t_ns + round(shift_s * 1e9))
+
+    def only(self, names: Sequence[str]) -> "Stream":
+        """Return the rows in which the stream's columns ``names`` are not all empty: others belong to other streams.
+
+        Raises:
+            RecordingError: there is no such column, or it has no entry at all.
+        """
+        rows = self.columns.rows_of(names)
+        if not rows.any():
+            raise RecordingError(f"{self.columns.where} has no entry in {', '.join(names)}; name other columns.")
+        return self if rows.all() else Stream(self.columns.only(rows), self.t_ns[rows])
 
     @staticmethod
     def files(folder: str, pattern: str, parameter: str) -> tuple[Path, ...]:

@@ -74,8 +74,9 @@ class Tables(TimedColumns):
 
     A column is a name of the header or a number from 1. A file is a name, or a pattern (``data/*.txt``): all files
     that fit, one after the other. Time 0 is the first IMU sample; a stream's shift is added to its stamps, so that a
-    value that is .1 s old needs -0.1. An empty cell of a position or velocity is an axis that was not measured. A file
-    of positions or velocities that ends in .pos is RTKLIB's: it needs no columns, and has its own covariances.
+    value that is .1 s old needs -0.1. An empty cell of a position or velocity is an axis that was not measured; a row
+    in which all columns of a stream are empty is none of it, so that one file may hold several streams. A file of
+    positions or velocities that ends in .pos is RTKLIB's: it needs no columns, and has its own covariances.
 
     Body: FLU, from the sensor's axes by ``imu_axes``. Frames of places: enu, ned (local), geodetic, ecef; the first
     fix (without fixes, the first place of the reference) is the origin of ENU. What is not given is not there: without
@@ -177,6 +178,7 @@ class Tables(TimedColumns):
             RecordingError: a file is missing or damaged, a column is not there, or what is in it makes no recording.
         """
         imu = self._stream("imu", self.imu_file, self.imu_time, self.imu_shift_s)
+        imu = imu.only((*self.imu_accel, *self.imu_gyro))
         zero_ns = int(imu.t_ns[0]) if len(imu.t_ns) else 0
         position, origin = self._position(zero_ns)
         reference, origin = self._reference(zero_ns, origin, position)
@@ -260,6 +262,7 @@ class Tables(TimedColumns):
             t_s, solution = self._solution("position", self.position_file, zero_ns, self.position_shift_s)
             return solution.position(t_s)
         stream = self._stream("position", self.position_file, self.position_time, self.position_shift_s)
+        stream = stream.only(self.position_columns)
         places = self._places(stream.columns.numbers(self.position_columns), self.position_frame)
         origin = origin_of(places, self.position_frame)
         sigma = stream.columns.numbers(self.position_sigma)
@@ -272,6 +275,7 @@ class Tables(TimedColumns):
         if self.velocity_file.endswith(SOLUTION):
             return self._solved_velocity(zero_ns)
         stream = self._stream("velocity", self.velocity_file, self.velocity_time, self.velocity_shift_s)
+        stream = stream.only(self.velocity_columns)
         values = stream.columns.numbers(self.velocity_columns)
         return velocity_of(stream.t_s(zero_ns), values, self.velocity_frame, self.velocity_sigma_mps)
 
@@ -290,6 +294,8 @@ class Tables(TimedColumns):
         if not self.reference_file:
             return fixes_as_reference(position, np.array([0.0])), origin
         stream = self._stream("reference", self.reference_file, self.reference_time, self.reference_shift_s)
+        if named := (*self.reference_position, *self.reference_velocity, *self.reference_attitude):
+            stream = stream.only(named)
         columns, frame = stream.columns, self.reference_frame
         enu_m = None
         if self.reference_position:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.errors import RecordingError, unknown
 from jerkbench.readers.dates import calendar_ns
 from jerkbench.readers.gpst import WEEK_NS
@@ -52,6 +52,19 @@ class Columns:
         """How many rows there are."""
         return len(self._table)
 
+    def rows_of(self, names: Sequence[str]) -> BoolArray:
+        """Return (n,) in which rows at least one of the columns ``names`` has an entry.
+
+        Raises:
+            RecordingError: there is no such column.
+        """
+        entries = self._table.iloc[:, [self._place(name) for name in names]].notna()
+        return np.asarray(entries.any(axis=1), dtype=np.bool_)
+
+    def only(self, rows: BoolArray) -> "Columns":
+        """Return the table with only ``rows``; they keep their numbers in errors."""
+        return Columns(self.where, self._table[rows])
+
     def numbers(self, names: Sequence[str]) -> FloatArray:
         """Return (n, len(names)); an empty cell is NaN.
 
@@ -64,7 +77,9 @@ class Columns:
             wrong = np.abs(column) > LARGEST
             if wrong.any():
                 row = int(np.argmax(wrong))
-                raise RecordingError(f"{self.where}, row {row + 1}, column {name}: {column[row]:g} is no measurement.")
+                raise RecordingError(
+                    f"{self.where}, row {self._number(row)}, column {name}: {column[row]:g} is no measurement."
+                )
         return table
 
     def stamps_ns(self, name: str, unit: str) -> IntArray:
@@ -78,10 +93,16 @@ class Columns:
         wrong = ~(np.abs(values.astype(np.float64)) <= LARGEST_NS / scale)  # NaN is wrong too
         if wrong.any():
             row = int(np.argmax(wrong))
-            raise RecordingError(f"{self.where}, row {row + 1}, column {name}: '{values[row]}' is no time in {unit}.")
+            raise RecordingError(
+                f"{self.where}, row {self._number(row)}, column {name}: '{values[row]}' is no time in {unit}."
+            )
         if np.issubdtype(values.dtype, np.integer):
             return np.asarray(values.astype(np.int64) * scale)
         return np.round(values.astype(np.float64) * scale).astype(np.int64)
+
+    def _number(self, row: int) -> int:
+        """The number, from 1, that a row had when it was read."""
+        return int(self._table.index[row]) + 1
 
     def _numeric(self, name: str) -> np.ndarray[Any, Any]:
         import pandas as pd
@@ -93,7 +114,9 @@ class Columns:
         wrong = numeric.isna() & ~column.isna()
         if wrong.any():
             row = int(np.argmax(wrong.to_numpy()))
-            raise RecordingError(f"{self.where}, row {row + 1}, column {name}: '{column.iloc[row]}' is no number.")
+            raise RecordingError(
+                f"{self.where}, row {self._number(row)}, column {name}: '{column.iloc[row]}' is no number."
+            )
         whole = pd.api.types.is_integer_dtype(numeric) and not numeric.isna().any()
         return numeric.to_numpy(dtype=np.int64 if whole and numeric.dtype != np.uint64 else np.float64)
 

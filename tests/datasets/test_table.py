@@ -9,9 +9,11 @@ from scipy.spatial.transform import Rotation
 
 from jerkbench.benchmark.parts import choose
 from jerkbench.conformance.plugin import check_plugin
+from jerkbench.conformance.recordings import small_recording
 from jerkbench.datasets.table import Tables
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.plugins import create
+from jerkbench.writers.tables import write_table
 
 START_NS = 1_403_636_579_763_555_584
 LATITUDE, LONGITUDE, HEIGHT = 49.0, 8.4, 110.0
@@ -192,6 +194,53 @@ def test_a_solution_beside_times_of_unix(tmp_path):
     np.testing.assert_allclose(recording.velocity.t_s, np.arange(8) - 0.1, atol=1e-6)
     np.testing.assert_allclose(recording.velocity.mps[3], [-2.5, 1.5, 0.25])
     np.testing.assert_allclose(recording.velocity.covariance_m2ps2[0], np.diag([0.04, 0.01, 0.09]))
+
+
+@pytest.mark.parametrize("name", ["all.csv", "all.parquet"])
+def test_one_table_of_all_streams_is_read_back(tmp_path, name):
+    """What `data convert` writes: a row for each stamp of any stream, empty where a stream has none."""
+    small = small_recording()
+    write_table(small, tmp_path / name)
+    enu, axes = ("east_m", "north_m", "up_m"), ("forward", "left", "up")
+    files = {
+        f"{stream}_{what}": value
+        for stream in ("imu", "position", "velocity", "reference")
+        for what, value in (("file", name), ("time", "t_s"))
+    }
+    back = Tables(
+        str(tmp_path),
+        **files,
+        epoch="none",
+        imu_accel=tuple(f"accel_{axis}_mps2" for axis in axes),
+        imu_gyro=tuple(f"gyro_{axis}_radps" for axis in axes),
+        position_columns=tuple(f"position_{axis}" for axis in enu),
+        position_frame="enu",
+        velocity_columns=tuple(f"velocity_{axis.replace('_m', '_mps')}" for axis in enu),
+        reference_position=tuple(f"reference_{axis}" for axis in enu),
+        reference_attitude=tuple(f"reference_{angle}_rad" for angle in ("roll", "pitch", "yaw")),
+    ).load(0)
+    zero_s = small.imu.t_s[0]
+    for stream, field in (
+        ("imu", "accel_mps2"),
+        ("position", "enu_m"),
+        ("velocity", "mps"),
+        ("reference", "euler_rad"),
+    ):
+        one, other = getattr(back, stream), getattr(small, stream)
+        np.testing.assert_allclose(one.t_s, other.t_s - zero_s, atol=1e-9)
+        np.testing.assert_allclose(getattr(one, field), getattr(other, field), atol=1e-9)
+
+
+def test_a_row_keeps_its_number_where_others_are_left_out(tmp_path):
+    table = pd.DataFrame({"t": np.arange(8.0), **dict.fromkeys(("ax", "ay", "az", "gx", "gy"), 0.0)})
+    table["gz"] = ["", "1", "", "2", "x", "3", "4", "5"]
+    table.loc[[0, 2], ["ax", "ay", "az", "gx", "gy"]] = np.nan
+    table.to_csv(tmp_path / "imu.csv", index=False)
+    with pytest.raises(RecordingError, match=r"row 5, column gz: 'x' is no number"):
+        Tables(str(tmp_path)).load(0)
+    table.assign(hx=np.nan, hy=np.nan, hz=np.nan).to_csv(tmp_path / "imu.csv", index=False)
+    with pytest.raises(RecordingError, match=r"has no entry in hx, hy, hz; name other columns"):
+        Tables(str(tmp_path), position_file="imu.csv", position_columns=("hx", "hy", "hz")).load(0)
 
 
 PLAIN = {"t": IMU_S, "ax": 0 * IMU_S, "ay": 0 * IMU_S, "az": 0 * IMU_S + 1, "gx": 0 * IMU_S, "gy": 0 * IMU_S}
