@@ -14,6 +14,7 @@ from jerkbench.bags.positions import Place, first_place, frame_of
 from jerkbench.bags.references import at_body, no_reference, reference_of
 from jerkbench.bags.roles import Plan
 from jerkbench.bags.streams import heading_of, imu_of, position_of, usable_fixes, velocity_of
+from jerkbench.readers.gravity import gravity_notes
 from jerkbench.readers.overlap import with_common_time
 from jerkbench.readers.rest import first_rest_s, scaled_to_gravity, without_gyro_bias
 from jerkbench.readers.ros.files import bag_files, missing_parts
@@ -54,7 +55,12 @@ def load_bag(options: BagOptions, planner: Planner) -> Loaded:
     parts = missing_parts(bag_files(path))
     notes = [*options.remarks, *([f"Parts {parts} of the split bag are missing."] if parts else [])]
     recording = with_common_time(_assembled(options, plan, taken.frames, taken.about, clean, ledger), OTHER_CLOCK)
-    notes += [*plan.notes, *recording.notes, *(str(finding) for finding in ledger.findings)]
+    notes += [
+        *gravity_notes(recording.imu.accel_mps2, "imu_axes"),
+        *plan.notes,
+        *recording.notes,
+        *(str(finding) for finding in ledger.findings),
+    ]
     return Loaded(replace(recording, notes=tuple(notes)), plan, tuple(ledger.findings))
 
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.inspection.findings import findings_text
+from jerkbench.readers.gravity import felt_axis
 from jerkbench.recording import Recording
 
 GAP = 2.5
@@ -70,7 +71,6 @@ def _inertial(recording: Recording) -> Iterator[str]:
 
 
 def _up(force: FloatArray) -> str:
-    axis = int(np.argmax(np.abs(force)))
-    sign = "+" if force[axis] > 0 else "-"
-    up = f"gravity is felt on {sign}{'xyz'[axis]}"
-    return up if (axis, sign) == (2, "+") else f"{up}; a body in FLU feels it on +z: the axes need turning"
+    felt = felt_axis(force[None])
+    up = f"gravity is felt on {felt}"
+    return up if felt == "+z" else f"{up}; a body in FLU feels it on +z: the axes need turning"

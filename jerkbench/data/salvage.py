@@ -19,4 +19,4 @@ def answer(chosen: argparse.Namespace) -> None:
     for topic, count in sorted(saved.messages.items()):
         print(f"  {topic}: {count}")
     if saved.cut_chunks or saved.lost_bytes:
-        print(f"{saved.cut_chunks} chunks were not whole, and {saved.lost_bytes} bytes belong to none.")
+        print(f"Chunks that were not whole: {saved.cut_chunks}; bytes that belong to none: {saved.lost_bytes}.")

@@ -9,8 +9,8 @@ from typing import Any, cast
 from jerkbench.contracts import Dataset
 from jerkbench.errors import PluginError
 
-SUFFIXES = {".pos": "rtklib", ".bag": "rosbag", ".db3": "rosbag", ".mcap": "rosbag"}
-"""Which data set reads a file of this suffix, or a folder that holds such files."""
+SUFFIXES = {".pos": "rtklib", ".bag": "rosbag", ".db3": "rosbag", ".mcap": "rosbag", ".active": "rosbag"}
+"""Which data set reads a file of this suffix, or a folder with such files; .bag.active is what a power loss leaves."""
 
 INSIDE = {"*.hdf5": "broad", "processed_log": "comma2k19", "oxts": "kitti", "imu0": "euroc", "ms25.csv": "nclt"}
 """What a folder holds of which a data set, or a preset of one, is known."""

@@ -14,6 +14,7 @@ from jerkbench.readers.columns import TIME_UNITS, TextFormat
 from jerkbench.readers.fetched import recording_folder
 from jerkbench.readers.files import find_file, fingerprint
 from jerkbench.readers.gpst import GPST_MINUS_UTC_S, utc_of
+from jerkbench.readers.gravity import gravity_notes
 from jerkbench.readers.imu_log import ImuLog, ImuMap, read_imu_log, read_imu_table
 from jerkbench.readers.latency import velocity_when_true
 from jerkbench.readers.mounting import ACCEL_UNITS, GYRO_UNITS, body_from_sensor
@@ -82,7 +83,7 @@ class RtklibDrive:
         imu_axes: which axes of the sensor are x, y and z here: x, -x, y, -y, z or -z each.
         accel_unit: of the log: g or m/s2.
         gyro_unit: of the log: deg/s or rad/s.
-        imu_axis_signs: applied first: x, y, z.
+        imu_axis_signs: of x, y, z, applied after ``imu_axes``.
         mounting_yaw_deg: from the body to the IMU, about z.
         mounting_pitch_deg: from the body to the IMU, about y, after the yaw; positive is nose down.
         imu_shift_s: added to the IMU's stamps.
@@ -159,16 +160,17 @@ class RtklibDrive:
         position, origin = fixes.position(t_s)
         speed_mps = _speed(fixes, position)
         rest_s = first_rest_s(t_s, speed_mps, log.t_s[-1]) if self.rest_s is None else self.rest_s
+        imu = self._calibrated(self._in_body(log), rest_s)
         recording = Recording(
             name=pos_path.parent.resolve().name,
-            imu=self._calibrated(self._in_body(log), rest_s),
+            imu=imu,
             reference=self._reference(t_s, position.enu_m, speed_mps),
             position=position,
             velocity=self._velocity(t_s, fixes),
             origin=origin,
             start_utc=utc_of(zero_ns, self.gpst_minus_utc_s),
             static_start_s=rest_s,
-            notes=(*NOTES, *self._fitted()),
+            notes=(*gravity_notes(imu.accel_mps2, "imu_axes"), *NOTES, *self._fitted()),
         )
         return with_common_time(recording, f"check that {imu_path.name} is of the same drive, and its times in GPST")
 

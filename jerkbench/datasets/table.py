@@ -21,6 +21,7 @@ from jerkbench.plugins import register
 from jerkbench.readers.columns import TIME_UNITS, Columns, TextFormat
 from jerkbench.readers.files import fingerprint
 from jerkbench.readers.gpst import GPS_EPOCH_NS, GPST_MINUS_UTC_S, utc_of
+from jerkbench.readers.gravity import gravity_notes
 from jerkbench.readers.mounting import ACCEL_UNITS, GYRO_UNITS
 from jerkbench.readers.overlap import with_common_time
 from jerkbench.readers.rest import without_gyro_bias
@@ -182,15 +183,17 @@ class Tables(TimedColumns):
         zero_ns = int(imu.t_ns[0]) if len(imu.t_ns) else 0
         position, origin = self._position(zero_ns)
         reference, origin = self._reference(zero_ns, origin, position)
+        samples = self._imu(imu, zero_ns)
         recording = Recording(
             name=Path(self.folder).expanduser().resolve().name,
-            imu=self._imu(imu, zero_ns),
+            imu=samples,
             reference=reference,
             position=position,
             velocity=self._velocity(zero_ns),
             origin=origin,
             start_utc=self._start_utc(zero_ns),
             static_start_s=self.static_start_s,
+            notes=gravity_notes(samples.accel_mps2, "imu_axes"),
         )
         return with_common_time(recording, "check the columns of times and their unit")
 

@@ -39,6 +39,12 @@ def test_the_huskys_gyro_turns_left_where_its_course_does(bags):
     assert np.ptp(by_gyro) > 3
 
 
+def test_without_imu_axes_the_husky_says_so_under_every_table(bags):
+    said = RosBag(str(bags / "test1.bag")).load(0).notes[0]
+    assert said.startswith("The IMU feels gravity on +y, and a body (forward, left, up) on +z: attitude and forces are")
+    assert not any("gravity" in note for note in loaded(bags, "husky_bag", "test1.bag").notes)
+
+
 def test_of_the_xsens_bag_the_imu_that_feels_gravity_is_guessed(bags):
     file = str(bags / "xsens.bag")
     recording = RosBag(file, position_topic="/stereo_odometer/odometry", position_frame="ned").load(0)

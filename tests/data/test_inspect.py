@@ -61,6 +61,13 @@ def test_a_folder_is_known_by_what_it_holds(tmp_path, typed, inside, said):
     assert said in done.stderr
 
 
+def test_what_a_power_loss_leaves_says_how_to_go_on(tmp_path, typed):
+    Drive(duration_s=4.0).write(tmp_path / "a.bag")
+    (tmp_path / "a.bag").rename(tmp_path / "a.bag.active")
+    assert "rename it so that it ends in .bag" in typed("data", "inspect", "a.bag.active").stderr
+    assert typed("data", "salvage", "a.bag.active", "b.bag").returncode == 0
+
+
 def test_times_that_are_shifted_already_are_said(tmp_path, typed):
     drive = Drive(duration_s=4.0)
     drive.write(tmp_path / "a.bag")

@@ -282,6 +282,13 @@ def test_units_axes_shifts_and_parquet(tmp_path):
     check_plugin("dataset", dataset)
 
 
+def test_gravity_on_another_axis_is_a_note(tmp_path):
+    write(tmp_path / "imu.csv", PLAIN)
+    turned = Tables(str(tmp_path), **GIVEN, imu_axes=("z", "-y", "x")).load(0)
+    assert "feels gravity on +x, and a body (forward, left, up) on +z" in turned.notes[0]
+    assert Tables(str(tmp_path), **GIVEN).load(0).notes == ()
+
+
 def test_a_row_that_changes_changes_the_fingerprint(tmp_path):
     write(tmp_path / "imu.csv", PLAIN)
     before = Tables(str(tmp_path)).fingerprint()
