@@ -23,7 +23,7 @@ class Sigma:
             against the reference.
         stated: (3,) root of the mean stated variance on each axis.
         real: (3,) root mean square on each axis.
-        ratio: root of the mean of e' R^-1 e/3; 1: as stated, 2: twice as large.
+        ratio: root of the mean of e' R^-1 e an axis; 1: as stated, 2: twice as large.
         rows: over how many.
     """
 
@@ -40,21 +40,24 @@ def stated_against_real_sigma(recording: Recording) -> list[Sigma]:
     """Return what can be told of position and ENU velocity: at rest at the start, and against the reference.
 
     A reference whose places are the fixes themselves says nothing of them; it is left out. The reference is taken
-    linearly between its stamps, where these are no further apart than 0.5 s.
+    linearly between its stamps, where these are no further apart than 0.5 s. A row need not have all axes.
     """
     found = []
     for name, unit, t_s, values, covariance in _streams(recording):
-        whole = np.isfinite(values).all(axis=1)
-        still = whole & (t_s >= 0) & (t_s < recording.static_start_s)
-        if still.sum() >= LEAST_ROWS:
-            centre = values[still].mean(axis=0) if name == "position" else np.zeros(3)
+        still = (t_s >= 0) & (t_s < recording.static_start_s)
+        if _enough(values[still]):
+            centre = np.nanmean(values[still], axis=0) if name == "position" else np.zeros(3)
             found.append(_sigma(name, unit, REST, values[still] - centre, covariance[still]))
-        truth = _truth(recording, name, t_s)
-        there = whole & np.isfinite(truth).all(axis=1)
-        error = values[there] - truth[there]
-        if there.sum() >= LEAST_ROWS and error.any():
-            found.append(_sigma(name, unit, REFERENCE, error, covariance[there]))
+        error = values - _truth(recording, name, t_s)
+        there = np.isfinite(error).any(axis=1)
+        if _enough(error[there]) and (np.nan_to_num(error) != 0).any():
+            found.append(_sigma(name, unit, REFERENCE, error[there], covariance[there]))
     return found
+
+
+def _enough(values: FloatArray) -> bool:
+    """Whether each axis is there often enough."""
+    return bool((np.isfinite(values).sum(axis=0) >= LEAST_ROWS).all())
 
 
 def _streams(recording: Recording) -> list[tuple[str, str, FloatArray, FloatArray, FloatArray]]:
@@ -86,13 +89,18 @@ NEAR_S = 0.5
 
 
 def _sigma(name: str, unit: str, basis: str, error: FloatArray, covariance: FloatArray) -> Sigma:
-    squares = np.einsum("ki,ki->k", error, np.linalg.solve(covariance, error[:, :, None])[:, :, 0])
+    """Of errors (k, 3), NaN where an axis was not measured."""
+    there = np.isfinite(error)
+    known, both = np.where(there, error, 0.0), there[:, :, None] & there[:, None, :]
+    weighed = np.linalg.solve(np.where(both, covariance, np.eye(3)), known[:, :, None])[:, :, 0]
+    squares = np.einsum("ki,ki->k", known, weighed)
+    variances = np.where(there, np.diagonal(covariance, axis1=1, axis2=2), np.nan)
     return Sigma(
         stream=name,
         unit=unit,
         basis=basis,
-        stated=np.sqrt(np.diagonal(covariance, axis1=1, axis2=2).mean(axis=0)),
-        real=np.sqrt((error**2).mean(axis=0)),
-        ratio=float(np.sqrt(squares.mean() / 3)),
+        stated=np.sqrt(np.nanmean(variances, axis=0)),
+        real=np.sqrt(np.nanmean(error**2, axis=0)),
+        ratio=float(np.sqrt(squares.sum() / there.sum())),
         rows=len(error),
     )

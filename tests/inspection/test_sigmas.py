@@ -31,6 +31,21 @@ def test_the_ratio_is_that_of_the_noise_that_was_drawn():
     np.testing.assert_allclose(found["position", REFERENCE].stated, 0.01)
 
 
+def test_axes_in_rows_of_their_own_are_the_same():
+    """As where horizontal and vertical velocities have different latencies."""
+    recording = noisy()
+    velocity = recording.velocity
+    t_s = np.sort(np.concatenate([velocity.t_s, velocity.t_s + 0.01]))
+    mps = np.repeat(velocity.mps, 2, axis=0)
+    mps[::2, 2], mps[1::2, :2] = np.nan, np.nan
+    apart = dataclasses.replace(recording, velocity=Velocity(t_s, mps, np.repeat(velocity.covariance_m2ps2, 2, axis=0)))
+    (whole,) = (one for one in stated_against_real_sigma(recording) if (one.stream, one.basis) == ("velocity", REST))
+    (split,) = (one for one in stated_against_real_sigma(apart) if (one.stream, one.basis) == ("velocity", REST))
+    np.testing.assert_allclose(split.real, whole.real, rtol=1e-2)
+    assert split.ratio == pytest.approx(whole.ratio, rel=1e-2)
+    np.testing.assert_allclose(split.stated, 0.03)
+
+
 def test_fixes_that_are_the_reference_themselves_say_nothing():
     recording = noisy()
     position = recording.position

@@ -104,7 +104,7 @@ def test_a_flipped_byte_gives_no_other_numbers_than_the_ordinary_reader(tmp_path
     sound, whole, draw = both(path, FIELDS)[0], path.read_bytes(), np.random.default_rng(len(name))
     harmed = tmp_path / f"harmed{path.suffix}"
     cut = 0
-    for _ in range(60):
+    for _ in range(40):
         content = bytearray(whole)
         content[draw.integers(len(content))] ^= int(draw.integers(1, 256))
         harmed.write_bytes(content)
