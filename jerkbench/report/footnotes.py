@@ -10,7 +10,7 @@ from jerkbench.report.table import ABSENT, Cell, Table
 if TYPE_CHECKING:
     import pandas as pd
 
-FEW = 10
+FEW = 5
 """Below so many seeds the bootstrap's interval is too short."""
 
 REASONS = 3

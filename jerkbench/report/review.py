@@ -9,11 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from jerkbench.report.costs import costs
-from jerkbench.report.footnotes import FEW
 from jerkbench.report.summary import summarise
 
 if TYPE_CHECKING:
     import pandas as pd
+
+LEAST_SEEDS = 10
+"""Fewer leave large differences unshown."""
 
 LEAST_SETTINGS = 3
 """Fewer settings are no sweep."""
@@ -111,10 +113,10 @@ def _seeds(evidence: Evidence) -> tuple[bool | None, str]:
     phases = int((rows["replicate"] == "phase").sum())
     if len(runs) == 0:
         return False, f"None: {phases} rows are phases of recordings, which are not independent."
-    few = int((runs < FEW).sum())
+    few = int((runs < LEAST_SEEDS).sum())
     counted = f"{runs.min()}" if runs.min() == runs.max() else f"{runs.min()} to {runs.max()}"
     more = f" {phases} rows are phases of recordings, which are not independent." if phases else ""
-    return few == 0 and phases == 0, f"{counted} a cell; {FEW} are asked for.{more}"
+    return few == 0 and phases == 0, f"{counted} a cell; {LEAST_SEEDS} are asked for.{more}"
 
 
 def _intervals(evidence: Evidence) -> tuple[bool | None, str]:

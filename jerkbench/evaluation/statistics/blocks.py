@@ -5,10 +5,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from jerkbench.arrays import FloatArray
+from jerkbench.evaluation.statistics.intervals import expanded
 
 RESAMPLES = 1999
 SEED = 20
 """Fixed: the same errors give the same interval."""
+
+FACTOR = 8
+"""Correlation times in a block: the means of shorter ones know each other, and the interval gets too short."""
 
 FEWEST_BLOCKS = 5
 """Fewer independent pieces carry no interval."""
@@ -37,8 +41,10 @@ def block_interval(squares: FloatArray, confidence: float = 0.95) -> RecordingIn
     """Return the RMSE of (n,) squared errors in their order, with a moving-block bootstrap interval.
 
     Blocks of l rows, drawn with replacement from all n - l + 1 of them, keep the correlation within; l is at least
-    four times the correlation time (with twice, it is 11 % too short) and n^(1/3). It says how the RMSE would vary
-    over other stretches of the same kind of drive: not over other drives, receivers or days, and it carries no p-value.
+    `FACTOR` times the correlation time and n^(1/3); the level is that of `intervals.expanded` for n/l values. Simulated
+    with autoregressive errors of 200 to 600 correlation times, it holds the true RMSE in 93 to 95 % of cases. It
+    says how the RMSE would vary over other stretches of the same kind of drive: not over other drives, receivers or
+    days, and it carries no p-value.
 
     Source: Künsch, "The jackknife and the bootstrap for general stationary observations", Ann. Statist. 17 (1989).
     """
@@ -46,12 +52,13 @@ def block_interval(squares: FloatArray, confidence: float = 0.95) -> RecordingIn
     if n == 0 or not np.isfinite(squares).all():
         return RecordingInterval(np.nan, np.nan, np.nan, 0, np.nan)
     tau = correlation_rows(squares)
-    block = int(min(n, max(np.ceil(4 * tau), np.ceil(n ** (1 / 3)))))
+    block = int(min(n, max(np.ceil(FACTOR * tau), np.ceil(n ** (1 / 3)))))
     rmse = float(np.sqrt(np.mean(squares)))
     if n < FEWEST_BLOCKS * block:
         return RecordingInterval(rmse, np.nan, np.nan, block, tau)
     means = _resampled_means(squares, block)
-    low, high = np.quantile(means, [(1 - confidence) / 2, (1 + confidence) / 2])
+    level = expanded(confidence, n / block)
+    low, high = np.quantile(means, [(1 - level) / 2, (1 + level) / 2])
     return RecordingInterval(rmse, float(np.sqrt(low)), float(np.sqrt(high)), block, tau)
 
 
