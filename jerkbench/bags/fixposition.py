@@ -25,7 +25,7 @@ def find_odometry(bag: Bag, namespace: str) -> Topic:
     found.sort(key=lambda topic: ODOMETRIES.index(_last(topic.name)))
     for topic in found:
         position = bag.read({topic.name: ["position"]})[topic.name]["position"]
-        if is_ecef(position[np.linalg.norm(position, axis=1) > 0]):  # before the fusion starts it may write zeros
+        if is_ecef(position[np.abs(position).max(axis=1) > 0]):  # before the fusion starts it may write zeros
             return topic
     there = ", ".join(f"{topic.name} ({topic.msgtype})" for topic in bag.topics)
     reason = f"{found[0].name} is not in ECEF" if found else f"no nav_msgs/Odometry ends in {' or '.join(ODOMETRIES)}"

@@ -37,7 +37,9 @@ def survey(bag: Bag) -> Iterator[str]:
         frames = " in ".join(name for name in (messages.child_frame_id, messages.frame_id) if name)
         rate = f"{topic.count} messages, {messages.rate_hz():.4g} Hz"
         yield f"{topic.name} ({topic.msgtype}): {rate}, frame {frames or '-'}"
-        yield from (f"    {line}" for line in _oddities(messages))
+        with np.errstate(over="ignore", invalid="ignore"):  # damaged numbers are what is to be described
+            lines = list(_oddities(messages))
+        yield from (f"    {line}" for line in lines)
 
 
 def _fields(topic: Topic) -> list[str]:
@@ -48,6 +50,9 @@ def _fields(topic: Topic) -> list[str]:
 
 def _oddities(messages: Messages) -> Iterator[str]:
     yield from _stamps(messages)
+    for name, value in messages.values.items():
+        if count := int((~np.isfinite(value)).any(axis=1).sum()):
+            yield f"{name.replace('_', ' ')} is NaN or infinite in {count} of {len(value)} messages"
     if messages.msgtype == IMU:
         yield from _imu(messages)
     elif messages.msgtype == FIX:
@@ -72,7 +77,10 @@ def _imu(messages: Messages) -> Iterator[str]:
     if not force.any() and not rate.any():
         yield "every measurement is zero: this is no IMU"
         return
-    middle = np.nanmedian(force, axis=0)
+    middle = np.array([_middle(axis) for axis in force.T])
+    if not np.isfinite(middle).all():
+        yield "the specific force is never a number on some axis"
+        return
     size, axis = float(np.linalg.norm(middle)), int(np.argmax(np.abs(middle)))
     felt = f"gravity on {'-' if middle[axis] < 0 else '+'}{'xyz'[axis]}"
     if size < LEAST_GRAVITY_MPS2:
@@ -89,6 +97,9 @@ def _fixes(messages: Messages) -> Iterator[str]:
     states, counts = np.unique(messages["status"], return_counts=True)
     yield "status " + ", ".join(f"{int(s)}: {n}" for s, n in zip(states, counts, strict=True))
     coordinates = [messages[name][:, 0] for name in ("latitude", "longitude", "altitude")]
+    if not all(np.isfinite(one).any() for one in coordinates):
+        yield "no coordinates: never a number"
+        return
     ranges = [f"{np.nanmin(one):.5f} to {np.nanmax(one):.5f}" for one in coordinates]
     yield f"latitude {ranges[0]} deg, longitude {ranges[1]} deg, height {ranges[2]} m"
 
@@ -129,10 +140,16 @@ def _level(variances: FloatArray) -> str:
     zeros = int((variances == 0).any(axis=1).sum())
     some = f", zero in {zeros} rows" if zeros else ""
     with np.errstate(invalid="ignore"):
-        sigma = _numbers(np.sqrt(np.nanmedian(variances, axis=0)))
+        sigma = _numbers(np.sqrt([_middle(axis) for axis in variances.T]))
     if len(np.unique(variances[variances.any(axis=1)], axis=0)) == 1:
         return f"sigma {sigma} in every row{some}: a placeholder rather than an estimate"
     return f"sigma (median) {sigma}{some}"
+
+
+def _middle(values: FloatArray) -> float:
+    """The median of what is a number; NaN where nothing is."""
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if len(known) else float("nan")
 
 
 def _numbers(values: FloatArray) -> str:

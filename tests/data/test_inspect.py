@@ -82,6 +82,53 @@ def test_a_fixpositions_bag_is_recognised(tmp_path, typed):
     assert "like a Fixposition's: dataset=fixposition knows" in typed("data", "inspect", "a.bag").stdout
 
 
+def all_nan(drive):
+    for message in drive.messages("/fixposition/poiimu"):
+        message.linear_acceleration.x = float("nan")
+    for message in drive.messages("/fixposition/gnss1"):
+        message.latitude = float("nan")
+        message.position_covariance[:] = float("nan")
+    for message in drive.messages("/fixposition/odometry_ecef"):
+        message.pose.pose.position.x = float("nan")
+
+
+def absurd(drive):
+    for message in drive.messages("/fixposition/poiimu")[::2]:
+        message.linear_acceleration.x = 1e300
+    for message in drive.messages("/fixposition/odometry_ecef")[::3]:
+        message.pose.pose.position.x = message.twist.twist.linear.x = 1e300
+
+
+def one_message_each(drive):
+    for rows in drive.rows.values():
+        del rows[1:]
+
+
+def one_stamp(drive):
+    for rows in drive.rows.values():
+        for row in rows:
+            row[0], row[2].header.stamp = START_NS, rows[0][2].header.stamp
+
+
+@pytest.mark.parametrize(
+    ("harm", "said"),
+    [
+        (all_nan, "linear acceleration is NaN or infinite in 200 of 200 messages"),
+        (absurd, "length inf"),
+        (one_message_each, "1 usable messages are left"),
+        (one_stamp, "199 stamps repeat the one before"),
+    ],
+)
+@pytest.mark.parametrize("dataset", [[], ["--dataset", "fixposition"]])
+def test_whatever_is_in_a_bag_can_be_described(tmp_path, typed, harm, said, dataset):
+    drive = Drive(duration_s=4.0)
+    harm(drive)
+    drive.write(tmp_path / "a.bag")
+    done = typed("data", "inspect", "a.bag", *dataset)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert said in done.stdout
+
+
 def surveyed(path):
     with open_bag(path) as bag:
         return "\n".join(survey(bag))

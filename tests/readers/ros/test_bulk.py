@@ -1,9 +1,12 @@
 """What is cut out of a bag in bulk is what the ordinary reader gives, to the bit."""
 
+import sqlite3
+from contextlib import closing
+
 import numpy as np
 import pytest
 
-from bag_maker import ROS1, ROS2, Drive, imu, write_bag
+from bag_maker import IMU_TYPE, ROS1, ROS2, Drive, imu, write_bag
 from jerkbench.readers.ros.bag import Bag, open_bag
 from jerkbench.readers.ros.errors import BagError
 
@@ -86,6 +89,29 @@ def test_bag_times_that_are_not_in_order_are_sorted(tmp_path):
         assert quick is not None
         np.testing.assert_array_equal(quick["/imu"].bag_ns, sorted(times))
         assert_same(quick, ordinary)
+
+
+def test_two_publishers_of_one_topic_are_merged_by_time(tmp_path):
+    from rosbags.rosbag1 import Writer
+
+    with Writer(tmp_path / "a.bag") as writer:
+        both_of = [writer.add_connection("/imu", IMU_TYPE, typestore=ROS1, callerid=one) for one in ("a", "b")]
+        for k in range(300):
+            for connection, later in zip(both_of, (0, k % 3), strict=True):
+                _, message = imu(ROS1, 1000 + 10 * k, accel=(k, connection.id, 0))
+                writer.write(connection, 1000 + 10 * k + later, ROS1.serialize_ros1(message, IMU_TYPE))
+    quick, ordinary = both(tmp_path / "a.bag", {"/imu": ["linear_acceleration"]})
+    assert quick is not None
+    assert_same(quick, ordinary)
+
+
+def test_a_cell_of_another_type_in_sqlite_is_left_to_the_ordinary_reader(tmp_path):
+    path = Drive(ROS2, duration_s=2.0).write(tmp_path / "a") / "a.db3"
+    with closing(sqlite3.connect(path)) as base:
+        base.execute("UPDATE messages SET data = 'text' WHERE id = 7")
+        base.commit()
+    with open_bag(path) as bag:
+        assert bag._in_bulk(FIELDS) is None
 
 
 def same(one, other):

@@ -23,6 +23,7 @@ UNFIT = (
     RuntimeError,
     ValueError,
     IndexError,
+    TypeError,
     OverflowError,
     MemoryError,
     struct.error,
