@@ -65,7 +65,7 @@ def print_adaptations(table: pd.DataFrame, method: str) -> None:
     """Print what each adaptation does over all scenarios: geometric mean of the ratios to none, the extremes."""
     print(f"\n{method}: each adaptation over all scenarios, ratios to none\n")
     lines = []
-    for adaptation in table.index.unique("adaptation").drop("none"):
+    for adaptation in table.xs(method, level="filter").index.unique("adaptation").drop("none"):
         one = ratios(table, method, adaptation)
         kept = one["ratio"].dropna().sort_values()
         ends = [f"{kept.iloc[end]:.3g} {' '.join(kept.index[end])}" for end in (0, -1)] if len(kept) else ["", ""]
