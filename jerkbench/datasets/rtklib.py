@@ -23,6 +23,8 @@ from jerkbench.readers.rest import first_rest_s, scaled_to_gravity, without_gyro
 from jerkbench.readers.rtklib_pos import PosSolution, read_rtklib_pos
 from jerkbench.readers.streams import axes_matrix
 from jerkbench.recording import Imu, Position, Recording, Reference, Velocity
+from jerkbench.sanitiser.fixes import leap_notes, leaping_rows
+from jerkbench.sanitiser.values import possible_imu
 
 EPOCHS = ("gps", "unix")
 NOTES = (
@@ -153,14 +155,14 @@ class RtklibDrive:
             RecordingError: a file is missing or damaged, no fix is accepted, or there is no rest to calibrate in.
         """
         pos_path, imu_path = self._paths()[:2]
-        fixes = self._accepted(read_rtklib_pos(pos_path, self.gpst_minus_utc_s), pos_path)
+        fixes, leaps = _steady(self._accepted(read_rtklib_pos(pos_path, self.gpst_minus_utc_s), pos_path))
         log = self._log()
         zero_ns = log.start_gpst_ns + round(self.imu_shift_s * 1e9)
         t_s = ((fixes.gpst_ns - zero_ns) * 1e-9).astype(np.float64)
         position, origin = fixes.position(t_s)
         speed_mps = _speed(fixes, position)
         rest_s = first_rest_s(t_s, speed_mps, log.t_s[-1]) if self.rest_s is None else self.rest_s
-        imu = self._calibrated(self._in_body(log), rest_s)
+        imu = self._calibrated(possible_imu(str(imu_path), self._in_body(log)), rest_s)
         recording = Recording(
             name=pos_path.parent.resolve().name,
             imu=imu,
@@ -170,7 +172,7 @@ class RtklibDrive:
             origin=origin,
             start_utc=utc_of(zero_ns, self.gpst_minus_utc_s),
             static_start_s=rest_s,
-            notes=(*gravity_notes(imu.accel_mps2, "imu_axes"), *NOTES, *self._fitted()),
+            notes=(*gravity_notes(imu.accel_mps2, "imu_axes"), *leaps, *NOTES, *self._fitted()),
         )
         return with_common_time(recording, f"check that {imu_path.name} is of the same drive, and its times in GPST")
 
@@ -239,6 +241,13 @@ class RtklibDrive:
             enu_m=enu_m,
             scored=speed_mps >= self.min_speed_mps,
         )
+
+
+def _steady(fixes: PosSolution) -> tuple[PosSolution, tuple[str, ...]]:
+    """The solution without fixes that leap, and a note that counts them, or none."""
+    t_s = np.asarray((fixes.gpst_ns - fixes.gpst_ns[0]) * 1e-9, dtype=np.float64)
+    leaps = leaping_rows(t_s, fixes.position(t_s)[0].enu_m)
+    return fixes.select(~leaps), leap_notes(leaps)
 
 
 def _speed(fixes: PosSolution, position: Position) -> FloatArray:

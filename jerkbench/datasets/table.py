@@ -28,6 +28,8 @@ from jerkbench.readers.rest import without_gyro_bias
 from jerkbench.readers.rtklib_pos import PosSolution, read_rtklib_pos
 from jerkbench.readers.streams import FRAMES, axes_in_enu, axes_matrix, enu_from, in_enu, origin_of, require_frame
 from jerkbench.recording import Imu, Origin, Position, Recording, Reference, Velocity
+from jerkbench.sanitiser.fixes import leap_notes, leaping_rows
+from jerkbench.sanitiser.values import possible_imu
 from jerkbench.simulation.checks import require_not_negative, require_positive
 
 ANGLE_UNITS = {"deg": 1.0, "rad": float(np.degrees(1.0))}
@@ -182,8 +184,13 @@ class Tables(TimedColumns):
         imu = imu.only((*self.imu_accel, *self.imu_gyro))
         zero_ns = int(imu.t_ns[0]) if len(imu.t_ns) else 0
         position, origin = self._position(zero_ns)
+        leaps: tuple[str, ...] = ()
+        if position is not None:
+            wrong = leaping_rows(position.t_s, np.nan_to_num(position.enu_m))  # an axis that is not there leaps nowhere
+            position = Position(position.t_s[~wrong], position.enu_m[~wrong], position.covariance_m2[~wrong])
+            leaps = leap_notes(wrong)
         reference, origin = self._reference(zero_ns, origin, position)
-        samples = self._imu(imu, zero_ns)
+        samples = possible_imu(imu.columns.where, self._imu(imu, zero_ns))
         recording = Recording(
             name=Path(self.folder).expanduser().resolve().name,
             imu=samples,
@@ -193,7 +200,7 @@ class Tables(TimedColumns):
             origin=origin,
             start_utc=self._start_utc(zero_ns),
             static_start_s=self.static_start_s,
-            notes=gravity_notes(samples.accel_mps2, "imu_axes"),
+            notes=(*gravity_notes(samples.accel_mps2, "imu_axes"), *leaps),
         )
         return with_common_time(recording, "check the columns of times and their unit")
 

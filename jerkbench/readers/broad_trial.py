@@ -9,10 +9,13 @@ import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.errors import RecordingError
-from jerkbench.readers.text import read_bytes
+from jerkbench.readers.text import read_bytes, require_possible
 
 COLUMNS = {"imu_acc": 3, "imu_gyr": 3, "opt_quat": 4, "movement": 1}
 """Fields that are read, and how many columns each has; magnetometer and optical position are left alone."""
+
+MOST = {"imu_acc": 1e3, "imu_gyr": 1e2, "opt_quat": 2.0, "movement": 1.0}
+"""What is larger is damage: m/s2, rad/s."""
 
 LEAST_SAMPLES = 2
 
@@ -91,6 +94,7 @@ def _array(path: Path, fields: Mapping[str, Any], name: str, samples: int) -> Fl
     wanted = (samples, columns)
     if array.size != samples * columns or len(array) != samples or samples < LEAST_SAMPLES:
         raise RecordingError(f"{path}: {name} has shape {array.shape}; it must be {wanted}, numbers, and not empty.")
+    require_possible(f"{path}, {name}", array, MOST[name])
     return array.reshape(wanted)
 
 

@@ -2,12 +2,13 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from tokenize import TokenError
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.errors import RecordingError
-from jerkbench.readers.text import read_bytes
+from jerkbench.readers.text import LARGEST, read_bytes, require_possible
 
 POSE, LOG = "global_pose", "processed_log"
 COLUMNS = {
@@ -25,6 +26,9 @@ COLUMNS = {
 }
 """Arrays that are read, and how many columns each has."""
 
+NO_ARRAY = (ValueError, EOFError, OSError, TypeError, SyntaxError, TokenError, MemoryError, OverflowError)
+"""What reading a damaged NumPy file raises."""
+
 STREAMS = {
     "frames": (0, 1, 2, 3),
     "imu": (4, 5, 6),
@@ -32,6 +36,15 @@ STREAMS = {
     "wheel": (9, 10),
 }
 """Which of them have the same number of rows."""
+
+MOST = {
+    f"{LOG}/IMU/accelerometer/value": 1e3,
+    f"{LOG}/IMU/gyro/value": 1e2,
+    f"{LOG}/CAN/speed/value": 2e2,
+    f"{POSE}/frame_positions": 1e7,
+    f"{POSE}/frame_velocities": 2e2,
+}
+"""What is larger is damage: m/s2, rad/s, m/s, m."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +84,7 @@ def read_comma_segment(folder: Path) -> CommaSegment:
     Raises:
         RecordingError: a file is missing, is no NumPy array, or has another shape than the others ask for.
     """
-    arrays = [_read(folder / name, columns) for name, columns in COLUMNS.items()]
+    arrays = [_read(folder / name, columns, MOST.get(name, LARGEST)) for name, columns in COLUMNS.items()]
     names = list(COLUMNS)
     for rows in STREAMS.values():
         lengths = {len(arrays[row]) for row in rows}
@@ -95,15 +108,16 @@ def segment_files(folder: Path) -> tuple[Path, ...]:
     return paths
 
 
-def _read(path: Path, columns: int) -> FloatArray:
+def _read(path: Path, columns: int, most: float) -> FloatArray:
     read_bytes(path)
     try:
         array = np.asarray(np.load(path, allow_pickle=False), dtype=np.float64)
-    except (ValueError, EOFError, OSError, TypeError) as error:
+    except NO_ARRAY as error:
         raise RecordingError(f"{path} cannot be read as a NumPy array ({error}); copy it again.") from error
     table = array.reshape(len(array), -1) if array.ndim in (1, 2) and array.size else np.empty((0, 0))
     if table.shape[1] != columns:
         raise RecordingError(f"{path} has shape {array.shape}; it must have {columns} columns.")
     if not np.isfinite(table).all():
         raise RecordingError(f"{path} holds NaN or infinity; copy it again.")
+    require_possible(str(path), table, most)
     return table

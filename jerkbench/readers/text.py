@@ -72,6 +72,18 @@ def require_increasing(path: Path, lines: list[Line], times: np.ndarray, what: s
         )
 
 
+def require_possible(where: str, values: FloatArray, most: float = LARGEST) -> None:
+    """Check that no value (NaN aside) is beyond ``most``.
+
+    Raises:
+        RecordingError: names ``where`` and the first row.
+    """
+    beyond = np.abs(values.reshape(len(values), -1)) > most
+    if beyond.any():
+        row = int(np.argmax(beyond.any(axis=1)))
+        raise RecordingError(f"{where}, row {row + 1} holds a value beyond {most:g}, which is damage or another unit.")
+
+
 def _first_fault(path: Path, lines: list[Line], columns: int, separator: str | None) -> str:
     for number, text in lines:
         fields = text.split(separator)

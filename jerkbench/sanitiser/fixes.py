@@ -34,6 +34,13 @@ def without_leaps(stream: str, messages: Messages, ledger: Ledger, field: str) -
     return messages.rows(~leaps)
 
 
+def leap_notes(leaps: BoolArray) -> tuple[str, ...]:
+    """Return a note about fixes that were dropped, where ``leaps`` (n,) is True, or none."""
+    count = int(leaps.sum())
+    said = "leaps out of its" if count == 1 else "leap out of their"
+    return (f"{count} of {len(leaps)} fixes {said} neighbours by more than {LEAP_M:g} m: dropped.",) if count else ()
+
+
 def leaping_rows(t_s: FloatArray, position_m: FloatArray) -> BoolArray:
     """Return (n,) which are too far from the median of the five positions around them."""
     n = len(position_m)

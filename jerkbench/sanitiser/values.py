@@ -6,6 +6,8 @@ import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.readers.ros.messages import Messages
+from jerkbench.readers.text import require_possible
+from jerkbench.recording import Imu
 from jerkbench.sanitiser.ledger import DROPPED, Ledger
 
 MOST_MPS2 = 1000.0
@@ -34,6 +36,20 @@ def without_impossible(
         ledger.add(stream, f"an impossible {_said(field)}, above {most:g}", over, messages.bag_ns, DROPPED)
         messages = messages.rows(~over)
     return messages
+
+
+def possible_imu(where: str, imu: Imu) -> Imu:
+    """Return the samples, of which none is beyond what an IMU measures.
+
+    Raises:
+        RecordingError: one is, by damage or by a wrong unit; names ``where`` and the row.
+    """
+    for what, values, most in (
+        ("specific force", imu.accel_mps2, MOST_MPS2),
+        ("angular rate", imu.gyro_radps, MOST_RADPS),
+    ):
+        require_possible(f"{where}, {what}", values, most)
+    return imu
 
 
 def without_frozen_gyro(stream: str, messages: Messages, ledger: Ledger, field: str = "angular_velocity") -> Messages:

@@ -73,6 +73,24 @@ def test_a_damaged_cache_is_read_again_from_the_bag(bag, tmp_path, harm):
     assert len(file.read_bytes()) == len(whole)
 
 
+def test_a_flipped_byte_in_the_cache_never_shows(bag, tmp_path):
+    first = Fixposition(str(bag)).load(0)
+    (file,) = kept(tmp_path)
+    whole, draw = file.read_bytes(), np.random.default_rng(5)
+    for place in [*range(0, 400, 9), *draw.integers(len(whole), size=60), *range(len(whole) - 1500, len(whole), 60)]:
+        content = bytearray(whole)
+        content[place] ^= int(draw.integers(1, 256))
+        file.write_bytes(content)
+        found = extract._kept(file)
+        if found is not None:  # a byte that says nothing
+            file.write_bytes(whole)
+            expected = extract._kept(file)
+            for topic, messages in expected.raw.items():
+                for name, value in messages.values.items():
+                    np.testing.assert_array_equal(found.raw[topic][name], value)
+    assert same(Fixposition(str(bag)).load(0), first)
+
+
 def test_a_cache_that_cannot_be_written_is_one_line(bag, tmp_path):
     (tmp_path / "cache").write_text("a file, where a folder should be")
     with pytest.warns(UserWarning, match="cannot be written .* bags are read anew each time"):

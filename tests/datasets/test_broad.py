@@ -95,6 +95,7 @@ def test_a_perfect_imu_has_no_inclination_error(tmp_path, attitude):
         ({"movement": np.zeros(5, dtype=bool)}, r"movement has shape \(5,\)"),
         ({"sampling_rate": -1.0}, "sampling_rate is -1"),
         ({"sampling_rate": None}, "sampling_rate is None"),
+        ({"imu_acc": np.full((1000, 3), 1e300)}, "imu_acc, row 1 holds a value beyond 1000, which is damage"),
         ({"imu_gyr": np.full((1000, 3), np.nan)}, "gyro_radps row 0"),
     ],
 )

@@ -129,6 +129,8 @@ def test_the_bearing_is_a_course(tmp_path):
         ({"processed_log/IMU/gyro/value": np.zeros((1001, 2))}, r"shape \(1001, 2\); it must have 3 columns"),
         ({"processed_log/CAN/speed/value": np.full((501, 1), np.nan)}, "speed/value holds NaN"),
         ({"processed_log/CAN/speed/t": np.array([{}], dtype=object)}, "speed/t cannot be read as a NumPy array"),
+        ({"processed_log/IMU/gyro/value": np.full((1001, 3), 1e3)}, "gyro/value, row 1 holds a value beyond 100"),
+        ({"processed_log/GNSS/live_gnss_ublox/value": np.full((101, 6), 1e200)}, "row 1 holds a value beyond 1e"),
         ({"global_pose/frame_times": np.zeros(201)}, "t_s row 1 .* does not increase"),
         ({"processed_log/GNSS/live_gnss_ublox/value": np.zeros((101, 6))}, "UTC of fix 1 is not later"),
     ],

@@ -226,6 +226,17 @@ def imu_table(folder, name, t, **how):
 MAPPED = {"imu_time": "time", "imu_accel": ("ax", "ay", "az"), "imu_gyro": ("2", "3", "4")}
 
 
+def test_a_fix_that_leaps_is_dropped_and_said(tmp_path):
+    folder = write_drive(tmp_path)
+    lines = (tmp_path / "a.pos").read_text().splitlines()
+    lines[1] = lines[1].replace(" 45.0 ", " 75.0 ")  # the first: ENU begins at the second then
+    (tmp_path / "a.pos").write_text("\n".join(lines) + "\n")
+    recording = RtklibDrive(folder, **PLAIN).load(0)
+    assert recording.notes[0] == "1 of 17 fixes leaps out of its neighbours by more than 50 m: dropped."
+    assert (len(recording.position.t_s), recording.origin.latitude_deg) == (16, 45.0)
+    assert np.abs(recording.reference.enu_m).max() < 10
+
+
 @pytest.mark.parametrize(
     ("epoch", "unit", "times"),
     [

@@ -282,6 +282,24 @@ def test_units_axes_shifts_and_parquet(tmp_path):
     check_plugin("dataset", dataset)
 
 
+def test_another_unit_or_damage_is_a_sentence(tmp_path):
+    write(tmp_path / "imu.csv", PLAIN | {"az": np.where(np.arange(1000) == 6, 9e5, 1.0)})
+    with pytest.raises(RecordingError, match=r"imu\.csv, specific force, row 7 holds a value beyond 1000"):
+        Tables(str(tmp_path), **GIVEN).load(0)
+
+
+def test_a_fix_that_leaps_is_dropped_and_said(tmp_path):
+    write(tmp_path / "imu.csv", PLAIN)
+    fixes = pd.DataFrame({"t": FIX_S, "latitude": LATITUDE, "longitude": LONGITUDE, "height": 110.0})
+    fixes.loc[3, "height"] = np.nan
+    fixes.loc[40, "latitude"] = 94.0 - LATITUDE
+    fixes.to_csv(tmp_path / "fix.csv", index=False)
+    recording = Tables(str(tmp_path), **GIVEN, position_file="fix.csv").load(0)
+    assert len(recording.position.t_s) == 94
+    assert recording.notes == ("1 of 95 fixes leaps out of its neighbours by more than 50 m: dropped.",)
+    assert np.isnan(recording.position.enu_m[:, 2]).sum() == 1
+
+
 def test_gravity_on_another_axis_is_a_note(tmp_path):
     write(tmp_path / "imu.csv", PLAIN)
     turned = Tables(str(tmp_path), **GIVEN, imu_axes=("z", "-y", "x")).load(0)
