@@ -87,7 +87,18 @@ def _answer(words: list[str]) -> None:
     elif chosen.verb == "data":
         answer(chosen)
     else:
+        _read_results(chosen)
+
+
+def _read_results(chosen: argparse.Namespace) -> None:
+    """Answer a verb that reads results; a file that it cannot write becomes a sentence."""
+    try:
         chosen.answer(chosen)
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        what = error.filename or "The result"
+        raise JerkbenchError(f"{what} cannot be read or written: {error.strerror or error}.") from error
 
 
 def _parser() -> argparse.ArgumentParser:

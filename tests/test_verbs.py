@@ -103,3 +103,18 @@ def test_every_figure_of_a_study_is_drawn(study, tmp_path):
     assert all(any(kind.endswith(name) for kind in kinds) for name in named)
     assert {"bars.png", "heat-map.png", "profile.png"} <= {path.name for path in tmp_path.iterdir()}
     assert len(list(tmp_path.glob("*.png"))) == len(list(tmp_path.glob("*.pdf"))) == 11
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("export", "1", "--tum", "rows.csv/x"), "rows.csv/x cannot be read or written: Not a directory."),
+        (("report", "--scenarios", "-1"), "'-1' is no number of scenarios; give 0 or more"),
+        (("figures", "--scenarios", "two"), "'two' is no number of scenarios; give 0 or more"),
+        (("report", "--scenarios", "0", "--out", "rows.csv/x.html"), "rows.csv"),
+    ],
+)
+def test_what_cannot_be_done_is_a_sentence(study, words, said):
+    done = jerkbench(words[0], str(study), *words[1:], cwd=study)
+    assert done.returncode == 2
+    assert said in done.stderr

@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from jerkbench.verbs.kinds import Verbs
+from jerkbench.verbs.kinds import Verbs, count
 
 
 def add(verbs: Verbs) -> None:
@@ -11,7 +11,7 @@ def add(verbs: Verbs) -> None:
     figures = verbs.add_parser("figures", help="draw a study's figures: those of its rows, and of each scenario's runs")
     figures.add_argument("folder", type=Path, help="the study's folder, or a folder of cells")
     figures.add_argument("--out", type=Path, help="where they go (default: figures/ in the study's folder)")
-    figures.add_argument("--scenarios", type=int, default=20, help="draw the runs of so many scenarios (default: 20)")
+    figures.add_argument("--scenarios", type=count, default=20, help="draw the runs of so many scenarios (default: 20)")
     figures.set_defaults(answer=answer)
 
 

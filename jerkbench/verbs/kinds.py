@@ -7,3 +7,14 @@ if TYPE_CHECKING:
     Verbs = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001 - argparse has no public name for it
 else:
     Verbs = Any
+
+
+def count(text: str) -> int:
+    """Read a number of things.
+
+    Raises:
+        ArgumentTypeError: it is none.
+    """
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"'{text}' is no number of scenarios; give 0 or more")
+    return int(text)

@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from jerkbench.verbs.kinds import Verbs
+from jerkbench.verbs.kinds import Verbs, count
 
 
 def add(verbs: Verbs) -> None:
@@ -11,7 +11,7 @@ def add(verbs: Verbs) -> None:
     report = verbs.add_parser("report", help="write a study as one HTML file: findings, every cell, figures, a review")
     report.add_argument("folder", type=Path, help="the study's folder, or a folder of cells")
     report.add_argument("--out", type=Path, help="the file (default: report.html in the study's folder)")
-    report.add_argument("--scenarios", type=int, default=6, help="draw the runs of so many scenarios (default: 6)")
+    report.add_argument("--scenarios", type=count, default=6, help="draw the runs of so many scenarios (default: 6)")
     report.set_defaults(answer=answer)
 
 
