@@ -21,7 +21,8 @@ CLAIM = {"filter": "jerk", "adaptation": "mtf"}
 AGAINST = ("baseline", "baseline_naive")
 """What it is said against, without adaptation: with a tuned process noise, and with one that was never tuned."""
 
-HOLDS, FAILS, OPEN, UNKNOWN = "holds", "does not hold", "stays open", "cannot be judged"
+HOLDS, FAILS, OPEN = "holds", "does not hold", "stays open"
+NO_INTERVAL, NO_PAIR = "has no interval", "has no pair of runs"
 
 
 def claimed(rows: "pd.DataFrame") -> list[Comparison]:
@@ -41,8 +42,10 @@ def _only(rows: "pd.DataFrame", against: Mapping[str, str]) -> "pd.DataFrame":
 def verdict(one: Comparison) -> str:
     """Say whether the claim holds: its whole interval is beyond it, or on this side of it."""
     low, high = better(one)[1:]
-    if one.replicate == "phase" or one.paired.n == 0 or math.isnan(low):
-        return UNKNOWN
+    if one.paired.n == 0:
+        return NO_PAIR
+    if one.replicate == "phase" or math.isnan(low):
+        return NO_INTERVAL
     return HOLDS if low > CLAIMED else FAILS if high < CLAIMED else OPEN
 
 
@@ -73,7 +76,9 @@ def headlines(rows: "pd.DataFrame", comparisons: Sequence[Comparison]) -> list[s
 
 
 def _counted(found: Counter[str]) -> str:
-    said = ", ".join(f"it {word} in {found[word]}" for word in (HOLDS, FAILS, OPEN, UNKNOWN) if found[word])
+    said = ", ".join(
+        f"it {word} in {found[word]}" for word in (HOLDS, FAILS, OPEN, NO_INTERVAL, NO_PAIR) if found[word]
+    )
     return f"Of {found.total()} cases {said}."
 
 
@@ -90,7 +95,7 @@ def _sentence(one: Comparison, varying: Sequence[str]) -> str:
         return f"{head} Nothing can be said{where}: {lost or 'no run of both has a value'}."
     times, low, high = map(number, better(one))
     word = verdict(one)
-    if word == UNKNOWN:
+    if word == NO_INTERVAL:
         return f"{head} Seen: {times} times{where}, over {one.paired.n} runs, without an interval{and_lost(lost)}."
     return f"{head} It {word}: {times} times{where} (95 % {low} to {high}, {one.paired.n} seeds){and_lost(lost)}."
 

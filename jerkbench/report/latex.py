@@ -1,4 +1,4 @@
-r"""Table -> LaTeX; needs ``\usepackage{booktabs}`` and ``\usepackage{siunitx}`` (version 3)."""
+r"""Table -> LaTeX; needs ``\usepackage{booktabs,siunitx}`` (siunitx 3), and ``longtable`` for what fills pages."""
 
 import re
 from collections.abc import Sequence
@@ -30,6 +30,11 @@ SPECIAL = {
 }
 """Characters that LaTeX reads otherwise, and how to write them."""
 
+SETUP = r"\sisetup{detect-weight=true, mode=text}"
+
+PAGE = 44
+"""As many lines of a table have room on a page, with its caption and some footnotes."""
+
 PLAIN = re.compile(r"-?[0-9]+(\.[0-9]+)?")
 """Numbers that a column of siunitx can align."""
 
@@ -38,28 +43,56 @@ UNITS = {"%": r"\percent", "µs": r"\micro\second", "deg": r"\degree"}
 
 
 def latex(table: Table) -> str:
-    """Return a ``table`` environment: the title as caption, booktabs rules, numbers at the point, footnotes below."""
+    """Return a ``table`` environment: the title as caption, booktabs rules, numbers at the point, footnotes below.
+
+    What is too long for a page is a ``longtable`` instead, with its head on every page.
+    """
     columns = "".join(_column([row[k] for row in table.cells]) for k in range(len(table.columns)))
     keys = len(table.row_keys)
-    head = [escaped(text) if k < keys else f"{{{escaped(text)}}}" for k, text in enumerate(table.header)]
-    lines = [
+    head = _line([escaped(text) if k < keys else f"{{{escaped(text)}}}" for k, text in enumerate(table.header)])
+    caption = rf"\caption{{{_title(table)}}}\label{{tab:{table.metric.replace('_', '-')}}}"
+    body = _body(table)
+    wrap = _on_pages if len(body) > PAGE else _floating
+    return "\n".join([*wrap(caption, "l" * keys + columns, head, body, _notes(table)), ""])
+
+
+def _floating(caption: str, columns: str, head: str, body: list[str], notes: list[str]) -> list[str]:
+    return [
         r"\begin{table}",
         r"  \centering",
-        r"  \sisetup{detect-weight=true, mode=text}",
-        rf"  \caption{{{_title(table)}}}",
-        rf"  \label{{tab:{table.metric.replace('_', '-')}}}",
+        rf"  {SETUP}",
+        f"  {caption}",
         r"  \small",
-        rf"  \begin{{tabular}}{{{'l' * keys}{columns}}}",
+        rf"  \begin{{tabular}}{{{columns}}}",
         r"    \toprule",
-        _line(head),
+        head,
         r"    \midrule",
-        *_body(table),
+        *body,
         r"    \bottomrule",
         r"  \end{tabular}",
-        *_notes(table),
+        *notes,
         r"\end{table}",
     ]
-    return "\n".join([*lines, ""])
+
+
+def _on_pages(caption: str, columns: str, head: str, body: list[str], notes: list[str]) -> list[str]:
+    ruled = [r"    \toprule", head, r"    \midrule"]
+    return [
+        r"{",
+        rf"  \small{SETUP}",
+        rf"  \begin{{longtable}}{{{columns}}}",
+        rf"    {caption}\\",
+        *ruled,
+        r"    \endfirsthead",
+        *ruled,
+        r"    \endhead",
+        r"    \bottomrule",
+        r"    \endfoot",
+        *body,
+        r"  \end{longtable}",
+        *notes,
+        r"}",
+    ]
 
 
 def escaped(text: str) -> str:
@@ -72,11 +105,12 @@ def escaped(text: str) -> str:
 
 
 def _body(table: Table) -> list[str]:
-    """Return the lines; the numbers of a row on the first, their intervals and troubles below them."""
+    """Return the lines; the numbers of a row on the first, their intervals and troubles below them, on one page."""
     lines = []
     for values, cells in zip(table.sparse_rows, table.cells, strict=True):
         columns = [*([escaped(value)] for value in values), *(_stack(cell) for cell in cells)]
-        lines += [_line(list(texts)) for texts in zip_longest(*columns, fillvalue="")]
+        row = [_line(list(texts)) for texts in zip_longest(*columns, fillvalue="")]
+        lines += [*(f"{line}*" for line in row[:-1]), row[-1]]
     return lines
 
 

@@ -169,12 +169,14 @@ def test_html_escapes_and_marks_the_best(study):
 
 
 @pytest.mark.skipif(shutil.which("pdflatex") is None, reason="pdflatex is not there")
-def test_latex_compiles(study, tmp_path):
-    lost = study.copy()
+@pytest.mark.parametrize("scenarios", [1, 30])
+def test_latex_compiles_and_fits_its_pages(study, tmp_path, scenarios):
+    lost = pd.concat([study.assign(disturbance=f"d{k:02}") for k in range(scenarios)])
     lost.loc[lost["adaptation"] == "chance", "status"] = "diverged"
     tiny = lost.assign(position_rmse_m=lost["position_rmse_m"].where(lost["adaptation"] != "copy", 1e-7))
     text = latex(summarise(tiny, "position_rmse_m", baseline=NONE, notes=("100% of R_k & {x} #1 ~ ^ <$> ± σ",)))  # noqa: RUF001
-    packages = r"\usepackage[T1]{fontenc}\usepackage{booktabs}\usepackage{siunitx}"
+    assert ("longtable" in text) is (scenarios > 1)
+    packages = r"\usepackage[T1]{fontenc}\usepackage{booktabs,longtable,siunitx}"
     (tmp_path / "t.tex").write_text(
         rf"\documentclass{{article}}{packages}\begin{{document}}{text}\end{{document}}", encoding="utf-8"
     )
@@ -189,3 +191,5 @@ def test_latex_compiles(study, tmp_path):
         pytest.skip("siunitx is not there")
     assert done.returncode == 0, done.stdout[-2000:]
     assert "Package siunitx" not in done.stdout
+    assert "Float too large" not in done.stdout
+    assert "Overfull \\vbox" not in done.stdout

@@ -1,5 +1,6 @@
 """The part of the report that a reader sees first: what is best where, the paper's claim, and what differs."""
 
+import math
 from collections.abc import Sequence
 from html import escape
 from typing import TYPE_CHECKING
@@ -117,6 +118,8 @@ def _sentences(found: Sequence[Comparison], varying: Sequence[str]) -> str:
 def _counted(name: str, found: Sequence[Comparison]) -> str:
     shown = sum(one.shown for one in found)
     where = f"{name}: " if name else ""
+    if all(math.isnan(one.p) for one in found):
+        return f"{where}{len(found)} comparisons, without a test (no seeds)"
     return f"{where}a difference was shown in {shown} of {len(found)} comparisons"
 
 
