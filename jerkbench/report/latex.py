@@ -154,7 +154,7 @@ def _notes(table: Table) -> list[str]:
     return [
         r"",
         r"  \smallskip",
-        r"  \begin{minipage}{\linewidth}\footnotesize\raggedright",
+        r"  \noindent\begin{minipage}{\linewidth}\footnotesize\raggedright",
         *notes,
         r"  \end{minipage}",
     ]
