@@ -3,6 +3,7 @@
 Source: the bag format 2.0, wiki.ros.org/Bags/Format/2.0.
 """
 
+import mmap
 import struct
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -127,7 +128,7 @@ def _fields(header: memoryview) -> dict[bytes, bytes] | None:
 
 def _next_chunk(content: memoryview, at: int) -> int:
     """Where the next chunk begins, or the end."""
-    data = content.obj if isinstance(content.obj, bytes) else bytes(content)
+    data = content.obj if isinstance(content.obj, bytes | mmap.mmap) else bytes(content)
     found = at - 1
     while (found := data.find(CHUNK_FIELD, found + 1)) >= 0:
         for begin in range(max(at, found - CHUNK_FIELD_WITHIN), found):

@@ -1,5 +1,6 @@
 """A fresh, indexed bag from what is whole in a ROS 1 bag that was cut off or damaged."""
 
+import mmap
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -47,27 +48,30 @@ def salvage(source: Path, target: Path) -> Salvaged:
     return saved
 
 
-def _content(source: Path) -> bytes:
+def _content(source: Path) -> memoryview:
+    """The file's bytes, read by the system as they are needed: a bag may be larger than the memory."""
     try:
-        content = source.read_bytes()
+        with source.open("rb") as file:
+            first = file.read(8)
+            content = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) if first else b""
     except FileNotFoundError as error:
         raise BagError(f"There is no bag {source}; correct the path.") from error
     except OSError as error:
         raise BagError(f"{source} cannot be read: {error.strerror}.") from error
-    if not content.startswith(MAGIC[:8]):
+    if first != MAGIC[:8]:
         raise BagError(
             f"{source} is no ROS 1 bag by its first bytes; only those can be salvaged. `mcap recover` and SQLite's"
             " `.recover` do it for the others."
         )
-    return content
+    return memoryview(content)
 
 
-def _write(content: bytes, target: Path, saved: Salvaged, source: Path) -> None:
+def _write(content: memoryview, target: Path, saved: Salvaged, source: Path) -> None:
     from rosbags.rosbag1 import Writer
 
     with Writer(target) as writer:
         connections: dict[bytes, Connection] = {}
-        for found in chunks(memoryview(content)):
+        for found in chunks(content):
             if isinstance(found, int):
                 saved.lost_bytes += found
             else:

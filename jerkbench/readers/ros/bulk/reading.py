@@ -24,6 +24,7 @@ UNFIT = (
     ValueError,
     IndexError,
     TypeError,
+    ImportError,  # a decompressor that rosbags no longer brings
     OverflowError,
     MemoryError,
     struct.error,
