@@ -3,19 +3,18 @@
     python benchmarks/engines.py [--repeats 20]
 
 Workload: filter jerk (9 states), 15 000 steps of 0.01 s, 1 500 updates of six rows with a full R that changes.
-Times are CPU times of this process, the smallest of the repeats; libraries that are not installed are left out.
+Times are CPU times of this process, the smallest of the repeats. Other libraries: peers.py; of many runs at once
+the time of one is given. `pip install '.[bench]'` installs them; one that is not installed is named.
 """
 
 import argparse
-import time
-from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
-from plain_loops import filterpy_loop, full_model, start
+from lines import Absent, Line, apart, smallest
+from peers import peer_lines
+from plain_loops import filterpy_loop
 
 from jerkbench import plugins
-from jerkbench.arrays import FloatArray
 from jerkbench.attitude.compiled_tilt import run_tilt_compiled
 from jerkbench.attitude.tilt import TiltParameters, run_tilt, start_state
 from jerkbench.engines.compiled_engine import CompiledEngine
@@ -24,28 +23,6 @@ from jerkbench.timeline.measurements import Measurements
 from jerkbench.timeline.timeline import Timeline
 
 DT_S, STEPS, EVERY = 0.01, 15_000, 10
-
-
-class Line(NamedTuple):
-    """One line of the table.
-
-    Attributes:
-        name: what ran.
-        seconds: the smallest CPU time.
-        base: that of the loop that it is compared with.
-        difference: the largest difference of its results from that loop's.
-    """
-
-    name: str
-    seconds: float
-    base: float
-    difference: float
-
-    def __str__(self) -> str:
-        """Name, time, ratio, agreement."""
-        return (
-            f"{self.name:<34}{self.seconds * 1e3:>10.2f} ms{self.base / self.seconds:>9.1f} x{self.difference:>12.1e}"
-        )
 
 
 def workload(seed: int = 0) -> Timeline:
@@ -72,58 +49,23 @@ def workload(seed: int = 0) -> Timeline:
     )
 
 
-def smallest(run: Callable[[], object], repeats: int) -> float:
-    """Return the smallest CPU time of ``run`` [s]; it ran once before, so that nothing is compiled in between."""
-    run()
-    times = []
-    for _ in range(repeats):
-        begin = time.process_time()
-        run()
-        times.append(time.process_time() - begin)
-    return min(times)
-
-
-def navigation_lines(timeline: Timeline, repeats: int) -> list[Line]:
+def navigation_lines(timeline: Timeline, repeats: int) -> list[Line | Absent]:
     """The engines, without and with an adaptation, and the libraries that are installed."""
     model, none = plugins.create("filter", {"name": "jerk"}), plugins.create("adaptation", {"name": "none"})
     x, _ = filterpy_loop(timeline, model)
     base = smallest(lambda: filterpy_loop(timeline, model), 3)
-    lines = [Line("plain filterpy loop", base, base, 0.0)]
+    lines: list[Line | Absent] = [Line("plain filterpy loop", base, base, 0.0)]
     reference = FilterpyEngine()
-    difference = _apart(reference.run(timeline, model, none).position_m, x[:, :3])
+    difference = apart(reference.run(timeline, model, none).position_m, x[:, :3])
     lines.append(Line("engine filterpy", smallest(lambda: reference.run(timeline, model, none), 2), base, difference))
     engine = CompiledEngine()
     for name in ("none", "mtf", "sage_husa"):
         rule = plugins.create("adaptation", {"name": name})
         wanted = x[:, :3] if name == "none" else reference.run(timeline, model, rule).position_m
-        difference = _apart(engine.run(timeline, model, rule).position_m, wanted)
+        difference = apart(engine.run(timeline, model, rule).position_m, wanted)
         seconds = smallest(lambda rule=rule: engine.run(timeline, model, rule), repeats)  # type: ignore[misc]  # mypy knows no default in a lambda
         lines.append(Line(f"engine compiled, {name}", seconds, base, difference))
-    return lines + simdkalman_line(timeline, x, base)
-
-
-def simdkalman_line(timeline: Timeline, x: FloatArray, base: float) -> list[Line]:
-    """simdkalman, which takes no input: u goes in from outside, between its prediction and its update."""
-    try:
-        from simdkalman.primitives import predict, update
-    except ImportError:
-        return []
-    model = plugins.create("filter", {"name": "jerk"})
-    F, B, Q = full_model(timeline, model)
-
-    def run() -> FloatArray:
-        m, P = start(timeline, model)
-        m, out, H = m[:, None], np.empty_like(x), np.eye(6, len(m))
-        for k, (sample, which) in enumerate(zip(timeline.sample, timeline.update, strict=True)):
-            if k:
-                m, P = predict(m, P, F, Q)
-                m = m + B @ timeline.accel_enu_mps2[sample][:, None]
-            if which >= 0:
-                m, P = update(m, P, H, timeline.measurements.R[which], timeline.measurements.z[which][:, None])
-            out[k] = m[:, 0]
-        return out
-
-    return [Line("simdkalman, step by step", smallest(run, 2), base, _apart(run()[:, :3], x[:, :3]))]
+    return lines + peer_lines(timeline, x, base, min(repeats, 2))
 
 
 def tilt_lines(repeats: int) -> list[Line]:
@@ -133,13 +75,9 @@ def tilt_lines(repeats: int) -> list[Line]:
     accel = np.array([0.0, 0.0, 9.81]) + rng.normal(0.0, 0.3, (STEPS, 3))
     given = (start_state(np.array([0.0, 0.0, 1.0]), 1e-3), gyro, accel, np.full(STEPS, DT_S), TiltParameters())
     base = smallest(lambda: run_tilt(*given), 2)
-    difference = _apart(run_tilt_compiled(*given)[0], run_tilt(*given)[0])
+    difference = apart(run_tilt_compiled(*given)[0], run_tilt(*given)[0])
     compiled = smallest(lambda: run_tilt_compiled(*given), repeats)
     return [Line("tilt filter, NumPy", base, base, 0.0), Line("tilt filter, compiled", compiled, base, difference)]
-
-
-def _apart(got: FloatArray, wanted: FloatArray) -> float:
-    return float(np.abs(got - wanted).max())
 
 
 def main() -> None:

@@ -1,0 +1,78 @@
+"""dynamax in two ways: (timeline, model, runs) -> what runs so many at once and returns their positions [m].
+
+Both are compiled by JAX in double precision before they are returned, and vectorised over the runs. Run r reads input
+and measurement number i + r for i.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from plain_loops import full_model, start
+
+from jerkbench.arrays import FloatArray
+from jerkbench.contracts import Filter
+from jerkbench.timeline.timeline import Timeline
+
+Run = Callable[[], FloatArray]
+
+
+def lgssm_filter_runs(timeline: Timeline, model: Filter, runs: int) -> Run:
+    """Its `lgssm_filter`: it knows no step without a measurement, so H is zero there and the update changes nothing."""
+    from dynamax.linear_gaussian_ssm.inference import lgssm_filter, make_lgssm_params
+
+    F, B, Q, m0, P0, u, z, R = on_device(timeline, model)
+    measured = (timeline.update >= 0)[:, None, None]
+    (H,) = double(np.where(measured, np.eye(6, len(F)), 0.0))
+
+    def one(u: Any, z: Any, R: Any) -> Any:  # noqa: ANN401 - arrays of JAX
+        parameters = make_lgssm_params(m0, P0, F, Q, H, R, dynamics_input_weights=B)
+        return lgssm_filter(parameters, z, inputs=u).filtered_means[:, :3]
+
+    shift = np.arange(runs)[:, None]
+    i, j = (timeline.sample + shift) % len(u), (timeline.update + shift) % len(z)
+    return compiled(one, u[i], z[j], R[j])
+
+
+def scan_runs(timeline: Timeline, model: Filter, runs: int) -> Run:
+    """Its prediction and its update in a scan of our own, which updates only where there is a measurement."""
+    from dynamax.linear_gaussian_ssm.inference import _condition_on, _predict
+    from jax import lax
+
+    F, B, Q, m0, P0, u, z, R = on_device(timeline, model)
+    H, b, D, d = double(np.eye(6, len(F)), np.zeros(len(F)), np.zeros((6, 3)), np.zeros(6))
+
+    def one(shift: Any) -> Any:  # noqa: ANN401 - arrays of JAX
+        def step(state: Any, event: Any) -> Any:  # noqa: ANN401 - as above
+            dt, i, j = event
+            given, k = u[(i + shift) % len(u)], (j + shift) % len(z)
+            moved = lax.cond(dt > 0, lambda: tuple(_predict(*state, F, B, b, Q, given)), lambda: state)
+            after = lax.cond(j >= 0, lambda: tuple(_condition_on(*moved, H, D, d, R[k], given, z[k])), lambda: moved)
+            return after, after[0][:3]
+
+        return lax.scan(step, (m0, P0), (timeline.dt_s, timeline.sample, timeline.update))[1]
+
+    (shifts,) = double(np.arange(runs))
+    return compiled(one, shifts)
+
+
+def on_device(timeline: Timeline, model: Filter) -> list[Any]:
+    """Return F, B, Q, the initial state and covariance, inputs, measurements and their R."""
+    given = timeline.measurements
+    return double(*full_model(timeline, model), *start(timeline, model), timeline.accel_enu_mps2, given.z, given.R)
+
+
+def double(*arrays: Any) -> list[Any]:  # noqa: ANN401 - of any type
+    """Return the arrays as JAX's, with 64 bits a number."""
+    import jax
+
+    jax.config.update("jax_enable_x64", True)  # noqa: FBT003 - JAX's way
+    return [jax.device_put(array) for array in arrays]
+
+
+def compiled(one: Callable[..., Any], *stacks: Any) -> Run:  # noqa: ANN401 - arrays of JAX
+    """Compile ``one`` for all rows of the stacks at once."""
+    import jax
+
+    many = jax.jit(jax.vmap(one)).lower(*stacks).compile()
+    return lambda: np.asarray(many(*stacks))
