@@ -136,16 +136,14 @@ def vectors(_typing: Any, array: Any) -> Any:  # noqa: ANN401 - as above
 
 @intrinsic
 def chosen(_typing: Any, left: Any, right: Any, yes: Any, no: Any) -> Any:  # noqa: ANN401 - as above
-    """In each run ``yes`` where left > right, else ``no`` (also where one of them is NaN)."""
+    """``yes`` where left > right, else ``no`` (also where one of them is NaN): of numbers, or in each run."""
+    result = vector_type if vector_type in (left, right, yes, no) else types.float64
 
     def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:  # noqa: ANN401 - as above
-        given = [
-            arg if t is vector_type else _repeated(builder, context.cast(builder, arg, t, types.float64))
-            for t, arg in zip(sig.args, args, strict=True)
-        ]
+        given = [context.cast(builder, arg, t, result) for t, arg in zip(sig.args, args, strict=True)]
         return builder.select(builder.fcmp_ordered(">", given[0], given[1]), given[2], given[3])
 
-    return vector_type(left, right, yes, no), generate
+    return result(left, right, yes, no), generate
 
 
 @infer_global(math.sqrt)

@@ -40,7 +40,7 @@ class CompiledEngine:
         compiled = compiled_rule(adaptation)
         if compiled is None:
             return FilterpyEngine().run(timeline, model, adaptation)
-        from jerkbench.engines.compiled.single import run_single
+        from jerkbench.engines.compiled.single.run import run_single
 
         return run_single(timeline, model, adaptation, compiled)
 

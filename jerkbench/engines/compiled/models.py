@@ -4,7 +4,7 @@ import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.contracts import Filter
-from jerkbench.engines.compiled.loop import Model
+from jerkbench.engines.compiled.arguments import Model
 from jerkbench.timeline.timeline import Timeline
 
 

@@ -1,70 +1,51 @@
-"""Prediction with F = A (x) I3: blocks of nine numbers, one product for each element of A that is not zero."""
+"""Prediction with F = A (x) I3, A upper triangular with ones on its diagonal: the same product for each pair of axes.
+
+The covariance between updates lies by pairs of axes: element (a, b) of the p-th matrix of (0, 0), (0, 1), (0, 2),
+(1, 1), (1, 2), (2, 2) is that of quantity a on the first and quantity b on the second axis. Half of the covariance is
+enough.
+"""
 
 from jerkbench.arrays import FloatArray
-from jerkbench.engines.compiled.sizes import FB, MOVED, B, N, S, X
+from jerkbench.engines.compiled.places import N, X
 
 
-def predict_state(w: FloatArray, A: FloatArray, b: FloatArray, k: int, u: FloatArray, sample: int) -> None:
-    """Turn x into F x + B u with model ``k`` and row ``sample`` of u."""
+def predict_axis(w: FloatArray, A: FloatArray, b: FloatArray, k: int, i: int, u: float) -> None:
+    """Make x = A x + b u of axis ``i`` with model ``k``."""
     for a in range(N):
-        for i in range(3):
-            moved = b[k, a] * u[sample, i]
-            for c in range(N):
-                moved += A[k, a, c] * w[X + 3 * c + i]
-            w[MOVED + 3 * a + i] = moved
-    for s in range(S):
-        w[X + s] = w[MOVED + s]
+        moved = w[X + 3 * a + i] + b[k, a] * u
+        for c in range(a + 1, N):
+            moved += A[k, a, c] * w[X + 3 * c + i]
+        w[X + 3 * a + i] = moved
 
 
-def predict_state_triangular(w: FloatArray, A: FloatArray, b: FloatArray, k: int, u: FloatArray, sample: int) -> None:
-    """The same in place, for A upper triangular with ones on its diagonal."""
+def predict_pair(w: FloatArray, A: FloatArray, at: int, k: int) -> None:
+    """A M A' of the matrix M (N, N) at ``at``: rows from above, then columns from the left, in place."""
+    if N == 3:
+        _predict_three(w, at, A[k, 0, 1], A[k, 0, 2], A[k, 1, 2])
+    else:
+        _predict_any(w, A, at, k)
+
+
+def _predict_three(w: FloatArray, at: int, f: float, g: float, h: float) -> None:
+    """The same for A = (1 f g; 0 1 h; 0 0 1), each element read and written once."""
+    a, b, c = w[at], w[at + 1], w[at + 2]
+    d, e, i = w[at + 3], w[at + 4], w[at + 5]
+    x, y, z = w[at + 6], w[at + 7], w[at + 8]
+    a, b, c = a + f * d + g * x, b + f * e + g * y, c + f * i + g * z
+    d, e, i = d + h * x, e + h * y, i + h * z
+    w[at], w[at + 1], w[at + 2] = a + f * b + g * c, b + h * c, c
+    w[at + 3], w[at + 4], w[at + 5] = d + f * e + g * i, e + h * i, i
+    w[at + 6], w[at + 7] = x + f * y + g * z, y + h * z
+
+
+def _predict_any(w: FloatArray, A: FloatArray, at: int, k: int) -> None:
     for a in range(N):
         for c in range(a + 1, N):
             factor = A[k, a, c]
-            for i in range(3):
-                w[X + 3 * a + i] += factor * w[X + 3 * c + i]
-        factor = b[k, a]
-        for i in range(3):
-            w[X + 3 * a + i] += factor * u[sample, i]
-
-
-def predict_triangular(w: FloatArray, A: FloatArray, Q: FloatArray, k: int) -> None:
-    """P = F P F' + Q (x) I3 in place, for A upper triangular with ones on its diagonal."""
-    for a in range(N):
-        for c in range(a + 1, N):
-            factor = A[k, a, c]
-            for e in range(9 * N):
-                w[B + 9 * N * a + e] += factor * w[B + 9 * N * c + e]
+            for b in range(N):
+                w[at + N * a + b] += factor * w[at + N * c + b]
     for b in range(N):
         for d in range(b + 1, N):
             factor = A[k, b, d]
             for a in range(N):
-                for e in range(9):
-                    w[B + 9 * (N * a + b) + e] += factor * w[B + 9 * (N * a + d) + e]
-    _add_noise(w, Q, k)
-
-
-def predict_general(w: FloatArray, A: FloatArray, Q: FloatArray, k: int) -> None:
-    """P = F P F' + Q (x) I3, for any A."""
-    for a in range(N):
-        for e in range(9 * N):
-            total = 0.0
-            for c in range(N):
-                total += A[k, a, c] * w[B + 9 * N * c + e]
-            w[FB + 9 * N * a + e] = total
-    for a in range(N):
-        for b in range(N):
-            for e in range(9):
-                total = 0.0
-                for d in range(N):
-                    total += A[k, b, d] * w[FB + 9 * (N * a + d) + e]
-                w[B + 9 * (N * a + b) + e] = total
-    _add_noise(w, Q, k)
-
-
-def _add_noise(w: FloatArray, Q: FloatArray, k: int) -> None:
-    for a in range(N):
-        for b in range(N):
-            noise = Q[k, a, b]
-            for i in range(3):
-                w[B + 9 * (N * a + b) + 4 * i] += noise
+                w[at + N * a + b] += factor * w[at + N * a + d]

@@ -8,7 +8,7 @@ import numpy as np
 
 from jerkbench.compilation.methods import Method, compiled_method, parameter_vector
 from jerkbench.contracts import Adaptation
-from jerkbench.engines.compiled.loop import Rule
+from jerkbench.engines.compiled.arguments import Rule
 from jerkbench.engines.compiled.never import NoFade
 
 ARGUMENTS = ("innovation", "HPHt", "R", "rows", "memory")

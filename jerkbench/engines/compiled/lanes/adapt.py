@@ -4,8 +4,8 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.compilation.vectors import WIDTH
-from jerkbench.engines.compiled.loop import Adapt, Fade, Packed, Rule
-from jerkbench.engines.compiled.sizes import KEPT, P, R, S, Y
+from jerkbench.engines.compiled.arguments import Adapt, Fade, Packed, Rule
+from jerkbench.engines.compiled.places import KEPT, ROW, P, R, Y
 
 
 def adapt_lane(
@@ -80,7 +80,7 @@ def _pack_six(flat: FloatArray, lane: int, packed: Packed, given: FloatArray, at
     e = at
     for r in range(6):
         for c in range(r + 1):
-            prior, reported = flat[(P + S * r + c) * WIDTH + lane], given[e]
+            prior, reported = flat[(P + ROW * r + c) * WIDTH + lane], given[e]
             packed.HPHt[6 * r + c] = packed.HPHt[6 * c + r] = prior
             packed.R[6 * r + c] = packed.R[6 * c + r] = reported
             e += WIDTH
@@ -91,14 +91,14 @@ def _pack_some(flat: FloatArray, lane: int, packed: Packed, given: FloatArray, a
         r = packed.rows[i]
         for j in range(i + 1):
             c = packed.rows[j]
-            prior, reported = flat[(P + S * r + c) * WIDTH + lane], given[at + (r * (r + 1) // 2 + c) * WIDTH]
+            prior, reported = flat[(P + ROW * r + c) * WIDTH + lane], given[at + (r * (r + 1) // 2 + c) * WIDTH]
             packed.HPHt[m * i + j] = packed.HPHt[m * j + i] = prior
             packed.R[m * i + j] = packed.R[m * j + i] = reported
 
 
 def _fade(flat: FloatArray, lane: int, packed: Packed, factor: float) -> None:
     """Scale the prior covariance, and what the adaptation will see of it."""
-    for e in range(S * S):
+    for e in range(ROW * ROW):
         flat[(P + e) * WIDTH + lane] *= factor
     for e in range(36):
         packed.HPHt[e] *= factor

@@ -68,7 +68,7 @@ def _run_pack(pack: Pack, model: Filter, compiled: CompiledRule, *, updates: boo
 def _results(pack: Pack, kept: LaneKept, at: dict[str, int], *, updates: bool) -> list[Streamed | None]:
     w = kept.w.reshape(-1, WIDTH)
     totals = {name: w[at[name]] for name in TOTALS}
-    healthy = np.isfinite(np.array(list(totals.values()))).all(axis=0) & (totals["ODD"] == 0.0)
+    healthy = np.isfinite(np.array(list(totals.values()))).all(axis=0) & (w[at["ODD"]] == 0.0)
     return [
         _result(pack, kept, w, at, lane, updates=updates) if healthy[lane] else None
         for lane in range(len(pack.members))

@@ -31,12 +31,13 @@ APART = (
 @cache
 def lanes_for(n: int) -> Any:  # noqa: ANN401 - numba has no types
     """Return the compiled loop of WIDTH runs for filters with ``n`` quantities on each axis."""
+    at = places(n)
 
     def namespace(home: str) -> dict[str, Any]:
-        return {"loop": jitted(run_lanes, home, places(n), kernel=True, apart=APART), "signature": _signature()}
+        return {"loop": jitted(run_lanes, home, at, kernel=True, apart=APART), "signature": _signature()}
 
     title = f"the loop for {WIDTH} runs of {3 * n} states"
-    return load_entry(title, SOURCE, digest(run_lanes, n=n, width=WIDTH, apart=APART), namespace).entry
+    return load_entry(title, SOURCE, digest(run_lanes, places=at, width=WIDTH, apart=APART), namespace).entry
 
 
 def _signature() -> Any:  # noqa: ANN401 - numba has no types

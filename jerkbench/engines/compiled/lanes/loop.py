@@ -6,13 +6,14 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.vectors import WIDTH, chosen, vectors
+from jerkbench.engines.compiled.arguments import Adapt, Fade, Packed, Rule
+from jerkbench.engines.compiled.gain import mahalanobis
 from jerkbench.engines.compiled.lanes.adapt import adapt_lane
 from jerkbench.engines.compiled.lanes.places import NIS, NIS_USED, OUTAGE, SQUARE, UPDATES, UPDATES_USED
 from jerkbench.engines.compiled.lanes.predict import pairs_to_square, predict, square_to_pairs
 from jerkbench.engines.compiled.lanes.score import score
-from jerkbench.engines.compiled.lanes.update import check_definite, correct, mahalanobis
-from jerkbench.engines.compiled.loop import Adapt, Fade, Packed, Rule
-from jerkbench.engines.compiled.sizes import KEPT, P, R, S, X, Y
+from jerkbench.engines.compiled.lanes.update import check_definite, correct
+from jerkbench.engines.compiled.places import KEPT, ROW, P, R, X, Y
 
 
 class LaneSteps(NamedTuple):
@@ -122,10 +123,10 @@ def start(w: FloatArray, x0: FloatArray, P0: FloatArray, extra: FloatArray) -> N
     for s in range(6):
         w[X + s] = x0[s]
         for t in range(6):
-            w[P + S * s + t] = P0[6 * s + t]
+            w[P + ROW * s + t] = P0[6 * s + t]
     for a in range(len(extra)):
         for i in range(3):
-            w[P + (S + 1) * (6 + 3 * a + i)] = w[X] * 0.0 + extra[a]
+            w[P + (ROW + 1) * (6 + 3 * a + i)] = w[X] * 0.0 + extra[a]
     square_to_pairs(w)
 
 

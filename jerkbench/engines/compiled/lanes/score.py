@@ -8,14 +8,13 @@ from jerkbench.engines.compiled.lanes.places import (
     LARGEST,
     NEES,
     NEES_POSITION,
-    ODD,
     SQUARE,
     VEAST,
     WHOLE,
     C,
     E,
 )
-from jerkbench.engines.compiled.sizes import B, N, X
+from jerkbench.engines.compiled.places import ODD, B, N, X
 
 
 def score(w: FloatArray, truth: FloatArray, row: int, weights: FloatArray) -> None:

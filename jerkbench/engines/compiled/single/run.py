@@ -1,35 +1,18 @@
 """One run from Python: arrays in, an Estimate out."""
 
-from functools import cache
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from jerkbench.arrays import FloatArray
-from jerkbench.compilation.entry import load_entry
-from jerkbench.compilation.jitted import jitted
-from jerkbench.compilation.reach import digest
 from jerkbench.contracts import Adaptation, Filter
-from jerkbench.engines.compiled.loop import Kept, Steps, run_steps
+from jerkbench.engines.compiled.arguments import Kept, Steps
 from jerkbench.engines.compiled.models import model_of, step_lengths
 from jerkbench.engines.compiled.rule import CompiledRule
-from jerkbench.engines.compiled.sizes import sizes
+from jerkbench.engines.compiled.single.entry import loop_for
 from jerkbench.estimate import Estimate, Updates
 from jerkbench.timeline.timeline import Timeline
-
-RARE = ("run_steps", "predict_general", "_adapt_some", "_mahalanobis_by_inverse", "_gain_by_inverse")
-"""Kernels that are seldom called: inlined they would only cost time to compile."""
-
-SOURCE = '''"""Made by jerkbench: the loop of the compiled engine."""
-
-from numba import njit
-
-
-@njit(signature, cache=True, error_model="numpy", nogil=True)
-def entry(adapt, fade, steps, model, rule, kept):
-    return loop(adapt, fade, steps, model, rule, kept)
-'''
 
 
 def run_single(timeline: Timeline, model: Filter, adaptation: Adaptation, compiled: CompiledRule) -> Estimate:
@@ -77,36 +60,6 @@ def make_kept(timeline: Timeline) -> Kept:
         np.empty(m),
         nothing[0],
         nothing[1],
-    )
-
-
-@cache
-def loop_for(n: int) -> Any:  # noqa: ANN401 - numba has no types
-    """Return the compiled loop for filters with ``n`` quantities on each axis."""
-
-    def namespace(home: str) -> dict[str, Any]:
-        loop = jitted(run_steps, home, sizes(n), kernel=True, apart=RARE)
-        return {"loop": loop, "signature": _signature()}
-
-    return load_entry(f"the loop for {3 * n} states", SOURCE, digest(run_steps, n=n, apart=RARE), namespace).entry
-
-
-def _signature() -> Any:  # noqa: ANN401 - numba has no types
-    """The exact type of the loop: only such a one is found on the disk by the next process."""
-    from numba import types
-
-    from jerkbench.engines.compiled.loop import Model, Rule
-
-    f, i = types.float64, types.int64
-    vector, matrix, cube, indices = f[::1], f[:, ::1], f[:, :, ::1], i[::1]
-    given = (vector, vector, matrix, matrix, indices, vector)
-    return types.UniTuple(i, 3)(
-        types.FunctionType(types.void(*given, matrix)),
-        types.FunctionType(f(*given)),
-        types.NamedTuple([indices] * 4 + [matrix] * 4, Steps),
-        types.NamedTuple([cube, matrix, cube, vector, matrix, types.boolean], Model),
-        types.NamedTuple([vector, vector, types.boolean], Rule),
-        types.NamedTuple([indices, matrix, matrix, indices, vector, vector, vector, matrix, matrix], Kept),
     )
 
 

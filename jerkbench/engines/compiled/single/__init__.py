@@ -1,0 +1,1 @@
+"""One run: vectors hold pieces of its matrices."""

@@ -1,0 +1,59 @@
+"""The compiled loop of one run, from the disk where it was compiled before."""
+
+from functools import cache
+from typing import Any
+
+from jerkbench.compilation.entry import load_entry
+from jerkbench.compilation.jitted import jitted
+from jerkbench.compilation.reach import digest
+from jerkbench.engines.compiled.arguments import Kept, Model, Rule, Steps
+from jerkbench.engines.compiled.single.loop import run_steps
+from jerkbench.engines.compiled.single.places import measured_from_pairs, pairs_from_square, places, square_from_pairs
+
+APART = (
+    *("run_steps", "update", "correct", "definite", "distance"),
+    *("_predict_any_state", "_predict_any_pair", "_adapt_some", "_take_some", "_drop", "_fade"),
+    *("mahalanobis_by_inverse", "correct_by_inverse"),
+)
+"""Kernels that stand alone, and those that are seldom called: inlined they would only cost time to compile."""
+
+SOURCE = '''"""Made by jerkbench: the loop of the compiled engine."""
+
+from numba import njit
+
+
+@njit(signature, cache=True, error_model="numpy", nogil=True)
+def entry(adapt, fade, steps, model, rule, kept):
+    return loop(adapt, fade, steps, model, rule, kept)
+'''
+
+
+@cache
+def loop_for(n: int) -> Any:  # noqa: ANN401 - numba has no types
+    """Return the compiled loop for filters with ``n`` quantities on each axis."""
+    tables = {"SQUARE_FROM_PAIRS": square_from_pairs(n), "PAIRS_FROM_SQUARE": pairs_from_square(n)}
+    tables["MEASURED"] = measured_from_pairs(n)
+
+    def namespace(home: str) -> dict[str, Any]:
+        loop = jitted(run_steps, home, {**places(n), **tables}, kernel=True, apart=APART)
+        return {"loop": loop, "signature": _signature()}
+
+    title = f"the loop for {3 * n} states"
+    return load_entry(title, SOURCE, digest(run_steps, places=places(n), apart=APART), namespace).entry
+
+
+def _signature() -> Any:  # noqa: ANN401 - numba has no types
+    """The exact type of the loop: only such a one is found on the disk by the next process."""
+    from numba import types
+
+    f, i = types.float64, types.int64
+    vector, matrix, cube, indices = f[::1], f[:, ::1], f[:, :, ::1], i[::1]
+    given = (vector, vector, matrix, matrix, indices, vector)
+    return types.UniTuple(i, 3)(
+        types.FunctionType(types.void(*given, matrix)),
+        types.FunctionType(f(*given)),
+        types.NamedTuple([indices] * 4 + [matrix] * 4, Steps),
+        types.NamedTuple([cube, matrix, cube, vector, matrix, types.boolean], Model),
+        types.NamedTuple([vector, vector, types.boolean], Rule),
+        types.NamedTuple([indices, matrix, matrix, indices, vector, vector, vector, matrix, matrix], Kept),
+    )

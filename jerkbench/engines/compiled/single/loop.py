@@ -1,0 +1,92 @@
+"""One run: the steps of a timeline, one after the other."""
+
+import numpy as np
+
+from jerkbench.arrays import FloatArray
+from jerkbench.compilation.vectors import WIDTH, vectors
+from jerkbench.engines.compiled.arguments import Adapt, Fade, Kept, Model, Packed, Rule, Steps
+from jerkbench.engines.compiled.places import N, X
+from jerkbench.engines.compiled.single.adapt import adapt_rows
+from jerkbench.engines.compiled.single.covariance import definite, pairs_to_square, square_to_pairs, store_measured
+from jerkbench.engines.compiled.single.measure import innovate, keep_used, take_adapted
+from jerkbench.engines.compiled.single.places import AXES, LENGTH, PAIRS, SAME, S
+from jerkbench.engines.compiled.single.predict import predict
+from jerkbench.engines.compiled.single.update import correct
+
+
+def run_steps(adapt: Adapt, fade: Fade, steps: Steps, model: Model, rule: Rule, kept: Kept) -> tuple[int, int, int]:
+    """Fill ``kept``; return how many states and updates there are, and the update at which the run failed, or -1."""
+    room = np.zeros(LENGTH + WIDTH)
+    aligned = (-(room.ctypes.data // 8)) % WIDTH  # a vector that lies across two lines of the cache is slow
+    m = room[aligned : aligned + LENGTH]
+    w = vectors(m)
+    start(m, model)
+    packed = make_packed()
+    states = updates = 0
+    for k in range(len(steps.model)):
+        if steps.model[k] >= 0:
+            predict(w, m, model, steps, k)
+        if steps.update[k] >= 0:
+            healthy = update(adapt, fade, w, m, packed, steps, rule, kept, steps.update[k], updates)
+            updates += 1
+            if not healthy:
+                return states, updates, steps.update[k]
+        if steps.reference[k] >= 0:
+            kept.reference[states] = steps.reference[k]
+            for s in range(6):
+                kept.x[states, s] = m[X + s]
+            store_measured(m, kept.P, states)
+            states += 1
+    return states, updates, -1
+
+
+def start(m: FloatArray, model: Model) -> None:
+    """Put the initial state and covariance into m, which is zero."""
+    for p in range(6):
+        m[WIDTH * SAME + p] = 1.0 if AXES[p][0] == AXES[p][1] else 0.0
+    for s in range(S):
+        m[X + s] = model.x0[s]
+    for e in range(N * N):
+        for p in range(6):
+            m[PAIRS + WIDTH * e + p] = model.P0[3 * (e // N) + AXES[p][0], 3 * (e % N) + AXES[p][1]]
+
+
+def make_packed() -> Packed:
+    """Make room for what an adaptation sees."""
+    HPHt, given, adapted = np.zeros(36), np.zeros(36), np.zeros(36)
+    of_six = HPHt.reshape(6, 6), given.reshape(6, 6), adapted.reshape(6, 6)
+    return Packed(np.zeros(6, dtype=np.int64), np.zeros(6), HPHt, given, adapted, *of_six)
+
+
+def update(
+    adapt: Adapt,
+    fade: Fade,
+    w: FloatArray,
+    m: FloatArray,
+    packed: Packed,
+    steps: Steps,
+    rule: Rule,
+    kept: Kept,
+    which: int,
+    place: int,
+) -> bool:
+    """Adapt R, update, keep what was seen at ``place``; False where the filter has diverged."""
+    pairs_to_square(m)
+    rows = innovate(m, packed, steps.z, which)
+    kept.which[place], kept.rows[place] = which, rows
+    same = adapt_rows(adapt, fade, m, packed, steps, rule, kept, which, place, rows)
+    take_adapted(m, packed, rows)
+    left = keep_used(m, packed, kept, place, rows)
+    kept.nis_used[place] = correct(w, m) if left > 0 else np.nan
+    if same:
+        kept.nis[place] = kept.nis_used[place]
+    square_to_pairs(m)
+    return finite(m) and definite(w, m)
+
+
+def finite(m: FloatArray) -> bool:
+    """Whether the state is."""
+    total = 0.0
+    for s in range(S):
+        total += m[X + s] * 0.0
+    return total == 0.0
