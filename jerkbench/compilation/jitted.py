@@ -23,7 +23,8 @@ def jitted(
         home: name of the module that numba will look for when it loads the result from the disk.
         constants: values that replace globals of that name, everywhere.
         kernel: whether everything becomes one body, in which a product and a sum may become one instruction (it rounds
-            once instead of twice).
+            once instead of twice), and which makes no arrays: then no references to them are counted, which costs more
+            than a small update does.
         apart: names of functions that stay outside that body, because they are rarely called.
     """
     return _Jit(home, dict(constants or {}), kernel, apart).of(cast("types.FunctionType", function))
@@ -36,6 +37,7 @@ class _Jit:
         from numba import njit
 
         options: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"} if kernel else False, "nogil": True}
+        options["_nrt"] = not kernel
         self.decorate, self.decorate_inlined = njit(**options), njit(**options, forceinline=True)
         self.home, self.constants, self.kernel, self.apart = home, constants, kernel, apart
         self.done: dict[int, Any] = {}

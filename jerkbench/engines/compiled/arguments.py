@@ -19,8 +19,8 @@ class Steps(NamedTuple):
         reference: (n,) row of the reference, or -1.
         u: (samples, 3) the input.
         z: (m, 6) measurements, NaN where there is none.
-        R: (m, 36) what the adaptation gets.
-        reported: (m, 36) what the receiver reported.
+        R: (m, 6, 6) what the adaptation gets.
+        reported: (m, 6, 6) what the receiver reported.
     """
 
     model: IntArray
@@ -102,9 +102,9 @@ class Packed(NamedTuple):
         HPHt: (36,) the first m m.
         R: (36,) the first m m.
         adapted: (36,) the first m m: what the adaptation returns.
-        HPHt_of_six: (6, 6) the same memory as HPHt, for an update with all rows; so are the next two.
-        R_of_six: (6, 6).
-        adapted_of_six: (6, 6).
+        HPHt_of_six: (6, 6) the same memory as HPHt, for an update with all rows.
+        R_of_six: (6, 6) the same memory as R.
+        adapted_of_six: (6, 6) what the adaptation returns.
     """
 
     rows: IntArray

@@ -59,6 +59,8 @@ def _run_pack(pack: Pack, model: Filter, compiled: CompiledRule, *, updates: boo
         np.zeros((WIDTH, len(compiled.rule.memory))),
         np.zeros((int(pack.steps.mark.max(initial=-1)) + 1, 3, WIDTH)),
         np.full((max(rows, 1), SEEN, WIDTH), np.nan),
+        np.zeros(114),
+        np.zeros(6, dtype=np.int64),
     )
     rule = compiled.rule
     lanes_for(n)(compiled.adapt, compiled.fade, pack.steps, lane_model, rule.parameters, rule.fades, kept)

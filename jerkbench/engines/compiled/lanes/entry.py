@@ -53,5 +53,5 @@ def _signature() -> Any:  # noqa: ANN401 - numba has no types
         types.NamedTuple([cube, matrix, cube, vector], LaneModel),
         vector,
         types.boolean,
-        types.NamedTuple([vector, matrix, cube, cube], LaneKept),
+        types.NamedTuple([vector, matrix, cube, cube, vector, indices], LaneKept),
     )

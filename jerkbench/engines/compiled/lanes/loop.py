@@ -2,8 +2,6 @@
 
 from typing import NamedTuple
 
-import numpy as np
-
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.vectors import WIDTH, chosen, vectors
 from jerkbench.engines.compiled.arguments import Adapt, Fade, Packed, Rule
@@ -74,12 +72,16 @@ class LaneKept(NamedTuple):
         errors: (marks, 3, WIDTH) position errors at the marked rows.
         seen: (m, SEEN, WIDTH) what each update saw: rows, nis, rows kept, nis used, innovation (6), diagonal of R (6);
             or one row, which each update writes anew.
+        room: (114,) for what an adaptation sees.
+        rows: (6,) the same.
     """
 
     w: FloatArray
     memory: FloatArray
     errors: FloatArray
     seen: FloatArray
+    room: FloatArray
+    rows: IntArray
 
 
 SEEN = 16
@@ -92,9 +94,9 @@ def run_lanes(
     w, u, errors = vectors(kept.w), vectors(steps.u), vectors(kept.errors)
     truth, outage = vectors(steps.truth), vectors(steps.outage)
     numbers = steps.R.reshape(-1)
-    HPHt, given, adapted = np.zeros(36), np.zeros(36), np.zeros(36)
+    HPHt, given, adapted = kept.room[:36], kept.room[36:72], kept.room[72:108]
     of_six = HPHt.reshape(6, 6), given.reshape(6, 6), adapted.reshape(6, 6)
-    packed = Packed(np.zeros(6, dtype=np.int64), np.zeros(6), HPHt, given, adapted, *of_six)
+    packed = Packed(kept.rows, kept.room[108:114], HPHt, given, adapted, *of_six)
     start(w, vectors(steps.x0), vectors(steps.P0), model.extra)
     for k in range(len(steps.model)):
         if steps.model[k] >= 0:

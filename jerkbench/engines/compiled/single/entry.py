@@ -11,8 +11,8 @@ from jerkbench.engines.compiled.single.loop import run_steps
 from jerkbench.engines.compiled.single.places import measured_from_pairs, pairs_from_square, places, square_from_pairs
 
 APART = (
-    *("run_steps", "update", "correct", "definite", "distance"),
-    *("_predict_any_state", "_predict_any_pair", "_adapt_some", "_take_some", "_drop", "_fade"),
+    *("run_steps", "correct", "definite", "_keep_reported"),
+    *("_predict_any_state", "_predict_any_pair", "_adapt_some", "take_adapted", "_drop", "_fade"),
     *("mahalanobis_by_inverse", "correct_by_inverse"),
 )
 """Kernels that stand alone, and those that are seldom called: inlined they would only cost time to compile."""
@@ -23,8 +23,8 @@ from numba import njit
 
 
 @njit(signature, cache=True, error_model="numpy", nogil=True)
-def entry(adapt, fade, steps, model, rule, kept):
-    return loop(adapt, fade, steps, model, rule, kept)
+def entry(adapt, fade, steps, model, rule, kept, m, rows):
+    return loop(adapt, fade, steps, model, rule, kept, m, rows)
 '''
 
 
@@ -52,8 +52,10 @@ def _signature() -> Any:  # noqa: ANN401 - numba has no types
     return types.UniTuple(i, 3)(
         types.FunctionType(types.void(*given, matrix)),
         types.FunctionType(f(*given)),
-        types.NamedTuple([indices] * 4 + [matrix] * 4, Steps),
+        types.NamedTuple([indices] * 4 + [matrix] * 2 + [cube] * 2, Steps),
         types.NamedTuple([cube, matrix, cube, vector, matrix, types.boolean], Model),
         types.NamedTuple([vector, vector, types.boolean], Rule),
         types.NamedTuple([indices, matrix, matrix, indices, vector, vector, vector, matrix, matrix], Kept),
+        vector,
+        indices,
     )

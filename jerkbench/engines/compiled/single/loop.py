@@ -2,26 +2,38 @@
 
 import numpy as np
 
-from jerkbench.arrays import FloatArray
+from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.vectors import WIDTH, vectors
 from jerkbench.engines.compiled.arguments import Adapt, Fade, Kept, Model, Packed, Rule, Steps
-from jerkbench.engines.compiled.places import N, X
+from jerkbench.engines.compiled.places import N, R, X
 from jerkbench.engines.compiled.single.adapt import adapt_rows
 from jerkbench.engines.compiled.single.covariance import definite, pairs_to_square, square_to_pairs, store_measured
-from jerkbench.engines.compiled.single.measure import innovate, keep_used, take_adapted
-from jerkbench.engines.compiled.single.places import AXES, LENGTH, PAIRS, SAME, S
+from jerkbench.engines.compiled.single.measure import innovate, keep_used
+from jerkbench.engines.compiled.single.places import ADAPTED, AXES, PAIRS, SAME, SEEN_HPHT, SEEN_R, SEEN_Y, S
 from jerkbench.engines.compiled.single.predict import predict
 from jerkbench.engines.compiled.single.update import correct
 
 
-def run_steps(adapt: Adapt, fade: Fade, steps: Steps, model: Model, rule: Rule, kept: Kept) -> tuple[int, int, int]:
-    """Fill ``kept``; return how many states and updates there are, and the update at which the run failed, or -1."""
-    room = np.zeros(LENGTH + WIDTH)
-    aligned = (-(room.ctypes.data // 8)) % WIDTH  # a vector that lies across two lines of the cache is slow
-    m = room[aligned : aligned + LENGTH]
-    w = vectors(m)
+def run_steps(
+    adapt: Adapt, fade: Fade, steps: Steps, model: Model, rule: Rule, kept: Kept, m: FloatArray, rows: IntArray
+) -> tuple[int, int, int]:
+    """Run all steps.
+
+    Args:
+        adapt: the adaptation.
+        fade: its factor on the prior covariance.
+        steps: the steps.
+        model: the filter.
+        rule: parameters and memory of the adaptation.
+        kept: gets what comes out.
+        m: (LENGTH,) zeros, in which the run lives.
+        rows: (6,) room.
+
+    Returns:
+        How many states and updates there are, and the update at which the run failed, or -1.
+    """
+    w, packed = vectors(m), make_packed(m, rows)
     start(m, model)
-    packed = make_packed()
     states = updates = 0
     for k in range(len(steps.model)):
         if steps.model[k] >= 0:
@@ -51,11 +63,11 @@ def start(m: FloatArray, model: Model) -> None:
             m[PAIRS + WIDTH * e + p] = model.P0[3 * (e // N) + AXES[p][0], 3 * (e % N) + AXES[p][1]]
 
 
-def make_packed() -> Packed:
-    """Make room for what an adaptation sees."""
-    HPHt, given, adapted = np.zeros(36), np.zeros(36), np.zeros(36)
-    of_six = HPHt.reshape(6, 6), given.reshape(6, 6), adapted.reshape(6, 6)
-    return Packed(np.zeros(6, dtype=np.int64), np.zeros(6), HPHt, given, adapted, *of_six)
+def make_packed(m: FloatArray, rows: IntArray) -> Packed:
+    """Point at what an adaptation sees; what it says of six rows goes straight to its place in m."""
+    y, HPHt, given = m[SEEN_Y : SEEN_Y + 6], m[SEEN_HPHT : SEEN_HPHT + 36], m[SEEN_R : SEEN_R + 36]
+    adapted, of_six = m[ADAPTED : ADAPTED + 36], m[R : R + 36].reshape(6, 6)
+    return Packed(rows, y, HPHt, given, adapted, HPHt.reshape(6, 6), given.reshape(6, 6), of_six)
 
 
 def update(
@@ -75,7 +87,6 @@ def update(
     rows = innovate(m, packed, steps.z, which)
     kept.which[place], kept.rows[place] = which, rows
     same = adapt_rows(adapt, fade, m, packed, steps, rule, kept, which, place, rows)
-    take_adapted(m, packed, rows)
     left = keep_used(m, packed, kept, place, rows)
     kept.nis_used[place] = correct(w, m) if left > 0 else np.nan
     if same:

@@ -25,19 +25,11 @@ def take_reported(m: FloatArray, reported: FloatArray, which: int) -> None:
     for r in range(6):
         for c in range(6):
             there = m[KEPT + r] * m[KEPT + c] > 0.0
-            m[R + 6 * r + c] = reported[which, 6 * r + c] if there else 0.0
+            m[R + 6 * r + c] = reported[which, r, c] if there else 0.0
 
 
 def take_adapted(m: FloatArray, packed: Packed, rows: int) -> None:
-    """Put what the adaptation says into R, zero where a row is not there."""
-    if rows == 6:
-        for e in range(36):
-            m[R + e] = packed.adapted[e]
-    else:
-        _take_some(m, packed, rows)
-
-
-def _take_some(m: FloatArray, packed: Packed, rows: int) -> None:
+    """Put what the adaptation says of some rows into R, zero where a row is not there."""
     for e in range(36):
         m[R + e] = 0.0
     for i in range(rows):

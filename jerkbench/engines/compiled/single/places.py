@@ -7,13 +7,13 @@ import itertools
 
 import numpy as np
 
-from jerkbench.arrays import IntArray
+from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.vectors import WIDTH
 
 AXES = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 """The pairs of axes whose covariances a vector holds; its last two numbers are zero."""
 
-SEEN = {
+NUMBERED = {
     "X": "STATE",
     "PAIRS": "B",
     "COVARIANCE": "SQUARE",
@@ -47,12 +47,34 @@ def places(n: int) -> dict[str, int]:
         "NUMBERS": 0,
     }
     at = dict(zip(vectors, itertools.accumulate(vectors.values(), initial=0), strict=False))
-    numbers = {"M": 36, "DIAGONAL": 6, "R": 36, "WHITE": 6, "Y": 6, "KEPT": 6, "ODD": 1, "INVERSE": 36, "LENGTH": 0}
+    numbers = {
+        "M": 36,
+        "DIAGONAL": 6,
+        "R": 36,
+        "WHITE": 6,
+        "Y": 6,
+        "KEPT": 6,
+        "ODD": 1,
+        "INVERSE": 36,
+        "SEEN_Y": 6,
+        "SEEN_HPHT": 36,
+        "SEEN_R": 36,
+        "ADAPTED": 36,
+        "LENGTH": 0,  # the adaptation's
+    }
     alone = dict(zip(numbers, itertools.accumulate(numbers.values(), initial=WIDTH * at["NUMBERS"]), strict=False))
-    seen = {name: WIDTH * at[vector] for name, vector in SEEN.items()}
+    numbered = {name: WIDTH * at[vector] for name, vector in NUMBERED.items()}
     measured = {"FIRST": s - 6, "P": at["SQUARE"] + row * (s - 6)}
     measured["PRIOR"] = WIDTH * measured["P"] + s - 6
-    return {"N": n, "S": s, "ROW": row, "PRIOR_ROW": WIDTH * row, **at, **alone, **seen, **measured}
+    return {"N": n, "S": s, "ROW": row, "PRIOR_ROW": WIDTH * row, **at, **alone, **numbered, **measured}
+
+
+def room(n: int) -> FloatArray:
+    """Zeros for a run; a vector that lay across two lines of the cache would be slow."""
+    length = places(n)["LENGTH"]
+    whole = np.zeros(length + WIDTH)
+    first = -(whole.ctypes.data // whole.itemsize) % WIDTH
+    return whole[first : first + length]
 
 
 def square_from_pairs(n: int) -> IntArray:
@@ -93,6 +115,7 @@ def _in_pairs(n: int, row: int, column: int) -> int:
 S, FIRST, SAME, AB, SQUARE, SPARE, MOVE = (
     places(3)[name] for name in ("S", "FIRST", "SAME", "AB", "SQUARE", "SPARE", "MOVE")
 )
-PAIRS, COVARIANCE, HP, GAIN, LEFT, REST, STEP = (places(3)[name] for name in list(SEEN)[1:])
+PAIRS, COVARIANCE, HP, GAIN, LEFT, REST, STEP = (places(3)[name] for name in list(NUMBERED)[1:])
 INVERSE, LENGTH = places(3)["INVERSE"], places(3)["LENGTH"]
+SEEN_Y, SEEN_HPHT, SEEN_R, ADAPTED = (places(3)[name] for name in ("SEEN_Y", "SEEN_HPHT", "SEEN_R", "ADAPTED"))
 SQUARE_FROM_PAIRS, PAIRS_FROM_SQUARE, MEASURED = square_from_pairs(3), pairs_from_square(3), measured_from_pairs(3)

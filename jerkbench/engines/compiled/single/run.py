@@ -11,6 +11,7 @@ from jerkbench.engines.compiled.arguments import Kept, Steps
 from jerkbench.engines.compiled.models import model_of, step_lengths
 from jerkbench.engines.compiled.rule import CompiledRule
 from jerkbench.engines.compiled.single.entry import loop_for
+from jerkbench.engines.compiled.single.places import room
 from jerkbench.estimate import Estimate, Updates
 from jerkbench.timeline.timeline import Timeline
 
@@ -20,8 +21,10 @@ def run_single(timeline: Timeline, model: Filter, adaptation: Adaptation, compil
     lengths_s, which = step_lengths(timeline.dt_s)
     steps = steps_of(timeline, which, wants_truth=getattr(adaptation, "wants_true_covariance", False))
     prepared, kept = model_of(timeline, model, lengths_s), make_kept(timeline)
-    entry = loop_for(prepared.A.shape[1])
-    states, updates, failed = entry(compiled.adapt, compiled.fade, steps, prepared, compiled.rule, kept)
+    n = prepared.A.shape[1]
+    rooms = room(n), np.zeros(6, dtype=np.int64)
+    entry = loop_for(n)
+    states, updates, failed = entry(compiled.adapt, compiled.fade, steps, prepared, compiled.rule, kept, *rooms)
     return _estimate(timeline, kept, states, updates, failed)
 
 
@@ -36,8 +39,8 @@ def steps_of(timeline: Timeline, which: Any, *, wants_truth: bool) -> Steps:  # 
         plain(timeline.reference, np.int64),
         plain(timeline.accel_enu_mps2, np.float64),
         plain(measured.z, np.float64),
-        plain(R, np.float64).reshape(-1, 36),
-        plain(measured.R, np.float64).reshape(-1, 36),
+        plain(R, np.float64),
+        plain(measured.R, np.float64),
     )
 
 
