@@ -5,7 +5,6 @@ from collections.abc import Callable, Mapping
 from typing import Any, cast
 
 from jerkbench.compilation.reach import own_function, reached
-from jerkbench.compilation.repeated import Repeated
 
 
 def jitted(
@@ -61,19 +60,8 @@ class _Jit:
         return types.CellType(self._value(cell.cell_contents))
 
     def _value(self, value: Any) -> Any:  # noqa: ANN401 - any global of a module
-        if isinstance(value, Repeated):
-            return self._repeated(value)
         function = own_function(value)
         return value if function is None else self.of(function)
-
-    def _repeated(self, loop: Repeated) -> Any:  # noqa: ANN401 - numba has no types
-        if id(loop) not in self.done:
-            written = loop.written_out(loop.times(self.constants))
-            inner = self.of(cast("types.FunctionType", loop.function))
-            written.__globals__.update(function=inner, __name__=self.home)
-            written.__module__ = self.home
-            self.done[id(loop)] = self.decorate_inlined(written)
-        return self.done[id(loop)]
 
 
 def _copy(function: types.FunctionType, scope: dict[str, Any], closure: tuple[types.CellType, ...], home: str) -> Any:  # noqa: ANN401 - goes to numba

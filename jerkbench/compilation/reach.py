@@ -9,8 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from jerkbench.compilation.repeated import Repeated
-
 LIBRARIES = ("numpy", "math", "cmath", "numba", "builtins", "scipy")
 """Modules whose functions numba knows, or cannot know; nothing in them is looked into."""
 
@@ -53,9 +51,6 @@ def _feed(sha: Any, value: object, seen: set[int]) -> None:  # noqa: ANN401 - ha
         if id(function) not in seen:
             seen.add(id(function))
             _feed_function(sha, function, seen)
-    elif isinstance(value, Repeated):
-        sha.update(repr(value.count).encode())
-        _feed(sha, value.function, seen)
     elif isinstance(value, types.ModuleType):
         sha.update(_module_content(value))
     elif isinstance(value, np.ndarray):

@@ -22,7 +22,7 @@ class CompiledEngine:
 
     The same equations as the engine `filterpy` in Joseph form, arranged for speed::
 
-        F P F' by blocks of 3 x 3, because F = A (x) I3;    S = H P H' + R = L L' (Cholesky)
+        F P F' for all pairs of axes at once, F = A (x) I3;   S = H P H' + R = L L' (Cholesky)
         K' = S^-1 H P,  x = x + K y,  A = P - K H P,  P = A - (A H' - K R) K', symmetrised
 
     The plugin's own `adapt` and `fade` are compiled as they are. What is compiled is kept on disk ($JERKBENCH_CACHE, or
