@@ -1,13 +1,17 @@
 """How fast are the engines? Prints a table of ratios to a plain filterpy loop, with the agreement beside each.
 
-    python benchmarks/engines.py [--repeats 20]
+    python benchmarks/engines.py [--repeats 20] [--runs 1000]
 
 Workload: filter jerk (9 states), 15 000 steps of 0.01 s, 1 500 updates of six rows with a full R that changes.
-Times are CPU times of this process, the smallest of the repeats. Other libraries: peers.py; of many runs at once
-the time of one is given. `pip install '.[bench]'` installs them; one that is not installed is named.
+Times are CPU times of this process, the smallest of the repeats, but for our many runs, whose errors are summed up as
+they go: there it is the time that passes with all cores, divided by the number of runs. Other libraries: peers.py; of
+many runs at once the time of one is given, on one core. `pip install '.[bench]'` installs them; one that is not
+installed is named.
 """
 
 import argparse
+import os
+import time
 
 import numpy as np
 from lines import Absent, Line, apart, smallest
@@ -19,6 +23,7 @@ from jerkbench.attitude.compiled_tilt import run_tilt_compiled
 from jerkbench.attitude.tilt import TiltParameters, run_tilt, start_state
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.engines.filterpy_engine import FilterpyEngine
+from jerkbench.streamed import Run, Scoring
 from jerkbench.timeline.measurements import Measurements
 from jerkbench.timeline.timeline import Timeline
 
@@ -49,7 +54,7 @@ def workload(seed: int = 0) -> Timeline:
     )
 
 
-def navigation_lines(timeline: Timeline, repeats: int) -> list[Line | Absent]:
+def navigation_lines(timeline: Timeline, repeats: int, runs: int) -> list[Line | Absent]:
     """The engines, without and with an adaptation, and the libraries that are installed."""
     model, none = plugins.create("filter", {"name": "jerk"}), plugins.create("adaptation", {"name": "none"})
     x, _ = filterpy_loop(timeline, model)
@@ -65,7 +70,33 @@ def navigation_lines(timeline: Timeline, repeats: int) -> list[Line | Absent]:
         difference = apart(engine.run(timeline, model, rule).position_m, wanted)
         seconds = smallest(lambda rule=rule: engine.run(timeline, model, rule), repeats)  # type: ignore[misc]  # mypy knows no default in a lambda
         lines.append(Line(f"engine compiled, {name}", seconds, base, difference))
-    return lines + peer_lines(timeline, x, base, min(repeats, 2))
+    return lines + many_lines(base, runs) + peer_lines(timeline, x, base, min(repeats, 2))
+
+
+def many_lines(base: float, runs: int) -> list[Line | Absent]:
+    """Many runs side by side, in blocks as a sweep makes them, without trajectories."""
+    model, engine, threads = plugins.create("filter", {"name": "jerk"}), CompiledEngine(), os.cpu_count() or 1
+    block = [Run(timeline := workload(seed), scoring_of(timeline)) for seed in range(64)]
+    blocks = -(-runs // len(block))
+    lines: list[Line | Absent] = []
+    for name in ("none", "mtf", "sage_husa"):
+        rule = plugins.create("adaptation", {"name": name})
+        (one, *_) = engine.run_many(block, model, rule, updates=False, threads=threads)
+        wanted = FilterpyEngine().run(block[0].timeline, model, rule).position_m
+        difference = abs(np.sqrt(one.position_m2.sum()) - np.sqrt((wanted**2).sum())) / np.sqrt(len(wanted))
+        begin = time.perf_counter()
+        for _ in range(blocks):
+            engine.run_many(block, model, rule, updates=False, threads=threads)
+        seconds = (time.perf_counter() - begin) / (blocks * len(block))
+        lines.append(Line(f"{blocks * len(block)} runs on {threads} cores, {name}", seconds, base, difference))
+    return lines
+
+
+def scoring_of(timeline: Timeline) -> Scoring:
+    """Every stamp counts; the truth is zero."""
+    k = len(timeline.t_s)
+    one = np.ones(k)
+    return Scoring(np.zeros((k, 6)), one, one, one, np.zeros(k), np.zeros(0, dtype=np.int64), 0.0)
 
 
 def tilt_lines(repeats: int) -> list[Line]:
@@ -84,9 +115,10 @@ def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--repeats", type=int, default=20, help="how often each compiled run is timed")
-    repeats = parser.parse_args().repeats
+    parser.add_argument("--runs", type=int, default=1000, help="how many runs are made side by side")
+    asked = parser.parse_args()
     print(f"{'':<34}{'time':>13}{'ratio':>11}{'difference':>12}")
-    for line in navigation_lines(workload(), repeats) + tilt_lines(repeats):
+    for line in navigation_lines(workload(), asked.repeats, asked.runs) + tilt_lines(asked.repeats):
         print(line)
 
 

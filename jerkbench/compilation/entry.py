@@ -9,12 +9,18 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
+from threading import RLock
 from types import ModuleType
 from typing import Any
+
+from filelock import FileLock
 
 from jerkbench.files import user_cache_folder, write_text
 
 Namespace = Callable[[str], Mapping[str, Any]]
+
+_LOADING = RLock()
+"""A module that another thread is still loading would look finished."""
 
 
 def cache_folder() -> Path:
@@ -33,14 +39,23 @@ def load_entry(title: str, source: str, key: str, namespace: Namespace) -> Modul
         namespace: given the module's name, the values that stand in the module before its first line.
     """
     name = _module_name(title, source, key)
-    if name in sys.modules:
-        return sys.modules[name]
-    path = cache_folder() / f"{name}.py"
-    if not path.exists():
-        write_text(path, source)
-    if not any((path.parent / "__pycache__").glob(f"{name}.*.nbi")):
-        sys.stderr.write(f"jerkbench: compiling {title}, once; it is kept in {path.parent}\n")
-    return _imported(name, path, namespace)
+    with _LOADING:
+        if name in sys.modules:
+            return sys.modules[name]
+        path = cache_folder() / f"{name}.py"
+        if not path.exists():
+            write_text(path, source)
+        if _compiled(path):
+            return _imported(name, path, namespace)
+        with FileLock(path.with_suffix(".lock")):  # of several processes that start together one compiles
+            if not _compiled(path):
+                sys.stderr.write(f"jerkbench: compiling {title}, once; it is kept in {path.parent}\n")
+            return _imported(name, path, namespace)
+
+
+def _compiled(path: Path) -> bool:
+    """Whether the entry point at ``path`` is on the disk, compiled."""
+    return any((path.parent / "__pycache__").glob(f"{path.stem}.*.nbi"))
 
 
 @contextmanager
