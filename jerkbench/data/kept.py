@@ -27,7 +27,9 @@ class Kept:
 def kept() -> Iterator[Kept]:
     """Yield every kind. Recordings that were fetched are none: they are data, not a cache."""
     from jerkbench.bags import extract
+    from jerkbench.benchmark import simulated
     from jerkbench.compilation import entry
 
     yield Kept("compiled filters and adaptations", entry.cache_folder(), ("jerkbench_*.py", "__pycache__/jerkbench_*"))
     yield Kept("what was read of bags", extract.cache_folder(), (extract.PATTERN,))
+    yield Kept("simulated recordings", simulated.cache_folder(), (simulated.PATTERN,))

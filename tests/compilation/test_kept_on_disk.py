@@ -134,12 +134,10 @@ print(len(set(map(id, functions))), sum(functions[0].stats.cache_misses.values()
 def test_of_threads_and_processes_that_start_together_one_compiles(tmp_path):
     (tmp_path / "rule.py").write_text(PLUGIN)
     (tmp_path / "helping.py").write_text(HELPER.format(constant=1.0))
-    environment = {**os.environ, "JERKBENCH_CACHE": str(tmp_path / "cache")}
-    environment["PYTHONPATH"] = os.pathsep.join([str(tmp_path), *sys.path])
+    environment = {**os.environ, "JERKBENCH_CACHE": str(tmp_path / "cache"), "PYTHONPATH": str(tmp_path)}
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     both = [subprocess.Popen([sys.executable, "-c", THREADS], env=environment, **pipes) for _ in range(2)]
     (one, first), (other, second) = (process.communicate(timeout=120) for process in both)
 
     assert sorted([one, other]) == ["1 0\n", "1 1\n"]
-    assert sorted([first, second])[0] == ""
-    assert first + second == (first or second)
+    assert "" in {first, second}

@@ -21,7 +21,7 @@ def test_what_is_kept_is_shown_and_cleared_and_nothing_else(tmp_path, typed, mon
     assert "what was read of bags: 1 files, 0.0 MB" in shown
     assert typed("data", "cache", "--clear").stdout.count(", deleted") == 2
     assert [path.name for path in cache.rglob("*") if path.is_file()] == ["mine.txt"]
-    assert typed("data", "cache").stdout.count(": 0 files, 0.0 MB") == 2
+    assert typed("data", "cache").stdout.count(": 0 files, 0.0 MB") == 3
 
 
 def test_a_fetched_bag_needs_no_path(tmp_path, monkeypatch):
