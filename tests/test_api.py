@@ -29,7 +29,8 @@ def by_words(*overrides):
     with initialize_config_dir(str(config_folder().resolve()), version_base="1.3"):
         config = compose("config", list(overrides), return_hydra_config=True)
         bare = {key: value for key, value in config.items() if key != "hydra"}
-        return cell_of(OmegaConf.create(bare), config.hydra.runtime.choices, list(overrides))
+        plain = OmegaConf.to_container(OmegaConf.create(bare), resolve=True)
+        return cell_of(plain, config.hydra.runtime.choices, list(overrides))
 
 
 def by_parts(disturbance=(), noise=None, **single):

@@ -18,7 +18,8 @@ def cell(*overrides):
     with initialize_config_dir(str(config_folder().resolve()), version_base="1.3"):
         config = compose("config", list(overrides), return_hydra_config=True)
         bare = {key: value for key, value in config.items() if key != "hydra"}
-        return cell_of(OmegaConf.create(bare), config.hydra.runtime.choices, list(overrides))
+        plain = OmegaConf.to_container(OmegaConf.create(bare), resolve=True)
+        return cell_of(plain, config.hydra.runtime.choices, list(overrides))
 
 
 def test_everything_at_once_as_the_page_says():

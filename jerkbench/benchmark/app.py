@@ -15,7 +15,7 @@ from hydra.core.hydra_config import HydraConfig
 from hydra.core.utils import JobReturn, JobStatus
 from hydra.experimental.callback import Callback
 from hydra.types import RunMode
-from omegaconf import DictConfig
+from omegaconf import DictConfig, OmegaConf
 
 from jerkbench.benchmark.cell import refusal
 from jerkbench.benchmark.composition import compose_jobs
@@ -52,7 +52,7 @@ def sweep(loader: ConfigLoader, config: DictConfig, jobs: Sequence[Sequence[str]
     """
     try:
         composed = compose_jobs(loader, config, jobs)
-        plan = plan_sweep([cell_of(one.config, one.choices, one.overrides) for one in composed])
+        plan = plan_sweep([cell_of(one.plain, one.choices, one.overrides) for one in composed])
     except JerkbenchError as error:
         exit_with(error)
     for line in plan.refused:
@@ -111,7 +111,8 @@ def _task(config: DictConfig) -> None:
 
 
 def _run_job(config: DictConfig, job: HydraConf) -> None:
-    cell = cell_of(config, job.runtime.choices, list(job.overrides.task))
+    plain: Any = OmegaConf.to_container(config, resolve=True)
+    cell = cell_of(plain, job.runtime.choices, list(job.overrides.task))
     sweeping = job.mode == RunMode.MULTIRUN
     if reason := refusal(cell):
         if not sweeping:

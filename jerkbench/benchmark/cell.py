@@ -1,8 +1,10 @@
 """A cell: one combination of data set, disturbances, attitude, filter, adaptation and noise, with all its seeds."""
 
 import dataclasses
+import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 from jerkbench import plugins
@@ -114,10 +116,10 @@ def build(spec: Config, protocol: Protocol, labels: Labels | None = None) -> Cel
     Raises:
         PluginError: something is unknown or does not fit together.
     """
-    single = {kind: plugins.create(kind, spec[kind]) for kind in ("dataset", "attitude", "adaptation", "engine")}
+    single = {kind: _part(kind, spec[kind]) for kind in ("dataset", "attitude", "adaptation", "engine")}
     noise = replaced(plugins.get("filter", spec["filter"]["name"]), spec.get("noise", {}))
-    model = plugins.create("filter", {**spec["filter"], **noise})
-    disturbances = tuple(plugins.create("disturbance", one) for one in spec["disturbance"])
+    model = _part("filter", {**spec["filter"], **noise})
+    disturbances = tuple(_part("disturbance", one) for one in spec["disturbance"])
     metrics = _metrics(spec.get("metrics") or ())
     effective: dict[str, Any] = {
         kind: _plain(spec[kind]["name"], part) for kind, part in {**single, "filter": model}.items()
@@ -129,9 +131,27 @@ def build(spec: Config, protocol: Protocol, labels: Labels | None = None) -> Cel
         protocol=protocol,
         disturbances=disturbances,
         filter=model,
-        metrics=tuple(plugins.create("metric", {"name": name}) for name in metrics),
+        metrics=tuple(_part("metric", {"name": name}) for name in metrics),
         **single,
     )
+
+
+def _part(kind: str, config: Mapping[str, Any]) -> Any:  # noqa: ANN401 - the kind decides the contract
+    """Make a plugin, or take the one that was made of the same values: a sweep asks for the same ones again and again.
+
+    They never change, so cells may share them.
+    """
+    try:
+        text = json.dumps(config)
+    except TypeError:  # from Python a parameter may be anything
+        return plugins.create(kind, config)
+    return _made(kind, plugins.get(kind, str(config.get("name"))), text)
+
+
+@lru_cache(maxsize=4096)
+def _made(kind: str, cls: type, config: str) -> Any:  # noqa: ANN401 - as above
+    del cls  # the name may stand for another one by now
+    return plugins.create(kind, json.loads(config))
 
 
 def refusal(cell: Cell) -> str:

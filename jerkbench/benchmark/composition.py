@@ -21,12 +21,12 @@ class Composed:
     """A job's configuration.
 
     Attributes:
-        config: without the ``hydra`` part.
+        plain: the configuration without its ``hydra`` part, as plain data; it may be shared with other jobs.
         choices: Hydra's choice for each group.
         overrides: the overrides of the job.
     """
 
-    config: DictConfig
+    plain: dict[str, Any]
     choices: dict[str, Any]
     overrides: list[str]
 
@@ -38,7 +38,7 @@ def compose_jobs(loader: ConfigLoader, config: DictConfig, jobs: Sequence[Job]) 
     with everything else as in the first job.
     """
     if not _separable(jobs):
-        return [_compose(loader, config, job) for job in jobs]
+        return [_resolved(_compose(loader, config, job)) for job in jobs]
     split = [_split(job) for job in jobs]
     known: dict[tuple[str, tuple[str, ...]], Composed] = {}
     for parts in split:
@@ -54,21 +54,28 @@ def _assembled(
 ) -> Composed:
     """Take each group's part from the composition that knows its overrides."""
     rest = known[REST, parts[REST]]
-    config, choices = OmegaConf.to_container(rest.config), dict(rest.choices)
-    assert isinstance(config, dict)  # noqa: S101 - a configuration is a mapping
+    plain, choices = dict(rest.plain), dict(rest.choices)
     for group in INDEPENDENT:
         own = known[group, parts[group]]
-        config[group] = OmegaConf.to_container(own.config[group])
+        plain[group] = own.plain[group]
         choices[group] = own.choices.get(group)
-    return Composed(OmegaConf.create(config), choices, list(job))
+    return _resolved(Composed(plain, choices, list(job)))
 
 
 def _compose(loader: ConfigLoader, config: DictConfig, job: Job) -> Composed:
     composed = loader.load_sweep_config(config, list(job))
     choices: Any = OmegaConf.to_container(composed.hydra.runtime.choices)
     overrides: Any = OmegaConf.to_container(composed.hydra.overrides.task)
-    bare = {key: value for key, value in composed.items() if key != "hydra"}
-    return Composed(OmegaConf.create(bare), choices, overrides)
+    plain: Any = OmegaConf.to_container(OmegaConf.masked_copy(composed, [str(k) for k in composed if k != "hydra"]))
+    return Composed(plain, choices, overrides)
+
+
+def _resolved(composed: Composed) -> Composed:
+    """Resolve what refers to other parts; only then is OmegaConf needed, which takes longer than all the rest."""
+    if "${" not in repr(composed.plain):
+        return composed
+    plain: Any = OmegaConf.to_container(OmegaConf.create(composed.plain), resolve=True)
+    return Composed(plain, composed.choices, composed.overrides)
 
 
 def _separable(jobs: Sequence[Job]) -> bool:

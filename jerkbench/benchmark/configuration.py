@@ -69,18 +69,17 @@ def study_folder(config: DictConfig) -> Path:
     return Path(str(config.results)) / str(config.study)
 
 
-def cell_of(config: DictConfig, choices: Mapping[str, Any], overrides: list[str]) -> Cell:
+def cell_of(plain: Mapping[str, Any], choices: Mapping[str, Any], overrides: list[str]) -> Cell:
     """Make the cell that a composed configuration describes.
 
     Args:
-        config: the configuration without its ``hydra`` part.
+        plain: the configuration without its ``hydra`` part, resolved, as plain data.
         choices: Hydra's choice for each group, for the labels.
         overrides: the overrides of the job, for the labels.
 
     Raises:
         PluginError: a plugin does not take its parameters.
     """
-    plain: Any = OmegaConf.to_container(config, resolve=True)
     spec = {group: plain[group] for group in GROUPS}
     spec["disturbance"] = list(plain["disturbance"].values())
     spec["noise"], spec["metrics"] = plain["noise"], plain["metrics"]

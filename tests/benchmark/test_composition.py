@@ -3,7 +3,6 @@
 import pytest
 from hydra import initialize_config_dir
 from hydra.core.global_hydra import GlobalHydra
-from omegaconf import OmegaConf
 
 from jerkbench.benchmark import composition
 from jerkbench.benchmark.app import _register_hydra_parts
@@ -40,7 +39,7 @@ def base(loader):
 def test_parts_give_what_composing_each_job_gives_and_cost_one_composition_for_each_value(loader, monkeypatch):
     config = base(loader)
     chosen = range(0, 32, 5)
-    one_by_one = [composition._compose(loader, config, JOBS[k]) for k in chosen]
+    one_by_one = [composition._resolved(composition._compose(loader, config, JOBS[k])) for k in chosen]
     calls = []
     original = composition._compose
     monkeypatch.setattr(composition, "_compose", lambda *words: calls.append(words) or original(*words))
@@ -50,7 +49,7 @@ def test_parts_give_what_composing_each_job_gives_and_cost_one_composition_for_e
     assert len(calls) <= 12  # two values of five factors, and one for each group that no job mentions
     for k, alone in zip(chosen, one_by_one, strict=True):
         job, part = JOBS[k], together[k]
-        assert OmegaConf.to_container(alone.config) == OmegaConf.to_container(part.config), job
+        assert alone.plain == part.plain, job
         assert {k: v for k, v in alone.choices.items() if v is not None} == {
             k: v for k, v in part.choices.items() if v is not None
         }, job
@@ -61,5 +60,16 @@ def test_several_experiments_are_composed_one_by_one(loader):
     jobs = [["experiment=paper"], ["experiment=drive", "dataset.folder=anywhere"]]
     paper, drive = compose_jobs(loader, base(loader), jobs)
 
-    assert (paper.config.dataset.name, drive.config.dataset.name) == ("field", "rtklib")
-    assert (paper.config.study, drive.config.study) == ("paper", "drive")
+    assert (paper.plain["dataset"]["name"], drive.plain["dataset"]["name"]) == ("field", "rtklib")
+    assert (paper.plain["study"], drive.plain["study"]) == ("paper", "drive")
+
+
+def test_what_refers_to_another_part_is_resolved_in_each_job(loader):
+    jobs = [
+        [f"filter={name}", f"adaptation={rule}", "notes=['${filter.name} ${adaptation.name}']"]
+        for name in ("jerk", "bias")
+        for rule in ("none", "mtf")
+    ]
+    made = compose_jobs(loader, base(loader), jobs)
+
+    assert [one.plain["notes"] for one in made] == [["jerk none"], ["jerk mtf"], ["bias none"], ["bias mtf"]]
