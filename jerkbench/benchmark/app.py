@@ -75,10 +75,11 @@ def _run(plan: Plan, store: Store, workers: int) -> int:
     """Run the plan; returns the exit code of a sweep that did not come to its end, or 0."""
     try:
         store.prepare()
-        if damaged := store.damaged([one.key for one in plan.cells]):
+        done, damaged = store.look([one.key for one in plan.cells])
+        if damaged:
             print(f"{len(damaged)} damaged files of cells are run again: {', '.join(damaged)}.", file=sys.stderr)
         with _terminated_like_interrupted():
-            run_sweep(plan, store, workers)
+            run_sweep(plan, store, workers, done)
     except KeyboardInterrupt:
         print("Interrupted. What is done is stored; the same command goes on from there.", file=sys.stderr)
         return INTERRUPTED

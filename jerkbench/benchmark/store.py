@@ -74,9 +74,10 @@ class Store:
         stored = _read(self.path(key))
         return stored is not None and not stored.about["failed"]
 
-    def damaged(self, keys: Iterable[str]) -> list[str]:
-        """Return those of ``keys`` whose file is there, but not as it was written."""
-        return [key for key in keys if self.path(key).exists() and _read(self.path(key)) is None]
+    def look(self, keys: Iterable[str]) -> tuple[set[str], list[str]]:
+        """Return which of ``keys`` are `done`, and which are there, but not as they were written."""
+        found, damaged = self.read(keys)
+        return {one.key for one in found if not one.about["failed"]}, damaged
 
     def write(self, key: str, rows: Sequence[Row], about: dict[str, Any]) -> None:
         """Store a cell; a reader sees the whole of it or nothing."""
@@ -148,4 +149,9 @@ def _read(path: Path) -> Stored | None:
 
 def _digest(rows: pd.DataFrame, text: str) -> bytes:
     """Hash all values, to the bit, and the text beside them."""
-    return hashlib.sha256((rows.to_csv(index=False) + text).encode()).hexdigest().encode()
+    sha = hashlib.sha256(text.encode())
+    for name, column in rows.items():
+        plain = column.dtype.kind in "biuf"
+        sha.update(f"{name} {column.dtype}".encode())
+        sha.update(column.to_numpy().tobytes() if plain else json.dumps([str(value) for value in column]).encode())
+    return sha.hexdigest().encode()

@@ -1,7 +1,7 @@
 """The sweep: runs the cells that are not done yet, stores each at once, and ends with the table, whatever happens."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
@@ -58,9 +58,9 @@ def plan_sweep(cells: Sequence[Cell]) -> Plan:
     return Plan(tuple(planned.values()), lines)
 
 
-def run_sweep(plan: Plan, store: Store, workers: int) -> None:
-    """Run what is not done yet, in ``workers`` processes, with a progress bar; store every cell as it is finished."""
-    pending = [one for one in plan.cells if not store.done(one.key)]
+def run_sweep(plan: Plan, store: Store, workers: int, done: Collection[str]) -> None:
+    """Run what is not ``done``, in ``workers`` processes, with a progress bar; store every cell as it is finished."""
+    pending = [one for one in plan.cells if one.key not in done]
     finished = Finished(store)
     with Progress(len(plan.cells), already=len(plan.cells) - len(pending)) as progress:
         for task, result in run_grouped(partial(run_task, store.folder.parent), grouped(pending), workers):
