@@ -132,11 +132,11 @@ def _read(path: Path) -> Stored | None:
     """Read a cell; None where there is no file, or none that is as it was written."""
     try:
         with path.open("rb") as file:  # whether it may be read is no matter of damage
-            table = pq.read_table(file)
+            table = pq.ParquetFile(file).read(use_threads=False)  # a cell is too small for threads
             head = table.schema.metadata
             text = head[METADATA].decode()
             about: dict[str, Any] = json.loads(text)
-            rows = table.to_pandas()
+            rows = table.to_pandas(use_threads=False)
             whole = DIGEST not in head or head[DIGEST] == _digest(rows, text)
     except FileNotFoundError:
         return None

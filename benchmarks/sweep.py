@@ -1,0 +1,86 @@
+"""Where does the time of a sweep go? Prints what each stage costs a run of `field`, 150 s at 100 Hz.
+
+    python benchmarks/sweep.py [--seeds 32]
+
+CPU times of one process, divided by the number of runs; everything is compiled before. What is made once a recording
+(of a data set, disturbance and seed) is shared by every filter, adaptation and noise of a sweep.
+"""
+
+import argparse
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from jerkbench.benchmark.cell import Cell, Protocol, build
+from jerkbench.benchmark.inputs import attitude_of, disturbed, scored_of, timeline_of
+from jerkbench.benchmark.run import run_cell
+from jerkbench.benchmark.simulated import simulated
+from jerkbench.benchmark.store import Store
+
+ONCE, EACH = "once a recording", "each run"
+CHOICES = [(model, adaptation) for model in ("jerk", "baseline") for adaptation in ("none", "mtf", "sage_husa")]
+
+
+def cell_of(model: str, adaptation: str, seeds: int) -> Cell:
+    """The cell of a filter with an adaptation."""
+    names = {"dataset": "field", "attitude": "tilt", "filter": model, "adaptation": adaptation, "engine": "compiled"}
+    spec: dict[str, Any] = {kind: {"name": name} for kind, name in names.items()}
+    return build({**spec, "disturbance": [{"name": "multipath_single_axis"}]}, Protocol(seeds=seeds))
+
+
+def tell(name: str, paid: str, runs: int, work: Callable[[], object]) -> None:
+    """Print how long ``work`` takes, by run."""
+    begin = time.process_time()
+    work()
+    print(f"{name:<44}{(time.process_time() - begin) / runs * 1e3:>9.2f} ms   {paid}", flush=True)
+
+
+def tell_recordings(cell: Cell) -> None:
+    """The way of the data up to the filter."""
+    data, seeds = cell.dataset, cell.draws
+    tell("simulated", "once, then kept on the disk", len(seeds), lambda: [data.load(seed) for seed in seeds])
+    kept = [simulated(data, seed) for seed in seeds]
+    tell("read from the disk", ONCE, len(seeds), lambda: [simulated(data, seed) for seed in seeds])
+    changed = [disturbed(data, cell.disturbances, "", seed) for seed in seeds]
+    (disturbance,) = cell.disturbances
+    pairs = list(zip(kept, seeds, strict=True))
+    tell("disturbed", ONCE, len(seeds), lambda: [disturbance.apply(one, seed) for one, seed in pairs])
+    tell("attitude", ONCE, len(seeds), lambda: [attitude_of(one, cell.attitude) for one in changed])
+    attitudes = [attitude_of(one, cell.attitude) for one in changed]
+    both = list(zip(changed, attitudes, strict=True))
+    tell("timeline", ONCE, len(seeds), lambda: [timeline_of(*one) for one in both])
+    lines = [(recording, timeline_of(recording, attitude), cell.protocol.burn_in_s) for recording, attitude in both]
+    tell("what the errors count for", ONCE, len(seeds), lambda: [scored_of(*one) for one in lines])
+
+
+def tell_cells(seeds: int) -> None:
+    """Filters and metrics of whole cells, the first one with what they share; then the store."""
+    for model, adaptation in CHOICES:
+        cell = cell_of(model, adaptation, seeds)
+        tell(f"{model}, {adaptation}: filtered and scored", EACH, seeds, lambda cell=cell: run_cell(cell, ""))  # type: ignore[misc]  # mypy knows no default in a lambda
+    rows, _ = run_cell(cell, "")
+    with tempfile.TemporaryDirectory() as folder:
+        store = Store(Path(folder))
+        store.write("first", rows, {})
+        store.look(["first"])
+        keys = [f"key{k}" for k in range(100)]
+        tell("stored", "each cell", len(keys), lambda: [store.write(key, rows, {}) for key in keys])
+        tell("looked up and checked", "each cell that is done", len(keys), lambda: store.look(keys))
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seeds", type=int, default=32, help="how many runs each time is the mean of")
+    seeds = parser.parse_args().seeds
+    for model, adaptation in CHOICES:
+        run_cell(cell_of(model, adaptation, 1), "")
+    tell_recordings(cell_of("jerk", "none", seeds))
+    run_cell(cell_of("jerk", "none", seeds), "")
+    tell_cells(seeds)
+
+
+if __name__ == "__main__":
+    main()
