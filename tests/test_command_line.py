@@ -235,3 +235,21 @@ def test_an_interrupted_sweep_ends_with_its_table_and_goes_on(tmp_path):
     again = jerkbench(*words, cwd=tmp_path)
     assert f"{done} of 24 cells are done already" in again.stderr
     assert len(rows_of(cells.parent)) == 48
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["filter=eskf15", "filter.wheel_scale=true"], "eskf15.wheel_scale needs a wheel's speed"),
+        (["filter=gnss_only", "adaptation=mtf,iae"], "There is nothing to run: every combination was left out."),
+        (["filter=jerk,bias", "--cfg", "job"], "--cfg shows the configuration of one run: leave out -m"),
+    ],
+    ids=["an input is missing", "nothing is left", "a configuration of many"],
+)
+def test_a_sweep_that_cannot_be_says_so_before_anything_runs(tmp_path, said_in_process, words, said):
+    code, out, err = said_in_process("run", "-m", *words)
+
+    assert code == 2
+    assert said in err.splitlines()[-1]
+    assert out == ""
+    assert not list(tmp_path.rglob("*.parquet"))

@@ -37,6 +37,10 @@ LAUNCHER = "hydra_plugins.jerkbench.JerkbenchLauncher"
 
 def main(arguments: Sequence[str]) -> None:
     """Run the app with Hydra's command line ``arguments``."""
+    if {"-m", "--multirun"} & set(arguments) and {"-c", "--cfg"} & set(arguments):
+        exit_with(
+            PluginError("--cfg shows the configuration of one run: leave out -m, and give each option one value.")
+        )
     register_schemas()
     _register_hydra_parts()
     app = hydra.main(version_base="1.3", config_path=str(config_folder()), config_name="config")(_task)
@@ -57,6 +61,8 @@ def sweep(loader: ConfigLoader, config: DictConfig, jobs: Sequence[Sequence[str]
         exit_with(error)
     for line in plan.refused:
         print(line, file=sys.stderr)
+    if not plan.cells:
+        exit_with(PluginError("There is nothing to run: every combination was left out."))
     store = Store(study_folder(config))
     code = _run(plan, store, config.workers or processors())
     try:

@@ -1,18 +1,30 @@
 """What a combination asks for, and its recording has not: said before anything runs."""
 
+from collections.abc import Callable
+
 from jerkbench.benchmark.cell import Cell
 from jerkbench.errors import JerkbenchError
+from jerkbench.recording import Recording
 
 
-def require_inputs(cell: Cell) -> None:
-    """Ask the attitude filter whether the recording of the first seed has what it needs; it is loaded only if asked.
+def require_inputs(cell: Cell, checked: set[tuple[object, object]]) -> None:
+    """Ask attitude filter and filter whether the recording of the first seed has what they need.
+
+    Args:
+        cell: the combination; its recording is loaded only if one of them has such a question.
+        checked: data sets with the parts that were asked before; grows.
 
     Raises:
         JerkbenchError: it has not, or there is no recording.
     """
-    require = getattr(cell.attitude, "require", None)
-    if require is None:
-        return
+    for part in (cell.attitude, cell.filter):
+        require = getattr(part, "require", None)
+        if require is not None and (cell.dataset, part) not in checked:
+            _ask(require, cell)
+            checked.add((cell.dataset, part))
+
+
+def _ask(require: Callable[[Callable[[], Recording]], None], cell: Cell) -> None:
     try:
         require(lambda: cell.dataset.load(cell.draws[0]))
     except JerkbenchError:

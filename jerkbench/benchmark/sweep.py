@@ -34,7 +34,7 @@ def plan_sweep(cells: Sequence[Cell]) -> Plan:
     """Find the key of each cell; leave out what is refused and what is there twice.
 
     Raises:
-        RecordingError: the data of a cell are not there, or lack what its attitude filter was asked to use.
+        RecordingError: the data of a cell are not there, or lack what its filters were asked to use.
         PluginError: two cells would have the same name in the table.
     """
     planned: dict[str, Planned] = {}
@@ -47,9 +47,7 @@ def plan_sweep(cells: Sequence[Cell]) -> Plan:
             continue
         if cell.dataset not in fingerprints:
             fingerprints[cell.dataset] = cell.dataset.fingerprint()
-        if (cell.dataset, cell.attitude) not in checked:
-            require_inputs(cell)
-            checked.add((cell.dataset, cell.attitude))
+        require_inputs(cell, checked)
         fingerprint = fingerprints[cell.dataset]
         key = cell_key(cell, fingerprint)
         planned.setdefault(key, Planned(cell, key, fingerprint))

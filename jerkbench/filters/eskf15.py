@@ -1,5 +1,6 @@
 """The error-state inertial navigation that practitioners run."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -185,6 +186,15 @@ class Eskf15:
     def adaptations(self) -> tuple[str, ...]:
         """Names of the adaptations that it accepts: all that do not fade P."""
         return without_fading()
+
+    def require(self, load: Callable[[], Recording]) -> None:
+        """Check, before a sweep begins, that the recording of ``load`` has the wheel whose scale was asked for.
+
+        Raises:
+            RecordingError: it has not.
+        """
+        if self.wheel_scale:
+            self._aided(load())
 
     def estimate(self, recording: Recording, attitude: Attitude, adaptation: Adaptation) -> Estimate:
         """Return the navigation solution at the reference's stamps."""
