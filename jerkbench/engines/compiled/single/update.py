@@ -45,21 +45,21 @@ def correct(w: FloatArray, m: FloatArray) -> float:
 def _joseph(w: FloatArray, m: FloatArray) -> None:
     for s in range(S):
         for piece in range(ROW if s >= FIRST else s // WIDTH + 1):
-            _subtract_gain(w, m, s, piece)
+            _subtract(w, m, s, piece, HP, K)  # A' = P - (H P)' K'
     for r in range(6):
         for piece in range(ROW):
             _subtract_noise(w, m, r, piece)
     for s in range(S):
         for piece in range(s // WIDTH + 1):
-            _subtract_rest(w, m, s, piece)
+            _subtract(w, m, s, piece, GAIN, V)  # P = A' - K V
 
 
-def _subtract_gain(w: FloatArray, m: FloatArray, s: int, piece: int) -> None:
-    """A' = P - (H P)' K'."""
-    first, second = m[HP + s] * w[K + piece], m[HP + PRIOR_ROW + s] * w[K + ROW + piece]
+def _subtract(w: FloatArray, m: FloatArray, s: int, piece: int, left: int, right: int) -> None:
+    """One vector of row ``s`` of the square less ``left``' ``right``, of two parts with six rows (numbers, vectors)."""
+    first, second = m[left + s] * w[right + piece], m[left + PRIOR_ROW + s] * w[right + ROW + piece]
     for r in range(2, 6, 2):
-        first += m[HP + PRIOR_ROW * r + s] * w[K + ROW * r + piece]
-        second += m[HP + PRIOR_ROW * (r + 1) + s] * w[K + ROW * (r + 1) + piece]
+        first += m[left + PRIOR_ROW * r + s] * w[right + ROW * r + piece]
+        second += m[left + PRIOR_ROW * (r + 1) + s] * w[right + ROW * (r + 1) + piece]
     w[SQUARE + ROW * s + piece] -= first + second
 
 
@@ -70,12 +70,3 @@ def _subtract_noise(w: FloatArray, m: FloatArray, r: int, piece: int) -> None:
         first += m[R + 6 * c + r] * w[K + ROW * c + piece]
         second += m[R + 6 * (c + 1) + r] * w[K + ROW * (c + 1) + piece]
     w[V + ROW * r + piece] = w[P + ROW * r + piece] - (first + second)
-
-
-def _subtract_rest(w: FloatArray, m: FloatArray, s: int, piece: int) -> None:
-    """P = A' - K V."""
-    first, second = m[GAIN + s] * w[V + piece], m[GAIN + PRIOR_ROW + s] * w[V + ROW + piece]
-    for r in range(2, 6, 2):
-        first += m[GAIN + PRIOR_ROW * r + s] * w[V + ROW * r + piece]
-        second += m[GAIN + PRIOR_ROW * (r + 1) + s] * w[V + ROW * (r + 1) + piece]
-    w[SQUARE + ROW * s + piece] -= first + second
