@@ -7,6 +7,7 @@ from statistics import NormalDist
 import numpy as np
 import pytest
 from scipy.stats import t as student
+from scipy.stats import ttest_1samp
 
 from jerkbench.evaluation.statistics import intervals
 from jerkbench.evaluation.statistics.intervals import Interval, mean_interval, mean_intervals
@@ -98,3 +99,14 @@ def test_neither_order_nor_company_changes_it():
     for k in (0, 1, 2, 4, 40):
         alone = mean_interval(samples[k][::-1])
         assert dataclasses.astuple(together[k]) == pytest.approx(dataclasses.astuple(alone), rel=1e-12, nan_ok=True)
+
+
+def test_of_thousands_of_values_the_interval_is_the_one_that_scipy_gives_without_a_bootstrap():
+    values = np.random.default_rng(3).exponential(2.0, 5000)
+    wanted = ttest_1samp(values, 0.0).confidence_interval(0.95)
+    found = mean_interval(values)
+
+    assert (found.low, found.high) == pytest.approx((wanted.low, wanted.high), rel=1e-12)
+    few = mean_interval(values[:1999])
+    bounds = ttest_1samp(values[:1999], 0.0).confidence_interval(0.95)
+    assert (few.low, few.high) == pytest.approx((bounds.low, bounds.high), abs=0.05 * (bounds.high - bounds.low))

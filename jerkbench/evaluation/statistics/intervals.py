@@ -17,6 +17,9 @@ HIGHEST = 1 - 2 / RESAMPLES
 ROWS_AT_ONCE = 16
 """Samples that go through the bootstrap together; more costs memory and saves no time."""
 
+MANY = 2000
+"""From so many values on the mean is normal enough for Student's interval."""
+
 ROUNDING = 1e-14
 """Values that differ by less, relative to their mean, are equal: the bootstrap would divide rounding by rounding."""
 
@@ -61,7 +64,7 @@ def mean_interval(values: npt.ArrayLike, confidence: float = 0.95) -> Interval:
 def mean_intervals(samples: Sequence[npt.ArrayLike], confidence: float = 0.95) -> list[Interval]:
     """Return what `mean_interval` gives for each sample; five times as fast for many of one size."""
     kept = [_sorted_numbers(values) for values in samples]
-    intervals = [_without_bootstrap(values) for values in kept]
+    intervals = [_without_bootstrap(values, confidence) for values in kept]
     for rows in _batches(intervals):
         values = np.stack([kept[row] for row in rows])
         for row, low, high in zip(rows, *_bca(values, confidence), strict=True):
@@ -74,7 +77,7 @@ def _sorted_numbers(values: npt.ArrayLike) -> FloatArray:
     return np.sort(array[~np.isnan(array)])
 
 
-def _without_bootstrap(values: FloatArray) -> Interval:
+def _without_bootstrap(values: FloatArray, confidence: float) -> Interval:
     """Return the mean, with the interval where that takes no bootstrap."""
     if len(values) == 0:
         return Interval(np.nan, np.nan, np.nan, 0)
@@ -82,7 +85,18 @@ def _without_bootstrap(values: FloatArray) -> Interval:
         mean = float(np.mean(values))
     if len(values) > 1 and np.isfinite(mean) and values[-1] - values[0] <= ROUNDING * abs(mean):
         return Interval(mean, mean, mean, len(values))
+    if len(values) >= MANY and np.isfinite(mean):
+        return _student(values, mean, confidence)
     return Interval(mean, np.nan, np.nan, len(values))
+
+
+def _student(values: FloatArray, mean: float, confidence: float) -> Interval:
+    """Return Student's interval; of so many values the bootstrap has the same, and would need gigabytes."""
+    from scipy.stats import t
+
+    spread, n = values[-1] - values[0], len(values)
+    half = float(spread * np.std((values - mean) / spread, ddof=1) * t.ppf((1 + confidence) / 2, n - 1) / np.sqrt(n))
+    return Interval(mean, mean - half, mean + half, n)
 
 
 def _batches(intervals: list[Interval]) -> Iterator[IntArray]:
