@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
+from jerkbench.evaluation.statistics.intervals import MANY
 from jerkbench.report.quantities import quantity
 from jerkbench.report.table import ABSENT, Cell, Table
 
@@ -54,7 +55,8 @@ def _intervals(cells: list[Cell]) -> Iterator[str]:
     used = [cell.used for cell in cells]
     seeds = f"{max(used)}" if min(used) == max(used) else f"{min(used)} to {max(used)}"
     few = f" Of fewer than {FEW} seeds it is too short." if min(used) < FEW else ""
-    yield f"[low, high]: 95 % BCa bootstrap interval of the mean over {seeds} seeds.{few}"
+    kind = "BCa bootstrap" if min(used) < MANY else "Student"
+    yield f"[low, high]: 95 % {kind} interval of the mean over {seeds} seeds.{few}"
 
 
 def _ratios(table: Table, family: str) -> Iterator[str]:
