@@ -12,7 +12,7 @@ from jerkbench.recording import Recording
 from jerkbench.timeline.timeline import Timeline, build_timeline
 
 KEPT = 32
-"""How many of each are kept: about 8 MB together for 150 s at 100 Hz."""
+"""How many of each are kept; a recording of 150 s at 100 Hz has some 2 MB."""
 
 
 @lru_cache(maxsize=KEPT)
