@@ -11,12 +11,12 @@ from jerkbench.bags.options import BagOptions
 from jerkbench.bags.positions import POSE_FRAMES
 from jerkbench.bags.roles import Plan
 from jerkbench.bags.streams import VELOCITY_FRAMES
-from jerkbench.errors import PluginError, unknown
 from jerkbench.plugins import register
 from jerkbench.readers.files import fingerprint
 from jerkbench.readers.ros.bag import Bag
 from jerkbench.readers.ros.files import content_files
 from jerkbench.recording import Recording
+from jerkbench.simulation.checks import require_choices
 
 
 @register("dataset", "rosbag")
@@ -76,9 +76,7 @@ class RosBag(BagOptions):
             "velocity_frame": VELOCITY_FRAMES,
             "heading_source": ("odometry", "dual_antenna"),
         }
-        for name, available in choices.items():
-            if getattr(self, name) not in available:
-                raise PluginError(unknown(name, getattr(self, name), available))
+        require_choices(self, choices)
 
     def load(self, seed: int = 0) -> Recording:
         """Return the drive; ``seed`` changes nothing.

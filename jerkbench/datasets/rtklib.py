@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.errors import PluginError, RecordingError, unknown
+from jerkbench.errors import PluginError, RecordingError
 from jerkbench.plugins import register
 from jerkbench.readers.columns import TIME_UNITS, TextFormat
 from jerkbench.readers.fetched import recording_folder
@@ -25,6 +25,7 @@ from jerkbench.readers.streams import axes_matrix
 from jerkbench.recording import Imu, Position, Recording, Reference, Velocity
 from jerkbench.sanitiser.fixes import leap_notes, leaping_rows
 from jerkbench.sanitiser.values import possible_imu
+from jerkbench.simulation.checks import require_choices
 
 EPOCHS = ("gps", "unix")
 NOTES = (
@@ -136,9 +137,7 @@ class RtklibDrive:
             "imu_time_unit": TIME_UNITS,
             "imu_epoch": EPOCHS,
         }
-        for name, known in choices.items():
-            if getattr(self, name) not in known:
-                raise PluginError(unknown(name, getattr(self, name), known))
+        require_choices(self, choices)
         axes_matrix(self.imu_axes)
         for name in ("imu_accel", "imu_gyro"):
             if len(getattr(self, name)) != 3:

@@ -26,11 +26,11 @@ from jerkbench.readers.mounting import ACCEL_UNITS, GYRO_UNITS
 from jerkbench.readers.overlap import with_common_time
 from jerkbench.readers.rest import without_gyro_bias
 from jerkbench.readers.rtklib_pos import PosSolution, read_rtklib_pos
-from jerkbench.readers.streams import FRAMES, axes_in_enu, axes_matrix, enu_from, in_enu, origin_of, require_frame
+from jerkbench.readers.streams import FRAMES, axes_in_enu, axes_matrix, enu_from, in_enu, origin_of
 from jerkbench.recording import Imu, Origin, Position, Recording, Reference, Velocity
 from jerkbench.sanitiser.fixes import leap_notes, leaping_rows
 from jerkbench.sanitiser.values import possible_imu
-from jerkbench.simulation.checks import require_not_negative, require_positive
+from jerkbench.simulation.checks import require_choices, require_not_negative, require_positive
 
 ANGLE_UNITS = {"deg": 1.0, "rad": float(np.degrees(1.0))}
 """Degrees in each unit of latitude and longitude."""
@@ -224,8 +224,7 @@ class Tables(TimedColumns):
             "velocity_frame": VELOCITY_FRAMES,
             "reference_body": ATTITUDE_BODIES,
         }
-        for name, known in choices.items():
-            require_frame(name, getattr(self, name), known)
+        require_choices(self, choices)
 
     def _check_columns(self) -> None:
         wanted = {

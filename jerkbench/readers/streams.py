@@ -3,7 +3,7 @@
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.errors import PluginError, RecordingError, unknown
+from jerkbench.errors import PluginError, RecordingError
 from jerkbench.geometry import ecef_to_enu, geodetic_to_enu
 from jerkbench.recording import Origin
 
@@ -28,12 +28,6 @@ def axes_matrix(axes: tuple[str, ...]) -> FloatArray:
     if not np.isclose(np.linalg.det(turn), 1.0):
         raise PluginError(f"imu_axes is {axes}, which makes no right-handed body; check the signs.")
     return turn
-
-
-def require_frame(name: str, frame: str, known: tuple[str, ...]) -> None:
-    """Raise a PluginError unless ``frame`` is one of ``known``."""
-    if frame not in known:
-        raise PluginError(unknown(name, frame, known))
 
 
 def origin_of(values: FloatArray, frame: str) -> Origin | None:

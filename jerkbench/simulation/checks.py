@@ -1,9 +1,17 @@
 """Checks of parameters, each with one sentence as its error."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable, Mapping
 
-from jerkbench.errors import PluginError
+from jerkbench.errors import PluginError, unknown
+
+
+def require_choices(owner: object, choices: Mapping[str, Collection[str]]) -> None:
+    """Raise a PluginError that names the first of the parameters whose value is none of its choices."""
+    for name, available in choices.items():
+        given = getattr(owner, name)
+        if given not in available:
+            raise PluginError(unknown(name, given, available))
 
 
 def require_positive(plugin: str, owner: object, names: Iterable[str]) -> None:
