@@ -16,7 +16,7 @@ from jerkbench.bags.roles import Plan
 from jerkbench.bags.streams import heading_of, imu_of, position_of, usable_fixes, velocity_of
 from jerkbench.readers.gravity import gravity_notes
 from jerkbench.readers.overlap import with_common_time
-from jerkbench.readers.rest import first_rest_s, scaled_to_gravity, without_gyro_bias
+from jerkbench.readers.rest import calibrated, first_rest_s
 from jerkbench.readers.ros.files import bag_files, missing_parts
 from jerkbench.readers.ros.messages import Messages
 from jerkbench.recording import Heading, Imu, Position, Recording, Reference, Velocity
@@ -80,7 +80,7 @@ def _assembled(
     rest_s = _rest_s(options, about, velocity, float(imu.t_s[-1]))
     return Recording(
         name=about.name if about else options.path.stem,
-        imu=_calibrated(imu, options, rest_s),
+        imu=calibrated(imu, rest_s, gyro=options.remove_gyro_bias, accel=options.scale_accel_to_gravity),
         reference=reference,
         position=None if position is None else at_body(position, reference, options.lever_arm_m),
         velocity=velocity,
@@ -152,12 +152,6 @@ def _rest_s(options: BagOptions, about: About | None, velocity: Velocity | None,
     late = velocity.t_s >= 0
     speed: FloatArray = np.linalg.norm(np.nan_to_num(velocity.mps[late]), axis=1)
     return first_rest_s(velocity.t_s[late], speed, end_s) if late.any() else 0.0
-
-
-def _calibrated(imu: Imu, options: BagOptions, rest_s: float) -> Imu:
-    if options.remove_gyro_bias:
-        imu = without_gyro_bias(imu, rest_s)
-    return scaled_to_gravity(imu, rest_s) if options.scale_accel_to_gravity else imu
 
 
 def _dependence(plan: Plan) -> tuple[str, ...]:

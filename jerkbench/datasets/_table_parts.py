@@ -11,7 +11,7 @@ from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import RecordingError
 from jerkbench.geometry import dcm_from_euler, dcm_from_quaternion, euler_from_dcm
 from jerkbench.readers.columns import Columns, TextFormat, find_tables, read_columns, read_datetimes_ns, times_ns
-from jerkbench.readers.streams import axes_in_enu
+from jerkbench.readers.frames import axes_in_enu
 from jerkbench.recording import Position, Reference, Velocity
 
 _FLU_FROM_FRD = np.diag([1.0, -1.0, -1.0])

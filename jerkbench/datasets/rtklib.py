@@ -17,11 +17,10 @@ from jerkbench.readers.gpst import GPST_MINUS_UTC_S, utc_of
 from jerkbench.readers.gravity import gravity_notes
 from jerkbench.readers.imu_log import ImuLog, ImuMap, read_imu_log, read_imu_table
 from jerkbench.readers.latency import velocity_when_true
-from jerkbench.readers.mounting import ACCEL_UNITS, GYRO_UNITS, body_from_sensor
+from jerkbench.readers.mounting import ACCEL_UNITS, GYRO_UNITS, axes_matrix, body_from_sensor, imu_in_body
 from jerkbench.readers.overlap import with_common_time
-from jerkbench.readers.rest import first_rest_s, scaled_to_gravity, without_gyro_bias
+from jerkbench.readers.rest import calibrated, first_rest_s
 from jerkbench.readers.rtklib_pos import PosSolution, read_rtklib_pos
-from jerkbench.readers.streams import axes_matrix
 from jerkbench.recording import Imu, Position, Recording, Reference, Velocity
 from jerkbench.sanitiser.fixes import leap_notes, leaping_rows
 from jerkbench.sanitiser.values import possible_imu
@@ -161,7 +160,8 @@ class RtklibDrive:
         position, origin = fixes.position(t_s)
         speed_mps = _speed(fixes, position)
         rest_s = first_rest_s(t_s, speed_mps, log.t_s[-1]) if self.rest_s is None else self.rest_s
-        imu = self._calibrated(possible_imu(str(imu_path), self._in_body(log)), rest_s)
+        imu = possible_imu(str(imu_path), self._in_body(log))
+        imu = calibrated(imu, rest_s, gyro=self.remove_gyro_bias, accel=self.scale_accel_to_gravity)
         recording = Recording(
             name=pos_path.parent.resolve().name,
             imu=imu,
@@ -224,13 +224,7 @@ class RtklibDrive:
     def _in_body(self, log: ImuLog) -> Imu:
         turn = body_from_sensor(self.imu_axis_signs, self.mounting_yaw_deg, self.mounting_pitch_deg)
         turn = turn @ axes_matrix(self.imu_axes)
-        accel_mps2 = log.accel * ACCEL_UNITS[self.accel_unit] @ turn.T
-        return Imu(log.t_s, accel_mps2, log.gyro * GYRO_UNITS[self.gyro_unit] @ turn.T)
-
-    def _calibrated(self, imu: Imu, rest_s: float) -> Imu:
-        if self.remove_gyro_bias:
-            imu = without_gyro_bias(imu, rest_s)
-        return scaled_to_gravity(imu, rest_s) if self.scale_accel_to_gravity else imu
+        return imu_in_body(log.t_s, log.accel, log.gyro, (self.accel_unit, self.gyro_unit), turn)
 
     def _reference(self, t_s: FloatArray, enu_m: FloatArray, speed_mps: FloatArray) -> Reference:
         return Reference(

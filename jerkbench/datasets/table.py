@@ -20,20 +20,17 @@ from jerkbench.errors import PluginError, RecordingError
 from jerkbench.plugins import register
 from jerkbench.readers.columns import TIME_UNITS, Columns, TextFormat
 from jerkbench.readers.files import fingerprint
+from jerkbench.readers.frames import ANGLE_UNITS, FRAMES, axes_in_enu, enu_from, in_degrees, in_enu, origin_of
 from jerkbench.readers.gpst import GPS_EPOCH_NS, GPST_MINUS_UTC_S, utc_of
 from jerkbench.readers.gravity import gravity_notes
-from jerkbench.readers.mounting import ACCEL_UNITS, GYRO_UNITS
+from jerkbench.readers.mounting import ACCEL_UNITS, GYRO_UNITS, axes_matrix, imu_in_body
 from jerkbench.readers.overlap import with_common_time
 from jerkbench.readers.rest import without_gyro_bias
 from jerkbench.readers.rtklib_pos import PosSolution, read_rtklib_pos
-from jerkbench.readers.streams import FRAMES, axes_in_enu, axes_matrix, enu_from, in_enu, origin_of
 from jerkbench.recording import Imu, Origin, Position, Recording, Reference, Velocity
 from jerkbench.sanitiser.fixes import leap_notes, leaping_rows
 from jerkbench.sanitiser.values import possible_imu
 from jerkbench.simulation.checks import require_choices, require_not_negative, require_positive
-
-ANGLE_UNITS = {"deg": 1.0, "rad": float(np.degrees(1.0))}
-"""Degrees in each unit of latitude and longitude."""
 
 VELOCITY_FRAMES = ("enu", "ned", "body", "speed")
 ATTITUDE_BODIES = ("flu", "frd", "sensor")
@@ -259,9 +256,8 @@ class Tables(TimedColumns):
 
     def _imu(self, stream: Stream, zero_ns: int) -> Imu:
         turn = axes_matrix(self.imu_axes)
-        accel = stream.columns.numbers(self.imu_accel) * ACCEL_UNITS[self.accel_unit]
-        gyro = stream.columns.numbers(self.imu_gyro) * GYRO_UNITS[self.gyro_unit]
-        imu = Imu(stream.t_s(zero_ns), accel @ turn.T, gyro @ turn.T)
+        accel, gyro = stream.columns.numbers(self.imu_accel), stream.columns.numbers(self.imu_gyro)
+        imu = imu_in_body(stream.t_s(zero_ns), accel, gyro, (self.accel_unit, self.gyro_unit), turn)
         return without_gyro_bias(imu, self.static_start_s) if self.remove_gyro_bias else imu
 
     def _position(self, zero_ns: int) -> tuple[Position | None, Origin | None]:
@@ -272,7 +268,7 @@ class Tables(TimedColumns):
             return solution.position(t_s)
         stream = self._stream("position", self.position_file, self.position_time, self.position_shift_s)
         stream = stream.only(self.position_columns)
-        places = self._places(stream.columns.numbers(self.position_columns), self.position_frame)
+        places = in_degrees(stream.columns.numbers(self.position_columns), self.position_frame, self.angle_unit)
         origin = origin_of(places, self.position_frame)
         sigma = stream.columns.numbers(self.position_sigma)
         enu_m = in_enu(places, self.position_frame, origin)
@@ -308,7 +304,7 @@ class Tables(TimedColumns):
         columns, frame = stream.columns, self.reference_frame
         enu_m = None
         if self.reference_position:
-            places = self._places(columns.numbers(self.reference_position), frame)
+            places = in_degrees(columns.numbers(self.reference_position), frame, self.angle_unit)
             origin = origin or origin_of(places, frame)
             enu_m = in_enu(places, frame, origin)
         velocity = axes_in_enu(columns.numbers(self.reference_velocity), frame) if self.reference_velocity else None
@@ -331,10 +327,6 @@ class Tables(TimedColumns):
             attitude = np.radians(attitude)
         turn = enu_from(self.attitude_frame or self.reference_frame)
         return attitude_in_flu(attitude, turn, self.reference_body, body)
-
-    def _places(self, values: FloatArray, frame: str) -> FloatArray:
-        """Latitude and longitude in degrees."""
-        return values * ([ANGLE_UNITS[self.angle_unit]] * 2 + [1.0]) if frame == "geodetic" else values
 
     def _start_utc(self, zero_ns: int) -> datetime | None:
         if self.epoch == "gps":

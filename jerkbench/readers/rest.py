@@ -31,6 +31,17 @@ def first_rest_s(t_s: FloatArray, speed_mps: FloatArray, end_s: float) -> float:
     return float(np.clip(moving[0] - MARGIN_S, 0.0, end_s)) if moving.size else end_s
 
 
+def calibrated(imu: Imu, rest_s: float, *, gyro: bool, accel: bool) -> Imu:
+    """Return the samples without the gyro's bias, and with the accelerometer scaled, where that is asked for.
+
+    Raises:
+        RecordingError: the rest is too short, or the accelerometer's mean over it is not near gravity.
+    """
+    if gyro:
+        imu = without_gyro_bias(imu, rest_s)
+    return scaled_to_gravity(imu, rest_s) if accel else imu
+
+
 def without_gyro_bias(imu: Imu, rest_s: float) -> Imu:
     """Subtract the gyro's mean over the rest (the Earth's rate goes with it)."""
     bias = imu.gyro_radps[_at_rest(imu, rest_s)].mean(axis=0)

@@ -1,33 +1,24 @@
-"""Columns of a table -> parts of a recording, in its frames and units."""
+"""Places and vectors of a table, in whatever frame -> ENU."""
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.errors import PluginError, RecordingError
-from jerkbench.geometry import ecef_to_enu, geodetic_to_enu
+from jerkbench.errors import RecordingError
+from jerkbench.geometry import ecef_to_enu, ecef_to_origin, geodetic_to_enu
 from jerkbench.recording import Origin
 
 FRAMES = ("enu", "ned", "geodetic", "ecef")
 """Frames of a position: local ENU or NED [m], latitude, longitude [deg or rad] and height [m], or ECEF [m]."""
 
+ANGLE_UNITS = {"deg": 1.0, "rad": float(np.degrees(1.0))}
+"""Degrees in each unit of latitude and longitude."""
+
 _ENU_FROM_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 
 
-def axes_matrix(axes: tuple[str, ...]) -> FloatArray:
-    """Return (3, 3) M with f_body = M f_sensor, of what the body's x, y, z are: ("z", "-y", "x") for instance.
-
-    Raises:
-        PluginError: these are not three axes of the sensor, or they make a left-handed body.
-    """
-    turn = np.zeros((3, 3))
-    for row, axis in enumerate(axes):
-        name = axis.lstrip("+-")
-        if len(axes) != 3 or name not in ("x", "y", "z") or len(axis) - len(name) > 1:
-            raise PluginError(f"imu_axes is {axes}; give three of x, y, z, -x, -y, -z: what the body's x, y, z are.")
-        turn[row, "xyz".index(name)] = -1.0 if axis.startswith("-") else 1.0
-    if not np.isclose(np.linalg.det(turn), 1.0):
-        raise PluginError(f"imu_axes is {axes}, which makes no right-handed body; check the signs.")
-    return turn
+def in_degrees(places: FloatArray, frame: str, unit: str) -> FloatArray:
+    """Return (n, 3) places, their latitude and longitude in degrees; those of other frames have none."""
+    return places * ([ANGLE_UNITS[unit]] * 2 + [1.0]) if frame == "geodetic" else places
 
 
 def origin_of(values: FloatArray, frame: str) -> Origin | None:
@@ -36,8 +27,6 @@ def origin_of(values: FloatArray, frame: str) -> Origin | None:
     Raises:
         RecordingError: no row is complete.
     """
-    from jerkbench.geometry import ecef_to_origin
-
     if frame in ("enu", "ned"):
         return None
     known = np.isfinite(values).all(axis=1)
