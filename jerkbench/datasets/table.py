@@ -1,70 +1,25 @@
 """Any recording in tables: CSV, text or Parquet, with a map from columns to fields."""
 
 from dataclasses import dataclass
-from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import ClassVar
 
-import numpy as np
-
-from jerkbench.arrays import FloatArray
-from jerkbench.datasets._table_parts import (
-    Clock,
-    Stream,
-    attitude_in_flu,
-    covariances,
-    fixes_as_reference,
-    velocity_of,
-)
-from jerkbench.errors import PluginError, RecordingError
+from jerkbench.datasets._table_attitude import AttitudeMap
+from jerkbench.datasets._table_checks import CHOICES, require_columns
+from jerkbench.datasets._table_position import PositionMap, read_position, steady_position
+from jerkbench.datasets._table_reference import ReferenceMap, fixes_as_reference, read_reference
+from jerkbench.datasets._table_stream import Source, Stream
+from jerkbench.datasets._table_velocity import VelocityMap, read_velocity
+from jerkbench.datasets._timed_columns import TimedColumns
 from jerkbench.plugins import register
-from jerkbench.readers.columns import TIME_UNITS, Columns, TextFormat
 from jerkbench.readers.files import fingerprint
-from jerkbench.readers.frames import ANGLE_UNITS, FRAMES, axes_in_enu, enu_from, in_degrees, in_enu, origin_of
-from jerkbench.readers.gpst import GPS_EPOCH_NS, GPST_MINUS_UTC_S, utc_of
 from jerkbench.readers.gravity import gravity_notes
-from jerkbench.readers.mounting import ACCEL_UNITS, GYRO_UNITS, axes_matrix, imu_in_body
+from jerkbench.readers.mounting import axes_matrix, imu_in_body
 from jerkbench.readers.overlap import with_common_time
-from jerkbench.readers.rest import without_gyro_bias
-from jerkbench.readers.rtklib_pos import PosSolution, read_rtklib_pos
+from jerkbench.readers.rest import calibrated
 from jerkbench.recording import Imu, Origin, Position, Recording, Reference, Velocity
-from jerkbench.sanitiser.fixes import leap_notes, leaping_rows
 from jerkbench.sanitiser.values import possible_imu
 from jerkbench.simulation.checks import require_choices, require_not_negative, require_positive
-
-VELOCITY_FRAMES = ("enu", "ned", "body", "speed")
-ATTITUDE_BODIES = ("flu", "frd", "sensor")
-UNIX = datetime(1970, 1, 1, tzinfo=UTC)
-EPOCHS = ("gps", "none", "unix")
-SOLUTION = ".pos"
-"""Ending of RTKLIB's solutions, which say themselves what their columns are."""
-
-
-@dataclass(frozen=True)
-class TimedColumns:
-    """What all streams of a table share: the folder, how text is cut, and the time.
-
-    Attributes:
-        folder: where the files are.
-        separator: between the columns of a text; empty: white space. Parquet needs none.
-        header: whether the first line names the columns; if not, they are numbered from 1.
-        comment: what a line to be left out begins with.
-        time_unit: of every column of times: s, ms, us or ns.
-        time_week: the column of GPS weeks, in every file, where the times are those of the week; empty: they are not.
-        time_file: a file of UTC dates and times, one a row, for a stream whose column of times is empty.
-        epoch: what the times count from: unix (1970, UTC), gps (1980, GPS time), or none (unknown).
-        gpst_minus_utc_s: leap seconds; 18 since 2017.
-    """
-
-    folder: str
-    separator: str = ","
-    header: bool = True
-    comment: str = ""
-    time_unit: str = "s"
-    time_week: str = ""
-    time_file: str = ""
-    epoch: str = "unix"
-    gpst_minus_utc_s: float = GPST_MINUS_UTC_S
 
 
 @register("dataset", "table")
@@ -165,8 +120,8 @@ class Tables(TimedColumns):
 
     def __post_init__(self) -> None:
         """Check every choice, every number of columns, and every sigma."""
-        self._check_choices()
-        self._check_columns()
+        require_choices(self, CHOICES)
+        require_columns(self, self.velocity_frame)
         axes_matrix(self.imu_axes)
         require_positive("dataset table", self, ("position_sigma_m", "velocity_sigma_mps"))
         require_not_negative("dataset table", self, ("static_start_s",))
@@ -177,158 +132,75 @@ class Tables(TimedColumns):
         Raises:
             RecordingError: a file is missing or damaged, a column is not there, or what is in it makes no recording.
         """
-        imu = self._stream("imu", self.imu_file, self.imu_time, self.imu_shift_s)
-        imu = imu.only((*self.imu_accel, *self.imu_gyro))
-        zero_ns = int(imu.t_ns[0]) if len(imu.t_ns) else 0
+        stream = self.read(Source("imu", self.imu_file, self.imu_time, self.imu_shift_s))
+        stream = stream.only((*self.imu_accel, *self.imu_gyro))
+        zero_ns = int(stream.t_ns[0]) if len(stream.t_ns) else 0
         position, origin = self._position(zero_ns)
-        leaps: tuple[str, ...] = ()
-        if position is not None:
-            wrong = leaping_rows(position.t_s, np.nan_to_num(position.enu_m))  # an axis that is not there leaps nowhere
-            position = Position(position.t_s[~wrong], position.enu_m[~wrong], position.covariance_m2[~wrong])
-            leaps = leap_notes(wrong)
+        position, leaps = steady_position(position) if position is not None else (None, ())
         reference, origin = self._reference(zero_ns, origin, position)
-        samples = possible_imu(imu.columns.where, self._imu(imu, zero_ns))
+        imu = self._imu(stream, zero_ns)
         recording = Recording(
             name=Path(self.folder).expanduser().resolve().name,
-            imu=samples,
+            imu=imu,
             reference=reference,
             position=position,
             velocity=self._velocity(zero_ns),
             origin=origin,
-            start_utc=self._start_utc(zero_ns),
+            start_utc=self.start_utc(zero_ns),
             static_start_s=self.static_start_s,
-            notes=(*gravity_notes(samples.accel_mps2, "imu_axes"), *leaps),
+            notes=(*gravity_notes(imu.accel_mps2, "imu_axes"), *leaps),
         )
         return with_common_time(recording, "check the columns of times and their unit")
 
     def fingerprint(self) -> str:
         """Return the SHA-256 over the bytes of the files."""
         names = (self.imu_file, self.position_file, self.velocity_file, self.reference_file, self.time_file)
-        found = [path for name in dict.fromkeys(names) if name for path in Stream.files(self.folder, name, "folder")]
-        return fingerprint(tuple(found))
-
-    def _check_choices(self) -> None:
-        choices = {
-            "accel_unit": tuple(ACCEL_UNITS),
-            "gyro_unit": tuple(GYRO_UNITS),
-            "time_unit": tuple(TIME_UNITS),
-            "angle_unit": tuple(ANGLE_UNITS),
-            "epoch": EPOCHS,
-            "attitude_unit": tuple(ANGLE_UNITS),
-            "attitude_frame": ("", "enu", "ned"),
-            "position_frame": FRAMES,
-            "reference_frame": FRAMES,
-            "velocity_frame": VELOCITY_FRAMES,
-            "reference_body": ATTITUDE_BODIES,
-        }
-        require_choices(self, choices)
-
-    def _check_columns(self) -> None:
-        wanted = {
-            "imu_accel": (3,),
-            "imu_gyro": (3,),
-            "position_columns": (3,),
-            "position_sigma": (0, 1, 3),
-            "velocity_columns": (1,) if self.velocity_frame == "speed" else (3,),
-            "reference_position": (0, 3),
-            "reference_velocity": (0, 3),
-            "reference_attitude": (0, 3, 4),
-        }
-        for name, counts in wanted.items():
-            given = getattr(self, name)
-            if len(given) not in counts:
-                said = " or ".join(map(str, counts))
-                raise PluginError(f"dataset table: {name} names {len(given)} columns, {given}; it must name {said}.")
-
-    def _stream(self, name: str, file: str, time: str, shift_s: float) -> Stream:
-        text = TextFormat(self.separator, self.header, self.comment)
-        clock = Clock(self.time_unit, self.time_week, self.time_file)
-        return Stream.read(self.folder, (name, file), text, time, clock, shift_s)
-
-    def _solution(self, name: str, file: str, zero_ns: int, shift_s: float) -> tuple[FloatArray, PosSolution]:
-        """RTKLIB's solution, with its times since ``zero_ns`` of the tables' clock."""
-        if self.epoch == "none":
-            raise PluginError(f"dataset table: {name}_file is '{file}', in GPS time; epoch must be gps or unix.")
-        solution = read_rtklib_pos(Stream.files(self.folder, file, f"{name}_file")[0], self.gpst_minus_utc_s)
-        offset_ns = GPS_EPOCH_NS if self.epoch == "gps" else round(self.gpst_minus_utc_s * 1e9)
-        since_ns = solution.gpst_ns - offset_ns - zero_ns + round(shift_s * 1e9)
-        return np.asarray(since_ns * 1e-9), solution
+        return fingerprint(tuple(path for name in dict.fromkeys(names) if name for path in self.files(name, "folder")))
 
     def _imu(self, stream: Stream, zero_ns: int) -> Imu:
-        turn = axes_matrix(self.imu_axes)
         accel, gyro = stream.columns.numbers(self.imu_accel), stream.columns.numbers(self.imu_gyro)
-        imu = imu_in_body(stream.t_s(zero_ns), accel, gyro, (self.accel_unit, self.gyro_unit), turn)
-        return without_gyro_bias(imu, self.static_start_s) if self.remove_gyro_bias else imu
+        units, turn = (self.accel_unit, self.gyro_unit), axes_matrix(self.imu_axes)
+        imu = imu_in_body(stream.t_s(zero_ns), accel, gyro, units, turn)
+        imu = calibrated(imu, self.static_start_s, gyro=self.remove_gyro_bias, accel=False)
+        return possible_imu(stream.columns.where, imu)
 
     def _position(self, zero_ns: int) -> tuple[Position | None, Origin | None]:
-        if not self.position_file:
-            return None, None
-        if self.position_file.endswith(SOLUTION):
-            t_s, solution = self._solution("position", self.position_file, zero_ns, self.position_shift_s)
-            return solution.position(t_s)
-        stream = self._stream("position", self.position_file, self.position_time, self.position_shift_s)
-        stream = stream.only(self.position_columns)
-        places = in_degrees(stream.columns.numbers(self.position_columns), self.position_frame, self.angle_unit)
-        origin = origin_of(places, self.position_frame)
-        sigma = stream.columns.numbers(self.position_sigma)
-        enu_m = in_enu(places, self.position_frame, origin)
-        return Position(stream.t_s(zero_ns), enu_m, covariances(enu_m, sigma, self.position_sigma_m)), origin
+        given = PositionMap(
+            source=Source("position", self.position_file, self.position_time, self.position_shift_s),
+            place=self.position_columns,
+            frame=self.position_frame,
+            angle_unit=self.angle_unit,
+            sigma=self.position_sigma,
+            sigma_m=self.position_sigma_m,
+        )
+        return read_position(self, given, zero_ns)
 
     def _velocity(self, zero_ns: int) -> Velocity | None:
-        if not self.velocity_file:
-            return None
-        if self.velocity_file.endswith(SOLUTION):
-            return self._solved_velocity(zero_ns)
-        stream = self._stream("velocity", self.velocity_file, self.velocity_time, self.velocity_shift_s)
-        stream = stream.only(self.velocity_columns)
-        values = stream.columns.numbers(self.velocity_columns)
-        return velocity_of(stream.t_s(zero_ns), values, self.velocity_frame, self.velocity_sigma_mps)
-
-    def _solved_velocity(self, zero_ns: int) -> Velocity:
-        t_s, solution = self._solution("velocity", self.velocity_file, zero_ns, self.velocity_shift_s)
-        if solution.velocity_enu_mps is None or solution.velocity_covariance_m2ps2 is None:
-            raise RecordingError(
-                f"dataset table: {self.velocity_file} has no velocities; let RTKLIB write them (out-outvel=on), or"
-                " leave velocity_file empty."
-            )
-        return Velocity(t_s, solution.velocity_enu_mps, solution.velocity_covariance_m2ps2)
+        given = VelocityMap(
+            source=Source("velocity", self.velocity_file, self.velocity_time, self.velocity_shift_s),
+            axes=self.velocity_columns,
+            frame=self.velocity_frame,
+            sigma_mps=self.velocity_sigma_mps,
+        )
+        return read_velocity(self, given, zero_ns)
 
     def _reference(
         self, zero_ns: int, origin: Origin | None, position: Position | None
     ) -> tuple[Reference, Origin | None]:
         if not self.reference_file:
-            return fixes_as_reference(position, np.array([0.0])), origin
-        stream = self._stream("reference", self.reference_file, self.reference_time, self.reference_shift_s)
-        if named := (*self.reference_position, *self.reference_velocity, *self.reference_attitude):
-            stream = stream.only(named)
-        columns, frame = stream.columns, self.reference_frame
-        enu_m = None
-        if self.reference_position:
-            places = in_degrees(columns.numbers(self.reference_position), frame, self.angle_unit)
-            origin = origin or origin_of(places, frame)
-            enu_m = in_enu(places, frame, origin)
-        velocity = axes_in_enu(columns.numbers(self.reference_velocity), frame) if self.reference_velocity else None
-        reference = Reference(
-            stream.t_s(zero_ns),
-            source=self.reference_source,
+            return fixes_as_reference(position), origin
+        given = ReferenceMap(
+            source=Source("reference", self.reference_file, self.reference_time, self.reference_shift_s),
+            place=self.reference_position,
+            velocity=self.reference_velocity,
+            attitude=self._attitude(),
+            frame=self.reference_frame,
+            angle_unit=self.angle_unit,
+            comes_from=self.reference_source,
             independent=self.reference_independent,
-            enu_m=enu_m,
-            velocity_mps=velocity,
-            euler_rad=self._attitude(stream.columns),
         )
-        return reference, origin
+        return read_reference(self, given, zero_ns, origin)
 
-    def _attitude(self, columns: Columns) -> FloatArray | None:
-        if not self.reference_attitude:
-            return None
-        body = axes_matrix(self.imu_axes) if self.reference_body == "sensor" else None
-        attitude = columns.numbers(self.reference_attitude)
-        if len(self.reference_attitude) == 3 and self.attitude_unit == "deg":
-            attitude = np.radians(attitude)
-        turn = enu_from(self.attitude_frame or self.reference_frame)
-        return attitude_in_flu(attitude, turn, self.reference_body, body)
-
-    def _start_utc(self, zero_ns: int) -> datetime | None:
-        if self.epoch == "gps":
-            return utc_of(zero_ns + GPS_EPOCH_NS, self.gpst_minus_utc_s)
-        return UNIX + timedelta(microseconds=zero_ns // 1000) if self.epoch == "unix" else None
+    def _attitude(self) -> AttitudeMap:
+        frame = self.attitude_frame or self.reference_frame
+        return AttitudeMap(self.reference_attitude, self.attitude_unit, frame, self.reference_body, self.imu_axes)

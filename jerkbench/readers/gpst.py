@@ -10,7 +10,7 @@ GPS_EPOCH_NS = 315_964_800_000_000_000
 
 WEEK_NS = 604_800_000_000_000
 
-_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+UNIX_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 
 def utc_of(gpst_ns: int, gpst_minus_utc_s: float = GPST_MINUS_UTC_S) -> datetime:
@@ -19,4 +19,4 @@ def utc_of(gpst_ns: int, gpst_minus_utc_s: float = GPST_MINUS_UTC_S) -> datetime
     >>> utc_of(1_752_003_261_854_000_000).isoformat()
     '2025-07-08T19:34:03.854000+00:00'
     """
-    return _EPOCH + timedelta(microseconds=round(gpst_ns / 1000)) - timedelta(seconds=gpst_minus_utc_s)
+    return UNIX_EPOCH + timedelta(microseconds=round(gpst_ns / 1000)) - timedelta(seconds=gpst_minus_utc_s)

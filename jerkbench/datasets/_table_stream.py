@@ -1,0 +1,73 @@
+"""One stream of a table: where it stands, and what was read from there."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.errors import RecordingError
+from jerkbench.readers.columns import Columns
+
+SOLUTION = ".pos"
+"""Ending of RTKLIB's solutions, which say themselves what their columns are."""
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where a stream stands.
+
+    Attributes:
+        name: imu, position, velocity or reference.
+        file: a name, or a pattern of several; empty: there is no such stream.
+        time: column of its times; empty: they are in a file of dates.
+        shift_s: added to its stamps.
+    """
+
+    name: str
+    file: str
+    time: str
+    shift_s: float
+
+    @property
+    def solved(self) -> bool:
+        """Whether it is a solution of RTKLIB."""
+        return self.file.endswith(SOLUTION)
+
+    @property
+    def parameter(self) -> str:
+        """The parameter that names the file."""
+        return f"{self.name}_file"
+
+    @property
+    def shift_ns(self) -> int:
+        """Nanoseconds that are added to its stamps."""
+        return round(self.shift_s * 1e9)
+
+
+@dataclass(frozen=True, eq=False)
+class Stream:
+    """A file's columns with their stamps.
+
+    Attributes:
+        columns: the table, in the file's order.
+        t_ns: (n,) stamps of the rows, shifted, since the files' own zero.
+    """
+
+    columns: Columns
+    t_ns: IntArray
+
+    def only(self, names: Sequence[str]) -> "Stream":
+        """Return the rows in which the stream's columns ``names`` are not all empty: others belong to other streams.
+
+        Raises:
+            RecordingError: there is no such column, or it has no entry at all.
+        """
+        rows = self.columns.rows_of(names)
+        if not rows.any():
+            raise RecordingError(f"{self.columns.where} has no entry in {', '.join(names)}; name other columns.")
+        return self if rows.all() else Stream(self.columns.only(rows), self.t_ns[rows])
+
+    def t_s(self, zero_ns: int) -> FloatArray:
+        """Return (n,) seconds since ``zero_ns``."""
+        return np.asarray((self.t_ns - zero_ns) * 1e-9, dtype=np.float64)

@@ -1,0 +1,94 @@
+"""What all streams of a table share: the folder, how text is cut, and the time; and how they are read with it."""
+
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+
+from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.datasets._table_stream import Source, Stream
+from jerkbench.errors import PluginError, RecordingError
+from jerkbench.readers.columns import Columns, TextFormat, find_tables, read_columns, read_datetimes_ns, times_ns
+from jerkbench.readers.gpst import GPS_EPOCH_NS, GPST_MINUS_UTC_S, UNIX_EPOCH, utc_of
+from jerkbench.readers.rtklib_pos import PosSolution, read_rtklib_pos
+
+EPOCHS = ("gps", "none", "unix")
+
+
+@dataclass(frozen=True)
+class TimedColumns:
+    """What all streams of a table share: the folder, how text is cut, and the time.
+
+    Attributes:
+        folder: where the files are.
+        separator: between the columns of a text; empty: white space. Parquet needs none.
+        header: whether the first line names the columns; if not, they are numbered from 1.
+        comment: what a line to be left out begins with.
+        time_unit: of every column of times: s, ms, us or ns.
+        time_week: the column of GPS weeks, in every file, where the times are those of the week; empty: they are not.
+        time_file: a file of UTC dates and times, one a row, for a stream whose column of times is empty.
+        epoch: what the times count from: unix (1970, UTC), gps (1980, GPS time), or none (unknown).
+        gpst_minus_utc_s: leap seconds; 18 since 2017.
+    """
+
+    folder: str
+    separator: str = ","
+    header: bool = True
+    comment: str = ""
+    time_unit: str = "s"
+    time_week: str = ""
+    time_file: str = ""
+    epoch: str = "unix"
+    gpst_minus_utc_s: float = GPST_MINUS_UTC_S
+
+    def files(self, pattern: str, parameter: str) -> tuple[Path, ...]:
+        """Return the files that fit the pattern.
+
+        Raises:
+            RecordingError: there is none; names the ``parameter`` that the pattern is from.
+        """
+        return find_tables(Path(self.folder).expanduser(), pattern, parameter)
+
+    def read(self, source: Source) -> Stream:
+        """Return a stream.
+
+        Raises:
+            RecordingError: a file is missing or damaged, or there are not as many dates as rows.
+        """
+        text = TextFormat(self.separator, self.header, self.comment)
+        columns = read_columns(self.files(source.file, source.parameter), text)
+        t_ns = self._stamps_ns(columns, source.time)
+        if len(t_ns) != len(columns):
+            raise RecordingError(
+                f"{columns.where} has {len(columns)} rows, {self.time_file} has {len(t_ns)} times; they must be the"
+                " same."
+            )
+        return Stream(columns, t_ns + source.shift_ns)
+
+    def read_solution(self, source: Source, zero_ns: int) -> tuple[FloatArray, PosSolution]:
+        """Return RTKLIB's solution, with its times since ``zero_ns`` of the tables' clock.
+
+        Raises:
+            PluginError: that clock is not known.
+            RecordingError: the file is missing or damaged.
+        """
+        if self.epoch == "none":
+            raise PluginError(
+                f"dataset table: {source.parameter} is '{source.file}', in GPS time; epoch must be gps or unix."
+            )
+        solution = read_rtklib_pos(self.files(source.file, source.parameter)[0], self.gpst_minus_utc_s)
+        offset_ns = GPS_EPOCH_NS if self.epoch == "gps" else round(self.gpst_minus_utc_s * 1e9)
+        since_ns = solution.gpst_ns - offset_ns - zero_ns + source.shift_ns
+        return np.asarray(since_ns * 1e-9), solution
+
+    def start_utc(self, zero_ns: int) -> datetime | None:
+        """Return the UTC of ``zero_ns``; None where nobody knows what the times count from."""
+        if self.epoch == "gps":
+            return utc_of(zero_ns + GPS_EPOCH_NS, self.gpst_minus_utc_s)
+        return UNIX_EPOCH + timedelta(microseconds=zero_ns // 1000) if self.epoch == "unix" else None
+
+    def _stamps_ns(self, columns: Columns, time: str) -> IntArray:
+        if time:
+            return times_ns(columns, time, self.time_unit, self.time_week)
+        return read_datetimes_ns(self.files(self.time_file, "time_file")[0])
