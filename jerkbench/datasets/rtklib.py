@@ -1,6 +1,5 @@
 """A real drive: a receiver's solution in RTKLIB's text, and the IMU's log beside it."""
 
-from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
@@ -8,35 +7,23 @@ from typing import ClassVar
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.errors import PluginError, RecordingError
+from jerkbench.datasets._rtklib_checks import CHOICES, require_latencies, require_signs, require_three_columns
+from jerkbench.datasets._rtklib_fixes import accepted_fixes, ground_speed, steady_fixes, velocity_of
+from jerkbench.datasets._rtklib_notes import NOTES, fitted_notes
 from jerkbench.plugins import register
-from jerkbench.readers.columns import TIME_UNITS, TextFormat
+from jerkbench.readers.columns import TextFormat
 from jerkbench.readers.fetched import recording_folder
 from jerkbench.readers.files import find_file, fingerprint
 from jerkbench.readers.gpst import GPST_MINUS_UTC_S, utc_of
 from jerkbench.readers.gravity import gravity_notes
 from jerkbench.readers.imu_log import ImuLog, ImuMap, read_imu_log, read_imu_table
-from jerkbench.readers.latency import velocity_when_true
-from jerkbench.readers.mounting import ACCEL_UNITS, GYRO_UNITS, axes_matrix, body_from_sensor, imu_in_body
+from jerkbench.readers.mounting import axes_matrix, body_from_sensor, imu_in_body
 from jerkbench.readers.overlap import with_common_time
 from jerkbench.readers.rest import calibrated, first_rest_s
-from jerkbench.readers.rtklib_pos import PosSolution, read_rtklib_pos
-from jerkbench.recording import Imu, Position, Recording, Reference, Velocity
-from jerkbench.sanitiser.fixes import leap_notes, leaping_rows
+from jerkbench.readers.rtklib_pos import read_rtklib_pos
+from jerkbench.recording import Imu, Recording, Reference
 from jerkbench.sanitiser.values import possible_imu
 from jerkbench.simulation.checks import require_choices
-
-EPOCHS = ("gps", "unix")
-NOTES = (
-    "Heights are above mean sea level, not above the ellipsoid; ENU is relative to the first fix and hardly changes.",
-    "The receiver's fixes are measurement and reference at once unless they are withheld from the filter.",
-)
-FITTED = {
-    "mounting": ("mounting_yaw_deg", "mounting_pitch_deg"),
-    "time shift": ("imu_shift_s",),
-    "latencies": ("velocity_latency_s",),
-}
-"""What was fitted on the public drive itself, and the parameters whose defaults it is."""
 
 
 @register("dataset", "rtklib")
@@ -130,21 +117,11 @@ class RtklibDrive:
 
     def __post_init__(self) -> None:
         """Check the units and the three axes."""
-        choices: dict[str, Collection[str]] = {
-            "accel_unit": ACCEL_UNITS,
-            "gyro_unit": GYRO_UNITS,
-            "imu_time_unit": TIME_UNITS,
-            "imu_epoch": EPOCHS,
-        }
-        require_choices(self, choices)
+        require_choices(self, CHOICES)
         axes_matrix(self.imu_axes)
-        for name in ("imu_accel", "imu_gyro"):
-            if len(getattr(self, name)) != 3:
-                raise PluginError(f"{name} is {getattr(self, name)}; give three columns: x, y, z.")
-        if len(self.velocity_latency_s) != 3:
-            raise PluginError(f"velocity_latency_s is {self.velocity_latency_s}; give three: east, north, up.")
-        if len(self.imu_axis_signs) != 3 or any(abs(sign) != 1 for sign in self.imu_axis_signs):
-            raise PluginError(f"imu_axis_signs is {self.imu_axis_signs}; give 1 or -1 for each of x, y, z.")
+        require_three_columns(imu_accel=self.imu_accel, imu_gyro=self.imu_gyro)
+        require_latencies(self.velocity_latency_s)
+        require_signs(self.imu_axis_signs)
 
     def load(self, seed: int = 0) -> Recording:
         """Return the drive; ``seed`` changes nothing.
@@ -153,12 +130,13 @@ class RtklibDrive:
             RecordingError: a file is missing or damaged, no fix is accepted, or there is no rest to calibrate in.
         """
         pos_path, imu_path = self._paths()[:2]
-        fixes, leaps = _steady(self._accepted(read_rtklib_pos(pos_path, self.gpst_minus_utc_s), pos_path))
+        solution = read_rtklib_pos(pos_path, self.gpst_minus_utc_s)
+        fixes, leaps = steady_fixes(accepted_fixes(solution, self.accepted_quality, pos_path))
         log = self._log()
         zero_ns = log.start_gpst_ns + round(self.imu_shift_s * 1e9)
         t_s = ((fixes.gpst_ns - zero_ns) * 1e-9).astype(np.float64)
         position, origin = fixes.position(t_s)
-        speed_mps = _speed(fixes, position)
+        speed_mps = ground_speed(fixes, position)
         rest_s = first_rest_s(t_s, speed_mps, log.t_s[-1]) if self.rest_s is None else self.rest_s
         imu = possible_imu(str(imu_path), self._in_body(log))
         imu = calibrated(imu, rest_s, gyro=self.remove_gyro_bias, accel=self.scale_accel_to_gravity)
@@ -167,27 +145,17 @@ class RtklibDrive:
             imu=imu,
             reference=self._reference(t_s, position.enu_m, speed_mps),
             position=position,
-            velocity=self._velocity(t_s, fixes),
+            velocity=velocity_of(fixes, t_s, self.velocity_latency_s),
             origin=origin,
             start_utc=utc_of(zero_ns, self.gpst_minus_utc_s),
             static_start_s=rest_s,
-            notes=(*gravity_notes(imu.accel_mps2, "imu_axes"), *leaps, *NOTES, *self._fitted()),
+            notes=(*gravity_notes(imu.accel_mps2, "imu_axes"), *leaps, *NOTES, *fitted_notes(self)),
         )
         return with_common_time(recording, f"check that {imu_path.name} is of the same drive, and its times in GPST")
 
     def fingerprint(self) -> str:
         """Return the SHA-256 over the bytes of the files."""
         return fingerprint(self._paths())
-
-    def _fitted(self) -> tuple[str, ...]:
-        """What of the parameters is fitted rather than given: a note that says so, or none."""
-        own = type(self)
-        fitted = [what for what, names in FITTED.items() if any(getattr(self, n) == getattr(own, n) for n in names)]
-        if not fitted:
-            return ()
-        listed = " and ".join([", ".join(fitted[:-1]), fitted[-1]] if fitted[1:] else fitted)
-        was = "was" if fitted in (["mounting"], ["time shift"]) else "were"
-        return (f"{listed.capitalize()} {was} fitted on this same drive.",)
 
     def _paths(self) -> tuple[Path, ...]:
         """The solution, the IMU log, and its time tag where there is one."""
@@ -206,21 +174,6 @@ class RtklibDrive:
         times = (self.imu_time, self.imu_week, self.imu_time_unit, self.imu_epoch)
         return read_imu_table(path, ImuMap(text, *times, self.imu_accel, self.imu_gyro), self.gpst_minus_utc_s)
 
-    def _velocity(self, t_s: FloatArray, fixes: PosSolution) -> Velocity | None:
-        if fixes.velocity_enu_mps is None or fixes.velocity_covariance_m2ps2 is None:
-            return None
-        mps, covariance = fixes.velocity_enu_mps, fixes.velocity_covariance_m2ps2
-        return velocity_when_true(t_s, mps, covariance, self.velocity_latency_s)
-
-    def _accepted(self, fixes: PosSolution, path: Path) -> PosSolution:
-        rows = np.isin(fixes.quality, self.accepted_quality)
-        if not rows.any():
-            there = ", ".join(str(q) for q in np.unique(fixes.quality))
-            raise RecordingError(
-                f"{path} has no fix with Q in {self.accepted_quality}; there is Q {there}: add it to accepted_quality."
-            )
-        return fixes.select(rows)
-
     def _in_body(self, log: ImuLog) -> Imu:
         turn = body_from_sensor(self.imu_axis_signs, self.mounting_yaw_deg, self.mounting_pitch_deg)
         turn = turn @ axes_matrix(self.imu_axes)
@@ -234,19 +187,3 @@ class RtklibDrive:
             enu_m=enu_m,
             scored=speed_mps >= self.min_speed_mps,
         )
-
-
-def _steady(fixes: PosSolution) -> tuple[PosSolution, tuple[str, ...]]:
-    """The solution without fixes that leap, and a note that counts them, or none."""
-    t_s = np.asarray((fixes.gpst_ns - fixes.gpst_ns[0]) * 1e-9, dtype=np.float64)
-    leaps = leaping_rows(t_s, fixes.position(t_s)[0].enu_m)
-    return fixes.select(~leaps), leap_notes(leaps)
-
-
-def _speed(fixes: PosSolution, position: Position) -> FloatArray:
-    """Speed over ground (m,): the receiver's, or, where it gives none, from fix to fix."""
-    if fixes.speed_mps is not None:
-        return fixes.speed_mps
-    if len(position.t_s) < 2:
-        return np.zeros(len(position.t_s))
-    return np.asarray(np.hypot(*np.gradient(position.enu_m[:, :2], position.t_s, axis=0).T))
