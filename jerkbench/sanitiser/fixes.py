@@ -42,15 +42,29 @@ def leap_notes(leaps: BoolArray) -> tuple[str, ...]:
 
 
 def leaping_rows(t_s: FloatArray, position_m: FloatArray) -> BoolArray:
-    """Return (n,) which are too far from the median of the five positions around them."""
-    n = len(position_m)
-    if n < 5:
-        return np.zeros(n, dtype=bool)
-    around = np.clip(np.arange(n), 2, n - 3)[:, None] + np.arange(-2, 3)  # at the ends the nearest five
-    far_m = np.linalg.norm(position_m - np.median(position_m[around], axis=1), axis=1)
-    span_s = t_s[around[:, -1]] - t_s[around[:, 0]]
-    leaps: BoolArray = far_m > LEAP_M + LEAP_MPS * span_s
+    """Return (n,) which are too far from the median of the five positions around them.
+
+    An axis that is NaN was not measured: a position is judged by its other axes, each of them beside the nearest five
+    that were. It leaps where, with the time that the five take::
+
+        sum over the axes of (distance / (50 m + 100 m/s time))^2 > 1
+    """
+    over = np.zeros(len(position_m))
+    for axis in position_m.T:
+        known = np.flatnonzero(np.isfinite(axis))
+        over[known] += _over_limit(t_s[known], axis[known]) ** 2
+    leaps: BoolArray = over > 1
     return leaps
+
+
+def _over_limit(t_s: FloatArray, axis_m: FloatArray) -> FloatArray:
+    """How far each value (n,) is from the median of the five around it, over how far it may be; of fewer than 5, 0."""
+    n = len(axis_m)
+    if n < 5:
+        return np.zeros(n)
+    around = np.clip(np.arange(n), 2, n - 3)[:, None] + np.arange(-2, 3)  # at the ends the nearest five
+    span_s = t_s[around[:, -1]] - t_s[around[:, 0]]
+    return np.asarray(np.abs(axis_m - np.median(axis_m[around], axis=1)) / (LEAP_M + LEAP_MPS * span_s))
 
 
 def report_jumps(stream: str, messages: Messages, ledger: Ledger, field: str, status: FloatArray | None = None) -> None:

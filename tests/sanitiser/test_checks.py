@@ -70,6 +70,29 @@ def test_a_fast_drive_does_not_leap():
         np.testing.assert_array_equal(np.flatnonzero(leaping_rows(t_s, hurt)), [row])
 
 
+@pytest.mark.parametrize("every", [1, 2, 5])
+def test_a_position_is_judged_by_the_axes_that_it_has(every):
+    """At 110 m, a height in every few rows only; the height of one of these leaps, and one place that has no height."""
+    t_s = np.arange(60) * 0.1
+    drive = np.column_stack([10 * t_s, 0 * t_s, 110 + t_s])
+    drive[np.arange(60) % every > 0, 2] = np.nan
+    assert not leaping_rows(t_s, drive).any()
+    hurt = drive.copy()
+    hurt[20, 2] += 5000
+    hurt[31, 0] -= 5000
+    np.testing.assert_array_equal(np.flatnonzero(leaping_rows(t_s, hurt)), [20, 31])
+
+
+def test_axes_that_are_there_in_every_row_are_judged_by_their_distance():
+    rng = np.random.default_rng(3)
+    t_s, drive = np.arange(40) * 0.2, rng.normal(0, 80, (40, 3))
+    rows = [np.arange(5) + min(max(k - 2, 0), 35) for k in range(40)]
+    far_m = [np.linalg.norm(drive[k] - np.median(drive[around], axis=0)) for k, around in enumerate(rows)]
+    np.testing.assert_array_equal(leaping_rows(t_s, drive), np.array(far_m) > 50 + 100 * 0.8)
+    assert 0 < leaping_rows(t_s, drive).sum() < 40
+    assert not leaping_rows(t_s[:4], 1e6 * drive[:4]).any()  # too few to say which of them it is
+
+
 @pytest.mark.parametrize("sign", ["status", "covariance"])
 def test_a_jump_counts_only_where_the_kind_of_fix_changes(sign):
     p = np.outer(np.arange(20) / 10, [1.0, 0, 0])
