@@ -3,6 +3,7 @@
 import re
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -35,6 +36,7 @@ class PosSolution:
         covariance_m2: (m, 3, 3) of the position, ENU.
         velocity_enu_mps: (m, 3), or None where the file has none.
         velocity_covariance_m2ps2: (m, 3, 3), ENU, or None.
+        axes_at: of a file in ECEF, where the vectors' east, north and up are: the first fix; None: at each fix.
     """
 
     gpst_ns: IntArray
@@ -45,21 +47,44 @@ class PosSolution:
     covariance_m2: FloatArray
     velocity_enu_mps: FloatArray | None
     velocity_covariance_m2ps2: FloatArray | None
+    axes_at: Origin | None = None
+
+    @property
+    def first(self) -> Origin:
+        """The place of the first fix."""
+        return Origin(*(float(v[0]) for v in (self.latitude_deg, self.longitude_deg, self.height_m)))
 
     @property
     def speed_mps(self) -> FloatArray | None:
         """Speed over ground (m,), or None where the file has no velocities."""
         return None if self.velocity_enu_mps is None else np.hypot(*self.velocity_enu_mps[:, :2].T)
 
-    def position(self, t_s: FloatArray) -> tuple[Position, Origin]:
-        """Return the fixes at the times ``t_s`` (m,), and the origin of their ENU: the first one."""
-        origin = Origin(*(float(v[0]) for v in (self.latitude_deg, self.longitude_deg, self.height_m)))
+    def position(self, t_s: FloatArray, origin: Origin | None = None) -> tuple[Position, Origin]:
+        """Return the fixes at the times ``t_s`` (m,), and the origin of their ENU: ``origin``, or the first one."""
+        origin = origin or self.first
         enu_m = geodetic_to_enu(self.latitude_deg, self.longitude_deg, self.height_m, origin)
         return Position(t_s, enu_m, self.covariance_m2), origin
 
     def select(self, rows: BoolArray) -> "PosSolution":
-        """Return the solution with only the ``rows`` (m,) that are True."""
-        return replace(self, **{name: values[rows] for name, values in vars(self).items() if values is not None})
+        """Return the solution with only the ``rows`` (m,) that are True; ``axes_at`` is the first of these."""
+        names = [name for name, values in vars(self).items() if isinstance(values, np.ndarray)]
+        chosen: dict[str, Any] = {name: getattr(self, name)[rows] for name in names}
+        kept = replace(self, **chosen)
+        return kept.with_axes_at(kept.first) if rows.any() else kept
+
+    def with_axes_at(self, place: Origin) -> "PosSolution":
+        """Return the solution with its vectors along east, north and up at ``place``; as it is where they have none."""
+        if self.axes_at in (None, place):
+            return self
+        turn = enu_axes(place) @ enu_axes(self.axes_at).T
+        velocity, covariance = self.velocity_enu_mps, self.velocity_covariance_m2ps2
+        return replace(
+            self,
+            covariance_m2=_turned(turn, self.covariance_m2),
+            velocity_enu_mps=None if velocity is None else velocity @ turn.T,
+            velocity_covariance_m2ps2=None if covariance is None else _turned(turn, covariance),
+            axes_at=place,
+        )
 
 
 def read_rtklib_pos(path: Path, gpst_minus_utc_s: float = GPST_MINUS_UTC_S) -> PosSolution:
@@ -96,6 +121,7 @@ def read_rtklib_pos(path: Path, gpst_minus_utc_s: float = GPST_MINUS_UTC_S) -> P
         velocity_covariance_m2ps2=(
             _covariance(numbers[:, header.velocity_sigmas], header.axes, turn) if header.velocity else None
         ),
+        axes_at=ecef_to_origin(numbers[0, header.position]) if header.frame == "ecef" else None,
     )
 
 
@@ -143,3 +169,9 @@ def _covariance(sd: FloatArray, axes: str, turn: FloatArray) -> FloatArray:
     matrices = np.stack([a, ab, ca, ab, b, bc, ca, bc, c], axis=1).reshape(-1, 3, 3)
     order = _ENU_FROM[axes]
     return np.asarray(turn @ matrices[:, order][:, :, order] @ turn.T)
+
+
+def _turned(turn: FloatArray, covariance: FloatArray) -> FloatArray:
+    """T C T' of covariances (m, 3, 3), symmetric to the bit."""
+    product = turn @ covariance @ turn.T
+    return np.asarray(0.5 * (product + product.transpose(0, 2, 1)))

@@ -5,6 +5,7 @@ import pymap3d
 import pytest
 
 from jerkbench.errors import RecordingError
+from jerkbench.readers.pos_files import read_pos_files
 from jerkbench.readers.pos_header import COLUMNS
 from jerkbench.readers.rtklib_pos import read_rtklib_pos
 
@@ -119,6 +120,55 @@ def test_covariances_of_every_frame(tmp_path):
     for kind, turn in turns.items():
         solution = read_rtklib_pos(written(tmp_path, solution_text(kind)))
         np.testing.assert_allclose(solution.covariance_m2[0], turn @ own @ turn.T, atol=1e-11)
+
+
+def test_vectors_of_ecef_are_along_the_axes_of_the_first_fix_that_is_selected(tmp_path):
+    """The first line is on the other side of the Earth; its axes are not those of the others."""
+    lines = solution_text("ecef").splitlines()
+    far = " ".join(f"{v:.6f}" for v in pymap3d.geodetic2ecef(-40.0, 75.0, 0.0))
+    there = " ".join(f"{v:.6f}" for v in pymap3d.enu2ecef(*NEAR[0], *PLACE))
+    damaged = [lines[0], lines[1], lines[2].replace(there, far), *lines[3:]]
+    solution = read_rtklib_pos(written(tmp_path, "\n".join(damaged))).select(np.array([False, True, True]))
+    second = [float(v) for v in pymap3d.enu2geodetic(*NEAR[1], *PLACE)]
+    axes = [pymap3d.ecef2enuv(*axis, *second[:2]) for axis in np.eye(3)]
+    a, b, c, ab, bc, ca = (s * abs(s) for s in SD)
+    own, turn = np.array([[a, ab, ca], [ab, b, bc], [ca, bc, c]]), np.array(axes).T
+    np.testing.assert_allclose(solution.covariance_m2, [turn @ own @ turn.T] * 2, atol=1e-12)
+    velocity = turn @ np.array(pymap3d.enu2uvw(-2.5, 1.5, 0.25, *PLACE[:2]))
+    np.testing.assert_allclose(solution.velocity_enu_mps, [velocity] * 2, atol=1e-9)
+    assert (solution.axes_at.latitude_deg, solution.axes_at.longitude_deg) == pytest.approx(tuple(second[:2]))
+
+
+def cut(tmp_path, kind, *parts, **how):
+    """The three fixes of a solution in files of their own: those of ``parts`` in a.pos, b.pos, ..."""
+    head, rows = solution_text(kind, **how).splitlines()[:2], solution_text(kind, **how).splitlines()[2:]
+    paths = [tmp_path / f"{'abc'[k]}.pos" for k in range(len(parts))]
+    for path, part in zip(paths, parts, strict=True):
+        path.write_text("\n".join([*head, *(rows[row] for row in part)]))
+    return paths
+
+
+@pytest.mark.parametrize("kind", ["deg", "dms", "ecef", "baseline"])
+@pytest.mark.parametrize("parts", [([0, 1], [2]), ([0], [1], [2]), ([0, 1, 2],)])
+def test_files_one_after_the_other_are_the_whole_solution(tmp_path, kind, parts):
+    joined = read_pos_files(cut(tmp_path, kind, *parts))
+    whole = read_rtklib_pos(written(tmp_path, solution_text(kind)))
+    for name, values in vars(whole).items():
+        if isinstance(values, np.ndarray):
+            np.testing.assert_allclose(getattr(joined, name), values, atol=1e-10, err_msg=name)
+    assert joined.axes_at == whole.axes_at
+
+
+def test_files_that_cannot_be_joined_are_a_sentence(tmp_path):
+    with pytest.raises(RecordingError, match=r"b\.pos begins before .*a\.pos ends.*rename the odd one"):
+        read_pos_files(cut(tmp_path, "deg", [1, 2], [0]))
+    with pytest.raises(RecordingError, match=r"b\.pos begins before .*a\.pos ends"):
+        read_pos_files(cut(tmp_path, "deg", [0, 1], [1, 2]))
+    first, _ = cut(tmp_path, "deg", [0, 1], [2])
+    text = solution_text("deg", velocity=False).splitlines()
+    (tmp_path / "b.pos").write_text("\n".join([*text[:2], text[4]]))
+    with pytest.raises(RecordingError, match=r"a\.pos has velocities, .*b\.pos has not.*let RTKLIB write both alike"):
+        read_pos_files((first, tmp_path / "b.pos"))
 
 
 def test_a_solution_without_velocities_has_none(tmp_path):
