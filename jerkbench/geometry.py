@@ -23,6 +23,13 @@ def geodetic_to_enu(
     return np.column_stack(geodetic2enu(latitude_deg, longitude_deg, height_m, *there))
 
 
+def geodetic_to_ecef(latitude_deg: FloatArray, longitude_deg: FloatArray, height_m: FloatArray) -> FloatArray:
+    """Turn WGS-84 coordinates into ECEF [m]; returns (n, 3)."""
+    from pymap3d import geodetic2ecef
+
+    return np.column_stack(geodetic2ecef(latitude_deg, longitude_deg, height_m))
+
+
 def enu_to_geodetic(enu_m: FloatArray, origin: Origin) -> FloatArray:
     """Turn (n, 3) ENU [m] at ``origin`` into latitude [deg], longitude [deg], height [m]; returns (n, 3)."""
     from pymap3d import enu2geodetic

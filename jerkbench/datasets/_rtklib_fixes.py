@@ -6,6 +6,7 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.errors import RecordingError
+from jerkbench.readers.frames import axes_to_judge
 from jerkbench.readers.latency import velocity_when_true
 from jerkbench.readers.rtklib_pos import PosSolution
 from jerkbench.recording import Position, Velocity
@@ -30,7 +31,8 @@ def accepted_fixes(fixes: PosSolution, qualities: tuple[float, ...], path: Path)
 def steady_fixes(fixes: PosSolution) -> tuple[PosSolution, tuple[str, ...]]:
     """Return the solution without fixes that leap, and a note that counts them, or none."""
     t_s = np.asarray((fixes.gpst_ns - fixes.gpst_ns[0]) * 1e-9, dtype=np.float64)
-    leaps = leaping_rows(t_s, fixes.position(t_s)[0].enu_m)
+    places = np.column_stack([fixes.latitude_deg, fixes.longitude_deg, fixes.height_m])
+    leaps = leaping_rows(t_s, axes_to_judge(places, "geodetic"))
     return fixes.select(~leaps), leap_notes(leaps)
 
 

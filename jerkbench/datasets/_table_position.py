@@ -7,7 +7,7 @@ import numpy as np
 from jerkbench.arrays import FloatArray
 from jerkbench.datasets._table_stream import Source
 from jerkbench.datasets._timed_columns import TimedColumns
-from jerkbench.readers.frames import in_degrees, in_enu, origin_of
+from jerkbench.readers.frames import axes_to_judge, in_degrees, in_enu, origin_of
 from jerkbench.recording import Origin, Position
 from jerkbench.sanitiser.fixes import leap_notes, leaping_rows
 
@@ -33,31 +33,46 @@ class PositionMap:
     sigma_m: float
 
 
-def read_position(table: TimedColumns, given: PositionMap, zero_ns: int) -> tuple[Position | None, Origin | None]:
-    """Return the fixes and the origin of their ENU, each None where there is none.
+@dataclass(frozen=True)
+class Fixes:
+    """What a table says about where it was.
+
+    Attributes:
+        position: the fixes that do not leap, or None.
+        origin: of their ENU; None where nothing is known of it.
+        notes: a note that counts the fixes that leap, or none.
+    """
+
+    position: Position | None
+    origin: Origin | None
+    notes: tuple[str, ...] = ()
+
+
+def read_fixes(table: TimedColumns, given: PositionMap, zero_ns: int, origin: Origin | None) -> Fixes:
+    """Return the fixes about ``origin``; where that is None, about the first complete one that does not leap.
 
     Raises:
-        RecordingError: the file is missing or damaged, or has no such column.
+        RecordingError: a file is missing or damaged, has no such column, or, without an origin, no complete row.
         PluginError: the file is a solution of RTKLIB, and the times of the table are not known.
     """
     if not given.source.file:
-        return None, None
+        return Fixes(None, origin)
     if given.source.solved:
-        t_s, solution = table.read_solution(given.source, zero_ns)
-        return solution.position(t_s)
+        return _solved(table, given.source, zero_ns, origin)
     stream = table.read(given.source).only(given.place)
-    places = in_degrees(stream.columns.numbers(given.place), given.frame, given.angle_unit)
-    origin = origin_of(places, given.frame)
-    sigma = stream.columns.numbers(given.sigma)
-    enu_m = in_enu(places, given.frame, origin)
-    return Position(stream.t_s(zero_ns), enu_m, _covariances(enu_m, sigma, given.sigma_m)), origin
+    t_s, places = stream.t_s(zero_ns), in_degrees(stream.columns.numbers(given.place), given.frame, given.angle_unit)
+    leaps = leaping_rows(t_s, axes_to_judge(places, given.frame))
+    origin = origin or origin_of(places[~leaps], given.frame)
+    enu_m = in_enu(places[~leaps], given.frame, origin)
+    covariance = _covariances(enu_m, stream.columns.numbers(given.sigma)[~leaps], given.sigma_m)
+    return Fixes(Position(t_s[~leaps], enu_m, covariance), origin, leap_notes(leaps))
 
 
-def steady_position(position: Position) -> tuple[Position, tuple[str, ...]]:
-    """Return the fixes that do not leap, and a note that counts the others, or none."""
-    leaps = leaping_rows(position.t_s, np.nan_to_num(position.enu_m))  # an axis that is not there leaps nowhere
-    steady = Position(position.t_s[~leaps], position.enu_m[~leaps], position.covariance_m2[~leaps])
-    return steady, leap_notes(leaps)
+def _solved(table: TimedColumns, source: Source, zero_ns: int, origin: Origin | None) -> Fixes:
+    t_s, solution, leaps = table.read_solution(source, zero_ns)
+    if origin is not None:
+        solution = solution.with_axes_at(origin)
+    return Fixes(*solution.position(t_s, origin), leaps)
 
 
 def _covariances(enu_m: FloatArray, sigma: FloatArray, otherwise: float) -> FloatArray:

@@ -47,7 +47,7 @@ def read_velocity(table: TimedColumns, given: VelocityMap, zero_ns: int) -> Velo
 
 
 def _solved(table: TimedColumns, source: Source, zero_ns: int) -> Velocity:
-    t_s, solution = table.read_solution(source, zero_ns)
+    t_s, solution, _ = table.read_solution(source, zero_ns)
     if solution.velocity_enu_mps is None or solution.velocity_covariance_m2ps2 is None:
         raise RecordingError(
             f"dataset table: {source.file} has no velocities; let RTKLIB write them (out-outvel=on), or leave"

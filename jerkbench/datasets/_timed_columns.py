@@ -7,11 +7,13 @@ from pathlib import Path
 import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.datasets._rtklib_fixes import steady_fixes
 from jerkbench.datasets._table_stream import Source, Stream
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.readers.columns import Columns, TextFormat, find_tables, read_columns, read_datetimes_ns, times_ns
 from jerkbench.readers.gpst import GPS_EPOCH_NS, GPST_MINUS_UTC_S, UNIX_EPOCH, utc_of
-from jerkbench.readers.rtklib_pos import PosSolution, read_rtklib_pos
+from jerkbench.readers.pos_files import read_pos_files
+from jerkbench.readers.rtklib_pos import PosSolution
 
 EPOCHS = ("gps", "none", "unix")
 
@@ -27,7 +29,7 @@ class TimedColumns:
         comment: what a line to be left out begins with.
         time_unit: of every column of times: s, ms, us or ns.
         time_week: the column of GPS weeks, in every file, where the times are those of the week; empty: they are not.
-        time_file: a file of UTC dates and times, one a row, for a stream whose column of times is empty.
+        time_file: a file, or a pattern, of UTC dates and times, one a row, for a stream whose column of times is empty.
         epoch: what the times count from: unix (1970, UTC), gps (1980, GPS time), or none (unknown).
         gpst_minus_utc_s: leap seconds; 18 since 2017.
     """
@@ -66,21 +68,22 @@ class TimedColumns:
             )
         return Stream(columns, t_ns + source.shift_ns)
 
-    def read_solution(self, source: Source, zero_ns: int) -> tuple[FloatArray, PosSolution]:
-        """Return RTKLIB's solution, with its times since ``zero_ns`` of the tables' clock.
+    def read_solution(self, source: Source, zero_ns: int) -> tuple[FloatArray, PosSolution, tuple[str, ...]]:
+        """Return RTKLIB's solution without fixes that leap, its times since ``zero_ns``, and a note of the leaps.
 
         Raises:
-            PluginError: that clock is not known.
-            RecordingError: the file is missing or damaged.
+            PluginError: the tables' clock is not known.
+            RecordingError: a file is missing or damaged, or several cannot be joined.
         """
         if self.epoch == "none":
             raise PluginError(
                 f"dataset table: {source.parameter} is '{source.file}', in GPS time; epoch must be gps or unix."
             )
-        solution = read_rtklib_pos(self.files(source.file, source.parameter)[0], self.gpst_minus_utc_s)
+        files = self.files(source.file, source.parameter)
+        solution, leaps = steady_fixes(read_pos_files(files, self.gpst_minus_utc_s))
         offset_ns = GPS_EPOCH_NS if self.epoch == "gps" else round(self.gpst_minus_utc_s * 1e9)
         since_ns = solution.gpst_ns - offset_ns - zero_ns + source.shift_ns
-        return np.asarray(since_ns * 1e-9), solution
+        return np.asarray(since_ns * 1e-9), solution, leaps
 
     def start_utc(self, zero_ns: int) -> datetime | None:
         """Return the UTC of ``zero_ns``; None where nobody knows what the times count from."""
@@ -91,4 +94,4 @@ class TimedColumns:
     def _stamps_ns(self, columns: Columns, time: str) -> IntArray:
         if time:
             return times_ns(columns, time, self.time_unit, self.time_week)
-        return read_datetimes_ns(self.files(self.time_file, "time_file")[0])
+        return np.concatenate([read_datetimes_ns(path) for path in self.files(self.time_file, "time_file")])

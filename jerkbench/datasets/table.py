@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from jerkbench.datasets._table_attitude import AttitudeMap
 from jerkbench.datasets._table_checks import CHOICES, require_columns
-from jerkbench.datasets._table_position import PositionMap, read_position, steady_position
+from jerkbench.datasets._table_position import Fixes, PositionMap, read_fixes
 from jerkbench.datasets._table_reference import ReferenceMap, fixes_as_reference, read_reference
 from jerkbench.datasets._table_stream import Source, Stream
 from jerkbench.datasets._table_velocity import VelocityMap, read_velocity
@@ -17,7 +17,7 @@ from jerkbench.readers.gravity import gravity_notes
 from jerkbench.readers.mounting import axes_matrix, imu_in_body
 from jerkbench.readers.overlap import with_common_time
 from jerkbench.readers.rest import calibrated
-from jerkbench.recording import Imu, Origin, Position, Recording, Reference, Velocity
+from jerkbench.recording import Imu, Origin, Recording, Reference, Velocity
 from jerkbench.sanitiser.values import possible_imu
 from jerkbench.simulation.checks import require_choices, require_not_negative, require_positive
 
@@ -135,20 +135,19 @@ class Tables(TimedColumns):
         stream = self.read(Source("imu", self.imu_file, self.imu_time, self.imu_shift_s))
         stream = stream.only((*self.imu_accel, *self.imu_gyro))
         zero_ns = int(stream.t_ns[0]) if len(stream.t_ns) else 0
-        position, origin = self._position(zero_ns)
-        position, leaps = steady_position(position) if position is not None else (None, ())
-        reference, origin = self._reference(zero_ns, origin, position)
+        fixes = self._fixes(zero_ns)
+        reference, origin = self._reference(zero_ns, fixes)
         imu = self._imu(stream, zero_ns)
         recording = Recording(
             name=Path(self.folder).expanduser().resolve().name,
             imu=imu,
             reference=reference,
-            position=position,
+            position=fixes.position,
             velocity=self._velocity(zero_ns),
             origin=origin,
             start_utc=self.start_utc(zero_ns),
             static_start_s=self.static_start_s,
-            notes=(*gravity_notes(imu.accel_mps2, "imu_axes"), *leaps),
+            notes=(*gravity_notes(imu.accel_mps2, "imu_axes"), *fixes.notes),
         )
         return with_common_time(recording, "check the columns of times and their unit")
 
@@ -164,7 +163,7 @@ class Tables(TimedColumns):
         imu = calibrated(imu, self.static_start_s, gyro=self.remove_gyro_bias, accel=False)
         return possible_imu(stream.columns.where, imu)
 
-    def _position(self, zero_ns: int) -> tuple[Position | None, Origin | None]:
+    def _fixes(self, zero_ns: int) -> Fixes:
         given = PositionMap(
             source=Source("position", self.position_file, self.position_time, self.position_shift_s),
             place=self.position_columns,
@@ -173,7 +172,7 @@ class Tables(TimedColumns):
             sigma=self.position_sigma,
             sigma_m=self.position_sigma_m,
         )
-        return read_position(self, given, zero_ns)
+        return read_fixes(self, given, zero_ns, None)
 
     def _velocity(self, zero_ns: int) -> Velocity | None:
         given = VelocityMap(
@@ -184,11 +183,9 @@ class Tables(TimedColumns):
         )
         return read_velocity(self, given, zero_ns)
 
-    def _reference(
-        self, zero_ns: int, origin: Origin | None, position: Position | None
-    ) -> tuple[Reference, Origin | None]:
+    def _reference(self, zero_ns: int, fixes: Fixes) -> tuple[Reference, Origin | None]:
         if not self.reference_file:
-            return fixes_as_reference(position), origin
+            return fixes_as_reference(fixes.position), fixes.origin
         given = ReferenceMap(
             source=Source("reference", self.reference_file, self.reference_time, self.reference_shift_s),
             place=self.reference_position,
@@ -199,7 +196,7 @@ class Tables(TimedColumns):
             comes_from=self.reference_source,
             independent=self.reference_independent,
         )
-        return read_reference(self, given, zero_ns, origin)
+        return read_reference(self, given, zero_ns, fixes.origin)
 
     def _attitude(self) -> AttitudeMap:
         frame = self.attitude_frame or self.reference_frame

@@ -4,7 +4,7 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.errors import RecordingError
-from jerkbench.geometry import ecef_to_enu, ecef_to_origin, geodetic_to_enu
+from jerkbench.geometry import ecef_to_enu, ecef_to_origin, geodetic_to_ecef, geodetic_to_enu
 from jerkbench.recording import Origin
 
 FRAMES = ("enu", "ned", "geodetic", "ecef")
@@ -37,14 +37,40 @@ def origin_of(values: FloatArray, frame: str) -> Origin | None:
 
 
 def in_enu(values: FloatArray, frame: str, origin: Origin | None) -> FloatArray:
-    """Turn (n, 3) places in ``frame`` into ENU [m]; latitude and longitude in degrees."""
+    """Turn (n, 3) places in ``frame`` into ENU [m]; latitude and longitude in degrees.
+
+    A latitude and longitude without a height are east and north of a place between the heights before and after.
+    """
     if frame == "ned":
         return axes_in_enu(values, frame)
     if origin is None or frame == "enu":
         return values
     if frame == "ecef":
         return ecef_to_enu(values, origin)
-    return geodetic_to_enu(values[:, 0], values[:, 1], values[:, 2], origin)
+    latitude, longitude, height_m = values.T
+    enu_m = geodetic_to_enu(latitude, longitude, _between(height_m, origin.height_m), origin)
+    enu_m[np.isnan(height_m), 2] = np.nan
+    return enu_m
+
+
+def axes_to_judge(values: FloatArray, frame: str) -> FloatArray:
+    """Return (n, k) axes [m] in which places are as far from each other as they are, without an origin.
+
+    Of latitude, longitude and height: the place on the ellipsoid in ECEF, and the height, which may be missing alone.
+    """
+    if frame != "geodetic":
+        return values
+    return np.column_stack([geodetic_to_ecef(values[:, 0], values[:, 1], np.zeros(len(values))), values[:, 2]])
+
+
+def _between(height_m: FloatArray, otherwise: float) -> FloatArray:
+    """The heights (n,), those that are NaN on a line between their neighbours; ``otherwise`` where there is none."""
+    missing = np.isnan(height_m)
+    if not missing.any():
+        return height_m
+    rows, known = np.arange(len(height_m)), ~missing
+    between = np.interp(rows, rows[known], height_m[known]) if known.any() else otherwise
+    return np.where(missing, between, height_m)
 
 
 def axes_in_enu(values: FloatArray, frame: str) -> FloatArray:

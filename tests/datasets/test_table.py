@@ -4,6 +4,7 @@ from datetime import UTC, datetime, timedelta
 
 import numpy as np
 import pandas as pd
+import pymap3d
 import pytest
 from scipy.spatial.transform import Rotation
 
@@ -298,6 +299,80 @@ def test_a_fix_that_leaps_is_dropped_and_said(tmp_path):
     assert len(recording.position.t_s) == 94
     assert recording.notes == ("1 of 95 fixes leaps out of its neighbours by more than 50 m: dropped.",)
     assert np.isnan(recording.position.enu_m[:, 2]).sum() == 1
+
+
+@pytest.mark.parametrize("every", [2, 5])
+def test_fixes_without_a_height_do_not_leap(tmp_path, every):
+    write(tmp_path / "imu.csv", PLAIN)
+    fixes = pd.DataFrame(circle(FIX_S)[0] + [0, 0, 110], columns=["e", "n", "u"]).assign(t=FIX_S)
+    fixes.loc[np.arange(95) % every > 0, "u"] = np.nan
+    fixes.to_csv(tmp_path / "fix.csv", index=False)
+    local = {"position_columns": ("e", "n", "u"), "position_frame": "enu"}
+    recording = Tables(str(tmp_path), **GIVEN, position_file="fix.csv", **local).load(0)
+    assert recording.notes == ()
+    np.testing.assert_allclose(recording.position.enu_m, fixes[["e", "n", "u"]])
+
+
+def geodetic_fixes(folder, change=lambda fixes: None, **more):
+    """Fixes at 50 m/s to the east, from 110 to 204 m high, which ``change`` may damage; and where they really were."""
+    write(folder / "imu.csv", PLAIN)
+    enu = np.outer(FIX_S, [50.0, 5.0, 0.0])
+    places = np.column_stack(pymap3d.enu2geodetic(*enu.T, LATITUDE, LONGITUDE, HEIGHT))
+    places[:, 2] = HEIGHT + np.arange(95)
+    fixes = pd.DataFrame(places, columns=["latitude", "longitude", "height"]).assign(t=FIX_S)
+    change(fixes)
+    fixes.to_csv(folder / "fix.csv", index=False)
+    return places, Tables(str(folder), **GIVEN, position_file="fix.csv", **more)
+
+
+def test_latitude_and_longitude_without_a_height_are_a_place_in_the_plane(tmp_path):
+    def hide(fixes):
+        fixes.loc[np.arange(95) % 5 > 0, "height"] = np.nan
+
+    places, table = geodetic_fixes(tmp_path, hide)
+    position, seen = table.load(0).position, np.arange(95) % 5 == 0
+    assert len(position.t_s) == 95
+    expected = np.column_stack(pymap3d.geodetic2enu(*places.T, *places[0]))
+    np.testing.assert_allclose(position.enu_m[:, :2], expected[:, :2], atol=1e-3)
+    np.testing.assert_allclose(position.enu_m[seen, 2], expected[seen, 2], atol=1e-6)
+    assert np.isnan(position.enu_m[~seen, 2]).all()
+
+
+@pytest.mark.parametrize("frame", ["geodetic", "ecef"])
+@pytest.mark.parametrize("leap", [(1.0, 0.0, 0.0), (-95.0, 180.0, 0.0), (0.0, 0.0, 9e5)])
+def test_a_first_fix_that_leaps_is_not_the_origin(tmp_path, frame, leap):
+    """One degree off, on the other side of the Earth, or high above it: ENU begins at the second."""
+
+    def hurt(fixes):
+        names = ["latitude", "longitude", "height"]
+        fixes.loc[0, names] += list(leap)
+        fixes.loc[60, "longitude"] += 1
+        if frame == "ecef":
+            fixes[names] = np.column_stack(pymap3d.geodetic2ecef(*fixes[names].to_numpy().T))
+
+    places, table = geodetic_fixes(tmp_path, hurt, position_frame=frame)
+    recording = table.load(0)
+    kept = np.delete(places, [0, 60], axis=0)
+    here = recording.origin
+    np.testing.assert_allclose((here.latitude_deg, here.longitude_deg, here.height_m), kept[0], atol=1e-6)
+    expected = np.column_stack(pymap3d.geodetic2enu(*kept.T, *kept[0]))
+    np.testing.assert_allclose(recording.position.enu_m, expected, atol=1e-5)
+    np.testing.assert_array_equal(recording.reference.enu_m, recording.position.enu_m)
+    assert recording.notes == ("2 of 95 fixes leap out of their neighbours by more than 50 m: dropped.",)
+
+
+def test_a_first_fix_of_a_solution_that_leaps_is_not_the_origin(tmp_path):
+    urbannav(tmp_path)
+    lines = (tmp_path / "rover.pos").read_text().splitlines()
+    lines[1] = lines[1].replace(" 49.0", " 50.0")
+    (tmp_path / "rover.pos").write_text("\n".join(lines))
+    recording = loaded("urbannav", tmp_path)
+    second = geodetic(circle(FIX_S)[0])[1]
+    assert recording.origin.latitude_deg == pytest.approx(second[0], abs=1e-9)
+    enu = circle(FIX_S)[0]
+    np.testing.assert_allclose(recording.position.enu_m, (enu - enu[1])[1:], atol=2e-3)
+    np.testing.assert_allclose(recording.reference.enu_m, enu - enu[1], atol=2e-3)
+    assert "1 of 95 fixes leaps" in recording.notes[-1]
 
 
 def test_gravity_on_another_axis_is_a_note(tmp_path):
