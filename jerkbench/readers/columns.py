@@ -167,10 +167,7 @@ def read_columns(paths: Sequence[Path], text: TextFormat) -> Columns:
     import pandas as pd
 
     tables = [_read(path, text) for path in paths]
-    if len({table.shape[1] for table in tables}) > 1:
-        raise RecordingError(
-            f"{paths[0]} and the files beside it have different numbers of columns; remove the odd one."
-        )
+    _require_same_columns(paths, [list(table.columns) for table in tables])
     where = str(paths[0]) if len(paths) == 1 else f"{paths[0]} and {len(paths) - 1} files more"
     return Columns(where, tables[0] if len(tables) == 1 else pd.concat(tables, ignore_index=True))
 
@@ -194,6 +191,19 @@ def _datetime_ns(path: Path, number: int, text: str) -> int:
             f"{path}, line {number}: '{text}' is no date and time in UTC; it must look like 2011-09-26 13:02:25.594."
         )
     return stamp_ns
+
+
+def _require_same_columns(paths: Sequence[Path], columns: Sequence[Sequence[object]]) -> None:
+    for path, names in zip(paths, columns, strict=True):
+        if len(names) != len(columns[0]):
+            raise RecordingError(
+                f"{paths[0]} and the files beside it have different numbers of columns; remove the odd one."
+            )
+        if missing := [str(name) for name in columns[0] if name not in names]:
+            raise RecordingError(
+                f"{path} has no column {', '.join(missing)}, which {paths[0]} has, so that they are no one table; name"
+                " one of them, or remove the odd one."
+            )
 
 
 def _read(path: Path, text: TextFormat) -> "pd.DataFrame":
