@@ -1,12 +1,13 @@
-"""Whether the parameters of a table are possible: every choice, and how many columns each of them names."""
+"""Whether the parameters of a table are possible: every choice, how many columns each of them names, the origin."""
 
 from jerkbench.datasets._table_attitude import ATTITUDE_BODIES
 from jerkbench.datasets._table_velocity import VELOCITY_FRAMES
 from jerkbench.datasets._timed_columns import EPOCHS
 from jerkbench.errors import PluginError
 from jerkbench.readers.columns import TIME_UNITS
-from jerkbench.readers.frames import ANGLE_UNITS, FRAMES
+from jerkbench.readers.frames import ANGLE_UNITS, FRAMES, LOCAL_FRAMES
 from jerkbench.readers.mounting import ACCEL_UNITS, GYRO_UNITS
+from jerkbench.sanitiser.fixes import HIGHEST_M
 
 CHOICES = {
     "accel_unit": tuple(ACCEL_UNITS),
@@ -44,3 +45,35 @@ def require_columns(table: object, velocity_frame: str) -> None:
         if len(given) not in allowed:
             said = " or ".join(map(str, allowed))
             raise PluginError(f"dataset table: {name} names {len(given)} columns, {given}; it must name {said}.")
+
+
+def require_origin(origin: tuple[float, ...]) -> None:
+    """Raise a PluginError unless there is no origin, or one on Earth."""
+    if not origin:
+        return
+    if len(origin) != 3:
+        raise PluginError(
+            f"dataset table: origin is {origin}; give latitude [deg], longitude [deg] and height [m], or none."
+        )
+    if not all(abs(value) <= most for value, most in zip(origin, (90.0, 360.0, HIGHEST_M), strict=True)):
+        raise PluginError(
+            f"dataset table: origin is {origin}, which is not on Earth; give latitude [deg], longitude [deg] and height"
+            " [m], in this order."
+        )
+
+
+def require_one_origin(fixes: str, fixes_frame: str, reference_frame: str, origin: tuple[float, ...]) -> None:
+    """Raise a PluginError where fixes and reference are about two origins: one is local, the other is not.
+
+    Args:
+        fixes: what says the frame of the fixes.
+        fixes_frame: it.
+        reference_frame: of the places of the reference.
+        origin: of the local one, or none.
+    """
+    if not origin and (fixes_frame in LOCAL_FRAMES) != (reference_frame in LOCAL_FRAMES):
+        raise PluginError(
+            f"dataset table: {fixes} is {fixes_frame} and reference_frame {reference_frame}: one is local, and where"
+            " its zero is on the Earth is not known; give origin (latitude [deg], longitude [deg], height [m] of that"
+            " zero), or fixes and reference of one kind."
+        )

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from jerkbench.datasets._table_attitude import AttitudeMap
-from jerkbench.datasets._table_checks import CHOICES, require_columns
+from jerkbench.datasets._table_checks import CHOICES, require_columns, require_one_origin, require_origin
 from jerkbench.datasets._table_position import Fixes, PositionMap, read_fixes
 from jerkbench.datasets._table_reference import ReferenceMap, fixes_as_reference, read_reference
 from jerkbench.datasets._table_stream import Source, Stream
@@ -28,14 +28,19 @@ class Tables(TimedColumns):
     """Any recording in tables (CSV, text, Parquet), with a map from columns to fields.
 
     A column is a name of the header or a number from 1. A file is a name, or a pattern (``data/*.txt``): all files
-    that fit, one after the other. Time 0 is the first IMU sample; a stream's shift is added to its stamps, so that a
-    value that is .1 s old needs -0.1. An empty cell of a position or velocity is an axis that was not measured; a row
-    in which all columns of a stream are empty is none of it, so that one file may hold several streams. A file of
-    positions or velocities that ends in .pos is RTKLIB's: it needs no columns, and has its own covariances.
+    that fit, one after the other, by their names. Time 0 is the first IMU sample; a stream's shift is added to its
+    stamps, so that a value that is .1 s old needs -0.1. An empty cell of a position or velocity is an axis that was not
+    measured; a row in which all columns of a stream are empty is none of it, so that one file may hold several streams.
+    A file of positions or velocities that ends in .pos is RTKLIB's: it needs no columns, and has its own covariances.
+
+    Fixes that leap are dropped. A latitude and longitude without a height are a fix of the plane, at a height between
+    those before and after.
 
     Body: FLU, from the sensor's axes by ``imu_axes``. Frames of places: enu, ned (local), geodetic, ecef; the first
-    fix (without fixes, the first place of the reference) is the origin of ENU. What is not given is not there: without
-    a position file, only the filter attitude_only runs.
+    complete fix that does not leap (without fixes, the first place of the reference) is the origin of ENU, unless
+    ``origin`` is given. Local places stay as they are, their zero is the origin: where of fixes and reference one is
+    local and the other is not, ``origin`` says where that zero is, and without it they are refused. What is not given
+    is not there: without a position file, only the filter attitude_only runs.
 
     Presets: kitti, euroc, tum, nclt, urbannav.
 
@@ -58,6 +63,7 @@ class Tables(TimedColumns):
         position_sigma_m: one standard deviation of an axis, where there are no columns of it.
         position_shift_s: added to its stamps.
         angle_unit: of latitude and longitude: deg or rad.
+        origin: latitude [deg], longitude [deg] and height [m] of ENU, and of the zero of local frames; empty: as above.
         velocity_file: the file of the velocities; empty: there are none.
         velocity_time: its column of times.
         velocity_columns: three columns, one for a speed.
@@ -99,6 +105,7 @@ class Tables(TimedColumns):
     position_sigma_m: float = 1.0
     position_shift_s: float = 0.0
     angle_unit: str = "deg"
+    origin: tuple[float, ...] = ()
     velocity_file: str = ""
     velocity_time: str = "t"
     velocity_columns: tuple[str, ...] = ("ve", "vn", "vu")
@@ -122,6 +129,8 @@ class Tables(TimedColumns):
         """Check every choice, every number of columns, and every sigma."""
         require_choices(self, CHOICES)
         require_columns(self, self.velocity_frame)
+        require_origin(self.origin)
+        self._require_one_origin()
         axes_matrix(self.imu_axes)
         require_positive("dataset table", self, ("position_sigma_m", "velocity_sigma_mps"))
         require_not_negative("dataset table", self, ("static_start_s",))
@@ -151,6 +160,18 @@ class Tables(TimedColumns):
         )
         return with_common_time(recording, "check the columns of times and their unit")
 
+    def _require_one_origin(self) -> None:
+        if not (self.position_file and self.reference_file and self.reference_position):
+            return
+        solved = self._position_source.solved
+        said = f"position_file {self.position_file}" if solved else "position_frame"
+        frame = "geodetic" if solved else self.position_frame
+        require_one_origin(said, frame, self.reference_frame, self.origin)
+
+    @property
+    def _position_source(self) -> Source:
+        return Source("position", self.position_file, self.position_time, self.position_shift_s)
+
     def fingerprint(self) -> str:
         """Return the SHA-256 over the bytes of the files."""
         names = (self.imu_file, self.position_file, self.velocity_file, self.reference_file, self.time_file)
@@ -165,14 +186,14 @@ class Tables(TimedColumns):
 
     def _fixes(self, zero_ns: int) -> Fixes:
         given = PositionMap(
-            source=Source("position", self.position_file, self.position_time, self.position_shift_s),
+            source=self._position_source,
             place=self.position_columns,
             frame=self.position_frame,
             angle_unit=self.angle_unit,
             sigma=self.position_sigma,
             sigma_m=self.position_sigma_m,
         )
-        return read_fixes(self, given, zero_ns, None)
+        return read_fixes(self, given, zero_ns, Origin(*self.origin) if self.origin else None)
 
     def _velocity(self, zero_ns: int) -> Velocity | None:
         given = VelocityMap(

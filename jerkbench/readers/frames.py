@@ -10,6 +10,9 @@ from jerkbench.recording import Origin
 FRAMES = ("enu", "ned", "geodetic", "ecef")
 """Frames of a position: local ENU or NED [m], latitude, longitude [deg or rad] and height [m], or ECEF [m]."""
 
+LOCAL_FRAMES = ("enu", "ned")
+"""Those whose zero is not said: it may be anywhere on the Earth."""
+
 ANGLE_UNITS = {"deg": 1.0, "rad": float(np.degrees(1.0))}
 """Degrees in each unit of latitude and longitude."""
 
@@ -27,11 +30,13 @@ def origin_of(values: FloatArray, frame: str) -> Origin | None:
     Raises:
         RecordingError: no row is complete.
     """
-    if frame in ("enu", "ned"):
+    if frame in LOCAL_FRAMES:
         return None
     known = np.isfinite(values).all(axis=1)
     if not known.any():
-        raise RecordingError("The positions have no complete row; check their columns.")
+        raise RecordingError(
+            "The positions have no complete row to be the origin; check their columns, or give origin."
+        )
     first = values[int(np.argmax(known))]
     return ecef_to_origin(first) if frame == "ecef" else Origin(*(float(value) for value in first))
 

@@ -14,6 +14,7 @@ from jerkbench.conformance.recordings import small_recording
 from jerkbench.datasets.table import Tables
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.plugins import create
+from jerkbench.recording import Origin
 from jerkbench.writers.tables import write_table
 
 START_NS = 1_403_636_579_763_555_584
@@ -375,6 +376,112 @@ def test_a_first_fix_of_a_solution_that_leaps_is_not_the_origin(tmp_path):
     assert "1 of 95 fixes leaps" in recording.notes[-1]
 
 
+def test_a_pattern_of_solutions_reads_all_files(tmp_path):
+    urbannav(tmp_path)
+    whole = loaded("urbannav", tmp_path)
+    head, *rows = (tmp_path / "rover.pos").read_text().splitlines()
+    for name, part in (("rover.pos", rows[:40]), ("rover_2.pos", rows[40:])):
+        (tmp_path / name).write_text("\n".join([head, *part]))
+    both = loaded("urbannav", tmp_path, position_file="rover*.pos")
+    np.testing.assert_allclose(both.position.t_s, whole.position.t_s)
+    np.testing.assert_allclose(both.position.enu_m, whole.position.enu_m)
+    assert len(loaded("urbannav", tmp_path, position_file="rover.pos").position.t_s) == 40
+    (tmp_path / "a.pos").write_text("\n".join([head, *rows]))
+    with pytest.raises(RecordingError, match=r"rover\.pos begins before .*a\.pos ends"):
+        loaded("urbannav", tmp_path)
+
+
+def test_a_pattern_of_texts_and_dates_reads_all_files(tmp_path):
+    kitti(tmp_path)
+    whole = loaded("kitti", tmp_path)
+    lines = (tmp_path / "oxts" / "timestamps.txt").read_text().splitlines()
+    for name, part in (("timestamps.txt", lines[:40]), ("timestamps_2.txt", lines[40:])):
+        (tmp_path / "oxts" / name).write_text("\n".join(part))
+    parted = loaded("kitti", tmp_path, time_file="oxts/timestamps*.txt")
+    np.testing.assert_array_equal(parted.imu.t_s, whole.imu.t_s)
+    np.testing.assert_array_equal(parted.position.enu_m, whole.position.enu_m)
+
+
+def test_files_of_a_pattern_with_other_columns_are_refused(tmp_path):
+    """As many columns, but another name: joined by their names, half of both would be empty."""
+    first, second = pd.DataFrame(PLAIN).iloc[:500], pd.DataFrame(PLAIN).iloc[500:]
+    first.to_csv(tmp_path / "imu_1.csv", index=False)
+    second[second.columns[::-1]].to_csv(tmp_path / "imu_2.csv", index=False)  # another order is none the worse
+    table = Tables(str(tmp_path), **GIVEN, imu_file="imu_*.csv")
+    np.testing.assert_allclose(table.load(0).imu.t_s, IMU_S, atol=1e-9)
+    second.rename(columns={"gz": "rate_z"}).to_csv(tmp_path / "imu_2.csv", index=False)
+    with pytest.raises(RecordingError, match=r"imu_2\.csv has no column gz, which .*imu_1\.csv has"):
+        table.load(0)
+
+
+def local_and_geodetic(folder, fixes="enu", reference="geodetic"):
+    """Fixes and reference of the circle, about a local zero 30 m east and 40 m north of which the circle begins."""
+    write(folder / "imu.csv", PLAIN)
+    enu = circle(FIX_S)[0] + [30, 40, 2]
+    tables = {
+        "enu": enu,
+        "ned": enu[:, [1, 0, 2]] * [1, 1, -1],
+        "geodetic": np.column_stack(pymap3d.enu2geodetic(*enu.T, LATITUDE, LONGITUDE, HEIGHT)),
+        "ecef": np.column_stack(pymap3d.enu2ecef(*enu.T, LATITUDE, LONGITUDE, HEIGHT)),
+    }
+    for name, frame in (("fix.csv", fixes), ("truth.csv", reference)):
+        pd.DataFrame(tables[frame], columns=["a", "b", "c"]).assign(t=FIX_S).to_csv(folder / name, index=False)
+    columns = {"position_columns": ("a", "b", "c"), "reference_position": ("a", "b", "c")}
+    files = {"position_file": "fix.csv", "reference_file": "truth.csv"}
+    return enu, {"position_frame": fixes, "reference_frame": reference} | columns | files | GIVEN
+
+
+MIXED = [("enu", "geodetic"), ("ned", "ecef"), ("geodetic", "enu"), ("ecef", "ned")]
+
+
+@pytest.mark.parametrize(("fixes", "reference"), MIXED)
+def test_a_local_frame_beside_one_of_the_earth_needs_an_origin(tmp_path, fixes, reference):
+    enu, given = local_and_geodetic(tmp_path, fixes, reference)
+    with pytest.raises(PluginError, match=rf"position_frame is {fixes} and reference_frame {reference}.*give origin"):
+        Tables(str(tmp_path), **given)
+    recording = Tables(str(tmp_path), **given, origin=(LATITUDE, LONGITUDE, HEIGHT)).load(0)
+    np.testing.assert_allclose(recording.position.enu_m, enu, atol=1e-6)
+    np.testing.assert_allclose(recording.reference.enu_m, enu, atol=1e-6)
+    assert recording.origin == Origin(LATITUDE, LONGITUDE, HEIGHT)
+
+
+def test_frames_of_one_kind_need_no_origin_but_may_have_one(tmp_path):
+    enu, given = local_and_geodetic(tmp_path, "enu", "ned")
+    recording = Tables(str(tmp_path), **given).load(0)
+    np.testing.assert_allclose(recording.reference.enu_m, recording.position.enu_m)
+    assert recording.origin is None
+    enu, given = local_and_geodetic(tmp_path, "geodetic", "ecef")
+    about_first = Tables(str(tmp_path), **given).load(0)
+    np.testing.assert_allclose(about_first.position.enu_m[0], 0, atol=1e-9)
+    np.testing.assert_allclose(about_first.reference.enu_m, about_first.position.enu_m, atol=1e-6)
+    recording = Tables(str(tmp_path), **given, origin=(LATITUDE, LONGITUDE, HEIGHT)).load(0)
+    np.testing.assert_allclose(recording.position.enu_m, enu, atol=1e-6)
+    np.testing.assert_allclose(recording.reference.enu_m, enu, atol=1e-6)
+
+
+def test_a_solution_is_of_the_earth_and_takes_an_origin(tmp_path):
+    urbannav(tmp_path)
+    with pytest.raises(PluginError, match=r"position_file \*\.pos is geodetic and reference_frame enu"):
+        loaded("urbannav", tmp_path, reference_frame="enu")
+    south = np.array([LATITUDE, LONGITUDE, HEIGHT]) - [np.degrees(1000 / NORTH_M_PER_RAD), 0, 0]
+    recording = loaded("urbannav", tmp_path, origin=south.tolist())
+    expected = np.column_stack(pymap3d.geodetic2enu(*geodetic(circle(FIX_S)[0]).T, *south))
+    np.testing.assert_allclose(recording.position.enu_m, expected, atol=1e-5)
+    np.testing.assert_allclose(recording.reference.enu_m, expected, atol=1e-5)
+
+
+def test_a_reference_of_angles_alone_needs_no_origin(tmp_path):
+    write(tmp_path / "imu.csv", PLAIN)
+    enu = circle(FIX_S)[0]
+    fixes = pd.DataFrame(enu, columns=["e", "n", "u"]).assign(t=FIX_S, roll=0.1, pitch=0.2, yaw=0.3)
+    fixes.to_csv(tmp_path / "fix.csv", index=False)
+    files = {"position_file": "fix.csv", "position_columns": ("e", "n", "u"), "position_frame": "enu"}
+    angles = {"reference_file": "fix.csv", "reference_attitude": ("roll", "pitch", "yaw")}
+    recording = Tables(str(tmp_path), **GIVEN, **files, **angles, reference_frame="geodetic").load(0)
+    assert recording.reference.enu_m is None
+    np.testing.assert_allclose(recording.reference.euler_rad[0], [0.1, 0.2, 0.3])
+
+
 def test_gravity_on_another_axis_is_a_note(tmp_path):
     write(tmp_path / "imu.csv", PLAIN)
     turned = Tables(str(tmp_path), **GIVEN, imu_axes=("z", "-y", "x")).load(0)
@@ -427,6 +534,9 @@ def test_a_cell_that_is_no_number_is_named(tmp_path):
         ({"time_unit": "minutes"}, "no time_unit 'minutes'"),
         ({"velocity_frame": "speed"}, "velocity_columns names 3 columns"),
         ({"position_sigma_m": 0.0}, "position_sigma_m"),
+        ({"origin": (49.0, 8.4)}, r"origin is \(49.0, 8.4\); give latitude \[deg\], longitude \[deg\] and height"),
+        ({"origin": (8.4, 490.0, 110.0)}, r"origin is \(8.4, 490.0, 110.0\), which is not on Earth"),
+        ({"origin": (float("nan"), 8.4, 110.0)}, r"which is not on Earth"),
     ],
 )
 def test_parameters_are_checked(changes, said):
