@@ -10,7 +10,7 @@ from jerkbench.readers.frames import axes_to_judge
 from jerkbench.readers.latency import velocity_when_true
 from jerkbench.readers.rtklib_pos import PosSolution
 from jerkbench.recording import Position, Velocity
-from jerkbench.sanitiser.fixes import leap_notes, leaping_rows
+from jerkbench.sanitiser.fixes import steady_rows
 
 
 def accepted_fixes(fixes: PosSolution, qualities: tuple[float, ...], path: Path) -> PosSolution:
@@ -29,11 +29,15 @@ def accepted_fixes(fixes: PosSolution, qualities: tuple[float, ...], path: Path)
 
 
 def steady_fixes(fixes: PosSolution) -> tuple[PosSolution, tuple[str, ...]]:
-    """Return the solution without fixes that leap, and a note that counts them, or none."""
+    """Return the solution without fixes that leap, and a note that counts them, or none.
+
+    Raises:
+        RecordingError: all of them leap.
+    """
     t_s = np.asarray((fixes.gpst_ns - fixes.gpst_ns[0]) * 1e-9, dtype=np.float64)
     places = np.column_stack([fixes.latitude_deg, fixes.longitude_deg, fixes.height_m])
-    leaps = leaping_rows(t_s, axes_to_judge(places, "geodetic"))
-    return fixes.select(~leaps), leap_notes(leaps)
+    steady, notes = steady_rows(t_s, axes_to_judge(places, "geodetic"))
+    return fixes.select(steady), notes
 
 
 def ground_speed(fixes: PosSolution, position: Position) -> FloatArray:

@@ -9,7 +9,7 @@ from jerkbench.datasets._table_stream import Source
 from jerkbench.datasets._timed_columns import TimedColumns
 from jerkbench.readers.frames import axes_to_judge, in_degrees, in_enu, origin_of
 from jerkbench.recording import Origin, Position
-from jerkbench.sanitiser.fixes import leap_notes, leaping_rows
+from jerkbench.sanitiser.fixes import steady_rows
 
 
 @dataclass(frozen=True)
@@ -61,11 +61,11 @@ def read_fixes(table: TimedColumns, given: PositionMap, zero_ns: int, origin: Or
         return _solved(table, given.source, zero_ns, origin)
     stream = table.read(given.source).only(given.place)
     t_s, places = stream.t_s(zero_ns), in_degrees(stream.columns.numbers(given.place), given.frame, given.angle_unit)
-    leaps = leaping_rows(t_s, axes_to_judge(places, given.frame))
-    origin = origin or origin_of(places[~leaps], given.frame)
-    enu_m = in_enu(places[~leaps], given.frame, origin)
-    covariance = _covariances(enu_m, stream.columns.numbers(given.sigma)[~leaps], given.sigma_m)
-    return Fixes(Position(t_s[~leaps], enu_m, covariance), origin, leap_notes(leaps))
+    steady, notes = steady_rows(t_s, axes_to_judge(places, given.frame))
+    origin = origin or origin_of(places[steady], given.frame)
+    enu_m = in_enu(places[steady], given.frame, origin)
+    covariance = _covariances(enu_m, stream.columns.numbers(given.sigma)[steady], given.sigma_m)
+    return Fixes(Position(t_s[steady], enu_m, covariance), origin, notes)
 
 
 def _solved(table: TimedColumns, source: Source, zero_ns: int, origin: Origin | None) -> Fixes:

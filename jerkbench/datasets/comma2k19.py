@@ -14,8 +14,10 @@ from jerkbench.plugins import register
 from jerkbench.readers.comma_segment import CommaSegment, read_comma_segment, segment_files
 from jerkbench.readers.fetched import recording_folder
 from jerkbench.readers.files import fingerprint
+from jerkbench.readers.frames import axes_to_judge
 from jerkbench.readers.mounting import body_from_sensor
 from jerkbench.recording import Heading, Imu, Origin, Position, Recording, Reference, Velocity
+from jerkbench.sanitiser.fixes import steady_rows
 from jerkbench.simulation.checks import require_positive
 
 DEVICE_SIGNS = (1.0, -1.0, -1.0)
@@ -46,7 +48,7 @@ class Comma2k19:
 
     The wheel's speed times its scale is a `Velocity` along the course; the receiver's
     bearing is a heading of the source "course" where it is fast enough. The car moves from the start: the tilt starts
-    level.
+    level. Fixes that leap are dropped; the first of the others is the origin.
 
     Source: H. Schafer, E. Santana, A. Haden, R. Biasini, "A Commute in Data: The comma2k19 Dataset", arXiv:1812.05752.
 
@@ -96,22 +98,18 @@ class Comma2k19:
             RecordingError: a file is missing or damaged.
         """
         segment = read_comma_segment(self._folder())
-        zero_s = segment.imu_log_s[0]
         line = _clock(segment)
-        latitude, longitude, height = segment.gnss[:, 0], segment.gnss[:, 1], segment.gnss[:, 4]
-        origin = Origin(float(latitude[0]), float(longitude[0]), float(height[0]))
-        enu_m = geodetic_to_enu(latitude, longitude, height, origin)
-        covariance = np.tile(self.position_sigma_m**2 * np.eye(3), (len(enu_m), 1, 1))
+        position, origin, leaps = self._fixes(segment, line)
         return Recording(
             name="comma2k19",
             imu=self._imu(segment),
             reference=self._reference(segment, origin),
-            position=Position(_utc_s(segment) @ line - zero_s - self.position_age_s, enu_m, covariance),
+            position=position,
             velocity=self._wheel(segment) if self.wheel else None,
             heading=self._course(segment, line),
             origin=origin,
             start_utc=_start_utc(segment, line),
-            notes=(*NOTES, *((FITTED,) if self._fitted() else ())),
+            notes=(*leaps, *NOTES, *((FITTED,) if self._fitted() else ())),
         )
 
     def fingerprint(self) -> str:
@@ -130,6 +128,17 @@ class Comma2k19:
         turn = body_from_sensor(DEVICE_SIGNS, self.mounting_yaw_deg, self.mounting_pitch_deg)
         t_s = segment.imu_log_s - segment.imu_log_s[0]
         return Imu(t_s, segment.accel_mps2 @ turn.T, segment.gyro_radps @ turn.T)
+
+    def _fixes(self, segment: CommaSegment, line: FloatArray) -> tuple[Position, Origin, tuple[str, ...]]:
+        """The fixes that do not leap, about the first of them, and a note that counts the others."""
+        t_s = _utc_s(segment) @ line - segment.imu_log_s[0] - self.position_age_s
+        places = segment.gnss[:, [0, 1, 4]]
+        steady, notes = steady_rows(t_s, axes_to_judge(places, "geodetic"))
+        latitude, longitude, height = places[steady].T
+        origin = Origin(float(latitude[0]), float(longitude[0]), float(height[0]))
+        enu_m = geodetic_to_enu(latitude, longitude, height, origin)
+        covariance = np.tile(self.position_sigma_m**2 * np.eye(3), (len(enu_m), 1, 1))
+        return Position(t_s[steady], enu_m, covariance), origin, notes
 
     def _wheel(self, segment: CommaSegment) -> Velocity:
         t_s = segment.wheel_log_s - segment.imu_log_s[0]

@@ -3,6 +3,7 @@
 import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray
+from jerkbench.errors import RecordingError
 from jerkbench.readers.ros.messages import Messages
 from jerkbench.sanitiser.ledger import DROPPED, KEPT, Ledger
 
@@ -34,11 +35,22 @@ def without_leaps(stream: str, messages: Messages, ledger: Ledger, field: str) -
     return messages.rows(~leaps)
 
 
-def leap_notes(leaps: BoolArray) -> tuple[str, ...]:
-    """Return a note about fixes that were dropped, where ``leaps`` (n,) is True, or none."""
-    count = int(leaps.sum())
+def steady_rows(t_s: FloatArray, position_m: FloatArray) -> tuple[BoolArray, tuple[str, ...]]:
+    """Return (n,) which fixes do not leap, and a note that counts the others, or none.
+
+    Raises:
+        RecordingError: all of them leap.
+    """
+    leaps = leaping_rows(t_s, position_m)
+    count, n = int(leaps.sum()), len(leaps)
+    if count and count == n:
+        raise RecordingError(
+            f"All {n} fixes leap out of their neighbours by more than {LEAP_M:g} m; check the columns of the places,"
+            " their frame and unit, and the times."
+        )
     said = "leaps out of its" if count == 1 else "leap out of their"
-    return (f"{count} of {len(leaps)} fixes {said} neighbours by more than {LEAP_M:g} m: dropped.",) if count else ()
+    notes = (f"{count} of {n} fixes {said} neighbours by more than {LEAP_M:g} m: dropped.",) if count else ()
+    return ~leaps, notes
 
 
 def leaping_rows(t_s: FloatArray, position_m: FloatArray) -> BoolArray:

@@ -65,6 +65,22 @@ def write_segment(folder, **changes):
     return str(folder)
 
 
+def test_a_first_fix_that_leaps_is_dropped_and_not_the_origin(tmp_path):
+    write_segment(tmp_path)
+    path = tmp_path / "processed_log/GNSS/live_gnss_ublox/value"
+    whole = Comma2k19(str(tmp_path), **AHEAD).load(0)
+    gnss = np.load(path)
+    gnss[0, 0] += 1.0
+    with path.open("wb") as file:
+        np.save(file, gnss)
+    recording = Comma2k19(str(tmp_path), **AHEAD).load(0)
+    origin = recording.origin
+    np.testing.assert_array_equal((origin.latitude_deg, origin.longitude_deg, origin.height_m), gnss[1, [0, 1, 4]])
+    np.testing.assert_array_equal(recording.position.t_s, whole.position.t_s[1:])
+    np.testing.assert_allclose(recording.position.enu_m, whole.position.enu_m[1:] - whole.position.enu_m[1], atol=1e-4)
+    assert "1 of 101 fixes leaps out of its neighbours by more than 50 m: dropped." in recording.notes
+
+
 def test_fixes_stand_on_the_line_less_their_age(tmp_path):
     recording = Comma2k19(write_segment(tmp_path), position_age_s=0.08).load(0)
     np.testing.assert_allclose(recording.position.t_s, 0.05 + 0.1 * np.arange(101) - 0.08, atol=1e-9)

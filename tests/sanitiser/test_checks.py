@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from jerkbench.errors import PluginError
+from jerkbench.errors import PluginError, RecordingError
 from jerkbench.readers.ros.messages import Messages
-from jerkbench.sanitiser.fixes import leaping_rows, report_jumps
+from jerkbench.sanitiser.fixes import leaping_rows, report_jumps, steady_rows
 from jerkbench.sanitiser.ledger import Finding, Ledger
 from jerkbench.sanitiser.stamps import ordered, with_late_enough_stamps
 from jerkbench.sanitiser.values import frozen_rows
@@ -91,6 +91,15 @@ def test_axes_that_are_there_in_every_row_are_judged_by_their_distance():
     np.testing.assert_array_equal(leaping_rows(t_s, drive), np.array(far_m) > 50 + 100 * 0.8)
     assert 0 < leaping_rows(t_s, drive).sum() < 40
     assert not leaping_rows(t_s[:4], 1e6 * drive[:4]).any()  # too few to say which of them it is
+
+
+def test_fixes_that_all_leap_are_a_sentence():
+    t_s = np.arange(5) * 0.1
+    everywhere = 1e5 * np.array([[0, 1, 2], [1, 2, 0], [2, 0, 1], [4, 3, -1], [-1, 4, 3]])
+    with pytest.raises(RecordingError, match="All 5 fixes leap out of their neighbours by more than 50 m; check"):
+        steady_rows(t_s, everywhere)
+    steady, notes = steady_rows(t_s, 0 * everywhere)
+    assert (steady.all(), notes) == (True, ())
 
 
 @pytest.mark.parametrize("sign", ["status", "covariance"])
