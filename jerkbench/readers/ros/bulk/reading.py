@@ -1,11 +1,11 @@
 """Whole topics of a bag in bulk."""
 
-import sqlite3
 import struct
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import apsw
 import numpy as np
 
 from jerkbench.arrays import IntArray
@@ -28,7 +28,7 @@ UNFIT = (
     OverflowError,
     MemoryError,
     struct.error,
-    sqlite3.Error,
+    apsw.Error,
 )
 """What says that a bag is not made for it or damaged: the ordinary reader then says what it is."""
 
