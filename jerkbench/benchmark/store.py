@@ -19,7 +19,7 @@ from jerkbench.benchmark.versions import code_digest, plugin_digest, versions
 from jerkbench.errors import JerkbenchError
 
 METADATA = b"jerkbench"
-DIGEST = b"jerkbench.digest"
+DIGEST = b"jerkbench.sha256"
 """Hash of the rows and of what is stored beside them: a flipped bit in a page or in a name is found."""
 ABANDONED_S = 3600.0
 """A half-written file that is older belongs to nobody any more."""
@@ -71,20 +71,20 @@ class Store:
 
     def done(self, key: str) -> bool:
         """Whether the cell is there, whole, and no run of it failed (a failed one is tried again)."""
-        stored = _read(self.path(key))
-        return stored is not None and not stored.about["failed"]
+        there = _load(self.path(key))
+        return there is not None and not there[1]["failed"]
 
     def look(self, keys: Iterable[str]) -> tuple[set[str], list[str]]:
         """Return which of ``keys`` are `done`, and which are there, but not as they were written."""
-        found, damaged = self.read(keys)
-        return {one.key for one in found if not one.about["failed"]}, damaged
+        found, damaged = self._find(keys)
+        return {key for key, _, about in found if not about["failed"]}, damaged
 
     def write(self, key: str, rows: Sequence[Row], about: dict[str, Any]) -> None:
         """Store a cell; a reader sees the whole of it or nothing."""
         failed = sum(row["status"] == "failed" for row in rows)
         table = pa.Table.from_pandas(pd.DataFrame(rows), preserve_index=False)
         text = json.dumps({**about, "failed": failed})
-        head = {METADATA: text.encode(), DIGEST: _digest(table.to_pandas(), text)}
+        head = {METADATA: text.encode(), DIGEST: _digest(table, text)}
         self.folder.mkdir(parents=True, exist_ok=True)
         partial = self.folder / f".{key}.{os.getpid()}.partial"
         try:
@@ -97,11 +97,16 @@ class Store:
         """Return the cells ``keys`` (default: all), and the keys of those that cannot be read."""
         if keys is None:
             keys = sorted(path.stem for path in self.folder.glob("*.parquet"))
+        found, broken = self._find(keys)
+        return [Stored(key, table.to_pandas(use_threads=False), about) for key, table, about in found], broken
+
+    def _find(self, keys: Iterable[str]) -> tuple[list[tuple[str, pa.Table, dict[str, Any]]], list[str]]:
+        """Cells with what is stored beside them, and the keys of those that cannot be read."""
         found, broken = [], []
         for key in keys:
-            stored = _read(self.path(key))
-            if stored is not None:
-                found.append(stored)
+            there = _load(self.path(key))
+            if there is not None:
+                found.append((key, *there))
             elif self.path(key).exists():
                 broken.append(key)
         return found, broken
@@ -128,30 +133,29 @@ def _deciding(cell: Cell) -> dict[str, Any]:
     return everything if cell.seeded else {k: v for k, v in everything.items() if k not in ("seeds", "first_seed")}
 
 
-def _read(path: Path) -> Stored | None:
-    """Read a cell; None where there is no file, or none that is as it was written."""
+def _load(path: Path) -> tuple[pa.Table, dict[str, Any]] | None:
+    """Load a cell and what is stored beside it; None where there is no file, or none that is as it was written."""
     try:
-        with path.open("rb") as file:  # whether it may be read is no matter of damage
-            table = pq.ParquetFile(file).read(use_threads=False)  # a cell is too small for threads
-            head = table.schema.metadata
-            text = head[METADATA].decode()
-            about: dict[str, Any] = json.loads(text)
-            rows = table.to_pandas(use_threads=False)
-            whole = DIGEST not in head or head[DIGEST] == _digest(rows, text)
+        content = path.read_bytes()  # whether it may be read is no matter of damage
+        table = pq.ParquetFile(pa.BufferReader(content)).read(use_threads=False)  # a cell is too small for threads
+        head = table.schema.metadata
+        text = head[METADATA].decode()
+        about: dict[str, Any] = json.loads(text)
+        whole = DIGEST not in head or head[DIGEST] == _digest(table, text)
     except FileNotFoundError:
         return None
     except PermissionError as error:
         raise JerkbenchError(f"{path} cannot be read: {error.strerror}.") from error
     except (OSError, ValueError, KeyError, TypeError, pa.ArrowException):  # what pyarrow says of damage
         return None
-    return Stored(path.stem, rows, about) if whole else None
+    return (table, about) if whole else None
 
 
-def _digest(rows: pd.DataFrame, text: str) -> bytes:
+def _digest(table: pa.Table, text: str) -> bytes:
     """Hash all values, to the bit, and the text beside them."""
     sha = hashlib.sha256(text.encode())
-    for name, column in rows.items():
-        plain = column.dtype.kind in "biuf"
-        sha.update(f"{name} {column.dtype}".encode())
-        sha.update(column.to_numpy().tobytes() if plain else json.dumps([str(value) for value in column]).encode())
+    for name, column in zip(table.column_names, table.columns, strict=True):
+        plain = pa.types.is_floating(column.type) or pa.types.is_integer(column.type)
+        sha.update(f"{name} {column.type}".encode())
+        sha.update(column.to_numpy().tobytes() if plain else json.dumps(column.to_pylist(), default=str).encode())
     return sha.hexdigest().encode()
