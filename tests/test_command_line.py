@@ -161,6 +161,21 @@ def said_in_process(tmp_path, monkeypatch, capsys):
     return run
 
 
+@pytest.mark.parametrize("multirun", [[], ["-m"]])
+def test_an_experiment_without_its_first_line_is_told_to_have_it(said_in_process, tmp_path, multirun):
+    own = tmp_path / "own" / "experiment" / "mine.yaml"
+    own.parent.mkdir(parents=True)
+    own.write_text("study: mine\n")
+
+    code, _, said = said_in_process("run", *multirun, "--config-dir", str(tmp_path / "own"), "experiment=mine")
+
+    assert code == 2
+    assert "lacks its first line '# @package _global_'" in said
+    own.write_text("# @package _global_\nseeds: 0\n")
+    assert "seeds is 0" in said_in_process("run", *multirun, "--config-dir", str(tmp_path / "own"), "experiment=mine")[2]
+
+
+
 @pytest.mark.parametrize(("words", "said"), BAD, ids=[" ".join(words) for words, _ in BAD])
 @pytest.mark.parametrize("multirun", [[], ["-m"]], ids=["single", "sweep"])
 def test_bad_input_is_one_sentence_and_leaves_no_result(tmp_path, said_in_process, words, said, multirun):

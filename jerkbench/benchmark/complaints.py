@@ -11,6 +11,11 @@ from jerkbench.errors import unknown
 NOISE = ("full_key", "object_type", "Config search", "provider=")
 """Beginnings of lines that help nobody."""
 
+PACKAGE = (
+    "The file of this experiment lacks its first line '# @package _global_', so all that it sets would stand below the"
+    " name 'experiment'; add that line."
+)
+
 
 def sentence(error: Exception) -> str:
     """Say in one sentence what was given, what there is and what to do."""
@@ -24,6 +29,8 @@ def sentence(error: Exception) -> str:
     key = re.search(r"Key '(\w+)' (?:is )?not in '(\w+)'", text)
     if key:
         full = re.search(r"full_key: (\S+)", text)
+        if key[1] == "experiment":
+            return PACKAGE
         return unknown("option", full[1] if full else key[1], _fields_of(key[2], full[1] if full else ""))
     value = re.search(r"(Value .*)", text)
     if value:
