@@ -50,7 +50,7 @@ class InnovationBased:
         for i, row in enumerate(rows):
             mean = windowed_mean(memory, self.window, row, innovation[i] ** 2)
             if is_full(memory, self.window, row):
-                adapted[i, :] = 0.0
-                adapted[:, i] = 0.0
+                for j in range(len(rows)):
+                    adapted[i, j] = adapted[j, i] = 0.0
                 adapted[i, i] = max(mean - HPHt[i, i], self.low * R[i, i])
         return adapted

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jerkbench.adaptation._windows import check_window, inflated, inflation_memory
+from jerkbench.adaptation._windows import check_window, inflated, inflation_memory, squared_length
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.plugins import register
 
@@ -48,6 +48,5 @@ class Mtf:
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
     ) -> FloatArray:
         """Return R with the variances of the rows in question inflated."""
-        triggered = np.sum(innovation**2) >= np.trace(HPHt) + np.trace(R)
-        each = np.full(len(rows), triggered)
-        return inflated(innovation, HPHt, R, rows, memory, self.window, self.guard, each)
+        triggered = squared_length(innovation) >= np.trace(HPHt) + np.trace(R)
+        return inflated(innovation, HPHt, R, rows, memory, self.window, self.guard, (triggered, triggered))

@@ -2,8 +2,6 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from jerkbench.adaptation._windows import check_window, inflated, inflation_memory
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.plugins import register
@@ -46,10 +44,15 @@ class MtfBlock:
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
     ) -> FloatArray:
         """Return R with the variances of the rows in question inflated."""
-        triggered = np.zeros(len(rows), dtype=np.bool_)
-        expected = np.diag(HPHt) + np.diag(R)
-        for block in range(2):
-            inside = rows // 3 == block
-            if np.sum(innovation[inside] ** 2) >= np.sum(expected[inside]):
-                triggered = triggered | inside
+        triggered = _exceeds(innovation, HPHt, R, rows, 0), _exceeds(innovation, HPHt, R, rows, 1)
         return inflated(innovation, HPHt, R, rows, memory, self.window, self.guard, triggered)
+
+
+def _exceeds(innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, block: int) -> bool:
+    """Whether the innovation of position (0) or velocity (1) is larger than expected."""
+    energy = expected = 0.0
+    for i, row in enumerate(rows):
+        if row // 3 == block:
+            energy += innovation[i] ** 2
+            expected += HPHt[i, i] + R[i, i]
+    return energy >= expected

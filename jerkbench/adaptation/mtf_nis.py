@@ -2,8 +2,6 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from jerkbench.adaptation._chi2 import check_probability, chi2_tail, squared_distance
 from jerkbench.adaptation._windows import check_window, inflated, inflation_memory
 from jerkbench.arrays import FloatArray, IntArray
@@ -51,5 +49,5 @@ class MtfNis:
     ) -> FloatArray:
         """Return R with the variances of the rows in question inflated."""
         nis = squared_distance(innovation, HPHt + R)
-        triggered = np.full(len(rows), chi2_tail(nis, len(rows)) <= 1.0 - self.probability)
-        return inflated(innovation, HPHt, R, rows, memory, self.window, self.guard, triggered)
+        triggered = chi2_tail(nis, len(rows)) <= 1.0 - self.probability
+        return inflated(innovation, HPHt, R, rows, memory, self.window, self.guard, (triggered, triggered))

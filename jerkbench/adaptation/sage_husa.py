@@ -43,8 +43,8 @@ class SageHusa:
             raise PluginError(f"sage_husa needs 0 < low <= high; they are {self.low} and {self.high}.")
 
     def memory_size(self) -> int:
-        """Return 12: rh and k of each row."""
-        return 12
+        """Return 18: rh, k and b^k of each row."""
+        return 18
 
     def adapt(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
@@ -56,9 +56,10 @@ class SageHusa:
             if k == 0:
                 memory[row] = r
             else:
-                d = (1.0 - self.forgetting) / (1.0 - self.forgetting ** (k + 1.0))
+                d = (1.0 - self.forgetting) / (1.0 - memory[12 + row] * self.forgetting)
                 estimate = (1.0 - d) * memory[row] + d * (innovation[i] ** 2 - HPHt[i, i])
                 memory[row] = min(max(estimate, self.low * r), self.high * r)
             memory[6 + row] = k + 1.0
+            memory[12 + row] = self.forgetting * (memory[12 + row] if k > 0 else 1.0)  # faster than a power
             adapted[i, i] = memory[row]
         return adapted

@@ -89,20 +89,20 @@ def test_the_guard_lets_only_the_first_hits_of_a_sequence_inflate():
 
 
 def test_memory_belongs_to_a_row_and_advances_only_when_it_is_there():
-    sage, memory = SageHusa(), np.zeros(12)
+    sage, memory = SageHusa(), np.zeros(SageHusa().memory_size())
     position, velocity = np.arange(3), np.arange(3, 6)
     y, eye = np.full(3, 5.0), np.eye(3)
     for _ in range(3):
         adapt(sage, (y, eye, eye), rows=position, memory=memory)
     adapted = adapt(sage, (y, eye, eye), rows=velocity, memory=memory)
 
-    np.testing.assert_array_equal(memory[6:], [3, 3, 3, 1, 1, 1])
+    np.testing.assert_array_equal(memory[6:12], [3, 3, 3, 1, 1, 1])
     np.testing.assert_array_equal(adapted, eye)  # the first update of these rows takes the reported variance
 
 
 def test_sage_husa_finds_the_true_variance_of_a_sensor_that_reports_too_little():
     rng, sage = np.random.default_rng(4), SageHusa(forgetting=0.995)
-    memory, row, found = np.zeros(12), np.array([0]), []
+    memory, row, found = np.zeros(SageHusa().memory_size()), np.array([0]), []
     for _ in range(4000):
         y = rng.normal(0.0, np.sqrt(2.0 + 9.0), 1)  # h = 2, the true r = 9, reported 1
         found.append(adapt(sage, (y, np.array([[2.0]]), np.array([[1.0]])), rows=row, memory=memory)[0, 0])
@@ -112,7 +112,7 @@ def test_sage_husa_finds_the_true_variance_of_a_sensor_that_reports_too_little()
 
 def test_sage_husa_stays_between_its_bounds_and_makes_r_diagonal():
     rng, sage = np.random.default_rng(5), SageHusa(low=0.5, high=2.0)
-    memory = np.zeros(12)
+    memory = np.zeros(sage.memory_size())
     for k in range(50):
         case = random_case(rng, scale=10.0 if k % 2 else 0.01)
         adapted = adapt(sage, case, memory=memory)
