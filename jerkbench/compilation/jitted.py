@@ -45,7 +45,7 @@ class _Jit:
         if id(function) not in self.done:
             scope: dict[str, Any] = {}
             copy = _copy(function, scope, tuple(self._cell(cell) for cell in function.__closure__ or ()), self.home)
-            inlined = self.kernel and function.__name__ not in self.apart
+            inlined = function.__name__ not in self.apart
             self.done[id(function)] = (self.decorate_inlined if inlined else self.decorate)(copy)
             scope.update(self._scope(function))
         return self.done[id(function)]

@@ -1,6 +1,7 @@
 """Methods of a plugin, compiled as they are: `self` becomes a named tuple that is rebuilt from a vector of numbers."""
 
 import dataclasses
+import re
 from collections import namedtuple
 from collections.abc import Iterator
 from types import ModuleType
@@ -19,15 +20,17 @@ class Method(NamedTuple):
 
     Attributes:
         name: of the method.
-        arguments: names of its arguments after self.
-        signature: source text of its numba type; the parameters come first, ``result`` last where it fills an array.
-        fills: whether what it returns is written into the array ``result``.
+        arguments: after self, all arrays: their names, types of their elements, and shapes as source text.
+        sizes: the names that stand in the shapes.
+        usual: those of them that have one value nearly always, with it; for it there is a compilation of its own.
+        result: shape of the array that it returns, or "" where it returns a number.
     """
 
     name: str
-    arguments: tuple[str, ...]
-    signature: str
-    fills: bool
+    arguments: tuple[tuple[str, str, str], ...]
+    sizes: tuple[str, ...]
+    usual: tuple[tuple[str, int], ...]
+    result: str
 
 
 def parameter_vector(plugin: object) -> FloatArray:
@@ -36,9 +39,10 @@ def parameter_vector(plugin: object) -> FloatArray:
 
 
 def compiled_method(plugin: object, method: Method) -> Any:  # noqa: ANN401 - numba has no types
-    """Return the plugin's method as a compiled function of (parameters, *arguments[, result]).
+    """Return the plugin's method as a compiled function for `jerkbench.compilation.calls`.
 
-    One compilation serves all values of the numeric parameters.
+    It takes the addresses of the parameters, of each argument, and of the array that it fills if there is one; then
+    the sizes. One compilation serves all values of the numeric parameters.
 
     Raises:
         numba.core.errors.NumbaError: numba cannot compile it.
@@ -54,6 +58,7 @@ def compiled_method(plugin: object, method: Method) -> Any:  # noqa: ANN401 - nu
         return {
             "Parameters": namedtuple("Parameters", fields),  # noqa: PYI024 - its fields are known at run time only
             "method": jitted(function, home),
+            "fill": jitted(_fill, home),
         }
 
     title = f"{type(plugin).__name__}.{method.name}"
@@ -61,18 +66,55 @@ def compiled_method(plugin: object, method: Method) -> Any:  # noqa: ANN401 - nu
     return module.entry
 
 
+ENTRY = '''"""Made by jerkbench: {title} for compiled code."""
+
+from numba import carray, njit
+from numba.types import CPointer, float64, int64, void
+
+
+@njit({result}({types}), cache=True, error_model="numpy", nogil=True)
+def entry({names}):
+    if {usual}:  # with constant sizes its loops are unrolled
+        {often}
+    else:
+        {else_}
+'''
+
+
 def _entry_source(plugin: object, method: Method) -> str:
     """Text of the entry point: rebuild self, call the method."""
-    arguments = ", ".join(method.arguments)
-    call = f"method(Parameters({', '.join(_rebuilt(plugin))}), {arguments})"
-    body = f"result[:] = {call}" if method.fills else f"return {call}"
-    given = ", ".join(("parameters", *method.arguments, *(["result"] if method.fills else [])))
-    return (
-        f'"""Made by jerkbench: {type(plugin).__name__}.{method.name} for compiled code."""\n\n'
-        f"from numba import njit\nfrom numba.types import boolean, float64, int64, void\n\n\n"
-        f'@njit({method.signature}, cache=True, error_model="numpy", nogil=True)\n'
-        f"def entry({given}):\n    {body}\n"
+    arrays = [("parameters", "float64"), *(argument[:2] for argument in method.arguments)]
+    arrays += [("result", "float64")] if method.result else []
+    return ENTRY.format(
+        title=f"{type(plugin).__name__}.{method.name}",
+        result="void" if method.result else "float64",
+        types=", ".join([f"CPointer({of})" for _, of in arrays] + ["int64"] * len(method.sizes)),
+        names=", ".join([name for name, _ in arrays] + list(method.sizes)),
+        usual=" and ".join(f"{name} == {size}" for name, size in method.usual),
+        often=_call(plugin, method, dict(method.usual)),
+        else_=_call(plugin, method, {}),
     )
+
+
+def _call(plugin: object, method: Method, known: dict[str, int]) -> str:
+    """Text of the call, with numbers in the place of the sizes that are ``known``."""
+
+    def sized(shape: str) -> str:
+        names = {name: str(known.get(name, name)) for name in method.sizes}
+        return "".join(names.get(word, word) for word in re.split(r"(\w+)", shape))
+
+    arrays = ", ".join(f"carray({name}, {sized(shape)})" for name, _, shape in method.arguments)
+    call = f"method(Parameters({', '.join(_rebuilt(plugin))}), {arrays})"
+    return f"fill(carray(result, {sized(method.result)}), {call})" if method.result else f"return {call}"
+
+
+def _fill(result: FloatArray, given: FloatArray) -> None:
+    """Write a matrix; NumPy's own assignment checks for overlaps and takes longer than a small adaptation."""
+    if given.shape != result.shape:
+        raise ValueError("a method returned an array of another shape than it should")
+    for i in range(result.shape[0]):
+        for j in range(result.shape[1]):
+            result[i, j] = given[i, j]
 
 
 def _attributes(plugin: object) -> list[tuple[str, Any]]:

@@ -5,20 +5,23 @@ WIDTH runs side by side, because numba compiles a function anew for each type of
 to be said differently: a choice between two values (`chosen`), and the largest (`larger`).
 """
 
-import math
 import operator
 from typing import Any
 
+import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, lower_cast, models, register_model
 
+from jerkbench.arrays import FloatArray
+
 WIDTH = 8
 """Numbers in a vector: 512 bits, one or a few registers on every processor."""
 
-_NUMBER, _INDEX = ir.DoubleType(), ir.IntType(32)
-_VECTOR = ir.VectorType(_NUMBER, WIDTH)
+NUMBER, INDEX = ir.DoubleType(), ir.IntType(32)
+VECTOR = ir.VectorType(NUMBER, WIDTH)
+"""As LLVM knows them."""
 
 
 class _Vector(types.Type):
@@ -49,19 +52,19 @@ vector_type, vectors_type = _Vector(), _Vectors()
 @register_model(_Vector)
 class _VectorModel(models.PrimitiveModel):
     def __init__(self, manager: Any, of: Any) -> None:  # noqa: ANN401 - numba has no types
-        super().__init__(manager, of, _VECTOR)
+        super().__init__(manager, of, VECTOR)
 
 
 @register_model(_Vectors)
 class _VectorsModel(models.PrimitiveModel):
     def __init__(self, manager: Any, of: Any) -> None:  # noqa: ANN401 - numba has no types
-        super().__init__(manager, of, _NUMBER.as_pointer())
+        super().__init__(manager, of, NUMBER.as_pointer())
 
 
 def _repeated(builder: Any, number: Any) -> Any:  # noqa: ANN401 - llvmlite has no types
-    one = builder.insert_element(ir.Constant(_VECTOR, ir.Undefined), number, ir.Constant(_INDEX, 0))
-    everywhere = ir.Constant(ir.VectorType(_INDEX, WIDTH), [0] * WIDTH)
-    return builder.shuffle_vector(one, ir.Constant(_VECTOR, ir.Undefined), everywhere)
+    one = builder.insert_element(ir.Constant(VECTOR, ir.Undefined), number, ir.Constant(INDEX, 0))
+    everywhere = ir.Constant(ir.VectorType(INDEX, WIDTH), [0] * WIDTH)
+    return builder.shuffle_vector(one, ir.Constant(VECTOR, ir.Undefined), everywhere)
 
 
 @lower_cast(types.Float, _Vector)
@@ -92,9 +95,10 @@ _define((operator.mul, operator.imul), "fmul")
 _define((operator.truediv, operator.itruediv), "fdiv")
 
 
-def _address(builder: Any, first: Any, index: Any) -> Any:  # noqa: ANN401 - as above
+def address_in(builder: Any, first: Any, index: Any) -> Any:  # noqa: ANN401 - as above
+    """Return the address of vector ``index``, in LLVM."""
     place = builder.gep(first, [builder.mul(index, ir.Constant(index.type, WIDTH))])
-    return builder.bitcast(place, _VECTOR.as_pointer())
+    return builder.bitcast(place, VECTOR.as_pointer())
 
 
 @infer_global(operator.getitem)
@@ -106,7 +110,7 @@ class _Get(AbstractTemplate):
 
 @lower_builtin(operator.getitem, _Vectors, types.Integer)
 def _load(_context: Any, builder: Any, _sig: Any, args: Any) -> Any:  # noqa: ANN401 - as above
-    loaded = builder.load(_address(builder, *args))
+    loaded = builder.load(address_in(builder, *args))
     loaded.align = 8
     return loaded
 
@@ -120,7 +124,7 @@ class _Set(AbstractTemplate):
 
 @lower_builtin(operator.setitem, _Vectors, types.Integer, _Vector)
 def _store(context: Any, builder: Any, _sig: Any, args: Any) -> Any:  # noqa: ANN401 - as above
-    builder.store(args[2], _address(builder, args[0], args[1])).align = 8
+    builder.store(args[2], address_in(builder, args[0], args[1])).align = 8
     return context.get_dummy_value()
 
 
@@ -146,13 +150,8 @@ def chosen(_typing: Any, left: Any, right: Any, yes: Any, no: Any) -> Any:  # no
     return result(left, right, yes, no), generate
 
 
-@infer_global(math.sqrt)
-class _SquareRoot(AbstractTemplate):
-    def generic(self, args: Any, _kws: Any) -> Any:  # noqa: ANN401 - as above
-        return signature(vector_type, vector_type) if args == (vector_type,) else None
-
-
-@lower_builtin(math.sqrt, _Vector)
-def _sqrt(_context: Any, builder: Any, _sig: Any, args: Any) -> Any:  # noqa: ANN401 - as above
-    root = builder.module.declare_intrinsic(f"llvm.sqrt.v{WIDTH}f64", (), ir.FunctionType(_VECTOR, [_VECTOR]))
-    return builder.call(root, args)
+def aligned_zeros(length: int) -> FloatArray:
+    """Return zeros that begin with a line of the cache; vectors that lie across two are slow."""
+    whole = np.zeros(length + WIDTH)
+    first = -(whole.ctypes.data // whole.itemsize) % WIDTH
+    return whole[first : first + length]

@@ -7,7 +7,8 @@ from functools import cache
 from typing import cast
 
 from jerkbench.contracts import Adaptation, Filter
-from jerkbench.engines.compiled.rule import CompiledRule, rule_of
+from jerkbench.engines.compiled.arguments import Rule
+from jerkbench.engines.compiled.rule import rule_of
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.estimate import Estimate
 from jerkbench.plugins import register
@@ -22,7 +23,7 @@ class CompiledEngine:
 
     The same equations as the engine `filterpy` in Joseph form, arranged for speed::
 
-        F P F' for all pairs of axes at once, F = A (x) I3;   S = H P H' + R = L L' (Cholesky)
+        F P F' for all pairs of axes at once, F = A (x) I3;   S = H P H' + R = L D L'
         K' = S^-1 H P,  x = x + K y,  A = P - K H P,  P = A - (A H' - K R) K', symmetrised
 
     The plugin's own `adapt` and `fade` are compiled as they are. What is compiled is kept on disk ($JERKBENCH_CACHE, or
@@ -67,7 +68,7 @@ class CompiledEngine:
         return run_batch(runs, model, adaptation, compiled, updates=updates, threads=threads)
 
 
-def compiled_rule(adaptation: Adaptation) -> CompiledRule | None:
+def compiled_rule(adaptation: Adaptation) -> Rule | None:
     """Return the compiled adaptation, or None, with one line that says why numba cannot compile it."""
     if _reason(cast("Hashable", adaptation)):
         return None

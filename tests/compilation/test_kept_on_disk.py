@@ -26,14 +26,21 @@ HELPER = "def helped(R, factor):\n    return R * factor + {constant}\n"
 SCRIPT = """
 import sys
 import numpy as np
+from numba import njit
+from jerkbench.compilation.calls import address_of, fill_by
 from jerkbench.engines.compiled.rule import ADAPT, compiled_method, parameter_vector
 from rule import Rule
 
+
+@njit
+def call(address, arrays, sizes):
+    fill_by(address, arrays, sizes)
+
+
 plugin = Rule(float(sys.argv[1]))
-function, result = compiled_method(plugin, ADAPT), np.zeros((1, 1))
-one = np.ones(1)
-function(parameter_vector(plugin), one, np.ones((1, 1)), np.ones((1, 1)), np.zeros(1, dtype=np.int64), one, result)
-print(result[0, 0], sum(function.stats.cache_misses.values()), sum(function.stats.cache_hits.values()))
+function, result, one = compiled_method(plugin, ADAPT), np.zeros(1), np.ones(1)
+call(address_of(function), (parameter_vector(plugin), one, one, one, np.zeros(1, dtype=np.int64), one, result), (1, 1))
+print(result[0], sum(function.stats.cache_misses.values()), sum(function.stats.cache_hits.values()))
 """
 
 

@@ -1,12 +1,8 @@
 """What the compiled loop of one run is called with, and what it fills."""
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 from jerkbench.arrays import FloatArray, IntArray
-
-Adapt = Callable[[FloatArray, FloatArray, FloatArray, FloatArray, IntArray, FloatArray, FloatArray], None]
-Fade = Callable[[FloatArray, FloatArray, FloatArray, FloatArray, IntArray, FloatArray], float]
 
 
 class Steps(NamedTuple):
@@ -59,12 +55,14 @@ class Rule(NamedTuple):
     Attributes:
         parameters: its numbers.
         memory: what it remembers, zero.
-        fades: whether it has a `fade`.
+        adapt: address of its `adapt`, compiled.
+        fade: address of its `fade`, or 0: it has none.
     """
 
     parameters: FloatArray
     memory: FloatArray
-    fades: bool
+    adapt: int
+    fade: int
 
 
 class Kept(NamedTuple):
@@ -94,7 +92,7 @@ class Kept(NamedTuple):
 
 
 class Packed(NamedTuple):
-    """What an adaptation sees of the m rows that are there.
+    """What an adaptation sees of the m rows that are there, and what it says.
 
     Attributes:
         rows: (6,) the first m: which rows of z they are.
@@ -102,9 +100,6 @@ class Packed(NamedTuple):
         HPHt: (36,) the first m m.
         R: (36,) the first m m.
         adapted: (36,) the first m m: what the adaptation returns.
-        HPHt_of_six: (6, 6) the same memory as HPHt, for an update with all rows.
-        R_of_six: (6, 6) the same memory as R.
-        adapted_of_six: (6, 6) what the adaptation returns.
     """
 
     rows: IntArray
@@ -112,6 +107,3 @@ class Packed(NamedTuple):
     HPHt: FloatArray
     R: FloatArray
     adapted: FloatArray
-    HPHt_of_six: FloatArray
-    R_of_six: FloatArray
-    adapted_of_six: FloatArray

@@ -7,21 +7,18 @@ With W = H P and S = H P H' + R: K' = S^-1 W,  x = x + K y,  V = W' - K S (zero 
 so that an error of K enters the covariance only squared.
 """
 
-import math
-
 from jerkbench.arrays import FloatArray
 from jerkbench.compilation.vectors import chosen
 from jerkbench.engines.compiled.places import (
     DIAGONAL,
+    HP_AT,
     KEPT,
     ODD,
-    PRIOR,
-    PRIOR_ROW,
+    PRIOR_AT,
     ROW,
     WHITE,
     K,
     M,
-    P,
     R,
     V,
     W,
@@ -30,7 +27,7 @@ from jerkbench.engines.compiled.places import (
 
 
 def mahalanobis(m: FloatArray) -> float:
-    """Return y' (H P H' + R)^-1 y of the rows that are kept; raise ODD where that has no Cholesky factor."""
+    """Return y' (H P H' + R)^-1 y of the rows that are kept; raise ODD where that is not positive definite."""
     _fill_innovation_covariance(m)
     _factorise(m)
     total: float = m[WHITE] * 0.0
@@ -38,8 +35,8 @@ def mahalanobis(m: FloatArray) -> float:
         rest = m[Y + r]
         for j in range(r):
             rest -= m[M + 6 * r + j] * m[WHITE + j]
-        m[WHITE + r] = rest * m[M + 7 * r]
-        total += m[WHITE + r] * m[WHITE + r]
+        m[WHITE + r] = rest
+        total += rest * rest * m[M + 7 * r]
     return total
 
 
@@ -48,52 +45,50 @@ def _fill_innovation_covariance(m: FloatArray) -> None:
     for r in range(6):
         kept = m[KEPT + r]
         for c in range(r):
-            m[M + 6 * r + c] = kept * m[KEPT + c] * (m[PRIOR + PRIOR_ROW * r + c] + m[R + 6 * r + c])
+            m[M + 6 * r + c] = kept * m[KEPT + c] * (m[PRIOR_AT[r, c]] + m[R + 6 * r + c])
             apart, allowed = m[R + 6 * r + c] - m[R + 6 * c + r], 1e-9 * m[M + 6 * r + c]
             m[ODD] += chosen(apart * apart, allowed * allowed, 1.0, 0.0)
-        m[DIAGONAL + r] = kept * (m[PRIOR + PRIOR_ROW * r + r] + m[R + 7 * r]) + (1.0 - kept)
+        m[DIAGONAL + r] = kept * (m[PRIOR_AT[r, r]] + m[R + 7 * r]) + (1.0 - kept)
 
 
 def _factorise(m: FloatArray) -> None:
-    """Put the Cholesky factor into the lower triangle of M, with the reciprocals of its diagonal.
+    """S = L D L': put L (ones on its diagonal) below the diagonal of M, and the reciprocals of D onto it.
 
-    What M was stays above its diagonal, and in DIAGONAL.
+    What M was stays above its diagonal, and in DIAGONAL. No root is drawn: one division follows the other six times
+    here, and each step waits for them.
     """
     for r in range(6):
+        m[M + 7 * r] = m[DIAGONAL + r]
         for c in range(r):
             m[M + 6 * c + r] = m[M + 6 * r + c]
     for c in range(6):
-        pivot = m[DIAGONAL + c]
-        for j in range(c):
-            pivot -= m[M + 6 * c + j] * m[M + 6 * c + j]
-        m[ODD] += chosen(pivot, 0.0, 0.0, 1.0)
-        scale = 1.0 / math.sqrt(pivot)
-        m[M + 7 * c] = scale
-        for r in range(c + 1, 6):
-            rest = m[M + 6 * r + c]
-            for j in range(c):
-                rest -= m[M + 6 * r + j] * m[M + 6 * c + j]
-            m[M + 6 * r + c] = rest * scale
+        m[ODD] += chosen(m[M + 7 * c], 0.0, 0.0, 1.0)
+        m[M + 7 * c] = 1.0 / m[M + 7 * c]
+        for r in range(5, c, -1):  # a row needs those above it before they are scaled
+            factor = m[M + 6 * r + c] * m[M + 7 * c]
+            for j in range(c + 1, r + 1):
+                m[M + 6 * r + j] -= factor * m[M + 6 * j + c]
+            m[M + 6 * r + c] = factor
 
 
 def solve_column(w: FloatArray, m: FloatArray, s: int) -> None:
     """Column ``s`` of W = H P and of K' = S^-1 W."""
-    a, b, c = w[P + s] * m[KEPT], w[P + ROW + s] * m[KEPT + 1], w[P + 2 * ROW + s] * m[KEPT + 2]
-    d, e, f = w[P + 3 * ROW + s] * m[KEPT + 3], w[P + 4 * ROW + s] * m[KEPT + 4], w[P + 5 * ROW + s] * m[KEPT + 5]
+    a, b, c = w[HP_AT[0, s]] * m[KEPT], w[HP_AT[1, s]] * m[KEPT + 1], w[HP_AT[2, s]] * m[KEPT + 2]
+    d, e, f = w[HP_AT[3, s]] * m[KEPT + 3], w[HP_AT[4, s]] * m[KEPT + 4], w[HP_AT[5, s]] * m[KEPT + 5]
     w[W + s], w[W + ROW + s], w[W + 2 * ROW + s] = a, b, c
     w[W + 3 * ROW + s], w[W + 4 * ROW + s], w[W + 5 * ROW + s] = d, e, f
-    a = a * m[M]
-    b = (b - m[M + 6] * a) * m[M + 7]
-    c = (c - m[M + 12] * a - m[M + 13] * b) * m[M + 14]
-    d = (d - m[M + 18] * a - m[M + 19] * b - m[M + 20] * c) * m[M + 21]
-    e = (e - m[M + 24] * a - m[M + 25] * b - m[M + 26] * c - m[M + 27] * d) * m[M + 28]
-    f = (f - m[M + 30] * a - m[M + 31] * b - m[M + 32] * c - m[M + 33] * d - m[M + 34] * e) * m[M + 35]
-    f = f * m[M + 35]
-    e = (e - m[M + 34] * f) * m[M + 28]
-    d = (d - m[M + 33] * f - m[M + 27] * e) * m[M + 21]
-    c = (c - m[M + 32] * f - m[M + 26] * e - m[M + 20] * d) * m[M + 14]
-    b = (b - m[M + 31] * f - m[M + 25] * e - m[M + 19] * d - m[M + 13] * c) * m[M + 7]
-    a = (a - m[M + 30] * f - m[M + 24] * e - m[M + 18] * d - m[M + 12] * c - m[M + 6] * b) * m[M]
+    b = b - m[M + 6] * a
+    c = c - m[M + 12] * a - m[M + 13] * b
+    d = d - m[M + 18] * a - m[M + 19] * b - m[M + 20] * c
+    e = e - m[M + 24] * a - m[M + 25] * b - m[M + 26] * c - m[M + 27] * d
+    f = f - m[M + 30] * a - m[M + 31] * b - m[M + 32] * c - m[M + 33] * d - m[M + 34] * e
+    a, b, c = a * m[M], b * m[M + 7], c * m[M + 14]
+    d, e, f = d * m[M + 21], e * m[M + 28], f * m[M + 35]
+    e = e - m[M + 34] * f
+    d = d - m[M + 33] * f - m[M + 27] * e
+    c = c - m[M + 32] * f - m[M + 26] * e - m[M + 20] * d
+    b = b - m[M + 31] * f - m[M + 25] * e - m[M + 19] * d - m[M + 13] * c
+    a = a - m[M + 30] * f - m[M + 24] * e - m[M + 18] * d - m[M + 12] * c - m[M + 6] * b
     w[K + s], w[K + ROW + s], w[K + 2 * ROW + s] = a, b, c
     w[K + 3 * ROW + s], w[K + 4 * ROW + s], w[K + 5 * ROW + s] = d, e, f
 

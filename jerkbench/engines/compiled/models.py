@@ -1,8 +1,10 @@
 """The models of all lengths of a step, each made once by the plugin."""
 
+from functools import cache
+
 import numpy as np
 
-from jerkbench.arrays import BoolArray, FloatArray, IntArray
+from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.contracts import Filter
 from jerkbench.engines.compiled.arguments import Model
 from jerkbench.timeline.timeline import Timeline
@@ -10,13 +12,11 @@ from jerkbench.timeline.timeline import Timeline
 
 def step_lengths(dt_s: FloatArray) -> tuple[FloatArray, IntArray]:
     """Return the different lengths, whole nanoseconds apart, and which of them each step has (-1: none, dt = 0)."""
-    key = np.round(dt_s * 1e9).astype(np.int64)
-    if (
-        len(key) > 1 and dt_s[0] <= 0 < dt_s[1] and (key[1:] == key[1]).all()
-    ):  # sorting takes as long as a tenth of a run
-        which = np.zeros(len(key), dtype=np.int64)
+    if len(dt_s) > 1 and dt_s[0] <= 0 < dt_s[1] and (dt_s[1:] == dt_s[1]).all():  # sorting takes a tenth of a run
+        which = np.zeros(len(dt_s), dtype=np.int64)
         which[0] = -1
         return dt_s[1:2], which
+    key = np.round(dt_s * 1e9).astype(np.int64)
     _, first, which = np.unique(key, return_index=True, return_inverse=True)
     which = which.astype(np.int64)
     which[dt_s <= 0] = -1
@@ -26,18 +26,31 @@ def step_lengths(dt_s: FloatArray) -> tuple[FloatArray, IntArray]:
 def model_of(timeline: Timeline, model: Filter, lengths_s: FloatArray) -> Model:
     """Ask the filter for A, b, Q of each length, and for the start."""
     extra = np.asarray(model.initial_variances(), dtype=np.float64)
-    n = 2 + len(extra)
-    A, b, Q = np.zeros((len(lengths_s), n, n)), np.zeros((len(lengths_s), n)), np.zeros((len(lengths_s), n, n))
-    for k, dt in enumerate(lengths_s.tolist()):
-        if dt > 0:
-            A[k], b[k], Q[k] = model.axis_model(dt, timeline.dt0_s)
-    x0 = np.concatenate([timeline.x0, np.zeros(3 * n - 6)])
+    A, b, Q = axis_models(model, lengths_s, timeline.dt0_s)
+    x0 = np.concatenate([timeline.x0, np.zeros(3 * len(extra))])
     P0 = np.diag(np.concatenate([np.zeros(6), np.repeat(extra, 3)]))
     P0[:6, :6] = timeline.P0
-    return Model(A, b, Q, x0, P0, bool(_triangular(A[lengths_s > 0]).all()))
+    return Model(A, b, Q, x0, P0, triangular(A))
 
 
-def _triangular(A: FloatArray) -> BoolArray:
-    """(k,) whether A is upper triangular with ones on its diagonal."""
-    n = A.shape[1]
-    return np.asarray((np.tril(A) == np.eye(n)).all(axis=(1, 2)))
+def axis_models(model: Filter, lengths_s: FloatArray, dt0_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return A (k, n, n), b (k, n) and Q (k, n, n) of each length; of one that is not positive A is the identity."""
+    n, k = 2 + len(model.initial_variances()), len(lengths_s)
+    A, b, Q = np.tile(np.eye(n), (k, 1, 1)), np.zeros((k, n)), np.zeros((k, n, n))
+    for row, dt in enumerate(lengths_s.tolist()):
+        if dt > 0:
+            A[row], b[row], Q[row] = model.axis_model(dt, dt0_s)
+    return A, b, Q
+
+
+def triangular(A: FloatArray) -> bool:
+    """Whether each of (k, n, n) is upper triangular with ones on its diagonal."""
+    (rows, columns), identity = _lower(A.shape[1])
+    return bool((A[:, rows, columns] == identity).all())
+
+
+@cache
+def _lower(n: int) -> tuple[tuple[IntArray, ...], FloatArray]:
+    """Where the lower triangle is, and what the identity has there."""
+    below = np.tril_indices(n)
+    return below, np.eye(n)[below]

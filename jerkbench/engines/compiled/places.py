@@ -11,21 +11,24 @@ the same array, in one run an array of vectors and the same memory number by num
 
 import itertools
 
+import numpy as np
+
+from jerkbench.arrays import IntArray
+
 
 def places(n: int) -> dict[str, int]:
     """Return sizes and places for a filter with ``n`` quantities on each axis, all parts in one array."""
     s = 3 * n
     lengths = {
-        "M": 36,  # S = H P H' + R by row of z; below and on the diagonal then its Cholesky factor
+        "M": 36,  # S = H P H' + R by row of z; below the diagonal then L of L D L', on it 1/D
         "DIAGONAL": 6,  # of S
-        "R": 36,  # the adapted R by row of z
+        "R": 40,  # the adapted R by row of z, and what is left of the fifth eight
         "WHITE": 6,  # L^-1 y
-        "Y": 6,  # innovation by row of z, 0 where a row is not there
-        "KEPT": 6,  # 1 where a row is used, else 0
-        "ODD": 1,  # above 0 where a matrix has no Cholesky factor
+        "Y": 8,  # innovation by row of z, 0 where a row is not there; two more to make eight
+        "KEPT": 8,  # 1 where a row is used, else 0; likewise
+        "ODD": 1,  # above 0 where a matrix is not positive definite
         "X": s,  # state
-        "B": s * s,  # covariance by pairs of axes
-        "P": s * s,  # covariance as a square
+        "B": 6 * n * n,  # covariance by pairs of axes
         "W": 6 * s,  # H P
         "K": 6 * s,  # the gain, transposed
         "V": max(6 * s, s * s - 6 * s),  # (W' - K S)'; it and K make room for a covariance as well
@@ -33,8 +36,24 @@ def places(n: int) -> dict[str, int]:
     }
     starts = itertools.accumulate(lengths.values(), initial=0)
     at = dict(zip(lengths, starts, strict=False))
-    return {"N": n, "ROW": s, "PRIOR": at["P"], "PRIOR_ROW": s, **at}
+    return {"N": n, "ROW": s, **at}
 
 
-N, ROW, PRIOR, PRIOR_ROW, M, DIAGONAL, R, WHITE, Y, KEPT, ODD, X, B, P, W, K, V, LENGTH = places(3).values()
-"""ROW: length of a row of P, W, K, V in w. PRIOR, PRIOR_ROW: the covariance as m sees it."""
+def square(n: int) -> IntArray:
+    """(3n, 3n) where each element of the covariance lies among the pairs of axes; of equal axes half is used."""
+    numbers = np.arange(3 * n)
+    (a, i), (b, j) = np.divmod(numbers[:, None], 3), np.divmod(numbers, 3)
+    swapped = (i > j) | ((i == j) & (a > b))
+    a, b = np.where(swapped, b, a), np.where(swapped, a, b)
+    i, j = np.minimum(i, j), np.maximum(i, j)
+    pair = i * (5 - i) // 2 + j
+    return np.asarray(places(n)["B"] + n * n * pair + n * a + b)
+
+
+N, ROW, M, DIAGONAL, R, WHITE, Y, KEPT, ODD, X, B, W, K, V, LENGTH = places(3).values()
+"""ROW: length of a row of W, K, V in w."""
+AT = square(3)
+HP_AT = AT[:6]
+"""(6, ROW) where the elements of H P lie in w."""
+PRIOR_AT = AT[:6, :6]
+"""(6, 6) where the elements of H P H' lie in m."""

@@ -2,129 +2,112 @@
 
 import numpy as np
 
-from jerkbench.arrays import FloatArray
+from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.vectors import WIDTH
-from jerkbench.engines.compiled.arguments import Adapt, Fade, Packed, Rule
-from jerkbench.engines.compiled.places import KEPT, ROW, P, R, Y
+from jerkbench.engines.compiled.arguments import Packed, Rule
+from jerkbench.engines.compiled.ask import ask_adapt, ask_fade
+from jerkbench.engines.compiled.lanes.places import SIZE
+from jerkbench.engines.compiled.lanes.runs import Runs, gather, gather_kept, spread
+from jerkbench.engines.compiled.places import B
 
 
-def adapt_lane(
-    adapt: Adapt,
-    fade: Fade,
-    flat: FloatArray,
-    lane: int,
-    packed: Packed,
-    given: FloatArray,
-    at: int,
-    rule: Rule,
-    seen: FloatArray,
+def adapt_runs(
+    w: FloatArray, flat: FloatArray, runs: Runs, packed: Packed, rule: Rule, memory: FloatArray, complete: bool
 ) -> None:
-    """Put the adapted R of run ``lane`` in its place.
+    """Put the adapted R of all runs in the place of what the adaptation gets, without rows of no finite variance.
 
     Args:
-        adapt: the adaptation.
-        fade: its factor on the prior covariance.
-        flat: w, number by number.
-        lane: which run.
-        packed: room.
-        given: number by number, the R that the adaptation gets.
-        at: where the 21 vectors of its lower triangle begin.
-        rule: parameters and memory.
-        seen: (SEEN, WIDTH) gets the number of rows kept, and the diagonal of R.
+        w: the runs, vector by vector.
+        flat: the same, number by number.
+        runs: room for what the runs show to the adaptation, and for what it says.
+        packed: room for an update that has not all rows.
+        rule: the adaptation.
+        memory: (WIDTH, size) what it remembers of each run.
+        complete: whether all rows of all runs are there.
     """
-    m = _pack(flat, lane, packed, given, at + lane)
+    spread(w, runs)
+    for r in range(6):
+        packed.rows[r] = r
+    whole = complete
+    for lane in range(WIDTH):
+        m = 6 if complete else _find_rows(runs.kept[lane], packed.rows)
+        own = Rule(rule.parameters, memory[lane], rule.adapt, rule.fade)
+        whole = _adapt_run(flat, runs, lane, packed, own, m) and whole
+    gather(w, runs)
+    if not whole:
+        gather_kept(w, runs)
+
+
+def _adapt_run(flat: FloatArray, runs: Runs, lane: int, packed: Packed, rule: Rule, m: int) -> bool:
+    """Adapt R of ``m`` rows of a run; return whether all six are used."""
     if m == 6:
-        _adapt_six(adapt, fade, flat, lane, packed, rule)
-    elif m > 0:
-        _adapt_some(adapt, fade, flat, lane, packed, rule, m)
-    kept = _find_kept(packed, m, seen, lane)
-    seen[2, lane] = kept
-    if kept == 6:
-        for e in range(36):
-            flat[(R + e) * WIDTH + lane] = packed.adapted[e]
+        six = Packed(packed.rows, runs.y[lane], runs.HPHt[lane], runs.given[lane], runs.adapted[lane])
+        _ask(flat, lane, six, m, rule)
     else:
-        _unpack(flat, lane, packed, m)
+        _pack_some(runs, lane, packed, m)
+        if m > 0:
+            _ask(flat, lane, packed, m, rule)
+    whole = m == 6 and _finite(runs.adapted[lane], runs.variance[lane])
+    if not whole:
+        _unpack(runs, lane, packed, m)
+    return whole
 
 
-def _adapt_six(adapt: Adapt, fade: Fade, flat: FloatArray, lane: int, packed: Packed, rule: Rule) -> None:
-    y, HPHt, reported = packed.y, packed.HPHt_of_six, packed.R_of_six
-    if rule.fades:
-        _fade(flat, lane, packed, fade(rule.parameters, y, HPHt, reported, packed.rows, rule.memory))
-    adapt(rule.parameters, y, HPHt, reported, packed.rows, rule.memory, packed.adapted_of_six)
-
-
-def _adapt_some(adapt: Adapt, fade: Fade, flat: FloatArray, lane: int, packed: Packed, rule: Rule, m: int) -> None:
-    y, rows = packed.y[:m], packed.rows[:m]
-    HPHt, reported = packed.HPHt[: m * m].reshape(m, m), packed.R[: m * m].reshape(m, m)
-    if rule.fades:
-        _fade(flat, lane, packed, fade(rule.parameters, y, HPHt, reported, rows, rule.memory))
-    adapt(rule.parameters, y, HPHt, reported, rows, rule.memory, packed.adapted[: m * m].reshape(m, m))
-
-
-def _pack(flat: FloatArray, lane: int, packed: Packed, given: FloatArray, at: int) -> int:
-    """Take innovation, H P H' and R of the rows that are there; returns their number."""
+def _find_rows(kept: FloatArray, rows: IntArray) -> int:
+    """Fill the numbers of the rows that are there; return how many they are."""
     m = 0
     for r in range(6):
-        if flat[(KEPT + r) * WIDTH + lane] > 0.0:
-            packed.rows[m] = r
-            packed.y[m] = flat[(Y + r) * WIDTH + lane]
+        if kept[r] > 0.0:
+            rows[m] = r
             m += 1
-    if m == 6:
-        _pack_six(flat, lane, packed, given, at)
-    else:
-        _pack_some(flat, lane, packed, given, at, m)
     return m
 
 
-def _pack_six(flat: FloatArray, lane: int, packed: Packed, given: FloatArray, at: int) -> None:
-    e = at
+def _ask(flat: FloatArray, lane: int, packed: Packed, m: int, rule: Rule) -> None:
+    if rule.fade != 0:
+        _fade(flat, lane, ask_fade(rule, packed, packed.R, m))
+    ask_adapt(rule, packed, packed.R, m, packed.adapted)
+
+
+def _fade(flat: FloatArray, lane: int, factor: float) -> None:
+    """Scale the prior covariance."""
+    for e in range(6 * SIZE):
+        flat[(B + e) * WIDTH + lane] *= factor
+
+
+def _finite(adapted: FloatArray, variance: FloatArray) -> bool:
+    """Note the variances of six rows; return whether all are finite."""
+    total = 0.0
     for r in range(6):
-        for c in range(r + 1):
-            prior, reported = flat[(P + ROW * r + c) * WIDTH + lane], given[e]
-            packed.HPHt[6 * r + c] = packed.HPHt[6 * c + r] = prior
-            packed.R[6 * r + c] = packed.R[6 * c + r] = reported
-            e += WIDTH
+        variance[r] = adapted[7 * r]
+        total += variance[r] * 0.0
+    return total == 0.0
 
 
-def _pack_some(flat: FloatArray, lane: int, packed: Packed, given: FloatArray, at: int, m: int) -> None:
+def _pack_some(runs: Runs, lane: int, packed: Packed, m: int) -> None:
     for i in range(m):
         r = packed.rows[i]
-        for j in range(i + 1):
+        packed.y[i] = runs.y[lane, r]
+        for j in range(m):
             c = packed.rows[j]
-            prior, reported = flat[(P + ROW * r + c) * WIDTH + lane], given[at + (r * (r + 1) // 2 + c) * WIDTH]
-            packed.HPHt[m * i + j] = packed.HPHt[m * j + i] = prior
-            packed.R[m * i + j] = packed.R[m * j + i] = reported
+            packed.HPHt[m * i + j] = runs.HPHt[lane, 6 * r + c]
+            packed.R[m * i + j] = runs.given[lane, 6 * r + c]
 
 
-def _fade(flat: FloatArray, lane: int, packed: Packed, factor: float) -> None:
-    """Scale the prior covariance, and what the adaptation will see of it."""
-    for e in range(ROW * ROW):
-        flat[(P + e) * WIDTH + lane] *= factor
+def _unpack(runs: Runs, lane: int, packed: Packed, m: int) -> None:
+    """Note the variances; write the adapted R without the rows that have no finite one, and drop these."""
+    adapted = runs.adapted[lane]
+    if m == 6:
+        for e in range(36):
+            packed.adapted[e] = adapted[e]
     for e in range(36):
-        packed.HPHt[e] *= factor
-
-
-def _find_kept(packed: Packed, m: int, seen: FloatArray, lane: int) -> int:
-    """Return how many rows have a finite variance; note the variances."""
-    kept = 0
-    for i in range(m):
-        variance = packed.adapted[(m + 1) * i]
-        seen[10 + packed.rows[i], lane] = variance
-        if np.isfinite(variance):
-            kept += 1
-    return kept
-
-
-def _unpack(flat: FloatArray, lane: int, packed: Packed, m: int) -> None:
-    """Write the adapted R without the rows that have an infinite variance, and drop these."""
-    for e in range(36):
-        flat[(R + e) * WIDTH + lane] = 0.0
+        adapted[e] = 0.0
     for i in range(m):
         r = packed.rows[i]
-        if np.isfinite(packed.adapted[(m + 1) * i]):
+        runs.variance[lane, r] = packed.adapted[(m + 1) * i]
+        if np.isfinite(runs.variance[lane, r]):
             for j in range(m):
                 if np.isfinite(packed.adapted[(m + 1) * j]):
-                    flat[(R + 6 * r + packed.rows[j]) * WIDTH + lane] = packed.adapted[m * i + j]
+                    adapted[6 * r + packed.rows[j]] = packed.adapted[m * i + j]
         else:
-            flat[(KEPT + r) * WIDTH + lane] = 0.0
-            flat[(Y + r) * WIDTH + lane] = 0.0
+            runs.kept[lane, r] = runs.y[lane, r] = 0.0

@@ -1,28 +1,32 @@
 """Many runs from Python: packs of WIDTH runs that share their steps, one pack a thread."""
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
+from typing import cast
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.compilation.vectors import WIDTH
+from jerkbench.compilation.vectors import WIDTH, aligned_zeros
 from jerkbench.contracts import Adaptation, Filter
+from jerkbench.engines.compiled.arguments import Rule
+from jerkbench.engines.compiled.lanes.arguments import SEEN, LaneKept, LaneModel
 from jerkbench.engines.compiled.lanes.entry import lanes_for
-from jerkbench.engines.compiled.lanes.loop import SEEN, LaneKept, LaneModel
 from jerkbench.engines.compiled.lanes.packs import Pack, pack_runs
 from jerkbench.engines.compiled.lanes.places import TOTALS, places
-from jerkbench.engines.compiled.models import model_of
-from jerkbench.engines.compiled.rule import CompiledRule
+from jerkbench.engines.compiled.lanes.runs import empty_runs
+from jerkbench.engines.compiled.models import axis_models, triangular
 from jerkbench.estimate import Updates
 from jerkbench.streamed import Run, Streamed
 
+NOTHING = Updates.empty()
+
 
 def run_batch(
-    runs: Sequence[Run], model: Filter, adaptation: Adaptation, compiled: CompiledRule, *, updates: bool, threads: int
+    runs: Sequence[Run], model: Filter, adaptation: Adaptation, rule: Rule, *, updates: bool, threads: int
 ) -> list[Streamed | None]:
-    """Run ``model`` with the compiled adaptation over all ``runs``.
+    """Run ``model`` with the compiled ``rule`` over all ``runs``.
 
     Returns one result for each: None where the run is to be repeated alone, because it diverged or came near to it, or
     because the model is none that this loop knows.
@@ -32,7 +36,7 @@ def run_batch(
     packs = _packs(tuple(runs), truth)
 
     def work(pack: Pack) -> None:
-        for place, result in zip(pack.members, _run_pack(pack, model, compiled, updates=updates), strict=False):
+        for place, result in zip(pack.members, _run_pack(pack, model, rule, updates=updates), strict=False):
             found[place] = result
 
     if threads <= 1 or len(packs) == 1:
@@ -47,41 +51,48 @@ def run_batch(
 _packs = lru_cache(maxsize=2)(pack_runs)  # for the next filter; some 10 MB for each vector of 150 s at 100 Hz
 
 
-def _run_pack(pack: Pack, model: Filter, compiled: CompiledRule, *, updates: bool) -> list[Streamed | None]:
-    prepared = model_of(pack.timelines[0], model, pack.lengths_s)
-    if not prepared.triangular:
+def _run_pack(pack: Pack, model: Filter, rule: Rule, *, updates: bool) -> list[Streamed | None]:
+    lane_model = _model_of(cast("Hashable", model), pack.lengths_s.tobytes(), pack.timelines[0].dt0_s)
+    if lane_model is None:
         return [None] * WIDTH
-    n = prepared.A.shape[1]
-    lane_model = LaneModel(prepared.A, prepared.b, prepared.Q, np.asarray(model.initial_variances(), dtype=np.float64))
+    n, at = lane_model.A.shape[1], places(lane_model.A.shape[1])
     rows = len(pack.steps.z) if updates else 1
     kept = LaneKept(
-        np.zeros(places(n)["ALL"] * WIDTH),
-        np.zeros((WIDTH, len(compiled.rule.memory))),
+        aligned_zeros(at["ALL"] * WIDTH),
+        np.zeros((WIDTH, len(rule.memory))),
         np.zeros((int(pack.steps.mark.max(initial=-1)) + 1, 3, WIDTH)),
         np.full((max(rows, 1), SEEN, WIDTH), np.nan),
+        empty_runs(),
         np.zeros(114),
         np.zeros(6, dtype=np.int64),
     )
-    rule = compiled.rule
-    lanes_for(n)(compiled.adapt, compiled.fade, pack.steps, lane_model, rule.parameters, rule.fades, kept)
-    return _results(pack, kept, places(n), updates=updates)
+    lanes_for(n)(pack.steps, lane_model, rule, kept)
+    return _results(pack, kept, at, updates=updates)
+
+
+@lru_cache(maxsize=32)  # all packs of even steps have the same; of uneven ones each seed has its own, for all adaptations
+def _model_of(model: Hashable, lengths_s: bytes, dt0_s: float) -> LaneModel | None:
+    """Ask the filter for A, b, Q of each length; None where the loop does not know such an A."""
+    filter_ = cast("Filter", model)
+    A, b, Q = axis_models(filter_, np.frombuffer(lengths_s), dt0_s)
+    return LaneModel(A, b, Q, np.asarray(filter_.initial_variances(), dtype=np.float64)) if triangular(A) else None
 
 
 def _results(pack: Pack, kept: LaneKept, at: dict[str, int], *, updates: bool) -> list[Streamed | None]:
     w = kept.w.reshape(-1, WIDTH)
-    totals = {name: w[at[name]] for name in TOTALS}
-    healthy = np.isfinite(np.array(list(totals.values()))).all(axis=0) & (w[at["ODD"]] == 0.0)
+    totals = w[[at[name] for name in TOTALS]]
+    healthy = np.isfinite(totals).all(axis=0) & (w[at["ODD"]] == 0.0)
+    lanes = [dict(zip(TOTALS, numbers, strict=True)) for numbers in totals.T.tolist()]
     return [
-        _result(pack, kept, w, at, lane, updates=updates) if healthy[lane] else None
+        _result(pack, kept, lanes[lane], lane, updates=updates) if healthy[lane] else None
         for lane in range(len(pack.members))
     ]
 
 
-def _result(pack: Pack, kept: LaneKept, w: FloatArray, at: dict[str, int], lane: int, *, updates: bool) -> Streamed:
-    total = {name: float(w[at[name], lane]) for name in TOTALS}
+def _result(pack: Pack, kept: LaneKept, total: dict[str, float], lane: int, *, updates: bool) -> Streamed:
     return Streamed(
-        position_m2=w[at["EAST"] : at["EAST"] + 3, lane].copy(),
-        velocity_m2ps2=w[at["VEAST"] : at["VEAST"] + 3, lane].copy(),
+        position_m2=np.array([total["EAST"], total["NORTH"], total["UP"]]),
+        velocity_m2ps2=np.array([total["VEAST"], total["VNORTH"], total["VUP"]]),
         whole_m2=total["WHOLE"],
         outage_m2=total["OUTAGE"],
         largest_m2=total["LARGEST"],
@@ -93,7 +104,7 @@ def _result(pack: Pack, kept: LaneKept, w: FloatArray, at: dict[str, int], lane:
         nis_used_per_row=total["NIS_USED"],
         nis_used_updates=total["UPDATES_USED"],
         marked_m=kept.errors[pack.marks[lane], :, lane],
-        updates=_updates(pack, kept.seen, lane) if updates else Updates.empty(),
+        updates=_updates(pack, kept.seen, lane) if updates else NOTHING,
     )
 
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.vectors import WIDTH
-from jerkbench.engines.compiled.lanes.loop import LaneSteps
+from jerkbench.engines.compiled.lanes.arguments import LaneSteps
 from jerkbench.engines.compiled.models import step_lengths
 from jerkbench.streamed import Run
 from jerkbench.timeline.timeline import Timeline
@@ -69,7 +69,7 @@ def _pack(runs: Sequence[Run], members: tuple[int, ...], *, truth: bool) -> Pack
     update, reference, visited = _numbered(len(model), updated), *_visited(first.timeline.reference)
     marks = np.unique(np.concatenate([run.scoring.marks for run in lanes]))
     measured = [_measured(run, updated, truth=truth) for run in lanes]
-    z, kept, given, reported = (_stack(each) for each in zip(*measured, strict=True))
+    z, kept, given, reported = zip(*measured, strict=True)
     update_s = first.timeline.t_s[updated]
     steps = LaneSteps(
         model,
@@ -77,11 +77,12 @@ def _pack(runs: Sequence[Run], members: tuple[int, ...], *, truth: bool) -> Pack
         update,
         reference,
         _numbered(visited, marks),
+        np.all(kept, axis=(0, 2)).astype(np.int64),
         _stacked(lanes, lambda run: run.timeline.accel_enu_mps2),
-        z,
-        kept,
-        given,
-        reported,
+        _stack(z),
+        _stack(kept),
+        _stack(given) if truth else np.empty((0, 21, WIDTH)),
+        _stack(reported),
         _stacked(lanes, lambda run: (update_s >= run.scoring.start_s).astype(np.float64)),
         _stacked(lanes, lambda run: run.scoring.truth),
         np.column_stack([first.scoring.counted, first.scoring.whole, first.scoring.moving, _both(first)]),

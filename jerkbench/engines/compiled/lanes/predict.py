@@ -1,45 +1,45 @@
-"""Prediction of several runs, and the two forms of their covariances."""
+"""Prediction of several runs: each number of a pair of axes is a vector."""
 
 from jerkbench.arrays import FloatArray
-from jerkbench.engines.compiled.places import ROW, B, N, P
-from jerkbench.engines.compiled.predict import predict_axis, predict_pair
+from jerkbench.compilation.shuffles import scratch
+from jerkbench.engines.compiled.lanes.places import SIZE
+from jerkbench.engines.compiled.places import B, N
+from jerkbench.engines.compiled.predict import predict_axis, transform, transform_symmetric
 
 
 def predict(w: FloatArray, A: FloatArray, b: FloatArray, Q: FloatArray, k: int, u: FloatArray, sample: int) -> None:
     """Make x = F x + B u and P = F P F' + Q (x) I3 with model ``k`` and row ``sample`` of u."""
+    own, noise = scratch(SIZE), scratch(SIZE)
+    for e in range(N * N):
+        own[e], noise[e] = A[k, e // N, e % N], Q[k, e // N, e % N]
     for i in range(3):
         predict_axis(w, A, b, k, i, u[3 * sample + i])
-    for p in range(6):
-        predict_pair(w, A, B + N * N * p, k)
+    p = 0
     for i in range(3):
-        _add_noise(w, Q, B + N * N * (0, 3, 5)[i], k)
+        _predict_same(w, own, noise, B + N * N * p)
+        for _ in range(i + 1, 3):
+            p += 1
+            _predict_apart(w, own, B + N * N * p)
+        p += 1
 
 
-def _add_noise(w: FloatArray, Q: FloatArray, at: int, k: int) -> None:
+def _predict_apart(w: FloatArray, A: FloatArray, at: int) -> None:
+    """The covariance of two axes."""
+    M = scratch(SIZE)
+    for e in range(N * N):
+        M[e] = w[at + e]
+    transform(M, A)
+    for e in range(N * N):
+        w[at + e] = M[e]
+
+
+def _predict_same(w: FloatArray, A: FloatArray, Q: FloatArray, at: int) -> None:
+    """The upper triangle of the covariance of one axis."""
+    M = scratch(SIZE)
     for a in range(N):
-        for b in range(N):
-            w[at + N * a + b] += Q[k, a, b]
-
-
-def pairs_to_square(w: FloatArray) -> None:
-    """Write the covariance by pairs of axes into the square."""
-    p = 0
-    for i in range(3):
-        for j in range(i, 3):
-            for a in range(N):
-                for b in range(N):
-                    value = w[B + N * N * p + N * a + b]
-                    w[P + ROW * (3 * a + i) + 3 * b + j] = value
-                    w[P + ROW * (3 * b + j) + 3 * a + i] = value
-            p += 1
-
-
-def square_to_pairs(w: FloatArray) -> None:
-    """Write the square into the pairs of axes."""
-    p = 0
-    for i in range(3):
-        for j in range(i, 3):
-            for a in range(N):
-                for b in range(N):
-                    w[B + N * N * p + N * a + b] = w[P + ROW * (3 * a + i) + 3 * b + j]
-            p += 1
+        for b in range(a, N):
+            M[N * a + b] = w[at + N * a + b]
+    transform_symmetric(M, A)
+    for a in range(N):
+        for b in range(a, N):
+            w[at + N * a + b] = M[N * a + b] + Q[N * a + b]

@@ -1,6 +1,7 @@
 """What a row of the reference adds to the sums of several runs."""
 
 from jerkbench.arrays import FloatArray
+from jerkbench.compilation.shuffles import scratch
 from jerkbench.compilation.vectors import chosen
 from jerkbench.engines.compiled.lanes.places import (
     EAST,
@@ -11,10 +12,9 @@ from jerkbench.engines.compiled.lanes.places import (
     SQUARE,
     VEAST,
     WHOLE,
-    C,
     E,
 )
-from jerkbench.engines.compiled.places import ODD, B, N, X
+from jerkbench.engines.compiled.places import AT, ODD, X
 
 
 def score(w: FloatArray, truth: FloatArray, row: int, weights: FloatArray) -> None:
@@ -35,32 +35,23 @@ def score(w: FloatArray, truth: FloatArray, row: int, weights: FloatArray) -> No
 
 def _add_nees(w: FloatArray, counted: float, both: float) -> None:
     """Add e' P^-1 e of position, and of position and velocity, by elimination."""
-    _load_measured(w)
-    total = w[E] * 0.0
+    C, e = scratch(36), scratch(6)
+    for r in range(6):
+        e[r] = w[E + r]
+        for c in range(r, 6):
+            C[6 * r + c] = w[AT[r, c]]
+    total = e[0] * 0.0
     for c in range(6):
-        pivot = w[C + 7 * c]
+        pivot = C[7 * c]
         w[ODD] += chosen(pivot, 0.0, 0.0, 1.0)
         scale = 1.0 / pivot
-        scaled = w[E + c] * scale
-        total += w[E + c] * scaled
+        scaled = e[c] * scale
+        total += e[c] * scaled
         for r in range(c + 1, 6):
-            w[E + r] -= w[C + 6 * c + r] * scaled
-            factor = w[C + 6 * c + r] * scale
+            e[r] -= C[6 * c + r] * scaled
+            factor = C[6 * c + r] * scale
             for j in range(r, 6):
-                w[C + 6 * r + j] -= factor * w[C + 6 * c + j]
+                C[6 * r + j] -= factor * C[6 * c + j]
         if c == 2:
             w[NEES_POSITION] += counted * total
     w[NEES] += both * total
-
-
-def _load_measured(w: FloatArray) -> None:
-    """C = upper triangle of the covariance of position and velocity."""
-    p = 0
-    for i in range(3):
-        for j in range(i, 3):
-            at = B + N * N * p
-            w[C + 6 * i + j] = w[at]
-            w[C + 6 * i + 3 + j] = w[at + 1]
-            w[C + 6 * j + 3 + i] = w[at + N]
-            w[C + 6 * (3 + i) + 3 + j] = w[at + N + 1]
-            p += 1

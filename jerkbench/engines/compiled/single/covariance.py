@@ -1,17 +1,23 @@
 """The two forms of the covariance of one run: by pairs of axes in vectors, and as a square."""
 
 from jerkbench.arrays import FloatArray
-from jerkbench.compilation.vectors import WIDTH
-from jerkbench.engines.compiled.places import PRIOR_ROW, ROW, N
+from jerkbench.compilation.shuffles import picked
+from jerkbench.compilation.vectors import WIDTH, vectors
+from jerkbench.engines.compiled.places import ROW, B, N
 from jerkbench.engines.compiled.single.places import (
     COVARIANCE,
-    MEASURED,
+    FIRST_EIGHT,
+    FOURTH_EIGHT,
+    LAST_EIGHT,
     PAIRS,
     PAIRS_FROM_SQUARE,
+    PRIOR_ROW,
     REST,
+    SECOND_EIGHT,
     SPARE,
     SQUARE,
     SQUARE_FROM_PAIRS,
+    THIRD_EIGHT,
     S,
 )
 
@@ -30,15 +36,19 @@ def square_to_pairs(m: FloatArray) -> None:
             m[PAIRS + WIDTH * e + p] = m[COVARIANCE + PAIRS_FROM_SQUARE[e, p]]
 
 
-def store_measured(m: FloatArray, covariance: FloatArray, k: int) -> None:
+def store_measured(w: FloatArray, covariance: FloatArray, k: int) -> None:
     """Write position and velocity of the covariance in pairs into row ``k`` of ``covariance`` (k, 36)."""
-    for r in range(6):
-        for c in range(6):
-            covariance[k, 6 * r + c] = m[PAIRS + MEASURED[r, c]]
+    row, end = vectors(covariance[k]), vectors(covariance[k, 36 - WIDTH :])
+    a, b, c, d = w[B], w[B + 1], w[B + N], w[B + N + 1]
+    row[0] = picked(a, b, c, d, FIRST_EIGHT)
+    row[1] = picked(a, b, c, d, SECOND_EIGHT)
+    row[2] = picked(a, b, c, d, THIRD_EIGHT)
+    row[3] = picked(a, b, c, d, FOURTH_EIGHT)
+    end[0] = picked(a, b, c, d, LAST_EIGHT)
 
 
 def definite(w: FloatArray, m: FloatArray) -> bool:
-    """Whether the lower triangle of the square has a Cholesky factor (found without roots, as L D L')."""
+    """Whether the lower triangle of the square has factors L D L' with D > 0."""
     for e in range(S * ROW):
         w[SPARE + e] = w[SQUARE + e]
     for c in range(S):

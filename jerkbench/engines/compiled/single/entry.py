@@ -8,7 +8,7 @@ from jerkbench.compilation.jitted import jitted
 from jerkbench.compilation.reach import digest
 from jerkbench.engines.compiled.arguments import Kept, Model, Rule, Steps
 from jerkbench.engines.compiled.single.loop import run_steps
-from jerkbench.engines.compiled.single.places import measured_from_pairs, pairs_from_square, places, square_from_pairs
+from jerkbench.engines.compiled.single.places import places, tables
 
 APART = (
     *("run_steps", "correct", "definite", "_keep_reported"),
@@ -23,23 +23,23 @@ from numba import njit
 
 
 @njit(signature, cache=True, error_model="numpy", nogil=True)
-def entry(adapt, fade, steps, model, rule, kept, m, rows):
-    return loop(adapt, fade, steps, model, rule, kept, m, rows)
+def entry(steps, model, rule, kept, m, rows):
+    return loop(steps, model, rule, kept, m, rows)
 '''
 
 
 @cache
 def loop_for(n: int) -> Any:  # noqa: ANN401 - numba has no types
     """Return the compiled loop for filters with ``n`` quantities on each axis."""
-    tables = {"SQUARE_FROM_PAIRS": square_from_pairs(n), "PAIRS_FROM_SQUARE": pairs_from_square(n)}
-    tables["MEASURED"] = measured_from_pairs(n)
+    at, found = places(n), tables(n)
 
     def namespace(home: str) -> dict[str, Any]:
-        loop = jitted(run_steps, home, {**places(n), **tables}, kernel=True, apart=APART)
+        loop = jitted(run_steps, home, {**at, **found}, kernel=True, apart=APART)
         return {"loop": loop, "signature": _signature()}
 
     title = f"the loop for {3 * n} states"
-    return load_entry(title, SOURCE, digest(run_steps, places=places(n), apart=APART), namespace).entry
+    lists = {name: table.tolist() for name, table in found.items()}
+    return load_entry(title, SOURCE, digest(run_steps, places=at, tables=lists, apart=APART), namespace).entry
 
 
 def _signature() -> Any:  # noqa: ANN401 - numba has no types
@@ -48,13 +48,10 @@ def _signature() -> Any:  # noqa: ANN401 - numba has no types
 
     f, i = types.float64, types.int64
     vector, matrix, cube, indices = f[::1], f[:, ::1], f[:, :, ::1], i[::1]
-    given = (vector, vector, matrix, matrix, indices, vector)
     return types.UniTuple(i, 3)(
-        types.FunctionType(types.void(*given, matrix)),
-        types.FunctionType(f(*given)),
         types.NamedTuple([indices] * 4 + [matrix] * 2 + [cube] * 2, Steps),
         types.NamedTuple([cube, matrix, cube, vector, matrix, types.boolean], Model),
-        types.NamedTuple([vector, vector, types.boolean], Rule),
+        types.NamedTuple([vector, vector, i, i], Rule),
         types.NamedTuple([indices, matrix, matrix, indices, vector, vector, vector, matrix, matrix], Kept),
         vector,
         indices,

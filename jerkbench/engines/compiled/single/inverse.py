@@ -1,8 +1,19 @@
-"""The update where S has no Cholesky factor: the filter is then past saving, but it must fail as the reference does."""
+"""The update where S is not positive definite: the filter is past saving, but it must fail as the reference does."""
 
 from jerkbench.arrays import FloatArray
-from jerkbench.engines.compiled.places import KEPT, PRIOR, PRIOR_ROW, M, R, Y
-from jerkbench.engines.compiled.single.places import COVARIANCE, FIRST, GAIN, HP, INVERSE, LEFT, STEP, S
+from jerkbench.engines.compiled.places import KEPT, M, R, Y
+from jerkbench.engines.compiled.single.places import (
+    COVARIANCE,
+    FIRST,
+    GAIN,
+    HP,
+    INVERSE,
+    LEFT,
+    PRIOR,
+    PRIOR_ROW,
+    STEP,
+    S,
+)
 
 
 def mahalanobis_by_inverse(m: FloatArray) -> float:

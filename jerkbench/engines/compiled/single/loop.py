@@ -4,8 +4,8 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.vectors import WIDTH, vectors
-from jerkbench.engines.compiled.arguments import Adapt, Fade, Kept, Model, Packed, Rule, Steps
-from jerkbench.engines.compiled.places import N, R, X
+from jerkbench.engines.compiled.arguments import Kept, Model, Packed, Rule, Steps
+from jerkbench.engines.compiled.places import N, X
 from jerkbench.engines.compiled.single.adapt import adapt_rows
 from jerkbench.engines.compiled.single.covariance import definite, pairs_to_square, square_to_pairs, store_measured
 from jerkbench.engines.compiled.single.measure import innovate, keep_used
@@ -15,16 +15,14 @@ from jerkbench.engines.compiled.single.update import correct
 
 
 def run_steps(
-    adapt: Adapt, fade: Fade, steps: Steps, model: Model, rule: Rule, kept: Kept, m: FloatArray, rows: IntArray
+    steps: Steps, model: Model, rule: Rule, kept: Kept, m: FloatArray, rows: IntArray
 ) -> tuple[int, int, int]:
     """Run all steps.
 
     Args:
-        adapt: the adaptation.
-        fade: its factor on the prior covariance.
         steps: the steps.
         model: the filter.
-        rule: parameters and memory of the adaptation.
+        rule: the adaptation.
         kept: gets what comes out.
         m: (LENGTH,) zeros, in which the run lives.
         rows: (6,) room.
@@ -39,7 +37,7 @@ def run_steps(
         if steps.model[k] >= 0:
             predict(w, m, model, steps, k)
         if steps.update[k] >= 0:
-            healthy = update(adapt, fade, w, m, packed, steps, rule, kept, steps.update[k], updates)
+            healthy = update(w, m, packed, steps, rule, kept, steps.update[k], updates)
             updates += 1
             if not healthy:
                 return states, updates, steps.update[k]
@@ -47,7 +45,7 @@ def run_steps(
             kept.reference[states] = steps.reference[k]
             for s in range(6):
                 kept.x[states, s] = m[X + s]
-            store_measured(m, kept.P, states)
+            store_measured(w, kept.P, states)
             states += 1
     return states, updates, -1
 
@@ -64,15 +62,12 @@ def start(m: FloatArray, model: Model) -> None:
 
 
 def make_packed(m: FloatArray, rows: IntArray) -> Packed:
-    """Point at what an adaptation sees; what it says of six rows goes straight to its place in m."""
+    """Point at what an adaptation sees, and at room for what it says."""
     y, HPHt, given = m[SEEN_Y : SEEN_Y + 6], m[SEEN_HPHT : SEEN_HPHT + 36], m[SEEN_R : SEEN_R + 36]
-    adapted, of_six = m[ADAPTED : ADAPTED + 36], m[R : R + 36].reshape(6, 6)
-    return Packed(rows, y, HPHt, given, adapted, HPHt.reshape(6, 6), given.reshape(6, 6), of_six)
+    return Packed(rows, y, HPHt, given, m[ADAPTED : ADAPTED + 36])
 
 
 def update(
-    adapt: Adapt,
-    fade: Fade,
     w: FloatArray,
     m: FloatArray,
     packed: Packed,
@@ -86,7 +81,7 @@ def update(
     pairs_to_square(m)
     rows = innovate(m, packed, steps.z, which)
     kept.which[place], kept.rows[place] = which, rows
-    same = adapt_rows(adapt, fade, m, packed, steps, rule, kept, which, place, rows)
+    same = adapt_rows(m, packed, steps, rule, kept, which, place, rows)
     left = keep_used(m, packed, kept, place, rows)
     kept.nis_used[place] = correct(w, m) if left > 0 else np.nan
     if same:

@@ -4,11 +4,12 @@ A compilation replaces these places by those of the filter at hand.
 """
 
 import itertools
+from functools import cache
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
-from jerkbench.compilation.vectors import WIDTH
+from jerkbench.compilation.vectors import WIDTH, aligned_zeros
 
 AXES = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 """The pairs of axes whose covariances a vector holds; its last two numbers are zero."""
@@ -26,6 +27,7 @@ NUMBERED = {
 """Vectors that are also read number by number, at these names."""
 
 
+@cache
 def places(n: int) -> dict[str, int]:
     """Return the sizes and places for a filter with ``n`` quantities on each axis.
 
@@ -66,15 +68,23 @@ def places(n: int) -> dict[str, int]:
     numbered = {name: WIDTH * at[vector] for name, vector in NUMBERED.items()}
     measured = {"FIRST": s - 6, "P": at["SQUARE"] + row * (s - 6)}
     measured["PRIOR"] = WIDTH * measured["P"] + s - 6
-    return {"N": n, "S": s, "ROW": row, "PRIOR_ROW": WIDTH * row, **at, **alone, **numbered, **measured}
+    return {"N": n, "S": s, "SIZE": n * n, "ROW": row, "PRIOR_ROW": WIDTH * row, **at, **alone, **numbered, **measured}
 
 
 def room(n: int) -> FloatArray:
-    """Zeros for a run; a vector that lay across two lines of the cache would be slow."""
-    length = places(n)["LENGTH"]
-    whole = np.zeros(length + WIDTH)
-    first = -(whole.ctypes.data // whole.itemsize) % WIDTH
-    return whole[first : first + length]
+    """Zeros for a run."""
+    return aligned_zeros(places(n)["LENGTH"])
+
+
+def tables(n: int) -> dict[str, IntArray]:
+    """Return where elements of the covariance lie, for the same filter."""
+    at, rows = places(n), np.arange(6)[:, None]
+    return {
+        "SQUARE_FROM_PAIRS": square_from_pairs(n),
+        "PAIRS_FROM_SQUARE": pairs_from_square(n),
+        "HP_AT": at["P"] + at["ROW"] * rows + np.arange(at["ROW"]),
+        "PRIOR_AT": at["PRIOR"] + at["PRIOR_ROW"] * rows + np.arange(6),
+    }
 
 
 def square_from_pairs(n: int) -> IntArray:
@@ -83,9 +93,13 @@ def square_from_pairs(n: int) -> IntArray:
     return np.array([[_in_pairs(n, row, column) for column in order] for row in order])
 
 
-def measured_from_pairs(n: int) -> IntArray:
-    """(6, 6) the same for position and velocity."""
-    return np.array([[_in_pairs(n, row, column) for column in range(6)] for row in range(6)])
+def eight_of_measured(first: int) -> tuple[int, ...]:
+    """Return where numbers ``first`` to ``first`` + 7 of the (6, 6) covariance of position and velocity lie.
+
+    Counted from the first of four vectors of pairs: position with position, position with velocity, velocity with
+    position, velocity with velocity.
+    """
+    return tuple(_in_pairs(2, *divmod(first + k, 6)) for k in range(WIDTH))
 
 
 def pairs_from_square(n: int) -> IntArray:
@@ -112,10 +126,13 @@ def _in_pairs(n: int, row: int, column: int) -> int:
     return WIDTH * (n * a + b) + AXES.index((i, j))
 
 
-S, FIRST, SAME, AB, SQUARE, SPARE, MOVE = (
-    places(3)[name] for name in ("S", "FIRST", "SAME", "AB", "SQUARE", "SPARE", "MOVE")
+S, SIZE, FIRST, SAME, AB, SQUARE, SPARE, MOVE = (
+    places(3)[name] for name in ("S", "SIZE", "FIRST", "SAME", "AB", "SQUARE", "SPARE", "MOVE")
 )
+P, PRIOR, PRIOR_ROW = (places(3)[name] for name in ("P", "PRIOR", "PRIOR_ROW"))
+"""P: the measured rows of the square. PRIOR: H P H', number by number. PRIOR_ROW: length of a row of the square."""
 PAIRS, COVARIANCE, HP, GAIN, LEFT, REST, STEP = (places(3)[name] for name in list(NUMBERED)[1:])
 INVERSE, LENGTH = places(3)["INVERSE"], places(3)["LENGTH"]
 SEEN_Y, SEEN_HPHT, SEEN_R, ADAPTED = (places(3)[name] for name in ("SEEN_Y", "SEEN_HPHT", "SEEN_R", "ADAPTED"))
-SQUARE_FROM_PAIRS, PAIRS_FROM_SQUARE, MEASURED = square_from_pairs(3), pairs_from_square(3), measured_from_pairs(3)
+SQUARE_FROM_PAIRS, PAIRS_FROM_SQUARE = square_from_pairs(3), pairs_from_square(3)
+FIRST_EIGHT, SECOND_EIGHT, THIRD_EIGHT, FOURTH_EIGHT, LAST_EIGHT = map(eight_of_measured, (0, 8, 16, 24, 28))

@@ -1,10 +1,11 @@
 """Prediction of one run with F = A (x) I3: all pairs of axes at once."""
 
 from jerkbench.arrays import FloatArray
+from jerkbench.compilation.shuffles import scratch
 from jerkbench.engines.compiled.arguments import Model, Steps
 from jerkbench.engines.compiled.places import B, N, X
-from jerkbench.engines.compiled.predict import predict_axis, predict_pair
-from jerkbench.engines.compiled.single.places import AB, REST, SAME
+from jerkbench.engines.compiled.predict import predict_axis, transform
+from jerkbench.engines.compiled.single.places import AB, REST, SAME, SIZE
 
 
 def predict(w: FloatArray, m: FloatArray, model: Model, steps: Steps, k: int) -> None:
@@ -13,13 +14,20 @@ def predict(w: FloatArray, m: FloatArray, model: Model, steps: Steps, k: int) ->
     if model.triangular:
         for i in range(3):
             predict_axis(m, model.A, model.b, which, i, steps.u[sample, i])
-        predict_pair(w, model.A, B, which)
+        _predict_pair(w, model.A, model.Q, which)
     else:
         _predict_any_state(m, model, steps, which, sample)
-        _predict_any_pair(w, model.A, which)
-    for a in range(N):
-        for b in range(N):
-            w[B + N * a + b] += w[SAME] * model.Q[which, a, b]
+        _predict_any_pair(w, model.A, model.Q, which)
+
+
+def _predict_pair(w: FloatArray, A: FloatArray, Q: FloatArray, which: int) -> None:
+    """A M A' + Q for an upper triangular A."""
+    own, M = scratch(SIZE), scratch(SIZE)
+    for e in range(N * N):
+        own[e], M[e] = A[which, e // N, e % N], w[B + e]
+    transform(M, own)
+    for e in range(N * N):
+        w[B + e] = M[e] + w[SAME] * Q[which, e // N, e % N]
 
 
 def _predict_any_state(m: FloatArray, model: Model, steps: Steps, which: int, sample: int) -> None:
@@ -34,8 +42,8 @@ def _predict_any_state(m: FloatArray, model: Model, steps: Steps, which: int, sa
         m[X + s] = m[REST + s]
 
 
-def _predict_any_pair(w: FloatArray, A: FloatArray, which: int) -> None:
-    """A M A' for any A."""
+def _predict_any_pair(w: FloatArray, A: FloatArray, Q: FloatArray, which: int) -> None:
+    """A M A' + Q for any A."""
     for a in range(N):
         for b in range(N):
             total = w[B + b] * A[which, a, 0]
@@ -47,4 +55,4 @@ def _predict_any_pair(w: FloatArray, A: FloatArray, which: int) -> None:
             total = w[AB + N * a] * A[which, b, 0]
             for c in range(1, N):
                 total += w[AB + N * a + c] * A[which, b, c]
-            w[B + N * a + b] = total
+            w[B + N * a + b] = total + w[SAME] * Q[which, a, b]

@@ -12,9 +12,9 @@ not its rows: so an error of K enters only squared.
 from jerkbench.arrays import FloatArray
 from jerkbench.compilation.vectors import WIDTH
 from jerkbench.engines.compiled.gain import mahalanobis, moved_by, solve_column
-from jerkbench.engines.compiled.places import ODD, PRIOR_ROW, ROW, K, P, R, V, X
+from jerkbench.engines.compiled.places import ODD, ROW, K, R, V, X
 from jerkbench.engines.compiled.single.inverse import correct_by_inverse, mahalanobis_by_inverse
-from jerkbench.engines.compiled.single.places import FIRST, GAIN, HP, MOVE, SQUARE, STEP, S
+from jerkbench.engines.compiled.single.places import FIRST, GAIN, HP, MOVE, PRIOR_ROW, SQUARE, STEP, P, S
 
 
 def distance(m: FloatArray) -> float:

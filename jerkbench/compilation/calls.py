@@ -1,0 +1,47 @@
+"""Calls of compiled functions by their address: a caller that is kept on the disk cannot know them by name.
+
+numba's own way, an argument of type FunctionType, takes 30 us for each function when Python hands it over, and each
+array some ten registers in a call. Here a function is a number, and an array the address of its first element.
+"""
+
+from typing import Any
+
+from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic
+
+
+def address_of(function: Any) -> int:  # noqa: ANN401 - numba has no types
+    """Return the address of a compiled ``function`` that has one signature."""
+    (compiled,) = function.overloads.values()
+    return int(compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name))
+
+
+@intrinsic
+def fill_by(_typing: Any, address: Any, arrays: Any, numbers: Any) -> Any:  # noqa: ANN401 - as above
+    """Call the function at ``address``, which returns nothing, with the data of ``arrays`` and with ``numbers``."""
+    return _call(types.void, address, arrays, numbers)
+
+
+@intrinsic
+def ask(_typing: Any, address: Any, arrays: Any, numbers: Any) -> Any:  # noqa: ANN401 - as above
+    """Likewise a function that returns a number."""
+    return _call(types.float64, address, arrays, numbers)
+
+
+def _call(result: Any, address: Any, arrays: Any, numbers: Any) -> Any:  # noqa: ANN401 - as above
+    """Typing and code of a call in numba's convention: an error that the function raises goes on to the caller's."""
+    takes = [types.CPointer(array.dtype) for array in arrays] + list(numbers)
+
+    def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:  # noqa: ANN401 - as above
+        given = cgutils.unpack_tuple(builder, args[1], len(arrays))
+        values = [context.make_array(t)(context, builder, value).data for t, value in zip(arrays, given, strict=True)]
+        values += cgutils.unpack_tuple(builder, args[2], len(numbers))
+        convention = context.call_conv
+        pointer = builder.inttoptr(args[0], convention.get_function_type(result, takes).as_pointer())
+        status, returned = convention.call_function(builder, pointer, result, takes, values)
+        with cgutils.if_unlikely(builder, status.is_error):
+            convention.return_status_propagate(builder, status)
+        return context.get_dummy_value() if sig.return_type == types.void else returned
+
+    return result(address, arrays, numbers), generate
