@@ -1,26 +1,28 @@
 """How fast are the engines? Prints a table of ratios to a plain filterpy loop, with the agreement beside each.
 
-    python benchmarks/engines.py [--repeats 20] [--runs 1000]
+    python benchmarks/engines.py [--rounds 20]
 
 Workload: filter jerk (9 states), 15 000 steps of 0.01 s, 1 500 updates of six rows with a full R that changes.
-Times are CPU times of this process, the smallest of the repeats, but for our many runs, whose errors are summed up as
-they go: there it is the time that passes with all cores, divided by the number of runs. Other libraries: peers.py; of
-many runs at once the time of one is given, on one core. `pip install '.[bench]'` installs them; one that is not
-installed is named.
+In each round all of them run one after the other; a line has the median time that passed, and the median over the
+rounds of the ratio to the loop in the same round. Many runs of ours keep sums of errors, no trajectories, and use all
+cores: their time is divided by their number. The other libraries (peers.py) are too slow for that: the smallest of two
+CPU times on one core against that of the loop. `pip install '.[bench]'` installs them; one that is not is named.
 """
 
 import argparse
 import os
-import time
+from functools import partial
 
 import numpy as np
-from lines import Absent, Line, apart, smallest
+from lines import Absent, Entrant, Line, apart, in_rounds, timed
 from peers import peer_lines
 from plain_loops import filterpy_loop
 
 from jerkbench import plugins
+from jerkbench.arrays import FloatArray
 from jerkbench.attitude.compiled_tilt import run_tilt_compiled
 from jerkbench.attitude.tilt import TiltParameters, run_tilt, start_state
+from jerkbench.contracts import Filter
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.streamed import Run, Scoring
@@ -54,42 +56,41 @@ def workload(seed: int = 0) -> Timeline:
     )
 
 
-def navigation_lines(timeline: Timeline, repeats: int, runs: int) -> list[Line | Absent]:
+def navigation_lines(timeline: Timeline, rounds: int) -> list[Line | Absent]:
     """The engines, without and with an adaptation, and the libraries that are installed."""
-    model, none = plugins.create("filter", {"name": "jerk"}), plugins.create("adaptation", {"name": "none"})
+    model = plugins.create("filter", {"name": "jerk"})
     x, _ = filterpy_loop(timeline, model)
-    base = smallest(lambda: filterpy_loop(timeline, model), 3)
-    lines: list[Line | Absent] = [Line("plain filterpy loop", base, base, 0.0)]
-    reference = FilterpyEngine()
-    difference = apart(reference.run(timeline, model, none).position_m, x[:, :3])
-    lines.append(Line("engine filterpy", smallest(lambda: reference.run(timeline, model, none), 2), base, difference))
-    engine = CompiledEngine()
+    loop = Entrant("plain filterpy loop", lambda: filterpy_loop(timeline, model), 1, 1, 0.0)
+    ours = in_rounds([loop, *single_entrants(timeline, model, x), *many_entrants(model)], rounds)
+    base, _ = timed(loop.run, 3)
+    return [*ours, *peer_lines(timeline, x, base, 2)]
+
+
+def single_entrants(timeline: Timeline, model: Filter, x: FloatArray) -> list[Entrant]:
+    """One run that keeps its trajectory."""
+    engine, reference, found = CompiledEngine(), FilterpyEngine(), []
     for name in ("none", "mtf", "sage_husa"):
         rule = plugins.create("adaptation", {"name": name})
-        wanted = x[:, :3] if name == "none" else reference.run(timeline, model, rule).position_m
-        difference = apart(engine.run(timeline, model, rule).position_m, wanted)
-        seconds = smallest(lambda rule=rule: engine.run(timeline, model, rule), repeats)  # type: ignore[misc]  # mypy knows no default in a lambda
-        lines.append(Line(f"engine compiled, {name}", seconds, base, difference))
-    return lines + many_lines(base, runs) + peer_lines(timeline, x, base, min(repeats, 2))
+        wanted = reference.run(timeline, model, rule).position_m
+        if name == "none":
+            run = partial(reference.run, timeline, model, rule)
+            found.append(Entrant("engine filterpy", run, 1, 1, apart(wanted, x[:, :3])))
+        run = partial(engine.run, timeline, model, rule)
+        found.append(Entrant(f"engine compiled, {name}", run, 9, 1, apart(run().position_m, wanted)))
+    return found
 
 
-def many_lines(base: float, runs: int) -> list[Line | Absent]:
-    """Many runs side by side, in blocks as a sweep makes them, without trajectories."""
-    model, engine, threads = plugins.create("filter", {"name": "jerk"}), CompiledEngine(), os.cpu_count() or 1
+def many_entrants(model: Filter) -> list[Entrant]:
+    """Many runs side by side, as many as a sweep makes at once, without trajectories."""
+    engine, threads, found = CompiledEngine(), os.cpu_count() or 1, []
     block = [Run(timeline := workload(seed), scoring_of(timeline)) for seed in range(64)]
-    blocks = -(-runs // len(block))
-    lines: list[Line | Absent] = []
     for name in ("none", "mtf", "sage_husa"):
         rule = plugins.create("adaptation", {"name": name})
-        (one, *_) = engine.run_many(block, model, rule, updates=False, threads=threads)
-        wanted = FilterpyEngine().run(block[0].timeline, model, rule).position_m
+        run = partial(engine.run_many, block, model, rule, updates=False, threads=threads)
+        (one, *_), wanted = run(), FilterpyEngine().run(block[0].timeline, model, rule).position_m
         difference = abs(np.sqrt(one.position_m2.sum()) - np.sqrt((wanted**2).sum())) / np.sqrt(len(wanted))
-        begin = time.perf_counter()
-        for _ in range(blocks):
-            engine.run_many(block, model, rule, updates=False, threads=threads)
-        seconds = (time.perf_counter() - begin) / (blocks * len(block))
-        lines.append(Line(f"{blocks * len(block)} runs on {threads} cores, {name}", seconds, base, difference))
-    return lines
+        found.append(Entrant(f"{len(block)} runs, {threads} cores, {name}", run, 3, len(block), difference))
+    return found
 
 
 def scoring_of(timeline: Timeline) -> Scoring:
@@ -99,26 +100,26 @@ def scoring_of(timeline: Timeline) -> Scoring:
     return Scoring(np.zeros((k, 6)), one, one, one, np.zeros(k), np.zeros(0, dtype=np.int64), 0.0)
 
 
-def tilt_lines(repeats: int) -> list[Line]:
+def tilt_lines(rounds: int) -> list[Line]:
     """The tilt filter, NumPy and compiled."""
     rng = np.random.default_rng(1)
     gyro = rng.normal(0.0, 0.1, (STEPS, 3))
     accel = np.array([0.0, 0.0, 9.81]) + rng.normal(0.0, 0.3, (STEPS, 3))
     given = (start_state(np.array([0.0, 0.0, 1.0]), 1e-3), gyro, accel, np.full(STEPS, DT_S), TiltParameters())
-    base = smallest(lambda: run_tilt(*given), 2)
     difference = apart(run_tilt_compiled(*given)[0], run_tilt(*given)[0])
-    compiled = smallest(lambda: run_tilt_compiled(*given), repeats)
-    return [Line("tilt filter, NumPy", base, base, 0.0), Line("tilt filter, compiled", compiled, base, difference)]
+    slow = Entrant("tilt filter, NumPy", partial(run_tilt, *given), 1, 1, 0.0)
+    return in_rounds(
+        [slow, Entrant("tilt filter, compiled", partial(run_tilt_compiled, *given), 9, 1, difference)], rounds
+    )
 
 
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--repeats", type=int, default=20, help="how often each compiled run is timed")
-    parser.add_argument("--runs", type=int, default=1000, help="how many runs are made side by side")
+    parser.add_argument("--rounds", type=int, default=20, help="how often all of them are timed (default 20)")
     asked = parser.parse_args()
     print(f"{'':<34}{'time':>13}{'ratio':>11}{'difference':>12}")
-    for line in navigation_lines(workload(), asked.repeats, asked.runs) + tilt_lines(asked.repeats):
+    for line in [*navigation_lines(workload(), asked.rounds), *tilt_lines(asked.rounds)]:
         print(line)
 
 

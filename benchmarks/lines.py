@@ -1,7 +1,7 @@
 """A line of the tables, and how its time is taken."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -16,21 +16,37 @@ class Line(NamedTuple):
 
     Attributes:
         name: what ran.
-        seconds: the smallest time; of many at once: divided by their number.
-        base: that of the loop that it is compared with.
-        difference: the largest difference of its results from that loop's.
+        seconds: its time; of many at once: divided by their number.
+        ratio: how many times faster than what it is compared with.
+        difference: the largest difference of its results from that one's.
     """
 
     name: str
     seconds: float
-    base: float
+    ratio: float
     difference: float
 
     def __str__(self) -> str:
         """Name, time, ratio, agreement."""
-        return (
-            f"{self.name:<34}{self.seconds * 1e3:>10.2f} ms{self.base / self.seconds:>9.1f} x{self.difference:>12.1e}"
-        )
+        return f"{self.name:<34}{self.seconds * 1e3:>10.2f} ms{self.ratio:>9.1f} x{self.difference:>12.1e}"
+
+
+class Entrant(NamedTuple):
+    """What is timed.
+
+    Attributes:
+        name: what stands in the table.
+        run: runs it.
+        often: how often in a round; the median of these counts, because the first finds the caches full of others.
+        runs: how many runs it makes at once.
+        difference: as in `Line`.
+    """
+
+    name: str
+    run: Callable[[], object]
+    often: int
+    runs: int
+    difference: float
 
 
 class Absent(NamedTuple):
@@ -44,10 +60,29 @@ class Absent(NamedTuple):
         return f"{self.name:<34}not installed: pip install {self.package}"
 
 
-def smallest(run: Callable[[], object], repeats: int) -> float:
-    """Return the smallest CPU time of ``run`` [s]; it ran once before, so that nothing is compiled in between."""
-    run()
-    return timed(run, repeats)[0]
+def in_rounds(entrants: Sequence[Entrant], rounds: int) -> list[Line]:
+    """Time all ``entrants``, one after the other, ``rounds`` times; the first is what the others are compared with.
+
+    A line has the medians over the rounds of the time that passed and of the ratio to the first in the same round: so
+    the machine may be now fast, now slow, and nobody gains from it.
+    """
+    for entrant in entrants:
+        entrant.run()  # nothing is compiled in between
+    seconds = np.array([[_elapsed(entrant) for entrant in entrants] for _ in range(rounds)])
+    ratios = np.median(seconds[:, :1] / seconds, axis=0)
+    return [
+        Line(entrant.name, float(time_s), float(ratio), entrant.difference)
+        for entrant, time_s, ratio in zip(entrants, np.median(seconds, axis=0), ratios, strict=True)
+    ]
+
+
+def _elapsed(entrant: Entrant) -> float:
+    times = []
+    for _ in range(entrant.often):
+        begin = time.perf_counter()
+        entrant.run()
+        times.append(time.perf_counter() - begin)
+    return float(np.median(times)) / entrant.runs
 
 
 def timed(run: Callable[[], T], repeats: int) -> tuple[float, T]:

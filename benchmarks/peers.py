@@ -57,10 +57,11 @@ def peer_lines(timeline: Timeline, x: FloatArray, base: float, repeats: int) -> 
             lines.append(Absent(peer.name, peer.package))
             continue
         seconds, position_m = timed(peer.runs(timeline, model, 1), repeats)
-        lines.append(Line(peer.name, seconds, base, apart(position_m[0], x[:, :3])))
+        lines.append(Line(peer.name, seconds, base / seconds, apart(position_m[0], x[:, :3])))
         seconds, position_m = timed(peer.runs(timeline, model, peer.many), repeats)
         difference = farthest(position_m, timeline, model)
-        lines.append(Line(f"{peer.name}, {peer.many} at once", seconds / peer.many, base, difference))
+        each = seconds / peer.many
+        lines.append(Line(f"{peer.name}, {peer.many} at once", each, base / each, difference))
     return lines
 
 
