@@ -172,8 +172,9 @@ def test_an_experiment_without_its_first_line_is_told_to_have_it(said_in_process
     assert code == 2
     assert "lacks its first line '# @package _global_'" in said
     own.write_text("# @package _global_\nseeds: 0\n")
-    assert "seeds is 0" in said_in_process("run", *multirun, "--config-dir", str(tmp_path / "own"), "experiment=mine")[2]
-
+    assert (
+        "seeds is 0" in said_in_process("run", *multirun, "--config-dir", str(tmp_path / "own"), "experiment=mine")[2]
+    )
 
 
 @pytest.mark.parametrize(("words", "said"), BAD, ids=[" ".join(words) for words, _ in BAD])

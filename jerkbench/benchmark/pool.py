@@ -14,13 +14,25 @@ from typing import Generic, TypeVar
 Task = TypeVar("Task")
 Result = TypeVar("Result")
 
+GRACE_S = 5.0
+"""So long a process may take to end."""
+
 
 def run_grouped(
-    work: Callable[[Task], Result], groups: Iterable[list[Task]], workers: int
+    work: Callable[[Task], Result],
+    groups: Iterable[list[Task]],
+    workers: int,
+    ended: Callable[[list[int]], None] | None = None,
 ) -> Iterator[tuple[Task, Result | Exception]]:
     """Yield each task with its result as it is done, or with what kept it from being done (its process died).
 
     A worker takes the tasks of one group in their order. When no group is left it helps with the longest.
+
+    Args:
+        work: what is done with a task.
+        groups: tasks.
+        workers: number of processes; with one it is done here.
+        ended: is told the numbers of the processes that were ended, whatever they were doing.
     """
     waiting = [deque(group) for group in groups if group]
     workers = min(workers, sum(map(len, waiting)))
@@ -31,7 +43,9 @@ def run_grouped(
     try:
         yield from pool.results()
     finally:
-        pool.close()
+        numbers = pool.close()
+        if ended is not None:
+            ended(numbers)
 
 
 class _Pool(Generic[Task, Result]):
@@ -53,12 +67,16 @@ class _Pool(Generic[Task, Result]):
                 yield task, self._result(future, worker)
                 self._start(worker, running)
 
-    def close(self) -> None:
+    def close(self) -> list[int]:
         """End the workers at once, whatever they are doing: what is done is stored, the rest is not wanted."""
+        children = multiprocessing.active_children()
         for executor in self.executors:
             executor.shutdown(wait=False, cancel_futures=True)
-        for child in multiprocessing.active_children():
+        for child in children:
             child.terminate()
+        for child in children:
+            child.join(GRACE_S)
+        return [child.pid for child in children if child.pid is not None and not child.is_alive()]
 
     def _start(self, worker: int, running: dict[Future[Result], tuple[int, Task]]) -> None:
         if (task := self._next(worker)) is not None:

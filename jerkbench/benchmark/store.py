@@ -65,6 +65,12 @@ class Store:
         except OSError as error:
             raise JerkbenchError(f"Results cannot be written to {self.folder}: {error.strerror}.") from error
 
+    def forget(self, processes: Iterable[int]) -> None:
+        """Clear away what these ``processes``, which have ended, left half-written."""
+        for number in processes:
+            for partial in self.folder.glob(f".*.{number}.partial"):
+                partial.unlink(missing_ok=True)
+
     def path(self, key: str) -> Path:
         """Where the cell ``key`` is, or would be."""
         return self.folder / f"{key}.parquet"

@@ -61,7 +61,8 @@ def run_sweep(plan: Plan, store: Store, workers: int, done: Collection[str]) -> 
     pending = [one for one in plan.cells if one.key not in done]
     finished = Finished(store)
     with Progress(len(plan.cells), already=len(plan.cells) - len(pending)) as progress:
-        for task, result in run_grouped(partial(run_task, store.folder.parent), grouped(pending), workers):
+        work = partial(run_task, store.folder.parent)
+        for task, result in run_grouped(work, grouped(pending), workers, store.forget):
             if statuses := finished.add(task, result):
                 progress.advance(statuses)
 

@@ -3,6 +3,8 @@
 import os
 import time
 
+import pytest
+
 from jerkbench.benchmark.pool import run_grouped
 
 
@@ -38,3 +40,16 @@ def test_a_process_that_dies_costs_its_own_task_only():
 
     assert isinstance(done.pop(3), ChildProcessError)
     assert done == {1: 10, 2: 20, 4: 40, 5: 50, 6: 60}
+
+
+def test_whoever_stops_early_is_told_which_processes_were_ended():
+    ended = []
+    done = run_grouped(where, [[1], [2, 3, 4, 5, 6, 7, 8, 9]], 2, ended.extend)
+    first = next(done)[1]
+    done.close()
+
+    assert len(ended) == 2
+    assert first in ended
+    for number in ended:
+        with pytest.raises(ProcessLookupError):
+            os.kill(number, 0)

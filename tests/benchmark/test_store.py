@@ -53,3 +53,14 @@ def test_a_write_that_fails_leaves_the_old_cell_and_nothing_else(store, monkeypa
 
     assert store.done("key")
     assert [path.name for path in store.folder.iterdir()] == ["key.parquet"]
+
+
+def test_what_an_ended_process_left_half_written_is_forgotten(store):
+    store.prepare()
+    left = [store.folder / f".abc.{number}.partial" for number in (11, 12)]
+    for path in left:
+        path.touch()
+
+    store.forget([11, 13])
+
+    assert [path.exists() for path in left] == [False, True]

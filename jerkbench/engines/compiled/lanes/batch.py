@@ -70,7 +70,9 @@ def _run_pack(pack: Pack, model: Filter, rule: Rule, *, updates: bool) -> list[S
     return _results(pack, kept, at, updates=updates)
 
 
-@lru_cache(maxsize=32)  # all packs of even steps have the same; of uneven ones each seed has its own, for all adaptations
+@lru_cache(
+    maxsize=32
+)  # all packs of even steps have the same; of uneven ones each seed has its own, for all adaptations
 def _model_of(model: Hashable, lengths_s: bytes, dt0_s: float) -> LaneModel | None:
     """Ask the filter for A, b, Q of each length; None where the loop does not know such an A."""
     filter_ = cast("Filter", model)
