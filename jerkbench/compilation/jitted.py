@@ -37,6 +37,7 @@ class _Jit:
 
         options: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"} if kernel else False, "nogil": True}
         options["_nrt"] = not kernel
+        options["no_cpython_wrapper"] = options["no_cfunc_wrapper"] = True  # nobody calls them from outside
         self.decorate, self.decorate_inlined = njit(**options), njit(**options, forceinline=True)
         self.home, self.constants, self.kernel, self.apart = home, constants, kernel, apart
         self.done: dict[int, Any] = {}
