@@ -109,9 +109,9 @@ class Adaptation(Protocol):
         Args:
             innovation: (m,) y = z - H x of the rows that are there.
             HPHt: (m, m) H P- H'.
-            R: (m, m) as reported, diagonal not below the floor; not to be changed in place.
+            R: (m, m) as reported, diagonal not below the floor.
             rows: (m,) which of the six rows these are (0-2 position, 3-5 velocity).
-            memory: float64 vector, zero at the start of a run, changed in place.
+            memory: float64 vector, zero at the start of a run; the only argument that may be changed in place.
 
         Returns:
             (m, m). An infinite variance drops its row; with all dropped there is no update.

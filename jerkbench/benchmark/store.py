@@ -21,6 +21,8 @@ from jerkbench.errors import JerkbenchError
 METADATA = b"jerkbench"
 DIGEST = b"jerkbench.sha256"
 """Hash of the rows and of what is stored beside them: a flipped bit in a page or in a name is found."""
+DAMAGE = (OSError, ValueError, KeyError, TypeError, pa.ArrowException)
+"""What pyarrow says of it."""
 ABANDONED_S = 3600.0
 """A half-written file that is older belongs to nobody any more."""
 
@@ -103,8 +105,14 @@ class Store:
         """Return the cells ``keys`` (default: all), and the keys of those that cannot be read."""
         if keys is None:
             keys = sorted(path.stem for path in self.folder.glob("*.parquet"))
-        found, broken = self._find(keys)
-        return [Stored(key, table.to_pandas(use_threads=False), about) for key, table, about in found], broken
+        tables, broken = self._find(keys)
+        found = []
+        for key, table, about in tables:
+            try:
+                found.append(Stored(key, table.to_pandas(use_threads=False), about))
+            except DAMAGE:  # of an old cell without a digest
+                broken.append(key)
+        return found, broken
 
     def _find(self, keys: Iterable[str]) -> tuple[list[tuple[str, pa.Table, dict[str, Any]]], list[str]]:
         """Cells with what is stored beside them, and the keys of those that cannot be read."""
@@ -152,16 +160,18 @@ def _load(path: Path) -> tuple[pa.Table, dict[str, Any]] | None:
         return None
     except PermissionError as error:
         raise JerkbenchError(f"{path} cannot be read: {error.strerror}.") from error
-    except (OSError, ValueError, KeyError, TypeError, pa.ArrowException):  # what pyarrow says of damage
+    except DAMAGE:
         return None
     return (table, about) if whole else None
 
 
 def _digest(table: pa.Table, text: str) -> bytes:
-    """Hash all values, to the bit, and the text beside them."""
+    """Hash all values, to the bit, what pandas makes of them, and the text beside them."""
     sha = hashlib.sha256(text.encode())
+    for name, value in sorted((table.schema.metadata or {}).items()):
+        sha.update(b"" if name in (METADATA, DIGEST) else name + value)
     for name, column in zip(table.column_names, table.columns, strict=True):
         plain = pa.types.is_floating(column.type) or pa.types.is_integer(column.type)
-        sha.update(f"{name} {column.type}".encode())
+        sha.update(f"{name} {column.type if plain else ''}".encode())
         sha.update(column.to_numpy().tobytes() if plain else json.dumps(column.to_pylist(), default=str).encode())
     return sha.hexdigest().encode()

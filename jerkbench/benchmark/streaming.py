@@ -40,7 +40,10 @@ def streamed_values(
     updates = any(getattr(metric, "reads", "") == "updates" for metric in cell.metrics)
     runs = [one.run for one in prepared.values()]
     engine: Any = cell.engine
-    results = engine.run_many(runs, cell.filter, cell.adaptation, updates=updates, threads=threads)
+    try:
+        results = engine.run_many(runs, cell.filter, cell.adaptation, updates=updates, threads=threads)
+    except Exception:  # noqa: BLE001 - the run that raised it does so again alone, where it becomes a row that says so
+        return {}
     limit_m2 = cell.protocol.divergence_limit_m**2
     return {
         draw: (one.recording, _values(cell, one, result))

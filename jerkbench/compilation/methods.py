@@ -62,7 +62,7 @@ def compiled_method(plugin: object, method: Method) -> Any:  # noqa: ANN401 - nu
         }
 
     title = f"{type(plugin).__name__}.{method.name}"
-    module: ModuleType = load_entry(title, source, digest(function), namespace)
+    module: ModuleType = load_entry(title, source, digest(function, fields=fields), namespace)
     return module.entry
 
 

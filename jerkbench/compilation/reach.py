@@ -55,7 +55,15 @@ def _feed(sha: Any, value: object, seen: set[int]) -> None:  # noqa: ANN401 - ha
         sha.update(_module_content(value))
     elif isinstance(value, np.ndarray):
         sha.update(f"{value.dtype}{value.shape}".encode() + value.tobytes())
-    elif isinstance(value, (bool, int, float, complex, str, bytes, tuple, list, frozenset, type(None))):
+    elif isinstance(value, np.generic):
+        sha.update(f"{value.dtype}".encode() + value.tobytes())
+    elif isinstance(value, (tuple, list)):
+        sha.update(f"{len(value)} of".encode())
+        for item in value:
+            _feed(sha, item, seen)
+    elif isinstance(value, type) and hasattr(value, "_fields"):  # a named tuple: which number is which
+        sha.update(f"{value.__qualname__} {value._fields}".encode())
+    elif isinstance(value, (bool, int, float, complex, str, bytes, frozenset, type(None))):
         sha.update(repr(value).encode())
     else:
         sha.update(f"{type(value).__qualname__} {getattr(value, '__qualname__', '')}".encode())

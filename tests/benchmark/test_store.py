@@ -41,6 +41,17 @@ def test_a_file_that_is_cut_is_not_done_and_is_named(store, size):
     assert store.read() == ([], ["key"])
 
 
+def test_a_flipped_bit_is_noticed_wherever_the_file_is_then_read(store):
+    """Also in what pandas stores of its types: it decides what the rows are."""
+    store.write("key", ROWS, ABOUT)
+    path, whole, (sound,) = store.path("key"), store.path("key").read_bytes(), store.read()[0]
+    for place in range(0, len(whole), 5):
+        path.write_bytes(whole[:place] + bytes([whole[place] ^ 1 << place % 8]) + whole[place + 1 :])
+        found, broken = store.read()
+        assert store.done("key") == bool(found) == (not broken)
+        assert all(one.rows.equals(sound.rows) and one.about == sound.about for one in found)
+
+
 def test_a_write_that_fails_leaves_the_old_cell_and_nothing_else(store, monkeypatch):
     store.write("key", ROWS, ABOUT)
 

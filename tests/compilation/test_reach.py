@@ -8,16 +8,24 @@ import pytest
 from jerkbench.compilation.reach import digest
 
 SOURCE = '''
+from typing import NamedTuple
+
 import numpy as np
 TABLE = np.array([1.0, 2.0])
 LIMIT = 3.0
+STEPS = np.int64(4)
+PAIR = (np.array([1.0, 2.0]), 5)
+
+class Point(NamedTuple):
+    x: float
+    y: float
 
 def deeper(x):
     return x + LIMIT
 
 def helper(x):
     """Words."""
-    return deeper(x) * TABLE[0]
+    return deeper(x) * TABLE[0] * STEPS + Point(*PAIR).x
 
 def unrelated(x):
     return x
@@ -38,7 +46,10 @@ def made(source=SOURCE):
     [
         ("x + LIMIT", "x - LIMIT"),
         ("LIMIT = 3.0", "LIMIT = 3.5"),
-        ("[1.0, 2.0]", "[1.0, 2.5]"),
+        ("TABLE = np.array([1.0, 2.0])", "TABLE = np.array([1.0, 2.5])"),
+        ("STEPS = np.int64(4)", "STEPS = np.int64(5)"),
+        ("PAIR = (np.array([1.0, 2.0])", "PAIR = (np.array([1.0, 2.0 + 1e-12])"),
+        ("    x: float\n    y: float\n", "    y: float\n    x: float\n"),
         ("* TABLE[0]", "* TABLE[1]"),
         ("power=2", "power=3"),
         ("helper(v) for", "deeper(v) for"),

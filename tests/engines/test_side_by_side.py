@@ -17,6 +17,7 @@ from jerkbench.evaluation.streaming import can_stream, scored, sums_from, with_u
 from jerkbench.filters.baseline import Baseline
 from jerkbench.filters.jerk import Jerk
 from jerkbench.streamed import Run
+from jerkbench.timeline.measurements import Measurements
 from jerkbench.timeline.timeline import build_timeline
 from synthetic import level_attitude
 
@@ -122,6 +123,69 @@ def test_a_run_that_lacks_updates_of_its_neighbour_has_its_own(several):
 
     for got, pair in zip(side_by_side(pairs, Jerk(), Mtf()), pairs, strict=True):
         assert_same(got, trajectory(*pair, Jerk(), Mtf()), {})
+
+
+@dataclass(frozen=True)
+class Halving(NoAdaptation):
+    """Changes its argument, which it must not."""
+
+    def adapt(self, innovation, HPHt, R, rows, memory):
+        innovation *= 0.5
+        return R
+
+
+def test_an_argument_changed_in_place_does_not_reach_the_filter(several):
+    """Neither where all rows are there nor where a neighbour lacks some."""
+    fewer = one(4, velocity=None)
+    for pairs in (several[:2], [several[0], fewer]):
+        got, wanted = (side_by_side(pairs, Jerk(), rule)[0]["position_rmse_m"] for rule in (Halving(), NoAdaptation()))
+        assert got == wanted
+
+
+def test_runs_without_any_update(several):
+    recording, timeline = several[0]
+    nothing = (recording, replace(timeline, update=np.full_like(timeline.update, -1)))
+    measured = timeline.measurements
+    empty = Measurements(measured.t_ns[:0], measured.z[:0], measured.R[:0], measured.R_true[:0])
+    none_there = (recording, replace(nothing[1], measurements=empty))
+
+    for pairs in ([nothing], [none_there], [none_there, several[1]]):
+        for got, pair in zip(side_by_side(pairs, Baseline(), Mtf()), pairs, strict=True):
+            assert_same(got, trajectory(*pair, Baseline(), Mtf()), {})
+
+
+def test_a_covariance_that_is_not_symmetric_is_left_to_the_run_alone(several):
+    recording, timeline = several[0]
+    R = timeline.measurements.R.copy()
+    R[3, 0, 1] += 1e-5
+    pairs = [(recording, replace(timeline, measurements=replace(timeline.measurements, R=R))), several[1]]
+
+    lopsided, sound = side_by_side(pairs, Jerk(), Mtf())
+
+    assert lopsided is None
+    assert_same(sound, trajectory(*several[1], Jerk(), Mtf()), {})
+
+
+@dataclass
+class Loose:
+    """A filter that can change, and so has no hash."""
+
+    scale: float = 1.0
+
+    def axis_model(self, dt, dt0):
+        A, b, Q = Jerk().axis_model(dt, dt0)
+        return A, b, Q * self.scale
+
+    def initial_variances(self):
+        variances = Jerk().initial_variances()
+        variances.flags.writeable = False
+        return variances
+
+
+def test_a_filter_that_changes_is_asked_again(several):
+    model = Loose()
+    for model.scale in (1.0, 100.0):
+        assert_same(side_by_side(several[:1], model, Mtf())[0], trajectory(*several[0], model, Mtf()), {})
 
 
 @dataclass(frozen=True)

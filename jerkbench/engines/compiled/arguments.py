@@ -92,7 +92,7 @@ class Kept(NamedTuple):
 
 
 class Packed(NamedTuple):
-    """What an adaptation sees of the m rows that are there, and what it says.
+    """What an adaptation sees of the m rows that are there, and what it says; each may be longer than it says here.
 
     Attributes:
         rows: (6,) the first m: which rows of z they are.

@@ -31,7 +31,7 @@ def places(n: int) -> dict[str, int]:
         "B": 6 * n * n,  # covariance by pairs of axes
         "W": 6 * s,  # H P
         "K": 6 * s,  # the gain, transposed
-        "V": max(6 * s, s * s - 6 * s),  # (W' - K S)'; it and K make room for a covariance as well
+        "V": 6 * s,  # (W' - K S)'
         "LENGTH": 0,
     }
     starts = itertools.accumulate(lengths.values(), initial=0)

@@ -110,4 +110,4 @@ def _unpack(runs: Runs, lane: int, packed: Packed, m: int) -> None:
                 if np.isfinite(packed.adapted[(m + 1) * j]):
                     adapted[6 * r + packed.rows[j]] = packed.adapted[m * i + j]
         else:
-            runs.kept[lane, r] = runs.y[lane, r] = 0.0
+            runs.kept[lane, r] = 0.0

@@ -52,7 +52,7 @@ _packs = lru_cache(maxsize=2)(pack_runs)  # for the next filter; some 10 MB for 
 
 
 def _run_pack(pack: Pack, model: Filter, rule: Rule, *, updates: bool) -> list[Streamed | None]:
-    lane_model = _model_of(cast("Hashable", model), pack.lengths_s.tobytes(), pack.timelines[0].dt0_s)
+    lane_model = _model_for(model, pack)
     if lane_model is None:
         return [None] * WIDTH
     n, at = lane_model.A.shape[1], places(lane_model.A.shape[1])
@@ -70,14 +70,21 @@ def _run_pack(pack: Pack, model: Filter, rule: Rule, *, updates: bool) -> list[S
     return _results(pack, kept, at, updates=updates)
 
 
-@lru_cache(
-    maxsize=32
-)  # all packs of even steps have the same; of uneven ones each seed has its own, for all adaptations
-def _model_of(model: Hashable, lengths_s: bytes, dt0_s: float) -> LaneModel | None:
+def _model_for(model: Filter, pack: Pack) -> LaneModel | None:
+    given = pack.lengths_s.tobytes(), pack.timelines[0].dt0_s
+    params = getattr(model, "__dataclass_params__", None)
+    return _known(cast("Hashable", model), *given) if params and params.frozen else _lane_model(model, *given)
+
+
+def _lane_model(model: Filter, lengths_s: bytes, dt0_s: float) -> LaneModel | None:
     """Ask the filter for A, b, Q of each length; None where the loop does not know such an A."""
-    filter_ = cast("Filter", model)
-    A, b, Q = axis_models(filter_, np.frombuffer(lengths_s), dt0_s)
-    return LaneModel(A, b, Q, np.asarray(filter_.initial_variances(), dtype=np.float64)) if triangular(A) else None
+    A, b, Q = axis_models(model, np.frombuffer(lengths_s), dt0_s)
+    return LaneModel(A, b, Q, np.array(model.initial_variances(), dtype=np.float64)) if triangular(A) else None
+
+
+@lru_cache(maxsize=32)  # even steps: the same for all packs; uneven ones: each seed has its own, for all adaptations
+def _known(model: Hashable, lengths_s: bytes, dt0_s: float) -> LaneModel | None:
+    return _lane_model(cast("Filter", model), lengths_s, dt0_s)
 
 
 def _results(pack: Pack, kept: LaneKept, at: dict[str, int], *, updates: bool) -> list[Streamed | None]:
@@ -112,6 +119,7 @@ def _result(pack: Pack, kept: LaneKept, total: dict[str, float], lane: int, *, u
 
 def _updates(pack: Pack, seen: FloatArray, lane: int) -> Updates:
     """What the updates of one run saw; it may lack some that others have."""
+    seen = seen[: len(pack.steps.z)]  # of no update there is a row all the same
     there = seen[:, 0, lane] > 0
     mine = seen[there, :, lane]
     absent = pack.steps.kept[there, :, lane] == 0.0

@@ -24,22 +24,25 @@ def entry(steps, model, rule, kept):
 '''
 
 
-APART = (
-    *(
-        "run_lanes",
-        "start",
-        "predict",
-        "score",
-        "measure",
-        "notice",
-        "correct",
-        "check_definite",
-        "finish",
-        "adapt_runs",
-    ),
-    *("_pack_some", "_fade", "_unpack"),
+ALONE = (
+    "run_lanes",
+    "start",
+    "predict",
+    "score",
+    "measure",
+    "notice",
+    "adapt_runs",
+    "correct",
+    "check_definite",
+    "finish",
 )
+SELDOM = ("_pack_some", "_fade", "_unpack")
+APART = ALONE + SELDOM
 """Kernels that stand alone, and those that are seldom called: one body of all of them takes long to compile."""
+
+
+ARGUMENTS = [(one.__name__, one._fields) for one in (LaneSteps, LaneModel, Rule, LaneKept, Runs)]
+"""They decide what the machine code reads where."""
 
 
 @cache
@@ -52,7 +55,8 @@ def lanes_for(n: int) -> Any:  # noqa: ANN401 - numba has no types
 
     title = f"the loop for {WIDTH} runs of {3 * n} states"
     lists = {name: table.tolist() for name, table in found.items()}
-    return load_entry(title, SOURCE, digest(run_lanes, places=at, tables=lists, apart=APART), namespace).entry
+    key = digest(run_lanes, places=at, tables=lists, apart=APART, arguments=ARGUMENTS)
+    return load_entry(title, SOURCE, key, namespace).entry
 
 
 def _signature() -> Any:  # noqa: ANN401 - numba has no types

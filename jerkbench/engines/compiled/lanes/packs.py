@@ -40,17 +40,25 @@ def pack_runs(runs: Sequence[Run], truth: bool) -> list[Pack]:
     """Pack runs whose steps have the same lengths and meet the reference at the same places.
 
     Args:
-        runs: in any order.
+        runs: in any order; one whose R is not symmetric is in no pack, because a pack keeps half of it.
         truth: whether the adaptation gets the true covariance as R.
     """
     alike: dict[bytes, list[int]] = {}
     for place, run in enumerate(runs):
-        alike.setdefault(_structure(run), []).append(place)
+        if _symmetric(run, truth=truth):
+            alike.setdefault(_structure(run), []).append(place)
     return [
         _pack(runs, tuple(places[begin : begin + WIDTH]), truth=truth)
         for places in alike.values()
         for begin in range(0, len(places), WIDTH)
     ]
+
+
+def _symmetric(run: Run, *, truth: bool) -> bool:
+    measured = run.timeline.measurements
+    covariances = [measured.R, measured.R_true] if truth else [measured.R]
+    both = [(R, R.swapaxes(1, 2)) for R in covariances]
+    return all(np.array_equal(*two) or np.isclose(*two, rtol=1e-12, atol=0.0, equal_nan=True).all() for two in both)
 
 
 def _structure(run: Run) -> bytes:
@@ -130,6 +138,9 @@ def _measured(run: Run, updated: IntArray, *, truth: bool) -> tuple[FloatArray, 
     """z, kept, R and the reported R at the updates of any run of the pack."""
     which = run.timeline.update[updated]
     there, measured = which >= 0, run.timeline.measurements
+    if not there.any():
+        nothing, no_covariance = np.zeros((len(which), 6)), np.zeros((len(which), len(LOWER[0])))
+        return nothing, nothing, no_covariance, no_covariance
     z = np.where(there[:, None], measured.z[which], np.nan)
     kept = np.isfinite(z)
     reported = measured.R[which][:, LOWER[0], LOWER[1]]

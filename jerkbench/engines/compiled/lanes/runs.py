@@ -62,10 +62,11 @@ def gather(w: FloatArray, runs: Runs) -> None:
 
 
 def gather_kept(w: FloatArray, runs: Runs) -> None:
-    """Likewise the variances, y and which rows are kept, where some are not."""
+    """Likewise the variances and which rows are kept, where some are not; y of the others becomes 0."""
     transpose(w, VARIANCE, 1, _eight(vectors(runs.variance), 0, 1))
-    transpose(w, Y, 1, _eight(vectors(runs.y), 0, 1))
     transpose(w, KEPT, 1, _eight(vectors(runs.kept), 0, 1))
+    for r in range(6):
+        w[Y + r] = w[Y + r] * w[KEPT + r]
 
 
 def _eight(w: FloatArray, at: int, step: int) -> tuple[float, ...]:

@@ -28,6 +28,10 @@ def entry(steps, model, rule, kept, m, rows):
 '''
 
 
+ARGUMENTS = [(one.__name__, one._fields) for one in (Steps, Model, Rule, Kept)]
+"""They decide what the machine code reads where."""
+
+
 @cache
 def loop_for(n: int) -> Any:  # noqa: ANN401 - numba has no types
     """Return the compiled loop for filters with ``n`` quantities on each axis."""
@@ -39,7 +43,8 @@ def loop_for(n: int) -> Any:  # noqa: ANN401 - numba has no types
 
     title = f"the loop for {3 * n} states"
     lists = {name: table.tolist() for name, table in found.items()}
-    return load_entry(title, SOURCE, digest(run_steps, places=at, tables=lists, apart=APART), namespace).entry
+    key = digest(run_steps, places=at, tables=lists, apart=APART, arguments=ARGUMENTS)
+    return load_entry(title, SOURCE, key, namespace).entry
 
 
 def _signature() -> Any:  # noqa: ANN401 - numba has no types
