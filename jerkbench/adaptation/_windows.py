@@ -18,11 +18,11 @@ def check_window(name: str, window: int, guard: int = 0) -> None:
 
 def windowed_mean(memory: FloatArray, window: int, row: int, value: float) -> float:
     """Put ``value`` into the ring of ``row``; return the mean of the last ``window`` values, or of those there are."""
+    if window == 1:
+        return value
     first, count = row * window, 6 * window + row
     seen = int(memory[count])
     memory[count] = seen + 1
-    if window == 1:
-        return value
     memory[first + seen % window] = value
     there, total = min(seen + 1, window), 0.0
     for k in range(first, first + there):  # compiled, a loop is several times faster than the mean of a slice
@@ -31,8 +31,8 @@ def windowed_mean(memory: FloatArray, window: int, row: int, value: float) -> fl
 
 
 def is_full(memory: FloatArray, window: int, row: int) -> bool:
-    """Whether the ring of ``row`` has seen ``window`` values."""
-    return bool(memory[6 * window + row] >= window)
+    """Whether the ring of ``row``, which has seen at least one value, has seen ``window`` of them."""
+    return bool(window == 1 or memory[6 * window + row] >= window)
 
 
 def inflation_memory(window: int) -> int:
@@ -57,10 +57,12 @@ def inflated(
     adapted = R.copy()
     for i, row in enumerate(rows):
         excess = windowed_mean(memory, window, row, innovation[i] ** 2) - HPHt[i, i] - R[i, i]
-        hits = 6 * (window + 1) + row
         hit = triggered[row // 3] and excess > 0.0
-        memory[hits] = memory[hits] + 1.0 if hit else 0.0
-        if hit and (guard == 0 or memory[hits] <= guard):
+        if guard > 0:
+            hits = 6 * (window + 1) + row
+            memory[hits] = memory[hits] + 1.0 if hit else 0.0
+            hit = hit and memory[hits] <= guard
+        if hit:
             adapted[i, i] += excess
     return adapted
 

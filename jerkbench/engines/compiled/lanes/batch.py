@@ -2,7 +2,7 @@
 
 from collections.abc import Hashable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from functools import lru_cache
+from functools import cache, lru_cache
 from typing import cast
 
 import numpy as np
@@ -43,9 +43,14 @@ def run_batch(
         for pack in packs:
             work(pack)
     else:
-        with ThreadPoolExecutor(threads) as pool:
-            list(pool.map(work, packs))
+        list(_pool(threads).map(work, packs))
     return found
+
+
+@cache
+def _pool(threads: int) -> ThreadPoolExecutor:
+    """To start threads takes as long as a run."""
+    return ThreadPoolExecutor(threads, "jerkbench-runs")
 
 
 _packs = lru_cache(maxsize=2)(pack_runs)  # for the next filter; some 10 MB for each vector of 150 s at 100 Hz
