@@ -139,8 +139,13 @@ def times_ns(columns: Columns, name: str, unit: str, week: str) -> IntArray:
     return t_ns + columns.stamps_ns(week, "week") if week else t_ns
 
 
+MARKS = "_events.pos"
+
+
 def find_tables(folder: Path, pattern: str, parameter: str) -> tuple[Path, ...]:
     """Return the files of ``folder`` that fit ``pattern`` (a name, or a glob such as ``data/*.txt``), sorted.
+
+    The marks of events that RTKLIB writes beside a solution (name_events.pos) fit no pattern but their own name.
 
     Raises:
         RecordingError: there is no such folder or file.
@@ -148,7 +153,8 @@ def find_tables(folder: Path, pattern: str, parameter: str) -> tuple[Path, ...]:
     if not folder.is_dir():
         raise RecordingError(f"There is no folder {folder}; give the one that the recording was copied to.")
     try:
-        found = tuple(sorted(path for path in folder.glob(pattern) if path.is_file()))
+        fitting = [path for path in folder.glob(pattern) if path.is_file()]
+        found = tuple(sorted(p for p in fitting if not p.name.endswith(MARKS) or pattern.endswith(MARKS)))
     except (ValueError, NotImplementedError, OSError) as error:
         raise RecordingError(
             f"{parameter} is '{pattern}': {error}; give a name or a pattern below {folder}."

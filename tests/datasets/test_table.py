@@ -391,6 +391,16 @@ def test_a_pattern_of_solutions_reads_all_files(tmp_path):
         loaded("urbannav", tmp_path)
 
 
+def test_marks_of_events_beside_a_solution_are_not_read(tmp_path):
+    urbannav(tmp_path)
+    whole = loaded("urbannav", tmp_path)
+    (tmp_path / "rover_events.pos").write_text((tmp_path / "rover.pos").read_text())
+
+    np.testing.assert_array_equal(loaded("urbannav", tmp_path).position.enu_m, whole.position.enu_m)
+    named = loaded("urbannav", tmp_path, position_file="rover_events.pos")
+    np.testing.assert_array_equal(named.position.enu_m, whole.position.enu_m)
+
+
 def test_a_pattern_of_texts_and_dates_reads_all_files(tmp_path):
     kitti(tmp_path)
     whole = loaded("kitti", tmp_path)
