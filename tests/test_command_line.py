@@ -230,6 +230,26 @@ main(sys.argv[1:])
 """
 
 
+LISTING = """
+import sys
+from jerkbench.cli import main
+
+try:
+    main(["list"])
+except SystemExit:
+    print(*sys.modules)
+"""
+
+
+def test_what_only_lists_does_not_wait_for_numba():
+    """Nor for what else takes long to import: half of a second for each look is too long."""
+    done = subprocess.run([sys.executable, "-c", LISTING], capture_output=True, text=True, check=True, timeout=60)
+    *listed, modules = done.stdout.splitlines()
+
+    assert any("maximum_correntropy" in line for line in listed)
+    assert {"numba", "filterpy", "matplotlib", "rosbags"}.isdisjoint(modules.split())
+
+
 def test_an_interrupted_sweep_ends_with_its_table_and_goes_on(tmp_path):
     swept_values = ",".join(str(value / 24) for value in range(1, 25))
     words = ["run", "-m", "seeds=2", "figures=false", "dataset.duration_s=20", f"noise.accel_mps2={swept_values}"]

@@ -11,12 +11,6 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 
 
-def address_of(function: Any) -> int:  # noqa: ANN401 - numba has no types
-    """Return the address of a compiled ``function`` that has one signature."""
-    (compiled,) = function.overloads.values()
-    return int(compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name))
-
-
 @intrinsic
 def fill_by(_typing: Any, address: Any, arrays: Any, numbers: Any) -> Any:  # noqa: ANN401 - as above
     """Call the function at ``address``, which returns nothing, with the data of ``arrays`` and with ``numbers``."""

@@ -66,6 +66,12 @@ def compiled_method(plugin: object, method: Method) -> Any:  # noqa: ANN401 - nu
     return module.entry
 
 
+def address_of(function: Any) -> int:  # noqa: ANN401 - numba has no types
+    """Return the address of a compiled ``function`` that has one signature."""
+    (compiled,) = function.overloads.values()
+    return int(compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name))
+
+
 ENTRY = '''"""Made by jerkbench: {title} for compiled code."""
 
 from numba import carray, njit

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numba import njit
 
-from jerkbench.compilation.calls import address_of, ask, fill_by
-from jerkbench.compilation.methods import compiled_method, parameter_vector
+from jerkbench.compilation.calls import ask, fill_by
+from jerkbench.compilation.methods import address_of, compiled_method, parameter_vector
 from jerkbench.engines.compiled.rule import ADAPT, FADE
 
 

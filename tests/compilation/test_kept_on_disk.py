@@ -27,8 +27,8 @@ SCRIPT = """
 import sys
 import numpy as np
 from numba import njit
-from jerkbench.compilation.calls import address_of, fill_by
-from jerkbench.engines.compiled.rule import ADAPT, compiled_method, parameter_vector
+from jerkbench.compilation.calls import fill_by
+from jerkbench.engines.compiled.rule import ADAPT, address_of, compiled_method, parameter_vector
 from rule import Rule
 
 

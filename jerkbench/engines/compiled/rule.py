@@ -6,8 +6,7 @@ from typing import cast
 
 import numpy as np
 
-from jerkbench.compilation.calls import address_of
-from jerkbench.compilation.methods import Method, compiled_method, parameter_vector
+from jerkbench.compilation.methods import Method, address_of, compiled_method, parameter_vector
 from jerkbench.contracts import Adaptation
 from jerkbench.engines.compiled.arguments import Rule
 
