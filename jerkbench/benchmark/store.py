@@ -90,7 +90,8 @@ class Store:
     def write(self, key: str, rows: Sequence[Row], about: dict[str, Any]) -> None:
         """Store a cell; a reader sees the whole of it or nothing."""
         failed = sum(row["status"] == "failed" for row in rows)
-        table = pa.Table.from_pandas(pd.DataFrame(rows), preserve_index=False)
+        names = dict.fromkeys(name for row in rows for name in row)
+        table = pa.table({name: [row.get(name) for row in rows] for name in names})  # by way of pandas: twice the time
         text = json.dumps({**about, "failed": failed})
         head = {METADATA: text.encode(), DIGEST: _digest(table, text)}
         self.folder.mkdir(parents=True, exist_ok=True)
