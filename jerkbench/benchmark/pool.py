@@ -57,6 +57,7 @@ class _Pool(Generic[Task, Result]):
         self.current: list[deque[Task] | None] = [None] * workers
 
     def results(self) -> Iterator[tuple[Task, Result | Exception]]:
+        """Yield each task with its result, or with what kept it from being done."""
         running: dict[Future[Result], tuple[int, Task]] = {}
         for worker in range(len(self.executors)):
             self._start(worker, running)

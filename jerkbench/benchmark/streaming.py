@@ -68,6 +68,7 @@ def _values(cell: Cell, one: Prepared, result: Streamed) -> dict[str, float]:
     seen = with_updates(one.scored.outline, result.updates)
 
     def columns(metric: Metric) -> Mapping[str, float]:
+        """Return the columns of ``metric``, in the units of their names, from the least that it needs."""
         if can_summarise(metric):
             return metric.summarise(sums)  # type: ignore[attr-defined, no-any-return]  # it was asked
         if getattr(metric, "reads", "") == "attitude":

@@ -28,6 +28,7 @@ def _call(result: Any, address: Any, arrays: Any, numbers: Any) -> Any:  # noqa:
     takes = [types.CPointer(array.dtype) for array in arrays] + list(numbers)
 
     def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:  # noqa: ANN401 - as above
+        """Write it in LLVM."""
         given = cgutils.unpack_tuple(builder, args[1], len(arrays))
         values = [context.make_array(t)(context, builder, value).data for t, value in zip(arrays, given, strict=True)]
         values += cgutils.unpack_tuple(builder, args[2], len(numbers))

@@ -43,6 +43,7 @@ class _Jit:
         self.done: dict[int, Any] = {}
 
     def of(self, function: types.FunctionType) -> Any:  # noqa: ANN401 - numba has no types
+        """Return the dispatcher of ``function``, made once; it is known before its globals are, for recursion."""
         if id(function) not in self.done:
             scope: dict[str, Any] = {}
             copy = _copy(function, scope, tuple(self._cell(cell) for cell in function.__closure__ or ()), self.home)

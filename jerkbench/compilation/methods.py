@@ -55,6 +55,7 @@ def compiled_method(plugin: object, method: Method) -> Any:  # noqa: ANN401 - nu
     source = _entry_source(plugin, method)
 
     def namespace(home: str) -> dict[str, Any]:
+        """Return what the entry point's text refers to."""
         return {
             "Parameters": namedtuple("Parameters", fields),  # noqa: PYI024 - its fields are known at run time only
             "method": jitted(function, home),

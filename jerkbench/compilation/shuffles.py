@@ -15,6 +15,7 @@ def scratch(_typing: Any, number: Any) -> Any:  # noqa: ANN401 - numba has no ty
     """Room for ``number`` vectors (a constant) until the function returns; what never leaves it needs no memory."""
 
     def generate(_context: Any, builder: Any, _sig: Any, _args: Any) -> Any:  # noqa: ANN401 - as above
+        """Write it in LLVM."""
         room = cgutils.alloca_once(builder, ir.ArrayType(VECTOR, number.literal_value))
         return builder.bitcast(room, NUMBER.as_pointer())
 
@@ -28,6 +29,7 @@ def picked(_typing: Any, a: Any, b: Any, c: Any, d: Any, places: Any) -> Any:  #
         return None  # numba asks again with the constants
 
     def generate(_context: Any, builder: Any, sig: Any, args: Any) -> Any:  # noqa: ANN401 - as above
+        """Write it in LLVM."""
         numbers = [place.literal_value for place in sig.args[4]]
         joined = [ir.Constant(ir.VectorType(INDEX, 2 * WIDTH), list(range(2 * WIDTH)))]
         halves = [builder.shuffle_vector(args[k], args[k + 1], *joined) for k in (0, 2)]
@@ -41,6 +43,7 @@ def fetch(_typing: Any, array: Any, index: Any) -> Any:  # noqa: ANN401 - as abo
     """Ask for vector ``index``, which may lie beyond the end, long before it is read: memory is slow to answer."""
 
     def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:  # noqa: ANN401 - as above
+        """Write it in LLVM."""
         kind, byte = ir.IntType(32), ir.IntType(8).as_pointer()
         ask = builder.module.declare_intrinsic(
             "llvm.prefetch", (byte,), ir.FunctionType(ir.VoidType(), [byte, *[kind] * 3])
@@ -57,6 +60,7 @@ def transpose(_typing: Any, into: Any, at: Any, step: Any, rows: Any) -> Any:  #
     """Write number k of each of WIDTH vectors ``rows`` into vector ``at + k step`` of ``into``, for all k."""
 
     def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:  # noqa: ANN401 - as above
+        """Write it in LLVM."""
         turned = _turned(builder, cgutils.unpack_tuple(builder, args[3], WIDTH))
         first, step = (context.cast(builder, args[k], sig.args[k], types.intp) for k in (1, 2))
         for k, row in enumerate(turned):

@@ -133,6 +133,7 @@ def vectors(_typing: Any, array: Any) -> Any:  # noqa: ANN401 - as above
     """See a contiguous array of numbers as vectors: number l of vector k is element WIDTH k + l. Keep it alive."""
 
     def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:  # noqa: ANN401 - as above
+        """Write it in LLVM."""
         return context.make_array(sig.args[0])(context, builder, args[0]).data
 
     return vectors_type(array), generate
@@ -144,6 +145,7 @@ def chosen(_typing: Any, left: Any, right: Any, yes: Any, no: Any) -> Any:  # no
     result = vector_type if vector_type in (left, right, yes, no) else types.float64
 
     def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:  # noqa: ANN401 - as above
+        """Write it in LLVM."""
         given = [context.cast(builder, arg, t, result) for t, arg in zip(sig.args, args, strict=True)]
         return builder.select(builder.fcmp_ordered(">", given[0], given[1]), given[2], given[3])
 
