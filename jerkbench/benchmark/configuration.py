@@ -2,10 +2,11 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
+from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
-from hydra.core.config_store import ConfigStore
+from hydra.core.config_store import ConfigNode, ConfigStore
 from omegaconf import DictConfig, OmegaConf
 
 from jerkbench import plugins
@@ -60,8 +61,8 @@ def register_schemas() -> None:
     store.store(name="schema", node=Schema)
     store.store(group="noise", name="schema", node=Noise)
     for kind in (*GROUPS, "disturbance"):
-        for name in plugins.names(kind):
-            _store_plugin(store, kind, name)
+        group = store.repo.setdefault(kind, {})
+        group.update({f"{name}.yaml": PluginNode(kind, name) for name in plugins.names(kind)})
 
 
 def study_folder(config: DictConfig) -> Path:
@@ -87,17 +88,29 @@ def cell_of(plain: Mapping[str, Any], choices: Mapping[str, Any], overrides: lis
     return build(spec, protocol, labels_of(spec, choices, overrides))
 
 
-def _store_plugin(store: ConfigStore, kind: str, name: str) -> None:
-    schema = plugins.schema(kind, name)
-    if kind == "disturbance":  # each under its own name, so that several can be chosen
-        store.store(group=kind, name=name, node=schema, package=f"disturbance.{name}")
-        return
-    attitude = getattr(plugins.get(kind, name), "default_attitude", None)
-    if kind == "dataset" and attitude:
-        node = {"defaults": ["_self_", {"override /attitude": attitude}], kind: OmegaConf.structured(schema)}
-        store.store(group=kind, name=name, node=OmegaConf.create(node), package="_global_")
-    else:
-        store.store(group=kind, name=name, node=schema)
+class PluginNode(ConfigNode):
+    """The schema of one plugin, made when Hydra reads it: to make all of them takes a quarter of a second.
+
+    Each disturbance stands under its own name, so that several can be chosen. A data set that prefers an attitude
+    filter brings that choice along.
+    """
+
+    def __init__(self, kind: str, name: str) -> None:
+        """Stand for the plugin ``name`` of ``kind``."""
+        self.kind, self.plugin = kind, name
+        self.attitude = getattr(plugins.get(kind, name), "default_attitude", None) if kind == "dataset" else None
+        self.name, self.group, self.provider = f"{name}.yaml", kind, None
+        self.package = f"disturbance.{name}" if kind == "disturbance" else "_global_" if self.attitude else None
+
+    @cached_property
+    def node(self) -> DictConfig:  # type: ignore[override]  # an attribute, but for when it is made
+        """The schema."""
+        schema = OmegaConf.structured(plugins.schema(self.kind, self.plugin))
+        if self.attitude:
+            schema = OmegaConf.create(
+                {"defaults": ["_self_", {"override /attitude": self.attitude}], self.kind: schema}
+            )
+        return cast("DictConfig", schema)
 
 
 def labels_of(spec: dict[str, Any], choices: Mapping[str, Any], overrides: list[str]) -> Labels:

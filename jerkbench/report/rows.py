@@ -21,11 +21,21 @@ def metric_columns(rows: "pd.DataFrame") -> list[str]:
 
 
 def checked(rows: "pd.DataFrame", metric: str) -> "pd.DataFrame":
-    """Return a copy with the factors as text; a metric is missing only where no run went well."""
-    if metric not in rows.columns:
-        if (rows["status"] == "ok").any():
-            raise JerkbenchError(unknown("metric", metric, metric_columns(rows)))
-        rows = rows.assign(**{metric: np.nan})
+    """Return a copy with the factors as text and the metric as `with_metric` has it."""
+    return with_text_factors(with_metric(rows, metric))
+
+
+def with_metric(rows: "pd.DataFrame", metric: str) -> "pd.DataFrame":
+    """Return ``rows`` with a column of the metric, which is missing only where no run went well."""
+    if metric in rows.columns:
+        return rows
+    if (rows["status"] == "ok").any():
+        raise JerkbenchError(unknown("metric", metric, metric_columns(rows)))
+    return rows.assign(**{metric: np.nan})
+
+
+def with_text_factors(rows: "pd.DataFrame") -> "pd.DataFrame":
+    """Return a copy with the factors as text; no combination may have a seed twice."""
     rows = rows.assign(**{key: rows[key].astype(str) for key in FACTORS})
     repeated = rows[rows.duplicated([*FACTORS, "seed"])]
     if len(repeated):

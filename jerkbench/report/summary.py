@@ -1,18 +1,19 @@
 """Rows of runs -> one table."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.arrays import FloatArray
 from jerkbench.evaluation.statistics.intervals import mean_intervals
-from jerkbench.report.comparison import Combination, Comparison, compare_to, family_note
-from jerkbench.report.factors import FACTORS, constants, layout
+from jerkbench.report.comparison import Comparison, compare_to, family_note
+from jerkbench.report.factors import FACTORS, constants
 from jerkbench.report.footnotes import footnotes
+from jerkbench.report.grid import Grid, Values, arranged
 from jerkbench.report.quantities import quantity
-from jerkbench.report.rows import checked, metric_columns
+from jerkbench.report.rows import metric_columns, with_metric
 from jerkbench.report.table import Cell, Ratio, Table, number
 
 if TYPE_CHECKING:
@@ -48,30 +49,19 @@ def summarise(
     Raises:
         JerkbenchError: no such metric or factor, or two rows of the same combination and seed.
     """
-    rows = checked(rows, metric)
-    across, down = layout(rows, row_keys, column_keys)
-    cells = _cells(rows, metric, [*across, *down])
-    comparisons = compare_to(rows, metric, baseline) if baseline else []
-    cells = _with_ratios(cells, comparisons, (*across, *down))
-    row_values = _unique(rows, across)
-    column_values = _unique(rows, down)
-    what = quantity(metric)
-    grid = [[cells.get((*row, *column)) for column in column_values] for row in row_values]
-    if what.lowest_is_best:
-        grid = [_with_best(row) for row in grid]
-    table = Table(
-        title=what.heading,
-        metric=metric,
-        unit=what.unit,
-        row_keys=across,
-        column_keys=down,
-        rows=row_values,
-        columns=column_values,
-        cells=tuple(tuple(row) for row in grid),
-        constants=constants(rows, (*across, *down)),
-        baseline=tuple((baseline or {}).items()),
-    )
-    return dataclasses.replace(table, footnotes=footnotes(table, rows, notes, family_note(comparisons)))
+    rows = with_metric(rows, metric)
+    return _table(arranged(rows, row_keys, column_keys), metric, notes, baseline or {})
+
+
+def summarise_each(
+    rows: "pd.DataFrame",
+    metrics: Iterable[str],
+    row_keys: Sequence[str] | None = None,
+    column_keys: Sequence[str] | None = None,
+) -> dict[str, Table]:
+    """Return the tables of several metrics: `summarise` of each, with what they share done once."""
+    grid = arranged(rows, row_keys, column_keys)
+    return {metric: _table(grid, metric, (), {}) for metric in metrics}
 
 
 def main_metric(rows: "pd.DataFrame") -> str:
@@ -80,32 +70,45 @@ def main_metric(rows: "pd.DataFrame") -> str:
     return next(iter([*(metric for metric in LEADING if metric in valued), *valued]), MAIN)
 
 
-def _unique(rows: "pd.DataFrame", keys: tuple[str, ...]) -> tuple[tuple[str, ...], ...]:
-    """Return the combinations of ``keys`` in the order in which they appear."""
-    if not keys:
-        return ((),)
-    return tuple(rows[list(keys)].drop_duplicates().itertuples(index=False, name=None))
+def _table(grid: Grid, metric: str, notes: Sequence[str], baseline: Mapping[str, str]) -> Table:
+    comparisons = compare_to(grid.rows, metric, baseline) if baseline else []
+    cells = _with_ratios(_cells(grid, metric), comparisons, (*grid.across, *grid.down))
+    lines = [[cells.get((*row, *column)) for column in grid.column_values] for row in grid.row_values]
+    what = quantity(metric)
+    if what.lowest_is_best:
+        lines = [_with_best(line) for line in lines]
+    table = Table(
+        title=what.heading,
+        metric=metric,
+        unit=what.unit,
+        row_keys=grid.across,
+        column_keys=grid.down,
+        rows=grid.row_values,
+        columns=grid.column_values,
+        cells=tuple(tuple(line) for line in lines),
+        constants=constants(grid.rows, (*grid.across, *grid.down)),
+        baseline=tuple(baseline.items()),
+    )
+    return dataclasses.replace(table, footnotes=footnotes(table, grid.rows, notes, family_note(comparisons)))
 
 
-def _cells(rows: "pd.DataFrame", metric: str, keys: list[str]) -> dict[tuple[str, ...], Cell]:
-    status, replicate = (rows[name].to_numpy(dtype=str) for name in ("status", "replicate"))
-    values = rows[metric].to_numpy(dtype=float)
-    groups = _groups(rows, keys)
-    phases = [bool((replicate[group] == "phase").any()) for group in groups.values()]
-    good = [values[group[status[group] == "ok"]] for group in groups.values()]
+def _cells(grid: Grid, metric: str) -> dict[Values, Cell]:
+    values = grid.rows[metric].to_numpy(dtype=float)
+    phases = [bool(grid.phase[runs].any()) for runs in grid.runs.values()]
+    good = [values[runs[grid.status[runs] == "ok"]] for runs in grid.runs.values()]
     intervals = mean_intervals([[] if phase else one for one, phase in zip(good, phases, strict=True)])
     cells = {}
-    for (key, group), one, phase, interval in zip(groups.items(), good, phases, intervals, strict=True):
+    for (key, runs), one, phase, interval in zip(grid.runs.items(), good, phases, intervals, strict=True):
         ends = _range(one) if phase else (interval.mean, interval.low, interval.high)
-        diverged, failed = (int((status[group] == name).sum()) for name in ("diverged", "failed"))
+        diverged, failed = (int((grid.status[runs] == name).sum()) for name in ("diverged", "failed"))
         missing = int(np.isnan(one).sum())
-        cells[key] = Cell(*ends, len(group), diverged, failed, missing, "phase" if phase else "seed")
+        cells[key] = Cell(*ends, len(runs), diverged, failed, missing, "phase" if phase else "seed")
     return cells
 
 
 def _with_ratios(
-    cells: dict[Combination, Cell], comparisons: Sequence[Comparison], keys: tuple[str, ...]
-) -> dict[Combination, Cell]:
+    cells: dict[Values, Cell], comparisons: Sequence[Comparison], keys: tuple[str, ...]
+) -> dict[Values, Cell]:
     """Put each comparison into the cell of its subject."""
     compared = dict(cells)
     for one in comparisons:
@@ -114,14 +117,6 @@ def _with_ratios(
         ratio = Ratio(paired.ratio, paired.low, paired.high, one.p, one.shown)
         compared[place] = dataclasses.replace(compared[place], ratio=ratio)
     return compared
-
-
-def _groups(rows: "pd.DataFrame", keys: list[str]) -> dict[tuple[str, ...], IntArray]:
-    """Return the row numbers of each combination of ``keys``."""
-    groups: dict[tuple[str, ...], list[int]] = {}
-    for number_of_row, key in enumerate(rows[keys].itertuples(index=False, name=None)):
-        groups.setdefault(key, []).append(number_of_row)
-    return {key: np.array(group) for key, group in groups.items()}
 
 
 def _range(values: FloatArray) -> tuple[float, float, float]:

@@ -10,7 +10,7 @@ from jerkbench.files import write_text
 from jerkbench.report.latex import latex
 from jerkbench.report.markdown import markdown
 from jerkbench.report.rows import metric_columns
-from jerkbench.report.summary import main_metric, summarise
+from jerkbench.report.summary import main_metric, summarise, summarise_each
 from jerkbench.report.table import Cell, Table
 from jerkbench.report.tidy import tidy_csv
 
@@ -50,9 +50,9 @@ def write_tables(rows: "pd.DataFrame", folder: Path, notes: Sequence[str] = ()) 
         notes: sentences that go under the first table.
     """
     first = main_metric(rows)
-    metrics = dict.fromkeys([first, *metric_columns(rows)])
-    tables = {metric: summarise(rows, metric, notes=notes if metric == first else ()) for metric in metrics}
-    main = tables.pop(first)
+    tables = summarise_each(rows, metric_columns(rows))
+    tables.pop(first, None)
+    main = summarise(rows, first, notes=notes)
     others = [tables[metric] for metric in SECTIONS if metric in tables and _applies(tables[metric])]
     sections = [markdown(main, level=1), *(markdown(_news(table, main)) for table in others)]
     write_text(folder / "table.md", "\n".join(sections))

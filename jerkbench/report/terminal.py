@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from jerkbench.report.factors import FACTORS
 from jerkbench.report.quantities import quantity
 from jerkbench.report.rows import metric_columns
-from jerkbench.report.summary import main_metric, summarise
+from jerkbench.report.summary import main_metric, summarise, summarise_each
 from jerkbench.report.table import ABSENT, Cell, Table
 
 if TYPE_CHECKING:
@@ -33,8 +33,9 @@ def print_run(rows: "pd.DataFrame") -> None:
     grid = _grid()
     grid.add_column("metric")
     grid.add_column(f"{len(rows)} {'run' if len(rows) == 1 else 'runs'}")
-    for metric in metric_columns(rows):
-        ((cell,),) = summarise(rows, metric, row_keys=FACTORS[:-1], column_keys=FACTORS[-1:]).cells
+    tables = summarise_each(rows, metric_columns(rows), row_keys=FACTORS[:-1], column_keys=FACTORS[-1:])
+    for metric, table in tables.items():
+        ((cell,),) = table.cells
         if cell is not None and cell.number != "n/a":
             grid.add_row(Text(quantity(metric).heading), _text(cell))
     _print(_group(", ".join(f"{key} {rows[key].iloc[0]}" for key in FACTORS), grid, _complaints(rows)))

@@ -6,10 +6,11 @@ from statistics import NormalDist
 
 import numpy as np
 import pytest
+from scipy.stats import bootstrap, ttest_1samp
 from scipy.stats import t as student
-from scipy.stats import ttest_1samp
 
 from jerkbench.evaluation.statistics import intervals
+from jerkbench.evaluation.statistics.bca import bca_ends
 from jerkbench.evaluation.statistics.intervals import Interval, mean_interval, mean_intervals
 
 
@@ -40,6 +41,31 @@ def test_it_is_the_bca_interval(confidence, monkeypatch):
     assert interval.mean == pytest.approx(values.mean())
     assert interval.low == pytest.approx(low, abs=0.03 * (high - low))
     assert interval.high == pytest.approx(high, abs=0.03 * (high - low))
+
+
+@pytest.mark.parametrize(
+    "n", [2, 3, 20, 61]
+)  # of 5 values every 26th resample is a tie, which scipy leaves to rounding
+def test_of_the_same_resamples_scipy_has_the_same_ends(n):
+    values = np.random.default_rng(8).lognormal(sigma=0.5, size=(7, n))
+    values = (values - values.mean(axis=1, keepdims=True)) / np.ptp(values, axis=1, keepdims=True)
+    rng = np.random.default_rng(9)
+    wanted = bootstrap(
+        (values,), np.mean, axis=-1, n_resamples=999, confidence_level=0.9, method="BCa", rng=rng
+    ).confidence_interval
+
+    low, high = bca_ends(values, 0.9, 999, seed=9)
+    np.testing.assert_allclose(low, wanted.low, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(high, wanted.high, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("n", [4, 5, 6])
+def test_it_moves_and_stretches_with_the_values(n):
+    """So a resample that holds each value once counts as equal to the mean, whatever rounding makes of its sum."""
+    rng = np.random.default_rng(10)
+    for values in rng.lognormal(sigma=0.3, size=(40, n)):
+        here, there = mean_interval(values), mean_interval(3.0 * values + 0.7)
+        assert (there.low, there.high) == pytest.approx((3.0 * here.low + 0.7, 3.0 * here.high + 0.7), rel=1e-9)
 
 
 @pytest.mark.parametrize("n", [10, 20])
