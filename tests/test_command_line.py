@@ -230,24 +230,38 @@ main(sys.argv[1:])
 """
 
 
-LISTING = """
+LOADING = """
 import sys
 from jerkbench.cli import main
 
 try:
-    main(["list"])
-except SystemExit:
+    main(sys.argv[1:])
+finally:
     print(*sys.modules)
 """
 
 
-def test_what_only_lists_does_not_wait_for_numba():
-    """Nor for what else takes long to import: half of a second for each look is too long."""
-    done = subprocess.run([sys.executable, "-c", LISTING], capture_output=True, text=True, check=True, timeout=60)
-    *listed, modules = done.stdout.splitlines()
+def loaded_by(*words, cwd):
+    """What a command prints, and the modules that it has loaded."""
+    words = [sys.executable, "-c", LOADING, *words]
+    done = subprocess.run(words, cwd=cwd, env=environment(), capture_output=True, text=True, check=True, timeout=300)
+    *lines, modules = done.stdout.splitlines()
+    return lines, set(modules.split())
 
-    assert any("maximum_correntropy" in line for line in listed)
-    assert {"numba", "filterpy", "matplotlib", "rosbags"}.isdisjoint(modules.split())
+
+def test_what_only_lists_does_not_wait_for_numba(tmp_path):
+    """Nor for what else takes long to import: half of a second for each look is too long."""
+    lines, modules = loaded_by("list", cwd=tmp_path)
+
+    assert any("maximum_correntropy" in line for line in lines)
+    assert modules.isdisjoint({"numba", "filterpy", "matplotlib", "rosbags"})
+
+
+def test_a_run_does_not_wait_for_what_it_does_not_use(tmp_path):
+    lines, modules = loaded_by("run", "seeds=2", "figures=false", "dataset.duration_s=20", cwd=tmp_path)
+
+    assert any("Position RMSE" in line for line in lines)
+    assert modules.isdisjoint({"filterpy", "matplotlib", "rosbags", "scipy.stats", "scipy.interpolate"})
 
 
 def test_an_interrupted_sweep_ends_with_its_table_and_goes_on(tmp_path):

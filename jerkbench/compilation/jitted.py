@@ -35,9 +35,12 @@ class _Jit:
     def __init__(self, home: str, constants: dict[str, object], kernel: bool, apart: tuple[str, ...]) -> None:
         from numba import njit
 
+        from jerkbench.compilation.inner import InnerCompiler
+
         options: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"} if kernel else False, "nogil": True}
         options["_nrt"] = not kernel
         options["no_cpython_wrapper"] = options["no_cfunc_wrapper"] = True  # nobody calls them from outside
+        options["pipeline_class"] = InnerCompiler
         self.decorate, self.decorate_inlined = njit(**options), njit(**options, forceinline=True)
         self.home, self.constants, self.kernel, self.apart = home, constants, kernel, apart
         self.done: dict[int, Any] = {}
