@@ -54,10 +54,13 @@ def inflated(
 
     ``memory`` has the length `inflation_memory`.
     """
-    adapted = R.copy()
+    any_triggered = triggered[0] or triggered[1]
+    if window == 1 and guard == 0 and not any_triggered:
+        return R  # nothing to remember, nothing to change: two updates of three
+    adapted = R.copy() if any_triggered else R
     for i, row in enumerate(rows):
         excess = windowed_mean(memory, window, row, innovation[i] ** 2) - HPHt[i, i] - R[i, i]
-        hit = triggered[row // 3] and excess > 0.0
+        hit = (triggered[0] if row < 3 else triggered[1]) and excess > 0.0
         if guard > 0:
             hits = 6 * (window + 1) + row
             memory[hits] = memory[hits] + 1.0 if hit else 0.0

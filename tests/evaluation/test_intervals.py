@@ -43,9 +43,7 @@ def test_it_is_the_bca_interval(confidence, monkeypatch):
     assert interval.high == pytest.approx(high, abs=0.03 * (high - low))
 
 
-@pytest.mark.parametrize(
-    "n", [2, 3, 20, 61]
-)  # of 5 values every 26th resample is a tie, which scipy leaves to rounding
+@pytest.mark.parametrize("n", [2, 20, 61])  # of 5 values every 26th resample is a tie, which scipy leaves to rounding
 def test_of_the_same_resamples_scipy_has_the_same_ends(n):
     values = np.random.default_rng(8).lognormal(sigma=0.5, size=(7, n))
     values = (values - values.mean(axis=1, keepdims=True)) / np.ptp(values, axis=1, keepdims=True)
