@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, cast
 
@@ -104,13 +104,16 @@ class PluginNode(ConfigNode):
 
     @cached_property
     def node(self) -> DictConfig:  # type: ignore[override]  # an attribute, but for when it is made
-        """The schema."""
-        schema = OmegaConf.structured(plugins.schema(self.kind, self.plugin))
-        if self.attitude:
-            schema = OmegaConf.create(
-                {"defaults": ["_self_", {"override /attitude": self.attitude}], self.kind: schema}
-            )
-        return cast("DictConfig", schema)
+        """The schema; ConfigStore reads it from a copy of this."""
+        return _schema(self.kind, self.plugin, self.attitude)
+
+
+@cache
+def _schema(kind: str, plugin: str, attitude: str | None) -> DictConfig:
+    schema = OmegaConf.structured(plugins.schema(kind, plugin))
+    if attitude:
+        schema = OmegaConf.create({"defaults": ["_self_", {"override /attitude": attitude}], kind: schema})
+    return cast("DictConfig", schema)
 
 
 def labels_of(spec: dict[str, Any], choices: Mapping[str, Any], overrides: list[str]) -> Labels:

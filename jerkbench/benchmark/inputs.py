@@ -1,13 +1,18 @@
 """What every filter of a sweep shares: the recording, its attitude, its timeline; made once for each process."""
 
+import hashlib
 from collections.abc import Hashable, Mapping
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import cast
 
+import numpy as np
+
+from jerkbench.arrays import BoolArray
 from jerkbench.benchmark.simulated import simulated
 from jerkbench.contracts import AttitudeFilter, Dataset, Disturbance, Metric
-from jerkbench.estimate import Attitude
-from jerkbench.evaluation.streaming import Scored, scored
+from jerkbench.estimate import Attitude, Estimate
+from jerkbench.evaluation.streaming import Scored, outlined, scored
 from jerkbench.recording import Recording
 from jerkbench.timeline.timeline import Timeline, build_timeline
 
@@ -51,4 +56,28 @@ def scored_of(recording: Recording, timeline: Timeline, burn_in_s: float) -> Sco
 @lru_cache(maxsize=8 * KEPT)
 def attitude_columns(metric: Hashable, scored: Scored, recording: Recording) -> Mapping[str, float]:
     """What a metric that reads the attitude alone says: the same for every filter."""
-    return cast("Metric", metric).evaluate(scored.outline, recording, scored.counted)
+    return evaluated(cast("Metric", metric), scored.outline, recording, scored.counted)
+
+
+def evaluated(metric: Metric, estimate: Estimate, recording: Recording, counted: BoolArray) -> Mapping[str, float]:
+    """What a metric says; one that reads the attitude alone is asked once for each attitude, whoever has it."""
+    if getattr(metric, "reads", "") != "attitude":
+        return metric.evaluate(estimate, recording, counted)
+    parts = (estimate.index, estimate.euler_rad, counted)
+    content = hashlib.blake2b(b"".join(np.ascontiguousarray(part).tobytes() for part in parts)).digest()
+    seen = outlined(estimate.index, estimate.euler_rad)
+    return _of_attitude(cast("Hashable", metric), recording, _Seen(content, seen, counted))
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """An attitude, and which rows count; two of the same content are the same."""
+
+    content: bytes
+    estimate: Estimate = field(compare=False)
+    counted: BoolArray = field(compare=False)
+
+
+@lru_cache(maxsize=2 * KEPT)
+def _of_attitude(metric: Hashable, recording: Recording, seen: _Seen) -> Mapping[str, float]:
+    return cast("Metric", metric).evaluate(seen.estimate, recording, seen.counted)

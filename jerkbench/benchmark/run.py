@@ -2,11 +2,11 @@
 
 import traceback
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 from jerkbench.benchmark import inputs
 from jerkbench.benchmark.cell import Cell
-from jerkbench.benchmark.streaming import streamed_values, streams
+from jerkbench.benchmark.streaming import Found, streamed_values, streams
 from jerkbench.contracts import Estimator
 from jerkbench.errors import JerkbenchError
 from jerkbench.estimate import Estimate
@@ -29,7 +29,7 @@ def run_cell(cell: Cell, fingerprint: str, draws: Sequence[int] = (), threads: i
     """
     rows, notes = [], {}
     for result in _results(cell, fingerprint, draws or cell.draws, threads):
-        row, said = result if isinstance(result, tuple) else _guarded_row(cell, result, fingerprint)
+        row, said = _guarded_row(cell, result, fingerprint) if isinstance(result, Alone) else result
         rows.append(row)
         notes.update(dict.fromkeys(said))
     return rows, list(notes)
@@ -39,28 +39,44 @@ def run_open(cell: Cell, fingerprint: str, draws: Sequence[int] = (), threads: i
     """The same, but what is wrong with the input or a plugin is raised."""
     rows, notes = [], {}
     for result in _results(cell, fingerprint, draws or cell.draws, threads):
-        row, said = result if isinstance(result, tuple) else _row(cell, result, fingerprint)
+        row, said = _row(cell, result, fingerprint) if isinstance(result, Alone) else result
         rows.append(row)
         notes.update(dict.fromkeys(said))
     return rows, list(notes)
 
 
-def _results(cell: Cell, fingerprint: str, draws: Sequence[int], threads: int) -> Iterator[tuple[Row, list[str]] | int]:
-    """Row and notes of each draw that can go side by side with others; of another one, the draw itself."""
+class Alone(NamedTuple):
+    """A seed that has to be run alone: for its trajectory, or because something is the matter with it.
+
+    Attributes:
+        draw: which.
+        values: its metrics, where they are known.
+    """
+
+    draw: int
+    values: Mapping[str, float] | None = None
+
+
+def _results(
+    cell: Cell, fingerprint: str, draws: Sequence[int], threads: int
+) -> Iterator[tuple[Row, list[str]] | Alone]:
+    """Row and notes of each draw that can go side by side with others; of another one, what to do alone."""
     for begin in range(0, len(draws), inputs.KEPT):
         some = draws[begin : begin + inputs.KEPT]
         done = streamed_values(cell, some, fingerprint, threads) if streams(cell) else {}
         for draw in some:
-            yield _streamed_row(cell, draw, *done[draw]) if draw in done else draw
+            yield _streamed_row(cell, draw, done[draw]) if draw in done else Alone(draw)
 
 
-def _streamed_row(cell: Cell, draw: int, recording: Recording, values: Mapping[str, float]) -> tuple[Row, list[str]]:
-    return {**_head(cell, draw), "status": "ok", "reason": "", **values}, notes_of(cell, recording)
+def _streamed_row(cell: Cell, draw: int, found: Found) -> tuple[Row, list[str]] | Alone:
+    if found.far:
+        return Alone(draw, found.values)
+    return {**_head(cell, draw), "status": "ok", "reason": "", **found.values}, notes_of(cell, found.recording)
 
 
-def _row(cell: Cell, draw: int, fingerprint: str) -> tuple[Row, list[str]]:
-    recording, estimate = run_once(cell, draw, fingerprint)
-    return score(cell, draw, recording, estimate), notes_of(cell, recording)
+def _row(cell: Cell, one: Alone, fingerprint: str) -> tuple[Row, list[str]]:
+    recording, estimate = run_once(cell, one.draw, fingerprint)
+    return score(cell, one, recording, estimate), notes_of(cell, recording)
 
 
 def run_once(cell: Cell, draw: int, fingerprint: str) -> tuple[Recording, Estimate]:
@@ -73,11 +89,13 @@ def run_once(cell: Cell, draw: int, fingerprint: str) -> tuple[Recording, Estima
     return recording, cell.engine.run(timeline, cell.filter, cell.adaptation)
 
 
-def score(cell: Cell, draw: int, recording: Recording, estimate: Estimate) -> Row:
+def score(cell: Cell, one: Alone, recording: Recording, estimate: Estimate) -> Row:
     """Return the row of one run."""
-    status, reason = run_status(estimate, recording, cell.protocol.divergence_limit_m)
-    values = evaluate_run(estimate, recording, cell.protocol.burn_in_s, cell.metrics)
-    return {**_head(cell, draw), "status": status, "reason": reason, **values}
+    protocol, values = cell.protocol, one.values
+    status, reason = run_status(estimate, recording, protocol.divergence_limit_m)
+    if values is None or estimate.failure:  # one that stops has the values up to there
+        values = evaluate_run(estimate, recording, protocol.burn_in_s, cell.metrics, inputs.evaluated)
+    return {**_head(cell, one.draw), "status": status, "reason": reason, **values}
 
 
 def failed_rows(cell: Cell, draws: Sequence[int], reason: str) -> list[Row]:
@@ -95,14 +113,14 @@ def notes_of(cell: Cell, recording: Recording) -> list[str]:
     return [source, *(f"{name}: {note}" for note in recording.notes)]
 
 
-def _guarded_row(cell: Cell, draw: int, fingerprint: str) -> tuple[Row, list[str]]:
+def _guarded_row(cell: Cell, one: Alone, fingerprint: str) -> tuple[Row, list[str]]:
     try:
-        return _row(cell, draw, fingerprint)
+        return _row(cell, one, fingerprint)
     except JerkbenchError as error:
-        return _failed(cell, draw, str(error)), []
+        return _failed(cell, one.draw, str(error)), []
     except Exception as error:  # noqa: BLE001 - whatever a plugin raises becomes a row that says so
         at = traceback.extract_tb(error.__traceback__)[-1]
-        return _failed(cell, draw, f"{type(error).__name__}: {error} ({at.name}, line {at.lineno})"), []
+        return _failed(cell, one.draw, f"{type(error).__name__}: {error} ({at.name}, line {at.lineno})"), []
 
 
 def _failed(cell: Cell, draw: int, reason: str) -> Row:

@@ -22,18 +22,30 @@ class Prepared(NamedTuple):
     scored: Scored
 
 
+class Found(NamedTuple):
+    """What became of a seed.
+
+    Attributes:
+        recording: what the filter saw.
+        values: the metrics by column.
+        far: whether the position went beyond the limit; where and when, a trajectory says.
+    """
+
+    recording: Recording
+    values: Mapping[str, float]
+    far: bool
+
+
 def streams(cell: Cell) -> bool:
     """Whether the runs of ``cell`` need no trajectories, and its engine can do without."""
     kinematic = not isinstance(cell.filter, Estimator)
     return kinematic and hasattr(cell.engine, "run_many") and all(map(can_stream, cell.metrics))
 
 
-def streamed_values(
-    cell: Cell, draws: Sequence[int], fingerprint: str, threads: int
-) -> dict[int, tuple[Recording, Mapping[str, float]]]:
-    """Run ``draws`` side by side; returns the recording and the metrics of those that went well.
+def streamed_values(cell: Cell, draws: Sequence[int], fingerprint: str, threads: int) -> dict[int, Found]:
+    """Run ``draws`` side by side; returns what became of those that came to their end.
 
-    The others (diverged, not to be scored without a trajectory, or with something wrong) are for the run alone: it says
+    The others (stopped, not to be scored without a trajectory, or with something wrong) are for the run alone: it says
     what is the matter.
     """
     prepared = {draw: one for draw in draws if (one := _prepared(cell, draw, fingerprint)) is not None}
@@ -46,9 +58,9 @@ def streamed_values(
         return {}
     limit_m2 = cell.protocol.divergence_limit_m**2
     return {
-        draw: (one.recording, _values(cell, one, result))
+        draw: Found(one.recording, _values(cell, one, result), result.farthest_m2 > limit_m2)
         for (draw, one), result in zip(prepared.items(), results, strict=True)
-        if result is not None and result.farthest_m2 <= limit_m2
+        if result is not None
     }
 
 

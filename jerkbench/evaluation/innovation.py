@@ -7,7 +7,7 @@ import numpy as np
 
 from jerkbench.arrays import BoolArray
 from jerkbench.estimate import Estimate
-from jerkbench.evaluation.statistics.whiteness import whiteness
+from jerkbench.evaluation.statistics.whiteness import whiteness_of_rows
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 
@@ -32,7 +32,7 @@ class Innovation:
         """Return the two values by column name."""
         start_s = np.min(recording.reference.t_s[estimate.index][counted], initial=np.inf)
         late = estimate.updates.innovation[estimate.updates.t_s >= start_s]
-        tests = [one for one in map(whiteness, late.T) if not np.isnan(one.first)]
+        tests = [one for one in whiteness_of_rows(late) if not np.isnan(one.first)]
         return {
             "innovation_correlation": float(np.mean([one.first for one in tests])) if tests else np.nan,
             "innovation_white_percent": 100 * float(np.mean([one.white for one in tests])) if tests else np.nan,

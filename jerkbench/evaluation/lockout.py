@@ -38,12 +38,12 @@ class Lockout:
         updates = estimate.updates
         used, reported = _variances(updates, recording)
         start_s = np.min(recording.reference.t_s[estimate.index][counted], initial=np.inf)
-        rows = (updates.t_s >= start_s) & np.isfinite(reported).any(axis=1) & ~np.isnan(used).all(axis=1)
+        rows = (updates.t_s >= start_s) & np.isfinite(reported).any(axis=0) & ~np.isnan(used).all(axis=0)
         if not rows.any():
             return dict.fromkeys(("inflated_percent", "rejected_percent", "lockout_s"), np.nan)
-        used, reported = used[rows], reported[rows]
-        inflated = np.asarray((used > INFLATED * reported).any(axis=1))
-        rejected = (np.isinf(used) | np.isnan(used)).all(axis=1)
+        used, reported = used[:, rows], reported[:, rows]
+        inflated = np.asarray((used > INFLATED * reported).any(axis=0))
+        rejected = (~np.isfinite(used)).all(axis=0)
         return {
             "inflated_percent": 100 * float(inflated.mean()),
             "rejected_percent": 100 * float(rejected.mean()),
@@ -59,14 +59,14 @@ def longest_streak_s(flags: BoolArray, t_s: FloatArray) -> float:
 
 
 def _variances(updates: Updates, recording: Recording) -> tuple[FloatArray, FloatArray]:
-    """Return (m, 3) the variances used and reported of the position in each update; NaN where it had none."""
-    used = updates.R_diagonal[:, :3]
+    """Return (3, m) the variances used and reported of the position in each update; NaN where it had none."""
+    used = np.ascontiguousarray(updates.R_diagonal[:, :3].T)  # over short rows NumPy is slow
     reported = np.full_like(used, np.nan)
     position = recording.position
-    if position is None or len(position.t_s) == 0 or len(used) == 0:
+    if position is None or len(position.t_s) == 0 or used.size == 0:
         return used, reported
     nearest = np.clip(np.searchsorted(position.t_s, updates.t_s - 1e-9), 0, len(position.t_s) - 1)
     same = np.abs(position.t_s[nearest] - updates.t_s) < 1e-6
-    variances = np.diagonal(position.covariance_m2[nearest[same]], axis1=1, axis2=2)
-    reported[same] = np.maximum(variances, FLOOR)
+    variances = np.diagonal(position.covariance_m2, axis1=1, axis2=2)[nearest[same]]
+    reported[:, same] = np.maximum(variances.T, FLOOR)
     return used, reported

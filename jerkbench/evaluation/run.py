@@ -1,6 +1,6 @@
 """From one run to its row: which rows count, what the metrics say, and whether the run went well."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -8,9 +8,17 @@ from jerkbench.arrays import BoolArray
 from jerkbench.contracts import Metric
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.estimate import Estimate
-from jerkbench.evaluation.navigation_errors import known, position_error_m
+from jerkbench.evaluation.navigation_errors import position_error_m
+from jerkbench.evaluation.rows import known_axes
 from jerkbench.evaluation.sums import sums_of
 from jerkbench.recording import Recording
+
+Evaluate = Callable[[Metric, Estimate, Recording, BoolArray], Mapping[str, float]]
+
+
+def evaluated(metric: Metric, estimate: Estimate, recording: Recording, counted: BoolArray) -> Mapping[str, float]:
+    """Return what ``metric`` says, in the units of its columns' names."""
+    return metric.evaluate(estimate, recording, counted)
 
 
 def counted_rows(estimate: Estimate, recording: Recording, burn_in_s: float) -> BoolArray:
@@ -22,16 +30,27 @@ def counted_rows(estimate: Estimate, recording: Recording, burn_in_s: float) -> 
     """
     reference = recording.reference
     truths = (reference.enu_m, reference.velocity_mps, reference.euler_rad)
-    something = [known(truth, estimate, (axis,)) for truth in truths for axis in range(3)]
+    something = [known_axes(truth, estimate.index).any(axis=1) for truth in truths]
     late = reference.t_s[estimate.index] >= burn_in_s
     rows: BoolArray = reference.scored[estimate.index] & late & (reference.empty | np.any(something, axis=0))
     return rows
 
 
 def evaluate_run(
-    estimate: Estimate, recording: Recording, burn_in_s: float, metrics: Sequence[Metric]
+    estimate: Estimate,
+    recording: Recording,
+    burn_in_s: float,
+    metrics: Sequence[Metric],
+    evaluate: Evaluate = evaluated,
 ) -> dict[str, float]:
     """Return the values of all metrics by column name; of a run that stopped before a row counted, they are NaN.
+
+    Args:
+        estimate: what the filter made of the recording.
+        recording: with the reference.
+        burn_in_s: errors count from then on [s].
+        metrics: which.
+        evaluate: asks a metric that needs more than sums; a caller may know some answers already.
 
     Raises:
         RecordingError: no row counts, though the run did not stop early.
@@ -42,7 +61,7 @@ def evaluate_run(
         raise RecordingError(_nothing_counts(recording, burn_in_s))
     sums = sums_of(estimate, recording, counted) if any(map(can_summarise, metrics)) else None
     return gathered(
-        (metric, metric.summarise(sums) if can_summarise(metric) else metric.evaluate(estimate, recording, counted))  # type: ignore[attr-defined]  # it was asked
+        (metric, metric.summarise(sums) if can_summarise(metric) else evaluate(metric, estimate, recording, counted))  # type: ignore[attr-defined]  # it was asked
         for metric in metrics
     )
 

@@ -1,10 +1,12 @@
 """Scoring a run that keeps no trajectory: which of its rows count, and its sums."""
 
 from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
-from jerkbench.arrays import BoolArray, FloatArray
+from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.contracts import Metric
 from jerkbench.estimate import Estimate, Updates
 from jerkbench.evaluation.rows import POSITION_AXES, VELOCITY_AXES, Rows, counting, known_axes
@@ -31,6 +33,23 @@ class Scored:
     counted: BoolArray
     outline: Estimate
 
+    @cached_property
+    def numbers(self) -> "Numbers":
+        """How many rows count for what: the same for every run."""
+        rows = self.rows
+        position, velocity = (of.sum(axis=1).astype(np.float64) for of in (rows.position, rows.velocity))
+        return Numbers(position, velocity, *(float(of.sum()) for of in (rows.whole, rows.both, rows.outage)))
+
+
+class Numbers(NamedTuple):
+    """Numbers of rows, as in `jerkbench.evaluation.rows.Rows`."""
+
+    position: FloatArray
+    velocity: FloatArray
+    whole: float
+    both: float
+    outage: float
+
 
 def can_stream(metric: Metric) -> bool:
     """Whether the metric needs no trajectory."""
@@ -55,31 +74,36 @@ def scored(recording: Recording, timeline: Timeline, burn_in_s: float) -> Scored
 def outline_of(timeline: Timeline) -> Estimate:
     """Return an estimate without position, velocity and covariance (NaN)."""
     index = timeline.reference[timeline.reference >= 0]
+    return outlined(index, timeline.euler_rad[index])
+
+
+def outlined(index: IntArray, euler_rad: FloatArray) -> Estimate:
+    """Return the same for rows ``index`` (k,) of the reference, with the attitude (k, 3) there."""
     nothing = np.broadcast_to(np.nan, (len(index), 6, 6))
-    return Estimate(index, nothing[:, 0, :3], nothing[:, 0, :3], nothing, timeline.euler_rad[index])
+    return Estimate(index, nothing[:, 0, :3], nothing[:, 0, :3], nothing, euler_rad)
 
 
 def sums_from(streamed: Streamed, scored: Scored, recording: Recording) -> Sums:
     """Return the sums of a run."""
-    rows = scored.rows
+    rows, numbers = scored.rows, scored.numbers
     pairs = streamed.marked_m.reshape(-1, 2, 3)
     return Sums(
         position_m2=_over_axes(streamed.position_m2, POSITION_AXES),
-        position_rows=rows.position.sum(axis=1).astype(np.float64),
+        position_rows=numbers.position,
         position_max_m=float(np.sqrt(streamed.largest_m2)),
         whole_m2=streamed.whole_m2,
-        whole_rows=float(rows.whole.sum()),
+        whole_rows=numbers.whole,
         velocity_m2ps2=_over_axes(streamed.velocity_m2ps2, VELOCITY_AXES),
-        velocity_rows=rows.velocity.sum(axis=1).astype(np.float64),
+        velocity_rows=numbers.velocity,
         nees=streamed.nees,
-        nees_rows=float(rows.both.sum()),
+        nees_rows=numbers.both,
         nees_position=streamed.nees_position,
         nis_per_row=streamed.nis_per_row,
         nis_updates=streamed.nis_updates,
         nis_used_per_row=streamed.nis_used_per_row,
         nis_used_updates=streamed.nis_used_updates,
         outage_m2=streamed.outage_m2,
-        outage_rows=float(rows.outage.sum()),
+        outage_rows=numbers.outage,
         outage_ends_m=np.sqrt((pairs[:, 1] ** 2).sum(axis=1)),
         outage_driven_m=rows.outages_driven_m,
         outage_drifts_mps=drifts_mps(pairs, rows.outages_s),

@@ -10,8 +10,8 @@ from jerkbench.evaluation.navigation_errors import position_error_m, velocity_er
 from jerkbench.evaluation.rows import POSITION_AXES, VELOCITY_AXES, Rows, counting
 from jerkbench.recording import Recording
 
-BLOCK = 512
-"""Rows whose covariances are taken together: they fit into the processor's cache."""
+BLOCK = 2048
+"""Rows whose covariances are taken together: they fit into a processor's second cache."""
 
 
 class Sums(NamedTuple):

@@ -46,15 +46,14 @@ def _after_updates(timeline: Timeline) -> tuple[FloatArray, FloatArray, FloatArr
         The rows (m, 6), their covariance (m, 6, 6) and the times of the positions (m, 3).
     """
     steps = np.flatnonzero(timeline.update >= 0)
-    last, R = np.tile(timeline.x0, (len(steps) + 1, 1)), np.tile(timeline.P0, (len(steps) + 1, 1, 1))
-    since_s = np.full((len(steps) + 1, 3), timeline.t_s[0])
-    for k, step in enumerate(steps, start=1):
-        z, reported = timeline.measurements.z[timeline.update[step]], timeline.measurements.R[timeline.update[step]]
-        there = np.isfinite(z)
-        last[k], since_s[k] = np.where(there, z, last[k - 1]), np.where(there[:3], timeline.t_s[step], since_s[k - 1])
-        R[k] = np.where(np.logical_and.outer(there, there), reported, 0.0)
-        R[k] += np.where(np.logical_or.outer(there, there), 0.0, R[k - 1])
-    return last, R, since_s
+    measured, axes = timeline.update[steps], np.arange(6)
+    z = np.concatenate([timeline.x0[None], timeline.measurements.z[measured]])
+    R = np.concatenate([timeline.P0[None], timeline.measurements.R[measured]])
+    latest = np.maximum.accumulate(np.where(np.isfinite(z), np.arange(len(z))[:, None], 0))  # of each axis
+    i, j = latest[:, :, None], latest[:, None, :]  # axes that were measured apart are not correlated
+    together = np.where(i == j, R[i, axes[:, None], axes], 0.0)
+    since_s = np.concatenate([timeline.t_s[:1], timeline.t_s[steps]])[latest[:, :3]]
+    return z[latest, axes], together, since_s
 
 
 def _carried(dt_s: FloatArray, last: FloatArray, R: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -28,6 +28,17 @@ def test_the_autocorrelation_is_the_naive_sum():
     c = x - x.mean()
     naive = [sum(c[i] * c[i + k] for i in range(50 - k)) / sum(c * c) for k in range(50)]
     np.testing.assert_allclose(autocorrelation(x), naive, atol=1e-12)
+    np.testing.assert_allclose(autocorrelation(x, 20), naive[:21], atol=1e-12)
+    np.testing.assert_allclose(autocorrelation(x[:9]), autocorrelation(x[:9], 8), atol=1e-12)
+
+
+def test_the_autocorrelation_of_columns_is_that_of_each():
+    columns = np.column_stack([*autoregressive(0.5, 70, 3, count=2), np.full(70, 0.1)])
+    for last in (None, 20):
+        together = autocorrelation(columns, last)
+        for k, column in enumerate(columns.T):
+            np.testing.assert_allclose(together[:, k], autocorrelation(column, last), atol=1e-12)
+    np.testing.assert_array_equal(together[:, 2], [1.0] + [0.0] * 20)
 
 
 def test_blocks_are_wider_than_independent_rows_where_errors_follow_each_other():

@@ -14,6 +14,9 @@ SEED = 20
 FACTOR = 8
 """Correlation times in a block: the means of shorter ones know each other, and the interval gets too short."""
 
+DIRECT = 32
+"""Up to so many lags, sums of products are faster than a Fourier transform."""
+
 FEWEST_BLOCKS = 5
 """Fewer independent pieces carry no interval."""
 
@@ -76,16 +79,29 @@ def correlation_rows(values: FloatArray) -> float:
     return max(1.0, float(2 * kept.sum() - 1.0))
 
 
-def autocorrelation(values: FloatArray) -> FloatArray:
-    """Return (n,) the autocorrelation of (n,) values at lags 0, 1, ...; of a constant 1, 0, 0, ..."""
+def autocorrelation(values: FloatArray, last: int | None = None) -> FloatArray:
+    """Return the autocorrelation of (n, ...) values at lags 0, 1, ... n - 1, or to ``last``, along the first axis.
+
+    Of a constant it is 1, 0, 0, ...
+    """
     n = len(values)
-    centred = values - values.mean()
-    power = float(centred @ centred)
-    if power <= n * (1e-14 * float(np.abs(values).max(initial=0.0))) ** 2:
-        return np.concatenate([np.ones(min(n, 1)), np.zeros(max(n - 1, 0))])
+    size = n if last is None else min(last + 1, n)
+    series = np.ascontiguousarray(np.moveaxis(values, 0, -1))
+    centred = series - series.mean(axis=-1, keepdims=True)
+    power = np.vecdot(centred, centred)
+    constant = power <= n * (1e-14 * np.abs(series).max(axis=-1, initial=0.0)) ** 2
+    lags = _lagged_products(centred, size) / np.where(constant, 1.0, power)
+    return np.where(constant, np.eye(size, 1).reshape(-1, *[1] * (values.ndim - 1)), lags)
+
+
+def _lagged_products(centred: FloatArray, size: int) -> FloatArray:
+    """Return (size, ...) the sums of the products of (..., n) values that are 0, 1, ... apart."""
+    n = centred.shape[-1]
+    if size <= DIRECT:
+        return np.array([np.vecdot(centred[..., lag:], centred[..., : n - lag]) for lag in range(size)])
     spectrum = np.abs(np.fft.rfft(centred, 2 * n)) ** 2  # with n zeros behind, so that nothing wraps around
-    lags: FloatArray = np.fft.irfft(spectrum, 2 * n)[:n] / power
-    return lags
+    products: FloatArray = np.moveaxis(np.fft.irfft(spectrum, 2 * n)[..., :size], -1, 0)
+    return products
 
 
 def _resampled_means(values: FloatArray, block: int) -> FloatArray:

@@ -41,13 +41,25 @@ def whiteness(innovation: FloatArray) -> Whiteness:
 
     Source: Ljung and Box, "On a measure of lack of fit in time series models", Biometrika 65 (1978).
     """
+    there = innovation[np.isfinite(innovation)]
+    return _tested(there[:, None])[0]
+
+
+def whiteness_of_rows(innovation: FloatArray) -> list[Whiteness]:
+    """Return what `whiteness` says of each column of (m, r); all at once where no row was absent."""
+    if np.isfinite(innovation).all():
+        return _tested(innovation)
+    return [whiteness(column) for column in innovation.T]
+
+
+def _tested(there: FloatArray) -> list[Whiteness]:
     from scipy.special import chdtrc  # scipy.stats would take half a second to import in every worker
 
-    there = innovation[np.isfinite(innovation)]
     m = len(there)
     if m < FEWEST:
-        return Whiteness(np.nan, np.nan, np.nan)
+        return [Whiteness(np.nan, np.nan, np.nan)] * there.shape[1]
     lags = np.arange(1, LAGS + 1)
-    rho = autocorrelation(there)[lags]
-    statistic = m * (m + 2) * float(np.sum(rho**2 / (m - lags)))
-    return Whiteness(float(rho[0]), float(1.96 / np.sqrt(m)), float(chdtrc(LAGS, statistic)))
+    rho = autocorrelation(there, LAGS)[1:]
+    statistic = m * (m + 2) * np.sum(rho**2 / (m - lags)[:, None], axis=0)
+    bound = float(1.96 / np.sqrt(m))
+    return [Whiteness(float(one), bound, float(p)) for one, p in zip(rho[0], chdtrc(LAGS, statistic), strict=True)]
