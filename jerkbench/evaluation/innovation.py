@@ -7,6 +7,7 @@ import numpy as np
 
 from jerkbench.arrays import BoolArray
 from jerkbench.estimate import Estimate
+from jerkbench.evaluation.rows import first_counted_s
 from jerkbench.evaluation.statistics.whiteness import whiteness_of_rows
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
@@ -30,7 +31,7 @@ class Innovation:
 
     def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
         """Return the two values by column name."""
-        start_s = np.min(recording.reference.t_s[estimate.index][counted], initial=np.inf)
+        start_s = first_counted_s(recording.reference, estimate.index, counted)
         late = estimate.updates.innovation[estimate.updates.t_s >= start_s]
         tests = [one for one in whiteness_of_rows(late) if not np.isnan(one.first)]
         return {

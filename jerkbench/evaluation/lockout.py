@@ -7,6 +7,7 @@ import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.estimate import Estimate, Updates
+from jerkbench.evaluation.rows import first_counted_s
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 from jerkbench.timeline.measurements import FLOOR
@@ -37,7 +38,7 @@ class Lockout:
         """Return the three values by column name."""
         updates = estimate.updates
         used, reported = _variances(updates, recording)
-        start_s = np.min(recording.reference.t_s[estimate.index][counted], initial=np.inf)
+        start_s = first_counted_s(recording.reference, estimate.index, counted)
         rows = (updates.t_s >= start_s) & np.isfinite(reported).any(axis=0) & ~np.isnan(used).all(axis=0)
         if not rows.any():
             return dict.fromkeys(("inflated_percent", "rejected_percent", "lockout_s"), np.nan)

@@ -52,7 +52,7 @@ def counting(index: IntArray, recording: Recording, counted: BoolArray) -> Rows:
     position = np.array([counted & located[:, axes].all(axis=1) for axes in POSITION_AXES.values()])
     velocity = np.array([counted & moving[:, axes].all(axis=1) for axes in VELOCITY_AXES.values()])
     t_s, there = reference.t_s[index], located.all(axis=1)
-    start_s = float(np.min(t_s[counted], initial=np.inf))
+    start_s = first_counted_s(reference, index, counted)
     inside = inside_outages(t_s, recording.outages_s) & there
     outages = _outages(inside & (t_s >= start_s), t_s, recording)
     return Rows(
@@ -66,6 +66,12 @@ def counting(index: IntArray, recording: Recording, counted: BoolArray) -> Rows:
         np.diff(driven_m(reference)[index][outages], axis=1)[:, 0],
         start_s,
     )
+
+
+def first_counted_s(reference: Reference, index: IntArray, counted: BoolArray) -> float:
+    """Return the time of the first row of ``index`` (k,), which increases, that is ``counted`` (k,); else infinity."""
+    first = int(np.argmax(counted)) if len(counted) else 0
+    return float(reference.t_s[index[first]]) if len(counted) and counted[first] else np.inf
 
 
 def driven_m(reference: Reference) -> FloatArray:
