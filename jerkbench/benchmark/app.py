@@ -21,7 +21,7 @@ from jerkbench.benchmark.cell import refusal
 from jerkbench.benchmark.composition import compose_jobs
 from jerkbench.benchmark.configuration import cell_of, register_schemas, study_folder
 from jerkbench.benchmark.processors import processors
-from jerkbench.benchmark.single import draw_single, run_single
+from jerkbench.benchmark.single import draw_single, prepare_drawing, run_single
 from jerkbench.benchmark.store import Store
 from jerkbench.benchmark.study import Study, load_study, write_manifest, write_study
 from jerkbench.benchmark.sweep import Plan, plan_sweep, run_sweep, run_task
@@ -138,6 +138,8 @@ def _run_and_show(one: Planned, folder: Path, config: DictConfig) -> None:
     from jerkbench.report.terminal import print_run
 
     Store(folder).prepare()
+    if config.figures:
+        prepare_drawing(one.cell)
     stored = run_single(one, folder)
     print_run(stored.rows)  # at once: files and figures take longer than the run
     for note in stored.about["notes"]:

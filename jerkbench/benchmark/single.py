@@ -10,6 +10,7 @@ from jerkbench.benchmark.run import run_once, run_open
 from jerkbench.benchmark.store import Store, Stored
 from jerkbench.benchmark.sweep import about
 from jerkbench.benchmark.tasks import Planned
+from jerkbench.contracts import Estimator
 from jerkbench.estimate import Estimate
 from jerkbench.recording import Recording
 
@@ -30,6 +31,12 @@ def _run_and_store(one: Planned, store: Store) -> None:
     began = time.perf_counter()
     rows, notes = run_open(one.cell, one.fingerprint, threads=os.cpu_count() or 1)
     store.write(one.key, rows, about(one, notes, time.perf_counter() - began))
+
+
+def prepare_drawing(cell: Cell) -> None:
+    """Let the engine begin with what a trajectory needs and sums do not: to compile it takes as long as all else."""
+    if hasattr(cell.engine, "prepare") and not isinstance(cell.filter, Estimator):
+        cell.engine.prepare(cell.filter)
 
 
 def draw_single(one: Planned, folder: Path) -> list[Path]:

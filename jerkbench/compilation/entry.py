@@ -13,7 +13,7 @@ from threading import RLock
 from types import ModuleType
 from typing import Any
 
-from filelock import FileLock
+from filelock import FileLock, Timeout
 
 from jerkbench.files import user_cache_folder, write_text
 
@@ -42,20 +42,44 @@ def load_entry(title: str, source: str, key: str, namespace: Namespace) -> Modul
     with _LOADING:
         if name in sys.modules:
             return sys.modules[name]
-        path = cache_folder() / f"{name}.py"
+        path = _path(name)
         if not path.exists():
             write_text(path, source)
         if _compiled(path):
             return _imported(name, path, namespace)
-        with FileLock(path.with_suffix(".lock")):  # of several processes that start together one compiles
+        with _alone(path, title):
             if not _compiled(path):
-                sys.stderr.write(f"jerkbench: compiling {title}, once; it is kept in {path.parent}\n")
+                sys.stderr.write(f"jerkbench: compiling {title}, once, some seconds; it is kept in {path.parent}\n")
             return _imported(name, path, namespace)
+
+
+def is_kept(title: str, source: str, key: str) -> bool:
+    """Whether `load_entry` would find the entry point on the disk, compiled."""
+    return _compiled(_path(_module_name(title, source, key)))
+
+
+def _path(name: str) -> Path:
+    return cache_folder() / f"{name}.py"
 
 
 def _compiled(path: Path) -> bool:
     """Whether the entry point at ``path`` is on the disk, compiled."""
     return any((path.parent / "__pycache__").glob(f"{path.stem}.*.nbi"))
+
+
+@contextmanager
+def _alone(path: Path, title: str) -> Iterator[None]:
+    """Of several processes that start together let one compile."""
+    lock = FileLock(path.with_suffix(".lock"))
+    try:
+        lock.acquire(timeout=0)
+    except Timeout:
+        sys.stderr.write(f"jerkbench: waiting for {title}, which another process is compiling\n")
+        lock.acquire()
+    try:
+        yield
+    finally:
+        lock.release()
 
 
 @contextmanager

@@ -45,6 +45,12 @@ class CompiledEngine:
 
         return run_single(timeline, model, adaptation, compiled)
 
+    def prepare(self, model: Filter) -> None:
+        """Begin to compile what `run` will need, beside what this process does until then."""
+        from jerkbench.engines.compiled.single.entry import compile_beside
+
+        compile_beside(2 + len(model.initial_variances()))
+
     def run_many(
         self, runs: Sequence[Run], model: Filter, adaptation: Adaptation, *, updates: bool, threads: int
     ) -> Sequence[Streamed | None]:

@@ -1,6 +1,6 @@
 """Where every run stands in a table: what the tables of all metrics share."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -26,7 +26,7 @@ class Grid:
         rows: one row a run, the factors as text.
         across: factors of the table's rows.
         down: factors of its columns.
-        row_values: the combinations of ``across``, in the order in which they appear.
+        row_values: the combinations of ``across``, grouped, values in the order in which they appear.
         column_values: those of ``down``.
         runs: for each combination of both, the numbers of its rows.
         status: how each run ended.
@@ -53,9 +53,16 @@ def arranged(rows: "pd.DataFrame", row_keys: Sequence[str] | None, column_keys: 
     across, down = layout(rows, row_keys, column_keys)
     status, replicate = (rows[name].to_numpy(dtype=str) for name in ("status", "replicate"))
     runs = _runs(rows, [*across, *down])
-    row_values = tuple(dict.fromkeys(key[: len(across)] for key in runs))
-    column_values = tuple(dict.fromkeys(key[len(across) :] for key in runs))
+    row_values = _grouped(key[: len(across)] for key in runs)
+    column_values = _grouped(key[len(across) :] for key in runs)
     return Grid(rows, across, down, row_values, column_values, runs, status, replicate == "phase")
+
+
+def _grouped(values: Iterable[Values]) -> tuple[Values, ...]:
+    """Return each combination once, what has the first value in common together; values as they appear first."""
+    found = list(dict.fromkeys(values))
+    ranks = [{value: rank for rank, value in enumerate(dict.fromkeys(of))} for of in zip(*found, strict=True)]
+    return tuple(sorted(found, key=lambda one: [rank[value] for rank, value in zip(ranks, one, strict=True)]))
 
 
 def _runs(rows: "pd.DataFrame", keys: list[str]) -> dict[Values, IntArray]:

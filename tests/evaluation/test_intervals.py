@@ -113,7 +113,17 @@ def test_infinity_is_not_left_out():
 )
 def test_odd_samples_warn_of_nothing_and_contain_their_mean(values):
     interval = mean_interval(values)
-    assert interval.low <= interval.mean <= interval.high
+    assert min(values) <= interval.low <= interval.mean <= interval.high <= max(values)
+
+
+def test_ends_stay_within_the_values():
+    """Rounding gave errors of which none is negative an interval from -7e-18 on."""
+    rng = np.random.default_rng(11)
+    for n in (3, 5, 7):
+        samples = rng.choice([0.0, 0.1, 0.2, 0.3], size=(300, n))
+        samples = samples[np.ptp(samples, axis=1) > 0]
+        for sample, interval in zip(samples, mean_intervals(list(samples)), strict=True):
+            assert sample.min() <= interval.low <= interval.high <= sample.max()
 
 
 def test_neither_order_nor_company_changes_it():

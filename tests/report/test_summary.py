@@ -43,6 +43,14 @@ def test_a_missing_combination_is_none_and_said(rows):
     assert table.footnotes[-1] == "sage_husa was left out for the baseline."
 
 
+def test_rows_of_one_scenario_stand_together_whatever_was_run_first(cell_rows):
+    order = [("bias", "jerk"), ("none", "jerk"), ("bias", "baseline"), ("none", "baseline")]
+    cells = [{**row, "disturbance": name} for name, model in order for row in cell_rows(model, "none", [1.0, 1.2])]
+    table = summarise(pd.DataFrame(cells), "position_rmse_m", row_keys=["disturbance", "filter"])
+    assert table.rows == (("bias", "jerk"), ("bias", "baseline"), ("none", "jerk"), ("none", "baseline"))
+    assert [row[0].runs for row in table.cells] == [2] * 4
+
+
 def test_the_lowest_mean_of_a_row_is_best_and_a_survivor_does_not_compete(cell_rows):
     cells = [
         *cell_rows("jerk", "a", [3.0, 3.2]),

@@ -114,8 +114,9 @@ def _bca(values: FloatArray, confidence: float) -> tuple[FloatArray, FloatArray]
     # The interval moves and stretches with the values: brought to one scale, no square under- or overflows.
     mean, spread = values.mean(axis=1), values[:, -1] - values[:, 0]
     scaled = (values - mean[:, None]) / spread[:, None]
-    low, high = bca_ends(scaled, expanded(confidence, values.shape[1]), RESAMPLES, SEED)
-    return mean + spread * low, mean + spread * high
+    ends = bca_ends(scaled, expanded(confidence, values.shape[1]), RESAMPLES, SEED)
+    low, high = (np.clip(mean + spread * end, values[:, 0], values[:, -1]) for end in ends)  # no RMSE of -1e-17
+    return low, high
 
 
 def expanded(confidence: float, n: float) -> float:

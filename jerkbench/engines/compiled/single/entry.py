@@ -1,9 +1,11 @@
 """The compiled loop of one run, from the disk where it was compiled before."""
 
+import os
 from functools import cache
 from typing import Any
 
-from jerkbench.compilation.entry import load_entry
+from jerkbench.compilation.beside import run_beside
+from jerkbench.compilation.entry import is_kept, load_entry
 from jerkbench.compilation.jitted import jitted
 from jerkbench.compilation.reach import digest
 from jerkbench.engines.compiled.arguments import Kept, Model, Rule, Steps
@@ -41,10 +43,20 @@ def loop_for(n: int) -> Any:  # noqa: ANN401 - numba has no types
         loop = jitted(run_steps, home, {**at, **found}, kernel=True, apart=APART)
         return {"loop": loop, "signature": _signature()}
 
-    title = f"the loop for {3 * n} states"
-    lists = {name: table.tolist() for name, table in found.items()}
-    key = digest(run_steps, places=at, tables=lists, apart=APART, arguments=ARGUMENTS)
-    return load_entry(title, SOURCE, key, namespace).entry
+    return load_entry(*_named(n), namespace).entry
+
+
+def compile_beside(n: int) -> None:
+    """Let another process compile that loop, if it is not on the disk and there is a processor for it."""
+    if (os.cpu_count() or 1) > 1 and not is_kept(*_named(n)):
+        run_beside(f"from {__name__} import loop_for; loop_for({n})")
+
+
+def _named(n: int) -> tuple[str, str, str]:
+    """Title, source and key of the entry point."""
+    lists = {name: table.tolist() for name, table in tables(n).items()}
+    key = digest(run_steps, places=places(n), tables=lists, apart=APART, arguments=ARGUMENTS)
+    return f"the loop for one run of {3 * n} states", SOURCE, key
 
 
 def _signature() -> Any:  # noqa: ANN401 - numba has no types

@@ -1,0 +1,62 @@
+"""What a figure will need is compiled beside the run, by a process of its own."""
+
+import os
+import subprocess
+import sys
+import time
+
+import pytest
+
+from jerkbench.engines.compiled.single import entry
+from jerkbench.engines.compiled_engine import CompiledEngine
+from jerkbench.filters.baseline import Baseline
+
+
+@pytest.fixture
+def begun(monkeypatch, tmp_path):
+    """The code of each process that would be started, with an empty cache."""
+    monkeypatch.setenv("JERKBENCH_CACHE", str(tmp_path))
+    monkeypatch.setattr(os, "cpu_count", lambda: 2)
+    codes = []
+    monkeypatch.setattr(entry, "run_beside", codes.append)
+    return codes
+
+
+def test_the_other_process_leaves_the_loop_on_the_disk(begun):
+    CompiledEngine().prepare(Baseline())
+    (code,) = begun
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=120)
+
+    CompiledEngine().prepare(Baseline())
+    assert len(begun) == 1
+
+
+def test_with_one_processor_nothing_is_begun(begun, monkeypatch):
+    monkeypatch.setattr(os, "cpu_count", lambda: 1)
+    CompiledEngine().prepare(Baseline())
+    assert begun == []
+
+
+HOLDING = """
+import sys, time
+from filelock import FileLock
+
+with FileLock(sys.argv[1]):
+    print("held", flush=True)
+    time.sleep(float(sys.argv[2]))
+"""
+
+
+def test_who_waits_for_another_process_says_so(monkeypatch, tmp_path, capsys):
+    from jerkbench.compilation import entry as entries
+
+    monkeypatch.setenv("JERKBENCH_CACHE", str(tmp_path))
+    lock = entries._path(entries._module_name("a loop", "x = 3", "key")).with_suffix(".lock")
+    words = [sys.executable, "-c", HOLDING, str(lock), "1.0"]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as holder:
+        assert holder.stdout.readline() == "held\n"
+        began = time.monotonic()
+        assert entries.load_entry("a loop", "x = 3", "key", lambda _: {}).x == 3
+
+    assert time.monotonic() - began > 0.3
+    assert "jerkbench: waiting for a loop, which another process is compiling" in capsys.readouterr().err
