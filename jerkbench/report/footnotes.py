@@ -4,15 +4,12 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from jerkbench.evaluation.statistics.intervals import MANY
+from jerkbench.evaluation.statistics.intervals import FEW, MANY
 from jerkbench.report.quantities import quantity
 from jerkbench.report.table import ABSENT, Cell, Table
 
 if TYPE_CHECKING:
     import pandas as pd
-
-FEW = 5
-"""Below so many seeds the bootstrap's interval is too short."""
 
 REASONS = 3
 """How many different reasons of failures are told."""

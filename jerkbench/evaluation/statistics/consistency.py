@@ -7,19 +7,24 @@ import numpy.typing as npt
 
 from jerkbench.arrays import FloatArray
 from jerkbench.evaluation.statistics.blocks import correlation_rows
+from jerkbench.evaluation.statistics.intervals import FEW, mean_interval
+from jerkbench.evaluation.statistics.paired import student_interval
 
 CONSISTENT, OVERCONFIDENT, CAUTIOUS, UNKNOWN = "consistent", "overconfident", "too cautious", "not known"
+
+NEAR = (0.5, 2.0)
+"""An average over its expectation within these is near enough to be believed."""
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """An average with the band in which a consistent filter's lies.
+    """An average with the band in which a consistent filter's lies; of whole runs, with its own interval.
 
     Attributes:
         average: of what was judged.
-        low: lower end of the band.
+        low: lower end of the band, or of the interval.
         high: upper end.
-        word: "consistent", "overconfident" (above the band), "too cautious" (below), or "not known".
+        word: "consistent", "overconfident" (above what is expected), "too cautious" (below), or "not known".
     """
 
     average: float
@@ -60,19 +65,46 @@ def nees_verdict(nees: FloatArray, dof: int, confidence: float = 0.95) -> Verdic
     return _judged(float(nees.mean()), *chi2_band(dof, independent, confidence))
 
 
-def runs_verdict(averages: npt.ArrayLike, expected: float, confidence: float = 0.95) -> Verdict:
-    """Judge (n,) averages of independent runs by Student's interval around ``expected``; of one run nothing is known.
+def runs_verdict(averages: npt.ArrayLike, expected: float, confidence: float = 0.95, lost: int = 0) -> Verdict:
+    """Judge (n,) averages of independent runs by the interval of their mean; of one run nothing is known.
 
-    The band is that of the mean of n such runs if they were consistent, with the spread that they have.
+    ::
+
+        overconfident   the whole interval is above ``expected``
+        too cautious    the whole interval is below it
+        consistent      the interval holds it, and lies within 0.5 to 2 times it
+        not known       the interval holds it, and more: to reject nothing is no proof
+
+    From 5 runs on the interval is that of `mean_interval`; of fewer it is Student's on the logarithms. That one is of
+    the geometric mean, which is at most the mean: what is above ``expected`` is all the more so. The runs that were
+    ``lost``, or have no finite average, were none of the consistent ones: of the others only "overconfident" holds.
     """
-    from scipy.stats import t
-
     values = np.asarray(averages, dtype=np.float64)
-    values = values[np.isfinite(values)]
-    if len(values) < 2:
-        return Verdict(float(values.mean()) if len(values) else np.nan, np.nan, np.nan, UNKNOWN)
-    half = float(t.ppf((1 + confidence) / 2, len(values) - 1)) * float(values.std(ddof=1)) / np.sqrt(len(values))
-    return _judged(float(values.mean()), expected - half, expected + half)
+    kept = values[np.isfinite(values)]
+    low, high = _ends(kept, confidence)
+    word = _word(low, high, expected)
+    known = word == OVERCONFIDENT or lost + len(values) == len(kept)
+    return Verdict(float(kept.mean()) if len(kept) else np.nan, low, high, word if known else UNKNOWN)
+
+
+def _ends(values: FloatArray, confidence: float) -> tuple[float, float]:
+    """Return the interval of the mean of a few or many finite values; NaN where there is none."""
+    if len(values) >= FEW:
+        interval = mean_interval(values, confidence)
+        return interval.low, interval.high
+    if len(values) < 2 or values.min() <= 0:
+        return np.nan, np.nan
+    low, high = student_interval(np.log(values), confidence)
+    return float(np.exp(low)), float(np.exp(high))
+
+
+def _word(low: float, high: float, expected: float) -> str:
+    """Return the verdict; each comparison with NaN is false."""
+    if low > expected:
+        return OVERCONFIDENT
+    if high < expected:
+        return CAUTIOUS
+    return CONSISTENT if NEAR[0] * expected <= low and high <= NEAR[1] * expected else UNKNOWN
 
 
 def _judged(average: float, low: float, high: float) -> Verdict:

@@ -18,6 +18,9 @@ HIGHEST = 1 - 2 / RESAMPLES
 ROWS_AT_ONCE = 128
 """Samples that go through the bootstrap together; more costs memory and saves no time."""
 
+FEW = 5
+"""Of fewer values the bootstrap's interval is too short."""
+
 MANY = 2000
 """From so many values on the mean is normal enough for Student's interval."""
 

@@ -54,7 +54,7 @@ def paired_ratio(a: npt.ArrayLike, b: npt.ArrayLike, confidence: float = 0.95) -
     if n == 0:
         return PairedRatio(np.nan, np.nan, np.nan, 0, np.nan, np.nan)
     mean = float(np.mean(d))
-    low, high = _student(d, confidence)
+    low, high = student_interval(d, confidence)
     return PairedRatio(float(np.exp(mean)), float(np.exp(low)), float(np.exp(high)), n, wilcoxon_p(d), effect(d))
 
 
@@ -99,7 +99,7 @@ def _log_ratios(a: npt.ArrayLike, b: npt.ArrayLike) -> FloatArray:
     return np.where(np.abs(first[fit] - second[fit]) <= ROUNDING * np.abs(second[fit]), 0.0, d)
 
 
-def _student(d: FloatArray, confidence: float) -> tuple[float, float]:
+def student_interval(d: FloatArray, confidence: float) -> tuple[float, float]:
     """Return the ends of Student's interval for the mean of ``d``; NaN of fewer than two."""
     from scipy.stats import t
 
