@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 
 from commands import swept
+from jerkbench.report.page.nees import says
 from jerkbench.report.page.page import Results, page
 from jerkbench.report.picture import Picture
 from jerkbench.report.review import Evidence, review
@@ -223,6 +224,40 @@ def test_a_good_study_passes_the_review():
 )
 def test_what_is_missing_fails_the_review(question, cells, more):
     assert answers(cells, **more)[question] is False
+
+
+@pytest.mark.parametrize(
+    ("anees", "more", "word"),
+    [
+        ([1073.0, 2910.0, 8605.0], {}, "overconfident"),
+        ([0.5, 6.0, 30.0], {}, "not known"),
+        ([3.7, 4.0, 4.2, 4.1, 3.9], {}, "too cautious"),
+        ([5.7, 6.0, 6.2, 6.1, 5.9], {}, "consistent"),
+        ([5.7, 6.0, 6.2, 6.1, 5.9], {"replicate": "phase"}, "not known"),
+        ([5.7, 6.0, 6.2, 6.1, 5.9], {"status": ["ok"] * 4 + ["diverged"]}, "not known"),
+    ],
+)
+def test_the_word_for_a_cell_is_what_its_seeds_show(cell_rows, anees, more, word):
+    rows = pd.DataFrame(cell_rows("jerk", "none", [1.0] * len(anees))).assign(anees=anees).assign(**more)
+    assert says(rows) == word
+
+
+def test_the_page_says_how_to_read_its_words(report):
+    text = report.read_text(encoding="utf-8")
+    assert "consistent where it holds 6 and lies within 3 to 12; not known where it holds more" in text
+
+
+def test_the_review_says_which_band_it_uses_and_that_the_table_is_stricter():
+    rows = [{**one["labels"], "seed": 0, "replicate": "seed", "status": "ok", "reason": ""} for one in GOOD]
+    frame = pd.DataFrame(rows).assign(position_rmse_m=1.0)
+    for anees in (4.0, 60.0):
+        (said,) = [
+            one.reason
+            for one in review(Evidence(frame.assign(anees=anees), GOOD, "position_rmse_m"))
+            if one.question == "Are the best filters near enough to consistent?"
+        ]
+        assert "From 0.5 to 2 times is near enough" in said
+        assert "'NEES says' is stricter" in said
 
 
 def test_what_stands_in_a_study_cannot_break_the_page(cell_rows):

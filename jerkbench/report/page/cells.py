@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from typing import TYPE_CHECKING, Any
 
-from jerkbench.evaluation.statistics.consistency import runs_verdict
 from jerkbench.report.comparison import Comparison, compare_to
 from jerkbench.report.factors import FACTORS
+from jerkbench.report.page import nees
 from jerkbench.report.quantities import quantity
 from jerkbench.report.rows import metric_columns
 from jerkbench.report.summary import summarise
@@ -19,9 +19,6 @@ if TYPE_CHECKING:
 
 COLUMNS = ("velocity_rmse_mps", "outage_rmse_m", "outage_end_m", "lockout_s", "anees", "anis_per_row")
 """Metrics that get a column after the leading one, where they have values."""
-
-VERDICT = ("anees", 6.0)
-"""The metric that is judged in words, and what a consistent filter gives."""
 
 
 def cells_section(
@@ -45,13 +42,13 @@ def cells_section(
         cells = [tables[one][combination] for one in metrics]
         lines.append(_line(str(key), combination, cells, ratios.get(combination), group))
         templates.append(_template(str(key), combination, group, about[str(key)]))
-    heads = [*FACTORS, *(quantity(one).heading for one in metrics), "×  none", "NEES says", "lost", "runs"]  # noqa: RUF001
+    heads = [*FACTORS, *(quantity(one).heading for one in metrics), "×  none", nees.HEADING, "lost", "runs"]  # noqa: RUF001
     varying = [len(rows[key].unique()) > 1 for key in FACTORS]
     constant = [f":nth-child({k + 1})" for k, one in enumerate(varying) if not one]
     hidden = f"#cells :is(th, td):is({', '.join(constant)}) {{ display: none; }}" if constant else ""
     head = "".join(f'<th scope="col"><button>{escape(text)}</button></th>' for text in heads)
     return (
-        f"<style>{hidden}</style>{_same(rows, varying)}{_filters(rows)}"
+        f"<style>{hidden}</style>{_same(rows, varying)}{_muted(nees.explanation(rows))}{_filters(rows)}"
         f'<div class="scroll"><table id="cells"><thead><tr>{head}<th></th></tr></thead>\n<tbody>\n'
         + "\n".join(lines)
         + '\n</tbody></table></div>\n<dialog id="cell"><form method="dialog"><button>Close</button></form>'
@@ -63,7 +60,11 @@ def cells_section(
 def _same(rows: "pd.DataFrame", varying: Sequence[bool]) -> str:
     """What needs no column."""
     constant = [f"{key} {rows[key].iloc[0]}" for key, one in zip(FACTORS, varying, strict=True) if not one]
-    return f'<p class="muted">In every cell: {escape(", ".join(constant))}.</p>' if constant else ""
+    return _muted(f"In every cell: {', '.join(constant)}." if constant else "")
+
+
+def _muted(text: str) -> str:
+    return f'<p class="muted">{escape(text)}</p>' if text else ""
 
 
 def by_combination(rows: "pd.DataFrame", metric: str) -> dict[tuple[str, ...], Cell]:
@@ -92,7 +93,7 @@ def _line(
     against = _number(ratio.paired.ratio, "*" if ratio.shown else "") if ratio else _number(math.nan)
     end = f"{_number(lost)}{_number(len(group))}"
     button = f'<td><button data-key="{key}">open</button></td>'
-    return f"<tr>{texts}{numbers}{against}<td>{_verdict(group)}</td>{end}{button}</tr>"
+    return f"<tr>{texts}{numbers}{against}<td>{nees.says(group)}</td>{end}{button}</tr>"
 
 
 def _mean(cell: Cell) -> str:
@@ -106,13 +107,6 @@ def _number(value: float, mark: str = "") -> str:
     if not math.isfinite(value):
         return '<td class="number" data-value=""></td>'
     return f'<td class="number" data-value="{value!r}">{number(value) if value % 1 else int(value)}{mark}</td>'
-
-
-def _verdict(group: "pd.DataFrame") -> str:
-    column, expected = VERDICT
-    if column not in group:
-        return ""
-    return runs_verdict(group.loc[group["status"] == "ok", column].to_numpy(dtype=float), expected).word
 
 
 def _filters(rows: "pd.DataFrame") -> str:
