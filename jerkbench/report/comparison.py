@@ -39,6 +39,7 @@ class Comparison:
         lost: how many of the subject's runs diverged or failed.
         lost_baseline: how many of the baseline's.
         replicate: "seed" or "phase".
+        needed: how many seeds could show a difference in its family, where its own cannot whatever they are; else 0.
     """
 
     subject: Combination
@@ -49,6 +50,7 @@ class Comparison:
     lost: int
     lost_baseline: int
     replicate: str
+    needed: int = 0
 
     @property
     def shown(self) -> bool:
@@ -111,12 +113,25 @@ def compare_to(rows: "pd.DataFrame", metric: str, baseline: Mapping[str, str]) -
 
 
 def corrected(comparisons: Sequence[Comparison]) -> list[Comparison]:
-    """Return the comparisons with p corrected, for those of one scenario together."""
+    """Return the comparisons with p corrected, for those of one scenario together, and with the seeds they need."""
     result = list(comparisons)
     for places in families(comparisons):
-        for place, p in zip(places, holm([comparisons[k].p for k in places]), strict=True):
-            result[place] = dataclasses.replace(comparisons[place], p=float(p))
+        family = [comparisons[k] for k in places]
+        corrected_p = holm([one.p for one in family])
+        for place, one, p, needed in zip(places, family, corrected_p, _needed(family), strict=True):
+            result[place] = dataclasses.replace(one, p=float(p), needed=needed)
     return result
+
+
+def _needed(family: Sequence[Comparison]) -> list[int]:
+    """Return for each how many seeds could show a difference, or 0 where its own could, or there is no test.
+
+    Holm's p only grows with each p of the family: where even the smallest that so many seeds can have is not below
+    the level, no values would be.
+    """
+    smallest = holm([0.5 ** (one.paired.n - 1) if one.p >= 0 else np.nan for one in family])
+    seeds = seeds_needed(max(1, int(np.sum(~np.isnan(smallest)))))
+    return [seeds if p >= LEVEL else 0 for p in smallest]
 
 
 def families(comparisons: Sequence[Comparison]) -> list[list[int]]:

@@ -51,10 +51,16 @@ def sentence(one: Comparison, varying: Sequence[str]) -> str:
         return f"{who} {_times(factor)} {whom}{where} {detail}{and_lost(lost)}."
     detail = f"(95 % {_range(one)}, {one.paired.n} seeds)" if math.isfinite(one.paired.low) else "(1 seed)"
     if not one.shown:
-        return (
-            f"No difference was shown between {who} and {whom}{where}: {number(factor)} times {detail}{and_lost(lost)}."
-        )
+        return f"{_not_shown(one, f'{who} and {whom}{where}')}: {number(factor)} times {detail}{and_lost(lost)}."
     return f"{who} {_times(factor)} {whom}{where} {detail}{and_lost(lost)}."
+
+
+def _not_shown(one: Comparison, between: str) -> str:
+    """Say that nothing was shown; or that nothing could be, lest the interval beside it seems to say otherwise."""
+    if not one.needed:
+        return f"No difference was shown between {between}"
+    n = one.paired.n
+    return f"{n} seed{'s' * (n > 1)} cannot show any difference between {between} ({one.needed} could)"
 
 
 def varying_factors(rows: "pd.DataFrame") -> tuple[str, ...]:

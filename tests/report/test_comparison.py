@@ -120,6 +120,27 @@ def test_findings_say_what_was_shown_and_what_was_not(study):
     assert findings(study.assign(anees=6.0), "anees") == []
 
 
+def test_a_finding_of_too_few_seeds_says_that_nothing_could_be_shown(study):
+    few = findings(study[study["seed"] < 3], "position_rmse_m")
+    (said,) = [line for line in few if "jerk+mtf and jerk+none" in line]
+    assert said.startswith("3 seeds cannot show any difference between jerk+mtf and jerk+none (7 could): 0.0")
+    assert not any("No difference was shown" in line for line in few)
+    (one,) = [line for line in findings(study[study["seed"] < 1], "position_rmse_m") if "jerk+mtf and" in line]
+    assert one.startswith("1 seed cannot show any difference between jerk+mtf and jerk+none (7 could): 0.0")
+    assert not any("cannot show" in line for line in findings(study, "position_rmse_m"))
+
+
+def test_who_lost_runs_may_still_be_shown_where_holm_lets_it(study):
+    """Six pairs are too few for the smallest p of a family of three, and enough for a larger one."""
+    lost = (study["adaptation"] == "mtf") & (study["seed"] >= 6)
+    study.loc[lost, "status"] = "diverged"
+    found = {one.subject[4]: one for one in compare_to(study, "position_rmse_m", NONE)}
+    assert found["mtf"].needed == 0
+    study.loc[(study["adaptation"] == "mtf") & (study["seed"] >= 5), "status"] = "diverged"
+    found = {one.subject[4]: one for one in compare_to(study, "position_rmse_m", NONE)}
+    assert (found["mtf"].needed, found["chance"].needed) == (7, 0)
+
+
 @pytest.mark.parametrize(("factor", "word"), [(25.0, "It holds"), (2.0, "It does not hold"), (10.0, "It stays open")])
 def test_the_papers_claim_is_judged(cell_rows, factor, word):
     rng = np.random.default_rng(2)

@@ -120,7 +120,8 @@ def _counted(name: str, found: Sequence[Comparison]) -> str:
     where = f"{name}: " if name else ""
     if all(math.isnan(one.p) for one in found):
         return f"{where}{len(found)} comparisons, without a test (no seeds)"
-    return f"{where}a difference was shown in {shown} of {len(found)} comparisons"
+    few = "; so few seeds cannot show any" if all(one.needed or math.isnan(one.p) for one in found) else ""
+    return f"{where}a difference was shown in {shown} of {len(found)} comparisons{few}"
 
 
 def _ordered(found: Sequence[Comparison], varying: Sequence[str]) -> list[str]:
