@@ -34,7 +34,7 @@ class Drawing:
 def of_rows(rows: "pd.DataFrame") -> Iterator[Drawing]:
     """Yield the figures that need the rows alone."""
     from jerkbench.report.best_noise import at_best_noise
-    from jerkbench.report.costs import costs
+    from jerkbench.report.costs import costs, of_all_methods
     from jerkbench.report.plots.bars import bars_figure
     from jerkbench.report.plots.heat_map import heat_map_figure
     from jerkbench.report.plots.profile import profile_figure
@@ -49,10 +49,13 @@ def of_rows(rows: "pd.DataFrame") -> Iterator[Drawing]:
     yield Drawing("bars", means, bars_figure(summarise(best, metric)))
     values, scenarios, methods = costs(best, metric)
     if len(scenarios) > 1 and len(methods) > 1:
+        common, which = of_all_methods(values)
         figure = heat_map_figure(values, scenarios, methods, title)
-        yield Drawing("heat-map", f"{title}, method by scenario; bold: the best of a scenario.{noise}", figure)
-        figure = profile_figure(values, methods, title)
-        yield Drawing("profile", f"Performance profiles over the scenarios.{noise}", figure)
+        none = "" if len(common) > 1 else f" No performance profiles: they need two scenarios{which}."
+        yield Drawing("heat-map", f"{title}, method by scenario; bold: the best of a scenario.{none}{noise}", figure)
+        if len(common) > 1:
+            how = f"Performance profiles and mean ranks over the {len(common)} scenarios{which}."
+            yield Drawing("profile", f"{how}{noise}", profile_figure(common, methods, title))
     if len(with_sigma(rows)["sigma_a"].unique()) > 1:
         figure = sensitivity_figure(rows, metric)
         yield Drawing("sensitivity", f"{title} over the process noise; hollow: some runs were lost.", figure)

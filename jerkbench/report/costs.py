@@ -30,3 +30,13 @@ def costs(rows: "pd.DataFrame", metric: str) -> tuple[FloatArray, list[str], lis
     )
     wide = named.pivot_table(index="scenario", columns="method", values="cost", aggfunc="mean", sort=False)
     return wide.to_numpy(dtype=float), [str(one) for one in wide.index], [str(one) for one in wide.columns]
+
+
+def of_all_methods(values: FloatArray) -> tuple[FloatArray, str]:
+    """Return the scenarios of (p, s) costs in which every method was run, and, where others are left out, words for it.
+
+    A method that was not run in a scenario has not lost it: no rank can be given there.
+    """
+    there = ~np.isnan(values).any(axis=1)
+    words = "" if there.all() else f" in which every method was run (of {len(values)})"
+    return values[there], words

@@ -9,6 +9,7 @@ import pytest
 from matplotlib.image import imread
 from scipy.stats import chi2
 
+from jerkbench.benchmark.drawing import of_rows
 from jerkbench.estimate import Attitude, Estimate, Updates
 from jerkbench.recording import Imu, Position, Recording, Reference
 from jerkbench.report.best_noise import at_best_noise
@@ -241,6 +242,27 @@ def test_the_heat_map_and_the_profile_are_of_all_scenarios(cell_rows, tmp_path):
     }
     assert lines["jerk"].get_ydata()[0] == 100.0
     assert lines["gnss_only"].get_ydata()[-1] == 50.0
+
+
+def test_who_was_not_run_in_a_scenario_has_not_lost_it(cell_rows):
+    rows = study(cell_rows)
+    third = rows[rows["disturbance"] == "none"].assign(disturbance="outage")
+    rows = pd.concat([rows, third[third["filter"] != "jerk"]])
+    drawn = {one.name: one for one in of_rows(rows)}
+    assert drawn["profile"].caption == (
+        "Performance profiles and mean ranks over the 2 scenarios in which every method was run (of 3)."
+    )
+    labels = [line.get_label() for line in drawn["profile"].figure.axes[0].get_lines()]
+    assert "jerk (mean rank 1.0)" in labels
+    assert "profiles" not in drawn["heat-map"].caption
+
+
+def test_without_two_scenarios_of_every_method_there_is_no_profile_and_that_is_said(cell_rows):
+    rows = study(cell_rows)
+    drawn = {one.name: one for one in of_rows(rows[(rows["disturbance"] == "none") | (rows["filter"] != "jerk")])}
+    assert "profile" not in drawn
+    said = "No performance profiles: they need two scenarios in which every method was run (of 2)."
+    assert said in drawn["heat-map"].caption
 
 
 def test_the_sensitivity_is_the_mean_over_sigma(cell_rows):
