@@ -22,6 +22,8 @@ BAND = "±3σ"  # noqa: RUF001 - sigma is the sign of a standard deviation
 def error_figure(recording: Recording, estimates: Mapping[str, Estimate], panels: int | None = None) -> Figure:
     """Draw the length of the position error [m] over time [s], with each estimate's RMSE over the scored stamps.
 
+    That RMSE counts the burn-in too, as the line shows it: it is the tables' `position_rmse_whole_m`.
+
     A single estimate also gets its errors east, north and up, with the three sigmas that it claims, unless ``panels``
     is 1.
     """
@@ -73,7 +75,7 @@ def _norm_m(recording: Recording, estimate: Estimate) -> FloatArray:
 def _rmse(recording: Recording, estimate: Estimate) -> str:
     rows = recording.reference.scored[estimate.index] & known(recording.reference.enu_m, estimate)
     rmse_m = rms_norm(position_error_m(estimate, recording)[rows])
-    return f"RMSE {number(rmse_m)} m" if np.isfinite(rmse_m) else "no finite RMSE"
+    return f"RMSE with burn-in {number(rmse_m)} m" if np.isfinite(rmse_m) else "no finite RMSE"
 
 
 def _spread(norms: Mapping[str, FloatArray]) -> float:

@@ -104,7 +104,7 @@ def test_the_error_is_the_norm_at_the_estimates_own_stamps():
     norm = np.array([np.linalg.norm(p - q) for p, q in zip(estimate.position_m, truth[index], strict=True)])
     np.testing.assert_array_equal(line.get_xdata(), T_S[index])
     np.testing.assert_allclose(line.get_ydata(), norm, rtol=1e-12)
-    assert line.get_label() == f"jerk: RMSE {np.sqrt(np.mean(norm[60:] ** 2)):.3f} m"
+    assert line.get_label() == f"jerk: RMSE with burn-in {np.sqrt(np.mean(norm[60:] ** 2)):.3f} m"
 
 
 def test_one_estimate_has_three_axes_with_three_sigmas():
