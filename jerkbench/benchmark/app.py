@@ -23,7 +23,7 @@ from jerkbench.benchmark.configuration import cell_of, register_schemas, study_f
 from jerkbench.benchmark.processors import processors
 from jerkbench.benchmark.single import draw_single, prepare_drawing, run_single
 from jerkbench.benchmark.store import Store
-from jerkbench.benchmark.study import Study, load_study, write_manifest, write_study
+from jerkbench.benchmark.study import Study, damaged, load_study, write_manifest, write_study
 from jerkbench.benchmark.sweep import Plan, plan_sweep, run_sweep, run_task
 from jerkbench.benchmark.tasks import Planned, Task
 from jerkbench.errors import INTERRUPTED, JerkbenchError, PluginError, exit_with
@@ -81,9 +81,9 @@ def _run(plan: Plan, store: Store, workers: int) -> int:
     """Run the plan; returns the exit code of a sweep that did not come to its end, or 0."""
     try:
         store.prepare()
-        done, damaged = store.look([one.key for one in plan.cells])
-        if damaged:
-            print(f"{len(damaged)} damaged files of cells are run again: {', '.join(damaged)}.", file=sys.stderr)
+        done, broken = store.look([one.key for one in plan.cells])
+        if broken:
+            print(f"{damaged(broken)} run again: {', '.join(broken)}.", file=sys.stderr)
         with _terminated_like_interrupted():
             run_sweep(plan, store, workers, done)
     except KeyboardInterrupt:

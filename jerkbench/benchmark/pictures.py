@@ -59,7 +59,7 @@ def draw_pictures(study: Study, out: Path | None, limit: int, workers: int) -> l
     jobs = [Job(out, study.folder, name, keys, metric) for name, keys in scene_keys(study, limit).items()]
     jobs.insert(0, Job(out, study.folder, "", (), metric, study.rows))
     done: dict[str, list[Picture]] = {}
-    with Progress(len(jobs), doing="Figures", things="scenarios") as progress:
+    with Progress(len(jobs), doing="Figures", things="sets of figures") as progress:
         for job, result in run_grouped(draw, [[job] for job in jobs], workers):
             if isinstance(result, Exception):
                 raise result

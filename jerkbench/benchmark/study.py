@@ -161,7 +161,13 @@ def _remarks(current: list[Stored], others: int, broken: list[str]) -> list[str]
     if len(codes) > 1:
         remarks.append(f"These results come from {len(codes)} versions of the code or its libraries.")
     if others:
-        remarks.append(f"{others} results of the same names with other settings, code or data are left out.")
+        which = "1 result of the same name" if others == 1 else f"{others} results of the same names"
+        remarks.append(f"{which} with other settings, code or data {'is' if others == 1 else 'are'} left out.")
     if broken:
-        remarks.append(f"{len(broken)} damaged files of cells are left out: {', '.join(broken)}.")
+        remarks.append(f"{damaged(broken)} left out: {', '.join(broken)}.")
     return remarks
+
+
+def damaged(keys: list[str]) -> str:
+    """Return the beginning of a sentence about cells whose files are damaged."""
+    return "1 damaged file of a cell is" if len(keys) == 1 else f"{len(keys)} damaged files of cells are"

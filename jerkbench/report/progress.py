@@ -27,7 +27,8 @@ class Progress:
             TextColumn("{task.fields[trouble]}"),
         )
         self._bar = Bar(*columns, console=Console(stderr=True))
-        self._task = self._bar.add_task(doing, total=count - already, trouble="")
+        self._left = count - already
+        self._task = self._bar.add_task(doing, total=self._left, trouble="")
         if already:
             self._bar.console.print(f"{already} of {count} {things} are done already.")
 
@@ -38,12 +39,14 @@ class Progress:
         self._bar.update(self._task, advance=1, trouble=trouble)
 
     def __enter__(self) -> Self:
-        """Start drawing."""
-        self._bar.start()
+        """Start drawing, unless nothing is left to do."""
+        if self._left:
+            self._bar.start()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         """Stop drawing."""
-        self._bar.stop()
+        if self._left:  # a bar that was never there would leave an empty line
+            self._bar.stop()

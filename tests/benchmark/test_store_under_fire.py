@@ -131,9 +131,9 @@ def test_a_damaged_cell_is_run_again_and_that_is_said(tmp_path):
     data[200] ^= 255
     cells[0].write_bytes(data)
     shown = jerkbench("table", "results/adhoc", cwd=tmp_path)
-    assert f"1 damaged files of cells are left out: {cells[0].stem}." in shown.stdout
+    assert f"1 damaged file of a cell is left out: {cells[0].stem}." in shown.stdout
     again = swept(*CELLS[:1], cwd=tmp_path)
-    assert f"1 damaged files of cells are run again: {cells[0].stem}." in again.stderr
+    assert f"1 damaged file of a cell is run again: {cells[0].stem}." in again.stderr
     assert "2 of 3 cells are done already" in again.stderr
 
 
@@ -197,4 +197,4 @@ def test_a_plugin_that_is_another_now_is_run_again_and_that_is_said(tmp_path):
         rmse.append(pd.read_csv(tmp_path / "results" / "adhoc" / "rows.csv")["position_rmse_m"].tolist())
     assert len(rmse[1]) == 1
     assert rmse[0] != rmse[1]
-    assert "1 results of the same names with other settings, code or data are left out." in done.stdout
+    assert "1 result of the same name with other settings, code or data is left out." in done.stdout

@@ -48,9 +48,9 @@ def test_what_is_not_shown_is_said(tmp_path):
     Store(tmp_path).path("broken").write_bytes(b"PAR1")
     notes = load_study(tmp_path).notes
 
-    assert "1 results of the same names with other settings, code or data are left out." in notes
+    assert "1 result of the same name with other settings, code or data is left out." in notes
     assert "These results come from 2 versions of the code or its libraries." in notes
-    assert "1 damaged files of cells are left out: broken." in notes
+    assert "1 damaged file of a cell is left out: broken." in notes
 
 
 def test_notes_belong_to_the_cells_that_they_were_given_for(tmp_path):
