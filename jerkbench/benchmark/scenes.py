@@ -9,6 +9,7 @@ from jerkbench.benchmark import inputs
 from jerkbench.benchmark.again import StoredRow, row_of
 from jerkbench.benchmark.store import Store, Stored
 from jerkbench.benchmark.study import Study
+from jerkbench.benchmark.titles import titled
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.recording import Recording
 
@@ -34,7 +35,7 @@ class Scene:
 
     Attributes:
         name: data set, disturbance, attitude.
-        recording: what the filters saw.
+        recording: what the filters saw; its name is the figures' title.
         attitude: what they were given.
         estimates: of each method, by its name.
         tilts: the best method with each way of the tilt filter to adapt; if its attitude is no `tilt`, its own alone.
@@ -84,7 +85,8 @@ def _scene(name: str, chosen: Mapping[str, Stored]) -> Scene:
     attitude = inputs.attitude_of(recording, rows[best].cell.attitude)
     estimates = {method: estimate for method, (_, estimate) in runs.items()}
     runs_of_best = tuple(_best_runs(chosen[best]))
-    return Scene(name, recording, attitude, estimates, _tilts(rows[best], estimates[best]), best, runs_of_best)
+    named = titled(recording, rows[best].cell, rows[best].draw)
+    return Scene(name, named, attitude, estimates, _tilts(rows[best], estimates[best]), best, runs_of_best)
 
 
 def _tilts(row: StoredRow, own: Estimate) -> dict[str, Estimate]:

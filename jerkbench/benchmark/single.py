@@ -10,6 +10,7 @@ from jerkbench.benchmark.run import run_once, run_open
 from jerkbench.benchmark.store import Store, Stored
 from jerkbench.benchmark.sweep import about
 from jerkbench.benchmark.tasks import Planned
+from jerkbench.benchmark.titles import titled
 from jerkbench.contracts import Estimator
 from jerkbench.estimate import Estimate
 from jerkbench.recording import Recording
@@ -42,11 +43,11 @@ def prepare_drawing(cell: Cell) -> None:
 def draw_single(one: Planned, folder: Path) -> list[Path]:
     """Draw trajectory and errors of the first seed; returns the files."""
     recording, estimate = run_once(one.cell, one.cell.draws[0], one.fingerprint)
-    return draw_run(one.cell, recording, estimate, folder / "figures")
+    return draw_run(one.cell, titled(recording, one.cell, one.cell.draws[0]), estimate, folder / "figures")
 
 
 def draw_run(cell: Cell, recording: Recording, estimate: Estimate, folder: Path) -> list[Path]:
-    """Draw the trajectory and the errors of one run; returns the files."""
+    """Draw the trajectory and the errors of one run, with the recording's name above; returns the files."""
     from jerkbench.report.figures import error_figure, inclination_figure, save_figure, trajectory_figure
 
     labels = cell.labels

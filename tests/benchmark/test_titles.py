@@ -1,0 +1,57 @@
+"""The title of a run's figures: what it was, and which of its seeds."""
+
+from dataclasses import replace
+
+import pytest
+
+from jerkbench.benchmark import single
+from jerkbench.benchmark.cell import Protocol, build
+from jerkbench.benchmark.run import run_once
+from jerkbench.benchmark.sweep import plan_sweep
+from jerkbench.benchmark.titles import titled
+
+SPEC = {
+    "attitude": {"name": "tilt"},
+    "filter": {"name": "baseline"},
+    "adaptation": {"name": "none"},
+    "engine": {"name": "filterpy"},
+}
+FIELD = {"name": "field", "duration_s": 20.0}
+DRIVE = {"name": "rtklib", "folder": "anywhere"}
+
+
+def cell(dataset, *disturbances):
+    return build({**SPEC, "dataset": dataset, "disturbance": list(disturbances)}, Protocol(seeds=3, first_seed=7))
+
+
+@pytest.mark.parametrize(
+    ("one", "said"),
+    [
+        (cell(FIELD, {"name": "none"}), "a, seed 7"),
+        (cell(FIELD, {"name": "bias"}), "a, bias, seed 7"),
+        (cell(DRIVE, {"name": "none"}), "a"),
+        (cell(DRIVE, {"name": "withhold", "every": 4}), "a, withhold, phase 7"),
+    ],
+)
+def test_a_title_says_data_set_disturbance_and_seed(one, said, make_short):
+    assert titled(make_short("a"), one, 7).name == said
+
+
+def test_a_long_title_has_several_lines(make_short):
+    name = titled(make_short("a " * 50), cell(FIELD, {"name": "bias"}), 7).name
+    assert name.endswith("bias, seed 7")
+    assert max(map(len, name.split("\n"))) <= 70
+
+
+def test_the_figures_of_a_single_run_have_it(tmp_path, monkeypatch):
+    names = []
+    monkeypatch.setattr(single, "draw_run", lambda cell, recording, *_: names.append(recording.name))
+    (one,) = plan_sweep([cell(FIELD, {"name": "bias"})]).cells
+    single.draw_single(one, tmp_path)
+    assert names == ["field, bias, seed 7"]
+
+
+@pytest.fixture(scope="module")
+def make_short():
+    recording, _ = run_once(cell(FIELD, {"name": "none"}), 7, "")
+    return lambda name: replace(recording, name=name)
