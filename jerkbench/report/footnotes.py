@@ -11,6 +11,9 @@ from jerkbench.report.table import ABSENT, Cell, Table
 if TYPE_CHECKING:
     import pandas as pd
 
+RAISED = ", its level raised for few seeds (as Student's t is wider)"
+"""What a reader has to know who compares with the plain bootstrap, such as scipy's."""
+
 REASONS = 3
 """How many different reasons of failures are told."""
 
@@ -52,8 +55,9 @@ def _intervals(cells: list[Cell]) -> Iterator[str]:
     used = [cell.used for cell in cells]
     seeds = f"{max(used)}" if min(used) == max(used) else f"{min(used)} to {max(used)}"
     few = f" Of fewer than {FEW} seeds it is too short." if min(used) < FEW else ""
-    kind = "BCa bootstrap" if min(used) < MANY else "Student"
-    yield f"[low, high]: 95 % {kind} interval of the mean over {seeds} seeds.{few}"
+    bootstrap = min(used) < MANY
+    kind, raised = ("BCa bootstrap", RAISED) if bootstrap else ("Student", "")
+    yield f"[low, high]: 95 % {kind} interval of the mean over {seeds} seeds{raised}.{few}"
 
 
 def _ratios(table: Table, family: str) -> Iterator[str]:

@@ -136,7 +136,8 @@ def test_runs_without_the_metric_are_counted(cell_rows):
     assert (holed.used, holed.missing, holed.complete, holed.best) == (2, 3, False, False)
     assert (whole.used, whole.missing, whole.complete, whole.text) == (5, 0, True, "3.00 [3.00, 3.00]")
     said = " ".join(table.footnotes)
-    assert "mean over 2 to 5 seeds. Of fewer than 5 seeds it is too short." in said
+    assert "mean over 2 to 5 seeds, its level raised" in said
+    assert "(as Student's t is wider). Of fewer than 5 seeds it is too short." in said
     assert "k/n n/a: k of n runs have no value of this metric; the mean is over the others, and never bold." in said
     assert "n/a: the metric does not apply." not in table.footnotes
 
@@ -192,8 +193,8 @@ def test_few_seeds_are_said(rows, cell_rows):
     )
     many = pd.DataFrame(cell_rows("jerk", "none", np.linspace(1, 2, 12)))
     assert (
-        "[low, high]: 95 % BCa bootstrap interval of the mean over 12 seeds."
-        in summarise(many, "position_rmse_m").footnotes
+        "[low, high]: 95 % BCa bootstrap interval of the mean over 12 seeds, its level raised for few seeds "
+        "(as Student's t is wider)." in summarise(many, "position_rmse_m").footnotes
     )
 
 
