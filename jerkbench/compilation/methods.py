@@ -46,6 +46,7 @@ def compiled_method(plugin: object, method: Method) -> Any:  # noqa: ANN401 - nu
 
     Raises:
         numba.core.errors.NumbaError: numba cannot compile it.
+        numba.core.errors.UnsupportedBytecodeError: likewise; it is no NumbaError.
         TypeError: the method is no plain function.
     """
     function = own_function(getattr(type(plugin), method.name, None))

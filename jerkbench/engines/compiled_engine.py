@@ -84,11 +84,11 @@ def compiled_rule(adaptation: Adaptation) -> Rule | None:
 @cache
 def _reason(adaptation: Hashable) -> str:
     """Why numba cannot compile the adaptation, or an empty string; it is said once."""
-    from numba.core.errors import NumbaError
+    from numba.core.errors import NumbaError, UnsupportedBytecodeError  # the second is none of the first
 
     try:
         rule_of(cast("Adaptation", adaptation))
-    except (NumbaError, TypeError) as error:
+    except (NumbaError, UnsupportedBytecodeError, TypeError) as error:
         reason = _first_sentence(str(error))
         sys.stderr.write(f"jerkbench: {type(adaptation).__name__} runs on the engine filterpy: {reason}\n")
         return reason

@@ -250,6 +250,30 @@ def test_what_numba_cannot_compile_runs_on_the_reference_engine_with_one_line(ti
     assert len(line) > len("jerkbench: Dictionary runs on the engine filterpy: ") + 10
 
 
+@dataclass(frozen=True)
+class Formatted(NoAdaptation):
+    def adapt(self, innovation, HPHt, R, rows, memory):
+        return R * len(f"{R[0, 0]:.3f}")
+
+
+@dataclass(frozen=True)
+class Imports(NoAdaptation):
+    def adapt(self, innovation, HPHt, R, rows, memory):
+        import math
+
+        return R * math.sqrt(4.0)
+
+
+@pytest.mark.parametrize("adaptation", [Formatted(), Imports()], ids=["a format", "an import"])
+def test_what_numba_refuses_as_bytecode_runs_on_the_reference_engine_with_one_line(timeline, capsys, adaptation):
+    run = CompiledEngine().run(timeline, Baseline(), adaptation)
+    (line,) = [line for line in capsys.readouterr().err.splitlines() if "compiling" not in line]
+
+    agree(timeline, Baseline(), adaptation, run)
+    assert line.startswith(f"jerkbench: {type(adaptation).__name__} runs on the engine filterpy: ")
+    assert "supported" in line
+
+
 def test_step_lengths_are_those_of_whole_nanoseconds_and_the_first_of_each():
     lengths, which = step_lengths(np.array([0.0, 0.01, 0.01 + 1e-12, 0.02, 0.01, 0.01 + 2e-9]))
 

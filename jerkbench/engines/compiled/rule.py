@@ -26,6 +26,7 @@ def rule_of(adaptation: Adaptation) -> Rule:
 
     Raises:
         numba.core.errors.NumbaError: numba cannot compile it.
+        numba.core.errors.UnsupportedBytecodeError: likewise; it is no NumbaError.
         TypeError: `adapt` is no plain function.
     """
     adapt, fade = _addresses(cast("Hashable", adaptation))
