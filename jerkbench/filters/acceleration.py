@@ -6,6 +6,7 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.plugins import register
+from jerkbench.simulation.checks import require_not_negative
 
 
 @register("filter", "acceleration")
@@ -31,6 +32,10 @@ class Acceleration:
 
     accel_walk_mps2_per_sqrt_s: float = 2.0
     initial_accel_mps2: float = 1.0
+
+    def __post_init__(self) -> None:
+        """Check that every noise is a number, and not negative."""
+        require_not_negative("filter acceleration", self, ("accel_walk_mps2_per_sqrt_s", "initial_accel_mps2"))
 
     def axis_model(self, dt: float, dt0: float) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return A (3, 3), b (3,), Q (3, 3) for a step of ``dt`` seconds."""

@@ -6,6 +6,7 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.plugins import register
+from jerkbench.simulation.checks import require_not_negative
 
 
 @register("filter", "baseline")
@@ -28,6 +29,10 @@ class Baseline:
     """
 
     accel_mps2: float = 0.2
+
+    def __post_init__(self) -> None:
+        """Check that every noise is a number, and not negative."""
+        require_not_negative("filter baseline", self, ("accel_mps2",))
 
     def axis_model(self, dt: float, dt0: float) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return A (2, 2), b (2,), Q (2, 2) for a step of ``dt`` seconds."""

@@ -6,6 +6,7 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.plugins import register
+from jerkbench.simulation.checks import require_not_negative
 
 
 @register("filter", "bias")
@@ -32,6 +33,10 @@ class Bias:
     accel_mps2: float = 0.1
     bias_mps2_per_sqrt_s: float = 0.03
     initial_bias_mps2: float = 0.1
+
+    def __post_init__(self) -> None:
+        """Check that every noise is a number, and not negative."""
+        require_not_negative("filter bias", self, ("accel_mps2", "bias_mps2_per_sqrt_s", "initial_bias_mps2"))
 
     def axis_model(self, dt: float, dt0: float) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return A (3, 3), b (3,), Q (3, 3) for a step of ``dt`` seconds."""

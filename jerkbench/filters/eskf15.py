@@ -20,6 +20,7 @@ from jerkbench.inertial.stillness import still_samples
 from jerkbench.inertial.track import yaw_from_track
 from jerkbench.plugins import register
 from jerkbench.recording import GRAVITY_MPS2, Recording
+from jerkbench.simulation.checks import require_not_negative
 from jerkbench.timeline.timeline import Timeline, build_timeline
 
 YAW_SOURCES = ("attitude", "track")
@@ -28,11 +29,15 @@ DEG_PER_H = np.deg2rad(1.0) / 3600.0
 PER_SQRT_H = 1.0 / 60.0
 MG = 1e-3 * GRAVITY_MPS2
 
+INSTABILITIES = ("gyro_instability_deg_per_h", "accel_instability_mg")
+SIGMAS = (
+    *("angle_random_walk_deg_per_sqrt_h", "velocity_random_walk_mps_per_sqrt_h", *INSTABILITIES),
+    *("gyro_turn_on_deg_per_h", "accel_turn_on_mg", "initial_yaw_sigma_rad"),
+    *("zero_velocity_sigma_mps", "nonholonomic_sigma_mps", "wheel_scale_sigma"),
+)
 POSITIVE = (
-    *("angle_random_walk_deg_per_sqrt_h", "velocity_random_walk_mps_per_sqrt_h"),
-    *("gyro_correlation_s", "accel_correlation_s", "gyro_turn_on_deg_per_h", "accel_turn_on_mg"),
-    *("initial_yaw_sigma_rad", "track_least_m", "zero_velocity_sigma_mps", "nonholonomic_sigma_mps"),
-    "wheel_scale_sigma",
+    *(name for name in SIGMAS if name not in INSTABILITIES),
+    *("gyro_correlation_s", "accel_correlation_s", "track_least_m"),
     *("constraint_interval_s", "still_window_s", "still_accel_mps2", "still_gyro_radps", "still_below_mps"),
 )
 DEFORMATION = ("gyro_scale_ppm", "accel_scale_ppm", "misalignment_mrad")
@@ -169,13 +174,14 @@ class Eskf15:
         """Check the ranges."""
         if self.yaw_source not in YAW_SOURCES:
             raise PluginError(unknown("yaw_source of filter eskf15", self.yaw_source, YAW_SOURCES))
-        positive = (*POSITIVE, *(("position_sigma_m",) if self.position_sigma_m is not None else ()))
-        for name in positive:
+        given = ("position_sigma_m",) if self.position_sigma_m is not None else ()
+        for name in (*POSITIVE, *given):
             if not getattr(self, name) > 0:
                 raise PluginError(f"eskf15.{name} is {getattr(self, name)}; it must be positive.")
-        for name in ("gyro_instability_deg_per_h", "accel_instability_mg", *DEFORMATION):
+        for name in (*INSTABILITIES, *DEFORMATION):
             if not getattr(self, name) >= 0:
                 raise PluginError(f"eskf15.{name} is {getattr(self, name)}; it must be 0 (constant) or more.")
+        require_not_negative("filter eskf15", self, (*SIGMAS, *DEFORMATION, *given))
         if len({getattr(self, name) > 0 for name in DEFORMATION}) == 2:
             raise PluginError(f"eskf15: {', '.join(DEFORMATION)} belong together; give all three, or 0 for all.")
         for name in ARMS:

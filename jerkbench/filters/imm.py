@@ -16,9 +16,15 @@ from jerkbench.filters.bias import Bias
 from jerkbench.filters.jerk import Jerk
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
+from jerkbench.simulation.checks import require_not_negative
 from jerkbench.timeline.timeline import build_timeline
 
 MODELS = ("acceleration", "baseline", "bias", "jerk")
+NOISES = (
+    *("first_accel_mps2", "second_accel_mps2", "jerk_mps3_per_sqrt_s", "initial_jerk_mps3"),
+    *("bias_mps2_per_sqrt_s", "initial_bias_mps2"),
+    *("first_walk_mps2_per_sqrt_s", "second_walk_mps2_per_sqrt_s", "initial_accel_mps2"),
+)
 
 
 @register("filter", "imm")
@@ -82,7 +88,7 @@ class InteractingMultipleModels:
     initial_accel_mps2: float = 1.0
 
     def __post_init__(self) -> None:
-        """Check the pair of models and the probabilities."""
+        """Check the pair of models, the noises and the probabilities."""
         for name in (self.first, self.second):
             if name not in MODELS:
                 raise PluginError(unknown("model of filter imm", name, MODELS))
@@ -91,6 +97,7 @@ class InteractingMultipleModels:
                 f"imm cannot mix {self.first} with {self.second}, whose third states mean different things; pair either"
                 " of them with baseline, or with itself."
             )
+        require_not_negative("filter imm", self, NOISES)
         for name in ("first_stays", "second_stays", "first_probability"):
             if not 0 < getattr(self, name) < 1:
                 raise PluginError(f"imm.{name} is {getattr(self, name)}; it must lie between 0 and 1.")

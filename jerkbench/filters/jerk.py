@@ -6,6 +6,7 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.plugins import register
+from jerkbench.simulation.checks import require_not_negative
 
 
 @register("filter", "jerk")
@@ -33,6 +34,10 @@ class Jerk:
     accel_mps2: float = 0.1
     jerk_mps3_per_sqrt_s: float = 6.0
     initial_jerk_mps3: float = 20.0
+
+    def __post_init__(self) -> None:
+        """Check that every noise is a number, and not negative."""
+        require_not_negative("filter jerk", self, ("accel_mps2", "jerk_mps3_per_sqrt_s", "initial_jerk_mps3"))
 
     def axis_model(self, dt: float, dt0: float) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return A (3, 3), b (3,), Q (3, 3) for a step of ``dt`` seconds."""

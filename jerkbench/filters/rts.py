@@ -16,10 +16,15 @@ from jerkbench.filters.bias import Bias
 from jerkbench.filters.jerk import Jerk
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
+from jerkbench.simulation.checks import require_not_negative
 from jerkbench.timeline.recorder import Recorder
 from jerkbench.timeline.timeline import Timeline, build_timeline
 
 MODELS = ("baseline", "bias", "jerk")
+NOISES = (
+    *("accel_mps2", "jerk_mps3_per_sqrt_s", "initial_jerk_mps3"),
+    *("bias_mps2_per_sqrt_s", "initial_bias_mps2"),
+)
 
 
 @register("filter", "rts")
@@ -61,9 +66,10 @@ class RauchTungStriebel:
     initial_bias_mps2: float = 0.1
 
     def __post_init__(self) -> None:
-        """Check the name of the model."""
+        """Check the name of the model and the noises, those of the other models too."""
         if self.model not in MODELS:
             raise PluginError(unknown("model of filter rts", self.model, MODELS))
+        require_not_negative("filter rts", self, NOISES)
 
     @property
     def adaptations(self) -> tuple[str, ...]:

@@ -27,7 +27,7 @@ def require_not_negative(plugin: str, owner: object, names: Iterable[str]) -> No
     for name in names:
         value = getattr(owner, name)
         if not 0 <= value < math.inf:
-            raise PluginError(f"{plugin}: {name} is {value}; it must be zero or positive.")
+            raise PluginError(f"{plugin}: {name} is {value}; it must be zero or positive, and finite.")
 
 
 def require_axes(plugin: str, owner: object, names: Iterable[str], *, positive: bool) -> None:

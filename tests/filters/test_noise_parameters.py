@@ -1,0 +1,46 @@
+"""What is a standard deviation or the density of a noise is a finite number, and not negative, in every filter."""
+
+import dataclasses
+import math
+
+import pytest
+
+from jerkbench import plugins
+from jerkbench.errors import PluginError
+from jerkbench.filters.eskf15 import DEFORMATION, SIGMAS
+
+PROBABILITIES = ("first_stays", "second_stays", "first_probability")
+KINEMATIC = ("acceleration", "baseline", "bias", "imm", "jerk", "rts")
+
+
+def noises(name):
+    """The fields of a filter that are noises."""
+    fields = [f for f in dataclasses.fields(plugins.get("filter", name)) if f.type in (float, "float")]
+    return [f.name for f in fields if f.name not in PROBABILITIES]
+
+
+EVERY = [(name, field) for name in KINEMATIC for field in noises(name)]
+EVERY += [("eskf15", field) for field in (*SIGMAS, *DEFORMATION, "position_sigma_m")]
+
+
+@pytest.mark.parametrize("value", [-1.0, math.nan, math.inf])
+@pytest.mark.parametrize(("name", "field"), EVERY)
+def test_it_is_refused_with_a_sentence_that_names_it(name, field, value):
+    with pytest.raises(PluginError, match=rf"{name}\b.*\b{field} is {value}; it must be "):
+        plugins.create("filter", {"name": name, field: value})
+
+
+@pytest.mark.parametrize(("name", "field"), [pair for pair in EVERY if pair[0] in KINEMATIC])
+def test_zero_is_a_noise(name, field):
+    assert getattr(plugins.create("filter", {"name": name, field: 0.0}), field) == 0.0
+
+
+def test_no_kinematic_filter_is_forgotten():
+    kinematic = {name for name in plugins.names("filter") if hasattr(plugins.get("filter", name), "axis_model")}
+    assert kinematic <= set(KINEMATIC)
+
+
+def test_a_time_may_be_infinite():
+    """A bias with an infinite correlation time is constant."""
+    model = plugins.create("filter", {"name": "eskf15", "gyro_correlation_s": math.inf})
+    assert model.sensor_noise().gyro_bias == 0.0
