@@ -2,7 +2,6 @@
 
 import argparse
 import atexit
-import errno
 import gc
 import os
 import sys
@@ -11,11 +10,8 @@ from collections.abc import Sequence
 
 from jerkbench.data.verbs import VERBS as DATA_VERBS
 from jerkbench.data.verbs import add_verbs, answer
-from jerkbench.errors import INTERRUPTED, JerkbenchError, exit_with
+from jerkbench.errors import INTERRUPTED, NO_ROOM, JerkbenchError, exit_with
 from jerkbench.verbs import VERBS
-
-NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
-"""What the system says of a disk that takes no more."""
 
 RUN_HELP = """\
 jerkbench run [-m] [GROUP=NAME ...] [KEY=VALUE ...]
@@ -31,8 +27,15 @@ Runs one combination, or with -m every combination of the values that are separa
 GROUPs: dataset, disturbance, attitude, filter, adaptation, noise, engine, experiment. `jerkbench list` names what there
 is, `jerkbench show KIND NAME` the parameters. Several disturbances act in order: disturbance=[bias,gnss_outage].
 
+A parameter stands under its GROUP, and that of a disturbance under its name, as there may be several:
+
+  jerkbench run adaptation=mtf adaptation.window=3
+  jerkbench run disturbance=gnss_outage disturbance.gnss_outage.windows_s=[[50,60]]
+
 Other KEYs: study, results, seeds, first_seed, burn_in_s, divergence_limit_m, metrics, workers, figures, report, notes.
 Results are in results/STUDY. A cell that is done is not run again; a sweep that was stopped goes on where it was.
+
+What a plugin raises is a sentence; JERKBENCH_TRACEBACK=1 in the environment shows the traceback of a single run.
 
 It is a Hydra 1.3 app: --cfg job, --info, hydra/launcher=... and the rest work as Hydra documents them.
 """

@@ -1,6 +1,7 @@
 """Errors that are sentences: what was given, what there is, what to do."""
 
 import difflib
+import errno
 import sys
 from collections.abc import Iterable
 from typing import NoReturn
@@ -10,6 +11,10 @@ BAD_INPUT = 2
 
 INTERRUPTED = 130
 """Exit code of the command line after Ctrl-C."""
+
+
+NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
+"""What the system says of a disk that takes no more."""
 
 
 class JerkbenchError(Exception):

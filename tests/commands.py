@@ -9,6 +9,9 @@ SHORT = ["dataset.duration_s=12", "seeds=1", "figures=false", "workers=1"]
 
 
 def environment(**more):
+    """What a process sees; a PYTHONPATH comes before the one that there is, which may lead to the code under test."""
+    if "PYTHONPATH" in more:
+        more["PYTHONPATH"] = os.pathsep.join([more["PYTHONPATH"], os.environ.get("PYTHONPATH", "")]).rstrip(os.pathsep)
     return {**os.environ, "COLUMNS": "200", **more}
 
 

@@ -3,13 +3,19 @@
 import importlib
 import subprocess
 import sys
+from dataclasses import replace
 
 import pandas as pd
 import pytest
 
 from commands import SHORT, jerkbench, swept
 from jerkbench.adaptation.mtf import Mtf
+from jerkbench.adaptation.none import NoAdaptation
+from jerkbench.benchmark.blame import TRACEBACK
+from jerkbench.benchmark.cell import Protocol, build
+from jerkbench.benchmark.run import run_open
 from jerkbench.benchmark.versions import plugin_digest
+from jerkbench.errors import PluginError
 
 MODULE = '''
 """A rule of our own."""
@@ -44,6 +50,26 @@ class Clumsy(Doubt):
 
     def adapt(self, innovation, HPHt, R, rows, memory):
         raise ZeroDivisionError("that was clumsy")
+
+
+@dataclass(frozen=True)
+class Silent(Doubt):
+    """Returns nothing.
+
+    Attributes:
+        factor: the constant [-].
+    """
+
+    def adapt(self, innovation, HPHt, R, rows, memory):
+        return None
+
+
+@dataclass(frozen=True)
+class Sizeless:
+    """Does not say how much it remembers."""
+
+    def adapt(self, innovation, HPHt, R, rows, memory):
+        return R
 '''
 PROJECT = """
 [build-system]
@@ -57,6 +83,8 @@ version = "1.2"
 [project.entry-points."jerkbench.adaptation"]
 doubt = "doubting:Doubt"
 clumsy = "doubting:Clumsy"
+silent = "doubting:Silent"
+sizeless = "doubting:Sizeless"
 lost = "doubting:Lost"
 
 [tool.hatch.build.targets.wheel]
@@ -120,3 +148,36 @@ def test_one_that_raises_is_a_row_with_the_reason_and_the_exit_code_says_so(inst
     assert rows.loc["clumsy", "reason"] == "ZeroDivisionError: that was clumsy (adapt, line 33)"
     assert rows.loc["none", "status"] == "ok"
     assert "failed 1/1" in done.stdout
+
+
+SENTENCES = {
+    "clumsy": "The adaptation clumsy failed: ZeroDivisionError: that was clumsy (adapt, line 33).",
+    "silent": "The filter baseline with the adaptation silent failed: ValueError: ",
+    "sizeless": "The filter baseline with the adaptation sizeless failed: AttributeError: 'Sizeless' object has no",
+}
+
+
+@pytest.mark.parametrize("name", SENTENCES)
+def test_one_that_is_broken_ends_a_single_run_with_a_sentence(installed, tmp_path, name):
+    done = jerkbench("run", *SHORT, f"adaptation={name}", cwd=tmp_path, PYTHONPATH=installed)
+
+    assert done.returncode == 2
+    assert done.stderr.splitlines()[-1].startswith(f"jerkbench: {SENTENCES[name]}")
+    assert done.stderr.endswith(" Set JERKBENCH_TRACEBACK=1 to see the whole traceback.\n")
+    assert not list(tmp_path.rglob("*.parquet"))
+
+
+class Clumsy(NoAdaptation):
+    def adapt(self, innovation, HPHt, R, rows, memory):
+        raise ZeroDivisionError("that was clumsy")
+
+
+def test_its_author_can_see_the_traceback(monkeypatch):
+    spec = {kind: {"name": name} for kind, name in (("filter", "baseline"), ("engine", "compiled"))}
+    spec |= {"dataset": {"name": "field", "duration_s": 12.0}, "attitude": {"name": "tilt"}, "disturbance": []}
+    cell = replace(build({**spec, "adaptation": {"name": "none"}}, Protocol(seeds=1)), adaptation=Clumsy())
+    with pytest.raises(PluginError, match="that was clumsy"):
+        run_open(cell, "")
+    monkeypatch.setenv(TRACEBACK, "1")
+    with pytest.raises(ZeroDivisionError, match="that was clumsy"):
+        run_open(cell, "")

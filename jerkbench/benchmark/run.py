@@ -1,10 +1,10 @@
 """Runs a cell: one row for each seed."""
 
-import traceback
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from jerkbench.benchmark import inputs
+from jerkbench.benchmark.blame import plugins_in_words, reason_of
 from jerkbench.benchmark.cell import Cell
 from jerkbench.benchmark.streaming import Found, streamed_values, streams
 from jerkbench.contracts import Estimator
@@ -36,12 +36,17 @@ def run_cell(cell: Cell, fingerprint: str, draws: Sequence[int] = (), threads: i
 
 
 def run_open(cell: Cell, fingerprint: str, draws: Sequence[int] = (), threads: int = 1) -> tuple[list[Row], list[str]]:
-    """The same, but what is wrong with the input or a plugin is raised."""
+    """The same, but what is wrong with the input or a plugin is raised, as a sentence.
+
+    Raises:
+        JerkbenchError: what is wrong.
+    """
     rows, notes = [], {}
-    for result in _results(cell, fingerprint, draws or cell.draws, threads):
-        row, said = _row(cell, result, fingerprint) if isinstance(result, Alone) else result
-        rows.append(row)
-        notes.update(dict.fromkeys(said))
+    with plugins_in_words(cell):
+        for result in _results(cell, fingerprint, draws or cell.draws, threads):
+            row, said = _row(cell, result, fingerprint) if isinstance(result, Alone) else result
+            rows.append(row)
+            notes.update(dict.fromkeys(said))
     return rows, list(notes)
 
 
@@ -119,8 +124,7 @@ def _guarded_row(cell: Cell, one: Alone, fingerprint: str) -> tuple[Row, list[st
     except JerkbenchError as error:
         return _failed(cell, one.draw, str(error)), []
     except Exception as error:  # noqa: BLE001 - whatever a plugin raises becomes a row that says so
-        at = traceback.extract_tb(error.__traceback__)[-1]
-        return _failed(cell, one.draw, f"{type(error).__name__}: {error} ({at.name}, line {at.lineno})"), []
+        return _failed(cell, one.draw, reason_of(error)), []
 
 
 def _failed(cell: Cell, draw: int, reason: str) -> Row:

@@ -19,7 +19,7 @@ from jerkbench.recording import Recording
 def run_single(one: Planned, folder: Path) -> Stored:
     """Run one cell, unless it is done; returns it as it is stored.
 
-    Nothing is caught: what is wrong with the input or a plugin ends the run, and nothing is stored.
+    What is wrong with the input or a plugin ends the run with a sentence, and nothing is stored.
     """
     store = Store(folder)
     if not store.done(one.key):
