@@ -39,7 +39,15 @@ def show_text(kind: str, name: str) -> str:
     if kind in plugins.KINDS and name not in plugins.names(kind):
         raise PluginError(unknown(kind, name, [*plugins.names(kind), *presets]))
     cls = plugins.get(kind, name)
-    return "\n\n".join([f"{kind} {name}", *_docs(cls), _defaults(cls), f"Defined in {_home(cls)}."])
+    usage = _usage(name, cls) if kind == "disturbance" else []
+    return "\n\n".join([f"{kind} {name}", *_docs(cls), _defaults(cls), *usage, f"Defined in {_home(cls)}."])
+
+
+def _usage(name: str, cls: type) -> list[str]:
+    """How to set a parameter of a disturbance, which stands under its name: there may be several."""
+    return [
+        f"On the command line: disturbance={name} disturbance.{name}.{f.name}=..." for f in dataclasses.fields(cls)[:1]
+    ]
 
 
 def _docs(cls: type) -> list[str]:

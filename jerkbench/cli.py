@@ -76,11 +76,13 @@ def _run(words: list[str]) -> None:
 
     from jerkbench.benchmark.app import main as app
     from jerkbench.benchmark.complaints import sentence
+    from jerkbench.benchmark.typed import refuse_mappings
 
+    refuse_mappings(words)
     try:
         app(words)
     except (HydraException, OmegaConfBaseException) as error:
-        raise JerkbenchError(sentence(error)) from error
+        raise JerkbenchError(sentence(error, words)) from error
     except OSError as error:
         if error.errno not in NO_ROOM:
             raise

@@ -20,7 +20,11 @@ def rows_of(folder):
 
 def test_help_and_catalogue_answer(tmp_path):
     assert "VERB" in jerkbench("--help", cwd=tmp_path).stdout
-    assert "experiment=paper" in jerkbench("run", "--help", cwd=tmp_path).stdout
+    helped = jerkbench("run", "--help", cwd=tmp_path).stdout
+    assert "experiment=paper" in helped
+    assert "disturbance.gnss_outage.windows_s=[[50,60]]" in helped
+    shown = jerkbench("show", "disturbance", "gnss_outage", cwd=tmp_path).stdout
+    assert "On the command line: disturbance=gnss_outage disturbance.gnss_outage.windows_s=..." in shown
     listed = jerkbench("list", cwd=tmp_path).stdout
     assert all(name in listed for name in ("field_ruts", "gnss_outage", "sage_husa", "baseline_naive", "paper"))
     shown = jerkbench("show", "adaptation", "mtf", cwd=tmp_path).stdout
@@ -142,6 +146,31 @@ BAD = [
     (["dataset=rtklib", "dataset.folder=nowhere"], "nowhere"),
     (["dataset=rtklib", "dataset.folder=."], "."),
     (["filter==jerk"], "="),
+    (["jerk"], "'jerk' is no KEY=VALUE. Did you mean filter=jerk?"),
+    (["foo"], "'foo' is no KEY=VALUE. `jerkbench run --help` lists the keys."),
+    (["adaptation=[mtf,none]"], "adaptation takes one value; several are a sweep: -m adaptation=mtf,none"),
+    (
+        ["disturbance=[{name:gnss_outage,windows_s:[[50,60]]}]"],
+        "give each parameter by itself: disturbance=gnss_outage disturbance.gnss_outage.windows_s=[[50,60]]",
+    ),
+    (
+        ["disturbance=[bias,{name:gnss_outage,windows_s:[[50,60]]}]"],
+        "disturbance=[bias,gnss_outage] disturbance.gnss_outage.windows_s=[[50,60]]",
+    ),
+    (["filter={name:jerk,accel_mps2:0.3}"], "give each parameter by itself: filter=jerk filter.accel_mps2=0.3"),
+    (
+        ["disturbance=gnss_outage", "disturbance.windows_s=[[50,60]]"],
+        "The parameters of a disturbance stand under its name: disturbance.gnss_outage.windows_s=...",
+    ),
+    (["disturbance=bias", "disturbance.gnss_outage.length_s=3"], "The disturbance gnss_outage is not among the chosen"),
+    (["disturbance=bias", "disturbance.nonsense=3"], "There is no disturbance 'nonsense'"),
+    (["adaptation.window=5"], "The adaptation none has no parameters, so adaptation.window cannot be set."),
+    (["workers=-3"], "workers is -3; give 0 (one for each processor) or more."),
+    (["study=../x"], "study is '../x'; it must be the name of one folder"),
+    (["study=a/b"], "study is 'a/b'; it must be the name of one folder"),
+    (["study=.."], "study is '..'; it must be the name of one folder"),
+    (["filter.accel_mps2=-1"], "filter baseline: accel_mps2 is -1.0; it must be zero or positive, and finite."),
+    (["noise.accel_mps2=nan"], "filter baseline: accel_mps2 is nan; it must be zero or positive, and finite."),
 ]
 
 
@@ -189,6 +218,24 @@ def test_bad_input_is_one_sentence_and_leaves_no_result(tmp_path, said_in_proces
     assert out == ""
     assert not list(tmp_path.rglob("*.parquet"))
     assert not list(tmp_path.rglob("rows.csv"))
+
+
+@pytest.mark.parametrize("parameter", ["adaptation.window=5", "adaptation.threshold=5"])
+def test_a_parameter_that_one_of_a_sweep_has_not_needs_a_sweep_of_its_own(said_in_process, parameter):
+    code, _, err = said_in_process("run", "-m", "adaptation=mtf,none,chi2", parameter)
+
+    assert code == 2
+    assert "adaptation" in err
+    assert "a parameter that only some of adaptation=mtf,none,chi2 have needs a sweep of its own" in err
+    assert err.count("\n") == 1
+
+
+def test_a_refused_study_leaves_no_folder(tmp_path, said_in_process):
+    folder = tmp_path / "results" / "inside"
+    folder.mkdir(parents=True)
+    said_in_process("run", "-m", "results=results/inside", "study=../x")
+
+    assert [path.name for path in (tmp_path / "results").iterdir()] == ["inside"]
 
 
 def test_several_values_without_a_sweep_are_a_sentence(said_in_process):

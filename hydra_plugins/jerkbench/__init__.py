@@ -31,6 +31,13 @@ class JerkbenchSweeper(BasicSweeper):
         """Take Hydra's own parameters."""
         super().__init__(max_batch_size, params or {})
 
+    def setup(self, *, hydra_context: HydraContext, task_function: TaskFunction, config: DictConfig) -> None:
+        """Check the options that are the whole sweep's, before Hydra makes its folder."""
+        from jerkbench.benchmark.options import check_options
+
+        check_options(config)
+        super().setup(hydra_context=hydra_context, task_function=task_function, config=config)
+
     def validate_batch_is_legal(self, batch: Sequence[Sequence[str]]) -> None:
         """Leave it to a foreign launcher's job only where there is one."""
         if not isinstance(self.launcher, JerkbenchLauncher):

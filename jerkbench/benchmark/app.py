@@ -20,6 +20,7 @@ from omegaconf import DictConfig, OmegaConf
 from jerkbench.benchmark.cell import refusal
 from jerkbench.benchmark.composition import compose_jobs
 from jerkbench.benchmark.configuration import cell_of, register_schemas, study_folder
+from jerkbench.benchmark.options import check_options
 from jerkbench.benchmark.processors import processors
 from jerkbench.benchmark.single import draw_single, prepare_drawing, run_single
 from jerkbench.benchmark.store import Store
@@ -118,6 +119,7 @@ def _task(config: DictConfig) -> None:
 
 
 def _run_job(config: DictConfig, job: HydraConf) -> None:
+    check_options(config)
     plain: Any = OmegaConf.to_container(config, resolve=True)
     cell = cell_of(plain, job.runtime.choices, list(job.overrides.task))
     sweeping = job.mode == RunMode.MULTIRUN

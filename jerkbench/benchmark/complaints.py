@@ -2,10 +2,12 @@
 
 import dataclasses
 import re
+from collections.abc import Sequence
 
 from jerkbench import plugins
 from jerkbench.benchmark.configuration import Schema
 from jerkbench.benchmark.noise import Noise
+from jerkbench.benchmark.typed import no_assignment, several_in_one, swept
 from jerkbench.errors import unknown
 
 NOISE = ("full_key", "object_type", "Config search", "provider=")
@@ -17,9 +19,46 @@ PACKAGE = (
 )
 
 
-def sentence(error: Exception) -> str:
-    """Say in one sentence what was given, what there is and what to do."""
+def sentence(error: Exception, typed: Sequence[str] = ()) -> str:
+    """Say what was given, what there is and what to do.
+
+    Args:
+        error: what Hydra raised.
+        typed: the words behind `jerkbench run`.
+    """
     text = "\n".join(_chain(error))
+    return _of_words(text, typed) or _of_configuration(text, typed)
+
+
+def _of_words(text: str, typed: Sequence[str]) -> str:
+    """What is wrong with a word, whatever the configuration is; or an empty string."""
+    word = re.search(r"Error parsing override '([^=']*)'\s+missing EQUAL", text)
+    if word:
+        return no_assignment(word[1])
+    disturbance = re.search(r"Could not override 'disturbance\.(\w+)([^']*)'", text)
+    if disturbance:
+        return _under_its_name(disturbance[1], typed, inside=bool(disturbance[2]))
+    return several_in_one(typed) if "is not a subclass of" in text else ""
+
+
+def _under_its_name(key: str, typed: Sequence[str], *, inside: bool) -> str:
+    """A key below ``disturbance`` that is no chosen one: a parameter, or one that is not chosen, or nothing known."""
+    known = plugins.names("disturbance")
+    if owners := [] if inside else [name for name in known if _has(name, key)]:
+        chosen = {name for word in typed if word.startswith("disturbance=") for name in re.findall(r"\w+", word)}
+        meant = [name for name in owners if name in chosen] or owners
+        examples = " or ".join(f"disturbance.{name}.{key}=..." for name in meant)
+        return f"The parameters of a disturbance stand under its name: {examples}"
+    if key in known:
+        return f"The disturbance {key} is not among the chosen; add it: disturbance=[...,{key}]."
+    return unknown("disturbance", key, known)
+
+
+def _has(disturbance: str, parameter: str) -> bool:
+    return parameter in {f.name for f in dataclasses.fields(plugins.get("disturbance", disturbance))}
+
+
+def _of_configuration(text: str, typed: Sequence[str]) -> str:
     missing = re.search(r"Could not (?:find|load) '([\w/]+)/([^'/]+)'", text)
     if missing:
         return unknown(missing[1], missing[2], _options(text) or _names(missing[1]))
@@ -31,7 +70,7 @@ def sentence(error: Exception) -> str:
         full = re.search(r"full_key: (\S+)", text)
         if key[1] == "experiment":
             return PACKAGE
-        return unknown("option", full[1] if full else key[1], _fields_of(key[2], full[1] if full else ""))
+        return _no_option(key[2], full[1] if full else key[1], typed)
     value = re.search(r"(Value .*)", text)
     if value:
         full = re.search(r"full_key: (\S+)", text)
@@ -42,6 +81,23 @@ def sentence(error: Exception) -> str:
 
 def _names(group: str) -> list[str]:
     return plugins.names(group) if group in plugins.KINDS else []
+
+
+def _no_option(schema: str, full_key: str, typed: Sequence[str]) -> str:
+    """Say which option there is not; in a sweep, that it is one combination that has it not."""
+    group = full_key.partition(".")[0]
+    fields, several = _fields_of(schema, full_key), swept(typed, group)
+    name = next((n for n in _names(group) if plugins.get(group, n).__name__ == schema), schema)
+    if fields or schema == Schema.__name__:
+        said = unknown("option", full_key, fields)
+    else:
+        said = f"The {group} {name} has no parameters, so {full_key} cannot be set."
+    if not several:
+        return said
+    return (
+        f"{said} That is the combination with {group}={name}; a parameter that only some of {several} have needs a"
+        " sweep of its own."
+    )
 
 
 def _fields_of(schema: str, full_key: str) -> list[str]:

@@ -56,9 +56,9 @@ def cell_of_parts(
     spec["disturbance"] = [plain for part in several for plain in part.plain.values()]
     spec["noise"] = process.plain
     choices = {kind: part.name for kind, part in {**one, "noise": process}.items()}
-    words = [f"disturbance=[{','.join(part.name for part in several)}]"]
-    words += [word for part in (*one.values(), *several, process) for word in part.overrides]
-    return build(spec, protocol, labels_of(spec, choices, words))
+    overrides = [f"disturbance=[{','.join(part.name for part in several)}]"]
+    overrides += [word for part in (*one.values(), *several, process) for word in part.overrides]
+    return build(spec, protocol, labels_of(spec, choices, overrides))
 
 
 def choose(kind: str, part: Part) -> Chosen:
@@ -74,21 +74,21 @@ def choose(kind: str, part: Part) -> Chosen:
         raise PluginError(unknown(kind, name, [*plugins.names(kind), *preset_names(kind)]))
     plain = {**given, "name": name}
     if kind == "disturbance":
-        return Chosen(name, _words(f"{kind}.{name}", given), {name: plain})
-    return Chosen(name, _words(kind, given), plain)
+        return Chosen(name, words(f"{kind}.{name}", given), {name: plain})
+    return Chosen(name, words(kind, given), plain)
 
 
 def _preset(kind: str, name: str, given: dict[str, Any]) -> Chosen:
     below = preset(kind, name)
     if kind != "disturbance":
-        return Chosen(name, _words(kind, given), merged(below, given))
+        return Chosen(name, words(kind, given), merged(below, given))
     for key, value in given.items():  # each is the parameters of one of the preset's disturbances
         if key not in below:
             raise PluginError(unknown(f"disturbance in the preset {name}", key, below))
         if not isinstance(value, dict):
             raise PluginError(f"disturbance {name}, '{key}' is {value!r}; give its parameters: {{parameter: value}}.")
-    words = [word for key, values in given.items() for word in _words(f"{kind}.{key}", values)]
-    return Chosen(name, words, merged(below, given))
+    overrides = [word for key, values in given.items() for word in words(f"{kind}.{key}", values)]
+    return Chosen(name, overrides, merged(below, given))
 
 
 def _noise(part: Part) -> Chosen:
@@ -119,8 +119,8 @@ def _split(kind: str, part: Part) -> tuple[str, dict[str, Any]]:
     return str(given.pop("name")), given
 
 
-def _words(owner: str, given: Mapping[str, Any]) -> list[str]:
-    """Parameters as overrides of the command line."""
+def words(owner: str, given: Mapping[str, Any]) -> list[str]:
+    """Return parameters as overrides of the command line."""
     return [f"{owner}.{key}={_word(value)}" for key, value in given.items()]
 
 
