@@ -11,11 +11,11 @@ from jerkbench.attitude.assembly import attitude_from, intervals, with_yaw
 from jerkbench.attitude.compensation import COMPENSATIONS
 from jerkbench.attitude.headings import YAW_SOURCES, require_headings, select_headings
 from jerkbench.attitude.tilt import roll_pitch, transition
+from jerkbench.checks import require_not_negative, require_positive
 from jerkbench.errors import PluginError, unknown
 from jerkbench.estimate import Attitude
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
-from jerkbench.simulation.checks import require_not_negative, require_positive
 
 
 @register("attitude", "gyro_only")

@@ -8,11 +8,11 @@ import numpy as np
 from jerkbench.arrays import FloatArray, nearest_rows
 from jerkbench.attitude.assembly import attitude_from
 from jerkbench.attitude.compensation import COMPENSATIONS
+from jerkbench.checks import require_positive
 from jerkbench.errors import PluginError, RecordingError, unknown
 from jerkbench.estimate import Attitude
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
-from jerkbench.simulation.checks import require_positive
 
 
 @register("attitude", "reference")

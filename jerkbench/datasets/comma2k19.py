@@ -8,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from jerkbench.arrays import FloatArray
+from jerkbench.checks import require_positive
 from jerkbench.errors import RecordingError
 from jerkbench.geometry import ecef_to_enu, enu_axes, euler_from_dcm, geodetic_to_enu, wrap_angle
 from jerkbench.plugins import register
@@ -18,7 +19,6 @@ from jerkbench.readers.frames import axes_to_judge
 from jerkbench.readers.mounting import body_from_sensor
 from jerkbench.recording import Heading, Imu, Origin, Position, Recording, Reference, Velocity
 from jerkbench.sanitiser.fixes import steady_rows
-from jerkbench.simulation.checks import require_positive
 
 DEVICE_SIGNS = (1.0, -1.0, -1.0)
 """The device's axes are forward, right, down."""

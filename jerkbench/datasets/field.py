@@ -6,10 +6,10 @@ from typing import ClassVar
 import numpy as np
 
 from jerkbench.arrays import FloatArray
+from jerkbench.checks import require_axes, require_multiple, require_not_negative, require_positive
 from jerkbench.errors import PluginError
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
-from jerkbench.simulation.checks import require_axes, require_multiple, require_not_negative, require_positive
 from jerkbench.simulation.false_force import draw_impacts, impact_force, inner_times, rut_force
 from jerkbench.simulation.path import Path
 from jerkbench.simulation.ruts import Ruts

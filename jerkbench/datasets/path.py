@@ -7,12 +7,12 @@ from typing import ClassVar
 import numpy as np
 
 from jerkbench.arrays import FloatArray
+from jerkbench.checks import require_not_negative, require_positive
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.plugins import register
 from jerkbench.readers.files import fingerprint
 from jerkbench.readers.text import parse_numbers, read_lines, require_increasing
 from jerkbench.recording import Recording
-from jerkbench.simulation.checks import require_not_negative, require_positive
 from jerkbench.simulation.sensors import Sensors
 from jerkbench.simulation.smooth import smoothstep, smoothstep_rate
 from jerkbench.simulation.spline_path import Drive, Way, WaypointPath, curve_way, table_curve

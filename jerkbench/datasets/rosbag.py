@@ -11,12 +11,12 @@ from jerkbench.bags.options import BagOptions
 from jerkbench.bags.positions import POSE_FRAMES
 from jerkbench.bags.roles import Plan
 from jerkbench.bags.streams import VELOCITY_FRAMES
+from jerkbench.checks import require_choices
 from jerkbench.plugins import register
 from jerkbench.readers.files import fingerprint
 from jerkbench.readers.ros.bag import Bag
 from jerkbench.readers.ros.files import content_files
 from jerkbench.recording import Recording
-from jerkbench.simulation.checks import require_choices
 
 
 @register("dataset", "rosbag")

@@ -7,6 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from jerkbench.arrays import FloatArray
+from jerkbench.checks import require_choices
 from jerkbench.datasets._rtklib_checks import CHOICES, require_latencies, require_signs, require_three_columns
 from jerkbench.datasets._rtklib_fixes import accepted_fixes, ground_speed, steady_fixes, velocity_of
 from jerkbench.datasets._rtklib_notes import NOTES, fitted_notes
@@ -23,7 +24,6 @@ from jerkbench.readers.rest import calibrated, first_rest_s
 from jerkbench.readers.rtklib_pos import read_rtklib_pos
 from jerkbench.recording import Imu, Recording, Reference
 from jerkbench.sanitiser.values import possible_imu
-from jerkbench.simulation.checks import require_choices
 
 
 @register("dataset", "rtklib")

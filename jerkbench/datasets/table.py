@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
+from jerkbench.checks import require_choices, require_not_negative, require_positive
 from jerkbench.datasets._table_attitude import AttitudeMap
 from jerkbench.datasets._table_checks import CHOICES, require_columns, require_one_origin, require_origin
 from jerkbench.datasets._table_position import Fixes, PositionMap, read_fixes
@@ -19,7 +20,6 @@ from jerkbench.readers.overlap import with_common_time
 from jerkbench.readers.rest import calibrated
 from jerkbench.recording import Imu, Origin, Recording, Reference, Velocity
 from jerkbench.sanitiser.values import possible_imu
-from jerkbench.simulation.checks import require_choices, require_not_negative, require_positive
 
 
 @register("dataset", "table")

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from jerkbench.arrays import FloatArray
+from jerkbench.checks import require_not_negative
 from jerkbench.contracts import Adaptation
 from jerkbench.errors import PluginError, RecordingError, unknown
 from jerkbench.estimate import Attitude, Estimate
@@ -20,7 +21,6 @@ from jerkbench.inertial.stillness import still_samples
 from jerkbench.inertial.track import yaw_from_track
 from jerkbench.plugins import register
 from jerkbench.recording import GRAVITY_MPS2, Recording
-from jerkbench.simulation.checks import require_not_negative
 from jerkbench.timeline.timeline import Timeline, build_timeline
 
 YAW_SOURCES = ("attitude", "track")

@@ -6,6 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from jerkbench.arrays import FloatArray
+from jerkbench.checks import require_not_negative
 from jerkbench.contracts import Adaptation, Filter
 from jerkbench.errors import PluginError, unknown
 from jerkbench.estimate import Attitude, Estimate
@@ -16,7 +17,6 @@ from jerkbench.filters.bias import Bias
 from jerkbench.filters.jerk import Jerk
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
-from jerkbench.simulation.checks import require_not_negative
 from jerkbench.timeline.timeline import build_timeline
 
 MODELS = ("acceleration", "baseline", "bias", "jerk")

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from jerkbench.arrays import FloatArray
+from jerkbench.checks import require_not_negative
 from jerkbench.plugins import register
-from jerkbench.simulation.checks import require_not_negative
 
 
 @register("filter", "jerk")

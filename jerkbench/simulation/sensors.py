@@ -6,10 +6,10 @@ from datetime import UTC, datetime
 import numpy as np
 
 from jerkbench.arrays import FloatArray
+from jerkbench.checks import require_axes, require_multiple, require_not_negative, require_positive
 from jerkbench.errors import PluginError, unknown
 from jerkbench.geometry import wrap_angle
 from jerkbench.recording import Heading, Imu, Origin, Position, Recording, Reference, Velocity
-from jerkbench.simulation.checks import require_axes, require_multiple, require_not_negative, require_positive
 from jerkbench.simulation.gnss import measure_heading, measure_position, measure_velocity, white
 from jerkbench.simulation.imu import perfect_imu, saturate
 from jerkbench.simulation.imu_errors import GRADES, SensorErrors, disturb
