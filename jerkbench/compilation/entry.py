@@ -34,7 +34,7 @@ def load_entry(title: str, source: str, key: str, namespace: Namespace) -> Modul
 
     Args:
         title: what is compiled, for the line that says so.
-        source: text of the module. Together with ``key`` it names the file.
+        source: text of the module, which defines ``entry``. Together with ``key`` it names the file.
         key: digest of everything that the entry point calls.
         namespace: given the module's name, the values that stand in the module before its first line.
     """
@@ -110,6 +110,13 @@ def _own_digest() -> str:
     return hashlib.sha256(b"".join(path.read_bytes() for path in sources)).hexdigest()
 
 
+def _set_environments(entry: Any) -> None:  # noqa: ANN401 - numba has no types
+    """Let inner functions find what they hand to Python; numba does so for what it makes machine code of alone."""
+    for compiled in entry.overloads.values():
+        for environment in compiled._find_referenced_environments():  # noqa: SLF001 - as numba does when it loads one
+            compiled.codegen.set_env(environment.env_name, environment)
+
+
 def _imported(name: str, path: Path, namespace: Namespace) -> ModuleType:
     spec = importlib.util.spec_from_file_location(name, path)
     if spec is None or spec.loader is None:
@@ -120,6 +127,7 @@ def _imported(name: str, path: Path, namespace: Namespace) -> ModuleType:
         module.__dict__.update(namespace(name))
         with _vectorised():
             spec.loader.exec_module(module)
+        _set_environments(module.entry)
     except BaseException:
         del sys.modules[name]
         raise

@@ -44,15 +44,24 @@ class _Jit:
         self.decorate, self.decorate_inlined = njit(**options), njit(**options, forceinline=True)
         self.home, self.constants, self.kernel, self.apart = home, constants, kernel, apart
         self.done: dict[int, Any] = {}
+        self.begun: list[int] = []
 
     def of(self, function: types.FunctionType) -> Any:  # noqa: ANN401 - numba has no types
-        """Return the dispatcher of ``function``, made once; it is known before its globals are, for recursion."""
+        """Return the dispatcher of ``function``, made once; it is known before its globals are, for recursion.
+
+        Raises:
+            TypeError: functions call each other: numba compiles that, but what it keeps on the disk cannot be loaded.
+        """
         if id(function) not in self.done:
             scope: dict[str, Any] = {}
             copy = _copy(function, scope, tuple(self._cell(cell) for cell in function.__closure__ or ()), self.home)
             inlined = function.__name__ not in self.apart
             self.done[id(function)] = (self.decorate_inlined if inlined else self.decorate)(copy)
+            self.begun.append(id(function))
             scope.update(self._scope(function))
+            self.begun.pop()
+        elif id(function) in self.begun[:-1]:
+            raise TypeError(f"{function.__name__} and a function that it calls call each other")
         return self.done[id(function)]
 
     def _scope(self, function: types.FunctionType) -> dict[str, Any]:

@@ -53,8 +53,8 @@ def arranged(rows: "pd.DataFrame", row_keys: Sequence[str] | None, column_keys: 
     across, down = layout(rows, row_keys, column_keys)
     status, replicate = (rows[name].to_numpy(dtype=str) for name in ("status", "replicate"))
     runs = _runs(rows, [*across, *down])
-    row_values = _grouped(key[: len(across)] for key in runs)
-    column_values = _grouped(key[len(across) :] for key in runs)
+    row_values = _grouped(key[: len(across)] for key in runs) if across else ((),)
+    column_values = _grouped(key[len(across) :] for key in runs) if down else ((),)
     return Grid(rows, across, down, row_values, column_values, runs, status, replicate == "phase")
 
 

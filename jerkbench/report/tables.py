@@ -50,9 +50,8 @@ def write_tables(rows: "pd.DataFrame", folder: Path, notes: Sequence[str] = ()) 
         notes: sentences that go under the first table.
     """
     first = main_metric(rows)
-    tables = summarise_each(rows, metric_columns(rows))
-    tables.pop(first, None)
     main = summarise(rows, first, notes=notes)
+    tables = summarise_each(rows, [metric for metric in metric_columns(rows) if metric != first])
     others = [tables[metric] for metric in SECTIONS if metric in tables and _applies(tables[metric])]
     sections = [markdown(main, level=1), *(markdown(_news(table, main)) for table in others)]
     write_text(folder / "table.md", "\n".join(sections))

@@ -37,6 +37,14 @@ def test_with_one_processor_nothing_is_begun(begun, monkeypatch):
     assert begun == []
 
 
+SOURCE = """
+from numba import njit
+
+
+@njit("int64(int64)", cache=True)
+def entry(n):
+    return n + 3
+"""
 HOLDING = """
 import sys, time
 from filelock import FileLock
@@ -51,12 +59,12 @@ def test_who_waits_for_another_process_says_so(monkeypatch, tmp_path, capsys):
     from jerkbench.compilation import entry as entries
 
     monkeypatch.setenv("JERKBENCH_CACHE", str(tmp_path))
-    lock = entries._path(entries._module_name("a loop", "x = 3", "key")).with_suffix(".lock")
+    lock = entries._path(entries._module_name("a loop", SOURCE, "key")).with_suffix(".lock")
     words = [sys.executable, "-c", HOLDING, str(lock), "1.0"]
     with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as holder:
         assert holder.stdout.readline() == "held\n"
         began = time.monotonic()
-        assert entries.load_entry("a loop", "x = 3", "key", lambda _: {}).x == 3
+        assert entries.load_entry("a loop", SOURCE, "key", lambda _: {}).entry(1) == 4
 
     assert time.monotonic() - began > 0.3
     assert "jerkbench: waiting for a loop, which another process is compiling" in capsys.readouterr().err

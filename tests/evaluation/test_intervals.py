@@ -116,6 +116,13 @@ def test_odd_samples_warn_of_nothing_and_contain_their_mean(values):
     assert min(values) <= interval.low <= interval.mean <= interval.high <= max(values)
 
 
+def test_of_a_spread_that_is_infinite_there_is_no_interval():
+    good, wide = mean_intervals([[1.0, 2.0], [-1e308, 1e308]])
+    assert good == mean_interval([1.0, 2.0])
+    assert wide.mean == 0.0
+    assert math.isnan(wide.low)
+
+
 def test_ends_stay_within_the_values():
     """Rounding gave errors of which none is negative an interval from -7e-18 on."""
     rng = np.random.default_rng(11)

@@ -69,7 +69,7 @@ def mean_intervals(samples: Sequence[npt.ArrayLike], confidence: float = 0.95) -
     """Return what `mean_interval` gives for each sample; faster for many of one size."""
     kept = [_sorted_numbers(values) for values in samples]
     intervals = [_without_bootstrap(values, confidence) for values in kept]
-    for rows in _batches(intervals):
+    for rows in _batches(intervals, kept):
         values = np.stack([kept[row] for row in rows])
         for row, low, high in zip(rows, *_bca(values, confidence), strict=True):
             intervals[row] = Interval(intervals[row].mean, float(low), float(high), intervals[row].n)
@@ -86,8 +86,8 @@ def _without_bootstrap(values: FloatArray, confidence: float) -> Interval:
     if len(values) == 0:
         return Interval(np.nan, np.nan, np.nan, 0)
     with np.errstate(invalid="ignore", over="ignore"):
-        mean = float(np.mean(values))
-    if len(values) > 1 and np.isfinite(mean) and values[-1] - values[0] <= ROUNDING * abs(mean):
+        mean, spread = float(np.mean(values)), values[-1] - values[0]
+    if len(values) > 1 and np.isfinite(mean) and spread <= ROUNDING * abs(mean):
         return Interval(mean, mean, mean, len(values))
     if len(values) >= MANY and np.isfinite(mean):
         return _student(values, mean, confidence)
@@ -103,13 +103,19 @@ def _student(values: FloatArray, mean: float, confidence: float) -> Interval:
     return Interval(mean, mean - half, mean + half, n)
 
 
-def _batches(intervals: list[Interval]) -> Iterator[IntArray]:
+def _batches(intervals: list[Interval], kept: list[FloatArray]) -> Iterator[IntArray]:
     """Yield the indices of samples of one size that need the bootstrap."""
-    needed = [i.n > 1 and np.isfinite(i.mean) and np.isnan(i.low) for i in intervals]
+    needed = [_bootstraps(one, values) for one, values in zip(intervals, kept, strict=True)]
     sizes = np.array([i.n for i in intervals], dtype=np.int64) * np.array(needed, dtype=np.int64)
     for size in np.unique(sizes[sizes > 0]):
         rows = np.flatnonzero(sizes == size)
         yield from np.array_split(rows, -(-len(rows) // ROWS_AT_ONCE))
+
+
+def _bootstraps(one: Interval, values: FloatArray) -> bool:
+    """Whether an interval is still to be found, and can be: not where the spread itself is infinite."""
+    with np.errstate(over="ignore"):
+        return bool(one.n > 1 and np.isfinite(one.mean) and np.isnan(one.low) and np.isfinite(values[-1] - values[0]))
 
 
 def _bca(values: FloatArray, confidence: float) -> tuple[FloatArray, FloatArray]:
