@@ -52,7 +52,7 @@ def plan_sweep(cells: Sequence[Cell]) -> Plan:
         key = cell_key(cell, fingerprint)
         planned.setdefault(key, Planned(cell, key, fingerprint))
     _require_names([one.cell for one in planned.values()])
-    lines = tuple(f"Left out {count} combinations: {reason}." for reason, count in refused.items())
+    lines = tuple(f"Left out {count} combination{'s' * (count > 1)}: {reason}." for reason, count in refused.items())
     return Plan(tuple(planned.values()), lines)
 
 
