@@ -34,19 +34,28 @@ class Composed:
 def compose_jobs(loader: ConfigLoader, config: DictConfig, jobs: Sequence[Job]) -> list[Composed]:
     """Compose every job: what it would be alone, but put together from parts.
 
-    The part that belongs to a group of `INDEPENDENT` is composed once for each distinct set of overrides of this group,
-    with everything else as in the first job.
+    The part that belongs to a group of `INDEPENDENT` is composed once for each distinct set of overrides of this group:
+    that of the first set of each group together, then that of the second, and so on.
     """
     if not _separable(jobs):
         return [_resolved(_compose(loader, config, job)) for job in jobs]
     split = [_split(job) for job in jobs]
     known: dict[tuple[str, tuple[str, ...]], Composed] = {}
-    for parts in split:
+    for parts in _together(split):
+        composed = _compose(loader, config, [word for words in parts.values() for word in words])
         for factor, words in parts.items():
-            if (factor, words) not in known:
-                job = [word for name, own in split[0].items() for word in (words if name == factor else own)]
-                known[factor, words] = _compose(loader, config, job)
+            known.setdefault((factor, words), composed)
     return [_assembled(job, parts, known) for job, parts in zip(jobs, split, strict=True)]
+
+
+def _together(split: Sequence[dict[str, tuple[str, ...]]]) -> list[dict[str, tuple[str, ...]]]:
+    """Return as few jobs as hold every set of overrides of every group; what is not independent, beside the first."""
+    sets = {factor: list(dict.fromkeys(parts[factor] for parts in split)) for factor in split[0]}
+    most = max(len(sets[group]) for group in INDEPENDENT)
+    side_by_side = [
+        {factor: of[k] if k < len(of) and factor != REST else of[0] for factor, of in sets.items()} for k in range(most)
+    ]
+    return side_by_side + [{**side_by_side[0], REST: words} for words in sets[REST][1:]]
 
 
 def _assembled(
