@@ -120,7 +120,11 @@ class Adaptation(Protocol):
 
 
 class Engine(Protocol):
-    """A way to run a kinematic filter with an adaptation; all engines have the same inputs and outputs."""
+    """A way to run a kinematic filter with an adaptation; all engines have the same inputs and outputs.
+
+    Two things are optional, `jerkbench.engines.compiled_engine` has both: ``run_many`` runs many timelines without
+    keeping trajectories; ``prepare(model)`` begins with what `run` will need, while a single run does something else.
+    """
 
     def run(self, timeline: Timeline, model: Filter, adaptation: Adaptation) -> Estimate:
         """Return the navigation solution at the reference's stamps."""

@@ -34,6 +34,7 @@ class _Vector(types.Type):
         return self if isinstance(other, types.Float) else None
 
     def can_convert_from(self, _: Any, other: Any) -> Any:  # noqa: ANN401 - numba has no types
+        """Take a number where a vector belongs."""
         from numba.core.typeconv import Conversion
 
         return Conversion.promote if isinstance(other, types.Float) else None

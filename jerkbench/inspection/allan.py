@@ -96,6 +96,7 @@ def nearest_grade(angle_random_walk_deg_per_sqrt_h: float, velocity_random_walk_
     """Return the grade whose two random walks are nearest, as ratios."""
 
     def distance(name: str) -> float:
+        """Return how far the two ratios to the grade ``name`` are from 1, as logarithms."""
         grade = GRADES[name]
         ratios = (
             angle_random_walk_deg_per_sqrt_h / grade.angle_random_walk_deg_per_sqrt_h,

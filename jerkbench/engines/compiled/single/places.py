@@ -107,6 +107,7 @@ def pairs_from_square(n: int) -> IntArray:
     length, order = WIDTH * -(-3 * n // WIDTH), _order(n)
 
     def at(element: int, pair: int) -> int:
+        """Return the place of one element."""
         (a, b), (i, j) = divmod(element, n), AXES[pair]
         row, column = sorted((order.index(3 * a + i), order.index(3 * b + j)), reverse=True)
         return length * row + column
