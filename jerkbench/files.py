@@ -4,11 +4,18 @@ import os
 from collections.abc import Callable
 from pathlib import Path
 
+from platformdirs import user_cache_path
+
 
 def user_cache_folder() -> Path:
-    """Where this package keeps what it can make again, in the user's cache folder."""
-    user = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA") or str(Path.home() / ".cache")
-    return Path(user) / "jerkbench"
+    """Return this package's folder in the user's cache, wherever the operating system has it."""
+    return user_cache_path("jerkbench", appauthor=False)
+
+
+def cache_folder(kind: str) -> Path:
+    """Return where one kind of things that can be made again is kept: in $JERKBENCH_CACHE, or in the user's cache."""
+    own = os.environ.get("JERKBENCH_CACHE")
+    return (Path(own).expanduser() if own else user_cache_folder()) / kind
 
 
 def write_atomically(path: Path, write: Callable[[Path], object]) -> None:

@@ -19,7 +19,7 @@ import numpy as np
 
 from jerkbench.bags.about import About, read_about
 from jerkbench.bags.roles import Plan, wanted_fields
-from jerkbench.files import forget_oldest, user_cache_folder, write_atomically
+from jerkbench.files import cache_folder, forget_oldest, write_atomically
 from jerkbench.readers.files import fingerprint
 from jerkbench.readers.ros.bag import Bag, open_bag
 from jerkbench.readers.ros.files import content_files
@@ -30,6 +30,9 @@ WORTH_BYTES = 4_000_000
 
 MOST_BYTES = 2_000_000_000
 """No more than so much is kept; what was not used for the longest time goes first."""
+
+BAGS = "bags"
+"""The kind of cache that holds what was read of bags."""
 
 PATTERN = "*.npz"
 """The extracts in their folder."""
@@ -109,7 +112,7 @@ def extract(path: Path, planner: Planner, choices: str) -> Extract:
     if sum(file.stat().st_size for file in files) < WORTH_BYTES:
         return _read(path, planner)
     key = f"{fingerprint(files)} {choices} {_reader_digest()}"
-    kept = cache_folder() / f"{hashlib.sha256(key.encode()).hexdigest()[:32]}.npz"
+    kept = cache_folder(BAGS) / f"{hashlib.sha256(key.encode()).hexdigest()[:32]}.npz"
     found = _kept(kept)
     if found is not None:
         return found
@@ -119,11 +122,6 @@ def extract(path: Path, planner: Planner, choices: str) -> Extract:
     except OSError as error:
         warnings.warn(f"{kept.parent} cannot be written ({error}); bags are read anew each time.", stacklevel=2)
     return read
-
-
-def cache_folder() -> Path:
-    """Where extracts are kept: bags in $JERKBENCH_CACHE, or in jerkbench in the user's cache folder."""
-    return Path(os.environ.get("JERKBENCH_CACHE") or user_cache_folder()) / "bags"
 
 
 def _read(path: Path, planner: Planner) -> Extract:

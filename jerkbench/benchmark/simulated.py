@@ -14,7 +14,7 @@ import numpy as np
 
 from jerkbench.benchmark.versions import code_digest, versions
 from jerkbench.contracts import Dataset
-from jerkbench.files import forget_oldest, user_cache_folder, write_atomically
+from jerkbench.files import cache_folder, forget_oldest, write_atomically
 from jerkbench.recording import Heading, Imu, Origin, Position, Recording, Reference, Velocity
 
 PARTS = {
@@ -25,6 +25,9 @@ PARTS = {
     "heading": Heading,
     "origin": Origin,
 }
+SIMULATED = "simulated"
+"""The kind of cache that holds simulated recordings."""
+
 PATTERN = "simulated_*.npz"
 MOST_BYTES = 2_000_000_000
 """About 700 drives of 150 s; then the longest unused go."""
@@ -32,15 +35,9 @@ MOST_BYTES = 2_000_000_000
 DAMAGE = (OSError, EOFError, ValueError, KeyError, TypeError, BadZipFile)
 
 
-def cache_folder() -> Path:
-    """Where they are kept: $JERKBENCH_CACHE, or jerkbench/simulated in the user's cache folder."""
-    own = os.environ.get("JERKBENCH_CACHE")
-    return Path(own) if own else user_cache_folder() / "simulated"
-
-
 def simulated(dataset: Dataset, seed: int) -> Recording:
     """Return the recording of ``seed``: the one that is kept, or a new one, which then is."""
-    path = cache_folder() / f"simulated_{_key(dataset, seed)}.npz"
+    path = cache_folder(SIMULATED) / f"simulated_{_key(dataset, seed)}.npz"
     kept = _read(path)
     if kept is not None:
         return kept

@@ -2,7 +2,6 @@
 
 import hashlib
 import importlib.util
-import os
 import platform
 import sys
 from collections.abc import Callable, Iterator, Mapping
@@ -15,7 +14,7 @@ from typing import Any
 
 from filelock import FileLock, Timeout
 
-from jerkbench.files import user_cache_folder, write_text
+from jerkbench.files import cache_folder, write_text
 
 Namespace = Callable[[str], Mapping[str, Any]]
 
@@ -23,10 +22,8 @@ _LOADING = RLock()
 """A module that another thread is still loading would look finished."""
 
 
-def cache_folder() -> Path:
-    """Where compiled code is kept: $JERKBENCH_CACHE, or jerkbench/compiled in the user's cache folder."""
-    own = os.environ.get("JERKBENCH_CACHE")
-    return Path(own) if own else user_cache_folder() / "compiled"
+COMPILED = "compiled"
+"""The kind of cache that holds compiled code."""
 
 
 def load_entry(title: str, source: str, key: str, namespace: Namespace) -> ModuleType:
@@ -59,7 +56,7 @@ def is_kept(title: str, source: str, key: str) -> bool:
 
 
 def _path(name: str) -> Path:
-    return cache_folder() / f"{name}.py"
+    return cache_folder(COMPILED) / f"{name}.py"
 
 
 def _compiled(path: Path) -> bool:

@@ -4,6 +4,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from jerkbench.files import cache_folder
+
 
 @dataclass(frozen=True)
 class Kept:
@@ -30,6 +32,8 @@ def kept() -> Iterator[Kept]:
     from jerkbench.benchmark import simulated
     from jerkbench.compilation import entry
 
-    yield Kept("compiled filters and adaptations", entry.cache_folder(), ("jerkbench_*.py", "__pycache__/jerkbench_*"))
-    yield Kept("what was read of bags", extract.cache_folder(), (extract.PATTERN,))
-    yield Kept("simulated recordings", simulated.cache_folder(), (simulated.PATTERN,))
+    yield Kept(
+        "compiled filters and adaptations", cache_folder(entry.COMPILED), ("jerkbench_*.py", "__pycache__/jerkbench_*")
+    )
+    yield Kept("what was read of bags", cache_folder(extract.BAGS), (extract.PATTERN,))
+    yield Kept("simulated recordings", cache_folder(simulated.SIMULATED), (simulated.PATTERN,))

@@ -4,6 +4,7 @@ import os
 from pathlib import Path
 
 from jerkbench.errors import RecordingError
+from jerkbench.files import user_cache_folder
 
 VARIABLE = "JERKBENCH_DATA"
 """Environment variable that names the folder of all fetched recordings."""
@@ -14,9 +15,7 @@ def fetched_folder(name: str) -> Path:
     given = os.environ.get(VARIABLE)
     if given:
         return Path(given).expanduser() / name
-    import pooch
-
-    return Path(pooch.os_cache("jerkbench")) / name
+    return user_cache_folder() / name
 
 
 def recording_folder(given: str, name: str) -> Path:

@@ -14,7 +14,7 @@ from jerkbench.recording import Recording
 @pytest.fixture(autouse=True)
 def folder(tmp_path, monkeypatch):
     monkeypatch.setenv("JERKBENCH_CACHE", str(tmp_path))
-    return tmp_path
+    return tmp_path / simulated.SIMULATED
 
 
 def same(one, other):
@@ -65,7 +65,7 @@ def test_the_longest_unused_go_when_there_are_too_many(folder, monkeypatch):
     assert len(list(folder.glob(simulated.PATTERN))) == 1
 
 
-def test_a_folder_that_takes_nothing_is_no_obstacle(folder, monkeypatch):
-    monkeypatch.setenv("JERKBENCH_CACHE", str(folder / "file"))
-    (folder / "file").touch()
+def test_a_folder_that_takes_nothing_is_no_obstacle(tmp_path, monkeypatch):
+    monkeypatch.setenv("JERKBENCH_CACHE", str(tmp_path / "file"))
+    (tmp_path / "file").touch()
     same(simulated.simulated(Field(duration_s=8.0), 1), Field(duration_s=8.0).load(1))

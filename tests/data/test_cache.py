@@ -12,12 +12,12 @@ def test_what_is_kept_is_shown_and_cleared_and_nothing_else(tmp_path, typed, mon
     monkeypatch.setenv("JERKBENCH_CACHE", str(cache))
     monkeypatch.setattr(extract, "WORTH_BYTES", 0)
     Fixposition(str(Drive(duration_s=3.0).write(tmp_path / "a.bag"))).load(0)
-    (cache / "__pycache__").mkdir()
+    (cache / "compiled" / "__pycache__").mkdir(parents=True)
     for ours in ("jerkbench_mtf_1.py", "__pycache__/jerkbench_mtf_1.nbi"):
-        (cache / ours).write_bytes(bytes(500_000))
+        (cache / "compiled" / ours).write_bytes(bytes(500_000))
     (cache / "mine.txt").touch()
     shown = typed("data", "cache").stdout
-    assert f"compiled filters and adaptations: 2 files, 1.0 MB in {cache}\n" in shown
+    assert f"compiled filters and adaptations: 2 files, 1.0 MB in {cache / 'compiled'}\n" in shown
     assert "what was read of bags: 1 files, 0.0 MB" in shown
     assert typed("data", "cache", "--clear").stdout.count(", deleted") == 2
     assert [path.name for path in cache.rglob("*") if path.is_file()] == ["mine.txt"]
