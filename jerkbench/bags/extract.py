@@ -111,12 +111,15 @@ def extract(path: Path, planner: Planner, choices: str) -> Extract:
     files = content_files(path)
     if sum(file.stat().st_size for file in files) < WORTH_BYTES:
         return _read(path, planner)
-    key = f"{fingerprint(files)} {choices} {_reader_digest()}"
+    mark = fingerprint(files)
+    key = f"{mark} {choices} {_reader_digest()}"
     kept = cache_folder(BAGS) / f"{hashlib.sha256(key.encode()).hexdigest()[:32]}.npz"
     found = _kept(kept)
     if found is not None:
         return found
     read = _read(path, planner)
+    if fingerprint(content_files(path)) != mark:  # it changed meanwhile: what was read has no name to keep it under
+        return read
     try:
         _keep(read, kept)
     except OSError as error:

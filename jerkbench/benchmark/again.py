@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from jerkbench.benchmark.cell import Cell, Labels, Protocol, build
+from jerkbench.benchmark.inputs import require_data
 from jerkbench.benchmark.run import Row, run_once, run_open
 from jerkbench.benchmark.store import Store, Stored
 from jerkbench.benchmark.study import load_study
@@ -39,7 +40,7 @@ class StoredRow:
         Raises:
             JerkbenchError: the data are other data now.
         """
-        self._require_same_data()
+        require_data(self.cell.dataset, self.fingerprint)
         return run_once(self.cell, self.draw, self.fingerprint)
 
     def score(self) -> Row:
@@ -48,17 +49,9 @@ class StoredRow:
         Raises:
             JerkbenchError: the data are other data now.
         """
-        self._require_same_data()
+        require_data(self.cell.dataset, self.fingerprint)
         (row,), _ = run_open(self.cell, self.fingerprint, [self.draw])
         return row
-
-    def _require_same_data(self) -> None:
-        found = self.cell.dataset.fingerprint()
-        if found != self.fingerprint:
-            raise JerkbenchError(
-                f"The data of {self.cell.labels.dataset} have changed since the row was stored: their hash was "
-                f"{self.fingerprint or 'empty'}, it is {found or 'empty'}."
-            )
 
     @property
     def code_changed(self) -> bool:

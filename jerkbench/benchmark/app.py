@@ -4,6 +4,7 @@ import signal
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,16 +18,18 @@ from hydra.experimental.callback import Callback
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 
+from jerkbench.benchmark.blocks import finish_cell
 from jerkbench.benchmark.cell import refusal
 from jerkbench.benchmark.composition import compose_jobs
 from jerkbench.benchmark.configuration import cell_of, register_schemas, study_folder
 from jerkbench.benchmark.options import check_options
 from jerkbench.benchmark.processors import processors
+from jerkbench.benchmark.run import run_pieces
 from jerkbench.benchmark.single import draw_single, prepare_drawing, run_single
 from jerkbench.benchmark.store import Store
 from jerkbench.benchmark.study import Study, damaged, load_study, write_manifest, write_study
-from jerkbench.benchmark.sweep import Plan, plan_sweep, run_sweep, run_task
-from jerkbench.benchmark.tasks import Planned, Task
+from jerkbench.benchmark.sweep import Plan, plan_sweep, run_sweep
+from jerkbench.benchmark.tasks import Planned
 from jerkbench.errors import INTERRUPTED, JerkbenchError, PluginError, exit_with
 from jerkbench.presets import config_folder
 
@@ -133,7 +136,7 @@ def _run_job(config: DictConfig, job: HydraConf) -> None:
     if not sweeping:
         _run_and_show(one, folder, config)
     elif not Store(folder).done(one.key):
-        run_task(folder, Task(one, one.cell.draws))
+        finish_cell(one, Store(folder), partial(run_pieces, one.cell, one.fingerprint))
 
 
 def _run_and_show(one: Planned, folder: Path, config: DictConfig) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 from jerkbench.arrays import BoolArray
 from jerkbench.benchmark.simulated import simulated
 from jerkbench.contracts import AttitudeFilter, Dataset, Disturbance, Metric
+from jerkbench.errors import RecordingError
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.evaluation.streaming import Scored, outlined, scored
 from jerkbench.recording import Recording
@@ -32,7 +33,26 @@ def disturbed(dataset: Dataset, disturbances: tuple[Disturbance, ...], fingerpri
 @lru_cache(maxsize=KEPT)
 def _loaded(dataset: Dataset, fingerprint: str, seed: int) -> Recording:
     ours = type(dataset).__module__.startswith("jerkbench.")  # what others simulate may depend on anything
-    return simulated(dataset, seed) if ours and dataset.seeded and not fingerprint else dataset.load(seed)
+    if ours and dataset.seeded and not fingerprint:
+        return simulated(dataset, seed)
+    recording = dataset.load(seed)
+    require_data(dataset, fingerprint)  # afterwards: what was read meanwhile is what the hash says
+    return recording
+
+
+def require_data(dataset: Dataset, fingerprint: str) -> None:
+    """Require that the data are still those of ``fingerprint``.
+
+    Raises:
+        RecordingError: they are others.
+    """
+    current = dataset.fingerprint()
+    if current != fingerprint:
+        raise RecordingError(
+            f"The data of the data set {type(dataset).__name__} have changed since they were hashed: the hash was "
+            f"{fingerprint or 'empty'}, it is {current or 'empty'}. `jerkbench run` with the same words runs it with "
+            "the data that are there now."
+        )
 
 
 @lru_cache(maxsize=KEPT)

@@ -1,6 +1,6 @@
 """Runs a cell: one row for each seed."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from jerkbench.benchmark import inputs
@@ -14,6 +14,8 @@ from jerkbench.evaluation.run import evaluate_run, run_status
 from jerkbench.recording import Recording
 
 Row = dict[str, Any]
+Pieces = Iterator[tuple[list[Row], list[str]]]
+"""Rows of some seeds that are done together, and what a reader of them has to know."""
 
 
 def run_cell(cell: Cell, fingerprint: str, draws: Sequence[int] = (), threads: int = 1) -> tuple[list[Row], list[str]]:
@@ -27,12 +29,7 @@ def run_cell(cell: Cell, fingerprint: str, draws: Sequence[int] = (), threads: i
         draws: which seeds; default: all of them.
         threads: how many the engine may use.
     """
-    rows, notes = [], {}
-    for result in _results(cell, fingerprint, draws or cell.draws, threads):
-        row, said = _guarded_row(cell, result, fingerprint) if isinstance(result, Alone) else result
-        rows.append(row)
-        notes.update(dict.fromkeys(said))
-    return rows, list(notes)
+    return _together(run_pieces(cell, fingerprint, draws or cell.draws, threads))
 
 
 def run_open(cell: Cell, fingerprint: str, draws: Sequence[int] = (), threads: int = 1) -> tuple[list[Row], list[str]]:
@@ -41,12 +38,30 @@ def run_open(cell: Cell, fingerprint: str, draws: Sequence[int] = (), threads: i
     Raises:
         JerkbenchError: what is wrong.
     """
-    rows, notes = [], {}
+    return _together(run_open_pieces(cell, fingerprint, draws or cell.draws, threads))
+
+
+def run_pieces(cell: Cell, fingerprint: str, draws: Sequence[int], threads: int = 1) -> Pieces:
+    """`run_cell`, piece by piece: the seeds that run side by side, or one that runs alone."""
+    yield from _pieces(cell, fingerprint, draws, threads, _guarded_row)
+
+
+def run_open_pieces(cell: Cell, fingerprint: str, draws: Sequence[int], threads: int = 1) -> Pieces:
+    """`run_open`, piece by piece.
+
+    Raises:
+        JerkbenchError: what is wrong with the input or a plugin.
+    """
     with plugins_in_words(cell):
-        for result in _results(cell, fingerprint, draws or cell.draws, threads):
-            row, said = _row(cell, result, fingerprint) if isinstance(result, Alone) else result
-            rows.append(row)
-            notes.update(dict.fromkeys(said))
+        yield from _pieces(cell, fingerprint, draws, threads, _row)
+
+
+def _together(pieces: Pieces) -> tuple[list[Row], list[str]]:
+    rows: list[Row] = []
+    notes: dict[str, None] = {}
+    for some, told in pieces:
+        rows += some
+        notes.update(dict.fromkeys(told))
     return rows, list(notes)
 
 
@@ -62,15 +77,27 @@ class Alone(NamedTuple):
     values: Mapping[str, float] | None = None
 
 
+def _pieces(
+    cell: Cell,
+    fingerprint: str,
+    draws: Sequence[int],
+    threads: int,
+    alone: Callable[[Cell, Alone, str], tuple[Row, list[str]]],
+) -> Pieces:
+    size = inputs.KEPT if streams(cell) else 1
+    for begin in range(0, len(draws), size):
+        results = _results(cell, fingerprint, draws[begin : begin + size], threads)
+        done = [alone(cell, one, fingerprint) if isinstance(one, Alone) else one for one in results]
+        yield [row for row, _ in done], [note for _, notes in done for note in notes]
+
+
 def _results(
     cell: Cell, fingerprint: str, draws: Sequence[int], threads: int
 ) -> Iterator[tuple[Row, list[str]] | Alone]:
     """Row and notes of each draw that can go side by side with others; of another one, what to do alone."""
-    for begin in range(0, len(draws), inputs.KEPT):
-        some = draws[begin : begin + inputs.KEPT]
-        done = streamed_values(cell, some, fingerprint, threads) if streams(cell) else {}
-        for draw in some:
-            yield _streamed_row(cell, draw, done[draw]) if draw in done else Alone(draw)
+    done = streamed_values(cell, draws, fingerprint, threads) if streams(cell) else {}
+    for draw in draws:
+        yield _streamed_row(cell, draw, done[draw]) if draw in done else Alone(draw)
 
 
 def _streamed_row(cell: Cell, draw: int, found: Found) -> tuple[Row, list[str]] | Alone:

@@ -2,13 +2,13 @@
 
 import os
 import re
-import time
+from functools import partial
 from pathlib import Path
 
+from jerkbench.benchmark.blocks import finish_cell
 from jerkbench.benchmark.cell import Cell
-from jerkbench.benchmark.run import run_once, run_open
+from jerkbench.benchmark.run import run_once, run_open_pieces
 from jerkbench.benchmark.store import Store, Stored
-from jerkbench.benchmark.sweep import about
 from jerkbench.benchmark.tasks import Planned
 from jerkbench.benchmark.titles import titled
 from jerkbench.contracts import Estimator
@@ -19,19 +19,14 @@ from jerkbench.recording import Recording
 def run_single(one: Planned, folder: Path) -> Stored:
     """Run one cell, unless it is done; returns it as it is stored.
 
-    What is wrong with the input or a plugin ends the run with a sentence, and nothing is stored.
+    What is wrong with the input or a plugin ends the run with a sentence, and the cell is not stored.
     """
     store = Store(folder)
     if not store.done(one.key):
-        _run_and_store(one, store)
+        run = partial(run_open_pieces, one.cell, one.fingerprint, threads=os.cpu_count() or 1)
+        finish_cell(one, store, run)
     (stored,), _ = store.read([one.key])
     return stored
-
-
-def _run_and_store(one: Planned, store: Store) -> None:
-    began = time.perf_counter()
-    rows, notes = run_open(one.cell, one.fingerprint, threads=os.cpu_count() or 1)
-    store.write(one.key, rows, about(one, notes, time.perf_counter() - began))
 
 
 def prepare_drawing(cell: Cell) -> None:

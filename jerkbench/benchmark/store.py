@@ -50,6 +50,13 @@ class Store:
         below = folder / "cells"
         self.folder = folder if not below.is_dir() and any(folder.glob("*.parquet")) else below
 
+    @classmethod
+    def at(cls, folder: Path) -> "Store":
+        """Open the store whose files are in ``folder`` itself, whatever is in it."""
+        store = cls.__new__(cls)
+        store.folder = folder
+        return store
+
     def prepare(self) -> None:
         """Make the folder, and clear away what a killed process has left half-written.
 
@@ -61,7 +68,7 @@ class Store:
             probe = self.folder / f".probe.{os.getpid()}"
             probe.touch()
             probe.unlink()
-            for partial in self.folder.glob(".*.partial"):
+            for partial in self.folder.rglob(".*.partial"):
                 if time.time() - partial.stat().st_mtime > ABANDONED_S:
                     partial.unlink(missing_ok=True)
         except OSError as error:
@@ -70,7 +77,7 @@ class Store:
     def forget(self, processes: Iterable[int]) -> None:
         """Clear away what these ``processes``, which have ended, left half-written."""
         for number in processes:
-            for partial in self.folder.glob(f".*.{number}.partial"):
+            for partial in self.folder.rglob(f".*.{number}.partial"):
                 partial.unlink(missing_ok=True)
 
     def path(self, key: str) -> Path:
@@ -94,10 +101,17 @@ class Store:
         table = pa.table({name: [row.get(name) for row in rows] for name in names})  # by way of pandas: twice the time
         text = json.dumps({**about, "failed": failed})
         head = {METADATA: text.encode(), DIGEST: _digest(table, text)}
+        whole = table.replace_schema_metadata({**(table.schema.metadata or {}), **head})
+        try:
+            self._put(key, whole)
+        except FileNotFoundError:  # another process has just deleted the folder, which was empty
+            self._put(key, whole)
+
+    def _put(self, key: str, table: pa.Table) -> None:
         self.folder.mkdir(parents=True, exist_ok=True)
         partial = self.folder / f".{key}.{os.getpid()}.partial"
         try:
-            pq.write_table(table.replace_schema_metadata({**(table.schema.metadata or {}), **head}), partial)
+            pq.write_table(table, partial)
             partial.replace(self.path(key))
         finally:
             partial.unlink(missing_ok=True)
@@ -114,6 +128,14 @@ class Store:
             except DAMAGE:  # of an old cell without a digest
                 broken.append(key)
         return found, broken
+
+    def records(self, keys: Iterable[str]) -> list[tuple[list[Row], dict[str, Any]]]:
+        """Return the rows of those cells that can be read as they were written, each with what is beside them."""
+        found, _ = self._find(keys)
+        return [
+            ([{name: value for name, value in row.items() if value is not None} for row in table.to_pylist()], about)
+            for _, table, about in found
+        ]
 
     def _find(self, keys: Iterable[str]) -> tuple[list[tuple[str, pa.Table, dict[str, Any]]], list[str]]:
         """Cells with what is stored beside them, and the keys of those that cannot be read."""

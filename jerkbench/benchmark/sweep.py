@@ -1,18 +1,17 @@
 """The sweep: runs the cells that are not done yet, stores each at once, and ends with the table, whatever happens."""
 
-import time
 from collections.abc import Collection, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
+from jerkbench.benchmark.blocks import Blocks, missing, run_blocks, store_cell
 from jerkbench.benchmark.cell import Cell, refusal
 from jerkbench.benchmark.missing import require_inputs
 from jerkbench.benchmark.pool import run_grouped
-from jerkbench.benchmark.run import failed_rows, run_cell
+from jerkbench.benchmark.run import failed_rows, run_pieces
 from jerkbench.benchmark.store import Store, cell_key
 from jerkbench.benchmark.tasks import Planned, Result, Task, grouped
-from jerkbench.benchmark.versions import code_digest, git_commit, versions
 from jerkbench.errors import PluginError
 from jerkbench.report.progress import Progress
 
@@ -57,25 +56,32 @@ def plan_sweep(cells: Sequence[Cell]) -> Plan:
 
 
 def run_sweep(plan: Plan, store: Store, workers: int, done: Collection[str]) -> None:
-    """Run what is not ``done``, in ``workers`` processes, with a progress bar; store every cell as it is finished."""
+    """Run what is not ``done``, in ``workers`` processes, with a progress bar; store every cell as it is finished.
+
+    Of a cell that was begun before, only the seeds that are missing run.
+    """
     pending = [one for one in plan.cells if one.key not in done]
     finished = Finished(store)
     with Progress(len(plan.cells), already=len(plan.cells) - len(pending)) as progress:
+        left = {}
+        for one in pending:
+            left[one.key] = finished.resume(one)
+            if not left[one.key]:
+                progress.advance(finished.conclude(one))
         work = partial(run_task, store.folder.parent)
-        for task, result in run_grouped(work, grouped(pending), workers, store.forget):
+        for task, result in run_grouped(work, grouped(pending, left), workers, store.forget):
             if statuses := finished.add(task, result):
                 progress.advance(statuses)
 
 
 def run_task(folder: Path, task: Task) -> Result:
-    """Run some seeds of a cell; a whole cell is stored."""
-    began = time.perf_counter()
-    one = task.one
-    rows, notes = run_cell(one.cell, one.fingerprint, task.draws)
-    seconds = time.perf_counter() - began
+    """Run some seeds of a cell, and store them; those of a whole cell as the cell."""
+    one, store = task.one, Store(folder)
+    pieces = run_pieces(one.cell, one.fingerprint, task.draws)
+    result = run_blocks(one, pieces, Blocks(store), keep_rest=not task.whole)
     if task.whole:
-        Store(folder).write(one.key, rows, about(one, notes, seconds))
-    return Result(rows, notes, seconds)
+        store_cell(one, [result], store)
+    return result
 
 
 class Finished:
@@ -84,40 +90,30 @@ class Finished:
     def __init__(self, store: Store) -> None:
         """Start with none."""
         self._store = store
-        self._parts: dict[str, dict[int, Result]] = {}
+        self._parts: dict[str, list[Result]] = {}
+
+    def resume(self, one: Planned) -> Sequence[int]:
+        """Take up the stored seeds of a cell; returns those that are missing."""
+        known = Blocks(self._store).read(one)
+        self._parts[one.key] = [known]
+        return missing(one, known)
 
     def add(self, task: Task, result: Result | Exception) -> list[str]:
         """Add what became of ``task``; store a cell with its last part, and return the status of its rows."""
         one, known = task.one, not isinstance(result, Exception)
         if isinstance(result, Exception):  # what the process could not say
             result = Result(failed_rows(one.cell, task.draws, f"{type(result).__name__}: {result}"), [], 0.0)
-        parts = self._parts.setdefault(one.key, {})
-        parts[task.draws.start] = result
-        rows = [row for start in sorted(parts) for row in parts[start].rows]
-        if len(rows) < len(one.cell.draws):
+        parts = self._parts.setdefault(one.key, [])
+        parts.append(result)
+        if sum(len(part.rows) for part in parts) < len(one.cell.draws):
             return []
-        del self._parts[one.key]
         if not (task.whole and known):
-            notes = list(dict.fromkeys(note for part in parts.values() for note in part.notes))
-            self._store.write(one.key, rows, about(one, notes, sum(part.seconds for part in parts.values())))
-        return [row["status"] for row in rows]
+            return self.conclude(one)
+        return [row["status"] for part in self._parts.pop(one.key) for row in part.rows]
 
-
-def about(one: Planned, notes: list[str], seconds: float) -> dict[str, object]:
-    """What is stored beside the rows of a cell."""
-    cell = one.cell
-    return {
-        "labels": cell.labels._asdict(),
-        "spec": cell.spec,
-        "protocol": asdict(cell.protocol),
-        "data": one.fingerprint,
-        "notes": notes,
-        "code": code_digest(),
-        "versions": versions(),
-        "commit": git_commit(),
-        "created": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
-        "seconds": round(seconds, 3),
-    }
+    def conclude(self, one: Planned) -> list[str]:
+        """Store a cell of which no seed is missing; returns the status of its rows."""
+        return [row["status"] for row in store_cell(one, self._parts.pop(one.key), self._store)]
 
 
 def _require_names(cells: Sequence[Cell]) -> None:

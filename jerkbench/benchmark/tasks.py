@@ -1,12 +1,14 @@
 """The work of a sweep in pieces: some seeds of a cell, in an order in which pieces that follow share their input."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
 from typing import NamedTuple
 
 from jerkbench.benchmark.cell import Cell
 from jerkbench.benchmark.inputs import KEPT
 from jerkbench.benchmark.run import Row
+from jerkbench.benchmark.versions import code_digest, git_commit, versions
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +29,7 @@ class Task(NamedTuple):
     """
 
     one: Planned
-    draws: range
+    draws: Sequence[int]
 
     @property
     def whole(self) -> bool:
@@ -43,20 +45,47 @@ class Result(NamedTuple):
     seconds: float
 
 
-def grouped(pending: Sequence[Planned]) -> list[list[Task]]:
+def about(one: Planned, notes: list[str], seconds: float) -> dict[str, object]:
+    """What is stored beside the rows of a cell."""
+    cell = one.cell
+    return {
+        "labels": cell.labels._asdict(),
+        "spec": cell.spec,
+        "protocol": asdict(cell.protocol),
+        "data": one.fingerprint,
+        "notes": notes,
+        "code": code_digest(),
+        "versions": versions(),
+        "commit": git_commit(),
+        "created": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+        "seconds": round(seconds, 3),
+    }
+
+
+def grouped(pending: Sequence[Planned], left: Mapping[str, Sequence[int]] | None = None) -> list[list[Task]]:
     """Tasks that share their recordings and attitudes, together; groups that share the data set follow each other.
 
     A task has no more seeds than a process keeps recordings.
+
+    Args:
+        pending: what is to run.
+        left: by key, the seeds that are to run; of a cell that is not named, all.
     """
+    asked = left or {}
     groups: dict[object, dict[object, list[Task]]] = {}
     for one in pending:
         cell = one.cell
-        for block, draws in enumerate(_blocks(cell.draws)):
+        for block, draws in _blocks(cell.draws, asked.get(one.key, cell.draws)):
             near = groups.setdefault((cell.dataset, one.fingerprint, block), {})
             near.setdefault((cell.disturbances, cell.attitude), []).append(Task(one, draws))
     return [group for near in groups.values() for group in near.values()]
 
 
-def _blocks(draws: range) -> Iterator[range]:
+def _blocks(draws: range, left: Sequence[int]) -> Iterator[tuple[int, Sequence[int]]]:
+    """Number and seeds of each block of ``draws``, as far as they are ``left``."""
+    wanted = set(left)
     for begin in range(0, len(draws), KEPT):
-        yield draws[begin : begin + KEPT]
+        block = draws[begin : begin + KEPT]
+        some = block if wanted.issuperset(block) else [draw for draw in block if draw in wanted]
+        if some:
+            yield begin, some

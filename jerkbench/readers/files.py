@@ -1,10 +1,15 @@
 """Files of a recording: finding them, and the hash of their bytes."""
 
 import hashlib
+import os
+import time
 from functools import lru_cache
 from pathlib import Path
 
 from jerkbench.errors import RecordingError
+
+RESTING_NS = 2_000_000_000
+"""A file that was changed more recently could change again within the resolution of its time stamp."""
 
 
 def find_file(folder: Path, name: str, suffix: str, parameter: str) -> Path:
@@ -26,7 +31,7 @@ def find_file(folder: Path, name: str, suffix: str, parameter: str) -> Path:
 
 def fingerprint(paths: tuple[Path, ...]) -> str:
     """Return the SHA-256 over the bytes of ``paths``, one after the other."""
-    digests = [_sha256(path, path.stat().st_mtime_ns, path.stat().st_size) for path in paths]
+    digests = [_sha256(path, path.stat()) for path in paths]
     return hashlib.sha256("".join(digests).encode()).hexdigest()
 
 
@@ -36,7 +41,18 @@ def _existing(path: Path, parameter: str) -> Path:
     return path
 
 
+def _sha256(path: Path, stat: os.stat_result) -> str:
+    """Hash a file; one that was hashed before, and has rested since, is not read again."""
+    if time.time_ns() - stat.st_ctime_ns < RESTING_NS:
+        return _read_sha256(path)
+    return _rested_sha256(path, (stat.st_ino, stat.st_ctime_ns, stat.st_mtime_ns, stat.st_size))
+
+
 @lru_cache(maxsize=64)
-def _sha256(path: Path, mtime_ns: int, size: int) -> str:  # noqa: ARG001 - time and size say when to read it again
+def _rested_sha256(path: Path, version: tuple[int, ...]) -> str:  # noqa: ARG001 - it says when to read it again
+    return _read_sha256(path)
+
+
+def _read_sha256(path: Path) -> str:
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
