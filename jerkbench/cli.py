@@ -4,13 +4,15 @@ import argparse
 import atexit
 import gc
 import os
+import signal
 import sys
 import warnings
 from collections.abc import Sequence
+from typing import NoReturn
 
 from jerkbench.data.verbs import VERBS as DATA_VERBS
 from jerkbench.data.verbs import add_verbs, answer
-from jerkbench.errors import INTERRUPTED, NO_ROOM, JerkbenchError, exit_with
+from jerkbench.errors import INTERRUPTED, JerkbenchError, exit_with
 from jerkbench.verbs import VERBS
 
 RUN_HELP = """\
@@ -46,6 +48,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     words = list(sys.argv[1:] if arguments is None else arguments)
     if arguments is None:
         _collect_seldom()
+        signal.signal(signal.SIGTERM, _interrupt)
     try:
         with warnings.catch_warnings():
             warnings.showwarning = _one_line
@@ -57,6 +60,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
         raise SystemExit(INTERRUPTED) from None
     except BrokenPipeError:  # the reader, `head` for example, has had enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _interrupt(*_: object) -> NoReturn:
+    """End as Ctrl-C does, with a sentence, wherever SIGTERM comes."""
+    raise KeyboardInterrupt
 
 
 def _collect_seldom() -> None:
@@ -83,9 +91,9 @@ def _run(words: list[str]) -> None:
         app(words)
     except (HydraException, OmegaConfBaseException) as error:
         raise JerkbenchError(sentence(error, words)) from error
+    except BrokenPipeError:
+        raise
     except OSError as error:
-        if error.errno not in NO_ROOM:
-            raise
         raise JerkbenchError(f"Results cannot be written: {error}.") from error
 
 

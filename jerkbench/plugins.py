@@ -82,12 +82,21 @@ def create(kind: str, config: Mapping[str, Any]) -> Any:  # noqa: ANN401 - the k
         if key not in (*known, "name"):
             raise PluginError(unknown(f"parameter of {kind} {name}", str(key), known))
     try:
-        merged = OmegaConf.merge(OmegaConf.structured(schema(kind, name)), dict(config))
+        merged = OmegaConf.merge(_structured(kind, name, cls), dict(config))  # which copies the first
         values = OmegaConf.to_container(merged, resolve=True, throw_on_missing=True)
     except OmegaConfBaseException as error:
         reason = str(error).splitlines()[0].rstrip(".")
         raise PluginError(f"{kind} {name}, parameter '{error.full_key}': {reason}.") from error
     return cls(**_fitted(f"{kind} {name}", cls, typing.cast("dict[str, Any]", values)))
+
+
+@cache
+def _structured(kind: str, name: str, cls: type) -> Any:  # noqa: ANN401 - a configuration
+    """The schema of a plugin as OmegaConf has it: to make it takes longer than all else of making a plugin."""
+    from omegaconf import OmegaConf
+
+    del cls  # the name may stand for another one by now
+    return OmegaConf.structured(schema(kind, name))
 
 
 def schema(kind: str, name: str) -> type:

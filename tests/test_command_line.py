@@ -132,6 +132,13 @@ def test_swept_parameters_are_in_the_labels(tmp_path):
     ]
 
 
+def test_a_disturbance_with_parameters_is_swept_beside_none(tmp_path):
+    swept("disturbance=none,gnss_outage", "disturbance.gnss_outage.windows_s=[[6,8]],[[6,9]]", cwd=tmp_path)
+    rows = rows_of(tmp_path / "results" / "adhoc")
+
+    assert list(rows["disturbance"]) == ["none", "gnss_outage(windows_s=[[6,8]])", "gnss_outage(windows_s=[[6,9]])"]
+
+
 BAD = [
     (["filter=jrk"], "There is no filter 'jrk'. Did you mean 'jerk'?"),
     (["disturbance=[bias,gnss_outag]"], "Did you mean 'gnss_outage'?"),
@@ -170,6 +177,24 @@ BAD = [
     (["study=a/b"], "study is 'a/b'; it must be the name of one folder"),
     (["study=.."], "study is '..'; it must be the name of one folder"),
     (["filter.accel_mps2=-1"], "filter baseline: accel_mps2 is -1.0; it must be zero or positive, and finite."),
+    (["seeds=???"], "seeds has no value"),
+    (["first_seed=99999999999999999999"], "first_seed"),
+    (["seeds=100001"], "at most 100000 runs"),
+    ([f"study={'x' * 300}"], "at most 255 bytes"),
+    (["disturbance=[]"], "disturbance=none"),
+    (["disturbance=null"], "disturbance=none"),
+    (["disturbance=[null]"], "There is no disturbance 'null'"),
+    (["filter=3"], "There is no filter '3'"),
+    (["experiment=null"], "experiment=null chooses nothing"),
+    (["~disturbance"], "a run cannot be without disturbance"),
+    (["~seeds"], "a run cannot be without seeds"),
+    (["metrics=[[all]]"], "give a list of names"),
+    (["=1"], "'=1' is no KEY=VALUE"),
+    (["--resolve"], "--resolve belongs to --cfg"),
+    (["--nonsense"], "--nonsense"),
+    (["--info=nonsense"], "invalid choice"),
+    (["hydra/launcher=joblib"], "pip install hydra-joblib-launcher"),
+    (["results=/proc/x"], "/proc/x"),
     (["noise.accel_mps2=nan"], "filter baseline: accel_mps2 is nan; it must be zero or positive, and finite."),
 ]
 
@@ -218,6 +243,95 @@ def test_bad_input_is_one_sentence_and_leaves_no_result(tmp_path, said_in_proces
     assert out == ""
     assert not list(tmp_path.rglob("*.parquet"))
     assert not list(tmp_path.rglob("rows.csv"))
+
+
+def test_folders_of_hydras_own_that_cannot_be_made_are_a_sentence(said_in_process):
+    code, out, err = said_in_process("run", "hydra.run.dir=/proc/x")
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert "/proc/x" in err
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--shell-completion"], "install=SHELL"),
+        (["--cfg", "job", "--info"], "--cfg and --info ask for different things"),
+    ],
+)
+def test_options_of_hydra_that_make_no_sense_are_a_sentence(said_in_process, words, said):
+    code, out, err = said_in_process("run", *words)
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert said in err
+
+
+def test_options_of_hydra_may_stand_among_the_overrides(said_in_process):
+    assert "There is no filter 'jrk'" in said_in_process("run", "seeds=2", "-m", "filter=jrk")[2]
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("name: gnss_outage\nwindows_s: [[5,6]]\n", "'# @package disturbance.NAME'"),
+        ("gnss_outage:\n  windows_s: [[5,6]]\n", "write gnss_outage into the preset's defaults"),
+        ("{}\n", "No disturbance is chosen"),
+    ],
+)
+@pytest.mark.parametrize("multirun", [[], ["-m"]])
+def test_a_preset_of_ones_own_that_names_no_disturbance_is_a_sentence(said_in_process, tmp_path, text, said, multirun):
+    own = tmp_path / "own" / "disturbance" / "mine.yaml"
+    own.parent.mkdir(parents=True)
+    own.write_text(text)
+
+    code, _, err = said_in_process("run", *multirun, "--config-dir", str(tmp_path / "own"), "disturbance=mine")
+
+    assert (code, err.count("\n")) == (2, 1), err
+    assert said in err
+
+
+def test_a_list_in_quotes_is_told_to_drop_them(said_in_process, tmp_path):
+    own = tmp_path / "own" / "experiment" / "mine.yaml"
+    own.parent.mkdir(parents=True)
+    lists = 'none,"[bias,gnss_outage]"'
+    own.write_text(f"# @package _global_\nhydra:\n  sweeper:\n    params:\n      disturbance: {lists}\n")
+
+    code, _, err = said_in_process("run", "-m", "--config-dir", str(tmp_path / "own"), "experiment=mine")
+
+    assert (code, err.count("\n")) == (2, 1), err
+    assert "drop the quotes" in err
+
+
+def test_sigterm_while_a_sweep_is_planned_ends_with_a_sentence(tmp_path):
+    words = ["run", "-m", "noise.accel_mps2=range(1,90001)"]
+    command = [sys.executable, "-m", "jerkbench", *words]
+    with subprocess.Popen(command, cwd=tmp_path, env=environment(), stderr=subprocess.PIPE, text=True) as process:
+        deadline = time.monotonic() + 120
+        while not (tmp_path / "results" / "adhoc" / "multirun.yaml").exists() and time.monotonic() < deadline:
+            time.sleep(0.05)
+        time.sleep(0.2)
+        process.send_signal(signal.SIGTERM)
+        _, err = process.communicate(timeout=60)
+
+    assert (process.returncode, err) == (130, "jerkbench: interrupted.\n")
+
+
+def test_two_thousand_values_are_planned_without_composing_each(loader_calls, said_in_process, monkeypatch):
+    from jerkbench.benchmark import app
+
+    monkeypatch.setattr(app, "_run", lambda *_: 7)
+    monkeypatch.setattr(app, "_conclude", lambda *_: None)
+    code, _, _ = said_in_process("run", "-m", "noise.accel_mps2=range(1,2001)")
+
+    assert code == 7
+    assert len(loader_calls) < 10
+
+
+@pytest.fixture
+def loader_calls(monkeypatch):
+    from hydra._internal.config_loader_impl import ConfigLoaderImpl
+
+    calls, original = [], ConfigLoaderImpl.load_configuration
+    monkeypatch.setattr(ConfigLoaderImpl, "load_configuration", lambda *a, **k: calls.append(a) or original(*a, **k))
+    return calls
 
 
 @pytest.mark.parametrize("parameter", ["adaptation.window=5", "adaptation.threshold=5"])

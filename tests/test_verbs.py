@@ -112,6 +112,11 @@ def test_every_figure_of_a_study_is_drawn(study, tmp_path):
         (("report", "--scenarios", "-1"), "'-1' is no number of scenarios; give 0 or more"),
         (("figures", "--scenarios", "two"), "'two' is no number of scenarios; give 0 or more"),
         (("report", "--scenarios", "0", "--out", "rows.csv/x.html"), "rows.csv"),
+        (("report", "--out", ""), "the path is empty"),
+        (("report", "--out", "."), "is a folder; give the name of a file"),
+        (("figures", "--out", ""), "the path is empty"),
+        (("table", "--metric", "status"), "There is no metric 'status'"),
+        (("table", "--metric", "seed"), "There is no metric 'seed'"),
     ],
 )
 def test_what_cannot_be_done_is_a_sentence(study, words, said):

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
+from hydra.core.override_parser.types import Override
 from hydra.core.utils import JobReturn
 from hydra.plugins.launcher import Launcher
 from hydra.types import HydraContext, TaskFunction
@@ -37,6 +38,21 @@ class JerkbenchSweeper(BasicSweeper):
 
         check_options(config)
         super().setup(hydra_context=hydra_context, task_function=task_function, config=config)
+
+    @staticmethod
+    def split_arguments(overrides: list[Override], max_batch_size: int | None) -> list[list[list[str]]]:
+        """List the values of ranges as they were typed; refuse more combinations than can be held."""
+        from jerkbench.benchmark.ranges import listed
+
+        return BasicSweeper.split_arguments(listed(overrides), max_batch_size)
+
+    def get_job_batch(self) -> Sequence[Sequence[str]]:
+        """Leave to each job the parameters of the disturbances that it chooses."""
+        from jerkbench.benchmark.chosen import only_of_chosen
+
+        assert self.hydra_context is not None  # noqa: S101 - Hydra has set it up
+        assert self.config is not None  # noqa: S101
+        return only_of_chosen(self.hydra_context.config_loader, self.config, super().get_job_batch())
 
     def validate_batch_is_legal(self, batch: Sequence[Sequence[str]]) -> None:
         """Leave it to a foreign launcher's job only where there is one."""

@@ -18,6 +18,7 @@ from hydra.experimental.callback import Callback
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 
+from jerkbench.benchmark.arguments import arranged
 from jerkbench.benchmark.blocks import finish_cell
 from jerkbench.benchmark.cell import refusal
 from jerkbench.benchmark.composition import compose_jobs
@@ -32,6 +33,7 @@ from jerkbench.benchmark.sweep import Plan, plan_sweep, run_sweep
 from jerkbench.benchmark.tasks import Planned
 from jerkbench.errors import INTERRUPTED, JerkbenchError, PluginError, exit_with
 from jerkbench.presets import config_folder
+from jerkbench.report.pulse import Pulse, duration
 
 FAILED = 1
 """Exit code of a sweep of which a run failed."""
@@ -48,7 +50,7 @@ def main(arguments: Sequence[str]) -> None:
     register_schemas()
     _register_hydra_parts()
     app = hydra.main(version_base="1.3", config_path=str(config_folder()), config_name="config")(_task)
-    sys.argv = ["jerkbench run", *arguments]
+    sys.argv = ["jerkbench run", *arranged(arguments)]
     app()
 
 
@@ -59,8 +61,9 @@ def sweep(loader: ConfigLoader, config: DictConfig, jobs: Sequence[Sequence[str]
         SystemExit: a run failed, or the sweep was interrupted.
     """
     try:
-        composed = compose_jobs(loader, config, jobs)
-        plan = plan_sweep([cell_of(one.plain, one.choices, one.overrides) for one in composed])
+        with Pulse(lambda seconds: f"Planning {len(jobs)} combinations for {duration(seconds)}."):
+            composed = compose_jobs(loader, config, jobs)
+            plan = plan_sweep([cell_of(one.plain, one.choices, one.overrides) for one in composed])
     except JerkbenchError as error:
         exit_with(error)
     for line in plan.refused:
@@ -145,7 +148,8 @@ def _run_and_show(one: Planned, folder: Path, config: DictConfig) -> None:
     Store(folder).prepare()
     if config.figures:
         prepare_drawing(one.cell)
-    stored = run_single(one, folder)
+    with Pulse(lambda seconds: f"Running for {duration(seconds)}."):
+        stored = run_single(one, folder)
     print_run(stored.rows)  # at once: files and figures take longer than the run
     for note in stored.about["notes"]:
         print(note, flush=True)

@@ -24,6 +24,12 @@ from jerkbench.errors import PluginError
 Config = Mapping[str, Any]
 
 
+MOST_SEEDS = 100_000
+"""Runs of one cell: their rows stay in memory until it is stored."""
+LAST_SEED = 2**63
+"""Before this one: rows hold seeds as signed integers of 64 bits."""
+
+
 class Labels(NamedTuple):
     """What the tables call the parts of a cell."""
 
@@ -57,6 +63,10 @@ class Protocol:
             raise PluginError(f"seeds is {self.seeds}; at least one run is needed.")
         if self.first_seed < 0:
             raise PluginError(f"first_seed is {self.first_seed}; it must not be negative.")
+        if self.seeds > MOST_SEEDS:
+            raise PluginError(f"seeds is {self.seeds}; a cell has at most {MOST_SEEDS} runs.")
+        if self.first_seed + self.seeds > LAST_SEED:
+            raise PluginError(f"first_seed is {self.first_seed}; a seed must be less than 2**63.")
         if not (math.isfinite(self.burn_in_s) and self.burn_in_s >= 0):
             raise PluginError(f"burn_in_s is {self.burn_in_s:g}; it must be a number of seconds, 0 or more.")
         if math.isnan(self.divergence_limit_m) or self.divergence_limit_m <= 0:
@@ -188,6 +198,8 @@ def joined(names: Iterable[str]) -> str:
 def _metrics(asked: Sequence[str]) -> tuple[str, ...]:
     """The names that are asked for; of none those that say nothing else, of "all" every one."""
     known = plugins.names("metric")
+    if isinstance(asked, str) or not all(isinstance(name, str) for name in asked):
+        raise PluginError(f"metrics is {asked}; give a list of names: metrics=[position_rmse,velocity_rmse] or [all].")
     if not asked:
         return tuple(name for name in known if getattr(plugins.get("metric", name), "default", True))
     return tuple(dict.fromkeys(name for one in asked for name in (known if one == "all" else [one])))

@@ -13,6 +13,16 @@ from jerkbench.errors import unknown
 NOISE = ("full_key", "object_type", "Config search", "provider=")
 """Beginnings of lines that help nobody."""
 
+LAUNCHERS = {
+    "joblib": "hydra-joblib-launcher",
+    "ray": "hydra-ray-launcher",
+    "ray_aws": "hydra-ray-launcher",
+    "rq": "hydra-rq-launcher",
+    "submitit_local": "hydra-submitit-launcher",
+    "submitit_slurm": "hydra-submitit-launcher",
+}
+"""Hydra's own launchers, and the distribution that each is in."""
+
 PACKAGE = (
     "The file of this experiment lacks its first line '# @package _global_', so all that it sets would stand below the"
     " name 'experiment'; add that line."
@@ -61,7 +71,7 @@ def _has(disturbance: str, parameter: str) -> bool:
 def _of_configuration(text: str, typed: Sequence[str]) -> str:
     missing = re.search(r"Could not (?:find|load) '([\w/]+)/([^'/]+)'", text)
     if missing:
-        return unknown(missing[1], missing[2], _options(text) or _names(missing[1]))
+        return _no_choice(missing[1], missing[2], _options(text))
     several = re.search(r"Ambiguous value for argument '([^']+)'", text)
     if several:
         return f"{several[1]} has several values; add -m to run them all, or put a list into [brackets]."
@@ -77,6 +87,14 @@ def _of_configuration(text: str, typed: Sequence[str]) -> str:
         return f"{full[1] if full else 'An option'}: {value[1].rstrip('.')}."
     lines = (line.strip() for line in text.splitlines() if line.strip())
     return " ".join(line for line in lines if not line.startswith(NOISE))
+
+
+def _no_choice(group: str, name: str, options: Sequence[str]) -> str:
+    if name.startswith("["):
+        return f"{group}: '{name}' in quotes is one name; drop the quotes around the list: none,{name}."
+    if group == "hydra/launcher" and name in LAUNCHERS:
+        return f"The launcher {name} is not installed: pip install {LAUNCHERS[name]}, or leave it out."
+    return unknown(group, name, options or _names(group))
 
 
 def _names(group: str) -> list[str]:

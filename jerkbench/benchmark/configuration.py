@@ -7,11 +7,12 @@ from pathlib import Path
 from typing import Any, cast
 
 from hydra.core.config_store import ConfigNode, ConfigStore
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import MISSING, DictConfig, OmegaConf
 
 from jerkbench import plugins
 from jerkbench.benchmark.cell import Cell, Labels, Protocol, build, joined
 from jerkbench.benchmark.noise import Noise
+from jerkbench.errors import PluginError
 
 GROUPS = ("dataset", "attitude", "filter", "adaptation", "engine")
 """Groups of which a configuration holds one plugin; `disturbance` holds several."""
@@ -79,13 +80,42 @@ def cell_of(plain: Mapping[str, Any], choices: Mapping[str, Any], overrides: lis
         overrides: the overrides of the job, for the labels.
 
     Raises:
-        PluginError: a plugin does not take its parameters.
+        PluginError: a plugin does not take its parameters, or something is not chosen.
     """
+    require_whole(plain)
     spec = {group: plain[group] for group in GROUPS}
     spec["disturbance"] = list(plain["disturbance"].values())
     spec["noise"], spec["metrics"] = plain["noise"], plain["metrics"]
     protocol = Protocol(**{f.name: plain[f.name] for f in fields(Protocol)})
     return build(spec, protocol, labels_of(spec, choices, overrides))
+
+
+def require_whole(plain: Mapping[str, Any]) -> None:
+    """Check that a composed configuration has a value for each option, and a plugin for each group.
+
+    Raises:
+        PluginError: it has not; a preset of one's own may set anything.
+    """
+    for key in (f.name for f in fields(Schema)):
+        if plain.get(key, MISSING) == MISSING:
+            raise PluginError(f"{key} has no value; give {key}=...")
+    for kind in GROUPS:
+        if not (isinstance(plain[kind], Mapping) and plain[kind].get("name")):
+            raise PluginError(f"No {kind} is chosen; give {kind}=NAME (`jerkbench list {kind}` says what there is).")
+    _require_disturbances(plain["disturbance"])
+
+
+def _require_disturbances(chosen: object) -> None:
+    if not (isinstance(chosen, Mapping) and chosen):
+        raise PluginError("No disturbance is chosen; where there is none, give disturbance=none.")
+    for key, value in chosen.items():
+        if not isinstance(value, Mapping):
+            raise PluginError(
+                f"The chosen preset of disturbance sets {key}={value}, where each disturbance stands under its name;"
+                " begin the file with the line '# @package disturbance.NAME', or put its parameters below NAME."
+            )
+        if not value.get("name"):
+            raise PluginError(f"disturbance.{key} has parameters and no name; write {key} into the preset's defaults.")
 
 
 class PluginNode(ConfigNode):
@@ -147,13 +177,13 @@ def _noise_label(spec: dict[str, Any], choices: Mapping[str, Any], changed: dict
 
 def _parameters(overrides: list[str]) -> dict[str, list[str]]:
     """Parameters set by overrides, "key=value", for each plugin; places of files are no label."""
-    found: dict[str, list[str]] = {}
+    found: dict[str, dict[str, str]] = {}
     for override in overrides:
         key, _, value = override.lstrip("+~").partition("=")
         owner, _, name = key.rpartition(".")
         if owner and not key.startswith("hydra") and "/" not in value and name not in ("folder", "file"):
-            found.setdefault(owner, []).append(f"{name}={value.lower() if value in ('True', 'False') else value}")
-    return found
+            found.setdefault(owner, {})[name] = value.lower() if value in ("True", "False") else value
+    return {owner: [f"{name}={value}" for name, value in given.items()] for owner, given in found.items()}
 
 
 def _named(name: str, parameters: list[str]) -> str:

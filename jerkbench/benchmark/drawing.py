@@ -1,11 +1,11 @@
 """Every figure of a study, with its caption."""
 
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from jerkbench.benchmark.scenes import Scene
+from jerkbench.benchmark.titles import file_stem
 from jerkbench.report.summary import main_metric, summarise
 
 if TYPE_CHECKING:
@@ -88,6 +88,6 @@ def of_scene(scene: Scene) -> Iterator[Drawing]:
         "consistency": (f"NEES and NIS of {scene.best}", consistency_figure(scene.best_runs, scene.best)),
         "adapted-r": ("measurement noise that was used", adapted_r_figure(recording, updated)),
     }
-    slug = re.sub(r"[^A-Za-z0-9.+=-]+", "_", scene.name)
+    slug = file_stem([scene.name])
     for kind, (caption, figure) in made.items():
         yield Drawing(f"{slug}-{kind}", f"{scene.name}: {caption}.", figure)

@@ -1,7 +1,6 @@
 """A single run: one cell, its metrics in the terminal, its trajectory and its errors as figures."""
 
 import os
-import re
 from functools import partial
 from pathlib import Path
 
@@ -10,7 +9,7 @@ from jerkbench.benchmark.cell import Cell
 from jerkbench.benchmark.run import run_once, run_open_pieces
 from jerkbench.benchmark.store import Store, Stored
 from jerkbench.benchmark.tasks import Planned
-from jerkbench.benchmark.titles import titled
+from jerkbench.benchmark.titles import file_stem, titled
 from jerkbench.contracts import Estimator
 from jerkbench.estimate import Estimate
 from jerkbench.recording import Recording
@@ -47,7 +46,7 @@ def draw_run(cell: Cell, recording: Recording, estimate: Estimate, folder: Path)
 
     labels = cell.labels
     estimates = {f"{labels.filter} + {labels.adaptation}": estimate}
-    name = re.sub(r"[^A-Za-z0-9.+=-]+", "_", "-".join(labels))
+    name = file_stem(labels)
     drawn = {"trajectory": trajectory_figure, "errors": error_figure}
     if estimate.attitude_only:
         drawn = {"inclination": inclination_figure}

@@ -21,7 +21,18 @@ def add_source(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("source", help="a file or folder, or the name of a data set or its preset")
     parser.add_argument("--dataset", metavar="NAME", help="the data set that reads the file (default: by its suffix)")
     parser.add_argument("--set", nargs="+", default=[], metavar="KEY=VALUE", help="parameters of the data set")
-    parser.add_argument("--seed", type=int, default=0, help="of a simulated recording (default 0)")
+    parser.add_argument("--seed", type=seed, default=0, help="of a simulated recording (default 0)")
+
+
+def seed(text: str) -> int:
+    """Read the seed of a simulated recording.
+
+    Raises:
+        ArgumentTypeError: it is no whole number, or negative.
+    """
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"'{text}' is no seed; give a whole number, 0 or more")
+    return int(text)
 
 
 def dataset_of(source: str, name: str | None, words: Sequence[str]) -> Dataset:

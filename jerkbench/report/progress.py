@@ -9,13 +9,19 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.progress import Progress as Bar
 
+from jerkbench.report.pulse import Pulse, duration
+
 
 class Progress:
-    """A bar over the cells of a sweep (or other things), on standard error; says how many runs diverged or failed."""
+    """A bar over the cells of a sweep (or other things), on standard error; says how many runs diverged or failed.
+
+    Where standard error is no terminal, a line a minute stands for it.
+    """
 
     def __init__(self, count: int, already: int = 0, doing: str = "Sweep", things: str = "cells") -> None:
         """Prepare a bar for ``count`` ``things``, of which ``already`` many are done."""
         self._counts: Counter[str] = Counter()
+        self._doing, self._things = doing, things
         columns = (
             TextColumn("{task.description}"),
             BarColumn(),
@@ -29,6 +35,7 @@ class Progress:
         self._bar = Bar(*columns, console=Console(stderr=True))
         self._left = count - already
         self._task = self._bar.add_task(doing, total=self._left, trouble="")
+        self._pulse = None if self._bar.console.is_terminal else Pulse(self._line, self._write)
         if already:
             self._bar.console.print(f"{already} of {count} {things} are done already.")
 
@@ -42,6 +49,8 @@ class Progress:
         """Start drawing, unless nothing is left to do."""
         if self._left:
             self._bar.start()
+            if self._pulse:
+                self._pulse.__enter__()
         return self
 
     def __exit__(
@@ -49,4 +58,17 @@ class Progress:
     ) -> None:
         """Stop drawing."""
         if self._left:  # a bar that was never there would leave an empty line
+            if self._pulse:
+                self._pulse.__exit__(kind, error, trace)
             self._bar.stop()
+
+    def _line(self, seconds: float) -> str:
+        """How far it is, for a reader of a file or a pipe."""
+        task = self._bar.tasks[self._task]
+        done = int(task.completed)
+        left = f", about {duration(seconds / done * (self._left - done))} left" if done else ""
+        trouble = f"; {task.fields['trouble']}" if task.fields["trouble"] else ""
+        return f"{self._doing}: {done} of {self._left} {self._things} after {duration(seconds)}{left}{trouble}."
+
+    def _write(self, line: str) -> None:
+        self._bar.console.print(line, highlight=False, soft_wrap=True)

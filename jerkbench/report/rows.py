@@ -26,10 +26,16 @@ def checked(rows: "pd.DataFrame", metric: str) -> "pd.DataFrame":
 
 
 def with_metric(rows: "pd.DataFrame", metric: str) -> "pd.DataFrame":
-    """Return ``rows`` with a column of the metric, which is missing only where no run went well."""
-    if metric in rows.columns:
+    """Return ``rows`` with a column of the metric, which is missing only where no run went well.
+
+    Raises:
+        JerkbenchError: there is no such metric; what tells rows apart, and text, is none.
+    """
+    if metric in metric_columns(rows):
         return rows
-    if (rows["status"] == "ok").any():
+    if metric not in IDENTITY and metric in rows.columns and rows[metric].isna().all():
+        return rows.assign(**{metric: np.nan})  # no run has a value
+    if metric in IDENTITY or (rows["status"] == "ok").any():
         raise JerkbenchError(unknown("metric", metric, metric_columns(rows)))
     return rows.assign(**{metric: np.nan})
 

@@ -1,9 +1,8 @@
 """`jerkbench export`: the trajectory of one row, for other tools."""
 
 import argparse
-from pathlib import Path
 
-from jerkbench.verbs.kinds import Verbs
+from jerkbench.verbs.kinds import Verbs, output
 from jerkbench.verbs.rerun import add_row
 
 
@@ -11,7 +10,7 @@ def add(verbs: Verbs) -> None:
     """Declare the verb."""
     export = verbs.add_parser("export", help="write one row's estimate and reference as trajectories (TUM)")
     add_row(export)
-    export.add_argument("--tum", type=Path, required=True, metavar="FOLDER", help="write estimate.tum, reference.tum")
+    export.add_argument("--tum", type=output, required=True, metavar="FOLDER", help="write estimate.tum, reference.tum")
     export.set_defaults(answer=answer)
 
 

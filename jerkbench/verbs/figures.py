@@ -3,14 +3,14 @@
 import argparse
 from pathlib import Path
 
-from jerkbench.verbs.kinds import Verbs, count
+from jerkbench.verbs.kinds import Verbs, count, output
 
 
 def add(verbs: Verbs) -> None:
     """Declare the verb."""
     figures = verbs.add_parser("figures", help="draw a study's figures: those of its rows, and of each scenario's runs")
     figures.add_argument("folder", type=Path, help="the study's folder, or a folder of cells")
-    figures.add_argument("--out", type=Path, help="where they go (default: figures/ in the study's folder)")
+    figures.add_argument("--out", type=output, help="where they go (default: figures/ in the study's folder)")
     figures.add_argument("--scenarios", type=count, default=20, help="draw the runs of so many scenarios (default: 20)")
     figures.set_defaults(answer=answer)
 

@@ -1,6 +1,7 @@
 """Types of the command line."""
 
 import argparse
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -18,3 +19,14 @@ def count(text: str) -> int:
     if not text.isdecimal():
         raise argparse.ArgumentTypeError(f"'{text}' is no number of scenarios; give 0 or more")
     return int(text)
+
+
+def output(text: str) -> Path:
+    """Read the path of a file or folder to write.
+
+    Raises:
+        ArgumentTypeError: it is empty.
+    """
+    if not text.strip():
+        raise argparse.ArgumentTypeError("the path is empty; give the name of a file or folder")
+    return Path(text)

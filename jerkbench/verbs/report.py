@@ -3,14 +3,15 @@
 import argparse
 from pathlib import Path
 
-from jerkbench.verbs.kinds import Verbs, count
+from jerkbench.errors import JerkbenchError
+from jerkbench.verbs.kinds import Verbs, count, output
 
 
 def add(verbs: Verbs) -> None:
     """Declare the verb."""
     report = verbs.add_parser("report", help="write a study as one HTML file: findings, every cell, figures, a review")
     report.add_argument("folder", type=Path, help="the study's folder, or a folder of cells")
-    report.add_argument("--out", type=Path, help="the file (default: report.html in the study's folder)")
+    report.add_argument("--out", type=output, help="the file (default: report.html in the study's folder)")
     report.add_argument("--scenarios", type=count, default=6, help="draw the runs of so many scenarios (default: 6)")
     report.set_defaults(answer=answer)
 
@@ -19,7 +20,7 @@ def answer(chosen: argparse.Namespace) -> None:
     """Write the report, and name the file.
 
     Raises:
-        JerkbenchError: there are no results.
+        JerkbenchError: there are no results, or the file cannot be one.
     """
     from jerkbench.benchmark.pictures import draw_pictures
     from jerkbench.benchmark.presentation import REPORT, write_report
@@ -28,5 +29,7 @@ def answer(chosen: argparse.Namespace) -> None:
 
     study = load_study(chosen.folder)
     path = chosen.out or chosen.folder / REPORT
+    if path.is_dir():
+        raise JerkbenchError(f"{path} is a folder; give the name of a file: --out {path / REPORT}.")
     write_report(study, draw_pictures(study, None, chosen.scenarios, processors()), path)
     print(path)

@@ -3,9 +3,11 @@
 import pytest
 from hydra import initialize_config_dir
 from hydra.core.global_hydra import GlobalHydra
+from hydra.errors import HydraException
 
 from jerkbench.benchmark import composition
 from jerkbench.benchmark.app import _register_hydra_parts
+from jerkbench.benchmark.chosen import only_of_chosen
 from jerkbench.benchmark.composition import compose_jobs
 from jerkbench.benchmark.configuration import register_schemas
 from jerkbench.presets import config_folder
@@ -73,3 +75,46 @@ def test_what_refers_to_another_part_is_resolved_in_each_job(loader):
     made = compose_jobs(loader, base(loader), jobs)
 
     assert [one.plain["notes"] for one in made] == [["jerk none"], ["jerk mtf"], ["bias none"], ["bias mtf"]]
+
+
+def test_values_of_a_parameter_take_one_composition_and_are_what_composing_each_gives(loader, monkeypatch):
+    config = base(loader)
+    jobs = [
+        [f"noise.accel_mps2={accel}", f"dataset.duration_s={length}", f"burn_in_s={burn}", "filter=jerk"]
+        for accel in ("0.1", "0.2", "null")
+        for length in ("20", "30.5")
+        for burn in ("0", "7")
+    ]
+    alone = [composition._resolved(composition._compose(loader, config, job)) for job in jobs]
+    calls = []
+    original = composition._compose
+    monkeypatch.setattr(composition, "_compose", lambda *words: calls.append(words) or original(*words))
+
+    assert [one.plain for one in compose_jobs(loader, config, jobs)] == [one.plain for one in alone]
+    assert len(calls) <= 2
+
+
+def test_a_value_of_the_wrong_type_is_refused_wherever_it_stands(loader):
+    jobs = [["noise.accel_mps2=0.1"], ["noise.accel_mps2=much"]]
+    with pytest.raises(HydraException):
+        compose_jobs(loader, base(loader), jobs)
+
+
+OUTAGE = "disturbance.gnss_outage.windows_s=[[5,6]]"
+
+
+def test_parameters_of_disturbances_go_to_the_jobs_that_choose_them(loader):
+    config = base(loader)
+    jobs = [
+        ["disturbance=none", OUTAGE, "disturbance.gnss_outage.heading=true"],
+        ["disturbance=none", OUTAGE, "disturbance.gnss_outage.heading=false"],
+        ["disturbance=twelve_outages", OUTAGE, "disturbance.gnss_outage.heading=true"],
+    ]
+
+    assert only_of_chosen(loader, config, jobs) == [["disturbance=none"], jobs[2]]
+
+
+def test_parameters_of_a_disturbance_that_no_job_chooses_stay(loader):
+    jobs = [[f"disturbance={name}", OUTAGE] for name in ("none", "bias")]
+
+    assert only_of_chosen(loader, base(loader), jobs) == jobs

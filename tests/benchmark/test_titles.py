@@ -8,7 +8,7 @@ from jerkbench.benchmark import single
 from jerkbench.benchmark.cell import Protocol, build
 from jerkbench.benchmark.run import run_once
 from jerkbench.benchmark.sweep import plan_sweep
-from jerkbench.benchmark.titles import titled
+from jerkbench.benchmark.titles import file_stem, titled
 
 SPEC = {
     "attitude": {"name": "tilt"},
@@ -55,3 +55,24 @@ def test_the_figures_of_a_single_run_have_it(tmp_path, monkeypatch):
 def make_short():
     recording, _ = run_once(cell(FIELD, {"name": "none"}), 7, "")
     return lambda name: replace(recording, name=name)
+
+
+MANY = {"name": "gnss_outage", "windows_s": [[10.0 * k, 10.0 * k + 5.0] for k in range(38)]}
+
+
+def test_a_title_with_many_parameters_has_a_few_lines(make_short):
+    labels = cell(FIELD, {"name": "none"}).labels._replace(disturbance=f"gnss_outage(windows_s={MANY['windows_s']})")
+    name = titled(make_short("field"), replace(cell(FIELD, MANY), labels=labels), 7).name
+    assert name == "field, gnss_outage, seed 7"
+    assert titled(make_short("word " * 200), cell(FIELD, MANY), 7).name.count("\n") < 4
+
+
+def test_names_of_files_are_short_and_the_same_for_the_same_labels():
+    plain = cell(FIELD, {"name": "bias"}).labels
+    long = plain._replace(dataset=f"table({', '.join(f'column_{k}=name_{k}' for k in range(40))})")
+
+    assert file_stem(plain) == "field-bias-tilt-baseline-none-own"
+    assert file_stem(long) == file_stem(long)
+    assert file_stem(long).startswith("table-bias-tilt-baseline-none-own-")
+    assert file_stem(long) != file_stem(long._replace(dataset=long.dataset.replace("name_3", "name_4")))
+    assert len(file_stem(plain._replace(disturbance="+".join(["gnss_outage"] * 30)))) < 120

@@ -198,3 +198,10 @@ def test_the_oddities_of_real_bags_are_found(shared_folder, file, oddities):
         pytest.skip("the bags of robot_localization are not in ../shared/data")
     said = surveyed(path)
     assert [oddity for oddity in oddities if oddity not in said] == []
+
+
+@pytest.mark.parametrize("seed", ["-1", "1.5", "x"])
+def test_a_seed_is_a_whole_number(typed, seed):
+    done = typed("data", "inspect", "field", "--seed", seed)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert f"'{seed}' is no seed" in done.stderr
