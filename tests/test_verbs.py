@@ -95,6 +95,21 @@ def test_compare_tells_a_machine(study, tmp_path):
     assert "No combination of the 8" in none.stderr
 
 
+def test_a_gate_does_not_pass_what_it_cannot_judge(study, tmp_path):
+    one = changed_copy(study, tmp_path, 1.0, count=1)
+    done = jerkbench("compare", str(study), str(one), "--fail-above", "50", cwd=tmp_path)
+    assert done.returncode == 1
+    assert "7 of the 8 combinations of A cannot be judged" in done.stdout
+    assert jerkbench("compare", str(study), str(one), cwd=tmp_path).returncode == 0
+    (one / "damaged.parquet").write_bytes(b"PAR1")
+    done = jerkbench("compare", str(one), str(study), "--fail-above", "50", cwd=tmp_path)
+    assert done.returncode == 1
+    assert "Damaged in A, and left out: damaged." in done.stdout
+    done = jerkbench("compare", str(study), str(study), "--fail-above", "nan", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "'nan' is no percentage" in done.stderr
+
+
 def test_every_figure_of_a_study_is_drawn(study, tmp_path):
     done = jerkbench("figures", str(study), "--out", str(tmp_path), "--scenarios", "1", cwd=study)
     assert done.returncode == 0, done.stderr

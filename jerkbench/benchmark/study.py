@@ -5,13 +5,14 @@ import os
 import platform
 import sys
 import time
-from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
+from jerkbench.benchmark.conditions import Values, conditions, told_apart
 from jerkbench.benchmark.store import Store, Stored
 from jerkbench.benchmark.versions import git_commit, versions
 from jerkbench.errors import JerkbenchError
@@ -32,6 +33,8 @@ class Study:
         notes: sentences that belong under its tables.
         keys: key of the cell of each row.
         code: the commits that its cells come from, in a few words.
+        conditions: what each cell was measured under, by key.
+        damaged: keys of the cells that cannot be read.
     """
 
     folder: Path
@@ -39,6 +42,8 @@ class Study:
     notes: tuple[str, ...]
     keys: pd.Series
     code: str = ""
+    conditions: Mapping[str, Mapping[str, Values]] = field(default_factory=dict)
+    damaged: tuple[str, ...] = ()
 
     @property
     def combinations(self) -> int:
@@ -48,11 +53,13 @@ class Study:
     def only(self, keys: Iterable[str]) -> "Study":
         """The same study with the cells ``keys`` alone."""
         chosen = self.keys.isin(list(keys))
-        return Study(self.folder, self.rows[chosen].reset_index(drop=True), self.notes, self.keys[chosen], self.code)
+        return replace(self, rows=self.rows[chosen].reset_index(drop=True), keys=self.keys[chosen])
 
 
 def load_study(folder: Path, prefer: Collection[str] = ()) -> Study:
     """Read the cells of a study; of several with the same name, one.
+
+    Cells that were not measured under the same conditions (data, protocol, engine) get names that say so.
 
     Args:
         folder: the study's.
@@ -67,10 +74,12 @@ def load_study(folder: Path, prefer: Collection[str] = ()) -> Study:
     manifest = read_manifest(folder)
     preferred = set(prefer or manifest.get("last", []))
     current = _current(_ordered(found, manifest.get("cells", [])), preferred)
-    rows = pd.concat([one.rows for one in current], ignore_index=True)
+    labels, unlike = told_apart(current)
+    rows = pd.concat([one.rows.assign(**own) for one, own in zip(current, labels, strict=True)], ignore_index=True)
     keys = pd.Series([one.key for one in current for _ in range(len(one.rows))])
-    notes = [*_notes(current, manifest), *_remarks(current, len(found) - len(current), broken)]
-    return Study(folder, rows, tuple(notes), keys, _code(current))
+    notes = [*unlike, *_notes(current, manifest), *_remarks(current, len(found) - len(current), broken)]
+    known = {one.key: conditions(one.about) for one in current}
+    return Study(folder, rows, tuple(notes), keys, _code(current), known, tuple(broken))
 
 
 def write_study(study: Study) -> None:

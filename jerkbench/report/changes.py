@@ -32,6 +32,9 @@ class Change:
         same: whether every value is the same to the bit.
         runs: in both sets.
         lost: runs that diverged or failed, in both sets.
+        valued: runs that went well and have the metric, in both sets.
+        absent: runs of the first set that the second does not have, where the seeds match.
+        risen: on the same seeds, how many went up from a value of which there is no ratio (0, or below).
     """
 
     combination: Combination
@@ -42,21 +45,31 @@ class Change:
     same: bool
     runs: tuple[int, int]
     lost: tuple[int, int]
+    valued: tuple[int, int]
+    absent: int = 0
+    risen: int = 0
 
     def worse(self, percent: float) -> bool:
-        """Whether the second is worse by more than ``percent``, or lost a larger share of its runs.
+        """Whether the second is worse by more than ``percent``, or has the metric of a smaller share of its runs.
 
-        On the same seeds any change is one; on others only what the whole interval says.
+        On the same seeds any change is one; on others only what the whole interval says, where there is one.
         """
         limit = 1 + percent / 100
-        beyond = self.ratio.ratio > limit if self.paired else self.ratio.low > limit
-        return bool(beyond or self.lost[1] * self.runs[0] > self.lost[0] * self.runs[1])
+        judged = self.ratio.ratio if self.paired or math.isnan(self.ratio.low) else self.ratio.low
+        return bool(judged > limit or self.risen or self.valued[1] * self.runs[0] < self.valued[0] * self.runs[1])
+
+    @property
+    def unjudged(self) -> bool:
+        """Whether the second cannot be said to be as good: it lacks runs, or no run of both has a ratio."""
+        return bool(self.absent or (not self.same and not math.isfinite(self.ratio.ratio)))
 
     @property
     def verdict(self) -> str:
         """In a few words."""
         if self.same:
             return "the same to the bit"
+        if self.risen and not self.ratio.n:
+            return "worse (it was 0)"
         if self.ratio.n == 0:
             return "no run of both to compare"
         shown = self.p < LEVEL and not self.ratio.low <= 1 <= self.ratio.high
@@ -110,6 +123,7 @@ def _groups(rows: "pd.DataFrame") -> dict[Combination, "pd.DataFrame"]:
 def _change(key: Combination, first: "pd.DataFrame", second: "pd.DataFrame", metric: str) -> Change:
     seeds = first.index.intersection(second.index)
     paired = len(seeds) > 0
+    absent = len(first.index.difference(second.index)) if paired else 0
     if paired:
         first, second = first.loc[seeds], second.loc[seeds]
     a, b = (one[metric].where(one["status"] == "ok").to_numpy(dtype=float) for one in (first, second))
@@ -125,6 +139,9 @@ def _change(key: Combination, first: "pd.DataFrame", second: "pd.DataFrame", met
         same=paired and bool(np.array_equal(a, b, equal_nan=True) and list(first["status"]) == list(second["status"])),
         runs=(len(a), len(b)),
         lost=(int((first["status"] != "ok").sum()), int((second["status"] != "ok").sum())),
+        valued=(int(np.isfinite(a).sum()), int(np.isfinite(b).sum())),
+        absent=absent,
+        risen=int(np.sum((b > a) & (a <= 0))) if paired else 0,
     )
 
 

@@ -1,12 +1,18 @@
 """`jerkbench compare`: two sets of results, combination by combination; its exit code tells a machine."""
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from jerkbench.verbs.kinds import Verbs
+from jerkbench.verbs.kinds import Verbs, percentage
+
+if TYPE_CHECKING:
+    from jerkbench.benchmark.study import Study
+    from jerkbench.report.changes import Change
 
 WORSE = 1
-"""Exit code where the second set is worse."""
+"""Exit code where the second set is worse, or cannot be judged."""
 
 
 def add(verbs: Verbs) -> None:
@@ -16,7 +22,10 @@ def add(verbs: Verbs) -> None:
     compare.add_argument("second", type=Path, metavar="B", help="another: after")
     compare.add_argument("--metric", help="a column of rows.csv (default: position_rmse_m, or the first there is)")
     compare.add_argument(
-        "--fail-above", type=float, metavar="PCT", help="exit with 1 where B is worse than A by more than PCT percent"
+        "--fail-above",
+        type=percentage,
+        metavar="PCT",
+        help="exit with 1 where B is worse than A by more than PCT percent, or lacks what A has",
     )
     compare.set_defaults(answer=answer)
 
@@ -25,9 +34,10 @@ def answer(chosen: argparse.Namespace) -> None:
     """Print what changed.
 
     Raises:
-        JerkbenchError: there are no results, or nothing is in both.
-        SystemExit: 1, where B is worse by more than ``--fail-above``.
+        JerkbenchError: there are no results, nothing is in both, or they were not measured alike.
+        SystemExit: 1, where B is worse by more than ``--fail-above``, or lacks results that A has.
     """
+    from jerkbench.benchmark.alike import other_methods, require_alike
     from jerkbench.benchmark.study import load_study
     from jerkbench.report.changes import change_rows, changes
     from jerkbench.report.findings import varying_factors
@@ -37,20 +47,42 @@ def answer(chosen: argparse.Namespace) -> None:
 
     first, second = load_study(chosen.first), load_study(chosen.second)
     metric = chosen.metric or main_metric(first.rows)
+    require_alike(first, second)
     found = changes(first.rows, second.rows, metric)
     varying = varying_factors(first.rows)
     header = [*varying, "A", "B", "B/A", "95 %", ""]
-    notes = [f"A: {chosen.first}, {first.code}", f"B: {chosen.second}, {second.code}"]
-    notes += _left_out(len(found), first.combinations, second.combinations)
+    notes = [f"A: {chosen.first}, {first.code}", f"B: {chosen.second}, {second.code}", *other_methods(first, second)]
+    notes += [*READING, *_left_out(found, first, second)]
     print_grid(quantity(metric).heading, header, change_rows(found, varying), notes)
-    if chosen.fail_above is None:
-        return
-    worse = [one for one in found if one.worse(chosen.fail_above)]
-    print(f"{len(worse)} of {len(found)} combinations are worse by more than {chosen.fail_above:g} %.")
-    if worse:
+    if chosen.fail_above is not None and _fails(found, first, second, chosen.fail_above):
         raise SystemExit(WORSE)
 
 
-def _left_out(compared: int, first: int, second: int) -> list[str]:
-    counts = (("A", first - compared), ("B", second - compared))
-    return [f"{count} combinations of {name} alone are left out." for name, count in counts if count]
+READING = ("A, B: means over the runs that went well; B/A: geometric mean of the ratio, run by run where seeds match.",)
+"""What the numbers are: the quotient of the means is another number."""
+
+
+def _fails(found: "Sequence[Change]", first: "Study", second: "Study", percent: float) -> bool:
+    """Say what is worse and what cannot be judged; returns whether anything is."""
+    worse = sum(one.worse(percent) for one in found)
+    print(f"{worse} of {len(found)} combinations are worse by more than {percent:g} %.")
+    lacking = first.combinations - len(found) + sum(one.unjudged for one in found)
+    if lacking:
+        print(
+            f"{lacking} of the {first.combinations} combinations of A cannot be judged: B lacks them, or runs of them."
+        )
+    damaged = len(first.damaged) + len(second.damaged)
+    if damaged:
+        print(f"{damaged} damaged file{'s' * (damaged > 1)} cannot be judged.")
+    return bool(worse or lacking or damaged)
+
+
+def _left_out(found: "Sequence[Change]", first: "Study", second: "Study") -> list[str]:
+    """What of the two sets is not in the comparison."""
+    counts = (("A", first.combinations - len(found)), ("B", second.combinations - len(found)))
+    notes = [f"{count} combinations of {name} alone are left out." for name, count in counts if count]
+    for name, study in (("A", first), ("B", second)):
+        if study.damaged:
+            notes.append(f"Damaged in {name}, and left out: {', '.join(study.damaged)}.")
+    absent = sum(one.absent for one in found)
+    return [*notes, f"{absent} runs of A have no run of the same seed in B."] if absent else notes

@@ -1,6 +1,7 @@
 """Types of the command line."""
 
 import argparse
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -30,3 +31,18 @@ def output(text: str) -> Path:
     if not text.strip():
         raise argparse.ArgumentTypeError("the path is empty; give the name of a file or folder")
     return Path(text)
+
+
+def percentage(text: str) -> float:
+    """Read a limit in percent.
+
+    Raises:
+        ArgumentTypeError: it is no number that a change could exceed.
+    """
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not (math.isfinite(value) and value > -100.0):
+        raise argparse.ArgumentTypeError(f"'{text}' is no percentage; give a number, for example 5")
+    return value

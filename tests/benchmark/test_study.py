@@ -1,12 +1,17 @@
 """A study's folder: which of several results of the same name is shown, and what is said about the others."""
 
+import re
+
 import pytest
 
+from jerkbench.benchmark.alike import other_methods, require_alike
 from jerkbench.benchmark.cell import Protocol, build
 from jerkbench.benchmark.store import Store
 from jerkbench.benchmark.study import load_study, write_manifest, write_study
 from jerkbench.benchmark.sweep import plan_sweep
 from jerkbench.errors import JerkbenchError, PluginError, RecordingError
+from jerkbench.report.findings import findings
+from jerkbench.report.summary import summarise
 
 LABELS = {
     "dataset": "field",
@@ -18,12 +23,13 @@ LABELS = {
 }
 
 
-def put(folder, key, rmse, created="2026-01-01T00:00:00Z", code="a", **labels):
-    """Store a cell of one run."""
+def put(folder, key, rmse, created="2026-01-01T00:00:00Z", code="a", seeds=1, conditions=None, **labels):
+    """Store a cell of a few runs."""
     named = {**LABELS, **labels}
-    row = {**named, "seed": 0, "replicate": "seed", "status": "ok", "reason": "", "position_rmse_m": rmse}
+    row = {**named, "replicate": "seed", "status": "ok", "reason": "", "position_rmse_m": rmse}
     about = {"labels": named, "spec": {}, "protocol": {}, "data": "", "code": code, "versions": {}, "commit": ""}
-    Store(folder).write(key, [row], {**about, "notes": [f"recording of {key}"], "created": created})
+    more = {"notes": [f"recording of {key}"], "created": created, **(conditions or {})}
+    Store(folder).write(key, [{**row, "seed": seed} for seed in range(seeds)], {**about, **more})
 
 
 def shown(study):
@@ -39,6 +45,59 @@ def test_of_two_results_of_one_name_the_planned_one_is_shown_even_if_it_is_older
     write_manifest(tmp_path, ["old"], [], ["jerkbench"])
     assert shown(load_study(tmp_path)) == {"old": 0.1}
     write_study(load_study(tmp_path))  # it raised where two rows had one name
+
+
+def drive(folder):
+    return {"spec": {"dataset": {"name": "drive", "folder": f"/data/{folder}"}}, "data": f"hash of {folder}"}
+
+
+UNLIKE = {
+    "data": (drive("A"), drive("B"), "dataset.folder (A, B)"),
+    "changed data": ({**drive("A"), "data": "1"}, {**drive("A"), "data": "2"}, "data (1, 2)"),
+    "protocol": ({"protocol": {"burn_in_s": 0.0}}, {"protocol": {"burn_in_s": 10.0}}, "burn_in_s (0.0, 10.0)"),
+    "engine": (
+        {"spec": {"engine": {"name": "filterpy"}}},
+        {"spec": {"engine": {"name": "compiled"}}},
+        "engine.name (filterpy, compiled)",
+    ),
+    "disturbance": (
+        {"spec": {"disturbance": [{"name": "bias", "file": "/a/x"}]}},
+        {"spec": {"disturbance": [{"name": "bias", "file": "/b/x"}]}},
+        "bias.file (/a/x, /b/x)",
+    ),
+}
+
+
+@pytest.mark.parametrize(("first", "second", "words"), UNLIKE.values(), ids=UNLIKE)
+def test_what_was_not_measured_alike_is_never_compared_and_that_is_said(tmp_path, first, second, words):
+    put(tmp_path, "one", 3.36, filter="baseline", seeds=8, conditions=first)
+    put(tmp_path, "two", 23.8, filter="jerk", seeds=8, conditions=second)
+    study = load_study(tmp_path)
+    table = summarise(study.rows, "position_rmse_m", None, ["filter"], study.notes, {"filter": "baseline"})
+
+    assert not any(cell.ratio or cell.best for row in table.cells for cell in row if cell)
+    assert len(table.rows) == 2
+    assert findings(study.rows, "position_rmse_m") == []
+    assert any(words in note and "not compared" in note for note in table.footnotes)
+
+
+def test_parameters_of_a_method_that_its_label_does_not_say_are_said(tmp_path):
+    for key, adaptation, sigma in (("one", "none", 0.1), ("two", "mtf", 1.0)):
+        spec = {"filter": {"name": "jerk", "accel_mps2": sigma}}
+        put(tmp_path, key, sigma, adaptation=adaptation, seeds=8, conditions={"spec": spec})
+    study = load_study(tmp_path)
+
+    assert set(study.rows["filter"]) == {"jerk(accel_mps2=0.1)", "jerk(accel_mps2=1.0)"}
+    assert findings(study.rows, "position_rmse_m") == []
+
+
+def test_the_same_data_in_another_place_are_the_same(tmp_path):
+    put(tmp_path, "one", 3.0, filter="baseline", seeds=8, conditions=drive("A"))
+    put(tmp_path, "two", 4.0, filter="jerk", seeds=8, conditions={**drive("B"), "data": "hash of A"})
+    study = load_study(tmp_path)
+
+    assert set(study.rows["dataset"]) == {"field"}
+    assert len(findings(study.rows, "position_rmse_m")) == 1
 
 
 def test_what_is_not_shown_is_said(tmp_path):
@@ -105,3 +164,21 @@ def test_a_yaw_source_that_no_recording_has_ends_the_sweep_before_anything_runs(
     assert len(plan_sweep([there]).cells) == 1
     with pytest.raises(RecordingError, match="field has no odometry heading, its headings are of source dual_antenna"):
         plan_sweep([there, absent])
+
+
+@pytest.mark.parametrize(("first", "second", "words"), UNLIKE.values(), ids=UNLIKE)
+def test_two_studies_that_were_not_measured_alike_are_not_compared(tmp_path, first, second, words):
+    put(tmp_path / "A", "one", 3.36, conditions=first)
+    put(tmp_path / "B", "two", 23.8, conditions=second)
+
+    with pytest.raises(JerkbenchError, match=re.escape(words)):
+        require_alike(load_study(tmp_path / "A"), load_study(tmp_path / "B"))
+
+
+def test_two_versions_of_a_method_are_compared_and_that_they_differ_is_said(tmp_path):
+    for name, sigma in (("A", 0.1), ("B", 1.0)):
+        put(tmp_path / name, "one", sigma, conditions={"spec": {"filter": {"name": "jerk", "accel_mps2": sigma}}})
+    both = load_study(tmp_path / "A"), load_study(tmp_path / "B")
+
+    require_alike(*both)
+    assert other_methods(*both) == ["A and B differ in filter.accel_mps2 (0.1, 1.0)."]

@@ -92,3 +92,29 @@ def test_a_line_has_both_means_and_the_ratio(before):
     assert first[:2] == ["jerk", "none"]
     assert first[3].endswith("(1/20 lost)")
     assert first[4] == "×2.00"  # noqa: RUF001
+
+
+def test_what_the_second_lacks_is_not_judged(before):
+    fewer = before[(before["adaptation"] == "none") | (before["seed"] < 4)]
+    none, mtf = changes(before, fewer, METRIC)
+    assert (none.unjudged, none.absent, mtf.unjudged, mtf.absent) == (False, 0, True, 16)
+    halves = [before.assign(status=np.where((before["seed"] % 2 == k), "ok", "diverged")) for k in (0, 1)]
+    assert all(one.unjudged and not one.same for one in changes(*halves, METRIC))  # as many lost, but never a pair
+
+
+def test_a_value_that_is_gone_is_worse(before):
+    later = before.assign(position_rmse_m=before[METRIC].where(before["seed"] != 3))
+    assert all(one.worse(50.0) for one in changes(before, later, METRIC))
+    assert not any(one.worse(50.0) for one in changes(later, before, METRIC))
+
+
+def test_what_rises_from_nothing_is_worse_although_it_has_no_ratio(before):
+    none = before.assign(position_rmse_m=before[METRIC].where(before["seed"] != 3, 0.0))
+    assert all(one.worse(50.0) for one in changes(none, before, METRIC))
+    assert not any(one.worse(50.0) or one.unjudged for one in changes(before, none, METRIC))
+
+
+def test_two_single_runs_of_other_seeds_are_judged_by_their_ratio(before):
+    one = before[before["seed"] == 0]
+    later = scaled(one, 100.0).assign(seed=1)
+    assert all(change.worse(5.0) and math.isnan(change.ratio.low) for change in changes(one, later, METRIC))
