@@ -7,6 +7,7 @@ import numpy as np
 from jerkbench.inspection.allan import RestNoise, rest_noise
 from jerkbench.inspection.dependence import Dependence, velocity_dependence
 from jerkbench.inspection.lags import Lag, estimated_lags
+from jerkbench.inspection.peaks import LEAST_CORRELATION
 from jerkbench.inspection.sigmas import Sigma, stated_against_real_sigma
 from jerkbench.recording import Recording
 
@@ -22,12 +23,18 @@ def findings_text(recording: Recording) -> str:
 
 
 def _lag_line(lag: Lag) -> str:
+    pair = f"lag of {lag.stream} against {lag.against}"
+    if np.isnan(lag.correlation):
+        return f"{pair}: cannot be told, for too little of both overlaps in motion"
+    if np.isfinite(lag.edge_s):
+        return (
+            f"{pair}: of those that were tried {lag.edge_s:+.2f} s, at their edge, fits best (correlation"
+            f" {lag.correlation:.2f}): the true one may lie beyond it; check both clocks"
+        )
     if np.isnan(lag.lag_s):
-        return f"lag of {lag.stream} against {lag.against}: cannot be told (correlation {lag.correlation:.2f})"
-    return (
-        f"lag of {lag.stream} against {lag.against}: {lag.lag_s:+.3f} s, give or take {lag.within_s:.2f} s (correlation"
-        f" {lag.correlation:.3f})"
-    )
+        many = f", and lags within {lag.within_s:.2f} s fit alike" if lag.correlation >= LEAST_CORRELATION else ""
+        return f"{pair}: cannot be told (correlation {lag.correlation:.2f}{many})"
+    return f"{pair}: {lag.lag_s:+.3f} s, give or take {lag.within_s:.2f} s (correlation {lag.correlation:.3f})"
 
 
 def _dependence_line(one: Dependence) -> str:

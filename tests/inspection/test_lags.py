@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from jerkbench.datasets.rtklib import RtklibDrive
+from jerkbench.inspection.findings import findings_text
 from jerkbench.inspection.lags import estimated_lags
 from jerkbench.recording import Imu, Position, Recording, Reference, Velocity
 
@@ -57,9 +58,48 @@ def test_what_cannot_be_told_is_not_a_number():
     imu = recording.imu
     resting = dataclasses.replace(recording, imu=Imu(imu.t_s, 0 * imu.accel_mps2, 0 * imu.gyro_radps))
     assert np.isnan(by_name(resting)["imu"])
-    assert estimated_lags(dataclasses.replace(recording, velocity=None)) == []
     assert set(by_name(dataclasses.replace(recording, position=None))) == {"imu"}
-    assert np.isnan(by_name(driving(velocity_late_s=0.9))["velocity, horizontal"])
+    nothing = dataclasses.replace(
+        recording, position=None, velocity=None, reference=Reference(np.array([0.0]), "none", independent=False)
+    )
+    assert estimated_lags(nothing) == []
+
+
+@pytest.mark.parametrize("late_s", [0.9, -1.7, 2.6])
+def test_a_clock_that_is_off_by_seconds_is_found(late_s):
+    assert by_name(driving(velocity_late_s=late_s))["velocity, horizontal"] == pytest.approx(late_s, abs=0.01)
+    assert by_name(driving(imu_late_s=late_s))["imu"] == pytest.approx(late_s, abs=0.02)
+
+
+def test_a_lag_beyond_those_that_are_tried_is_said_to_be_at_the_edge():
+    recording = driving(velocity_late_s=3.3)
+    lag = estimated_lags(recording)[0]
+    assert np.isnan(lag.lag_s)
+    assert lag.edge_s == pytest.approx(3.0)
+    assert "+3.00 s, at their edge, fits best" in findings_text(recording)
+
+
+@pytest.mark.parametrize("known", ["velocity", "places", "fixes"])
+def test_without_a_velocity_the_reference_or_the_fixes_tell_the_imus_lag(known):
+    recording = driving(imu_late_s=1.1)
+    t_s = np.arange(0.5, 59, 0.05)
+    if known == "velocity":
+        reference = Reference(t_s, "made", independent=True, velocity_mps=moving(t_s))
+    else:
+        reference = recording.reference
+    changed = dataclasses.replace(recording, velocity=None, reference=reference)
+    if known == "fixes":
+        nothing = Reference(np.array([0.0]), "none", independent=False)
+        changed = dataclasses.replace(changed, reference=nothing)
+    assert by_name(changed) == pytest.approx({"imu": 1.1}, abs=0.02)
+
+
+def test_fixes_late_against_a_reference_of_its_own_are_found():
+    recording = driving()
+    late = dataclasses.replace(recording.position, t_s=recording.position.t_s + 0.44)
+    assert by_name(dataclasses.replace(recording, position=late, velocity=None))["position"] == pytest.approx(
+        0.44, abs=0.01
+    )
 
 
 def test_the_latencies_of_the_real_drive_are_found(shared_folder):
