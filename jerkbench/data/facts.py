@@ -7,7 +7,13 @@ import numpy as np
 from jerkbench.arrays import FloatArray
 from jerkbench.inspection.findings import findings_text
 from jerkbench.readers.gravity import felt_axis
-from jerkbench.recording import Recording
+from jerkbench.recording import Heading, Imu, Position, Recording, Reference, Velocity
+from jerkbench.sanitiser.values import repeated_samples
+
+Stream = Imu | Position | Velocity | Heading | Reference
+
+AXES = {"enu": ("east", "north", "up"), "body": ("forward", "left", "up"), "speed": ("along", "left", "up")}
+"""The axes of a velocity in each of its frames."""
 
 GAP = 2.5
 """A step of more than so many usual intervals is a gap."""
@@ -22,22 +28,40 @@ def facts_text(recording: Recording) -> str:
 
 def _times(recording: Recording) -> Iterator[str]:
     start = recording.start_utc.isoformat() if recording.start_utc else "unknown"
-    yield f"start (UTC) {start}, {recording.duration_s:.2f} s; stands still for {recording.static_start_s:.1f} s"
+    still = recording.static_start_s
+    rest = f"stands still for {still:.1f} s" if still else "no standstill at its start is known or given"
+    yield f"start (UTC) {start}, {recording.duration_s:.2f} s; {rest}"
     if recording.origin is not None:
         o = recording.origin
         yield f"origin {o.latitude_deg:.7f} deg, {o.longitude_deg:.7f} deg, {o.height_m:.2f} m"
 
 
 def _streams(recording: Recording) -> Iterator[str]:
-    streams = {
+    streams: dict[str, Stream | None] = {
         "imu": recording.imu,
         "position": recording.position,
         "velocity": recording.velocity,
         "heading": recording.heading,
-        "reference": recording.reference,
+        "reference": None if recording.reference.empty else recording.reference,
     }
     for name, stream in streams.items():
-        yield f"{name:<10}" + ("none" if stream is None else _rate(stream.t_s) + _sigma(stream))
+        yield f"{name:<10}" + ("none" if stream is None else _rates(stream) + _sigma(stream))
+
+
+def _rates(stream: Stream) -> str:
+    return _velocity_rates(stream) if isinstance(stream, Velocity) else _rate(stream.t_s)
+
+
+def _velocity_rates(velocity: Velocity) -> str:
+    """Rows and rate; where axes were true at times of their own, of each of them."""
+    there = np.isfinite(velocity.mps)
+    groups = [group for group in np.unique(there, axis=0) if group.any()]
+    if len(groups) < 2 or np.sum(groups, axis=0).max() > 1:
+        return _rate(velocity.t_s)
+    axes = np.array(AXES[velocity.frame])
+    return "; ".join(
+        f"{' and '.join(axes[group])} {_rate(velocity.t_s[(there == group).all(axis=1)]).lstrip()}" for group in groups
+    )
 
 
 def _rate(t_s: FloatArray) -> str:
@@ -66,6 +90,9 @@ def _inertial(recording: Recording) -> Iterator[str]:
     force = np.median(imu.accel_mps2, axis=0)
     size = np.linalg.norm(force)
     yield f"specific force (median) {np.array2string(force, precision=3)} m/s2, |f| {size:.3f}: {_up(force)}"
+    if repeated := repeated_samples(imu):
+        share = repeated / len(imu.t_s)
+        yield f"{repeated} of {len(imu.t_s)} samples ({share:.1%}) repeat all values of the one before"
     rate = np.median(imu.gyro_radps, axis=0)
     yield f"angular rate (median) {np.array2string(np.degrees(rate), precision=3)} deg/s"
 

@@ -1,6 +1,7 @@
 """Whether the parameters of a table are possible: every choice, how many columns each of them names, the origin."""
 
 from jerkbench.datasets._table_attitude import ATTITUDE_BODIES
+from jerkbench.datasets._table_covariance import COVARIANCE_FRAMES, COVARIANCES, SIGMAS
 from jerkbench.datasets._table_velocity import VELOCITY_FRAMES
 from jerkbench.datasets._timed_columns import EPOCHS
 from jerkbench.errors import PluginError
@@ -19,6 +20,7 @@ CHOICES = {
     "attitude_frame": ("", "enu", "ned"),
     "position_frame": FRAMES,
     "reference_frame": FRAMES,
+    "position_covariance_frame": COVARIANCE_FRAMES,
     "velocity_frame": VELOCITY_FRAMES,
     "reference_body": ATTITUDE_BODIES,
 }
@@ -28,8 +30,11 @@ COUNTS = {
     "imu_accel": (3,),
     "imu_gyro": (3,),
     "position_columns": (3,),
-    "position_sigma": (0, 1, 3),
+    "position_sigma": SIGMAS,
+    "position_covariance": COVARIANCES,
     "velocity_columns": (3,),
+    "velocity_sigma": SIGMAS,
+    "velocity_covariance": COVARIANCES,
     "reference_position": (0, 3),
     "reference_velocity": (0, 3),
     "reference_attitude": (0, 3, 4),
@@ -39,12 +44,18 @@ COUNTS = {
 
 def require_columns(table: object, velocity_frame: str) -> None:
     """Raise a PluginError that names the first of the parameters with another number of columns than it may have."""
-    counts = COUNTS | ({"velocity_columns": (1,)} if velocity_frame == "speed" else {})
+    speed = {"velocity_columns": (1,), "velocity_sigma": (0, 1), "velocity_covariance": (0, 1)}
+    counts = COUNTS | (speed if velocity_frame == "speed" else {})
     for name, allowed in counts.items():
         given = getattr(table, name)
         if len(given) not in allowed:
             said = " or ".join(map(str, allowed))
             raise PluginError(f"dataset table: {name} names {len(given)} columns, {given}; it must name {said}.")
+    for stream in ("position", "velocity"):
+        if getattr(table, f"{stream}_sigma") and getattr(table, f"{stream}_covariance"):
+            raise PluginError(
+                f"dataset table: {stream}_sigma and {stream}_covariance are both given; leave one of them empty."
+            )
 
 
 def require_origin(origin: tuple[float, ...]) -> None:

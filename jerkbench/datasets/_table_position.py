@@ -2,9 +2,7 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-
-from jerkbench.arrays import FloatArray
+from jerkbench.datasets._table_covariance import CovarianceMap, covariances_of
 from jerkbench.datasets._table_stream import Source
 from jerkbench.datasets._timed_columns import TimedColumns
 from jerkbench.readers.frames import axes_to_judge, in_degrees, in_enu, origin_of
@@ -21,16 +19,14 @@ class PositionMap:
         place: three columns, in the order of the frame.
         frame: enu, ned, geodetic or ecef.
         angle_unit: of latitude and longitude: deg or rad.
-        sigma: three columns of standard deviations, or one for all axes [m], in ENU, or none.
-        sigma_m: one standard deviation of an axis, where there are no columns of it.
+        covariance: the columns of the covariance.
     """
 
     source: Source
     place: tuple[str, ...]
     frame: str
     angle_unit: str
-    sigma: tuple[str, ...]
-    sigma_m: float
+    covariance: CovarianceMap
 
 
 @dataclass(frozen=True)
@@ -40,7 +36,7 @@ class Fixes:
     Attributes:
         position: the fixes that do not leap, or None.
         origin: of their ENU; None where nothing is known of it.
-        notes: a note that counts the fixes that leap, or none.
+        notes: what was dropped, in sentences.
     """
 
     position: Position | None
@@ -64,18 +60,12 @@ def read_fixes(table: TimedColumns, given: PositionMap, zero_ns: int, origin: Or
     steady, notes = steady_rows(t_s, axes_to_judge(places, given.frame))
     origin = origin or origin_of(places[steady], given.frame)
     enu_m = in_enu(places[steady], given.frame, origin)
-    covariance = _covariances(enu_m, stream.columns.numbers(given.sigma)[steady], given.sigma_m)
-    return Fixes(Position(t_s[steady], enu_m, covariance), origin, notes)
+    covariance, rounded = covariances_of(stream.columns.only(steady), given.covariance, origin)
+    return Fixes(Position(t_s[steady], enu_m, covariance), origin, (*stream.columns.notes, *notes, *rounded))
 
 
 def _solved(table: TimedColumns, source: Source, zero_ns: int, origin: Origin | None) -> Fixes:
     t_s, solution, leaps = table.read_solution(source, zero_ns)
     if origin is not None:
         solution = solution.with_axes_at(origin)
-    return Fixes(*solution.position(t_s, origin), leaps)
-
-
-def _covariances(enu_m: FloatArray, sigma: FloatArray, otherwise: float) -> FloatArray:
-    """Diagonal (n, 3, 3) of columns of sigmas: three, one for all axes, or none."""
-    sigmas = np.broadcast_to(sigma, enu_m.shape) if sigma.shape[1] else np.full(enu_m.shape, otherwise)
-    return np.asarray(np.einsum("ki,ij->kij", sigmas**2, np.eye(3)))
+    return Fixes(*solution.position(t_s, origin), (*solution.notes, *leaps))

@@ -2,12 +2,17 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import RecordingError
 from jerkbench.readers.columns import Columns
+from jerkbench.readers.cut_lines import cut_note
+
+LEAST_STEPS = 4
+"""Of fewer steps nobody can say which is odd."""
 
 SOLUTION = ".pos"
 """Ending of RTKLIB's solutions, which say themselves what their columns are."""
@@ -67,6 +72,21 @@ class Stream:
         if not rows.any():
             raise RecordingError(f"{self.columns.where} has no entry in {', '.join(names)}; name other columns.")
         return self if rows.all() else Stream(self.columns.only(rows), self.t_ns[rows])
+
+    def whole(self) -> "Stream":
+        """Return the stream without a first and a last row whose time alone was cut, and with a note that counts them.
+
+        A time that lost its first digits is so early that the step after it is longer than all the rest; one that lost
+        its last ones is before the row above.
+        """
+        steps = np.diff(self.t_ns)
+        if len(steps) < LEAST_STEPS or (steps[1:-1] <= 0).any():
+            return self
+        first, last = bool(steps[0] > steps[1:-1].sum() + abs(steps[-1])), bool(steps[-1] < 0)
+        rows = np.arange(len(self.t_ns))
+        keep = (rows >= first) & (rows < len(rows) - last)
+        notes = cut_note(Path(self.columns.where).name, first=first, last=last)
+        return self if keep.all() else Stream(self.columns.only(keep).noted(notes), self.t_ns[keep])
 
     def t_s(self, zero_ns: int) -> FloatArray:
         """Return (n,) seconds since ``zero_ns``."""

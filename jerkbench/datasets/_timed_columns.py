@@ -10,12 +10,16 @@ from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.datasets._rtklib_fixes import steady_fixes
 from jerkbench.datasets._table_stream import Source, Stream
 from jerkbench.errors import PluginError, RecordingError
-from jerkbench.readers.columns import Columns, TextFormat, find_tables, read_columns, read_datetimes_ns, times_ns
+from jerkbench.readers.columns import Columns, find_tables, read_columns, read_datetimes_ns, times_ns
 from jerkbench.readers.gpst import GPS_EPOCH_NS, GPST_MINUS_UTC_S, UNIX_EPOCH, utc_of
 from jerkbench.readers.pos_files import read_pos_files
 from jerkbench.readers.rtklib_pos import PosSolution
+from jerkbench.readers.table_text import TextFormat
 
 EPOCHS = ("gps", "none", "unix")
+
+MATLAB = ".mat"
+"""Ending of MATLAB's files, whose variables may be of different lengths."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +29,8 @@ class TimedColumns:
     Attributes:
         folder: where the files are.
         separator: between the columns of a text; empty: white space. Parquet needs none.
-        header: whether the first line names the columns; if not, they are numbered from 1.
+        header: whether a line above the data names the columns: the first of as many fields (others, a title or units,
+            are left out); if not, they are numbered from 1.
         comment: what a line to be left out begins with.
         time_unit: of every column of times: s, ms, us or ns.
         time_week: the column of GPS weeks, in every file, where the times are those of the week; empty: they are not.
@@ -60,13 +65,15 @@ class TimedColumns:
         """
         text = TextFormat(self.separator, self.header, self.comment)
         columns = read_columns(self.files(source.file, source.parameter), text)
+        if source.file.endswith(MATLAB) and source.time:
+            columns = columns.only(columns.rows_of([source.time]))
         t_ns = self._stamps_ns(columns, source.time)
         if len(t_ns) != len(columns):
             raise RecordingError(
                 f"{columns.where} has {len(columns)} rows, {self.time_file} has {len(t_ns)} times; they must be the"
                 " same."
             )
-        return Stream(columns, t_ns + source.shift_ns)
+        return Stream(columns, t_ns + source.shift_ns).whole()
 
     def read_solution(self, source: Source, zero_ns: int) -> tuple[FloatArray, PosSolution, tuple[str, ...]]:
         """Return RTKLIB's solution without fixes that leap, its times since ``zero_ns``, and a note of the leaps.

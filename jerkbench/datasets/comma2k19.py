@@ -25,7 +25,10 @@ DEVICE_SIGNS = (1.0, -1.0, -1.0)
 
 FLU_SIGNS = (1.0, 1.0, 1.0)
 
-FITTED = "The mounting, the wheel's scale and the age of the fixes were fitted on the reference of this same minute."
+FITTED = (
+    "Mounting, wheel scale and age of the fixes, where they are the defaults, were fitted on the reference of the"
+    " public minute Example_1."
+)
 NOTES = (
     "The fixes carry no covariance: position_sigma_m stands for all of them; their errors are correlated over seconds.",
 )

@@ -10,9 +10,8 @@ from jerkbench.arrays import FloatArray
 from jerkbench.checks import require_choices
 from jerkbench.datasets._rtklib_checks import CHOICES, require_latencies, require_signs, require_three_columns
 from jerkbench.datasets._rtklib_fixes import accepted_fixes, ground_speed, steady_fixes, velocity_of
-from jerkbench.datasets._rtklib_notes import NOTES, fitted_notes
+from jerkbench.datasets._rtklib_notes import fitted_notes, solution_notes
 from jerkbench.plugins import register
-from jerkbench.readers.columns import TextFormat
 from jerkbench.readers.fetched import recording_folder
 from jerkbench.readers.files import find_file, fingerprint
 from jerkbench.readers.gpst import GPST_MINUS_UTC_S, utc_of
@@ -22,8 +21,9 @@ from jerkbench.readers.mounting import axes_matrix, body_from_sensor, imu_in_bod
 from jerkbench.readers.overlap import with_common_time
 from jerkbench.readers.rest import calibrated, first_rest_s
 from jerkbench.readers.rtklib_pos import read_rtklib_pos
+from jerkbench.readers.table_text import TextFormat
 from jerkbench.recording import Imu, Recording, Reference
-from jerkbench.sanitiser.values import possible_imu
+from jerkbench.sanitiser.values import possible_imu, repeat_notes
 
 
 @register("dataset", "rtklib")
@@ -149,7 +149,14 @@ class RtklibDrive:
             origin=origin,
             start_utc=utc_of(zero_ns, self.gpst_minus_utc_s),
             static_start_s=rest_s,
-            notes=(*gravity_notes(imu.accel_mps2, "imu_axes"), *leaps, *NOTES, *fitted_notes(self)),
+            notes=(
+                *gravity_notes(imu.accel_mps2, "imu_axes"),
+                *repeat_notes(imu),
+                *log.notes,
+                *leaps,
+                *solution_notes(solution),
+                *fitted_notes(self),
+            ),
         )
         return with_common_time(recording, f"check that {imu_path.name} is of the same drive, and its times in GPST")
 
@@ -182,7 +189,7 @@ class RtklibDrive:
     def _reference(self, t_s: FloatArray, enu_m: FloatArray, speed_mps: FloatArray) -> Reference:
         return Reference(
             t_s,
-            source="the receiver's own RTK fixes",
+            source="the receiver's own fixes",
             independent=False,
             enu_m=enu_m,
             scored=speed_mps >= self.min_speed_mps,

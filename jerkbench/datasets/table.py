@@ -1,4 +1,4 @@
-"""Any recording in tables: CSV, text or Parquet, with a map from columns to fields."""
+"""Any recording in tables: CSV, text, Parquet or MATLAB, with a map from columns to fields."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -7,6 +7,7 @@ from typing import ClassVar
 from jerkbench.checks import require_choices, require_not_negative, require_positive
 from jerkbench.datasets._table_attitude import AttitudeMap
 from jerkbench.datasets._table_checks import CHOICES, require_columns, require_one_origin, require_origin
+from jerkbench.datasets._table_covariance import COVARIANCE_FRAMES, CovarianceMap
 from jerkbench.datasets._table_position import Fixes, PositionMap, read_fixes
 from jerkbench.datasets._table_reference import ReferenceMap, fixes_as_reference, read_reference
 from jerkbench.datasets._table_stream import Source, Stream
@@ -19,13 +20,13 @@ from jerkbench.readers.mounting import axes_matrix, imu_in_body
 from jerkbench.readers.overlap import with_common_time
 from jerkbench.readers.rest import calibrated
 from jerkbench.recording import Imu, Origin, Recording, Reference, Velocity
-from jerkbench.sanitiser.values import possible_imu
+from jerkbench.sanitiser.values import possible_imu, repeat_notes
 
 
 @register("dataset", "table")
 @dataclass(frozen=True)
 class Tables(TimedColumns):
-    """Any recording in tables (CSV, text, Parquet), with a map from columns to fields.
+    """Any recording in tables (CSV, text, Parquet, .mat), with a map from columns to fields.
 
     A column is a name of the header or a number from 1. A file is a name, or a pattern (``data/*.txt``): all files
     that fit, one after the other, by their names. Time 0 is the first IMU sample; a stream's shift is added to its
@@ -35,6 +36,10 @@ class Tables(TimedColumns):
 
     Fixes that leap are dropped. A latitude and longitude without a height are a fix of the plane, at a height between
     those before and after.
+
+    In a .mat (version 5 to 7.3) the columns of a matrix ``acc`` are acc_1, acc_2, acc_3, and a field ``t`` of a
+    structure ``imu`` is imu.t; variables may be of different lengths. A first and a last row that were cut off are
+    dropped.
 
     Body: FLU, from the sensor's axes by ``imu_axes``. Frames of places: enu, ned (local), geodetic, ecef; the first
     complete fix that does not leap (without fixes, the first place of the reference) is the origin of ENU, unless
@@ -59,7 +64,11 @@ class Tables(TimedColumns):
         position_time: its column of times.
         position_columns: the three columns of a place, in the order of its frame (latitude, longitude, height).
         position_frame: enu, ned, geodetic or ecef.
-        position_sigma: three columns of standard deviations, or one for all axes [m], in ENU; none: position_sigma_m.
+        position_sigma: columns of standard deviations [m]: one for all axes, three, or RTKLIB's six (11, 22, 33, 12,
+            23, 31: roots with the covariances' signs); none: position_covariance.
+        position_covariance: columns of variances and covariances [m2]: one for all axes, three, six (11, 22, 33, 12,
+            13, 23), or nine, row by row; none: position_sigma_m.
+        position_covariance_frame: of both: enu, ned or ecef.
         position_sigma_m: one standard deviation of an axis, where there are no columns of it.
         position_shift_s: added to its stamps.
         angle_unit: of latitude and longitude: deg or rad.
@@ -67,8 +76,10 @@ class Tables(TimedColumns):
         velocity_file: the file of the velocities; empty: there are none.
         velocity_time: its column of times.
         velocity_columns: three columns, one for a speed.
-        velocity_frame: enu, ned, body (FLU) or speed.
-        velocity_sigma_mps: one standard deviation of an axis.
+        velocity_frame: enu, ned, ecef, body (FLU) or speed.
+        velocity_sigma: as position_sigma [m/s], in velocity_frame.
+        velocity_covariance: as position_covariance [m2/s2], in velocity_frame.
+        velocity_sigma_mps: one standard deviation of an axis, where there are no columns of it.
         velocity_shift_s: added to its stamps.
         reference_file: the file of the reference; empty: the fixes themselves.
         reference_time: its column of times.
@@ -102,6 +113,8 @@ class Tables(TimedColumns):
     position_columns: tuple[str, ...] = ("latitude", "longitude", "height")
     position_frame: str = "geodetic"
     position_sigma: tuple[str, ...] = ()
+    position_covariance: tuple[str, ...] = ()
+    position_covariance_frame: str = "enu"
     position_sigma_m: float = 1.0
     position_shift_s: float = 0.0
     angle_unit: str = "deg"
@@ -110,6 +123,8 @@ class Tables(TimedColumns):
     velocity_time: str = "t"
     velocity_columns: tuple[str, ...] = ("ve", "vn", "vu")
     velocity_frame: str = "enu"
+    velocity_sigma: tuple[str, ...] = ()
+    velocity_covariance: tuple[str, ...] = ()
     velocity_sigma_mps: float = 0.1
     velocity_shift_s: float = 0.0
     reference_file: str = ""
@@ -147,16 +162,18 @@ class Tables(TimedColumns):
         fixes = self._fixes(zero_ns)
         reference, origin = self._reference(zero_ns, fixes)
         imu = self._imu(stream, zero_ns)
+        velocity, of_velocity = self._velocity(zero_ns, origin)
+        notes = (*stream.columns.notes, *fixes.notes, *of_velocity)
         recording = Recording(
             name=Path(self.folder).expanduser().resolve().name,
             imu=imu,
             reference=reference,
             position=fixes.position,
-            velocity=self._velocity(zero_ns),
+            velocity=velocity,
             origin=origin,
             start_utc=self.start_utc(zero_ns),
             static_start_s=self.static_start_s,
-            notes=(*gravity_notes(imu.accel_mps2, "imu_axes"), *fixes.notes),
+            notes=(*gravity_notes(imu.accel_mps2, "imu_axes"), *repeat_notes(imu), *dict.fromkeys(notes)),
         )
         return with_common_time(recording, "check the columns of times and their unit")
 
@@ -190,19 +207,24 @@ class Tables(TimedColumns):
             place=self.position_columns,
             frame=self.position_frame,
             angle_unit=self.angle_unit,
-            sigma=self.position_sigma,
-            sigma_m=self.position_sigma_m,
+            covariance=CovarianceMap(
+                sigma=self.position_sigma,
+                covariance=self.position_covariance,
+                frame=self.position_covariance_frame,
+                sigma_otherwise=self.position_sigma_m,
+            ),
         )
         return read_fixes(self, given, zero_ns, Origin(*self.origin) if self.origin else None)
 
-    def _velocity(self, zero_ns: int) -> Velocity | None:
+    def _velocity(self, zero_ns: int, origin: Origin | None) -> tuple[Velocity | None, tuple[str, ...]]:
+        axes = self.velocity_frame if self.velocity_frame in COVARIANCE_FRAMES else "enu"
         given = VelocityMap(
             source=Source("velocity", self.velocity_file, self.velocity_time, self.velocity_shift_s),
             axes=self.velocity_columns,
             frame=self.velocity_frame,
-            sigma_mps=self.velocity_sigma_mps,
+            covariance=CovarianceMap(self.velocity_sigma, self.velocity_covariance, axes, self.velocity_sigma_mps),
         )
-        return read_velocity(self, given, zero_ns)
+        return read_velocity(self, given, zero_ns, origin)
 
     def _reference(self, zero_ns: int, fixes: Fixes) -> tuple[Reference, Origin | None]:
         if not self.reference_file:

@@ -17,7 +17,9 @@ WINDOW_S = 1.0
 
 STILL_RANGE_RADPS = 0.05
 STILL_MIDDLE_RADPS = 0.02
-"""A window is still where the gyro's range on each axis and the middle of it are not above these."""
+STILL_BELOW_MPS = 0.1
+"""A window is still where the gyro's range on each axis and the middle of it are not above the first
+two, and the speed, where there is any, not above the third."""
 
 
 @register("metric", "inclination")
@@ -34,8 +36,9 @@ class Inclination:
                                  x_ref
 
     The angle is defined at every attitude; roll and yaw say nothing where the pitch is 90 degrees. The floor takes the
-    windows in which the body is still (gyro, each axis: range up to 0.05, its middle up to 0.02 rad/s) and the
-    reference is known, scored or not. There the accelerometer shows the vertical, so what it says is an error of the
+    windows in which the body is still (gyro, each axis: range up to 0.05, its middle up to 0.02 rad/s; and, where the
+    recording has velocities or places, a speed up to 0.1 m/s: straight driving is no rest) and the reference is known,
+    scored or not. There the accelerometer shows the vertical, so what it says is an error of the
     reference, of its alignment with the IMU, or of the accelerometer: no error far below the floor means anything. NaN
     where there is nothing.
     """
@@ -67,9 +70,41 @@ def _floor_rad(recording: Recording) -> float:
     starts = np.searchsorted(imu.t_s, windows[:-1])
     force, sampled = _means(imu.accel_mps2, np.searchsorted(windows, imu.t_s, side="right"), len(windows))
     still = np.zeros(len(seen), dtype=bool)
-    still[1 : len(windows)] = _still(imu.gyro_radps, starts)
+    still[1 : len(windows)] = _still(imu.gyro_radps, starts) & ~_moving(recording, windows)
     use = still & (seen > 0) & (sampled > 0)
     return float(np.median(angle_between(force[use], vertical[use]))) if use.any() else float("nan")
+
+
+def _moving(recording: Recording, windows: FloatArray) -> BoolArray:
+    """Whether it moves from each of ``windows`` to the next, or nobody knows; without velocity and places: nowhere."""
+    track = _speed(recording)
+    if track is None:
+        return np.zeros(len(windows) - 1, dtype=bool)
+    t_s, speed_mps = track
+    window = np.searchsorted(windows, t_s, side="right")
+    fastest = np.zeros(len(windows) + 1)
+    np.maximum.at(fastest, window, speed_mps)
+    unknown = np.bincount(window, minlength=len(windows) + 1) == 0
+    return np.asarray((unknown | (fastest > STILL_BELOW_MPS))[1 : len(windows)])
+
+
+def _speed(recording: Recording) -> tuple[FloatArray, FloatArray] | None:
+    """Times and speeds (k,): the reference's, the measured one, or that from place to place; None without any."""
+    reference, velocity, position = recording.reference, recording.velocity, recording.position
+    if reference.velocity_mps is not None:
+        return _known(reference.t_s, np.linalg.norm(reference.velocity_mps, axis=1))
+    if velocity is not None:
+        return _known(velocity.t_s, np.sqrt(np.nansum(velocity.mps**2, axis=1)))
+    places = (reference.t_s, reference.enu_m) if position is None else (position.t_s, position.enu_m)
+    t_s, enu_m = places
+    if enu_m is None or len(t_s) < 2:
+        return None
+    return _known(t_s[1:], np.linalg.norm(np.diff(enu_m, axis=0), axis=1) / np.diff(t_s))
+
+
+def _known(t_s: FloatArray, speed_mps: FloatArray) -> tuple[FloatArray, FloatArray]:
+    there = np.isfinite(speed_mps)
+    return t_s[there], speed_mps[there]
 
 
 def _means(rows: FloatArray, window: IntArray, count: int) -> tuple[FloatArray, FloatArray]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.errors import RecordingError
-from jerkbench.readers.text import read_bytes, require_possible
+from jerkbench.readers.text import require_content, require_possible
 
 COLUMNS = {"imu_acc": 3, "imu_gyr": 3, "opt_quat": 4, "movement": 1}
 """Fields that are read, and how many columns each has; magnetometer and optical position are left alone."""
@@ -45,7 +45,7 @@ def read_broad_trial(path: Path) -> BroadTrial:
     Raises:
         RecordingError: no such file, it is damaged, or a field is missing or has another shape; names file and field.
     """
-    read_bytes(path)
+    require_content(path)
     fields = _matlab(path) if path.suffix == ".mat" else _hdf5(path)
     samples = len(np.atleast_1d(fields.get("imu_acc", ())))
     arrays = {name: _array(path, fields, name, samples) for name in COLUMNS}

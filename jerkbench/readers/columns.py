@@ -1,7 +1,6 @@
-"""Any table, CSV or Parquet, one file or many -> columns of numbers, by name or number."""
+"""Any table, CSV, Parquet or MATLAB, one file or many -> columns of numbers, by name or number."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +10,9 @@ from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.errors import RecordingError, unknown
 from jerkbench.readers.dates import calendar_ns
 from jerkbench.readers.gpst import WEEK_NS
-from jerkbench.readers.text import LARGEST, read_bytes
+from jerkbench.readers.matlab import read_matlab
+from jerkbench.readers.table_text import TextFormat, read_text
+from jerkbench.readers.text import LARGEST, read_lines, require_content
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -23,27 +24,12 @@ LARGEST_NS = 9.2e18
 """Nanoseconds that fit into 64 bits: 292 years."""
 
 
-@dataclass(frozen=True)
-class TextFormat:
-    """How text is cut into columns; Parquet needs none of it.
-
-    Attributes:
-        separator: between columns; empty: white space.
-        header: whether the first line names the columns.
-        comment: what a line to be left out begins with; empty: nothing.
-    """
-
-    separator: str = ","
-    header: bool = True
-    comment: str = ""
-
-
 class Columns:
     """A table that was read."""
 
-    def __init__(self, where: str, table: "pd.DataFrame") -> None:
-        """Keep the table; ``where`` names it in errors."""
-        self.where = where
+    def __init__(self, where: str, table: "pd.DataFrame", notes: tuple[str, ...] = ()) -> None:
+        """Keep the table; ``where`` names it in errors, ``notes`` say what was dropped of it."""
+        self.where, self.notes = where, notes
         numbered = all(not isinstance(name, str) for name in table.columns)
         names = [str(k + 1) if numbered else str(n).strip().lstrip("#").strip() for k, n in enumerate(table.columns)]
         self._table, self._names = table, names
@@ -63,7 +49,11 @@ class Columns:
 
     def only(self, rows: BoolArray) -> "Columns":
         """Return the table with only ``rows``; they keep their numbers in errors."""
-        return Columns(self.where, self._table[rows])
+        return Columns(self.where, self._table[rows], self.notes)
+
+    def noted(self, notes: tuple[str, ...]) -> "Columns":
+        """Return the table with ``notes`` beside those that it has."""
+        return Columns(self.where, self._table, (*self.notes, *notes))
 
     def numbers(self, names: Sequence[str]) -> FloatArray:
         """Return (n, len(names)); an empty cell is NaN.
@@ -172,10 +162,11 @@ def read_columns(paths: Sequence[Path], text: TextFormat) -> Columns:
     """
     import pandas as pd
 
-    tables = [_read(path, text) for path in paths]
+    read = [_read(path, text) for path in paths]
+    tables, notes = [table for table, _ in read], tuple(note for _, said in read for note in said)
     _require_same_columns(paths, [list(table.columns) for table in tables])
     where = str(paths[0]) if len(paths) == 1 else f"{paths[0]} and {len(paths) - 1} files more"
-    return Columns(where, tables[0] if len(tables) == 1 else pd.concat(tables, ignore_index=True))
+    return Columns(where, tables[0] if len(tables) == 1 else pd.concat(tables, ignore_index=True), notes)
 
 
 def read_datetimes_ns(path: Path) -> IntArray:
@@ -184,8 +175,7 @@ def read_datetimes_ns(path: Path) -> IntArray:
     Raises:
         RecordingError: no such file, or a line is no time.
     """
-    lines = read_bytes(path).decode("ascii", errors="replace").split("\n")
-    stamps = [_datetime_ns(path, number, line.strip()) for number, line in enumerate(lines, start=1) if line.strip()]
+    stamps = [_datetime_ns(path, number, line.strip()) for number, line in read_lines(path)]
     return np.array(stamps, dtype=np.int64)
 
 
@@ -212,22 +202,16 @@ def _require_same_columns(paths: Sequence[Path], columns: Sequence[Sequence[obje
             )
 
 
-def _read(path: Path, text: TextFormat) -> "pd.DataFrame":
+def _read(path: Path, text: TextFormat) -> tuple["pd.DataFrame", tuple[str, ...]]:
     import pandas as pd
 
-    read_bytes(path)
+    if path.suffix == ".mat":
+        return read_matlab(path), ()
+    require_content(path)
     try:
-        if path.suffix == ".parquet":
-            return pd.read_parquet(path)
-        return pd.read_csv(
-            path,
-            sep=text.separator or r"\s+",
-            header=0 if text.header else None,
-            comment=text.comment or None,
-            skipinitialspace=True,
-            index_col=False,
-            low_memory=False,
-        )
+        return (pd.read_parquet(path), ()) if path.suffix == ".parquet" else read_text(path, text)
+    except RecordingError:
+        raise
     except Exception as error:  # pandas and pyarrow raise a dozen kinds on damaged files
         kind = "Parquet" if path.suffix == ".parquet" else "text columns"
         said = " ".join(str(error).split())

@@ -8,7 +8,7 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.errors import RecordingError
-from jerkbench.readers.text import LARGEST, read_bytes, require_possible
+from jerkbench.readers.text import LARGEST, require_content, require_possible
 
 POSE, LOG = "global_pose", "processed_log"
 COLUMNS = {
@@ -109,7 +109,7 @@ def segment_files(folder: Path) -> tuple[Path, ...]:
 
 
 def _read(path: Path, columns: int, most: float) -> FloatArray:
-    read_bytes(path)
+    require_content(path)
     try:
         array = np.asarray(np.load(path, allow_pickle=False), dtype=np.float64)
     except NO_ARRAY as error:

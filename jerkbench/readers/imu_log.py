@@ -7,8 +7,10 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.errors import RecordingError
-from jerkbench.readers.columns import TextFormat, read_columns, times_ns
+from jerkbench.readers.columns import read_columns, times_ns
+from jerkbench.readers.cut_lines import cut_note, whole_lines
 from jerkbench.readers.gpst import GPS_EPOCH_NS
+from jerkbench.readers.table_text import TextFormat
 from jerkbench.readers.text import parse_numbers, read_lines, require_increasing
 from jerkbench.readers.time_tag import read_time_tag
 
@@ -26,12 +28,14 @@ class ImuLog:
         t_s: (n,) time since then.
         accel: (n, 3) specific force, the sensor's axes and unit.
         gyro: (n, 3) angular rate, the sensor's axes and unit.
+        notes: what was dropped, in sentences.
     """
 
     start_gpst_ns: int
     t_s: FloatArray
     accel: FloatArray
     gyro: FloatArray
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -75,13 +79,17 @@ def read_imu_table(path: Path, columns: ImuMap, gpst_minus_utc_s: float) -> ImuL
 def read_imu_log(path: Path, tag_path: Path) -> ImuLog:
     """Read a log without header: ax, ay, az, gx, gy, gz, milliseconds since power-up.
 
+    A first and a last line that were cut off are dropped; so is a last one whose time, the last of its numbers, was.
+
     The sensor's clock (ms) drifts; the tag's does not: t = (ms - ms[0]) total / (ms[-1] - ms[0]) from the tag's start.
 
     Raises:
         RecordingError: a file is missing, empty or damaged (names the line), or the two are not of one recording.
     """
-    lines = read_lines(path)
+    lines, notes = whole_lines(path, read_lines(path), ",")
     table = parse_numbers(path, lines, 7, ",")
+    if not notes and len(table) > LEAST_ROWS and table[-1, 6] < table[-2, 6]:
+        lines, table, notes = lines[:-1], table[:-1], cut_note(path.name, first=False, last=True)
     milliseconds = table[:, 6]
     require_increasing(path, lines, milliseconds, "the time (field 7)")
     tag = read_time_tag(tag_path)
@@ -92,4 +100,4 @@ def read_imu_log(path: Path, tag_path: Path) -> ImuLog:
             " give the tag of the same recording, and neither of them cut short."
         )
     t_s = (milliseconds - milliseconds[0]) * (1e-3 * tag.total_s / elapsed_s)
-    return ImuLog(tag.start_gpst_ns, t_s, table[:, :3], table[:, 3:6])
+    return ImuLog(tag.start_gpst_ns, t_s, table[:, :3], table[:, 3:6], notes)

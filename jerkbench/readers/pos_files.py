@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -51,5 +52,6 @@ def _joined(solutions: Sequence[PosSolution]) -> PosSolution:
     first = solutions[0]
     alike = [vars(s if s.axes_at is None else s.with_axes_at(first.first)) for s in solutions]
     names = [name for name, values in vars(first).items() if isinstance(values, np.ndarray)]
-    whole = {name: np.concatenate([values[name] for values in alike]) for name in names}
-    return replace(first, **whole, axes_at=None if first.axes_at is None else first.first)
+    whole: dict[str, Any] = {name: np.concatenate([values[name] for values in alike]) for name in names}
+    notes = tuple(note for solution in solutions for note in solution.notes)
+    return replace(first, **whole, axes_at=None if first.axes_at is None else first.first, notes=notes)

@@ -1,7 +1,7 @@
 """The header of a .pos file: what RTKLIB was told to write, and in which columns."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -43,6 +43,8 @@ class PosHeader:
         velocity: of the three velocities; empty: there are none.
         velocity_sigmas: of their six standard deviations.
         reference: of the base: the three numbers that the header gives, or none.
+        ellipsoidal: whether heights are above the ellipsoid, as RTKLIB's line "% (lat/lon/height=WGS84/ellipsoidal,
+            ..." says, or above the geoid ("WGS84/geodetic"); None: the header does not say.
     """
 
     clock: str
@@ -55,6 +57,7 @@ class PosHeader:
     velocity: tuple[int, ...]
     velocity_sigmas: tuple[int, ...]
     reference: tuple[float, ...]
+    ellipsoidal: bool | None = None
 
 
 def read_header(path: Path, comments: Sequence[Line]) -> PosHeader:
@@ -66,7 +69,7 @@ def read_header(path: Path, comments: Sequence[Line]) -> PosHeader:
     for number, text in reversed(comments):
         words = text.lstrip("% ").split()
         if len(words) > 1 and words[0] in CLOCKS and words[1] in FRAMES:
-            return _header(path, number, words, _reference(comments))
+            return replace(_header(path, number, words, _reference(comments)), ellipsoidal=_ellipsoidal(comments))
     number, text = comments[-1] if comments else (1, "no line that begins with %")
     raise RecordingError(
         f"{path}, line {number}: the header is '{' '.join(text.split())}'; it must be like '% {COLUMNS}': let RTKLIB"
@@ -113,3 +116,8 @@ def _reference(comments: Sequence[Line]) -> tuple[float, ...]:
             except ValueError:
                 return ()
     return ()
+
+
+def _ellipsoidal(comments: Sequence[Line]) -> bool | None:
+    text = " ".join(text for _, text in comments)
+    return next((datum == "ellipsoidal" for datum in ("ellipsoidal", "geodetic") if f"WGS84/{datum}" in text), None)

@@ -10,6 +10,7 @@ import numpy as np
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.errors import RecordingError
 from jerkbench.geometry import ecef_to_geodetic, ecef_to_origin, enu_axes, enu_to_geodetic, geodetic_to_enu
+from jerkbench.readers.cut_lines import whole_lines
 from jerkbench.readers.dates import calendar_ns
 from jerkbench.readers.gpst import GPS_EPOCH_NS, GPST_MINUS_UTC_S, WEEK_NS
 from jerkbench.readers.pos_header import PosHeader, read_header
@@ -37,6 +38,8 @@ class PosSolution:
         velocity_enu_mps: (m, 3), or None where the file has none.
         velocity_covariance_m2ps2: (m, 3, 3), ENU, or None.
         axes_at: of a file in ECEF, where the vectors' east, north and up are: the first fix; None: at each fix.
+        ellipsoidal: whether the header says that heights are above the ellipsoid; None: it does not say.
+        notes: what was dropped, in sentences.
     """
 
     gpst_ns: IntArray
@@ -48,6 +51,8 @@ class PosSolution:
     velocity_enu_mps: FloatArray | None
     velocity_covariance_m2ps2: FloatArray | None
     axes_at: Origin | None = None
+    ellipsoidal: bool | None = None
+    notes: tuple[str, ...] = ()
 
     @property
     def first(self) -> Origin:
@@ -93,7 +98,8 @@ def read_rtklib_pos(path: Path, gpst_minus_utc_s: float = GPST_MINUS_UTC_S) -> P
     Times in GPST, UTC or JST, as dates or as week and time of week; places in degrees, in degrees, minutes and seconds,
     in ECEF, or as a baseline from a base whose place the header gives; velocities or none; any separator.
 
-    RTKLIB writes each covariance as the root of its absolute value with its sign: c = sd |sd|.
+    A last line that was cut off is dropped. RTKLIB writes each covariance as the root of its absolute value with its
+    sign: c = sd |sd|.
 
     Source: RTKLIB manual, appendix B, "Positioning Solution File".
 
@@ -102,7 +108,7 @@ def read_rtklib_pos(path: Path, gpst_minus_utc_s: float = GPST_MINUS_UTC_S) -> P
     """
     lines = [(number, text.translate(_SEPARATORS)) for number, text in read_lines(path)]
     header = read_header(path, [line for line in lines if line[1].startswith("%")])
-    rows = [line for line in lines if not line[1].startswith("%")]
+    rows, notes = whole_lines(path, [line for line in lines if not line[1].startswith("%")])
     split = [(number, text.split(maxsplit=2)) for number, text in rows]
     numbers = parse_numbers(path, [(n, fields[2] if len(fields) > 2 else "") for n, fields in split], header.count)
     leap_ns = round(gpst_minus_utc_s * 1e9)
@@ -122,6 +128,8 @@ def read_rtklib_pos(path: Path, gpst_minus_utc_s: float = GPST_MINUS_UTC_S) -> P
             _covariance(numbers[:, header.velocity_sigmas], header.axes, turn) if header.velocity else None
         ),
         axes_at=ecef_to_origin(numbers[0, header.position]) if header.frame == "ecef" else None,
+        ellipsoidal=True if header.frame == "ecef" else header.ellipsoidal,
+        notes=notes,
     )
 
 

@@ -11,8 +11,50 @@ from jerkbench.errors import RecordingError
 LARGEST = 1e15
 """Nothing that is measured on a vehicle is larger; what is larger is damage, and would overflow once squared."""
 
+LONGEST_LINE = 1 << 16
+"""Bytes: a row of measurements is shorter by far, and one of megabytes takes minutes and gigabytes to cut up."""
+
+BLOCK = 1 << 20
+
 Line = tuple[int, str]
 """A line's number in its file (from 1) and its text."""
+
+
+def require_content(path: Path, *, text: bool = False) -> None:
+    """Check in bounded memory that ``path`` can be read and is not empty; of a ``text``, that its lines are lines.
+
+    Raises:
+        RecordingError: there is no such file, it cannot be read, it is empty, or a line has more than 64 KiB.
+    """
+    blank, line, length = True, 1, 0
+    try:
+        with path.open("rb") as file:
+            while block := file.read(BLOCK):
+                blank = blank and not block.strip()
+                if not text and not blank:
+                    return
+                line, length = _require_lines(path, block, line, length)
+    except FileNotFoundError as error:
+        raise RecordingError(f"There is no file {path}; check the folder and the file's name.") from error
+    except OSError as error:
+        raise RecordingError(f"{path} cannot be read: {error.strerror}.") from error
+    if blank:
+        raise RecordingError(f"{path} is empty; copy it again from where it was recorded.")
+
+
+def _require_lines(path: Path, block: bytes, line: int, length: int) -> tuple[int, int]:
+    """Number and length so far of the last line of a block, which continues the ``line`` of ``length``."""
+    octets = np.frombuffer(block, dtype=np.uint8)
+    ends = np.flatnonzero((octets == ord("\n")) | (octets == ord("\r")))
+    lengths = np.diff(np.concatenate([[-1 - length], ends, [len(block)]])) - 1
+    long = np.flatnonzero(lengths > LONGEST_LINE)
+    if long.size:
+        number = line + block[: ends[long[0] - 1] + 1].count(b"\n") if long[0] else line
+        raise RecordingError(
+            f"{path}, line {number} has more than {LONGEST_LINE // 1024} KiB: this is no text of rows and columns, or"
+            " its line ends are lost; write it again, or name another file."
+        )
+    return line + block.count(b"\n"), int(lengths[-1])
 
 
 def read_bytes(path: Path) -> bytes:
@@ -21,24 +63,18 @@ def read_bytes(path: Path) -> bytes:
     Raises:
         RecordingError: there is no such file, it cannot be read, or it is empty.
     """
-    try:
-        content = path.read_bytes()
-    except FileNotFoundError as error:
-        raise RecordingError(f"There is no file {path}; check the folder and the file's name.") from error
-    except OSError as error:
-        raise RecordingError(f"{path} cannot be read: {error.strerror}.") from error
-    if not content.strip():
-        raise RecordingError(f"{path} is empty; copy it again from where it was recorded.")
-    return content
+    require_content(path)
+    return path.read_bytes()
 
 
 def read_lines(path: Path) -> list[Line]:
     """Return the lines of ``path`` that are not blank; bytes that are no ASCII become a replacement character.
 
     Raises:
-        RecordingError: as in `read_bytes`.
+        RecordingError: as in `require_content`, of a text.
     """
-    text = read_bytes(path).decode("ascii", errors="replace")
+    require_content(path, text=True)
+    text = path.read_bytes().decode("ascii", errors="replace")
     return [(number, line) for number, line in enumerate(text.split("\n"), start=1) if line.strip()]
 
 

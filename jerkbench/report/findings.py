@@ -44,15 +44,23 @@ def sentence(one: Comparison, varying: Sequence[str]) -> str:
     if one.paired.n == 0:
         return f"{who} cannot be compared with {whom}{where}: {lost or 'no run of both has a value'}."
     if one.paired.low == one.paired.high == 1.0:
-        return f"{who} gives the same as {whom}{where} ({one.paired.n} {one.replicate}s){and_lost(lost)}."
+        return f"{who} gives the same as {whom}{where} ({_count(one)}){and_lost(lost)}."
     factor = one.paired.ratio
     if one.replicate == "phase":
-        detail = f"(range {_range(one)} over {one.paired.n} phases of one recording; no test)"
+        over = f"range {_range(one)} over {one.paired.n} phases" if one.paired.n > 1 else "one run"
+        detail = f"({over} of one recording; no test)"
         return f"{who} {_times(factor)} {whom}{where} {detail}{and_lost(lost)}."
     detail = f"(95 % {_range(one)}, {one.paired.n} seeds)" if math.isfinite(one.paired.low) else "(1 seed)"
     if not one.shown:
         return f"{_not_shown(one, f'{who} and {whom}{where}')}: {number(factor)} times {detail}{and_lost(lost)}."
     return f"{who} {_times(factor)} {whom}{where} {detail}{and_lost(lost)}."
+
+
+def _count(one: Comparison) -> str:
+    """How many seeds or phases; a recording in which nothing is withheld has one run, and no phases."""
+    if one.paired.n == 1:
+        return "one run" if one.replicate == "phase" else "1 seed"
+    return f"{one.paired.n} {one.replicate}s"
 
 
 def _not_shown(one: Comparison, between: str) -> str:

@@ -114,13 +114,15 @@ def _seeds(evidence: Evidence) -> tuple[bool | None, str]:
     rows = evidence.rows
     keys = ["dataset", "disturbance", "attitude", "filter", "adaptation", "noise"]
     runs = rows[rows["replicate"] == "seed"].groupby(keys).size()
-    phases = int((rows["replicate"] == "phase").sum())
+    per_cell = rows[rows["replicate"] == "phase"].groupby(keys).size()
+    phases, single = int(per_cell[per_cell > 1].sum()), int((per_cell == 1).sum())
+    said = [f"{single} rows are the one run of a recording in which nothing is random."] if single else []
+    said += [f"{phases} rows are phases of recordings, which are not independent."] if phases else []
     if len(runs) == 0:
-        return False, f"None: {phases} rows are phases of recordings, which are not independent."
+        return False, f"None: {' '.join(said)}"
     few = int((runs < LEAST_SEEDS).sum())
     counted = f"{runs.min()}" if runs.min() == runs.max() else f"{runs.min()} to {runs.max()}"
-    more = f" {phases} rows are phases of recordings, which are not independent." if phases else ""
-    return few == 0 and phases == 0, f"{counted} a cell; {LEAST_SEEDS} are asked for.{more}"
+    return few == 0 and not said, " ".join([f"{counted} a cell; {LEAST_SEEDS} are asked for.", *said])
 
 
 def _intervals(evidence: Evidence) -> tuple[bool | None, str]:

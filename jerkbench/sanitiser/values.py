@@ -18,6 +18,9 @@ MOST_MPS = 200.0
 FROZEN_ROWS = 10
 """An angular rate that is the same so often in a row is not measured: noise alone would move the last digit."""
 
+REPEATED = 0.05
+"""A part of repeated samples that is larger is said: the logger asks more often than the sensor measures."""
+
 UNIT_WITHIN = 0.02
 """How far the length of a unit quaternion may be from 1."""
 
@@ -50,6 +53,22 @@ def possible_imu(where: str, imu: Imu) -> Imu:
     ):
         require_possible(f"{where}, {what}", values, most)
     return imu
+
+
+def repeated_samples(imu: Imu) -> int:
+    """Return how many samples repeat all six values of the one before."""
+    same = (np.diff(imu.accel_mps2, axis=0) == 0).all(axis=1) & (np.diff(imu.gyro_radps, axis=0) == 0).all(axis=1)
+    return int(same.sum())
+
+
+def repeat_notes(imu: Imu) -> tuple[str, ...]:
+    """Return a note where more than a twentieth of the samples repeat the one before, else none."""
+    count, n = repeated_samples(imu), len(imu.t_s)
+    if count <= REPEATED * n:
+        return ()
+    return (
+        f"{count} of {n} IMU samples ({count / n:.0%}) repeat all values of the one before: they measure nothing new.",
+    )
 
 
 def without_frozen_gyro(stream: str, messages: Messages, ledger: Ledger, field: str = "angular_velocity") -> Messages:

@@ -1,8 +1,11 @@
+import numpy as np
 import pytest
 
 from bag_maker import ROS1, START_NS, Drive, odometry
 from jerkbench.bags.survey import survey
+from jerkbench.data.facts import facts_text
 from jerkbench.readers.ros.bag import open_bag
+from jerkbench.recording import Imu, Recording, Reference, Velocity
 
 
 def test_a_simulated_recording_is_described(tmp_path, typed):
@@ -14,6 +17,36 @@ def test_a_simulated_recording_is_described(tmp_path, typed):
     assert "position      100 rows, 5 Hz" in done.stdout
     assert "gravity is felt on +z" in done.stdout
     assert (tmp_path / "field.png").stat().st_size > 10_000
+
+
+def facts_of(velocity=None, **changes):
+    t_s = np.arange(0, 20, 0.1)
+    draw = np.random.default_rng(0)
+    imu = Imu(t_s, np.repeat(draw.normal(9.81, 1, (100, 3)), 2, axis=0), np.zeros((200, 3)))
+    reference = Reference(np.array([0.0]), "none", independent=False)
+    return facts_text(Recording("made", imu, reference, velocity=velocity, **changes))
+
+
+def test_axes_that_were_true_at_times_of_their_own_have_their_own_rates():
+    t_s = np.sort(np.concatenate([np.arange(0, 19, 0.25) - 0.125, np.arange(0, 19, 0.25) - 0.275]))
+    mps = np.full((len(t_s), 3), np.nan)
+    up = np.isclose((t_s + 0.275) % 0.25, 0, atol=1e-6) | np.isclose((t_s + 0.275) % 0.25, 0.25, atol=1e-6)
+    mps[up, 2], mps[~up, :2] = 0.0, 5.0
+    facts = facts_of(Velocity(t_s, mps, np.tile(np.eye(3), (len(t_s), 1, 1))))
+    assert "east and north 76 rows, 4 Hz" in facts
+    assert "up 76 rows, 4 Hz" in facts
+    assert "6.667" not in facts
+
+
+def test_only_a_standstill_that_somebody_knows_of_is_said():
+    assert "stands still" not in facts_of()
+    assert "no standstill at its start is known" in facts_of()
+    assert "stands still for 3.0 s" in facts_of(static_start_s=3.0)
+
+
+def test_repeated_samples_and_an_absent_reference_are_said():
+    assert "100 of 200 samples (50.0%) repeat all values of the one before" in facts_of()
+    assert "reference none" in facts_of()
 
 
 def test_what_is_no_source_is_a_sentence(tmp_path, typed):

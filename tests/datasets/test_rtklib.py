@@ -120,19 +120,52 @@ def test_moving_from_the_start_says_what_to_switch_off(tmp_path):
 @pytest.mark.parametrize(
     ("own", "said"),
     [
-        ({}, ["Mounting, time shift and latencies were fitted on this same drive."]),
-        ({"imu_shift_s": 0.0}, ["Mounting and latencies were fitted on this same drive."]),
-        ({"mounting_yaw_deg": 0.0, "imu_shift_s": 0.0, "velocity_latency_s": (0.0,) * 3}, ["Mounting was fitted on"]),
-        ({"mounting_yaw_deg": 0.0, "mounting_pitch_deg": 0.0, "imu_shift_s": 0.0}, ["Latencies were fitted on"]),
+        ({}, ["Mounting, time shift and latencies are the defaults, which were fitted on the public drive drive_0708"]),
+        ({"imu_shift_s": 0.0}, ["Mounting and latencies are the defaults"]),
+        ({"mounting_yaw_deg": 0.0, "imu_shift_s": 0.0, "velocity_latency_s": (0.0,) * 3}, ["Mounting is the default"]),
+        ({"mounting_yaw_deg": 0.0, "mounting_pitch_deg": 0.0, "imu_shift_s": 0.0}, ["Latencies are the defaults"]),
         (PLAIN, []),
     ],
 )
-def test_what_was_fitted_on_the_drive_itself_is_noted(tmp_path, own, said):
+def test_defaults_that_were_fitted_on_the_public_drive_are_noted_and_nothing_is_said_of_this_one(tmp_path, own, said):
     notes = RtklibDrive(write_drive(tmp_path), **own).load(0).notes
     fitted = [note for note in notes if "fitted" in note]
     assert len(fitted) == len(said)
     assert all(note.startswith(start) for note, start in zip(fitted, said, strict=True))
-    assert len(notes) == 2 + len(said)
+    assert not [note for note in notes if "this same drive" in note]
+
+
+@pytest.mark.parametrize(
+    ("datum", "said"),
+    [
+        ("", "does not say what heights are above"),
+        ("% (lat/lon/height=WGS84/geodetic,Q=1:fix)\n", "Heights are above mean sea level"),
+        ("% (lat/lon/height=WGS84/ellipsoidal,Q=1:fix)\n", ""),
+    ],
+)
+def test_heights_are_above_what_the_header_says(tmp_path, datum, said):
+    folder = write_drive(tmp_path)
+    (tmp_path / "a.pos").write_text(datum + (tmp_path / "a.pos").read_text())
+    heights = [note for note in RtklibDrive(folder, **PLAIN).load(0).notes if "eights" in note]
+    assert [said in note for note in heights] == ([True] if said else [])
+
+
+def test_a_last_fix_that_was_cut_off_is_dropped_and_said(tmp_path):
+    folder = write_drive(tmp_path)
+    (tmp_path / "a.pos").write_text((tmp_path / "a.pos").read_text()[:-40])
+    recording = RtklibDrive(folder, **PLAIN).load(0)
+    assert len(recording.position.t_s) == 16
+    assert "a.pos: the last row is not whole, as where a log was cut: 1 dropped." in recording.notes
+
+
+def test_samples_that_repeat_are_counted(tmp_path):
+    folder = write_drive(tmp_path)
+    rows = [f"0,{0.001 * (k // 2)},1,1,2,3,{5000 + 10 * k}" for k in range(701)]
+    (tmp_path / "a.csv").write_text("\n".join(rows))
+    recording = RtklibDrive(folder, **PLAIN).load(0)
+    assert "350 of 701 IMU samples (50%) repeat all values of the one before: they measure nothing new." in (
+        recording.notes
+    )
 
 
 @pytest.mark.parametrize("missing", ["a.pos", "a.csv", "a.csv.tag"])
@@ -232,7 +265,7 @@ def test_a_fix_that_leaps_is_dropped_and_said(tmp_path):
     lines[1] = lines[1].replace(" 45.0 ", " 75.0 ")  # the first: ENU begins at the second then
     (tmp_path / "a.pos").write_text("\n".join(lines) + "\n")
     recording = RtklibDrive(folder, **PLAIN).load(0)
-    assert recording.notes[0] == "1 of 17 fixes leaps out of its neighbours by more than 50 m: dropped."
+    assert recording.notes[1] == "1 of 17 fixes leaps out of its neighbours by more than 50 m: dropped."
     assert (len(recording.position.t_s), recording.origin.latitude_deg) == (16, 45.0)
     assert np.abs(recording.reference.enu_m).max() < 10
 

@@ -137,6 +137,11 @@ def urbannav(folder):
     (folder / "rover.pos").write_text("\n".join(lines))
 
 
+def other_notes(recording):
+    """The notes, but for the one that says that these made-up samples are all alike."""
+    return tuple(note for note in recording.notes if "repeat all values" not in note)
+
+
 def loaded(preset, folder, **changes):
     plain = choose("dataset", {"name": preset, "folder": str(folder), **changes}).plain
     return create("dataset", plain).load(0)
@@ -298,7 +303,7 @@ def test_a_fix_that_leaps_is_dropped_and_said(tmp_path):
     fixes.to_csv(tmp_path / "fix.csv", index=False)
     recording = Tables(str(tmp_path), **GIVEN, position_file="fix.csv").load(0)
     assert len(recording.position.t_s) == 94
-    assert recording.notes == ("1 of 95 fixes leaps out of its neighbours by more than 50 m: dropped.",)
+    assert other_notes(recording) == ("1 of 95 fixes leaps out of its neighbours by more than 50 m: dropped.",)
     assert np.isnan(recording.position.enu_m[:, 2]).sum() == 1
 
 
@@ -310,7 +315,7 @@ def test_fixes_without_a_height_do_not_leap(tmp_path, every):
     fixes.to_csv(tmp_path / "fix.csv", index=False)
     local = {"position_columns": ("e", "n", "u"), "position_frame": "enu"}
     recording = Tables(str(tmp_path), **GIVEN, position_file="fix.csv", **local).load(0)
-    assert recording.notes == ()
+    assert other_notes(recording) == ()
     np.testing.assert_allclose(recording.position.enu_m, fixes[["e", "n", "u"]])
 
 
@@ -359,7 +364,7 @@ def test_a_first_fix_that_leaps_is_not_the_origin(tmp_path, frame, leap):
     expected = np.column_stack(pymap3d.geodetic2enu(*kept.T, *kept[0]))
     np.testing.assert_allclose(recording.position.enu_m, expected, atol=1e-5)
     np.testing.assert_array_equal(recording.reference.enu_m, recording.position.enu_m)
-    assert recording.notes == ("2 of 95 fixes leap out of their neighbours by more than 50 m: dropped.",)
+    assert other_notes(recording) == ("2 of 95 fixes leap out of their neighbours by more than 50 m: dropped.",)
 
 
 def test_a_first_fix_of_a_solution_that_leaps_is_not_the_origin(tmp_path):
@@ -496,7 +501,7 @@ def test_gravity_on_another_axis_is_a_note(tmp_path):
     write(tmp_path / "imu.csv", PLAIN)
     turned = Tables(str(tmp_path), **GIVEN, imu_axes=("z", "-y", "x")).load(0)
     assert "feels gravity on +x, and a body (forward, left, up) on +z" in turned.notes[0]
-    assert Tables(str(tmp_path), **GIVEN).load(0).notes == ()
+    assert other_notes(Tables(str(tmp_path), **GIVEN).load(0)) == ()
 
 
 def test_a_row_that_changes_changes_the_fingerprint(tmp_path):

@@ -9,7 +9,7 @@ from jerkbench.evaluation.attitude import AttitudeRmse
 from jerkbench.evaluation.inclination import Inclination
 from jerkbench.evaluation.run import counted_rows
 from jerkbench.geometry import dcm_from_euler
-from jerkbench.recording import Imu, Recording, Reference
+from jerkbench.recording import Imu, Position, Recording, Reference, Velocity
 
 
 @pytest.fixture
@@ -74,3 +74,24 @@ def test_roll_and_yaw_do_not_count_where_the_reference_stands_on_its_nose(estima
 
     assert 0 < level.sum() < counted.sum()
     assert values["roll_rmse_rad"] == pytest.approx(np.sqrt(np.mean(error[level] ** 2)))
+
+
+@pytest.mark.parametrize("known", ["reference", "velocity", "places"])
+def test_straight_driving_is_no_rest(estimate, known):
+    standing = still_recording(0.01)
+    t_s = np.arange(100) / 10
+    along = np.column_stack([np.maximum(t_s - 5.0, 0.0) * 8.0, 0 * t_s, 0 * t_s])
+    speed = np.column_stack([8.0 * (t_s > 5.0), 0 * t_s, 0 * t_s])
+    tilted = standing.reference.euler_rad.copy()
+    tilted[500:, 0] = 0.5
+    reference = dataclasses.replace(standing.reference, euler_rad=tilted)
+    moving = dataclasses.replace(standing, reference=reference)
+    cov = np.tile(np.eye(3), (100, 1, 1))
+    if known == "velocity":
+        moving = dataclasses.replace(moving, velocity=Velocity(t_s, speed, cov))
+    elif known == "places":
+        moving = dataclasses.replace(moving, position=Position(t_s, along, cov))
+    else:
+        rate = np.interp(reference.t_s, t_s, speed[:, 0])[:, None] * [1.0, 0.0, 0.0]
+        moving = dataclasses.replace(moving, reference=dataclasses.replace(reference, velocity_mps=rate))
+    assert floor_deg(estimate, moving) == pytest.approx(np.degrees(0.01), rel=1e-9)

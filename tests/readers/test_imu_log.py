@@ -37,7 +37,7 @@ def test_the_tag_stretches_the_sensors_clock(tmp_path):
         (["1,2,3,4,5,6,0", "1,2,3,4"], "imu.csv, line 2 has 4 fields; it must have 7"),
         (["1,2,3,4,5,6,0", "1,2,3,4,5,NaN,10"], "imu.csv, line 2, field 6 is 'NaN'"),
         (["ax,ay,az,gx,gy,gz,t"], "imu.csv, line 1, field 1 is 'ax'"),
-        (["1,2,3,4,5,6,10", "1,2,3,4,5,6,20", "1,2,3,4,5,6,2"], "imu.csv, line 3: the time (field 7)"),
+        (["1,2,3,4,5,6,10", "1,2,3,4,5,6,2", "1,2,3,4,5,6,20"], "imu.csv, line 2: the time (field 7)"),
         (["1,2,3,4,5,6,0", "1,2,3,4,5,6,900"], "covers 0.900 s, its time tag imu.csv.tag 1.000 s"),
         ([], "imu.csv is empty"),
     ],
@@ -72,3 +72,21 @@ def test_a_damaged_tag_is_named(tmp_path, content, said):
 def test_a_missing_tag_is_named(tmp_path):
     with pytest.raises(RecordingError, match=r"There is no file .*gone\.tag"):
         read_time_tag(tmp_path / "gone.tag")
+
+
+@pytest.mark.parametrize(
+    ("first", "last", "said"),
+    [
+        ("5,6,40", "1,2,3,4,5,6,100", "the first row is not whole"),
+        ("1,2,3,4,5,6,40", "1,2,3,4", "the last row is not whole"),
+        ("1,2,3,4,5,6,40", "1,2,3,4,5,6,10", "the last row is not whole"),
+        ("5,6,40", "1,", "the first and the last rows are not whole, as where a log was cut: 2 dropped"),
+    ],
+)
+def test_cut_ends_are_dropped_and_counted(tmp_path, first, last, said):
+    whole = [f"1,2,3,4,5,6,{50 + 10 * k}" for k in range(5)]
+    kept = [row for row in (first, *whole, last) if row.count(",") == 6 and not row.endswith(",10")]
+    span_ms = int(kept[-1].split(",")[-1]) - int(kept[0].split(",")[-1])
+    log = read_imu_log(*written(tmp_path, [first, *whole, last], tag_bytes(span_ms)))
+    assert len(log.t_s) == len(kept)
+    assert [said in note for note in log.notes] == [True]

@@ -1,7 +1,11 @@
+import tracemalloc
+
 import numpy as np
 import pytest
 
+from jerkbench.datasets.table import Tables
 from jerkbench.errors import RecordingError
+from jerkbench.readers.cut_lines import cut_ends
 from jerkbench.readers.text import parse_numbers, read_lines, require_increasing
 
 
@@ -56,3 +60,37 @@ def test_a_time_that_stands_still_is_named_by_its_line(tmp_path):
     path = written(tmp_path, b"1\n\n2\n2\n")
     with pytest.raises(RecordingError, match="line 4: the time does not increase"):
         require_increasing(path, read_lines(path), np.array([1.0, 2.0, 2.0]), "the time")
+
+
+@pytest.mark.parametrize("read", ["text", "table"])
+def test_a_line_of_megabytes_is_refused_in_words_and_in_little_memory(tmp_path, read):
+    path = written(tmp_path, b"t,ax,ay,az,gx,gy,gz\n" + b"0,0,0,9.81,0,0,0\n" * 3 + b"1.5," * 8_000_000)
+    tracemalloc.start()
+    try:
+        with pytest.raises(RecordingError, match="line 5 has more than 64 KiB"):
+            read_lines(path) if read == "text" else Tables(str(tmp_path), imu_file="log.csv").load(0)
+        assert tracemalloc.get_traced_memory()[1] < 20e6
+    finally:
+        tracemalloc.stop()
+
+
+def test_long_files_of_short_lines_are_read(tmp_path):
+    path = written(tmp_path, b"1,2\r\n" * 500_000)
+    assert len(read_lines(path)) == 500_000
+
+
+@pytest.mark.parametrize(
+    ("lines", "cut"),
+    [
+        (["1,2,3"] * 5, (False, False)),
+        (["2,3", *["1,2,3"] * 5], (True, False)),
+        ([*["1,2,3"] * 5, "1,2"], (False, True)),
+        ([*["1,2,3"] * 5, "1,2,-"], (False, True)),
+        (["e-5,2,3", *["1,2,3"] * 5, "1"], (True, True)),
+        (["x,y,z", *["1,2,3"] * 5], (False, False)),  # names
+        (["1,2,", *["1,2,3"] * 5], (False, False)),  # an entry that is missing in the middle of a log
+        (["1,2", "1,2,3"], (False, False)),
+    ],
+)
+def test_cut_lines_are_those_that_lack_fields_or_hold_half_a_number(lines, cut):
+    assert cut_ends(lines, ",") == cut
