@@ -9,7 +9,7 @@ from jerkbench.errors import RecordingError
 from jerkbench.estimate import Attitude
 from jerkbench.geometry import dcm_from_euler
 from jerkbench.inertial.error_model import SensorNoise, by_column
-from jerkbench.inertial.state import BA, BG, MA, MG, PHI, Deformation, NavigationState, error_states, has_deformation
+from jerkbench.inertial.state import BA, BG, MA, MG, PHI, Deformation, NavigationState, V, error_states, has_deformation
 from jerkbench.recording import GRAVITY_MPS2, Recording
 from jerkbench.timeline.timeline import Timeline
 
@@ -83,6 +83,20 @@ def align(
         _couple_tilt(P, C)
     deformation = Deformation(np.zeros((3, 3)), np.zeros((3, 3))) if sigmas.deformed else None
     return NavigationState(timeline.x0[:3], v, C, bg, np.zeros(3), deformation), P
+
+
+def with_body_velocity(state: NavigationState, P: FloatArray, dcm: FloatArray) -> tuple[NavigationState, FloatArray]:
+    """Return the start with a velocity that was measured along the body and turned into ENU with ``dcm`` (3, 3).
+
+    It turns with the attitude C of ``state``, and so with its error: v = Exp(phi) C C_given' v_given, dv = -[v] phi.
+    """
+    turn = state.dcm @ dcm.T
+    v = turn @ state.velocity_mps
+    P = P.copy()
+    P[V, V] = turn @ P[V, V] @ turn.T
+    T = np.eye(len(P))
+    T[V, PHI] = np.array([[0.0, v[2], -v[1]], [-v[2], 0.0, v[0]], [v[1], -v[0], 0.0]])
+    return state._replace(velocity_mps=v), T @ P @ T.T
 
 
 def _of_sensors(sigmas: StartSigmas) -> FloatArray:

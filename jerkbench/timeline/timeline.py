@@ -13,12 +13,7 @@ from jerkbench.errors import RecordingError
 from jerkbench.estimate import Attitude
 from jerkbench.recording import Recording
 from jerkbench.timeline.measurements import Measurements, gather
-
-INITIAL_SPEED_SIGMA_MPS = 10.0
-"""One sigma of a velocity axis that nothing measures in the last second before the start, or at it."""
-
-INITIAL_SPEED_AGE_NS = 1_000_000_000
-"""How old a velocity may be to start from."""
+from jerkbench.timeline.start import start_motion
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +60,7 @@ def build_timeline(recording: Recording, attitude: Attitude) -> Timeline:
     start = measurements.t_ns[first]
     events = np.unique(np.concatenate([imu, measurements.t_ns, reference]))
     events = events[(events >= start) & (events <= imu[-1])]
-    x0, P0 = _initial(measurements, first)
+    x0, P0 = start_motion(measurements, first, attitude, dt0_s)
     update = _rows_at(events, measurements.t_ns)
     update[0] = -1  # the first fix is the start itself
     return Timeline(
@@ -106,20 +101,3 @@ def _first_fix(measurements: Measurements, begin_ns: int, end_ns: int, name: str
             f"{name} has no complete position fix while its IMU runs; a navigation filter needs one to start from."
         )
     return int(rows[0])
-
-
-def _initial(measurements: Measurements, first: int) -> tuple[FloatArray, FloatArray]:
-    """Position from the first fix; each velocity axis from its latest measurement of the last second up to the fix.
-
-    An axis that was not measured by then is 0 +- 10 m/s: what comes later is an update, and must not be used twice.
-    """
-    x0, P0 = np.zeros(6), np.diag([1.0] * 3 + [INITIAL_SPEED_SIGMA_MPS**2] * 3)
-    x0[:3], P0[:3, :3] = measurements.z[first, :3], measurements.R[first, :3, :3]
-    age = measurements.t_ns[first] - measurements.t_ns
-    recent = (age >= 0) & (age <= INITIAL_SPEED_AGE_NS)
-    for axis in (3, 4, 5):
-        rows = np.flatnonzero(recent & np.isfinite(measurements.z[:, axis]))
-        if rows.size:  # in the order of time: the last one is the latest
-            x0[axis] = measurements.z[rows[-1], axis]
-            P0[axis, axis] = min(measurements.R[rows[-1], axis, axis], P0[axis, axis])  # of a speed R may say nothing
-    return x0, P0

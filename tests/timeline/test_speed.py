@@ -7,7 +7,8 @@ from scipy.spatial.transform import Rotation
 from jerkbench.estimate import Attitude
 from jerkbench.recording import Velocity
 from jerkbench.timeline.measurements import velocity_in_enu
-from jerkbench.timeline.timeline import INITIAL_SPEED_SIGMA_MPS, build_timeline
+from jerkbench.timeline.start import INITIAL_SPEED_SIGMA_MPS, INPUT_SIGMA_MPS2
+from jerkbench.timeline.timeline import build_timeline
 from synthetic import level_attitude, recording_at_rest
 
 YAW, PITCH, ROLL = 2.0, -0.2, 0.1
@@ -61,4 +62,6 @@ def test_a_run_starts_along_the_course_and_knows_no_less_across_than_without_a_s
     timeline = build_timeline(recording, level_attitude(recording))  # the first fix is at .2 s
 
     np.testing.assert_allclose(timeline.x0[3:], [3.0, 0.0, 0.0])
-    np.testing.assert_allclose(np.diag(timeline.P0)[3:], [0.25, *2 * [INITIAL_SPEED_SIGMA_MPS**2]])
+    np.testing.assert_allclose(
+        np.diag(timeline.P0)[3:], [0.25 + (0.1 * INPUT_SIGMA_MPS2) ** 2, *2 * [INITIAL_SPEED_SIGMA_MPS**2]]
+    )

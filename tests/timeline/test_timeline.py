@@ -5,7 +5,8 @@ import pytest
 
 from jerkbench.errors import RecordingError
 from jerkbench.recording import Position, Reference, Velocity
-from jerkbench.timeline.timeline import INITIAL_SPEED_SIGMA_MPS, build_timeline
+from jerkbench.timeline.start import INITIAL_SPEED_SIGMA_MPS, INPUT_SIGMA_MPS2
+from jerkbench.timeline.timeline import build_timeline
 from synthetic import level_attitude, recording_at_rest
 
 COVARIANCE = 0.01 * np.eye(3)
@@ -92,15 +93,17 @@ def test_each_velocity_axis_starts_from_its_latest_measurement_up_to_the_fix():
     timeline = start_with([0.1, 0.3, 0.5], [[1.0, 2.0, 3.0], [4.0, 5.0, nan], [6.0, nan, nan]])
 
     np.testing.assert_array_equal(timeline.x0[3:], [6.0, 5.0, 3.0])
-    np.testing.assert_array_equal(np.diag(timeline.P0)[3:], [3.0 * 1.0, 2.0 * 2.0, 1.0 * 3.0])
+    grown = [0.0, (0.2 * INPUT_SIGMA_MPS2) ** 2, (0.4 * INPUT_SIGMA_MPS2) ** 2]  # .2 and .4 s old
+    np.testing.assert_allclose(np.diag(timeline.P0)[3:], np.array([3.0 * 1.0, 2.0 * 2.0, 1.0 * 3.0]) + grown)
 
 
 def test_a_velocity_after_the_fix_is_an_update_and_not_the_start():
     timeline = start_with([0.2, 0.501], [[7.0, np.nan, np.nan], [8.0, 9.0, np.nan]])
 
     np.testing.assert_array_equal(timeline.x0[3:], [7.0, 0.0, 0.0])
-    np.testing.assert_array_equal(
-        np.diag(timeline.P0)[3:], [1.0, INITIAL_SPEED_SIGMA_MPS**2, INITIAL_SPEED_SIGMA_MPS**2]
+    np.testing.assert_allclose(
+        np.diag(timeline.P0)[3:],
+        [1.0 + (0.3 * INPUT_SIGMA_MPS2) ** 2, INITIAL_SPEED_SIGMA_MPS**2, INITIAL_SPEED_SIGMA_MPS**2],
     )
     updates = timeline.measurements.z[timeline.update[timeline.update >= 0]]
     np.testing.assert_array_equal(updates[0, 3:], [8.0, 9.0, np.nan])

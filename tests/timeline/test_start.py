@@ -1,0 +1,110 @@
+"""The velocity that a run starts with: all of its covariance, and moved to the time of the first fix."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+from jerkbench.adaptation.none import NoAdaptation
+from jerkbench.filters.eskf15 import Eskf15
+from jerkbench.inertial.alignment import with_body_velocity
+from jerkbench.inertial.rotation import rotation_exp
+from jerkbench.inertial.state import NavigationState
+from jerkbench.recording import Imu, Position, Velocity
+from jerkbench.timeline.start import INITIAL_SPEED_SIGMA_MPS, INPUT_SIGMA_MPS2, UNSEEN_SIGMA_MPS2
+from jerkbench.timeline.timeline import build_timeline
+from synthetic import level_attitude, recording_at_rest
+
+FULL = np.array([[0.04, 0.01, -0.02], [0.01, 0.09, 0.03], [-0.02, 0.03, 0.16]])
+
+
+def recording(fix_s, velocity, begin_s=0.0, duration_s=3.0):
+    """An IMU from ``begin_s`` on, and one fix."""
+    whole = recording_at_rest(
+        duration_s=duration_s,
+        position=Position([fix_s], np.zeros((1, 3)), 0.01 * np.eye(3)[None]),
+        velocity=velocity,
+    )
+    kept = whole.imu.t_s > begin_s
+    return replace(whole, imu=Imu(*(getattr(whole.imu, name)[kept] for name in ("t_s", "accel_mps2", "gyro_radps"))))
+
+
+def test_all_of_the_covariance_of_the_first_velocity_is_kept():
+    one = recording(1.0, Velocity([1.0], [[5.0, 6.0, 7.0]], FULL[None]))
+    timeline = build_timeline(one, level_attitude(one))
+
+    np.testing.assert_array_equal(timeline.P0[3:, 3:], FULL)
+    np.testing.assert_array_equal(timeline.x0[3:], [5.0, 6.0, 7.0])
+
+
+def test_an_old_velocity_is_moved_to_the_start_with_the_input():
+    one = recording(1.7, Velocity([0.995], [[5.0, 6.0, 7.0]], FULL[None]))
+    t_s = one.imu.t_s - 0.005  # the middle of each sample
+    u = np.column_stack([np.sin(2 * t_s), 3.0 * t_s, np.full(len(t_s), -0.5)])
+    timeline = build_timeline(one, level_attitude(one, u))
+    gained = [quad(f, 0.995, 1.7)[0] for f in (lambda t: np.sin(2 * t), lambda t: 3.0 * t, lambda _: -0.5)]
+
+    np.testing.assert_allclose(timeline.x0[3:], np.array([5.0, 6.0, 7.0]) + gained, atol=1e-4)
+    np.testing.assert_allclose(timeline.P0[3:, 3:], FULL + (0.705 * INPUT_SIGMA_MPS2) ** 2 * np.eye(3))
+
+
+def test_while_no_imu_sees_it_the_velocity_becomes_less_sure():
+    one = recording(1.5, Velocity([0.8], [[5.0, 6.0, 7.0]], FULL[None]), begin_s=1.2)
+    timeline = build_timeline(one, level_attitude(one, (2.0, 0.0, 0.0)))
+    grown = (0.3 * INPUT_SIGMA_MPS2) ** 2 + (0.4 * UNSEEN_SIGMA_MPS2) ** 2
+
+    np.testing.assert_allclose(timeline.x0[3:], [5.6, 6.0, 7.0])
+    np.testing.assert_allclose(timeline.P0[3:, 3:], FULL + grown * np.eye(3))
+
+
+def test_axes_of_different_measurements_share_nothing():
+    nan = np.nan
+    one = recording(1.0, Velocity([0.9, 1.0], [[1.0, 2.0, nan], [nan, nan, 3.0]], [FULL, FULL]))
+    P0 = build_timeline(one, level_attitude(one)).P0
+
+    assert P0[3, 4] == FULL[0, 1]
+    np.testing.assert_array_equal(P0[3:5, 5], 0.0)
+    assert P0[5, 5] == FULL[2, 2]
+
+
+def test_a_speed_says_nothing_across_the_course():
+    one = recording(1.0, Velocity.along_course([1.0], [4.0], 0.5))
+    course, cos, sin = np.pi / 6, np.cos(np.pi / 6), 0.5
+    attitude = level_attitude(one)
+    turned = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+    attitude = replace(attitude, dcm=np.tile(turned, (len(attitude.t_s), 1, 1)))
+    timeline = build_timeline(one, attitude)
+    along = np.array([cos, sin, 0.0])
+
+    np.testing.assert_allclose(timeline.x0[3:], 4.0 * along, atol=1e-9)
+    wanted = 0.25 * np.outer(along, along) + INITIAL_SPEED_SIGMA_MPS**2 * (np.eye(3) - np.outer(along, along))
+    np.testing.assert_allclose(timeline.P0[3:, 3:], wanted, rtol=1e-6, atol=1e-9)
+    assert np.arctan2(timeline.x0[4], timeline.x0[3]) == pytest.approx(course)
+
+
+def test_the_inertial_navigation_starts_with_the_velocity_of_its_start():
+    """Constant acceleration forwards, the last velocity .8 s before the first fix: .8 m/s slower."""
+    one = recording(2.0, Velocity.along_course([1.2], [4.0], 0.1, 0.1))
+    imu = replace(one.imu, accel_mps2=one.imu.accel_mps2 + np.array([1.0, 0.0, 0.0]))
+    t_s = imu.t_s[imu.t_s >= 2.0]
+    zeros = np.zeros((len(t_s), 3))
+    one = replace(one, imu=imu, reference=replace(one.reference, t_s=t_s, enu_m=zeros, velocity_mps=None, scored=None))
+    estimate = Eskf15().estimate(one, level_attitude(one, (1.0, 0.0, 0.0)), NoAdaptation())
+
+    np.testing.assert_allclose(estimate.velocity_mps[0], [4.8, 0.0, 0.0], atol=1e-9)
+    assert estimate.covariance[0][3, 3] == pytest.approx(0.01 + (0.8 * INPUT_SIGMA_MPS2) ** 2)
+
+
+def test_a_body_velocity_is_as_unsure_as_the_attitude_that_turns_it():
+    """Against velocities turned with sampled attitudes."""
+    rng = np.random.default_rng(3)
+    P = np.diag([1.0, 1.0, 1.0, 0.01, 0.02, 0.03, 1e-3, 2e-3, 4e-3, *6 * [1e-6]])
+    state = NavigationState(np.zeros(3), np.array([3.0, 4.0, 1.0]), np.eye(3), np.zeros(3), np.zeros(3))
+    moved, P_out = with_body_velocity(state, P, np.eye(3))
+    errors = rng.multivariate_normal(np.zeros(6), P[3:9, 3:9], 40_000)
+    true = [rotation_exp(e[3:]) @ (state.velocity_mps + e[:3]) for e in errors]
+    sampled = np.cov(np.column_stack([true - state.velocity_mps, errors[:, 3:]]).T)
+
+    np.testing.assert_array_equal(moved.velocity_mps, state.velocity_mps)
+    np.testing.assert_allclose(P_out[3:9, 3:9], sampled, atol=2e-3)
