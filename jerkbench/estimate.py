@@ -17,6 +17,8 @@ class Attitude:
         euler_rad: (n, 3) roll, pitch, yaw; Omega = Rz(yaw) Ry(pitch) Rx(roll).
         accel_enu_mps2: (n, 3) the input u of the navigation filter.
         triggered: (n,) whether the tilt filter saw an external acceleration.
+        yaw_sigma_rad: (n,) one standard deviation of yaw as its filter sees it, or None: it has none. Where nothing
+            shows yaw it is that of any direction, pi/sqrt(3).
     """
 
     t_s: FloatArray
@@ -24,6 +26,7 @@ class Attitude:
     euler_rad: FloatArray
     accel_enu_mps2: FloatArray
     triggered: BoolArray
+    yaw_sigma_rad: FloatArray | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,7 +4,8 @@ import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.attitude.compensation import compensate_gravity
-from jerkbench.attitude.yaw import estimate_yaw, yaw_rate
+from jerkbench.attitude.track import Track
+from jerkbench.attitude.yaw import Yaw, estimate_yaw, yaw_rate
 from jerkbench.estimate import Attitude
 from jerkbench.geometry import dcm_from_euler
 from jerkbench.recording import Heading, Imu
@@ -15,22 +16,28 @@ def intervals(imu: Imu) -> FloatArray:
     return np.concatenate(([imu.nominal_interval_s], np.diff(imu.t_s)))
 
 
-def with_yaw(
+def filtered_yaw(
     imu: Imu,
     roll_rad: FloatArray,
     pitch_rad: FloatArray,
-    headings: Heading | None,
+    source: Heading | Track | None,
     walk_rad_per_sqrt_s: float,
-) -> FloatArray:
-    """Return roll, pitch and the yaw that the yaw filter finds, (n, 3)."""
+    course_sigma_min_rad: float,
+) -> Yaw:
+    """Return the yaw that the yaw filter finds with the gyro and ``source``."""
     rate = yaw_rate(imu.gyro_radps, roll_rad, pitch_rad)
-    yaw = estimate_yaw(imu.t_s, intervals(imu), rate, headings, walk_rad_per_sqrt_s)
-    return np.column_stack([roll_rad, pitch_rad, yaw])
+    return estimate_yaw(imu.t_s, intervals(imu), rate, source, walk_rad_per_sqrt_s, course_sigma_min_rad)
 
 
-def attitude_from(imu: Imu, euler_rad: FloatArray, compensation: str, triggered: BoolArray | None = None) -> Attitude:
+def attitude_from(
+    imu: Imu,
+    euler_rad: FloatArray,
+    compensation: str,
+    triggered: BoolArray | None = None,
+    yaw_sigma_rad: FloatArray | None = None,
+) -> Attitude:
     """Return the attitude (n, 3) with Omega and the ENU acceleration; ``triggered`` None: never."""
     dcm = dcm_from_euler(euler_rad)
     accel = compensate_gravity(dcm, imu.accel_mps2, compensation)
     never = np.zeros(len(imu.t_s), dtype=np.bool_)
-    return Attitude(imu.t_s, dcm, euler_rad, accel, never if triggered is None else triggered)
+    return Attitude(imu.t_s, dcm, euler_rad, accel, never if triggered is None else triggered, yaw_sigma_rad)

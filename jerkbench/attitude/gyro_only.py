@@ -7,7 +7,7 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.attitude.alignment import align
-from jerkbench.attitude.assembly import attitude_from, intervals, with_yaw
+from jerkbench.attitude.assembly import attitude_from, filtered_yaw, intervals
 from jerkbench.attitude.compensation import COMPENSATIONS
 from jerkbench.attitude.headings import YAW_SOURCES, require_headings, select_headings
 from jerkbench.attitude.tilt import roll_pitch, transition
@@ -21,7 +21,7 @@ from jerkbench.recording import Recording
 @register("attitude", "gyro_only")
 @dataclass(frozen=True)
 class GyroOnly:
-    """Tilt from the gyro alone after the alignment; yaw from headings or the course, as in `tilt`.
+    """Tilt from the gyro alone after the alignment; yaw from headings, course or track, as in `tilt`.
 
     With x = Omega^T e3, the vertical of ENU seen from the body::
 
@@ -35,7 +35,7 @@ class GyroOnly:
 
     Attributes:
         compensation: midpoint or endpoint.
-        yaw_source: dual_antenna, odometry, course, gyro_only or auto, as in `tilt`.
+        yaw_source: dual_antenna, odometry, course, track, gyro_only or auto, as in `tilt`.
         yaw_walk_rad_per_sqrt_s: random walk of yaw.
         course_min_speed_mps: horizontal speed above which the course counts.
         course_sigma_min_rad: least standard deviation of a course.
@@ -72,8 +72,10 @@ class GyroOnly:
         headings = select_headings(recording, self.yaw_source, self.course_min_speed_mps, self.course_sigma_min_rad)
         imu = recording.imu
         x = propagate(align(recording, None).x, intervals(imu)[:, None] * imu.gyro_radps)
-        euler = with_yaw(imu, *roll_pitch(x), headings, self.yaw_walk_rad_per_sqrt_s)
-        return attitude_from(imu, euler, self.compensation)
+        roll, pitch = roll_pitch(x)
+        yaw = filtered_yaw(imu, roll, pitch, headings, self.yaw_walk_rad_per_sqrt_s, self.course_sigma_min_rad)
+        euler = np.column_stack([roll, pitch, yaw.rad])
+        return attitude_from(imu, euler, self.compensation, yaw_sigma_rad=yaw.sigma_rad)
 
 
 def propagate(x: FloatArray, turns_rad: FloatArray) -> FloatArray:

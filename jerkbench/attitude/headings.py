@@ -1,22 +1,26 @@
-"""Where the yaw filter gets its headings: what the recording measured, the course of its velocity, or nowhere."""
+"""The source of the yaw filter: measured headings, the course of the velocity, the track of the fixes, or none."""
 
 from collections.abc import Callable
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray
+from jerkbench.attitude.chords import LEAST_M, LONGEST_S, chords_of
+from jerkbench.attitude.track import Track, track_of
 from jerkbench.errors import RecordingError
 from jerkbench.recording import HEADING_SOURCES, Heading, Recording, Velocity
 
-YAW_SOURCES = ("auto", *HEADING_SOURCES, "gyro_only")
+YAW_SOURCES = ("auto", *HEADING_SOURCES, "track", "gyro_only")
 
 
-def select_headings(recording: Recording, source: str, min_speed_mps: float, sigma_min_rad: float) -> Heading | None:
-    """Return the headings of ``source``, one of `YAW_SOURCES`; None for gyro_only.
+def select_headings(
+    recording: Recording, source: str, min_speed_mps: float, sigma_min_rad: float
+) -> Heading | Track | None:
+    """Return what ``source`` stands for, one of `YAW_SOURCES`; None for gyro_only.
 
     ``auto`` takes the headings that the recording has, whatever measured them, else the course when there is an ENU
-    velocity that is fast enough at least once, else none. A velocity along the body's axes holds no course over
-    ground: auto passes it over.
+    velocity that is fast enough at least once, else the track of the fixes where it shows a course at least once, else
+    none. A velocity along the body's axes holds no course over ground: auto passes it over.
 
     Raises:
         RecordingError: the recording lacks the source that was asked for.
@@ -28,14 +32,38 @@ def select_headings(recording: Recording, source: str, min_speed_mps: float, sig
         return measured
     if source == "course":
         return _course(recording, min_speed_mps, sigma_min_rad)
+    if source == "track":
+        return required_track(recording)
     if source != "auto":
         raise RecordingError(
             f"{recording.name} has no {_name(source)} heading{_instead(measured)}; take yaw_source {_others(source)}."
         )
-    if recording.velocity is None or recording.velocity.frame != "enu":
-        return None
-    courses = course_headings(recording.velocity, min_speed_mps, sigma_min_rad)
-    return courses if len(courses.t_s) else None
+    if recording.velocity is not None and recording.velocity.frame == "enu":
+        courses = course_headings(recording.velocity, min_speed_mps, sigma_min_rad)
+        if len(courses.t_s):
+            return courses
+    return track_in(recording)
+
+
+def track_in(recording: Recording, least_m: float = LEAST_M) -> Track | None:
+    """Return the track of the fixes while the IMU runs; None where it shows no course."""
+    imu = recording.imu
+    return track_of(recording, chords_of(recording.position, imu.t_s[0], imu.t_s[-1], least_m))
+
+
+def required_track(recording: Recording, least_m: float = LEAST_M) -> Track:
+    """Return the track of the fixes while the IMU runs.
+
+    Raises:
+        RecordingError: it shows no course.
+    """
+    track = track_in(recording, least_m)
+    if track is None:
+        raise RecordingError(
+            f"{recording.name}: its fixes show no course, for within {LONGEST_S:g} s no two are far enough apart for"
+            f" their sigmas (and {least_m:g} m); take another yaw_source."
+        )
+    return track
 
 
 def require_headings(load: Callable[[], Recording], source: str, min_speed_mps: float, sigma_min_rad: float) -> None:
@@ -73,7 +101,7 @@ def _instead(measured: Heading | None) -> str:
 
 
 def _others(source: str) -> str:
-    return f"{', '.join(s for s in ('course', 'gyro_only') if s != source)} or auto"
+    return f"{', '.join(s for s in ('course', 'track', 'gyro_only') if s != source)} or auto"
 
 
 def _course(recording: Recording, min_speed_mps: float, sigma_min_rad: float) -> Heading:

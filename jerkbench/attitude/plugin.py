@@ -7,7 +7,7 @@ import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.attitude.alignment import align
-from jerkbench.attitude.assembly import attitude_from, intervals, with_yaw
+from jerkbench.attitude.assembly import attitude_from, filtered_yaw, intervals
 from jerkbench.attitude.compensation import COMPENSATIONS
 from jerkbench.attitude.compiled_tilt import run_tilt_compiled
 from jerkbench.attitude.external_acceleration import ADAPTATIONS
@@ -24,7 +24,7 @@ PROPAGATIONS = ("first_order", "exact")
 @register("attitude", "tilt")
 @dataclass(frozen=True)
 class Tilt:
-    """Tilt from gyro and accelerometer, adaptive to external acceleration; yaw from headings or the course.
+    """Tilt from gyro and accelerometer, adaptive to external acceleration; yaw from headings, course or track.
 
     Tilt, at the IMU rate, x = Omega^T e3 (the vertical of ENU seen from the body), g = 9.81 m/s2::
 
@@ -47,8 +47,15 @@ class Tilt:
         yaw += dt (w_y sin(roll) + w_z cos(roll))/cos(pitch);  P += dt walk^2;  P0 = variance of the first heading
         course: atan2(v_n, v_e), sigma = max(sigma_v/speed, minimum), sigma_v across the course
 
-    Sample k uses headings up to its own time; before the first one, that one less the integrated gyro. With
-    gyro_only yaw starts at 0 (east). The yaw rate is singular at a pitch of 90 degrees.
+    Sample k uses headings up to its own time; before the first one, that one less the integrated gyro. Without
+    headings and velocity over ground, yaw comes from the track of the fixes, and the bias of the gyro with it::
+
+        chord: between two fixes, as short as its sigma allows (.05 rad); none overlaps another
+        offset of yaw from psi, the integrated gyro = arg(chord) - arg(int e^{i psi} dt) half a chord before its end
+        two states, offset and its rate;  F = [[1, dt], [0, 1]],  H = [1, -half the chord's length]
+
+    Where it shows nothing either, and with gyro_only, yaw starts at 0 (east). The yaw rate is singular at a pitch of 90
+    degrees. A course, and a track, take the vehicle to drive forwards.
 
     Input of the navigation filter: u_k = mean(Omega_{k-1}, Omega_k) y_A + (0, 0, -g), or Omega_k y_A + (0, 0, -g).
 
@@ -65,8 +72,9 @@ class Tilt:
         normalise: bring x back to length 1 after each update.
         propagation: first_order, or exact for fast rotation.
         compensation: midpoint or endpoint.
-        yaw_source: dual_antenna, odometry, course, gyro_only, or auto: the headings that the recording has, whatever
-            measured them, else the course of its velocity in ENU, else the gyro alone.
+        yaw_source: dual_antenna, odometry, course, track (of the fixes), gyro_only, or auto: the headings that the
+            recording has, whatever measured them, else the course of its velocity in ENU, else the track of its fixes,
+            else the gyro alone.
         yaw_walk_rad_per_sqrt_s: random walk of yaw.
         course_min_speed_mps: horizontal speed above which the course counts.
         course_sigma_min_rad: least standard deviation of a course.
@@ -113,8 +121,8 @@ class Tilt:
             recording, self.yaw_source, self.course_min_speed_mps, self.course_sigma_min_rad
         )  # first, because a missing source should not cost the whole loop
         roll, pitch, triggered = self._tilt(recording, intervals(imu))
-        euler = with_yaw(imu, roll, pitch, headings, self.yaw_walk_rad_per_sqrt_s)
-        return attitude_from(imu, euler, self.compensation, triggered)
+        yaw = filtered_yaw(imu, roll, pitch, headings, self.yaw_walk_rad_per_sqrt_s, self.course_sigma_min_rad)
+        return attitude_from(imu, np.column_stack([roll, pitch, yaw.rad]), self.compensation, triggered, yaw.sigma_rad)
 
     def tilt_parameters(self) -> TiltParameters:
         """Return the parameters of a tilt step, the null ones filled in."""

@@ -1,10 +1,28 @@
 """The yaw filter: one state, the offset between yaw and the integrated yaw rate."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from jerkbench.arrays import FloatArray
+from jerkbench.attitude.track import Track, courses_of, filter_drift, offsets_at, rate_at_rest
 from jerkbench.geometry import wrap_angle
 from jerkbench.recording import Heading
+
+UNKNOWN_RAD = np.pi / np.sqrt(3.0)
+"""One sigma of a yaw of which nothing is known: any direction is as likely."""
+
+
+class Yaw(NamedTuple):
+    """Yaw at the IMU's stamps.
+
+    Attributes:
+        rad: (n,) in (-pi, pi].
+        sigma_rad: (n,) one standard deviation, as the filter sees it.
+    """
+
+    rad: FloatArray
+    sigma_rad: FloatArray
 
 
 def yaw_rate(gyro_radps: FloatArray, roll_rad: FloatArray, pitch_rad: FloatArray) -> FloatArray:
@@ -14,46 +32,59 @@ def yaw_rate(gyro_radps: FloatArray, roll_rad: FloatArray, pitch_rad: FloatArray
 
 
 def estimate_yaw(
-    t_s: FloatArray, dt_s: FloatArray, rate_radps: FloatArray, headings: Heading | None, walk_rad_per_sqrt_s: float
-) -> FloatArray:
-    """Return yaw (n,) at the IMU's stamps, in (-pi, pi].
+    t_s: FloatArray,
+    dt_s: FloatArray,
+    rate_radps: FloatArray,
+    source: Heading | Track | None,
+    walk_rad_per_sqrt_s: float,
+    course_sigma_min_rad: float = 0.0,
+) -> Yaw:
+    """Return yaw at the IMU's stamps.
 
     psi(t) is the integral of the yaw rate. Yaw adds to it exactly, so the filter on yaw is a filter on the offset
     yaw - psi, which changes at headings only; each stands at its own time, inside a sample where need be. Sample k
-    uses headings up to t_k; before the first one, the first one less the integrated rate. Without headings yaw
-    starts at zero.
+    uses headings up to t_k; before the first one, the first one less the integrated rate. The courses of a track
+    take the place of headings, see `jerkbench.attitude.track`. Without either yaw starts at zero, and nobody knows it.
 
     Args:
         t_s: (n,) stamps.
         dt_s: (n,) the interval that ends at each stamp.
         rate_radps: (n,) mean yaw rate over that interval.
-        headings: at least one, or None.
+        source: headings, at least one; the track of the fixes; or None.
         walk_rad_per_sqrt_s: random walk of yaw.
+        course_sigma_min_rad: least standard deviation of a course of the track.
     """
     psi = np.cumsum(dt_s * rate_radps)
-    if headings is None:
-        return wrap_angle(psi)
+    if source is None:
+        return Yaw(wrap_angle(psi), np.full(len(psi), UNKNOWN_RAD))
     # Linear between the nodes is exact: the rate is constant within a sample.
     nodes_s = np.concatenate(([t_s[0] - dt_s[0]], t_s))
-    psi_there = np.interp(headings.t_s, nodes_s, np.concatenate(([0.0], psi)))
-    offsets = filter_offset(headings, psi_there, walk_rad_per_sqrt_s)
-    latest = np.searchsorted(headings.t_s, t_s, side="right") - 1
-    return wrap_angle(psi + offsets[np.maximum(latest, 0)])
+    nodes_rad = np.concatenate(([0.0], psi))
+    if isinstance(source, Track):
+        courses = courses_of(source.chords, nodes_s, nodes_rad, course_sigma_min_rad)
+        at_rest = rate_at_rest(t_s, rate_radps, source.rest_s, walk_rad_per_sqrt_s)
+        drift = filter_drift(courses, at_rest, walk_rad_per_sqrt_s)
+        offset, sigma = offsets_at(drift, t_s, walk_rad_per_sqrt_s)
+        return Yaw(wrap_angle(psi + offset), sigma)
+    offsets, variances = filter_offset(source, np.interp(source.t_s, nodes_s, nodes_rad), walk_rad_per_sqrt_s)
+    latest = np.maximum(np.searchsorted(source.t_s, t_s, side="right") - 1, 0)
+    since_s = np.abs(t_s - source.t_s[latest])
+    return Yaw(wrap_angle(psi + offsets[latest]), np.sqrt(variances[latest] + since_s * walk_rad_per_sqrt_s**2))
 
 
-def filter_offset(headings: Heading, psi_rad: FloatArray, walk_rad_per_sqrt_s: float) -> FloatArray:
-    """Return the offset yaw - psi (m,) after each heading.
+def filter_offset(headings: Heading, psi_rad: FloatArray, walk_rad_per_sqrt_s: float) -> tuple[FloatArray, FloatArray]:
+    """Return the offset yaw - psi (m,) after each heading, and its variance (m,).
 
     P0 = variance of the first heading;  P += (time since the last) walk^2;  innovation = wrap(z - psi - offset);
     K = P/(P + sigma^2);  offset += K innovation;  P = (1 - K) P.
     """
-    offsets = np.empty(len(headings.t_s))
+    offsets, variances = np.empty((2, len(headings.t_s)))
     offsets[0] = offset = headings.yaw_rad[0] - psi_rad[0]
-    P = headings.sigma_rad[0] ** 2
+    variances[0] = P = headings.sigma_rad[0] ** 2
     for k in range(1, len(offsets)):
         P += (headings.t_s[k] - headings.t_s[k - 1]) * walk_rad_per_sqrt_s**2
         K = P / (P + headings.sigma_rad[k] ** 2)
         offset += K * wrap_angle(headings.yaw_rad[k] - psi_rad[k] - offset)
         P *= 1 - K
-        offsets[k] = offset
-    return offsets
+        offsets[k], variances[k] = offset, P
+    return offsets, variances

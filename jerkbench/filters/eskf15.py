@@ -6,24 +6,31 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from jerkbench.arrays import FloatArray
+from jerkbench.attitude.assembly import filtered_yaw
+from jerkbench.attitude.headings import required_track
 from jerkbench.checks import require_not_negative
 from jerkbench.contracts import Adaptation
 from jerkbench.errors import PluginError, RecordingError, unknown
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.filters._accepted import without_fading
-from jerkbench.inertial.alignment import StartSigmas, align
+from jerkbench.inertial.alignment import StartSigmas, align, with_body_velocity
 from jerkbench.inertial.earth import earth_at
 from jerkbench.inertial.error_model import SensorNoise
 from jerkbench.inertial.events import merge_events
 from jerkbench.inertial.run import Constraints, InertialRun, InertialSolution, Settings
 from jerkbench.inertial.state import NavigationState
 from jerkbench.inertial.stillness import still_samples
-from jerkbench.inertial.track import yaw_from_track
 from jerkbench.plugins import register
 from jerkbench.recording import GRAVITY_MPS2, Recording
 from jerkbench.timeline.timeline import Timeline, build_timeline
 
 YAW_SOURCES = ("attitude", "track")
+
+YAW_WALK = 2e-4
+"""Random walk of the yaw of the track [rad/sqrt(s)]; the attitude filters' own default."""
+
+COURSE_SIGMA_RAD = 0.0087
+"""Least sigma of a course of the track; the attitude filters' own default."""
 
 DEG_PER_H = np.deg2rad(1.0) / 3600.0
 PER_SQRT_H = 1.0 / 60.0
@@ -82,8 +89,8 @@ class Eskf15:
 
     Start: at rest, roll and pitch from the first second of specific force (with the error that an accelerometer bias
     makes of it), v = 0; moving, from the attitude filter. Yaw is the attitude filter's at the start (before its first
-    course: that one less the integrated gyro), or that of the first two fixes that are apart. The attitude filter is
-    used for nothing else. Wrong by a right angle or more, the filter may never recover.
+    course: that one less the integrated gyro), with the sigma that it has there, or that of the track of the fixes. The
+    attitude filter is used for nothing else. Wrong by a right angle or more, the filter may never recover.
 
     Neglected: the Earth's rotation and curvature unless switched on (in a fixed tangent plane there is no transport
     rate; what is left is that gravity turns, .16 mrad a km), the change of gravity with latitude (a bias takes it),
@@ -110,9 +117,9 @@ class Eskf15:
         accel_scale_ppm: one sigma of each scale factor of the accelerometer [1e-6].
         misalignment_mrad: one sigma of the tilt of each axis towards each other, in both sensors [mrad].
         gyro_bias_from_rest: whether the gyro's mean over the rest at the start is its first bias.
-        yaw_source: first yaw, attitude (of the attitude filter) or track (of the fixes).
-        initial_yaw_sigma_rad: one sigma of the first yaw [rad].
-        track_least_m: how far apart two fixes show a course [m].
+        yaw_source: first yaw, attitude (of the attitude filter) or track (of the fixes, whatever else there is).
+        initial_yaw_sigma_rad: one sigma of the first yaw, where its source is no less sure itself [rad].
+        track_least_m: how far apart two fixes have to be to show a course of the track [m].
         position_sigma_m: one sigma of each axis of a fix, in place of the reported covariance; null: as reported [m].
         antenna_m: lever arm from the IMU to the antenna, body: forward, left, up [m].
         use_velocity: whether the velocity is used.
@@ -209,7 +216,7 @@ class Eskf15:
     def solve(self, recording: Recording, attitude: Attitude, adaptation: Adaptation) -> InertialSolution:
         """Return the navigation solution with the state and the whole covariance at the end."""
         recording = self._aided(recording)
-        timeline = build_timeline(_as_measured(recording), attitude)
+        timeline = _timeline(recording, attitude)
         headings = recording.heading if self.use_heading else None
         events = merge_events(timeline, recording.imu, headings, self.constraint_interval_s)
         start = self._start(recording, attitude, timeline)
@@ -246,26 +253,31 @@ class Eskf15:
     def _start(
         self, recording: Recording, attitude: Attitude, timeline: Timeline
     ) -> tuple[NavigationState, FloatArray]:
+        yaw_rad, yaw_sigma_rad = self._yaw(recording, attitude, int(timeline.sample[0]))
         sigmas = StartSigmas(
             gyro_bias_radps=float(self.gyro_turn_on_deg_per_h * DEG_PER_H),
             accel_bias_mps2=self.accel_turn_on_mg * MG,
-            yaw_rad=self.initial_yaw_sigma_rad,
+            yaw_rad=max(self.initial_yaw_sigma_rad, yaw_sigma_rad),
             still_mps=self.zero_velocity_sigma_mps,
             gyro_scale=self.gyro_scale_ppm * 1e-6,
             accel_scale=self.accel_scale_ppm * 1e-6,
             misalignment_rad=self.misalignment_mrad * 1e-3,
             wheel_scale=self.wheel_scale_sigma if self.wheel_scale else 0.0,
         )
-        if self.yaw_source == "track":
-            yaw_rad = yaw_from_track(recording, timeline.t_s[0], self.track_least_m)
-        else:
-            yaw_rad = float(attitude.euler_rad[timeline.sample[0], 2])
         noise, from_rest = self.sensor_noise(), self.gyro_bias_from_rest
         state, P = align(recording, attitude, timeline, yaw_rad, sigmas, noise, gyro_bias_from_rest=from_rest)
-        if _velocity_frame(recording) != "enu":  # the timeline's first velocity stands in the body's frame
-            state = state._replace(velocity_mps=state.dcm @ state.velocity_mps)
-            P[3:6, 3:6] = state.dcm @ P[3:6, 3:6] @ state.dcm.T
+        if _velocity_frame(recording) != "enu":
+            state, P = with_body_velocity(state, P, attitude.dcm[timeline.sample[0]])
         return state._replace(position_m=state.position_m - state.dcm @ np.array(self.antenna_m)), P
+
+    def _yaw(self, recording: Recording, attitude: Attitude, sample: int) -> tuple[float, float]:
+        """First yaw and its sigma, as its source sees it; an attitude that says none is taken to be sure."""
+        if self.yaw_source == "track":
+            track, (roll, pitch, _) = required_track(recording, self.track_least_m), attitude.euler_rad.T
+            yaw = filtered_yaw(recording.imu, roll, pitch, track, YAW_WALK, COURSE_SIGMA_RAD)
+            return float(yaw.rad[sample]), float(yaw.sigma_rad[sample])
+        known = attitude.yaw_sigma_rad
+        return float(attitude.euler_rad[sample, 2]), 0.0 if known is None else float(known[sample])
 
     def _settings(self, recording: Recording) -> Settings:
         imu = recording.imu
@@ -286,6 +298,15 @@ class Eskf15:
             wheel_m=np.array(self.nonholonomic_point_m),
             constraints=constraints,
         )
+
+
+def _timeline(recording: Recording, attitude: Attitude) -> Timeline:
+    """The events with the velocity as it is measured, and the start with the velocity in ENU."""
+    timeline = build_timeline(_as_measured(recording), attitude)
+    if _velocity_frame(recording) == "enu":
+        return timeline
+    turned = build_timeline(recording, attitude)
+    return replace(timeline, x0=turned.x0, P0=turned.P0)
 
 
 def _velocity_frame(recording: Recording) -> str:

@@ -11,7 +11,6 @@ from jerkbench.inertial.alignment import MOVING_TILT_RAD, StartSigmas, align, le
 from jerkbench.inertial.error_model import SensorNoise
 from jerkbench.inertial.events import merge_events
 from jerkbench.inertial.stillness import deviation, still_samples
-from jerkbench.inertial.track import yaw_from_track
 from jerkbench.recording import GRAVITY_MPS2, Heading, Imu, Position
 from jerkbench.timeline.timeline import build_timeline
 from synthetic import level_attitude, recording_at_rest
@@ -125,32 +124,6 @@ def test_an_accelerometer_without_gravity_is_a_sentence():
 
     with pytest.raises(RecordingError, match="cannot be levelled"):
         start_of(replace(recording, imu=imu))
-
-
-def curved_drive(rate=0.1, speed=2.0, bias=0.05, rest_s=2.0):
-    """At rest, then on a circle from yaw 0.5 on; the gyro has a bias."""
-    recording = recording_at_rest(duration_s=8.0, gnss_rate_hz=4, velocity=None, static_start_s=rest_s)
-    t, fixes = recording.imu.t_s, recording.position
-    gyro = np.zeros((len(t), 3))
-    gyro[:, 2] = np.where(t > rest_s, rate, 0.0) + bias
-    driven = np.maximum(fixes.t_s - rest_s, 0.0)
-    yaw = 0.5 + rate * driven
-    enu = np.zeros((len(driven), 3))
-    enu[:, 0] = speed / rate * (np.sin(yaw) - np.sin(0.5))
-    enu[:, 1] = -speed / rate * (np.cos(yaw) - np.cos(0.5))
-    return replace(recording, imu=Imu(t, recording.imu.accel_mps2, gyro), position=replace(fixes, enu_m=enu))
-
-
-def test_the_track_gives_the_yaw_at_the_start():
-    recording = curved_drive()
-
-    assert yaw_from_track(recording, 0.25, 1.0) == pytest.approx(0.5, abs=1e-3)
-    assert yaw_from_track(recording, 4.0, 1.0) == pytest.approx(0.5 + 0.1 * 2.0, abs=1e-3)
-
-
-def test_a_vehicle_that_stays_has_no_track():
-    with pytest.raises(RecordingError, match="no two fixes within 3 s that are 1 m apart"):
-        yaw_from_track(recording_at_rest(duration_s=5.0), 0.0, 1.0)
 
 
 def test_the_deviation_is_that_of_each_window():

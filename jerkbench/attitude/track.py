@@ -1,0 +1,165 @@
+"""Yaw from the track of the fixes: their courses, with the gyro between, and the gyro's bias."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from jerkbench.arrays import FloatArray
+from jerkbench.attitude.chords import Chords
+from jerkbench.geometry import wrap_angle
+from jerkbench.recording import Recording
+
+TURN_ON_RADPS = 0.01
+"""One sigma of the yaw gyro's bias where no rest shows it."""
+
+BIAS_WALK = 1e-5
+"""Random walk of that bias [rad/s/sqrt(s)]."""
+
+REST_S = 1.0
+"""How much rest shows it."""
+
+UNSTEADY_MPS2 = 1.0
+"""One sigma of the acceleration along a chord; the speed's slope over it is not known."""
+
+SIGMAS = 5.0
+"""A course that is further off contradicts what was known."""
+
+
+class Track(NamedTuple):
+    """What the track of the fixes shows.
+
+    Attributes:
+        chords: at least one.
+        rest_s: how long the vehicle stands still at the start.
+    """
+
+    chords: Chords
+    rest_s: float
+
+
+class Courses(NamedTuple):
+    """The offset between yaw and the integrated yaw rate psi, as each chord shows it.
+
+    Attributes:
+        t_s: (m,) when it is known: the chord's end.
+        lag_s: (m,) how long before that it held: half the chord's length.
+        offset_rad: (m,).
+        sigma_rad: (m,).
+    """
+
+    t_s: FloatArray
+    lag_s: FloatArray
+    offset_rad: FloatArray
+    sigma_rad: FloatArray
+
+
+class Drift(NamedTuple):
+    """The filter's state after some courses.
+
+    Attributes:
+        t_s: (k,) times.
+        x: (k, 2) the offset, and its rate: the gyro's bias with the sign turned.
+        P: (k, 2, 2) their covariance.
+    """
+
+    t_s: FloatArray
+    x: FloatArray
+    P: FloatArray
+
+
+def track_of(recording: Recording, chords: Chords) -> Track | None:
+    """Return the track of a recording with ``chords``; None where there are none."""
+    return Track(chords, recording.static_start_s) if len(chords.end_s) else None
+
+
+def courses_of(chords: Chords, nodes_s: FloatArray, psi_rad: FloatArray, sigma_min_rad: float) -> Courses:
+    r"""Refer the direction of each chord d to the gyro.
+
+    A vehicle that drives forwards at a constant speed covers d = v e^{i offset} G with G = int e^{i psi} dt over the
+    chord, so that offset = arg d - arg G, whatever its turns. A slope a of the speed adds a int (t - middle) e^{i psi}
+    dt = a M, which turns it by a Im(M conj G)/(v |G|^2), v = |d|/|G|; a has the sigma of 1 m/s2, or of v over the
+    chord's length where that is less::
+
+        sigma^2 = max(sigma of the chord, sigma_min)^2 + (a Im(M conj G)/(|d| |G|))^2
+
+    Args:
+        chords: of the fixes.
+        nodes_s: (n,) times at which psi is known.
+        psi_rad: (n,) the integrated yaw rate there.
+        sigma_min_rad: least standard deviation of a course.
+    """
+    turn, step_s = np.exp(1j * psi_rad), np.diff(nodes_s)
+    since_s = nodes_s - nodes_s[0]
+    G, M = (np.concatenate(([0], np.cumsum(0.5 * (f[1:] + f[:-1]) * step_s))) for f in (turn, turn * since_s))
+    begin_s, end_s = chords.begin_s, chords.end_s
+    G, M = (np.interp(end_s, nodes_s, f) - np.interp(begin_s, nodes_s, f) for f in (G, M))
+    M -= (0.5 * (begin_s + end_s) - nodes_s[0]) * G
+    length_m, size = np.linalg.norm(chords.way_m, axis=1), np.maximum(np.abs(G), 1e-9)
+    slope = np.minimum(UNSTEADY_MPS2, length_m / size / (end_s - begin_s))
+    unsteady = slope * (M * np.conj(G)).imag / (length_m * size)
+    direction = np.arctan2(chords.way_m[:, 1], chords.way_m[:, 0])
+    sigma = np.hypot(np.maximum(chords.sigma_rad, sigma_min_rad), unsteady)
+    return Courses(end_s, 0.5 * (end_s - begin_s), wrap_angle(direction - np.angle(G)), sigma)
+
+
+def filter_drift(courses: Courses, rate: tuple[float, float], walk_rad_per_sqrt_s: float) -> Drift:
+    """Return offset and rate after the courses.
+
+    F = [[1, dt], [0, 1]];  Q = dt diag(walk^2, (1e-5)^2);  H = [1, -lag];  innovation wrapped to (-pi, pi]. A course
+    more than five sigmas off is dropped; the next one that contradicts as well, and agrees with it, starts anew.
+
+    Args:
+        courses: at least one.
+        rate: the offset's rate before the first, and its sigma.
+        walk_rad_per_sqrt_s: random walk of yaw.
+    """
+    states: list[tuple[float, FloatArray, FloatArray]] = []
+    dropped, prior = -1, np.array(rate)
+    for k, (t, lag, z, sigma) in enumerate(zip(*(part.tolist() for part in courses), strict=True)):
+        if not states:
+            states.append((t, *_begun(z, lag, sigma, prior[0], prior[1] ** 2)))
+            continue
+        x, P = _predicted(*states[-1], t, walk_rad_per_sqrt_s)
+        H = np.array([1.0, -lag])
+        innovation, S = float(wrap_angle(z - H @ x)), float(H @ P @ H) + sigma**2
+        if innovation**2 <= SIGMAS**2 * S:
+            K = P @ H / S
+            states.append((t, x + K * innovation, P - np.outer(K, K) * S))
+        elif dropped == k - 1 and _agree(courses, k - 1, k):
+            states.append((t, *_begun(z, lag, sigma, x[1], P[1, 1])))
+        else:
+            dropped = k
+    return Drift(*(np.array(part) for part in zip(*states, strict=True)))
+
+
+def rate_at_rest(t_s: FloatArray, rate_radps: FloatArray, rest_s: float, walk: float) -> tuple[float, float]:
+    """Return the offset's rate, and its sigma, from the mean yaw rate over the rest; without a rest 0 +- .01 rad/s."""
+    rows = t_s <= rest_s
+    if rest_s < REST_S or not rows.any():
+        return 0.0, TURN_ON_RADPS
+    return -float(rate_radps[rows].mean()), float(np.hypot(walk / np.sqrt(rest_s), BIAS_WALK * np.sqrt(rest_s)))
+
+
+def offsets_at(drift: Drift, t_s: FloatArray, walk: float) -> tuple[FloatArray, FloatArray]:
+    """Return the offset (n,) at ``t_s`` (n,) from the courses up to then, and its sigma; before the first, from it."""
+    latest = np.maximum(np.searchsorted(drift.t_s, t_s, side="right") - 1, 0)
+    since_s, x, P = t_s - drift.t_s[latest], drift.x[latest], drift.P[latest]
+    variance = P[:, 0, 0] + 2 * since_s * P[:, 0, 1] + since_s**2 * P[:, 1, 1] + np.abs(since_s) * walk**2
+    return x[:, 0] + since_s * x[:, 1], np.sqrt(variance)
+
+
+def _begun(z: float, lag: float, sigma: float, rate: float, variance: float) -> tuple[FloatArray, FloatArray]:
+    """State and covariance after one course, z = offset - lag rate."""
+    P = np.array([[sigma**2 + lag**2 * variance, lag * variance], [lag * variance, variance]])
+    return np.array([z + lag * rate, rate]), P
+
+
+def _predicted(since: float, x: FloatArray, P: FloatArray, t: float, walk: float) -> tuple[FloatArray, FloatArray]:
+    dt = t - since
+    F = np.array([[1.0, dt], [0.0, 1.0]])
+    return F @ x, F @ P @ F.T + dt * np.diag([walk**2, BIAS_WALK**2])
+
+
+def _agree(courses: Courses, first: int, second: int) -> bool:
+    apart = wrap_angle(courses.offset_rad[second] - courses.offset_rad[first])
+    return bool(abs(apart) <= SIGMAS * np.hypot(courses.sigma_rad[first], courses.sigma_rad[second]))
