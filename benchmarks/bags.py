@@ -19,7 +19,6 @@ import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from statistics import median
 from tempfile import TemporaryDirectory
 from typing import TypeVar
 
@@ -75,11 +74,11 @@ def speed(folder: Path, rounds: int) -> None:
         path = folder / name
         write(path, SHORT_S)
         _, first_s = elapsed(lambda path=path: RosBag(str(path)).load(0))
-        again_s = median(elapsed(lambda path=path: RosBag(str(path)).load(0))[1] for _ in range(rounds))
+        again_s = np.median([elapsed(lambda path=path: RosBag(str(path)).load(0))[1] for _ in range(rounds)])
         found = [[elapsed(partial(read, path)) for read in (deserialised, ordinarily, quickly)] for _ in range(rounds)]
         (count, _), (slow, _), (fast, _) = found[0]
         ordinary_s, slow_s, fast_s = np.median([[s for _, s in one] for one in found], axis=0)
-        ratios = ", ".join(f"{median(one[k][1] / one[2][1] for one in found):.1f}" for k in (0, 1))
+        ratios = ", ".join(f"{np.median([one[k][1] / one[2][1] for one in found]):.1f}" for k in (0, 1))
         print(
             f"| {path.suffix} | {count} | {ordinary_s:.2f} s | {slow_s:.2f} s | {fast_s:.3f} s |"
             f" {ratios} times | {equal(slow, fast)} | {first_s:.3f} s | {again_s:.3f} s |"

@@ -101,12 +101,12 @@ def _log_ratios(a: npt.ArrayLike, b: npt.ArrayLike) -> FloatArray:
 
 def student_interval(d: FloatArray, confidence: float) -> tuple[float, float]:
     """Return the ends of Student's interval for the mean of ``d``; NaN of fewer than two."""
-    from scipy.stats import t
+    from scipy.special import stdtrit
 
     n, mean = len(d), float(np.mean(d))
     if n < 2:
         return np.nan, np.nan
-    half = float(t.ppf((1 + confidence) / 2, n - 1)) * float(np.std(d, ddof=1)) / np.sqrt(n)
+    half = float(stdtrit(n - 1, (1 + confidence) / 2)) * float(np.std(d, ddof=1)) / np.sqrt(n)
     return mean - half, mean + half
 
 

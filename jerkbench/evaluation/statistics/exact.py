@@ -1,0 +1,115 @@
+"""Exact tests and intervals of counts and medians: what holds whatever the distribution is, lost runs included."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jerkbench.arrays import FloatArray
+
+NEARLY = 0.93
+"""A median's interval that covers at least this is given; of 5 values the whole range covers 93.75 %."""
+
+
+@dataclass(frozen=True)
+class Quantiles:
+    """Median and quartiles over all runs, of which a lost one is larger than every number.
+
+    Attributes:
+        median: infinite where half of the runs or more were lost.
+        low: lower end of the median's interval; NaN where too few runs have none.
+        high: upper end; infinite where it reaches the lost runs.
+        quartiles: of the runs, lower and upper.
+        lost: how many were lost.
+        n: of how many.
+    """
+
+    median: float
+    low: float
+    high: float
+    quartiles: tuple[float, float]
+    lost: int
+    n: int
+
+
+def quantiles(values: FloatArray, confidence: float = 0.95) -> Quantiles:
+    """Return median and quartiles of (n,) values, infinite for a lost run; NaN (did not apply) is left out."""
+    kept = np.sort(values[~np.isnan(values)])
+    if len(kept) == 0:
+        return Quantiles(np.nan, np.nan, np.nan, (np.nan, np.nan), 0, 0)
+    lower, middle, upper = (_between(kept, share) for share in (0.25, 0.5, 0.75))
+    low, high = median_interval(kept, confidence)
+    return Quantiles(middle, low, high, (lower, upper), int(np.isposinf(kept).sum()), len(kept))
+
+
+def median_interval(ordered: FloatArray, confidence: float = 0.95) -> tuple[float, float]:
+    """Return the ends of the interval of the median of (n,) values in ascending order, which may be infinite.
+
+    Between the k-th and the (k+1)-th value from both ends, of which one covers more than asked and the other less, by
+    interpolation; where either is infinite, the outer one. Two NaN where
+    even the whole range covers less than ``NEARLY``, or of higher levels less than asked.
+
+    Source: Hettmansperger and Sheather, "Confidence intervals based on interpolated order statistics", Statistics and
+    Probability Letters 4 (1986).
+    """
+    from scipy.stats import binom
+
+    n = len(ordered)
+    if n < 2 or 1 - 2 * 0.5**n < min(confidence, NEARLY if confidence <= 0.95 else confidence):
+        return np.nan, np.nan
+    k = max(1, int(binom.ppf((1 - confidence) / 2, n, 0.5)))  # the largest k that covers enough
+    wide = 1 - 2 * float(binom.cdf(k - 1, n, 0.5))
+    narrow = 1 - 2 * float(binom.cdf(k, n, 0.5))
+    part = min(1.0, max(0.0, (wide - confidence) / (wide - narrow))) if k < n - k else 0.0
+    weight = (n - k) * part / (k + (n - 2 * k) * part) if part else 0.0
+    return _mixed(ordered[k - 1], ordered[k], weight), _mixed(ordered[n - k], ordered[n - k - 1], weight)
+
+
+def share_interval(count: int, n: int, confidence: float = 0.95) -> tuple[float, float]:
+    """Return Clopper and Pearson's interval of a share: it covers at least ``confidence``, whatever the share is.
+
+    Source: Clopper and Pearson, "The use of confidence or fiducial limits", Biometrika 26 (1934).
+    """
+    from scipy.special import betaincinv
+
+    tail = (1 - confidence) / 2
+    low = float(betaincinv(count, n - count + 1, tail)) if count else 0.0
+    high = float(betaincinv(count + 1, n - count, 1 - tail)) if count < n else 1.0
+    return low, high
+
+
+def sign_p(for_a: int, for_b: int) -> float:
+    """Return the two-sided p of so many seeds for either, ties left out: the exact binomial test of one half.
+
+    Of seeds that either lost alone it is McNemar's exact test.
+
+    Source: McNemar, "Note on the sampling error of the difference between correlated proportions", Psychometrika 12
+    (1947).
+    """
+    from scipy.special import bdtr
+
+    fewer, total = min(for_a, for_b), for_a + for_b
+    return min(1.0, 2.0 * float(bdtr(fewer, total, 0.5))) if total else 1.0
+
+
+def _between(ordered: FloatArray, share: float) -> float:
+    """Return the quantile of values in ascending order, between two of them their mixture."""
+    place = share * (len(ordered) - 1)
+    left = int(place)
+    first, second = ordered[left], ordered[min(left + 1, len(ordered) - 1)]
+    infinite = second if np.isinf(second) and place > left else first
+    return float(infinite) if np.isinf(infinite) else _mixed(first, second, place - left)
+
+
+def _mixed(outer: float, inner: float, weight: float) -> float:
+    """Return outer + weight (inner - outer); where either is infinite, the outer one."""
+    if weight == 0 or outer == inner or np.isinf(outer) or np.isinf(inner):
+        return float(outer)
+    return float(outer + weight * (inner - outer))
+
+
+def equal_median_p(d: FloatArray, margin: float) -> float:
+    """Return the p of the claim that the median of (n,) lies within -+margin: the larger of two exact sign tests."""
+    from scipy.special import bdtr
+
+    beyond = max(int((d >= margin).sum()), int((d <= -margin).sum()))
+    return float(bdtr(beyond, len(d), 0.5)) if len(d) else 1.0

@@ -1,0 +1,139 @@
+"""Comparisons of one study: which are better, equal, worse, and which are undecided."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from jerkbench.arrays import FloatArray
+from jerkbench.evaluation.statistics.exact import median_interval
+from jerkbench.evaluation.statistics.family import Correction, Family, family
+from jerkbench.evaluation.statistics.log_ratio import LogRatios
+from jerkbench.evaluation.statistics.paired import student_interval
+
+MARGIN = 0.03
+"""Ratios from 1/1.03 to 1.03 are equal for every practical purpose."""
+
+LEVEL = 0.05
+"""At most so many studies have a sentence that is wrong."""
+
+
+class Verdict(StrEnum):
+    """What was shown of a against b, at the level of the whole study."""
+
+    BETTER = "better"
+    EQUAL = "equal"
+    WORSE = "worse"
+    FEWER_LOST = "loses fewer runs"
+    MORE_LOST = "loses more runs"
+    UNDECIDED = "undecided"
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """One comparison of a with b.
+
+    Attributes:
+        ratio: geometric mean of a/b; where runs were lost or locked out, the median.
+        low: lower end of its own 95 % interval (Student's on the logarithms; of the median, that of order statistics).
+        high: upper end; infinite where it reaches the lost runs.
+        n: seeds.
+        p: that they differ, corrected for the study.
+        p_equal: that they are not equal within the margin, corrected for the study.
+        p_lost: that either loses more runs, corrected for the study.
+        failures: runs that a, and that b, lost or locked out in.
+        median: whether ratio and test are those of the median.
+        verdict: at the level of the study.
+    """
+
+    ratio: float
+    low: float
+    high: float
+    n: int
+    p: float
+    p_equal: float
+    p_lost: float
+    failures: tuple[int, int]
+    median: bool
+    verdict: Verdict
+
+
+def judged(
+    comparisons: Sequence[LogRatios],
+    margin: float = MARGIN,
+    level: float = LEVEL,
+    correction: Correction = Correction.MAX_T,
+) -> list[Judgement]:
+    """Judge all comparisons of a study as one family.
+
+    ::
+
+        loses ...  McNemar's exact test of the runs that either alone lost or locked out in says so
+        equal      the interval at the study's level lies within 1/(1 + margin) to 1 + margin
+        better     it lies below 1, and so does the comparison's own; a failed in no more runs than b
+        worse      better, turned round
+        undecided  otherwise
+
+    The intervals at the study's level are mean -+ c s/sqrt(n) of d = log(a/b), c from `max_t` over all comparisons
+    whose runs all went well. Where runs were lost or locked out, the median is tested instead, by the exact sign test
+    (a lost run is worse than every other), with Bonferroni's correction for the study.
+
+    Args:
+        comparisons: of the whole study.
+        margin: of equality.
+        level: of studies with any wrong sentence; with `Correction.FDR`, of sentences.
+        correction: which of the two.
+    """
+    tested = family(comparisons, float(np.log1p(margin)), correction, level)
+    return [_judgement(one, tested, place, level) for place, one in enumerate(comparisons)]
+
+
+def _judgement(one: LogRatios, tested: Family, place: int, level: float) -> Judgement:
+    centre, low, high = _interval(one)
+    p, p_equal, p_lost = (float(values[place]) for values in (tested.differ, tested.equal, tested.lost))
+    return Judgement(
+        ratio=float(np.exp(centre)),
+        low=float(np.exp(low)),
+        high=float(np.exp(high)),
+        n=one.n,
+        p=p,
+        p_equal=p_equal,
+        p_lost=p_lost,
+        failures=one.failures,
+        median=not one.plain,
+        verdict=_verdict(one, (centre, low, high), (p, p_equal, p_lost), level),
+    )
+
+
+def _verdict(
+    one: LogRatios, interval: tuple[float, float, float], p: tuple[float, float, float], level: float
+) -> Verdict:
+    """Return the first that holds; each comparison with NaN is false."""
+    centre, low, high = interval
+    differ, equal, lost = p
+    ours, theirs = one.failures
+    if lost < level:
+        return Verdict.MORE_LOST if ours > theirs else Verdict.FEWER_LOST
+    if equal < level and ours == theirs:
+        return Verdict.EQUAL
+    if differ < level and not low <= 0 <= high and (ours - theirs) * centre >= 0:
+        return Verdict.BETTER if centre < 0 else Verdict.WORSE
+    return Verdict.UNDECIDED
+
+
+def _interval(one: LogRatios) -> tuple[float, float, float]:
+    """Return centre and ends of the log ratio: of its mean where every run went well, else of its median."""
+    if one.n == 0:
+        return np.nan, np.nan, np.nan
+    if one.plain:
+        return float(np.mean(one.d)), *student_interval(one.d, 0.95)
+    ordered = np.sort(one.d)
+    return _middle(ordered), *median_interval(ordered)
+
+
+def _middle(ordered: FloatArray) -> float:
+    """Return the median of values that may be infinite; between an infinite one and another, the infinite."""
+    left, right = ordered[(len(ordered) - 1) // 2], ordered[len(ordered) // 2]
+    infinite = left if np.isinf(left) else right
+    return float(infinite) if np.isinf(infinite) else float((left + right) / 2)
