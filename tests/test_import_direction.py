@@ -6,7 +6,7 @@ from pathlib import Path
 import jerkbench
 
 ORDER = [
-    ["errors", "arrays", "checks", "files", "streams", "presets", "compilation"],
+    ["errors", "arrays", "checks", "files", "memory", "notices", "streams", "presets", "compilation"],
     ["recording"],
     ["estimate", "geometry"],
     ["timeline"],

@@ -13,6 +13,7 @@ from jerkbench.attitude.compiled_tilt import run_tilt_compiled
 from jerkbench.attitude.external_acceleration import ADAPTATIONS
 from jerkbench.attitude.headings import YAW_SOURCES, require_headings, select_headings
 from jerkbench.attitude.tilt import TiltParameters, roll_pitch, run_tilt
+from jerkbench.compilation.entry import can_compile
 from jerkbench.errors import PluginError, unknown
 from jerkbench.estimate import Attitude
 from jerkbench.plugins import register
@@ -141,7 +142,7 @@ class Tilt:
 
     def _tilt(self, recording: Recording, dt_s: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
         imu, start = recording.imu, align(recording, self.initial_tilt_variance)
-        run = run_tilt_compiled if self.compiled else run_tilt
+        run = run_tilt_compiled if self.compiled and can_compile() else run_tilt
         x, triggered = run(start, imu.gyro_radps, imu.accel_mps2, dt_s, self.tilt_parameters())
         return *roll_pitch(x), triggered
 

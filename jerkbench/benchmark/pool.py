@@ -11,6 +11,8 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wai
 from concurrent.futures.process import BrokenProcessPool
 from typing import Generic, TypeVar
 
+from jerkbench.notices import shared_notices
+
 Task = TypeVar("Task")
 Result = TypeVar("Result")
 
@@ -39,7 +41,14 @@ def run_grouped(
     if workers <= 1:
         yield from ((task, work(task)) for group in waiting for task in group)
         return
-    pool = _Pool(work, waiting, workers)
+    with shared_notices():
+        yield from _pooled(_Pool(work, waiting, workers), ended)
+
+
+def _pooled(
+    pool: "_Pool[Task, Result]", ended: Callable[[list[int]], None] | None
+) -> Iterator[tuple[Task, Result | Exception]]:
+    """Yield what the pool does, and end its processes, whatever happens."""
     try:
         yield from pool.results()
     finally:

@@ -81,5 +81,6 @@ class _Jit:
 def _copy(function: types.FunctionType, scope: dict[str, Any], closure: tuple[types.CellType, ...], home: str) -> Any:  # noqa: ANN401 - goes to numba
     """Return ``function`` in another module: under its own name a linker would take one compilation for another."""
     copy = types.FunctionType(function.__code__, scope, function.__name__, function.__defaults__, closure or None)
+    copy.__kwdefaults__ = function.__kwdefaults__
     copy.__module__ = scope["__name__"] = home
     return copy

@@ -1,32 +1,48 @@
 """What a function reaches: the helpers it calls, the constants it reads, and a digest of all of it."""
 
+import functools
 import hashlib
-import inspect
+import re
+import secrets
 import types
-from collections.abc import Callable, Iterator
-from pathlib import Path
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
-import numpy as np
+from jerkbench.compilation.values import OWN, code_content, content, library_name, of_library
 
-LIBRARIES = ("numpy", "math", "cmath", "numba", "builtins", "scipy")
-"""Modules whose functions numba knows, or cannot know; nothing in them is looked into."""
+UNKNOWN = "unknown "
+"""Beginning of a key of which a part cannot be told apart from another: it holds in this process only."""
+
+OPTIONS = ("targetoptions", "_sig", "signature", "identity", "nin", "nout")
+"""What besides its function decides on one of numba's wrappers."""
+
+_THIS_PROCESS = secrets.token_hex(16)
+_KNOWN_BY_PLACE: list[object] = []
+"""Objects that are known by where they lie; while they stand here no other can take their place."""
 
 
 def digest(function: Callable[..., Any], **more: object) -> str:
     """Return a hash of the byte code of ``function``, of every helper that it reaches, and of the values they read.
 
-    An edit in a helper in another file changes it; an edit of a comment does not.
+    An edit in a helper in another file changes it; an edit of a comment does not. Where it reaches something whose
+    content cannot be told, it begins with `UNKNOWN` and the name of that, and no other process finds the same.
     """
-    sha = hashlib.sha256(repr(sorted(more.items())).encode())
-    _feed(sha, function, set())
-    return sha.hexdigest()[:16]
+    reading = _Reading()
+    reading.add("options", repr(sorted(more.items())).encode())
+    reading.value(function, ())
+    found = reading.sha.hexdigest()[:16]
+    return f"{UNKNOWN}{reading.unknown} {found}" if reading.unknown else found
+
+
+def unknown_part(key: str) -> str:
+    """Return the name of what made ``key`` hold in this process only; empty where it holds everywhere."""
+    return key.removeprefix(UNKNOWN).rpartition(" ")[0] if key.startswith(UNKNOWN) else ""
 
 
 def own_function(value: object) -> types.FunctionType | None:
     """Return the Python function behind ``value``, or None where it is none (or a library's)."""
     function = getattr(value, "py_func", value)  # whoever wrote it may have put numba.njit above it
-    if isinstance(function, types.FunctionType) and not _of_library(function.__module__):
+    if isinstance(function, types.FunctionType) and not of_library(function.__module__):
         return function
     return None
 
@@ -44,61 +60,110 @@ def _names(code: types.CodeType) -> Iterator[str]:
             yield from _names(constant)
 
 
-def _feed(sha: Any, value: object, seen: set[int]) -> None:  # noqa: ANN401 - hashlib names no type for its objects
-    """Add ``value`` to the hash: code for a function, content for anything else."""
-    function = own_function(value)
-    if function is not None:
-        if id(function) not in seen:
-            seen.add(id(function))
-            _feed_function(sha, function, seen)
-    elif isinstance(value, types.ModuleType):
-        sha.update(_module_content(value))
-    elif isinstance(value, np.ndarray):
-        sha.update(f"{value.dtype}{value.shape}".encode() + value.tobytes())
-    elif isinstance(value, np.generic):
-        sha.update(f"{value.dtype}".encode() + value.tobytes())
-    elif isinstance(value, (tuple, list)):
-        sha.update(f"{len(value)} of".encode())
-        for item in value:
-            _feed(sha, item, seen)
-    elif isinstance(value, type) and hasattr(value, "_fields"):  # a named tuple: which number is which
-        sha.update(f"{value.__qualname__} {value._fields}".encode())
-    elif isinstance(value, (bool, int, float, complex, str, bytes, frozenset, type(None))):
-        sha.update(repr(value).encode())
-    else:
-        sha.update(f"{type(value).__qualname__} {getattr(value, '__qualname__', '')}".encode())
+class _Reading:
+    """A hash, what has gone into it, and the first thing whose content cannot be told."""
 
+    def __init__(self) -> None:
+        self.sha = hashlib.sha256()
+        self.seen: dict[object, int] = {}
+        self.unknown = ""
+        self.name = ""
 
-def _feed_function(sha: Any, function: types.FunctionType, seen: set[int]) -> None:  # noqa: ANN401 - as above
-    _feed_code(sha, function.__code__)
-    _feed(sha, function.__defaults__, seen)
-    for name, value in reached(function).items():
-        sha.update(name.encode())
-        _feed(sha, value, seen)
-    for cell in function.__closure__ or ():
-        _feed(sha, cell.cell_contents, seen)
+    def add(self, kind: str, inside: bytes) -> None:
+        """Add bytes, so that no two sequences of them look alike."""
+        self.sha.update(f"{kind} {len(inside)} ".encode() + inside)
 
+    def value(self, value: Any, names: tuple[str, ...]) -> None:  # noqa: ANN401 - any global of a module
+        """Add ``value``: code for a function, content for anything else.
 
-def _feed_code(sha: Any, code: types.CodeType) -> None:  # noqa: ANN401 - as above
-    sha.update(code.co_code)
-    sha.update(repr((code.co_names, code.co_varnames, code.co_freevars)).encode())
-    for constant in code.co_consts:
-        if isinstance(constant, types.CodeType):
-            _feed_code(sha, constant)
+        ``names`` are those that the code around it uses; of a module only what has one of them is read.
+        """
+        function = own_function(value)
+        if function is not None:
+            self._options(value)
+            self._once(function, lambda: self._function(function))
+        elif isinstance(value, types.ModuleType):
+            self._module(value, names)
+        elif isinstance(value, functools.partial):
+            self.items("partial", (value.func, value.args, value.keywords), names)
+        elif isinstance(value, (tuple, list)):
+            self.items(f"{type(value).__qualname__} {getattr(value, '_fields', '')}", value, names)
+        elif type(value) is dict:
+            self.items("dict", [item for pair in value.items() for item in pair], names)
+        elif isinstance(value, (set, frozenset)):
+            self.items("set", sorted(value, key=repr), names)
+        elif (wrapped := _wrapped(value)) is not None:
+            self._options(value)
+            self._once(wrapped, lambda: self._function(wrapped))
         else:
-            sha.update(repr(constant).encode())
+            self._leaf(value)
+
+    def items(self, kind: str, values: Any, names: tuple[str, ...]) -> None:  # noqa: ANN401 - a sequence of anything
+        """Add each of ``values``."""
+        self.add(kind, str(len(values)).encode())
+        for value in values:
+            self.value(value, names)
+
+    def _once(self, key: object, read: Callable[[], None]) -> None:
+        """Read a function or a module; where it came up before, say which of those it was."""
+        is_new = key not in self.seen
+        self.add("number", str(self.seen.setdefault(key, len(self.seen))).encode())
+        if is_new:
+            read()
+
+    def _function(self, function: types.FunctionType) -> None:
+        names = tuple(sorted(set(_names(function.__code__))))
+        self._code(function.__code__, names)
+        self.items("defaults", function.__defaults__ or (), names)
+        self._named("keywords", function.__kwdefaults__ or {}, names)
+        self._named("globals", reached(function), names)
+        self.items("closure", [cell.cell_contents for cell in function.__closure__ or ()], names)
+
+    def _code(self, code: types.CodeType, names: tuple[str, ...]) -> None:
+        self.add("code", code_content(code))
+        for constant in code.co_consts:
+            if isinstance(constant, types.CodeType):
+                self._code(constant, names)
+            else:
+                self.value(constant, names)
+
+    def _module(self, module: types.ModuleType, names: tuple[str, ...]) -> None:
+        """Read what a module has under one of ``names``; of a library only the name."""
+        if of_library(module.__name__):
+            self.add("library", library_name(module.__name__).encode())
+            return
+        inside = vars(module)
+        if "__getattr__" in inside:
+            self._leaf(inside["__getattr__"])  # what it would return is anybody's guess
+        values = {name: inside[name] for name in names if name in inside}
+        self._once((id(module), names), lambda: self._named(module.__name__, values, names))
+
+    def _named(self, kind: str, values: Mapping[str, Any], names: tuple[str, ...]) -> None:
+        for name in sorted(values):
+            self.add(kind, name.encode())
+            self.name = name
+            self.value(values[name], names)
+
+    def _options(self, value: Any) -> None:  # noqa: ANN401 - a function, or numba's wrapper of one
+        """Add the options with which numba compiles a function that is wrapped already."""
+        for name in OPTIONS if type(value).__module__.startswith("numba.") else ():
+            if name in dir(value):
+                self.add(name, re.sub(r" at 0x\w+", "", str(getattr(value, name))).encode())
+
+    def _leaf(self, value: Any) -> None:  # noqa: ANN401 - as above
+        inside = content(value)
+        if inside is None:
+            _KNOWN_BY_PLACE.append(value)
+            self.unknown = self.unknown or f"{self.name} ({type(value).__name__})"
+            inside = f"{_THIS_PROCESS} {id(value)}".encode()
+        self.add("value", inside)
 
 
-def _module_content(module: types.ModuleType) -> bytes:
-    """The source of a module (its constants may be read); of a library only the name."""
-    if _of_library(module.__name__):
-        return module.__name__.encode()
-    try:
-        source = inspect.getsourcefile(module)
-    except TypeError:
-        source = None
-    return Path(source).read_bytes() if source else module.__name__.encode()
+def _wrapped(value: Any) -> types.FunctionType | None:  # noqa: ANN401 - as above
+    """Return the function behind one of numba's other wrappers: vectorize, guvectorize, cfunc, intrinsic."""
+    function = getattr(value, "__wrapped__", None) if type(value).__module__.startswith("numba.") else None
+    return function if isinstance(function, types.FunctionType) and not _told_by_name(function.__module__) else None
 
 
-def _of_library(module: str | None) -> bool:
-    return (module or "").split(".", 1)[0] in LIBRARIES
+def _told_by_name(module: str | None) -> bool:
+    return of_library(module) or (module or "").startswith(OWN)

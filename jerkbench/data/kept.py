@@ -33,7 +33,7 @@ def kept() -> Iterator[Kept]:
     from jerkbench.compilation import entry
 
     yield Kept(
-        "compiled filters and adaptations", cache_folder(entry.COMPILED), ("jerkbench_*.py", "__pycache__/jerkbench_*")
+        "compiled filters and adaptations", cache_folder(entry.COMPILED), ("jerkbench_*", "__pycache__/jerkbench_*")
     )
     yield Kept("what was read of bags", cache_folder(extract.BAGS), (extract.PATTERN,))
     yield Kept("simulated recordings", cache_folder(simulated.SIMULATED), (simulated.PATTERN,))

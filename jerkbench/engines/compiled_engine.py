@@ -1,16 +1,17 @@
 """The fast engine: the same filter, compiled."""
 
-import sys
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import cast
 
+from jerkbench.compilation.entry import can_compile
 from jerkbench.contracts import Adaptation, Filter
 from jerkbench.engines.compiled.arguments import Rule
 from jerkbench.engines.compiled.rule import rule_of
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.estimate import Estimate
+from jerkbench.notices import notify
 from jerkbench.plugins import register
 from jerkbench.streamed import Run, Streamed
 from jerkbench.timeline.timeline import Timeline
@@ -49,7 +50,8 @@ class CompiledEngine:
         """Begin to compile what `run` will need, beside what this process does until then."""
         from jerkbench.engines.compiled.single.entry import compile_beside
 
-        compile_beside(2 + len(model.initial_variances()))
+        if can_compile():
+            compile_beside(2 + len(model.initial_variances()))
 
     def run_many(
         self, runs: Sequence[Run], model: Filter, adaptation: Adaptation, *, updates: bool, threads: int
@@ -76,6 +78,9 @@ class CompiledEngine:
 
 def compiled_rule(adaptation: Adaptation) -> Rule | None:
     """Return the compiled adaptation, or None, with one line that says why numba cannot compile it."""
+    if not can_compile():
+        notify("runs go on the engine filterpy, because NUMBA_DISABLE_JIT is set: numba compiles nothing")
+        return None
     if _reason(cast("Hashable", adaptation)):
         return None
     return rule_of(adaptation)
@@ -90,7 +95,7 @@ def _reason(adaptation: Hashable) -> str:
         rule_of(cast("Adaptation", adaptation))
     except (NumbaError, UnsupportedBytecodeError, TypeError) as error:
         reason = _first_sentence(str(error))
-        sys.stderr.write(f"jerkbench: {type(adaptation).__name__} runs on the engine filterpy: {reason}\n")
+        notify(f"{type(adaptation).__name__} runs on the engine filterpy: {reason}")
         return reason
     return ""
 
