@@ -92,14 +92,10 @@ class Estimator(Protocol):
 class Adaptation(Protocol):
     """A rule that changes R (and may fade P) between predict and update.
 
-    Two things are optional. ``fade(self, innovation, HPHt, R, rows, memory) -> float`` is called first and gives a
-    factor on the prior covariance. A class attribute ``wants_true_covariance = True`` asks for the true
-    covariance as R.
+    Three things are optional. ``memory_size(self) -> int`` is the length of the memory that `adapt` gets; without it
+    there is none. ``fade(self, innovation, HPHt, R, rows, memory) -> float`` is called first and gives a factor on the
+    prior covariance. A class attribute ``wants_true_covariance = True`` asks for the true covariance as R.
     """
-
-    def memory_size(self) -> int:
-        """Return the length of the memory that `adapt` gets."""
-        ...
 
     def adapt(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
@@ -111,7 +107,7 @@ class Adaptation(Protocol):
             HPHt: (m, m) H P- H'.
             R: (m, m) as reported, diagonal not below the floor.
             rows: (m,) which of the six rows these are (0-2 position, 3-5 velocity).
-            memory: float64 vector, zero at the start of a run; the only argument that may be changed in place.
+            memory: (``memory_size()``,) float64, zero at the start of a run; only this may be changed in place.
 
         Returns:
             (m, m). An infinite variance drops its row; with all dropped there is no update.

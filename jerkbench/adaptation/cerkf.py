@@ -57,10 +57,6 @@ class CentredErrorEntropy:
         if self.passes < 1:
             raise PluginError(f"cerkf.passes is {self.passes}; it must be at least 1.")
 
-    def memory_size(self) -> int:
-        """Return 0: nothing is remembered."""
-        return 0
-
     def adapt(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
     ) -> FloatArray:

@@ -42,10 +42,6 @@ class Federated:
         if not 0 < self.beta < 1:
             raise PluginError(f"federated.beta is {self.beta}; it must lie between 0 and 1.")
 
-    def memory_size(self) -> int:
-        """Return 0: nothing is remembered."""
-        return 0
-
     def adapt(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
     ) -> FloatArray:

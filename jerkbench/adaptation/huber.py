@@ -38,10 +38,6 @@ class Huber:
         if not self.threshold > 0:
             raise PluginError(f"huber.threshold is {self.threshold}; it must be above 0.")
 
-    def memory_size(self) -> int:
-        """Return 0: nothing is remembered."""
-        return 0
-
     def adapt(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
     ) -> FloatArray:

@@ -16,10 +16,6 @@ class NoAdaptation:
     Source: the Kalman filter (R. E. Kalman, 1960, doi:10.1115/1.3662552).
     """
 
-    def memory_size(self) -> int:
-        """Return 0: nothing is remembered."""
-        return 0
-
     def adapt(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
     ) -> FloatArray:

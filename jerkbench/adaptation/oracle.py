@@ -19,10 +19,6 @@ class Oracle:
 
     wants_true_covariance: ClassVar[bool] = True
 
-    def memory_size(self) -> int:
-        """Return 0: nothing is remembered."""
-        return 0
-
     def adapt(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
     ) -> FloatArray:

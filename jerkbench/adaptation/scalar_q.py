@@ -38,10 +38,6 @@ class ScalarQ:
         if not self.limit >= 1:
             raise PluginError(f"scalar_q.limit is {self.limit}; it must be at least 1.")
 
-    def memory_size(self) -> int:
-        """Return 0: nothing is remembered."""
-        return 0
-
     def fade(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
     ) -> float:

@@ -23,10 +23,6 @@ class ScalarR:
     reduced to one scalar), the scalar scheme that the paper compares with.
     """
 
-    def memory_size(self) -> int:
-        """Return 0: nothing is remembered."""
-        return 0
-
     def adapt(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
     ) -> FloatArray:

@@ -45,10 +45,6 @@ class StatisticalSimilarity:
                 f"ssmkf.nu is {self.nu} and passes {self.passes}; nu must be above 0 and passes at least 1."
             )
 
-    def memory_size(self) -> int:
-        """Return 0: nothing is remembered."""
-        return 0
-
     def adapt(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
     ) -> FloatArray:

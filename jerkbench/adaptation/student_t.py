@@ -37,10 +37,6 @@ class StudentT:
         if not self.nu > 0:
             raise PluginError(f"student_t.nu is {self.nu}; it must be above 0.")
 
-    def memory_size(self) -> int:
-        """Return 0: nothing is remembered."""
-        return 0
-
     def adapt(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
     ) -> FloatArray:

@@ -10,6 +10,7 @@ from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.conformance.matrices import require_covariance, require_finite, require_shape
 from jerkbench.conformance.require import require
 from jerkbench.conformance.same import same
+from jerkbench.memory import Remembering
 from jerkbench.streams import stream
 
 ROWS = ((0, 1, 2, 3, 4, 5), (0, 1, 2), (3, 4, 5), (4,), (2,), (0, 1, 4))
@@ -39,7 +40,7 @@ def check_adaptation(plugin: Any) -> None:  # noqa: ANN401 - it is what is being
             covariance, or leaves NaN in the memory.
     """
     what = type(plugin).__name__
-    size = plugin.memory_size()
+    size = plugin.memory_size() if isinstance(plugin, Remembering) else 0
     require(isinstance(size, int), f"{what}.memory_size() is {size!r}; it must be a whole number.")
     require(size >= 0, f"{what}.memory_size() is {size}; it must not be negative.")
     updates = list(_updates())

@@ -9,6 +9,7 @@ from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.contracts import Adaptation, Filter
 from jerkbench.errors import PluginError, unknown
 from jerkbench.estimate import Estimate
+from jerkbench.memory import empty_memory
 from jerkbench.plugins import register
 from jerkbench.timeline.recorder import Recorder
 from jerkbench.timeline.timeline import Timeline
@@ -54,7 +55,7 @@ class _Run:
         measured = timeline.measurements
         self.z, self.reported = measured.z, measured.R
         self.R = measured.R_true if getattr(adaptation, "wants_true_covariance", False) else measured.R
-        self.memory = np.zeros(adaptation.memory_size())
+        self.memory = empty_memory(adaptation)
         self.fade = getattr(adaptation, "fade", None)
         self.kf = _new_filter(timeline, model)
         self.H = np.eye(6, self.kf.dim_x)

@@ -15,6 +15,7 @@ from jerkbench.filters._linear import StepModels, initial, is_healthy, squared_d
 from jerkbench.filters.baseline import Baseline
 from jerkbench.filters.bias import Bias
 from jerkbench.filters.jerk import Jerk
+from jerkbench.memory import empty_memory
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 from jerkbench.timeline.recorder import Recorder
@@ -159,7 +160,7 @@ class _Update:
         measured = timeline.measurements
         self.measured, self.adaptation, self.recorder = measured, adaptation, recorder
         self.R = measured.R_true if getattr(adaptation, "wants_true_covariance", False) else measured.R
-        self.memory = np.zeros(adaptation.memory_size())
+        self.memory = empty_memory(adaptation)
 
     def __call__(self, row: int, x: FloatArray, P: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return x and P after the measurement ``row``; both as they were if every row of it is dropped."""

@@ -15,6 +15,7 @@ from jerkbench.inertial.measurement_models import heading, point_in_enu, velocit
 from jerkbench.inertial.mechanisation import advance, calibrated
 from jerkbench.inertial.state import PHI, NavigationState, corrected, is_finite
 from jerkbench.inertial.update import carried_over, correction
+from jerkbench.memory import empty_memory
 from jerkbench.recording import Heading, Imu
 from jerkbench.timeline.recorder import Recorder
 from jerkbench.timeline.timeline import Timeline
@@ -25,10 +26,6 @@ STRETCH = 512
 
 class Adapts(Protocol):
     """What a run needs of an adaptation; `jerkbench.contracts.Adaptation` has it."""
-
-    def memory_size(self) -> int:
-        """Return the length of the memory."""
-        ...
 
     def adapt(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
@@ -107,7 +104,7 @@ class InertialRun:
         """Put a run together; it starts from the state and covariance of ``start``."""
         self.imu, self.timeline, self.headings, self.settings = imu, timeline, headings, settings
         self.state, self.P = start
-        self.adaptation, self.memory = adaptation, np.zeros(adaptation.memory_size())
+        self.adaptation, self.memory = adaptation, empty_memory(adaptation)
         measured = timeline.measurements
         self.R = measured.R_true if getattr(adaptation, "wants_true_covariance", False) else measured.R
         self.noises: dict[int, FloatArray] = {}

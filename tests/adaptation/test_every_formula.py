@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from sequences import diagonal_sequence, sequence
 
+from jerkbench.memory import empty_memory
 from jerkbench.plugins import create
 
 ADAPT = {
@@ -30,7 +31,7 @@ FADE = {"scalar_q": lambda: naive.naive_scalar_q, "adaptive_q": lambda: naive.Na
 
 
 def assert_agree(plugin, oracle, updates, rtol=1e-9):
-    memory = np.zeros(plugin.memory_size())
+    memory = empty_memory(plugin)
     changed = 0
     for y, HPHt, R, rows in updates:
         adapted = plugin.adapt(y, HPHt, R, rows, memory)
@@ -61,7 +62,7 @@ def test_weights_agree_with_the_information_form(name, seed):
 @pytest.mark.parametrize("name", FADE)
 def test_the_factor_on_the_prior_agrees_with_the_formulas_written_out(name, seed):
     plugin, oracle = create("adaptation", {"name": name}), FADE[name]()
-    memory, factors = np.zeros(plugin.memory_size()), []
+    memory, factors = empty_memory(plugin), []
     for update in sequence(seed, length=200):
         factors.append(plugin.fade(*update, memory))
         assert factors[-1] == pytest.approx(oracle(naive.Update(*update)), rel=1e-12)

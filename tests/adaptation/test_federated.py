@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from jerkbench.filters.jerk import Jerk
+from jerkbench.memory import empty_memory
 from jerkbench.plugins import create
 
 BLOCKS = (slice(0, 3), slice(3, 6))
@@ -39,7 +40,7 @@ def central_update(x, P, z, R, adaptation):
     """The update of the engine, in the textbook's form."""
     n = len(x)
     innovation, HPHt = z - x[:6], P[:6, :6]
-    adapted = adaptation.adapt(innovation, HPHt, R, np.arange(6), np.zeros(adaptation.memory_size()))
+    adapted = adaptation.adapt(innovation, HPHt, R, np.arange(6), empty_memory(adaptation))
     K = P[:, :6] @ np.linalg.inv(HPHt + adapted)
     rest = np.eye(n) - K @ np.eye(6, n)
     return x + K @ innovation, rest @ P @ rest.T + K @ adapted @ K.T

@@ -8,6 +8,7 @@ from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.adaptation.sage_husa import SageHusa
 from jerkbench.adaptation.scalar_r import ScalarR
 from jerkbench.errors import PluginError
+from jerkbench.memory import empty_memory
 
 ALL_ROWS = np.arange(6)
 
@@ -21,7 +22,7 @@ def random_case(rng, rows=ALL_ROWS, scale=3.0):
 
 
 def adapt(adaptation, case, rows=ALL_ROWS, memory=None):
-    memory = np.zeros(adaptation.memory_size()) if memory is None else memory
+    memory = empty_memory(adaptation) if memory is None else memory
     return adaptation.adapt(*case, rows, memory)
 
 
@@ -29,7 +30,7 @@ def adapt(adaptation, case, rows=ALL_ROWS, memory=None):
 def test_the_reported_r_is_not_changed_in_place(adaptation):
     case = random_case(np.random.default_rng(0))
     before = case[2].copy()
-    memory = np.zeros(adaptation.memory_size())
+    memory = empty_memory(adaptation)
     for _ in range(3):
         adapt(adaptation, case, memory=memory)
 
@@ -66,7 +67,7 @@ def test_below_the_threshold_nothing_is_adapted():
 
 def test_the_window_is_the_mean_of_the_last_squared_innovations_triggered_or_not():
     rng, mtf = np.random.default_rng(2), Mtf(window=4)
-    memory, history = np.zeros(mtf.memory_size()), []
+    memory, history = empty_memory(mtf), []
     for k in range(12):
         y, HPHt, R = case = random_case(rng, scale=0.1 if k % 3 else 3.0)
         history.append(y**2)
@@ -78,7 +79,7 @@ def test_the_window_is_the_mean_of_the_last_squared_innovations_triggered_or_not
 
 def test_the_guard_lets_only_the_first_hits_of_a_sequence_inflate():
     mtf = Mtf(guard=2)
-    memory = np.zeros(mtf.memory_size())
+    memory = empty_memory(mtf)
     hit, miss = np.array([10.0, 0, 0, 0, 0, 0]), np.zeros(6)
     inflated = []
     for y in (hit, hit, hit, hit, miss, hit):
@@ -89,7 +90,7 @@ def test_the_guard_lets_only_the_first_hits_of_a_sequence_inflate():
 
 
 def test_memory_belongs_to_a_row_and_advances_only_when_it_is_there():
-    sage, memory = SageHusa(), np.zeros(SageHusa().memory_size())
+    sage, memory = SageHusa(), empty_memory(SageHusa())
     position, velocity = np.arange(3), np.arange(3, 6)
     y, eye = np.full(3, 5.0), np.eye(3)
     for _ in range(3):
@@ -102,7 +103,7 @@ def test_memory_belongs_to_a_row_and_advances_only_when_it_is_there():
 
 def test_sage_husa_finds_the_true_variance_of_a_sensor_that_reports_too_little():
     rng, sage = np.random.default_rng(4), SageHusa(forgetting=0.995)
-    memory, row, found = np.zeros(SageHusa().memory_size()), np.array([0]), []
+    memory, row, found = empty_memory(SageHusa()), np.array([0]), []
     for _ in range(4000):
         y = rng.normal(0.0, np.sqrt(2.0 + 9.0), 1)  # h = 2, the true r = 9, reported 1
         found.append(adapt(sage, (y, np.array([[2.0]]), np.array([[1.0]])), rows=row, memory=memory)[0, 0])
@@ -112,7 +113,7 @@ def test_sage_husa_finds_the_true_variance_of_a_sensor_that_reports_too_little()
 
 def test_sage_husa_stays_between_its_bounds_and_makes_r_diagonal():
     rng, sage = np.random.default_rng(5), SageHusa(low=0.5, high=2.0)
-    memory = np.zeros(sage.memory_size())
+    memory = empty_memory(sage)
     for k in range(50):
         case = random_case(rng, scale=10.0 if k % 2 else 0.01)
         adapted = adapt(sage, case, memory=memory)

@@ -9,6 +9,7 @@ import pytest
 from sequences import sequence
 
 from jerkbench import plugins
+from jerkbench.memory import empty_memory
 
 numba = pytest.importorskip("numba")
 NAMES = plugins.names("adaptation")
@@ -45,7 +46,7 @@ def done():
 def test_compiled_and_plain_agree(name, done):
     plugin = plugins.create("adaptation", {"name": name})
     self = parameters(plugin)
-    memories = np.zeros((2, plugin.memory_size()))
+    memories = np.tile(empty_memory(plugin), (2, 1))
     for method in ("fade", "adapt"):
         if not hasattr(plugin, method):
             continue

@@ -7,6 +7,7 @@ from sequences import sequence
 
 from jerkbench.adaptation._chi2 import chi2_tail
 from jerkbench.errors import PluginError
+from jerkbench.memory import empty_memory
 from jerkbench.plugins import create
 
 ONE = np.array([0])
@@ -19,7 +20,7 @@ def make(name, **parameters):
 
 
 def run(plugin, updates):
-    memory = np.zeros(plugin.memory_size())
+    memory = empty_memory(plugin)
     return [plugin.adapt(*update, memory) for update in updates]
 
 
@@ -85,7 +86,7 @@ def test_iae_reports_until_ten_are_there_and_counts_each_row_apart():
     full = np.array([[2.0, 0.5], [0.5, 3.0]])
     both, first = np.array([0, 4]), np.array([0])
     plugin = make("iae")
-    memory = np.zeros(plugin.memory_size())
+    memory = empty_memory(plugin)
     for _ in range(5):
         plugin.adapt(np.array([9.0]), np.eye(1), np.array([[2.0]]), first, memory)
     for _ in range(4):
@@ -213,7 +214,7 @@ def test_adaptive_q_opens_a_filter_whose_prior_is_too_small_and_leaves_one_that_
     rng = np.random.default_rng(9)
     for scale, low, high in [(1.0, 1.0, 1.3), (25.0, 4.2, 5.8)]:
         plugin = make("adaptive_q", window=300)
-        memory = np.zeros(plugin.memory_size())
+        memory = empty_memory(plugin)
         y = rng.normal(size=400) * np.sqrt(scale + 1.0)
         factors = [plugin.fade(*scalar_update(value), memory) for value in y]
         assert factors[:299] == [1.0] * 299

@@ -4,11 +4,10 @@ from collections.abc import Hashable
 from functools import lru_cache
 from typing import cast
 
-import numpy as np
-
 from jerkbench.compilation.methods import Method, address_of, compiled_method, parameter_vector
 from jerkbench.contracts import Adaptation
 from jerkbench.engines.compiled.arguments import Rule
+from jerkbench.memory import empty_memory
 
 GIVEN = (
     ("innovation", "float64", "m"),
@@ -30,7 +29,7 @@ def rule_of(adaptation: Adaptation) -> Rule:
         TypeError: `adapt` is no plain function.
     """
     adapt, fade = _addresses(cast("Hashable", adaptation))
-    return Rule(parameter_vector(adaptation), np.zeros(adaptation.memory_size()), adapt, fade)
+    return Rule(parameter_vector(adaptation), empty_memory(adaptation), adapt, fade)
 
 
 @lru_cache(maxsize=256)
