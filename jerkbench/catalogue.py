@@ -66,7 +66,7 @@ def _list_kind(kind: str) -> str:
 def _plugin_lines(kind: str) -> Iterator[tuple[str, str]]:
     for name in plugins.names(kind):
         cls = plugins.get(kind, name)
-        foreign = "" if _is_own(cls) else f" [{cls.__module__.split('.')[0]}]"
+        foreign = "" if plugins.is_own(cls) else f" [{cls.__module__.split('.')[0]}]"
         yield name, (inspect.getdoc(cls) or "").split("\n", 1)[0] + foreign
 
 
@@ -99,7 +99,3 @@ def _default(f: "dataclasses.Field[object]") -> str:
 
 def _home(cls: type) -> str:
     return f"{cls.__module__}.{cls.__qualname__}"
-
-
-def _is_own(cls: type) -> bool:
-    return cls.__module__.split(".")[0] == "jerkbench"

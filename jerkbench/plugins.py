@@ -61,6 +61,11 @@ def get(kind: str, name: str) -> type:
     return known[name]
 
 
+def is_own(cls: type) -> bool:
+    """Whether the plugin is one of this package's."""
+    return cls.__module__.partition(".")[0] == "jerkbench"
+
+
 def names(kind: str) -> list[str]:
     """Names of all plugins of ``kind``, sorted."""
     return sorted(_of_kind(kind))

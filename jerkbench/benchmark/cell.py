@@ -151,17 +151,30 @@ def _part(kind: str, config: Mapping[str, Any]) -> Any:  # noqa: ANN401 - the ki
 
     They never change, so cells may share them.
     """
+    cls = plugins.get(kind, str(config.get("name")))
     try:
         text = json.dumps(config)
     except TypeError:  # from Python a parameter may be anything
-        return plugins.create(kind, config)
-    return _made(kind, plugins.get(kind, str(config.get("name"))), text)
+        return _whole(kind, plugins.create(kind, config))
+    return _made(kind, cls, text)
 
 
 @lru_cache(maxsize=4096)
 def _made(kind: str, cls: type, config: str) -> Any:  # noqa: ANN401 - as above
     del cls  # the name may stand for another one by now
-    return plugins.create(kind, json.loads(config))
+    return _whole(kind, plugins.create(kind, json.loads(config)))
+
+
+def _whole(kind: str, plugin: Any) -> Any:  # noqa: ANN401 - as above
+    """Refuse a plugin from elsewhere that lacks a method, which would show late and in nobody's words."""
+    if not plugins.is_own(type(plugin)):
+        from jerkbench.conformance.methods import require_methods
+
+        try:
+            require_methods(kind, plugin)
+        except AssertionError as error:
+            raise PluginError(str(error)) from error
+    return plugin
 
 
 def refusal(cell: Cell) -> str:

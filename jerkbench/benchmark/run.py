@@ -7,8 +7,9 @@ from jerkbench.benchmark import inputs
 from jerkbench.benchmark.blame import plugins_in_words, reason_of
 from jerkbench.benchmark.cell import Cell
 from jerkbench.benchmark.streaming import Found, streamed_values, streams
+from jerkbench.benchmark.unfit import unfit
 from jerkbench.contracts import Estimator
-from jerkbench.errors import JerkbenchError
+from jerkbench.errors import JerkbenchError, PluginError
 from jerkbench.estimate import Estimate
 from jerkbench.evaluation.run import evaluate_run, run_status
 from jerkbench.recording import Recording
@@ -43,6 +44,9 @@ def run_open(cell: Cell, fingerprint: str, draws: Sequence[int] = (), threads: i
 
 def run_pieces(cell: Cell, fingerprint: str, draws: Sequence[int], threads: int = 1) -> Pieces:
     """`run_cell`, piece by piece: the seeds that run side by side, or one that runs alone."""
+    if sentence := unfit(cell):
+        yield failed_rows(cell, draws, sentence), []
+        return
     yield from _pieces(cell, fingerprint, draws, threads, _guarded_row)
 
 
@@ -52,6 +56,8 @@ def run_open_pieces(cell: Cell, fingerprint: str, draws: Sequence[int], threads:
     Raises:
         JerkbenchError: what is wrong with the input or a plugin.
     """
+    if sentence := unfit(cell):
+        raise PluginError(sentence)
     with plugins_in_words(cell):
         yield from _pieces(cell, fingerprint, draws, threads, _row)
 

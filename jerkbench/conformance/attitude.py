@@ -5,11 +5,16 @@ from typing import Any
 import numpy as np
 
 from jerkbench.conformance.matrices import require_finite, require_shape
+from jerkbench.conformance.methods import require_methods
 from jerkbench.conformance.recordings import small_recording
 from jerkbench.conformance.require import require
 from jerkbench.conformance.same import pure_result
 from jerkbench.estimate import Attitude
 from jerkbench.geometry import dcm_from_euler
+from jerkbench.recording import Recording
+
+SHAPES = {"dcm": (3, 3), "euler_rad": (3,), "accel_enu_mps2": (3,)}
+"""Of the arrays of an attitude, at each stamp."""
 
 
 def check_attitude(plugin: Any) -> None:  # noqa: ANN401 - it is what is being checked
@@ -19,18 +24,26 @@ def check_attitude(plugin: Any) -> None:  # noqa: ANN401 - it is what is being c
         AssertionError: stamps, shapes or types are wrong, a matrix is no rotation or does not belong to its angles.
     """
     what = type(plugin).__name__
-    recording = small_recording()
+    require_methods("attitude", plugin)
+    attitude = attitude_of(what, plugin, small_recording())
+    for name in SHAPES:
+        require_finite(f"{what}: {name}", getattr(attitude, name))
+    triggered = np.asarray(attitude.triggered)
+    require(triggered.dtype == np.bool_, f"{what}: triggered is of {triggered.dtype}; it must be of bool.")
+    _check_rotations(what, attitude)
+
+
+def attitude_of(what: str, plugin: Any, recording: Recording) -> Attitude:  # noqa: ANN401 - as above
+    """Return the attitude, checked for stamps and shapes, and for being the same the second time."""
     attitude = pure_result(f"{what}.estimate()", plugin.estimate, recording)
     require(isinstance(attitude, Attitude), f"{what}.estimate() gives a {type(attitude).__name__}, not an Attitude.")
     n = len(recording.imu.t_s)
     require(np.array_equal(attitude.t_s, recording.imu.t_s), f"{what}: t_s must be the stamps of the IMU.")
-    for name, shape in [("dcm", (n, 3, 3)), ("euler_rad", (n, 3)), ("accel_enu_mps2", (n, 3))]:
-        require_shape(f"{what}: {name}", getattr(attitude, name), shape)
-        require_finite(f"{what}: {name}", getattr(attitude, name))
-    triggered = np.asarray(attitude.triggered)
-    require(triggered.shape == (n,), f"{what}: triggered has shape {triggered.shape}; it must be ({n},).")
-    require(triggered.dtype == np.bool_, f"{what}: triggered is of {triggered.dtype}; it must be of bool.")
-    _check_rotations(what, attitude)
+    for name, shape in SHAPES.items():
+        require_shape(f"{what}: {name}", getattr(attitude, name), (n, *shape))
+    triggered = np.shape(attitude.triggered)
+    require(triggered == (n,), f"{what}: triggered has shape {triggered}; it must be ({n},).")
+    return attitude  # type: ignore[no-any-return]  # it was asked
 
 
 def _check_rotations(what: str, attitude: Attitude) -> None:

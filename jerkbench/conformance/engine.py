@@ -6,6 +6,7 @@ import numpy as np
 
 from jerkbench.adaptation.mtf import Mtf
 from jerkbench.conformance.kinematic import check_estimate
+from jerkbench.conformance.methods import require_methods
 from jerkbench.conformance.recordings import small_recording, true_attitude
 from jerkbench.conformance.require import require
 from jerkbench.conformance.same import pure_result
@@ -23,6 +24,7 @@ def check_engine(plugin: Any) -> None:  # noqa: ANN401 - it is what is being che
         AssertionError: it does not.
     """
     what = type(plugin).__name__
+    require_methods("engine", plugin)
     recording = small_recording()
     timeline = build_timeline(recording, true_attitude(recording))
     got = pure_result(f"{what}.run()", plugin.run, timeline, Jerk(), Mtf())

@@ -7,6 +7,7 @@ import numpy as np
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.arrays import FloatArray
 from jerkbench.conformance.matrices import require_covariance, require_finite, require_shape
+from jerkbench.conformance.methods import require_methods
 from jerkbench.conformance.recordings import small_recording, true_attitude
 from jerkbench.conformance.require import require
 from jerkbench.conformance.same import pure_result
@@ -30,23 +31,41 @@ def check_filter(plugin: Any) -> None:  # noqa: ANN401 - it is what is being che
             follow velocity, or a run over a small recording that fails.
     """
     what = type(plugin).__name__
+    require_methods("filter", plugin)
     if isinstance(plugin, Filter):
-        n = 2 + len(plugin.initial_variances())
-        require_shape(f"{what}.initial_variances()", plugin.initial_variances(), (n - 2,))
+        n = require_initial_variances(what, plugin)
         require_covariance(f"{what}.initial_variances()", np.diag(plugin.initial_variances()))
         for dt, dt0 in INTERVALS_S:
             _check_model(f"{what}.axis_model({dt:g}, {dt0:g})", plugin, n, dt, dt0)
         _check_instant(plugin, n)
         _check_run(plugin)
     else:
-        require(isinstance(plugin, Estimator), f"{what} has neither axis_model() nor estimate(); it needs one of them.")
         _check_estimator(plugin)
 
 
-def _check_model(what: str, plugin: Filter, n: int, dt: float, dt0: float) -> None:
-    A, b, Q = pure_result(what, plugin.axis_model, dt, dt0)
-    for name, part, shape in [("A", A, (n, n)), ("b", b, (n,)), ("Q", Q, (n, n))]:
+def require_initial_variances(what: str, plugin: Filter) -> int:
+    """Check that they are a vector; returns the number of states on an axis."""
+    given = pure_result(f"{what}.initial_variances()", plugin.initial_variances)
+    require_shape(f"{what}.initial_variances()", given, (np.size(given),))
+    return 2 + len(given)
+
+
+def axis_model_of(
+    what: str, plugin: Filter, n: int, dt: float, dt0: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return A, b and Q, checked for their shapes, and for being the same the second time."""
+    given = pure_result(what, plugin.axis_model, dt, dt0)
+    three = isinstance(given, tuple) and len(given) == 3
+    require(three, f"{what} gives a {type(given).__name__}; it must be the three matrices A, b, Q.")
+    for name, part, shape in zip("AbQ", given, [(n, n), (n,), (n, n)], strict=True):
         require_shape(f"{name} of {what}", part, shape)
+    A, b, Q = given
+    return A, b, Q
+
+
+def _check_model(what: str, plugin: Filter, n: int, dt: float, dt0: float) -> None:
+    A, b, Q = axis_model_of(what, plugin, n, dt, dt0)
+    for name, part in [("A", A), ("b", b), ("Q", Q)]:
         require_finite(f"{name} of {what}", part)
     require_covariance(f"Q of {what}", Q)
     require(

@@ -6,6 +6,7 @@ import numpy as np
 
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.arrays import BoolArray
+from jerkbench.conformance.methods import require_methods
 from jerkbench.conformance.recordings import small_recording, true_attitude
 from jerkbench.conformance.require import require
 from jerkbench.conformance.same import pure_result
@@ -23,13 +24,14 @@ def check_metric(plugin: Any) -> None:  # noqa: ANN401 - it is what is being che
         AssertionError: the values are no floats by name, or the names depend on the run.
     """
     what = type(plugin).__name__
+    require_methods("metric", plugin)
     recording = small_recording()
     estimate = FilterpyEngine().run(build_timeline(recording, true_attitude(recording)), Baseline(), NoAdaptation())
     every = np.ones(len(estimate.index), dtype=bool)
-    names = list(_values(what, plugin, estimate, recording, every))
+    names = list(values_of(what, plugin, estimate, recording, every))
     require(names, f"{what}.evaluate() gives no value.")
     for counted in (estimate.index > estimate.index[-10], ~every):
-        others = list(_values(what, plugin, estimate, recording, counted))
+        others = list(values_of(what, plugin, estimate, recording, counted))
         require(
             others == names,
             f"{what}.evaluate() names {others} where fewer rows count, and {names} where all do; a value that does not"
@@ -37,13 +39,14 @@ def check_metric(plugin: Any) -> None:  # noqa: ANN401 - it is what is being che
         )
 
 
-def _values(
+def values_of(
     what: str,
     plugin: Any,  # noqa: ANN401 - as above
     estimate: Estimate,
     recording: Recording,
     counted: BoolArray,
 ) -> dict[str, float]:
+    """Return what the metric gives, checked for names and numbers, and for being the same the second time."""
     values: dict[str, float] = pure_result(f"{what}.evaluate()", plugin.evaluate, estimate, recording, counted)
     require(isinstance(values, dict), f"{what}.evaluate() gives a {type(values).__name__}; it must be a dictionary.")
     for name, value in values.items():

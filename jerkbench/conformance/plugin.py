@@ -10,6 +10,7 @@ from jerkbench.conformance.adaptation import check_adaptation
 from jerkbench.conformance.attitude import check_attitude
 from jerkbench.conformance.engine import check_engine
 from jerkbench.conformance.kinematic import check_filter
+from jerkbench.conformance.methods import require_methods
 from jerkbench.conformance.metric import check_metric
 from jerkbench.conformance.require import require
 from jerkbench.conformance.sources import check_dataset, check_disturbance
@@ -38,6 +39,7 @@ def check_plugin(kind: str, plugin: Any) -> None:  # noqa: ANN401 - it is what i
         raise PluginError(unknown("kind of plugin", kind, CHECKS))
     _check_class(type(plugin))
     _check_value(plugin)
+    require_methods(kind, plugin)
     CHECKS[kind](plugin)
 
 

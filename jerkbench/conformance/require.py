@@ -1,7 +1,11 @@
 """One line of a check."""
 
 
+class Unfit(AssertionError):  # noqa: N818 - pytest shows an assertion's sentence best
+    """Something that a plugin promises and does not keep; other assertions are the plugin's own."""
+
+
 def require(ok: object, sentence: str) -> None:
-    """Raise an AssertionError with ``sentence`` unless ``ok``; unlike `assert` also under ``python -O``."""
+    """Raise an `Unfit` with ``sentence`` unless ``ok``; unlike `assert` also under ``python -O``."""
     if not ok:
-        raise AssertionError(sentence)
+        raise Unfit(sentence)

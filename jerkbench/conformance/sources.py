@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from jerkbench.conformance.methods import require_methods
 from jerkbench.conformance.recordings import small_recording
 from jerkbench.conformance.require import require
 from jerkbench.conformance.same import pure_result, same
@@ -18,7 +19,7 @@ def check_dataset(plugin: Any) -> None:  # noqa: ANN401 - it is what is being ch
         AssertionError: it loads something that is no recording, is not repeatable, or lies about ``seeded``.
     """
     what = type(plugin).__name__
-    _check_seeded(what, plugin)
+    require_methods("dataset", plugin)
     first = pure_result(f"{what}.load(0)", plugin.load, 0)
     require(isinstance(first, Recording), f"{what}.load() gives a {type(first).__name__}; it must be a Recording.")
     _check_positions(what, plugin, first)
@@ -47,25 +48,23 @@ def check_disturbance(plugin: Any) -> None:  # noqa: ANN401 - as above
             ``replicates``.
     """
     what = type(plugin).__name__
-    _check_seeded(what, plugin)
+    require_methods("disturbance", plugin)
     n = plugin.replicates()
     require(isinstance(n, int), f"{what}.replicates() is {n!r}; it must be a whole number.")
     require(n >= 1, f"{what}.replicates() is {n}; it must be at least 1.")
     recording = small_recording(LONG_S)
     for seed in (0, 3):
-        disturbed = pure_result(f"{what}.apply()", plugin.apply, recording, seed)
-        require(
-            isinstance(disturbed, Recording),
-            f"{what}.apply() gives a {type(disturbed).__name__}; it must be a Recording.",
-        )
+        first = disturbed(what, plugin, recording, seed)
         if not plugin.seeded:
             require(
-                same(disturbed, plugin.apply(recording, seed + n)),
+                same(first, plugin.apply(recording, seed + n)),
                 f"{what}.apply() gives different results for seeds {seed} and {seed + n}, but it is not seeded and has"
                 f" {n} replicates.",
             )
 
 
-def _check_seeded(what: str, plugin: Any) -> None:  # noqa: ANN401 - as above
-    seeded = getattr(plugin, "seeded", None)
-    require(isinstance(seeded, bool), f"{what}.seeded is {seeded!r}; it must be True or False.")
+def disturbed(what: str, plugin: Any, recording: Recording, seed: int) -> Recording:  # noqa: ANN401 - as above
+    """Return the disturbed recording, checked for being one, and for being the same the second time."""
+    made = pure_result(f"{what}.apply()", plugin.apply, recording, seed)
+    require(isinstance(made, Recording), f"{what}.apply() gives a {type(made).__name__}; it must be a Recording.")
+    return made  # type: ignore[no-any-return]  # it was asked

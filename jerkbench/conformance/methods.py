@@ -1,0 +1,46 @@
+"""The methods and attributes that a plugin of each kind cannot do without."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from jerkbench.conformance.require import require
+
+METHODS: Mapping[str, tuple[str, ...]] = {
+    "dataset": ("load", "fingerprint"),
+    "disturbance": ("apply", "replicates"),
+    "attitude": ("estimate",),
+    "adaptation": ("adapt",),
+    "engine": ("run",),
+    "metric": ("evaluate",),
+    "kinematic filter": ("axis_model", "initial_variances"),
+    "estimator": ("estimate",),
+}
+
+
+def require_methods(kind: str, plugin: Any) -> None:  # noqa: ANN401 - it is what is being checked
+    """Check that ``plugin`` has the methods of its ``kind``; a filter those of one of the two sorts.
+
+    Raises:
+        AssertionError: one is not there.
+    """
+    what, sort = type(plugin).__name__, kind
+    if kind == "filter":
+        sort = next((s for s in ("kinematic filter", "estimator") if hasattr(plugin, METHODS[s][0])), "")
+        require(sort, f"{what} has neither axis_model() nor estimate(); it needs one of them.")
+    for name in METHODS[sort]:
+        has = callable(getattr(plugin, name, None))
+        require(has, f"{what} has no method {name}(); {_article(sort)} {sort} needs it (see jerkbench.contracts).")
+    if sort in ("dataset", "disturbance"):
+        require_seeded(what, plugin)
+    if sort == "estimator":
+        require(hasattr(plugin, "adaptations"), f"{what} has no adaptations; it must name those that it accepts.")
+
+
+def require_seeded(what: str, plugin: Any) -> None:  # noqa: ANN401 - it is what is being checked
+    """Check that it says whether it is random."""
+    seeded = getattr(plugin, "seeded", None)
+    require(isinstance(seeded, bool), f"{what}.seeded is {seeded!r}; it must be True or False.")
+
+
+def _article(noun: str) -> str:
+    return "an" if noun[0] in "aeiou" else "a"

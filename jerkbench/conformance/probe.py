@@ -1,0 +1,103 @@
+"""A short look at a plugin from elsewhere before it runs: what would make a plausible table of wrong numbers.
+
+It asks for less than `jerkbench.testing`, and takes hundredths of a second: a plugin that passes may still be wrong.
+"""
+
+from collections.abc import Callable, Hashable, Mapping
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from jerkbench.adaptation.none import NoAdaptation
+from jerkbench.conformance.adaptation import probe_adaptation
+from jerkbench.conformance.attitude import attitude_of
+from jerkbench.conformance.kinematic import axis_model_of, require_initial_variances
+from jerkbench.conformance.methods import require_methods
+from jerkbench.conformance.metric import values_of
+from jerkbench.conformance.recordings import small_recording, true_attitude
+from jerkbench.conformance.require import Unfit, require
+from jerkbench.conformance.same import pure_result
+from jerkbench.conformance.sources import disturbed
+from jerkbench.contracts import Filter
+from jerkbench.estimate import Estimate
+from jerkbench.filters.baseline import Baseline
+from jerkbench.filters.gnss_only import GnssOnly
+from jerkbench.plugins import create
+from jerkbench.timeline.timeline import build_timeline
+
+SHORT_S, LONG_S = 8.0, 60.0
+"""Of recordings to try a plugin on: for what goes through every sample, and for disturbances, which need room."""
+
+
+def complaint(kind: str, plugin: Hashable) -> str:
+    """Return what is the matter with ``plugin``, in a sentence; empty where nothing is."""
+    try:
+        return _complaint(kind, plugin)
+    except TypeError as error:
+        return f"{type(plugin).__name__} is not hashable ({error}); a field that is a list must be a tuple."
+
+
+@lru_cache(maxsize=1024)
+def _complaint(kind: str, plugin: Hashable) -> str:
+    """Say it once for each plugin with its parameters; what a plugin raises here it raises again in its run."""
+    try:
+        require_methods(kind, plugin)
+        PROBES[kind](plugin)
+    except Unfit as error:
+        return str(error)
+    except Exception:  # noqa: BLE001 - a run over the user's data says what the matter is, or goes well
+        return ""
+    return ""
+
+
+def _probe_filter(plugin: Any) -> None:  # noqa: ANN401 - it is what is being checked
+    what = type(plugin).__name__
+    if not isinstance(plugin, Filter):
+        _probe_estimator(what, plugin)
+        return
+    n = require_initial_variances(what, plugin)
+    for dt in (0.01, 0.01 / 3.0):
+        axis_model_of(f"{what}.axis_model({dt:g}, 0.01)", plugin, n, dt, 0.01)
+
+
+def _probe_estimator(what: str, plugin: Any) -> None:  # noqa: ANN401 - as above
+    recording = small_recording(SHORT_S)
+    adaptation = create("adaptation", {"name": plugin.adaptations[0]})
+    estimate = pure_result(f"{what}.estimate()", plugin.estimate, recording, true_attitude(recording), adaptation)
+    _require_estimate(f"{what}.estimate()", estimate)
+
+
+def _probe_engine(plugin: Any) -> None:  # noqa: ANN401 - as above
+    recording = small_recording(SHORT_S)
+    what, timeline = f"{type(plugin).__name__}.run()", build_timeline(recording, true_attitude(recording))
+    _require_estimate(what, pure_result(what, plugin.run, timeline, Baseline(), NoAdaptation()))
+
+
+def _require_estimate(what: str, estimate: object) -> None:
+    require(isinstance(estimate, Estimate), f"{what} gives a {type(estimate).__name__}; it must be an Estimate.")
+
+
+def _probe_metric(plugin: Any) -> None:  # noqa: ANN401 - as above
+    recording = small_recording(SHORT_S)
+    estimate = GnssOnly().estimate(recording, true_attitude(recording), NoAdaptation())
+    values_of(type(plugin).__name__, plugin, estimate, recording, np.ones(len(estimate.index), dtype=bool))
+
+
+def _probe_disturbance(plugin: Any) -> None:  # noqa: ANN401 - as above
+    disturbed(type(plugin).__name__, plugin, small_recording(LONG_S), 0)
+
+
+def _probe_attitude(plugin: Any) -> None:  # noqa: ANN401 - as above
+    attitude_of(type(plugin).__name__, plugin, small_recording(SHORT_S))
+
+
+PROBES: Mapping[str, Callable[[Any], None]] = {
+    "dataset": lambda _: None,  # to load it twice may take minutes
+    "disturbance": _probe_disturbance,
+    "attitude": _probe_attitude,
+    "filter": _probe_filter,
+    "adaptation": probe_adaptation,
+    "engine": _probe_engine,
+    "metric": _probe_metric,
+}
