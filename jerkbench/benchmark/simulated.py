@@ -12,7 +12,7 @@ from zipfile import BadZipFile
 
 import numpy as np
 
-from jerkbench.benchmark.versions import code_digest, versions
+from jerkbench.benchmark.versions import code_digest, plugin_digest, versions
 from jerkbench.contracts import Dataset
 from jerkbench.files import cache_folder, forget_oldest, write_atomically
 from jerkbench.recording import Heading, Imu, Origin, Position, Recording, Reference, Velocity
@@ -51,7 +51,7 @@ def simulated(dataset: Dataset, seed: int) -> Recording:
 
 def _key(dataset: Dataset, seed: int) -> str:
     """Name everything that decides on the recording: the data set, the code, the libraries, the seed."""
-    what = [repr(dataset), type(dataset).__qualname__, code_digest(), versions(), seed]
+    what = [repr(dataset), type(dataset).__qualname__, code_digest(), plugin_digest(type(dataset)), versions(), seed]
     return hashlib.sha256(repr(what).encode()).hexdigest()[:32]
 
 

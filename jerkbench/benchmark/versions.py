@@ -1,12 +1,15 @@
 """What a result depends on besides its configuration: our own code, the plugins' code, the libraries."""
 
 import hashlib
-import inspect
 import platform
+import secrets
 import subprocess
+import sys
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
+
+from jerkbench.benchmark.sources import KNOWN, sources_digest
 
 PACKAGE = Path(__file__).parents[1]
 LIBRARIES = ("filterpy", "numba", "numpy", "scipy", "pandas", "pymap3d", "hydra-core")
@@ -27,27 +30,21 @@ def code_digest() -> str:
 
 @cache
 def plugin_digest(cls: type) -> str:
-    """Hash of the code of a plugin outside this package: its package, or its module, and those of its bases.
+    """Hash of all that a plugin outside this package depends on, and that of its bases.
 
-    Empty for our own plugins, which `code_digest` covers.
+    Empty for our own plugins, which `code_digest` covers. A class without a file, of an interactive session, has
+    another one in each process: nothing tells whether it changed.
     """
-    foreign = [c for c in cls.__mro__ if c.__module__.partition(".")[0] not in ("jerkbench", "builtins")]
-    digest = hashlib.sha256()
-    for path in sorted({path for c in foreign for path in _sources(c)}):
-        digest.update(path.read_bytes())
-    return digest.hexdigest() if foreign else ""
-
-
-def _sources(cls: type) -> list[Path]:
-    """Every Python file of the class's package; of a module that stands alone, its file."""
+    homes = {c.__module__.partition(".")[0] for c in cls.__mro__} - KNOWN - sys.stdlib_module_names
     try:
-        source = inspect.getsourcefile(cls)
-    except TypeError:  # defined in an interactive session: there is no file
-        return []
-    if source is None:
-        return []
-    levels = cls.__module__.count(".") + Path(source).stem.count("__init__")
-    return sorted(Path(source).parents[levels - 1].rglob("*.py")) if levels else [Path(source)]
+        return hashlib.sha256("".join(map(sources_digest, sorted(homes))).encode()).hexdigest() if homes else ""
+    except LookupError:
+        return _this_process()
+
+
+@cache
+def _this_process() -> str:
+    return secrets.token_hex(32)
 
 
 @cache
