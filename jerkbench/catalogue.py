@@ -8,6 +8,7 @@ from pathlib import Path
 
 from jerkbench import plugins
 from jerkbench.errors import PluginError, unknown
+from jerkbench.notices import notify
 
 PRESET_GROUPS = ("noise", "experiment")
 """Groups that hold presets only."""
@@ -37,7 +38,7 @@ def show_text(kind: str, name: str) -> str:
     if kind in PRESET_GROUPS:
         raise PluginError(unknown(kind, name, presets))
     if kind in plugins.KINDS and name not in plugins.names(kind):
-        raise PluginError(unknown(kind, name, [*plugins.names(kind), *presets]))
+        raise PluginError(plugins.no_such(kind, name, presets))
     cls = plugins.get(kind, name)
     usage = _usage(name, cls) if kind == "disturbance" else []
     return "\n\n".join([f"{kind} {name}", *_docs(cls), _defaults(cls), *usage, f"Defined in {_home(cls)}."])
@@ -58,6 +59,8 @@ def _docs(cls: type) -> list[str]:
 
 def _list_kind(kind: str) -> str:
     lines = dict(_plugin_lines(kind)) if kind in plugins.KINDS else {}
+    for sentence in plugins.left_out(kind).values() if kind in plugins.KINDS else ():
+        notify(sentence)
     lines.update({name: f"{_first_comment(path)} (preset)" for name, path in _presets(kind).items()})
     width = max(map(len, lines), default=0)
     return "\n".join([kind, *(f"  {name:<{width}}  {line}" for name, line in sorted(lines.items()))])

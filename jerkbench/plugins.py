@@ -9,8 +9,7 @@ import dataclasses
 import importlib
 import pkgutil
 import typing
-import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import cache, partial
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, TypeVar
@@ -31,6 +30,8 @@ PACKAGES = {
 KINDS = tuple(PACKAGES)
 
 _registry: dict[str, dict[str, type]] = {kind: {} for kind in KINDS}
+
+_left_out: dict[str, dict[str, str]] = {kind: {} for kind in KINDS}
 
 Class = TypeVar("Class", bound=type)
 
@@ -57,8 +58,19 @@ def get(kind: str, name: str) -> type:
     """
     known = _of_kind(kind)
     if name not in known:
-        raise PluginError(unknown(kind, name, known))
+        raise PluginError(no_such(kind, name))
     return known[name]
+
+
+def left_out(kind: str) -> Mapping[str, str]:
+    """Return the entry points of ``kind`` that could not be loaded: for each name a sentence that says why."""
+    _of_kind(kind)
+    return _left_out[kind]
+
+
+def no_such(kind: str, name: str, presets: Iterable[str] = ()) -> str:
+    """Say why there is no plugin ``name`` of ``kind``, which may be a preset as well."""
+    return left_out(kind).get(name) or unknown(kind, name, [*names(kind), *presets])
 
 
 def is_own(cls: type) -> bool:
@@ -159,12 +171,13 @@ def _import_entry_points(kind: str) -> None:
         try:
             _add(kind, entry.name, entry.load())
         except Exception as error:  # noqa: BLE001 - whatever a third party's module raises, the others must still work
-            warnings.warn(_failed(kind, entry, error), stacklevel=2)
+            _left_out[kind][entry.name] = _failed(kind, entry, error)
 
 
 def _failed(kind: str, entry: EntryPoint, error: Exception) -> str:
     owner = f"{entry.dist.name} {entry.dist.version}" if entry.dist else entry.value
-    return f"{kind} '{entry.name}' of {owner} is left out: {type(error).__name__}: {error}"
+    reason = " ".join(str(error).split())
+    return f"{kind} '{entry.name}' of {owner} is left out: {type(error).__name__}: {reason}"
 
 
 def _fitted(plugin: str, cls: type, values: dict[str, Any]) -> dict[str, Any]:

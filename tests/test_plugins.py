@@ -1,16 +1,17 @@
 """Registries: what a plugin is, how it is found, and what is said when something is wrong with it."""
 
 import dataclasses
-import warnings
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint
 
 import pytest
 from omegaconf import OmegaConf
 
-from jerkbench import plugins
+from jerkbench import notices, plugins
 from jerkbench.adaptation.mtf import Mtf
-from jerkbench.catalogue import show_text
+from jerkbench.benchmark.cell import _metrics
+from jerkbench.benchmark.parts import choose
+from jerkbench.catalogue import list_text, show_text
 from jerkbench.errors import PluginError
 
 
@@ -75,15 +76,46 @@ def test_a_name_can_be_taken_only_once():
         plugins.register("adaptation", "mtf")(Other)
 
 
-def test_an_entry_point_that_fails_to_import_is_one_warning_and_harms_no_other(monkeypatch):
-    broken = EntryPoint("broken", "no_such_module:Nothing", "jerkbench.adaptation")
-    monkeypatch.setattr(plugins, "entry_points", lambda group: [broken] if group == "jerkbench.adaptation" else [])
+@pytest.fixture
+def broken(monkeypatch):
+    """Entry points of two kinds that cannot be loaded."""
+
+    def entries(group):
+        named = group in ("jerkbench.adaptation", "jerkbench.metric")
+        return [EntryPoint("broken", "no_such_module:Nothing", group)] if named else []
+
+    monkeypatch.setattr(plugins, "entry_points", entries)
+    monkeypatch.setattr(plugins, "_left_out", {kind: {} for kind in plugins.KINDS})
+    monkeypatch.setattr(notices, "_GIVEN", set())
     plugins._import_entry_points.cache_clear()
-    with pytest.warns(UserWarning, match="adaptation 'broken' of no_such_module:Nothing is left out: ModuleNotFound"):
-        names = plugins.names("adaptation")
+    yield
+    plugins._import_entry_points.cache_clear()
+
+
+SENTENCE = "adaptation 'broken' of no_such_module:Nothing is left out: ModuleNotFoundError: No module named"
+
+
+def test_an_entry_point_that_fails_to_import_harms_no_other_and_is_named_where_it_is_asked_for(broken):
+    names = plugins.names("adaptation")
 
     assert "mtf" in names
     assert "broken" not in names
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        plugins.names("adaptation")  # said once
+    for ask in (lambda: plugins.get("adaptation", "broken"), lambda: choose("adaptation", "broken")):
+        with pytest.raises(PluginError, match=SENTENCE):
+            ask()
+
+
+def test_it_is_said_once_in_the_list_of_its_kind_and_in_no_other(broken, capsys):
+    list_text("filter")
+    assert capsys.readouterr().err == ""
+    list_text("adaptation")
+    assert capsys.readouterr().err.startswith(f"jerkbench: {SENTENCE}")
+    list_text("adaptation")
+    assert capsys.readouterr().err == ""
+
+
+def test_a_metric_that_cannot_be_loaded_is_said_where_all_are_asked_for(broken, capsys):
+    _metrics(["position"])
+    assert capsys.readouterr().err == ""
+    _metrics(["all"])
+    assert capsys.readouterr().err.count("metric 'broken' of no_such_module:Nothing is left out") == 1

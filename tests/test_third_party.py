@@ -106,6 +106,16 @@ def test_it_is_listed_with_its_package_and_shown(installed, tmp_path):
     assert "adaptation 'lost' of doubting-filters 1.2 is left out: AttributeError" in listed.stderr
 
 
+def test_one_that_cannot_be_loaded_is_silent_until_it_is_asked_for(installed, tmp_path):
+    swept("adaptation=none,doubt", "workers=2", cwd=tmp_path, PYTHONPATH=installed)
+    quiet = swept("adaptation=none,doubt,mtf", "workers=2", cwd=tmp_path, PYTHONPATH=installed)
+    asked = jerkbench("run", *SHORT, "adaptation=lost", cwd=tmp_path, PYTHONPATH=installed)
+
+    assert "lost" not in quiet.stderr
+    assert asked.returncode == 2
+    assert asked.stderr.startswith("jerkbench: adaptation 'lost' of doubting-filters 1.2 is left out: AttributeError")
+
+
 def test_it_is_swept_with_its_parameters_and_agrees_with_a_filter_that_reports_that_r(installed, tmp_path):
     swept("adaptation=none,doubt", cwd=tmp_path, PYTHONPATH=installed)
     swept("adaptation=doubt", "adaptation.factor=1.0,2.0", cwd=tmp_path, PYTHONPATH=installed)

@@ -20,6 +20,7 @@ from jerkbench.contracts import (
     Metric,
 )
 from jerkbench.errors import PluginError
+from jerkbench.notices import notify
 
 Config = Mapping[str, Any]
 
@@ -213,6 +214,8 @@ def _metrics(asked: Sequence[str]) -> tuple[str, ...]:
     known = plugins.names("metric")
     if isinstance(asked, str) or not all(isinstance(name, str) for name in asked):
         raise PluginError(f"metrics is {asked}; give a list of names: metrics=[position_rmse,velocity_rmse] or [all].")
+    for sentence in plugins.left_out("metric").values() if not asked or "all" in asked else ():
+        notify(sentence)
     if not asked:
         return tuple(name for name in known if getattr(plugins.get("metric", name), "default", True))
     return tuple(dict.fromkeys(name for one in asked for name in (known if one == "all" else [one])))

@@ -94,7 +94,8 @@ def _no_choice(group: str, name: str, options: Sequence[str]) -> str:
         return f"{group}: '{name}' in quotes is one name; drop the quotes around the list: none,{name}."
     if group == "hydra/launcher" and name in LAUNCHERS:
         return f"The launcher {name} is not installed: pip install {LAUNCHERS[name]}, or leave it out."
-    return unknown(group, name, options or _names(group))
+    broken = plugins.left_out(group) if group in plugins.KINDS else {}
+    return broken.get(name) or unknown(group, name, options or _names(group))
 
 
 def _names(group: str) -> list[str]:

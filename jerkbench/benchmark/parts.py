@@ -71,7 +71,7 @@ def choose(kind: str, part: Part) -> Chosen:
     if name in preset_names(kind):
         return _preset(kind, name, given)
     if name not in plugins.names(kind):
-        raise PluginError(unknown(kind, name, [*plugins.names(kind), *preset_names(kind)]))
+        raise PluginError(plugins.no_such(kind, name, preset_names(kind)))
     plain = {**given, "name": name}
     if kind == "disturbance":
         return Chosen(name, words(f"{kind}.{name}", given), {name: plain})
