@@ -8,6 +8,7 @@ import signal
 import sys
 import warnings
 from collections.abc import Sequence
+from pathlib import Path
 from typing import NoReturn
 
 from jerkbench.data.verbs import VERBS as DATA_VERBS
@@ -50,6 +51,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         _collect_seldom()
         signal.signal(signal.SIGTERM, _interrupt)
     try:
+        _require_installed()
         with warnings.catch_warnings():
             warnings.showwarning = _one_line
             _run(words[1:]) if words[:1] == ["run"] else _answer(words)
@@ -65,6 +67,24 @@ def main(arguments: Sequence[str] | None = None) -> None:
 def _interrupt(*_: object) -> NoReturn:
     """End as Ctrl-C does, with a sentence, wherever SIGTERM comes."""
     raise KeyboardInterrupt
+
+
+def _require_installed() -> None:
+    """Refuse to run from a folder alone.
+
+    Raises:
+        JerkbenchError: this Python has no such distribution, by which Hydra finds our parts and a result its version.
+    """
+    from importlib.metadata import PackageNotFoundError, distribution
+
+    try:
+        distribution("jerkbench")
+    except PackageNotFoundError:
+        tree = Path(__file__).parents[1]
+        raise JerkbenchError(
+            f"It runs from {tree}, but is not installed for this Python; do so once: {sys.executable} -m pip install -e"
+            f" {tree}"
+        ) from None
 
 
 def _collect_seldom() -> None:
