@@ -195,6 +195,9 @@ BAD = [
     (["--info=nonsense"], "invalid choice"),
     (["hydra/launcher=joblib"], "pip install hydra-joblib-launcher"),
     (["results=/proc/x"], "/proc/x"),
+    (["dataset.duration_s=43200", "dataset.imu_rate_hz=200", "dataset.reference_rate_hz=200"], "8.64e+06 samples"),
+    (["dataset.sensor_rate_hz=1e9"], "sensor_rate_hz is 1000000000.0"),
+    (["dataset.pass_s=1e-6", "dataset.turn_s=1e-6", "dataset.speed_change_s=1e-8"], "more than memory should hold"),
     (["noise.accel_mps2=nan"], "filter baseline: accel_mps2 is nan; it must be zero or positive, and finite."),
 ]
 
@@ -255,6 +258,7 @@ def test_folders_of_hydras_own_that_cannot_be_made_are_a_sentence(said_in_proces
     ("words", "said"),
     [
         (["--shell-completion"], "install=SHELL"),
+        (["--experimental-rerun", "gone"], "jerkbench rerun DIR ROW"),
         (["--cfg", "job", "--info"], "--cfg and --info ask for different things"),
     ],
 )

@@ -56,6 +56,8 @@ def _require_sense(known: argparse.Namespace) -> None:
         raise PluginError(f"{' and '.join(commands)} ask for different things; give one of them.")
     if known.resolve and not (known.cfg or known.help):
         raise PluginError("--resolve belongs to --cfg: jerkbench run --cfg job --resolve.")
+    if known.experimental_rerun is not None:
+        raise PluginError("--experimental-rerun needs a file that is not kept here; use `jerkbench rerun DIR ROW`.")
     asked = {word.partition("=")[0] for word in known.overrides}
     if known.shell_completion and not {"install", "uninstall", "query"} & asked:
         raise PluginError("--shell-completion needs install=SHELL or uninstall=SHELL; SHELL is bash, fish or zsh.")

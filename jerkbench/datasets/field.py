@@ -13,7 +13,7 @@ from jerkbench.recording import Recording
 from jerkbench.simulation.false_force import draw_impacts, impact_force, inner_times, rut_force
 from jerkbench.simulation.path import Path
 from jerkbench.simulation.ruts import Ruts
-from jerkbench.simulation.sensors import Sensors
+from jerkbench.simulation.sensors import MOST_SAMPLES, Sensors
 from jerkbench.simulation.terrain import draw_terrain
 from jerkbench.simulation.truth import Truth, simulate_truth
 from jerkbench.simulation.vibration import draw_vibration
@@ -28,6 +28,10 @@ NOT_NEGATIVE = (
     *("stand_s", "roughness", "roll_ratio_radpm", "vibration_mps2", "vibration_rad"),
     "impacts_per_s",
 )
+
+
+SENSOR_SAMPLES = 10
+"""Samples within the accelerometer to one of the IMU, at the default rates: these are held for a short time only."""
 
 
 @register("dataset", "field")
@@ -122,6 +126,8 @@ class Field(Sensors):
         self.check_sensors(self._what)
         self._check_signs()
         require_multiple(self._what, self, "sensor_rate_hz", "imu_rate_hz")
+        self.check_length(self._what, self.duration_s)
+        self._check_counts()
         self._check_times()
 
     def load(self, seed: int) -> Recording:
@@ -192,6 +198,20 @@ class Field(Sensors):
         require_positive(self._what, self, POSITIVE)
         require_not_negative(self._what, self, NOT_NEGATIVE)
         require_axes(self._what, self, ("rut_force_mps2",), positive=False)
+
+    def _check_counts(self) -> None:
+        """Check that what happens within a sample, and how often, can be held in memory."""
+        counts = {
+            "sensor_rate_hz": self.duration_s * self.sensor_rate_hz / SENSOR_SAMPLES,
+            "impacts_per_s": self.duration_s * self.impacts_per_s,
+            "pass_s": self.duration_s / (self.pass_s + self.turn_s),
+        }
+        for name, count in counts.items():
+            if count > MOST_SAMPLES:
+                raise PluginError(
+                    f"{self._what}: {name} is {getattr(self, name)}; over {self.duration_s:g} s it is more than memory"
+                    " should hold: shorten the drive, or correct it."
+                )
 
     def _check_times(self) -> None:
         """Check that a pass has room for its speed changes, and that nothing happens before the robot moves."""

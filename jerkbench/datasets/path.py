@@ -112,6 +112,7 @@ class DrivenPath(Sensors):
         return Path(self.file).expanduser()
 
     def _times(self, duration_s: float) -> FloatArray:
+        self.check_length("dataset path", duration_s)
         return np.arange(int(duration_s * self.imu_rate_hz + 1e-6) + 1) / self.imu_rate_hz
 
     def _waypoints(self) -> tuple[FloatArray, Way, float]:

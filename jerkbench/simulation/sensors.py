@@ -15,6 +15,8 @@ from jerkbench.simulation.imu import perfect_imu, saturate
 from jerkbench.simulation.imu_errors import GRADES, SensorErrors, disturb
 from jerkbench.simulation.truth import Truth
 
+MOST_SAMPLES = 2_000_000
+"""Of the IMU in one simulated drive: 5 h at 100 Hz; to simulate it takes 2 GB."""
 START_UTC = datetime(2024, 5, 14, 14, 0, tzinfo=UTC)
 IMUS = ("per_sample", *GRADES)
 STREAMS = ("accelerometer", "gyro", "position", "velocity", "heading", "terrain", "vibration", "impacts")
@@ -105,6 +107,15 @@ class Sensors:
             require_positive(what, self, ("accel_range_g",))
         for low in ("gnss_rate_hz", "reference_rate_hz"):
             require_multiple(what, self, "imu_rate_hz", low)
+
+    def check_length(self, what: str, duration_s: float) -> None:
+        """Raise a PluginError where a drive of this length has more samples than memory should hold."""
+        samples = duration_s * self.imu_rate_hz
+        if samples > MOST_SAMPLES:
+            raise PluginError(
+                f"{what}: {duration_s:g} s at imu_rate_hz {self.imu_rate_hz:g} are {samples:.3g} samples; a simulated"
+                f" drive has at most {MOST_SAMPLES:,}: shorten it, or lower the rate."
+            )
 
     def _imu(self, truth: Truth, seed: int, false_mps2: FloatArray | None) -> Imu:
         force, gyro = perfect_imu(truth)

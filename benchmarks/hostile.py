@@ -1,0 +1,159 @@
+"""Hostile input, by the hundred: each is refused in a sentence, or survived; nothing ends in a traceback or in silence.
+
+Each family of attacks is a function in `FAMILIES`; it yields one `Outcome` for each input.
+"""
+
+import argparse
+import contextlib
+import io
+import os
+import resource
+import shlex
+import signal
+import sys
+import tempfile
+import traceback
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from time import monotonic
+from typing import NamedTuple
+
+from command_lines import SHORT, CommandLines
+
+from jerkbench.cli import main as jerkbench
+
+SILENT_S = 20
+"""So long a command may say nothing."""
+LONGEST_S = 180
+"""So long it may take."""
+MEMORY_BYTES = 12 * 2**30
+"""Address space: an input that asks for more than there is must not take the machine with it."""
+
+
+class Outcome(NamedTuple):
+    """What became of an input.
+
+    Attributes:
+        tried: the input, to be repeated by hand.
+        kind: "refused" in words, "survived", or "broken".
+        why: of what is broken, the last words.
+        seconds: how long it took.
+    """
+
+    tried: str
+    kind: str
+    why: str
+    seconds: float
+
+
+class Silence(BaseException):
+    """A command said nothing for too long, or did not end; no guard against plugins may catch it."""
+
+
+def attempt(words: Sequence[str], folder: Path, silent_s: float | None = None) -> Outcome:
+    """Run `jerkbench WORDS` in this process, in ``folder``; it may be silent for ``silent_s``, or `SILENT_S`."""
+    out, err = io.StringIO(), io.StringIO()
+    began = monotonic()
+    with (
+        contextlib.chdir(folder),
+        contextlib.redirect_stdout(out),
+        contextlib.redirect_stderr(err),
+        _impatient(silent_s or SILENT_S, out, err),
+    ):
+        kind, why = _ended(words, err)
+    return Outcome(shlex.join(words), kind, why, monotonic() - began)
+
+
+def _ended(words: Sequence[str], err: io.StringIO) -> tuple[str, str]:
+    before = sys.argv
+    try:
+        jerkbench(list(words))
+    except SystemExit as end:
+        if "Traceback" in err.getvalue():
+            return "broken", err.getvalue()[-300:]
+        if end.code and not err.getvalue().strip():
+            return "broken", f"ended with {end.code} without a word"
+        return ("refused" if end.code else "survived"), ""
+    except Silence as silence:
+        return "broken", f"silent: {''.join(traceback.format_exception(silence)[-3:])}"
+    except BaseException as error:  # noqa: BLE001 - all of it would be a traceback
+        return "broken", "".join(traceback.format_exception(error)[-3:])
+    finally:
+        sys.argv = before
+    return "survived", ""
+
+
+@contextlib.contextmanager
+def _impatient(silent_s: float, *streams: io.StringIO) -> Iterator[None]:
+    """Raise `Silence` where nothing is said for ``silent_s``, or where it takes longer than `LONGEST_S`."""
+    began, said = monotonic(), [0]
+
+    def look(*_: object) -> None:
+        said.append(sum(len(stream.getvalue()) for stream in streams))
+        if said[-1] == said[-2] or monotonic() - began > LONGEST_S:
+            raise Silence
+
+    before = signal.signal(signal.SIGALRM, look)
+    signal.setitimer(signal.ITIMER_REAL, silent_s, silent_s)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def a_study(folder: Path) -> Path:
+    """Run a small sweep, which loads the libraries too; returns its folder."""
+    done = attempt(
+        ["run", "-m", *SHORT, "filter=baseline,jerk", "adaptation=none,mtf", "study=whole"], folder, LONGEST_S
+    )
+    if done.kind != "survived":
+        raise RuntimeError(f"the study for the verbs could not be made: {done.why}")
+    return folder / "results" / "whole"
+
+
+def command_lines(count: int, seed: int, folder: Path) -> Iterator[Outcome]:
+    """Random command lines from the tool's own grammar, two of `jerkbench run` for each of another verb."""
+    lines = CommandLines(seed, a_study(folder))
+    for number in range(count):
+        yield attempt(lines.other() if number % 3 == 2 else lines.run(), folder)
+
+
+FAMILIES: dict[str, Callable[[int, int, Path], Iterator[Outcome]]] = {"command lines": command_lines}
+"""Each family: how many inputs, a seed, an empty folder -> what became of each."""
+
+
+def main() -> None:
+    """Try every family, and print what became of it."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--count", type=int, default=500, help="inputs of each family")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--family", choices=sorted(FAMILIES), action="append", help="default: all")
+    chosen = parser.parse_args()
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
+    os.environ["HYDRA_FULL_ERROR"] = "1"
+    print("| family | inputs tried | refused | survived | broken | longest |\n|---|---|---|---|---|---|")
+    broken = [line for name in chosen.family or FAMILIES for line in _tried(name, chosen.count, chosen.seed)]
+    raise SystemExit(1 if broken else 0)
+
+
+def _tried(name: str, count: int, seed: int) -> list[Outcome]:
+    """Try a family and print its row; returns what broke, each of which is printed as it happens."""
+    kinds: Counter[str] = Counter()
+    broken, longest_s = [], 0.0
+    with tempfile.TemporaryDirectory() as folder:
+        for outcome in FAMILIES[name](count, seed, Path(folder)):
+            kinds[outcome.kind] += 1
+            longest_s = max(longest_s, outcome.seconds)
+            if outcome.kind == "broken":
+                broken.append(outcome)
+                print(f"{outcome.tried}\n    {outcome.why}", file=sys.stderr, flush=True)
+    print(
+        f"| {name} | {kinds.total()} | {kinds['refused']} | {kinds['survived']} | {len(broken)} | {longest_s:.1f} s |"
+    )
+    return broken
+
+
+if __name__ == "__main__":
+    main()

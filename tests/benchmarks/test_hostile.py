@@ -1,0 +1,44 @@
+"""Hostile input in small numbers; `benchmarks/hostile.py` tries it by the hundred."""
+
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
+COUNT, SEED = 50, 20240514
+
+
+@pytest.fixture
+def hostile(monkeypatch):
+    monkeypatch.syspath_prepend(str(BENCHMARKS))
+    monkeypatch.setenv("HYDRA_FULL_ERROR", "1")
+    return import_module("hostile")
+
+
+def test_random_command_lines_end_in_words(hostile, tmp_path, monkeypatch):
+    monkeypatch.setattr(hostile, "SILENT_S", hostile.LONGEST_S)  # a busy machine is no fault of theirs
+    outcomes = list(hostile.command_lines(COUNT, SEED, tmp_path))
+
+    assert [outcome for outcome in outcomes if outcome.kind == "broken"] == []
+    assert {outcome.kind for outcome in outcomes} == {"refused", "survived"}
+
+
+@pytest.mark.parametrize(
+    ("raised", "why"),
+    [(ValueError("x"), "ValueError: x"), (SystemExit(1), "without a word"), (RecursionError("deep"), "deep")],
+)
+def test_what_ends_without_words_is_broken(hostile, tmp_path, monkeypatch, raised, why):
+    def fail(_):
+        raise raised
+
+    monkeypatch.setattr(hostile, "jerkbench", fail)
+    outcome = hostile.attempt(["run"], tmp_path)
+    assert outcome.kind == "broken"
+    assert why in outcome.why
+
+
+def test_silence_is_broken(hostile, tmp_path, monkeypatch):
+    monkeypatch.setattr(hostile, "SILENT_S", 0.05)
+    monkeypatch.setattr(hostile, "jerkbench", lambda _: __import__("time").sleep(5))
+    assert "silent" in hostile.attempt(["run"], tmp_path).why
