@@ -78,6 +78,15 @@ class Filter(Protocol):
 
 
 @runtime_checkable
+class ManyLengths(Protocol):
+    """What a kinematic filter may have as well, so that uneven stamps are quick: its models of many lengths at once."""
+
+    def axis_models(self, dt: FloatArray, dt0: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return A (k, n, n), b (k, n), Q (k, n, n) for steps of ``dt`` (k,) seconds, as ``axis_model`` has each."""
+        ...
+
+
+@runtime_checkable
 class Estimator(Protocol):
     """Anything that is not a kinematic filter; it stands in the group ``filter`` too."""
 

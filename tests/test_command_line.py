@@ -258,6 +258,7 @@ def test_folders_of_hydras_own_that_cannot_be_made_are_a_sentence(said_in_proces
     ("words", "said"),
     [
         (["--shell-completion"], "install=SHELL"),
+        (["--shell-completion", "query=fish"], "install=SHELL"),
         (["--experimental-rerun", "gone"], "jerkbench rerun DIR ROW"),
         (["--cfg", "job", "--info"], "--cfg and --info ask for different things"),
     ],

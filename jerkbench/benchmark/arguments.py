@@ -1,6 +1,7 @@
 """The words behind `jerkbench run`, checked before Hydra sees them, and in the order in which it takes them."""
 
 import argparse
+import os
 from collections.abc import Sequence
 from typing import Any, NoReturn
 
@@ -51,14 +52,16 @@ def _option(name: str) -> str:
 
 
 def _require_sense(known: argparse.Namespace) -> None:
+    asked = {word.partition("=")[0] for word in known.overrides}
     commands = [_option(name) for name in COMMANDS if getattr(known, name)]
     if len(commands) > 1:
         raise PluginError(f"{' and '.join(commands)} ask for different things; give one of them.")
     if known.resolve and not (known.cfg or known.help):
         raise PluginError("--resolve belongs to --cfg: jerkbench run --cfg job --resolve.")
+    if "query" in asked and "COMP_LINE" not in os.environ:
+        raise PluginError("query=SHELL is for the shell alone; install=SHELL lets it ask.")
     if known.experimental_rerun is not None:
         raise PluginError("--experimental-rerun needs a file that is not kept here; use `jerkbench rerun DIR ROW`.")
-    asked = {word.partition("=")[0] for word in known.overrides}
     if known.shell_completion and not {"install", "uninstall", "query"} & asked:
         raise PluginError("--shell-completion needs install=SHELL or uninstall=SHELL; SHELL is bash, fish or zsh.")
 

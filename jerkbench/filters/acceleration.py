@@ -6,12 +6,13 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.checks import require_not_negative
+from jerkbench.filters._lengths import ManyLengths, Models, identities, outer
 from jerkbench.plugins import register
 
 
 @register("filter", "acceleration")
 @dataclass(frozen=True)
-class Acceleration:
+class Acceleration(ManyLengths):
     """Nine states [p, v, a]: the acceleration is a random walk, and the IMU is not used.
 
     For each axis, with q = [dt^2/2, dt, 1] and no input (b = 0)::
@@ -37,11 +38,12 @@ class Acceleration:
         """Check that every noise is a number, and not negative."""
         require_not_negative("filter acceleration", self, ("accel_walk_mps2_per_sqrt_s", "initial_accel_mps2"))
 
-    def axis_model(self, dt: float, dt0: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return A (3, 3), b (3,), Q (3, 3) for a step of ``dt`` seconds."""
-        A = np.array([[1.0, dt, 0.5 * dt**2], [0.0, 1.0, dt], [0.0, 0.0, 1.0]])
-        q = np.array([0.5 * dt**2, dt, 1.0])
-        return A, np.zeros(3), self.accel_walk_mps2_per_sqrt_s**2 * dt * np.outer(q, q)
+    def axis_models(self, dt: FloatArray, dt0: float) -> Models:
+        """Return A (k, 3, 3), b (k, 3), Q (k, 3, 3) for steps of ``dt`` (k,) seconds."""
+        A = identities(dt, 3)
+        A[:, 0, 1], A[:, 0, 2], A[:, 1, 2] = dt, 0.5 * dt**2, dt
+        q = np.stack([0.5 * dt**2, dt, np.ones_like(dt)], axis=1)
+        return A, np.zeros_like(q), outer(self.accel_walk_mps2_per_sqrt_s**2 * dt, q)
 
     def initial_variances(self) -> FloatArray:
         """Return (1,) the initial variance of the acceleration."""

@@ -6,12 +6,13 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.checks import require_not_negative
+from jerkbench.filters._lengths import ManyLengths, Models, identities, outer
 from jerkbench.plugins import register
 
 
 @register("filter", "baseline")
 @dataclass(frozen=True)
-class Baseline:
+class Baseline(ManyLengths):
     """Six states [p, v], driven by the gravity-compensated acceleration u.
 
     For each axis, with b = [dt^2/2, dt]::
@@ -34,11 +35,12 @@ class Baseline:
         """Check that every noise is a number, and not negative."""
         require_not_negative("filter baseline", self, ("accel_mps2",))
 
-    def axis_model(self, dt: float, dt0: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return A (2, 2), b (2,), Q (2, 2) for a step of ``dt`` seconds."""
-        A = np.array([[1.0, dt], [0.0, 1.0]])
-        b = np.array([0.5 * dt**2, dt])
-        return A, b, self.accel_mps2**2 * (dt0 / dt) * np.outer(b, b)
+    def axis_models(self, dt: FloatArray, dt0: float) -> Models:
+        """Return A (k, 2, 2), b (k, 2), Q (k, 2, 2) for steps of ``dt`` (k,) seconds."""
+        A = identities(dt, 2)
+        A[:, 0, 1] = dt
+        b = np.stack([0.5 * dt**2, dt], axis=1)
+        return A, b, outer(self.accel_mps2**2 * (dt0 / dt), b)
 
     def initial_variances(self) -> FloatArray:
         """Return no variance: both states are measured."""

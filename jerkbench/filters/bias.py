@@ -6,12 +6,13 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.checks import require_not_negative
+from jerkbench.filters._lengths import ManyLengths, Models, identities, outer
 from jerkbench.plugins import register
 
 
 @register("filter", "bias")
 @dataclass(frozen=True)
-class Bias:
+class Bias(ManyLengths):
     """Nine states [p, v, b]: the baseline with an ENU acceleration bias that is a random walk.
 
     For each axis, with b = [dt^2/2, dt, 0]::
@@ -38,12 +39,13 @@ class Bias:
         """Check that every noise is a number, and not negative."""
         require_not_negative("filter bias", self, ("accel_mps2", "bias_mps2_per_sqrt_s", "initial_bias_mps2"))
 
-    def axis_model(self, dt: float, dt0: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return A (3, 3), b (3,), Q (3, 3) for a step of ``dt`` seconds."""
-        A = np.array([[1.0, dt, 0.5 * dt**2], [0.0, 1.0, dt], [0.0, 0.0, 1.0]])
-        b = np.array([0.5 * dt**2, dt, 0.0])
-        Q = self.accel_mps2**2 * (dt0 / dt) * np.outer(b, b)
-        Q[2, 2] += self.bias_mps2_per_sqrt_s**2 * dt
+    def axis_models(self, dt: FloatArray, dt0: float) -> Models:
+        """Return A (k, 3, 3), b (k, 3), Q (k, 3, 3) for steps of ``dt`` (k,) seconds."""
+        A = identities(dt, 3)
+        A[:, 0, 1], A[:, 0, 2], A[:, 1, 2] = dt, 0.5 * dt**2, dt
+        b = np.stack([0.5 * dt**2, dt, np.zeros_like(dt)], axis=1)
+        Q = outer(self.accel_mps2**2 * (dt0 / dt), b)
+        Q[:, 2, 2] += self.bias_mps2_per_sqrt_s**2 * dt
         return A, b, Q
 
     def initial_variances(self) -> FloatArray:

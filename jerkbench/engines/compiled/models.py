@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
-from jerkbench.contracts import Filter
+from jerkbench.contracts import Filter, ManyLengths
 from jerkbench.engines.compiled.arguments import Model
 from jerkbench.timeline.timeline import Timeline
 
@@ -48,9 +48,12 @@ def axis_models(model: Filter, lengths_s: FloatArray, dt0_s: float) -> tuple[Flo
     """Return A (k, n, n), b (k, n) and Q (k, n, n) of each length; of one that is not positive A is the identity."""
     n, k = 2 + len(model.initial_variances()), len(lengths_s)
     A, b, Q = np.tile(np.eye(n), (k, 1, 1)), np.zeros((k, n)), np.zeros((k, n, n))
-    for row, dt in enumerate(lengths_s.tolist()):
-        if dt > 0:
-            A[row], b[row], Q[row] = model.axis_model(dt, dt0_s)
+    passing = np.flatnonzero(lengths_s > 0)
+    if isinstance(model, ManyLengths) and len(passing):
+        A[passing], b[passing], Q[passing] = model.axis_models(lengths_s[passing], dt0_s)
+        return A, b, Q
+    for row in passing.tolist():
+        A[row], b[row], Q[row] = model.axis_model(float(lengths_s[row]), dt0_s)
     return A, b, Q
 
 
