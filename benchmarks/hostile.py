@@ -24,9 +24,9 @@ from command_lines import SHORT, CommandLines
 from jerkbench.cli import main as jerkbench
 
 SILENT_S = 20
-"""So long a command may say nothing."""
+"""So long a command may say nothing, in seconds of the processor: others may use the machine as well."""
 LONGEST_S = 180
-"""So long it may take."""
+"""So long it may take, by the clock."""
 MEMORY_BYTES = 12 * 2**30
 """Address space: an input that asks for more than there is must not take the machine with it."""
 
@@ -87,20 +87,26 @@ def _ended(words: Sequence[str], err: io.StringIO) -> tuple[str, str]:
 @contextlib.contextmanager
 def _impatient(silent_s: float, *streams: io.StringIO) -> Iterator[None]:
     """Raise `Silence` where nothing is said for ``silent_s``, or where it takes longer than `LONGEST_S`."""
-    began, said = monotonic(), [0]
+    said = [0]
 
-    def look(*_: object) -> None:
+    def listen(*_: object) -> None:
         said.append(sum(len(stream.getvalue()) for stream in streams))
-        if said[-1] == said[-2] or monotonic() - began > LONGEST_S:
+        if said[-1] == said[-2]:
             raise Silence
 
-    before = signal.signal(signal.SIGALRM, look)
-    signal.setitimer(signal.ITIMER_REAL, silent_s, silent_s)
+    def give_up(*_: object) -> None:
+        raise Silence
+
+    before = signal.signal(signal.SIGPROF, listen), signal.signal(signal.SIGALRM, give_up)
+    signal.setitimer(signal.ITIMER_PROF, silent_s, silent_s)
+    signal.setitimer(signal.ITIMER_REAL, LONGEST_S)
     try:
         yield
     finally:
+        signal.setitimer(signal.ITIMER_PROF, 0)
         signal.setitimer(signal.ITIMER_REAL, 0)
-        signal.signal(signal.SIGALRM, before)
+        signal.signal(signal.SIGPROF, before[0])
+        signal.signal(signal.SIGALRM, before[1])
 
 
 def a_study(folder: Path) -> Path:
