@@ -34,10 +34,7 @@ class Drawing:
 def of_rows(rows: "pd.DataFrame") -> Iterator[Drawing]:
     """Yield the figures that need the rows alone."""
     from jerkbench.report.best_noise import at_best_noise
-    from jerkbench.report.costs import costs, of_all_methods
     from jerkbench.report.plots.bars import bars_figure
-    from jerkbench.report.plots.heat_map import heat_map_figure
-    from jerkbench.report.plots.profile import profile_figure
     from jerkbench.report.plots.sensitivity import sensitivity_figure, with_sigma
     from jerkbench.report.quantities import quantity
 
@@ -47,18 +44,37 @@ def of_rows(rows: "pd.DataFrame") -> Iterator[Drawing]:
     noise = f" {AT_BEST}" if best["noise"].nunique() == 1 < rows["noise"].nunique() else ""
     means = f"{title}: means with 95 % intervals; hatched: some runs were lost.{noise}"
     yield Drawing("bars", means, bars_figure(summarise(best, metric)))
-    values, scenarios, methods = costs(best, metric)
-    if len(scenarios) > 1 and len(methods) > 1:
-        common, which = of_all_methods(values)
-        figure = heat_map_figure(values, scenarios, methods, title)
-        none = "" if len(common) > 1 else f" No performance profiles: they need two scenarios{which}."
-        yield Drawing("heat-map", f"{title}, method by scenario; bold: the best of a scenario.{none}{noise}", figure)
-        if len(common) > 1:
-            how = f"Performance profiles and mean ranks over the {len(common)} scenarios{which}."
-            yield Drawing("profile", f"{how}{noise}", profile_figure(common, methods, title))
+    yield from _over_scenarios(best, metric, noise)
     if len(with_sigma(rows)["sigma_a"].unique()) > 1:
         figure = sensitivity_figure(rows, metric)
         yield Drawing("sensitivity", f"{title} over the process noise; hollow: some runs were lost.", figure)
+
+
+def _over_scenarios(rows: "pd.DataFrame", metric: str, noise: str) -> Iterator[Drawing]:
+    """Yield the heat map, and the profiles of the methods that compete, where there are several scenarios."""
+    from jerkbench.report.costs import competing, costs, of_all_methods
+    from jerkbench.report.plots.heat_map import heat_map_figure
+    from jerkbench.report.plots.profile import profile_figure
+    from jerkbench.report.quantities import quantity
+
+    title = quantity(metric).heading
+    values, scenarios, methods = costs(rows, metric)
+    if min(values.shape) < 2:
+        return
+    rivals = competing(rows, metric)
+    common, which = of_all_methods(values[:, rivals])
+    profiled = len(common) > 1 and sum(rivals) > 1
+    means = f"{title}, arithmetic means, method by scenario; bold: the best of a scenario."
+    apart = "" if all(rivals) else " In parentheses: references, which do not compete."
+    needs = f"two scenarios{which}" if sum(rivals) > 1 else "two methods that compete"
+    none = "" if profiled else f" No performance profiles: they need {needs}."
+    figure = heat_map_figure(values, scenarios, methods, title, rivals)
+    yield Drawing("heat-map", f"{means}{apart}{none}{noise}", figure)
+    if profiled:
+        how = f"Performance profiles and mean ranks over the {len(common)} scenarios{which}."
+        names = [name for name, rival in zip(methods, rivals, strict=True) if rival]
+        gone = "" if all(rivals) else " References do not compete."
+        yield Drawing("profile", f"{how}{gone}{noise}", profile_figure(common, names, title))
 
 
 def of_scene(scene: Scene) -> Iterator[Drawing]:

@@ -12,12 +12,10 @@ from jerkbench.benchmark.study import Study
 from jerkbench.benchmark.titles import titled
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.recording import Recording
+from jerkbench.report.references import competes
 
 WANTED = (("baseline", "none"), ("jerk", "mtf"), ("jerk", "none"), ("gnss_only", "none"))
 """Filters and adaptations that are drawn where they are there, beside the best one."""
-
-CEILING = "oracle"
-"""It knows the true covariance: the best that is drawn is another."""
 
 SHOWN = 5
 """Methods in one picture."""
@@ -39,7 +37,7 @@ class Scene:
         attitude: what they were given.
         estimates: of each method, by its name.
         tilts: the best method with each way of the tilt filter to adapt; if its attitude is no `tilt`, its own alone.
-        best: the method with the lowest mean.
+        best: the method with the lowest mean, of those that compete.
         best_runs: recordings and estimates of its first seeds.
     """
 
@@ -107,7 +105,7 @@ def _best_runs(stored: Stored) -> Iterator[tuple[Recording, Estimate]]:
 
 def _chosen(group: list[Stored], metric: str) -> dict[str, Stored]:
     """Pick the best, those that are wanted, and then the next best; of one method with several noises the best."""
-    ranked = sorted(group, key=lambda one: (one.about["labels"]["adaptation"] == CEILING, _mean(one, metric)))
+    ranked = sorted(group, key=lambda one: (not competes(one.about["labels"]), _mean(one, metric)))
     methods: dict[tuple[str, str], Stored] = {}
     for one in ranked:
         methods.setdefault((one.about["labels"]["filter"], one.about["labels"]["adaptation"]), one)

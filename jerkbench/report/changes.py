@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from jerkbench.arrays import FloatArray
 from jerkbench.errors import JerkbenchError
 from jerkbench.evaluation.statistics.paired import PairedRatio, holm, paired_ratio, unpaired_ratio
 from jerkbench.report.comparison import LEVEL, Combination
 from jerkbench.report.factors import FACTORS
 from jerkbench.report.quantities import quantity
 from jerkbench.report.rows import checked
-from jerkbench.report.table import number
+from jerkbench.report.table import factor_number, number
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -25,7 +26,7 @@ class Change:
 
     Attributes:
         combination: values of the six factors (in the first set).
-        means: of the metric over the runs that went well, in both sets.
+        means: geometric (arithmetic where a value is 0), of the runs that went well, in both sets.
         ratio: second over first.
         p: of the test, corrected by Holm for all combinations; NaN where there is none.
         paired: whether the seeds match.
@@ -107,8 +108,8 @@ def change_rows(found: Sequence[Change], varying: Sequence[str]) -> list[list[st
         [
             *(dict(zip(FACTORS, one.combination, strict=True))[key] for key in varying),
             *(_mean(mean, runs, lost) for mean, runs, lost in zip(one.means, one.runs, one.lost, strict=True)),
-            f"×{number(one.ratio.ratio)}" if math.isfinite(one.ratio.ratio) else "",  # noqa: RUF001
-            f"[{number(one.ratio.low)}, {number(one.ratio.high)}]" if math.isfinite(one.ratio.low) else "",
+            f"×{factor_number(one.ratio.ratio)}" if math.isfinite(one.ratio.ratio) else "",  # noqa: RUF001
+            _interval(one.ratio),
             one.verdict,
         ]
         for one in found
@@ -129,10 +130,9 @@ def _change(key: Combination, first: "pd.DataFrame", second: "pd.DataFrame", met
     a, b = (one[metric].where(one["status"] == "ok").to_numpy(dtype=float) for one in (first, second))
     ratio = paired_ratio(b, a) if paired else unpaired_ratio(b, a)
     phases = bool((first["replicate"] == "phase").any())
-    means = tuple(float(np.mean(one[np.isfinite(one)])) if np.isfinite(one).any() else math.nan for one in (a, b))
     return Change(
         combination=key,
-        means=(means[0], means[1]),
+        means=(_average(a), _average(b)),
         ratio=ratio,
         p=math.nan if phases else ratio.p,
         paired=paired,
@@ -143,6 +143,18 @@ def _change(key: Combination, first: "pd.DataFrame", second: "pd.DataFrame", met
         absent=absent,
         risen=int(np.sum((b > a) & (a <= 0))) if paired else 0,
     )
+
+
+def _interval(ratio: PairedRatio) -> str:
+    return f"[{factor_number(ratio.low)}, {factor_number(ratio.high)}]" if math.isfinite(ratio.low) else ""
+
+
+def _average(values: FloatArray) -> float:
+    """The geometric mean of what is finite, as the ratio is one; arithmetic where a value has no logarithm."""
+    known = values[np.isfinite(values)]
+    if len(known) == 0:
+        return math.nan
+    return float(np.exp(np.mean(np.log(known)))) if (known > 0).all() else float(np.mean(known))
 
 
 def _mean(mean: float, runs: int, lost: int) -> str:

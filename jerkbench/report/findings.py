@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from jerkbench.report.comparison import Combination, Comparison, compare_to
 from jerkbench.report.factors import FACTORS
 from jerkbench.report.quantities import quantity
-from jerkbench.report.table import number
+from jerkbench.report.table import factor_number, number
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -97,7 +97,8 @@ def _joined(combination: Combination, keys: Sequence[str]) -> str:
 
 
 def _times(ratio: float) -> str:
-    return f"is {number(1 / ratio)} times better than" if ratio < 1 else f"is {number(ratio)} times worse than"
+    times, word = (1 / ratio, "better") if ratio < 1 else (ratio, "worse")
+    return f"is {factor_number(times)} times {word} than"
 
 
 def _range(one: Comparison) -> str:
@@ -105,7 +106,8 @@ def _range(one: Comparison) -> str:
     low, high = one.paired.low, one.paired.high
     shown = one.shown or one.replicate == "phase"
     ends = (1 / high, 1 / low) if shown and one.paired.ratio < 1 and low > 0 else (low, high)
-    return f"{number(ends[0])} to {number(ends[1])}"
+    written = factor_number if shown else number
+    return f"{written(ends[0])} to {written(ends[1])}"
 
 
 def losses(one: Comparison, who: str, whom: str) -> str:

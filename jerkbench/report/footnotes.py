@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 from jerkbench.evaluation.statistics.intervals import FEW, MANY
 from jerkbench.report.quantities import quantity
-from jerkbench.report.table import ABSENT, Cell, Table
+from jerkbench.report.references import standing_apart
+from jerkbench.report.table import ABSENT, GEOMETRIC, Cell, Table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -34,12 +35,13 @@ def _constants(table: Table) -> Iterator[str]:
 
 def _reading(table: Table, cells: list[Cell], family: str) -> Iterator[str]:
     """How to read the numbers."""
-    yield from _intervals([c for c in cells if c.interval and c.replicate == "seed"])
+    yield from _intervals([c for c in cells if c.interval and c.replicate == "seed"], table.average)
     if any(c.interval for c in cells if c.replicate == "phase"):
         yield "{low–high}: range over the phases of one recording: not a confidence interval."  # noqa: RUF001 - a range
     if any(c.best for c in cells):
-        yield "Bold: the lowest mean of the row among the cells whose runs all went well."
-    yield from _ratios(table, family)
+        lowest = f"Bold: the lowest {table.average} of the row among the cells whose runs all went well."
+        yield f"{lowest} {standing_apart(_labels(table))}".strip()
+    yield from _ratios(table, cells, family)
     what = quantity(table.metric)
     if what.expected is not None:
         yield f"A consistent filter gives {what.expected:g}; {what.reading}."
@@ -49,7 +51,14 @@ def _reading(table: Table, cells: list[Cell], family: str) -> Iterator[str]:
         yield f"{ABSENT}: this combination was not run."
 
 
-def _intervals(cells: list[Cell]) -> Iterator[str]:
+def _labels(table: Table) -> dict[str, set[str]]:
+    """The labels of each factor."""
+    columns, rows = (zip(*values, strict=True) for values in (table.columns, table.rows))
+    of = zip((*table.column_keys, *table.row_keys), (*columns, *rows), strict=True)
+    return {**{key: {value} for key, value in table.constants}, **{key: set(values) for key, values in of}}
+
+
+def _intervals(cells: list[Cell], average: str) -> Iterator[str]:
     if not cells:
         return
     used = [cell.used for cell in cells]
@@ -57,15 +66,17 @@ def _intervals(cells: list[Cell]) -> Iterator[str]:
     few = f" Of fewer than {FEW} seeds it is too short." if min(used) < FEW else ""
     bootstrap = min(used) < MANY
     kind, raised = ("BCa bootstrap", RAISED) if bootstrap else ("Student", "")
-    yield f"[low, high]: 95 % {kind} interval of the mean over {seeds} seeds{raised}.{few}"
+    yield f"[low, high]: 95 % {kind} interval of the {average} over {seeds} seeds{raised}.{few}"
 
 
-def _ratios(table: Table, family: str) -> Iterator[str]:
+def _ratios(table: Table, cells: list[Cell], family: str) -> Iterator[str]:
     """What the factors in the cells are, and what a star means."""
-    if not table.baseline:
+    if not any(c.factor for c in cells):
         return
     baseline = ", ".join(f"{key}={value}" for key, value in table.baseline)
     yield f"×r: geometric mean of the ratio to {baseline} over the seeds that went well in both."  # noqa: RUF001
+    if table.average != GEOMETRIC:
+        yield "The means are arithmetic, because a value is 0 or below: their quotient is another number than ×r."  # noqa: RUF001
     yield family
 
 
@@ -83,7 +94,8 @@ def _trouble(cells: list[Cell], rows: "pd.DataFrame") -> Iterator[str]:
     if any(c.diverged and not math.isnan(c.mean) for c in cells):
         yield "k/n diverged: k of n runs diverged; the mean is over the others."
     if any(c.missing and c.used for c in cells):
-        yield "k/n n/a: k of n runs have no value of this metric; the mean is over the others, and never bold."
+        bold = ", and never bold" if any(c.best for c in cells) else ""
+        yield f"k/n n/a: k of n runs have no value of this metric; the mean is over the others{bold}."
     if any(c.failed for c in cells):
         reasons = list(dict.fromkeys(rows.loc[rows["status"] == "failed", "reason"].astype(str)))
         more = f"; and {len(reasons) - REASONS} more" if len(reasons) > REASONS else ""

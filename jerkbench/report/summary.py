@@ -13,8 +13,9 @@ from jerkbench.report.factors import FACTORS, constants
 from jerkbench.report.footnotes import footnotes
 from jerkbench.report.grid import Grid, Values, arranged
 from jerkbench.report.quantities import quantity
+from jerkbench.report.references import attitude_competes, competes
 from jerkbench.report.rows import metric_columns, with_metric
-from jerkbench.report.table import Cell, Ratio, Table, number
+from jerkbench.report.table import GEOMETRIC, MEAN, Cell, Ratio, Table, number
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -34,6 +35,8 @@ def summarise(
     column_keys: Sequence[str] | None = None,
     notes: Sequence[str] = (),
     baseline: Mapping[str, str] | None = None,
+    *,
+    geometric: bool = False,
 ) -> Table:
     """Return the table of one metric.
 
@@ -44,13 +47,16 @@ def summarise(
         row_keys: factors of the rows; without them, all that vary and are not columns.
         column_keys: factors of the columns; without them the adaptation.
         notes: sentences to put under the table, such as which combinations were left out and why.
-        baseline: values of factors; each cell then has its ratio to the cell that is like it but for these.
+        baseline: values of factors; each cell then has its ratio to the cell that is like it but for these, and its
+            mean is geometric, as the ratio is.
+        geometric: whether the means are geometric without a baseline too. Those of values that are not positive, of
+            which there is none, are arithmetic.
 
     Raises:
         JerkbenchError: no such metric or factor, or two rows of the same combination and seed.
     """
     rows = with_metric(rows, metric)
-    return _table(arranged(rows, row_keys, column_keys), metric, notes, baseline or {})
+    return _table(arranged(rows, row_keys, column_keys), metric, notes, baseline or {}, geometric=geometric)
 
 
 def summarise_each(
@@ -70,15 +76,18 @@ def main_metric(rows: "pd.DataFrame") -> str:
     return next(iter([*(metric for metric in LEADING if metric in valued), *valued]), MAIN)
 
 
-def _table(grid: Grid, metric: str, notes: Sequence[str], baseline: Mapping[str, str]) -> Table:
+def _table(
+    grid: Grid, metric: str, notes: Sequence[str], baseline: Mapping[str, str], *, geometric: bool = False
+) -> Table:
     comparisons = compare_to(grid.rows, metric, baseline) if baseline else []
-    cells = _with_ratios(_cells(grid, metric), comparisons, (*grid.across, *grid.down))
+    geometric = (geometric or bool(baseline)) and _positive(grid, metric)
+    cells = _with_ratios(_cells(grid, metric, geometric=geometric), comparisons, (*grid.across, *grid.down))
     lines = [[cells.get((*row, *column)) for column in grid.column_values] for row in grid.row_values]
     what = quantity(metric)
-    if what.lowest_is_best:
-        lines = [_with_best(line) for line in lines]
+    if what.lowest_is_best and not {"dataset", "disturbance"} & set(grid.down):  # else scenarios would compete
+        lines = [_with_best(line, _rivals(grid, row)) for line, row in zip(lines, grid.row_values, strict=True)]
     table = Table(
-        title=what.heading,
+        title=dataclasses.replace(what, title=f"{what.title}, {GEOMETRIC}").heading if geometric else what.heading,
         metric=metric,
         unit=what.unit,
         row_keys=grid.across,
@@ -88,22 +97,38 @@ def _table(grid: Grid, metric: str, notes: Sequence[str], baseline: Mapping[str,
         cells=tuple(tuple(line) for line in lines),
         constants=constants(grid.rows, (*grid.across, *grid.down)),
         baseline=tuple(baseline.items()),
+        average=GEOMETRIC if geometric else MEAN,
     )
     return dataclasses.replace(table, footnotes=footnotes(table, grid.rows, notes, family_note(comparisons)))
 
 
-def _cells(grid: Grid, metric: str) -> dict[Values, Cell]:
+def _positive(grid: Grid, metric: str) -> bool:
+    """Whether every value of a run that went well has a logarithm."""
+    values = grid.rows[metric].to_numpy(dtype=float)[grid.status == "ok"]
+    return bool((values[~np.isnan(values)] > 0).all())
+
+
+def _cells(grid: Grid, metric: str, *, geometric: bool) -> dict[Values, Cell]:
     values = grid.rows[metric].to_numpy(dtype=float)
+    if geometric:
+        values = np.log(np.where(grid.status == "ok", values, np.nan))
     phases = [bool(grid.phase[runs].any()) for runs in grid.runs.values()]
     good = [values[runs[grid.status[runs] == "ok"]] for runs in grid.runs.values()]
     intervals = mean_intervals([[] if phase else one for one, phase in zip(good, phases, strict=True)])
     cells = {}
     for (key, runs), one, phase, interval in zip(grid.runs.items(), good, phases, intervals, strict=True):
         ends = _range(one) if phase else (interval.mean, interval.low, interval.high)
+        ends = _exponentials(ends) if geometric else ends
         diverged, failed = (int((grid.status[runs] == name).sum()) for name in ("diverged", "failed"))
         missing = int(np.isnan(one).sum())
         cells[key] = Cell(*ends, len(runs), diverged, failed, missing, "phase" if phase else "seed")
     return cells
+
+
+def _exponentials(logarithms: tuple[float, float, float]) -> tuple[float, float, float]:
+    with np.errstate(over="ignore"):  # of two seeds far apart an end may be beyond all numbers
+        mean, low, high = np.exp(logarithms)
+    return float(mean), float(low), float(high)
 
 
 def _with_ratios(
@@ -128,13 +153,27 @@ def _range(values: FloatArray) -> tuple[float, float, float]:
     return float(known.mean()), float(low), float(high)
 
 
-def _with_best(row: list[Cell | None]) -> list[Cell | None]:
+def _rivals(grid: Grid, row: Values) -> list[bool]:
+    """Which cells of a row compete: no references, and none where the cells have different seeds."""
+    runs = [grid.runs.get((*row, *column)) for column in grid.column_values]
+    drawn = {tuple(sorted(grid.rows["seed"].to_numpy()[one])) for one in runs if one is not None}
+    labels = [dict(zip((*grid.across, *grid.down), (*row, *column), strict=True)) for column in grid.column_values]
+    fixed = dict(constants(grid.rows, (*grid.across, *grid.down)))
+    return [
+        len(drawn) == 1
+        and competes({**fixed, **own})
+        and ("attitude" not in grid.down or attitude_competes(own["attitude"]))
+        for own in labels
+    ]
+
+
+def _with_best(row: list[Cell | None], competing: Sequence[bool]) -> list[Cell | None]:
     """Mark the lowest mean, and what prints the same. A mean over the survivors of a divergence does not compete."""
-    candidates = [cell for cell in row if cell is not None and cell.complete]
+    candidates = [cell for cell, one in zip(row, competing, strict=True) if one and cell is not None and cell.complete]
     if len(candidates) < 2:
         return row
     lowest = number(min(cell.mean for cell in candidates))
     return [
-        dataclasses.replace(cell, best=True) if cell in candidates and cell and number(cell.mean) == lowest else cell
-        for cell in row
+        dataclasses.replace(cell, best=True) if cell and one and cell.complete and number(cell.mean) == lowest else cell
+        for cell, one in zip(row, competing, strict=True)
     ]

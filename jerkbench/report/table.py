@@ -3,6 +3,8 @@
 import math
 from dataclasses import dataclass
 
+MEAN, GEOMETRIC = "mean", "geometric mean"
+
 
 @dataclass(frozen=True)
 class Ratio:
@@ -25,7 +27,9 @@ class Ratio:
     @property
     def text(self) -> str:
         """The factor, with a star where a difference was shown; nothing without a pair."""
-        return f"×{number(self.value)}{'*' if self.shown else ''}" if math.isfinite(self.value) else ""  # noqa: RUF001
+        if not math.isfinite(self.value):
+            return ""
+        return f"×{factor_number(self.value)}*" if self.shown else f"×{number(self.value)}"  # noqa: RUF001
 
 
 @dataclass(frozen=True)
@@ -118,6 +122,7 @@ class Table:
         constants: the other factors, each with its one value.
         footnotes: sentences that belong under it.
         baseline: factors and values of what the ratios are to; empty: there are none.
+        average: what the numbers are: "mean", or "geometric mean".
     """
 
     title: str
@@ -131,11 +136,12 @@ class Table:
     constants: tuple[tuple[str, str], ...] = ()
     footnotes: tuple[str, ...] = ()
     baseline: tuple[tuple[str, str], ...] = ()
+    average: str = MEAN
 
     @property
     def header(self) -> list[str]:
         """The row factors, then one text a column."""
-        return [*self.row_keys, *(" / ".join(column) or "mean" for column in self.columns)]
+        return [*self.row_keys, *(" / ".join(column) or self.average for column in self.columns)]
 
     @property
     def sparse_rows(self) -> list[list[str]]:
@@ -165,3 +171,15 @@ def number(value: float) -> str:
     if not -4 <= exponent <= 5:
         return f"{value:.2e}"
     return f"{value:.{max(0, 2 - exponent)}f}"
+
+
+def factor_number(value: float) -> str:
+    """Write a ratio as `number` does, and one close to 1 with the digit that says on which side it is.
+
+    >>> factor_number(0.5), factor_number(0.9982), factor_number(1.0004), factor_number(1.0)
+    ('0.500', '0.998', '1.0004', '1.00')
+    """
+    text = number(value)
+    if value == 1 or text != number(1.0):
+        return text
+    return f"{value:.{min(9, math.ceil(-math.log10(abs(value - 1))))}f}"

@@ -11,7 +11,7 @@ from jerkbench.report.table import ABSENT, Cell, Table
 
 if TYPE_CHECKING:
     import pandas as pd
-    from rich.console import Group
+    from rich.console import Console, Group
     from rich.table import Table as RichTable
     from rich.text import Text
 
@@ -23,7 +23,7 @@ def print_table(rows: "pd.DataFrame", notes: Sequence[str] = (), metric: str | N
 
 def print_summary(table: Table) -> None:
     """Print a table that is made already."""
-    _print(terminal_table(table))
+    _print(terminal_table(table, plain=not _console().is_terminal))
 
 
 def print_run(rows: "pd.DataFrame") -> None:
@@ -53,15 +53,18 @@ def print_grid(title: str, header: Sequence[str], rows: Sequence[Sequence[str]],
     _print(_group(title, grid, notes))
 
 
-def terminal_table(table: Table) -> "Group":
-    """Return title, table and footnotes for a rich console; repeated row headers are said once, trouble is red."""
+def terminal_table(table: Table, *, plain: bool = False) -> "Group":
+    """Return title, table and footnotes for a rich console; repeated row headers are said once, trouble is red.
+
+    Where nothing can be bold (``plain``), the best stand between two stars each, as in Markdown.
+    """
     from rich.text import Text
 
     grid = _grid()
     for k, header in enumerate(table.header):
         grid.add_column(Text(header), no_wrap=k < len(table.row_keys))
     for values, cells in zip(table.sparse_rows, table.cells, strict=True):
-        grid.add_row(*map(Text, values), *map(_text, cells))
+        grid.add_row(*map(Text, values), *(_text(cell, plain=plain) for cell in cells))
     return _group(table.title, grid, table.footnotes)
 
 
@@ -79,11 +82,16 @@ def _group(title: str, grid: "RichTable", notes: Sequence[str]) -> "Group":
     return Group(Text(title, style="bold"), grid, *(Text(note) for note in notes))
 
 
-def _print(drawn: "Group") -> None:
+def _console() -> "Console":
     from rich.console import Console
+
+    return Console(highlight=False)
+
+
+def _print(drawn: "Group") -> None:
     from rich.measure import Measurement
 
-    console = Console(highlight=False)
+    console = _console()
     if not console.is_terminal:
         wide = console.options.update(width=10_000)
         console.width = max(120, Measurement.get(console, wide, drawn).maximum)
@@ -97,14 +105,15 @@ def _complaints(rows: "pd.DataFrame") -> list[str]:
     return [f"{what} {k} {status}: {reason}" for what, k, status, reason in zip(*columns, strict=True)]
 
 
-def _text(cell: Cell | None) -> "Text":
+def _text(cell: Cell | None, *, plain: bool = False) -> "Text":
     from rich.text import Text
 
     if cell is None:
         return Text(ABSENT, style="dim")
-    text = Text(cell.text)
-    if cell.best:
+    marked = cell.text.replace(cell.number, f"**{cell.number}**", 1) if plain and cell.best else cell.text
+    text = Text(marked)
+    if cell.best and not plain:
         text.stylize("bold", 0, len(cell.number))
     if cell.trouble:
-        text.stylize("red", len(cell.text) - len(cell.trouble))
+        text.stylize("red", len(marked) - len(cell.trouble))
     return text

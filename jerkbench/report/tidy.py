@@ -9,6 +9,7 @@ from jerkbench.report.factors import FACTORS
 from jerkbench.report.table import Cell, Ratio, Table
 
 VALUES = (
+    "average",
     "mean",
     "low",
     "high",
@@ -23,7 +24,7 @@ VALUES = (
     "p",
 )
 """Columns after the metric, its unit and the factors; the ends are a range where ``replicate`` is "phase";
-the ratio is empty without a baseline."""
+``average`` says which mean it is, and the ratio is empty without a baseline."""
 
 
 def tidy_csv(tables: Sequence[Table]) -> str:
@@ -35,7 +36,9 @@ def tidy_csv(tables: Sequence[Table]) -> str:
         for row, cells in zip(table.rows, table.cells, strict=True):
             for column, cell in zip(table.columns, cells, strict=True):
                 if cell is not None:
-                    writer.writerow([table.metric, table.unit, *_factors(table, row, column), *_values(cell)])
+                    writer.writerow(
+                        [table.metric, table.unit, *_factors(table, row, column), table.average, *_values(cell)]
+                    )
     return text.getvalue()
 
 

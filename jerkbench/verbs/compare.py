@@ -52,14 +52,17 @@ def answer(chosen: argparse.Namespace) -> None:
     varying = varying_factors(first.rows)
     header = [*varying, "A", "B", "B/A", "95 %", ""]
     notes = [f"A: {chosen.first}, {first.code}", f"B: {chosen.second}, {second.code}", *other_methods(first, second)]
-    notes += [*READING, *_left_out(found, first, second)]
+    notes += [READING, *_left_out(found, first, second)]
     print_grid(quantity(metric).heading, header, change_rows(found, varying), notes)
     if chosen.fail_above is not None and _fails(found, first, second, chosen.fail_above):
         raise SystemExit(WORSE)
 
 
-READING = ("A, B: means over the runs that went well; B/A: geometric mean of the ratio, run by run where seeds match.",)
-"""What the numbers are: the quotient of the means is another number."""
+READING = (
+    "A, B: geometric means over the runs that went well (arithmetic where a value is 0); B/A: over the runs that went "
+    "well in both, where seeds match."
+)
+"""What the numbers are."""
 
 
 def _fails(found: "Sequence[Change]", first: "Study", second: "Study", percent: float) -> bool:

@@ -232,7 +232,7 @@ def test_costs_are_means_and_what_was_lost_is_infinite(cell_rows):
 
 def test_the_heat_map_and_the_profile_are_of_all_scenarios(cell_rows, tmp_path):
     values, scenarios, methods = costs(study(cell_rows), "position_rmse_m")
-    figure = heat_map_figure(values, scenarios, methods, "RMSE")
+    figure = heat_map_figure(values, scenarios, methods, "RMSE", [True] * 3)
     texts = [text.get_text() for text in figure.axes[0].texts]
     assert sorted(texts) == sorted(["2.10", "1.05", "52.5", "6.30", "3.15", "lost"])
     save_figure(figure, tmp_path / "map.png")
@@ -244,13 +244,32 @@ def test_the_heat_map_and_the_profile_are_of_all_scenarios(cell_rows, tmp_path):
     assert lines["gnss_only"].get_ydata()[-1] == 50.0
 
 
+def test_references_are_shown_and_not_crowned(cell_rows):
+    oracle = [row | {"position_rmse_m": 0.01, "adaptation": "oracle"} for row in cell_rows("jerk", "none", [0, 0])]
+    rows = study(cell_rows)
+    rows = pd.concat([rows, *(pd.DataFrame(oracle).assign(disturbance=name) for name in ("none", "bias"))])
+    drawn = {one.name: one for one in of_rows(rows)}
+    axes = drawn["heat-map"].figure.axes[0]
+    assert [text.get_text() for text in axes.texts if text.get_weight() == "bold"] == ["1.05", "3.15"]
+    named = [text.get_text() for text in axes.get_yticklabels()]
+    assert named == ["baseline + none", "jerk + none", "(gnss_only + none)", "(jerk + oracle)"]
+    labels = [line.get_label() for line in drawn["profile"].figure.axes[0].get_lines()]
+    assert sorted(labels) == ["baseline + none (mean rank 2.0)", "jerk + none (mean rank 1.0)"]
+
+
+def test_costs_are_over_the_seeds_that_all_methods_have(cell_rows):
+    rows = pd.DataFrame([*cell_rows("jerk", "none", [1.0, 1.0, 100.0]), *cell_rows("baseline", "none", [2.0, 2.0])])
+    np.testing.assert_allclose(costs(rows, "position_rmse_m")[0], [[1.0, 2.0]])
+
+
 def test_who_was_not_run_in_a_scenario_has_not_lost_it(cell_rows):
     rows = study(cell_rows)
     third = rows[rows["disturbance"] == "none"].assign(disturbance="outage")
     rows = pd.concat([rows, third[third["filter"] != "jerk"]])
     drawn = {one.name: one for one in of_rows(rows)}
     assert drawn["profile"].caption == (
-        "Performance profiles and mean ranks over the 2 scenarios in which every method was run (of 3)."
+        "Performance profiles and mean ranks over the 2 scenarios in which every method was run (of 3). "
+        "References do not compete."
     )
     labels = [line.get_label() for line in drawn["profile"].figure.axes[0].get_lines()]
     assert "jerk (mean rank 1.0)" in labels

@@ -8,6 +8,7 @@ import pytest
 
 from jerkbench.errors import JerkbenchError
 from jerkbench.evaluation.statistics.intervals import mean_interval
+from jerkbench.report.table import Ratio
 from jerkbench.report.tables import summarise
 
 
@@ -138,7 +139,7 @@ def test_runs_without_the_metric_are_counted(cell_rows):
     said = " ".join(table.footnotes)
     assert "mean over 2 to 5 seeds, its level raised" in said
     assert "(as Student's t is wider). Of fewer than 5 seeds it is too short." in said
-    assert "k/n n/a: k of n runs have no value of this metric; the mean is over the others, and never bold." in said
+    assert "k/n n/a: k of n runs have no value of this metric; the mean is over the others." in said
     assert "n/a: the metric does not apply." not in table.footnotes
 
 
@@ -231,3 +232,49 @@ def test_the_rows_stay_as_they_were(rows):
     before = rows.copy()
     summarise(rows, "position_rmse_m")
     pd.testing.assert_frame_equal(rows, before)
+
+
+@pytest.mark.parametrize("reference", [("jerk", "oracle"), ("jerk", "oracle(x=1)"), ("gnss_only", "none")])
+def test_a_reference_is_never_bold_and_that_is_said(cell_rows, reference):
+    cells = {("jerk", "none"): 2.0, ("jerk", "mtf"): 3.0, reference: 1.0}
+    frame = pd.DataFrame([row for key, value in cells.items() for row in cell_rows(*key, [value] * 5)])
+    table = summarise(frame, "position_rmse_m", ["dataset"], ["filter", "adaptation"])
+    assert [cell.best for cell in table.cells[0] if cell] == [True, False, False]
+    assert any("does not compete." in note for note in table.footnotes if note.startswith("Bold"))
+
+
+def test_the_references_own_attitude_is_never_bold(cell_rows):
+    cells = {"tilt": 2.0, "gyro_only": 3.0, "reference": 1.0}
+    rows = [row | {"attitude": a} for a, value in cells.items() for row in cell_rows("jerk", "none", [value] * 5)]
+    table = summarise(pd.DataFrame(rows), "position_rmse_m", column_keys=["attitude"])
+    assert [cell.best for cell in table.cells[0]] == [True, False, False]
+
+
+def test_scenarios_and_means_over_other_seeds_do_not_compete(cell_rows):
+    frame = pd.DataFrame([*cell_rows("jerk", "none", [1.0] * 5), *cell_rows("jerk", "mtf", [2.0] * 6)])
+    assert not any(cell.best for cell in summarise(frame, "position_rmse_m").cells[0])
+    two = pd.concat([frame[frame["adaptation"] == "none"].assign(disturbance=name) for name in ("none", "bias")])
+    assert not any(cell.best for cell in summarise(two, "position_rmse_m", column_keys=["disturbance"]).cells[0])
+
+
+def test_beside_a_ratio_the_means_are_geometric(cell_rows):
+    """1.50 beside .766 of .811 looked like an error: the first and the last were arithmetic means."""
+    none, mtf = [0.1, 0.4, 3.2], [0.2, 0.5, 0.8]
+    frame = pd.DataFrame([*cell_rows("jerk", "none", none), *cell_rows("jerk", "mtf", mtf)])
+    table = summarise(frame, "position_rmse_m", baseline={"adaptation": "none"})
+    first, second = table.cells[0]
+    assert (first.mean, second.mean) == pytest.approx((np.prod(none) ** (1 / 3), np.prod(mtf) ** (1 / 3)))
+    assert second.ratio.value == pytest.approx(second.mean / first.mean)
+    assert second.low < second.mean < second.high
+    assert table.title == "Position RMSE (3-D), geometric mean [m]"
+    assert any("interval of the geometric mean" in note for note in table.footnotes)
+    zero = frame.assign(position_rmse_m=frame["position_rmse_m"].where(frame["seed"] > 0, 0.0))
+    table = summarise(zero, "position_rmse_m", baseline={"adaptation": "none"})
+    assert table.cells[0][0].mean == pytest.approx(1.2)
+    assert any("their quotient is another number" in note for note in table.footnotes)
+
+
+def test_a_star_stands_beside_a_digit_that_shows_the_difference():
+    assert Ratio(1.0004, 1.0003, 1.0005, 0.01, shown=True).text == "×1.0004*"  # noqa: RUF001
+    assert Ratio(0.9996, 0.9995, 0.9997, 0.01, shown=True).text == "×0.9996*"  # noqa: RUF001
+    assert Ratio(1.0004, 0.9, 1.1, 0.5, shown=False).text == "×1.00"  # noqa: RUF001

@@ -120,7 +120,7 @@ def test_terminal_shows_brackets_and_says_a_row_header_once(rows, capsys):
     both = pd.concat([rows, rows.assign(disturbance="bias")])
     print_table(both, ("A note.",))
     out = capsys.readouterr().out
-    assert re.search(r"0\.0125 \[0\.01\d\d, 0\.01\d\d\]", out)
+    assert re.search(r"\*\*0\.0125\*\* \[0\.01\d\d, 0\.01\d\d\]", out)
     assert "(2/4 diverged)" in out
     assert len(re.findall(r"^ *bias +(?:jerk|baseline) ", out, flags=re.MULTILINE)) == 1
     assert out.splitlines()[-1].rstrip() == "A note."

@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Any
 from jerkbench.report.comparison import Comparison, compare_to
 from jerkbench.report.factors import FACTORS
 from jerkbench.report.page import nees
-from jerkbench.report.quantities import quantity
 from jerkbench.report.rows import metric_columns
 from jerkbench.report.summary import summarise
-from jerkbench.report.table import Cell, number
+from jerkbench.report.table import Cell, Table, factor_number, number
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -33,16 +32,17 @@ def cells_section(
         metric: the leading metric.
     """
     metrics = [metric, *(one for one in COLUMNS if one != metric and one in rows and rows[one].notna().any())]
-    tables = {one: by_combination(rows, one) for one in metrics}
+    tables = {one: combinations(rows, one, geometric=one == metric) for one in metrics}
+    found = {one: by_combination(table) for one, table in tables.items()}
     ratios = _ratios(rows, metric)
     groups = rows.assign(key=list(keys)).groupby("key", sort=False)
     lines, templates = [], []
     for key, group in groups:
         combination = tuple(str(group[one].iloc[0]) for one in FACTORS)
-        cells = [tables[one][combination] for one in metrics]
+        cells = [found[one][combination] for one in metrics]
         lines.append(_line(str(key), combination, cells, ratios.get(combination), group))
         templates.append(_template(str(key), combination, group, about[str(key)]))
-    heads = [*FACTORS, *(quantity(one).heading for one in metrics), "×  none", nees.HEADING, "lost", "runs"]  # noqa: RUF001
+    heads = [*FACTORS, *(tables[one].title for one in metrics), "×  none", nees.HEADING, "lost", "runs"]  # noqa: RUF001
     varying = [len(rows[key].unique()) > 1 for key in FACTORS]
     constant = [f":nth-child({k + 1})" for k, one in enumerate(varying) if not one]
     hidden = f"#cells :is(th, td):is({', '.join(constant)}) {{ display: none; }}" if constant else ""
@@ -67,9 +67,13 @@ def _muted(text: str) -> str:
     return f'<p class="muted">{escape(text)}</p>' if text else ""
 
 
-def by_combination(rows: "pd.DataFrame", metric: str) -> dict[tuple[str, ...], Cell]:
-    """Return the cell of each combination of the six factors."""
-    table = summarise(rows, metric, row_keys=FACTORS[:-1], column_keys=FACTORS[-1:])
+def combinations(rows: "pd.DataFrame", metric: str, *, geometric: bool = False) -> Table:
+    """Return the table in which each combination of the six factors has a row."""
+    return summarise(rows, metric, row_keys=FACTORS[:-1], column_keys=FACTORS[-1:], geometric=geometric)
+
+
+def by_combination(table: Table) -> dict[tuple[str, ...], Cell]:
+    """Return the cell of each combination of the six factors, of `combinations`."""
     return {
         (*row, *column): cell
         for row, line in zip(table.rows, table.cells, strict=True)
@@ -90,7 +94,7 @@ def _line(
     texts = "".join(f"<td>{escape(text)}</td>" for text in combination)
     numbers = "".join(_mean(cell) for cell in cells)
     lost = int((group["status"] != "ok").sum())
-    against = _number(ratio.paired.ratio, "*" if ratio.shown else "") if ratio else _number(math.nan)
+    against = _factor(ratio)
     end = f"{_number(lost)}{_number(len(group))}"
     button = f'<td><button data-key="{key}">open</button></td>'
     return f"<tr>{texts}{numbers}{against}<td>{nees.says(group)}</td>{end}{button}</tr>"
@@ -103,10 +107,19 @@ def _mean(cell: Cell) -> str:
     return f'<td class="number" data-value="{cell.mean!r}">{escape(cell.number)}{interval}</td>'
 
 
-def _number(value: float, mark: str = "") -> str:
+def _number(value: float) -> str:
     if not math.isfinite(value):
         return '<td class="number" data-value=""></td>'
-    return f'<td class="number" data-value="{value!r}">{number(value) if value % 1 else int(value)}{mark}</td>'
+    return f'<td class="number" data-value="{value!r}">{number(value) if value % 1 else int(value)}</td>'
+
+
+def _factor(one: Comparison | None) -> str:
+    """The ratio to no adaptation, with a star where a difference was shown."""
+    if one is None or not math.isfinite(one.paired.ratio):
+        return _number(math.nan)
+    value = one.paired.ratio
+    text = f"{factor_number(value)}*" if one.shown else number(value)
+    return f'<td class="number" data-value="{value!r}">{text}</td>'
 
 
 def _filters(rows: "pd.DataFrame") -> str:

@@ -7,7 +7,7 @@ from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
 from jerkbench.report.html import html_table
-from jerkbench.report.page.cells import by_combination, cells_section
+from jerkbench.report.page.cells import by_combination, cells_section, combinations
 from jerkbench.report.page.findings import findings_section
 from jerkbench.report.page.gallery import gallery
 from jerkbench.report.page.text import bullets
@@ -47,11 +47,11 @@ class Results:
 def page(results: Results, pictures: Sequence[Picture]) -> str:
     """Return the report."""
     rows, metric = results.rows, main_metric(results.rows)
-    title = quantity(metric).heading
+    leading = combinations(rows, metric, geometric=True)
     checks = review(Evidence(rows, list(results.about.values()), metric))
     independence = [note for note in results.notes if "ndependent of" in note]
     sections = {
-        "Findings": findings_section(rows, metric, title, by_combination(rows, metric)),
+        "Findings": findings_section(rows, metric, leading.title, by_combination(leading)),
         "Table": html_table(summarise(rows, metric, notes=results.notes, baseline=_baseline(rows)), level=3),
         "Figures": gallery(pictures),
         "A reviewer's questions": _review(checks),
@@ -63,7 +63,7 @@ def page(results: Results, pictures: Sequence[Picture]) -> str:
     body = "\n".join(
         f'<section id="{_anchor(n)}"><h2>{escape(n)}</h2>\n{text}</section>' for n, text in sections.items()
     )
-    return _document(results.name, f"{_tiles(results, checks, title)}<nav>{links}</nav>", body)
+    return _document(results.name, f"{_tiles(results, checks, quantity(metric).heading)}<nav>{links}</nav>", body)
 
 
 def _document(name: str, top: str, body: str) -> str:

@@ -14,11 +14,14 @@ WORST = 100.0
 """The colour goes no further than so many times the best."""
 
 
-def heat_map_figure(costs: FloatArray, scenarios: Sequence[str], methods: Sequence[str], title: str) -> Figure:
+def heat_map_figure(
+    costs: FloatArray, scenarios: Sequence[str], methods: Sequence[str], title: str, competing: Sequence[bool]
+) -> Figure:
     """Draw (p, s) costs of s methods in p scenarios: each number as it is, its colour by the ratio to the best.
 
     Methods make the rows, scenarios the columns.
-    An infinite cost says that runs were lost; NaN, that it was not run, is an empty field.
+    An infinite cost says that runs were lost; NaN, that it was not run, is an empty field. What does not compete is
+    there, in parentheses, but is no best.
     """
     size = (
         2.2 + 0.085 * _longest(methods) + 0.56 * len(scenarios),
@@ -26,17 +29,19 @@ def heat_map_figure(costs: FloatArray, scenarios: Sequence[str], methods: Sequen
     )
     figure = Figure(figsize=size, dpi=DOTS_PER_INCH, layout="constrained")
     axes = figure.add_subplot()
-    best = np.where(np.isfinite(costs), costs, np.inf).min(axis=1, keepdims=True)
+    best = np.where(np.isfinite(costs) & np.asarray(competing), costs, np.inf).min(axis=1, keepdims=True)
     with np.errstate(invalid="ignore", divide="ignore"):
         ratio = np.where(np.isfinite(costs), costs / best, np.nan)
     image = axes.imshow(np.clip(ratio, 1.0, WORST).T, cmap="cividis_r", norm=LogNorm(1.0, WORST), aspect="auto")
     for p, s in np.argwhere(np.isfinite(costs)):
-        colour, weight = "white" if ratio[p, s] > 10 else "black", "bold" if ratio[p, s] <= 1 else "normal"
+        leads = competing[s] and costs[p, s] == best[p]
+        colour, weight = "white" if ratio[p, s] > 10 else "black", "bold" if leads else "normal"
         axes.text(p, s, number(float(costs[p, s])), ha="center", va="center", fontsize=7, color=colour, weight=weight)
     for p, s in np.argwhere(np.isinf(costs)):
         axes.text(p, s, "lost", ha="center", va="center", fontsize=7, color="#777777")
     axes.set_xticks(range(len(scenarios)), scenarios, rotation=90, fontsize=8)
-    axes.set_yticks(range(len(methods)), methods, fontsize=8)
+    named = [name if one else f"({name})" for name, one in zip(methods, competing, strict=True)]
+    axes.set_yticks(range(len(methods)), named, fontsize=8)
     axes.set_title(title, fontsize="medium")
     axes.spines[:].set_visible(False)
     axes.tick_params(length=0)
