@@ -61,6 +61,15 @@ class AttitudeFilter(Hashable, Protocol):
 
 
 @runtime_checkable
+class Remarking(Protocol):
+    """An attitude filter that has something to say of what it makes of a recording; optional."""
+
+    def remarks(self, recording: Recording) -> tuple[str, ...]:
+        """Return sentences that a reader of the table has to know, without numbers that change from seed to seed."""
+        ...
+
+
+@runtime_checkable
 class Filter(Protocol):
     """A kinematic filter: the model of one axis; the full one is A (x) I3, b (x) I3, Q (x) I3, H = [I6 0]."""
 

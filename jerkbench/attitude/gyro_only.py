@@ -11,6 +11,7 @@ from jerkbench.attitude.assembly import attitude_from, filtered_yaw, intervals
 from jerkbench.attitude.compensation import COMPENSATIONS
 from jerkbench.attitude.headings import YAW_SOURCES, require_headings, select_headings
 from jerkbench.attitude.tilt import roll_pitch, transition
+from jerkbench.attitude.yaw_remarks import yaw_remarks
 from jerkbench.checks import require_not_negative, require_positive
 from jerkbench.errors import PluginError, unknown
 from jerkbench.estimate import Attitude
@@ -62,6 +63,10 @@ class GyroOnly:
             RecordingError: it has not.
         """
         require_headings(load, self.yaw_source, self.course_min_speed_mps, self.course_sigma_min_rad)
+
+    def remarks(self, recording: Recording) -> tuple[str, ...]:
+        """Return what a reader of the table has to know: that nothing measures yaw."""
+        return yaw_remarks(recording, self.yaw_source, self.course_min_speed_mps, self.course_sigma_min_rad)
 
     def estimate(self, recording: Recording) -> Attitude:
         """Return attitude and ENU acceleration at the IMU's stamps.

@@ -13,6 +13,7 @@ from jerkbench.attitude.compiled_tilt import run_tilt_compiled
 from jerkbench.attitude.external_acceleration import ADAPTATIONS
 from jerkbench.attitude.headings import YAW_SOURCES, require_headings, select_headings
 from jerkbench.attitude.tilt import TiltParameters, roll_pitch, run_tilt
+from jerkbench.attitude.yaw_remarks import yaw_remarks
 from jerkbench.compilation.entry import can_compile
 from jerkbench.errors import PluginError, unknown
 from jerkbench.estimate import Attitude
@@ -110,6 +111,10 @@ class Tilt:
             RecordingError: it has not.
         """
         require_headings(load, self.yaw_source, self.course_min_speed_mps, self.course_sigma_min_rad)
+
+    def remarks(self, recording: Recording) -> tuple[str, ...]:
+        """Return what a reader of the table has to know: that nothing measures yaw."""
+        return yaw_remarks(recording, self.yaw_source, self.course_min_speed_mps, self.course_sigma_min_rad)
 
     def estimate(self, recording: Recording) -> Attitude:
         """Return attitude and ENU acceleration at the IMU's stamps.

@@ -25,6 +25,7 @@ from jerkbench.benchmark.composition import compose_jobs
 from jerkbench.benchmark.configuration import cell_of, register_schemas, study_folder
 from jerkbench.benchmark.options import check_options
 from jerkbench.benchmark.processors import processors
+from jerkbench.benchmark.remarks import first_remarks
 from jerkbench.benchmark.run import run_pieces
 from jerkbench.benchmark.single import draw_single, prepare_drawing, run_single
 from jerkbench.benchmark.store import Store
@@ -66,7 +67,7 @@ def sweep(loader: ConfigLoader, config: DictConfig, jobs: Sequence[Sequence[str]
             plan = plan_sweep([cell_of(one.plain, one.choices, one.overrides) for one in composed])
     except JerkbenchError as error:
         exit_with(error)
-    for line in plan.refused:
+    for line in (*plan.refused, *first_remarks((one.cell, one.fingerprint) for one in plan.cells)):
         print(line, file=sys.stderr)
     if not plan.cells:
         exit_with(PluginError("There is nothing to run: every combination was left out."))
@@ -135,6 +136,8 @@ def _run_job(config: DictConfig, job: HydraConf) -> None:
         print(f"Left out: {reason}.", file=sys.stderr)
         return
     (one,) = plan_sweep([cell]).cells
+    for line in first_remarks([(one.cell, one.fingerprint)]):
+        print(line, file=sys.stderr)
     folder = study_folder(config)
     if not sweeping:
         _run_and_show(one, folder, config)

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 from jerkbench.benchmark import inputs
 from jerkbench.benchmark.blame import plugins_in_words, reason_of
 from jerkbench.benchmark.cell import Cell
+from jerkbench.benchmark.remarks import remarks_of
 from jerkbench.benchmark.streaming import Found, streamed_values, streams
 from jerkbench.benchmark.unfit import unfit
 from jerkbench.contracts import Estimator
@@ -144,11 +145,12 @@ def failed_rows(cell: Cell, draws: Sequence[int], reason: str) -> list[Row]:
 def notes_of(cell: Cell, recording: Recording) -> list[str]:
     """Where the reference comes from, and what the recording says about itself; once for all its parameters."""
     reference, name = recording.reference, cell.labels.dataset.partition("(")[0]
+    notes = [*(f"{name}: {note}" for note in recording.notes), *remarks_of(cell, recording)]
     if reference.empty:
-        return [f"{name} has no reference: {reference.source}.", *(f"{name}: {note}" for note in recording.notes)]
+        return [f"{name} has no reference: {reference.source}.", *notes]
     independence = "independent of" if reference.independent else "not independent of"
     source = f"Reference of {name}: {reference.source}; {independence} the measurements."
-    return [source, *(f"{name}: {note}" for note in recording.notes)]
+    return [source, *notes]
 
 
 def _guarded_row(cell: Cell, one: Alone, fingerprint: str) -> tuple[Row, list[str]]:

@@ -20,7 +20,9 @@ def add_source(parser: argparse.ArgumentParser) -> None:
     """Add the arguments that name a recording."""
     parser.add_argument("source", help="a file or folder, or the name of a data set or its preset")
     parser.add_argument("--dataset", metavar="NAME", help="the data set that reads the file (default: by its suffix)")
-    parser.add_argument("--set", nargs="+", default=[], metavar="KEY=VALUE", help="parameters of the data set")
+    parser.add_argument(
+        "--set", nargs="+", action="extend", default=[], metavar="KEY=VALUE", help="parameters of the data set"
+    )
     parser.add_argument("--seed", type=seed, default=0, help="of a simulated recording (default 0)")
 
 

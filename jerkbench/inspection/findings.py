@@ -9,13 +9,15 @@ from jerkbench.inspection.dependence import Dependence, velocity_dependence
 from jerkbench.inspection.lags import Lag, estimated_lags
 from jerkbench.inspection.peaks import LEAST_CORRELATION
 from jerkbench.inspection.sigmas import Sigma, stated_against_real_sigma
+from jerkbench.inspection.yaw import yaw_line
 from jerkbench.recording import Recording
 
 
 def findings_text(recording: Recording) -> str:
-    """Return lags, the velocity's dependence, real against stated sigmas, and the IMU's noise at rest, one a line."""
+    """Return lags, the source of yaw, the velocity's dependence, real and stated sigmas, the IMU's noise at rest."""
     noise = rest_noise(recording)
     lines = [_lag_line(lag) for lag in estimated_lags(recording)]
+    lines.append(yaw_line(recording))
     lines += [_dependence_line(one) for one in velocity_dependence(recording)]
     lines += [_sigma_line(sigma) for sigma in stated_against_real_sigma(recording)]
     lines += _noise_lines(noise) if noise else ["imu noise: no rest of 5 s at the start to read it from"]
