@@ -6,6 +6,7 @@ import time
 import pytest
 
 from jerkbench.benchmark.pool import run_grouped
+from jerkbench.notices import notify
 
 
 def where(task):
@@ -53,3 +54,16 @@ def test_whoever_stops_early_is_told_which_processes_were_ended():
     for number in ended:
         with pytest.raises(ProcessLookupError):
             os.kill(number, 0)
+
+
+def talk(task):
+    notify("compiling something")
+    return where(task)
+
+
+def test_what_each_process_would_say_is_said_once(capfd, monkeypatch):
+    monkeypatch.setattr("jerkbench.notices._GIVEN", set())
+    done = dict(run_grouped(talk, [[1, 2, 3], [4, 5, 6]], workers=2))
+
+    assert len(set(done.values())) == 2
+    assert capfd.readouterr().err.count("compiling something") == 1
