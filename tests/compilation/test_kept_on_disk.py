@@ -170,7 +170,7 @@ def test_of_threads_and_processes_that_start_together_one_compiles(tmp_path):
 def kept(process, tmp_path):
     """The one file of compiled code that a first process has left."""
     process()
-    (file,) = (tmp_path / "cache").glob("*.compiled")
+    (file,) = (tmp_path / "cache").rglob("*.compiled")
     return file
 
 
