@@ -171,12 +171,12 @@ def test_the_browser_has_nothing_to_complain_about(opened):
     assert [one for one in opened.get_log("browser") if one["level"] != "INFO"] == []
 
 
-def cell(filter_parameter=1.0, dataset="field", data="", window=1, independent="independent of", **more):
+def cell(filter_parameter=1.0, dataset="field", data="", window=1, independent="independent of", plugin="", **more):
     labels = {"dataset": dataset, "disturbance": "none", "attitude": "tilt", "filter": "jerk", "adaptation": "none"}
     return {
         "labels": {**labels, "noise": f"accel_mps2={filter_parameter}"},
         "spec": {
-            "dataset": {"name": dataset, **more},
+            "dataset": {"name": plugin or dataset, **more},
             "filter": {"name": "jerk", "accel_mps2": filter_parameter},
             "adaptation": {"name": "mtf", "window": window},
             "attitude": {"name": "tilt"},
@@ -186,10 +186,18 @@ def cell(filter_parameter=1.0, dataset="field", data="", window=1, independent="
     }
 
 
-def answers(cells, seeds=12, anees=6.0, replicate="seed"):
+def other(parameter, window):
+    """A cell of another method, whose windows are its own."""
+    made = cell(parameter, window=window)
+    filter_spec = {"name": "baseline", "accel_mps2": 1.0}
+    return {**made, "labels": {**made["labels"], "filter": "baseline"}, "spec": {**made["spec"], "filter": filter_spec}}
+
+
+def answers(cells, seeds=12, anees=6.0, replicate="seed", lost=0):
     rows = [
         {**one["labels"], "seed": seed, "replicate": replicate, "status": "ok", "reason": ""}
         | {"position_rmse_m": 1.0 + 0.1 * seed, "anees": anees}
+        | ({"status": "diverged"} if seed < lost else {})
         for one in cells
         for seed in range(seeds)
     ]
@@ -198,6 +206,7 @@ def answers(cells, seeds=12, anees=6.0, replicate="seed"):
     return {key: one.passed for key, one in zip(keys, checks, strict=True)}
 
 
+TOLD = {**cell()["spec"], "filter": {"name": "eskf15", "position_sigma_m": 1.0}}
 GOOD = [cell(k, dataset, window=k) for k in (1, 2, 3) for dataset in ("field", "field_ruts")]
 
 
@@ -220,10 +229,37 @@ def test_a_good_study_passes_the_review():
         ("consistency", GOOD, {"anees": float("nan")}),
         ("independence", [*GOOD, cell(dataset="drive", independent="not independent of")], {}),
         ("windows", [cell(k, window=4) for k in (1, 2, 3)], {}),
+        ("budget", [*GOOD, *(other(w, w) for w in (1, 2, 3, 4))], {}),
+        ("budget", [*GOOD, cell(4, "field_ruts", window=4)], {}),
+        ("covariance", [{**cell(1, data="hash"), "spec": TOLD}], {}),
+        ("recordings", [cell(k, f"field(duration_s={k})", plugin="field") for k in (30, 60)], {}),
+        ("recordings", [cell(k, name, data="same") for k in (1, 2) for name in ("drive", "ride")], {}),
+        ("recordings", [*GOOD, other(1, 1)], {}),
+        ("seeds", GOOD, {"lost": 3}),
+        ("intervals", GOOD, {"lost": 1}),
+        ("intervals", GOOD, {"lost": 12}),
+        ("consistency", GOOD, {"lost": 12}),
+        ("independence", [*GOOD, {**cell(dataset="drive"), "notes": ["drive has no reference: none."]}], {}),
+        ("windows", [*GOOD, other(1, 1)], {}),
     ],
 )
 def test_what_is_missing_fails_the_review(question, cells, more):
     assert answers(cells, **more)[question] is False
+
+
+def test_what_the_log_reports_is_no_replacement():
+    reported = {"position_sigma": ["sdn", "sde", "sdu"], "position_sigma_m": 1.0, "velocity_sigma_mps": []}
+    cells = [cell(k, data="hash", covariance_order="neu", **reported) for k in (1, 2, 3)]
+    assert answers(cells)["covariance"] is True
+
+
+def test_a_reference_needs_no_budget_and_is_not_the_best():
+    oracle = {**cell(9), "labels": {**cell(9)["labels"], "adaptation": "oracle"}}
+    assert answers([*GOOD, oracle])["budget"] is True
+    rows = [{**one["labels"], "seed": 0, "replicate": "seed", "status": "ok"} for one in [*GOOD, oracle]]
+    values = {"position_rmse_m": [2.0] * len(GOOD) + [1.0], "anees": [6.0] * len(GOOD) + [600.0]}
+    checks = review(Evidence(pd.DataFrame(rows).assign(reason="", **values), [*GOOD, oracle], "position_rmse_m"))
+    assert [one.passed for one in checks if one.question.startswith("Are the best")] == [True]
 
 
 @pytest.mark.parametrize(
