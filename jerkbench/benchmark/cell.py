@@ -212,7 +212,7 @@ def joined(names: Iterable[str]) -> str:
 def _metrics(asked: Sequence[str]) -> tuple[str, ...]:
     """The names that are asked for; of none those that say nothing else, of "all" every one."""
     known = plugins.names("metric")
-    if isinstance(asked, str) or not all(isinstance(name, str) for name in asked):
+    if not isinstance(asked, (list, tuple)) or not all(isinstance(name, str) for name in asked):
         raise PluginError(f"metrics is {asked}; give a list of names: metrics=[position_rmse,velocity_rmse] or [all].")
     for sentence in plugins.left_out("metric").values() if not asked or "all" in asked else ():
         notify(sentence)
