@@ -188,7 +188,7 @@ BAD = [
     (["experiment=null"], "experiment=null chooses nothing"),
     (["~disturbance"], "a run cannot be without disturbance"),
     (["~seeds"], "a run cannot be without seeds"),
-    (["++metrics=3"], "metrics"),
+    (["metrics=${seeds}"], "give a list of names"),
     (["metrics=[[all]]"], "give a list of names"),
     (["=1"], "'=1' is no KEY=VALUE"),
     (["--resolve"], "--resolve belongs to --cfg"),
