@@ -14,6 +14,7 @@ from typing import NoReturn
 from jerkbench.data.verbs import VERBS as DATA_VERBS
 from jerkbench.data.verbs import add_verbs, answer
 from jerkbench.errors import INTERRUPTED, JerkbenchError, exit_with
+from jerkbench.plain import plain_output
 from jerkbench.verbs import VERBS
 
 RUN_HELP = """\
@@ -50,6 +51,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if arguments is None:
         _collect_seldom()
         signal.signal(signal.SIGTERM, _interrupt)
+    with plain_output():
+        _guarded(words)
+
+
+def _guarded(words: list[str]) -> None:
     try:
         _require_installed()
         with warnings.catch_warnings():

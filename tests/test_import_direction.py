@@ -6,7 +6,7 @@ from pathlib import Path
 import jerkbench
 
 ORDER = [
-    ["errors", "arrays", "checks", "files", "memory", "notices", "streams", "presets", "compilation"],
+    ["errors", "arrays", "checks", "files", "memory", "notices", "plain", "streams", "presets", "compilation"],
     ["recording"],
     ["estimate", "geometry"],
     ["timeline"],

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from jerkbench.benchmark.blame import plugins_in_words
 from jerkbench.benchmark.cell import Cell, Labels, Protocol, build
 from jerkbench.benchmark.inputs import require_data
 from jerkbench.benchmark.run import Row, run_once, run_open
@@ -41,7 +42,8 @@ class StoredRow:
             JerkbenchError: the data are other data now.
         """
         require_data(self.cell.dataset, self.fingerprint)
-        return run_once(self.cell, self.draw, self.fingerprint)
+        with plugins_in_words(self.cell):
+            return run_once(self.cell, self.draw, self.fingerprint)
 
     def score(self) -> Row:
         """Run it again as the sweep did; returns its row.
@@ -70,8 +72,10 @@ def stored_row(folder: Path, which: str) -> StoredRow:
         JerkbenchError: there is none, or several.
     """
     key, seed = _by_number(folder, int(which)) if which.isdecimal() and len(which) < 6 else _by_key(folder, which)
-    (stored,), _ = Store(folder).read([key])
-    return row_of(stored, seed)
+    stored, _ = Store(folder).read([key])
+    if not stored:
+        raise JerkbenchError(f"The file of the cell {key} in {folder} is damaged; `jerkbench run` makes it anew.")
+    return row_of(stored[0], seed)
 
 
 def row_of(stored: Stored, seed: int | None = None) -> StoredRow:
@@ -85,8 +89,24 @@ def row_of(stored: Stored, seed: int | None = None) -> StoredRow:
     if draw not in seeds:
         raise JerkbenchError(f"The cell {stored.key} has no seed {draw}; it has {', '.join(map(str, seeds))}.")
     about = stored.about
-    cell = build(about["spec"], Protocol(**about["protocol"]), Labels(**about["labels"]))
+    cell = _cell_of(stored)
     return StoredRow(cell, draw, about["data"], stored.rows.to_dict("records")[seeds.index(draw)], about)  # type: ignore[arg-type]  # keys are strings
+
+
+def _cell_of(stored: Stored) -> Cell:
+    """The cell that the stored configuration describes.
+
+    Raises:
+        JerkbenchError: it describes none, at least not for this version of the plugins.
+    """
+    about = stored.about
+    try:
+        return build(about["spec"], Protocol(**about["protocol"]), Labels(**about["labels"]))
+    except (TypeError, ValueError, ArithmeticError, LookupError, AttributeError) as error:
+        raise JerkbenchError(
+            f"The configuration that is stored with the cell {stored.key} makes no cell ({error}): it is damaged, or"
+            " of another version."
+        ) from error
 
 
 def differences(one: StoredRow) -> list[tuple[str, float, float]]:
@@ -116,7 +136,7 @@ def _by_number(folder: Path, place: int) -> tuple[str, int]:
 
 def _by_key(folder: Path, which: str) -> tuple[str, int | None]:
     beginning, _, seed = which.partition(":")
-    keys = sorted(path.stem for path in Store(folder).folder.glob("*.parquet") if path.stem.startswith(beginning))
+    keys = [key for key in Store(folder).names() if key.startswith(beginning)]
     if len(keys) != 1 or (seed and not seed.isdecimal()):
         raise JerkbenchError(
             f"'{which}' is no row of {folder}: {len(keys)} cells begin with '{beginning}'. Give the row's number in "

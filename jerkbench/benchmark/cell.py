@@ -21,6 +21,7 @@ from jerkbench.contracts import (
 )
 from jerkbench.errors import PluginError
 from jerkbench.notices import notify
+from jerkbench.plain import plain
 
 Config = Mapping[str, Any]
 
@@ -137,7 +138,7 @@ def build(spec: Config, protocol: Protocol, labels: Labels | None = None) -> Cel
     }
     effective["disturbance"] = [_plain(d["name"], p) for d, p in zip(spec["disturbance"], disturbances, strict=True)]
     return Cell(
-        labels=labels or default_labels(effective),
+        labels=Labels(*map(plain, labels or default_labels(effective))),
         spec={**effective, "metrics": list(metrics)},
         protocol=protocol,
         disturbances=disturbances,

@@ -9,9 +9,11 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import ExitStack
 from typing import Generic, TypeVar
 
 from jerkbench.notices import shared_notices
+from jerkbench.plain import plain_output
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
@@ -129,6 +131,7 @@ def _prepare() -> None:
     """One thread a process; Ctrl-C is for the parent, and where the parent is killed there is nothing left to do."""
     from threadpoolctl import threadpool_limits
 
+    ExitStack().enter_context(plain_output())  # for as long as the process lives
     threading.Thread(target=_end_with_parent, daemon=True).start()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threadpool_limits(1)

@@ -13,6 +13,7 @@ from jerkbench.contracts import Estimator
 from jerkbench.errors import JerkbenchError, PluginError
 from jerkbench.estimate import Estimate
 from jerkbench.evaluation.run import evaluate_run, run_status
+from jerkbench.plain import plain
 from jerkbench.recording import Recording
 
 Row = dict[str, Any]
@@ -134,7 +135,7 @@ def score(cell: Cell, one: Alone, recording: Recording, estimate: Estimate) -> R
     status, reason = run_status(estimate, recording, protocol.divergence_limit_m)
     if values is None or estimate.failure:  # one that stops has the values up to there
         values = evaluate_run(estimate, recording, protocol.burn_in_s, cell.metrics, inputs.evaluated)
-    return {**_head(cell, one.draw), "status": status, "reason": reason, **values}
+    return {**_head(cell, one.draw), "status": status, "reason": plain(reason), **values}
 
 
 def failed_rows(cell: Cell, draws: Sequence[int], reason: str) -> list[Row]:
@@ -144,6 +145,10 @@ def failed_rows(cell: Cell, draws: Sequence[int], reason: str) -> list[Row]:
 
 def notes_of(cell: Cell, recording: Recording) -> list[str]:
     """Where the reference comes from, and what the recording says about itself; once for all its parameters."""
+    return [plain(note) for note in _notes_of(cell, recording)]
+
+
+def _notes_of(cell: Cell, recording: Recording) -> list[str]:
     reference, name = recording.reference, cell.labels.dataset.partition("(")[0]
     notes = [*(f"{name}: {note}" for note in recording.notes), *remarks_of(cell, recording)]
     if reference.empty:
@@ -163,7 +168,7 @@ def _guarded_row(cell: Cell, one: Alone, fingerprint: str) -> tuple[Row, list[st
 
 
 def _failed(cell: Cell, draw: int, reason: str) -> Row:
-    return {**_head(cell, draw), "status": "failed", "reason": reason}
+    return {**_head(cell, draw), "status": "failed", "reason": plain(reason)}
 
 
 def _head(cell: Cell, draw: int) -> Row:

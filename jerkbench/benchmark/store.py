@@ -15,13 +15,14 @@ import pyarrow.parquet as pq
 
 from jerkbench.benchmark.cell import Cell
 from jerkbench.benchmark.run import Row
+from jerkbench.benchmark.shape import MOST_ROWS, is_cell, is_key
 from jerkbench.benchmark.versions import code_digest, plugin_digest, versions
 from jerkbench.errors import JerkbenchError
 
 METADATA = b"jerkbench"
 DIGEST = b"jerkbench.sha256"
 """Hash of the rows and of what is stored beside them: a flipped bit in a page or in a name is found."""
-DAMAGE = (OSError, ValueError, KeyError, TypeError, pa.ArrowException)
+DAMAGE = (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError, MemoryError, pa.ArrowException)
 """What pyarrow says of it."""
 ABANDONED_S = 3600.0
 """A half-written file that is older belongs to nobody any more."""
@@ -95,11 +96,18 @@ class Store:
         return {key for key, _, about in found if not about["failed"]}, damaged
 
     def write(self, key: str, rows: Sequence[Row], about: dict[str, Any]) -> None:
-        """Store a cell; a reader sees the whole of it or nothing."""
+        """Store a cell; a reader sees the whole of it or nothing.
+
+        Raises:
+            JerkbenchError: no reader would take it for a cell.
+        """
         failed = sum(row["status"] == "failed" for row in rows)
         names = dict.fromkeys(name for row in rows for name in row)
         table = pa.table({name: [row.get(name) for row in rows] for name in names})  # by way of pandas: twice the time
-        text = json.dumps({**about, "failed": failed})
+        about = {**about, "failed": failed}
+        if not is_cell(table, about):
+            raise JerkbenchError(f"The rows of the cell {key} cannot be stored: a metric is no number, or has no name.")
+        text = json.dumps(about)
         head = {METADATA: text.encode(), DIGEST: _digest(table, text)}
         whole = table.replace_schema_metadata({**(table.schema.metadata or {}), **head})
         try:
@@ -118,16 +126,12 @@ class Store:
 
     def read(self, keys: Iterable[str] | None = None) -> tuple[list[Stored], list[str]]:
         """Return the cells ``keys`` (default: all), and the keys of those that cannot be read."""
-        if keys is None:
-            keys = sorted(path.stem for path in self.folder.glob("*.parquet"))
-        tables, broken = self._find(keys)
-        found = []
-        for key, table, about in tables:
-            try:
-                found.append(Stored(key, table.to_pandas(use_threads=False), about))
-            except DAMAGE:  # of an old cell without a digest
-                broken.append(key)
-        return found, broken
+        tables, broken = self._find(self.names() if keys is None else keys)
+        return [Stored(key, _frame(table), about) for key, table, about in tables], broken
+
+    def names(self) -> list[str]:
+        """The names of all files, whatever is in them."""
+        return sorted(path.stem for path in self.folder.glob("*.parquet"))
 
     def records(self, keys: Iterable[str]) -> list[tuple[list[Row], dict[str, Any]]]:
         """Return the rows of those cells that can be read as they were written, each with what is beside them."""
@@ -144,7 +148,7 @@ class Store:
             there = _load(self.path(key))
             if there is not None:
                 found.append((key, *there))
-            elif self.path(key).exists():
+            elif os.path.lexists(self.path(key)):
                 broken.append(key)
         return found, broken
 
@@ -172,13 +176,18 @@ def _deciding(cell: Cell) -> dict[str, Any]:
 
 def _load(path: Path) -> tuple[pa.Table, dict[str, Any]] | None:
     """Load a cell and what is stored beside it; None where there is no file, or none that is as it was written."""
+    if not (is_key(path.name.partition(".")[0]) and path.is_file()):
+        return None
     try:
         content = path.read_bytes()  # whether it may be read is no matter of damage
-        table = pq.ParquetFile(pa.BufferReader(content)).read(use_threads=False)  # a cell is too small for threads
+        file = pq.ParquetFile(pa.BufferReader(content))
+        if file.metadata.num_rows > MOST_ROWS:
+            return None
+        table = file.read(use_threads=False)  # a cell is too small for threads
         head = table.schema.metadata
         text = head[METADATA].decode()
         about: dict[str, Any] = json.loads(text)
-        whole = DIGEST not in head or head[DIGEST] == _digest(table, text)
+        whole = (DIGEST not in head or head[DIGEST] == _digest(table, text)) and is_cell(table, about)
     except FileNotFoundError:
         return None
     except PermissionError as error:
@@ -186,6 +195,12 @@ def _load(path: Path) -> tuple[pa.Table, dict[str, Any]] | None:
     except DAMAGE:
         return None
     return (table, about) if whole else None
+
+
+def _frame(table: pa.Table) -> pd.DataFrame:
+    """The rows for pandas, whatever the file says that pandas should make of them."""
+    frame: pd.DataFrame = table.to_pandas(use_threads=False, ignore_metadata=True)
+    return frame
 
 
 def _digest(table: pa.Table, text: str) -> bytes:

@@ -13,10 +13,12 @@ from typing import Any
 import pandas as pd
 
 from jerkbench.benchmark.conditions import Values, conditions, told_apart
+from jerkbench.benchmark.shape import is_manifest
 from jerkbench.benchmark.store import Store, Stored
 from jerkbench.benchmark.versions import git_commit, versions
 from jerkbench.errors import JerkbenchError
 from jerkbench.files import write_text
+from jerkbench.plain import plain
 
 MANIFEST = "manifest.json"
 RECORDED = ("labels", "spec", "protocol", "data", "code", "versions", "commit")
@@ -70,7 +72,8 @@ def load_study(folder: Path, prefer: Collection[str] = ()) -> Study:
     """
     found, broken = Store(folder).read()
     if not found:
-        raise JerkbenchError(f"{folder} holds no results; `jerkbench run` writes them there (cells/*.parquet).")
+        what = f"no results but {len(broken)} damaged files" if broken else "no results"
+        raise JerkbenchError(f"{folder} holds {what}; `jerkbench run` writes them there (cells/*.parquet).")
     manifest = read_manifest(folder)
     preferred = set(prefer or manifest.get("last", []))
     current = _current(_ordered(found, manifest.get("cells", [])), preferred)
@@ -121,14 +124,17 @@ def _write_manifest(folder: Path, keys: Sequence[str], notes: Sequence[str], com
 def read_manifest(folder: Path) -> dict[str, Any]:
     """Read the manifest; empty where there is none yet."""
     path = folder / MANIFEST
-    if not path.is_file():
+    if not os.path.lexists(path):
         return {}
     try:
-        manifest: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-    except json.JSONDecodeError:
-        print(f"{path} is damaged and made anew.", file=sys.stderr)
-        return {}
-    return manifest
+        manifest: dict[str, Any] = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+        sound = path.is_file() and is_manifest(manifest)
+    except (ValueError, RecursionError):  # no text, or no JSON
+        sound = False
+    if sound:
+        return manifest
+    print(f"{path} is damaged and left aside; `jerkbench run` makes it anew.", file=sys.stderr)
+    return {}
 
 
 def _ordered(found: list[Stored], order: list[str]) -> list[Stored]:
@@ -173,7 +179,7 @@ def _remarks(current: list[Stored], others: int, broken: list[str]) -> list[str]
         which = "1 result of the same name" if others == 1 else f"{others} results of the same names"
         remarks.append(f"{which} with other settings, code or data {'is' if others == 1 else 'are'} left out.")
     if broken:
-        remarks.append(f"{damaged(broken)} left out: {', '.join(broken)}.")
+        remarks.append(f"{damaged(broken)} left out: {', '.join(map(plain, broken))}.")
     return remarks
 
 

@@ -1,7 +1,9 @@
 """The progress of a sweep, with the time left."""
 
+import sys
 from collections import Counter
 from collections.abc import Sequence
+from contextlib import ExitStack
 from types import TracebackType
 from typing import Self
 
@@ -9,6 +11,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.progress import Progress as Bar
 
+from jerkbench.plain import plain_output, styled
 from jerkbench.report.pulse import Pulse, duration
 
 
@@ -32,7 +35,8 @@ class Progress:
             TimeRemainingColumn(),
             TextColumn("{task.fields[trouble]}"),
         )
-        self._bar = Bar(*columns, console=Console(stderr=True))
+        self._bar = Bar(*columns, console=Console(file=styled(sys.stderr)))
+        self._plain = ExitStack()
         self._left = count - already
         self._task = self._bar.add_task(doing, total=self._left, trouble="")
         self._pulse = None if self._bar.console.is_terminal else Pulse(self._line, self._write)
@@ -49,6 +53,7 @@ class Progress:
         """Start drawing, unless nothing is left to do."""
         if self._left:
             self._bar.start()
+            self._plain.enter_context(plain_output())  # what is printed meanwhile goes through the bar
             if self._pulse:
                 self._pulse.__enter__()
         return self
@@ -60,6 +65,7 @@ class Progress:
         if self._left:  # a bar that was never there would leave an empty line
             if self._pulse:
                 self._pulse.__exit__(kind, error, trace)
+            self._plain.close()
             self._bar.stop()
 
     def _line(self, seconds: float) -> str:

@@ -1,8 +1,10 @@
 """Table -> rich rendering for the terminal."""
 
+import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from jerkbench.plain import plain, styled
 from jerkbench.report.factors import FACTORS
 from jerkbench.report.quantities import quantity
 from jerkbench.report.rows import metric_columns
@@ -28,8 +30,6 @@ def print_summary(table: Table) -> None:
 
 def print_run(rows: "pd.DataFrame") -> None:
     """Print every metric that applies to one cell, and why runs of it went wrong."""
-    from rich.text import Text
-
     grid = _grid()
     grid.add_column("metric")
     grid.add_column(f"{len(rows)} {'run' if len(rows) == 1 else 'runs'}")
@@ -37,19 +37,17 @@ def print_run(rows: "pd.DataFrame") -> None:
     for metric, table in tables.items():
         ((cell,),) = table.cells
         if cell is not None and cell.number != "n/a":
-            grid.add_row(Text(quantity(metric).heading), _text(cell))
+            grid.add_row(_plain(quantity(metric).heading), _text(cell))
     _print(_group(", ".join(f"{key} {rows[key].iloc[0]}" for key in FACTORS), grid, _complaints(rows)))
 
 
 def print_grid(title: str, header: Sequence[str], rows: Sequence[Sequence[str]], notes: Sequence[str] = ()) -> None:
     """Print lines of texts under a title and a header, with notes below."""
-    from rich.text import Text
-
     grid = _grid()
     for text in header:
-        grid.add_column(Text(text))
+        grid.add_column(_plain(text))
     for row in rows:
-        grid.add_row(*map(Text, row))
+        grid.add_row(*map(_plain, row))
     _print(_group(title, grid, notes))
 
 
@@ -58,13 +56,11 @@ def terminal_table(table: Table, *, plain: bool = False) -> "Group":
 
     Where nothing can be bold (``plain``), the best stand between two stars each, as in Markdown.
     """
-    from rich.text import Text
-
     grid = _grid()
     for k, header in enumerate(table.header):
-        grid.add_column(Text(header), no_wrap=k < len(table.row_keys))
+        grid.add_column(_plain(header), no_wrap=k < len(table.row_keys))
     for values, cells in zip(table.sparse_rows, table.cells, strict=True):
-        grid.add_row(*map(Text, values), *(_text(cell, plain=plain) for cell in cells))
+        grid.add_row(*map(_plain, values), *(_text(cell, plain=plain) for cell in cells))
     return _group(table.title, grid, table.footnotes)
 
 
@@ -77,15 +73,14 @@ def _grid() -> "RichTable":
 
 def _group(title: str, grid: "RichTable", notes: Sequence[str]) -> "Group":
     from rich.console import Group
-    from rich.text import Text
 
-    return Group(Text(title, style="bold"), grid, *(Text(note) for note in notes))
+    return Group(_plain(title, "bold"), grid, *map(_plain, notes))
 
 
 def _console() -> "Console":
     from rich.console import Console
 
-    return Console(highlight=False)
+    return Console(file=styled(sys.stdout), highlight=False)
 
 
 def _print(drawn: "Group") -> None:
@@ -103,6 +98,12 @@ def _complaints(rows: "pd.DataFrame") -> list[str]:
     wrong = rows[rows["status"] != "ok"]
     columns = (wrong["replicate"], wrong["seed"], wrong["status"], wrong["reason"])
     return [f"{what} {k} {status}: {reason}" for what, k, status, reason in zip(*columns, strict=True)]
+
+
+def _plain(text: str, style: str = "") -> "Text":
+    from rich.text import Text
+
+    return Text(plain(text), style=style)
 
 
 def _text(cell: Cell | None, *, plain: bool = False) -> "Text":

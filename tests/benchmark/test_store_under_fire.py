@@ -12,14 +12,12 @@ import pytest
 
 from commands import SHORT, environment, jerkbench, swept
 from jerkbench.benchmark.store import Store
+from stored_cells import SPEC, about, row
 
 CELLS = ["filter=baseline,jerk,gnss_only", "disturbance=none,bias", "noise.accel_mps2=0.1,0.2"]
 WORDS = ["run", "-m", *SHORT[:-1]]
-ROWS = [
-    {"filter": "jerk", "seed": k, "status": "ok", "reason": "", "position_rmse_m": v}
-    for k, v in enumerate(np.random.default_rng(1).normal(size=30))
-]
-ABOUT = {"labels": {"filter": "jerk"}, "notes": ["a note"], "spec": {"a": list(range(40))}}
+ROWS = [row(v, k) for k, v in enumerate(np.random.default_rng(1).normal(size=30))]
+ABOUT = about(spec={**SPEC, "a": list(range(40))})
 
 
 def rows_of(folder):
@@ -105,19 +103,19 @@ def test_two_processes_in_one_folder_give_the_rows_of_one(undisturbed, tmp_path)
 
 def test_a_flipped_bit_anywhere_is_found_or_changes_nothing(tmp_path):
     store = Store(tmp_path)
-    store.write("key", ROWS, ABOUT)
-    whole = store.path("key").read_bytes()
+    store.write("abc", ROWS, ABOUT)
+    whole = store.path("abc").read_bytes()
     (before,), _ = store.read()
     places = np.random.default_rng(1).choice(len(whole), 250, replace=False)
     found = 0
     for place in places:
         damaged = bytearray(whole)
         damaged[place] ^= 1 << int(place % 8)
-        store.path("key").write_bytes(damaged)
+        store.path("abc").write_bytes(damaged)
         cells, broken = store.read()
-        found += broken == ["key"]
-        assert store.done("key") is bool(cells)
-        assert store.look(["key"]) == ({one.key for one in cells}, broken)
+        found += broken == ["abc"]
+        assert store.done("abc") is bool(cells)
+        assert store.look(["abc"]) == ({one.key for one in cells}, broken)
         for one in cells:
             pd.testing.assert_frame_equal(one.rows, before.rows, check_exact=True)
             assert one.about == before.about

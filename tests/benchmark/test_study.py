@@ -12,24 +12,7 @@ from jerkbench.benchmark.sweep import plan_sweep
 from jerkbench.errors import JerkbenchError, PluginError, RecordingError
 from jerkbench.report.findings import findings
 from jerkbench.report.summary import summarise
-
-LABELS = {
-    "dataset": "field",
-    "disturbance": "none",
-    "attitude": "field",
-    "filter": "jerk",
-    "adaptation": "none",
-    "noise": "own",
-}
-
-
-def put(folder, key, rmse, created="2026-01-01T00:00:00Z", code="a", seeds=1, conditions=None, **labels):
-    """Store a cell of a few runs."""
-    named = {**LABELS, **labels}
-    row = {**named, "replicate": "seed", "status": "ok", "reason": "", "position_rmse_m": rmse}
-    about = {"labels": named, "spec": {}, "protocol": {}, "data": "", "code": code, "versions": {}, "commit": ""}
-    more = {"notes": [f"recording of {key}"], "created": created, **(conditions or {})}
-    Store(folder).write(key, [{**row, "seed": seed} for seed in range(seeds)], {**about, **more})
+from stored_cells import put
 
 
 def shown(study):
@@ -37,13 +20,13 @@ def shown(study):
 
 
 def test_of_two_results_of_one_name_the_planned_one_is_shown_even_if_it_is_older(tmp_path):
-    put(tmp_path, "old", 0.1, created="2026-01-01T00:00:00Z")
-    put(tmp_path, "new", 0.2, created="2026-02-01T00:00:00Z", code="b")
+    put(tmp_path, "01d", 0.1, created="2026-01-01T00:00:00Z")
+    put(tmp_path, "4e", 0.2, created="2026-02-01T00:00:00Z", code="b")
 
-    assert shown(load_study(tmp_path)) == {"new": 0.2}
-    assert shown(load_study(tmp_path, prefer=["old"])) == {"old": 0.1}
-    write_manifest(tmp_path, ["old"], [], ["jerkbench"])
-    assert shown(load_study(tmp_path)) == {"old": 0.1}
+    assert shown(load_study(tmp_path)) == {"4e": 0.2}
+    assert shown(load_study(tmp_path, prefer=["01d"])) == {"01d": 0.1}
+    write_manifest(tmp_path, ["01d"], [], ["jerkbench"])
+    assert shown(load_study(tmp_path)) == {"01d": 0.1}
     write_study(load_study(tmp_path))  # it raised where two rows had one name
 
 
@@ -70,8 +53,8 @@ UNLIKE = {
 
 @pytest.mark.parametrize(("first", "second", "words"), UNLIKE.values(), ids=UNLIKE)
 def test_what_was_not_measured_alike_is_never_compared_and_that_is_said(tmp_path, first, second, words):
-    put(tmp_path, "one", 3.36, filter="baseline", seeds=8, conditions=first)
-    put(tmp_path, "two", 23.8, filter="jerk", seeds=8, conditions=second)
+    put(tmp_path, "1", 3.36, filter="baseline", seeds=8, conditions=first)
+    put(tmp_path, "2", 23.8, filter="jerk", seeds=8, conditions=second)
     study = load_study(tmp_path)
     table = summarise(study.rows, "position_rmse_m", None, ["filter"], study.notes, {"filter": "baseline"})
 
@@ -82,7 +65,7 @@ def test_what_was_not_measured_alike_is_never_compared_and_that_is_said(tmp_path
 
 
 def test_parameters_of_a_method_that_its_label_does_not_say_are_said(tmp_path):
-    for key, adaptation, sigma in (("one", "none", 0.1), ("two", "mtf", 1.0)):
+    for key, adaptation, sigma in (("1", "none", 0.1), ("2", "mtf", 1.0)):
         spec = {"filter": {"name": "jerk", "accel_mps2": sigma}}
         put(tmp_path, key, sigma, adaptation=adaptation, seeds=8, conditions={"spec": spec})
     study = load_study(tmp_path)
@@ -92,8 +75,8 @@ def test_parameters_of_a_method_that_its_label_does_not_say_are_said(tmp_path):
 
 
 def test_the_same_data_in_another_place_are_the_same(tmp_path):
-    put(tmp_path, "one", 3.0, filter="baseline", seeds=8, conditions=drive("A"))
-    put(tmp_path, "two", 4.0, filter="jerk", seeds=8, conditions={**drive("B"), "data": "hash of A"})
+    put(tmp_path, "1", 3.0, filter="baseline", seeds=8, conditions=drive("A"))
+    put(tmp_path, "2", 4.0, filter="jerk", seeds=8, conditions={**drive("B"), "data": "hash of A"})
     study = load_study(tmp_path)
 
     assert set(study.rows["dataset"]) == {"field"}
@@ -101,25 +84,25 @@ def test_the_same_data_in_another_place_are_the_same(tmp_path):
 
 
 def test_what_is_not_shown_is_said(tmp_path):
-    put(tmp_path, "old", 0.1)
-    put(tmp_path, "new", 0.2, created="2026-02-01T00:00:00Z")
-    put(tmp_path, "other", 0.3, code="b", filter="bias")
-    Store(tmp_path).path("broken").write_bytes(b"PAR1")
+    put(tmp_path, "01d", 0.1)
+    put(tmp_path, "4e", 0.2, created="2026-02-01T00:00:00Z")
+    put(tmp_path, "07", 0.3, code="b", filter="bias")
+    Store(tmp_path).path("b0").write_bytes(b"PAR1")
     notes = load_study(tmp_path).notes
 
     assert "1 result of the same name with other settings, code or data is left out." in notes
     assert "These results come from 2 versions of the code or its libraries." in notes
-    assert "1 damaged file of a cell is left out: broken." in notes
+    assert "1 damaged file of a cell is left out: b0." in notes
 
 
 def test_notes_belong_to_the_cells_that_they_were_given_for(tmp_path):
-    put(tmp_path, "one", 0.1)
-    write_manifest(tmp_path, ["one"], ["a first note"], ["jerkbench"])
-    write_manifest(tmp_path, ["one"], ["a corrected note"], ["jerkbench"])
-    put(tmp_path, "two", 0.2, filter="bias")
-    write_manifest(tmp_path, ["two"], ["a note on bias"], ["jerkbench"])
+    put(tmp_path, "1", 0.1)
+    write_manifest(tmp_path, ["1"], ["a first note"], ["jerkbench"])
+    write_manifest(tmp_path, ["1"], ["a corrected note"], ["jerkbench"])
+    put(tmp_path, "2", 0.2, filter="bias")
+    write_manifest(tmp_path, ["2"], ["a note on bias"], ["jerkbench"])
 
-    assert load_study(tmp_path).notes == ("a corrected note", "a note on bias", "recording of one", "recording of two")
+    assert load_study(tmp_path).notes == ("a corrected note", "a note on bias", "recording of 1", "recording of 2")
 
 
 def test_rows_stand_in_the_order_of_the_sweeps(tmp_path):

@@ -1,0 +1,193 @@
+"""Damage and forgery for a study's folder: what the fuzzing of the verbs does to one before they read it."""
+
+import json
+import os
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from jerkbench.benchmark.store import DIGEST, METADATA, _digest
+
+Rng = np.random.Generator
+STRANGE = (
+    None, True, 3, -1, 0, 10**30, 1e308, float("nan"), float("inf"), "", "x", "\x1b[2J", '"><img src=x onerror=alert(1)>',
+    [], [1], ["x"], {}, {"cells": 3}, {"name": "nobody"}, [[[]]],
+)  # fmt: skip
+"""Values that do not belong where they are put."""
+NAMES = ('"><img src=x onerror=alert(1)>.parquet', "\x1b[2J.parquet", "x.parquet", "é.parquet", "-.parquet", ".parquet")
+"""File names that are no cell's key."""
+
+
+def damage(study: Path, rng: Rng) -> str:
+    """Do one thing to the folder; returns what, in words."""
+    act = ATTACKS[rng.integers(len(ATTACKS))]
+    return f"{act.__name__} {act(study, rng)}"
+
+
+def chosen(study: Path, rng: Rng) -> Path:
+    cells = sorted((study / "cells").iterdir())
+    return cells[rng.integers(len(cells))]
+
+
+def any_file(study: Path, rng: Rng) -> Path:
+    return study / "manifest.json" if rng.uniform() < 0.5 else chosen(study, rng)
+
+
+def flipped_bytes(study: Path, rng: Rng) -> str:
+    path = any_file(study, rng)
+    content = bytearray(path.read_bytes())
+    for place in rng.integers(len(content), size=rng.integers(1, 4)):
+        content[place] = rng.integers(256)
+    path.write_bytes(content)
+    return path.name
+
+
+def cut(study: Path, rng: Rng) -> str:
+    path = any_file(study, rng)
+    content = path.read_bytes()
+    path.write_bytes(content[: rng.integers(len(content))])
+    return path.name
+
+
+def other_content(study: Path, rng: Rng) -> str:
+    path = any_file(study, rng)
+    choices = (
+        b"",
+        b"[]",
+        b"null",
+        b'{"cells": 3}',
+        b"\xff\xfe",
+        b"PAR1",
+        b"[" * 100_000,
+        b"9" * 10_000,
+        b'{"cells": [1]}',
+    )
+    content = choices[rng.integers(len(choices))]
+    path.write_bytes(content)
+    return f"{path.name} {content[:20]!r}"
+
+
+def no_file(study: Path, rng: Rng) -> str:
+    path = any_file(study, rng)
+    path.unlink()
+    kinds: dict[str, Callable[[], Any]] = {
+        "gone": lambda: None,
+        "folder": path.mkdir,
+        "link": lambda: path.symlink_to("nowhere"),
+        "loop": lambda: path.symlink_to(path.name),
+        "pipe": lambda: os.mkfifo(path),
+    }
+    kind = list(kinds)[rng.integers(len(kinds))]
+    kinds[kind]()
+    return f"{path.name} {kind}"
+
+
+def renamed(study: Path, rng: Rng) -> str:
+    path, name = chosen(study, rng), NAMES[rng.integers(len(NAMES))]
+    (path.rename if rng.uniform() < 0.5 else lambda to: shutil.copy(path, to))(path.with_name(name))
+    return f"{path.name} {name!r}"
+
+
+def copied(study: Path, rng: Rng) -> str:
+    path = chosen(study, rng)
+    shutil.copy(path, path.with_name("abc.parquet"))
+    return path.name
+
+
+def forged_manifest(study: Path, rng: Rng) -> str:
+    path = study / "manifest.json"
+    content, what = changed_somewhere(json.loads(path.read_text()), rng)
+    path.write_text(json.dumps(content))
+    return what
+
+
+def forged_beside(study: Path, rng: Rng) -> str:
+    path = chosen(study, rng)
+    table = pq.read_table(path)
+    beside, what = changed_somewhere(json.loads(table.schema.metadata[METADATA]), rng)
+    sign(path, table, json.dumps(beside))
+    return what
+
+
+def forged_rows(study: Path, rng: Rng) -> str:
+    path = chosen(study, rng)
+    table = pq.read_table(path)
+    text = table.schema.metadata[METADATA].decode()
+    name = table.column_names[rng.integers(table.num_columns)]
+    forged, what = forged_column(table, name, rng)
+    sign(path, forged, text)
+    return f"{name}: {what}"
+
+
+def forged_column(table: pa.Table, name: str, rng: Rng) -> tuple[pa.Table, str]:
+    place, rows = table.column_names.index(name), table.num_rows
+    columns: dict[str, Callable[[], pa.Table]] = {
+        "dropped": lambda: table.drop([name]),
+        "renamed": lambda: table.rename_columns([f"\x1b{n}" if n == name else n for n in table.column_names]),
+        "twice": lambda: table.append_column(name, table[name]),
+        "no rows": lambda: table.slice(0, 0),
+        "rows twice": lambda: pa.concat_tables([table, table]),
+        "nulls": lambda: table.set_column(place, name, pa.nulls(rows, table[name].type)),
+        "lists": lambda: table.set_column(place, name, pa.array([[1.0]] * rows)),
+    }
+    for value in (
+        -1.0,
+        0.0,
+        1e308,
+        1e-308,
+        float("inf"),
+        -float("inf"),
+        float("nan"),
+        3,
+        True,
+        "x",
+        b"\xff",
+        -1,
+        2**62,
+    ):
+        columns[f"all {value!r}"] = lambda value=value: table.set_column(place, name, pa.array([value] * rows))
+        columns[f"one {value!r}"] = lambda value=value: with_one(table, place, value)
+    what = list(columns)[rng.integers(len(columns))]
+    return columns[what](), what
+
+
+def with_one(table: pa.Table, place: int, value: object) -> pa.Table:
+    values = table.column(place).to_pylist()
+    values[0] = value
+    try:
+        return table.set_column(place, table.column_names[place], pa.array(values))
+    except (pa.ArrowInvalid, pa.ArrowTypeError):  # of mixed types there is no column
+        return table.set_column(place, table.column_names[place], pa.array([value] * len(values)))
+
+
+def sign(path: Path, table: pa.Table, text: str) -> None:
+    """Write a cell with a digest that fits."""
+    bare = table.replace_schema_metadata(None)
+    pq.write_table(bare.replace_schema_metadata({METADATA: text.encode(), DIGEST: _digest(bare, text)}), path)
+
+
+def changed_somewhere(content: Any, rng: Rng) -> tuple[Any, str]:
+    """Replace or delete one value at any depth."""
+    keys = list(content) if isinstance(content, dict) else range(len(content)) if isinstance(content, list) else []
+    if not keys or rng.uniform() < 0.1:
+        value = STRANGE[rng.integers(len(STRANGE))]
+        return value, f"= {value!r}"
+    key = list(keys)[rng.integers(len(keys))]
+    if rng.uniform() < 0.2:
+        if isinstance(content, dict):
+            return {name: value for name, value in content.items() if name != key}, f"{key} deleted"
+        return [*content[:key], *content[key + 1 :]], f"{key} deleted"
+    inner, what = changed_somewhere(content[key], rng)
+    changed = {**content, key: inner} if isinstance(content, dict) else [*content[:key], inner, *content[key + 1 :]]
+    return changed, f"{key}.{what}"
+
+
+ATTACKS = (
+    flipped_bytes, cut, other_content, no_file, renamed, copied,
+    forged_manifest, forged_beside, forged_beside, forged_rows, forged_rows,
+)  # fmt: skip

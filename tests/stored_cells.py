@@ -1,0 +1,36 @@
+"""Stored cells as a run leaves them, made without one."""
+
+from jerkbench.benchmark.store import Store
+
+LABELS = {
+    "dataset": "field",
+    "disturbance": "none",
+    "attitude": "field",
+    "filter": "jerk",
+    "adaptation": "none",
+    "noise": "own",
+}
+NAMED = ("dataset", "attitude", "filter", "adaptation", "engine")
+SPEC = {**{kind: {"name": LABELS.get(kind, "compiled")} for kind in NAMED}, "disturbance": [], "metrics": []}
+PROTOCOL = {"seeds": 1, "first_seed": 0, "burn_in_s": 5.0, "divergence_limit_m": 1000.0}
+
+
+def about(**changed):
+    """What stands beside the rows of a cell."""
+    beside = {"labels": LABELS, "spec": SPEC, "protocol": PROTOCOL, "data": "", "notes": ["a note"], "code": "a"}
+    return {**beside, "versions": {}, "commit": "", "created": "2026-01-01T00:00:00Z", "seconds": 0.5, **changed}
+
+
+def row(rmse_m=0.1 + 0.2, seed=0, status="ok", **labels):
+    """A row of a run."""
+    told = {"seed": seed, "replicate": "seed", "status": status, "reason": ""}
+    return {**LABELS, **labels, **told, "position_rmse_m": rmse_m}
+
+
+def put(folder, key, rmse_m, *, seeds=1, conditions=None, **changed):
+    """Store a cell of a few runs; ``changed`` are labels, or what stands beside the rows."""
+    named = {name: changed.pop(name) for name in LABELS if name in changed}
+    more = {"notes": [f"recording of {key}"], **changed, **(conditions or {})}
+    more = {**more, "spec": {**SPEC, **more.get("spec", {})}, "protocol": {**PROTOCOL, **more.get("protocol", {})}}
+    rows = [row(rmse_m, seed, **named) for seed in range(seeds)]
+    Store(folder).write(key, rows, about(labels={**LABELS, **named}, **more))
