@@ -1,8 +1,19 @@
-"""Damage and forgery for a study's folder: what the fuzzing of the verbs does to one before they read it."""
+"""Damages and forges the results of a study, and asks every verb for them: a sentence, never a traceback.
 
+    python benchmarks/hostile_results.py [DAMAGES]
+
+Each damage is done to a fresh copy of a small study; then each verb answers in this process.
+"""
+
+import contextlib
+import io
 import json
 import os
 import shutil
+import sys
+import tempfile
+import time
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,13 +23,17 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from jerkbench.benchmark.store import DIGEST, METADATA, _digest
+from jerkbench.cli import main
 
 Rng = np.random.Generator
 STRANGE = (
-    None, True, 3, -1, 0, 10**30, 1e308, float("nan"), float("inf"), "", "x", "\x1b[2J", '"><img src=x onerror=alert(1)>',
+    None, True, 3, -1, 0, 10**30, 1e308, float("nan"), float("inf"), "", "x",
+    "\x1b[2J", '"><img src=x onerror=alert(1)>',
     [], [1], ["x"], {}, {"cells": 3}, {"name": "nobody"}, [[[]]],
 )  # fmt: skip
 """Values that do not belong where they are put."""
+VALUES = (-1.0, 0.0, 1e308, 1e-308, float("inf"), -float("inf"), float("nan"), 3, True, "x", b"\xff", -1, 2**62)
+"""Values for rows."""
 NAMES = ('"><img src=x onerror=alert(1)>.parquet', "\x1b[2J.parquet", "x.parquet", "é.parquet", "-.parquet", ".parquet")
 """File names that are no cell's key."""
 
@@ -30,15 +45,18 @@ def damage(study: Path, rng: Rng) -> str:
 
 
 def chosen(study: Path, rng: Rng) -> Path:
+    """Return one of the cells' files."""
     cells = sorted((study / "cells").iterdir())
     return cells[rng.integers(len(cells))]
 
 
 def any_file(study: Path, rng: Rng) -> Path:
+    """Return the manifest, or one of the cells' files."""
     return study / "manifest.json" if rng.uniform() < 0.5 else chosen(study, rng)
 
 
 def flipped_bytes(study: Path, rng: Rng) -> str:
+    """Change a few bytes."""
     path = any_file(study, rng)
     content = bytearray(path.read_bytes())
     for place in rng.integers(len(content), size=rng.integers(1, 4)):
@@ -48,6 +66,7 @@ def flipped_bytes(study: Path, rng: Rng) -> str:
 
 
 def cut(study: Path, rng: Rng) -> str:
+    """Cut a file."""
     path = any_file(study, rng)
     content = path.read_bytes()
     path.write_bytes(content[: rng.integers(len(content))])
@@ -55,6 +74,7 @@ def cut(study: Path, rng: Rng) -> str:
 
 
 def other_content(study: Path, rng: Rng) -> str:
+    """Put something else into a file."""
     path = any_file(study, rng)
     choices = (
         b"",
@@ -73,6 +93,7 @@ def other_content(study: Path, rng: Rng) -> str:
 
 
 def no_file(study: Path, rng: Rng) -> str:
+    """Put something that is no file in the place of one."""
     path = any_file(study, rng)
     path.unlink()
     kinds: dict[str, Callable[[], Any]] = {
@@ -88,18 +109,21 @@ def no_file(study: Path, rng: Rng) -> str:
 
 
 def renamed(study: Path, rng: Rng) -> str:
+    """Rename or copy a cell's file to a name that is no key."""
     path, name = chosen(study, rng), NAMES[rng.integers(len(NAMES))]
     (path.rename if rng.uniform() < 0.5 else lambda to: shutil.copy(path, to))(path.with_name(name))
     return f"{path.name} {name!r}"
 
 
 def copied(study: Path, rng: Rng) -> str:
+    """Copy a cell's file to another key."""
     path = chosen(study, rng)
     shutil.copy(path, path.with_name("abc.parquet"))
     return path.name
 
 
 def forged_manifest(study: Path, rng: Rng) -> str:
+    """Change something in the manifest."""
     path = study / "manifest.json"
     content, what = changed_somewhere(json.loads(path.read_text()), rng)
     path.write_text(json.dumps(content))
@@ -107,6 +131,7 @@ def forged_manifest(study: Path, rng: Rng) -> str:
 
 
 def forged_beside(study: Path, rng: Rng) -> str:
+    """Change something beside a cell's rows, and sign it."""
     path = chosen(study, rng)
     table = pq.read_table(path)
     beside, what = changed_somewhere(json.loads(table.schema.metadata[METADATA]), rng)
@@ -115,6 +140,7 @@ def forged_beside(study: Path, rng: Rng) -> str:
 
 
 def forged_rows(study: Path, rng: Rng) -> str:
+    """Change something in a cell's rows, and sign it."""
     path = chosen(study, rng)
     table = pq.read_table(path)
     text = table.schema.metadata[METADATA].decode()
@@ -125,6 +151,7 @@ def forged_rows(study: Path, rng: Rng) -> str:
 
 
 def forged_column(table: pa.Table, name: str, rng: Rng) -> tuple[pa.Table, str]:
+    """Return the rows with one column changed."""
     place, rows = table.column_names.index(name), table.num_rows
     columns: dict[str, Callable[[], pa.Table]] = {
         "dropped": lambda: table.drop([name]),
@@ -157,6 +184,7 @@ def forged_column(table: pa.Table, name: str, rng: Rng) -> tuple[pa.Table, str]:
 
 
 def with_one(table: pa.Table, place: int, value: object) -> pa.Table:
+    """Return the rows with one value changed."""
     values = table.column(place).to_pylist()
     values[0] = value
     try:
@@ -171,7 +199,7 @@ def sign(path: Path, table: pa.Table, text: str) -> None:
     pq.write_table(bare.replace_schema_metadata({METADATA: text.encode(), DIGEST: _digest(bare, text)}), path)
 
 
-def changed_somewhere(content: Any, rng: Rng) -> tuple[Any, str]:
+def changed_somewhere(content: Any, rng: Rng) -> tuple[Any, str]:  # noqa: ANN401 - any JSON
     """Replace or delete one value at any depth."""
     keys = list(content) if isinstance(content, dict) else range(len(content)) if isinstance(content, list) else []
     if not keys or rng.uniform() < 0.1:
@@ -191,3 +219,82 @@ ATTACKS = (
     flipped_bytes, cut, other_content, no_file, renamed, copied,
     forged_manifest, forged_beside, forged_beside, forged_rows, forged_rows,
 )  # fmt: skip
+
+
+def words_for(study: Path, whole: Path) -> dict[str, list[str]]:
+    """Return the command lines that read a study, by verb.
+
+    Args:
+        study: the study's folder.
+        whole: of one to compare it with.
+    """
+    folder = str(study)
+    key = next((path.stem for path in sorted((study / "cells").glob("*.parquet"))), "0")
+    return {
+        "table": ["table", folder],
+        "table csv": ["table", folder, "--format", "csv"],
+        "table html": ["table", folder, "--format", "html", "--baseline", "adaptation=none"],
+        "table findings": ["table", folder, "--findings"],
+        "compare": ["compare", folder, str(whole)],
+        "compare back": ["compare", str(whole), folder, "--fail-above", "1"],
+        "rerun": ["rerun", folder, "1"],
+        "rerun key": ["rerun", folder, key],
+        "export": ["export", folder, "2", "--tum", str(study / "tum")],
+        "report": ["report", folder, "--scenarios", "0"],
+        "figures": ["figures", folder, "--scenarios", "0"],
+    }
+
+
+SWEEP = (
+    "filter=baseline",
+    "adaptation=none,mtf",
+    "dataset.duration_s=8",
+    "seeds=2",
+    "metrics=[position_rmse,consistency]",
+)
+QUIET = ("figures=false", "workers=1", "study=small")
+
+
+def answered(words: list[str]) -> tuple[str, str]:
+    """Run a command line in this process; returns how it ended, and what it printed."""
+    printed = io.StringIO()
+    with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(printed):
+        try:
+            main(words)
+        except SystemExit as ended:
+            return {0: "survived", 1: "said a difference", 2: "refused"}.get(
+                int(ended.code or 0), "?"
+            ), printed.getvalue()
+        except Exception as error:  # noqa: BLE001 - that is what is looked for
+            return f"{type(error).__name__}: {error}", printed.getvalue()
+    return "survived", printed.getvalue()
+
+
+def attack(damages: int, place: Path) -> None:
+    """Do so many damages, and print what became of each verb."""
+    study = place / "results" / "small"
+    os.chdir(place)
+    answered(["run", "-m", *SWEEP, *QUIET])
+    counts: dict[str, Counter[str]] = {}
+    longest = 0.0
+    rng = np.random.default_rng(1)
+    for _ in range(damages):
+        copy = place / "damaged"
+        shutil.rmtree(copy, ignore_errors=True)
+        shutil.copytree(study, copy)
+        what = damage(copy, rng)
+        for verb, words in words_for(copy, study).items():
+            began = time.perf_counter()
+            ending, printed = answered(words)
+            longest = max(longest, time.perf_counter() - began)
+            counts.setdefault(verb, Counter())[ending] += 1
+            if ":" in ending or "\x1b" in printed or "Traceback" in printed:
+                print(f"{verb} after {what}: {ending}", flush=True)
+    for verb, endings in counts.items():
+        print(f"{verb}: {', '.join(f'{count} {ending}' for ending, count in endings.most_common())}")
+    print(f"the longest answer took {longest:.1f} s")
+
+
+if __name__ == "__main__":
+    with tempfile.TemporaryDirectory() as folder:
+        attack(int(sys.argv[1]) if len(sys.argv) > 1 else 200, Path(folder))

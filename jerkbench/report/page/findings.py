@@ -69,7 +69,7 @@ def _leader(found: dict[Combination, Cell]) -> list[str]:
         f"<strong>{escape(' + '.join(method[:2]))}</strong>{escape(noise)}",
         f"{cell.number} {small(cell.interval)}",
         f"{against.number} {small(against.interval)}" if against else "",
-        number(against.mean / cell.mean) if against else "",
+        number(against.mean / cell.mean) if against and cell.mean else "",
     ]
 
 

@@ -1,0 +1,194 @@
+"""Every verb over damaged and forged results: a sentence, never a traceback, and nothing that steers the terminal."""
+
+import json
+import os
+import re
+import shutil
+import sys
+from importlib import import_module
+from pathlib import Path
+from types import SimpleNamespace
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+
+from jerkbench.benchmark import app, inputs
+from jerkbench.benchmark.cell import Protocol, build
+from jerkbench.benchmark.store import Store
+from jerkbench.benchmark.study import load_study, read_manifest
+from jerkbench.benchmark.sweep import plan_sweep
+from jerkbench.cli import main
+from jerkbench.errors import JerkbenchError
+
+DAMAGES = 200
+BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
+SPEC = {
+    "dataset": {"name": "field", "duration_s": 8.0},
+    "disturbance": [{"name": "none"}],
+    "attitude": {"name": "tilt"},
+    "filter": {"name": "baseline"},
+    "engine": {"name": "compiled"},
+    "metrics": ["position_rmse", "consistency"],
+}
+
+
+@pytest.fixture(scope="module")
+def hostile():
+    sys.path.insert(0, str(BENCHMARKS))
+    yield import_module("hostile_results")
+    sys.path.remove(str(BENCHMARKS))
+
+
+@pytest.fixture(scope="module")
+def plan():
+    adaptations = ("none", "mtf")
+    return plan_sweep([build({**SPEC, "adaptation": {"name": name}}, Protocol(seeds=2)) for name in adaptations])
+
+
+def run(plan, folder):
+    """Do what `jerkbench run -m` does once it knows its cells."""
+    store = Store(folder)
+    code = app._run(plan, store, 1)
+    app._conclude(store, [planned.key for planned in plan.cells], SimpleNamespace(notes=["a note"]))
+    return code
+
+
+@pytest.fixture(scope="module")
+def whole(plan, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("whole")
+    assert run(plan, folder) == 0
+    return folder
+
+
+def told(folder):
+    """Return all that a verb can read of a study."""
+    stored, broken = Store(folder).read()
+    read = [[one.key, one.about, one.rows.to_csv()] for one in stored]
+    try:
+        study = load_study(folder)
+        shown = [study.rows.to_csv(), list(study.keys), study.notes, study.code]
+    except JerkbenchError as error:
+        shown = str(error)
+    return json.dumps([read, broken, shown, read_manifest(folder)])
+
+
+def ending(words):
+    try:
+        main(words)
+    except SystemExit as ended:
+        return ended.code
+    return 0
+
+
+@pytest.fixture
+def _undrawn(monkeypatch):
+    """Figures are made, but not painted."""
+    mpl.use("Agg")
+    monkeypatch.setattr("jerkbench.report.figures.png_bytes", lambda _: b"")
+    monkeypatch.setattr("jerkbench.report.figures.save_pdf", lambda *_: None)
+
+
+@pytest.mark.filterwarnings("default::RuntimeWarning")  # forged values overflow: on the command line that is a line
+@pytest.mark.usefixtures("_undrawn")
+def test_no_verb_falls_over_damaged_results(whole, plan, hostile, tmp_path, capsys):
+    """A verb whose input is the same as after another damage answers the same: it is asked once."""
+    rng, seen = np.random.default_rng(3), set()
+    for number in range(DAMAGES):
+        folder = tmp_path / "study"
+        shutil.rmtree(folder, ignore_errors=True)
+        shutil.copytree(whole, folder)
+        what = hostile.damage(folder, rng)
+        content = told(folder)
+        if content not in seen:
+            seen.add(content)
+            for verb, words in hostile.words_for(folder, whole).items():
+                if verb in ("report", "figures") and number % 4:
+                    continue
+                assert ending(words) in (0, 1, 2), (verb, what)
+            printed = capsys.readouterr()
+            assert "\x1b" not in printed.out + printed.err, what
+    assert len(seen) > DAMAGES / 8
+
+
+def test_a_damaged_study_is_run_again(whole, plan, hostile, tmp_path):
+    rng = np.random.default_rng(4)
+    for number in range(20):
+        folder = tmp_path / f"study{number}"
+        shutil.copytree(whole, folder)
+        what = hostile.damage(folder, rng)
+        assert run(plan, folder) in (0, 1), what
+        assert {planned.key for planned in plan.cells} <= set(load_study(folder).keys) | {"abc"}, what
+
+
+@pytest.mark.parametrize("content", [b"[]", b"null", b'{"cells": 3}', b'{"last": [1]}', b"\xff{}", b"[" * 100_000, b""])
+def test_a_damaged_manifest_stops_nothing_and_is_said(whole, tmp_path, capsys, content):
+    folder = shutil.copytree(whole, tmp_path / "study")
+    (folder / "manifest.json").write_bytes(content)
+
+    assert ending(["table", str(folder)]) == 0
+    printed = capsys.readouterr()
+    assert "manifest.json is damaged" in printed.err
+    assert "Position RMSE" in printed.out
+
+
+@pytest.mark.parametrize("missing", ["labels", "spec", "protocol", "notes", "seconds", "created", "data"])
+def test_a_signed_cell_that_lacks_something_is_damaged(whole, hostile, tmp_path, capsys, missing):
+    folder = shutil.copytree(whole, tmp_path / "study")
+    path = min((folder / "cells").iterdir())
+    table = hostile.pq.read_table(path)
+    beside = json.loads(table.schema.metadata[hostile.METADATA])
+    del beside[missing]
+    hostile.sign(path, table, json.dumps(beside))
+
+    assert ending(["table", str(folder)]) == 0
+    assert f"1 damaged file of a cell is left out: {path.stem}." in capsys.readouterr().out
+    assert ending(["rerun", str(folder), path.stem]) == 2
+    assert "is damaged" in capsys.readouterr().err
+
+
+NAME = '"><img src=x onerror=alert(1)>'
+
+
+def test_a_file_whose_name_is_no_key_runs_nothing_in_the_page(whole, tmp_path, capsys):
+    folder = shutil.copytree(whole, tmp_path / "study")
+    cells = sorted((folder / "cells").iterdir())
+    shutil.copy(cells[0], folder / "cells" / f"{NAME}.parquet")
+    cells[1].rename(folder / "cells" / "\x1b[2J.parquet")
+
+    assert ending(["report", str(folder), "--scenarios", "0"]) == 0
+    assert ending(["table", str(folder)]) == 0
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    assert "<img src=x" not in page
+    assert "2 damaged files of cells are left out" in page
+    printed = capsys.readouterr()
+    assert "\x1b" not in page + printed.out + printed.err
+    assert r"\x1b[2J" in printed.out
+
+
+@pytest.mark.parametrize("what", ["mkfifo", "mkdir"])
+def test_what_is_no_file_is_not_waited_for(whole, tmp_path, capsys, what):
+    folder = shutil.copytree(whole, tmp_path / "study")
+    for path in (min((folder / "cells").iterdir()), folder / "manifest.json"):
+        path.unlink()
+        getattr(os, what)(path)
+
+    assert ending(["table", str(folder)]) == 0
+    assert "1 damaged file of a cell is left out" in capsys.readouterr().out
+
+
+def test_a_plugin_that_fails_in_an_export_is_a_sentence(whole, tmp_path, capsys, monkeypatch):
+    inputs.disturbed.cache_clear()
+    inputs._loaded.cache_clear()
+    monkeypatch.setattr("jerkbench.benchmark.inputs.simulated", lambda *_: 1 / 0)
+
+    assert ending(["export", str(whole), "1", "--tum", str(tmp_path)]) == 2
+    assert re.search("failed: ZeroDivisionError", capsys.readouterr().err)
+
+
+def test_a_method_without_any_error_has_no_ratio(whole, tmp_path):
+    folder = tmp_path / "study"
+    for one in Store(whole).read()[0]:
+        Store(folder).write(one.key, one.rows.assign(position_rmse_m=0.0).to_dict("records"), one.about)
+
+    assert ending(["report", str(folder), "--scenarios", "0"]) == 0
