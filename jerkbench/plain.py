@@ -61,6 +61,14 @@ def styled(stream: TextIO) -> TextIO:
 @contextmanager
 def plain_output() -> Iterator[None]:
     """Let nothing but plain text through standard output and standard error."""
-    out, err = (cast("TextIO", PlainStream(styled(stream))) for stream in (sys.stdout, sys.stderr))
-    with redirect_stdout(out), redirect_stderr(err):
+    with redirect_stdout(_plain(sys.stdout)), redirect_stderr(_plain(sys.stderr)):
         yield
+
+
+def keep_output_plain() -> None:
+    """The same, for as long as the process lives."""
+    sys.stdout, sys.stderr = _plain(sys.stdout), _plain(sys.stderr)
+
+
+def _plain(stream: TextIO) -> TextIO:
+    return cast("TextIO", PlainStream(styled(stream)))

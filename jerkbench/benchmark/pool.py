@@ -9,11 +9,10 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import ExitStack
 from typing import Generic, TypeVar
 
 from jerkbench.notices import shared_notices
-from jerkbench.plain import plain_output
+from jerkbench.plain import keep_output_plain
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
@@ -38,13 +37,13 @@ def run_grouped(
         workers: number of processes; with one it is done here.
         ended: is told the numbers of the processes that were ended, whatever they were doing.
     """
-    waiting = [deque(group) for group in groups if group]
+    waiting = [group for group in groups if group]
     workers = min(workers, sum(map(len, waiting)))
     if workers <= 1:
         yield from ((task, work(task)) for group in waiting for task in group)
         return
     with shared_notices():
-        yield from _pooled(_Pool(work, waiting, workers), ended)
+        yield from _pooled(_Pool(work, Groups(waiting, workers), workers), ended)
 
 
 def _pooled(
@@ -59,13 +58,30 @@ def _pooled(
             ended(numbers)
 
 
+class Groups(Generic[Task]):
+    """Who is to do which task next."""
+
+    def __init__(self, groups: Iterable[list[Task]], workers: int) -> None:
+        """Nobody has begun."""
+        self.waiting = [deque(group) for group in groups if group]
+        self._current: list[deque[Task] | None] = [None] * workers
+
+    def next_task(self, worker: int) -> Task | None:
+        """Take the next task of the worker's group; of another, where its own is done; None where none is left."""
+        group = self._current[worker]
+        if not group:
+            untouched = [g for g in self.waiting if g and not any(g is current for current in self._current)]
+            group = max(untouched or self.waiting, key=len)
+            self._current[worker] = group
+        return group.popleft() if group else None
+
+
 class _Pool(Generic[Task, Result]):
     """One single-process executor a worker, so that it is known who has which recording in memory."""
 
-    def __init__(self, work: Callable[[Task], Result], waiting: list[deque[Task]], workers: int) -> None:
-        self.work, self.waiting = work, waiting
+    def __init__(self, work: Callable[[Task], Result], groups: Groups[Task], workers: int) -> None:
+        self.work, self.groups = work, groups
         self.executors = [_executor() for _ in range(workers)]
-        self.current: list[deque[Task] | None] = [None] * workers
 
     def results(self) -> Iterator[tuple[Task, Result | Exception]]:
         """Yield each task with its result, or with what kept it from being done."""
@@ -91,16 +107,8 @@ class _Pool(Generic[Task, Result]):
         return [child.pid for child in children if child.pid is not None and not child.is_alive()]
 
     def _start(self, worker: int, running: dict[Future[Result], tuple[int, Task]]) -> None:
-        if (task := self._next(worker)) is not None:
+        if (task := self.groups.next_task(worker)) is not None:
             running[self.executors[worker].submit(self.work, task)] = (worker, task)
-
-    def _next(self, worker: int) -> Task | None:
-        group = self.current[worker]
-        if not group:
-            untouched = [g for g in self.waiting if g and g not in self.current]
-            group = max(untouched or self.waiting, key=len)
-            self.current[worker] = group
-        return group.popleft() if group else None
 
     def _result(self, future: Future[Result], worker: int) -> Result | Exception:
         try:
@@ -131,7 +139,7 @@ def _prepare() -> None:
     """One thread a process; Ctrl-C is for the parent, and where the parent is killed there is nothing left to do."""
     from threadpoolctl import threadpool_limits
 
-    ExitStack().enter_context(plain_output())  # for as long as the process lives
+    keep_output_plain()
     threading.Thread(target=_end_with_parent, daemon=True).start()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threadpool_limits(1)

@@ -79,14 +79,14 @@ def alive(pid):
 def test_workers_end_with_a_parent_that_was_killed(tmp_path):
     process = start(tmp_path, *CELLS, "workers=2", "dataset.duration_s=100", "seeds=20")
     workers = []
-    deadline = time.monotonic() + 30
+    deadline = time.monotonic() + 120  # a bound, never reached where it works
     while len(workers) < 3 and time.monotonic() < deadline:  # two, and multiprocessing's resource tracker
         time.sleep(0.1)
         workers = children_of(process.pid)
     time.sleep(1.5)
     process.send_signal(signal.SIGKILL)
     process.wait()
-    deadline = time.monotonic() + 10
+    deadline = time.monotonic() + 60
     while any(map(alive, workers)) and time.monotonic() < deadline:
         time.sleep(0.1)
     assert len(workers) >= 2

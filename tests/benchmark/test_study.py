@@ -151,8 +151,8 @@ def test_a_yaw_source_that_no_recording_has_ends_the_sweep_before_anything_runs(
 
 @pytest.mark.parametrize(("first", "second", "words"), UNLIKE.values(), ids=UNLIKE)
 def test_two_studies_that_were_not_measured_alike_are_not_compared(tmp_path, first, second, words):
-    put(tmp_path / "A", "one", 3.36, conditions=first)
-    put(tmp_path / "B", "two", 23.8, conditions=second)
+    put(tmp_path / "A", "1", 3.36, conditions=first)
+    put(tmp_path / "B", "2", 23.8, conditions=second)
 
     with pytest.raises(JerkbenchError, match=re.escape(words)):
         require_alike(load_study(tmp_path / "A"), load_study(tmp_path / "B"))
@@ -160,7 +160,7 @@ def test_two_studies_that_were_not_measured_alike_are_not_compared(tmp_path, fir
 
 def test_two_versions_of_a_method_are_compared_and_that_they_differ_is_said(tmp_path):
     for name, sigma in (("A", 0.1), ("B", 1.0)):
-        put(tmp_path / name, "one", sigma, conditions={"spec": {"filter": {"name": "jerk", "accel_mps2": sigma}}})
+        put(tmp_path / name, "1", sigma, conditions={"spec": {"filter": {"name": "jerk", "accel_mps2": sigma}}})
     both = load_study(tmp_path / "A"), load_study(tmp_path / "B")
 
     require_alike(*both)

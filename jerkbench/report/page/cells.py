@@ -96,7 +96,7 @@ def _line(
     lost = int((group["status"] != "ok").sum())
     against = _factor(ratio)
     end = f"{_number(lost)}{_number(len(group))}"
-    button = f'<td><button data-key="{key}">open</button></td>'
+    button = f'<td><button data-key="{escape(key)}">open</button></td>'
     return f"<tr>{texts}{numbers}{against}<td>{nees.says(group)}</td>{end}{button}</tr>"
 
 
@@ -152,6 +152,7 @@ def _template(key: str, combination: tuple[str, ...], group: "pd.DataFrame", abo
     told = {
         one: about[one] for one in ("spec", "protocol", "data", "notes", "created", "seconds", "commit", "versions")
     }
+    key = escape(key)
     again = f"cells/{key}.parquet; once more: jerkbench rerun FOLDER {key}"
     return (
         f'<template id="cell-{key}"><h3>{escape(", ".join(combination))}</h3><p class="muted">{again}</p>'
