@@ -41,6 +41,15 @@ def test_a_row_whose_numbers_are_others_is_seen(study, tmp_path):
     assert "1 of " in done.stdout
 
 
+def test_a_metric_that_is_gone_is_seen(study, tmp_path):
+    (stored, *_), _ = Store(study).read()
+    rows = stored.rows.assign(position_of_old_m=1.0)
+    Store(tmp_path).write(stored.key, rows.to_dict("records"), stored.about)
+    done = jerkbench("rerun", str(tmp_path / "cells"), "1", cwd=tmp_path)
+    assert done.returncode == 1
+    assert "1 of " in done.stdout
+
+
 @pytest.mark.parametrize(
     ("row", "words"),
     [("99", "has the rows 1 to 16; there is no row 99"), ("zzz", "0 cells begin with 'zzz'"), (":1", "8 cells begin")],

@@ -119,7 +119,8 @@ def differences(one: StoredRow) -> list[tuple[str, float, float]]:
     if again["status"] != one.row["status"]:
         raise JerkbenchError(f"The run was {one.row['status']} and is {again['status']} now: {again['reason']}")
     skip = {*one.cell.labels._fields, "seed", "replicate", "status", "reason"}
-    return [(name, float(one.row[name]), float(again[name])) for name in again if name not in skip and name in one.row]
+    names = [name for name in one.row if name not in skip]  # one that is gone differs
+    return [(name, float(one.row[name]), float(again.get(name, math.nan))) for name in names]
 
 
 def same(before: float, after: float) -> bool:

@@ -20,7 +20,11 @@ def require_alike(first: Study, second: Study) -> None:
     Raises:
         JerkbenchError: which cells do, and in what.
     """
-    unlike = {name: found for name, a, b in _shared(first, second) if (found := differences(a, b, MEASURED))}
+    shared = list(_shared(first, second))
+    mixed = [f"In {one.folder}: {words}" for one in (first, second) for words in one.unlike]
+    if mixed and not shared:
+        raise JerkbenchError(f"{first.folder} and {second.folder} have no combination in common. {' '.join(mixed)}")
+    unlike = {name: found for name, a, b in shared if (found := differences(a, b, MEASURED))}
     if not unlike:
         return
     what = " and ".join(dict.fromkeys(one for found in unlike.values() for one in found))

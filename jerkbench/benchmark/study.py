@@ -37,6 +37,7 @@ class Study:
         code: the commits that its cells come from, in a few words.
         conditions: what each cell was measured under, by key.
         damaged: keys of the cells that cannot be read.
+        unlike: sentences about the labels of which not all cells were measured under the same conditions.
     """
 
     folder: Path
@@ -46,6 +47,7 @@ class Study:
     code: str = ""
     conditions: Mapping[str, Mapping[str, Values]] = field(default_factory=dict)
     damaged: tuple[str, ...] = ()
+    unlike: tuple[str, ...] = ()
 
     @property
     def combinations(self) -> int:
@@ -82,7 +84,7 @@ def load_study(folder: Path, prefer: Collection[str] = ()) -> Study:
     keys = pd.Series([one.key for one in current for _ in range(len(one.rows))])
     notes = [*unlike, *_notes(current, manifest), *_remarks(current, len(found) - len(current), broken)]
     known = {one.key: conditions(one.about) for one in current}
-    return Study(folder, rows, tuple(notes), keys, _code(current), known, tuple(broken))
+    return Study(folder, rows, tuple(notes), keys, _code(current), known, tuple(broken), tuple(unlike))
 
 
 def write_study(study: Study) -> None:

@@ -52,6 +52,7 @@ def answer(chosen: argparse.Namespace) -> None:
     varying = varying_factors(first.rows)
     header = [*varying, "A", "B", "B/A", "95 %", ""]
     notes = [f"A: {chosen.first}, {first.code}", f"B: {chosen.second}, {second.code}", *other_methods(first, second)]
+    notes += [f"{name}: {words}" for name, study in (("A", first), ("B", second)) for words in study.unlike]
     notes += [READING, *_left_out(found, first, second)]
     print_grid(quantity(metric).heading, header, change_rows(found, varying), notes)
     if chosen.fail_above is not None and _fails(found, first, second, chosen.fail_above):

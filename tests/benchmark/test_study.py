@@ -158,6 +158,15 @@ def test_two_studies_that_were_not_measured_alike_are_not_compared(tmp_path, fir
         require_alike(load_study(tmp_path / "A"), load_study(tmp_path / "B"))
 
 
+def test_that_one_study_mixes_what_the_other_does_not_is_said(tmp_path):
+    for key, name, seconds in (("one", "baseline", 0.0), ("two", "jerk", 10.0)):
+        put(tmp_path / "A", key, 1.0, filter=name, conditions={"protocol": {"burn_in_s": seconds}})
+        put(tmp_path / "B", key, 1.0, filter=name, conditions={"protocol": {"burn_in_s": 10.0}})
+
+    with pytest.raises(JerkbenchError, match=r"no combination in common. In .*A: .* differ in burn_in_s \(0.0, 10.0\)"):
+        require_alike(load_study(tmp_path / "A"), load_study(tmp_path / "B"))
+
+
 def test_two_versions_of_a_method_are_compared_and_that_they_differ_is_said(tmp_path):
     for name, sigma in (("A", 0.1), ("B", 1.0)):
         put(tmp_path / name, "1", sigma, conditions={"spec": {"filter": {"name": "jerk", "accel_mps2": sigma}}})
