@@ -71,12 +71,14 @@ def _intervals(cells: list[Cell], average: str) -> Iterator[str]:
 
 def _ratios(table: Table, cells: list[Cell], family: str) -> Iterator[str]:
     """What the factors in the cells are, and what a star means."""
-    if not any(c.factor for c in cells):
-        return
     baseline = ", ".join(f"{key}={value}" for key, value in table.baseline)
+    if not any(c.factor for c in cells):
+        if baseline:
+            yield f"There is no ratio to {baseline}: no seed has a value above 0 in both."
+        return
     yield f"×r: geometric mean of the ratio to {baseline} over the seeds that went well in both."  # noqa: RUF001
     if table.average != GEOMETRIC:
-        yield "The means are arithmetic, because a value is 0 or below: their quotient is another number than ×r."  # noqa: RUF001
+        yield "The means are arithmetic: their quotient is another number than ×r."  # noqa: RUF001
     yield family
 
 

@@ -167,6 +167,14 @@ def test_the_zoom_is_around_an_outage_or_the_largest_error():
     assert quiet.get_ylim()[1] < 1.0 < axes.get_ylim()[1]
 
 
+def test_the_zoom_ends_with_the_recording():
+    one = make_estimate()
+    position_m = one.position_m.copy()
+    position_m[-1] += 5.0
+    low, high = disturbed_window_s(make_recording(), {"a": dataclasses.replace(one, position_m=position_m), "b": one})
+    assert low < high == T_S[-1]
+
+
 def test_the_inset_shows_where_the_horizontal_error_is_largest():
     recording, one = make_recording(), make_estimate(0.01)
     position_m = one.position_m.copy()

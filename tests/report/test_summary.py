@@ -274,6 +274,20 @@ def test_beside_a_ratio_the_means_are_geometric(cell_rows):
     assert any("their quotient is another number" in note for note in table.footnotes)
 
 
+def test_beside_what_a_consistent_filter_gives_the_mean_stays_arithmetic(cell_rows):
+    frame = pd.DataFrame([*cell_rows("jerk", "none", [1.0] * 3), *cell_rows("jerk", "mtf", [1.0] * 3)])
+    table = summarise(frame.assign(anees=[2.0, 6.0, 10.0] * 2), "anees", baseline={"adaptation": "none"})
+    assert [cell.mean for cell in table.cells[0]] == [6.0, 6.0]
+
+
+def test_that_there_is_no_ratio_is_said(cell_rows):
+    frame = pd.DataFrame([*cell_rows("jerk", "none", [0.0] * 3), *cell_rows("jerk", "mtf", [1.0] * 3)])
+    table = summarise(frame, "position_rmse_m", baseline={"adaptation": "none"})
+    said = " ".join(table.footnotes)
+    assert "There is no ratio to adaptation=none" in said
+    assert "×r" not in said  # noqa: RUF001
+
+
 def test_a_star_stands_beside_a_digit_that_shows_the_difference():
     assert Ratio(1.0004, 1.0003, 1.0005, 0.01, shown=True).text == "×1.0004*"  # noqa: RUF001
     assert Ratio(0.9996, 0.9995, 0.9997, 0.01, shown=True).text == "×0.9996*"  # noqa: RUF001

@@ -38,7 +38,7 @@ def disturbed_window_s(recording: Recording, estimates: Mapping[str, Estimate]) 
     if len(recording.outages_s):
         begin, end = recording.outages_s[0]
         return float(begin - HALF_WIDTH_S / 2), float(end + HALF_WIDTH_S)
-    t_s = recording.reference.t_s
+    t_s = recording.reference.t_s  # what is drawn ends with it
     norms = np.full((max(len(estimates), 1), len(t_s)), np.nan)
     for row, one in zip(norms, estimates.values(), strict=False):
         with np.errstate(over="ignore", invalid="ignore"):
@@ -48,4 +48,4 @@ def disturbed_window_s(recording: Recording, estimates: Mapping[str, Estimate]) 
         return float(t_s[0]), float(t_s[-1])
     spread = np.where(known, np.nanmax(np.where(known, norms, 0.0), axis=0), -1.0)
     centre = float(t_s[int(np.argmax(spread))])
-    return centre - HALF_WIDTH_S, centre + HALF_WIDTH_S
+    return max(float(t_s[0]), centre - HALF_WIDTH_S), min(float(t_s[-1]), centre + HALF_WIDTH_S)
