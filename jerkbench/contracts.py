@@ -12,8 +12,9 @@ from jerkbench.timeline.timeline import Timeline
 class Dataset(Hashable, Protocol):
     """A source of recordings.
 
-    Two class attributes are optional: ``default_attitude`` names the attitude filter that suits it; ``attitude_only =
-    True`` says that it has nothing to navigate by, so that only a filter with the same attribute runs over it.
+    Three attributes are optional: ``default_attitude`` names the attitude filter that suits it; ``attitude_only =
+    True`` says that it has nothing to navigate by, so that only a filter with the same attribute runs over it;
+    ``without_imu = True`` says that its recordings have no IMU, so that only filters with ``uses_imu = False`` do.
 
     Attributes:
         seeded: whether another seed gives another recording (a simulation) or not (a file).
@@ -71,7 +72,10 @@ class Remarking(Protocol):
 
 @runtime_checkable
 class Filter(Protocol):
-    """A kinematic filter: the model of one axis; the full one is A (x) I3, b (x) I3, Q (x) I3, H = [I6 0]."""
+    """A kinematic filter: the model of one axis; the full one is A (x) I3, b (x) I3, Q (x) I3, H = [I6 0].
+
+    A class attribute ``uses_imu = False`` says that b is zero, so that it runs over recordings without an IMU too.
+    """
 
     def axis_model(self, dt: float, dt0: float) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return A (n, n), b (n,), Q (n, n) of one axis for a step of ``dt`` seconds.

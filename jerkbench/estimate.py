@@ -29,6 +29,13 @@ class Attitude:
     yaw_sigma_rad: FloatArray | None = None
 
 
+def no_attitude(t_s: FloatArray) -> Attitude:
+    """Return the attitude of a recording without an IMU: unknown (NaN) at ``t_s`` (n,), and no input."""
+    n = len(t_s)
+    never = np.zeros(n, dtype=np.bool_)
+    return Attitude(t_s, np.full((n, 3, 3), np.nan), np.full((n, 3), np.nan), np.zeros((n, 3)), never)
+
+
 @dataclass(frozen=True, eq=False)
 class Updates:
     """What each measurement update saw; the basis of consistency checks.

@@ -21,6 +21,9 @@ GRAVITY_MPS2 = 9.81
 VELOCITY_FRAMES = ("enu", "body", "speed")
 """In which axes a velocity may be."""
 
+LEAST_FIXES = 2
+"""A recording without an IMU has at least so many: its steps are those from fix to fix."""
+
 HEADING_SOURCES = ("dual_antenna", "odometry", "course")
 """What may measure a heading."""
 
@@ -238,7 +241,7 @@ class Recording:
 
     Attributes:
         name: what tables call it.
-        imu: inertial samples.
+        imu: inertial samples, or None: then only filters that take no acceleration run over it, from fix to fix.
         reference: what is compared with.
         position: fixes, or None.
         velocity: velocity measurements, or None.
@@ -251,7 +254,7 @@ class Recording:
     """
 
     name: str
-    imu: Imu
+    imu: Imu | None
     reference: Reference
     position: Position | None = None
     velocity: Velocity | None = None
@@ -263,13 +266,47 @@ class Recording:
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        """Check that an outage ends after it begins."""
+        """Check that an outage ends after it begins, and that there is something without an IMU."""
         _freeze(self, outages_s=(None, 2))
         require(
             self.outages_s[:, 1] > self.outages_s[:, 0], self, "outages_s", "the outage does not end after it begins"
         )
 
+        if self.imu is None:
+            self._require_fixes()
+
+    @property
+    def inertial(self) -> Imu:
+        """The inertial samples, for what cannot do without.
+
+        Raises:
+            RecordingError: the recording has none.
+        """
+        if self.imu is None:
+            raise RecordingError(
+                f"{self.name} has no IMU: no attitude, and only filters and disturbances that need none."
+            )
+        return self.imu
+
+    @property
+    def clock_s(self) -> FloatArray:
+        """The stamps at which something may happen, whatever is measured: the IMU's, or else all of the fixes'."""
+        if self.imu is not None:
+            return self.imu.t_s
+        streams = [stream.t_s for stream in (self.position, self.velocity) if stream is not None]
+        return np.unique(np.concatenate(streams))
+
     @property
     def duration_s(self) -> float:
-        """Time of the last IMU sample."""
-        return float(self.imu.t_s[-1])
+        """Time of the last IMU sample; without an IMU, of the last fix."""
+        return float(self.clock_s[-1])
+
+    def _require_fixes(self) -> None:
+        """Check that a recording without an IMU has two fixes, and no velocity that an attitude would have to turn."""
+        if self.position is None or len(self.position.t_s) < LEAST_FIXES:
+            raise RecordingError(f"{self.name} has no IMU and fewer than {LEAST_FIXES} position fixes; one is needed.")
+        if self.velocity is not None and self.velocity.frame != "enu":
+            raise RecordingError(
+                f"{self.name} has no IMU, so that nothing turns its velocity in the frame '{self.velocity.frame}' into"
+                " ENU; leave the velocity out, or give an IMU."
+            )

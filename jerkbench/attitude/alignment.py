@@ -24,7 +24,7 @@ def align(recording: Recording, variance: float | None) -> TiltState:
     """
     if recording.static_start_s < ALIGNMENT_S:
         return start_state(np.array([0.0, 0.0, 1.0]), LEVEL_VARIANCE if variance is None else variance)
-    imu = recording.imu
+    imu = recording.inertial
     mean = imu.accel_mps2[imu.t_s < imu.t_s[0] + ALIGNMENT_S].mean(axis=0)
     norm = float(np.linalg.norm(mean))
     if not norm > 0:

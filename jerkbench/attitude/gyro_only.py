@@ -75,7 +75,7 @@ class GyroOnly:
             RecordingError: the recording lacks the yaw source that was asked for.
         """
         headings = select_headings(recording, self.yaw_source, self.course_min_speed_mps, self.course_sigma_min_rad)
-        imu = recording.imu
+        imu = recording.inertial
         x = propagate(align(recording, None).x, intervals(imu)[:, None] * imu.gyro_radps)
         roll, pitch = roll_pitch(x)
         yaw = filtered_yaw(imu, roll, pitch, headings, self.yaw_walk_rad_per_sqrt_s, self.course_sigma_min_rad)

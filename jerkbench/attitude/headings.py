@@ -47,7 +47,7 @@ def select_headings(
 
 def track_in(recording: Recording, least_m: float = LEAST_M) -> Track | None:
     """Return the track of the fixes while the IMU runs; None where it shows no course."""
-    imu = recording.imu
+    imu = recording.inertial
     return track_of(recording, chords_of(recording.position, imu.t_s[0], imu.t_s[-1], least_m))
 
 

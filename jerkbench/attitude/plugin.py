@@ -122,7 +122,7 @@ class Tilt:
         Raises:
             RecordingError: the recording lacks the yaw source that was asked for.
         """
-        imu = recording.imu
+        imu = recording.inertial
         headings = select_headings(
             recording, self.yaw_source, self.course_min_speed_mps, self.course_sigma_min_rad
         )  # first, because a missing source should not cost the whole loop
@@ -146,7 +146,7 @@ class Tilt:
         )
 
     def _tilt(self, recording: Recording, dt_s: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
-        imu, start = recording.imu, align(recording, self.initial_tilt_variance)
+        imu, start = recording.inertial, align(recording, self.initial_tilt_variance)
         run = run_tilt_compiled if self.compiled and can_compile() else run_tilt
         x, triggered = run(start, imu.gyro_radps, imu.accel_mps2, dt_s, self.tilt_parameters())
         return *roll_pitch(x), triggered

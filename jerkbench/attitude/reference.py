@@ -55,17 +55,17 @@ class ReferenceAttitude:
         Raises:
             RecordingError: the reference has no attitude, or none near enough to a sample.
         """
-        return attitude_from(recording.imu, self._angles(recording), self.compensation)
+        return attitude_from(recording.inertial, self._angles(recording), self.compensation)
 
     def _angles(self, recording: Recording) -> FloatArray:
         """Roll, pitch and yaw (n, 3) at the IMU's stamps."""
         t_s, euler_rad = _known(recording)
-        rows = nearest_rows(t_s, recording.imu.t_s)
-        away_s = np.abs(t_s[rows] - recording.imu.t_s)
+        rows = nearest_rows(t_s, recording.inertial.t_s)
+        away_s = np.abs(t_s[rows] - recording.inertial.t_s)
         if away_s.max() > self.gap_s:
             worst = int(np.argmax(away_s))
             raise RecordingError(
-                f"{recording.name}: the reference's attitude nearest to {recording.imu.t_s[worst]:.2f} s is"
+                f"{recording.name}: the reference's attitude nearest to {recording.inertial.t_s[worst]:.2f} s is"
                 f" {away_s[worst]:.2f} s away; raise gap_s (now {self.gap_s} s) or take the attitude tilt."
             )
         return euler_rad[rows]

@@ -25,10 +25,10 @@ COARSE = (
 def yaw_remarks(recording: Recording, source: str, min_speed_mps: float, sigma_min_rad: float) -> tuple[str, ...]:
     """Return what a reader has to know of the yaw that ``source``, one of `YAW_SOURCES`, gives; often nothing.
 
-    A recording without fixes is there for its attitude alone, and one whose yaw is asked for from the gyro alone gets
-    what was asked for: neither is remarked on.
+    A recording without fixes is there for its attitude alone, one without an IMU has none, and one whose yaw is asked
+    for from the gyro alone gets what was asked for: none of them is remarked on.
     """
-    if source not in ("auto", "track") or recording.position is None:
+    if source not in ("auto", "track") or recording.position is None or recording.imu is None:
         return ()
     selected = select_headings(recording, source, min_speed_mps, sigma_min_rad)
     if selected is None:

@@ -56,7 +56,7 @@ def load_bag(options: BagOptions, planner: Planner) -> Loaded:
     notes = [*options.remarks, *([f"Parts {parts} of the split bag are missing."] if parts else [])]
     recording = with_common_time(_assembled(options, plan, taken.frames, taken.about, clean, ledger), OTHER_CLOCK)
     notes += [
-        *gravity_notes(recording.imu.accel_mps2, "imu_axes"),
+        *gravity_notes(recording.inertial.accel_mps2, "imu_axes"),
         *plan.notes,
         *recording.notes,
         *(str(finding) for finding in ledger.findings),

@@ -182,10 +182,9 @@ def _whole(kind: str, plugin: Any) -> Any:  # noqa: ANN401 - as above
 def refusal(cell: Cell) -> str:
     """Return why the filter does not take the data set or the adaptation, or an empty string."""
     if getattr(cell.dataset, "attitude_only", False) and not getattr(cell.filter, "attitude_only", False):
-        return (
-            f"the data set {cell.spec['dataset']['name']} has no position to navigate by, so the filter"
-            f" {cell.spec['filter']['name']} cannot run over it, only: {', '.join(_attitude_only_filters())}"
-        )
+        return _lacking(cell, "position to navigate by", _filters("attitude_only", value=True))
+    if getattr(cell.dataset, "without_imu", False) and getattr(cell.filter, "uses_imu", True):
+        return _lacking(cell, "IMU", _filters("uses_imu", value=False))
     name = cell.spec["adaptation"]["name"]
     if not isinstance(cell.filter, Estimator) or name in cell.filter.adaptations:
         return ""
@@ -193,9 +192,14 @@ def refusal(cell: Cell) -> str:
     return f"the filter {cell.spec['filter']['name']} takes no adaptation '{name}', only: {accepted}"
 
 
-def _attitude_only_filters() -> list[str]:
-    known = plugins.names("filter")
-    return [name for name in known if getattr(plugins.get("filter", name), "attitude_only", False)]
+def _lacking(cell: Cell, what: str, filters: Sequence[str]) -> str:
+    dataset, model = (cell.spec[kind]["name"] for kind in ("dataset", "filter"))
+    return f"the data set {dataset} has no {what}, so the filter {model} cannot run over it, only: {', '.join(filters)}"
+
+
+def _filters(attribute: str, *, value: bool) -> list[str]:
+    """The filters whose class attribute has the value."""
+    return [name for name in plugins.names("filter") if getattr(plugins.get("filter", name), attribute, None) is value]
 
 
 def default_labels(spec: Config) -> Labels:

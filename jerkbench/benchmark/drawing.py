@@ -99,11 +99,12 @@ def of_scene(scene: Scene) -> Iterator[Drawing]:
             inset_trajectory_figure(recording, estimates),
         ),
         "three-sigma": (f"errors of {scene.best} with three sigmas", error_figure(recording, only)),
-        "tilt": ("roll and pitch against the reference", tilt_figure(recording, scene.tilts)),
-        "acceleration": ("raw and compensated acceleration", acceleration_figure(recording, scene.attitude)),
         "consistency": (f"NEES and NIS of {scene.best}", consistency_figure(scene.best_runs, scene.best)),
         "adapted-r": ("measurement noise that was used", adapted_r_figure(recording, updated)),
     }
+    if recording.imu is not None:
+        made["tilt"] = ("roll and pitch against the reference", tilt_figure(recording, scene.tilts))
+        made["acceleration"] = ("raw and compensated acceleration", acceleration_figure(recording, scene.attitude))
     slug = file_stem([scene.name])
     for kind, (caption, figure) in made.items():
         yield Drawing(f"{slug}-{kind}", f"{scene.name}: {caption}.", figure)

@@ -12,7 +12,7 @@ from jerkbench.arrays import BoolArray
 from jerkbench.benchmark.simulated import simulated
 from jerkbench.contracts import AttitudeFilter, Dataset, Disturbance, Metric
 from jerkbench.errors import RecordingError
-from jerkbench.estimate import Attitude, Estimate
+from jerkbench.estimate import Attitude, Estimate, no_attitude
 from jerkbench.evaluation.streaming import Scored, outlined, scored
 from jerkbench.recording import Recording
 from jerkbench.timeline.timeline import Timeline, build_timeline
@@ -57,7 +57,9 @@ def require_data(dataset: Dataset, fingerprint: str) -> None:
 
 @lru_cache(maxsize=KEPT)
 def attitude_of(recording: Recording, attitude: AttitudeFilter) -> Attitude:
-    """The attitude that ``attitude`` finds in ``recording``."""
+    """The attitude that ``attitude`` finds in ``recording``; none without an IMU."""
+    if recording.imu is None:
+        return no_attitude(recording.clock_s)
     return attitude.estimate(recording)
 
 

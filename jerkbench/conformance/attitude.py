@@ -37,8 +37,8 @@ def attitude_of(what: str, plugin: Any, recording: Recording) -> Attitude:  # no
     """Return the attitude, checked for stamps and shapes, and for being the same the second time."""
     attitude = pure_result(f"{what}.estimate()", plugin.estimate, recording)
     require(isinstance(attitude, Attitude), f"{what}.estimate() gives a {type(attitude).__name__}, not an Attitude.")
-    n = len(recording.imu.t_s)
-    require(np.array_equal(attitude.t_s, recording.imu.t_s), f"{what}: t_s must be the stamps of the IMU.")
+    n = len(recording.inertial.t_s)
+    require(np.array_equal(attitude.t_s, recording.inertial.t_s), f"{what}: t_s must be the stamps of the IMU.")
     for name, shape in SHAPES.items():
         require_shape(f"{what}: {name}", getattr(attitude, name), (n, *shape))
     triggered = np.shape(attitude.triggered)

@@ -41,8 +41,8 @@ def true_attitude(recording: Recording) -> Attitude:
     """Return the attitude of the reference, with the acceleration that belongs to it."""
     euler = np.asarray(recording.reference.euler_rad)
     dcm = dcm_from_euler(euler)
-    u = np.einsum("nij,nj->ni", dcm, recording.imu.accel_mps2) - [0.0, 0.0, GRAVITY_MPS2]
-    return Attitude(recording.imu.t_s, dcm, euler.copy(), u, np.zeros(len(euler), dtype=bool))
+    u = np.einsum("nij,nj->ni", dcm, recording.inertial.accel_mps2) - [0.0, 0.0, GRAVITY_MPS2]
+    return Attitude(recording.inertial.t_s, dcm, euler.copy(), u, np.zeros(len(euler), dtype=bool))
 
 
 def _angle(t_s: FloatArray) -> FloatArray:

@@ -87,6 +87,9 @@ def _sigma(stream: object) -> str:
 
 def _inertial(recording: Recording) -> Iterator[str]:
     imu = recording.imu
+    if imu is None:
+        yield "no IMU: attitude, tilt and yaw do not apply; filters that take no acceleration run, from fix to fix"
+        return
     force = np.median(imu.accel_mps2, axis=0)
     size = np.linalg.norm(force)
     yield f"specific force (median) {np.array2string(force, precision=3)} m/s2, |f| {size:.3f}: {_up(force)}"

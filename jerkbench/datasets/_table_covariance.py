@@ -33,12 +33,14 @@ class CovarianceMap:
             row.
         frame: of the axes: enu, ned or ecef.
         sigma_otherwise: one standard deviation of an axis, where there are no columns.
+        scale: what the columns of standard deviations are multiplied with: of a DOP, one standard deviation of a range.
     """
 
     sigma: tuple[str, ...]
     covariance: tuple[str, ...]
     frame: str
     sigma_otherwise: float
+    scale: float = 1.0
 
 
 def covariances_of(columns: Columns, given: CovarianceMap, origin: Origin | None) -> tuple[FloatArray, tuple[str, ...]]:
@@ -66,7 +68,7 @@ def _matrices(columns: Columns, given: CovarianceMap) -> FloatArray:
     if given.covariance:
         values, six = columns.numbers(given.covariance), _UPPER
     else:
-        sd = columns.numbers(given.sigma)
+        sd = given.scale * columns.numbers(given.sigma)
         values, six = sd * np.abs(sd), _RTKLIB
     if values.shape[1] in (1, 3):
         return np.asarray(np.broadcast_to(values, (len(values), 3))[:, :, None] * np.eye(3))

@@ -68,4 +68,4 @@ def _solved(table: TimedColumns, source: Source, zero_ns: int, origin: Origin | 
     t_s, solution, leaps = table.read_solution(source, zero_ns)
     if origin is not None:
         solution = solution.with_axes_at(origin)
-    return Fixes(*solution.position(t_s, origin), (*solution.notes, *leaps))
+    return Fixes(*solution.position(t_s, origin), leaps)

@@ -26,6 +26,7 @@ class ReferenceMap:
         angle_unit: of latitude and longitude: deg or rad.
         comes_from: where the reference comes from, in words.
         independent: whether it shares nothing with the measurements.
+        offset_m: added to its places: east, north, up.
     """
 
     source: Source
@@ -36,16 +37,20 @@ class ReferenceMap:
     angle_unit: str
     comes_from: str
     independent: bool
+    offset_m: tuple[float, ...] = (0.0, 0.0, 0.0)
 
 
 def read_reference(
     table: TimedColumns, given: ReferenceMap, zero_ns: int, origin: Origin | None
-) -> tuple[Reference, Origin | None]:
-    """Return the reference and the origin of ENU, which is its first place where there was no ``origin`` before.
+) -> tuple[Reference, Origin | None, tuple[str, ...]]:
+    """Return the reference, the origin of ENU, which is its first place without an ``origin`` before, and notes.
 
     Raises:
         RecordingError: the file is missing or damaged, or has no such column.
+        PluginError: the file is a solution of RTKLIB, and the times of the table are not known.
     """
+    if given.source.solved:
+        return _solved(table, given, zero_ns, origin)
     stream = table.read(given.source)
     if named := (*given.place, *given.velocity, *given.attitude.angles):
         stream = stream.only(named)
@@ -55,11 +60,28 @@ def read_reference(
         t_s=stream.t_s(zero_ns),
         source=given.comes_from,
         independent=given.independent,
-        enu_m=enu_m,
+        enu_m=None if enu_m is None else enu_m + given.offset_m,
         velocity_mps=axes_in_enu(columns.numbers(given.velocity), given.frame) if given.velocity else None,
         euler_rad=attitude_of(columns, given.attitude),
     )
-    return reference, origin
+    return reference, origin, columns.notes
+
+
+def _solved(
+    table: TimedColumns, given: ReferenceMap, zero_ns: int, origin: Origin | None
+) -> tuple[Reference, Origin | None, tuple[str, ...]]:
+    t_s, solution, notes = table.read_solution(given.source, zero_ns)
+    if origin is not None:
+        solution = solution.with_axes_at(origin)
+    position, origin = solution.position(t_s, origin)
+    reference = Reference(
+        t_s=t_s,
+        source=given.comes_from,
+        independent=given.independent,
+        enu_m=position.enu_m + given.offset_m,
+        velocity_mps=solution.velocity_enu_mps,
+    )
+    return reference, origin, tuple(f"Reference: {note}" for note in notes)
 
 
 def fixes_as_reference(position: Position | None) -> Reference:

@@ -27,12 +27,16 @@ class Source:
         file: a name, or a pattern of several; empty: there is no such stream.
         time: column of its times; empty: they are in a file of dates.
         shift_s: added to its stamps.
+        unit: of its times; empty: that of all streams.
+        qualities: of a solution of RTKLIB, the values of Q that are used; empty: all.
     """
 
     name: str
     file: str
     time: str
     shift_s: float
+    unit: str = ""
+    qualities: tuple[float, ...] = ()
 
     @property
     def solved(self) -> bool:

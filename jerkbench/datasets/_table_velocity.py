@@ -69,10 +69,10 @@ def _place(where: str, origin: Origin | None) -> Origin:
 
 
 def _solved(table: TimedColumns, source: Source, zero_ns: int) -> tuple[Velocity, tuple[str, ...]]:
-    t_s, solution, _ = table.read_solution(source, zero_ns)
+    t_s, solution, notes = table.read_solution(source, zero_ns)
     if solution.velocity_enu_mps is None or solution.velocity_covariance_m2ps2 is None:
         raise RecordingError(
             f"dataset table: {source.file} has no velocities; let RTKLIB write them (out-outvel=on), or leave"
             f" {source.parameter} empty."
         )
-    return Velocity(t_s, solution.velocity_enu_mps, solution.velocity_covariance_m2ps2), solution.notes
+    return Velocity(t_s, solution.velocity_enu_mps, solution.velocity_covariance_m2ps2), notes

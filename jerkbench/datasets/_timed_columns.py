@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
-from jerkbench.datasets._rtklib_fixes import steady_fixes
+from jerkbench.datasets._rtklib_fixes import accepted_fixes, steady_fixes
 from jerkbench.datasets._table_stream import Source, Stream
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.readers.columns import Columns, find_tables, read_columns, read_datetimes_ns, times_ns
@@ -32,7 +32,7 @@ class TimedColumns:
         header: whether a line above the data names the columns: the first of as many fields (others, a title or units,
             are left out); if not, they are numbered from 1.
         comment: what a line to be left out begins with.
-        time_unit: of every column of times: s, ms, us or ns.
+        time_unit: of every column of times: s, ms, us or ns; a stream may have one of its own.
         time_week: the column of GPS weeks, in every file, where the times are those of the week; empty: they are not.
         time_file: a file, or a pattern, of UTC dates and times, one a row, for a stream whose column of times is empty.
         epoch: what the times count from: unix (1970, UTC), gps (1980, GPS time), or none (unknown).
@@ -67,7 +67,7 @@ class TimedColumns:
         columns = read_columns(self.files(source.file, source.parameter), text)
         if source.file.endswith(MATLAB) and source.time:
             columns = columns.only(columns.rows_of([source.time]))
-        t_ns = self._stamps_ns(columns, source.time)
+        t_ns = self._stamps_ns(columns, source)
         if len(t_ns) != len(columns):
             raise RecordingError(
                 f"{columns.where} has {len(columns)} rows, {self.time_file} has {len(t_ns)} times; they must be the"
@@ -76,7 +76,12 @@ class TimedColumns:
         return Stream(columns, t_ns + source.shift_ns).whole()
 
     def read_solution(self, source: Source, zero_ns: int) -> tuple[FloatArray, PosSolution, tuple[str, ...]]:
-        """Return RTKLIB's solution without fixes that leap, its times since ``zero_ns``, and a note of the leaps.
+        """Return the times of RTKLIB's solution since ``zero_ns``, and `solution_of`."""
+        t_ns, solution, notes = self.solution_of(source)
+        return np.asarray((t_ns - zero_ns) * 1e-9), solution, notes
+
+    def solution_of(self, source: Source) -> tuple[IntArray, PosSolution, tuple[str, ...]]:
+        """Return RTKLIB's solution without fixes that leap, its shifted stamps since the epoch, and what was dropped.
 
         Raises:
             PluginError: the tables' clock is not known.
@@ -87,10 +92,12 @@ class TimedColumns:
                 f"dataset table: {source.parameter} is '{source.file}', in GPS time; epoch must be gps or unix."
             )
         files = self.files(source.file, source.parameter)
-        solution, leaps = steady_fixes(read_pos_files(files, self.gpst_minus_utc_s))
+        solution = read_pos_files(files, self.gpst_minus_utc_s)
+        if source.qualities:
+            solution = accepted_fixes(solution, source.qualities, files[0])
+        solution, leaps = steady_fixes(solution)
         offset_ns = GPS_EPOCH_NS if self.epoch == "gps" else round(self.gpst_minus_utc_s * 1e9)
-        since_ns = solution.gpst_ns - offset_ns - zero_ns + source.shift_ns
-        return np.asarray(since_ns * 1e-9), solution, leaps
+        return solution.gpst_ns - offset_ns + source.shift_ns, solution, (*solution.notes, *leaps)
 
     def start_utc(self, zero_ns: int) -> datetime | None:
         """Return the UTC of ``zero_ns``; None where nobody knows what the times count from."""
@@ -98,7 +105,7 @@ class TimedColumns:
             return utc_of(zero_ns + GPS_EPOCH_NS, self.gpst_minus_utc_s)
         return UNIX_EPOCH + timedelta(microseconds=zero_ns // 1000) if self.epoch == "unix" else None
 
-    def _stamps_ns(self, columns: Columns, time: str) -> IntArray:
-        if time:
-            return times_ns(columns, time, self.time_unit, self.time_week)
+    def _stamps_ns(self, columns: Columns, source: Source) -> IntArray:
+        if source.time:
+            return times_ns(columns, source.time, source.unit or self.time_unit, self.time_week)
         return np.concatenate([read_datetimes_ns(path) for path in self.files(self.time_file, "time_file")])

@@ -13,6 +13,7 @@ from jerkbench.datasets._table_reference import ReferenceMap, fixes_as_reference
 from jerkbench.datasets._table_stream import Source, Stream
 from jerkbench.datasets._table_velocity import VelocityMap, read_velocity
 from jerkbench.datasets._timed_columns import TimedColumns
+from jerkbench.errors import PluginError
 from jerkbench.plugins import register
 from jerkbench.readers.files import fingerprint
 from jerkbench.readers.gravity import gravity_notes
@@ -29,10 +30,11 @@ class Tables(TimedColumns):
     """Any recording in tables (CSV, text, Parquet, .mat), with a map from columns to fields.
 
     A column is a name of the header or a number from 1. A file is a name, or a pattern (``data/*.txt``): all files
-    that fit, one after the other, by their names. Time 0 is the first IMU sample; a stream's shift is added to its
-    stamps, so that a value that is .1 s old needs -0.1. An empty cell of a position or velocity is an axis that was not
-    measured; a row in which all columns of a stream are empty is none of it, so that one file may hold several streams.
-    A file of positions or velocities that ends in .pos is RTKLIB's: it needs no columns, and has its own covariances.
+    that fit, one after the other, by their names. Time 0 is the first IMU sample, without an IMU the first fix; a
+    stream's shift is added to its stamps, so that a value that is .1 s old needs -0.1. An empty cell of a position or
+    velocity is an axis that was not measured; a row in which all columns of a stream are empty is none of it, so that
+    one file may hold several streams. A file of positions, velocities or the reference that ends in .pos is RTKLIB's:
+    it needs no columns, and has its own covariances.
 
     Fixes that leap are dropped. A latitude and longitude without a height are a fix of the plane, at a height between
     those before and after.
@@ -45,12 +47,13 @@ class Tables(TimedColumns):
     complete fix that does not leap (without fixes, the first place of the reference) is the origin of ENU, unless
     ``origin`` is given. Local places stay as they are, their zero is the origin: where of fixes and reference one is
     local and the other is not, ``origin`` says where that zero is, and without it they are refused. What is not given
-    is not there: without a position file, only the filter attitude_only runs.
+    is not there: without a position file, only the filter attitude_only runs, and without an IMU only filters that
+    take no acceleration (constant_velocity, acceleration, gnss_only), from fix to fix.
 
     Presets: kitti, euroc, tum, nclt, urbannav.
 
     Attributes:
-        imu_file: the file of the IMU.
+        imu_file: the file of the IMU; empty: there is none.
         imu_time: its column of times.
         imu_accel: columns of the specific force x, y, z.
         imu_gyro: columns of the angular rate x, y, z.
@@ -62,6 +65,9 @@ class Tables(TimedColumns):
         remove_gyro_bias: subtract the gyro's mean over that time.
         position_file: the file of the fixes; empty: there are none.
         position_time: its column of times.
+        position_time_unit: s, ms, us or ns; empty: time_unit.
+        position_quality: of a .pos, the values of Q that are used (1 fixed, 2 float, 4 differential, 5 single); empty:
+            all.
         position_columns: the three columns of a place, in the order of its frame (latitude, longitude, height).
         position_frame: enu, ned, geodetic or ecef.
         position_sigma: columns of standard deviations [m]: one for all axes, three, or RTKLIB's six (11, 22, 33, 12,
@@ -69,12 +75,14 @@ class Tables(TimedColumns):
         position_covariance: columns of variances and covariances [m2]: one for all axes, three, six (11, 22, 33, 12,
             13, 23), or nine, row by row; none: position_sigma_m.
         position_covariance_frame: of both: enu, ned or ecef.
+        position_sigma_scale: what position_sigma is multiplied with: where it names a DOP, one sigma of a range [m].
         position_sigma_m: one standard deviation of an axis, where there are no columns of it.
         position_shift_s: added to its stamps.
         angle_unit: of latitude and longitude: deg or rad.
         origin: latitude [deg], longitude [deg] and height [m] of ENU, and of the zero of local frames; empty: as above.
         velocity_file: the file of the velocities; empty: there are none.
         velocity_time: its column of times.
+        velocity_time_unit: as position_time_unit.
         velocity_columns: three columns, one for a speed.
         velocity_frame: enu, ned, ecef, body (FLU) or speed.
         velocity_sigma: as position_sigma [m/s], in velocity_frame.
@@ -83,6 +91,9 @@ class Tables(TimedColumns):
         velocity_shift_s: added to its stamps.
         reference_file: the file of the reference; empty: the fixes themselves.
         reference_time: its column of times.
+        reference_time_unit: as position_time_unit.
+        reference_quality: of a .pos, the values of Q that it knows the truth with; empty: all.
+        reference_offset_m: added to its places: east, north, up; of another antenna or another base.
         reference_position: three columns, or none.
         reference_velocity: three columns, or none; in ENU, or NED with that frame.
         reference_attitude: three columns (roll, pitch, yaw) or four (w, x, y, z), body to local frame, or none.
@@ -110,17 +121,21 @@ class Tables(TimedColumns):
     remove_gyro_bias: bool = False
     position_file: str = ""
     position_time: str = "t"
+    position_time_unit: str = ""
+    position_quality: tuple[float, ...] = ()
     position_columns: tuple[str, ...] = ("latitude", "longitude", "height")
     position_frame: str = "geodetic"
     position_sigma: tuple[str, ...] = ()
     position_covariance: tuple[str, ...] = ()
     position_covariance_frame: str = "enu"
+    position_sigma_scale: float = 1.0
     position_sigma_m: float = 1.0
     position_shift_s: float = 0.0
     angle_unit: str = "deg"
     origin: tuple[float, ...] = ()
     velocity_file: str = ""
     velocity_time: str = "t"
+    velocity_time_unit: str = ""
     velocity_columns: tuple[str, ...] = ("ve", "vn", "vu")
     velocity_frame: str = "enu"
     velocity_sigma: tuple[str, ...] = ()
@@ -129,6 +144,9 @@ class Tables(TimedColumns):
     velocity_shift_s: float = 0.0
     reference_file: str = ""
     reference_time: str = "t"
+    reference_time_unit: str = ""
+    reference_quality: tuple[float, ...] = ()
+    reference_offset_m: tuple[float, ...] = (0.0, 0.0, 0.0)
     reference_position: tuple[str, ...] = ()
     reference_velocity: tuple[str, ...] = ()
     reference_attitude: tuple[str, ...] = ()
@@ -147,8 +165,19 @@ class Tables(TimedColumns):
         require_origin(self.origin)
         self._require_one_origin()
         axes_matrix(self.imu_axes)
-        require_positive("dataset table", self, ("position_sigma_m", "velocity_sigma_mps"))
+        require_positive("dataset table", self, ("position_sigma_m", "position_sigma_scale", "velocity_sigma_mps"))
         require_not_negative("dataset table", self, ("static_start_s",))
+        if len(self.reference_offset_m) != 3:
+            raise PluginError(
+                f"dataset table: reference_offset_m is {self.reference_offset_m}; give east, north and up [m]."
+            )
+        if not self.imu_file and not self.position_file:
+            raise PluginError("dataset table: imu_file and position_file are both empty; name one of them.")
+
+    @property
+    def without_imu(self) -> bool:
+        """Whether there is no IMU, so that only filters that take no acceleration run."""
+        return not self.imu_file
 
     def load(self, seed: int = 0) -> Recording:
         """Return the recording; ``seed`` changes nothing.
@@ -156,14 +185,13 @@ class Tables(TimedColumns):
         Raises:
             RecordingError: a file is missing or damaged, a column is not there, or what is in it makes no recording.
         """
-        stream = self.read(Source("imu", self.imu_file, self.imu_time, self.imu_shift_s))
-        stream = stream.only((*self.imu_accel, *self.imu_gyro))
-        zero_ns = int(stream.t_ns[0]) if len(stream.t_ns) else 0
+        stream = self._samples()
+        zero_ns = self._first_ns(stream)
         fixes = self._fixes(zero_ns)
-        reference, origin = self._reference(zero_ns, fixes)
-        imu = self._imu(stream, zero_ns)
+        reference, origin, of_reference = self._reference(zero_ns, fixes)
+        imu = None if stream is None else self._imu(stream, zero_ns)
         velocity, of_velocity = self._velocity(zero_ns, origin)
-        notes = (*stream.columns.notes, *fixes.notes, *of_velocity)
+        notes = (*self._imu_notes(stream, imu), *fixes.notes, *of_velocity, *of_reference)
         recording = Recording(
             name=Path(self.folder).expanduser().resolve().name,
             imu=imu,
@@ -173,21 +201,62 @@ class Tables(TimedColumns):
             origin=origin,
             start_utc=self.start_utc(zero_ns),
             static_start_s=self.static_start_s,
-            notes=(*gravity_notes(imu.accel_mps2, "imu_axes"), *repeat_notes(imu), *dict.fromkeys(notes)),
+            notes=tuple(dict.fromkeys(notes)),
         )
         return with_common_time(recording, "check the columns of times and their unit")
 
     def _require_one_origin(self) -> None:
-        if not (self.position_file and self.reference_file and self.reference_position):
+        compared = self.reference_position or self._reference_source.solved
+        if not (self.position_file and self.reference_file and compared):
             return
         solved = self._position_source.solved
         said = f"position_file {self.position_file}" if solved else "position_frame"
         frame = "geodetic" if solved else self.position_frame
-        require_one_origin(said, frame, self.reference_frame, self.origin)
+        reference_frame = "geodetic" if self._reference_source.solved else self.reference_frame
+        require_one_origin(said, frame, reference_frame, self.origin)
 
     @property
     def _position_source(self) -> Source:
-        return Source("position", self.position_file, self.position_time, self.position_shift_s)
+        return Source(
+            "position",
+            self.position_file,
+            self.position_time,
+            self.position_shift_s,
+            self.position_time_unit,
+            self.position_quality,
+        )
+
+    @property
+    def _reference_source(self) -> Source:
+        return Source(
+            "reference",
+            self.reference_file,
+            self.reference_time,
+            self.reference_shift_s,
+            self.reference_time_unit,
+            self.reference_quality,
+        )
+
+    def _samples(self) -> Stream | None:
+        if not self.imu_file:
+            return None
+        stream = self.read(Source("imu", self.imu_file, self.imu_time, self.imu_shift_s))
+        return stream.only((*self.imu_accel, *self.imu_gyro))
+
+    def _first_ns(self, samples: Stream | None) -> int:
+        """Time 0: that of the first sample, or, without an IMU, of the first fix."""
+        if samples is None:
+            source = self._position_source
+            if source.solved:
+                return int(self.solution_of(source)[0][0])
+            samples = self.read(source).only(self.position_columns)
+        return int(samples.t_ns[0]) if len(samples.t_ns) else 0
+
+    @staticmethod
+    def _imu_notes(stream: Stream | None, imu: Imu | None) -> tuple[str, ...]:
+        if stream is None or imu is None:
+            return ("There is no IMU: attitude, tilt and yaw do not apply.",)
+        return (*gravity_notes(imu.accel_mps2, "imu_axes"), *repeat_notes(imu), *stream.columns.notes)
 
     def fingerprint(self) -> str:
         """Return the SHA-256 over the bytes of the files."""
@@ -212,6 +281,7 @@ class Tables(TimedColumns):
                 covariance=self.position_covariance,
                 frame=self.position_covariance_frame,
                 sigma_otherwise=self.position_sigma_m,
+                scale=self.position_sigma_scale,
             ),
         )
         return read_fixes(self, given, zero_ns, Origin(*self.origin) if self.origin else None)
@@ -219,18 +289,25 @@ class Tables(TimedColumns):
     def _velocity(self, zero_ns: int, origin: Origin | None) -> tuple[Velocity | None, tuple[str, ...]]:
         axes = self.velocity_frame if self.velocity_frame in COVARIANCE_FRAMES else "enu"
         given = VelocityMap(
-            source=Source("velocity", self.velocity_file, self.velocity_time, self.velocity_shift_s),
+            source=Source(
+                "velocity",
+                self.velocity_file,
+                self.velocity_time,
+                self.velocity_shift_s,
+                self.velocity_time_unit,
+                self.position_quality,
+            ),
             axes=self.velocity_columns,
             frame=self.velocity_frame,
             covariance=CovarianceMap(self.velocity_sigma, self.velocity_covariance, axes, self.velocity_sigma_mps),
         )
         return read_velocity(self, given, zero_ns, origin)
 
-    def _reference(self, zero_ns: int, fixes: Fixes) -> tuple[Reference, Origin | None]:
+    def _reference(self, zero_ns: int, fixes: Fixes) -> tuple[Reference, Origin | None, tuple[str, ...]]:
         if not self.reference_file:
-            return fixes_as_reference(fixes.position), fixes.origin
+            return fixes_as_reference(fixes.position), fixes.origin, ()
         given = ReferenceMap(
-            source=Source("reference", self.reference_file, self.reference_time, self.reference_shift_s),
+            source=self._reference_source,
             place=self.reference_position,
             velocity=self.reference_velocity,
             attitude=self._attitude(),
@@ -238,6 +315,7 @@ class Tables(TimedColumns):
             angle_unit=self.angle_unit,
             comes_from=self.reference_source,
             independent=self.reference_independent,
+            offset_m=self.reference_offset_m,
         )
         return read_reference(self, given, zero_ns, fixes.origin)
 

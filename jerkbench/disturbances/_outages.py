@@ -46,8 +46,8 @@ class OutageWindows:
         require_windows(self._windows(), "outage")
 
     def windows_in(self, recording: Recording) -> FloatArray:
-        """Return the windows (k, 2), cut to the time of the recording's IMU."""
-        start_s, end_s = float(recording.imu.t_s[0]), recording.duration_s
+        """Return the windows (k, 2), cut to the time of the recording."""
+        start_s, end_s = float(recording.clock_s[0]), recording.duration_s
         windows = np.clip(as_array(self._windows()), start_s, end_s)
         return np.asarray(windows[windows[:, 0] < windows[:, 1]])
 

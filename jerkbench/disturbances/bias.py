@@ -43,7 +43,7 @@ class Bias:
     def apply(self, recording: Recording, seed: int) -> Recording:
         """Return the recording with the biases of ``seed`` added to its IMU."""
         accel, gyro = own_stream(seed, "bias", self.stream).normal(size=(2, 3))
-        imu = recording.imu
+        imu = recording.inertial
         biased = Imu(imu.t_s, imu.accel_mps2 + self.accel_mps2 * accel, imu.gyro_radps + self.gyro_radps * gyro)
         return replace(recording, imu=biased)
 

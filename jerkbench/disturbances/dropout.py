@@ -42,7 +42,7 @@ class Dropout:
 
     def apply(self, recording: Recording, seed: int) -> Recording:
         """Return the recording without the samples that ``seed`` drops."""
-        imu = recording.imu
+        imu = recording.inertial
         keep = ~self._missing(len(imu.t_s), seed)
         keep[[0, -1]] = True
         return replace(recording, imu=Imu(imu.t_s[keep], imu.accel_mps2[keep], imu.gyro_radps[keep]))

@@ -55,7 +55,7 @@ class ImuVibration:
 
     def apply(self, recording: Recording, seed: int) -> Recording:
         """Return the recording with the vibration of ``seed`` on its IMU."""
-        imu = recording.imu
+        imu = recording.inertial
         noise = self._noise(imu.t_s, seed)
         accel = imu.accel_mps2 + self.accel_mps2 * noise[:, :3]
         return replace(recording, imu=Imu(imu.t_s, accel, imu.gyro_radps + self.gyro_radps * noise[:, 3:]))

@@ -10,7 +10,7 @@ from jerkbench.disturbances._draws import own_stream
 from jerkbench.disturbances._rows import Stream
 from jerkbench.errors import PluginError
 from jerkbench.plugins import register
-from jerkbench.recording import Recording
+from jerkbench.recording import Imu, Recording
 
 ROOM = 0.45
 """How far a stamp may go towards its neighbour, in parts of the interval between them."""
@@ -45,12 +45,9 @@ class Jitter:
 
     def apply(self, recording: Recording, seed: int) -> Recording:
         """Return the recording with the stamps of ``seed``."""
-        t_s = recording.imu.t_s
-        imu_t_s = jittered(t_s, self.imu_s, own_stream(seed, "jitter", self.stream, "imu"))
-        imu_t_s[[0, -1]] = t_s[[0, -1]]
         return replace(
             recording,
-            imu=replace(recording.imu, t_s=imu_t_s),
+            imu=None if recording.imu is None else self._restamped_imu(recording.imu, seed),
             position=self._restamped(recording.position, seed, "position"),
             velocity=self._restamped(recording.velocity, seed, "velocity"),
             heading=self._restamped(recording.heading, seed, "heading"),
@@ -59,6 +56,11 @@ class Jitter:
     def replicates(self) -> int:
         """Return 1."""
         return 1
+
+    def _restamped_imu(self, imu: Imu, seed: int) -> Imu:
+        t_s = jittered(imu.t_s, self.imu_s, own_stream(seed, "jitter", self.stream, "imu"))
+        t_s[[0, -1]] = imu.t_s[[0, -1]]
+        return replace(imu, t_s=t_s)
 
     def _restamped(self, measured: Stream | None, seed: int, name: str) -> Stream | None:
         if measured is None:

@@ -61,7 +61,7 @@ class Inclination:
 def _floor_rad(recording: Recording) -> float:
     """Median angle between specific force and the reference's vertical over the windows that are still."""
     reference, imu = recording.reference, recording.imu
-    if reference.euler_rad is None:
+    if reference.euler_rad is None or imu is None:
         return float("nan")
     there = np.isfinite(reference.euler_rad[:, :2]).all(axis=1)
     truth = vertical_in_body(np.nan_to_num(reference.euler_rad[there]))

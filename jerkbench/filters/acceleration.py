@@ -1,6 +1,7 @@
 """A filter that takes no input: the acceleration is a state."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -30,6 +31,8 @@ class Acceleration(ManyLengths):
         accel_walk_mps2_per_sqrt_s: sigma_w, random walk of the acceleration [m/s2/sqrt(s)].
         initial_accel_mps2: one sigma of the acceleration at the start [m/s2].
     """
+
+    uses_imu: ClassVar[bool] = False
 
     accel_walk_mps2_per_sqrt_s: float = 2.0
     initial_accel_mps2: float = 1.0

@@ -218,9 +218,11 @@ class Eskf15:
         recording = self._aided(recording)
         timeline = _timeline(recording, attitude)
         headings = recording.heading if self.use_heading else None
-        events = merge_events(timeline, recording.imu, headings, self.constraint_interval_s)
+        events = merge_events(timeline, recording.inertial, headings, self.constraint_interval_s)
         start = self._start(recording, attitude, timeline)
-        return InertialRun(recording.imu, timeline, headings, start, adaptation, self._settings(recording)).over(events)
+        return InertialRun(recording.inertial, timeline, headings, start, adaptation, self._settings(recording)).over(
+            events
+        )
 
     def sensor_noise(self) -> SensorNoise:
         """Return the process noise in SI units."""
@@ -274,13 +276,13 @@ class Eskf15:
         """First yaw and its sigma, as its source sees it; an attitude that says none is taken to be sure."""
         if self.yaw_source == "track":
             track, (roll, pitch, _) = required_track(recording, self.track_least_m), attitude.euler_rad.T
-            yaw = filtered_yaw(recording.imu, roll, pitch, track, YAW_WALK, COURSE_SIGMA_RAD)
+            yaw = filtered_yaw(recording.inertial, roll, pitch, track, YAW_WALK, COURSE_SIGMA_RAD)
             return float(yaw.rad[sample]), float(yaw.sigma_rad[sample])
         known = attitude.yaw_sigma_rad
         return float(attitude.euler_rad[sample, 2]), 0.0 if known is None else float(known[sample])
 
     def _settings(self, recording: Recording) -> Settings:
-        imu = recording.imu
+        imu = recording.inertial
         still = still_samples(imu, self.still_window_s, self.still_accel_mps2, self.still_gyro_radps)
         constraints = Constraints(
             still=still & self.zero_velocity,

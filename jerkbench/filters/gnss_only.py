@@ -27,6 +27,7 @@ class GnssOnly:
     """
 
     adaptations: ClassVar[tuple[str, ...]] = ("none",)
+    uses_imu: ClassVar[bool] = False
 
     def estimate(self, recording: Recording, attitude: Attitude, adaptation: Adaptation) -> Estimate:
         """Return the carried-on fixes at the reference's stamps."""

@@ -102,6 +102,11 @@ class InteractingMultipleModels:
             if not 0 < getattr(self, name) < 1:
                 raise PluginError(f"imm.{name} is {getattr(self, name)}; it must lie between 0 and 1.")
 
+    @property
+    def uses_imu(self) -> bool:
+        """Whether one of the two filters takes the IMU's acceleration."""
+        return {self.first, self.second} != {"acceleration"}
+
     def models(self) -> tuple[Filter, Filter]:
         """Return the two filters, with states of the same length."""
         first = self._model(self.first, self.first_accel_mps2, self.first_walk_mps2_per_sqrt_s)

@@ -118,7 +118,7 @@ def levelled(recording: Recording) -> tuple[float, float]:
     Raises:
         RecordingError: the accelerometer shows no gravity.
     """
-    imu = recording.imu
+    imu = recording.inertial
     x, y, z = imu.accel_mps2[imu.t_s < imu.t_s[0] + LEVELLING_S].mean(axis=0)
     if not np.hypot(np.hypot(x, y), z) > 0:
         raise RecordingError(
@@ -134,7 +134,7 @@ def _is_resting(recording: Recording, timeline: Timeline) -> bool:
 
 def _mean_rate(recording: Recording) -> FloatArray:
     """The gyro's mean over the rest; the Earth's rate goes with it."""
-    imu = recording.imu
+    imu = recording.inertial
     return np.asarray(imu.gyro_radps[imu.t_s < imu.t_s[0] + recording.static_start_s].mean(axis=0))
 
 

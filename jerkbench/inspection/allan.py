@@ -53,9 +53,9 @@ def rest_noise(recording: Recording) -> RestNoise | None:
     White noise N is the mean of adev(tau) sqrt(tau) over tau from 0.05 to 1 s. An engine that idles counts as noise.
     """
     imu = recording.imu
-    rows = imu.t_s < imu.t_s[0] + recording.static_start_s
-    if recording.static_start_s < SHORTEST_REST_S:
+    if imu is None or recording.static_start_s < SHORTEST_REST_S:
         return None
+    rows = imu.t_s < imu.t_s[0] + recording.static_start_s
     interval_s = imu.nominal_interval_s
     tau_s, gyro = allan_deviation(imu.gyro_radps[rows], interval_s)
     _, accel = allan_deviation(imu.accel_mps2[rows], interval_s)

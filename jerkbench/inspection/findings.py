@@ -17,10 +17,11 @@ def findings_text(recording: Recording) -> str:
     """Return lags, the source of yaw, the velocity's dependence, real and stated sigmas, the IMU's noise at rest."""
     noise = rest_noise(recording)
     lines = [_lag_line(lag) for lag in estimated_lags(recording)]
-    lines.append(yaw_line(recording))
+    lines += [yaw_line(recording)] if recording.imu is not None else []
     lines += [_dependence_line(one) for one in velocity_dependence(recording)]
     lines += [_sigma_line(sigma) for sigma in stated_against_real_sigma(recording)]
-    lines += _noise_lines(noise) if noise else ["imu noise: no rest of 5 s at the start to read it from"]
+    if recording.imu is not None:
+        lines += _noise_lines(noise) if noise else ["imu noise: no rest of 5 s at the start to read it from"]
     return "\n".join(lines)
 
 

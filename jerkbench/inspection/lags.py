@@ -66,7 +66,7 @@ def estimated_lags(recording: Recording) -> list[Lag]:
     if position is not None and velocity is not None and len(_known(position.t_s, position.enu_m)[0]) > LEAST_ROWS:
         of_velocity = _velocity_lags(position, velocity)
     speed = _speeds(recording, of_velocity)
-    if speed is None:
+    if speed is None or recording.imu is None:
         return [*lags, *of_velocity]
     against, t_s, speed_mps = speed
     return [*lags, *of_velocity, _lag("imu", against, _imu_lag(recording.imu, t_s, speed_mps))]

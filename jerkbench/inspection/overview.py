@@ -19,8 +19,13 @@ def overview_figure(recording: Recording) -> Figure:
     track, speed, force, rate, sigma, allan = figure.subplots(3, 2).ravel()
     _draw_track(track, recording)
     _draw_speed(speed, recording)
-    _draw_imu(force, recording, recording.imu.accel_mps2, "Specific force [m/s²]")
-    _draw_imu(rate, recording, np.degrees(recording.imu.gyro_radps), "Angular rate [deg/s]")
+    for axes, label in ((force, "Specific force [m/s²]"), (rate, "Angular rate [deg/s]")):
+        axes.set_ylabel(label)
+        if recording.imu is None:
+            say(axes, "The recording has no IMU.")
+    if recording.imu is not None:
+        _draw_imu(force, recording.imu.t_s, recording.imu.accel_mps2)
+        _draw_imu(rate, recording.imu.t_s, np.degrees(recording.imu.gyro_radps))
     _draw_sigma(sigma, recording)
     _draw_allan(allan, recording)
     for axes in (speed, force, rate, sigma):
@@ -73,11 +78,10 @@ def _speed(velocity: Velocity) -> tuple[FloatArray, FloatArray]:
     return velocity.t_s[rows], np.linalg.norm(velocity.mps[rows][:, axes], axis=1)
 
 
-def _draw_imu(axes: Axes, recording: Recording, values: FloatArray, label: str) -> None:
-    t_s, shown = _thin(recording.imu.t_s, values)
+def _draw_imu(axes: Axes, stamps_s: FloatArray, values: FloatArray) -> None:
+    t_s, shown = _thin(stamps_s, values)
     for axis, name in enumerate(("forward", "left", "up")):
         axes.plot(t_s, shown[:, axis], color=OKABE_ITO[axis], linewidth=0.5, label=name)
-    axes.set_ylabel(label)
 
 
 def _draw_sigma(axes: Axes, recording: Recording) -> None:

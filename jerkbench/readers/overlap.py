@@ -6,14 +6,14 @@ from jerkbench.recording import Recording
 
 
 def with_common_time(recording: Recording, way_out: str) -> Recording:
-    """Return the recording, whose positions, velocities, headings and known reference all overlap its IMU's times.
+    """Return the recording, whose streams all overlap its IMU's times, or, without an IMU, its positions'.
 
     Args:
         recording: the recording.
         way_out: what to do otherwise, from "check" on.
 
     Raises:
-        RecordingError: a stream has no time in common with the IMU; says when both were.
+        RecordingError: a stream has no time in common with these; says when both were.
     """
     known = None if recording.reference.empty else recording.reference
     streams = {
@@ -22,12 +22,14 @@ def with_common_time(recording: Recording, way_out: str) -> Recording:
         "headings": recording.heading,
         "reference": known,
     }
-    imu_s = recording.imu.t_s
+    clock_s, whose = recording.clock_s, "IMU is"
+    if recording.imu is None and recording.position is not None:
+        clock_s, whose = recording.position.t_s, "positions are"
     for name, stream in streams.items():
-        if stream is not None and len(stream.t_s) and not _meet(stream.t_s, imu_s):
+        if stream is not None and len(stream.t_s) and not _meet(stream.t_s, clock_s):
             raise RecordingError(
-                f"{recording.name}: the {name} are from {stream.t_s[0]:.3f} to {stream.t_s[-1]:.3f} s, and the IMU is"
-                f" from {imu_s[0]:.3f} to {imu_s[-1]:.3f} s: they have no time in common; {way_out}."
+                f"{recording.name}: the {name} are from {stream.t_s[0]:.3f} to {stream.t_s[-1]:.3f} s, and the {whose}"
+                f" from {clock_s[0]:.3f} to {clock_s[-1]:.3f} s: they have no time in common; {way_out}."
             )
     return recording
 

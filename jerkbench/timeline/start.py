@@ -20,12 +20,13 @@ UNSEEN_SIGMA_MPS2 = 2.0
 
 
 def start_motion(
-    measurements: Measurements, first: int, attitude: Attitude, dt0_s: float
+    measurements: Measurements, first: int, attitude: Attitude | None, dt0_s: float
 ) -> tuple[FloatArray, FloatArray]:
     """Return x0 (6,) and P0 (6, 6): position of the fix ``first``, velocity as it was last measured, moved up to it.
 
     Each velocity axis comes from its latest measurement of the last second up to the fix; axes of the same measurement
-    keep their covariances. With tau its age, and the input u of the part tau_u of it that the IMU saw::
+    keep their covariances. With tau its age, and the input u of the part tau_u of it that the IMU saw (nothing where
+    ``attitude`` is None: there is no IMU)::
 
         v = z + int u dt;  P = R + (tau_u .5 m/s2)^2 I + ((tau - tau_u) 2 m/s2)^2 I
 
@@ -34,7 +35,6 @@ def start_motion(
     """
     x0, P0 = np.zeros(6), np.diag([1.0] * 3 + [INITIAL_SPEED_SIGMA_MPS**2] * 3)
     x0[:3], P0[:3, :3] = measurements.z[first, :3], measurements.R[first, :3, :3]
-    nodes_s = np.concatenate(([attitude.t_s[0] - dt0_s], attitude.t_s))
     start_s = measurements.t_ns[first] * 1e-9
     rows = latest_rows(measurements, first)
     for row in np.unique(rows[rows >= 0]):
@@ -43,7 +43,7 @@ def start_motion(
         z, R = measurements.z[row, axes], measurements.R[row][block]
         age_s = (measurements.t_ns[first] - measurements.t_ns[row]) * 1e-9
         if age_s > 0:
-            gained, seen_s = _gained(attitude, nodes_s, start_s - age_s, start_s)
+            gained, seen_s = _gained(attitude, dt0_s, start_s - age_s, start_s)
             grown = (seen_s * INPUT_SIGMA_MPS2) ** 2 + ((age_s - seen_s) * UNSEEN_SIGMA_MPS2) ** 2
             z, R = z + gained[axes - 3], R + grown * np.eye(len(axes))
         x0[axes], P0[block] = _bounded(z, R)
@@ -70,8 +70,11 @@ def _bounded(z: FloatArray, R: FloatArray) -> tuple[FloatArray, FloatArray]:
     return kept @ (kept.T @ z), 0.5 * (P + P.T)
 
 
-def _gained(attitude: Attitude, nodes_s: FloatArray, begin_s: float, end_s: float) -> tuple[FloatArray, float]:
-    """The integral (3,) of the input u between two times, and how much of that time the IMU saw."""
+def _gained(attitude: Attitude | None, dt0_s: float, begin_s: float, end_s: float) -> tuple[FloatArray, float]:
+    """The integral (3,) of the input u between two times, and how much of that time an IMU saw."""
+    if attitude is None:
+        return np.zeros(3), 0.0
+    nodes_s = np.concatenate(([attitude.t_s[0] - dt0_s], attitude.t_s))
     ends_s = np.clip(nodes_s, begin_s, end_s)
     parts_s = np.diff(ends_s)
     return parts_s @ attitude.accel_enu_mps2, float(parts_s.sum())

@@ -21,12 +21,12 @@ class Timeline:
     """The steps of one run: predict over dt with u of ``sample``, then update, then compare with the reference.
 
     Attributes:
-        dt0_s: nominal interval of the IMU.
+        dt0_s: nominal interval of the IMU; without one, the usual one between fixes.
         dt_s: (n,) length of each step; the first is 0 (the start).
-        sample: (n,) which IMU sample covers the step.
+        sample: (n,) which row of ``accel_enu_mps2`` covers the step.
         update: (n,) row of ``measurements`` at the end of the step, or -1.
         reference: (n,) row of the reference at the end of the step, or -1.
-        accel_enu_mps2: (samples, 3) the input u.
+        accel_enu_mps2: (samples, 3) the input u; without an IMU zeros.
         measurements: what is measured, six rows each.
         x0: (6,) initial position and velocity.
         P0: (6, 6) their covariance.
@@ -48,32 +48,32 @@ class Timeline:
 
 
 def build_timeline(recording: Recording, attitude: Attitude) -> Timeline:
-    """Order the events of ``recording`` from the first fix to the last IMU sample.
+    """Order the events of ``recording`` from the first fix to the last IMU sample; without an IMU, to the last fix.
 
     Raises:
         RecordingError: there is no complete position fix while the IMU runs.
     """
     measurements = gather(recording, attitude)
-    imu, reference = nanoseconds(recording.imu.t_s), nanoseconds(recording.reference.t_s)
-    dt0_s = recording.imu.nominal_interval_s
-    first = _first_fix(measurements, imu[0] - round(dt0_s * 1e9), imu[-1], recording.name)
+    clock, reference = nanoseconds(recording.clock_s), nanoseconds(recording.reference.t_s)
+    dt0_s = float(np.median(np.diff(recording.clock_s)))
+    first = _first_fix(measurements, clock[0] - round(dt0_s * 1e9), clock[-1], recording.name)
     start = measurements.t_ns[first]
-    events = np.unique(np.concatenate([imu, measurements.t_ns, reference]))
-    events = events[(events >= start) & (events <= imu[-1])]
-    x0, P0 = start_motion(measurements, first, attitude, dt0_s)
+    events = np.unique(np.concatenate([clock, measurements.t_ns, reference]))
+    events = events[(events >= start) & (events <= clock[-1])]
+    x0, P0 = start_motion(measurements, first, attitude if recording.imu else None, dt0_s)
     update = _rows_at(events, measurements.t_ns)
     update[0] = -1  # the first fix is the start itself
     return Timeline(
         dt0_s=dt0_s,
         dt_s=np.diff(events, prepend=start) * 1e-9,
-        sample=np.searchsorted(imu, events).astype(np.int64),
+        sample=np.searchsorted(clock, events).astype(np.int64),
         update=update,
         reference=_rows_at(events, reference),
         accel_enu_mps2=attitude.accel_enu_mps2,
         measurements=measurements,
         x0=x0,
         P0=P0,
-        euler_rad=attitude.euler_rad[np.maximum(np.searchsorted(imu, reference, side="right") - 1, 0)],
+        euler_rad=attitude.euler_rad[np.maximum(np.searchsorted(clock, reference, side="right") - 1, 0)],
         t_s=events * 1e-9,
     )
 
@@ -98,6 +98,6 @@ def _first_fix(measurements: Measurements, begin_ns: int, end_ns: int, name: str
     rows = np.flatnonzero(complete & inside)
     if not rows.size:
         raise RecordingError(
-            f"{name} has no complete position fix while its IMU runs; a navigation filter needs one to start from."
+            f"{name} has no complete position fix while it runs; a navigation filter needs one to start from."
         )
     return int(rows[0])

@@ -83,7 +83,7 @@ def _streams(make: Maker, recording: Recording, origin: Origin) -> dict[str, _St
         recording.heading,
         recording.reference,
     )
-    streams = {TOPICS["imu"]: _stream(len(recording.imu.t_s), imu_messages(make, recording.imu))}
+    streams = {TOPICS["imu"]: _stream(len(recording.inertial.t_s), imu_messages(make, recording.inertial))}
     if position is not None:
         streams[TOPICS["position"]] = _stream(int(whole_fixes(position).sum()), fix_messages(make, position, origin))
     if velocity is not None:
@@ -94,7 +94,7 @@ def _streams(make: Maker, recording: Recording, origin: Origin) -> dict[str, _St
     streams[ODOMETRY_TOPIC if truth.msgtype == ODOMETRY else REFERENCE_TOPIC] = truth
     streams = {topic: stream for topic, stream in streams.items() if stream.count}
     about = make.of(STRING, _about(recording, origin, make.start_ns, streams).to_json())
-    return {**streams, ABOUT_TOPIC: _stream(1, iter([(float(recording.imu.t_s[0]), STRING, about)]))}
+    return {**streams, ABOUT_TOPIC: _stream(1, iter([(float(recording.inertial.t_s[0]), STRING, about)]))}
 
 
 def _stream(count: int, messages: Iterator[Stamped]) -> _Stream:

@@ -10,7 +10,7 @@ from jerkbench.bags.positions import FROM_NED, swapped
 from jerkbench.errors import RecordingError
 from jerkbench.files import write_atomically
 from jerkbench.geometry import enu_to_geodetic
-from jerkbench.recording import Recording
+from jerkbench.recording import Imu, Recording
 from jerkbench.timeline.timeline import nanoseconds
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ def write_table(recording: Recording, path: Path, coordinates: str = "enu") -> N
 
 def _streams(recording: Recording, coordinates: str) -> list[tuple[FloatArray, Columns]]:
     imu, position, velocity, heading = recording.imu, recording.position, recording.velocity, recording.heading
-    streams = [(imu.t_s, _imu(recording))]
+    streams = [] if imu is None else [(imu.t_s, _imu(imu))]
     if position is not None:
         columns = _position("position", position.enu_m, recording, coordinates)
         turn = _turn("enu" if coordinates == "geodetic" else coordinates)
@@ -80,10 +80,10 @@ def _streams(recording: Recording, coordinates: str) -> list[tuple[FloatArray, C
     return [*streams, (recording.reference.t_s, _reference(recording, coordinates))]
 
 
-def _imu(recording: Recording) -> Columns:
+def _imu(imu: Imu) -> Columns:
     axes = ("forward", "left", "up")
-    columns = _three("accel", tuple(f"{axis}_mps2" for axis in axes), recording.imu.accel_mps2)
-    return columns | _three("gyro", tuple(f"{axis}_radps" for axis in axes), recording.imu.gyro_radps)
+    columns = _three("accel", tuple(f"{axis}_mps2" for axis in axes), imu.accel_mps2)
+    return columns | _three("gyro", tuple(f"{axis}_radps" for axis in axes), imu.gyro_radps)
 
 
 def _reference(recording: Recording, coordinates: str) -> Columns:

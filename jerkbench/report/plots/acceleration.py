@@ -20,9 +20,9 @@ def acceleration_figure(recording: Recording, attitude: Attitude) -> Figure:
     figure = Figure(figsize=(7.0, 6.0), dpi=DOTS_PER_INCH, layout="constrained")
     panels = figure.subplots(3, 1, sharex=True)
     panels[0].set_title(recording.name)
-    t_s = recording.imu.t_s
+    t_s = recording.inertial.t_s
     for axis, axes in enumerate(panels):
-        raw = recording.imu.accel_mps2[:, axis]
+        raw = recording.inertial.accel_mps2[:, axis]
         named = axis == 0
         axes.plot(t_s, raw, color=MEASURED, linewidth=0.5, label="raw, body (FLU)" if named else None)
         compensated = attitude.accel_enu_mps2[:, axis]
