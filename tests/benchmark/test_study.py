@@ -159,7 +159,7 @@ def test_two_studies_that_were_not_measured_alike_are_not_compared(tmp_path, fir
 
 
 def test_that_one_study_mixes_what_the_other_does_not_is_said(tmp_path):
-    for key, name, seconds in (("one", "baseline", 0.0), ("two", "jerk", 10.0)):
+    for key, name, seconds in (("01", "baseline", 0.0), ("02", "jerk", 10.0)):
         put(tmp_path / "A", key, 1.0, filter=name, conditions={"protocol": {"burn_in_s": seconds}})
         put(tmp_path / "B", key, 1.0, filter=name, conditions={"protocol": {"burn_in_s": 10.0}})
 
