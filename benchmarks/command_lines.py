@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import TypeVar
 
 from jerkbench import plugins
-from jerkbench.benchmark.configuration import GROUPS, Schema
-from jerkbench.benchmark.noise import Noise
+from jerkbench.cells.labels import GROUPS
+from jerkbench.cells.noise import Noise
+from jerkbench.hydra_app.configuration import Schema
 from jerkbench.presets import preset_names
 
 T = TypeVar("T")

@@ -22,10 +22,10 @@ from jerkbench import plugins
 from jerkbench.arrays import FloatArray
 from jerkbench.attitude.compiled_tilt import run_tilt_compiled
 from jerkbench.attitude.tilt import TiltParameters, run_tilt, start_state
+from jerkbench.batch import Run, Scoring
 from jerkbench.contracts import Filter
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.engines.filterpy_engine import FilterpyEngine
-from jerkbench.streamed import Run, Scoring
 from jerkbench.timeline.measurements import Measurements
 from jerkbench.timeline.timeline import Timeline
 

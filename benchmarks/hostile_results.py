@@ -22,8 +22,8 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from jerkbench.benchmark.store import DIGEST, METADATA, _digest
 from jerkbench.cli import main
+from jerkbench.results.store import DIGEST, METADATA, _digest
 
 Rng = np.random.Generator
 STRANGE = (

@@ -13,11 +13,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from jerkbench.benchmark.cell import Cell, Protocol, build
-from jerkbench.benchmark.inputs import attitude_of, disturbed, scored_of, timeline_of
-from jerkbench.benchmark.run import run_cell
-from jerkbench.benchmark.simulated import simulated
-from jerkbench.benchmark.store import Store
+from jerkbench.cells.cell import Cell, Protocol, build
+from jerkbench.execution.cell_run import run_cell
+from jerkbench.execution.inputs import attitude_of, disturbed, scored_of, timeline_of
+from jerkbench.execution.simulation_cache import simulated
+from jerkbench.results.store import Store
 
 ONCE, EACH = "once a recording", "each run"
 CHOICES = [(model, adaptation) for model in ("jerk", "baseline") for adaptation in ("none", "mtf", "sage_husa")]

@@ -13,8 +13,8 @@ from jerkbench.api import run
 from jerkbench.errors import JerkbenchError
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.plugins import register
+from jerkbench.random_streams import stream
 from jerkbench.recording import Heading, Imu, Origin, Position, Recording, Reference, Velocity
-from jerkbench.streams import stream
 
 __all__ = [
     "Attitude",

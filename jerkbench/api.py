@@ -44,10 +44,10 @@ def run(
     """
     import pandas as pd
 
-    from jerkbench.benchmark.cell import Protocol, refusal
-    from jerkbench.benchmark.parts import cell_of_parts
-    from jerkbench.benchmark.run import run_cell
+    from jerkbench.cells.cell import Protocol, refusal
+    from jerkbench.cells.from_names import cell_of_parts
     from jerkbench.errors import PluginError
+    from jerkbench.execution.cell_run import run_cell
 
     single = {"dataset": dataset, "attitude": attitude, "filter": filter, "adaptation": adaptation, "engine": engine}
     several = [disturbance] if isinstance(disturbance, str | Mapping) else list(disturbance)

@@ -108,9 +108,9 @@ def _run(words: list[str]) -> None:
     from hydra.errors import HydraException
     from omegaconf.errors import OmegaConfBaseException
 
-    from jerkbench.benchmark.app import main as app
-    from jerkbench.benchmark.complaints import sentence
-    from jerkbench.benchmark.typed import refuse_mappings
+    from jerkbench.hydra_app.app import main as app
+    from jerkbench.hydra_app.messages import sentence
+    from jerkbench.hydra_app.typed_words import refuse_mappings
 
     refuse_mappings(words)
     try:

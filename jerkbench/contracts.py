@@ -41,7 +41,7 @@ class Disturbance(Hashable, Protocol):
     seeded: ClassVar[bool]
 
     def apply(self, recording: Recording, seed: int) -> Recording:
-        """Return the disturbed recording. Random numbers come from `jerkbench.streams.stream` alone."""
+        """Return the disturbed recording. Random numbers come from `jerkbench.random_streams.stream` alone."""
         ...
 
     def replicates(self) -> int:

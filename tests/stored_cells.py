@@ -1,6 +1,6 @@
 """Stored cells as a run leaves them, made without one."""
 
-from jerkbench.benchmark.store import Store
+from jerkbench.results.store import Store
 
 LABELS = {
     "dataset": "field",

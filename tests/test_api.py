@@ -9,14 +9,14 @@ from omegaconf import OmegaConf
 
 import jerkbench
 from commands import jerkbench as command_line
-from jerkbench.benchmark.app import _register_hydra_parts
-from jerkbench.benchmark.cell import Protocol
-from jerkbench.benchmark.configuration import cell_of, register_schemas
-from jerkbench.benchmark.parts import cell_of_parts
-from jerkbench.benchmark.store import cell_key
-from jerkbench.benchmark.study import load_study
+from jerkbench.cells.cell import Protocol
+from jerkbench.cells.from_names import cell_of_parts
 from jerkbench.errors import PluginError
+from jerkbench.hydra_app.app import _register_hydra_parts
+from jerkbench.hydra_app.configuration import cell_of, register_schemas
 from jerkbench.presets import config_folder
+from jerkbench.results.store import cell_key
+from jerkbench.results.study import load_study
 
 DRIVE = {"name": "rtklib", "folder": "anywhere"}
 

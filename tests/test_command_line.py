@@ -321,7 +321,7 @@ def test_sigterm_while_a_sweep_is_planned_ends_with_a_sentence(tmp_path):
 
 
 def test_two_thousand_values_are_planned_without_composing_each(loader_calls, said_in_process, monkeypatch):
-    from jerkbench.benchmark import app
+    from jerkbench.hydra_app import app
 
     monkeypatch.setattr(app, "_run", lambda *_: 7)
     monkeypatch.setattr(app, "_conclude", lambda *_: None)
@@ -397,7 +397,7 @@ main(sys.argv[1:])
 """
 PAUSING = """
 import signal
-from jerkbench.benchmark.sweep import Finished
+from jerkbench.sweep.sweep import Finished
 
 def pausing(finished, task, result, add=Finished.add, count=[0]):
     count[0] += 1

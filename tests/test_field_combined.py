@@ -6,8 +6,8 @@ import pytest
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
-from jerkbench.benchmark.app import _register_hydra_parts
-from jerkbench.benchmark.configuration import cell_of, register_schemas
+from jerkbench.hydra_app.app import _register_hydra_parts
+from jerkbench.hydra_app.configuration import cell_of, register_schemas
 from jerkbench.presets import config_folder
 
 

@@ -13,13 +13,14 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 
-from jerkbench.benchmark import app, inputs
-from jerkbench.benchmark.cell import Protocol, build
-from jerkbench.benchmark.store import Store
-from jerkbench.benchmark.study import load_study, read_manifest
-from jerkbench.benchmark.sweep import plan_sweep
+from jerkbench.cells.cell import Protocol, build
 from jerkbench.cli import main
 from jerkbench.errors import JerkbenchError
+from jerkbench.execution import inputs
+from jerkbench.hydra_app import app
+from jerkbench.results.store import Store
+from jerkbench.results.study import load_study, read_manifest
+from jerkbench.sweep.sweep import plan_sweep
 
 DAMAGES = 200
 BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
@@ -85,8 +86,8 @@ def ending(words):
 def _undrawn(monkeypatch):
     """Figures are made, but not painted."""
     mpl.use("Agg")
-    monkeypatch.setattr("jerkbench.report.figures.png_bytes", lambda _: b"")
-    monkeypatch.setattr("jerkbench.report.figures.save_pdf", lambda *_: None)
+    monkeypatch.setattr("jerkbench.report.plots.figures.png_bytes", lambda _: b"")
+    monkeypatch.setattr("jerkbench.report.plots.figures.save_pdf", lambda *_: None)
 
 
 @pytest.mark.filterwarnings("default::RuntimeWarning")  # forged values overflow: on the command line that is a line
@@ -180,7 +181,7 @@ def test_what_is_no_file_is_not_waited_for(whole, tmp_path, capsys, what):
 def test_a_plugin_that_fails_in_an_export_is_a_sentence(whole, tmp_path, capsys, monkeypatch):
     inputs.disturbed.cache_clear()
     inputs._loaded.cache_clear()
-    monkeypatch.setattr("jerkbench.benchmark.inputs.simulated", lambda *_: 1 / 0)
+    monkeypatch.setattr("jerkbench.execution.inputs.simulated", lambda *_: 1 / 0)
 
     assert ending(["export", str(whole), "1", "--tum", str(tmp_path)]) == 2
     assert re.search("failed: ZeroDivisionError", capsys.readouterr().err)

@@ -6,11 +6,11 @@ from pathlib import Path
 import jerkbench
 
 ORDER = [
-    ["errors", "arrays", "checks", "files", "memory", "notices", "plain", "streams", "presets", "compilation"],
+    ["errors", "arrays", "checks", "files", "memory", "notices", "plain", "random_streams", "presets", "compilation"],
     ["recording"],
     ["estimate", "geometry"],
     ["timeline"],
-    ["streamed"],
+    ["batch"],
     ["inertial"],
     ["contracts"],
     ["plugins"],
@@ -27,7 +27,11 @@ ORDER = [
     ["conformance"],
     ["testing"],
     ["report"],
-    ["benchmark"],
+    ["cells"],
+    ["execution"],
+    ["results"],
+    ["sweep"],
+    ["hydra_app"],
     ["catalogue", "api"],
     ["inspection", "fetching"],
     ["data", "verbs"],

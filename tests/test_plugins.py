@@ -9,9 +9,9 @@ from omegaconf import OmegaConf
 
 from jerkbench import notices, plugins
 from jerkbench.adaptation.mtf import Mtf
-from jerkbench.benchmark.cell import _metrics
-from jerkbench.benchmark.parts import choose
 from jerkbench.catalogue import list_text, show_text
+from jerkbench.cells.cell import _metrics
+from jerkbench.cells.from_names import choose
 from jerkbench.errors import PluginError
 
 

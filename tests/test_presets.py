@@ -7,9 +7,9 @@ from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
 from jerkbench import plugins, presets
-from jerkbench.benchmark.app import _register_hydra_parts
-from jerkbench.benchmark.configuration import register_schemas
 from jerkbench.errors import PluginError
+from jerkbench.hydra_app.app import _register_hydra_parts
+from jerkbench.hydra_app.configuration import register_schemas
 from jerkbench.presets import config_folder, merged, preset, preset_names
 
 KINDS = ("dataset", "disturbance", "attitude", "filter", "adaptation", "noise", "engine")

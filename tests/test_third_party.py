@@ -11,11 +11,11 @@ import pytest
 from commands import SHORT, jerkbench, swept
 from jerkbench.adaptation.mtf import Mtf
 from jerkbench.adaptation.none import NoAdaptation
-from jerkbench.benchmark.blame import TRACEBACK
-from jerkbench.benchmark.cell import Protocol, build
-from jerkbench.benchmark.run import run_open
-from jerkbench.benchmark.versions import plugin_digest
+from jerkbench.cells.cell import Protocol, build
+from jerkbench.cells.provenance import plugin_digest
 from jerkbench.errors import PluginError
+from jerkbench.execution.cell_run import run_open
+from jerkbench.execution.plugin_errors import TRACEBACK
 
 MODULE = '''
 """A rule of our own."""

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from commands import jerkbench, swept
-from jerkbench.benchmark.store import Store
+from jerkbench.results.store import Store
 
 WORDS = ["filter=baseline,jerk", "adaptation=none,mtf", "disturbance=none,gnss_outage", "seeds=2"]
 

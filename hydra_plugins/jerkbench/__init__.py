@@ -20,7 +20,7 @@ class JerkbenchLauncher(Launcher):
 
     def launch(self, job_overrides: Sequence[Sequence[str]], initial_job_idx: int) -> Sequence[JobReturn]:
         """Run the jobs; the results are in the study's folder."""
-        from jerkbench.benchmark.app import sweep
+        from jerkbench.hydra_app.app import sweep
 
         return sweep(self.hydra_context.config_loader, self.config, job_overrides)
 
@@ -34,7 +34,7 @@ class JerkbenchSweeper(BasicSweeper):
 
     def setup(self, *, hydra_context: HydraContext, task_function: TaskFunction, config: DictConfig) -> None:
         """Check the options that are the whole sweep's, before Hydra makes its folder."""
-        from jerkbench.benchmark.options import check_options
+        from jerkbench.hydra_app.options import check_options
 
         check_options(config)
         super().setup(hydra_context=hydra_context, task_function=task_function, config=config)
@@ -42,13 +42,13 @@ class JerkbenchSweeper(BasicSweeper):
     @staticmethod
     def split_arguments(overrides: list[Override], max_batch_size: int | None) -> list[list[list[str]]]:
         """List the values of ranges as they were typed; refuse more combinations than can be held."""
-        from jerkbench.benchmark.ranges import listed
+        from jerkbench.hydra_app.ranges import listed
 
         return BasicSweeper.split_arguments(listed(overrides), max_batch_size)
 
     def get_job_batch(self) -> Sequence[Sequence[str]]:
         """Leave to each job the parameters of the disturbances that it chooses."""
-        from jerkbench.benchmark.chosen import only_of_chosen
+        from jerkbench.hydra_app.swept_disturbances import only_of_chosen
 
         assert self.hydra_context is not None  # noqa: S101 - Hydra has set it up
         assert self.config is not None  # noqa: S101

@@ -9,9 +9,9 @@ from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.attitude.external_acceleration import ADAPTATIONS
 from jerkbench.attitude.tilt import TiltParameters, TiltState
 from jerkbench.attitude.tilt_kernel import Room, Settings, make_room, run_samples
-from jerkbench.compilation.entry import load_entry
+from jerkbench.compilation.code_digest import digest
 from jerkbench.compilation.jitted import jitted
-from jerkbench.compilation.reach import digest
+from jerkbench.compilation.module_cache import load_entry
 
 SOURCE = '''"""Made by jerkbench: the loop of the tilt filter."""
 

@@ -14,7 +14,7 @@ from jerkbench.attitude.external_acceleration import ADAPTATIONS
 from jerkbench.attitude.headings import YAW_SOURCES, require_headings, select_headings
 from jerkbench.attitude.tilt import TiltParameters, roll_pitch, run_tilt
 from jerkbench.attitude.yaw_remarks import yaw_remarks
-from jerkbench.compilation.entry import can_compile
+from jerkbench.compilation.module_cache import can_compile
 from jerkbench.errors import PluginError, unknown
 from jerkbench.estimate import Attitude
 from jerkbench.plugins import register

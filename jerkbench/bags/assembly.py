@@ -6,9 +6,9 @@ from datetime import UTC, datetime, timedelta
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.bags.about import About
 from jerkbench.bags.cleaning import by_topic, clean_topics
 from jerkbench.bags.extract import Frames, Planner, choices_of, extract
+from jerkbench.bags.metadata import About
 from jerkbench.bags.options import BagOptions
 from jerkbench.bags.positions import Place, first_place, frame_of
 from jerkbench.bags.references import at_body, no_reference, reference_of
@@ -16,9 +16,9 @@ from jerkbench.bags.roles import Plan
 from jerkbench.bags.streams import heading_of, imu_of, position_of, usable_fixes, velocity_of
 from jerkbench.readers.gravity import gravity_notes
 from jerkbench.readers.overlap import with_common_time
-from jerkbench.readers.rest import calibrated, first_rest_s
 from jerkbench.readers.ros.files import bag_files, missing_parts
 from jerkbench.readers.ros.messages import Messages
+from jerkbench.readers.standstill import calibrated, first_rest_s
 from jerkbench.recording import Heading, Imu, Position, Recording, Reference, Velocity
 from jerkbench.sanitiser.ledger import Finding, Ledger
 

@@ -17,7 +17,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from jerkbench.bags.about import About, read_about
+from jerkbench.bags.metadata import About, read_about
 from jerkbench.bags.roles import Plan, wanted_fields
 from jerkbench.files import cache_folder, forget_oldest, write_atomically
 from jerkbench.readers.files import fingerprint

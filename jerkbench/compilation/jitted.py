@@ -4,7 +4,7 @@ import types
 from collections.abc import Callable, Mapping
 from typing import Any, cast
 
-from jerkbench.compilation.reach import own_function, reached
+from jerkbench.compilation.code_digest import own_function, reached
 
 
 def jitted(

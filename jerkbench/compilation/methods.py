@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.compilation.entry import load_entry
+from jerkbench.compilation.code_digest import digest, own_function
 from jerkbench.compilation.jitted import jitted
-from jerkbench.compilation.reach import digest, own_function
+from jerkbench.compilation.module_cache import load_entry
 
 
 class Method(NamedTuple):

@@ -12,7 +12,7 @@ from jerkbench.conformance.methods import require_methods
 from jerkbench.conformance.require import require
 from jerkbench.conformance.same import same
 from jerkbench.memory import Remembering, empty_memory
-from jerkbench.streams import stream
+from jerkbench.random_streams import stream
 
 ROWS = ((0, 1, 2, 3, 4, 5), (0, 1, 2), (3, 4, 5), (4,), (2,), (0, 1, 4))
 """Rows that may be there."""

@@ -39,7 +39,7 @@ def pure_result(what: str, call: Callable[..., Any], *given: Any) -> Any:  # noq
     require(same(first, second), f"{what} gives another result the second time with the same input.")
     require(
         state == _global_random_state(),
-        f"{what} draws from NumPy's global random numbers; they must come from jerkbench.streams.stream.",
+        f"{what} draws from NumPy's global random numbers; they must come from jerkbench.random_streams.stream.",
     )
     return first
 

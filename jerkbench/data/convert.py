@@ -41,7 +41,7 @@ def answer(chosen: argparse.Namespace) -> None:
     recording = dataset_of(chosen.source, chosen.dataset, chosen.set).load(chosen.seed)
     left_out: list[str] = []
     if target.suffix in (".csv", ".parquet"):
-        from jerkbench.writers.tables import write_table
+        from jerkbench.writers.recording_table import write_table
 
         write_table(recording, target, chosen.coordinates)
     elif target.suffix in (".tum", ".kml"):

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.inspection.findings import findings_text
+from jerkbench.inspection.remarks import findings_text
 from jerkbench.readers.gravity import felt_axis
 from jerkbench.recording import Heading, Imu, Position, Recording, Reference, Velocity
 from jerkbench.sanitiser.values import repeated_samples

@@ -29,8 +29,8 @@ class Kept:
 def kept() -> Iterator[Kept]:
     """Yield every kind. Recordings that were fetched are none: they are data, not a cache."""
     from jerkbench.bags import extract
-    from jerkbench.benchmark import simulated
-    from jerkbench.compilation import entry
+    from jerkbench.compilation import module_cache as entry
+    from jerkbench.execution import simulation_cache as simulated
 
     yield Kept(
         "compiled filters and adaptations", cache_folder(entry.COMPILED), ("jerkbench_*", "__pycache__/jerkbench_*")

@@ -13,7 +13,7 @@ from jerkbench.plugins import register
 from jerkbench.readers.broad_trial import BroadTrial, read_broad_trial
 from jerkbench.readers.fetched import recording_folder
 from jerkbench.readers.files import fingerprint
-from jerkbench.readers.rest import without_gyro_bias
+from jerkbench.readers.standstill import without_gyro_bias
 from jerkbench.recording import Imu, Recording, Reference
 
 ENDINGS = (".hdf5", ".mat")

@@ -9,6 +9,7 @@ from jerkbench.arrays import FloatArray
 from jerkbench.checks import require_axes, require_multiple, require_not_negative, require_positive
 from jerkbench.errors import PluginError
 from jerkbench.plugins import register
+from jerkbench.random_streams import stream
 from jerkbench.recording import Recording
 from jerkbench.simulation.false_force import draw_impacts, impact_force, inner_times, rut_force
 from jerkbench.simulation.path import Path
@@ -17,7 +18,6 @@ from jerkbench.simulation.sensors import MOST_SAMPLES, Sensors
 from jerkbench.simulation.terrain import draw_terrain
 from jerkbench.simulation.truth import Truth, simulate_truth
 from jerkbench.simulation.vibration import draw_vibration
-from jerkbench.streams import stream
 
 POSITIVE = (
     *("duration_s", "sensor_rate_hz"),

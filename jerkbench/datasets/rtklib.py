@@ -19,8 +19,8 @@ from jerkbench.readers.gravity import gravity_notes
 from jerkbench.readers.imu_log import ImuLog, ImuMap, read_imu_log, read_imu_table
 from jerkbench.readers.mounting import axes_matrix, body_from_sensor, imu_in_body
 from jerkbench.readers.overlap import with_common_time
-from jerkbench.readers.rest import calibrated, first_rest_s
 from jerkbench.readers.rtklib_pos import read_rtklib_pos
+from jerkbench.readers.standstill import calibrated, first_rest_s
 from jerkbench.readers.table_text import TextFormat
 from jerkbench.recording import Imu, Recording, Reference
 from jerkbench.sanitiser.values import possible_imu, repeat_notes

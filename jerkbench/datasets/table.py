@@ -19,7 +19,7 @@ from jerkbench.readers.files import fingerprint
 from jerkbench.readers.gravity import gravity_notes
 from jerkbench.readers.mounting import axes_matrix, imu_in_body
 from jerkbench.readers.overlap import with_common_time
-from jerkbench.readers.rest import calibrated
+from jerkbench.readers.standstill import calibrated
 from jerkbench.recording import Imu, Origin, Recording, Reference, Velocity
 from jerkbench.sanitiser.values import possible_imu, repeat_notes
 

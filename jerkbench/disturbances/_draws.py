@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from jerkbench.streams import stream
+from jerkbench.random_streams import stream
 
 
 def own_stream(seed: int, disturbance: str, label: str, *parts: str) -> np.random.Generator:

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 from functools import cache
 from typing import cast
 
-from jerkbench.compilation.entry import can_compile
+from jerkbench.batch import Run, Streamed
+from jerkbench.compilation.module_cache import can_compile
 from jerkbench.contracts import Adaptation, Filter
 from jerkbench.engines.compiled.arguments import Rule
 from jerkbench.engines.compiled.rule import rule_of
@@ -13,7 +14,6 @@ from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.estimate import Estimate
 from jerkbench.notices import notify
 from jerkbench.plugins import register
-from jerkbench.streamed import Run, Streamed
 from jerkbench.timeline.timeline import Timeline
 
 

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from jerkbench.arrays import FloatArray
 from jerkbench.inspection.allan import rest_noise
 from jerkbench.recording import Recording, Velocity
-from jerkbench.report.style import DOTS_PER_INCH, MEASURED, OKABE_ITO, OUTAGE, REFERENCE, quiet, say
+from jerkbench.report.plots.style import DOTS_PER_INCH, MEASURED, OKABE_ITO, OUTAGE, REFERENCE, quiet, say
 
 MOST_POINTS = 4000
 """More points of a line do not show at this size."""

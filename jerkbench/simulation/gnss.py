@@ -4,8 +4,8 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.geometry import wrap_angle
+from jerkbench.random_streams import stream
 from jerkbench.recording import Heading, Position, Velocity
-from jerkbench.streams import stream
 
 
 def measure_position(t_s: FloatArray, enu_m: FloatArray, sigma_m: tuple[float, ...], noise: FloatArray) -> Position:

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from jerkbench.arrays import FloatArray
+from jerkbench.random_streams import stream
 from jerkbench.recording import GRAVITY_MPS2
-from jerkbench.streams import stream
 
 BIAS_TIME_S = 100.0
 """Correlation time of a bias that wanders."""

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 from jerkbench.verbs.kinds import Verbs, percentage
 
 if TYPE_CHECKING:
-    from jerkbench.benchmark.study import Study
-    from jerkbench.report.changes import Change
+    from jerkbench.report.analysis.changes import Change
+    from jerkbench.results.study import Study
 
 WORSE = 1
 """Exit code where the second set is worse, or cannot be judged."""
@@ -37,13 +37,13 @@ def answer(chosen: argparse.Namespace) -> None:
         JerkbenchError: there are no results, nothing is in both, or they were not measured alike.
         SystemExit: 1, where B is worse by more than ``--fail-above``, or lacks results that A has.
     """
-    from jerkbench.benchmark.alike import other_methods, require_alike
-    from jerkbench.benchmark.study import load_study
-    from jerkbench.report.changes import change_rows, changes
-    from jerkbench.report.findings import varying_factors
-    from jerkbench.report.quantities import quantity
-    from jerkbench.report.summary import main_metric
-    from jerkbench.report.terminal import print_grid
+    from jerkbench.report.analysis.changes import change_rows, changes
+    from jerkbench.report.analysis.findings import varying_factors
+    from jerkbench.report.analysis.quantities import quantity
+    from jerkbench.report.tables.summary import main_metric
+    from jerkbench.report.tables.terminal import print_grid
+    from jerkbench.results.comparability import other_methods, require_alike
+    from jerkbench.results.study import load_study
 
     first, second = load_study(chosen.first), load_study(chosen.second)
     metric = chosen.metric or main_metric(first.rows)

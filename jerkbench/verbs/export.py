@@ -20,9 +20,9 @@ def answer(chosen: argparse.Namespace) -> None:
     Raises:
         JerkbenchError: there is no such row, its data have changed, or it has no reference.
     """
-    from jerkbench.benchmark.again import stored_row
     from jerkbench.evaluation.run import counted_rows
-    from jerkbench.report.tum import write_tum
+    from jerkbench.results.replay import stored_row
+    from jerkbench.results.tum import write_tum
 
     one = stored_row(chosen.folder, chosen.row)
     recording, estimate = one.run()

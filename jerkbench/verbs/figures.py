@@ -21,10 +21,10 @@ def answer(chosen: argparse.Namespace) -> None:
     Raises:
         JerkbenchError: there are no results.
     """
-    from jerkbench.benchmark.pictures import draw_pictures
-    from jerkbench.benchmark.presentation import FIGURES
-    from jerkbench.benchmark.processors import processors
-    from jerkbench.benchmark.study import load_study
+    from jerkbench.execution.processors import processors
+    from jerkbench.results.study import load_study
+    from jerkbench.results.study_figures.files import draw_pictures
+    from jerkbench.results.study_figures.presentation import FIGURES
 
     out = chosen.out or chosen.folder / FIGURES
     for one in draw_pictures(load_study(chosen.folder), out, chosen.scenarios, processors()):

@@ -22,10 +22,10 @@ def answer(chosen: argparse.Namespace) -> None:
     Raises:
         JerkbenchError: there are no results, or the file cannot be one.
     """
-    from jerkbench.benchmark.pictures import draw_pictures
-    from jerkbench.benchmark.presentation import REPORT, write_report
-    from jerkbench.benchmark.processors import processors
-    from jerkbench.benchmark.study import load_study
+    from jerkbench.execution.processors import processors
+    from jerkbench.results.study import load_study
+    from jerkbench.results.study_figures.files import draw_pictures
+    from jerkbench.results.study_figures.presentation import REPORT, write_report
 
     study = load_study(chosen.folder)
     path = chosen.out or chosen.folder / REPORT

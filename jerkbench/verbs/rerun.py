@@ -29,8 +29,8 @@ def answer(chosen: argparse.Namespace) -> None:
         JerkbenchError: there is no such row, or its data have changed.
         SystemExit: 1, where a number is another.
     """
-    from jerkbench.benchmark.again import differences, same, stored_row
-    from jerkbench.report.terminal import print_grid
+    from jerkbench.report.tables.terminal import print_grid
+    from jerkbench.results.replay import differences, same, stored_row
 
     one = stored_row(chosen.folder, chosen.row)
     found = differences(one)

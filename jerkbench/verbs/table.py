@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from jerkbench.verbs.kinds import Verbs
 
 if TYPE_CHECKING:
-    from jerkbench.report.table import Table
+    from jerkbench.report.tables.table_model import Table
 
 FORMATS = ("terminal", "md", "csv", "tex", "html")
 
@@ -33,11 +33,11 @@ def answer(chosen: argparse.Namespace) -> None:
     Raises:
         JerkbenchError: there are no results, or no such metric, factor or baseline.
     """
-    from jerkbench.benchmark.study import load_study
-    from jerkbench.report.claim import claims
-    from jerkbench.report.comparison import parse_baseline
-    from jerkbench.report.findings import findings
-    from jerkbench.report.summary import main_metric, summarise
+    from jerkbench.report.analysis.comparison import parse_baseline
+    from jerkbench.report.analysis.findings import findings
+    from jerkbench.report.analysis.paper_claim import claims
+    from jerkbench.report.tables.summary import main_metric, summarise
+    from jerkbench.results.study import load_study
 
     study = load_study(chosen.folder)
     metric = chosen.metric or main_metric(study.rows)
@@ -53,11 +53,11 @@ def answer(chosen: argparse.Namespace) -> None:
 
 
 def _writers() -> "dict[str, Callable[[Table], None]]":
-    from jerkbench.report.html import html_table
-    from jerkbench.report.latex import latex
-    from jerkbench.report.markdown import markdown
-    from jerkbench.report.terminal import print_summary
-    from jerkbench.report.tidy import tidy_csv
+    from jerkbench.report.tables.csv import tidy_csv
+    from jerkbench.report.tables.html import html_table
+    from jerkbench.report.tables.latex import latex
+    from jerkbench.report.tables.markdown import markdown
+    from jerkbench.report.tables.terminal import print_summary
 
     return {
         "terminal": print_summary,

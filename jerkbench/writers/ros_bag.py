@@ -10,7 +10,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from jerkbench.bags.about import ABOUT_TOPIC, STRING, About
+from jerkbench.bags.metadata import ABOUT_TOPIC, STRING, About
 from jerkbench.errors import RecordingError
 from jerkbench.files import write_atomically
 from jerkbench.recording import Origin, Recording

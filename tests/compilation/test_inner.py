@@ -91,7 +91,7 @@ def said(x):
     return refused(shown(x))
 """
 TALK = """
-from jerkbench.compilation.entry import load_entry
+from jerkbench.compilation.module_cache import load_entry
 from jerkbench.compilation.jitted import jitted
 from talking import said
 

@@ -101,7 +101,7 @@ def count(n):
 TWO_SIZES = """
 import sys
 from counting import count
-from jerkbench.compilation.entry import load_entry
+from jerkbench.compilation.module_cache import load_entry
 from jerkbench.compilation.jitted import jitted
 
 SOURCE = '''

@@ -5,8 +5,8 @@ import types
 
 import pytest
 
-from jerkbench.compilation import reach
-from jerkbench.compilation.reach import digest, unknown_part
+from jerkbench.compilation import code_digest as reach
+from jerkbench.compilation.code_digest import digest, unknown_part
 
 DEEPER = """
 from numba import njit

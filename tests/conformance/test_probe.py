@@ -8,13 +8,13 @@ import pytest
 
 from jerkbench import plugins, testing
 from jerkbench.adaptation.mtf import Mtf
-from jerkbench.benchmark.cell import Protocol, build
-from jerkbench.benchmark.run import run_cell, run_open
+from jerkbench.cells.cell import Protocol, build
 from jerkbench.conformance.probe import complaint
 from jerkbench.disturbances.bias import Bias
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.errors import PluginError
 from jerkbench.evaluation.position import PositionRmse
+from jerkbench.execution.cell_run import run_cell, run_open
 from jerkbench.filters.eskf15 import Eskf15
 from jerkbench.filters.gnss_only import GnssOnly
 from jerkbench.filters.jerk import Jerk

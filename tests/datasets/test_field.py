@@ -8,8 +8,8 @@ from jerkbench.datasets.field import Field, FieldHeadland, FieldRuts, FieldVibra
 from jerkbench.errors import PluginError
 from jerkbench.geometry import dcm_from_euler
 from jerkbench.plugins import create, get
+from jerkbench.random_streams import stream
 from jerkbench.simulation import gnss, imu_errors
-from jerkbench.streams import stream
 
 FIELDS = {
     "field": Field,

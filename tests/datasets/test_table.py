@@ -8,14 +8,14 @@ import pymap3d
 import pytest
 from scipy.spatial.transform import Rotation
 
-from jerkbench.benchmark.parts import choose
+from jerkbench.cells.from_names import choose
 from jerkbench.conformance.plugin import check_plugin
 from jerkbench.conformance.recordings import small_recording
 from jerkbench.datasets.table import Tables
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.plugins import create
 from jerkbench.recording import Origin
-from jerkbench.writers.tables import write_table
+from jerkbench.writers.recording_table import write_table
 
 START_NS = 1_403_636_579_763_555_584
 LATITUDE, LONGITUDE, HEIGHT = 49.0, 8.4, 110.0

@@ -10,13 +10,13 @@ from engine_agreement import with_other_last_bits
 from jerkbench import plugins
 from jerkbench.adaptation.mtf import Mtf
 from jerkbench.adaptation.none import NoAdaptation
+from jerkbench.batch import Run
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.engines.filterpy_engine import FilterpyEngine
+from jerkbench.evaluation.batch_scoring import can_stream, scored, sums_from, with_updates
 from jerkbench.evaluation.run import evaluate_run
-from jerkbench.evaluation.streaming import can_stream, scored, sums_from, with_updates
 from jerkbench.filters.baseline import Baseline
 from jerkbench.filters.jerk import Jerk
-from jerkbench.streamed import Run
 from jerkbench.timeline.measurements import Measurements
 from jerkbench.timeline.timeline import build_timeline
 from synthetic import level_attitude

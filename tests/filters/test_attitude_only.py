@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jerkbench.adaptation.none import NoAdaptation
-from jerkbench.benchmark.cell import Protocol, build, refusal
+from jerkbench.cells.cell import Protocol, build, refusal
 from jerkbench.evaluation.run import evaluate_run, run_status
 from jerkbench.filters.attitude_only import AttitudeOnly
 from jerkbench.plugins import create, names

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from jerkbench.datasets.rtklib import RtklibDrive
-from jerkbench.inspection.findings import findings_text
 from jerkbench.inspection.lags import estimated_lags
+from jerkbench.inspection.remarks import findings_text
 from jerkbench.recording import Imu, Position, Recording, Reference, Velocity
 
 

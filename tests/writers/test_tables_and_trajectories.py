@@ -9,7 +9,7 @@ from commands import jerkbench
 from jerkbench.conformance.recordings import small_recording
 from jerkbench.errors import RecordingError
 from jerkbench.recording import Velocity
-from jerkbench.writers.tables import table_of, write_table
+from jerkbench.writers.recording_table import table_of, write_table
 from jerkbench.writers.trajectories import write_kml, write_tum
 
 EARTH = (6378137.0, 0.00669437999014)

@@ -6,12 +6,12 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from typing import TYPE_CHECKING, Any
 
-from jerkbench.report.comparison import Comparison, compare_to
-from jerkbench.report.factors import FACTORS
+from jerkbench.report.analysis.comparison import Comparison, compare_to
+from jerkbench.report.analysis.factors import FACTORS
+from jerkbench.report.analysis.rows import metric_columns
 from jerkbench.report.page import nees
-from jerkbench.report.rows import metric_columns
-from jerkbench.report.summary import summarise
-from jerkbench.report.table import Cell, Table, factor_number, number
+from jerkbench.report.tables.summary import summarise
+from jerkbench.report.tables.table_model import Cell, Table, factor_number, number
 
 if TYPE_CHECKING:
     import pandas as pd

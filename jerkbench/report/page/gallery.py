@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from html import escape
 
 from jerkbench.report.page.text import fold
-from jerkbench.report.picture import Picture
+from jerkbench.report.plots.picture import Picture
 
 
 def gallery(pictures: Sequence[Picture]) -> str:

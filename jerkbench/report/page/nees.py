@@ -6,7 +6,7 @@ import numpy as np
 
 from jerkbench.evaluation.statistics.consistency import NEAR, UNKNOWN, runs_verdict
 from jerkbench.evaluation.statistics.intervals import FEW
-from jerkbench.report.quantities import EXPECTED
+from jerkbench.report.analysis.quantities import EXPECTED
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -6,15 +6,15 @@ from html import escape
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
-from jerkbench.report.html import html_table
+from jerkbench.report.analysis.quantities import quantity
+from jerkbench.report.analysis.review import Check, Evidence, review
 from jerkbench.report.page.cells import by_combination, cells_section, combinations
-from jerkbench.report.page.findings import findings_section
+from jerkbench.report.page.first_screen import findings_section
 from jerkbench.report.page.gallery import gallery
 from jerkbench.report.page.text import bullets
-from jerkbench.report.picture import Picture
-from jerkbench.report.quantities import quantity
-from jerkbench.report.review import Check, Evidence, review
-from jerkbench.report.summary import main_metric, summarise
+from jerkbench.report.plots.picture import Picture
+from jerkbench.report.tables.html import html_table
+from jerkbench.report.tables.summary import main_metric, summarise
 
 if TYPE_CHECKING:
     import pandas as pd

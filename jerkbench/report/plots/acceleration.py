@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 from jerkbench.arrays import FloatArray
 from jerkbench.estimate import Attitude
 from jerkbench.recording import Recording
-from jerkbench.report.style import DOTS_PER_INCH, MEASURED, OKABE_ITO, legend_below, quiet
+from jerkbench.report.plots.style import DOTS_PER_INCH, MEASURED, OKABE_ITO, legend_below, quiet
 
 RAW = ("Forward", "Left", "Up")
 ENU = ("east", "north", "up")

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from jerkbench.estimate import Estimate
 from jerkbench.recording import Recording
-from jerkbench.report.style import DOTS_PER_INCH, OUTAGE, legend_below, lines, quiet
+from jerkbench.report.plots.style import DOTS_PER_INCH, OUTAGE, legend_below, lines, quiet
 
 AXES = ("East", "North", "Up")
 

@@ -7,8 +7,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from jerkbench.report.style import DOTS_PER_INCH, legend_below, lines, quiet
-from jerkbench.report.table import Cell, Table, number
+from jerkbench.report.plots.style import DOTS_PER_INCH, legend_below, lines, quiet
+from jerkbench.report.tables.table_model import Cell, Table, number
 
 LOGARITHMIC_FROM = 30.0
 """The axis is logarithmic where the largest mean is so many times the smallest."""

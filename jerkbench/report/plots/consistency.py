@@ -11,7 +11,7 @@ from jerkbench.estimate import Estimate
 from jerkbench.evaluation.navigation_errors import known, position_error_m, velocity_error_mps
 from jerkbench.evaluation.statistics.consistency import chi2_band
 from jerkbench.recording import Recording
-from jerkbench.report.style import DOTS_PER_INCH, OKABE_ITO, legend_below, quiet, say
+from jerkbench.report.plots.style import DOTS_PER_INCH, OKABE_ITO, legend_below, quiet, say
 
 WINDOW = 21
 """Updates over which NIS is averaged; odd."""

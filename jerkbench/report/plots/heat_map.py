@@ -7,8 +7,8 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from jerkbench.arrays import FloatArray
-from jerkbench.report.style import DOTS_PER_INCH
-from jerkbench.report.table import number
+from jerkbench.report.plots.style import DOTS_PER_INCH
+from jerkbench.report.tables.table_model import number
 
 WORST = 100.0
 """The colour goes no further than so many times the best."""

@@ -8,8 +8,8 @@ from matplotlib.figure import Figure
 from jerkbench.arrays import FloatArray
 from jerkbench.estimate import Estimate
 from jerkbench.recording import Recording
-from jerkbench.report.style import MEASURED, REFERENCE, lines, quiet
-from jerkbench.report.trajectory import trajectory_figure
+from jerkbench.report.plots.style import MEASURED, REFERENCE, lines, quiet
+from jerkbench.report.plots.trajectory import trajectory_figure
 
 INSET_IN = 3.5
 """Height of the enlarged part, which is twice as wide as high [inch]."""

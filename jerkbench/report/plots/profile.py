@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from jerkbench.arrays import FloatArray
 from jerkbench.evaluation.statistics.profiles import mean_ranks, performance_profile
-from jerkbench.report.style import DOTS_PER_INCH, legend_below, lines, quiet
+from jerkbench.report.plots.style import DOTS_PER_INCH, legend_below, lines, quiet
 
 FURTHEST = 100.0
 SHOWN = 8

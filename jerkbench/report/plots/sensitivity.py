@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 from matplotlib.figure import Figure
 
 from jerkbench.evaluation.statistics.intervals import mean_intervals
-from jerkbench.report.quantities import quantity
-from jerkbench.report.style import DOTS_PER_INCH, legend_below, lines, quiet
+from jerkbench.report.analysis.quantities import quantity
+from jerkbench.report.plots.style import DOTS_PER_INCH, legend_below, lines, quiet
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 from jerkbench.estimate import Estimate
 from jerkbench.evaluation.navigation_errors import euler_error_rad, known
 from jerkbench.recording import Recording
-from jerkbench.report.style import DOTS_PER_INCH, REFERENCE, legend_below, lines, quiet
-from jerkbench.report.table import number
+from jerkbench.report.plots.style import DOTS_PER_INCH, REFERENCE, legend_below, lines, quiet
+from jerkbench.report.tables.table_model import number
 
 ANGLES = ("Roll", "Pitch")
 

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from jerkbench.estimate import Estimate
 from jerkbench.evaluation.navigation_errors import position_error_m
 from jerkbench.recording import Recording
-from jerkbench.report.errors_over_time import error_figure
+from jerkbench.report.plots.errors_over_time import error_figure
 
 HALF_WIDTH_S = 10.0
 

@@ -8,6 +8,7 @@ from typing import cast
 import numpy as np
 
 from jerkbench.arrays import FloatArray
+from jerkbench.batch import Run, Streamed
 from jerkbench.compilation.vectors import WIDTH, aligned_zeros
 from jerkbench.contracts import Adaptation, Filter
 from jerkbench.engines.compiled.arguments import Rule
@@ -18,7 +19,6 @@ from jerkbench.engines.compiled.lanes.places import TOTALS, places
 from jerkbench.engines.compiled.lanes.runs import empty_runs
 from jerkbench.engines.compiled.models import axis_models, triangular
 from jerkbench.estimate import Updates
-from jerkbench.streamed import Run, Streamed
 
 NOTHING = Updates.empty()
 

@@ -3,9 +3,9 @@
 from functools import cache
 from typing import Any
 
-from jerkbench.compilation.entry import load_entry
+from jerkbench.compilation.code_digest import digest
 from jerkbench.compilation.jitted import jitted
-from jerkbench.compilation.reach import digest
+from jerkbench.compilation.module_cache import load_entry
 from jerkbench.compilation.vectors import WIDTH
 from jerkbench.engines.compiled.arguments import Rule
 from jerkbench.engines.compiled.lanes.arguments import LaneKept, LaneModel, LaneSteps

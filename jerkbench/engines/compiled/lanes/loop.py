@@ -1,7 +1,7 @@
 """WIDTH runs: the steps of their common timeline, one after the other."""
 
 from jerkbench.arrays import FloatArray
-from jerkbench.compilation.shuffles import fetch
+from jerkbench.compilation.vector_ops import fetch
 from jerkbench.compilation.vectors import vectors
 from jerkbench.engines.compiled.arguments import Packed, Rule
 from jerkbench.engines.compiled.lanes.arguments import LaneKept, LaneModel, LaneSteps

@@ -1,7 +1,7 @@
 """An update of several runs: what was measured, what is kept of it, and how it counts."""
 
 from jerkbench.arrays import FloatArray
-from jerkbench.compilation.shuffles import fetch
+from jerkbench.compilation.vector_ops import fetch
 from jerkbench.compilation.vectors import chosen, vectors
 from jerkbench.engines.compiled.arguments import Packed, Rule
 from jerkbench.engines.compiled.gain import mahalanobis

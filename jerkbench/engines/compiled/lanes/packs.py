@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.batch import Run
 from jerkbench.compilation.vectors import WIDTH
 from jerkbench.engines.compiled.lanes.arguments import LaneSteps
 from jerkbench.engines.compiled.models import step_lengths
-from jerkbench.streamed import Run
 from jerkbench.timeline.timeline import Timeline
 
 LOWER = np.tril_indices(6)

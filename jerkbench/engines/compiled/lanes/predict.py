@@ -1,7 +1,7 @@
 """Prediction of several runs: each number of a pair of axes is a vector."""
 
 from jerkbench.arrays import FloatArray
-from jerkbench.compilation.shuffles import scratch
+from jerkbench.compilation.vector_ops import scratch
 from jerkbench.engines.compiled.lanes.places import SIZE
 from jerkbench.engines.compiled.places import B, N
 from jerkbench.engines.compiled.predict import predict_axis, transform, transform_symmetric

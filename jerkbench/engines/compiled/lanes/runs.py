@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.compilation.shuffles import transpose
+from jerkbench.compilation.vector_ops import transpose
 from jerkbench.compilation.vectors import WIDTH, vectors
 from jerkbench.engines.compiled.lanes.places import HPHT_AT, VARIANCE
 from jerkbench.engines.compiled.places import KEPT, R, Y

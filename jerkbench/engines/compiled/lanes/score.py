@@ -1,7 +1,7 @@
 """What a row of the reference adds to the sums of several runs."""
 
 from jerkbench.arrays import FloatArray
-from jerkbench.compilation.shuffles import scratch
+from jerkbench.compilation.vector_ops import scratch
 from jerkbench.compilation.vectors import chosen
 from jerkbench.engines.compiled.lanes.places import (
     EAST,

@@ -1,7 +1,7 @@
 """The measurement update of several runs; see `jerkbench.engines.compiled.gain` for the equations."""
 
 from jerkbench.arrays import FloatArray
-from jerkbench.compilation.shuffles import scratch
+from jerkbench.compilation.vector_ops import scratch
 from jerkbench.compilation.vectors import chosen
 from jerkbench.engines.compiled.gain import mahalanobis, moved_by, solve_column, weigh_column
 from jerkbench.engines.compiled.lanes.places import SQUARED

@@ -1,7 +1,7 @@
 """The two forms of the covariance of one run: by pairs of axes in vectors, and as a square."""
 
 from jerkbench.arrays import FloatArray
-from jerkbench.compilation.shuffles import picked
+from jerkbench.compilation.vector_ops import picked
 from jerkbench.compilation.vectors import WIDTH, vectors
 from jerkbench.engines.compiled.places import ROW, B, N
 from jerkbench.engines.compiled.single.places import (

@@ -4,10 +4,10 @@ import os
 from functools import cache
 from typing import Any
 
-from jerkbench.compilation.beside import run_beside
-from jerkbench.compilation.entry import is_kept, load_entry
+from jerkbench.compilation.background import run_beside
+from jerkbench.compilation.code_digest import digest
 from jerkbench.compilation.jitted import jitted
-from jerkbench.compilation.reach import digest
+from jerkbench.compilation.module_cache import is_kept, load_entry
 from jerkbench.engines.compiled.arguments import Kept, Model, Rule, Steps
 from jerkbench.engines.compiled.single.loop import run_steps
 from jerkbench.engines.compiled.single.places import places, tables

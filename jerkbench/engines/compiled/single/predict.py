@@ -1,7 +1,7 @@
 """Prediction of one run with F = A (x) I3: all pairs of axes at once."""
 
 from jerkbench.arrays import FloatArray
-from jerkbench.compilation.shuffles import scratch
+from jerkbench.compilation.vector_ops import scratch
 from jerkbench.engines.compiled.arguments import Model, Steps
 from jerkbench.engines.compiled.places import B, N, X
 from jerkbench.engines.compiled.predict import predict_axis, transform

@@ -1,1 +1,0 @@
-"""One cell, the store, the sweep."""

@@ -1,0 +1,1 @@
+"""One combination of data set, disturbances, attitude, filter, adaptation and noise: labels, key, provenance."""

@@ -1,0 +1,208 @@
+"""A cell: one combination of data set, disturbances, attitude, filter, adaptation and noise, with all its seeds."""
+
+import dataclasses
+import json
+import math
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+from typing import Any
+
+from jerkbench import plugins
+from jerkbench.cells.labels import Labels, default_labels
+from jerkbench.cells.noise import replaced
+from jerkbench.contracts import (
+    Adaptation,
+    AttitudeFilter,
+    Dataset,
+    Disturbance,
+    Engine,
+    Estimator,
+    Filter,
+    Metric,
+)
+from jerkbench.errors import PluginError
+from jerkbench.notices import notify
+from jerkbench.plain import plain
+
+Config = Mapping[str, Any]
+
+
+MOST_SEEDS = 100_000
+"""Runs of one cell: their rows stay in memory until it is stored."""
+LAST_SEED = 2**63
+"""Before this one: rows hold seeds as signed integers of 64 bits."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Protocol:
+    """How a cell is run and scored.
+
+    Attributes:
+        seeds: number of runs of a cell that has anything random.
+        first_seed: the first of them.
+        burn_in_s: errors count from this time on [s].
+        divergence_limit_m: a larger position error is a divergence [m]; infinite: none is.
+    """
+
+    seeds: int = 5
+    first_seed: int = 0
+    burn_in_s: float = 5.0
+    divergence_limit_m: float = 1000.0
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        if self.seeds < 1:
+            raise PluginError(f"seeds is {self.seeds}; at least one run is needed.")
+        if self.first_seed < 0:
+            raise PluginError(f"first_seed is {self.first_seed}; it must not be negative.")
+        if self.seeds > MOST_SEEDS:
+            raise PluginError(f"seeds is {self.seeds}; a cell has at most {MOST_SEEDS} runs.")
+        if self.first_seed + self.seeds > LAST_SEED:
+            raise PluginError(f"first_seed is {self.first_seed}; a seed must be less than 2**63.")
+        if not (math.isfinite(self.burn_in_s) and self.burn_in_s >= 0):
+            raise PluginError(f"burn_in_s is {self.burn_in_s:g}; it must be a number of seconds, 0 or more.")
+        if math.isnan(self.divergence_limit_m) or self.divergence_limit_m <= 0:
+            raise PluginError(f"divergence_limit_m is {self.divergence_limit_m:g}; it must be more than 0.")
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Cell:
+    """A cell, ready to run.
+
+    Attributes:
+        labels: what tables call its parts.
+        spec: its parts as plain data: kind -> {"name": ..., parameters}; `build` makes the same cell from it.
+        protocol: how it is run and scored.
+        dataset: source of the recordings.
+        disturbances: applied in this order.
+        attitude: attitude filter.
+        filter: kinematic filter, or estimator.
+        adaptation: rule that adapts R.
+        engine: what runs a kinematic filter.
+        metrics: what is computed from each run.
+    """
+
+    labels: Labels
+    spec: Config
+    protocol: Protocol
+    dataset: Dataset
+    disturbances: tuple[Disturbance, ...]
+    attitude: AttitudeFilter
+    filter: Filter | Estimator
+    adaptation: Adaptation
+    engine: Engine
+    metrics: tuple[Metric, ...]
+
+    @property
+    def seeded(self) -> bool:
+        """Whether anything in it is random."""
+        return self.dataset.seeded or any(d.seeded for d in self.disturbances)
+
+    @property
+    def draws(self) -> range:
+        """The seeds to run; of a deterministic cell, the phases of its decimation."""
+        if self.seeded:
+            return range(self.protocol.first_seed, self.protocol.first_seed + self.protocol.seeds)
+        return range(max((d.replicates() for d in self.disturbances), default=1))
+
+
+def build(spec: Config, protocol: Protocol, labels: Labels | None = None) -> Cell:
+    """Make a cell from plain data.
+
+    Args:
+        spec: dataset, attitude, filter, adaptation, engine: {"name": ..., parameters}; disturbance: a list of such;
+            noise (optional): parameters that replace the filter's own; metrics (optional): names, or "all".
+        protocol: how it is run and scored.
+        labels: what tables call its parts; default: the plugins' names.
+
+    Raises:
+        PluginError: something is unknown or does not fit together.
+    """
+    single = {kind: _part(kind, spec[kind]) for kind in ("dataset", "attitude", "adaptation", "engine")}
+    noise = replaced(plugins.get("filter", spec["filter"]["name"]), spec.get("noise", {}))
+    model = _part("filter", {**spec["filter"], **noise})
+    disturbances = tuple(_part("disturbance", one) for one in spec["disturbance"])
+    metrics = _metrics(spec.get("metrics") or ())
+    effective: dict[str, Any] = {
+        kind: _plain(spec[kind]["name"], part) for kind, part in {**single, "filter": model}.items()
+    }
+    effective["disturbance"] = [_plain(d["name"], p) for d, p in zip(spec["disturbance"], disturbances, strict=True)]
+    return Cell(
+        labels=Labels(*map(plain, labels or default_labels(effective))),
+        spec={**effective, "metrics": list(metrics)},
+        protocol=protocol,
+        disturbances=disturbances,
+        filter=model,
+        metrics=tuple(_part("metric", {"name": name}) for name in metrics),
+        **single,
+    )
+
+
+def _part(kind: str, config: Mapping[str, Any]) -> Any:  # noqa: ANN401 - the kind decides the contract
+    """Make a plugin, or take the one that was made of the same values: a sweep asks for the same ones again and again.
+
+    They never change, so cells may share them.
+    """
+    cls = plugins.get(kind, str(config.get("name")))
+    try:
+        text = json.dumps(config)
+    except TypeError:  # from Python a parameter may be anything
+        return _whole(kind, plugins.create(kind, config))
+    return _made(kind, cls, text)
+
+
+@lru_cache(maxsize=4096)
+def _made(kind: str, cls: type, config: str) -> Any:  # noqa: ANN401 - as above
+    del cls  # the name may stand for another one by now
+    return _whole(kind, plugins.create(kind, json.loads(config)))
+
+
+def _whole(kind: str, plugin: Any) -> Any:  # noqa: ANN401 - as above
+    """Refuse a plugin from elsewhere that lacks a method, which would show late and in nobody's words."""
+    if not plugins.is_own(type(plugin)):
+        from jerkbench.conformance.methods import require_methods
+
+        try:
+            require_methods(kind, plugin)
+        except AssertionError as error:
+            raise PluginError(str(error)) from error
+    return plugin
+
+
+def refusal(cell: Cell) -> str:
+    """Return why the filter does not take the data set or the adaptation, or an empty string."""
+    if getattr(cell.dataset, "attitude_only", False) and not getattr(cell.filter, "attitude_only", False):
+        return _lacking(cell, "position to navigate by", _filters("attitude_only", value=True))
+    if getattr(cell.dataset, "without_imu", False) and getattr(cell.filter, "uses_imu", True):
+        return _lacking(cell, "IMU", _filters("uses_imu", value=False))
+    name = cell.spec["adaptation"]["name"]
+    if not isinstance(cell.filter, Estimator) or name in cell.filter.adaptations:
+        return ""
+    accepted = ", ".join(cell.filter.adaptations)
+    return f"the filter {cell.spec['filter']['name']} takes no adaptation '{name}', only: {accepted}"
+
+
+def _lacking(cell: Cell, what: str, filters: Sequence[str]) -> str:
+    dataset, model = (cell.spec[kind]["name"] for kind in ("dataset", "filter"))
+    return f"the data set {dataset} has no {what}, so the filter {model} cannot run over it, only: {', '.join(filters)}"
+
+
+def _filters(attribute: str, *, value: bool) -> list[str]:
+    """The filters whose class attribute has the value."""
+    return [name for name in plugins.names("filter") if getattr(plugins.get("filter", name), attribute, None) is value]
+
+
+def _metrics(asked: Sequence[str]) -> tuple[str, ...]:
+    """The names that are asked for; of none those that say nothing else, of "all" every one."""
+    known = plugins.names("metric")
+    if not isinstance(asked, (list, tuple)) or not all(isinstance(name, str) for name in asked):
+        raise PluginError(f"metrics is {asked}; give a list of names: metrics=[position_rmse,velocity_rmse] or [all].")
+    for sentence in plugins.left_out("metric").values() if not asked or "all" in asked else ():
+        notify(sentence)
+    if not asked:
+        return tuple(name for name in known if getattr(plugins.get("metric", name), "default", True))
+    return tuple(dict.fromkeys(name for one in asked for name in (known if one == "all" else [one])))
+
+
+def _plain(name: str, plugin: Any) -> dict[str, Any]:  # noqa: ANN401 - a plugin of any kind
+    return {"name": name, **dataclasses.asdict(plugin)}

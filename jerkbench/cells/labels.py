@@ -1,0 +1,78 @@
+"""Labels of a combination: names of its choices, with the parameters that were set."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import fields
+from typing import Any, NamedTuple
+
+from jerkbench import plugins
+
+
+class Labels(NamedTuple):
+    """What the tables call the parts of a cell."""
+
+    dataset: str
+    disturbance: str
+    attitude: str
+    filter: str
+    adaptation: str
+    noise: str
+
+
+def default_labels(spec: Mapping[str, Any]) -> Labels:
+    """The plugins' own names."""
+    names = {kind: spec[kind]["name"] for kind in ("dataset", "attitude", "filter", "adaptation")}
+    return Labels(disturbance=joined(d["name"] for d in spec["disturbance"]), noise="own", **names)
+
+
+def joined(names: Iterable[str]) -> str:
+    """One name for a list of disturbances; `none` only when it is the only one."""
+    several = list(names)
+    return "+".join(name for name in several if name != "none") or "none"
+
+
+GROUPS = ("dataset", "attitude", "filter", "adaptation", "engine")
+"""Groups of which a configuration holds one plugin; `disturbance` holds several."""
+
+
+def labels_of(spec: dict[str, Any], choices: Mapping[str, Any], overrides: list[str]) -> Labels:
+    """Names of the choices, with the parameters that the overrides set in parentheses."""
+    changed = _parameters(overrides)
+    names = {kind: _named(str(choices[kind]), changed.get(kind, [])) for kind in GROUPS if kind != "engine"}
+    disturbance = _disturbance_label(spec, choices, overrides, changed)
+    return Labels(disturbance=disturbance, noise=_noise_label(spec, choices, changed), **names)
+
+
+def _disturbance_label(
+    spec: dict[str, Any], choices: Mapping[str, Any], overrides: list[str], changed: dict[str, list[str]]
+) -> str:
+    """The chosen names, presets too, in their order; parameters stand with the plugin that they belong to."""
+    listed = [word.partition("=")[2].strip("[]") for word in overrides if word.startswith("disturbance=")]
+    chosen = listed[-1] if listed else str(choices.get("disturbance") or "")
+    names = [name.strip() for name in chosen.split(",") if name.strip()] or [d["name"] for d in spec["disturbance"]]
+    also = [d["name"] for d in spec["disturbance"] if d["name"] not in names and f"disturbance.{d['name']}" in changed]
+    return joined(_named(name, changed.get(f"disturbance.{name}", [])) for name in [*names, *also])
+
+
+def _noise_label(spec: dict[str, Any], choices: Mapping[str, Any], changed: dict[str, list[str]]) -> str:
+    """The preset or the swept values; "own" for a filter that has none of the fields."""
+    own = {f.name for f in fields(plugins.get("filter", spec["filter"]["name"]))}
+    if not own & {key for key, value in spec["noise"].items() if value is not None}:
+        return "own"
+    preset = str(choices["noise"])
+    parameters = [p for p in changed.get("noise", []) if p.split("=")[0] in own]
+    return ", ".join(parameters) if preset == "own" else _named(preset, parameters)
+
+
+def _parameters(overrides: list[str]) -> dict[str, list[str]]:
+    """Parameters set by overrides, "key=value", for each plugin; places of files are no label."""
+    found: dict[str, dict[str, str]] = {}
+    for override in overrides:
+        key, _, value = override.lstrip("+~").partition("=")
+        owner, _, name = key.rpartition(".")
+        if owner and not key.startswith("hydra") and "/" not in value and name not in ("folder", "file"):
+            found.setdefault(owner, {})[name] = value.lower() if value in ("True", "False") else value
+    return {owner: [f"{name}={value}" for name, value in given.items()] for owner, given in found.items()}
+
+
+def _named(name: str, parameters: list[str]) -> str:
+    return f"{name}({', '.join(parameters)})" if parameters else name

@@ -1,0 +1,172 @@
+"""The files and distributions that a plugin from elsewhere depends on, and a hash of them.
+
+Its own distribution, and whatever is installed so that it can be edited, counts by content, data files included;
+another distribution by its version. What `jerkbench.cells.provenance` answers for by itself is left out.
+"""
+
+import hashlib
+import sys
+from collections.abc import Iterator
+from functools import cache
+from importlib.metadata import Distribution, PackageNotFoundError, distribution, packages_distributions
+from importlib.util import find_spec
+from pathlib import Path
+from types import FunctionType, ModuleType
+
+from jerkbench.cells.source_imports import imported_names, named_places
+
+KNOWN = {"jerkbench", "numpy", "scipy", "numba", "pandas", "filterpy", "pymap3d", "hydra", "omegaconf"}
+"""Modules whose version or code is in every key."""
+
+MOST_BYTES = 64_000_000
+"""A larger file counts by its size and the time of its last change."""
+
+CACHES, RESULTS = "__pycache__", "results"
+"""Folders on which nothing depends."""
+
+Named = tuple[str, Path]
+"""A file, and what it is called: its place in its package."""
+
+
+def sources_digest(module: str) -> str:
+    """Return a hash of what ``module`` depends on: files by content, distributions by version.
+
+    Raises:
+        LookupError: it has no file: nothing tells it apart from another of the same name.
+    """
+    sha = hashlib.sha256()
+    for line in sorted(set(_lines(module))):
+        sha.update(f"{line}\n".encode())
+    return sha.hexdigest()
+
+
+def _lines(module: str) -> Iterator[str]:
+    """Yield a line for each file and each distribution."""
+    own = _top(module)
+    waiting, seen = [own], {own}
+    while waiting:
+        top = waiting.pop()
+        installed = _installed(top)
+        if installed is not None and top != own and not _shares(installed, own):
+            yield from _released(installed, set())
+            continue
+        files = list(_distributed(installed) if installed is not None else _loose(top, required=top == own))
+        yield from (f"{name} {_content(path)}" for name, path in files)
+        for name in sorted(_reached(top, [path for _, path in files]) - seen - KNOWN - sys.stdlib_module_names):
+            seen.add(name)
+            waiting.append(name)
+
+
+def _top(module: str) -> str:
+    return module.partition(".")[0]
+
+
+def _reached(top: str, files: list[Path]) -> set[str]:
+    """Return the modules that the files import, and those whose objects stand in what is loaded of them."""
+    names = {name for path in files if path.suffix == ".py" for name in imported_names(path)}
+    for name, module in list(sys.modules.items()):
+        if _top(name) == top and module is not None:
+            names |= {_home(value) for value in list(vars(module).values())}
+    return {_top(name) for name in names}
+
+
+def _home(value: object) -> str:
+    """Return the module that ``value`` is, or where it, or its type, is defined."""
+    if isinstance(value, ModuleType):
+        return value.__name__
+    return value.__module__ if isinstance(value, (type, FunctionType)) else type(value).__module__
+
+
+@cache
+def _owners() -> dict[str, list[str]]:
+    """The distributions that bring each module, by its name."""
+    return {name: sorted(set(owners)) for name, owners in packages_distributions().items()}
+
+
+def _installed(top: str) -> Distribution | None:
+    """Return the distribution that ``top`` comes from; None where its files lie elsewhere, or it has none."""
+    place = _place(top)
+    if place is None:
+        return None
+    several = map(distribution, _owners().get(top, ()))
+    return next((d for d in several if d.files and place.is_relative_to(Path(str(d.locate_file(""))).resolve())), None)
+
+
+def _shares(installed: Distribution, own: str) -> bool:
+    """Whether the plugin itself comes from that distribution."""
+    return installed.name in _owners().get(own, ())
+
+
+def _place(top: str) -> Path | None:
+    """Return the folder of a package, or the file of a module; None where it has none."""
+    module = sys.modules.get(top)
+    spec = getattr(module, "__spec__", None)
+    file = getattr(module, "__file__", None)
+    if module is None:
+        try:
+            spec = find_spec(top)
+        except (ImportError, ValueError):
+            return None
+        file = spec.origin if spec is not None and spec.has_location else None
+    folders = list(getattr(spec, "submodule_search_locations", None) or getattr(module, "__path__", None) or ())
+    place = folders[0] if folders else file
+    return Path(place).resolve() if place else None
+
+
+def _distributed(installed: Distribution) -> Iterator[Named]:
+    """Yield every file that was installed with it."""
+    for file in installed.files or ():
+        path = Path(str(file.locate()))
+        if path.is_file() and CACHES not in file.parts and not file.parts[0].endswith(".dist-info"):
+            yield str(file), path
+
+
+def _loose(top: str, *, required: bool) -> Iterator[Named]:
+    """Yield the files of a package; of a module that stands alone, itself, and the data beside it."""
+    place = _place(top)
+    if place is None:
+        if required:
+            raise LookupError(top)
+        return
+    paths = _below(place) if place.is_dir() else (place, *_beside(place))
+    yield from ((path.relative_to(place.parent).as_posix(), path) for path in paths)
+
+
+def _below(folder: Path) -> Iterator[Path]:
+    for path in sorted(folder.rglob("*")):
+        inside = path.relative_to(folder).parts
+        if path.is_file() and not any(part == CACHES or part.startswith(".") for part in inside):
+            yield path
+
+
+def _beside(module: Path) -> Iterator[Path]:
+    """Yield the data files in the folder of a lone module, and those in folders that it names."""
+    for path in sorted(module.parent.iterdir()):
+        if path.is_file() and path.suffix not in (".py", ".pyc", ".log") and not path.name.startswith("."):
+            yield path
+        elif path.is_dir() and path.name in named_places(module) and path.name != RESULTS:
+            yield from _below(path)
+
+
+def _content(path: Path) -> str:
+    about = path.stat()
+    if about.st_size > MOST_BYTES:
+        return f"{about.st_size} {about.st_mtime_ns}"
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _released(installed: Distribution, seen: set[str]) -> Iterator[str]:
+    """Yield name and version of a distribution, and of those that it requires."""
+    if installed.name in seen:
+        return
+    seen.add(installed.name)
+    yield f"{installed.name} {installed.version}"
+    for requirement in installed.requires or ():
+        name = requirement.split(";")[0]
+        name = "".join(c if c.isalnum() or c in "-_." else " " for c in name).split(" ")[0]
+        if "extra ==" not in requirement:
+            try:
+                yield from _released(distribution(name), seen)
+            except PackageNotFoundError:
+                continue

@@ -1,0 +1,204 @@
+"""Entry points: small generated modules, real files, because numba keeps on disk only what comes from a file."""
+
+import hashlib
+import os
+import platform
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from threading import RLock
+from types import ModuleType
+from typing import Any
+
+from filelock import FileLock, Timeout
+
+from jerkbench.compilation.code_digest import unknown_part
+from jerkbench.compilation.kept import Distrusted, Files, read_kept, write_kept
+from jerkbench.files import cache_folder
+from jerkbench.notices import notify
+
+Namespace = Callable[[str], Mapping[str, Any]]
+
+_LOADING = RLock()
+"""A module that another thread is still loading would look finished."""
+
+
+COMPILED = "compiled"
+"""The kind of cache that holds compiled code."""
+
+
+def can_compile() -> bool:
+    """Whether numba compiles anything: with NUMBA_DISABLE_JIT=1 in the environment it does not."""
+    from numba import config
+
+    return not config.DISABLE_JIT
+
+
+def load_entry(title: str, source: str, key: str, namespace: Namespace) -> ModuleType:
+    """Import the entry point ``source``; it compiles what it defines, or finds it compiled on the disk.
+
+    Args:
+        title: what is compiled, for the line that says so.
+        source: text of the module, which defines ``entry``. Together with ``key`` it names the file.
+        key: digest of everything that the entry point calls.
+        namespace: given the module's name, the values that stand in the module before its first line.
+    """
+    name = _module_name(title, source, key)
+    with _LOADING:
+        if name in sys.modules:
+            return sys.modules[name]
+        if reason := unknown_part(key):
+            notify(f"compiling {title} in each process anew: nothing tells whether {reason}, which it uses, changed")
+            return _imported(name, {f"{name}.py": source.encode()}, namespace)[0]
+        path = _path(name)
+        files = _kept(path, title, source)
+        if files is None:
+            return _compiled(path, title, source, namespace)
+        return _imported(name, files, namespace)[0]
+
+
+def is_kept(title: str, source: str, key: str) -> bool:
+    """Whether `load_entry` would find the entry point on the disk, compiled."""
+    path = _path(_module_name(title, source, key))
+    return _kept(path, title, source) is not None
+
+
+def _path(name: str) -> Path:
+    return cache_folder(COMPILED) / f"{name}.compiled"
+
+
+def _kept(path: Path, title: str, source: str) -> Files | None:
+    """What is on the disk, compiled; nothing where it cannot be believed."""
+    try:
+        return read_kept(path, path.stem, source)
+    except Distrusted as reason:
+        notify(f"what is kept of {title} in {path} is not used, it is compiled anew: {reason}")
+        return None
+
+
+def _compiled(path: Path, title: str, source: str, namespace: Namespace) -> ModuleType:
+    """Compile what is not on the disk, and keep it; another process may do so meanwhile."""
+    name = path.stem
+    with _alone(path, title) as keeps:
+        files = _kept(path, title, source)
+        if files is not None:
+            return _imported(name, files, namespace)[0]
+        if keeps:
+            notify(f"compiling {title}, once, some seconds; it is kept in {path.parent}", title)
+        module, files = _imported(name, {f"{name}.py": source.encode()}, namespace)
+        if keeps:
+            _keep(path, files)
+        return module
+
+
+def _keep(path: Path, files: Files) -> None:
+    try:
+        write_kept(path, files)
+    except OSError as error:
+        _cannot_keep(path.parent, error)
+
+
+def _cannot_keep(folder: Path, error: OSError) -> None:
+    """Say it once, not for each entry point."""
+    notify(
+        f"compiled code cannot be kept in {folder} ({error.strerror}), so each process compiles anew; name a folder"
+        " that can be written in the environment variable JERKBENCH_CACHE",
+        "cannot keep",
+    )
+
+
+@contextmanager
+def _alone(path: Path, title: str) -> Iterator[bool]:
+    """Of several processes that start together let one compile, and keep it; where there can be no lock, each does."""
+    lock = FileLock(path.with_suffix(".lock"))
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        lock.acquire(timeout=0)
+    except Timeout:
+        notify(f"waiting for {title}, which another process is compiling", title)
+        lock.acquire()
+    except OSError as error:
+        _cannot_keep(path.parent, error)
+    try:
+        yield lock.is_locked
+    finally:
+        lock.release()
+
+
+@contextmanager
+def _settings() -> Iterator[None]:
+    """Let LLVM join like operations of straight code into vectors; let numba write beside the text, nowhere else."""
+    from numba import config
+
+    ours = {"SLP_VECTORIZE": 1, "CACHE_DIR": "", "CACHE_LOCATOR_CLASSES": ""}
+    before = {name: getattr(config, name) for name in ours if hasattr(config, name)}
+    for name in before:
+        setattr(config, name, ours[name])
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            setattr(config, name, value)
+
+
+def _module_name(title: str, source: str, key: str) -> str:
+    import numba
+
+    versions = f"{numba.__version__} {platform.python_version()} {_processor()} {_own_digest()}"
+    digest = hashlib.sha256(f"{versions} {key} {source}".encode()).hexdigest()[:16]
+    return f"jerkbench_{''.join(c if c.isalnum() else '_' for c in title)}_{digest}"
+
+
+@cache
+def _processor() -> str:
+    """What numba makes machine code for; a folder may serve machines with different processors."""
+    from numba.core.registry import cpu_target
+
+    return repr(cpu_target.target_context.codegen().magic_tuple())
+
+
+@cache
+def _own_digest() -> str:
+    """Hash of this package: how something is compiled decides on the result as well."""
+    sources = sorted(Path(__file__).parent.glob("*.py"))
+    return hashlib.sha256(b"".join(path.read_bytes() for path in sources)).hexdigest()
+
+
+def _set_environments(entry: Any) -> None:  # noqa: ANN401 - numba has no types
+    """Let inner functions find what they hand to Python; numba does so for what it makes machine code of alone."""
+    for compiled in entry.overloads.values():
+        for environment in compiled._find_referenced_environments():  # noqa: SLF001 - as numba does when it loads one
+            compiled.codegen.set_env(environment.env_name, environment)
+
+
+def _imported(name: str, files: Files, namespace: Namespace) -> tuple[ModuleType, Files]:
+    """Run an entry point in a folder that nobody else can write to; returns it with what is there afterwards."""
+    module = ModuleType(name)
+    sys.modules[name] = module  # numba looks there when it loads compiled code
+    try:
+        with TemporaryDirectory(prefix="jerkbench-") as folder, _settings():
+            path = Path(folder) / f"{name}.py"
+            _write_all(path.parent, files)
+            os.utime(path, (0, 0))  # numba compares it
+            module.__dict__.update(namespace(name), __file__=str(path))
+            text = compile(path.read_bytes(), path, "exec")
+            exec(text, module.__dict__)  # noqa: S102 - our own text; an import would leave its byte code behind
+            _set_environments(module.entry)
+            return module, _read_all(path.parent)
+    except BaseException:
+        del sys.modules[name]
+        raise
+
+
+def _write_all(folder: Path, files: Files) -> None:
+    for name, content in files.items():
+        (folder / name).parent.mkdir(exist_ok=True)
+        (folder / name).write_bytes(content)
+
+
+def _read_all(folder: Path) -> Files:
+    paths = sorted(path for path in folder.rglob("*") if path.is_file())
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in paths}

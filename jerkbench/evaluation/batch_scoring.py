@@ -1,0 +1,137 @@
+"""Scoring a run that keeps no trajectory: which of its rows count, and its sums."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from jerkbench.arrays import BoolArray, FloatArray, IntArray
+from jerkbench.batch import Scoring, Streamed
+from jerkbench.contracts import Metric
+from jerkbench.estimate import Estimate, Updates
+from jerkbench.evaluation.rows import POSITION_AXES, VELOCITY_AXES, Rows, counting, known_axes
+from jerkbench.evaluation.run import can_summarise, counted_rows
+from jerkbench.evaluation.sums import Sums, drifts_mps
+from jerkbench.recording import Recording
+from jerkbench.timeline.timeline import Timeline
+
+
+@dataclass(frozen=True, eq=False)
+class Scored:
+    """How the runs over one timeline are scored.
+
+    Attributes:
+        scoring: for the engine.
+        rows: which rows count for what.
+        counted: (k,) which rows count at all.
+        outline: an estimate of which only ``index`` and ``euler_rad`` are known.
+    """
+
+    scoring: Scoring
+    rows: Rows
+    counted: BoolArray
+    outline: Estimate
+
+    @cached_property
+    def numbers(self) -> "Numbers":
+        """How many rows count for what: the same for every run."""
+        rows = self.rows
+        position, velocity = (of.sum(axis=1).astype(np.float64) for of in (rows.position, rows.velocity))
+        return Numbers(position, velocity, *(float(of.sum()) for of in (rows.whole, rows.both, rows.outage)))
+
+
+class Numbers(NamedTuple):
+    """Numbers of rows, as in `jerkbench.evaluation.rows.Rows`."""
+
+    position: FloatArray
+    velocity: FloatArray
+    whole: float
+    both: float
+    outage: float
+
+
+def can_stream(metric: Metric) -> bool:
+    """Whether the metric needs no trajectory."""
+    return can_summarise(metric) or getattr(metric, "reads", "") in ("attitude", "updates")
+
+
+def scored(recording: Recording, timeline: Timeline, burn_in_s: float) -> Scored | None:
+    """Return how runs over ``timeline`` are scored, or None where that needs a trajectory.
+
+    It does where the reference does not know a whole position at each of its stamps, or parts of a velocity, and where
+    nothing counts.
+    """
+    outline = outline_of(timeline)
+    counted = counted_rows(outline, recording, burn_in_s)
+    rows = counting(outline.index, recording, counted)
+    located = known_axes(recording.reference.enu_m, outline.index).all()
+    if not (located and counted.any() and (rows.velocity == rows.velocity[0]).all()):
+        return None
+    return Scored(_scoring(recording, outline, rows), rows, counted, outline)
+
+
+def outline_of(timeline: Timeline) -> Estimate:
+    """Return an estimate without position, velocity and covariance (NaN)."""
+    index = timeline.reference[timeline.reference >= 0]
+    return outlined(index, timeline.euler_rad[index])
+
+
+def outlined(index: IntArray, euler_rad: FloatArray) -> Estimate:
+    """Return the same for rows ``index`` (k,) of the reference, with the attitude (k, 3) there."""
+    nothing = np.broadcast_to(np.nan, (len(index), 6, 6))
+    return Estimate(index, nothing[:, 0, :3], nothing[:, 0, :3], nothing, euler_rad)
+
+
+def sums_from(streamed: Streamed, scored: Scored, recording: Recording) -> Sums:
+    """Return the sums of a run."""
+    rows, numbers = scored.rows, scored.numbers
+    pairs = streamed.marked_m.reshape(-1, 2, 3)
+    return Sums(
+        position_m2=_over_axes(streamed.position_m2, POSITION_AXES),
+        position_rows=numbers.position,
+        position_max_m=float(np.sqrt(streamed.largest_m2)),
+        whole_m2=streamed.whole_m2,
+        whole_rows=numbers.whole,
+        velocity_m2ps2=_over_axes(streamed.velocity_m2ps2, VELOCITY_AXES),
+        velocity_rows=numbers.velocity,
+        nees=streamed.nees,
+        nees_rows=numbers.both,
+        nees_position=streamed.nees_position,
+        nis_per_row=streamed.nis_per_row,
+        nis_updates=streamed.nis_updates,
+        nis_used_per_row=streamed.nis_used_per_row,
+        nis_used_updates=streamed.nis_used_updates,
+        outage_m2=streamed.outage_m2,
+        outage_rows=numbers.outage,
+        outage_ends_m=np.sqrt((pairs[:, 1] ** 2).sum(axis=1)),
+        outage_driven_m=rows.outages_driven_m,
+        outage_drifts_mps=drifts_mps(pairs, rows.outages_s),
+        outages=len(recording.outages_s),
+    )
+
+
+def with_updates(outline: Estimate, updates: Updates) -> Estimate:
+    """Return the outline with what the updates saw."""
+    return Estimate(
+        outline.index, outline.position_m, outline.velocity_mps, outline.covariance, outline.euler_rad, updates
+    )
+
+
+def _scoring(recording: Recording, outline: Estimate, rows: Rows) -> Scoring:
+    reference, k = recording.reference, len(outline.index)
+    velocity = np.zeros((k, 3)) if reference.velocity_mps is None else reference.velocity_mps[outline.index]
+    position = np.zeros((k, 3)) if reference.enu_m is None else reference.enu_m[outline.index]
+    return Scoring(
+        np.hstack([position, np.nan_to_num(velocity)]),
+        rows.position[0].astype(np.float64),
+        rows.whole.astype(np.float64),
+        rows.velocity[0].astype(np.float64),
+        rows.outage.astype(np.float64),
+        rows.outages.ravel(),
+        rows.start_s,
+    )
+
+
+def _over_axes(squares: FloatArray, axes: dict[str, tuple[int, ...]]) -> FloatArray:
+    return np.array([squares[list(chosen)].sum() for chosen in axes.values()])

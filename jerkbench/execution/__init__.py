@@ -1,0 +1,1 @@
+"""The execution of a cell: shared inputs, runs side by side or alone, processes, progress."""

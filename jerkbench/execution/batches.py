@@ -1,0 +1,90 @@
+"""Runs of a cell without trajectories: all seeds side by side, where engine and metrics can."""
+
+from collections.abc import Hashable, Mapping, Sequence
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+
+from jerkbench.batch import Run, Streamed
+from jerkbench.cells.cell import Cell
+from jerkbench.contracts import Estimator, Metric
+from jerkbench.evaluation.batch_scoring import Scored, can_stream, sums_from, with_updates
+from jerkbench.evaluation.run import can_summarise, gathered
+from jerkbench.execution import inputs
+from jerkbench.recording import Recording
+
+
+class Prepared(NamedTuple):
+    """A seed, ready to run."""
+
+    recording: Recording
+    run: Run
+    scored: Scored
+
+
+class Found(NamedTuple):
+    """What became of a seed.
+
+    Attributes:
+        recording: what the filter saw.
+        values: the metrics by column.
+        far: whether the position went beyond the limit; where and when, a trajectory says.
+    """
+
+    recording: Recording
+    values: Mapping[str, float]
+    far: bool
+
+
+def streams(cell: Cell) -> bool:
+    """Whether the runs of ``cell`` need no trajectories, and its engine can do without."""
+    kinematic = not isinstance(cell.filter, Estimator)
+    return kinematic and hasattr(cell.engine, "run_many") and all(map(can_stream, cell.metrics))
+
+
+def streamed_values(cell: Cell, draws: Sequence[int], fingerprint: str, threads: int) -> dict[int, Found]:
+    """Run ``draws`` side by side; returns what became of those that came to their end.
+
+    The others (stopped, not to be scored without a trajectory, or with something wrong) are for the run alone: it says
+    what is the matter.
+    """
+    prepared = {draw: one for draw in draws if (one := _prepared(cell, draw, fingerprint)) is not None}
+    updates = any(getattr(metric, "reads", "") == "updates" for metric in cell.metrics)
+    runs = [one.run for one in prepared.values()]
+    engine: Any = cell.engine
+    try:
+        results = engine.run_many(runs, cell.filter, cell.adaptation, updates=updates, threads=threads)
+    except Exception:  # noqa: BLE001 - the run that raised it does so again alone, where it becomes a row that says so
+        return {}
+    limit_m2 = cell.protocol.divergence_limit_m**2
+    return {
+        draw: Found(one.recording, _values(cell, one, result), result.farthest_m2 > limit_m2)
+        for (draw, one), result in zip(prepared.items(), results, strict=True)
+        if result is not None
+    }
+
+
+def _prepared(cell: Cell, draw: int, fingerprint: str) -> Prepared | None:
+    try:
+        recording = inputs.disturbed(cell.dataset, cell.disturbances, fingerprint, draw)
+        timeline = inputs.timeline_of(recording, inputs.attitude_of(recording, cell.attitude))
+    except Exception:  # noqa: BLE001 - the run alone raises it again, where it becomes a row that says so
+        return None
+    scored = inputs.scored_of(recording, timeline, cell.protocol.burn_in_s)
+    return None if scored is None else Prepared(recording, Run(timeline, scored.scoring), scored)
+
+
+def _values(cell: Cell, one: Prepared, result: Streamed) -> dict[str, float]:
+    with np.errstate(over="ignore", invalid="ignore"):
+        sums = sums_from(result, one.scored, one.recording)
+    seen = with_updates(one.scored.outline, result.updates)
+
+    def columns(metric: Metric) -> Mapping[str, float]:
+        """Return the columns of ``metric``, in the units of their names, from the least that it needs."""
+        if can_summarise(metric):
+            return metric.summarise(sums)  # type: ignore[attr-defined, no-any-return]  # it was asked
+        if getattr(metric, "reads", "") == "attitude":
+            return inputs.attitude_columns(cast("Hashable", metric), one.scored, one.recording)
+        return metric.evaluate(seen, one.recording, one.scored.counted)
+
+    return gathered((metric, columns(metric)) for metric in cell.metrics)

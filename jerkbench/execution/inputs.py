@@ -1,0 +1,105 @@
+"""What every filter of a sweep shares: the recording, its attitude, its timeline; made once for each process."""
+
+import hashlib
+from collections.abc import Hashable, Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import cast
+
+import numpy as np
+
+from jerkbench.arrays import BoolArray
+from jerkbench.contracts import AttitudeFilter, Dataset, Disturbance, Metric
+from jerkbench.errors import RecordingError
+from jerkbench.estimate import Attitude, Estimate, no_attitude
+from jerkbench.evaluation.batch_scoring import Scored, outlined, scored
+from jerkbench.execution.simulation_cache import simulated
+from jerkbench.recording import Recording
+from jerkbench.timeline.timeline import Timeline, build_timeline
+
+KEPT = 32
+"""How many of each are kept; a recording of 150 s at 100 Hz has some 2 MB."""
+
+
+@lru_cache(maxsize=KEPT)
+def disturbed(dataset: Dataset, disturbances: tuple[Disturbance, ...], fingerprint: str, seed: int) -> Recording:
+    """The recording of ``seed`` after all disturbances, in order; ``fingerprint`` tells changed files apart."""
+    recording = _loaded(dataset, fingerprint, seed)
+    for disturbance in disturbances:
+        recording = disturbance.apply(recording, seed)
+    return recording
+
+
+@lru_cache(maxsize=KEPT)
+def _loaded(dataset: Dataset, fingerprint: str, seed: int) -> Recording:
+    ours = type(dataset).__module__.startswith("jerkbench.")  # what others simulate may depend on anything
+    if ours and dataset.seeded and not fingerprint:
+        return simulated(dataset, seed)
+    recording = dataset.load(seed)
+    require_data(dataset, fingerprint)  # afterwards: what was read meanwhile is what the hash says
+    return recording
+
+
+def require_data(dataset: Dataset, fingerprint: str) -> None:
+    """Require that the data are still those of ``fingerprint``.
+
+    Raises:
+        RecordingError: they are others.
+    """
+    current = dataset.fingerprint()
+    if current != fingerprint:
+        raise RecordingError(
+            f"The data of the data set {type(dataset).__name__} have changed since they were hashed: the hash was "
+            f"{fingerprint or 'empty'}, it is {current or 'empty'}. `jerkbench run` with the same words runs it with "
+            "the data that are there now."
+        )
+
+
+@lru_cache(maxsize=KEPT)
+def attitude_of(recording: Recording, attitude: AttitudeFilter) -> Attitude:
+    """The attitude that ``attitude`` finds in ``recording``; none without an IMU."""
+    if recording.imu is None:
+        return no_attitude(recording.clock_s)
+    return attitude.estimate(recording)
+
+
+@lru_cache(maxsize=KEPT)
+def timeline_of(recording: Recording, attitude: Attitude) -> Timeline:
+    """The events of the run."""
+    return build_timeline(recording, attitude)
+
+
+@lru_cache(maxsize=KEPT)
+def scored_of(recording: Recording, timeline: Timeline, burn_in_s: float) -> Scored | None:
+    """How runs over the timeline are scored without a trajectory."""
+    return scored(recording, timeline, burn_in_s)
+
+
+@lru_cache(maxsize=8 * KEPT)
+def attitude_columns(metric: Hashable, scored: Scored, recording: Recording) -> Mapping[str, float]:
+    """What a metric that reads the attitude alone says: the same for every filter."""
+    return evaluated(cast("Metric", metric), scored.outline, recording, scored.counted)
+
+
+def evaluated(metric: Metric, estimate: Estimate, recording: Recording, counted: BoolArray) -> Mapping[str, float]:
+    """What a metric says; one that reads the attitude alone is asked once for each attitude, whoever has it."""
+    if getattr(metric, "reads", "") != "attitude":
+        return metric.evaluate(estimate, recording, counted)
+    parts = (estimate.index, estimate.euler_rad, counted)
+    content = hashlib.blake2b(b"".join(np.ascontiguousarray(part).tobytes() for part in parts)).digest()
+    seen = outlined(estimate.index, estimate.euler_rad)
+    return _of_attitude(cast("Hashable", metric), recording, _Seen(content, seen, counted))
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """An attitude, and which rows count; two of the same content are the same."""
+
+    content: bytes
+    estimate: Estimate = field(compare=False)
+    counted: BoolArray = field(compare=False)
+
+
+@lru_cache(maxsize=2 * KEPT)
+def _of_attitude(metric: Hashable, recording: Recording, seen: _Seen) -> Mapping[str, float]:
+    return cast("Metric", metric).evaluate(seen.estimate, recording, seen.counted)

@@ -1,0 +1,92 @@
+"""Simulated recordings, kept in the user's cache: another sweep over the same seeds need not simulate them again."""
+
+import dataclasses
+import hashlib
+import json
+import os
+from contextlib import suppress
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile
+
+import numpy as np
+
+from jerkbench.cells.provenance import code_digest, plugin_digest, versions
+from jerkbench.contracts import Dataset
+from jerkbench.files import cache_folder, forget_oldest, write_atomically
+from jerkbench.recording import Heading, Imu, Origin, Position, Recording, Reference, Velocity
+
+PARTS = {
+    "imu": Imu,
+    "reference": Reference,
+    "position": Position,
+    "velocity": Velocity,
+    "heading": Heading,
+    "origin": Origin,
+}
+SIMULATED = "simulated"
+"""The kind of cache that holds simulated recordings."""
+
+PATTERN = "simulated_*.npz"
+MOST_BYTES = 2_000_000_000
+"""About 700 drives of 150 s; then the longest unused go."""
+
+DAMAGE = (OSError, EOFError, ValueError, KeyError, TypeError, BadZipFile)
+
+
+def simulated(dataset: Dataset, seed: int) -> Recording:
+    """Return the recording of ``seed``: the one that is kept, or a new one, which then is."""
+    path = cache_folder(SIMULATED) / f"simulated_{_key(dataset, seed)}.npz"
+    kept = _read(path)
+    if kept is not None:
+        return kept
+    made = dataset.load(seed)
+    with suppress(OSError):  # no room, or no right to write: then it is simulated again the next time
+        _write(made, path)
+        if seed % 16 == 0:
+            forget_oldest(path.parent, PATTERN, MOST_BYTES)
+    return made
+
+
+def _key(dataset: Dataset, seed: int) -> str:
+    """Name everything that decides on the recording: the data set, the code, the libraries, the seed."""
+    what = [repr(dataset), type(dataset).__qualname__, code_digest(), plugin_digest(type(dataset)), versions(), seed]
+    return hashlib.sha256(repr(what).encode()).hexdigest()[:32]
+
+
+def _write(recording: Recording, path: Path) -> None:
+    arrays: dict[str, Any] = {}
+    said: dict[str, Any] = {}
+    for part in ("", *PARTS):
+        owner = getattr(recording, part) if part else recording
+        for field in dataclasses.fields(owner) if owner is not None else ():
+            value = getattr(owner, field.name)
+            if isinstance(value, np.ndarray):
+                arrays[f"{part}.{field.name}"] = value
+            elif field.name not in PARTS:
+                said[f"{part}.{field.name}"] = value.isoformat() if isinstance(value, datetime) else value
+    arrays["said"] = np.frombuffer(json.dumps(said).encode(), dtype=np.uint8)
+    write_atomically(path, lambda partial: np.savez(partial, **arrays))
+
+
+def _read(path: Path) -> Recording | None:
+    """The recording at ``path``, or None where there is none that is whole."""
+    try:
+        with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
+            values: dict[str, Any] = {name: file[name] for name in file.files}
+        values |= json.loads(values.pop("said").tobytes())
+        made = {name: PARTS[name](**own) for name in PARTS if (own := _of(name, values))}
+        own = _of("", values)
+        start = own.pop("start_utc")
+        own |= {"start_utc": None if start is None else datetime.fromisoformat(start), "notes": tuple(own["notes"])}
+        with suppress(OSError):
+            os.utime(path)  # used just now: others go first
+        return Recording(**own, **made)
+    except DAMAGE:
+        return None
+
+
+def _of(part: str, values: dict[str, Any]) -> dict[str, Any]:
+    """The fields of one part, by name."""
+    return {name.partition(".")[2]: value for name, value in values.items() if name.partition(".")[0] == part}

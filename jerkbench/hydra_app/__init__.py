@@ -1,0 +1,1 @@
+"""The Hydra app behind `jerkbench run`."""

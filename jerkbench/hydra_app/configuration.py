@@ -1,0 +1,144 @@
+"""Between Hydra and a cell: the schema of the configuration, and the cell that a composed one describes."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from functools import cache, cached_property
+from pathlib import Path
+from typing import Any, cast
+
+from hydra.core.config_store import ConfigNode, ConfigStore
+from omegaconf import MISSING, DictConfig, OmegaConf
+
+from jerkbench import plugins
+from jerkbench.cells.cell import Cell, Protocol, build
+from jerkbench.cells.labels import GROUPS, labels_of
+from jerkbench.cells.noise import Noise
+from jerkbench.errors import PluginError
+
+
+@dataclass
+class Schema:
+    """The fields of a configuration that belong to no group.
+
+    Attributes:
+        study: name of the study; its results are in ``results``/``study``.
+        results: folder of all results.
+        seeds: number of runs of a cell that has anything random.
+        first_seed: the first of them.
+        burn_in_s: errors count from this time on [s].
+        divergence_limit_m: a larger position error is a divergence [m].
+        metrics: names of the metrics to compute; empty: those that are cheap; [all]: every one.
+        workers: number of processes of a sweep; 0: one for each processor.
+        figures: whether a single run draws its trajectory and its errors, and a sweep with a report its figures.
+        report: whether a sweep ends with its figures and its report (``jerkbench report`` makes it at any time).
+        notes: sentences to print under the tables (what was tuned, on what, with which budget).
+    """
+
+    study: str = "adhoc"
+    results: str = "results"
+    seeds: int = 5
+    first_seed: int = 0
+    burn_in_s: float = 5.0
+    divergence_limit_m: float = 1000.0
+    metrics: list[str] = field(default_factory=list)
+    workers: int = 0
+    figures: bool = True
+    report: bool = False
+    notes: list[str] = field(default_factory=list)
+    dataset: Any = None
+    disturbance: Any = None
+    attitude: Any = None
+    filter: Any = None
+    adaptation: Any = None
+    engine: Any = None
+    noise: Noise = field(default_factory=Noise)
+
+
+def register_schemas() -> None:
+    """Put the schema and every plugin into Hydra's ConfigStore."""
+    store = ConfigStore.instance()
+    store.store(name="schema", node=Schema)
+    store.store(group="noise", name="schema", node=Noise)
+    for kind in (*GROUPS, "disturbance"):
+        group = store.repo.setdefault(kind, {})
+        group.update({f"{name}.yaml": PluginNode(kind, name) for name in plugins.names(kind)})
+
+
+def study_folder(config: DictConfig) -> Path:
+    """Where the results of the configuration's study are."""
+    return Path(str(config.results)) / str(config.study)
+
+
+def cell_of(plain: Mapping[str, Any], choices: Mapping[str, Any], overrides: list[str]) -> Cell:
+    """Make the cell that a composed configuration describes.
+
+    Args:
+        plain: the configuration without its ``hydra`` part, resolved, as plain data.
+        choices: Hydra's choice for each group, for the labels.
+        overrides: the overrides of the job, for the labels.
+
+    Raises:
+        PluginError: a plugin does not take its parameters, or something is not chosen.
+    """
+    require_whole(plain)
+    spec = {group: plain[group] for group in GROUPS}
+    spec["disturbance"] = list(plain["disturbance"].values())
+    spec["noise"], spec["metrics"] = plain["noise"], plain["metrics"]
+    protocol = Protocol(**{f.name: plain[f.name] for f in fields(Protocol)})
+    return build(spec, protocol, labels_of(spec, choices, overrides))
+
+
+def require_whole(plain: Mapping[str, Any]) -> None:
+    """Check that a composed configuration has a value for each option, and a plugin for each group.
+
+    Raises:
+        PluginError: it has not; a preset of one's own may set anything.
+    """
+    for key in (f.name for f in fields(Schema)):
+        if plain.get(key, MISSING) == MISSING:
+            raise PluginError(f"{key} has no value; give {key}=...")
+    for kind in GROUPS:
+        if not (isinstance(plain[kind], Mapping) and plain[kind].get("name")):
+            raise PluginError(f"No {kind} is chosen; give {kind}=NAME (`jerkbench list {kind}` says what there is).")
+    _require_disturbances(plain["disturbance"])
+
+
+def _require_disturbances(chosen: object) -> None:
+    if not (isinstance(chosen, Mapping) and chosen):
+        raise PluginError("No disturbance is chosen; where there is none, give disturbance=none.")
+    for key, value in chosen.items():
+        if not isinstance(value, Mapping):
+            raise PluginError(
+                f"The chosen preset of disturbance sets {key}={value}, where each disturbance stands under its name;"
+                " begin the file with the line '# @package disturbance.NAME', or put its parameters below NAME."
+            )
+        if not value.get("name"):
+            raise PluginError(f"disturbance.{key} has parameters and no name; write {key} into the preset's defaults.")
+
+
+class PluginNode(ConfigNode):
+    """The schema of one plugin, made when Hydra reads it: to make all of them takes a quarter of a second.
+
+    Each disturbance stands under its own name, so that several can be chosen. A data set that prefers an attitude
+    filter brings that choice along.
+    """
+
+    def __init__(self, kind: str, name: str) -> None:
+        """Stand for the plugin ``name`` of ``kind``."""
+        self.kind, self.plugin = kind, name
+        self.attitude = getattr(plugins.get(kind, name), "default_attitude", None) if kind == "dataset" else None
+        self.name, self.group, self.provider = f"{name}.yaml", kind, None
+        self.package = f"disturbance.{name}" if kind == "disturbance" else "_global_" if self.attitude else None
+
+    @cached_property
+    def node(self) -> DictConfig:  # type: ignore[override]  # an attribute, but for when it is made
+        """The schema; ConfigStore reads it from a copy of this."""
+        return _schema(self.kind, self.plugin, self.attitude)
+
+
+@cache
+def _schema(kind: str, plugin: str, attitude: str | None) -> DictConfig:
+    schema = OmegaConf.structured(plugins.schema(kind, plugin))
+    if attitude:
+        schema = OmegaConf.create({"defaults": ["_self_", {"override /attitude": attitude}], kind: schema})
+    return cast("DictConfig", schema)

@@ -1,0 +1,57 @@
+"""A single run: one cell, its metrics in the terminal, its trajectory and its errors as figures."""
+
+import os
+from functools import partial
+from pathlib import Path
+
+from jerkbench.cells.cell import Cell
+from jerkbench.contracts import Estimator
+from jerkbench.estimate import Estimate
+from jerkbench.execution.cell_run import run_once, run_open_pieces
+from jerkbench.recording import Recording
+from jerkbench.results.store import Store, Stored
+from jerkbench.results.titles import file_stem, titled
+from jerkbench.sweep.seed_blocks import finish_cell
+from jerkbench.sweep.tasks import Planned
+
+
+def run_single(one: Planned, folder: Path) -> Stored:
+    """Run one cell, unless it is done; returns it as it is stored.
+
+    What is wrong with the input or a plugin ends the run with a sentence, and the cell is not stored.
+    """
+    store = Store(folder)
+    if not store.done(one.key):
+        run = partial(run_open_pieces, one.cell, one.fingerprint, threads=os.cpu_count() or 1)
+        finish_cell(one, store, run)
+    (stored,), _ = store.read([one.key])
+    return stored
+
+
+def prepare_drawing(cell: Cell) -> None:
+    """Let the engine begin with what a trajectory needs and sums do not: to compile it takes as long as all else."""
+    if hasattr(cell.engine, "prepare") and not isinstance(cell.filter, Estimator):
+        cell.engine.prepare(cell.filter)
+
+
+def draw_single(one: Planned, folder: Path) -> list[Path]:
+    """Draw trajectory and errors of the first seed; returns the files."""
+    recording, estimate = run_once(one.cell, one.cell.draws[0], one.fingerprint)
+    return draw_run(one.cell, titled(recording, one.cell, one.cell.draws[0]), estimate, folder / "figures")
+
+
+def draw_run(cell: Cell, recording: Recording, estimate: Estimate, folder: Path) -> list[Path]:
+    """Draw the trajectory and the errors of one run, with the recording's name above; returns the files."""
+    from jerkbench.report.plots.figures import error_figure, inclination_figure, save_figure, trajectory_figure
+
+    labels = cell.labels
+    estimates = {f"{labels.filter} + {labels.adaptation}": estimate}
+    name = file_stem(labels)
+    drawn = {"trajectory": trajectory_figure, "errors": error_figure}
+    if estimate.attitude_only:
+        drawn = {"inclination": inclination_figure}
+    paths = []
+    for what, draw in drawn.items():
+        paths.append(folder / f"{name}-{what}.png")
+        save_figure(draw(recording, estimates), paths[-1])
+    return paths

@@ -1,0 +1,68 @@
+"""What a person typed behind `jerkbench run`, where Hydra says little about what is wrong with it."""
+
+import re
+from collections.abc import Sequence
+from typing import Any
+
+from jerkbench import plugins
+from jerkbench.cells.from_names import words as as_words
+from jerkbench.cells.labels import GROUPS
+from jerkbench.errors import PluginError
+
+NAMED = re.compile(rf"\+*(?:{'|'.join((*GROUPS, 'disturbance'))})=(?:\[.*\{{|\{{\s*name\s*:)")
+"""A plugin with its parameters in one mapping, as Python code gives it; Hydra has names only."""
+
+
+def refuse_mappings(typed: Sequence[str]) -> None:
+    """Refuse a plugin that is given as a mapping, on which Hydra fails, or of which it keeps the wrong name.
+
+    Raises:
+        PluginError: there is one; says how to give its parameters.
+    """
+    for word in typed:
+        if NAMED.match(word):
+            raise PluginError(
+                f"{word}: a plugin is chosen by its name alone; give each parameter by itself: {_by_itself(word)}."
+            )
+
+
+def no_assignment(word: str) -> str:
+    """Say that ``word`` is no override, and what it may have been meant to be."""
+    kinds = [kind for kind in (*GROUPS, "disturbance") if word in plugins.names(kind)]
+    hint = f" Did you mean {kinds[0]}={word}?" if kinds else ""
+    return f"'{word}' is no KEY=VALUE.{hint} `jerkbench run --help` lists the keys."
+
+
+def several_in_one(typed: Sequence[str]) -> str:
+    """Say that a list for a group that takes one value is meant to be a sweep; empty: there is none."""
+    for word in typed:
+        group, _, value = word.partition("=")
+        if group in GROUPS and re.fullmatch(r"\[.*,.*\]", value):
+            return f"{word}: {group} takes one value; several are a sweep: -m {group}={value[1:-1]}."
+    return ""
+
+
+def swept(typed: Sequence[str], group: str) -> str:
+    """The word that gives a group several values to sweep, or an empty string."""
+    found = [word for word in typed if word.startswith(f"{group}=") and re.search(r",(?![^\[]*\])", word)]
+    return found[-1] if found else ""
+
+
+def _by_itself(word: str) -> str:
+    """The same in words that Hydra takes; where it is a sweep, an example."""
+    from hydra.core.override_parser.overrides_parser import OverridesParser
+
+    override = OverridesParser.create().parse_override(word)
+    group, value = override.key_or_group, override.value()
+    several: list[Any] = value if isinstance(value, list) else [value]
+    parts = [{"name": part} if isinstance(part, str) else part for part in several]
+    if not all(isinstance(part, dict) and "name" in part for part in parts):
+        return "disturbance=gnss_outage disturbance.gnss_outage.windows_s=[[50,60]]"
+    names = [str(part["name"]) for part in parts]
+    chosen = names[0] if len(names) == 1 else f"[{','.join(names)}]"
+    return " ".join([f"{group}={chosen}", *(one for part in parts for one in _parameters(group, part))])
+
+
+def _parameters(group: str, part: dict[str, Any]) -> list[str]:
+    owner = f"{group}.{part['name']}" if group == "disturbance" else group
+    return as_words(owner, {key: value for key, value in part.items() if key != "name"})

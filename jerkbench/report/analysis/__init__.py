@@ -1,0 +1,1 @@
+"""Rows of runs -> comparisons, verdicts and findings."""

@@ -1,0 +1,109 @@
+"""The paper's "more than ten times better", scenario by scenario: does it hold?"""
+
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from jerkbench.report.analysis.comparison import Comparison, compare_to, with_values
+from jerkbench.report.analysis.findings import and_lost, losses, names, varying_factors
+from jerkbench.report.tables.table_model import number
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+CLAIMED = 10.0
+"""The paper: jerk and MTF make the 3-D position RMSE more than so many times smaller than the baseline's."""
+
+CLAIM = {"filter": "jerk", "adaptation": "mtf"}
+"""The combination of which that is said."""
+
+AGAINST = ("baseline", "baseline_naive")
+"""What it is said against, without adaptation: with a tuned process noise, and with one that was never tuned."""
+
+HOLDS, FAILS, OPEN = "holds", "does not hold", "stays open"
+NO_INTERVAL, NO_PAIR = "has no interval", "has no pair of runs"
+
+
+def claimed(rows: "pd.DataFrame") -> list[Comparison]:
+    """Return the comparisons that the claim is about; none without its filters."""
+    if "position_rmse_m" not in rows or not _has(rows, CLAIM):
+        return []
+    against = [{"filter": name, "adaptation": "none"} for name in AGAINST]
+    compared = [one for b in against if _has(rows, b) for one in compare_to(_only(rows, b), "position_rmse_m", b)]
+    return [one for one in compared if with_values(one.subject, CLAIM) == one.subject]
+
+
+def _only(rows: "pd.DataFrame", against: Mapping[str, str]) -> "pd.DataFrame":
+    """The rows of both sides: the claim needs intervals, and no test of a family."""
+    return rows[_are(rows, CLAIM) | _are(rows, against)]
+
+
+def verdict(one: Comparison) -> str:
+    """Say whether the claim holds: its whole interval is beyond it, or on this side of it."""
+    low, high = better(one)[1:]
+    if one.paired.n == 0:
+        return NO_PAIR
+    if one.replicate == "phase" or math.isnan(low):
+        return NO_INTERVAL
+    return HOLDS if low > CLAIMED else FAILS if high < CLAIMED else OPEN
+
+
+def better(one: Comparison) -> tuple[float, float, float]:
+    """Return how many times better the subject is, with the ends of the interval."""
+    paired = one.paired
+    return 1 / paired.ratio, 1 / paired.high, 1 / paired.low if paired.low > 0 else math.inf
+
+
+def claims(rows: "pd.DataFrame") -> list[str]:
+    """Return what the rows say about the claim in each scenario, in sentences."""
+    return claim_sentences(rows, claimed(rows))
+
+
+def claim_sentences(rows: "pd.DataFrame", comparisons: Sequence[Comparison]) -> list[str]:
+    """Return a sentence for each of the claim's ``comparisons``."""
+    varying = varying_factors(rows)
+    return [_sentence(one, varying) for one in comparisons]
+
+
+def headlines(rows: "pd.DataFrame", comparisons: Sequence[Comparison]) -> list[str]:
+    """Return one sentence for each opponent: in how many scenarios the claim holds."""
+    varying = varying_factors(rows)
+    counts: dict[str, Counter[str]] = {}
+    for one in comparisons:
+        counts.setdefault(_head(one, varying), Counter())[verdict(one)] += 1
+    return [f"{head} {_counted(found)}" for head, found in counts.items()]
+
+
+def _counted(found: Counter[str]) -> str:
+    said = ", ".join(
+        f"it {word} in {found[word]}" for word in (HOLDS, FAILS, OPEN, NO_INTERVAL, NO_PAIR) if found[word]
+    )
+    return f"Of {found.total()} cases {said}."
+
+
+def _head(one: Comparison, varying: Sequence[str]) -> str:
+    who, whom, _ = names(one, varying)
+    return f"The paper says that {who} is more than {CLAIMED:g} times better than {whom}."
+
+
+def _sentence(one: Comparison, varying: Sequence[str]) -> str:
+    head = _head(one, varying)
+    who, whom, where = names(one, varying)
+    lost = losses(one, who, whom)
+    if one.paired.n == 0:
+        return f"{head} Nothing can be said{where}: {lost or 'no run of both has a value'}."
+    times, low, high = map(number, better(one))
+    word = verdict(one)
+    if word == NO_INTERVAL:
+        return f"{head} Seen: {times} times{where}, over {one.paired.n} runs, without an interval{and_lost(lost)}."
+    return f"{head} It {word}: {times} times{where} (95 % {low} to {high}, {one.paired.n} seeds){and_lost(lost)}."
+
+
+def _has(rows: "pd.DataFrame", values: Mapping[str, str]) -> bool:
+    return bool(_are(rows, values).any())
+
+
+def _are(rows: "pd.DataFrame", values: Mapping[str, str]) -> "pd.Series":
+    """Which rows have these values."""
+    return (rows[list(values)].astype(str) == list(values.values())).all(axis=1)

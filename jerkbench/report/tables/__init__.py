@@ -1,0 +1,1 @@
+"""Rows of runs -> tables, and their writers."""

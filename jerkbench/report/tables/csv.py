@@ -1,0 +1,59 @@
+"""Tables -> tidy CSV: one line a cell, all digits."""
+
+import csv
+import io
+import math
+from collections.abc import Sequence
+
+from jerkbench.report.analysis.factors import FACTORS
+from jerkbench.report.tables.table_model import Cell, Ratio, Table
+
+VALUES = (
+    "average",
+    "mean",
+    "low",
+    "high",
+    "runs",
+    "diverged",
+    "failed",
+    "missing",
+    "replicate",
+    "ratio",
+    "ratio_low",
+    "ratio_high",
+    "p",
+)
+"""Columns after the metric, its unit and the factors; the ends are a range where ``replicate`` is "phase";
+``average`` says which mean it is, and the ratio is empty without a baseline."""
+
+
+def tidy_csv(tables: Sequence[Table]) -> str:
+    """Return one line for each cell of the tables; a number that is not there is empty."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(["metric", "unit", *FACTORS, *VALUES])
+    for table in tables:
+        for row, cells in zip(table.rows, table.cells, strict=True):
+            for column, cell in zip(table.columns, cells, strict=True):
+                if cell is not None:
+                    writer.writerow(
+                        [table.metric, table.unit, *_factors(table, row, column), table.average, *_values(cell)]
+                    )
+    return text.getvalue()
+
+
+def _factors(table: Table, row: tuple[str, ...], column: tuple[str, ...]) -> list[str]:
+    keys = (*table.row_keys, *table.column_keys)
+    values = dict(table.constants) | dict(zip(keys, (*row, *column), strict=True))
+    return [values[key] for key in FACTORS]
+
+
+def _values(cell: Cell) -> list[str]:
+    counts = (cell.runs, cell.diverged, cell.failed, cell.missing)
+    ratio = cell.ratio or Ratio(math.nan, math.nan, math.nan, math.nan, shown=False)
+    against = _written(ratio.value, ratio.low, ratio.high, ratio.p)
+    return [*_written(cell.mean, cell.low, cell.high), *map(str, counts), cell.replicate, *against]
+
+
+def _written(*values: float) -> list[str]:
+    return ["" if math.isnan(value) else repr(value) for value in values]

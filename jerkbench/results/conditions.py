@@ -1,0 +1,135 @@
+"""The conditions that a cell was measured under, beyond what its labels say: data, parameters, protocol, engine."""
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+from jerkbench.results.store import Stored
+
+PARTS = ("dataset", "disturbance", "attitude", "filter", "adaptation")
+"""Parts of a cell that a label stands for; the noise is a parameter of the filter."""
+
+MEASURED = ("dataset", "disturbance")
+"""Parts that decide what was measured and how it was scored, not which method was run."""
+
+PROTOCOL = ("burn_in_s", "divergence_limit_m")
+"""What of the protocol changes a score; of different seeds those that are shared are compared."""
+
+PLACES = ("folder", "file")
+"""Ends of the parameters that say where data are."""
+
+UNKNOWN = "none"
+"""In the place of the hash of data that were drawn, not read."""
+
+Values = dict[str, str]
+"""Parameter -> its value as text."""
+
+
+def conditions(about: Mapping[str, Any]) -> dict[str, Values]:
+    """Return the parameters of each part of a cell; the protocol and the engine belong to the data set."""
+    spec, protocol = about["spec"], about["protocol"]
+    found = {part: _parameters(part, spec.get(part, {})) for part in PARTS}
+    scored = {name: _text(protocol[name]) for name in PROTOCOL if name in protocol}
+    data = {"data": about["data"][:12] or UNKNOWN}
+    found["dataset"] |= {**data, **scored, **_parameters("engine", spec.get("engine", {}))}
+    return found
+
+
+def told_apart(cells: Sequence[Stored]) -> tuple[list[dict[str, str]], list[str]]:
+    """Return the labels of each cell, with what two cells of one label differ in, and a sentence for each such label.
+
+    What was not measured under the same conditions so has another name, and is never compared.
+    """
+    labels = [dict(one.about["labels"]) for one in cells]
+    known = [conditions(one.about) for one in cells]
+    remarks = []
+    for part in PARTS:
+        for label, places in _of_one_label(cells, part).items():
+            varying = _varying([known[place][part] for place in places])
+            for place in places:
+                labels[place][part] = with_parameters(label[0], _own(part, known[place][part], varying))
+            if varying:
+                remarks.append(_remark(part, label[0], varying))
+    return labels, remarks
+
+
+def _of_one_label(cells: Sequence[Stored], part: str) -> dict[tuple[str, ...], list[int]]:
+    """The places of the cells whose part has one label; a filter's parameters are those of its noise too."""
+    names = (part, "noise") if part == "filter" else (part,)
+    groups: dict[tuple[str, ...], list[int]] = {}
+    for place, one in enumerate(cells):
+        groups.setdefault(tuple(one.about["labels"][name] for name in names), []).append(place)
+    return groups
+
+
+def _own(part: str, values: Values, varying: Mapping[str, Mapping[str, str]]) -> list[str]:
+    """The parameters of one cell that differ between cells."""
+    return [f"{name.removeprefix(f'{part}.')}={texts[values[name]]}" for name, texts in varying.items()]
+
+
+def differences(first: Mapping[str, Values], second: Mapping[str, Values], parts: Iterable[str]) -> list[str]:
+    """Return what two cells differ in, "burn_in_s (0, 10)", for some parts."""
+    found = []
+    for part in parts:
+        varying = _varying([first[part], second[part]])
+        found += [
+            f"{name} ({texts[first[part][name]]}, {texts[second[part][name]]})" for name, texts in varying.items()
+        ]
+    return found
+
+
+def with_parameters(label: str, parameters: Sequence[str]) -> str:
+    """Return a label with more parameters in its parentheses.
+
+    >>> with_parameters("field(duration_s=30)", ["burn_in_s=0"])
+    'field(duration_s=30, burn_in_s=0)'
+    """
+    if not parameters:
+        return label
+    joined = ", ".join(parameters)
+    return f"{label[:-1]}, {joined})" if label.endswith(")") else f"{label}({joined})"
+
+
+def _parameters(part: str, plugins: Mapping[str, Any] | Sequence[Mapping[str, Any]]) -> Values:
+    """The parameters of a plugin, or of several disturbances in order, whose names and places are conditions too."""
+    if isinstance(plugins, Mapping):
+        return {f"{part}.{key}": _text(value) for key, value in plugins.items()}
+    names = {part: "+".join(str(one["name"]) for one in plugins)}
+    return names | {
+        f"{one['name']}.{key}" + (f".{place}" if place else ""): _text(value)
+        for place, one in enumerate(plugins)
+        for key, value in one.items()
+        if key != "name"
+    }
+
+
+def _varying(known: Sequence[Values]) -> dict[str, dict[str, str]]:
+    """Parameters that differ, each with its values in short; one that some do not have is of other code.
+
+    Where the data have a hash, it decides; places of files only say in better words which data these are.
+    """
+    shared = [name for name in known[0] if all(name in one for one in known)]
+    values = {name: list(dict.fromkeys(one[name] for one in known)) for name in shared}
+    differing = {name: texts for name, texts in values.items() if len(texts) > 1}
+    places = [name for name in differing if name.endswith(PLACES)]
+    if "data" in differing:
+        told = [name for name in differing if name != "data" or not places]
+    else:
+        hashed = values.get("data", [UNKNOWN]) != [UNKNOWN]
+        told = [name for name in differing if not (hashed and name in places)]
+    return {name: dict(zip(differing[name], _short(differing[name]), strict=True)) for name in told}
+
+
+def _short(texts: Sequence[str]) -> list[str]:
+    """The last parts of paths, as long as these differ."""
+    ends = [text.rstrip("/").rpartition("/")[2] for text in texts]
+    return ends if len(set(ends)) == len(texts) else list(texts)
+
+
+def _text(value: object) -> str:
+    return value if isinstance(value, str) else json.dumps(value, default=str)
+
+
+def _remark(part: str, label: str, varying: Mapping[str, Mapping[str, str]]) -> str:
+    what = " and ".join(f"{name} ({', '.join(texts.values())})" for name, texts in varying.items())
+    return f"The results of {part} {label} differ in {what}: they have different names here and are not compared."

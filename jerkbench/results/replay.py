@@ -1,0 +1,147 @@
+"""A row once more, from the configuration that is stored with it."""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from jerkbench.cells.cell import Cell, Protocol, build
+from jerkbench.cells.labels import Labels
+from jerkbench.cells.provenance import code_digest, versions
+from jerkbench.errors import JerkbenchError
+from jerkbench.estimate import Estimate
+from jerkbench.execution.cell_run import Row, run_once, run_open
+from jerkbench.execution.inputs import require_data
+from jerkbench.execution.plugin_errors import plugins_in_words
+from jerkbench.recording import Recording
+from jerkbench.results.store import Store, Stored
+from jerkbench.results.study import load_study
+
+
+@dataclass(frozen=True, eq=False)
+class StoredRow:
+    """A row, and all that is needed to make it again.
+
+    Attributes:
+        cell: made from the stored specification.
+        draw: its seed, or phase.
+        fingerprint: of the data that it was made from.
+        row: as it was stored.
+        about: what else is stored of its cell.
+    """
+
+    cell: Cell
+    draw: int
+    fingerprint: str
+    row: Row
+    about: dict[str, Any]
+
+    def run(self) -> tuple[Recording, Estimate]:
+        """Run it again: what the filter saw, and what it made of it.
+
+        Raises:
+            JerkbenchError: the data are other data now.
+        """
+        require_data(self.cell.dataset, self.fingerprint)
+        with plugins_in_words(self.cell):
+            return run_once(self.cell, self.draw, self.fingerprint)
+
+    def score(self) -> Row:
+        """Run it again as the sweep did; returns its row.
+
+        Raises:
+            JerkbenchError: the data are other data now.
+        """
+        require_data(self.cell.dataset, self.fingerprint)
+        (row,), _ = run_open(self.cell, self.fingerprint, [self.draw])
+        return row
+
+    @property
+    def code_changed(self) -> bool:
+        """Whether this package or a library is another than the one that stored the row."""
+        return bool(self.about["code"] != code_digest() or self.about["versions"] != versions())
+
+
+def stored_row(folder: Path, which: str) -> StoredRow:
+    """Find a row of a study.
+
+    Args:
+        folder: the study's, or a folder of cells.
+        which: the row's number in rows.csv, from 1 on; or the beginning of its cell's key, with ``:SEED`` or its first.
+
+    Raises:
+        JerkbenchError: there is none, or several.
+    """
+    key, seed = _by_number(folder, int(which)) if which.isdecimal() and len(which) < 6 else _by_key(folder, which)
+    stored, _ = Store(folder).read([key])
+    if not stored:
+        raise JerkbenchError(f"The file of the cell {key} in {folder} is damaged; `jerkbench run` makes it anew.")
+    return row_of(stored[0], seed)
+
+
+def row_of(stored: Stored, seed: int | None = None) -> StoredRow:
+    """Return one row of a stored cell: that of ``seed``, or its first.
+
+    Raises:
+        JerkbenchError: it has no such seed.
+    """
+    seeds = [int(one) for one in stored.rows["seed"]]
+    draw = seeds[0] if seed is None else seed
+    if draw not in seeds:
+        raise JerkbenchError(f"The cell {stored.key} has no seed {draw}; it has {', '.join(map(str, seeds))}.")
+    about = stored.about
+    cell = _cell_of(stored)
+    return StoredRow(cell, draw, about["data"], stored.rows.to_dict("records")[seeds.index(draw)], about)  # type: ignore[arg-type]  # keys are strings
+
+
+def _cell_of(stored: Stored) -> Cell:
+    """The cell that the stored configuration describes.
+
+    Raises:
+        JerkbenchError: it describes none, at least not for this version of the plugins.
+    """
+    about = stored.about
+    try:
+        return build(about["spec"], Protocol(**about["protocol"]), Labels(**about["labels"]))
+    except (TypeError, ValueError, ArithmeticError, LookupError, AttributeError) as error:
+        raise JerkbenchError(
+            f"The configuration that is stored with the cell {stored.key} makes no cell ({error}): it is damaged, or"
+            " of another version."
+        ) from error
+
+
+def differences(one: StoredRow) -> list[tuple[str, float, float]]:
+    """Run the row again; return each metric with its stored and its new value.
+
+    Raises:
+        JerkbenchError: the run cannot be made again, or ends otherwise than it did.
+    """
+    again = one.score()
+    if again["status"] != one.row["status"]:
+        raise JerkbenchError(f"The run was {one.row['status']} and is {again['status']} now: {again['reason']}")
+    skip = {*one.cell.labels._fields, "seed", "replicate", "status", "reason"}
+    names = [name for name in one.row if name not in skip]  # one that is gone differs
+    return [(name, float(one.row[name]), float(again.get(name, math.nan))) for name in names]
+
+
+def same(before: float, after: float) -> bool:
+    """Whether two values are the same to the bit, or both not there."""
+    return before == after or (math.isnan(before) and math.isnan(after))
+
+
+def _by_number(folder: Path, place: int) -> tuple[str, int]:
+    study = load_study(folder)
+    if not 1 <= place <= len(study.rows):
+        raise JerkbenchError(f"{folder} has the rows 1 to {len(study.rows)}; there is no row {place}.")
+    return str(study.keys.iloc[place - 1]), int(study.rows["seed"].iloc[place - 1])
+
+
+def _by_key(folder: Path, which: str) -> tuple[str, int | None]:
+    beginning, _, seed = which.partition(":")
+    keys = [key for key in Store(folder).names() if key.startswith(beginning)]
+    if len(keys) != 1 or (seed and not seed.isdecimal()):
+        raise JerkbenchError(
+            f"'{which}' is no row of {folder}: {len(keys)} cells begin with '{beginning}'. Give the row's number in "
+            "rows.csv (from 1), or KEY:SEED, with the name of a file in cells/."
+        )
+    return keys[0], int(seed) if seed else None

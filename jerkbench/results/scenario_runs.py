@@ -1,0 +1,128 @@
+"""The runs of a study that are worth a picture: of each scenario a few methods, over the same seed."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from jerkbench.attitude.plugin import Tilt
+from jerkbench.estimate import Attitude, Estimate
+from jerkbench.execution import inputs
+from jerkbench.recording import Recording
+from jerkbench.report.analysis.references import competes
+from jerkbench.results.replay import StoredRow, row_of
+from jerkbench.results.store import Store, Stored
+from jerkbench.results.study import Study
+from jerkbench.results.titles import titled
+
+WANTED = (("baseline", "none"), ("jerk", "mtf"), ("jerk", "none"), ("gnss_only", "none"))
+"""Filters and adaptations that are drawn where they are there, beside the best one."""
+
+SHOWN = 5
+"""Methods in one picture."""
+
+TILTS = ("none", "scalar", "mtf")
+"""Ways of the tilt filter to adapt that are compared; lee needs a memory of its own."""
+
+SEEDS = 10
+"""Runs of the best method whose NEES and NIS are averaged."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """One scenario, its first seed.
+
+    Attributes:
+        name: data set, disturbance, attitude.
+        recording: what the filters saw; its name is the figures' title.
+        attitude: what they were given.
+        estimates: of each method, by its name.
+        tilts: the best method with each way of the tilt filter to adapt; if its attitude is no `tilt`, its own alone.
+        best: the method with the lowest mean, of those that compete.
+        best_runs: recordings and estimates of its first seeds.
+    """
+
+    name: str
+    recording: Recording
+    attitude: Attitude
+    estimates: Mapping[str, Estimate]
+    tilts: Mapping[str, Estimate]
+    best: str
+    best_runs: tuple[tuple[Recording, Estimate], ...]
+
+
+def scene_keys(study: Study, limit: int) -> dict[str, tuple[str, ...]]:
+    """Return the names of up to ``limit`` scenarios of a study, in their order, each with the keys of its cells."""
+    named = study.rows[["dataset", "disturbance", "attitude"]].astype(str).agg(", ".join, axis=1)
+    found: dict[str, dict[str, None]] = {}
+    for name, key in zip(named, study.keys, strict=True):
+        found.setdefault(name, {})[key] = None
+    return {name: tuple(keys) for name, keys in list(found.items())[:limit]}
+
+
+def load_scene(folder: Path, name: str, keys: Sequence[str], metric: str) -> Scene:
+    """Run those cells ``keys`` of a scenario again that are worth a picture.
+
+    Args:
+        folder: the study's.
+        name: of the scenario.
+        keys: of its cells.
+        metric: by which they are chosen.
+
+    Raises:
+        JerkbenchError: they cannot be run again.
+    """
+    stored, _ = Store(folder).read(keys)
+    return _scene(name, _chosen(stored, metric))
+
+
+def _scene(name: str, chosen: Mapping[str, Stored]) -> Scene:
+    rows = {method: row_of(stored) for method, stored in chosen.items()}
+    runs = {method: row.run() for method, row in rows.items()}
+    best = next(iter(rows))
+    recording = runs[best][0]
+    attitude = inputs.attitude_of(recording, rows[best].cell.attitude)
+    estimates = {method: estimate for method, (_, estimate) in runs.items()}
+    runs_of_best = tuple(_best_runs(chosen[best]))
+    named = titled(recording, rows[best].cell, rows[best].draw)
+    return Scene(name, named, attitude, estimates, _tilts(rows[best], estimates[best]), best, runs_of_best)
+
+
+def _tilts(row: StoredRow, own: Estimate) -> dict[str, Estimate]:
+    attitude = row.cell.attitude
+    if not isinstance(attitude, Tilt):
+        return {row.cell.labels.attitude: own}
+    varied = {one: replace(attitude, adapt=one, compiled=True) for one in TILTS}
+    return {
+        f"tilt, adapt={one}": replace(row, cell=replace(row.cell, attitude=a)).run()[1] for one, a in varied.items()
+    }
+
+
+def _best_runs(stored: Stored) -> Iterator[tuple[Recording, Estimate]]:
+    good = stored.rows[(stored.rows["status"] == "ok") & (stored.rows["replicate"] == "seed")]
+    rows = [row_of(stored, int(seed)) for seed in list(good["seed"])[:SEEDS]] or [row_of(stored)]
+    return map(StoredRow.run, rows)
+
+
+def _chosen(group: list[Stored], metric: str) -> dict[str, Stored]:
+    """Pick the best, those that are wanted, and then the next best; of one method with several noises the best."""
+    ranked = sorted(group, key=lambda one: (not competes(one.about["labels"]), _mean(one, metric)))
+    methods: dict[tuple[str, str], Stored] = {}
+    for one in ranked:
+        methods.setdefault((one.about["labels"]["filter"], one.about["labels"]["adaptation"]), one)
+    ordered = list(methods)
+    places = [ordered[0], *(one for one in WANTED if one in methods), *ordered]
+    return {_name(methods[key]): methods[key] for key in list(dict.fromkeys(places))[:SHOWN]}
+
+
+def _mean(one: Stored, metric: str) -> float:
+    """The mean of the metric; of a method that lost a run, or has no value, infinite."""
+    if metric not in one.rows or not (one.rows["status"] == "ok").all():
+        return float("inf")
+    mean = float(one.rows[metric].mean())
+    return mean if mean == mean else float("inf")  # noqa: PLR0124 - NaN
+
+
+def _name(one: Stored) -> str:
+    labels = one.about["labels"]
+    noise = "" if labels["noise"] == "own" else f", {labels['noise']}"
+    return f"{labels['filter']} + {labels['adaptation']}{noise}"

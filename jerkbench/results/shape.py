@@ -1,0 +1,141 @@
+"""The shape of what is stored: whether a cell, or a manifest, is one that this package has written."""
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import pyarrow as pa
+
+from jerkbench.cells.labels import Labels
+from jerkbench.plain import is_plain
+
+KEY = re.compile("[0-9a-f]+")
+"""What the name of a cell's file is made of."""
+
+MOST_ROWS = 10_000_000
+"""A file that says that it has more is damaged: nobody has run so many seeds."""
+
+Test = Callable[[Any], bool]
+
+
+def is_key(name: str) -> bool:
+    """Whether a file of this name, without its ending, can be a cell's."""
+    return KEY.fullmatch(name) is not None
+
+
+def is_cell(table: pa.Table, about: object) -> bool:
+    """Whether rows, and what is stored beside them, are those of a cell."""
+    return _has(about, CELL) and _is_table(table, about["labels"], about["failed"])  # type: ignore[index]  # it has them
+
+
+def is_manifest(content: object) -> bool:
+    """Whether the content of a manifest is one; parts may be missing."""
+    return isinstance(content, Mapping) and all(MANIFEST[name](content[name]) for name in MANIFEST if name in content)
+
+
+def _text(value: object) -> bool:
+    return isinstance(value, str) and is_plain(value)
+
+
+def _texts(value: object) -> bool:
+    return isinstance(value, list) and all(map(_text, value))
+
+
+def _count(value: object) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and value >= 0
+
+
+def _number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _mapping_of(test: Test) -> Test:
+    return lambda value: isinstance(value, Mapping) and all(_text(name) and test(one) for name, one in value.items())
+
+
+def _anything(_: object) -> bool:
+    return True
+
+
+def _has(value: object, tests: Mapping[str, Test]) -> bool:
+    return isinstance(value, Mapping) and all(name in value and test(value[name]) for name, test in tests.items())
+
+
+def _named(value: object) -> bool:
+    """Whether it is a plugin with its parameters."""
+    return _mapping_of(_anything)(value) and _has(value, {"name": _text})
+
+
+def _spec(value: object) -> bool:
+    several = {"disturbance": lambda of: isinstance(of, list) and all(map(_named, of)), "metrics": _texts}
+    return _has(value, dict.fromkeys(("dataset", "attitude", "filter", "adaptation", "engine"), _named) | several)
+
+
+def _protocol(value: object) -> bool:
+    numbers = dict.fromkeys(("burn_in_s", "divergence_limit_m"), _number)
+    return _has(value, dict.fromkeys(("seeds", "first_seed"), _count) | numbers)
+
+
+def _labels(value: object) -> bool:
+    return _mapping_of(_text)(value) and tuple(value) == Labels._fields  # type: ignore[arg-type]  # it is a mapping
+
+
+CELL: Mapping[str, Test] = {
+    "labels": _labels,
+    "spec": _spec,
+    "protocol": _protocol,
+    "data": _text,
+    "notes": _texts,
+    "code": _text,
+    "versions": _mapping_of(_text),
+    "commit": _text,
+    "created": _text,
+    "seconds": _number,
+    "failed": _count,
+}
+"""What is stored beside the rows of a cell."""
+
+MANIFEST: Mapping[str, Test] = {
+    "cells": _texts,
+    "last": _texts,
+    "notes": _mapping_of(_texts),
+    "command": _texts,
+    "finished": _text,
+    "versions": _mapping_of(_text),
+    "commit": _text,
+    "host": _mapping_of(lambda value: value is None or _text(value) or _count(value)),
+    "configuration": _mapping_of(_mapping_of(_anything)),
+}
+
+STATUSES = {"ok", "diverged", "failed"}
+REPLICATES = {"seed", "phase"}
+
+
+def _is_table(table: pa.Table, labels: Mapping[str, str], failed: int) -> bool:
+    names = table.column_names
+    head = (*labels, "seed", "replicate", "status", "reason")
+    if table.num_rows == 0 or len(set(names)) < len(names) or not set(head) <= set(names):
+        return False
+    if not all(_text(name) and _is_metric(table[name].type) for name in names if name not in head):
+        return False
+    same = all(_values(table, name) == {value} for name, value in labels.items())
+    words = _values(table, "replicate") <= REPLICATES and _values(table, "status") <= STATUSES
+    if not (same and words and all(map(_text, _values(table, "reason")))):
+        return False
+    return _are_seeds(table["seed"]) and table["status"].to_pylist().count("failed") == failed
+
+
+def _values(table: pa.Table, name: str) -> set[object]:
+    return set(table[name].to_pylist()) if pa.types.is_string(table[name].type) else {None}
+
+
+def _is_metric(kind: pa.DataType) -> bool:
+    tests = (pa.types.is_floating, pa.types.is_integer, pa.types.is_boolean, pa.types.is_null)
+    return any(test(kind) for test in tests)
+
+
+def _are_seeds(column: pa.ChunkedArray) -> bool:
+    if not pa.types.is_integer(column.type) or column.null_count:
+        return False
+    seeds: Sequence[int] = column.to_pylist()
+    return min(seeds) >= 0 and len(set(seeds)) == len(seeds)

@@ -1,0 +1,1 @@
+"""Every figure of a study: drawn, written, put into the report."""

@@ -1,0 +1,110 @@
+"""Every figure of a study, with its caption."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from jerkbench.report.tables.summary import main_metric, summarise
+from jerkbench.results.scenario_runs import Scene
+from jerkbench.results.titles import file_stem
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+
+AT_BEST = "Each method has its best noise of the sweep, on these very runs."
+
+
+@dataclass(frozen=True, eq=False)
+class Drawing:
+    """A figure with what belongs under it.
+
+    Attributes:
+        name: of its files, without the ending.
+        caption: what it shows.
+        figure: the figure.
+    """
+
+    name: str
+    caption: str
+    figure: "Figure"
+
+
+def of_rows(rows: "pd.DataFrame") -> Iterator[Drawing]:
+    """Yield the figures that need the rows alone."""
+    from jerkbench.report.analysis.best_noise import at_best_noise
+    from jerkbench.report.analysis.quantities import quantity
+    from jerkbench.report.plots.bars import bars_figure
+    from jerkbench.report.plots.sensitivity import sensitivity_figure, with_sigma
+
+    metric = main_metric(rows)
+    title = quantity(metric).heading
+    best = at_best_noise(rows, metric)
+    noise = f" {AT_BEST}" if best["noise"].nunique() == 1 < rows["noise"].nunique() else ""
+    means = f"{title}: means with 95 % intervals; hatched: some runs were lost.{noise}"
+    yield Drawing("bars", means, bars_figure(summarise(best, metric)))
+    yield from _over_scenarios(best, metric, noise)
+    if len(with_sigma(rows)["sigma_a"].unique()) > 1:
+        figure = sensitivity_figure(rows, metric)
+        yield Drawing("sensitivity", f"{title} over the process noise; hollow: some runs were lost.", figure)
+
+
+def _over_scenarios(rows: "pd.DataFrame", metric: str, noise: str) -> Iterator[Drawing]:
+    """Yield the heat map, and the profiles of the methods that compete, where there are several scenarios."""
+    from jerkbench.report.analysis.costs import competing, costs, of_all_methods
+    from jerkbench.report.analysis.quantities import quantity
+    from jerkbench.report.plots.heat_map import heat_map_figure
+    from jerkbench.report.plots.profile import profile_figure
+
+    title = quantity(metric).heading
+    values, scenarios, methods = costs(rows, metric)
+    if min(values.shape) < 2:
+        return
+    rivals = competing(rows, metric)
+    common, which = of_all_methods(values[:, rivals])
+    profiled = len(common) > 1 and sum(rivals) > 1
+    means = f"{title}, arithmetic means, method by scenario; bold: the best of a scenario."
+    apart = "" if all(rivals) else " In parentheses: references, which do not compete."
+    needs = f"two scenarios{which}" if sum(rivals) > 1 else "two methods that compete"
+    none = "" if profiled else f" No performance profiles: they need {needs}."
+    figure = heat_map_figure(values, scenarios, methods, title, rivals)
+    yield Drawing("heat-map", f"{means}{apart}{none}{noise}", figure)
+    if profiled:
+        how = f"Performance profiles and mean ranks over the {len(common)} scenarios{which}."
+        names = [name for name, rival in zip(methods, rivals, strict=True) if rival]
+        gone = "" if all(rivals) else " References do not compete."
+        yield Drawing("profile", f"{how}{gone}{noise}", profile_figure(common, names, title))
+
+
+def of_scene(scene: Scene) -> Iterator[Drawing]:
+    """Yield the figures of one scenario's runs."""
+    from jerkbench.report.plots.acceleration import acceleration_figure
+    from jerkbench.report.plots.adapted_r import adapted_r_figure
+    from jerkbench.report.plots.consistency import consistency_figure
+    from jerkbench.report.plots.errors_over_time import error_figure
+    from jerkbench.report.plots.inset import inset_trajectory_figure
+    from jerkbench.report.plots.tilt import tilt_figure
+    from jerkbench.report.plots.zoom import disturbed_window_s, zoomed_error_figure
+
+    recording, estimates = scene.recording, scene.estimates
+    window_s = disturbed_window_s(recording, estimates)
+    only = {scene.best: estimates[scene.best]}
+    updated = {name: one for name, one in estimates.items() if len(one.updates.t_s)}
+    made = {
+        "errors": ("position error, first seed", error_figure(recording, estimates, panels=1)),
+        "zoom": ("position error around a disturbance", zoomed_error_figure(recording, estimates, window_s)),
+        "trajectory": (
+            "trajectory, and a part of it enlarged",
+            inset_trajectory_figure(recording, estimates),
+        ),
+        "three-sigma": (f"errors of {scene.best} with three sigmas", error_figure(recording, only)),
+        "consistency": (f"NEES and NIS of {scene.best}", consistency_figure(scene.best_runs, scene.best)),
+        "adapted-r": ("measurement noise that was used", adapted_r_figure(recording, updated)),
+    }
+    if recording.imu is not None:
+        made["tilt"] = ("roll and pitch against the reference", tilt_figure(recording, scene.tilts))
+        made["acceleration"] = ("raw and compensated acceleration", acceleration_figure(recording, scene.attitude))
+    slug = file_stem([scene.name])
+    for kind, (caption, figure) in made.items():
+        yield Drawing(f"{slug}-{kind}", f"{scene.name}: {caption}.", figure)

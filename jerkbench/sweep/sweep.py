@@ -1,0 +1,129 @@
+"""The sweep: runs the cells that are not done yet, stores each at once, and ends with the table, whatever happens."""
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from jerkbench.cells.cell import Cell, refusal
+from jerkbench.errors import PluginError
+from jerkbench.execution.cell_run import failed_rows, run_pieces
+from jerkbench.execution.pool import run_grouped
+from jerkbench.execution.preflight import require_inputs
+from jerkbench.execution.progress import Progress
+from jerkbench.results.store import Store, cell_key
+from jerkbench.sweep.seed_blocks import Blocks, missing, run_blocks, store_cell
+from jerkbench.sweep.tasks import Planned, Result, Task, grouped
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """What a sweep is going to do.
+
+    Attributes:
+        cells: every cell, in order.
+        refused: sentences about the combinations that make no sense and are left out.
+    """
+
+    cells: tuple[Planned, ...]
+    refused: tuple[str, ...]
+
+
+def plan_sweep(cells: Sequence[Cell]) -> Plan:
+    """Find the key of each cell; leave out what is refused and what is there twice.
+
+    Raises:
+        RecordingError: the data of a cell are not there, or lack what its filters were asked to use.
+        PluginError: two cells would have the same name in the table.
+    """
+    planned: dict[str, Planned] = {}
+    refused: dict[str, int] = {}
+    fingerprints: dict[object, str] = {}
+    checked: set[tuple[object, object]] = set()
+    for cell in cells:
+        if reason := refusal(cell):
+            refused[reason] = refused.get(reason, 0) + 1
+            continue
+        if cell.dataset not in fingerprints:
+            fingerprints[cell.dataset] = cell.dataset.fingerprint()
+        require_inputs(cell, checked)
+        fingerprint = fingerprints[cell.dataset]
+        key = cell_key(cell, fingerprint)
+        planned.setdefault(key, Planned(cell, key, fingerprint))
+    _require_names([one.cell for one in planned.values()])
+    lines = tuple(f"Left out {count} combination{'s' * (count > 1)}: {reason}." for reason, count in refused.items())
+    return Plan(tuple(planned.values()), lines)
+
+
+def run_sweep(plan: Plan, store: Store, workers: int, done: Collection[str]) -> None:
+    """Run what is not ``done``, in ``workers`` processes, with a progress bar; store every cell as it is finished.
+
+    Of a cell that was begun before, only the seeds that are missing run.
+    """
+    pending = [one for one in plan.cells if one.key not in done]
+    finished = Finished(store)
+    with Progress(len(plan.cells), already=len(plan.cells) - len(pending)) as progress:
+        left = {}
+        for one in pending:
+            left[one.key] = finished.resume(one)
+            if not left[one.key]:
+                progress.advance(finished.conclude(one))
+        work = partial(run_task, store.folder.parent)
+        for task, result in run_grouped(work, grouped(pending, left), workers, store.forget):
+            if statuses := finished.add(task, result):
+                progress.advance(statuses)
+
+
+def run_task(folder: Path, task: Task) -> Result:
+    """Run some seeds of a cell, and store them; those of a whole cell as the cell."""
+    one, store = task.one, Store(folder)
+    pieces = run_pieces(one.cell, one.fingerprint, task.draws)
+    result = run_blocks(one, pieces, Blocks(store), keep_rest=not task.whole)
+    if task.whole:
+        store_cell(one, [result], store)
+    return result
+
+
+class Finished:
+    """Cells of which some seeds are still running."""
+
+    def __init__(self, store: Store) -> None:
+        """Start with none."""
+        self._store = store
+        self._parts: dict[str, list[Result]] = {}
+
+    def resume(self, one: Planned) -> Sequence[int]:
+        """Take up the stored seeds of a cell; returns those that are missing."""
+        known = Blocks(self._store).read(one)
+        self._parts[one.key] = [known]
+        return missing(one, known)
+
+    def add(self, task: Task, result: Result | Exception) -> list[str]:
+        """Add what became of ``task``; store a cell with its last part, and return the status of its rows."""
+        one, known = task.one, not isinstance(result, Exception)
+        if isinstance(result, Exception):  # what the process could not say
+            result = Result(failed_rows(one.cell, task.draws, f"{type(result).__name__}: {result}"), [], 0.0)
+        parts = self._parts.setdefault(one.key, [])
+        parts.append(result)
+        if sum(len(part.rows) for part in parts) < len(one.cell.draws):
+            return []
+        if not (task.whole and known):
+            return self.conclude(one)
+        return [row["status"] for part in self._parts.pop(one.key) for row in part.rows]
+
+    def conclude(self, one: Planned) -> list[str]:
+        """Store a cell of which no seed is missing; returns the status of its rows."""
+        return [row["status"] for row in store_cell(one, self._parts.pop(one.key), self._store)]
+
+
+def _require_names(cells: Sequence[Cell]) -> None:
+    """Refuse two cells that no column of the table would tell apart."""
+    seen: dict[object, Cell] = {}
+    for cell in cells:
+        other = seen.setdefault(cell.labels, cell)
+        if other is not cell:
+            parts = [part for part in cell.spec if cell.spec[part] != other.spec[part]]
+            raise PluginError(
+                f"Two combinations would both be called {', '.join(cell.labels)}: they differ in {' and '.join(parts)} "
+                "in a way that no column shows; run them into studies of their own (study=NAME)."
+            )

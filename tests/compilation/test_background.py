@@ -1,0 +1,69 @@
+"""What a figure will need is compiled beside the run, by a process of its own."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from jerkbench.engines.compiled.single import entry
+from jerkbench.engines.compiled_engine import CompiledEngine
+from jerkbench.filters.baseline import Baseline
+
+
+@pytest.fixture
+def begun(monkeypatch, tmp_path):
+    """The code of each process that would be started, with an empty cache."""
+    monkeypatch.setenv("JERKBENCH_CACHE", str(tmp_path))
+    monkeypatch.setattr(os, "cpu_count", lambda: 2)
+    codes = []
+    monkeypatch.setattr(entry, "run_beside", codes.append)
+    return codes
+
+
+def test_the_other_process_leaves_the_loop_on_the_disk(begun):
+    CompiledEngine().prepare(Baseline())
+    (code,) = begun
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=120)
+
+    CompiledEngine().prepare(Baseline())
+    assert len(begun) == 1
+
+
+def test_with_one_processor_nothing_is_begun(begun, monkeypatch):
+    monkeypatch.setattr(os, "cpu_count", lambda: 1)
+    CompiledEngine().prepare(Baseline())
+    assert begun == []
+
+
+SOURCE = """
+from numba import njit
+
+
+@njit("int64(int64)", cache=True)
+def entry(n):
+    return n + 3
+"""
+HOLDING = """
+import sys
+from filelock import FileLock
+
+with FileLock(sys.argv[1]):
+    print("held", flush=True)
+    sys.stdin.read()
+"""
+
+
+def test_who_waits_for_another_process_says_so(monkeypatch, tmp_path):
+    """The other process ends when it has been said: otherwise this waits for ever."""
+    from jerkbench.compilation import module_cache as entries
+
+    monkeypatch.setenv("JERKBENCH_CACHE", str(tmp_path))
+    lock = entries._path(entries._module_name("a loop", SOURCE, "key")).with_suffix(".lock")
+    words, said = [sys.executable, "-c", HOLDING, str(lock)], []
+    with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as holder:
+        assert holder.stdout.readline() == "held\n"
+        monkeypatch.setattr(entries, "notify", lambda text, *_: said.append(text) or holder.stdin.close())
+        assert entries.load_entry("a loop", SOURCE, "key", lambda _: {}).entry(1) == 4
+
+    assert said[0] == "waiting for a loop, which another process is compiling"

@@ -1,0 +1,120 @@
+"""Two sets of results: what is the same, what is better, what fails a build."""
+
+import math
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.stats import mannwhitneyu, ttest_ind
+
+from jerkbench.errors import JerkbenchError
+from jerkbench.evaluation.statistics.paired import unpaired_ratio
+from jerkbench.report.analysis.changes import change_rows, changes
+
+SEEDS = 20
+METRIC = "position_rmse_m"
+
+
+def base():
+    return np.exp(np.random.default_rng(1).normal(scale=0.5, size=SEEDS))
+
+
+@pytest.fixture
+def before(cell_rows):
+    return pd.DataFrame([*cell_rows("jerk", "none", list(base())), *cell_rows("jerk", "mtf", list(base() / 2))])
+
+
+def scaled(rows, factor, scatter=0.0):
+    noise = np.exp(scatter * np.random.default_rng(2).normal(size=len(rows)))
+    return rows.assign(position_rmse_m=rows[METRIC] * factor * noise)
+
+
+def test_the_same_is_the_same_to_the_bit(before):
+    found = changes(before, before.copy(), METRIC)
+    assert [one.verdict for one in found] == ["the same to the bit"] * 2
+    assert not any(one.worse(0.0) for one in found)
+
+
+@pytest.mark.parametrize(("factor", "verdict", "fails"), [(1.1, "worse", True), (0.9, "better", False)])
+def test_a_small_change_is_seen_on_the_same_seeds(before, factor, verdict, fails):
+    for one in changes(before, scaled(before, factor, 0.02), METRIC):
+        assert one.verdict == verdict
+        assert one.ratio.ratio == pytest.approx(factor, rel=0.02)
+        assert one.worse(5.0) is fails
+        assert not one.worse(12.0)
+
+
+def test_on_other_seeds_little_can_be_shown(before):
+    later = scaled(before, 1.1, 0.02).assign(seed=lambda rows: rows["seed"] + 100)
+    for one in changes(before, later, METRIC):
+        assert not one.paired
+        assert one.verdict == "no difference shown (other seeds)"
+        assert not one.worse(5.0)
+    much = scaled(before, 10.0, 0.02).assign(seed=lambda rows: rows["seed"] + 100)
+    assert all(one.worse(5.0) and one.verdict == "worse (other seeds)" for one in changes(before, much, METRIC))
+
+
+def test_more_lost_runs_are_worse(before):
+    later = before.copy()
+    later.loc[later["seed"] == 3, "status"] = "diverged"
+    assert all(one.worse(50.0) and one.lost == (0, 1) for one in changes(before, later, METRIC))
+    assert not any(one.worse(50.0) for one in changes(later, before, METRIC))
+
+
+def test_only_what_both_have_is_compared(before):
+    found = changes(before, before[before["adaptation"] == "mtf"], METRIC)
+    assert [one.combination[4] for one in found] == ["mtf"]
+    alone = before[before["adaptation"] == "none"]
+    (one,) = changes(alone, alone.assign(filter="other"), METRIC)  # a single one each: these two
+    assert one.same
+    with pytest.raises(JerkbenchError, match="No combination of the 2 of the first"):
+        changes(before, before.assign(filter="other"), METRIC)
+    with pytest.raises(JerkbenchError, match="neither the lowest nor the highest"):
+        changes(before.assign(anees=1.0), before.assign(anees=1.0), "anees")
+
+
+def test_without_the_same_seeds_it_is_welch_and_mann_whitney():
+    a, b = np.random.default_rng(3).lognormal(size=(2, 15))
+    b = b[:11]
+    got = unpaired_ratio(a, b)
+    ends = ttest_ind(np.log(a), np.log(b), equal_var=False).confidence_interval(0.95)
+    assert (got.low, got.high) == pytest.approx((math.exp(ends.low), math.exp(ends.high)))
+    assert got.p == pytest.approx(mannwhitneyu(a, b).pvalue)
+    assert got.n == 11
+    assert unpaired_ratio(a + 100, b).effect == 1.0
+    assert math.isnan(unpaired_ratio([], b).ratio)
+
+
+def test_a_line_has_both_means_and_the_ratio(before):
+    later = scaled(before, 2.0)
+    later.loc[later["seed"] == 0, "status"] = "diverged"
+    first, _ = change_rows(changes(before, later, METRIC), ["filter", "adaptation"])
+    assert first[:2] == ["jerk", "none"]
+    assert first[3].endswith("(1/20 lost)")
+    assert first[4] == "×2.00"  # noqa: RUF001
+
+
+def test_what_the_second_lacks_is_not_judged(before):
+    fewer = before[(before["adaptation"] == "none") | (before["seed"] < 4)]
+    none, mtf = changes(before, fewer, METRIC)
+    assert (none.unjudged, none.absent, mtf.unjudged, mtf.absent) == (False, 0, True, 16)
+    halves = [before.assign(status=np.where((before["seed"] % 2 == k), "ok", "diverged")) for k in (0, 1)]
+    assert all(one.unjudged and not one.same for one in changes(*halves, METRIC))  # as many lost, but never a pair
+
+
+def test_a_value_that_is_gone_is_worse(before):
+    later = before.assign(position_rmse_m=before[METRIC].where(before["seed"] != 3))
+    assert all(one.worse(50.0) for one in changes(before, later, METRIC))
+    assert not any(one.worse(50.0) for one in changes(later, before, METRIC))
+
+
+def test_what_rises_from_nothing_is_worse_although_it_has_no_ratio(before):
+    none = before.assign(position_rmse_m=before[METRIC].where(before["seed"] != 3, 0.0))
+    assert all(one.worse(50.0) for one in changes(none, before, METRIC))
+    assert not any(one.worse(50.0) or one.unjudged for one in changes(before, none, METRIC))
+
+
+def test_two_single_runs_of_other_seeds_are_judged_by_their_ratio(before):
+    one = before[before["seed"] == 0]
+    later = scaled(one, 100.0).assign(seed=1)
+    assert all(change.worse(5.0) and math.isnan(change.ratio.low) for change in changes(one, later, METRIC))

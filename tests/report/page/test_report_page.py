@@ -1,0 +1,322 @@
+"""The report: one file, everything in it, and it can be sorted, filtered and opened in a browser."""
+
+import html
+import json
+import re
+import shutil
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from commands import swept
+from jerkbench.report.analysis.review import Evidence, review
+from jerkbench.report.page.nees import says
+from jerkbench.report.page.page import Results, page
+from jerkbench.report.plots.picture import Picture
+
+WORDS = ["filter=baseline,jerk", "adaptation=none,mtf", "disturbance=none,multipath_single_axis", "seeds=2"]
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("report")
+    done = swept(*WORDS, "dataset.duration_s=60", "report=true", "figures=true", "workers=2", cwd=folder)
+    assert "Drawing the figures (figures=false leaves them out)." in done.stdout
+    assert f"Report: {Path('results/adhoc/report.html')}" in done.stdout
+    return folder / "results" / "adhoc" / "report.html"
+
+
+def test_a_sweep_ends_with_all_figures_where_they_are_asked_for(report):
+    drawn = {form: {path.stem for path in (report.parent / "figures").glob(f"*.{form}")} for form in ("png", "pdf")}
+    assert drawn["png"] == drawn["pdf"]
+    of_runs = {f"field_{where}_field" for where in ("none", "multipath_single_axis")}  # and a hash of the whole name
+    kinds = ("errors", "zoom", "trajectory", "three-sigma", "tilt", "acceleration", "consistency", "adapted-r")
+    named = {f"{scene}-{kind}" for scene in of_runs for kind in kinds}
+    short = {re.sub("-[0-9a-f]{8}-", "-", name, count=1) for name in drawn["png"]}
+    assert short == {"bars", "heat-map", "profile", *named}
+
+
+def test_a_report_without_figures_is_quick_to_have(report, tmp_path):
+    shutil.copytree(report.parent / "cells", tmp_path / "results" / "adhoc" / "cells")
+    done = swept(*WORDS, "dataset.duration_s=60", "report=true", cwd=tmp_path)
+    assert "8 of 8 cells are done already" in done.stderr
+    assert "Drawing" not in done.stdout
+    assert not (tmp_path / "results" / "adhoc" / "figures").exists()
+    text = (tmp_path / "results" / "adhoc" / "report.html").read_text(encoding="utf-8")
+    assert "None was drawn." in text
+    assert "A reviewer&#x27;s questions" in text
+
+
+def test_it_is_one_file_that_asks_for_nothing(report):
+    text = report.read_text(encoding="utf-8")
+    assert not re.findall(r"(?:src|href)=\"(?!data:image/png;base64,|#)", text)
+    assert "http" not in re.sub(r"base64,[^\"]*", "", text).replace("http-equiv", "")
+    assert text.count("data:image/png;base64,") == 19
+    assert "The paper says that jerk+mtf is more than 10 times better than baseline+none. Of 2 cases it" in text
+
+
+def test_every_cells_configuration_is_in_it(report):
+    text = report.read_text(encoding="utf-8")
+    stored = {path.stem for path in (report.parent / "cells").glob("*.parquet")}
+    found = dict(re.findall(r'<template id="cell-(\w+)">.*?<pre>(.*?)</pre>', text, flags=re.DOTALL))
+    assert set(found) == stored
+    for content in found.values():
+        about = json.loads(html.unescape(content))
+        assert about["spec"]["dataset"]["duration_s"] == 60.0
+        assert about["protocol"]["seeds"] == 2
+
+
+WORDS_OF_CHROMIUM = (
+    "--headless=new",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-dev-shm-usage",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--no-first-run",
+    "--window-size=1500,1200",
+)
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory):
+    selenium = pytest.importorskip("selenium", reason="selenium is not there; pip install 'jerkbench[test]'")
+    del selenium
+    chromium, driver = shutil.which("chromium"), shutil.which("chromedriver")
+    if chromium is None or driver is None:
+        pytest.skip("chromium and its driver are not there (Debian: chromium chromium-driver)")
+    from selenium import webdriver
+    from selenium.webdriver.chrome.service import Service
+
+    options = webdriver.ChromeOptions()
+    options.binary_location = chromium
+    for word in WORDS_OF_CHROMIUM:
+        options.add_argument(word)
+    options.add_argument(f"--user-data-dir={tmp_path_factory.mktemp('chromium')}")
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    with webdriver.Chrome(options=options, service=Service(driver)) as opened:
+        yield opened
+
+
+@pytest.fixture
+def opened(browser, report):
+    browser.get(report.as_uri())
+    return browser
+
+
+def columns(opened, place):
+    rows = opened.find_elements("css selector", "#cells tbody tr")
+    return [
+        row.find_elements("css selector", "td")[place].get_attribute("textContent")
+        for row in rows
+        if row.is_displayed()
+    ]
+
+
+def header(opened, text):
+    heads = opened.find_elements("css selector", "#cells thead th")
+    place = next(k for k, one in enumerate(heads) if one.text.startswith(text))
+    return place, heads[place].find_element("css selector", "button")
+
+
+def test_it_sorts_up_and_down(opened):
+    place, button = header(opened, "Position RMSE")
+    for sign in (1, -1):
+        opened.execute_script("arguments[0].click()", button)
+        means = [sign * float(text.split()[0]) for text in columns(opened, place)]
+        assert len(means) == 8
+        assert means == sorted(means)
+
+
+def test_it_filters_by_words_and_by_factor(opened):
+    opened.find_element("id", "words").send_keys("jerk multipath")
+    assert set(columns(opened, 3)) == {"jerk"}
+    assert opened.find_element("id", "shown").text == "2 of 8 cells"
+    select = opened.find_element("css selector", "select[data-column='4']")
+    select.find_element("xpath", "./option[text()='mtf']").click()
+    assert columns(opened, 4) == ["mtf"]
+    opened.find_element("id", "words").clear()
+    opened.find_element("id", "words").send_keys(" ")
+    assert columns(opened, 4) == ["mtf"] * 4
+
+
+def test_a_cell_opens_and_closes(opened):
+    opened.execute_script("arguments[0].click()", opened.find_element("css selector", "#cells button[data-key]"))
+    dialog = opened.find_element("id", "cell")
+    assert dialog.is_displayed()
+    assert '"spec"' in dialog.text
+    assert "duration_s" in dialog.text
+    dialog.find_element("css selector", "form button").click()
+    assert not dialog.is_displayed()
+
+
+def test_what_is_in_a_fold_is_seen_when_it_is_opened(opened):
+    fold = opened.find_element("css selector", "#section-findings details:last-of-type")
+    sentence = fold.find_element("css selector", "li")
+    assert not sentence.is_displayed()
+    opened.execute_script("arguments[0].click()", fold.find_element("css selector", "summary"))
+    assert sentence.is_displayed()
+    images = opened.find_elements("css selector", "figure img")
+    assert len(images) == 19
+    opened.execute_script("for (const one of document.images) one.loading = 'eager';")
+    sizes = opened.execute_async_script(
+        "const done = arguments[0];"
+        "Promise.all([...document.images].map((one) => one.decode().then(() => one.naturalWidth))).then(done);"
+    )
+    assert min(sizes) > 500
+
+
+def test_the_browser_has_nothing_to_complain_about(opened):
+    assert [one for one in opened.get_log("browser") if one["level"] != "INFO"] == []
+
+
+def cell(filter_parameter=1.0, dataset="field", data="", window=1, independent="independent of", plugin="", **more):
+    labels = {"dataset": dataset, "disturbance": "none", "attitude": "tilt", "filter": "jerk", "adaptation": "none"}
+    return {
+        "labels": {**labels, "noise": f"accel_mps2={filter_parameter}"},
+        "spec": {
+            "dataset": {"name": plugin or dataset, **more},
+            "filter": {"name": "jerk", "accel_mps2": filter_parameter},
+            "adaptation": {"name": "mtf", "window": window},
+            "attitude": {"name": "tilt"},
+        },
+        "data": data,
+        "notes": [f"Reference of {dataset}: drawn; {independent} the measurements."],
+    }
+
+
+def other(parameter, window):
+    """A cell of another method, whose windows are its own."""
+    made = cell(parameter, window=window)
+    filter_spec = {"name": "baseline", "accel_mps2": 1.0}
+    return {**made, "labels": {**made["labels"], "filter": "baseline"}, "spec": {**made["spec"], "filter": filter_spec}}
+
+
+def answers(cells, seeds=12, anees=6.0, replicate="seed", lost=0):
+    rows = [
+        {**one["labels"], "seed": seed, "replicate": replicate, "status": "ok", "reason": ""}
+        | {"position_rmse_m": 1.0 + 0.1 * seed, "anees": anees}
+        | ({"status": "diverged"} if seed < lost else {})
+        for one in cells
+        for seed in range(seeds)
+    ]
+    checks = review(Evidence(pd.DataFrame(rows), cells, "position_rmse_m"))
+    keys = ("covariance", "budget", "recordings", "seeds", "intervals", "consistency", "independence", "windows")
+    return {key: one.passed for key, one in zip(keys, checks, strict=True)}
+
+
+TOLD = {**cell()["spec"], "filter": {"name": "eskf15", "position_sigma_m": 1.0}}
+GOOD = [cell(k, dataset, window=k) for k in (1, 2, 3) for dataset in ("field", "field_ruts")]
+
+
+def test_a_good_study_passes_the_review():
+    assert answers(GOOD) == {**dict.fromkeys(answers(GOOD), True), "covariance": None}
+    real = [{**one, "data": "hash"} for one in GOOD]
+    assert answers(real)["covariance"] is True
+
+
+@pytest.mark.parametrize(
+    ("question", "cells", "more"),
+    [
+        ("covariance", [cell(k, data="hash", position_sigma_m=1.0) for k in (1, 2, 3)], {}),
+        ("budget", [cell(1)], {}),
+        ("recordings", [cell(k) for k in (1, 2, 3)], {}),
+        ("seeds", GOOD, {"seeds": 5}),
+        ("seeds", GOOD, {"replicate": "phase"}),
+        ("intervals", GOOD, {"replicate": "phase"}),
+        ("consistency", GOOD, {"anees": 60.0}),
+        ("consistency", GOOD, {"anees": float("nan")}),
+        ("independence", [*GOOD, cell(dataset="drive", independent="not independent of")], {}),
+        ("windows", [cell(k, window=4) for k in (1, 2, 3)], {}),
+        ("budget", [*GOOD, *(other(w, w) for w in (1, 2, 3, 4))], {}),
+        ("budget", [*GOOD, cell(4, "field_ruts", window=4)], {}),
+        ("covariance", [{**cell(1, data="hash"), "spec": TOLD}], {}),
+        ("recordings", [cell(k, f"field(duration_s={k})", plugin="field") for k in (30, 60)], {}),
+        ("recordings", [cell(k, name, data="same") for k in (1, 2) for name in ("drive", "ride")], {}),
+        ("recordings", [*GOOD, other(1, 1)], {}),
+        ("seeds", GOOD, {"lost": 3}),
+        ("intervals", GOOD, {"lost": 1}),
+        ("intervals", GOOD, {"lost": 12}),
+        ("consistency", GOOD, {"lost": 12}),
+        ("independence", [*GOOD, {**cell(dataset="drive"), "notes": ["drive has no reference: none."]}], {}),
+        ("windows", [*GOOD, other(1, 1)], {}),
+    ],
+)
+def test_what_is_missing_fails_the_review(question, cells, more):
+    assert answers(cells, **more)[question] is False
+
+
+def test_what_the_log_reports_is_no_replacement():
+    reported = {"position_sigma": ["sdn", "sde", "sdu"], "position_sigma_m": 1.0, "velocity_sigma_mps": []}
+    cells = [cell(k, data="hash", covariance_order="neu", **reported) for k in (1, 2, 3)]
+    assert answers(cells)["covariance"] is True
+
+
+def test_a_reference_needs_no_budget_and_is_not_the_best():
+    oracle = {**cell(9), "labels": {**cell(9)["labels"], "adaptation": "oracle"}}
+    assert answers([*GOOD, oracle])["budget"] is True
+    rows = [{**one["labels"], "seed": 0, "replicate": "seed", "status": "ok"} for one in [*GOOD, oracle]]
+    values = {"position_rmse_m": [2.0] * len(GOOD) + [1.0], "anees": [6.0] * len(GOOD) + [600.0]}
+    checks = review(Evidence(pd.DataFrame(rows).assign(reason="", **values), [*GOOD, oracle], "position_rmse_m"))
+    assert [one.passed for one in checks if one.question.startswith("Are the best")] == [True]
+
+
+@pytest.mark.parametrize(
+    ("anees", "more", "word"),
+    [
+        ([1073.0, 2910.0, 8605.0], {}, "overconfident"),
+        ([0.5, 6.0, 30.0], {}, "not known"),
+        ([3.7, 4.0, 4.2, 4.1, 3.9], {}, "too cautious"),
+        ([5.7, 6.0, 6.2, 6.1, 5.9], {}, "consistent"),
+        ([5.7, 6.0, 6.2, 6.1, 5.9], {"replicate": "phase"}, "not known"),
+        ([5.7, 6.0, 6.2, 6.1, 5.9], {"status": ["ok"] * 4 + ["diverged"]}, "not known"),
+    ],
+)
+def test_the_word_for_a_cell_is_what_its_seeds_show(cell_rows, anees, more, word):
+    rows = pd.DataFrame(cell_rows("jerk", "none", [1.0] * len(anees))).assign(anees=anees).assign(**more)
+    assert says(rows) == word
+
+
+def test_the_page_says_how_to_read_its_words(report):
+    text = report.read_text(encoding="utf-8")
+    assert "consistent where it holds 6 and lies within 3 to 12; not known where it holds more" in text
+
+
+def test_the_review_says_which_band_it_uses_and_that_the_table_is_stricter():
+    rows = [{**one["labels"], "seed": 0, "replicate": "seed", "status": "ok", "reason": ""} for one in GOOD]
+    frame = pd.DataFrame(rows).assign(position_rmse_m=1.0)
+    for anees in (4.0, 60.0):
+        (said,) = [
+            one.reason
+            for one in review(Evidence(frame.assign(anees=anees), GOOD, "position_rmse_m"))
+            if one.question == "Are the best filters near enough to consistent?"
+        ]
+        assert "From 0.5 to 2 times is near enough" in said
+        assert "'NEES says' is stricter" in said
+
+
+def test_what_stands_in_a_study_cannot_break_the_page(cell_rows):
+    nasty = '<script>alert("x")</script>&'
+    rows = pd.DataFrame(cell_rows(nasty, "none", [1.0, 2.0]))
+    about = {**cell(), "protocol": {}, "created": "", "seconds": 0, "commit": "", "versions": {}, "notes": [nasty]}
+    text = page(Results(nasty, rows, ["k", "k"], {"k": about}, (nasty,), {}), [Picture(nasty, nasty, nasty, b"")])
+    assert "<script>alert" not in text
+
+
+@pytest.fixture
+def cell_rows():
+    def make(filter_name, adaptation, values):
+        head = {
+            "dataset": "field",
+            "disturbance": "none",
+            "attitude": "tilt",
+            "noise": "own",
+            "status": "ok",
+            "reason": "",
+        }
+        more = {"filter": filter_name, "adaptation": adaptation, "replicate": "seed"}
+        return [{**head, **more, "seed": k, "position_rmse_m": v} for k, v in enumerate(values)]
+
+    return make

@@ -1,0 +1,183 @@
+"""Figures: what is drawn is the data, nothing overlaps, and a strange run is drawn too."""
+
+import dataclasses
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+
+from jerkbench.estimate import Estimate
+from jerkbench.recording import Imu, Position, Recording, Reference
+from jerkbench.report.plots.figures import error_figure, save_figure, trajectory_figure
+
+N = 400
+T_S = 0.1 * np.arange(N)
+
+
+def make_recording(**changes):
+    angle = 2 * np.pi * T_S / T_S[-1]
+    enu_m = np.column_stack([30 * np.sin(angle), 10 * np.sin(2 * angle), 0 * angle])
+    zeros = np.zeros((N, 3))
+    values = {
+        "position": Position(T_S[::5], enu_m[::5] + 0.3, np.tile(np.eye(3), (N // 5, 1, 1))),
+        "outages_s": np.array([[10.0, 15.0], [20.0, 22.0]]),
+        "reference": Reference(T_S, "drawn", independent=True, enu_m=enu_m),
+    }
+    return Recording("A field", Imu(T_S, zeros, zeros), **(values | changes))
+
+
+def make_estimate(error_m=0.1, index=None):
+    rows = np.arange(N) if index is None else index
+    error = error_m * np.random.default_rng(1).normal(size=(N, 3))
+    position_m = make_recording().reference.enu_m + error
+    covariance = np.tile(np.eye(6) * 0.04, (len(rows), 1, 1))
+    return Estimate(rows, position_m[rows], np.zeros((len(rows), 3)), covariance, np.zeros((len(rows), 3)))
+
+
+def broken_estimate():
+    """Runs away, and then is no number."""
+    one = make_estimate()
+    position_m = one.position_m.copy()
+    position_m[200:300] += 1e5 * np.arange(100)[:, None]
+    position_m[300:350] = 1e300
+    position_m[350:] = np.nan
+    return dataclasses.replace(one, position_m=position_m)
+
+
+def kicked_estimate():
+    """Its ticks depend on the height of the axes (found by a scan): a layout that let them clipped the labels."""
+    one = make_estimate(0.001)
+    position_m = one.position_m.copy()
+    position_m[150] += [2.05, -1.2, 0.4 / 1.3]
+    return dataclasses.replace(one, position_m=position_m, covariance=one.covariance * 1e-4)
+
+
+def labelled(axes):
+    return {line.get_label(): line for line in axes.get_lines()}
+
+
+def texts(figure):
+    return [text.get_text() for text in figure.legends[0].get_texts()]
+
+
+def test_the_trajectory_is_the_data_to_scale():
+    recording, estimates = make_recording(), {"jerk + none": make_estimate(), "baseline + mtf": make_estimate(0.5)}
+    axes = trajectory_figure(recording, estimates).axes[0]
+    drawn = labelled(axes)
+    np.testing.assert_array_equal(drawn["reference"].get_xydata(), recording.reference.enu_m[:, :2])
+    np.testing.assert_array_equal(drawn["measured"].get_xydata(), recording.position.enu_m[:, :2])
+    for name, estimate in estimates.items():
+        np.testing.assert_array_equal(drawn[name].get_xydata(), estimate.position_m[:, :2])
+    assert drawn["reference"].get_color() == "black"
+    assert drawn["jerk + none"].get_color() != drawn["baseline + mtf"].get_color()
+    assert axes.get_aspect() == 1.0
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("East [m]", "North [m]")
+
+
+def test_the_trajectory_marks_the_outages():
+    recording = make_recording()
+    outage = labelled(trajectory_figure(recording, {}).axes[0])["outage"].get_xydata()
+    shown = T_S[np.isfinite(outage[:, 0])]
+    expected = [t for t in T_S if 10.0 <= t < 15.0 or 20.0 <= t < 22.0]
+    np.testing.assert_array_equal(shown, expected)
+
+
+def test_a_run_that_leaves_the_picture_says_so_and_the_picture_stays():
+    recording = make_recording()
+    good, bad = {"jerk": make_estimate()}, {"jerk": make_estimate(), "mtf": broken_estimate()}
+    assert "mtf (leaves the picture)" in texts(trajectory_figure(recording, bad))
+    limits = [trajectory_figure(recording, estimates).axes[0].get_xlim() for estimates in (good, bad)]
+    assert limits[0] == limits[1]
+    assert limits[0][1] < 50
+
+
+def test_the_error_is_the_norm_at_the_estimates_own_stamps():
+    index = np.arange(40, 300)
+    estimate = make_estimate(index=index)
+    recording = make_recording()
+    scored = np.arange(N) >= 100
+    recording = dataclasses.replace(recording, reference=dataclasses.replace(recording.reference, scored=scored))
+    truth = recording.reference.enu_m
+    (line,) = error_figure(recording, {"jerk": estimate}).axes[0].get_lines()
+    norm = np.array([np.linalg.norm(p - q) for p, q in zip(estimate.position_m, truth[index], strict=True)])
+    np.testing.assert_array_equal(line.get_xdata(), T_S[index])
+    np.testing.assert_allclose(line.get_ydata(), norm, rtol=1e-12)
+    assert line.get_label() == f"jerk: RMSE with burn-in {np.sqrt(np.mean(norm[60:] ** 2)):.3f} m"
+
+
+def test_one_estimate_has_three_axes_with_three_sigmas():
+    figure = error_figure(make_recording(), {"jerk": make_estimate()})
+    assert [axes.get_ylabel() for axes in figure.axes] == [
+        "Position error [m]",
+        "East error [m]",
+        "North error [m]",
+        "Up error [m]",
+    ]
+    estimate = make_estimate()
+    for axis, axes in enumerate(figure.axes[1:]):
+        (line,) = axes.get_lines()
+        error = estimate.position_m[:, axis] - make_recording().reference.enu_m[:, axis]
+        np.testing.assert_allclose(line.get_ydata(), error, atol=1e-12)
+        (band,) = axes.collections
+        assert band.get_paths()[0].get_extents().height == pytest.approx(2 * 3 * 0.2)
+
+
+def test_several_estimates_share_one_axis():
+    assert len(error_figure(make_recording(), {"a": make_estimate(), "b": make_estimate()}).axes) == 1
+
+
+@pytest.mark.parametrize(("estimate", "scale"), [(make_estimate(), "linear"), (broken_estimate(), "log")])
+def test_a_wide_spread_is_logarithmic(estimate, scale):
+    assert error_figure(make_recording(), {"one": estimate}).axes[0].get_yscale() == scale
+
+
+def test_the_error_figure_shades_the_outages():
+    axes = error_figure(make_recording(), {"a": make_estimate(), "b": make_estimate()}).axes[0]
+    spans = [(patch.get_x(), patch.get_x() + patch.get_width()) for patch in axes.patches]
+    assert spans == [(10.0, 15.0), (20.0, 22.0)]
+
+
+@pytest.mark.parametrize("draw", [trajectory_figure, error_figure])
+@pytest.mark.parametrize(
+    ("estimate", "count", "length"),
+    [(None, 0, 0), (kicked_estimate(), 1, 11), (broken_estimate(), 8, 16), (kicked_estimate(), 8, 36)],
+)
+def test_everything_is_inside_and_the_legend_apart(draw, count, length, estimate):
+    names = [f"{k}{'gnss_only + variational_bayes_and_more'[:length]}" for k in range(count)]
+    figure = draw(make_recording(), dict.fromkeys(names, estimate))
+    figure.draw_without_rendering()
+    whole = figure.bbox
+    boxes = [axes.get_tightbbox() for axes in figure.axes]
+    legend = figure.legends[0].get_window_extent()
+    for box in (*boxes, legend):
+        assert box.x0 >= whole.x0 - 1
+        assert box.y0 >= whole.y0 - 1
+        assert box.x1 <= whole.x1 + 1
+        assert box.y1 <= whole.y1 + 1
+    assert legend.y1 <= min(box.y0 for box in boxes) + 1
+
+
+@pytest.mark.parametrize("draw", [trajectory_figure, error_figure])
+@pytest.mark.parametrize("estimate", [broken_estimate(), make_estimate(index=np.arange(0))])
+@pytest.mark.parametrize("known", [True, False])
+def test_odd_runs_are_drawn_without_a_warning(draw, estimate, known, tmp_path):
+    recording = make_recording()
+    if not known:
+        recording = make_recording(reference=Reference(T_S, "none", independent=True), position=None)
+    save_figure(draw(recording, {"one": estimate}), tmp_path / "new" / "figure.png")
+    assert imread(tmp_path / "new" / "figure.png").std() > 0.01
+    assert [path.name for path in (tmp_path / "new").iterdir()] == ["figure.png"]
+
+
+def test_without_a_reference_it_says_so():
+    recording = make_recording(reference=Reference(T_S, "none", independent=True))
+    (axes,) = error_figure(recording, {"one": make_estimate()}).axes
+    assert [text.get_text() for text in axes.texts] == ["The recording has no position reference."]
+
+
+def test_pyplot_is_not_imported():
+    code = "import sys, jerkbench.report.plots.figures; print('matplotlib.pyplot' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "False"

@@ -1,0 +1,294 @@
+"""From rows to cells: grouping, means, intervals, what is best, what went wrong."""
+
+import math
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from jerkbench.errors import JerkbenchError
+from jerkbench.evaluation.statistics.intervals import mean_interval
+from jerkbench.report.tables.study_tables import summarise
+from jerkbench.report.tables.table_model import Ratio
+
+
+def cell_of(table, row, column):
+    return table.cells[table.rows.index(row)][table.columns.index(column)]
+
+
+def test_columns_are_adaptations_and_rows_what_else_varies(rows):
+    table = summarise(rows, "position_rmse_m")
+    assert (table.row_keys, table.column_keys) == (("filter",), ("adaptation",))
+    assert table.rows == (("jerk",), ("baseline",))  # order of appearance, not of the alphabet
+    assert table.columns == (("none",), ("sage_husa",))
+    assert dict(table.constants) == {"dataset": "field", "disturbance": "none", "attitude": "tilt", "noise": "own"}
+    assert "In every cell: dataset field, disturbance none, attitude tilt, noise own." in table.footnotes
+
+
+def test_a_cell_is_the_mean_over_its_good_seeds(rows):
+    table = summarise(rows, "position_rmse_m")
+    good = cell_of(table, ("jerk",), ("none",))
+    interval = mean_interval([0.011, 0.012, 0.013, 0.014])
+    assert (good.mean, good.low, good.high) == pytest.approx((0.0125, interval.low, interval.high))
+    assert (good.runs, good.diverged, good.failed) == (4, 0, 0)
+    half = cell_of(table, ("baseline",), ("none",))
+    assert half.mean == pytest.approx((0.031 + 0.032) / 2)
+    assert half.text.startswith("0.0315 [")
+    assert half.text.endswith("] (2/4 diverged)")
+
+
+def test_a_missing_combination_is_none_and_said(rows):
+    table = summarise(rows, "position_rmse_m", notes=("sage_husa was left out for the baseline.",))
+    assert cell_of(table, ("baseline",), ("sage_husa",)) is None
+    assert "–: this combination was not run." in table.footnotes  # noqa: RUF001 - the sign itself
+    assert table.footnotes[-1] == "sage_husa was left out for the baseline."
+
+
+def test_rows_of_one_scenario_stand_together_whatever_was_run_first(cell_rows):
+    order = [("bias", "jerk"), ("none", "jerk"), ("bias", "baseline"), ("none", "baseline")]
+    cells = [{**row, "disturbance": name} for name, model in order for row in cell_rows(model, "none", [1.0, 1.2])]
+    table = summarise(pd.DataFrame(cells), "position_rmse_m", row_keys=["disturbance", "filter"])
+    assert table.rows == (("bias", "jerk"), ("bias", "baseline"), ("none", "jerk"), ("none", "baseline"))
+    assert [row[0].runs for row in table.cells] == [2] * 4
+
+
+def test_the_lowest_mean_of_a_row_is_best_and_a_survivor_does_not_compete(cell_rows):
+    cells = [
+        *cell_rows("jerk", "a", [3.0, 3.2]),
+        *cell_rows("jerk", "b", [2.0, 2.2]),
+        *cell_rows("jerk", "c", [1.0, 1]),
+    ]
+    cells[-1]["status"] = "diverged"
+    (row,) = summarise(pd.DataFrame(cells), "position_rmse_m").cells
+    assert [cell.best for cell in row] == [False, True, False]
+
+
+def test_what_prints_the_same_is_equally_good(cell_rows):
+    cells = [
+        *cell_rows("jerk", "a", [1.0001] * 3),
+        *cell_rows("jerk", "b", [1.0002] * 3),
+        *cell_rows("jerk", "c", [1.1] * 3),
+    ]
+    (row,) = summarise(pd.DataFrame(cells), "position_rmse_m").cells
+    assert [cell.best for cell in row] == [True, True, False]
+
+
+def test_nothing_is_best_alone_or_in_a_consistency(rows):
+    baseline = rows[(rows["filter"] == "jerk") & (rows["adaptation"] == "none")]
+    assert not summarise(baseline, "position_rmse_m").cells[0][0].best
+    assert not any(cell.best for row in summarise(rows, "anees").cells for cell in row if cell)
+    assert (
+        "A consistent filter gives 6; more is overconfident, less too cautious." in summarise(rows, "anees").footnotes
+    )
+
+
+def test_phases_have_a_range_and_no_confidence_interval(cell_rows):
+    phases = pd.DataFrame(cell_rows("jerk", "none", [0.0344, 0.0379, 0.0360, 0.0361], replicate="phase"))
+    table = summarise(phases, "position_rmse_m")
+    assert table.cells[0][0].text == "0.0361 {0.0344–0.0379}"  # noqa: RUF001 - a range
+    said = " ".join(table.footnotes)
+    assert "range over the phases of one recording: not a confidence interval" in said
+    assert "BCa" not in said
+
+
+def test_one_run_is_a_number_alone(cell_rows):
+    for replicate in ("seed", "phase"):
+        one = pd.DataFrame(cell_rows("jerk", "none", [0.5], replicate=replicate))
+        assert summarise(one, "position_rmse_m").cells[0][0].text == "0.500"
+
+
+@pytest.mark.parametrize(
+    ("statuses", "text"),
+    [
+        (["diverged"] * 4, "diverged 4/4"),
+        (["failed"] * 4, "failed 4/4"),
+        (["diverged", "failed", "failed", "failed"], "diverged 1/4, failed 3/4"),
+        (["ok", "ok", "ok", "failed"], "2.00 (1/4 failed)"),
+    ],
+)
+def test_what_went_wrong_is_in_the_cell(cell_rows, statuses, text):
+    frame = pd.DataFrame(cell_rows("jerk", "none", [2.0] * 4)).assign(status=statuses, reason="ValueError: no.")
+    table = summarise(frame, "position_rmse_m")
+    cell = table.cells[0][0]
+    assert f"{cell.number} {cell.trouble}".strip() == text
+    assert ("Failed: ValueError: no." in table.footnotes) == ("failed" in statuses)
+
+
+def test_a_study_in_which_everything_failed_still_has_a_table(row):
+    frame = pd.DataFrame([row(filter="jerk", adaptation="none", status="failed", reason="ValueError: no.")])
+    assert summarise(frame, "position_rmse_m").cells[0][0].text == "failed 1/1"
+
+
+def test_a_metric_that_does_not_apply_is_said(rows):
+    table = summarise(rows.assign(outage_rmse_m=np.nan), "outage_rmse_m")
+    assert table.cells[0][0].text == "n/a"
+    assert not any(note.startswith("k/n n/a") for note in table.footnotes)
+    assert math.isnan(table.cells[0][0].mean)
+    assert "n/a: the metric does not apply." in table.footnotes
+
+
+def test_runs_without_the_metric_are_counted(cell_rows):
+    frame = pd.DataFrame(
+        [*cell_rows("jerk", "a", [1.0, 2.0, np.nan, np.nan, np.nan]), *cell_rows("jerk", "b", [3.0] * 5)]
+    )
+    table = summarise(frame, "position_rmse_m")
+    holed, whole = table.cells[0]
+    assert holed.text == "1.50 [1.00, 2.00] (3/5 n/a)"
+    assert (holed.used, holed.missing, holed.complete, holed.best) == (2, 3, False, False)
+    assert (whole.used, whole.missing, whole.complete, whole.text) == (5, 0, True, "3.00 [3.00, 3.00]")
+    said = " ".join(table.footnotes)
+    assert "mean over 2 to 5 seeds, its level raised" in said
+    assert "(as Student's t is wider). Of fewer than 5 seeds it is too short." in said
+    assert "k/n n/a: k of n runs have no value of this metric; the mean is over the others." in said
+    assert "n/a: the metric does not apply." not in table.footnotes
+
+
+def test_a_mean_over_a_part_of_the_runs_does_not_compete(cell_rows):
+    cells = [
+        *cell_rows("jerk", "a", [1.0, np.nan]),
+        *cell_rows("jerk", "b", [2.0, 2.0]),
+        *cell_rows("jerk", "c", [3.0, 3.0]),
+    ]
+    (row,) = summarise(pd.DataFrame(cells), "position_rmse_m").cells
+    assert [cell.best for cell in row] == [False, True, False]
+
+
+@pytest.mark.parametrize(
+    ("statuses", "values", "text"),
+    [
+        (["ok", "ok", "ok", "diverged"], [2.0, np.nan, np.nan, 9.0], "2.00 (1/4 diverged, 2/4 n/a)"),
+        (["ok", "ok", "diverged", "failed"], [np.nan, np.nan, 9.0, np.nan], "n/a (1/4 diverged, 1/4 failed)"),
+        (["diverged", "diverged", "failed", "failed"], [np.nan] * 4, "diverged 2/4, failed 2/4"),
+        (["ok"] * 4, [np.nan] * 4, "n/a"),
+    ],
+)
+@pytest.mark.parametrize("replicate", ["seed", "phase"])
+def test_only_runs_that_went_well_are_missing(cell_rows, statuses, values, text, replicate):
+    frame = pd.DataFrame(cell_rows("jerk", "none", values, replicate=replicate)).assign(status=statuses)
+    assert summarise(frame, "position_rmse_m").cells[0][0].text == text
+
+
+def test_how_many_outages_an_error_at_their_end_is_from_is_said(rows):
+    said = "Outages of a run with a known error at the end: {}."
+    counted = rows.assign(outage_end_m=0.5, outage_end_max_m=0.7, outages_counted=3.0)
+    lost = counted["status"] == "diverged"
+    counted.loc[lost, "outages_counted"] = 1.0  # of no run that is in the table
+    for metric in ("outage_end_m", "outage_end_max_m"):
+        assert said.format(3) in summarise(counted, metric).footnotes
+    assert not any("known error at the end" in note for note in summarise(counted, "position_rmse_m").footnotes)
+    assert said.format("1 to 3") in summarise(counted.assign(status="ok"), "outage_end_m").footnotes
+    without = summarise(counted.assign(outages_counted=np.nan), "outage_end_m").footnotes
+    assert not any("known error at the end" in note for note in without)
+
+
+def test_nothing_is_best_in_a_count(rows):
+    counted = rows.assign(outages_counted=np.where(rows["adaptation"] == "none", 2.0, 3.0))
+    (jerk, _) = summarise(counted, "outages_counted").cells
+    assert [cell.text for cell in jerk] == ["2.00 [2.00, 2.00]", "3.00 [3.00, 3.00]"]
+    assert not any(cell.best for cell in jerk)
+
+
+def test_few_seeds_are_said(rows, cell_rows):
+    assert any(
+        "Of fewer than 5 seeds it is too short." in note for note in summarise(rows, "position_rmse_m").footnotes
+    )
+    many = pd.DataFrame(cell_rows("jerk", "none", np.linspace(1, 2, 12)))
+    assert (
+        "[low, high]: 95 % BCa bootstrap interval of the mean over 12 seeds, its level raised for few seeds "
+        "(as Student's t is wider)." in summarise(many, "position_rmse_m").footnotes
+    )
+
+
+def test_a_factor_that_varies_is_never_averaged_over(rows):
+    both = pd.concat([rows, rows.assign(disturbance="bias", position_rmse_m=rows["position_rmse_m"] * 10)])
+    table = summarise(both, "position_rmse_m", row_keys=["filter"])
+    assert table.row_keys == ("filter", "disturbance")
+    assert cell_of(table, ("jerk", "bias"), ("none",)).mean == pytest.approx(0.125)
+
+
+def test_rows_and_columns_can_be_chosen(rows):
+    table = summarise(rows, "position_rmse_m", row_keys=["adaptation"])
+    assert (table.row_keys, table.column_keys) == (("adaptation",), ("filter",))
+    table = summarise(rows, "position_rmse_m", row_keys=["dataset"], column_keys=["filter", "adaptation"])
+    assert table.header == ["dataset", "jerk / none", "jerk / sage_husa", "baseline / none"]
+    assert cell_of(table, ("field",), ("jerk", "sage_husa")).mean == pytest.approx(0.0225)
+
+
+def test_wrong_names_are_sentences(rows):
+    with pytest.raises(JerkbenchError, match=r"no metric 'position_rmse'. Did you mean 'position_rmse_m'\?"):
+        summarise(rows, "position_rmse")
+    with pytest.raises(JerkbenchError, match=r"no factor 'filtr'. Did you mean 'filter'\?"):
+        summarise(rows, "position_rmse_m", row_keys=["filtr"])
+    with pytest.raises(JerkbenchError, match="'filter' is asked for twice"):
+        summarise(rows, "position_rmse_m", row_keys=["filter"], column_keys=["filter"])
+
+
+def test_rows_that_repeat_a_seed_are_refused(rows):
+    with pytest.raises(JerkbenchError, match=r"12 rows repeat .* filter jerk, adaptation none, noise own, seed 0"):
+        summarise(pd.concat([rows, rows]), "position_rmse_m")
+
+
+def test_the_rows_stay_as_they_were(rows):
+    before = rows.copy()
+    summarise(rows, "position_rmse_m")
+    pd.testing.assert_frame_equal(rows, before)
+
+
+@pytest.mark.parametrize("reference", [("jerk", "oracle"), ("jerk", "oracle(x=1)"), ("gnss_only", "none")])
+def test_a_reference_is_never_bold_and_that_is_said(cell_rows, reference):
+    cells = {("jerk", "none"): 2.0, ("jerk", "mtf"): 3.0, reference: 1.0}
+    frame = pd.DataFrame([row for key, value in cells.items() for row in cell_rows(*key, [value] * 5)])
+    table = summarise(frame, "position_rmse_m", ["dataset"], ["filter", "adaptation"])
+    assert [cell.best for cell in table.cells[0] if cell] == [True, False, False]
+    assert any("does not compete." in note for note in table.footnotes if note.startswith("Bold"))
+
+
+def test_the_references_own_attitude_is_never_bold(cell_rows):
+    cells = {"tilt": 2.0, "gyro_only": 3.0, "reference": 1.0}
+    rows = [row | {"attitude": a} for a, value in cells.items() for row in cell_rows("jerk", "none", [value] * 5)]
+    table = summarise(pd.DataFrame(rows), "position_rmse_m", column_keys=["attitude"])
+    assert [cell.best for cell in table.cells[0]] == [True, False, False]
+
+
+def test_scenarios_and_means_over_other_seeds_do_not_compete(cell_rows):
+    frame = pd.DataFrame([*cell_rows("jerk", "none", [1.0] * 5), *cell_rows("jerk", "mtf", [2.0] * 6)])
+    assert not any(cell.best for cell in summarise(frame, "position_rmse_m").cells[0])
+    two = pd.concat([frame[frame["adaptation"] == "none"].assign(disturbance=name) for name in ("none", "bias")])
+    assert not any(cell.best for cell in summarise(two, "position_rmse_m", column_keys=["disturbance"]).cells[0])
+
+
+def test_beside_a_ratio_the_means_are_geometric(cell_rows):
+    """1.50 beside .766 of .811 looked like an error: the first and the last were arithmetic means."""
+    none, mtf = [0.1, 0.4, 3.2], [0.2, 0.5, 0.8]
+    frame = pd.DataFrame([*cell_rows("jerk", "none", none), *cell_rows("jerk", "mtf", mtf)])
+    table = summarise(frame, "position_rmse_m", baseline={"adaptation": "none"})
+    first, second = table.cells[0]
+    assert (first.mean, second.mean) == pytest.approx((np.prod(none) ** (1 / 3), np.prod(mtf) ** (1 / 3)))
+    assert second.ratio.value == pytest.approx(second.mean / first.mean)
+    assert second.low < second.mean < second.high
+    assert table.title == "Position RMSE (3-D), geometric mean [m]"
+    assert any("interval of the geometric mean" in note for note in table.footnotes)
+    zero = frame.assign(position_rmse_m=frame["position_rmse_m"].where(frame["seed"] > 0, 0.0))
+    table = summarise(zero, "position_rmse_m", baseline={"adaptation": "none"})
+    assert table.cells[0][0].mean == pytest.approx(1.2)
+    assert any("their quotient is another number" in note for note in table.footnotes)
+
+
+def test_beside_what_a_consistent_filter_gives_the_mean_stays_arithmetic(cell_rows):
+    frame = pd.DataFrame([*cell_rows("jerk", "none", [1.0] * 3), *cell_rows("jerk", "mtf", [1.0] * 3)])
+    table = summarise(frame.assign(anees=[2.0, 6.0, 10.0] * 2), "anees", baseline={"adaptation": "none"})
+    assert [cell.mean for cell in table.cells[0]] == [6.0, 6.0]
+
+
+def test_that_there_is_no_ratio_is_said(cell_rows):
+    frame = pd.DataFrame([*cell_rows("jerk", "none", [0.0] * 3), *cell_rows("jerk", "mtf", [1.0] * 3)])
+    table = summarise(frame, "position_rmse_m", baseline={"adaptation": "none"})
+    said = " ".join(table.footnotes)
+    assert "There is no ratio to adaptation=none" in said
+    assert "×r" not in said  # noqa: RUF001
+
+
+def test_a_star_stands_beside_a_digit_that_shows_the_difference():
+    assert Ratio(1.0004, 1.0003, 1.0005, 0.01, shown=True).text == "×1.0004*"  # noqa: RUF001
+    assert Ratio(0.9996, 0.9995, 0.9997, 0.01, shown=True).text == "×0.9996*"  # noqa: RUF001
+    assert Ratio(1.0004, 0.9, 1.1, 0.5, shown=False).text == "×1.00"  # noqa: RUF001

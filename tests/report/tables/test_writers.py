@@ -1,0 +1,192 @@
+"""Markdown, LaTeX, CSV and terminal: what is written can be read back."""
+
+import csv
+import io
+import re
+
+import pandas as pd
+import pytest
+
+from jerkbench.report.analysis.quantities import quantity
+from jerkbench.report.tables.csv import tidy_csv
+from jerkbench.report.tables.latex import escaped, latex
+from jerkbench.report.tables.markdown import markdown
+from jerkbench.report.tables.study_tables import summarise, write_tables
+from jerkbench.report.tables.table_model import number
+from jerkbench.report.tables.terminal import print_run, print_table
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (0.014, "0.0140"),
+        (0.09996, "0.100"),
+        (9.996, "10.0"),
+        (999.6, "1000"),
+        (140.2, "140"),
+        (4801.3, "4801"),
+        (0.00035, "0.000350"),
+        (2.5e-6, "2.50e-06"),
+        (3.2e9, "3.20e+09"),
+        (-0.5, "-0.500"),
+        (0.0, "0"),
+        (float("inf"), "inf"),
+    ],
+)
+def test_numbers_have_three_digits(value, text):
+    assert number(value) == text
+
+
+@pytest.mark.parametrize(
+    ("column", "heading"),
+    [
+        ("position_rmse_m", "Position RMSE (3-D) [m]"),
+        ("velocity_rmse_horizontal_mps", "Velocity RMSE horizontal [m/s]"),
+        ("roll_rmse_rad", "Roll RMSE [rad]"),
+        ("anis_per_row", "ANIS per row, with the reported R"),
+        ("step_us", "Step [µs]"),
+        ("m", "M"),
+    ],
+)
+def test_a_columns_name_says_title_and_unit(column, heading):
+    assert quantity(column).heading == heading
+
+
+def pipes(line):
+    return [match.start() for match in re.finditer(r"(?<!\\)\|", line)]
+
+
+def test_markdown_has_aligned_pipes_bold_and_footnotes(rows):
+    lines = markdown(summarise(rows.replace("sage_husa", "a|b"), "position_rmse_m")).splitlines()
+    assert lines[0] == "## Position RMSE (3-D) [m]"
+    grid = [line for line in lines if line.startswith("|")]
+    assert len(grid) == 4
+    assert len({tuple(pipes(line)) for line in grid}) == 1
+    assert [text.strip() for text in re.split(r"(?<!\\)\|", grid[0])] == ["", "filter", "none", r"a\|b", ""]
+    assert re.search(r"\| jerk +\| \*\*0\.0125\*\* \[0\.01\d\d, 0\.01\d\d\] +\| 0\.0225 \[", grid[2])
+    assert grid[3].split("|")[3].strip() == "–"  # noqa: RUF001 - the sign itself
+    assert "- In every cell: dataset field, disturbance none, attitude tilt, noise own." in lines
+
+
+def test_latex_is_balanced_and_escaped(rows):
+    text = latex(summarise(rows, "position_rmse_m", notes=("100% of R_k & {x} #1 ~ ^ <$>",)))
+    assert text.count(r"\begin{") == text.count(r"\end{") == 3
+    bare = text.replace(r"\{", "").replace(r"\}", "")
+    assert bare.count("{") == bare.count("}")
+    body = text[text.index(r"\toprule") : text.index(r"\bottomrule")]
+    lines = [line for line in body.splitlines() if line.endswith(r"\\")]
+    assert {line.count("&") for line in lines} == {2}
+    assert r"sage\_husa" in lines[0]
+    assert r"\bfseries 0.0125 &" in body
+    assert r"(2/4 diverged)" in body
+    assert not re.search(r"(?<!\\)[_%#$~^]", text.replace(r"$\mu$", ""))
+    assert r"100\% of R\_k \& \{x\} \#1 \textasciitilde{} \textasciicircum{} \textless{}\$\textgreater{}" in text
+
+
+def test_latex_line_break_meets_no_bracket():
+    """After a line break, LaTeX would read [0.1, 0.2] as a length."""
+    assert escaped("[0.1, 0.2]") == "{[}0.1, 0.2{]}"
+
+
+def test_csv_reads_back_with_all_digits(rows):
+    table = summarise(rows, "position_rmse_m")
+    lines = list(csv.DictReader(io.StringIO(tidy_csv([table, summarise(rows, "anees")]))))
+    assert len(lines) == 6
+    first, *_ = lines
+    cell = table.cells[0][0]
+    assert tuple(float(first[name]) for name in ("mean", "low", "high")) == (cell.mean, cell.low, cell.high)
+    (one,) = [line for line in lines if line["filter"] == "baseline" and line["metric"] == "position_rmse_m"]
+    assert (one["runs"], one["diverged"], one["failed"], one["missing"], one["unit"]) == ("4", "2", "0", "0", "m")
+    assert (one["dataset"], one["adaptation"], one["noise"]) == ("field", "none", "own")
+
+
+def test_csv_counts_the_runs_without_the_metric(rows):
+    holed = rows.assign(anees=rows["anees"].where(rows["seed"] > 0))
+    lines = list(csv.DictReader(io.StringIO(tidy_csv([summarise(holed, "anees")]))))
+    assert [(line["runs"], line["diverged"], line["missing"]) for line in lines] == [
+        ("4", "0", "1"),
+        ("4", "0", "1"),
+        ("4", "2", "1"),
+    ]
+
+
+def test_csv_leaves_a_number_empty_that_is_not_there(rows):
+    lost = rows.assign(status="diverged")
+    (line, *_) = list(csv.DictReader(io.StringIO(tidy_csv([summarise(lost, "position_rmse_m")]))))
+    assert (line["mean"], line["low"], line["diverged"]) == ("", "", "4")
+
+
+def test_terminal_shows_brackets_and_says_a_row_header_once(rows, capsys):
+    both = pd.concat([rows, rows.assign(disturbance="bias")])
+    print_table(both, ("A note.",))
+    out = capsys.readouterr().out
+    assert re.search(r"\*\*0\.0125\*\* \[0\.01\d\d, 0\.01\d\d\]", out)
+    assert "(2/4 diverged)" in out
+    assert len(re.findall(r"^ *bias +(?:jerk|baseline) ", out, flags=re.MULTILINE)) == 1
+    assert out.splitlines()[-1].rstrip() == "A note."
+
+
+def test_terminal_shows_one_cell_with_all_metrics_and_reasons(rows, capsys):
+    print_run(rows[rows["filter"] == "baseline"].assign(outage_rmse_m=float("nan")))
+    out = capsys.readouterr().out
+    assert "ANEES of position and velocity" in out
+    assert "outage" not in out
+    assert "seed 2 diverged: The position error is 4000 m at 3.00 s; the limit is 1000 m." in out
+
+
+def test_the_three_files(rows, tmp_path):
+    frame = rows.assign(velocity_rmse_mps=0.1, outage_rmse_m=float("nan"), step_us=3)
+    write_tables(frame, tmp_path / "new", ("A note.",))
+    assert sorted(path.name for path in (tmp_path / "new").iterdir()) == ["table.csv", "table.md", "table.tex"]
+    text = (tmp_path / "new" / "table.md").read_text(encoding="utf-8")
+    titles = [line for line in text.splitlines() if line.startswith("#")]
+    assert titles == ["# Position RMSE (3-D) [m]", "## Velocity RMSE (3-D) [m/s]", "## ANEES of position and velocity"]
+    assert text.count("A note.") == text.count("In every cell") == 1
+    metrics = pd.read_csv(tmp_path / "new" / "table.csv")["metric"].unique()
+    assert list(metrics) == ["position_rmse_m", "anees", "velocity_rmse_mps", "outage_rmse_m", "step_us"]
+    assert r"\caption{Position RMSE (3-D) {[}\unit{m}{]}}" in (tmp_path / "new" / "table.tex").read_text(
+        encoding="utf-8"
+    )
+
+
+@pytest.fixture
+def without_position(rows):
+    return rows.drop(columns="position_rmse_m").assign(step_us=3, velocity_rmse_mps=0.25)
+
+
+def test_without_the_main_metric_the_first_that_was_computed_leads(without_position, tmp_path, capsys):
+    write_tables(without_position, tmp_path, ("A note.",))
+    text = (tmp_path / "table.md").read_text(encoding="utf-8")
+    titles = [line for line in text.splitlines() if line.startswith("#")]
+    assert titles == ["# ANEES of position and velocity", "## Velocity RMSE (3-D) [m/s]"]
+    assert text.index("A note.") < text.index("## Velocity")
+    metrics = pd.read_csv(tmp_path / "table.csv")["metric"].unique()
+    assert list(metrics) == ["anees", "step_us", "velocity_rmse_mps"]
+    assert r"\caption{ANEES of position and velocity}" in (tmp_path / "table.tex").read_text(encoding="utf-8")
+    print_table(without_position)
+    assert capsys.readouterr().out.startswith("ANEES of position and velocity")
+
+
+def test_where_no_run_went_well_the_table_is_of_the_main_metric(without_position, tmp_path, capsys):
+    lost = without_position.assign(status="failed", reason="ValueError: no.")
+    write_tables(lost, tmp_path)
+    assert (tmp_path / "table.md").read_text(encoding="utf-8").startswith("# Position RMSE (3-D) [m]")
+    print_table(lost)
+    assert capsys.readouterr().out.startswith("Position RMSE (3-D) [m]")
+
+
+def test_the_main_metric_leads_wherever_its_column_stands(rows, capsys):
+    print_table(rows[[*rows.columns.drop("position_rmse_m"), "position_rmse_m"]])
+    assert capsys.readouterr().out.startswith("Position RMSE (3-D) [m]")
+
+
+def test_the_terminal_shows_the_metric_that_is_asked_for(rows, capsys):
+    print_table(rows, metric="anees")
+    assert capsys.readouterr().out.startswith("ANEES of position and velocity")
+
+
+def test_the_same_rows_give_the_same_bytes(rows, tmp_path):
+    for name in ("a", "b"):
+        write_tables(rows, tmp_path / name, ())
+    for name in ("table.md", "table.csv", "table.tex"):
+        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()

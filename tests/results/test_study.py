@@ -1,0 +1,176 @@
+"""A study's folder: which of several results of the same name is shown, and what is said about the others."""
+
+import re
+
+import pytest
+
+from jerkbench.cells.cell import Protocol, build
+from jerkbench.errors import JerkbenchError, PluginError, RecordingError
+from jerkbench.report.analysis.findings import findings
+from jerkbench.report.tables.summary import summarise
+from jerkbench.results.comparability import other_methods, require_alike
+from jerkbench.results.store import Store
+from jerkbench.results.study import load_study, write_manifest, write_study
+from jerkbench.sweep.sweep import plan_sweep
+from stored_cells import put
+
+
+def shown(study):
+    return dict(zip(study.keys, study.rows["position_rmse_m"], strict=True))
+
+
+def test_of_two_results_of_one_name_the_planned_one_is_shown_even_if_it_is_older(tmp_path):
+    put(tmp_path, "01d", 0.1, created="2026-01-01T00:00:00Z")
+    put(tmp_path, "4e", 0.2, created="2026-02-01T00:00:00Z", code="b")
+
+    assert shown(load_study(tmp_path)) == {"4e": 0.2}
+    assert shown(load_study(tmp_path, prefer=["01d"])) == {"01d": 0.1}
+    write_manifest(tmp_path, ["01d"], [], ["jerkbench"])
+    assert shown(load_study(tmp_path)) == {"01d": 0.1}
+    write_study(load_study(tmp_path))  # it raised where two rows had one name
+
+
+def drive(folder):
+    return {"spec": {"dataset": {"name": "drive", "folder": f"/data/{folder}"}}, "data": f"hash of {folder}"}
+
+
+UNLIKE = {
+    "data": (drive("A"), drive("B"), "dataset.folder (A, B)"),
+    "changed data": ({**drive("A"), "data": "1"}, {**drive("A"), "data": "2"}, "data (1, 2)"),
+    "protocol": ({"protocol": {"burn_in_s": 0.0}}, {"protocol": {"burn_in_s": 10.0}}, "burn_in_s (0.0, 10.0)"),
+    "engine": (
+        {"spec": {"engine": {"name": "filterpy"}}},
+        {"spec": {"engine": {"name": "compiled"}}},
+        "engine.name (filterpy, compiled)",
+    ),
+    "disturbance": (
+        {"spec": {"disturbance": [{"name": "bias", "file": "/a/x"}]}},
+        {"spec": {"disturbance": [{"name": "bias", "file": "/b/x"}]}},
+        "bias.file (/a/x, /b/x)",
+    ),
+}
+
+
+@pytest.mark.parametrize(("first", "second", "words"), UNLIKE.values(), ids=UNLIKE)
+def test_what_was_not_measured_alike_is_never_compared_and_that_is_said(tmp_path, first, second, words):
+    put(tmp_path, "1", 3.36, filter="baseline", seeds=8, conditions=first)
+    put(tmp_path, "2", 23.8, filter="jerk", seeds=8, conditions=second)
+    study = load_study(tmp_path)
+    table = summarise(study.rows, "position_rmse_m", None, ["filter"], study.notes, {"filter": "baseline"})
+
+    assert not any(cell.ratio or cell.best for row in table.cells for cell in row if cell)
+    assert len(table.rows) == 2
+    assert findings(study.rows, "position_rmse_m") == []
+    assert any(words in note and "not compared" in note for note in table.footnotes)
+
+
+def test_parameters_of_a_method_that_its_label_does_not_say_are_said(tmp_path):
+    for key, adaptation, sigma in (("1", "none", 0.1), ("2", "mtf", 1.0)):
+        spec = {"filter": {"name": "jerk", "accel_mps2": sigma}}
+        put(tmp_path, key, sigma, adaptation=adaptation, seeds=8, conditions={"spec": spec})
+    study = load_study(tmp_path)
+
+    assert set(study.rows["filter"]) == {"jerk(accel_mps2=0.1)", "jerk(accel_mps2=1.0)"}
+    assert findings(study.rows, "position_rmse_m") == []
+
+
+def test_the_same_data_in_another_place_are_the_same(tmp_path):
+    put(tmp_path, "1", 3.0, filter="baseline", seeds=8, conditions=drive("A"))
+    put(tmp_path, "2", 4.0, filter="jerk", seeds=8, conditions={**drive("B"), "data": "hash of A"})
+    study = load_study(tmp_path)
+
+    assert set(study.rows["dataset"]) == {"field"}
+    assert len(findings(study.rows, "position_rmse_m")) == 1
+
+
+def test_what_is_not_shown_is_said(tmp_path):
+    put(tmp_path, "01d", 0.1)
+    put(tmp_path, "4e", 0.2, created="2026-02-01T00:00:00Z")
+    put(tmp_path, "07", 0.3, code="b", filter="bias")
+    Store(tmp_path).path("b0").write_bytes(b"PAR1")
+    notes = load_study(tmp_path).notes
+
+    assert "1 result of the same name with other settings, code or data is left out." in notes
+    assert "These results come from 2 versions of the code or its libraries." in notes
+    assert "1 damaged file of a cell is left out: b0." in notes
+
+
+def test_notes_belong_to_the_cells_that_they_were_given_for(tmp_path):
+    put(tmp_path, "1", 0.1)
+    write_manifest(tmp_path, ["1"], ["a first note"], ["jerkbench"])
+    write_manifest(tmp_path, ["1"], ["a corrected note"], ["jerkbench"])
+    put(tmp_path, "2", 0.2, filter="bias")
+    write_manifest(tmp_path, ["2"], ["a note on bias"], ["jerkbench"])
+
+    assert load_study(tmp_path).notes == ("a corrected note", "a note on bias", "recording of 1", "recording of 2")
+
+
+def test_rows_stand_in_the_order_of_the_sweeps(tmp_path):
+    put(tmp_path, "b", 0.1, filter="bias")
+    put(tmp_path, "a", 0.2, filter="jerk")
+    write_manifest(tmp_path, ["b"], [], ["jerkbench"])
+    write_manifest(tmp_path, ["a"], [], ["jerkbench"])
+
+    assert list(load_study(tmp_path).keys) == ["b", "a"]
+
+
+def test_a_folder_in_which_nothing_can_be_written_is_a_sentence(tmp_path):
+    (tmp_path / "cells").write_text("a file where the folder should be")
+
+    with pytest.raises(JerkbenchError, match="Results cannot be written to"):
+        Store(tmp_path).prepare()
+
+
+SPEC = {
+    "dataset": {"name": "field"},
+    "disturbance": [{"name": "none"}],
+    "attitude": {"name": "tilt"},
+    "filter": {"name": "baseline"},
+    "adaptation": {"name": "none"},
+    "engine": {"name": "filterpy"},
+}
+
+
+def test_two_combinations_that_the_table_could_not_tell_apart_are_refused_before_anything_runs():
+    cells = [build({**SPEC, "engine": {"name": name}}, Protocol()) for name in ("filterpy", "compiled")]
+
+    with pytest.raises(PluginError, match=r"both be called field, none, .* they differ in engine"):
+        plan_sweep(cells)
+
+
+@pytest.mark.parametrize("name", ["tilt", "gyro_only"])
+def test_a_yaw_source_that_no_recording_has_ends_the_sweep_before_anything_runs(name):
+    dataset = {"name": "field", "duration_s": 20.0}
+    there = build({**SPEC, "dataset": dataset, "attitude": {"name": name, "yaw_source": "dual_antenna"}}, Protocol())
+    absent = build({**SPEC, "dataset": dataset, "attitude": {"name": name, "yaw_source": "odometry"}}, Protocol())
+
+    assert len(plan_sweep([there]).cells) == 1
+    with pytest.raises(RecordingError, match="field has no odometry heading, its headings are of source dual_antenna"):
+        plan_sweep([there, absent])
+
+
+@pytest.mark.parametrize(("first", "second", "words"), UNLIKE.values(), ids=UNLIKE)
+def test_two_studies_that_were_not_measured_alike_are_not_compared(tmp_path, first, second, words):
+    put(tmp_path / "A", "1", 3.36, conditions=first)
+    put(tmp_path / "B", "2", 23.8, conditions=second)
+
+    with pytest.raises(JerkbenchError, match=re.escape(words)):
+        require_alike(load_study(tmp_path / "A"), load_study(tmp_path / "B"))
+
+
+def test_that_one_study_mixes_what_the_other_does_not_is_said(tmp_path):
+    for key, name, seconds in (("01", "baseline", 0.0), ("02", "jerk", 10.0)):
+        put(tmp_path / "A", key, 1.0, filter=name, conditions={"protocol": {"burn_in_s": seconds}})
+        put(tmp_path / "B", key, 1.0, filter=name, conditions={"protocol": {"burn_in_s": 10.0}})
+
+    with pytest.raises(JerkbenchError, match=r"no combination in common. In .*A: .* differ in burn_in_s \(0.0, 10.0\)"):
+        require_alike(load_study(tmp_path / "A"), load_study(tmp_path / "B"))
+
+
+def test_two_versions_of_a_method_are_compared_and_that_they_differ_is_said(tmp_path):
+    for name, sigma in (("A", 0.1), ("B", 1.0)):
+        put(tmp_path / name, "1", sigma, conditions={"spec": {"filter": {"name": "jerk", "accel_mps2": sigma}}})
+    both = load_study(tmp_path / "A"), load_study(tmp_path / "B")
+
+    require_alike(*both)
+    assert other_methods(*both) == ["A and B differ in filter.accel_mps2 (0.1, 1.0)."]

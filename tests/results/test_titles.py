@@ -1,0 +1,78 @@
+"""The title of a run's figures: what it was, and which of its seeds."""
+
+from dataclasses import replace
+
+import pytest
+
+from jerkbench.cells.cell import Protocol, build
+from jerkbench.execution.cell_run import run_once
+from jerkbench.hydra_app import single_run as single
+from jerkbench.results.titles import file_stem, titled
+from jerkbench.sweep.sweep import plan_sweep
+
+SPEC = {
+    "attitude": {"name": "tilt"},
+    "filter": {"name": "baseline"},
+    "adaptation": {"name": "none"},
+    "engine": {"name": "filterpy"},
+}
+FIELD = {"name": "field", "duration_s": 20.0}
+DRIVE = {"name": "rtklib", "folder": "anywhere"}
+
+
+def cell(dataset, *disturbances):
+    return build({**SPEC, "dataset": dataset, "disturbance": list(disturbances)}, Protocol(seeds=3, first_seed=7))
+
+
+@pytest.mark.parametrize(
+    ("one", "said"),
+    [
+        (cell(FIELD, {"name": "none"}), "a, seed 7"),
+        (cell(FIELD, {"name": "bias"}), "a, bias, seed 7"),
+        (cell(DRIVE, {"name": "none"}), "a"),
+        (cell(DRIVE, {"name": "withhold", "every": 4}), "a, withhold, phase 7"),
+    ],
+)
+def test_a_title_says_data_set_disturbance_and_seed(one, said, make_short):
+    assert titled(make_short("a"), one, 7).name == said
+
+
+def test_a_long_title_has_several_lines(make_short):
+    name = titled(make_short("a " * 50), cell(FIELD, {"name": "bias"}), 7).name
+    assert name.endswith("bias, seed 7")
+    assert max(map(len, name.split("\n"))) <= 70
+
+
+def test_the_figures_of_a_single_run_have_it(tmp_path, monkeypatch):
+    names = []
+    monkeypatch.setattr(single, "draw_run", lambda cell, recording, *_: names.append(recording.name))
+    (one,) = plan_sweep([cell(FIELD, {"name": "bias"})]).cells
+    single.draw_single(one, tmp_path)
+    assert names == ["field, bias, seed 7"]
+
+
+@pytest.fixture(scope="module")
+def make_short():
+    recording, _ = run_once(cell(FIELD, {"name": "none"}), 7, "")
+    return lambda name: replace(recording, name=name)
+
+
+MANY = {"name": "gnss_outage", "windows_s": [[10.0 * k, 10.0 * k + 5.0] for k in range(38)]}
+
+
+def test_a_title_with_many_parameters_has_a_few_lines(make_short):
+    labels = cell(FIELD, {"name": "none"}).labels._replace(disturbance=f"gnss_outage(windows_s={MANY['windows_s']})")
+    name = titled(make_short("field"), replace(cell(FIELD, MANY), labels=labels), 7).name
+    assert name == "field, gnss_outage, seed 7"
+    assert titled(make_short("word " * 200), cell(FIELD, MANY), 7).name.count("\n") < 4
+
+
+def test_names_of_files_are_short_and_the_same_for_the_same_labels():
+    plain = cell(FIELD, {"name": "bias"}).labels
+    long = plain._replace(dataset=f"table({', '.join(f'column_{k}=name_{k}' for k in range(40))})")
+
+    assert file_stem(plain) == "field-bias-tilt-baseline-none-own"
+    assert file_stem(long) == file_stem(long)
+    assert file_stem(long).startswith("table-bias-tilt-baseline-none-own-")
+    assert file_stem(long) != file_stem(long._replace(dataset=long.dataset.replace("name_3", "name_4")))
+    assert len(file_stem(plain._replace(disturbance="+".join(["gnss_outage"] * 30)))) < 120

@@ -1,0 +1,146 @@
+"""Cells that are stopped half-way: their finished seeds are stored, and only the others run again."""
+
+import pandas as pd
+import pytest
+
+from jerkbench.cells.cell import Protocol, build
+from jerkbench.execution.cell_run import run_cell, run_open_pieces
+from jerkbench.execution.inputs import KEPT
+from jerkbench.hydra_app import single_run as single
+from jerkbench.hydra_app.single_run import run_single
+from jerkbench.results.store import Store
+from jerkbench.sweep import seed_blocks as blocks
+from jerkbench.sweep import sweep
+from jerkbench.sweep.sweep import plan_sweep, run_sweep
+
+SEEDS = 2 * KEPT + 3
+SPEC = {
+    "dataset": {"name": "field", "duration_s": 8.0, "imu_rate_hz": 50.0, "reference_rate_hz": 50.0},
+    "disturbance": [{"name": "none"}],
+    "attitude": {"name": "tilt"},
+    "filter": {"name": "jerk"},
+    "adaptation": {"name": "none"},
+    "engine": {"name": "compiled"},
+}
+
+
+def plan_of(seeds=SEEDS, **changed):
+    return plan_sweep([build({**SPEC, **changed}, Protocol(seeds=seeds, first_seed=4))])
+
+
+@pytest.fixture
+def store(tmp_path):
+    opened = Store(tmp_path)
+    opened.prepare()
+    return opened
+
+
+def spied(monkeypatch, module, name, stop_after=None):
+    """Record the seeds of each piece that ``module`` runs; the piece after the last that is wanted is interrupted."""
+    original, seen = getattr(module, name), []
+
+    def pieces(*given, **named):
+        for rows, notes in original(*given, **named):
+            if stop_after is not None and len(seen) == stop_after:
+                raise KeyboardInterrupt
+            seen.append([row["seed"] for row in rows])
+            yield rows, notes
+
+    monkeypatch.setattr(module, name, pieces)
+    return seen
+
+
+def require_undisturbed(store, planned):
+    (stored,), broken = store.read([planned.key])
+    rows, notes = run_cell(planned.cell, planned.fingerprint)
+    pd.testing.assert_frame_equal(stored.rows, pd.DataFrame(rows), check_exact=True)
+    assert stored.about["notes"] == notes
+    assert broken == []
+    assert [path.name for path in store.folder.iterdir()] == [f"{planned.key}.parquet"]
+
+
+def test_a_sweep_goes_on_within_a_cell(store, monkeypatch):
+    plan = plan_of()
+    with monkeypatch.context() as patched:
+        spied(patched, sweep, "run_pieces", stop_after=2)
+        with pytest.raises(KeyboardInterrupt):
+            run_sweep(plan, store, workers=1, done=())
+    assert not store.done(plan.cells[0].key)
+
+    ran = spied(monkeypatch, sweep, "run_pieces")
+    run_sweep(plan, store, workers=1, done=())
+
+    assert ran == [[4 + 2 * KEPT, 5 + 2 * KEPT, 6 + 2 * KEPT]]
+    require_undisturbed(store, plan.cells[0])
+
+
+def test_a_single_run_goes_on_within_its_cell(tmp_path, monkeypatch):
+    (planned,) = plan_of(seeds=KEPT + 2).cells
+    monkeypatch.setattr(blocks, "KEEP_S", 0.0)
+    with monkeypatch.context() as patched:
+        spied(patched, single, "run_open_pieces", stop_after=1)
+        with pytest.raises(KeyboardInterrupt):
+            run_single(planned, tmp_path)
+
+    ran = spied(monkeypatch, single, "run_open_pieces")
+    run_single(planned, tmp_path)
+
+    assert ran == [[4 + KEPT, 5 + KEPT]]
+    require_undisturbed(Store(tmp_path), planned)
+
+
+def test_runs_that_go_alone_are_stored_one_after_the_other_where_they_take_long(store, monkeypatch):
+    plan = plan_of(seeds=4, filter={"name": "gnss_only"})
+    monkeypatch.setattr(blocks, "KEEP_S", 0.0)
+    with monkeypatch.context() as patched:
+        spied(patched, sweep, "run_pieces", stop_after=3)
+        with pytest.raises(KeyboardInterrupt):
+            run_sweep(plan, store, workers=1, done=())
+
+    ran = spied(monkeypatch, sweep, "run_pieces")
+    run_sweep(plan, store, workers=1, done=())
+
+    assert ran == [[7]]
+    require_undisturbed(store, plan.cells[0])
+
+
+def test_a_cell_that_was_stopped_before_its_blocks_were_joined_is_joined(store, monkeypatch):
+    plan = plan_of(seeds=KEPT + 2)
+    with monkeypatch.context() as patched:
+        patched.setattr(Store, "write", interrupted_at(plan.cells[0].key))
+        with pytest.raises(KeyboardInterrupt):
+            run_sweep(plan, store, workers=1, done=())
+
+    ran = spied(monkeypatch, sweep, "run_pieces")
+    run_sweep(plan, store, workers=1, done=())
+
+    assert ran == []
+    require_undisturbed(store, plan.cells[0])
+
+
+def interrupted_at(key):
+    write = Store.write
+
+    def interrupted(store, named, *more):
+        if named == key:
+            raise KeyboardInterrupt
+        write(store, named, *more)
+
+    return interrupted
+
+
+def test_a_damaged_block_and_a_failed_run_are_run_again(store, monkeypatch):
+    (planned,) = plan_of(seeds=2 * KEPT).cells
+    kept = blocks.Blocks(store)
+    first, second = (list(planned.cell.draws)[k : k + KEPT] for k in (0, KEPT))
+    for draws in (first, second):
+        pieces = run_open_pieces(planned.cell, "", draws)
+        blocks.run_blocks(planned, pieces, kept, keep_rest=True)
+    path = store.folder / "blocks" / f"{planned.key}.{second[0]}.parquet"
+    path.write_bytes(path.read_bytes()[:-40])
+
+    assert [row["seed"] for row in kept.read(planned).rows] == first
+    failed = [{**row, "status": "failed"} for row in kept.read(planned).rows[:3]]
+    kept.forget(planned)
+    kept.write(planned, blocks.Result(failed, [], 0.0))
+    assert kept.read(planned).rows == []

@@ -1,0 +1,36 @@
+import pytest
+from platformdirs import user_cache_path
+
+from jerkbench.bags.extract import BAGS
+from jerkbench.compilation.module_cache import COMPILED
+from jerkbench.execution.simulation_cache import SIMULATED
+from jerkbench.files import cache_folder
+from jerkbench.readers.fetched import fetched_folder
+
+
+@pytest.mark.parametrize("kind", [BAGS, COMPILED, SIMULATED])
+def test_every_kind_of_cache_follows_the_variable_alike(monkeypatch, tmp_path, kind):
+    monkeypatch.setenv("JERKBENCH_CACHE", str(tmp_path))
+
+    assert cache_folder(kind) == tmp_path / kind
+
+
+@pytest.mark.parametrize("kind", [BAGS, COMPILED, SIMULATED])
+def test_without_the_variable_it_is_in_the_users_cache(monkeypatch, tmp_path, kind):
+    monkeypatch.delenv("JERKBENCH_CACHE", raising=False)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+
+    assert cache_folder(kind) == user_cache_path("jerkbench", appauthor=False) / kind
+
+
+def test_a_home_in_the_variable_is_expanded(monkeypatch):
+    monkeypatch.setenv("JERKBENCH_CACHE", "~/kept")
+
+    assert "~" not in str(cache_folder(COMPILED))
+
+
+def test_fetched_recordings_are_no_cache(monkeypatch, tmp_path):
+    monkeypatch.setenv("JERKBENCH_CACHE", str(tmp_path))
+    monkeypatch.delenv("JERKBENCH_DATA", raising=False)
+
+    assert tmp_path not in fetched_folder("drive").parents
