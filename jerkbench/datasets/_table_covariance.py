@@ -46,7 +46,8 @@ class CovarianceMap:
 def covariances_of(columns: Columns, given: CovarianceMap, origin: Origin | None) -> tuple[FloatArray, tuple[str, ...]]:
     """Return (n, 3, 3) in ENU, and a note that counts those that are not positive definite, or none.
 
-    Of these the variances alone are used: it is the rounding of a file that makes them so.
+    Of these the sizes of the variances alone are used: rounding makes them so, or a solution that was no minimum, of
+    which RTKLIB writes a negative standard deviation.
 
     Raises:
         RecordingError: there is no such column, a cell is no number, or the axes are those of ECEF and the place on
@@ -55,12 +56,12 @@ def covariances_of(columns: Columns, given: CovarianceMap, origin: Origin | None
     if not given.covariance and not given.sigma:
         return np.tile(given.sigma_otherwise**2 * np.eye(3), (len(columns), 1, 1)), ()
     matrices = _matrices(columns, given)
-    diagonal = matrices * np.eye(3)
+    diagonal = np.abs(matrices * np.eye(3))
     sound = _positive_definite(matrices) | ~_positive_definite(diagonal)
     turned = _in_enu(columns.where, np.where(sound[:, None, None], matrices, diagonal), given.frame, origin)
     count = int((~sound).sum())
     few = f"{count} of {len(columns)} covariances of {Path(columns.where).name} are not positive definite"
-    return turned, (f"{few}: their variances alone are used.",) if count else ()
+    return turned, (f"{few}: the sizes of their variances alone are used.",) if count else ()
 
 
 def _matrices(columns: Columns, given: CovarianceMap) -> FloatArray:

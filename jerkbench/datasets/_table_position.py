@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from jerkbench.datasets._table_covariance import CovarianceMap, covariances_of
 from jerkbench.datasets._table_stream import Source
 from jerkbench.datasets._timed_columns import TimedColumns
@@ -57,7 +59,10 @@ def read_fixes(table: TimedColumns, given: PositionMap, zero_ns: int, origin: Or
         return _solved(table, given.source, zero_ns, origin)
     stream = table.read(given.source).only(given.place)
     t_s, places = stream.t_s(zero_ns), in_degrees(stream.columns.numbers(given.place), given.frame, given.angle_unit)
-    steady, notes = steady_rows(t_s, axes_to_judge(places, given.frame))
+    notes: tuple[str, ...] = ()
+    steady = np.ones(len(t_s), dtype=np.bool_)
+    if table.drop_leaps:
+        steady, notes = steady_rows(t_s, axes_to_judge(places, given.frame))
     origin = origin or origin_of(places[steady], given.frame)
     enu_m = in_enu(places[steady], given.frame, origin)
     covariance, rounded = covariances_of(stream.columns.only(steady), given.covariance, origin)

@@ -37,6 +37,7 @@ class TimedColumns:
         time_file: a file, or a pattern, of UTC dates and times, one a row, for a stream whose column of times is empty.
         epoch: what the times count from: unix (1970, UTC), gps (1980, GPS time), or none (unknown).
         gpst_minus_utc_s: leap seconds; 18 since 2017.
+        drop_leaps: drop fixes that no vehicle can have reached from their neighbours; false: they are what is studied.
     """
 
     folder: str
@@ -48,6 +49,7 @@ class TimedColumns:
     time_file: str = ""
     epoch: str = "unix"
     gpst_minus_utc_s: float = GPST_MINUS_UTC_S
+    drop_leaps: bool = True
 
     def files(self, pattern: str, parameter: str) -> tuple[Path, ...]:
         """Return the files that fit the pattern.
@@ -95,7 +97,7 @@ class TimedColumns:
         solution = read_pos_files(files, self.gpst_minus_utc_s)
         if source.qualities:
             solution = accepted_fixes(solution, source.qualities, files[0])
-        solution, leaps = steady_fixes(solution)
+        solution, leaps = steady_fixes(solution) if self.drop_leaps else (solution, ())
         offset_ns = GPS_EPOCH_NS if self.epoch == "gps" else round(self.gpst_minus_utc_s * 1e9)
         return solution.gpst_ns - offset_ns + source.shift_ns, solution, (*solution.notes, *leaps)
 

@@ -36,8 +36,8 @@ class Tables(TimedColumns):
     one file may hold several streams. A file of positions, velocities or the reference that ends in .pos is RTKLIB's:
     it needs no columns, and has its own covariances.
 
-    Fixes that leap are dropped. A latitude and longitude without a height are a fix of the plane, at a height between
-    those before and after.
+    Fixes that leap are dropped (``drop_leaps``). A latitude and longitude without a height are a fix of the plane, at a
+    height between those before and after.
 
     In a .mat (version 5 to 7.3) the columns of a matrix ``acc`` are acc_1, acc_2, acc_3, and a field ``t`` of a
     structure ``imu`` is imu.t; variables may be of different lengths. A first and a last row that were cut off are
@@ -50,7 +50,7 @@ class Tables(TimedColumns):
     is not there: without a position file, only the filter attitude_only runs, and without an IMU only filters that
     take no acceleration (constant_velocity, acceleration, gnss_only), from fix to fix.
 
-    Presets: kitti, euroc, tum, nclt, urbannav.
+    Presets: kitti, euroc, tum, nclt, urbannav, ppc; of fixes alone: tokyo_1105, hamburg, pixel4.
 
     Attributes:
         imu_file: the file of the IMU; empty: there is none.

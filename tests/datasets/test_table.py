@@ -137,6 +137,36 @@ def urbannav(folder):
     (folder / "rover.pos").write_text("\n".join(lines))
 
 
+def ppc(folder):
+    """As published: blanks after the commas, two before the last rates; GPS time of week."""
+    frd, week = np.array([1.0, -1.0, -1.0]), 2325
+    named = (
+        "GPS TOW (s), GPS Week, Acc X (m/s^2), Acc Y (m/s^2), Acc Z (m/s^2), Ang Rate X (deg/s),  Ang Rate Y (deg/s),"
+    )
+    rows = np.column_stack([200000 + IMU_S, np.full(1000, week), FORCE * frd, np.degrees(RATE) * frd])
+    lines = [", ".join([f"{row[0]:.2f}", f"{row[1]:.0f}", *(f"{value:.9f}" for value in row[2:])]) for row in rows]
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "imu.csv").write_text("\n".join([f"{named}  Ang Rate Z (deg/s)", *lines]))
+    enu, velocity, yaw = circle(FIX_S)
+    places = geodetic(enu)
+    names = ["GPS TOW (s)", "GPS Week", "Latitude (deg)", "Longitude (deg)", "Ellipsoid Height (m)"]
+    names += [f"ECEF {axis} (m)" for axis in "XYZ"] + ["Roll (deg)", "Pitch (deg)", "Heading (deg)"]
+    names += [f"{axis} Velocity (m/s)" for axis in ("East", "North", "Up")]
+    ecef = np.column_stack(pymap3d.geodetic2ecef(*places.T))
+    angles = np.degrees(np.column_stack([0 * yaw, 0 * yaw, np.pi / 2 - yaw]))
+    rows = np.column_stack([200000 + FIX_S, np.full(95, week), places, ecef, angles, velocity])
+    lines = [", ".join(f"{value:.12g}" for value in row) for row in rows]
+    (folder / "reference.csv").write_text("\n".join([", ".join(names), *lines]))
+    header = (
+        "%  GPST latitude(deg) longitude(deg) height(m) Q ns sdn(m) sde(m) sdu(m) sdne(m) sdeu(m) sdun(m) age(s) ratio"
+    )
+    fixes = [
+        " ".join([f"{week} {200000 + t:.3f}", *(f"{v:.12f}" for v in place), "5 9 2 1 4 0 0 0 0 0"])
+        for t, place in zip(FIX_S, places, strict=True)
+    ]
+    (folder / "rover.pos").write_text("\n".join([header, *fixes]))
+
+
 def other_notes(recording):
     """The notes, but for the one that says that these made-up samples are all alike."""
     return tuple(note for note in recording.notes if "repeat all values" not in note)
@@ -147,7 +177,7 @@ def loaded(preset, folder, **changes):
     return create("dataset", plain).load(0)
 
 
-@pytest.mark.parametrize("preset", [euroc, tum, kitti, nclt, urbannav])
+@pytest.mark.parametrize("preset", [euroc, tum, kitti, nclt, urbannav, ppc])
 def test_every_preset_gives_the_same_drive(tmp_path, preset):
     preset(tmp_path)
     recording = loaded(preset.__name__, tmp_path)

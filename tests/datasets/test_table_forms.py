@@ -162,7 +162,7 @@ def test_covariances_that_rounding_made_impossible_keep_their_variances(tmp_path
     given = {"position_covariance": ("a", "b", "c", "d", "x", "x")}
     recording = Tables(str(tmp_path), **FIXES, **given).load(0)
     np.testing.assert_allclose(recording.position.covariance_m2, np.tile(np.diag([0.01, 0.01, 0.04]), (10, 1, 1)))
-    assert "3 of 10 covariances of fix.csv are not positive definite: their variances alone are used." in (
+    assert "3 of 10 covariances of fix.csv are not positive definite: the sizes of their variances alone are used." in (
         recording.notes
     )
 

@@ -1,0 +1,91 @@
+"""A car in a suburb of Beijing: 10 Hz fixes with slow errors beside an RTK receiver in the same car."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+
+from jerkbench.checks import require_positive
+from jerkbench.errors import RecordingError
+from jerkbench.plugins import register
+from jerkbench.readers.columns import read_columns
+from jerkbench.readers.files import find_file, fingerprint
+from jerkbench.readers.nmea_fvi import read_epochs
+from jerkbench.readers.table_text import TextFormat
+from jerkbench.recording import Position, Recording, Reference, Velocity
+
+TABLE, LOG = "Data.txt", "GPSRaw.dat"
+GPS, RTK, RTK_VELOCITY = ("GPS_X", "GPS_Y"), ("RTK_X", "RTK_Y"), ("RTK_Vx", "RTK_Vy")
+
+NOTES = (
+    "There is no IMU: attitude, tilt and yaw do not apply.",
+    "It is of the plane: up is 0 in fixes and reference alike, an axis without an error in RMSE and NEES.",
+    "The errors of the fixes are slow (they follow themselves over ten seconds), which no filter here models.",
+)
+
+
+@register("dataset", "beijing_car")
+@dataclass(frozen=True)
+class BeijingCar:
+    """A car, 1156 s, 8.8 km: fixes, velocities and sigmas of a receiver, 10 Hz, and RTK as the reference; no IMU.
+
+    ``Data.txt`` holds places in the plane (ENU, m) of both receivers, row by row. Row i belongs to the i-th `$PSAT,FVI`
+    (velocity) and `$..GST` (sigmas) of ``GPSRaw.dat``. Up is 0 in both, with the stated sigma.
+
+    Source: S. Wang, "Distributionally robust state estimation for jump linear systems", IEEE Trans. Signal Processing,
+    2023, doi:10.1109/TSP.2023.3322802, its supplementary material ("[2] Real - Car"); for academic use and teaching.
+
+    Attributes:
+        folder: where Data.txt and GPSRaw.dat are.
+        velocity_sigma_mps: one standard deviation of the velocity, of which the receiver states none.
+    """
+
+    seeded: ClassVar[bool] = False
+    default_attitude: ClassVar[str] = "real"
+    without_imu: ClassVar[bool] = True
+
+    folder: str = ""
+    velocity_sigma_mps: float = 0.1
+
+    def __post_init__(self) -> None:
+        """Check the sigma."""
+        require_positive("dataset beijing_car", self, ("velocity_sigma_mps",))
+
+    def load(self, seed: int = 0) -> Recording:
+        """Return the drive; ``seed`` changes nothing.
+
+        Raises:
+            RecordingError: a file is missing or damaged, or the two are not of the same rows.
+        """
+        table, log = self._paths()
+        columns, epochs = read_columns((table,), TextFormat(separator="")), read_epochs(log)
+        if len(columns) != len(epochs.sigma_m):
+            raise RecordingError(
+                f"{table} has {len(columns)} rows, {log} {len(epochs.sigma_m)} epochs; copy them again."
+            )
+        t_s, level = columns.numbers(("Time",))[:, 0], np.zeros(len(columns))
+        sigmas = epochs.sigma_m[:, :, None] * np.eye(3)
+        spread = np.tile(self.velocity_sigma_mps**2 * np.eye(3), (len(columns), 1, 1))
+        return Recording(
+            name="beijing_car",
+            imu=None,
+            reference=Reference(
+                t_s,
+                source="RTK of a receiver in the same car",
+                independent=True,
+                enu_m=np.column_stack([columns.numbers(RTK), level]),
+                velocity_mps=np.column_stack([columns.numbers(RTK_VELOCITY), level]),
+            ),
+            position=Position(t_s, np.column_stack([columns.numbers(GPS), level]), sigmas**2),
+            velocity=Velocity(t_s, np.column_stack([epochs.velocity_mps[:, :2], level]), spread),
+            notes=(*columns.notes, *NOTES),
+        )
+
+    def fingerprint(self) -> str:
+        """Return the SHA-256 over the bytes of both files."""
+        return fingerprint(self._paths())
+
+    def _paths(self) -> tuple[Path, Path]:
+        folder = Path(self.folder).expanduser()
+        return find_file(folder, TABLE, ".txt", "folder"), find_file(folder, LOG, ".dat", "folder")

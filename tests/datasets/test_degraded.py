@@ -1,0 +1,179 @@
+"""Recordings with bad fixes: their errors against the better reference, as measured elsewhere on the same files."""
+
+import numpy as np
+import pytest
+
+from jerkbench.benchmark.parts import choose
+from jerkbench.conformance.plugin import check_plugin
+from jerkbench.errors import RecordingError
+from jerkbench.plugins import create
+
+FAR_M = 1.5
+"""Over a longer interval the reference is not taken linearly."""
+
+
+def loaded(preset, folder, **changes):
+    return create("dataset", choose("dataset", {"name": preset, "folder": str(folder), **changes}).plain)
+
+
+@pytest.fixture
+def degraded(shared_folder):
+    """Loads a recording of those that may not be here."""
+
+    def load(preset, folder):
+        path = shared_folder / "data" / "degraded" / folder
+        if not path.is_dir():
+            pytest.skip(f"{path.name} is not in ../shared/data/degraded")
+        return loaded(preset, path).load(0)
+
+    return load
+
+
+def errors(recording, *, same_stamp=False):
+    """Error (n, 3), covariance and time of the fixes at which the reference is known."""
+    position, reference = recording.position, recording.reference
+    rows = np.isfinite(reference.enu_m).all(axis=1)
+    known_s, places = reference.t_s[rows], reference.enu_m[rows]
+    after = np.clip(np.searchsorted(known_s, position.t_s), 1, len(known_s) - 1)
+    use = (known_s[after] - known_s[after - 1] <= FAR_M) & (position.t_s >= known_s[0]) & (position.t_s <= known_s[-1])
+    if same_stamp:
+        use = np.minimum(abs(known_s[after] - position.t_s), abs(known_s[after - 1] - position.t_s)) < 1e-3
+    truth = np.column_stack([np.interp(position.t_s, known_s, axis) for axis in places.T])
+    return (position.enu_m - truth)[use], position.covariance_m2[use], position.t_s[use]
+
+
+def plane(error):
+    """Root mean square, 95 % and largest horizontal error."""
+    size = np.linalg.norm(error[:, :2], axis=1)
+    return np.sqrt(np.mean(size**2)), np.percentile(size, 95), size.max()
+
+
+def nees(error, covariance):
+    """(n,) of two axes."""
+    return np.einsum("ni,nij,nj->n", error[:, :2], np.linalg.inv(covariance[:, :2, :2]), error[:, :2])
+
+
+def autocorrelation(error, t_s, lag_s):
+    """Of east and north at a lag, over the pairs that are so far apart."""
+    late = np.minimum(np.searchsorted(t_s, t_s + lag_s - 0.02), len(t_s) - 1)
+    pairs = np.abs(t_s[late] - t_s - lag_s) < 0.05
+    centred = error[:, :2] - error[:, :2].mean(axis=0)
+    return np.mean(centred[pairs] * centred[late[pairs]], axis=0) / np.mean(centred**2, axis=0)
+
+
+def test_tokyo(degraded):
+    recording = degraded("tokyo_1105", "tokyo_1105")
+    error, covariance, t_s = errors(recording, same_stamp=True)
+    error -= np.median(error, axis=0)
+    assert len(error) == pytest.approx(8799, abs=1)
+    assert plane(error) == pytest.approx((1.4, 3.1, 20.0), rel=0.02)
+    sure = np.sqrt(covariance[:, 0, 0]) < 0.05  # what a fixed solution claims
+    assert nees(error, covariance)[sure].mean() == pytest.approx(3100, rel=0.1)
+    np.testing.assert_allclose(autocorrelation(error, t_s, 1.0), [0.65, 0.65], atol=0.06)
+    np.testing.assert_allclose(autocorrelation(error, t_s, 10.0), [0.42, 0.23], atol=0.04)
+    assert "21 of 8851 covariances of RTK1105.csv are not positive definite" in " ".join(recording.notes)
+    assert recording.velocity is not None
+
+
+def test_hamburg(degraded):
+    recording = degraded("hamburg", "hamburg")
+    error, covariance, _ = errors(recording, same_stamp=True)
+    assert recording.duration_s == pytest.approx(2701, abs=1)
+    assert plane(error)[:2] == pytest.approx((5.5, 12.0), rel=0.03)
+    assert np.sqrt(np.mean(error[:, 2] ** 2)) == pytest.approx(9.3, rel=0.03)
+    assert nees(error, covariance).mean() == pytest.approx(1.4, rel=0.03)
+    assert np.median(nees(error, covariance)) == pytest.approx(0.16, abs=0.02)
+
+
+def test_pixel4(degraded):
+    error, _, _ = errors(degraded("pixel4", "pixel4"))
+    assert plane(error) == pytest.approx((7.2, 8.2, 240.0), rel=0.01)
+    assert np.median(np.linalg.norm(error[:, :2], axis=1)) == pytest.approx(2.8, rel=0.02)
+    assert np.median(error[:, 2]) == pytest.approx(0.0, abs=0.1)
+
+
+def test_beijing(degraded):
+    recording = degraded("beijing_car", "beijing_car")
+    error, covariance, t_s = errors(recording)
+    assert recording.duration_s == pytest.approx(1156)
+    assert plane(error) == pytest.approx((1.6, 2.7, 3.5), rel=0.02)
+    assert nees(error, covariance).mean() == pytest.approx(4.7, rel=0.01)
+    np.testing.assert_allclose(autocorrelation(error, t_s, 1.0), [1.0, 1.0], atol=0.01)
+    np.testing.assert_allclose(autocorrelation(error, t_s, 10.0), [0.97, 0.95], atol=0.05)
+    rate = recording.reference.velocity_mps - recording.velocity.mps
+    assert np.sqrt(np.mean(rate[:, :2] ** 2)) < 0.1  # the rows of both files belong together
+
+
+def test_zurich(degraded):
+    recording = degraded("zurich_mav", "zurich_mav_1")
+    error, _, t_s = errors(recording)
+    assert plane(error)[:2] == pytest.approx((3.8, 7.4), rel=0.03)
+    np.testing.assert_allclose(autocorrelation(error, t_s, 1.003), [0.99, 0.98], atol=0.01)
+    np.testing.assert_allclose(autocorrelation(error, t_s, 10.03), [0.72, 0.64], atol=0.02)
+    force = np.median(recording.imu.accel_mps2, axis=0)
+    assert force[2] > 9.0  # z is up
+
+
+def beijing_files(folder, epochs=6):
+    table = [f"{k / 10}\t\t{k}\t{2 * k}\t{k - 0.5}\t{2 * k + 0.25}\t10\t20" for k in range(6)]
+    (folder / "Data.txt").write_text("\n".join(["Time\t\tGPS_X\tGPS_Y\tRTK_X\tRTK_Y\tRTK_Vx\tRTK_Vy", *table]) + "\n")
+    log = []
+    for k in range(epochs):
+        log += [f"$GPGGA,03000{k},1,2*11", f"$PSAT,FVI,03000{k}," + "," * 12 + f"10.{k},20.{k},0.1,22*3B"]
+        log.append(f"$GPGST,03000{k},2,1,1,73,.5,.7,1.4*67")
+    (folder / "GPSRaw.dat").write_text("\r\n".join(log))
+    return folder
+
+
+def test_the_rows_of_the_table_belong_to_the_epochs_of_the_log(tmp_path):
+    dataset = loaded("beijing_car", beijing_files(tmp_path))
+    recording = dataset.load(0)
+    np.testing.assert_allclose(recording.velocity.mps[3], [10.3, 20.3, 0.0])
+    np.testing.assert_allclose(recording.position.covariance_m2[0], np.diag([0.7**2, 0.5**2, 1.4**2]))
+    np.testing.assert_allclose(recording.position.enu_m[2], [2.0, 4.0, 0.0])
+    np.testing.assert_allclose(recording.reference.enu_m[2], [1.5, 4.25, 0.0])
+    check_plugin("dataset", dataset)
+    with pytest.raises(RecordingError, match=r"6 rows, .* 5 epochs"):
+        loaded("beijing_car", beijing_files(tmp_path, 5)).load(0)
+    (tmp_path / "GPSRaw.dat").write_text("$PSAT,FVI,030000,1\n$GPGST,030000,2,1,1,73,.5,.7,1.4*67")
+    with pytest.raises(RecordingError, match="line 1 has 4 fields"):
+        loaded("beijing_car", tmp_path).load(0)
+
+
+def zurich_files(folder):
+    names = "Timpstemp, Error_count, x, y, z, "
+    stamps = [7_000_000 + 100_000 * k for k in range(200)]
+    (folder / "RawAccel.csv").write_text("\n".join([names, *(f"{t},0,0.1,0.2,-9.8, " for t in stamps)]))
+    (folder / "RawGyro.csv").write_text("\n".join([names, *(f"{t + 900},0,-0.015,0.073,0.029, " for t in stamps)]))
+    truth = ["imgid, x_gt, y_gt, z_gt, omega_gt, phi_gt, kappa_gt, x_gps, y_gps, z_gps, "]
+    truth += [f"{k},{100 + k},200,30,95,-73,9,{90 + k},210,20, " for k in (1, 31, 61, 91)]
+    (folder / "GroundTruthAGL.csv").write_text("\n".join(truth))
+    return folder
+
+
+def test_fixes_and_truth_of_the_flight_have_times_of_their_own(tmp_path):
+    dataset = loaded("zurich_mav", zurich_files(tmp_path))
+    recording = dataset.load(0)
+    assert recording.position.t_s[1] == pytest.approx(7.009129 + 30 * 0.03343357 - 7.0)
+    assert recording.reference.t_s[1] == pytest.approx(13.80 + 31 * 0.0333667 - 7.0)
+    np.testing.assert_allclose(recording.imu.accel_mps2[0], [0.1, -0.2, 9.8])
+    np.testing.assert_allclose(recording.imu.gyro_radps[0], [0.0, -0.1, 0.0], atol=1e-12)
+    np.testing.assert_allclose(recording.reference.enu_m[0] - recording.position.enu_m[0], [10, -10, 10])
+    check_plugin("dataset", dataset)
+
+
+def test_a_reference_of_rtklib_counts_where_its_quality_is_good(tmp_path):
+    header = (
+        "%  GPST latitude(deg) longitude(deg) height(m) Q ns sdn(m) sde(m) sdu(m) sdne(m) sdeu(m) sdun(m) age(s) ratio"
+    )
+    for name, shift, quality in (("ublox_single_elev_10.pos", 1e-5, "555555"), ("r10.pos", 0.0, "115251")):
+        rows = [
+            f"2020/05/12 11:06:4{k}.000 {53.5 + shift} 10.0 50.0 {q} 9 1 2 3 0 0 0 0 0" for k, q in enumerate(quality)
+        ]
+        (tmp_path / name).write_text("\n".join([header, *rows]))
+    recording = loaded("hamburg", tmp_path).load(0)
+    assert recording.imu is None
+    np.testing.assert_array_equal(recording.reference.t_s, [0, 1, 3, 5])
+    np.testing.assert_allclose(recording.position.enu_m, 0, atol=1e-9)
+    north_m = 1e-5 * np.radians(1) * 6.38e6
+    np.testing.assert_allclose(recording.reference.enu_m[:, 1], -north_m, rtol=0.01)
