@@ -5,7 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from jerkbench.verbs.kinds import Verbs
+from jerkbench.verbs.kinds import Verbs, percentage
 
 if TYPE_CHECKING:
     from jerkbench.report.tables.table_model import Table
@@ -22,6 +22,25 @@ def add(verbs: Verbs) -> None:
     table.add_argument("--rows", help=f"factors that make the rows: {factors}")
     table.add_argument("--columns", help="factors that make the columns (default: adaptation)")
     table.add_argument("--baseline", metavar="FACTOR=NAME", help="add ratios to it, with tests: adaptation=none")
+    table.add_argument(
+        "--method",
+        default="filter,adaptation,noise",
+        metavar="FACTORS",
+        help="what a method is made of, for --findings (default: filter,adaptation,noise); the rest are scenarios",
+    )
+    table.add_argument(
+        "--margin",
+        type=percentage,
+        default=3.0,
+        metavar="PCT",
+        help="methods within PCT percent are equal (default: 3)",
+    )
+    table.add_argument(
+        "--correction",
+        choices=("max_t", "fdr"),
+        default="max_t",
+        help="5 %% of studies with any wrong sentence (max_t, the default), or of sentences (fdr)",
+    )
     table.add_argument("--findings", action="store_true", help="say in sentences what differs, and what does not")
     table.add_argument("--format", choices=FORMATS, default="terminal")
     table.set_defaults(answer=answer)
@@ -33,20 +52,24 @@ def answer(chosen: argparse.Namespace) -> None:
     Raises:
         JerkbenchError: there are no results, or no such metric, factor or baseline.
     """
-    from jerkbench.report.analysis.comparison import parse_baseline
+    from jerkbench.evaluation.statistics.family import Correction
+    from jerkbench.report.analysis.comparison import Rule, parse_baseline
     from jerkbench.report.analysis.findings import findings
     from jerkbench.report.analysis.paper_claim import claims
+    from jerkbench.report.analysis.standings import parse_method, standings, summary
     from jerkbench.report.tables.summary import main_metric, summarise
     from jerkbench.results.study import load_study
 
     study = load_study(chosen.folder)
     metric = chosen.metric or main_metric(study.rows)
     baseline = parse_baseline(chosen.baseline) if chosen.baseline else None
+    rule = Rule(chosen.margin / 100, Correction(chosen.correction))
     table = summarise(
-        study.rows, metric, _factors(chosen.rows), _factors(chosen.columns), study.notes, baseline=baseline
+        study.rows, metric, _factors(chosen.rows), _factors(chosen.columns), study.notes, baseline=baseline, rule=rule
     )
     if chosen.findings:
-        said = [*claims(study.rows), *findings(study.rows, metric)]
+        leading = summary(standings(study.rows, metric, parse_method(chosen.method), rule))
+        said = [*leading, *claims(study.rows), *findings(study.rows, metric, rule)]
         print("\n".join(said or ["Nothing can be compared: no cell without adaptation, or with the baseline filter."]))
         return
     _writers()[chosen.format](table)

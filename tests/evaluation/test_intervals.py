@@ -113,7 +113,7 @@ def test_infinity_is_not_left_out():
 )
 def test_odd_samples_warn_of_nothing_and_contain_their_mean(values):
     interval = mean_interval(values)
-    assert min(values) <= interval.low <= interval.mean <= interval.high <= max(values)
+    assert interval.low <= interval.mean <= interval.high  # of fewer than five values Student's may lie outside them
 
 
 def test_of_a_spread_that_is_infinite_there_is_no_interval():
@@ -126,7 +126,7 @@ def test_of_a_spread_that_is_infinite_there_is_no_interval():
 def test_ends_stay_within_the_values():
     """Rounding gave errors of which none is negative an interval from -7e-18 on."""
     rng = np.random.default_rng(11)
-    for n in (3, 5, 7):
+    for n in (5, 7):
         samples = rng.choice([0.0, 0.1, 0.2, 0.3], size=(300, n))
         samples = samples[np.ptp(samples, axis=1) > 0]
         for sample, interval in zip(samples, mean_intervals(list(samples)), strict=True):
@@ -151,3 +151,11 @@ def test_of_thousands_of_values_the_interval_is_the_one_that_scipy_gives_without
     few = mean_interval(values[:1999])
     bounds = ttest_1samp(values[:1999], 0.0).confidence_interval(0.95)
     assert (few.low, few.high) == pytest.approx((bounds.low, bounds.high), abs=0.05 * (bounds.high - bounds.low))
+
+
+@pytest.mark.parametrize("n", [2, 3, 4])
+def test_few_values_have_students_interval(n):
+    values = np.random.default_rng(n).normal(1.0, 0.1, n)
+    ends = ttest_1samp(values, 0).confidence_interval(0.95)
+    got = mean_interval(values)
+    assert (got.low, got.high) == pytest.approx((ends.low, ends.high))

@@ -50,7 +50,8 @@ def _whole_study(comparisons: Sequence[LogRatios], margin: float, level: float) 
     """By `max_t` of the means; Bonferroni for the exact tests, and between numbers of seeds."""
     found = _uncorrected(comparisons, margin)
     total = max(1, sum(one.n > 0 for one in comparisons))
-    differ, equal = (np.minimum(1.0, total * p) for p in (found.differ, found.equal))
+    exact = 2 * total  # of a comparison with lost runs there are two tests: of the errors, and of the losses
+    differ, equal, lost = (np.minimum(1.0, exact * p) for p in (found.differ, found.equal, found.lost))
     critical = np.nan
     for places in _of_each_size(comparisons).values():
         d = np.stack([comparisons[k].d for k in places])
@@ -58,7 +59,7 @@ def _whole_study(comparisons: Sequence[LogRatios], margin: float, level: float) 
         t, t_equal = _statistics(d, margin)
         differ[places], equal[places] = largest.p(t), largest.p(t_equal)
         critical = np.fmax(critical, largest.critical(level))
-    return Family(differ, equal, np.minimum(1.0, total * found.lost), critical)
+    return Family(differ, equal, lost, critical)
 
 
 def _uncorrected(comparisons: Sequence[LogRatios], margin: float) -> Family:

@@ -36,7 +36,7 @@ def chosen_on_other_seeds(errors: FloatArray) -> Chosen:
     logs = np.log(np.where(lost, 1.0, np.maximum(errors, np.finfo(float).tiny)))
     best = _best(lost.sum(axis=1)[:, None], logs.sum(axis=1)[:, None], (~lost).sum(axis=1)[:, None])[0]
     if errors.shape[1] < 2:
-        return Chosen(int(best), np.array([best]), errors[best], 0.0)
+        return Chosen(int(best), np.full(errors.shape[1], best), errors[best], 0.0)
     others = (lost.sum(axis=1, keepdims=True) - lost, logs.sum(axis=1, keepdims=True) - logs)
     picked = _best(*others, (~lost).sum(axis=1, keepdims=True) - ~lost)
     values = errors[picked, np.arange(errors.shape[1])]

@@ -9,8 +9,9 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.errors import JerkbenchError
+from jerkbench.evaluation.statistics.judgement import LEVEL
 from jerkbench.evaluation.statistics.paired import PairedRatio, holm, paired_ratio, unpaired_ratio
-from jerkbench.report.analysis.comparison import LEVEL, Combination
+from jerkbench.report.analysis.comparison import Combination
 from jerkbench.report.analysis.factors import FACTORS
 from jerkbench.report.analysis.quantities import quantity
 from jerkbench.report.analysis.rows import checked

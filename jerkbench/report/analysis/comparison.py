@@ -1,73 +1,170 @@
 """Rows of runs -> each combination against a baseline, over the same seeds."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.errors import JerkbenchError, unknown
-from jerkbench.evaluation.statistics.paired import PairedRatio, holm, paired_ratio
+from jerkbench.evaluation.statistics.family import Correction
+from jerkbench.evaluation.statistics.judgement import LEVEL, MARGIN, Judgement, Verdict, judged
+from jerkbench.evaluation.statistics.log_ratio import LogRatios, log_ratios
+from jerkbench.evaluation.statistics.seeds_needed import seeds_needed
 from jerkbench.report.analysis.factors import FACTORS
 from jerkbench.report.analysis.rows import checked
 
 if TYPE_CHECKING:
     import pandas as pd
 
-LEVEL = 0.05
-"""Below it, a difference counts as shown."""
-
-METHOD = ("filter", "adaptation")
-"""Factors that make no scenario."""
-
 Combination = tuple[str, ...]
 """The values of the six factors."""
 
 
 @dataclass(frozen=True)
-class Comparison:
-    """One combination against another.
+class Rule:
+    """How the comparisons of a study are judged; see `jerkbench.evaluation.statistics.judgement.judged`.
+
+    Attributes:
+        margin: ratios up to 1 + margin are equal for every practical purpose.
+        correction: what 5 % are 5 % of: studies with any wrong sentence, or sentences.
+    """
+
+    margin: float = MARGIN
+    correction: Correction = Correction.MAX_T
+
+    def __post_init__(self) -> None:
+        """Check the margin.
+
+        Raises:
+            JerkbenchError: it is below 0.
+        """
+        if self.margin < 0:
+            raise JerkbenchError(f"The margin of equality is {100 * self.margin:g} %; give 0 or more, for example 3.")
+
+
+RULE = Rule()
+
+
+@dataclass(frozen=True, eq=False)
+class Runs:
+    """The runs of one combination.
+
+    Attributes:
+        combination: values of the six factors.
+        seeds: (n,) in ascending order.
+        errors: (n,) the metric, infinite where the run was lost.
+        lost: (n,) whether it was.
+        phases: whether they are phases of one recording.
+    """
+
+    combination: Combination
+    seeds: IntArray
+    errors: FloatArray
+    lost: BoolArray
+    phases: bool
+
+    def only(self, places: IntArray) -> "Runs":
+        """Return the runs at ``places``."""
+        return Runs(self.combination, self.seeds[places], self.errors[places], self.lost[places], self.phases)
+
+
+@dataclass(frozen=True, eq=False)
+class Pair:
+    """The runs of two combinations on the seeds that both have.
 
     Attributes:
         subject: values of the six factors.
         baseline: of what it is compared with.
-        paired: ratio of the metric, subject over baseline, over the seeds that went well in both; of phases of one
-            recording ``low`` and ``high`` are the smallest and the largest ratio, and there is no p.
-        p: corrected for the family (those of the same scenario) by Holm; NaN for phases.
+        ratios: log ratios of the metric, subject over baseline; a lost run is the worst of all.
+        lost: how many of the subject's runs, and of the baseline's, diverged or failed.
         runs: seeds that both have.
-        lost: how many of the subject's runs diverged or failed.
-        lost_baseline: how many of the baseline's.
         replicate: "seed" or "phase".
-        needed: how many seeds could show a difference in its family, where its own cannot whatever they are; else 0.
     """
 
     subject: Combination
     baseline: Combination
-    paired: PairedRatio
-    p: float
+    ratios: LogRatios
+    lost: tuple[int, int]
     runs: int
-    lost: int
-    lost_baseline: int
     replicate: str
-    needed: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """One combination against another.
+
+    Attributes:
+        pair: what was compared.
+        judgement: ratio, interval and verdict at the level of the study; of phases of one recording ``low`` and
+            ``high`` are the smallest and the largest ratio, and there is no p and no verdict.
+        family: how many comparisons the study has.
+        rule: how they were judged.
+    """
+
+    pair: Pair
+    judgement: Judgement
+    family: int
+    rule: Rule = RULE
+
+    @property
+    def subject(self) -> Combination:
+        """Values of the six factors."""
+        return self.pair.subject
+
+    @property
+    def baseline(self) -> Combination:
+        """Values of the six factors of what it is compared with."""
+        return self.pair.baseline
+
+    @property
+    def replicate(self) -> str:
+        """Either "seed" or "phase"."""
+        return self.pair.replicate
+
+    @property
+    def verdict(self) -> Verdict:
+        """At the level of the study."""
+        return self.judgement.verdict
 
     @property
     def shown(self) -> bool:
-        """Whether a difference was shown: the corrected test says so, and so does the interval."""
-        return self.p < LEVEL and not self.paired.low <= 1.0 <= self.paired.high
+        """Whether a difference was shown."""
+        return self.verdict not in {Verdict.EQUAL, Verdict.UNDECIDED}
+
+    @property
+    def mark(self) -> str:
+        """A star where a difference was shown, "=" where the two are equal."""
+        return "*" if self.shown else "=" if self.verdict is Verdict.EQUAL else ""
+
+    @cached_property
+    def needed(self) -> int | None:
+        """How many seeds would decide what is undecided; None where nothing is, or runs were lost."""
+        ratios = self.pair.ratios
+        if self.verdict is not Verdict.UNDECIDED or self.replicate == "phase" or not ratios.plain or ratios.n < 2:
+            return None
+        return seeds_needed(ratios.d, self.rule.margin, max(1, self.family), LEVEL)
 
 
 def family_note(comparisons: Sequence[Comparison]) -> str:
-    """Say what a difference that was shown means, and whether the seeds could show any."""
-    tested = [[comparisons[k] for k in family if comparisons[k].p >= 0] for family in families(comparisons)]
-    largest = max(map(len, tested), default=0)
-    if largest == 0:
+    """Say what the marks mean, and how many comparisons are undecided."""
+    tested = [one for one in comparisons if one.replicate != "phase" and one.judgement.n]
+    if not tested:
         return "Without seeds there is no test of a difference."
-    seeds = max(one.paired.n for family in tested for one in family)
-    note = f"*: a difference was shown (5 %, Wilcoxon, Holm over the up to {largest} comparisons of a scenario)."
-    needed = seeds_needed(largest)
-    return f"{note} {seeds} seeds cannot show any; {needed} could." if seeds < needed else note
+    rule = tested[0].rule
+    marks = f"*: a difference was shown; =: equal within {100 * rule.margin:g} %."
+    if rule.correction is Correction.FDR:
+        test = f"Of the marks 5 % may be wrong (Benjamini and Hochberg over {len(tested)} comparisons)."
+    else:
+        test = (
+            f"At most 5 % of such studies have any wrong mark (largest studentised mean log ratio of {len(tested)} "
+            "comparisons, bootstrap over the seeds)."
+        )
+    undecided = sum(one.verdict is Verdict.UNDECIDED for one in tested)
+    return f"{marks} {test}" + (f" {undecided} of {len(tested)} are undecided." if undecided else "")
 
 
 def parse_baseline(text: str) -> dict[str, str]:
@@ -88,79 +185,70 @@ def parse_baseline(text: str) -> dict[str, str]:
     return found
 
 
-def compare_to(rows: "pd.DataFrame", metric: str, baseline: Mapping[str, str]) -> list[Comparison]:
+def compare_to(rows: "pd.DataFrame", metric: str, baseline: Mapping[str, str], rule: Rule = RULE) -> list[Comparison]:
     """Compare every combination with the one that is like it but for the factors of ``baseline``.
 
-    What has no such partner, or is the partner itself, is left out. Those of one scenario are a family for Holm.
+    What has no such partner, or is the partner itself, is left out. All of them are one family.
+
+    Raises:
+        JerkbenchError: no combination has the values of the baseline, or there is no such metric.
+    """
+    return judged_pairs(pairs_to(rows, metric, baseline), rule)
+
+
+def pairs_to(rows: "pd.DataFrame", metric: str, baseline: Mapping[str, str]) -> list[Pair]:
+    """Return what `compare_to` compares, not yet judged.
 
     Raises:
         JerkbenchError: no combination has the values of the baseline, or there is no such metric.
     """
     rows = checked(rows, metric)
-    groups = {
-        tuple(map(str, key)): group.set_index("seed")
-        for key, group in rows.groupby([*FACTORS], sort=False, observed=True)
-    }
+    groups = grouped(rows, metric)
     partners = {key: with_values(key, baseline) for key in groups}
     if not any(partner in groups for partner in partners.values()):
         raise JerkbenchError(_no_baseline(rows, baseline))
-    found = [
-        compare_groups(key, groups[key], partner, groups[partner], metric)
+    return [
+        paired(groups[key], groups[partner])
         for key, partner in partners.items()
         if partner in groups and partner != key
     ]
-    return corrected(found)
 
 
-def corrected(comparisons: Sequence[Comparison]) -> list[Comparison]:
-    """Return the comparisons with p corrected, for those of one scenario together, and with the seeds they need."""
-    result = list(comparisons)
-    for places in families(comparisons):
-        family = [comparisons[k] for k in places]
-        corrected_p = holm([one.p for one in family])
-        for place, one, p, needed in zip(places, family, corrected_p, _needed(family), strict=True):
-            result[place] = dataclasses.replace(one, p=float(p), needed=needed)
-    return result
-
-
-def _needed(family: Sequence[Comparison]) -> list[int]:
-    """Return for each how many seeds could show a difference, or 0 where its own could, or there is no test.
-
-    Holm's p only grows with each p of the family: where even the smallest that so many seeds can have is not below
-    the level, no values would be.
-    """
-    smallest = holm([0.5 ** (one.paired.n - 1) if one.p >= 0 else np.nan for one in family])
-    seeds = seeds_needed(max(1, int(np.sum(~np.isnan(smallest)))))
-    return [seeds if p >= LEVEL else 0 for p in smallest]
-
-
-def families(comparisons: Sequence[Comparison]) -> list[list[int]]:
-    """Return the indices of the comparisons of each scenario: one data set, disturbance, attitude and noise."""
+def grouped(rows: "pd.DataFrame", metric: str) -> dict[Combination, Runs]:
+    """Return the runs of each combination; the factors are text."""
+    errors = np.where(rows["status"] == "ok", rows[metric].to_numpy(dtype=float), np.inf)
+    seeds, ok = rows["seed"].to_numpy(), (rows["status"] == "ok").to_numpy()
+    phases = (rows["replicate"] == "phase").to_numpy()
     found: dict[Combination, list[int]] = {}
-    for k, one in enumerate(comparisons):
-        scenario = tuple(v for key, v in zip(FACTORS, one.subject, strict=True) if key not in METHOD)
-        found.setdefault(scenario, []).append(k)
-    return list(found.values())
+    for place, key in enumerate(zip(*(rows[factor] for factor in FACTORS), strict=True)):
+        found.setdefault(key, []).append(place)
+    groups = {}
+    for key, places in found.items():
+        order = np.array(places)[np.argsort(seeds[places], kind="stable")]
+        groups[key] = Runs(key, seeds[order], errors[order], ~ok[order], bool(phases[order].any()))
+    return groups
 
 
-def seeds_needed(family: int) -> int:
-    """Return how many seeds a family of so many comparisons needs, so that the largest difference could be shown."""
-    return int(np.ceil(np.log2(2 * family / LEVEL)))
+def judged_pairs(pairs: Iterable[Pair], rule: Rule = RULE) -> list[Comparison]:
+    """Judge the pairs as one family; phases of one recording are not independent and have a range instead."""
+    pairs = list(pairs)
+    seeds = [pair for pair in pairs if pair.replicate != "phase"]
+    verdicts = iter(judged([pair.ratios for pair in seeds], rule.margin, LEVEL, rule.correction))
+    return [
+        Comparison(pair, _of_phases(pair.ratios) if pair.replicate == "phase" else next(verdicts), len(seeds), rule)
+        for pair in pairs
+    ]
 
 
-def compare_groups(
-    subject: Combination, ours: "pd.DataFrame", baseline: Combination, theirs: "pd.DataFrame", metric: str
-) -> Comparison:
-    """Compare two combinations, whose rows are indexed by seed."""
-    seeds = ours.index.intersection(theirs.index)
-    ours, theirs = ours.loc[seeds], theirs.loc[seeds]
-    well = ((ours["status"] == "ok") & (theirs["status"] == "ok")).to_numpy()
-    a, b = (one[metric].to_numpy(dtype=float)[well] for one in (ours, theirs))
-    phases = bool((ours["replicate"] == "phase").any())
-    paired = _of_phases(paired_ratio(a, b), a, b) if phases else paired_ratio(a, b)
-    lost, lost_baseline = (int((one["status"] != "ok").sum()) for one in (ours, theirs))
-    replicate = "phase" if phases else "seed"
-    return Comparison(subject, baseline, paired, paired.p, len(seeds), lost, lost_baseline, replicate)
+def paired(ours: Runs, theirs: Runs) -> Pair:
+    """Return the runs of two combinations on the seeds that both have."""
+    if len(ours.seeds) != len(theirs.seeds) or (ours.seeds != theirs.seeds).any():
+        _, first, second = np.intersect1d(ours.seeds, theirs.seeds, return_indices=True)
+        ours, theirs = ours.only(first), theirs.only(second)
+    lost = int(ours.lost.sum()), int(theirs.lost.sum())
+    ratios = log_ratios(ours.errors, theirs.errors)
+    replicate = "phase" if ours.phases else "seed"
+    return Pair(ours.combination, theirs.combination, ratios, lost, len(ours.seeds), replicate)
 
 
 def with_values(combination: Combination, values: Mapping[str, str]) -> Combination:
@@ -168,13 +256,13 @@ def with_values(combination: Combination, values: Mapping[str, str]) -> Combinat
     return tuple(values.get(key, value) for key, value in zip(FACTORS, combination, strict=True))
 
 
-def _of_phases(paired: PairedRatio, a: "np.ndarray[tuple[int], np.dtype[np.float64]]", b: object) -> PairedRatio:
-    """Put the range in the place of the interval, and no p: phases of one recording are not independent."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratios = a / np.asarray(b, dtype=np.float64)
-    ratios = ratios[np.isfinite(ratios)]
-    low, high = (float(ratios.min()), float(ratios.max())) if len(ratios) > 1 else (np.nan, np.nan)
-    return dataclasses.replace(paired, low=low, high=high, p=np.nan)
+def _of_phases(ratios: LogRatios) -> Judgement:
+    """Return the geometric mean, or with lost runs the median, with the range, and no test."""
+    (one,) = judged([ratios])
+    low, high = (np.exp(ratios.d.min()), np.exp(ratios.d.max())) if ratios.n > 1 else (np.nan, np.nan)
+    return dataclasses.replace(
+        one, low=float(low), high=float(high), p=np.nan, p_equal=np.nan, p_lost=np.nan, verdict=Verdict.UNDECIDED
+    )
 
 
 def _no_baseline(rows: "pd.DataFrame", baseline: Mapping[str, str]) -> str:

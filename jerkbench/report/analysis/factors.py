@@ -11,6 +11,9 @@ if TYPE_CHECKING:
 FACTORS = ("dataset", "disturbance", "attitude", "filter", "adaptation", "noise")
 """What a cell is a combination of, in the order of the data's way."""
 
+METHOD = ("filter", "adaptation", "noise")
+"""What a method is made of, unless one says otherwise; the other factors make a scenario."""
+
 
 def layout(
     rows: "pd.DataFrame", row_keys: Sequence[str] | None, column_keys: Sequence[str] | None

@@ -4,7 +4,8 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from jerkbench.report.analysis.comparison import Combination, Comparison, compare_to
+from jerkbench.evaluation.statistics.judgement import Verdict
+from jerkbench.report.analysis.comparison import RULE, Combination, Comparison, Rule, judged_pairs, pairs_to
 from jerkbench.report.analysis.factors import FACTORS
 from jerkbench.report.analysis.quantities import quantity
 from jerkbench.report.tables.table_model import factor_number, number
@@ -13,20 +14,19 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-def findings(rows: "pd.DataFrame", metric: str) -> list[str]:
+def findings(rows: "pd.DataFrame", metric: str, rule: Rule = RULE) -> list[str]:
     """Return a sentence for each comparison with ``adaptation=none`` and ``filter=baseline``, where these are there.
 
-    Those of one scenario with one of the two are a family for Holm. There is none of a metric whose lowest is not the
-    best.
+    All of them are one family. There is none of a metric whose lowest is not the best.
 
     Raises:
         JerkbenchError: no such metric.
     """
     varying = varying_factors(rows)
-    return [sentence(one, varying) for one in compared(rows, metric)]
+    return [sentence(one, varying) for one in compared(rows, metric, rule)]
 
 
-def compared(rows: "pd.DataFrame", metric: str) -> list[Comparison]:
+def compared(rows: "pd.DataFrame", metric: str, rule: Rule = RULE) -> list[Comparison]:
     """Return every comparison with ``adaptation=none`` and ``filter=baseline``; none of a metric without a best.
 
     Raises:
@@ -34,41 +34,63 @@ def compared(rows: "pd.DataFrame", metric: str) -> list[Comparison]:
     """
     if not quantity(metric).lowest_is_best:
         return []
-    return [one for baseline in _baselines(rows) for one in compare_to(rows, metric, baseline)]
+    return judged_pairs([pair for baseline in _baselines(rows) for pair in pairs_to(rows, metric, baseline)], rule)
 
 
 def sentence(one: Comparison, varying: Sequence[str]) -> str:
     """Say one comparison, with the factors that vary in the study."""
     who, whom, where = names(one, varying)
-    lost = losses(one, who, whom)
-    if one.paired.n == 0:
-        return f"{who} cannot be compared with {whom}{where}: {lost or 'no run of both has a value'}."
-    if one.paired.low == one.paired.high == 1.0:
-        return f"{who} gives the same as {whom}{where} ({_count(one)}){and_lost(lost)}."
-    factor = one.paired.ratio
+    found, lost = one.judgement, and_lost(losses(one, who, whom))
+    if found.n == 0:
+        return f"{who} cannot be compared with {whom}{where}: no run of both has a value."
+    if all(count == one.pair.runs for count in one.pair.lost):
+        return f"{who} cannot be compared with {whom}{where}: both lost all {one.pair.runs} runs."
+    if found.low == found.high == 1.0 and not lost:
+        return f"{who} gives the same as {whom}{where} ({_count(one)})."
     if one.replicate == "phase":
-        over = f"range {_range(one)} over {one.paired.n} phases" if one.paired.n > 1 else "one run"
-        detail = f"({over} of one recording; no test)"
-        return f"{who} {_times(factor)} {whom}{where} {detail}{and_lost(lost)}."
-    detail = f"(95 % {_range(one)}, {one.paired.n} seeds)" if math.isfinite(one.paired.low) else "(1 seed)"
-    if not one.shown:
-        return f"{_not_shown(one, f'{who} and {whom}{where}')}: {number(factor)} times {detail}{and_lost(lost)}."
-    return f"{who} {_times(factor)} {whom}{where} {detail}{and_lost(lost)}."
+        return f"{who} {_times(found.ratio)} {whom}{where} ({_phases(one)}){lost}."
+    if one.verdict in {Verdict.FEWER_LOST, Verdict.MORE_LOST}:
+        return f"{who} {one.verdict.value} than {whom}{where}: {_against(one)}."
+    return _tested(one, who, whom, where) + f"{lost}."
+
+
+def _tested(one: Comparison, who: str, whom: str, where: str) -> str:
+    """Say what the test of the errors says."""
+    ratio = one.judgement.ratio
+    if one.verdict is Verdict.EQUAL:
+        equal = f"equal within {100 * one.rule.margin:g} %"
+        return f"{who} and {whom} are {equal}{where}: {number(ratio)} times {_detail(one)}"
+    if one.verdict is Verdict.UNDECIDED:
+        more = f"; {one.needed} seeds would decide" if one.needed else ""
+        return f"Undecided between {who} and {whom}{where}: {number(ratio)} times {_detail(one)}{more}"
+    return f"{who} {_times(ratio)} {whom}{where} {_detail(one)}"
+
+
+def _detail(one: Comparison) -> str:
+    """The interval, what it is of, and how many seeds."""
+    median = "median, " if one.judgement.median else ""
+    interval = "" if math.isnan(one.judgement.low) else f"95 % {_range(one)}, "
+    return f"({median}{interval}{_count(one)})"
+
+
+def _phases(one: Comparison) -> str:
+    n = one.judgement.n
+    over = f"range {_range(one)} over {n} phases" if n > 1 else "one run"
+    return f"{over} of one recording; no test"
+
+
+def _against(one: Comparison) -> str:
+    ours, theirs = one.judgement.failures
+    runs = one.judgement.n
+    return f"{ours} of {runs} lost or locked out against {theirs} of {runs} (McNemar, p {number(one.judgement.p_lost)})"
 
 
 def _count(one: Comparison) -> str:
     """How many seeds or phases; a recording in which nothing is withheld has one run, and no phases."""
-    if one.paired.n == 1:
+    n = one.judgement.n
+    if n == 1:
         return "one run" if one.replicate == "phase" else "1 seed"
-    return f"{one.paired.n} {one.replicate}s"
-
-
-def _not_shown(one: Comparison, between: str) -> str:
-    """Say that nothing was shown; or that nothing could be, lest the interval beside it seems to say otherwise."""
-    if not one.needed:
-        return f"No difference was shown between {between}"
-    n = one.paired.n
-    return f"{n} seed{'s' * (n > 1)} cannot show any difference between {between} ({one.needed} could)"
+    return f"{n} {one.replicate}s"
 
 
 def varying_factors(rows: "pd.DataFrame") -> tuple[str, ...]:
@@ -97,25 +119,28 @@ def _joined(combination: Combination, keys: Sequence[str]) -> str:
 
 
 def _times(ratio: float) -> str:
-    times, word = (1 / ratio, "better") if ratio < 1 else (ratio, "worse")
+    times, word = (1 / ratio, "better") if 0 < ratio < 1 else (ratio, "worse")
     return f"is {factor_number(times)} times {word} than"
 
 
 def _range(one: Comparison) -> str:
     """The interval of the factor that the sentence states: of better, the inverse."""
-    low, high = one.paired.low, one.paired.high
-    shown = one.shown or one.replicate == "phase"
-    ends = (1 / high, 1 / low) if shown and one.paired.ratio < 1 and low > 0 else (low, high)
-    written = factor_number if shown else number
+    low, high = one.judgement.low, one.judgement.high
+    inverse = (one.shown or one.replicate == "phase") and 0 < one.judgement.ratio < 1
+    ends = (1 / high if high else math.inf, 1 / low if low else math.inf) if inverse else (low, high)
+    written = factor_number if one.shown or one.replicate == "phase" else number
     return f"{written(ends[0])} to {written(ends[1])}"
 
 
 def losses(one: Comparison, who: str, whom: str) -> str:
-    """Say how many runs either lost; nothing where all went well."""
-    pairs = ((who, one.lost), (whom, one.lost_baseline))
-    return " and ".join(f"{name} lost {lost} of {one.runs} runs" for name, lost in pairs if lost)
+    """Say how many runs either lost, or locked out in; nothing where all went well."""
+    told = []
+    for name, lost, failed in zip((who, whom), one.pair.lost, one.judgement.failures, strict=True):
+        words = [f"lost {lost}"] * (lost > 0) + [f"locked out in {failed - lost}"] * (failed > lost)
+        told += [f"{name} {' and '.join(words)} of {one.pair.runs} runs"] * bool(words)
+    return " and ".join(told)
 
 
 def and_lost(lost: str) -> str:
-    """Say what a sentence leaves out."""
-    return f"; {lost}, which this leaves out" if lost else ""
+    """Say which runs count as the worst."""
+    return f"; {lost}, which counts as worse than any error" if lost else ""

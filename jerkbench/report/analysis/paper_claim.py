@@ -1,10 +1,12 @@
 """The paper's "more than ten times better", scenario by scenario: does it hold?"""
 
+import dataclasses
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
+from jerkbench.evaluation.statistics.judgement import Judgement, Verdict, judged
 from jerkbench.report.analysis.comparison import Comparison, compare_to, with_values
 from jerkbench.report.analysis.findings import and_lost, losses, names, varying_factors
 from jerkbench.report.tables.table_model import number
@@ -24,6 +26,9 @@ AGAINST = ("baseline", "baseline_naive")
 HOLDS, FAILS, OPEN = "holds", "does not hold", "stays open"
 NO_INTERVAL, NO_PAIR = "has no interval", "has no pair of runs"
 
+WORDS = {Verdict.BETTER: HOLDS, Verdict.WORSE: FAILS, Verdict.MORE_LOST: FAILS}
+"""What a verdict against the claim says of it; other verdicts leave it open."""
+
 
 def claimed(rows: "pd.DataFrame") -> list[Comparison]:
     """Return the comparisons that the claim is about; none without its filters."""
@@ -39,20 +44,25 @@ def _only(rows: "pd.DataFrame", against: Mapping[str, str]) -> "pd.DataFrame":
     return rows[_are(rows, CLAIM) | _are(rows, against)]
 
 
-def verdict(one: Comparison) -> str:
-    """Say whether the claim holds: its whole interval is beyond it, or on this side of it."""
-    low, high = better(one)[1:]
-    if one.paired.n == 0:
+def verdicts(comparisons: Sequence[Comparison]) -> list[str]:
+    """Say of each whether the claim holds, as one family: the ratio, times what is claimed, against 1."""
+    shifted = [dataclasses.replace(one.pair.ratios, d=one.pair.ratios.d + math.log(CLAIMED)) for one in comparisons]
+    return [_word(one, found) for one, found in zip(comparisons, judged(shifted, margin=0.0), strict=True)]
+
+
+def _word(one: Comparison, against_the_claim: Judgement) -> str:
+    if one.judgement.n == 0:
         return NO_PAIR
-    if one.replicate == "phase" or math.isnan(low):
+    if one.replicate == "phase" or math.isnan(one.judgement.low):
         return NO_INTERVAL
-    return HOLDS if low > CLAIMED else FAILS if high < CLAIMED else OPEN
+    return WORDS.get(against_the_claim.verdict, OPEN)
 
 
 def better(one: Comparison) -> tuple[float, float, float]:
     """Return how many times better the subject is, with the ends of the interval."""
-    paired = one.paired
-    return 1 / paired.ratio, 1 / paired.high, 1 / paired.low if paired.low > 0 else math.inf
+    found = one.judgement
+    ratio, low, high = (1 / value if value > 0 else math.inf for value in (found.ratio, found.high, found.low))
+    return ratio, low, high
 
 
 def claims(rows: "pd.DataFrame") -> list[str]:
@@ -63,15 +73,15 @@ def claims(rows: "pd.DataFrame") -> list[str]:
 def claim_sentences(rows: "pd.DataFrame", comparisons: Sequence[Comparison]) -> list[str]:
     """Return a sentence for each of the claim's ``comparisons``."""
     varying = varying_factors(rows)
-    return [_sentence(one, varying) for one in comparisons]
+    return [_sentence(one, word, varying) for one, word in zip(comparisons, verdicts(comparisons), strict=True)]
 
 
 def headlines(rows: "pd.DataFrame", comparisons: Sequence[Comparison]) -> list[str]:
     """Return one sentence for each opponent: in how many scenarios the claim holds."""
     varying = varying_factors(rows)
     counts: dict[str, Counter[str]] = {}
-    for one in comparisons:
-        counts.setdefault(_head(one, varying), Counter())[verdict(one)] += 1
+    for one, word in zip(comparisons, verdicts(comparisons), strict=True):
+        counts.setdefault(_head(one, varying), Counter())[word] += 1
     return [f"{head} {_counted(found)}" for head, found in counts.items()]
 
 
@@ -87,17 +97,16 @@ def _head(one: Comparison, varying: Sequence[str]) -> str:
     return f"The paper says that {who} is more than {CLAIMED:g} times better than {whom}."
 
 
-def _sentence(one: Comparison, varying: Sequence[str]) -> str:
+def _sentence(one: Comparison, word: str, varying: Sequence[str]) -> str:
     head = _head(one, varying)
     who, whom, where = names(one, varying)
     lost = losses(one, who, whom)
-    if one.paired.n == 0:
-        return f"{head} Nothing can be said{where}: {lost or 'no run of both has a value'}."
+    if one.judgement.n == 0:
+        return f"{head} Nothing can be said{where}: no run of both has a value."
     times, low, high = map(number, better(one))
-    word = verdict(one)
     if word == NO_INTERVAL:
-        return f"{head} Seen: {times} times{where}, over {one.paired.n} runs, without an interval{and_lost(lost)}."
-    return f"{head} It {word}: {times} times{where} (95 % {low} to {high}, {one.paired.n} seeds){and_lost(lost)}."
+        return f"{head} Seen: {times} times{where}, over {one.judgement.n} runs, without an interval{and_lost(lost)}."
+    return f"{head} It {word}: {times} times{where} (95 % {low} to {high}, {one.judgement.n} seeds){and_lost(lost)}."
 
 
 def _has(rows: "pd.DataFrame", values: Mapping[str, str]) -> bool:

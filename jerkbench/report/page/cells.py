@@ -32,7 +32,7 @@ def cells_section(
         metric: the leading metric.
     """
     metrics = [metric, *(one for one in COLUMNS if one != metric and one in rows and rows[one].notna().any())]
-    tables = {one: combinations(rows, one, geometric=one == metric) for one in metrics}
+    tables = {one: combinations(rows, one) for one in metrics}
     found = {one: by_combination(table) for one, table in tables.items()}
     ratios = _ratios(rows, metric)
     groups = rows.assign(key=list(keys)).groupby("key", sort=False)
@@ -67,9 +67,9 @@ def _muted(text: str) -> str:
     return f'<p class="muted">{escape(text)}</p>' if text else ""
 
 
-def combinations(rows: "pd.DataFrame", metric: str, *, geometric: bool = False) -> Table:
+def combinations(rows: "pd.DataFrame", metric: str) -> Table:
     """Return the table in which each combination of the six factors has a row."""
-    return summarise(rows, metric, row_keys=FACTORS[:-1], column_keys=FACTORS[-1:], geometric=geometric)
+    return summarise(rows, metric, row_keys=FACTORS[:-1], column_keys=FACTORS[-1:])
 
 
 def by_combination(table: Table) -> dict[tuple[str, ...], Cell]:
@@ -114,11 +114,11 @@ def _number(value: float) -> str:
 
 
 def _factor(one: Comparison | None) -> str:
-    """The ratio to no adaptation, with a star where a difference was shown."""
-    if one is None or not math.isfinite(one.paired.ratio):
+    """The ratio to no adaptation, with its mark."""
+    if one is None or not 0 < one.judgement.ratio < math.inf:
         return _number(math.nan)
-    value = one.paired.ratio
-    text = f"{factor_number(value)}*" if one.shown else number(value)
+    value = one.judgement.ratio
+    text = f"{factor_number(value) if one.shown else number(value)}{one.mark}"
     return f'<td class="number" data-value="{value!r}">{text}</td>'
 
 

@@ -1,6 +1,7 @@
 """The part of the report that a reader sees first: what is best where, the paper's claim, and what differs."""
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 from html import escape
 from typing import TYPE_CHECKING
@@ -17,9 +18,9 @@ from jerkbench.report.analysis.paper_claim import (
     claim_sentences,
     claimed,
     headlines,
-    verdict,
+    verdicts,
 )
-from jerkbench.report.analysis.references import competes
+from jerkbench.report.analysis.standings import Standing, standings, summary
 from jerkbench.report.page.text import bullets, fold, grid, small
 from jerkbench.report.tables.table_model import Cell, number
 
@@ -27,12 +28,15 @@ if TYPE_CHECKING:
     import pandas as pd
 
 SCENARIO = ("dataset", "disturbance", "attitude")
-METHOD = ("filter", "adaptation", "noise")
+
 NOTE = (
-    "The lowest number of the methods whose runs all went well; oracle, which is told the true covariance, and "
-    "gnss_only, the floor, do not compete. Of several noises each method has its best, on these very runs. Times "
-    "better: the quotient of the two numbers beside it, so each at its own best noise."
+    "Leaders: the methods that no other was shown to beat, all pairs of all scenarios as one family. What is told the "
+    "true R (oracle) and what has no sensor but GNSS (gnss_only) are references and compete with nobody. The factor is "
+    "that of the first leader against the baseline without adaptation."
 )
+
+LEADERS = 4
+"""So many leaders are named."""
 
 CLASSES = {HOLDS: "passed", FAILS: "failed", OPEN: "open"}
 
@@ -43,44 +47,48 @@ def findings_section(rows: "pd.DataFrame", metric: str, title: str, cells: dict[
     Args:
         rows: one row a cell and seed.
         metric: the leading metric.
-        title: its name with the unit, and which mean it is.
+        title: its name with the unit.
         cells: its mean for each combination.
     """
     found = compared(rows, metric)
-    parts = [_leaders(cells, title) if found else "", _claim(rows), _sentences(found, varying_factors(rows))]
+    standing = standings(rows, metric)
+    parts = [_leaders(standing, cells, title), _claim(rows), _sentences(found, varying_factors(rows))]
     return "".join(parts) or bullets(["Nothing can be compared."])
 
 
-def _leaders(cells: dict[Combination, Cell], title: str) -> str:
-    """A line for each scenario: the best method, and how far the baseline at its best is behind it."""
-    scenes: dict[Combination, dict[Combination, Cell]] = {}
-    for combination, cell in cells.items():
-        if cell.complete:
-            scenes.setdefault(combination[:3], {})[combination[3:]] = cell
-    shown = [place for place in range(3) if len({scene[place] for scene in scenes}) > 1] or [0]
-    lines = [[*(escape(scene[place]) for place in shown), *_leader(found)] for scene, found in scenes.items()]
-    heads = [*(SCENARIO[place] for place in shown), "best", title, "baseline + none", "times better"]
-    return f'<h3>Best of each scenario</h3>{grid(heads, lines)}<p class="muted">{NOTE}</p>'
-
-
-def _leader(found: dict[Combination, Cell]) -> list[str]:
-    competing = {
-        (name, adaptation, noise): cell
-        for (name, adaptation, noise), cell in found.items()
-        if competes({"filter": name, "adaptation": adaptation})
-    }
-    if not competing:
-        return ["none came through", "", "", ""]
-    method, cell = min(competing.items(), key=lambda one: one[1].mean)
-    baselines = [one for (name, adaptation, _), one in competing.items() if (name, adaptation) == ("baseline", "none")]
-    against = min(baselines, key=lambda one: one.mean, default=None)
-    noise = f" ({method[2]})" if len({name for _, _, name in found}) > 1 and method[2] != "own" else ""
-    return [
-        f"<strong>{escape(' + '.join(method[:2]))}</strong>{escape(noise)}",
-        f"{cell.number} {small(cell.interval)}",
-        f"{against.number} {small(against.interval)}" if against else "",
-        number(against.mean / cell.mean) if against and cell.mean else "",
+def _leaders(found: Sequence[Standing], cells: dict[Combination, Cell], title: str) -> str:
+    """Who leads how often, and a line for each scenario."""
+    if not any(one.contest.comparisons for one in found):
+        return ""
+    lines = [
+        [escape(", ".join(one.scenario) or "the one there is"), *_leading(one, cells)]
+        for one in found
+        if one.contest.comparisons
     ]
+    table = grid(["scenario", "leaders", title, "baseline + none", "times better"], lines)
+    return f'<h3>Who leads</h3>{bullets(summary(found))}{table}<p class="muted">{NOTE}</p>'
+
+
+def _leading(one: Standing, cells: dict[Combination, Cell]) -> list[str]:
+    contest = one.contest
+    if not contest.decided:
+        return [f"nobody: no difference shown between {len(contest.rivals)}", "", "", ""]
+    leaders = sorted(contest.leaders, key=lambda key: _mean(cells.get(key)))
+    names = ", ".join(f"<strong>{escape(one.name(key))}</strong>" for key in leaders[:LEADERS])
+    more = f" and {len(leaders) - LEADERS} more" if len(leaders) > LEADERS else ""
+    first = cells.get(leaders[0])
+    baselines = [key for key in contest.rivals if key[3:5] == ("baseline", "none")]
+    against = min((cells[key] for key in baselines if key in cells), key=_mean, default=None)
+    factor = number(against.mean / first.mean) if against and first and 0 < first.mean < math.inf else ""
+    return [
+        f"{names}{more}",
+        *(f"{cell.number} {small(cell.interval)}" if cell else "" for cell in (first, against)),
+        factor,
+    ]
+
+
+def _mean(cell: Cell | None) -> float:
+    return math.inf if cell is None or math.isnan(cell.mean) else cell.mean
 
 
 def _claim(rows: "pd.DataFrame") -> str:
@@ -94,8 +102,12 @@ def _claim(rows: "pd.DataFrame") -> str:
     for one in found:
         _, whom, where = names(one, varying)
         cases.setdefault(where.removeprefix(" on "), {})[whom] = one
+    judged = {id(one): _judged(one, word) for one, word in zip(found, verdicts(found), strict=True)}
     lines = [
-        [escape(case), *(_judged(against[name]) if name in against else "" for name in opponents)]
+        [
+            escape(case),
+            *(judged[id(against[name])] if name in against else "" for name in opponents),
+        ]
         for case, against in cases.items()
     ]
     table = grid(["case", *(f"times better than {name}" for name in opponents)], lines)
@@ -104,11 +116,10 @@ def _claim(rows: "pd.DataFrame") -> str:
     return f"{head}{bullets(headlines(rows, found))}{table}{sentences}"
 
 
-def _judged(one: Comparison) -> str:
-    word = verdict(one)
-    lost = f"{one.lost + one.lost_baseline} lost" if one.lost + one.lost_baseline else ""
+def _judged(one: Comparison, word: str) -> str:
+    lost = f"{sum(one.pair.lost)} lost" if any(one.pair.lost) else ""
     mark = f'<span class="{CLASSES.get(word, "muted")}">{word}</span>'
-    if one.paired.n == 0:
+    if one.judgement.n == 0:
         return f"{mark} {small(lost)}"
     times, low, high = map(number, better(one))
     interval = f"[{low}, {high}]" if word in CLASSES else ""
@@ -129,12 +140,11 @@ def _sentences(found: Sequence[Comparison], varying: Sequence[str]) -> str:
 
 
 def _counted(name: str, found: Sequence[Comparison]) -> str:
-    shown = sum(one.shown for one in found)
     where = f"{name}: " if name else ""
-    if all(math.isnan(one.p) for one in found):
+    if all(math.isnan(one.judgement.p) for one in found):
         return f"{where}{len(found)} comparisons, without a test (no seeds)"
-    few = "; so few seeds cannot show any" if all(one.needed or math.isnan(one.p) for one in found) else ""
-    return f"{where}a difference was shown in {shown} of {len(found)} comparisons{few}"
+    counts = Counter(one.verdict.value for one in found)
+    return f"{where}{len(found)} comparisons: {', '.join(f'{count} {word}' for word, count in counts.items())}"
 
 
 def _ordered(found: Sequence[Comparison], varying: Sequence[str]) -> list[str]:

@@ -47,7 +47,7 @@ class Results:
 def page(results: Results, pictures: Sequence[Picture]) -> str:
     """Return the report."""
     rows, metric = results.rows, main_metric(results.rows)
-    leading = combinations(rows, metric, geometric=True)
+    leading = combinations(rows, metric)
     checks = review(Evidence(rows, list(results.about.values()), metric))
     independence = [note for note in results.notes if "ndependent of" in note]
     sections = {

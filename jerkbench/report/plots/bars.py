@@ -82,7 +82,7 @@ def _draw_bar(axes: Axes, place: float, cell: Cell, colour: str, *, named: bool)
     hatch = None if cell.complete else "////"
     axes.bar(place, cell.mean, 0.9, color=colour, hatch=hatch, edgecolor="white", linewidth=0.3)
     end = cell.mean
-    if math.isfinite(cell.low):
+    if math.isfinite(cell.low) and math.isfinite(cell.high):
         ends = np.array([[max(0.0, cell.mean - cell.low)], [max(0.0, cell.high - cell.mean)]])
         axes.errorbar([place], [cell.mean], yerr=ends, fmt="none", ecolor="black", elinewidth=0.8, capsize=1.5)
         end = max(cell.mean, cell.high)

@@ -5,6 +5,7 @@ import io
 import math
 from collections.abc import Sequence
 
+from jerkbench.evaluation.statistics.exact import share_interval
 from jerkbench.report.analysis.factors import FACTORS
 from jerkbench.report.tables.table_model import Cell, Ratio, Table
 
@@ -22,9 +23,15 @@ VALUES = (
     "ratio_low",
     "ratio_high",
     "p",
+    "quartile_low",
+    "quartile_high",
+    "locked_out",
+    "lost_share_low",
+    "lost_share_high",
 )
 """Columns after the metric, its unit and the factors; the ends are a range where ``replicate`` is "phase";
-``average`` says which mean it is, and the ratio is empty without a baseline."""
+the ratio is empty without a baseline; ``average`` says what "mean" is: that, a geometric mean or a median; the ends of
+the share of lost runs are those of Clopper and Pearson."""
 
 
 def tidy_csv(tables: Sequence[Table]) -> str:
@@ -36,9 +43,7 @@ def tidy_csv(tables: Sequence[Table]) -> str:
         for row, cells in zip(table.rows, table.cells, strict=True):
             for column, cell in zip(table.columns, cells, strict=True):
                 if cell is not None:
-                    writer.writerow(
-                        [table.metric, table.unit, *_factors(table, row, column), table.average, *_values(cell)]
-                    )
+                    writer.writerow([table.metric, table.unit, *_factors(table, row, column), *_values(cell)])
     return text.getvalue()
 
 
@@ -50,9 +55,12 @@ def _factors(table: Table, row: tuple[str, ...], column: tuple[str, ...]) -> lis
 
 def _values(cell: Cell) -> list[str]:
     counts = (cell.runs, cell.diverged, cell.failed, cell.missing)
-    ratio = cell.ratio or Ratio(math.nan, math.nan, math.nan, math.nan, shown=False)
+    ratio = cell.ratio or Ratio(math.nan, math.nan, math.nan, math.nan)
     against = _written(ratio.value, ratio.low, ratio.high, ratio.p)
-    return [*_written(cell.mean, cell.low, cell.high), *map(str, counts), cell.replicate, *against]
+    share = _written(*share_interval(cell.diverged + cell.failed, cell.runs))
+    spread = [*_written(*cell.quartiles), str(cell.locked), *share]
+    centre = [cell.kind, *_written(cell.mean, cell.low, cell.high)]
+    return [*centre, *map(str, counts), cell.replicate, *against, *spread]
 
 
 def _written(*values: float) -> list[str]:

@@ -1,22 +1,27 @@
 """The sentences under a table: what is the same everywhere, how to read a cell, what went wrong."""
 
-import math
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from jerkbench.evaluation.statistics.intervals import FEW, MANY
+from jerkbench.evaluation.statistics.centre import GEOMETRIC, MEAN, MEDIAN
+from jerkbench.evaluation.statistics.exact import share_interval
+from jerkbench.evaluation.statistics.log_ratio import LOCKED_OUT
 from jerkbench.report.analysis.quantities import quantity
 from jerkbench.report.analysis.references import standing_apart
-from jerkbench.report.tables.table_model import ABSENT, GEOMETRIC, Cell, Table
+from jerkbench.report.tables.table_model import ABSENT, Cell, Table
 
 if TYPE_CHECKING:
     import pandas as pd
 
-RAISED = ", its level raised for few seeds (as Student's t is wider)"
-"""What a reader has to know who compares with the plain bootstrap, such as scipy's."""
-
 REASONS = 3
 """How many different reasons of failures are told."""
+
+KINDS = {
+    GEOMETRIC: "Geometric mean [low, high]: Student's 95 % interval of the logarithms over {seeds} seeds.",
+    MEDIAN: "Median [low, high]: of all {seeds} seeds, a lost run larger than every number; 95 % by order statistics.",
+    MEAN: "Mean [low, high]: 95 % BCa bootstrap interval over {seeds} seeds, of fewer than 5 Student's.",
+}
+"""What stands in a cell."""
 
 AT_THE_END = ("outage_end_m", "outage_end_max_m")
 """Metrics of which the number of outages is told."""
@@ -35,12 +40,12 @@ def _constants(table: Table) -> Iterator[str]:
 
 def _reading(table: Table, cells: list[Cell], family: str) -> Iterator[str]:
     """How to read the numbers."""
-    yield from _intervals([c for c in cells if c.interval and c.replicate == "seed"], table.average)
+    yield from _intervals([c for c in cells if c.interval and c.replicate == "seed"])
     if any(c.interval for c in cells if c.replicate == "phase"):
         yield "{low–high}: range over the phases of one recording: not a confidence interval."  # noqa: RUF001 - a range
     if any(c.best for c in cells):
-        lowest = f"Bold: the lowest {table.average} of the row among the cells whose runs all went well."
-        yield f"{lowest} {standing_apart(_labels(table))}".strip()
+        leaders = "Bold: the leaders of the row: others were shown to be worse, they were not."
+        yield f"{leaders} {standing_apart(_labels(table))}".strip()
     yield from _ratios(table, cells, family)
     what = quantity(table.metric)
     if what.expected is not None:
@@ -58,26 +63,24 @@ def _labels(table: Table) -> dict[str, set[str]]:
     return {**{key: {value} for key, value in table.constants}, **{key: set(values) for key, values in of}}
 
 
-def _intervals(cells: list[Cell], average: str) -> Iterator[str]:
-    if not cells:
-        return
-    used = [cell.used for cell in cells]
-    seeds = f"{max(used)}" if min(used) == max(used) else f"{min(used)} to {max(used)}"
-    few = f" Of fewer than {FEW} seeds it is too short." if min(used) < FEW else ""
-    bootstrap = min(used) < MANY
-    kind, raised = ("BCa bootstrap", RAISED) if bootstrap else ("Student", "")
-    yield f"[low, high]: 95 % {kind} interval of the {average} over {seeds} seeds{raised}.{few}"
+def _intervals(cells: list[Cell]) -> Iterator[str]:
+    """What the brackets are, for each kind of centre."""
+    for kind, words in KINDS.items():
+        used = [cell.runs if kind == MEDIAN else cell.used for cell in cells if cell.kind == kind]
+        if used:
+            seeds = f"{max(used)}" if min(used) == max(used) else f"{min(used)} to {max(used)}"
+            yield words.format(seeds=seeds)
 
 
 def _ratios(table: Table, cells: list[Cell], family: str) -> Iterator[str]:
-    """What the factors in the cells are, and what a star means."""
+    """What the factors in the cells are, and what their marks mean."""
     baseline = ", ".join(f"{key}={value}" for key, value in table.baseline)
     if not any(c.factor for c in cells):
         if baseline:
             yield f"There is no ratio to {baseline}: no seed has a value above 0 in both."
         return
-    yield f"×r: geometric mean of the ratio to {baseline} over the seeds that went well in both."  # noqa: RUF001
-    if table.average != GEOMETRIC:
+    yield f"×r: geometric mean of the ratio to {baseline} over the common seeds; with lost runs the median."  # noqa: RUF001
+    if table.average == MEAN:
         yield "The means are arithmetic: their quotient is another number than ×r."  # noqa: RUF001
     yield family
 
@@ -93,12 +96,26 @@ def _outages(table: Table, rows: "pd.DataFrame") -> Iterator[str]:
 
 
 def _trouble(cells: list[Cell], rows: "pd.DataFrame") -> Iterator[str]:
-    if any(c.diverged and not math.isnan(c.mean) for c in cells):
-        yield "k/n diverged: k of n runs diverged; the mean is over the others."
+    if any(c.locked for c in cells):
+        yield f"k/n locked out: k of n runs are over {LOCKED_OUT:g} times the median."
+    if any((c.diverged or c.failed) and c.used for c in cells):
+        yield from _shares(cells)
     if any(c.missing and c.used for c in cells):
-        bold = ", and never bold" if any(c.best for c in cells) else ""
-        yield f"k/n n/a: k of n runs have no value of this metric; the mean is over the others{bold}."
+        yield "k/n n/a: k of n runs have no value of this metric, and the number is of the others."
     if any(c.failed for c in cells):
         reasons = list(dict.fromkeys(rows.loc[rows["status"] == "failed", "reason"].astype(str)))
         more = f"; and {len(reasons) - REASONS} more" if len(reasons) > REASONS else ""
         yield "Failed: " + "; ".join(reason.rstrip(".") for reason in reasons[:REASONS]) + more + "."
+
+
+def _shares(cells: list[Cell]) -> Iterator[str]:
+    """The intervals of the shares of lost runs, each count once."""
+    counts = dict.fromkeys((c.diverged + c.failed, c.runs) for c in cells if c.replicate == "seed")
+    told = []
+    for lost, runs in sorted(counts):
+        low, high = share_interval(lost, runs)
+        told += [f"{lost}/{runs} {100 * low:.0f} to {100 * high:.0f} %"] * bool(lost)
+    if told:
+        yield f"Lost runs, 95 % (Clopper and Pearson): {', '.join(told)}."
+    if any(c.kind == MEAN for c in cells):
+        yield "Of lost runs this metric says nothing: the mean is over the others."

@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-MEAN, GEOMETRIC = "mean", "geometric mean"
+from jerkbench.evaluation.statistics.centre import MEAN, MEDIAN
 
 
 @dataclass(frozen=True)
@@ -11,25 +11,27 @@ class Ratio:
     """A cell's metric over that of the baseline, on the same seeds.
 
     Attributes:
-        value: geometric mean; NaN where no seed went well in both.
+        value: geometric mean, or median; NaN without a common seed.
         low: lower end of its 95 % interval (phases: the smallest).
         high: upper end.
-        p: Wilcoxon's, corrected for the table by Holm; NaN where there is no test.
-        shown: whether a difference was shown.
+        p: of the test, corrected for the table; NaN where there is none.
+        mark: "*" where a difference was shown, "=" where they are equal, or nothing.
+        median: whether it is the median: runs were lost, or locked out.
     """
 
     value: float
     low: float
     high: float
     p: float
-    shown: bool
+    mark: str = ""
+    median: bool = False
 
     @property
     def text(self) -> str:
-        """The factor, with a star where a difference was shown; nothing without a pair."""
-        if not math.isfinite(self.value):
-            return ""
-        return f"×{factor_number(self.value)}*" if self.shown else f"×{number(self.value)}"  # noqa: RUF001
+        """The factor with its mark; nothing without a pair, or where the median run was lost."""
+        if not 0 < self.value < math.inf:
+            return self.mark
+        return f"×{factor_number(self.value) if self.mark == '*' else number(self.value)}{self.mark}"  # noqa: RUF001
 
 
 @dataclass(frozen=True)
@@ -37,7 +39,7 @@ class Cell:
     """One combination with all its runs.
 
     Attributes:
-        mean: over the runs that went well and have the metric; NaN without any.
+        mean: what stands for the runs, as ``kind`` says; NaN without any, infinite where the median run was lost.
         low: lower end of the interval (seeds), or the smallest value (phases); NaN where there is none.
         high: upper end, or the largest value.
         runs: all runs, also those that did not go well.
@@ -45,8 +47,12 @@ class Cell:
         failed: how many of them raised an error.
         missing: how many went well, but have no value of the metric (NaN).
         replicate: "seed" (independent draws) or "phase" (of one recording: not independent).
-        best: whether no other cell of its row has a lower mean, as printed.
+        best: whether it belongs to the leaders of its row: others were shown to be worse, it was not.
         ratio: to the baseline, where one was chosen and this is not it.
+        kind: "geometric mean", "median" (over all runs, a lost one larger than every number), or "mean" (of what is no
+            error, over the runs that went well).
+        locked: how many went well, but are over ten times the median.
+        quartiles: of the runs, as the median's.
     """
 
     mean: float
@@ -59,15 +65,18 @@ class Cell:
     replicate: str = "seed"
     best: bool = False
     ratio: Ratio | None = None
+    kind: str = MEAN
+    locked: int = 0
+    quartiles: tuple[float, float] = (math.nan, math.nan)
 
     @property
     def complete(self) -> bool:
-        """Whether the mean is over all runs."""
+        """Whether every run went well and has a value."""
         return self.used == self.runs and math.isfinite(self.mean)
 
     @property
     def used(self) -> int:
-        """How many runs the mean is over."""
+        """How many runs went well and have a value."""
         return self.runs - self.diverged - self.failed - self.missing
 
     @property
@@ -78,17 +87,17 @@ class Cell:
 
     @property
     def number(self) -> str:
-        """The mean, "n/a" where the metric does not apply, or nothing where no run went well."""
+        """The centre, "n/a" where the metric does not apply, or nothing where no run went well."""
         if self.diverged + self.failed == self.runs:
             return ""
-        return "n/a" if math.isnan(self.mean) else number(self.mean)
+        return "n/a" if math.isnan(self.mean) else _or_lost(self.mean)
 
     @property
     def interval(self) -> str:
         """The interval in brackets, the range over phases in braces, or nothing."""
-        if not (math.isfinite(self.low) and math.isfinite(self.high)):
+        if math.isnan(self.low) or math.isnan(self.high) or not self.used:
             return ""
-        low, high = number(self.low), number(self.high)
+        low, high = _or_lost(self.low), _or_lost(self.high)
         return f"{{{low}–{high}}}" if self.replicate == "phase" else f"[{low}, {high}]"  # noqa: RUF001 - a range
 
     @property
@@ -102,8 +111,10 @@ class Cell:
         counts = [("diverged", self.diverged), ("failed", self.failed), ("n/a", self.missing if self.used else 0)]
         if self.diverged + self.failed == self.runs:
             return ", ".join(f"{word} {n}/{self.runs}" for word, n in counts if n)
-        said = ", ".join(f"{n}/{self.runs} {word}" for word, n in counts if n)
-        return f"({said})" if said else ""
+        said = [f"{n}/{self.runs} {word}" for word, n in (*counts, ("locked out", self.locked)) if n]
+        if self.kind == MEDIAN and said and self.replicate == "seed":
+            said[0] = f"median; {said[0]}"
+        return f"({', '.join(said)})" if said else ""
 
 
 @dataclass(frozen=True)
@@ -122,7 +133,7 @@ class Table:
         constants: the other factors, each with its one value.
         footnotes: sentences that belong under it.
         baseline: factors and values of what the ratios are to; empty: there are none.
-        average: what the numbers are: "mean", or "geometric mean".
+        average: what most of its numbers are: "geometric mean" of errors, "mean" of others.
     """
 
     title: str
@@ -157,6 +168,11 @@ class Table:
 
 
 ABSENT = "–"  # noqa: RUF001 - the usual sign for a combination that does not exist
+
+
+def _or_lost(value: float) -> str:
+    """Write a number; the median, or an end of its interval, may be a lost run."""
+    return "lost" if value == math.inf else number(value)
 
 
 def number(value: float) -> str:

@@ -1,6 +1,7 @@
 """Ratios to a baseline, their marks and their sentences."""
 
 import math
+import re
 import shutil
 import subprocess
 
@@ -10,9 +11,12 @@ import pytest
 from scipy.stats import wilcoxon
 
 from jerkbench.errors import JerkbenchError
-from jerkbench.report.analysis.comparison import compare_to, parse_baseline
+from jerkbench.evaluation.statistics.family import Correction
+from jerkbench.evaluation.statistics.judgement import Verdict
+from jerkbench.report.analysis.comparison import Rule, compare_to, parse_baseline
 from jerkbench.report.analysis.findings import findings
 from jerkbench.report.analysis.paper_claim import claims
+from jerkbench.report.analysis.standings import standings
 from jerkbench.report.tables.csv import tidy_csv
 from jerkbench.report.tables.html import html_table
 from jerkbench.report.tables.latex import latex
@@ -44,66 +48,134 @@ def series(rows, filter_name, adaptation):
     return chosen.sort_values("seed")["position_rmse_m"].to_numpy()
 
 
+def by_adaptation(found):
+    return {one.subject[4]: one for one in found}
+
+
 def test_each_cell_meets_its_own_baseline_seed_by_seed(study):
     shuffled = study.sample(frac=1.0, random_state=3)
     found = {(one.subject[3], one.subject[4]): one for one in compare_to(shuffled, "position_rmse_m", NONE)}
     assert set(found) == {("jerk", "mtf"), ("jerk", "copy"), ("jerk", "chance")}
     d = np.log(series(study, "jerk", "mtf") / series(study, "jerk", "none"))
     one = found["jerk", "mtf"]
-    assert one.paired.ratio == pytest.approx(math.exp(d.mean()))
-    assert one.p == pytest.approx(3 * wilcoxon(d).pvalue)  # the smallest of three
-    assert one.shown
-    assert not found["jerk", "chance"].shown
-    assert (found["jerk", "copy"].paired.ratio, found["jerk", "copy"].p) == (1.0, 1.0)
+    assert one.judgement.ratio == pytest.approx(math.exp(d.mean()))
+    assert one.judgement.p == pytest.approx(1 / 2000)  # no resample's largest t is as large
+    assert (one.verdict, one.mark) == (Verdict.BETTER, "*")
+    assert found["jerk", "chance"].verdict is Verdict.UNDECIDED
+    assert (found["jerk", "copy"].verdict, found["jerk", "copy"].mark) == (Verdict.EQUAL, "=")
 
 
-def test_a_scenario_is_a_family_of_its_own(study):
-    two = pd.concat([study, study.assign(disturbance="bias")])
-    alone = compare_to(study, "position_rmse_m", NONE)
-    assert [one.p for one in compare_to(two, "position_rmse_m", NONE)] == [one.p for one in alone] * 2
+def test_the_whole_study_is_one_family(study):
+    two = pd.concat([study, *(study.assign(disturbance=f"bias{k}") for k in range(5))])
+    alone = by_adaptation(compare_to(study, "position_rmse_m", NONE))["chance"]
+    assert by_adaptation(compare_to(two, "position_rmse_m", NONE))["chance"].family == 6 * alone.family
+    shifted = study.assign(
+        position_rmse_m=study["position_rmse_m"]
+        * np.where((study["adaptation"] == "chance"), np.exp(0.02 * study["seed"] - 0.1), 1.0)
+    )
+    p = [by_adaptation(compare_to(rows, "position_rmse_m", NONE))["chance"].judgement.p for rows in (shifted,)]
+    more = pd.concat([shifted, *(study.assign(disturbance=f"b{k}", seed=study["seed"]) for k in range(5))])
+    assert by_adaptation(reversed(compare_to(more, "position_rmse_m", NONE)))["chance"].judgement.p >= p[0]
 
 
-def test_a_run_that_was_lost_in_either_is_no_pair(study):
+def test_a_lost_run_is_the_worst_of_its_pair(study):
     lost = (study["adaptation"] == "mtf") & (study["seed"] < 3)
     study.loc[lost, "status"] = "diverged"
-    one = next(one for one in compare_to(study, "position_rmse_m", NONE) if one.subject[4] == "mtf")
-    assert (one.paired.n, one.runs, one.lost, one.lost_baseline) == (17, 20, 3, 0)
+    one = by_adaptation(compare_to(study, "position_rmse_m", NONE))["mtf"]
+    assert (one.judgement.n, one.pair.runs, one.pair.lost, one.judgement.median) == (20, 20, (3, 0), True)
+    assert one.verdict is Verdict.UNDECIDED  # 25 times better in seventeen, lost in three
+    (said,) = [line for line in findings(study, "position_rmse_m") if "jerk+mtf" in line]
+    assert "jerk+mtf lost 3 of 20 runs, which counts as worse than any error" in said
+
+
+def test_twelve_lost_of_twenty_runs_are_no_finding_in_favour(study):
+    """The survivors alone are 25 times better."""
+    study.loc[(study["adaptation"] == "mtf") & (study["seed"] < 12), "status"] = "diverged"
+    one = by_adaptation(compare_to(study, "position_rmse_m", NONE))["mtf"]
+    assert one.verdict is Verdict.MORE_LOST
+    (said,) = [line for line in findings(study, "position_rmse_m") if line.startswith("jerk+mtf")]
+    assert said.startswith("jerk+mtf loses more runs than jerk+none: 12 of 20 lost or locked out against 0 of 20")
+    table = summarise(study, "position_rmse_m", baseline=NONE)
+    (cell,) = [c for key, c in zip(table.columns, table.cells[0], strict=True) if key == ("mtf",)]
+    assert cell.text == f"lost {cell.interval} * (median; 12/20 diverged)"
+
+
+def test_skewed_differences_of_equal_means_are_rarely_shown(cell_rows):
+    """Wilcoxon, which tests symmetry, errs in over a quarter of such studies; here the mean log ratio is what is said.
+
+    300 studies of 20 seeds: 5 % have a standard error of 1.3 %.
+    """
+    rng = np.random.default_rng(7)
+    shown, by_ranks = 0, 0
+    for _ in range(300):
+        d = 0.1 * (np.exp(rng.standard_normal(20)) - math.exp(0.5))
+        rows = pd.DataFrame([*cell_rows("jerk", "none", [1.0] * 20), *cell_rows("jerk", "a", list(np.exp(d)))])
+        (one,) = compare_to(rows, "position_rmse_m", NONE)
+        shown += one.shown
+        by_ranks += wilcoxon(d).pvalue < 0.05
+    assert by_ranks / 300 > 0.2
+    assert shown / 300 < by_ranks / 300 / 2
+
+
+def test_tuned_against_tuned_is_a_comparison(study):
+    """Two filters, each with a noise of its own: with the noise a part of the method they are rivals."""
+    tuned = study.assign(noise=np.where(study["filter"] == "jerk", "accel_mps2=0.1", "accel_mps2=0.5"))
+    tuned = tuned[tuned["adaptation"].isin(["none", "mtf"])]
+    (scene,) = standings(tuned, "position_rmse_m")
+    names = {(one.subject[3], one.subject[5]) for one in scene.contest.comparisons}
+    assert ("jerk", "accel_mps2=0.1") in names
+    (against,) = [
+        one
+        for one in scene.contest.comparisons
+        if one.subject[3:5] == ("jerk", "none") and one.baseline[3] == "baseline"
+    ]
+    assert against.subject[5] != against.baseline[5]
+    assert against.verdict is Verdict.BETTER
+    assert [leader[3:5] for leader in scene.contest.leaders] == [("jerk", "mtf")]
+    apart = standings(tuned, "position_rmse_m", ("filter", "adaptation"))
+    assert all(len({one[5] for one in scene.contest.rivals}) == 1 for scene in apart)
 
 
 def test_phases_have_a_range_and_no_test(study):
     found = compare_to(study.assign(replicate="phase"), "position_rmse_m", NONE)
     one = next(one for one in found if one.subject[4] == "mtf")
     ratios = series(study, "jerk", "mtf") / series(study, "jerk", "none")
-    assert (one.paired.low, one.paired.high) == pytest.approx((ratios.min(), ratios.max()))
-    assert math.isnan(one.p)
+    assert (one.judgement.low, one.judgement.high) == pytest.approx((ratios.min(), ratios.max()))
+    assert math.isnan(one.judgement.p)
     assert not one.shown
     (said,) = [line for line in findings(study.assign(replicate="phase"), "position_rmse_m") if "mtf" in line]
     assert "times better than jerk+none (range" in said
     assert "20 phases of one recording; no test" in said
 
 
-def test_the_table_has_ratios_stars_and_what_they_mean(study):
+def test_the_table_has_ratios_marks_and_what_they_mean(study):
     table = summarise(study, "position_rmse_m", baseline=NONE)
     texts = {key: cell.text for key, cell in zip(table.columns, table.cells[0], strict=True)}
     assert "×0.0" in texts[("mtf",)]  # noqa: RUF001
     assert texts[("mtf",)].endswith("*")
-    assert texts[("copy",)].endswith("×1.00")  # noqa: RUF001
+    assert texts[("copy",)].endswith("×1.00=")  # noqa: RUF001
     assert "×" not in texts[("none",)]  # noqa: RUF001
     said = " ".join(table.footnotes)
-    assert "ratio to adaptation=none over the seeds that went well in both" in said
-    assert "Holm over the up to 3 comparisons of a scenario" in said
-    assert "cannot show" not in said
+    assert "ratio to adaptation=none over the common seeds" in said
+    assert (
+        "At most 5 % of such studies have any wrong mark (largest studentised mean log ratio of 3 comparisons" in said
+    )
+    assert "1 of 3 are undecided." in said
     plain = summarise(study, "position_rmse_m")
     assert not any("ratio" in note for note in plain.footnotes)
 
 
-def test_too_few_seeds_for_any_difference_are_said(study):
-    few = summarise(study[study["seed"] < 5], "position_rmse_m", baseline=NONE)
-    assert any("5 seeds cannot show any; 7 could." in note for note in few.footnotes)
-    enough = compare_to(study[study["seed"] < 7], "position_rmse_m", NONE)
-    assert next(one for one in enough if one.subject[4] == "mtf").shown
-    less = compare_to(study[study["seed"] < 6], "position_rmse_m", NONE)
-    assert not next(one for one in less if one.subject[4] == "mtf").shown
+def test_the_margin_and_the_correction_can_be_chosen(study):
+    rule = Rule(0.5, Correction.FDR)
+    found = by_adaptation(compare_to(study, "position_rmse_m", NONE, rule))
+    assert found["chance"].verdict is Verdict.EQUAL
+    said = " ".join(summarise(study, "position_rmse_m", baseline=NONE, rule=rule).footnotes)
+    assert "=: equal within 50 %. Of the marks 5 % may be wrong (Benjamini and Hochberg over 3 comparisons)." in said
+
+
+def test_too_few_seeds_show_nothing(study):
+    few = compare_to(study[study["seed"] < 3], "position_rmse_m", NONE)
+    assert {one.verdict for one in few} == {Verdict.UNDECIDED}
 
 
 def test_findings_say_what_was_shown_and_what_was_not(study):
@@ -114,31 +186,19 @@ def test_findings_say_what_was_shown_and_what_was_not(study):
     low, high = map(float, best.split("(95 % ")[1].split(",")[0].split(" to "))
     assert low < math.exp(d.mean()) < high
     assert "20 seeds" in best
-    assert any(line.startswith("No difference was shown between jerk+chance and jerk+none") for line in lines)
+    (open_one,) = [line for line in lines if line.startswith("Undecided between jerk+chance and jerk+none: ")]
+    assert re.search(r"\(95 % [\d.]+ to [\d.]+, 20 seeds\); \d+ seeds would decide\.$", open_one)
     assert any(line.startswith("jerk+copy gives the same as jerk+none (20 seeds)") for line in lines)
     assert any(line.startswith("jerk+none is 1.10 times better than baseline+none (95 %") for line in lines)
     assert findings(study.assign(anees=6.0), "anees") == []
 
 
-def test_a_finding_of_too_few_seeds_says_that_nothing_could_be_shown(study):
-    few = findings(study[study["seed"] < 3], "position_rmse_m")
-    (said,) = [line for line in few if "jerk+mtf and jerk+none" in line]
-    assert said.startswith("3 seeds cannot show any difference between jerk+mtf and jerk+none (7 could): 0.0")
-    assert not any("No difference was shown" in line for line in few)
-    (one,) = [line for line in findings(study[study["seed"] < 1], "position_rmse_m") if "jerk+mtf and" in line]
-    assert one.startswith("1 seed cannot show any difference between jerk+mtf and jerk+none (7 could): 0.0")
-    assert not any("cannot show" in line for line in findings(study, "position_rmse_m"))
-
-
-def test_who_lost_runs_may_still_be_shown_where_holm_lets_it(study):
-    """Six pairs are too few for the smallest p of a family of three, and enough for a larger one."""
-    lost = (study["adaptation"] == "mtf") & (study["seed"] >= 6)
-    study.loc[lost, "status"] = "diverged"
-    found = {one.subject[4]: one for one in compare_to(study, "position_rmse_m", NONE)}
-    assert found["mtf"].needed == 0
-    study.loc[(study["adaptation"] == "mtf") & (study["seed"] >= 5), "status"] = "diverged"
-    found = {one.subject[4]: one for one in compare_to(study, "position_rmse_m", NONE)}
-    assert (found["mtf"].needed, found["chance"].needed) == (7, 0)
+def test_what_is_equal_is_said(cell_rows):
+    base = np.exp(np.random.default_rng(3).normal(scale=0.3, size=SEEDS))
+    near = base * np.exp(np.random.default_rng(4).normal(scale=0.01, size=SEEDS))
+    rows = pd.DataFrame([*cell_rows("jerk", "none", list(base)), *cell_rows("jerk", "a", list(near))])
+    (said,) = findings(rows, "position_rmse_m")
+    assert re.match(r"a and none are equal within 3 %: (1\.00|0\.99\d|1\.01) times \(95 % ", said)
 
 
 @pytest.mark.parametrize(("factor", "word"), [(25.0, "It holds"), (2.0, "It does not hold"), (10.0, "It stays open")])
@@ -154,9 +214,18 @@ def test_the_papers_claim_is_judged(cell_rows, factor, word):
 
 def test_all_lost_is_a_sentence(study):
     study.loc[study["adaptation"] == "mtf", "status"] = "diverged"
-    assert "jerk+mtf cannot be compared with jerk+none: jerk+mtf lost 20 of 20 runs." in findings(
-        study, "position_rmse_m"
-    )
+    (said,) = [line for line in findings(study, "position_rmse_m") if line.startswith("jerk+mtf")]
+    assert said.startswith("jerk+mtf loses more runs than jerk+none: 20 of 20 lost or locked out against 0 of 20")
+    both = study[study["adaptation"].isin(["mtf", "none"]) & (study["filter"] == "jerk")].assign(status="diverged")
+    assert findings(both, "position_rmse_m") == ["mtf cannot be compared with none: both lost all 20 runs."]
+
+
+def test_few_seeds_neither_hold_a_claim_nor_refute_it(cell_rows):
+    rng = np.random.default_rng(2)
+    base = np.exp(rng.normal(size=3))
+    rows = [*cell_rows("baseline", "none", list(base)), *cell_rows("jerk", "mtf", list(base / 30))]
+    (said,) = claims(pd.DataFrame(rows))
+    assert "It stays open" in said
 
 
 def test_a_baseline_is_read_and_a_wrong_one_is_a_sentence(study):

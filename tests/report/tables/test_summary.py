@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.stats import binomtest, ttest_1samp
 
 from jerkbench.errors import JerkbenchError
-from jerkbench.evaluation.statistics.intervals import mean_interval
 from jerkbench.report.tables.study_tables import summarise
 from jerkbench.report.tables.table_model import Ratio
 
@@ -25,16 +25,36 @@ def test_columns_are_adaptations_and_rows_what_else_varies(rows):
     assert "In every cell: dataset field, disturbance none, attitude tilt, noise own." in table.footnotes
 
 
-def test_a_cell_is_the_mean_over_its_good_seeds(rows):
+def test_a_cell_is_the_geometric_mean_over_its_seeds(rows):
     table = summarise(rows, "position_rmse_m")
     good = cell_of(table, ("jerk",), ("none",))
-    interval = mean_interval([0.011, 0.012, 0.013, 0.014])
-    assert (good.mean, good.low, good.high) == pytest.approx((0.0125, interval.low, interval.high))
+    logs = np.log([0.011, 0.012, 0.013, 0.014])
+    ends = ttest_1samp(logs, 0).confidence_interval(0.95)
+    assert (good.mean, good.low, good.high) == pytest.approx(tuple(np.exp([logs.mean(), ends.low, ends.high])))
     assert (good.runs, good.diverged, good.failed) == (4, 0, 0)
-    half = cell_of(table, ("baseline",), ("none",))
-    assert half.mean == pytest.approx((0.031 + 0.032) / 2)
-    assert half.text.startswith("0.0315 [")
-    assert half.text.endswith("] (2/4 diverged)")
+
+
+def test_lost_runs_leave_the_median_of_all(rows, cell_rows):
+    """Nobody's mean is over the survivors: of 2 lost of 4 runs the median is lost, of 2 of 7 it is the fourth."""
+    half = cell_of(summarise(rows, "position_rmse_m"), ("baseline",), ("none",))
+    assert half.text == "lost (median; 2/4 diverged)"
+    frame = pd.DataFrame(cell_rows("jerk", "none", [5.0, 1.0, 2.0, 3.0, 4.0, 9.0, 9.0]))
+    frame.loc[frame["position_rmse_m"] == 9.0, "status"] = "diverged"
+    table = summarise(frame, "position_rmse_m")
+    cell = table.cells[0][0]
+    assert (cell.mean, cell.quartiles) == (4.0, (2.5, math.inf))
+    assert cell.text.startswith("4.00 [1.")
+    assert cell.text.endswith(", lost] (median; 2/7 diverged)")
+    low, high = binomtest(2, 7).proportion_ci(0.95, method="exact")
+    share = f"Lost runs, 95 % (Clopper and Pearson): 2/7 {100 * low:.0f} to {100 * high:.0f} %."
+    assert share in table.footnotes
+
+
+def test_a_lock_out_leaves_the_median(cell_rows):
+    frame = pd.DataFrame(cell_rows("jerk", "none", [1.0, 1.1, 0.9, 1.05, 0.95, 60.0]))
+    cell = summarise(frame, "position_rmse_m").cells[0][0]
+    assert cell.mean == pytest.approx(1.025)
+    assert cell.text.endswith("(median; 1/6 locked out)")
 
 
 def test_a_missing_combination_is_none_and_said(rows):
@@ -52,25 +72,62 @@ def test_rows_of_one_scenario_stand_together_whatever_was_run_first(cell_rows):
     assert [row[0].runs for row in table.cells] == [2] * 4
 
 
-def test_the_lowest_mean_of_a_row_is_best_and_a_survivor_does_not_compete(cell_rows):
-    cells = [
-        *cell_rows("jerk", "a", [3.0, 3.2]),
-        *cell_rows("jerk", "b", [2.0, 2.2]),
-        *cell_rows("jerk", "c", [1.0, 1]),
-    ]
-    cells[-1]["status"] = "diverged"
-    (row,) = summarise(pd.DataFrame(cells), "position_rmse_m").cells
-    assert [cell.best for cell in row] == [False, True, False]
+def bold(cells):
+    return [cell.best for cell in summarise(pd.DataFrame(cells), "position_rmse_m").cells[0]]
 
 
-def test_what_prints_the_same_is_equally_good(cell_rows):
+def scattered(mean, scatter, seed, n=20):
+    return list(mean * np.exp(scatter * np.random.default_rng(seed).standard_normal(n)))
+
+
+def test_the_whole_leading_group_of_a_row_is_best(cell_rows):
+    """The two that differ by less than their scatter lead together; the third was shown to be worse."""
     cells = [
-        *cell_rows("jerk", "a", [1.0001] * 3),
-        *cell_rows("jerk", "b", [1.0002] * 3),
-        *cell_rows("jerk", "c", [1.1] * 3),
+        *cell_rows("jerk", "a", scattered(1.001, 0.05, 1)),
+        *cell_rows("jerk", "b", scattered(1.0, 0.05, 2)),
+        *cell_rows("jerk", "c", scattered(1.3, 0.05, 3)),
     ]
-    (row,) = summarise(pd.DataFrame(cells), "position_rmse_m").cells
-    assert [cell.best for cell in row] == [True, True, False]
+    table = summarise(pd.DataFrame(cells), "position_rmse_m")
+    assert [cell.best for cell in table.cells[0]] == [True, True, False]
+    assert "Bold: the leaders of the row: others were shown to be worse, they were not." in table.footnotes
+
+
+def test_nobody_leads_where_nothing_was_shown(cell_rows):
+    cells = [*cell_rows("jerk", "a", scattered(1.0, 0.3, 1)), *cell_rows("jerk", "b", scattered(1.01, 0.3, 2))]
+    assert not any(cell.best for cell in summarise(pd.DataFrame(cells), "position_rmse_m").cells[0])
+    few = pd.DataFrame([*cell_rows("jerk", "a", [1.0, 1.1]), *cell_rows("jerk", "b", [9.0, 9.1])])
+    assert not any(cell.best for cell in summarise(few, "position_rmse_m").cells[0])
+
+
+@pytest.mark.parametrize("reference", [("jerk", "oracle"), ("jerk", "oracle(x=1)"), ("gnss_only", "none")])
+def test_references_never_lead(cell_rows, reference):
+    cells = [
+        *cell_rows(*reference, scattered(0.1, 0.05, 1)),
+        *cell_rows("jerk", "none", scattered(1.0, 0.05, 2)),
+        *cell_rows("jerk", "a", scattered(2.0, 0.05, 3)),
+    ]
+    table = summarise(
+        pd.DataFrame(cells), "position_rmse_m", row_keys=["dataset"], column_keys=["filter", "adaptation"]
+    )
+    assert [cell.best for cell in table.cells[0]] == [False, True, False]
+
+
+def test_what_lost_runs_does_not_lead_beside_what_did_not(cell_rows):
+    risky = cell_rows("jerk", "risky", scattered(1.0, 0.05, 1))
+    risky[3]["status"] = "diverged"
+    cells = [
+        *risky,
+        *cell_rows("jerk", "a", scattered(1.01, 0.05, 2)),
+        *cell_rows("jerk", "b", scattered(2.0, 0.05, 3)),
+    ]
+    assert bold(cells) == [False, True, False]
+
+
+def test_scenarios_in_columns_are_no_rivals(cell_rows):
+    easy = pd.DataFrame(cell_rows("jerk", "none", scattered(1.0, 0.05, 1)))
+    hard = pd.DataFrame(cell_rows("jerk", "none", scattered(9.0, 0.05, 2))).assign(disturbance="bias")
+    table = summarise(pd.concat([easy, hard]), "position_rmse_m", column_keys=["disturbance"])
+    assert not any(cell.best for cell in table.cells[0])
 
 
 def test_nothing_is_best_alone_or_in_a_consistency(rows):
@@ -103,7 +160,7 @@ def test_one_run_is_a_number_alone(cell_rows):
         (["diverged"] * 4, "diverged 4/4"),
         (["failed"] * 4, "failed 4/4"),
         (["diverged", "failed", "failed", "failed"], "diverged 1/4, failed 3/4"),
-        (["ok", "ok", "ok", "failed"], "2.00 (1/4 failed)"),
+        (["ok", "ok", "ok", "failed"], "2.00 (median; 1/4 failed)"),
     ],
 )
 def test_what_went_wrong_is_in_the_cell(cell_rows, statuses, text):
@@ -129,34 +186,24 @@ def test_a_metric_that_does_not_apply_is_said(rows):
 
 def test_runs_without_the_metric_are_counted(cell_rows):
     frame = pd.DataFrame(
-        [*cell_rows("jerk", "a", [1.0, 2.0, np.nan, np.nan, np.nan]), *cell_rows("jerk", "b", [3.0] * 5)]
+        [*cell_rows("jerk", "a", [1.0, 1.1, np.nan, np.nan, np.nan]), *cell_rows("jerk", "b", [3.0] * 5)]
     )
     table = summarise(frame, "position_rmse_m")
     holed, whole = table.cells[0]
-    assert holed.text == "1.50 [1.00, 2.00] (3/5 n/a)"
+    assert holed.text.startswith("1.05 [")
+    assert holed.text.endswith("(3/5 n/a)")
     assert (holed.used, holed.missing, holed.complete, holed.best) == (2, 3, False, False)
     assert (whole.used, whole.missing, whole.complete, whole.text) == (5, 0, True, "3.00 [3.00, 3.00]")
     said = " ".join(table.footnotes)
-    assert "mean over 2 to 5 seeds, its level raised" in said
-    assert "(as Student's t is wider). Of fewer than 5 seeds it is too short." in said
-    assert "k/n n/a: k of n runs have no value of this metric; the mean is over the others." in said
+    assert "Student's 95 % interval of the logarithms over 2 to 5 seeds" in said
+    assert "k/n n/a: k of n runs have no value of this metric, and the number is of the others." in said
     assert "n/a: the metric does not apply." not in table.footnotes
-
-
-def test_a_mean_over_a_part_of_the_runs_does_not_compete(cell_rows):
-    cells = [
-        *cell_rows("jerk", "a", [1.0, np.nan]),
-        *cell_rows("jerk", "b", [2.0, 2.0]),
-        *cell_rows("jerk", "c", [3.0, 3.0]),
-    ]
-    (row,) = summarise(pd.DataFrame(cells), "position_rmse_m").cells
-    assert [cell.best for cell in row] == [False, True, False]
 
 
 @pytest.mark.parametrize(
     ("statuses", "values", "text"),
     [
-        (["ok", "ok", "ok", "diverged"], [2.0, np.nan, np.nan, 9.0], "2.00 (1/4 diverged, 2/4 n/a)"),
+        (["ok", "ok", "ok", "diverged"], [2.0, np.nan, np.nan, 9.0], "lost (median; 1/4 diverged, 2/4 n/a)"),
         (["ok", "ok", "diverged", "failed"], [np.nan, np.nan, 9.0, np.nan], "n/a (1/4 diverged, 1/4 failed)"),
         (["diverged", "diverged", "failed", "failed"], [np.nan] * 4, "diverged 2/4, failed 2/4"),
         (["ok"] * 4, [np.nan] * 4, "n/a"),
@@ -165,7 +212,8 @@ def test_a_mean_over_a_part_of_the_runs_does_not_compete(cell_rows):
 @pytest.mark.parametrize("replicate", ["seed", "phase"])
 def test_only_runs_that_went_well_are_missing(cell_rows, statuses, values, text, replicate):
     frame = pd.DataFrame(cell_rows("jerk", "none", values, replicate=replicate)).assign(status=statuses)
-    assert summarise(frame, "position_rmse_m").cells[0][0].text == text
+    told = summarise(frame, "position_rmse_m").cells[0][0].text
+    assert told == (text.replace("median; ", "") if replicate == "phase" else text)
 
 
 def test_how_many_outages_an_error_at_their_end_is_from_is_said(rows):
@@ -188,14 +236,15 @@ def test_nothing_is_best_in_a_count(rows):
     assert not any(cell.best for cell in jerk)
 
 
-def test_few_seeds_are_said(rows, cell_rows):
-    assert any(
-        "Of fewer than 5 seeds it is too short." in note for note in summarise(rows, "position_rmse_m").footnotes
-    )
-    many = pd.DataFrame(cell_rows("jerk", "none", np.linspace(1, 2, 12)))
+def test_what_stands_in_a_cell_is_said(rows, cell_rows):
+    many = pd.DataFrame(cell_rows("jerk", "none", np.linspace(1, 2, 12), anees=6.0))
     assert (
-        "[low, high]: 95 % BCa bootstrap interval of the mean over 12 seeds, its level raised for few seeds "
-        "(as Student's t is wider)." in summarise(many, "position_rmse_m").footnotes
+        "Geometric mean [low, high]: Student's 95 % interval of the logarithms over 12 seeds."
+        in summarise(many, "position_rmse_m").footnotes
+    )
+    assert (
+        "Mean [low, high]: 95 % BCa bootstrap interval over 12 seeds, of fewer than 5 Student's."
+        in summarise(many, "anees").footnotes
     )
 
 
@@ -203,7 +252,9 @@ def test_a_factor_that_varies_is_never_averaged_over(rows):
     both = pd.concat([rows, rows.assign(disturbance="bias", position_rmse_m=rows["position_rmse_m"] * 10)])
     table = summarise(both, "position_rmse_m", row_keys=["filter"])
     assert table.row_keys == ("filter", "disturbance")
-    assert cell_of(table, ("jerk", "bias"), ("none",)).mean == pytest.approx(0.125)
+    assert cell_of(table, ("jerk", "bias"), ("none",)).mean == pytest.approx(
+        10 * np.exp(np.mean(np.log([0.011, 0.012, 0.014, 0.013])))
+    )
 
 
 def test_rows_and_columns_can_be_chosen(rows):
@@ -211,7 +262,9 @@ def test_rows_and_columns_can_be_chosen(rows):
     assert (table.row_keys, table.column_keys) == (("adaptation",), ("filter",))
     table = summarise(rows, "position_rmse_m", row_keys=["dataset"], column_keys=["filter", "adaptation"])
     assert table.header == ["dataset", "jerk / none", "jerk / sage_husa", "baseline / none"]
-    assert cell_of(table, ("field",), ("jerk", "sage_husa")).mean == pytest.approx(0.0225)
+    assert cell_of(table, ("field",), ("jerk", "sage_husa")).mean == pytest.approx(
+        np.exp(np.mean(np.log([0.021, 0.022, 0.024, 0.023])))
+    )
 
 
 def test_wrong_names_are_sentences(rows):
@@ -234,44 +287,27 @@ def test_the_rows_stay_as_they_were(rows):
     pd.testing.assert_frame_equal(rows, before)
 
 
-@pytest.mark.parametrize("reference", [("jerk", "oracle"), ("jerk", "oracle(x=1)"), ("gnss_only", "none")])
-def test_a_reference_is_never_bold_and_that_is_said(cell_rows, reference):
-    cells = {("jerk", "none"): 2.0, ("jerk", "mtf"): 3.0, reference: 1.0}
-    frame = pd.DataFrame([row for key, value in cells.items() for row in cell_rows(*key, [value] * 5)])
-    table = summarise(frame, "position_rmse_m", ["dataset"], ["filter", "adaptation"])
-    assert [cell.best for cell in table.cells[0] if cell] == [True, False, False]
-    assert any("does not compete." in note for note in table.footnotes if note.startswith("Bold"))
-
-
-def test_the_references_own_attitude_is_never_bold(cell_rows):
+def test_the_references_own_attitude_never_leads(cell_rows):
     cells = {"tilt": 2.0, "gyro_only": 3.0, "reference": 1.0}
-    rows = [row | {"attitude": a} for a, value in cells.items() for row in cell_rows("jerk", "none", [value] * 5)]
+    rows = [
+        row | {"attitude": name}
+        for k, (name, value) in enumerate(cells.items())
+        for row in cell_rows("jerk", "none", scattered(value, 0.05, k))
+    ]
     table = summarise(pd.DataFrame(rows), "position_rmse_m", column_keys=["attitude"])
     assert [cell.best for cell in table.cells[0]] == [True, False, False]
 
 
-def test_scenarios_and_means_over_other_seeds_do_not_compete(cell_rows):
-    frame = pd.DataFrame([*cell_rows("jerk", "none", [1.0] * 5), *cell_rows("jerk", "mtf", [2.0] * 6)])
-    assert not any(cell.best for cell in summarise(frame, "position_rmse_m").cells[0])
-    two = pd.concat([frame[frame["adaptation"] == "none"].assign(disturbance=name) for name in ("none", "bias")])
-    assert not any(cell.best for cell in summarise(two, "position_rmse_m", column_keys=["disturbance"]).cells[0])
-
-
-def test_beside_a_ratio_the_means_are_geometric(cell_rows):
-    """1.50 beside .766 of .811 looked like an error: the first and the last were arithmetic means."""
-    none, mtf = [0.1, 0.4, 3.2], [0.2, 0.5, 0.8]
+def test_beside_a_ratio_the_means_are_its_own(cell_rows):
+    """The quotient of two numbers is the ratio beside them."""
+    none, mtf = [0.1, 0.4, 0.8], [0.2, 0.5, 0.8]
     frame = pd.DataFrame([*cell_rows("jerk", "none", none), *cell_rows("jerk", "mtf", mtf)])
-    table = summarise(frame, "position_rmse_m", baseline={"adaptation": "none"})
-    first, second = table.cells[0]
+    first, second = summarise(frame, "position_rmse_m", baseline={"adaptation": "none"}).cells[0]
     assert (first.mean, second.mean) == pytest.approx((np.prod(none) ** (1 / 3), np.prod(mtf) ** (1 / 3)))
     assert second.ratio.value == pytest.approx(second.mean / first.mean)
-    assert second.low < second.mean < second.high
-    assert table.title == "Position RMSE (3-D), geometric mean [m]"
-    assert any("interval of the geometric mean" in note for note in table.footnotes)
     zero = frame.assign(position_rmse_m=frame["position_rmse_m"].where(frame["seed"] > 0, 0.0))
     table = summarise(zero, "position_rmse_m", baseline={"adaptation": "none"})
-    assert table.cells[0][0].mean == pytest.approx(1.2)
-    assert any("their quotient is another number" in note for note in table.footnotes)
+    assert (table.cells[0][0].mean, table.cells[0][0].kind) == (0.4, "median")  # of 0 there is no logarithm
 
 
 def test_beside_what_a_consistent_filter_gives_the_mean_stays_arithmetic(cell_rows):
@@ -289,6 +325,6 @@ def test_that_there_is_no_ratio_is_said(cell_rows):
 
 
 def test_a_star_stands_beside_a_digit_that_shows_the_difference():
-    assert Ratio(1.0004, 1.0003, 1.0005, 0.01, shown=True).text == "×1.0004*"  # noqa: RUF001
-    assert Ratio(0.9996, 0.9995, 0.9997, 0.01, shown=True).text == "×0.9996*"  # noqa: RUF001
-    assert Ratio(1.0004, 0.9, 1.1, 0.5, shown=False).text == "×1.00"  # noqa: RUF001
+    assert Ratio(1.0004, 1.0003, 1.0005, 0.01, "*").text == "×1.0004*"  # noqa: RUF001
+    assert Ratio(0.9996, 0.9995, 0.9997, 0.01, "*").text == "×0.9996*"  # noqa: RUF001
+    assert Ratio(1.0004, 0.9, 1.1, 0.5).text == "×1.00"  # noqa: RUF001
