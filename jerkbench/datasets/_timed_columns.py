@@ -11,6 +11,7 @@ from jerkbench.datasets._rtklib_fixes import accepted_fixes, steady_fixes
 from jerkbench.datasets._table_stream import Source, Stream
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.readers.columns import Columns, find_tables, read_columns, read_datetimes_ns, times_ns
+from jerkbench.readers.fetched import named_folder
 from jerkbench.readers.gpst import GPS_EPOCH_NS, GPST_MINUS_UTC_S, UNIX_EPOCH, utc_of
 from jerkbench.readers.pos_files import read_pos_files
 from jerkbench.readers.rtklib_pos import PosSolution
@@ -27,7 +28,7 @@ class TimedColumns:
     """What all streams of a table share: the folder, how text is cut, and the time.
 
     Attributes:
-        folder: where the files are.
+        folder: where the files are; "fetched:NAME" is what `jerkbench data fetch NAME` has fetched.
         separator: between the columns of a text; empty: white space. Parquet needs none.
         header: whether a line above the data names the columns: the first of as many fields (others, a title or units,
             are left out); if not, they are numbered from 1.
@@ -57,7 +58,7 @@ class TimedColumns:
         Raises:
             RecordingError: there is none; names the ``parameter`` that the pattern is from.
         """
-        return find_tables(Path(self.folder).expanduser(), pattern, parameter)
+        return find_tables(named_folder(self.folder), pattern, parameter)
 
     def read(self, source: Source) -> Stream:
         """Return a stream.

@@ -1,7 +1,6 @@
 """Any recording in tables: CSV, text, Parquet or MATLAB, with a map from columns to fields."""
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import ClassVar
 
 from jerkbench.checks import require_choices, require_not_negative, require_positive
@@ -15,6 +14,7 @@ from jerkbench.datasets._table_velocity import VelocityMap, read_velocity
 from jerkbench.datasets._timed_columns import TimedColumns
 from jerkbench.errors import PluginError
 from jerkbench.plugins import register
+from jerkbench.readers.fetched import named_folder
 from jerkbench.readers.files import fingerprint
 from jerkbench.readers.gravity import gravity_notes
 from jerkbench.readers.mounting import axes_matrix, imu_in_body
@@ -193,7 +193,7 @@ class Tables(TimedColumns):
         velocity, of_velocity = self._velocity(zero_ns, origin)
         notes = (*self._imu_notes(stream, imu), *fixes.notes, *of_velocity, *of_reference)
         recording = Recording(
-            name=Path(self.folder).expanduser().resolve().name,
+            name=named_folder(self.folder).resolve().name,
             imu=imu,
             reference=reference,
             position=fixes.position,

@@ -18,6 +18,21 @@ def fetched_folder(name: str) -> Path:
     return user_cache_folder() / name
 
 
+FETCHED = "fetched:"
+"""Before the name of a fetched recording, in the place of a folder."""
+
+
+def named_folder(given: str) -> Path:
+    """Return the folder that was given: a path, or ``fetched:NAME``.
+
+    Raises:
+        RecordingError: the recording of that name was not fetched.
+    """
+    if given.startswith(FETCHED):
+        return recording_folder("", given.removeprefix(FETCHED))
+    return Path(given).expanduser()
+
+
 def recording_folder(given: str, name: str) -> Path:
     """Return the folder that was given, or that of the fetched recording ``name``.
 

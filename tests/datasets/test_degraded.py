@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jerkbench.benchmark.parts import choose
+from jerkbench.cells.from_names import choose
 from jerkbench.conformance.plugin import check_plugin
 from jerkbench.errors import RecordingError
 from jerkbench.plugins import create

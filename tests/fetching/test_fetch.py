@@ -160,7 +160,8 @@ def test_the_registry_lists_whole_recordings_at_fixed_commits():
 def test_the_registry_has_the_hashes_of_the_files_beside(shared_folder):
     for one in public_recordings().values():
         for file in one.files:
-            path = shared_folder / "data" / one.name / file.name
+            folder = shared_folder / "data" / one.name
+            path = (folder if folder.is_dir() else folder.parent / "degraded" / one.name) / file.name
             assert hashlib.sha256(path.read_bytes()).hexdigest() == file.sha256, path
 
 
@@ -170,6 +171,14 @@ def test_the_verb_lists_and_finds(tmp_path):
     assert "not fetched" in done.stdout
     done = jerkbench("data", "fetch", "brod", cwd=tmp_path)
     assert (done.returncode, "Did you mean 'broad'" in done.stderr) == (2, True)
+
+
+def test_a_preset_of_tables_finds_what_was_fetched(tmp_path, shared_folder):
+    (tmp_path / "tokyo_1105").symlink_to(shared_folder / "data" / "degraded" / "tokyo_1105")
+    done = jerkbench("data", "inspect", "tokyo_1105", cwd=tmp_path, JERKBENCH_DATA=str(tmp_path))
+    assert "position     8851 rows" in done.stdout, done.stderr
+    done = jerkbench("data", "inspect", "pixel4", cwd=tmp_path, JERKBENCH_DATA=str(tmp_path))
+    assert (done.returncode, "run `jerkbench data fetch pixel4`" in done.stderr) == (2, True)
 
 
 def test_a_data_set_finds_what_was_fetched(tmp_path, shared_folder):
