@@ -146,7 +146,8 @@ def test_a_folder_that_cannot_be_written_is_a_sentence(server, tmp_path):
 
 def test_the_registry_lists_whole_recordings_at_fixed_commits():
     known = public_recordings()
-    assert set(known) == {"rtklib_drive_0708", "comma2k19", "broad", "robot_localization"}
+    drives = {"rtklib_drive_0708", "comma2k19", "broad", "robot_localization"}
+    assert set(known) == drives | {"tokyo_1105", "pixel4"}
     for one in known.values():
         for file in one.files:
             assert len(file.sha256) == 64
@@ -174,10 +175,12 @@ def test_the_verb_lists_and_finds(tmp_path):
 
 
 def test_a_preset_of_tables_finds_what_was_fetched(tmp_path, shared_folder):
-    (tmp_path / "tokyo_1105").symlink_to(shared_folder / "data" / "degraded" / "tokyo_1105")
-    done = jerkbench("data", "inspect", "tokyo_1105", cwd=tmp_path, JERKBENCH_DATA=str(tmp_path))
+    (tmp_path / "kept").mkdir()
+    (tmp_path / "kept" / "tokyo_1105").symlink_to(shared_folder / "data" / "degraded" / "tokyo_1105")
+    kept = {"JERKBENCH_DATA": str(tmp_path / "kept")}
+    done = jerkbench("data", "inspect", "tokyo_1105", cwd=tmp_path, **kept)
     assert "position     8851 rows" in done.stdout, done.stderr
-    done = jerkbench("data", "inspect", "pixel4", cwd=tmp_path, JERKBENCH_DATA=str(tmp_path))
+    done = jerkbench("data", "inspect", "pixel4", cwd=tmp_path, **kept)
     assert (done.returncode, "run `jerkbench data fetch pixel4`" in done.stderr) == (2, True)
 
 
