@@ -141,7 +141,8 @@ class Engine(Protocol):
     """A way to run a kinematic filter with an adaptation; all engines have the same inputs and outputs.
 
     Two things are optional, `jerkbench.engines.compiled_engine` has both: ``run_many`` runs many timelines without
-    keeping trajectories; ``prepare(model)`` begins with what `run` will need, while a single run does something else.
+    keeping trajectories, and what one of them raises harms no other; ``prepare(model)`` begins with what `run` will
+    need, while a single run does something else.
     """
 
     def run(self, timeline: Timeline, model: Filter, adaptation: Adaptation) -> Estimate:

@@ -6,7 +6,19 @@ from pathlib import Path
 import jerkbench
 
 ORDER = [
-    ["errors", "arrays", "checks", "files", "memory", "notices", "plain", "random_streams", "presets", "compilation"],
+    [
+        "errors",
+        "arrays",
+        "checks",
+        "files",
+        "memory",
+        "notices",
+        "plain",
+        "random_streams",
+        "presets",
+        "compilation",
+        "kalman",
+    ],
     ["recording"],
     ["estimate", "geometry"],
     ["timeline"],

@@ -23,8 +23,23 @@ def ask(_typing: Any, address: Any, arrays: Any, numbers: Any) -> Any:  # noqa: 
     return _call(types.float64, address, arrays, numbers)
 
 
-def _call(result: Any, address: Any, arrays: Any, numbers: Any) -> Any:  # noqa: ANN401 - as above
-    """Typing and code of a call in numba's convention: an error that the function raises goes on to the caller's."""
+@intrinsic
+def try_fill_by(_typing: Any, address: Any, arrays: Any, numbers: Any) -> Any:  # noqa: ANN401 - as above
+    """The same as `fill_by`, but an error of the function stops there; return whether there was none."""
+    return _call(types.void, address, arrays, numbers, guarded=types.boolean)
+
+
+@intrinsic
+def try_ask(_typing: Any, address: Any, arrays: Any, numbers: Any) -> Any:  # noqa: ANN401 - as above
+    """The same as `ask`; return whether there was no error, and the number."""
+    return _call(types.float64, address, arrays, numbers, guarded=types.Tuple([types.boolean, types.float64]))
+
+
+def _call(result: Any, address: Any, arrays: Any, numbers: Any, guarded: Any = None) -> Any:  # noqa: ANN401 - as above
+    """Typing and code of a call in numba's convention.
+
+    An error that the function raises goes on to the caller's, unless the type ``guarded`` has room to say so.
+    """
     takes = [types.CPointer(array.dtype) for array in arrays] + list(numbers)
 
     def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:  # noqa: ANN401 - as above
@@ -35,8 +50,11 @@ def _call(result: Any, address: Any, arrays: Any, numbers: Any) -> Any:  # noqa:
         convention = context.call_conv
         pointer = builder.inttoptr(args[0], convention.get_function_type(result, takes).as_pointer())
         status, returned = convention.call_function(builder, pointer, result, takes, values)
+        if guarded is not None:
+            well = builder.not_(status.is_error)
+            return well if result == types.void else context.make_tuple(builder, guarded, [well, returned])
         with cgutils.if_unlikely(builder, status.is_error):
             convention.return_status_propagate(builder, status)
         return context.get_dummy_value() if sig.return_type == types.void else returned
 
-    return result(address, arrays, numbers), generate
+    return (guarded or result)(address, arrays, numbers), generate

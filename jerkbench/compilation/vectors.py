@@ -1,11 +1,12 @@
-"""Vectors of numbers for compiled code: one number of each of WIDTH runs, which the processor works on at once.
+"""Vectors of numbers for compiled code: one number of each of several runs, which the processor works on at once.
 
 Kernels are written for numbers. Given an array of vectors (`vectors`) in the place of an array of numbers they work on
-WIDTH runs side by side, because numba compiles a function anew for each type of its arguments. Two things have
-to be said differently: a choice between two values (`chosen`), and the largest (`larger`).
+several runs side by side, because numba compiles a function anew for each type of its arguments. Two things have
+to be said differently: a choice between two values, and the largest (`chosen`). A vector of one number is that number.
 """
 
 import operator
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -16,21 +17,23 @@ from numba.extending import intrinsic, lower_builtin, lower_cast, models, regist
 
 from jerkbench.arrays import FloatArray
 
-WIDTH = 8
-"""Numbers in a vector: 512 bits, one or a few registers on every processor."""
+WIDE = 8
+"""Numbers in a vector of several runs: 512 bits, one or a few registers on every processor."""
 
 NUMBER, INDEX = ir.DoubleType(), ir.IntType(32)
-VECTOR = ir.VectorType(NUMBER, WIDTH)
 """As LLVM knows them."""
 
 
-class _Vector(types.Type):
-    """A vector; a number turns into one by repetition."""
+class Vector(types.Type):
+    """A vector of ``width`` numbers; a number turns into one by repetition."""
 
-    def __init__(self) -> None:
-        super().__init__(name=f"vector{WIDTH}")
+    def __init__(self, width: int) -> None:
+        """Name the type after its width."""
+        self.width = width
+        super().__init__(name=f"vector{width}")
 
     def unify(self, _: Any, other: Any) -> Any:  # noqa: ANN401 - numba has no types
+        """Return what both are."""
         return self if isinstance(other, types.Float) else None
 
     def can_convert_from(self, _: Any, other: Any) -> Any:  # noqa: ANN401 - numba has no types
@@ -40,53 +43,77 @@ class _Vector(types.Type):
         return Conversion.promote if isinstance(other, types.Float) else None
 
 
-class _Vectors(types.Type):
+class Vectors(types.Type):
     """An array of vectors: the address of its first number."""
 
-    def __init__(self) -> None:
-        super().__init__(name=f"vectors{WIDTH}")
+    def __init__(self, width: int) -> None:
+        """Name the type after its width."""
+        self.width, self.element = width, vector_of(width)
+        super().__init__(name=f"vectors{width}")
 
 
-vector_type, vectors_type = _Vector(), _Vectors()
+@cache
+def vector_of(width: int) -> Any:  # noqa: ANN401 - numba has no types
+    """Return numba's type of a vector of ``width`` numbers."""
+    return types.float64 if width == 1 else Vector(width)
 
 
-@register_model(_Vector)
+@cache
+def vectors_of(width: int) -> Vectors:
+    """Return numba's type of an array of them."""
+    return Vectors(width)
+
+
+def llvm_vector(width: int) -> Any:  # noqa: ANN401 - llvmlite has no types
+    """Return LLVM's type of a vector of ``width`` numbers."""
+    return NUMBER if width == 1 else ir.VectorType(NUMBER, width)
+
+
+@register_model(Vector)
 class _VectorModel(models.PrimitiveModel):
     def __init__(self, manager: Any, of: Any) -> None:  # noqa: ANN401 - numba has no types
-        super().__init__(manager, of, VECTOR)
+        super().__init__(manager, of, llvm_vector(of.width))
 
 
-@register_model(_Vectors)
+@register_model(Vectors)
 class _VectorsModel(models.PrimitiveModel):
     def __init__(self, manager: Any, of: Any) -> None:  # noqa: ANN401 - numba has no types
         super().__init__(manager, of, NUMBER.as_pointer())
 
 
-def _repeated(builder: Any, number: Any) -> Any:  # noqa: ANN401 - llvmlite has no types
-    one = builder.insert_element(ir.Constant(VECTOR, ir.Undefined), number, ir.Constant(INDEX, 0))
-    everywhere = ir.Constant(ir.VectorType(INDEX, WIDTH), [0] * WIDTH)
-    return builder.shuffle_vector(one, ir.Constant(VECTOR, ir.Undefined), everywhere)
+def _repeated(builder: Any, number: Any, width: int) -> Any:  # noqa: ANN401 - llvmlite has no types
+    nothing = ir.Constant(llvm_vector(width), ir.Undefined)
+    first = builder.insert_element(nothing, number, ir.Constant(INDEX, 0))
+    return builder.shuffle_vector(first, nothing, ir.Constant(ir.VectorType(INDEX, width), [0] * width))
 
 
-@lower_cast(types.Float, _Vector)
-def _cast(_context: Any, builder: Any, _from: Any, _to: Any, number: Any) -> Any:  # noqa: ANN401 - as above
-    return _repeated(builder, number)
+@lower_cast(types.Float, Vector)
+def _cast(_context: Any, builder: Any, _from: Any, to: Any, number: Any) -> Any:  # noqa: ANN401 - as above
+    return _repeated(builder, number, to.width)
+
+
+def _common(kinds: Any) -> Any:  # noqa: ANN401 - as above
+    """The type of a result of ``kinds``: a vector if one of them is, or None if they are of several widths."""
+    wide = {kind for kind in kinds if isinstance(kind, Vector)}
+    return wide.pop() if len(wide) == 1 else None if wide else types.float64
 
 
 def _define(symbols: tuple[Any, ...], instruction: str) -> None:
     """Teach numba an operator between vectors, and between a vector and a number."""
 
     def generic(_self: Any, args: Any, _kws: Any) -> Any:  # noqa: ANN401 - as above
-        known = all(arg is vector_type or isinstance(arg, types.Float) for arg in args)
-        return signature(vector_type, *args) if len(args) == 2 and vector_type in args and known else None
+        known = len(args) == 2 and all(isinstance(arg, Vector | types.Float) for arg in args)
+        result = _common(args) if known else None
+        return signature(result, *args) if isinstance(result, Vector) else None
 
     def lower(_context: Any, builder: Any, sig: Any, args: Any) -> Any:  # noqa: ANN401 - as above
-        both = [x if t is vector_type else _repeated(builder, x) for t, x in zip(sig.args, args, strict=True)]
+        given, width = zip(sig.args, args, strict=True), sig.return_type.width
+        both = [x if isinstance(kind, Vector) else _repeated(builder, x, width) for kind, x in given]
         return getattr(builder, instruction)(*both, flags=("contract",))
 
     for symbol in symbols:
         infer_global(symbol)(type("_Operator", (AbstractTemplate,), {"key": symbol, "generic": generic}))
-        for pair in ((_Vector, _Vector), (_Vector, types.Float), (types.Float, _Vector)):
+        for pair in ((Vector, Vector), (Vector, types.Float), (types.Float, Vector)):
             lower_builtin(symbol, *pair)(lower)
 
 
@@ -96,22 +123,22 @@ _define((operator.mul, operator.imul), "fmul")
 _define((operator.truediv, operator.itruediv), "fdiv")
 
 
-def address_in(builder: Any, first: Any, index: Any) -> Any:  # noqa: ANN401 - as above
+def address_in(builder: Any, first: Any, index: Any, width: int) -> Any:  # noqa: ANN401 - as above
     """Return the address of vector ``index``, in LLVM."""
-    place = builder.gep(first, [builder.mul(index, ir.Constant(index.type, WIDTH))])
-    return builder.bitcast(place, VECTOR.as_pointer())
+    place = builder.gep(first, [builder.mul(index, ir.Constant(index.type, width))])
+    return builder.bitcast(place, llvm_vector(width).as_pointer())
 
 
 @infer_global(operator.getitem)
 class _Get(AbstractTemplate):
     def generic(self, args: Any, _kws: Any) -> Any:  # noqa: ANN401 - as above
-        mine = args[0] is vectors_type and isinstance(args[1], types.Integer)
-        return signature(vector_type, vectors_type, types.intp) if mine else None
+        mine = isinstance(args[0], Vectors) and isinstance(args[1], types.Integer)
+        return signature(args[0].element, args[0], types.intp) if mine else None
 
 
-@lower_builtin(operator.getitem, _Vectors, types.Integer)
-def _load(_context: Any, builder: Any, _sig: Any, args: Any) -> Any:  # noqa: ANN401 - as above
-    loaded = builder.load(address_in(builder, *args))
+@lower_builtin(operator.getitem, Vectors, types.Integer)
+def _load(_context: Any, builder: Any, sig: Any, args: Any) -> Any:  # noqa: ANN401 - as above
+    loaded = builder.load(address_in(builder, args[0], args[1], sig.args[0].width))
     loaded.align = 8
     return loaded
 
@@ -119,42 +146,63 @@ def _load(_context: Any, builder: Any, _sig: Any, args: Any) -> Any:  # noqa: AN
 @infer_global(operator.setitem)
 class _Set(AbstractTemplate):
     def generic(self, args: Any, _kws: Any) -> Any:  # noqa: ANN401 - as above
-        mine = args[0] is vectors_type and isinstance(args[1], types.Integer)
-        return signature(types.none, vectors_type, types.intp, vector_type) if mine else None
+        mine = isinstance(args[0], Vectors) and isinstance(args[1], types.Integer)
+        return signature(types.none, args[0], types.intp, args[0].element) if mine else None
 
 
-@lower_builtin(operator.setitem, _Vectors, types.Integer, _Vector)
-def _store(context: Any, builder: Any, _sig: Any, args: Any) -> Any:  # noqa: ANN401 - as above
-    builder.store(args[2], address_in(builder, args[0], args[1])).align = 8
+@lower_builtin(operator.setitem, Vectors, types.Integer, Vector)
+@lower_builtin(operator.setitem, Vectors, types.Integer, types.Float)
+def _store(context: Any, builder: Any, sig: Any, args: Any) -> Any:  # noqa: ANN401 - as above
+    builder.store(args[2], address_in(builder, args[0], args[1], sig.args[0].width)).align = 8
     return context.get_dummy_value()
 
 
 @intrinsic
-def vectors(_typing: Any, array: Any) -> Any:  # noqa: ANN401 - as above
-    """See a contiguous array of numbers as vectors: number l of vector k is element WIDTH k + l. Keep it alive."""
+def vectors(_typing: Any, array: Any, width: Any) -> Any:  # noqa: ANN401 - as above
+    """See a contiguous array as vectors of ``width`` (a constant): number l of vector k is element width k + l.
+
+    Keep the array alive. An array of vectors may be seen in another width, too.
+    """
+    if not isinstance(width, types.IntegerLiteral):
+        return None  # numba asks again with the constant
 
     def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:  # noqa: ANN401 - as above
         """Write it in LLVM."""
-        return context.make_array(sig.args[0])(context, builder, args[0]).data
+        seen = isinstance(sig.args[0], Vectors)
+        return args[0] if seen else context.make_array(sig.args[0])(context, builder, args[0]).data
 
-    return vectors_type(array), generate
+    return vectors_of(width.literal_value)(array, width), generate
+
+
+@intrinsic
+def vectors_from(_typing: Any, array: Any, first: Any, width: Any) -> Any:  # noqa: ANN401 - as above
+    """See the numbers of ``array``, itself of vectors of one number, from ``first`` on as vectors of ``width``."""
+    if not isinstance(width, types.IntegerLiteral):
+        return None  # numba asks again with the constant
+
+    def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:  # noqa: ANN401 - as above
+        """Write it in LLVM."""
+        return builder.gep(args[0], [context.cast(builder, args[1], sig.args[1], types.intp)])
+
+    return vectors_of(width.literal_value)(array, first, width), generate
 
 
 @intrinsic
 def chosen(_typing: Any, left: Any, right: Any, yes: Any, no: Any) -> Any:  # noqa: ANN401 - as above
     """``yes`` where left > right, else ``no`` (also where one of them is NaN): of numbers, or in each run."""
-    result = vector_type if vector_type in (left, right, yes, no) else types.float64
+    result = _common((left, right, yes, no))
 
     def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:  # noqa: ANN401 - as above
         """Write it in LLVM."""
         given = [context.cast(builder, arg, t, result) for t, arg in zip(sig.args, args, strict=True)]
         return builder.select(builder.fcmp_ordered(">", given[0], given[1]), given[2], given[3])
 
-    return result(left, right, yes, no), generate
+    return (result(left, right, yes, no), generate) if result else None
 
 
-def aligned_zeros(length: int) -> FloatArray:
+def aligned_zeros(*shape: int) -> FloatArray:
     """Return zeros that begin with a line of the cache; vectors that lie across two are slow."""
-    whole = np.zeros(length + WIDTH)
-    first = -(whole.ctypes.data // whole.itemsize) % WIDTH
-    return whole[first : first + length]
+    length = int(np.prod(shape))
+    whole = np.zeros(length + WIDE)
+    first = -(whole.ctypes.data // whole.itemsize) % WIDE
+    return whole[first : first + length].reshape(shape)

@@ -8,8 +8,7 @@ from typing import cast
 from jerkbench.batch import Run, Streamed
 from jerkbench.compilation.module_cache import can_compile
 from jerkbench.contracts import Adaptation, Filter
-from jerkbench.engines.compiled.arguments import Rule
-from jerkbench.engines.compiled.rule import rule_of
+from jerkbench.engines.compiled.plugin_call import Rule, rule_of
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.estimate import Estimate
 from jerkbench.notices import notify
@@ -22,10 +21,10 @@ from jerkbench.timeline.timeline import Timeline
 class CompiledEngine:
     """Runs any filter with any adaptation compiled by numba; benchmarks/engines.py prints how much faster it is.
 
-    The same equations as the engine `filterpy` in Joseph form, arranged for speed::
+    The same equations as the engine `filterpy`, arranged for speed::
 
-        F P F' for all pairs of axes at once, F = A (x) I3;   S = H P H' + R = L D L'
-        K' = S^-1 H P,  x = x + K y,  A = P - K H P,  P = A - (A H' - K R) K', symmetrised
+        F P F' for all pairs of axes at once, F = A (x) I3;   S = H P H' + R = L D L',   K' = S^-1 H P
+        x = x + K y,   P = P - K H P;   where R < P of a measured state: x = x + y - R S^-1 y,   P = K R
 
     The plugin's own `adapt` and `fade` are compiled as they are. What is compiled is kept on disk ($JERKBENCH_CACHE, or
     the user's cache folder): the first run of a new plugin takes some seconds, later processes start at once, and
@@ -42,38 +41,54 @@ class CompiledEngine:
         compiled = compiled_rule(adaptation)
         if compiled is None:
             return FilterpyEngine().run(timeline, model, adaptation)
-        from jerkbench.engines.compiled.single.run import run_single
+        from jerkbench.engines.compiled.single_run import run_single
 
-        return run_single(timeline, model, adaptation, compiled)
+        return run_single(timeline, model, compiled)
 
     def prepare(self, model: Filter) -> None:
         """Begin to compile what `run` will need, beside what this process does until then."""
-        from jerkbench.engines.compiled.single.entry import compile_beside
+        from jerkbench.engines.compiled.entry import compile_beside
 
         if can_compile():
             compile_beside(2 + len(model.initial_variances()))
 
     def run_many(
-        self, runs: Sequence[Run], model: Filter, adaptation: Adaptation, *, updates: bool, threads: int
+        self,
+        runs: Sequence[Run],
+        model: Filter | Sequence[Filter],
+        adaptation: Adaptation | Sequence[Adaptation],
+        *,
+        updates: bool,
+        threads: int,
     ) -> Sequence[Streamed | None]:
-        """Run ``model`` with ``adaptation`` over all ``runs`` side by side, without keeping trajectories.
+        """Run all ``runs`` side by side, without keeping trajectories.
 
         Args:
             runs: timelines, and what the errors count for.
-            model: the filter.
-            adaptation: the adaptation.
+            model: the filter, or that of each run.
+            adaptation: the adaptation, or that of each run.
             updates: whether to keep what the updates saw.
             threads: how many to use.
 
         Returns:
             The sums of each run; None where it is to be run alone by `run`, which says why.
         """
-        compiled = compiled_rule(adaptation)
-        if compiled is None:
-            return [None] * len(runs)
-        from jerkbench.engines.compiled.lanes.batch import run_batch
+        models = list(model) if isinstance(model, Sequence) else [model] * len(runs)
+        rules = _rules(adaptation, len(runs))
+        known = [k for k, rule in enumerate(rules) if rule is not None]
+        from jerkbench.engines.compiled.batch import run_batch
 
-        return run_batch(runs, model, adaptation, compiled, updates=updates, threads=threads)
+        results: list[Streamed | None] = [None] * len(runs)
+        given = [runs[k] for k in known], [models[k] for k in known], [rule for rule in rules if rule is not None]
+        for k, result in zip(known, run_batch(*given, updates=updates, threads=threads), strict=True):
+            results[k] = result
+        return results
+
+
+def _rules(adaptation: Adaptation | Sequence[Adaptation], count: int) -> list[Rule | None]:
+    if isinstance(adaptation, Sequence):
+        return [compiled_rule(own) for own in adaptation]
+    return [compiled_rule(adaptation)] * count
 
 
 def compiled_rule(adaptation: Adaptation) -> Rule | None:

@@ -9,6 +9,7 @@ from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.contracts import Adaptation, Filter
 from jerkbench.errors import PluginError, unknown
 from jerkbench.estimate import Estimate
+from jerkbench.kalman import ROUNDING, gain, innovation_factor, is_positive_definite, joseph, moved, squared_distance
 from jerkbench.memory import empty_memory
 from jerkbench.plugins import register
 from jerkbench.timeline.recorder import Recorder
@@ -24,9 +25,12 @@ class FilterpyEngine:
 
     With H = [I6 0], y = z - H x, and R adapted between predict and update::
 
-        S = H P H' + R,    K = P H' S^-1,    x = x + K y
+        S = H P H' + R = L L',    K = P H' S^-1 (by L),    x = x + K y
         joseph:  P = (I - K H) P (I - K H)' + K R K', symmetrised
         paper:   P = P - K S K', as it is written there (it drifts: 1e-5 m after 15 000 steps)
+
+    A run ends where S, or afterwards P, is not symmetric and positive definite beyond rounding
+    (`jerkbench.kalman.ROUNDING`).
 
     Source: R. R. Labbe, filterpy 2 (MIT).
 
@@ -91,30 +95,54 @@ class _Run:
         """Adapt R and update; return the reason if the filter has diverged."""
         kf, z = self.kf, self.z[update]
         rows = np.flatnonzero(np.isfinite(z))
-        block = np.ix_(rows, rows)
-        innovation = z[rows] - kf.x[rows, 0]
-        HPHt = kf.P[block]
-        R, reported = self.R[update][block], self.reported[update][block]
-        nis = _mahalanobis(innovation, HPHt + reported)
+        innovation, HPHt = z[rows] - kf.x[rows, 0], kf.P[np.ix_(rows, rows)]
+        factor = innovation_factor(HPHt + self.reported[update][np.ix_(rows, rows)])
+        nis = used = np.nan
+        variances, healthy = np.full(len(rows), np.nan), False
+        if factor is not None:
+            nis = squared_distance(innovation, factor)
+            R = self._adapted(innovation, HPHt, update, rows)
+            variances, (used, healthy) = np.diag(R), self._correct(innovation, R, rows)
+        self.recorder.update(update, rows, innovation, variances, nis, used)
+        return "" if healthy else f"the covariance is no longer positive definite at {self._time(update):.2f} s"
+
+    def _adapted(self, innovation: FloatArray, HPHt: FloatArray, update: int, rows: IntArray) -> FloatArray:
+        """Fade P, where the adaptation does, and return the adapted R; without any row nothing is asked."""
+        R: FloatArray = self.R[update][np.ix_(rows, rows)]
+        if not rows.size:
+            return R
         if self.fade is not None:
             factor = self.fade(innovation, HPHt, R, rows, self.memory)
-            kf.P = kf.P * factor
+            self.kf.P = self.kf.P * factor
             HPHt = HPHt * factor
-        R = self.adaptation.adapt(innovation, HPHt, R, rows, self.memory)
-        used = self._correct(innovation, R, rows)
-        self.recorder.update(update, rows, innovation, np.diag(R), nis, used)
-        return "" if _healthy(kf) else f"the covariance is no longer positive definite at {self._time(update):.2f} s"
+        return self.adaptation.adapt(innovation, HPHt, R, rows, self.memory)
 
-    def _correct(self, innovation: FloatArray, R: FloatArray, rows: IntArray) -> float:
-        """Update with the rows whose variance is finite; return the NIS that this update saw."""
+    def _correct(self, innovation: FloatArray, R: FloatArray, rows: IntArray) -> tuple[float, bool]:
+        """Update with the rows whose variance is finite; return the NIS that this update saw, and whether it is sound.
+
+        filterpy's own update takes the inverse of S, which is not good enough after a gap (see `jerkbench.kalman`).
+        """
         kept = np.isfinite(np.diag(R))
         if not kept.any():
-            return float("nan")
-        kf, H, R = self.kf, self.H[rows[kept]], R[np.ix_(kept, kept)]
+            return np.nan, self._is_sound(self.kf.P, rows[kept])
+        kf, H, R, y = self.kf, self.H[rows[kept]], R[np.ix_(kept, kept)], innovation[kept]
         prior = kf.P
-        kf.update(innovation[kept][:, None] + H @ kf.x, R=R, H=H)
-        kf.P = 0.5 * (kf.P + kf.P.T) if self.joseph else prior - kf.K @ kf.S @ kf.K.T
-        return _mahalanobis(innovation[kept], kf.S)
+        PHt = prior[:, rows[kept]]
+        S = PHt[rows[kept]] + R
+        factor = innovation_factor(S)
+        if factor is None:
+            return np.nan, False
+        K = gain(PHt, factor)
+        kf.x = kf.x + moved(PHt, y, R, factor, rows[kept])[:, None]
+        kf.P = joseph(prior, K, H, R) if self.joseph else prior - K @ S @ K.T
+        return squared_distance(y, factor), self._is_sound(prior, rows[kept])
+
+    def _is_sound(self, prior: FloatArray, measured: IntArray) -> bool:
+        """Whether state and covariance are what they should be, and more than what rounding left of ``prior``."""
+        x, P = self.kf.x, self.kf.P
+        left = np.diag(P) > ROUNDING * np.diag(prior)
+        left[measured] = True
+        return bool(left.all() and np.isfinite(x).all() and is_positive_definite(P))
 
     def _time(self, update: int) -> float:
         return float(self.timeline.measurements.t_ns[update] * 1e-9)
@@ -134,18 +162,3 @@ def _new_filter(timeline: Timeline, model: Filter) -> Any:  # noqa: ANN401 - fil
 
 def _of_three_axes(matrix: FloatArray) -> FloatArray:
     return np.asarray(np.kron(matrix, np.eye(3)), dtype=np.float64)
-
-
-def _mahalanobis(y: FloatArray, S: FloatArray) -> float:
-    return float(y @ np.linalg.solve(S, y))
-
-
-def _healthy(kf: Any) -> bool:  # noqa: ANN401 - filterpy has no types
-    """Whether the state is finite and the covariance positive definite."""
-    if not np.isfinite(kf.x).all():
-        return False
-    try:
-        np.linalg.cholesky(kf.P)
-    except np.linalg.LinAlgError:
-        return False
-    return True

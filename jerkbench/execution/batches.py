@@ -46,16 +46,13 @@ def streamed_values(cell: Cell, draws: Sequence[int], fingerprint: str, threads:
     """Run ``draws`` side by side; returns what became of those that came to their end.
 
     The others (stopped, not to be scored without a trajectory, or with something wrong) are for the run alone: it says
-    what is the matter.
+    what is the matter. What the engine itself raises goes on to the caller.
     """
     prepared = {draw: one for draw in draws if (one := _prepared(cell, draw, fingerprint)) is not None}
     updates = any(getattr(metric, "reads", "") == "updates" for metric in cell.metrics)
     runs = [one.run for one in prepared.values()]
     engine: Any = cell.engine
-    try:
-        results = engine.run_many(runs, cell.filter, cell.adaptation, updates=updates, threads=threads)
-    except Exception:  # noqa: BLE001 - the run that raised it does so again alone, where it becomes a row that says so
-        return {}
+    results = engine.run_many(runs, cell.filter, cell.adaptation, updates=updates, threads=threads)
     limit_m2 = cell.protocol.divergence_limit_m**2
     return {
         draw: Found(one.recording, _values(cell, one, result), result.farthest_m2 > limit_m2)

@@ -49,7 +49,7 @@ def run_pieces(cell: Cell, fingerprint: str, draws: Sequence[int], threads: int 
     if sentence := unfit(cell):
         yield failed_rows(cell, draws, sentence), []
         return
-    yield from _pieces(cell, fingerprint, draws, threads, _guarded_row)
+    yield from _pieces(cell, fingerprint, draws, threads, _guarded_row, guarded=True)
 
 
 def run_open_pieces(cell: Cell, fingerprint: str, draws: Sequence[int], threads: int = 1) -> Pieces:
@@ -61,7 +61,7 @@ def run_open_pieces(cell: Cell, fingerprint: str, draws: Sequence[int], threads:
     if sentence := unfit(cell):
         raise PluginError(sentence)
     with plugins_in_words(cell):
-        yield from _pieces(cell, fingerprint, draws, threads, _row)
+        yield from _pieces(cell, fingerprint, draws, threads, _row, guarded=False)
 
 
 def _together(pieces: Pieces) -> tuple[list[Row], list[str]]:
@@ -91,10 +91,19 @@ def _pieces(
     draws: Sequence[int],
     threads: int,
     alone: Callable[[Cell, Alone, str], tuple[Row, list[str]]],
+    *,
+    guarded: bool,
 ) -> Pieces:
     size = inputs.KEPT if streams(cell) else 1
     for begin in range(0, len(draws), size):
-        results = _results(cell, fingerprint, draws[begin : begin + size], threads)
+        some = draws[begin : begin + size]
+        try:
+            results = list(_results(cell, fingerprint, some, threads))
+        except Exception as error:
+            if not guarded:
+                raise
+            yield failed_rows(cell, some, _sentence(error)), []
+            continue
         done = [alone(cell, one, fingerprint) if isinstance(one, Alone) else one for one in results]
         yield [row for row, _ in done], [note for _, notes in done for note in notes]
 
@@ -161,10 +170,12 @@ def _notes_of(cell: Cell, recording: Recording) -> list[str]:
 def _guarded_row(cell: Cell, one: Alone, fingerprint: str) -> tuple[Row, list[str]]:
     try:
         return _row(cell, one, fingerprint)
-    except JerkbenchError as error:
-        return _failed(cell, one.draw, str(error)), []
     except Exception as error:  # noqa: BLE001 - whatever a plugin raises becomes a row that says so
-        return _failed(cell, one.draw, reason_of(error)), []
+        return _failed(cell, one.draw, _sentence(error)), []
+
+
+def _sentence(error: Exception) -> str:
+    return str(error) if isinstance(error, JerkbenchError) else reason_of(error)
 
 
 def _failed(cell: Cell, draw: int, reason: str) -> Row:

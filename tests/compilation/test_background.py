@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from jerkbench.engines.compiled.single import entry
+from jerkbench.engines.compiled import entry
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.filters.baseline import Baseline
 

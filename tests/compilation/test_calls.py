@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from numba import njit
 
-from jerkbench.compilation.calls import ask, fill_by
+from jerkbench.compilation.calls import ask, fill_by, try_ask, try_fill_by
 from jerkbench.compilation.methods import address_of, compiled_method, parameter_vector
-from jerkbench.engines.compiled.rule import ADAPT, FADE
+from jerkbench.engines.compiled.plugin_call import ADAPT, FADE
 
 
 @njit
@@ -19,6 +19,13 @@ def call_fill(address, arrays, sizes):
 @njit
 def call_ask(address, arrays, sizes):
     return ask(address, arrays, sizes)
+
+
+@njit
+def try_both(adapt, fade, arrays, result, sizes):
+    filled = try_fill_by(adapt, (*arrays, result), sizes)
+    asked, factor = try_ask(fade, arrays, sizes)
+    return filled, asked, factor
 
 
 @dataclass(frozen=True)
@@ -78,3 +85,30 @@ def test_an_error_of_a_method_reaches_python(raises, said, m):
     given, address = arguments(Refusing(raises), m), address_of(compiled_method(Refusing(raises), ADAPT))
     with pytest.raises(ValueError, match=said):
         call_fill(address, (*compiled_arguments(*given), np.zeros((m, m))), (m, 2))
+
+
+@dataclass(frozen=True)
+class Choosy:
+    """Raises where the innovation is negative."""
+
+    def adapt(self, innovation, HPHt, R, rows, memory):
+        if innovation[0] < 0.0:
+            raise ValueError("negative")
+        return 2.0 * R
+
+    def fade(self, innovation, HPHt, R, rows, memory):
+        if innovation[0] < 0.0:
+            raise ValueError("negative")
+        return 3.0
+
+
+@pytest.mark.parametrize("m", [2, 6])
+def test_a_tried_call_says_whether_there_was_an_error_and_goes_on(m):
+    adapt, fade = (address_of(compiled_method(Choosy(), method)) for method in (ADAPT, FADE))
+    given, result = compiled_arguments(*arguments(Choosy(), m)), np.zeros((m, m))
+
+    given[1][:] = 1.0
+    assert try_both(adapt, fade, given, result, (m, 2)) == (True, True, 3.0)
+    np.testing.assert_array_equal(result, 2.0 * given[3])
+    given[1][:] = -1.0
+    assert try_both(adapt, fade, given, result, (m, 2))[:2] == (False, False)

@@ -10,6 +10,7 @@ from engine_agreement import with_other_last_bits
 from jerkbench import plugins
 from jerkbench.adaptation.mtf import Mtf
 from jerkbench.adaptation.none import NoAdaptation
+from jerkbench.adaptation.oracle import Oracle
 from jerkbench.batch import Run
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.engines.filterpy_engine import FilterpyEngine
@@ -207,8 +208,73 @@ def test_a_run_that_fails_is_left_to_the_run_alone_and_harms_no_other(several):
             assert_same(result, trajectory(*pair, Baseline(), Broken()), {})
 
 
-def test_a_model_that_is_not_triangular_is_left_to_the_run_alone(several):
-    assert side_by_side(several[:2], Damped(), Mtf()) == [None, None]
+def test_a_model_that_is_not_triangular(several):
+    for got, pair in zip(side_by_side(several[:2], Damped(), Mtf()), several[:2], strict=True):
+        assert_same(got, trajectory(*pair, Damped(), Mtf()), {})
+
+
+def test_each_run_may_have_its_own_filter_and_adaptation(several):
+    """Other numbers, another class, another memory, another number of states, the true covariance or not."""
+    models = [Jerk(0.1), Jerk(0.3), Jerk(0.1, 2.0), Loose(10.0), Baseline(0.5), Damped(), Baseline(0.2), Jerk(0.3)]
+    rules = [Mtf(), Mtf(window=4, guard=2), NoAdaptation(), Faded(), Oracle(), Mtf(), Faded(factor=1.1), Mtf(window=2)]
+
+    got = side_by_side(several[:8], models, rules)
+
+    for result, pair, model, rule in zip(got, several, models, rules, strict=False):
+        assert_same(result, trajectory(*pair, model, rule), {})
+
+
+def test_runs_that_share_all_but_their_filter_give_what_each_gives_alone(several):
+    pairs, models = [several[0]] * 5, [Jerk(sigma) for sigma in (0.05, 0.1, 0.2, 0.4, 0.8)]
+    together = side_by_side(pairs, models, Mtf())
+    alone = [side_by_side(pairs[:1], model, Mtf())[0] for model in models]
+
+    assert len({tuple(result.values()) for result in together}) == 5
+    for a, b in zip(together, alone, strict=True):
+        np.testing.assert_array_equal(list(a.values()), list(b.values()))
+
+
+@dataclass(frozen=True)
+class Raising(NoAdaptation):
+    """Raises where the innovation is large."""
+
+    limit: float = 0.6
+    fades: bool = False
+
+    def fade(self, innovation, HPHt, R, rows, memory):
+        if self.fades and np.abs(innovation).max() > self.limit:
+            raise ValueError("fade: too far")
+        return 1.0
+
+    def adapt(self, innovation, HPHt, R, rows, memory):
+        if not self.fades and np.abs(innovation).max() > self.limit:
+            raise ValueError("adapt: too far")
+        return R
+
+
+@pytest.mark.parametrize("fades", [False, True])
+def test_an_adaptation_that_raises_in_one_run_harms_no_other(several, fades):
+    rules = [Raising(1e9, fades), Raising(0.6, fades), Raising(1e9, fades)]
+    healthy, lost, other = side_by_side(several[:3], Jerk(), rules)
+
+    assert lost is None
+    with pytest.raises(ValueError, match="too far"):
+        CompiledEngine().run(several[1][1], Jerk(), rules[1])
+    for got, pair in ((healthy, several[0]), (other, several[2])):
+        assert_same(got, trajectory(*pair, Jerk(), NoAdaptation()), {})
+
+
+@dataclass(frozen=True)
+class WithoutModel(Baseline):
+    """Raises where it is asked for its models."""
+
+    def axis_models(self, dt, dt0):
+        raise ValueError("no model")
+
+
+def test_what_the_engine_itself_raises_reaches_the_caller(several):
+    with pytest.raises(ValueError, match="no model"):
+        side_by_side(several[:2], WithoutModel(), Mtf())
 
 
 def test_a_reference_with_holes_needs_a_trajectory(several):

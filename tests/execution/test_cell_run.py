@@ -3,6 +3,7 @@
 import pytest
 
 from jerkbench.cells.cell import Protocol, build
+from jerkbench.errors import PluginError
 from jerkbench.execution import cell_run as run
 
 SPEC = {
@@ -53,3 +54,22 @@ def test_a_trajectory_is_scored_once_for_what_the_attitude_alone_decides(monkeyp
     other = rows_of(1000.0, **changed, filter=estimators[0], attitude={"name": "gyro_only"})
     assert len(asked) == 6
     assert other[0]["yaw_rmse_rad"] != rows[0][0]["yaw_rmse_rad"]
+
+
+def test_what_the_engine_raises_is_a_failed_row_and_no_slower_run(monkeypatch):
+    from jerkbench.engines.compiled_engine import CompiledEngine
+
+    def broken(*_, **__):
+        raise ArithmeticError("the engine is broken")
+
+    alone = []
+    monkeypatch.setattr(CompiledEngine, "run_many", broken)
+    monkeypatch.setattr(CompiledEngine, "run", lambda *given: alone.append(given))
+    cell = build(SPEC, Protocol(seeds=3))
+    rows, _ = run.run_cell(cell, "")
+
+    assert [row["status"] for row in rows] == ["failed"] * 3
+    assert all("the engine is broken" in row["reason"] for row in rows)
+    with pytest.raises(PluginError, match="the engine is broken"):
+        run.run_open(cell, "")
+    assert alone == []

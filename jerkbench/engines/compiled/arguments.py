@@ -1,22 +1,27 @@
-"""What the compiled loop of one run is called with, and what it fills."""
+"""Arguments of the compiled loop: what it is given, and what it fills. WIDTH is the number of runs side by side."""
 
 from typing import NamedTuple
 
 from jerkbench.arrays import FloatArray, IntArray
 
+SEEN = 16
+"""Numbers that are kept of what an update saw."""
+
 
 class Steps(NamedTuple):
-    """The steps of a run, as in `jerkbench.timeline.timeline.Timeline`.
+    """The steps that the runs share, and in vectors (a last axis of WIDTH) what they do not.
 
     Attributes:
-        model: (n,) which row of A, b, Q belongs to the step, or -1: no time passes.
+        model: (n,) row of A, b, Q, or -1: no time passes.
         sample: (n,) row of u.
         update: (n,) row of z, or -1.
         reference: (n,) row of the reference, or -1.
-        u: (samples, 3) the input.
-        z: (m, 6) measurements, NaN where there is none.
-        R: (m, 6, 6) what the adaptation gets.
-        reported: (m, 6, 6) what the receiver reported.
+        u: (samples, 3, WIDTH).
+        z: (m, 6, WIDTH) measurements, NaN where there is none.
+        R: (m, 36, WIDTH) what the adaptation gets; or no row where that is what was reported.
+        reported: (m, 36, WIDTH) what the receiver reported.
+        x0: (6, WIDTH) position and velocity at the start.
+        P0: (36, WIDTH) their covariance.
     """
 
     model: IntArray
@@ -27,68 +32,109 @@ class Steps(NamedTuple):
     z: FloatArray
     R: FloatArray
     reported: FloatArray
+    x0: FloatArray
+    P0: FloatArray
+
+
+class Score(NamedTuple):
+    """What the k visited rows of the reference count for; nothing is scored where there are none.
+
+    Attributes:
+        mark: (k,) row of the errors that are kept, or -1.
+        counts: (m, WIDTH) 1 where an update counts, else 0.
+        truth: (k, 6, WIDTH).
+        weights: (k, 4) in the order of `layout.WEIGHTS`.
+        outage: (k, WIDTH) 1 where a row counts for the outages, else 0; or no row where there are none.
+    """
+
+    mark: IntArray
+    counts: FloatArray
+    truth: FloatArray
+    weights: FloatArray
+    outage: FloatArray
 
 
 class Model(NamedTuple):
-    """The filter.
+    """The filter of each run; an axis L is WIDTH, or 1 where they have the same.
 
     Attributes:
-        A: (k, N, N) of one axis, for each length of a step.
-        b: (k, N) likewise.
-        Q: (k, N, N) likewise.
-        x0: (S,) initial state.
-        P0: (S, S) its covariance.
+        A: (k, N N, L) of one axis, for each length of a step.
+        b: (k, N, L) likewise.
+        Q: (k, N N, L) likewise.
+        extra: (N - 2, WIDTH) initial variances of the states that are not measured.
         triangular: whether every A is upper triangular with ones on its diagonal.
     """
 
     A: FloatArray
     b: FloatArray
     Q: FloatArray
-    x0: FloatArray
-    P0: FloatArray
+    extra: FloatArray
     triangular: bool
 
 
-class Rule(NamedTuple):
-    """The adaptation.
+class Rules(NamedTuple):
+    """The adaptation of each run.
 
     Attributes:
-        parameters: its numbers.
-        memory: what it remembers, zero.
-        adapt: address of its `adapt`, compiled.
-        fade: address of its `fade`, or 0: it has none.
+        parameters: (WIDTH, any) its numbers.
+        adapt: (WIDTH,) address of its `adapt`, compiled.
+        fade: (WIDTH,) address of its `fade`, or 0: it has none.
+        memory: (WIDTH, any) what it remembers, zero at the start.
+        sizes: (WIDTH,) how much of that is its own.
     """
 
     parameters: FloatArray
+    adapt: IntArray
+    fade: IntArray
     memory: FloatArray
-    adapt: int
-    fade: int
+    sizes: IntArray
 
 
 class Kept(NamedTuple):
-    """Room for what a run produces, as in `jerkbench.estimate`.
+    """Room for what the runs leave.
 
     Attributes:
-        reference: (k,) its rows.
-        x: (k, 6) position and velocity.
-        P: (k, 36) their covariance.
-        which: (m,) rows of z.
-        rows: (m,) number of rows of each update.
-        nis: (m,) with the reported R.
-        nis_used: (m,) with the R that was used.
-        innovation: (m, 6), NaN.
-        R: (m, 6) diagonal, NaN.
+        w: the array in which the runs live; its end holds the sums.
+        reference: (k,) rows of the reference that were visited.
+        x: (k, 6, WIDTH) position and velocity there; or no row.
+        P: (k, 36, WIDTH) their covariance; or no row.
+        errors: (marks, 3, WIDTH) position errors at the marked rows.
+        which: (m,) rows of z that were taken.
+        seen: (m, SEEN, WIDTH) what each update saw: rows, nis, rows kept, nis used, innovation (6), diagonal of R (6);
+            or one row, which each update writes anew.
     """
 
+    w: FloatArray
     reference: IntArray
     x: FloatArray
     P: FloatArray
+    errors: FloatArray
     which: IntArray
-    rows: FloatArray
-    nis: FloatArray
-    nis_used: FloatArray
-    innovation: FloatArray
-    R: FloatArray
+    seen: FloatArray
+
+
+class Runs(NamedTuple):
+    """What the runs show to the adaptation, run by run without gaps; the ends of the rows mean nothing.
+
+    Attributes:
+        HPHt: (WIDTH, 40).
+        y: (WIDTH, 8) innovation.
+        kept: (WIDTH, 8) 1 where a row is used, else 0.
+        given: (WIDTH, 40) R, as the adaptation gets it.
+        adapted: (WIDTH, 40) R, as the adaptation says.
+        variance: (WIDTH, 8) its diagonal, before rows without a finite one are left out.
+        some: (114,) the same of one run, where some rows are missing.
+        rows: (6,) which these are.
+    """
+
+    HPHt: FloatArray
+    y: FloatArray
+    kept: FloatArray
+    given: FloatArray
+    adapted: FloatArray
+    variance: FloatArray
+    some: FloatArray
+    rows: IntArray
 
 
 class Packed(NamedTuple):

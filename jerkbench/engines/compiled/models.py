@@ -1,13 +1,14 @@
 """The models of all lengths of a step, each made once by the plugin."""
 
-from functools import cache
+from collections.abc import Hashable, Sequence
+from functools import cache, lru_cache
+from typing import NamedTuple, cast
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.contracts import Filter, ManyLengths
 from jerkbench.engines.compiled.arguments import Model
-from jerkbench.timeline.timeline import Timeline
 
 
 def step_lengths(dt_s: FloatArray) -> tuple[FloatArray, IntArray]:
@@ -34,27 +35,49 @@ def _one_length(dt_s: FloatArray) -> tuple[FloatArray, IntArray]:
     return dt_s[1:2], which
 
 
-def model_of(timeline: Timeline, model: Filter, lengths_s: FloatArray) -> Model:
-    """Ask the filter for A, b, Q of each length, and for the start."""
-    extra = np.asarray(model.initial_variances(), dtype=np.float64)
-    A, b, Q = axis_models(model, lengths_s, timeline.dt0_s)
-    x0 = np.concatenate([timeline.x0, np.zeros(3 * len(extra))])
-    P0 = np.diag(np.concatenate([np.zeros(6), np.repeat(extra, 3)]))
-    P0[:6, :6] = timeline.P0
-    return Model(A, b, Q, x0, P0, triangular(A))
+def model_of(models: Sequence[Filter], lengths_s: FloatArray, dt0_s: float) -> Model:
+    """Ask the filter of each run for A, b, Q of each length, and for the start; all have as many states."""
+    arrays = [_arrays_of(model, lengths_s.tobytes(), dt0_s) for model in models]
+    shared = all(model is models[0] or model == models[0] for model in models)
+    A, b, Q = (np.stack(parts[:1] if shared else parts, axis=-1) for parts in list(zip(*arrays, strict=True))[:3])
+    extra = np.stack([own.extra for own in arrays], axis=-1)
+    return Model(A, b, Q, extra, all(own.triangular for own in arrays))
 
 
-def axis_models(model: Filter, lengths_s: FloatArray, dt0_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return A (k, n, n), b (k, n) and Q (k, n, n) of each length; of one that is not positive A is the identity."""
-    n, k = 2 + len(model.initial_variances()), len(lengths_s)
+class _Arrays(NamedTuple):
+    """A (k, n n), b (k, n), Q (k, n n), initial variances (n - 2,), and as in `Model`."""
+
+    A: FloatArray
+    b: FloatArray
+    Q: FloatArray
+    extra: FloatArray
+    triangular: bool
+
+
+def _arrays_of(model: Filter, lengths_s: bytes, dt0_s: float) -> _Arrays:
+    """Ask a filter; one that cannot change is asked once."""
+    params = getattr(model, "__dataclass_params__", None)
+    frozen = params is not None and params.frozen
+    return _known(cast("Hashable", model), lengths_s, dt0_s) if frozen else _asked(model, lengths_s, dt0_s)
+
+
+def _asked(model: Filter, lengths_s: bytes, dt0_s: float) -> _Arrays:
+    """Ask for the arrays of each length; of one that is not positive A is the identity."""
+    extra, lengths = np.array(model.initial_variances(), dtype=np.float64), np.frombuffer(lengths_s)
+    n, k = 2 + len(extra), len(lengths)
     A, b, Q = np.tile(np.eye(n), (k, 1, 1)), np.zeros((k, n)), np.zeros((k, n, n))
-    passing = np.flatnonzero(lengths_s > 0)
+    passing = np.flatnonzero(lengths > 0)
     if isinstance(model, ManyLengths) and len(passing):
-        A[passing], b[passing], Q[passing] = model.axis_models(lengths_s[passing], dt0_s)
-        return A, b, Q
-    for row in passing.tolist():
-        A[row], b[row], Q[row] = model.axis_model(float(lengths_s[row]), dt0_s)
-    return A, b, Q
+        A[passing], b[passing], Q[passing] = model.axis_models(lengths[passing], dt0_s)
+    else:
+        for row in passing.tolist():
+            A[row], b[row], Q[row] = model.axis_model(float(lengths[row]), dt0_s)
+    return _Arrays(A.reshape(k, n * n), b, Q.reshape(k, n * n), extra, triangular(A))
+
+
+@lru_cache(maxsize=32)  # even steps: the same for all packs; uneven ones: each seed has its own, for all adaptations
+def _known(model: Hashable, lengths_s: bytes, dt0_s: float) -> _Arrays:
+    return _asked(cast("Filter", model), lengths_s, dt0_s)
 
 
 def triangular(A: FloatArray) -> bool:

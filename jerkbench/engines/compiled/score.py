@@ -1,24 +1,40 @@
-"""What a row of the reference adds to the sums of several runs."""
+"""The score: what a row of the reference adds to the sums of a run."""
 
 from jerkbench.arrays import FloatArray
 from jerkbench.compilation.vector_ops import scratch
-from jerkbench.compilation.vectors import chosen
-from jerkbench.engines.compiled.lanes.places import (
+from jerkbench.compilation.vectors import chosen, vectors
+from jerkbench.engines.compiled.arguments import Score
+from jerkbench.engines.compiled.layout import (
+    AT,
     EAST,
     FARTHEST,
     LARGEST,
+    LOST,
     NEES,
     NEES_POSITION,
+    OUTAGE,
     SQUARE,
     VEAST,
     WHOLE,
+    WIDTH,
     E,
+    X,
 )
-from jerkbench.engines.compiled.places import AT, ODD, X
 
 
-def score(w: FloatArray, truth: FloatArray, row: int, weights: FloatArray) -> None:
-    """Add row ``row`` of ``truth`` (k, 6 vectors), with its ``weights`` (k, 4) in the order of `places.ROWS`."""
+def compare(w: FloatArray, score: Score, truth: FloatArray, errors: FloatArray, row: int) -> None:
+    """Score the state with row ``row`` of ``truth``."""
+    if score.mark[row] >= 0:
+        marked = vectors(errors, WIDTH)
+        for i in range(3):
+            marked[3 * score.mark[row] + i] = w[X + i] - truth[6 * row + i]
+    add_row(w, truth, row, score.weights)
+    if len(score.outage) > 0:
+        w[OUTAGE] += vectors(score.outage, WIDTH)[row] * w[SQUARE]
+
+
+def add_row(w: FloatArray, truth: FloatArray, row: int, weights: FloatArray) -> None:
+    """Add row ``row`` of ``truth`` (k, 6 vectors), with its ``weights`` (k, 4) in the order of `layout.WEIGHTS`."""
     for s in range(6):
         w[E + s] = w[X + s] - truth[6 * row + s]
     counted, whole, moving = weights[row, 0], weights[row, 1], weights[row, 2]
@@ -35,7 +51,7 @@ def score(w: FloatArray, truth: FloatArray, row: int, weights: FloatArray) -> No
 
 def _add_nees(w: FloatArray, counted: float, both: float) -> None:
     """Add e' P^-1 e of position, and of position and velocity, by elimination."""
-    C, e = scratch(36), scratch(6)
+    C, e = scratch(36, WIDTH), scratch(6, WIDTH)
     for r in range(6):
         e[r] = w[E + r]
         for c in range(r, 6):
@@ -43,7 +59,7 @@ def _add_nees(w: FloatArray, counted: float, both: float) -> None:
     total = e[0] * 0.0
     for c in range(6):
         pivot = C[7 * c]
-        w[ODD] += chosen(pivot, 0.0, 0.0, 1.0)
+        w[LOST] += chosen(pivot, 0.0, 0.0, 1.0)
         scale = 1.0 / pivot
         scaled = e[c] * scale
         total += e[c] * scaled

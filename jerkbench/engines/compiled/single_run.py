@@ -1,4 +1,4 @@
-"""One run from Python: arrays in, an Estimate out."""
+"""One run from Python: a timeline in, an Estimate with its trajectory out."""
 
 from typing import Any
 
@@ -6,40 +6,46 @@ import numpy as np
 import numpy.typing as npt
 
 from jerkbench.arrays import FloatArray, IntArray
-from jerkbench.contracts import Adaptation, Filter
-from jerkbench.engines.compiled.arguments import Kept, Rule, Steps
+from jerkbench.compilation.vectors import aligned_zeros
+from jerkbench.contracts import Filter
+from jerkbench.engines.compiled.arguments import SEEN, Kept, Score, Steps
+from jerkbench.engines.compiled.entry import loop_for
+from jerkbench.engines.compiled.exchange import empty_runs
+from jerkbench.engines.compiled.layout import layout
 from jerkbench.engines.compiled.models import model_of, step_lengths
-from jerkbench.engines.compiled.single.entry import loop_for
-from jerkbench.engines.compiled.single.places import room
+from jerkbench.engines.compiled.plugin_call import Rule, rules_of
 from jerkbench.estimate import Estimate, Updates
 from jerkbench.timeline.timeline import Timeline
 
+NO_SCORE = Score(np.empty(0, dtype=np.int64), np.empty((0, 1)), np.empty((0, 6, 1)), np.empty((0, 4)), np.empty((0, 1)))
 
-def run_single(timeline: Timeline, model: Filter, adaptation: Adaptation, rule: Rule) -> Estimate:
+
+def run_single(timeline: Timeline, model: Filter, rule: Rule) -> Estimate:
     """Run ``model`` with the compiled adaptation over ``timeline``; stops at the first sign of divergence."""
     lengths_s, which = step_lengths(timeline.dt_s)
-    steps = steps_of(timeline, which, wants_truth=getattr(adaptation, "wants_true_covariance", False))
-    prepared, kept = model_of(timeline, model, lengths_s), make_kept(timeline)
-    n = prepared.A.shape[1]
-    rooms = room(n), np.zeros(6, dtype=np.int64)
-    entry = loop_for(n)
-    states, updates, failed = entry(steps, prepared, rule, kept, *rooms)
-    return _estimate(timeline, kept, states, updates, failed)
+    prepared = model_of([model], lengths_s, timeline.dt0_s)
+    n = 2 + len(prepared.extra)
+    kept = _make_kept(timeline, n)
+    entry = loop_for(n, 1)
+    steps = _steps_of(timeline, which, wants_truth=rule.wants_truth)
+    states, updates = entry(steps, NO_SCORE, prepared, rules_of([rule]), kept, empty_runs(1))
+    return _estimate(timeline, kept, states, updates, int(kept.w[layout(n, 1)["ENDED"]]))
 
 
-def steps_of(timeline: Timeline, which: Any, *, wants_truth: bool) -> Steps:  # noqa: ANN401 - an array
+def _steps_of(timeline: Timeline, which: IntArray, *, wants_truth: bool) -> Steps:
     """Return the steps as arrays of the layout that the compiled loop takes."""
     measured = timeline.measurements
-    R = measured.R_true if wants_truth else measured.R
     return Steps(
         which,
         plain(timeline.sample, np.int64),
         plain(timeline.update, np.int64),
         plain(timeline.reference, np.int64),
-        plain(timeline.accel_enu_mps2, np.float64),
-        plain(measured.z, np.float64),
-        plain(R, np.float64),
-        plain(measured.R, np.float64),
+        plain(timeline.accel_enu_mps2, np.float64)[:, :, None],
+        plain(measured.z, np.float64)[:, :, None],
+        plain(measured.R_true[: len(measured.z) if wants_truth else 0], np.float64).reshape(-1, 36, 1),
+        plain(measured.R, np.float64).reshape(-1, 36, 1),
+        plain(timeline.x0, np.float64)[:, None],
+        plain(timeline.P0, np.float64).reshape(36, 1),
     )
 
 
@@ -51,35 +57,31 @@ def plain(array: Any, dtype: npt.DTypeLike) -> Any:  # noqa: ANN401 - any array
     return np.require(array, dtype, ["C", "W", "A"])
 
 
-def make_kept(timeline: Timeline) -> Kept:
+def _make_kept(timeline: Timeline, n: int) -> Kept:
     """Make room for every stamp of the reference and every update of ``timeline``."""
     k, m = int(np.count_nonzero(timeline.reference >= 0)), int(np.count_nonzero(timeline.update >= 0))
-    nothing = np.full((2, m, 6), np.nan)
     return Kept(
+        aligned_zeros(layout(n, 1)["LENGTH"]),
         np.empty(k, dtype=np.int64),
-        np.empty((k, 6)),
-        np.empty((k, 36)),
+        np.empty((k, 6, 1)),
+        np.empty((k, 36, 1)),
+        np.empty((0, 3, 1)),
         np.empty(m, dtype=np.int64),
-        np.empty(m),
-        np.empty(m),
-        np.empty(m),
-        nothing[0],
-        nothing[1],
+        np.empty((max(m, 1), SEEN, 1)),
     )
 
 
 def _estimate(timeline: Timeline, kept: Kept, states: int, updates: int, failed: int) -> Estimate:
     t_s: FloatArray = np.asarray(timeline.measurements.t_ns * 1e-9, dtype=np.float64)
     failure = f"the covariance is no longer positive definite at {t_s[failed]:.2f} s" if failed >= 0 else ""
-    m, index, x = updates, kept.reference[:states], kept.x[:states]
-    seen = (kept.rows, kept.nis, kept.nis_used, kept.innovation, kept.R)
+    index, x, seen = kept.reference[:states], kept.x[:states, :, 0], kept.seen[:updates, :, 0]
     return Estimate(
         index,
         x[:, :3],
         x[:, 3:],
         kept.P[:states].reshape(-1, 6, 6),
         _rows(timeline.euler_rad, index),
-        Updates(t_s[kept.which[:m]], *(array[:m] for array in seen)),
+        Updates(t_s[kept.which[:updates]], seen[:, 0], seen[:, 1], seen[:, 3], seen[:, 4:10], seen[:, 10:]),
         failure,
     )
 

@@ -1,0 +1,118 @@
+"""Many runs from Python: packs of WIDE runs that share their steps, one pack a thread."""
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache, lru_cache
+
+import numpy as np
+
+from jerkbench.arrays import FloatArray
+from jerkbench.batch import Run, Streamed
+from jerkbench.compilation.vectors import WIDE, aligned_zeros
+from jerkbench.contracts import Filter
+from jerkbench.engines.compiled.arguments import SEEN, Kept
+from jerkbench.engines.compiled.entry import loop_for
+from jerkbench.engines.compiled.exchange import empty_runs
+from jerkbench.engines.compiled.layout import TOTALS, layout
+from jerkbench.engines.compiled.models import model_of
+from jerkbench.engines.compiled.packs import Kind, Pack, pack_runs
+from jerkbench.engines.compiled.plugin_call import Rule, rules_of
+from jerkbench.estimate import Updates
+
+NOTHING = Updates.empty()
+
+
+def run_batch(
+    runs: Sequence[Run], models: Sequence[Filter], rules: Sequence[Rule], *, updates: bool, threads: int
+) -> list[Streamed | None]:
+    """Run all ``runs``, each with its own filter and compiled adaptation.
+
+    Returns one result for each: None where the run is to be repeated alone, because it diverged, came near to it, or
+    its adaptation raised an error.
+    """
+    results: list[Streamed | None] = [None] * len(runs)
+    kinds = [
+        Kind(2 + len(model.initial_variances()), rule.wants_truth) for model, rule in zip(models, rules, strict=True)
+    ]
+    packs = _packs(tuple(runs), tuple(kinds))
+
+    def work(pack: Pack) -> None:
+        own = [*pack.members, *[pack.members[-1]] * (WIDE - len(pack.members))]
+        done = _run_pack(pack, [models[k] for k in own], [rules[k] for k in own], updates=updates)
+        for place, result in zip(pack.members, done, strict=True):
+            results[place] = result
+
+    if threads <= 1 or len(packs) <= 1:
+        for pack in packs:
+            work(pack)
+    else:
+        list(_pool(threads).map(work, packs))
+    return results
+
+
+@cache
+def _pool(threads: int) -> ThreadPoolExecutor:
+    """To start threads takes as long as a run."""
+    return ThreadPoolExecutor(threads, "jerkbench-runs")
+
+
+_packs = lru_cache(maxsize=2)(pack_runs)  # for the next filter; some 10 MB for each vector of 150 s at 100 Hz
+
+
+def _run_pack(pack: Pack, models: Sequence[Filter], rules: Sequence[Rule], *, updates: bool) -> list[Streamed | None]:
+    model = model_of(models, pack.lengths_s, pack.timelines[0].dt0_s)
+    n = 2 + len(model.extra)
+    kept = _make_kept(pack, n, updates=updates)
+    loop_for(n, WIDE)(pack.steps, pack.score, model, rules_of(rules), kept, empty_runs(WIDE))
+    return _results(pack, kept, layout(n, WIDE), updates=updates)
+
+
+def _make_kept(pack: Pack, n: int, *, updates: bool) -> Kept:
+    m, marks = len(pack.steps.z), int(pack.score.mark.max(initial=-1)) + 1
+    return Kept(
+        aligned_zeros(layout(n, WIDE)["LENGTH"] * WIDE),
+        np.empty(len(pack.score.truth), dtype=np.int64),
+        np.empty((0, 6, WIDE)),
+        np.empty((0, 36, WIDE)),
+        np.zeros((marks, 3, WIDE)),
+        np.empty(m, dtype=np.int64),
+        np.empty((max(m, 1) if updates else 1, SEEN, WIDE)),
+    )
+
+
+def _results(pack: Pack, kept: Kept, at: dict[str, int], *, updates: bool) -> list[Streamed | None]:
+    w = kept.w.reshape(-1, WIDE)
+    totals = w[[at[name] for name in TOTALS]]
+    healthy = np.isfinite(totals).all(axis=0) & (w[at["LOST"]] == 0.0)
+    lanes = [dict(zip(TOTALS, numbers, strict=True)) for numbers in totals.T.tolist()]
+    return [
+        _result(pack, kept, lanes[lane], lane, updates=updates) if healthy[lane] else None
+        for lane in range(len(pack.members))
+    ]
+
+
+def _result(pack: Pack, kept: Kept, total: dict[str, float], lane: int, *, updates: bool) -> Streamed:
+    return Streamed(
+        position_m2=np.array([total["EAST"], total["NORTH"], total["UP"]]),
+        velocity_m2ps2=np.array([total["VEAST"], total["VNORTH"], total["VUP"]]),
+        whole_m2=total["WHOLE"],
+        outage_m2=total["OUTAGE"],
+        largest_m2=total["LARGEST"],
+        farthest_m2=total["FARTHEST"],
+        nees=total["NEES"],
+        nees_position=total["NEES_POSITION"],
+        nis_per_row=total["NIS"],
+        nis_updates=total["UPDATES"],
+        nis_used_per_row=total["NIS_USED"],
+        nis_used_updates=total["UPDATES_USED"],
+        marked_m=kept.errors[pack.marks[lane], :, lane],
+        updates=_updates(pack, kept.seen, lane) if updates else NOTHING,
+    )
+
+
+def _updates(pack: Pack, seen: FloatArray, lane: int) -> Updates:
+    """What the updates of one run saw; it may lack some that others have."""
+    seen = seen[: len(pack.steps.z)]  # of no update there is a row all the same
+    mine = seen[:, 0, lane] > 0
+    own = seen[mine, :, lane]
+    return Updates(pack.update_s[mine], own[:, 0], own[:, 1], own[:, 3], own[:, 4:10], own[:, 10:])

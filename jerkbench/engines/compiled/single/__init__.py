@@ -1,1 +1,0 @@
-"""One run: vectors hold pieces of its matrices."""
