@@ -8,11 +8,11 @@ import numpy as np
 from jerkbench.arrays import FloatArray
 from jerkbench.bags.cleaning import by_topic, clean_topics
 from jerkbench.bags.extract import Frames, Planner, choices_of, extract
-from jerkbench.bags.metadata import About
+from jerkbench.bags.metadata import Metadata
 from jerkbench.bags.options import BagOptions
 from jerkbench.bags.positions import Place, first_place, frame_of
 from jerkbench.bags.references import at_body, no_reference, reference_of
-from jerkbench.bags.roles import Plan
+from jerkbench.bags.roles import TopicPlan
 from jerkbench.bags.streams import heading_of, imu_of, position_of, usable_fixes, velocity_of
 from jerkbench.readers.gravity import gravity_notes
 from jerkbench.readers.overlap import with_common_time
@@ -36,7 +36,7 @@ class Loaded:
     """
 
     recording: Recording
-    plan: Plan
+    plan: TopicPlan
     findings: tuple[Finding, ...]
 
 
@@ -48,13 +48,15 @@ def load_bag(options: BagOptions, planner: Planner) -> Loaded:
         PluginError: a parameter does not fit.
     """
     path = options.path
-    taken = extract(path, planner, choices_of(options, BagOptions))
-    plan, raw = taken.plan, dict(taken.raw)
+    extracted = extract(path, planner, choices_of(options, BagOptions))
+    plan, raw = extracted.plan, dict(extracted.raw)
     ledger = Ledger(options.sanitise, min((int(m.bag_ns[0]) for m in raw.values() if len(m)), default=0))
     clean = clean_topics(raw, plan, ledger, options.earliest_ns, bag_time=options.time_source == "bag")
     parts = missing_parts(bag_files(path))
     notes = [*options.remarks, *([f"Parts {parts} of the split bag are missing."] if parts else [])]
-    recording = with_common_time(_assembled(options, plan, taken.frames, taken.about, clean, ledger), OTHER_CLOCK)
+    recording = with_common_time(
+        _assembled(options, plan, extracted.frames, extracted.metadata, clean, ledger), OTHER_CLOCK
+    )
     notes += [
         *gravity_notes(recording.inertial.accel_mps2, "imu_axes"),
         *plan.notes,
@@ -65,21 +67,26 @@ def load_bag(options: BagOptions, planner: Planner) -> Loaded:
 
 
 def _assembled(
-    options: BagOptions, plan: Plan, frames: Frames, about: About | None, clean: dict[str, Messages], ledger: Ledger
+    options: BagOptions,
+    plan: TopicPlan,
+    frames: Frames,
+    metadata: Metadata | None,
+    clean: dict[str, Messages],
+    ledger: Ledger,
 ) -> Recording:
     samples = _required(clean, plan, "imu")
-    zero_ns = about.start_ns if about else int(samples.stamp_ns[0]) + round(options.imu_shift_s * 1e9)
+    zero_ns = metadata.start_ns if metadata else int(samples.stamp_ns[0]) + round(options.imu_shift_s * 1e9)
     imu = imu_of(samples, options, zero_ns)
-    fixes, place = _fixes(options, plan, frames, about, clean, ledger)
+    fixes, place = _fixes(options, plan, frames, metadata, clean, ledger)
     position = None
     if fixes is not None:
         order, latency_s = frames.covariance_order, options.position_latency_s
         position = position_of(fixes, frames.position, order, latency_s, place, zero_ns)
     velocity = _velocity(options, plan, frames, clean, ledger, zero_ns)
     reference = _reference(plan, frames, clean, place, zero_ns, imu if position is None else position)
-    rest_s = _rest_s(options, about, velocity, float(imu.t_s[-1]))
+    rest_s = _rest_s(options, metadata, velocity, float(imu.t_s[-1]))
     return Recording(
-        name=about.name if about else options.path.stem,
+        name=metadata.name if metadata else options.path.stem,
         imu=calibrated(imu, rest_s, gyro=options.remove_gyro_bias, accel=options.scale_accel_to_gravity),
         reference=reference,
         position=None if position is None else at_body(position, reference, options.lever_arm_m),
@@ -88,20 +95,25 @@ def _assembled(
         origin=place.origin,
         start_utc=datetime(1970, 1, 1, tzinfo=UTC) + timedelta(microseconds=round(zero_ns / 1000)),
         static_start_s=rest_s,
-        outages_s=np.array(about.outages_s if about else ()).reshape(-1, 2),
+        outages_s=np.array(metadata.outages_s if metadata else ()).reshape(-1, 2),
         notes=_dependence(plan),
     )
 
 
-def _required(clean: dict[str, Messages], plan: Plan, role: str) -> Messages:
+def _required(clean: dict[str, Messages], plan: TopicPlan, role: str) -> Messages:
     return clean[plan.topics[role]]  # type: ignore[index]  # a plan has an IMU
 
 
 def _fixes(
-    options: BagOptions, plan: Plan, frames: Frames, about: About | None, clean: dict[str, Messages], ledger: Ledger
+    options: BagOptions,
+    plan: TopicPlan,
+    frames: Frames,
+    metadata: Metadata | None,
+    clean: dict[str, Messages],
+    ledger: Ledger,
 ) -> tuple[Messages | None, Place]:
     """The usable positions, and where ENU begins."""
-    messages, origin = by_topic(plan, clean, "position"), options.origin or (about.origin if about else ())
+    messages, origin = by_topic(plan, clean, "position"), options.origin or (metadata.origin if metadata else ())
     if messages is not None:
         messages = usable_fixes(messages, plan.label(messages.topic), frames.position, options, ledger)
         return messages, first_place(messages, frame_of(messages, frames.position), origin)
@@ -112,7 +124,7 @@ def _fixes(
 
 
 def _velocity(
-    options: BagOptions, plan: Plan, frames: Frames, clean: dict[str, Messages], ledger: Ledger, zero_ns: int
+    options: BagOptions, plan: TopicPlan, frames: Frames, clean: dict[str, Messages], ledger: Ledger, zero_ns: int
 ) -> Velocity | None:
     messages = by_topic(plan, clean, "velocity")
     if messages is None:
@@ -121,7 +133,7 @@ def _velocity(
 
 
 def _reference(
-    plan: Plan, frames: Frames, clean: dict[str, Messages], place: Place, zero_ns: int, otherwise: Imu | Position
+    plan: TopicPlan, frames: Frames, clean: dict[str, Messages], place: Place, zero_ns: int, otherwise: Imu | Position
 ) -> Reference:
     messages = by_topic(plan, clean, "reference")
     if messages is None:
@@ -132,7 +144,7 @@ def _reference(
 
 
 def _heading(
-    plan: Plan, frames: Frames, clean: dict[str, Messages], ledger: Ledger, place: Place, zero_ns: int
+    plan: TopicPlan, frames: Frames, clean: dict[str, Messages], ledger: Ledger, place: Place, zero_ns: int
 ) -> Heading | None:
     messages = by_topic(plan, clean, "heading")
     if messages is None:
@@ -142,11 +154,11 @@ def _heading(
     return heading_of(messages, label, frames.heading, ledger, place, zero_ns, frame)
 
 
-def _rest_s(options: BagOptions, about: About | None, velocity: Velocity | None, end_s: float) -> float:
+def _rest_s(options: BagOptions, metadata: Metadata | None, velocity: Velocity | None, end_s: float) -> float:
     if options.rest_s is not None:
         return options.rest_s
-    if about is not None:
-        return about.static_start_s
+    if metadata is not None:
+        return metadata.static_start_s
     if velocity is None:
         return 0.0
     late = velocity.t_s >= 0
@@ -154,7 +166,7 @@ def _rest_s(options: BagOptions, about: About | None, velocity: Velocity | None,
     return first_rest_s(velocity.t_s[late], speed, end_s) if late.any() else 0.0
 
 
-def _dependence(plan: Plan) -> tuple[str, ...]:
+def _dependence(plan: TopicPlan) -> tuple[str, ...]:
     """Sentences about roles that share a topic."""
     sharing = {topic: plan.roles(topic) for topic in plan.topics.values()}
     return tuple(

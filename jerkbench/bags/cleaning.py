@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from jerkbench.bags.roles import IMU, Plan, Role
+from jerkbench.bags.roles import IMU, Role, TopicPlan
 from jerkbench.errors import RecordingError
 from jerkbench.readers.ros.messages import Messages
 from jerkbench.sanitiser.fixes import without_no_fix
@@ -28,7 +28,7 @@ MOST_M = 1e8
 
 
 def clean_topics(
-    raw: dict[str, Messages], plan: Plan, ledger: Ledger, earliest_ns: int, *, bag_time: bool
+    raw: dict[str, Messages], plan: TopicPlan, ledger: Ledger, earliest_ns: int, *, bag_time: bool
 ) -> dict[str, Messages]:
     """Return the messages of each topic with good stamps and possible values; takes them out of ``raw``.
 
@@ -47,7 +47,7 @@ def clean_topics(
             messages = with_late_enough_stamps(label, messages, ledger, earliest_ns, offset_ns)
         messages = ordered(label, _possible(label, messages, plan, ledger), ledger)
         report_gaps(label, messages, ledger)
-        clean[topic] = _left(messages, label, ledger)
+        clean[topic] = _require_two(messages, label, ledger)
     return clean
 
 
@@ -58,7 +58,7 @@ def is_ecef(position_m: np.ndarray) -> bool:
     return bool(EARTH_RADIUS_M[0] < radius_m < EARTH_RADIUS_M[1])
 
 
-def _possible(label: str, messages: Messages, plan: Plan, ledger: Ledger) -> Messages:
+def _possible(label: str, messages: Messages, plan: TopicPlan, ledger: Ledger) -> Messages:
     if messages.msgtype == IMU and "imu" in plan.roles(messages.topic):
         limits = [("linear_acceleration", MOST_MPS2), ("angular_velocity", MOST_RADPS)]
         return without_frozen_gyro(label, without_impossible(label, messages, ledger, limits), ledger)
@@ -83,14 +83,14 @@ def _possible_pose(label: str, messages: Messages, ledger: Ledger) -> Messages:
     return messages
 
 
-def _left(messages: Messages, label: str, ledger: Ledger) -> Messages:
+def _require_two(messages: Messages, label: str, ledger: Ledger) -> Messages:
     if len(messages) >= 2:
         return messages
-    found = " ".join(str(f) for f in ledger.findings if f.stream == label) or "It has no more messages."
-    raise RecordingError(f"{label}: {len(messages)} usable messages are left; at least 2 are needed. {found}")
+    findings = " ".join(str(f) for f in ledger.findings if f.stream == label) or "It has no more messages."
+    raise RecordingError(f"{label}: {len(messages)} usable messages are left; at least 2 are needed. {findings}")
 
 
-def by_topic(plan: Plan, clean: Mapping[str, Messages], role: Role) -> Messages | None:
+def by_topic(plan: TopicPlan, clean: Mapping[str, Messages], role: Role) -> Messages | None:
     """Return the messages of a role, or None."""
     topic = plan.topics.get(role)
     return None if topic is None else clean[topic]

@@ -15,11 +15,11 @@ def with_courses(recording: Recording, over_s: float) -> Recording:
     """Return the recording with a heading every ``over_s`` seconds, and a note that says so.
 
     Raises:
-        RecordingError: it has no position, has headings already, or never moves far enough.
+        RecordingError: it has no positions, has headings already, or never moves far enough.
     """
     if recording.heading is not None or recording.position is None:
-        there = "has headings already" if recording.heading is not None else "has no positions"
-        raise RecordingError(f"{recording.name} {there}; leave course_over_s at 0.")
+        obstacle = "has headings already" if recording.heading is not None else "has no positions"
+        raise RecordingError(f"{recording.name} {obstacle}; leave course_over_s at 0.")
     heading = courses(recording.position, over_s)
     if not len(heading.t_s):
         raise RecordingError(

@@ -1,4 +1,4 @@
-"""What a data set takes out of a bag, before the sanitiser; kept in the user's cache by the content of the bag."""
+"""The messages that a data set uses of a bag, before the sanitiser; cached by the content of the bag."""
 
 import dataclasses
 import hashlib
@@ -17,8 +17,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from jerkbench.bags.metadata import About, read_about
-from jerkbench.bags.roles import Plan, wanted_fields
+from jerkbench.bags.metadata import Metadata, read_metadata
+from jerkbench.bags.roles import TopicPlan, wanted_fields
 from jerkbench.files import cache_folder, forget_oldest, write_atomically
 from jerkbench.readers.files import fingerprint
 from jerkbench.readers.ros.bag import Bag, open_bag
@@ -77,7 +77,7 @@ class Frames:
     reference_independent: bool = False
 
 
-Planner = Callable[[Bag], tuple[Plan, Frames]]
+Planner = Callable[[Bag], tuple[TopicPlan, Frames]]
 
 
 @dataclass(frozen=True)
@@ -85,14 +85,14 @@ class Extract:
     """The messages that are used, and what they are used for.
 
     Attributes:
-        about: what our own writer said, or None.
+        metadata: the metadata that our own writer added, or None.
         plan: which topic has which role.
         frames: how they are to be understood.
         raw: the messages by topic.
     """
 
-    about: About | None
-    plan: Plan
+    metadata: Metadata | None
+    plan: TopicPlan
     frames: Frames
     raw: dict[str, Messages]
 
@@ -114,9 +114,9 @@ def extract(path: Path, planner: Planner, choices: str) -> Extract:
     mark = fingerprint(files)
     key = f"{mark} {choices} {_reader_digest()}"
     kept = cache_folder(BAGS) / f"{hashlib.sha256(key.encode()).hexdigest()[:32]}.npz"
-    found = _kept(kept)
-    if found is not None:
-        return found
+    stored = _kept(kept)
+    if stored is not None:
+        return stored
     read = _read(path, planner)
     if fingerprint(content_files(path)) != mark:  # it changed meanwhile: what was read has no name to keep it under
         return read
@@ -129,21 +129,21 @@ def extract(path: Path, planner: Planner, choices: str) -> Extract:
 
 def _read(path: Path, planner: Planner) -> Extract:
     with open_bag(path) as bag:
-        about = read_about(bag)
-        plan, frames = planner(bag) if about is None else _as_written(about)
-        return Extract(about, plan, frames, bag.read(wanted_fields(plan, bag)))
+        metadata = read_metadata(bag)
+        plan, frames = planner(bag) if metadata is None else _as_written(metadata)
+        return Extract(metadata, plan, frames, bag.read(wanted_fields(plan, bag)))
 
 
-def _as_written(about: About) -> tuple[Plan, Frames]:
+def _as_written(metadata: Metadata) -> tuple[TopicPlan, Frames]:
     """What our own writer says needs no planner."""
     frames = Frames(
-        covariance_order=about.covariance_order,
-        velocity=about.velocity_frame,
-        heading=about.heading_source,  # type: ignore[arg-type]  # Heading checks it
-        reference_source=about.reference_source,
-        reference_independent=about.reference_independent,
+        covariance_order=metadata.covariance_order,
+        velocity=metadata.velocity_frame,
+        heading=metadata.heading_source,  # type: ignore[arg-type]  # Heading checks it
+        reference_source=metadata.reference_source,
+        reference_independent=metadata.reference_independent,
     )
-    return Plan(about.topics), frames  # type: ignore[arg-type]  # checked where its fields are looked up
+    return TopicPlan(metadata.topics), frames  # type: ignore[arg-type]  # checked where its fields are looked up
 
 
 def _keep(read: Extract, path: Path) -> None:
@@ -153,15 +153,15 @@ def _keep(read: Extract, path: Path) -> None:
         heads.append([messages.topic, messages.msgtype, messages.frame_id, messages.child_frame_id])
         arrays |= {f"{k}.bag_ns": messages.bag_ns, f"{k}.stamp_ns": messages.stamp_ns}
         arrays |= {f"{k}:{name}": value for name, value in messages.values.items()}
-    about = None if read.about is None else vars(read.about)
-    said = {
-        "about": about,
+    metadata = None if read.metadata is None else vars(read.metadata)
+    header = {
+        "metadata": metadata,
         "topics": dict(read.plan.topics),
         "notes": read.plan.notes,
         "frames": vars(read.frames),
         "heads": heads,
     }
-    arrays["said"] = np.frombuffer(json.dumps(said).encode(), dtype=np.uint8)
+    arrays["header"] = np.frombuffer(json.dumps(header).encode(), dtype=np.uint8)
     write_atomically(path, lambda partial: np.savez(partial, **arrays))
     forget_oldest(path.parent, PATTERN, MOST_BYTES)
 
@@ -170,12 +170,12 @@ def _kept(path: Path) -> Extract | None:
     try:
         with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:  # closed on damage too
             arrays = {name: file[name] for name in file.files}
-        said = json.loads(arrays.pop("said").tobytes())
-        about = None if said["about"] is None else About.from_plain(said["about"])
-        raw = {head[0]: _messages(k, head, arrays) for k, head in enumerate(said["heads"])}
+        header = json.loads(arrays.pop("header").tobytes())
+        metadata = None if header["metadata"] is None else Metadata.from_plain(header["metadata"])
+        raw = {head[0]: _messages(k, head, arrays) for k, head in enumerate(header["heads"])}
         with suppress(OSError):
             os.utime(path)  # used just now: others go first; a cache that is read only stays as it is
-        return Extract(about, Plan(said["topics"], tuple(said["notes"])), Frames(**said["frames"]), raw)
+        return Extract(metadata, TopicPlan(header["topics"], tuple(header["notes"])), Frames(**header["frames"]), raw)
     except DAMAGE:
         return None
 

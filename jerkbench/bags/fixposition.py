@@ -3,7 +3,7 @@
 import numpy as np
 
 from jerkbench.bags.cleaning import is_ecef
-from jerkbench.bags.roles import FIX, IMU, ODOMETRY, Plan, Role
+from jerkbench.bags.roles import FIX, IMU, ODOMETRY, Role, TopicPlan
 from jerkbench.errors import RecordingError
 from jerkbench.readers.ros.bag import Bag, Topic
 
@@ -21,21 +21,25 @@ def find_odometry(bag: Bag, namespace: str) -> Topic:
     Raises:
         RecordingError: there is none; says which topics there are.
     """
-    found = [t for t in bag.topics if t.msgtype == ODOMETRY and t.count and _fits(t.name, namespace, ODOMETRIES)]
-    found.sort(key=lambda topic: ODOMETRIES.index(_last(topic.name)))
-    for topic in found:
+    odometries = [t for t in bag.topics if t.msgtype == ODOMETRY and t.count and _fits(t.name, namespace, ODOMETRIES)]
+    odometries.sort(key=lambda topic: ODOMETRIES.index(_last(topic.name)))
+    for topic in odometries:
         position = bag.read({topic.name: ["position"]})[topic.name]["position"]
         if is_ecef(position[np.abs(position).max(axis=1) > 0]):  # before the fusion starts it may write zeros
             return topic
-    there = ", ".join(f"{topic.name} ({topic.msgtype})" for topic in bag.topics)
-    reason = f"{found[0].name} is not in ECEF" if found else f"no nav_msgs/Odometry ends in {' or '.join(ODOMETRIES)}"
+    listing = ", ".join(f"{topic.name} ({topic.msgtype})" for topic in bag.topics)
+    reason = (
+        f"{odometries[0].name} is not in ECEF"
+        if odometries
+        else f"no nav_msgs/Odometry ends in {' or '.join(ODOMETRIES)}"
+    )
     raise RecordingError(
-        f"{bag.path} is no Fixposition recording: {reason}. There are: {there}. Give namespace, or read it with"
+        f"{bag.path} is no Fixposition recording: {reason}. There are: {listing}. Give namespace, or read it with"
         " dataset=rosbag."
     )
 
 
-def plan_topics(bag: Bag, namespace: str, imu: str, gnss: str, *, velocity: bool, heading: bool) -> Plan:
+def plan_topics(bag: Bag, namespace: str, imu: str, gnss: str, *, velocity: bool, heading: bool) -> TopicPlan:
     """Return which topic has which role, with notes about the generation of the driver.
 
     Raises:
@@ -43,7 +47,7 @@ def plan_topics(bag: Bag, namespace: str, imu: str, gnss: str, *, velocity: bool
     """
     odometry = find_odometry(bag, namespace).name
     space = odometry.rsplit("/", 1)[0]
-    topics: dict[Role, str] = {"imu": _beside(bag, space, imu, IMU, "imu")}
+    topics: dict[Role, str] = {"imu": _require_topic(bag, space, imu, IMU, "imu")}
     notes = []
     if not _has(bag, f"{space}/{gnss}") and _has(bag, f"{space}/{FUSED_FIX}"):
         topics["position"] = f"{space}/{FUSED_FIX}"
@@ -52,17 +56,17 @@ def plan_topics(bag: Bag, namespace: str, imu: str, gnss: str, *, velocity: bool
             " sensor's own fusion, the same as the reference."
         )
     else:
-        topics["position"] = _beside(bag, space, gnss, FIX, "gnss")
+        topics["position"] = _require_topic(bag, space, gnss, FIX, "gnss")
     if velocity:
         topics["velocity"] = odometry
     if heading:
         topics["heading"] = odometry
     topics["reference"] = odometry
-    return Plan(topics, tuple(notes))
+    return TopicPlan(topics, tuple(notes))
 
 
-def _beside(bag: Bag, space: str, name: str, msgtype: str, parameter: str) -> str:
-    """The topic ``space/name``, or a sentence about what there is."""
+def _require_topic(bag: Bag, space: str, name: str, msgtype: str, parameter: str) -> str:
+    """Return the topic ``space/name``; without one, raise an error that lists the topics of that type."""
     if _has(bag, f"{space}/{name}"):
         return f"{space}/{name}"
     suitable = [t.name for t in bag.topics if t.msgtype == msgtype and t.count]

@@ -1,4 +1,4 @@
-"""Whether a twist is in the body or in the world, and whether it is more than the slope of its own positions."""
+"""The frame of a twist, body or world, and its independence from its own positions."""
 
 from collections.abc import Iterator
 

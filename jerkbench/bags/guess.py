@@ -1,10 +1,10 @@
-"""Which topic has which role, where nobody said: by type, content and rate."""
+"""The role of each topic where the user named none: by type, content and rate."""
 
 from collections.abc import Mapping
 
 import numpy as np
 
-from jerkbench.bags.roles import FIX, IMU, NONE, ODOMETRY, TWIST, Plan, Role
+from jerkbench.bags.roles import FIX, IMU, NONE, ODOMETRY, TWIST, Role, TopicPlan
 from jerkbench.errors import RecordingError
 from jerkbench.readers.ros.bag import Bag, Topic
 
@@ -21,8 +21,8 @@ LIKE_FIXPOSITION = (
 )
 
 
-def complete_plan(bag: Bag, given: Mapping[Role, str]) -> Plan:
-    """Return the plan with what is ``given`` (topic, `NONE`, or empty: to be guessed).
+def complete_plan(bag: Bag, named: Mapping[Role, str]) -> TopicPlan:
+    """Return the plan with the topics that are ``named`` (topic, `NONE`, or empty: to be guessed).
 
     Raises:
         RecordingError: there is no IMU with gravity in it, or nothing that gives positions.
@@ -30,18 +30,18 @@ def complete_plan(bag: Bag, given: Mapping[Role, str]) -> Plan:
     topics: dict[Role, str] = {}
     notes: list[str] = []
     for role in ("imu", "position", "velocity"):
-        name = given.get(role, "")
+        name = named.get(role, "")
         if not name:
             name, why = {"imu": _imu, "position": _position, "velocity": _velocity}[role](bag)
             notes.append(why)
         if name != NONE:
             topics[role] = name
     for more in ("heading", "reference"):
-        if given.get(more, NONE) not in ("", NONE):
-            topics[more] = given[more]
+        if named.get(more, NONE) not in ("", NONE):
+            topics[more] = named[more]
     if notes and any(topic.name.endswith(OF_FIXPOSITION) for topic in bag.topics):
         notes.append(LIKE_FIXPOSITION)
-    return Plan(topics, tuple(notes))
+    return TopicPlan(topics, tuple(notes))
 
 
 def _imu(bag: Bag) -> tuple[str, str]:
@@ -52,9 +52,9 @@ def _imu(bag: Bag) -> tuple[str, str]:
             length = float(np.median(np.linalg.norm(force, axis=1))) if len(force) else 0.0
         if GRAVITY_BETWEEN_MPS2[0] < length < GRAVITY_BETWEEN_MPS2[1]:
             return topic.name, _chose("IMU", topic, f"it feels {length:.2f} m/s2", candidates)
-    there = ", ".join(topic.name for topic in candidates)
+    names = ", ".join(topic.name for topic in candidates)
     raise RecordingError(
-        f"{bag.path} has no IMU topic that feels gravity ({there or 'none of type sensor_msgs/Imu'}); give imu_topic."
+        f"{bag.path} has no IMU topic that feels gravity ({names or 'none of type sensor_msgs/Imu'}); give imu_topic."
     )
 
 
@@ -79,11 +79,11 @@ def _velocity(bag: Bag) -> tuple[str, str]:
 
 
 def _most_first(bag: Bag, msgtype: str) -> list[Topic]:
-    found = [topic for topic in bag.topics if topic.msgtype == msgtype and topic.count]
-    return sorted(found, key=lambda topic: -topic.count)
+    topics = [topic for topic in bag.topics if topic.msgtype == msgtype and topic.count]
+    return sorted(topics, key=lambda topic: -topic.count)
 
 
-def _chose(what: str, topic: Topic, why: str, candidates: list[Topic]) -> str:
-    others = [one.name for one in candidates if one is not topic]
-    more = f"; not {', '.join(others)}" if others else ""
-    return f"Topic of the {what}, guessed: {topic.name} ({topic.count} messages; {why}{more})."
+def _chose(quantity: str, topic: Topic, why: str, candidates: list[Topic]) -> str:
+    rejected = [candidate.name for candidate in candidates if candidate is not topic]
+    more = f"; not {', '.join(rejected)}" if rejected else ""
+    return f"Topic of the {quantity}, guessed: {topic.name} ({topic.count} messages; {why}{more})."

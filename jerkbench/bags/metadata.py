@@ -1,4 +1,4 @@
-"""What a recording holds and no ROS message does: the topic that our own writer adds, as JSON."""
+"""The metadata of a recording that no ROS message holds: the topic that our own writer adds, as JSON."""
 
 import json
 from dataclasses import dataclass
@@ -7,12 +7,12 @@ from typing import Any, Self
 from jerkbench.readers.ros.bag import Bag
 from jerkbench.readers.ros.errors import BagError
 
-ABOUT_TOPIC = "/jerkbench/about"
+METADATA_TOPIC = "/jerkbench/about"
 STRING = "std_msgs/msg/String"
 
 
 @dataclass(frozen=True)
-class About:
+class Metadata:
     """What `jerkbench data convert` writes beside the measurements.
 
     Attributes:
@@ -58,18 +58,18 @@ class About:
         return json.dumps(vars(self), sort_keys=True)
 
 
-def read_about(bag: Bag) -> About | None:
+def read_metadata(bag: Bag) -> Metadata | None:
     """Return what the bag's own topic says, or None where there is none.
 
     Raises:
         BagError: the topic is there and damaged.
     """
-    if not any(topic.name == ABOUT_TOPIC and topic.msgtype == STRING and topic.count for topic in bag.topics):
+    if not any(topic.name == METADATA_TOPIC and topic.msgtype == STRING and topic.count for topic in bag.topics):
         return None
-    said = bag.text(ABOUT_TOPIC)
+    text = bag.text(METADATA_TOPIC)
     try:
-        return About.from_plain(json.loads(said))
+        return Metadata.from_plain(json.loads(text))
     except (ValueError, TypeError, KeyError, AttributeError) as error:
         raise BagError(
-            f"{bag.path}, topic {ABOUT_TOPIC} is damaged ({type(error).__name__}); convert the recording once more."
+            f"{bag.path}, topic {METADATA_TOPIC} is damaged ({type(error).__name__}); convert the recording once more."
         ) from error

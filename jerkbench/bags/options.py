@@ -124,13 +124,13 @@ class BagOptions:
     def body_from_imu(self) -> FloatArray:
         """The matrix (3, 3) that turns the IMU's axes into the body's."""
         turn = dcm_from_euler(np.radians(self.mounting_deg))
-        return np.asarray(turn.T @ axes_matrix(self.imu_axes))
+        return np.asarray(turn.T @ body_axes_matrix(self.imu_axes))
 
 
-def axes_matrix(axes: str) -> FloatArray:
+def body_axes_matrix(axes: str) -> FloatArray:
     """Return (3, 3) whose rows are forward, left and up in the sensor's axes.
 
-    >>> axes_matrix("-z -x y")
+    >>> body_axes_matrix("-z -x y")
     array([[ 0.,  0., -1.],
            [-1.,  0.,  0.],
            [ 0.,  1.,  0.]])

@@ -62,7 +62,7 @@ def first_place(messages: Messages, frame: Frame, origin: tuple[float, ...]) -> 
     return Place(Origin(*(float(messages[name][0, 0]) for name in ("latitude", "longitude", "altitude"))))
 
 
-def in_enu(messages: Messages, frame: Frame, place: Place) -> FloatArray:
+def fixes_in_enu(messages: Messages, frame: Frame, place: Place) -> FloatArray:
     """Return the positions (n, 3) in ENU at ``place``.
 
     Raises:

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, nearest_rows
-from jerkbench.bags.positions import Place, axes_to_enu, body_axes, frame_of, in_enu
+from jerkbench.bags.positions import Place, axes_to_enu, body_axes, fixes_in_enu, frame_of
 from jerkbench.bags.streams import seconds
 from jerkbench.errors import RecordingError
 from jerkbench.geometry import dcm_from_euler, dcm_from_quaternion, euler_from_dcm
@@ -26,7 +26,7 @@ def reference_of(
 ) -> Reference:
     """Return positions, and, where the messages have them, attitudes and velocities (twists are in the body)."""
     frame = frame_of(messages, stated_frame)
-    t_s, enu_m = seconds(messages.stamp_ns, zero_ns), in_enu(messages, frame, place)
+    t_s, enu_m = seconds(messages.stamp_ns, zero_ns), fixes_in_enu(messages, frame, place)
     if "orientation" not in messages.values:
         return Reference(t_s, source, independent, enu_m=enu_m)
     known = unit_quaternions(messages["orientation"])

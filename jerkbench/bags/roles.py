@@ -1,4 +1,4 @@
-"""What a topic is used for, and which fields of its messages that takes."""
+"""The roles of topics, and the fields of their messages that each role takes."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -45,7 +45,7 @@ FIELDS: dict[Role, dict[str, tuple[str, ...]]] = {
 
 
 @dataclass(frozen=True)
-class Plan:
+class TopicPlan:
     """Which topic has which role.
 
     Attributes:
@@ -58,14 +58,14 @@ class Plan:
 
     def label(self, topic: str) -> str:
         """Return how the report calls a topic: its roles and its name."""
-        return f"{', '.join(role for role, one in self.topics.items() if one == topic)} ({topic})"
+        return f"{', '.join(role for role, name in self.topics.items() if name == topic)} ({topic})"
 
     def roles(self, topic: str) -> tuple[Role, ...]:
         """Return the roles of a topic."""
-        return tuple(role for role, one in self.topics.items() if one == topic)
+        return tuple(role for role, name in self.topics.items() if name == topic)
 
 
-def wanted_fields(plan: Plan, bag: Bag) -> Wanted:
+def wanted_fields(plan: TopicPlan, bag: Bag) -> Wanted:
     """Return which fields of which topics the plan takes.
 
     Raises:

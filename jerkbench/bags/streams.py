@@ -1,4 +1,4 @@
-"""From cleaned messages to the parts of a recording, one role each."""
+"""The parts of a recording from cleaned messages, one role each."""
 
 from typing import Literal
 
@@ -13,8 +13,8 @@ from jerkbench.bags.positions import (
     axes_to_enu,
     body_axes,
     first_place,
+    fixes_in_enu,
     frame_of,
-    in_enu,
     swapped,
     turned,
 )
@@ -54,7 +54,7 @@ def usable_fixes(messages: Messages, label: str, stated_frame: str, options: Bag
     messages = sound_covariances(label, messages, ledger, "position_covariance", sigma, "position_sigma_m")
     frame = frame_of(messages, stated_frame)
     middle = messages.rows(np.array([len(messages) // 2]))  # the first may be the one that leaps
-    messages = messages.with_values(enu_m=in_enu(messages, frame, _about(middle, frame)))
+    messages = messages.with_values(enu_m=fixes_in_enu(messages, frame, _first_place(middle, frame)))
     messages = without_leaps(label, messages, ledger, "enu_m")
     report_jumps(label, messages, ledger, "enu_m", messages["status"][:, 0] if "status" in messages.values else None)
     if len(messages) < 2:
@@ -62,7 +62,7 @@ def usable_fixes(messages: Messages, label: str, stated_frame: str, options: Bag
     return messages
 
 
-def _about(messages: Messages, frame: str) -> Place:
+def _first_place(messages: Messages, frame: str) -> Place:
     return first_place(messages, frame, ())  # type: ignore[arg-type]  # it comes from frame_of
 
 
@@ -73,7 +73,7 @@ def position_of(
     frame = frame_of(messages, stated_frame)
     turn = axes_to_enu(frame, place, covariance_order)
     covariance = turned(turn, messages["position_covariance"].reshape(-1, 3, 3))
-    return Position(seconds(messages.stamp_ns, zero_ns) - latency_s, in_enu(messages, frame, place), covariance)
+    return Position(seconds(messages.stamp_ns, zero_ns) - latency_s, fixes_in_enu(messages, frame, place), covariance)
 
 
 def velocity_of(

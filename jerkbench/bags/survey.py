@@ -1,4 +1,4 @@
-"""What each topic of a bag looks like, whatever it may be used for: the oddities that a loader has to know."""
+"""A survey of the topics of a bag, whatever their roles: the oddities that a loader has to know."""
 
 from collections.abc import Iterator
 
@@ -97,10 +97,10 @@ def _fixes(messages: Messages) -> Iterator[str]:
     states, counts = np.unique(messages["status"], return_counts=True)
     yield "status " + ", ".join(f"{int(s)}: {n}" for s, n in zip(states, counts, strict=True))
     coordinates = [messages[name][:, 0] for name in ("latitude", "longitude", "altitude")]
-    if not all(np.isfinite(one).any() for one in coordinates):
+    if not all(np.isfinite(axis).any() for axis in coordinates):
         yield "no coordinates: never a number"
         return
-    ranges = [f"{np.nanmin(one):.5f} to {np.nanmax(one):.5f}" for one in coordinates]
+    ranges = [f"{np.nanmin(axis):.5f} to {np.nanmax(axis):.5f}" for axis in coordinates]
     yield f"latitude {ranges[0]} deg, longitude {ranges[1]} deg, height {ranges[2]} m"
 
 
@@ -138,12 +138,12 @@ def _level(variances: FloatArray) -> str:
     if not variances.any():
         return "zero throughout, that is, unknown"
     zeros = int((variances == 0).any(axis=1).sum())
-    some = f", zero in {zeros} rows" if zeros else ""
+    zero_rows = f", zero in {zeros} rows" if zeros else ""
     with np.errstate(invalid="ignore"):
         sigma = _numbers(np.sqrt([_middle(axis) for axis in variances.T]))
     if len(np.unique(variances[variances.any(axis=1)], axis=0)) == 1:
-        return f"sigma {sigma} in every row{some}: a placeholder rather than an estimate"
-    return f"sigma (median) {sigma}{some}"
+        return f"sigma {sigma} in every row{zero_rows}: a placeholder rather than an estimate"
+    return f"sigma (median) {sigma}{zero_rows}"
 
 
 def _middle(values: FloatArray) -> float:

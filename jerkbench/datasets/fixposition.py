@@ -7,7 +7,7 @@ from jerkbench.bags.assembly import Loaded, load_bag
 from jerkbench.bags.extract import Frames
 from jerkbench.bags.fixposition import plan_topics
 from jerkbench.bags.options import BagOptions
-from jerkbench.bags.roles import Plan
+from jerkbench.bags.roles import TopicPlan
 from jerkbench.errors import PluginError, unknown
 from jerkbench.plugins import register
 from jerkbench.readers.files import fingerprint
@@ -78,7 +78,7 @@ class Fixposition(BagOptions):
         """Return the SHA-256 over the bytes of the bag's files."""
         return fingerprint(content_files(self.path))
 
-    def _plan(self, bag: Bag) -> tuple[Plan, Frames]:
+    def _plan(self, bag: Bag) -> tuple[TopicPlan, Frames]:
         velocity, heading = self.velocity == "odometry", self.heading == "odometry"
         plan = plan_topics(bag, self.namespace, self.imu, self.gnss, velocity=velocity, heading=heading)
         source = f"the sensor's own fusion ({plan.topics['reference']})"

@@ -9,7 +9,7 @@ from jerkbench.bags.extract import Frames
 from jerkbench.bags.guess import complete_plan
 from jerkbench.bags.options import BagOptions
 from jerkbench.bags.positions import POSE_FRAMES
-from jerkbench.bags.roles import Plan
+from jerkbench.bags.roles import TopicPlan
 from jerkbench.bags.streams import VELOCITY_FRAMES
 from jerkbench.checks import require_choices
 from jerkbench.plugins import register
@@ -97,7 +97,7 @@ class RosBag(BagOptions):
         """Return the SHA-256 over the bytes of the bag's files."""
         return fingerprint(content_files(self.path))
 
-    def _plan(self, bag: Bag) -> tuple[Plan, Frames]:
+    def _plan(self, bag: Bag) -> tuple[TopicPlan, Frames]:
         plan = complete_plan(
             bag,
             {

@@ -1,1 +1,1 @@
-"""Files -> plain arrays, and what is done to them before they become a recording. No plugin, no parameter file."""
+"""Readers of files -> plain arrays, and the steps before a recording. No plugin, no parameter file."""

@@ -144,14 +144,14 @@ def find_tables(folder: Path, pattern: str, parameter: str) -> tuple[Path, ...]:
         raise RecordingError(f"There is no folder {folder}; give the one that the recording was copied to.")
     try:
         fitting = [path for path in folder.glob(pattern) if path.is_file()]
-        found = tuple(sorted(p for p in fitting if not p.name.endswith(MARKS) or pattern.endswith(MARKS)))
+        paths = tuple(sorted(p for p in fitting if not p.name.endswith(MARKS) or pattern.endswith(MARKS)))
     except (ValueError, NotImplementedError, OSError) as error:
         raise RecordingError(
             f"{parameter} is '{pattern}': {error}; give a name or a pattern below {folder}."
         ) from error
-    if not found:
+    if not paths:
         raise RecordingError(f"There is no file {folder / pattern}; correct '{parameter}' or copy the file there.")
-    return found
+    return paths
 
 
 def read_columns(paths: Sequence[Path], text: TextFormat) -> Columns:
@@ -163,7 +163,7 @@ def read_columns(paths: Sequence[Path], text: TextFormat) -> Columns:
     import pandas as pd
 
     read = [_read(path, text) for path in paths]
-    tables, notes = [table for table, _ in read], tuple(note for _, said in read for note in said)
+    tables, notes = [table for table, _ in read], tuple(note for _, remarks in read for note in remarks)
     _require_same_columns(paths, [list(table.columns) for table in tables])
     where = str(paths[0]) if len(paths) == 1 else f"{paths[0]} and {len(paths) - 1} files more"
     return Columns(where, tables[0] if len(tables) == 1 else pd.concat(tables, ignore_index=True), notes)
@@ -214,7 +214,7 @@ def _read(path: Path, text: TextFormat) -> tuple["pd.DataFrame", tuple[str, ...]
         raise
     except Exception as error:  # pandas and pyarrow raise a dozen kinds on damaged files
         kind = "Parquet" if path.suffix == ".parquet" else "text columns"
-        said = " ".join(str(error).split())
+        reason = " ".join(str(error).split())
         raise RecordingError(
-            f"{path} cannot be read as {kind} ({type(error).__name__}: {said}); correct it."
+            f"{path} cannot be read as {kind} ({type(error).__name__}: {reason}); correct it."
         ) from error

@@ -89,8 +89,8 @@ def read_comma_segment(folder: Path) -> CommaSegment:
     for rows in STREAMS.values():
         lengths = {len(arrays[row]) for row in rows}
         if len(lengths) > 1 or min(lengths) < 2:
-            said = ", ".join(f"{names[row]} {len(arrays[row])}" for row in rows)
-            raise RecordingError(f"{folder}: rows of {said}; they must be the same, 2 or more: copy the files again.")
+            counts = ", ".join(f"{names[row]} {len(arrays[row])}" for row in rows)
+            raise RecordingError(f"{folder}: rows of {counts}; they must be the same, 2 or more: copy the files again.")
     flat = [array[:, 0] if columns == 1 else array for array, columns in zip(arrays, COLUMNS.values(), strict=True)]
     return CommaSegment(*flat)
 

@@ -1,4 +1,4 @@
-"""Where fetched recordings are, and the folder of a recording for which none was given."""
+"""The folder of fetched recordings, and the default folder of a recording."""
 
 import os
 from pathlib import Path
@@ -11,10 +11,10 @@ VARIABLE = "JERKBENCH_DATA"
 
 
 def fetched_folder(name: str) -> Path:
-    """Where the fetched recording ``name`` is, or would be."""
-    given = os.environ.get(VARIABLE)
-    if given:
-        return Path(given).expanduser() / name
+    """Return the folder of the fetched recording ``name``, whether it was fetched or not."""
+    root = os.environ.get(VARIABLE)
+    if root:
+        return Path(root).expanduser() / name
     return user_cache_folder() / name
 
 
@@ -22,29 +22,29 @@ FETCHED = "fetched:"
 """Before the name of a fetched recording, in the place of a folder."""
 
 
-def named_folder(given: str) -> Path:
-    """Return the folder that was given: a path, or ``fetched:NAME``.
+def named_folder(folder: str) -> Path:
+    """Return the path of ``folder``: itself a path, or ``fetched:NAME``.
 
     Raises:
         RecordingError: the recording of that name was not fetched.
     """
-    if given.startswith(FETCHED):
-        return recording_folder("", given.removeprefix(FETCHED))
-    return Path(given).expanduser()
+    if folder.startswith(FETCHED):
+        return recording_folder("", folder.removeprefix(FETCHED))
+    return Path(folder).expanduser()
 
 
-def recording_folder(given: str, name: str) -> Path:
-    """Return the folder that was given, or that of the fetched recording ``name``.
+def recording_folder(folder: str, name: str) -> Path:
+    """Return ``folder`` where it is not empty, else that of the fetched recording ``name``.
 
     Raises:
-        RecordingError: none was given, and the recording was not fetched.
+        RecordingError: ``folder`` is empty, and the recording was not fetched.
     """
-    if given:
-        return Path(given).expanduser()
-    folder = fetched_folder(name)
-    if not folder.is_dir():
+    if folder:
+        return Path(folder).expanduser()
+    fetched = fetched_folder(name)
+    if not fetched.is_dir():
         raise RecordingError(
             f"No folder was given, and the recording {name} was not fetched: run `jerkbench data fetch {name}`, or give"
             " dataset.folder=FOLDER."
         )
-    return folder
+    return fetched

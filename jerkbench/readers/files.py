@@ -22,11 +22,11 @@ def find_file(folder: Path, name: str, suffix: str, parameter: str) -> Path:
         raise RecordingError(f"There is no folder {folder}; give the one that the recording was copied to.")
     if name:
         return _existing(folder / name, parameter)
-    found = sorted(path.name for path in folder.iterdir() if path.name.endswith(suffix) and path.is_file())
-    if len(found) != 1:
-        there = f"{len(found)} files ({', '.join(found)})" if found else "no file"
-        raise RecordingError(f"{folder} has {there} ending in {suffix}; give the name as '{parameter}'.")
-    return folder / found[0]
+    names = sorted(path.name for path in folder.iterdir() if path.name.endswith(suffix) and path.is_file())
+    if len(names) != 1:
+        candidates = f"{len(names)} files ({', '.join(names)})" if names else "no file"
+        raise RecordingError(f"{folder} has {candidates} ending in {suffix}; give the name as '{parameter}'.")
+    return folder / names[0]
 
 
 def fingerprint(paths: tuple[Path, ...]) -> str:

@@ -1,4 +1,4 @@
-"""Places and vectors of a table, in whatever frame -> ENU."""
+"""Positions and vectors of a table, in any frame -> ENU."""
 
 import numpy as np
 

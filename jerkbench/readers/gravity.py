@@ -1,4 +1,4 @@
-"""Which way is up, as the accelerometer feels it."""
+"""The direction of gravity, as the accelerometer feels it."""
 
 import numpy as np
 

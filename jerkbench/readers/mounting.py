@@ -1,4 +1,4 @@
-"""From an IMU's own axes and units to the body's (FLU, m/s2, rad/s)."""
+"""The mounting of an IMU: its own axes and units -> the body's (FLU, m/s2, rad/s)."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Streams of one recording have time in common; what has none is of another clock or another drive."""
+"""The time that streams of one recording have in common; none is a sign of another clock or another drive."""
 
 from jerkbench.arrays import FloatArray
 from jerkbench.errors import RecordingError

@@ -35,14 +35,14 @@ def _require_order(paths: Sequence[Path], solutions: Sequence[PosSolution]) -> N
 
 def _require_the_same(paths: Sequence[Path], solutions: Sequence[PosSolution]) -> None:
     """Check that all files have velocities or none has, and that all are in ECEF or none is."""
-    for what, there in (
+    for content, present in (
         ("velocities", [solution.velocity_enu_mps is not None for solution in solutions]),
         ("ECEF", [solution.axes_at is not None for solution in solutions]),
     ):
-        if any(there) and not all(there):
-            has, lacks = paths[there.index(True)], paths[there.index(False)]
+        if any(present) and not all(present):
+            has, lacks = paths[present.index(True)], paths[present.index(False)]
             raise RecordingError(
-                f"{has} has {what}, {lacks} has not: they cannot be read one after the other; let RTKLIB write both"
+                f"{has} has {content}, {lacks} has none: they cannot be read one after the other; let RTKLIB write both"
                 " alike, or name one of them."
             )
 

@@ -1,4 +1,4 @@
-"""The header of a .pos file: what RTKLIB was told to write, and in which columns."""
+"""The header of a .pos file: the options that RTKLIB wrote with, and its columns."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""The standstill at the start of a recording, and what it says about the IMU."""
+"""The standstill at the start of a recording, and the calibration of the IMU over it."""
 
 import numpy as np
 

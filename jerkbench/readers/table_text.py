@@ -1,4 +1,4 @@
-"""A text of columns: which of its lines name the columns, which are data, and which of these were cut."""
+"""A text of columns: lines that name the columns, lines of data, and lines that were cut."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -107,11 +107,11 @@ def _sample(path: Path) -> tuple[list[str], list[str]]:
     """Lines of the beginning, and, of a long file, whole lines of the end."""
     with path.open("rb") as file:
         head = file.read(SAMPLE)
-        rest = path.stat().st_size - len(head)
+        remaining = path.stat().st_size - len(head)
         file.seek(max(len(head), path.stat().st_size - SAMPLE))
-        tail = file.read() if rest > 0 else b""
+        tail = file.read() if remaining > 0 else b""
     lines, after = _lines(head), _lines(tail)
-    return (lines[:-1], after[1:]) if rest > 0 else (lines, [])
+    return (lines[:-1], after[1:]) if remaining > 0 else (lines, [])
 
 
 def _lines(block: bytes) -> list[str]:

@@ -1,4 +1,4 @@
-"""Text files of numbers. What cannot be read is named by file and line."""
+"""Text files of numbers, with errors that name file and line."""
 
 from contextlib import suppress
 from pathlib import Path
@@ -95,7 +95,7 @@ def parse_numbers(path: Path, lines: list[Line], columns: int, separator: str | 
     return table
 
 
-def require_increasing(path: Path, lines: list[Line], times: np.ndarray, what: str) -> None:
+def require_increasing(path: Path, lines: list[Line], times: np.ndarray, quantity: str) -> None:
     """Check that ``times``, one a line, increase.
 
     Raises:
@@ -104,7 +104,7 @@ def require_increasing(path: Path, lines: list[Line], times: np.ndarray, what: s
     back = np.flatnonzero(np.diff(times) <= 0)
     if back.size:
         raise RecordingError(
-            f"{path}, line {lines[back[0] + 1][0]}: {what} does not increase; the line is damaged or out of order."
+            f"{path}, line {lines[back[0] + 1][0]}: {quantity} does not increase; the line is damaged or out of order."
         )
 
 

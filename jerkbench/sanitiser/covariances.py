@@ -1,4 +1,4 @@
-"""Covariances that are none: NaN, zero, or not positive definite."""
+"""Unusable covariances: NaN, zero, or not positive definite."""
 
 from collections.abc import Sequence
 
@@ -36,12 +36,12 @@ def sound_covariances(
             f" give {parameter}: three standard deviations."
         )
     messages = messages.with_values(**{field: whole.reshape(-1, 9)})
-    what = f"a {field.replace('_', ' ')} that is zero, NaN or not positive definite"
+    fault = f"a {field.replace('_', ' ')} that is zero, NaN or not positive definite"
     if ledger.repairs or not good.any():
         replacement, done = _replacement(whole[good], sigma)
-        ledger.add(stream, what, ~good, messages.bag_ns, done)
+        ledger.add(stream, fault, ~good, messages.bag_ns, done)
         return messages.with_values(**{field: np.where(good[:, None], messages[field], replacement.ravel())})
-    ledger.add(stream, what, ~good, messages.bag_ns, DROPPED)
+    ledger.add(stream, fault, ~good, messages.bag_ns, DROPPED)
     return messages.rows(good)
 
 

@@ -1,4 +1,4 @@
-"""Fixes that are none, that leap, and jumps where the kind of fix changes."""
+"""Faulty fixes: impossible ones, leaps, and jumps where the kind of fix changes."""
 
 import numpy as np
 
@@ -48,8 +48,8 @@ def steady_rows(t_s: FloatArray, position_m: FloatArray) -> tuple[BoolArray, tup
             f"All {n} fixes leap out of their neighbours by more than {LEAP_M:g} m; check the columns of the places,"
             " their frame and unit, and the times."
         )
-    said = "leaps out of its" if count == 1 else "leap out of their"
-    notes = (f"{count} of {n} fixes {said} neighbours by more than {LEAP_M:g} m: dropped.",) if count else ()
+    predicate = "leaps out of its" if count == 1 else "leap out of their"
+    notes = (f"{count} of {n} fixes {predicate} neighbours by more than {LEAP_M:g} m: dropped.",) if count else ()
     return ~leaps, notes
 
 

@@ -1,4 +1,4 @@
-"""The sanitiser's report: what was found in which stream, how often, and what became of it."""
+"""The sanitiser's report: each fault, its stream, its number, and what became of the rows."""
 
 from dataclasses import dataclass
 
@@ -18,7 +18,7 @@ class Finding:
 
     Attributes:
         stream: its name.
-        what: the trouble, after "rows with".
+        fault: what is wrong with the rows, after "rows with".
         count: how many rows.
         of: of how many.
         done: what became of them.
@@ -26,7 +26,7 @@ class Finding:
     """
 
     stream: str
-    what: str
+    fault: str
     count: int
     of: int
     done: str
@@ -35,7 +35,7 @@ class Finding:
     def __str__(self) -> str:
         """Return the finding as a sentence."""
         return (
-            f"{self.stream}: {self.count} of {self.of} rows with {self.what}"
+            f"{self.stream}: {self.count} of {self.of} rows with {self.fault}"
             f", the first {self.first_s:.2f} s into the bag: {self.done}."
         )
 
@@ -63,8 +63,8 @@ class Ledger:
         """Whether what can be mended is to be mended."""
         return self.mode == "repair"
 
-    def add(self, stream: str, what: str, rows: BoolArray, bag_ns: IntArray, done: str) -> None:
-        """Note that ``rows`` (n,), recorded at ``bag_ns`` (n,), have the trouble ``what``, if any has.
+    def add(self, stream: str, fault: str, rows: BoolArray, bag_ns: IntArray, done: str) -> None:
+        """Note that ``rows`` (n,), recorded at ``bag_ns`` (n,), have the ``fault``, if any has.
 
         Raises:
             RecordingError: any has, and the mode is "refuse".
@@ -73,10 +73,10 @@ class Ledger:
         if not count:
             return
         first_s = (int(bag_ns[int(np.argmax(rows))]) - self.start_ns) * 1e-9
-        finding = Finding(stream, what, count, len(rows), done, first_s)
+        finding = Finding(stream, fault, count, len(rows), done, first_s)
         if self.mode == "refuse":
             raise RecordingError(
-                f"{stream}: {count} of {len(rows)} rows with {what}, the first {first_s:.2f} s into the bag;"
+                f"{stream}: {count} of {len(rows)} rows with {fault}, the first {first_s:.2f} s into the bag;"
                 " choose sanitise=repair or sanitise=drop to go on without them."
             )
         self.findings.append(finding)

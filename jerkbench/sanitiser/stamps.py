@@ -1,4 +1,4 @@
-"""Stamps that cannot be: before there was such a recording, repeated, backwards, far from when they were recorded."""
+"""Impossible stamps: before there was such a recording, repeated, backwards, far from when they were recorded."""
 
 import numpy as np
 
@@ -74,8 +74,8 @@ def report_gaps(stream: str, messages: Messages, ledger: Ledger) -> None:
         ledger.add(stream, f"a gap before them, up to {longest:.2f} s", wide, messages.bag_ns, KEPT)
 
 
-def _without(stream: str, messages: Messages, ledger: Ledger, what: str, rows: BoolArray) -> Messages:
-    ledger.add(stream, what, rows, messages.bag_ns, DROPPED)
+def _without(stream: str, messages: Messages, ledger: Ledger, fault: str, rows: BoolArray) -> Messages:
+    ledger.add(stream, fault, rows, messages.bag_ns, DROPPED)
     return messages.rows(~rows) if rows.any() else messages
 
 

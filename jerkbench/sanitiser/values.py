@@ -1,4 +1,4 @@
-"""Values that cannot be: not a number, beyond anything that moves on the ground, frozen."""
+"""Impossible values: not a number, beyond anything that moves on the ground, frozen."""
 
 from collections.abc import Sequence
 
@@ -32,11 +32,11 @@ def without_impossible(
     for field, most in limits:
         value = messages[field]
         finite: BoolArray = np.asarray(np.isfinite(value).all(axis=1))
-        ledger.add(stream, f"a NaN or infinite {_said(field)}", ~finite, messages.bag_ns, DROPPED)
+        ledger.add(stream, f"a NaN or infinite {_in_words(field)}", ~finite, messages.bag_ns, DROPPED)
         messages = messages.rows(finite)
         with np.errstate(over="ignore"):
             over = np.linalg.norm(messages[field], axis=1) > most
-        ledger.add(stream, f"an impossible {_said(field)}, above {most:g}", over, messages.bag_ns, DROPPED)
+        ledger.add(stream, f"an impossible {_in_words(field)}, above {most:g}", over, messages.bag_ns, DROPPED)
         messages = messages.rows(~over)
     return messages
 
@@ -47,11 +47,11 @@ def possible_imu(where: str, imu: Imu) -> Imu:
     Raises:
         RecordingError: one is, by damage or by a wrong unit; names ``where`` and the row.
     """
-    for what, values, most in (
+    for quantity, values, most in (
         ("specific force", imu.accel_mps2, MOST_MPS2),
         ("angular rate", imu.gyro_radps, MOST_RADPS),
     ):
-        require_possible(f"{where}, {what}", values, most)
+        require_possible(f"{where}, {quantity}", values, most)
     return imu
 
 
@@ -104,5 +104,5 @@ def unit_quaternions(quaternions: FloatArray) -> BoolArray:
     return unit
 
 
-def _said(field: str) -> str:
+def _in_words(field: str) -> str:
     return {"linear": "linear velocity"}.get(field, field.replace("_", " "))

@@ -10,7 +10,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from jerkbench.bags.metadata import ABOUT_TOPIC, STRING, About
+from jerkbench.bags.metadata import METADATA_TOPIC, STRING, Metadata
 from jerkbench.errors import RecordingError
 from jerkbench.files import write_atomically
 from jerkbench.recording import Origin, Recording
@@ -93,8 +93,8 @@ def _streams(make: Maker, recording: Recording, origin: Origin) -> dict[str, _St
     truth = _stream(int(whole_rows(reference).sum()), reference_messages(make, reference, origin))
     streams[ODOMETRY_TOPIC if truth.msgtype == ODOMETRY else REFERENCE_TOPIC] = truth
     streams = {topic: stream for topic, stream in streams.items() if stream.count}
-    about = make.of(STRING, _about(recording, origin, make.start_ns, streams).to_json())
-    return {**streams, ABOUT_TOPIC: _stream(1, iter([(float(recording.inertial.t_s[0]), STRING, about)]))}
+    metadata = make.of(STRING, _metadata(recording, origin, make.start_ns, streams).to_json())
+    return {**streams, METADATA_TOPIC: _stream(1, iter([(float(recording.inertial.t_s[0]), STRING, metadata)]))}
 
 
 def _stream(count: int, messages: Iterator[Stamped]) -> _Stream:
@@ -119,12 +119,12 @@ def _left_out(recording: Recording, streams: Mapping[str, _Stream]) -> Iterator[
         yield "True covariances have no place in a bag: an oracle will see the reported ones."
 
 
-def _about(recording: Recording, origin: Origin, start_ns: int, topics: Iterable[str]) -> About:
+def _metadata(recording: Recording, origin: Origin, start_ns: int, topics: Iterable[str]) -> Metadata:
     roles = {role: topic for role, topic in TOPICS.items() if topic in topics}
     references = [topic for topic in (ODOMETRY_TOPIC, REFERENCE_TOPIC) if topic in topics]
     velocity, heading = recording.velocity, recording.heading
     frame = "enu" if velocity is None else velocity.frame
-    return About(
+    return Metadata(
         name=recording.name,
         start_ns=start_ns,
         static_start_s=recording.static_start_s,
@@ -159,7 +159,9 @@ def _write_ros2(make: Maker, streams: Mapping[str, _Stream], path: Path) -> None
 
 
 def _fill(make: Maker, writer: Any, serialise: Any, streams: Mapping[str, _Stream]) -> None:  # noqa: ANN401 - one of two writers
-    connections = [writer.add_connection(topic, one.msgtype, typestore=make.store) for topic, one in streams.items()]
+    connections = [
+        writer.add_connection(topic, stream.msgtype, typestore=make.store) for topic, stream in streams.items()
+    ]
     bound = [
         zip(stream.messages, repeat(connection))
         for stream, connection in zip(streams.values(), connections, strict=True)

@@ -92,19 +92,21 @@ def _fixes(
     make: Maker, t_s: FloatArray, enu_m: FloatArray, covariance: FloatArray, origin: Origin
 ) -> Iterator[Stamped]:
     name = "sensor_msgs/msg/NavSatFix"
-    for t, place, one in zip(t_s, enu_to_geodetic(enu_m, origin), covariance, strict=True):
+    for t, place, matrix in zip(t_s, enu_to_geodetic(enu_m, origin), covariance, strict=True):
         status = make.of("sensor_msgs/msg/NavSatStatus", RTK_FIXED, GPS)
         where = (float(value) for value in place)
-        yield t, name, make.of(name, make.header(t, "GNSS1"), status, *where, one.ravel(), KNOWN)
+        yield t, name, make.of(name, make.header(t, "GNSS1"), status, *where, matrix.ravel(), KNOWN)
 
 
 def velocity_messages(make: Maker, velocity: Velocity) -> Iterator[Stamped]:
     """Yield velocities in the recording's own frame; an axis that was not measured has the variance -1."""
     name = "geometry_msgs/msg/TwistWithCovarianceStamped"
     present = np.isfinite(velocity.mps)
-    for t, mps, covariance, there in zip(velocity.t_s, velocity.mps, velocity.covariance_m2ps2, present, strict=True):
+    for t, mps, covariance, measured in zip(
+        velocity.t_s, velocity.mps, velocity.covariance_m2ps2, present, strict=True
+    ):
         six = np.zeros((6, 6))
-        six[:3, :3] = np.where(np.outer(there, there), covariance, np.diag(np.where(there, 0.0, NOT_MEASURED)))
+        six[:3, :3] = np.where(np.outer(measured, measured), covariance, np.diag(np.where(measured, 0.0, NOT_MEASURED)))
         twist = make.of("geometry_msgs/msg/Twist", make.xyz(np.nan_to_num(mps)), make.xyz(np.zeros(3)))
         body = make.of("geometry_msgs/msg/TwistWithCovariance", twist, six.ravel())
         yield t, name, make.of(name, make.header(t, velocity.frame), body)
@@ -128,7 +130,7 @@ def heading_messages(make: Maker, heading: Heading) -> Iterator[Stamped]:
 
 def whole_rows(reference: Reference) -> BoolArray:
     """Return (k,) which rows know all that any row does; none of a reference without positions."""
-    parts = [one for one in (reference.enu_m, reference.velocity_mps, reference.euler_rad) if one is not None]
+    parts = [part for part in (reference.enu_m, reference.velocity_mps, reference.euler_rad) if part is not None]
     if reference.enu_m is None:
         return np.zeros(len(reference.t_s), dtype=bool)
     return np.asarray(np.isfinite(np.hstack(parts)).all(axis=1))

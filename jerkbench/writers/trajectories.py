@@ -53,8 +53,8 @@ def write_tum(recording: Recording, path: Path, stream: str | None = None) -> No
     start_us = round(recording.start_utc.timestamp() * 1e6) if recording.start_utc else 0
     lines = ["# timestamp x y z qx qy qz qw"]
     for t, p, q in zip(trajectory.t_s, trajectory.enu_m, trajectory.xyzw, strict=True):
-        seconds, rest = divmod(start_us * 1000 + round(t * 1e9), 1_000_000_000)
-        lines.append(" ".join([f"{seconds}.{rest:09d}", *(f"{value:.9g}" for value in (*p, *q))]))
+        seconds, fraction_ns = divmod(start_us * 1000 + round(t * 1e9), 1_000_000_000)
+        lines.append(" ".join([f"{seconds}.{fraction_ns:09d}", *(f"{value:.9g}" for value in (*p, *q))]))
     write_text(path, "\n".join([*lines, ""]))
 
 

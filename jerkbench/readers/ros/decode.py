@@ -7,7 +7,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
-from jerkbench.readers.ros.layouts import STRING, Part, Table, read_table, source_of
+from jerkbench.readers.ros.layouts import STRING, FieldTable, Part, read_table, source_of
 
 
 class Deserialise(Protocol):
@@ -50,8 +50,8 @@ def decode_each(raw: Sequence[bytes], msgtype: str, fields: Sequence[str], deser
     whole = {part.name: np.empty((len(raw), part.count)) for part, _ in sources.values()}
     parts = {part.name: part for part, _ in sources.values()}
     strings = ("", "")
-    for k, one in enumerate(raw):
-        message = deserialise(one, msgtype)
+    for k, serialised in enumerate(raw):
+        message = deserialise(serialised, msgtype)
         stamp_ns[k] = message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
         for name, part in parts.items():
             whole[name][k] = _numbers(message, part)
@@ -59,7 +59,7 @@ def decode_each(raw: Sequence[bytes], msgtype: str, fields: Sequence[str], deser
     return Block(strings, stamp_ns, {name: _block(whole[part.name], at) for name, (part, at) in sources.items()})
 
 
-def block_of(table: Table, msgtype: str, fields: Sequence[str]) -> Block:
+def block_of(table: FieldTable, msgtype: str, fields: Sequence[str]) -> Block:
     """Return the ``fields`` of messages of equal layout."""
     rows, values = table.rows, {}
     for name in fields:

@@ -1,4 +1,4 @@
-"""One error for everything that a damaged bag makes the libraries raise."""
+"""The one error for all that libraries raise on a damaged bag."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -30,8 +30,8 @@ def bag_errors(path: Path, topic: str = "") -> Iterator[None]:
 
 
 def _reason(error: Exception) -> str:
-    said = " ".join(str(error).split()).rstrip(".")
-    return f"{type(error).__name__}: {said}" if said else type(error).__name__
+    message = " ".join(str(error).split()).rstrip(".")
+    return f"{type(error).__name__}: {message}" if message else type(error).__name__
 
 
 def way_out(path: Path) -> str:

@@ -1,4 +1,4 @@
-"""Which files a bag consists of, and whether they are what their names say."""
+"""The files of a bag, and the check that their content fits their names."""
 
 import re
 from pathlib import Path

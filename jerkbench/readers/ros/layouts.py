@@ -100,7 +100,7 @@ def source_of(msgtype: str, name: str) -> tuple[Part, int | None]:
 
 
 @dataclass(frozen=True)
-class Table:
+class FieldTable:
     """Messages of equal layout.
 
     Attributes:
@@ -114,7 +114,7 @@ class Table:
     rows: npt.NDArray[Any]
 
 
-def read_table(raw: Sequence[bytes], msgtype: str, *, cdr: bool) -> Table | None:
+def read_table(raw: Sequence[bytes], msgtype: str, *, cdr: bool) -> FieldTable | None:
     """Return the messages as one structured array; None where they are not all of one layout.
 
     Args:
@@ -125,10 +125,10 @@ def read_table(raw: Sequence[bytes], msgtype: str, *, cdr: bool) -> Table | None
     size, joined = len(raw[0]), b"".join(raw)
     if len(joined) != size * len(raw) or not size:
         return None
-    return table_of(np.frombuffer(joined, dtype=np.uint8).reshape(len(raw), size), msgtype, cdr=cdr)
+    return field_table(np.frombuffer(joined, dtype=np.uint8).reshape(len(raw), size), msgtype, cdr=cdr)
 
 
-def table_of(grid: npt.NDArray[np.uint8], msgtype: str, *, cdr: bool) -> Table | None:
+def field_table(grid: npt.NDArray[np.uint8], msgtype: str, *, cdr: bool) -> FieldTable | None:
     """Return the same of messages (n, size) of equal length, n at least one."""
     first, size = bytes(grid[0]), grid.shape[1]
     if cdr and first[:2] != b"\x00\x01":
@@ -142,7 +142,7 @@ def table_of(grid: npt.NDArray[np.uint8], msgtype: str, *, cdr: bool) -> Table |
     if any((grid[:, begin:end] != grid[0, begin:end]).any() for begin, end in fixed):
         return None
     rows = np.ascontiguousarray(grid).view(_padded(layout, size))[:, 0]
-    return Table(strings[0], strings[1] if len(strings) > 1 else "", rows)
+    return FieldTable(strings[0], strings[1] if len(strings) > 1 else "", rows)
 
 
 def _padded(layout: np.dtype[Any], size: int) -> np.dtype[Any]:

@@ -64,10 +64,10 @@ def chunks(content: memoryview) -> Iterator[Record | int]:
             if record.whole:
                 at = record.end
                 continue
-        again = _next_chunk(content, at + 1)
-        if record is None or record.op != CHUNK or again < len(content):
-            yield again - at
-        at = again
+        resumed = _next_chunk(content, at + 1)
+        if record is None or record.op != CHUNK or resumed < len(content):
+            yield resumed - at
+        at = resumed
 
 
 def inside(chunk: Record) -> Iterator[Record]:
@@ -129,9 +129,9 @@ def _fields(header: memoryview) -> dict[bytes, bytes] | None:
 def _next_chunk(content: memoryview, at: int) -> int:
     """Where the next chunk begins, or the end."""
     data = content.obj if isinstance(content.obj, bytes | mmap.mmap) else bytes(content)
-    found = at - 1
-    while (found := data.find(CHUNK_FIELD, found + 1)) >= 0:
-        for begin in range(max(at, found - CHUNK_FIELD_WITHIN), found):
+    field_at = at - 1
+    while (field_at := data.find(CHUNK_FIELD, field_at + 1)) >= 0:
+        for begin in range(max(at, field_at - CHUNK_FIELD_WITHIN), field_at):
             record = read_record(content, begin)
             if record is not None and record.op == CHUNK and CHUNK_FIELD[:-1] in record.fields:
                 return begin

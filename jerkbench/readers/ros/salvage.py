@@ -1,4 +1,4 @@
-"""A fresh, indexed bag from what is whole in a ROS 1 bag that was cut off or damaged."""
+"""A fresh, indexed bag from the intact part of a ROS 1 bag that was cut off or damaged."""
 
 import mmap
 from dataclasses import dataclass, field
@@ -71,11 +71,11 @@ def _write(content: memoryview, target: Path, saved: Salvaged, source: Path) -> 
 
     with Writer(target) as writer:
         connections: dict[bytes, Connection] = {}
-        for found in chunks(content):
-            if isinstance(found, int):
-                saved.lost_bytes += found
+        for chunk in chunks(content):
+            if isinstance(chunk, int):
+                saved.lost_bytes += chunk
             else:
-                _copy(found, writer, connections, saved)
+                _copy(chunk, writer, connections, saved)
     if not saved.messages:
         raise BagError(f"{source} has no whole message in it ({len(content)} bytes); nothing can be salvaged.")
 
@@ -97,18 +97,18 @@ def _copy(chunk: Record, writer: "Writer", connections: "dict[bytes, Connection]
 
 
 def _connect(record: Record, number: bytes, writer: "Writer", connections: "dict[bytes, Connection]") -> None:
-    about = header_fields(record.data)
+    header = header_fields(record.data)
     topic, name, definition, md5 = (
         values.get(key, b"").decode(errors="replace")
         for values, key in (
             (record.fields, b"topic"),
-            (about, b"type"),
-            (about, b"message_definition"),
-            (about, b"md5sum"),
+            (header, b"type"),
+            (header, b"message_definition"),
+            (header, b"md5sum"),
         )
     )
     if topic and name.count("/") == 1 and md5:
-        caller = about[b"callerid"].decode(errors="replace") if b"callerid" in about else None
+        caller = header[b"callerid"].decode(errors="replace") if b"callerid" in header else None
         known = {(c.topic, c.msgtype, c.digest): c for c in connections.values()}
         msgtype = name.replace("/", "/msg/")
         connections[number] = known.get((topic, msgtype, md5)) or writer.add_connection(

@@ -48,10 +48,10 @@ def equal_number(buffer: Bytes, offsets: IntArray, dtype: str) -> int:
     Raises:
         NotInBulk: there are different ones, or they reach out of the buffer.
     """
-    found = rows(buffer, offsets, np.dtype(dtype).itemsize).view(dtype)
-    if (found != found[0]).any():
+    values = rows(buffer, offsets, np.dtype(dtype).itemsize).view(dtype)
+    if (values != values[0]).any():
         raise NotInBulk
-    return int(found[0, 0])
+    return int(values[0, 0])
 
 
 def as_bytes(content: bytes) -> Bytes:

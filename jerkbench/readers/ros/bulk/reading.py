@@ -14,7 +14,7 @@ from jerkbench.readers.ros.bulk.mcap import cut_mcap
 from jerkbench.readers.ros.bulk.ros1 import cut_ros1
 from jerkbench.readers.ros.bulk.sqlite import cut_sqlite
 from jerkbench.readers.ros.decode import Block, block_of, joined_blocks
-from jerkbench.readers.ros.layouts import table_of
+from jerkbench.readers.ros.layouts import field_table
 
 UNFIT = (
     NotInBulk,
@@ -37,7 +37,7 @@ AT_ONCE = 4096
 
 
 @dataclass(frozen=True, eq=False)
-class Whole:
+class TopicMessages:
     """All messages of a topic.
 
     Attributes:
@@ -60,7 +60,7 @@ class _Waiting:
 
 def read_in_bulk(
     files: Mapping[Path, Mapping[int, str]], types: Mapping[str, str], fields: Mapping[str, Sequence[str]]
-) -> dict[str, Whole] | None:
+) -> dict[str, TopicMessages] | None:
     """Return the ``fields`` of each topic, or None where the ordinary reader has to do it.
 
     Args:
@@ -71,17 +71,17 @@ def read_in_bulk(
     waiting: dict[tuple[str, Path, int], _Waiting] = {}
     try:
         for path, cut in _cuts(files, fields):
-            one = waiting.setdefault((cut.topic, path, cut.source), _Waiting())
-            one.bag_ns.append(cut.bag_ns)
-            one.grids.append(cut.grid)
-            if sum(len(grid) for grid in one.grids) >= AT_ONCE:
-                _read(one, types[cut.topic], fields[cut.topic], cdr=path.suffix != ".bag")
-        for (topic, path, _), one in waiting.items():
-            _read(one, types[topic], fields[topic], cdr=path.suffix != ".bag")
+            pending = waiting.setdefault((cut.topic, path, cut.source), _Waiting())
+            pending.bag_ns.append(cut.bag_ns)
+            pending.grids.append(cut.grid)
+            if sum(len(grid) for grid in pending.grids) >= AT_ONCE:
+                _read(pending, types[cut.topic], fields[cut.topic], cdr=path.suffix != ".bag")
+        for (topic, path, _), pending in waiting.items():
+            _read(pending, types[topic], fields[topic], cdr=path.suffix != ".bag")
     except UNFIT:
         return None
     topics = {topic: [waiting[key] for key in sorted(waiting) if key[0] == topic] for topic in fields}
-    return {topic: _whole(some) for topic, some in topics.items()} if all(topics.values()) else None
+    return {topic: _joined(connections) for topic, connections in topics.items()} if all(topics.values()) else None
 
 
 def _cuts(files: Mapping[Path, Mapping[int, str]], fields: Mapping[str, Sequence[str]]) -> Iterator[tuple[Path, Cut]]:
@@ -93,22 +93,22 @@ def _cuts(files: Mapping[Path, Mapping[int, str]], fields: Mapping[str, Sequence
         yield from ((path, cut) for cut in cuts)
 
 
-def _read(one: _Waiting, msgtype: str, fields: Sequence[str], *, cdr: bool) -> None:
-    if not one.grids:
+def _read(pending: _Waiting, msgtype: str, fields: Sequence[str], *, cdr: bool) -> None:
+    if not pending.grids:
         return
-    if len({grid.shape[1] for grid in one.grids}) > 1:
+    if len({grid.shape[1] for grid in pending.grids}) > 1:
         raise NotInBulk
-    table = table_of(np.concatenate(one.grids), msgtype, cdr=cdr)
+    table = field_table(np.concatenate(pending.grids), msgtype, cdr=cdr)
     if table is None:
         raise NotInBulk
-    one.blocks.append(block_of(table, msgtype, fields))
-    one.grids.clear()
+    pending.blocks.append(block_of(table, msgtype, fields))
+    pending.grids.clear()
 
 
-def _whole(some: Sequence[_Waiting]) -> Whole:
-    bag_ns = np.concatenate([part for one in some for part in one.bag_ns])
-    block = joined_blocks([block for one in some for block in one.blocks])
+def _joined(connections: Sequence[_Waiting]) -> TopicMessages:
+    bag_ns = np.concatenate([part for pending in connections for part in pending.bag_ns])
+    block = joined_blocks([block for pending in connections for block in pending.blocks])
     if (np.diff(bag_ns) < 0).any():
         order = np.argsort(bag_ns, kind="stable")
         bag_ns, block = bag_ns[order], block.rows(order)
-    return Whole(bag_ns, block)
+    return TopicMessages(bag_ns, block)

@@ -67,11 +67,11 @@ def _cut(content: Bytes, index: np.ndarray, number: int, topic: str) -> Cut:
     first = bytes(heads[0])
     fields, at = header_fields(memoryview(first)), first.find(b"time=") + len(b"time=")
     time = heads[:, at : at + 8]
-    rest = np.delete(heads, np.s_[at : at + 8], axis=1)
-    said = np.ascontiguousarray(time).view(ENTRY["sec"].newbyteorder("<"))
+    others = np.delete(heads, np.s_[at : at + 8], axis=1)
+    stamps = np.ascontiguousarray(time).view(ENTRY["sec"].newbyteorder("<"))
     if fields.get(b"op") != bytes([MESSAGE]) or _u32(fields, b"conn") != number or len(fields.get(b"time", b"")) != 8:
         raise NotInBulk
-    if (rest != rest[0]).any() or (said[:, 0] != index["sec"]).any() or (said[:, 1] != index["nanosec"]).any():
+    if (others != others[0]).any() or (stamps[:, 0] != index["sec"]).any() or (stamps[:, 1] != index["nanosec"]).any():
         raise NotInBulk
     bag_ns = index["sec"].astype(np.int64) * 1_000_000_000 + index["nanosec"]
     return Cut(topic, number, bag_ns, rows(content, offsets + 8 + head, size))

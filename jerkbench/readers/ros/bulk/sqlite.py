@@ -27,11 +27,11 @@ def cut_sqlite(path: Path, wanted: Collection[str]) -> Iterator[Cut]:
         topics = {number: name for number, name in base.execute("SELECT id, name FROM topics") if name in wanted}
         places, read = ", ".join("?" * len(topics)), 0
         data = f"CASE WHEN topic_id IN ({places}) THEN data END"  # the others are only counted
-        found = base.execute(f"SELECT topic_id, timestamp, {data} FROM messages", tuple(topics))  # noqa: S608 - only "?"
-        while some := list(islice(found, AT_ONCE)):
-            read += len(some)
-            for number in topics.keys() & {row[0] for row in some}:
-                yield _cut([row for row in some if row[0] == number], number, topics[number])
+        cursor = base.execute(f"SELECT topic_id, timestamp, {data} FROM messages", tuple(topics))  # noqa: S608 - only "?"
+        while batch := list(islice(cursor, AT_ONCE)):
+            read += len(batch)
+            for number in topics.keys() & {row[0] for row in batch}:
+                yield _cut([row for row in batch if row[0] == number], number, topics[number])
         if base.execute("SELECT count(*) FROM messages").fetchall() != [(read,)]:  # its index knows how many there were
             raise NotInBulk
 
@@ -49,9 +49,9 @@ def _check_length(path: Path) -> None:
         raise NotInBulk
 
 
-def _cut(some: Sequence[tuple[int, int, bytes]], number: int, topic: str) -> Cut:
-    _, times, messages = zip(*some, strict=True)
+def _cut(batch: Sequence[tuple[int, int, bytes]], number: int, topic: str) -> Cut:
+    _, times, messages = zip(*batch, strict=True)
     sizes = set(map(len, messages))
     if len(sizes) > 1 or 0 in sizes:
         raise NotInBulk
-    return Cut(topic, number, np.array(times, dtype=np.int64), as_bytes(b"".join(messages)).reshape(len(some), -1))
+    return Cut(topic, number, np.array(times, dtype=np.int64), as_bytes(b"".join(messages)).reshape(len(batch), -1))
