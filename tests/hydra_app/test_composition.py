@@ -64,6 +64,7 @@ def test_several_experiments_are_composed_one_by_one(loader):
 
     assert (paper.plain["dataset"]["name"], drive.plain["dataset"]["name"]) == ("field", "rtklib")
     assert (paper.plain["study"], drive.plain["study"]) == ("paper", "drive")
+    assert paper.plain["seeds"] == 20
 
 
 def test_what_refers_to_another_part_is_resolved_in_each_job(loader):
