@@ -218,7 +218,7 @@ def _spent(errors: Array) -> tuple[bool, int]:
 def main() -> None:
     """Print every table."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--studies", type=int, default=200, help="simulated studies of 60 scenarios; of fewer more")
+    parser.add_argument("--studies", type=int, default=100, help="simulated studies of 60 scenarios; of fewer more")
     studies = parser.parse_args().studies
     rng = np.random.default_rng(14)
     cells(rng, 20 * studies)

@@ -32,6 +32,8 @@ from jerkbench.hydra_app.single_run import draw_single, prepare_drawing, run_sin
 from jerkbench.presets import config_folder
 from jerkbench.results.store import Store
 from jerkbench.results.study import Study, damaged, load_study, write_manifest, write_study
+from jerkbench.sweep.auto_seeds import planned_looks, run_looks
+from jerkbench.sweep.auto_seeds import typed as typed_seeds
 from jerkbench.sweep.seed_blocks import finish_cell
 from jerkbench.sweep.sweep import Plan, plan_sweep, run_sweep
 from jerkbench.sweep.tasks import Planned
@@ -51,7 +53,7 @@ def main(arguments: Sequence[str]) -> None:
     register_schemas()
     _register_hydra_parts()
     app = hydra.main(version_base="1.3", config_path=str(config_folder()), config_name="config")(_task)
-    sys.argv = ["jerkbench run", *arranged(arguments)]
+    sys.argv = ["jerkbench run", *arranged([typed for word in arguments for typed in typed_seeds(word)])]
     app()
 
 
@@ -72,9 +74,14 @@ def sweep(loader: ConfigLoader, config: DictConfig, jobs: Sequence[Sequence[str]
     if not plan.cells:
         exit_with(PluginError("There is nothing to run: every combination was left out."))
     store = Store(study_folder(config))
-    code = _run(plan, store, config.workers or processors())
+    last, code = run_looks(
+        planned_looks(plan, config.seeds, config.max_seeds),
+        store,
+        lambda plan: _run(plan, store, config.workers or processors()),
+        lambda look: load_study(store.folder.parent, prefer=[one.key for one in look.plan.cells]),
+    )
     try:
-        study = _conclude(store, [one.key for one in plan.cells], config)
+        study = _conclude(store, [one.key for one in last.plan.cells], config, last.level if config.max_seeds else None)
     except OSError as error:
         print(f"jerkbench: the tables cannot be written: {error}. What is done is stored.", file=sys.stderr)
         raise SystemExit(FAILED) from None
@@ -112,6 +119,8 @@ class Conclude(Callback):
         """Write and print the table of the whole study; exits as our own launcher would."""
         if config.hydra.launcher["_target_"] != LAUNCHER:
             store = Store(study_folder(config))
+            if config.max_seeds:
+                print("Seeds are added by our own launcher only; these are the first.", file=sys.stderr)
             study = _conclude(store, [one.key for one in store.read()[0]], config)
             if code := (_present(study, config) if study else 0) or _failed(study):
                 raise SystemExit(code)
@@ -162,14 +171,14 @@ def _run_and_show(one: Planned, folder: Path, config: DictConfig) -> None:
         print(f"Figure: {path}")
 
 
-def _conclude(store: Store, keys: Sequence[str], config: DictConfig) -> Study | None:
+def _conclude(store: Store, keys: Sequence[str], config: DictConfig, level: float | None = None) -> Study | None:
     """Write and print the tables of what is there; returns the cells ``keys``, or nothing without any."""
     from jerkbench.report.tables.terminal import print_table
 
     folder = store.folder.parent
     if not any(store.path(key).exists() for key in keys):
         return None
-    write_manifest(folder, keys, list(config.notes), sys.argv)
+    write_manifest(folder, keys, list(config.notes), sys.argv, level)
     study = load_study(folder, prefer=keys)
     write_study(study)
     ours = study.only(keys)

@@ -24,6 +24,7 @@ class Schema:
         study: name of the study; its results are in ``results``/``study``.
         results: folder of all results.
         seeds: number of runs of a cell that has anything random.
+        max_seeds: seeds are added in blocks up to so many, until every two methods are decided; 0: none are.
         first_seed: the first of them.
         burn_in_s: errors count from this time on [s].
         divergence_limit_m: a larger position error is a divergence [m].
@@ -37,6 +38,7 @@ class Schema:
     study: str = "adhoc"
     results: str = "results"
     seeds: int = 5
+    max_seeds: int = 0
     first_seed: int = 0
     burn_in_s: float = 5.0
     divergence_limit_m: float = 1000.0

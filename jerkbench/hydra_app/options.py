@@ -12,10 +12,10 @@ LONGEST_NAME = 255
 
 
 def check_options(config: DictConfig) -> None:
-    """Check where the results go and how many processes work, before anything is written.
+    """Check where the results go, how many processes work and which seeds are added, before anything is written.
 
     Raises:
-        PluginError: the study's name is no name of a folder, or the number of workers is negative.
+        PluginError: the study's name is no name of a folder, or a number of workers or seeds makes no sense.
         MissingMandatoryValue: one of them has no value.
     """
     study = str(config.study)
@@ -25,5 +25,7 @@ def check_options(config: DictConfig) -> None:
         )
     if len(os.fsencode(study)) > LONGEST_NAME:
         raise PluginError(f"study has {len(study)} letters ('{study[:20]}...'); a folder's name has at most 255 bytes.")
+    if config.max_seeds and config.max_seeds < config.seeds:
+        raise PluginError(f"max_seeds is {config.max_seeds}; give as many as seeds={config.seeds}, or 0 for no more.")
     if config.workers < 0:
         raise PluginError(f"workers is {config.workers}; give 0 (one for each processor) or more.")

@@ -98,6 +98,7 @@ CELL: Mapping[str, Test] = {
 MANIFEST: Mapping[str, Test] = {
     "cells": _texts,
     "last": _texts,
+    "levels": _mapping_of(_number),
     "notes": _mapping_of(_texts),
     "command": _texts,
     "finished": _text,

@@ -16,6 +16,7 @@ from jerkbench.cells.provenance import git_commit, versions
 from jerkbench.errors import JerkbenchError
 from jerkbench.files import write_text
 from jerkbench.plain import plain
+from jerkbench.report.analysis.comparison import SPENDS
 from jerkbench.results.conditions import Values, conditions, told_apart
 from jerkbench.results.shape import is_manifest
 from jerkbench.results.store import Store, Stored
@@ -81,6 +82,8 @@ def load_study(folder: Path, prefer: Collection[str] = ()) -> Study:
     current = _current(_ordered(found, manifest.get("cells", [])), preferred)
     labels, unlike = told_apart(current)
     rows = pd.concat([one.rows.assign(**own) for one, own in zip(current, labels, strict=True)], ignore_index=True)
+    spent = [level for one in current if (level := manifest.get("levels", {}).get(one.key)) is not None]
+    rows.attrs.update({SPENDS: min(spent)} if spent else {})
     keys = pd.Series([one.key for one in current for _ in range(len(one.rows))])
     notes = [*unlike, *_notes(current, manifest), *_remarks(current, len(found) - len(current), broken)]
     known = {one.key: conditions(one.about) for one in current}
@@ -95,24 +98,30 @@ def write_study(study: Study) -> None:
     write_tables(study.rows, study.folder, study.notes)
 
 
-def write_manifest(folder: Path, keys: Sequence[str], notes: Sequence[str], command: Sequence[str]) -> None:
+def write_manifest(
+    folder: Path, keys: Sequence[str], notes: Sequence[str], command: Sequence[str], level: float | None = None
+) -> None:
     """Write what was run, by which code, on which machine; the order and the notes of earlier cells are kept.
 
-    Of two processes in one folder each adds to what the other has written.
+    Of two processes in one folder each adds to what the other has written. Where seeds were added in blocks, ``level``
+    is what the last look at the cells ``keys`` may spend.
     """
     from filelock import FileLock
 
     with FileLock(folder / ".manifest.lock"):
-        _write_manifest(folder, keys, notes, command)
+        _write_manifest(folder, keys, notes, command, level)
 
 
-def _write_manifest(folder: Path, keys: Sequence[str], notes: Sequence[str], command: Sequence[str]) -> None:
+def _write_manifest(
+    folder: Path, keys: Sequence[str], notes: Sequence[str], command: Sequence[str], level: float | None
+) -> None:
     before = read_manifest(folder)
     stored = [(one.key, one.about) for one in Store(folder).read()[0]]
     manifest = {
         "cells": list(dict.fromkeys([*before.get("cells", []), *keys])),
         "last": list(keys),
         "notes": {**before.get("notes", {}), **{key: list(notes) for key in keys}},
+        "levels": {**before.get("levels", {}), **(dict.fromkeys(keys, level) if level is not None else {})},
         "command": list(command),
         "finished": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
         "versions": versions(),

@@ -31,10 +31,12 @@ class Rule:
     Attributes:
         margin: ratios up to 1 + margin are equal for every practical purpose.
         correction: what 5 % are 5 % of: studies with any wrong sentence, or sentences.
+        level: these 5 %, or what a look at seeds that were added in blocks may spend of them.
     """
 
     margin: float = MARGIN
     correction: Correction = Correction.MAX_T
+    level: float = LEVEL
 
     def __post_init__(self) -> None:
         """Check the margin.
@@ -45,8 +47,15 @@ class Rule:
         if self.margin < 0:
             raise JerkbenchError(f"The margin of equality is {100 * self.margin:g} %; give 0 or more, for example 3.")
 
+    def of(self, rows: "pd.DataFrame") -> "Rule":
+        """Return the rule for the rows of a study, which know what their last look may spend."""
+        return dataclasses.replace(self, level=min(self.level, rows.attrs.get(SPENDS, self.level)))
+
 
 RULE = Rule()
+
+SPENDS = "level"
+"""Among the attributes of a study's rows: see `Rule.level`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,7 +155,7 @@ class Comparison:
         ratios = self.pair.ratios
         if self.verdict is not Verdict.UNDECIDED or self.replicate == "phase" or not ratios.plain or ratios.n < 2:
             return None
-        return seeds_needed(ratios.d, self.rule.margin, max(1, self.family), LEVEL)
+        return seeds_needed(ratios.d, self.rule.margin, max(1, self.family), self.rule.level)
 
 
 def family_note(comparisons: Sequence[Comparison]) -> str:
@@ -163,6 +172,8 @@ def family_note(comparisons: Sequence[Comparison]) -> str:
             f"At most 5 % of such studies have any wrong mark (largest studentised mean log ratio of {len(tested)} "
             "comparisons, bootstrap over the seeds)."
         )
+    if rule.level < LEVEL:
+        test += f" Seeds were added in blocks: the last look spends {100 * rule.level:.2g} of these 5 %."
     undecided = sum(one.verdict is Verdict.UNDECIDED for one in tested)
     return f"{marks} {test}" + (f" {undecided} of {len(tested)} are undecided." if undecided else "")
 
@@ -193,7 +204,7 @@ def compare_to(rows: "pd.DataFrame", metric: str, baseline: Mapping[str, str], r
     Raises:
         JerkbenchError: no combination has the values of the baseline, or there is no such metric.
     """
-    return judged_pairs(pairs_to(rows, metric, baseline), rule)
+    return judged_pairs(pairs_to(rows, metric, baseline), rule.of(rows))
 
 
 def pairs_to(rows: "pd.DataFrame", metric: str, baseline: Mapping[str, str]) -> list[Pair]:
@@ -233,7 +244,7 @@ def judged_pairs(pairs: Iterable[Pair], rule: Rule = RULE) -> list[Comparison]:
     """Judge the pairs as one family; phases of one recording are not independent and have a range instead."""
     pairs = list(pairs)
     seeds = [pair for pair in pairs if pair.replicate != "phase"]
-    verdicts = iter(judged([pair.ratios for pair in seeds], rule.margin, LEVEL, rule.correction))
+    verdicts = iter(judged([pair.ratios for pair in seeds], rule.margin, rule.level, rule.correction))
     return [
         Comparison(pair, _of_phases(pair.ratios) if pair.replicate == "phase" else next(verdicts), len(seeds), rule)
         for pair in pairs

@@ -34,7 +34,9 @@ def compared(rows: "pd.DataFrame", metric: str, rule: Rule = RULE) -> list[Compa
     """
     if not quantity(metric).lowest_is_best:
         return []
-    return judged_pairs([pair for baseline in _baselines(rows) for pair in pairs_to(rows, metric, baseline)], rule)
+    return judged_pairs(
+        [pair for baseline in _baselines(rows) for pair in pairs_to(rows, metric, baseline)], rule.of(rows)
+    )
 
 
 def sentence(one: Comparison, varying: Sequence[str]) -> str:

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from jerkbench.evaluation.statistics.judgement import Judgement, Verdict, judged
+from jerkbench.evaluation.statistics.judgement import LEVEL, Judgement, Verdict, judged
 from jerkbench.report.analysis.comparison import Comparison, compare_to, with_values
 from jerkbench.report.analysis.findings import and_lost, losses, names, varying_factors
 from jerkbench.report.tables.table_model import number
@@ -47,7 +47,8 @@ def _only(rows: "pd.DataFrame", against: Mapping[str, str]) -> "pd.DataFrame":
 def verdicts(comparisons: Sequence[Comparison]) -> list[str]:
     """Say of each whether the claim holds, as one family: the ratio, times what is claimed, against 1."""
     shifted = [dataclasses.replace(one.pair.ratios, d=one.pair.ratios.d + math.log(CLAIMED)) for one in comparisons]
-    return [_word(one, found) for one, found in zip(comparisons, judged(shifted, margin=0.0), strict=True)]
+    level = min((one.rule.level for one in comparisons), default=LEVEL)
+    return [_word(one, found) for one, found in zip(comparisons, judged(shifted, 0.0, level), strict=True)]
 
 
 def _word(one: Comparison, against_the_claim: Judgement) -> str:

@@ -69,7 +69,7 @@ def standings(rows: "pd.DataFrame", metric: str, method: Sequence[str] = METHOD,
     Raises:
         JerkbenchError: there is no such metric.
     """
-    rows = checked(rows, metric)
+    rows, rule = checked(rows, metric), rule.of(rows)
     if not quantity(metric).lowest_is_best:
         return []
     if "noise" in method and _pairs(rows, method) > MOST_PAIRS:

@@ -82,6 +82,7 @@ def main_metric(rows: "pd.DataFrame") -> str:
 def _table(
     grid: Grid, metric: str, notes: Sequence[str], baseline: Mapping[str, str], rule: Rule, most: int = MOST_PAIRS
 ) -> Table:
+    rule = rule.of(grid.rows)
     comparisons = compare_to(grid.rows, metric, baseline, rule) if baseline else []
     cells = _with_ratios(_cells(grid, metric), comparisons, (*grid.across, *grid.down))
     what = quantity(metric)
