@@ -12,7 +12,17 @@ from jerkbench.errors import PluginError
 SUFFIXES = {".pos": "rtklib", ".bag": "rosbag", ".db3": "rosbag", ".mcap": "rosbag", ".active": "rosbag"}
 """Which data set reads a file of this suffix, or a folder with such files; .bag.active is what a power loss leaves."""
 
-INSIDE = {"*.hdf5": "broad", "processed_log": "comma2k19", "oxts": "kitti", "imu0": "euroc", "ms25.csv": "nclt"}
+INSIDE = {
+    "*.hdf5": "broad",
+    "processed_log": "comma2k19",
+    "oxts": "kitti",
+    "imu0": "euroc",
+    "ms25.csv": "nclt",
+    "RTK1105.csv": "tokyo_1105",
+    "goGPS_WLS.csv": "pixel4",
+    "GPSRaw.dat": "beijing_car",
+    "GroundTruthAGL.csv": "zurich_mav",
+}
 """What a folder holds of which a data set, or a preset of one, is known."""
 
 

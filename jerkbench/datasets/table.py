@@ -4,24 +4,24 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from jerkbench.checks import require_choices, require_not_negative, require_positive
-from jerkbench.datasets._table_attitude import AttitudeMap
-from jerkbench.datasets._table_checks import CHOICES, require_columns, require_one_origin, require_origin
-from jerkbench.datasets._table_covariance import COVARIANCE_FRAMES, CovarianceMap
-from jerkbench.datasets._table_position import Fixes, PositionMap, read_fixes
-from jerkbench.datasets._table_reference import ReferenceMap, fixes_as_reference, read_reference
-from jerkbench.datasets._table_stream import Source, Stream
-from jerkbench.datasets._table_velocity import VelocityMap, read_velocity
+from jerkbench.datasets._table_checks import CHOICES, require_columns, require_origin
+from jerkbench.datasets._table_maps import (
+    check_origin,
+    first_ns,
+    fixes_of,
+    imu_of,
+    reference_of,
+    samples_of,
+    velocity_of,
+)
 from jerkbench.datasets._timed_columns import TimedColumns
 from jerkbench.errors import PluginError
 from jerkbench.plugins import register
 from jerkbench.readers.fetched import named_folder
 from jerkbench.readers.files import fingerprint
-from jerkbench.readers.gravity import gravity_notes
-from jerkbench.readers.mounting import axes_matrix, imu_in_body
+from jerkbench.readers.mounting import axes_matrix
 from jerkbench.readers.overlap import with_common_time
-from jerkbench.readers.standstill import calibrated
-from jerkbench.recording import Imu, Origin, Recording, Reference, Velocity
-from jerkbench.sanitiser.values import possible_imu, repeat_notes
+from jerkbench.recording import Recording
 
 
 @register("dataset", "table")
@@ -66,8 +66,8 @@ class Tables(TimedColumns):
         position_file: the file of the fixes; empty: there are none.
         position_time: its column of times.
         position_time_unit: s, ms, us or ns; empty: time_unit.
-        position_quality: of a .pos, the values of Q that are used (1 fixed, 2 float, 4 differential, 5 single); empty:
-            all.
+        position_quality: of a .pos, of velocities too, the values of Q that are used (1 fixed, 2 float, 4 differential,
+            5 single); empty: all.
         position_columns: the three columns of a place, in the order of its frame (latitude, longitude, height).
         position_frame: enu, ned, geodetic or ecef.
         position_sigma: columns of standard deviations [m]: one for all axes, three, or RTKLIB's six (11, 22, 33, 12,
@@ -163,7 +163,7 @@ class Tables(TimedColumns):
         require_choices(self, CHOICES)
         require_columns(self, self.velocity_frame)
         require_origin(self.origin)
-        self._require_one_origin()
+        check_origin(self)
         axes_matrix(self.imu_axes)
         require_positive("dataset table", self, ("position_sigma_m", "position_sigma_scale", "velocity_sigma_mps"))
         require_not_negative("dataset table", self, ("static_start_s",))
@@ -185,13 +185,13 @@ class Tables(TimedColumns):
         Raises:
             RecordingError: a file is missing or damaged, a column is not there, or what is in it makes no recording.
         """
-        stream = self._samples()
-        zero_ns = self._first_ns(stream)
-        fixes = self._fixes(zero_ns)
-        reference, origin, of_reference = self._reference(zero_ns, fixes)
-        imu = None if stream is None else self._imu(stream, zero_ns)
-        velocity, of_velocity = self._velocity(zero_ns, origin)
-        notes = (*self._imu_notes(stream, imu), *fixes.notes, *of_velocity, *of_reference)
+        samples = samples_of(self)
+        zero_ns = first_ns(self, samples)
+        fixes = fixes_of(self, zero_ns)
+        reference, origin, of_reference = reference_of(self, zero_ns, fixes)
+        imu, of_imu = imu_of(self, samples, zero_ns)
+        velocity, of_velocity = velocity_of(self, zero_ns, origin)
+        notes = (*of_imu, *fixes.notes, *of_velocity, *of_reference)
         recording = Recording(
             name=named_folder(self.folder).resolve().name,
             imu=imu,
@@ -205,120 +205,7 @@ class Tables(TimedColumns):
         )
         return with_common_time(recording, "check the columns of times and their unit")
 
-    def _require_one_origin(self) -> None:
-        compared = self.reference_position or self._reference_source.solved
-        if not (self.position_file and self.reference_file and compared):
-            return
-        solved = self._position_source.solved
-        said = f"position_file {self.position_file}" if solved else "position_frame"
-        frame = "geodetic" if solved else self.position_frame
-        reference_frame = "geodetic" if self._reference_source.solved else self.reference_frame
-        require_one_origin(said, frame, reference_frame, self.origin)
-
-    @property
-    def _position_source(self) -> Source:
-        return Source(
-            "position",
-            self.position_file,
-            self.position_time,
-            self.position_shift_s,
-            self.position_time_unit,
-            self.position_quality,
-        )
-
-    @property
-    def _reference_source(self) -> Source:
-        return Source(
-            "reference",
-            self.reference_file,
-            self.reference_time,
-            self.reference_shift_s,
-            self.reference_time_unit,
-            self.reference_quality,
-        )
-
-    def _samples(self) -> Stream | None:
-        if not self.imu_file:
-            return None
-        stream = self.read(Source("imu", self.imu_file, self.imu_time, self.imu_shift_s))
-        return stream.only((*self.imu_accel, *self.imu_gyro))
-
-    def _first_ns(self, samples: Stream | None) -> int:
-        """Time 0: that of the first sample, or, without an IMU, of the first fix."""
-        if samples is None:
-            source = self._position_source
-            if source.solved:
-                return int(self.solution_of(source)[0][0])
-            samples = self.read(source).only(self.position_columns)
-        return int(samples.t_ns[0]) if len(samples.t_ns) else 0
-
-    @staticmethod
-    def _imu_notes(stream: Stream | None, imu: Imu | None) -> tuple[str, ...]:
-        if stream is None or imu is None:
-            return ("There is no IMU: attitude, tilt and yaw do not apply.",)
-        return (*gravity_notes(imu.accel_mps2, "imu_axes"), *repeat_notes(imu), *stream.columns.notes)
-
     def fingerprint(self) -> str:
         """Return the SHA-256 over the bytes of the files."""
         names = (self.imu_file, self.position_file, self.velocity_file, self.reference_file, self.time_file)
         return fingerprint(tuple(path for name in dict.fromkeys(names) if name for path in self.files(name, "folder")))
-
-    def _imu(self, stream: Stream, zero_ns: int) -> Imu:
-        accel, gyro = stream.columns.numbers(self.imu_accel), stream.columns.numbers(self.imu_gyro)
-        units, turn = (self.accel_unit, self.gyro_unit), axes_matrix(self.imu_axes)
-        imu = imu_in_body(stream.t_s(zero_ns), accel, gyro, units, turn)
-        imu = calibrated(imu, self.static_start_s, gyro=self.remove_gyro_bias, accel=False)
-        return possible_imu(stream.columns.where, imu)
-
-    def _fixes(self, zero_ns: int) -> Fixes:
-        given = PositionMap(
-            source=self._position_source,
-            place=self.position_columns,
-            frame=self.position_frame,
-            angle_unit=self.angle_unit,
-            covariance=CovarianceMap(
-                sigma=self.position_sigma,
-                covariance=self.position_covariance,
-                frame=self.position_covariance_frame,
-                sigma_otherwise=self.position_sigma_m,
-                scale=self.position_sigma_scale,
-            ),
-        )
-        return read_fixes(self, given, zero_ns, Origin(*self.origin) if self.origin else None)
-
-    def _velocity(self, zero_ns: int, origin: Origin | None) -> tuple[Velocity | None, tuple[str, ...]]:
-        axes = self.velocity_frame if self.velocity_frame in COVARIANCE_FRAMES else "enu"
-        given = VelocityMap(
-            source=Source(
-                "velocity",
-                self.velocity_file,
-                self.velocity_time,
-                self.velocity_shift_s,
-                self.velocity_time_unit,
-                self.position_quality,
-            ),
-            axes=self.velocity_columns,
-            frame=self.velocity_frame,
-            covariance=CovarianceMap(self.velocity_sigma, self.velocity_covariance, axes, self.velocity_sigma_mps),
-        )
-        return read_velocity(self, given, zero_ns, origin)
-
-    def _reference(self, zero_ns: int, fixes: Fixes) -> tuple[Reference, Origin | None, tuple[str, ...]]:
-        if not self.reference_file:
-            return fixes_as_reference(fixes.position), fixes.origin, ()
-        given = ReferenceMap(
-            source=self._reference_source,
-            place=self.reference_position,
-            velocity=self.reference_velocity,
-            attitude=self._attitude(),
-            frame=self.reference_frame,
-            angle_unit=self.angle_unit,
-            comes_from=self.reference_source,
-            independent=self.reference_independent,
-            offset_m=self.reference_offset_m,
-        )
-        return read_reference(self, given, zero_ns, fixes.origin)
-
-    def _attitude(self) -> AttitudeMap:
-        frame = self.attitude_frame or self.reference_frame
-        return AttitudeMap(self.reference_attitude, self.attitude_unit, frame, self.reference_body, self.imu_axes)

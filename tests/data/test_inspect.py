@@ -78,9 +78,9 @@ def test_what_cannot_be_done_is_a_sentence(tmp_path, typed, words, said):
 @pytest.mark.parametrize(
     ("inside", "said"),
     [
-        (["a.pos", "b.bag"], "could be of rosbag or rtklib; give --dataset NAME (broad, comma2k19, fixposition, "),
+        (["a.pos", "b.bag"], "could be of rosbag or rtklib; give --dataset NAME (beijing_car, broad, comma2k19, "),
         (["a.pos", "oxts/data"], "could be of rtklib or kitti; give --dataset NAME"),
-        (["a.txt"], "holds nothing, that tells its data set; give --dataset NAME (broad, comma2k19, fixposition, "),
+        (["a.txt"], "holds nothing, that tells its data set; give --dataset NAME (beijing_car, broad, comma2k19, "),
         (["imu0/data.csv"], "imu0/data.csv is empty"),
         (["processed_log/a"], "global_pose/frame_times"),
     ],
