@@ -1,20 +1,22 @@
-"""What a plugin of each kind offers. A plugin need not inherit from these; it only has to fit."""
+"""The contracts of the plugins, kind by kind. A plugin need not inherit from these; it only has to fit.
 
-from collections.abc import Hashable
-from typing import ClassVar, Protocol, runtime_checkable
+Behind the contract of a kind stand its optional parts, each a Protocol of its own, and `OPTIONAL` lists them by kind. A
+plugin that has such a part is asked for it; one whose part is misspelt is refused when it is registered.
+"""
+
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from typing import ClassVar, Literal, Protocol, runtime_checkable
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
+from jerkbench.batch import Run, Streamed
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.recording import Recording
+from jerkbench.sums import Sums
 from jerkbench.timeline.timeline import Timeline
 
 
 class Dataset(Hashable, Protocol):
-    """A source of recordings.
-
-    Three attributes are optional: ``default_attitude`` names the attitude filter that suits it; ``attitude_only =
-    True`` says that it has nothing to navigate by, so that only a filter with the same attribute runs over it;
-    ``without_imu = True`` says that its recordings have no IMU, so that only filters with ``uses_imu = False`` do.
+    """A source of recordings; optional: `PreferringAttitude`, `AttitudeOnly`, `WithoutImu`.
 
     Attributes:
         seeded: whether another seed gives another recording (a simulation) or not (a file).
@@ -28,6 +30,30 @@ class Dataset(Hashable, Protocol):
 
     def fingerprint(self) -> str:
         """Return a hash of the data that `load` reads besides the parameters; empty where it reads none."""
+        ...
+
+
+@runtime_checkable
+class PreferringAttitude(Protocol):
+    """A data set that names the attitude filter, or preset, that suits it."""
+
+    default_attitude: ClassVar[str]
+
+
+@runtime_checkable
+class AttitudeOnly(Protocol):
+    """A data set with nothing to navigate by, or a filter that runs over it all the same, if the attribute is True."""
+
+    attitude_only: bool
+
+
+@runtime_checkable
+class WithoutImu(Protocol):
+    """A data set that says whether its recordings lack an IMU: if so, only filters run that use none (`UsingImu`)."""
+
+    @property
+    def without_imu(self) -> bool:
+        """Whether they do."""
         ...
 
 
@@ -50,11 +76,7 @@ class Disturbance(Hashable, Protocol):
 
 
 class AttitudeFilter(Hashable, Protocol):
-    """A way to find the attitude.
-
-    One thing is optional. ``require(self, load)`` is called before a sweep begins; it raises a RecordingError where the
-    recording that ``load()`` returns lacks what the parameters ask for.
-    """
+    """A way to find the attitude; optional: `Requiring`, `Remarking`."""
 
     def estimate(self, recording: Recording) -> Attitude:
         """Return the attitude and the gravity-compensated acceleration at the IMU's stamps."""
@@ -62,8 +84,21 @@ class AttitudeFilter(Hashable, Protocol):
 
 
 @runtime_checkable
+class Requiring(Protocol):
+    """An attitude filter, or a filter, that does not take every recording."""
+
+    def require(self, load: Callable[[], Recording]) -> None:
+        """Check, before a sweep begins, that the recording that ``load`` returns has what the parameters ask for.
+
+        Raises:
+            RecordingError: it has not.
+        """
+        ...
+
+
+@runtime_checkable
 class Remarking(Protocol):
-    """An attitude filter that has something to say of what it makes of a recording; optional."""
+    """An attitude filter that has something to say of what it makes of a recording."""
 
     def remarks(self, recording: Recording) -> tuple[str, ...]:
         """Return sentences that a reader of the table has to know, without numbers that change from seed to seed."""
@@ -74,7 +109,7 @@ class Remarking(Protocol):
 class Filter(Protocol):
     """A kinematic filter: the model of one axis; the full one is A (x) I3, b (x) I3, Q (x) I3, H = [I6 0].
 
-    A class attribute ``uses_imu = False`` says that b is zero, so that it runs over recordings without an IMU too.
+    Optional, as for an `Estimator`: `ManyLengths` (of a kinematic one alone), `UsingImu`, `AttitudeOnly`, `Requiring`.
     """
 
     def axis_model(self, dt: float, dt0: float) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -100,6 +135,16 @@ class ManyLengths(Protocol):
 
 
 @runtime_checkable
+class UsingImu(Protocol):
+    """A filter that says whether it uses the IMU: if not (its b is zero), it runs over recordings without one too."""
+
+    @property
+    def uses_imu(self) -> bool:
+        """Whether it does; a filter that does not say does."""
+        ...
+
+
+@runtime_checkable
 class Estimator(Protocol):
     """Anything that is not a kinematic filter; it stands in the group ``filter`` too."""
 
@@ -112,12 +157,7 @@ class Estimator(Protocol):
 
 
 class Adaptation(Protocol):
-    """A rule that changes R (and may fade P) between predict and update.
-
-    Three things are optional. ``memory_size(self) -> int`` is the length of the memory that `adapt` gets; without it
-    there is none. ``fade(self, innovation, HPHt, R, rows, memory) -> float`` is called first and gives a factor on the
-    prior covariance. A class attribute ``wants_true_covariance = True`` asks for the true covariance as R.
-    """
+    """A rule that changes R between predict and update; optional: `Remembering`, `Fading`, `TrueCovariance`."""
 
     def adapt(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
@@ -137,12 +177,40 @@ class Adaptation(Protocol):
         ...
 
 
+@runtime_checkable
+class Remembering(Protocol):
+    """An adaptation that remembers something from one update to the next."""
+
+    def memory_size(self) -> int:
+        """Return the length of the memory that `adapt` gets; without this method there is none."""
+        ...
+
+
+@runtime_checkable
+class Fading(Protocol):
+    """An adaptation that fades P as well."""
+
+    def fade(
+        self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
+    ) -> float:
+        """Return the factor on the prior covariance; it is asked first, and `adapt` then sees the faded HPHt.
+
+        Arguments are those of `Adaptation.adapt`.
+        """
+        ...
+
+
+@runtime_checkable
+class TrueCovariance(Protocol):
+    """An adaptation that gets the true covariance as R, if the attribute is True: an oracle."""
+
+    wants_true_covariance: ClassVar[bool]
+
+
 class Engine(Protocol):
     """A way to run a kinematic filter with an adaptation; all engines have the same inputs and outputs.
 
-    Two things are optional, `jerkbench.engines.compiled_engine` has both: ``run_many`` runs many timelines without
-    keeping trajectories, and what one of them raises harms no other; ``prepare(model)`` begins with what `run` will
-    need, while a single run does something else.
+    Optional: `SideBySide`, `Preparing`; `jerkbench.engines.compiled_engine` has both.
     """
 
     def run(self, timeline: Timeline, model: Filter, adaptation: Adaptation) -> Estimate:
@@ -150,15 +218,39 @@ class Engine(Protocol):
         ...
 
 
+@runtime_checkable
+class SideBySide(Protocol):
+    """An engine that runs many timelines at once, without keeping trajectories; what one raises harms no other."""
+
+    def run_many(
+        self, runs: Sequence[Run], model: Filter, adaptation: Adaptation, *, updates: bool, threads: int
+    ) -> Sequence[Streamed | None]:
+        """Return the sums of each run; None where it is to be run alone by `Engine.run`, which says why.
+
+        Args:
+            runs: timelines, and what the errors count for.
+            model: the filter.
+            adaptation: the adaptation.
+            updates: whether to keep what the updates saw.
+            threads: how many to use.
+        """
+        ...
+
+
+@runtime_checkable
+class Preparing(Protocol):
+    """An engine that can begin with what `Engine.run` will need, while a single run does something else."""
+
+    def prepare(self, model: Filter) -> None:
+        """Begin with it."""
+        ...
+
+
 class Metric(Protocol):
-    """A number, or a few, from one run.
+    """A number, or a few, from one run; optional: `Summarising`, `Reading`, `OnRequest`.
 
-    A class attribute ``default = False`` says that it is only computed where it is asked for (``metrics=[name]``).
-
-    Two more things are optional; a cell all of whose metrics have one of them runs without storing trajectories, which
-    is many times faster. ``summarise(sums: jerkbench.evaluation.sums.Sums) -> dict[str, float]`` gives the same as
-    `evaluate` from sums over the run alone. A class attribute ``reads`` says that `evaluate` looks at less than all of
-    the estimate: "attitude" (``index`` and ``euler_rad``) or "updates" (these and ``updates``).
+    A cell all of whose metrics are `Summarising` or `Reading` runs without storing trajectories, which is many times
+    faster.
     """
 
     def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
@@ -167,3 +259,49 @@ class Metric(Protocol):
         ``counted`` (k,) says which rows of the estimate count: the reference is scored there, after the burn-in.
         """
         ...
+
+
+@runtime_checkable
+class Summarising(Protocol):
+    """A metric that needs no more of a run than its sums."""
+
+    def summarise(self, sums: Sums) -> dict[str, float]:
+        """Return what `Metric.evaluate` does, from sums over the run alone."""
+        ...
+
+
+@runtime_checkable
+class Reading(Protocol):
+    """A metric that looks at less than all of the estimate: ``index`` and ``euler_rad``, or these and ``updates``."""
+
+    reads: ClassVar[Literal["attitude", "updates"]]
+
+
+@runtime_checkable
+class OnRequest(Protocol):
+    """A metric that is only computed where it is asked for (``metrics=[name]``), if the attribute is False."""
+
+    default: ClassVar[bool]
+
+
+OPTIONAL: Mapping[str, tuple[type, ...]] = {
+    "dataset": (PreferringAttitude, AttitudeOnly, WithoutImu),
+    "disturbance": (),
+    "attitude": (Requiring, Remarking),
+    "filter": (ManyLengths, UsingImu, AttitudeOnly, Requiring),
+    "adaptation": (Remembering, Fading, TrueCovariance),
+    "engine": (SideBySide, Preparing),
+    "metric": (Summarising, Reading, OnRequest),
+}
+"""The optional parts of each kind; a new one is a Protocol above and a word here."""
+
+REQUIRED: Mapping[str, tuple[type, ...]] = {
+    "dataset": (Dataset,),
+    "disturbance": (Disturbance,),
+    "attitude": (AttitudeFilter,),
+    "filter": (Filter, Estimator),
+    "adaptation": (Adaptation,),
+    "engine": (Engine,),
+    "metric": (Metric,),
+}
+"""The contract of each kind; a filter has one of two."""

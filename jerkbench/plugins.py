@@ -141,6 +141,10 @@ def _add(kind: str, name: str, cls: type) -> None:
         raise PluginError(
             f"{kind} {name}: {cls.__name__} is not a frozen dataclass; write @dataclass(frozen=True) above it."
         )
+    from jerkbench.optional import misfit  # the contracts, which a first `--help` can do without
+
+    if sentence := misfit(kind, cls):
+        raise PluginError(f"{kind} {name}: {sentence}")
     other = _registry[kind].get(name)
     if other is not None and (other.__module__, other.__qualname__) != (cls.__module__, cls.__qualname__):
         raise PluginError(

@@ -3,7 +3,7 @@
 import dataclasses
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -22,6 +22,7 @@ from jerkbench.contracts import (
 )
 from jerkbench.errors import PluginError
 from jerkbench.notices import notify
+from jerkbench.optional import is_attitude_only, lacks_imu, on_request, uses_imu
 from jerkbench.plain import plain
 
 Config = Mapping[str, Any]
@@ -171,10 +172,10 @@ def _whole(kind: str, plugin: Any) -> Any:  # noqa: ANN401 - as above
 
 def refusal(cell: Cell) -> str:
     """Return why the filter does not take the data set or the adaptation, or an empty string."""
-    if getattr(cell.dataset, "attitude_only", False) and not getattr(cell.filter, "attitude_only", False):
-        return _lacking(cell, "position to navigate by", _filters("attitude_only", value=True))
-    if getattr(cell.dataset, "without_imu", False) and getattr(cell.filter, "uses_imu", True):
-        return _lacking(cell, "IMU", _filters("uses_imu", value=False))
+    if is_attitude_only(cell.dataset) and not is_attitude_only(cell.filter):
+        return _lacking(cell, "position to navigate by", _filters(is_attitude_only))
+    if lacks_imu(cell.dataset) and uses_imu(cell.filter):
+        return _lacking(cell, "IMU", _filters(lambda cls: not uses_imu(cls)))
     name = cell.spec["adaptation"]["name"]
     if not isinstance(cell.filter, Estimator) or name in cell.filter.adaptations:
         return ""
@@ -187,9 +188,9 @@ def _lacking(cell: Cell, what: str, filters: Sequence[str]) -> str:
     return f"the data set {dataset} has no {what}, so the filter {model} cannot run over it, only: {', '.join(filters)}"
 
 
-def _filters(attribute: str, *, value: bool) -> list[str]:
-    """The filters whose class attribute has the value."""
-    return [name for name in plugins.names("filter") if getattr(plugins.get("filter", name), attribute, None) is value]
+def _filters(fits: Callable[[type], bool]) -> list[str]:
+    """The filters whose class fits."""
+    return [name for name in plugins.names("filter") if fits(plugins.get("filter", name))]
 
 
 def _metrics(asked: Sequence[str]) -> tuple[str, ...]:
@@ -200,7 +201,7 @@ def _metrics(asked: Sequence[str]) -> tuple[str, ...]:
     for sentence in plugins.left_out("metric").values() if not asked or "all" in asked else ():
         notify(sentence)
     if not asked:
-        return tuple(name for name in known if getattr(plugins.get("metric", name), "default", True))
+        return tuple(name for name in known if not on_request(plugins.get("metric", name)))
     return tuple(dict.fromkeys(name for one in asked for name in (known if one == "all" else [one])))
 
 

@@ -10,6 +10,7 @@ from jerkbench.cells.cell import Cell, Protocol, build
 from jerkbench.cells.labels import labels_of
 from jerkbench.cells.noise import Noise
 from jerkbench.errors import PluginError, unknown
+from jerkbench.optional import preferred_attitude
 from jerkbench.presets import merged, preset, preset_names
 
 Part = str | Mapping[str, Any]
@@ -106,7 +107,7 @@ def _noise(part: Part) -> Chosen:
 def _preferred_attitude(dataset: Part) -> str:
     """The attitude filter that the data set names in ``default_attitude``."""
     cls = plugins.get("dataset", choose("dataset", dataset).plain["name"])
-    return getattr(cls, "default_attitude", None) or DEFAULT_ATTITUDE
+    return preferred_attitude(cls) or DEFAULT_ATTITUDE
 
 
 def _split(kind: str, part: Part) -> tuple[str, dict[str, Any]]:

@@ -11,7 +11,8 @@ from jerkbench.conformance.matrices import require_covariance, require_finite, r
 from jerkbench.conformance.methods import require_methods
 from jerkbench.conformance.require import require
 from jerkbench.conformance.same import same
-from jerkbench.memory import Remembering, empty_memory
+from jerkbench.contracts import Fading, Remembering
+from jerkbench.memory import empty_memory
 from jerkbench.random_streams import stream
 
 ROWS = ((0, 1, 2, 3, 4, 5), (0, 1, 2), (3, 4, 5), (4,), (2,), (0, 1, 4))
@@ -100,7 +101,7 @@ def _run(plugin: Any, updates: list[Update], size: int, *, thorough: bool = True
 
 
 def _faded(plugin: Any, update: Update, memory: FloatArray) -> float:  # noqa: ANN401 - as above
-    if not hasattr(plugin, "fade"):
+    if not isinstance(plugin, Fading):
         return 1.0
     what = f"{type(plugin).__name__}.fade()"
     factor = float(_untouched(what, plugin.fade, update, memory))

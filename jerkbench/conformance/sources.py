@@ -6,6 +6,7 @@ from jerkbench.conformance.methods import require_methods
 from jerkbench.conformance.recordings import small_recording
 from jerkbench.conformance.require import require
 from jerkbench.conformance.same import pure_result, same
+from jerkbench.optional import is_attitude_only
 from jerkbench.recording import Recording
 
 LONG_S = 600.0
@@ -32,7 +33,7 @@ def check_dataset(plugin: Any) -> None:  # noqa: ANN401 - it is what is being ch
 
 def _check_positions(what: str, plugin: Any, recording: Recording) -> None:  # noqa: ANN401 - as above
     """Only a data set that says so has no positions."""
-    without = getattr(plugin, "attitude_only", False)
+    without = is_attitude_only(plugin)
     require(
         without or recording.position is not None,
         f"{what}.load() gives no positions; a filter has nothing to start from. If there are none, say so with a class"

@@ -6,11 +6,12 @@ from typing import Any
 import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
-from jerkbench.contracts import Adaptation, Filter
+from jerkbench.contracts import Adaptation, Fading, Filter
 from jerkbench.errors import PluginError, unknown
 from jerkbench.estimate import Estimate
 from jerkbench.kalman import ROUNDING, gain, innovation_factor, is_positive_definite, joseph, moved, squared_distance
 from jerkbench.memory import empty_memory
+from jerkbench.optional import wants_truth
 from jerkbench.plugins import register
 from jerkbench.timeline.recorder import Recorder
 from jerkbench.timeline.timeline import Timeline
@@ -58,9 +59,9 @@ class _Run:
         self.timeline, self.model, self.adaptation, self.joseph = timeline, model, adaptation, joseph
         measured = timeline.measurements
         self.z, self.reported = measured.z, measured.R
-        self.R = measured.R_true if getattr(adaptation, "wants_true_covariance", False) else measured.R
+        self.R = measured.covariances(true=wants_truth(adaptation))
         self.memory = empty_memory(adaptation)
-        self.fade = getattr(adaptation, "fade", None)
+        self.fade = adaptation.fade if isinstance(adaptation, Fading) else None
         self.kf = _new_filter(timeline, model)
         self.H = np.eye(6, self.kf.dim_x)
         self.models: dict[int, tuple[FloatArray, FloatArray, FloatArray]] = {}

@@ -8,12 +8,13 @@ import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.batch import Scoring, Streamed
-from jerkbench.contracts import Metric
+from jerkbench.contracts import Metric, Reading, Summarising
 from jerkbench.estimate import Estimate, Updates
 from jerkbench.evaluation.rows import POSITION_AXES, VELOCITY_AXES, Rows, counting, known_axes
-from jerkbench.evaluation.run import can_summarise, counted_rows
-from jerkbench.evaluation.sums import Sums, drifts_mps
+from jerkbench.evaluation.run import counted_rows
+from jerkbench.evaluation.sums import drifts_mps
 from jerkbench.recording import Recording
+from jerkbench.sums import Sums
 from jerkbench.timeline.timeline import Timeline
 
 
@@ -53,7 +54,7 @@ class Numbers(NamedTuple):
 
 def can_stream(metric: Metric) -> bool:
     """Whether the metric needs no trajectory."""
-    return can_summarise(metric) or getattr(metric, "reads", "") in ("attitude", "updates")
+    return isinstance(metric, Summarising | Reading)
 
 
 def scored(recording: Recording, timeline: Timeline, burn_in_s: float) -> Scored | None:

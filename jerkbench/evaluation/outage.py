@@ -5,9 +5,10 @@ from dataclasses import dataclass
 from jerkbench.arrays import BoolArray
 from jerkbench.estimate import Estimate
 from jerkbench.evaluation.navigation_errors import mean, rms
-from jerkbench.evaluation.sums import Sums, sums_of
+from jerkbench.evaluation.sums import sums_of
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
+from jerkbench.sums import Sums
 
 
 @register("metric", "outage")

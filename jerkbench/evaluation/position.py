@@ -6,9 +6,10 @@ from jerkbench.arrays import BoolArray
 from jerkbench.estimate import Estimate
 from jerkbench.evaluation.navigation_errors import rms
 from jerkbench.evaluation.rows import POSITION_AXES
-from jerkbench.evaluation.sums import Sums, sums_of
+from jerkbench.evaluation.sums import sums_of
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
+from jerkbench.sums import Sums
 
 
 @register("metric", "position_rmse")

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 import numpy as np
 
 from jerkbench.arrays import BoolArray
-from jerkbench.contracts import Metric
+from jerkbench.contracts import Metric, Summarising
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.estimate import Estimate
 from jerkbench.evaluation.navigation_errors import position_error_m
@@ -59,16 +59,15 @@ def evaluate_run(
     counted = counted_rows(estimate, recording, burn_in_s)
     if not counted.any() and not _stopped(estimate):
         raise RecordingError(_nothing_counts(recording, burn_in_s))
-    sums = sums_of(estimate, recording, counted) if any(map(can_summarise, metrics)) else None
-    return gathered(
-        (metric, metric.summarise(sums) if can_summarise(metric) else evaluate(metric, estimate, recording, counted))  # type: ignore[attr-defined]  # it was asked
-        for metric in metrics
-    )
+    summarised = any(isinstance(metric, Summarising) for metric in metrics)
+    sums = sums_of(estimate, recording, counted) if summarised else None
 
+    def columns(metric: Metric) -> Mapping[str, float]:
+        if sums is not None and isinstance(metric, Summarising):
+            return metric.summarise(sums)
+        return evaluate(metric, estimate, recording, counted)
 
-def can_summarise(metric: Metric) -> bool:
-    """Whether the metric needs no more of a run than its sums."""
-    return hasattr(metric, "summarise")
+    return gathered((metric, columns(metric)) for metric in metrics)
 
 
 def gathered(given: Iterable[tuple[Metric, Mapping[str, float]]]) -> dict[str, float]:

@@ -7,10 +7,11 @@ import numpy as np
 
 from jerkbench.batch import Run, Streamed
 from jerkbench.cells.cell import Cell
-from jerkbench.contracts import Estimator, Metric
+from jerkbench.contracts import Estimator, Metric, SideBySide, Summarising
 from jerkbench.evaluation.batch_scoring import Scored, can_stream, sums_from, with_updates
-from jerkbench.evaluation.run import can_summarise, gathered
+from jerkbench.evaluation.run import gathered
 from jerkbench.execution import inputs
+from jerkbench.optional import part_read
 from jerkbench.recording import Recording
 
 
@@ -39,7 +40,7 @@ class Found(NamedTuple):
 def streams(cell: Cell) -> bool:
     """Whether the runs of ``cell`` need no trajectories, and its engine can do without."""
     kinematic = not isinstance(cell.filter, Estimator)
-    return kinematic and hasattr(cell.engine, "run_many") and all(map(can_stream, cell.metrics))
+    return kinematic and isinstance(cell.engine, SideBySide) and all(map(can_stream, cell.metrics))
 
 
 def streamed_values(cell: Cell, draws: Sequence[int], fingerprint: str, threads: int) -> dict[int, Found]:
@@ -49,7 +50,7 @@ def streamed_values(cell: Cell, draws: Sequence[int], fingerprint: str, threads:
     what is the matter. What the engine itself raises goes on to the caller.
     """
     prepared = {draw: one for draw in draws if (one := _prepared(cell, draw, fingerprint)) is not None}
-    updates = any(getattr(metric, "reads", "") == "updates" for metric in cell.metrics)
+    updates = any(part_read(metric) == "updates" for metric in cell.metrics)
     runs = [one.run for one in prepared.values()]
     engine: Any = cell.engine
     results = engine.run_many(runs, cell.filter, cell.adaptation, updates=updates, threads=threads)
@@ -78,9 +79,9 @@ def _values(cell: Cell, one: Prepared, result: Streamed) -> dict[str, float]:
 
     def columns(metric: Metric) -> Mapping[str, float]:
         """Return the columns of ``metric``, in the units of their names, from the least that it needs."""
-        if can_summarise(metric):
-            return metric.summarise(sums)  # type: ignore[attr-defined, no-any-return]  # it was asked
-        if getattr(metric, "reads", "") == "attitude":
+        if isinstance(metric, Summarising):
+            return metric.summarise(sums)
+        if part_read(metric) == "attitude":
             return inputs.attitude_columns(cast("Hashable", metric), one.scored, one.recording)
         return metric.evaluate(seen, one.recording, one.scored.counted)
 

@@ -14,6 +14,7 @@ from jerkbench.errors import RecordingError
 from jerkbench.estimate import Attitude, Estimate, no_attitude
 from jerkbench.evaluation.batch_scoring import Scored, outlined, scored
 from jerkbench.execution.simulation_cache import simulated
+from jerkbench.optional import part_read
 from jerkbench.recording import Recording
 from jerkbench.timeline.timeline import Timeline, build_timeline
 
@@ -83,7 +84,7 @@ def attitude_columns(metric: Hashable, scored: Scored, recording: Recording) -> 
 
 def evaluated(metric: Metric, estimate: Estimate, recording: Recording, counted: BoolArray) -> Mapping[str, float]:
     """What a metric says; one that reads the attitude alone is asked once for each attitude, whoever has it."""
-    if getattr(metric, "reads", "") != "attitude":
+    if part_read(metric) != "attitude":
         return metric.evaluate(estimate, recording, counted)
     parts = (estimate.index, estimate.euler_rad, counted)
     content = hashlib.blake2b(b"".join(np.ascontiguousarray(part).tobytes() for part in parts)).digest()

@@ -1,10 +1,8 @@
-"""What a combination asks for, and its recording has not: said before anything runs."""
-
-from collections.abc import Callable
+"""The preflight: a recording that lacks what its filters ask for is refused before anything runs."""
 
 from jerkbench.cells.cell import Cell
+from jerkbench.contracts import Requiring
 from jerkbench.errors import JerkbenchError
-from jerkbench.recording import Recording
 
 
 def require_inputs(cell: Cell, checked: set[tuple[object, object]]) -> None:
@@ -18,15 +16,14 @@ def require_inputs(cell: Cell, checked: set[tuple[object, object]]) -> None:
         JerkbenchError: it has not, or there is no recording.
     """
     for part in (cell.attitude, cell.filter):
-        require = getattr(part, "require", None)
-        if require is not None and (cell.dataset, part) not in checked:
-            _ask(require, cell)
+        if isinstance(part, Requiring) and (cell.dataset, part) not in checked:
+            _ask(part, cell)
             checked.add((cell.dataset, part))
 
 
-def _ask(require: Callable[[Callable[[], Recording]], None], cell: Cell) -> None:
+def _ask(part: Requiring, cell: Cell) -> None:
     try:
-        require(lambda: cell.dataset.load(cell.draws[0]))
+        part.require(lambda: cell.dataset.load(cell.draws[0]))
     except JerkbenchError:
         raise
     except Exception:  # noqa: BLE001 - a plugin that breaks becomes a row that says so, when it is run

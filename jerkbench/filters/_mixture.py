@@ -8,6 +8,7 @@ from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.contracts import Adaptation, Filter
 from jerkbench.estimate import Estimate
 from jerkbench.filters._linear import StepModels, initial, is_healthy, squared_distance, updated
+from jerkbench.optional import wants_truth
 from jerkbench.timeline.recorder import Recorder
 from jerkbench.timeline.timeline import Timeline
 
@@ -59,7 +60,7 @@ class Mixture:
         x, P = np.array([x for x, _ in starts]), np.array([P for _, P in starts])
         self.x, self.P, self.weights = mixed(x, P, mu, transitions)
         measured = timeline.measurements
-        self.R = measured.R_true if getattr(adaptation, "wants_true_covariance", False) else measured.R
+        self.R = measured.covariances(true=wants_truth(adaptation))
         self.recorder = Recorder(timeline)
 
     def to_the_end(self) -> Estimate:

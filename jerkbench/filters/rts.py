@@ -16,6 +16,7 @@ from jerkbench.filters.baseline import Baseline
 from jerkbench.filters.bias import Bias
 from jerkbench.filters.jerk import Jerk
 from jerkbench.memory import empty_memory
+from jerkbench.optional import wants_truth
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 from jerkbench.timeline.recorder import Recorder
@@ -159,7 +160,7 @@ class _Update:
         """Start with an empty memory; an adaptation that asks for the true covariances gets them."""
         measured = timeline.measurements
         self.measured, self.adaptation, self.recorder = measured, adaptation, recorder
-        self.R = measured.R_true if getattr(adaptation, "wants_true_covariance", False) else measured.R
+        self.R = measured.covariances(true=wants_truth(adaptation))
         self.memory = empty_memory(adaptation)
 
     def __call__(self, row: int, x: FloatArray, P: FloatArray) -> tuple[FloatArray, FloatArray]:

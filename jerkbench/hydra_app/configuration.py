@@ -14,6 +14,7 @@ from jerkbench.cells.cell import Cell, Protocol, build
 from jerkbench.cells.labels import GROUPS, labels_of
 from jerkbench.cells.noise import Noise
 from jerkbench.errors import PluginError
+from jerkbench.optional import preferred_attitude
 
 
 @dataclass
@@ -128,7 +129,7 @@ class PluginNode(ConfigNode):
     def __init__(self, kind: str, name: str) -> None:
         """Stand for the plugin ``name`` of ``kind``."""
         self.kind, self.plugin = kind, name
-        self.attitude = getattr(plugins.get(kind, name), "default_attitude", None) if kind == "dataset" else None
+        self.attitude = preferred_attitude(plugins.get(kind, name)) if kind == "dataset" else None
         self.name, self.group, self.provider = f"{name}.yaml", kind, None
         self.package = f"disturbance.{name}" if kind == "disturbance" else "_global_" if self.attitude else None
 

@@ -5,7 +5,7 @@ from functools import partial
 from pathlib import Path
 
 from jerkbench.cells.cell import Cell
-from jerkbench.contracts import Estimator
+from jerkbench.contracts import Estimator, Preparing
 from jerkbench.estimate import Estimate
 from jerkbench.execution.cell_run import run_once, run_open_pieces
 from jerkbench.recording import Recording
@@ -30,7 +30,7 @@ def run_single(one: Planned, folder: Path) -> Stored:
 
 def prepare_drawing(cell: Cell) -> None:
     """Let the engine begin with what a trajectory needs and sums do not: to compile it takes as long as all else."""
-    if hasattr(cell.engine, "prepare") and not isinstance(cell.filter, Estimator):
+    if isinstance(cell.engine, Preparing) and not isinstance(cell.filter, Estimator):
         cell.engine.prepare(cell.filter)
 
 

@@ -16,6 +16,7 @@ from jerkbench.inertial.mechanisation import advance, calibrated
 from jerkbench.inertial.state import PHI, NavigationState, corrected, is_finite
 from jerkbench.inertial.update import carried_over, correction
 from jerkbench.memory import empty_memory
+from jerkbench.optional import wants_truth
 from jerkbench.recording import Heading, Imu
 from jerkbench.timeline.recorder import Recorder
 from jerkbench.timeline.timeline import Timeline
@@ -106,7 +107,7 @@ class InertialRun:
         self.state, self.P = start
         self.adaptation, self.memory = adaptation, empty_memory(adaptation)
         measured = timeline.measurements
-        self.R = measured.R_true if getattr(adaptation, "wants_true_covariance", False) else measured.R
+        self.R = measured.covariances(true=wants_truth(adaptation))
         self.noises: dict[int, FloatArray] = {}
         self.rate = np.zeros(3)
         self.reference_is_imu = not settings.reference_point_m.any()

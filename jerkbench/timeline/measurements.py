@@ -31,6 +31,10 @@ class Measurements:
     R: FloatArray
     R_true: FloatArray
 
+    def covariances(self, *, true: bool) -> FloatArray:
+        """Return (m, 6, 6) those that a filter gets."""
+        return self.R_true if true else self.R
+
 
 def gather(recording: Recording, attitude: Attitude) -> Measurements:
     """Merge the position and velocity of ``recording`` into rows of z."""

@@ -9,10 +9,11 @@ import numpy as np
 from jerkbench.arrays import FloatArray
 from jerkbench.compilation.calls import ask, fill_by, try_ask, try_fill_by
 from jerkbench.compilation.methods import Method, address_of, compiled_method, parameter_vector
-from jerkbench.contracts import Adaptation
+from jerkbench.contracts import Adaptation, Fading
 from jerkbench.engines.compiled.arguments import Packed, Rules
 from jerkbench.engines.compiled.layout import WIDTH
 from jerkbench.memory import empty_memory
+from jerkbench.optional import wants_truth
 
 GIVEN = (
     ("innovation", "float64", "m"),
@@ -52,14 +53,13 @@ def rule_of(adaptation: Adaptation) -> Rule:
         TypeError: `adapt` is no plain function.
     """
     adapt, fade = _addresses(cast("Hashable", adaptation))
-    wants_truth = bool(getattr(adaptation, "wants_true_covariance", False))
-    return Rule(parameter_vector(adaptation), len(empty_memory(adaptation)), adapt, fade, wants_truth)
+    return Rule(parameter_vector(adaptation), len(empty_memory(adaptation)), adapt, fade, wants_truth(adaptation))
 
 
 @lru_cache(maxsize=256)
 def _addresses(adaptation: Hashable) -> tuple[int, int]:
     adapt = address_of(compiled_method(adaptation, ADAPT))
-    return adapt, address_of(compiled_method(adaptation, FADE)) if hasattr(adaptation, "fade") else 0
+    return adapt, address_of(compiled_method(adaptation, FADE)) if isinstance(adaptation, Fading) else 0
 
 
 def call_adapt(rules: Rules, run: int, packed: Packed, m: int) -> bool:

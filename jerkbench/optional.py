@@ -1,0 +1,100 @@
+"""The optional parts of a plugin: what holds for one that lacks them, and the refusal of one whose part is misspelt."""
+
+import difflib
+from collections.abc import Iterable
+from dataclasses import fields
+from functools import cache
+from typing import Literal, get_args
+
+from jerkbench.contracts import (
+    OPTIONAL,
+    REQUIRED,
+    AttitudeOnly,
+    OnRequest,
+    PreferringAttitude,
+    Reading,
+    TrueCovariance,
+    UsingImu,
+    WithoutImu,
+)
+from jerkbench.errors import unknown
+
+NOT_OURS = ("builtins", "typing", "jerkbench.contracts")
+"""Modules of bases that no author has written."""
+
+READABLE = get_args(Reading.__annotations__["reads"].__args__[0])
+"""Parts of an estimate that a metric may read alone."""
+
+ALIKE = 0.8
+"""Names that are more alike than this are one name, misspelt."""
+
+
+def preferred_attitude(dataset: object) -> str | None:
+    """The attitude filter that a data set, or its class, names."""
+    return dataset.default_attitude if isinstance(dataset, PreferringAttitude) else None
+
+
+def is_attitude_only(plugin: object) -> bool:
+    """Whether a data set has nothing to navigate by, or a filter navigates by nothing."""
+    return isinstance(plugin, AttitudeOnly) and plugin.attitude_only is True
+
+
+def lacks_imu(dataset: object) -> bool:
+    """Whether the recordings of a data set have no IMU."""
+    return isinstance(dataset, WithoutImu) and dataset.without_imu
+
+
+def uses_imu(model: object) -> bool:
+    """Whether a filter, or its class, uses the IMU; a class whose parameters decide does."""
+    return not isinstance(model, UsingImu) or model.uses_imu is not False
+
+
+def wants_truth(adaptation: object) -> bool:
+    """Whether an adaptation gets the true covariance as R."""
+    return isinstance(adaptation, TrueCovariance) and adaptation.wants_true_covariance
+
+
+def on_request(metric: object) -> bool:
+    """Whether a metric, or its class, is only computed where it is asked for."""
+    return isinstance(metric, OnRequest) and not metric.default
+
+
+def part_read(metric: object) -> Literal["attitude", "updates", "everything"]:
+    """The part of an estimate that a metric looks at."""
+    return metric.reads if isinstance(metric, Reading) else "everything"
+
+
+def misfit(kind: str, cls: type) -> str:
+    """Return what is wrong with the optional parts of a plugin, in a sentence; empty: nothing.
+
+    Of a name that is all but one of an optional part it is taken that this was meant. Parameters may have such names.
+    """
+    parameters, asked = {field.name for field in fields(cls)}, _members(OPTIONAL[kind])
+    known = asked | _members(REQUIRED[kind]) | parameters
+    for name in (name for base in cls.__mro__ if base.__module__ not in NOT_OURS for name in _public(vars(base))):
+        if name not in known and (meant := difflib.get_close_matches(name, asked, 1, ALIKE)):
+            return (
+                f"nothing asks for {cls.__name__}.{name}, but for {meant[0]}; give it that name, or one that is less"
+                " like it."
+            )
+    for name in sorted(_methods(OPTIONAL[kind])):
+        if name in parameters or (hasattr(cls, name) and not callable(getattr(cls, name))):
+            return f"{cls.__name__}.{name} must be a method (see jerkbench.contracts), or have another name."
+    if isinstance(cls, Reading) and cls.reads not in READABLE:
+        return f"reads: {unknown('part of an estimate', str(cls.reads), READABLE)}"
+    return ""
+
+
+@cache
+def _members(protocols: tuple[type, ...]) -> frozenset[str]:
+    """The names that the protocols ask for."""
+    return frozenset(name for p in protocols for name in _public([*vars(p), *vars(p).get("__annotations__", ())]))
+
+
+@cache
+def _methods(protocols: tuple[type, ...]) -> frozenset[str]:
+    return frozenset(name for p in protocols for name in _public(vars(p)) if callable(vars(p)[name]))
+
+
+def _public(names: Iterable[str]) -> list[str]:
+    return [name for name in names if not name.startswith("_")]

@@ -1,0 +1,104 @@
+"""The optional parts of plugins: kept by every plugin of the tree, refused in words where they are misspelt."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import pytest
+
+from jerkbench import contracts, optional, plugins
+from jerkbench.errors import PluginError
+from jerkbench.evaluation.position import PositionRmse
+
+
+def refusal(kind, cls):
+    with pytest.raises(PluginError) as raised:
+        plugins.register(kind, "of_a_test")(dataclass(frozen=True)(cls))
+    return str(raised.value)
+
+
+def test_a_misspelt_method_is_refused_with_the_name_that_was_meant():
+    class Fades:
+        def adapt(self, innovation, HPHt, R, rows, memory):
+            return R
+
+        def fades(self, innovation, HPHt, R, rows, memory):
+            return 2.0
+
+    sentence = refusal("adaptation", Fades)
+
+    assert "adaptation of_a_test" in sentence
+    assert "Fades.fades" in sentence
+    assert "for fade;" in sentence
+    assert "of_a_test" not in plugins.names("adaptation")
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "value", "meant"),
+    [
+        ("metric", "summarize", lambda self, sums: {}, "summarise"),
+        ("adaptation", "wants_true_covarience", True, "wants_true_covariance"),
+        ("adaptation", "memory_sise", lambda self: 3, "memory_size"),
+        ("engine", "runs_many", lambda self: [], "run_many"),
+        ("dataset", "default_atitude", "real", "default_attitude"),
+        ("filter", "axis_modells", lambda self: (), "axis_models"),
+        ("attitude", "requires", lambda self, load: None, "require"),
+    ],
+)
+def test_every_kind_knows_its_own_optional_parts(kind, name, value, meant):
+    assert f"for {meant};" in refusal(kind, type("Typo", (), {name: value}))
+
+
+def test_a_misspelt_part_of_a_base_is_found_too():
+    class Base:
+        def remark(self, recording):
+            return ()
+
+    assert "for remarks;" in refusal("attitude", type("Derived", (Base,), {}))
+
+
+def test_a_parameter_may_have_any_name_but_that_of_a_method():
+    @dataclass(frozen=True)
+    class Near:
+        fades: float = 1.0
+
+    @dataclass(frozen=True)
+    class Same:
+        fade: float = 1.0
+
+    assert optional.misfit("adaptation", Near) == ""
+    assert "must be a method" in optional.misfit("adaptation", Same)
+
+
+def test_a_metric_reads_a_part_that_there_is():
+    assert "Did you mean" in refusal("metric", type("Reads", (), {"reads": "atitude"}))
+
+
+def test_no_plugin_of_the_tree_is_near_a_part_that_it_has_not():
+    for kind in plugins.KINDS:
+        for name in plugins.names(kind):
+            assert optional.misfit(kind, plugins.get(kind, name)) == "", (kind, name)
+
+
+def test_what_holds_for_a_plugin_that_lacks_a_part():
+    nothing = object()
+
+    assert optional.uses_imu(nothing)
+    assert not optional.lacks_imu(nothing)
+    assert not optional.is_attitude_only(nothing)
+    assert not optional.wants_truth(nothing)
+    assert not optional.on_request(nothing)
+    assert optional.preferred_attitude(nothing) is None
+    assert optional.part_read(nothing) == "everything"
+
+
+def test_a_plugin_that_has_a_part_fits_its_protocol():
+    class Without:
+        uses_imu: ClassVar[bool] = False
+
+    assert isinstance(plugins.get("adaptation", "oracle"), contracts.TrueCovariance)
+    assert isinstance(PositionRmse(), contracts.Summarising)
+    assert not optional.uses_imu(Without())
+
+
+def test_every_kind_has_a_contract_and_a_list_of_optional_parts():
+    assert set(contracts.OPTIONAL) == set(contracts.REQUIRED) == set(plugins.KINDS)
