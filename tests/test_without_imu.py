@@ -138,6 +138,6 @@ def test_a_sweep_leaves_out_filters_that_need_an_imu(tables, tmp_path, monkeypat
     main(["run", "-m", "dataset=table", *words(tables), "filter=constant_velocity,gnss_only,jerk"])
     said = capsys.readouterr()
     text = said.out + said.err
-    assert "has no IMU, so the filter jerk cannot run over it, only: acceleration, constant_velocity, gnss_only" in text
+    assert "has no IMU, so the filter jerk cannot run over it, only: acceleration, constant_turn, constant_" in text
     assert "constant_velocity" in said.out
     assert "There is no IMU: attitude, tilt and yaw do not apply." in said.out

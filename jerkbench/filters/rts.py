@@ -11,12 +11,11 @@ from jerkbench.contracts import Adaptation, Filter
 from jerkbench.errors import PluginError, unknown
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.filters._accepted import without_fading
-from jerkbench.filters._linear import StepModels, initial, is_healthy, squared_distance, updated
+from jerkbench.filters._linear import StepModels, initial, is_healthy
+from jerkbench.filters._updates import MeasurementUpdates
 from jerkbench.filters.baseline import Baseline
 from jerkbench.filters.bias import Bias
 from jerkbench.filters.jerk import Jerk
-from jerkbench.memory import empty_memory
-from jerkbench.optional import wants_truth
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 from jerkbench.timeline.recorder import Recorder
@@ -137,7 +136,7 @@ def _forward(timeline: Timeline, model: Filter, adaptation: Adaptation, recorder
     n, s = len(timeline.dt_s), len(x)
     kept = ForwardPass(np.empty((n, s)), np.empty((n, s, s)), np.empty((n, s)), np.empty((n, s, s)), [np.eye(s)] * n)
     models = StepModels(model, timeline.dt0_s)
-    update = _Update(timeline, adaptation, recorder)
+    update = MeasurementUpdates(timeline, adaptation, recorder)
     for k, (dt, sample) in enumerate(zip(timeline.dt_s.tolist(), timeline.sample.tolist(), strict=True)):
         if dt > 0:
             F, B, Q = models.of(dt)
@@ -151,30 +150,3 @@ def _forward(timeline: Timeline, model: Filter, adaptation: Adaptation, recorder
                 return kept.until(k), f"the covariance is no longer positive definite at {timeline.t_s[k]:.2f} s"
         kept.x[k], kept.P[k] = x, P
     return kept, ""
-
-
-class _Update:
-    """The measurement updates of one run, with the adaptation's memory."""
-
-    def __init__(self, timeline: Timeline, adaptation: Adaptation, recorder: Recorder) -> None:
-        """Start with an empty memory; an adaptation that asks for the true covariances gets them."""
-        measured = timeline.measurements
-        self.measured, self.adaptation, self.recorder = measured, adaptation, recorder
-        self.R = measured.covariances(true=wants_truth(adaptation))
-        self.memory = empty_memory(adaptation)
-
-    def __call__(self, row: int, x: FloatArray, P: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return x and P after the measurement ``row``; both as they were if every row of it is dropped."""
-        z = self.measured.z[row]
-        rows = np.flatnonzero(np.isfinite(z))
-        block = np.ix_(rows, rows)
-        innovation, HPHt = z[rows] - x[rows], P[block]
-        nis = squared_distance(innovation, HPHt + self.measured.R[row][block])
-        R = self.adaptation.adapt(innovation, HPHt, self.R[row][block], rows, self.memory)
-        kept, used = np.isfinite(np.diag(R)), float("nan")
-        if kept.any():
-            few = np.ix_(kept, kept)
-            used = squared_distance(innovation[kept], HPHt[few] + R[few])
-            x, P = updated(x, P, innovation[kept], np.eye(len(x))[rows[kept]], R[few])
-        self.recorder.update(row, rows, innovation, np.diag(R), nis, used)
-        return x, P

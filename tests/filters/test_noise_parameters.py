@@ -10,7 +10,7 @@ from jerkbench.errors import PluginError
 from jerkbench.filters.eskf15 import DEFORMATION, SIGMAS
 
 PROBABILITIES = ("first_stays", "second_stays", "first_probability")
-KINEMATIC = ("acceleration", "baseline", "bias", "constant_velocity", "imm", "jerk", "rts")
+KINEMATIC = ("acceleration", "baseline", "bias", "constant_turn", "constant_velocity", "imm", "jerk", "rts")
 
 
 def noises(name):

@@ -1,0 +1,38 @@
+"""The measurement updates of an estimator whose state begins with position and velocity."""
+
+import numpy as np
+
+from jerkbench.arrays import FloatArray
+from jerkbench.contracts import Adaptation
+from jerkbench.filters._linear import squared_distance, updated
+from jerkbench.memory import empty_memory
+from jerkbench.optional import wants_truth
+from jerkbench.timeline.recorder import Recorder
+from jerkbench.timeline.timeline import Timeline
+
+
+class MeasurementUpdates:
+    """The measurement updates of one run, with the adaptation's memory."""
+
+    def __init__(self, timeline: Timeline, adaptation: Adaptation, recorder: Recorder) -> None:
+        """Start with an empty memory; an adaptation that asks for the true covariances gets them."""
+        measured = timeline.measurements
+        self.measured, self.adaptation, self.recorder = measured, adaptation, recorder
+        self.R = measured.covariances(true=wants_truth(adaptation))
+        self.memory = empty_memory(adaptation)
+
+    def __call__(self, row: int, x: FloatArray, P: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return x and P after the measurement ``row``; both as they were if every row of it is dropped."""
+        z = self.measured.z[row]
+        rows = np.flatnonzero(np.isfinite(z))
+        block = np.ix_(rows, rows)
+        innovation, HPHt = z[rows] - x[rows], P[block]
+        nis = squared_distance(innovation, HPHt + self.measured.R[row][block])
+        R = self.adaptation.adapt(innovation, HPHt, self.R[row][block], rows, self.memory)
+        kept, used = np.isfinite(np.diag(R)), float("nan")
+        if kept.any():
+            few = np.ix_(kept, kept)
+            used = squared_distance(innovation[kept], HPHt[few] + R[few])
+            x, P = updated(x, P, innovation[kept], np.eye(len(x))[rows[kept]], R[few])
+        self.recorder.update(row, rows, innovation, np.diag(R), nis, used)
+        return x, P

@@ -1,0 +1,123 @@
+"""A filter of fixes alone that knows that vehicles turn."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from jerkbench.arrays import FloatArray
+from jerkbench.checks import require_not_negative
+from jerkbench.contracts import Adaptation
+from jerkbench.estimate import Attitude, Estimate
+from jerkbench.filters._accepted import without_fading
+from jerkbench.filters._linear import is_healthy
+from jerkbench.filters._updates import MeasurementUpdates
+from jerkbench.plugins import register
+from jerkbench.recording import Recording
+from jerkbench.timeline.recorder import Recorder
+from jerkbench.timeline.timeline import Timeline, build_timeline
+
+NOISES = ("velocity_walk_mps_per_sqrt_s", "turn_walk_radps_per_sqrt_s", "initial_turn_radps")
+STRAIGHT_RAD = 1e-4
+"""Below such an angle a step is taken by the first terms of its series."""
+
+
+@register("filter", "constant_turn")
+@dataclass(frozen=True)
+class ConstantTurn:
+    """Seven states [p, v, w]: horizontally a turn at the rate w, upwards a constant velocity; the IMU is not used.
+
+    With s = sin(w dt), c = cos(w dt), a = s/w, b = (1 - c)/w, one step is::
+
+        e += a v_e - b v_n    v_e = c v_e - s v_n    u += dt v_u
+        n += b v_e + a v_n    v_n = s v_e + c v_n
+
+    linearised for the covariance (extended Kalman filter), with the noise of `constant_velocity` on each axis and
+    q_w^2 dt on w. In a gap a turn goes on as a circle, where `constant_velocity` leaves it along the tangent. Turning
+    is seen in the fixes alone: where these are noisy and the vehicle is slow, w is noise too.
+
+    Source: the nearly coordinated turn model (Bar-Shalom, Li and Kirubarajan, "Estimation with Applications to Tracking
+    and Navigation", 11.7, doi:10.1002/0471221279).
+
+    Attributes:
+        velocity_walk_mps_per_sqrt_s: q, random walk of the velocity [m/s/sqrt(s)].
+        turn_walk_radps_per_sqrt_s: q_w, random walk of the rate of turn [rad/s/sqrt(s)].
+        initial_turn_radps: one sigma of the rate of turn at the start [rad/s].
+    """
+
+    uses_imu: ClassVar[bool] = False
+
+    velocity_walk_mps_per_sqrt_s: float = 1.0
+    turn_walk_radps_per_sqrt_s: float = 0.05
+    initial_turn_radps: float = 0.1
+
+    def __post_init__(self) -> None:
+        """Check that every noise is a number, and not negative."""
+        require_not_negative("filter constant_turn", self, NOISES)
+
+    @property
+    def adaptations(self) -> tuple[str, ...]:
+        """Names of the adaptations that it accepts: all that do not fade P."""
+        return without_fading()
+
+    def estimate(self, recording: Recording, attitude: Attitude, adaptation: Adaptation) -> Estimate:
+        """Return the solution at the reference's stamps; where P is no covariance any more, up to there."""
+        timeline = build_timeline(recording, attitude)
+        recorder = Recorder(timeline)
+        return recorder.estimate(self._run(timeline, adaptation, recorder))
+
+    def _run(self, timeline: Timeline, adaptation: Adaptation, recorder: Recorder) -> str:
+        update = MeasurementUpdates(timeline, adaptation, recorder)
+        x, P = np.append(timeline.x0, 0.0), np.zeros((7, 7))
+        P[:6, :6], P[6, 6] = timeline.P0, self.initial_turn_radps**2
+        for k, dt in enumerate(timeline.dt_s.tolist()):
+            if dt > 0:
+                F = turn_jacobian(x, dt)
+                x, P = turned(x, dt), F @ P @ F.T + self._noise(dt)
+            row, reference = int(timeline.update[k]), int(timeline.reference[k])
+            if row >= 0:
+                x, P = update(row, x, P)
+            if not is_healthy(x[:6], P[:6, :6]):
+                return f"the covariance is no longer positive definite at {timeline.t_s[k]:.2f} s"
+            if reference >= 0:
+                recorder.state(reference, x[:6], P[:6, :6])
+        return ""
+
+    def _noise(self, dt: float) -> FloatArray:
+        """Q (7, 7) of a step."""
+        axis = self.velocity_walk_mps_per_sqrt_s**2 * np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]])
+        Q = np.zeros((7, 7))
+        Q[:6, :6], Q[6, 6] = np.kron(axis, np.eye(3)), self.turn_walk_radps_per_sqrt_s**2 * dt
+        return Q
+
+
+def turned(x: FloatArray, dt: float) -> FloatArray:
+    """Return the state (7,) after ``dt`` seconds of its turn."""
+    a, b, c, s, _, _ = _factors(x[6], dt)
+    e, n, u, v_e, v_n, v_u, w = x
+    return np.array(
+        [e + a * v_e - b * v_n, n + b * v_e + a * v_n, u + dt * v_u, c * v_e - s * v_n, s * v_e + c * v_n, v_u, w]
+    )
+
+
+def turn_jacobian(x: FloatArray, dt: float) -> FloatArray:
+    """Return the derivatives (7, 7) of `turned` with respect to the state."""
+    a, b, c, s, da, db = _factors(x[6], dt)
+    v_e, v_n = x[3:5]
+    F = np.eye(7)
+    F[:2, 3:5] = [[a, -b], [b, a]]
+    F[2, 5] = dt
+    F[3:5, 3:5] = [[c, -s], [s, c]]
+    F[:2, 6] = [da * v_e - db * v_n, db * v_e + da * v_n]
+    F[3:5, 6] = [-dt * (s * v_e + c * v_n), dt * (c * v_e - s * v_n)]
+    return F
+
+
+def _factors(w: float, dt: float) -> tuple[float, ...]:
+    """A = sin(w dt)/w, b = (1 - cos(w dt))/w, cos, sin, and the derivatives of a and b with respect to w."""
+    angle = w * dt
+    c, s = float(np.cos(angle)), float(np.sin(angle))
+    if abs(angle) < STRAIGHT_RAD:
+        return dt * (1 - angle**2 / 6), dt * angle / 2, c, s, -dt * dt * angle / 3, dt * dt / 2
+    a, b = s / w, (1 - c) / w
+    return a, b, c, s, (dt * c - a) / w, (dt * s - b) / w
