@@ -45,6 +45,7 @@ def run(
     import pandas as pd
 
     from jerkbench.cells.cell import Protocol, refusal
+    from jerkbench.cells.data import data_fingerprint
     from jerkbench.cells.from_names import cell_of_parts
     from jerkbench.errors import PluginError
     from jerkbench.execution.cell_run import run_cell
@@ -55,5 +56,5 @@ def run(
     cell = cell_of_parts(single, several, noise, protocol)
     if reason := refusal(cell):
         raise PluginError(f"This combination makes no sense: {reason}.")
-    rows, _ = run_cell(cell, cell.dataset.fingerprint())
+    rows, _ = run_cell(cell, data_fingerprint(cell.dataset, cell.disturbances))
     return pd.DataFrame(rows)

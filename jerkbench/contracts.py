@@ -58,7 +58,7 @@ class WithoutImu(Protocol):
 
 
 class Disturbance(Hashable, Protocol):
-    """A change of a recording.
+    """A change of a recording; optional: `ReadingFile`.
 
     Attributes:
         seeded: whether it draws random numbers.
@@ -72,6 +72,15 @@ class Disturbance(Hashable, Protocol):
 
     def replicates(self) -> int:
         """Return how many different results seeds 0, 1, 2, ... give without any randomness (phases of a decimation)."""
+        ...
+
+
+@runtime_checkable
+class ReadingFile(Protocol):
+    """A disturbance that reads a file, whose content then stands in the key of a result."""
+
+    def fingerprint(self) -> str:
+        """Return a hash of the file's content; empty where this package's own code answers for it."""
         ...
 
 
@@ -286,7 +295,7 @@ class OnRequest(Protocol):
 
 OPTIONAL: Mapping[str, tuple[type, ...]] = {
     "dataset": (PreferringAttitude, AttitudeOnly, WithoutImu),
-    "disturbance": (),
+    "disturbance": (ReadingFile,),
     "attitude": (Requiring, Remarking),
     "filter": (ManyLengths, UsingImu, AttitudeOnly, Requiring),
     "adaptation": (Remembering, Fading, TrueCovariance),

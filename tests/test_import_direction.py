@@ -26,7 +26,7 @@ ORDER = [
     ["memory", "optional"],
     ["inertial"],
     ["plugins"],
-    ["simulation", "readers"],
+    ["simulation", "readers", "traces"],
     ["sanitiser"],
     ["bags"],
     ["writers"],

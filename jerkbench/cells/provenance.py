@@ -19,9 +19,9 @@ NOT_COMPUTING = ("fetching", "inspection", "cli", "data", "report", "verbs")
 
 @cache
 def code_digest() -> str:
-    """Hash of every source file of this package that a result may depend on."""
+    """Hash of every source file of this package, and of every trace, that a result may depend on."""
     digest = hashlib.sha256()
-    for path in sorted(PACKAGE.rglob("*.py")):
+    for path in sorted([*PACKAGE.rglob("*.py"), *PACKAGE.glob("traces/shipped/*.parquet")]):
         inside = path.relative_to(PACKAGE)
         if inside.parts[0].removesuffix(".py") not in NOT_COMPUTING:
             digest.update(str(inside).encode() + path.read_bytes())

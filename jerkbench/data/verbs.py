@@ -14,6 +14,7 @@ VERBS = {
     "convert": "write a recording as a ROS bag, a table or a trajectory",
     "salvage": "write a fresh bag from what is whole in a ROS 1 bag that was cut off or damaged",
     "fetch": "download a public recording, check it, and keep it",
+    "trace": "write the errors of a recording's fixes against its reference, to replay them elsewhere",
     "inspect": "print what a recording is made of, and what is wrong with it",
 }
 """Each verb, and what it does."""

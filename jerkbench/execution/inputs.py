@@ -9,8 +9,8 @@ from typing import cast
 import numpy as np
 
 from jerkbench.arrays import BoolArray
+from jerkbench.cells.data import require_data
 from jerkbench.contracts import AttitudeFilter, Dataset, Disturbance, Metric
-from jerkbench.errors import RecordingError
 from jerkbench.estimate import Attitude, Estimate, no_attitude
 from jerkbench.evaluation.batch_scoring import Scored, outlined, scored
 from jerkbench.execution.simulation_cache import simulated
@@ -25,9 +25,10 @@ KEPT = 32
 @lru_cache(maxsize=KEPT)
 def disturbed(dataset: Dataset, disturbances: tuple[Disturbance, ...], fingerprint: str, seed: int) -> Recording:
     """The recording of ``seed`` after all disturbances, in order; ``fingerprint`` tells changed files apart."""
-    recording = _loaded(dataset, fingerprint, seed)
+    recording = _loaded(dataset, dataset.fingerprint(), seed)
     for disturbance in disturbances:
         recording = disturbance.apply(recording, seed)
+    require_data(dataset, disturbances, fingerprint)  # afterwards: what was read meanwhile is what the hash says
     return recording
 
 
@@ -37,23 +38,8 @@ def _loaded(dataset: Dataset, fingerprint: str, seed: int) -> Recording:
     if ours and dataset.seeded and not fingerprint:
         return simulated(dataset, seed)
     recording = dataset.load(seed)
-    require_data(dataset, fingerprint)  # afterwards: what was read meanwhile is what the hash says
+    require_data(dataset, (), fingerprint)  # as above
     return recording
-
-
-def require_data(dataset: Dataset, fingerprint: str) -> None:
-    """Require that the data are still those of ``fingerprint``.
-
-    Raises:
-        RecordingError: they are others.
-    """
-    current = dataset.fingerprint()
-    if current != fingerprint:
-        raise RecordingError(
-            f"The data of the data set {type(dataset).__name__} have changed since they were hashed: the hash was "
-            f"{fingerprint or 'empty'}, it is {current or 'empty'}. `jerkbench run` with the same words runs it with "
-            "the data that are there now."
-        )
 
 
 @lru_cache(maxsize=KEPT)

@@ -6,12 +6,12 @@ from pathlib import Path
 from typing import Any
 
 from jerkbench.cells.cell import Cell, Protocol, build
+from jerkbench.cells.data import require_data
 from jerkbench.cells.labels import Labels
 from jerkbench.cells.provenance import code_digest, versions
 from jerkbench.errors import JerkbenchError
 from jerkbench.estimate import Estimate
 from jerkbench.execution.cell_run import Row, run_once, run_open
-from jerkbench.execution.inputs import require_data
 from jerkbench.execution.plugin_errors import plugins_in_words
 from jerkbench.recording import Recording
 from jerkbench.results.store import Store, Stored
@@ -42,7 +42,7 @@ class StoredRow:
         Raises:
             JerkbenchError: the data are other data now.
         """
-        require_data(self.cell.dataset, self.fingerprint)
+        require_data(self.cell.dataset, self.cell.disturbances, self.fingerprint)
         with plugins_in_words(self.cell):
             return run_once(self.cell, self.draw, self.fingerprint)
 
@@ -52,7 +52,7 @@ class StoredRow:
         Raises:
             JerkbenchError: the data are other data now.
         """
-        require_data(self.cell.dataset, self.fingerprint)
+        require_data(self.cell.dataset, self.cell.disturbances, self.fingerprint)
         (row,), _ = run_open(self.cell, self.fingerprint, [self.draw])
         return row
 

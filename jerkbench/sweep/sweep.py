@@ -6,6 +6,7 @@ from functools import partial
 from pathlib import Path
 
 from jerkbench.cells.cell import Cell, refusal
+from jerkbench.cells.data import data_fingerprint
 from jerkbench.errors import PluginError
 from jerkbench.execution.cell_run import failed_rows, run_pieces
 from jerkbench.execution.pool import run_grouped
@@ -44,10 +45,11 @@ def plan_sweep(cells: Sequence[Cell]) -> Plan:
         if reason := refusal(cell):
             refused[reason] = refused.get(reason, 0) + 1
             continue
-        if cell.dataset not in fingerprints:
-            fingerprints[cell.dataset] = cell.dataset.fingerprint()
+        source = cell.dataset, cell.disturbances
+        if source not in fingerprints:
+            fingerprints[source] = data_fingerprint(*source)
         require_inputs(cell, checked)
-        fingerprint = fingerprints[cell.dataset]
+        fingerprint = fingerprints[source]
         key = cell_key(cell, fingerprint)
         planned.setdefault(key, Planned(cell, key, fingerprint))
     _require_names([one.cell for one in planned.values()])

@@ -17,7 +17,7 @@ NAMES = [
 ]
 SEEDED = [name for name in NAMES if plugins.get("disturbance", name).seeded]
 IMU_OR_STAMPS = ("bias", "imu_vibration", "dropout", "jitter")
-FLOAT = ("rtk_float", "rtk_float_overconfident")  # correlated in time: a test of its own
+CORRELATED = ("rtk_float", "rtk_float_overconfident", "replayed_gnss")  # in time: each has a test of its own
 OUTAGE = {"windows_s": ((15.0, 25.0),)}
 
 
@@ -114,7 +114,7 @@ def test_none_is_the_identity(recording):
     assert create("none").apply(recording, 0) is recording
 
 
-@pytest.mark.parametrize("name", [n for n in SEEDED if n not in (*IMU_OR_STAMPS, *FLOAT)])
+@pytest.mark.parametrize("name", [n for n in SEEDED if n not in (*IMU_OR_STAMPS, *CORRELATED)])
 def test_true_covariances_hold_what_was_added(make, name):
     """Over many rows the added error, normalised with what the true covariance grew by, has a mean square of one."""
     recording = make(duration_s=1000.0)

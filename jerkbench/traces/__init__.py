@@ -1,0 +1,1 @@
+"""Traces: what a real receiver's fixes were off by, and what it said of them."""
