@@ -25,11 +25,11 @@ class StepResponse:
 
 
 def step_response(t_s: FloatArray, error: FloatArray, begin_s: float, end_s: float) -> StepResponse:
-    """Return how (n,) errors at ``t_s`` answer a fault at ``begin_s``, looked at until ``end_s``.
+    """Return how (n,) errors at ``t_s`` answer a fault at ``begin_s``, looked at before ``end_s``.
 
     With e0 the error before the fault, halfway back is (peak + e0)/2, or half of the peak where e0 is no smaller.
     """
-    earlier, during = t_s < begin_s, (t_s >= begin_s) & (t_s <= end_s)
+    earlier, during = t_s < begin_s, (t_s >= begin_s) & (t_s < end_s)
     before = float(np.sqrt(np.mean(error[earlier] ** 2))) if earlier.any() else np.nan
     if not during.any():
         return StepResponse(before, np.nan, np.nan, np.nan)

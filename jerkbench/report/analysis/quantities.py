@@ -2,7 +2,17 @@
 
 from dataclasses import dataclass
 
-UNITS = {"m": "m", "mps": "m/s", "rad": "rad", "deg": "deg", "radps": "rad/s", "s": "s", "us": "µs", "percent": "%"}
+UNITS = {
+    "m": "m",
+    "mps": "m/s",
+    "rad": "rad",
+    "deg": "deg",
+    "radps": "rad/s",
+    "s": "s",
+    "us": "µs",
+    "db": "dB",
+    "percent": "%",
+}
 """Last part of a column's name, and the unit that it stands for."""
 
 WORDS = {"rmse": "RMSE", "anees": "ANEES", "anis": "ANIS", "max": "maximum"}
@@ -21,6 +31,11 @@ TITLES = {
     "outage_drift_mps": "Growth of the position error (3-D) in an outage",
     "position_rmse_low_m": "Position RMSE (3-D), lower end of the recording's own interval",
     "position_rmse_high_m": "Position RMSE (3-D), upper end of the recording's own interval",
+    "position_crps_m": "CRPS of the position, mean of the axes",
+    "non_credibility_db": "Non-credibility index of the position",
+    "inclination_db": "Inclination indicator of the covariances of the position",
+    "recovery_s": "Time until the error (3-D) after an outage is halfway back",
+    "recovery_peak_m": "Largest position error (3-D) after the begin of an outage, mean over the outages",
     "position_log_score": "Log-score of the true position (nats)",
     "relative_error_percent": "Error of the displacement (3-D), of the distance",
     "inflated_percent": "Updates with an inflated position",
@@ -49,6 +64,7 @@ EXPECTED = {
     "coverage_2_sigma_percent": 95.4,
     "coverage_3_sigma_percent": 99.7,
     "innovation_correlation": 0,
+    "inclination_db": 0,
     "innovation_white_percent": 95,
 }
 """What a consistent filter gives; of these neither the lowest nor the highest is the best."""

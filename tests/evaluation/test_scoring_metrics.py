@@ -1,0 +1,73 @@
+"""CRPS, credibility and recovery of a run against naive computations."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.stats import norm
+
+from jerkbench.evaluation.credibility import Credibility
+from jerkbench.evaluation.crps import Crps
+from jerkbench.evaluation.recovery import Recovery
+from jerkbench.evaluation.run import counted_rows
+
+
+@pytest.fixture
+def counted(estimate, recording):
+    return counted_rows(estimate, recording, 5.0)
+
+
+def placed(estimate, recording, error_m, covariance=None):
+    """The estimate with these position errors."""
+    truth = recording.reference.enu_m[estimate.index]
+    full = np.broadcast_to(np.eye(6), (len(estimate.index), 6, 6)) if covariance is None else covariance
+    return dataclasses.replace(estimate, position_m=truth + error_m, covariance=full)
+
+
+def test_the_crps_is_the_mean_of_integrals(estimate, recording, counted):
+    rows = np.flatnonzero(counted & np.isfinite(recording.reference.enu_m[estimate.index]).all(axis=1))
+    error = estimate.position_m[rows] - recording.reference.enu_m[estimate.index[rows]]
+    sigma = np.sqrt(np.diagonal(estimate.covariance[rows, :3, :3], axis1=1, axis2=2))
+    naive = [
+        quad(lambda x, e=e, s=s: (norm.cdf(x, e, s) - (x >= 0)) ** 2, -60, 60, points=[0.0, e], limit=300)[0]
+        for e, s in zip(error.ravel()[:24], sigma.ravel()[:24], strict=True)
+    ]
+    some = np.zeros_like(counted)
+    some[rows[:8]] = True
+    assert Crps().evaluate(estimate, recording, some)["position_crps_m"] == pytest.approx(np.mean(naive), rel=1e-4)
+
+
+@pytest.mark.parametrize(("factor", "inclination"), [(1.0, 0.0), (10.0, 10.0), (0.1, -10.0)])
+def test_errors_that_are_larger_than_said_have_decibels(estimate, recording, counted, factor, inclination):
+    """Covariances equal to the mean square errors of the run over a factor, row by row."""
+    error = np.random.default_rng(3).normal(size=(len(estimate.index), 3))
+    rows = counted & np.isfinite(recording.reference.enu_m[estimate.index]).all(axis=1)
+    covariance = np.tile(np.eye(6), (len(error), 1, 1))
+    covariance[:, :3, :3] = error[rows].T @ error[rows] / rows.sum() / factor
+    got = Credibility().evaluate(placed(estimate, recording, error, covariance), recording, counted)
+    assert got["inclination_db"] == pytest.approx(inclination, abs=1e-9)
+    assert got["non_credibility_db"] == pytest.approx(abs(inclination), abs=1e-9)
+
+
+def test_an_error_that_halves_every_second_recovers_in_one(estimate, recording, counted):
+    t_s = recording.reference.t_s[estimate.index]
+    size = np.zeros(len(t_s))
+    for begin, end in recording.outages_s:
+        size = np.where(t_s >= begin, 8.0 * 2.0 ** -np.maximum(0.0, t_s - end), size)
+    error = size[:, None] * np.array([1.0, 0.0, 0.0])
+    everywhere = np.ones_like(counted)
+    whole = dataclasses.replace(
+        recording, reference=dataclasses.replace(recording.reference, enu_m=np.zeros_like(recording.reference.enu_m))
+    )
+    got = Recovery().evaluate(placed(estimate, whole, error), whole, everywhere)
+    assert got["recovery_peak_m"] == pytest.approx(8.0)
+    lengths = np.diff(recording.outages_s, axis=1)[:, 0]
+    assert got["recovery_s"] == pytest.approx(np.mean(lengths) + 1.0, abs=0.51)  # from the peak at the begin
+
+
+@pytest.mark.parametrize("metric", [Crps(), Credibility(), Recovery()])
+def test_where_nothing_counts_there_is_no_score(metric, estimate, recording, counted):
+    got = metric.evaluate(estimate, recording, np.zeros_like(counted))
+    assert all(map(math.isnan, got.values()))
