@@ -66,8 +66,8 @@ def max_t(d: FloatArray, resamples: int = RESAMPLES, seed: int = SEED) -> MaxT:
 
         t_b = mean(x_b)/(s(x_b)/sqrt(n))        maximum_b = max over m of |t_b|
 
-    Sign flips would be exact for symmetric differences; of skewed ones they err in up to 40 % of studies of 60
-    scenarios where this stays at 5 % (`benchmarks/statistics.py`). The price is that 5 seeds show little.
+    Sign flips would be exact for symmetric differences; of skewed ones they err in 17 % of studies of 60
+    scenarios where this stays near 5 % (benchmarks/README.md). The price is that 5 seeds show little.
 
     Source: Romano and Wolf, "Exact and approximate stepdown methods for multiple hypothesis testing", JASA 100 (2005);
     Hall, "The Bootstrap and Edgeworth Expansion", Springer (1992), 3.3 for studentising.
