@@ -5,7 +5,7 @@ them, new ones each time, are the whole.
 
 Two runs agree if they differ by less than the limits of `engine_agreement`, or by less than some times what rounding
 itself explains: the reference runs again, and after every prediction x and P, and at every update z, change in their
-last bits, and x and P after an update in as many more as the condition of S takes from the gain. That must not be more
+last bits, and x and P after an update in as many more as the condition of S takes from them. That must not be more
 than a twentieth of a sigma: where it is, a threshold has flipped or a run has failed by rounding, and nothing after it
 is compared.
 """
@@ -30,7 +30,7 @@ from jerkbench.timeline.timeline import Timeline
 
 SHARE = 3
 COUNT = int(os.environ.get("JERKBENCH_RANDOM_TIMELINES", SHARE))
-LAST_BITS, CHANGED, FACTOR, LARGEST = 4, 6, 100.0, 0.05
+LAST_BITS, CHANGED, FACTOR, LARGEST = 4, 6, 20.0, 0.05
 """Bits [ulp], changed runs, how much more than these the engine may differ, and the most that they may [sigma]."""
 
 LENGTHS_S = st.sampled_from([0.01, 0.01, 0.01, 0.1, 1.0, 100.0, 0.0, 1e-9])
@@ -145,12 +145,19 @@ class ChangedRun(filterpy_engine._Run):
         return failure
 
     def _correct(self, innovation, R, rows):
-        """Note the condition of S, scaled: a gain is as wrong as rounding times that."""
+        """Note how much of rounding reaches K R, the covariance of what is measured.
+
+        The factors of S are those of S + E, |E_ij| < eps sqrt(S_ii S_jj), and K R = P S^-1 R then errs by K E S^-1 R:
+        where R couples a fine row with a coarse one by more than the condition of S alone.
+        """
         kept = np.isfinite(np.diag(R))
-        S = (self.kf.P[np.ix_(rows, rows)] + R)[np.ix_(kept, kept)]
-        if kept.any() and innovation_factor(S) is not None:
-            sigma = np.sqrt(np.diag(S))
-            self.condition = np.linalg.cond(S / (sigma[:, None] * sigma))
+        used = np.ix_(kept, kept)
+        P, R_used = self.kf.P[np.ix_(rows, rows)][used], R[used]
+        if kept.any() and innovation_factor(S := P + R_used) is not None:
+            sigma, variances = np.sqrt(np.diag(S)), np.diag(R_used)
+            left = np.diag(R_used @ np.linalg.solve(S, R_used)) / variances
+            coupled = np.sqrt(np.abs(np.diag(P) / variances).max() * np.abs(left).max())
+            self.condition = np.linalg.cond(S / (sigma[:, None] * sigma)) * max(1.0, coupled)
         return super()._correct(innovation, R, rows)
 
     def _is_sound(self, prior, measured):
