@@ -121,6 +121,36 @@ def naive_huber(u):
     return u.R + np.diag(np.where(sigmas > 1, (sigmas - 1) * u.r, 0.0))
 
 
+def naive_igg3(u):
+    """The weight as a piecewise function on v, R = R + what its inverse adds."""
+    v = np.abs(u.y) / np.sqrt(np.diag(u.S))
+    middle = (2 / np.maximum(v, 1e-300)) * ((6 - v) / (6 - 2)) ** 2
+    weight = np.select([v <= 2, v < 6], [1.0, middle], 0.0)
+    with np.errstate(divide="ignore"):
+        R, variances = u.R.copy(), np.diag(u.R) / weight
+    R[np.diag_indices(6)] = np.where(u.there, variances, np.diag(u.R))
+    return R
+
+
+class NaiveRelaxingGate:
+    """The width itself is remembered, not the count."""
+
+    def __init__(self):
+        self.streak, self.width = np.zeros(6, int), np.full(6, 3.0)
+
+    def __call__(self, u):
+        R = u.R.copy()
+        for i in np.flatnonzero(u.there):
+            if u.y[i] ** 2 > self.width[i] ** 2 * u.S[i, i]:
+                self.streak[i] += 1
+                if self.streak[i] > 5:
+                    self.width[i] *= 1.5
+                R[i, i] = np.inf
+            else:
+                self.streak[i], self.width[i] = 0, 3.0
+        return R
+
+
 def naive_student_t(u):
     return u.R / ((4 + u.m) / (4 + u.nis()))
 

@@ -17,6 +17,8 @@ ADAPT = {
     "fuzzy": naive.NaiveFuzzy,
     "chi2": naive.NaiveChi2,
     "huber": lambda: naive.naive_huber,
+    "igg3": lambda: naive.naive_igg3,
+    "relaxing_gate": naive.NaiveRelaxingGate,
     "student_t": lambda: naive.naive_student_t,
     "variational_bayes": naive.NaiveVariationalBayes,
     "ssmkf": lambda: naive.naive_similarity,

@@ -252,3 +252,25 @@ def test_adaptive_q_opens_a_filter_whose_prior_is_too_small_and_leaves_one_that_
 def test_a_parameter_out_of_range_is_a_sentence_that_names_it(name, wrong):
     with pytest.raises(PluginError, match=rf"{name}.*{next(iter(wrong))}"):
         make(name, **wrong)
+
+
+def test_igg3_joins_its_three_parts():
+    """The weight is continuous at k0, and runs to nothing at k1."""
+    igg3 = make("igg3", keep=2.0, drop=6.0)
+
+    def variance(v):
+        return igg3.adapt(*scalar_update(v * np.sqrt(2.0)), np.zeros(0))[0, 0]
+
+    assert variance(2.0) == 1.0
+    assert variance(2.0 + 1e-9) == pytest.approx(1.0, rel=1e-8)
+    assert variance(4.0) == pytest.approx(8.0)  # w = (2/4) (2/4)^2 = 1/8
+    assert variance(6.0 - 1e-6) > 1e12
+    assert variance(6.0) == np.inf
+
+
+def test_the_relaxing_gate_comes_back_where_a_fixed_one_stays_shut():
+    """A filter that is off by 40 sigma: rejected N times, then 3 * 1.5^c reaches 40 at c = 7."""
+    off = scalar_update(40.0 * np.sqrt(2.0))
+    dropped = [bool(np.isinf(R[0, 0])) for R in run(make("relaxing_gate"), [off] * 14)]
+
+    assert dropped == [True] * 12 + [False, True]  # c - 5 = 7 at the 13th; then it is shut again

@@ -1,0 +1,56 @@
+"""The three-part weight IGG-III."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.errors import PluginError
+from jerkbench.plugins import register
+
+
+@register("adaptation", "igg3")
+@dataclass(frozen=True)
+class Igg3:
+    """Keeps, weakens or drops each row by how large its innovation is.
+
+    With v = |y_i| / sqrt(S_ii), S = H P- H' + R::
+
+        w = 1                                    v <= k0
+        w = (k0 / v) ((k1 - v) / (k1 - k0))^2    k0 < v <= k1
+        w = 0                                    k1 < v
+
+        R_ii = R_ii / w;  w = 0 drops the row
+
+    Off-diagonals of R stay. The weight falls to zero, so that a gross outlier has no pull at all, unlike Huber's; a
+    filter that is off by more than k1 sigma for another reason drops every measurement and finds no way back.
+
+    Source: Y. Yang, L. Song, T. Xu, "Robust estimator for correlated observations based on bifactor equivalent
+    weights", Journal of Geodesy 76, 353-358, 2002: the weight function. The innovation stands for the residual of an
+    adjustment, row by row, without iterations. Ours, k0 = 2 and k1 = 6, are wider than the usual 1.5 and 4.
+
+    Attributes:
+        keep: k0, up to here a row keeps its weight, in standard deviations of the innovation [-].
+        drop: k1, beyond it a row is dropped, in standard deviations of the innovation [-].
+    """
+
+    keep: float = 2.0
+    drop: float = 6.0
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        if not 0 < self.keep < self.drop:
+            raise PluginError(f"igg3.keep is {self.keep} and igg3.drop {self.drop}; 0 < keep < drop is needed.")
+
+    def adapt(
+        self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
+    ) -> FloatArray:
+        """Return R with the variances of doubtful rows inflated, and infinite ones in the rows that are dropped."""
+        adapted = R.copy()
+        for i in range(len(rows)):
+            v = abs(innovation[i]) / np.sqrt(HPHt[i, i] + R[i, i])
+            if v >= self.drop:
+                adapted[i, i] = np.inf
+            elif v > self.keep:
+                adapted[i, i] = R[i, i] * (v / self.keep) * ((self.drop - self.keep) / (self.drop - v)) ** 2
+        return adapted

@@ -1,0 +1,62 @@
+"""The gate that opens again after a streak of rejections."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.errors import PluginError
+from jerkbench.plugins import register
+
+
+@register("adaptation", "relaxing_gate")
+@dataclass(frozen=True)
+class RelaxingGate:
+    """Drops a row beyond k sigma; after a streak of rejections k grows until an update is accepted again.
+
+    With S = H P- H' + R and c the rejections of this row in sequence so far::
+
+        dropped if |y_i| > k f^max(0, c - N) sqrt(S_ii)
+
+    A rejection adds one to c, an accepted update sets it to 0. A gate of fixed width locks out: a filter that has
+    drifted rejects what would bring it back. This one comes back by itself, at the price of a streak of false fixes
+    being believed in the end.
+
+    Source: common practice of receivers and flight controllers; the numbers are ours, from no tuning.
+
+    Attributes:
+        width: k, in standard deviations of the innovation [-].
+        patience: N, rejections of a row in sequence before the gate widens [updates].
+        growth: f, factor by which each further rejection widens it [-].
+    """
+
+    width: float = 3.0
+    patience: int = 5
+    growth: float = 1.5
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        if not self.width > 0:
+            raise PluginError(f"relaxing_gate.width is {self.width}; it must be above 0.")
+        if self.patience < 0:
+            raise PluginError(f"relaxing_gate.patience is {self.patience}; it must be 0 or more.")
+        if not self.growth > 1:
+            raise PluginError(f"relaxing_gate.growth is {self.growth}; it must be above 1, or the gate never opens.")
+
+    def memory_size(self) -> int:
+        """Return 6: rejections in sequence of each row."""
+        return 6
+
+    def adapt(
+        self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
+    ) -> FloatArray:
+        """Return R with infinite variances in the rows that are dropped."""
+        adapted = R.copy()
+        for i, row in enumerate(rows):
+            limit = self.width * self.growth ** min(max(memory[row] - self.patience, 0.0), 100.0)
+            if abs(innovation[i]) > limit * np.sqrt(HPHt[i, i] + R[i, i]):
+                memory[row] += 1.0
+                adapted[i, i] = np.inf
+            else:
+                memory[row] = 0.0
+        return adapted
