@@ -20,8 +20,8 @@ from plain_loops import filterpy_loop
 
 from jerkbench import plugins
 from jerkbench.arrays import FloatArray
-from jerkbench.attitude.compiled_tilt import run_tilt_compiled
-from jerkbench.attitude.tilt import TiltParameters, run_tilt, start_state
+from jerkbench.attitude.tilt import TiltParameters, TiltStart, run_tilt, settings_of
+from jerkbench.attitude.tilt_kernel import make_room, run_samples
 from jerkbench.batch import Run, Scoring
 from jerkbench.contracts import Filter
 from jerkbench.engines.compiled_engine import CompiledEngine
@@ -101,16 +101,22 @@ def scoring_of(timeline: Timeline) -> Scoring:
 
 
 def tilt_lines(rounds: int) -> list[Line]:
-    """The tilt filter, NumPy and compiled."""
+    """The loop of the tilt filter, as it is and compiled."""
     rng = np.random.default_rng(1)
     gyro = rng.normal(0.0, 0.1, (STEPS, 3))
     accel = np.array([0.0, 0.0, 9.81]) + rng.normal(0.0, 0.3, (STEPS, 3))
-    given = (start_state(np.array([0.0, 0.0, 1.0]), 1e-3), gyro, accel, np.full(STEPS, DT_S), TiltParameters())
-    difference = apart(run_tilt_compiled(*given)[0], run_tilt(*given)[0])
-    slow = Entrant("tilt filter, NumPy", partial(run_tilt, *given), 1, 1, 0.0)
-    return in_rounds(
-        [slow, Entrant("tilt filter, compiled", partial(run_tilt_compiled, *given), 9, 1, difference)], rounds
-    )
+    start, p = TiltStart(np.array([0.0, 0.0, 1.0]), 1e-3), TiltParameters()
+    samples = gyro, accel, np.full(STEPS, DT_S)
+
+    def uncompiled() -> FloatArray:
+        x, triggered = np.empty((STEPS, 3)), np.empty(STEPS, dtype=np.bool_)
+        run_samples(make_room(start.x, start.variance, p.window), *samples, settings_of(p), x, triggered)
+        return x
+
+    difference = apart(run_tilt(start, *samples, p)[0], uncompiled())
+    slow = Entrant("tilt filter, uncompiled", uncompiled, 1, 1, 0.0)
+    fast = Entrant("tilt filter, compiled", partial(run_tilt, start, *samples, p), 9, 1, difference)
+    return in_rounds([slow, fast], rounds)
 
 
 def main() -> None:

@@ -4,13 +4,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from jerkbench.arrays import FloatArray
 from jerkbench.attitude.alignment import align
 from jerkbench.attitude.assembly import attitude_from, filtered_yaw, intervals
 from jerkbench.attitude.compensation import COMPENSATIONS
 from jerkbench.attitude.headings import YAW_SOURCES, require_headings, select_headings
-from jerkbench.attitude.tilt import roll_pitch, transition
+from jerkbench.attitude.tilt import roll_pitch
 from jerkbench.attitude.yaw_remarks import yaw_remarks
 from jerkbench.checks import require_not_negative, require_positive
 from jerkbench.errors import PluginError, unknown
@@ -86,7 +87,7 @@ class GyroOnly:
 def propagate(x: FloatArray, turns_rad: FloatArray) -> FloatArray:
     """Return x (n, 3) after each of the turns (n, 3) of the body."""
     after = np.empty_like(turns_rad)
-    for k, turn in enumerate(turns_rad):
-        x = transition(turn, exact=True).dot(x)
+    for k, turned_back in enumerate(Rotation.from_rotvec(-turns_rad).as_matrix()):
+        x = turned_back.dot(x)
         after[k] = x
     return after

@@ -9,12 +9,10 @@ from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.attitude.alignment import align
 from jerkbench.attitude.assembly import attitude_from, filtered_yaw, intervals
 from jerkbench.attitude.compensation import COMPENSATIONS
-from jerkbench.attitude.compiled_tilt import run_tilt_compiled
-from jerkbench.attitude.external_acceleration import ADAPTATIONS
 from jerkbench.attitude.headings import YAW_SOURCES, require_headings, select_headings
 from jerkbench.attitude.tilt import TiltParameters, roll_pitch, run_tilt
+from jerkbench.attitude.tilt_kernel import ADAPTATIONS
 from jerkbench.attitude.yaw_remarks import yaw_remarks
-from jerkbench.compilation.module_cache import can_compile
 from jerkbench.errors import PluginError, unknown
 from jerkbench.estimate import Attitude
 from jerkbench.plugins import register
@@ -81,7 +79,6 @@ class Tilt:
         course_min_speed_mps: horizontal speed above which the course counts.
         course_sigma_min_rad: least standard deviation of a course.
         initial_tilt_variance: diagonal of the first P; null: 1e-3 at rest, .03 moving.
-        compiled: run the tilt loop compiled by numba (true), or in NumPy; the same to 1e-10.
     """
 
     adapt: str = "mtf"
@@ -97,7 +94,6 @@ class Tilt:
     course_min_speed_mps: float = 0.5
     course_sigma_min_rad: float = 0.0087
     initial_tilt_variance: float | None = None
-    compiled: bool = True
 
     def __post_init__(self) -> None:
         """Check that every choice exists and every number makes sense."""
@@ -147,8 +143,7 @@ class Tilt:
 
     def _tilt(self, recording: Recording, dt_s: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
         imu, start = recording.inertial, align(recording, self.initial_tilt_variance)
-        run = run_tilt_compiled if self.compiled and can_compile() else run_tilt
-        x, triggered = run(start, imu.gyro_radps, imu.accel_mps2, dt_s, self.tilt_parameters())
+        x, triggered = run_tilt(start, imu.gyro_radps, imu.accel_mps2, dt_s, self.tilt_parameters())
         return *roll_pitch(x), triggered
 
     def _check_choices(self) -> None:

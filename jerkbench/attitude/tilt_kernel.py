@@ -1,4 +1,9 @@
-"""The loop of the tilt filter in the form that numba compiles; the equations are those of `jerkbench.attitude.tilt`."""
+"""The loop of the tilt filter, in the form that numba compiles.
+
+One sample: x- = Phi x+ and P- = Phi P+ Phi' + Q;  e = y_A - c_a a_prev - g x-;  C0 = g^2 P- + sigma_A^2 I;  with the
+variance Sigma_acc of an external acceleration, M = sigma_A^2 I + Sigma_acc;  K = g P- (g^2 P- + M)^-1;  x+ = x- + K e;
+P+ = (I - gK) P- (I - gK)' + K M K'.
+"""
 
 import math
 from typing import NamedTuple
@@ -8,12 +13,14 @@ import numpy as np
 from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.recording import GRAVITY_MPS2
 
+ADAPTATIONS = ("none", "mtf", "scalar", "lee")
+"""The ways to find Sigma_acc."""
+
 NONE, MTF, SCALAR, LEE = 0, 1, 2, 3
-"""The ways to find Sigma_acc, in the order of `external_acceleration.ADAPTATIONS`."""
 
 
 class Settings(NamedTuple):
-    """`TiltParameters` in numbers.
+    """`jerkbench.attitude.tilt.TiltParameters` in numbers.
 
     Attributes:
         sigma_gyro_radps: noise of one gyro sample.
@@ -62,7 +69,6 @@ class Room(NamedTuple):
 
 def run_samples(
     room: Room,
-    seen: int,
     gyro: FloatArray,
     accel: FloatArray,
     dt: FloatArray,
@@ -70,7 +76,7 @@ def run_samples(
     x: FloatArray,
     triggered: BoolArray,
 ) -> None:
-    """Fill x (n, 3) and triggered (n,); ``seen`` squares are in the ring already."""
+    """Fill x (n, 3) and triggered (n,)."""
     for k in range(len(dt)):
         _predict(room, gyro[k, 0] * dt[k], gyro[k, 1] * dt[k], gyro[k, 2] * dt[k], dt[k], settings)
         energy, threshold = 0.0, 0.0
@@ -80,9 +86,9 @@ def run_samples(
             room.C0[i] = GRAVITY_MPS2**2 * room.P[i, i] + settings.sigma_accel_mps2**2
             energy += room.e[i] * room.e[i]
             threshold += room.C0[i]
-            room.squares[(seen + k) % len(room.squares), i] = room.e[i] * room.e[i]
+            room.squares[k % len(room.squares), i] = room.e[i] * room.e[i]
         triggered[k] = energy >= threshold
-        _fill_noise(room, seen + k + 1, energy - threshold, triggered[k], settings)
+        _fill_noise(room, k + 1, energy - threshold, triggered[k], settings)
         _correct(room)
         _finish(room, accel, k, settings, x)
 
@@ -126,7 +132,11 @@ def _fill_transition(Phi: FloatArray, a: float, b: float, c: float, exact: bool)
 
 
 def _fill_noise(room: Room, seen: int, excess: float, triggered: bool, settings: Settings) -> None:
-    """M = sigma_A^2 I + Sigma_acc, its diagonal."""
+    """The diagonal of M = sigma_A^2 I + Sigma_acc.
+
+    none: 0;  mtf: max(0, w_i - C0_ii) if triggered, w_i the mean of the last mu e_i^2;  scalar: (e'e - tr C0)/3 if
+    triggered;  lee: |c_a a_prev|^2/3, always (Lee et al. 2012).
+    """
     recent = min(seen, len(room.squares))
     expected = 0.0
     for i in range(3):
@@ -197,9 +207,9 @@ def _finish(room: Room, accel: FloatArray, k: int, settings: Settings, x: FloatA
         x[k, i] = room.x[i]
 
 
-def make_room(x: FloatArray, P: FloatArray, a_prev: FloatArray, squares: FloatArray, window: int) -> Room:
-    """Return the room with a state to start from."""
-    ring = np.zeros((window, 3))
-    ring[: len(squares)] = squares
-    room = (np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(3), np.zeros(3), np.zeros(3))
-    return Room(x.copy(), P.copy(), a_prev.copy(), ring, *room)
+def make_room(x: FloatArray, variance: float, window: int) -> Room:
+    """Return the room before the first sample: P = ``variance`` I, no external acceleration."""
+    matrices = (np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3)))
+    vectors = (np.zeros(3), np.zeros(3), np.zeros(3))
+    start = np.array(x, dtype=np.float64), variance * np.eye(3), np.zeros(3)
+    return Room(*start, np.zeros((window, 3)), *matrices, *vectors)

@@ -91,10 +91,8 @@ def _tilts(row: StoredRow, own: Estimate) -> dict[str, Estimate]:
     attitude = row.cell.attitude
     if not isinstance(attitude, Tilt):
         return {row.cell.labels.attitude: own}
-    varied = {one: replace(attitude, adapt=one, compiled=True) for one in TILTS}
-    return {
-        f"tilt, adapt={one}": replace(row, cell=replace(row.cell, attitude=a)).run()[1] for one, a in varied.items()
-    }
+    varied = {adapt: replace(row.cell, attitude=replace(attitude, adapt=adapt)) for adapt in TILTS}
+    return {f"tilt, adapt={adapt}": replace(row, cell=cell).run()[1] for adapt, cell in varied.items()}
 
 
 def _best_runs(stored: Stored) -> Iterator[tuple[Recording, Estimate]]:

@@ -42,4 +42,4 @@ def test_its_nees_lies_in_the_band_when_the_attitude_is_the_true_one(drives):
 
 def test_what_breaks_it_otherwise_is_gravity_that_leaks_through_the_tilt(drives):
     """The tilt filter's errors last for seconds and are no noise of a sample: a small sigma_a denies them."""
-    assert np.mean([squares(drive, Tilt(compiled=True)) for drive in drives[:2]]) > 50.0
+    assert np.mean([squares(drive, Tilt()) for drive in drives[:2]]) > 50.0

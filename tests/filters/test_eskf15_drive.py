@@ -24,7 +24,7 @@ def drive(shared_folder, imu_shift_s, phase=0):
 
 
 def attitude_of(recording):
-    return Tilt(sigma_accel_mps2=0.5, propagation="exact", compiled=True).estimate(recording)
+    return Tilt(sigma_accel_mps2=0.5, propagation="exact").estimate(recording)
 
 
 def rmse_after_60_s(recording, t_s, enu_m):

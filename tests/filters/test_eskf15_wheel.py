@@ -18,7 +18,7 @@ def car(shared_folder):
     """The speed as the bus has it, without the correction that is known of it."""
     recording = Comma2k19(str(shared_folder / "data" / "comma2k19"), wheel_scale=1.0).load(0)
     recording = GnssOutage(windows_s=((20.0, 40.0),)).apply(recording, 0)
-    return recording, Tilt(sigma_accel_mps2=0.5, propagation="exact", compiled=True).estimate(recording)
+    return recording, Tilt(sigma_accel_mps2=0.5, propagation="exact").estimate(recording)
 
 
 def solve(car, *, wheel_scale):
