@@ -9,7 +9,7 @@ from jerkbench.execution import cell_run as run
 SPEC = {
     "dataset": {"name": "field", "duration_s": 20.0},
     "disturbance": [{"name": "bias"}],
-    "attitude": {"name": "tilt", "compiled": True},
+    "attitude": {"name": "tilt"},
     "filter": {"name": "baseline"},
     "adaptation": {"name": "scalar_r"},
     "engine": {"name": "compiled"},
