@@ -29,6 +29,8 @@ class Bursts:
         smallest_m: offset.
         largest_m: offset.
         start_s: no burst before.
+        size_m: of every offset, to be swept; null: ``smallest_m`` to ``largest_m``.
+        length_s: of every burst, to be swept; null: ``shortest_s`` to ``longest_s``.
         stream: label of the random stream; give a second disturbance of this name in a list another one.
     """
 
@@ -41,6 +43,8 @@ class Bursts:
     smallest_m: float = 0.5
     largest_m: float = 2.0
     start_s: float = 10.0
+    size_m: float | None = None
+    length_s: float | None = None
     stream: str = ""
 
     def __post_init__(self) -> None:
@@ -53,6 +57,11 @@ class Bursts:
             )
         if not 0 <= self.smallest_m <= self.largest_m:
             raise PluginError(f"{self.smallest_m} to {self.largest_m} m is no range; give 0 <= smallest <= largest.")
+
+        if self.size_m is not None and not 0 <= self.size_m < np.inf:
+            raise PluginError(f"size_m is {self.size_m}; give 0 m or more, or null.")
+        if self.length_s is not None and not 0 < self.length_s < np.inf:
+            raise PluginError(f"length_s is {self.length_s}; a burst must be longer than 0 s, or null.")
 
     def apply(self, recording: Recording, seed: int) -> Recording:
         """Return the recording with the bursts of ``seed``.
@@ -76,6 +85,8 @@ class Bursts:
     def _windows(self, random: np.random.Generator, recording: Recording) -> FloatArray:
         """Return (bursts, 2): the time that is left over is cut at random points into the gaps between the bursts."""
         lengths = random.uniform(self.shortest_s, self.longest_s, self.bursts)
+        if self.length_s is not None:
+            lengths = np.full(self.bursts, self.length_s)
         cuts = np.sort(random.uniform(size=self.bursts))
         left_s = recording.duration_s - self.start_s - lengths.sum()
         if left_s < 0:
@@ -89,6 +100,8 @@ class Bursts:
     def _sizes(self, random: np.random.Generator, shape: tuple[int, ...]) -> FloatArray:
         """Return offsets with their signs."""
         sizes = random.uniform(self.smallest_m, self.largest_m, shape)
+        if self.size_m is not None:
+            sizes = np.full(shape, self.size_m)
         return np.asarray(sizes * random.choice([-1.0, 1.0], shape))
 
     @abstractmethod

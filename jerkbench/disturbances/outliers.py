@@ -26,6 +26,7 @@ class Outliers:
         probability: that a fix is an outlier, from 0 to 1.
         smallest_m: length of o.
         largest_m: length of o.
+        size_m: length of every o, to be swept; null: ``smallest_m`` to ``largest_m``.
         start_s: no outlier before (the first fix is where a filter starts).
         stream: label of the random stream; give a second disturbance of this name in a list another one.
     """
@@ -35,6 +36,7 @@ class Outliers:
     probability: float = 0.02
     smallest_m: float = 5.0
     largest_m: float = 20.0
+    size_m: float | None = None
     start_s: float = 10.0
     stream: str = ""
 
@@ -44,6 +46,9 @@ class Outliers:
             raise PluginError(f"probability is {self.probability}; it must be from 0 to 1.")
         if not 0 <= self.smallest_m <= self.largest_m < np.inf:
             raise PluginError(f"{self.smallest_m} to {self.largest_m} m is no range; give 0 <= smallest <= largest.")
+
+        if self.size_m is not None and not 0 <= self.size_m < np.inf:
+            raise PluginError(f"size_m is {self.size_m}; give 0 m or more, or null.")
 
     def apply(self, recording: Recording, seed: int) -> Recording:
         """Return the recording with the outliers of ``seed``.
@@ -68,5 +73,7 @@ class Outliers:
         hit = random.uniform(size=m) < self.probability
         direction = random.standard_normal((m, 3))
         direction /= np.linalg.norm(direction, axis=1, keepdims=True)
-        sizes = random.uniform(self.smallest_m, self.largest_m, m) * hit
-        return np.asarray(sizes[:, None] * direction)
+        sizes = random.uniform(self.smallest_m, self.largest_m, m)
+        if self.size_m is not None:
+            sizes = np.full(m, self.size_m)
+        return np.asarray((sizes * hit)[:, None] * direction)

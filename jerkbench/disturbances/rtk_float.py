@@ -6,17 +6,18 @@ from typing import ClassVar
 import numpy as np
 
 from jerkbench.disturbances._draws import own_stream
-from jerkbench.disturbances._gauss_markov import gauss_markov
 from jerkbench.disturbances._measured import with_errors
-from jerkbench.disturbances._windows import Windows, as_array, in_any, require_windows
+from jerkbench.disturbances._regular_windows import RegularWindows
+from jerkbench.disturbances._windows import Windows, as_array, in_any
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
+from jerkbench.simulation.gauss_markov import gauss_markov
 
 
 @register("disturbance", "rtk_float")
 @dataclass(frozen=True)
-class RtkFloat:
+class RtkFloat(RegularWindows):
     """RTK float instead of fixed in the given windows: errors of decimetres that last, honestly reported.
 
     A Gauss-Markov process b(t), stationary with the given sigmas, is added to the fixes in the windows::
@@ -29,23 +30,27 @@ class RtkFloat:
     a window does not change it.
 
     Attributes:
-        windows_s: begin and end of each window [s].
         sigma_m: one sigma of b, east, north, up.
+        factor: on ``sigma_m``.
         time_s: correlation time.
         stream: label of the random stream; give a second float of either kind in a list another one.
     """
 
     seeded: ClassVar[bool] = True
     honest: ClassVar[bool] = True
+    fault: ClassVar[str] = "float solution"
 
     windows_s: Windows = ((30.0, 60.0), (95.0, 120.0))
     sigma_m: tuple[float, ...] = (0.25, 0.25, 0.5)
+    factor: float = 1.0
     time_s: float = 15.0
     stream: str = ""
 
     def __post_init__(self) -> None:
         """Check windows, sigmas and the time."""
-        require_windows(self.windows_s, "float solution")
+        super().__post_init__()
+        if not 0 <= self.factor < np.inf:
+            raise PluginError(f"factor is {self.factor}; give 0 or more.")
         if len(self.sigma_m) != 3 or not all(sigma >= 0 for sigma in self.sigma_m):
             raise PluginError(f"sigma_m is {self.sigma_m}; give three, 0 or more: east, north, up.")
         if not self.time_s > 0:
@@ -61,9 +66,10 @@ class RtkFloat:
         if position is None:
             raise RecordingError(f"{recording.name} has no position fixes, so none can be float; leave rtk_float out.")
         random = own_stream(seed, "rtk_float", self.stream)
-        process = gauss_markov(position.t_s, self.time_s, random) * np.array(self.sigma_m)
-        inside = in_any(position.t_s, as_array(self.windows_s))
-        growth = inside[:, None, None] * np.diag(np.square(self.sigma_m))
+        sigma_m = self.factor * np.array(self.sigma_m)
+        process = gauss_markov(position.t_s, self.time_s, random) * sigma_m
+        inside = in_any(position.t_s, as_array(self._windows()))
+        growth = np.asarray(inside[:, None, None] * np.diag(sigma_m**2), dtype=np.float64)
         moved = with_errors(position, inside[:, None] * process, growth, reported_growth=growth if self.honest else 0.0)
         return replace(recording, position=moved)
 

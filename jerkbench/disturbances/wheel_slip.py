@@ -7,7 +7,8 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray, nearest_rows
 from jerkbench.disturbances._measured import squares, with_errors
-from jerkbench.disturbances._windows import Windows, as_array, in_any, require_windows
+from jerkbench.disturbances._regular_windows import RegularWindows
+from jerkbench.disturbances._windows import Windows, as_array, in_any
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.plugins import register
 from jerkbench.recording import Recording, Reference, Velocity
@@ -15,7 +16,7 @@ from jerkbench.recording import Recording, Reference, Velocity
 
 @register("disturbance", "wheel_slip")
 @dataclass(frozen=True)
-class WheelSlip:
+class WheelSlip(RegularWindows):
     """Velocity that is too large along the heading in the given windows; the reported covariance does not change.
 
     With the horizontal unit vector h of the heading, and the slip s::
@@ -27,18 +28,18 @@ class WheelSlip:
     body's velocity or of one in ENU without both horizontal axes stays as it is.
 
     Attributes:
-        windows_s: begin and end of each window [s].
         slip: s; 0.3 is 30 % too fast, -1 is wheels that lock.
     """
 
     seeded: ClassVar[bool] = False
+    fault: ClassVar[str] = "wheel slip"
 
     windows_s: Windows = ((20.0, 24.0), (60.0, 66.0), (115.0, 120.0))
     slip: float = 0.3
 
     def __post_init__(self) -> None:
         """Check windows and slip."""
-        require_windows(self.windows_s, "wheel slip")
+        super().__post_init__()
         if not np.isfinite(self.slip):
             raise PluginError(f"slip is {self.slip}; give a finite number, 0.3 for 30 % too fast.")
 
@@ -58,7 +59,7 @@ class WheelSlip:
                 " slip; leave wheel_slip out, or give both the same latency."
             )
         offset = self.slip * _along(velocity, recording.reference)
-        offset[~in_any(velocity.t_s, as_array(self.windows_s))] = 0.0
+        offset[~in_any(velocity.t_s, as_array(self._windows()))] = 0.0
         return replace(recording, velocity=with_errors(velocity, offset, squares(offset)))
 
     def replicates(self) -> int:

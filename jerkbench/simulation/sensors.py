@@ -10,9 +10,10 @@ from jerkbench.checks import require_axes, require_multiple, require_not_negativ
 from jerkbench.errors import PluginError, unknown
 from jerkbench.geometry import wrap_angle
 from jerkbench.recording import Heading, Imu, Origin, Position, Recording, Reference, Velocity
-from jerkbench.simulation.gnss import measure_heading, measure_position, measure_velocity, white
+from jerkbench.simulation.gnss import antenna_m, measure_heading, measure_position, measure_velocity, white
 from jerkbench.simulation.imu import perfect_imu, saturate
 from jerkbench.simulation.imu_errors import GRADES, SensorErrors, disturb
+from jerkbench.simulation.slow_errors import SlowErrors
 from jerkbench.simulation.truth import Truth
 
 MOST_SAMPLES = 2_000_000
@@ -24,7 +25,7 @@ STREAMS = ("accelerometer", "gyro", "position", "velocity", "heading", "terrain"
 
 
 @dataclass(frozen=True)
-class Sensors:
+class Sensors(SlowErrors):
     """IMU, GNSS and the reference of a simulated vehicle.
 
     Truth and IMU agree exactly. Over the interval that ends at its stamp each sample is
@@ -32,7 +33,7 @@ class Sensors:
         gyro = Log(Omega_{k-1}' Omega_k)/dt
         accel = [(Omega_{k-1} + Omega_k)/2]^-1 ((v_k - v_{k-1})/dt + (0, 0, g))
 
-    plus noise, cut off at the accelerometer's range. GNSS noise is white, and its covariance is reported as it is.
+    plus noise, cut off at the accelerometer's range. GNSS noise has the sigma that is reported; by default it is white.
     Every source of randomness has its own stream: switching one off does not move the others.
 
     Source: IEEE Std 952 for the terms of the IMU grades.
@@ -85,7 +86,7 @@ class Sensors:
             name=name,
             imu=self._imu(truth, seed, false_mps2),
             reference=_reference(every(truth, self.imu_rate_hz / self.reference_rate_hz)),
-            position=self._position(fixes, seed),
+            position=self._position(truth, fixes, seed),
             velocity=self._velocity(fixes, seed),
             heading=self._heading(fixes, seed),
             origin=Origin(self.latitude_deg, self.longitude_deg, self.height_m),
@@ -107,6 +108,7 @@ class Sensors:
             require_positive(what, self, ("accel_range_g",))
         for low in ("gnss_rate_hz", "reference_rate_hz"):
             require_multiple(what, self, "imu_rate_hz", low)
+        self.check_slow_errors(what, self.imu_rate_hz)
 
     def check_length(self, what: str, duration_s: float) -> None:
         """Raise a PluginError where a drive of this length has more samples than memory should hold."""
@@ -140,17 +142,27 @@ class Sensors:
         grade = GRADES[self.imu]
         return grade.accelerometer(self.imu_rate_hz), grade.gyro(self.imu_rate_hz)
 
-    def _position(self, fixes: Truth, seed: int) -> Position:
-        noise = white(seed, "position", fixes.enu_m.shape, self._on("position"))
-        return measure_position(fixes.t_s, fixes.enu_m, self.position_sigma_m, noise)
+    def _position(self, truth: Truth, fixes: Truth, seed: int) -> Position:
+        late = round(self.position_latency_s * self.imu_rate_hz)
+        step = round(self.imu_rate_hz / self.gnss_rate_hz)
+        rows = np.arange(step, len(truth.t_s), step) - late
+        there = rows >= 0
+        antenna = antenna_m(truth.enu_m[rows[there]], truth.euler_rad[rows[there]], self.lever_arm_error_m)
+        noise = self._noise("position", fixes, 3, seed)[there]
+        return measure_position(fixes.t_s[there], antenna, self.position_sigma_m, noise)
 
     def _velocity(self, fixes: Truth, seed: int) -> Velocity:
-        noise = white(seed, "velocity", fixes.velocity_mps.shape, self._on("velocity"))
+        noise = self._noise("velocity", fixes, 3, seed)
         return measure_velocity(fixes.t_s, fixes.velocity_mps, self.velocity_sigma_mps, noise)
 
     def _heading(self, fixes: Truth, seed: int) -> Heading:
-        noise = white(seed, "heading", fixes.t_s.shape, self._on("heading"))
+        noise = self._noise("heading", fixes, 1, seed)[:, 0]
         return measure_heading(fixes.t_s, fixes.euler_rad[:, 2], self.heading_sigma_rad, noise)
+
+    def _noise(self, sensor: str, fixes: Truth, axes: int, seed: int) -> FloatArray:
+        """Return (m, axes) of unit variance, white and coloured; zeros where the sensor is silent."""
+        fresh = white(seed, sensor, (len(fixes.t_s), axes), self._on(sensor))
+        return self.with_slow(sensor, fixes.t_s, fresh, seed) if self._on(sensor) else fresh
 
 
 def every(truth: Truth, ratio: float) -> Truth:

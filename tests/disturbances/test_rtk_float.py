@@ -3,10 +3,10 @@ import dataclasses
 import numpy as np
 import pytest
 
-from jerkbench.disturbances._gauss_markov import gauss_markov
 from jerkbench.disturbances.rtk_float import RtkFloat
 from jerkbench.disturbances.rtk_float_overconfident import RtkFloatOverconfident
 from jerkbench.errors import PluginError, RecordingError
+from jerkbench.simulation.gauss_markov import gauss_markov
 
 FLOAT_M2 = np.diag([0.0625, 0.0625, 0.25])
 
