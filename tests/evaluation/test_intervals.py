@@ -159,3 +159,9 @@ def test_few_values_have_students_interval(n):
     ends = ttest_1samp(values, 0).confidence_interval(0.95)
     got = mean_interval(values)
     assert (got.low, got.high) == pytest.approx((ends.low, ends.high))
+
+
+def test_an_interval_beyond_all_numbers_is_none():
+    got = mean_interval([1e307, 1.6e308])
+    assert got.mean == pytest.approx(8.5e307)
+    assert math.isnan(got.low)

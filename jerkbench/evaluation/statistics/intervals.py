@@ -99,8 +99,10 @@ def _student(values: FloatArray, mean: float, confidence: float) -> Interval:
     from scipy.special import stdtrit
 
     spread, n = values[-1] - values[0], len(values)
-    half = float(spread * np.std((values - mean) / spread, ddof=1) * stdtrit(n - 1, (1 + confidence) / 2) / np.sqrt(n))
-    return Interval(mean, mean - half, mean + half, n)
+    with np.errstate(over="ignore"):  # of a few huge values the interval may be beyond all numbers
+        scatter = spread * np.std((values - mean) / spread, ddof=1)
+        half = float(scatter * stdtrit(n - 1, (1 + confidence) / 2) / np.sqrt(n))
+    return Interval(mean, mean - half, mean + half, n) if np.isfinite(half) else Interval(mean, np.nan, np.nan, n)
 
 
 def _batches(intervals: list[Interval], kept: list[FloatArray]) -> Iterator[IntArray]:
@@ -115,7 +117,9 @@ def _batches(intervals: list[Interval], kept: list[FloatArray]) -> Iterator[IntA
 def _bootstraps(one: Interval, values: FloatArray) -> bool:
     """Whether an interval is still to be found, and can be: not where the spread itself is infinite."""
     with np.errstate(over="ignore"):
-        return bool(one.n > 1 and np.isfinite(one.mean) and np.isnan(one.low) and np.isfinite(values[-1] - values[0]))
+        return bool(
+            FEW <= one.n < MANY and np.isfinite(one.mean) and np.isnan(one.low) and np.isfinite(values[-1] - values[0])
+        )
 
 
 def _bca(values: FloatArray, confidence: float) -> tuple[FloatArray, FloatArray]:

@@ -1,5 +1,6 @@
 """Two sets of results: what became better or worse, combination by combination."""
 
+import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,7 +10,8 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.errors import JerkbenchError
-from jerkbench.evaluation.statistics.judgement import LEVEL
+from jerkbench.evaluation.statistics.judgement import LEVEL, Verdict, judged
+from jerkbench.evaluation.statistics.log_ratio import LogRatios, log_ratios
 from jerkbench.evaluation.statistics.paired import PairedRatio, holm, paired_ratio, unpaired_ratio
 from jerkbench.report.analysis.comparison import Combination
 from jerkbench.report.analysis.factors import FACTORS
@@ -29,7 +31,7 @@ class Change:
         combination: values of the six factors (in the first set).
         means: geometric (arithmetic where a value is 0), of the runs that went well, in both sets.
         ratio: second over first.
-        p: of the test, corrected by Holm for all combinations; NaN where there is none.
+        p: of the test, corrected for all combinations (on other seeds by Holm); NaN where there is none.
         paired: whether the seeds match.
         same: whether every value is the same to the bit.
         runs: in both sets.
@@ -37,6 +39,7 @@ class Change:
         valued: runs that went well and have the metric, in both sets.
         absent: runs of the first set that the second does not have, where the seeds match.
         risen: on the same seeds, how many went up from a value of which there is no ratio (0, or below).
+        judged: the verdict on the same seeds, where a lost run is the worst; None on others, and of phases.
     """
 
     combination: Combination
@@ -50,6 +53,7 @@ class Change:
     valued: tuple[int, int]
     absent: int = 0
     risen: int = 0
+    judged: Verdict | None = None
 
     def worse(self, percent: float) -> bool:
         """Whether the second is worse by more than ``percent``, or has the metric of a smaller share of its runs.
@@ -74,6 +78,8 @@ class Change:
             return "worse (it was 0)"
         if self.ratio.n == 0:
             return "no run of both to compare"
+        if self.judged is not None:
+            return "equal within 3 %" if self.judged is Verdict.EQUAL else self.judged.value
         shown = self.p < LEVEL and not self.ratio.low <= 1 <= self.ratio.high
         word = ("better" if self.ratio.ratio < 1 else "worse") if shown else "no difference shown"
         return word if self.paired else f"{word} (other seeds)"
@@ -97,10 +103,25 @@ def changes(before: "pd.DataFrame", after: "pd.DataFrame", metric: str) -> list[
             f"No combination of the {len(first)} of the first is among the {len(second)} of the second."
         )
     found = [_change(key, one, other, metric) for key, one, other in pairs]
-    return [
-        Change(**{**vars(change), "p": float(p)})
+    corrected = [
+        dataclasses.replace(change, p=float(p))
         for change, p in zip(found, holm([change.p for change in found]), strict=True)
     ]
+    seeded = [place for place, change in enumerate(corrected) if change.paired and not math.isnan(change.p)]
+    verdicts = judged([_ratios(*pairs[place][1:], metric) for place in seeded])
+    for place, judgement in zip(seeded, verdicts, strict=True):
+        corrected[place] = dataclasses.replace(corrected[place], p=judgement.p, judged=judgement.verdict)
+    return corrected
+
+
+def _ratios(first: "pd.DataFrame", second: "pd.DataFrame", metric: str) -> LogRatios:
+    """Return second over first on the common seeds; a lost run is the worst."""
+    seeds = first.index.intersection(second.index)
+    a, b = (
+        np.where(one["status"] == "ok", one[metric].to_numpy(dtype=float), np.inf)
+        for one in (first.loc[seeds], second.loc[seeds])
+    )
+    return log_ratios(b, a)
 
 
 def change_rows(found: Sequence[Change], varying: Sequence[str]) -> list[list[str]]:

@@ -118,3 +118,14 @@ def test_two_single_runs_of_other_seeds_are_judged_by_their_ratio(before):
     one = before[before["seed"] == 0]
     later = scaled(one, 100.0).assign(seed=1)
     assert all(change.worse(5.0) and math.isnan(change.ratio.low) for change in changes(one, later, METRIC))
+
+
+def test_who_loses_more_runs_is_not_better_on_the_same_seeds(before):
+    """The survivors of twelve lost runs of twenty are a tenth better."""
+    risky = scaled(before, 0.9, 0.02)
+    risky.loc[risky["seed"] < 12, "status"] = "diverged"
+    assert {one.verdict for one in changes(before, risky, METRIC)} == {"loses more runs"}
+
+
+def test_what_is_within_three_percent_is_equal(before):
+    assert {one.verdict for one in changes(before, scaled(before, 1.005, 0.01), METRIC)} == {"equal within 3 %"}
