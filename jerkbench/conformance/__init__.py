@@ -1,1 +1,1 @@
-"""What every plugin of a kind has to fulfil, as checks; `jerkbench.testing` is their public face."""
+"""The contract of each kind of plugin, as checks; `jerkbench.testing` is their public face."""

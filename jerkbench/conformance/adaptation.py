@@ -1,4 +1,4 @@
-"""What an adaptation has to fulfil."""
+"""The checks of an adaptation."""
 
 import copy
 from collections.abc import Iterator
@@ -10,7 +10,7 @@ from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.conformance.matrices import require_covariance, require_finite, require_shape
 from jerkbench.conformance.methods import require_methods
 from jerkbench.conformance.require import require
-from jerkbench.conformance.same import same
+from jerkbench.conformance.same import identical
 from jerkbench.contracts import Fading, Remembering
 from jerkbench.memory import empty_memory
 from jerkbench.random_streams import stream
@@ -26,7 +26,7 @@ SIGMAS = (0.0, 1.0, 1.0, 100.0)
 
 
 class Update(NamedTuple):
-    """What an adaptation sees of one update, besides its memory."""
+    """The input of an adaptation in one update, besides its memory."""
 
     innovation: FloatArray
     HPHt: FloatArray
@@ -34,20 +34,20 @@ class Update(NamedTuple):
     rows: IntArray
 
 
-def check_adaptation(plugin: Any) -> None:  # noqa: ANN401 - it is what is being checked
+def check_adaptation(plugin: Any) -> None:  # noqa: ANN401 - the plugin under test
     """Check an adaptation over updates of all kinds: rows that come and go, outliers, a tiny and a huge R.
 
     Raises:
         AssertionError: it changes its inputs, keeps anything outside its memory, returns something that is no
             covariance, or leaves NaN in the memory.
     """
-    what = type(plugin).__name__
+    subject = type(plugin).__name__
     require_methods("adaptation", plugin)
     size = plugin.memory_size() if isinstance(plugin, Remembering) else 0
-    require(isinstance(size, int), f"{what}.memory_size() is {size!r}; it must be a whole number.")
-    require(size >= 0, f"{what}.memory_size() is {size}; it must not be negative.")
+    require(isinstance(size, int), f"{subject}.memory_size() is {size!r}; it must be a whole number.")
+    require(size >= 0, f"{subject}.memory_size() is {size}; it must not be negative.")
     updates = list(_updates())
-    _require_same(what, _run(plugin, updates, size), _run(plugin, updates, size))
+    _require_same(subject, _run(plugin, updates, size), _run(plugin, updates, size))
 
 
 def probe_adaptation(plugin: Any) -> None:  # noqa: ANN401 - as above
@@ -62,10 +62,10 @@ def probe_adaptation(plugin: Any) -> None:  # noqa: ANN401 - as above
     _require_same(type(plugin).__name__, first, second)
 
 
-def _require_same(what: str, first: list[Any], second: list[Any]) -> None:
+def _require_same(subject: str, first: list[Any], second: list[Any]) -> None:
     require(
-        same(first, second),
-        f"{what} gives another result in a second run with the same updates; what it remembers must stand in memory.",
+        identical(first, second),
+        f"{subject} gives another result in a second run with the same updates; its state must stand in memory.",
     )
 
 
@@ -93,8 +93,8 @@ def _run(plugin: Any, updates: list[Update], size: int, *, thorough: bool = True
     memory, results = np.zeros(size), []
     for update in updates:
         factor = _faded(plugin, update, memory)
-        seen = update._replace(HPHt=update.HPHt * factor)
-        results.append((factor, _adapted(plugin, seen, memory, thorough=thorough).copy()))
+        faded = update._replace(HPHt=update.HPHt * factor)
+        results.append((factor, _adapted(plugin, faded, memory, thorough=thorough).copy()))
         if thorough:
             require_finite(f"the memory of {type(plugin).__name__}", memory)
     return results
@@ -103,29 +103,29 @@ def _run(plugin: Any, updates: list[Update], size: int, *, thorough: bool = True
 def _faded(plugin: Any, update: Update, memory: FloatArray) -> float:  # noqa: ANN401 - as above
     if not isinstance(plugin, Fading):
         return 1.0
-    what = f"{type(plugin).__name__}.fade()"
-    factor = float(_untouched(what, plugin.fade, update, memory))
-    require(np.isfinite(factor), f"{what} is {factor}; the factor on the prior covariance must be finite.")
-    require(factor > 0, f"{what} is {factor}; the factor on the prior covariance must be positive.")
+    subject = f"{type(plugin).__name__}.fade()"
+    factor = float(_untouched(subject, plugin.fade, update, memory))
+    require(np.isfinite(factor), f"{subject} is {factor}; the factor on the prior covariance must be finite.")
+    require(factor > 0, f"{subject} is {factor}; the factor on the prior covariance must be positive.")
     return factor
 
 
 def _adapted(plugin: Any, update: Update, memory: FloatArray, *, thorough: bool) -> FloatArray:  # noqa: ANN401 - as above
-    what = f"{type(plugin).__name__}.adapt()"
+    subject = f"{type(plugin).__name__}.adapt()"
     m = len(update.rows)
-    adapted: FloatArray = _untouched(what, plugin.adapt, update, memory)
-    require_shape(what, adapted, (m, m))
+    adapted: FloatArray = _untouched(subject, plugin.adapt, update, memory)
+    require_shape(subject, adapted, (m, m))
     if not thorough:
         return adapted
-    require(not np.isnan(np.diag(adapted)).any(), f"{what} has NaN as a variance; infinity drops a row.")
+    require(not np.isnan(np.diag(adapted)).any(), f"{subject} has NaN as a variance; infinity drops a row.")
     kept = np.diag(adapted) != np.inf
-    require_covariance(what, adapted[np.ix_(kept, kept)])
+    require_covariance(subject, adapted[np.ix_(kept, kept)])
     return adapted
 
 
-def _untouched(what: str, method: Any, update: Update, memory: FloatArray) -> Any:  # noqa: ANN401 - as above
+def _untouched(subject: str, method: Any, update: Update, memory: FloatArray) -> Any:  # noqa: ANN401 - as above
     before = copy.deepcopy(update)
     result = method(*update, memory)
     for name, old, new in zip(Update._fields, before, update, strict=True):
-        require(same(old, new), f"{what} changes {name} in place; it must work on a copy.")
+        require(identical(old, new), f"{subject} changes {name} in place; it must work on a copy.")
     return result

@@ -1,4 +1,4 @@
-"""What an engine has to fulfil: agree with the reference engine."""
+"""The check of an engine: agreement with the reference engine."""
 
 from typing import Any
 
@@ -17,21 +17,24 @@ from jerkbench.timeline.timeline import build_timeline
 AGREEMENT_M = 1e-6
 
 
-def check_engine(plugin: Any) -> None:  # noqa: ANN401 - it is what is being checked
+def check_engine(plugin: Any) -> None:  # noqa: ANN401 - the plugin under test
     """Check an engine: a run of the jerk filter with mtf agrees with the reference engine.
 
     Raises:
         AssertionError: it does not.
     """
-    what = type(plugin).__name__
+    subject = type(plugin).__name__
     require_methods("engine", plugin)
     recording = small_recording()
     timeline = build_timeline(recording, true_attitude(recording))
-    got = pure_result(f"{what}.run()", plugin.run, timeline, Jerk(), Mtf())
-    check_estimate(what, got)
+    estimate = pure_result(f"{subject}.run()", plugin.run, timeline, Jerk(), Mtf())
+    check_estimate(subject, estimate)
     wanted = FilterpyEngine().run(timeline, Jerk(), Mtf())
-    require(np.array_equal(got.index, wanted.index), f"{what} reaches other rows than the reference engine.")
-    apart = max(np.abs(got.position_m - wanted.position_m).max(), np.abs(got.velocity_mps - wanted.velocity_mps).max())
+    require(np.array_equal(estimate.index, wanted.index), f"{subject} reaches other rows than the reference engine.")
+    difference = max(
+        np.abs(estimate.position_m - wanted.position_m).max(), np.abs(estimate.velocity_mps - wanted.velocity_mps).max()
+    )
     require(
-        apart <= AGREEMENT_M, f"{what} is {apart:.3g} m (or m/s) off the reference engine; {AGREEMENT_M:g} is allowed."
+        difference <= AGREEMENT_M,
+        f"{subject} is {difference:.3g} m (or m/s) off the reference engine; {AGREEMENT_M:g} is allowed.",
     )

@@ -1,4 +1,4 @@
-"""What a kinematic filter and an estimator have to fulfil."""
+"""The checks of a kinematic filter and of an estimator."""
 
 from typing import Any
 
@@ -23,54 +23,54 @@ INTERVALS_S = ((0.01, 0.01), (0.01 / 3.0, 0.01), (0.004, 0.004), (0.02, 0.02))
 INSTANT_S = 1e-9
 
 
-def check_filter(plugin: Any) -> None:  # noqa: ANN401 - it is what is being checked
+def check_filter(plugin: Any) -> None:  # noqa: ANN401 - the plugin under test
     """Check a plugin of the kind filter: a kinematic filter, or an estimator.
 
     Raises:
         AssertionError: it is neither; a model with wrong shapes, a Q that is no covariance, position that does not
             follow velocity, or a run over a small recording that fails.
     """
-    what = type(plugin).__name__
+    subject = type(plugin).__name__
     require_methods("filter", plugin)
     if isinstance(plugin, Filter):
-        n = require_initial_variances(what, plugin)
-        require_covariance(f"{what}.initial_variances()", np.diag(plugin.initial_variances()))
+        n = require_initial_variances(subject, plugin)
+        require_covariance(f"{subject}.initial_variances()", np.diag(plugin.initial_variances()))
         for dt, dt0 in INTERVALS_S:
-            _check_model(f"{what}.axis_model({dt:g}, {dt0:g})", plugin, n, dt, dt0)
+            _check_model(f"{subject}.axis_model({dt:g}, {dt0:g})", plugin, n, dt, dt0)
         _check_instant(plugin, n)
         _check_run(plugin)
     else:
         _check_estimator(plugin)
 
 
-def require_initial_variances(what: str, plugin: Filter) -> int:
+def require_initial_variances(subject: str, plugin: Filter) -> int:
     """Check that they are a vector; returns the number of states on an axis."""
-    given = pure_result(f"{what}.initial_variances()", plugin.initial_variances)
-    require_shape(f"{what}.initial_variances()", given, (np.size(given),))
-    return 2 + len(given)
+    variances = pure_result(f"{subject}.initial_variances()", plugin.initial_variances)
+    require_shape(f"{subject}.initial_variances()", variances, (np.size(variances),))
+    return 2 + len(variances)
 
 
 def axis_model_of(
-    what: str, plugin: Filter, n: int, dt: float, dt0: float
+    subject: str, plugin: Filter, n: int, dt: float, dt0: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return A, b and Q, checked for their shapes, and for being the same the second time."""
-    given = pure_result(what, plugin.axis_model, dt, dt0)
-    three = isinstance(given, tuple) and len(given) == 3
-    require(three, f"{what} gives a {type(given).__name__}; it must be the three matrices A, b, Q.")
-    for name, part, shape in zip("AbQ", given, [(n, n), (n,), (n, n)], strict=True):
-        require_shape(f"{name} of {what}", part, shape)
-    A, b, Q = given
+    model = pure_result(subject, plugin.axis_model, dt, dt0)
+    three = isinstance(model, tuple) and len(model) == 3
+    require(three, f"{subject} gives a {type(model).__name__}; it must be the three matrices A, b, Q.")
+    for name, part, shape in zip("AbQ", model, [(n, n), (n,), (n, n)], strict=True):
+        require_shape(f"{name} of {subject}", part, shape)
+    A, b, Q = model
     return A, b, Q
 
 
-def _check_model(what: str, plugin: Filter, n: int, dt: float, dt0: float) -> None:
-    A, b, Q = axis_model_of(what, plugin, n, dt, dt0)
+def _check_model(subject: str, plugin: Filter, n: int, dt: float, dt0: float) -> None:
+    A, b, Q = axis_model_of(subject, plugin, n, dt, dt0)
     for name, part in [("A", A), ("b", b), ("Q", Q)]:
-        require_finite(f"{name} of {what}", part)
-    require_covariance(f"Q of {what}", Q)
+        require_finite(f"{name} of {subject}", part)
+    require_covariance(f"Q of {subject}", Q)
     require(
         np.allclose(A[0, :2], [1.0, dt], rtol=1e-2, atol=0.0),
-        f"A of {what} begins with {A[0, 0]:.6g}, {A[0, 1]:.6g}; position (the first state) must follow velocity (the"
+        f"A of {subject} begins with {A[0, 0]:.6g}, {A[0, 1]:.6g}; position (the first state) must follow velocity (the"
         f" second): 1, {dt:g}.",
     )
 
@@ -79,13 +79,13 @@ def _check_instant(plugin: Filter, n: int) -> None:
     """A step of a nanosecond must change next to nothing, because measurements split samples anywhere."""
     A, b, Q = plugin.axis_model(INSTANT_S, 0.01)
     _, b0, Q0 = plugin.axis_model(0.01, 0.01)
-    nothing = (
+    unchanged = (
         np.allclose(A, np.eye(n), rtol=0.0, atol=1e-4)
         and (np.abs(b) <= 1e-4 * np.abs(b0)).all()
         and (np.diag(Q) <= 1e-4 * np.diag(Q0)).all()
     )
     require(
-        nothing,
+        unchanged,
         f"{type(plugin).__name__}.axis_model(): a step of a nanosecond still moves or blurs the state; A must go to I,"
         " b and Q to 0 with dt, also where dt0 stays.",
     )
@@ -99,29 +99,29 @@ def _check_run(plugin: Filter) -> None:
 
 
 def _check_estimator(plugin: Estimator) -> None:
-    what = type(plugin).__name__
+    subject = type(plugin).__name__
     accepted = plugin.adaptations
-    require(isinstance(accepted, tuple), f"{what}.adaptations is {accepted!r}; it must be a tuple of names.")
-    require(accepted, f"{what}.adaptations is empty; it must name at least one adaptation, none for instance.")
+    require(isinstance(accepted, tuple), f"{subject}.adaptations is {accepted!r}; it must be a tuple of names.")
+    require(accepted, f"{subject}.adaptations is empty; it must name at least one adaptation, none for instance.")
     recording = small_recording()
     attitude = true_attitude(recording)
     adaptation = create("adaptation", {"name": accepted[0]})
-    check_estimate(what, pure_result(f"{what}.estimate()", plugin.estimate, recording, attitude, adaptation))
+    check_estimate(subject, pure_result(f"{subject}.estimate()", plugin.estimate, recording, attitude, adaptation))
 
 
-def check_estimate(what: str, estimate: Estimate) -> None:
+def check_estimate(subject: str, estimate: Estimate) -> None:
     """Check the shapes of an estimate, that it got to the end, and that its covariances are such."""
-    require(not estimate.failure, f"{what} fails on a small recording: {estimate.failure}.")
+    require(not estimate.failure, f"{subject} fails on a small recording: {estimate.failure}.")
     k = len(estimate.index)
-    require(k > 0, f"{what} estimates nothing on a small recording.")
-    require((np.diff(estimate.index) > 0).all(), f"{what}: the rows of the reference in index do not increase.")
+    require(k > 0, f"{subject} estimates nothing on a small recording.")
+    require((np.diff(estimate.index) > 0).all(), f"{subject}: the rows of the reference in index do not increase.")
     for name in ("position_m", "velocity_mps", "euler_rad"):
         values: FloatArray = getattr(estimate, name)
-        require_shape(f"{what}: {name}", values, (k, 3))
+        require_shape(f"{subject}: {name}", values, (k, 3))
         if name == "euler_rad" or not estimate.attitude_only:
-            require_finite(f"{what}: {name}", values)
-    require_shape(f"{what}: covariance", estimate.covariance, (k, 6, 6))
+            require_finite(f"{subject}: {name}", values)
+    require_shape(f"{subject}: covariance", estimate.covariance, (k, 6, 6))
     if estimate.attitude_only:
         return
     for P in estimate.covariance[:: max(k // 50, 1)]:
-        require_covariance(f"{what}: covariance", P)
+        require_covariance(f"{subject}: covariance", P)

@@ -17,29 +17,29 @@ METHODS: Mapping[str, tuple[str, ...]] = {
 }
 
 
-def require_methods(kind: str, plugin: Any) -> None:  # noqa: ANN401 - it is what is being checked
+def require_methods(kind: str, plugin: Any) -> None:  # noqa: ANN401 - the plugin under test
     """Check that ``plugin`` has the methods of its ``kind``; a filter those of one of the two sorts.
 
     Raises:
         AssertionError: one is not there.
     """
-    what, sort = type(plugin).__name__, kind
+    subject, sort = type(plugin).__name__, kind
     if kind == "filter":
         sort = next((s for s in ("kinematic filter", "estimator") if hasattr(plugin, METHODS[s][0])), "")
-        require(sort, f"{what} has neither axis_model() nor estimate(); it needs one of them.")
+        require(sort, f"{subject} has neither axis_model() nor estimate(); it needs one of them.")
     for name in METHODS[sort]:
         has = callable(getattr(plugin, name, None))
-        require(has, f"{what} has no method {name}(); {_article(sort)} {sort} needs it (see jerkbench.contracts).")
+        require(has, f"{subject} has no method {name}(); {_article(sort)} {sort} needs it (see jerkbench.contracts).")
     if sort in ("dataset", "disturbance"):
-        require_seeded(what, plugin)
+        require_seeded(subject, plugin)
     if sort == "estimator":
-        require(hasattr(plugin, "adaptations"), f"{what} has no adaptations; it must name those that it accepts.")
+        require(hasattr(plugin, "adaptations"), f"{subject} has no adaptations; it must name those that it accepts.")
 
 
-def require_seeded(what: str, plugin: Any) -> None:  # noqa: ANN401 - it is what is being checked
+def require_seeded(subject: str, plugin: Any) -> None:  # noqa: ANN401 - the plugin under test
     """Check that it says whether it is random."""
     seeded = getattr(plugin, "seeded", None)
-    require(isinstance(seeded, bool), f"{what}.seeded is {seeded!r}; it must be True or False.")
+    require(isinstance(seeded, bool), f"{subject}.seeded is {seeded!r}; it must be True or False.")
 
 
 def _article(noun: str) -> str:

@@ -1,4 +1,4 @@
-"""What a metric has to fulfil."""
+"""The checks of a metric."""
 
 from typing import Any
 
@@ -17,39 +17,39 @@ from jerkbench.recording import Recording
 from jerkbench.timeline.timeline import build_timeline
 
 
-def check_metric(plugin: Any) -> None:  # noqa: ANN401 - it is what is being checked
+def check_metric(plugin: Any) -> None:  # noqa: ANN401 - the plugin under test
     """Check a metric on a small run: all rows counted, few, none.
 
     Raises:
         AssertionError: the values are no floats by name, or the names depend on the run.
     """
-    what = type(plugin).__name__
+    subject = type(plugin).__name__
     require_methods("metric", plugin)
     recording = small_recording()
     estimate = FilterpyEngine().run(build_timeline(recording, true_attitude(recording)), Baseline(), NoAdaptation())
     every = np.ones(len(estimate.index), dtype=bool)
-    names = list(values_of(what, plugin, estimate, recording, every))
-    require(names, f"{what}.evaluate() gives no value.")
+    names = list(checked_values(subject, plugin, estimate, recording, every))
+    require(names, f"{subject}.evaluate() gives no value.")
     for counted in (estimate.index > estimate.index[-10], ~every):
-        others = list(values_of(what, plugin, estimate, recording, counted))
+        fewer = list(checked_values(subject, plugin, estimate, recording, counted))
         require(
-            others == names,
-            f"{what}.evaluate() names {others} where fewer rows count, and {names} where all do; a value that does not"
-            " apply is NaN.",
+            fewer == names,
+            f"{subject}.evaluate() names {fewer} where fewer rows count, and {names} where all do; a value that does"
+            " not apply is NaN.",
         )
 
 
-def values_of(
-    what: str,
+def checked_values(
+    subject: str,
     plugin: Any,  # noqa: ANN401 - as above
     estimate: Estimate,
     recording: Recording,
     counted: BoolArray,
 ) -> dict[str, float]:
     """Return what the metric gives, checked for names and numbers, and for being the same the second time."""
-    values: dict[str, float] = pure_result(f"{what}.evaluate()", plugin.evaluate, estimate, recording, counted)
-    require(isinstance(values, dict), f"{what}.evaluate() gives a {type(values).__name__}; it must be a dictionary.")
+    values: dict[str, float] = pure_result(f"{subject}.evaluate()", plugin.evaluate, estimate, recording, counted)
+    require(isinstance(values, dict), f"{subject}.evaluate() gives a {type(values).__name__}; it must be a dictionary.")
     for name, value in values.items():
-        require(isinstance(name, str), f"{what}.evaluate() has the name {name!r}; it must be a string.")
-        require(isinstance(value, float), f"{what}.evaluate(): {name} is {value!r}; it must be a float.")
+        require(isinstance(name, str), f"{subject}.evaluate() has the name {name!r}; it must be a string.")
+        require(isinstance(value, float), f"{subject}.evaluate(): {name} is {value!r}; it must be a float.")
     return values

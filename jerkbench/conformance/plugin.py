@@ -1,4 +1,4 @@
-"""What a plugin of any kind has to fulfil."""
+"""The checks of a plugin of any kind."""
 
 import dataclasses
 import inspect
@@ -28,7 +28,7 @@ CHECKS: Mapping[str, Callable[[Any], None]] = {
 """The check of each kind of plugin."""
 
 
-def check_plugin(kind: str, plugin: Any) -> None:  # noqa: ANN401 - it is what is being checked
+def check_plugin(kind: str, plugin: Any) -> None:  # noqa: ANN401 - the plugin under test
     """Check that ``plugin`` is a frozen, hashable, documented dataclass, and all that its ``kind`` promises.
 
     Raises:
@@ -44,26 +44,26 @@ def check_plugin(kind: str, plugin: Any) -> None:  # noqa: ANN401 - it is what i
 
 
 def _check_class(cls: type) -> None:
-    what = cls.__name__
+    subject = cls.__name__
     frozen = dataclasses.is_dataclass(cls) and cls.__dataclass_params__.frozen  # type: ignore[attr-defined]  # private to dataclasses
-    require(frozen, f"{what} is not a frozen dataclass; write @dataclass(frozen=True) above it.")
+    require(frozen, f"{subject} is not a frozen dataclass; write @dataclass(frozen=True) above it.")
     doc = inspect.cleandoc(cls.__doc__ or "")
     summary = doc.split("\n", 1)[0]
-    written = summary.endswith(".") and not summary.startswith(f"{what}(")  # what dataclass puts there by itself
-    require(written, f"{what} has no docstring whose first line is one sentence; `jerkbench list` prints it.")
+    written = summary.endswith(".") and not summary.startswith(f"{subject}(")  # what dataclass puts there by itself
+    require(written, f"{subject} has no docstring whose first line is one sentence; `jerkbench list` prints it.")
     family = "\n".join(inspect.cleandoc(c.__doc__ or "") for c in cls.__mro__ if dataclasses.is_dataclass(c))
     for f in dataclasses.fields(cls):
-        require(f"{f.name}:" in family, f"{what} does not document its parameter {f.name} under Attributes.")
+        require(f"{f.name}:" in family, f"{subject} does not document its parameter {f.name} under Attributes.")
 
 
 def _check_value(plugin: Any) -> None:  # noqa: ANN401 - as above
-    what = type(plugin).__name__
+    subject = type(plugin).__name__
     try:
         hash(plugin)
     except TypeError as error:
-        raise AssertionError(f"{what} is not hashable ({error}); a field that is a list must be a tuple.") from error
+        raise AssertionError(f"{subject} is not hashable ({error}); a field that is a list must be a tuple.") from error
     try:
-        again = pickle.loads(pickle.dumps(plugin))  # noqa: S301 - made the line before
+        unpickled = pickle.loads(pickle.dumps(plugin))  # noqa: S301 - made the line before
     except (pickle.PicklingError, AttributeError, TypeError) as error:
-        raise AssertionError(f"{what} cannot be pickled ({error}), so no worker process can run it.") from error
-    require(again == plugin, f"{what} is another after pickling; a worker process would run something else.")
+        raise AssertionError(f"{subject} cannot be pickled ({error}), so no worker process can run it.") from error
+    require(unpickled == plugin, f"{subject} is another after pickling; a worker process would run something else.")

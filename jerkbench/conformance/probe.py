@@ -1,4 +1,4 @@
-"""A short look at a plugin from elsewhere before it runs: what would make a plausible table of wrong numbers.
+"""A short check of a plugin from elsewhere before it runs, for faults that give a plausible table of wrong numbers.
 
 It asks for less than `jerkbench.testing`, and takes hundredths of a second: a plugin that passes may still be wrong.
 """
@@ -11,14 +11,14 @@ import numpy as np
 
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.conformance.adaptation import probe_adaptation
-from jerkbench.conformance.attitude import attitude_of
+from jerkbench.conformance.attitude import checked_attitude
 from jerkbench.conformance.kinematic import axis_model_of, require_initial_variances
 from jerkbench.conformance.methods import require_methods
-from jerkbench.conformance.metric import values_of
+from jerkbench.conformance.metric import checked_values
 from jerkbench.conformance.recordings import small_recording, true_attitude
 from jerkbench.conformance.require import Unfit, require
 from jerkbench.conformance.same import pure_result
-from jerkbench.conformance.sources import disturbed
+from jerkbench.conformance.sources import checked_disturbance
 from jerkbench.contracts import Filter
 from jerkbench.estimate import Estimate
 from jerkbench.filters.baseline import Baseline
@@ -51,45 +51,45 @@ def _complaint(kind: str, plugin: Hashable) -> str:
     return ""
 
 
-def _probe_filter(plugin: Any) -> None:  # noqa: ANN401 - it is what is being checked
-    what = type(plugin).__name__
+def _probe_filter(plugin: Any) -> None:  # noqa: ANN401 - the plugin under test
+    subject = type(plugin).__name__
     if not isinstance(plugin, Filter):
-        _probe_estimator(what, plugin)
+        _probe_estimator(subject, plugin)
         return
-    n = require_initial_variances(what, plugin)
+    n = require_initial_variances(subject, plugin)
     for dt in (0.01, 0.01 / 3.0):
-        axis_model_of(f"{what}.axis_model({dt:g}, 0.01)", plugin, n, dt, 0.01)
+        axis_model_of(f"{subject}.axis_model({dt:g}, 0.01)", plugin, n, dt, 0.01)
 
 
-def _probe_estimator(what: str, plugin: Any) -> None:  # noqa: ANN401 - as above
+def _probe_estimator(subject: str, plugin: Any) -> None:  # noqa: ANN401 - as above
     recording = small_recording(SHORT_S)
     adaptation = create("adaptation", {"name": plugin.adaptations[0]})
-    estimate = pure_result(f"{what}.estimate()", plugin.estimate, recording, true_attitude(recording), adaptation)
-    _require_estimate(f"{what}.estimate()", estimate)
+    estimate = pure_result(f"{subject}.estimate()", plugin.estimate, recording, true_attitude(recording), adaptation)
+    _require_estimate(f"{subject}.estimate()", estimate)
 
 
 def _probe_engine(plugin: Any) -> None:  # noqa: ANN401 - as above
     recording = small_recording(SHORT_S)
-    what, timeline = f"{type(plugin).__name__}.run()", build_timeline(recording, true_attitude(recording))
-    _require_estimate(what, pure_result(what, plugin.run, timeline, Baseline(), NoAdaptation()))
+    subject, timeline = f"{type(plugin).__name__}.run()", build_timeline(recording, true_attitude(recording))
+    _require_estimate(subject, pure_result(subject, plugin.run, timeline, Baseline(), NoAdaptation()))
 
 
-def _require_estimate(what: str, estimate: object) -> None:
-    require(isinstance(estimate, Estimate), f"{what} gives a {type(estimate).__name__}; it must be an Estimate.")
+def _require_estimate(subject: str, estimate: object) -> None:
+    require(isinstance(estimate, Estimate), f"{subject} gives a {type(estimate).__name__}; it must be an Estimate.")
 
 
 def _probe_metric(plugin: Any) -> None:  # noqa: ANN401 - as above
     recording = small_recording(SHORT_S)
     estimate = GnssOnly().estimate(recording, true_attitude(recording), NoAdaptation())
-    values_of(type(plugin).__name__, plugin, estimate, recording, np.ones(len(estimate.index), dtype=bool))
+    checked_values(type(plugin).__name__, plugin, estimate, recording, np.ones(len(estimate.index), dtype=bool))
 
 
 def _probe_disturbance(plugin: Any) -> None:  # noqa: ANN401 - as above
-    disturbed(type(plugin).__name__, plugin, small_recording(LONG_S), 0)
+    checked_disturbance(type(plugin).__name__, plugin, small_recording(LONG_S), 0)
 
 
 def _probe_attitude(plugin: Any) -> None:  # noqa: ANN401 - as above
-    attitude_of(type(plugin).__name__, plugin, small_recording(SHORT_S))
+    checked_attitude(type(plugin).__name__, plugin, small_recording(SHORT_S))
 
 
 PROBES: Mapping[str, Callable[[Any], None]] = {

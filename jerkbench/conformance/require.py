@@ -1,4 +1,4 @@
-"""One line of a check."""
+"""The condition of a check."""
 
 
 class Unfit(AssertionError):  # noqa: N818 - pytest shows an assertion's sentence best

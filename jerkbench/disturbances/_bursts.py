@@ -1,4 +1,4 @@
-"""What all multipath shares: bursts in which the position is off by a constant."""
+"""Bursts of multipath, in which the position is off by a constant."""
 
 from abc import abstractmethod
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""What all outages share: their windows, and streams without the rows inside."""
+"""Windows of outages, and streams without the rows inside."""
 
 from dataclasses import dataclass
 from typing import ClassVar

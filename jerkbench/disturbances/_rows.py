@@ -1,4 +1,4 @@
-"""Some rows of a stream."""
+"""A selection of a stream's rows."""
 
 import dataclasses
 from typing import Any, TypeVar

@@ -10,18 +10,18 @@ from jerkbench.errors import PluginError
 Windows = tuple[tuple[float, ...], ...]
 
 
-def require_windows(windows_s: Windows, what: str) -> None:
-    """Raise a PluginError unless each window is a begin and a later end; ``what`` says what it should be."""
+def require_windows(windows_s: Windows, subject: str) -> None:
+    """Raise a PluginError unless each window is a begin and a later end; ``subject`` is what it should be."""
     for window in windows_s:
         if len(window) != 2 or not window[0] < window[1]:
-            raise PluginError(f"The window {window} is no {what}; give a begin and a later end, in seconds.")
+            raise PluginError(f"The window {window} is no {subject}; give a begin and a later end, in seconds.")
 
 
-def require_apart(windows_s: Windows, what: str) -> None:
+def require_apart(windows_s: Windows, subject: str) -> None:
     """Raise a PluginError where two windows overlap."""
-    for one, other in pairwise(sorted(windows_s)):
-        if one[1] > other[0]:
-            raise PluginError(f"The windows {one} and {other} overlap; give each {what} a window of its own.")
+    for window, later in pairwise(sorted(windows_s)):
+        if window[1] > later[0]:
+            raise PluginError(f"The windows {window} and {later} overlap; give each {subject} a window of its own.")
 
 
 def as_array(windows_s: Windows) -> FloatArray:

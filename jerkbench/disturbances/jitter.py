@@ -13,7 +13,7 @@ from jerkbench.plugins import register
 from jerkbench.recording import Imu, Recording
 
 ROOM = 0.45
-"""How far a stamp may go towards its neighbour, in parts of the interval between them."""
+"""The largest shift of a stamp towards its neighbour, in parts of the interval between them."""
 
 
 @register("disturbance", "jitter")

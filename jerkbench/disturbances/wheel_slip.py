@@ -78,8 +78,8 @@ def _along(velocity: Velocity, reference: Reference) -> FloatArray:
     along = np.einsum("mi,mi->m", h[:, :2], level)[:, None] * h
     own_course = np.column_stack([level, np.zeros(len(v))])  # with h = v/|v| it is v itself
     offset = np.where(np.isfinite(h[:, :1]), along, own_course)
-    both = np.isfinite(level).all(axis=1, keepdims=True)
-    return np.where(both, offset, 0.0)
+    complete = np.isfinite(level).all(axis=1, keepdims=True)
+    return np.where(complete, offset, 0.0)
 
 
 def _reference_yaw(t_s: FloatArray, reference: Reference) -> FloatArray:

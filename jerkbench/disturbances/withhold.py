@@ -77,7 +77,7 @@ class Withhold:
 
 
 def _kept_velocity(velocity: Velocity, fixes_t_s: FloatArray, kept: BoolArray) -> BoolArray:
-    """Which rows of ``velocity`` (m,) belong to a kept epoch, or to no epoch."""
+    """Return (m,) whether each row of ``velocity`` belongs to a kept epoch, or to no epoch."""
     keep = np.ones(len(velocity.t_s), dtype=bool)
     axes = np.isfinite(velocity.mps) @ np.array([1, 2, 4])
     for group in np.unique(axes):
@@ -95,7 +95,7 @@ def _same_rate(t_s: FloatArray, fixes_t_s: FloatArray) -> bool:
 
 
 def _epochs(t_s: FloatArray, fixes_t_s: FloatArray) -> IntArray:
-    """Which fix (its row) each velocity row belongs to."""
+    """Return the row of the fix that each row of the velocity belongs to."""
     if len(t_s) == len(fixes_t_s):
         return np.arange(len(t_s))
     return np.minimum(np.searchsorted(nanoseconds(fixes_t_s), nanoseconds(t_s)), len(fixes_t_s) - 1)

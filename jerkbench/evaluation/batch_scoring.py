@@ -1,4 +1,4 @@
-"""Scoring a run that keeps no trajectory: which of its rows count, and its sums."""
+"""The scoring of a run that keeps no trajectory: its counted rows and its sums."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -20,7 +20,7 @@ from jerkbench.timeline.timeline import Timeline
 
 @dataclass(frozen=True, eq=False)
 class Scored:
-    """How the runs over one timeline are scored.
+    """The scoring of the runs over one timeline.
 
     Attributes:
         scoring: for the engine.
@@ -36,7 +36,7 @@ class Scored:
 
     @cached_property
     def numbers(self) -> "Numbers":
-        """How many rows count for what: the same for every run."""
+        """The numbers of counted rows: the same for every run."""
         rows = self.rows
         position, velocity = (of.sum(axis=1).astype(np.float64) for of in (rows.position, rows.velocity))
         return Numbers(position, velocity, *(float(of.sum()) for of in (rows.whole, rows.both, rows.outage)))
@@ -80,8 +80,8 @@ def outline_of(timeline: Timeline) -> Estimate:
 
 def outlined(index: IntArray, euler_rad: FloatArray) -> Estimate:
     """Return the same for rows ``index`` (k,) of the reference, with the attitude (k, 3) there."""
-    nothing = np.broadcast_to(np.nan, (len(index), 6, 6))
-    return Estimate(index, nothing[:, 0, :3], nothing[:, 0, :3], nothing, euler_rad)
+    unknown = np.broadcast_to(np.nan, (len(index), 6, 6))
+    return Estimate(index, unknown[:, 0, :3], unknown[:, 0, :3], unknown, euler_rad)
 
 
 def sums_from(streamed: Streamed, scored: Scored, recording: Recording) -> Sums:

@@ -1,4 +1,4 @@
-"""Consistency: are the errors as large as the filter's own covariances say?"""
+"""Consistency of the errors with the filter's own covariances."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""How often the position error lies within the sigmas that the filter claims."""
+"""The share of position errors within the sigmas that the filter claims."""
 
 from dataclasses import dataclass
 from typing import ClassVar

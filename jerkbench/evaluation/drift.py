@@ -1,4 +1,4 @@
-"""How fast the position error grows while there is no aiding."""
+"""The growth of the position error while there is no aiding."""
 
 from dataclasses import dataclass
 

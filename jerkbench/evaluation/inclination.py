@@ -1,4 +1,4 @@
-"""The error of the tilt as one angle, and how well the reference itself is known to be level."""
+"""The error of the tilt as one angle, and the accuracy of the reference's own level."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -63,15 +63,15 @@ def _floor_rad(recording: Recording) -> float:
     reference, imu = recording.reference, recording.imu
     if reference.euler_rad is None or imu is None:
         return float("nan")
-    there = np.isfinite(reference.euler_rad[:, :2]).all(axis=1)
-    truth = vertical_in_body(np.nan_to_num(reference.euler_rad[there]))
+    known = np.isfinite(reference.euler_rad[:, :2]).all(axis=1)
+    truth = vertical_in_body(np.nan_to_num(reference.euler_rad[known]))
     windows = np.arange(np.floor(imu.t_s[0] / WINDOW_S), np.ceil(imu.t_s[-1] / WINDOW_S) + 1) * WINDOW_S
-    vertical, seen = _means(truth, np.searchsorted(windows, reference.t_s[there], side="right"), len(windows))
+    vertical, known_rows = _means(truth, np.searchsorted(windows, reference.t_s[known], side="right"), len(windows))
     starts = np.searchsorted(imu.t_s, windows[:-1])
     force, sampled = _means(imu.accel_mps2, np.searchsorted(windows, imu.t_s, side="right"), len(windows))
-    still = np.zeros(len(seen), dtype=bool)
+    still = np.zeros(len(known_rows), dtype=bool)
     still[1 : len(windows)] = _still(imu.gyro_radps, starts) & ~_moving(recording, windows)
-    use = still & (seen > 0) & (sampled > 0)
+    use = still & (known_rows > 0) & (sampled > 0)
     return float(np.median(angle_between(force[use], vertical[use]))) if use.any() else float("nan")
 
 
@@ -103,8 +103,8 @@ def _speed(recording: Recording) -> tuple[FloatArray, FloatArray] | None:
 
 
 def _known(t_s: FloatArray, speed_mps: FloatArray) -> tuple[FloatArray, FloatArray]:
-    there = np.isfinite(speed_mps)
-    return t_s[there], speed_mps[there]
+    finite = np.isfinite(speed_mps)
+    return t_s[finite], speed_mps[finite]
 
 
 def _means(rows: FloatArray, window: IntArray, count: int) -> tuple[FloatArray, FloatArray]:

@@ -1,4 +1,4 @@
-"""Whether the innovations follow each other."""
+"""The correlation of each innovation with the next."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -33,8 +33,8 @@ class Innovation:
         """Return the two values by column name."""
         start_s = first_counted_s(recording.reference, estimate.index, counted)
         late = estimate.updates.innovation[estimate.updates.t_s >= start_s]
-        tests = [one for one in whiteness_of_rows(late) if not np.isnan(one.first)]
+        tests = [test for test in whiteness_of_rows(late) if not np.isnan(test.first)]
         return {
-            "innovation_correlation": float(np.mean([one.first for one in tests])) if tests else np.nan,
-            "innovation_white_percent": 100 * float(np.mean([one.white for one in tests])) if tests else np.nan,
+            "innovation_correlation": float(np.mean([test.first for test in tests])) if tests else np.nan,
+            "innovation_white_percent": 100 * float(np.mean([test.white for test in tests])) if tests else np.nan,
         }

@@ -1,4 +1,4 @@
-"""How often, and for how long in a row, an adaptation does not believe the fixes."""
+"""Lockout: the number and the length of the runs of fixes that an adaptation does not believe."""
 
 from dataclasses import dataclass
 from typing import ClassVar

@@ -1,4 +1,4 @@
-"""How likely the filter held the truth: one number for accuracy and honesty together."""
+"""The log score: the likelihood of the truth under the filter, accuracy and honesty in one number."""
 
 from dataclasses import dataclass
 from typing import ClassVar

@@ -1,4 +1,4 @@
-"""What one recording alone says about the accuracy of its RMSE."""
+"""The accuracy of the RMSE of one recording."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -36,9 +36,9 @@ class OneRecording:
         """Return the three values by column name."""
         rows = counted & known(recording.reference.enu_m, estimate)
         with np.errstate(over="ignore", invalid="ignore"):
-            found = block_interval(np.sum(position_error_m(estimate, recording)[rows] ** 2, axis=1))
+            interval = block_interval(np.sum(position_error_m(estimate, recording)[rows] ** 2, axis=1))
         return {
-            "position_rmse_low_m": found.low,
-            "position_rmse_high_m": found.high,
-            "error_correlation_rows": found.correlation,
+            "position_rmse_low_m": interval.low,
+            "position_rmse_high_m": interval.high,
+            "error_correlation_rows": interval.correlation,
         }

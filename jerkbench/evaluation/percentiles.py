@@ -34,6 +34,6 @@ class Percentiles:
             rows = counted & known(recording.reference.enu_m, estimate, axes)
             with np.errstate(over="ignore", invalid="ignore"):
                 norm = np.sqrt(np.sum(position_error_m(estimate, recording)[rows][:, axes] ** 2, axis=1))
-                found = np.percentile(norm, PERCENTILES) if len(norm) else np.full(len(PERCENTILES), np.nan)
-            values |= {f"position{name}_p{q}_m": float(v) for q, v in zip(PERCENTILES, found, strict=True)}
+                percentiles = np.percentile(norm, PERCENTILES) if len(norm) else np.full(len(PERCENTILES), np.nan)
+            values |= {f"position{name}_p{q}_m": float(v) for q, v in zip(PERCENTILES, percentiles, strict=True)}
         return values

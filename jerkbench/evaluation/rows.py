@@ -1,4 +1,4 @@
-"""Which rows of a run count for what."""
+"""The rows of a run that count, and their use."""
 
 from typing import NamedTuple
 
@@ -8,7 +8,7 @@ from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.recording import Recording, Reference
 
 POSITION_AXES = {"": (0, 1, 2), "_horizontal": (0, 1), "_east": (0,), "_north": (1,), "_up": (2,)}
-"""What the name of a column of position errors says, and the axes that it takes."""
+"""The part of a column's name for each error of position, and its axes."""
 
 VELOCITY_AXES = {"": (0, 1, 2), "_horizontal": (0, 1), "_up": (2,)}
 """The same of velocity errors."""
@@ -51,15 +51,15 @@ def counting(index: IntArray, recording: Recording, counted: BoolArray) -> Rows:
     moving = known_axes(reference.velocity_mps, index)
     position = np.array([counted & located[:, axes].all(axis=1) for axes in POSITION_AXES.values()])
     velocity = np.array([counted & moving[:, axes].all(axis=1) for axes in VELOCITY_AXES.values()])
-    t_s, there = reference.t_s[index], located.all(axis=1)
+    t_s, complete = reference.t_s[index], located.all(axis=1)
     start_s = first_counted_s(reference, index, counted)
-    inside = inside_outages(t_s, recording.outages_s) & there
+    inside = inside_outages(t_s, recording.outages_s) & complete
     outages = _outages(inside & (t_s >= start_s), t_s, recording)
     return Rows(
         position,
         velocity,
         position[0] & velocity[0],
-        reference.scored[index] & there,
+        reference.scored[index] & complete,
         inside.any(axis=0) & counted,
         outages,
         t_s[outages],
@@ -78,8 +78,8 @@ def driven_m(reference: Reference) -> FloatArray:
     """Return (k,) the distance up to each row, straight from each known position to the next."""
     steps = np.zeros(len(reference.t_s))
     if reference.enu_m is not None:
-        there = np.flatnonzero(np.isfinite(reference.enu_m).all(axis=1))
-        steps[there[1:]] = np.linalg.norm(np.diff(reference.enu_m[there], axis=0), axis=1)
+        known = np.flatnonzero(np.isfinite(reference.enu_m).all(axis=1))
+        steps[known[1:]] = np.linalg.norm(np.diff(reference.enu_m[known], axis=0), axis=1)
     return np.cumsum(steps)
 
 
@@ -100,12 +100,12 @@ def inside_outages(t_s: FloatArray, outages_s: FloatArray) -> BoolArray:
 def _outages(inside: BoolArray, t_s: FloatArray, recording: Recording) -> IntArray:
     """The first and the last row inside each outage, (j, k) rows, where the last is near the outage's end."""
     oldest_s = OLDEST * _interval_s(recording.reference)
-    found = [
+    spans = [
         (np.flatnonzero(rows)[[0, -1]], end)
         for rows, (_, end) in zip(inside, recording.outages_s, strict=True)
         if rows.any()
     ]
-    return np.array([pair for pair, end in found if end - t_s[pair[1]] <= oldest_s], dtype=np.int64).reshape(-1, 2)
+    return np.array([pair for pair, end in spans if end - t_s[pair[1]] <= oldest_s], dtype=np.int64).reshape(-1, 2)
 
 
 def _interval_s(reference: Reference) -> float:

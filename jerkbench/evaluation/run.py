@@ -1,4 +1,4 @@
-"""From one run to its row: which rows count, what the metrics say, and whether the run went well."""
+"""The row of a run: its counted rows, the values of the metrics, and its status."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
@@ -70,7 +70,7 @@ def evaluate_run(
     return gathered((metric, columns(metric)) for metric in metrics)
 
 
-def gathered(given: Iterable[tuple[Metric, Mapping[str, float]]]) -> dict[str, float]:
+def gathered(results: Iterable[tuple[Metric, Mapping[str, float]]]) -> dict[str, float]:
     """Return the columns of all metrics.
 
     Raises:
@@ -78,7 +78,7 @@ def gathered(given: Iterable[tuple[Metric, Mapping[str, float]]]) -> dict[str, f
     """
     values: dict[str, float] = {}
     owners: dict[str, str] = {}
-    for metric, columns in given:
+    for metric, columns in results:
         for column, value in columns.items():
             if column in values:
                 raise PluginError(_taken(column, owners[column], type(metric).__name__))
@@ -97,9 +97,9 @@ def run_status(estimate: Estimate, recording: Recording, limit_m: float = 1000.0
     return ("diverged", reason) if reason else ("ok", "")
 
 
-def _taken(column: str, owner: str, other: str) -> str:
+def _taken(column: str, owner: str, second: str) -> str:
     return (
-        f"The metrics {owner} and {other} both give the column '{column}'; rename it in one of them, or leave one out."
+        f"The metrics {owner} and {second} both give the column '{column}'; rename it in one of them, or leave one out."
     )
 
 

@@ -65,8 +65,8 @@ def nested_squares(error: FloatArray, covariance: FloatArray) -> FloatArray:
     """
     squares = np.empty(error.shape[::-1])
     for begin in range(0, len(error), BLOCK):
-        some = slice(begin, begin + BLOCK)
-        _eliminate(error[some].T.copy(), covariance[some].transpose(1, 2, 0).copy(), squares[:, some])
+        block = slice(begin, begin + BLOCK)
+        _eliminate(error[block].T.copy(), covariance[block].transpose(1, 2, 0).copy(), squares[:, block])
     return squares.cumsum(axis=0)
 
 
@@ -111,5 +111,5 @@ def _nis(updates: Updates, start_s: float) -> tuple[float, float, float, float]:
 
 
 def _per_row(nis: FloatArray, rows: FloatArray) -> tuple[float, float]:
-    there = rows > 0
-    return float((nis[there] / rows[there]).sum()), float(there.sum())
+    measured = rows > 0
+    return float((nis[measured] / rows[measured]).sum()), float(measured.sum())

@@ -1,4 +1,4 @@
-"""One file over HTTP into a part that survives: what was cut off goes on where it was."""
+"""The download of a file over HTTP into a part that survives: an interrupted one goes on where it stopped."""
 
 import http.client
 import shutil
@@ -10,7 +10,7 @@ from typing import IO
 from jerkbench.errors import RecordingError
 
 ATTEMPTS = 4
-"""How often a connection that was cut is opened again before giving up."""
+"""The number of times that a lost connection is opened again before giving up."""
 
 TIMEOUT_S = 30.0
 BLOCK = 1 << 16

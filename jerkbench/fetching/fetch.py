@@ -1,4 +1,4 @@
-"""Fetch a public recording into the cache: what is there and right stays, the rest is downloaded and checked."""
+"""The download of a public recording into the cache: intact files stay, the others are downloaded and checked."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -37,9 +37,9 @@ def _fetch_file(file: PublicFile, folder: Path, say: Callable[[str], None]) -> N
     import pooch
 
     target, name = folder / file.name, Path(file.name)
-    there = target.is_file() and pooch.file_hash(str(target)) == file.sha256
-    say(f"{file.name}: {'there' if there else 'downloading'}")
-    if there:
+    present = target.is_file() and pooch.file_hash(str(target)) == file.sha256
+    say(f"{file.name}: {'there' if present else 'downloading'}")
+    if present:
         return
     target.unlink(missing_ok=True)
     pooch.get_logger().setLevel("WARNING")  # what is downloaded was said above

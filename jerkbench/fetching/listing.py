@@ -1,4 +1,4 @@
-"""Which public recordings there are to fetch, from the registry beside this file."""
+"""The public recordings that can be fetched, from the registry beside this file."""
 
 import tomllib
 from dataclasses import dataclass
@@ -30,14 +30,14 @@ class PublicRecording:
     """A recording that anybody may fetch.
 
     Attributes:
-        name: what it is called here.
-        what: one phrase about it.
+        name: its name here.
+        title: one phrase about it.
         licence: its SPDX identifier.
         files: all of it.
     """
 
     name: str
-    what: str
+    title: str
     licence: str
     files: tuple[PublicFile, ...]
 
@@ -61,7 +61,7 @@ def public_recording(name: str, registry: Path = REGISTRY) -> PublicRecording:
 
 
 def _recording(name: str, entry: dict[str, object]) -> PublicRecording:
-    address, given = str(entry["address"]), entry["files"]
-    assert isinstance(given, dict)  # noqa: S101 - the registry is our own
-    files = (PublicFile(local, address + quote(path), sha256) for local, (path, sha256) in given.items())
-    return PublicRecording(name, str(entry["what"]), str(entry["licence"]), tuple(files))
+    address, listed = str(entry["address"]), entry["files"]
+    assert isinstance(listed, dict)  # noqa: S101 - the registry is our own
+    files = (PublicFile(local, address + quote(path), sha256) for local, (path, sha256) in listed.items())
+    return PublicRecording(name, str(entry["title"]), str(entry["licence"]), tuple(files))

@@ -1,1 +1,1 @@
-"""A simulated drive: its true motion, and what the sensors make of it."""
+"""A simulated drive: its true motion, and the measurements of its sensors."""

@@ -1,4 +1,4 @@
-"""What a perfect IMU measures on a true motion, and what the accelerometer's range leaves of it."""
+"""The measurements of a perfect IMU on a true motion, limited by the accelerometer's range."""
 
 import numpy as np
 

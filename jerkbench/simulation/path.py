@@ -1,4 +1,4 @@
-"""Where the robot drives: passes to and fro over the field, with headland turns between them."""
+"""The path of the robot: passes to and fro over the field, with headland turns between them."""
 
 from dataclasses import dataclass
 

@@ -94,29 +94,29 @@ class Sensors(SlowErrors):
             static_start_s=static_start_s,
         )
 
-    def check_sensors(self, what: str) -> None:
-        """Raise a PluginError, which begins with ``what``, unless every choice exists and every number makes sense."""
+    def check_sensors(self, subject: str) -> None:
+        """Raise a PluginError about ``subject`` unless every choice exists and every number makes sense."""
         if self.imu not in IMUS:
-            raise PluginError(unknown(f"imu of {what}", self.imu, IMUS))
+            raise PluginError(unknown(f"imu of {subject}", self.imu, IMUS))
         for source in self.silent:
             if source not in STREAMS:
-                raise PluginError(unknown(f"source of randomness of {what}", source, STREAMS))
-        require_positive(what, self, ("imu_rate_hz", "gnss_rate_hz", "reference_rate_hz", "heading_sigma_rad"))
-        require_not_negative(what, self, ("accel_sigma_mps2", "gyro_sigma_radps"))
-        require_axes(what, self, ("position_sigma_m", "velocity_sigma_mps"), positive=True)
+                raise PluginError(unknown(f"source of randomness of {subject}", source, STREAMS))
+        require_positive(subject, self, ("imu_rate_hz", "gnss_rate_hz", "reference_rate_hz", "heading_sigma_rad"))
+        require_not_negative(subject, self, ("accel_sigma_mps2", "gyro_sigma_radps"))
+        require_axes(subject, self, ("position_sigma_m", "velocity_sigma_mps"), positive=True)
         if self.accel_range_g is not None:
-            require_positive(what, self, ("accel_range_g",))
+            require_positive(subject, self, ("accel_range_g",))
         for low in ("gnss_rate_hz", "reference_rate_hz"):
-            require_multiple(what, self, "imu_rate_hz", low)
-        self.check_slow_errors(what, self.imu_rate_hz)
+            require_multiple(subject, self, "imu_rate_hz", low)
+        self.check_slow_errors(subject, self.imu_rate_hz)
 
-    def check_length(self, what: str, duration_s: float) -> None:
+    def check_length(self, subject: str, duration_s: float) -> None:
         """Raise a PluginError where a drive of this length has more samples than memory should hold."""
         samples = duration_s * self.imu_rate_hz
         if samples > MOST_SAMPLES:
             raise PluginError(
-                f"{what}: {duration_s:g} s at imu_rate_hz {self.imu_rate_hz:g} are {samples:.3g} samples; a simulated"
-                f" drive has at most {MOST_SAMPLES:,}: shorten it, or lower the rate."
+                f"{subject}: {duration_s:g} s at imu_rate_hz {self.imu_rate_hz:g} are {samples:.3g} samples; a"
+                f" simulated drive has at most {MOST_SAMPLES:,}: shorten it, or lower the rate."
             )
 
     def _imu(self, truth: Truth, seed: int, false_mps2: FloatArray | None) -> Imu:

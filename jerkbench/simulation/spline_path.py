@@ -1,4 +1,4 @@
-"""A path that was given: through waypoints at a speed, or through a table of times and places."""
+"""A given path: through waypoints at a speed, or through a table of times and positions."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -32,7 +32,7 @@ class Way:
 
 @dataclass(frozen=True)
 class Drive:
-    """How fast a way of a given length is driven: stand, ramp up, go on, ramp down to a stop at its end.
+    """The speed over a way of a given length: stand, ramp up, go on, ramp down to a stop at its end.
 
     speed(t) = v [S((t - stand)/ramp) - S((t - stop)/ramp)], S the quintic smoothstep, and the stop begins such that
     the integral is the length: stop = stand + length/v.

@@ -17,7 +17,7 @@ TRACK_PER_M = 0.6
 
 @dataclass(frozen=True, eq=False)
 class Ground:
-    """What the robot meets at each time.
+    """The ground under the robot at each time.
 
     Attributes:
         height_m: (n,) height of the ground under the robot.

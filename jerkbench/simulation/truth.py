@@ -74,10 +74,10 @@ def simulate_truth(t_s: FloatArray, path: Path, terrain: Terrain, vibration: Vib
 
 def drive_course(t_s: FloatArray, path: Path, ruts: Ruts) -> Course:
     """Return the motion in the plane; east and north by Simpson's rule over each interval."""
-    both = np.empty(2 * len(t_s) - 1)  # the times, and the middle between each two
-    both[::2], both[1::2] = t_s, 0.5 * (t_s[:-1] + t_s[1:])
-    yaw = path.yaw_rad_at(both)
-    speed = path.speed_mps_at(both) - ruts.speed_dip_mps * ruts.pulse(both)
+    fine_t_s = np.empty(2 * len(t_s) - 1)  # the times, and the middle between each two
+    fine_t_s[::2], fine_t_s[1::2] = t_s, 0.5 * (t_s[:-1] + t_s[1:])
+    yaw = path.yaw_rad_at(fine_t_s)
+    speed = path.speed_mps_at(fine_t_s) - ruts.speed_dip_mps * ruts.pulse(fine_t_s)
     velocity = speed[:, None] * np.column_stack([np.cos(yaw), np.sin(yaw)])
     areas = np.diff(t_s)[:, None] / 6.0 * (velocity[:-1:2] + 4.0 * velocity[1::2] + velocity[2::2])
     en = np.vstack([np.zeros((1, 2)), np.cumsum(areas, axis=0)])
@@ -93,8 +93,8 @@ def _shake(t_s: FloatArray, path: Path, vibration: Vibration) -> Shaking:
 def _lean(course: Course, ground: Ground) -> FloatArray:
     """Roll, pitch and yaw (n, 3) of a robot that lies on the ground."""
     forward = ground.slope[:, 0] + ground.slope[:, 1] * np.cos(course.yaw_rad)
-    left = -ground.slope[:, 1] * np.sin(course.yaw_rad)
-    return np.column_stack([np.arctan(left) + ground.roll_rad, -np.arctan(forward), course.yaw_rad])
+    leftward = -ground.slope[:, 1] * np.sin(course.yaw_rad)
+    return np.column_stack([np.arctan(leftward) + ground.roll_rad, -np.arctan(forward), course.yaw_rad])
 
 
 def _tip(t_s: FloatArray, ruts: Ruts) -> FloatArray:

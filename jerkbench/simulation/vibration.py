@@ -16,7 +16,7 @@ AXIS_SHARE = np.array([0.7, 0.7, 1.0])
 
 @dataclass(frozen=True, eq=False)
 class Shaking:
-    """What vibration adds to the motion, at n times.
+    """The motion of the vibration, at n times.
 
     Attributes:
         enu_m: (n, 3) displacement.
@@ -66,7 +66,7 @@ def draw_vibration(rng: np.random.Generator, accel_mps2: float, angle_rad: float
     band = (HIGHEST_HZ - LOWEST_HZ) / SINES
     w = 2.0 * np.pi * (LOWEST_HZ + band * (np.arange(SINES) + rng.uniform(size=SINES)))
     phases = rng.uniform(0.0, 2.0 * np.pi, (6, SINES))
-    one = np.sqrt(2.0 / SINES)  # amplitude of each of 14 sines whose sum has an rms of one
-    shift = accel_mps2 * one * np.multiply.outer(AXIS_SHARE, w**-2.0)
-    sizes = np.vstack([shift, np.full((3, SINES), angle_rad * one)])
+    unit = np.sqrt(2.0 / SINES)  # amplitude of each of 14 sines whose sum has an rms of one
+    shift = accel_mps2 * unit * np.multiply.outer(AXIS_SHARE, w**-2.0)
+    sizes = np.vstack([shift, np.full((3, SINES), angle_rad * unit)])
     return Vibration(w, sizes * np.cos(phases), sizes * np.sin(phases))

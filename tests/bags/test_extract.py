@@ -7,7 +7,7 @@ import pytest
 
 from bag_maker import Drive
 from jerkbench.bags import extract
-from jerkbench.conformance.same import same
+from jerkbench.conformance.same import identical
 from jerkbench.datasets.fixposition import Fixposition
 from jerkbench.datasets.rosbag import RosBag
 
@@ -32,7 +32,7 @@ def test_the_second_reading_is_the_first_without_the_bag(bag, tmp_path, monkeypa
     first = Fixposition(str(bag)).load(0)
     assert len(kept(tmp_path)) == 1
     monkeypatch.setattr(extract, "open_bag", never)
-    assert same(Fixposition(str(bag)).load(0), first)
+    assert identical(Fixposition(str(bag)).load(0), first)
     moved = bag.rename(tmp_path / "b.bag")  # it is the content that counts
     np.testing.assert_array_equal(Fixposition(str(moved)).load(0).imu.accel_mps2, first.imu.accel_mps2)
 
@@ -68,7 +68,7 @@ def test_a_damaged_cache_is_read_again_from_the_bag(bag, tmp_path, harm):
     (file,) = kept(tmp_path)
     whole = file.read_bytes()
     file.write_bytes(harm(whole))
-    assert same(Fixposition(str(bag)).load(0), first)
+    assert identical(Fixposition(str(bag)).load(0), first)
     assert len(file.read_bytes()) == len(whole)
 
 
@@ -87,7 +87,7 @@ def test_a_flipped_byte_in_the_cache_never_shows(bag, tmp_path):
             for topic, messages in expected.raw.items():
                 for name, value in messages.values.items():
                     np.testing.assert_array_equal(found.raw[topic][name], value)
-    assert same(Fixposition(str(bag)).load(0), first)
+    assert identical(Fixposition(str(bag)).load(0), first)
 
 
 def test_a_cache_that_cannot_be_written_is_one_line(bag, tmp_path):
@@ -126,7 +126,7 @@ def test_what_our_own_writer_said_is_kept_too(bag, tmp_path, monkeypatch):
     write_bag(small_recording(), tmp_path / "own.mcap")
     first = RosBag(str(tmp_path / "own.mcap")).load(0)
     monkeypatch.setattr(extract, "open_bag", never)
-    assert same(RosBag(str(tmp_path / "own.mcap")).load(0), first)
+    assert identical(RosBag(str(tmp_path / "own.mcap")).load(0), first)
     assert (first.name, first.static_start_s) == ("conformance", 4.0)
 
 
