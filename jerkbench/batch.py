@@ -1,4 +1,4 @@
-"""What goes into a run that keeps no trajectory, besides its timeline, and what comes out of it."""
+"""The input of a run that keeps no trajectory, besides its timeline, and its result."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -10,7 +10,7 @@ from jerkbench.timeline.timeline import Timeline
 
 @dataclass(frozen=True, eq=False)
 class Scoring:
-    """What the errors of a run count for, at the k stamps of the reference that it visits.
+    """The weights of a run's errors, at the k stamps of the reference that it visits.
 
     Attributes:
         truth: (k, 6) position and velocity of the reference; 0 where a velocity is not known.

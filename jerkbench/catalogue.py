@@ -1,4 +1,4 @@
-"""What `jerkbench list` and `jerkbench show` print: every plugin from its own docstring, every preset from its file."""
+"""The lists of `jerkbench list` and `jerkbench show`: plugins from their docstrings, presets from their files."""
 
 import dataclasses
 import inspect
@@ -23,7 +23,7 @@ def list_text(kind: str | None = None) -> str:
     kinds = (*plugins.KINDS, *PRESET_GROUPS)
     if kind is not None and kind not in kinds:
         raise PluginError(unknown("kind", kind, kinds))
-    return "\n\n".join(_list_kind(one) for one in ([kind] if kind else kinds))
+    return "\n\n".join(_list_kind(name) for name in ([kind] if kind else kinds))
 
 
 def show_text(kind: str, name: str) -> str:
@@ -45,7 +45,7 @@ def show_text(kind: str, name: str) -> str:
 
 
 def _usage(name: str, cls: type) -> list[str]:
-    """How to set a parameter of a disturbance, which stands under its name: there may be several."""
+    """Return an example of setting a parameter of a disturbance, which stands under its name."""
     return [
         f"On the command line: disturbance={name} disturbance.{name}.{f.name}=..." for f in dataclasses.fields(cls)[:1]
     ]

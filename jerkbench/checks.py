@@ -9,9 +9,9 @@ from jerkbench.errors import PluginError, unknown
 def require_choices(owner: object, choices: Mapping[str, Collection[str]]) -> None:
     """Raise a PluginError that names the first of the parameters whose value is none of its choices."""
     for name, available in choices.items():
-        given = getattr(owner, name)
-        if given not in available:
-            raise PluginError(unknown(name, given, available))
+        value = getattr(owner, name)
+        if value not in available:
+            raise PluginError(unknown(name, value, available))
 
 
 def require_positive(plugin: str, owner: object, names: Iterable[str]) -> None:

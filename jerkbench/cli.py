@@ -146,8 +146,8 @@ def _read_results(chosen: argparse.Namespace) -> None:
     except BrokenPipeError:
         raise
     except OSError as error:
-        what = error.filename or "The result"
-        raise JerkbenchError(f"{what} cannot be read or written: {error.strerror or error}.") from error
+        path = error.filename or "The result"
+        raise JerkbenchError(f"{path} cannot be read or written: {error.strerror or error}.") from error
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -14,7 +14,7 @@ INTERRUPTED = 130
 
 
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
-"""What the system says of a disk that takes no more."""
+"""Errors of the system for a full disk."""
 
 
 class JerkbenchError(Exception):
@@ -29,16 +29,16 @@ class PluginError(JerkbenchError):
     """A plugin that is unknown, or whose parameters do not fit."""
 
 
-def unknown(what: str, given: str, available: Iterable[str]) -> str:
-    """Say that ``given`` is no ``what``, what there is, and the nearest match.
+def unknown(kind: str, name: str, available: Iterable[str]) -> str:
+    """Return the sentence for a ``name`` that no ``kind`` has, with the nearest match and all names.
 
     >>> unknown("filter", "jrk", ["baseline", "jerk"])
     "There is no filter 'jrk'. Did you mean 'jerk'? Available: baseline, jerk."
     """
     names = sorted(available)
-    near = difflib.get_close_matches(given, names, n=1)
+    near = difflib.get_close_matches(name, names, n=1)
     hint = f" Did you mean '{near[0]}'?" if near else ""
-    return f"There is no {what} '{given}'.{hint} Available: {', '.join(names)}."
+    return f"There is no {kind} '{name}'.{hint} Available: {', '.join(names)}."
 
 
 def exit_with(error: JerkbenchError) -> NoReturn:

@@ -1,4 +1,4 @@
-"""What was estimated: the attitude at the IMU's stamps, and the navigation solution at the reference's stamps."""
+"""The estimates: the attitude at the IMU's stamps, and the navigation solution at the reference's stamps."""
 
 from dataclasses import dataclass, field
 
@@ -38,7 +38,7 @@ def no_attitude(t_s: FloatArray) -> Attitude:
 
 @dataclass(frozen=True, eq=False)
 class Updates:
-    """What each measurement update saw; the basis of consistency checks.
+    """The innovations of the measurement updates; the basis of consistency checks.
 
     Attributes:
         t_s: (m,) times of the updates.

@@ -1,4 +1,4 @@
-"""Files that are there as a whole or not at all."""
+"""Files that are written as a whole or not at all."""
 
 import os
 from collections.abc import Callable
@@ -37,10 +37,10 @@ def forget_oldest(folder: Path, pattern: str, most_bytes: int) -> None:
 
     The latest one stays, however large. A file that another process deletes meanwhile is gone as well.
     """
-    found = [(path, stat) for path in folder.glob(pattern) if (stat := _stat(path)) is not None]
-    found.sort(key=lambda one: -one[1].st_mtime_ns)
+    files = [(path, stat) for path in folder.glob(pattern) if (stat := _stat(path)) is not None]
+    files.sort(key=lambda entry: -entry[1].st_mtime_ns)
     size = 0
-    for place, (path, stat) in enumerate(found):
+    for place, (path, stat) in enumerate(files):
         size += stat.st_size
         if place and size > most_bytes:
             path.unlink(missing_ok=True)

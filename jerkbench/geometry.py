@@ -19,8 +19,8 @@ def geodetic_to_enu(
     """Turn WGS-84 coordinates into ENU [m] at ``origin``; returns (n, 3)."""
     from pymap3d import geodetic2enu
 
-    there = (origin.latitude_deg, origin.longitude_deg, origin.height_m)
-    return np.column_stack(geodetic2enu(latitude_deg, longitude_deg, height_m, *there))
+    origin_lla = (origin.latitude_deg, origin.longitude_deg, origin.height_m)
+    return np.column_stack(geodetic2enu(latitude_deg, longitude_deg, height_m, *origin_lla))
 
 
 def geodetic_to_ecef(latitude_deg: FloatArray, longitude_deg: FloatArray, height_m: FloatArray) -> FloatArray:
@@ -34,24 +34,24 @@ def enu_to_geodetic(enu_m: FloatArray, origin: Origin) -> FloatArray:
     """Turn (n, 3) ENU [m] at ``origin`` into latitude [deg], longitude [deg], height [m]; returns (n, 3)."""
     from pymap3d import enu2geodetic
 
-    there = (origin.latitude_deg, origin.longitude_deg, origin.height_m)
-    return np.column_stack(enu2geodetic(enu_m[:, 0], enu_m[:, 1], enu_m[:, 2], *there))
+    origin_lla = (origin.latitude_deg, origin.longitude_deg, origin.height_m)
+    return np.column_stack(enu2geodetic(enu_m[:, 0], enu_m[:, 1], enu_m[:, 2], *origin_lla))
 
 
 def ecef_to_enu(ecef_m: FloatArray, origin: Origin) -> FloatArray:
     """Turn (n, 3) ECEF [m] into ENU [m] at ``origin``; returns (n, 3)."""
     from pymap3d import ecef2enu
 
-    there = (origin.latitude_deg, origin.longitude_deg, origin.height_m)
-    return np.column_stack(ecef2enu(ecef_m[:, 0], ecef_m[:, 1], ecef_m[:, 2], *there))
+    origin_lla = (origin.latitude_deg, origin.longitude_deg, origin.height_m)
+    return np.column_stack(ecef2enu(ecef_m[:, 0], ecef_m[:, 1], ecef_m[:, 2], *origin_lla))
 
 
 def enu_to_ecef(enu_m: FloatArray, origin: Origin) -> FloatArray:
     """Turn (n, 3) ENU [m] at ``origin`` into ECEF [m]; returns (n, 3)."""
     from pymap3d import enu2ecef
 
-    there = (origin.latitude_deg, origin.longitude_deg, origin.height_m)
-    return np.column_stack(enu2ecef(enu_m[:, 0], enu_m[:, 1], enu_m[:, 2], *there))
+    origin_lla = (origin.latitude_deg, origin.longitude_deg, origin.height_m)
+    return np.column_stack(enu2ecef(enu_m[:, 0], enu_m[:, 1], enu_m[:, 2], *origin_lla))
 
 
 def ecef_to_geodetic(ecef_m: FloatArray) -> FloatArray:

@@ -12,7 +12,7 @@ states depend on each other, as with `jerk` over 100 s in one step: p = 166 667 
 """
 
 SYMMETRIC = 1e-12
-"""How much of sqrt(S_ii S_jj) the two halves of S may differ by."""
+"""The largest difference between the two halves of S, as a part of sqrt(S_ii S_jj)."""
 
 
 def innovation_factor(S: FloatArray) -> FloatArray | None:

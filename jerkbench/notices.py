@@ -12,7 +12,7 @@ FOLDER = "JERKBENCH_NOTICES"
 """Environment variable: where processes that work together note what has been said."""
 
 _GIVEN: set[str] = set()
-"""What this process has said, or has seen said."""
+"""Notices that this process has given, or has seen given."""
 
 
 def notify(text: str, topic: str = "") -> None:

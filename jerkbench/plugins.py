@@ -145,10 +145,10 @@ def _add(kind: str, name: str, cls: type) -> None:
 
     if sentence := misfit(kind, cls):
         raise PluginError(f"{kind} {name}: {sentence}")
-    other = _registry[kind].get(name)
-    if other is not None and (other.__module__, other.__qualname__) != (cls.__module__, cls.__qualname__):
+    owner = _registry[kind].get(name)
+    if owner is not None and (owner.__module__, owner.__qualname__) != (cls.__module__, cls.__qualname__):
         raise PluginError(
-            f"{kind} {name} is already {other.__module__}.{other.__qualname__}; choose another name than that."
+            f"{kind} {name} is already {owner.__module__}.{owner.__qualname__}; choose another name than that."
         )
     _registry[kind][name] = cls
 

@@ -1,4 +1,4 @@
-"""Where the presets are, and one of them as plain data."""
+"""The folder of the presets, and a preset as plain data."""
 
 from pathlib import Path
 from typing import Any
@@ -33,19 +33,19 @@ def preset(kind: str, name: str) -> dict[str, Any]:
     defaults = own.pop("defaults", [])
     if "_self_" not in defaults:
         defaults = [*defaults, "_self_"]
-    made: dict[str, Any] = {}
+    values: dict[str, Any] = {}
     for entry in defaults:
-        made = merged(made, own if entry == "_self_" else _default(kind, name, entry))
-    return made
+        values = merged(values, own if entry == "_self_" else _default(kind, name, entry))
+    return values
 
 
 def merged(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
     """Return both, a mapping inside them merged likewise; where both have a value, that of ``above``."""
-    both = {**below, **above}
+    combined = {**below, **above}
     for key in below.keys() & above.keys():
         if isinstance(below[key], dict) and isinstance(above[key], dict):
-            both[key] = merged(below[key], above[key])
-    return both
+            combined[key] = merged(below[key], above[key])
+    return combined
 
 
 def _read(path: Path) -> dict[str, Any]:
@@ -56,7 +56,7 @@ def _read(path: Path) -> dict[str, Any]:
 
 
 def _default(kind: str, preset_name: str, entry: object) -> dict[str, Any]:
-    """What one entry of the defaults stands for."""
+    """Return the values behind one entry of the defaults."""
     if not isinstance(entry, str):
         raise PluginError(
             f"The preset {kind}/{preset_name} has {entry} in its defaults; from Python only names of {kind} can stand "

@@ -1,4 +1,4 @@
-"""What was recorded: IMU, position, velocity, heading and the reference, validated when made and never changed.
+"""The recording: IMU, position, velocity, heading and the reference, validated when made and never changed.
 
 Frames: positions and velocities are in the local tangent plane ENU at ``Recording.origin`` (WGS-84), the body is
 FLU (forward, left, up). The attitude Omega = Rz(yaw) Ry(pitch) Rx(roll) turns body into ENU; positive pitch is nose
@@ -25,7 +25,7 @@ LEAST_FIXES = 2
 """A recording without an IMU has at least so many: its steps are those from fix to fix."""
 
 HEADING_SOURCES = ("dual_antenna", "odometry", "course")
-"""What may measure a heading."""
+"""The sources of a heading."""
 
 
 def _freeze(owner: object, **shapes: tuple[int | None, ...]) -> None:
@@ -182,7 +182,7 @@ class Heading:
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """What the estimates are compared with, at its own stamps.
+    """The reference of the estimates, at its own stamps.
 
     Attributes:
         t_s: (k,) stamps.

@@ -65,7 +65,7 @@ def whole(plan, tmp_path_factory):
 def told(folder):
     """Return all that a verb can read of a study."""
     stored, broken = Store(folder).read()
-    read = [[one.key, one.about, one.rows.to_csv()] for one in stored]
+    read = [[one.key, one.metadata, one.rows.to_csv()] for one in stored]
     try:
         study = load_study(folder)
         shown = [study.rows.to_csv(), list(study.keys), study.notes, study.code]
@@ -190,6 +190,6 @@ def test_a_plugin_that_fails_in_an_export_is_a_sentence(whole, tmp_path, capsys,
 def test_a_method_without_any_error_has_no_ratio(whole, tmp_path):
     folder = tmp_path / "study"
     for one in Store(whole).read()[0]:
-        Store(folder).write(one.key, one.rows.assign(position_rmse_m=0.0).to_dict("records"), one.about)
+        Store(folder).write(one.key, one.rows.assign(position_rmse_m=0.0).to_dict("records"), one.metadata)
 
     assert ending(["report", str(folder), "--scenarios", "0"]) == 0

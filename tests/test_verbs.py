@@ -31,7 +31,7 @@ def changed_copy(study, folder, factor, count=None):
     stored, _ = Store(study).read()
     for one in stored[:count]:
         rows = one.rows.assign(position_rmse_m=one.rows["position_rmse_m"] * factor)
-        Store(folder).write(one.key, rows.to_dict("records"), one.about)
+        Store(folder).write(one.key, rows.to_dict("records"), one.metadata)
     return folder / "cells"
 
 
@@ -44,7 +44,7 @@ def test_a_row_whose_numbers_are_others_is_seen(study, tmp_path):
 def test_a_metric_that_is_gone_is_seen(study, tmp_path):
     (stored, *_), _ = Store(study).read()
     rows = stored.rows.assign(position_of_old_m=1.0)
-    Store(tmp_path).write(stored.key, rows.to_dict("records"), stored.about)
+    Store(tmp_path).write(stored.key, rows.to_dict("records"), stored.metadata)
     done = jerkbench("rerun", str(tmp_path / "cells"), "1", cwd=tmp_path)
     assert done.returncode == 1
     assert "1 of " in done.stdout

@@ -21,13 +21,13 @@ def windowed_mean(memory: FloatArray, window: int, row: int, value: float) -> fl
     if window == 1:
         return value
     first, count = row * window, 6 * window + row
-    seen = int(memory[count])
-    memory[count] = seen + 1
-    memory[first + seen % window] = value
-    there, total = min(seen + 1, window), 0.0
-    for k in range(first, first + there):  # compiled, a loop is several times faster than the mean of a slice
+    updates = int(memory[count])
+    memory[count] = updates + 1
+    memory[first + updates % window] = value
+    filled, total = min(updates + 1, window), 0.0
+    for k in range(first, first + filled):  # compiled, a loop is several times faster than the mean of a slice
         total += memory[k]
-    return total / there
+    return total / filled
 
 
 def is_full(memory: FloatArray, window: int, row: int) -> bool:

@@ -1,4 +1,4 @@
-"""One factor on the whole of the prior covariance."""
+"""A common factor on the whole of the prior covariance."""
 
 from dataclasses import dataclass
 

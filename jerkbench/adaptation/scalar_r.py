@@ -1,4 +1,4 @@
-"""One factor on the whole of R."""
+"""A common factor on the whole of R."""
 
 from dataclasses import dataclass
 

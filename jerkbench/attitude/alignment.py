@@ -1,4 +1,4 @@
-"""Where the tilt filter starts: on the mean of the first second of rest, or level when it moves from the start."""
+"""The start of the tilt filter: the mean of the first second of rest, or level when it moves from the start."""
 
 import numpy as np
 
@@ -7,7 +7,7 @@ from jerkbench.errors import RecordingError
 from jerkbench.recording import Recording
 
 ALIGNMENT_S = 1.0
-"""How much rest the alignment takes, and needs."""
+"""The rest that the alignment uses at most, and needs at least."""
 
 STATIC_VARIANCE = 1e-3
 LEVEL_VARIANCE = 0.03

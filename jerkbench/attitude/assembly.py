@@ -1,4 +1,4 @@
-"""What every attitude plugin does once roll and pitch are there: yaw, Omega, gravity compensation."""
+"""The attitude from roll and pitch, for every attitude plugin: yaw, Omega, gravity compensation."""
 
 import numpy as np
 

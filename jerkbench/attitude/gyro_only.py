@@ -61,7 +61,7 @@ class GyroOnly:
         """Check, before a sweep begins, that the recording of ``load`` has the yaw source that was asked for.
 
         Raises:
-            RecordingError: it has not.
+            RecordingError: the recording has no such yaw source.
         """
         require_headings(load, self.yaw_source, self.course_min_speed_mps, self.course_sigma_min_rad)
 

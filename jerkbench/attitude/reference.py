@@ -1,4 +1,4 @@
-"""The attitude plugin ``reference``: the attitude that the reference knows."""
+"""The attitude plugin ``reference``: the attitude of the recording's reference."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -45,7 +45,7 @@ class ReferenceAttitude:
         """Check, before a sweep begins, that the reference of the recording of ``load`` has an attitude all along.
 
         Raises:
-            RecordingError: it has not.
+            RecordingError: the reference has no attitude, or a gap in it.
         """
         self._angles(load())
 

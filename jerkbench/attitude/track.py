@@ -16,7 +16,7 @@ BIAS_WALK = 1e-5
 """Random walk of that bias [rad/s/sqrt(s)]."""
 
 REST_S = 1.0
-"""How much rest shows it."""
+"""The shortest rest that shows it."""
 
 UNSTEADY_MPS2 = 1.0
 """One sigma of the acceleration along a chord; the speed's slope over it is not known."""
@@ -26,7 +26,7 @@ SIGMAS = 5.0
 
 
 class Track(NamedTuple):
-    """What the track of the fixes shows.
+    """The yaw from the track of the fixes.
 
     Attributes:
         chords: at least one.
@@ -161,5 +161,5 @@ def _predicted(since: float, x: FloatArray, P: FloatArray, t: float, walk: float
 
 
 def _agree(courses: Courses, first: int, second: int) -> bool:
-    apart = wrap_angle(courses.offset_rad[second] - courses.offset_rad[first])
-    return bool(abs(apart) <= SIGMAS * np.hypot(courses.sigma_rad[first], courses.sigma_rad[second]))
+    difference = wrap_angle(courses.offset_rad[second] - courses.offset_rad[first])
+    return bool(abs(difference) <= SIGMAS * np.hypot(courses.sigma_rad[first], courses.sigma_rad[second]))

@@ -21,7 +21,7 @@ from jerkbench.sanitiser.values import (
 )
 
 EARTH_RADIUS_M = (6.3e6, 6.4e6)
-"""How far from its centre everything on the Earth's surface is: how ECEF is recognised."""
+"""Distances [m] of the Earth's surface from its centre; positions between them are in ECEF."""
 
 MOST_M = 1e8
 """No local or UTM coordinate is larger."""

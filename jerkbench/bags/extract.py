@@ -51,12 +51,12 @@ DAMAGE = (
     RuntimeError,
     zipfile.BadZipFile,
 )
-"""What reading a damaged file of the cache raises (one that is gone too): then the bag itself is read again."""
+"""Errors of a damaged or deleted file of the cache; the bag itself is read again."""
 
 
 @dataclass(frozen=True)
 class Frames:
-    """How the topics of a plan are to be understood.
+    """The frames and orders of the topics of a plan.
 
     Attributes:
         covariance_order: of the position's covariances: enu or neu.
@@ -135,7 +135,7 @@ def _read(path: Path, planner: Planner) -> Extract:
 
 
 def _as_written(metadata: Metadata) -> tuple[TopicPlan, Frames]:
-    """What our own writer says needs no planner."""
+    """Return the plan and the frames that our own writer stored; they need no planner."""
     frames = Frames(
         covariance_order=metadata.covariance_order,
         velocity=metadata.velocity_frame,

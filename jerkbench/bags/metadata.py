@@ -13,7 +13,7 @@ STRING = "std_msgs/msg/String"
 
 @dataclass(frozen=True)
 class Metadata:
-    """What `jerkbench data convert` writes beside the measurements.
+    """The metadata that `jerkbench data convert` writes beside the measurements.
 
     Attributes:
         name: of the recording.

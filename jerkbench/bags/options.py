@@ -27,7 +27,7 @@ LENGTHS = {
 
 @dataclass(frozen=True)
 class BagOptions:
-    """What all recordings from ROS bags have in common.
+    """The parameters of every recording from a ROS bag.
 
     Everything stands at the time when it was true: the stamp less its latency. The IMU is turned into the body::
 
@@ -96,7 +96,7 @@ class BagOptions:
 
     @property
     def path(self) -> Path:
-        """Where ``file`` is.
+        """Return the path of ``file``.
 
         Raises:
             RecordingError: it is one to be fetched, and was not.

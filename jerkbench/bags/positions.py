@@ -24,7 +24,7 @@ FROM_NEU: FloatArray = np.abs(FROM_NED)
 
 @dataclass(frozen=True)
 class Place:
-    """Where ENU begins.
+    """The origin of ENU.
 
     Attributes:
         origin: on the Earth; None for local coordinates.

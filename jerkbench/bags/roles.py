@@ -41,12 +41,12 @@ FIELDS: dict[Role, dict[str, tuple[str, ...]]] = {
         "geometry_msgs/msg/PoseStamped": WHETHER_FUSED,
     },
 }
-"""What each role reads of each type that can have it."""
+"""The fields that each role reads of each type."""
 
 
 @dataclass(frozen=True)
 class TopicPlan:
-    """Which topic has which role.
+    """The topic of each role.
 
     Attributes:
         topics: role -> topic.

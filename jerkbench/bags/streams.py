@@ -30,7 +30,7 @@ from jerkbench.sanitiser.values import unit_quaternions
 
 VELOCITY_FRAMES = ("body", "course", "enu", "frd", "ned", "speed")
 FROM = {"ned": FROM_NED, "frd": FROM_FRD}
-"""What turns a velocity into ENU, or into the body's axes."""
+"""The rotation of a velocity into ENU, or into the body's axes."""
 
 WORST_HEADING_RAD = float(np.pi)
 """A heading with a larger sigma says nothing."""

@@ -1,1 +1,1 @@
-"""One combination of data set, disturbances, attitude, filter, adaptation and noise: labels, key, provenance."""
+"""A combination of data set, disturbances, attitude, filter, adaptation and noise: labels, key, provenance."""

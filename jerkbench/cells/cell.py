@@ -36,7 +36,7 @@ LAST_SEED = 2**63
 
 @dataclasses.dataclass(frozen=True)
 class Protocol:
-    """How a cell is run and scored.
+    """The protocol of a cell: how it is run and scored.
 
     Attributes:
         seeds: number of runs of a cell that has anything random.
@@ -122,7 +122,7 @@ def build(spec: Config, protocol: Protocol, labels: Labels | None = None) -> Cel
     single = {kind: _part(kind, spec[kind]) for kind in ("dataset", "attitude", "adaptation", "engine")}
     noise = replaced(plugins.get("filter", spec["filter"]["name"]), spec.get("noise", {}))
     model = _part("filter", {**spec["filter"], **noise})
-    disturbances = tuple(_part("disturbance", one) for one in spec["disturbance"])
+    disturbances = tuple(_part("disturbance", part) for part in spec["disturbance"])
     metrics = _metrics(spec.get("metrics") or ())
     effective: dict[str, Any] = {
         kind: _plain(spec[kind]["name"], part) for kind, part in {**single, "filter": model}.items()
@@ -183,9 +183,11 @@ def refusal(cell: Cell) -> str:
     return f"the filter {cell.spec['filter']['name']} takes no adaptation '{name}', only: {accepted}"
 
 
-def _lacking(cell: Cell, what: str, filters: Sequence[str]) -> str:
+def _lacking(cell: Cell, stream: str, filters: Sequence[str]) -> str:
     dataset, model = (cell.spec[kind]["name"] for kind in ("dataset", "filter"))
-    return f"the data set {dataset} has no {what}, so the filter {model} cannot run over it, only: {', '.join(filters)}"
+    return (
+        f"the data set {dataset} has no {stream}, so the filter {model} cannot run over it, only: {', '.join(filters)}"
+    )
 
 
 def _filters(fits: Callable[[type], bool]) -> list[str]:
@@ -193,16 +195,16 @@ def _filters(fits: Callable[[type], bool]) -> list[str]:
     return [name for name in plugins.names("filter") if fits(plugins.get("filter", name))]
 
 
-def _metrics(asked: Sequence[str]) -> tuple[str, ...]:
+def _metrics(wanted: Sequence[str]) -> tuple[str, ...]:
     """The names that are asked for; of none those that say nothing else, of "all" every one."""
     known = plugins.names("metric")
-    if not isinstance(asked, (list, tuple)) or not all(isinstance(name, str) for name in asked):
-        raise PluginError(f"metrics is {asked}; give a list of names: metrics=[position_rmse,velocity_rmse] or [all].")
-    for sentence in plugins.left_out("metric").values() if not asked or "all" in asked else ():
+    if not isinstance(wanted, (list, tuple)) or not all(isinstance(name, str) for name in wanted):
+        raise PluginError(f"metrics is {wanted}; give a list of names: metrics=[position_rmse,velocity_rmse] or [all].")
+    for sentence in plugins.left_out("metric").values() if not wanted or "all" in wanted else ():
         notify(sentence)
-    if not asked:
+    if not wanted:
         return tuple(name for name in known if not on_request(plugins.get("metric", name)))
-    return tuple(dict.fromkeys(name for one in asked for name in (known if one == "all" else [one])))
+    return tuple(dict.fromkeys(name for name in wanted for name in (known if name == "all" else [name])))
 
 
 def _plain(name: str, plugin: Any) -> dict[str, Any]:  # noqa: ANN401 - a plugin of any kind

@@ -1,4 +1,4 @@
-"""From names and mappings, as Python code gives them, to a cell: what Hydra does for the command line."""
+"""A cell from names and mappings, as Python code gives them; Hydra does the same for the command line."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -21,7 +21,7 @@ DEFAULT_ATTITUDE = "field"
 
 
 @dataclass(frozen=True)
-class Chosen:
+class ChosenPlugin:
     """A part of a combination.
 
     Attributes:
@@ -49,59 +49,59 @@ def cell_of_parts(
     Raises:
         PluginError: something is unknown or does not fit together.
     """
-    given = {**single, "attitude": single["attitude"] or _preferred_attitude(single["dataset"] or "")}
-    one = {kind: choose(kind, part or "") for kind, part in given.items()}
+    parts = {**single, "attitude": single["attitude"] or _preferred_attitude(single["dataset"] or "")}
+    choice = {kind: choose(kind, part or "") for kind, part in parts.items()}
     several = [choose("disturbance", part) for part in disturbances or ["none"]]
     process = _noise(noise or {})
-    spec: dict[str, Any] = {kind: part.plain for kind, part in one.items()}
+    spec: dict[str, Any] = {kind: part.plain for kind, part in choice.items()}
     spec["disturbance"] = [plain for part in several for plain in part.plain.values()]
     spec["noise"] = process.plain
-    choices = {kind: part.name for kind, part in {**one, "noise": process}.items()}
+    choices = {kind: part.name for kind, part in {**choice, "noise": process}.items()}
     overrides = [f"disturbance=[{','.join(part.name for part in several)}]"]
-    overrides += [word for part in (*one.values(), *several, process) for word in part.overrides]
+    overrides += [word for part in (*choice.values(), *several, process) for word in part.overrides]
     return build(spec, protocol, labels_of(spec, choices, overrides))
 
 
-def choose(kind: str, part: Part) -> Chosen:
+def choose(kind: str, part: Part) -> ChosenPlugin:
     """Find a plugin or a preset, and put the given parameters over its own.
 
     Raises:
         PluginError: it has no name, or there is none of that name.
     """
-    name, given = _split(kind, part)
+    name, parameters = _split(kind, part)
     if name in preset_names(kind):
-        return _preset(kind, name, given)
+        return _preset(kind, name, parameters)
     if name not in plugins.names(kind):
         raise PluginError(plugins.no_such(kind, name, preset_names(kind)))
-    plain = {**given, "name": name}
+    plain = {**parameters, "name": name}
     if kind == "disturbance":
-        return Chosen(name, words(f"{kind}.{name}", given), {name: plain})
-    return Chosen(name, words(kind, given), plain)
+        return ChosenPlugin(name, words(f"{kind}.{name}", parameters), {name: plain})
+    return ChosenPlugin(name, words(kind, parameters), plain)
 
 
-def _preset(kind: str, name: str, given: dict[str, Any]) -> Chosen:
+def _preset(kind: str, name: str, parameters: dict[str, Any]) -> ChosenPlugin:
     below = preset(kind, name)
     if kind != "disturbance":
-        return Chosen(name, words(kind, given), merged(below, given))
-    for key, value in given.items():  # each is the parameters of one of the preset's disturbances
+        return ChosenPlugin(name, words(kind, parameters), merged(below, parameters))
+    for key, value in parameters.items():  # each is the parameters of one of the preset's disturbances
         if key not in below:
             raise PluginError(unknown(f"disturbance in the preset {name}", key, below))
         if not isinstance(value, dict):
             raise PluginError(f"disturbance {name}, '{key}' is {value!r}; give its parameters: {{parameter: value}}.")
-    overrides = [word for key, values in given.items() for word in words(f"{kind}.{key}", values)]
-    return Chosen(name, overrides, merged(below, given))
+    overrides = [word for key, values in parameters.items() for word in words(f"{kind}.{key}", values)]
+    return ChosenPlugin(name, overrides, merged(below, parameters))
 
 
-def _noise(part: Part) -> Chosen:
+def _noise(part: Part) -> ChosenPlugin:
     """The group ``noise`` has presets only; without a name, the fields are set over none of them."""
-    name, given = _split("noise", part if isinstance(part, str) else {"name": "own", **part})
+    name, parameters = _split("noise", part if isinstance(part, str) else {"name": "own", **part})
     known = [f.name for f in fields(Noise)]
-    for key in given:
+    for key in parameters:
         if key not in known:
             raise PluginError(unknown("parameter of noise", key, known))
     if name not in preset_names("noise"):
         raise PluginError(unknown("noise", name, preset_names("noise")))
-    return _preset("noise", name, given)
+    return _preset("noise", name, parameters)
 
 
 def _preferred_attitude(dataset: Part) -> str:
@@ -116,13 +116,13 @@ def _split(kind: str, part: Part) -> tuple[str, dict[str, Any]]:
         return part, {}
     if "name" not in part:
         raise PluginError(f"{kind} is {dict(part)}, which has no name; give {{'name': ..., parameter: value}}.")
-    given = {key: dict(value) if isinstance(value, Mapping) else value for key, value in part.items()}
-    return str(given.pop("name")), given
+    parameters = {key: dict(value) if isinstance(value, Mapping) else value for key, value in part.items()}
+    return str(parameters.pop("name")), parameters
 
 
-def words(owner: str, given: Mapping[str, Any]) -> list[str]:
+def words(owner: str, parameters: Mapping[str, Any]) -> list[str]:
     """Return parameters as overrides of the command line."""
-    return [f"{owner}.{key}={_word(value)}" for key, value in given.items()]
+    return [f"{owner}.{key}={_word(value)}" for key, value in parameters.items()]
 
 
 def _word(value: object) -> str:

@@ -8,7 +8,7 @@ from jerkbench import plugins
 
 
 class Labels(NamedTuple):
-    """What the tables call the parts of a cell."""
+    """The names of the parts of a cell in the tables."""
 
     dataset: str
     disturbance: str
@@ -65,13 +65,13 @@ def _noise_label(spec: dict[str, Any], choices: Mapping[str, Any], changed: dict
 
 def _parameters(overrides: list[str]) -> dict[str, list[str]]:
     """Parameters set by overrides, "key=value", for each plugin; places of files are no label."""
-    found: dict[str, dict[str, str]] = {}
+    parameters: dict[str, dict[str, str]] = {}
     for override in overrides:
         key, _, value = override.lstrip("+~").partition("=")
         owner, _, name = key.rpartition(".")
         if owner and not key.startswith("hydra") and "/" not in value and name not in ("folder", "file"):
-            found.setdefault(owner, {})[name] = value.lower() if value in ("True", "False") else value
-    return {owner: [f"{name}={value}" for name, value in given.items()] for owner, given in found.items()}
+            parameters.setdefault(owner, {})[name] = value.lower() if value in ("True", "False") else value
+    return {owner: [f"{name}={value}" for name, value in values.items()] for owner, values in parameters.items()}
 
 
 def _named(name: str, parameters: list[str]) -> str:

@@ -43,7 +43,7 @@ def sources_digest(module: str) -> str:
 def _lines(module: str) -> Iterator[str]:
     """Yield a line for each file and each distribution."""
     own = _top(module)
-    waiting, seen = [own], {own}
+    waiting, visited = [own], {own}
     while waiting:
         top = waiting.pop()
         installed = _installed(top)
@@ -52,8 +52,8 @@ def _lines(module: str) -> Iterator[str]:
             continue
         files = list(_distributed(installed) if installed is not None else _loose(top, required=top == own))
         yield from (f"{name} {_content(path)}" for name, path in files)
-        for name in sorted(_reached(top, [path for _, path in files]) - seen - KNOWN - sys.stdlib_module_names):
-            seen.add(name)
+        for name in sorted(_reached(top, [path for _, path in files]) - visited - KNOWN - sys.stdlib_module_names):
+            visited.add(name)
             waiting.append(name)
 
 
@@ -149,24 +149,24 @@ def _beside(module: Path) -> Iterator[Path]:
 
 
 def _content(path: Path) -> str:
-    about = path.stat()
-    if about.st_size > MOST_BYTES:
-        return f"{about.st_size} {about.st_mtime_ns}"
+    stat = path.stat()
+    if stat.st_size > MOST_BYTES:
+        return f"{stat.st_size} {stat.st_mtime_ns}"
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def _released(installed: Distribution, seen: set[str]) -> Iterator[str]:
+def _released(installed: Distribution, visited: set[str]) -> Iterator[str]:
     """Yield name and version of a distribution, and of those that it requires."""
-    if installed.name in seen:
+    if installed.name in visited:
         return
-    seen.add(installed.name)
+    visited.add(installed.name)
     yield f"{installed.name} {installed.version}"
     for requirement in installed.requires or ():
         name = requirement.split(";")[0]
         name = "".join(c if c.isalnum() or c in "-_." else " " for c in name).split(" ")[0]
         if "extra ==" not in requirement:
             try:
-                yield from _released(distribution(name), seen)
+                yield from _released(distribution(name), visited)
             except PackageNotFoundError:
                 continue

@@ -1,4 +1,4 @@
-"""What a result depends on besides its configuration: our own code, the plugins' code, the libraries."""
+"""The provenance of a result, besides its configuration: our own code, the plugins' code, the libraries."""
 
 import hashlib
 import platform

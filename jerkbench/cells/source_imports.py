@@ -1,4 +1,4 @@
-"""What a Python file says that it needs, without running it."""
+"""The imports of a Python file, read without running it."""
 
 import ast
 from collections.abc import Iterator

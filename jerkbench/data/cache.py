@@ -1,4 +1,4 @@
-"""`jerkbench data cache`: what is kept to be read or run faster, how large it is, and how to be rid of it."""
+"""`jerkbench data cache`: the content of the user's cache, its size, and how to delete it."""
 
 import argparse
 
@@ -10,13 +10,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def answer(chosen: argparse.Namespace) -> None:
     """Print, or clear, each kind."""
-    from jerkbench.data.kept import kept
+    from jerkbench.data.kept import cache_kinds
 
-    for kind in kept():
+    for kind in cache_kinds():
         files = kind.files()
         megabytes = sum(file.stat().st_size for file in files) / 1e6
         if chosen.clear:
             for file in files:
                 file.unlink(missing_ok=True)
         done = ", deleted" if chosen.clear and files else ""
-        print(f"{kind.what}: {len(files)} files, {megabytes:.1f} MB in {kind.folder}{done}")
+        print(f"{kind.title}: {len(files)} files, {megabytes:.1f} MB in {kind.folder}{done}")

@@ -18,7 +18,7 @@ TARGETS = {
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the verb."""
-    parser.epilog = "TARGET ends in: " + ", ".join(f"{suffix} ({what})" for suffix, what in TARGETS.items())
+    parser.epilog = "TARGET ends in: " + ", ".join(f"{suffix} ({title})" for suffix, title in TARGETS.items())
     add_source(parser)
     parser.add_argument("target", type=Path, help="the file to write; its suffix says what")
     parser.add_argument(

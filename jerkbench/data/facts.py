@@ -1,4 +1,4 @@
-"""What can be read off a recording: its streams, their rates and gaps, gravity, the covariances, the notes."""
+"""The facts of a recording: its streams, their rates and gaps, gravity, the covariances, the notes."""
 
 from collections.abc import Iterator
 
@@ -29,8 +29,8 @@ def facts_text(recording: Recording) -> str:
 def _times(recording: Recording) -> Iterator[str]:
     start = recording.start_utc.isoformat() if recording.start_utc else "unknown"
     still = recording.static_start_s
-    rest = f"stands still for {still:.1f} s" if still else "no standstill at its start is known or given"
-    yield f"start (UTC) {start}, {recording.duration_s:.2f} s; {rest}"
+    standstill = f"stands still for {still:.1f} s" if still else "no standstill at its start is known or given"
+    yield f"start (UTC) {start}, {recording.duration_s:.2f} s; {standstill}"
     if recording.origin is not None:
         o = recording.origin
         yield f"origin {o.latitude_deg:.7f} deg, {o.longitude_deg:.7f} deg, {o.height_m:.2f} m"
@@ -54,14 +54,14 @@ def _rates(stream: Stream) -> str:
 
 def _velocity_rates(velocity: Velocity) -> str:
     """Rows and rate; where axes were true at times of their own, of each of them."""
-    there = np.isfinite(velocity.mps)
-    groups = [group for group in np.unique(there, axis=0) if group.any()]
+    measured = np.isfinite(velocity.mps)
+    groups = [group for group in np.unique(measured, axis=0) if group.any()]
     if len(groups) < 2 or np.sum(groups, axis=0).max() > 1:
         return _rate(velocity.t_s)
     axes = np.array(AXES[velocity.frame])
-    return "; ".join(
-        f"{' and '.join(axes[group])} {_rate(velocity.t_s[(there == group).all(axis=1)]).lstrip()}" for group in groups
-    )
+    times_s = [velocity.t_s[(measured == group).all(axis=1)] for group in groups]
+    rates = [_rate(t_s).lstrip() for t_s in times_s]
+    return "; ".join(f"{' and '.join(axes[group])} {rate}" for group, rate in zip(groups, rates, strict=True))
 
 
 def _rate(t_s: FloatArray) -> str:
@@ -70,8 +70,8 @@ def _rate(t_s: FloatArray) -> str:
     steps = np.diff(t_s)
     usual = float(np.median(steps))
     gaps = steps[steps > GAP * usual]
-    said = f"; {len(gaps)} gaps, the longest {gaps.max():.2f} s" if len(gaps) else "; no gaps"
-    return f"{len(t_s):>7} rows, {1 / usual:.4g} Hz, {t_s[0]:.3f} to {t_s[-1]:.3f} s{said}"
+    gap_text = f"; {len(gaps)} gaps, the longest {gaps.max():.2f} s" if len(gaps) else "; no gaps"
+    return f"{len(t_s):>7} rows, {1 / usual:.4g} Hz, {t_s[0]:.3f} to {t_s[-1]:.3f} s{gap_text}"
 
 
 def _sigma(stream: object) -> str:

@@ -19,9 +19,10 @@ def answer(chosen: argparse.Namespace) -> None:
     from jerkbench.readers.fetched import fetched_folder
 
     if chosen.name is None:
-        for one in public_recordings().values():
-            kept = fetched_folder(one.name)
-            print(f"{one.name}: {one.what} ({one.licence}); {kept if kept.is_dir() else 'not fetched'}")
+        for public in public_recordings().values():
+            kept = fetched_folder(public.name)
+            state = kept if kept.is_dir() else "not fetched"
+            print(f"{public.name}: {public.title} ({public.licence}); {state}")
         return
     recording, folder = public_recording(chosen.name), fetched_folder(chosen.name)
     fetch(recording, folder, print)

@@ -1,4 +1,4 @@
-"""`jerkbench data inspect`: what a recording is made of, and what is wrong with it."""
+"""`jerkbench data inspect`: the streams of a recording, and their faults."""
 
 import argparse
 from pathlib import Path
@@ -50,9 +50,11 @@ def _describe(recording: "Recording", dataset: "Dataset", figure: Path | None) -
 
     print(facts_text(recording))
     shifts = {name: getattr(dataset, name, None) for name in SHIFTS}
-    given = [f"{name}={value}" for name, value in shifts.items() if (any(value) if isinstance(value, tuple) else value)]
-    if given:
-        print(f"Times are shifted already by {', '.join(given)}: what is left of the lags is above.")
+    shifts_text = [
+        f"{name}={value}" for name, value in shifts.items() if (any(value) if isinstance(value, tuple) else value)
+    ]
+    if shifts_text:
+        print(f"Times are shifted already by {', '.join(shifts_text)}: what is left of the lags is above.")
     if figure is not None:
         from jerkbench.inspection.overview import overview_figure
         from jerkbench.report.plots.figures import save_figure

@@ -1,4 +1,4 @@
-"""Everything that is kept in the user's cache: one line a kind."""
+"""The kinds of files in the user's cache: one line a kind."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -8,16 +8,16 @@ from jerkbench.files import cache_folder
 
 
 @dataclass(frozen=True)
-class Kept:
+class CacheKind:
     """One kind of files.
 
     Attributes:
-        what: in words.
+        title: its name for a person.
         folder: where they are; it may hold other files, which are not ours.
         patterns: which of the files are ours.
     """
 
-    what: str
+    title: str
     folder: Path
     patterns: tuple[str, ...]
 
@@ -26,14 +26,16 @@ class Kept:
         return [path for pattern in self.patterns for path in sorted(self.folder.glob(pattern)) if path.is_file()]
 
 
-def kept() -> Iterator[Kept]:
+def cache_kinds() -> Iterator[CacheKind]:
     """Yield every kind. Recordings that were fetched are none: they are data, not a cache."""
     from jerkbench.bags import extract
-    from jerkbench.compilation import module_cache as entry
-    from jerkbench.execution import simulation_cache as simulated
+    from jerkbench.compilation import module_cache
+    from jerkbench.execution import simulation_cache
 
-    yield Kept(
-        "compiled filters and adaptations", cache_folder(entry.COMPILED), ("jerkbench_*", "__pycache__/jerkbench_*")
+    yield CacheKind(
+        "compiled filters and adaptations",
+        cache_folder(module_cache.COMPILED),
+        ("jerkbench_*", "__pycache__/jerkbench_*"),
     )
-    yield Kept("what was read of bags", cache_folder(extract.BAGS), (extract.PATTERN,))
-    yield Kept("simulated recordings", cache_folder(simulated.SIMULATED), (simulated.PATTERN,))
+    yield CacheKind("messages of bags", cache_folder(extract.BAGS), (extract.PATTERN,))
+    yield CacheKind("simulated recordings", cache_folder(simulation_cache.SIMULATED), (simulation_cache.PATTERN,))

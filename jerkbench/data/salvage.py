@@ -1,4 +1,4 @@
-"""`jerkbench data salvage`: a fresh bag from what is whole in a damaged one."""
+"""`jerkbench data salvage`: a fresh bag from the intact part of a damaged one."""
 
 import argparse
 from pathlib import Path

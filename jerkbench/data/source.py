@@ -1,4 +1,4 @@
-"""From what a person types to a recording: a file or folder, or the name of a data set."""
+"""The recording behind the words of a person: a file or folder, or the name of a data set."""
 
 import argparse
 import dataclasses
@@ -10,7 +10,7 @@ from jerkbench.contracts import Dataset
 from jerkbench.errors import PluginError
 
 SUFFIXES = {".pos": "rtklib", ".bag": "rosbag", ".db3": "rosbag", ".mcap": "rosbag", ".active": "rosbag"}
-"""Which data set reads a file of this suffix, or a folder with such files; .bag.active is what a power loss leaves."""
+"""The data set that reads files of a suffix, or a folder of them; a power loss leaves a .bag.active."""
 
 INSIDE = {
     "*.hdf5": "broad",
@@ -23,7 +23,7 @@ INSIDE = {
     "GPSRaw.dat": "beijing_car",
     "GroundTruthAGL.csv": "zurich_mav",
 }
-"""What a folder holds of which a data set, or a preset of one, is known."""
+"""Files of a folder that show its data set, or a preset of one."""
 
 
 def add_source(parser: argparse.ArgumentParser) -> None:
@@ -60,13 +60,13 @@ def dataset_of(source: str, name: str | None, words: Sequence[str]) -> Dataset:
     """
     from jerkbench.cells.from_names import choose
 
-    given = _parameters(words)
+    parameters = _parameters(words)
     path = Path(source).expanduser()
     if path.exists():
-        return _created(choose("dataset", {**given, "name": name or _by_content(path)}).plain, str(path))
+        return _created(choose("dataset", {**parameters, "name": name or _by_content(path)}).plain, str(path))
     if name is not None or path.name != source or path.suffix:
         raise PluginError(f"There is no file or folder {source}; correct the path.")
-    return _created(choose("dataset", {**given, "name": source}).plain)
+    return _created(choose("dataset", {**parameters, "name": source}).plain)
 
 
 def _created(plain: dict[str, Any], path: str | None = None) -> Dataset:

@@ -23,8 +23,8 @@ VERBS = {
 def add_verbs(parser: argparse.ArgumentParser) -> None:
     """Add the verbs to the parser of `jerkbench data`."""
     group = parser.add_subparsers(dest="data_verb", required=True, metavar="VERB")
-    for name, what in VERBS.items():
-        _module(name).add_arguments(group.add_parser(name, help=what, description=what[0].upper() + what[1:] + "."))
+    for name, title in VERBS.items():
+        _module(name).add_arguments(group.add_parser(name, help=title, description=title[0].upper() + title[1:] + "."))
 
 
 def answer(chosen: argparse.Namespace) -> None:

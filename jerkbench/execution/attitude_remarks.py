@@ -1,4 +1,4 @@
-"""What an attitude filter has to say of the recordings of a cell, before the run and under its table."""
+"""The remarks of an attitude filter on the recordings of a cell, before the run and under its table."""
 
 from collections.abc import Iterable
 
@@ -21,13 +21,13 @@ def first_remarks(cells: Iterable[tuple[Cell, str]]) -> list[str]:
     Args:
         cells: what is going to run, each with the fingerprint of its data.
     """
-    asked: set[object] = set()
+    answered: set[object] = set()
     lines: dict[str, None] = {}
     for cell, fingerprint in cells:
         question = cell.dataset, cell.disturbances, cell.attitude
-        if cell.dataset.seeded or question in asked:
+        if cell.dataset.seeded or question in answered:
             continue
-        asked.add(question)
+        answered.add(question)
         lines.update(dict.fromkeys(_of_first_seed(cell, fingerprint)))
     return list(lines)
 

@@ -23,8 +23,8 @@ class Prepared(NamedTuple):
     scored: Scored
 
 
-class Found(NamedTuple):
-    """What became of a seed.
+class StreamedSeed(NamedTuple):
+    """The result of a seed that ran side by side with others.
 
     Attributes:
         recording: what the filter saw.
@@ -43,21 +43,21 @@ def streams(cell: Cell) -> bool:
     return kinematic and isinstance(cell.engine, SideBySide) and all(map(can_stream, cell.metrics))
 
 
-def streamed_values(cell: Cell, draws: Sequence[int], fingerprint: str, threads: int) -> dict[int, Found]:
+def streamed_values(cell: Cell, draws: Sequence[int], fingerprint: str, threads: int) -> dict[int, StreamedSeed]:
     """Run ``draws`` side by side; returns what became of those that came to their end.
 
     The others (stopped, not to be scored without a trajectory, or with something wrong) are for the run alone: it says
     what is the matter. What the engine itself raises goes on to the caller.
     """
-    prepared = {draw: one for draw in draws if (one := _prepared(cell, draw, fingerprint)) is not None}
+    prepared = {draw: seed_run for draw in draws if (seed_run := _prepared(cell, draw, fingerprint)) is not None}
     updates = any(part_read(metric) == "updates" for metric in cell.metrics)
-    runs = [one.run for one in prepared.values()]
+    runs = [seed_run.run for seed_run in prepared.values()]
     engine: Any = cell.engine
     results = engine.run_many(runs, cell.filter, cell.adaptation, updates=updates, threads=threads)
     limit_m2 = cell.protocol.divergence_limit_m**2
     return {
-        draw: Found(one.recording, _values(cell, one, result), result.farthest_m2 > limit_m2)
-        for (draw, one), result in zip(prepared.items(), results, strict=True)
+        draw: StreamedSeed(seed_run.recording, _values(cell, seed_run, result), result.farthest_m2 > limit_m2)
+        for (draw, seed_run), result in zip(prepared.items(), results, strict=True)
         if result is not None
     }
 
@@ -72,17 +72,17 @@ def _prepared(cell: Cell, draw: int, fingerprint: str) -> Prepared | None:
     return None if scored is None else Prepared(recording, Run(timeline, scored.scoring), scored)
 
 
-def _values(cell: Cell, one: Prepared, result: Streamed) -> dict[str, float]:
+def _values(cell: Cell, seed_run: Prepared, result: Streamed) -> dict[str, float]:
     with np.errstate(over="ignore", invalid="ignore"):
-        sums = sums_from(result, one.scored, one.recording)
-    seen = with_updates(one.scored.outline, result.updates)
+        sums = sums_from(result, seed_run.scored, seed_run.recording)
+    estimate = with_updates(seed_run.scored.outline, result.updates)
 
     def columns(metric: Metric) -> Mapping[str, float]:
         """Return the columns of ``metric``, in the units of their names, from the least that it needs."""
         if isinstance(metric, Summarising):
             return metric.summarise(sums)
         if part_read(metric) == "attitude":
-            return inputs.attitude_columns(cast("Hashable", metric), one.scored, one.recording)
-        return metric.evaluate(seen, one.recording, one.scored.counted)
+            return inputs.attitude_columns(cast("Hashable", metric), seed_run.scored, seed_run.recording)
+        return metric.evaluate(estimate, seed_run.recording, seed_run.scored.counted)
 
     return gathered((metric, columns(metric)) for metric in cell.metrics)

@@ -1,4 +1,4 @@
-"""Runs a cell: one row for each seed."""
+"""The run of a cell: one row for each seed."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -10,7 +10,7 @@ from jerkbench.estimate import Estimate
 from jerkbench.evaluation.run import evaluate_run, run_status
 from jerkbench.execution import inputs
 from jerkbench.execution.attitude_remarks import remarks_of
-from jerkbench.execution.batches import Found, streamed_values, streams
+from jerkbench.execution.batches import StreamedSeed, streamed_values, streams
 from jerkbench.execution.plugin_errors import plugins_in_words, reason_of
 from jerkbench.execution.plugin_probe import unfit
 from jerkbench.plain import plain
@@ -67,13 +67,13 @@ def run_open_pieces(cell: Cell, fingerprint: str, draws: Sequence[int], threads:
 def _together(pieces: Pieces) -> tuple[list[Row], list[str]]:
     rows: list[Row] = []
     notes: dict[str, None] = {}
-    for some, told in pieces:
-        rows += some
-        notes.update(dict.fromkeys(told))
+    for new_rows, new_notes in pieces:
+        rows += new_rows
+        notes.update(dict.fromkeys(new_notes))
     return rows, list(notes)
 
 
-class Alone(NamedTuple):
+class SingleSeed(NamedTuple):
     """A seed that has to be run alone: for its trajectory, or because something is the matter with it.
 
     Attributes:
@@ -90,42 +90,44 @@ def _pieces(
     fingerprint: str,
     draws: Sequence[int],
     threads: int,
-    alone: Callable[[Cell, Alone, str], tuple[Row, list[str]]],
+    run_alone: Callable[[Cell, SingleSeed, str], tuple[Row, list[str]]],
     *,
     guarded: bool,
 ) -> Pieces:
     size = inputs.KEPT if streams(cell) else 1
     for begin in range(0, len(draws), size):
-        some = draws[begin : begin + size]
+        block = draws[begin : begin + size]
         try:
-            results = list(_results(cell, fingerprint, some, threads))
+            results = list(_results(cell, fingerprint, block, threads))
         except Exception as error:
             if not guarded:
                 raise
-            yield failed_rows(cell, some, _sentence(error)), []
+            yield failed_rows(cell, block, _sentence(error)), []
             continue
-        done = [alone(cell, one, fingerprint) if isinstance(one, Alone) else one for one in results]
+        done = [
+            run_alone(cell, result, fingerprint) if isinstance(result, SingleSeed) else result for result in results
+        ]
         yield [row for row, _ in done], [note for _, notes in done for note in notes]
 
 
 def _results(
     cell: Cell, fingerprint: str, draws: Sequence[int], threads: int
-) -> Iterator[tuple[Row, list[str]] | Alone]:
+) -> Iterator[tuple[Row, list[str]] | SingleSeed]:
     """Row and notes of each draw that can go side by side with others; of another one, what to do alone."""
     done = streamed_values(cell, draws, fingerprint, threads) if streams(cell) else {}
     for draw in draws:
-        yield _streamed_row(cell, draw, done[draw]) if draw in done else Alone(draw)
+        yield _streamed_row(cell, draw, done[draw]) if draw in done else SingleSeed(draw)
 
 
-def _streamed_row(cell: Cell, draw: int, found: Found) -> tuple[Row, list[str]] | Alone:
-    if found.far:
-        return Alone(draw, found.values)
-    return {**_head(cell, draw), "status": "ok", "reason": "", **found.values}, notes_of(cell, found.recording)
+def _streamed_row(cell: Cell, draw: int, streamed: StreamedSeed) -> tuple[Row, list[str]] | SingleSeed:
+    if streamed.far:
+        return SingleSeed(draw, streamed.values)
+    return {**_head(cell, draw), "status": "ok", "reason": "", **streamed.values}, notes_of(cell, streamed.recording)
 
 
-def _row(cell: Cell, one: Alone, fingerprint: str) -> tuple[Row, list[str]]:
-    recording, estimate = run_once(cell, one.draw, fingerprint)
-    return score(cell, one, recording, estimate), notes_of(cell, recording)
+def _row(cell: Cell, single: SingleSeed, fingerprint: str) -> tuple[Row, list[str]]:
+    recording, estimate = run_once(cell, single.draw, fingerprint)
+    return row_of_run(cell, single, recording, estimate), notes_of(cell, recording)
 
 
 def run_once(cell: Cell, draw: int, fingerprint: str) -> tuple[Recording, Estimate]:
@@ -138,13 +140,13 @@ def run_once(cell: Cell, draw: int, fingerprint: str) -> tuple[Recording, Estima
     return recording, cell.engine.run(timeline, cell.filter, cell.adaptation)
 
 
-def score(cell: Cell, one: Alone, recording: Recording, estimate: Estimate) -> Row:
+def row_of_run(cell: Cell, single: SingleSeed, recording: Recording, estimate: Estimate) -> Row:
     """Return the row of one run."""
-    protocol, values = cell.protocol, one.values
+    protocol, values = cell.protocol, single.values
     status, reason = run_status(estimate, recording, protocol.divergence_limit_m)
     if values is None or estimate.failure:  # one that stops has the values up to there
-        values = evaluate_run(estimate, recording, protocol.burn_in_s, cell.metrics, inputs.evaluated)
-    return {**_head(cell, one.draw), "status": status, "reason": plain(reason), **values}
+        values = evaluate_run(estimate, recording, protocol.burn_in_s, cell.metrics, inputs.cached_values)
+    return {**_head(cell, single.draw), "status": status, "reason": plain(reason), **values}
 
 
 def failed_rows(cell: Cell, draws: Sequence[int], reason: str) -> list[Row]:
@@ -153,7 +155,7 @@ def failed_rows(cell: Cell, draws: Sequence[int], reason: str) -> list[Row]:
 
 
 def notes_of(cell: Cell, recording: Recording) -> list[str]:
-    """Where the reference comes from, and what the recording says about itself; once for all its parameters."""
+    """Return notes on the source of the reference, and the recording's own; once for all its parameters."""
     return [plain(note) for note in _notes_of(cell, recording)]
 
 
@@ -167,11 +169,11 @@ def _notes_of(cell: Cell, recording: Recording) -> list[str]:
     return [source, *notes]
 
 
-def _guarded_row(cell: Cell, one: Alone, fingerprint: str) -> tuple[Row, list[str]]:
+def _guarded_row(cell: Cell, single: SingleSeed, fingerprint: str) -> tuple[Row, list[str]]:
     try:
-        return _row(cell, one, fingerprint)
+        return _row(cell, single, fingerprint)
     except Exception as error:  # noqa: BLE001 - whatever a plugin raises becomes a row that says so
-        return _failed(cell, one.draw, _sentence(error)), []
+        return _failed(cell, single.draw, _sentence(error)), []
 
 
 def _sentence(error: Exception) -> str:

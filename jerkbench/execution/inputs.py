@@ -1,4 +1,4 @@
-"""What every filter of a sweep shares: the recording, its attitude, its timeline; made once for each process."""
+"""The inputs that all filters of a sweep share: recording, attitude, timeline; made once for each process."""
 
 import hashlib
 from collections.abc import Hashable, Mapping
@@ -19,7 +19,7 @@ from jerkbench.recording import Recording
 from jerkbench.timeline.timeline import Timeline, build_timeline
 
 KEPT = 32
-"""How many of each are kept; a recording of 150 s at 100 Hz has some 2 MB."""
+"""The number of each kind that is kept; a recording of 150 s at 100 Hz has some 2 MB."""
 
 
 @lru_cache(maxsize=KEPT)
@@ -34,8 +34,8 @@ def disturbed(dataset: Dataset, disturbances: tuple[Disturbance, ...], fingerpri
 
 @lru_cache(maxsize=KEPT)
 def _loaded(dataset: Dataset, fingerprint: str, seed: int) -> Recording:
-    ours = type(dataset).__module__.startswith("jerkbench.")  # what others simulate may depend on anything
-    if ours and dataset.seeded and not fingerprint:
+    in_tree = type(dataset).__module__.startswith("jerkbench.")  # what others simulate may depend on anything
+    if in_tree and dataset.seeded and not fingerprint:
         return simulated(dataset, seed)
     recording = dataset.load(seed)
     require_data(dataset, (), fingerprint)  # as above
@@ -58,28 +58,28 @@ def timeline_of(recording: Recording, attitude: Attitude) -> Timeline:
 
 @lru_cache(maxsize=KEPT)
 def scored_of(recording: Recording, timeline: Timeline, burn_in_s: float) -> Scored | None:
-    """How runs over the timeline are scored without a trajectory."""
+    """Return the scoring of runs over the timeline without a trajectory."""
     return scored(recording, timeline, burn_in_s)
 
 
 @lru_cache(maxsize=8 * KEPT)
 def attitude_columns(metric: Hashable, scored: Scored, recording: Recording) -> Mapping[str, float]:
-    """What a metric that reads the attitude alone says: the same for every filter."""
-    return evaluated(cast("Metric", metric), scored.outline, recording, scored.counted)
+    """Return the columns of a metric that reads the attitude alone: the same for every filter."""
+    return cached_values(cast("Metric", metric), scored.outline, recording, scored.counted)
 
 
-def evaluated(metric: Metric, estimate: Estimate, recording: Recording, counted: BoolArray) -> Mapping[str, float]:
-    """What a metric says; one that reads the attitude alone is asked once for each attitude, whoever has it."""
+def cached_values(metric: Metric, estimate: Estimate, recording: Recording, counted: BoolArray) -> Mapping[str, float]:
+    """Return the columns of a metric; one that reads the attitude alone is evaluated once for each attitude."""
     if part_read(metric) != "attitude":
         return metric.evaluate(estimate, recording, counted)
     parts = (estimate.index, estimate.euler_rad, counted)
     content = hashlib.blake2b(b"".join(np.ascontiguousarray(part).tobytes() for part in parts)).digest()
-    seen = outlined(estimate.index, estimate.euler_rad)
-    return _of_attitude(cast("Hashable", metric), recording, _Seen(content, seen, counted))
+    outline = outlined(estimate.index, estimate.euler_rad)
+    return _of_attitude(cast("Hashable", metric), recording, _ScoredAttitude(content, outline, counted))
 
 
 @dataclass(frozen=True)
-class _Seen:
+class _ScoredAttitude:
     """An attitude, and which rows count; two of the same content are the same."""
 
     content: bytes
@@ -88,5 +88,5 @@ class _Seen:
 
 
 @lru_cache(maxsize=2 * KEPT)
-def _of_attitude(metric: Hashable, recording: Recording, seen: _Seen) -> Mapping[str, float]:
-    return cast("Metric", metric).evaluate(seen.estimate, recording, seen.counted)
+def _of_attitude(metric: Hashable, recording: Recording, run: _ScoredAttitude) -> Mapping[str, float]:
+    return cast("Metric", metric).evaluate(run.estimate, recording, run.counted)

@@ -1,4 +1,4 @@
-"""What a plugin raises, as a sentence."""
+"""The errors of a plugin, as a sentence."""
 
 import os
 import traceback
@@ -13,7 +13,7 @@ TRACEBACK = "JERKBENCH_TRACEBACK"
 
 
 def reason_of(error: Exception) -> str:
-    """What was raised, and where."""
+    """Return the exception, and where it was raised."""
     at = traceback.extract_tb(error.__traceback__)[-1]
     return f"{type(error).__name__}: {error} ({at.name}, line {at.lineno})"
 
@@ -32,8 +32,8 @@ def plugins_in_words(cell: Cell) -> Iterator[None]:
     except Exception as error:
         if os.environ.get(TRACEBACK) or (isinstance(error, OSError) and error.errno in NO_ROOM):
             raise
-        who, why = _culprit(cell, error), reason_of(error)
-        raise PluginError(f"{who} failed: {why}. Set {TRACEBACK}=1 to see the whole traceback.") from error
+        culprit, why = _culprit(cell, error), reason_of(error)
+        raise PluginError(f"{culprit} failed: {why}. Set {TRACEBACK}=1 to see the whole traceback.") from error
 
 
 def _culprit(cell: Cell, error: Exception) -> str:
@@ -42,9 +42,9 @@ def _culprit(cell: Cell, error: Exception) -> str:
     frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
     for frame in reversed(frames):
         own = frame.f_locals.get("self")
-        found = [name for name, plugin in named.items() if plugin is own]
-        if found:
-            return f"The {found[0]}"
+        names = [name for name, plugin in named.items() if plugin is own]
+        if names:
+            return f"The {names[0]}"
     return f"The filter {cell.spec['filter']['name']} with the adaptation {cell.spec['adaptation']['name']}"
 
 

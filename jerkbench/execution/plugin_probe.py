@@ -11,7 +11,8 @@ SINGLE = ("dataset", "attitude", "filter", "adaptation", "engine")
 def unfit(cell: Cell) -> str:
     """Return what is the matter with the first plugin of ``cell`` that does not keep its contract, or nothing."""
     parts: list[tuple[str, Any]] = [(kind, getattr(cell, kind)) for kind in SINGLE]
-    parts += [("disturbance", one) for one in cell.disturbances] + [("metric", one) for one in cell.metrics]
+    parts += [("disturbance", disturbance) for disturbance in cell.disturbances]
+    parts += [("metric", metric) for metric in cell.metrics]
     foreign = [(kind, plugin) for kind, plugin in parts if not is_own(type(plugin))]
     if not foreign:
         return ""

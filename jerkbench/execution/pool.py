@@ -1,4 +1,4 @@
-"""Runs cells in processes of their own; a process goes on with cells of the recording that it knows already."""
+"""The pool of processes; a process goes on with cells of the recording that it has already."""
 
 import multiprocessing
 import multiprocessing.connection

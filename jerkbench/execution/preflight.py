@@ -13,7 +13,7 @@ def require_inputs(cell: Cell, checked: set[tuple[object, object]]) -> None:
         checked: data sets with the parts that were asked before; grows.
 
     Raises:
-        JerkbenchError: it has not, or there is no recording.
+        JerkbenchError: the recording lacks an input, or there is no recording.
     """
     for part in (cell.attitude, cell.filter):
         if isinstance(part, Requiring) and (cell.dataset, part) not in checked:

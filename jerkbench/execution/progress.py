@@ -21,15 +21,15 @@ class Progress:
     Where standard error is no terminal, a line a minute stands for it.
     """
 
-    def __init__(self, count: int, already: int = 0, doing: str = "Sweep", things: str = "cells") -> None:
+    def __init__(self, count: int, already: int = 0, doing: str = "Sweep", unit: str = "cells") -> None:
         """Prepare a bar for ``count`` ``things``, of which ``already`` many are done."""
         self._counts: Counter[str] = Counter()
-        self._doing, self._things = doing, things
+        self._doing, self._things = doing, unit
         columns = (
             TextColumn("{task.description}"),
             BarColumn(),
             MofNCompleteColumn(),
-            TextColumn(things),
+            TextColumn(unit),
             TimeElapsedColumn(),
             TextColumn("left"),
             TimeRemainingColumn(),
@@ -41,7 +41,7 @@ class Progress:
         self._task = self._bar.add_task(doing, total=self._left, trouble="")
         self._pulse = None if self._bar.console.is_terminal else Pulse(self._line, self._write)
         if already:
-            self._bar.console.print(f"{already} of {count} {things} are done already.")
+            self._bar.console.print(f"{already} of {count} {unit} are done already.")
 
     def advance(self, statuses: Sequence[str] = ()) -> None:
         """Count one more, whose runs ended with ``statuses``."""
@@ -69,12 +69,12 @@ class Progress:
             self._bar.stop()
 
     def _line(self, seconds: float) -> str:
-        """How far it is, for a reader of a file or a pipe."""
+        """Return the progress as a line, for a reader of a file or a pipe."""
         task = self._bar.tasks[self._task]
         done = int(task.completed)
-        left = f", about {duration(seconds / done * (self._left - done))} left" if done else ""
+        remaining = f", about {duration(seconds / done * (self._left - done))} left" if done else ""
         trouble = f"; {task.fields['trouble']}" if task.fields["trouble"] else ""
-        return f"{self._doing}: {done} of {self._left} {self._things} after {duration(seconds)}{left}{trouble}."
+        return f"{self._doing}: {done} of {self._left} {self._things} after {duration(seconds)}{remaining}{trouble}."
 
     def _write(self, line: str) -> None:
         self._bar.console.print(line, highlight=False, soft_wrap=True)

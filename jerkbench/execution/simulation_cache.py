@@ -41,23 +41,23 @@ def simulated(dataset: Dataset, seed: int) -> Recording:
     kept = _read(path)
     if kept is not None:
         return kept
-    made = dataset.load(seed)
+    recording = dataset.load(seed)
     with suppress(OSError):  # no room, or no right to write: then it is simulated again the next time
-        _write(made, path)
+        _write(recording, path)
         if seed % 16 == 0:
             forget_oldest(path.parent, PATTERN, MOST_BYTES)
-    return made
+    return recording
 
 
 def _key(dataset: Dataset, seed: int) -> str:
     """Name everything that decides on the recording: the data set, the code, the libraries, the seed."""
-    what = [repr(dataset), type(dataset).__qualname__, code_digest(), plugin_digest(type(dataset)), versions(), seed]
-    return hashlib.sha256(repr(what).encode()).hexdigest()[:32]
+    parts = [repr(dataset), type(dataset).__qualname__, code_digest(), plugin_digest(type(dataset)), versions(), seed]
+    return hashlib.sha256(repr(parts).encode()).hexdigest()[:32]
 
 
 def _write(recording: Recording, path: Path) -> None:
     arrays: dict[str, Any] = {}
-    said: dict[str, Any] = {}
+    header: dict[str, Any] = {}
     for part in ("", *PARTS):
         owner = getattr(recording, part) if part else recording
         for field in dataclasses.fields(owner) if owner is not None else ():
@@ -65,8 +65,8 @@ def _write(recording: Recording, path: Path) -> None:
             if isinstance(value, np.ndarray):
                 arrays[f"{part}.{field.name}"] = value
             elif field.name not in PARTS:
-                said[f"{part}.{field.name}"] = value.isoformat() if isinstance(value, datetime) else value
-    arrays["said"] = np.frombuffer(json.dumps(said).encode(), dtype=np.uint8)
+                header[f"{part}.{field.name}"] = value.isoformat() if isinstance(value, datetime) else value
+    arrays["header"] = np.frombuffer(json.dumps(header).encode(), dtype=np.uint8)
     write_atomically(path, lambda partial: np.savez(partial, **arrays))
 
 
@@ -75,14 +75,14 @@ def _read(path: Path) -> Recording | None:
     try:
         with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
             values: dict[str, Any] = {name: file[name] for name in file.files}
-        values |= json.loads(values.pop("said").tobytes())
-        made = {name: PARTS[name](**own) for name in PARTS if (own := _of(name, values))}
+        values |= json.loads(values.pop("header").tobytes())
+        parts = {name: PARTS[name](**own) for name in PARTS if (own := _of(name, values))}
         own = _of("", values)
         start = own.pop("start_utc")
         own |= {"start_utc": None if start is None else datetime.fromisoformat(start), "notes": tuple(own["notes"])}
         with suppress(OSError):
             os.utime(path)  # used just now: others go first
-        return Recording(**own, **made)
+        return Recording(**own, **parts)
     except DAMAGE:
         return None
 

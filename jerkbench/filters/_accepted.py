@@ -1,4 +1,4 @@
-"""Which adaptations an estimator can take."""
+"""The adaptations that an estimator can take."""
 
 from jerkbench import plugins
 from jerkbench.contracts import Fading

@@ -1,4 +1,4 @@
-"""What the linear estimators share: the model of all three axes, the start, and one measurement update."""
+"""The common part of the linear estimators: the model of three axes, the start, one measurement update."""
 
 from typing import NamedTuple
 
@@ -54,8 +54,8 @@ def updated(
     """Return x and P after an update; P in Joseph form, symmetrised."""
     PHt = P @ H.T
     K = np.linalg.solve(H @ PHt + R, PHt.T).T
-    rest = np.eye(len(x)) - K @ H
-    posterior = rest @ P @ rest.T + K @ R @ K.T
+    residual = np.eye(len(x)) - K @ H
+    posterior = residual @ P @ residual.T + K @ R @ K.T
     return x + K @ innovation, 0.5 * (posterior + posterior.T)
 
 

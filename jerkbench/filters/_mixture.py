@@ -121,8 +121,8 @@ def mixed(
 def combined(x: FloatArray, P: FloatArray, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return mean (n,) and covariance (n, n) of a mixture of two normal distributions."""
     mean = weights @ x
-    apart = x - mean
-    spread = np.einsum("j,ja,jb->ab", weights, apart, apart)
+    deviation = x - mean
+    spread = np.einsum("j,ja,jb->ab", weights, deviation, deviation)
     return mean, np.tensordot(weights, P, axes=1) + spread
 
 

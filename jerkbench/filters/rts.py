@@ -97,7 +97,7 @@ class RauchTungStriebel:
 
 
 class ForwardPass(NamedTuple):
-    """What the forward pass leaves for the backward pass, for each of n steps.
+    """The results of the forward pass that the backward pass needs, for each of n steps.
 
     Attributes:
         x: (n, s) after the update.

@@ -24,11 +24,11 @@ from jerkbench.execution.attitude_remarks import first_remarks
 from jerkbench.execution.cell_run import run_pieces
 from jerkbench.execution.processors import processors
 from jerkbench.execution.pulse import Pulse, duration
-from jerkbench.hydra_app.arguments import arranged
+from jerkbench.hydra_app.arguments import arranged_words
 from jerkbench.hydra_app.composition import compose_jobs
 from jerkbench.hydra_app.configuration import cell_of, register_schemas, study_folder
 from jerkbench.hydra_app.options import check_options
-from jerkbench.hydra_app.single_run import draw_single, prepare_drawing, run_single
+from jerkbench.hydra_app.single_run import draw_single, prepare_drawing, run_single_cell
 from jerkbench.presets import config_folder
 from jerkbench.results.store import Store
 from jerkbench.results.study import Study, damaged, load_study, write_manifest, write_study
@@ -53,7 +53,7 @@ def main(arguments: Sequence[str]) -> None:
     register_schemas()
     _register_hydra_parts()
     app = hydra.main(version_base="1.3", config_path=str(config_folder()), config_name="config")(_task)
-    sys.argv = ["jerkbench run", *arranged([typed for word in arguments for typed in typed_seeds(word)])]
+    sys.argv = ["jerkbench run", *arranged_words([typed for word in arguments for typed in typed_seeds(word)])]
     app()
 
 
@@ -66,10 +66,10 @@ def sweep(loader: ConfigLoader, config: DictConfig, jobs: Sequence[Sequence[str]
     try:
         with Pulse(lambda seconds: f"Planning {len(jobs)} combinations for {duration(seconds)}."):
             composed = compose_jobs(loader, config, jobs)
-            plan = plan_sweep([cell_of(one.plain, one.choices, one.overrides) for one in composed])
+            plan = plan_sweep([cell_of(job.plain, job.choices, job.overrides) for job in composed])
     except JerkbenchError as error:
         exit_with(error)
-    for line in (*plan.refused, *first_remarks((one.cell, one.fingerprint) for one in plan.cells)):
+    for line in (*plan.refused, *first_remarks((planned.cell, planned.fingerprint) for planned in plan.cells)):
         print(line, file=sys.stderr)
     if not plan.cells:
         exit_with(PluginError("There is nothing to run: every combination was left out."))
@@ -78,10 +78,12 @@ def sweep(loader: ConfigLoader, config: DictConfig, jobs: Sequence[Sequence[str]
         planned_looks(plan, config.seeds, config.max_seeds),
         store,
         lambda plan: _run(plan, store, config.workers or processors()),
-        lambda look: load_study(store.folder.parent, prefer=[one.key for one in look.plan.cells]),
+        lambda look: load_study(store.folder.parent, prefer=[planned.key for planned in look.plan.cells]),
     )
     try:
-        study = _conclude(store, [one.key for one in last.plan.cells], config, last.level if config.max_seeds else None)
+        study = _conclude(
+            store, [planned.key for planned in last.plan.cells], config, last.level if config.max_seeds else None
+        )
     except OSError as error:
         print(f"jerkbench: the tables cannot be written: {error}. What is done is stored.", file=sys.stderr)
         raise SystemExit(FAILED) from None
@@ -96,7 +98,7 @@ def _run(plan: Plan, store: Store, workers: int) -> int:
     """Run the plan; returns the exit code of a sweep that did not come to its end, or 0."""
     try:
         store.prepare()
-        done, broken = store.look([one.key for one in plan.cells])
+        done, broken = store.look([planned.key for planned in plan.cells])
         if broken:
             print(f"{damaged(broken)} run again: {', '.join(broken)}.", file=sys.stderr)
         with _terminated_like_interrupted():
@@ -121,7 +123,7 @@ class Conclude(Callback):
             store = Store(study_folder(config))
             if config.max_seeds:
                 print("Seeds are added by our own launcher only; these are the first.", file=sys.stderr)
-            study = _conclude(store, [one.key for one in store.read()[0]], config)
+            study = _conclude(store, [stored.key for stored in store.read()[0]], config)
             if code := (_present(study, config) if study else 0) or _failed(study):
                 raise SystemExit(code)
 
@@ -144,30 +146,30 @@ def _run_job(config: DictConfig, job: HydraConf) -> None:
             raise PluginError(f"This combination makes no sense: {reason}.")
         print(f"Left out: {reason}.", file=sys.stderr)
         return
-    (one,) = plan_sweep([cell]).cells
-    for line in first_remarks([(one.cell, one.fingerprint)]):
+    (planned,) = plan_sweep([cell]).cells
+    for line in first_remarks([(planned.cell, planned.fingerprint)]):
         print(line, file=sys.stderr)
     folder = study_folder(config)
     if not sweeping:
-        _run_and_show(one, folder, config)
-    elif not Store(folder).done(one.key):
-        finish_cell(one, Store(folder), partial(run_pieces, one.cell, one.fingerprint))
+        _run_and_show(planned, folder, config)
+    elif not Store(folder).done(planned.key):
+        finish_cell(planned, Store(folder), partial(run_pieces, planned.cell, planned.fingerprint))
 
 
-def _run_and_show(one: Planned, folder: Path, config: DictConfig) -> None:
+def _run_and_show(planned: Planned, folder: Path, config: DictConfig) -> None:
     from jerkbench.report.tables.terminal import print_run
 
     Store(folder).prepare()
     if config.figures:
-        prepare_drawing(one.cell)
+        prepare_drawing(planned.cell)
     with Pulse(lambda seconds: f"Running for {duration(seconds)}."):
-        stored = run_single(one, folder)
+        stored = run_single_cell(planned, folder)
     print_run(stored.rows)  # at once: files and figures take longer than the run
-    for note in stored.about["notes"]:
+    for note in stored.metadata["notes"]:
         print(note, flush=True)
-    write_manifest(folder, [one.key], list(config.notes), sys.argv)
-    write_study(load_study(folder, prefer=[one.key]))
-    for path in draw_single(one, folder) if config.figures else ():
+    write_manifest(folder, [planned.key], list(config.notes), sys.argv)
+    write_study(load_study(folder, prefer=[planned.key]))
+    for path in draw_single(planned, folder) if config.figures else ():
         print(f"Figure: {path}")
 
 
@@ -181,10 +183,10 @@ def _conclude(store: Store, keys: Sequence[str], config: DictConfig, level: floa
     write_manifest(folder, keys, list(config.notes), sys.argv, level)
     study = load_study(folder, prefer=keys)
     write_study(study)
-    ours = study.only(keys)
-    print_table(ours.rows, ours.notes)
+    shown = study.only(keys)
+    print_table(shown.rows, shown.notes)
     print(f"\nRows, tables and manifest: {folder}", flush=True)
-    return ours
+    return shown
 
 
 def _failed(study: Study | None) -> int:

@@ -25,7 +25,7 @@ FLAGS = ("help", "hydra_help", "resolve", "run", "multirun", "shell_completion")
 VALUED = ("cfg", "package", "config_path", "config_name", "config_dir", "experimental_rerun", "info")
 
 
-def arranged(words: Sequence[str]) -> list[str]:
+def arranged_words(words: Sequence[str]) -> list[str]:
     """Return the words with Hydra's options before the overrides, wherever they were typed.
 
     Raises:
@@ -39,8 +39,8 @@ def arranged(words: Sequence[str]) -> list[str]:
     for word in known.overrides:
         _check(word, completing=known.shell_completion)
     flags = [_option(name) for name in FLAGS if getattr(known, name)]
-    given = [(name, getattr(known, name)) for name in VALUED if getattr(known, name) is not None]
-    return [*flags, *(word for name, value in given for word in (_option(name), value)), *known.overrides]
+    options = [(name, getattr(known, name)) for name in VALUED if getattr(known, name) is not None]
+    return [*flags, *(word for name, value in options for word in (_option(name), value)), *known.overrides]
 
 
 def _refuse(message: str) -> NoReturn:
@@ -52,17 +52,17 @@ def _option(name: str) -> str:
 
 
 def _require_sense(known: argparse.Namespace) -> None:
-    asked = {word.partition("=")[0] for word in known.overrides}
+    keys = {word.partition("=")[0] for word in known.overrides}
     commands = [_option(name) for name in COMMANDS if getattr(known, name)]
     if len(commands) > 1:
         raise PluginError(f"{' and '.join(commands)} ask for different things; give one of them.")
     if known.resolve and not (known.cfg or known.help):
         raise PluginError("--resolve belongs to --cfg: jerkbench run --cfg job --resolve.")
-    if "query" in asked and "COMP_LINE" not in os.environ:
+    if "query" in keys and "COMP_LINE" not in os.environ:
         raise PluginError("query=SHELL is for the shell alone; install=SHELL lets it ask.")
     if known.experimental_rerun is not None:
         raise PluginError("--experimental-rerun needs a file that is not kept here; use `jerkbench rerun DIR ROW`.")
-    if known.shell_completion and not {"install", "uninstall", "query"} & asked:
+    if known.shell_completion and not {"install", "uninstall", "query"} & keys:
         raise PluginError("--shell-completion needs install=SHELL or uninstall=SHELL; SHELL is bash, fish or zsh.")
 
 

@@ -1,4 +1,4 @@
-"""Composes the jobs of a sweep, paying Hydra's price once for each value of each factor, not for each combination."""
+"""The composition of a sweep's jobs: Hydra's price once for each value of a factor, not for each combination."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
@@ -80,7 +80,7 @@ def _firsts(sets: Iterable[Words]) -> dict[Words, Words]:
 
 
 def _common(words: Words) -> Words:
-    """What decides how a set of overrides is composed: of a parameter the key, of anything else the whole word."""
+    """Return the words that decide a composition: of a parameter the key, of anything else the whole word."""
     return tuple(word.partition("=")[0] if _is_parameter(word) else word for word in words)
 
 
@@ -125,8 +125,8 @@ def _with_values(first: Composed, part: DictConfig, words: Words) -> Composed:
 
 def _assembled(job: Job, parts: dict[str, Words], known: dict[tuple[str, Words], Composed]) -> Composed:
     """Take each group's part from the composition that knows its overrides."""
-    rest = known[REST, parts[REST]]
-    plain, choices = dict(rest.plain), dict(rest.choices)
+    common = known[REST, parts[REST]]
+    plain, choices = dict(common.plain), dict(common.choices)
     for group in INDEPENDENT:
         own = known[group, parts[group]]
         plain[group] = own.plain[group]

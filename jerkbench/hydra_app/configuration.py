@@ -1,4 +1,4 @@
-"""Between Hydra and a cell: the schema of the configuration, and the cell that a composed one describes."""
+"""The way between Hydra and a cell: the schema of the configuration, and the cell of a composed one."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
@@ -68,7 +68,7 @@ def register_schemas() -> None:
 
 
 def study_folder(config: DictConfig) -> Path:
-    """Where the results of the configuration's study are."""
+    """Return the folder of the configuration's study."""
     return Path(str(config.results)) / str(config.study)
 
 

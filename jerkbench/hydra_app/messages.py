@@ -1,4 +1,4 @@
-"""Turns what Hydra says about a configuration into a sentence."""
+"""Hydra's errors in a configuration, as sentences."""
 
 import dataclasses
 import re
@@ -41,7 +41,7 @@ def sentence(error: Exception, typed: Sequence[str] = ()) -> str:
 
 
 def _of_words(text: str, typed: Sequence[str]) -> str:
-    """What is wrong with a word, whatever the configuration is; or an empty string."""
+    """Return the sentence for a word that no configuration allows, or an empty string."""
     word = re.search(r"Error parsing override '([^=']*)'\s+missing EQUAL", text)
     if word:
         return no_assignment(word[1])
@@ -108,13 +108,13 @@ def _no_option(schema: str, full_key: str, typed: Sequence[str]) -> str:
     fields, several = _fields_of(schema, full_key), swept(typed, group)
     name = next((n for n in _names(group) if plugins.get(group, n).__name__ == schema), schema)
     if fields or schema == Schema.__name__:
-        said = unknown("option", full_key, fields)
+        sentence = unknown("option", full_key, fields)
     else:
-        said = f"The {group} {name} has no parameters, so {full_key} cannot be set."
+        sentence = f"The {group} {name} has no parameters, so {full_key} cannot be set."
     if not several:
-        return said
+        return sentence
     return (
-        f"{said} That is the combination with {group}={name}; a parameter that only some of {several} have needs a"
+        f"{sentence} That is the combination with {group}={name}; a parameter that only some of {several} have needs a"
         " sweep of its own."
     )
 
@@ -128,7 +128,7 @@ def _fields_of(schema: str, full_key: str) -> list[str]:
 
 
 def _chain(error: BaseException | None) -> list[str]:
-    """What the error and its causes say."""
+    """Return the messages of the error and of its causes."""
     return [] if error is None else [str(error), *_chain(error.__cause__)]
 
 

@@ -10,21 +10,21 @@ from jerkbench.estimate import Estimate
 from jerkbench.execution.cell_run import run_once, run_open_pieces
 from jerkbench.recording import Recording
 from jerkbench.results.store import Store, Stored
-from jerkbench.results.titles import file_stem, titled
+from jerkbench.results.titles import file_stem, with_title
 from jerkbench.sweep.seed_blocks import finish_cell
 from jerkbench.sweep.tasks import Planned
 
 
-def run_single(one: Planned, folder: Path) -> Stored:
+def run_single_cell(planned: Planned, folder: Path) -> Stored:
     """Run one cell, unless it is done; returns it as it is stored.
 
     What is wrong with the input or a plugin ends the run with a sentence, and the cell is not stored.
     """
     store = Store(folder)
-    if not store.done(one.key):
-        run = partial(run_open_pieces, one.cell, one.fingerprint, threads=os.cpu_count() or 1)
-        finish_cell(one, store, run)
-    (stored,), _ = store.read([one.key])
+    if not store.done(planned.key):
+        run = partial(run_open_pieces, planned.cell, planned.fingerprint, threads=os.cpu_count() or 1)
+        finish_cell(planned, store, run)
+    (stored,), _ = store.read([planned.key])
     return stored
 
 
@@ -34,10 +34,12 @@ def prepare_drawing(cell: Cell) -> None:
         cell.engine.prepare(cell.filter)
 
 
-def draw_single(one: Planned, folder: Path) -> list[Path]:
+def draw_single(planned: Planned, folder: Path) -> list[Path]:
     """Draw trajectory and errors of the first seed; returns the files."""
-    recording, estimate = run_once(one.cell, one.cell.draws[0], one.fingerprint)
-    return draw_run(one.cell, titled(recording, one.cell, one.cell.draws[0]), estimate, folder / "figures")
+    recording, estimate = run_once(planned.cell, planned.cell.draws[0], planned.fingerprint)
+    return draw_run(
+        planned.cell, with_title(recording, planned.cell, planned.cell.draws[0]), estimate, folder / "figures"
+    )
 
 
 def draw_run(cell: Cell, recording: Recording, estimate: Estimate, folder: Path) -> list[Path]:
@@ -51,7 +53,7 @@ def draw_run(cell: Cell, recording: Recording, estimate: Estimate, folder: Path)
     if estimate.attitude_only:
         drawn = {"inclination": inclination_figure}
     paths = []
-    for what, draw in drawn.items():
-        paths.append(folder / f"{name}-{what}.png")
+    for kind, draw in drawn.items():
+        paths.append(folder / f"{name}-{kind}.png")
         save_figure(draw(recording, estimates), paths[-1])
     return paths

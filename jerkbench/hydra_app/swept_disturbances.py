@@ -19,8 +19,8 @@ def only_of_chosen(loader: ConfigLoader, config: DictConfig, jobs: Sequence[Job]
     if len(choices) < 2 or not any(_of(word) for job in jobs for word in job):
         return [list(job) for job in jobs]
     chosen = {choice: _names(loader, config, choice) for choice in choices}
-    others = set().union(*chosen.values())
-    fitting = (tuple(w for w in job if _of(w) not in others - chosen[_choice(job)]) for job in jobs)
+    all_chosen = set().union(*chosen.values())
+    fitting = (tuple(w for w in job if _of(w) not in all_chosen - chosen[_choice(job)]) for job in jobs)
     return [list(job) for job in dict.fromkeys(fitting)]
 
 

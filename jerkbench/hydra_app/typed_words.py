@@ -1,4 +1,4 @@
-"""What a person typed behind `jerkbench run`, where Hydra says little about what is wrong with it."""
+"""The words typed behind `jerkbench run`, for faults that Hydra says little about."""
 
 import re
 from collections.abc import Sequence
@@ -44,8 +44,8 @@ def several_in_one(typed: Sequence[str]) -> str:
 
 def swept(typed: Sequence[str], group: str) -> str:
     """The word that gives a group several values to sweep, or an empty string."""
-    found = [word for word in typed if word.startswith(f"{group}=") and re.search(r",(?![^\[]*\])", word)]
-    return found[-1] if found else ""
+    lists = [word for word in typed if word.startswith(f"{group}=") and re.search(r",(?![^\[]*\])", word)]
+    return lists[-1] if lists else ""
 
 
 def _by_itself(word: str) -> str:
@@ -60,7 +60,7 @@ def _by_itself(word: str) -> str:
         return "disturbance=gnss_outage disturbance.gnss_outage.windows_s=[[50,60]]"
     names = [str(part["name"]) for part in parts]
     chosen = names[0] if len(names) == 1 else f"[{','.join(names)}]"
-    return " ".join([f"{group}={chosen}", *(one for part in parts for one in _parameters(group, part))])
+    return " ".join([f"{group}={chosen}", *(word for part in parts for word in _parameters(group, part))])
 
 
 def _parameters(group: str, part: dict[str, Any]) -> list[str]:

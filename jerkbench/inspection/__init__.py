@@ -1,1 +1,1 @@
-"""What a recording tells about itself: lags between its streams, real against stated noise, the grade of its IMU."""
+"""The inspection of a recording: lags between streams, real against stated noise, the grade of its IMU."""

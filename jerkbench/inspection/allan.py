@@ -1,4 +1,4 @@
-"""The noise of an IMU at rest, and which grade of sensor it suggests."""
+"""The noise of an IMU at rest, and the grade of sensor that it suggests."""
 
 from dataclasses import dataclass
 
@@ -14,7 +14,7 @@ LONGEST_PART = 0.25
 """Averages over more than this part of the rest are too few to say anything."""
 
 WHITE_S = (0.05, 1.0)
-"""Where the white noise is read off, as far as the rest reaches: below the drift, above a resonance of the mounting."""
+"""The averaging times for the white noise: below the drift, above a resonance of the mounting."""
 
 FLOOR_NEEDS_S = 60.0
 """A rest that is shorter does not reach the floor of the Allan deviation."""
@@ -22,7 +22,7 @@ FLOOR_NEEDS_S = 60.0
 
 @dataclass(frozen=True, eq=False)
 class RestNoise:
-    """What a rest tells about an IMU.
+    """The noise of an IMU, measured at rest.
 
     Attributes:
         duration_s: of the rest.

@@ -1,4 +1,4 @@
-"""Whether a velocity is more than the slope of its own positions."""
+"""The dependence of a velocity on the slope of its own positions."""
 
 from dataclasses import dataclass
 
@@ -14,7 +14,7 @@ SHIFTS = range(-2, 3)
 
 @dataclass(frozen=True)
 class Dependence:
-    """How much the noise of a velocity is that of the positions.
+    """The share of the positions' noise in the noise of a velocity.
 
     Attributes:
         stream: "velocity, horizontal" or "velocity, up".
@@ -38,7 +38,7 @@ def velocity_dependence(recording: Recording) -> list[Dependence]:
     position, velocity = recording.position, recording.velocity
     if position is None or velocity is None or velocity.frame != "enu":
         return []
-    found = []
+    dependences = []
     for name, axes in (("velocity, horizontal", [0, 1]), ("velocity, up", [2])):
         rows = np.isfinite(velocity.mps[:, axes]).all(axis=1)
         whole = np.isfinite(position.enu_m).all(axis=1)
@@ -46,8 +46,8 @@ def velocity_dependence(recording: Recording) -> list[Dependence]:
             continue
         slope = np.diff(position.enu_m[:, axes], axis=0) / np.diff(position.t_s)[:, None]
         correlations = [_correlation(slope, np.roll(velocity.mps[rows][:, axes], k, axis=0)[1:]) for k in SHIFTS]
-        found.append(Dependence(name, max(correlations), int(rows.sum())))
-    return found
+        dependences.append(Dependence(name, max(correlations), int(rows.sum())))
+    return dependences
 
 
 def _correlation(slope: FloatArray, velocity: FloatArray) -> float:

@@ -1,4 +1,4 @@
-"""How late the streams of a recording are against each other."""
+"""The lags between the streams of a recording."""
 
 from dataclasses import dataclass
 
@@ -20,7 +20,7 @@ SHORTEST_STEP_S, LONGEST_STEP_S = 0.2, 1.5
 
 @dataclass(frozen=True)
 class Lag:
-    """How late one stream is.
+    """The lag of one stream behind another.
 
     Attributes:
         stream: what is late: "position", "velocity, horizontal", "velocity, up", "speed", "imu".
@@ -126,14 +126,14 @@ def _velocity_lag(position: Position, velocity: Velocity, axes: tuple[int, ...])
     t_s, mps = velocity.t_s[rows], velocity.mps[rows][:, axes]
 
     def correlation(tau_s: float) -> float:
-        there = slope(t_s - tau_s)
-        return correlation_of(there[:, axes] if velocity.frame == "enu" else np.linalg.norm(there, axis=1), mps)
+        shifted = slope(t_s - tau_s)
+        return correlation_of(shifted[:, axes] if velocity.frame == "enu" else np.linalg.norm(shifted, axis=1), mps)
 
     return best_lag(correlation, len(t_s), largest_s)
 
 
 def _speeds(recording: Recording, lags: list[Lag]) -> tuple[str, FloatArray, FloatArray] | None:
-    """What the IMU is compared with, its times when true (m,), and speeds (m,) over ground; None without any."""
+    """Return a name, the true times (m,) and the speeds (m,) over ground to compare the IMU with, or None."""
     velocity, reference, position = recording.velocity, recording.reference, recording.position
     if velocity is not None:
         axes = (0, 1) if velocity.frame == "enu" else (0,)

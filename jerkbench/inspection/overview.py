@@ -1,4 +1,4 @@
-"""One picture of a recording: where it went, how fast, what the IMU felt, how sure the receiver was."""
+"""A picture of a recording: its path, its speed, the IMU's measurements, the receiver's sigmas."""
 
 import numpy as np
 from matplotlib.axes import Axes

@@ -1,4 +1,4 @@
-"""The lag at which two streams fit best, and how well it is known."""
+"""The lag at which two streams fit best, and its accuracy."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ WORST_S = 0.1
 
 @dataclass(frozen=True)
 class Peak:
-    """Where a correlation is largest.
+    """The largest correlation, and its lag.
 
     Attributes:
         lag_s: there, refined by a parabola; NaN where it cannot be told.
@@ -66,10 +66,10 @@ def best_lag(correlation: Callable[[float], float], rows: int, largest_s: float)
         return Peak(correlation=float(values[best]), within_s=within_s, edge_s=float(lags_s[best]))
     if not values[best] >= LEAST_CORRELATION or best in (0, len(values) - 1) or within_s > WORST_S:
         return Peak(correlation=float(values[best]), within_s=within_s)
-    before, here, after = values[best - 1 : best + 2]
-    bend = before - 2 * here + after
+    before, peak, after = values[best - 1 : best + 2]
+    bend = before - 2 * peak + after
     offset = 0.5 * (before - after) / bend if bend < 0 else 0.0
-    return Peak(float(lags_s[best] + offset * STEP_S), float(here), within_s)
+    return Peak(float(lags_s[best] + offset * STEP_S), float(peak), within_s)
 
 
 def correlation_of(a: FloatArray, b: FloatArray) -> float:

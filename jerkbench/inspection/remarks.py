@@ -1,4 +1,4 @@
-"""What the inspection found, in lines that a person reads."""
+"""The findings of the inspection, in lines that a person reads."""
 
 from collections.abc import Iterator
 
@@ -18,7 +18,7 @@ def findings_text(recording: Recording) -> str:
     noise = rest_noise(recording)
     lines = [_lag_line(lag) for lag in estimated_lags(recording)]
     lines += [yaw_line(recording)] if recording.imu is not None else []
-    lines += [_dependence_line(one) for one in velocity_dependence(recording)]
+    lines += [_dependence_line(dependence) for dependence in velocity_dependence(recording)]
     lines += [_sigma_line(sigma) for sigma in stated_against_real_sigma(recording)]
     if recording.imu is not None:
         lines += _noise_lines(noise) if noise else ["imu noise: no rest of 5 s at the start to read it from"]
@@ -35,15 +35,17 @@ def _lag_line(lag: Lag) -> str:
             f" {lag.correlation:.2f}): the true one may lie beyond it; check both clocks"
         )
     if np.isnan(lag.lag_s):
-        many = f", and lags within {lag.within_s:.2f} s fit alike" if lag.correlation >= LEAST_CORRELATION else ""
-        return f"{pair}: cannot be told (correlation {lag.correlation:.2f}{many})"
+        alternatives = (
+            f", and lags within {lag.within_s:.2f} s fit alike" if lag.correlation >= LEAST_CORRELATION else ""
+        )
+        return f"{pair}: cannot be told (correlation {lag.correlation:.2f}{alternatives})"
     return f"{pair}: {lag.lag_s:+.3f} s, give or take {lag.within_s:.2f} s (correlation {lag.correlation:.3f})"
 
 
-def _dependence_line(one: Dependence) -> str:
+def _dependence_line(dependence: Dependence) -> str:
     return (
-        f"{one.stream} against the slope of the positions: fast changes correlate by {one.correlation:.2f} (0: noise of"
-        " its own, 1: one is computed from the other)"
+        f"{dependence.stream} against the slope of the positions: fast changes correlate by"
+        f" {dependence.correlation:.2f} (0: noise of its own, 1: one is computed from the other)"
     )
 
 

@@ -1,4 +1,4 @@
-"""Whether a receiver errs as much as it says."""
+"""The real errors of a receiver against its stated sigmas."""
 
 from dataclasses import dataclass
 
@@ -42,17 +42,17 @@ def stated_against_real_sigma(recording: Recording) -> list[Sigma]:
     A reference whose places are the fixes themselves says nothing of them; it is left out. The reference is taken
     linearly between its stamps, where these are no further apart than 0.5 s. A row need not have all axes.
     """
-    found = []
+    sigmas = []
     for name, unit, t_s, values, covariance in _streams(recording):
         still = (t_s >= 0) & (t_s < recording.static_start_s)
         if _enough(values[still]):
             centre = np.nanmean(values[still], axis=0) if name == "position" else np.zeros(3)
-            found.append(_sigma(name, unit, REST, values[still] - centre, covariance[still]))
+            sigmas.append(_sigma(name, unit, REST, values[still] - centre, covariance[still]))
         error = values - _truth(recording, name, t_s)
-        there = np.isfinite(error).any(axis=1)
-        if _enough(error[there]) and (np.nan_to_num(error) != 0).any():
-            found.append(_sigma(name, unit, REFERENCE, error[there], covariance[there]))
-    return found
+        known = np.isfinite(error).any(axis=1)
+        if _enough(error[known]) and (np.nan_to_num(error) != 0).any():
+            sigmas.append(_sigma(name, unit, REFERENCE, error[known], covariance[known]))
+    return sigmas
 
 
 def _enough(values: FloatArray) -> bool:
@@ -80,8 +80,8 @@ def _truth(recording: Recording, stream: str, t_s: FloatArray) -> FloatArray:
     after = np.clip(np.searchsorted(reference.t_s, t_s), 1, len(reference.t_s) - 1)
     near = (reference.t_s[after] - reference.t_s[after - 1] <= NEAR_S)[:, None]
     inside = ((t_s >= reference.t_s[0]) & (t_s <= reference.t_s[-1]))[:, None]
-    there = np.column_stack([np.interp(t_s, reference.t_s, values[:, axis]) for axis in range(3)])
-    return np.where(near & inside, there, np.nan)
+    truth = np.column_stack([np.interp(t_s, reference.t_s, values[:, axis]) for axis in range(3)])
+    return np.where(near & inside, truth, np.nan)
 
 
 NEAR_S = 0.5
@@ -90,17 +90,17 @@ NEAR_S = 0.5
 
 def _sigma(name: str, unit: str, basis: str, error: FloatArray, covariance: FloatArray) -> Sigma:
     """Of errors (k, 3), NaN where an axis was not measured."""
-    there = np.isfinite(error)
-    known, both = np.where(there, error, 0.0), there[:, :, None] & there[:, None, :]
-    weighed = np.linalg.solve(np.where(both, covariance, np.eye(3)), known[:, :, None])[:, :, 0]
+    measured = np.isfinite(error)
+    known, both_measured = np.where(measured, error, 0.0), measured[:, :, None] & measured[:, None, :]
+    weighed = np.linalg.solve(np.where(both_measured, covariance, np.eye(3)), known[:, :, None])[:, :, 0]
     squares = np.einsum("ki,ki->k", known, weighed)
-    variances = np.where(there, np.diagonal(covariance, axis1=1, axis2=2), np.nan)
+    variances = np.where(measured, np.diagonal(covariance, axis1=1, axis2=2), np.nan)
     return Sigma(
         stream=name,
         unit=unit,
         basis=basis,
         stated=np.sqrt(np.nanmean(variances, axis=0)),
         real=np.sqrt(np.nanmean(error**2, axis=0)),
-        ratio=float(np.sqrt(squares.sum() / there.sum())),
+        ratio=float(np.sqrt(squares.sum() / measured.sum())),
         rows=len(error),
     )

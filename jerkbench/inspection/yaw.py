@@ -1,4 +1,4 @@
-"""Where the yaw of a recording comes from, in a line."""
+"""The source of a recording's yaw, in a line."""
 
 import numpy as np
 

@@ -15,7 +15,7 @@ COLUMNS = {"imu_acc": 3, "imu_gyr": 3, "opt_quat": 4, "movement": 1}
 """Fields that are read, and how many columns each has; magnetometer and optical position are left alone."""
 
 MOST = {"imu_acc": 1e3, "imu_gyr": 1e2, "opt_quat": 2.0, "movement": 1.0}
-"""What is larger is damage: m/s2, rad/s."""
+"""The largest possible values [m/s2, rad/s]; larger ones are damage."""
 
 LEAST_SAMPLES = 2
 

@@ -35,7 +35,7 @@ class Columns:
         self._table, self._names = table, names
 
     def __len__(self) -> int:
-        """How many rows there are."""
+        """Return the number of rows."""
         return len(self._table)
 
     def rows_of(self, names: Sequence[str]) -> BoolArray:

@@ -27,7 +27,7 @@ COLUMNS = {
 """Arrays that are read, and how many columns each has."""
 
 NO_ARRAY = (ValueError, EOFError, OSError, TypeError, SyntaxError, TokenError, MemoryError, OverflowError)
-"""What reading a damaged NumPy file raises."""
+"""Errors of a damaged NumPy file."""
 
 STREAMS = {
     "frames": (0, 1, 2, 3),
@@ -35,7 +35,7 @@ STREAMS = {
     "gnss": (7, 8),
     "wheel": (9, 10),
 }
-"""Which of them have the same number of rows."""
+"""Groups of arrays with the same number of rows."""
 
 MOST = {
     f"{LOG}/IMU/accelerometer/value": 1e3,
@@ -44,7 +44,7 @@ MOST = {
     f"{POSE}/frame_positions": 1e7,
     f"{POSE}/frame_velocities": 2e2,
 }
-"""What is larger is damage: m/s2, rad/s, m/s, m."""
+"""The largest possible values [m/s2, rad/s, m/s, m]; larger ones are damage."""
 
 
 @dataclass(frozen=True, eq=False)

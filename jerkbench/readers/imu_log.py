@@ -40,7 +40,7 @@ class ImuLog:
 
 @dataclass(frozen=True)
 class ImuMap:
-    """Which columns of a table of IMU samples are what.
+    """The columns of a table of IMU samples.
 
     Attributes:
         text: how text is cut into columns.

@@ -16,7 +16,7 @@ FVI_FIELDS, GST_FIELDS = (15, 16, 17), (6, 7, 8)
 
 @dataclass(frozen=True, eq=False)
 class Epochs:
-    """What the log says of each epoch.
+    """The values of the log at each epoch.
 
     Attributes:
         velocity_mps: (n, 3) ENU.

@@ -30,7 +30,7 @@ REFERENCE = "ref pos"
 
 @dataclass(frozen=True)
 class PosHeader:
-    """What the columns behind the two fields of time are.
+    """The columns behind the two fields of time.
 
     Attributes:
         clock: GPST, UTC or JST.

@@ -21,12 +21,12 @@ _SEPARATORS = str.maketrans(",;\t", "   ")
 _WEEK, _TIME_OF_WEEK = re.compile(r"\d{1,4}", re.ASCII), re.compile(r"\d{1,6}(\.\d{1,12})?", re.ASCII)
 _JST_NS = 9 * 3600 * 1_000_000_000
 _ENU_FROM = {"neu": [1, 0, 2], "enu": [0, 1, 2], "xyz": [0, 1, 2]}
-"""Where east, north, up stand among the file's axes; x, y, z are turned afterwards."""
+"""The places of east, north, up among the file's axes; x, y, z are turned afterwards."""
 
 
 @dataclass(frozen=True, eq=False)
 class PosSolution:
-    """What a .pos file says, at its own stamps.
+    """The content of a .pos file, at its own stamps.
 
     Attributes:
         gpst_ns: (m,) stamps, nanoseconds of the GPST calendar since 1970.

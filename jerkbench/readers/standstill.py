@@ -10,7 +10,7 @@ STILL_BELOW_MPS = 0.1
 """A receiver that stands still reports less: its velocity noise is some centimetres a second."""
 
 MARGIN_S = 1.0
-"""How long before the first motion in the velocity the rest is taken to end: the velocity is smoothed and old."""
+"""The time between the end of the rest and the first motion in the velocity, which is smoothed and old."""
 
 SHORTEST_S = 1.0
 """A mean over less says nothing about a bias."""

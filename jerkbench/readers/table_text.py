@@ -21,14 +21,14 @@ PART_OF_NUMBERS = 0.5
 """A line is of data where more than this part of its fields are numbers or empty."""
 
 MARKS = "#%/! "
-"""What a line of names may begin with."""
+"""Letters that a line of names may begin with."""
 
 BREAKS = ("\n", "\r")
 
 
 @dataclass(frozen=True)
 class TextFormat:
-    """How text is cut into columns; Parquet and MATLAB files need none of it.
+    """The format of a text of columns; Parquet and MATLAB files need none.
 
     Attributes:
         separator: between columns; empty: white space.
@@ -48,7 +48,7 @@ class TextFormat:
 
 @dataclass(frozen=True)
 class Ends:
-    """How a text begins and ends.
+    """The begin and the end of a text.
 
     Attributes:
         skipped: numbers, from 0, of the lines above the data that name nothing, and of a first row that was cut.
@@ -124,7 +124,7 @@ def _is_data(line: str, text: TextFormat) -> bool:
 
 
 def _naming(above: Sequence[int], lines: Sequence[str], data: int, text: TextFormat) -> int | None:
-    """Which of the lines above the data names the columns: the first of as many fields, else the last of all."""
+    """Return the line above the data that names the columns: the first of as many fields, else the last of all."""
     count = len(text.fields(lines[data]))
     fitting = [k for k in above if len(text.fields(lines[k].lstrip(MARKS))) == count]
     return fitting[0] if fitting else above[-1] if above else None

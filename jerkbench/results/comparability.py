@@ -1,11 +1,11 @@
-"""Two studies side by side: whether their cells were measured alike, and which of them lacks what."""
+"""The comparability of two studies: conditions that differ, and combinations that one of them lacks."""
 
 from collections.abc import Iterator, Mapping
 
 from jerkbench.errors import JerkbenchError
 from jerkbench.report.analysis.comparison import Combination
 from jerkbench.report.analysis.factors import FACTORS
-from jerkbench.results.conditions import MEASURED, PARTS, Values, differences
+from jerkbench.results.conditions import MEASURED, PARTS, Values, differing_conditions
 from jerkbench.results.study import Study
 
 METHOD = tuple(part for part in PARTS if part not in MEASURED)
@@ -21,31 +21,32 @@ def require_alike(first: Study, second: Study) -> None:
         JerkbenchError: which cells do, and in what.
     """
     shared = list(_shared(first, second))
-    mixed = [f"In {one.folder}: {words}" for one in (first, second) for words in one.unlike]
+    mixed = [f"In {study.folder}: {words}" for study in (first, second) for words in study.unlike]
     if mixed and not shared:
         raise JerkbenchError(f"{first.folder} and {second.folder} have no combination in common. {' '.join(mixed)}")
-    unlike = {name: found for name, a, b in shared if (found := differences(a, b, MEASURED))}
+    unlike = {name: differing for name, a, b in shared if (differing := differing_conditions(a, b, MEASURED))}
     if not unlike:
         return
-    what = " and ".join(dict.fromkeys(one for found in unlike.values() for one in found))
+    conditions = " and ".join(dict.fromkeys(name for names in unlike.values() for name in names))
     raise JerkbenchError(
         f"{first.folder} and {second.folder} were not measured alike, so they are not compared: {len(unlike)} of their "
-        f"combinations differ in {what}, first {', '.join(next(iter(unlike)))}. Run both with the same."
+        f"combinations differ in {conditions}, first {', '.join(next(iter(unlike)))}. Run both with the same."
     )
 
 
 def other_methods(first: Study, second: Study) -> list[str]:
     """Return a sentence about the parameters of methods that differ although the names are the same."""
-    found = [one for _, a, b in _shared(first, second) for one in differences(a, b, METHOD)]
-    return [f"A and B differ in {', '.join(dict.fromkeys(found))}."] if found else []
+    names = [name for _, a, b in _shared(first, second) for name in differing_conditions(a, b, METHOD)]
+    return [f"A and B differ in {', '.join(dict.fromkeys(names))}."] if names else []
 
 
 def _shared(first: Study, second: Study) -> Iterator[tuple[Combination, Conditions, Conditions]]:
     """Combinations that both have; a single one of each, whatever they are called."""
-    ours, theirs = _keys(first), _keys(second)
-    pairs = [(name, ours[name], theirs[name]) for name in ours if name in theirs]
-    if not pairs and len(ours) == len(theirs) == 1:
-        pairs = [(name, key, other) for (name, key), other in zip(ours.items(), theirs.values(), strict=True)]
+    first_keys, second_keys = _keys(first), _keys(second)
+    pairs = [(name, first_keys[name], second_keys[name]) for name in first_keys if name in second_keys]
+    if not pairs and len(first_keys) == len(second_keys) == 1:
+        (name, key), (second_key,) = *first_keys.items(), second_keys.values()
+        pairs = [(name, key, second_key)]
     for name, a, b in pairs:
         yield name, first.conditions[a], second.conditions[b]
 

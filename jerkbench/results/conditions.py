@@ -13,7 +13,7 @@ MEASURED = ("dataset", "disturbance")
 """Parts that decide what was measured and how it was scored, not which method was run."""
 
 PROTOCOL = ("burn_in_s", "divergence_limit_m")
-"""What of the protocol changes a score; of different seeds those that are shared are compared."""
+"""Entries of the protocol that change a score; of different seeds, the shared ones are compared."""
 
 PLACES = ("folder", "file")
 """Ends of the parameters that say where data are."""
@@ -25,14 +25,14 @@ Values = dict[str, str]
 """Parameter -> its value as text."""
 
 
-def conditions(about: Mapping[str, Any]) -> dict[str, Values]:
+def conditions(metadata: Mapping[str, Any]) -> dict[str, Values]:
     """Return the parameters of each part of a cell; the protocol and the engine belong to the data set."""
-    spec, protocol = about["spec"], about["protocol"]
-    found = {part: _parameters(part, spec.get(part, {})) for part in PARTS}
+    spec, protocol = metadata["spec"], metadata["protocol"]
+    values = {part: _parameters(part, spec.get(part, {})) for part in PARTS}
     scored = {name: _text(protocol[name]) for name in PROTOCOL if name in protocol}
-    data = {"data": about["data"][:12] or UNKNOWN}
-    found["dataset"] |= {**data, **scored, **_parameters("engine", spec.get("engine", {}))}
-    return found
+    data = {"data": metadata["data"][:12] or UNKNOWN}
+    values["dataset"] |= {**data, **scored, **_parameters("engine", spec.get("engine", {}))}
+    return values
 
 
 def told_apart(cells: Sequence[Stored]) -> tuple[list[dict[str, str]], list[str]]:
@@ -40,8 +40,8 @@ def told_apart(cells: Sequence[Stored]) -> tuple[list[dict[str, str]], list[str]
 
     What was not measured under the same conditions so has another name, and is never compared.
     """
-    labels = [dict(one.about["labels"]) for one in cells]
-    known = [conditions(one.about) for one in cells]
+    labels = [dict(cell.metadata["labels"]) for cell in cells]
+    known = [conditions(cell.metadata) for cell in cells]
     remarks = []
     for part in PARTS:
         for label, places in _of_one_label(cells, part).items():
@@ -57,8 +57,8 @@ def _of_one_label(cells: Sequence[Stored], part: str) -> dict[tuple[str, ...], l
     """The places of the cells whose part has one label; a filter's parameters are those of its noise too."""
     names = (part, "noise") if part == "filter" else (part,)
     groups: dict[tuple[str, ...], list[int]] = {}
-    for place, one in enumerate(cells):
-        groups.setdefault(tuple(one.about["labels"][name] for name in names), []).append(place)
+    for place, cell in enumerate(cells):
+        groups.setdefault(tuple(cell.metadata["labels"][name] for name in names), []).append(place)
     return groups
 
 
@@ -67,15 +67,15 @@ def _own(part: str, values: Values, varying: Mapping[str, Mapping[str, str]]) ->
     return [f"{name.removeprefix(f'{part}.')}={texts[values[name]]}" for name, texts in varying.items()]
 
 
-def differences(first: Mapping[str, Values], second: Mapping[str, Values], parts: Iterable[str]) -> list[str]:
+def differing_conditions(first: Mapping[str, Values], second: Mapping[str, Values], parts: Iterable[str]) -> list[str]:
     """Return what two cells differ in, "burn_in_s (0, 10)", for some parts."""
-    found = []
+    names = []
     for part in parts:
         varying = _varying([first[part], second[part]])
-        found += [
+        names += [
             f"{name} ({texts[first[part][name]]}, {texts[second[part][name]]})" for name, texts in varying.items()
         ]
-    return found
+    return names
 
 
 def with_parameters(label: str, parameters: Sequence[str]) -> str:
@@ -94,11 +94,11 @@ def _parameters(part: str, plugins: Mapping[str, Any] | Sequence[Mapping[str, An
     """The parameters of a plugin, or of several disturbances in order, whose names and places are conditions too."""
     if isinstance(plugins, Mapping):
         return {f"{part}.{key}": _text(value) for key, value in plugins.items()}
-    names = {part: "+".join(str(one["name"]) for one in plugins)}
+    names = {part: "+".join(str(plugin["name"]) for plugin in plugins)}
     return names | {
-        f"{one['name']}.{key}" + (f".{place}" if place else ""): _text(value)
-        for place, one in enumerate(plugins)
-        for key, value in one.items()
+        f"{plugin['name']}.{key}" + (f".{place}" if place else ""): _text(value)
+        for place, plugin in enumerate(plugins)
+        for key, value in plugin.items()
         if key != "name"
     }
 
@@ -108,16 +108,16 @@ def _varying(known: Sequence[Values]) -> dict[str, dict[str, str]]:
 
     Where the data have a hash, it decides; places of files only say in better words which data these are.
     """
-    shared = [name for name in known[0] if all(name in one for one in known)]
-    values = {name: list(dict.fromkeys(one[name] for one in known)) for name in shared}
+    shared = [name for name in known[0] if all(name in own for own in known)]
+    values = {name: list(dict.fromkeys(own[name] for own in known)) for name in shared}
     differing = {name: texts for name, texts in values.items() if len(texts) > 1}
     places = [name for name in differing if name.endswith(PLACES)]
     if "data" in differing:
-        told = [name for name in differing if name != "data" or not places]
+        shown = [name for name in differing if name != "data" or not places]
     else:
         hashed = values.get("data", [UNKNOWN]) != [UNKNOWN]
-        told = [name for name in differing if not (hashed and name in places)]
-    return {name: dict(zip(differing[name], _short(differing[name]), strict=True)) for name in told}
+        shown = [name for name in differing if not (hashed and name in places)]
+    return {name: dict(zip(differing[name], _short(differing[name]), strict=True)) for name in shown}
 
 
 def _short(texts: Sequence[str]) -> list[str]:
@@ -131,5 +131,5 @@ def _text(value: object) -> str:
 
 
 def _remark(part: str, label: str, varying: Mapping[str, Mapping[str, str]]) -> str:
-    what = " and ".join(f"{name} ({', '.join(texts.values())})" for name, texts in varying.items())
-    return f"The results of {part} {label} differ in {what}: they have different names here and are not compared."
+    differing = " and ".join(f"{name} ({', '.join(texts.values())})" for name, texts in varying.items())
+    return f"The results of {part} {label} differ in {differing}: they have different names here and are not compared."

@@ -1,4 +1,4 @@
-"""A row once more, from the configuration that is stored with it."""
+"""The replay of a stored row from its own configuration."""
 
 import math
 from dataclasses import dataclass
@@ -27,14 +27,14 @@ class StoredRow:
         draw: its seed, or phase.
         fingerprint: of the data that it was made from.
         row: as it was stored.
-        about: what else is stored of its cell.
+        metadata: what else is stored of its cell.
     """
 
     cell: Cell
     draw: int
     fingerprint: str
     row: Row
-    about: dict[str, Any]
+    metadata: dict[str, Any]
 
     def run(self) -> tuple[Recording, Estimate]:
         """Run it again: what the filter saw, and what it made of it.
@@ -59,7 +59,7 @@ class StoredRow:
     @property
     def code_changed(self) -> bool:
         """Whether this package or a library is another than the one that stored the row."""
-        return bool(self.about["code"] != code_digest() or self.about["versions"] != versions())
+        return bool(self.metadata["code"] != code_digest() or self.metadata["versions"] != versions())
 
 
 def stored_row(folder: Path, which: str) -> StoredRow:
@@ -85,13 +85,13 @@ def row_of(stored: Stored, seed: int | None = None) -> StoredRow:
     Raises:
         JerkbenchError: it has no such seed.
     """
-    seeds = [int(one) for one in stored.rows["seed"]]
+    seeds = [int(seed) for seed in stored.rows["seed"]]
     draw = seeds[0] if seed is None else seed
     if draw not in seeds:
         raise JerkbenchError(f"The cell {stored.key} has no seed {draw}; it has {', '.join(map(str, seeds))}.")
-    about = stored.about
+    metadata = stored.metadata
     cell = _cell_of(stored)
-    return StoredRow(cell, draw, about["data"], stored.rows.to_dict("records")[seeds.index(draw)], about)  # type: ignore[arg-type]  # keys are strings
+    return StoredRow(cell, draw, metadata["data"], stored.rows.to_dict("records")[seeds.index(draw)], metadata)  # type: ignore[arg-type]  # keys are strings
 
 
 def _cell_of(stored: Stored) -> Cell:
@@ -100,9 +100,9 @@ def _cell_of(stored: Stored) -> Cell:
     Raises:
         JerkbenchError: it describes none, at least not for this version of the plugins.
     """
-    about = stored.about
+    metadata = stored.metadata
     try:
-        return build(about["spec"], Protocol(**about["protocol"]), Labels(**about["labels"]))
+        return build(metadata["spec"], Protocol(**metadata["protocol"]), Labels(**metadata["labels"]))
     except (TypeError, ValueError, ArithmeticError, LookupError, AttributeError) as error:
         raise JerkbenchError(
             f"The configuration that is stored with the cell {stored.key} makes no cell ({error}): it is damaged, or"
@@ -110,21 +110,23 @@ def _cell_of(stored: Stored) -> Cell:
         ) from error
 
 
-def differences(one: StoredRow) -> list[tuple[str, float, float]]:
+def replay_differences(stored: StoredRow) -> list[tuple[str, float, float]]:
     """Run the row again; return each metric with its stored and its new value.
 
     Raises:
         JerkbenchError: the run cannot be made again, or ends otherwise than it did.
     """
-    again = one.score()
-    if again["status"] != one.row["status"]:
-        raise JerkbenchError(f"The run was {one.row['status']} and is {again['status']} now: {again['reason']}")
-    skip = {*one.cell.labels._fields, "seed", "replicate", "status", "reason"}
-    names = [name for name in one.row if name not in skip]  # one that is gone differs
-    return [(name, float(one.row[name]), float(again.get(name, math.nan))) for name in names]
+    replayed = stored.score()
+    if replayed["status"] != stored.row["status"]:
+        raise JerkbenchError(
+            f"The run was {stored.row['status']} and is {replayed['status']} now: {replayed['reason']}"
+        )
+    skip = {*stored.cell.labels._fields, "seed", "replicate", "status", "reason"}
+    names = [name for name in stored.row if name not in skip]  # one that is gone differs
+    return [(name, float(stored.row[name]), float(replayed.get(name, math.nan))) for name in names]
 
 
-def same(before: float, after: float) -> bool:
+def equal_or_nan(before: float, after: float) -> bool:
     """Whether two values are the same to the bit, or both not there."""
     return before == after or (math.isnan(before) and math.isnan(after))
 

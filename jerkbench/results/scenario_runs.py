@@ -1,4 +1,4 @@
-"""The runs of a study that are worth a picture: of each scenario a few methods, over the same seed."""
+"""The runs of a study that its figures show: of each scenario a few methods, over the same seed."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -12,7 +12,7 @@ from jerkbench.report.analysis.references import competes
 from jerkbench.results.replay import StoredRow, row_of
 from jerkbench.results.store import Store, Stored
 from jerkbench.results.study import Study
-from jerkbench.results.titles import titled
+from jerkbench.results.titles import with_title
 
 WANTED = (("baseline", "none"), ("jerk", "mtf"), ("jerk", "none"), ("gnss_only", "none"))
 """Filters and adaptations that are drawn where they are there, beside the best one."""
@@ -53,10 +53,10 @@ class Scene:
 def scene_keys(study: Study, limit: int) -> dict[str, tuple[str, ...]]:
     """Return the names of up to ``limit`` scenarios of a study, in their order, each with the keys of its cells."""
     named = study.rows[["dataset", "disturbance", "attitude"]].astype(str).agg(", ".join, axis=1)
-    found: dict[str, dict[str, None]] = {}
+    scenarios: dict[str, dict[str, None]] = {}
     for name, key in zip(named, study.keys, strict=True):
-        found.setdefault(name, {})[key] = None
-    return {name: tuple(keys) for name, keys in list(found.items())[:limit]}
+        scenarios.setdefault(name, {})[key] = None
+    return {name: tuple(keys) for name, keys in list(scenarios.items())[:limit]}
 
 
 def load_scene(folder: Path, name: str, keys: Sequence[str], metric: str) -> Scene:
@@ -83,7 +83,7 @@ def _scene(name: str, chosen: Mapping[str, Stored]) -> Scene:
     attitude = inputs.attitude_of(recording, rows[best].cell.attitude)
     estimates = {method: estimate for method, (_, estimate) in runs.items()}
     runs_of_best = tuple(_best_runs(chosen[best]))
-    named = titled(recording, rows[best].cell, rows[best].draw)
+    named = with_title(recording, rows[best].cell, rows[best].draw)
     return Scene(name, named, attitude, estimates, _tilts(rows[best], estimates[best]), best, runs_of_best)
 
 
@@ -103,24 +103,24 @@ def _best_runs(stored: Stored) -> Iterator[tuple[Recording, Estimate]]:
 
 def _chosen(group: list[Stored], metric: str) -> dict[str, Stored]:
     """Pick the best, those that are wanted, and then the next best; of one method with several noises the best."""
-    ranked = sorted(group, key=lambda one: (not competes(one.about["labels"]), _mean(one, metric)))
+    ranked = sorted(group, key=lambda cell: (not competes(cell.metadata["labels"]), _mean(cell, metric)))
     methods: dict[tuple[str, str], Stored] = {}
-    for one in ranked:
-        methods.setdefault((one.about["labels"]["filter"], one.about["labels"]["adaptation"]), one)
+    for cell in ranked:
+        methods.setdefault((cell.metadata["labels"]["filter"], cell.metadata["labels"]["adaptation"]), cell)
     ordered = list(methods)
-    places = [ordered[0], *(one for one in WANTED if one in methods), *ordered]
+    places = [ordered[0], *(method for method in WANTED if method in methods), *ordered]
     return {_name(methods[key]): methods[key] for key in list(dict.fromkeys(places))[:SHOWN]}
 
 
-def _mean(one: Stored, metric: str) -> float:
+def _mean(cell: Stored, metric: str) -> float:
     """The mean of the metric; of a method that lost a run, or has no value, infinite."""
-    if metric not in one.rows or not (one.rows["status"] == "ok").all():
+    if metric not in cell.rows or not (cell.rows["status"] == "ok").all():
         return float("inf")
-    mean = float(one.rows[metric].mean())
+    mean = float(cell.rows[metric].mean())
     return mean if mean == mean else float("inf")  # noqa: PLR0124 - NaN
 
 
-def _name(one: Stored) -> str:
-    labels = one.about["labels"]
+def _name(cell: Stored) -> str:
+    labels = cell.metadata["labels"]
     noise = "" if labels["noise"] == "own" else f", {labels['noise']}"
     return f"{labels['filter']} + {labels['adaptation']}{noise}"

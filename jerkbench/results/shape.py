@@ -10,7 +10,7 @@ from jerkbench.cells.labels import Labels
 from jerkbench.plain import is_plain
 
 KEY = re.compile("[0-9a-f]+")
-"""What the name of a cell's file is made of."""
+"""The letters of the name of a cell's file."""
 
 MOST_ROWS = 10_000_000
 """A file that says that it has more is damaged: nobody has run so many seeds."""
@@ -23,9 +23,9 @@ def is_key(name: str) -> bool:
     return KEY.fullmatch(name) is not None
 
 
-def is_cell(table: pa.Table, about: object) -> bool:
+def is_cell(table: pa.Table, metadata: object) -> bool:
     """Whether rows, and what is stored beside them, are those of a cell."""
-    return _has(about, CELL) and _is_table(table, about["labels"], about["failed"])  # type: ignore[index]  # it has them
+    return _has(metadata, CELL) and _is_table(table, metadata["labels"], metadata["failed"])  # type: ignore[index]  # it has them
 
 
 def is_manifest(content: object) -> bool:
@@ -50,7 +50,9 @@ def _number(value: object) -> bool:
 
 
 def _mapping_of(test: Test) -> Test:
-    return lambda value: isinstance(value, Mapping) and all(_text(name) and test(one) for name, one in value.items())
+    return lambda value: (
+        isinstance(value, Mapping) and all(_text(name) and test(entry) for name, entry in value.items())
+    )
 
 
 def _anything(_: object) -> bool:
@@ -93,7 +95,7 @@ CELL: Mapping[str, Test] = {
     "seconds": _number,
     "failed": _count,
 }
-"""What is stored beside the rows of a cell."""
+"""The metadata of a cell, stored beside its rows."""
 
 MANIFEST: Mapping[str, Test] = {
     "cells": _texts,

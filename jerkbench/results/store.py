@@ -23,7 +23,7 @@ METADATA = b"jerkbench"
 DIGEST = b"jerkbench.sha256"
 """Hash of the rows and of what is stored beside them: a flipped bit in a page or in a name is found."""
 DAMAGE = (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError, MemoryError, pa.ArrowException)
-"""What pyarrow says of it."""
+"""Errors of pyarrow on a damaged file."""
 ABANDONED_S = 3600.0
 """A half-written file that is older belongs to nobody any more."""
 
@@ -35,12 +35,12 @@ class Stored:
     Attributes:
         key: its name in the store.
         rows: one row a seed.
-        about: its specification, protocol, data, notes and times.
+        metadata: its specification, protocol, data, notes and times.
     """
 
     key: str
     rows: pd.DataFrame
-    about: dict[str, Any]
+    metadata: dict[str, Any]
 
 
 class Store:
@@ -82,20 +82,20 @@ class Store:
                 partial.unlink(missing_ok=True)
 
     def path(self, key: str) -> Path:
-        """Where the cell ``key`` is, or would be."""
+        """Return the path of the cell ``key``, whether it is stored or not."""
         return self.folder / f"{key}.parquet"
 
     def done(self, key: str) -> bool:
         """Whether the cell is there, whole, and no run of it failed (a failed one is tried again)."""
-        there = _load(self.path(key))
-        return there is not None and not there[1]["failed"]
+        stored = _load(self.path(key))
+        return stored is not None and not stored[1]["failed"]
 
     def look(self, keys: Iterable[str]) -> tuple[set[str], list[str]]:
         """Return which of ``keys`` are `done`, and which are there, but not as they were written."""
-        found, damaged = self._find(keys)
-        return {key for key, _, about in found if not about["failed"]}, damaged
+        stored, damaged = self._find(keys)
+        return {key for key, _, metadata in stored if not metadata["failed"]}, damaged
 
-    def write(self, key: str, rows: Sequence[Row], about: dict[str, Any]) -> None:
+    def write(self, key: str, rows: Sequence[Row], metadata: dict[str, Any]) -> None:
         """Store a cell; a reader sees the whole of it or nothing.
 
         Raises:
@@ -104,10 +104,10 @@ class Store:
         failed = sum(row["status"] == "failed" for row in rows)
         names = dict.fromkeys(name for row in rows for name in row)
         table = pa.table({name: [row.get(name) for row in rows] for name in names})  # by way of pandas: twice the time
-        about = {**about, "failed": failed}
-        if not is_cell(table, about):
+        metadata = {**metadata, "failed": failed}
+        if not is_cell(table, metadata):
             raise JerkbenchError(f"The rows of the cell {key} cannot be stored: a metric is no number, or has no name.")
-        text = json.dumps(about)
+        text = json.dumps(metadata)
         head = {METADATA: text.encode(), DIGEST: _digest(table, text)}
         whole = table.replace_schema_metadata({**(table.schema.metadata or {}), **head})
         try:
@@ -127,7 +127,7 @@ class Store:
     def read(self, keys: Iterable[str] | None = None) -> tuple[list[Stored], list[str]]:
         """Return the cells ``keys`` (default: all), and the keys of those that cannot be read."""
         tables, broken = self._find(self.names() if keys is None else keys)
-        return [Stored(key, _frame(table), about) for key, table, about in tables], broken
+        return [Stored(key, _frame(table), metadata) for key, table, metadata in tables], broken
 
     def names(self) -> list[str]:
         """The names of all files, whatever is in them."""
@@ -135,22 +135,22 @@ class Store:
 
     def records(self, keys: Iterable[str]) -> list[tuple[list[Row], dict[str, Any]]]:
         """Return the rows of those cells that can be read as they were written, each with what is beside them."""
-        found, _ = self._find(keys)
+        stored, _ = self._find(keys)
         return [
-            ([{name: value for name, value in row.items() if value is not None} for row in table.to_pylist()], about)
-            for _, table, about in found
+            ([{name: value for name, value in row.items() if value is not None} for row in table.to_pylist()], metadata)
+            for _, table, metadata in stored
         ]
 
     def _find(self, keys: Iterable[str]) -> tuple[list[tuple[str, pa.Table, dict[str, Any]]], list[str]]:
         """Cells with what is stored beside them, and the keys of those that cannot be read."""
-        found, broken = [], []
+        stored, broken = [], []
         for key in keys:
-            there = _load(self.path(key))
-            if there is not None:
-                found.append((key, *there))
+            content = _load(self.path(key))
+            if content is not None:
+                stored.append((key, *content))
             elif os.path.lexists(self.path(key)):
                 broken.append(key)
-        return found, broken
+        return stored, broken
 
 
 def cell_key(cell: Cell, fingerprint: str) -> str:
@@ -186,15 +186,15 @@ def _load(path: Path) -> tuple[pa.Table, dict[str, Any]] | None:
         table = file.read(use_threads=False)  # a cell is too small for threads
         head = table.schema.metadata
         text = head[METADATA].decode()
-        about: dict[str, Any] = json.loads(text)
-        whole = (DIGEST not in head or head[DIGEST] == _digest(table, text)) and is_cell(table, about)
+        metadata: dict[str, Any] = json.loads(text)
+        whole = (DIGEST not in head or head[DIGEST] == _digest(table, text)) and is_cell(table, metadata)
     except FileNotFoundError:
         return None
     except PermissionError as error:
         raise JerkbenchError(f"{path} cannot be read: {error.strerror}.") from error
     except DAMAGE:
         return None
-    return (table, about) if whole else None
+    return (table, metadata) if whole else None
 
 
 def _frame(table: pa.Table) -> pd.DataFrame:

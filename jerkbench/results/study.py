@@ -23,7 +23,7 @@ from jerkbench.results.store import Store, Stored
 
 MANIFEST = "manifest.json"
 RECORDED = ("labels", "spec", "protocol", "data", "code", "versions", "commit")
-"""What the manifest says of each cell."""
+"""The entries of each cell in the manifest."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +52,7 @@ class Study:
 
     @property
     def combinations(self) -> int:
-        """How many cells it has."""
+        """Return the number of cells."""
         return len(self.keys.unique())
 
     def only(self, keys: Iterable[str]) -> "Study":
@@ -73,20 +73,20 @@ def load_study(folder: Path, prefer: Collection[str] = ()) -> Study:
     Raises:
         JerkbenchError: there is no cell.
     """
-    found, broken = Store(folder).read()
-    if not found:
-        what = f"no results but {len(broken)} damaged files" if broken else "no results"
-        raise JerkbenchError(f"{folder} holds {what}; `jerkbench run` writes them there (cells/*.parquet).")
+    cells, broken = Store(folder).read()
+    if not cells:
+        content = f"no results but {len(broken)} damaged files" if broken else "no results"
+        raise JerkbenchError(f"{folder} holds {content}; `jerkbench run` writes them there (cells/*.parquet).")
     manifest = read_manifest(folder)
     preferred = set(prefer or manifest.get("last", []))
-    current = _current(_ordered(found, manifest.get("cells", [])), preferred)
+    current = _current(_ordered(cells, manifest.get("cells", [])), preferred)
     labels, unlike = told_apart(current)
-    rows = pd.concat([one.rows.assign(**own) for one, own in zip(current, labels, strict=True)], ignore_index=True)
-    spent = [level for one in current if (level := manifest.get("levels", {}).get(one.key)) is not None]
+    rows = pd.concat([cell.rows.assign(**own) for cell, own in zip(current, labels, strict=True)], ignore_index=True)
+    spent = [level for cell in current if (level := manifest.get("levels", {}).get(cell.key)) is not None]
     rows.attrs.update({SPENDS: min(spent)} if spent else {})
-    keys = pd.Series([one.key for one in current for _ in range(len(one.rows))])
-    notes = [*unlike, *_notes(current, manifest), *_remarks(current, len(found) - len(current), broken)]
-    known = {one.key: conditions(one.about) for one in current}
+    keys = pd.Series([cell.key for cell in current for _ in range(len(cell.rows))])
+    notes = [*unlike, *_notes(current, manifest), *_remarks(current, len(cells) - len(current), broken)]
+    known = {cell.key: conditions(cell.metadata) for cell in current}
     return Study(folder, rows, tuple(notes), keys, _code(current), known, tuple(broken), tuple(unlike))
 
 
@@ -116,7 +116,7 @@ def _write_manifest(
     folder: Path, keys: Sequence[str], notes: Sequence[str], command: Sequence[str], level: float | None
 ) -> None:
     before = read_manifest(folder)
-    stored = [(one.key, one.about) for one in Store(folder).read()[0]]
+    stored = [(cell.key, cell.metadata) for cell in Store(folder).read()[0]]
     manifest = {
         "cells": list(dict.fromkeys([*before.get("cells", []), *keys])),
         "last": list(keys),
@@ -127,7 +127,7 @@ def _write_manifest(
         "versions": versions(),
         "commit": git_commit(),
         "host": {"system": platform.platform(), "machine": platform.machine(), "processors": os.cpu_count()},
-        "configuration": {key: {part: about[part] for part in RECORDED} for key, about in stored},
+        "configuration": {key: {part: metadata[part] for part in RECORDED} for key, metadata in stored},
     }
     write_text(folder / MANIFEST, json.dumps(manifest, indent=1))
 
@@ -148,47 +148,47 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     return {}
 
 
-def _ordered(found: list[Stored], order: list[str]) -> list[Stored]:
+def _ordered(cells: list[Stored], order: list[str]) -> list[Stored]:
     """In the order of the sweeps; cells that no manifest knows come last, by their labels."""
     place = {key: index for index, key in enumerate(order)}
-    return sorted(found, key=lambda one: (place.get(one.key, len(place)), list(one.about["labels"].values())))
+    return sorted(cells, key=lambda cell: (place.get(cell.key, len(place)), list(cell.metadata["labels"].values())))
 
 
-def _current(found: list[Stored], preferred: set[str]) -> list[Stored]:
+def _current(cells: list[Stored], preferred: set[str]) -> list[Stored]:
     """Of several results with the same labels, the preferred one, else the newest."""
     chosen: dict[tuple[str, ...], Stored] = {}
 
-    def rank(one: Stored) -> tuple[bool, str]:
-        return one.key in preferred, one.about["created"]
+    def rank(cell: Stored) -> tuple[bool, str]:
+        return cell.key in preferred, cell.metadata["created"]
 
-    for one in found:
-        name = tuple(one.about["labels"].values())
-        if name not in chosen or rank(one) > rank(chosen[name]):
-            chosen[name] = one
+    for cell in cells:
+        name = tuple(cell.metadata["labels"].values())
+        if name not in chosen or rank(cell) > rank(chosen[name]):
+            chosen[name] = cell
     return list(chosen.values())
 
 
 def _notes(current: list[Stored], manifest: dict[str, Any]) -> list[str]:
-    """What the configuration, and then the recordings, have to say about the cells that are shown."""
-    configured = [note for one in current for note in manifest.get("notes", {}).get(one.key, [])]
-    return list(dict.fromkeys([*configured, *(note for one in current for note in one.about["notes"])]))
+    """Return the notes of the configuration, and then of the recordings, about the cells that are shown."""
+    configured = [note for cell in current for note in manifest.get("notes", {}).get(cell.key, [])]
+    return list(dict.fromkeys([*configured, *(note for cell in current for note in cell.metadata["notes"])]))
 
 
 def _code(current: list[Stored]) -> str:
     """The commit, or how many there are; without one the beginning of the code's hash."""
-    named = {one.about["commit"] or f"code {one.about['code'][:12]}" for one in current}
+    named = {cell.metadata["commit"] or f"code {cell.metadata['code'][:12]}" for cell in current}
     return f"{len(named)} versions of the code" if len(named) > 1 else f"commit {named.pop()}"
 
 
-def _remarks(current: list[Stored], others: int, broken: list[str]) -> list[str]:
-    """What a reader has to know about the cells that are there, and about those that are not shown."""
+def _remarks(current: list[Stored], outdated: int, broken: list[str]) -> list[str]:
+    """Return remarks about the cells that are shown, and about those that are left out."""
     remarks = []
-    codes = {json.dumps([one.about["code"], one.about["versions"]], sort_keys=True) for one in current}
+    codes = {json.dumps([cell.metadata["code"], cell.metadata["versions"]], sort_keys=True) for cell in current}
     if len(codes) > 1:
         remarks.append(f"These results come from {len(codes)} versions of the code or its libraries.")
-    if others:
-        which = "1 result of the same name" if others == 1 else f"{others} results of the same names"
-        remarks.append(f"{which} with other settings, code or data {'is' if others == 1 else 'are'} left out.")
+    if outdated:
+        which = "1 result of the same name" if outdated == 1 else f"{outdated} results of the same names"
+        remarks.append(f"{which} with other settings, code or data {'is' if outdated == 1 else 'are'} left out.")
     if broken:
         remarks.append(f"{damaged(broken)} left out: {', '.join(map(plain, broken))}.")
     return remarks

@@ -1,4 +1,4 @@
-"""What stands above the figures of one run."""
+"""The titles above the figures of a run, and the names of their files."""
 
 import hashlib
 import re
@@ -17,7 +17,7 @@ LONGEST = 100
 """Letters of a file's name before its hash; a file system takes 255 bytes, endings included."""
 
 
-def titled(recording: Recording, cell: Cell, draw: int) -> Recording:
+def with_title(recording: Recording, cell: Cell, draw: int) -> Recording:
     """Return the recording with a name that says its disturbance too (if any), and its seed or phase."""
     disturbance = cell.labels.disturbance
     disturbed = () if disturbance == "none" else (disturbance,)

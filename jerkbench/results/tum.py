@@ -12,7 +12,7 @@ from jerkbench.files import write_text
 from jerkbench.recording import Recording
 
 
-def write_tum(folder: Path, recording: Recording, estimate: Estimate, counted: BoolArray) -> list[Path]:
+def write_tum_pair(folder: Path, recording: Recording, estimate: Estimate, counted: BoolArray) -> list[Path]:
     """Write estimate.tum and reference.tum with the rows that count, in ENU, with all digits; return the files.
 
     The same stamps stand in both, so that an absolute position error without alignment over them is position_rmse_m. An

@@ -70,7 +70,7 @@ def leaping_rows(t_s: FloatArray, position_m: FloatArray) -> BoolArray:
 
 
 def _over_limit(t_s: FloatArray, axis_m: FloatArray) -> FloatArray:
-    """How far each value (n,) is from the median of the five around it, over how far it may be; of fewer than 5, 0."""
+    """Return (n,) each value's distance from the median of the five around it, over its limit; of fewer than 5, 0."""
     n = len(axis_m)
     if n < 5:
         return np.zeros(n)

@@ -22,7 +22,7 @@ REPEATED = 0.05
 """A part of repeated samples that is larger is said: the logger asks more often than the sensor measures."""
 
 UNIT_WITHIN = 0.02
-"""How far the length of a unit quaternion may be from 1."""
+"""The largest difference of a unit quaternion's length from 1."""
 
 
 def without_impossible(

@@ -53,7 +53,7 @@ def typed(word: str) -> list[str]:
 
 def planned_looks(plan: Plan, first: int, most: int) -> list[Look]:
     """Return every look, from ``first`` seeds to ``most``; where nothing is random, one."""
-    if most <= first or not any(one.cell.seeded for one in plan.cells):
+    if most <= first or not any(planned.cell.seeded for planned in plan.cells):
         return [Look(plan, 0.05, last=True)]
     sizes = looks(most, first)
     spent = zip(sizes, levels(sizes), strict=True)
@@ -85,21 +85,21 @@ def run_looks(
 
 def undecided(study: Study, level: float) -> int:
     """Return how many pairs of methods are undecided in the study's leading metric."""
-    found = standings(study.rows, main_metric(study.rows), rule=Rule(level=level))
-    return sum(pair.verdict is Verdict.UNDECIDED for one in found for pair in one.contest.comparisons)
+    judged = standings(study.rows, main_metric(study.rows), rule=Rule(level=level))
+    return sum(pair.verdict is Verdict.UNDECIDED for standing in judged for pair in standing.contest.comparisons)
 
 
 def _with_seeds(plan: Plan, seeds: int) -> Plan:
-    return dataclasses.replace(plan, cells=tuple(_planned(one, seeds) for one in plan.cells))
+    return dataclasses.replace(plan, cells=tuple(_planned(planned, seeds) for planned in plan.cells))
 
 
-def _planned(one: Planned, seeds: int) -> Planned:
-    cell = dataclasses.replace(one.cell, protocol=dataclasses.replace(one.cell.protocol, seeds=seeds))
-    return Planned(cell, cell_key(cell, one.fingerprint), one.fingerprint)
+def _planned(planned: Planned, seeds: int) -> Planned:
+    cell = dataclasses.replace(planned.cell, protocol=dataclasses.replace(planned.cell.protocol, seeds=seeds))
+    return Planned(cell, cell_key(cell, planned.fingerprint), planned.fingerprint)
 
 
 def _done(look: Look, store: Store) -> bool:
-    keys = [one.key for one in look.plan.cells]
+    keys = [planned.key for planned in look.plan.cells]
     return len(store.look(keys)[0]) == len(keys)
 
 
@@ -108,8 +108,8 @@ def _carry(before: Look, look: Look, store: Store) -> None:
     blocks = Blocks(store)
     for old, new in zip(before.plan.cells, look.plan.cells, strict=True):
         if old.key != new.key and not store.done(new.key):
-            for rows, about in store.records([old.key]):
-                blocks.write(new, Result(rows, about["notes"], about["seconds"]))
+            for rows, metadata in store.records([old.key]):
+                blocks.write(new, Result(rows, metadata["notes"], metadata["seconds"]))
 
 
 def _forget(before: Look, look: Look, store: Store) -> None:

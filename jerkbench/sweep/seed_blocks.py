@@ -6,10 +6,10 @@ from contextlib import suppress
 
 from jerkbench.execution.cell_run import Pieces, Row
 from jerkbench.results.store import Store
-from jerkbench.sweep.tasks import Planned, Result, about
+from jerkbench.sweep.tasks import Planned, Result, metadata_of
 
 KEEP_S = 2.0
-"""What took longer is stored at once; to store a block takes some milliseconds."""
+"""A block that took longer is stored at once; storing it takes some milliseconds."""
 
 
 class Blocks:
@@ -27,7 +27,7 @@ class Blocks:
         rows = [row for row in result.rows if row["status"] != "failed"]
         if rows:
             key = f"{planned.key}.{rows[0]['seed']}"
-            self._store.write(key, rows, about(planned, result.notes, result.seconds))
+            self._store.write(key, rows, metadata_of(planned, result.notes, result.seconds))
 
     def read(self, planned: Planned) -> Result:
         """Return the finished seeds of a cell; those of a damaged block are to be run again."""
@@ -64,25 +64,25 @@ def run_blocks(planned: Planned, pieces: Pieces, blocks: Blocks, *, keep_rest: b
     began = time.perf_counter()
     for rows, notes in pieces:
         now = time.perf_counter()
-        block, began = joined([block, Result(rows, notes, now - began)]), now
+        block, began = joined_results([block, Result(rows, notes, now - began)]), now
         if block.seconds > KEEP_S:
             blocks.write(planned, block)
-            done, block = joined([done, block]), Result([], [], 0.0)
+            done, block = joined_results([done, block]), Result([], [], 0.0)
     if keep_rest:
         blocks.write(planned, block)
-    return joined([done, block])
+    return joined_results([done, block])
 
 
 def finish_cell(planned: Planned, store: Store, run: Callable[[Sequence[int]], Pieces]) -> None:
     """Run the seeds of a cell that no block has, and store the cell."""
     blocks = Blocks(store)
     known = blocks.read(planned)
-    left = missing(planned, known)
-    store_cell(planned, [known, run_blocks(planned, run(left) if left else iter(()), blocks)], store)
+    remaining = missing(planned, known)
+    store_cell(planned, [known, run_blocks(planned, run(remaining) if remaining else iter(()), blocks)], store)
 
 
 def missing(planned: Planned, known: Result) -> Sequence[int]:
-    """Return the seeds of a cell that ``known`` has not."""
+    """Return the seeds of a cell that ``known`` lacks."""
     done = {row["seed"] for row in known.rows}
     draws = planned.cell.draws
     return [draw for draw in draws if draw not in done] if done else draws
@@ -90,14 +90,14 @@ def missing(planned: Planned, known: Result) -> Sequence[int]:
 
 def store_cell(planned: Planned, parts: Sequence[Result], store: Store) -> list[Row]:
     """Store a cell of which no seed is missing, and delete its blocks; returns its rows."""
-    whole = joined(parts)
+    whole = joined_results(parts)
     rows = sorted(whole.rows, key=lambda row: int(row["seed"]))
-    store.write(planned.key, rows, about(planned, whole.notes, whole.seconds))
+    store.write(planned.key, rows, metadata_of(planned, whole.notes, whole.seconds))
     Blocks(store).forget(planned)
     return rows
 
 
-def joined(parts: Sequence[Result]) -> Result:
+def joined_results(parts: Sequence[Result]) -> Result:
     """Return several results as one."""
     rows = [row for part in parts for row in part.rows]
     return Result(rows, _once(note for part in parts for note in part.notes), sum(part.seconds for part in parts))

@@ -19,7 +19,7 @@ from jerkbench.sweep.tasks import Planned, Result, Task, grouped
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """What a sweep is going to do.
+    """The plan of a sweep.
 
     Attributes:
         cells: every cell, in order.
@@ -52,7 +52,7 @@ def plan_sweep(cells: Sequence[Cell]) -> Plan:
         fingerprint = fingerprints[source]
         key = cell_key(cell, fingerprint)
         planned.setdefault(key, Planned(cell, key, fingerprint))
-    _require_names([one.cell for one in planned.values()])
+    _require_names([entry.cell for entry in planned.values()])
     lines = tuple(f"Left out {count} combination{'s' * (count > 1)}: {reason}." for reason, count in refused.items())
     return Plan(tuple(planned.values()), lines)
 
@@ -62,27 +62,27 @@ def run_sweep(plan: Plan, store: Store, workers: int, done: Collection[str]) -> 
 
     Of a cell that was begun before, only the seeds that are missing run.
     """
-    pending = [one for one in plan.cells if one.key not in done]
+    pending = [planned for planned in plan.cells if planned.key not in done]
     finished = Finished(store)
     with Progress(len(plan.cells), already=len(plan.cells) - len(pending)) as progress:
-        left = {}
-        for one in pending:
-            left[one.key] = finished.resume(one)
-            if not left[one.key]:
-                progress.advance(finished.conclude(one))
+        remaining = {}
+        for planned in pending:
+            remaining[planned.key] = finished.resume(planned)
+            if not remaining[planned.key]:
+                progress.advance(finished.conclude(planned))
         work = partial(run_task, store.folder.parent)
-        for task, result in run_grouped(work, grouped(pending, left), workers, store.forget):
+        for task, result in run_grouped(work, grouped(pending, remaining), workers, store.forget):
             if statuses := finished.add(task, result):
                 progress.advance(statuses)
 
 
 def run_task(folder: Path, task: Task) -> Result:
     """Run some seeds of a cell, and store them; those of a whole cell as the cell."""
-    one, store = task.one, Store(folder)
-    pieces = run_pieces(one.cell, one.fingerprint, task.draws)
-    result = run_blocks(one, pieces, Blocks(store), keep_rest=not task.whole)
-    if task.whole:
-        store_cell(one, [result], store)
+    planned, store = task.planned, Store(folder)
+    pieces = run_pieces(planned.cell, planned.fingerprint, task.draws)
+    result = run_blocks(planned, pieces, Blocks(store), keep_rest=not task.complete)
+    if task.complete:
+        store_cell(planned, [result], store)
     return result
 
 
@@ -94,37 +94,37 @@ class Finished:
         self._store = store
         self._parts: dict[str, list[Result]] = {}
 
-    def resume(self, one: Planned) -> Sequence[int]:
+    def resume(self, planned: Planned) -> Sequence[int]:
         """Take up the stored seeds of a cell; returns those that are missing."""
-        known = Blocks(self._store).read(one)
-        self._parts[one.key] = [known]
-        return missing(one, known)
+        known = Blocks(self._store).read(planned)
+        self._parts[planned.key] = [known]
+        return missing(planned, known)
 
     def add(self, task: Task, result: Result | Exception) -> list[str]:
         """Add what became of ``task``; store a cell with its last part, and return the status of its rows."""
-        one, known = task.one, not isinstance(result, Exception)
+        planned, known = task.planned, not isinstance(result, Exception)
         if isinstance(result, Exception):  # what the process could not say
-            result = Result(failed_rows(one.cell, task.draws, f"{type(result).__name__}: {result}"), [], 0.0)
-        parts = self._parts.setdefault(one.key, [])
+            result = Result(failed_rows(planned.cell, task.draws, f"{type(result).__name__}: {result}"), [], 0.0)
+        parts = self._parts.setdefault(planned.key, [])
         parts.append(result)
-        if sum(len(part.rows) for part in parts) < len(one.cell.draws):
+        if sum(len(part.rows) for part in parts) < len(planned.cell.draws):
             return []
-        if not (task.whole and known):
-            return self.conclude(one)
-        return [row["status"] for part in self._parts.pop(one.key) for row in part.rows]
+        if not (task.complete and known):
+            return self.conclude(planned)
+        return [row["status"] for part in self._parts.pop(planned.key) for row in part.rows]
 
-    def conclude(self, one: Planned) -> list[str]:
+    def conclude(self, planned: Planned) -> list[str]:
         """Store a cell of which no seed is missing; returns the status of its rows."""
-        return [row["status"] for row in store_cell(one, self._parts.pop(one.key), self._store)]
+        return [row["status"] for row in store_cell(planned, self._parts.pop(planned.key), self._store)]
 
 
 def _require_names(cells: Sequence[Cell]) -> None:
     """Refuse two cells that no column of the table would tell apart."""
-    seen: dict[object, Cell] = {}
+    cells_by_name: dict[object, Cell] = {}
     for cell in cells:
-        other = seen.setdefault(cell.labels, cell)
-        if other is not cell:
-            parts = [part for part in cell.spec if cell.spec[part] != other.spec[part]]
+        namesake = cells_by_name.setdefault(cell.labels, cell)
+        if namesake is not cell:
+            parts = [part for part in cell.spec if cell.spec[part] != namesake.spec[part]]
             raise PluginError(
                 f"Two combinations would both be called {', '.join(cell.labels)}: they differ in {' and '.join(parts)} "
                 "in a way that no column shows; run them into studies of their own (study=NAME)."

@@ -24,35 +24,35 @@ class Task(NamedTuple):
     """Some seeds of a cell; most cells are one task.
 
     Attributes:
-        one: the cell.
+        planned: the cell.
         draws: which of its seeds.
     """
 
-    one: Planned
+    planned: Planned
     draws: Sequence[int]
 
     @property
-    def whole(self) -> bool:
+    def complete(self) -> bool:
         """Whether these are all seeds of the cell."""
-        return self.draws == self.one.cell.draws
+        return self.draws == self.planned.cell.draws
 
 
 class Result(NamedTuple):
-    """What became of a task: its rows, what a reader of them has to know, and how long it took [s]."""
+    """The result of a task: its rows, the notes for their reader, and its time [s]."""
 
     rows: list[Row]
     notes: list[str]
     seconds: float
 
 
-def about(one: Planned, notes: list[str], seconds: float) -> dict[str, object]:
-    """What is stored beside the rows of a cell."""
-    cell = one.cell
+def metadata_of(planned: Planned, notes: list[str], seconds: float) -> dict[str, object]:
+    """The metadata of a cell, stored beside its rows."""
+    cell = planned.cell
     return {
         "labels": cell.labels._asdict(),
         "spec": cell.spec,
         "protocol": asdict(cell.protocol),
-        "data": one.fingerprint,
+        "data": planned.fingerprint,
         "notes": notes,
         "code": code_digest(),
         "versions": versions(),
@@ -62,30 +62,30 @@ def about(one: Planned, notes: list[str], seconds: float) -> dict[str, object]:
     }
 
 
-def grouped(pending: Sequence[Planned], left: Mapping[str, Sequence[int]] | None = None) -> list[list[Task]]:
+def grouped(pending: Sequence[Planned], remaining: Mapping[str, Sequence[int]] | None = None) -> list[list[Task]]:
     """Tasks that share their recordings and attitudes, together; groups that share the data set follow each other.
 
     A task has no more seeds than a process keeps recordings.
 
     Args:
         pending: what is to run.
-        left: by key, the seeds that are to run; of a cell that is not named, all.
+        remaining: by key, the seeds that are to run; of a cell that is not named, all.
     """
-    asked = left or {}
+    wanted = remaining or {}
     groups: dict[object, dict[object, list[Task]]] = {}
-    for one in pending:
-        cell = one.cell
-        for block, draws in _blocks(cell.draws, asked.get(one.key, cell.draws)):
-            near = groups.setdefault((cell.dataset, one.fingerprint, block), {})
-            near.setdefault((cell.disturbances, cell.attitude), []).append(Task(one, draws))
+    for planned in pending:
+        cell = planned.cell
+        for block, draws in _blocks(cell.draws, wanted.get(planned.key, cell.draws)):
+            near = groups.setdefault((cell.dataset, planned.fingerprint, block), {})
+            near.setdefault((cell.disturbances, cell.attitude), []).append(Task(planned, draws))
     return [group for near in groups.values() for group in near.values()]
 
 
-def _blocks(draws: range, left: Sequence[int]) -> Iterator[tuple[int, Sequence[int]]]:
-    """Number and seeds of each block of ``draws``, as far as they are ``left``."""
-    wanted = set(left)
+def _blocks(draws: range, remaining: Sequence[int]) -> Iterator[tuple[int, Sequence[int]]]:
+    """Number and seeds of each block of ``draws``, as far as they are ``remaining``."""
+    wanted = set(remaining)
     for begin in range(0, len(draws), KEPT):
         block = draws[begin : begin + KEPT]
-        some = block if wanted.issuperset(block) else [draw for draw in block if draw in wanted]
-        if some:
-            yield begin, some
+        chosen = block if wanted.issuperset(block) else [draw for draw in block if draw in wanted]
+        if chosen:
+            yield begin, chosen

@@ -72,15 +72,15 @@ def velocity_in_enu(velocity: Velocity, attitude: Attitude) -> Velocity:
         return velocity
     sample = np.maximum(np.searchsorted(attitude.t_s, velocity.t_s, side="right") - 1, 0)
     omega = attitude.dcm[sample]
-    nothing = ~np.isfinite(velocity.mps)
-    nothing[nothing.all(axis=1)] = False  # such a row stays absent as a whole
+    absent = ~np.isfinite(velocity.mps)
+    absent[absent.all(axis=1)] = False  # such a row stays absent as a whole
     true = velocity.true_covariance_m2ps2
     return Velocity(
         velocity.t_s,
-        np.einsum("nij,nj->ni", omega, np.where(nothing, 0.0, velocity.mps)),
-        _turned(omega, _widened(velocity.covariance_m2ps2, nothing)),
+        np.einsum("nij,nj->ni", omega, np.where(absent, 0.0, velocity.mps)),
+        _turned(omega, _widened(velocity.covariance_m2ps2, absent)),
         "enu",
-        None if true is None else _turned(omega, _widened(true, nothing)),
+        None if true is None else _turned(omega, _widened(true, absent)),
     )
 
 
@@ -92,9 +92,9 @@ def floored(covariance: FloatArray) -> FloatArray:
     return raised
 
 
-def _widened(covariance: FloatArray, nothing: BoolArray) -> FloatArray:
+def _widened(covariance: FloatArray, absent: BoolArray) -> FloatArray:
     """The covariance with the variance of an absent axis where ``nothing`` (n, 3) is known."""
-    either = nothing[:, :, None] | nothing[:, None, :]
+    either = absent[:, :, None] | absent[:, None, :]
     return np.where(either, ABSENT_SIGMA_MPS**2 * np.eye(3), covariance)
 
 

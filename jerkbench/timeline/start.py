@@ -10,7 +10,7 @@ INITIAL_SPEED_SIGMA_MPS = 10.0
 """One sigma of a velocity axis that nothing measures in the last second before the start, or at it."""
 
 INITIAL_SPEED_AGE_S = 1.0
-"""How old a velocity may be to start from."""
+"""The largest age of a velocity to start from."""
 
 INPUT_SIGMA_MPS2 = 0.5
 """One sigma of what is wrong with u on each axis, alike over the second: above all gravity that leaks by the tilt."""

@@ -84,7 +84,7 @@ def nanoseconds(t_s: FloatArray) -> IntArray:
 
 
 def _rows_at(events: IntArray, t_ns: IntArray) -> IntArray:
-    """Which row of ``t_ns`` each event is, or -1."""
+    """Return the row of ``t_ns`` of each event, or -1."""
     rows = np.full(len(events), -1, dtype=np.int64)
     if len(t_ns):
         near = np.minimum(np.searchsorted(t_ns, events), len(t_ns) - 1)

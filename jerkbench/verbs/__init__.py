@@ -1,4 +1,4 @@
-"""The verbs that read results: each a file with `add`, which declares its words and what answers them."""
+"""The verbs that read results: each a file with `add`, which declares its words, and `answer`."""
 
 from jerkbench.verbs import compare, export, figures, report, rerun, table
 

@@ -48,14 +48,14 @@ def answer(chosen: argparse.Namespace) -> None:
     first, second = load_study(chosen.first), load_study(chosen.second)
     metric = chosen.metric or main_metric(first.rows)
     require_alike(first, second)
-    found = changes(first.rows, second.rows, metric)
+    changed = changes(first.rows, second.rows, metric)
     varying = varying_factors(first.rows)
     header = [*varying, "A", "B", "B/A", "95 %", ""]
     notes = [f"A: {chosen.first}, {first.code}", f"B: {chosen.second}, {second.code}", *other_methods(first, second)]
     notes += [f"{name}: {words}" for name, study in (("A", first), ("B", second)) for words in study.unlike]
-    notes += [READING, *_left_out(found, first, second)]
-    print_grid(quantity(metric).heading, header, change_rows(found, varying), notes)
-    if chosen.fail_above is not None and _fails(found, first, second, chosen.fail_above):
+    notes += [READING, *_left_out(changed, first, second)]
+    print_grid(quantity(metric).heading, header, change_rows(changed, varying), notes)
+    if chosen.fail_above is not None and _fails(changed, first, second, chosen.fail_above):
         raise SystemExit(WORSE)
 
 
@@ -63,14 +63,14 @@ READING = (
     "A, B: geometric means over the runs that went well (arithmetic where a value is 0); B/A: over the runs that went "
     "well in both, where seeds match."
 )
-"""What the numbers are."""
+"""The explanation below the numbers."""
 
 
-def _fails(found: "Sequence[Change]", first: "Study", second: "Study", percent: float) -> bool:
+def _fails(changed: "Sequence[Change]", first: "Study", second: "Study", percent: float) -> bool:
     """Say what is worse and what cannot be judged; returns whether anything is."""
-    worse = sum(one.worse(percent) for one in found)
-    print(f"{worse} of {len(found)} combinations are worse by more than {percent:g} %.")
-    lacking = first.combinations - len(found) + sum(one.unjudged for one in found)
+    worse = sum(change.worse(percent) for change in changed)
+    print(f"{worse} of {len(changed)} combinations are worse by more than {percent:g} %.")
+    lacking = first.combinations - len(changed) + sum(change.unjudged for change in changed)
     if lacking:
         print(
             f"{lacking} of the {first.combinations} combinations of A cannot be judged: B lacks them, or runs of them."
@@ -81,12 +81,12 @@ def _fails(found: "Sequence[Change]", first: "Study", second: "Study", percent: 
     return bool(worse or lacking or damaged)
 
 
-def _left_out(found: "Sequence[Change]", first: "Study", second: "Study") -> list[str]:
-    """What of the two sets is not in the comparison."""
-    counts = (("A", first.combinations - len(found)), ("B", second.combinations - len(found)))
+def _left_out(changed: "Sequence[Change]", first: "Study", second: "Study") -> list[str]:
+    """Return sentences about the results that the comparison leaves out."""
+    counts = (("A", first.combinations - len(changed)), ("B", second.combinations - len(changed)))
     notes = [f"{count} combinations of {name} alone are left out." for name, count in counts if count]
     for name, study in (("A", first), ("B", second)):
         if study.damaged:
             notes.append(f"Damaged in {name}, and left out: {', '.join(study.damaged)}.")
-    absent = sum(one.absent for one in found)
+    absent = sum(change.absent for change in changed)
     return [*notes, f"{absent} runs of A have no run of the same seed in B."] if absent else notes

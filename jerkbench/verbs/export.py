@@ -22,10 +22,10 @@ def answer(chosen: argparse.Namespace) -> None:
     """
     from jerkbench.evaluation.run import counted_rows
     from jerkbench.results.replay import stored_row
-    from jerkbench.results.tum import write_tum
+    from jerkbench.results.tum import write_tum_pair
 
-    one = stored_row(chosen.folder, chosen.row)
-    recording, estimate = one.run()
-    counted = counted_rows(estimate, recording, one.cell.protocol.burn_in_s)
-    for path in write_tum(chosen.tum, recording, estimate, counted):
+    row = stored_row(chosen.folder, chosen.row)
+    recording, estimate = row.run()
+    counted = counted_rows(estimate, recording, row.cell.protocol.burn_in_s)
+    for path in write_tum_pair(chosen.tum, recording, estimate, counted):
         print(path)

@@ -27,5 +27,5 @@ def answer(chosen: argparse.Namespace) -> None:
     from jerkbench.results.study_figures.presentation import FIGURES
 
     out = chosen.out or chosen.folder / FIGURES
-    for one in draw_pictures(load_study(chosen.folder), out, chosen.scenarios, processors()):
-        print(out / f"{one.name}.png")
+    for picture in draw_pictures(load_study(chosen.folder), out, chosen.scenarios, processors()):
+        print(out / f"{picture.name}.png")

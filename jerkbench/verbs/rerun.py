@@ -30,14 +30,14 @@ def answer(chosen: argparse.Namespace) -> None:
         SystemExit: 1, where a number is another.
     """
     from jerkbench.report.tables.terminal import print_grid
-    from jerkbench.results.replay import differences, same, stored_row
+    from jerkbench.results.replay import equal_or_nan, replay_differences, stored_row
 
-    one = stored_row(chosen.folder, chosen.row)
-    found = differences(one)
-    lines = [[name, repr(a), repr(b), "" if same(a, b) else "differs"] for name, a, b in found]
-    notes = ["The code or a library is another than when the row was stored."] if one.code_changed else []
-    print_grid(f"{', '.join(one.cell.labels)}, {one.row['replicate']} {one.draw}", ["", "was", "is", ""], lines, notes)
-    differing = sum(not same(a, b) for _, a, b in found)
-    print(f"{differing} of {len(found)} numbers differ.")
+    row = stored_row(chosen.folder, chosen.row)
+    numbers = replay_differences(row)
+    lines = [[name, repr(a), repr(b), "" if equal_or_nan(a, b) else "differs"] for name, a, b in numbers]
+    notes = ["The code or a library is another than when the row was stored."] if row.code_changed else []
+    print_grid(f"{', '.join(row.cell.labels)}, {row.row['replicate']} {row.draw}", ["", "was", "is", ""], lines, notes)
+    differing = sum(not equal_or_nan(a, b) for _, a, b in numbers)
+    print(f"{differing} of {len(numbers)} numbers differ.")
     if differing:
         raise SystemExit(DIFFERENT)

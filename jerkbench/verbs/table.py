@@ -69,8 +69,12 @@ def answer(chosen: argparse.Namespace) -> None:
     )
     if chosen.findings:
         leading = summary(standings(study.rows, metric, parse_method(chosen.method), rule))
-        said = [*leading, *claims(study.rows), *findings(study.rows, metric, rule)]
-        print("\n".join(said or ["Nothing can be compared: no cell without adaptation, or with the baseline filter."]))
+        sentences = [*leading, *claims(study.rows), *findings(study.rows, metric, rule)]
+        print(
+            "\n".join(
+                sentences or ["Nothing can be compared: no cell without adaptation, or with the baseline filter."]
+            )
+        )
         return
     _writers()[chosen.format](table)
 

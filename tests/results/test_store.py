@@ -20,7 +20,7 @@ def test_what_is_written_is_read_to_the_bit(store):
 
     assert found.key == "abc"
     assert found.rows.to_dict("records") == ROWS
-    assert found.about["notes"] == ["a note"]
+    assert found.metadata["notes"] == ["a note"]
     assert broken == []
     assert store.done("abc")
     assert not store.done("another")
@@ -50,7 +50,7 @@ def test_a_flipped_bit_is_noticed_wherever_the_file_is_then_read(store):
         path.write_bytes(whole[:place] + bytes([whole[place] ^ 1 << place % 8]) + whole[place + 1 :])
         found, broken = store.read()
         assert store.done("abc") == bool(found) == (not broken)
-        assert all(one.rows.equals(sound.rows) and one.about == sound.about for one in found)
+        assert all(one.rows.equals(sound.rows) and one.metadata == sound.metadata for one in found)
 
 
 def test_a_write_that_fails_leaves_the_old_cell_and_nothing_else(store, monkeypatch):

@@ -118,7 +118,7 @@ def test_a_flipped_bit_anywhere_is_found_or_changes_nothing(tmp_path):
         assert store.look(["abc"]) == ({one.key for one in cells}, broken)
         for one in cells:
             pd.testing.assert_frame_equal(one.rows, before.rows, check_exact=True)
-            assert one.about == before.about
+            assert one.metadata == before.metadata
     assert found > 125
 
 

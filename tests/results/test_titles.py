@@ -7,7 +7,7 @@ import pytest
 from jerkbench.cells.cell import Protocol, build
 from jerkbench.execution.cell_run import run_once
 from jerkbench.hydra_app import single_run as single
-from jerkbench.results.titles import file_stem, titled
+from jerkbench.results.titles import file_stem, with_title
 from jerkbench.sweep.sweep import plan_sweep
 
 SPEC = {
@@ -34,11 +34,11 @@ def cell(dataset, *disturbances):
     ],
 )
 def test_a_title_says_data_set_disturbance_and_seed(one, said, make_short):
-    assert titled(make_short("a"), one, 7).name == said
+    assert with_title(make_short("a"), one, 7).name == said
 
 
 def test_a_long_title_has_several_lines(make_short):
-    name = titled(make_short("a " * 50), cell(FIELD, {"name": "bias"}), 7).name
+    name = with_title(make_short("a " * 50), cell(FIELD, {"name": "bias"}), 7).name
     assert name.endswith("bias, seed 7")
     assert max(map(len, name.split("\n"))) <= 70
 
@@ -62,9 +62,9 @@ MANY = {"name": "gnss_outage", "windows_s": [[10.0 * k, 10.0 * k + 5.0] for k in
 
 def test_a_title_with_many_parameters_has_a_few_lines(make_short):
     labels = cell(FIELD, {"name": "none"}).labels._replace(disturbance=f"gnss_outage(windows_s={MANY['windows_s']})")
-    name = titled(make_short("field"), replace(cell(FIELD, MANY), labels=labels), 7).name
+    name = with_title(make_short("field"), replace(cell(FIELD, MANY), labels=labels), 7).name
     assert name == "field, gnss_outage, seed 7"
-    assert titled(make_short("word " * 200), cell(FIELD, MANY), 7).name.count("\n") < 4
+    assert with_title(make_short("word " * 200), cell(FIELD, MANY), 7).name.count("\n") < 4
 
 
 def test_names_of_files_are_short_and_the_same_for_the_same_labels():

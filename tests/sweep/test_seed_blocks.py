@@ -7,7 +7,7 @@ from jerkbench.cells.cell import Protocol, build
 from jerkbench.execution.cell_run import run_cell, run_open_pieces
 from jerkbench.execution.inputs import KEPT
 from jerkbench.hydra_app import single_run as single
-from jerkbench.hydra_app.single_run import run_single
+from jerkbench.hydra_app.single_run import run_single_cell
 from jerkbench.results.store import Store
 from jerkbench.sweep import seed_blocks as blocks
 from jerkbench.sweep import sweep
@@ -54,7 +54,7 @@ def require_undisturbed(store, planned):
     (stored,), broken = store.read([planned.key])
     rows, notes = run_cell(planned.cell, planned.fingerprint)
     pd.testing.assert_frame_equal(stored.rows, pd.DataFrame(rows), check_exact=True)
-    assert stored.about["notes"] == notes
+    assert stored.metadata["notes"] == notes
     assert broken == []
     assert [path.name for path in store.folder.iterdir()] == [f"{planned.key}.parquet"]
 
@@ -80,10 +80,10 @@ def test_a_single_run_goes_on_within_its_cell(tmp_path, monkeypatch):
     with monkeypatch.context() as patched:
         spied(patched, single, "run_open_pieces", stop_after=1)
         with pytest.raises(KeyboardInterrupt):
-            run_single(planned, tmp_path)
+            run_single_cell(planned, tmp_path)
 
     ran = spied(monkeypatch, single, "run_open_pieces")
-    run_single(planned, tmp_path)
+    run_single_cell(planned, tmp_path)
 
     assert ran == [[4 + KEPT, 5 + KEPT]]
     require_undisturbed(Store(tmp_path), planned)

@@ -51,7 +51,7 @@ def test_a_cell_in_pieces_has_the_rows_of_the_whole_one(plan, tmp_path):
         (stored,), _ = store.read([one.key])
         rows, notes = run_cell(one.cell, one.fingerprint)
         pd.testing.assert_frame_equal(stored.rows, pd.DataFrame(rows), check_exact=True)
-        assert stored.about["notes"] == notes
+        assert stored.metadata["notes"] == notes
 
 
 def test_a_piece_that_is_lost_is_a_piece_of_failed_rows(plan, tmp_path):

@@ -44,7 +44,7 @@ class Topic:
 
 @dataclass
 class _Collected:
-    """What is read of one topic so far."""
+    """The messages of one topic that are read so far."""
 
     fields: Sequence[str]
     count: int = 0

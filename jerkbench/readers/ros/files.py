@@ -10,7 +10,7 @@ MAGIC = {b"#ROSBAG V": ".bag", b"SQLite format 3\0": ".db3", b"\x89MCAP0": ".mca
 
 _SPLIT = re.compile(r"^(.*)_(\d+)$")
 _STARTED = re.compile(r"_?\d{4}-\d\d-\d\d-\d\d-\d\d-\d\d$")
-"""What `rosbag record` writes before the number of a part: when that part was begun."""
+"""The time that `rosbag record` writes before the number of a part: the part's begin."""
 
 
 def bag_files(path: Path) -> tuple[Path, ...]:
@@ -72,7 +72,7 @@ def _parts(folder: Path) -> tuple[Path, ...]:
 
 
 def _drive(part: Path) -> str:
-    """What the parts of one drive have in common; of a file that is no part, its own name."""
+    """Return the common part of the names of one drive's parts; of any other file, its own name."""
     match = _SPLIT.match(part.stem)
     return f"{_STARTED.sub('', match[1])}_*" if match else part.name
 

@@ -75,7 +75,7 @@ LAYOUTS: dict[str, tuple[Part, ...]] = {
     "geometry_msgs/msg/TwistWithCovarianceStamped": (*_twist("twist.twist"), TWIST_COVARIANCE),
     "geometry_msgs/msg/Vector3Stamped": (Part("linear", "vector", count=3),),
 }
-"""What follows the header in each type that is read."""
+"""The content behind the header of each type that is read."""
 
 
 BLOCKS = {

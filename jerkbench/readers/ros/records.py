@@ -127,7 +127,7 @@ def _fields(header: memoryview) -> dict[bytes, bytes] | None:
 
 
 def _next_chunk(content: memoryview, at: int) -> int:
-    """Where the next chunk begins, or the end."""
+    """Return where the next chunk begins, or the end."""
     data = content.obj if isinstance(content.obj, bytes | mmap.mmap) else bytes(content)
     field_at = at - 1
     while (field_at := data.find(CHUNK_FIELD, field_at + 1)) >= 0:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @dataclass
 class Salvaged:
-    """What could be saved.
+    """The result of a salvage.
 
     Attributes:
         messages: how many, by topic.

@@ -65,16 +65,16 @@ def _over_scenarios(rows: "pd.DataFrame", metric: str, noise: str) -> Iterator[D
     common, which = of_all_methods(values[:, rivals])
     profiled = len(common) > 1 and sum(rivals) > 1
     means = f"{title}, arithmetic means, method by scenario; bold: the best of a scenario."
-    apart = "" if all(rivals) else " In parentheses: references, which do not compete."
+    references = "" if all(rivals) else " In parentheses: references, which do not compete."
     needs = f"two scenarios{which}" if sum(rivals) > 1 else "two methods that compete"
     none = "" if profiled else f" No performance profiles: they need {needs}."
     figure = heat_map_figure(values, scenarios, methods, title, rivals)
-    yield Drawing("heat-map", f"{means}{apart}{none}{noise}", figure)
+    yield Drawing("heat-map", f"{means}{references}{none}{noise}", figure)
     if profiled:
-        how = f"Performance profiles and mean ranks over the {len(common)} scenarios{which}."
+        contents = f"Performance profiles and mean ranks over the {len(common)} scenarios{which}."
         names = [name for name, rival in zip(methods, rivals, strict=True) if rival]
-        gone = "" if all(rivals) else " References do not compete."
-        yield Drawing("profile", f"{how}{gone}{noise}", profile_figure(common, names, title))
+        excluded = "" if all(rivals) else " References do not compete."
+        yield Drawing("profile", f"{contents}{excluded}{noise}", profile_figure(common, names, title))
 
 
 def of_scene(scene: Scene) -> Iterator[Drawing]:
@@ -90,8 +90,8 @@ def of_scene(scene: Scene) -> Iterator[Drawing]:
     recording, estimates = scene.recording, scene.estimates
     window_s = disturbed_window_s(recording, estimates)
     only = {scene.best: estimates[scene.best]}
-    updated = {name: one for name, one in estimates.items() if len(one.updates.t_s)}
-    made = {
+    updated = {name: estimate for name, estimate in estimates.items() if len(estimate.updates.t_s)}
+    figures = {
         "errors": ("position error, first seed", error_figure(recording, estimates, panels=1)),
         "zoom": ("position error around a disturbance", zoomed_error_figure(recording, estimates, window_s)),
         "trajectory": (
@@ -103,8 +103,8 @@ def of_scene(scene: Scene) -> Iterator[Drawing]:
         "adapted-r": ("measurement noise that was used", adapted_r_figure(recording, updated)),
     }
     if recording.imu is not None:
-        made["tilt"] = ("roll and pitch against the reference", tilt_figure(recording, scene.tilts))
-        made["acceleration"] = ("raw and compensated acceleration", acceleration_figure(recording, scene.attitude))
+        figures["tilt"] = ("roll and pitch against the reference", tilt_figure(recording, scene.tilts))
+        figures["acceleration"] = ("raw and compensated acceleration", acceleration_figure(recording, scene.attitude))
     slug = file_stem([scene.name])
-    for kind, (caption, figure) in made.items():
+    for kind, (caption, figure) in figures.items():
         yield Drawing(f"{slug}-{kind}", f"{scene.name}: {caption}.", figure)

@@ -59,7 +59,7 @@ def draw_pictures(study: Study, out: Path | None, limit: int, workers: int) -> l
     jobs = [Job(out, study.folder, name, keys, metric) for name, keys in scene_keys(study, limit).items()]
     jobs.insert(0, Job(out, study.folder, "", (), metric, study.rows))
     done: dict[str, list[Picture]] = {}
-    with Progress(len(jobs), doing="Figures", things="sets of figures") as progress:
+    with Progress(len(jobs), doing="Figures", unit="sets of figures") as progress:
         for job, result in run_grouped(draw, [[job] for job in jobs], workers):
             if isinstance(result, Exception):
                 raise result
@@ -71,7 +71,7 @@ def draw_pictures(study: Study, out: Path | None, limit: int, workers: int) -> l
 def draw(job: Job) -> list[Picture]:
     """Draw the figures of ``job``; none where its runs cannot be run again, which is told on standard error."""
     try:
-        return [_picture(one, job) for one in _drawings(job)]
+        return [_picture(drawing, job) for drawing in _drawings(job)]
     except JerkbenchError as error:
         print(f"jerkbench: no figures of {job.scenario}: {error}", file=sys.stderr)
         return []

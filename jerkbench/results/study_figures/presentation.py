@@ -1,4 +1,4 @@
-"""What a study ends with beside its tables: figures, and the report."""
+"""The end of a study beside its tables: figures, and the report."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,7 +11,7 @@ from jerkbench.results.study_figures.files import LIMIT, draw_pictures
 
 FIGURES, REPORT = "figures", "report.html"
 PROVENANCE = ("command", "finished", "commit", "versions", "host")
-"""What of the manifest stands in the report."""
+"""Entries of the manifest that the report shows."""
 
 
 def present(study: Study, workers: int, *, figures: bool) -> None:
@@ -35,7 +35,7 @@ def write_report(study: Study, pictures: Sequence[Picture], path: Path) -> None:
         name=study.folder.resolve().name,
         rows=study.rows,
         keys=list(study.keys),
-        about={one.key: one.about for one in stored},
+        about={cell.key: cell.metadata for cell in stored},
         notes=study.notes,
         provenance={key: manifest[key] for key in PROVENANCE if key in manifest},
     )

@@ -30,7 +30,7 @@ UNFIT = (
     struct.error,
     apsw.Error,
 )
-"""What says that a bag is not made for it or damaged: the ordinary reader then says what it is."""
+"""Errors of a bag that is damaged or does not suit; the ordinary reader then finds the words."""
 
 AT_ONCE = 4096
 """So many messages of a connection become numbers at once."""
