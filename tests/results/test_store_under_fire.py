@@ -150,6 +150,8 @@ def limited(blocks, *words, cwd):
 
 def test_where_there_is_no_room_nothing_finished_is_lost_and_it_is_said(tmp_path):
     words = [*WORDS, *CELLS, "disturbance=none,bias,gnss_outage", "workers=1"]
+    (tmp_path / "warm").mkdir()
+    swept(*CELLS, cwd=tmp_path / "warm")  # compiled before: the room is for results
     cells = tmp_path / "results" / "adhoc" / "cells"
     for blocks, sentence in (
         (4, "Results cannot be written"),  # not even the sweep's own configuration
