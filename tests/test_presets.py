@@ -108,7 +108,7 @@ def test_neither_side_of_a_merge_is_changed():
 def test_a_preset_that_reaches_into_another_group_is_a_sentence(conf):
     conf("dataset", "mine", "defaults:\n  - field\n  - override /attitude: real\n")
 
-    with pytest.raises(PluginError, match=r"dataset/mine .*override /attitude.* only names of dataset"):
+    with pytest.raises(PluginError, match="override /attitude"):
         preset("dataset", "mine")
 
 

@@ -30,7 +30,7 @@ def test_a_speed_may_be_absent_but_not_its_first_axis_alone():
 
 
 def test_frames_and_sources_are_known_ones():
-    with pytest.raises(RecordingError, match="'wheel'; it must be 'enu', 'body' or 'speed'"):
+    with pytest.raises(RecordingError, match="'wheel'"):
         Velocity([1.0], [[1.0, 0.0, 0.0]], [np.eye(3)], "wheel")
-    with pytest.raises(RecordingError, match="'gps'; it must be one of dual_antenna, odometry, course"):
+    with pytest.raises(RecordingError, match=r"'gps'.*dual_antenna"):
         Heading([1.0], [0.0], [0.1], "gps")

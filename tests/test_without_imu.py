@@ -95,7 +95,7 @@ def test_there_is_no_attitude_and_what_needs_an_imu_says_so():
     with pytest.raises(RecordingError, match="fewer than 2 position fixes"):
         dataclasses.replace(recording, position=None)
     body = Velocity(recording.position.t_s, np.ones((54, 3)), np.tile(np.eye(3), (54, 1, 1)), "body")
-    with pytest.raises(RecordingError, match="nothing turns its velocity in the frame 'body'"):
+    with pytest.raises(RecordingError, match="frame 'body'"):
         dataclasses.replace(recording, velocity=body)
     facts = facts_text(recording)
     assert "imu       none" in facts

@@ -254,7 +254,7 @@ def test_no_covariance_at_all_says_which_parameter_gives_one(tmp_path):
     drive = Drive(duration_s=6.0)
     for message in drive.messages(FIX):
         message.position_covariance[:] = 0.0
-    with pytest.raises(RecordingError, match=r"none of the 30 rows has a covariance .* give position_sigma_m"):
+    with pytest.raises(RecordingError, match="position_sigma_m"):
         load(drive, tmp_path)
     given = Fixposition(str(tmp_path / "a.bag"), sanitise="drop", position_sigma_m=(1.0, 1.0, 1.0)).load(0)
     assert len(given.position.t_s) == 30
@@ -264,7 +264,7 @@ def test_a_gyro_that_is_frozen_throughout_leaves_nothing(tmp_path):
     drive = Drive(duration_s=6.0)
     for message in drive.messages(IMU):
         message.angular_velocity.x = message.angular_velocity.y = message.angular_velocity.z = 0.0
-    with pytest.raises(RecordingError, match=r"0 usable messages are left; .* frozen angular rate"):
+    with pytest.raises(RecordingError, match=r"0 usable .* frozen"):
         load(drive, tmp_path)
 
 

@@ -83,13 +83,13 @@ def test_an_empty_file(tmp_path, sound, name):
 def test_a_wrong_suffix_is_named(tmp_path, sound, name, suffix):
     path = tmp_path / f"wrong{suffix}"
     shutil.copy(sound[0][name], path)
-    with pytest.raises(BagError, match=r"file by its content; rename it so that it ends in \.(bag|db3|mcap)"):
+    with pytest.raises(BagError, match=r"rename.*\.(bag|db3|mcap)"):
         Fixposition(str(path)).load(0)
 
 
 def test_what_is_no_bag(tmp_path):
     (tmp_path / "a.bag").write_text("stamp,x,y\n1,2,3\n")
-    with pytest.raises(BagError, match="begins neither like a ROS 1 bag nor like SQLite"):
+    with pytest.raises(BagError, match="begins neither"):
         RosBag(str(tmp_path / "a.bag")).load(0)
     with pytest.raises(BagError, match="There is no bag"):
         RosBag(str(tmp_path / "b.bag")).load(0)
@@ -107,14 +107,14 @@ def test_no_topics_and_no_messages(tmp_path, store, name):
 @pytest.mark.parametrize(("store", "name"), [(ROS1, "a.bag"), (ROS2, "a"), (ROS2, "a.mcap")])
 def test_a_topic_without_messages(tmp_path, store, name):
     path = write_bag(tmp_path / name, {}, store, empty={"/imu": IMU_TYPE})
-    with pytest.raises(BagError, match=r"holds 1 topics? and no message|holds 0 topics"):
+    with pytest.raises(BagError, match=r"no message|0 topics"):
         RosBag(str(path)).load(0)
 
 
 def test_too_few_messages(tmp_path):
     drive = Drive(duration_s=3.0)
     del drive.rows["/fixposition/gnss1"][1:]
-    with pytest.raises(RecordingError, match=r"position \(/fixposition/gnss1\): 1 usable messages are left"):
+    with pytest.raises(RecordingError, match=r"gnss1\): 1 usable"):
         Fixposition(str(drive.write(tmp_path / "a.bag"))).load(0)
 
 
@@ -130,7 +130,7 @@ def test_metadata_that_is_damaged_or_gone(tmp_path):
             Fixposition(str(path)).load(0)
     (path / "metadata.yaml").unlink()
     (path / "more.db3").write_bytes(next(path.glob("*.db3")).read_bytes())
-    with pytest.raises(BagError, match=r"holds 2 files ending in \.db3 but no metadata\.yaml"):
+    with pytest.raises(BagError, match=r"2 files .*metadata\.yaml"):
         Fixposition(str(path)).load(0)
 
 
@@ -158,11 +158,11 @@ def test_bags_of_different_drives_in_one_folder_are_not_joined(tmp_path):
     drive = Drive(duration_s=3.0)
     for name in ("test1.bag", "xsens.bag"):
         drive.write(tmp_path / name)
-    with pytest.raises(BagError, match=r"holds 2 bags that are no parts of one \(test1\.bag, xsens\.bag\): give one"):
+    with pytest.raises(BagError, match=r"test1\.bag, xsens\.bag"):
         Fixposition(str(tmp_path)).load(0)
     (tmp_path / "test1.bag").rename(tmp_path / "drive_2023-11-14-22-13-20_0.bag")
     (tmp_path / "xsens.bag").rename(tmp_path / "other_2023-11-14-22-14-20_1.bag")
-    with pytest.raises(BagError, match=r"give one of them; the parts of one are called NAME_0\.bag, NAME_1\.bag"):
+    with pytest.raises(BagError, match=r"NAME_0\.bag"):
         Fixposition(str(tmp_path)).load(0)
     (tmp_path / "other_2023-11-14-22-14-20_1.bag").rename(tmp_path / "drive_2023-11-14-22-14-20_1.bag")
     assert len(Fixposition(str(tmp_path)).load(0).imu.t_s) == 150  # each stamp is there twice
@@ -174,12 +174,12 @@ def test_a_topic_of_another_time_is_a_sentence(tmp_path):
         row[0] += 3600 * 10**9
         row[2].header.stamp.sec += 3600
     path = str(drive.write(tmp_path / "a.bag"))
-    with pytest.raises(RecordingError, match=r"positions are from 3600\.180 .* they have no time in common; check"):
+    with pytest.raises(RecordingError, match="no time in common"):
         Fixposition(path).load(0)
 
 
 def test_a_message_of_another_type_under_the_same_name(tmp_path):
     drive = Drive(duration_s=3.0)
     drive.rows["/fixposition/gnss1"] = [[row[0], *imu(ROS1, row[0])] for row in drive.rows["/fixposition/gnss1"]]
-    with pytest.raises(RecordingError, match="is of type sensor_msgs/msg/Imu, which gives no position"):
+    with pytest.raises(RecordingError, match="sensor_msgs/msg/Imu"):
         Fixposition(str(drive.write(tmp_path / "a.bag"))).load(0)

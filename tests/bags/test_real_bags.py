@@ -56,7 +56,7 @@ def test_the_topic_of_zeros_is_reported_not_used(bags):
     from jerkbench.errors import RecordingError
 
     given = {"position_topic": "/stereo_odometer/odometry", "imu_topic": "/my_odometry2imu/imu_data"}
-    with pytest.raises(RecordingError, match=r"13333 of 13333 rows with a frozen angular rate"):
+    with pytest.raises(RecordingError, match=r"13333 of 13333 .*frozen"):
         RosBag(str(bags / "xsens.bag"), **given).load(0)
 
 

@@ -96,7 +96,7 @@ def test_choices_are_checked(name):
 
 
 def test_no_imu_with_gravity_and_no_fixes_are_sentences(tmp_path):
-    with pytest.raises(RecordingError, match=r"has no IMU topic that feels gravity \(/imu_zeros, /imu, /imu_slow\)"):
+    with pytest.raises(RecordingError, match="/imu_zeros, /imu, /imu_slow"):
         RosBag(bag(tmp_path / "a.bag", accel=(0, 0, 0.1))).load(0)
     path = bag(tmp_path / "b.bag", more={"/fix": []})
     with pytest.raises(RecordingError, match="has no topic with GNSS fixes"):
@@ -164,7 +164,7 @@ def test_times_are_the_headers_or_the_bags_less_their_latencies(tmp_path):
     assert RosBag(path, velocity_latency_s=(0.3, 0.3, 0.3)).load(0).velocity.t_s[0] == pytest.approx(-0.3)
     apart = RosBag(path, velocity_latency_s=(0.1, 0.1, 0.3), velocity_frame="enu").load(0).velocity
     np.testing.assert_array_equal(apart.mps[0], [np.nan, np.nan, 0.25])
-    with pytest.raises(PluginError, match="in the frame body all three must be the same"):
+    with pytest.raises(PluginError, match="frame body"):
         RosBag(path, velocity_latency_s=(0.1, 0.1, 0.3)).load(0)
 
 

@@ -133,5 +133,5 @@ def odd(n):
 
 def test_functions_that_call_each_other_are_refused():
     """What numba keeps of them on the disk would end the process that loads it."""
-    with pytest.raises(TypeError, match="even and a function that it calls call each other"):
+    with pytest.raises(TypeError, match="call each other"):
         jitted(even, __name__)

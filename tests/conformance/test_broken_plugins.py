@@ -434,7 +434,7 @@ def test_check_plugin_goes_on_to_the_check_of_the_kind():
 
 
 def test_an_unknown_kind_is_a_sentence():
-    with pytest.raises(PluginError, match=r"no kind of plugin 'adaption'\. Did you mean 'adaptation'"):
+    with pytest.raises(PluginError, match="mean 'adaptation'"):
         testing.check_plugin("adaption", NoAdaptation())
 
 

@@ -181,7 +181,7 @@ def test_a_silent_source_is_one_without_size():
 def test_a_silent_sensor_is_still_believed_as_before():
     one, other = Field(duration_s=12.0).load(1), Field(duration_s=12.0, silent=("position",)).load(1)
     np.testing.assert_array_equal(one.position.covariance_m2, other.position.covariance_m2)
-    with pytest.raises(PluginError, match=r"no source of randomness of .* 'positon'. Did you mean 'position'"):
+    with pytest.raises(PluginError, match="mean 'position'"):
         Field(silent=("positon",))
 
 

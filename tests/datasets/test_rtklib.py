@@ -200,7 +200,7 @@ def test_it_is_a_plugin_and_needs_a_folder_or_what_was_fetched(tmp_path, monkeyp
     dataset = plugins.create("dataset", {"name": "rtklib", "folder": folder, "imu_shift_s": -0.1})
     assert dataset == RtklibDrive(folder, imu_shift_s=-0.1)
     monkeypatch.setenv("JERKBENCH_DATA", str(tmp_path))
-    with pytest.raises(RecordingError, match="run `jerkbench data fetch rtklib_drive_0708`"):
+    with pytest.raises(RecordingError, match="fetch rtklib_drive_0708"):
         plugins.create("dataset", {"name": "rtklib"}).load(0)
     (tmp_path / "rtklib_drive_0708").mkdir()
     write_drive(tmp_path / "rtklib_drive_0708")
@@ -300,7 +300,7 @@ def test_any_table_of_an_imu_by_its_columns(tmp_path, epoch, unit, times):
 def test_times_of_another_clock_are_a_sentence(tmp_path):
     folder = write_drive(tmp_path)
     imu_table(tmp_path, "a.csv", 1 + np.arange(701) / 100)
-    with pytest.raises(RecordingError, match=r"no time in common; check that a\.csv is of the same drive, and its"):
+    with pytest.raises(RecordingError, match=r"no time in common.*a\.csv"):
         RtklibDrive(folder, **MAPPED, **PLAIN, rest_s=2.0).load(0)
 
 

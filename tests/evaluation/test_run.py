@@ -54,7 +54,7 @@ def test_what_does_not_apply_is_nan_and_never_missing(estimate, recording):
 
 
 def test_a_run_of_which_nothing_counts_is_a_sentence(estimate, recording):
-    with pytest.raises(RecordingError, match=r"burn_in_s is 500, the recording 'drawn' lasts 34\.50 s"):
+    with pytest.raises(RecordingError, match="burn_in_s"):
         evaluate_run(estimate, recording, 500.0, all_metrics())
     last_s = recording.reference.t_s[estimate.index[-1]]
     assert math.isfinite(evaluate_run(estimate, recording, last_s, all_metrics())["position_rmse_m"])
@@ -66,7 +66,7 @@ NOT_KNOWN = dict.fromkeys(UNKNOWN, np.full((70, 3), np.nan))
 @pytest.mark.parametrize("changes", [{"scored": np.zeros(70, dtype=bool)}, NOT_KNOWN])
 def test_a_reference_that_is_not_scored_or_not_known_is_a_sentence(estimate, recording, changes):
     reference = dataclasses.replace(recording.reference, **changes)
-    with pytest.raises(RecordingError, match="no row of its reference after the burn-in is known, scored"):
+    with pytest.raises(RecordingError, match="burn-in"):
         evaluate_run(estimate, dataclasses.replace(recording, reference=reference), 5.0, all_metrics())
 
 
@@ -93,7 +93,7 @@ def test_a_run_that_stopped_in_the_burn_in_stays_diverged(estimate, recording, r
 
 def test_two_metrics_may_not_give_the_same_column(estimate, recording):
     twice = [plugins.create("metric", {"name": "outage"})] * 2
-    with pytest.raises(PluginError, match=r"metrics Outage and Outage both give the column 'outage_rmse_m'"):
+    with pytest.raises(PluginError, match="outage_rmse_m"):
         evaluate_run(estimate, recording, 5.0, twice)
 
 

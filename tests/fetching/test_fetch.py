@@ -94,7 +94,7 @@ def test_a_cut_connection_is_resumed_where_it_was(server, tmp_path):
 
 def test_a_connection_that_is_always_cut_goes_on_the_next_time(server, tmp_path):
     server.cuts = download.ATTEMPTS
-    with pytest.raises(RecordingError, match=r"cut .*400000 bytes are kept, and the same command goes on"):
+    with pytest.raises(RecordingError, match="400000 bytes"):
         fetch(recording(server, "/cut"), tmp_path / "some", print)
     assert not (tmp_path / "some").exists()
     fetch(recording(server, "/cut"), tmp_path / "some", print)

@@ -134,7 +134,7 @@ SPEC = {
 def test_two_combinations_that_the_table_could_not_tell_apart_are_refused_before_anything_runs():
     cells = [build({**SPEC, "engine": {"name": name}}, Protocol()) for name in ("filterpy", "compiled")]
 
-    with pytest.raises(PluginError, match=r"both be called field, none, .* they differ in engine"):
+    with pytest.raises(PluginError, match="differ in engine"):
         plan_sweep(cells)
 
 
@@ -145,7 +145,7 @@ def test_a_yaw_source_that_no_recording_has_ends_the_sweep_before_anything_runs(
     absent = build({**SPEC, "dataset": dataset, "attitude": {"name": name, "yaw_source": "odometry"}}, Protocol())
 
     assert len(plan_sweep([there]).cells) == 1
-    with pytest.raises(RecordingError, match="field has no odometry heading, its headings are of source dual_antenna"):
+    with pytest.raises(RecordingError, match="dual_antenna"):
         plan_sweep([there, absent])
 
 
@@ -163,7 +163,7 @@ def test_that_one_study_mixes_what_the_other_does_not_is_said(tmp_path):
         put(tmp_path / "A", key, 1.0, filter=name, conditions={"protocol": {"burn_in_s": seconds}})
         put(tmp_path / "B", key, 1.0, filter=name, conditions={"protocol": {"burn_in_s": 10.0}})
 
-    with pytest.raises(JerkbenchError, match=r"no combination in common. In .*A: .* differ in burn_in_s \(0.0, 10.0\)"):
+    with pytest.raises(JerkbenchError, match=r"burn_in_s \(0\.0, 10\.0\)"):
         require_alike(load_study(tmp_path / "A"), load_study(tmp_path / "B"))
 
 

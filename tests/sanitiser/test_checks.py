@@ -96,7 +96,7 @@ def test_axes_that_are_there_in_every_row_are_judged_by_their_distance():
 def test_fixes_that_all_leap_are_a_sentence():
     t_s = np.arange(5) * 0.1
     everywhere = 1e5 * np.array([[0, 1, 2], [1, 2, 0], [2, 0, 1], [4, 3, -1], [-1, 4, 3]])
-    with pytest.raises(RecordingError, match="All 5 fixes leap out of their neighbours by more than 50 m; check"):
+    with pytest.raises(RecordingError, match="All 5 fixes"):
         steady_rows(t_s, everywhere)
     steady, notes = steady_rows(t_s, 0 * everywhere)
     assert (steady.all(), notes) == (True, ())

