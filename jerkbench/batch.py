@@ -4,7 +4,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from jerkbench.arrays import FloatArray, IntArray
-from jerkbench.estimate import Updates
+from jerkbench.estimate import Attitude, Updates
+from jerkbench.recording import Recording
 from jerkbench.timeline.timeline import Timeline
 
 
@@ -38,6 +39,15 @@ class Run(NamedTuple):
     scoring: Scoring
 
 
+class RecordedRun(NamedTuple):
+    """A run of an estimator, which sees the recording itself; ``timeline`` is that of recording and attitude."""
+
+    recording: Recording
+    attitude: Attitude
+    timeline: Timeline
+    scoring: Scoring
+
+
 class Streamed(NamedTuple):
     """Sums over a run, of squares where nothing else is said, and what its updates saw.
 
@@ -56,6 +66,7 @@ class Streamed(NamedTuple):
         nis_used_updates: their number.
         marked_m: (j, 3) position errors at the marks.
         updates: what the updates saw, or none where they were not kept.
+        euler_rad: (k, 3) roll, pitch, yaw of the run itself; None: those of the timeline, or not kept.
     """
 
     position_m2: FloatArray
@@ -72,3 +83,4 @@ class Streamed(NamedTuple):
     nis_used_updates: float
     marked_m: FloatArray
     updates: Updates
+    euler_rad: FloatArray | None = None

@@ -8,7 +8,7 @@ from collections.abc import Callable, Hashable, Mapping, Sequence
 from typing import ClassVar, Literal, Protocol, runtime_checkable
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
-from jerkbench.batch import Run, Streamed
+from jerkbench.batch import RecordedRun, Run, Streamed
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.recording import Recording
 from jerkbench.sums import Sums
@@ -118,7 +118,8 @@ class Remarking(Protocol):
 class Filter(Protocol):
     """A kinematic filter: the model of one axis; the full one is A (x) I3, b (x) I3, Q (x) I3, H = [I6 0].
 
-    Optional, as for an `Estimator`: `ManyLengths` (of a kinematic one alone), `UsingImu`, `AttitudeOnly`, `Requiring`.
+    Optional, as for an `Estimator`: `ManyLengths` (of a kinematic one alone), `Batched` (of an estimator alone),
+    `UsingImu`, `AttitudeOnly`, `Requiring`.
     """
 
     def axis_model(self, dt: float, dt0: float) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -162,6 +163,37 @@ class Estimator(Protocol):
 
     def estimate(self, recording: Recording, attitude: Attitude, adaptation: "Adaptation") -> Estimate:
         """Return the navigation solution at the reference's stamps."""
+        ...
+
+
+@runtime_checkable
+class Batched(Protocol):
+    """What an estimator may have as well, so that it is quick: a compiled way, with and without trajectories.
+
+    ``estimate`` stays the definition of right, and what the engine `filterpy` runs; an engine that is `SideBySide`
+    takes the compiled way. `jerkbench.testing.check_filter` compares the two. Of both methods None means: not in this
+    way, run ``estimate``, which says what is the matter.
+    """
+
+    def estimate_compiled(self, recording: Recording, attitude: Attitude, adaptation: "Adaptation") -> Estimate | None:
+        """Return what ``estimate`` returns."""
+        ...
+
+    def run_many(
+        self, runs: Sequence[RecordedRun], adaptation: "Adaptation", *, updates: bool, attitude: bool, threads: int
+    ) -> Sequence[Streamed | None]:
+        """Run over all ``runs`` without keeping trajectories; what one raises harms no other.
+
+        Args:
+            runs: recordings with their attitudes, and what the errors count for.
+            adaptation: the adaptation.
+            updates: whether to keep what the updates saw.
+            attitude: whether to keep the attitude, where the estimator finds one of its own.
+            threads: how many to use.
+
+        Returns:
+            The sums of each run, or None.
+        """
         ...
 
 
@@ -297,7 +329,7 @@ OPTIONAL: Mapping[str, tuple[type, ...]] = {
     "dataset": (PreferringAttitude, AttitudeOnly, WithoutImu),
     "disturbance": (ReadingFile,),
     "attitude": (Requiring, Remarking),
-    "filter": (ManyLengths, UsingImu, AttitudeOnly, Requiring),
+    "filter": (ManyLengths, Batched, UsingImu, AttitudeOnly, Requiring),
     "adaptation": (Remembering, Fading, TrueCovariance),
     "engine": (SideBySide, Preparing),
     "metric": (Summarising, Reading, OnRequest),

@@ -115,6 +115,13 @@ def euler_from_dcm(dcm: FloatArray) -> FloatArray:
     return np.asarray(Rotation.from_matrix(dcm).as_euler("ZYX"))[:, ::-1]
 
 
+def euler_from_rotations(dcm: FloatArray) -> FloatArray:
+    """Roll, pitch, yaw (n, 3) of (n, 3, 3) that are rotations to the last digits; SciPy would first make them so."""
+    pitch = np.arctan2(-dcm[:, 2, 0], np.hypot(dcm[:, 2, 1], dcm[:, 2, 2]))
+    roll, yaw = np.arctan2(dcm[:, 2, 1], dcm[:, 2, 2]), np.arctan2(dcm[:, 1, 0], dcm[:, 0, 0])
+    return np.stack([roll, pitch, yaw], axis=-1)
+
+
 def euler_from_quaternion(wxyz: FloatArray) -> FloatArray:
     """Roll, pitch, yaw (n, 3) of quaternions (n, 4), scalar first, that turn the body into ENU."""
     from scipy.spatial.transform import Rotation

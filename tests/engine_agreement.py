@@ -55,6 +55,11 @@ def agree(timeline, model, adaptation, compiled=None):
     def changed(seed):
         return FilterpyEngine().run(with_other_last_bits(timeline, seed), model, adaptation)
 
+    return agree_runs(timeline, compiled, reference, changed)
+
+
+def agree_runs(timeline, compiled, reference, changed):
+    """The same for two runs; ``changed`` gives the reference after a change of its last bits, for each seed."""
     flip = first_flip(compiled, reference)
     if flip is not None:
         show_that_rounding_decides(flip, compiled, reference, (changed(seed) for seed in range(12)))

@@ -24,6 +24,7 @@ ORDER = [
     ["batch", "sums"],
     ["contracts"],
     ["memory", "optional"],
+    ["estimation"],
     ["inertial"],
     ["plugins"],
     ["simulation", "readers", "traces"],

@@ -6,12 +6,13 @@ import numpy as np
 
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.arrays import FloatArray
+from jerkbench.conformance.batched import check_batched
 from jerkbench.conformance.matrices import require_covariance, require_finite, require_shape
 from jerkbench.conformance.methods import require_methods
 from jerkbench.conformance.recordings import small_recording, true_attitude
 from jerkbench.conformance.require import require
 from jerkbench.conformance.same import pure_result
-from jerkbench.contracts import Estimator, Filter
+from jerkbench.contracts import Batched, Estimator, Filter
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.estimate import Estimate
 from jerkbench.plugins import create
@@ -106,7 +107,10 @@ def _check_estimator(plugin: Estimator) -> None:
     recording = small_recording()
     attitude = true_attitude(recording)
     adaptation = create("adaptation", {"name": accepted[0]})
-    check_estimate(subject, pure_result(f"{subject}.estimate()", plugin.estimate, recording, attitude, adaptation))
+    estimate = pure_result(f"{subject}.estimate()", plugin.estimate, recording, attitude, adaptation)
+    check_estimate(subject, estimate)
+    if isinstance(plugin, Batched):
+        check_batched(subject, plugin, recording, attitude, adaptation, estimate)
 
 
 def check_estimate(subject: str, estimate: Estimate) -> None:

@@ -11,6 +11,7 @@ from jerkbench.contracts import Adaptation, Filter
 from jerkbench.engines.compiled.plugin_call import Rule, rule_of
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.estimate import Estimate
+from jerkbench.estimation.adaptation_call import first_sentence
 from jerkbench.notices import notify
 from jerkbench.plugins import register
 from jerkbench.timeline.timeline import Timeline
@@ -109,14 +110,7 @@ def _reason(adaptation: Hashable) -> str:
     try:
         rule_of(cast("Adaptation", adaptation))
     except (NumbaError, UnsupportedBytecodeError, TypeError) as error:
-        reason = _first_sentence(str(error))
+        reason = first_sentence(str(error))
         notify(f"{type(adaptation).__name__} runs on the engine filterpy: {reason}")
         return reason
     return ""
-
-
-def _first_sentence(message: str) -> str:
-    """The line of numba's message that names the obstacle."""
-    lines = [line.strip() for line in message.splitlines() if line.strip()]
-    telling = [line for line in lines if not line.startswith(("Failed in", "During:", "File", "[1"))]
-    return (telling or lines or ["numba cannot compile it"])[0]

@@ -1,25 +1,28 @@
 """Runs of a cell without trajectories: all seeds side by side, where engine and metrics can."""
 
 from collections.abc import Hashable, Mapping, Sequence
-from typing import Any, NamedTuple, cast
+from typing import NamedTuple, cast
 
 import numpy as np
 
-from jerkbench.batch import Run, Streamed
+from jerkbench.batch import RecordedRun, Run, Streamed
 from jerkbench.cells.cell import Cell
-from jerkbench.contracts import Estimator, Metric, SideBySide, Summarising
-from jerkbench.evaluation.batch_scoring import Scored, can_stream, sums_from, with_updates
+from jerkbench.contracts import Batched, Estimator, Filter, Metric, SideBySide, Summarising
+from jerkbench.estimate import Attitude
+from jerkbench.evaluation.batch_scoring import Scored, can_stream, outlined, sums_from, with_updates
 from jerkbench.evaluation.run import gathered
 from jerkbench.execution import inputs
 from jerkbench.optional import part_read
 from jerkbench.recording import Recording
+from jerkbench.timeline.timeline import Timeline
 
 
 class Prepared(NamedTuple):
     """A seed, ready to run."""
 
     recording: Recording
-    run: Run
+    attitude: Attitude
+    timeline: Timeline
     scored: Scored
 
 
@@ -39,8 +42,13 @@ class StreamedSeed(NamedTuple):
 
 def streams(cell: Cell) -> bool:
     """Whether the runs of ``cell`` need no trajectories, and its engine can do without."""
-    kinematic = not isinstance(cell.filter, Estimator)
-    return kinematic and isinstance(cell.engine, SideBySide) and all(map(can_stream, cell.metrics))
+    batched = runs_compiled(cell) if isinstance(cell.filter, Estimator) else isinstance(cell.engine, SideBySide)
+    return batched and all(map(can_stream, cell.metrics))
+
+
+def runs_compiled(cell: Cell) -> bool:
+    """Whether the estimator of ``cell`` has a compiled way, and the engine asks for it."""
+    return isinstance(cell.filter, Batched) and isinstance(cell.engine, SideBySide)
 
 
 def streamed_values(cell: Cell, draws: Sequence[int], fingerprint: str, threads: int) -> dict[int, StreamedSeed]:
@@ -50,10 +58,7 @@ def streamed_values(cell: Cell, draws: Sequence[int], fingerprint: str, threads:
     what is the matter. What the engine itself raises goes on to the caller.
     """
     prepared = {draw: seed_run for draw in draws if (seed_run := _prepared(cell, draw, fingerprint)) is not None}
-    updates = any(part_read(metric) == "updates" for metric in cell.metrics)
-    runs = [seed_run.run for seed_run in prepared.values()]
-    engine: Any = cell.engine
-    results = engine.run_many(runs, cell.filter, cell.adaptation, updates=updates, threads=threads)
+    results = _run_all(cell, list(prepared.values()), threads)
     limit_m2 = cell.protocol.divergence_limit_m**2
     return {
         draw: StreamedSeed(seed_run.recording, _values(cell, seed_run, result), result.farthest_m2 > limit_m2)
@@ -62,26 +67,42 @@ def streamed_values(cell: Cell, draws: Sequence[int], fingerprint: str, threads:
     }
 
 
+def _run_all(cell: Cell, prepared: Sequence[Prepared], threads: int) -> Sequence[Streamed | None]:
+    """Run all seeds in the estimator's own way, or in the engine's."""
+    reads = {part_read(metric) for metric in cell.metrics}
+    updates, attitude = "updates" in reads, "attitude" in reads
+    if isinstance(cell.filter, Batched):
+        recorded = [RecordedRun(seed.recording, seed.attitude, seed.timeline, seed.scored.scoring) for seed in prepared]
+        return cell.filter.run_many(recorded, cell.adaptation, updates=updates, attitude=attitude, threads=threads)
+    engine, model = cast("SideBySide", cell.engine), cast("Filter", cell.filter)
+    runs = [Run(seed.timeline, seed.scored.scoring) for seed in prepared]
+    return engine.run_many(runs, model, cell.adaptation, updates=updates, threads=threads)
+
+
 def _prepared(cell: Cell, draw: int, fingerprint: str) -> Prepared | None:
     try:
         recording = inputs.disturbed(cell.dataset, cell.disturbances, fingerprint, draw)
-        timeline = inputs.timeline_of(recording, inputs.attitude_of(recording, cell.attitude))
+        attitude = inputs.attitude_of(recording, cell.attitude)
+        timeline = inputs.timeline_of(recording, attitude)
     except Exception:  # noqa: BLE001 - the run alone raises it again, where it becomes a row that says so
         return None
     scored = inputs.scored_of(recording, timeline, cell.protocol.burn_in_s)
-    return None if scored is None else Prepared(recording, Run(timeline, scored.scoring), scored)
+    return None if scored is None else Prepared(recording, attitude, timeline, scored)
 
 
 def _values(cell: Cell, seed_run: Prepared, result: Streamed) -> dict[str, float]:
     with np.errstate(over="ignore", invalid="ignore"):
         sums = sums_from(result, seed_run.scored, seed_run.recording)
-    estimate = with_updates(seed_run.scored.outline, result.updates)
+    outline, own = seed_run.scored.outline, result.euler_rad is not None
+    if result.euler_rad is not None:
+        outline = outlined(outline.index, result.euler_rad)
+    estimate = with_updates(outline, result.updates)
 
     def columns(metric: Metric) -> Mapping[str, float]:
         """Return the columns of ``metric``, in the units of their names, from the least that it needs."""
         if isinstance(metric, Summarising):
             return metric.summarise(sums)
-        if part_read(metric) == "attitude":
+        if part_read(metric) == "attitude" and not own:
             return inputs.attitude_columns(cast("Hashable", metric), seed_run.scored, seed_run.recording)
         return metric.evaluate(estimate, seed_run.recording, seed_run.scored.counted)
 

@@ -4,13 +4,13 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from jerkbench.cells.cell import Cell
-from jerkbench.contracts import Estimator
+from jerkbench.contracts import Batched, Estimator
 from jerkbench.errors import JerkbenchError, PluginError
-from jerkbench.estimate import Estimate
+from jerkbench.estimate import Attitude, Estimate
 from jerkbench.evaluation.run import evaluate_run, run_status
 from jerkbench.execution import inputs
 from jerkbench.execution.attitude_remarks import remarks_of
-from jerkbench.execution.batches import StreamedSeed, streamed_values, streams
+from jerkbench.execution.batches import StreamedSeed, runs_compiled, streamed_values, streams
 from jerkbench.execution.plugin_errors import plugins_in_words, reason_of
 from jerkbench.execution.plugin_probe import unfit
 from jerkbench.plain import plain
@@ -135,9 +135,17 @@ def run_once(cell: Cell, draw: int, fingerprint: str) -> tuple[Recording, Estima
     recording = inputs.disturbed(cell.dataset, cell.disturbances, fingerprint, draw)
     attitude = inputs.attitude_of(recording, cell.attitude)
     if isinstance(cell.filter, Estimator):
-        return recording, cell.filter.estimate(recording, attitude, cell.adaptation)
+        return recording, _estimated(cell, cell.filter, recording, attitude)
     timeline = inputs.timeline_of(recording, attitude)
     return recording, cell.engine.run(timeline, cell.filter, cell.adaptation)
+
+
+def _estimated(cell: Cell, estimator: Estimator, recording: Recording, attitude: Attitude) -> Estimate:
+    """In the compiled way where the engine asks for it and there is one."""
+    quick = None
+    if runs_compiled(cell) and isinstance(estimator, Batched):
+        quick = estimator.estimate_compiled(recording, attitude, cell.adaptation)
+    return estimator.estimate(recording, attitude, cell.adaptation) if quick is None else quick
 
 
 def row_of_run(cell: Cell, single: SingleSeed, recording: Recording, estimate: Estimate) -> Row:

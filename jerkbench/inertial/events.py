@@ -39,7 +39,7 @@ def merge_events(timeline: Timeline, imu: Imu, headings: Heading | None, constra
     known = nanoseconds(timeline.t_s)
     more = nanoseconds(headings.t_s if headings is not None else np.empty(0))
     more = more[(more >= known[0]) & (more <= known[-1])]
-    t_ns = np.unique(np.concatenate([known, more]))
+    t_ns = np.unique(np.concatenate([known, more])) if len(more) else known
     at = np.searchsorted(t_ns, known)
     update, reference, heading = np.full((3, len(t_ns)), -1, dtype=np.int64)
     update[at], reference[at] = timeline.update, timeline.reference
@@ -47,7 +47,7 @@ def merge_events(timeline: Timeline, imu: Imu, headings: Heading | None, constra
         heading[np.searchsorted(t_ns, more)] = np.flatnonzero(np.isin(nanoseconds(headings.t_s), more))
     intervals = t_ns // max(round(constraint_interval_s * 1e9), 1)
     return Events(
-        t_s=t_ns * 1e-9,
+        t_s=np.asarray(t_ns * 1e-9),
         dt_s=np.diff(t_ns, prepend=t_ns[0]) * 1e-9,
         sample=np.searchsorted(nanoseconds(imu.t_s), t_ns).astype(np.int64),
         update=update,

@@ -10,10 +10,12 @@ import pytest
 from jerkbench import testing
 from jerkbench.adaptation.mtf import Mtf
 from jerkbench.adaptation.none import NoAdaptation
+from jerkbench.batch import Streamed
 from jerkbench.conformance.recordings import small_recording, true_attitude
 from jerkbench.disturbances.bias import Bias as BiasDisturbance
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.errors import PluginError
+from jerkbench.estimate import Updates
 from jerkbench.evaluation.position import PositionRmse
 from jerkbench.filters.gnss_only import GnssOnly
 from jerkbench.filters.jerk import Jerk
@@ -440,3 +442,35 @@ def test_an_unknown_kind_is_a_sentence():
 
 def test_the_metric_of_the_package_is_right():
     testing.check_metric(PositionRmse())
+
+
+@dataclass(frozen=True)
+class BrokenBatched(GnssOnly):
+    """An estimator whose compiled way goes another way."""
+
+    apart_m: float = 0.0
+    factor: float = 1.0
+
+    def estimate_compiled(self, recording, attitude, adaptation):
+        estimate = self.estimate(recording, attitude, adaptation)
+        return replace(estimate, position_m=estimate.position_m + self.apart_m)
+
+    def run_many(self, runs, adaptation, *, updates, attitude, threads):
+        sums = [self._sums(run, adaptation) for run in runs]
+        return [None if self.factor == 0.0 else one for one in sums]
+
+    def _sums(self, run, adaptation):
+        estimate = self.estimate(run.recording, run.attitude, adaptation)
+        error = (estimate.position_m - run.scoring.truth[:, :3]) * run.scoring.counted[:, None]
+        velocity = (estimate.velocity_mps - run.scoring.truth[:, 3:]) * run.scoring.moving[:, None]
+        position_m2, velocity_m2ps2 = (error**2).sum(axis=0) * self.factor, (velocity**2).sum(axis=0)
+        none = Updates.empty()
+        return Streamed(position_m2, velocity_m2ps2, *[0.0] * 10, np.zeros((0, 3)), none)
+
+
+def test_a_compiled_way_that_goes_another_way():
+    with pytest.raises(AssertionError, match="position_m"):
+        testing.check_filter(BrokenBatched(apart_m=1e-3))
+    with pytest.raises(AssertionError, match="position_m2"):
+        testing.check_filter(BrokenBatched(factor=1.1))
+    testing.check_filter(BrokenBatched(factor=0.0))

@@ -12,17 +12,10 @@ from jerkbench.compilation.methods import Method, address_of, compiled_method, p
 from jerkbench.contracts import Adaptation, Fading
 from jerkbench.engines.compiled.arguments import Packed, Rules
 from jerkbench.engines.compiled.layout import WIDTH
+from jerkbench.estimation.adaptation_call import ADAPT, GIVEN
 from jerkbench.memory import empty_memory
 from jerkbench.optional import wants_truth
 
-GIVEN = (
-    ("innovation", "float64", "m"),
-    ("HPHt", "float64", "(m, m)"),
-    ("R", "float64", "(m, m)"),
-    ("rows", "int64", "m"),
-    ("memory", "float64", "size"),
-)
-ADAPT = Method("adapt", GIVEN, ("m", "size"), (("m", 6),), "(m, m)")
 FADE = Method("fade", GIVEN, ("m", "size"), (("m", 6),), "")
 
 

@@ -1,0 +1,168 @@
+"""The compiled inertial navigation against the NumPy one, over all switches and adaptations."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from engine_agreement import agree_runs, with_other_last_bits
+from jerkbench import plugins
+from jerkbench.adaptation.mtf import Mtf
+from jerkbench.adaptation.none import NoAdaptation
+from jerkbench.attitude.plugin import Tilt
+from jerkbench.batch import RecordedRun
+from jerkbench.datasets.field import Field
+from jerkbench.evaluation.batch_scoring import scored, sums_from
+from jerkbench.evaluation.run import counted_rows
+from jerkbench.evaluation.sums import sums_of
+from jerkbench.filters._accepted import without_fading
+from jerkbench.filters.eskf15 import Eskf15
+from jerkbench.geometry import dcm_from_euler
+from jerkbench.inertial.compiled.solution import prepare, solve_compiled
+from jerkbench.inertial.run import InertialRun
+from jerkbench.recording import Heading, Velocity
+from jerkbench.timeline.timeline import build_timeline
+
+BURN_IN_S = 2.0
+
+SCALES = {"gyro_scale_ppm": 3000.0, "accel_scale_ppm": 3000.0, "misalignment_mrad": 3.0}
+ARMS = {"antenna_m": (0.3, -0.2, 1.1), "reference_point_m": (-0.4, 0.1, 0.2)}
+HELD = {"zero_velocity": True, "nonholonomic": True, "nonholonomic_point_m": (-0.5, 0.0, -0.3)}
+EARTH = {"earth_rotation": True, "earth_curvature": True, "gyro_bias_from_rest": False}
+
+CASES = {
+    "as it comes": ("enu", {}),
+    "lever arms": ("enu", ARMS),
+    "velocity of the body": ("body", ARMS),
+    "heading": ("heading", {}),
+    "heading not used": ("heading", {"use_heading": False}),
+    "held": ("enu", HELD),
+    "held without velocity": ("enu", {**HELD, "use_velocity": False, "position_sigma_m": 0.02}),
+    "earth": ("enu", EARTH),
+    "constant biases": ("enu", {"gyro_instability_deg_per_h": 0.0, "accel_instability_mg": 0.0}),
+    "yaw of the track": ("enu", {"yaw_source": "track"}),
+    "wheel": ("speed", {"nonholonomic_point_m": (-0.5, 0.2, -0.3)}),
+    "wheel's scale": ("speed", {"wheel_scale": True, **HELD}),
+    "scales": ("heading", {**SCALES, **ARMS, **HELD, **EARTH}),
+    "scales and wheel": ("speed", {**SCALES, **ARMS, **HELD, "wheel_scale": True}),
+}
+
+
+@cache
+def recorded(kind):
+    """A drive of the simulated robot with one way to measure velocity or heading."""
+    recording = Field(duration_s=10.0).load(3)
+    truth = recording.reference
+    if kind == "heading":
+        t_s = recording.position.t_s[20::3] + 0.0037
+        yaw = np.interp(t_s, truth.t_s, np.unwrap(truth.euler_rad[:, 2]))
+        heading = Heading(t_s, np.mod(yaw + np.pi, 2 * np.pi) - np.pi, np.full(len(t_s), 0.02))
+        recording = replace(recording, heading=heading)
+    rows = np.searchsorted(truth.t_s, recording.velocity.t_s - 1e-6)
+    in_body = np.einsum("nji,nj->ni", dcm_from_euler(truth.euler_rad[rows]), recording.velocity.mps)
+    if kind == "body":
+        recording = replace(recording, velocity=replace(recording.velocity, frame="body", mps=in_body))
+    elif kind == "speed":
+        speed = Velocity.along_course(recording.velocity.t_s, 1.03 * in_body[:, 0], 0.03)
+        recording = replace(recording, velocity=speed)
+    return recording, Tilt().estimate(recording)
+
+
+def reference_run(journey, adaptation):
+    start = journey.start
+    run = InertialRun(journey.imu, journey.timeline, journey.headings, start, adaptation, journey.settings)
+    return run.over(journey.events)
+
+
+def with_other_inputs(journey, seed):
+    """Measurements, samples of the IMU and covariance at the start, changed in their last bits.
+
+    The gyro changes by what turns the attitude by its last bits in a step: there each step rounds, not in the rate.
+    """
+    rng, (state, P) = np.random.default_rng(seed), journey.start
+    turns = 2.0 * np.finfo(float).eps * rng.integers(-1, 2, journey.imu.gyro_radps.shape)
+
+    def other(array):
+        return array * (1.0 + 4.0 * np.finfo(float).eps / 2 * rng.integers(-1, 2, array.shape))
+
+    half = np.tril(other(P))
+    imu = replace(
+        journey.imu, accel_mps2=other(journey.imu.accel_mps2), gyro_radps=journey.imu.gyro_radps + turns / 0.01
+    )
+    timeline = with_other_last_bits(journey.timeline, seed)
+    return journey._replace(imu=imu, timeline=timeline, start=(state, half + np.tril(half, -1).T))
+
+
+def compare(kind, fields, adaptation):
+    recording, attitude = recorded(kind)
+    journey = Eskf15(**fields).journey(recording, attitude)
+    wanted = reference_run(journey, adaptation)
+    truth = getattr(adaptation, "wants_true_covariance", False)
+    got = solve_compiled(prepare(journey, wants_truth=truth), adaptation)
+
+    @cache
+    def changed(seed):
+        return reference_run(with_other_inputs(journey, seed), adaptation).estimate
+
+    agreement = agree_runs(journey.timeline, got.estimate, wanted.estimate, changed)
+    if agreement.flip is None:
+        np.testing.assert_allclose(got.estimate.euler_rad, wanted.estimate.euler_rad, rtol=0.0, atol=1e-9)
+        for mine, theirs in zip(got.state[:5], wanted.state[:5], strict=True):
+            np.testing.assert_allclose(mine, theirs, rtol=1e-7, atol=1e-9)
+        sigma = np.sqrt(np.diag(wanted.covariance))
+        assert np.abs((got.covariance - wanted.covariance) / np.outer(sigma, sigma)).max() < 1e-8
+    return wanted, got
+
+
+@pytest.mark.parametrize(("kind", "fields"), CASES.values(), ids=CASES)
+def test_it_agrees_with_numpy_with_each_switch(kind, fields):
+    compare(kind, fields, Mtf())
+
+
+@pytest.mark.parametrize("name", without_fading())
+def test_it_agrees_with_numpy_with_each_adaptation(name):
+    compare("enu", {}, plugins.create("adaptation", {"name": name}))
+
+
+def test_what_is_estimated_of_the_sensors_agrees():
+    wanted, got = compare(*CASES["scales and wheel"], NoAdaptation())
+
+    assert got.state.wheel_scale == pytest.approx(wanted.state.wheel_scale, abs=1e-9)
+    assert abs(wanted.state.wheel_scale) > 1e-3
+    np.testing.assert_allclose(got.state.deformation.gyro, wanted.state.deformation.gyro, rtol=0.0, atol=1e-9)
+    np.testing.assert_allclose(got.state.deformation.accel, wanted.state.deformation.accel, rtol=0.0, atol=1e-9)
+
+
+def test_it_stops_where_numpy_stops():
+    recording, attitude = recorded("enu")
+    journey = Eskf15().journey(recording, attitude)
+    R = np.array(journey.timeline.measurements.R)
+    R[40] *= -0.1
+    measured = replace(journey.timeline.measurements, R=R, R_true=R)
+    journey = journey._replace(timeline=replace(journey.timeline, measurements=measured))
+    wanted = reference_run(journey, NoAdaptation()).estimate
+    got = solve_compiled(prepare(journey, wants_truth=False), NoAdaptation()).estimate
+
+    assert wanted.failure
+    assert got.failure == wanted.failure
+    np.testing.assert_array_equal(got.index, wanted.index)
+
+
+@pytest.mark.parametrize("case", ["lever arms", "heading"])
+def test_its_sums_are_those_of_a_trajectory(case):
+    kind, fields = CASES[case]
+    (recording, attitude), model = recorded(kind), Eskf15(**fields)
+    timeline = build_timeline(recording, attitude)
+    scene = scored(recording, timeline, BURN_IN_S)
+    run = RecordedRun(recording, attitude, timeline, scene.scoring)
+    one, two = model.run_many([run, run], Mtf(), updates=True, attitude=True, threads=2)
+    estimate = model.estimate(recording, attitude, Mtf())
+    wanted = sums_of(estimate, recording, counted_rows(estimate, recording, BURN_IN_S))
+    got = sums_from(one, scene, recording)
+
+    for name in wanted._fields:
+        np.testing.assert_allclose(getattr(got, name), getattr(wanted, name), rtol=1e-8, err_msg=name)
+    np.testing.assert_allclose(one.euler_rad, estimate.euler_rad, rtol=0.0, atol=1e-9)
+    np.testing.assert_allclose(one.updates.innovation, estimate.updates.innovation, rtol=0.0, atol=1e-9)
+    np.testing.assert_array_equal(one.position_m2, two.position_m2)
