@@ -35,8 +35,10 @@ def of_rows(rows: "pd.DataFrame") -> Iterator[Drawing]:
     """Yield the figures that need the rows alone."""
     from jerkbench.report.analysis.best_noise import at_best_noise
     from jerkbench.report.analysis.quantities import quantity
+    from jerkbench.report.analysis.severity import with_severity
     from jerkbench.report.plots.bars import bars_figure
     from jerkbench.report.plots.sensitivity import sensitivity_figure, with_sigma
+    from jerkbench.report.plots.severity import severity_figure
 
     metric = main_metric(rows)
     title = quantity(metric).heading
@@ -48,6 +50,13 @@ def of_rows(rows: "pd.DataFrame") -> Iterator[Drawing]:
     if len(with_sigma(rows)["sigma_a"].unique()) > 1:
         figure = sensitivity_figure(rows, metric)
         yield Drawing("sensitivity", f"{title} over the process noise; hollow: some runs were lost.", figure)
+    swept = with_severity(best)
+    if len(swept):
+        caption = (
+            f"{title} over the size of a fault; hollow: some runs were lost; crosses: two methods are equally good;"
+            f" triangles: the smallest fault that a method's adaptation acts on.{noise}"
+        )
+        yield Drawing("severity", caption, severity_figure(swept, metric))
 
 
 def _over_scenarios(rows: "pd.DataFrame", metric: str, noise: str) -> Iterator[Drawing]:

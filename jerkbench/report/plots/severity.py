@@ -1,0 +1,63 @@
+"""The figure of a metric over the size of a fault."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from jerkbench.arrays import FloatArray
+from jerkbench.evaluation.statistics.intervals import mean_intervals
+from jerkbench.report.analysis.quantities import quantity
+from jerkbench.report.analysis.severity import NAME, SCENARIO, SIZE, crossings, smallest_noticed
+from jerkbench.report.plots.style import DOTS_PER_INCH, legend_below, lines, quiet
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+def severity_figure(swept: "pd.DataFrame", metric: str) -> Figure:
+    """Draw the mean of ``metric`` over the size of a fault with its interval, a panel for each scenario.
+
+    Runs that diverged or failed are left out of a mean, and make its point hollow. A cross stands where two methods are
+    equally good, a triangle on the axis at the smallest fault that a method's adaptation acts on.
+
+    Args:
+        swept: rows as `with_severity` returns them.
+        metric: the metric's column.
+    """
+    scenarios = list(dict.fromkeys(swept[SCENARIO]))
+    figure = Figure(figsize=(7.0, 0.6 + 2.8 * len(scenarios)), dpi=DOTS_PER_INCH, layout="constrained")
+    panels = figure.subplots(len(scenarios), 1, squeeze=False)[:, 0]
+    swept = swept.assign(method=swept["filter"].astype(str) + " + " + swept["adaptation"].astype(str))
+    names = list(dict.fromkeys(swept["method"]))
+    for axes, scenario in zip(panels, scenarios, strict=True):
+        scene = swept[swept[SCENARIO] == scenario]
+        _draw(axes, scene, names, metric, labelled=axes is panels[0])
+        axes.set(title=scenario, xlabel=scene[NAME].iloc[0], ylabel=quantity(metric).heading, yscale="log")
+        if scene[SIZE].min() > 0:
+            axes.set_xscale("log")
+        quiet(axes)
+    legend_below(figure)
+    return figure
+
+
+def _draw(axes: Axes, scene: "pd.DataFrame", names: list[str], metric: str, *, labelled: bool) -> None:
+    sizes = np.sort(scene[SIZE].unique())
+    means: dict[str, FloatArray] = {}
+    for name, colour, dash in lines(names):
+        runs = scene[scene["method"] == name]
+        groups = [runs[runs[SIZE] == size] for size in sizes]
+        good = [group.loc[group["status"] == "ok", metric] for group in groups]
+        intervals = mean_intervals(good)
+        means[name] = np.array([one.mean for one in intervals])
+        label = name if labelled else None
+        axes.plot(sizes, means[name], color=colour, linestyle=dash, linewidth=1.0, label=label)
+        for size, group, values, one in zip(sizes, groups, good, intervals, strict=True):
+            axes.plot([size, size], [one.low, one.high], color=colour, linewidth=0.8)
+            face = colour if len(values) == len(group) else "white"
+            axes.plot([size], [one.mean], "o", color=colour, markerfacecolor=face, markersize=4.0)
+        noticed = smallest_noticed(runs) if len(runs) else float("nan")
+        axes.plot([noticed], [0.0], "^", color=colour, transform=axes.get_xaxis_transform(), clip_on=False)
+    for crossing in crossings(sizes, means):
+        axes.plot([crossing.size], [crossing.cost], "x", color="black", markersize=5.0)

@@ -1,0 +1,75 @@
+"""The size of a fault, read off labels; where methods cross, and what is noticed."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from jerkbench.report.analysis.severity import crossings, smallest_noticed, with_severity
+from jerkbench.report.plots.severity import severity_figure
+
+
+def rows(sizes=(0.1, 1.0, 10.0), seeds=5):
+    made = []
+    for size in sizes:
+        for seed in range(seeds):
+            for adaptation, cost, acts in (("none", size, 0.0), ("chi2", 0.5 + 0.05 * size, 20.0 * (size > 0.5))):
+                made.append(
+                    {
+                        "dataset": "field",
+                        "disturbance": f"bias+false_fix(offset_m={size:g}, length_s=5)",
+                        "filter": "jerk",
+                        "adaptation": adaptation,
+                        "seed": seed,
+                        "status": "ok",
+                        "position_rmse_m": cost,
+                        "rejected_percent": acts + 0.1 * seed,
+                    }
+                )
+    return pd.DataFrame(made)
+
+
+def test_the_parameter_that_is_swept_is_the_size():
+    swept = with_severity(rows())
+    assert sorted(set(swept["severity"])) == [0.1, 1.0, 10.0]
+    assert set(swept["severity_name"]) == {"offset_m"}
+    assert set(swept["severity_of"]) == {"field: bias+false_fix(offset_m=..., length_s=5)"}
+
+
+def test_two_sizes_are_no_sweep():
+    assert with_severity(rows(sizes=(0.1, 1.0))).empty
+    assert with_severity(rows().assign(disturbance="none")).empty
+
+
+def test_a_sweep_stands_beside_what_is_none():
+    both = pd.concat([rows(), rows().assign(disturbance="none")], ignore_index=True)
+    assert len(with_severity(both)) == len(rows())
+
+
+def test_methods_cross_where_their_lines_do():
+    """log 1 to log 100 and a constant 10: half way."""
+    sizes = np.array([0.0, 2.0, 4.0])
+    (one,) = crossings(sizes, {"a": np.array([1.0, 100.0, 100.0]), "b": np.array([10.0, 10.0, np.nan])})
+    assert one.size == pytest.approx(1.0)
+    assert one.cost == pytest.approx(10.0)
+    assert (one.better_below, one.better_above) == ("a", "b")
+    (one,) = crossings(np.array([1.0, 100.0]), {"a": np.array([1.0, 100.0]), "b": np.array([10.0, 10.0])})
+    assert one.size == pytest.approx(10.0)
+
+
+def test_what_is_noticed_is_acted_on_from_there_on():
+    swept = with_severity(rows())
+    assert smallest_noticed(swept[swept["adaptation"] == "chi2"]) == 1.0
+    assert np.isnan(smallest_noticed(swept[swept["adaptation"] == "none"]))
+    assert np.isnan(smallest_noticed(swept.drop(columns="rejected_percent")))
+
+
+def test_the_figure_has_a_line_for_each_method_and_marks_for_both():
+    (axes,) = severity_figure(with_severity(rows()), "position_rmse_m").axes
+    (line,) = [one for one in axes.get_lines() if one.get_label() == "jerk + none"]
+    np.testing.assert_allclose(line.get_xdata(), [0.1, 1.0, 10.0])
+    np.testing.assert_allclose(line.get_ydata(), [0.1, 1.0, 10.0])
+    crossed = [one for one in axes.get_lines() if one.get_marker() == "x"]
+    triangles = [one.get_xdata()[0] for one in axes.get_lines() if one.get_marker() == "^"]
+    assert len(crossed) == 1
+    assert 0.1 < crossed[0].get_xdata()[0] < 1.0
+    assert triangles[1] == 1.0
