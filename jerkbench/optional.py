@@ -69,10 +69,10 @@ def misfit(kind: str, cls: type) -> str:
 
     Of a name that is all but one of an optional part it is taken that this was meant. Parameters may have such names.
     """
-    parameters, asked = {field.name for field in fields(cls)}, _members(OPTIONAL[kind])
-    known = asked | _members(REQUIRED[kind]) | parameters
+    parameters, optional = {field.name for field in fields(cls)}, _members(OPTIONAL[kind])
+    known = optional | _members(REQUIRED[kind]) | parameters
     for name in (name for base in cls.__mro__ if base.__module__ not in NOT_OURS for name in _public(vars(base))):
-        if name not in known and (meant := difflib.get_close_matches(name, asked, 1, ALIKE)):
+        if name not in known and (meant := difflib.get_close_matches(name, optional, 1, ALIKE)):
             return (
                 f"nothing asks for {cls.__name__}.{name}, but for {meant[0]}; give it that name, or one that is less"
                 " like it."

@@ -13,8 +13,8 @@ import numpy as np
 
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.arrays import FloatArray
-from jerkbench.attitude.external_acceleration import ADAPTATIONS
 from jerkbench.attitude.plugin import Tilt
+from jerkbench.attitude.tilt_kernel import ADAPTATIONS
 from jerkbench.datasets.broad import Broad
 from jerkbench.evaluation.inclination import Inclination
 from jerkbench.filters.attitude_only import AttitudeOnly

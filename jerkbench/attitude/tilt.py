@@ -36,7 +36,7 @@ class TiltParameters(NamedTuple):
         window: mu, over how many samples mtf takes the mean of e_i^2.
         normalise: whether x is brought back to length 1 after each update.
         exact: whether Phi is the rotation itself, or its first-order form.
-        adapt: one of `external_acceleration.ADAPTATIONS`.
+        adapt: one of `tilt_kernel.ADAPTATIONS`.
     """
 
     sigma_gyro_radps: float = 0.0017
@@ -68,9 +68,9 @@ def run_tilt(
     Compiled; with NUMBA_DISABLE_JIT=1 the same loop runs as it is, some hundred times slower.
     """
     x, triggered = np.empty((len(dt_s), 3)), np.empty(len(dt_s), dtype=np.bool_)
-    given = (np.require(array, np.float64, ["C", "W", "A"]) for array in (gyro_radps, accel_mps2, dt_s))
+    arrays = (np.require(array, np.float64, ["C", "W", "A"]) for array in (gyro_radps, accel_mps2, dt_s))
     with np.errstate(all="ignore"):
-        _loop()(make_room(start.x, start.variance, p.window), *given, settings_of(p), x, triggered)
+        _loop()(make_room(start.x, start.variance, p.window), *arrays, settings_of(p), x, triggered)
     return x, triggered
 
 

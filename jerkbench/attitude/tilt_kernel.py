@@ -131,13 +131,13 @@ def _fill_transition(Phi: FloatArray, a: float, b: float, c: float, exact: bool)
         Phi[j, i] -= first * turn
 
 
-def _fill_noise(room: Room, seen: int, excess: float, triggered: bool, settings: Settings) -> None:
+def _fill_noise(room: Room, samples: int, excess: float, triggered: bool, settings: Settings) -> None:
     """The diagonal of M = sigma_A^2 I + Sigma_acc.
 
     none: 0;  mtf: max(0, w_i - C0_ii) if triggered, w_i the mean of the last mu e_i^2;  scalar: (e'e - tr C0)/3 if
     triggered;  lee: |c_a a_prev|^2/3, always (Lee et al. 2012).
     """
-    recent = min(seen, len(room.squares))
+    recent = min(samples, len(room.squares))
     expected = 0.0
     for i in range(3):
         expected += (settings.external_memory * room.a_prev[i]) ** 2

@@ -1,4 +1,4 @@
-"""What identifies the data of a cell: those of its data set, and files that its disturbances read."""
+"""The identity of a cell's data: those of its data set, and files that its disturbances read."""
 
 from collections.abc import Sequence
 

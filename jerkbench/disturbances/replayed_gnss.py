@@ -157,13 +157,13 @@ def _pairs(trace: Trace, t_s: FloatArray, start_s: float) -> tuple[IntArray, Int
     period, half = trace.period_s, 0.5 * trace.interval_s
     around = np.mod(t_s + start_s - trace.t_s[0] + half, period) - half  # the last half interval belongs to row 0
     rows = nearest_rows(trace.t_s - trace.t_s[0], around)
-    apart = np.abs(trace.t_s[rows] - trace.t_s[0] - around)
+    distance_s = np.abs(trace.t_s[rows] - trace.t_s[0] - around)
     visit = np.floor((t_s + start_s - trace.t_s[0] + half) / period).astype(np.int64) * len(trace.t_s) + rows
-    order = np.lexsort((np.arange(len(t_s)), np.round(apart, 6), visit))
+    order = np.lexsort((np.arange(len(t_s)), np.round(distance_s, 6), visit))
     first = np.ones(len(order), dtype=np.bool_)
     first[1:] = visit[order][1:] != visit[order][:-1]
     fixes = np.sort(order[first])
-    fixes = fixes[apart[fixes] <= half + TOLERANCE_S]
+    fixes = fixes[distance_s[fixes] <= half + TOLERANCE_S]
     return fixes, rows[fixes]
 
 

@@ -1,4 +1,4 @@
-"""How long a filter takes to come back after an outage."""
+"""The time that a filter takes to recover from an outage."""
 
 from dataclasses import dataclass
 from typing import ClassVar

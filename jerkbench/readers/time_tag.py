@@ -34,8 +34,8 @@ def read_time_tag(path: Path) -> TimeTag:
     content = read_bytes(path)
     if not content.startswith(_MAGIC):
         raise RecordingError(f"{path} does not begin with '{_MAGIC.decode()}'; it must be a time tag of RTKLIB.")
-    records, rest = divmod(len(content) - _START.size, _RECORD.size)
-    if records < 1 or rest:
+    records, excess = divmod(len(content) - _START.size, _RECORD.size)
+    if records < 1 or excess:
         raise RecordingError(
             f"{path} has {len(content)} bytes; {_START.size} and then {_RECORD.size} for each record are expected:"
             " it was cut short, copy it again."

@@ -146,10 +146,10 @@ class Sensors(SlowErrors):
         late = round(self.position_latency_s * self.imu_rate_hz)
         step = round(self.imu_rate_hz / self.gnss_rate_hz)
         rows = np.arange(step, len(truth.t_s), step) - late
-        there = rows >= 0
-        antenna = antenna_m(truth.enu_m[rows[there]], truth.euler_rad[rows[there]], self.lever_arm_error_m)
-        noise = self._noise("position", fixes, 3, seed)[there]
-        return measure_position(fixes.t_s[there], antenna, self.position_sigma_m, noise)
+        taken = rows >= 0
+        antenna = antenna_m(truth.enu_m[rows[taken]], truth.euler_rad[rows[taken]], self.lever_arm_error_m)
+        noise = self._noise("position", fixes, 3, seed)[taken]
+        return measure_position(fixes.t_s[taken], antenna, self.position_sigma_m, noise)
 
     def _velocity(self, fixes: Truth, seed: int) -> Velocity:
         noise = self._noise("velocity", fixes, 3, seed)

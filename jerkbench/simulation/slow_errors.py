@@ -1,4 +1,4 @@
-"""What a simulated receiver's errors have besides white noise: they last, are late, and are those of an antenna."""
+"""The slow errors of a simulated receiver, besides white noise: they last, are late, and are of an antenna."""
 
 from dataclasses import dataclass
 
@@ -41,17 +41,17 @@ class SlowErrors:
     position_latency_s: float = 0.0
     lever_arm_error_m: tuple[float, ...] = (0.0, 0.0, 0.0)
 
-    def check_slow_errors(self, what: str, imu_rate_hz: float) -> None:
-        """Raise a PluginError, which begins with ``what``, unless shares, times, latency and lever arm make sense."""
-        require_axes(what, self, ("lever_arm_error_m",), positive=False)
-        require_positive(what, self, tuple(f"{sensor}_coloured_time_s" for sensor in MEASURED))
+    def check_slow_errors(self, subject: str, imu_rate_hz: float) -> None:
+        """Raise a PluginError, about ``subject``, unless shares, times, latency and lever arm make sense."""
+        require_axes(subject, self, ("lever_arm_error_m",), positive=False)
+        require_positive(subject, self, tuple(f"{sensor}_coloured_time_s" for sensor in MEASURED))
         for name in (f"{sensor}_coloured_share" for sensor in MEASURED):
             if not 0 <= getattr(self, name) <= 1:
-                raise PluginError(f"{what}: {name} is {getattr(self, name)}; a share is from 0 to 1.")
+                raise PluginError(f"{subject}: {name} is {getattr(self, name)}; a share is from 0 to 1.")
         samples = self.position_latency_s * imu_rate_hz
         if not (0 <= samples < np.inf and abs(samples - round(samples)) < 1e-6):
             raise PluginError(
-                f"{what}: position_latency_s is {self.position_latency_s}; it must be 0 or a multiple of the IMU's"
+                f"{subject}: position_latency_s is {self.position_latency_s}; it must be 0 or a multiple of the IMU's"
                 f" interval, {1 / imu_rate_hz:g} s."
             )
 

@@ -1,4 +1,4 @@
-"""From a recording with a better reference to the trace of its fixes."""
+"""The trace of a recording's fixes, from a better reference."""
 
 import numpy as np
 
