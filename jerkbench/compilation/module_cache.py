@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from tempfile import TemporaryDirectory, gettempdir
 from threading import RLock
 from types import ModuleType
 from typing import Any
@@ -89,7 +89,7 @@ def _compiled(path: Path, title: str, source: str, namespace: Namespace) -> Modu
         if keeps:
             notify(f"compiling {title}, once, some seconds; it is kept in {path.parent}", title)
         module, files = _imported(name, {f"{name}.py": source.encode()}, namespace)
-        if keeps:
+        if keeps and files:
             _keep(path, files)
         return module
 
@@ -104,7 +104,7 @@ def _keep(path: Path, files: Files) -> None:
 def _cannot_keep(folder: Path, error: OSError) -> None:
     """Say it once, not for each entry point."""
     notify(
-        f"compiled code cannot be kept in {folder} ({error.strerror}), so each process compiles anew; name a folder"
+        f"compiled code cannot be kept in {folder} ({error.strerror}), so each process compiles anew; name a"
         " that can be written in the environment variable JERKBENCH_CACHE",
         "cannot keep",
     )
@@ -175,22 +175,49 @@ def _set_environments(entry: Any) -> None:  # noqa: ANN401 - numba has no types
 
 
 def _imported(name: str, files: Files, namespace: Namespace) -> tuple[ModuleType, Files]:
-    """Run an entry point in a folder that nobody else can write to; returns it with what is there afterwards."""
+    """Run an entry point; returns it with what there is to keep of it: nothing where no folder has room for it."""
     module = ModuleType(name)
     sys.modules[name] = module  # numba looks there when it loads compiled code
     try:
-        with TemporaryDirectory(prefix="jerkbench-") as folder, _settings():
-            path = Path(folder) / f"{name}.py"
-            _write_all(path.parent, files)
-            os.utime(path, (0, 0))  # numba compares it
-            module.__dict__.update(namespace(name), __file__=str(path))
-            text = compile(path.read_bytes(), path, "exec")
-            exec(text, module.__dict__)  # noqa: S102 - our own text; an import would leave its byte code behind
-            _set_environments(module.entry)
-            return module, _read_all(path.parent)
+        with _settings():
+            try:
+                return module, _run_in_folder(module, files, namespace)
+            except OSError as error:
+                _no_room(error)
+                _run_in_memory(module, files[f"{name}.py"], namespace)
+                return module, {}
     except BaseException:
         del sys.modules[name]
         raise
+
+
+def _run_in_folder(module: ModuleType, files: Files, namespace: Namespace) -> Files:
+    """Run it in a folder that nobody else can write to; returns what is there afterwards."""
+    with TemporaryDirectory(prefix="jerkbench-") as folder:
+        path = Path(folder) / f"{module.__name__}.py"
+        _write_all(path.parent, files)
+        os.utime(path, (0, 0))  # numba compares it
+        _run(module, path.read_bytes(), str(path), namespace)
+        return _read_all(path.parent)
+
+
+def _run_in_memory(module: ModuleType, source: bytes, namespace: Namespace) -> None:
+    """Run it without a file: it compiles what it defines, and nothing is kept."""
+    _run(module, source.replace(b"cache=True", b"cache=False"), f"<{module.__name__}>", namespace)
+
+
+def _run(module: ModuleType, source: bytes, file: str, namespace: Namespace) -> None:
+    module.__dict__.update(namespace(module.__name__), __file__=file)
+    exec(compile(source, file, "exec"), module.__dict__)  # noqa: S102 - our own text; an import would leave byte code
+    _set_environments(module.entry)
+
+
+def _no_room(error: OSError) -> None:
+    notify(
+        f"compiled code finds no room in {gettempdir()} ({error.strerror}), so each process compiles anew; name a"
+        " folder with room in the environment variable TMPDIR",
+        "no room",
+    )
 
 
 def _write_all(folder: Path, files: Files) -> None:
