@@ -40,8 +40,8 @@ class Crossing(NamedTuple):
 def with_severity(rows: "pd.DataFrame") -> "pd.DataFrame":
     """Return the rows whose disturbance differs from others in the value of one parameter alone.
 
-    Columns are added: ``severity`` (that value), ``severity_name`` (the parameter), and ``severity_of`` (the data set and
-    the disturbance without the value). A parameter with fewer than three values is none of them.
+    Columns are added: ``severity`` (that value), ``severity_name`` (the parameter), and ``severity_of`` (data set and
+    disturbance without the value). A parameter with fewer than three values is none of them.
     """
     labels = rows["disturbance"].astype(str)
     places = {label: list(PARAMETER.finditer(label)) for label in labels.unique()}
