@@ -14,10 +14,12 @@ from pathlib import Path
 from typing import Any
 
 from jerkbench.cells.cell import Cell, Protocol, build
-from jerkbench.execution.cell_run import run_cell
-from jerkbench.execution.inputs import attitude_of, disturbed, scored_of, timeline_of
+from jerkbench.evaluation.batch_scoring import scored
+from jerkbench.execution.cell_run import CellRun
+from jerkbench.execution.inputs import Inputs, attitude_of
 from jerkbench.execution.simulation_cache import simulated
 from jerkbench.results.store import Store
+from jerkbench.timeline.timeline import build_timeline
 
 ONCE, EACH = "once a recording", "each run"
 CHOICES = [(model, adaptation) for model in ("jerk", "baseline") for adaptation in ("none", "mtf", "sage_husa")]
@@ -43,24 +45,25 @@ def tell_recordings(cell: Cell) -> None:
     tell("simulated", "once, then kept on the disk", len(seeds), lambda: [data.load(seed) for seed in seeds])
     kept = [simulated(data, seed) for seed in seeds]
     tell("read from the disk", ONCE, len(seeds), lambda: [simulated(data, seed) for seed in seeds])
-    changed = [disturbed(data, cell.disturbances, "", seed) for seed in seeds]
+    inputs = Inputs()
+    changed = [inputs.recording(cell, "", seed) for seed in seeds]
     (disturbance,) = cell.disturbances
     pairs = list(zip(kept, seeds, strict=True))
     tell("disturbed", ONCE, len(seeds), lambda: [disturbance.apply(one, seed) for one, seed in pairs])
     tell("attitude", ONCE, len(seeds), lambda: [attitude_of(one, cell.attitude) for one in changed])
     attitudes = [attitude_of(one, cell.attitude) for one in changed]
     both = list(zip(changed, attitudes, strict=True))
-    tell("timeline", ONCE, len(seeds), lambda: [timeline_of(*one) for one in both])
-    lines = [(recording, timeline_of(recording, attitude), cell.protocol.burn_in_s) for recording, attitude in both]
-    tell("what the errors count for", ONCE, len(seeds), lambda: [scored_of(*one) for one in lines])
+    tell("timeline", ONCE, len(seeds), lambda: [build_timeline(*one) for one in both])
+    lines = [(recording, build_timeline(recording, attitude), cell.protocol.burn_in_s) for recording, attitude in both]
+    tell("what the errors count for", ONCE, len(seeds), lambda: [scored(*one) for one in lines])
 
 
 def tell_cells(seeds: int) -> None:
     """Filters and metrics of whole cells, the first one with what they share; then the store."""
     for model, adaptation in CHOICES:
         cell = cell_of(model, adaptation, seeds)
-        tell(f"{model}, {adaptation}: filtered and scored", EACH, seeds, lambda cell=cell: run_cell(cell, ""))  # type: ignore[misc]  # mypy knows no default in a lambda
-    rows, _ = run_cell(cell, "")
+        tell(f"{model}, {adaptation}: filtered and scored", EACH, seeds, lambda cell=cell: CellRun(cell, "").rows())  # type: ignore[misc]  # mypy knows no default in a lambda
+    rows, _ = CellRun(cell, "").rows()
     with tempfile.TemporaryDirectory() as folder:
         store = Store(Path(folder))
         store.write("first", rows, {})
@@ -76,9 +79,9 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=32, help="how many runs each time is the mean of")
     seeds = parser.parse_args().seeds
     for model, adaptation in CHOICES:
-        run_cell(cell_of(model, adaptation, 1), "")
+        CellRun(cell_of(model, adaptation, 1), "").rows()
     tell_recordings(cell_of("jerk", "none", seeds))
-    run_cell(cell_of("jerk", "none", seeds), "")
+    CellRun(cell_of("jerk", "none", seeds), "").rows()
     tell_cells(seeds)
 
 

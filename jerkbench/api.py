@@ -48,7 +48,7 @@ def run(
     from jerkbench.cells.data import data_fingerprint
     from jerkbench.cells.from_names import cell_of_parts
     from jerkbench.errors import PluginError
-    from jerkbench.execution.cell_run import run_cell
+    from jerkbench.execution.cell_run import CellRun
 
     single = {"dataset": dataset, "attitude": attitude, "filter": filter, "adaptation": adaptation, "engine": engine}
     several = [disturbance] if isinstance(disturbance, str | Mapping) else list(disturbance)
@@ -56,5 +56,5 @@ def run(
     cell = cell_of_parts(single, several, noise, protocol)
     if reason := refusal(cell):
         raise PluginError(f"This combination makes no sense: {reason}.")
-    rows, _ = run_cell(cell, data_fingerprint(cell.dataset, cell.disturbances))
+    rows, _ = CellRun(cell, data_fingerprint(cell.dataset, cell.disturbances)).rows()
     return pd.DataFrame(rows)

@@ -16,7 +16,7 @@ import pytest
 from jerkbench.cells.cell import Protocol, build
 from jerkbench.cli import main
 from jerkbench.errors import JerkbenchError
-from jerkbench.execution import inputs
+from jerkbench.execution.inputs import shared_inputs
 from jerkbench.hydra_app import app
 from jerkbench.results.store import Store
 from jerkbench.results.study import load_study, read_manifest
@@ -179,8 +179,7 @@ def test_what_is_no_file_is_not_waited_for(whole, tmp_path, capsys, what):
 
 
 def test_a_plugin_that_fails_in_an_export_is_a_sentence(whole, tmp_path, capsys, monkeypatch):
-    inputs.disturbed.cache_clear()
-    inputs._loaded.cache_clear()
+    shared_inputs.cache_clear()
     monkeypatch.setattr("jerkbench.execution.inputs.simulated", lambda *_: 1 / 0)
 
     assert ending(["export", str(whole), "1", "--tum", str(tmp_path)]) == 2

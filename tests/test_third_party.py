@@ -14,7 +14,7 @@ from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.cells.cell import Protocol, build
 from jerkbench.cells.provenance import plugin_digest
 from jerkbench.errors import PluginError
-from jerkbench.execution.cell_run import run_open
+from jerkbench.execution.cell_run import CellRun
 from jerkbench.execution.plugin_errors import TRACEBACK
 
 MODULE = '''
@@ -181,7 +181,7 @@ def test_its_author_can_see_the_traceback(monkeypatch):
     spec |= {"dataset": {"name": "field", "duration_s": 12.0}, "attitude": {"name": "tilt"}, "disturbance": []}
     cell = replace(build({**spec, "adaptation": {"name": "none"}}, Protocol(seeds=1)), adaptation=Clumsy())
     with pytest.raises(PluginError, match="that was clumsy"):
-        run_open(cell, "")
+        CellRun(cell, "", on_error="raise").rows()
     monkeypatch.setenv(TRACEBACK, "1")
     with pytest.raises(ZeroDivisionError, match="that was clumsy"):
-        run_open(cell, "")
+        CellRun(cell, "", on_error="raise").rows()

@@ -1,6 +1,7 @@
 """The row of a run: its counted rows, the values of the metrics, and its status."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from jerkbench.evaluation.navigation_errors import position_error_m
 from jerkbench.evaluation.rows import known_axes
 from jerkbench.evaluation.sums import sums_of
 from jerkbench.recording import Recording
+from jerkbench.sums import Sums
 
 Evaluate = Callable[[Metric, Estimate, Recording, BoolArray], Mapping[str, float]]
 
@@ -61,6 +63,32 @@ def evaluate_run(
         raise RecordingError(_nothing_counts(recording, burn_in_s))
     summarised = any(isinstance(metric, Summarising) for metric in metrics)
     sums = sums_of(estimate, recording, counted) if summarised else None
+    return values_of(metrics, Summary(estimate, counted, sums), recording, evaluate)
+
+
+class Summary(NamedTuple):
+    """A run as metrics see it, whether its trajectory was kept or not.
+
+    Attributes:
+        estimate: as much of it as was kept.
+        counted: (k,) which of its rows count.
+        sums: of the run; None where no metric asks for them.
+    """
+
+    estimate: Estimate
+    counted: BoolArray
+    sums: Sums | None
+
+
+def values_of(
+    metrics: Iterable[Metric], summary: Summary, recording: Recording, evaluate: Evaluate
+) -> dict[str, float]:
+    """Return the values of all metrics by column name, each from the least that it needs.
+
+    Raises:
+        PluginError: two metrics give the same column.
+    """
+    estimate, counted, sums = summary
 
     def columns(metric: Metric) -> Mapping[str, float]:
         if sums is not None and isinstance(metric, Summarising):

@@ -1,17 +1,17 @@
 """Runs of a cell without trajectories: all seeds side by side, where engine and metrics can."""
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple, cast
 
 import numpy as np
 
 from jerkbench.batch import RecordedRun, Run, Streamed
 from jerkbench.cells.cell import Cell
-from jerkbench.contracts import Batched, Estimator, Filter, Metric, SideBySide, Summarising
+from jerkbench.contracts import Batched, Estimator, Filter, SideBySide
 from jerkbench.estimate import Attitude
 from jerkbench.evaluation.batch_scoring import Scored, can_stream, outlined, sums_from, with_updates
-from jerkbench.evaluation.run import gathered
-from jerkbench.execution import inputs
+from jerkbench.evaluation.run import Summary, values_of
+from jerkbench.execution.inputs import Inputs
 from jerkbench.optional import part_read
 from jerkbench.recording import Recording
 from jerkbench.timeline.timeline import Timeline
@@ -51,18 +51,21 @@ def runs_compiled(cell: Cell) -> bool:
     return isinstance(cell.filter, Batched) and isinstance(cell.engine, SideBySide)
 
 
-def streamed_values(cell: Cell, draws: Sequence[int], fingerprint: str, threads: int) -> dict[int, StreamedSeed]:
+def streamed_seeds(
+    cell: Cell, draws: Sequence[int], fingerprint: str, threads: int, inputs: Inputs
+) -> dict[int, StreamedSeed]:
     """Run ``draws`` side by side; returns what became of those that came to their end.
 
     The others (stopped, not to be scored without a trajectory, or with something wrong) are for the run alone: it says
     what is the matter. What the engine itself raises goes on to the caller.
     """
-    prepared = {draw: seed_run for draw in draws if (seed_run := _prepared(cell, draw, fingerprint)) is not None}
+    every = {draw: _prepared(cell, draw, fingerprint, inputs) for draw in draws}
+    prepared = {draw: seed for draw, seed in every.items() if seed is not None}
     results = _run_all(cell, list(prepared.values()), threads)
     limit_m2 = cell.protocol.divergence_limit_m**2
     return {
-        draw: StreamedSeed(seed_run.recording, _values(cell, seed_run, result), result.farthest_m2 > limit_m2)
-        for (draw, seed_run), result in zip(prepared.items(), results, strict=True)
+        draw: StreamedSeed(seed.recording, _values(cell, seed, result, inputs), result.farthest_m2 > limit_m2)
+        for (draw, seed), result in zip(prepared.items(), results, strict=True)
         if result is not None
     }
 
@@ -79,31 +82,22 @@ def _run_all(cell: Cell, prepared: Sequence[Prepared], threads: int) -> Sequence
     return engine.run_many(runs, model, cell.adaptation, updates=updates, threads=threads)
 
 
-def _prepared(cell: Cell, draw: int, fingerprint: str) -> Prepared | None:
+def _prepared(cell: Cell, draw: int, fingerprint: str, inputs: Inputs) -> Prepared | None:
     try:
-        recording = inputs.disturbed(cell.dataset, cell.disturbances, fingerprint, draw)
-        attitude = inputs.attitude_of(recording, cell.attitude)
-        timeline = inputs.timeline_of(recording, attitude)
+        recording = inputs.recording(cell, fingerprint, draw)
+        attitude = inputs.attitude(recording, cell.attitude)
+        timeline = inputs.timeline(recording, attitude)
     except Exception:  # noqa: BLE001 - the run alone raises it again, where it becomes a row that says so
         return None
-    scored = inputs.scored_of(recording, timeline, cell.protocol.burn_in_s)
+    scored = inputs.scored(recording, timeline, cell.protocol.burn_in_s)
     return None if scored is None else Prepared(recording, attitude, timeline, scored)
 
 
-def _values(cell: Cell, seed_run: Prepared, result: Streamed) -> dict[str, float]:
+def _values(cell: Cell, seed: Prepared, result: Streamed, inputs: Inputs) -> dict[str, float]:
     with np.errstate(over="ignore", invalid="ignore"):
-        sums = sums_from(result, seed_run.scored, seed_run.recording)
-    outline, own = seed_run.scored.outline, result.euler_rad is not None
-    if result.euler_rad is not None:
+        sums = sums_from(result, seed.scored, seed.recording)
+    outline = seed.scored.outline
+    if result.euler_rad is not None:  # an attitude of its own
         outline = outlined(outline.index, result.euler_rad)
-    estimate = with_updates(outline, result.updates)
-
-    def columns(metric: Metric) -> Mapping[str, float]:
-        """Return the columns of ``metric``, in the units of their names, from the least that it needs."""
-        if isinstance(metric, Summarising):
-            return metric.summarise(sums)
-        if part_read(metric) == "attitude" and not own:
-            return inputs.attitude_columns(cast("Hashable", metric), seed_run.scored, seed_run.recording)
-        return metric.evaluate(estimate, seed_run.recording, seed_run.scored.counted)
-
-    return gathered((metric, columns(metric)) for metric in cell.metrics)
+    summary = Summary(with_updates(outline, result.updates), seed.scored.counted, sums)
+    return values_of(cell.metrics, summary, seed.recording, inputs.columns)

@@ -1,143 +1,123 @@
 """The run of a cell: one row for each seed."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal
 
 from jerkbench.cells.cell import Cell
 from jerkbench.contracts import Batched, Estimator
 from jerkbench.errors import JerkbenchError, PluginError
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.evaluation.run import evaluate_run, run_status
-from jerkbench.execution import inputs
-from jerkbench.execution.attitude_remarks import remarks_of
-from jerkbench.execution.batches import StreamedSeed, runs_compiled, streamed_values, streams
+from jerkbench.execution.batches import StreamedSeed, runs_compiled, streamed_seeds, streams
+from jerkbench.execution.inputs import KEPT, Inputs, shared_inputs
+from jerkbench.execution.notes import notes_of
 from jerkbench.execution.plugin_errors import plugins_in_words, reason_of
 from jerkbench.execution.plugin_probe import unfit
 from jerkbench.plain import plain
 from jerkbench.recording import Recording
 
 Row = dict[str, Any]
-Pieces = Iterator[tuple[list[Row], list[str]]]
+Piece = tuple[list[Row], list[str]]
 """Rows of some seeds that are done together, and what a reader of them has to know."""
+Pieces = Iterator[Piece]
 
 
-def run_cell(cell: Cell, fingerprint: str, draws: Sequence[int] = (), threads: int = 1) -> tuple[list[Row], list[str]]:
-    """Run the seeds of ``cell``; returns a row for each, and what a reader of them has to know.
-
-    A run that raises is a row with the status "failed" and the reason.
-
-    Args:
-        cell: what to run.
-        fingerprint: tells changed data apart.
-        draws: which seeds; default: all of them.
-        threads: how many the engine may use.
-    """
-    return _together(run_pieces(cell, fingerprint, draws or cell.draws, threads))
-
-
-def run_open(cell: Cell, fingerprint: str, draws: Sequence[int] = (), threads: int = 1) -> tuple[list[Row], list[str]]:
-    """The same, but what is wrong with the input or a plugin is raised, as a sentence.
-
-    Raises:
-        JerkbenchError: what is wrong.
-    """
-    return _together(run_open_pieces(cell, fingerprint, draws or cell.draws, threads))
-
-
-def run_pieces(cell: Cell, fingerprint: str, draws: Sequence[int], threads: int = 1) -> Pieces:
-    """`run_cell`, piece by piece: the seeds that run side by side, or one that runs alone."""
-    if sentence := unfit(cell):
-        yield failed_rows(cell, draws, sentence), []
-        return
-    yield from _pieces(cell, fingerprint, draws, threads, _guarded_row, guarded=True)
-
-
-def run_open_pieces(cell: Cell, fingerprint: str, draws: Sequence[int], threads: int = 1) -> Pieces:
-    """`run_open`, piece by piece.
-
-    Raises:
-        JerkbenchError: what is wrong with the input or a plugin.
-    """
-    if sentence := unfit(cell):
-        raise PluginError(sentence)
-    with plugins_in_words(cell):
-        yield from _pieces(cell, fingerprint, draws, threads, _row, guarded=False)
-
-
-def _together(pieces: Pieces) -> tuple[list[Row], list[str]]:
-    rows: list[Row] = []
-    notes: dict[str, None] = {}
-    for new_rows, new_notes in pieces:
-        rows += new_rows
-        notes.update(dict.fromkeys(new_notes))
-    return rows, list(notes)
-
-
-class SingleSeed(NamedTuple):
-    """A seed that has to be run alone: for its trajectory, or because something is the matter with it.
+@dataclass(frozen=True, eq=False)
+class CellRun:
+    """A cell that is run.
 
     Attributes:
-        draw: which.
-        values: its metrics, where they are known.
+        cell: what to run.
+        fingerprint: tells changed data apart.
+        on_error: what becomes of an error in the input or a plugin: a row with the status "failed" and the reason
+            ("row"), or a JerkbenchError that is raised, in words ("raise").
+        threads: how many the engine may use.
+        inputs: recordings, attitudes and timelines; default: those that all cells of this process share.
     """
 
-    draw: int
-    values: Mapping[str, float] | None = None
+    cell: Cell
+    fingerprint: str
+    on_error: Literal["row", "raise"] = "row"
+    threads: int = 1
+    inputs: Inputs = field(default_factory=shared_inputs)
 
+    def rows(self, draws: Sequence[int] = ()) -> Piece:
+        """Return a row for each seed of ``draws`` (default: all), and what a reader of them has to know.
 
-def _pieces(
-    cell: Cell,
-    fingerprint: str,
-    draws: Sequence[int],
-    threads: int,
-    run_alone: Callable[[Cell, SingleSeed, str], tuple[Row, list[str]]],
-    *,
-    guarded: bool,
-) -> Pieces:
-    size = inputs.KEPT if streams(cell) else 1
-    for begin in range(0, len(draws), size):
-        block = draws[begin : begin + size]
+        Raises:
+            JerkbenchError: what is wrong, unless it is to be a row.
+        """
+        rows: list[Row] = []
+        notes: dict[str, None] = {}
+        for new_rows, new_notes in self.pieces(draws or self.cell.draws):
+            rows += new_rows
+            notes.update(dict.fromkeys(new_notes))
+        return rows, list(notes)
+
+    def pieces(self, draws: Sequence[int]) -> Pieces:
+        """`rows`, piece by piece: the seeds that run side by side, or one that runs alone.
+
+        Raises:
+            JerkbenchError: as above.
+        """
+        if sentence := unfit(self.cell):
+            yield self._failed(draws, PluginError(sentence))
+            return
+        together = streams(self.cell)
+        for begin in range(0, len(draws), KEPT if together else 1):
+            block = draws[begin : begin + (KEPT if together else 1)]
+            yield self._side_by_side(block) if together else self._row(block[0])
+
+    def once(self, draw: int) -> tuple[Recording, Estimate]:
+        """Run one seed; returns what the filter saw and what it made of it. What is raised is raised as it is."""
+        cell, inputs = self.cell, self.inputs
+        recording = inputs.recording(cell, self.fingerprint, draw)
+        attitude = inputs.attitude(recording, cell.attitude)
+        if isinstance(cell.filter, Estimator):
+            return recording, _estimated(cell, cell.filter, recording, attitude)
+        return recording, cell.engine.run(inputs.timeline(recording, attitude), cell.filter, cell.adaptation)
+
+    def _side_by_side(self, draws: Sequence[int]) -> Piece:
         try:
-            results = list(_results(cell, fingerprint, block, threads))
-        except Exception as error:
-            if not guarded:
-                raise
-            yield failed_rows(cell, block, _sentence(error)), []
-            continue
-        done = [
-            run_alone(cell, result, fingerprint) if isinstance(result, SingleSeed) else result for result in results
-        ]
-        yield [row for row, _ in done], [note for _, notes in done for note in notes]
+            streamed = streamed_seeds(self.cell, draws, self.fingerprint, self.threads, self.inputs)
+        except Exception as error:  # noqa: BLE001 - whatever an engine raises becomes rows, or a sentence
+            return self._failed(draws, error)
+        rows, notes = zip(*(self._streamed_row(draw, streamed.get(draw)) for draw in draws), strict=True)
+        return [row for (row,) in rows], [note for some in notes for note in some]
+
+    def _streamed_row(self, draw: int, streamed: StreamedSeed | None) -> Piece:
+        """A seed that stopped, or went too far, is run alone, which says where and when."""
+        if streamed is None or streamed.far:
+            return self._row(draw, streamed.values if streamed else None)
+        return [{**_head(self.cell, draw), **OK, **streamed.values}], notes_of(self.cell, streamed.recording)
+
+    def _row(self, draw: int, values: Mapping[str, float] | None = None) -> Piece:
+        """Run a seed alone; ``values`` are its metrics, where they are known."""
+        protocol = self.cell.protocol
+        try:
+            recording, estimate = self.once(draw)
+            status, reason = run_status(estimate, recording, protocol.divergence_limit_m)
+            if values is None or estimate.failure:  # one that stops has the values up to there
+                values = evaluate_run(estimate, recording, protocol.burn_in_s, self.cell.metrics, self.inputs.columns)
+            row = {**_head(self.cell, draw), "status": status, "reason": plain(reason), **values}
+            return [row], notes_of(self.cell, recording)
+        except Exception as error:  # noqa: BLE001 - whatever a plugin raises becomes a row, or a sentence
+            return self._failed([draw], error)
+
+    def _failed(self, draws: Sequence[int], error: Exception) -> Piece:
+        if self.on_error == "raise":
+            with plugins_in_words(self.cell):
+                raise error
+        return failed_rows(self.cell, draws, str(error) if isinstance(error, JerkbenchError) else reason_of(error)), []
 
 
-def _results(
-    cell: Cell, fingerprint: str, draws: Sequence[int], threads: int
-) -> Iterator[tuple[Row, list[str]] | SingleSeed]:
-    """Row and notes of each draw that can go side by side with others; of another one, what to do alone."""
-    done = streamed_values(cell, draws, fingerprint, threads) if streams(cell) else {}
-    for draw in draws:
-        yield _streamed_row(cell, draw, done[draw]) if draw in done else SingleSeed(draw)
+OK = {"status": "ok", "reason": ""}
 
 
-def _streamed_row(cell: Cell, draw: int, streamed: StreamedSeed) -> tuple[Row, list[str]] | SingleSeed:
-    if streamed.far:
-        return SingleSeed(draw, streamed.values)
-    return {**_head(cell, draw), "status": "ok", "reason": "", **streamed.values}, notes_of(cell, streamed.recording)
-
-
-def _row(cell: Cell, single: SingleSeed, fingerprint: str) -> tuple[Row, list[str]]:
-    recording, estimate = run_once(cell, single.draw, fingerprint)
-    return row_of_run(cell, single, recording, estimate), notes_of(cell, recording)
-
-
-def run_once(cell: Cell, draw: int, fingerprint: str) -> tuple[Recording, Estimate]:
-    """Run one seed; returns what the filter saw and what it made of it."""
-    recording = inputs.disturbed(cell.dataset, cell.disturbances, fingerprint, draw)
-    attitude = inputs.attitude_of(recording, cell.attitude)
-    if isinstance(cell.filter, Estimator):
-        return recording, _estimated(cell, cell.filter, recording, attitude)
-    timeline = inputs.timeline_of(recording, attitude)
-    return recording, cell.engine.run(timeline, cell.filter, cell.adaptation)
+def failed_rows(cell: Cell, draws: Sequence[int], reason: str) -> list[Row]:
+    """Return rows of seeds of a cell that could not be run."""
+    return [{**_head(cell, draw), "status": "failed", "reason": plain(reason)} for draw in draws]
 
 
 def _estimated(cell: Cell, estimator: Estimator, recording: Recording, attitude: Attitude) -> Estimate:
@@ -146,50 +126,6 @@ def _estimated(cell: Cell, estimator: Estimator, recording: Recording, attitude:
     if runs_compiled(cell) and isinstance(estimator, Batched):
         quick = estimator.estimate_compiled(recording, attitude, cell.adaptation)
     return estimator.estimate(recording, attitude, cell.adaptation) if quick is None else quick
-
-
-def row_of_run(cell: Cell, single: SingleSeed, recording: Recording, estimate: Estimate) -> Row:
-    """Return the row of one run."""
-    protocol, values = cell.protocol, single.values
-    status, reason = run_status(estimate, recording, protocol.divergence_limit_m)
-    if values is None or estimate.failure:  # one that stops has the values up to there
-        values = evaluate_run(estimate, recording, protocol.burn_in_s, cell.metrics, inputs.cached_values)
-    return {**_head(cell, single.draw), "status": status, "reason": plain(reason), **values}
-
-
-def failed_rows(cell: Cell, draws: Sequence[int], reason: str) -> list[Row]:
-    """Rows of seeds of a cell that could not be run."""
-    return [_failed(cell, draw, reason) for draw in draws]
-
-
-def notes_of(cell: Cell, recording: Recording) -> list[str]:
-    """Return notes on the source of the reference, and the recording's own; once for all its parameters."""
-    return [plain(note) for note in _notes_of(cell, recording)]
-
-
-def _notes_of(cell: Cell, recording: Recording) -> list[str]:
-    reference, name = recording.reference, cell.labels.dataset.partition("(")[0]
-    notes = [*(f"{name}: {note}" for note in recording.notes), *remarks_of(cell, recording)]
-    if reference.empty:
-        return [f"{name} has no reference: {reference.source}.", *notes]
-    independence = "independent of" if reference.independent else "not independent of"
-    source = f"Reference of {name}: {reference.source}; {independence} the measurements."
-    return [source, *notes]
-
-
-def _guarded_row(cell: Cell, single: SingleSeed, fingerprint: str) -> tuple[Row, list[str]]:
-    try:
-        return _row(cell, single, fingerprint)
-    except Exception as error:  # noqa: BLE001 - whatever a plugin raises becomes a row that says so
-        return _failed(cell, single.draw, _sentence(error)), []
-
-
-def _sentence(error: Exception) -> str:
-    return str(error) if isinstance(error, JerkbenchError) else reason_of(error)
-
-
-def _failed(cell: Cell, draw: int, reason: str) -> Row:
-    return {**_head(cell, draw), "status": "failed", "reason": plain(reason)}
 
 
 def _head(cell: Cell, draw: int) -> Row:

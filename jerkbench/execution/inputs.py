@@ -1,39 +1,72 @@
-"""The inputs that all filters of a sweep share: recording, attitude, timeline; made once for each process."""
+"""The inputs that the filters of a sweep share: recording, attitude, timeline, scoring."""
 
 import hashlib
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cache, lru_cache
 from typing import cast
 
 import numpy as np
 
-from jerkbench.arrays import BoolArray
+from jerkbench.arrays import BoolArray, FloatArray, IntArray
+from jerkbench.cells.cell import Cell
 from jerkbench.cells.data import require_data
 from jerkbench.contracts import AttitudeFilter, Dataset, Disturbance, Metric
 from jerkbench.estimate import Attitude, Estimate, no_attitude
-from jerkbench.evaluation.batch_scoring import Scored, outlined, scored
+from jerkbench.evaluation.batch_scoring import outlined, scored
 from jerkbench.execution.simulation_cache import simulated
 from jerkbench.optional import part_read
 from jerkbench.recording import Recording
-from jerkbench.timeline.timeline import Timeline, build_timeline
+from jerkbench.timeline.timeline import build_timeline
 
 KEPT = 32
 """The number of each kind that is kept; a recording of 150 s at 100 Hz has some 2 MB."""
 
 
-@lru_cache(maxsize=KEPT)
-def disturbed(dataset: Dataset, disturbances: tuple[Disturbance, ...], fingerprint: str, seed: int) -> Recording:
-    """The recording of ``seed`` after all disturbances, in order; ``fingerprint`` tells changed files apart."""
-    recording = _loaded(dataset, dataset.fingerprint(), seed)
-    for disturbance in disturbances:
-        recording = disturbance.apply(recording, seed)
-    require_data(dataset, disturbances, fingerprint)  # afterwards: what was read meanwhile is what the hash says
-    return recording
+class Inputs:
+    """Recordings, attitudes, timelines and scorings, each made once and the latest `KEPT` of each kind kept."""
+
+    def __init__(self) -> None:
+        """Begin with nothing."""
+        self._loaded = lru_cache(KEPT)(load)
+        self._disturbed = lru_cache(KEPT)(self._disturb)
+        self.attitude = lru_cache(KEPT)(attitude_of)
+        self.timeline = lru_cache(KEPT)(build_timeline)
+        self.scored = lru_cache(KEPT)(scored)
+        self._outline = lru_cache(KEPT)(_Outline.of)
+        self._columns = lru_cache(8 * KEPT)(_columns)
+
+    def recording(self, cell: Cell, fingerprint: str, draw: int) -> Recording:
+        """Return the recording of ``draw`` after all disturbances; ``fingerprint`` tells changed files apart."""
+        return self._disturbed(cell.dataset, cell.disturbances, fingerprint, draw)
+
+    def columns(
+        self, metric: Metric, estimate: Estimate, recording: Recording, counted: BoolArray
+    ) -> Mapping[str, float]:
+        """Return the columns of a metric; one that reads the attitude alone is asked once for each attitude."""
+        if part_read(metric) != "attitude":
+            return metric.evaluate(estimate, recording, counted)
+        outline = self._outline(_Arrays(estimate.index, estimate.euler_rad, counted))
+        return self._columns(cast("Hashable", metric), recording, outline)
+
+    def _disturb(
+        self, dataset: Dataset, disturbances: tuple[Disturbance, ...], fingerprint: str, draw: int
+    ) -> Recording:
+        recording = self._loaded(dataset, dataset.fingerprint(), draw)
+        for disturbance in disturbances:
+            recording = disturbance.apply(recording, draw)
+        require_data(dataset, disturbances, fingerprint)  # afterwards: what was read meanwhile is what the hash says
+        return recording
 
 
-@lru_cache(maxsize=KEPT)
-def _loaded(dataset: Dataset, fingerprint: str, seed: int) -> Recording:
+@cache
+def shared_inputs() -> Inputs:
+    """Return the inputs that all cells of this process share, where none are given."""
+    return Inputs()
+
+
+def load(dataset: Dataset, fingerprint: str, seed: int) -> Recording:
+    """Load a recording, or take it from the cache of simulated ones; its data are those of ``fingerprint``."""
     in_tree = type(dataset).__module__.startswith("jerkbench.")  # what others simulate may depend on anything
     if in_tree and dataset.seeded and not fingerprint:
         return simulated(dataset, seed)
@@ -42,51 +75,40 @@ def _loaded(dataset: Dataset, fingerprint: str, seed: int) -> Recording:
     return recording
 
 
-@lru_cache(maxsize=KEPT)
 def attitude_of(recording: Recording, attitude: AttitudeFilter) -> Attitude:
-    """The attitude that ``attitude`` finds in ``recording``; none without an IMU."""
+    """Return the attitude that ``attitude`` estimates over ``recording``; none without an IMU."""
     if recording.imu is None:
         return no_attitude(recording.clock_s)
     return attitude.estimate(recording)
 
 
-@lru_cache(maxsize=KEPT)
-def timeline_of(recording: Recording, attitude: Attitude) -> Timeline:
-    """The events of the run."""
-    return build_timeline(recording, attitude)
+class _Arrays:
+    """Rows, attitude and counted rows of a run; the same if they are the same objects."""
 
+    def __init__(self, index: IntArray, euler_rad: FloatArray, counted: BoolArray) -> None:
+        self.arrays = index, euler_rad, counted
 
-@lru_cache(maxsize=KEPT)
-def scored_of(recording: Recording, timeline: Timeline, burn_in_s: float) -> Scored | None:
-    """Return the scoring of runs over the timeline without a trajectory."""
-    return scored(recording, timeline, burn_in_s)
+    def __hash__(self) -> int:
+        return hash(tuple(map(id, self.arrays)))
 
-
-@lru_cache(maxsize=8 * KEPT)
-def attitude_columns(metric: Hashable, scored: Scored, recording: Recording) -> Mapping[str, float]:
-    """Return the columns of a metric that reads the attitude alone: the same for every filter."""
-    return cached_values(cast("Metric", metric), scored.outline, recording, scored.counted)
-
-
-def cached_values(metric: Metric, estimate: Estimate, recording: Recording, counted: BoolArray) -> Mapping[str, float]:
-    """Return the columns of a metric; one that reads the attitude alone is evaluated once for each attitude."""
-    if part_read(metric) != "attitude":
-        return metric.evaluate(estimate, recording, counted)
-    parts = (estimate.index, estimate.euler_rad, counted)
-    content = hashlib.blake2b(b"".join(np.ascontiguousarray(part).tobytes() for part in parts)).digest()
-    outline = outlined(estimate.index, estimate.euler_rad)
-    return _of_attitude(cast("Hashable", metric), recording, _ScoredAttitude(content, outline, counted))
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Arrays) and all(a is b for a, b in zip(self.arrays, other.arrays, strict=True))
 
 
 @dataclass(frozen=True)
-class _ScoredAttitude:
+class _Outline:
     """An attitude, and which rows count; two of the same content are the same."""
 
     content: bytes
     estimate: Estimate = field(compare=False)
     counted: BoolArray = field(compare=False)
 
+    @classmethod
+    def of(cls, given: _Arrays) -> "_Outline":
+        index, euler_rad, counted = given.arrays
+        content = hashlib.blake2b(b"".join(np.ascontiguousarray(array).tobytes() for array in given.arrays))
+        return cls(content.digest(), outlined(index, euler_rad), counted)
 
-@lru_cache(maxsize=2 * KEPT)
-def _of_attitude(metric: Hashable, recording: Recording, run: _ScoredAttitude) -> Mapping[str, float]:
-    return cast("Metric", metric).evaluate(run.estimate, recording, run.counted)
+
+def _columns(metric: Hashable, recording: Recording, outline: _Outline) -> Mapping[str, float]:
+    return cast("Metric", metric).evaluate(outline.estimate, recording, outline.counted)

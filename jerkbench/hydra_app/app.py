@@ -4,7 +4,6 @@ import signal
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,8 +19,9 @@ from omegaconf import DictConfig, OmegaConf
 
 from jerkbench.cells.cell import refusal
 from jerkbench.errors import INTERRUPTED, JerkbenchError, PluginError, exit_with
-from jerkbench.execution.attitude_remarks import first_remarks
-from jerkbench.execution.cell_run import run_pieces
+from jerkbench.execution.cell_run import CellRun
+from jerkbench.execution.inputs import shared_inputs
+from jerkbench.execution.notes import first_remarks
 from jerkbench.execution.processors import processors
 from jerkbench.execution.pulse import Pulse, duration
 from jerkbench.hydra_app.arguments import arranged_words
@@ -69,7 +69,10 @@ def sweep(loader: ConfigLoader, config: DictConfig, jobs: Sequence[Sequence[str]
             plan = plan_sweep([cell_of(job.plain, job.choices, job.overrides) for job in composed])
     except JerkbenchError as error:
         exit_with(error)
-    for line in (*plan.refused, *first_remarks((planned.cell, planned.fingerprint) for planned in plan.cells)):
+    for line in (
+        *plan.refused,
+        *first_remarks(((planned.cell, planned.fingerprint) for planned in plan.cells), shared_inputs()),
+    ):
         print(line, file=sys.stderr)
     if not plan.cells:
         exit_with(PluginError("There is nothing to run: every combination was left out."))
@@ -147,13 +150,13 @@ def _run_job(config: DictConfig, job: HydraConf) -> None:
         print(f"Left out: {reason}.", file=sys.stderr)
         return
     (planned,) = plan_sweep([cell]).cells
-    for line in first_remarks([(planned.cell, planned.fingerprint)]):
+    for line in first_remarks([(planned.cell, planned.fingerprint)], shared_inputs()):
         print(line, file=sys.stderr)
     folder = study_folder(config)
     if not sweeping:
         _run_and_show(planned, folder, config)
     elif not Store(folder).done(planned.key):
-        finish_cell(planned, Store(folder), partial(run_pieces, planned.cell, planned.fingerprint))
+        finish_cell(planned, Store(folder), CellRun(planned.cell, planned.fingerprint).pieces)
 
 
 def _run_and_show(planned: Planned, folder: Path, config: DictConfig) -> None:

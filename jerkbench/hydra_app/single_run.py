@@ -1,13 +1,12 @@
 """A single run: one cell, its metrics in the terminal, its trajectory and its errors as figures."""
 
 import os
-from functools import partial
 from pathlib import Path
 
 from jerkbench.cells.cell import Cell
 from jerkbench.contracts import Estimator, Preparing
 from jerkbench.estimate import Estimate
-from jerkbench.execution.cell_run import run_once, run_open_pieces
+from jerkbench.execution.cell_run import CellRun
 from jerkbench.recording import Recording
 from jerkbench.results.store import Store, Stored
 from jerkbench.results.titles import file_stem, with_title
@@ -22,8 +21,8 @@ def run_single_cell(planned: Planned, folder: Path) -> Stored:
     """
     store = Store(folder)
     if not store.done(planned.key):
-        run = partial(run_open_pieces, planned.cell, planned.fingerprint, threads=os.cpu_count() or 1)
-        finish_cell(planned, store, run)
+        run = CellRun(planned.cell, planned.fingerprint, on_error="raise", threads=os.cpu_count() or 1)
+        finish_cell(planned, store, run.pieces)
     (stored,), _ = store.read([planned.key])
     return stored
 
@@ -36,7 +35,7 @@ def prepare_drawing(cell: Cell) -> None:
 
 def draw_single(planned: Planned, folder: Path) -> list[Path]:
     """Draw trajectory and errors of the first seed; returns the files."""
-    recording, estimate = run_once(planned.cell, planned.cell.draws[0], planned.fingerprint)
+    recording, estimate = CellRun(planned.cell, planned.fingerprint).once(planned.cell.draws[0])
     return draw_run(
         planned.cell, with_title(recording, planned.cell, planned.cell.draws[0]), estimate, folder / "figures"
     )

@@ -11,7 +11,7 @@ from jerkbench.cells.labels import Labels
 from jerkbench.cells.provenance import code_digest, versions
 from jerkbench.errors import JerkbenchError
 from jerkbench.estimate import Estimate
-from jerkbench.execution.cell_run import Row, run_once, run_open
+from jerkbench.execution.cell_run import CellRun, Row
 from jerkbench.execution.plugin_errors import plugins_in_words
 from jerkbench.recording import Recording
 from jerkbench.results.store import Store, Stored
@@ -44,7 +44,7 @@ class StoredRow:
         """
         require_data(self.cell.dataset, self.cell.disturbances, self.fingerprint)
         with plugins_in_words(self.cell):
-            return run_once(self.cell, self.draw, self.fingerprint)
+            return CellRun(self.cell, self.fingerprint).once(self.draw)
 
     def score(self) -> Row:
         """Run it again as the sweep did; returns its row.
@@ -53,7 +53,7 @@ class StoredRow:
             JerkbenchError: the data are other data now.
         """
         require_data(self.cell.dataset, self.cell.disturbances, self.fingerprint)
-        (row,), _ = run_open(self.cell, self.fingerprint, [self.draw])
+        (row,), _ = CellRun(self.cell, self.fingerprint, on_error="raise").rows([self.draw])
         return row
 
     @property

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from jerkbench.attitude.plugin import Tilt
 from jerkbench.estimate import Attitude, Estimate
-from jerkbench.execution import inputs
+from jerkbench.execution.inputs import shared_inputs
 from jerkbench.recording import Recording
 from jerkbench.report.analysis.references import competes
 from jerkbench.results.replay import StoredRow, row_of
@@ -80,7 +80,7 @@ def _scene(name: str, chosen: Mapping[str, Stored]) -> Scene:
     runs = {method: row.run() for method, row in rows.items()}
     best = next(iter(rows))
     recording = runs[best][0]
-    attitude = inputs.attitude_of(recording, rows[best].cell.attitude)
+    attitude = shared_inputs().attitude(recording, rows[best].cell.attitude)
     estimates = {method: estimate for method, (_, estimate) in runs.items()}
     runs_of_best = tuple(_best_runs(chosen[best]))
     named = with_title(recording, rows[best].cell, rows[best].draw)

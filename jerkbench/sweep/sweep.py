@@ -8,7 +8,7 @@ from pathlib import Path
 from jerkbench.cells.cell import Cell, refusal
 from jerkbench.cells.data import data_fingerprint
 from jerkbench.errors import PluginError
-from jerkbench.execution.cell_run import failed_rows, run_pieces
+from jerkbench.execution.cell_run import CellRun, failed_rows
 from jerkbench.execution.pool import run_grouped
 from jerkbench.execution.preflight import require_inputs
 from jerkbench.execution.progress import Progress
@@ -79,7 +79,7 @@ def run_sweep(plan: Plan, store: Store, workers: int, done: Collection[str]) -> 
 def run_task(folder: Path, task: Task) -> Result:
     """Run some seeds of a cell, and store them; those of a whole cell as the cell."""
     planned, store = task.planned, Store(folder)
-    pieces = run_pieces(planned.cell, planned.fingerprint, task.draws)
+    pieces = CellRun(planned.cell, planned.fingerprint).pieces(task.draws)
     result = run_blocks(planned, pieces, Blocks(store), keep_rest=not task.complete)
     if task.complete:
         store_cell(planned, [result], store)

@@ -14,7 +14,7 @@ from jerkbench.disturbances.bias import Bias
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.errors import PluginError
 from jerkbench.evaluation.position import PositionRmse
-from jerkbench.execution.cell_run import run_cell, run_open
+from jerkbench.execution.cell_run import CellRun
 from jerkbench.filters.eskf15 import Eskf15
 from jerkbench.filters.gnss_only import GnssOnly
 from jerkbench.filters.jerk import Jerk
@@ -150,16 +150,16 @@ def cell_with(adaptation):
 @pytest.mark.parametrize("adaptation", [InPlace(), Growing(), Slim()])
 def test_it_is_said_before_the_run_and_every_seed_is_a_row_that_says_so(adaptation):
     cell = cell_with(adaptation)
-    rows, _ = run_cell(cell, "")
+    rows, _ = CellRun(cell, "").rows()
 
     assert [row["status"] for row in rows] == ["failed", "failed"]
     assert {row["reason"] for row in rows} == {complaint("adaptation", adaptation)}
     with pytest.raises(PluginError, match=type(adaptation).__name__):
-        run_open(cell, "")
+        CellRun(cell, "", on_error="raise").rows()
 
 
 def test_one_without_memory_size_runs_on_the_reference_engine():
-    rows, _ = run_cell(cell_with(Plain()), "")
+    rows, _ = CellRun(cell_with(Plain()), "").rows()
     assert [row["status"] for row in rows] == ["ok", "ok"]
 
 

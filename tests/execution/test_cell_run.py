@@ -18,7 +18,7 @@ SPEC = {
 
 def rows_of(limit_m, **changed):
     cell = build({**SPEC, **changed}, Protocol(seeds=3, divergence_limit_m=limit_m))
-    rows, notes = run.run_cell(cell, "")
+    rows, notes = run.CellRun(cell, "").rows()
     assert notes == ["Reference of field: simulated truth; independent of the measurements."]
     return rows
 
@@ -66,10 +66,10 @@ def test_what_the_engine_raises_is_a_failed_row_and_no_slower_run(monkeypatch):
     monkeypatch.setattr(CompiledEngine, "run_many", broken)
     monkeypatch.setattr(CompiledEngine, "run", lambda *given: alone.append(given))
     cell = build(SPEC, Protocol(seeds=3))
-    rows, _ = run.run_cell(cell, "")
+    rows, _ = run.CellRun(cell, "").rows()
 
     assert [row["status"] for row in rows] == ["failed"] * 3
     assert all("the engine is broken" in row["reason"] for row in rows)
     with pytest.raises(PluginError, match="the engine is broken"):
-        run.run_open(cell, "")
+        run.CellRun(cell, "", on_error="raise").rows()
     assert alone == []

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from jerkbench.cells.cell import Protocol, build
-from jerkbench.execution.cell_run import run_once
+from jerkbench.execution.cell_run import CellRun
 from jerkbench.hydra_app import single_run as single
 from jerkbench.results.titles import file_stem, with_title
 from jerkbench.sweep.sweep import plan_sweep
@@ -53,7 +53,7 @@ def test_the_figures_of_a_single_run_have_it(tmp_path, monkeypatch):
 
 @pytest.fixture(scope="module")
 def make_short():
-    recording, _ = run_once(cell(FIELD, {"name": "none"}), 7, "")
+    recording, _ = CellRun(cell(FIELD, {"name": "none"}), "").once(7)
     return lambda name: replace(recording, name=name)
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from jerkbench.cells.cell import Protocol, build
 from jerkbench.datasets.path import DrivenPath
-from jerkbench.execution import inputs
+from jerkbench.execution.inputs import shared_inputs
 from jerkbench.readers.files import fingerprint
 from jerkbench.results.store import Store
 from jerkbench.sweep.sweep import plan_sweep, run_sweep
@@ -41,8 +41,7 @@ def plan(table):
 
 @pytest.fixture(autouse=True)
 def _nothing_in_memory():
-    inputs.disturbed.cache_clear()
-    inputs._loaded.cache_clear()
+    shared_inputs.cache_clear()
 
 
 def rows_after_sweep(plan, folder):

@@ -4,13 +4,11 @@ import pandas as pd
 import pytest
 
 from jerkbench.cells.cell import Protocol, build
-from jerkbench.execution.cell_run import run_cell, run_open_pieces
+from jerkbench.execution.cell_run import CellRun
 from jerkbench.execution.inputs import KEPT
-from jerkbench.hydra_app import single_run as single
 from jerkbench.hydra_app.single_run import run_single_cell
 from jerkbench.results.store import Store
 from jerkbench.sweep import seed_blocks as blocks
-from jerkbench.sweep import sweep
 from jerkbench.sweep.sweep import plan_sweep, run_sweep
 
 SEEDS = 2 * KEPT + 3
@@ -35,9 +33,9 @@ def store(tmp_path):
     return opened
 
 
-def spied(monkeypatch, module, name, stop_after=None):
-    """Record the seeds of each piece that ``module`` runs; the piece after the last that is wanted is interrupted."""
-    original, seen = getattr(module, name), []
+def spied(monkeypatch, stop_after=None):
+    """Record the seeds of each piece that is run; the piece after the last that is wanted is interrupted."""
+    original, seen = CellRun.pieces, []
 
     def pieces(*given, **named):
         for rows, notes in original(*given, **named):
@@ -46,13 +44,13 @@ def spied(monkeypatch, module, name, stop_after=None):
             seen.append([row["seed"] for row in rows])
             yield rows, notes
 
-    monkeypatch.setattr(module, name, pieces)
+    monkeypatch.setattr(CellRun, "pieces", pieces)
     return seen
 
 
 def require_undisturbed(store, planned):
     (stored,), broken = store.read([planned.key])
-    rows, notes = run_cell(planned.cell, planned.fingerprint)
+    rows, notes = CellRun(planned.cell, planned.fingerprint).rows()
     pd.testing.assert_frame_equal(stored.rows, pd.DataFrame(rows), check_exact=True)
     assert stored.metadata["notes"] == notes
     assert broken == []
@@ -62,12 +60,12 @@ def require_undisturbed(store, planned):
 def test_a_sweep_goes_on_within_a_cell(store, monkeypatch):
     plan = plan_of()
     with monkeypatch.context() as patched:
-        spied(patched, sweep, "run_pieces", stop_after=2)
+        spied(patched, stop_after=2)
         with pytest.raises(KeyboardInterrupt):
             run_sweep(plan, store, workers=1, done=())
     assert not store.done(plan.cells[0].key)
 
-    ran = spied(monkeypatch, sweep, "run_pieces")
+    ran = spied(monkeypatch)
     run_sweep(plan, store, workers=1, done=())
 
     assert ran == [[4 + 2 * KEPT, 5 + 2 * KEPT, 6 + 2 * KEPT]]
@@ -78,11 +76,11 @@ def test_a_single_run_goes_on_within_its_cell(tmp_path, monkeypatch):
     (planned,) = plan_of(seeds=KEPT + 2).cells
     monkeypatch.setattr(blocks, "KEEP_S", 0.0)
     with monkeypatch.context() as patched:
-        spied(patched, single, "run_open_pieces", stop_after=1)
+        spied(patched, stop_after=1)
         with pytest.raises(KeyboardInterrupt):
             run_single_cell(planned, tmp_path)
 
-    ran = spied(monkeypatch, single, "run_open_pieces")
+    ran = spied(monkeypatch)
     run_single_cell(planned, tmp_path)
 
     assert ran == [[4 + KEPT, 5 + KEPT]]
@@ -93,11 +91,11 @@ def test_runs_that_go_alone_are_stored_one_after_the_other_where_they_take_long(
     plan = plan_of(seeds=4, filter={"name": "gnss_only"})
     monkeypatch.setattr(blocks, "KEEP_S", 0.0)
     with monkeypatch.context() as patched:
-        spied(patched, sweep, "run_pieces", stop_after=3)
+        spied(patched, stop_after=3)
         with pytest.raises(KeyboardInterrupt):
             run_sweep(plan, store, workers=1, done=())
 
-    ran = spied(monkeypatch, sweep, "run_pieces")
+    ran = spied(monkeypatch)
     run_sweep(plan, store, workers=1, done=())
 
     assert ran == [[7]]
@@ -111,7 +109,7 @@ def test_a_cell_that_was_stopped_before_its_blocks_were_joined_is_joined(store, 
         with pytest.raises(KeyboardInterrupt):
             run_sweep(plan, store, workers=1, done=())
 
-    ran = spied(monkeypatch, sweep, "run_pieces")
+    ran = spied(monkeypatch)
     run_sweep(plan, store, workers=1, done=())
 
     assert ran == []
@@ -134,7 +132,7 @@ def test_a_damaged_block_and_a_failed_run_are_run_again(store, monkeypatch):
     kept = blocks.Blocks(store)
     first, second = (list(planned.cell.draws)[k : k + KEPT] for k in (0, KEPT))
     for draws in (first, second):
-        pieces = run_open_pieces(planned.cell, "", draws)
+        pieces = CellRun(planned.cell, "", on_error="raise").pieces(draws)
         blocks.run_blocks(planned, pieces, kept, keep_rest=True)
     path = store.folder / "blocks" / f"{planned.key}.{second[0]}.parquet"
     path.write_bytes(path.read_bytes()[:-40])

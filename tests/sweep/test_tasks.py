@@ -4,7 +4,7 @@ import pandas as pd
 import pytest
 
 from jerkbench.cells.cell import Protocol, build
-from jerkbench.execution.cell_run import run_cell
+from jerkbench.execution.cell_run import CellRun
 from jerkbench.execution.inputs import KEPT
 from jerkbench.results.store import Store
 from jerkbench.sweep.sweep import Finished, plan_sweep, run_sweep, run_task
@@ -49,7 +49,7 @@ def test_a_cell_in_pieces_has_the_rows_of_the_whole_one(plan, tmp_path):
 
     for one in plan.cells:
         (stored,), _ = store.read([one.key])
-        rows, notes = run_cell(one.cell, one.fingerprint)
+        rows, notes = CellRun(one.cell, one.fingerprint).rows()
         pd.testing.assert_frame_equal(stored.rows, pd.DataFrame(rows), check_exact=True)
         assert stored.metadata["notes"] == notes
 

@@ -1,0 +1,60 @@
+"""The notes on a cell: where the reference comes from, what the recording and the attitude filter have to say."""
+
+from collections.abc import Iterable
+
+from jerkbench.cells.cell import Cell
+from jerkbench.contracts import Remarking
+from jerkbench.execution.inputs import Inputs
+from jerkbench.plain import plain
+from jerkbench.recording import Recording
+
+
+def notes_of(cell: Cell, recording: Recording) -> list[str]:
+    """Return what stands under the table of a cell; once for all its parameters."""
+    return [plain(note) for note in (*_reference_notes(cell, recording), *_remarks(cell, recording))]
+
+
+def first_remarks(cells: Iterable[tuple[Cell, str]], inputs: Inputs) -> list[str]:
+    """Return what is to be said of recorded drives before they run; simulated ones are remarked on under the table.
+
+    Args:
+        cells: what is going to run, each with the fingerprint of its data.
+        inputs: recordings that are shared.
+    """
+    answered: set[object] = set()
+    lines: dict[str, None] = {}
+    for cell, fingerprint in cells:
+        question = cell.dataset, cell.disturbances, cell.attitude
+        if cell.dataset.seeded or question in answered:
+            continue
+        answered.add(question)
+        lines.update(dict.fromkeys(_of_first_seed(cell, fingerprint, inputs)))
+    return list(lines)
+
+
+def _of_first_seed(cell: Cell, fingerprint: str, inputs: Inputs) -> list[str]:
+    if not isinstance(cell.attitude, Remarking):
+        return []
+    try:
+        return _remarks(cell, inputs.recording(cell, fingerprint, cell.draws[0]))
+    except Exception:  # noqa: BLE001 - what cannot be loaded becomes a row that says so, when it is run
+        return []
+
+
+def _reference_notes(cell: Cell, recording: Recording) -> list[str]:
+    reference, name = recording.reference, _name(cell)
+    notes = [f"{name}: {note}" for note in recording.notes]
+    if reference.empty:
+        return [f"{name} has no reference: {reference.source}.", *notes]
+    independence = "independent of" if reference.independent else "not independent of"
+    return [f"Reference of {name}: {reference.source}; {independence} the measurements.", *notes]
+
+
+def _remarks(cell: Cell, recording: Recording) -> list[str]:
+    remarks = cell.attitude.remarks(recording) if isinstance(cell.attitude, Remarking) else ()
+    return [f"{_name(cell)}: {remark}" for remark in remarks]
+
+
+def _name(cell: Cell) -> str:
+    """The data set's name, without its parameters."""
+    return cell.labels.dataset.partition("(")[0]
