@@ -36,7 +36,7 @@ class Recovery:
         with np.errstate(over="ignore", invalid="ignore"):
             error = np.linalg.norm(position_error_m(estimate, recording)[rows], axis=1)
         begins = recording.outages_s[:, 0]
-        ends = np.append(begins[1:], np.inf)
+        ends = np.append(begins, np.inf)[1:]
         answers = [step_response(t_s, error, begin, end) for begin, end in zip(begins, ends, strict=True)]
         if not answers:
             return {"recovery_s": np.nan, "recovery_peak_m": np.nan}

@@ -67,6 +67,11 @@ def test_an_error_that_halves_every_second_recovers_in_one(estimate, recording, 
     assert got["recovery_s"] == pytest.approx(np.mean(lengths) + 1.0, abs=0.51)  # from the peak at the begin
 
 
+def test_without_an_outage_there_is_nothing_to_recover_from(estimate, recording, counted):
+    got = Recovery().evaluate(estimate, dataclasses.replace(recording, outages_s=np.empty((0, 2))), counted)
+    assert all(map(math.isnan, got.values()))
+
+
 @pytest.mark.parametrize("metric", [Crps(), Credibility(), Recovery()])
 def test_where_nothing_counts_there_is_no_score(metric, estimate, recording, counted):
     got = metric.evaluate(estimate, recording, np.zeros_like(counted))
