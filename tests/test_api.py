@@ -1,5 +1,6 @@
 """`jerkbench.run` and `jerkbench run` are two ways to ask the same question."""
 
+import inspect
 from functools import cache
 
 import pandas as pd
@@ -10,10 +11,10 @@ from omegaconf import OmegaConf
 import jerkbench
 from commands import jerkbench as command_line
 from jerkbench.cells.cell import Protocol
-from jerkbench.cells.from_names import cell_of_parts
+from jerkbench.cells.from_names import DEFAULT_ATTITUDE, cell_of_parts
 from jerkbench.errors import PluginError
 from jerkbench.hydra_app.app import _register_hydra_parts
-from jerkbench.hydra_app.configuration import cell_of, register_schemas
+from jerkbench.hydra_app.configuration import Schema, cell_of, register_schemas
 from jerkbench.presets import config_folder
 from jerkbench.results.store import cell_key
 from jerkbench.results.study import load_study
@@ -125,3 +126,15 @@ def test_the_attitude_filter_is_what_the_data_set_prefers_unless_one_is_given():
     )
     assert by_parts(dataset=DRIVE, attitude="tilt").labels.attitude == "tilt"
     assert by_parts().labels.attitude == "field"
+
+
+def test_the_defaults_are_those_of_the_command_line():
+    defaults = {name: p.default for name, p in inspect.signature(jerkbench.run).parameters.items()}
+    for name in ("seeds", "first_seed", "burn_in_s"):
+        assert defaults[name] == getattr(Schema, name) == getattr(Protocol, name)
+    entries = OmegaConf.load(config_folder() / "config.yaml").defaults
+    chosen = {group: name for entry in entries if entry not in ("_self_", "schema") for group, name in entry.items()}
+    assert {name: chosen[name] for name in ("dataset", "filter", "adaptation", "engine")} == {
+        name: defaults[name] for name in ("dataset", "filter", "adaptation", "engine")
+    }
+    assert chosen["attitude"] == DEFAULT_ATTITUDE

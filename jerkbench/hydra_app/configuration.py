@@ -38,11 +38,11 @@ class Schema:
 
     study: str = "adhoc"
     results: str = "results"
-    seeds: int = 5
+    seeds: int = Protocol.seeds
     max_seeds: int = 0
-    first_seed: int = 0
-    burn_in_s: float = 5.0
-    divergence_limit_m: float = 1000.0
+    first_seed: int = Protocol.first_seed
+    burn_in_s: float = Protocol.burn_in_s
+    divergence_limit_m: float = Protocol.divergence_limit_m
     metrics: list[str] = field(default_factory=list)
     workers: int = 0
     figures: bool = True
