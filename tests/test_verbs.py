@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from commands import jerkbench, swept
+from commands import jerkbench, swept, verb
 from jerkbench.results.store import Store
 
 WORDS = ["filter=baseline,jerk", "adaptation=none,mtf", "disturbance=none,gnss_outage", "seeds=2"]
@@ -36,7 +36,7 @@ def changed_copy(study, folder, factor, count=None):
 
 
 def test_a_row_whose_numbers_are_others_is_seen(study, tmp_path):
-    done = jerkbench("rerun", str(changed_copy(study, tmp_path, 1.5, count=1)), "1", cwd=tmp_path)
+    done = verb("rerun", str(changed_copy(study, tmp_path, 1.5, count=1)), "1", cwd=tmp_path)
     assert done.returncode == 1
     assert "1 of " in done.stdout
 
@@ -45,7 +45,7 @@ def test_a_metric_that_is_gone_is_seen(study, tmp_path):
     (stored, *_), _ = Store(study).read()
     rows = stored.rows.assign(position_of_old_m=1.0)
     Store(tmp_path).write(stored.key, rows.to_dict("records"), stored.metadata)
-    done = jerkbench("rerun", str(tmp_path / "cells"), "1", cwd=tmp_path)
+    done = verb("rerun", str(tmp_path / "cells"), "1", cwd=tmp_path)
     assert done.returncode == 1
     assert "1 of " in done.stdout
 
@@ -55,7 +55,7 @@ def test_a_metric_that_is_gone_is_seen(study, tmp_path):
     [("99", "has the rows 1 to 16; there is no row 99"), ("zzz", "0 cells begin with 'zzz'"), (":1", "8 cells begin")],
 )
 def test_a_row_that_is_not_there_is_a_sentence(study, row, words):
-    done = jerkbench("rerun", str(study), row, cwd=study)
+    done = verb("rerun", str(study), row, cwd=study)
     assert done.returncode == 2
     assert words in done.stderr
 
@@ -66,7 +66,7 @@ def test_the_rmse_is_evos_over_the_exported_trajectories(study, tmp_path):
     from evo.tools import file_interface
 
     row = pd.read_csv(study / "rows.csv").iloc[5]
-    done = jerkbench("export", str(study), "6", "--tum", str(tmp_path / "out"), cwd=study)
+    done = verb("export", str(study), "6", "--tum", str(tmp_path / "out"), cwd=study)
     assert done.returncode == 0, done.stderr
     both = [file_interface.read_tum_trajectory_file(tmp_path / "out" / f"{n}.tum") for n in ("reference", "estimate")]
     error = metrics.APE(metrics.PoseRelation.translation_part)
@@ -78,7 +78,7 @@ def test_the_rmse_is_evos_over_the_exported_trajectories(study, tmp_path):
 def test_exported_quaternions_are_the_attitude(study, tmp_path):
     from scipy.spatial.transform import Rotation
 
-    jerkbench("export", str(study), "1", "--tum", str(tmp_path), cwd=study)
+    verb("export", str(study), "1", "--tum", str(tmp_path), cwd=study)
     poses = np.loadtxt(tmp_path / "estimate.tum")
     truth = np.loadtxt(tmp_path / "reference.tum")
     angle = (Rotation.from_quat(poses[:, 4:]).inv() * Rotation.from_quat(truth[:, 4:])).magnitude()
@@ -88,39 +88,44 @@ def test_exported_quaternions_are_the_attitude(study, tmp_path):
 
 
 def test_compare_tells_a_machine(study, tmp_path):
-    same = jerkbench("compare", str(study), str(study), "--fail-above", "0", cwd=tmp_path)
+    same = verb("compare", str(study), str(study), "--fail-above", "0", cwd=tmp_path)
     assert same.returncode == 0
     assert "0 of 8 combinations are worse by more than 0 %." in same.stdout
     higher = changed_copy(study, tmp_path, 1.1)
     for percent, code, count in (("9", 1, 8), ("11", 0, 0)):
-        done = jerkbench("compare", str(study), str(higher), "--fail-above", percent, cwd=tmp_path)
+        done = verb("compare", str(study), str(higher), "--fail-above", percent, cwd=tmp_path)
         assert done.returncode == code
         assert f"{count} of 8 combinations are worse by more than {percent} %." in done.stdout
         assert "×1.10" in done.stdout  # noqa: RUF001
-    swept(*WORDS, "dataset.duration_s=60", "noise.accel_mps2=3", "filter=jerk", cwd=tmp_path)
-    worse = tmp_path / "results" / "adhoc"
-    none = jerkbench("compare", str(study), str(worse), cwd=tmp_path)
-    assert none.returncode == 2  # they have other names: the noise
-    assert "No combination of the 8" in none.stderr
+
+
+def test_sets_without_a_common_name_are_not_compared(study, tmp_path):
+    for stored in Store(study).read()[0]:
+        labels = {**stored.metadata["labels"], "noise": "accel_mps2=3"}
+        rows = stored.rows.assign(noise=labels["noise"]).to_dict("records")
+        Store(tmp_path).write(stored.key, rows, {**stored.metadata, "labels": labels})
+    done = verb("compare", str(study), str(tmp_path / "cells"), cwd=tmp_path)
+    assert done.returncode == 2
+    assert "No combination of the 8" in done.stderr
 
 
 def test_a_gate_does_not_pass_what_it_cannot_judge(study, tmp_path):
     one = changed_copy(study, tmp_path, 1.0, count=1)
-    done = jerkbench("compare", str(study), str(one), "--fail-above", "50", cwd=tmp_path)
+    done = verb("compare", str(study), str(one), "--fail-above", "50", cwd=tmp_path)
     assert done.returncode == 1
     assert "7 of the 8 combinations of A cannot be judged" in done.stdout
-    assert jerkbench("compare", str(study), str(one), cwd=tmp_path).returncode == 0
+    assert verb("compare", str(study), str(one), cwd=tmp_path).returncode == 0
     (one / "damaged.parquet").write_bytes(b"PAR1")
-    done = jerkbench("compare", str(one), str(study), "--fail-above", "50", cwd=tmp_path)
+    done = verb("compare", str(one), str(study), "--fail-above", "50", cwd=tmp_path)
     assert done.returncode == 1
     assert "Damaged in A, and left out: damaged." in done.stdout
-    done = jerkbench("compare", str(study), str(study), "--fail-above", "nan", cwd=tmp_path)
+    done = verb("compare", str(study), str(study), "--fail-above", "nan", cwd=tmp_path)
     assert done.returncode == 2
     assert "'nan' is no percentage" in done.stderr
 
 
 def test_every_figure_of_a_study_is_drawn(study, tmp_path):
-    done = jerkbench("figures", str(study), "--out", str(tmp_path), "--scenarios", "1", cwd=study)
+    done = verb("figures", str(study), "--out", str(tmp_path), "--scenarios", "1", cwd=study)
     assert done.returncode == 0, done.stderr
     kinds = {path.stem.rsplit("_", 1)[-1].lstrip("-") for path in tmp_path.glob("*none*.pdf")}
     named = ("errors", "zoom", "trajectory", "three-sigma", "tilt", "acceleration", "consistency", "adapted-r")
@@ -144,6 +149,6 @@ def test_every_figure_of_a_study_is_drawn(study, tmp_path):
     ],
 )
 def test_what_cannot_be_done_is_a_sentence(study, words, said):
-    done = jerkbench(words[0], str(study), *words[1:], cwd=study)
+    done = verb(words[0], str(study), *words[1:], cwd=study)
     assert done.returncode == 2
     assert said in done.stderr
