@@ -13,6 +13,13 @@ def position_error_m(estimate: Estimate, recording: Recording) -> FloatArray:
     return _error(estimate.position_m, recording.reference.enu_m, estimate)
 
 
+def position_error_length_m(estimate: Estimate, recording: Recording) -> FloatArray:
+    """Return (k,) the length of the position error [m]; NaN where it is not known or not finite."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        length: FloatArray = np.sqrt(np.sum(position_error_m(estimate, recording) ** 2, axis=1))
+    return np.where(np.isfinite(length), length, np.nan)
+
+
 def velocity_error_mps(estimate: Estimate, recording: Recording) -> FloatArray:
     """Return (k, 3) estimate less reference, ENU [m/s]; NaN where the reference is not known."""
     return _error(estimate.velocity_mps, recording.reference.velocity_mps, estimate)

@@ -103,13 +103,17 @@ def _best_runs(stored: Stored) -> Iterator[tuple[Recording, Estimate]]:
 
 def _chosen(group: list[Stored], metric: str) -> dict[str, Stored]:
     """Pick the best, those that are wanted, and then the next best; of one method with several noises the best."""
-    ranked = sorted(group, key=lambda cell: (not competes(cell.metadata["labels"]), _mean(cell, metric)))
     methods: dict[tuple[str, str], Stored] = {}
-    for cell in ranked:
+    for cell in ranked(group, metric):
         methods.setdefault((cell.metadata["labels"]["filter"], cell.metadata["labels"]["adaptation"]), cell)
     ordered = list(methods)
     places = [ordered[0], *(method for method in WANTED if method in methods), *ordered]
     return {_name(methods[key]): methods[key] for key in list(dict.fromkeys(places))[:SHOWN]}
+
+
+def ranked(group: Sequence[Stored], metric: str) -> list[Stored]:
+    """Return cells of a scenario, the best first, and those that do not compete last."""
+    return sorted(group, key=lambda cell: (not competes(cell.metadata["labels"]), _mean(cell, metric)))
 
 
 def _mean(cell: Stored, metric: str) -> float:

@@ -23,9 +23,10 @@ def answer(chosen: argparse.Namespace) -> None:
     """
     from jerkbench.execution.processors import processors
     from jerkbench.results.study import load_study
-    from jerkbench.results.study_figures.files import draw_pictures
+    from jerkbench.results.study_figures.files import draw_study
     from jerkbench.results.study_figures.presentation import FIGURES
 
     out = chosen.out or chosen.folder / FIGURES
-    for picture in draw_pictures(load_study(chosen.folder), out, chosen.scenarios, processors()):
+    drawn = draw_study(load_study(chosen.folder), out, chosen.scenarios, processors(), traces=False)
+    for picture in drawn.pictures:
         print(out / f"{picture.name}.png")

@@ -24,12 +24,12 @@ def answer(chosen: argparse.Namespace) -> None:
     """
     from jerkbench.execution.processors import processors
     from jerkbench.results.study import load_study
-    from jerkbench.results.study_figures.files import draw_pictures
+    from jerkbench.results.study_figures.files import draw_study
     from jerkbench.results.study_figures.presentation import REPORT, write_report
 
     study = load_study(chosen.folder)
     path = chosen.out or chosen.folder / REPORT
     if path.is_dir():
         raise JerkbenchError(f"{path} is a folder; give the name of a file: --out {path / REPORT}.")
-    write_report(study, draw_pictures(study, None, chosen.scenarios, processors()), path)
+    write_report(study, draw_study(study, None, chosen.scenarios, processors()), path)
     print(path)

@@ -1,29 +1,86 @@
-"""The part of the report with every cell: a table to sort and to filter, and each cell's configuration behind it."""
+"""Every cell of a study: a table to sort and to filter, and all that is known of each cell behind it."""
 
-import json
 import math
-from collections.abc import Mapping, Sequence
-from html import escape
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from jerkbench.report.analysis.comparison import Comparison, compare_to
 from jerkbench.report.analysis.factors import FACTORS
-from jerkbench.report.analysis.rows import metric_columns
+from jerkbench.report.analysis.quantities import quantity
 from jerkbench.report.page import nees
+from jerkbench.report.page.details import details
 from jerkbench.report.tables.summary import summarise
 from jerkbench.report.tables.table_model import Cell, Table, factor_number, number
 
 if TYPE_CHECKING:
     import pandas as pd
 
-COLUMNS = ("velocity_rmse_mps", "outage_rmse_m", "outage_end_m", "lockout_s", "anees", "anis_per_row")
-"""Metrics that get a column after the leading one, where they have values."""
+COLUMNS = ("velocity_rmse_mps", "outage_rmse_m", "lockout_s", "anees", "anis_per_row")
+"""Metrics that get a column after the leading one, where they have values; a cell that is opened shows all."""
 
 
-def cells_section(
-    rows: "pd.DataFrame", keys: Sequence[str], about: Mapping[str, Mapping[str, Any]], metric: str
-) -> str:
-    """Return the filters, the table and a template for each cell.
+@dataclass(frozen=True)
+class Value:
+    """One entry of the table.
+
+    Attributes:
+        text: what is shown.
+        interval: beside it, or nothing.
+        sorting: the number to sort by, empty where there is none.
+        extra: whether a narrow screen does without it.
+    """
+
+    text: str
+    interval: str = ""
+    sorting: str = ""
+    extra: bool = False
+
+
+@dataclass(frozen=True)
+class Line:
+    """One cell.
+
+    Attributes:
+        key: its key.
+        labels: its factors that vary.
+        values: its entries.
+        verdict: what its NEES says.
+        rule: "group" where another scenario begins, or nothing.
+    """
+
+    key: str
+    labels: tuple[str, ...]
+    values: tuple[Value, ...]
+    verdict: str
+    rule: str
+
+
+@dataclass(frozen=True)
+class Cells:
+    """The table of every cell.
+
+    Attributes:
+        constants: what is the same in every cell, in a sentence.
+        factors: those that vary.
+        choices: their values, to filter by.
+        heads: of the entries.
+        lines: the cells.
+        explanation: how to read a NEES's verdict.
+        details: all of each cell, for the page's script.
+    """
+
+    constants: str
+    factors: tuple[str, ...]
+    choices: dict[str, list[str]]
+    heads: tuple[str, ...]
+    lines: list[Line]
+    explanation: str
+    details: dict[str, Any]
+
+
+def cells_view(rows: "pd.DataFrame", keys: Sequence[str], about: Mapping[str, Mapping[str, Any]], metric: str) -> Cells:
+    """Return the table of every cell.
 
     Args:
         rows: one row a cell and seed.
@@ -32,39 +89,41 @@ def cells_section(
         metric: the leading metric.
     """
     metrics = [metric, *(one for one in COLUMNS if one != metric and one in rows and rows[one].notna().any())]
-    tables = {one: combinations(rows, one) for one in metrics}
-    found = {one: by_combination(table) for one, table in tables.items()}
-    ratios = _ratios(rows, metric)
-    groups = rows.assign(key=list(keys)).groupby("key", sort=False)
-    lines, templates = [], []
-    for key, group in groups:
-        combination = tuple(str(group[one].iloc[0]) for one in FACTORS)
-        cells = [found[one][combination] for one in metrics]
-        lines.append(_line(str(key), combination, cells, ratios.get(combination), group))
-        templates.append(_template(str(key), combination, group, about[str(key)]))
-    heads = [*FACTORS, *(tables[one].title for one in metrics), "×  none", nees.HEADING, "lost", "runs"]  # noqa: RUF001
-    varying = [len(rows[key].unique()) > 1 for key in FACTORS]
-    constant = [f":nth-child({k + 1})" for k, one in enumerate(varying) if not one]
-    hidden = f"#cells :is(th, td):is({', '.join(constant)}) {{ display: none; }}" if constant else ""
-    head = "".join(f'<th scope="col"><button>{escape(text)}</button></th>' for text in heads)
-    return (
-        f"<style>{hidden}</style>{_same(rows, varying)}{_muted(nees.explanation(rows))}{_filters(rows)}"
-        f'<div class="scroll"><table id="cells"><thead><tr>{head}<th></th></tr></thead>\n<tbody>\n'
-        + "\n".join(lines)
-        + '\n</tbody></table></div>\n<dialog id="cell"><form method="dialog"><button>Close</button></form>'
-        + '<div id="content"></div></dialog>\n'
-        + "\n".join(templates)
+    found = {one: by_combination(combinations(rows, one)) for one in metrics}
+    ratios, groups = _ratios(rows, metric), _groups(rows, keys)
+    factors = tuple(key for key in FACTORS if len(rows[key].unique()) > 1) or ("filter",)
+    lines: list[Line] = []
+    for scenario in _scenarios(groups.values()):
+        for place, (key, combination) in enumerate(scenario):
+            group = groups[key]
+            values = _values([found[one][combination] for one in metrics], group, ratios and [ratios.get(combination)])
+            labels = tuple(str(group[one].iloc[0]) for one in factors)
+            rule = "group" if lines and place == 0 else ""
+            lines.append(Line(key, labels, values, nees.says(group), rule))
+    against = ("times none",) if ratios else ()
+    return Cells(
+        constants=", ".join(f"{key} {rows[key].iloc[0]}" for key in FACTORS if key not in factors),
+        factors=factors,
+        choices={key: list(dict.fromkeys(rows[key].astype(str))) for key in factors},
+        heads=(*(quantity(one).heading for one in metrics), *against, "lost runs"),
+        lines=lines,
+        explanation=nees.explanation(rows),
+        details=details(groups, about, [column for column in metrics if column in rows]),
     )
 
 
-def _same(rows: "pd.DataFrame", varying: Sequence[bool]) -> str:
-    """What needs no column."""
-    constant = [f"{key} {rows[key].iloc[0]}" for key, one in zip(FACTORS, varying, strict=True) if not one]
-    return _muted(f"In every cell: {', '.join(constant)}." if constant else "")
+def _groups(rows: "pd.DataFrame", keys: Sequence[str]) -> "dict[str, pd.DataFrame]":
+    """Return the rows of each cell."""
+    return {str(key): group for key, group in rows.assign(key=list(keys)).groupby("key", sort=False)}
 
 
-def _muted(text: str) -> str:
-    return f'<p class="muted">{escape(text)}</p>' if text else ""
+def _scenarios(groups: "Iterable[pd.DataFrame]") -> list[list[tuple[str, tuple[str, ...]]]]:
+    """Return the keys and combinations of the cells of each scenario."""
+    scenarios: dict[tuple[str, ...], list[tuple[str, tuple[str, ...]]]] = {}
+    for group in groups:
+        combination = tuple(str(group[one].iloc[0]) for one in FACTORS)
+        scenarios.setdefault(combination[:2], []).append((str(group["key"].iloc[0]), combination))
+    return list(scenarios.values())
 
 
 def combinations(rows: "pd.DataFrame", metric: str) -> Table:
@@ -83,79 +142,33 @@ def by_combination(table: Table) -> dict[tuple[str, ...], Cell]:
 
 
 def _ratios(rows: "pd.DataFrame", metric: str) -> dict[tuple[str, ...], Comparison]:
-    if "none" not in set(rows["adaptation"].astype(str)):
+    values = set(rows["adaptation"].astype(str))
+    if "none" not in values or len(values) == 1:
         return {}
     return {one.subject: one for one in compare_to(rows, metric, {"adaptation": "none"})}
 
 
-def _line(
-    key: str, combination: tuple[str, ...], cells: Sequence[Cell], ratio: Comparison | None, group: "pd.DataFrame"
-) -> str:
-    texts = "".join(f"<td>{escape(text)}</td>" for text in combination)
-    numbers = "".join(_mean(cell) for cell in cells)
+def _values(
+    cells: Sequence[Cell], group: "pd.DataFrame", ratios: "Sequence[Comparison | None] | dict[Any, Any]"
+) -> tuple[Value, ...]:
     lost = int((group["status"] != "ok").sum())
-    against = _factor(ratio)
-    end = f"{_number(lost)}{_number(len(group))}"
-    button = f'<td><button data-key="{escape(key)}">open</button></td>'
-    return f"<tr>{texts}{numbers}{against}<td>{nees.says(group)}</td>{end}{button}</tr>"
+    return (
+        *(_mean(cell, extra=place > 0) for place, cell in enumerate(cells)),
+        *(_factor(one) for one in ratios),
+        Value(f"{lost} of {len(group)}", sorting=str(lost), extra=True),
+    )
 
 
-def _mean(cell: Cell) -> str:
-    if not math.isfinite(cell.mean):
-        return f'<td class="number" data-value="">{escape(cell.text)}</td>'
-    interval = f' <span class="interval">{escape(cell.interval)}</span>' if cell.interval else ""
-    return f'<td class="number" data-value="{cell.mean!r}">{escape(cell.number)}{interval}</td>'
+def _mean(cell: Cell, *, extra: bool) -> Value:
+    known = cell.number and not math.isnan(cell.mean)
+    text = cell.number or cell.trouble
+    sorting = "" if not known else "Infinity" if math.isinf(cell.mean) else f"{cell.mean:.7g}"
+    return Value(text, cell.interval, sorting, extra)
 
 
-def _number(value: float) -> str:
-    if not math.isfinite(value):
-        return '<td class="number" data-value=""></td>'
-    return f'<td class="number" data-value="{value!r}">{number(value) if value % 1 else int(value)}</td>'
-
-
-def _factor(one: Comparison | None) -> str:
+def _factor(one: Comparison | None) -> Value:
     """The ratio to no adaptation, with its mark."""
     if one is None or not 0 < one.judgement.ratio < math.inf:
-        return _number(math.nan)
+        return Value("", extra=True)
     value = one.judgement.ratio
-    text = f"{factor_number(value) if one.shown else number(value)}{one.mark}"
-    return f'<td class="number" data-value="{value!r}">{text}</td>'
-
-
-def _filters(rows: "pd.DataFrame") -> str:
-    selects = []
-    for place, key in enumerate(FACTORS):
-        values = list(dict.fromkeys(rows[key].astype(str)))
-        if len(values) > 1:
-            options = "".join(f"<option>{escape(value)}</option>" for value in values)
-            selects.append(
-                f'<label>{key} <select data-column="{place}"><option value="">all</option>{options}</select></label>'
-            )
-    words = '<label>words <input id="words" type="search" placeholder="jerk outage"></label>'
-    return f'<div class="filters">{words}{"".join(selects)}<span id="shown"></span></div>\n'
-
-
-def _value(value: object) -> str:
-    if not isinstance(value, float):
-        return str(value)
-    return "" if math.isnan(value) else number(value)
-
-
-def _template(key: str, combination: tuple[str, ...], group: "pd.DataFrame", about: Mapping[str, Any]) -> str:
-    columns = ["seed", "status", "reason", *metric_columns(group)]
-    values = group[[one for one in columns if group[one].notna().any()]]
-    head = "".join(f"<th>{escape(str(one))}</th>" for one in values.columns)
-    lines = "".join(
-        f"<tr>{''.join(f'<td>{escape(_value(value))}</td>' for value in line)}</tr>"
-        for line in values.itertuples(index=False)
-    )
-    told = {
-        one: about[one] for one in ("spec", "protocol", "data", "notes", "created", "seconds", "commit", "versions")
-    }
-    key = escape(key)
-    again = f"cells/{key}.parquet; once more: jerkbench rerun FOLDER {key}"
-    return (
-        f'<template id="cell-{key}"><h3>{escape(", ".join(combination))}</h3><p class="muted">{again}</p>'
-        f'<div class="scroll"><table><thead><tr>{head}</tr></thead><tbody>{lines}</tbody></table></div>'
-        f"<pre>{escape(json.dumps(told, indent=1, ensure_ascii=False))}</pre></template>"
-    )
+    return Value(f"{factor_number(value) if one.shown else number(value)}{one.mark}", "", f"{value:.7g}", extra=True)

@@ -1,26 +1,36 @@
-"""The report as one HTML file: what was found, the table, figures, a reviewer's questions, every cell, provenance."""
+"""The report as one HTML file: the answer, the table, errors over time, figures, a review, every cell, provenance."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from html import escape
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
 from jerkbench.report.analysis.quantities import quantity
-from jerkbench.report.analysis.review import Check, Evidence, review
-from jerkbench.report.page.cells import by_combination, cells_section, combinations
-from jerkbench.report.page.first_screen import findings_section
+from jerkbench.report.analysis.review import Evidence, review
+from jerkbench.report.analysis.standings import standings
+from jerkbench.report.markup import render
+from jerkbench.report.page.cells import by_combination, cells_view, combinations
+from jerkbench.report.page.first_screen import first_screen
 from jerkbench.report.page.gallery import gallery
-from jerkbench.report.page.text import bullets
+from jerkbench.report.page.line_styles import line_styles
+from jerkbench.report.page.traces import Stretch, payload
 from jerkbench.report.plots.picture import Picture
 from jerkbench.report.tables.html import html_table
 from jerkbench.report.tables.summary import main_metric, summarise
 
 if TYPE_CHECKING:
     import pandas as pd
+    from markupsafe import Markup
 
 WORDS = {True: ("passed", "passed"), False: ("failed", "failed"), None: ("muted", "does not arise")}
 """Class and word of an answer."""
+
+STYLES = ("report.css", "vendor/uplot/uPlot.min.css")
+SCRIPTS = ("vendor/uplot/uPlot.iife.min.js", "report.js", "traces.js")
+"""What the page carries, in this order."""
+
+METHOD = ("attitude", "filter", "adaptation", "noise")
+"""Factors that tell the lines of one figure apart."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +44,7 @@ class Results:
         about: what is stored beside each cell's rows, by key.
         notes: sentences that belong under its tables.
         provenance: command, time, commit, versions, host.
+        of_the_paper: whether the study asks for the paper's claim.
     """
 
     name: str
@@ -42,56 +53,62 @@ class Results:
     about: Mapping[str, Mapping[str, Any]]
     notes: Sequence[str]
     provenance: Mapping[str, Any]
+    of_the_paper: bool = False
 
 
-def page(results: Results, pictures: Sequence[Picture]) -> str:
+def page(results: Results, pictures: Sequence[Picture], stretches: Sequence[Stretch] = ()) -> str:
     """Return the report."""
     rows, metric = results.rows, main_metric(results.rows)
     leading = combinations(rows, metric)
     checks = review(Evidence(rows, list(results.about.values()), metric))
-    independence = [note for note in results.notes if "ndependent of" in note]
-    sections = {
-        "Findings": findings_section(rows, metric, leading.title, by_combination(leading)),
-        "Table": html_table(summarise(rows, metric, notes=results.notes, baseline=_baseline(rows)), level=3),
-        "Figures": gallery(pictures),
-        "A reviewer's questions": _review(checks),
-        "Every cell": cells_section(rows, results.keys, results.about, metric),
-        "What is independent": bullets(independence or ["Nothing is said."]),
-        "Provenance": _provenance(results.provenance),
-    }
-    links = "".join(f'<a href="#{_anchor(name)}">{escape(name)}</a>' for name in sections)
-    body = "\n".join(
-        f'<section id="{_anchor(n)}"><h2>{escape(n)}</h2>\n{text}</section>' for n, text in sections.items()
-    )
-    return _document(results.name, f"{_tiles(results, checks, quantity(metric).heading)}<nav>{links}</nav>", body)
-
-
-def _document(name: str, top: str, body: str) -> str:
-    assets = files("jerkbench.report.page")
-    style, script = (assets.joinpath(f"report.{end}").read_text(encoding="utf-8") for end in ("css", "js"))
-    title = escape(f"jerkbench: {name}")
-    head = '<meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">'
-    return (
-        f'<!DOCTYPE html>\n<html lang="en"><head>{head}<title>{title}</title>\n<style>{style}</style></head>\n'
-        f"<body><header><h1>{escape(name)}</h1>{top}</header>\n{body}\n<script>{script}</script></body></html>\n"
+    shown = standings(rows, metric)
+    cells = cells_view(rows, results.keys, results.about, metric)
+    return render(
+        "page.html",
+        name=results.name,
+        styles=_assets(STYLES),
+        scripts=_assets(SCRIPTS),
+        subtitle=_subtitle(results, quantity(metric).heading),
+        tiles=_tiles(results),
+        first=first_screen(rows, metric, shown, by_combination(leading), of_the_paper=results.of_the_paper),
+        title=leading.title,
+        objections=[one for one in checks if one.passed is False],
+        asked=sum(one.passed is not None for one in checks),
+        table=_table(results, metric),
+        gallery=gallery(pictures, without=("errors", "zoom") if stretches else ()),
+        checks=[(one, *WORDS[one.passed]) for one in checks],
+        cells=cells,
+        traces=_traces(results.about, stretches),
+        independence=[note for note in results.notes if "ndependent of" in note] or ["Nothing is said."],
+        provenance=[(name, _plain(value)) for name, value in results.provenance.items()],
     )
 
 
-def _tiles(results: Results, checks: Sequence[Check], title: str) -> str:
-    """The size of the study, what was lost, and how the review went."""
-    rows = results.rows
-    lost = int((rows["status"] != "ok").sum())
-    asked = [one for one in checks if one.passed is not None]
-    passed = sum(bool(one.passed) for one in asked)
+def _assets(names: Iterable[str]) -> "list[Markup]":
+    """Return files of this package as they are: styles and scripts are no text to escape."""
+    from markupsafe import Markup
+
+    room = files("jerkbench.report.page")
+    return [Markup(room.joinpath(name).read_text(encoding="utf-8")) for name in names]  # noqa: S704 - our own files
+
+
+def _subtitle(results: Results, title: str) -> str:
     finished = str(results.provenance.get("finished", ""))[:10]
-    tiles = [
-        (f"{len(results.about)}", "combinations"),
-        (f"{len(rows)}", f"runs, {lost} of them lost"),
-        (f"{passed} of {len(asked)}", "of a reviewer's questions passed"),
-    ]
-    shown = "".join(f"<div><strong>{escape(value)}</strong> {escape(text)}</div>" for value, text in tiles)
-    words = " · ".join(part for part in ("jerkbench", title, finished) if part)
-    return f'<p class="muted">{escape(words)}</p><div class="tiles">{shown}</div>'
+    return " · ".join(part for part in ("jerkbench", title, finished) if part)
+
+
+def _tiles(results: Results) -> list[tuple[str, str]]:
+    """The size of the study, and what was lost."""
+    lost = int((results.rows["status"] != "ok").sum())
+    runs = f"runs, {lost} of them lost" if lost else "runs, none lost"
+    return [(f"{len(results.about)}", "combinations"), (f"{len(results.rows)}", runs)]
+
+
+def _table(results: Results, metric: str) -> "Markup":
+    from markupsafe import Markup
+
+    table = summarise(results.rows, metric, notes=results.notes, baseline=_baseline(results.rows))
+    return Markup(html_table(table, level=3))  # noqa: S704 - its template escapes
 
 
 def _baseline(rows: "pd.DataFrame") -> dict[str, str] | None:
@@ -99,18 +116,11 @@ def _baseline(rows: "pd.DataFrame") -> dict[str, str] | None:
     return {"adaptation": "none"} if "none" in values and len(values) > 1 else None
 
 
-def _review(checks: Sequence[Check]) -> str:
-    lines = [
-        f'<tr><th scope="row">{escape(one.question)}</th><td class="{WORDS[one.passed][0]}">{WORDS[one.passed][1]}</td>'
-        f"<td>{escape(one.reason)}</td></tr>"
-        for one in checks
-    ]
-    return f'<div class="wide"><table id="review">{"".join(lines)}</table></div>'
-
-
-def _provenance(told: Mapping[str, Any]) -> str:
-    lines = "".join(f"<dt>{escape(name)}</dt><dd>{escape(_plain(value))}</dd>" for name, value in told.items())
-    return f"<dl>{lines}</dl>"
+def _traces(about: Mapping[str, Mapping[str, Any]], stretches: Sequence[Stretch]) -> dict[str, Any]:
+    labels = {key: {name: str(value) for name, value in one["labels"].items()} for key, one in about.items()}
+    varying = [name for name in METHOD if len({one[name] for one in labels.values()}) > 1] or ["filter"]
+    names = {key: " + ".join(one[name] for name in varying) for key, one in labels.items()}
+    return payload(stretches, line_styles(labels), names)
 
 
 def _plain(value: object) -> str:
@@ -119,7 +129,3 @@ def _plain(value: object) -> str:
     if isinstance(value, str) or not isinstance(value, Iterable):
         return str(value)
     return " ".join(map(str, value))
-
-
-def _anchor(name: str) -> str:
-    return "section-" + "".join(letter for letter in name.lower() if letter.isalpha())

@@ -1,7 +1,7 @@
 "use strict";
 const table = document.getElementById("cells");
 const body = table.tBodies[0];
-const shown = document.getElementById("shown");
+const details = JSON.parse(document.getElementById("cells-data").textContent);
 
 function value(row, column) {
   const cell = row.cells[column];
@@ -22,6 +22,7 @@ function sort(header) {
     if (x === Infinity || y === Infinity) return x === Infinity ? 1 : -1; // what has no number comes last both ways
     return (x < y ? -1 : 1) * (ascending ? 1 : -1);
   });
+  table.classList.add("sorted"); // the rules between groups mean nothing now
   body.append(...rows);
 }
 
@@ -36,14 +37,53 @@ function filter() {
     row.hidden = !fits;
     count += fits ? 1 : 0;
   }
-  shown.textContent = `${count} of ${body.rows.length} cells`;
+  document.getElementById("shown").textContent = `${count} of ${body.rows.length} cells`;
+}
+
+function element(name, text, ...children) {
+  const made = document.createElement(name);
+  if (text !== null) made.textContent = text;
+  made.append(...children);
+  return made;
+}
+
+function grid(heads, rows) {
+  const head = element("tr", null, ...heads.map((text) => Object.assign(element("th", text), { scope: "col" })));
+  const lines = rows.map((row) => element("tr", null, ...row.map((text) => element("td", text))));
+  const made = element("table", null, element("thead", null, head), element("tbody", null, ...lines));
+  const box = element("div", null, made);
+  Object.assign(box, { className: "scroll", tabIndex: 0 });
+  return box;
+}
+
+function fold(summary, ...children) {
+  return element("details", null, element("summary", summary), ...children);
+}
+
+function entries(shared) {
+  return Object.fromEntries(Object.entries(shared).map(([name, place]) => [name, details.shared[place]]));
+}
+
+function content(key) {
+  const cell = details.cells[key];
+  const spread = cell.metrics.map(([title, ...values]) => [details.shared[title], ...values]);
+  const record = { spec: entries(cell.spec), ...entries(cell.told) };
+  const again = element("p", `cells/${key}.parquet; once more: jerkbench rerun FOLDER ${key}`);
+  again.className = "muted";
+  return [
+    grid(["metric", "median", "lowest", "highest"], spread),
+    fold(`Each run (${cell.runs.length})`, grid(["run", "status", "reason", ...details.seeds], cell.runs)),
+    fold("Configuration (JSON)", element("pre", JSON.stringify(record, null, 1))),
+    again,
+  ];
 }
 
 function open(key) {
-  const dialog = document.getElementById("cell");
-  const content = document.getElementById("content");
-  content.replaceChildren(document.getElementById(`cell-${key}`).content.cloneNode(true));
-  dialog.showModal();
+  const labels = details.cells[key].labels;
+  document.getElementById("cell-title").textContent = labels.map(([name, value]) => `${name} ${value}`).join(", ");
+  document.getElementById("content").replaceChildren(...content(key));
+  document.getElementById("cell").showModal();
+  document.dispatchEvent(new CustomEvent("cell", { detail: key }));
 }
 
 for (const header of table.tHead.rows[0].cells) {
@@ -55,5 +95,8 @@ for (const one of document.querySelectorAll("select[data-column]")) one.addEvent
 body.addEventListener("click", (event) => {
   const button = event.target.closest("button[data-key]");
   if (button) open(button.dataset.key);
+});
+window.addEventListener("beforeprint", () => {
+  for (const one of document.querySelectorAll("#section-findings details")) one.open = true;
 });
 filter();

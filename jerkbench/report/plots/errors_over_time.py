@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from jerkbench.arrays import FloatArray
 from jerkbench.estimate import Estimate
-from jerkbench.evaluation.navigation_errors import known, position_error_m, rms_norm
+from jerkbench.evaluation.navigation_errors import known, position_error_length_m, position_error_m, rms_norm
 from jerkbench.recording import Recording
 from jerkbench.report.plots.style import DOTS_PER_INCH, OKABE_ITO, OUTAGE, legend_below, lines, quiet, say
 from jerkbench.report.tables.table_model import number
@@ -51,7 +51,7 @@ def _draw_norms(axes: Axes, recording: Recording, estimates: Mapping[str, Estima
     if recording.reference.enu_m is None:
         say(axes, "The recording has no position reference.")
         return
-    norms = {name: _norm_m(recording, estimate) for name, estimate in estimates.items()}
+    norms = {name: position_error_length_m(estimate, recording) for name, estimate in estimates.items()}
     for place, (name, colour, dash) in enumerate(lines(estimates)):
         t_s = recording.reference.t_s[estimates[name].index]
         label = f"{name}: {_rmse(recording, estimates[name])}"
@@ -63,13 +63,6 @@ def _draw_norms(axes: Axes, recording: Recording, estimates: Mapping[str, Estima
         axes.set_ylim(bottom=0.5 * min(lowest))
     else:
         axes.set_ylim(bottom=0.0)
-
-
-def _norm_m(recording: Recording, estimate: Estimate) -> FloatArray:
-    """Return (k,) the length of the error; NaN where it is not known or not finite."""
-    with np.errstate(over="ignore", invalid="ignore"):
-        norm: FloatArray = np.sqrt(np.sum(position_error_m(estimate, recording) ** 2, axis=1))
-    return np.where(np.isfinite(norm), norm, np.nan)
 
 
 def _rmse(recording: Recording, estimate: Estimate) -> str:

@@ -1,37 +1,55 @@
 """Table -> HTML."""
 
-from html import escape
+from collections.abc import Iterator
+from dataclasses import dataclass
 
+from jerkbench.report.markup import render
 from jerkbench.report.tables.table_model import ABSENT, Cell, Table
+
+
+@dataclass(frozen=True)
+class Head:
+    """One value of a row's factors.
+
+    Attributes:
+        text: the value.
+        same: whether the row above has it too, and all before it.
+    """
+
+    text: str
+    same: bool
+
+
+@dataclass(frozen=True)
+class Line:
+    """One row.
+
+    Attributes:
+        heads: its factors.
+        cells: its cells.
+        rule: "group" where the first of several factors changes, "part" where another but the last does, or nothing.
+    """
+
+    heads: tuple[Head, ...]
+    cells: tuple[Cell | None, ...]
+    rule: str
 
 
 def html_table(table: Table, level: int = 2) -> str:
     """Return a ``section`` with a heading, a ``table`` whose best cells are ``strong``, and its footnotes as a list.
 
-    What a row repeats of the one above it has the class "same".
+    What a row repeats of the one above it has the class "same"; where a group of rows begins its row says so.
     """
-    head = "".join(f'<th scope="col">{escape(text)}</th>' for text in table.header)
-    body = "\n".join(
-        f"<tr>{_heads(values, before)}{''.join(map(_cell, cells))}</tr>"
-        for values, before, cells in zip(table.rows, [(), *table.rows], table.cells, strict=False)
-    )
-    notes = "\n".join(f"<li>{escape(note)}</li>" for note in table.footnotes)
-    return (
-        f"<section>\n<h{level}>{escape(table.title)}</h{level}>\n<table>\n<thead><tr>{head}</tr></thead>\n"
-        f"<tbody>\n{body}\n</tbody>\n</table>\n<ul>\n{notes}\n</ul>\n</section>\n"
-    )
+    return render("table.html", table=table, lines=list(_lines(table)), level=level, absent=ABSENT)
 
 
-def _heads(values: tuple[str, ...], before: tuple[str, ...]) -> str:
-    same = [values[: k + 1] == before[: k + 1] for k in range(len(values))]
-    marks = [' class="same"' if one else "" for one in same]
-    return "".join(f'<th scope="row"{mark}>{escape(value)}</th>' for value, mark in zip(values, marks, strict=True))
+def _lines(table: Table) -> Iterator[Line]:
+    for values, before, cells in zip(table.rows, [(), *table.rows], table.cells, strict=False):
+        same = [values[: k + 1] == before[: k + 1] for k in range(len(values))]
+        yield Line(tuple(map(Head, values, same)), cells, _rule(same) if before else "")
 
 
-def _cell(cell: Cell | None) -> str:
-    if cell is None:
-        return f"<td>{ABSENT}</td>"
-    number = f"<strong>{escape(cell.number)}</strong>" if cell.best else escape(cell.number)
-    small = (("factor", cell.factor), ("interval", cell.interval), ("trouble", cell.trouble))
-    rest = [f'<span class="{name}">{escape(text)}</span>' for name, text in small if text]
-    return f"<td>{' '.join([number, *rest]).strip()}</td>"
+def _rule(same: list[bool]) -> str:
+    if all(same[:-1]):
+        return ""
+    return "part" if same[0] else "group"

@@ -1,31 +1,32 @@
 """The end of a study beside its tables: figures, and the report."""
 
-from collections.abc import Sequence
 from pathlib import Path
 
 from jerkbench.files import write_text
-from jerkbench.report.plots.picture import Picture
 from jerkbench.results.store import Store
 from jerkbench.results.study import Study, read_manifest
-from jerkbench.results.study_figures.files import LIMIT, draw_pictures
+from jerkbench.results.study_figures.files import LIMIT, Drawn, draw_study
 
 FIGURES, REPORT = "figures", "report.html"
 PROVENANCE = ("command", "finished", "commit", "versions", "host")
 """Entries of the manifest that the report shows."""
 
+PAPER = "experiment=paper"
+"""The study that asks whether the paper's claim holds; a report of any other says nothing about it."""
+
 
 def present(study: Study, workers: int, *, figures: bool) -> None:
     """Draw the figures of a study and write its report; say so before, because it takes a while."""
-    pictures: list[Picture] = []
+    drawn = Drawn()
     if figures:
         print("Drawing the figures (figures=false leaves them out).", flush=True)
-        pictures = draw_pictures(study, study.folder / FIGURES, LIMIT, workers)
+        drawn = draw_study(study, study.folder / FIGURES, LIMIT, workers)
         print(f"Figures: {study.folder / FIGURES}")
-    write_report(study, pictures, study.folder / REPORT)
+    write_report(study, drawn, study.folder / REPORT)
     print(f"Report: {study.folder / REPORT}")
 
 
-def write_report(study: Study, pictures: Sequence[Picture], path: Path) -> None:
+def write_report(study: Study, drawn: Drawn, path: Path) -> None:
     """Write the report of a study as one HTML file."""
     from jerkbench.report.page.page import Results, page
 
@@ -38,5 +39,6 @@ def write_report(study: Study, pictures: Sequence[Picture], path: Path) -> None:
         about={cell.key: cell.metadata for cell in stored},
         notes=study.notes,
         provenance={key: manifest[key] for key in PROVENANCE if key in manifest},
+        of_the_paper=PAPER in manifest.get("command", ()),
     )
-    write_text(path, page(results, pictures))
+    write_text(path, page(results, drawn.pictures, drawn.stretches))

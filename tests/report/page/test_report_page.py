@@ -1,11 +1,13 @@
 """The report: one file, everything in it, and it can be sorted, filtered and opened in a browser."""
 
-import html
+import base64
 import json
 import re
 import shutil
+import struct
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 
@@ -13,21 +15,16 @@ from commands import swept
 from jerkbench.report.analysis.review import Evidence, review
 from jerkbench.report.page.nees import says
 from jerkbench.report.page.page import Results, page
+from jerkbench.report.page.traces import Stretch
 from jerkbench.report.plots.picture import Picture
+from jerkbench.results.replay import stored_row
 
-WORDS = ["filter=baseline,jerk", "adaptation=none,mtf", "disturbance=none,multipath_single_axis", "seeds=2"]
-
-
-@pytest.fixture(scope="module")
-def report(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("report")
-    done = swept(*WORDS, "dataset.duration_s=60", "report=true", "figures=true", "workers=2", cwd=folder)
-    assert "Drawing the figures (figures=false leaves them out)." in done.stdout
-    assert f"Report: {Path('results/adhoc/report.html')}" in done.stdout
-    return folder / "results" / "adhoc" / "report.html"
+SWEEP = ["filter=baseline,jerk", "adaptation=none,mtf", "disturbance=none,multipath_single_axis", "seeds=2"]
 
 
-def test_a_sweep_ends_with_all_figures_where_they_are_asked_for(report):
+def test_a_sweep_ends_with_all_figures_where_they_are_asked_for(sweep, report):
+    assert "Drawing the figures (figures=false leaves them out)." in sweep[1].stdout
+    assert f"Report: {Path('results/adhoc/report.html')}" in sweep[1].stdout
     drawn = {form: {path.stem for path in (report.parent / "figures").glob(f"*.{form}")} for form in ("png", "pdf")}
     assert drawn["png"] == drawn["pdf"]
     of_runs = {f"field_{where}_field" for where in ("none", "multipath_single_axis")}  # and a hash of the whole name
@@ -39,71 +36,54 @@ def test_a_sweep_ends_with_all_figures_where_they_are_asked_for(report):
 
 def test_a_report_without_figures_is_quick_to_have(report, tmp_path):
     shutil.copytree(report.parent / "cells", tmp_path / "results" / "adhoc" / "cells")
-    done = swept(*WORDS, "dataset.duration_s=60", "report=true", cwd=tmp_path)
+    done = swept(*SWEEP, "dataset.duration_s=60", "report=true", cwd=tmp_path)
     assert "8 of 8 cells are done already" in done.stderr
     assert "Drawing" not in done.stdout
     assert not (tmp_path / "results" / "adhoc" / "figures").exists()
     text = (tmp_path / "results" / "adhoc" / "report.html").read_text(encoding="utf-8")
     assert "None was drawn." in text
-    assert "A reviewer&#x27;s questions" in text
+    assert "No runs were drawn" in text
+    assert "A reviewer's questions" in text
 
 
 def test_it_is_one_file_that_asks_for_nothing(report):
     text = report.read_text(encoding="utf-8")
-    assert not re.findall(r"(?:src|href)=\"(?!data:image/png;base64,|#)", text)
-    assert "http" not in re.sub(r"base64,[^\"]*", "", text).replace("http-equiv", "")
-    assert text.count("data:image/png;base64,") == 19
-    assert "The paper says that jerk+mtf is more than 10 times better than baseline+none. Of 2 cases it" in text
+    assert not re.findall(r"(?:src|href)=\"(?!data:image/webp;base64,|#)", text)
+    ours = re.sub(
+        r"base64,[^\"]*|<script>/\*! https://github.com/leeoniya/uPlot.*?</script>", "", text, flags=re.DOTALL
+    )
+    assert "http" not in ours
+    assert text.count("data:image/webp;base64,") == 15
+    assert len(text) < 2_000_000
+
+
+def told(report):
+    text = report.read_text(encoding="utf-8")
+    return [json.loads(re.search(rf'id="{name}">(.*?)</script>', text)[1]) for name in ("cells-data", "traces-data")]
 
 
 def test_every_cells_configuration_is_in_it(report):
-    text = report.read_text(encoding="utf-8")
     stored = {path.stem for path in (report.parent / "cells").glob("*.parquet")}
-    found = dict(re.findall(r'<template id="cell-(\w+)">.*?<pre>(.*?)</pre>', text, flags=re.DOTALL))
-    assert set(found) == stored
-    for content in found.values():
-        about = json.loads(html.unescape(content))
-        assert about["spec"]["dataset"]["duration_s"] == 60.0
-        assert about["protocol"]["seeds"] == 2
+    details, _ = told(report)
+    assert set(details["cells"]) == stored
+    for cell in details["cells"].values():
+        assert details["shared"][cell["spec"]["dataset"]]["duration_s"] == 60.0
+        assert details["shared"][cell["told"]["protocol"]]["seeds"] == 2
+        assert [run[0] for run in cell["runs"]] == [0, 1]
 
 
-WORDS_OF_CHROMIUM = (
-    "--headless=new",
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-dev-shm-usage",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-    "--no-first-run",
-    "--window-size=1500,1200",
-)
-
-
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory):
-    selenium = pytest.importorskip("selenium", reason="selenium is not there; pip install 'jerkbench[test]'")
-    del selenium
-    chromium, driver = shutil.which("chromium"), shutil.which("chromedriver")
-    if chromium is None or driver is None:
-        pytest.skip("chromium and its driver are not there (Debian: chromium chromium-driver)")
-    from selenium import webdriver
-    from selenium.webdriver.chrome.service import Service
-
-    options = webdriver.ChromeOptions()
-    options.binary_location = chromium
-    for word in WORDS_OF_CHROMIUM:
-        options.add_argument(word)
-    options.add_argument(f"--user-data-dir={tmp_path_factory.mktemp('chromium')}")
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-    with webdriver.Chrome(options=options, service=Service(driver)) as opened:
-        yield opened
-
-
-@pytest.fixture
-def opened(browser, report):
-    browser.get(report.as_uri())
-    return browser
+def test_the_lines_are_the_errors_of_the_first_run_of_every_cell(report):
+    _, traces = told(report)
+    assert [len(one["lines"]) for one in traces["scenarios"]] == [4, 4]
+    for scenario in traces["scenarios"]:
+        for line in scenario["lines"]:
+            recording, estimate = stored_row(report.parent, line["key"]).run()
+            error = np.linalg.norm(estimate.position_m - recording.reference.enu_m[estimate.index], axis=1)
+            raw = base64.b64decode(line["error"])
+            steps = np.array(struct.unpack(f"<{len(raw) // 2}H", raw), dtype=float)
+            shown = 1e-9 * 10 ** (18 * (steps[steps > 0] - 1) / 65534)
+            assert shown.max() == pytest.approx(error.max(), rel=1e-3)
+            assert shown.min() >= error.min() * (1 - 1e-3)
 
 
 def columns(opened, place):
@@ -132,24 +112,51 @@ def test_it_sorts_up_and_down(opened):
 
 def test_it_filters_by_words_and_by_factor(opened):
     opened.find_element("id", "words").send_keys("jerk multipath")
-    assert set(columns(opened, 3)) == {"jerk"}
+    assert set(columns(opened, 1)) == {"jerk"}
     assert opened.find_element("id", "shown").text == "2 of 8 cells"
-    select = opened.find_element("css selector", "select[data-column='4']")
+    select = opened.find_element("css selector", "select[data-column='2']")
     select.find_element("xpath", "./option[text()='mtf']").click()
-    assert columns(opened, 4) == ["mtf"]
+    assert columns(opened, 2) == ["mtf"]
     opened.find_element("id", "words").clear()
     opened.find_element("id", "words").send_keys(" ")
-    assert columns(opened, 4) == ["mtf"] * 4
+    assert columns(opened, 2) == ["mtf"] * 4
 
 
-def test_a_cell_opens_and_closes(opened):
-    opened.execute_script("arguments[0].click()", opened.find_element("css selector", "#cells button[data-key]"))
+def click(opened, selector):
+    opened.execute_script("arguments[0].click()", opened.find_element("css selector", selector))
+
+
+def test_a_cell_opens_with_its_error_over_time_and_closes(opened):
+    click(opened, "#cells button[data-key]")
     dialog = opened.find_element("id", "cell")
     assert dialog.is_displayed()
-    assert '"spec"' in dialog.text
-    assert "duration_s" in dialog.text
+    assert "disturbance none" in opened.find_element("id", "cell-title").text
+    assert dialog.find_elements("css selector", "#cell-trace canvas")
+    assert "Position RMSE (3-D) [m]" in dialog.text
+    assert '"spec"' not in dialog.text
+    click(opened, "#content details:last-of-type summary")
+    assert '"duration_s": 60' in dialog.text
     dialog.find_element("css selector", "form button").click()
     assert not dialog.is_displayed()
+
+
+def ranges(opened):
+    boxes = [opened.find_element("id", name) for name in ("trace-error", "trace-ratio")]
+    return [tuple(map(float, box.get_attribute("data-range").split())) for box in boxes]
+
+
+def test_two_methods_are_drawn_and_both_plots_zoom_together(opened):
+    whole = ranges(opened)
+    assert whole[0] == whole[1]
+    click(opened, "[data-zoom=in]")
+    near = ranges(opened)
+    assert near[0] == near[1]
+    assert near[0][1] - near[0][0] == pytest.approx((whole[0][1] - whole[0][0]) / 2)
+    opened.find_element("id", "trace-ratio").send_keys("0")
+    assert ranges(opened)[0] == ranges(opened)[1] == pytest.approx(whole[0])
+    select = opened.find_element("id", "trace-b")
+    select.find_element("xpath", "./option[contains(text(), 'jerk + mtf')]").click()
+    assert "jerk + mtf" in opened.find_element("id", "trace-error").text
 
 
 def test_what_is_in_a_fold_is_seen_when_it_is_opened(opened):
@@ -159,7 +166,7 @@ def test_what_is_in_a_fold_is_seen_when_it_is_opened(opened):
     opened.execute_script("arguments[0].click()", fold.find_element("css selector", "summary"))
     assert sentence.is_displayed()
     images = opened.find_elements("css selector", "figure img")
-    assert len(images) == 19
+    assert len(images) == 15
     opened.execute_script("for (const one of document.images) one.loading = 'eager';")
     sizes = opened.execute_async_script(
         "const done = arguments[0];"
@@ -297,12 +304,21 @@ def test_the_review_says_which_band_it_uses_and_that_the_table_is_stricter():
         assert "'NEES says' is stricter" in said
 
 
+PNG = base64.b64decode(
+    "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR42mNk+M9QDwADhgGAWjR9awAAAABJRU5ErkJggg=="
+)
+
+
 def test_what_stands_in_a_study_cannot_break_the_page(cell_rows):
     nasty = '<script>alert("x")</script>&'
     rows = pd.DataFrame(cell_rows(nasty, "none", [1.0, 2.0]))
     about = {**cell(), "protocol": {}, "created": "", "seconds": 0, "commit": "", "versions": {}, "notes": [nasty]}
-    text = page(Results(nasty, rows, ["k", "k"], {"k": about}, (nasty,), {}), [Picture(nasty, nasty, nasty, b"")])
+    about["labels"] = {**about["labels"], "filter": nasty}
+    stretch = Stretch(nasty, "seed 0", 0.0, 1.0, np.empty((0, 2)), {"k": np.ones(3)})
+    results = Results(nasty, rows, ["k", "k"], {"k": about}, (nasty,), {nasty: nasty})
+    text = page(results, [Picture(nasty, nasty, nasty, PNG)], [stretch])
     assert "<script>alert" not in text
+    assert text.count("alert") > 5
 
 
 @pytest.fixture

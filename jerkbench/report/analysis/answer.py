@@ -1,0 +1,120 @@
+"""The answer of a study in one sentence, about what it varies: who leads where, and who beats whom how often."""
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+
+from jerkbench.evaluation.statistics.judgement import Verdict
+from jerkbench.report.analysis.comparison import Combination, Comparison
+from jerkbench.report.analysis.duels import Duel, duels
+from jerkbench.report.analysis.factors import FACTORS
+from jerkbench.report.analysis.standings import Standing
+
+NAMED = 3
+"""So many leaders are named."""
+
+
+def answer(standings: Sequence[Standing]) -> str:
+    """Return one sentence about the methods of a study, over all its scenarios."""
+    tested = [one for one in standings if _tests(one)]
+    if not tested:
+        return _untested(standings)
+    methods = {one.name(rival) for one in tested for rival in one.contest.rivals}
+    said = _of_two(tested) if len(methods) == 2 else _of_many(tested, len(methods))
+    return f"{said}; {_seeds(tested)}."
+
+
+def shows_something(standings: Iterable[Standing]) -> bool:
+    """Whether any two methods were shown to differ, or to be equal."""
+    return any(pair.verdict is not Verdict.UNDECIDED for one in standings for pair in _tests(one))
+
+
+def _tests(one: Standing) -> list[Comparison]:
+    return [pair for pair in one.contest.comparisons if pair.replicate != "phase" and pair.judgement.n]
+
+
+def _untested(standings: Sequence[Standing]) -> str:
+    if not any(len(one.contest.rivals) > 1 for one in standings):
+        return "There is one method, and nothing to compare it with."
+    if not any(one.contest.comparisons for one in standings):
+        return "Who leads is not tested: there are too many pairs of methods."
+    return "Nothing is tested: the runs have no seeds, and those of one recording are not independent."
+
+
+def _of_two(tested: Sequence[Standing]) -> str:
+    (duel,) = duels(tested)
+    if duel.scenarios == 1:
+        return _once(duel, tested[0])
+    counts = [(duel.count(Verdict.EQUAL), "equal in"), (duel.count(Verdict.UNDECIDED), "undecided in")]
+    rest = [f"{words} {count}" for count, words in counts if count]
+    if not duel.won + duel.lost:
+        return f"No difference between {duel.ours} and {duel.theirs} was shown: {', '.join(_of(rest, duel.scenarios))}"
+    won = f"{duel.ours} beats {duel.theirs} in {duel.won} of {duel.scenarios} scenarios"
+    return ", ".join([won, f"loses in {duel.lost or 'none'}", *rest])
+
+
+def _of(rest: list[str], scenarios: int) -> list[str]:
+    return [f"{rest[0]} of {scenarios} scenarios", *rest[1:]]
+
+
+def _once(duel: Duel, standing: Standing) -> str:
+    (only,) = duel.rounds
+    if only.verdict is Verdict.EQUAL:
+        return f"{duel.ours} and {duel.theirs} are equal within {_margin(standing)}"
+    if only.verdict is Verdict.UNDECIDED:
+        return f"No difference between {duel.ours} and {duel.theirs} was shown"
+    return f"{duel.ours} beats {duel.theirs}: {only.words}"
+
+
+def _of_many(tested: Sequence[Standing], methods: int) -> str:
+    decided = [one for one in tested if one.contest.decided]
+    if not decided:
+        return _of_none(tested, methods)
+    counts = Counter(name for one in decided for name in one.leaders)
+    most = max(counts.values())
+    leaders = [name for name, count in counts.items() if count == most]
+    verb = "leads" if len(leaders) == 1 else "lead"
+    if len(tested) == 1:
+        who = "it" if len(leaders) == 1 else "them"
+        return f"Of {methods} methods {_named(leaders)} {verb}: nobody was shown to beat {who}"
+    places = f"in {most} of {len(tested)} scenarios, beaten in {len(decided) - most or 'none'}"
+    nobody = f", nobody leads in {len(tested) - len(decided)}" if len(decided) < len(tested) else ""
+    baseline = _against_the_baseline(tested, leaders[0])
+    return f"Of {methods} methods {_named(leaders)} {verb} most often: {places}{nobody}{baseline}"
+
+
+def _of_none(tested: Sequence[Standing], methods: int) -> str:
+    if all(pair.verdict is Verdict.EQUAL for one in tested for pair in _tests(one)):
+        return f"All {methods} methods are equal within {_margin(tested[0])}"
+    where = f" in any of {len(tested)} scenarios" if len(tested) > 1 else ""
+    return f"None of {methods} methods was shown to beat another{where}"
+
+
+def _against_the_baseline(tested: Sequence[Standing], leader: str) -> str:
+    """Say how often the leader beats the baseline without adaptation, where that is there and another."""
+    baselines = {one.name(rival) for one in tested for rival in one.contest.rivals if _is_baseline(rival)}
+    for duel in duels(tested):
+        seen = duel if duel.ours == leader else duel.turned
+        if seen.ours == leader and seen.theirs in baselines and seen.won + seen.lost:
+            return f"; {leader} beats {seen.theirs} in {seen.won or 'none'}, loses in {seen.lost or 'none'}"
+    return ""
+
+
+def _is_baseline(rival: Combination) -> bool:
+    values = dict(zip(FACTORS, rival, strict=True))
+    return values["filter"] == "baseline" and values["adaptation"] == "none"
+
+
+def _margin(one: Standing) -> str:
+    return f"{100 * _tests(one)[0].rule.margin:g} %"
+
+
+def _named(names: Sequence[str]) -> str:
+    if len(names) > NAMED:
+        return f"{', '.join(names[:NAMED])} and {len(names) - NAMED} more"
+    return " and ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
+
+
+def _seeds(tested: Sequence[Standing]) -> str:
+    counts = [pair.judgement.n for one in tested for pair in _tests(one)]
+    low, high = min(counts), max(counts)
+    return f"{low} seeds" if low == high else f"{low} to {high} seeds"

@@ -1,0 +1,137 @@
+"""Two methods over all scenarios: in how many one beats the other, and by how much."""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+from jerkbench.evaluation.statistics.judgement import Verdict
+from jerkbench.report.analysis.comparison import Comparison
+from jerkbench.report.analysis.standings import Standing
+from jerkbench.report.tables.table_model import factor_number
+
+TURNED = {
+    Verdict.BETTER: Verdict.WORSE,
+    Verdict.WORSE: Verdict.BETTER,
+    Verdict.FEWER_LOST: Verdict.MORE_LOST,
+    Verdict.MORE_LOST: Verdict.FEWER_LOST,
+}
+"""Verdicts as the other side sees them; equal and undecided are the same from both."""
+
+WON = (Verdict.BETTER, Verdict.FEWER_LOST)
+LOST = (Verdict.WORSE, Verdict.MORE_LOST)
+
+ALL_LOST = math.log(100.0)
+"""A method that loses every run, beside one that loses none, weighs as much as one that is 100 times worse."""
+
+
+@dataclass(frozen=True)
+class Round:
+    """One scenario, as the first of two methods sees it.
+
+    Attributes:
+        scenario: its name; empty where there is only one.
+        verdict: on the first method.
+        ratio: of the errors, first over second.
+        low: lower end of its 95 % interval.
+        high: upper end.
+        failures: runs that the first, and that the second, lost or locked out in.
+        runs: of each.
+    """
+
+    scenario: str
+    verdict: Verdict
+    ratio: float
+    low: float
+    high: float
+    failures: tuple[int, int]
+    runs: int
+
+    @property
+    def turned(self) -> "Round":
+        """The same, as the second sees it."""
+        verdict, failures = TURNED.get(self.verdict, self.verdict), (self.failures[1], self.failures[0])
+        ratio, low, high = (1 / value if value else math.inf for value in (self.ratio, self.high, self.low))
+        return replace(self, verdict=verdict, ratio=ratio, low=low, high=high, failures=failures)
+
+    @property
+    def weight(self) -> float:
+        """What is certain of the difference: the log ratio at that end of its interval that is nearest to none."""
+        if self.verdict in {Verdict.FEWER_LOST, Verdict.MORE_LOST}:
+            return ALL_LOST * abs(self.failures[0] - self.failures[1]) / self.runs
+        if self.verdict not in {Verdict.BETTER, Verdict.WORSE}:
+            return 0.0
+        return min(abs(math.log(end)) for end in (self.low, self.high) if 0 < end < math.inf)
+
+    @property
+    def words(self) -> str:
+        """The size of a difference that was shown."""
+        if self.verdict in {Verdict.FEWER_LOST, Verdict.MORE_LOST}:
+            ours, theirs = self.failures
+            return f"{ours} of {self.runs} runs lost or locked out against {theirs}"
+        seen, word = (self.turned, "better") if self.verdict is Verdict.BETTER else (self, "worse")
+        times, low, high = map(factor_number, (seen.ratio, seen.low, seen.high))
+        return f"{times} times {word}, 95 % {low} to {high}"
+
+
+@dataclass(frozen=True)
+class Duel:
+    """Two methods over all scenarios that have both.
+
+    Attributes:
+        ours: name of the first, which beats the second at least as often as it is beaten.
+        theirs: name of the second.
+        rounds: one a scenario.
+    """
+
+    ours: str
+    theirs: str
+    rounds: tuple[Round, ...]
+
+    @property
+    def scenarios(self) -> int:
+        """How many there are."""
+        return len(self.rounds)
+
+    @property
+    def won(self) -> int:
+        """In how many the first beats the second."""
+        return sum(one.verdict in WON for one in self.rounds)
+
+    @property
+    def lost(self) -> int:
+        """In how many the second beats the first."""
+        return sum(one.verdict in LOST for one in self.rounds)
+
+    @property
+    def weight(self) -> float:
+        """The mean over the scenarios of what is certain of the difference."""
+        return sum(one.weight for one in self.rounds) / self.scenarios
+
+    @property
+    def turned(self) -> "Duel":
+        """The same with the second as the first."""
+        return Duel(self.theirs, self.ours, tuple(one.turned for one in self.rounds))
+
+    def count(self, verdict: Verdict) -> int:
+        """Return in how many scenarios this is the verdict on the first."""
+        return sum(one.verdict is verdict for one in self.rounds)
+
+
+def duels(standings: Iterable[Standing]) -> list[Duel]:
+    """Return every two methods that were compared, over all scenarios; phases of one recording are no test."""
+    rounds: dict[tuple[str, str], list[Round]] = {}
+    for one in standings:
+        for pair in one.contest.comparisons:
+            if pair.replicate != "phase" and pair.judgement.n:
+                names = one.name(pair.subject), one.name(pair.baseline)
+                turned = (names[1], names[0]) in rounds
+                seen = round_of(pair, ", ".join(one.scenario))
+                rounds.setdefault(names[::-1] if turned else names, []).append(seen.turned if turned else seen)
+    made = [Duel(ours, theirs, tuple(seen)) for (ours, theirs), seen in rounds.items()]
+    return [one.turned if one.lost > one.won else one for one in made]
+
+
+def round_of(pair: Comparison, scenario: str = "") -> Round:
+    """Return a comparison as its subject sees it."""
+    found = pair.judgement
+    return Round(scenario, pair.verdict, found.ratio, found.low, found.high, found.failures, found.n)

@@ -1,0 +1,50 @@
+"""Templates -> HTML, with everything that a template prints escaped."""
+
+import re
+from functools import cache
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+    from markupsafe import Markup
+
+ROOMS = ("jerkbench.report.tables", "jerkbench.report.page")
+"""Packages with a folder of templates."""
+
+BREAKS = re.compile(r"(?<=\S[_+,(=])(?=\w)")
+"""Where a long name may be broken."""
+
+
+def render(template: str, **values: object) -> "Markup":
+    """Return a template filled in; as safe HTML, which another template does not escape again.
+
+    Args:
+        template: name of its file.
+        values: what it names; one that is not given is an error.
+    """
+    from markupsafe import Markup
+
+    return Markup(environment().get_template(template).render(**values))  # noqa: S704 - the template escapes
+
+
+@cache
+def environment() -> "Environment":
+    """Return where templates are found, and what they can call."""
+    from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
+
+    made = Environment(
+        loader=ChoiceLoader([PackageLoader(room) for room in ROOMS]),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    made.filters["breakable"] = breakable
+    return made
+
+
+def breakable(text: object) -> "Markup":
+    """Return ``text`` escaped, with the places marked at which a long name may go on in the next line."""
+    from markupsafe import Markup, escape
+
+    return Markup("<wbr>").join(escape(part) for part in BREAKS.split(str(text)))

@@ -1,0 +1,99 @@
+"""The answer in one sentence, and the findings by size and certainty."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from jerkbench.evaluation.statistics.judgement import Verdict
+from jerkbench.report.analysis.answer import answer, shows_something
+from jerkbench.report.analysis.duels import Round, duels
+from jerkbench.report.analysis.standings import standings
+from jerkbench.report.analysis.strongest import strongest
+
+SCENES = ("none", "bias", "gnss_outage")
+
+
+@pytest.fixture
+def study(cell_rows):
+    def make(factors, seeds=20, adaptation="none", scenes=SCENES):
+        """Errors of each filter: its factor in each scenario, times what all share, times a spread of its own."""
+        rng = np.random.default_rng(3)
+        made = []
+        for place, scene in enumerate(scenes):
+            shared = np.exp(0.5 * rng.standard_normal(seeds))
+            for name, of in factors.items():
+                values = of[place] * shared * np.exp(0.02 * rng.standard_normal(seeds))
+                made += cell_rows(name, adaptation, values, disturbance=scene)
+        return pd.DataFrame(made)
+
+    return make
+
+
+def said(rows):
+    return answer(standings(rows, "position_rmse_m"))
+
+
+def test_of_two_methods_it_says_who_beats_whom_how_often(study):
+    assert said(study({"gauss": (0.5, 0.8, 1.0), "jerk": (1.0, 1.0, 1.0)})) == (
+        "gauss beats jerk in 2 of 3 scenarios, loses in none, equal in 1; 20 seeds."
+    )
+    assert said(study({"gauss": (2.0, 0.8, 3.0), "jerk": (1.0, 1.0, 1.0)})) == (
+        "jerk beats gauss in 2 of 3 scenarios, loses in 1; 20 seeds."
+    )
+
+
+def test_of_two_methods_in_one_scenario_it_says_by_how_much(study):
+    told = said(study({"gauss": (0.5,), "jerk": (1.0,)}, scenes=("none",)))
+    assert told.startswith("gauss beats jerk: ")
+    assert float(told.split(": ")[1].split()[0]) == pytest.approx(2.0, rel=0.03)
+    equal = said(study({"gauss": (1.0,), "jerk": (1.0,)}, scenes=("none",)))
+    assert equal == "gauss and jerk are equal within 3 %; 20 seeds."
+
+
+def test_of_several_methods_it_names_the_leaders_and_the_baseline(study):
+    told = said(study({"gauss": (0.5, 0.5, 4.0), "jerk": (1.0, 1.0, 2.0), "baseline": (2.0, 2.0, 1.0)}))
+    assert told == (
+        "Of 3 methods gauss leads most often: in 2 of 3 scenarios, beaten in 1;"
+        " gauss beats baseline in 2, loses in 1; 20 seeds."
+    )
+
+
+def test_few_seeds_show_nothing_and_it_says_so(study):
+    rows = study({"gauss": (0.5, 0.5, 4.0), "jerk": (1.0, 1.0, 2.0), "bias": (2.0, 2.0, 1.0)}, seeds=2)
+    assert said(rows) == "None of 3 methods was shown to beat another in any of 3 scenarios; 2 seeds."
+    assert not shows_something(standings(rows, "position_rmse_m"))
+
+
+def test_one_method_and_phases_are_no_comparison(study):
+    rows = study({"jerk": (1.0, 1.0, 1.0)})
+    assert "nothing to compare" in said(rows)
+    phases = study({"jerk": (1.0,), "bias": (2.0,)}, scenes=("none",)).assign(replicate="phase")
+    assert said(phases).startswith("Nothing is tested")
+
+
+def test_the_largest_finding_comes_first_and_only_one_factor_differs(study):
+    factors = {"baseline": (1.0, 1.0, 1.0), "jerk": (0.9, 0.9, 0.9), "bias": (0.1, 0.2, 0.3)}
+    rows = pd.concat([study(factors), study({k: [4 * x for x in v] for k, v in factors.items()}, adaptation="mtf")])
+    told = strongest(standings(rows, "position_rmse_m"))
+    pairs = [line.split(" in 3 scenarios")[0] for line in told]
+    assert pairs[0] in {"bias+none against baseline+none", "bias+mtf against baseline+mtf"}
+    assert not any("jerk" in pair and "bias" in pair for pair in pairs)
+    assert len(told) == 7  # two filters against the baseline with two adaptations, three filters with mtf against none
+    assert "(most on none: " in told[0]
+
+
+def test_a_lost_run_weighs_and_the_other_side_sees_the_reverse():
+    lost = Round("", Verdict.MORE_LOST, 2.0, 1.0, float("inf"), (12, 0), 20)
+    assert lost.turned.verdict is Verdict.FEWER_LOST
+    assert lost.turned.failures == (0, 12)
+    assert lost.weight == pytest.approx(0.6 * np.log(100))
+    won = Round("", Verdict.BETTER, 0.5, 0.4, 0.8, (0, 0), 20)
+    assert (won.turned.low, won.turned.ratio, won.turned.high) == pytest.approx((1.25, 2.0, 2.5))
+    assert [won.weight, won.turned.weight] == pytest.approx([np.log(1.25)] * 2)
+    assert Round("", Verdict.UNDECIDED, 0.5, 0.4, 1.2, (0, 0), 20).weight == 0.0
+
+
+def test_a_duel_is_told_by_the_one_who_wins_more(study):
+    (duel,) = duels(standings(study({"a": (2.0, 2.0, 1.0), "b": (1.0, 1.0, 2.0)}), "position_rmse_m"))
+    assert (duel.ours, duel.won, duel.lost) == ("b", 2, 1)
+    assert (duel.turned.won, duel.turned.lost) == (1, 2)
