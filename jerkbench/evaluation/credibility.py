@@ -52,6 +52,6 @@ class Credibility:
 def _squares(error: FloatArray, covariance: FloatArray) -> FloatArray:
     """Return (k,) e' P^-1 e; NaN where a covariance is not positive definite."""
     definite = np.linalg.eigvalsh(covariance)[:, 0] > 0
-    there = np.where(definite[:, None, None], covariance, np.eye(3))
-    white = np.linalg.solve(there, error[:, :, None])[:, :, 0]
+    solvable = np.where(definite[:, None, None], covariance, np.eye(3))
+    white = np.linalg.solve(solvable, error[:, :, None])[:, :, 0]
     return np.where(definite, np.sum(error * white, axis=1), np.nan)

@@ -41,6 +41,6 @@ class Recovery:
         if not answers:
             return {"recovery_s": np.nan, "recovery_peak_m": np.nan}
         return {
-            "recovery_s": float(np.mean([one.halved_s for one in answers])),
-            "recovery_peak_m": float(np.mean([one.peak for one in answers])),
+            "recovery_s": float(np.mean([answer.halved_s for answer in answers])),
+            "recovery_peak_m": float(np.mean([answer.peak for answer in answers])),
         }

@@ -84,7 +84,7 @@ class CellRun:
         except Exception as error:  # noqa: BLE001 - whatever an engine raises becomes rows, or a sentence
             return self._failed(draws, error)
         rows, notes = zip(*(self._streamed_row(draw, streamed.get(draw)) for draw in draws), strict=True)
-        return [row for (row,) in rows], [note for some in notes for note in some]
+        return [row for (row,) in rows], [note for row_notes in notes for note in row_notes]
 
     def _streamed_row(self, draw: int, streamed: StreamedSeed | None) -> Piece:
         """A seed that stopped, or went too far, is run alone, which says where and when."""

@@ -104,9 +104,9 @@ class _Outline:
     counted: BoolArray = field(compare=False)
 
     @classmethod
-    def of(cls, given: _Arrays) -> "_Outline":
-        index, euler_rad, counted = given.arrays
-        content = hashlib.blake2b(b"".join(np.ascontiguousarray(array).tobytes() for array in given.arrays))
+    def of(cls, arrays: _Arrays) -> "_Outline":
+        index, euler_rad, counted = arrays.arrays
+        content = hashlib.blake2b(b"".join(np.ascontiguousarray(array).tobytes() for array in arrays.arrays))
         return cls(content.digest(), outlined(index, euler_rad), counted)
 
 

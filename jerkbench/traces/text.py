@@ -32,9 +32,9 @@ def autocorrelation(trace: Trace, lag_s: float) -> FloatArray:
     """Return (3,) of the errors about their mean, over all pairs of fixes that are ``lag_s`` apart."""
     error = trace.error_m - trace.error_m.mean(axis=0)
     later = np.searchsorted(trace.t_s, trace.t_s + lag_s - 0.25 * trace.interval_s)
-    there = later < len(trace.t_s)
-    there[there] &= np.abs(trace.t_s[later[there]] - trace.t_s[there] - lag_s) < 0.5 * trace.interval_s
-    products = error[there] * error[later[there]]
+    paired = later < len(trace.t_s)
+    paired[paired] &= np.abs(trace.t_s[later[paired]] - trace.t_s[paired] - lag_s) < 0.5 * trace.interval_s
+    products = error[paired] * error[later[paired]]
     variance = np.mean(error**2, axis=0)
-    moving = (variance > 0) & there.any()  # a trace of the plane has no errors of up
-    return np.where(moving, products.sum(axis=0) / max(there.sum(), 1) / np.where(moving, variance, 1.0), np.nan)
+    moving = (variance > 0) & paired.any()  # a trace of the plane has no errors of up
+    return np.where(moving, products.sum(axis=0) / max(paired.sum(), 1) / np.where(moving, variance, 1.0), np.nan)
