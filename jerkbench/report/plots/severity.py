@@ -16,11 +16,15 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
+FIRST, STEP = 0.03, 0.04
+"""Heights of the triangles, from the axis upwards: several methods may act at the same size."""
+
+
 def severity_figure(swept: "pd.DataFrame", metric: str) -> Figure:
     """Draw the mean of ``metric`` over the size of a fault with its interval, a panel for each scenario.
 
     Runs that diverged or failed are left out of a mean, and make its point hollow. A cross stands where two methods are
-    equally good, a triangle on the axis at the smallest fault that a method's adaptation acts on.
+    equally good, a triangle near the axis at the smallest fault that a method's adaptation acts on.
 
     Args:
         swept: rows as `with_severity` returns them.
@@ -45,7 +49,7 @@ def severity_figure(swept: "pd.DataFrame", metric: str) -> Figure:
 def _draw(axes: Axes, scene: "pd.DataFrame", names: list[str], metric: str, *, labelled: bool) -> None:
     sizes = np.sort(scene[SIZE].unique())
     means: dict[str, FloatArray] = {}
-    for name, colour, dash in lines(names):
+    for height, (name, colour, dash) in zip(FIRST + STEP * np.arange(len(names)), lines(names), strict=True):
         runs = scene[scene["method"] == name]
         groups = [runs[runs[SIZE] == size] for size in sizes]
         good = [group.loc[group["status"] == "ok", metric] for group in groups]
@@ -58,6 +62,6 @@ def _draw(axes: Axes, scene: "pd.DataFrame", names: list[str], metric: str, *, l
             face = colour if len(values) == len(group) else "white"
             axes.plot([size], [one.mean], "o", color=colour, markerfacecolor=face, markersize=4.0)
         noticed = smallest_noticed(runs) if len(runs) else float("nan")
-        axes.plot([noticed], [0.0], "^", color=colour, transform=axes.get_xaxis_transform(), clip_on=False)
+        axes.plot([noticed], [height], "^", color=colour, transform=axes.get_xaxis_transform())
     for crossing in crossings(sizes, means):
         axes.plot([crossing.size], [crossing.cost], "x", color="black", markersize=5.0)
