@@ -15,27 +15,27 @@ NAMED = 3
 
 def answer(standings: Sequence[Standing]) -> str:
     """Return one sentence about the methods of a study, over all its scenarios."""
-    tested = [one for one in standings if _tests(one)]
+    tested = [standing for standing in standings if _tests(standing)]
     if not tested:
         return _untested(standings)
-    methods = {one.name(rival) for one in tested for rival in one.contest.rivals}
+    methods = {standing.name(rival) for standing in tested for rival in standing.contest.rivals}
     said = _of_two(tested) if len(methods) == 2 else _of_many(tested, len(methods))
     return f"{said}; {_seeds(tested)}."
 
 
 def shows_something(standings: Iterable[Standing]) -> bool:
     """Whether any two methods were shown to differ, or to be equal."""
-    return any(pair.verdict is not Verdict.UNDECIDED for one in standings for pair in _tests(one))
+    return any(pair.verdict is not Verdict.UNDECIDED for standing in standings for pair in _tests(standing))
 
 
-def _tests(one: Standing) -> list[Comparison]:
-    return [pair for pair in one.contest.comparisons if pair.replicate != "phase" and pair.judgement.n]
+def _tests(standing: Standing) -> list[Comparison]:
+    return [pair for pair in standing.contest.comparisons if pair.replicate != "phase" and pair.judgement.n]
 
 
 def _untested(standings: Sequence[Standing]) -> str:
-    if not any(len(one.contest.rivals) > 1 for one in standings):
+    if not any(len(standing.contest.rivals) > 1 for standing in standings):
         return "There is one method, and nothing to compare it with."
-    if not any(one.contest.comparisons for one in standings):
+    if not any(standing.contest.comparisons for standing in standings):
         return "Who leads is not tested: there are too many pairs of methods."
     return "Nothing is tested: the runs have no seeds, and those of one recording are not independent."
 
@@ -66,10 +66,10 @@ def _once(duel: Duel, standing: Standing) -> str:
 
 
 def _of_many(tested: Sequence[Standing], methods: int) -> str:
-    decided = [one for one in tested if one.contest.decided]
+    decided = [standing for standing in tested if standing.contest.decided]
     if not decided:
         return _of_none(tested, methods)
-    counts = Counter(name for one in decided for name in one.leaders)
+    counts = Counter(name for standing in decided for name in standing.leaders)
     most = max(counts.values())
     leaders = [name for name, count in counts.items() if count == most]
     verb = "leads" if len(leaders) == 1 else "lead"
@@ -83,7 +83,7 @@ def _of_many(tested: Sequence[Standing], methods: int) -> str:
 
 
 def _of_none(tested: Sequence[Standing], methods: int) -> str:
-    if all(pair.verdict is Verdict.EQUAL for one in tested for pair in _tests(one)):
+    if all(pair.verdict is Verdict.EQUAL for standing in tested for pair in _tests(standing)):
         return f"All {methods} methods are equal within {_margin(tested[0])}"
     where = f" in any of {len(tested)} scenarios" if len(tested) > 1 else ""
     return f"None of {methods} methods was shown to beat another{where}"
@@ -91,7 +91,9 @@ def _of_none(tested: Sequence[Standing], methods: int) -> str:
 
 def _against_the_baseline(tested: Sequence[Standing], leader: str) -> str:
     """Say how often the leader beats the baseline without adaptation, where that is there and another."""
-    baselines = {one.name(rival) for one in tested for rival in one.contest.rivals if _is_baseline(rival)}
+    baselines = {
+        standing.name(rival) for standing in tested for rival in standing.contest.rivals if _is_baseline(rival)
+    }
     for duel in duels(tested):
         seen = duel if duel.ours == leader else duel.turned
         if seen.ours == leader and seen.theirs in baselines and seen.won + seen.lost:
@@ -104,8 +106,8 @@ def _is_baseline(rival: Combination) -> bool:
     return values["filter"] == "baseline" and values["adaptation"] == "none"
 
 
-def _margin(one: Standing) -> str:
-    return f"{100 * _tests(one)[0].rule.margin:g} %"
+def _margin(standing: Standing) -> str:
+    return f"{100 * _tests(standing)[0].rule.margin:g} %"
 
 
 def _named(names: Sequence[str]) -> str:
@@ -115,6 +117,6 @@ def _named(names: Sequence[str]) -> str:
 
 
 def _seeds(tested: Sequence[Standing]) -> str:
-    counts = [pair.judgement.n for one in tested for pair in _tests(one)]
+    counts = [pair.judgement.n for standing in tested for pair in _tests(standing)]
     low, high = min(counts), max(counts)
     return f"{low} seeds" if low == high else f"{low} to {high} seeds"

@@ -95,40 +95,40 @@ class Duel:
     @property
     def won(self) -> int:
         """In how many the first beats the second."""
-        return sum(one.verdict in WON for one in self.rounds)
+        return sum(bout.verdict in WON for bout in self.rounds)
 
     @property
     def lost(self) -> int:
         """In how many the second beats the first."""
-        return sum(one.verdict in LOST for one in self.rounds)
+        return sum(bout.verdict in LOST for bout in self.rounds)
 
     @property
     def weight(self) -> float:
         """The mean over the scenarios of what is certain of the difference."""
-        return sum(one.weight for one in self.rounds) / self.scenarios
+        return sum(bout.weight for bout in self.rounds) / self.scenarios
 
     @property
     def turned(self) -> "Duel":
         """The same with the second as the first."""
-        return Duel(self.theirs, self.ours, tuple(one.turned for one in self.rounds))
+        return Duel(self.theirs, self.ours, tuple(bout.turned for bout in self.rounds))
 
     def count(self, verdict: Verdict) -> int:
         """Return in how many scenarios this is the verdict on the first."""
-        return sum(one.verdict is verdict for one in self.rounds)
+        return sum(bout.verdict is verdict for bout in self.rounds)
 
 
 def duels(standings: Iterable[Standing]) -> list[Duel]:
     """Return every two methods that were compared, over all scenarios; phases of one recording are no test."""
     rounds: dict[tuple[str, str], list[Round]] = {}
-    for one in standings:
-        for pair in one.contest.comparisons:
+    for standing in standings:
+        for pair in standing.contest.comparisons:
             if pair.replicate != "phase" and pair.judgement.n:
-                names = one.name(pair.subject), one.name(pair.baseline)
+                names = standing.name(pair.subject), standing.name(pair.baseline)
                 turned = (names[1], names[0]) in rounds
-                seen = round_of(pair, ", ".join(one.scenario))
+                seen = round_of(pair, ", ".join(standing.scenario))
                 rounds.setdefault(names[::-1] if turned else names, []).append(seen.turned if turned else seen)
     made = [Duel(ours, theirs, tuple(seen)) for (ours, theirs), seen in rounds.items()]
-    return [one.turned if one.lost > one.won else one for one in made]
+    return [duel.turned if duel.lost > duel.won else duel for duel in made]
 
 
 def round_of(pair: Comparison, scenario: str = "") -> Round:

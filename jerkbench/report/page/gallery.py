@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from jerkbench.report.plots.picture import Picture
 
-ROOM = 750_000
+ROOM = 600_000
 """Letters that all figures of a page take together: the file stays below 2 MB."""
 
 
@@ -51,16 +51,16 @@ def gallery(pictures: Sequence[Picture], without: Sequence[str] = ()) -> Gallery
         without: ends of the names of those that the page shows in another way.
     """
     scenes: dict[str, list[Picture]] = {"": []}
-    for one in pictures:
-        if not one.name.endswith(tuple(f"-{end}" for end in without)):
-            scenes.setdefault(one.scenario, []).append(one)
-    overview = [_shown(one) for one in scenes.pop("")]
+    for picture in pictures:
+        if not picture.name.endswith(tuple(f"-{end}" for end in without)):
+            scenes.setdefault(picture.scenario, []).append(picture)
+    overview = [_shown(picture) for picture in scenes.pop("")]
     room = ROOM - _length(overview)
     shown: list[tuple[str, list[Shown]]] = []
     for name, ones in scenes.items():
         if room <= 0:
             break
-        figures = [_shown(one) for one in ones]
+        figures = [_shown(picture) for picture in ones]
         room -= _length(figures)
         if room >= 0 or not shown:
             shown.append((name, figures))
@@ -68,7 +68,7 @@ def gallery(pictures: Sequence[Picture], without: Sequence[str] = ()) -> Gallery
 
 
 def _length(shown: Sequence[Shown]) -> int:
-    return sum(len(one.data) for one in shown)
+    return sum(len(picture.data) for picture in shown)
 
 
 def _shown(picture: Picture) -> Shown:

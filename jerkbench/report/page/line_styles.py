@@ -15,14 +15,14 @@ def line_styles(labels: Mapping[str, Mapping[str, str]]) -> dict[str, dict[str, 
     Args:
         labels: of each cell, by its key.
     """
-    colours = dict(zip(*_numbered(one["filter"] for one in labels.values()), strict=True))
-    dashes = dict(zip(*_numbered(one["adaptation"] for one in labels.values()), strict=True))
+    colours = dict(zip(*_numbered(labels_of["filter"] for labels_of in labels.values()), strict=True))
+    dashes = dict(zip(*_numbered(labels_of["adaptation"] for labels_of in labels.values()), strict=True))
     return {
         key: {
-            "colour": OKABE_ITO[colours[one["filter"]] % len(OKABE_ITO)],
-            "dash": list(DASHES[dashes[one["adaptation"]] % len(DASHES)]),
+            "colour": OKABE_ITO[colours[labels_of["filter"]] % len(OKABE_ITO)],
+            "dash": list(DASHES[dashes[labels_of["adaptation"]] % len(DASHES)]),
         }
-        for key, one in labels.items()
+        for key, labels_of in labels.items()
     }
 
 

@@ -67,14 +67,15 @@ def payload(stretches: Sequence[Stretch], styles: Mapping[str, Any], names: Mapp
         "lowest": LOWEST,
         "decades": float(np.log10(HIGHEST / LOWEST)),
         "levels": LEVELS,
-        "scenarios": [_told(one, styles, names) for one in stretches if one.errors_m],
+        "scenarios": [_told(stretch, styles, names) for stretch in stretches if stretch.errors_m],
     }
 
 
-def _told(one: Stretch, styles: Mapping[str, Any], names: Mapping[str, str]) -> dict[str, Any]:
+def _told(stretch: Stretch, styles: Mapping[str, Any], names: Mapping[str, str]) -> dict[str, Any]:
     lines = [
-        {"key": key, "name": names[key], **styles[key], "error": encoded(error)} for key, error in one.errors_m.items()
+        {"key": key, "name": names[key], **styles[key], "error": encoded(error)}
+        for key, error in stretch.errors_m.items()
     ]
-    outages = np.round(one.outages_s, 3).tolist()
-    place = {"start": round(one.start_s, 6), "step": round(one.step_s, 6)}
-    return {"name": one.scenario, "draw": one.draw, **place, "outages": outages, "lines": lines}
+    outages = np.round(stretch.outages_s, 3).tolist()
+    place = {"start": round(stretch.start_s, 6), "step": round(stretch.step_s, 6)}
+    return {"name": stretch.scenario, "draw": stretch.draw, **place, "outages": outages, "lines": lines}
