@@ -26,6 +26,7 @@ ORDER = [
     ["memory", "optional"],
     ["estimation"],
     ["inertial"],
+    ["linear"],
     ["plugins"],
     ["simulation", "readers", "traces"],
     ["sanitiser"],

@@ -8,6 +8,7 @@ from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.contracts import Adaptation, Filter
 from jerkbench.estimate import Estimate
 from jerkbench.filters._linear import StepModels, initial, is_healthy, squared_distance, updated
+from jerkbench.memory import empty_memory
 from jerkbench.optional import wants_truth
 from jerkbench.timeline.recorder import Recorder
 from jerkbench.timeline.timeline import Timeline
@@ -61,6 +62,7 @@ class Mixture:
         self.x, self.P, self.weights = mixed(x, P, mu, transitions)
         measured = timeline.measurements
         self.R = measured.covariances(true=wants_truth(adaptation))
+        self.adaptation, self.memory = adaptation, empty_memory(adaptation)
         self.recorder = Recorder(timeline)
 
     def to_the_end(self) -> Estimate:
@@ -83,11 +85,11 @@ class Mixture:
             self.x[j], self.P[j] = F @ self.x[j] + B @ u, F @ self.P[j] @ F.T + Q
 
     def _update(self, row: int) -> bool:
-        """Update both, weigh and mix; return whether both are healthy."""
-        z, R = self.timeline.measurements.z[row], self.R[row]
-        rows = np.flatnonzero(np.isfinite(z))
-        R, H = R[np.ix_(rows, rows)], np.eye(self.x.shape[1])[rows]
-        self._record(row, rows)
+        """Adapt R by the combined prediction, update both, weigh and mix; return whether both are healthy."""
+        rows, R = self._adapted(row)
+        if not len(rows):
+            return True
+        z, H = self.timeline.measurements.z[row], np.eye(self.x.shape[1])[rows]
         log_likelihood = np.empty(2)
         for j in range(2):
             y = z[rows] - self.x[j, rows]
@@ -99,13 +101,20 @@ class Mixture:
         self.x, self.P, self.weights = mixed(self.x, self.P, mu, self.transitions)
         return True
 
-    def _record(self, row: int, rows: IntArray) -> None:
-        """Keep the innovation of the combined prediction."""
+    def _adapted(self, row: int) -> tuple[IntArray, FloatArray]:
+        """Return the rows that are used, and their R, from the innovation of the combined prediction, which is kept."""
         x, P = combined(self.x, self.P, self.weights)
-        block, measured = np.ix_(rows, rows), self.timeline.measurements
-        y, R = measured.z[row, rows] - x[rows], self.R[row][block]
-        nis = squared_distance(y, P[block] + measured.R[row][block])
-        self.recorder.update(row, rows, y, np.diag(R), nis, squared_distance(y, P[block] + R))
+        measured = self.timeline.measurements
+        rows = np.flatnonzero(np.isfinite(measured.z[row]))
+        block = np.ix_(rows, rows)
+        y, HPHt = measured.z[row, rows] - x[rows], P[block]
+        nis = squared_distance(y, HPHt + measured.R[row][block])
+        R = self.adaptation.adapt(y, HPHt, self.R[row][block], rows, self.memory)
+        kept = np.isfinite(np.diag(R))
+        few = np.ix_(kept, kept)
+        used = squared_distance(y[kept], HPHt[few] + R[few]) if kept.any() else float("nan")
+        self.recorder.update(row, rows, y, np.diag(R), nis, used)
+        return rows[kept], R[few]
 
 
 def mixed(

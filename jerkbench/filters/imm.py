@@ -1,15 +1,18 @@
 """Interacting multiple models: two kinematic filters that share one state."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray
+from jerkbench.batch import RecordedRun, Streamed
 from jerkbench.checks import require_not_negative
 from jerkbench.contracts import Adaptation, Filter
 from jerkbench.errors import PluginError, unknown
 from jerkbench.estimate import Attitude, Estimate
+from jerkbench.filters._accepted import without_fading
 from jerkbench.filters._mixture import Mixture, embedded
 from jerkbench.filters.acceleration import Acceleration
 from jerkbench.filters.baseline import Baseline
@@ -17,7 +20,10 @@ from jerkbench.filters.bias import Bias
 from jerkbench.filters.jerk import Jerk
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
-from jerkbench.timeline.timeline import build_timeline
+from jerkbench.timeline.timeline import Timeline, build_timeline
+
+if TYPE_CHECKING:
+    from jerkbench.linear.solution import Mixed  # what it imports takes half a second
 
 MODELS = ("acceleration", "baseline", "bias", "jerk")
 NOISES = (
@@ -50,6 +56,10 @@ class InteractingMultipleModels:
     Good where the vehicle has two manners of moving that last for several updates; with little difference between the
     models the probabilities stay near those of Pi alone. The reported NIS is that of the combined prediction.
 
+    An adaptation sees the innovation of the combined prediction, with its H P H', and both filters get the R that it
+    says, so that their likelihoods are of the same measurement; where it drops all rows there is no cycle. It takes
+    every adaptation that does not fade P.
+
     Source: H. A. P. Blom, Y. Bar-Shalom, "The interacting multiple model algorithm for systems with Markovian
     switching coefficients", IEEE Trans. Automatic Control 33(8), 1988, doi:10.1109/9.1299.
 
@@ -69,8 +79,6 @@ class InteractingMultipleModels:
         second_walk_mps2_per_sqrt_s: sigma_w of the second, likewise [m/s2/sqrt(s)].
         initial_accel_mps2: one sigma of the acceleration at the start, of an acceleration filter [m/s2].
     """
-
-    adaptations: ClassVar[tuple[str, ...]] = ("none", "oracle")
 
     first: str = "baseline"
     second: str = "jerk"
@@ -103,6 +111,11 @@ class InteractingMultipleModels:
                 raise PluginError(f"imm.{name} is {getattr(self, name)}; it must lie between 0 and 1.")
 
     @property
+    def adaptations(self) -> tuple[str, ...]:
+        """Names of the adaptations that it accepts: all that do not fade P."""
+        return without_fading()
+
+    @property
     def uses_imu(self) -> bool:
         """Whether one of the two filters takes the IMU's acceleration."""
         return {self.first, self.second} != {"acceleration"}
@@ -124,9 +137,38 @@ class InteractingMultipleModels:
 
     def estimate(self, recording: Recording, attitude: Attitude, adaptation: Adaptation) -> Estimate:
         """Return the combined solution at the reference's stamps."""
+        return self._mixture(build_timeline(recording, attitude), adaptation).to_the_end()
+
+    def estimate_compiled(self, recording: Recording, attitude: Attitude, adaptation: Adaptation) -> Estimate | None:
+        """Return the same as `estimate`; None where numba cannot compile the adaptation."""
+        from jerkbench.linear.solution import mix_compiled
+
         timeline = build_timeline(recording, attitude)
+        return mix_compiled(timeline, self._start(timeline, adaptation), adaptation)
+
+    def run_many(
+        self, runs: Sequence[RecordedRun], adaptation: Adaptation, *, updates: bool, attitude: bool, threads: int
+    ) -> Sequence[Streamed | None]:
+        """Return the sums of each run, as in `jerkbench.contracts.Batched`; it finds no attitude of its own."""
+        from jerkbench.estimation.threads import side_by_side
+        from jerkbench.linear.solution import stream_mixture
+
+        def sums(run: RecordedRun) -> Streamed | None:
+            """Return those of one run."""
+            start = self._start(run.timeline, adaptation)
+            return stream_mixture(run.timeline, run.scoring, start, adaptation, updates=updates)
+
+        return side_by_side(sums, runs, threads)
+
+    def _mixture(self, timeline: Timeline, adaptation: Adaptation) -> Mixture:
         mu = np.array([self.first_probability, 1.0 - self.first_probability])
-        return Mixture(timeline, self.models(), self.transitions(), mu, adaptation).to_the_end()
+        return Mixture(timeline, self.models(), self.transitions(), mu, adaptation)
+
+    def _start(self, timeline: Timeline, adaptation: Adaptation) -> "Mixed":
+        from jerkbench.linear.solution import Mixed
+
+        mixture = self._mixture(timeline, adaptation)
+        return Mixed(self.models(), mixture.transitions, mixture.weights, mixture.x, mixture.P)
 
     def _model(self, name: str, accel_mps2: float, walk_mps2_per_sqrt_s: float) -> Filter:
         if name == "baseline":

@@ -12,12 +12,12 @@ import pytest
 from engine_agreement import agree
 from jerkbench import plugins
 from jerkbench.adaptation.none import NoAdaptation
-from jerkbench.engines.compiled.models import step_lengths
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.filters.baseline import Baseline
 from jerkbench.filters.jerk import Jerk
 from jerkbench.recording import Position, Reference, Velocity
+from jerkbench.timeline.lengths import step_lengths
 from jerkbench.timeline.timeline import build_timeline
 from synthetic import level_attitude, recording_at_rest
 

@@ -10,7 +10,7 @@ from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.batch import Run
 from jerkbench.compilation.vectors import WIDE
 from jerkbench.engines.compiled.arguments import Score, Steps
-from jerkbench.engines.compiled.models import step_lengths
+from jerkbench.timeline.lengths import step_lengths
 from jerkbench.timeline.timeline import Timeline
 
 

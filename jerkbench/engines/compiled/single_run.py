@@ -12,9 +12,10 @@ from jerkbench.engines.compiled.arguments import SEEN, Kept, Score, Steps
 from jerkbench.engines.compiled.entry import loop_for
 from jerkbench.engines.compiled.exchange import empty_runs
 from jerkbench.engines.compiled.layout import layout
-from jerkbench.engines.compiled.models import model_of, step_lengths
+from jerkbench.engines.compiled.models import model_of
 from jerkbench.engines.compiled.plugin_call import Rule, rules_of
 from jerkbench.estimate import Estimate, Updates
+from jerkbench.timeline.lengths import step_lengths
 from jerkbench.timeline.timeline import Timeline
 
 NO_SCORE = Score(np.empty(0, dtype=np.int64), np.empty((0, 1)), np.empty((0, 6, 1)), np.empty((0, 4)), np.empty((0, 1)))

@@ -133,12 +133,15 @@ def _carry(w: FloatArray, m: FloatArray, piece: int) -> None:
 
 
 def is_healthy(w: FloatArray, m: FloatArray) -> bool:
-    """Whether the state is finite and the covariance positive definite, by elimination."""
+    """Whether the state is finite and the covariance positive definite."""
     total = 0.0
     for i in range(21):  # position, velocity, attitude, biases
         total += m[POSITION + i] * 0.0
-    if total != 0.0:
-        return False
+    return total == 0.0 and is_definite(w, m)
+
+
+def is_definite(w: FloatArray, m: FloatArray) -> bool:
+    """Whether the covariance is positive definite, by elimination."""
     for e in range(ROW * STATES):
         w[SPARE + e] = w[P + e]
     for c in range(STATES):

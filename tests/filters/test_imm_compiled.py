@@ -1,0 +1,77 @@
+"""The compiled mixture against the NumPy one, over pairs of models and adaptations."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from engine_agreement import agree_runs, with_other_last_bits
+from jerkbench import plugins
+from jerkbench.adaptation.mtf import Mtf
+from jerkbench.adaptation.none import NoAdaptation
+from jerkbench.attitude.plugin import Tilt
+from jerkbench.batch import RecordedRun
+from jerkbench.datasets.field import Field
+from jerkbench.disturbances.noise_step import NoiseStep
+from jerkbench.evaluation.batch_scoring import scored, sums_from
+from jerkbench.evaluation.run import counted_rows
+from jerkbench.evaluation.sums import sums_of
+from jerkbench.filters._accepted import without_fading
+from jerkbench.filters.imm import InteractingMultipleModels
+from jerkbench.linear.solution import mix_compiled
+from jerkbench.timeline.timeline import build_timeline
+
+PAIRS = [("baseline", "jerk"), ("jerk", "baseline"), ("baseline", "baseline"), ("bias", "bias")]
+PAIRS += [("acceleration", "acceleration"), ("acceleration", "baseline")]
+
+
+@cache
+def recorded():
+    recording = NoiseStep().apply(Field(duration_s=12.0).load(4), 0)
+    return recording, Tilt().estimate(recording)
+
+
+def compare(model, adaptation):
+    timeline = build_timeline(*recorded())
+    wanted = model._mixture(timeline, adaptation).to_the_end()
+    got = mix_compiled(timeline, model._start(timeline, adaptation), adaptation)
+
+    @cache
+    def changed(seed):
+        return model._mixture(with_other_last_bits(timeline, seed), adaptation).to_the_end()
+
+    return agree_runs(timeline, got, wanted, changed), wanted
+
+
+@pytest.mark.parametrize(("first", "second"), PAIRS)
+def test_it_agrees_with_numpy_for_each_pair(first, second):
+    compare(InteractingMultipleModels(first, second), Mtf())
+
+
+@pytest.mark.parametrize("name", without_fading())
+def test_it_agrees_with_numpy_with_each_adaptation(name):
+    compare(InteractingMultipleModels(), plugins.create("adaptation", {"name": name}))
+
+
+def test_an_adaptation_changes_what_both_filters_take_for_noise():
+    model = InteractingMultipleModels()
+    (_, plain), (_, adapted) = compare(model, NoAdaptation()), compare(model, Mtf())
+
+    assert (adapted.updates.R_diagonal > plain.updates.R_diagonal).any()
+    assert np.abs(adapted.position_m - plain.position_m).max() > 1e-3
+
+
+def test_its_sums_are_those_of_a_trajectory():
+    (recording, attitude), model = recorded(), InteractingMultipleModels()
+    timeline = build_timeline(recording, attitude)
+    scene = scored(recording, timeline, 2.0)
+    run = RecordedRun(recording, attitude, timeline, scene.scoring)
+    one, _ = model.run_many([run, run], Mtf(), updates=True, attitude=True, threads=2)
+    estimate = model.estimate(recording, attitude, Mtf())
+    wanted = sums_of(estimate, recording, counted_rows(estimate, recording, 2.0))
+    got = sums_from(one, scene, recording)
+
+    for name in wanted._fields:
+        np.testing.assert_allclose(getattr(got, name), getattr(wanted, name), rtol=1e-8, err_msg=name)
+    assert one.euler_rad is None
+    np.testing.assert_allclose(one.updates.nis_used, estimate.updates.nis_used, rtol=1e-7)
