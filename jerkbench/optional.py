@@ -6,10 +6,15 @@ from dataclasses import fields
 from functools import cache
 from typing import Literal, get_args
 
+import numpy as np
+
+from jerkbench.arrays import FloatArray
 from jerkbench.contracts import (
     OPTIONAL,
     REQUIRED,
     AttitudeOnly,
+    Filter,
+    ManyLengths,
     OnRequest,
     PreferringAttitude,
     Reading,
@@ -98,3 +103,19 @@ def _methods(protocols: tuple[type, ...]) -> frozenset[str]:
 
 def _public(names: Iterable[str]) -> list[str]:
     return [name for name in names if not name.startswith("_")]
+
+
+def axis_models(model: Filter, lengths_s: FloatArray, dt0_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return A (k, n, n), b (k, n), Q (k, n, n) of ``lengths_s`` (k,); a length that is not positive changes nothing.
+
+    A filter with `ManyLengths` is asked once, any other for one length after the other.
+    """
+    n, k = 2 + len(model.initial_variances()), len(lengths_s)
+    A, b, Q = np.tile(np.eye(n), (k, 1, 1)), np.zeros((k, n)), np.zeros((k, n, n))
+    passing = np.flatnonzero(lengths_s > 0)
+    if isinstance(model, ManyLengths) and len(passing):
+        A[passing], b[passing], Q[passing] = model.axis_models(lengths_s[passing], dt0_s)
+        return A, b, Q
+    for row in passing.tolist():
+        A[row], b[row], Q[row] = model.axis_model(float(lengths_s[row]), dt0_s)
+    return A, b, Q

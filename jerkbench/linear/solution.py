@@ -8,14 +8,14 @@ import numpy.typing as npt
 from jerkbench.arrays import FloatArray
 from jerkbench.batch import Scoring, Streamed
 from jerkbench.compilation.vectors import WIDE, aligned_zeros
-from jerkbench.contracts import Adaptation, Filter, ManyLengths
+from jerkbench.contracts import Adaptation, Filter
 from jerkbench.estimate import Estimate, Updates
 from jerkbench.estimation.adaptation_call import rule_of
 from jerkbench.estimation.sums import SEEN, Score, score_of, streamed_from
 from jerkbench.linear.arguments import Kept, Models, Steps
 from jerkbench.linear.entry import mixture_for
 from jerkbench.linear.layout import LARGEST, places
-from jerkbench.optional import wants_truth
+from jerkbench.optional import axis_models, wants_truth
 from jerkbench.timeline.lengths import step_lengths
 from jerkbench.timeline.timeline import Timeline
 
@@ -84,7 +84,7 @@ def _run(
         _plain(measured.covariances(true=wants_truth(adaptation)), np.float64),
         _plain(measured.R, np.float64),
     )
-    arrays = zip(*(_arrays(model, lengths_s, timeline.dt0_s) for model in start.filters), strict=True)
+    arrays = zip(*(axis_models(model, lengths_s, timeline.dt0_s) for model in start.filters), strict=True)
     A, b, Q = (np.stack(parts) for parts in arrays)
     n = len(start.filters)
     models = Models(A, b, Q, _plain(start.transitions, np.float64), start.weights.copy(), np.zeros(n), np.zeros(n))
@@ -94,19 +94,6 @@ def _run(
 
 def _plain(array: Any, dtype: npt.DTypeLike) -> Any:  # noqa: ANN401 - any array
     return np.require(array, dtype, ["C", "W", "A"])
-
-
-def _arrays(model: Filter, lengths_s: FloatArray, dt0_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """A (k, N, N), b (k, N), Q (k, N, N) of each length; of one that is not positive nothing is asked."""
-    n, k = 2 + len(model.initial_variances()), len(lengths_s)
-    A, b, Q = np.tile(np.eye(n), (k, 1, 1)), np.zeros((k, n)), np.zeros((k, n, n))
-    passing = np.flatnonzero(lengths_s > 0)
-    if isinstance(model, ManyLengths) and len(passing):
-        A[passing], b[passing], Q[passing] = model.axis_models(lengths_s[passing], dt0_s)
-        return A, b, Q
-    for row in passing.tolist():
-        A[row], b[row], Q[row] = model.axis_model(float(lengths_s[row]), dt0_s)
-    return A, b, Q
 
 
 def _rooms(start: Mixed) -> FloatArray:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jerkbench.contracts import ManyLengths
-from jerkbench.engines.compiled.models import axis_models
+from jerkbench.optional import axis_models
 from jerkbench.plugins import create
 
 DT0 = 0.01

@@ -7,8 +7,9 @@ from typing import NamedTuple, cast
 import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
-from jerkbench.contracts import Filter, ManyLengths
+from jerkbench.contracts import Filter
 from jerkbench.engines.compiled.arguments import Model
+from jerkbench.optional import axis_models
 
 
 def model_of(models: Sequence[Filter], lengths_s: FloatArray, dt0_s: float) -> Model:
@@ -40,14 +41,8 @@ def _arrays_of(model: Filter, lengths_s: bytes, dt0_s: float) -> _Arrays:
 def _asked(model: Filter, lengths_s: bytes, dt0_s: float) -> _Arrays:
     """Ask for the arrays of each length; of one that is not positive A is the identity."""
     extra, lengths = np.array(model.initial_variances(), dtype=np.float64), np.frombuffer(lengths_s)
-    n, k = 2 + len(extra), len(lengths)
-    A, b, Q = np.tile(np.eye(n), (k, 1, 1)), np.zeros((k, n)), np.zeros((k, n, n))
-    passing = np.flatnonzero(lengths > 0)
-    if isinstance(model, ManyLengths) and len(passing):
-        A[passing], b[passing], Q[passing] = model.axis_models(lengths[passing], dt0_s)
-    else:
-        for row in passing.tolist():
-            A[row], b[row], Q[row] = model.axis_model(float(lengths[row]), dt0_s)
+    A, b, Q = axis_models(model, lengths, dt0_s)
+    k, n = b.shape
     return _Arrays(A.reshape(k, n * n), b, Q.reshape(k, n * n), extra, triangular(A))
 
 
