@@ -40,6 +40,10 @@ class Inputs:
         """Return the recording of ``draw`` after all disturbances; ``fingerprint`` tells changed files apart."""
         return self._disturbed(cell.dataset, cell.disturbances, fingerprint, draw)
 
+    def undisturbed(self, dataset: Dataset, draw: int) -> Recording:
+        """Return the recording of ``draw`` as it was loaded."""
+        return self._loaded(dataset, dataset.fingerprint(), draw)
+
     def columns(
         self, metric: Metric, estimate: Estimate, recording: Recording, counted: BoolArray
     ) -> Mapping[str, float]:
@@ -52,7 +56,7 @@ class Inputs:
     def _disturb(
         self, dataset: Dataset, disturbances: tuple[Disturbance, ...], fingerprint: str, draw: int
     ) -> Recording:
-        recording = self._loaded(dataset, dataset.fingerprint(), draw)
+        recording = self.undisturbed(dataset, draw)
         for disturbance in disturbances:
             recording = disturbance.apply(recording, draw)
         require_data(dataset, disturbances, fingerprint)  # afterwards: what was read meanwhile is what the hash says

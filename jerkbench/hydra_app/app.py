@@ -20,6 +20,7 @@ from omegaconf import DictConfig, OmegaConf
 from jerkbench.cells.cell import refusal
 from jerkbench.errors import INTERRUPTED, JerkbenchError, PluginError, exit_with
 from jerkbench.execution.cell_run import CellRun
+from jerkbench.execution.data_mistakes import first_mistakes
 from jerkbench.execution.inputs import shared_inputs
 from jerkbench.execution.notes import first_remarks
 from jerkbench.execution.processors import processors
@@ -71,6 +72,7 @@ def sweep(loader: ConfigLoader, config: DictConfig, jobs: Sequence[Sequence[str]
         exit_with(error)
     for line in (
         *plan.refused,
+        *first_mistakes((planned.cell for planned in plan.cells), shared_inputs()),
         *first_remarks(((planned.cell, planned.fingerprint) for planned in plan.cells), shared_inputs()),
     ):
         print(line, file=sys.stderr)
@@ -150,7 +152,8 @@ def _run_job(config: DictConfig, job: HydraConf) -> None:
         print(f"Left out: {reason}.", file=sys.stderr)
         return
     (planned,) = plan_sweep([cell]).cells
-    for line in first_remarks([(planned.cell, planned.fingerprint)], shared_inputs()):
+    mistakes = first_mistakes([planned.cell], shared_inputs())
+    for line in (*mistakes, *first_remarks([(planned.cell, planned.fingerprint)], shared_inputs())):
         print(line, file=sys.stderr)
     folder = study_folder(config)
     if not sweeping:

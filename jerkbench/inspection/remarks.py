@@ -6,6 +6,7 @@ import numpy as np
 
 from jerkbench.inspection.allan import RestNoise, rest_noise
 from jerkbench.inspection.dependence import Dependence, velocity_dependence
+from jerkbench.inspection.diagnosis.doctor import diagnoses
 from jerkbench.inspection.lags import Lag, estimated_lags
 from jerkbench.inspection.peaks import LEAST_CORRELATION
 from jerkbench.inspection.sigmas import Sigma, stated_against_real_sigma
@@ -14,7 +15,7 @@ from jerkbench.recording import Recording
 
 
 def findings_text(recording: Recording) -> str:
-    """Return lags, the source of yaw, the velocity's dependence, real and stated sigmas, the IMU's noise at rest."""
+    """Return lags, the source of yaw, the velocity's dependence, real and stated sigmas, noise at rest, mistakes."""
     noise = rest_noise(recording)
     lines = [_lag_line(lag) for lag in estimated_lags(recording)]
     lines += [yaw_line(recording)] if recording.imu is not None else []
@@ -22,6 +23,7 @@ def findings_text(recording: Recording) -> str:
     lines += [_sigma_line(sigma) for sigma in stated_against_real_sigma(recording)]
     if recording.imu is not None:
         lines += _noise_lines(noise) if noise else ["imu noise: no rest of 5 s at the start to read it from"]
+    lines += [f"mistake: {diagnosis}" for diagnosis in diagnoses(recording)] or ["mistakes: none that is sure"]
     return "\n".join(lines)
 
 

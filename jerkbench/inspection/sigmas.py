@@ -9,6 +9,9 @@ from jerkbench.recording import Recording
 
 LEAST_ROWS = 10
 
+MEDIAN_OF_SQUARE = 0.455
+"""Median of chi-square with one degree of freedom."""
+
 REST, REFERENCE = "scatter at rest", "error against the reference"
 
 
@@ -24,6 +27,7 @@ class Sigma:
         stated: (3,) root of the mean stated variance on each axis.
         real: (3,) root mean square on each axis.
         ratio: root of the mean of e' R^-1 e an axis; 1: as stated, 2: twice as large.
+        median_ratio: the same of the middle of the errors east and north: no tail counts.
         rows: over how many.
     """
 
@@ -33,6 +37,7 @@ class Sigma:
     stated: FloatArray
     real: FloatArray
     ratio: float
+    median_ratio: float
     rows: int
 
 
@@ -43,7 +48,7 @@ def stated_against_real_sigma(recording: Recording) -> list[Sigma]:
     linearly between its stamps, where these are no further apart than 0.5 s. A row need not have all axes.
     """
     sigmas = []
-    for name, unit, t_s, values, covariance in _streams(recording):
+    for name, unit, t_s, values, covariance in stated_streams(recording):
         still = (t_s >= 0) & (t_s < recording.static_start_s)
         if _enough(values[still]):
             centre = np.nanmean(values[still], axis=0) if name == "position" else np.zeros(3)
@@ -60,7 +65,8 @@ def _enough(values: FloatArray) -> bool:
     return bool((np.isfinite(values).sum(axis=0) >= LEAST_ROWS).all())
 
 
-def _streams(recording: Recording) -> list[tuple[str, str, FloatArray, FloatArray, FloatArray]]:
+def stated_streams(recording: Recording) -> list[tuple[str, str, FloatArray, FloatArray, FloatArray]]:
+    """Return name, unit, times (m,), values (m, 3) and covariances (m, 3, 3) of position and ENU velocity."""
     streams = []
     if recording.position is not None:
         p = recording.position
@@ -102,5 +108,6 @@ def _sigma(name: str, unit: str, basis: str, error: FloatArray, covariance: Floa
         stated=np.sqrt(np.nanmean(variances, axis=0)),
         real=np.sqrt(np.nanmean(error**2, axis=0)),
         ratio=float(np.sqrt(squares.sum() / measured.sum())),
+        median_ratio=float(np.sqrt(np.nanmedian((error**2 / variances)[:, :2]) / MEDIAN_OF_SQUARE)),
         rows=len(error),
     )

@@ -1,4 +1,4 @@
-"""A log without yaw: the sentence comes before the run and stands under the table."""
+"""A log without yaw, or with a mistake: the sentence comes before the run; the first stands under the table too."""
 
 import numpy as np
 import pytest
@@ -35,3 +35,11 @@ def test_inspection_says_it_too_with_every_set_counted(typed, log):
     assert done.returncode == 0, done.stderr
     assert "position       28 rows" in done.stdout
     assert "yaw: nothing shows yaw" in done.stdout
+
+
+def test_a_mistake_is_told_before_the_run_with_its_remedy(typed, log):
+    chosen = [f"dataset.{name}={value}" for name, value in (log | {"accel_unit": "g"}).items()]
+    done = typed("run", "dataset=table", *chosen, "filter=gnss_only", "figures=false")
+
+    assert "table: The accelerometer is 9.8 times too large" in done.stderr
+    assert "accel_unit=m/s2" in done.stderr

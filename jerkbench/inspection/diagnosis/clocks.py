@@ -1,0 +1,80 @@
+"""Clocks that are off by more than a filter forgives."""
+
+import numpy as np
+
+from jerkbench.inspection.diagnosis.diagnosis import Diagnosis
+from jerkbench.inspection.diagnosis.relation import strength
+from jerkbench.inspection.diagnosis.windows import track_windows
+from jerkbench.inspection.lags import Lag, estimated_lags
+from jerkbench.inspection.peaks import LARGEST_S, correlation_of
+from jerkbench.recording import Recording
+
+LEAST_S = 0.4
+"""A smaller lag is latency, which `estimated_lags` shows."""
+
+LEAST_CORRELATION = 0.8
+SURE = 4.0
+
+STEP_S = 0.1
+WINDOWS_S = (0.5, 1.0, 2.0)
+
+PARAMETERS = {
+    "position": "position_shift_s",
+    "velocity, horizontal": "velocity_shift_s",
+    "velocity, up": "velocity_shift_s",
+    "speed": "velocity_shift_s",
+    "imu": "imu_shift_s",
+}
+
+
+def clock_offsets(recording: Recording) -> list[Diagnosis]:
+    """Return the streams whose stamps are off by .4 s or more; each parameter once."""
+    offsets: dict[str, Diagnosis] = {}
+    lags = [lag for lag in estimated_lags(recording) if _far(lag)]
+    late_s = late_imu(recording)
+    for lag in lags:
+        measured = f"lag {lag.lag_s:+.2f} s against {lag.against} (correlation {lag.correlation:.2f})"
+        offsets.setdefault(PARAMETERS[lag.stream], _offset(lag.stream, lag.lag_s, measured))
+    if late_s is not None and "imu_shift_s" not in offsets:
+        measured = f"lag {late_s:+.1f} s of its turning against the track's"
+        offsets["imu_shift_s"] = _offset("imu", late_s, measured)
+    return list(offsets.values())
+
+
+def late_imu(recording: Recording) -> float | None:
+    """Return how late the IMU is against the fixes, where that is sure and .4 s or more.
+
+    Over windows of half a second to two, r(tau) is the correlation of the gyro, tau later, with the course; it is sure
+    where r is .8 and more, and Fisher's atanh(r) is 4 standard deviations above that of no lag.
+    """
+    lags_s = np.asarray(np.arange(-LARGEST_S, LARGEST_S + STEP_S / 2, STEP_S), dtype=np.float64)
+    for length_s in WINDOWS_S:
+        ratings = [_agreement(recording, length_s, float(lag_s)) for lag_s in (*lags_s, 0.0)]
+        best = int(np.argmax([correlation for correlation, _ in ratings[:-1]]))
+        (correlation, rows), (at_none, _) = ratings[best], ratings[-1]
+        if correlation < LEAST_CORRELATION or abs(lags_s[best]) < LEAST_S or best in (0, len(lags_s) - 1):
+            continue
+        if strength(correlation, rows) - strength(at_none, rows) > SURE:
+            return float(lags_s[best])
+    return None
+
+
+def _agreement(recording: Recording, length_s: float, late_s: float) -> tuple[float, int]:
+    windows = track_windows(recording, length_s, late_s)
+    if windows is None:
+        return 0.0, 0
+    return correlation_of(windows.course_change_rad, windows.turn_rad[:, 2]), len(windows)
+
+
+def _far(lag: Lag) -> bool:
+    return bool(np.isfinite(lag.lag_s) and abs(lag.lag_s) >= LEAST_S and lag.correlation >= LEAST_CORRELATION)
+
+
+def _offset(stream: str, lag_s: float, measured: str) -> Diagnosis:
+    when = "late" if lag_s > 0 else "early"
+    return Diagnosis(
+        f"clock of {stream}",
+        measured,
+        f"The stamps of {stream} are {abs(lag_s):.2f} s {when}",
+        f"Add {-lag_s:+.2f} to {PARAMETERS[stream]}",
+    )

@@ -1,0 +1,150 @@
+"""An IMU that is turned about z or mirrored, or a track that is mirrored, by what both say of the same motion."""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from jerkbench.inspection.diagnosis.diagnosis import Diagnosis
+from jerkbench.inspection.diagnosis.gyro import Turning, turning_gravity, turning_track
+from jerkbench.inspection.diagnosis.plane import IDENTITY, MIRRORED_Y, PLANE, axes_text, mended
+from jerkbench.inspection.diagnosis.relation import SURE, strength
+from jerkbench.inspection.diagnosis.windows import LENGTHS_S, Windows, track_windows
+from jerkbench.inspection.peaks import correlation_of
+from jerkbench.recording import Recording
+
+LEAST_FIT = 0.5
+LEAST_GAIN = 0.4
+"""Mended axes have to fit at least so well, and by so much better than the axes as they are (mean correlations)."""
+
+LEAST_TURNING = 0.4
+"""A turning that goes the other way has to correlate by so much."""
+
+
+class Fit(NamedTuple):
+    """The way to mend the horizontal axes of the IMU that fits the track best.
+
+    Attributes:
+        way: one of `PLANE`.
+        correlation: mean of forward and left, mended.
+        as_given: the same of the axes as they are.
+        strength: in standard deviations from none.
+    """
+
+    way: str
+    correlation: float
+    as_given: float
+    strength: float
+
+    @property
+    def sure(self) -> bool:
+        """Whether no other way could be meant."""
+        return self.correlation >= LEAST_FIT and self.strength >= SURE
+
+    @property
+    def wrong(self) -> bool:
+        """Whether the axes as they are cannot be right."""
+        return self.sure and self.way != IDENTITY and self.correlation - self.as_given >= LEAST_GAIN
+
+
+def mounting(recording: Recording) -> list[Diagnosis]:
+    """Return what is wrong with the axes of the IMU, or with the east and north of the fixes.
+
+    Three witnesses: the track's forward and left acceleration against f, the track's turning against the gyro's z,
+    and gravity's turning in the body against the gyro, whose sign a mirrored mounting changes and no rotation does.
+    """
+    if recording.imu is None:
+        return []
+    fit, track, gravity = plane_fit(recording), turning_track(recording), turning_gravity(recording.imu)
+    return list(_judged(fit, _opposite(track), _opposite(gravity), track, gravity))
+
+
+def plane_fit(recording: Recording) -> Fit | None:
+    """Return the best way, over the windows that say most; None without an IMU or without a track."""
+    lengths = (track_windows(recording, length_s) for length_s in LENGTHS_S)
+    fits = [_fit(windows) for windows in lengths if windows is not None]
+    return max(fits, key=lambda fit: fit.strength, default=None)
+
+
+def _fit(windows: Windows) -> Fit:
+    scores = {way: _score(windows, way) for way in PLANE}
+    best = max(scores, key=lambda way: scores[way])
+    return Fit(best, scores[best], scores[IDENTITY], strength(scores[best], len(windows)))
+
+
+def _score(windows: Windows, way: str) -> float:
+    force = mended(windows.force_mps2[:, :2], way)
+    return float(np.mean([correlation_of(windows.plane_mps2[:, axis], force[:, axis]) for axis in (0, 1)]))
+
+
+def _opposite(turning: Turning | None) -> bool:
+    return turning is not None and turning.correlation <= -LEAST_TURNING and turning.strength <= -SURE
+
+
+def _judged(
+    fit: Fit | None, track_opposite: bool, gravity_opposite: bool, track: Turning | None, gravity: Turning | None
+) -> Iterator[Diagnosis]:
+    """Weigh the witnesses: the mistake is where two of three agree on it."""
+    if track_opposite and track is not None and not gravity_opposite:
+        if fit is not None and fit.wrong and fit.way == MIRRORED_Y:
+            yield _mirrored_track(f"{_turning_text(track)}, and {_fit_text(fit)}")
+        elif fit is not None and fit.sure and fit.way == IDENTITY:
+            yield _backward_gyro(f"{_turning_text(track)}, while {_fit_text(fit)}")
+        else:
+            yield _either(_turning_text(track))
+    elif fit is not None and fit.wrong:
+        yield _turned(fit)
+    elif gravity_opposite and gravity is not None:
+        yield _mirrored_mounting(_turning_text(gravity))
+
+
+def _turned(fit: Fit) -> Diagnosis:
+    x, y = axes_text(fit.way, ("x", "y"))
+    mirrored = np.linalg.det(np.array(PLANE[fit.way])) < 0
+    name = "IMU mirrored" if mirrored else f"IMU {fit.way.replace('turned by', 'to be turned by')} about z"
+    sentence = "The IMU's axes are mirrored" if mirrored else f"The IMU is {fit.way} about z"
+    return Diagnosis(name, _fit_text(fit), sentence, f"Set imu_axes=[{x},{y},z] of the axes as they are read now")
+
+
+def _mirrored_mounting(measured: str) -> Diagnosis:
+    return Diagnosis(
+        "IMU mirrored",
+        measured,
+        "The IMU's axes are mirrored (left-handed)",
+        "Give one axis of imu_axes the other sign, most likely y",
+    )
+
+
+def _mirrored_track(measured: str) -> Diagnosis:
+    return Diagnosis(
+        "track mirrored",
+        measured,
+        "The track is mirrored: east and north of the fixes are exchanged (NED for ENU, or latitude and longitude)",
+        "Set position_frame=ned, or exchange the first two of position_columns",
+    )
+
+
+def _backward_gyro(measured: str) -> Diagnosis:
+    return Diagnosis(
+        "gyro z reversed", measured, "The gyro's z axis turns the other way", "Change the sign of the gyro's z column"
+    )
+
+
+def _either(measured: str) -> Diagnosis:
+    return Diagnosis(
+        "track or gyro mirrored",
+        measured,
+        "Either the track is mirrored (NED for ENU, latitude and longitude exchanged) or the gyro turns the other way",
+        "Set position_frame=ned, exchange the first two of position_columns, or correct imu_axes",
+    )
+
+
+def _turning_text(turning: Turning) -> str:
+    return f"{turning.basis} turns against the gyro (correlation {turning.correlation:.2f})"
+
+
+def _fit_text(fit: Fit) -> str:
+    return (
+        f"the track's acceleration, forward and left, fits the accelerometer with its axes {fit.way} (correlation"
+        f" {fit.correlation:.2f}; as they are {fit.as_given:.2f})"
+    )
