@@ -20,8 +20,9 @@ class VariationalBayes:
 
         alpha = rho alpha + 1/2,  beta- = rho beta,  beta = beta-
         twice:  R = diag(beta / alpha),  S = HPH' + R,  res = R S^-1 y
-                beta = beta- + (res_i^2 + (HPH' - HPH' S^-1 HPH')_ii) / 2
+                beta = beta- + (res_i^2 + (R - R S^-1 R)_ii) / 2
 
+    R - R S^-1 R is the paper's HPH' - HPH' S^-1 HPH', without its rounding where R is the smaller (after a gap).
     The filter uses the R of the last pass. The reported R enters at the start only: a receiver that knows how good it
     is at each moment is not listened to any more. 1/(1 - rho) is the memory in updates, 55 with the default: good on
     noise that is reported wrongly or changes slowly, late on bursts, misled by a wrong process.
@@ -66,7 +67,7 @@ class VariationalBayes:
             r = beta / alpha
             S = HPHt + np.diag(r)
             residual = r * np.linalg.solve(S, innovation)
-            posterior = np.diag(HPHt) - np.sum(HPHt * np.linalg.solve(S, HPHt).T, axis=1)
+            posterior = r - r * np.diag(np.linalg.solve(S, np.diag(r)))
             beta = kept + 0.5 * (residual**2 + posterior)
         memory[rows], memory[rows + 6] = alpha, beta
         return np.diag(r)

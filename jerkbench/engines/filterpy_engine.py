@@ -9,7 +9,15 @@ from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.contracts import Adaptation, Fading, Filter
 from jerkbench.errors import PluginError, unknown
 from jerkbench.estimate import Estimate
-from jerkbench.kalman import ROUNDING, gain, innovation_factor, is_positive_definite, joseph, moved, squared_distance
+from jerkbench.kalman import (
+    ROUNDING,
+    gain_and_rest,
+    innovation_factor,
+    is_positive_definite,
+    joseph,
+    moved,
+    squared_distance,
+)
 from jerkbench.memory import empty_memory
 from jerkbench.optional import wants_truth
 from jerkbench.plugins import register
@@ -30,8 +38,8 @@ class FilterpyEngine:
         joseph:  P = (I - K H) P (I - K H)' + K R K', symmetrised
         paper:   P = P - K S K', as it is written there (it drifts: 1e-5 m after 15 000 steps)
 
-    A run ends where S, or afterwards P, is not symmetric and positive definite beyond rounding
-    (`jerkbench.kalman.ROUNDING`).
+    A run ends where S is not symmetric and positive definite beyond rounding (`jerkbench.kalman.ROUNDING`), or P
+    afterwards is not but for rounding (`jerkbench.kalman.INDEFINITE`).
 
     Source: R. R. Labbe, filterpy 2 (MIT).
 
@@ -63,7 +71,6 @@ class _Run:
         self.memory = empty_memory(adaptation)
         self.fade = adaptation.fade if isinstance(adaptation, Fading) else None
         self.kf = _new_filter(timeline, model)
-        self.H = np.eye(6, self.kf.dim_x)
         self.models: dict[int, tuple[FloatArray, FloatArray, FloatArray]] = {}
         self.recorder = Recorder(timeline)
 
@@ -126,16 +133,16 @@ class _Run:
         kept = np.isfinite(np.diag(R))
         if not kept.any():
             return np.nan, self._is_sound(self.kf.P, rows[kept])
-        kf, H, R, y = self.kf, self.H[rows[kept]], R[np.ix_(kept, kept)], innovation[kept]
+        kf, R, y = self.kf, R[np.ix_(kept, kept)], innovation[kept]
         prior = kf.P
         PHt = prior[:, rows[kept]]
         S = PHt[rows[kept]] + R
         factor = innovation_factor(S)
         if factor is None:
             return np.nan, False
-        K = gain(PHt, factor)
+        K, rest = gain_and_rest(PHt, R, factor, rows[kept])
         kf.x = kf.x + moved(PHt, y, R, factor, rows[kept])[:, None]
-        kf.P = joseph(prior, K, H, R) if self.joseph else prior - K @ S @ K.T
+        kf.P = joseph(prior, K, rest, R) if self.joseph else prior - K @ S @ K.T
         return squared_distance(y, factor), self._is_sound(prior, rows[kept])
 
     def _is_sound(self, prior: FloatArray, measured: IntArray) -> bool:

@@ -1,8 +1,8 @@
-"""The gain: S = H P H' + R = L D L' of the rows that are used, and K' = S^-1 H P; six rows in local names."""
+"""The gain: S = H P H' + R = L D L' of the rows that are used, and S^-1 times six rows, in local names."""
 
 from jerkbench.arrays import FloatArray
 from jerkbench.compilation.vectors import chosen
-from jerkbench.engines.compiled.layout import AT, DIAGONAL, KEPT, LOST, SOLVED, WHITE, K, M, R, S, W, Y
+from jerkbench.engines.compiled.layout import AT, DIAGONAL, FINE, KEPT, LOST, SOLVED, WHITE, K, M, R, S, W, Y
 from jerkbench.kalman import ROUNDING, SYMMETRIC
 
 UNEQUAL = SYMMETRIC * SYMMETRIC
@@ -71,10 +71,27 @@ def solve_innovation(w: FloatArray) -> None:
         w[SOLVED + r] = rest
 
 
+def solve_measured(w: FloatArray, s: int) -> None:
+    """Column ``s`` of position or velocity: of R where that is the finer, else of W = H P."""
+    fine, row = w[FINE + s], R + 6 * s
+    a = chosen(fine, 0.0, w[row], w[AT[0, s]] * w[KEPT])
+    b = chosen(fine, 0.0, w[row + 1], w[AT[1, s]] * w[KEPT + 1])
+    c = chosen(fine, 0.0, w[row + 2], w[AT[2, s]] * w[KEPT + 2])
+    d = chosen(fine, 0.0, w[row + 3], w[AT[3, s]] * w[KEPT + 3])
+    e = chosen(fine, 0.0, w[row + 4], w[AT[4, s]] * w[KEPT + 4])
+    f = chosen(fine, 0.0, w[row + 5], w[AT[5, s]] * w[KEPT + 5])
+    _solve(w, s, a, b, c, d, e, f)
+
+
 def solve_column(w: FloatArray, s: int) -> None:
-    """Column ``s`` of W = H P and of K' = S^-1 W."""
+    """Column ``s`` of W = H P, of a state that is not measured."""
     a, b, c = w[AT[0, s]] * w[KEPT], w[AT[1, s]] * w[KEPT + 1], w[AT[2, s]] * w[KEPT + 2]
     d, e, f = w[AT[3, s]] * w[KEPT + 3], w[AT[4, s]] * w[KEPT + 4], w[AT[5, s]] * w[KEPT + 5]
+    _solve(w, s, a, b, c, d, e, f)
+
+
+def _solve(w: FloatArray, s: int, a: float, b: float, c: float, d: float, e: float, f: float) -> None:
+    """Keep a column G as column ``s`` of W, and S^-1 G as that of K."""
     w[W + s], w[W + S + s], w[W + 2 * S + s] = a, b, c
     w[W + 3 * S + s], w[W + 4 * S + s], w[W + 5 * S + s] = d, e, f
     b = b - w[M + 6] * a

@@ -40,11 +40,10 @@ def layout(n: int, width: int) -> dict[str, int]:
         "Y": 8,  # innovation by row of z, 0 where a row is not used; two more to make eight
         "KEPT": 8,  # 1 where a row is used, else 0; likewise
         "VARIANCE": 8,  # diagonal of R, also of a row that it leaves out; NaN where there is none
-        "PRIOR": 6,  # diagonal of H P H', 0 where a row is not used
-        "FINE": 6,  # 1 where that is more than R, else 0
+        "FINE": 6,  # 1 where a row is used and its R is less than H P H', else 0
         "X": s,  # state
-        "W": 6 * s,  # H P
-        "K": 6 * s,  # the gain, transposed
+        "W": 6 * s,  # G: H P, or R in the columns of the finer rows
+        "K": 6 * s,  # S^-1 G
         "LOST": 1,  # above 0 once a matrix was not positive definite
         "ENDED": 1,  # row of z at which that was, or -1
         "E": 6,  # error of position and velocity
@@ -92,9 +91,9 @@ WIDTH, N, S, SIZE, SQUARED, ELEMENT, PAIR = (
     _PLACES[k] for k in ("WIDTH", "N", "S", "SIZE", "SQUARED", "ELEMENT", "PAIR")
 )
 """SIZE, SQUARED: numbers of elements of A, and of P. ELEMENT, PAIR: from one of the covariance to the next."""
-B, SAME, M, DIAGONAL, R, WHITE, SOLVED, Y, KEPT, VARIANCE, PRIOR, FINE, X, W, K, LOST, ENDED, E, SQUARE = list(
+B, SAME, M, DIAGONAL, R, WHITE, SOLVED, Y, KEPT, VARIANCE, FINE, X, W, K, LOST, ENDED, E, SQUARE = list(
     _PLACES.values()
-)[7:26]
+)[7:25]
 EAST, NORTH, UP, WHOLE, VEAST, VNORTH, VUP, NEES, NEES_POSITION, OUTAGE = (_PLACES[name] for name in TOTALS[:10])
 LARGEST, FARTHEST, NIS, UPDATES, NIS_USED, UPDATES_USED = (_PLACES[name] for name in TOTALS[10:])
 AT = _TABLES["AT"]

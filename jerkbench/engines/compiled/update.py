@@ -1,26 +1,30 @@
 """The measurement update, in a form that rounding harms no more than it must.
 
-With W = H P, S = H P H' + R, v = S^-1 y and K' = S^-1 W it holds for the states that are measured that
+With W = H P, S = H P H' + R and v = S^-1 y it holds for the states that are measured that
 
-    x + K y = x + W' v = x + y - R v,    P - K W = K R
+    x + K y = x + W' v = x + y - R v
+    posterior = P - W' S^-1 W = R - R S^-1 R = R S^-1 W
 
-and where R < P the right one takes nothing large away from anything large, as the left one does after a gap: P may be
-1e12 R then. Of two measured states s, t either (K R)_st or (K R)_ts is the covariance: the better one is that whose R
-is the smaller part of its S. Rounding is told from information as in `jerkbench.kalman`.
+The factors of S are those of S + E, |E_ij| < eps sqrt(S_ii S_jj), and A' S^-1 B errs by A' S^-1 E S^-1 B: the smaller A
+and B, the less, and nothing large is to be taken away from anything large (after a gap P may be 1e12 R). So each state
+has a column G of its own, that of R where it is measured and R < P, else that of W, and with Z = S^-1 G
+
+    x = x + y - G' v,    x + G' v,    posterior = R - G' Z,    P - G' Z,    G' Z
+
+for two states of the first kind, two of the second, and one of each. Rounding is told from information as in
+`jerkbench.kalman`.
 """
 
 from jerkbench.arrays import FloatArray
 from jerkbench.compilation.vector_ops import scratch
 from jerkbench.compilation.vectors import chosen
-from jerkbench.engines.compiled.gain import solve_column, solve_innovation
+from jerkbench.engines.compiled.gain import solve_column, solve_innovation, solve_measured
 from jerkbench.engines.compiled.layout import (
     AT,
-    DIAGONAL,
     ELEMENT,
     FINE,
     KEPT,
     LOST,
-    PRIOR,
     SOLVED,
     SQUARED,
     WIDTH,
@@ -32,7 +36,7 @@ from jerkbench.engines.compiled.layout import (
     X,
     Y,
 )
-from jerkbench.kalman import ROUNDING
+from jerkbench.kalman import INDEFINITE, ROUNDING
 
 
 def correct(w: FloatArray, columns: int) -> None:
@@ -42,24 +46,26 @@ def correct(w: FloatArray, columns: int) -> None:
     for what no longer fits into registers.
     """
     solve_innovation(w)
-    for s in range(columns):
-        solve_column(w, s)
     for r in range(6):
-        w[PRIOR + r] = w[KEPT + r] * w[AT[r, r]]
-        w[FINE + r] = chosen(w[PRIOR + r], w[R + 7 * r], 1.0, 0.0)
+        w[FINE + r] = chosen(w[KEPT + r] * w[AT[r, r]], w[R + 7 * r], 1.0, 0.0)
     for s in range(6):
-        w[X + s] += chosen(w[FINE + s], 0.0, w[Y + s] - _times(w, R + 6 * s, 1), _times(w, W + s, S))
+        solve_measured(w, s)
+    for s in range(6, columns):
+        solve_column(w, s)
+    for s in range(6):
+        moved = _times(w, W + s, S)
+        w[X + s] += chosen(w[FINE + s], 0.0, w[Y + s] - moved, moved)
         for t in range(s + 1):
             _update_measured(w, s, t)
     for s in range(6, columns):
         w[X + s] += _times(w, W + s, S)
         for t in range(6):
-            spread = w[AT[s, t]] - _gain_times(w, s, W + t, S)
-            w[AT[s, t]] = chosen(w[FINE + t], 0.0, _gain_times(w, s, R + 6 * t, 1), spread)
+            product = _product(w, s, t)
+            w[AT[s, t]] = chosen(w[FINE + t], 0.0, product, w[AT[s, t]] - product)
         for t in range(6, s):
-            w[AT[s, t]] = w[AT[s, t]] - _gain_times(w, s, W + t, S)
+            w[AT[s, t]] = w[AT[s, t]] - _product(w, s, t)
         prior = w[AT[s, s]]
-        w[AT[s, s]] = prior - _gain_times(w, s, W + s, S)
+        w[AT[s, s]] = prior - _product(w, s, s)
         w[LOST] += chosen(w[AT[s, s]], ROUNDING * prior, 0.0, 1.0)
     if WIDTH == 1:
         _mirror(w)
@@ -67,10 +73,9 @@ def correct(w: FloatArray, columns: int) -> None:
 
 def _update_measured(w: FloatArray, s: int, t: int) -> None:
     """The covariance of two of the states of position and velocity, s >= t."""
-    prior = w[AT[s, t]]
-    left, right = _gain_times(w, s, R + 6 * t, 1), _gain_times(w, t, R + 6 * s, 1)
-    finer = chosen(w[PRIOR + t] * w[DIAGONAL + s], w[PRIOR + s] * w[DIAGONAL + t], left, right)
-    w[AT[s, t]] = chosen(w[FINE + s] + w[FINE + t], 0.0, finer, prior - _gain_times(w, s, W + t, S))
+    prior, product = w[AT[s, t]], _product(w, s, t)
+    mixed = chosen(w[FINE + s] + w[FINE + t], 0.0, product, prior - product)
+    w[AT[s, t]] = chosen(w[FINE + s] * w[FINE + t], 0.0, w[R + 6 * s + t] - product, mixed)
     if s == t:
         w[LOST] += chosen(w[AT[s, s]], ROUNDING * (1.0 - w[KEPT + s]) * prior, 0.0, 1.0 - w[KEPT + s])
 
@@ -92,21 +97,23 @@ def _times(w: FloatArray, at: int, step: int) -> float:
     return first + third
 
 
-def _gain_times(w: FloatArray, s: int, at: int, step: int) -> float:
-    """Row ``s`` of K times six numbers."""
-    first: float = w[K + s] * w[at] + w[K + S + s] * w[at + step] + w[K + 2 * S + s] * w[at + 2 * step]
-    second: float = w[K + 3 * S + s] * w[at + 3 * step] + w[K + 4 * S + s] * w[at + 4 * step]
-    third: float = second + w[K + 5 * S + s] * w[at + 5 * step]
+def _product(w: FloatArray, s: int, t: int) -> float:
+    """G' S^-1 G of two states."""
+    g, z = W + t, K + s
+    first: float = w[z] * w[g] + w[z + S] * w[g + S] + w[z + 2 * S] * w[g + 2 * S]
+    second: float = w[z + 3 * S] * w[g + 3 * S] + w[z + 4 * S] * w[g + 4 * S]
+    third: float = second + w[z + 5 * S] * w[g + 5 * S]
     return first + third
 
 
 def check_definite(w: FloatArray) -> None:
-    """Raise LOST where the covariance has no factors L D L' with D > 0, or the state is no number."""
+    """Raise LOST where the covariance has no factors L D L' with D > 0 but for rounding, or the state is no number."""
     C = scratch(SQUARED, WIDTH)
     for s in range(S):
         w[LOST] += chosen(1.0, w[X + s] * 0.0, 0.0, 1.0)
         for t in range(s, S):
             C[S * s + t] = w[AT[s, t]]
+        C[(S + 1) * s] *= 1.0 + INDEFINITE
     _eliminate(w, C, 0)  # three by three: the compiler unrolls no longer loops, and then C needs no memory
     _eliminate(w, C, 3)
     for c in range(6, S, 3):
