@@ -3,18 +3,19 @@
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import cast
+from typing import TYPE_CHECKING, cast
 
 from jerkbench.batch import Run, Streamed
 from jerkbench.compilation.module_cache import can_compile
 from jerkbench.contracts import Adaptation, Filter
-from jerkbench.engines.compiled.plugin_call import Rule, rule_of
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.estimate import Estimate
-from jerkbench.estimation.adaptation_call import first_sentence
 from jerkbench.notices import notify
 from jerkbench.plugins import register
 from jerkbench.timeline.timeline import Timeline
+
+if TYPE_CHECKING:
+    from jerkbench.engines.compiled.plugin_call import Rule  # what it imports takes half a second
 
 
 @register("engine", "compiled")
@@ -86,19 +87,21 @@ class CompiledEngine:
         return results
 
 
-def _rules(adaptation: Adaptation | Sequence[Adaptation], count: int) -> list[Rule | None]:
+def _rules(adaptation: Adaptation | Sequence[Adaptation], count: int) -> "list[Rule | None]":
     if isinstance(adaptation, Sequence):
         return [compiled_rule(own) for own in adaptation]
     return [compiled_rule(adaptation)] * count
 
 
-def compiled_rule(adaptation: Adaptation) -> Rule | None:
+def compiled_rule(adaptation: Adaptation) -> "Rule | None":
     """Return the compiled adaptation, or None, with one line that says why numba cannot compile it."""
     if not can_compile():
         notify("runs go on the engine filterpy, because NUMBA_DISABLE_JIT is set: numba compiles nothing")
         return None
     if _reason(cast("Hashable", adaptation)):
         return None
+    from jerkbench.engines.compiled.plugin_call import rule_of
+
     return rule_of(adaptation)
 
 
@@ -106,6 +109,9 @@ def compiled_rule(adaptation: Adaptation) -> Rule | None:
 def _reason(adaptation: Hashable) -> str:
     """Why numba cannot compile the adaptation, or an empty string; it is said once."""
     from numba.core.errors import NumbaError, UnsupportedBytecodeError  # the second is none of the first
+
+    from jerkbench.engines.compiled.plugin_call import rule_of
+    from jerkbench.estimation.adaptation_call import first_sentence
 
     try:
         rule_of(cast("Adaptation", adaptation))

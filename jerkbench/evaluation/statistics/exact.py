@@ -51,14 +51,14 @@ def median_interval(ordered: FloatArray, confidence: float = 0.95) -> tuple[floa
     Source: Hettmansperger and Sheather, "Confidence intervals based on interpolated order statistics", Statistics and
     Probability Letters 4 (1986).
     """
-    from scipy.stats import binom
+    from scipy.special import bdtr
 
     n = len(ordered)
     if n < 2 or 1 - 2 * 0.5**n < min(confidence, NEARLY if confidence <= 0.95 else confidence):
         return np.nan, np.nan
-    k = max(1, int(binom.ppf((1 - confidence) / 2, n, 0.5)))  # the largest k that covers enough
-    wide = 1 - 2 * float(binom.cdf(k - 1, n, 0.5))
-    narrow = 1 - 2 * float(binom.cdf(k, n, 0.5))
+    below = bdtr(np.arange(n), n, 0.5)  # P(at most k of n lie below the median)
+    k = max(1, int(np.searchsorted(below, (1 - confidence) / 2)))  # the largest k that covers enough
+    wide, narrow = 1 - 2 * float(below[k - 1]), 1 - 2 * float(below[k])
     part = min(1.0, max(0.0, (wide - confidence) / (wide - narrow))) if k < n - k else 0.0
     weight = (n - k) * part / (k + (n - 2 * k) * part) if part else 0.0
     return _mixed(ordered[k - 1], ordered[k], weight), _mixed(ordered[n - k], ordered[n - k - 1], weight)
