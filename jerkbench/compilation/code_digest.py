@@ -1,4 +1,4 @@
-"""What a function reaches: the helpers it calls, the constants it reads, and a digest of all of it."""
+"""The digest of all that a function reaches: the helpers it calls and the constants it reads."""
 
 import functools
 import hashlib

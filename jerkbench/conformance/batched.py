@@ -1,4 +1,4 @@
-"""What an estimator's compiled way has to fulfil: agree with its `estimate`."""
+"""The check of an estimator's compiled way: it agrees with its `estimate`."""
 
 import numpy as np
 

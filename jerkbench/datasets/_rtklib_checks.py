@@ -1,4 +1,4 @@
-"""Whether the parameters of a drive from RTKLIB's solution are possible."""
+"""Checks of the parameters of a drive from RTKLIB's solution."""
 
 from collections.abc import Collection, Mapping
 

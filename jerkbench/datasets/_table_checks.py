@@ -1,4 +1,4 @@
-"""Whether the parameters of a table are possible: every choice, how many columns each of them names, the origin."""
+"""Checks of the parameters of a table: every choice, how many columns each of them names, the origin."""
 
 from jerkbench.datasets._table_attitude import ATTITUDE_BODIES
 from jerkbench.datasets._table_covariance import COVARIANCE_FRAMES, COVARIANCES, SIGMAS

@@ -1,4 +1,4 @@
-"""What the states and updates of a run add to its sums; compiled."""
+"""The sums of a run, from its states and updates; compiled."""
 
 from functools import cache
 from typing import Any, NamedTuple

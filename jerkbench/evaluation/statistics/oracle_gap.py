@@ -1,4 +1,4 @@
-"""How much of what an adaptation could gain it does gain."""
+"""The share that an adaptation gains of what the true R would gain."""
 
 import numpy as np
 import numpy.typing as npt
