@@ -26,7 +26,7 @@ import numpy as np
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
-from jerkbench.datasets.field import Field
+from jerkbench.datasets.field_v1 import FieldV1
 from jerkbench.datasets.rosbag import RosBag
 from jerkbench.readers.ros.bag import open_bag
 from jerkbench.readers.ros.decode import Block, decode_each
@@ -62,7 +62,7 @@ def main() -> None:
 
 def write(path: Path, duration_s: float) -> None:
     """Write a simulated drive without velocities and headings of its own: those of the odometry are there."""
-    drive = Field(duration_s=duration_s, gnss_rate_hz=10.0).load(0)
+    drive = FieldV1(duration_s=duration_s, gnss_rate_hz=10.0).load(0)
     write_bag(dataclasses.replace(drive, velocity=None, heading=None), path)
 
 

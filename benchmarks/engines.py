@@ -30,6 +30,8 @@ from jerkbench.timeline.measurements import Measurements
 from jerkbench.timeline.timeline import Timeline
 
 DT_S, STEPS, EVERY = 0.01, 15_000, 10
+ITERATED = ("huber", "maximum_correntropy", "ssmkf", "student_t", "vbakf_pr")
+"""Adaptations that weigh prior and measurement until the state stands still."""
 
 
 def workload(seed: int = 0) -> Timeline:
@@ -69,7 +71,7 @@ def navigation_lines(timeline: Timeline, rounds: int) -> list[Line | Absent]:
 def single_entrants(timeline: Timeline, model: Filter, x: FloatArray) -> list[Entrant]:
     """One run that keeps its trajectory."""
     engine, reference, found = CompiledEngine(), FilterpyEngine(), []
-    for name in ("none", "mtf", "sage_husa"):
+    for name in ("none", "mtf", "sage_husa", *ITERATED):
         rule = plugins.create("adaptation", {"name": name})
         wanted = reference.run(timeline, model, rule).position_m
         if name == "none":

@@ -23,7 +23,7 @@ from jerkbench.adaptation.mtf import Mtf
 from jerkbench.attitude.plugin import Tilt
 from jerkbench.batch import RecordedRun
 from jerkbench.contracts import Batched
-from jerkbench.datasets.field import Field
+from jerkbench.datasets.field_v1 import FieldV1
 from jerkbench.evaluation.batch_scoring import scored
 from jerkbench.timeline.timeline import build_timeline
 
@@ -36,7 +36,7 @@ def recorded_runs() -> list[RecordedRun]:
     """Different drives, with what their errors count for."""
     runs = []
     for seed in range(SEEDS):
-        recording = Field().load(seed)
+        recording = FieldV1().load(seed)
         attitude = Tilt().estimate(recording)
         timeline = build_timeline(recording, attitude)
         scene = scored(recording, timeline, BURN_IN_S)

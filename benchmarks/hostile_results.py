@@ -23,7 +23,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from jerkbench.cli import main
-from jerkbench.results.store import DIGEST, METADATA, _digest
+from jerkbench.results.part_shape import CELL, KEY, RUNS
+from jerkbench.results.parts import content_of, part_name
+from jerkbench.results.store import Store
 
 Rng = np.random.Generator
 STRANGE = (
@@ -134,19 +136,26 @@ def forged_beside(study: Path, rng: Rng) -> str:
     """Change something beside a cell's rows, and sign it."""
     path = chosen(study, rng)
     table = pq.read_table(path)
-    beside, what = changed_somewhere(json.loads(table.schema.metadata[METADATA]), rng)
-    sign(path, table, json.dumps(beside))
-    return what
+    facts = [name for name in table.column_names if name.startswith(CELL) and name not in (KEY, RUNS)]
+    name = facts[rng.integers(len(facts))]
+    value, what = changed_somewhere(json.loads(table[name][0].as_py()), rng)
+    sign(path, with_fact(table, name, json.dumps(value)))
+    return f"{name}: {what}"
+
+
+def with_fact(table: pa.Table, name: str, text: str) -> pa.Table:
+    """Return the rows with one text beside all of them changed."""
+    column = pa.array([text] * table.num_rows).dictionary_encode()
+    return table.set_column(table.column_names.index(name), name, column)
 
 
 def forged_rows(study: Path, rng: Rng) -> str:
     """Change something in a cell's rows, and sign it."""
     path = chosen(study, rng)
     table = pq.read_table(path)
-    text = table.schema.metadata[METADATA].decode()
     name = table.column_names[rng.integers(table.num_columns)]
     forged, what = forged_column(table, name, rng)
-    sign(path, forged, text)
+    sign(path, forged)
     return f"{name}: {what}"
 
 
@@ -193,10 +202,13 @@ def with_one(table: pa.Table, place: int, value: object) -> pa.Table:
         return table.set_column(place, table.column_names[place], pa.array([value] * len(values)))
 
 
-def sign(path: Path, table: pa.Table, text: str) -> None:
-    """Write a cell with a digest that fits."""
-    bare = table.replace_schema_metadata(None)
-    pq.write_table(bare.replace_schema_metadata({METADATA: text.encode(), DIGEST: _digest(bare, text)}), path)
+def sign(path: Path, table: pa.Table) -> Path:
+    """Put a part with a digest that fits into the place of another; returns where."""
+    content = content_of(table)
+    path.unlink()
+    signed = path.with_name(f"{part_name(content)}.parquet")
+    signed.write_bytes(content)
+    return signed
 
 
 def changed_somewhere(content: Any, rng: Rng) -> tuple[Any, str]:  # noqa: ANN401 - any JSON
@@ -229,7 +241,7 @@ def words_for(study: Path, whole: Path) -> dict[str, list[str]]:
         whole: of one to compare it with.
     """
     folder = str(study)
-    key = next((path.stem for path in sorted((study / "cells").glob("*.parquet"))), "0")
+    key = next(iter(Store(study).keys_from("")), "0")
     return {
         "table": ["table", folder],
         "table csv": ["table", folder, "--format", "csv"],

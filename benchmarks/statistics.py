@@ -13,16 +13,16 @@ from collections.abc import Callable, Iterable
 import numpy as np
 
 from jerkbench.evaluation.statistics.exact import quantiles, share_interval
-from jerkbench.evaluation.statistics.judgement import MARGIN, Verdict, judged
+from jerkbench.evaluation.statistics.judgement import MARGIN, Judgement, Verdict, judged
 from jerkbench.evaluation.statistics.log_ratio import LogRatios, log_ratios
-from jerkbench.evaluation.statistics.paired import student_interval
 from jerkbench.evaluation.statistics.scenarios import over_scenarios
 from jerkbench.evaluation.statistics.seeds_needed import seeds_needed
 from jerkbench.evaluation.statistics.sequential import levels, looks
+from jerkbench.evaluation.statistics.student import student_interval
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
-SEEDS = (3, 5, 10, 20, 50)
+SEEDS = (3, 5, 6, 10, 20, 50)
 SCENARIOS = (1, 10, 60)
 SIGMA, COMMON = 0.1, 0.3
 LOCK_OUTS, FACTOR = 0.1, 50.0
@@ -115,8 +115,8 @@ def _means(values: Array, truth: float) -> list[bool]:
 
 
 def _medians(values: Array, truth: float) -> list[bool]:
-    found = [quantiles(row) for row in values]
-    return [one.low <= truth <= one.high for one in found if not np.isnan(one.low)]
+    ends = [(of.low, of.high) for of in map(quantiles, values)]
+    return [low <= truth <= high for low, high in ends if not np.isnan(low)]
 
 
 def _shares(failed: Array) -> list[bool]:
@@ -146,7 +146,7 @@ def ratios(rng: np.random.Generator, samples: int) -> None:
 
 def _ratios(rng: np.random.Generator, own: Draw, seeds: int, samples: int) -> list[bool]:
     compared = pairs(study(rng, own, samples // 3, seeds))
-    return [one.low <= 1 <= one.high for one in judged(compared) if not np.isnan(one.low)]
+    return [ends.low <= 1 <= ends.high for ends in judged(compared) if not np.isnan(ends.low)]
 
 
 def _over(rng: np.random.Generator, own: Draw, scenarios: int, seeds: int, samples: int) -> list[bool]:
@@ -154,8 +154,8 @@ def _over(rng: np.random.Generator, own: Draw, scenarios: int, seeds: int, sampl
     for _ in range(samples // 4):
         truths = 0.1 * rng.standard_normal((scenarios, 1))
         a, b = np.log(study(rng, own, scenarios, seeds)).transpose(1, 0, 2)[:2]
-        found = over_scenarios(a - b + truths)
-        hits.append(found.low <= 1 <= found.high)
+        model = over_scenarios(a - b + truths)
+        hits.append(model.low <= 1 <= model.high)
     return hits
 
 
@@ -169,31 +169,90 @@ def false_sentences(rng: np.random.Generator, studies: int) -> None:
 
 
 def _any_false(errors: Array) -> bool:
-    return any(one.verdict not in {Verdict.UNDECIDED, Verdict.EQUAL} for one in judged(pairs(errors)))
+    return any(judgement.verdict not in {Verdict.UNDECIDED, Verdict.EQUAL} for judgement in judged(pairs(errors)))
+
+
+def whole_studies(rng: np.random.Generator, studies: int) -> None:
+    """Families as large as those of real studies: half of the methods have errors four times as large."""
+    title = "A study of 1200 comparisons: ten scenarios of 16 methods, half of them four times worse [%]"
+    sizes = (10, 20, 50)
+    head(title, "errors, of two methods", [f"{n} seeds" for n in sizes])
+    for name in ("normal", "t3", "skewed", "10 % lock-outs"):
+        seen = [[_of_study(_two_levels(rng, OWN[name], n)) for _ in range(studies)] for n in sizes]
+        line(f"{name}, four times: decided", *(percent([share for share, _ in ends]) for ends in seen))
+        line(
+            f"{name}, equal: studies with any difference shown", *(percent([any_ for _, any_ in ends]) for ends in seen)
+        )
+
+
+def _two_levels(rng: np.random.Generator, own: Draw, seeds: int) -> Array:
+    """Return (10, 16, n) errors, those of the last eight methods four times as large."""
+    common = COMMON * rng.standard_normal((10, 1, seeds))
+    scatter = own(rng, (10, 16, seeds))
+    return np.exp(common + scatter / 2 + np.log(4) * (np.arange(16) >= 8)[:, None])
+
+
+def _of_study(errors: Array) -> tuple[float, bool]:
+    """Return the share of different pairs that is decided, and whether any difference is shown of equal ones."""
+    places = list(itertools.combinations(range(16), 2)) * len(errors)
+    differ = np.array([a < 8 <= b for a, b in places])
+    shown = np.array(
+        [judgement.verdict not in {Verdict.UNDECIDED, Verdict.EQUAL} for judgement in judged(pairs(errors))]
+    )
+    return float(shown[differ].mean()), bool(shown[~differ].any())
+
+
+def false_equals(rng: np.random.Generator, studies: int) -> None:
+    """Studies of methods that differ by the margin itself, of which "equal" is false."""
+    head('Studies of methods just not equal with any "equal" [%]', "errors, scenarios, seeds", SEEDS)
+    for scenarios, name in itertools.product(SCENARIOS[:2], ("normal", "lognormal", "skewed", "t3")):
+        rates = [[_any_equal(rng, OWN[name], scenarios, n) for _ in range(2 * studies)] for n in SEEDS]
+        line(f"{name}, {scenarios}", *map(percent, rates))
+
+
+def _any_equal(rng: np.random.Generator, own: Draw, scenarios: int, seeds: int) -> bool:
+    d = (own(rng, (3 * scenarios, seeds)) - own(rng, (3 * scenarios, seeds))) / 8 + np.log1p(MARGIN)
+    return any(
+        judgement.verdict is Verdict.EQUAL
+        for judgement in judged([log_ratios(np.exp(row), np.ones(seeds)) for row in d])
+    )
 
 
 def power(rng: np.random.Generator, studies: int) -> None:
     """Pairs that 10 seeds left undecided, run again with as many seeds as were named."""
-    truths = (1.0, 1.01, 1.02, 1.05, 1.1, 1.3)
-    head("Decided with the seeds that were named, of what 10 seeds left undecided [%]", "errors, true ratio", truths)
-    for name in ("normal", "lognormal", "skewed", "t3"):
-        rates, named = zip(*(_decided(rng, OWN[name], truth, 5 * studies) for truth in truths), strict=True)
-        line(name, *map(percent, rates))
-        line(f"{name}: seeds named, median", *named)
+    for family, truths in ((1, (1.0, 1.01, 1.02, 1.05, 1.1, 1.3)), (30, (1.0, 1.1))):
+        words = "alone" if family == 1 else f"in a study of {family} comparisons"
+        head(f"Decided with the seeds that were named, of what 10 seeds left undecided, {words} [%]", "errors", truths)
+        for name in ("normal", "lognormal", "skewed", "t3"):
+            trials = 5 * studies if family == 1 else studies
+            ends = [_decided(rng, OWN[name], truth, trials, family) for truth in truths]
+            line(name, *(percent(hits) for hits, _ in ends))
+            line(f"{name}: seeds named, median", *(named for _, named in ends))
 
 
-def _decided(rng: np.random.Generator, own: Draw, truth: float, trials: int) -> tuple[list[bool], str]:
+def _decided(rng: np.random.Generator, own: Draw, truth: float, trials: int, family: int) -> tuple[list[bool], str]:
+    """Return whether the first undecided pair of each trial is decided by the seeds that were named for it."""
     hits, named = [], []
     for _ in range(trials):
-        first = own(rng, (10,)) - own(rng, (10,)) + np.log(truth)
-        if judged([log_ratios(np.exp(first), np.ones(10))])[0].verdict is not Verdict.UNDECIDED:
+        first = _differences(rng, own, truth, (family, 10))
+        judgements = _judged(first)
+        undecided = [k for k, judgement in enumerate(judgements) if judgement.verdict is Verdict.UNDECIDED]
+        if not undecided:
             continue
-        needed = seeds_needed(first, MARGIN) or 10
-        more = own(rng, (needed - 10,)) - own(rng, (needed - 10,)) + np.log(truth)
-        errors = np.exp(np.concatenate([first, more]))
-        hits.append(judged([log_ratios(errors, np.ones(needed))])[0].verdict is not Verdict.UNDECIDED)
+        k = undecided[0]
+        needed = seeds_needed(first[k], MARGIN, family, critical=judgements[k].critical) or 10
+        more = _differences(rng, own, truth, (family, needed - 10))
+        hits.append(_judged(np.hstack([first, more]))[k].verdict is not Verdict.UNDECIDED)
         named.append(needed)
     return hits, f"{np.median(named):.0f}" if named else "-"
+
+
+def _differences(rng: np.random.Generator, own: Draw, truth: float, shape: tuple[int, int]) -> Array:
+    return own(rng, shape) - own(rng, shape) + np.log(truth)
+
+
+def _judged(d: Array) -> list[Judgement]:
+    return judged([log_ratios(np.exp(row), np.ones(len(row))) for row in d])
 
 
 def automatic(rng: np.random.Generator, studies: int) -> None:
@@ -207,7 +266,7 @@ def automatic(rng: np.random.Generator, studies: int) -> None:
 def _spent(errors: Array) -> tuple[bool, int]:
     sizes = looks(400)
     for seeds, level in zip(sizes, levels(sizes), strict=True):
-        words = {one.verdict for one in judged(pairs(errors[:, :, :seeds]), level=float(level))}
+        words = {judgement.verdict for judgement in judged(pairs(errors[:, :, :seeds]), level=float(level))}
         if words - {Verdict.UNDECIDED, Verdict.EQUAL}:
             return True, seeds
         if Verdict.UNDECIDED not in words:
@@ -224,6 +283,8 @@ def main() -> None:
     cells(rng, 20 * studies)
     ratios(rng, 12 * studies)
     false_sentences(rng, studies)
+    false_equals(rng, studies)
+    whole_studies(rng, max(1, studies // 4))
     power(rng, studies // 5)
     automatic(rng, studies // 4)
 

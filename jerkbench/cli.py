@@ -11,8 +11,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NoReturn
 
-from jerkbench.data.verbs import VERBS as DATA_VERBS
-from jerkbench.data.verbs import add_verbs, answer
 from jerkbench.errors import INTERRUPTED, JerkbenchError, exit_with
 from jerkbench.plain import plain_output
 from jerkbench.verbs import VERBS
@@ -36,8 +34,15 @@ A parameter stands under its GROUP, and that of a disturbance under its name, as
   jerkbench run adaptation=mtf adaptation.window=3
   jerkbench run disturbance=gnss_outage disturbance.gnss_outage.windows_s=[[50,60]]
 
-Other KEYs: study, results, seeds, first_seed, burn_in_s, divergence_limit_m, metrics, workers, figures, report, notes.
+What a filter is told of the reported R, with the data as they are: r_scale.position=2 r_scale.velocity=0.5.
+
+Other KEYs: study, results, seeds, first_seed, burn_in_s, divergence_limit_m, metrics, workers, cluster, figures,
+figures_pdf, report, notes, tags. With --dry it says what would run, what is left out and about how long it takes, and
+runs nothing.
 Results are in results/STUDY. A cell that is done is not run again; a sweep that was stopped goes on where it was.
+
+Exit codes: 0 all has run, also where a run diverged, which is a result; 1 a run failed, or something cannot be stored;
+2 the input is at fault; 130 interrupted.
 
 What a plugin raises is a sentence; JERKBENCH_TRACEBACK=1 in the environment shows the traceback of a single run.
 
@@ -124,30 +129,17 @@ def _run(words: list[str]) -> None:
 
 
 def _answer(words: list[str]) -> None:
+    """Answer a verb; a file that it cannot read or write becomes a sentence."""
     chosen = _parser().parse_args(words)
-    if chosen.verb == "list":
-        from jerkbench.catalogue import list_text
-
-        print(list_text(chosen.kind))
-    elif chosen.verb == "show":
-        from jerkbench.catalogue import show_text
-
-        print(show_text(chosen.kind, chosen.name))
-    elif chosen.verb == "data":
-        answer(chosen)
-    else:
-        _read_results(chosen)
-
-
-def _read_results(chosen: argparse.Namespace) -> None:
-    """Answer a verb that reads results; a file that it cannot write becomes a sentence."""
     try:
         chosen.answer(chosen)
     except BrokenPipeError:
         raise
     except OSError as error:
-        path = error.filename or "The result"
-        raise JerkbenchError(f"{path} cannot be read or written: {error.strerror or error}.") from error
+        path = error.filename or "A file"
+        raise JerkbenchError(
+            f"{path} cannot be read or written: {error.strerror or error}; correct the path."
+        ) from error
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -157,12 +149,6 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=_version())
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB")
     verbs.add_parser("run", help="run one combination, or with -m a sweep (jerkbench run --help)")
-    listing = verbs.add_parser("list", help="name what there is, of every kind or of one")
-    listing.add_argument("kind", nargs="?", help="dataset, disturbance, attitude, filter, adaptation, ...")
-    show = verbs.add_parser("show", help="print equations, parameters, defaults and source of one plugin or preset")
-    show.add_argument("kind")
-    show.add_argument("name")
-    add_verbs(verbs.add_parser("data", help="look after recordings: " + ", ".join(DATA_VERBS)))
     for verb in VERBS:
         verb.add(verbs)
     return parser

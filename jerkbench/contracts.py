@@ -5,7 +5,7 @@ plugin that has such a part is asked for it; one whose part is misspelt is refus
 """
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
-from typing import ClassVar, Literal, Protocol, runtime_checkable
+from typing import ClassVar, Literal, Protocol, Self, runtime_checkable
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.batch import RecordedRun, Run, Streamed
@@ -77,7 +77,7 @@ class Disturbance(Hashable, Protocol):
 
 @runtime_checkable
 class ReadingFile(Protocol):
-    """A disturbance that reads a file, whose content then stands in the key of a result."""
+    """A disturbance, or a filter, that reads a file, whose content then stands in the key of a result."""
 
     def fingerprint(self) -> str:
         """Return a hash of the file's content; empty where this package's own code answers for it."""
@@ -107,7 +107,7 @@ class Requiring(Protocol):
 
 @runtime_checkable
 class Remarking(Protocol):
-    """An attitude filter that has something to say of what it makes of a recording."""
+    """An attitude filter, or a filter, that has something to say of what it makes of a recording."""
 
     def remarks(self, recording: Recording) -> tuple[str, ...]:
         """Return sentences that a reader of the table has to know, without numbers that change from seed to seed."""
@@ -118,8 +118,9 @@ class Remarking(Protocol):
 class Filter(Protocol):
     """A kinematic filter: the model of one axis; the full one is A (x) I3, b (x) I3, Q (x) I3, H = [I6 0].
 
-    Optional, as for an `Estimator`: `ManyLengths` (of a kinematic one alone), `Batched` (of an estimator alone),
-    `UsingImu`, `AttitudeOnly`, `Requiring`.
+    Optional, as for an `Estimator`: `ManyLengths` (of a kinematic one alone), `Batched` and `SettingsSideBySide` (of an
+    estimator alone), `UsingImu`, `AttitudeOnly`, `Requiring`, `PerSeed` (of an estimator alone), `Labelled`,
+    `ReadingFile`, `Remarking`.
     """
 
     def axis_model(self, dt: float, dt0: float) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -197,8 +198,53 @@ class Batched(Protocol):
         ...
 
 
+@runtime_checkable
+class SettingsSideBySide(Protocol):
+    """What a `Batched` estimator may have as well: runs that differ in its numbers, or in those of the adaptation."""
+
+    def run_settings(
+        self,
+        runs: Sequence[RecordedRun],
+        estimators: Sequence[Self],
+        adaptations: Sequence["Adaptation"],
+        *,
+        updates: bool,
+        attitude: bool,
+        threads: int,
+    ) -> Sequence[Streamed | None]:
+        """Return what `Batched.run_many` does, run k with its own of ``estimators`` and of ``adaptations``."""
+        ...
+
+
+@runtime_checkable
+class PerSeed(Protocol):
+    """What an estimator may have as well: it is another for each seed, of which a sweep runs each on its own."""
+
+    @property
+    def for_each_seed(self) -> bool:
+        """Whether it has something for each seed; if not, a cell of several seeds makes no sense."""
+        ...
+
+    def of_seed(self, seed: int) -> Estimator:
+        """Return the one of ``seed``."""
+        ...
+
+
+@runtime_checkable
+class Labelled(Protocol):
+    """A filter that has another name in tables than its plugin's: one plugin stands for many methods."""
+
+    @property
+    def table_label(self) -> str:
+        """What tables call it."""
+        ...
+
+
 class Adaptation(Protocol):
-    """A rule that changes R between predict and update; optional: `Remembering`, `Fading`, `TrueCovariance`."""
+    """A rule that changes R between predict and update.
+
+    Optional: `Remembering`, `Fading`, `TrueCovariance`; to change more than R, `AdaptingPrior` and `AdaptingGain`.
+    """
 
     def adapt(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
@@ -242,6 +288,66 @@ class Fading(Protocol):
 
 
 @runtime_checkable
+class AdaptingPrior(Protocol):
+    """An adaptation that changes the prior covariance, each element for itself: P and Q, or prior and R at once."""
+
+    def adapt_prior(
+        self,
+        x: FloatArray,
+        P: FloatArray,
+        F: FloatArray,
+        Q: FloatArray,
+        innovation: FloatArray,
+        R: FloatArray,
+        rows: IntArray,
+        memory: FloatArray,
+    ) -> FloatArray:
+        """Return the prior covariance to use.
+
+        It is asked after `Fading.fade` and before `Adaptation.adapt`, which then sees the changed H P H'; what it finds
+        out about R it leaves in the memory for `adapt`. F and Q are those of all steps since the update before, P+ its
+        posterior (at the first update the start): P = F P+ F' + Q unless P was faded.
+
+        Args:
+            x: (n,) prior state. Position and velocity come first: H x is ``x[rows]``, H P H' ``P[rows][:, rows]``.
+            P: (n, n) its covariance.
+            F: (n, n) transition since the update before.
+            Q: (n, n) process noise since then.
+            innovation: as in `adapt`, like the rest.
+            R: likewise.
+            rows: likewise.
+            memory: likewise; its length may depend on n (`RememberingStates`).
+
+        Returns:
+            (n, n), symmetric and positive definite.
+        """
+        ...
+
+
+@runtime_checkable
+class AdaptingGain(Protocol):
+    """An adaptation with a gain K of its own: x = x + K y, P = (I - K H) P (I - K H)' + K R K'."""
+
+    def adapt_gain(
+        self, x: FloatArray, P: FloatArray, innovation: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
+    ) -> FloatArray:
+        """Return K (n, m), in place of P H' S^-1; it is asked last.
+
+        Arguments are those of `AdaptingPrior.adapt_prior`, P and R as adapted, without the rows that were dropped.
+        """
+        ...
+
+
+@runtime_checkable
+class RememberingStates(Protocol):
+    """An adaptation whose memory depends on how many states the filter has; in place of `Remembering`."""
+
+    def memory_size_of(self, states: int) -> int:
+        """Return the length of the memory over a filter of ``states`` states."""
+        ...
+
+
+@runtime_checkable
 class TrueCovariance(Protocol):
     """An adaptation that gets the true covariance as R, if the attribute is True: an oracle."""
 
@@ -264,14 +370,20 @@ class SideBySide(Protocol):
     """An engine that runs many timelines at once, without keeping trajectories; what one raises harms no other."""
 
     def run_many(
-        self, runs: Sequence[Run], model: Filter, adaptation: Adaptation, *, updates: bool, threads: int
+        self,
+        runs: Sequence[Run],
+        model: Filter | Sequence[Filter],
+        adaptation: Adaptation | Sequence[Adaptation],
+        *,
+        updates: bool,
+        threads: int,
     ) -> Sequence[Streamed | None]:
         """Return the sums of each run; None where it is to be run alone by `Engine.run`, which says why.
 
         Args:
             runs: timelines, and what the errors count for.
-            model: the filter.
-            adaptation: the adaptation.
+            model: the filter, or that of each run.
+            adaptation: the adaptation, or that of each run.
             updates: whether to keep what the updates saw.
             threads: how many to use.
         """
@@ -325,14 +437,33 @@ class OnRequest(Protocol):
     default: ClassVar[bool]
 
 
+@runtime_checkable
+class Cited(Protocol):
+    """A plugin of any kind that brings its own BibTeX entries; without them the DOIs of its docstring are cited."""
+
+    citations: ClassVar[tuple[str, ...]]
+
+
 OPTIONAL: Mapping[str, tuple[type, ...]] = {
-    "dataset": (PreferringAttitude, AttitudeOnly, WithoutImu),
-    "disturbance": (ReadingFile,),
-    "attitude": (Requiring, Remarking),
-    "filter": (ManyLengths, Batched, UsingImu, AttitudeOnly, Requiring),
-    "adaptation": (Remembering, Fading, TrueCovariance),
-    "engine": (SideBySide, Preparing),
-    "metric": (Summarising, Reading, OnRequest),
+    "dataset": (PreferringAttitude, AttitudeOnly, WithoutImu, Cited),
+    "disturbance": (ReadingFile, Cited),
+    "attitude": (Requiring, Remarking, Cited),
+    "filter": (
+        ManyLengths,
+        Batched,
+        SettingsSideBySide,
+        UsingImu,
+        AttitudeOnly,
+        Requiring,
+        PerSeed,
+        Labelled,
+        ReadingFile,
+        Remarking,
+        Cited,
+    ),
+    "adaptation": (Remembering, RememberingStates, Fading, AdaptingPrior, AdaptingGain, TrueCovariance, Cited),
+    "engine": (SideBySide, Preparing, Cited),
+    "metric": (Summarising, Reading, OnRequest, Cited),
 }
 """The optional parts of each kind; a new one is a Protocol above and a word here."""
 

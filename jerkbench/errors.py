@@ -41,6 +41,11 @@ def unknown(kind: str, name: str, available: Iterable[str]) -> str:
     return f"There is no {kind} '{name}'.{hint} Available: {', '.join(names)}."
 
 
+def article(noun: str) -> str:
+    """Return the indefinite article of ``noun``."""
+    return "an" if noun[0] in "aeiou" else "a"
+
+
 def exit_with(error: JerkbenchError) -> NoReturn:
     """End the command line with the sentence of ``error``."""
     print(f"jerkbench: {error}", file=sys.stderr)

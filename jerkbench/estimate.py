@@ -47,6 +47,7 @@ class Updates:
         nis_used: (m,) the same with the S that was used; NaN where every row was dropped.
         innovation: (m, 6) y, NaN where a row was absent.
         R_diagonal: (m, 6) diagonal of the adapted R, NaN where a row was absent, infinite where it was dropped.
+        log_det: (m,) log det (H P- H' + R), as in nis; NaN where it was not kept.
     """
 
     t_s: FloatArray
@@ -55,6 +56,12 @@ class Updates:
     nis_used: FloatArray
     innovation: FloatArray
     R_diagonal: FloatArray
+    log_det: FloatArray = None  # type: ignore[assignment]  # filled in below
+
+    def __post_init__(self) -> None:
+        """Fill in ``log_det``."""
+        if self.log_det is None:
+            object.__setattr__(self, "log_det", np.full(len(self.t_s), np.nan))
 
     @classmethod
     def empty(cls) -> "Updates":
@@ -76,6 +83,7 @@ class Estimate:
         updates: what the measurement updates saw.
         failure: why the run stopped early, or an empty string.
         attitude_only: whether only the attitude was estimated; position, velocity and covariance are NaN then.
+        position_only: whether no velocity was estimated; it is NaN then.
     """
 
     index: "np.ndarray[tuple[int], np.dtype[np.int64]]"
@@ -86,3 +94,4 @@ class Estimate:
     updates: Updates = field(default_factory=Updates.empty)
     failure: str = ""
     attitude_only: bool = False
+    position_only: bool = False

@@ -3,8 +3,11 @@
 import os
 from collections.abc import Callable
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from platformdirs import user_cache_path
+
+from jerkbench.places import is_remote
 
 
 def user_cache_folder() -> Path:
@@ -23,6 +26,9 @@ def write_atomically(path: Path, write: Callable[[Path], object]) -> None:
 
     A reader, or a run that is stopped at any moment, sees the old file or the new one, never a part.
     """
+    if is_remote(path):
+        _upload(path, write)
+        return
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_name(f".{path.stem}.{os.getpid()}.partial{path.suffix}")
     try:
@@ -30,6 +36,19 @@ def write_atomically(path: Path, write: Callable[[Path], object]) -> None:
         partial.replace(path)
     finally:
         partial.unlink(missing_ok=True)
+
+
+def _upload(path: Path, write: Callable[[Path], object]) -> None:
+    """The same for an object store, in which an object is there as a whole or not at all."""
+    with TemporaryDirectory() as folder:
+        local = Path(folder) / path.name
+        write(local)
+        path.write_bytes(local.read_bytes())
+
+
+def exists(path: Path) -> bool:
+    """Whether anything has that name, be it a link that leads nowhere."""
+    return path.is_symlink() or path.exists()
 
 
 def forget_oldest(folder: Path, pattern: str, most_bytes: int) -> None:

@@ -72,10 +72,16 @@ def gain_and_rest(PHt: FloatArray, R: FloatArray, L: FloatArray, measured: IntAr
     own = np.asarray(cho_solve((L, True), R, check_finite=False).T, dtype=np.float64)
     finer = np.diag(R) < np.diag(PHt[measured])
     K[measured[finer]] = (np.eye(len(R)) - own)[finer]
-    rest = np.eye(len(PHt))
-    rest[:, measured] -= K
+    rest = without_measured(K, measured)
     rest[np.ix_(measured[finer], measured)] = own[finer]
     return K, rest
+
+
+def without_measured(K: FloatArray, measured: IntArray) -> FloatArray:
+    """Return I - K H (n, n); rows of z are the states ``measured``."""
+    rest = np.eye(len(K))
+    rest[:, measured] -= K
+    return rest
 
 
 def joseph(P: FloatArray, K: FloatArray, rest: FloatArray, R: FloatArray) -> FloatArray:

@@ -1,7 +1,7 @@
 """The optional parts of a plugin: what holds for one that lacks them, and the refusal of one whose part is misspelt."""
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import fields
 from functools import cache
 from typing import Literal, get_args
@@ -29,6 +29,9 @@ NOT_OURS = ("builtins", "typing", "jerkbench.contracts")
 
 READABLE = get_args(Reading.__annotations__["reads"].__args__[0])
 """Parts of an estimate that a metric may read alone."""
+
+PARAMETERS = (bool, int, float, str, tuple)
+"""Types of the values that parameters have."""
 
 ALIKE = 0.8
 """Names that are more alike than this are one name, misspelt."""
@@ -87,6 +90,20 @@ def misfit(kind: str, cls: type) -> str:
             return f"{cls.__name__}.{name} must be a method (see jerkbench.contracts), or have another name."
     if isinstance(cls, Reading) and cls.reads not in READABLE:
         return f"reads: {unknown('part of an estimate', str(cls.reads), READABLE)}"
+    return _untyped(cls, known)
+
+
+def _untyped(cls: type, known: Collection[str]) -> str:
+    """Return a sentence about a class attribute that looks like a parameter and, without a type, is none."""
+    for base in (base for base in cls.__mro__ if base.__module__ not in NOT_OURS):
+        typed = vars(base).get("__annotations__", {})
+        for name in _public(vars(base)):
+            value = vars(base)[name]
+            if name not in known and name not in typed and name.islower() and isinstance(value, PARAMETERS):
+                return (
+                    f"{cls.__name__}.{name} has no type, so it is no parameter; write {name}: {type(value).__name__} ="
+                    f" {value!r}, or {name}: ClassVar[{type(value).__name__}] if nobody is to change it."
+                )
     return ""
 
 

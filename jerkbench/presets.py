@@ -1,5 +1,7 @@
 """The folder of the presets, and a preset as plain data."""
 
+from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +13,16 @@ def config_folder() -> Path:
     package = Path(__file__).parent
     beside, inside = package.parent / "conf", package / "conf"
     return beside if (beside / "config.yaml").is_file() else inside
+
+
+@cache
+def default_names() -> Mapping[str, str]:
+    """Return what conf/config.yaml chooses for each group: the one place of these defaults."""
+    from omegaconf import OmegaConf
+
+    entries: Any = OmegaConf.to_container(OmegaConf.load(config_folder() / "config.yaml").defaults)
+    chosen = (item for entry in entries if isinstance(entry, dict) for item in entry.items())
+    return {group: name for group, name in chosen if " " not in group and name}  # no overrides, no experiment
 
 
 def preset_names(kind: str) -> list[str]:

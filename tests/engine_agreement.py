@@ -4,7 +4,7 @@ The limits are 1e-9 m, 1e-9 m/s, and 1e-12 of sqrt(P_ii P_jj): absolute figures 
 entries lie between 1e-6 and 1e+3. Two things can take a correct engine beyond them:
 
 - A run may amplify rounding: `scalar_q` multiplies P by up to a thousand and the next update takes it all away, and
-  the fixed point of `cerkf` is steep where a row is about to lose its weight. Then the limit is what the reference
+  the fixed point of `cerkf_r` is steep where a row is about to lose its weight. Then the limit is what the reference
   engine itself does when its measurements and R change in their last bits. It must stay below CAP.
 - A threshold may flip. Then the first update that the two decide differently is looked for, and the reference must
   decide it in both ways when its last bits change: its variable lies within rounding of the threshold. What comes

@@ -15,6 +15,7 @@ import pytest
 
 from jerkbench.cells.cell import Protocol, build
 from jerkbench.cli import main
+from jerkbench.clusters.local import Local
 from jerkbench.errors import JerkbenchError
 from jerkbench.execution.inputs import shared_inputs
 from jerkbench.hydra_app import app
@@ -48,10 +49,12 @@ def plan():
 
 
 def run(plan, folder):
-    """Do what `jerkbench run -m` does once it knows its cells."""
+    """Do what `jerkbench run -m` does once it knows its cells; each of them gets a part of its own."""
     store = Store(folder)
-    code = app._run(plan, store, 1)
-    app._conclude(store, [planned.key for planned in plan.cells], SimpleNamespace(notes=["a note"]))
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr("jerkbench.sweep.writer.HELD_S", 0.0)
+        code = app._run(plan, store, 1, Local())
+    app._conclude(store, [planned.key for planned in plan.cells], SimpleNamespace(notes=["a note"], tags=[]))
     return code
 
 
@@ -87,7 +90,6 @@ def _undrawn(monkeypatch):
     """Figures are made, but not painted."""
     mpl.use("Agg")
     monkeypatch.setattr("jerkbench.report.plots.figures.png_bytes", lambda _: b"")
-    monkeypatch.setattr("jerkbench.report.plots.figures.save_pdf", lambda *_: None)
 
 
 @pytest.mark.filterwarnings("default::RuntimeWarning")  # forged values overflow: on the command line that is a line
@@ -133,18 +135,18 @@ def test_a_damaged_manifest_stops_nothing_and_is_said(whole, tmp_path, capsys, c
     assert "Position RMSE" in printed.out
 
 
-@pytest.mark.parametrize("missing", ["labels", "spec", "protocol", "notes", "seconds", "created", "data"])
+@pytest.mark.parametrize(
+    "missing",
+    ["filter", "cell.spec.filter", "cell.protocol", "cell.notes", "cell.seconds", "cell.created", "cell.data"],
+)
 def test_a_signed_cell_that_lacks_something_is_damaged(whole, hostile, tmp_path, capsys, missing):
     folder = shutil.copytree(whole, tmp_path / "study")
     path = min((folder / "cells").iterdir())
-    table = hostile.pq.read_table(path)
-    beside = json.loads(table.schema.metadata[hostile.METADATA])
-    del beside[missing]
-    hostile.sign(path, table, json.dumps(beside))
+    signed = hostile.sign(path, hostile.pq.read_table(path).drop([missing]))
 
     assert ending(["table", str(folder)]) == 0
-    assert f"1 damaged file of a cell is left out: {path.stem}." in capsys.readouterr().out
-    assert ending(["rerun", str(folder), path.stem]) == 2
+    assert f"1 damaged file of cells is left out: {signed.stem}." in capsys.readouterr().out
+    assert ending(["rerun", str(folder), signed.stem]) == 2
     assert "is damaged" in capsys.readouterr().err
 
 
@@ -175,7 +177,7 @@ def test_what_is_no_file_is_not_waited_for(whole, tmp_path, capsys, what):
         getattr(os, what)(path)
 
     assert ending(["table", str(folder)]) == 0
-    assert "1 damaged file of a cell is left out" in capsys.readouterr().out
+    assert "1 damaged file of cells is left out" in capsys.readouterr().out
 
 
 def test_a_plugin_that_fails_in_an_export_is_a_sentence(whole, tmp_path, capsys, monkeypatch):

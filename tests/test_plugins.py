@@ -9,8 +9,8 @@ from omegaconf import OmegaConf
 
 from jerkbench import notices, plugins
 from jerkbench.adaptation.mtf import Mtf
-from jerkbench.catalogue import list_text, show_text
-from jerkbench.cells.cell import _metrics
+from jerkbench.catalogue.text import list_text, show_text
+from jerkbench.cells.cell import metric_names
 from jerkbench.cells.from_names import choose
 from jerkbench.errors import PluginError
 
@@ -115,7 +115,7 @@ def test_it_is_said_once_in_the_list_of_its_kind_and_in_no_other(broken, capsys)
 
 
 def test_a_metric_that_cannot_be_loaded_is_said_where_all_are_asked_for(broken, capsys):
-    _metrics(["position"])
+    metric_names(["position"])
     assert capsys.readouterr().err == ""
-    _metrics(["all"])
+    metric_names(["all"])
     assert capsys.readouterr().err.count("metric 'broken' of no_such_module:Nothing is left out") == 1

@@ -1,5 +1,8 @@
 """The verbs that read results, as a person uses them, over one small study."""
 
+import json
+from xml.etree import ElementTree as ET
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -22,7 +25,7 @@ def test_a_row_is_run_again_with_the_same_numbers(study):
     assert done.returncode == 0, done.stdout
     assert "0 of " in done.stdout
     assert " numbers differ." in done.stdout
-    key = next(iter((study / "cells").glob("*.parquet"))).stem
+    key = Store(study).keys_from("")[0]
     assert jerkbench("rerun", str(study), f"{key[:8]}:1", cwd=study).returncode == 0
 
 
@@ -125,7 +128,7 @@ def test_a_gate_does_not_pass_what_it_cannot_judge(study, tmp_path):
 
 
 def test_every_figure_of_a_study_is_drawn(study, tmp_path):
-    done = verb("figures", str(study), "--out", str(tmp_path), "--scenarios", "1", cwd=study)
+    done = verb("figures", str(study), "--out", str(tmp_path), "--scenarios", "1", "--pdf", cwd=study)
     assert done.returncode == 0, done.stderr
     kinds = {path.stem.rsplit("_", 1)[-1].lstrip("-") for path in tmp_path.glob("*none*.pdf")}
     named = ("errors", "zoom", "trajectory", "three-sigma", "tilt", "acceleration", "consistency", "adapted-r")
@@ -137,7 +140,7 @@ def test_every_figure_of_a_study_is_drawn(study, tmp_path):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("export", "1", "--tum", "rows.csv/x"), "rows.csv/x cannot be read or written: Not a directory."),
+        (("export", "1", "--tum", "rows.csv/x"), "rows.csv/x cannot be read or written: Not a directory;"),
         (("report", "--scenarios", "-1"), "'-1' is no number of scenarios; give 0 or more"),
         (("figures", "--scenarios", "two"), "'two' is no number of scenarios; give 0 or more"),
         (("report", "--scenarios", "0", "--out", "rows.csv/x.html"), "rows.csv"),
@@ -152,3 +155,19 @@ def test_what_cannot_be_done_is_a_sentence(study, words, said):
     done = verb(words[0], str(study), *words[1:], cwd=study)
     assert done.returncode == 2
     assert said in done.stderr
+
+
+def test_a_comparison_is_written_for_pages_and_machines(study, tmp_path):
+    words = ["compare", str(study), str(changed_copy(study, tmp_path, 1.1)), "--fail-above", "9", "--format"]
+    page, record, suite = (verb(*words, name, cwd=tmp_path) for name in ("md", "json", "junit"))
+    answer, cases = json.loads(record.stdout), ET.fromstring(suite.stdout)  # noqa: S314 - our own
+
+    assert {done.returncode for done in (page, record, suite)} == {1}
+    assert page.stdout.startswith("## Position RMSE (3-D) [m]\n\n| disturbance ")
+    assert answer["ok"] is False
+    assert [change["ratio"] for change in answer["changes"]] == pytest.approx([1.1] * 8)
+    assert {change["worse"] for change in answer["changes"]} == {True}
+    assert (cases.attrib["tests"], cases.attrib["failures"]) == ("8", "8")
+    assert cases.find("testcase").attrib["name"] == "none, baseline, none"
+    assert "worse by more than 9 %" in cases.find("testcase/failure").attrib["message"]
+    assert "8 of 8 combinations are worse by more than 9 %." in record.stderr

@@ -9,7 +9,6 @@ import pytest
 from jerkbench import plugins
 from jerkbench.attitude.plugin import Tilt
 from jerkbench.cli import main
-from jerkbench.data.facts import facts_text
 from jerkbench.datasets.table import Tables
 from jerkbench.disturbances.bias import Bias
 from jerkbench.engines.filterpy_engine import FilterpyEngine
@@ -17,6 +16,7 @@ from jerkbench.errors import RecordingError
 from jerkbench.estimate import no_attitude
 from jerkbench.execution.inputs import attitude_of
 from jerkbench.filters.constant_velocity import ConstantVelocity
+from jerkbench.inspection.facts import facts_text
 from jerkbench.recording import Position, Recording, Reference, Velocity
 from jerkbench.timeline.timeline import build_timeline
 

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from jerkbench.evaluation.statistics.intervals import mean_interval
-from jerkbench.evaluation.statistics.paired import paired_ratio
+from jerkbench.evaluation.statistics.student import student_interval
 
 METRIC = "position_rmse_m"
 SCENARIO = ["dataset", "disturbance"]
@@ -38,9 +38,19 @@ def cell(values: pd.Series) -> str:
 def ratios(table: pd.DataFrame, method: str, adaptation: str) -> pd.DataFrame:
     """For each scenario: ratio of the adaptation to none on the same seeds with its interval; diverged runs."""
     of, base = (table.xs((method, one), level=METHOD) for one in (adaptation, "none"))
-    found = [paired_ratio(of.loc[at], base.loc[at]) for at in of.index]
-    columns = {end: [getattr(one, end) for one in found] for end in ("ratio", "low", "high")}
+    ends = np.array([ratio(of.loc[at].to_numpy(), base.loc[at].to_numpy()) for at in of.index]).reshape(-1, 3)
+    columns = dict(zip(("ratio", "low", "high"), ends.T, strict=True))
     return pd.DataFrame({**columns, "diverged": np.isinf(of).sum(axis=1).to_numpy()}, index=of.index)
+
+
+def ratio(of: np.ndarray, base: np.ndarray) -> tuple[float, float, float]:
+    """Geometric mean of the ratios over the seeds that both came through, with Student's interval of the logarithms."""
+    both = np.isfinite(of) & np.isfinite(base)
+    d = np.log(of[both]) - np.log(base[both])
+    if len(d) == 0:
+        return np.nan, np.nan, np.nan
+    low, high = np.exp(student_interval(d, 0.95))
+    return float(np.exp(np.mean(d))), float(low), float(high)
 
 
 def best(table: pd.DataFrame, method: str, at: tuple[str, str]) -> str:

@@ -9,25 +9,27 @@ from pathlib import Path
 
 import pandas as pd
 
+from jerkbench.results.study import load_study
+
 POSITION = "position_rmse_m"
 
 EXPECTED = [
     # dataset, disturbance, filter, adaptation, metric, the prototype's mean over 20 seeds
-    ("field", "none", "baseline", "none", POSITION, 0.0140),
-    ("field", "none", "baseline_naive", "none", POSITION, 0.030),
-    ("field", "none", "jerk", "none", POSITION, 0.0160),
-    ("field", "none", "jerk", "mtf", POSITION, 0.0168),
-    ("field", "multipath_single_axis", "jerk", "none", POSITION, 0.68),
-    ("field", "multipath_single_axis", "jerk", "scalar_r", POSITION, 0.76),
-    ("field", "multipath_single_axis", "jerk", "sage_husa", POSITION, 0.093),
-    ("field", "multipath_single_axis", "jerk", "mtf", POSITION, 0.026),
-    ("field_ruts", "none", "jerk", "none", POSITION, 0.017),
-    ("field_ruts", "none", "jerk", "mtf", POSITION, 0.039),
-    ("field", "none", "baseline", "none", "roll_rmse_rad", 0.0009),
-    ("field", "none", "baseline", "none", "pitch_rmse_rad", 0.0010),
-    ("field", "none", "baseline", "none", "anees", 3.9),
-    ("field", "none", "jerk", "none", "anees", 4.4),
-    ("field", "none", "baseline_naive", "none", "anees", 102.0),
+    ("field_v1", "none", "baseline", "none", POSITION, 0.0140),
+    ("field_v1", "none", "baseline_naive", "none", POSITION, 0.030),
+    ("field_v1", "none", "jerk", "none", POSITION, 0.0160),
+    ("field_v1", "none", "jerk", "mtf", POSITION, 0.0168),
+    ("field_v1", "multipath_single_axis", "jerk", "none", POSITION, 0.68),
+    ("field_v1", "multipath_single_axis", "jerk", "scalar_r", POSITION, 0.76),
+    ("field_v1", "multipath_single_axis", "jerk", "sage_husa", POSITION, 0.093),
+    ("field_v1", "multipath_single_axis", "jerk", "mtf", POSITION, 0.026),
+    ("field_v1_ruts", "none", "jerk", "none", POSITION, 0.017),
+    ("field_v1_ruts", "none", "jerk", "mtf", POSITION, 0.039),
+    ("field_v1", "none", "baseline", "none", "roll_rmse_rad", 0.0009),
+    ("field_v1", "none", "baseline", "none", "pitch_rmse_rad", 0.0010),
+    ("field_v1", "none", "baseline", "none", "anees", 3.9),
+    ("field_v1", "none", "jerk", "none", "anees", 4.4),
+    ("field_v1", "none", "baseline_naive", "none", "anees", 102.0),
 ]
 
 RATIOS = [
@@ -46,7 +48,7 @@ def value(table: pd.DataFrame, at: tuple[str, ...], metric: str) -> float:
 
 def main(folder: Path) -> None:
     """Print measured beside expected."""
-    rows = pd.read_csv(folder / "rows.csv")
+    rows = load_study(folder).rows
     keys = ["dataset", "disturbance", "filter", "adaptation"]
     means = rows[rows["status"] == "ok"].groupby(keys).mean(numeric_only=True)
     spread = rows[rows["status"] == "ok"].groupby(keys).std(numeric_only=True)
@@ -58,7 +60,7 @@ def main(folder: Path) -> None:
         print(f"{what:<66}{expected:>10.4g}{measured:>10.3g}{varied:>12.2g}")
     print()
     for what, disturbance, metric, above, below, expected in RATIOS:
-        upper, lower = (value(means, ("field", disturbance, name, "none"), metric) for name in (above, below))
+        upper, lower = (value(means, ("field_v1", disturbance, name, "none"), metric) for name in (above, below))
         print(f"{what:<60}{expected:>16}{upper / lower:>10.3g}")
 
 

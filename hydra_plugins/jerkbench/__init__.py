@@ -47,12 +47,19 @@ class JerkbenchSweeper(BasicSweeper):
         return BasicSweeper.split_arguments(listed(overrides), max_batch_size)
 
     def get_job_batch(self) -> Sequence[Sequence[str]]:
-        """Leave to each job the parameters of the disturbances that it chooses."""
+        """Leave to each job the parameters of the disturbances, and of other plugins, that it chooses."""
+        from jerkbench.errors import JerkbenchError, exit_with
+        from jerkbench.hydra_app.addressed_parameters import where_chosen
         from jerkbench.hydra_app.swept_disturbances import only_of_chosen
 
         assert self.hydra_context is not None  # noqa: S101 - Hydra has set it up
         assert self.config is not None  # noqa: S101
-        return only_of_chosen(self.hydra_context.config_loader, self.config, super().get_job_batch())
+        loader = self.hydra_context.config_loader
+        jobs = only_of_chosen(loader, self.config, super().get_job_batch())
+        try:
+            return where_chosen(loader, self.config, jobs)
+        except JerkbenchError as error:  # here, because Hydra would print more than the sentence
+            exit_with(error)
 
     def validate_batch_is_legal(self, batch: Sequence[Sequence[str]]) -> None:
         """Leave it to a foreign launcher's job only where there is one."""

@@ -1,12 +1,15 @@
 """Process noise by innovations, through the prior covariance."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
+from jerkbench.adaptation._ranges import WINDOW
 from jerkbench.adaptation._windows import check_window, is_full, windowed_mean
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
+from jerkbench.parameters import Origin, Range
 from jerkbench.plugins import register
 
 
@@ -35,9 +38,13 @@ class AdaptiveQ:
         high: hi, largest factor on the prior covariance [-].
     """
 
-    window: int = 20
-    low: float = 1.0
-    high: float = 100.0
+    window: Annotated[int, WINDOW, Origin("ours")] = 20
+    low: Annotated[float, Origin("ours: the prior is not narrowed")] = 1.0
+    high: Annotated[
+        float,
+        Range(2.0, 1e4, log=True, source="ours: from 1.4 to 100 times the prior's sigma"),
+        Origin("ours"),
+    ] = 100.0
 
     def __post_init__(self) -> None:
         """Check the ranges."""

@@ -1,12 +1,15 @@
 """The chi-square gate."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
 from jerkbench.adaptation._chi2 import check_probability, chi2_tail, squared_distance
+from jerkbench.adaptation._ranges import PROBABILITY
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
+from jerkbench.parameters import Origin, Range
 from jerkbench.plugins import register
 
 
@@ -31,8 +34,12 @@ class Chi2Gate:
         longest: N, largest number of rejections in a row [updates].
     """
 
-    probability: float = 0.99
-    longest: int = 25
+    probability: Annotated[float, PROBABILITY, Origin("convention of such tests")] = 0.99
+    longest: Annotated[
+        int,
+        Range(1, 200, log=True, source="ours: from a fifth of a second to 40 s of fixes at 5 Hz"),
+        Origin("ours: five seconds of fixes at 5 Hz"),
+    ] = 25
 
     def __post_init__(self) -> None:
         """Check the ranges."""

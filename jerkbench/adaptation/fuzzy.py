@@ -1,11 +1,13 @@
 """Fuzzy rules on R."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
+from jerkbench.parameters import Origin, Range
 from jerkbench.plugins import register
 
 
@@ -34,9 +36,17 @@ class Fuzzy:
         large: factor on R of the rule "large" [-].
     """
 
-    smoothing: float = 0.5
-    medium: float = 4.0
-    large: float = 25.0
+    smoothing: Annotated[
+        float, Range(0.0, 0.95, source="ours: from no memory to one of 20 updates"), Origin("ours")
+    ] = 0.5
+    medium: Annotated[
+        float,
+        Range(1.0, 20.0, log=True, source="ours: from no inflation to 4.5 sigma"),
+        Origin("ours: twice the sigma"),
+    ] = 4.0
+    large: Annotated[
+        float, Range(2.0, 1000.0, log=True, source="ours: from 1.4 to 30 sigma"), Origin("ours: five times the sigma")
+    ] = 25.0
 
     def __post_init__(self) -> None:
         """Check the ranges."""

@@ -1,10 +1,13 @@
 """Innovation-based adaptive estimation of R."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
+from jerkbench.adaptation._ranges import SHRINKING, WINDOW
 from jerkbench.adaptation._windows import check_window, is_full, windowed_mean
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
+from jerkbench.parameters import Origin
 from jerkbench.plugins import register
 
 
@@ -29,8 +32,8 @@ class InnovationBased:
         low: lo, lower bound as a multiple of the reported variance [-].
     """
 
-    window: int = 10
-    low: float = 0.1
+    window: Annotated[int, WINDOW, Origin("ours")] = 10
+    low: Annotated[float, SHRINKING, Origin("ours, as sage_husa")] = 0.1
 
     def __post_init__(self) -> None:
         """Check the ranges."""

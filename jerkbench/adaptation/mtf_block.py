@@ -1,9 +1,12 @@
 """Multiple tuning factors with one test for position and one for velocity."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
+from jerkbench.adaptation._ranges import SHORT_WINDOW
 from jerkbench.adaptation._windows import check_window, inflated, inflation_memory
 from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.parameters import Origin
 from jerkbench.plugins import register
 
 
@@ -29,8 +32,8 @@ class MtfBlock:
         guard: N, number of hits in a sequence that inflate; 0: no limit [updates].
     """
 
-    window: int = 1
-    guard: int = 0
+    window: Annotated[int, SHORT_WINDOW, Origin("literature: the paper has mu = 1")] = 1
+    guard: Annotated[int, Origin("off, as in the paper")] = 0
 
     def __post_init__(self) -> None:
         """Check the ranges."""

@@ -1,10 +1,13 @@
 """Multiple tuning factors with a chi-square test of the whole innovation."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
 from jerkbench.adaptation._chi2 import check_probability, chi2_tail, squared_distance
+from jerkbench.adaptation._ranges import PROBABILITY, SHORT_WINDOW
 from jerkbench.adaptation._windows import check_window, inflated, inflation_memory
 from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.parameters import Origin
 from jerkbench.plugins import register
 
 
@@ -31,9 +34,9 @@ class MtfNis:
         guard: N, number of hits in a sequence that inflate; 0: no limit [updates].
     """
 
-    probability: float = 0.99
-    window: int = 1
-    guard: int = 0
+    probability: Annotated[float, PROBABILITY, Origin("convention of such tests")] = 0.99
+    window: Annotated[int, SHORT_WINDOW, Origin("as mtf")] = 1
+    guard: Annotated[int, Origin("off, as mtf")] = 0
 
     def __post_init__(self) -> None:
         """Check the ranges."""

@@ -1,11 +1,14 @@
 """Sage and Husa: a recursive estimate of R from the innovations."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
+from jerkbench.adaptation._ranges import FORGETTING, SHRINKING
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
+from jerkbench.parameters import Origin, Range
 from jerkbench.plugins import register
 
 
@@ -31,9 +34,13 @@ class SageHusa:
         high: hi, upper bound as a multiple of the reported variance [-].
     """
 
-    forgetting: float = 0.97
-    low: float = 0.1
-    high: float = 1e4
+    forgetting: Annotated[float, FORGETTING, Origin("literature: 0.95 to 0.99 is usual")] = 0.97
+    low: Annotated[float, SHRINKING, Origin("ours: keeps R positive")] = 0.1
+    high: Annotated[
+        float,
+        Range(10.0, 1e6, log=True, source="ours: from 3 to 1000 times the reported sigma"),
+        Origin("ours: a hundred times the reported sigma"),
+    ] = 1e4
 
     def __post_init__(self) -> None:
         """Check the ranges."""

@@ -1,11 +1,13 @@
 """A common factor on the whole of the prior covariance."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
+from jerkbench.parameters import Origin, Range
 from jerkbench.plugins import register
 
 
@@ -31,7 +33,11 @@ class ScalarQ:
         limit: largest factor on the prior covariance [-].
     """
 
-    limit: float = 1e3
+    limit: Annotated[
+        float,
+        Range(1.5, 1e5, log=True, source="ours: from 1.2 to 300 times the prior's sigma"),
+        Origin("ours: keeps unmeasured states within bounds"),
+    ] = 1e3
 
     def __post_init__(self) -> None:
         """Check the ranges."""

@@ -2,11 +2,14 @@
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
+from jerkbench.adaptation._ranges import FORGETTING
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
+from jerkbench.parameters import Origin, Range
 from jerkbench.plugins import register
 
 
@@ -36,9 +39,13 @@ class VariationalBayes:
         passes: fixed-point passes of an update [-].
     """
 
-    forgetting: float = 1.0 - math.exp(-4.0)
-    start: float = 3.0
-    passes: int = 2
+    forgetting: Annotated[float, FORGETTING, Origin("literature: rho of the source")] = 1.0 - math.exp(-4.0)
+    start: Annotated[
+        float,
+        Range(0.5, 50.0, log=True, source="ours: the reported R counts from one update to 100"),
+        Origin("ours: the reported R counts six half updates"),
+    ] = 3.0
+    passes: Annotated[int, Origin("literature: the source finds two enough")] = 2
 
     def __post_init__(self) -> None:
         """Check the ranges."""

@@ -1,5 +1,6 @@
 """The yaw filter: one state, the offset between yaw and the integrated yaw rate."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -79,12 +80,14 @@ def filter_offset(headings: Heading, psi_rad: FloatArray, walk_rad_per_sqrt_s: f
     K = P/(P + sigma^2);  offset += K innovation;  P = (1 - K) P.
     """
     offsets, variances = np.empty((2, len(headings.t_s)))
-    offsets[0] = offset = headings.yaw_rad[0] - psi_rad[0]
-    variances[0] = P = headings.sigma_rad[0] ** 2
-    for k in range(1, len(offsets)):
-        P += (headings.t_s[k] - headings.t_s[k - 1]) * walk_rad_per_sqrt_s**2
-        K = P / (P + headings.sigma_rad[k] ** 2)
-        offset += K * wrap_angle(headings.yaw_rad[k] - psi_rad[k] - offset)
+    offsets[0] = offset = float(headings.yaw_rad[0] - psi_rad[0])
+    variances[0] = P = float(headings.sigma_rad[0] ** 2)
+    walked = np.diff(headings.t_s) * walk_rad_per_sqrt_s**2
+    steps = walked.tolist(), (headings.yaw_rad - psi_rad)[1:].tolist(), (headings.sigma_rad[1:] ** 2).tolist()
+    for k, (walk, measured, variance) in enumerate(zip(*steps, strict=True), start=1):
+        P += walk
+        K = P / (P + variance)
+        offset += K * (math.pi - (math.pi - (measured - offset)) % (2.0 * math.pi))  # `wrap_angle` of a number
         P *= 1 - K
         offsets[k], variances[k] = offset, P
     return offsets, variances

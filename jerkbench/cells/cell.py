@@ -4,8 +4,8 @@ import dataclasses
 import json
 import math
 from collections.abc import Callable, Mapping, Sequence
-from functools import lru_cache
-from typing import Any
+from functools import cache, lru_cache
+from typing import Any, NamedTuple
 
 from jerkbench import plugins
 from jerkbench.cells.labels import Labels, default_labels
@@ -18,12 +18,15 @@ from jerkbench.contracts import (
     Engine,
     Estimator,
     Filter,
+    Labelled,
     Metric,
+    PerSeed,
 )
-from jerkbench.errors import PluginError
+from jerkbench.errors import PluginError, unknown
 from jerkbench.notices import notify
 from jerkbench.optional import is_attitude_only, lacks_imu, on_request, uses_imu
 from jerkbench.plain import plain
+from jerkbench.timeline.told import AS_REPORTED, RScale
 
 Config = Mapping[str, Any]
 
@@ -81,6 +84,7 @@ class Cell:
         adaptation: rule that adapts R.
         engine: what runs a kinematic filter.
         metrics: what is computed from each run.
+        r_scale: what the filter is told of the reported R.
     """
 
     labels: Labels
@@ -93,6 +97,7 @@ class Cell:
     adaptation: Adaptation
     engine: Engine
     metrics: tuple[Metric, ...]
+    r_scale: RScale = AS_REPORTED
 
     @property
     def seeded(self) -> bool:
@@ -112,34 +117,47 @@ def build(spec: Config, protocol: Protocol, labels: Labels | None = None) -> Cel
 
     Args:
         spec: dataset, attitude, filter, adaptation, engine: {"name": ..., parameters}; disturbance: a list of such;
-            noise (optional): parameters that replace the filter's own; metrics (optional): names, or "all".
+            noise (optional): parameters that replace the filter's own; r_scale (optional): factors on the reported R;
+            metrics (optional): names, or "all".
         protocol: how it is run and scored.
         labels: what tables call its parts; default: the plugins' names.
 
     Raises:
         PluginError: something is unknown or does not fit together.
     """
-    single = {kind: _part(kind, spec[kind]) for kind in ("dataset", "attitude", "adaptation", "engine")}
     noise = replaced(plugins.get("filter", spec["filter"]["name"]), spec.get("noise", {}))
-    model = _part("filter", {**spec["filter"], **noise})
-    disturbances = tuple(_part("disturbance", part) for part in spec["disturbance"])
-    metrics = _metrics(spec.get("metrics") or ())
-    effective: dict[str, Any] = {
-        kind: _plain(spec[kind]["name"], part) for kind, part in {**single, "filter": model}.items()
-    }
-    effective["disturbance"] = [_plain(d["name"], p) for d, p in zip(spec["disturbance"], disturbances, strict=True)]
+    single = {kind: _part(kind, spec[kind]) for kind in ("dataset", "attitude", "adaptation", "engine")}
+    single["filter"] = _part("filter", {**spec["filter"], **noise})
+    disturbances = [_part("disturbance", part) for part in spec["disturbance"]]
+    metrics, r_scale = metric_names(spec.get("metrics") or ()), _r_scale(spec.get("r_scale") or {})
+    effective: dict[str, Any] = {kind: part.plain for kind, part in single.items()}
+    effective["r_scale"] = dataclasses.asdict(r_scale)
+    effective["disturbance"] = [part.plain for part in disturbances]
     return Cell(
-        labels=Labels(*map(plain, labels or default_labels(effective))),
+        labels=_labels(labels or default_labels(effective), single["filter"].plugin),
         spec={**effective, "metrics": list(metrics)},
         protocol=protocol,
-        disturbances=disturbances,
-        filter=model,
-        metrics=tuple(_part("metric", {"name": name}) for name in metrics),
-        **single,
+        r_scale=r_scale,
+        disturbances=tuple(part.plugin for part in disturbances),
+        metrics=tuple(_part("metric", {"name": name}).plugin for name in metrics),
+        **{kind: part.plugin for kind, part in single.items()},
     )
 
 
-def _part(kind: str, config: Mapping[str, Any]) -> Any:  # noqa: ANN401 - the kind decides the contract
+def _labels(labels: Labels, model: Filter | Estimator) -> Labels:
+    """The labels as plain text, with the name that the filter gives itself."""
+    own = labels._replace(filter=model.table_label) if isinstance(model, Labelled) else labels
+    return Labels(*map(plain, own))
+
+
+class _Part(NamedTuple):
+    """A plugin, and the same as plain data: its name with all its parameters."""
+
+    plugin: Any
+    plain: dict[str, Any]
+
+
+def _part(kind: str, config: Mapping[str, Any]) -> _Part:
     """Make a plugin, or take the one that was made of the same values: a sweep asks for the same ones again and again.
 
     They never change, so cells may share them.
@@ -148,14 +166,19 @@ def _part(kind: str, config: Mapping[str, Any]) -> Any:  # noqa: ANN401 - the ki
     try:
         text = json.dumps(config)
     except TypeError:  # from Python a parameter may be anything
-        return _whole(kind, plugins.create(kind, config))
+        return _new_part(kind, config)
     return _made(kind, cls, text)
 
 
 @lru_cache(maxsize=4096)
-def _made(kind: str, cls: type, config: str) -> Any:  # noqa: ANN401 - as above
+def _made(kind: str, cls: type, config: str) -> _Part:
     del cls  # the name may stand for another one by now
-    return _whole(kind, plugins.create(kind, json.loads(config)))
+    return _new_part(kind, json.loads(config))
+
+
+def _new_part(kind: str, config: Mapping[str, Any]) -> _Part:
+    plugin = _whole(kind, plugins.create(kind, config))
+    return _Part(plugin, {"name": config["name"], **dataclasses.asdict(plugin)})
 
 
 def _whole(kind: str, plugin: Any) -> Any:  # noqa: ANN401 - as above
@@ -170,12 +193,25 @@ def _whole(kind: str, plugin: Any) -> Any:  # noqa: ANN401 - as above
     return plugin
 
 
+def _r_scale(values: Mapping[str, Any]) -> RScale:
+    known = [f.name for f in dataclasses.fields(RScale)]
+    for key in values:
+        if key not in known:
+            raise PluginError(unknown("parameter of r_scale", key, known))
+    return RScale(**{key: float(value) for key, value in values.items()})
+
+
 def refusal(cell: Cell) -> str:
     """Return why the filter does not take the data set or the adaptation, or an empty string."""
     if is_attitude_only(cell.dataset) and not is_attitude_only(cell.filter):
         return _lacking(cell, "position to navigate by", _filters(is_attitude_only))
     if lacks_imu(cell.dataset) and uses_imu(cell.filter):
         return _lacking(cell, "IMU", _filters(lambda cls: not uses_imu(cls)))
+    if isinstance(cell.filter, PerSeed) and not cell.filter.for_each_seed and len(cell.draws) > 1:
+        return (
+            f"the filter {cell.labels.filter} has one file for {len(cell.draws)} runs; write {{seed}} in the place"
+            " of the seed in its name, or give seeds=1"
+        )
     name = cell.spec["adaptation"]["name"]
     if not isinstance(cell.filter, Estimator) or name in cell.filter.adaptations:
         return ""
@@ -195,17 +231,22 @@ def _filters(fits: Callable[[type], bool]) -> list[str]:
     return [name for name in plugins.names("filter") if fits(plugins.get("filter", name))]
 
 
-def _metrics(wanted: Sequence[str]) -> tuple[str, ...]:
-    """The names that are asked for; of none those that say nothing else, of "all" every one."""
+def metric_names(wanted: Sequence[str]) -> tuple[str, ...]:
+    """Return the names that are asked for; of none those that say nothing else, of "all" every one.
+
+    Raises:
+        PluginError: it is no list of names.
+    """
     known = plugins.names("metric")
     if not isinstance(wanted, (list, tuple)) or not all(isinstance(name, str) for name in wanted):
         raise PluginError(f"metrics is {wanted}; give a list of names: metrics=[position_rmse,velocity_rmse] or [all].")
     for sentence in plugins.left_out("metric").values() if not wanted or "all" in wanted else ():
         notify(sentence)
     if not wanted:
-        return tuple(name for name in known if not on_request(plugins.get("metric", name)))
+        return tuple(name for name in known if _by_default(plugins.get("metric", name)))
     return tuple(dict.fromkeys(name for name in wanted for name in (known if name == "all" else [name])))
 
 
-def _plain(name: str, plugin: Any) -> dict[str, Any]:  # noqa: ANN401 - a plugin of any kind
-    return {"name": name, **dataclasses.asdict(plugin)}
+@cache
+def _by_default(metric: type) -> bool:
+    return not on_request(metric)

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass, fields, is_dataclass
 from typing import Any
 
 from jerkbench import plugins
@@ -11,13 +11,12 @@ from jerkbench.cells.labels import labels_of
 from jerkbench.cells.noise import Noise
 from jerkbench.errors import PluginError, unknown
 from jerkbench.optional import preferred_attitude
-from jerkbench.presets import merged, preset, preset_names
+from jerkbench.presets import default_names, merged, preset, preset_names
 
-Part = str | Mapping[str, Any]
-"""A plugin or a preset by its name, or {"name": ..., parameter: value, ...}."""
+Part = Any
+"""A plugin or a preset by its name, {"name": ..., parameter: value, ...}, or a plugin itself."""
 
-DEFAULT_ATTITUDE = "field"
-"""The attitude filter for a data set that names none."""
+Groups = Mapping[str, Part | None]
 
 
 @dataclass(frozen=True)
@@ -36,26 +35,35 @@ class ChosenPlugin:
 
 
 def cell_of_parts(
-    single: Mapping[str, Part | None], disturbances: Sequence[Part], noise: Part | None, protocol: Protocol
+    single: Groups,
+    disturbances: Sequence[Part],
+    noise: Part | None,
+    protocol: Protocol,
+    metrics: Sequence[str] = (),
+    r_scale: Mapping[str, float] | None = None,
 ) -> Cell:
     """Make the cell that the parts describe, with the labels that it has on the command line.
 
     Args:
-        single: a part for each group that holds one plugin; ``attitude`` may be None: what the data set prefers.
+        single: a part for each group that holds one plugin; None: the default, for ``attitude`` that of the data set.
         disturbances: in order; empty: `none`.
         noise: a preset, or the fields to set, or both; None: the filter's own.
         protocol: how it is run and scored.
+        metrics: names of those to compute; empty: those that are cheap.
+        r_scale: factors on the reported R, "position" and "velocity"; None: as reported.
 
     Raises:
         PluginError: something is unknown or does not fit together.
     """
-    parts = {**single, "attitude": single["attitude"] or _preferred_attitude(single["dataset"] or "")}
-    choice = {kind: choose(kind, part or "") for kind, part in parts.items()}
-    several = [choose("disturbance", part) for part in disturbances or ["none"]]
-    process = _noise(noise or {})
+    parts = {kind: _or_default(kind, part) for kind, part in single.items() if kind != "attitude"}
+    parts["attitude"] = single["attitude"] or _preferred_attitude(parts["dataset"])
+    choice = {kind: choose(kind, part) for kind, part in parts.items()}
+    several = [choose("disturbance", part) for part in disturbances or [default_names()["disturbance"]]]
+    process = process_noise(noise)
     spec: dict[str, Any] = {kind: part.plain for kind, part in choice.items()}
     spec["disturbance"] = [plain for part in several for plain in part.plain.values()]
-    spec["noise"] = process.plain
+    spec["noise"], spec["r_scale"] = process.plain, dict(r_scale or {})
+    spec["metrics"] = list(metrics)
     choices = {kind: part.name for kind, part in {**choice, "noise": process}.items()}
     overrides = [f"disturbance=[{','.join(part.name for part in several)}]"]
     overrides += [word for part in (*choice.values(), *several, process) for word in part.overrides]
@@ -92,9 +100,30 @@ def _preset(kind: str, name: str, parameters: dict[str, Any]) -> ChosenPlugin:
     return ChosenPlugin(name, overrides, merged(below, parameters))
 
 
-def _noise(part: Part) -> ChosenPlugin:
-    """The group ``noise`` has presets only; without a name, the fields are set over none of them."""
-    name, parameters = _split("noise", part if isinstance(part, str) else {"name": "own", **part})
+def plugin_of(kind: str, part: Part | None) -> Any:  # noqa: ANN401 - the kind decides the contract
+    """Return the plugin itself that ``part`` stands for; None: the default. One that is given need not be registered.
+
+    Raises:
+        PluginError: something is unknown or does not fit together.
+    """
+    if is_plugin(part):
+        return part
+    return plugins.create(kind, choose(kind, _or_default(kind, part)).plain)
+
+
+def is_plugin(part: object) -> bool:
+    """Whether ``part`` is a plugin itself, no name of one."""
+    return is_dataclass(part) and not isinstance(part, type)
+
+
+def process_noise(part: Part | None) -> ChosenPlugin:
+    """Return the process noise that replaces the filter's own; the group has presets only.
+
+    Raises:
+        PluginError: there is no such preset or parameter.
+    """
+    own = default_names()["noise"]
+    name, parameters = _split("noise", part if isinstance(part, str) else {"name": own, **(part or {})})
     known = [f.name for f in fields(Noise)]
     for key in parameters:
         if key not in known:
@@ -107,17 +136,38 @@ def _noise(part: Part) -> ChosenPlugin:
 def _preferred_attitude(dataset: Part) -> str:
     """The attitude filter that the data set names in ``default_attitude``."""
     cls = plugins.get("dataset", choose("dataset", dataset).plain["name"])
-    return preferred_attitude(cls) or DEFAULT_ATTITUDE
+    return preferred_attitude(cls) or default_names()["attitude"]
+
+
+def _or_default(kind: str, part: Part | None) -> Part:
+    return default_names()[kind] if part is None else part
 
 
 def _split(kind: str, part: Part) -> tuple[str, dict[str, Any]]:
-    """The name, and the parameters given with it."""
+    """The name, and the parameters given with it; of a plugin itself, those that are not its defaults."""
     if isinstance(part, str):
         return part, {}
+    if is_plugin(part):
+        return _registered(kind, part), _changed(part)
     if "name" not in part:
         raise PluginError(f"{kind} is {dict(part)}, which has no name; give {{'name': ..., parameter: value}}.")
     parameters = {key: dict(value) if isinstance(value, Mapping) else value for key, value in part.items()}
     return str(parameters.pop("name")), parameters
+
+
+def _registered(kind: str, plugin: object) -> str:
+    """The name of a plugin that somebody has made; stored results know it by that."""
+    for name in plugins.names(kind):
+        if plugins.get(kind, name) is type(plugin):
+            return name
+    own = type(plugin).__name__
+    raise PluginError(f"{own} has no name to store results by; write @jerkbench.register('{kind}', NAME) above it.")
+
+
+def _changed(plugin: Any) -> dict[str, Any]:  # noqa: ANN401 - a dataclass
+    values = asdict(plugin)
+    usual = {f.name: f.default_factory() if callable(f.default_factory) else f.default for f in fields(plugin)}
+    return {name: value for name, value in values.items() if value != usual[name]}
 
 
 def words(owner: str, parameters: Mapping[str, Any]) -> list[str]:

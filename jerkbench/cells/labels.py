@@ -21,7 +21,8 @@ class Labels(NamedTuple):
 def default_labels(spec: Mapping[str, Any]) -> Labels:
     """The plugins' own names."""
     names = {kind: spec[kind]["name"] for kind in ("dataset", "attitude", "filter", "adaptation")}
-    return Labels(disturbance=joined(d["name"] for d in spec["disturbance"]), noise="own", **names)
+    noise = _with_told("own", spec)
+    return Labels(disturbance=joined(d["name"] for d in spec["disturbance"]), noise=noise, **names)
 
 
 def joined(names: Iterable[str]) -> str:
@@ -39,7 +40,8 @@ def labels_of(spec: dict[str, Any], choices: Mapping[str, Any], overrides: list[
     changed = _parameters(overrides)
     names = {kind: _named(str(choices[kind]), changed.get(kind, [])) for kind in GROUPS if kind != "engine"}
     disturbance = _disturbance_label(spec, choices, overrides, changed)
-    return Labels(disturbance=disturbance, noise=_noise_label(spec, choices, changed), **names)
+    noise = _with_told(_noise_label(spec, choices, changed), spec)
+    return Labels(disturbance=disturbance, noise=noise, **names)
 
 
 def _disturbance_label(
@@ -61,6 +63,12 @@ def _noise_label(spec: dict[str, Any], choices: Mapping[str, Any], changed: dict
     preset = str(choices["noise"])
     parameters = [p for p in changed.get("noise", []) if p.split("=")[0] in own]
     return ", ".join(parameters) if preset == "own" else _named(preset, parameters)
+
+
+def _with_told(noise: str, spec: Mapping[str, Any]) -> str:
+    """The noise with the factors on the reported R that are not 1: both are what the filter is told of noise."""
+    told = [f"r_scale.{name}={value:g}" for name, value in (spec.get("r_scale") or {}).items() if value != 1]
+    return ", ".join([*([noise] if noise != "own" or not told else []), *told])
 
 
 def _parameters(overrides: list[str]) -> dict[str, list[str]]:

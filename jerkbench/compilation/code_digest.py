@@ -30,8 +30,8 @@ def digest(function: Callable[..., Any], **more: object) -> str:
     reading = _Reading()
     reading.add("options", repr(sorted(more.items())).encode())
     reading.value(function, ())
-    found = reading.sha.hexdigest()[:16]
-    return f"{UNKNOWN}{reading.unknown} {found}" if reading.unknown else found
+    content = reading.sha.hexdigest()[:16]
+    return f"{UNKNOWN}{reading.unknown} {content}" if reading.unknown else content
 
 
 def unknown_part(key: str) -> str:

@@ -49,7 +49,7 @@ class InnerCompiler(CompilerBase):  # type: ignore[misc]  # numba has no types
     def define_pipelines(self) -> list[PassManager]:
         """Return the one pipeline."""
         manager = PassManager("jerkbench_inner")
-        for one, what in DefaultPassBuilder.define_nopython_pipeline(self.state).passes:
-            manager.add_pass(InnerLowering if one is NativeLowering else one, what)
+        for compiler_pass, title in DefaultPassBuilder.define_nopython_pipeline(self.state).passes:
+            manager.add_pass(InnerLowering if compiler_pass is NativeLowering else compiler_pass, title)
         manager.finalize()
         return [manager]

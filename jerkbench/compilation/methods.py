@@ -22,7 +22,8 @@ class Method(NamedTuple):
         name: of the method.
         arguments: after self, all arrays: their names, types of their elements, and shapes as source text.
         sizes: the names that stand in the shapes.
-        usual: those of them that have one value nearly always, with it; for it there is a compilation of its own.
+        usual: those of them that have one value nearly always, with it; for it there is a compilation of its own. None
+            where what is done with whole matrices takes far longer than the loops around it.
         result: shape of the array that it returns, or "" where it returns a number.
     """
 
@@ -82,11 +83,14 @@ from numba.types import CPointer, float64, int64, void
 
 @njit({result}({types}), cache=True, error_model="numpy", nogil=True)
 def entry({names}):
+{body}
+'''
+
+BODY = """\
     if {usual}:  # with constant sizes its loops are unrolled
         {often}
     else:
-        {else_}
-'''
+        {else_}"""
 
 
 def _entry_source(plugin: object, method: Method) -> str:
@@ -98,6 +102,15 @@ def _entry_source(plugin: object, method: Method) -> str:
         result="void" if method.result else "float64",
         types=", ".join([f"CPointer({of})" for _, of in arrays] + ["int64"] * len(method.sizes)),
         names=", ".join([name for name, _ in arrays] + list(method.sizes)),
+        body=_body(plugin, method),
+    )
+
+
+def _body(plugin: object, method: Method) -> str:
+    """Text of the call; of two where some sizes are usual."""
+    if not method.usual:
+        return f"    {_call(plugin, method, {})}"
+    return BODY.format(
         usual=" and ".join(f"{name} == {size}" for name, size in method.usual),
         often=_call(plugin, method, dict(method.usual)),
         else_=_call(plugin, method, {}),

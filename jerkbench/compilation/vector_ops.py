@@ -1,4 +1,4 @@
-"""How vectors of compiled code move: their numbers among each other, and they to registers and from the memory."""
+"""The moves of vectors in compiled code: numbers among each other, to registers, from the memory."""
 
 from typing import Any
 

@@ -1,37 +1,19 @@
 """The checks of an adaptation."""
 
 import copy
-from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.arrays import FloatArray
 from jerkbench.conformance.matrices import require_covariance, require_finite, require_shape
 from jerkbench.conformance.methods import require_methods
 from jerkbench.conformance.require import require
 from jerkbench.conformance.same import identical
-from jerkbench.contracts import Fading, Remembering
+from jerkbench.conformance.updates import ROWS, SIGMAS, STATES, Prior, Update, every_kind, ordinary
+from jerkbench.contracts import AdaptingGain, AdaptingPrior, Fading, Remembering, RememberingStates
 from jerkbench.memory import empty_memory
 from jerkbench.random_streams import stream
-
-ROWS = ((0, 1, 2, 3, 4, 5), (0, 1, 2), (3, 4, 5), (4,), (2,), (0, 1, 4))
-"""Rows that may be there."""
-
-SCALES = ((1.0, 1.0), (1.0, 1e-6), (1e-4, 1e12), (1e6, 1e-6))
-"""Of H P- H' and of R: ordinary, a tiny R, an R that is all but infinite, a prior that knows nothing."""
-
-SIGMAS = (0.0, 1.0, 1.0, 100.0)
-"""Size of the innovation in standard deviations; the last is an outlier."""
-
-
-class Update(NamedTuple):
-    """The input of an adaptation in one update, besides its memory."""
-
-    innovation: FloatArray
-    HPHt: FloatArray
-    R: FloatArray
-    rows: IntArray
 
 
 def check_adaptation(plugin: Any) -> None:  # noqa: ANN401 - the plugin under test
@@ -43,22 +25,31 @@ def check_adaptation(plugin: Any) -> None:  # noqa: ANN401 - the plugin under te
     """
     subject = type(plugin).__name__
     require_methods("adaptation", plugin)
-    size = plugin.memory_size() if isinstance(plugin, Remembering) else 0
-    require(isinstance(size, int), f"{subject}.memory_size() is {size!r}; it must be a whole number.")
-    require(size >= 0, f"{subject}.memory_size() is {size}; it must not be negative.")
-    updates = list(_updates())
+    size = _memory_size(subject, plugin)
+    updates = list(every_kind())
     _require_same(subject, _run(plugin, updates, size), _run(plugin, updates, size))
 
 
+def _memory_size(subject: str, plugin: Any) -> int:  # noqa: ANN401 - the plugin under test
+    name, size = "memory_size()", 0
+    if isinstance(plugin, RememberingStates):
+        name, size = f"memory_size_of({STATES})", plugin.memory_size_of(STATES)
+    elif isinstance(plugin, Remembering):
+        size = plugin.memory_size()
+    require(isinstance(size, int), f"{subject}.{name} is {size!r}; it must be a whole number.")
+    require(size >= 0, f"{subject}.{name} is {size}; it must not be negative.")
+    return size
+
+
 def probe_adaptation(plugin: Any) -> None:  # noqa: ANN401 - as above
-    """Check the same over a few ordinary updates: inputs, memory and shapes, not the numbers.
+    """Check the same over a few ordinary updates: inputs, memory, shapes and NaN, no other number.
 
     Raises:
-        AssertionError: it changes its inputs, keeps anything outside its memory, or returns a wrong shape.
+        AssertionError: it changes its inputs, keeps anything outside its memory, or returns a wrong shape or NaN.
     """
     random = stream(0, "conformance", "probe")
-    updates = [_update(random, rows, SCALES[0], sigma) for sigma in SIGMAS for rows in (*ROWS[:3], ROWS[0])]
-    first, second = (_run(plugin, updates, len(empty_memory(plugin)), thorough=False) for _ in range(2))
+    updates = [ordinary(random, rows, sigma) for sigma in SIGMAS for rows in (*ROWS[:3], ROWS[0])]
+    first, second = (_run(plugin, updates, len(empty_memory(plugin, STATES)), thorough=False) for _ in range(2))
     _require_same(type(plugin).__name__, first, second)
 
 
@@ -69,32 +60,22 @@ def _require_same(subject: str, first: list[Any], second: list[Any]) -> None:
     )
 
 
-def _updates() -> Iterator[Update]:
-    random = stream(0, "conformance", "adaptation")
-    for scales in SCALES:
-        for sigma in SIGMAS:
-            for rows in ROWS:
-                yield _update(random, rows, scales, sigma)
-    for _ in range(40):  # long enough for every window and every counter
-        yield _update(random, ROWS[0], SCALES[0], 100.0)
-
-
-def _update(random: np.random.Generator, rows: tuple[int, ...], scales: tuple[float, float], sigma: float) -> Update:
-    m = len(rows)
-    half = random.normal(size=(2, m, 2 * m)) / np.sqrt(2 * m)
-    HPHt, R = half @ half.transpose(0, 2, 1) * np.array(scales)[:, None, None]
-    R = 0.5 * (R + R.T)
-    innovation = sigma * np.sqrt(np.diag(HPHt + R)) * random.choice([-1.0, 1.0], size=m)
-    return Update(innovation, 0.5 * (HPHt + HPHt.T), R, np.array(rows))
-
-
-def _run(plugin: Any, updates: list[Update], size: int, *, thorough: bool = True) -> list[Any]:  # noqa: ANN401 - as above
-    """Every factor and every R of a run, checked."""
+def _run(
+    plugin: Any,  # noqa: ANN401 - as above
+    updates: list[tuple[Update, Prior]],
+    size: int,
+    *,
+    thorough: bool = True,
+) -> list[Any]:
+    """All that it says in a run, checked."""
     memory, results = np.zeros(size), []
-    for update in updates:
+    for update, prior in updates:
         factor = _faded(plugin, update, memory)
-        faded = update._replace(HPHt=update.HPHt * factor)
-        results.append((factor, _adapted(plugin, faded, memory, thorough=thorough).copy()))
+        P = _adapted_prior(plugin, prior._replace(P=prior.P * factor), update, memory, thorough=thorough)
+        seen = update._replace(HPHt=P[np.ix_(update.rows, update.rows)])
+        R = _adapted(plugin, seen, memory, thorough=thorough)
+        gain = _adapted_gain(plugin, prior._replace(P=P), update._replace(R=R), memory)
+        results.append((factor, P.copy(), R.copy(), gain.copy()))
         if thorough:
             require_finite(f"the memory of {type(plugin).__name__}", memory)
     return results
@@ -104,28 +85,55 @@ def _faded(plugin: Any, update: Update, memory: FloatArray) -> float:  # noqa: A
     if not isinstance(plugin, Fading):
         return 1.0
     subject = f"{type(plugin).__name__}.fade()"
-    factor = float(_untouched(subject, plugin.fade, update, memory))
+    factor = float(_untouched(subject, plugin.fade, update._asdict(), memory))
     require(np.isfinite(factor), f"{subject} is {factor}; the factor on the prior covariance must be finite.")
     require(factor > 0, f"{subject} is {factor}; the factor on the prior covariance must be positive.")
     return factor
 
 
+def _adapted_prior(plugin: Any, prior: Prior, update: Update, memory: FloatArray, *, thorough: bool) -> FloatArray:  # noqa: ANN401 - as above
+    if not isinstance(plugin, AdaptingPrior):
+        return prior.P
+    subject = f"{type(plugin).__name__}.adapt_prior()"
+    P: FloatArray = _untouched(subject, plugin.adapt_prior, {**prior._asdict(), **_measured(update)}, memory)
+    require_shape(subject, P, (STATES, STATES))
+    if thorough:
+        require_covariance(subject, P)
+    return P
+
+
+def _adapted_gain(plugin: Any, prior: Prior, update: Update, memory: FloatArray) -> FloatArray:  # noqa: ANN401 - as above
+    kept = np.isfinite(np.diag(update.R))
+    if not (isinstance(plugin, AdaptingGain) and kept.any()):
+        return np.zeros(0)
+    subject = f"{type(plugin).__name__}.adapt_gain()"
+    few = Update(update.innovation[kept], update.HPHt, update.R[np.ix_(kept, kept)], update.rows[kept])
+    K: FloatArray = _untouched(subject, plugin.adapt_gain, {"x": prior.x, "P": prior.P, **_measured(few)}, memory)
+    require_shape(subject, K, (STATES, int(kept.sum())))
+    require_finite(subject, K)
+    return K
+
+
+def _measured(update: Update) -> dict[str, Any]:
+    return {"innovation": update.innovation, "R": update.R, "rows": update.rows}
+
+
 def _adapted(plugin: Any, update: Update, memory: FloatArray, *, thorough: bool) -> FloatArray:  # noqa: ANN401 - as above
     subject = f"{type(plugin).__name__}.adapt()"
     m = len(update.rows)
-    adapted: FloatArray = _untouched(subject, plugin.adapt, update, memory)
+    adapted: FloatArray = _untouched(subject, plugin.adapt, update._asdict(), memory)
     require_shape(subject, adapted, (m, m))
+    require(not np.isnan(np.diag(adapted)).any(), f"{subject} has NaN as a variance; infinity drops a row.")
     if not thorough:
         return adapted
-    require(not np.isnan(np.diag(adapted)).any(), f"{subject} has NaN as a variance; infinity drops a row.")
     kept = np.diag(adapted) != np.inf
     require_covariance(subject, adapted[np.ix_(kept, kept)])
     return adapted
 
 
-def _untouched(subject: str, method: Any, update: Update, memory: FloatArray) -> Any:  # noqa: ANN401 - as above
-    before = copy.deepcopy(update)
-    result = method(*update, memory)
-    for name, old, new in zip(Update._fields, before, update, strict=True):
-        require(identical(old, new), f"{subject} changes {name} in place; it must work on a copy.")
+def _untouched(subject: str, method: Any, given: dict[str, Any], memory: FloatArray) -> Any:  # noqa: ANN401 - as above
+    before = copy.deepcopy(given)
+    result = method(*given.values(), memory)
+    for name, array in given.items():
+        require(identical(before[name], array), f"{subject} changes {name} in place; it must work on a copy.")
     return result

@@ -1,15 +1,18 @@
 """The check of an estimator's compiled way: it agrees with its `estimate`."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from jerkbench.batch import RecordedRun
+from jerkbench.batch import RecordedRun, Streamed
 from jerkbench.conformance.require import require
-from jerkbench.contracts import Adaptation, Batched
+from jerkbench.contracts import Adaptation, Batched, SettingsSideBySide
 from jerkbench.estimate import Attitude, Estimate
-from jerkbench.evaluation.batch_scoring import scored, sums_from
+from jerkbench.evaluation.batch_scoring import Scored, scored, sums_from
 from jerkbench.evaluation.run import counted_rows
 from jerkbench.evaluation.sums import sums_of
 from jerkbench.recording import Recording
+from jerkbench.sums import Sums
 from jerkbench.timeline.timeline import build_timeline
 
 AGREEMENT_M = 1e-6
@@ -53,11 +56,21 @@ def _check_sums(
     if scene is None:
         return
     run = RecordedRun(recording, attitude, timeline, scene.scoring)
-    results = plugin.run_many([run, run], adaptation, updates=False, attitude=False, threads=1)
-    require(len(results) == 2, f"{subject}.run_many() gives {len(results)} results for 2 runs.")
     expected = sums_of(wanted, recording, counted_rows(wanted, recording, BURN_IN_S))
+    results = plugin.run_many([run, run], adaptation, updates=False, attitude=False, threads=1)
+    _compare(f"{subject}.run_many()", results, scene, recording, expected)
+    if isinstance(plugin, SettingsSideBySide):
+        settings = [plugin, plugin], [adaptation, adaptation]
+        results = plugin.run_settings([run, run], *settings, updates=False, attitude=False, threads=1)
+        _compare(f"{subject}.run_settings()", results, scene, recording, expected)
+
+
+def _compare(
+    subject: str, results: Sequence[Streamed | None], scene: Scored, recording: Recording, expected: Sums
+) -> None:
+    require(len(results) == 2, f"{subject} gives {len(results)} results for 2 runs.")
     for result in results:
         got = None if result is None else sums_from(result, scene, recording)
         for name in ("position_m2", "velocity_m2ps2", "nees", "nis_per_row") if got is not None else ():
             near = np.allclose(getattr(got, name), getattr(expected, name), rtol=AGREEMENT, atol=AGREEMENT_M**2)
-            require(near, f"{name} of {subject}.run_many() is not that of estimate().")
+            require(near, f"{name} of {subject} is not that of estimate().")

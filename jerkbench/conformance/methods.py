@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from jerkbench.conformance.require import require
+from jerkbench.errors import article
 
 METHODS: Mapping[str, tuple[str, ...]] = {
     "dataset": ("load", "fingerprint"),
@@ -29,7 +30,7 @@ def require_methods(kind: str, plugin: Any) -> None:  # noqa: ANN401 - the plugi
         require(sort, f"{subject} has neither axis_model() nor estimate(); it needs one of them.")
     for name in METHODS[sort]:
         has = callable(getattr(plugin, name, None))
-        require(has, f"{subject} has no method {name}(); {_article(sort)} {sort} needs it (see jerkbench.contracts).")
+        require(has, f"{subject} has no method {name}(); {article(sort)} {sort} needs it (see jerkbench.contracts).")
     if sort in ("dataset", "disturbance"):
         require_seeded(subject, plugin)
     if sort == "estimator":
@@ -40,7 +41,3 @@ def require_seeded(subject: str, plugin: Any) -> None:  # noqa: ANN401 - the plu
     """Check that it says whether it is random."""
     seeded = getattr(plugin, "seeded", None)
     require(isinstance(seeded, bool), f"{subject}.seeded is {seeded!r}; it must be True or False.")
-
-
-def _article(noun: str) -> str:
-    return "an" if noun[0] in "aeiou" else "a"

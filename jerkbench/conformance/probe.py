@@ -4,6 +4,7 @@ It asks for less than `jerkbench.testing`, and takes hundredths of a second: a p
 """
 
 from collections.abc import Callable, Hashable, Mapping
+from dataclasses import FrozenInstanceError
 from functools import lru_cache
 from typing import Any
 
@@ -16,7 +17,7 @@ from jerkbench.conformance.kinematic import axis_model_of, require_initial_varia
 from jerkbench.conformance.methods import require_methods
 from jerkbench.conformance.metric import checked_values
 from jerkbench.conformance.recordings import small_recording, true_attitude
-from jerkbench.conformance.require import Unfit, require
+from jerkbench.conformance.require import Unfit, changes_itself, require
 from jerkbench.conformance.same import pure_result
 from jerkbench.conformance.sources import checked_disturbance
 from jerkbench.contracts import Filter
@@ -46,6 +47,8 @@ def _complaint(kind: str, plugin: Hashable) -> str:
         PROBES[kind](plugin)
     except Unfit as error:
         return str(error)
+    except FrozenInstanceError as error:
+        return changes_itself(plugin, error)
     except Exception:  # noqa: BLE001 - a run over the user's data says what the matter is, or goes well
         return ""
     return ""

@@ -21,9 +21,9 @@ def accepted_fixes(fixes: PosSolution, qualities: tuple[float, ...], path: Path)
     """
     rows = np.isin(fixes.quality, qualities)
     if not rows.any():
-        there = ", ".join(str(q) for q in np.unique(fixes.quality))
+        qualities_text = ", ".join(str(q) for q in np.unique(fixes.quality))
         raise RecordingError(
-            f"{path} has no fix with Q in {qualities}; there is Q {there}: add it to accepted_quality."
+            f"{path} has no fix with Q in {qualities}; there is Q {qualities_text}: add it to accepted_quality."
         )
     return fixes.select(rows)
 

@@ -31,6 +31,6 @@ def fitted_notes(drive: object) -> tuple[str, ...]:
     if not fitted:
         return ()
     listed = " and ".join([", ".join(fitted[:-1]), fitted[-1]] if fitted[1:] else fitted)
-    one = fitted in (["mounting"], ["time shift"])
-    verbs = "is the default, which was" if one else "are the defaults, which were"
+    singular = fitted in (["mounting"], ["time shift"])
+    verbs = "is the default, which was" if singular else "are the defaults, which were"
     return (f"{listed.capitalize()} {verbs} fitted on the public drive drive_0708: for no other drive.",)

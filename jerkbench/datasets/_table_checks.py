@@ -52,8 +52,8 @@ def require_columns(table: object, velocity_frame: str) -> None:
     for name, allowed in counts.items():
         given = getattr(table, name)
         if len(given) not in allowed:
-            said = " or ".join(map(str, allowed))
-            raise PluginError(f"dataset table: {name} names {len(given)} columns, {given}; it must name {said}.")
+            counts_text = " or ".join(map(str, allowed))
+            raise PluginError(f"dataset table: {name} names {len(given)} columns, {given}; it must name {counts_text}.")
     for stream in ("position", "velocity"):
         if getattr(table, f"{stream}_sigma") and getattr(table, f"{stream}_covariance"):
             raise PluginError(

@@ -27,9 +27,9 @@ def check_origin(table: "Tables") -> None:
     if not (table.position_file and table.reference_file and (table.reference_position or reference.solved)):
         return
     solved = position_source(table).solved
-    said = f"position_file {table.position_file}" if solved else "position_frame"
+    parameter = f"position_file {table.position_file}" if solved else "position_frame"
     frame = "geodetic" if solved else table.position_frame
-    require_one_origin(said, frame, "geodetic" if reference.solved else table.reference_frame, table.origin)
+    require_one_origin(parameter, frame, "geodetic" if reference.solved else table.reference_frame, table.origin)
 
 
 def position_source(table: "Tables") -> Source:

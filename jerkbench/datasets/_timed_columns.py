@@ -1,4 +1,4 @@
-"""What all streams of a table share: the folder, how text is cut, and the time; and how they are read with it."""
+"""The columns of one stream of a table with their times: the folder, the cutting of text, the clock."""
 
 from dataclasses import dataclass
 from datetime import datetime, timedelta

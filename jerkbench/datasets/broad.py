@@ -85,13 +85,13 @@ class Broad:
         if not folder.is_dir():
             raise RecordingError(f"There is no folder {folder}; give the one that the trials were copied to.")
         trials = sorted(path for path in folder.iterdir() if path.suffix in ENDINGS and path.is_file())
-        found = [path for path in trials if path.name.startswith(f"{self.trial:02d}_")]
-        if len(found) == 1:
-            return found[0]
-        there = ", ".join(path.name for path in (found or trials)) or "no .hdf5 or .mat file"
+        named = [path for path in trials if path.name.startswith(f"{self.trial:02d}_")]
+        if len(named) == 1:
+            return named[0]
+        names = ", ".join(path.name for path in (named or trials)) or "no .hdf5 or .mat file"
         raise RecordingError(
-            f"{folder} has {len(found)} files of trial {self.trial} (a name that begins with '{self.trial:02d}_');"
-            f" there: {there}."
+            f"{folder} has {len(named)} files of trial {self.trial} (a name that begins with '{self.trial:02d}_');"
+            f" there: {names}."
         )
 
 

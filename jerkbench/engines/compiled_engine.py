@@ -15,7 +15,7 @@ from jerkbench.plugins import register
 from jerkbench.timeline.timeline import Timeline
 
 if TYPE_CHECKING:
-    from jerkbench.engines.compiled.plugin_call import Rule  # what it imports takes half a second
+    from jerkbench.kinematic.plugin_call import Rule  # what it imports takes half a second
 
 
 @register("engine", "compiled")
@@ -43,13 +43,13 @@ class CompiledEngine:
         compiled = compiled_rule(adaptation)
         if compiled is None:
             return FilterpyEngine().run(timeline, model, adaptation)
-        from jerkbench.engines.compiled.single_run import run_single
+        from jerkbench.kinematic.single_run import run_single
 
         return run_single(timeline, model, compiled)
 
     def prepare(self, model: Filter) -> None:
         """Begin to compile what `run` will need, beside what this process does until then."""
-        from jerkbench.engines.compiled.entry import compile_beside
+        from jerkbench.kinematic.entry import compile_beside
 
         if can_compile():
             compile_beside(2 + len(model.initial_variances()))
@@ -78,7 +78,7 @@ class CompiledEngine:
         models = list(model) if isinstance(model, Sequence) else [model] * len(runs)
         rules = _rules(adaptation, len(runs))
         known = [k for k, rule in enumerate(rules) if rule is not None]
-        from jerkbench.engines.compiled.batch import run_batch
+        from jerkbench.kinematic.batch import run_batch
 
         results: list[Streamed | None] = [None] * len(runs)
         given = [runs[k] for k in known], [models[k] for k in known], [rule for rule in rules if rule is not None]
@@ -98,25 +98,24 @@ def compiled_rule(adaptation: Adaptation) -> "Rule | None":
     if not can_compile():
         notify("runs go on the engine filterpy, because NUMBA_DISABLE_JIT is set: numba compiles nothing")
         return None
-    if _reason(cast("Hashable", adaptation)):
+    if reason := obstacle(cast("Hashable", adaptation)):
+        notify(f"{type(adaptation).__name__} runs on the engine filterpy: {reason}")
         return None
-    from jerkbench.engines.compiled.plugin_call import rule_of
+    from jerkbench.kinematic.plugin_call import rule_of
 
     return rule_of(adaptation)
 
 
 @cache
-def _reason(adaptation: Hashable) -> str:
-    """Why numba cannot compile the adaptation, or an empty string; it is said once."""
+def obstacle(adaptation: Hashable) -> str:
+    """Return why numba cannot compile ``adaptation``, or an empty string."""
     from numba.core.errors import NumbaError, UnsupportedBytecodeError  # the second is none of the first
 
-    from jerkbench.engines.compiled.plugin_call import rule_of
     from jerkbench.estimation.adaptation_call import first_sentence
+    from jerkbench.kinematic.plugin_call import rule_of
 
     try:
         rule_of(cast("Adaptation", adaptation))
     except (NumbaError, UnsupportedBytecodeError, TypeError) as error:
-        reason = first_sentence(str(error))
-        notify(f"{type(adaptation).__name__} runs on the engine filterpy: {reason}")
-        return reason
+        return first_sentence(str(error))
     return ""

@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
-from jerkbench.contracts import Adaptation, Fading, Filter
+from jerkbench.contracts import Adaptation, AdaptingGain, AdaptingPrior, Fading, Filter
+from jerkbench.engines.transition import Transition
 from jerkbench.errors import PluginError, unknown
 from jerkbench.estimate import Estimate
 from jerkbench.kalman import (
@@ -17,6 +18,7 @@ from jerkbench.kalman import (
     joseph,
     moved,
     squared_distance,
+    without_measured,
 )
 from jerkbench.memory import empty_memory
 from jerkbench.optional import wants_truth
@@ -68,9 +70,12 @@ class _Run:
         measured = timeline.measurements
         self.z, self.reported = measured.z, measured.R
         self.R = measured.covariances(true=wants_truth(adaptation))
-        self.memory = empty_memory(adaptation)
-        self.fade = adaptation.fade if isinstance(adaptation, Fading) else None
         self.kf = _new_filter(timeline, model)
+        self.memory = empty_memory(adaptation, len(self.kf.x))
+        self.fade = adaptation.fade if isinstance(adaptation, Fading) else None
+        self.adapt_prior = adaptation.adapt_prior if isinstance(adaptation, AdaptingPrior) else None
+        self.adapt_gain = adaptation.adapt_gain if isinstance(adaptation, AdaptingGain) else None
+        self.since = Transition(len(self.kf.x))
         self.models: dict[int, tuple[FloatArray, FloatArray, FloatArray]] = {}
         self.recorder = Recorder(timeline)
 
@@ -90,6 +95,8 @@ class _Run:
     def _predict(self, dt: float, u: FloatArray) -> None:
         F, B, Q = self._model(dt)
         self.kf.predict(u=u, B=B, F=F, Q=Q)
+        if self.adapt_prior is not None:
+            self.since.add(F, Q)
 
     def _model(self, dt: float) -> tuple[FloatArray, FloatArray, FloatArray]:
         """F, B, Q of three axes for a step of dt, made once for each whole nanosecond."""
@@ -105,25 +112,27 @@ class _Run:
         rows = np.flatnonzero(np.isfinite(z))
         innovation, HPHt = z[rows] - kf.x[rows, 0], kf.P[np.ix_(rows, rows)]
         factor = innovation_factor(HPHt + self.reported[update][np.ix_(rows, rows)])
-        nis = used = np.nan
+        nis = used = log_det = np.nan
         variances, healthy = np.full(len(rows), np.nan), False
         if factor is not None:
-            nis = squared_distance(innovation, factor)
+            nis, log_det = squared_distance(innovation, factor), 2.0 * float(np.log(np.diag(factor)).sum())
             R = self._adapted(innovation, HPHt, update, rows)
             variances, (used, healthy) = np.diag(R), self._correct(innovation, R, rows)
-        self.recorder.update(update, rows, innovation, variances, nis, used)
+        self.recorder.update(update, rows, innovation, variances, nis, used, log_det)
         return "" if healthy else f"the covariance is no longer positive definite at {self._time(update):.2f} s"
 
     def _adapted(self, innovation: FloatArray, HPHt: FloatArray, update: int, rows: IntArray) -> FloatArray:
-        """Fade P, where the adaptation does, and return the adapted R; without any row nothing is asked."""
+        """Change P, where the adaptation does, and return the adapted R; without any row nothing is asked."""
         R: FloatArray = self.R[update][np.ix_(rows, rows)]
         if not rows.size:
             return R
         if self.fade is not None:
-            factor = self.fade(innovation, HPHt, R, rows, self.memory)
-            self.kf.P = self.kf.P * factor
-            HPHt = HPHt * factor
-        return self.adaptation.adapt(innovation, HPHt, R, rows, self.memory)
+            self.kf.P = self.kf.P * self.fade(innovation, HPHt, R, rows, self.memory)
+        if self.adapt_prior is not None:
+            since, self.since = self.since, Transition(len(self.kf.x))
+            P = self.adapt_prior(self.kf.x[:, 0], self.kf.P, since.F, since.Q, innovation, R, rows, self.memory)
+            self.kf.P = 0.5 * (P + P.T)
+        return self.adaptation.adapt(innovation, self.kf.P[np.ix_(rows, rows)], R, rows, self.memory)
 
     def _correct(self, innovation: FloatArray, R: FloatArray, rows: IntArray) -> tuple[float, bool]:
         """Update with the rows whose variance is finite; return the NIS that this update saw, and whether it is sound.
@@ -133,17 +142,22 @@ class _Run:
         kept = np.isfinite(np.diag(R))
         if not kept.any():
             return np.nan, self._is_sound(self.kf.P, rows[kept])
-        kf, R, y = self.kf, R[np.ix_(kept, kept)], innovation[kept]
+        kf, R, y, rows = self.kf, R[np.ix_(kept, kept)], innovation[kept], rows[kept]
         prior = kf.P
-        PHt = prior[:, rows[kept]]
-        S = PHt[rows[kept]] + R
+        PHt = prior[:, rows]
+        S = PHt[rows] + R
         factor = innovation_factor(S)
         if factor is None:
             return np.nan, False
-        K, rest = gain_and_rest(PHt, R, factor, rows[kept])
-        kf.x = kf.x + moved(PHt, y, R, factor, rows[kept])[:, None]
-        kf.P = joseph(prior, K, rest, R) if self.joseph else prior - K @ S @ K.T
-        return squared_distance(y, factor), self._is_sound(prior, rows[kept])
+        if self.adapt_gain is None:
+            K, rest = gain_and_rest(PHt, R, factor, rows)
+            step = moved(PHt, y, R, factor, rows)
+        else:
+            K = self.adapt_gain(kf.x[:, 0], prior, y, R, rows, self.memory)
+            step, rest = K @ y, without_measured(K, rows)
+        kf.x = kf.x + step[:, None]
+        kf.P = joseph(prior, K, rest, R) if self.joseph or self.adapt_gain else prior - K @ S @ K.T
+        return squared_distance(y, factor), self._is_sound(prior, rows)
 
     def _is_sound(self, prior: FloatArray, measured: IntArray) -> bool:
         """Whether state and covariance are what they should be, and more than what rounding left of ``prior``."""

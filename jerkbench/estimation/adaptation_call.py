@@ -1,8 +1,8 @@
 """The adaptation of a compiled estimator, compiled and called as its author wrote it."""
 
-from collections.abc import Hashable
+from collections.abc import Callable, Hashable
 from functools import cache, lru_cache
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -12,6 +12,8 @@ from jerkbench.compilation.methods import Method, address_of, compiled_method, p
 from jerkbench.compilation.module_cache import can_compile
 from jerkbench.memory import empty_memory
 from jerkbench.notices import notify
+
+Made = TypeVar("Made")
 
 GIVEN = (
     ("innovation", "float64", "m"),
@@ -60,16 +62,21 @@ def rule_of(adaptation: object) -> Rule | None:
 @lru_cache(maxsize=256)
 def _address(adaptation: Hashable) -> int:
     """The address of its compiled `adapt`, or 0."""
+    return made_or_said(lambda: address_of(compiled_method(adaptation, ADAPT)), adaptation) or 0
+
+
+def made_or_said(make: Callable[[], Made], adaptation: object) -> Made | None:
+    """Return what ``make`` compiles of an adaptation; None, and one line that says why, where numba cannot."""
     if not can_compile():
         _notify_plain(adaptation, "NUMBA_DISABLE_JIT is set: numba compiles nothing")
-        return 0
+        return None
     from numba.core.errors import NumbaError, UnsupportedBytecodeError  # the second is none of the first
 
     try:
-        return address_of(compiled_method(adaptation, ADAPT))
+        return make()
     except (NumbaError, UnsupportedBytecodeError, TypeError) as error:
         _notify_plain(adaptation, first_sentence(str(error)))
-        return 0
+        return None
 
 
 def _notify_plain(adaptation: object, reason: str) -> None:

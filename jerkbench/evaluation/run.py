@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jerkbench.arrays import BoolArray
+from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.contracts import Metric, Summarising
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.estimate import Estimate
@@ -125,6 +125,25 @@ def run_status(estimate: Estimate, recording: Recording, limit_m: float = 1000.0
     return ("diverged", reason) if reason else ("ok", "")
 
 
+def require_begin(estimate: Estimate, recording: Recording, burn_in_s: float) -> None:
+    """Require that an estimate leaves nothing out at its begin that counts.
+
+    Errors count from the burn-in [s] on, or from the first fix where that is later.
+
+    Raises:
+        RecordingError: it begins later.
+    """
+    fix_s = float(recording.position.t_s[0]) if recording.position is not None else 0.0
+    stamps_s, latest_s = recording.reference.t_s, max(burn_in_s, fix_s)
+    due = int(np.searchsorted(stamps_s, latest_s))
+    if len(estimate.index) == 0 or due == len(stamps_s) or estimate.index[0] <= due:
+        return
+    raise RecordingError(
+        f"The estimate begins at {stamps_s[estimate.index[0]]:.2f} s, and errors count from {latest_s:.2f} s on; let it"
+        " begin earlier, or let the errors of all methods count later (burn_in_s)."
+    )
+
+
 def _taken(column: str, owner: str, second: str) -> str:
     return (
         f"The metrics {owner} and {second} both give the column '{column}'; rename it in one of them, or leave one out."
@@ -148,8 +167,7 @@ def _stopped(estimate: Estimate) -> str:
 
 def _too_far(estimate: Estimate, recording: Recording, limit_m: float) -> str:
     t_s = recording.reference.t_s[estimate.index]
-    state = estimate.euler_rad if estimate.attitude_only else np.hstack([estimate.position_m, estimate.velocity_mps])
-    finite = np.isfinite(state).all(axis=1)
+    finite = np.isfinite(_state(estimate)).all(axis=1)
     if not finite.all():
         return f"The state is not finite at {t_s[np.argmin(finite)]:.2f} s."
     with np.errstate(over="ignore"):
@@ -159,3 +177,10 @@ def _too_far(estimate: Estimate, recording: Recording, limit_m: float) -> str:
         return ""
     first = int(np.argmax(far))
     return f"The position error is {distance_m[first]:.0f} m at {t_s[first]:.2f} s; the limit is {limit_m:g} m."
+
+
+def _state(estimate: Estimate) -> FloatArray:
+    """What was estimated (k, n): position and velocity, or one of them and the angles alone."""
+    if estimate.attitude_only:
+        return estimate.euler_rad
+    return estimate.position_m if estimate.position_only else np.hstack([estimate.position_m, estimate.velocity_mps])

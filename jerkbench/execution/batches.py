@@ -18,9 +18,18 @@ from jerkbench.timeline.timeline import Timeline
 
 
 class Prepared(NamedTuple):
-    """A seed, ready to run."""
+    """A seed, ready to run.
+
+    Attributes:
+        recording: what it is scored with.
+        told: what the filter sees of it.
+        attitude: of the recording.
+        timeline: of what the filter sees.
+        scored: how it is scored.
+    """
 
     recording: Recording
+    told: Recording
     attitude: Attitude
     timeline: Timeline
     scored: Scored
@@ -59,41 +68,44 @@ def streamed_seeds(
     The others (stopped, not to be scored without a trajectory, or with something wrong) are for the run alone: it says
     what is the matter. What the engine itself raises goes on to the caller.
     """
-    every = {draw: _prepared(cell, draw, fingerprint, inputs) for draw in draws}
-    prepared = {draw: seed for draw, seed in every.items() if seed is not None}
-    results = _run_all(cell, list(prepared.values()), threads)
+    every = {draw: prepared(cell, draw, fingerprint, inputs) for draw in draws}
+    ready = {draw: seed for draw, seed in every.items() if seed is not None}
+    results = _run_all(cell, list(ready.values()), threads)
     limit_m2 = cell.protocol.divergence_limit_m**2
     return {
-        draw: StreamedSeed(seed.recording, _values(cell, seed, result, inputs), result.farthest_m2 > limit_m2)
-        for (draw, seed), result in zip(prepared.items(), results, strict=True)
+        draw: StreamedSeed(seed.recording, streamed_values(cell, seed, result, inputs), result.farthest_m2 > limit_m2)
+        for (draw, seed), result in zip(ready.items(), results, strict=True)
         if result is not None
     }
 
 
-def _run_all(cell: Cell, prepared: Sequence[Prepared], threads: int) -> Sequence[Streamed | None]:
+def _run_all(cell: Cell, seeds: Sequence[Prepared], threads: int) -> Sequence[Streamed | None]:
     """Run all seeds in the estimator's own way, or in the engine's."""
     reads = {part_read(metric) for metric in cell.metrics}
     updates, attitude = "updates" in reads, "attitude" in reads
     if isinstance(cell.filter, Batched):
-        recorded = [RecordedRun(seed.recording, seed.attitude, seed.timeline, seed.scored.scoring) for seed in prepared]
+        recorded = [RecordedRun(seed.told, seed.attitude, seed.timeline, seed.scored.scoring) for seed in seeds]
         return cell.filter.run_many(recorded, cell.adaptation, updates=updates, attitude=attitude, threads=threads)
     engine, model = cast("SideBySide", cell.engine), cast("Filter", cell.filter)
-    runs = [Run(seed.timeline, seed.scored.scoring) for seed in prepared]
+    runs = [Run(seed.timeline, seed.scored.scoring) for seed in seeds]
     return engine.run_many(runs, model, cell.adaptation, updates=updates, threads=threads)
 
 
-def _prepared(cell: Cell, draw: int, fingerprint: str, inputs: Inputs) -> Prepared | None:
+def prepared(cell: Cell, draw: int, fingerprint: str, inputs: Inputs) -> Prepared | None:
+    """Return what a run needs; None where something is wrong, which the run alone says."""
     try:
         recording = inputs.recording(cell, fingerprint, draw)
         attitude = inputs.attitude(recording, cell.attitude)
-        timeline = inputs.timeline(recording, attitude)
+        told = inputs.told(recording, cell.r_scale)
+        timeline = inputs.timeline(told, attitude)
     except Exception:  # noqa: BLE001 - the run alone raises it again, where it becomes a row that says so
         return None
     scored = inputs.scored(recording, timeline, cell.protocol.burn_in_s)
-    return None if scored is None else Prepared(recording, attitude, timeline, scored)
+    return None if scored is None else Prepared(recording, told, attitude, timeline, scored)
 
 
-def _values(cell: Cell, seed: Prepared, result: Streamed, inputs: Inputs) -> dict[str, float]:
+def streamed_values(cell: Cell, seed: Prepared, result: Streamed, inputs: Inputs) -> dict[str, float]:
+    """Return the metrics of a run by column, from its sums."""
     with np.errstate(over="ignore", invalid="ignore"):
         sums = sums_from(result, seed.scored, seed.recording)
     outline = seed.scored.outline

@@ -1,21 +1,22 @@
 """The run of a cell: one row for each seed."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from jerkbench.cells.cell import Cell
-from jerkbench.contracts import Batched, Estimator
+from jerkbench.contracts import Adaptation, Batched, Engine, Estimator, Filter, PerSeed, SideBySide
 from jerkbench.errors import JerkbenchError, PluginError
 from jerkbench.estimate import Attitude, Estimate
-from jerkbench.evaluation.run import evaluate_run, run_status
-from jerkbench.execution.batches import StreamedSeed, runs_compiled, streamed_seeds, streams
+from jerkbench.evaluation.run import evaluate_run, require_begin, run_status
+from jerkbench.execution.batches import StreamedSeed, streamed_seeds, streams
 from jerkbench.execution.inputs import KEPT, Inputs, shared_inputs
 from jerkbench.execution.notes import notes_of
 from jerkbench.execution.plugin_errors import plugins_in_words, reason_of
 from jerkbench.execution.plugin_probe import unfit
 from jerkbench.plain import plain
 from jerkbench.recording import Recording
+from jerkbench.timeline.timeline import Timeline, build_timeline
 
 Row = dict[str, Any]
 Piece = tuple[list[Row], list[str]]
@@ -74,9 +75,9 @@ class CellRun:
         cell, inputs = self.cell, self.inputs
         recording = inputs.recording(cell, self.fingerprint, draw)
         attitude = inputs.attitude(recording, cell.attitude)
-        if isinstance(cell.filter, Estimator):
-            return recording, _estimated(cell, cell.filter, recording, attitude)
-        return recording, cell.engine.run(inputs.timeline(recording, attitude), cell.filter, cell.adaptation)
+        model = cell.filter.of_seed(draw) if isinstance(cell.filter, PerSeed) else cell.filter
+        told = inputs.told(recording, cell.r_scale)
+        return recording, solution(told, attitude, model, cell.adaptation, cell.engine, inputs.timeline)
 
     def _side_by_side(self, draws: Sequence[int]) -> Piece:
         try:
@@ -97,6 +98,8 @@ class CellRun:
         protocol = self.cell.protocol
         try:
             recording, estimate = self.once(draw)
+            if isinstance(self.cell.filter, PerSeed):
+                require_begin(estimate, recording, protocol.burn_in_s)
             status, reason = run_status(estimate, recording, protocol.divergence_limit_m)
             if values is None or estimate.failure:  # one that stops has the values up to there
                 values = evaluate_run(estimate, recording, protocol.burn_in_s, self.cell.metrics, self.inputs.columns)
@@ -120,12 +123,21 @@ def failed_rows(cell: Cell, draws: Sequence[int], reason: str) -> list[Row]:
     return [{**_head(cell, draw), "status": "failed", "reason": plain(reason)} for draw in draws]
 
 
-def _estimated(cell: Cell, estimator: Estimator, recording: Recording, attitude: Attitude) -> Estimate:
-    """In the compiled way where the engine asks for it and there is one."""
+def solution(
+    recording: Recording,
+    attitude: Attitude,
+    model: Filter | Estimator,
+    adaptation: Adaptation,
+    engine: Engine,
+    timeline: Callable[[Recording, Attitude], Timeline] = build_timeline,
+) -> Estimate:
+    """Return what a filter makes of a recording; an estimator goes its compiled way where the engine asks for it."""
+    if not isinstance(model, Estimator):
+        return engine.run(timeline(recording, attitude), model, adaptation)
     quick = None
-    if runs_compiled(cell) and isinstance(estimator, Batched):
-        quick = estimator.estimate_compiled(recording, attitude, cell.adaptation)
-    return estimator.estimate(recording, attitude, cell.adaptation) if quick is None else quick
+    if isinstance(model, Batched) and isinstance(engine, SideBySide):
+        quick = model.estimate_compiled(recording, attitude, adaptation)
+    return model.estimate(recording, attitude, adaptation) if quick is None else quick
 
 
 def _head(cell: Cell, draw: int) -> Row:

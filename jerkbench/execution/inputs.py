@@ -18,6 +18,7 @@ from jerkbench.execution.simulation_cache import simulated
 from jerkbench.optional import part_read
 from jerkbench.recording import Recording
 from jerkbench.timeline.timeline import build_timeline
+from jerkbench.timeline.told import told
 
 KEPT = 32
 """The number of each kind that is kept; a recording of 150 s at 100 Hz has some 2 MB."""
@@ -31,6 +32,7 @@ class Inputs:
         self._loaded = lru_cache(KEPT)(load)
         self._disturbed = lru_cache(KEPT)(self._disturb)
         self.attitude = lru_cache(KEPT)(attitude_of)
+        self.told = lru_cache(KEPT)(told)
         self.timeline = lru_cache(KEPT)(build_timeline)
         self.scored = lru_cache(KEPT)(scored)
         self._outline = lru_cache(KEPT)(_Outline.of)

@@ -1,4 +1,4 @@
-"""The notes on a cell: where the reference comes from, what the recording and the attitude filter have to say."""
+"""The notes on a cell: where the reference comes from, what the recording and its filters have to say."""
 
 from collections.abc import Iterable
 
@@ -51,8 +51,9 @@ def _reference_notes(cell: Cell, recording: Recording) -> list[str]:
 
 
 def _remarks(cell: Cell, recording: Recording) -> list[str]:
-    remarks = cell.attitude.remarks(recording) if isinstance(cell.attitude, Remarking) else ()
-    return [f"{_name(cell)}: {remark}" for remark in remarks]
+    of_attitude = cell.attitude.remarks(recording) if isinstance(cell.attitude, Remarking) else ()
+    of_filter = cell.filter.remarks(recording) if isinstance(cell.filter, Remarking) else ()
+    return [*(f"{_name(cell)}: {remark}" for remark in of_attitude), *of_filter]
 
 
 def _name(cell: Cell) -> str:

@@ -26,6 +26,7 @@ def run_grouped(
     groups: Iterable[list[Task]],
     workers: int,
     ended: Callable[[list[int]], None] | None = None,
+    admit: Callable[[Task], bool] | None = None,
 ) -> Iterator[tuple[Task, Result | Exception]]:
     """Yield each task with its result as it is done, or with what kept it from being done (its process died).
 
@@ -36,14 +37,15 @@ def run_grouped(
         groups: tasks.
         workers: number of processes; with one it is done here.
         ended: is told the numbers of the processes that were ended, whatever they were doing.
+        admit: is asked when a task's turn has come; what it refuses is left out.
     """
     waiting = [group for group in groups if group]
     workers = min(workers, sum(map(len, waiting)))
     if workers <= 1:
-        yield from ((task, work(task)) for group in waiting for task in group)
+        yield from ((task, work(task)) for group in waiting for task in group if admit is None or admit(task))
         return
     with shared_notices():
-        yield from _pooled(_Pool(work, Groups(waiting, workers), workers), ended)
+        yield from _pooled(_Pool(work, Groups(waiting, workers, admit), workers), ended)
 
 
 def _pooled(
@@ -61,13 +63,20 @@ def _pooled(
 class Groups(Generic[Task]):
     """Who is to do which task next."""
 
-    def __init__(self, groups: Iterable[list[Task]], workers: int) -> None:
+    def __init__(self, groups: Iterable[list[Task]], workers: int, admit: Callable[[Task], bool] | None = None) -> None:
         """Nobody has begun."""
+        self._admit = admit
         self.waiting = [deque(group) for group in groups if group]
         self._current: list[deque[Task] | None] = [None] * workers
 
     def next_task(self, worker: int) -> Task | None:
         """Take the next task of the worker's group; of another, where its own is done; None where none is left."""
+        while (task := self._pop(worker)) is not None:
+            if self._admit is None or self._admit(task):
+                return task
+        return None
+
+    def _pop(self, worker: int) -> Task | None:
         group = self._current[worker]
         if not group:
             untouched = [g for g in self.waiting if g and not any(g is current for current in self._current)]

@@ -1,5 +1,6 @@
-"""Two kinematic filters that run side by side and are mixed at each update: the algorithm of `imm`."""
+"""Kinematic filters that run side by side and are mixed at each update: the algorithm of `imm`."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,11 +21,11 @@ class WithInertState:
 
     Attributes:
         baseline: the filter itself.
-        variances: (1,) initial variance of the third state, that of the filter it is mixed with.
+        variance: initial variance of the third state, that of the filter it is mixed with.
     """
 
     baseline: Filter
-    variances: FloatArray
+    variance: float
 
     def axis_model(self, dt: float, dt0: float) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return A (3, 3), b (3,), Q (3, 3) for a step of ``dt`` seconds."""
@@ -34,32 +35,38 @@ class WithInertState:
 
     def initial_variances(self) -> FloatArray:
         """Return (1,) the variance of the third state."""
-        return self.variances
+        return np.array([self.variance])
 
 
 def embedded(model: Filter, like: Filter) -> Filter:
     """Return ``model`` with as many states as ``like``, or itself where it has them."""
     wanted = like.initial_variances()
-    return model if len(model.initial_variances()) >= len(wanted) else WithInertState(model, wanted)
+    return model if len(model.initial_variances()) >= len(wanted) else WithInertState(model, float(wanted[0]))
+
+
+def begin(
+    timeline: Timeline, models: Sequence[Filter], transitions: FloatArray, mu: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the mixed states (k, n), covariances (k, n, n) and weights c (k,) of k filters at the start."""
+    starts = [initial(timeline, model) for model in models]
+    return mixed(np.array([x for x, _ in starts]), np.array([P for _, P in starts]), mu, transitions)
 
 
 class Mixture:
-    """The state of one run: both filters and the weights c of the mixed states."""
+    """The state of one run: the filters and the weights c of the mixed states."""
 
     def __init__(
         self,
         timeline: Timeline,
-        models: tuple[Filter, Filter],
+        models: Sequence[Filter],
         transitions: FloatArray,
         mu: FloatArray,
         adaptation: Adaptation,
     ) -> None:
-        """Start both filters from the timeline's start."""
+        """Start all filters from the timeline's start."""
         self.timeline, self.transitions = timeline, transitions
         self.models = [StepModels(model, timeline.dt0_s) for model in models]
-        starts = [initial(timeline, model) for model in models]
-        x, P = np.array([x for x, _ in starts]), np.array([P for _, P in starts])
-        self.x, self.P, self.weights = mixed(x, P, mu, transitions)
+        self.x, self.P, self.weights = begin(timeline, models, transitions, mu)
         measured = timeline.measurements
         self.R = measured.covariances(true=wants_truth(adaptation))
         self.adaptation, self.memory = adaptation, empty_memory(adaptation)
@@ -85,13 +92,13 @@ class Mixture:
             self.x[j], self.P[j] = F @ self.x[j] + B @ u, F @ self.P[j] @ F.T + Q
 
     def _update(self, row: int) -> bool:
-        """Adapt R by the combined prediction, update both, weigh and mix; return whether both are healthy."""
+        """Adapt R by the combined prediction, update all, weigh and mix; return whether all are healthy."""
         rows, R = self._adapted(row)
         if not len(rows):
             return True
         z, H = self.timeline.measurements.z[row], np.eye(self.x.shape[1])[rows]
-        log_likelihood = np.empty(2)
-        for j in range(2):
+        log_likelihood = np.empty(len(self.models))
+        for j in range(len(self.models)):
             y = z[rows] - self.x[j, rows]
             log_likelihood[j] = log_density(y, self.P[j][np.ix_(rows, rows)] + R)
             self.x[j], self.P[j] = updated(self.x[j], self.P[j], y, H, R)
@@ -108,27 +115,28 @@ class Mixture:
         rows = np.flatnonzero(np.isfinite(measured.z[row]))
         block = np.ix_(rows, rows)
         y, HPHt = measured.z[row, rows] - x[rows], P[block]
-        nis = squared_distance(y, HPHt + measured.R[row][block])
+        S = HPHt + measured.R[row][block]
+        nis, log_det = squared_distance(y, S), float(np.linalg.slogdet(S)[1])
         R = self.adaptation.adapt(y, HPHt, self.R[row][block], rows, self.memory)
         kept = np.isfinite(np.diag(R))
         few = np.ix_(kept, kept)
         used = squared_distance(y[kept], HPHt[few] + R[few]) if kept.any() else float("nan")
-        self.recorder.update(row, rows, y, np.diag(R), nis, used)
+        self.recorder.update(row, rows, y, np.diag(R), nis, used, log_det)
         return rows[kept], R[few]
 
 
 def mixed(
     x: FloatArray, P: FloatArray, mu: FloatArray, transitions: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the mixed states (2, n), covariances (2, n, n) and the weights c (2,) that a cycle begins with."""
+    """Return the mixed states (k, n), covariances (k, n, n) and the weights c (k,) that a cycle begins with."""
     joint = transitions * mu[:, None]
     c = joint.sum(axis=0)
-    parts = [combined(x, P, joint[:, j] / c[j]) for j in range(2)]
+    parts = [combined(x, P, joint[:, j] / c[j]) for j in range(len(c))]
     return np.array([x for x, _ in parts]), np.array([P for _, P in parts]), c
 
 
 def combined(x: FloatArray, P: FloatArray, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return mean (n,) and covariance (n, n) of a mixture of two normal distributions."""
+    """Return mean (n,) and covariance (n, n) of a mixture of normal distributions."""
     mean = weights @ x
     deviation = x - mean
     spread = np.einsum("j,ja,jb->ab", weights, deviation, deviation)
@@ -136,7 +144,7 @@ def combined(x: FloatArray, P: FloatArray, weights: FloatArray) -> tuple[FloatAr
 
 
 def weighed(c: FloatArray, log_likelihood: FloatArray) -> FloatArray:
-    """Return mu (2,); the largest likelihood is taken out first, so that none underflows to nothing but the smaller."""
+    """Return mu (k,); the largest likelihood is taken out first, so that none underflows to nothing but the smaller."""
     likely = c * np.exp(log_likelihood - log_likelihood.max())
     return np.asarray(likely / likely.sum())
 

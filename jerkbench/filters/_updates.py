@@ -3,7 +3,7 @@
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.contracts import Adaptation
+from jerkbench.contracts import Adaptation, Fading
 from jerkbench.filters._linear import squared_distance, updated
 from jerkbench.memory import empty_memory
 from jerkbench.optional import wants_truth
@@ -20,19 +20,27 @@ class MeasurementUpdates:
         self.measured, self.adaptation, self.recorder = measured, adaptation, recorder
         self.R = measured.covariances(true=wants_truth(adaptation))
         self.memory = empty_memory(adaptation)
+        self.fade = adaptation.fade if isinstance(adaptation, Fading) else None
 
-    def __call__(self, row: int, x: FloatArray, P: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return x and P after the measurement ``row``; both as they were if every row of it is dropped."""
+    def __call__(self, row: int, x: FloatArray, P: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return x and P after the measurement ``row``, and the prior covariance that it took, which may be faded.
+
+        Where every row of it is dropped the state stays as it is.
+        """
         z = self.measured.z[row]
         rows = np.flatnonzero(np.isfinite(z))
         block = np.ix_(rows, rows)
-        innovation, HPHt = z[rows] - x[rows], P[block]
-        nis = squared_distance(innovation, HPHt + self.measured.R[row][block])
-        R = self.adaptation.adapt(innovation, HPHt, self.R[row][block], rows, self.memory)
+        innovation, R = z[rows] - x[rows], self.R[row][block]
+        S = P[block] + self.measured.R[row][block]
+        nis, log_det = squared_distance(innovation, S), float(np.linalg.slogdet(S)[1])
+        if self.fade is not None and len(rows):
+            P = P * self.fade(innovation, P[block], R, rows, self.memory)
+        prior = P
+        R = self.adaptation.adapt(innovation, P[block], R, rows, self.memory) if len(rows) else R
         kept, used = np.isfinite(np.diag(R)), float("nan")
         if kept.any():
             few = np.ix_(kept, kept)
-            used = squared_distance(innovation[kept], HPHt[few] + R[few])
+            used = squared_distance(innovation[kept], P[block][few] + R[few])
             x, P = updated(x, P, innovation[kept], np.eye(len(x))[rows[kept]], R[few])
-        self.recorder.update(row, rows, innovation, np.diag(R), nis, used)
-        return x, P
+        self.recorder.update(row, rows, innovation, np.diag(R), nis, used, log_det)
+        return x, P, prior

@@ -1,13 +1,14 @@
 """A filter that takes no input: the acceleration is a state."""
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.checks import require_not_negative
 from jerkbench.filters._lengths import ManyLengths, Models, identities, outer
+from jerkbench.filters._ranges import ACCEL_WALK, START, WALK
 from jerkbench.plugins import register
 
 
@@ -34,8 +35,8 @@ class Acceleration(ManyLengths):
 
     uses_imu: ClassVar[bool] = False
 
-    accel_walk_mps2_per_sqrt_s: float = 2.0
-    initial_accel_mps2: float = 1.0
+    accel_walk_mps2_per_sqrt_s: Annotated[float, ACCEL_WALK, WALK] = 2.0
+    initial_accel_mps2: Annotated[float, START] = 1.0
 
     def __post_init__(self) -> None:
         """Check that every noise is a number, and not negative."""

@@ -1,12 +1,14 @@
 """The control experiment of the jerk filter: an acceleration bias in ENU."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.checks import require_not_negative
 from jerkbench.filters._lengths import ManyLengths, Models, identities, outer
+from jerkbench.filters._ranges import ACCEL, BIAS_WALK, FIELD, START
 from jerkbench.plugins import register
 
 
@@ -31,9 +33,9 @@ class Bias(ManyLengths):
         initial_bias_mps2: one sigma of the bias at the start [m/s2].
     """
 
-    accel_mps2: float = 0.1
-    bias_mps2_per_sqrt_s: float = 0.03
-    initial_bias_mps2: float = 0.1
+    accel_mps2: Annotated[float, ACCEL, FIELD] = 0.1
+    bias_mps2_per_sqrt_s: Annotated[float, BIAS_WALK, FIELD] = 0.03
+    initial_bias_mps2: Annotated[float, START] = 0.1
 
     def __post_init__(self) -> None:
         """Check that every noise is a number, and not negative."""

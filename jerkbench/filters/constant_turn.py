@@ -1,7 +1,7 @@
 """A filter of fixes alone that knows that vehicles turn."""
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 
@@ -9,9 +9,11 @@ from jerkbench.arrays import FloatArray
 from jerkbench.checks import require_not_negative
 from jerkbench.contracts import Adaptation
 from jerkbench.estimate import Attitude, Estimate
-from jerkbench.filters._accepted import without_fading
+from jerkbench.filters._accepted import of_r_alone
 from jerkbench.filters._linear import is_healthy
+from jerkbench.filters._ranges import START, VELOCITY_WALK
 from jerkbench.filters._updates import MeasurementUpdates
+from jerkbench.parameters import Origin, Range
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 from jerkbench.timeline.recorder import Recorder
@@ -47,9 +49,15 @@ class ConstantTurn:
 
     uses_imu: ClassVar[bool] = False
 
-    velocity_walk_mps_per_sqrt_s: float = 1.0
-    turn_walk_radps_per_sqrt_s: float = 0.05
-    initial_turn_radps: float = 0.1
+    velocity_walk_mps_per_sqrt_s: Annotated[
+        float, VELOCITY_WALK, Origin("the source's rule: a car that changes its velocity by 1 m/s within a second")
+    ] = 1.0
+    turn_walk_radps_per_sqrt_s: Annotated[
+        float,
+        Range(1e-3, 1.0, log=True, source="ours: from a straight road to a robot that turns on the spot"),
+        Origin("ours: a vehicle that changes its rate of turn by 3 deg/s within a second"),
+    ] = 0.05
+    initial_turn_radps: Annotated[float, START] = 0.1
 
     def __post_init__(self) -> None:
         """Check that every noise is a number, and not negative."""
@@ -57,8 +65,8 @@ class ConstantTurn:
 
     @property
     def adaptations(self) -> tuple[str, ...]:
-        """Names of the adaptations that it accepts: all that do not fade P."""
-        return without_fading()
+        """Names of the adaptations that it accepts: all that change R alone."""
+        return of_r_alone()
 
     def estimate(self, recording: Recording, attitude: Attitude, adaptation: Adaptation) -> Estimate:
         """Return the solution at the reference's stamps; where P is no covariance any more, up to there."""
@@ -76,7 +84,7 @@ class ConstantTurn:
                 x, P = turned(x, dt), F @ P @ F.T + self._noise(dt)
             row, reference = int(timeline.update[k]), int(timeline.reference[k])
             if row >= 0:
-                x, P = update(row, x, P)
+                x, P, _ = update(row, x, P)
             if not is_healthy(x[:6], P[:6, :6]):
                 return f"the covariance is no longer positive definite at {timeline.t_s[k]:.2f} s"
             if reference >= 0:

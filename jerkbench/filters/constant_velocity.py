@@ -1,12 +1,14 @@
 """A filter that takes no input and has no more than position and velocity."""
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.checks import require_not_negative
+from jerkbench.filters._ranges import VELOCITY_WALK
+from jerkbench.parameters import Origin
 from jerkbench.plugins import register
 
 
@@ -32,7 +34,9 @@ class ConstantVelocity:
 
     uses_imu: ClassVar[bool] = False
 
-    velocity_walk_mps_per_sqrt_s: float = 1.0
+    velocity_walk_mps_per_sqrt_s: Annotated[
+        float, VELOCITY_WALK, Origin("the source's rule: a car that changes its velocity by 1 m/s within a second")
+    ] = 1.0
 
     def __post_init__(self) -> None:
         """Check that the noise is a number, and not negative."""

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from jerkbench.checks import require_not_negative
 from jerkbench.contracts import Adaptation
 from jerkbench.errors import PluginError, RecordingError, unknown
 from jerkbench.estimate import Attitude, Estimate
-from jerkbench.filters._accepted import without_fading
+from jerkbench.filters._accepted import of_r_alone
 from jerkbench.inertial.alignment import StartSigmas, align, with_body_velocity
 from jerkbench.inertial.earth import earth_at
 from jerkbench.inertial.error_model import SensorNoise
@@ -25,6 +25,7 @@ from jerkbench.inertial.run import Constraints, InertialRun, InertialSolution, S
 from jerkbench.inertial.state import NavigationState
 from jerkbench.inertial.stillness import still_samples
 from jerkbench.optional import wants_truth
+from jerkbench.parameters import Origin, Range
 from jerkbench.plugins import register
 from jerkbench.recording import GRAVITY_MPS2, Recording
 from jerkbench.timeline.timeline import Timeline, build_timeline
@@ -43,6 +44,8 @@ COURSE_SIGMA_RAD = 0.0087
 DEG_PER_H = np.deg2rad(1.0) / 3600.0
 PER_SQRT_H = 1.0 / 60.0
 MG = 1e-3 * GRAVITY_MPS2
+
+GRADES = "ours: from a tactical sensor to a phone's on a vibrating vehicle"
 
 INSTABILITIES = ("gyro_instability_deg_per_h", "accel_instability_mg")
 SIGMAS = (
@@ -107,7 +110,7 @@ class Eskf15:
     observable, and in outages of up to a minute; it needs an IMU whose data sheet is known.
 
     Rows that an adaptation sees are those of position and velocity (in the velocity's own frame); headings and
-    constraints are not adapted, and not among the recorded updates. It takes every adaptation that does not fade P.
+    constraints are not adapted, and not among the recorded updates. It takes every adaptation that changes R alone.
 
     The engine `filterpy` runs all of this in NumPy, a step at a time: the definition of right. The engine `compiled`
     runs the same by the blocks of Phi that are not zero, compiled, and agrees to 1e-9 m, and to 1e-12 of
@@ -154,35 +157,49 @@ class Eskf15:
         earth_curvature: whether gravity turns with the position.
     """
 
-    angle_random_walk_deg_per_sqrt_h: float = 0.6
-    velocity_random_walk_mps_per_sqrt_h: float = 0.12
-    gyro_instability_deg_per_h: float = 5.0
-    gyro_correlation_s: float = 1000.0
-    accel_instability_mg: float = 0.1
-    accel_correlation_s: float = 1000.0
-    gyro_turn_on_deg_per_h: float = 500.0
-    accel_turn_on_mg: float = 10.0
-    gyro_scale_ppm: float = 0.0
-    accel_scale_ppm: float = 0.0
-    misalignment_mrad: float = 0.0
+    angle_random_walk_deg_per_sqrt_h: Annotated[
+        float,
+        Range(0.01, 60.0, log=True, source=GRADES),
+        Origin("data sheet: the simulated field's IMU, 0.0017 rad/s and 0.02 m/s2 a sample at 100 Hz"),
+    ] = 0.6
+    velocity_random_walk_mps_per_sqrt_h: Annotated[
+        float,
+        Range(0.005, 20.0, log=True, source=GRADES),
+        Origin("data sheet: the simulated field's IMU, 0.0017 rad/s and 0.02 m/s2 a sample at 100 Hz"),
+    ] = 0.12
+    gyro_instability_deg_per_h: Annotated[
+        float, Range(0.1, 500.0, log=True, source=GRADES), Origin("ours, of the order of an industrial MEMS module")
+    ] = 5.0
+    gyro_correlation_s: Annotated[float, Origin("ours: long against an outage")] = 1000.0
+    accel_instability_mg: Annotated[
+        float, Range(0.005, 10.0, log=True, source=GRADES), Origin("ours, of the order of an industrial MEMS module")
+    ] = 0.1
+    accel_correlation_s: Annotated[float, Origin("ours: long against an outage")] = 1000.0
+    gyro_turn_on_deg_per_h: Annotated[float, Origin("ours, of the order of an industrial MEMS module")] = 500.0
+    accel_turn_on_mg: Annotated[float, Origin("ours, of the order of an industrial MEMS module")] = 10.0
+    gyro_scale_ppm: Annotated[float, Origin("off: 18 states fewer")] = 0.0
+    accel_scale_ppm: Annotated[float, Origin("off")] = 0.0
+    misalignment_mrad: Annotated[float, Origin("off")] = 0.0
     gyro_bias_from_rest: bool = True
     yaw_source: str = "attitude"
-    initial_yaw_sigma_rad: float = 0.05
+    initial_yaw_sigma_rad: Annotated[float, Origin("ours: 3 degrees")] = 0.05
     track_least_m: float = 1.0
     position_sigma_m: float | None = None
     antenna_m: tuple[float, ...] = (0.0, 0.0, 0.0)
     use_velocity: bool = True
     use_heading: bool = True
     wheel_scale: bool = False
-    wheel_scale_sigma: float = 0.02
+    wheel_scale_sigma: Annotated[float, Origin("ours: 2 %, tyres")] = 0.02
     zero_velocity: bool = False
-    zero_velocity_sigma_mps: float = 0.02
+    zero_velocity_sigma_mps: Annotated[float, Origin("ours")] = 0.02
     still_window_s: float = 1.0
     still_accel_mps2: float = 0.1
     still_gyro_radps: float = 0.01
     still_below_mps: float = 0.3
     nonholonomic: bool = False
-    nonholonomic_sigma_mps: float = 0.2
+    nonholonomic_sigma_mps: Annotated[
+        float, Range(0.02, 2.0, log=True, source="ours: from a car on rails to a tractor on a slope"), Origin("ours")
+    ] = 0.2
     nonholonomic_point_m: tuple[float, ...] = (0.0, 0.0, 0.0)
     constraint_interval_s: float = 0.1
     reference_point_m: tuple[float, ...] = (0.0, 0.0, 0.0)
@@ -209,8 +226,8 @@ class Eskf15:
 
     @property
     def adaptations(self) -> tuple[str, ...]:
-        """Names of the adaptations that it accepts: all that do not fade P."""
-        return without_fading()
+        """Names of the adaptations that it accepts: all that change R alone."""
+        return of_r_alone()
 
     def require(self, load: Callable[[], Recording]) -> None:
         """Check, before a sweep begins, that the recording of ``load`` has the wheel whose scale was asked for.
@@ -242,17 +259,31 @@ class Eskf15:
         self, runs: Sequence[RecordedRun], adaptation: Adaptation, *, updates: bool, attitude: bool, threads: int
     ) -> Sequence[Streamed | None]:
         """Return the sums of each run, as in `jerkbench.contracts.Batched`."""
-        from jerkbench.estimation.threads import side_by_side
-        from jerkbench.inertial.compiled.solution import stream_compiled
+        settings = [self] * len(runs), [adaptation] * len(runs)
+        return self.run_settings(runs, *settings, updates=updates, attitude=attitude, threads=threads)
 
-        truth = wants_truth(adaptation)
+    def run_settings(
+        self,
+        runs: Sequence[RecordedRun],
+        estimators: "Sequence[Eskf15]",
+        adaptations: Sequence[Adaptation],
+        *,
+        updates: bool,
+        attitude: bool,
+        threads: int,
+    ) -> Sequence[Streamed | None]:
+        """Return the same, each run with its own of ``estimators`` and ``adaptations``.
 
-        def sums(run: RecordedRun) -> Streamed | None:
-            """Return those of one run."""
-            prepared = _prepared(self, run.recording, run.attitude, truth)
-            return stream_compiled(prepared, run.scoring, adaptation, updates=updates, attitude=attitude)
+        Runs whose measurements are states of the filter go eight side by side, the others one at a time.
+        """
+        from jerkbench.inertial.streams import stream_all
 
-        return side_by_side(sums, runs, threads)
+        def prepared(k: int) -> "Prepared":
+            """Return run ``k``."""
+            return _prepared(estimators[k], runs[k].recording, runs[k].attitude, wants_truth(adaptations[k]))
+
+        scorings = [run.scoring for run in runs]
+        return stream_all(prepared, scorings, adaptations, updates=updates, attitude=attitude, threads=threads)
 
     def journey(self, recording: Recording, attitude: Attitude) -> Journey:
         """Return everything that a run needs besides its adaptation."""

@@ -2,28 +2,32 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.batch import RecordedRun, Streamed
+from jerkbench.batch import Run, Streamed
 from jerkbench.checks import require_not_negative
 from jerkbench.contracts import Adaptation, Filter
 from jerkbench.errors import PluginError, unknown
 from jerkbench.estimate import Attitude, Estimate
-from jerkbench.filters._accepted import without_fading
-from jerkbench.filters._mixture import Mixture, embedded
+from jerkbench.filters._accepted import of_r_alone
+from jerkbench.filters._mixture import Mixture, begin, embedded
+from jerkbench.filters._over_timelines import OverTimelines
+from jerkbench.filters._ranges import ACCEL, ACCEL_WALK, BIAS_WALK, JERK_WALK, STAYS
 from jerkbench.filters.acceleration import Acceleration
 from jerkbench.filters.baseline import Baseline
 from jerkbench.filters.bias import Bias
 from jerkbench.filters.jerk import Jerk
+from jerkbench.parameters import Origin
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 from jerkbench.timeline.timeline import Timeline, build_timeline
 
 if TYPE_CHECKING:
-    from jerkbench.linear.solution import Mixed  # what it imports takes half a second
+    from jerkbench.kinematic.plugin_call import Rule
+    from jerkbench.linear.mixture.runs import Mixed  # what it imports takes half a second
 
 MODELS = ("acceleration", "baseline", "bias", "jerk")
 NOISES = (
@@ -35,7 +39,7 @@ NOISES = (
 
 @register("filter", "imm")
 @dataclass(frozen=True)
-class InteractingMultipleModels:
+class InteractingMultipleModels(OverTimelines):
     """Two kinematic filters side by side, mixed at each update by how well each explains the measurements.
 
     With mode probabilities mu and transition probabilities Pi, one cycle, which is an update and the steps to it::
@@ -58,7 +62,7 @@ class InteractingMultipleModels:
 
     An adaptation sees the innovation of the combined prediction, with its H P H', and both filters get the R that it
     says, so that their likelihoods are of the same measurement; where it drops all rows there is no cycle. It takes
-    every adaptation that does not fade P.
+    every adaptation that changes R alone: a prior of one filter is not that of a mixture.
 
     Source: H. A. P. Blom, Y. Bar-Shalom, "The interacting multiple model algorithm for systems with Markovian
     switching coefficients", IEEE Trans. Automatic Control 33(8), 1988, doi:10.1109/9.1299.
@@ -82,18 +86,20 @@ class InteractingMultipleModels:
 
     first: str = "baseline"
     second: str = "jerk"
-    first_stays: float = 0.95
-    second_stays: float = 0.95
-    first_probability: float = 0.5
-    first_accel_mps2: float = 0.2
-    second_accel_mps2: float = 0.1
-    jerk_mps3_per_sqrt_s: float = 6.0
-    initial_jerk_mps3: float = 20.0
-    bias_mps2_per_sqrt_s: float = 0.03
-    initial_bias_mps2: float = 0.1
-    first_walk_mps2_per_sqrt_s: float = 2.0
-    second_walk_mps2_per_sqrt_s: float = 0.2
-    initial_accel_mps2: float = 1.0
+    first_stays: Annotated[float, STAYS, Origin("ours: a model lasts 20 updates")] = 0.95
+    second_stays: Annotated[float, STAYS, Origin("ours: a model lasts 20 updates")] = 0.95
+    first_probability: Annotated[float, Origin("ours: neither model is preferred")] = 0.5
+    first_accel_mps2: Annotated[float, ACCEL, Origin("that of the filter by itself")] = 0.2
+    second_accel_mps2: Annotated[float, ACCEL, Origin("that of the filter by itself")] = 0.1
+    jerk_mps3_per_sqrt_s: Annotated[float, JERK_WALK, Origin("that of the filter by itself")] = 6.0
+    initial_jerk_mps3: Annotated[float, Origin("that of the filter by itself")] = 20.0
+    bias_mps2_per_sqrt_s: Annotated[float, BIAS_WALK, Origin("that of the filter by itself")] = 0.03
+    initial_bias_mps2: Annotated[float, Origin("that of the filter by itself")] = 0.1
+    first_walk_mps2_per_sqrt_s: Annotated[float, ACCEL_WALK, Origin("that of the filter by itself")] = 2.0
+    second_walk_mps2_per_sqrt_s: Annotated[
+        float, ACCEL_WALK, Origin("ours: a tenth of the first, for calm driving")
+    ] = 0.2
+    initial_accel_mps2: Annotated[float, Origin("that of the filter by itself")] = 1.0
 
     def __post_init__(self) -> None:
         """Check the pair of models, the noises and the probabilities."""
@@ -112,8 +118,8 @@ class InteractingMultipleModels:
 
     @property
     def adaptations(self) -> tuple[str, ...]:
-        """Names of the adaptations that it accepts: all that do not fade P."""
-        return without_fading()
+        """Names of the adaptations that it accepts: all that change R alone."""
+        return of_r_alone()
 
     @property
     def uses_imu(self) -> bool:
@@ -139,36 +145,38 @@ class InteractingMultipleModels:
         """Return the combined solution at the reference's stamps."""
         return self._mixture(build_timeline(recording, attitude), adaptation).to_the_end()
 
-    def estimate_compiled(self, recording: Recording, attitude: Attitude, adaptation: Adaptation) -> Estimate | None:
-        """Return the same as `estimate`; None where numba cannot compile the adaptation."""
-        from jerkbench.linear.solution import mix_compiled
+    def _alone(self, timeline: Timeline, rule: "Rule") -> Estimate | None:
+        from jerkbench.linear.mixture.runs import mix_alone
 
-        timeline = build_timeline(recording, attitude)
-        return mix_compiled(timeline, self._start(timeline, adaptation), adaptation)
+        return mix_alone(timeline, self.start(timeline), rule)
 
-    def run_many(
-        self, runs: Sequence[RecordedRun], adaptation: Adaptation, *, updates: bool, attitude: bool, threads: int
+    def _together(
+        self,
+        runs: Sequence[Run],
+        estimators: "Sequence[InteractingMultipleModels]",
+        rules: "Sequence[Rule]",
+        *,
+        updates: bool,
+        threads: int,
     ) -> Sequence[Streamed | None]:
-        """Return the sums of each run, as in `jerkbench.contracts.Batched`; it finds no attitude of its own."""
-        from jerkbench.estimation.threads import side_by_side
-        from jerkbench.linear.solution import stream_mixture
+        from jerkbench.linear.mixture.runs import mix_many
 
-        def sums(run: RecordedRun) -> Streamed | None:
-            """Return those of one run."""
-            start = self._start(run.timeline, adaptation)
-            return stream_mixture(run.timeline, run.scoring, start, adaptation, updates=updates)
-
-        return side_by_side(sums, runs, threads)
+        starts = [estimator.start(run.timeline) for estimator, run in zip(estimators, runs, strict=True)]
+        return mix_many(runs, starts, rules, updates=updates, threads=threads)
 
     def _mixture(self, timeline: Timeline, adaptation: Adaptation) -> Mixture:
-        mu = np.array([self.first_probability, 1.0 - self.first_probability])
-        return Mixture(timeline, self.models(), self.transitions(), mu, adaptation)
+        return Mixture(timeline, self.models(), self.transitions(), self._probabilities(), adaptation)
 
-    def _start(self, timeline: Timeline, adaptation: Adaptation) -> "Mixed":
-        from jerkbench.linear.solution import Mixed
+    def _probabilities(self) -> FloatArray:
+        return np.array([self.first_probability, 1.0 - self.first_probability])
 
-        mixture = self._mixture(timeline, adaptation)
-        return Mixed(self.models(), mixture.transitions, mixture.weights, mixture.x, mixture.P)
+    def start(self, timeline: Timeline) -> "Mixed":
+        """Return the filters with their mixed states at the start of a timeline."""
+        from jerkbench.linear.mixture.runs import Mixed
+
+        models, transitions = self.models(), self.transitions()
+        x, P, weights = begin(timeline, models, transitions, self._probabilities())
+        return Mixed(models, transitions, weights, x, P)
 
     def _model(self, name: str, accel_mps2: float, walk_mps2_per_sqrt_s: float) -> Filter:
         if name == "baseline":

@@ -1,12 +1,14 @@
 """The jerk-augmented filter of the paper."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.checks import require_not_negative
 from jerkbench.filters._lengths import ManyLengths, Models, identities, outer
+from jerkbench.filters._ranges import ACCEL, FIELD, JERK_WALK, START
 from jerkbench.plugins import register
 
 
@@ -32,9 +34,9 @@ class Jerk(ManyLengths):
         initial_jerk_mps3: one sigma of the jerk at the start [m/s3].
     """
 
-    accel_mps2: float = 0.1
-    jerk_mps3_per_sqrt_s: float = 6.0
-    initial_jerk_mps3: float = 20.0
+    accel_mps2: Annotated[float, ACCEL, FIELD] = 0.1
+    jerk_mps3_per_sqrt_s: Annotated[float, JERK_WALK, FIELD] = 6.0
+    initial_jerk_mps3: Annotated[float, START] = 20.0
 
     def __post_init__(self) -> None:
         """Check that every noise is a number, and not negative."""

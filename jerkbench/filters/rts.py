@@ -1,25 +1,33 @@
 """The smoother: what hindsight could reach."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray
+from jerkbench.batch import Run, Streamed
 from jerkbench.checks import require_not_negative
 from jerkbench.contracts import Adaptation, Filter
 from jerkbench.errors import PluginError, unknown
 from jerkbench.estimate import Attitude, Estimate
-from jerkbench.filters._accepted import without_fading
+from jerkbench.filters._accepted import of_r_or_fading
 from jerkbench.filters._linear import StepModels, initial, is_healthy
+from jerkbench.filters._over_timelines import OverTimelines
+from jerkbench.filters._ranges import ACCEL, BIAS_WALK, JERK_WALK
 from jerkbench.filters._updates import MeasurementUpdates
 from jerkbench.filters.baseline import Baseline
 from jerkbench.filters.bias import Bias
 from jerkbench.filters.jerk import Jerk
+from jerkbench.parameters import Origin
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 from jerkbench.timeline.recorder import Recorder
 from jerkbench.timeline.timeline import Timeline, build_timeline
+
+if TYPE_CHECKING:
+    from jerkbench.kinematic.plugin_call import Rule  # what it imports takes half a second
 
 MODELS = ("baseline", "bias", "jerk")
 NOISES = (
@@ -30,7 +38,7 @@ NOISES = (
 
 @register("filter", "rts")
 @dataclass(frozen=True)
-class RauchTungStriebel:
+class RauchTungStriebel(OverTimelines):
     """The Rauch-Tung-Striebel smoother over a kinematic filter: every estimate knows all measurements, later ones too.
 
     Forward, the filter ``model`` with the adaptation: x, P after each step of the timeline, x-, P- before its update.
@@ -42,10 +50,13 @@ class RauchTungStriebel:
 
     No filter of the same model can be better: the row tells what waiting for the rest of the recording would gain,
     most of it in outages. It is of no use while driving. A wrong model stays wrong in hindsight, and innovations and
-    NIS are those of the forward pass. An adaptation that fades P- is not accepted: the backward pass needs the F and Q
-    that the forward pass really used. The covariances R that an adaptation chose are kept as they were.
+    NIS are those of the forward pass. The covariances R that an adaptation chose are kept as they were, and so is a P-
+    that it faded: to the backward pass that is a larger Q. One that chooses P- or the gain otherwise is not accepted.
 
-    It keeps every step: 1.4 kB each with six states, 2.9 kB with nine.
+    The engine `filterpy` runs this in NumPy, the definition of right, and keeps every step: 1.4 kB each with six
+    states, 2.9 kB with nine. The engine `compiled` runs the same by adjoints (`jerkbench.linear.smoother`), which take
+    no inverse of P-, and agrees to 1e-9 m, and to 1e-12 of sqrt(P_ii P_jj) or what the inverse of P- makes of changes
+    in the last bits of the input.
 
     Source: H. E. Rauch, F. Tung, C. T. Striebel, "Maximum likelihood estimates of linear dynamic systems", AIAA
     Journal 3(8), 1965, doi:10.2514/3.3166.
@@ -60,11 +71,11 @@ class RauchTungStriebel:
     """
 
     model: str = "bias"
-    accel_mps2: float = 0.1
-    jerk_mps3_per_sqrt_s: float = 6.0
-    initial_jerk_mps3: float = 20.0
-    bias_mps2_per_sqrt_s: float = 0.03
-    initial_bias_mps2: float = 0.1
+    accel_mps2: Annotated[float, ACCEL, Origin("that of the filter by itself")] = 0.1
+    jerk_mps3_per_sqrt_s: Annotated[float, JERK_WALK, Origin("that of the filter by itself")] = 6.0
+    initial_jerk_mps3: Annotated[float, Origin("that of the filter by itself")] = 20.0
+    bias_mps2_per_sqrt_s: Annotated[float, BIAS_WALK, Origin("that of the filter by itself")] = 0.03
+    initial_bias_mps2: Annotated[float, Origin("that of the filter by itself")] = 0.1
 
     def __post_init__(self) -> None:
         """Check the name of the model and the noises, those of the other models too."""
@@ -74,8 +85,8 @@ class RauchTungStriebel:
 
     @property
     def adaptations(self) -> tuple[str, ...]:
-        """Names of the adaptations that it accepts: all that do not fade P."""
-        return without_fading()
+        """Names of the adaptations that it accepts: all that change R, or fade P-."""
+        return of_r_or_fading()
 
     def kinematic_filter(self) -> Filter:
         """Return the filter of the forward pass."""
@@ -87,7 +98,29 @@ class RauchTungStriebel:
 
     def estimate(self, recording: Recording, attitude: Attitude, adaptation: Adaptation) -> Estimate:
         """Return the smoothed solution at the reference's stamps; where the forward pass stops, up to there."""
-        timeline = build_timeline(recording, attitude)
+        return self.smooth(build_timeline(recording, attitude), adaptation)
+
+    def _alone(self, timeline: Timeline, rule: "Rule") -> Estimate | None:
+        from jerkbench.linear.smoother.runs import smooth_one
+
+        return smooth_one(timeline, self.kinematic_filter(), rule)
+
+    def _together(
+        self,
+        runs: Sequence[Run],
+        estimators: "Sequence[RauchTungStriebel]",
+        rules: "Sequence[Rule]",
+        *,
+        updates: bool,
+        threads: int,
+    ) -> Sequence[Streamed | None]:
+        from jerkbench.linear.smoother.runs import smooth_many
+
+        models = [estimator.kinematic_filter() for estimator in estimators]
+        return smooth_many(runs, models, rules, updates=updates, threads=threads)
+
+    def smooth(self, timeline: Timeline, adaptation: Adaptation) -> Estimate:
+        """Return the smoothed solution of a timeline."""
         recorder = Recorder(timeline)
         forward, failure = _forward(timeline, self.kinematic_filter(), adaptation, recorder)
         x, P = smoothed(forward)
@@ -103,7 +136,7 @@ class ForwardPass(NamedTuple):
         x: (n, s) after the update.
         P: (n, s, s) its covariance.
         x_prior: (n, s) before the update.
-        P_prior: (n, s, s) its covariance.
+        P_prior: (n, s, s) its covariance, faded where the adaptation did.
         F: n matrices (s, s) that led to the step; the first is not used.
     """
 
@@ -145,7 +178,7 @@ def _forward(timeline: Timeline, model: Filter, adaptation: Adaptation, recorder
         kept.x_prior[k], kept.P_prior[k] = x, P
         row = int(timeline.update[k])
         if row >= 0:
-            x, P = update(row, x, P)
+            x, P, kept.P_prior[k] = update(row, x, P)
             if not is_healthy(x, P):
                 return kept.until(k), f"the covariance is no longer positive definite at {timeline.t_s[k]:.2f} s"
         kept.x[k], kept.P[k] = x, P

@@ -14,10 +14,10 @@ from jerkbench import plugins
 from jerkbench.cells.labels import GROUPS
 from jerkbench.errors import PluginError, unknown
 from jerkbench.hydra_app.composition import NO_GROUPS
-from jerkbench.hydra_app.typed_words import no_assignment
+from jerkbench.hydra_app.typed_words import no_assignment, quoted
 from jerkbench.presets import preset_names
 
-CHOSEN = (*GROUPS, "disturbance", "noise", "experiment")
+CHOSEN = (*GROUPS, "disturbance", "noise", "experiment", "cluster")
 """Groups of which a name is chosen."""
 COMMANDS = ("run", "multirun", "cfg", "info", "shell_completion")
 """Options of Hydra that say what is to be done; one of them at a time."""
@@ -34,7 +34,7 @@ def arranged_words(words: Sequence[str]) -> list[str]:
     """
     parser = get_args_parser()
     setattr(parser, "error", _refuse)  # noqa: B010 - mypy lets no method be replaced
-    known = parser.parse_intermixed_args(list(words))
+    known = parser.parse_intermixed_args(quoted(words))
     _require_sense(known)
     for word in known.overrides:
         _check(word, completing=known.shell_completion)
@@ -77,6 +77,8 @@ def _check(word: str, *, completing: bool) -> None:
     if override.is_delete():
         _check_deletion(override)
     elif not completing and _is_group(override.key_or_group):
+        if override.key_or_group == "cluster" and isinstance(override.value(), (ChoiceSweep, list)):
+            raise PluginError(f"{word}: a sweep runs on one cluster; give one of {', '.join(_names('cluster'))}.")
         for value in _values(override):
             _check_name(override.key_or_group, value, word)
 

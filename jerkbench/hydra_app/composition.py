@@ -18,7 +18,7 @@ INDEPENDENT = ("filter", "adaptation", "noise", "engine", "disturbance")
 REST = "rest"
 """Everything else: a data set may choose the attitude filter, an experiment anything."""
 
-NO_GROUPS = {f.name for f in fields(Schema)} - {*GROUPS, "disturbance", "noise"}
+NO_GROUPS = {f.name for f in fields(Schema)} - {*GROUPS, "disturbance", "noise", "cluster"}
 """Options that are no group."""
 
 Job = Sequence[str]

@@ -1,7 +1,7 @@
 """The way between Hydra and a cell: the schema of the configuration, and the cell of a composed one."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, make_dataclass
 from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, cast
@@ -14,7 +14,14 @@ from jerkbench.cells.cell import Cell, Protocol, build
 from jerkbench.cells.labels import GROUPS, labels_of
 from jerkbench.cells.noise import Noise
 from jerkbench.errors import PluginError
+from jerkbench.files import cache_folder
 from jerkbench.optional import preferred_attitude
+from jerkbench.places import is_remote, place
+from jerkbench.results.study_figures.choice import Choice, figures_choice
+from jerkbench.timeline.told import RScale
+
+ToldR = make_dataclass("ToldR", [(f.name, float, f.default) for f in fields(RScale)])
+"""The fields of `RScale`; OmegaConf makes the configuration of a frozen dataclass read-only."""
 
 
 @dataclass
@@ -31,9 +38,15 @@ class Schema:
         divergence_limit_m: a larger position error is a divergence [m].
         metrics: names of the metrics to compute; empty: those that are cheap; [all]: every one.
         workers: number of processes of a sweep; 0: one for each processor.
-        figures: whether a single run draws its trajectory and its errors, and a sweep with a report its figures.
+        cluster: where a sweep runs.
+        figures: a single run draws its trajectory and its errors, unless this is none; a sweep with a report those of
+            the scenarios and methods that carry a finding (few), of every scenario (all), or none.
+        figures_pdf: whether each figure is a PDF, too.
         report: whether a sweep ends with its figures and its report (``jerkbench report`` makes it at any time).
+        r_scale: factors on the reported R that the filter is told (``position``, ``velocity``); the data stay.
         notes: sentences to print under the tables (what was tuned, on what, with which budget).
+        tags: words of your own for the cells; rows have them, and `jerkbench table --tag` takes some.
+        dry: say what would run, what is left out and about how long it takes; run nothing (``--dry``).
     """
 
     study: str = "adhoc"
@@ -45,20 +58,26 @@ class Schema:
     divergence_limit_m: float = Protocol.divergence_limit_m
     metrics: list[str] = field(default_factory=list)
     workers: int = 0
-    figures: bool = True
+    figures: str = Choice.FEW.value
+    figures_pdf: bool = False
     report: bool = False
     notes: list[str] = field(default_factory=list)
+    tags: list[str] = field(default_factory=list)
+    dry: bool = False
     dataset: Any = None
     disturbance: Any = None
     attitude: Any = None
     filter: Any = None
     adaptation: Any = None
     engine: Any = None
+    cluster: Any = None
     noise: Noise = field(default_factory=Noise)
+    r_scale: Any = field(default_factory=ToldR)
 
 
 def register_schemas() -> None:
     """Put the schema and every plugin into Hydra's ConfigStore."""
+    OmegaConf.register_new_resolver("jerkbench.local_folder", local_folder, replace=True)
     store = ConfigStore.instance()
     store.store(name="schema", node=Schema)
     store.store(group="noise", name="schema", node=Noise)
@@ -69,7 +88,13 @@ def register_schemas() -> None:
 
 def study_folder(config: DictConfig) -> Path:
     """Return the folder of the configuration's study."""
-    return Path(str(config.results)) / str(config.study)
+    return place(str(config.results)) / str(config.study)
+
+
+def local_folder(results: str, study: str) -> str:
+    """Return where Hydra may write what it writes of a sweep: the study's folder, if it is one of this machine."""
+    folder = place(str(results)) / str(study)
+    return str(cache_folder("sweeps") if is_remote(folder) else folder)
 
 
 def cell_of(plain: Mapping[str, Any], choices: Mapping[str, Any], overrides: list[str]) -> Cell:
@@ -86,7 +111,7 @@ def cell_of(plain: Mapping[str, Any], choices: Mapping[str, Any], overrides: lis
     require_whole(plain)
     spec = {group: plain[group] for group in GROUPS}
     spec["disturbance"] = list(plain["disturbance"].values())
-    spec["noise"], spec["metrics"] = plain["noise"], plain["metrics"]
+    spec.update({name: plain[name] for name in ("noise", "r_scale", "metrics")})
     protocol = Protocol(**{f.name: plain[f.name] for f in fields(Protocol)})
     return build(spec, protocol, labels_of(spec, choices, overrides))
 
@@ -95,11 +120,12 @@ def require_whole(plain: Mapping[str, Any]) -> None:
     """Check that a composed configuration has a value for each option, and a plugin for each group.
 
     Raises:
-        PluginError: it has not; a preset of one's own may set anything.
+        PluginError: it has not; a preset of one's own may set anything. There is no such choice of figures.
     """
     for key in (f.name for f in fields(Schema)):
         if plain.get(key, MISSING) == MISSING:
             raise PluginError(f"{key} has no value; give {key}=...")
+    figures_choice(plain["figures"])
     for kind in GROUPS:
         if not (isinstance(plain[kind], Mapping) and plain[kind].get("name")):
             raise PluginError(f"No {kind} is chosen; give {kind}=NAME (`jerkbench list {kind}` says what there is).")

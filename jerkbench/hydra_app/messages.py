@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from jerkbench import plugins
 from jerkbench.cells.noise import Noise
 from jerkbench.errors import unknown
-from jerkbench.hydra_app.configuration import Schema
+from jerkbench.hydra_app.configuration import Schema, ToldR
 from jerkbench.hydra_app.typed_words import no_assignment, several_in_one, swept
 
 NOISE = ("full_key", "object_type", "Config search", "provider=")
@@ -114,15 +114,23 @@ def _no_option(schema: str, full_key: str, typed: Sequence[str]) -> str:
     if not several:
         return sentence
     return (
-        f"{sentence} That is the combination with {group}={name}; a parameter that only some of {several} have needs a"
-        " sweep of its own."
+        f"{sentence} That is the combination with {group}={name}; give a parameter that only some of {several} have by"
+        f" the name of its plugin: {_addressed(full_key, several)}=..."
     )
+
+
+def _addressed(full_key: str, several: str) -> str:
+    """The key with the name of the first of the swept plugins that has such a parameter."""
+    group, _, parameter = full_key.partition(".")
+    swept_names = [name for name in several.partition("=")[2].split(",") if name in _names(group)]
+    having = [n for n in swept_names if parameter in {f.name for f in dataclasses.fields(plugins.get(group, n))}]
+    return f"{group}.{next(iter(having), 'NAME')}.{parameter}"
 
 
 def _fields_of(schema: str, full_key: str) -> list[str]:
     """The options that stand where ``full_key`` does, in the schema that Hydra names."""
     classes = [plugins.schema(kind, name) for kind in plugins.KINDS for name in plugins.names(kind)]
-    fields = next((dataclasses.fields(c) for c in (Schema, Noise, *classes) if c.__name__ == schema), ())
+    fields = next((dataclasses.fields(c) for c in (Schema, Noise, ToldR, *classes) if c.__name__ == schema), ())
     owner, dot, _ = full_key.rpartition(".")
     return [f"{owner}{dot}{f.name}" for f in fields if f.name != "name"]
 

@@ -29,3 +29,8 @@ def check_options(config: DictConfig) -> None:
         raise PluginError(f"max_seeds is {config.max_seeds}; give as many as seeds={config.seeds}, or 0 for no more.")
     if config.workers < 0:
         raise PluginError(f"workers is {config.workers}; give 0 (one for each processor) or more.")
+    for tag in config.tags:
+        if not re.fullmatch(r"[\w.:-]+", str(tag)):
+            raise PluginError(
+                f"'{tag}' cannot be a tag; write letters, digits, _, ., : and -, for example tags=[thesis]."
+            )

@@ -1,17 +1,24 @@
 """A single run: one cell, its metrics in the terminal, its trajectory and its errors as figures."""
 
 import os
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from jerkbench.cells.cell import Cell
 from jerkbench.contracts import Estimator, Preparing
 from jerkbench.estimate import Estimate
 from jerkbench.execution.cell_run import CellRun
 from jerkbench.recording import Recording
-from jerkbench.results.store import Store, Stored
+from jerkbench.results.content import Stored
+from jerkbench.results.store import Store
 from jerkbench.results.titles import file_stem, with_title
 from jerkbench.sweep.seed_blocks import finish_cell
 from jerkbench.sweep.tasks import Planned
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 def run_single_cell(planned: Planned, folder: Path) -> Stored:
@@ -33,26 +40,28 @@ def prepare_drawing(cell: Cell) -> None:
         cell.engine.prepare(cell.filter)
 
 
-def draw_single(planned: Planned, folder: Path) -> list[Path]:
+def draw_single(planned: Planned, folder: Path, *, pdf: bool = False) -> list[Path]:
     """Draw trajectory and errors of the first seed; returns the files."""
     recording, estimate = CellRun(planned.cell, planned.fingerprint).once(planned.cell.draws[0])
-    return draw_run(
-        planned.cell, with_title(recording, planned.cell, planned.cell.draws[0]), estimate, folder / "figures"
-    )
+    titled = with_title(recording, planned.cell, planned.cell.draws[0])
+    return draw_run(planned.cell, titled, estimate, folder / "figures", pdf=pdf)
 
 
-def draw_run(cell: Cell, recording: Recording, estimate: Estimate, folder: Path) -> list[Path]:
+def draw_run(cell: Cell, recording: Recording, estimate: Estimate, folder: Path, *, pdf: bool = False) -> list[Path]:
     """Draw the trajectory and the errors of one run, with the recording's name above; returns the files."""
     from jerkbench.report.plots.figures import error_figure, inclination_figure, save_figure, trajectory_figure
 
     labels = cell.labels
     estimates = {f"{labels.filter} + {labels.adaptation}": estimate}
     name = file_stem(labels)
-    drawn = {"trajectory": trajectory_figure, "errors": error_figure}
+    errors = partial(error_figure, burn_in_s=cell.protocol.burn_in_s)
+    drawn: dict[str, Callable[..., Figure]] = {"trajectory": trajectory_figure, "errors": errors}
     if estimate.attitude_only:
         drawn = {"inclination": inclination_figure}
     paths = []
     for kind, draw in drawn.items():
-        paths.append(folder / f"{name}-{kind}.png")
-        save_figure(draw(recording, estimates), paths[-1])
+        figure = draw(recording, estimates)
+        for ending in ("png", "pdf") if pdf else ("png",):
+            paths.append(folder / f"{name}-{kind}.{ending}")
+            save_figure(figure, paths[-1])
     return paths

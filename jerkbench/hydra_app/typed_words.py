@@ -13,6 +13,24 @@ NAMED = re.compile(rf"\+*(?:{'|'.join((*GROUPS, 'disturbance'))})=(?:\[.*\{{|\{{
 """A plugin with its parameters in one mapping, as Python code gives it; Hydra has names only."""
 
 
+BRACED = re.compile(r"(filter\.(?:command|file|label))=([^'\"].*)", flags=re.DOTALL)
+"""Parameters whose values are text with braces, blanks or parentheses, of which Hydra's grammar has its own opinion."""
+
+
+def quoted(typed: Sequence[str]) -> list[str]:
+    """Return the words with those values in quotation marks that are text for other programs.
+
+    >>> quoted(["filter.command=./mine {recording} {out}"])
+    ["filter.command='./mine {recording} {out}'"]
+    """
+    return [_in_quotes(match) if (match := BRACED.fullmatch(word)) else word for word in typed]
+
+
+def _in_quotes(match: re.Match[str]) -> str:
+    value = match[2].replace("'", "\\'")
+    return f"{match[1]}='{value}'"
+
+
 def refuse_mappings(typed: Sequence[str]) -> None:
     """Refuse a plugin that is given as a mapping, on which Hydra fails, or of which it keeps the wrong name.
 

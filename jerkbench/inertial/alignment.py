@@ -1,4 +1,4 @@
-"""Where the inertial navigation starts: levelled at rest, or on the attitude filter's first tilt when it moves."""
+"""The start of inertial navigation: levelled at rest, or on the attitude filter's first tilt when it moves."""
 
 from typing import NamedTuple
 

@@ -1,4 +1,4 @@
-"""How the error state grows over a step: Phi and Q."""
+"""The growth of the error state over a step: Phi and Q."""
 
 from typing import NamedTuple
 

@@ -1,4 +1,4 @@
-"""What the state says about each measurement: h(x), and H with h(x + dx) = h(x) + H dx."""
+"""The measurement models: h(x), and H with h(x + dx) = h(x) + H dx."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""When the vehicle stands still, as the IMU sees it."""
+"""The times at which the vehicle stands still, as the IMU sees it."""
 
 import numpy as np
 

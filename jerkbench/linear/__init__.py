@@ -1,1 +1,1 @@
-"""Estimators over kinematic filters, compiled: square covariances, so that they can be mixed."""
+"""Estimators over kinematic filters, made of their kernel: compiled for one run, and for several side by side."""

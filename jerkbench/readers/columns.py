@@ -38,6 +38,15 @@ class Columns:
         """Return the number of rows."""
         return len(self._table)
 
+    @property
+    def names(self) -> list[str]:
+        """The names of the header, or numbers from 1."""
+        return list(self._names)
+
+    def has(self, names: Sequence[str]) -> bool:
+        """Whether the header names all of ``names``, and there is one."""
+        return bool(names) and set(names) <= set(self._names)
+
     def rows_of(self, names: Sequence[str]) -> BoolArray:
         """Return (n,) in which rows at least one of the columns ``names`` has an entry.
 

@@ -3,8 +3,8 @@
 from collections.abc import Iterator, Mapping
 
 from jerkbench.errors import JerkbenchError
-from jerkbench.report.analysis.comparison import Combination
 from jerkbench.report.analysis.factors import FACTORS
+from jerkbench.report.analysis.runs import Combination
 from jerkbench.results.conditions import MEASURED, PARTS, Values, differing_conditions
 from jerkbench.results.study import Study
 

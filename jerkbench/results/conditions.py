@@ -4,8 +4,6 @@ import json
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from jerkbench.results.store import Stored
-
 PARTS = ("dataset", "disturbance", "attitude", "filter", "adaptation")
 """Parts of a cell that a label stands for; the noise is a parameter of the filter."""
 
@@ -16,49 +14,79 @@ PROTOCOL = ("burn_in_s", "divergence_limit_m")
 """Entries of the protocol that change a score; of different seeds, the shared ones are compared."""
 
 PLACES = ("folder", "file")
-"""Ends of the parameters that say where data are."""
+"""Ends of the parameters that say where data are; estimates from elsewhere have another file in each scenario."""
 
 UNKNOWN = "none"
 """In the place of the hash of data that were drawn, not read."""
+
+BESIDE = {"dataset": ("engine",), "filter": ("r_scale",)}
+"""Parts of a specification whose parameters belong to those of another."""
+
+NO_PARAMETERS: Mapping[str, Any] = {}
+"""Of a part that a specification lacks."""
 
 Values = dict[str, str]
 """Parameter -> its value as text."""
 
 
-def conditions(metadata: Mapping[str, Any]) -> dict[str, Values]:
-    """Return the parameters of each part of a cell; the protocol and the engine belong to the data set."""
-    spec, protocol = metadata["spec"], metadata["protocol"]
-    values = {part: _parameters(part, spec.get(part, {})) for part in PARTS}
-    scored = {name: _text(protocol[name]) for name in PROTOCOL if name in protocol}
-    data = {"data": metadata["data"][:12] or UNKNOWN}
-    values["dataset"] |= {**data, **scored, **_parameters("engine", spec.get("engine", {}))}
-    return values
+def conditions(cells: Iterable[Mapping[str, Any]]) -> list[dict[str, Values]]:
+    """Return the parameters of each part of each cell; the protocol and the engine belong to the data set.
+
+    Args:
+        cells: the metadata of each. Parts that are one object are so in the answer too: most of many cells are.
+    """
+    known: dict[object, Values] = {}
+    kept = list(cells)  # as long as they are, no two of their parts have one id
+    return [{part: _of_part(part, cell, known) for part in PARTS} for cell in kept]
 
 
-def told_apart(cells: Sequence[Stored]) -> tuple[list[dict[str, str]], list[str]]:
+def told_apart(
+    cells: Sequence[Mapping[str, Any]], known: Sequence[Mapping[str, Values]]
+) -> tuple[list[dict[str, str]], list[str]]:
     """Return the labels of each cell, with what two cells of one label differ in, and a sentence for each such label.
 
     What was not measured under the same conditions so has another name, and is never compared.
+
+    Args:
+        cells: the metadata of each.
+        known: their `conditions`.
     """
-    labels = [dict(cell.metadata["labels"]) for cell in cells]
-    known = [conditions(cell.metadata) for cell in cells]
+    labels = [dict(cell["labels"]) for cell in cells]
     remarks = []
     for part in PARTS:
         for label, places in _of_one_label(cells, part).items():
-            varying = _varying([known[place][part] for place in places])
-            for place in places:
-                labels[place][part] = with_parameters(label[0], _own(part, known[place][part], varying))
+            varying = _varying(list({id(known[place][part]): known[place][part] for place in places}.values()))
             if varying:
                 remarks.append(_remark(part, label[0], varying))
+                for place in places:
+                    labels[place][part] = with_parameters(label[0], _own(part, known[place][part], varying))
     return labels, remarks
 
 
-def _of_one_label(cells: Sequence[Stored], part: str) -> dict[tuple[str, ...], list[int]]:
+def _of_part(part: str, cell: Mapping[str, Any], known: dict[object, Values]) -> Values:
+    """The parameters of one part of a cell, once for all cells that share it."""
+    spec, protocol = cell["spec"], cell["protocol"]
+    own, others = spec.get(part, NO_PARAMETERS), [spec.get(name, NO_PARAMETERS) for name in BESIDE.get(part, ())]
+    measured = (id(protocol), cell["data"]) if part == "dataset" else ()
+    which = (part, id(own), *map(id, others), *measured)
+    if which not in known:
+        known[which] = _parameters(part, own)
+        if part == "dataset":
+            scored = {name: _text(protocol[name]) for name in PROTOCOL if name in protocol}
+            known[which] |= {"data": cell["data"][:12] or UNKNOWN, **scored}
+        if part == "filter":
+            known[which] = {name: text for name, text in known[which].items() if not name.endswith(PLACES)}
+        for name, plugin in zip(BESIDE.get(part, ()), others, strict=True):
+            known[which] |= _parameters(name, plugin)
+    return known[which]
+
+
+def _of_one_label(cells: Sequence[Mapping[str, Any]], part: str) -> dict[tuple[str, ...], list[int]]:
     """The places of the cells whose part has one label; a filter's parameters are those of its noise too."""
     names = (part, "noise") if part == "filter" else (part,)
     groups: dict[tuple[str, ...], list[int]] = {}
     for place, cell in enumerate(cells):
-        groups.setdefault(tuple(cell.metadata["labels"][name] for name in names), []).append(place)
+        groups.setdefault(tuple(cell["labels"][name] for name in names), []).append(place)
     return groups
 
 

@@ -14,7 +14,8 @@ from jerkbench.estimate import Estimate
 from jerkbench.execution.cell_run import CellRun, Row
 from jerkbench.execution.plugin_errors import plugins_in_words
 from jerkbench.recording import Recording
-from jerkbench.results.store import Store, Stored
+from jerkbench.results.content import Stored
+from jerkbench.results.store import Store
 from jerkbench.results.study import load_study
 
 
@@ -140,7 +141,7 @@ def _by_number(folder: Path, place: int) -> tuple[str, int]:
 
 def _by_key(folder: Path, which: str) -> tuple[str, int | None]:
     beginning, _, seed = which.partition(":")
-    keys = [key for key in Store(folder).names() if key.startswith(beginning)]
+    keys = Store(folder).keys_from(beginning)
     if len(keys) != 1 or (seed and not seed.isdecimal()):
         raise JerkbenchError(
             f"'{which}' is no row of {folder}: {len(keys)} cells begin with '{beginning}'. Give the row's number in "

@@ -9,8 +9,9 @@ from jerkbench.estimate import Attitude, Estimate
 from jerkbench.execution.inputs import shared_inputs
 from jerkbench.recording import Recording
 from jerkbench.report.analysis.references import competes
+from jerkbench.results.content import Stored
 from jerkbench.results.replay import StoredRow, row_of
-from jerkbench.results.store import Store, Stored
+from jerkbench.results.store import Store
 from jerkbench.results.study import Study
 from jerkbench.results.titles import with_title
 
@@ -39,6 +40,7 @@ class Scene:
         tilts: the best method with each way of the tilt filter to adapt; if its attitude is no `tilt`, its own alone.
         best: the method with the lowest mean, of those that compete.
         best_runs: recordings and estimates of its first seeds.
+        burn_in_s: errors count from then on.
     """
 
     name: str
@@ -48,6 +50,7 @@ class Scene:
     tilts: Mapping[str, Estimate]
     best: str
     best_runs: tuple[tuple[Recording, Estimate], ...]
+    burn_in_s: float
 
 
 def scene_keys(study: Study, limit: int) -> dict[str, tuple[str, ...]]:
@@ -59,7 +62,9 @@ def scene_keys(study: Study, limit: int) -> dict[str, tuple[str, ...]]:
     return {name: tuple(keys) for name, keys in list(scenarios.items())[:limit]}
 
 
-def load_scene(folder: Path, name: str, keys: Sequence[str], metric: str) -> Scene:
+def load_scene(
+    folder: Path, name: str, keys: Sequence[str], metric: str, methods: Sequence[tuple[str, str]] = ()
+) -> Scene:
     """Run those cells ``keys`` of a scenario again that are worth a picture.
 
     Args:
@@ -67,12 +72,13 @@ def load_scene(folder: Path, name: str, keys: Sequence[str], metric: str) -> Sce
         name: of the scenario.
         keys: of its cells.
         metric: by which they are chosen.
+        methods: filters and adaptations that are shown beside the best; none: `WANTED`, and the next best.
 
     Raises:
         JerkbenchError: they cannot be run again.
     """
     stored, _ = Store(folder).read(keys)
-    return _scene(name, _chosen(stored, metric))
+    return _scene(name, _chosen(stored, metric, methods))
 
 
 def _scene(name: str, chosen: Mapping[str, Stored]) -> Scene:
@@ -83,8 +89,9 @@ def _scene(name: str, chosen: Mapping[str, Stored]) -> Scene:
     attitude = shared_inputs().attitude(recording, rows[best].cell.attitude)
     estimates = {method: estimate for method, (_, estimate) in runs.items()}
     runs_of_best = tuple(_best_runs(chosen[best]))
+    burn_in_s = rows[best].cell.protocol.burn_in_s
     named = with_title(recording, rows[best].cell, rows[best].draw)
-    return Scene(name, named, attitude, estimates, _tilts(rows[best], estimates[best]), best, runs_of_best)
+    return Scene(name, named, attitude, estimates, _tilts(rows[best], estimates[best]), best, runs_of_best, burn_in_s)
 
 
 def _tilts(row: StoredRow, own: Estimate) -> dict[str, Estimate]:
@@ -92,7 +99,7 @@ def _tilts(row: StoredRow, own: Estimate) -> dict[str, Estimate]:
     if not isinstance(attitude, Tilt):
         return {row.cell.labels.attitude: own}
     varied = {adapt: replace(row.cell, attitude=replace(attitude, adapt=adapt)) for adapt in TILTS}
-    return {f"tilt, adapt={adapt}": replace(row, cell=cell).run()[1] for adapt, cell in varied.items()}
+    return {f"tilt + {adapt}": replace(row, cell=cell).run()[1] for adapt, cell in varied.items()}
 
 
 def _best_runs(stored: Stored) -> Iterator[tuple[Recording, Estimate]]:
@@ -101,13 +108,13 @@ def _best_runs(stored: Stored) -> Iterator[tuple[Recording, Estimate]]:
     return map(StoredRow.run, rows)
 
 
-def _chosen(group: list[Stored], metric: str) -> dict[str, Stored]:
+def _chosen(group: list[Stored], metric: str, wanted: Sequence[tuple[str, str]]) -> dict[str, Stored]:
     """Pick the best, those that are wanted, and then the next best; of one method with several noises the best."""
     methods: dict[tuple[str, str], Stored] = {}
     for cell in ranked(group, metric):
         methods.setdefault((cell.metadata["labels"]["filter"], cell.metadata["labels"]["adaptation"]), cell)
     ordered = list(methods)
-    places = [ordered[0], *(method for method in WANTED if method in methods), *ordered]
+    places = [ordered[0], *(method for method in wanted or WANTED if method in methods), *([] if wanted else ordered)]
     return {_name(methods[key]): methods[key] for key in list(dict.fromkeys(places))[:SHOWN]}
 
 

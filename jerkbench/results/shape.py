@@ -33,12 +33,14 @@ def is_manifest(content: object) -> bool:
     return isinstance(content, Mapping) and all(MANIFEST[name](content[name]) for name in MANIFEST if name in content)
 
 
-def _text(value: object) -> bool:
+def is_text(value: object) -> bool:
+    """Whether it is text that steers no terminal."""
     return isinstance(value, str) and is_plain(value)
 
 
-def _texts(value: object) -> bool:
-    return isinstance(value, list) and all(map(_text, value))
+def is_texts(value: object) -> bool:
+    """Whether it is a list of such texts."""
+    return isinstance(value, list) and all(map(is_text, value))
 
 
 def _count(value: object) -> bool:
@@ -51,7 +53,7 @@ def _number(value: object) -> bool:
 
 def _mapping_of(test: Test) -> Test:
     return lambda value: (
-        isinstance(value, Mapping) and all(_text(name) and test(entry) for name, entry in value.items())
+        isinstance(value, Mapping) and all(is_text(name) and test(entry) for name, entry in value.items())
     )
 
 
@@ -65,12 +67,23 @@ def _has(value: object, tests: Mapping[str, Test]) -> bool:
 
 def _named(value: object) -> bool:
     """Whether it is a plugin with its parameters."""
-    return _mapping_of(_anything)(value) and _has(value, {"name": _text})
+    return _mapping_of(_anything)(value) and _has(value, {"name": is_text})
+
+
+def _several(value: object) -> bool:
+    return isinstance(value, list) and all(map(_named, value))
+
+
+SPEC: Mapping[str, Test] = {
+    **dict.fromkeys(("dataset", "attitude", "filter", "adaptation", "engine"), _named),
+    "disturbance": _several,
+    "metrics": is_texts,
+}
+"""The specification of a cell, part by part."""
 
 
 def _spec(value: object) -> bool:
-    several = {"disturbance": lambda of: isinstance(of, list) and all(map(_named, of)), "metrics": _texts}
-    return _has(value, dict.fromkeys(("dataset", "attitude", "filter", "adaptation", "engine"), _named) | several)
+    return _has(value, SPEC)
 
 
 def _protocol(value: object) -> bool:
@@ -79,34 +92,35 @@ def _protocol(value: object) -> bool:
 
 
 def _labels(value: object) -> bool:
-    return _mapping_of(_text)(value) and tuple(value) == Labels._fields  # type: ignore[arg-type]  # it is a mapping
+    return _mapping_of(is_text)(value) and tuple(value) == Labels._fields  # type: ignore[arg-type]  # it is a mapping
 
 
 CELL: Mapping[str, Test] = {
     "labels": _labels,
     "spec": _spec,
     "protocol": _protocol,
-    "data": _text,
-    "notes": _texts,
-    "code": _text,
-    "versions": _mapping_of(_text),
-    "commit": _text,
-    "created": _text,
+    "data": is_text,
+    "notes": is_texts,
+    "code": is_text,
+    "versions": _mapping_of(is_text),
+    "commit": is_text,
+    "created": is_text,
     "seconds": _number,
     "failed": _count,
 }
 """The metadata of a cell, stored beside its rows."""
 
 MANIFEST: Mapping[str, Test] = {
-    "cells": _texts,
-    "last": _texts,
+    "cells": is_texts,
+    "last": is_texts,
     "levels": _mapping_of(_number),
-    "notes": _mapping_of(_texts),
-    "command": _texts,
-    "finished": _text,
-    "versions": _mapping_of(_text),
-    "commit": _text,
-    "host": _mapping_of(lambda value: value is None or _text(value) or _count(value)),
+    "notes": _mapping_of(is_texts),
+    "tags": _mapping_of(is_texts),
+    "command": is_texts,
+    "finished": is_text,
+    "versions": _mapping_of(is_text),
+    "commit": is_text,
+    "host": _mapping_of(lambda value: value is None or is_text(value) or _count(value)),
     "configuration": _mapping_of(_mapping_of(_anything)),
 }
 
@@ -119,11 +133,11 @@ def _is_table(table: pa.Table, labels: Mapping[str, str], failed: int) -> bool:
     head = (*labels, "seed", "replicate", "status", "reason")
     if table.num_rows == 0 or len(set(names)) < len(names) or not set(head) <= set(names):
         return False
-    if not all(_text(name) and _is_metric(table[name].type) for name in names if name not in head):
+    if not all(is_text(name) and is_metric(table[name].type) for name in names if name not in head):
         return False
     same = all(_values(table, name) == {value} for name, value in labels.items())
     words = _values(table, "replicate") <= REPLICATES and _values(table, "status") <= STATUSES
-    if not (same and words and all(map(_text, _values(table, "reason")))):
+    if not (same and words and all(map(is_text, _values(table, "reason")))):
         return False
     return _are_seeds(table["seed"]) and table["status"].to_pylist().count("failed") == failed
 
@@ -132,7 +146,8 @@ def _values(table: pa.Table, name: str) -> set[object]:
     return set(table[name].to_pylist()) if pa.types.is_string(table[name].type) else {None}
 
 
-def _is_metric(kind: pa.DataType) -> bool:
+def is_metric(kind: pa.DataType) -> bool:
+    """Whether a column of this type can be a metric's."""
     tests = (pa.types.is_floating, pa.types.is_integer, pa.types.is_boolean, pa.types.is_null)
     return any(test(kind) for test in tests)
 

@@ -1,46 +1,36 @@
-"""The store: one Parquet file a cell, written at once and atomically, found again by its key."""
+"""The store: the runs of a study's cells in parts, written at once and atomically, found again by their cells' keys."""
 
-import hashlib
-import json
 import os
 import time
-from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import pandas as pd
 import pyarrow as pa
-import pyarrow.parquet as pq
+import pyarrow.compute as pc
 
-from jerkbench.cells.cell import Cell
-from jerkbench.cells.provenance import code_digest, plugin_digest, versions
 from jerkbench.errors import JerkbenchError
 from jerkbench.execution.cell_run import Row
-from jerkbench.results.shape import MOST_ROWS, is_cell, is_key
+from jerkbench.files import exists
+from jerkbench.places import is_remote
+from jerkbench.plain import plain
+from jerkbench.results.content import Content, Stored, concatenated, content_of_tables
+from jerkbench.results.finished import SEEN, Finished, finished_runs
+from jerkbench.results.old_cells import old_cell
+from jerkbench.results.part_shape import KEY
+from jerkbench.results.parts import NAME, Block, content_of, host, part_name, part_of, table_of
+from jerkbench.results.shape import is_key
 
-METADATA = b"jerkbench"
-DIGEST = b"jerkbench.sha256"
-"""Hash of the rows and of what is stored beside them: a flipped bit in a page or in a name is found."""
-DAMAGE = (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError, MemoryError, pa.ArrowException)
-"""Errors of pyarrow on a damaged file."""
 ABANDONED_S = 3600.0
 """A half-written file that is older belongs to nobody any more."""
 
+LISTINGS = 20
+"""So often the files are listed again, where some of them have just been joined."""
 
-@dataclass(frozen=True)
-class Stored:
-    """A cell as it was found.
-
-    Attributes:
-        key: its name in the store.
-        rows: one row a seed.
-        metadata: its specification, protocol, data, notes and times.
-    """
-
-    key: str
-    rows: pd.DataFrame
-    metadata: dict[str, Any]
+SMALL = 20_000
+"""Rows of a part that is not worth joining with others."""
+MANY = 16
+"""Small parts from which on they are joined."""
 
 
 class Store:
@@ -50,13 +40,6 @@ class Store:
         """Open the store below ``folder`` (the study's), or a folder of cells itself; nothing is written yet."""
         below = folder / "cells"
         self.folder = folder if not below.is_dir() and any(folder.glob("*.parquet")) else below
-
-    @classmethod
-    def at(cls, folder: Path) -> "Store":
-        """Open the store whose files are in ``folder`` itself, whatever is in it."""
-        store = cls.__new__(cls)
-        store.folder = folder
-        return store
 
     def prepare(self) -> None:
         """Make the folder, and clear away what a killed process has left half-written.
@@ -69,147 +52,182 @@ class Store:
             probe = self.folder / f".probe.{os.getpid()}"
             probe.touch()
             probe.unlink()
-            for partial in self.folder.rglob(".*.partial"):
+            for partial in () if is_remote(self.folder) else self.folder.rglob(".*.partial"):
                 if time.time() - partial.stat().st_mtime > ABANDONED_S:
                     partial.unlink(missing_ok=True)
         except OSError as error:
-            raise JerkbenchError(f"Results cannot be written to {self.folder}: {error.strerror}.") from error
+            raise JerkbenchError(f"Results cannot be written to {self.folder}: {error.strerror or error}.") from error
+        except Exception as error:
+            if not is_remote(self.folder):
+                raise
+            raise JerkbenchError(f"Results cannot be written to {self.folder}: {error}.") from error  # no credentials
 
-    def forget(self, processes: Iterable[int]) -> None:
-        """Clear away what these ``processes``, which have ended, left half-written."""
-        for number in processes:
-            for partial in self.folder.rglob(f".*.{number}.partial"):
-                partial.unlink(missing_ok=True)
-
-    def path(self, key: str) -> Path:
-        """Return the path of the cell ``key``, whether it is stored or not."""
-        return self.folder / f"{key}.parquet"
-
-    def done(self, key: str) -> bool:
-        """Whether the cell is there, whole, and no run of it failed (a failed one is tried again)."""
-        stored = _load(self.path(key))
-        return stored is not None and not stored[1]["failed"]
-
-    def look(self, keys: Iterable[str]) -> tuple[set[str], list[str]]:
-        """Return which of ``keys`` are `done`, and which are there, but not as they were written."""
-        stored, damaged = self._find(keys)
-        return {key for key, _, metadata in stored if not metadata["failed"]}, damaged
-
-    def write(self, key: str, rows: Sequence[Row], metadata: dict[str, Any]) -> None:
-        """Store a cell; a reader sees the whole of it or nothing.
+    def write(self, key: str, rows: Sequence[Row], metadata: Mapping[str, Any]) -> None:
+        """Store a whole cell, as a part of its own.
 
         Raises:
             JerkbenchError: no reader would take it for a cell.
         """
-        failed = sum(row["status"] == "failed" for row in rows)
-        names = dict.fromkeys(name for row in rows for name in row)
-        table = pa.table({name: [row.get(name) for row in rows] for name in names})  # by way of pandas: twice the time
-        metadata = {**metadata, "failed": failed}
-        if not is_cell(table, metadata):
-            raise JerkbenchError(f"The rows of the cell {key} cannot be stored: a metric is no number, or has no name.")
-        text = json.dumps(metadata)
-        head = {METADATA: text.encode(), DIGEST: _digest(table, text)}
-        whole = table.replace_schema_metadata({**(table.schema.metadata or {}), **head})
-        try:
-            self._put(key, whole)
-        except FileNotFoundError:  # another process has just deleted the folder, which was empty
-            self._put(key, whole)
+        self.write_blocks([Block(key, len(rows), rows, metadata)])
 
-    def _put(self, key: str, table: pa.Table) -> None:
-        self.folder.mkdir(parents=True, exist_ok=True)
-        partial = self.folder / f".{key}.{os.getpid()}.partial"
-        try:
-            pq.write_table(table, partial)
-            partial.replace(self.path(key))
-        finally:
-            partial.unlink(missing_ok=True)
+    def write_blocks(self, blocks: Sequence[Block]) -> None:
+        """Store runs of some cells as one part; a reader sees the whole of it or nothing.
+
+        Raises:
+            JerkbenchError: no reader would take them for rows.
+        """
+        self._put(table_of(blocks))
+
+    def look(self, keys: Iterable[str]) -> Finished:
+        """Return which of ``keys`` are done, what is there of the others, and which files are damaged."""
+        wanted = list(keys)
+        tables, damaged = self._tables(wanted, SEEN)
+        return finished_runs(tables, wanted, damaged)
+
+    def done(self, key: str) -> bool:
+        """Whether the cell is there, whole, and no run of it failed (a failed one is tried again)."""
+        return key in self.look([key]).done
 
     def read(self, keys: Iterable[str] | None = None) -> tuple[list[Stored], list[str]]:
-        """Return the cells ``keys`` (default: all), and the keys of those that cannot be read."""
-        tables, broken = self._find(self.names() if keys is None else keys)
-        return [Stored(key, _frame(table), metadata) for key, table, metadata in tables], broken
+        """Return the whole cells among ``keys`` (default: all), in this order, and the names of damaged files."""
+        wanted = None if keys is None else list(keys)
+        content, damaged = self.content(wanted)
+        cells = {cell.key: cell for cell in content.stored()} if content else {}
+        return [cells[key] for key in (sorted(cells) if wanted is None else wanted) if key in cells], damaged
 
-    def names(self) -> list[str]:
-        """The names of all files, whatever is in them."""
-        return sorted(path.stem for path in self.folder.glob("*.parquet"))
+    def content(self, keys: Sequence[str] | None = None) -> tuple[Content | None, list[str]]:
+        """Return the whole cells among ``keys`` (default: all) in one table, and the names of damaged files."""
+        tables, damaged = self._tables(keys)
+        return content_of_tables(tables) if tables else None, damaged
 
-    def records(self, keys: Iterable[str]) -> list[tuple[list[Row], dict[str, Any]]]:
-        """Return the rows of those cells that can be read as they were written, each with what is beside them."""
-        stored, _ = self._find(keys)
-        return [
-            ([{name: value for name, value in row.items() if value is not None} for row in table.to_pylist()], metadata)
-            for _, table, metadata in stored
-        ]
+    def begun(self, keys: Sequence[str]) -> pa.Table | None:
+        """Return all runs that are stored of some cells, whole or not, as they are in their parts."""
+        tables, _ = self._tables(keys)
+        return concatenated(tables) if tables else None
 
-    def _find(self, keys: Iterable[str]) -> tuple[list[tuple[str, pa.Table, dict[str, Any]]], list[str]]:
-        """Cells with what is stored beside them, and the keys of those that cannot be read."""
-        stored, broken = [], []
-        for key in keys:
-            content = _load(self.path(key))
-            if content is not None:
-                stored.append((key, *content))
-            elif os.path.lexists(self.path(key)):
-                broken.append(key)
-        return stored, broken
+    def keys_from(self, beginning: str) -> list[str]:
+        """The keys that begin so, of all cells that are there, whole, damaged or begun."""
+        tables, damaged = self._tables(None, [KEY])
+        keys = {*damaged, *(key for table in tables for key in pc.unique(table[KEY]).to_pylist())}
+        return sorted(key for key in keys if key.startswith(beginning))
+
+    def drop(self, keys: Iterable[str]) -> None:
+        """Delete some cells."""
+        gone = pa.array(list(keys), pa.string())
+        for name, table in list(self._files(None)):
+            if table is not None:
+                mask = pc.is_in(table[KEY].cast(pa.string()), gone)
+                if pc.any(mask).as_py():
+                    self._replace([name], table.filter(pc.invert(mask)))
+
+    def compact(self) -> None:
+        """Join small parts, where there are many."""
+        small = {name: table for name, table in self._files(None) if table is not None and table.num_rows < SMALL}
+        if len(small) >= MANY:
+            self._replace(list(small), concatenated(list(small.values())))
+
+    def pack(self) -> Path:
+        """Join all whole cells into one part, each run once, and delete every other file; returns that part's path.
+
+        Raises:
+            JerkbenchError: there is no cell, or a file is damaged.
+        """
+        content, damaged = self.content()
+        if damaged:
+            raise JerkbenchError(f"{self.folder} holds damaged files: {', '.join(map(plain, damaged))}. Delete them.")
+        if content is None or not content.keys:
+            raise JerkbenchError(f"{self.folder} holds no results.")
+        return self._replace([name for name, _ in list(self._files(None))], content.table)
+
+    def set_aside(self, damaged: Iterable[str]) -> None:
+        """Rename damaged files, so that nobody looks at them again."""
+        for name in damaged:
+            path = self._path(name)
+            path.rename(path.with_name(f"{path.name}.damaged"))
+
+    def forget(self, processes: Iterable[int]) -> None:
+        """Clear away what these ``processes``, which have ended, left half-written."""
+        for number in () if is_remote(self.folder) else processes:
+            for partial in self.folder.glob(f".part-{host()}-*.{number}.partial"):
+                partial.unlink(missing_ok=True)
+
+    def _replace(self, names: Sequence[str], table: pa.Table) -> Path:
+        """Store rows of some parts as one, then delete these; a reader in between sees rows twice, never none."""
+        path = self._put(table) if table.num_rows else self.folder
+        for name in names:
+            self._path(name).unlink(missing_ok=True)
+        return path
+
+    def _put(self, table: pa.Table) -> Path:
+        content = content_of(table)
+        path = self._path(part_name(content))
+        if is_remote(path):
+            path.write_bytes(content)
+            return path
+        self.folder.mkdir(parents=True, exist_ok=True)
+        partial = path.with_name(f".{path.stem}.{os.getpid()}.partial")
+        try:
+            partial.write_bytes(content)
+            partial.replace(path)
+        finally:
+            partial.unlink(missing_ok=True)
+        return path
+
+    def _path(self, name: str) -> Path:
+        return self.folder / f"{name}.parquet"
+
+    def _tables(self, keys: Sequence[str] | None, columns: list[str] | None = None) -> tuple[list[pa.Table], list[str]]:
+        """The rows of ``keys`` in each file, and the names of the files that are damaged."""
+        tables, damaged = [], []
+        for name, table in self._files(keys):
+            if table is None:
+                damaged.append(name)
+            elif rows := _rows_of(table if columns is None else table.select(columns), keys):
+                tables.append(rows)
+        return tables, damaged
+
+    def _files(self, keys: Sequence[str] | None) -> Iterator[tuple[str, pa.Table | None]]:
+        """Each file that may hold ``keys``, by its name, with its rows; None where it is damaged."""
+        seen: set[str] = set()
+        for _ in range(LISTINGS):
+            names = sorted(path.name.removesuffix(".parquet") for path in self.folder.glob("*.parquet"))
+            wanted = None if keys is None else set(keys)
+            vanished = False
+            for name in names:
+                other = wanted is not None and not NAME.fullmatch(name) and name not in wanted
+                if name in seen or other:
+                    continue
+                try:
+                    yield name, self._load(name)
+                    seen.add(name)
+                except FileNotFoundError:
+                    vanished = True
+            if not vanished:
+                return
+
+    def _load(self, name: str) -> pa.Table | None:
+        """Load a file; None where it is not as it was written.
+
+        Raises:
+            FileNotFoundError: it is gone.
+        """
+        path = self._path(name)
+        if not path.is_file():
+            if exists(path):
+                return None
+            raise FileNotFoundError(path)
+        try:
+            content = path.read_bytes()
+        except PermissionError as error:
+            raise JerkbenchError(f"{path} cannot be read: {error.strerror}.") from error
+        if match := NAME.fullmatch(name):
+            return part_of(content, match[1])
+        return old_cell(name, content) if is_key(name) else None
 
 
-def cell_key(cell: Cell, fingerprint: str) -> str:
-    """Hash of all that the cell's rows depend on: specification, protocol, our code, the plugins', libraries, data."""
-    parts = [cell.dataset, *cell.disturbances, cell.attitude, cell.filter, cell.adaptation, cell.engine, *cell.metrics]
-    everything = {
-        "labels": cell.labels,
-        "spec": cell.spec,
-        "protocol": _deciding(cell),
-        "code": code_digest(),
-        "versions": versions(),
-        "plugins": [plugin_digest(type(part)) for part in parts],
-        "data": fingerprint,
-    }
-    return hashlib.sha256(json.dumps(everything, sort_keys=True).encode()).hexdigest()[:20]
-
-
-def _deciding(cell: Cell) -> dict[str, Any]:
-    """The protocol without what does not matter: a deterministic cell has no seeds."""
-    everything = asdict(cell.protocol)
-    return everything if cell.seeded else {k: v for k, v in everything.items() if k not in ("seeds", "first_seed")}
-
-
-def _load(path: Path) -> tuple[pa.Table, dict[str, Any]] | None:
-    """Load a cell and what is stored beside it; None where there is no file, or none that is as it was written."""
-    if not (is_key(path.name.partition(".")[0]) and path.is_file()):
-        return None
-    try:
-        content = path.read_bytes()  # whether it may be read is no matter of damage
-        file = pq.ParquetFile(pa.BufferReader(content))
-        if file.metadata.num_rows > MOST_ROWS:
-            return None
-        table = file.read(use_threads=False)  # a cell is too small for threads
-        head = table.schema.metadata
-        text = head[METADATA].decode()
-        metadata: dict[str, Any] = json.loads(text)
-        whole = (DIGEST not in head or head[DIGEST] == _digest(table, text)) and is_cell(table, metadata)
-    except FileNotFoundError:
-        return None
-    except PermissionError as error:
-        raise JerkbenchError(f"{path} cannot be read: {error.strerror}.") from error
-    except DAMAGE:
-        return None
-    return (table, metadata) if whole else None
-
-
-def _frame(table: pa.Table) -> pd.DataFrame:
-    """The rows for pandas, whatever the file says that pandas should make of them."""
-    frame: pd.DataFrame = table.to_pandas(use_threads=False, ignore_metadata=True)
-    return frame
-
-
-def _digest(table: pa.Table, text: str) -> bytes:
-    """Hash all values, to the bit, what pandas makes of them, and the text beside them."""
-    sha = hashlib.sha256(text.encode())
-    for name, value in sorted((table.schema.metadata or {}).items()):
-        sha.update(b"" if name in (METADATA, DIGEST) else name + value)
-    for name, column in zip(table.column_names, table.columns, strict=True):
-        plain = pa.types.is_floating(column.type) or pa.types.is_integer(column.type)
-        sha.update(f"{name} {column.type if plain else ''}".encode())
-        sha.update(column.to_numpy().tobytes() if plain else json.dumps(column.to_pylist(), default=str).encode())
-    return sha.hexdigest().encode()
+def _rows_of(table: pa.Table, keys: Sequence[str] | None) -> pa.Table | None:
+    """The rows of some cells; None where there are none."""
+    if keys is None:
+        return table
+    rows = table.filter(pc.is_in(table[KEY].cast(pa.string()), pa.array(keys, pa.string())))
+    return rows if rows.num_rows else None

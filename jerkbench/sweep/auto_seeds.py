@@ -5,15 +5,18 @@ import re
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
+from jerkbench.cells.key import cell_key
 from jerkbench.errors import PluginError
 from jerkbench.evaluation.statistics.judgement import Verdict
 from jerkbench.evaluation.statistics.sequential import FIRST, levels, looks
-from jerkbench.report.analysis.comparison import Rule
-from jerkbench.report.analysis.standings import standings
+from jerkbench.report.analysis.rule import Rule
+from jerkbench.report.analysis.study_verdicts import study_verdicts
 from jerkbench.report.tables.summary import main_metric
-from jerkbench.results.store import Store, cell_key
+from jerkbench.results.content import Stored
+from jerkbench.results.parts import Block
+from jerkbench.results.store import Store
 from jerkbench.results.study import Study
-from jerkbench.sweep.seed_blocks import Blocks
+from jerkbench.sweep.seed_blocks import block_of
 from jerkbench.sweep.sweep import Plan
 from jerkbench.sweep.tasks import Planned, Result
 
@@ -85,8 +88,10 @@ def run_looks(
 
 def undecided(study: Study, level: float) -> int:
     """Return how many pairs of methods are undecided in the study's leading metric."""
-    judged = standings(study.rows, main_metric(study.rows), rule=Rule(level=level))
-    return sum(pair.verdict is Verdict.UNDECIDED for standing in judged for pair in standing.contest.comparisons)
+    verdicts = study_verdicts(study.rows, main_metric(study.rows), rule=Rule(level=level))
+    return sum(
+        pair.verdict is Verdict.UNDECIDED for standing in verdicts.standings for pair in standing.contest.comparisons
+    )
 
 
 def _with_seeds(plan: Plan, seeds: int) -> Plan:
@@ -100,19 +105,34 @@ def _planned(planned: Planned, seeds: int) -> Planned:
 
 def _done(look: Look, store: Store) -> bool:
     keys = [planned.key for planned in look.plan.cells]
-    return len(store.look(keys)[0]) == len(keys)
+    return len(store.look(keys).done) == len(keys)
 
 
 def _carry(before: Look, look: Look, store: Store) -> None:
     """Store the runs of the look before as finished seeds of the same cells with more."""
-    blocks = Blocks(store)
-    for old, new in zip(before.plan.cells, look.plan.cells, strict=True):
-        if old.key != new.key and not store.done(new.key):
-            for rows, metadata in store.records([old.key]):
-                blocks.write(new, Result(rows, metadata["notes"], metadata["seconds"]))
+    larger = {old.key: new for old, new in _grown(before, look)}
+    done = store.look([new.key for new in larger.values()]).done
+    cells, _ = store.read([old for old, new in larger.items() if new.key not in done])
+    blocks = [_carried(cell, larger[cell.key]) for cell in cells]
+    if blocks:
+        store.write_blocks(blocks)
+
+
+def _carried(cell: Stored, planned: Planned) -> Block:
+    rows = [{str(name): value for name, value in row.items()} for row in cell.rows.to_dict("records")]
+    known = cell.metadata
+    kind = known.get("processor", "")
+    return block_of(planned, Result(rows, known["notes"], known["seconds"], processor=kind))
 
 
 def _forget(before: Look, look: Look, store: Store) -> None:
-    for old, new in zip(before.plan.cells, look.plan.cells, strict=True):
-        if old.key != new.key and store.done(new.key):
-            store.path(old.key).unlink(missing_ok=True)
+    """Delete the cells of the look before that are whole in this one."""
+    larger = {old.key: new.key for old, new in _grown(before, look)}
+    done = store.look(larger.values()).done
+    store.drop([old for old, new in larger.items() if new in done])
+
+
+def _grown(before: Look, look: Look) -> list[tuple[Planned, Planned]]:
+    """The cells of which this look has more seeds: a deterministic one has not."""
+    pairs = zip(before.plan.cells, look.plan.cells, strict=True)
+    return [(old, new) for old, new in pairs if old.key != new.key]

@@ -1,106 +1,86 @@
-"""Blocks of a cell's seeds: stored as they are done, taken up again, and joined when no seed is missing."""
+"""Blocks of a cell's seeds: stored as they are done, so that a sweep that is stopped goes on from them."""
 
 import time
 from collections.abc import Callable, Iterable, Sequence
-from contextlib import suppress
 
 from jerkbench.execution.cell_run import Pieces, Row
+from jerkbench.execution.processors import processor_kind
+from jerkbench.results.parts import Block
 from jerkbench.results.store import Store
 from jerkbench.sweep.tasks import Planned, Result, metadata_of
 
 KEEP_S = 2.0
 """A block that took longer is stored at once; storing it takes some milliseconds."""
+REST_S = 1.0
+"""So is the last one of a task; a shorter one is stored with those of other tasks."""
 
 
-class Blocks:
-    """The finished seeds of a store's unfinished cells.
-
-    A run that failed is never among them: it is tried again.
-    """
-
-    def __init__(self, store: Store) -> None:
-        """Look into the folder ``blocks`` beside the cells; nothing is written yet."""
-        self._store = Store.at(store.folder / "blocks")
-
-    def write(self, planned: Planned, result: Result) -> None:
-        """Store a block, named by the first of its seeds."""
-        rows = [row for row in result.rows if row["status"] != "failed"]
-        if rows:
-            key = f"{planned.key}.{rows[0]['seed']}"
-            self._store.write(key, rows, metadata_of(planned, result.notes, result.seconds))
-
-    def read(self, planned: Planned) -> Result:
-        """Return the finished seeds of a cell; those of a damaged block are to be run again."""
-        rows: dict[int, Row] = {}
-        notes: list[str] = []
-        seconds = 0.0
-        for records, beside in self._store.records(self._keys(planned)):
-            rows |= {row["seed"]: row for row in records}
-            notes += beside["notes"]
-            seconds += beside["seconds"]
-        return Result([rows[draw] for draw in planned.cell.draws if draw in rows], _once(notes), seconds)
-
-    def forget(self, planned: Planned) -> None:
-        """Delete the blocks of a cell, and their folder when it is empty."""
-        for key in self._keys(planned):
-            self._store.path(key).unlink(missing_ok=True)
-        with suppress(OSError):  # another cell has blocks there
-            self._store.folder.rmdir()
-
-    def _keys(self, planned: Planned) -> list[str]:
-        return sorted(path.stem for path in self._store.folder.glob(f"{planned.key}.*.parquet"))
+def block_of(planned: Planned, result: Result) -> Block:
+    """Return the runs of ``result`` as they are stored."""
+    metadata = metadata_of(planned, result.notes, result.seconds, result.processor)
+    return Block(planned.key, len(planned.cell.draws), result.rows, metadata)
 
 
-def run_blocks(planned: Planned, pieces: Pieces, blocks: Blocks, *, keep_rest: bool = False) -> Result:
-    """Run some seeds of a cell, and store what took long on the way.
+def known_runs(planned: Iterable[Planned], store: Store) -> dict[str, dict[int, str]]:
+    """Return seed and status of the stored runs of each cell that has some; one that failed runs again."""
+    known: dict[str, dict[int, str]] = {}
+    table = store.begun([entry.key for entry in planned])
+    if table is not None:
+        names = ("cell.key", "seed", "status")
+        for key, seed, status in zip(*(table[name].to_pylist() for name in names), strict=True):
+            if status != "failed":
+                known.setdefault(key, {})[seed] = status
+    return known
+
+
+def missing(planned: Planned, known: Iterable[int]) -> Sequence[int]:
+    """Return the seeds of a cell that are not ``known``."""
+    done, draws = set(known), planned.cell.draws
+    return [draw for draw in draws if draw not in done] if done else draws
+
+
+def run_blocks(planned: Planned, pieces: Pieces, store: Store | None = None) -> Result:
+    """Run some seeds of a cell, and store what took long on the way; says how many of its rows that are.
 
     Args:
         planned: the cell.
         pieces: rows and notes of its seeds.
-        blocks: where they are stored.
-        keep_rest: store the last block whatever it took.
+        store: where they are stored; default: nowhere.
     """
-    done, block = Result([], [], 0.0), Result([], [], 0.0)
+    rows: list[Row] = []
+    block = empty = Result([], [], 0.0, processor=processor_kind())
     began = time.perf_counter()
-    for rows, notes in pieces:
+    notes: list[str] = []
+    for new_rows, new_notes in pieces:
         now = time.perf_counter()
-        block, began = joined_results([block, Result(rows, notes, now - began)]), now
-        if block.seconds > KEEP_S:
-            blocks.write(planned, block)
-            done, block = joined_results([done, block]), Result([], [], 0.0)
-    if keep_rest:
-        blocks.write(planned, block)
-    return joined_results([done, block])
+        block, began = joined_results([block, Result(new_rows, new_notes, now - began)]), now
+        if store is not None and block.seconds > KEEP_S:
+            store.write_blocks([block_of(planned, block)])
+            rows, notes = [*rows, *block.rows], [*notes, *block.notes]
+            block = empty
+    whole = block._replace(rows=[*rows, *block.rows], notes=_once([*notes, *block.notes]), stored=len(rows))
+    if store is not None and block.seconds > REST_S:
+        store.write_blocks([block_of(planned, block)])
+        return whole._replace(seconds=0.0, stored=len(whole.rows))
+    return whole
 
 
 def finish_cell(planned: Planned, store: Store, run: Callable[[Sequence[int]], Pieces]) -> None:
-    """Run the seeds of a cell that no block has, and store the cell."""
-    blocks = Blocks(store)
-    known = blocks.read(planned)
-    remaining = missing(planned, known)
-    store_cell(planned, [known, run_blocks(planned, run(remaining) if remaining else iter(()), blocks)], store)
-
-
-def missing(planned: Planned, known: Result) -> Sequence[int]:
-    """Return the seeds of a cell that ``known`` lacks."""
-    done = {row["seed"] for row in known.rows}
-    draws = planned.cell.draws
-    return [draw for draw in draws if draw not in done] if done else draws
-
-
-def store_cell(planned: Planned, parts: Sequence[Result], store: Store) -> list[Row]:
-    """Store a cell of which no seed is missing, and delete its blocks; returns its rows."""
-    whole = joined_results(parts)
-    rows = sorted(whole.rows, key=lambda row: int(row["seed"]))
-    store.write(planned.key, rows, metadata_of(planned, whole.notes, whole.seconds))
-    Blocks(store).forget(planned)
-    return rows
+    """Run the seeds of a cell that are not stored, and store them."""
+    remaining = missing(planned, known_runs([planned], store).get(planned.key, {}))
+    if not remaining:
+        return
+    result = run_blocks(planned, run(remaining), store)
+    if rest := result.rows[result.stored :]:
+        store.write_blocks([block_of(planned, result._replace(rows=rest))])
 
 
 def joined_results(parts: Sequence[Result]) -> Result:
     """Return several results as one."""
     rows = [row for part in parts for row in part.rows]
-    return Result(rows, _once(note for part in parts for note in part.notes), sum(part.seconds for part in parts))
+    notes = _once(note for part in parts for note in part.notes)
+    kinds = _once(part.processor for part in parts if part.processor)
+    return Result(rows, notes, sum(part.seconds for part in parts), processor=" and ".join(kinds))
 
 
 def _once(notes: Iterable[str]) -> list[str]:

@@ -1,20 +1,36 @@
 """The sweep: runs the cells that are not done yet, stores each at once, and ends with the table, whatever happens."""
 
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+import time
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
+from operator import attrgetter
 from pathlib import Path
+from typing import NamedTuple
 
 from jerkbench.cells.cell import Cell, refusal
 from jerkbench.cells.data import data_fingerprint
+from jerkbench.cells.key import cell_key
+from jerkbench.clusters.cluster import Cluster, Order
+from jerkbench.clusters.identity import identity_of
+from jerkbench.clusters.local import Local
 from jerkbench.errors import PluginError
 from jerkbench.execution.cell_run import CellRun, failed_rows
-from jerkbench.execution.pool import run_grouped
 from jerkbench.execution.preflight import require_inputs
 from jerkbench.execution.progress import Progress
-from jerkbench.results.store import Store, cell_key
-from jerkbench.sweep.seed_blocks import Blocks, missing, run_blocks, store_cell
+from jerkbench.notices import notify
+from jerkbench.places import is_remote
+from jerkbench.results.store import Store
+from jerkbench.sweep.claims import Claims, Unclaimed
+from jerkbench.sweep.seed_blocks import known_runs, missing, run_blocks
+from jerkbench.sweep.sharing import FOLDER, Shared, plan_name
 from jerkbench.sweep.tasks import Planned, Result, Task, grouped
+from jerkbench.sweep.writer import Writer
+
+LOCAL = Local()
+"""The own pool of processes."""
+POLL_S = 1.0
+"""So long we wait before we look again for what other processes have done."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,75 +73,156 @@ def plan_sweep(cells: Sequence[Cell]) -> Plan:
     return Plan(tuple(planned.values()), lines)
 
 
-def run_sweep(plan: Plan, store: Store, workers: int, done: Collection[str]) -> None:
-    """Run what is not ``done``, in ``workers`` processes, with a progress bar; store every cell as it is finished.
+def run_sweep(plan: Plan, store: Store, workers: int, done: Collection[str], cluster: Cluster = LOCAL) -> None:
+    """Run what is not ``done``, on a cluster, with a progress bar; store every cell as it is finished.
 
     Of a cell that was begun before, only the seeds that are missing run.
+
+    Args:
+        plan: what there is to run.
+        store: where it goes.
+        workers: number of processes, where the cluster starts them itself.
+        done: keys of the cells that are there.
+        cluster: where it runs.
+
+    Raises:
+        ClusterError: the cluster cannot go on; what is done is stored.
     """
-    pending = [planned for planned in plan.cells if planned.key not in done]
-    finished = Finished(store)
-    with Progress(len(plan.cells), already=len(plan.cells) - len(pending)) as progress:
-        remaining = {}
-        for planned in pending:
-            remaining[planned.key] = finished.resume(planned)
-            if not remaining[planned.key]:
-                progress.advance(finished.conclude(planned))
-        work = partial(run_task, store.folder.parent)
-        for task, result in run_grouped(work, grouped(pending, remaining), workers, store.forget):
-            if statuses := finished.add(task, result):
-                progress.advance(statuses)
+    left = [planned for planned in plan.cells if planned.key not in done]
+    folder = store.folder.parent / FOLDER
+    tally, claims = Tally(), Unclaimed(folder) if is_remote(folder) else Claims(folder, plan_name(plan.cells))
+    with (
+        Progress(len(plan.cells), already=len(plan.cells) - len(left)) as progress,
+        claims,
+        Writer(store) as writer,
+    ):
+        while left:
+            _run_round(plan, left, _Round(writer, tally, claims, progress, cluster, workers))
+            left = _wait_for_others([planned for planned in left if planned.key not in tally.whole], store, progress)
 
 
-def run_task(folder: Path, task: Task) -> Result:
-    """Run some seeds of a cell, and store them; those of a whole cell as the cell."""
-    planned, store = task.planned, Store(folder)
+class _Round(NamedTuple):
+    """What a round of a sweep works with."""
+
+    writer: Writer
+    tally: "Tally"
+    claims: Claims | Unclaimed
+    progress: Progress
+    cluster: Cluster
+    workers: int
+
+
+def _run_round(plan: Plan, left: Sequence[Planned], of: _Round) -> None:
+    """Run what is ``left`` of the plan, without what other processes are running."""
+    store = of.writer.store
+    remaining: dict[str, Sequence[int]] = {planned.key: () for planned in plan.cells}
+    known = known_runs(left, store)
+    for planned in left:
+        remaining[planned.key], statuses = of.tally.resume(planned, known.get(planned.key, {}))
+        if not remaining[planned.key]:
+            of.progress.advance(statuses)
+    groups = grouped(plan.cells, remaining)
+    shared = Shared(of.claims, of.writer, groups)
+    if not groups:
+        return
+    order = Order(
+        work=partial(run_task, store.folder.parent.absolute(), of.claims.mark.absolute()),  # a worker is elsewhere
+        groups=groups,
+        bundle=attrgetter("bundle"),
+        admit=shared.admitted,
+        identity=identity_of(planned.cell for planned in left),
+        ended=store.forget,
+    )
+    for task, outcome in of.cluster.run(order, of.workers):
+        result = _result(task, outcome)
+        of.writer.add(task.planned, result)
+        if statuses := of.tally.add(task, result):
+            of.progress.advance(statuses)
+        shared.settle(task)
+
+
+def _wait_for_others(left: Sequence[Planned], store: Store, progress: Progress) -> list[Planned]:
+    """Return what other processes have not done either, after a moment if there is any."""
+    done = store.look([planned.key for planned in left]).done if left else set()
+    for _ in done:
+        progress.advance()
+    if len(done) < len(left):
+        notify("another process has claimed the rest of this sweep; its results are waited for")
+        time.sleep(POLL_S)
+    return [planned for planned in left if planned.key not in done]
+
+
+def run_task(folder: Path, mark: Path, task: Task) -> Result:
+    """Run some seeds of a cell; what takes long is stored on the way, the rest by whoever gets it.
+
+    Args:
+        folder: the study's.
+        mark: a file in it; a worker that does not see it has another folder there, and only returns its rows.
+        task: what to run.
+    """
+    planned = task.planned
     pieces = CellRun(planned.cell, planned.fingerprint).pieces(task.draws)
-    result = run_blocks(planned, pieces, Blocks(store), keep_rest=not task.complete)
-    if task.complete:
-        store_cell(planned, [result], store)
-    return result
+    return run_blocks(planned, pieces, Store(folder) if mark.exists() else None)
 
 
-class Finished:
-    """Cells of which some seeds are still running."""
+class Tally:
+    """The count of the finished runs of cells of which some are still running.
 
-    def __init__(self, store: Store) -> None:
-        """Start with none."""
-        self._store = store
-        self._parts: dict[str, list[Result]] = {}
+    Attributes:
+        whole: keys of the cells of which none is.
+    """
 
-    def resume(self, planned: Planned) -> Sequence[int]:
-        """Take up the stored seeds of a cell; returns those that are missing."""
-        known = Blocks(self._store).read(planned)
-        self._parts[planned.key] = [known]
-        return missing(planned, known)
+    def __init__(self) -> None:
+        """Begin with nothing."""
+        self.whole: set[str] = set()
+        self._statuses: dict[str, dict[int, str]] = {}
 
-    def add(self, task: Task, result: Result | Exception) -> list[str]:
-        """Add what became of ``task``; store a cell with its last part, and return the status of its rows."""
-        planned, known = task.planned, not isinstance(result, Exception)
-        if isinstance(result, Exception):  # what the process could not say
-            result = Result(failed_rows(planned.cell, task.draws, f"{type(result).__name__}: {result}"), [], 0.0)
-        parts = self._parts.setdefault(planned.key, [])
-        parts.append(result)
-        if sum(len(part.rows) for part in parts) < len(planned.cell.draws):
+    def resume(self, planned: Planned, known: Mapping[int, str]) -> tuple[Sequence[int], list[str]]:
+        """Take up the stored runs of a cell, the status of each seed; returns the seeds to run, and as `add` does."""
+        self._statuses[planned.key] = dict(known)
+        return missing(planned, known), self._whole(planned)
+
+    def add(self, task: Task, result: Result) -> list[str]:
+        """Add the runs of ``task``; returns the status of every run of its cell with the last of them."""
+        statuses = self._statuses.setdefault(task.planned.key, {})
+        statuses.update({int(row["seed"]): row["status"] for row in result.rows})
+        return self._whole(task.planned)
+
+    def _whole(self, planned: Planned) -> list[str]:
+        if len(self._statuses[planned.key]) < len(planned.cell.draws):
             return []
-        if not (task.complete and known):
-            return self.conclude(planned)
-        return [row["status"] for part in self._parts.pop(planned.key) for row in part.rows]
+        self.whole.add(planned.key)
+        return list(self._statuses.pop(planned.key).values())
 
-    def conclude(self, planned: Planned) -> list[str]:
-        """Store a cell of which no seed is missing; returns the status of its rows."""
-        return [row["status"] for row in store_cell(planned, self._parts.pop(planned.key), self._store)]
+
+def _result(task: Task, outcome: Result | Exception) -> Result:
+    """The rows of a task; failed ones, where its process could not say what became of it."""
+    if isinstance(outcome, Exception):
+        return Result(failed_rows(task.planned.cell, task.draws, f"{type(outcome).__name__}: {outcome}"), [], 0.0)
+    return outcome
 
 
 def _require_names(cells: Sequence[Cell]) -> None:
-    """Refuse two cells that no column of the table would tell apart."""
-    cells_by_name: dict[object, Cell] = {}
+    """Refuse two cells that no column of the table would tell apart, and that are no shards of one."""
+    cells_by_name: dict[object, list[Cell]] = {}
     for cell in cells:
-        namesake = cells_by_name.setdefault(cell.labels, cell)
-        if namesake is not cell:
-            parts = [part for part in cell.spec if cell.spec[part] != namesake.spec[part]]
-            raise PluginError(
-                f"Two combinations would both be called {', '.join(cell.labels)}: they differ in {' and '.join(parts)} "
-                "in a way that no column shows; run them into studies of their own (study=NAME)."
-            )
+        for namesake in cells_by_name.setdefault(cell.labels, []):
+            _require_shards(cell, namesake)
+        cells_by_name[cell.labels].append(cell)
+
+
+def _require_shards(cell: Cell, namesake: Cell) -> None:
+    """Refuse two cells of one name that differ in more than their seeds, or share some of these."""
+    parts = [part for part in cell.spec if cell.spec[part] != namesake.spec[part]]
+    named = ", ".join(cell.labels)
+    if parts or replace(cell.protocol, seeds=1, first_seed=0) != replace(namesake.protocol, seeds=1, first_seed=0):
+        raise PluginError(
+            f"Two combinations would both be called {named}: they differ in {' and '.join(parts or ['the protocol'])} "
+            "in a way that no column shows; run them into studies of their own (study=NAME)."
+        )
+    shared = range(max(cell.draws[0], namesake.draws[0]), min(cell.draws[-1], namesake.draws[-1]) + 1)
+    if shared:
+        raise PluginError(
+            f"{named} would run {len(shared)} seeds twice, from {shared[0]} to {shared[-1]}: give first_seed values "
+            f"that are seeds={cell.protocol.seeds} or more apart."
+        )

@@ -1,14 +1,23 @@
 """The work of a sweep in pieces: some seeds of a cell, in an order in which pieces that follow share their input."""
 
+import itertools
+import math
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import NamedTuple
 
 from jerkbench.cells.cell import Cell
+from jerkbench.cells.key import cell_identity
 from jerkbench.cells.provenance import code_digest, git_commit, versions
+from jerkbench.contracts import PerSeed
 from jerkbench.execution.cell_run import Row
 from jerkbench.execution.inputs import KEPT
+
+BUNDLES = 128
+"""Bundles of a sweep, as long as none has more than `MOST_TASKS`."""
+MOST_TASKS = 64
+"""Tasks of a bundle: a cluster needs some milliseconds for each bundle, and loses as much with a worker."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,10 +35,12 @@ class Task(NamedTuple):
     Attributes:
         planned: the cell.
         draws: which of its seeds.
+        bundle: number of the stretch of the sweep that it belongs to.
     """
 
     planned: Planned
     draws: Sequence[int]
+    bundle: int = 0
 
     @property
     def complete(self) -> bool:
@@ -38,14 +49,24 @@ class Task(NamedTuple):
 
 
 class Result(NamedTuple):
-    """The result of a task: its rows, the notes for their reader, and its time [s]."""
+    """The result of a task.
+
+    Attributes:
+        rows: of its seeds.
+        notes: for their reader.
+        seconds: time of the rows that are not stored yet [s].
+        stored: how many of the rows, from the first on, are stored already.
+        processor: kind of the processor that ran it; empty: nothing was run.
+    """
 
     rows: list[Row]
     notes: list[str]
     seconds: float
+    stored: int = 0
+    processor: str = ""
 
 
-def metadata_of(planned: Planned, notes: list[str], seconds: float) -> dict[str, object]:
+def metadata_of(planned: Planned, notes: list[str], seconds: float, processor: str) -> dict[str, object]:
     """The metadata of a cell, stored beside its rows."""
     cell = planned.cell
     return {
@@ -53,39 +74,54 @@ def metadata_of(planned: Planned, notes: list[str], seconds: float) -> dict[str,
         "spec": cell.spec,
         "protocol": asdict(cell.protocol),
         "data": planned.fingerprint,
+        "identity": cell_identity(cell, planned.fingerprint),
         "notes": notes,
         "code": code_digest(),
         "versions": versions(),
         "commit": git_commit(),
         "created": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
         "seconds": round(seconds, 3),
+        "processor": processor,
     }
 
 
-def grouped(pending: Sequence[Planned], remaining: Mapping[str, Sequence[int]] | None = None) -> list[list[Task]]:
+def grouped(cells: Sequence[Planned], remaining: Mapping[str, Sequence[int]] | None = None) -> list[list[Task]]:
     """Tasks that share their recordings and attitudes, together; groups that share the data set follow each other.
 
-    A task has no more seeds than a process keeps recordings.
+    A task has no more seeds than a process keeps recordings. The numbers of the bundles depend on ``cells`` alone.
 
     Args:
-        pending: what is to run.
+        cells: the cells of the plan.
         remaining: by key, the seeds that are to run; of a cell that is not named, all.
     """
     wanted = remaining or {}
     groups: dict[object, dict[object, list[Task]]] = {}
-    for planned in pending:
+    for planned in cells:
         cell = planned.cell
-        for block, draws in _blocks(cell.draws, wanted.get(planned.key, cell.draws)):
+        size = 1 if isinstance(cell.filter, PerSeed) else KEPT  # programs of the user's: each seed on its own
+        for block, draws in _blocks(cell.draws, wanted.get(planned.key, cell.draws), size):
             near = groups.setdefault((cell.dataset, planned.fingerprint, block), {})
             near.setdefault((cell.disturbances, cell.attitude), []).append(Task(planned, draws))
-    return [group for near in groups.values() for group in near.values()]
+    numbered = _numbered([group for near in groups.values() for group in near.values()])
+    return [tasks for group in numbered if (tasks := [task for task in group if task.draws])]
 
 
-def _blocks(draws: range, remaining: Sequence[int]) -> Iterator[tuple[int, Sequence[int]]]:
-    """Number and seeds of each block of ``draws``, as far as they are ``remaining``."""
+def bundle_size(tasks: int) -> int:
+    """Return how many tasks make a bundle: few enough to go round, enough to share their recording."""
+    return min(max(math.ceil(tasks / BUNDLES), 1), MOST_TASKS)
+
+
+def _numbered(groups: list[list[Task]]) -> list[list[Task]]:
+    """Number the bundles; one of each group is the shorter."""
+    size = bundle_size(sum(map(len, groups)))
+    number = itertools.count()
+    bundled = [[(next(number), group[k : k + size]) for k in range(0, len(group), size)] for group in groups]
+    return [[task._replace(bundle=n) for n, tasks in group for task in tasks] for group in bundled]
+
+
+def _blocks(draws: range, remaining: Sequence[int], size: int) -> Iterator[tuple[int, Sequence[int]]]:
+    """Number and seeds of each block of ``size`` of the ``draws``, as far as they are ``remaining``: maybe none."""
     wanted = set(remaining)
-    for begin in range(0, len(draws), KEPT):
-        block = draws[begin : begin + KEPT]
-        chosen = block if wanted.issuperset(block) else [draw for draw in block if draw in wanted]
-        if chosen:
-            yield begin, chosen
+    for begin in range(0, len(draws), size):
+        block = draws[begin : begin + size]
+        yield begin, block if wanted.issuperset(block) else [draw for draw in block if draw in wanted]

@@ -17,7 +17,7 @@ class Recorder:
         self._index = np.empty(references, dtype=np.int64)
         self._x, self._P = np.empty((references, 6)), np.empty((references, 6, 6))
         self._which = np.empty(updates, dtype=np.int64)
-        self._counts, self._nis, self._nis_used = np.empty(updates), np.empty(updates), np.empty(updates)
+        self._counts, self._nis, self._nis_used, self._log_det = np.empty((4, updates))
         self._innovation, self._R = np.full((updates, 6), np.nan), np.full((updates, 6), np.nan)
         self._k = self._m = 0
 
@@ -27,12 +27,19 @@ class Recorder:
         self._k += 1
 
     def update(
-        self, which: int, rows: IntArray, innovation: FloatArray, R_diagonal: FloatArray, nis: float, nis_used: float
+        self,
+        which: int,
+        rows: IntArray,
+        innovation: FloatArray,
+        R_diagonal: FloatArray,
+        nis: float,
+        nis_used: float,
+        log_det: float = np.nan,
     ) -> None:
         """Keep what an update saw."""
         m = self._m
         self._which[m], self._counts[m] = which, len(rows)
-        self._nis[m], self._nis_used[m] = nis, nis_used
+        self._nis[m], self._nis_used[m], self._log_det[m] = nis, nis_used, log_det
         self._innovation[m, rows], self._R[m, rows] = innovation, R_diagonal
         self._m += 1
 
@@ -40,6 +47,7 @@ class Recorder:
         """Return what was collected so far."""
         k, m = self._k, self._m
         t_s = np.asarray(self._timeline.measurements.t_ns[self._which[:m]] * 1e-9, dtype=np.float64)
-        updates = Updates(t_s, self._counts[:m], self._nis[:m], self._nis_used[:m], self._innovation[:m], self._R[:m])
+        scalars = self._counts[:m], self._nis[:m], self._nis_used[:m]
+        updates = Updates(t_s, *scalars, self._innovation[:m], self._R[:m], self._log_det[:m])
         index, x = self._index[:k], self._x[:k]
         return Estimate(index, x[:, :3], x[:, 3:], self._P[:k], self._timeline.euler_rad[index], updates, failure)

@@ -1,6 +1,30 @@
-"""The verbs that read results: each a file with `add`, which declares its words, and `answer`."""
+"""The verbs but `run`: each a module with `add`, which declares its words and its `answer`."""
 
-from jerkbench.verbs import compare, export, figures, report, rerun, table
+from jerkbench.verbs import (
+    audit,
+    check,
+    cite,
+    compare,
+    data,
+    export,
+    figures,
+    listing,
+    new,
+    pack,
+    report,
+    rerun,
+    score,
+    show,
+    suite,
+    table,
+    tune,
+)
 
-VERBS = (table, figures, report, compare, rerun, export)
+VERBS = (
+    *(listing, show, data),
+    *(table, figures, report, compare, score),
+    *(tune, audit, suite),
+    *(rerun, export, pack),
+    *(new, check, cite),
+)
 """In the order in which `jerkbench --help` names them."""

@@ -2,16 +2,15 @@
 
 import argparse
 
-from jerkbench.verbs.kinds import Verbs, output
+from jerkbench.verbs.arguments import Verbs, add_verb, output
 from jerkbench.verbs.rerun import add_row
 
 
 def add(verbs: Verbs) -> None:
     """Declare the verb."""
-    export = verbs.add_parser("export", help="write one row's estimate and reference as trajectories (TUM)")
+    export = add_verb(verbs, "export", "write one row's estimate and reference as trajectories (TUM)", answer)
     add_row(export)
     export.add_argument("--tum", type=output, required=True, metavar="FOLDER", help="write estimate.tum, reference.tum")
-    export.set_defaults(answer=answer)
 
 
 def answer(chosen: argparse.Namespace) -> None:

@@ -1,9 +1,9 @@
 """`jerkbench rerun`: one row once more, from the configuration that is stored with it."""
 
 import argparse
-from pathlib import Path
 
-from jerkbench.verbs.kinds import Verbs
+from jerkbench.places import place
+from jerkbench.verbs.arguments import Verbs, add_verb
 
 DIFFERENT = 1
 """Exit code where a number is another."""
@@ -11,14 +11,13 @@ DIFFERENT = 1
 
 def add(verbs: Verbs) -> None:
     """Declare the verb."""
-    rerun = verbs.add_parser("rerun", help="run one row again, from its own stored configuration: the same numbers?")
+    rerun = add_verb(verbs, "rerun", "run one row again, from its own stored configuration: the same numbers?", answer)
     add_row(rerun)
-    rerun.set_defaults(answer=answer)
 
 
 def add_row(parser: argparse.ArgumentParser) -> None:
     """Declare the words that say which row."""
-    parser.add_argument("folder", type=Path, help="a study's folder, or a folder of cells")
+    parser.add_argument("folder", type=place, help="a study's folder, or a folder of cells")
     parser.add_argument("row", metavar="ROW", help="its number in rows.csv, from 1; or KEY:SEED of a file in cells/")
 
 

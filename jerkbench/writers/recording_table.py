@@ -54,7 +54,11 @@ def table_of(recording: Recording, coordinates: str = "enu") -> "pd.DataFrame":
 
 def write_table(recording: Recording, path: Path, coordinates: str = "enu") -> None:
     """Write a .csv or .parquet file."""
-    table = table_of(recording, coordinates)
+    write_frame(table_of(recording, coordinates), path)
+
+
+def write_frame(table: "pd.DataFrame", path: Path) -> None:
+    """Write any table to a .csv or .parquet file."""
     if path.suffix == ".parquet":
         write_atomically(path, lambda partial: table.to_parquet(partial, index=False))
     else:
@@ -77,7 +81,7 @@ def _streams(recording: Recording, coordinates: str) -> list[tuple[FloatArray, C
         streams.append((velocity.t_s, columns))
     if heading is not None:
         streams.append((heading.t_s, {"heading_yaw_rad": heading.yaw_rad, "heading_sigma_rad": heading.sigma_rad}))
-    return [*streams, (recording.reference.t_s, _reference(recording, coordinates))]
+    return [*streams, (recording.reference.t_s, reference_columns(recording, coordinates))]
 
 
 def _imu(imu: Imu) -> Columns:
@@ -86,7 +90,8 @@ def _imu(imu: Imu) -> Columns:
     return columns | _three("gyro", tuple(f"{axis}_radps" for axis in axes), imu.gyro_radps)
 
 
-def _reference(recording: Recording, coordinates: str) -> Columns:
+def reference_columns(recording: Recording, coordinates: str) -> Columns:
+    """Return what the reference knows, by column, at its own stamps."""
     reference = recording.reference
     columns: Columns = {}
     if reference.enu_m is not None:

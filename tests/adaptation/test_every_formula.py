@@ -16,18 +16,18 @@ ADAPT = {
     "federated": lambda: naive.naive_federated(0.5),
     "fuzzy": naive.NaiveFuzzy,
     "chi2": naive.NaiveChi2,
-    "huber": lambda: naive.naive_huber,
+    "huber_r": lambda: naive.naive_huber,
     "igg3": lambda: naive.naive_igg3,
     "relaxing_gate": naive.NaiveRelaxingGate,
-    "student_t": lambda: naive.naive_student_t,
+    "student_t_r": lambda: naive.naive_student_t,
     "variational_bayes": naive.NaiveVariationalBayes,
-    "ssmkf": lambda: naive.naive_similarity,
+    "ssmkf_r": lambda: naive.naive_similarity,
 }
 """Plugins whose formulas hold for a full R as they are."""
 
 WEIGHTED = {
-    "maximum_correntropy": naive.correntropy_weights,
-    "cerkf": naive.centred_entropy_weights,
+    "maximum_correntropy_r": naive.correntropy_weights,
+    "cerkf_r": naive.centred_entropy_weights,
 }
 FADE = {"scalar_q": lambda: naive.naive_scalar_q, "adaptive_q": lambda: naive.NaiveAdaptiveQ(20)}
 

@@ -77,6 +77,16 @@ def test_the_window_is_the_mean_of_the_last_squared_innovations_triggered_or_not
         np.testing.assert_allclose(np.diag(adapted), np.diag(R) + excess, rtol=1e-12)
 
 
+def test_it_begins_after_so_many_updates_but_looks_on_before():
+    hit = np.array([10.0, 0, 0, 0, 0, 0]), np.eye(6), np.eye(6)
+    mtf, other = Mtf(window=4, after=3), Mtf(window=4)
+    memory, others = empty_memory(mtf), empty_memory(other)
+    late, early = ([adapt(rule, hit, memory=m)[0, 0] for _ in range(5)] for rule, m in ((mtf, memory), (other, others)))
+
+    assert late == [1.0, 1.0, 1.0, *early[3:]]
+    assert min(early) > 1.0
+
+
 def test_the_guard_lets_only_the_first_hits_of_a_sequence_inflate():
     mtf = Mtf(guard=2)
     memory = empty_memory(mtf)

@@ -9,6 +9,7 @@ import pytest
 from sequences import sequence
 
 from jerkbench import plugins
+from jerkbench.conformance.updates import STATES, ordinary
 from jerkbench.memory import empty_memory
 
 numba = pytest.importorskip("numba")
@@ -46,14 +47,26 @@ def done():
 def test_compiled_and_plain_agree(name, done):
     plugin = plugins.create("adaptation", {"name": name})
     self = parameters(plugin)
-    memories = np.tile(empty_memory(plugin), (2, 1))
-    for method in ("fade", "adapt"):
-        if not hasattr(plugin, method):
-            continue
+    memories = np.tile(empty_memory(plugin, STATES), (2, 1))
+    for method, arguments in calls(plugin):
         fast = compiled(getattr(type(plugin), method), done)
-        for y, HPHt, R, rows in sequence(1, 80):
-            wanted = getattr(plugin, method)(y, HPHt, R, rows, memories[0])
-            got = fast(self, y, HPHt, R, rows, memories[1])
-            scale = 1.0 if method == "fade" else np.sqrt(np.outer(np.diag(R), np.diag(R)))
-            np.testing.assert_allclose(got / scale, wanted / scale, rtol=1e-6, atol=1e-9)
-            np.testing.assert_allclose(*memories, rtol=1e-9, atol=1e-12)
+        wanted = getattr(plugin, method)(*arguments, memories[0])
+        got = fast(self, *arguments, memories[1])
+        known = np.abs(np.asarray(wanted))
+        largest = known[np.isfinite(known)].max(initial=0.0)  # an infinite variance drops its row
+        np.testing.assert_allclose(got, wanted, rtol=1e-6, atol=1e-9 * largest)
+        np.testing.assert_allclose(*memories, rtol=1e-9, atol=1e-12)
+
+
+def calls(plugin):
+    """Each method that the plugin has, in the order in which an engine asks them, over a sequence of updates."""
+    rng = np.random.default_rng(1)
+    for _, _, _, rows in sequence(1, 80):
+        (y, HPHt, R, _), (x, P, F, Q) = ordinary(rng, tuple(rows.tolist()), (0.3, 1.0, 5.0, 60.0)[rng.integers(4)])
+        seen = {
+            "fade": (y, HPHt, R, rows),
+            "adapt_prior": (x, P, F, Q, y, R, rows),
+            "adapt": (y, HPHt, R, rows),
+            "adapt_gain": (x, P, y, R, rows),
+        }
+        yield from ((name, seen[name]) for name in seen if hasattr(plugin, name))

@@ -44,11 +44,11 @@ def test_the_tail_far_out_is_nothing_and_no_error(x):
 @pytest.mark.parametrize(
     ("name", "wide"),
     [
-        ("student_t", {"nu": 1e12}),
-        ("ssmkf", {"nu": 1e12}),
-        ("maximum_correntropy", {"bandwidth": 1e7}),
-        ("cerkf", {"centre_bandwidth": 1e7, "pair_bandwidth": 1e7}),
-        ("huber", {"threshold": 1e12}),
+        ("student_t_r", {"nu": 1e12}),
+        ("ssmkf_r", {"nu": 1e12}),
+        ("maximum_correntropy_r", {"bandwidth": 1e7}),
+        ("cerkf_r", {"centre_bandwidth": 1e7, "pair_bandwidth": 1e7}),
+        ("huber_r", {"threshold": 1e12}),
     ],
 )
 def test_with_the_widest_parameter_it_is_none(name, wide):
@@ -57,7 +57,7 @@ def test_with_the_widest_parameter_it_is_none(name, wide):
         np.testing.assert_allclose(adapted, R, rtol=1e-6, atol=1e-7 * np.max(np.diag(R)))
 
 
-@pytest.mark.parametrize("name", ["scalar_r", "huber", "federated", "mtf_block", "mtf_nis", "chi2", "fuzzy"])
+@pytest.mark.parametrize("name", ["scalar_r", "huber_r", "federated", "mtf_block", "mtf_nis", "chi2", "fuzzy"])
 def test_a_small_innovation_changes_nothing(name):
     updates = [(0.1 * y / np.abs(y).max() * np.sqrt(np.diag(R).min()), H, R, rows) for y, H, R, rows in sequence(4)]
     for (_, _, R, _), adapted in zip(updates, run(make(name), updates), strict=True):
@@ -180,7 +180,7 @@ def test_huber_bounds_the_pull_of_an_outlier():
     pulls = []
     for y in (10.0, 100.0, 1000.0):
         update = scalar_update(y, h=1e-6)
-        R = run(make("huber"), [update])[0]
+        R = run(make("huber_r"), [update])[0]
         pulls.append(update[1][0, 0] / (update[1] + R)[0, 0] * y)
 
     np.testing.assert_allclose(pulls, pulls[0], rtol=1e-4)
@@ -189,14 +189,14 @@ def test_huber_bounds_the_pull_of_an_outlier():
 def test_correntropy_lets_a_far_outlier_go_but_not_a_fix_after_an_outage():
     outlier, after_outage = scalar_update(100.0, h=0.01), scalar_update(100.0, h=1e4)
 
-    assert run(make("maximum_correntropy"), [outlier])[0][0, 0] > 1e8
-    assert run(make("maximum_correntropy"), [after_outage])[0][0, 0] == pytest.approx(1.0, rel=1e-3)
+    assert run(make("maximum_correntropy_r"), [outlier])[0][0, 0] > 1e8
+    assert run(make("maximum_correntropy_r"), [after_outage])[0][0, 0] == pytest.approx(1.0, rel=1e-3)
 
 
 def test_centred_entropy_takes_more_from_a_row_that_stands_apart_than_from_rows_that_err_together():
     apart, together = np.array([30.0, 0, 0]), np.array([30.0, 30.0, 30.0])
-    alone = run(make("cerkf"), [(apart, 0.01 * EYE, EYE, POSITION)])[0]
-    shared = run(make("cerkf"), [(together, 0.01 * EYE, EYE, POSITION)])[0]
+    alone = run(make("cerkf_r"), [(apart, 0.01 * EYE, EYE, POSITION)])[0]
+    shared = run(make("cerkf_r"), [(together, 0.01 * EYE, EYE, POSITION)])[0]
 
     assert alone[0, 0] > 1e4
     assert shared[0, 0] == pytest.approx(5.0, rel=1e-3)  # 1/(1 - eta)
@@ -204,7 +204,7 @@ def test_centred_entropy_takes_more_from_a_row_that_stands_apart_than_from_rows_
 
 def test_the_similarity_weight_is_a_fixed_point():
     y, h, r = 20.0, 0.5, 2.0
-    R = run(make("ssmkf", passes=200), [scalar_update(y, h, r)])[0][0, 0]
+    R = run(make("ssmkf_r", passes=200), [scalar_update(y, h, r)])[0][0, 0]
     weight, expected = r / R, (y * R / (h + R)) ** 2 + h * R / (h + R)
 
     assert weight == pytest.approx(np.sqrt((3 + 1) / (3 + expected / r)), rel=1e-12)
@@ -236,17 +236,30 @@ def test_adaptive_q_opens_a_filter_whose_prior_is_too_small_and_leaves_one_that_
         ("fuzzy", {"large": 0.0}),
         ("chi2", {"probability": 0.0}),
         ("chi2", {"longest": -1}),
-        ("huber", {"threshold": 0.0}),
-        ("student_t", {"nu": 0.0}),
+        ("huber_r", {"threshold": 0.0}),
+        ("student_t_r", {"nu": 0.0}),
         ("variational_bayes", {"forgetting": 1.0}),
         ("variational_bayes", {"passes": 0}),
-        ("maximum_correntropy", {"bandwidth": 0.0}),
-        ("ssmkf", {"nu": 0.0}),
-        ("cerkf", {"eta": 1.5}),
-        ("cerkf", {"pair_bandwidth": 0.0}),
-        ("cerkf", {"passes": 0}),
+        ("maximum_correntropy_r", {"bandwidth": 0.0}),
+        ("ssmkf_r", {"nu": 0.0}),
+        ("cerkf_r", {"eta": 1.5}),
+        ("cerkf_r", {"pair_bandwidth": 0.0}),
+        ("cerkf_r", {"passes": 0}),
         ("adaptive_q", {"low": 2.0, "high": 1.0}),
         ("adaptive_q", {"window": 0}),
+        ("mtf", {"after": -1}),
+        ("huber", {"threshold": 0.0}),
+        ("huber", {"sides": "prior"}),
+        ("maximum_correntropy", {"bandwidth": 0.0}),
+        ("ssmkf", {"function": "cosh"}),
+        ("ssmkf", {"sigma": 0.0}),
+        ("student_t", {"tau": 0.0}),
+        ("vbakf_pr", {"forgetting": 0.0}),
+        ("vbakf_pr", {"tau": 0.0}),
+        ("sif", {"width": 0.0}),
+        ("strong_tracking", {"softening": 0.5}),
+        ("strong_tracking", {"other": 0.0}),
+        ("sage_husa_qr", {"low": 20.0, "high": 10.0}),
     ],
 )
 def test_a_parameter_out_of_range_is_a_sentence_that_names_it(name, wrong):

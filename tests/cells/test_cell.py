@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import pytest
 
+from jerkbench.cells import key as keys_of_cells
 from jerkbench.cells.cell import Protocol, build, refusal
+from jerkbench.cells.key import cell_key
 from jerkbench.cells.labels import joined
 from jerkbench.errors import PluginError
-from jerkbench.results import store
-from jerkbench.results.store import cell_key
 
 SPEC = {
     "dataset": {"name": "field"},
@@ -63,7 +63,7 @@ def test_the_key_depends_on_everything_that_the_rows_depend_on(monkeypatch):
             (cell(metrics=["position_rmse"]), "data"),
         ]
     ]
-    monkeypatch.setattr(store, "code_digest", lambda: "an edit")
+    monkeypatch.setattr(keys_of_cells, "code_digest", lambda: "an edit")
     keys.append(cell_key(cell(), "data"))
 
     assert len(set(keys)) == len(keys)
@@ -119,7 +119,7 @@ def test_seeds_do_not_change_the_key_of_a_cell_without_anything_random():
 
 def test_the_key_depends_on_the_versions_of_the_libraries(monkeypatch):
     before = cell_key(cell(), "data")
-    monkeypatch.setattr(store, "versions", lambda: {"numpy": "another"})
+    monkeypatch.setattr(keys_of_cells, "versions", lambda: {"numpy": "another"})
 
     assert cell_key(cell(), "data") != before
 

@@ -6,9 +6,9 @@ import sys
 
 import pytest
 
-from jerkbench.engines.compiled import entry
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.filters.baseline import Baseline
+from jerkbench.kinematic import entry
 
 
 @pytest.fixture

@@ -28,7 +28,7 @@ import sys
 import numpy as np
 from numba import njit
 from jerkbench.compilation.calls import fill_by
-from jerkbench.engines.compiled.plugin_call import ADAPT, address_of, compiled_method, parameter_vector
+from jerkbench.kinematic.plugin_call import ADAPT, address_of, compiled_method, parameter_vector
 from rule import Rule
 
 
@@ -144,7 +144,7 @@ def test_two_compilations_of_one_function_by_two_processes_do_not_take_each_othe
 THREADS = """
 from concurrent.futures import ThreadPoolExecutor
 import numpy as np
-from jerkbench.engines.compiled.plugin_call import ADAPT, compiled_method
+from jerkbench.kinematic.plugin_call import ADAPT, compiled_method
 from rule import Rule
 
 with ThreadPoolExecutor(4) as pool:

@@ -107,6 +107,45 @@ def test_adaptations(sentence):
     fails(testing.check_adaptation, ADAPTATIONS[sentence], sentence)
 
 
+def prior_of(change):
+    """An adaptation of the prior covariance alone."""
+
+    def adapt_prior(self, x, P, F, Q, innovation, R, rows, memory):
+        return change(P, F)
+
+    return type("Broken", (NoAdaptation,), {"adapt_prior": adapt_prior})()
+
+
+def gain_of(change):
+    """An adaptation with a gain of its own."""
+
+    def adapt_gain(self, x, P, innovation, R, rows, memory):
+        return change(P[:, rows])
+
+    return type("Broken", (NoAdaptation,), {"adapt_gain": adapt_gain})()
+
+
+def doubled_in_place(P, F):
+    F *= 2.0
+    return P.copy()
+
+
+BEYOND_R = {
+    r"adapt_prior\(\) has shape": prior_of(lambda P, F: P[:6, :6].copy()),
+    r"adapt_prior\(\) is not symmetric": prior_of(lambda P, F: F @ P),
+    r"adapt_prior\(\) has a negative variance": prior_of(lambda P, F: -P),
+    r"adapt_prior\(\) changes F in place": prior_of(doubled_in_place),
+    r"adapt_gain\(\) has shape": gain_of(lambda PHt: PHt.T.copy()),
+    r"adapt_gain\(\) holds NaN": gain_of(lambda PHt: PHt * np.nan),
+    r"memory_size_of\(9\) is -9": type("Broken", (NoAdaptation,), {"memory_size_of": lambda self, states: -states})(),
+}
+
+
+@pytest.mark.parametrize("sentence", BEYOND_R)
+def test_adaptations_of_more_than_r(sentence):
+    fails(testing.check_adaptation, BEYOND_R[sentence], sentence)
+
+
 def test_dropped_rows_are_no_failure():
     def drop_all(self, innovation, HPHt, R, rows, memory):
         return np.where(np.eye(len(rows)) > 0, np.inf, R)
@@ -474,3 +513,16 @@ def test_a_compiled_way_that_goes_another_way():
     with pytest.raises(AssertionError, match="position_m2"):
         testing.check_filter(BrokenBatched(factor=1.1))
     testing.check_filter(BrokenBatched(factor=0.0))
+
+
+class BrokenSettings(BrokenBatched):
+    """One whose runs with settings of their own go another way."""
+
+    def run_settings(self, runs, estimators, adaptations, *, updates, attitude, threads):
+        both = zip(estimators, runs, adaptations, strict=True)
+        return [own._sums(run, adaptation) for own, run, adaptation in both]
+
+
+def test_settings_side_by_side_that_go_another_way():
+    with pytest.raises(AssertionError, match=r"position_m2 of .*run_settings\(\)"):
+        testing.check_filter(BrokenSettings(factor=0.0))

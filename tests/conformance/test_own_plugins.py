@@ -1,8 +1,11 @@
 """Every plugin of this package passes the checks that it offers to others."""
 
+import numpy as np
+import pandas as pd
 import pytest
 
 from jerkbench import plugins
+from jerkbench.conformance.recordings import small_recording
 from jerkbench.testing import check_plugin
 
 KINDS = ("disturbance", "attitude", "filter", "adaptation", "metric")
@@ -10,8 +13,13 @@ SHORT = {"duration_s": 12.0, "stand_s": 2.0, "rut_times_s": (8.0,)}
 """A simulated drive of a few seconds is as good as a long one here."""
 
 
+FROM_ELSEWHERE = ("trajectory", "command")
+"""Filters that need something of the user's."""
+
+
 def own(kind):
-    return [name for name in plugins.names(kind) if plugins.get(kind, name).__module__.startswith("jerkbench.")]
+    names = [name for name in plugins.names(kind) if plugins.get(kind, name).__module__.startswith("jerkbench.")]
+    return [name for name in names if name not in FROM_ELSEWHERE]
 
 
 @pytest.mark.parametrize(("kind", "name"), [(kind, name) for kind in KINDS for name in own(kind)])
@@ -22,6 +30,16 @@ def test_it_conforms(kind, name):
 @pytest.mark.parametrize("name", [name for name in own("dataset") if name.startswith("field")])
 def test_a_simulated_data_set_conforms(name):
     check_plugin("dataset", plugins.create("dataset", {"name": name, **SHORT}))
+
+
+def test_a_trajectory_from_elsewhere_conforms(tmp_path):
+    reference = small_recording().reference
+    names = ["t_s", "east_m", "north_m", "up_m", "east_mps", "north_mps", "up_mps", "roll_rad", "pitch_rad", "yaw_rad"]
+    columns = np.column_stack([reference.t_s, reference.enu_m, reference.velocity_mps, reference.euler_rad])
+    table = pd.DataFrame(columns, columns=names).assign(**{f"s{k}": 0.01 for k in range(6)})
+    table.to_csv(tmp_path / "a.csv", index=False)
+    given = {"file": str(tmp_path / "a.csv"), "covariance": [f"s{k}" for k in range(6)]}
+    check_plugin("filter", plugins.create("filter", {"name": "trajectory", **given}))
 
 
 def test_the_reference_engine_conforms():

@@ -1,4 +1,4 @@
-"""Old numbers stay with field_v1; the sensors of field_v2 err as they say."""
+"""Old numbers stay with field_v1; the sensors of field err as they say."""
 
 from pathlib import Path
 
@@ -6,12 +6,15 @@ import numpy as np
 import pytest
 
 from jerkbench import run
+from jerkbench.cells.from_names import choose
 from jerkbench.datasets.field import Field
-from jerkbench.datasets.field_versions import FieldV1, FieldV2
+from jerkbench.datasets.field_v1 import FieldV1
 from jerkbench.errors import PluginError
 from jerkbench.geometry import dcm_from_euler
+from jerkbench.plugins import create
+from jerkbench.results.study import load_study
 
-TABLE = Path(__file__).parents[2] / "results" / "paper20" / "table.md"
+KEPT = Path(__file__).parents[2] / "results" / "paper20"
 GOLDEN = {
     ("none", "jerk", "none"): (0.015630116090114284, 4.303542318399316),
     ("multipath_single_axis", "baseline", "mtf"): (0.03200351636407505, 4.890663873242818),
@@ -21,11 +24,14 @@ GOLDEN = {
 }
 """RMSE [m] and ANEES of seed 0 over 60 s, from the code before there was a second version."""
 
+COLOURED = {name for name, value in vars(FieldV1()).items() if value != vars(Field())[name]}
+"""The parameters by which the versions differ."""
+
 COMMITTED = {
     ("none", "jerk", "none"): "0.0162",
     ("multipath_single_axis", "baseline", "mtf"): "0.0234",
 }
-"""Cells of results/paper20/table.md, 20 seeds."""
+"""Cells of the first published table: arithmetic means of 20 seeds."""
 
 
 @pytest.mark.parametrize("cell", GOLDEN)
@@ -38,28 +44,26 @@ def test_old_numbers_stay(cell):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("cell", COMMITTED)
-def test_the_committed_table_is_that_of_the_first_version(cell):
+def test_the_committed_rows_are_those_of_the_first_version(cell):
     disturbance, model, adaptation = cell
     rows = run(dataset="field_v1", disturbance=disturbance, filter=model, adaptation=adaptation, seeds=20)
     assert f"{rows.position_rmse_m.mean():.4f}" == COMMITTED[cell]
-    lines = [
-        [word.strip() for word in text.split("|")[1:-1]]
-        for text in TABLE.read_text(encoding="utf-8").splitlines()
-        if [word.strip() for word in text.split("|")[1:4]] == ["field", disturbance, model]
-    ]
-    assert any(word.strip("*").startswith(COMMITTED[cell]) for word in lines[0])  # the first table: position RMSE
+    kept = load_study(KEPT).rows.set_index(["dataset", "disturbance", "filter", "adaptation"]).sort_index()
+    kept = kept.loc[("field_v1", *cell)].sort_values("seed")
+    assert list(kept.seed) == list(rows.seed)
+    for column in ("position_rmse_m", "anees"):
+        assert list(rows[column]) == pytest.approx(list(kept[column]), rel=1e-12)
 
 
-def test_the_first_version_is_the_field_of_old_numbers_to_the_bit():
-    one, other = Field(duration_s=30.0).load(3), FieldV1(duration_s=30.0).load(3)
-    for stream in ("imu", "position", "velocity", "heading", "reference"):
-        for name, value in vars(getattr(one, stream)).items():
-            if isinstance(value, np.ndarray):
-                np.testing.assert_array_equal(value, getattr(getattr(other, stream), name))
+@pytest.mark.parametrize("variant", ["ruts", "vibration", "headland", "combined"])
+def test_a_preset_of_the_first_version_is_its_variant_but_for_the_sensors(variant):
+    old, new = (choose("dataset", f"{name}_{variant}").plain for name in ("field_v1", "field"))
+    old, new = (vars(create("dataset", plain)) for plain in (old, new))
+    assert {name for name in old if old[name] != new[name]} == COLOURED
 
 
 def noise_of(seed, **changes):
-    drive = FieldV2(**changes).load(seed)
+    drive = Field(**changes).load(seed)
     truth = drive.reference
     rows = np.searchsorted(truth.t_s, drive.position.t_s - 1e-6)
     return drive, truth, rows
@@ -70,7 +74,7 @@ def test_a_share_of_the_noise_lasts_and_all_of_it_has_the_stated_variance():
     unit = []
     for seed in range(12):
         drive, truth, rows = noise_of(seed, **plain)
-        unit.append((drive.position.enu_m - truth.enu_m[rows]) / FieldV2().position_sigma_m)
+        unit.append((drive.position.enu_m - truth.enu_m[rows]) / Field().position_sigma_m)
     e = np.stack(unit)
     assert np.mean(e**2) == pytest.approx(1.0, abs=0.08)
     for lag_s in (0.2, 1.0, 5.0):
@@ -87,11 +91,11 @@ def test_a_fix_is_late_and_off_by_the_arm():
 
 
 def test_streams_are_apart():
-    both, less = FieldV2(duration_s=20.0).load(1), FieldV2(duration_s=20.0, velocity_coloured_share=0.0).load(1)
+    both, less = Field(duration_s=20.0).load(1), Field(duration_s=20.0, velocity_coloured_share=0.0).load(1)
     np.testing.assert_array_equal(both.position.enu_m, less.position.enu_m)
     np.testing.assert_array_equal(both.heading.yaw_rad, less.heading.yaw_rad)
     assert not np.array_equal(both.velocity.mps, less.velocity.mps)
-    silent = FieldV2(duration_s=20.0, silent=("position",), position_latency_s=0.0, lever_arm_error_m=(0, 0, 0)).load(1)
+    silent = Field(duration_s=20.0, silent=("position",), position_latency_s=0.0, lever_arm_error_m=(0, 0, 0)).load(1)
     rows = np.searchsorted(silent.reference.t_s, silent.position.t_s - 1e-6)
     np.testing.assert_allclose(silent.position.enu_m, silent.reference.enu_m[rows], atol=1e-12)
 
@@ -108,4 +112,4 @@ def test_streams_are_apart():
 )
 def test_wrong_parameters_are_refused(values):
     with pytest.raises(PluginError):
-        FieldV2(**values)
+        Field(**values)

@@ -6,10 +6,10 @@ from scipy.stats import ks_2samp
 
 from jerkbench.cells.cell import Protocol, build
 from jerkbench.cells.data import data_fingerprint
+from jerkbench.cells.key import cell_key
 from jerkbench.disturbances.replayed_gnss import ReplayedGnss
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.recording import Position, Recording, Reference
-from jerkbench.results.store import cell_key
 from jerkbench.traces.files import read_trace, trace_path, write_trace
 from jerkbench.traces.trace import Trace
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from test_compiled_engine import ADAPTATIONS, FILTERS, Damped, Faded, rough_recording
+from test_compiled_engine import ADAPTATIONS, FILTERS, Damped, Faded
 
 from engine_agreement import with_other_last_bits
 from jerkbench import plugins
@@ -20,6 +20,7 @@ from jerkbench.filters.baseline import Baseline
 from jerkbench.filters.jerk import Jerk
 from jerkbench.timeline.measurements import Measurements
 from jerkbench.timeline.timeline import build_timeline
+from rough import rough_recording
 from synthetic import level_attitude
 
 BURN_IN_S = 1.0

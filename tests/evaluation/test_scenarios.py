@@ -11,12 +11,11 @@ from scipy.stats import kendalltau, t
 from jerkbench.evaluation.statistics.ranks import (
     critical_difference,
     kendall_tau,
-    leading_group,
     rank_cliques,
     rank_range,
 )
 from jerkbench.evaluation.statistics.scenarios import over_scenarios
-from jerkbench.evaluation.statistics.selection import chosen_on_other_seeds, shrunk
+from jerkbench.evaluation.statistics.selection import chosen_on_other_seeds
 
 
 def drawn(scenarios, seeds, sigmas=(0.3, 0.15, 0.1), seed=3):
@@ -109,10 +108,6 @@ def test_cliques_are_the_longest_lines():
     assert [list(group) for group in found] == [[0, 2, 3], [3, 4], [4, 1]]
 
 
-def test_the_leading_group_is_whom_nobody_beats():
-    np.testing.assert_array_equal(leading_group(4, [(0, 2), (1, 3)]), [0, 1])
-
-
 def test_ranks_that_are_sure_have_no_range():
     rng = np.random.default_rng(8)
     costs = np.array([0.0, 1.0, 1.0]) + 0.01 * rng.standard_normal((6, 5, 3))
@@ -152,9 +147,3 @@ def test_a_lost_run_costs_more_than_any_error():
     found = chosen_on_other_seeds(np.array([[1.0, 1.0, 1.0, np.inf], [5.0, 5.0, 5.0, 5.0]]))
     np.testing.assert_array_equal(found.picked, [1, 1, 1, 0])
     assert found.best == 1
-
-
-def test_shrinking_is_complete_where_scatter_explains_it_all():
-    means = np.array([1.0, 1.1, 0.9, 1.05])
-    np.testing.assert_allclose(shrunk(means, np.full(4, 5.0)), means.mean())
-    np.testing.assert_allclose(shrunk(means, np.zeros(4)), means)

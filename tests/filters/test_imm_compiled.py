@@ -11,14 +11,13 @@ from jerkbench.adaptation.mtf import Mtf
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.attitude.plugin import Tilt
 from jerkbench.batch import RecordedRun
-from jerkbench.datasets.field import Field
+from jerkbench.datasets.field_v1 import FieldV1
 from jerkbench.disturbances.noise_step import NoiseStep
 from jerkbench.evaluation.batch_scoring import scored, sums_from
 from jerkbench.evaluation.run import counted_rows
 from jerkbench.evaluation.sums import sums_of
-from jerkbench.filters._accepted import without_fading
+from jerkbench.filters._accepted import of_r_alone
 from jerkbench.filters.imm import InteractingMultipleModels
-from jerkbench.linear.solution import mix_compiled
 from jerkbench.timeline.timeline import build_timeline
 
 PAIRS = [("baseline", "jerk"), ("jerk", "baseline"), ("baseline", "baseline"), ("bias", "bias")]
@@ -27,14 +26,14 @@ PAIRS += [("acceleration", "acceleration"), ("acceleration", "baseline")]
 
 @cache
 def recorded():
-    recording = NoiseStep().apply(Field(duration_s=12.0).load(4), 0)
+    recording = NoiseStep().apply(FieldV1(duration_s=12.0).load(4), 0)
     return recording, Tilt().estimate(recording)
 
 
 def compare(model, adaptation):
     timeline = build_timeline(*recorded())
     wanted = model._mixture(timeline, adaptation).to_the_end()
-    got = mix_compiled(timeline, model._start(timeline, adaptation), adaptation)
+    got = model.estimate_compiled(*recorded(), adaptation)
 
     @cache
     def changed(seed):
@@ -48,7 +47,7 @@ def test_it_agrees_with_numpy_for_each_pair(first, second):
     compare(InteractingMultipleModels(first, second), Mtf())
 
 
-@pytest.mark.parametrize("name", without_fading())
+@pytest.mark.parametrize("name", of_r_alone())
 def test_it_agrees_with_numpy_with_each_adaptation(name):
     compare(InteractingMultipleModels(), plugins.create("adaptation", {"name": name}))
 

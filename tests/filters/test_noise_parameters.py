@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from typing import get_type_hints
 
 import pytest
 
@@ -15,8 +16,9 @@ KINEMATIC = ("acceleration", "baseline", "bias", "constant_turn", "constant_velo
 
 def noises(name):
     """The fields of a filter that are noises."""
-    fields = [f for f in dataclasses.fields(plugins.get("filter", name)) if f.type in (float, "float")]
-    return [f.name for f in fields if f.name not in PROBABILITIES]
+    cls = plugins.get("filter", name)
+    types = get_type_hints(cls)
+    return [f.name for f in dataclasses.fields(cls) if types[f.name] is float and f.name not in PROBABILITIES]
 
 
 EVERY = [(name, field) for name in KINEMATIC for field in noises(name)]

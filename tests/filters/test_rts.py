@@ -144,12 +144,46 @@ def test_a_forward_pass_that_diverges_is_smoothed_up_to_there():
     assert recording.reference.t_s[estimate.index[-1]] == pytest.approx(0.39)
 
 
-def test_it_takes_all_adaptations_but_those_that_fade():
-    accepted = RauchTungStriebel().adaptations
-    faders = {n for n in plugins.names("adaptation") if hasattr(plugins.get("adaptation", n), "fade")}
+def test_it_takes_all_adaptations_but_those_that_choose_the_prior_or_the_gain():
+    accepted = set(RauchTungStriebel().adaptations)
+    choosers = {
+        n for n in plugins.names("adaptation") if {"adapt_prior", "adapt_gain"} & set(dir(plugins.get("adaptation", n)))
+    }
 
-    assert set(accepted) == set(plugins.names("adaptation")) - faders
-    assert {"none", "mtf", "oracle"} <= set(accepted)
+    assert accepted == set(plugins.names("adaptation")) - choosers
+    assert {"none", "mtf", "oracle", "scalar_q"} <= accepted
+
+
+@dataclass(frozen=True)
+class Doubles(NoAdaptation):
+    def fade(self, innovation, HPHt, R, rows, memory):
+        return 2.0
+
+
+def test_a_faded_covariance_is_a_larger_process_noise_of_the_step_before():
+    """The smoother of the same run with Q + P-: the least squares of all measurements knows no more than that."""
+    recording = noisy_recording(duration_s=2.0, imu_rate_hz=10, gnss_rate_hz=2)
+    attitude, smoother = level_attitude(recording), RauchTungStriebel("baseline")
+    timeline, model = build_timeline(recording, attitude), smoother.kinematic_filter()
+    x, P = start(timeline, model)
+    kf = KalmanFilter(dim_x=6, dim_z=6)
+    kf.x, kf.P, kf.H = x[:, None], P, np.eye(6)
+    xs, Ps, Fs, Qs = [], [], [], []
+    for dt, update in zip(timeline.dt_s, timeline.update, strict=True):
+        F, _, Q = model_matrices(model, dt, timeline.dt0_s) if dt > 0 else (np.eye(6), 0, np.zeros((6, 6)))
+        if update >= 0:
+            Q = Q + F @ kf.P @ F.T + Q
+        kf.predict(F=F, Q=Q)
+        if update >= 0:
+            kf.update(timeline.measurements.z[update][:, None], R=timeline.measurements.R[update])
+        for kept, value in zip((xs, Ps, Fs, Qs), (kf.x.copy(), kf.P.copy(), F, Q), strict=True):
+            kept.append(value)
+    xs, Ps, _, _ = kf.rts_smoother(np.array(xs), np.array(Ps), Fs, Qs)
+
+    estimate = smoother.estimate(recording, attitude, Doubles())
+    at = np.flatnonzero(timeline.reference >= 0)
+    np.testing.assert_allclose(estimate.position_m, xs[at, :3, 0], atol=1e-9)
+    np.testing.assert_allclose(estimate.covariance, Ps[at, :6, :6], rtol=1e-6, atol=1e-12)
 
 
 def test_a_wrong_model_is_a_sentence():

@@ -4,14 +4,14 @@ import numpy as np
 from scipy.stats import chi2
 from slow_errors_filter import squares
 
-from jerkbench.datasets.field_versions import FieldV2
+from jerkbench.datasets.field import Field
 
 TIMES_S = (15.0, 35.0, 55.0)
 """Apart by four times the longest correlation of an error."""
 
 
 def mean_and_band(seeds, **how):
-    values = np.concatenate([squares(FieldV2(duration_s=60.0), seed, TIMES_S, **how) for seed in range(seeds)])
+    values = np.concatenate([squares(Field(duration_s=60.0), seed, TIMES_S, **how) for seed in range(seeds)])
     low, high = chi2.ppf([0.025, 0.975], 6 * len(values)) / len(values)
     return values.mean(), low, high
 

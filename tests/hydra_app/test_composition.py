@@ -6,9 +6,9 @@ from hydra.core.global_hydra import GlobalHydra
 from hydra.errors import HydraException
 
 from jerkbench.hydra_app import composition
-from jerkbench.hydra_app.app import _register_hydra_parts
 from jerkbench.hydra_app.composition import compose_jobs
 from jerkbench.hydra_app.configuration import register_schemas
+from jerkbench.hydra_app.hydra_parts import register_hydra_parts
 from jerkbench.hydra_app.swept_disturbances import only_of_chosen
 from jerkbench.presets import config_folder
 
@@ -27,7 +27,7 @@ JOBS = [
 @pytest.fixture
 def loader():
     register_schemas()
-    _register_hydra_parts()
+    register_hydra_parts()
     with initialize_config_dir(str(config_folder()), version_base="1.3"):
         yield GlobalHydra.instance().config_loader()
 

@@ -12,11 +12,11 @@ from jerkbench.adaptation.mtf import Mtf
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.attitude.plugin import Tilt
 from jerkbench.batch import RecordedRun
-from jerkbench.datasets.field import Field
+from jerkbench.datasets.field_v1 import FieldV1
 from jerkbench.evaluation.batch_scoring import scored, sums_from
 from jerkbench.evaluation.run import counted_rows
 from jerkbench.evaluation.sums import sums_of
-from jerkbench.filters._accepted import without_fading
+from jerkbench.filters._accepted import of_r_alone
 from jerkbench.filters.eskf15 import Eskf15
 from jerkbench.geometry import dcm_from_euler
 from jerkbench.inertial.compiled.solution import prepare, solve_compiled
@@ -52,7 +52,7 @@ CASES = {
 @cache
 def recorded(kind):
     """A drive of the simulated robot with one way to measure velocity or heading."""
-    recording = Field(duration_s=10.0).load(3)
+    recording = FieldV1(duration_s=10.0).load(3)
     truth = recording.reference
     if kind == "heading":
         t_s = recording.position.t_s[20::3] + 0.0037
@@ -120,7 +120,7 @@ def test_it_agrees_with_numpy_with_each_switch(kind, fields):
     compare(kind, fields, Mtf())
 
 
-@pytest.mark.parametrize("name", without_fading())
+@pytest.mark.parametrize("name", of_r_alone())
 def test_it_agrees_with_numpy_with_each_adaptation(name):
     compare("enu", {}, plugins.create("adaptation", {"name": name}))
 

@@ -4,17 +4,17 @@ import numpy as np
 import pytest
 from mistakes import MISTAKES, OTHERS, is_found, of_imu, of_sigmas
 
-from jerkbench.data.source import dataset_of
-from jerkbench.datasets.field import Field
+from jerkbench.datasets.field_v1 import FieldV1
 from jerkbench.inspection.diagnosis.doctor import diagnoses, first_diagnoses
 from jerkbench.inspection.remarks import findings_text
+from jerkbench.verbs.data.source import dataset_of
 
 CLOCK = "IMU's clock off by 1 s"
 
 
 @pytest.fixture(scope="module")
 def field():
-    return Field().load(0)
+    return FieldV1().load(0)
 
 
 def found_in(recording, mistake):
@@ -29,7 +29,7 @@ def test_each_mistake_is_found_in_the_field(field, mistake):
 
 @pytest.mark.parametrize("seed", [0, 1])
 def test_none_is_found_where_there_is_none(seed):
-    assert diagnoses(Field().load(seed)) == []
+    assert diagnoses(FieldV1().load(seed)) == []
 
 
 def test_a_remedy_mends(field):

@@ -30,12 +30,12 @@ def cell_rows():
 
 @pytest.fixture
 def rows():
-    """Two filters with two adaptations; one combination is missing, in one two of four runs diverged."""
+    """Two filters with two adaptations; one combination is missing, in one four of eight runs diverged."""
     cells = [
-        *make_cell("jerk", "none", [0.011, 0.012, 0.014, 0.013], anees=4.0),
-        *make_cell("jerk", "sage_husa", [0.021, 0.022, 0.024, 0.023], anees=5.0),
-        *make_cell("baseline", "none", [0.031, 0.032, 9.0, 9.0], anees=6.0),
+        *make_cell("jerk", "none", 2 * [0.011, 0.012, 0.014, 0.013], anees=4.0),
+        *make_cell("jerk", "sage_husa", 2 * [0.021, 0.022, 0.024, 0.023], anees=5.0),
+        *make_cell("baseline", "none", 4 * [0.031] + 4 * [9.0], anees=6.0),
     ]
-    for one in cells[-2:]:
-        one.update(status="diverged", reason="The position error is 4000 m at 3.00 s; the limit is 1000 m.")
+    for run in cells[-4:]:
+        run.update(status="diverged", reason="The position error is 4000 m at 3.00 s; the limit is 1000 m.")
     return pd.DataFrame(cells)

@@ -1,8 +1,17 @@
-"""The store: whole or not at all."""
+"""The store: whole or not at all, and the same rows however they are spread over files."""
 
+import json
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
-from jerkbench.results.store import Store
+from jerkbench.errors import JerkbenchError
+from jerkbench.results.old_cells import DIGEST, METADATA, signature
+from jerkbench.results.parts import Block
+from jerkbench.results.store import MANY, Store
 from stored_cells import about, row
 
 ROWS = [row()]
@@ -14,65 +23,201 @@ def store(tmp_path):
     return Store(tmp_path)
 
 
+def files(store):
+    return sorted(store.folder.iterdir())
+
+
 def test_what_is_written_is_read_to_the_bit(store):
     store.write("abc", ROWS, ABOUT)
-    (found,), broken = store.read()
+    (cell,), broken = store.read()
 
-    assert found.key == "abc"
-    assert found.rows.to_dict("records") == ROWS
-    assert found.metadata["notes"] == ["a note"]
+    assert cell.key == "abc"
+    assert cell.rows.to_dict("records") == ROWS
+    assert cell.metadata == ABOUT
     assert broken == []
     assert store.done("abc")
-    assert not store.done("another")
+    assert not store.done("abd")
 
 
-def test_a_cell_with_a_failed_run_is_there_but_not_done(store):
-    store.write("abc", [{**ROWS[0], "status": "failed"}], ABOUT)
+def test_many_cells_of_one_part_keep_their_own_columns_in_their_own_order(store):
+    first = [{**row(seed=seed), "lost": seed, "velocity_rmse_mps": 0.5 * seed} for seed in (3, 1)]
+    second = [{**row(), "height_m": 1.0, "lost": 0.5}]
+    store.write_blocks([Block("a", 2, first, about(notes=["of a"])), Block("b", 1, second, about(notes=["of b"]))])
+    a, b = store.read()[0]
+
+    assert list(a.rows.columns[10:]) == ["position_rmse_m", "lost", "velocity_rmse_mps"]
+    assert list(b.rows.columns[10:]) == ["position_rmse_m", "height_m", "lost"]
+    pd.testing.assert_frame_equal(a.rows, pd.DataFrame(first[::-1]), check_exact=True, check_dtype=False)
+    pd.testing.assert_frame_equal(b.rows, pd.DataFrame(second), check_exact=True)
+    assert [cell.metadata["notes"] for cell in (a, b)] == [["of a"], ["of b"]]
+
+
+def test_a_cell_is_whole_when_its_last_block_is_there(store):
+    last, first = ([row(0.1 * k, k) for k in seeds] for seeds in ((3, 4), (0, 1, 2)))
+    blocks = [
+        Block("abc", 5, rows, about(notes=[name, "both"], seconds=2.0))
+        for name, rows in (("second", last), ("first", first))
+    ]
+    store.write_blocks(blocks[:1])
+    assert not store.done("abc")
+    assert store.read() == ([], [])
+    assert store.begun(["abc"])["seed"].to_pylist() == [3, 4]
+
+    store.write_blocks(blocks[1:])
+    assert store.done("abc")
+    (cell,), _ = store.read()
+    assert list(cell.rows["seed"]) == [0, 1, 2, 3, 4]
+    assert list(cell.rows["position_rmse_m"]) == [0.1 * k for k in range(5)]
+    assert cell.metadata["notes"] == ["first", "both", "second"]
+    assert cell.metadata["seconds"] == 4.0
+
+
+def test_a_cell_with_a_failed_run_is_there_but_not_done_until_that_run_went_well(store):
+    failed = [row(seed=0), {**row(seed=1), "status": "failed"}]
+    store.write("abc", failed, about(created="2026-03-01T00:00:00Z"))
 
     assert not store.done("abc")
-    assert len(store.read()[0]) == 1
+    assert list(store.read()[0][0].rows["status"]) == ["ok", "failed"]
+    store.write_blocks([Block("abc", 2, [row(0.7, seed=1)], about(created="2026-02-01T00:00:00Z"))])
+    assert store.done("abc")
+    (cell,), _ = store.read()
+    assert list(cell.rows["position_rmse_m"]) == [0.1 + 0.2, 0.7]
+
+
+def test_a_run_that_two_processes_stored_is_there_once(store):
+    for _ in range(2):
+        store.write("abc", ROWS, ABOUT)
+    (cell,), _ = store.read()
+
+    assert cell.rows.to_dict("records") == ROWS
+    assert len(files(store)) == 2
 
 
 @pytest.mark.parametrize("size", [0, 4, 300])
-def test_a_file_that_is_cut_is_not_done_and_is_named(store, size):
+def test_a_file_that_is_cut_is_not_done_and_is_named_until_it_is_set_aside(store, size):
     store.write("abc", ROWS, ABOUT)
-    store.path("abc").write_bytes(store.path("abc").read_bytes()[:size])
+    (path,) = files(store)
+    path.write_bytes(path.read_bytes()[:size])
 
     assert not store.done("abc")
-    assert store.read() == ([], ["abc"])
+    assert store.look(["abc"]).damaged == [path.stem]
+    assert store.read() == ([], [path.stem])
+    store.set_aside([path.stem])
+    assert store.read() == ([], [])
+    assert [left.name for left in files(store)] == [f"{path.name}.damaged"]
 
 
-def test_a_flipped_bit_is_noticed_wherever_the_file_is_then_read(store):
-    """Also in what pandas stores of its types: it decides what the rows are."""
-    store.write("abc", ROWS, ABOUT)
-    path, whole, (sound,) = store.path("abc"), store.path("abc").read_bytes(), store.read()[0]
-    for place in range(0, len(whole), 5):
+def test_a_flipped_bit_anywhere_is_noticed(store):
+    store.write("abc", [row(v, k) for k, v in enumerate(np.random.default_rng(1).normal(size=30))], ABOUT)
+    (path,) = files(store)
+    whole = path.read_bytes()
+    for place in range(0, len(whole), 37):
         path.write_bytes(whole[:place] + bytes([whole[place] ^ 1 << place % 8]) + whole[place + 1 :])
-        found, broken = store.read()
-        assert store.done("abc") == bool(found) == (not broken)
-        assert all(one.rows.equals(sound.rows) and one.metadata == sound.metadata for one in found)
+        assert store.read() == ([], [path.stem])
+        assert not store.done("abc")
 
 
 def test_a_write_that_fails_leaves_the_old_cell_and_nothing_else(store, monkeypatch):
     store.write("abc", ROWS, ABOUT)
+    before = files(store)
 
     def full(*_):
         raise OSError("No space left on device")
 
-    monkeypatch.setattr("jerkbench.results.store.pq.write_table", full)
+    monkeypatch.setattr("pathlib.Path.write_bytes", full)
     with pytest.raises(OSError, match="No space"):
-        store.write("abc", ROWS, ABOUT)
+        store.write("abd", ROWS, ABOUT)
 
-    assert store.done("abc")
-    assert [path.name for path in store.folder.iterdir()] == ["abc.parquet"]
+    assert files(store) == before
+
+
+@pytest.mark.parametrize("value", ["a text", [1.0], "cell.key"])
+def test_what_is_no_number_is_not_stored(store, value):
+    name = value if value == "cell.key" else "metric"
+    with pytest.raises(JerkbenchError, match=r"stored|called"):
+        store.write("abc", [{**ROWS[0], name: value}], ABOUT)
+    assert not store.folder.exists()
+
+
+def test_many_small_parts_become_one_with_the_same_cells(store):
+    for k in range(MANY):
+        store.write(f"a{k:x}", [row(0.1 * k), row(0.3, seed=1)], about(notes=[f"of {k}"]))
+    before, _ = store.read()
+    store.compact()
+
+    assert len(files(store)) == 1
+    after, broken = store.read()
+    assert broken == []
+    for old, new in zip(before, after, strict=True):
+        assert (old.key, old.metadata) == (new.key, new.metadata)
+        pd.testing.assert_frame_equal(old.rows, new.rows, check_exact=True)
+    store.compact()
+    assert len(files(store)) == 1
+
+
+def test_a_file_that_is_joined_while_the_store_is_read_is_found_again(store, monkeypatch):
+    for k in range(MANY):
+        store.write(f"a{k:x}", ROWS, ABOUT)
+    load, calls = Store._load, []
+
+    def joined_meanwhile(opened, name):
+        calls.append(name)
+        if len(calls) == 3:
+            Store(store.folder).compact()
+        return load(opened, name)
+
+    monkeypatch.setattr(Store, "_load", joined_meanwhile)
+    assert len(store.read()[0]) == MANY
+
+
+def test_a_cell_that_is_dropped_leaves_those_beside_it(store):
+    store.write_blocks([Block(key, 1, ROWS, ABOUT) for key in ("a", "b", "c")])
+    store.drop(["b", "d"])
+
+    assert [cell.key for cell in store.read()[0]] == ["a", "c"]
+    assert len(files(store)) == 1
 
 
 def test_what_an_ended_process_left_half_written_is_forgotten(store):
-    store.prepare()
-    left = [store.folder / f".abc.{number}.partial" for number in (11, 12)]
-    for path in left:
-        path.touch()
+    store.write("abc", ROWS, ABOUT)
+    (path,) = files(store)
+    left = [path.with_name(f".{path.stem}.{number}.partial") for number in (11, 12)]
+    for partial in left:
+        partial.touch()
 
     store.forget([11, 13])
 
-    assert [path.exists() for path in left] == [False, True]
+    assert [partial.exists() for partial in left] == [False, True]
+
+
+def old_file(folder, key, rows, metadata):
+    """Write a cell as versions up to 0.2 did: a file of its own, a digest of its values in the schema."""
+    table = pa.table({name: [row.get(name) for row in rows] for name in rows[0]})
+    text = json.dumps({**metadata, "failed": sum(row["status"] == "failed" for row in rows)})
+    folder.mkdir(exist_ok=True)
+    path = folder / f"{key}.parquet"
+    pq.write_table(table.replace_schema_metadata({METADATA: text.encode(), DIGEST: signature(table, text)}), path)
+    return path
+
+
+def test_cells_in_files_of_their_own_are_read_beside_parts(store):
+    rows = [row(0.25, 0), row(0.5, 1)]
+    old_file(store.folder, "0a", rows, ABOUT)
+    store.write("0b", ROWS, ABOUT)
+    cells, broken = store.read()
+
+    assert broken == []
+    assert [cell.key for cell in cells] == ["0a", "0b"]
+    pd.testing.assert_frame_equal(cells[0].rows, pd.DataFrame(rows), check_exact=True)
+    assert cells[0].metadata == ABOUT
+    assert store.look(["0a", "0b", "0c"]).done == {"0a", "0b"}
+
+
+def test_a_flipped_bit_in_an_old_file_is_found_or_changes_nothing(store):
+    path = old_file(store.folder, "0a", ROWS, ABOUT)
+    whole, (sound,) = path.read_bytes(), store.read()[0]
+    for place in range(0, len(whole), 11):
+        path.write_bytes(whole[:place] + bytes([whole[place] ^ 1 << place % 8]) + whole[place + 1 :])
+        cells, broken = store.read()
+        assert store.done("0a") == bool(cells) == (not broken)
+        assert all(cell.rows.equals(sound.rows) and cell.metadata == sound.metadata for cell in cells)

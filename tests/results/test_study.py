@@ -7,12 +7,20 @@ import pytest
 from jerkbench.cells.cell import Protocol, build
 from jerkbench.errors import JerkbenchError, PluginError, RecordingError
 from jerkbench.report.analysis.findings import findings
+from jerkbench.report.analysis.study_verdicts import study_verdicts
 from jerkbench.report.tables.summary import summarise
 from jerkbench.results.comparability import other_methods, require_alike
+from jerkbench.results.parts import Block
 from jerkbench.results.store import Store
 from jerkbench.results.study import load_study, write_manifest, write_study
 from jerkbench.sweep.sweep import plan_sweep
-from stored_cells import put
+from stored_cells import about, put, row
+
+KEYS_OF_TWO = ("a" * 20, "b" * 20)
+
+
+def sentences(rows, metric):
+    return findings(rows, study_verdicts(rows, metric))
 
 
 def shown(study):
@@ -60,7 +68,7 @@ def test_what_was_not_measured_alike_is_never_compared_and_that_is_said(tmp_path
 
     assert not any(cell.ratio or cell.best for row in table.cells for cell in row if cell)
     assert len(table.rows) == 2
-    assert findings(study.rows, "position_rmse_m") == []
+    assert sentences(study.rows, "position_rmse_m") == []
     assert any(words in note and "not compared" in note for note in table.footnotes)
 
 
@@ -71,7 +79,7 @@ def test_parameters_of_a_method_that_its_label_does_not_say_are_said(tmp_path):
     study = load_study(tmp_path)
 
     assert set(study.rows["filter"]) == {"jerk(accel_mps2=0.1)", "jerk(accel_mps2=1.0)"}
-    assert findings(study.rows, "position_rmse_m") == []
+    assert sentences(study.rows, "position_rmse_m") == []
 
 
 def test_the_same_data_in_another_place_are_the_same(tmp_path):
@@ -80,19 +88,19 @@ def test_the_same_data_in_another_place_are_the_same(tmp_path):
     study = load_study(tmp_path)
 
     assert set(study.rows["dataset"]) == {"field"}
-    assert len(findings(study.rows, "position_rmse_m")) == 1
+    assert len(sentences(study.rows, "position_rmse_m")) == 1
 
 
 def test_what_is_not_shown_is_said(tmp_path):
     put(tmp_path, "01d", 0.1)
     put(tmp_path, "4e", 0.2, created="2026-02-01T00:00:00Z")
     put(tmp_path, "07", 0.3, code="b", filter="bias")
-    Store(tmp_path).path("b0").write_bytes(b"PAR1")
+    (tmp_path / "cells" / "b0.parquet").write_bytes(b"PAR1")
     notes = load_study(tmp_path).notes
 
     assert "1 result of the same name with other settings, code or data is left out." in notes
     assert "These results come from 2 versions of the code or its libraries." in notes
-    assert "1 damaged file of a cell is left out: b0." in notes
+    assert "1 damaged file of cells is left out: b0." in notes
 
 
 def test_notes_belong_to_the_cells_that_they_were_given_for(tmp_path):
@@ -129,6 +137,30 @@ SPEC = {
     "adaptation": {"name": "none"},
     "engine": {"name": "filterpy"},
 }
+
+
+def shards(*first_seeds, seeds=2, **changed):
+    return [build({**SPEC, **changed}, Protocol(seeds=seeds, first_seed=first)) for first in first_seeds]
+
+
+def test_shards_of_one_cell_are_planned_and_seeds_that_would_run_twice_are_refused():
+    assert len(plan_sweep(shards(0, 2, 7)).cells) == 3
+    with pytest.raises(PluginError, match="2 seeds twice, from 2 to 3"):
+        plan_sweep(shards(0, 2, seeds=4))
+
+
+def test_rows_of_shards_are_joined_and_an_overlapping_one_is_left_out_and_said(tmp_path):
+    store = Store(tmp_path)
+    for key, seeds, identity in (("a", (2, 3), "x"), ("b", (0, 1), "x"), ("c", (3, 4), "x"), ("d", (9,), "y")):
+        rows = [row(float(seed), seed) for seed in seeds]
+        store.write(key, rows, about(identity=identity, notes=[], created=f"2026-01-0{9 - ord(key) % 96}"))
+    study = load_study(tmp_path)
+
+    assert list(study.rows["seed"]) == [0, 1, 2, 3]
+    assert list(study.keys) == ["b", "b", "a", "a"]
+    assert study.combinations == 1
+    assert "1 result is left out: of the same name as another, with some of the same seeds." in study.notes
+    assert "1 result of the same name with other settings, code or data is left out." in study.notes
 
 
 def test_two_combinations_that_the_table_could_not_tell_apart_are_refused_before_anything_runs():
@@ -174,3 +206,21 @@ def test_two_versions_of_a_method_are_compared_and_that_they_differ_is_said(tmp_
 
     require_alike(*both)
     assert other_methods(*both) == ["A and B differ in filter.accel_mps2 (0.1, 1.0)."]
+
+
+def test_results_of_several_kinds_of_processors_say_so(tmp_path):
+    for key, kind in zip(KEYS_OF_TWO, ("znver4: avx fma", "haswell: avx"), strict=True):
+        put(tmp_path, key, 1.0, processor=kind, filter=f"filter{key[0]}")
+    notes = load_study(tmp_path).notes
+
+    assert "These results come from 2 kinds of processors (haswell, znver4): last bits may differ." in notes
+
+
+def test_a_cell_whose_blocks_were_run_on_two_processors_names_both(tmp_path):
+    store = Store(tmp_path)
+    store.prepare()
+    for seed, kind in enumerate(("znver4: avx fma", "haswell: avx")):
+        store.write_blocks([Block(KEYS_OF_TWO[0], 2, [row(seed=seed)], about(processor=kind))])
+    (stored,), _ = store.read([KEYS_OF_TWO[0]])
+
+    assert stored.metadata["processor"] == "haswell: avx and znver4: avx fma"

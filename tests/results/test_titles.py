@@ -45,7 +45,7 @@ def test_a_long_title_has_several_lines(make_short):
 
 def test_the_figures_of_a_single_run_have_it(tmp_path, monkeypatch):
     names = []
-    monkeypatch.setattr(single, "draw_run", lambda cell, recording, *_: names.append(recording.name))
+    monkeypatch.setattr(single, "draw_run", lambda cell, recording, *_, **__: names.append(recording.name))
     (one,) = plan_sweep([cell(FIELD, {"name": "bias"})]).cells
     single.draw_single(one, tmp_path)
     assert names == ["field, bias, seed 7"]

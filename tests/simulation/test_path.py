@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from jerkbench.datasets.field import Field, FieldHeadland
+from jerkbench.datasets.field import FieldHeadland
+from jerkbench.datasets.field_v1 import FieldV1
 from jerkbench.simulation.path import Path
 
-FIELD = Field()._path()
+FIELD = FieldV1()._path()
 HEADLAND = FieldHeadland()._path()
 
 

@@ -7,7 +7,8 @@ import pytest
 
 from commands import swept
 from jerkbench.errors import PluginError
-from jerkbench.report.analysis.comparison import Rule
+from jerkbench.report.analysis.rule import Rule
+from jerkbench.results.store import Store
 from jerkbench.results.study import load_study
 from jerkbench.sweep.auto_seeds import typed
 
@@ -47,7 +48,7 @@ def test_seeds_are_added_until_the_most_and_runs_are_kept(tmp_path):
     folder = tmp_path / "results" / "adhoc"
     first = load_study(folder)
     assert sorted(first.rows["seed"].unique()) == [0, 1, 2, 3, 4]
-    assert len(list((folder / "cells").glob("*.parquet"))) == 2  # those of the last look alone
+    assert len(Store(folder).keys_from("")) == 2  # those of the last look alone
     levels = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))["levels"]
     assert 0 < min(levels.values()) < 0.05
     assert Rule().of(first.rows).level == min(levels.values())

@@ -13,7 +13,13 @@ from jerkbench.sweep.sweep import plan_sweep, run_sweep
 
 SEEDS = 2 * KEPT + 3
 SPEC = {
-    "dataset": {"name": "field", "duration_s": 8.0, "imu_rate_hz": 50.0, "reference_rate_hz": 50.0},
+    "dataset": {
+        "name": "field",
+        "duration_s": 8.0,
+        "imu_rate_hz": 50.0,
+        "reference_rate_hz": 50.0,
+        "position_latency_s": 0.0,
+    },
     "disturbance": [{"name": "none"}],
     "attitude": {"name": "tilt"},
     "filter": {"name": "jerk"},
@@ -54,7 +60,6 @@ def require_undisturbed(store, planned):
     pd.testing.assert_frame_equal(stored.rows, pd.DataFrame(rows), check_exact=True)
     assert stored.metadata["notes"] == notes
     assert broken == []
-    assert [path.name for path in store.folder.iterdir()] == [f"{planned.key}.parquet"]
 
 
 def test_a_sweep_goes_on_within_a_cell(store, monkeypatch):
@@ -102,43 +107,18 @@ def test_runs_that_go_alone_are_stored_one_after_the_other_where_they_take_long(
     require_undisturbed(store, plan.cells[0])
 
 
-def test_a_cell_that_was_stopped_before_its_blocks_were_joined_is_joined(store, monkeypatch):
-    plan = plan_of(seeds=KEPT + 2)
-    with monkeypatch.context() as patched:
-        patched.setattr(Store, "write", interrupted_at(plan.cells[0].key))
-        with pytest.raises(KeyboardInterrupt):
-            run_sweep(plan, store, workers=1, done=())
-
-    ran = spied(monkeypatch)
-    run_sweep(plan, store, workers=1, done=())
-
-    assert ran == []
-    require_undisturbed(store, plan.cells[0])
-
-
-def interrupted_at(key):
-    write = Store.write
-
-    def interrupted(store, named, *more):
-        if named == key:
-            raise KeyboardInterrupt
-        write(store, named, *more)
-
-    return interrupted
-
-
 def test_a_damaged_block_and_a_failed_run_are_run_again(store, monkeypatch):
     (planned,) = plan_of(seeds=2 * KEPT).cells
-    kept = blocks.Blocks(store)
+    monkeypatch.setattr(blocks, "KEEP_S", 0.0)
     first, second = (list(planned.cell.draws)[k : k + KEPT] for k in (0, KEPT))
+    paths = []
     for draws in (first, second):
-        pieces = CellRun(planned.cell, "", on_error="raise").pieces(draws)
-        blocks.run_blocks(planned, pieces, kept, keep_rest=True)
-    path = store.folder / "blocks" / f"{planned.key}.{second[0]}.parquet"
-    path.write_bytes(path.read_bytes()[:-40])
+        result = blocks.run_blocks(planned, CellRun(planned.cell, "", on_error="raise").pieces(draws), store)
+        assert result.stored == len(result.rows) == KEPT
+        paths += [path for path in store.folder.iterdir() if path not in paths]
+    paths[1].write_bytes(paths[1].read_bytes()[:-40])
 
-    assert [row["seed"] for row in kept.read(planned).rows] == first
-    failed = [{**row, "status": "failed"} for row in kept.read(planned).rows[:3]]
-    kept.forget(planned)
-    kept.write(planned, blocks.Result(failed, [], 0.0))
-    assert kept.read(planned).rows == []
+    assert list(blocks.known_runs([planned], store)[planned.key]) == first
+    failed = [{**row, "status": "failed"} for row in result.rows[:3]]
+    store.write_blocks([blocks.block_of(planned, blocks.Result(failed, [], 0.0))])
+    assert list(blocks.known_runs([planned], store)[planned.key]) == first

@@ -7,7 +7,8 @@ from jerkbench.cells.cell import Protocol, build
 from jerkbench.execution.cell_run import CellRun
 from jerkbench.execution.inputs import KEPT
 from jerkbench.results.store import Store
-from jerkbench.sweep.sweep import Finished, plan_sweep, run_sweep, run_task
+from jerkbench.sweep.seed_blocks import known_runs
+from jerkbench.sweep.sweep import plan_sweep, run_sweep, run_task
 from jerkbench.sweep.tasks import grouped
 
 SEEDS = KEPT + 3
@@ -16,7 +17,14 @@ SEEDS = KEPT + 3
 def cell(adaptation, **dataset):
     return build(
         {
-            "dataset": {"name": "field", "duration_s": 8.0, "imu_rate_hz": 50.0, "reference_rate_hz": 50.0, **dataset},
+            "dataset": {
+                "name": "field",
+                "duration_s": 8.0,
+                "imu_rate_hz": 50.0,
+                "reference_rate_hz": 50.0,
+                "position_latency_s": 0.0,
+                **dataset,
+            },
             "disturbance": [{"name": "none"}],
             "attitude": {"name": "tilt"},
             "filter": {"name": "jerk"},
@@ -54,16 +62,54 @@ def test_a_cell_in_pieces_has_the_rows_of_the_whole_one(plan, tmp_path):
         assert stored.metadata["notes"] == notes
 
 
-def test_a_piece_that_is_lost_is_a_piece_of_failed_rows(plan, tmp_path):
-    store, one = Store(tmp_path), plan.cells[0]
+class Dying:
+    """A cluster on which the last seeds of a cell lose their worker."""
+
+    def __init__(self, lost):
+        self.lost = lost
+
+    def run(self, order, workers):
+        for task in (task for group in order.groups for task in group):
+            died = task.planned is self.lost and task.draws[0] != 4
+            yield task, ChildProcessError("it died") if died else order.work(task)
+
+
+def test_a_piece_that_is_lost_is_a_piece_of_failed_rows_and_runs_again(plan, tmp_path):
+    store, lost = Store(tmp_path), plan.cells[0]
     store.prepare()
-    finished = Finished(store)
-    first, last = (task for group in grouped(plan.cells) for task in group if task.planned is one)
 
-    assert finished.add(last, ChildProcessError("it died")) == []
-    assert not store.path(one.key).exists()
-    statuses = finished.add(first, run_task(tmp_path, first))
-
-    assert statuses == ["ok"] * KEPT + ["failed"] * 3
-    (stored,), _ = store.read([one.key])
+    run_sweep(plan, store, workers=1, done=(), cluster=Dying(lost))
+    (stored,), _ = store.read([lost.key])
     assert list(stored.rows["seed"]) == list(range(4, 4 + SEEDS))
+    assert list(stored.rows["status"]) == ["ok"] * KEPT + ["failed"] * 3
+    assert set(stored.rows["reason"][KEPT:]) == {"ChildProcessError: it died"}
+    assert not store.done(lost.key)
+
+    run_sweep(plan, store, workers=1, done=store.look([lost.key]).done)
+    (again,), _ = store.read([lost.key])
+    pd.testing.assert_frame_equal(again.rows, pd.DataFrame(CellRun(lost.cell, "").rows()[0]), check_exact=True)
+
+
+def test_a_worker_that_does_not_see_the_folder_stores_nothing(plan, tmp_path, monkeypatch):
+    monkeypatch.setattr("jerkbench.sweep.seed_blocks.KEEP_S", 0.0)
+    monkeypatch.setattr("jerkbench.sweep.seed_blocks.REST_S", 0.0)
+    task, mark = grouped(plan.cells)[0][0], tmp_path / "here" / "mark"
+    mark.parent.mkdir()
+    mark.touch()
+
+    assert run_task(tmp_path / "elsewhere", tmp_path / "elsewhere/mark", task).stored == 0
+    assert not (tmp_path / "elsewhere").exists()
+    assert run_task(mark.parent, mark, task).stored == KEPT
+    assert list(known_runs([task.planned], Store(mark.parent))[task.planned.key]) == list(task.draws)
+
+
+def test_the_bundles_of_a_plan_are_the_same_whatever_is_left_of_it(plan, monkeypatch):
+    monkeypatch.setattr("jerkbench.sweep.tasks.BUNDLES", 2)
+    of = {(task.planned.key, task.draws[0]): task.bundle for group in grouped(plan.cells) for task in group}
+    half = grouped(plan.cells, {plan.cells[0].key: ()})
+
+    assert sorted(of.values()) == [0, 0, 1, 1]
+    assert [(task.planned.key, task.bundle) for group in half for task in group] == [
+        (plan.cells[1].key, 0),
+        (plan.cells[1].key, 1),
+    ]

@@ -6,9 +6,8 @@ import numpy as np
 import numpy.typing as npt
 
 from jerkbench.arrays import FloatArray
-from jerkbench.evaluation.statistics.blocks import correlation_rows
 from jerkbench.evaluation.statistics.intervals import FEW, mean_interval
-from jerkbench.evaluation.statistics.paired import student_interval
+from jerkbench.evaluation.statistics.student import student_interval
 
 CONSISTENT, OVERCONFIDENT, CAUTIOUS, UNKNOWN = "consistent", "overconfident", "too cautious", "not known"
 
@@ -42,27 +41,6 @@ def chi2_band(dof: float, samples: float, confidence: float = 0.95) -> tuple[flo
 
     low, high = chi2.ppf([(1 - confidence) / 2, (1 + confidence) / 2], dof * samples) / samples
     return float(low), float(high)
-
-
-def nis_verdict(nis: FloatArray, rows: FloatArray, confidence: float = 0.95) -> Verdict:
-    """Judge (m,) NIS of updates with (m,) rows each, per row on average; a consistent filter has them independent."""
-    there = (rows > 0) & np.isfinite(nis)
-    total = float(np.sum(rows[there]))
-    if total == 0:
-        return Verdict(np.nan, np.nan, np.nan, UNKNOWN)
-    return _judged(float(np.sum(nis[there])) / total, *chi2_band(1, total, confidence))
-
-
-def nees_verdict(nees: FloatArray, dof: int, confidence: float = 0.95) -> Verdict:
-    """Judge (runs, k) NEES of ``dof`` degrees at the same k times.
-
-    Errors of one run follow each other: k times count for k divided by the correlation time of the NEES over the runs'
-    mean, so that the band is as wide as the runs deserve.
-    """
-    if nees.size == 0 or not np.isfinite(nees).all():
-        return Verdict(np.nan, np.nan, np.nan, UNKNOWN)
-    independent = sum(nees.shape[1] / correlation_rows(run) for run in nees)
-    return _judged(float(nees.mean()), *chi2_band(dof, independent, confidence))
 
 
 def runs_verdict(averages: npt.ArrayLike, expected: float, confidence: float = 0.95, lost: int = 0) -> Verdict:
@@ -105,8 +83,3 @@ def _word(low: float, high: float, expected: float) -> str:
     if high < expected:
         return CAUTIOUS
     return CONSISTENT if NEAR[0] * expected <= low and high <= NEAR[1] * expected else UNKNOWN
-
-
-def _judged(average: float, low: float, high: float) -> Verdict:
-    word = OVERCONFIDENT if average > high else CAUTIOUS if average < low else CONSISTENT
-    return Verdict(average, low, high, word)

@@ -1,6 +1,7 @@
 """Exact tests and intervals of counts and medians: what holds whatever the distribution is, lost runs included."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -33,12 +34,18 @@ class Quantiles:
 
 def quantiles(values: FloatArray, confidence: float = 0.95) -> Quantiles:
     """Return median and quartiles of (n,) values, infinite for a lost run; NaN (did not apply) is left out."""
-    kept = np.sort(values[~np.isnan(values)])
-    if len(kept) == 0:
-        return Quantiles(np.nan, np.nan, np.nan, (np.nan, np.nan), 0, 0)
-    lower, middle, upper = (_between(kept, share) for share in (0.25, 0.5, 0.75))
-    low, high = median_interval(kept, confidence)
+    kept = values[~np.isnan(values)]
+    middle, low, high, lower, upper = (float(column[0]) for column in quantiles_of_rows(kept[None], confidence))
     return Quantiles(middle, low, high, (lower, upper), int(np.isposinf(kept).sum()), len(kept))
+
+
+def quantiles_of_rows(values: FloatArray, confidence: float = 0.95) -> tuple[FloatArray, ...]:
+    """Return median, both ends of its interval, lower and upper quartile, (k,) each, of (k, n) values without NaN."""
+    if values.shape[1] == 0:
+        return (np.full(len(values), np.nan),) * 5
+    ordered = np.sort(values, axis=1)
+    lower, middle, upper = (_between(ordered, share) for share in (0.25, 0.5, 0.75))
+    return middle, *_median_intervals(ordered, confidence), lower, upper
 
 
 def median_interval(ordered: FloatArray, confidence: float = 0.95) -> tuple[float, float]:
@@ -51,19 +58,27 @@ def median_interval(ordered: FloatArray, confidence: float = 0.95) -> tuple[floa
     Source: Hettmansperger and Sheather, "Confidence intervals based on interpolated order statistics", Statistics and
     Probability Letters 4 (1986).
     """
+    low, high = _median_intervals(ordered[None], confidence)
+    return float(low[0]), float(high[0])
+
+
+def _median_intervals(ordered: FloatArray, confidence: float) -> tuple[FloatArray, FloatArray]:
+    """Return what `median_interval` gives for each row of (k, n) values."""
     from scipy.special import bdtr
 
-    n = len(ordered)
+    n = ordered.shape[1]
     if n < 2 or 1 - 2 * 0.5**n < min(confidence, NEARLY if confidence <= 0.95 else confidence):
-        return np.nan, np.nan
+        return np.full(len(ordered), np.nan), np.full(len(ordered), np.nan)
     below = bdtr(np.arange(n), n, 0.5)  # P(at most k of n lie below the median)
     k = max(1, int(np.searchsorted(below, (1 - confidence) / 2)))  # the largest k that covers enough
     wide, narrow = 1 - 2 * float(below[k - 1]), 1 - 2 * float(below[k])
     part = min(1.0, max(0.0, (wide - confidence) / (wide - narrow))) if k < n - k else 0.0
     weight = (n - k) * part / (k + (n - 2 * k) * part) if part else 0.0
-    return _mixed(ordered[k - 1], ordered[k], weight), _mixed(ordered[n - k], ordered[n - k - 1], weight)
+    lower, upper = ordered.T, ordered.T[::-1]
+    return _mixed(lower[k - 1], lower[k], weight), _mixed(upper[k - 1], upper[k], weight)
 
 
+@lru_cache(maxsize=10_000)
 def share_interval(count: int, n: int, confidence: float = 0.95) -> tuple[float, float]:
     """Return Clopper and Pearson's interval of a share: it covers at least ``confidence``, whatever the share is.
 
@@ -91,20 +106,21 @@ def sign_p(for_a: int, for_b: int) -> float:
     return min(1.0, 2.0 * float(bdtr(fewer, total, 0.5))) if total else 1.0
 
 
-def _between(ordered: FloatArray, share: float) -> float:
-    """Return the quantile of values in ascending order, between two of them their mixture."""
-    place = share * (len(ordered) - 1)
+def _between(ordered: FloatArray, share: float) -> FloatArray:
+    """Return the quantile of each row of values in ascending order, between two of them their mixture."""
+    place = share * (ordered.shape[1] - 1)
     left = int(place)
-    first, second = ordered[left], ordered[min(left + 1, len(ordered) - 1)]
-    infinite = second if np.isinf(second) and place > left else first
-    return float(infinite) if np.isinf(infinite) else _mixed(first, second, place - left)
+    first, second = ordered[:, left], ordered[:, min(left + 1, ordered.shape[1] - 1)]
+    infinite = np.isinf(second) & (place > left)
+    return np.where(infinite, second, _mixed(first, second, place - left))
 
 
-def _mixed(outer: float, inner: float, weight: float) -> float:
+def _mixed(outer: FloatArray, inner: FloatArray, weight: float) -> FloatArray:
     """Return outer + weight (inner - outer); where either is infinite, the outer one."""
-    if weight == 0 or outer == inner or np.isinf(outer) or np.isinf(inner):
-        return float(outer)
-    return float(outer + weight * (inner - outer))
+    kept = (outer == inner) | np.isinf(outer) | np.isinf(inner) | (weight == 0)
+    with np.errstate(invalid="ignore", over="ignore"):
+        mixed: FloatArray = np.where(kept, outer, outer + weight * (inner - outer))
+    return mixed
 
 
 def equal_median_p(d: FloatArray, margin: float) -> float:
@@ -113,3 +129,10 @@ def equal_median_p(d: FloatArray, margin: float) -> float:
 
     beyond = max(int((d >= margin).sum()), int((d <= -margin).sum()))
     return float(bdtr(beyond, len(d), 0.5)) if len(d) else 1.0
+
+
+def rare_p(count: int, n: int, share: float) -> float:
+    """Return the p of the claim that less than ``share`` of runs fail, ``count`` of n having: the binomial test."""
+    from scipy.special import bdtr
+
+    return float(bdtr(count, n, share)) if n else 1.0

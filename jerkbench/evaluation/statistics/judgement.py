@@ -1,7 +1,8 @@
 """Comparisons of one study: which are better, equal, worse, and which are undecided."""
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
@@ -10,7 +11,7 @@ from jerkbench.arrays import FloatArray
 from jerkbench.evaluation.statistics.exact import median_interval
 from jerkbench.evaluation.statistics.family import Correction, Family, family
 from jerkbench.evaluation.statistics.log_ratio import LogRatios
-from jerkbench.evaluation.statistics.paired import student_interval
+from jerkbench.evaluation.statistics.student import student_interval
 
 MARGIN = 0.03
 """Ratios from 1/1.03 to 1.03 are equal for every practical purpose."""
@@ -30,6 +31,15 @@ class Verdict(StrEnum):
     UNDECIDED = "undecided"
 
 
+TURNED = {
+    Verdict.BETTER: Verdict.WORSE,
+    Verdict.WORSE: Verdict.BETTER,
+    Verdict.FEWER_LOST: Verdict.MORE_LOST,
+    Verdict.MORE_LOST: Verdict.FEWER_LOST,
+}
+"""Verdicts as the other side sees them; equal and undecided are the same from both."""
+
+
 @dataclass(frozen=True)
 class Judgement:
     """One comparison of a with b.
@@ -44,6 +54,7 @@ class Judgement:
         p_lost: that either loses more runs, corrected for the study.
         failures: runs that a, and that b, lost or locked out in.
         median: whether ratio and test are those of the median.
+        critical: how many standard errors of the mean of the logarithms the study asks for; NaN of a median.
         verdict: at the level of the study.
     """
 
@@ -56,7 +67,15 @@ class Judgement:
     p_lost: float
     failures: tuple[int, int]
     median: bool
+    critical: float
     verdict: Verdict
+
+    @property
+    def turned(self) -> "Judgement":
+        """That of b with a."""
+        ratio, low, high = (1 / value if value else math.inf for value in (self.ratio, self.high, self.low))
+        verdict = TURNED.get(self.verdict, self.verdict)
+        return replace(self, ratio=ratio, low=low, high=high, failures=self.failures[::-1], verdict=verdict)
 
 
 def judged(
@@ -70,14 +89,16 @@ def judged(
     ::
 
         loses ...  McNemar's exact test of the runs that either alone lost or locked out in says so
-        equal      the interval at the study's level lies within 1/(1 + margin) to 1 + margin
+        equal      the interval at the study's level lies within 1/(1 + margin) to 1 + margin; where either failed in
+                   more runs, the share in which either failed alone is less than the margin as well
         better     it lies below 1, and so does the comparison's own; a failed in no more runs than b
         worse      better, turned round
-        undecided  otherwise
+        undecided  otherwise, and of fewer than `LEAST_SEEDS` seeds
 
-    The intervals at the study's level are mean -+ c s/sqrt(n) of d = log(a/b), c from `max_t` over all comparisons
-    whose runs all went well. Where runs were lost or locked out, the median is tested instead, by the exact sign test
-    (a lost run is worse than every other), with Bonferroni's correction for the study.
+    The intervals at the study's level are mean -+ c s/sqrt(n) of d = log(a/b), each with its own c of the scale that
+    `max_t` finds common to all comparisons whose runs all went well. Where runs were lost or locked out, the median is
+    tested instead, by the exact sign test (a lost run is worse than every other), with Bonferroni's correction for the
+    study.
 
     Args:
         comparisons: of the whole study.
@@ -86,53 +107,61 @@ def judged(
         correction: which of the two.
     """
     tested = family(comparisons, float(np.log1p(margin)), correction, level)
-    return [_judgement(one, tested, place, level) for place, one in enumerate(comparisons)]
+    return [_judgement(ratios, tested, place, level) for place, ratios in enumerate(comparisons)]
 
 
-def _judgement(one: LogRatios, tested: Family, place: int, level: float) -> Judgement:
-    centre, low, high = _interval(one)
+def _judgement(ratios: LogRatios, tested: Family, place: int, level: float) -> Judgement:
+    centre, low, high = _interval(ratios)
     p, p_equal, p_lost = (float(values[place]) for values in (tested.differ, tested.equal, tested.lost))
     return Judgement(
         ratio=float(np.exp(centre)),
         low=float(np.exp(low)),
         high=float(np.exp(high)),
-        n=one.n,
+        n=ratios.n,
         p=p,
         p_equal=p_equal,
         p_lost=p_lost,
-        failures=one.failures,
-        median=not one.plain,
-        verdict=_verdict(one, (centre, low, high), (p, p_equal, p_lost), level),
+        failures=ratios.failures,
+        median=not ratios.plain,
+        critical=float(tested.critical[place]),
+        verdict=verdict_of(ratios.failures, (centre, low, high), (p, p_equal, p_lost), level),
     )
 
 
-def _verdict(
-    one: LogRatios, interval: tuple[float, float, float], p: tuple[float, float, float], level: float
+def verdict_of(
+    failures: tuple[int, int], interval: tuple[float, float, float], p: tuple[float, float, float], level: float
 ) -> Verdict:
-    """Return the first that holds; each comparison with NaN is false."""
+    """Return the first verdict that holds; each comparison with NaN is false.
+
+    Args:
+        failures: runs that a, and that b, lost or locked out in.
+        interval: centre, lower and upper end of the log ratio.
+        p: that they differ, that they are not equal, that either loses more; corrected.
+        level: of the study.
+    """
     centre, low, high = interval
     differ, equal, lost = p
-    ours, theirs = one.failures
+    ours, theirs = failures
     if lost < level:
         return Verdict.MORE_LOST if ours > theirs else Verdict.FEWER_LOST
-    if equal < level and ours == theirs:
+    if equal < level:
         return Verdict.EQUAL
     if differ < level and not low <= 0 <= high and (ours - theirs) * centre >= 0:
         return Verdict.BETTER if centre < 0 else Verdict.WORSE
     return Verdict.UNDECIDED
 
 
-def _interval(one: LogRatios) -> tuple[float, float, float]:
+def _interval(ratios: LogRatios) -> tuple[float, float, float]:
     """Return centre and ends of the log ratio: of its mean where every run went well, else of its median."""
-    if one.n == 0:
+    if ratios.n == 0:
         return np.nan, np.nan, np.nan
-    if one.plain:
-        return float(np.mean(one.d)), *student_interval(one.d, 0.95)
-    ordered = np.sort(one.d)
-    return _middle(ordered), *median_interval(ordered)
+    if ratios.plain:
+        return float(np.mean(ratios.d)), *student_interval(ratios.d, 0.95)
+    ordered = np.sort(ratios.d)
+    return middle(ordered), *median_interval(ordered)
 
 
-def _middle(ordered: FloatArray) -> float:
+def middle(ordered: FloatArray) -> float:
     """Return the median of values that may be infinite; between an infinite one and another, the infinite."""
     left, right = ordered[(len(ordered) - 1) // 2], ordered[len(ordered) // 2]
     infinite = left if np.isinf(left) else right

@@ -32,6 +32,11 @@ class LogRatios:
         """Seeds that both have."""
         return len(self.d)
 
+    @property
+    def turned(self) -> "LogRatios":
+        """Those of b to a."""
+        return LogRatios(-self.d, self.lost[:, ::-1], self.locked[:, ::-1])
+
     @cached_property
     def plain(self) -> bool:
         """Whether every run went well, and a mean may stand for them."""

@@ -75,12 +75,6 @@ def rank_cliques(mean_ranks: FloatArray, difference: float) -> list[IntArray]:
     ]
 
 
-def leading_group(methods: int, beaten: list[tuple[int, int]]) -> IntArray:
-    """Return which of k methods nobody beats; ``beaten`` has pairs (winner, loser) that were shown."""
-    losers = {loser for _, loser in beaten}
-    return np.array([method for method in range(methods) if method not in losers], dtype=np.int64)
-
-
 def kendall_tau(first: FloatArray, second: FloatArray) -> tuple[float, float]:
     """Return Kendall's tau-b of two metrics' (k,) values of the same methods, and its p; NaN of fewer than three.
 

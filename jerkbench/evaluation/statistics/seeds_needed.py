@@ -19,7 +19,9 @@ PLACES = 101
 """Possible true ratios that are looked at."""
 
 
-def seeds_needed(d: FloatArray, margin: float, comparisons: int = 1, level: float = 0.05) -> int | None:
+def seeds_needed(
+    d: FloatArray, margin: float, comparisons: int = 1, level: float = 0.05, critical: float = np.nan
+) -> int | None:
     """Return how many seeds decide whether a is better, worse or equal; None over `MOST`.
 
     Of N seeds the mean falls at mu + s Z/sqrt(N), and decides where it is more than c standard errors from 0, or more
@@ -29,7 +31,8 @@ def seeds_needed(d: FloatArray, margin: float, comparisons: int = 1, level: floa
 
     The answer is the smallest N, of the grid 1.05^k, with P(N, mu) of at least `POWER` for every mu in the 95 %
     interval of the mean that was seen: wherever the true ratio is. s is the upper `CAUTION` bound of the standard
-    deviation, c that of `critical_t`. Where equal and different are both near, it takes the most: mu =
+    deviation, c that of `critical_t`, as many times as large as ``critical`` is of theirs: a study whose comparisons
+    go together asks for less, a heavy tail for more. Where equal and different are both near, it takes the most: mu =
     log(1 + margin)/2.
 
     Args:
@@ -37,12 +40,15 @@ def seeds_needed(d: FloatArray, margin: float, comparisons: int = 1, level: floa
         margin: of equality, as a ratio less 1.
         comparisons: of the whole study.
         level: of the whole study.
+        critical: |t| that the n seeds had to reach; without it, or where none is enough, that of `critical_t`.
     """
     if np.ptp(d) == 0:
         return len(d)
     sizes = _sizes()
     sizes = sizes[sizes > len(d)]
-    enough = _power(sizes, d, float(np.log1p(margin)), comparisons, level) >= POWER
+    planned = critical_t(np.append(len(d), sizes), comparisons, level)
+    c = planned[1:] * (critical / planned[0] if np.isfinite(critical) else 1.0)
+    enough = _power(sizes, d, float(np.log1p(margin)), c) >= POWER
     if not enough[-1]:
         return None
     short = np.flatnonzero(~enough)
@@ -66,15 +72,15 @@ def _sizes() -> FloatArray:
     return np.unique(np.ceil(6 * 1.05 ** np.arange(np.ceil(np.log(MOST / 6) / np.log(1.05)))))
 
 
-def _power(sizes: FloatArray, d: FloatArray, margin: float, comparisons: int, level: float) -> FloatArray:
-    """Return (k,) the probability that each size decides, of the true mean for which it is the smallest."""
+def _power(sizes: FloatArray, d: FloatArray, margin: float, critical: FloatArray) -> FloatArray:
+    """Return (k,) the least probability, of all true means, that each size decides at its critical |t|."""
     from scipy.special import chdtri, ndtr, stdtrit
 
     n, s = len(d), float(np.std(d, ddof=1))
     half = float(stdtrit(n - 1, 0.975)) * s / np.sqrt(n)
     mu = np.abs(np.linspace(d.mean() - half, d.mean() + half, PLACES))
     error = (s * np.sqrt((n - 1) / chdtri(n - 1, CAUTION)) / np.sqrt(sizes))[:, None]
-    c = critical_t(sizes, comparisons, level)[:, None]
+    c = critical[:, None]
     differ = ndtr(mu / error - c) + ndtr(-mu / error - c)
     inside = np.maximum(0.0, np.minimum(margin / error - c, c))  # a mean further out than c differs already
     equal = ndtr(inside - mu / error) - ndtr(-inside - mu / error)

@@ -50,20 +50,3 @@ def _best(lost: FloatArray, total: FloatArray, count: FloatArray) -> IntArray:
     mean = total / np.maximum(1, count)
     candidates = np.where(lost == lost.min(axis=0), mean, np.inf)
     return np.asarray(np.argmin(candidates, axis=0), dtype=np.int64)
-
-
-def shrunk(means: FloatArray, errors: FloatArray) -> FloatArray:
-    """Return (k,) means drawn towards their average by what their standard errors (k,) explain of their spread.
-
-    ::
-
-        tau^2 = max(0, var(means) - mean(errors^2)),   mean_i -> average + (mean_i - average) tau^2/(tau^2 + errors_i^2)
-
-    Source: Efron and Morris, "Data analysis using Stein's estimator and its generalizations", JASA 70 (1975).
-    """
-    if len(means) < 3:
-        return means.copy()
-    average = float(means.mean())
-    tau2 = max(0.0, float(np.var(means, ddof=1) - np.mean(errors**2)))
-    weight = np.divide(tau2, tau2 + errors**2, out=np.ones_like(errors), where=tau2 + errors**2 > 0)
-    return np.asarray(average + (means - average) * weight, dtype=np.float64)

@@ -29,8 +29,8 @@ APART = (
 )
 """Kernels that stand alone: one body of all of them takes long to compile."""
 
-ARGUMENTS = [(kind.__name__, kind._fields) for kind in (Flow, Given, Rule, Kept, Score)]
-"""They decide what the machine code reads where."""
+ARGUMENTS = [(kind.__module__, kind.__name__, kind._fields) for kind in (Flow, Given, Rule, Kept, Score)]
+"""They decide what the machine code reads where, and where its types are imported from."""
 
 
 @cache

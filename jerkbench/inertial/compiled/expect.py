@@ -1,4 +1,4 @@
-"""What the state says about each measurement; `jerkbench.inertial.measurement_models` has the equations.
+"""The compiled measurement models; `jerkbench.inertial.measurement_models` has the equations.
 
 EXPECTED gets h, and row r of H is numbers STRIDE r and on of its place.
 """

@@ -77,13 +77,13 @@ def _reversed_angles(imu: Imu, t_s: FloatArray, euler_rad: FloatArray) -> list[D
     edges_s = np.arange(max(t_s[0], imu.t_s[0]), min(t_s[-1], imu.t_s[-1]), LENGTH_S)
     if len(edges_s) <= LEAST_ROWS or np.median(np.diff(t_s)) > LONGEST_GAP_S:
         return []
-    said = _rates(t_s, euler_rad, edges_s)
+    rates = _rates(t_s, euler_rad, edges_s)
     gyro = window_means(imu.t_s, imu.gyro_radps, edges_s)
-    correlations = [correlation_of(said[:, axis], gyro[:, axis]) for axis in range(3)]
+    correlations = [correlation_of(rates[:, axis], gyro[:, axis]) for axis in range(3)]
     against = [
         name
         for name, correlation in zip(("roll", "pitch", "yaw"), correlations, strict=True)
-        if correlation < -LEAST_CORRELATION and strength(correlation, len(said)) < -SURE
+        if correlation < -LEAST_CORRELATION and strength(correlation, len(rates)) < -SURE
     ]
     if "pitch" not in against and "yaw" not in against:
         return []

@@ -66,8 +66,8 @@ def _pair(
     edges_s = np.arange(max(t_s[0], fix_s[0]), min(t_s[-1], fix_s[-1]), length_s)
     if len(edges_s) <= LEAST_ROWS:
         return None
-    said = _slope(t_s, values, edges_s) if differentiate else window_means(t_s, values, edges_s)
-    return Pair(stream, against, said, _slope(fix_s, places, edges_s))
+    velocity = _slope(t_s, values, edges_s) if differentiate else window_means(t_s, values, edges_s)
+    return Pair(stream, against, velocity, _slope(fix_s, places, edges_s))
 
 
 def _slope(t_s: FloatArray, places: FloatArray, edges_s: FloatArray) -> FloatArray:

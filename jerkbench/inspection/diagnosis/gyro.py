@@ -88,11 +88,11 @@ def turning_gravity(imu: Imu) -> Turning | None:
             continue
         force, rate = (window_means(imu.t_s, values, edges_s) for values in (imu.accel_mps2, imu.gyro_radps))
         up = force / np.maximum(np.linalg.norm(force, axis=1), LEAST_FORCE_MPS2)[:, None]
-        said = -np.cross(0.5 * (rate[1:] + rate[:-1]), 0.5 * (up[1:] + up[:-1]))
-        turnings.append(_turning("gravity", np.diff(up, axis=0) / length_s, said))
+        expected = -np.cross(0.5 * (rate[1:] + rate[:-1]), 0.5 * (up[1:] + up[:-1]))
+        turnings.append(_turning("gravity", np.diff(up, axis=0) / length_s, expected))
     return max(turnings, key=lambda turning: abs(turning.strength), default=None)
 
 
-def _turning(basis: str, turned: FloatArray, said: FloatArray) -> Turning:
-    correlation = correlation_of(turned, said)
-    return Turning(basis, correlation, slope(turned, said), strength(correlation, len(turned)))
+def _turning(basis: str, turned: FloatArray, expected: FloatArray) -> Turning:
+    correlation = correlation_of(turned, expected)
+    return Turning(basis, correlation, slope(turned, expected), strength(correlation, len(turned)))

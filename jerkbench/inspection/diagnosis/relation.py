@@ -1,4 +1,4 @@
-"""How strongly, and by which factor, two series go together."""
+"""The strength and the factor of the relation between two series."""
 
 import numpy as np
 

@@ -4,9 +4,10 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 
 from jerkbench.evaluation.statistics.judgement import Verdict
-from jerkbench.report.analysis.comparison import Combination, Comparison
+from jerkbench.report.analysis.comparison import Comparison
 from jerkbench.report.analysis.duels import Duel, duels
 from jerkbench.report.analysis.factors import FACTORS
+from jerkbench.report.analysis.runs import Combination
 from jerkbench.report.analysis.standings import Standing
 
 NAMED = 3
@@ -19,8 +20,8 @@ def answer(standings: Sequence[Standing]) -> str:
     if not tested:
         return _untested(standings)
     methods = {standing.name(rival) for standing in tested for rival in standing.contest.rivals}
-    said = _of_two(tested) if len(methods) == 2 else _of_many(tested, len(methods))
-    return f"{said}; {_seeds(tested)}."
+    words = _of_two(tested) if len(methods) == 2 else _of_many(tested, len(methods))
+    return f"{words}; {_seeds(tested)}."
 
 
 def shows_something(standings: Iterable[Standing]) -> bool:

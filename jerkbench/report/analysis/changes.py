@@ -1,6 +1,5 @@
 """Two sets of results: what became better or worse, combination by combination."""
 
-import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,17 +9,21 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.errors import JerkbenchError
-from jerkbench.evaluation.statistics.judgement import LEVEL, Verdict, judged
-from jerkbench.evaluation.statistics.log_ratio import LogRatios, log_ratios
-from jerkbench.evaluation.statistics.paired import PairedRatio, holm, paired_ratio, unpaired_ratio
-from jerkbench.report.analysis.comparison import Combination
+from jerkbench.evaluation.statistics.judgement import Judgement, Verdict
+from jerkbench.evaluation.statistics.other_seeds import judged_on_other_seeds, two_samples
+from jerkbench.report.analysis.comparison import judged_pairs
 from jerkbench.report.analysis.factors import FACTORS
 from jerkbench.report.analysis.quantities import quantity
 from jerkbench.report.analysis.rows import checked
+from jerkbench.report.analysis.rule import RULE, Rule
+from jerkbench.report.analysis.runs import Combination, Runs, grouped, on_common_seeds, paired
 from jerkbench.report.tables.table_model import factor_number, number
 
 if TYPE_CHECKING:
     import pandas as pd
+
+Two = tuple[Runs, Runs]
+"""The runs of a combination in the first set, and in the second."""
 
 
 @dataclass(frozen=True)
@@ -30,30 +33,32 @@ class Change:
     Attributes:
         combination: values of the six factors (in the first set).
         means: geometric (arithmetic where a value is 0), of the runs that went well, in both sets.
-        ratio: second over first.
-        p: of the test, corrected for all combinations (on other seeds by Holm); NaN where there is none.
+        judgement: second over first, at the level of all combinations on the same seeds, or of all on others.
+        rule: how it was judged.
         paired: whether the seeds match.
+        phases: whether they are phases of one recording, which are no test.
         same: whether every value is the same to the bit.
         runs: in both sets.
         lost: runs that diverged or failed, in both sets.
         valued: runs that went well and have the metric, in both sets.
+        common: runs of both that went well, where the seeds match; on others of that which has fewer.
         absent: runs of the first set that the second does not have, where the seeds match.
         risen: on the same seeds, how many went up from a value of which there is no ratio (0, or below).
-        judged: the verdict on the same seeds, where a lost run is the worst; None on others, and of phases.
     """
 
     combination: Combination
     means: tuple[float, float]
-    ratio: PairedRatio
-    p: float
+    judgement: Judgement
+    rule: Rule
     paired: bool
+    phases: bool
     same: bool
     runs: tuple[int, int]
     lost: tuple[int, int]
     valued: tuple[int, int]
+    common: int
     absent: int = 0
     risen: int = 0
-    judged: Verdict | None = None
 
     def worse(self, percent: float) -> bool:
         """Whether the second is worse by more than ``percent``, or has the metric of a smaller share of its runs.
@@ -61,31 +66,33 @@ class Change:
         On the same seeds any change is one; on others only what the whole interval says, where there is one.
         """
         limit = 1 + percent / 100
-        judged = self.ratio.ratio if self.paired or math.isnan(self.ratio.low) else self.ratio.low
-        return bool(judged > limit or self.risen or self.valued[1] * self.runs[0] < self.valued[0] * self.runs[1])
+        ratio, low = self.judgement.ratio, self.judgement.low
+        least = ratio if self.paired or math.isnan(low) else low
+        fewer = self.valued[1] * self.runs[0] < self.valued[0] * self.runs[1]
+        return bool((self.common and least > limit) or self.risen or fewer)
 
     @property
     def unjudged(self) -> bool:
-        """Whether the second cannot be said to be as good: it lacks runs, or no run of both has a ratio."""
-        return bool(self.absent or (not self.same and not math.isfinite(self.ratio.ratio)))
+        """Whether the second cannot be said to be as good: it lacks runs, or no run of both has a value."""
+        return bool(self.absent or (not self.same and not self.common))
 
     @property
     def verdict(self) -> str:
         """In a few words."""
         if self.same:
             return "the same to the bit"
-        if self.risen and not self.ratio.n:
+        if self.risen and not self.judgement.n:
             return "worse (it was 0)"
-        if self.ratio.n == 0:
+        if not self.common:
             return "no run of both to compare"
-        if self.judged is not None:
-            return "equal within 3 %" if self.judged is Verdict.EQUAL else self.judged.value
-        shown = self.p < LEVEL and not self.ratio.low <= 1 <= self.ratio.high
-        word = ("better" if self.ratio.ratio < 1 else "worse") if shown else "no difference shown"
-        return word if self.paired else f"{word} (other seeds)"
+        if self.phases:
+            return "no test (phases of one recording)"
+        equal = self.judgement.verdict is Verdict.EQUAL
+        words = f"equal within {100 * self.rule.margin:g} %" if equal else self.judgement.verdict.value
+        return words if self.paired else f"{words} (other seeds)"
 
 
-def changes(before: "pd.DataFrame", after: "pd.DataFrame", metric: str) -> list[Change]:
+def changes(before: "pd.DataFrame", after: "pd.DataFrame", metric: str, rule: Rule = RULE) -> list[Change]:
     """Compare the combinations that both sets have; where each has a single one, these two, whatever they are called.
 
     Raises:
@@ -93,82 +100,74 @@ def changes(before: "pd.DataFrame", after: "pd.DataFrame", metric: str) -> list[
     """
     if not quantity(metric).lowest_is_best:
         raise JerkbenchError(f"Of {metric} neither the lowest nor the highest is the best; compare another metric.")
-    first, second = (_groups(checked(rows, metric)) for rows in (before, after))
-    pairs = [(key, first[key], second[key]) for key in first if key in second]
-    if not pairs and len(first) == len(second) == 1:
-        (key, one), (other,) = next(iter(first.items())), second.values()
-        pairs = [(key, one, other)]
-    if not pairs:
+    first, second = (grouped(checked(rows, metric), metric) for rows in (before, after))
+    both = [(first[key], second[key]) for key in first if key in second]
+    if not both and len(first) == len(second) == 1:
+        both = list(zip(first.values(), second.values(), strict=True))
+    if not both:
         raise JerkbenchError(
             f"No combination of the {len(first)} of the first is among the {len(second)} of the second."
         )
-    found = [_change(key, one, other, metric) for key, one, other in pairs]
-    corrected = [
-        dataclasses.replace(change, p=float(p))
-        for change, p in zip(found, holm([change.p for change in found]), strict=True)
-    ]
-    seeded = [place for place, change in enumerate(corrected) if change.paired and not math.isnan(change.p)]
-    verdicts = judged([_ratios(*pairs[place][1:], metric) for place in seeded])
-    for place, judgement in zip(seeded, verdicts, strict=True):
-        corrected[place] = dataclasses.replace(corrected[place], p=judgement.p, judged=judgement.verdict)
-    return corrected
+    return [_change(two, judgement, rule) for two, judgement in zip(both, _judgements(both, rule), strict=True)]
 
 
-def _ratios(first: "pd.DataFrame", second: "pd.DataFrame", metric: str) -> LogRatios:
-    """Return second over first on the common seeds; a lost run is the worst."""
-    seeds = first.index.intersection(second.index)
-    a, b = (
-        np.where(one["status"] == "ok", one[metric].to_numpy(dtype=float), np.inf)
-        for one in (first.loc[seeds], second.loc[seeds])
+def _judgements(both: Sequence[Two], rule: Rule) -> list[Judgement]:
+    """Return those on the same seeds as one family, and those on others as another."""
+    same = iter(judged_pairs([paired(b, a) for a, b in both if _match(a, b)], rule))
+    samples = [two_samples(b.errors, a.errors) for a, b in both if not _match(a, b)]
+    others = iter(judged_on_other_seeds(samples, rule.margin, rule.level))
+    return [next(same).judgement if _match(a, b) else next(others) for a, b in both]
+
+
+def _match(first: Runs, second: Runs) -> bool:
+    return len(np.intersect1d(first.seeds, second.seeds)) > 0
+
+
+def _change(two: Two, judgement: Judgement, rule: Rule) -> Change:
+    seeds_match = _match(*two)
+    first, second = on_common_seeds(*two) if seeds_match else two
+    well = [np.where(runs.lost, np.nan, runs.errors) for runs in (first, second)]
+    valued = [np.isfinite(values) for values in well]
+    return Change(
+        combination=first.combination,
+        means=(_average(well[0]), _average(well[1])),
+        judgement=judgement,
+        rule=rule,
+        paired=seeds_match,
+        phases=first.phases,
+        same=seeds_match
+        and bool(np.array_equal(well[0], well[1], equal_nan=True) and (first.lost == second.lost).all()),
+        runs=(len(well[0]), len(well[1])),
+        lost=(int(first.lost.sum()), int(second.lost.sum())),
+        valued=(int(valued[0].sum()), int(valued[1].sum())),
+        common=int((valued[0] & valued[1]).sum()) if seeds_match else min(int(of.sum()) for of in valued),
+        absent=len(two[0].seeds) - len(first.seeds),
+        risen=int(np.sum((well[1] > well[0]) & (well[0] <= 0))) if seeds_match else 0,
     )
-    return log_ratios(b, a)
 
 
-def change_rows(found: Sequence[Change], varying: Sequence[str]) -> list[list[str]]:
+def change_rows(changed: Sequence[Change], varying: Sequence[str]) -> list[list[str]]:
     """Return a line of texts for each change: the factors, both means, the ratio, its interval, the verdict."""
     return [
         [
-            *(dict(zip(FACTORS, one.combination, strict=True))[key] for key in varying),
-            *(_mean(mean, runs, lost) for mean, runs, lost in zip(one.means, one.runs, one.lost, strict=True)),
-            f"×{factor_number(one.ratio.ratio)}" if math.isfinite(one.ratio.ratio) else "",  # noqa: RUF001
-            _interval(one.ratio),
-            one.verdict,
+            *(dict(zip(FACTORS, change.combination, strict=True))[key] for key in varying),
+            *(_mean(*of) for of in zip(change.means, change.runs, change.lost, strict=True)),
+            _ratio(change),
+            _interval(change),
+            change.verdict,
         ]
-        for one in found
+        for change in changed
     ]
 
 
-def _groups(rows: "pd.DataFrame") -> dict[Combination, "pd.DataFrame"]:
-    grouped = rows.groupby([*FACTORS], sort=False, observed=True)
-    return {tuple(map(str, key)): group.set_index("seed") for key, group in grouped}
+def _ratio(change: Change) -> str:
+    ratio = change.judgement.ratio
+    return f"×{factor_number(ratio)}" if change.common and 0 < ratio < math.inf else ""  # noqa: RUF001
 
 
-def _change(key: Combination, first: "pd.DataFrame", second: "pd.DataFrame", metric: str) -> Change:
-    seeds = first.index.intersection(second.index)
-    paired = len(seeds) > 0
-    absent = len(first.index.difference(second.index)) if paired else 0
-    if paired:
-        first, second = first.loc[seeds], second.loc[seeds]
-    a, b = (one[metric].where(one["status"] == "ok").to_numpy(dtype=float) for one in (first, second))
-    ratio = paired_ratio(b, a) if paired else unpaired_ratio(b, a)
-    phases = bool((first["replicate"] == "phase").any())
-    return Change(
-        combination=key,
-        means=(_average(a), _average(b)),
-        ratio=ratio,
-        p=math.nan if phases else ratio.p,
-        paired=paired,
-        same=paired and bool(np.array_equal(a, b, equal_nan=True) and list(first["status"]) == list(second["status"])),
-        runs=(len(a), len(b)),
-        lost=(int((first["status"] != "ok").sum()), int((second["status"] != "ok").sum())),
-        valued=(int(np.isfinite(a).sum()), int(np.isfinite(b).sum())),
-        absent=absent,
-        risen=int(np.sum((b > a) & (a <= 0))) if paired else 0,
-    )
-
-
-def _interval(ratio: PairedRatio) -> str:
-    return f"[{factor_number(ratio.low)}, {factor_number(ratio.high)}]" if math.isfinite(ratio.low) else ""
+def _interval(change: Change) -> str:
+    low, high = change.judgement.low, change.judgement.high
+    return f"[{factor_number(low)}, {factor_number(high)}]" if change.common and math.isfinite(low) else ""
 
 
 def _average(values: FloatArray) -> float:

@@ -36,6 +36,21 @@ def competing(rows: "pd.DataFrame", metric: str) -> list[bool]:
     return [competes({"filter": f, "adaptation": a}) for f, a in zip(named["filter"], named["adaptation"], strict=True)]
 
 
+def lost_shares(rows: "pd.DataFrame", metric: str) -> list[list[str]]:
+    """Return (p, s) how many runs of each cell of `costs` are lost, or have no value: "1/5"."""
+    named = _named(checked(rows, metric), metric)
+    scenarios, names = (list(dict.fromkeys(named[key].astype(str))) for key in ("scenario", "method"))
+    runs = named.groupby(["scenario", "method"])["cost"]
+    shares = {key: f"{int(np.isinf(group).sum())}/{len(group)}" for key, group in runs}
+    return [[shares.get((scenario, name), "") for name in names] for scenario in scenarios]
+
+
+def method_labels(rows: "pd.DataFrame", metric: str) -> list[tuple[str, str]]:
+    """Return filter and adaptation of the s methods of `costs`."""
+    named = _named(checked(rows, metric), metric).drop_duplicates("method")
+    return [(str(f), str(a)) for f, a in zip(named["filter"], named["adaptation"], strict=True)]
+
+
 def _named(rows: "pd.DataFrame", metric: str) -> "pd.DataFrame":
     """Return the rows with their cost, and the names of their scenario and method."""
     varying = [key for key in FACTORS if len(rows[key].unique()) > 1]

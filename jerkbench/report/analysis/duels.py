@@ -4,18 +4,10 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
-from jerkbench.evaluation.statistics.judgement import Verdict
+from jerkbench.evaluation.statistics.judgement import TURNED, Verdict
 from jerkbench.report.analysis.comparison import Comparison
 from jerkbench.report.analysis.standings import Standing
 from jerkbench.report.tables.table_model import factor_number
-
-TURNED = {
-    Verdict.BETTER: Verdict.WORSE,
-    Verdict.WORSE: Verdict.BETTER,
-    Verdict.FEWER_LOST: Verdict.MORE_LOST,
-    Verdict.MORE_LOST: Verdict.FEWER_LOST,
-}
-"""Verdicts as the other side sees them; equal and undecided are the same from both."""
 
 WON = (Verdict.BETTER, Verdict.FEWER_LOST)
 LOST = (Verdict.WORSE, Verdict.MORE_LOST)
@@ -60,7 +52,8 @@ class Round:
             return ALL_LOST * abs(self.failures[0] - self.failures[1]) / self.runs
         if self.verdict not in {Verdict.BETTER, Verdict.WORSE}:
             return 0.0
-        return min(abs(math.log(end)) for end in (self.low, self.high) if 0 < end < math.inf)
+        ends = (abs(math.log(end)) for end in (self.low, self.high) if 0 < end < math.inf)
+        return min(ends, default=ALL_LOST)  # the median run of one is lost: no size, and nothing uncertain
 
     @property
     def words(self) -> str:
@@ -69,6 +62,8 @@ class Round:
             ours, theirs = self.failures
             return f"{ours} of {self.runs} runs lost or locked out against {theirs}"
         seen, word = (self.turned, "better") if self.verdict is Verdict.BETTER else (self, "worse")
+        if not 0 < seen.ratio < math.inf:
+            return f"{word}, as the median run of the one is lost"
         times, low, high = map(factor_number, (seen.ratio, seen.low, seen.high))
         return f"{times} times {word}, 95 % {low} to {high}"
 
@@ -133,5 +128,6 @@ def duels(standings: Iterable[Standing]) -> list[Duel]:
 
 def round_of(pair: Comparison, scenario: str = "") -> Round:
     """Return a comparison as its subject sees it."""
-    found = pair.judgement
-    return Round(scenario, pair.verdict, found.ratio, found.low, found.high, found.failures, found.n)
+    judgement = pair.judgement
+    ratio, low, high = judgement.ratio, judgement.low, judgement.high
+    return Round(scenario, pair.verdict, ratio, low, high, judgement.failures, judgement.n)

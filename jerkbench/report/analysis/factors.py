@@ -15,6 +15,27 @@ METHOD = ("filter", "adaptation", "noise")
 """What a method is made of, unless one says otherwise; the other factors make a scenario."""
 
 
+def parse_method(text: str) -> tuple[str, ...]:
+    """Read ``factor,factor``.
+
+    Raises:
+        JerkbenchError: there is no such factor, or none.
+    """
+    keys = tuple(word.strip() for word in text.split(",") if word.strip())
+    for key in keys:
+        if key not in FACTORS:
+            raise JerkbenchError(unknown("factor", key, FACTORS))
+    if not keys:
+        raise JerkbenchError("A method is made of at least one factor, for example filter,adaptation,noise.")
+    return keys
+
+
+def default_method(rows: "pd.DataFrame") -> tuple[str, ...]:
+    """Return what a method is made of where nobody says: `METHOD`, or the attitude where it alone varies."""
+    varying = {key for key in (*METHOD, "attitude") if len(rows[key].unique()) > 1}
+    return ("attitude",) if varying == {"attitude"} else METHOD
+
+
 def layout(
     rows: "pd.DataFrame", row_keys: Sequence[str] | None, column_keys: Sequence[str] | None
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:

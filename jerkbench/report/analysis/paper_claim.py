@@ -7,8 +7,10 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from jerkbench.evaluation.statistics.judgement import LEVEL, Judgement, Verdict, judged
-from jerkbench.report.analysis.comparison import Comparison, compare_to, with_values
+from jerkbench.report.analysis.baseline import with_values
+from jerkbench.report.analysis.comparison import Comparison
 from jerkbench.report.analysis.findings import and_lost, losses, names, varying_factors
+from jerkbench.report.analysis.study_verdicts import study_verdicts
 from jerkbench.report.tables.table_model import number
 
 if TYPE_CHECKING:
@@ -35,8 +37,13 @@ def claimed(rows: "pd.DataFrame") -> list[Comparison]:
     if "position_rmse_m" not in rows or not _has(rows, CLAIM):
         return []
     against = [{"filter": name, "adaptation": "none"} for name in AGAINST]
-    compared = [one for b in against if _has(rows, b) for one in compare_to(_only(rows, b), "position_rmse_m", b)]
-    return [one for one in compared if with_values(one.subject, CLAIM) == one.subject]
+    compared = [
+        comparison
+        for b in against
+        if _has(rows, b)
+        for comparison in study_verdicts(_only(rows, b), "position_rmse_m").against(b)
+    ]
+    return [comparison for comparison in compared if with_values(comparison.subject, CLAIM) == comparison.subject]
 
 
 def _only(rows: "pd.DataFrame", against: Mapping[str, str]) -> "pd.DataFrame":

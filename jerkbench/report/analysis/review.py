@@ -174,7 +174,7 @@ def _unseeded(rows: "pd.DataFrame") -> str:
 
 
 def _intervals(evidence: Evidence) -> tuple[bool | None, str]:
-    cells = [cell for row in summarise(evidence.rows, evidence.metric).cells for cell in row if cell]
+    cells = [cell for row in summarise(evidence.rows, evidence.metric, leaders=False).cells for cell in row if cell]
     without = sum(not (cell.replicate == "seed" and np.isfinite(cell.low)) for cell in cells)
     partial = sum(not cell.complete for cell in cells)
     survivors = f" {partial} are over a part of the runs, or of none." if partial else ""

@@ -38,10 +38,31 @@ def strongest(standings: Sequence[Standing]) -> list[str]:
     return [_sentence(one) for one in sorted(duels(told), key=lambda duel: -duel.weight)]
 
 
+def most_certain(standings: Sequence[Standing]) -> list[Comparison]:
+    """Return of each finding of `strongest` the comparison in which it is most certain, in the findings' order.
+
+    A finding that shows no difference has none.
+    """
+    references = _references(standings)
+    pairs: dict[frozenset[str], list[Comparison]] = {}
+    for standing in standings:
+        for pair in _told(standing, references).contest.comparisons:
+            if pair.replicate != "phase" and pair.judgement.n:
+                names = frozenset({standing.name(pair.subject), standing.name(pair.baseline)})
+                pairs.setdefault(names, []).append(pair)
+    ranked = sorted(pairs.values(), key=lambda rounds: -sum(map(_weight, rounds)) / len(rounds))
+    certain = [max(rounds, key=_weight) for rounds in ranked]
+    return [pair for pair in certain if _weight(pair) > 0]
+
+
+def _weight(pair: Comparison) -> float:
+    return round_of(pair).weight
+
+
 def _of_one_scenario(contest: Contest) -> list[str]:
     """Return the comparisons' own sentences."""
     varying = [factor for k, factor in enumerate(FACTORS) if len({rival[k] for rival in contest.rivals}) > 1]
-    ranked = sorted(contest.comparisons, key=lambda pair: -round_of(pair).weight)
+    ranked = sorted(contest.comparisons, key=lambda pair: -_weight(pair))
     return [sentence(pair, varying) for pair in ranked]
 
 

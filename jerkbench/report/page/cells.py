@@ -5,13 +5,14 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from jerkbench.report.analysis.comparison import Comparison, compare_to
+from jerkbench.report.analysis.comparison import Comparison
 from jerkbench.report.analysis.factors import FACTORS
 from jerkbench.report.analysis.quantities import quantity
+from jerkbench.report.analysis.study_verdicts import StudyVerdicts
 from jerkbench.report.page import nees
 from jerkbench.report.page.details import details
 from jerkbench.report.tables.summary import summarise
-from jerkbench.report.tables.table_model import Cell, Table, factor_number, number
+from jerkbench.report.tables.table_model import Table, TableCell, factor_number, number
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -79,7 +80,13 @@ class Cells:
     details: dict[str, Any]
 
 
-def cells_view(rows: "pd.DataFrame", keys: Sequence[str], about: Mapping[str, Mapping[str, Any]], metric: str) -> Cells:
+def cells_view(
+    rows: "pd.DataFrame",
+    keys: Sequence[str],
+    about: Mapping[str, Mapping[str, Any]],
+    metric: str,
+    verdicts: StudyVerdicts,
+) -> Cells:
     """Return the table of every cell.
 
     Args:
@@ -87,17 +94,21 @@ def cells_view(rows: "pd.DataFrame", keys: Sequence[str], about: Mapping[str, Ma
         keys: key of the cell of each row.
         about: what is stored beside each cell's rows, by key.
         metric: the leading metric.
+        verdicts: of the study.
     """
-    metrics = [metric, *(one for one in COLUMNS if one != metric and one in rows and rows[one].notna().any())]
-    found = {one: by_combination(combinations(rows, one)) for one in metrics}
-    ratios, groups = _ratios(rows, metric), _groups(rows, keys)
+    others = (column for column in COLUMNS if column != metric and column in rows and rows[column].notna().any())
+    metrics = [metric, *others]
+    cells = {column: by_combination(combinations(rows, column)) for column in metrics}
+    ratios, groups = _ratios(rows, verdicts), _groups(rows, keys)
     factors = tuple(key for key in FACTORS if len(rows[key].unique()) > 1) or ("filter",)
     lines: list[Line] = []
     for scenario in _scenarios(groups.values()):
         for place, (key, combination) in enumerate(scenario):
             group = groups[key]
-            values = _values([found[one][combination] for one in metrics], group, ratios and [ratios.get(combination)])
-            labels = tuple(str(group[one].iloc[0]) for one in factors)
+            values = _values(
+                [cells[column][combination] for column in metrics], group, ratios and [ratios.get(combination)]
+            )
+            labels = tuple(str(group[factor].iloc[0]) for factor in factors)
             rule = "group" if lines and place == 0 else ""
             lines.append(Line(key, labels, values, nees.says(group), rule))
     against = ("times none",) if ratios else ()
@@ -105,7 +116,7 @@ def cells_view(rows: "pd.DataFrame", keys: Sequence[str], about: Mapping[str, Ma
         constants=", ".join(f"{key} {rows[key].iloc[0]}" for key in FACTORS if key not in factors),
         factors=factors,
         choices={key: list(dict.fromkeys(rows[key].astype(str))) for key in factors},
-        heads=(*(quantity(one).heading for one in metrics), *against, "lost runs"),
+        heads=(*(quantity(column).heading for column in metrics), *against, "lost runs"),
         lines=lines,
         explanation=nees.explanation(rows),
         details=details(groups, about, [column for column in metrics if column in rows]),
@@ -121,17 +132,17 @@ def _scenarios(groups: "Iterable[pd.DataFrame]") -> list[list[tuple[str, tuple[s
     """Return the keys and combinations of the cells of each scenario."""
     scenarios: dict[tuple[str, ...], list[tuple[str, tuple[str, ...]]]] = {}
     for group in groups:
-        combination = tuple(str(group[one].iloc[0]) for one in FACTORS)
+        combination = tuple(str(group[factor].iloc[0]) for factor in FACTORS)
         scenarios.setdefault(combination[:2], []).append((str(group["key"].iloc[0]), combination))
     return list(scenarios.values())
 
 
 def combinations(rows: "pd.DataFrame", metric: str) -> Table:
     """Return the table in which each combination of the six factors has a row."""
-    return summarise(rows, metric, row_keys=FACTORS[:-1], column_keys=FACTORS[-1:])
+    return summarise(rows, metric, row_keys=FACTORS[:-1], column_keys=FACTORS[-1:], leaders=False)
 
 
-def by_combination(table: Table) -> dict[tuple[str, ...], Cell]:
+def by_combination(table: Table) -> dict[tuple[str, ...], TableCell]:
     """Return the cell of each combination of the six factors, of `combinations`."""
     return {
         (*row, *column): cell
@@ -141,34 +152,39 @@ def by_combination(table: Table) -> dict[tuple[str, ...], Cell]:
     }
 
 
-def _ratios(rows: "pd.DataFrame", metric: str) -> dict[tuple[str, ...], Comparison]:
+def _ratios(rows: "pd.DataFrame", verdicts: StudyVerdicts) -> dict[tuple[str, ...], Comparison]:
     values = set(rows["adaptation"].astype(str))
     if "none" not in values or len(values) == 1:
         return {}
-    return {one.subject: one for one in compare_to(rows, metric, {"adaptation": "none"})}
+    return {comparison.subject: comparison for comparison in verdicts.against({"adaptation": "none"})}
 
 
 def _values(
-    cells: Sequence[Cell], group: "pd.DataFrame", ratios: "Sequence[Comparison | None] | dict[Any, Any]"
+    cells: Sequence[TableCell], group: "pd.DataFrame", ratios: "Sequence[Comparison | None] | dict[Any, Any]"
 ) -> tuple[Value, ...]:
     lost = int((group["status"] != "ok").sum())
     return (
         *(_mean(cell, extra=place > 0) for place, cell in enumerate(cells)),
-        *(_factor(one) for one in ratios),
+        *(_factor(comparison) for comparison in ratios),
         Value(f"{lost} of {len(group)}", sorting=str(lost), extra=True),
     )
 
 
-def _mean(cell: Cell, *, extra: bool) -> Value:
+def _mean(cell: TableCell, *, extra: bool) -> Value:
     known = cell.number and not math.isnan(cell.mean)
     text = cell.number or cell.trouble
     sorting = "" if not known else "Infinity" if math.isinf(cell.mean) else f"{cell.mean:.7g}"
     return Value(text, cell.interval, sorting, extra)
 
 
-def _factor(one: Comparison | None) -> Value:
+def _factor(comparison: Comparison | None) -> Value:
     """The ratio to no adaptation, with its mark."""
-    if one is None or not 0 < one.judgement.ratio < math.inf:
+    if comparison is None or not 0 < comparison.judgement.ratio < math.inf:
         return Value("", extra=True)
-    value = one.judgement.ratio
-    return Value(f"{factor_number(value) if one.shown else number(value)}{one.mark}", "", f"{value:.7g}", extra=True)
+    value = comparison.judgement.ratio
+    return Value(
+        f"{factor_number(value) if comparison.shown else number(value)}{comparison.mark}",
+        "",
+        f"{value:.7g}",
+        extra=True,
+    )

@@ -72,32 +72,32 @@ def claim(rows: "pd.DataFrame", *, shown: bool) -> Claim | None:
         rows: one row a cell and seed.
         shown: whether they show anything at all.
     """
-    found = claimed(rows)
-    if not found:
+    comparisons = claimed(rows)
+    if not comparisons:
         return None
     title = f"The paper's claim: more than {CLAIMED:g} times better"
     if not shown:
         return Claim(title, [NOTHING_SHOWN], [], {}, [])
     varying = varying_factors(rows)
-    opponents = list(dict.fromkeys(names(one, varying)[1] for one in found))
-    cases = _cases(found, varying, opponents)
-    return Claim(title, headlines(rows, found), opponents, cases, claim_sentences(rows, found))
+    opponents = list(dict.fromkeys(names(comparison, varying)[1] for comparison in comparisons))
+    cases = _cases(comparisons, varying, opponents)
+    return Claim(title, headlines(rows, comparisons), opponents, cases, claim_sentences(rows, comparisons))
 
 
 def _cases(
-    found: Sequence[Comparison], varying: Sequence[str], opponents: Sequence[str]
+    comparisons: Sequence[Comparison], varying: Sequence[str], opponents: Sequence[str]
 ) -> dict[str, list[Judged | None]]:
     cases: dict[str, dict[str, Judged]] = {}
-    for one, word in zip(found, verdicts(found), strict=True):
-        _, whom, where = names(one, varying)
-        cases.setdefault(where.removeprefix(" on "), {})[whom] = _judged(one, word)
+    for comparison, word in zip(comparisons, verdicts(comparisons), strict=True):
+        _, whom, where = names(comparison, varying)
+        cases.setdefault(where.removeprefix(" on "), {})[whom] = _judged(comparison, word)
     return {case: [of.get(name) for name in opponents] for case, of in cases.items()}
 
 
-def _judged(one: Comparison, word: str) -> Judged:
-    lost = f"{sum(one.pair.lost)} lost" if any(one.pair.lost) else ""
+def _judged(comparison: Comparison, word: str) -> Judged:
+    lost = f"{sum(comparison.pair.lost)} lost" if any(comparison.pair.lost) else ""
     style = CLASSES.get(word, "muted")
-    if one.judgement.n == 0:
+    if comparison.judgement.n == 0:
         return Judged("", "", word, style, lost)
-    times, low, high = map(number, better(one))
+    times, low, high = map(number, better(comparison))
     return Judged(times, f"[{low}, {high}]" if word in CLASSES else "", word, style, lost)

@@ -1,5 +1,7 @@
 """All that is known of each cell, as the page's script reads it; what several cells share stands there once."""
 
+import base64
+import gzip
 import json
 import math
 from collections.abc import Mapping, Sequence
@@ -52,7 +54,13 @@ def details(
     """
     shared = Shared()
     cells = {key: _cell(group, about[key], metrics, shared) for key, group in groups.items()}
-    return {"shared": shared.items, "seeds": [quantity(one).heading for one in metrics[:EACH]], "cells": cells}
+    return {"shared": shared.items, "seeds": [quantity(column).heading for column in metrics[:EACH]], "cells": cells}
+
+
+def packed(content: Mapping[str, Any]) -> str:
+    """Return ``content`` as JSON, by gzip and base64: a fifth as long."""
+    text = json.dumps(content, separators=(",", ":"))
+    return base64.b64encode(gzip.compress(text.encode(), mtime=0)).decode()
 
 
 def _cell(group: "pd.DataFrame", about: Mapping[str, Any], metrics: Sequence[str], shared: Shared) -> dict[str, Any]:

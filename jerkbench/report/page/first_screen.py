@@ -7,15 +7,18 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from jerkbench.evaluation.statistics.judgement import Verdict
+from jerkbench.report.analysis.across import across
 from jerkbench.report.analysis.answer import answer, shows_something
-from jerkbench.report.analysis.comparison import Combination, Comparison
+from jerkbench.report.analysis.comparison import Comparison
 from jerkbench.report.analysis.duels import round_of
 from jerkbench.report.analysis.factors import FACTORS
 from jerkbench.report.analysis.findings import compared, sentence, varying_factors
+from jerkbench.report.analysis.runs import Combination
 from jerkbench.report.analysis.standings import Standing, summary
 from jerkbench.report.analysis.strongest import strongest
+from jerkbench.report.analysis.study_verdicts import StudyVerdicts
 from jerkbench.report.page.claim import Claim, claim
-from jerkbench.report.tables.table_model import Cell
+from jerkbench.report.tables.table_model import TableCell
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -46,7 +49,7 @@ class Lead:
     names: tuple[str, ...]
     more: int
     rivals: int
-    cell: Cell | None
+    cell: TableCell | None
     against: str
 
 
@@ -61,6 +64,7 @@ class FirstScreen:
         baseline: whether any of them is held against the baseline.
         findings: sentences by size and certainty.
         more: further ones.
+        across: sentences about all scenarios together.
         every: heading and sentences of each scenario's comparisons with the baselines.
         claim: what the study says of the paper's; None where it does not ask.
     """
@@ -71,15 +75,16 @@ class FirstScreen:
     baseline: bool
     findings: list[str]
     more: list[str]
+    across: list[str]
     every: list[tuple[str, list[str]]]
     claim: Claim | None
 
 
 def first_screen(
     rows: "pd.DataFrame",
+    verdicts: StudyVerdicts,
     metric: str,
-    standings: Sequence[Standing],
-    cells: Mapping[Combination, Cell],
+    cells: Mapping[Combination, TableCell],
     *,
     of_the_paper: bool,
 ) -> FirstScreen:
@@ -87,32 +92,34 @@ def first_screen(
 
     Args:
         rows: one row a cell and seed.
-        metric: the leading metric.
-        standings: of each scenario.
+        verdicts: of the study, in the leading metric.
+        metric: that.
         cells: of each combination.
         of_the_paper: whether the study asks for the paper's claim.
     """
-    leads = [_lead(one, cells) for one in standings if one.contest.comparisons]
+    standings = verdicts.standings
+    leads = [_lead(standing, cells) for standing in standings if standing.contest.comparisons]
     findings = strongest(standings)
-    every = _every(compared(rows, metric), varying_factors(rows))
+    every = _every(compared(rows, verdicts), varying_factors(rows))
     return FirstScreen(
         answer=answer(standings),
         summary=summary(standings),
         leads=leads,
-        baseline=any(one.against for one in leads),
+        baseline=any(lead.against for lead in leads),
         findings=findings[:MOST],
         more=findings[MOST:],
+        across=across(rows, verdicts, metric),
         every=every,
         claim=claim(rows, shown=shows_something(standings)) if of_the_paper else None,
     )
 
 
-def _lead(one: Standing, cells: Mapping[Combination, Cell]) -> Lead:
-    contest = one.contest
+def _lead(standing: Standing, cells: Mapping[Combination, TableCell]) -> Lead:
+    contest = standing.contest
     leaders = sorted(contest.leaders, key=lambda key: _size(cells.get(key))) if contest.decided else []
     return Lead(
-        scenario=", ".join(one.scenario) or "the only one",
-        names=tuple(map(one.name, leaders[:NAMED])),
+        scenario=", ".join(standing.scenario) or "the only one",
+        names=tuple(map(standing.name, leaders[:NAMED])),
         more=max(0, len(leaders) - NAMED),
         rivals=len(contest.rivals),
         cell=cells.get(leaders[0]) if leaders else None,
@@ -120,7 +127,7 @@ def _lead(one: Standing, cells: Mapping[Combination, Cell]) -> Lead:
     )
 
 
-def _size(cell: Cell | None) -> float:
+def _size(cell: TableCell | None) -> float:
     return math.inf if cell is None or math.isnan(cell.mean) else cell.mean
 
 
@@ -134,24 +141,26 @@ def _against_baseline(comparisons: Sequence[Comparison], leader: Combination) ->
     return "is the baseline" if leader[3:5] == ("baseline", "none") else ""
 
 
-def _every(found: Sequence[Comparison], varying: Sequence[str]) -> list[tuple[str, list[str]]]:
+def _every(comparisons: Sequence[Comparison], varying: Sequence[str]) -> list[tuple[str, list[str]]]:
     """Return every comparison in a sentence, scenario by scenario."""
     shown = [key for key in SCENARIO if key in varying]
     scenes: dict[str, list[Comparison]] = {}
-    for one in found:
-        values = dict(zip(FACTORS, one.subject, strict=True))
-        scenes.setdefault(", ".join(values[key] for key in shown), []).append(one)
-    return [(_counted(name, ones), _ordered(ones, varying)) for name, ones in scenes.items()]
+    for comparison in comparisons:
+        values = dict(zip(FACTORS, comparison.subject, strict=True))
+        scenes.setdefault(", ".join(values[key] for key in shown), []).append(comparison)
+    return [(_counted(name, of_scene), _ordered(of_scene, varying)) for name, of_scene in scenes.items()]
 
 
-def _counted(name: str, found: Sequence[Comparison]) -> str:
+def _counted(name: str, comparisons: Sequence[Comparison]) -> str:
     where = f"{name}: " if name else ""
-    if all(math.isnan(one.judgement.p) for one in found):
-        return f"{where}{len(found)} comparisons, without a test (no seeds)"
-    counts = Counter(one.verdict.value for one in found)
-    return f"{where}{len(found)} comparisons: {', '.join(f'{count} {word}' for word, count in counts.items())}"
+    if all(math.isnan(comparison.judgement.p) for comparison in comparisons):
+        return f"{where}{len(comparisons)} comparisons, without a test (no seeds)"
+    counts = Counter(comparison.verdict.value for comparison in comparisons)
+    return f"{where}{len(comparisons)} comparisons: {', '.join(f'{count} {word}' for word, count in counts.items())}"
 
 
-def _ordered(found: Sequence[Comparison], varying: Sequence[str]) -> list[str]:
+def _ordered(comparisons: Sequence[Comparison], varying: Sequence[str]) -> list[str]:
     """Those that were shown first."""
-    return [sentence(one, varying) for one in sorted(found, key=lambda one: not one.shown)]
+    return [
+        sentence(comparison, varying) for comparison in sorted(comparisons, key=lambda comparison: not comparison.shown)
+    ]

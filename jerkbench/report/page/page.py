@@ -7,13 +7,15 @@ from typing import TYPE_CHECKING, Any
 
 from jerkbench.report.analysis.quantities import quantity
 from jerkbench.report.analysis.review import Evidence, review
-from jerkbench.report.analysis.standings import standings
+from jerkbench.report.analysis.rule import RULE, Rule
+from jerkbench.report.analysis.study_verdicts import StudyVerdicts, study_verdicts
 from jerkbench.report.markup import render
 from jerkbench.report.page.cells import by_combination, cells_view, combinations
+from jerkbench.report.page.details import packed
 from jerkbench.report.page.first_screen import first_screen
 from jerkbench.report.page.gallery import gallery
-from jerkbench.report.page.line_styles import line_styles
 from jerkbench.report.page.traces import Stretch, payload
+from jerkbench.report.plots.palette import Palette
 from jerkbench.report.plots.picture import Picture
 from jerkbench.report.tables.html import html_table
 from jerkbench.report.tables.summary import main_metric, summarise
@@ -45,6 +47,8 @@ class Results:
         notes: sentences that belong under its tables.
         provenance: command, time, commit, versions, host.
         of_the_paper: whether the study asks for the paper's claim.
+        rule: how differences are judged.
+        method: factors that make a method; None: those that vary.
     """
 
     name: str
@@ -54,6 +58,8 @@ class Results:
     notes: Sequence[str]
     provenance: Mapping[str, Any]
     of_the_paper: bool = False
+    rule: Rule = RULE
+    method: tuple[str, ...] | None = None
 
 
 def page(results: Results, pictures: Sequence[Picture], stretches: Sequence[Stretch] = ()) -> str:
@@ -61,8 +67,8 @@ def page(results: Results, pictures: Sequence[Picture], stretches: Sequence[Stre
     rows, metric = results.rows, main_metric(results.rows)
     leading = combinations(rows, metric)
     checks = review(Evidence(rows, list(results.about.values()), metric))
-    shown = standings(rows, metric)
-    cells = cells_view(rows, results.keys, results.about, metric)
+    verdicts = study_verdicts(rows, metric, results.method, results.rule)
+    cells = cells_view(rows, results.keys, results.about, metric, verdicts)
     return render(
         "page.html",
         name=results.name,
@@ -70,14 +76,15 @@ def page(results: Results, pictures: Sequence[Picture], stretches: Sequence[Stre
         scripts=_assets(SCRIPTS),
         subtitle=_subtitle(results, quantity(metric).heading),
         tiles=_tiles(results),
-        first=first_screen(rows, metric, shown, by_combination(leading), of_the_paper=results.of_the_paper),
+        first=first_screen(rows, verdicts, metric, by_combination(leading), of_the_paper=results.of_the_paper),
         title=leading.title,
-        objections=[one for one in checks if one.passed is False],
-        asked=sum(one.passed is not None for one in checks),
-        table=_table(results, metric),
+        objections=[check for check in checks if check.passed is False],
+        asked=sum(check.passed is not None for check in checks),
+        table=_table(results, metric, verdicts),
         gallery=gallery(pictures, without=("errors", "zoom") if stretches else ()),
-        checks=[(one, *WORDS[one.passed]) for one in checks],
+        checks=[(check, *WORDS[check.passed]) for check in checks],
         cells=cells,
+        details=packed(cells.details),
         traces=_traces(results.about, stretches),
         independence=[note for note in results.notes if "ndependent of" in note] or ["Nothing is said."],
         provenance=[(name, _plain(value)) for name, value in results.provenance.items()],
@@ -104,10 +111,11 @@ def _tiles(results: Results) -> list[tuple[str, str]]:
     return [(f"{len(results.about)}", "combinations"), (f"{len(results.rows)}", runs)]
 
 
-def _table(results: Results, metric: str) -> "Markup":
+def _table(results: Results, metric: str, verdicts: StudyVerdicts) -> "Markup":
     from markupsafe import Markup
 
-    table = summarise(results.rows, metric, notes=results.notes, baseline=_baseline(results.rows))
+    baseline = _baseline(results.rows)
+    table = summarise(results.rows, metric, notes=results.notes, baseline=baseline, verdicts=verdicts)
     return Markup(html_table(table, level=3))  # noqa: S704 - its template escapes
 
 
@@ -117,15 +125,23 @@ def _baseline(rows: "pd.DataFrame") -> dict[str, str] | None:
 
 
 def _traces(about: Mapping[str, Mapping[str, Any]], stretches: Sequence[Stretch]) -> dict[str, Any]:
-    labels = {key: {name: str(value) for name, value in one["labels"].items()} for key, one in about.items()}
-    varying = [name for name in METHOD if len({one[name] for one in labels.values()}) > 1] or ["filter"]
-    names = {key: " + ".join(one[name] for name in varying) for key, one in labels.items()}
-    return payload(stretches, line_styles(labels), names)
+    labels = {key: {name: str(value) for name, value in metadata["labels"].items()} for key, metadata in about.items()}
+    varying = [name for name in METHOD if len({label[name] for label in labels.values()}) > 1] or ["filter"]
+    names = {key: " + ".join(label[name] for name in varying) for key, label in labels.items()}
+    return payload(stretches, _styles(labels), names)
+
+
+def _styles(labels: Mapping[str, Mapping[str, str]]) -> dict[str, dict[str, Any]]:
+    """Return colour and dashes of each cell's line, by its key."""
+    methods = {key: (label["filter"], label["adaptation"]) for key, label in labels.items()}
+    palette = Palette.of(methods.values())
+    looks = {key: palette.look(method) for key, method in methods.items()}
+    return {key: {"colour": look.colour, "dash": list(look.dash)} for key, look in looks.items()}
 
 
 def _plain(value: object) -> str:
     if isinstance(value, Mapping):
-        return ", ".join(f"{key} {_plain(one)}" for key, one in value.items())
+        return ", ".join(f"{key} {_plain(entry)}" for key, entry in value.items())
     if isinstance(value, str) or not isinstance(value, Iterable):
         return str(value)
     return " ".join(map(str, value))

@@ -1,7 +1,16 @@
 "use strict";
 const table = document.getElementById("cells");
 const body = table.tBodies[0];
-const details = JSON.parse(document.getElementById("cells-data").textContent);
+let details = null;
+const unpacking = unpacked("cells-data").then((content) => {
+  details = content;
+});
+
+async function unpacked(id) {
+  const bytes = Uint8Array.from(atob(document.getElementById(id).textContent), (letter) => letter.charCodeAt(0));
+  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"));
+  return JSON.parse(await new Response(stream).text());
+}
 
 function value(row, column) {
   const cell = row.cells[column];
@@ -94,7 +103,8 @@ document.getElementById("words").addEventListener("input", filter);
 for (const one of document.querySelectorAll("select[data-column]")) one.addEventListener("change", filter);
 body.addEventListener("click", (event) => {
   const button = event.target.closest("button[data-key]");
-  if (button) open(button.dataset.key);
+  if (button && details) open(button.dataset.key);
+  else if (button) unpacking.then(() => open(button.dataset.key));
 });
 window.addEventListener("beforeprint", () => {
   for (const one of document.querySelectorAll("#section-findings details")) one.open = true;

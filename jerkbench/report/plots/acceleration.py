@@ -6,10 +6,13 @@ from matplotlib.figure import Figure
 from jerkbench.arrays import FloatArray
 from jerkbench.estimate import Attitude
 from jerkbench.recording import Recording
-from jerkbench.report.plots.style import DOTS_PER_INCH, MEASURED, OKABE_ITO, legend_below, quiet
+from jerkbench.report.plots.curves import thinned
+from jerkbench.report.plots.style import DOTS_PER_INCH, MEASURED, end_with, legend_below, quiet
 
 RAW = ("Forward", "Left", "Up")
 ENU = ("east", "north", "up")
+COMPENSATED, TRIGGERED = "#20405A", "#B00020"
+"""Colours that no filter has."""
 
 
 def acceleration_figure(recording: Recording, attitude: Attitude) -> Figure:
@@ -24,10 +27,10 @@ def acceleration_figure(recording: Recording, attitude: Attitude) -> Figure:
     for axis, axes in enumerate(panels):
         raw = recording.inertial.accel_mps2[:, axis]
         named = axis == 0
-        axes.plot(t_s, raw, color=MEASURED, linewidth=0.5, label="raw, body (FLU)" if named else None)
+        axes.plot(*thinned(t_s, raw), color=MEASURED, linewidth=0.5, label="raw, body (FLU)" if named else None)
         compensated = attitude.accel_enu_mps2[:, axis]
         label = "compensated, ENU" if named else None
-        axes.plot(attitude.t_s, compensated, color=OKABE_ITO[0], linewidth=0.6, label=label)
+        axes.plot(*thinned(attitude.t_s, compensated), color=COMPENSATED, linewidth=0.6, label=label)
         axes.set_ylabel(f"{RAW[axis]} / {ENU[axis]} [m/s$^2$]")
         axes.set_ylim(*_limits(raw, compensated))
         quiet(axes)
@@ -37,12 +40,13 @@ def acceleration_figure(recording: Recording, attitude: Attitude) -> Figure:
             ticks,
             np.full(len(ticks), 0.02),
             "|",
-            color=OKABE_ITO[1],
+            color=TRIGGERED,
             markersize=4.0,
             transform=panels[2].get_xaxis_transform(),
             label=f"external acceleration seen ({100 * attitude.triggered.mean():.0f} % of samples)",
         )
     panels[2].set_xlabel("Time [s]")
+    end_with(panels[2], t_s)
     figure.align_ylabels()
     legend_below(figure)
     return figure
@@ -50,7 +54,7 @@ def acceleration_figure(recording: Recording, attitude: Attitude) -> Figure:
 
 def _limits(*series: FloatArray) -> tuple[float, float]:
     """Room for all but the rarest spikes: an impact must not flatten the rest."""
-    values = np.concatenate([one[np.isfinite(one)] for one in series])
+    values = np.concatenate([curve[np.isfinite(curve)] for curve in series])
     if len(values) == 0:
         return -1.0, 1.0
     low, high = np.percentile(values, [0.05, 99.95])

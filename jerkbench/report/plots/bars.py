@@ -1,14 +1,17 @@
 """The figure of a metric as bars with intervals (the paper's Fig. 3)."""
 
+import itertools
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from jerkbench.report.plots.style import DOTS_PER_INCH, legend_below, lines, quiet
-from jerkbench.report.tables.table_model import Cell, Table, number
+from jerkbench.report.plots.palette import PLAIN, Look, Method, Palette
+from jerkbench.report.plots.style import DOTS_PER_INCH, MEASURED, legend_below, quiet
+from jerkbench.report.tables.table_model import Table, TableCell, number
 
 LOGARITHMIC_FROM = 30.0
 """The axis is logarithmic where the largest mean is so many times the smallest."""
@@ -19,18 +22,33 @@ SCENARIO = ("dataset", "disturbance", "attitude")
 NAMED = 8
 """Up to so many bars in a panel, each has its value on it."""
 
+PALE = 0.35
+"""How opaque the bar of a combination is that lost some runs."""
+
 GAP = 0.8
 """Between two groups, in bars."""
 
 
-def bars_figure(table: Table) -> Figure:
-    """Draw a panel for each scenario of ``table``, in it a group for each of its rows, and a colour for each column.
+class Bar(NamedTuple):
+    """A combination.
 
-    A combination that was not run, or of which no run went well, has no bar; of one that lost some runs it is hatched.
+    Attributes:
+        cell: of the table.
+        look: of its method.
+    """
+
+    cell: TableCell
+    look: Look
+
+
+def bars_figure(table: Table, palette: Palette | None = None) -> Figure:
+    """Draw a panel for each scenario of ``table``, in it a group for each of its rows, and a bar for each column.
+
+    The colour is the filter's, the hatch the adaptation's. A combination that was not run, or of which no run went
+    well, has no bar; of one that lost some runs it is pale.
     """
     names = [" / ".join(column) or "mean" for column in table.columns]
-    colours = {name: colour for name, colour, _ in lines(names)}
-    scenes = _scenes(table, names)
+    scenes = _scenes(table, names, palette or Palette.of(_methods(table)))
     columns = 1 if len(scenes) == 1 else 2
     height = -(-len(scenes) // columns)
     figure = Figure(figsize=(7.0 if columns == 1 else 9.0, 0.9 + 2.0 * height), dpi=DOTS_PER_INCH, layout="constrained")
@@ -39,9 +57,8 @@ def bars_figure(table: Table) -> Figure:
         axes.set_axis_off()
     for axes, (scene, groups) in zip(panels, scenes.items(), strict=False):
         axes.set_title(scene, fontsize=8)
-        _draw_groups(axes, groups, colours)
-    for name, colour in colours.items():
-        panels[0].bar([0], [np.nan], color=colour, label=name)
+        _draw_groups(axes, groups)
+    _name_columns(panels[0], names, scenes)
     _scale(panels[0], table)
     for axes in panels[: len(scenes)]:
         quiet(axes)
@@ -51,36 +68,64 @@ def bars_figure(table: Table) -> Figure:
     return figure
 
 
-def _scenes(table: Table, names: list[str]) -> dict[str, dict[str, dict[str, Cell]]]:
-    """Scenario -> label of the row -> name of the column -> cell."""
-    scenes: dict[str, dict[str, dict[str, Cell]]] = {}
+def _methods(table: Table) -> Iterator[Method]:
+    """Yield filter and adaptation of each combination of a table."""
+    for row, column in itertools.product(table.rows, table.columns):
+        yield _method(table, row, column)
+
+
+def _method(table: Table, row: Sequence[str], column: Sequence[str]) -> Method:
+    keys = (*table.row_keys, *table.column_keys)
+    label = {**dict(table.constants), **dict(zip(keys, (*row, *column), strict=True))}
+    return label.get("filter", ""), label.get("adaptation", PLAIN)
+
+
+def _name_columns(axes: Axes, names: Sequence[str], scenes: Mapping[str, Mapping[str, Mapping[str, Bar]]]) -> None:
+    """Put the columns into the legend, in grey where several filters are in one."""
+    groups = [group for scene in scenes.values() for group in scene.values()]
+    for name in names:
+        seen = [group[name].look for group in groups if name in group]
+        colours, hatches = {look.colour for look in seen}, {look.hatch for look in seen}
+        colour = colours.pop() if len(colours) == 1 else MEASURED
+        hatch = hatches.pop() if len(hatches) == 1 else ""
+        axes.bar([0], [np.nan], color=colour, hatch=hatch, edgecolor="white", label=name)
+
+
+def _scenes(table: Table, names: list[str], palette: Palette) -> dict[str, dict[str, dict[str, Bar]]]:
+    """Scenario -> label of the row -> name of the column -> bar."""
+    scenes: dict[str, dict[str, dict[str, Bar]]] = {}
     for row, cells in zip(table.rows, table.cells, strict=True):
         named = dict(zip(table.row_keys, row, strict=True))
         scene = ", ".join(value for key, value in named.items() if key in SCENARIO)
         label = ", ".join(value for key, value in named.items() if key not in SCENARIO)
-        there = {n: c for n, c in zip(names, cells, strict=True) if c is not None and math.isfinite(c.mean)}
-        scenes.setdefault(scene, {})[label] = there
+        looks = [palette.look(_method(table, row, column)) for column in table.columns]
+        scenes.setdefault(scene, {})[label] = {
+            name: Bar(cell, look)
+            for name, cell, look in zip(names, cells, looks, strict=True)
+            if cell is not None and math.isfinite(cell.mean)
+        }
     return scenes
 
 
-def _draw_groups(axes: Axes, groups: Mapping[str, Mapping[str, Cell]], colours: Mapping[str, str]) -> None:
+def _draw_groups(axes: Axes, groups: Mapping[str, Mapping[str, Bar]]) -> None:
     middles, place = [], 0.0
     named = sum(map(len, groups.values())) <= NAMED
-    for cells in groups.values():
-        middles.append(place + (max(len(cells), 1) - 1) / 2)
-        for name, cell in cells.items():
-            _draw_bar(axes, place, cell, colours[name], named=named)
+    for bars in groups.values():
+        middles.append(place + (max(len(bars), 1) - 1) / 2)
+        for bar in bars.values():
+            _draw_bar(axes, place, bar, named=named)
             place += 1.0
-        place += GAP if cells else 1.0 + GAP
+        place += GAP if bars else 1.0 + GAP
     axes.set_xticks(middles, [label.replace("_", "\n", 1) for label in groups], fontsize=7)  # narrow groups
     axes.tick_params(axis="x", length=0)
     axes.set_xlim(-0.9, place - GAP - 0.1)
 
 
-def _draw_bar(axes: Axes, place: float, cell: Cell, colour: str, *, named: bool) -> None:
+def _draw_bar(axes: Axes, place: float, bar: Bar, *, named: bool) -> None:
     """Draw one bar with its interval, and its value on it."""
-    hatch = None if cell.complete else "////"
-    axes.bar(place, cell.mean, 0.9, color=colour, hatch=hatch, edgecolor="white", linewidth=0.3)
+    cell, alpha = bar.cell, 1.0 if bar.cell.complete else PALE
+    colours = {"color": bar.look.colour, "edgecolor": "white", "alpha": alpha}
+    axes.bar(place, cell.mean, 0.9, hatch=bar.look.hatch, linewidth=0.3, **colours)  # type: ignore[arg-type]  # as documented
     end = cell.mean
     if math.isfinite(cell.low) and math.isfinite(cell.high):
         ends = np.array([[max(0.0, cell.mean - cell.low)], [max(0.0, cell.high - cell.mean)]])

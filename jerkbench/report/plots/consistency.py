@@ -11,13 +11,15 @@ from jerkbench.estimate import Estimate
 from jerkbench.evaluation.navigation_errors import known, position_error_m, velocity_error_mps
 from jerkbench.evaluation.statistics.consistency import chi2_band
 from jerkbench.recording import Recording
-from jerkbench.report.plots.style import DOTS_PER_INCH, OKABE_ITO, legend_below, quiet, say
+from jerkbench.report.plots.curves import thinned
+from jerkbench.report.plots.palette import Palette, looks
+from jerkbench.report.plots.style import DOTS_PER_INCH, MEASURED, SIGMAS, end_with, legend_below, quiet, say
 
 WINDOW = 21
 """Updates over which NIS is averaged; odd."""
 
 
-def consistency_figure(runs: Sequence[tuple[Recording, Estimate]], name: str) -> Figure:
+def consistency_figure(runs: Sequence[tuple[Recording, Estimate]], name: str, palette: Palette | None = None) -> Figure:
     """Draw NEES, averaged over the runs, and NIS per row, averaged over `WINDOW` updates too.
 
     NEES is of position and velocity; of the position alone where no velocity is known.
@@ -28,8 +30,10 @@ def consistency_figure(runs: Sequence[tuple[Recording, Estimate]], name: str) ->
     above, below = figure.subplots(2, 1, sharex=True)
     recording = runs[0][0]
     above.set_title(f"{recording.name}: {name}, {len(runs)} {'run' if len(runs) == 1 else 'runs'}")
-    _draw_nees(above, runs)
-    _draw_nis(below, runs)
+    ((_, look),) = looks([name], palette)
+    _draw_nees(above, runs, look.colour)
+    _draw_nis(below, runs, look.colour)
+    end_with(below, recording.reference.t_s)
     below.set_xlabel("Time [s]")
     legend_below(figure)
     return figure
@@ -57,7 +61,7 @@ def states(recording: Recording) -> int:
     return 3 if recording.reference.velocity_mps is None else 6
 
 
-def _draw_nees(axes: Axes, runs: Sequence[tuple[Recording, Estimate]]) -> None:
+def _draw_nees(axes: Axes, runs: Sequence[tuple[Recording, Estimate]], colour: str) -> None:
     reached = min(len(estimate.index) for _, estimate in runs)
     t_s = runs[0][0].reference.t_s[runs[0][1].index[:reached]]
     average = np.mean([nees(*run)[:reached] for run in runs], axis=0)
@@ -69,30 +73,32 @@ def _draw_nees(axes: Axes, runs: Sequence[tuple[Recording, Estimate]]) -> None:
         return
     low, high = chi2_band(m, len(runs))
     inside = float(np.mean((average >= low) & (average <= high)))
-    axes.axhspan(low, high, color=OKABE_ITO[5], alpha=0.35, linewidth=0, label="95 % of a consistent filter")
-    axes.plot(t_s, average, color=OKABE_ITO[0], linewidth=0.8, label=f"NEES: {100 * inside:.0f} % of the time inside")
+    axes.axhspan(low, high, color=SIGMAS, linewidth=0, label="95 % of a consistent filter")
+    label = f"NEES: {100 * inside:.0f} % of the time inside"
+    axes.plot(*thinned(t_s, average), color=colour, linewidth=0.8, label=label)
     axes.set_yscale("log")
     quiet(axes)
 
 
-def _draw_nis(axes: Axes, runs: Sequence[tuple[Recording, Estimate]]) -> None:
+def _draw_nis(axes: Axes, runs: Sequence[tuple[Recording, Estimate]], colour: str) -> None:
     updates = [estimate.updates for _, estimate in runs]
-    count = min(len(one.t_s) for one in updates)
+    count = min(len(update.t_s) for update in updates)
     axes.set_ylabel("NIS per row")
     if count < WINDOW:
         say(axes, "There are too few updates.")
         return
-    rows = np.sum([one.rows[:count] for one in updates], axis=0)
+    rows = np.sum([update.rows[:count] for update in updates], axis=0)
     t_s = updates[0].t_s[:count][WINDOW // 2 : count - WINDOW // 2]
     summed = _moving(rows)
-    kinds = (("nis", OKABE_ITO[0], 2.4, "NIS, reported R"), ("nis_used", OKABE_ITO[1], 0.9, "NIS, R that was used"))
-    for attribute, colour, width, label in kinds:  # the wider one stays visible behind an equal one
-        total = np.sum([np.nan_to_num(getattr(one, attribute)[:count], posinf=0.0) for one in updates], axis=0)
-        axes.plot(t_s, _moving(total) / np.maximum(summed, 1), color=colour, linewidth=width, label=label)
+    kinds = (("nis", MEASURED, 2.4, "NIS, reported R"), ("nis_used", colour, 0.9, "NIS, R that was used"))
+    for attribute, shade, width, label in kinds:  # the wider one stays visible behind an equal one
+        total = np.sum([np.nan_to_num(getattr(update, attribute)[:count], posinf=0.0) for update in updates], axis=0)
+        curve = thinned(t_s, _moving(total) / np.maximum(summed, 1))
+        axes.plot(*curve, color=shade, linewidth=width, label=label)
     low, high = np.array([chi2_band(1, max(n, 1)) for n in np.unique(summed)]).T[
         :, np.searchsorted(np.unique(summed), summed)
     ]
-    axes.fill_between(t_s, low, high, color=OKABE_ITO[5], alpha=0.35, linewidth=0)
+    axes.fill_between(t_s, low, high, color=SIGMAS, linewidth=0)
     axes.set_yscale("log")
     quiet(axes)
 

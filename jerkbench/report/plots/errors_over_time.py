@@ -9,8 +9,11 @@ from matplotlib.figure import Figure
 from jerkbench.arrays import FloatArray
 from jerkbench.estimate import Estimate
 from jerkbench.evaluation.navigation_errors import known, position_error_length_m, position_error_m, rms_norm
+from jerkbench.evaluation.run import counted_rows
 from jerkbench.recording import Recording
-from jerkbench.report.plots.style import DOTS_PER_INCH, OKABE_ITO, OUTAGE, legend_below, lines, quiet, say
+from jerkbench.report.plots.curves import coinciding, joined, thinned
+from jerkbench.report.plots.palette import Palette, looks
+from jerkbench.report.plots.style import DOTS_PER_INCH, OUTAGE, SIGMAS, end_with, legend_below, quiet, say
 from jerkbench.report.tables.table_model import number
 
 LOGARITHMIC_FROM = 30.0
@@ -19,24 +22,40 @@ LOGARITHMIC_FROM = 30.0
 BAND = "±3σ"  # noqa: RUF001 - sigma is the sign of a standard deviation
 
 
-def error_figure(recording: Recording, estimates: Mapping[str, Estimate], panels: int | None = None) -> Figure:
-    """Draw the length of the position error [m] over time [s], with each estimate's RMSE over the scored stamps.
+def error_figure(
+    recording: Recording,
+    estimates: Mapping[str, Estimate],
+    panels: int | None = None,
+    *,
+    burn_in_s: float = 0.0,
+    window_s: tuple[float, float] | None = None,
+    palette: Palette | None = None,
+) -> Figure:
+    """Draw the length of the position error [m] over time [s], with each estimate's RMSE.
 
-    That RMSE counts the burn-in too, as the line shows it: it is the tables' `position_rmse_whole_m`.
+    Lines that coincide are drawn once, with all their names. A single estimate also gets its errors east, north and
+    up, with the three sigmas that it claims, unless ``panels`` is 1.
 
-    A single estimate also gets its errors east, north and up, with the three sigmas that it claims, unless ``panels``
-    is 1.
+    Args:
+        recording: with its reference.
+        estimates: by the names of their methods.
+        panels: how many; None: as many as there is something to show.
+        burn_in_s: the RMSE counts from then on: that of the protocol gives the tables' `position_rmse_m`.
+        window_s: begin and end of what is shown; None: all.
+        palette: of the study.
     """
     single = len(estimates) == 1 and recording.reference.enu_m is not None and panels != 1
     panels = 4 if single else 1
     figure = Figure(figsize=(7.0, 7.5 if single else 3.2), dpi=DOTS_PER_INCH, layout="constrained")
     ratios = [1.5, 1.0, 1.0, 1.0][:panels]
     top, *below = figure.subplots(panels, 1, sharex=True, squeeze=False, height_ratios=ratios)[:, 0]
-    _draw_norms(top, recording, estimates)
+    _draw_norms(top, recording, estimates, burn_in_s, window_s or (-np.inf, np.inf), palette)
     top.set_title(recording.name)
-    for estimate in estimates.values():
+    for name, look in looks(estimates, palette):
         for axis, axes in enumerate(below):
-            _draw_axis(axes, recording, estimate, axis)
+            _draw_axis(axes, recording, estimates[name], axis, look.colour)
+    if window_s is None:
+        end_with(top, recording.reference.t_s)
     for axes in (top, *below):
         _shade(axes, recording, "outage" if axes is top else None)
         quiet(axes)
@@ -46,17 +65,33 @@ def error_figure(recording: Recording, estimates: Mapping[str, Estimate], panels
     return figure
 
 
-def _draw_norms(axes: Axes, recording: Recording, estimates: Mapping[str, Estimate]) -> None:
+def _draw_norms(
+    axes: Axes,
+    recording: Recording,
+    estimates: Mapping[str, Estimate],
+    burn_in_s: float,
+    window_s: tuple[float, float],
+    palette: Palette | None,
+) -> None:
     axes.set_ylabel("Position error [m]")
     if recording.reference.enu_m is None:
         say(axes, "The recording has no position reference.")
         return
     norms = {name: position_error_length_m(estimate, recording) for name, estimate in estimates.items()}
-    for place, (name, colour, dash) in enumerate(lines(estimates)):
+    look_of = dict(looks(estimates, palette))
+    for place, names in enumerate(coinciding(norms)):
+        name = names[0]
         t_s = recording.reference.t_s[estimates[name].index]
-        label = f"{name}: {_rmse(recording, estimates[name])}"
-        above = 3 - 0.01 * place  # the first on top
-        axes.plot(t_s, norms[name], color=colour, linestyle=dash, linewidth=1.0, label=label, zorder=above)
+        seen = (t_s >= window_s[0]) & (t_s <= window_s[1])
+        rmses = dict.fromkeys(_rmse(recording, estimates[each], burn_in_s) for each in names)
+        axes.plot(
+            *thinned(t_s[seen], norms[name][seen]),
+            color=look_of[name].colour,
+            linestyle=look_of[name].line,
+            linewidth=1.0,
+            label=f"{joined(names)}: {', '.join(rmses)}",
+            zorder=3 - 0.01 * place,  # the first on top
+        )
     if _spread(norms) > LOGARITHMIC_FROM:
         lowest = [np.percentile(norm[norm > 0], 1) for norm in norms.values() if (norm > 0).any()]
         axes.set_yscale("log")
@@ -65,10 +100,11 @@ def _draw_norms(axes: Axes, recording: Recording, estimates: Mapping[str, Estima
         axes.set_ylim(bottom=0.0)
 
 
-def _rmse(recording: Recording, estimate: Estimate) -> str:
-    rows = recording.reference.scored[estimate.index] & known(recording.reference.enu_m, estimate)
+def _rmse(recording: Recording, estimate: Estimate, burn_in_s: float) -> str:
+    rows = counted_rows(estimate, recording, burn_in_s) & known(recording.reference.enu_m, estimate)
     rmse_m = rms_norm(position_error_m(estimate, recording)[rows])
-    return f"RMSE with burn-in {number(rmse_m)} m" if np.isfinite(rmse_m) else "no finite RMSE"
+    since = f" from {burn_in_s:g} s on" if burn_in_s else ""
+    return f"RMSE {number(rmse_m)} m{since}" if np.isfinite(rmse_m) else "no finite RMSE"
 
 
 def _spread(norms: Mapping[str, FloatArray]) -> float:
@@ -78,17 +114,16 @@ def _spread(norms: Mapping[str, FloatArray]) -> float:
     return max(norm.max() for norm in kept) / min(float(np.median(norm)) for norm in kept) if kept else 1.0
 
 
-def _draw_axis(axes: Axes, recording: Recording, estimate: Estimate, axis: int) -> None:
+def _draw_axis(axes: Axes, recording: Recording, estimate: Estimate, axis: int, colour: str) -> None:
     """Draw the error of one axis and the band of three sigmas; the error decides what is shown."""
     t_s = recording.reference.t_s[estimate.index]
     error = position_error_m(estimate, recording)[:, axis]
     error = np.where(np.isfinite(error), error, np.nan)
     with np.errstate(invalid="ignore"):
         three_sigma = 3 * np.sqrt(estimate.covariance[:, axis, axis])
-    axes.fill_between(
-        t_s, -three_sigma, three_sigma, color=OKABE_ITO[5], alpha=0.5, linewidth=0, label=BAND if axis == 0 else None
-    )
-    axes.plot(t_s, error, color=OKABE_ITO[0], linewidth=0.9)
+    edge_s, edge = thinned(t_s, three_sigma)
+    axes.fill_between(edge_s, -edge, edge, color=SIGMAS, linewidth=0, label=BAND if axis == 0 else None)
+    axes.plot(*thinned(t_s, error), color=colour, linewidth=0.9)
     axes.set_ylabel(f"{('East', 'North', 'Up')[axis]} error [m]")
     seen = [1.3 * np.abs(error[~np.isnan(error)]).max(initial=0.0)]
     seen += [1.6 * float(np.median(sigma)) for sigma in (three_sigma[np.isfinite(three_sigma)],) if len(sigma)]

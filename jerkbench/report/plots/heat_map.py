@@ -15,13 +15,18 @@ WORST = 100.0
 
 
 def heat_map_figure(
-    costs: FloatArray, scenarios: Sequence[str], methods: Sequence[str], title: str, competing: Sequence[bool]
+    costs: FloatArray,
+    scenarios: Sequence[str],
+    methods: Sequence[str],
+    title: str,
+    competing: Sequence[bool],
+    lost: Sequence[Sequence[str]],
 ) -> Figure:
     """Draw (p, s) costs of s methods in p scenarios: each number as it is, its colour by the ratio to the best.
 
     Methods make the rows, scenarios the columns.
-    An infinite cost says that runs were lost; NaN, that it was not run, is an empty field. What does not compete is
-    there, in parentheses, but is no best.
+    Where a cost is infinite, runs were lost: there stands how many, as ``lost`` says it. NaN, that it was not run, is
+    an empty field. What does not compete is there, in parentheses, but is no best.
     """
     size = (
         2.2 + 0.085 * _longest(methods) + 0.56 * len(scenarios),
@@ -38,9 +43,9 @@ def heat_map_figure(
         colour, weight = "white" if ratio[p, s] > 10 else "black", "bold" if leads else "normal"
         axes.text(p, s, number(float(costs[p, s])), ha="center", va="center", fontsize=7, color=colour, weight=weight)
     for p, s in np.argwhere(np.isinf(costs)):
-        axes.text(p, s, "lost", ha="center", va="center", fontsize=7, color="#777777")
+        axes.text(p, s, lost[p][s], ha="center", va="center", fontsize=7, color="#777777")
     axes.set_xticks(range(len(scenarios)), scenarios, rotation=90, fontsize=8)
-    named = [name if one else f"({name})" for name, one in zip(methods, competing, strict=True)]
+    named = [name if competes else f"({name})" for name, competes in zip(methods, competing, strict=True)]
     axes.set_yticks(range(len(methods)), named, fontsize=8)
     axes.set_title(title, fontsize="medium")
     axes.spines[:].set_visible(False)

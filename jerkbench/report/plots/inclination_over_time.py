@@ -8,15 +8,19 @@ from matplotlib.figure import Figure
 from jerkbench.estimate import Estimate
 from jerkbench.evaluation.navigation_errors import inclination_error_rad, rms_norm
 from jerkbench.recording import Recording
-from jerkbench.report.plots.style import DOTS_PER_INCH, legend_below, lines, quiet
+from jerkbench.report.plots.palette import Palette, looks
+from jerkbench.report.plots.style import DOTS_PER_INCH, end_with, legend_below, quiet
 from jerkbench.report.tables.table_model import number
 
 
-def inclination_figure(recording: Recording, estimates: Mapping[str, Estimate]) -> Figure:
+def inclination_figure(
+    recording: Recording, estimates: Mapping[str, Estimate], palette: Palette | None = None
+) -> Figure:
     """Draw the error of the inclination [deg] over time [s]; thin where it is not scored, RMSE over what is."""
     figure = Figure(figsize=(7.0, 3.2), dpi=DOTS_PER_INCH, layout="constrained")
     axes = figure.add_subplot()
-    for name, colour, dash in lines(estimates):
+    for name, look in looks(estimates, palette):
+        colour, dash = look.colour, look.line
         index = estimates[name].index
         t_s, scored = recording.reference.t_s[index], recording.reference.scored[index]
         error_deg = np.degrees(inclination_error_rad(estimates[name], recording))
@@ -26,6 +30,7 @@ def inclination_figure(recording: Recording, estimates: Mapping[str, Estimate]) 
         axes.plot(t_s, shown, color=colour, linestyle=dash, linewidth=1.2, label=f"{name}: RMSE {number(rmse_deg)} deg")
     axes.set(xlabel="Time [s]", ylabel="Inclination error [deg]", title=recording.name)
     axes.set_ylim(bottom=0.0)
+    end_with(axes, recording.reference.t_s)
     quiet(axes)
     legend_below(figure)
     return figure

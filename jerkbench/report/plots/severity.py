@@ -1,5 +1,6 @@
 """The figure of a metric over the size of a fault."""
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,7 +11,8 @@ from jerkbench.arrays import FloatArray
 from jerkbench.evaluation.statistics.intervals import mean_intervals
 from jerkbench.report.analysis.quantities import quantity
 from jerkbench.report.analysis.severity import NAME, SCENARIO, SIZE, crossings, smallest_noticed
-from jerkbench.report.plots.style import DOTS_PER_INCH, legend_below, lines, quiet
+from jerkbench.report.plots.palette import Look, Palette, looks
+from jerkbench.report.plots.style import DOTS_PER_INCH, legend_below, quiet
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -20,7 +22,7 @@ FIRST, STEP = 0.03, 0.04
 """Heights of the triangles, from the axis upwards: several methods may act at the same size."""
 
 
-def severity_figure(swept: "pd.DataFrame", metric: str) -> Figure:
+def severity_figure(swept: "pd.DataFrame", metric: str, palette: Palette | None = None) -> Figure:
     """Draw the mean of ``metric`` over the size of a fault with its interval, a panel for each scenario.
 
     Runs that diverged or failed are left out of a mean, and make its point hollow. A cross stands where two methods are
@@ -29,6 +31,7 @@ def severity_figure(swept: "pd.DataFrame", metric: str) -> Figure:
     Args:
         swept: rows as `with_severity` returns them.
         metric: the metric's column.
+        palette: of the study.
     """
     scenarios = list(dict.fromkeys(swept[SCENARIO]))
     figure = Figure(figsize=(7.0, 0.6 + 2.8 * len(scenarios)), dpi=DOTS_PER_INCH, layout="constrained")
@@ -37,7 +40,7 @@ def severity_figure(swept: "pd.DataFrame", metric: str) -> Figure:
     names = list(dict.fromkeys(swept["method"]))
     for axes, scenario in zip(panels, scenarios, strict=True):
         scene = swept[swept[SCENARIO] == scenario]
-        _draw(axes, scene, names, metric, labelled=axes is panels[0])
+        _draw(axes, scene, dict(looks(names, palette)), metric, labelled=axes is panels[0])
         axes.set(title=scenario, xlabel=scene[NAME].iloc[0], ylabel=quantity(metric).heading, yscale="log")
         if scene[SIZE].min() > 0:
             axes.set_xscale("log")
@@ -46,21 +49,22 @@ def severity_figure(swept: "pd.DataFrame", metric: str) -> Figure:
     return figure
 
 
-def _draw(axes: Axes, scene: "pd.DataFrame", names: list[str], metric: str, *, labelled: bool) -> None:
+def _draw(axes: Axes, scene: "pd.DataFrame", look_of: Mapping[str, Look], metric: str, *, labelled: bool) -> None:
     sizes = np.sort(scene[SIZE].unique())
     means: dict[str, FloatArray] = {}
-    for height, (name, colour, dash) in zip(FIRST + STEP * np.arange(len(names)), lines(names), strict=True):
+    for height, (name, look) in zip(FIRST + STEP * np.arange(len(look_of)), look_of.items(), strict=True):
+        colour, dash = look.colour, look.line
         runs = scene[scene["method"] == name]
         groups = [runs[runs[SIZE] == size] for size in sizes]
         good = [group.loc[group["status"] == "ok", metric] for group in groups]
         intervals = mean_intervals(good)
-        means[name] = np.array([one.mean for one in intervals])
+        means[name] = np.array([interval.mean for interval in intervals])
         label = name if labelled else None
         axes.plot(sizes, means[name], color=colour, linestyle=dash, linewidth=1.0, label=label)
-        for size, group, values, one in zip(sizes, groups, good, intervals, strict=True):
-            axes.plot([size, size], [one.low, one.high], color=colour, linewidth=0.8)
+        for size, group, values, interval in zip(sizes, groups, good, intervals, strict=True):
+            axes.plot([size, size], [interval.low, interval.high], color=colour, linewidth=0.8)
             face = colour if len(values) == len(group) else "white"
-            axes.plot([size], [one.mean], "o", color=colour, markerfacecolor=face, markersize=4.0)
+            axes.plot([size], [interval.mean], "o", color=colour, markerfacecolor=face, markersize=4.0)
         noticed = smallest_noticed(runs) if len(runs) else float("nan")
         axes.plot([noticed], [height], "^", color=colour, transform=axes.get_xaxis_transform())
     for crossing in crossings(sizes, means):

@@ -1,7 +1,4 @@
-"""How figures look: colours that the colour-blind can tell apart, and quiet axes."""
-
-from collections.abc import Iterable, Iterator
-from itertools import cycle, product
+"""The look of figures: colours that the colour-blind can tell apart, and quiet axes."""
 
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
@@ -9,15 +6,16 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
+from jerkbench.arrays import FloatArray
+
 OKABE_ITO = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 """Okabe and Ito's palette (2008) in an order that keeps neighbours apart; its yellow is too pale for a line."""
-
-DASHES = ("-", "--", ":")
-"""Line styles once all colours are used."""
 
 REFERENCE = "black"
 MEASURED = "#9A9A9A"
 OUTAGE = "#F0C27B"
+SIGMAS = "#D3DEE8"
+"""Bands of what a filter claims, or of a consistent one; no filter has this colour."""
 
 DOTS_PER_INCH = 150
 """Set when a figure is made, so that it is laid out as it is saved."""
@@ -28,12 +26,6 @@ HANDLE_CHARACTERS = 9
 """How many of them the line before a label takes."""
 
 LEGEND_ROW_IN = 0.22
-
-
-def lines(names: Iterable[str]) -> Iterator[tuple[str, str, str]]:
-    """Yield each name with a colour and a line style."""
-    for name, (dash, colour) in zip(names, cycle(product(DASHES, OKABE_ITO)), strict=False):
-        yield name, colour, dash
 
 
 def quiet(axes: Axes) -> None:
@@ -72,6 +64,12 @@ def legend_below(figure: Figure) -> None:
     for handle in legend.legend_handles:
         if isinstance(handle, Line2D) and handle.get_marker() == ".":
             handle.set(markersize=6.0, alpha=1.0)
+
+
+def end_with(axes: Axes, t_s: FloatArray) -> None:
+    """Let the horizontal axis begin and end with the data."""
+    if len(t_s) and t_s[0] < t_s[-1]:
+        axes.set_xlim(float(t_s[0]), float(t_s[-1]))
 
 
 def say(axes: Axes, sentence: str) -> None:

@@ -9,13 +9,15 @@ from matplotlib.figure import Figure
 from jerkbench.estimate import Estimate
 from jerkbench.evaluation.navigation_errors import euler_error_rad, known
 from jerkbench.recording import Recording
-from jerkbench.report.plots.style import DOTS_PER_INCH, REFERENCE, legend_below, lines, quiet
+from jerkbench.report.plots.curves import thinned
+from jerkbench.report.plots.palette import Palette, looks
+from jerkbench.report.plots.style import DOTS_PER_INCH, REFERENCE, end_with, legend_below, quiet
 from jerkbench.report.tables.table_model import number
 
 ANGLES = ("Roll", "Pitch")
 
 
-def tilt_figure(recording: Recording, estimates: Mapping[str, Estimate]) -> Figure:
+def tilt_figure(recording: Recording, estimates: Mapping[str, Estimate], palette: Palette | None = None) -> Figure:
     """Draw roll and pitch [deg] over time with the reference's, and their RMSE [deg] over the scored stamps as bars.
 
     Without a reference of the attitude there are no bars.
@@ -25,40 +27,47 @@ def tilt_figure(recording: Recording, estimates: Mapping[str, Estimate]) -> Figu
     panels = figure.subplot_mosaic("RR;PP;rp" if judged else "R;P")
     panels["R"].set_title(recording.name + ("" if judged else ": no reference of the attitude"))
     for axis, letter in enumerate("RP"):
-        _draw_angle(panels[letter], recording, estimates, axis)
+        _draw_angle(panels[letter], recording, estimates, axis, palette)
         if judged:
-            _draw_bars(panels[letter.lower()], recording, estimates, axis)
+            _draw_bars(panels[letter.lower()], recording, estimates, axis, palette)
     panels["P"].sharex(panels["R"])
+    end_with(panels["P"], recording.reference.t_s)
     panels["P"].set_xlabel("Time [s]")
     legend_below(figure)
     return figure
 
 
-def _draw_angle(axes: Axes, recording: Recording, estimates: Mapping[str, Estimate], axis: int) -> None:
+def _draw_angle(
+    axes: Axes, recording: Recording, estimates: Mapping[str, Estimate], axis: int, palette: Palette | None
+) -> None:
     axes.set_ylabel(f"{ANGLES[axis]} [deg]")
     truth = recording.reference.euler_rad
     named = axis == 0
-    for name, colour, dash in lines(estimates):
-        one = estimates[name]
-        t_s = recording.reference.t_s[one.index]
+    for name, look in looks(estimates, palette):
+        estimate = estimates[name]
+        curve = thinned(recording.reference.t_s[estimate.index], np.degrees(estimate.euler_rad[:, axis]))
         label = name if named else None
-        axes.plot(t_s, np.degrees(one.euler_rad[:, axis]), color=colour, linestyle=dash, linewidth=1.0, label=label)
+        axes.plot(*curve, color=look.colour, linestyle=look.line, linewidth=1.0, label=label)
     if truth is not None:
         label = "reference" if named else None
-        axes.plot(recording.reference.t_s, np.degrees(truth[:, axis]), color=REFERENCE, linewidth=0.6, label=label)
+        curve = thinned(recording.reference.t_s, np.degrees(truth[:, axis]))
+        axes.plot(*curve, color=REFERENCE, linewidth=0.6, label=label)
     quiet(axes)
 
 
-def _draw_bars(axes: Axes, recording: Recording, estimates: Mapping[str, Estimate], axis: int) -> None:
+def _draw_bars(
+    axes: Axes, recording: Recording, estimates: Mapping[str, Estimate], axis: int, palette: Palette | None
+) -> None:
     """Draw one bar an estimate; its value stands on it."""
     axes.set_ylabel(f"{ANGLES[axis]} RMSE [deg]")
-    for place, (name, colour, _) in enumerate(lines(estimates)):
-        one = estimates[name]
-        rows = known(recording.reference.euler_rad, one, (axis,)) & recording.reference.scored[one.index]
-        error = euler_error_rad(one, recording)[rows][:, axis]
+    for place, (name, look) in enumerate(looks(estimates, palette)):
+        estimate = estimates[name]
+        rows = known(recording.reference.euler_rad, estimate, (axis,)) & recording.reference.scored[estimate.index]
+        error = euler_error_rad(estimate, recording)[rows][:, axis]
         if len(error):
             rmse_deg = float(np.degrees(np.sqrt(np.mean(error**2))))
-            axes.bar_label(axes.bar([place], [rmse_deg], width=0.6, color=colour), [number(rmse_deg)], fontsize=8)
+            bar = axes.bar([place], [rmse_deg], width=0.6, color=look.colour, hatch=look.hatch, edgecolor="white")
+            axes.bar_label(bar, [number(rmse_deg)], fontsize=8)
     axes.set_xticks([])
     axes.set_xlim(-1.0, max(len(estimates), 3))
     quiet(axes)

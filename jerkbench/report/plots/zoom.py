@@ -9,15 +9,21 @@ from jerkbench.estimate import Estimate
 from jerkbench.evaluation.navigation_errors import position_error_m
 from jerkbench.recording import Recording
 from jerkbench.report.plots.errors_over_time import error_figure
+from jerkbench.report.plots.palette import Palette
 
 HALF_WIDTH_S = 10.0
 
 
 def zoomed_error_figure(
-    recording: Recording, estimates: Mapping[str, Estimate], window_s: tuple[float, float]
+    recording: Recording,
+    estimates: Mapping[str, Estimate],
+    window_s: tuple[float, float],
+    *,
+    burn_in_s: float = 0.0,
+    palette: Palette | None = None,
 ) -> Figure:
     """Draw the length of the position error [m] within ``window_s``; the vertical axis fits what is seen there."""
-    figure = error_figure(recording, dict(estimates), panels=1)
+    figure = error_figure(recording, estimates, 1, burn_in_s=burn_in_s, window_s=window_s, palette=palette)
     axes = figure.axes[0]
     axes.set_xlim(*window_s)
     axes.set_title(f"{recording.name}, {window_s[0]:.1f} to {window_s[1]:.1f} s")
@@ -26,7 +32,7 @@ def zoomed_error_figure(
         for line in axes.get_lines()
         for values in [np.asarray(line.get_ydata(), dtype=np.float64)]
     ]
-    finite = np.concatenate([np.empty(0), *(one[np.isfinite(one) & (one > 0)] for one in seen)])
+    finite = np.concatenate([np.empty(0), *(norm[np.isfinite(norm) & (norm > 0)] for norm in seen)])
     if len(finite):
         bottom = 0.5 * float(np.percentile(finite, 1)) if axes.get_yscale() == "log" else 0.0
         axes.set_ylim(bottom, 1.1 * float(finite.max()))
@@ -40,9 +46,9 @@ def disturbed_window_s(recording: Recording, estimates: Mapping[str, Estimate]) 
         return float(begin - HALF_WIDTH_S / 2), float(end + HALF_WIDTH_S)
     t_s = recording.reference.t_s  # what is drawn ends with it
     norms = np.full((max(len(estimates), 1), len(t_s)), np.nan)
-    for row, one in zip(norms, estimates.values(), strict=False):
+    for row, estimate in zip(norms, estimates.values(), strict=False):
         with np.errstate(over="ignore", invalid="ignore"):
-            row[one.index] = np.sqrt(np.sum(position_error_m(one, recording) ** 2, axis=1))
+            row[estimate.index] = np.sqrt(np.sum(position_error_m(estimate, recording) ** 2, axis=1))
     known = np.isfinite(norms).all(axis=0) & recording.reference.scored & (t_s >= t_s[0] + HALF_WIDTH_S)
     if not known.any():
         return float(t_s[0]), float(t_s[-1])

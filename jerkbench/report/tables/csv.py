@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from jerkbench.evaluation.statistics.exact import share_interval
 from jerkbench.report.analysis.factors import FACTORS
-from jerkbench.report.tables.table_model import Cell, Ratio, Table
+from jerkbench.report.tables.table_model import Ratio, Table, TableCell
 
 VALUES = (
     "average",
@@ -34,11 +34,15 @@ the ratio is empty without a baseline; ``average`` says what "mean" is: that, a 
 the share of lost runs are those of Clopper and Pearson."""
 
 
-def tidy_csv(tables: Sequence[Table]) -> str:
-    """Return one line for each cell of the tables; a number that is not there is empty."""
+NO_RATIO = Ratio(math.nan, math.nan, math.nan, math.nan)
+
+
+def tidy_csv(tables: Sequence[Table], *, header: bool = True) -> str:
+    """Return a header and one line for each cell of the tables; a number that is not there is empty."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["metric", "unit", *FACTORS, *VALUES])
+    if header:
+        writer.writerow(["metric", "unit", *FACTORS, *VALUES])
     for table in tables:
         for row, cells in zip(table.rows, table.cells, strict=True):
             for column, cell in zip(table.columns, cells, strict=True):
@@ -53,9 +57,9 @@ def _factors(table: Table, row: tuple[str, ...], column: tuple[str, ...]) -> lis
     return [values[key] for key in FACTORS]
 
 
-def _values(cell: Cell) -> list[str]:
+def _values(cell: TableCell) -> list[str]:
     counts = (cell.runs, cell.diverged, cell.failed, cell.missing)
-    ratio = cell.ratio or Ratio(math.nan, math.nan, math.nan, math.nan)
+    ratio = cell.ratio or NO_RATIO
     against = _written(ratio.value, ratio.low, ratio.high, ratio.p)
     share = _written(*share_interval(cell.diverged + cell.failed, cell.runs))
     spread = [*_written(*cell.quartiles), str(cell.locked), *share]

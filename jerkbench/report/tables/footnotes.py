@@ -8,7 +8,7 @@ from jerkbench.evaluation.statistics.exact import share_interval
 from jerkbench.evaluation.statistics.log_ratio import LOCKED_OUT
 from jerkbench.report.analysis.quantities import quantity
 from jerkbench.report.analysis.references import standing_apart
-from jerkbench.report.tables.table_model import ABSENT, Cell, Table
+from jerkbench.report.tables.table_model import ABSENT, Table, TableCell
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -38,7 +38,7 @@ def _constants(table: Table) -> Iterator[str]:
         yield "In every cell: " + ", ".join(f"{key} {value}" for key, value in table.constants) + "."
 
 
-def _reading(table: Table, cells: list[Cell], family: str) -> Iterator[str]:
+def _reading(table: Table, cells: list[TableCell], family: str) -> Iterator[str]:
     """How to read the numbers."""
     yield from _intervals([c for c in cells if c.interval and c.replicate == "seed"])
     if any(c.interval for c in cells if c.replicate == "phase"):
@@ -63,7 +63,7 @@ def _labels(table: Table) -> dict[str, set[str]]:
     return {**{key: {value} for key, value in table.constants}, **{key: set(values) for key, values in of}}
 
 
-def _intervals(cells: list[Cell]) -> Iterator[str]:
+def _intervals(cells: list[TableCell]) -> Iterator[str]:
     """What the brackets are, for each kind of centre."""
     for kind, words in KINDS.items():
         used = [cell.runs if kind == MEDIAN else cell.used for cell in cells if cell.kind == kind]
@@ -72,7 +72,7 @@ def _intervals(cells: list[Cell]) -> Iterator[str]:
             yield words.format(seeds=seeds)
 
 
-def _ratios(table: Table, cells: list[Cell], family: str) -> Iterator[str]:
+def _ratios(table: Table, cells: list[TableCell], family: str) -> Iterator[str]:
     """What the factors in the cells are, and what their marks mean."""
     baseline = ", ".join(f"{key}={value}" for key, value in table.baseline)
     if not any(c.factor for c in cells):
@@ -95,7 +95,7 @@ def _outages(table: Table, rows: "pd.DataFrame") -> Iterator[str]:
         yield f"Outages of a run with a known error at the end: {low if low == high else f'{low} to {high}'}."
 
 
-def _trouble(cells: list[Cell], rows: "pd.DataFrame") -> Iterator[str]:
+def _trouble(cells: list[TableCell], rows: "pd.DataFrame") -> Iterator[str]:
     if any(c.locked for c in cells):
         yield f"k/n locked out: k of n runs are over {LOCKED_OUT:g} times the median."
     if any((c.diverged or c.failed) and c.used for c in cells):
@@ -108,7 +108,7 @@ def _trouble(cells: list[Cell], rows: "pd.DataFrame") -> Iterator[str]:
         yield "Failed: " + "; ".join(reason.rstrip(".") for reason in reasons[:REASONS]) + more + "."
 
 
-def _shares(cells: list[Cell]) -> Iterator[str]:
+def _shares(cells: list[TableCell]) -> Iterator[str]:
     """The intervals of the shares of lost runs, each count once."""
     counts = dict.fromkeys((c.diverged + c.failed, c.runs) for c in cells if c.replicate == "seed")
     told = []

@@ -1,8 +1,9 @@
-"""Where every run stands in a table: what the tables of all metrics share."""
+"""The place of every run in a table, which the tables of all metrics share."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,15 @@ if TYPE_CHECKING:
 
 Values = tuple[str, ...]
 """One value of each of some factors."""
+
+
+class Tally(NamedTuple):
+    """How the runs of a place ended, and whether they are phases of one recording."""
+
+    runs: int
+    diverged: int
+    failed: int
+    phase: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +51,21 @@ class Grid:
     runs: dict[Values, IntArray]
     status: NDArray[np.str_]
     phase: NDArray[np.bool_]
+
+    @cached_property
+    def good(self) -> dict[Values, IntArray]:
+        """The numbers of those rows of each place whose run went well."""
+        ok = self.status == "ok"
+        return {key: runs[ok[runs]] for key, runs in self.runs.items()}
+
+    @cached_property
+    def tallies(self) -> list[Tally]:
+        """How the runs of each place ended, in the order of `runs`."""
+        diverged, failed = self.status == "diverged", self.status == "failed"
+        return [
+            Tally(len(runs), int(diverged[runs].sum()), int(failed[runs].sum()), bool(self.phase[runs].any()))
+            for runs in self.runs.values()
+        ]
 
 
 def arranged(rows: "pd.DataFrame", row_keys: Sequence[str] | None, column_keys: Sequence[str] | None) -> Grid:
@@ -68,6 +93,6 @@ def _grouped(values: Iterable[Values]) -> tuple[Values, ...]:
 def _runs(rows: "pd.DataFrame", keys: list[str]) -> dict[Values, IntArray]:
     """Return the row numbers of each combination of ``keys``."""
     groups: dict[Values, list[int]] = {}
-    for number_of_row, key in enumerate(rows[keys].itertuples(index=False, name=None)):
+    for number_of_row, key in enumerate(zip(*(rows[key].tolist() for key in keys), strict=True)):
         groups.setdefault(key, []).append(number_of_row)
     return {key: np.array(group) for key, group in groups.items()}

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from jerkbench.report.markup import render
-from jerkbench.report.tables.table_model import ABSENT, Cell, Table
+from jerkbench.report.tables.table_model import ABSENT, Table, TableCell
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Line:
     """
 
     heads: tuple[Head, ...]
-    cells: tuple[Cell | None, ...]
+    cells: tuple[TableCell | None, ...]
     rule: str
 
 

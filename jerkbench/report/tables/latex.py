@@ -4,7 +4,7 @@ import re
 from collections.abc import Sequence
 from itertools import zip_longest
 
-from jerkbench.report.tables.table_model import ABSENT, Cell, Table
+from jerkbench.report.tables.table_model import ABSENT, Table, TableCell
 
 SPECIAL = {
     "\\": r"\textbackslash{}",
@@ -118,7 +118,7 @@ def _line(texts: list[str]) -> str:
     return "    " + " & ".join(texts) + r" \\"
 
 
-def _stack(cell: Cell | None) -> list[str]:
+def _stack(cell: TableCell | None) -> list[str]:
     """The lines of a cell; what is no plain number stands in braces, so that siunitx leaves it alone."""
     if cell is None:
         return [f"{{{escaped(ABSENT)}}}"]
@@ -130,7 +130,7 @@ def _stack(cell: Cell | None) -> list[str]:
     return [number, *lines] if cell.number else lines
 
 
-def _column(cells: Sequence[Cell | None]) -> str:
+def _column(cells: Sequence[TableCell | None]) -> str:
     """A column of siunitx with room for the digits of its plain numbers; a centred one where it has none."""
     plain = [cell.number for cell in cells if cell is not None and PLAIN.fullmatch(cell.number)]
     if not plain:

@@ -1,25 +1,39 @@
 """Table -> Markdown that also reads well in a terminal."""
 
-from jerkbench.report.tables.table_model import ABSENT, Cell, Table
+from collections.abc import Sequence
+
+from jerkbench.report.tables.table_model import ABSENT, Table, TableCell
 
 
 def markdown(table: Table, level: int = 2) -> str:
     """Return the table as a section with a heading of ``level``, aligned pipes and its footnotes as a list."""
-    lines = [[_escaped(text) for text in table.header]]
-    for values, cells in zip(table.rows, table.cells, strict=True):
-        lines.append([*(_escaped(value) for value in values), *(_text(cell) for cell in cells)])
+    rows = [
+        [*map(_escaped, values), *(_text(cell) for cell in cells)]
+        for values, cells in zip(table.rows, table.cells, strict=True)
+    ]
+    return _section(table.title, [[_escaped(text) for text in table.header], *rows], table.footnotes, level)
+
+
+def markdown_grid(
+    title: str, header: Sequence[str], rows: Sequence[Sequence[str]], notes: Sequence[str] = (), level: int = 2
+) -> str:
+    """Return rows of texts as such a section."""
+    return _section(title, [[_escaped(text) for text in line] for line in (header, *rows)], notes, level)
+
+
+def _section(title: str, lines: Sequence[Sequence[str]], footnotes: Sequence[str], level: int) -> str:
     widths = [max(3, *(len(line[k]) for line in lines)) for k in range(len(lines[0]))]
     rule = "|" + "|".join("-" * (width + 2) for width in widths) + "|"
     head, *body = [_line(line, widths) for line in lines]
-    notes = [f"- {_escaped(note)}" for note in table.footnotes]
-    return "\n".join(["#" * level + f" {table.title}", "", head, rule, *body, *([""] if notes else []), *notes, ""])
+    notes = [f"- {_escaped(note)}" for note in footnotes]
+    return "\n".join(["#" * level + f" {title}", "", head, rule, *body, *([""] if notes else []), *notes, ""])
 
 
-def _line(texts: list[str], widths: list[int]) -> str:
+def _line(texts: Sequence[str], widths: Sequence[int]) -> str:
     return "| " + " | ".join(text.ljust(width) for text, width in zip(texts, widths, strict=True)) + " |"
 
 
-def _text(cell: Cell | None) -> str:
+def _text(cell: TableCell | None) -> str:
     if cell is None:
         return ABSENT
     return cell.text.replace(cell.number, f"**{cell.number}**", 1) if cell.best else cell.text

@@ -12,12 +12,12 @@ from jerkbench.report.tables.csv import tidy_csv
 from jerkbench.report.tables.latex import latex
 from jerkbench.report.tables.markdown import markdown
 from jerkbench.report.tables.summary import main_metric, summarise, summarise_each
-from jerkbench.report.tables.table_model import Cell, Table
+from jerkbench.report.tables.table_model import Table, TableCell
 
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["Cell", "Table", "summarise", "write_tables"]
+__all__ = ["Table", "TableCell", "summarise", "write_tables"]
 
 SECTIONS = (
     "position_rmse_m",
@@ -51,11 +51,14 @@ def write_tables(rows: "pd.DataFrame", folder: Path, notes: Sequence[str] = ()) 
     """
     first = main_metric(rows)
     main = summarise(rows, first, notes=notes)
-    tables = summarise_each(rows, [metric for metric in metric_columns(rows) if metric != first])
-    others = [tables[metric] for metric in SECTIONS if metric in tables and _applies(tables[metric])]
-    sections = [markdown(main, level=1), *(markdown(_news(table, main)) for table in others)]
-    write_text(folder / "table.md", "\n".join(sections))
-    write_text(folder / "table.csv", tidy_csv([main, *tables.values()]))
+    sections, lines = {first: markdown(main, level=1)}, [tidy_csv([main])]
+    for table in summarise_each(rows, [metric for metric in metric_columns(rows) if metric != first]):
+        lines.append(tidy_csv([table], header=False))
+        if table.metric in SECTIONS and _applies(table):
+            sections[table.metric] = markdown(_news(table, main))
+    ordered = dict.fromkeys([first, *SECTIONS])
+    write_text(folder / "table.md", "\n".join(sections[metric] for metric in ordered if metric in sections))
+    write_text(folder / "table.csv", "".join(lines))
     write_text(folder / "table.tex", latex(main))
 
 

@@ -1,24 +1,27 @@
 """Rows of runs -> one table."""
 
 import dataclasses
+import itertools
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from jerkbench.arrays import FloatArray, IntArray
-from jerkbench.evaluation.statistics.centre import GEOMETRIC, MEAN, Centre, centre
+from jerkbench.arrays import FloatArray
+from jerkbench.evaluation.statistics.centre import GEOMETRIC, MEAN, Centre, centres
 from jerkbench.evaluation.statistics.intervals import mean_intervals
-from jerkbench.report.analysis.comparison import RULE, Combination, Comparison, Rule, compare_to, family_note, grouped
+from jerkbench.report.analysis.comparison import Comparison, family_note
 from jerkbench.report.analysis.factors import FACTORS, constants
-from jerkbench.report.analysis.leading import MOST_PAIRS, contests
+from jerkbench.report.analysis.leading import contest
 from jerkbench.report.analysis.quantities import quantity
-from jerkbench.report.analysis.references import attitude_competes
 from jerkbench.report.analysis.rows import metric_columns, with_metric
+from jerkbench.report.analysis.runs import Combination
+from jerkbench.report.analysis.standings import MOST_PAIRS
+from jerkbench.report.analysis.study_verdicts import StudyVerdicts, rival, study_verdicts
 from jerkbench.report.tables.footnotes import footnotes
-from jerkbench.report.tables.grid import Grid, Values, arranged
-from jerkbench.report.tables.table_model import Cell, Ratio, Table
+from jerkbench.report.tables.grid import Grid, Tally, Values, arranged
+from jerkbench.report.tables.table_model import Ratio, Table, TableCell
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -29,6 +32,9 @@ MAIN = "position_rmse_m"
 
 FEW_PAIRS = 2_000
 """Where there are more pairs of cells in rows, the leaders of a row are marked only in the table that is asked for."""
+
+FEW_CELLS = 2_000
+"""Where there are more combinations, nothing is judged but in the table that is asked for: it takes minutes."""
 
 LEADING = (MAIN, "inclination_rmse_deg", "anis_per_row")
 """What leads a study for which it was computed; the second of attitude alone, the third without a reference."""
@@ -41,7 +47,9 @@ def summarise(
     column_keys: Sequence[str] | None = None,
     notes: Sequence[str] = (),
     baseline: Mapping[str, str] | None = None,
-    rule: Rule = RULE,
+    verdicts: StudyVerdicts | None = None,
+    *,
+    leaders: bool = True,
 ) -> Table:
     """Return the table of one metric.
 
@@ -53,13 +61,17 @@ def summarise(
         column_keys: factors of the columns; without them the adaptation.
         notes: sentences to put under the table, such as which combinations were left out and why.
         baseline: values of factors; each cell then has its ratio to the cell that is like it but for these.
-        rule: how differences are judged: the ratios, and who leads a row.
+        verdicts: of the study in this metric, for the ratios and for who leads a row; without them they are made.
+        leaders: whether to mark who leads a row.
 
     Raises:
         JerkbenchError: no such metric or factor, or two rows of the same combination and seed.
     """
     rows = with_metric(rows, metric)
-    return _table(arranged(rows, row_keys, column_keys), metric, notes, baseline or {}, rule)
+    grid = arranged(rows, row_keys, column_keys)
+    if verdicts is None and (baseline or leaders):
+        verdicts = study_verdicts(grid.rows, metric)
+    return _table(grid, metric, notes, baseline or {}, verdicts, leaders=leaders)
 
 
 def summarise_each(
@@ -67,10 +79,13 @@ def summarise_each(
     metrics: Iterable[str],
     row_keys: Sequence[str] | None = None,
     column_keys: Sequence[str] | None = None,
-) -> dict[str, Table]:
-    """Return the tables of several metrics: `summarise` of each, with what they share done once."""
+) -> Iterator[Table]:
+    """Yield the tables of several metrics: `summarise` of each, with what they share done once."""
     grid = arranged(rows, row_keys, column_keys)
-    return {metric: _table(grid, metric, (), {}, RULE, FEW_PAIRS) for metric in metrics}
+    few = len(grid.runs) <= FEW_CELLS
+    for metric in metrics:
+        judged = study_verdicts(grid.rows, metric, most=FEW_PAIRS) if few else None
+        yield _table(grid, metric, (), {}, judged, leaders=True)
 
 
 def main_metric(rows: "pd.DataFrame") -> str:
@@ -80,14 +95,19 @@ def main_metric(rows: "pd.DataFrame") -> str:
 
 
 def _table(
-    grid: Grid, metric: str, notes: Sequence[str], baseline: Mapping[str, str], rule: Rule, most: int = MOST_PAIRS
+    grid: Grid,
+    metric: str,
+    notes: Sequence[str],
+    baseline: Mapping[str, str],
+    verdicts: StudyVerdicts | None,
+    *,
+    leaders: bool,
 ) -> Table:
-    rule = rule.of(grid.rows)
-    comparisons = compare_to(grid.rows, metric, baseline, rule) if baseline else []
+    comparisons = verdicts.against(baseline) if baseline and verdicts is not None else []
     cells = _with_ratios(_cells(grid, metric), comparisons, (*grid.across, *grid.down))
     what = quantity(metric)
-    if what.lowest_is_best:
-        cells = with_leaders(cells, grid, metric, rule, most)
+    if leaders and verdicts is not None and verdicts.judged:
+        cells = with_leaders(cells, grid, verdicts)
     lines = [[cells.get((*row, *column)) for column in grid.column_values] for row in grid.row_values]
     table = Table(
         title=what.heading,
@@ -105,19 +125,19 @@ def _table(
     return dataclasses.replace(table, footnotes=footnotes(table, grid.rows, notes, family_note(comparisons)))
 
 
-def _cells(grid: Grid, metric: str) -> dict[Values, Cell]:
+def _cells(grid: Grid, metric: str) -> dict[Values, TableCell]:
     values = grid.rows[metric].to_numpy(dtype=float)
     errors = np.where(grid.status == "ok", values, np.inf)
-    good = {key: values[runs[grid.status[runs] == "ok"]] for key, runs in grid.runs.items()}
+    good = {key: values[runs] for key, runs in grid.good.items()}
     if _of_positive_errors(grid, metric):
-        centres = {key: _of_errors(errors[runs], good[key]) for key, runs in grid.runs.items()}
+        of_runs = _of_errors([errors[runs] for runs in grid.runs.values()], list(good.values()))
     else:
-        intervals = mean_intervals(list(good.values()))
-        centres = {
-            key: Centre(MEAN, one.mean, one.low, one.high, (np.nan, np.nan), 0)
-            for key, one in zip(good, intervals, strict=True)
-        }
-    return {key: _cell(grid, runs, good[key], centres[key]) for key, runs in grid.runs.items()}
+        of_runs = [
+            Centre(MEAN, interval.mean, interval.low, interval.high, (np.nan, np.nan), 0)
+            for interval in mean_intervals(list(good.values()))
+        ]
+    cells = zip(grid.runs, grid.tallies, good.values(), of_runs, strict=True)
+    return {key: _cell(tally, own, center) for key, tally, own, center in cells}
 
 
 def _of_positive_errors(grid: Grid, metric: str) -> bool:
@@ -126,36 +146,34 @@ def _of_positive_errors(grid: Grid, metric: str) -> bool:
     return quantity(metric).lowest_is_best and not bool(np.any(good < 0))
 
 
-def _of_errors(errors: FloatArray, good: FloatArray) -> Centre:
-    """Return the centre of all runs; of none that has a value nothing."""
-    if np.isnan(good).all():
-        return Centre(GEOMETRIC, np.nan, np.nan, np.nan, (np.nan, np.nan), 0)
-    return centre(errors)
+def _of_errors(errors: Sequence[FloatArray], good: Sequence[FloatArray]) -> list[Centre]:
+    """Return the centre of all runs of each cell; of none that has a value nothing."""
+    nothing = Centre(GEOMETRIC, np.nan, np.nan, np.nan, (np.nan, np.nan), 0)
+    return [nothing if np.isnan(own).all() else of_runs for own, of_runs in zip(good, centres(errors), strict=True)]
 
 
-def _cell(grid: Grid, runs: IntArray, good: FloatArray, found: Centre) -> Cell:
-    phase = bool(grid.phase[runs].any())
-    low, high = _range(good) if phase else (found.low, found.high)
-    diverged, failed = (int((grid.status[runs] == name).sum()) for name in ("diverged", "failed"))
+def _cell(tally: Tally, good: FloatArray, of_runs: Centre) -> TableCell:
+    low, high = _range(good) if tally.phase else (of_runs.low, of_runs.high)
     missing = int(np.isnan(good).sum())
-    return Cell(
-        *(found.value, low, high, len(runs), diverged, failed, missing),
-        replicate="phase" if phase else "seed",
-        kind=found.kind,
-        locked=found.locked,
-        quartiles=found.quartiles,
+    return TableCell(
+        *(of_runs.value, low, high, tally.runs, tally.diverged, tally.failed, missing),
+        replicate="phase" if tally.phase else "seed",
+        kind=of_runs.kind,
+        locked=of_runs.locked,
+        quartiles=of_runs.quartiles,
     )
 
 
 def _with_ratios(
-    cells: dict[Values, Cell], comparisons: Sequence[Comparison], keys: tuple[str, ...]
-) -> dict[Values, Cell]:
+    cells: dict[Values, TableCell], comparisons: Sequence[Comparison], keys: tuple[str, ...]
+) -> dict[Values, TableCell]:
     """Put each comparison into the cell of its subject."""
     compared = dict(cells)
-    for one in comparisons:
-        place = tuple(dict(zip(FACTORS, one.subject, strict=True))[key] for key in keys)
-        found = one.judgement
-        ratio = Ratio(found.ratio, found.low, found.high, found.p, one.mark, found.median)
+    for comparison in comparisons:
+        place = tuple(dict(zip(FACTORS, comparison.subject, strict=True))[key] for key in keys)
+        judgement = comparison.judgement
+        ends = judgement.ratio, judgement.low, judgement.high
+        ratio = Ratio(*ends, judgement.p, comparison.mark, judgement.median)
         compared[place] = dataclasses.replace(compared[place], ratio=ratio)
     return compared
 
@@ -166,29 +184,38 @@ def _range(values: FloatArray) -> tuple[float, float]:
     return (float(known.min()), float(known.max())) if len(known) > 1 else (np.nan, np.nan)
 
 
-def with_leaders(cells: dict[Values, Cell], grid: Grid, metric: str, rule: Rule, most: int) -> dict[Values, Cell]:
+def with_leaders(cells: dict[Values, TableCell], grid: Grid, verdicts: StudyVerdicts) -> dict[Values, TableCell]:
     """Mark the leaders of each row, whose columns are methods: where anybody was shown to be worse than another.
 
-    All pairs of all rows are one family. A cell that lost runs, or has no value in some, is not marked beside one that
-    did not; without seeds there is no test, and nobody leads.
+    A cell that lost runs, or has no value in some, is not marked beside one that did not; without seeds there is no
+    test, and nobody leads.
     """
     if not grid.down or {"dataset", "disturbance"} & set(grid.down):  # else scenarios would compete
         return cells
-    places, told = _places(grid), "attitude" in grid.down
-    groups = {
-        key: group
-        for key, group in grouped(grid.rows, metric).items()
-        if _eligible(cells[places[key]]) and not (told and not attitude_competes(key[2]))
-    }
-    fields: dict[Values, list[Combination]] = {}
-    for key in groups:
-        fields.setdefault(places[key][: len(grid.across)], []).append(key)
+    places = _places(grid)
+    fields = [field for field in _fields(cells, grid, places) if len(field) > 1]
+    pairs = [list(itertools.combinations(field, 2)) for field in fields]
+    if sum(map(len, pairs)) > MOST_PAIRS:
+        return cells
+    comparisons = iter(verdicts.compare(itertools.chain.from_iterable(pairs)))
     marked = dict(cells)
-    for contest in contests(groups, fields.values(), rule, most):
-        leaders = [places[key] for key in contest.leaders] if contest.decided else []
+    for field, pair in zip(fields, pairs, strict=True):
+        row = contest(field, itertools.islice(comparisons, len(pair)))
+        leaders = [places[key] for key in row.leaders] if row.decided else []
         for place in _whole(leaders, cells):
             marked[place] = dataclasses.replace(marked[place], best=True)
     return marked
+
+
+def _fields(
+    cells: Mapping[Values, TableCell], grid: Grid, places: Mapping[Combination, Values]
+) -> list[list[Combination]]:
+    """Return the combinations of each row that compete."""
+    fields: dict[Values, list[Combination]] = {}
+    for key, place in places.items():
+        if _eligible(cells[place]) and rival(key, grid.down):
+            fields.setdefault(place[: len(grid.across)], []).append(key)
+    return list(fields.values())
 
 
 def _places(grid: Grid) -> dict[Combination, Values]:
@@ -198,10 +225,10 @@ def _places(grid: Grid) -> dict[Combination, Values]:
     return {tuple(map(str, factors[run])): place for place, run in first.items()}
 
 
-def _eligible(cell: Cell) -> bool:
+def _eligible(cell: TableCell) -> bool:
     return cell.replicate == "seed" and not cell.missing and not math.isnan(cell.mean)
 
 
-def _whole(leaders: Sequence[Values], cells: Mapping[Values, Cell]) -> list[Values]:
+def _whole(leaders: Sequence[Values], cells: Mapping[Values, TableCell]) -> list[Values]:
     """Return those of the leaders that lost no runs, or all where each did."""
     return [place for place in leaders if cells[place].complete] or [*leaders]

@@ -35,7 +35,7 @@ class Ratio:
 
 
 @dataclass(frozen=True)
-class Cell:
+class TableCell:
     """One combination with all its runs.
 
     Attributes:
@@ -111,10 +111,10 @@ class Cell:
         counts = [("diverged", self.diverged), ("failed", self.failed), ("n/a", self.missing if self.used else 0)]
         if self.diverged + self.failed == self.runs:
             return ", ".join(f"{word} {n}/{self.runs}" for word, n in counts if n)
-        said = [f"{n}/{self.runs} {word}" for word, n in (*counts, ("locked out", self.locked)) if n]
-        if self.kind == MEDIAN and said and self.replicate == "seed":
-            said[0] = f"median; {said[0]}"
-        return f"({', '.join(said)})" if said else ""
+        words = [f"{n}/{self.runs} {word}" for word, n in (*counts, ("locked out", self.locked)) if n]
+        if self.kind == MEDIAN and words and self.replicate == "seed":
+            words[0] = f"median; {words[0]}"
+        return f"({', '.join(words)})" if words else ""
 
 
 @dataclass(frozen=True)
@@ -143,11 +143,23 @@ class Table:
     column_keys: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     columns: tuple[tuple[str, ...], ...]
-    cells: tuple[tuple[Cell | None, ...], ...]
+    cells: tuple[tuple[TableCell | None, ...], ...]
     constants: tuple[tuple[str, str], ...] = ()
     footnotes: tuple[str, ...] = ()
     baseline: tuple[tuple[str, str], ...] = ()
     average: str = MEAN
+
+    def __str__(self) -> str:
+        """Return it as Markdown."""
+        from jerkbench.report.tables.markdown import markdown
+
+        return markdown(self)
+
+    def _repr_html_(self) -> str:
+        """Return it as a notebook shows it."""
+        from jerkbench.report.tables.html import html_table
+
+        return str(html_table(self))
 
     @property
     def header(self) -> list[str]:

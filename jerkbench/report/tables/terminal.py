@@ -9,7 +9,7 @@ from jerkbench.report.analysis.factors import FACTORS
 from jerkbench.report.analysis.quantities import quantity
 from jerkbench.report.analysis.rows import metric_columns
 from jerkbench.report.tables.summary import main_metric, summarise, summarise_each
-from jerkbench.report.tables.table_model import ABSENT, Cell, Table
+from jerkbench.report.tables.table_model import ABSENT, Table, TableCell
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -33,11 +33,10 @@ def print_run(rows: "pd.DataFrame") -> None:
     grid = _grid()
     grid.add_column("metric")
     grid.add_column(f"{len(rows)} {'run' if len(rows) == 1 else 'runs'}")
-    tables = summarise_each(rows, metric_columns(rows), row_keys=FACTORS[:-1], column_keys=FACTORS[-1:])
-    for metric, table in tables.items():
+    for table in summarise_each(rows, metric_columns(rows), row_keys=FACTORS[:-1], column_keys=FACTORS[-1:]):
         ((cell,),) = table.cells
         if cell is not None and cell.number != "n/a":
-            grid.add_row(_plain(quantity(metric).heading), _text(cell))
+            grid.add_row(_plain(quantity(table.metric).heading), _text(cell))
     _print(_group(", ".join(f"{key} {rows[key].iloc[0]}" for key in FACTORS), grid, _complaints(rows)))
 
 
@@ -106,7 +105,7 @@ def _plain(text: str, style: str = "") -> "Text":
     return Text(plain(text), style=style)
 
 
-def _text(cell: Cell | None, *, plain: bool = False) -> "Text":
+def _text(cell: TableCell | None, *, plain: bool = False) -> "Text":
     from rich.text import Text
 
     if cell is None:

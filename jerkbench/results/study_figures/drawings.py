@@ -2,8 +2,9 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypedDict
 
+from jerkbench.report.plots.palette import Palette
 from jerkbench.report.tables.summary import main_metric, summarise
 from jerkbench.results.scenario_runs import Scene
 from jerkbench.results.titles import file_stem
@@ -14,6 +15,18 @@ if TYPE_CHECKING:
 
 
 AT_BEST = "Each method has its best noise of the sweep, on these very runs."
+
+
+class Common(TypedDict):
+    """What every figure of errors is told.
+
+    Attributes:
+        burn_in_s: errors count from then on, as in the tables.
+        palette: of the study.
+    """
+
+    burn_in_s: float
+    palette: Palette
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +44,11 @@ class Drawing:
     figure: "Figure"
 
 
+def palette_of(rows: "pd.DataFrame") -> Palette:
+    """Return the palette of a study: the same in all its figures, and on its page."""
+    return Palette.of(zip(rows["filter"].astype(str), rows["adaptation"].astype(str), strict=True))
+
+
 def of_rows(rows: "pd.DataFrame") -> Iterator[Drawing]:
     """Yield the figures that need the rows alone."""
     from jerkbench.report.analysis.best_noise import at_best_noise
@@ -40,15 +58,15 @@ def of_rows(rows: "pd.DataFrame") -> Iterator[Drawing]:
     from jerkbench.report.plots.sensitivity import sensitivity_figure, with_sigma
     from jerkbench.report.plots.severity import severity_figure
 
-    metric = main_metric(rows)
+    metric, palette = main_metric(rows), palette_of(rows)
     title = quantity(metric).heading
     best = at_best_noise(rows, metric)
     noise = f" {AT_BEST}" if best["noise"].nunique() == 1 < rows["noise"].nunique() else ""
-    means = f"{title}: means with 95 % intervals; hatched: some runs were lost.{noise}"
-    yield Drawing("bars", means, bars_figure(summarise(best, metric)))
-    yield from _over_scenarios(best, metric, noise)
+    means = f"{title}: means with 95 % intervals; pale: some runs were lost.{noise}"
+    yield Drawing("bars", means, bars_figure(summarise(best, metric, leaders=False), palette))
+    yield from _over_scenarios(best, metric, noise, palette)
     if len(with_sigma(rows)["sigma_a"].unique()) > 1:
-        figure = sensitivity_figure(rows, metric)
+        figure = sensitivity_figure(rows, metric, palette)
         yield Drawing("sensitivity", f"{title} over the process noise; hollow: some runs were lost.", figure)
     swept = with_severity(best)
     if len(swept):
@@ -56,12 +74,12 @@ def of_rows(rows: "pd.DataFrame") -> Iterator[Drawing]:
             f"{title} over the size of a fault; hollow: some runs were lost; crosses: two methods are equally good;"
             f" triangles: the smallest fault that a method's adaptation acts on.{noise}"
         )
-        yield Drawing("severity", caption, severity_figure(swept, metric))
+        yield Drawing("severity", caption, severity_figure(swept, metric, palette))
 
 
-def _over_scenarios(rows: "pd.DataFrame", metric: str, noise: str) -> Iterator[Drawing]:
+def _over_scenarios(rows: "pd.DataFrame", metric: str, noise: str, palette: Palette) -> Iterator[Drawing]:
     """Yield the heat map, and the profiles of the methods that compete, where there are several scenarios."""
-    from jerkbench.report.analysis.costs import competing, costs, of_all_methods
+    from jerkbench.report.analysis.costs import competing, costs, lost_shares, method_labels, of_all_methods
     from jerkbench.report.analysis.quantities import quantity
     from jerkbench.report.plots.heat_map import heat_map_figure
     from jerkbench.report.plots.profile import profile_figure
@@ -73,20 +91,22 @@ def _over_scenarios(rows: "pd.DataFrame", metric: str, noise: str) -> Iterator[D
     rivals = competing(rows, metric)
     common, which = of_all_methods(values[:, rivals])
     profiled = len(common) > 1 and sum(rivals) > 1
-    means = f"{title}, arithmetic means, method by scenario; bold: the best of a scenario."
+    means = f"{title}, arithmetic means, method by scenario; bold: the best of a scenario; 1/5: so many runs were lost."
     references = "" if all(rivals) else " In parentheses: references, which do not compete."
     needs = f"two scenarios{which}" if sum(rivals) > 1 else "two methods that compete"
     none = "" if profiled else f" No performance profiles: they need {needs}."
-    figure = heat_map_figure(values, scenarios, methods, title, rivals)
+    figure = heat_map_figure(values, scenarios, methods, title, rivals, lost_shares(rows, metric))
     yield Drawing("heat-map", f"{means}{references}{none}{noise}", figure)
     if profiled:
         contents = f"Performance profiles and mean ranks over the {len(common)} scenarios{which}."
         names = [name for name, rival in zip(methods, rivals, strict=True) if rival]
         excluded = "" if all(rivals) else " References do not compete."
-        yield Drawing("profile", f"{contents}{excluded}{noise}", profile_figure(common, names, title))
+        labels = method_labels(rows, metric)
+        drawn = [palette.look(label) for label, competes in zip(labels, rivals, strict=True) if competes]
+        yield Drawing("profile", f"{contents}{excluded}{noise}", profile_figure(common, names, title, drawn))
 
 
-def of_scene(scene: Scene) -> Iterator[Drawing]:
+def of_scene(scene: Scene, palette: Palette) -> Iterator[Drawing]:
     """Yield the figures of one scenario's runs."""
     from jerkbench.report.plots.acceleration import acceleration_figure
     from jerkbench.report.plots.adapted_r import adapted_r_figure
@@ -98,21 +118,22 @@ def of_scene(scene: Scene) -> Iterator[Drawing]:
 
     recording, estimates = scene.recording, scene.estimates
     window_s = disturbed_window_s(recording, estimates)
+    common: Common = {"burn_in_s": scene.burn_in_s, "palette": palette}
     only = {scene.best: estimates[scene.best]}
     updated = {name: estimate for name, estimate in estimates.items() if len(estimate.updates.t_s)}
     figures = {
-        "errors": ("position error, first seed", error_figure(recording, estimates, panels=1)),
-        "zoom": ("position error around a disturbance", zoomed_error_figure(recording, estimates, window_s)),
+        "errors": ("position error, first seed", error_figure(recording, estimates, panels=1, **common)),
+        "zoom": ("position error around a disturbance", zoomed_error_figure(recording, estimates, window_s, **common)),
         "trajectory": (
             "trajectory, and a part of it enlarged",
-            inset_trajectory_figure(recording, estimates),
+            inset_trajectory_figure(recording, estimates, palette),
         ),
-        "three-sigma": (f"errors of {scene.best} with three sigmas", error_figure(recording, only)),
-        "consistency": (f"NEES and NIS of {scene.best}", consistency_figure(scene.best_runs, scene.best)),
-        "adapted-r": ("measurement noise that was used", adapted_r_figure(recording, updated)),
+        "three-sigma": (f"errors of {scene.best} with three sigmas", error_figure(recording, only, **common)),
+        "consistency": (f"NEES and NIS of {scene.best}", consistency_figure(scene.best_runs, scene.best, palette)),
+        "adapted-r": ("measurement noise that was used", adapted_r_figure(recording, updated, palette)),
     }
     if recording.imu is not None:
-        figures["tilt"] = ("roll and pitch against the reference", tilt_figure(recording, scene.tilts))
+        figures["tilt"] = ("roll and pitch against the reference", tilt_figure(recording, scene.tilts, palette))
         figures["acceleration"] = ("raw and compensated acceleration", acceleration_figure(recording, scene.attitude))
     slug = file_stem([scene.name])
     for kind, (caption, figure) in figures.items():

@@ -1,7 +1,7 @@
 """Every figure of a study, and the errors over time, made in processes of their own: scenarios side by side."""
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,18 +11,40 @@ from jerkbench.execution.pool import run_grouped
 from jerkbench.execution.progress import Progress
 from jerkbench.files import write_atomically
 from jerkbench.report.page.traces import Stretch
+from jerkbench.report.plots.palette import Palette
 from jerkbench.report.plots.picture import Picture
 from jerkbench.report.tables.summary import main_metric
 from jerkbench.results.scenario_runs import load_scene, scene_keys
 from jerkbench.results.study import Study
-from jerkbench.results.study_figures.drawings import Drawing, of_rows, of_scene
+from jerkbench.results.study_figures.choice import Choice
+from jerkbench.results.study_figures.drawings import Drawing, of_rows, of_scene, palette_of
+from jerkbench.results.study_figures.selection import Methods, telling_scenes
 from jerkbench.results.study_figures.traces import load_stretch, steps_of
 
 if TYPE_CHECKING:
     import pandas as pd
 
 LIMIT = 20
-"""Scenarios whose runs are drawn, unless asked otherwise."""
+"""Scenarios whose runs are drawn at most, unless asked otherwise."""
+
+
+@dataclass(frozen=True, eq=False)
+class Request:
+    """Which figures of a study are wanted.
+
+    Attributes:
+        choice: of which scenarios.
+        limit: of so many scenarios at most.
+        out: folder for a PNG of each; None: no files.
+        pdf: whether each is a PDF, too.
+        traces: whether the errors over time of its cells are wanted, of all scenarios up to the limit.
+    """
+
+    choice: Choice = Choice.FEW
+    limit: int = LIMIT
+    out: Path | None = None
+    pdf: bool = False
+    traces: bool = True
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,21 +52,25 @@ class Job:
     """The figures of all rows, or of one scenario.
 
     Attributes:
-        out: folder of the files; None: there are none.
+        request: what is wanted.
         study: folder of the cells.
         scenario: its name; empty: all rows.
         keys: of its cells.
         metric: by which runs are chosen.
+        palette: of the study.
         rows: of the whole study.
+        methods: that its figures show; None: it has no figures; none: the usual ones.
         steps: of each error over time; 0: none is wanted.
     """
 
-    out: Path | None
+    request: Request
     study: Path
     scenario: str
     keys: tuple[str, ...]
     metric: str
+    palette: Palette
     rows: "pd.DataFrame | None" = None
+    methods: Methods | None = None
     steps: int = 0
 
 
@@ -61,25 +87,23 @@ class Drawn:
     stretches: tuple[Stretch, ...] = ()
 
 
-def draw_study(study: Study, out: Path | None, limit: int, workers: int, *, traces: bool = True) -> Drawn:
-    """Draw the figures of a study: those of all its rows, then those of up to ``limit`` scenarios' runs.
+def draw_study(study: Study, request: Request, workers: int) -> Drawn:
+    """Draw the figures of a study: those of all its rows, then those of its scenarios' runs.
 
     A scenario that cannot be run again is told on standard error.
 
     Args:
         study: the study.
-        out: folder for a PNG and a PDF of each; None: no files.
-        limit: how many scenarios.
+        request: which of them.
         workers: number of processes.
-        traces: whether the errors over time of its cells are wanted too.
     """
-    metric, scenes = main_metric(study.rows), scene_keys(study, limit)
-    steps = steps_of(scenes.values()) if traces else 0
-    jobs = [Job(out, study.folder, name, keys, metric, steps=steps) for name, keys in scenes.items()]
-    jobs.insert(0, Job(out, study.folder, "", (), metric, study.rows))
+    if request.choice is Choice.NONE:
+        return Drawn()
+    jobs = _jobs(study, request)
     done: dict[str, Drawn] = {}
+    slowest_first = sorted(jobs, key=lambda job: job.methods is None and job.rows is None)
     with Progress(len(jobs), doing="Figures", unit="sets of figures") as progress:
-        for job, result in run_grouped(draw, [[job] for job in jobs], workers):
+        for job, result in run_grouped(draw, [[job] for job in slowest_first], workers):
             if isinstance(result, Exception):
                 raise result
             done[job.scenario] = result
@@ -88,6 +112,23 @@ def draw_study(study: Study, out: Path | None, limit: int, workers: int, *, trac
         tuple(picture for job in jobs for picture in done[job.scenario].pictures),
         tuple(stretch for job in jobs for stretch in done[job.scenario].stretches),
     )
+
+
+def _jobs(study: Study, request: Request) -> list[Job]:
+    """Return what is to be done, in the order in which it is shown."""
+    metric, scenes, palette = main_metric(study.rows), scene_keys(study, request.limit), palette_of(study.rows)
+    shown: Mapping[str, Methods] = dict.fromkeys(scenes, ())
+    if request.choice is Choice.FEW:
+        shown = telling_scenes(study.rows, metric, list(scenes))
+    steps = steps_of(scenes.values()) if request.traces else 0
+    return [
+        Job(request, study.folder, "", (), metric, palette, study.rows),
+        *(
+            Job(request, study.folder, name, keys, metric, palette, methods=shown.get(name), steps=steps)
+            for name, keys in scenes.items()
+            if steps or name in shown
+        ),
+    ]
 
 
 def draw(job: Job) -> Drawn:
@@ -101,23 +142,27 @@ def draw(job: Job) -> Drawn:
 
 def _stretches(job: Job) -> Iterator[Stretch]:
     if job.keys and job.steps:
-        found = load_stretch(job.study, job.scenario, job.keys, job.metric, job.steps)
-        if found is not None:
-            yield found
+        stretch = load_stretch(job.study, job.scenario, job.keys, job.metric, job.steps)
+        if stretch is not None:
+            yield stretch
 
 
 def _drawings(job: Job) -> Iterator[Drawing]:
     if job.rows is not None:
         return of_rows(job.rows)
-    return of_scene(load_scene(job.study, job.scenario, job.keys, job.metric))
+    if job.methods is None:
+        return iter(())
+    return of_scene(load_scene(job.study, job.scenario, job.keys, job.metric, job.methods), job.palette)
 
 
 def _picture(drawing: Drawing, job: Job) -> Picture:
-    """Render a figure once for the page and the file, and once more as PDF where files are wanted."""
+    """Render a figure once for the page and the file, and once more as PDF where that is wanted."""
     from jerkbench.report.plots.figures import png_bytes, save_pdf
 
     png = png_bytes(drawing.figure)
-    if job.out is not None:
-        write_atomically(job.out / f"{drawing.name}.png", lambda path: path.write_bytes(png))
-        save_pdf(drawing.figure, job.out / f"{drawing.name}.pdf")
+    out = job.request.out
+    if out is not None:
+        write_atomically(out / f"{drawing.name}.png", lambda path: path.write_bytes(png))
+        if job.request.pdf:
+            save_pdf(drawing.figure, out / f"{drawing.name}.pdf")
     return Picture(drawing.name, drawing.caption, job.scenario, png)

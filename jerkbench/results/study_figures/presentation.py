@@ -3,31 +3,38 @@
 from pathlib import Path
 
 from jerkbench.files import write_text
+from jerkbench.report.analysis.rule import RULE, Rule
 from jerkbench.results.store import Store
 from jerkbench.results.study import Study, read_manifest
-from jerkbench.results.study_figures.files import LIMIT, Drawn, draw_study
+from jerkbench.results.study_figures.choice import Choice
+from jerkbench.results.study_figures.files import Drawn, Request, draw_study
 
 FIGURES, REPORT = "figures", "report.html"
 PROVENANCE = ("command", "finished", "commit", "versions", "host")
 """Entries of the manifest that the report shows."""
 
-PAPER = "experiment=paper"
-"""The study that asks whether the paper's claim holds; a report of any other says nothing about it."""
+OTHERWISE = {
+    Choice.FEW: "figures=all draws those of every scenario, figures=none leaves them out",
+    Choice.ALL: "figures=few draws those that carry a finding, figures=none leaves them out",
+}
+"""What one can ask for instead."""
 
 
-def present(study: Study, workers: int, *, figures: bool) -> None:
+def present(study: Study, workers: int, choice: Choice, *, pdf: bool = False) -> None:
     """Draw the figures of a study and write its report; say so before, because it takes a while."""
     drawn = Drawn()
-    if figures:
-        print("Drawing the figures (figures=false leaves them out).", flush=True)
-        drawn = draw_study(study, study.folder / FIGURES, LIMIT, workers)
+    if choice is not Choice.NONE:
+        print(f"Drawing the figures ({OTHERWISE[choice]}).", flush=True)
+        drawn = draw_study(study, Request(choice, out=study.folder / FIGURES, pdf=pdf), workers)
         print(f"Figures: {study.folder / FIGURES}")
     write_report(study, drawn, study.folder / REPORT)
     print(f"Report: {study.folder / REPORT}")
 
 
-def write_report(study: Study, drawn: Drawn, path: Path) -> None:
-    """Write the report of a study as one HTML file."""
+def write_report(
+    study: Study, drawn: Drawn, path: Path, method: tuple[str, ...] | None = None, rule: Rule = RULE
+) -> None:
+    """Write the report of a study as one HTML file, its methods made of ``method`` and judged by ``rule``."""
     from jerkbench.report.page.page import Results, page
 
     stored, _ = Store(study.folder).read(list(dict.fromkeys(study.keys)))
@@ -39,6 +46,8 @@ def write_report(study: Study, drawn: Drawn, path: Path) -> None:
         about={cell.key: cell.metadata for cell in stored},
         notes=study.notes,
         provenance={key: manifest[key] for key in PROVENANCE if key in manifest},
-        of_the_paper=PAPER in manifest.get("command", ()),
+        of_the_paper=study.of_the_paper,
+        rule=rule,
+        method=method,
     )
     write_text(path, page(results, drawn.pictures, drawn.stretches))

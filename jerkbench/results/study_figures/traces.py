@@ -47,7 +47,7 @@ def load_stretch(folder: Path, scenario: str, keys: Sequence[str], metric: str, 
         JerkbenchError: they cannot be run again.
     """
     stored, _ = Store(folder).read(keys)
-    rows = {one.key: row_of(one) for one in ranked(stored, metric)[:MOST_CELLS]}
+    rows = {cell.key: row_of(cell) for cell in ranked(stored, metric)[:MOST_CELLS]}
     runs = {key: row.run() for key, row in rows.items() if row.row["status"] != "failed"}
     recordings = [recording for recording, _ in runs.values() if recording.reference.enu_m is not None]
     if not recordings:

@@ -7,8 +7,8 @@ import pytest
 from jerkbench.evaluation.statistics.judgement import Verdict
 from jerkbench.report.analysis.answer import answer, shows_something
 from jerkbench.report.analysis.duels import Round, duels
-from jerkbench.report.analysis.standings import standings
 from jerkbench.report.analysis.strongest import strongest
+from jerkbench.report.analysis.study_verdicts import study_verdicts
 
 SCENES = ("none", "bias", "gnss_outage")
 
@@ -30,7 +30,7 @@ def study(cell_rows):
 
 
 def said(rows):
-    return answer(standings(rows, "position_rmse_m"))
+    return answer(study_verdicts(rows, "position_rmse_m").standings)
 
 
 def test_of_two_methods_it_says_who_beats_whom_how_often(study):
@@ -61,7 +61,7 @@ def test_of_several_methods_it_names_the_leaders_and_the_baseline(study):
 def test_few_seeds_show_nothing_and_it_says_so(study):
     rows = study({"gauss": (0.5, 0.5, 4.0), "jerk": (1.0, 1.0, 2.0), "bias": (2.0, 2.0, 1.0)}, seeds=2)
     assert said(rows) == "None of 3 methods was shown to beat another in any of 3 scenarios; 2 seeds."
-    assert not shows_something(standings(rows, "position_rmse_m"))
+    assert not shows_something(study_verdicts(rows, "position_rmse_m").standings)
 
 
 def test_one_method_and_phases_are_no_comparison(study):
@@ -74,7 +74,7 @@ def test_one_method_and_phases_are_no_comparison(study):
 def test_the_largest_finding_comes_first_and_only_one_factor_differs(study):
     factors = {"baseline": (1.0, 1.0, 1.0), "jerk": (0.9, 0.9, 0.9), "bias": (0.1, 0.2, 0.3)}
     rows = pd.concat([study(factors), study({k: [4 * x for x in v] for k, v in factors.items()}, adaptation="mtf")])
-    told = strongest(standings(rows, "position_rmse_m"))
+    told = strongest(study_verdicts(rows, "position_rmse_m").standings)
     pairs = [line.split(" in 3 scenarios")[0] for line in told]
     assert pairs[0] in {"bias+none against baseline+none", "bias+mtf against baseline+mtf"}
     assert not any("jerk" in pair and "bias" in pair for pair in pairs)
@@ -94,6 +94,6 @@ def test_a_lost_run_weighs_and_the_other_side_sees_the_reverse():
 
 
 def test_a_duel_is_told_by_the_one_who_wins_more(study):
-    (duel,) = duels(standings(study({"a": (2.0, 2.0, 1.0), "b": (1.0, 1.0, 2.0)}), "position_rmse_m"))
+    (duel,) = duels(study_verdicts(study({"a": (2.0, 2.0, 1.0), "b": (1.0, 1.0, 2.0)}), "position_rmse_m").standings)
     assert (duel.ours, duel.won, duel.lost) == ("b", 2, 1)
     assert (duel.turned.won, duel.turned.lost) == (1, 2)

@@ -5,11 +5,13 @@ import math
 import numpy as np
 import pandas as pd
 import pytest
-from scipy.stats import mannwhitneyu, ttest_ind
 
 from jerkbench.errors import JerkbenchError
-from jerkbench.evaluation.statistics.paired import unpaired_ratio
+from jerkbench.evaluation.statistics.family import Correction
+from jerkbench.report.analysis.change_notes import notes_of_tests, other_leaders
 from jerkbench.report.analysis.changes import change_rows, changes
+from jerkbench.report.analysis.rule import Rule
+from jerkbench.report.analysis.study_verdicts import study_verdicts
 
 SEEDS = 20
 METRIC = "position_rmse_m"
@@ -39,7 +41,7 @@ def test_the_same_is_the_same_to_the_bit(before):
 def test_a_small_change_is_seen_on_the_same_seeds(before, factor, verdict, fails):
     for one in changes(before, scaled(before, factor, 0.02), METRIC):
         assert one.verdict == verdict
-        assert one.ratio.ratio == pytest.approx(factor, rel=0.02)
+        assert one.judgement.ratio == pytest.approx(factor, rel=0.02)
         assert one.worse(5.0) is fails
         assert not one.worse(12.0)
 
@@ -48,7 +50,7 @@ def test_on_other_seeds_little_can_be_shown(before):
     later = scaled(before, 1.1, 0.02).assign(seed=lambda rows: rows["seed"] + 100)
     for one in changes(before, later, METRIC):
         assert not one.paired
-        assert one.verdict == "no difference shown (other seeds)"
+        assert one.verdict == "undecided (other seeds)"
         assert not one.worse(5.0)
     much = scaled(before, 10.0, 0.02).assign(seed=lambda rows: rows["seed"] + 100)
     assert all(one.worse(5.0) and one.verdict == "worse (other seeds)" for one in changes(before, much, METRIC))
@@ -71,18 +73,6 @@ def test_only_what_both_have_is_compared(before):
         changes(before, before.assign(filter="other"), METRIC)
     with pytest.raises(JerkbenchError, match="neither the lowest nor the highest"):
         changes(before.assign(anees=1.0), before.assign(anees=1.0), "anees")
-
-
-def test_without_the_same_seeds_it_is_welch_and_mann_whitney():
-    a, b = np.random.default_rng(3).lognormal(size=(2, 15))
-    b = b[:11]
-    got = unpaired_ratio(a, b)
-    ends = ttest_ind(np.log(a), np.log(b), equal_var=False).confidence_interval(0.95)
-    assert (got.low, got.high) == pytest.approx((math.exp(ends.low), math.exp(ends.high)))
-    assert got.p == pytest.approx(mannwhitneyu(a, b).pvalue)
-    assert got.n == 11
-    assert unpaired_ratio(a + 100, b).effect == 1.0
-    assert math.isnan(unpaired_ratio([], b).ratio)
 
 
 def test_a_line_has_both_means_and_the_ratio(before):
@@ -117,7 +107,7 @@ def test_what_rises_from_nothing_is_worse_although_it_has_no_ratio(before):
 def test_two_single_runs_of_other_seeds_are_judged_by_their_ratio(before):
     one = before[before["seed"] == 0]
     later = scaled(one, 100.0).assign(seed=1)
-    assert all(change.worse(5.0) and math.isnan(change.ratio.low) for change in changes(one, later, METRIC))
+    assert all(change.worse(5.0) and math.isnan(change.judgement.low) for change in changes(one, later, METRIC))
 
 
 def test_who_loses_more_runs_is_not_better_on_the_same_seeds(before):
@@ -129,3 +119,26 @@ def test_who_loses_more_runs_is_not_better_on_the_same_seeds(before):
 
 def test_what_is_within_three_percent_is_equal(before):
     assert {one.verdict for one in changes(before, scaled(before, 1.005, 0.01), METRIC)} == {"equal within 3 %"}
+
+
+def test_the_margin_and_the_correction_are_those_that_were_asked_for(before):
+    rule = Rule(0.2, Correction.FDR)
+    changed = changes(before, scaled(before, 1.1, 0.02), METRIC, rule)
+    assert {change.verdict for change in changed} == {"equal within 20 %"}
+    assert "Benjamini and Hochberg over 2" in notes_of_tests(changed)[0]
+
+
+def test_the_test_of_each_kind_of_seeds_is_named(before):
+    later = scaled(before, 1.1, 0.02)
+    moved = later.assign(seed=later["seed"] + 100 * (later["adaptation"] == "mtf"))
+    same, others = notes_of_tests(changes(before, moved, METRIC))
+    assert same.startswith("On the same seeds")
+    assert others.startswith("On other seeds")
+
+
+def test_where_others_lead_in_the_second_it_is_said(before):
+    later = before.assign(position_rmse_m=before[METRIC] * np.where(before["adaptation"] == "mtf", 8.0, 1.0))
+    scattered = [scaled(rows, 1.0, 0.02) for rows in (before, later)]
+    standings = [study_verdicts(rows, METRIC).standings for rows in scattered]
+    assert other_leaders(*standings) == ["In the lead: mtf in A, none in B."]
+    assert other_leaders(standings[0], standings[0]) == []

@@ -13,10 +13,11 @@ from scipy.stats import wilcoxon
 from jerkbench.errors import JerkbenchError
 from jerkbench.evaluation.statistics.family import Correction
 from jerkbench.evaluation.statistics.judgement import Verdict
-from jerkbench.report.analysis.comparison import Rule, compare_to, parse_baseline
+from jerkbench.report.analysis.baseline import parse_baseline
 from jerkbench.report.analysis.findings import findings
 from jerkbench.report.analysis.paper_claim import claims
-from jerkbench.report.analysis.standings import standings
+from jerkbench.report.analysis.rule import Rule
+from jerkbench.report.analysis.study_verdicts import study_verdicts
 from jerkbench.report.tables.csv import tidy_csv
 from jerkbench.report.tables.html import html_table
 from jerkbench.report.tables.latex import latex
@@ -25,6 +26,10 @@ from jerkbench.report.tables.study_tables import summarise
 
 NONE = {"adaptation": "none"}
 SEEDS = 20
+
+
+def sentences(rows, metric):
+    return findings(rows, study_verdicts(rows, metric))
 
 
 @pytest.fixture
@@ -54,7 +59,7 @@ def by_adaptation(found):
 
 def test_each_cell_meets_its_own_baseline_seed_by_seed(study):
     shuffled = study.sample(frac=1.0, random_state=3)
-    found = {(one.subject[3], one.subject[4]): one for one in compare_to(shuffled, "position_rmse_m", NONE)}
+    found = {(one.subject[3], one.subject[4]): one for one in study_verdicts(shuffled, "position_rmse_m").against(NONE)}
     assert set(found) == {("jerk", "mtf"), ("jerk", "copy"), ("jerk", "chance")}
     d = np.log(series(study, "jerk", "mtf") / series(study, "jerk", "none"))
     one = found["jerk", "mtf"]
@@ -67,33 +72,36 @@ def test_each_cell_meets_its_own_baseline_seed_by_seed(study):
 
 def test_the_whole_study_is_one_family(study):
     two = pd.concat([study, *(study.assign(disturbance=f"bias{k}") for k in range(5))])
-    alone = by_adaptation(compare_to(study, "position_rmse_m", NONE))["chance"]
-    assert by_adaptation(compare_to(two, "position_rmse_m", NONE))["chance"].family == 6 * alone.family
+    alone = by_adaptation(study_verdicts(study, "position_rmse_m").against(NONE))["chance"]
+    assert by_adaptation(study_verdicts(two, "position_rmse_m").against(NONE))["chance"].family == 6 * alone.family
     shifted = study.assign(
         position_rmse_m=study["position_rmse_m"]
         * np.where((study["adaptation"] == "chance"), np.exp(0.02 * study["seed"] - 0.1), 1.0)
     )
-    p = [by_adaptation(compare_to(rows, "position_rmse_m", NONE))["chance"].judgement.p for rows in (shifted,)]
+    alone = by_adaptation(study_verdicts(shifted, "position_rmse_m").against(NONE))["chance"]
     more = pd.concat([shifted, *(study.assign(disturbance=f"b{k}", seed=study["seed"]) for k in range(5))])
-    assert by_adaptation(reversed(compare_to(more, "position_rmse_m", NONE)))["chance"].judgement.p >= p[0]
+    assert (
+        by_adaptation(reversed(study_verdicts(more, "position_rmse_m").against(NONE)))["chance"].judgement.p
+        >= alone.judgement.p
+    )
 
 
 def test_a_lost_run_is_the_worst_of_its_pair(study):
     lost = (study["adaptation"] == "mtf") & (study["seed"] < 3)
     study.loc[lost, "status"] = "diverged"
-    one = by_adaptation(compare_to(study, "position_rmse_m", NONE))["mtf"]
+    one = by_adaptation(study_verdicts(study, "position_rmse_m").against(NONE))["mtf"]
     assert (one.judgement.n, one.pair.runs, one.pair.lost, one.judgement.median) == (20, 20, (3, 0), True)
     assert one.verdict is Verdict.UNDECIDED  # 25 times better in seventeen, lost in three
-    (said,) = [line for line in findings(study, "position_rmse_m") if "jerk+mtf" in line]
+    (said,) = [line for line in sentences(study, "position_rmse_m") if "jerk+mtf" in line]
     assert "jerk+mtf lost 3 of 20 runs, which counts as worse than any error" in said
 
 
 def test_twelve_lost_of_twenty_runs_are_no_finding_in_favour(study):
     """The survivors alone are 25 times better."""
     study.loc[(study["adaptation"] == "mtf") & (study["seed"] < 12), "status"] = "diverged"
-    one = by_adaptation(compare_to(study, "position_rmse_m", NONE))["mtf"]
+    one = by_adaptation(study_verdicts(study, "position_rmse_m").against(NONE))["mtf"]
     assert one.verdict is Verdict.MORE_LOST
-    (said,) = [line for line in findings(study, "position_rmse_m") if line.startswith("jerk+mtf")]
+    (said,) = [line for line in sentences(study, "position_rmse_m") if line.startswith("jerk+mtf")]
     assert said.startswith("jerk+mtf loses more runs than jerk+none: 12 of 20 lost or locked out against 0 of 20")
     table = summarise(study, "position_rmse_m", baseline=NONE)
     (cell,) = [c for key, c in zip(table.columns, table.cells[0], strict=True) if key == ("mtf",)]
@@ -110,7 +118,7 @@ def test_skewed_differences_of_equal_means_are_rarely_shown(cell_rows):
     for _ in range(300):
         d = 0.1 * (np.exp(rng.standard_normal(20)) - math.exp(0.5))
         rows = pd.DataFrame([*cell_rows("jerk", "none", [1.0] * 20), *cell_rows("jerk", "a", list(np.exp(d)))])
-        (one,) = compare_to(rows, "position_rmse_m", NONE)
+        (one,) = study_verdicts(rows, "position_rmse_m").against(NONE)
         shown += one.shown
         by_ranks += wilcoxon(d).pvalue < 0.05
     assert by_ranks / 300 > 0.2
@@ -121,7 +129,7 @@ def test_tuned_against_tuned_is_a_comparison(study):
     """Two filters, each with a noise of its own: with the noise a part of the method they are rivals."""
     tuned = study.assign(noise=np.where(study["filter"] == "jerk", "accel_mps2=0.1", "accel_mps2=0.5"))
     tuned = tuned[tuned["adaptation"].isin(["none", "mtf"])]
-    (scene,) = standings(tuned, "position_rmse_m")
+    (scene,) = study_verdicts(tuned, "position_rmse_m").standings
     names = {(one.subject[3], one.subject[5]) for one in scene.contest.comparisons}
     assert ("jerk", "accel_mps2=0.1") in names
     (against,) = [
@@ -132,18 +140,18 @@ def test_tuned_against_tuned_is_a_comparison(study):
     assert against.subject[5] != against.baseline[5]
     assert against.verdict is Verdict.BETTER
     assert [leader[3:5] for leader in scene.contest.leaders] == [("jerk", "mtf")]
-    apart = standings(tuned, "position_rmse_m", ("filter", "adaptation"))
+    apart = study_verdicts(tuned, "position_rmse_m", ("filter", "adaptation")).standings
     assert all(len({one[5] for one in scene.contest.rivals}) == 1 for scene in apart)
 
 
 def test_phases_have_a_range_and_no_test(study):
-    found = compare_to(study.assign(replicate="phase"), "position_rmse_m", NONE)
+    found = study_verdicts(study.assign(replicate="phase"), "position_rmse_m").against(NONE)
     one = next(one for one in found if one.subject[4] == "mtf")
     ratios = series(study, "jerk", "mtf") / series(study, "jerk", "none")
     assert (one.judgement.low, one.judgement.high) == pytest.approx((ratios.min(), ratios.max()))
     assert math.isnan(one.judgement.p)
     assert not one.shown
-    (said,) = [line for line in findings(study.assign(replicate="phase"), "position_rmse_m") if "mtf" in line]
+    (said,) = [line for line in sentences(study.assign(replicate="phase"), "position_rmse_m") if "mtf" in line]
     assert "times better than jerk+none (range" in said
     assert "20 phases of one recording; no test" in said
 
@@ -158,28 +166,36 @@ def test_the_table_has_ratios_marks_and_what_they_mean(study):
     said = " ".join(table.footnotes)
     assert "ratio to adaptation=none over the common seeds" in said
     assert (
-        "At most 5 % of such studies have any wrong mark (largest studentised mean log ratio of 3 comparisons" in said
+        "At most 5 % of such studies have any wrong mark (largest studentised mean log ratio of all 10 comparisons"
+        in said
     )
-    assert "1 of 3 are undecided." in said
+    assert "Of the 3 here 1 is undecided." in said
     plain = summarise(study, "position_rmse_m")
     assert not any("ratio" in note for note in plain.footnotes)
 
 
 def test_the_margin_and_the_correction_can_be_chosen(study):
     rule = Rule(0.5, Correction.FDR)
-    found = by_adaptation(compare_to(study, "position_rmse_m", NONE, rule))
+    found = by_adaptation(study_verdicts(study, "position_rmse_m", rule=rule).against(NONE))
     assert found["chance"].verdict is Verdict.EQUAL
-    said = " ".join(summarise(study, "position_rmse_m", baseline=NONE, rule=rule).footnotes)
-    assert "=: equal within 50 %. Of the marks 5 % may be wrong (Benjamini and Hochberg over 3 comparisons)." in said
+    said = " ".join(
+        summarise(
+            study, "position_rmse_m", baseline=NONE, verdicts=study_verdicts(study, "position_rmse_m", rule=rule)
+        ).footnotes
+    )
+    assert (
+        "=: equal within 50 %. Of the marks 5 % may be wrong (Benjamini and Hochberg over the study's 10 comparisons)."
+        in said
+    )
 
 
 def test_too_few_seeds_show_nothing(study):
-    few = compare_to(study[study["seed"] < 3], "position_rmse_m", NONE)
+    few = study_verdicts(study[study["seed"] < 3], "position_rmse_m").against(NONE)
     assert {one.verdict for one in few} == {Verdict.UNDECIDED}
 
 
 def test_findings_say_what_was_shown_and_what_was_not(study):
-    lines = findings(study, "position_rmse_m")
+    lines = sentences(study, "position_rmse_m")
     d = -np.log(series(study, "jerk", "mtf") / series(study, "jerk", "none"))
     (best,) = [line for line in lines if line.startswith("jerk+mtf")]
     assert best.startswith(f"jerk+mtf is {math.exp(d.mean()):.1f} times better than jerk+none (95 % ")
@@ -190,14 +206,14 @@ def test_findings_say_what_was_shown_and_what_was_not(study):
     assert re.search(r"\(95 % [\d.]+ to [\d.]+, 20 seeds\); \d+ seeds would decide\.$", open_one)
     assert any(line.startswith("jerk+copy gives the same as jerk+none (20 seeds)") for line in lines)
     assert any(line.startswith("jerk+none is 1.10 times better than baseline+none (95 %") for line in lines)
-    assert findings(study.assign(anees=6.0), "anees") == []
+    assert sentences(study.assign(anees=6.0), "anees") == []
 
 
 def test_what_is_equal_is_said(cell_rows):
     base = np.exp(np.random.default_rng(3).normal(scale=0.3, size=SEEDS))
     near = base * np.exp(np.random.default_rng(4).normal(scale=0.01, size=SEEDS))
     rows = pd.DataFrame([*cell_rows("jerk", "none", list(base)), *cell_rows("jerk", "a", list(near))])
-    (said,) = findings(rows, "position_rmse_m")
+    (said,) = sentences(rows, "position_rmse_m")
     assert re.match(r"a and none are equal within 3 %: (1\.00|0\.99\d|1\.01) times \(95 % ", said)
 
 
@@ -214,10 +230,10 @@ def test_the_papers_claim_is_judged(cell_rows, factor, word):
 
 def test_all_lost_is_a_sentence(study):
     study.loc[study["adaptation"] == "mtf", "status"] = "diverged"
-    (said,) = [line for line in findings(study, "position_rmse_m") if line.startswith("jerk+mtf")]
+    (said,) = [line for line in sentences(study, "position_rmse_m") if line.startswith("jerk+mtf")]
     assert said.startswith("jerk+mtf loses more runs than jerk+none: 20 of 20 lost or locked out against 0 of 20")
     both = study[study["adaptation"].isin(["mtf", "none"]) & (study["filter"] == "jerk")].assign(status="diverged")
-    assert findings(both, "position_rmse_m") == ["mtf cannot be compared with none: both lost all 20 runs."]
+    assert sentences(both, "position_rmse_m") == ["mtf cannot be compared with none: both lost all 20 runs."]
 
 
 def test_few_seeds_neither_hold_a_claim_nor_refute_it(cell_rows):
@@ -236,9 +252,9 @@ def test_a_baseline_is_read_and_a_wrong_one_is_a_sentence(study):
     with pytest.raises(JerkbenchError, match=r"no factor 'filtr'. Did you mean 'filter'"):
         parse_baseline("filtr=jerk")
     with pytest.raises(JerkbenchError, match=r"no adaptation 'nome'. Did you mean 'none'"):
-        compare_to(study, "position_rmse_m", {"adaptation": "nome"})
+        study_verdicts(study, "position_rmse_m").against({"adaptation": "nome"})
     with pytest.raises(JerkbenchError, match="filter=baseline, adaptation=mtf"):
-        compare_to(study, "position_rmse_m", {"filter": "baseline", "adaptation": "mtf"})
+        study_verdicts(study, "position_rmse_m").against({"filter": "baseline", "adaptation": "mtf"})
 
 
 def test_every_format_has_the_ratio(study):

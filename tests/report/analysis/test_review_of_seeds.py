@@ -5,9 +5,14 @@ import pytest
 
 from jerkbench.report.analysis.findings import findings
 from jerkbench.report.analysis.review import Evidence, review
+from jerkbench.report.analysis.study_verdicts import study_verdicts
 
 PHASES = "are phases of recordings"
 ONE_RUN = "are the one run of a recording in which nothing is random"
+
+
+def sentences(rows, metric):
+    return findings(rows, study_verdicts(rows, metric))
 
 
 def rows_of(cell_rows, runs):
@@ -28,5 +33,5 @@ def test_only_what_was_withheld_has_phases(cell_rows, runs, said, not_said):
 
 
 def test_one_run_is_no_range_over_phases(cell_rows):
-    (said,) = findings(rows_of(cell_rows, 1), "position_rmse_m")
+    (said,) = sentences(rows_of(cell_rows, 1), "position_rmse_m")
     assert "(one run of one recording; no test)" in said

@@ -24,7 +24,7 @@ CHROMIUM = (
 @pytest.fixture(scope="session")
 def sweep(tmp_path_factory):
     folder = tmp_path_factory.mktemp("report")
-    done = swept(*WORDS, "dataset.duration_s=60", "report=true", "figures=true", "workers=2", cwd=folder)
+    done = swept(*WORDS, "dataset.duration_s=60", "report=true", "figures=all", "workers=2", cwd=folder)
     return folder / "results" / "adhoc", done
 
 

@@ -6,7 +6,6 @@ import struct
 import numpy as np
 import pytest
 
-from jerkbench.report.page.line_styles import line_styles
 from jerkbench.report.page.traces import encoded, largest_of_steps
 
 
@@ -25,10 +24,3 @@ def test_an_error_comes_back_to_a_thousandth_and_what_is_missing_is_missing():
     back = [1e-9 * 10 ** (18 * (step - 1) / 65534) for step in steps[:-2]]
     assert back == pytest.approx(error_m[:-2].tolist(), rel=1e-3)
     assert steps[-2:] == (0, 65535)
-
-
-def test_a_filter_has_one_colour_and_an_adaptation_one_kind_of_dashes():
-    names = ("jerk", "none"), ("jerk", "mtf"), ("bias", "none"), ("bias", "mtf")
-    styles = line_styles({str(k): {"filter": a, "adaptation": b} for k, (a, b) in enumerate(names)})
-    assert styles["0"]["colour"] == styles["1"]["colour"] != styles["2"]["colour"] == styles["3"]["colour"]
-    assert styles["0"]["dash"] == styles["2"]["dash"] != styles["1"]["dash"] == styles["3"]["dash"]

@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 
-from jerkbench.report.analysis.standings import standings
+from jerkbench.report.analysis.study_verdicts import study_verdicts
 from jerkbench.report.page.cells import by_combination, combinations
 from jerkbench.report.page.claim import NOTHING_SHOWN
 from jerkbench.report.page.first_screen import first_screen
@@ -24,8 +24,8 @@ def rows(seeds, times):
 
 def screen(frame, *, of_the_paper):
     cells = by_combination(combinations(frame, "position_rmse_m"))
-    found = standings(frame, "position_rmse_m")
-    return first_screen(frame, "position_rmse_m", found, cells, of_the_paper=of_the_paper)
+    verdicts = study_verdicts(frame, "position_rmse_m")
+    return first_screen(frame, verdicts, "position_rmse_m", cells, of_the_paper=of_the_paper)
 
 
 def test_the_papers_claim_stands_in_the_papers_study_alone():

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
+from jerkbench import plugins
 from jerkbench.estimate import Estimate
+from jerkbench.evaluation.run import evaluate_run
 from jerkbench.recording import Imu, Position, Recording, Reference
 from jerkbench.report.plots.figures import error_figure, save_figure, trajectory_figure
 
@@ -58,6 +60,27 @@ def labelled(axes):
     return {line.get_label(): line for line in axes.get_lines()}
 
 
+def test_the_rmse_in_the_legend_is_the_tables_and_says_from_when_on():
+    recording, estimate = make_recording(), make_estimate()
+    (line,) = error_figure(recording, {"jerk": estimate}, 1, burn_in_s=25.0).axes[0].get_lines()
+    values = evaluate_run(estimate, recording, 25.0, [plugins.create("metric", {"name": "position_rmse"})])
+    assert line.get_label() == f"jerk: RMSE {values['position_rmse_m']:.3f} m from 25 s on"
+
+
+def test_lines_that_coincide_are_one_with_both_names():
+    estimates = {"jerk + none": make_estimate(), "bias + none": make_estimate(), "baseline + none": make_estimate(0.2)}
+    recording = make_recording()
+    for figure in (error_figure(recording, estimates), trajectory_figure(recording, estimates)):
+        names = [text.split(":")[0] for text in texts(figure)]
+        assert "jerk + none = bias + none" in names
+        assert "baseline + none" in names
+        assert not {"jerk + none", "bias + none"} & set(names)
+
+
+def test_the_time_axis_ends_with_the_data():
+    assert error_figure(make_recording(), {"a": make_estimate()}).axes[0].get_xlim() == (T_S[0], T_S[-1])
+
+
 def texts(figure):
     return [text.get_text() for text in figure.legends[0].get_texts()]
 
@@ -104,7 +127,7 @@ def test_the_error_is_the_norm_at_the_estimates_own_stamps():
     norm = np.array([np.linalg.norm(p - q) for p, q in zip(estimate.position_m, truth[index], strict=True)])
     np.testing.assert_array_equal(line.get_xdata(), T_S[index])
     np.testing.assert_allclose(line.get_ydata(), norm, rtol=1e-12)
-    assert line.get_label() == f"jerk: RMSE with burn-in {np.sqrt(np.mean(norm[60:] ** 2)):.3f} m"
+    assert line.get_label() == f"jerk: RMSE {np.sqrt(np.mean(norm[60:] ** 2)):.3f} m"
 
 
 def test_one_estimate_has_three_axes_with_three_sigmas():
@@ -139,6 +162,11 @@ def test_the_error_figure_shades_the_outages():
     assert spans == [(10.0, 15.0), (20.0, 22.0)]
 
 
+def apart(estimate, k):
+    """The estimate, so far from the others that no two coincide."""
+    return dataclasses.replace(estimate, position_m=estimate.position_m + 0.3 * k)
+
+
 @pytest.mark.parametrize("draw", [trajectory_figure, error_figure])
 @pytest.mark.parametrize(
     ("estimate", "count", "length"),
@@ -146,7 +174,7 @@ def test_the_error_figure_shades_the_outages():
 )
 def test_everything_is_inside_and_the_legend_apart(draw, count, length, estimate):
     names = [f"{k}{'gnss_only + variational_bayes_and_more'[:length]}" for k in range(count)]
-    figure = draw(make_recording(), dict.fromkeys(names, estimate))
+    figure = draw(make_recording(), {name: apart(estimate, k) for k, name in enumerate(names)})
     figure.draw_without_rendering()
     whole = figure.bbox
     boxes = [axes.get_tightbbox() for axes in figure.axes]

@@ -12,7 +12,7 @@ from scipy.stats import chi2
 from jerkbench.estimate import Attitude, Estimate, Updates
 from jerkbench.recording import Imu, Position, Recording, Reference
 from jerkbench.report.analysis.best_noise import at_best_noise
-from jerkbench.report.analysis.costs import costs
+from jerkbench.report.analysis.costs import costs, lost_shares
 from jerkbench.report.plots.acceleration import acceleration_figure
 from jerkbench.report.plots.adapted_r import adapted_r_figure
 from jerkbench.report.plots.bars import bars_figure
@@ -20,12 +20,16 @@ from jerkbench.report.plots.consistency import consistency_figure, nees
 from jerkbench.report.plots.figures import save_figure
 from jerkbench.report.plots.heat_map import heat_map_figure
 from jerkbench.report.plots.inset import inset_trajectory_figure
+from jerkbench.report.plots.palette import Palette
 from jerkbench.report.plots.profile import profile_figure
 from jerkbench.report.plots.sensitivity import sensitivity_figure, with_sigma
 from jerkbench.report.plots.tilt import tilt_figure
 from jerkbench.report.plots.zoom import disturbed_window_s, zoomed_error_figure
 from jerkbench.report.tables.study_tables import summarise
+from jerkbench.report.tables.table_model import number
 from jerkbench.results.study_figures.drawings import of_rows
+
+STYLES = [Palette.of([(name, "none") for name in "abcdef"]).look((name, "none")) for name in "abcdef"]
 
 N = 400
 T_S = 0.1 * np.arange(1, N + 1)
@@ -185,6 +189,24 @@ def test_the_inset_shows_where_the_horizontal_error_is_largest():
     assert high - low == pytest.approx(10.0, rel=0.1)
 
 
+@pytest.mark.parametrize("error_m", [0.001, 1.0, 20.0])
+def test_the_inset_enlarges_and_its_box_is_inside_the_axes(error_m):
+    position_m = make_estimate(0.001).position_m.copy()
+    position_m[:, 0] += error_m * np.linspace(0.0, 1.0, N)
+    figure = inset_trajectory_figure(
+        make_recording(), {"a": dataclasses.replace(make_estimate(), position_m=position_m)}
+    )
+    main, inset = figure.axes
+    for of_axis in ("get_xlim", "get_ylim"):
+        (first, last), (low, high) = getattr(main, of_axis)(), getattr(inset, of_axis)()
+        assert first <= low < high <= last
+    times = np.ptp(main.get_xlim()) / np.ptp(inset.get_xlim())
+    assert times >= 4.0
+    assert inset.get_title() == f"Enlarged {number(times)} times"
+    (bar,) = [line for line in inset.get_lines() if line.get_gid() == "scale"]
+    assert f"{np.ptp(bar.get_xdata()):g} m" in [text.get_text() for text in inset.texts]
+
+
 def test_nees_is_the_naive_quadratic_form_and_its_band_chi_squares():
     recording, one = make_recording(), make_estimate()
     error = np.hstack([one.position_m - recording.reference.enu_m, one.velocity_mps])
@@ -202,8 +224,10 @@ def test_nees_is_the_naive_quadratic_form_and_its_band_chi_squares():
 def test_adapted_r_is_a_sigma_with_ticks_where_a_row_was_dropped():
     axes = adapted_r_figure(make_recording(), {"a": make_estimate()}).axes[2]  # north position
     sigma, dropped = axes.get_lines()
-    there = np.r_[0:10, 20:80]
-    np.testing.assert_allclose(sigma.get_ydata(), np.sqrt(make_estimate().updates.R_diagonal[there, 1]))
+    kept = np.r_[0:10, 20:80]
+    np.testing.assert_allclose(sigma.get_ydata()[kept], np.sqrt(make_estimate().updates.R_diagonal[kept, 1]))
+    assert np.isnan(sigma.get_ydata()[10:20]).all()
+    assert axes.get_ylabel() == "North position,\nsigma of R [m]"
     np.testing.assert_allclose(dropped.get_xdata(), T_S[::5][10:20])
 
 
@@ -242,13 +266,16 @@ def test_costs_are_means_and_what_was_lost_is_infinite(cell_rows):
 
 def test_the_heat_map_and_the_profile_are_of_all_scenarios(cell_rows, tmp_path):
     values, scenarios, methods = costs(study(cell_rows), "position_rmse_m")
-    figure = heat_map_figure(values, scenarios, methods, "RMSE", [True] * 3)
+    shares = lost_shares(study(cell_rows), "position_rmse_m")
+    assert shares == [["0/2"] * 3, ["0/2", "0/2", "1/2"]]
+    figure = heat_map_figure(values, scenarios, methods, "RMSE", [True] * 3, shares)
     texts = [text.get_text() for text in figure.axes[0].texts]
-    assert sorted(texts) == sorted(["2.10", "1.05", "52.5", "6.30", "3.15", "lost"])
+    assert sorted(texts) == sorted(["2.10", "1.05", "52.5", "6.30", "3.15", "1/2"])
     save_figure(figure, tmp_path / "map.png")
     assert imread(tmp_path / "map.png").std() > 0.01
     lines = {
-        line.get_label().split(" (")[0]: line for line in profile_figure(values, methods, "RMSE").axes[0].get_lines()
+        line.get_label().split(" (")[0]: line
+        for line in profile_figure(values, methods, "RMSE", STYLES[: len(methods)]).axes[0].get_lines()
     }
     assert lines["jerk"].get_ydata()[0] == 100.0
     assert lines["gnss_only"].get_ydata()[-1] == 50.0

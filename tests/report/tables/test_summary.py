@@ -28,16 +28,16 @@ def test_columns_are_adaptations_and_rows_what_else_varies(rows):
 def test_a_cell_is_the_geometric_mean_over_its_seeds(rows):
     table = summarise(rows, "position_rmse_m")
     good = cell_of(table, ("jerk",), ("none",))
-    logs = np.log([0.011, 0.012, 0.013, 0.014])
+    logs = np.log(2 * [0.011, 0.012, 0.013, 0.014])
     ends = ttest_1samp(logs, 0).confidence_interval(0.95)
     assert (good.mean, good.low, good.high) == pytest.approx(tuple(np.exp([logs.mean(), ends.low, ends.high])))
-    assert (good.runs, good.diverged, good.failed) == (4, 0, 0)
+    assert (good.runs, good.diverged, good.failed) == (8, 0, 0)
 
 
 def test_lost_runs_leave_the_median_of_all(rows, cell_rows):
-    """Nobody's mean is over the survivors: of 2 lost of 4 runs the median is lost, of 2 of 7 it is the fourth."""
+    """Nobody's mean is over the survivors: of 4 lost of 8 runs the median is lost, of 2 of 7 it is the fourth."""
     half = cell_of(summarise(rows, "position_rmse_m"), ("baseline",), ("none",))
-    assert half.text == "lost (median; 2/4 diverged)"
+    assert half.text == "lost [0.0310, lost] (median; 4/8 diverged)"
     frame = pd.DataFrame(cell_rows("jerk", "none", [5.0, 1.0, 2.0, 3.0, 4.0, 9.0, 9.0]))
     frame.loc[frame["position_rmse_m"] == 9.0, "status"] = "diverged"
     table = summarise(frame, "position_rmse_m")
@@ -277,7 +277,7 @@ def test_wrong_names_are_sentences(rows):
 
 
 def test_rows_that_repeat_a_seed_are_refused(rows):
-    with pytest.raises(JerkbenchError, match="12 rows"):
+    with pytest.raises(JerkbenchError, match="24 rows"):
         summarise(pd.concat([rows, rows]), "position_rmse_m")
 
 

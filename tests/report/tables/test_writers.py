@@ -4,10 +4,12 @@ import csv
 import io
 import re
 
+import numpy as np
 import pandas as pd
 import pytest
 
 from jerkbench.report.analysis.quantities import quantity
+from jerkbench.report.tables import summary
 from jerkbench.report.tables.csv import tidy_csv
 from jerkbench.report.tables.latex import escaped, latex
 from jerkbench.report.tables.markdown import markdown
@@ -78,7 +80,7 @@ def test_latex_is_balanced_and_escaped(rows):
     assert {line.count("&") for line in lines} == {2}
     assert r"sage\_husa" in lines[0]
     assert r"\bfseries 0.0124 &" in body
-    assert r"(median; 2/4 diverged)" in body
+    assert r"(median; 4/8 diverged)" in body
     assert not re.search(r"(?<!\\)[_%#$~^]", text.replace(r"$\mu$", ""))
     assert r"100\% of R\_k \& \{x\} \#1 \textasciitilde{} \textasciicircum{} \textless{}\$\textgreater{}" in text
 
@@ -96,7 +98,7 @@ def test_csv_reads_back_with_all_digits(rows):
     cell = table.cells[0][0]
     assert tuple(float(first[name]) for name in ("mean", "low", "high")) == (cell.mean, cell.low, cell.high)
     (one,) = [line for line in lines if line["filter"] == "baseline" and line["metric"] == "position_rmse_m"]
-    assert (one["runs"], one["diverged"], one["failed"], one["missing"], one["unit"]) == ("4", "2", "0", "0", "m")
+    assert (one["runs"], one["diverged"], one["failed"], one["missing"], one["unit"]) == ("8", "4", "0", "0", "m")
     assert (one["dataset"], one["adaptation"], one["noise"]) == ("field", "none", "own")
 
 
@@ -104,16 +106,16 @@ def test_csv_counts_the_runs_without_the_metric(rows):
     holed = rows.assign(anees=rows["anees"].where(rows["seed"] > 0))
     lines = list(csv.DictReader(io.StringIO(tidy_csv([summarise(holed, "anees")]))))
     assert [(line["runs"], line["diverged"], line["missing"]) for line in lines] == [
-        ("4", "0", "1"),
-        ("4", "0", "1"),
-        ("4", "2", "1"),
+        ("8", "0", "1"),
+        ("8", "0", "1"),
+        ("8", "4", "1"),
     ]
 
 
 def test_csv_leaves_a_number_empty_that_is_not_there(rows):
     lost = rows.assign(status="diverged")
     (line, *_) = list(csv.DictReader(io.StringIO(tidy_csv([summarise(lost, "position_rmse_m")]))))
-    assert (line["mean"], line["low"], line["diverged"]) == ("", "", "4")
+    assert (line["mean"], line["low"], line["diverged"]) == ("", "", "8")
 
 
 def test_terminal_shows_brackets_and_says_a_row_header_once(rows, capsys):
@@ -121,7 +123,7 @@ def test_terminal_shows_brackets_and_says_a_row_header_once(rows, capsys):
     print_table(both, ("A note.",))
     out = capsys.readouterr().out
     assert re.search(r"\*\*0\.0124\*\* \[0\.01\d\d, 0\.01\d\d\]", out)
-    assert "(median; 2/4 diverged)" in out
+    assert "(median; 4/8 diverged)" in out
     assert len(re.findall(r"^ *bias +(?:jerk|baseline) ", out, flags=re.MULTILINE)) == 1
     assert out.splitlines()[-1].rstrip() == "A note."
 
@@ -131,7 +133,7 @@ def test_terminal_shows_one_cell_with_all_metrics_and_reasons(rows, capsys):
     out = capsys.readouterr().out
     assert "ANEES of position and velocity" in out
     assert "outage" not in out
-    assert "seed 2 diverged: The position error is 4000 m at 3.00 s; the limit is 1000 m." in out
+    assert "seed 4 diverged: The position error is 4000 m at 3.00 s; the limit is 1000 m." in out
 
 
 def test_the_three_files(rows, tmp_path):
@@ -147,6 +149,20 @@ def test_the_three_files(rows, tmp_path):
     assert r"\caption{Position RMSE (3-D) {[}\unit{m}{]}}" in (tmp_path / "new" / "table.tex").read_text(
         encoding="utf-8"
     )
+
+
+def test_with_very_many_cells_only_the_first_table_is_judged(cell_rows, tmp_path, monkeypatch):
+    """No number changes; what is gone are the marks, and what they mean, in the others."""
+    scattered = np.exp(0.05 * np.random.default_rng(1).standard_normal((2, 20)))
+    runs = [*cell_rows("jerk", "a", scattered[0]), *cell_rows("jerk", "b", 1.5 * scattered[1])]
+    frame = pd.DataFrame(runs).assign(velocity_rmse_mps=lambda rows: rows["position_rmse_m"] / 10)
+    write_tables(frame, tmp_path / "few")
+    monkeypatch.setattr(summary, "FEW_CELLS", 1)
+    write_tables(frame, tmp_path / "many")
+    few, many = ((tmp_path / name / "table.md").read_text(encoding="utf-8") for name in ("few", "many"))
+    assert (few.count("**") // 2, many.count("**") // 2) == (2, 1)
+    assert few.partition("## ")[0] == many.partition("## ")[0]
+    assert (tmp_path / "few" / "table.csv").read_bytes() == (tmp_path / "many" / "table.csv").read_bytes()
 
 
 @pytest.fixture

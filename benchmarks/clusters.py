@@ -1,0 +1,202 @@
+"""Sweeps on every engine, with workers that are killed, and from two processes at once: the same rows, to the byte.
+
+    python benchmarks/clusters.py engines [CLUSTER ...]   experiment=paper, 20 seeds of 30 s, two workers: rows, CPU
+    python benchmarks/clusters.py kills [COUNT]           SIGKILL of one of two Dask workers at random moments
+    python benchmarks/clusters.py two                     two processes, one folder, 200 cells
+
+The CPU is that of all processes of a sweep, wherever they hang; a sweep of one cell says what the start costs.
+"""
+
+import hashlib
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import uuid
+from pathlib import Path
+
+MARK = "JERKBENCH_BENCHMARK"
+TICKS = os.sysconf("SC_CLK_TCK")
+PAPER = ("experiment=paper", "seeds=20", "dataset.duration_s=30", "report=false")
+FAILED = 1
+"""Exit code where a run failed: the paper's outages begin after 30 s."""
+CELLS = 200
+MANY = (f"noise.accel_mps2=range(0.1,{CELLS / 10 + 0.1:g},0.1)", "filter=jerk", "dataset.duration_s=30", "seeds=4")
+ONE = ("filter=gnss_only", "adaptation=none", "dataset.duration_s=12", "seeds=1")
+
+
+def start(folder: Path, *words: str, **environment: str) -> subprocess.Popen[bytes]:
+    """Start a sweep in ``folder``."""
+    folder.mkdir(parents=True, exist_ok=True)
+    command = [sys.executable, "-m", "jerkbench", "run", "-m", *words, "figures=false", "study=s", "results=."]
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    return subprocess.Popen(command, cwd=folder, env={**os.environ, **environment}, **quiet)  # noqa: S603 - our own words
+
+
+def swept(folder: Path, *words: str) -> tuple[float, float]:
+    """Sweep to the end; returns CPU and time of the clock [s].
+
+    Raises:
+        RuntimeError: it did not come to its end.
+    """
+    mark, began, spent = uuid.uuid4().hex, time.monotonic(), {}
+    process = start(folder, *words, **{MARK: mark})
+    while process.poll() is None:
+        spent |= spending(mark)
+        time.sleep(0.5)
+    if process.returncode not in (0, FAILED):
+        raise RuntimeError(f"{' '.join(words)} ended with {process.returncode}")
+    return sum(spent.values()), time.monotonic() - began
+
+
+def spending(mark: str) -> dict[int, float]:
+    """CPU of each process that has ``mark`` in its environment [s]."""
+    spent = {}
+    for folder in Path("/proc").iterdir():
+        if folder.name.isdecimal():
+            try:
+                if f"{MARK}={mark}".encode() in (folder / "environ").read_bytes():
+                    numbers = (folder / "stat").read_text().rpartition(")")[2].split()
+                    spent[int(folder.name)] = (int(numbers[11]) + int(numbers[12])) / TICKS
+            except OSError:
+                continue
+    return spent
+
+
+def digest(folder: Path) -> str:
+    """Hash of the rows of a sweep."""
+    return hashlib.sha256((folder / "s" / "rows.csv").read_bytes()).hexdigest()[:16]
+
+
+def compared(folder: Path, place: Path) -> str:
+    """Say whether the rows are those of the undisturbed sweep."""
+    return "the same" if digest(folder) == digest(place / "whole") else "DIFFERENT"
+
+
+def stored(folder: Path) -> int:
+    """How many files of cells there are."""
+    return len(list((folder / "s" / "cells").glob("*.parquet")))
+
+
+def engines(place: Path, clusters: list[str]) -> None:
+    """Compare every engine with the own pool."""
+    swept(place / "warm", *PAPER, "cluster=local", "workers=2")  # recordings and machine code are kept from here on
+    print("cluster      CPU [s]   of it start   once started, of local   clock [s]   rows")
+    own = 0.0
+    for name in ("local", *clusters):
+        begin, _ = swept(place / f"{name}1", *ONE, f"cluster={name}", "workers=2")
+        cpu_s, clock_s = swept(place / name, *PAPER, f"cluster={name}", "workers=2")
+        own = own or cpu_s - begin
+        rows = digest(place / name)
+        print(
+            f"{name:<8} {cpu_s:11.1f} {begin:13.1f} {(cpu_s - begin) / own:24.2f} {clock_s:11.1f}   {rows}", flush=True
+        )
+
+
+def kills(place: Path, count: int) -> None:
+    """Kill one of two workers at a random moment of a sweep, again and again."""
+    swept(place / "whole", *MANY, "cluster=local", "workers=2")
+    chance = random.Random(1)  # noqa: S311 - no secret
+    for number in range(count):
+        folder = place / f"kill{number}"
+        at = chance.randrange(1, CELLS // 2)
+        with dask_site(folder) as (address, workers):
+            process = start(folder, *MANY, "cluster=dask", f"cluster.address={address}")
+            while process.poll() is None and stored(folder) < at:
+                time.sleep(0.005)
+            done = stored(folder)
+            os.kill(workers[number % 2].pid, signal.SIGKILL)
+            code = process.wait()
+        same = digest(folder) == digest(place / "whole")
+        print(
+            f"killed after {done} files of cells: exit code {code}, rows {'the same' if same else 'DIFFERENT'}",
+            flush=True,
+        )
+
+
+class dask_site:  # noqa: N801 - used as a function
+    """A scheduler and two workers."""
+
+    def __init__(self, folder: Path) -> None:
+        """Have them work in ``folder``."""
+        self.folder, self.processes = folder, []
+        folder.mkdir(parents=True, exist_ok=True)
+
+    def __enter__(self) -> tuple[str, list[subprocess.Popen[bytes]]]:
+        """Start them; returns the scheduler's address, and the workers."""
+        file = self.folder / "scheduler.json"
+        common = ("--scheduler-file", str(file), "--no-dashboard")
+        self._start("scheduler", "--host", "127.0.0.1", "--port", "0", *common)
+        for _ in range(2):
+            self._start("worker", "--nthreads", "1", "--no-nanny", *common)
+        while not file.exists() or not file.read_text().strip().endswith("}"):
+            time.sleep(0.05)
+        return json.loads(file.read_text())["address"], self.processes[1:]
+
+    def __exit__(self, *_: object) -> None:
+        """End them."""
+        for process in self.processes:
+            process.kill()
+            process.wait()
+
+    def _start(self, kind: str, *words: str) -> None:
+        quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+        command = [sys.executable, "-m", f"distributed.cli.dask_{kind}", *words]
+        self.processes.append(subprocess.Popen(command, cwd=self.folder, **quiet))  # noqa: S603 - our own words
+
+
+def two(place: Path) -> None:
+    """Let two processes sweep into one folder; a wrapper of the seam counts what each runs."""
+    swept(place / "whole", *MANY, "cluster=local", "workers=2")
+    count = "cluster._target_=counting.Counting"
+    (place / "counting.py").write_text(COUNTING)
+    both = [start(place / "both", *MANY, "workers=1", count, PYTHONPATH=_path(place)) for _ in range(2)]
+    codes = [process.wait() for process in both]
+    ran = [file.read_text().split() for file in sorted((place / "both").glob("ran.*"))]
+    every = [key for keys in ran for key in keys]
+    same = digest(place / "both") == digest(place / "whole")
+    print(
+        f"exit codes {codes}; cells run by each: {[len(keys) for keys in ran]}; twice: {len(every) - len(set(every))}"
+    )
+    print(f"of {CELLS} cells {len(set(every))} were run; rows {'the same' if same else 'DIFFERENT'}")
+
+
+COUNTING = """
+import os
+from dataclasses import dataclass, replace
+from functools import partial
+from jerkbench.clusters.local import Local
+
+def counted(work, task):
+    with open(f"ran.{os.getppid()}.{os.getpid()}", "a") as file:
+        file.write(task.planned.key + "\\n")
+    return work(task)
+
+@dataclass(frozen=True)
+class Counting:
+    def run(self, order, workers):
+        return Local().run(replace(order, work=partial(counted, order.work)), workers)
+"""
+
+
+def _path(place: Path) -> str:
+    return os.pathsep.join([str(place), os.environ.get("PYTHONPATH", "")]).rstrip(os.pathsep)
+
+
+def main(kind: str, *more: str) -> None:
+    """Run one of the three."""
+    with tempfile.TemporaryDirectory() as place:
+        if kind == "engines":
+            engines(Path(place), list(more) or ["dask", "loky", "ray"])
+        elif kind == "kills":
+            kills(Path(place), int(more[0]) if more else 5)
+        else:
+            two(Path(place))
+
+
+if __name__ == "__main__":
+    main(*(sys.argv[1:] or ["engines"]))

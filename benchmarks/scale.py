@@ -1,0 +1,121 @@
+"""What thousands of cells cost besides their runs: planning, storing, looking up, the tables; and the memory of it.
+
+    python benchmarks/scale.py [--cells 10000] [--seeds 4]
+
+The plan is a real one; the rows are made up, with as many metrics as a run has. Each line is a stage, its CPU time
+(user and system, of this process), what that is for each cell, and the most memory that the process has had so far.
+"""
+
+import argparse
+import contextlib
+import io
+import resource
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jerkbench.cells.cell import Protocol, build
+from jerkbench.execution.cell_run import CellRun
+from jerkbench.report.tables.terminal import print_table
+from jerkbench.results.parts import Block
+from jerkbench.results.store import Store
+from jerkbench.results.study import load_study, write_manifest, write_study
+from jerkbench.sweep.seed_blocks import block_of
+from jerkbench.sweep.sweep import Plan, plan_sweep
+from jerkbench.sweep.tasks import Result
+
+FILTERS, ADAPTATIONS = ("jerk", "baseline"), ("none", "mtf", "huber", "sage_husa")
+BUNDLE = 64
+"""Cells of a part."""
+
+
+def tell(stage: str, cells: int, work: Callable[[], Any]) -> Any:  # noqa: ANN401 - whatever the work gives
+    """Print what ``work`` costs; returns its result."""
+    begin = time.process_time()
+    result = work()
+    seconds = time.process_time() - begin
+    peak_mib = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (1024 if sys.platform != "darwin" else 1024**2)
+    print(f"{stage:<44}{seconds:>9.2f} s{seconds / cells * 1e3:>9.3f} ms a cell{peak_mib:>9.0f} MiB", flush=True)
+    return result
+
+
+def plan_of(cells: int, seeds: int) -> Plan:
+    """Plan so many cells: filters and adaptations over many values of the noise."""
+    names = {"attitude": "tilt", "engine": "compiled"}
+    values = range(-(-cells // (len(FILTERS) * len(ADAPTATIONS))))
+    made = []
+    for model in FILTERS:
+        for adaptation in ADAPTATIONS:
+            for value in values:
+                spec: dict[str, Any] = {kind: {"name": name} for kind, name in names.items()}
+                spec |= {"dataset": {"name": "field"}, "disturbance": [{"name": "none"}]}
+                spec |= {
+                    "filter": {"name": model, "accel_mps2": 0.01 * (value + 1)},
+                    "adaptation": {"name": adaptation},
+                }
+                cell = build(spec, Protocol(seeds=seeds))
+                made.append(replace(cell, labels=cell.labels._replace(noise=f"accel_mps2={0.01 * (value + 1):.2f}")))
+    return plan_sweep(made[:cells])
+
+
+def blocks(plan: Plan) -> Iterator[Block]:
+    """Made-up rows: those of one run, with every number a little off."""
+    first = plan.cells[0]
+    (model,), notes = CellRun(first.cell, first.fingerprint).rows([0])
+    metrics = {name: value for name, value in model.items() if isinstance(value, float)}
+    rng = np.random.default_rng(1)
+    for planned in plan.cells:
+        factors = rng.lognormal(0.0, 0.1, (len(planned.cell.draws), len(metrics)))
+        rows = [
+            {**model, **planned.cell.labels._asdict(), "seed": seed, **dict(zip(metrics, own, strict=True))}
+            for seed, own in zip(planned.cell.draws, factors * list(metrics.values()), strict=True)
+        ]
+        yield block_of(planned, Result(rows, notes, 0.0))
+
+
+def store_all(plan: Plan, store: Store) -> None:
+    """Store the rows in parts of `BUNDLE` cells."""
+    held: list[Block] = []
+    for block in blocks(plan):
+        held.append(block)
+        if len(held) == BUNDLE:
+            store.write_blocks(held)
+            held = []
+    if held:
+        store.write_blocks(held)
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--cells", type=int, default=10_000)
+    parser.add_argument("--seeds", type=int, default=4)
+    chosen = parser.parse_args()
+    n = chosen.cells
+    with tempfile.TemporaryDirectory() as place:
+        store = Store(Path(place))
+        plan = tell("planned", n, lambda: plan_of(n, chosen.seeds))
+        keys = [planned.key for planned in plan.cells]
+        tell("made up and stored", n, lambda: store_all(plan, store))
+        tell("looked up", n, lambda: store.look(keys))
+        tell("parts joined", n, store.compact)
+        tell("manifest written", n, lambda: write_manifest(Path(place), keys, [], ["jerkbench"]))
+        study = tell("rows read", n, lambda: load_study(Path(place)))
+        size = sum(path.stat().st_size for path in store.folder.iterdir())
+        print(f"{size / len(study.rows):.0f} bytes a row on the disk, {len(study.rows)} rows")
+        tell("rows.csv and tables written", n, lambda: write_study(study))
+        with contextlib.redirect_stdout(io.StringIO()):
+            printed = time.process_time()
+            print_table(study.rows, study.notes)
+            printed = time.process_time() - printed
+        print(f"{'table printed':<44}{printed:>9.2f} s")
+
+
+if __name__ == "__main__":
+    main()

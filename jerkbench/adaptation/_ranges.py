@@ -1,0 +1,13 @@
+"""The ranges that parameters of several adaptations share."""
+
+from jerkbench.parameters import Range
+
+FORGETTING = Range(0.7, 0.999, toward_one=True, source="ours: from a memory of three updates to one of 1000")
+PROBABILITY = Range(0.9, 0.99999, toward_one=True, source="ours: from one false alarm in ten updates to one in 100 000")
+BANDWIDTH = Range(
+    1.0, 50.0, log=True, source="ours: from a kernel that rejects good measurements to one that rejects none"
+)
+FREEDOM = Range(1.0, 100.0, log=True, source="ours: from Cauchy's tails to all but Gaussian ones")
+SHRINKING = Range(0.01, 1.0, log=True, source="ours: from a tenth of the reported sigma to no shrinking")
+WINDOW = Range(3, 200, log=True, source="ours: from an estimate that is noise itself to 40 s of fixes at 5 Hz")
+SHORT_WINDOW = Range(1, 50, log=True, source="ours: from the paper's single innovation to ten seconds of fixes at 5 Hz")

@@ -1,0 +1,100 @@
+"""Strong tracking with several fading factors."""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+
+from jerkbench.adaptation._ranges import FORGETTING
+from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.errors import PluginError
+from jerkbench.parameters import Origin, Range
+from jerkbench.plugins import register
+
+SHARE = Range(0.01, 100.0, log=True, source="ours: a hundredth and a hundred times the share of the position")
+
+
+@register("adaptation", "strong_tracking")
+@dataclass(frozen=True)
+class StrongTracking:
+    """Fades each state by a factor of its own, so that the innovations become white again.
+
+    With y the innovation of the rows i that are there and M = F P F' (P the posterior before)::
+
+        v_i = (rho v_i + y_i^2) / (1 + rho),  at the first update of the row y_i^2
+        c = sum_i (v_i - beta R_ii - (H Q H')_ii) / sum_i alpha_i (H M H')_ii
+        lambda_s = max(1, alpha_s c) of every state s
+        P- = Lambda^1/2 M Lambda^1/2 + Q,   Lambda = diag(lambda)
+
+    The shares alpha say beforehand which states are likely to jump. Good where the process is at fault: slips, an
+    unmodelled manoeuvre. An outlier of the sensor looks the same to it, and is followed with a gain near 1.
+
+    Source: D. H. Zhou, P. M. Frank, "Strong tracking filtering of nonlinear time-varying stochastic systems with
+    coloured noise: application to parameter estimation and empirical robustness analysis", International Journal of
+    Control 65(2), 295-307, 1996, doi:10.1080/00207179608921698. Theirs is Lambda F P F' + Q, which is not symmetric; of
+    y y' we keep the diagonal. rho = 0.95 is theirs. Their model is nonlinear, ours is not.
+
+    Attributes:
+        forgetting: rho, between 0 and 1 [-].
+        softening: beta, 1 or more: how much of R the innovations must exceed before anything is faded [-].
+        position: alpha of the positions [-].
+        velocity: alpha of the velocities [-].
+        other: alpha of all states that are not measured [-].
+    """
+
+    forgetting: Annotated[float, FORGETTING, Origin("literature: 0.95 in the paper")] = 0.95
+    softening: Annotated[
+        float,
+        Range(1.0, 20.0, log=True, source="ours: from no softening to innovations of four sigma"),
+        Origin("ours: no softening"),
+    ] = 1.0
+    position: Annotated[float, SHARE, Origin("ours: all states alike")] = 1.0
+    velocity: Annotated[float, SHARE, Origin("ours: all states alike")] = 1.0
+    other: Annotated[float, SHARE, Origin("ours: all states alike")] = 1.0
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        if not 0 < self.forgetting < 1:
+            raise PluginError(f"strong_tracking.forgetting is {self.forgetting}; it must lie between 0 and 1.")
+        if not self.softening >= 1:
+            raise PluginError(f"strong_tracking.softening is {self.softening}; it must be at least 1.")
+        if not min(self.position, self.velocity, self.other) > 0:
+            raise PluginError(
+                f"strong_tracking.position, velocity and other are {self.position}, {self.velocity} and {self.other};"
+                " they must be above 0."
+            )
+
+    def memory_size(self) -> int:
+        """Return 12: v of each row, and whether there is one."""
+        return 12
+
+    def adapt_prior(
+        self,
+        x: FloatArray,
+        P: FloatArray,
+        F: FloatArray,
+        Q: FloatArray,
+        innovation: FloatArray,
+        R: FloatArray,
+        rows: IntArray,
+        memory: FloatArray,
+    ) -> FloatArray:
+        """Return the faded prior covariance."""
+        M, excess, scale = P - Q, 0.0, 0.0
+        for i, row in enumerate(rows):
+            square = innovation[i] ** 2
+            if memory[6 + row] > 0:
+                square = (self.forgetting * memory[row] + square) / (1.0 + self.forgetting)
+            memory[row], memory[6 + row] = square, 1.0
+            excess += square - self.softening * R[i, i] - Q[row, row]
+            scale += (self.position if row < 3 else self.velocity) * M[row, row]
+        shares = np.full(len(x), self.other)
+        shares[:3], shares[3:6] = self.position, self.velocity
+        root = np.sqrt(np.maximum(1.0, shares * (excess / scale)))
+        return np.asarray(M * np.outer(root, root) + Q, dtype=np.float64)
+
+    def adapt(
+        self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
+    ) -> FloatArray:
+        """Return R unchanged."""
+        return R

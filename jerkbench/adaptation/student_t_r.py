@@ -1,0 +1,48 @@
+"""Student's t."""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from jerkbench.adaptation._chi2 import squared_distance
+from jerkbench.adaptation._ranges import FREEDOM
+from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.errors import PluginError
+from jerkbench.parameters import Origin
+from jerkbench.plugins import register
+
+
+@register("adaptation", "student_t_r")
+@dataclass(frozen=True)
+class StudentTR:
+    """Scales the whole of R by the weight of Student's t distribution.
+
+    With y the innovation of m rows and S = H P- H' + R::
+
+        w = (nu + m) / (nu + y' S^-1 y),    R = R / w
+
+    w exceeds 1 where the innovation is smaller than expected: R then shrinks, to no less than nu/(nu + m) of itself.
+    Good on heavy tails without a threshold; one weight for all rows, so one bad axis makes the others worse. With
+    nu -> infinity it is `none`.
+
+    Source: the expected scale of a multivariate t noise, as in G. Agamennoni, J. I. Nieto, E. M. Nebot, "An
+    outlier-robust Kalman filter", IEEE International Conference on Robotics and Automation, 2011,
+    doi:10.1109/ICRA.2011.5979605. Simplified: one pass with the reported R and the innovation in place of the expected
+    residual; R is scaled, not estimated.
+
+    Attributes:
+        nu: degrees of freedom; the smaller, the heavier the tails [-].
+    """
+
+    nu: Annotated[float, FREEDOM, Origin("literature: 3 to 5 is usual")] = 4.0
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        if not self.nu > 0:
+            raise PluginError(f"student_t_r.nu is {self.nu}; it must be above 0.")
+
+    def adapt(
+        self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
+    ) -> FloatArray:
+        """Return R, scaled as a whole."""
+        nis = squared_distance(innovation, HPHt + R)
+        return R * ((self.nu + nis) / (self.nu + len(rows)))

@@ -1,0 +1,149 @@
+"""Many combinations from plain names: a study, its table, its report."""
+
+import itertools
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from jerkbench.api.combination import listed
+from jerkbench.cells.cell import Cell, Protocol
+from jerkbench.cells.from_names import Part, cell_of_parts
+from jerkbench.errors import PluginError
+from jerkbench.notices import notify
+
+if TYPE_CHECKING:
+    from jerkbench.report.tables.table_model import Table
+    from jerkbench.results.study import Study
+
+Parts = Part | Sequence[Part] | None
+"""One part, or several of which each is swept."""
+
+
+def sweep(
+    folder: Path | str,
+    *,
+    dataset: Parts = None,
+    disturbance: Parts = None,
+    attitude: Parts = None,
+    filter: Parts = None,  # noqa: A002 - the group's name
+    adaptation: Parts = None,
+    noise: Parts = None,
+    engine: Part | None = None,
+    seeds: int = Protocol.seeds,
+    first_seed: int = Protocol.first_seed,
+    burn_in_s: float = Protocol.burn_in_s,
+    metrics: Sequence[str] = (),
+    notes: Sequence[str] = (),
+    tags: Sequence[str] = (),
+    workers: int = 1,
+) -> "Study":
+    """Run every combination of the parts into ``folder``, as `jerkbench run -m` does; what is done is not run again.
+
+    The arguments are those of `run`, each one part or a list of parts; a list inside the list of disturbances acts in
+    order. A plugin of a notebook or a script is known to this process alone: leave ``workers`` at 1.
+
+    Args:
+        folder: of the study.
+        dataset: as in `run`.
+        disturbance: as in `run`.
+        attitude: as in `run`.
+        filter: as in `run`.
+        adaptation: as in `run`.
+        noise: as in `run`.
+        engine: as in `run`.
+        seeds: as in `run`.
+        first_seed: as in `run`.
+        burn_in_s: as in `run`.
+        metrics: as in `run`.
+        notes: sentences to print under the tables.
+        tags: words of your own for these cells; the rows have them.
+        workers: number of processes.
+
+    Raises:
+        JerkbenchError: something is unknown or does not fit, or every combination was left out.
+    """
+    from jerkbench.results.store import Store
+    from jerkbench.results.study import Study, load_study, write_manifest, write_study
+    from jerkbench.sweep.sweep import plan_sweep, run_sweep
+
+    axes = {"dataset": dataset, "attitude": attitude, "filter": filter, "adaptation": adaptation, "engine": [engine]}
+    protocol = Protocol(seeds=seeds, first_seed=first_seed, burn_in_s=burn_in_s)
+    plan = plan_sweep(list(_cells({**axes, "disturbance": disturbance, "noise": noise}, protocol, metrics)))
+    for sentence in plan.refused:
+        notify(sentence)
+    if not plan.cells:
+        raise PluginError("There is nothing to run: every combination was left out.")
+    store, keys = Store(Path(folder)), [planned.key for planned in plan.cells]
+    store.prepare()
+    run_sweep(plan, store, workers, store.look(keys).done)
+    write_manifest(Path(folder), keys, list(notes), sys.argv, tags=tags)
+    write_study(load_study(Path(folder), prefer=keys))
+    return Study.open(folder)
+
+
+def table(
+    study: "Study | Path | str",
+    metric: str | None = None,
+    rows: Sequence[str] | None = None,
+    columns: Sequence[str] | None = None,
+    baseline: str | None = None,
+) -> "Table":
+    """Return a table of a study; as text it is Markdown, in a notebook HTML.
+
+    Args:
+        study: a study, or its folder.
+        metric: a column of rows.csv; None: position_rmse_m, or the first there is.
+        rows: factors that make the rows; None: all that vary and are no columns.
+        columns: factors that make the columns; None: the adaptation.
+        baseline: add ratios to it: "adaptation=none".
+
+    Raises:
+        JerkbenchError: there are no results, or no such metric, factor or baseline.
+    """
+    from jerkbench.report.analysis.baseline import parse_baseline
+    from jerkbench.report.tables.summary import main_metric, summarise
+
+    opened = _opened(study)
+    chosen = metric or main_metric(opened.rows)
+    compared = parse_baseline(baseline) if baseline else None
+    return summarise(opened.rows, chosen, rows, columns, opened.notes, baseline=compared)
+
+
+def report(
+    study: "Study | Path | str", path: Path | str | None = None, scenarios: int = 20, figures: str = "few"
+) -> Path:
+    """Write the report of a study as one HTML file; returns where.
+
+    Args:
+        study: a study, or its folder.
+        path: the file; None: report.html in the study's folder.
+        scenarios: show the runs of so many scenarios.
+        figures: "few": of scenarios and methods that carry a finding; "all", or "none".
+
+    Raises:
+        JerkbenchError: there are no results.
+    """
+    from jerkbench.execution.processors import processors
+    from jerkbench.results.study_figures.choice import figures_choice
+    from jerkbench.results.study_figures.files import Request, draw_study
+    from jerkbench.results.study_figures.presentation import REPORT, write_report
+
+    opened = _opened(study)
+    written = Path(path) if path else opened.folder / REPORT
+    request = Request(figures_choice(figures), scenarios)
+    write_report(opened, draw_study(opened, request, processors()), written)
+    return written
+
+
+def _opened(study: "Study | Path | str") -> "Study":
+    from jerkbench.results.study import Study
+
+    return Study.open(study) if isinstance(study, Path | str) else study
+
+
+def _cells(axes: dict[str, Parts], protocol: Protocol, metrics: Sequence[str]) -> Iterator[Cell]:
+    for values in itertools.product(*map(listed, axes.values())):
+        parts = dict(zip(axes, values, strict=True))
+        disturbance, noise = parts.pop("disturbance"), parts.pop("noise")
+        yield cell_of_parts(parts, [] if disturbance is None else listed(disturbance), noise, protocol, metrics)

@@ -1,0 +1,123 @@
+"""The campaign of an audit: every setting on the seeds to tune on, finalists on others, the chosen ones on the last."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import pandas as pd
+
+from jerkbench.audit.methods import Method, settings_of
+from jerkbench.audit.protocol import AuditProtocol
+from jerkbench.audit.runs import TEST
+from jerkbench.audit.searches import Search, best_trials, by_method, levels_of, losses, mean_losses, searches, seen
+from jerkbench.audit.stages import Settings, Stages
+from jerkbench.tuning.space import Setting, Space
+
+CHOOSE_FROM = 1_000
+"""The first seed to choose on; those to tune on begin at 0."""
+TEST_FROM = 1_000_000
+"""The seeds to test on begin here, plus a number that only the protocol's digest tells: nobody has tuned on them."""
+
+
+@dataclass(frozen=True)
+class Seeds:
+    """The seeds of each stage, of which no two share one."""
+
+    tune: tuple[int, ...]
+    choose: tuple[int, ...]
+    test: tuple[int, ...]
+
+
+def seeds_of(protocol: AuditProtocol) -> Seeds:
+    """Return the seeds; those to test on follow from the protocol's digest."""
+    first = TEST_FROM + int(protocol.digest[:6], 16)
+    return Seeds(
+        tuple(range(protocol.tune_seeds)),
+        tuple(range(CHOOSE_FROM, CHOOSE_FROM + protocol.choose_seeds)),
+        tuple(range(first, first + protocol.test_seeds)),
+    )
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came out of a campaign.
+
+    Attributes:
+        chosen: the setting of each search.
+        trial: of each search: the place of its setting among those of its method in ``test``; the defaults are 0.
+        bound: of each method: the place of the setting that was best for the scenario itself.
+        test: a row a run, on seeds that no search has seen.
+    """
+
+    chosen: Mapping[Search, Setting]
+    trial: Mapping[Search, int]
+    bound: Mapping[Method, int]
+    test: pd.DataFrame
+
+
+class Campaign:
+    """The three stages, each of which goes on where it was stopped."""
+
+    def __init__(self, protocol: AuditProtocol, spaces: Mapping[Method, Space], stages: Stages) -> None:
+        """Prepare to search the ``spaces`` of the methods."""
+        self._protocol, self._spaces, self._stages = protocol, spaces, stages
+        self._seeds = seeds_of(protocol)
+        restarts = {method: settings_of(protocol, space) for method, space in spaces.items()}
+        self._restarts = restarts
+        self._tried = {
+            method: tuple(dict.fromkeys(setting for settings in own for setting in settings))
+            for method, own in restarts.items()
+        }
+
+    def run(self) -> Outcome:
+        """Search, choose and score."""
+        tuned = self._losses("tune", self._seeds.tune, self._tried)
+        finalists = {search: self._finalists(tuned, search) for search in self._searches()}
+        asked = {method: self._union(method, finalists) for method in self._spaces}
+        again = self._losses("choose", self._seeds.choose, asked)
+        chosen = {search: self._best(again, search, own, asked) for search, own in finalists.items()}
+        return self._scored(tuned, chosen)
+
+    def _searches(self) -> list[Search]:
+        return searches(self._spaces, self._protocol.restarts)
+
+    def _losses(self, name: str, seeds: tuple[int, ...], settings: Settings) -> dict[Method, pd.DataFrame]:
+        """Run the same settings on every scenario; returns the rows of each method with their loss."""
+        rows = self._stages.run(name, seeds, [settings] * len(self._stages.scenarios))
+        rows["loss"] = losses(rows, levels_of(rows, self._protocol.plain))
+        return by_method(rows)
+
+    def _finalists(self, tuned: Mapping[Method, pd.DataFrame], search: Search) -> tuple[Setting, ...]:
+        """The best settings of a search on the seeds to tune on."""
+        tried = self._tried[search.method]
+        own = {tried.index(setting) for setting in self._restarts[search.method][search.restart]}
+        rows = tuned[search.method]
+        means = mean_losses(rows[rows["trial"].isin(own)], seen(search.tuned_on, self._stages.scenarios))
+        return tuple(tried[trial] for trial in best_trials(means, self._protocol.finalists))
+
+    def _union(self, method: Method, settings: Mapping[Search, tuple[Setting, ...]]) -> tuple[Setting, ...]:
+        """The settings of all searches of a method, each once; the defaults first."""
+        own = [setting for search, several in settings.items() if search.method == method for setting in several]
+        return tuple(dict.fromkeys([self._spaces[method].start, *own]))
+
+    def _best(
+        self, again: Mapping[Method, pd.DataFrame], search: Search, finalists: tuple[Setting, ...], asked: Settings
+    ) -> Setting:
+        settings, rows = asked[search.method], again[search.method]
+        trials = [settings.index(setting) for setting in finalists]
+        means = mean_losses(rows[rows["trial"].isin(trials)], seen(search.tuned_on, self._stages.scenarios))
+        return settings[best_trials(means, 1)[0]]
+
+    def _scored(self, tuned: Mapping[Method, pd.DataFrame], chosen: Mapping[Search, Setting]) -> Outcome:
+        """Score the defaults, the chosen settings, and as a bound what was best for each scenario itself."""
+        several = {search: (setting,) for search, setting in chosen.items()}
+        common = {method: self._union(method, several) for method in self._spaces}
+        settings = [
+            {method: (*own, self._best_for(tuned[method], method, number)) for method, own in common.items()}
+            for number in range(len(self._stages.scenarios))
+        ]
+        test = self._stages.run(TEST, self._seeds.test, settings)
+        trial = {search: common[search.method].index(setting) for search, setting in chosen.items()}
+        return Outcome(chosen, trial, {method: len(own) for method, own in common.items()}, test)
+
+    def _best_for(self, rows: pd.DataFrame, method: Method, scenario: int) -> Setting:
+        return self._tried[method][best_trials(mean_losses(rows, [scenario]), 1)[0]]

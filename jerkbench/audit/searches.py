@@ -1,0 +1,93 @@
+"""The searches of an audit: from the runs of all settings to the setting that is scored."""
+
+from collections.abc import Iterable, Mapping
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from jerkbench.audit.methods import Method
+from jerkbench.audit.protocol import HALVES
+from jerkbench.audit.scenarios import Scenario
+from jerkbench.errors import JerkbenchError
+from jerkbench.tuning.objectives import LOST
+
+ALL = "all"
+"""Tuned on everything: what one setting for all faults can reach; no fair score, and marked so."""
+
+
+class Search(NamedTuple):
+    """A search of one method.
+
+    Attributes:
+        method: what is tuned.
+        tuned_on: "first", "second", or "all".
+        restart: which scramble.
+    """
+
+    method: Method
+    tuned_on: str
+    restart: int
+
+
+def losses(rows: pd.DataFrame, levels: Mapping[int, float]) -> pd.Series:
+    """Return the loss of each run: log(RMSE / level of its scenario), at most log 100, which a lost run counts.
+
+    Args:
+        rows: scenario, status, position_rmse_m.
+        levels: of each scenario [m].
+    """
+    level = rows["scenario"].map(dict(levels)).to_numpy()
+    with np.errstate(divide="ignore", invalid="ignore"):
+        log = np.log(rows["position_rmse_m"].to_numpy() / level)
+    lost = (rows["status"] != "ok").to_numpy() | ~np.isfinite(log)
+    return pd.Series(np.minimum(np.where(lost, LOST, log), LOST), index=rows.index)
+
+
+def levels_of(rows: pd.DataFrame, plain: str) -> dict[int, float]:
+    """Return what the best plain filter has at its defaults (trial 0) in each scenario: geometric mean of its runs [m].
+
+    Raises:
+        JerkbenchError: every plain filter was lost in some scenario, so that it has no level.
+    """
+    own = rows[(rows["adaptation"] == plain) & (rows["trial"] == 0) & (rows["status"] == "ok")]
+    means = np.log(own["position_rmse_m"]).groupby([own["scenario"], own["filter"]]).mean()
+    lowest = np.exp(means.groupby("scenario").min())
+    if missing := sorted(set(rows["scenario"]) - set(lowest.index)):
+        raise JerkbenchError(
+            f"In scenario {missing[0]} of the audit every run of every plain filter was lost; make its fault milder."
+        )
+    return {int(scenario): float(level) for scenario, level in lowest.items()}
+
+
+def by_method(rows: pd.DataFrame) -> dict[Method, pd.DataFrame]:
+    """Return the rows of each method."""
+    groups = rows.groupby(["filter", "adaptation"])
+    return {Method(str(model), str(adaptation)): group for (model, adaptation), group in groups}
+
+
+def seen(tuned_on: str, scenarios: Iterable[Scenario]) -> list[int]:
+    """Return the numbers of the scenarios that a search of ``tuned_on`` looks at."""
+    return [k for k, s in enumerate(scenarios) if tuned_on == ALL or s.half in (tuned_on, "both")]
+
+
+def unseen(tuned_on: str, scenarios: Iterable[Scenario]) -> list[int]:
+    """Return the numbers of the scenarios that its setting is scored on: all but its own; `none` is in both."""
+    return [k for k, s in enumerate(scenarios) if tuned_on == ALL or s.half != tuned_on]
+
+
+def mean_losses(rows: pd.DataFrame, numbers: Iterable[int]) -> pd.Series:
+    """Return the mean over scenarios of the mean over seeds of ``loss``, by trial."""
+    of_scenarios = rows[rows["scenario"].isin(list(numbers))].groupby(["trial", "scenario"])["loss"].mean()
+    return of_scenarios.groupby("trial").mean()
+
+
+def best_trials(means: pd.Series, count: int) -> list[int]:
+    """Return the ``count`` trials with the lowest mean, the best first; of equals the earlier."""
+    return [int(trial) for trial in means.sort_values(kind="stable").index[:count]]
+
+
+def searches(methods: Iterable[Method], restarts: int) -> list[Search]:
+    """Return every search: each method on each half with each scramble, and once on all with the first."""
+    halves = [(half, restart) for half in HALVES for restart in range(restarts)]
+    return [Search(method, *how) for method in methods for how in (*halves, (ALL, 0))]

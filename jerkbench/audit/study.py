@@ -1,0 +1,119 @@
+"""The folder of an audit: its runs, verdicts, settings, and the answer in words."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import pandas as pd
+
+from jerkbench.audit.answer import sentences
+from jerkbench.audit.campaign import Campaign, Outcome, seeds_of
+from jerkbench.audit.figures import ratio_figure, severity_figure
+from jerkbench.audit.methods import Method, methods, space_of_method
+from jerkbench.audit.page import page
+from jerkbench.audit.protocol import AuditProtocol
+from jerkbench.audit.scenarios import scenarios
+from jerkbench.audit.stages import Stages
+from jerkbench.audit.table import LEGEND, markdown_table, verdict_frame
+from jerkbench.audit.verdicts import Losses, MethodVerdict, losses_of, verdicts
+from jerkbench.cells.provenance import code_digest, git_commit, versions
+from jerkbench.clusters.cluster import Cluster
+from jerkbench.files import write_atomically
+from jerkbench.report.plots.figures import save_figure
+from jerkbench.tuning.space import Space
+
+FOLDER = "audit-"
+"""The name of a folder begins with it; the scale follows."""
+
+
+@dataclass(frozen=True)
+class Audit:
+    """What an audit found.
+
+    Attributes:
+        protocol: what was compared.
+        outcome: settings and runs.
+        losses: of every method on the seeds to test on.
+        verdicts: of every method, the best first.
+    """
+
+    protocol: AuditProtocol
+    outcome: Outcome
+    losses: Losses
+    verdicts: list[MethodVerdict]
+
+
+def run_audit(protocol: AuditProtocol, folder: Path, cluster: Cluster, workers: int) -> Audit:
+    """Run what is not stored in ``folder`` yet, judge it, and write the tables.
+
+    Raises:
+        JerkbenchError: a run failed.
+        OSError: nothing can be written.
+    """
+    known = tuple(scenarios(protocol))
+    spaces = {method: space_of_method(method, known[0]) for method in methods(protocol)}
+    _write_text(folder / "protocol.json", _protocol_text(protocol))
+    stages = Stages(known, folder / "runs", f"{code_digest()} {sorted(versions().items())}", cluster, workers)
+    outcome = Campaign(protocol, spaces, stages).run()
+    audit = Audit(protocol, outcome, losses_of(outcome, protocol, known), verdicts(outcome, protocol, known))
+    _write(audit, folder, spaces)
+    return audit
+
+
+def text_of(audit: Audit) -> str:
+    """Return sentences and table as Markdown."""
+    lines = [f"- {sentence}" for sentence in sentences(audit.verdicts, audit.protocol)]
+    head = f"Protocol version {audit.protocol.version}, {audit.protocol.digest}."
+    return "\n".join([*lines, "", head, LEGEND, markdown_table(audit.verdicts)])
+
+
+def settings_frame(outcome: Outcome, spaces: Mapping[Method, Space]) -> pd.DataFrame:
+    """Return the setting that each search chose, a knob a row."""
+    return pd.DataFrame(
+        [
+            {
+                "filter": search.method.filter,
+                "adaptation": search.method.adaptation,
+                "tuned_on": search.tuned_on,
+                "restart": search.restart,
+                "knob": name,
+                "value": value,
+            }
+            for search, setting in outcome.chosen.items()
+            for name, value in zip(spaces[search.method].names, setting, strict=True)
+        ]
+    )
+
+
+def _write(audit: Audit, folder: Path, spaces: Mapping[Method, Space]) -> None:
+    texts = {
+        "README.md": page(audit.protocol, folder.name.removeprefix(FOLDER), audit.verdicts, len(audit.outcome.test)),
+        "table.md": text_of(audit),
+        "verdicts.csv": verdict_frame(audit.verdicts).to_csv(index=False),
+        "settings.csv": settings_frame(audit.outcome, spaces).to_csv(index=False),
+        "manifest.json": json.dumps(_manifest(audit.protocol), indent=1),
+    }
+    for name, text in texts.items():
+        _write_text(folder / name, text)
+    save_figure(ratio_figure(audit.verdicts, audit.protocol.margin), folder / "ratios.png")
+    save_figure(severity_figure(audit.losses, audit.verdicts, audit.protocol), folder / "severity.png")
+    write_atomically(folder / "rows.parquet", lambda path: audit.outcome.test.to_parquet(path, index=False))
+
+
+def _write_text(path: Path, text: str) -> None:
+    write_atomically(path, lambda partial: partial.write_text(text, encoding="utf-8"))
+
+
+def _manifest(protocol: AuditProtocol) -> dict[str, object]:
+    return {
+        "protocol": protocol.digest,
+        "seeds": asdict(seeds_of(protocol)),
+        "code": code_digest(),
+        "git_commit": git_commit(),
+        "versions": versions(),
+    }
+
+
+def _protocol_text(protocol: AuditProtocol) -> str:
+    return json.dumps({"digest": protocol.digest, **asdict(protocol)}, indent=1)

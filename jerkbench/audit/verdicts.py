@@ -1,0 +1,212 @@
+"""The verdicts of an audit: each method against the plain filter of its model, tuned alike, on what neither saw."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from jerkbench.arrays import FloatArray
+from jerkbench.audit.campaign import Outcome
+from jerkbench.audit.methods import FLOOR, Method
+from jerkbench.audit.protocol import HALVES, AuditProtocol
+from jerkbench.audit.scenarios import Scenario
+from jerkbench.audit.searches import ALL, Search, by_method, levels_of, losses
+from jerkbench.evaluation.statistics.judgement import LEVEL, Verdict
+from jerkbench.evaluation.statistics.ranks import rank_range
+from jerkbench.evaluation.statistics.scenarios import OverScenarios, over_scenarios
+
+DEFAULTS = "defaults"
+TUNED = "tuned"
+BOUND = "best for each"
+"""Tuned on the very scenario: what no one setting reaches; marked, and never compared."""
+
+NOMINAL = "none"
+"""The family without a fault."""
+
+
+@dataclass(frozen=True)
+class MethodVerdict:
+    """One method against the tuned plain filter of its model; ratios below 1 are better.
+
+    Attributes:
+        method: which.
+        default: ratio at its defaults.
+        tuned: ratio tuned, over the families of faults, with its 95 % interval.
+        low: lower end of the interval that holds for all methods at once.
+        high: upper end.
+        verdict: better, equal, worse or undecided, by that interval.
+        p_better: probability that it is better by more than the margin.
+        restarts: the lowest and the highest ratio among the restarts of the search.
+        all_ratio: tuned on everything (no fair score).
+        bound: tuned for each scenario by itself (no fair score).
+        worst: name of the scenario where it is worst, tuned.
+        worst_ratio: its ratio there.
+        nominal: ratio where nothing is wrong: the price.
+        lost: share of its tuned runs that were lost.
+        anees: median of its tuned runs; 6 is expected.
+        step_ns: time a step [ns], side by side.
+        places: its place among all methods, and the range of it (95 %).
+    """
+
+    method: Method
+    default: float
+    tuned: OverScenarios
+    low: float
+    high: float
+    verdict: Verdict
+    p_better: float
+    restarts: tuple[float, float]
+    all_ratio: float
+    bound: float
+    worst: str
+    worst_ratio: float
+    nominal: float
+    lost: float
+    anees: float
+    step_ns: float
+    places: tuple[int, int, int]
+
+
+@dataclass(frozen=True)
+class Losses:
+    """The losses of every method on the seeds to test on.
+
+    Attributes:
+        families: names, in order.
+        scenarios: of the audit.
+        by_kind: (S, n) loss of each method by how it was set: defaults, tuned (of each restart), all, best for each.
+    """
+
+    families: tuple[str, ...]
+    scenarios: Sequence[Scenario]
+    by_kind: Mapping[tuple[Method, str, int], FloatArray]
+
+    def of_families(self, values: FloatArray) -> FloatArray:
+        """Return (F, n) means over the scenarios of each family: severities and fields of one fault are one unit."""
+        names = np.array([scenario.family for scenario in self.scenarios])
+        return np.array([values[names == family].mean(axis=0) for family in self.families])
+
+
+def losses_of(outcome: Outcome, protocol: AuditProtocol, scenarios: Sequence[Scenario]) -> Losses:
+    """Return the losses of the test; a setting is scored on the half that its search has not seen.
+
+    A scenario of both halves is scored with the settings of both, and their mean counts.
+    """
+    test = outcome.test
+    test = test.assign(loss=losses(test, levels_of(test, protocol.plain)))
+    by_kind: dict[tuple[Method, str, int], FloatArray] = {}
+    for method, rows in by_method(test).items():
+        cube = rows.pivot_table(index="scenario", columns=["trial", "seed"], values="loss").sort_index()
+        by_kind[method, DEFAULTS, 0] = cube[0].to_numpy()
+        by_kind[method, BOUND, 0] = cube[outcome.bound[method]].to_numpy()
+        by_kind[method, ALL, 0] = cube[outcome.trial[Search(method, ALL, 0)]].to_numpy()
+        for restart in range(protocol.restarts):
+            halves = [cube[outcome.trial[Search(method, half, restart)]].to_numpy() for half in HALVES]
+            by_kind[method, TUNED, restart] = _unseen(halves, scenarios)
+    families = tuple(family.name for family in protocol.families)
+    return Losses(families, scenarios, by_kind)
+
+
+def _unseen(halves: Sequence[FloatArray], scenarios: Sequence[Scenario]) -> FloatArray:
+    """Take each scenario from the search that did not see its half; of both, the mean."""
+    first, second = halves
+    mixed = {"first": second, "second": first, "both": (first + second) / 2}
+    return np.array([mixed[scenario.half][k] for k, scenario in enumerate(scenarios)])
+
+
+def verdicts(outcome: Outcome, protocol: AuditProtocol, scenarios: Sequence[Scenario]) -> list[MethodVerdict]:
+    """Return the verdict of every method but the plain ones and the references, the best first."""
+    known = losses_of(outcome, protocol, scenarios)
+    compared = [m for m in outcome.bound if m.adaptation in protocol.compared and m.adaptation != protocol.plain]
+    ranked = [m for m in outcome.bound if m.adaptation in protocol.compared and m.filter != FLOOR]
+    places = _places(known, ranked)
+    rows = by_method(outcome.test)
+    judged = [_verdict(m, known, outcome, protocol, rows[m], len(compared), places[m]) for m in compared]
+    return sorted(judged, key=lambda verdict: verdict.tuned.ratio)
+
+
+def _verdict(
+    method: Method,
+    known: Losses,
+    outcome: Outcome,
+    protocol: AuditProtocol,
+    rows: pd.DataFrame,
+    count: int,
+    places: tuple[int, int, int],
+) -> MethodVerdict:
+    plain = Method(method.filter, protocol.plain)
+    d = _difference(known, method, plain, TUNED)
+    tuned = over_scenarios(known.of_families(d))
+    wide = over_scenarios(known.of_families(d), 1 - LEVEL / count)
+    ratios = [_ratio(known, _difference(known, method, plain, TUNED, k)) for k in range(protocol.restarts)]
+    by_scenario = d.mean(axis=1)
+    worst = int(np.argmax(by_scenario))
+    nominal = np.array([scenario.family == NOMINAL for scenario in known.scenarios])
+    own = rows[_own(rows, method, outcome, known.scenarios)]
+    return MethodVerdict(
+        method=method,
+        default=_ratio(known, known.by_kind[method, DEFAULTS, 0] - known.by_kind[plain, TUNED, 0]),
+        tuned=tuned,
+        low=wide.low,
+        high=wide.high,
+        verdict=verdict_of(wide.low, wide.high, protocol.margin),
+        p_better=probability_below(tuned, 1 / (1 + protocol.margin)),
+        restarts=(min(ratios), max(ratios)),
+        all_ratio=_ratio(known, _difference(known, method, plain, ALL)),
+        bound=_ratio(known, _difference(known, method, plain, BOUND)),
+        worst=known.scenarios[worst].name,
+        worst_ratio=float(np.exp(by_scenario[worst])),
+        nominal=float(np.exp(by_scenario[nominal].mean())),
+        lost=float((own["status"] != "ok").mean()),
+        anees=float(own["anees"].median()),
+        step_ns=float(rows["seconds"].min() / (protocol.duration_s * IMU_HZ) * 1e9),
+        places=places,
+    )
+
+
+IMU_HZ = 100.0
+"""Steps a second of the simulated fields."""
+
+
+def verdict_of(low: float, high: float, margin: float) -> Verdict:
+    """Return what an interval of a ratio shows: equal within the margin, else better, worse or nothing."""
+    if 1 / (1 + margin) <= low and high <= 1 + margin:
+        return Verdict.EQUAL
+    if high < 1:
+        return Verdict.BETTER
+    return Verdict.WORSE if low > 1 else Verdict.UNDECIDED
+
+
+def probability_below(mean: OverScenarios, ratio: float) -> float:
+    """Return the probability that the mean ratio lies below ``ratio``: Student's t about the mean of the logarithms."""
+    from scipy.special import stdtr, stdtrit
+
+    error = np.log(mean.high / mean.low) / 2 / stdtrit(mean.dof, 0.975)
+    if not error > 0:
+        return float(mean.ratio < ratio)
+    return float(stdtr(mean.dof, (np.log(ratio) - np.log(mean.ratio)) / error))
+
+
+def _difference(known: Losses, method: Method, plain: Method, kind: str, restart: int = 0) -> FloatArray:
+    return known.by_kind[method, kind, restart] - known.by_kind[plain, kind, restart]
+
+
+def _ratio(known: Losses, difference: FloatArray) -> float:
+    """Geometric mean over families, each with the same weight."""
+    return float(np.exp(known.of_families(difference).mean()))
+
+
+def _own(rows: pd.DataFrame, method: Method, outcome: Outcome, scenarios: Sequence[Scenario]) -> pd.Series:
+    """Which rows are of the setting that was tuned on the other half, of the first restart."""
+    trial = {half: outcome.trial[Search(method, half, 0)] for half in HALVES}
+    wanted = {"first": {trial["second"]}, "second": {trial["first"]}, "both": set(trial.values())}
+    pairs = {(number, place) for number, scenario in enumerate(scenarios) for place in wanted[scenario.half]}
+    return pd.Series([key in pairs for key in zip(rows["scenario"], rows["trial"], strict=True)], index=rows.index)
+
+
+def _places(known: Losses, methods: Sequence[Method]) -> dict[Method, tuple[int, int, int]]:
+    """Place of each method by its mean log error, the range over families and seeds."""
+    costs = np.stack([known.of_families(known.by_kind[m, TUNED, 0]) for m in methods], axis=-1)
+    ranks = rank_range(costs)
+    return {m: (int(ranks.place[k]), int(ranks.low[k]), int(ranks.high[k])) for k, m in enumerate(methods)}

@@ -1,0 +1,35 @@
+"""The key of a cell: a hash of all that its rows depend on."""
+
+import hashlib
+import json
+from collections.abc import Collection
+from dataclasses import asdict
+
+from jerkbench.cells.cell import Cell
+from jerkbench.cells.provenance import code_digest, plugin_digest, versions
+from jerkbench.contracts import ReadingFile
+
+
+def cell_key(cell: Cell, fingerprint: str) -> str:
+    """Hash of all that the cell's rows depend on: specification, protocol, our code, the plugins', libraries, data."""
+    return _hashed(cell, fingerprint, ("seeds", "first_seed") if not cell.seeded else ())
+
+
+def cell_identity(cell: Cell, fingerprint: str) -> str:
+    """Hash of the same without the seeds: rows of one identity and other seeds belong together."""
+    return _hashed(cell, fingerprint, ("seeds", "first_seed"))
+
+
+def _hashed(cell: Cell, fingerprint: str, not_deciding: Collection[str]) -> str:
+    parts = [cell.dataset, *cell.disturbances, cell.attitude, cell.filter, cell.adaptation, cell.engine, *cell.metrics]
+    everything = {
+        "labels": cell.labels,
+        "spec": cell.spec,
+        "protocol": {name: value for name, value in asdict(cell.protocol).items() if name not in not_deciding},
+        "code": code_digest(),
+        "versions": versions(),
+        "plugins": [plugin_digest(type(part)) for part in parts],
+        "data": fingerprint,
+        "filter": cell.filter.fingerprint() if isinstance(cell.filter, ReadingFile) else "",
+    }
+    return hashlib.sha256(json.dumps(everything, sort_keys=True).encode()).hexdigest()[:20]

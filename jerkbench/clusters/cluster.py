@@ -1,0 +1,53 @@
+"""The contract of a cluster: it takes an order and yields what became of each task."""
+
+from collections.abc import Callable, Hashable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Generic, Protocol, TypeVar
+
+from jerkbench.clusters.identity import Identity
+from jerkbench.errors import JerkbenchError
+
+Task = TypeVar("Task")
+Result = TypeVar("Result")
+
+
+class ClusterError(JerkbenchError):
+    """A cluster that cannot go on; what is done is stored."""
+
+
+@dataclass(frozen=True)
+class Order(Generic[Task, Result]):
+    """The work of a sweep, as a cluster gets it.
+
+    Attributes:
+        work: what is done with a task.
+        groups: tasks that share their recordings, together.
+        bundle: names the stretch of its group that a task belongs to; a bundle is sent, and fails, as a whole.
+        admit: is given tasks of one bundle when their turn has come, and returns those that are to be done.
+        identity: code, versions and plugins that a worker must have.
+        ended: is told the numbers of the processes of this machine that were ended, whatever they were doing.
+    """
+
+    work: Callable[[Task], Result]
+    groups: Sequence[list[Task]]
+    bundle: Callable[[Task], Hashable]
+    admit: Callable[[Sequence[Task]], list[Task]]
+    identity: Identity
+    ended: Callable[[list[int]], None]
+
+
+class Cluster(Protocol):
+    """Somewhere to run a sweep."""
+
+    def run(self, order: Order[Task, Result], workers: int) -> Iterator[tuple[Task, Result | Exception]]:
+        """Yield each task with its result as it is done, or with what kept it from being done.
+
+        Args:
+            order: what is to be done.
+            workers: number of processes, where the cluster starts them itself.
+
+        Raises:
+            ClusterError: the cluster cannot go on, or its workers are not fit for the order.
+            OSError: a result could not be stored.
+        """
+        ...

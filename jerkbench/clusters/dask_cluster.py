@@ -1,0 +1,125 @@
+"""Dask: processes of this machine, or a scheduler with workers anywhere."""
+
+import logging
+from collections.abc import Iterator
+from concurrent.futures import CancelledError, Executor
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from typing import Any
+
+from jerkbench.clusters.cluster import ClusterError
+from jerkbench.clusters.connection import Connection
+from jerkbench.clusters.executing import Executing
+from jerkbench.clusters.extras import required
+
+ANSWER_S = 30.0
+"""So long a scheduler may take to answer."""
+TALKATIVE = ("distributed", "tornado", "asyncio")
+"""Packages that log a connection which is lost as an error of their own, with a traceback."""
+
+
+@dataclass(frozen=True)
+class Dask(Executing):
+    """A Dask cluster.
+
+    Attributes:
+        address: of a scheduler that runs already, "tcp://HOST:8786"; empty: processes of this machine are started.
+    """
+
+    address: str = ""
+
+    @contextmanager
+    def connect(self, workers: int) -> Iterator[Connection]:
+        """Reach the scheduler, or start processes."""
+        distributed = required("distributed", "dask")
+        with (
+            quiet(),
+            ended(self._cluster(distributed, workers)) as cluster,
+            client_of(distributed, cluster) as client,
+        ):
+            yield DaskConnection(client, workers, self.address or "of this process")
+
+    def _cluster(self, distributed: Any, workers: int) -> Any:  # noqa: ANN401 - Dask has no types
+        if self.address:
+            return self.address
+        return distributed.LocalCluster(
+            n_workers=workers,
+            threads_per_worker=1,  # a run holds the interpreter
+            memory_limit=0,  # a worker that is paused or ended for its memory would be a surprise
+            dashboard_address=None,
+            silence_logs=logging.CRITICAL,
+            preload=["jerkbench.clusters.dask_worker_setup"],
+        )
+
+
+class DaskConnection(Connection):
+    """A client of a scheduler, which sends what a lost worker had to another one by itself."""
+
+    shared_fate = False
+
+    def __init__(self, client: Any, workers: int, name: str) -> None:  # noqa: ANN401 - Dask has no types
+        """Send by ``client``; ``workers`` is a guess until they are there."""
+        self._client, self._name = client, name
+        super().__init__(self._executor, workers)
+
+    def room(self) -> int:
+        """Return twice the number of threads that there are now; a scheduler that is gone names none."""
+        workers = self._client.scheduler_info(n_workers=-1).get("workers", {})
+        threads = sum(worker["nthreads"] for worker in workers.values())
+        return 2 * (threads or self._workers)
+
+    def trouble(self) -> str:
+        """Say that the scheduler is gone."""
+        if self._client.status == "running":
+            return ""
+        return f"The Dask scheduler {self._name} is gone. What is done is stored; the same command goes on from there."
+
+    def close(self) -> None:
+        """Cancel what waits; what a worker is running it runs to its end."""
+        with suppress(CancelledError, OSError, TimeoutError):
+            self.executor.shutdown(wait=False)
+
+    def _executor(self) -> Executor:
+        executor: Executor = self._client.get_executor(pure=False)  # the same bundle twice is run twice
+        return executor
+
+
+@contextmanager
+def client_of(distributed: Any, cluster: Any) -> Iterator[Any]:  # noqa: ANN401 - Dask has no types
+    """Open a client of a cluster, or of an address.
+
+    Raises:
+        ClusterError: nobody answers.
+    """
+    try:
+        client = distributed.Client(cluster, timeout=ANSWER_S, set_as_default=False)
+    except (OSError, TimeoutError, ValueError) as error:
+        raise ClusterError(f"The Dask scheduler {cluster} does not answer: {error}.") from error
+    try:
+        yield client
+    finally:
+        client.close(timeout=5)
+
+
+@contextmanager
+def ended(cluster: Any) -> Iterator[Any]:  # noqa: ANN401 - as above
+    """Close a cluster that was started here; an address stays what it is."""
+    try:
+        yield cluster
+    finally:
+        if not isinstance(cluster, str):
+            cluster.close(timeout=5)
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Leave it to us to say what a person has to know."""
+    names = [name for name in logging.root.manager.loggerDict if name.partition(".")[0] in TALKATIVE]
+    loggers = {logging.getLogger(name): logging.getLogger(name).level for name in names}
+    for logger in loggers:
+        logger.setLevel(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        for logger, level in loggers.items():
+            logger.setLevel(level)

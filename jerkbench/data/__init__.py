@@ -1,1 +1,0 @@
-"""The verbs of `jerkbench data`, which look after recordings."""

@@ -1,0 +1,1 @@
+"""Methods from elsewhere: their trajectories, and programs that make them."""

@@ -1,0 +1,69 @@
+"""The compiled way of an estimator that needs a timeline alone."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Self
+
+from jerkbench.batch import RecordedRun, Run, Streamed
+from jerkbench.contracts import Adaptation
+from jerkbench.estimate import Attitude, Estimate
+from jerkbench.recording import Recording
+from jerkbench.timeline.kept import kept_timeline
+from jerkbench.timeline.timeline import Timeline
+
+if TYPE_CHECKING:
+    from jerkbench.kinematic.plugin_call import Rule  # what it imports takes half a second
+
+
+class OverTimelines:
+    """An estimator over kinematic filters: `jerkbench.contracts.Batched`, with settings side by side."""
+
+    def estimate_compiled(self, recording: Recording, attitude: Attitude, adaptation: Adaptation) -> Estimate | None:
+        """Return what ``estimate`` does; None where numba cannot compile the adaptation, or the run stops."""
+        from jerkbench.kinematic.rules import compiled_rule
+
+        rule = compiled_rule(adaptation)
+        return None if rule is None else self._alone(kept_timeline(recording, attitude), rule)
+
+    def run_many(
+        self, runs: Sequence[RecordedRun], adaptation: Adaptation, *, updates: bool, attitude: bool, threads: int
+    ) -> Sequence[Streamed | None]:
+        """Return the sums of each run; it finds no attitude of its own."""
+        settings = [self] * len(runs), [adaptation] * len(runs)
+        return self.run_settings(runs, *settings, updates=updates, attitude=attitude, threads=threads)
+
+    def run_settings(
+        self,
+        runs: Sequence[RecordedRun],
+        estimators: Sequence[Self],
+        adaptations: Sequence[Adaptation],
+        *,
+        updates: bool,
+        attitude: bool,
+        threads: int,
+    ) -> Sequence[Streamed | None]:
+        """Return the same, each run with its own of ``estimators`` and ``adaptations``."""
+        from jerkbench.kinematic.rules import compiled_rule
+
+        results: list[Streamed | None] = [None] * len(runs)
+        rules = {k: rule for k, given in enumerate(adaptations) if (rule := compiled_rule(given)) is not None}
+        given = [Run(runs[k].timeline, runs[k].scoring) for k in rules]
+        own = [estimators[k] for k in rules], list(rules.values())
+        for k, result in zip(rules, self._together(given, *own, updates=updates, threads=threads), strict=True):
+            results[k] = result
+        return results
+
+    def _alone(self, timeline: Timeline, rule: "Rule") -> Estimate | None:
+        """One run with its trajectory."""
+        raise NotImplementedError
+
+    def _together(
+        self,
+        runs: Sequence[Run],
+        estimators: Sequence[Self],
+        rules: "Sequence[Rule]",
+        *,
+        updates: bool,
+        threads: int,
+    ) -> Sequence[Streamed | None]:
+        """All runs without trajectories."""
+        raise NotImplementedError

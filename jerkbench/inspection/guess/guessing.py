@@ -1,0 +1,191 @@
+"""A table of unknown columns -> guesses with their reasons, in the order in which one rests on the other."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jerkbench.datasets.table import Tables
+from jerkbench.errors import RecordingError
+from jerkbench.inspection.guess import motion, values
+from jerkbench.inspection.guess.guess import Guess, Value
+from jerkbench.inspection.guess.names import Name, common_unit, parsed
+from jerkbench.inspection.guess.streams import Sensors, Vector, position_of, sensors_of, velocity_of
+from jerkbench.readers.columns import Columns, read_columns
+from jerkbench.readers.mounting import ACCEL_UNITS, GYRO_UNITS
+from jerkbench.readers.table_text import TextFormat
+from jerkbench.recording import Recording
+
+SEPARATORS = (",", ";", "\t", "")
+OTHER = {"enu": "ned", "ned": "enu"}
+ECEF_M = (6.3e6, 6.45e6)
+"""So far is the ground from the centre of the Earth."""
+
+
+@dataclass
+class Draft:
+    """What is known of a table so far.
+
+    Attributes:
+        path: the file.
+        separator: between its columns.
+        columns: what was read.
+        names: those that say something.
+        guesses: in order.
+    """
+
+    path: Path
+    separator: str
+    columns: Columns
+    names: list[Name]
+    guesses: dict[str, Guess] = field(default_factory=dict)
+
+    def add(self, *guesses: Guess) -> None:
+        """Add guesses, or replace those of the same parameter."""
+        self.guesses |= {guess.parameter: guess for guess in guesses}
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """The parameters of the data set table."""
+        fixed = {"folder": str(self.path.parent.resolve()), "separator": self.separator, "imu_file": ""}
+        return fixed | {name: guess.value for name, guess in self.guesses.items()}
+
+    @property
+    def unused(self) -> list[str]:
+        """Columns that no guess takes."""
+        taken = {name for guess in self.guesses.values() for name in _words(guess.value)}
+        return [column for column in self.columns.names if column not in taken]
+
+    def load(self, **other: Any) -> Recording:  # noqa: ANN401 - parameters of any type
+        """Return the recording that the guesses make."""
+        return Tables(**{**self.settings, **other}).load()
+
+
+def _words(value: Value) -> tuple[str, ...]:
+    return value if isinstance(value, tuple) else (str(value),)
+
+
+def guess_table(path: Path) -> Draft:
+    """Return what the columns of a CSV are.
+
+    Raises:
+        RecordingError: it has no column of times, or neither an IMU nor places, by their names.
+    """
+    separator = _separator(path)
+    columns = read_columns((path,), TextFormat(separator))
+    names = [name for column in columns.names if (name := parsed(column)) is not None]
+    draft = Draft(path, separator, columns, names)
+    sensors, position, velocity = sensors_of(names), position_of(names), velocity_of(names)
+    if sensors is None and position is None:
+        raise RecordingError(f"{_what_is_lacking(draft)}; name them in the header, for example t, ax, gx, lat.")
+    _times(draft, imu=sensors is not None, position=position is not None)
+    if sensors is not None:
+        _imu(draft, sensors)
+    if position is not None:
+        _position(draft, position)
+    if sensors is not None:
+        _measure_imu(draft, sensors, position)
+    if velocity is not None and position is not None:
+        _velocity(draft, velocity)
+    return draft
+
+
+def _separator(path: Path) -> str:
+    with path.open(encoding="utf-8", errors="replace") as lines:
+        first = lines.readline()
+    return next((mark for mark in SEPARATORS if mark and mark in first), "")
+
+
+def _what_is_lacking(draft: Draft) -> str:
+    return (
+        f"{draft.path} has the columns {', '.join(draft.columns.names)}: no three of them are called a place, no six an"
+        " accelerometer and a gyro"
+    )
+
+
+def _times(draft: Draft, *, imu: bool, position: bool) -> None:
+    times = [name for name in draft.names if name.quantity == "time"]
+    if len(times) != 1:
+        count = "none" if not times else ", ".join(name.column for name in times)
+        raise RecordingError(f"{draft.path} needs one column of times, and has {count}; call one of them t.")
+    column, stamps = times[0].column, draft.columns.numbers([times[0].column])[:, 0]
+    streams = [name for name, given in (("imu", imu), ("position", position)) if given]
+    draft.add(*(Guess(f"{stream}_time", column, "named", "its name") for stream in streams))
+    unit = values.time_unit(stamps, times[0].unit)
+    date = unit.grade == "measured" and "date" in unit.why
+    epoch = Guess("epoch", "unix", "unsure", "the stamps are dates; of UTC, or of GPS time, 18 s ahead")
+    draft.add(unit, epoch if date else Guess("epoch", "none", "measured", "the stamps are no dates of our time"))
+
+
+def _imu(draft: Draft, sensors: Sensors) -> None:
+    accel, gyro = (tuple(name.column for name in names) for names in (sensors.accel, sensors.gyro))
+    draft.add(Guess("imu_file", draft.path.name, "named", "it has an IMU"))
+    draft.add(Guess("imu_accel", accel, "named", "their names"), Guess("imu_gyro", gyro, "named", "their names"))
+    force = draft.columns.numbers(accel)
+    force = force[np.isfinite(force).all(axis=1)]
+    draft.add(values.accel_unit(force, common_unit(sensors.accel, ACCEL_UNITS)))
+    draft.add(values.upright(force))
+
+
+def _position(draft: Draft, position: Vector) -> None:
+    draft.add(Guess("position_file", draft.path.name, "named", "it has places"))
+    draft.add(Guess("position_columns", position.columns, "named", "their names"))
+    draft.add(Guess("position_sigma_m", 1.0, "unsure", "the default: no column of it is guessed; give position_sigma"))
+    places = draft.columns.numbers(position.columns)
+    if position.frame == "geodetic":
+        draft.add(Guess("position_frame", "geodetic", "named", "the columns say so"))
+        draft.add(values.angle_unit(places[:, 0], places[:, 1], common_unit(position.names[:2], {"deg": 0, "rad": 0})))
+        return
+    distance_m = float(np.nanmedian(np.linalg.norm(places, axis=1)))
+    if ECEF_M[0] < distance_m < ECEF_M[1]:
+        draft.add(Guess("position_frame", "ecef", "measured", f"{distance_m:.0f} m from zero, the Earth's radius"))
+    elif position.frame:
+        draft.add(Guess("position_frame", position.frame, "named", "the columns say so"))
+    else:
+        draft.add(Guess("position_frame", "enu", "unsure", "x, y, z: the columns do not say it"))
+
+
+def _measure_imu(draft: Draft, sensors: Sensors, position: Vector | None) -> None:
+    """Weigh the gyro's unit first: all else compares turns or forces with the track."""
+    upright = draft.guesses["imu_axes"]
+    draft.add(motion.gyro_unit(draft.load(gyro_unit="rad/s"), common_unit(sensors.gyro, GYRO_UNITS)))
+    if position is not None:
+        draft.add(_turned_frame(draft))
+    draft.add(motion.forward(draft.load(), _words(upright.value), upright))
+
+
+def _turned_frame(draft: Draft) -> Guess:
+    """Return the frame of the places, by whether the track turns with the gyro."""
+    frame = draft.guesses["position_frame"]
+    agrees, measured = motion.turns_with_gyro(draft.load())
+    if agrees is None:
+        return Guess("position_frame", frame.value, frame.grade, f"{frame.why}; {measured}")
+    if agrees:
+        return Guess("position_frame", frame.value, "measured", f"{frame.why}; {measured}")
+    if frame.value in OTHER and frame.grade == "unsure":
+        return Guess("position_frame", OTHER[str(frame.value)], "measured", f"{frame.why}; read as enu, {measured}")
+    why = f"{frame.why}, but {measured}: two columns may be exchanged, or the gyro's axes left-handed"
+    return Guess("position_frame", frame.value, "unsure", why)
+
+
+def _velocity(draft: Draft, velocity: Vector) -> None:
+    draft.add(Guess("velocity_file", draft.path.name, "named", "it has velocities"))
+    draft.add(Guess("velocity_time", draft.guesses["position_time"].value, "named", "its name"))
+    draft.add(Guess("velocity_columns", velocity.columns, "named", "their names"))
+    draft.add(
+        Guess("velocity_sigma_mps", 0.1, "unsure", "the default: no column of it is guessed; give velocity_sigma")
+    )
+    if velocity.frame == "body":
+        draft.add(Guess("velocity_frame", "body", "named", "the columns say so"))
+        return
+    frame, agreement = motion.velocity_frame(draft.load(velocity_frame="enu"), velocity.frame)
+    draft.add(frame)
+    if agreement is not None and motion.speed_unit(agreement) != "m/s":
+        draft.add(_other_unit(frame, agreement))
+
+
+def _other_unit(frame: Guess, agreement: motion.Agreement) -> Guess:
+    unit = motion.speed_unit(agreement) or "no unit that is known"
+    why = f"{frame.why}; but the fixes move {agreement.factor:.3g} times as fast: {unit}; make m/s of it"
+    return Guess(frame.parameter, frame.value, "unsure", why)

@@ -1,0 +1,103 @@
+"""The names of columns, taken apart: quantity, axis and unit."""
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+UNITS = {
+    **dict.fromkeys(("degps", "dps", "deg/s", "degs", "°/s"), "deg/s"),
+    **dict.fromkeys(("radps", "rad/s", "rads"), "rad/s"),
+    **dict.fromkeys(("mps2", "m/s2", "m/s^2", "m/s²", "ms2"), "m/s2"),
+    **dict.fromkeys(("deg", "degree", "degrees", "°"), "deg"),
+    **dict.fromkeys(("rad", "radian", "radians"), "rad"),
+    **{unit: unit for unit in ("g", "s", "ms", "us", "ns", "m")},
+    **dict.fromkeys(("mps", "m/s"), "m/s"),
+    **dict.fromkeys(("sec", "seconds"), "s"),
+}
+"""Spellings of units at the end of a name, or in brackets."""
+
+QUANTITIES = {
+    "accel": "a acc accel accelerometer acceleration f force linearacceleration specificforce",
+    "gyro": "w g gyr gyro gyroscope omega angularvelocity angularrate angrate rotationrate",
+    "velocity": "v vel velocity",
+    "position": "p pos position",
+}
+"""Words that a name of a vector begins with."""
+
+AXES = {"x": "x", "y": "y", "z": "z", "e": "east", "n": "north", "u": "up", "d": "down", "f": "forward", "l": "left"}
+"""Letters of axes; the words stand for themselves."""
+
+SCALARS = {
+    "time": "t time timestamp stamp",
+    "latitude": "lat latitude",
+    "longitude": "lon long lng longitude",
+    "height": "h height alt altitude",
+    "roll": "roll",
+    "pitch": "pitch",
+    "yaw": "yaw heading",
+}
+
+SENSORS = {"imu", "gnss", "gps", "ins", "sensor", "drive", "meas", "measured"}
+"""Words that say who measured, and not what."""
+
+
+class Name(NamedTuple):
+    """What a name says.
+
+    Attributes:
+        column: the name.
+        quantity: accel, gyro, velocity, position, time, latitude, longitude, height, roll, pitch or yaw.
+        axis: x, y, z, east, north, up, down, forward, left, right, or nothing.
+        unit: that the name says, or nothing.
+    """
+
+    column: str
+    quantity: str
+    axis: str
+    unit: str
+
+
+def parsed(column: str) -> Name | None:
+    """Return what the name of a column says; None where it says nothing that is known."""
+    words, unit = _words(column)
+    text = "".join(words)
+    for quantity, spellings in SCALARS.items():
+        if text in spellings.split():
+            return Name(column, quantity, "", unit)
+    if text in AXES.values() and text not in ("forward", "left"):
+        return Name(column, "position", text, unit)
+    for quantity, spellings in QUANTITIES.items():
+        for spelling in spellings.split():
+            axis = _axis(text.removeprefix(spelling)) if text.startswith(spelling) else ""
+            if axis:
+                return Name(column, quantity, axis, unit)
+    return None
+
+
+def triple(names: Sequence[Name], quantity: str, axes: Sequence[str]) -> tuple[Name, ...]:
+    """Return the columns of a quantity on ``axes``, in their order; nothing where one is lacking or is there twice."""
+    chosen = [[name for name in names if (name.quantity, name.axis) == (quantity, axis)] for axis in axes]
+    return tuple(names[0] for names in chosen) if all(len(names) == 1 for names in chosen) else ()
+
+
+def common_unit(names: Sequence[Name], allowed: Mapping[str, object]) -> str:
+    """Return the unit that all the names say, if it is one that may be."""
+    units = {name.unit for name in names}
+    return units.pop() if len(units) == 1 and units <= set(allowed) else ""
+
+
+def _words(column: str) -> tuple[list[str], str]:
+    """Lower-case words of a name without those of sensors and units, and the unit."""
+    bracketed = re.search(r"[\[(]([^\])]*)[\])]", column)
+    text = re.sub(r"[\[(].*", "", column)
+    text = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", text).lower()
+    words = [word for word in re.split(r"[^a-z0-9]+", text) if word and word not in SENSORS]
+    if bracketed:
+        return words, UNITS.get(bracketed[1].strip().lower().replace(" ", ""), "")
+    if len(words) > 1 and words[-1] in UNITS:
+        return words[:-1], UNITS[words[-1]]
+    return words, ""
+
+
+def _axis(rest: str) -> str:
+    return AXES.get(rest, rest if rest in {*AXES.values(), "right"} else "")

@@ -1,0 +1,97 @@
+"""The update of a run whose adaptation has a gain of its own, in whole matrices."""
+
+from jerkbench.arrays import FloatArray
+from jerkbench.compilation.vector_ops import scratch
+from jerkbench.kalman import ROUNDING
+from jerkbench.kinematic.adapt import packed_of
+from jerkbench.kinematic.arguments import Packed, Rules, Runs, Whole
+from jerkbench.kinematic.layout import KEPT, LOST, SQUARED, WIDTH, R, S, X, Y
+from jerkbench.kinematic.plugin_call import call_gain
+from jerkbench.kinematic.prior import put_covariance, take_whole, whole_of
+
+
+def find_gains(numbers: FloatArray, runs: Runs, rules: Rules) -> None:
+    """Work out the update of the runs that have a gain of their own, from the prior and the adapted R."""
+    packed, whole = packed_of(runs), whole_of(runs)
+    for run in range(WIDTH):
+        runs.own[run, 0] = 0.0
+        if rules.gain[run] == 0 or numbers[LOST * WIDTH + run] > 0.0:
+            continue
+        m = _take_kept(numbers, run, packed)
+        if m > 0:
+            take_whole(numbers, run, whole)
+            well = call_gain(rules, run, whole, packed, m)
+            runs.own[run, 0], runs.own[run, 1] = 1.0, 0.0 if well else 1.0
+            _own_update(runs.own[run], whole, packed, m)
+
+
+def _take_kept(numbers: FloatArray, run: int, packed: Packed) -> int:
+    """Fill rows, innovation and adapted R of the rows that are used; return how many they are."""
+    m = 0
+    for r in range(6):
+        if numbers[(KEPT + r) * WIDTH + run] > 0.0:
+            packed.rows[m], packed.y[m] = r, numbers[(Y + r) * WIDTH + run]
+            m += 1
+    for i in range(m):
+        for j in range(m):
+            packed.R[m * i + j] = numbers[(R + 6 * packed.rows[i] + packed.rows[j]) * WIDTH + run]
+    return m
+
+
+def _own_update(own: FloatArray, whole: Whole, packed: Packed, m: int) -> None:
+    """Put x + K y, and (I - K H) P (I - K H)' + K R K' symmetrised, into ``own``; K is what the adaptation said."""
+    rest, restP = scratch(SQUARED, 1), scratch(SQUARED, 1)
+    _fill_rest(rest, whole.said, packed, m)
+    for s in range(S):
+        own[2 + s] = whole.x[s]
+        for i in range(m):
+            own[2 + s] += whole.said[m * s + i] * packed.y[i]
+        for t in range(S):
+            restP[S * s + t] = 0.0
+            for c in range(S):
+                restP[S * s + t] += rest[S * s + c] * whole.P[S * c + t]
+    for s in range(S):
+        for t in range(S):
+            total = _noise(whole.said, packed.R, m, s, t)
+            for c in range(S):
+                total += restP[S * s + c] * rest[S * t + c]
+            own[2 + S + S * s + t] = total
+    _note_rounding(own, whole.P, packed, m)
+
+
+def _fill_rest(rest: FloatArray, K: FloatArray, packed: Packed, m: int) -> None:
+    """I - K H."""
+    for s in range(S):
+        for t in range(S):
+            rest[S * s + t] = 1.0 if s == t else 0.0
+        for i in range(m):
+            rest[S * s + packed.rows[i]] -= K[m * s + i]
+
+
+def _noise(K: FloatArray, R: FloatArray, m: int, s: int, t: int) -> float:
+    """K R K' of two states."""
+    total = 0.0
+    for i in range(m):
+        for j in range(m):
+            total += K[m * s + i] * R[m * i + j] * K[m * t + j]
+    return total
+
+
+def _note_rounding(own: FloatArray, P: FloatArray, packed: Packed, m: int) -> None:
+    """Raise LOST where of a state that is not measured nothing but rounding is left."""
+    for s in range(S):
+        measured = False
+        for i in range(m):
+            measured = measured or packed.rows[i] == s
+        if not measured and not own[2 + S + (S + 1) * s] > ROUNDING * P[(S + 1) * s]:
+            own[1] += 1.0
+
+
+def put_gains(numbers: FloatArray, runs: Runs) -> None:
+    """Put these updates into the place of those that the runs would have had."""
+    for run in range(WIDTH):
+        if runs.own[run, 0] > 0.0:
+            numbers[LOST * WIDTH + run] = runs.own[run, 1]
+            for s in range(S):
+                numbers[(X + s) * WIDTH + run] = runs.own[run, 2 + s]
+            put_covariance(numbers, run, runs.own[run, 2 + S :])

@@ -1,0 +1,202 @@
+"""Runs of the same steps, packed into vectors."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from hashlib import blake2b
+from typing import NamedTuple
+
+import numpy as np
+
+from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.batch import Run
+from jerkbench.compilation.vectors import WIDE
+from jerkbench.kinematic.arguments import Score, Steps
+from jerkbench.timeline.lengths import step_lengths
+from jerkbench.timeline.timeline import Timeline
+
+
+@dataclass(frozen=True, eq=False)
+class Pack:
+    """Up to WIDE runs.
+
+    Attributes:
+        members: their places in the batch.
+        timelines: theirs.
+        steps: all of them in vectors; a vector that is not full repeats its last run.
+        score: likewise.
+        lengths_s: the lengths of steps that come, for the model.
+        update_s: (m,) times of the updates, of any run.
+        marks: for each run, the rows of the kept errors that are its own.
+    """
+
+    members: tuple[int, ...]
+    timelines: tuple[Timeline, ...]
+    steps: Steps
+    score: Score
+    lengths_s: FloatArray
+    update_s: FloatArray
+    marks: tuple[IntArray, ...]
+
+
+class Kind(NamedTuple):
+    """What runs of one pack have in common besides their steps.
+
+    Attributes:
+        n: quantities on each axis.
+        wants_truth: whether the adaptation gets the true covariance as R.
+        dense: whether it sees whole matrices.
+    """
+
+    n: int
+    wants_truth: bool
+    dense: bool
+
+
+def pack_runs(runs: Sequence[Run], kinds: Sequence[Kind]) -> list[Pack]:
+    """Pack runs of the same kind whose steps have the same lengths and meet the reference at the same places."""
+    alike: dict[tuple[Kind, bytes], list[int]] = {}
+    for place, (run, kind) in enumerate(zip(runs, kinds, strict=True)):
+        alike.setdefault((kind, _structure(_Course(run))), []).append(place)
+    return [
+        _pack(runs, tuple(places[begin : begin + WIDE]), wants_truth=kind.wants_truth)
+        for (kind, _), places in alike.items()
+        for begin in range(0, len(places), WIDE)
+    ]
+
+
+class _Course:
+    """A run without its covariances; the same as another if it has the same arrays, not only the same numbers.
+
+    Settings that are told another R of one recording have one course; to stack it takes longer than to run over it.
+    """
+
+    def __init__(self, run: Run) -> None:
+        t = run.timeline
+        self.run = run
+        self._shared = (t.dt_s, t.sample, t.update, t.reference, t.accel_enu_mps2, t.measurements.z, run.scoring)
+        self._key = tuple(map(id, self._shared))
+
+    def __hash__(self) -> int:
+        return hash(self._key)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Course) and self._key == other._key
+
+
+@lru_cache(maxsize=256)
+def _structure(course: _Course) -> bytes:
+    """What runs of one pack have in common, as a hash."""
+    t, s = course.run.timeline, course.run.scoring
+    shared = (np.array([t.dt0_s]), t.dt_s, t.sample, t.reference, s.counted, s.whole, s.moving)
+    return blake2b(b"|".join(np.ascontiguousarray(array).tobytes() for array in shared)).digest()
+
+
+class _Stacked(NamedTuple):
+    """What the lanes of a pack have without their covariances; as in `Pack` and `Steps`."""
+
+    model: IntArray
+    sample: IntArray
+    update: IntArray
+    reference: IntArray
+    u: FloatArray
+    z: FloatArray
+    score: Score
+    lengths_s: FloatArray
+    updated: IntArray
+    marks: tuple[IntArray, ...]
+
+
+def _pack(runs: Sequence[Run], members: tuple[int, ...], *, wants_truth: bool) -> Pack:
+    lanes = [runs[place] for place in members]
+    lanes += [lanes[-1]] * (WIDE - len(lanes))
+    shared = _courses(tuple(map(_Course, lanes)))
+    given, reported = zip(*[_covariances(run, shared.updated, wants_truth=wants_truth) for run in lanes], strict=True)
+    steps = Steps(
+        shared.model,
+        shared.sample,
+        shared.update,
+        shared.reference,
+        shared.u,
+        shared.z,
+        _stack(given),
+        _stack(reported),
+        _stacked(lanes, lambda run: run.timeline.x0),
+        _stacked(lanes, lambda run: run.timeline.P0.ravel()),
+    )
+    update_s = lanes[0].timeline.t_s[shared.updated]
+    timelines = tuple(run.timeline for run in lanes)
+    return Pack(members, timelines, steps, shared.score, shared.lengths_s, update_s, shared.marks)
+
+
+@lru_cache(maxsize=8)  # some 5 MB each
+def _courses(courses: tuple[_Course, ...]) -> _Stacked:
+    lanes = [course.run for course in courses]
+    first = lanes[0].timeline
+    lengths_s, model = step_lengths(first.dt_s)
+    updated = np.flatnonzero(np.any([run.timeline.update >= 0 for run in lanes], axis=0))
+    marks = np.unique(np.concatenate([run.scoring.marks for run in lanes]))
+    return _Stacked(
+        model,
+        first.sample.astype(np.int64),
+        _numbered(len(model), updated),
+        _numbered(len(model), np.flatnonzero(first.reference >= 0)),
+        _stacked(lanes, lambda run: run.timeline.accel_enu_mps2),
+        _stacked(lanes, lambda run: _measured(run, updated)),
+        _score(lanes, marks, first.t_s[updated]),
+        lengths_s,
+        updated,
+        tuple(np.searchsorted(marks, run.scoring.marks) for run in lanes),
+    )
+
+
+def _score(lanes: Sequence[Run], marks: IntArray, update_s: FloatArray) -> Score:
+    first = lanes[0].scoring
+    return Score(
+        _numbered(len(first.truth), marks),
+        _stacked(lanes, lambda run: (update_s >= run.scoring.start_s).astype(np.float64)),
+        _stacked(lanes, lambda run: run.scoring.truth),
+        np.column_stack([first.counted, first.whole, first.moving, first.counted * first.moving]),
+        _outages(lanes),
+    )
+
+
+def _stacked(lanes: Sequence[Run], part: Callable[[Run], FloatArray]) -> FloatArray:
+    return _stack([part(run) for run in lanes])
+
+
+def _stack(parts: Sequence[FloatArray]) -> FloatArray:
+    """One vector of each element; a compiled signature wants it contiguous."""
+    return np.ascontiguousarray(np.stack(parts, axis=-1))
+
+
+def _outages(lanes: Sequence[Run]) -> FloatArray:
+    """(k, WIDE), or no row where no run has one."""
+    outage = _stacked(lanes, lambda run: run.scoring.outage)
+    return outage if outage.any() else outage[:0]
+
+
+def _numbered(length: int, places: IntArray) -> IntArray:
+    """(length,) 0, 1, 2, ... at ``places``, -1 elsewhere."""
+    numbers = np.full(length, -1, dtype=np.int64)
+    numbers[places] = np.arange(len(places))
+    return numbers
+
+
+def _measured(run: Run, updated: IntArray) -> FloatArray:
+    """Return z at the updates of the pack, NaN where the run has none."""
+    which = run.timeline.update[updated]
+    z = np.full((len(which), 6), np.nan)
+    z[which >= 0] = run.timeline.measurements.z[which[which >= 0]]
+    return z
+
+
+def _covariances(run: Run, updated: IntArray, *, wants_truth: bool) -> tuple[FloatArray, FloatArray]:
+    """R for the adaptation (no row where it is the reported one) and the reported R at the updates of the pack."""
+    which, measured = run.timeline.update[updated], run.timeline.measurements
+    updates = which >= 0
+    R = np.zeros((2, len(which), 36))
+    R[0, updates] = measured.R[which[updates]].reshape(-1, 36)
+    if wants_truth:
+        R[1, updates] = measured.R_true[which[updates]].reshape(-1, 36)
+    return R[1, : len(which) if wants_truth else 0], R[0]

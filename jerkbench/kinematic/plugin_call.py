@@ -1,0 +1,130 @@
+"""The call of an adaptation from compiled code, as its author wrote it."""
+
+from collections.abc import Hashable, Sequence
+from functools import lru_cache
+from typing import NamedTuple, cast
+
+import numpy as np
+
+from jerkbench.arrays import FloatArray
+from jerkbench.compilation.calls import ask, fill_by, try_ask, try_fill_by
+from jerkbench.compilation.methods import Method, address_of, compiled_method, parameter_vector
+from jerkbench.contracts import Adaptation, AdaptingGain, AdaptingPrior, Fading
+from jerkbench.estimation.adaptation_call import ADAPT, GIVEN
+from jerkbench.kinematic.arguments import Packed, Rules, Whole
+from jerkbench.kinematic.layout import WIDTH, S
+from jerkbench.memory import empty_memory
+from jerkbench.optional import wants_truth
+
+FADE = Method("fade", GIVEN, ("m", "size"), (("m", 6),), "")
+STATE = (("x", "float64", "n"), *((name, "float64", "(n, n)") for name in ("P", "F", "Q")))
+MEASURED = tuple(argument for argument in GIVEN if argument[0] != "HPHt")
+PRIOR = Method("adapt_prior", (*STATE, *MEASURED), ("m", "size", "n"), (), "(n, n)")
+GAIN = Method("adapt_gain", (*STATE[:2], *MEASURED), ("m", "size", "n"), (), "(n, m)")
+
+
+class Rule(NamedTuple):
+    """A compiled adaptation.
+
+    Attributes:
+        adaptation: itself, which knows how much it remembers.
+        parameters: its numbers.
+        adapt: address of its `adapt`.
+        fade: address of its `fade`, or 0: it has none.
+        prior: likewise of its `adapt_prior`.
+        gain: likewise of its `adapt_gain`.
+        wants_truth: whether it gets the true covariance as R.
+    """
+
+    adaptation: Adaptation
+    parameters: FloatArray
+    adapt: int
+    fade: int
+    prior: int
+    gain: int
+    wants_truth: bool
+
+    @property
+    def dense(self) -> bool:
+        """Whether it sees whole matrices, which a loop of its own shows."""
+        return self.prior != 0 or self.gain != 0
+
+
+def rule_of(adaptation: Adaptation) -> Rule:
+    """Return the compiled adaptation.
+
+    Raises:
+        numba.core.errors.NumbaError: numba cannot compile it.
+        numba.core.errors.UnsupportedBytecodeError: likewise; it is no NumbaError.
+        TypeError: `adapt` is no plain function.
+    """
+    addresses = _addresses(cast("Hashable", adaptation))
+    return Rule(adaptation, parameter_vector(adaptation), *addresses, wants_truth(adaptation))
+
+
+@lru_cache(maxsize=256)
+def _addresses(adaptation: Hashable) -> tuple[int, int, int, int]:
+    """Of `adapt`, and of the methods that it may have, 0 where it has not."""
+
+    def address(method: Method) -> int:
+        return address_of(compiled_method(adaptation, method))
+
+    fade = address(FADE) if isinstance(adaptation, Fading) else 0
+    prior = address(PRIOR) if isinstance(adaptation, AdaptingPrior) else 0
+    gain = address(GAIN) if isinstance(adaptation, AdaptingGain) else 0
+    return address(ADAPT), fade, prior, gain
+
+
+def call_adapt(rules: Rules, run: int, packed: Packed, m: int) -> bool:
+    """Fill the adapted R of ``m`` rows of a run; return whether `adapt` raised no error.
+
+    What it raises in a single run goes on to the caller; of several runs the others go on.
+    """
+    seen = rules.parameters[run], packed.y, packed.HPHt, packed.R, packed.rows, rules.memory[run], packed.adapted
+    if WIDTH > 1:
+        well: bool = try_fill_by(rules.adapt[run], seen, (m, rules.sizes[run]))
+        return well
+    fill_by(rules.adapt[run], seen, (m, rules.sizes[run]))
+    return True
+
+
+def call_fade(rules: Rules, run: int, packed: Packed, m: int) -> tuple[bool, float]:
+    """Likewise return the factor on the prior covariance."""
+    seen = rules.parameters[run], packed.y, packed.HPHt, packed.R, packed.rows, rules.memory[run]
+    if WIDTH > 1:
+        answer: tuple[bool, float] = try_ask(rules.fade[run], seen, (m, rules.sizes[run]))
+        return answer
+    return True, ask(rules.fade[run], seen, (m, rules.sizes[run]))
+
+
+def call_prior(rules: Rules, run: int, whole: Whole, packed: Packed, m: int) -> bool:
+    """Fill the adapted prior covariance of a run; return whether `adapt_prior` raised no error."""
+    given = rules.parameters[run], whole.x, whole.P, whole.F, whole.Q, packed.y, packed.R, packed.rows
+    seen = (*given, rules.memory[run], whole.said)
+    if WIDTH > 1:
+        well: bool = try_fill_by(rules.prior[run], seen, (m, rules.sizes[run], S))
+        return well
+    fill_by(rules.prior[run], seen, (m, rules.sizes[run], S))
+    return True
+
+
+def call_gain(rules: Rules, run: int, whole: Whole, packed: Packed, m: int) -> bool:
+    """Likewise the gain."""
+    seen = rules.parameters[run], whole.x, whole.P, packed.y, packed.R, packed.rows, rules.memory[run], whole.said
+    if WIDTH > 1:
+        well: bool = try_fill_by(rules.gain[run], seen, (m, rules.sizes[run], S))
+        return well
+    fill_by(rules.gain[run], seen, (m, rules.sizes[run], S))
+    return True
+
+
+def rules_of(rules: Sequence[Rule], states: int) -> Rules:
+    """Return the adaptations of all runs, of filters of ``states`` states, as arrays; each memory is zero."""
+    parameters = np.zeros((len(rules), max(len(rule.parameters) for rule in rules)))
+    for run, rule in enumerate(rules):
+        parameters[run, : len(rule.parameters)] = rule.parameters
+    sizes = np.array([len(empty_memory(rule.adaptation, states)) for rule in rules])
+    adapt, fade = np.array([rule.adapt for rule in rules]), np.array([rule.fade for rule in rules])
+    prior, gain = np.array([rule.prior for rule in rules]), np.array([rule.gain for rule in rules])
+    memory = np.zeros((len(rules), sizes.max()))
+    return Rules(parameters, adapt, fade, prior, gain, memory, sizes)

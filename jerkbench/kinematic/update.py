@@ -1,0 +1,131 @@
+"""The measurement update, in a form that rounding harms no more than it must.
+
+With W = H P, S = H P H' + R and v = S^-1 y it holds for the states that are measured that
+
+    x + K y = x + W' v = x + y - R v
+    posterior = P - W' S^-1 W = R - R S^-1 R = R S^-1 W
+
+The factors of S are those of S + E, |E_ij| < eps sqrt(S_ii S_jj), and A' S^-1 B errs by A' S^-1 E S^-1 B: the smaller A
+and B, the less, and nothing large is to be taken away from anything large (after a gap P may be 1e12 R). So each state
+has a column G of its own, that of R where it is measured and R < P, else that of W, and with Z = S^-1 G
+
+    x = x + y - G' v,    x + G' v,    posterior = R - G' Z,    P - G' Z,    G' Z
+
+for two states of the first kind, two of the second, and one of each. Rounding is told from information as in
+`jerkbench.kalman`.
+"""
+
+from jerkbench.arrays import FloatArray
+from jerkbench.compilation.vector_ops import scratch
+from jerkbench.compilation.vectors import chosen
+from jerkbench.kalman import INDEFINITE, ROUNDING
+from jerkbench.kinematic.gain import solve_column, solve_innovation, solve_measured
+from jerkbench.kinematic.layout import (
+    AT,
+    ELEMENT,
+    FINE,
+    KEPT,
+    LOST,
+    SOLVED,
+    SQUARED,
+    WIDTH,
+    K,
+    N,
+    R,
+    S,
+    W,
+    X,
+    Y,
+)
+
+
+def correct(w: FloatArray, columns: int) -> None:
+    """Update state and covariance with the rows that are used.
+
+    ``columns`` is the number of states: as a constant it would make the compiler unroll the loops, and use the stack
+    for what no longer fits into registers.
+    """
+    solve_innovation(w)
+    for r in range(6):
+        w[FINE + r] = chosen(w[KEPT + r] * w[AT[r, r]], w[R + 7 * r], 1.0, 0.0)
+    for s in range(6):
+        solve_measured(w, s)
+    for s in range(6, columns):
+        solve_column(w, s)
+    for s in range(6):
+        moved = _times(w, W + s, S)
+        w[X + s] += chosen(w[FINE + s], 0.0, w[Y + s] - moved, moved)
+        for t in range(s + 1):
+            _update_measured(w, s, t)
+    for s in range(6, columns):
+        w[X + s] += _times(w, W + s, S)
+        for t in range(6):
+            product = _product(w, s, t)
+            w[AT[s, t]] = chosen(w[FINE + t], 0.0, product, w[AT[s, t]] - product)
+        for t in range(6, s):
+            w[AT[s, t]] = w[AT[s, t]] - _product(w, s, t)
+        prior = w[AT[s, s]]
+        w[AT[s, s]] = prior - _product(w, s, s)
+        w[LOST] += chosen(w[AT[s, s]], ROUNDING * prior, 0.0, 1.0)
+    if WIDTH == 1:
+        mirror(w)
+
+
+def _update_measured(w: FloatArray, s: int, t: int) -> None:
+    """The covariance of two of the states of position and velocity, s >= t."""
+    prior, product = w[AT[s, t]], _product(w, s, t)
+    mixed = chosen(w[FINE + s] + w[FINE + t], 0.0, product, prior - product)
+    w[AT[s, t]] = chosen(w[FINE + s] * w[FINE + t], 0.0, w[R + 6 * s + t] - product, mixed)
+    if s == t:
+        w[LOST] += chosen(w[AT[s, s]], ROUNDING * (1.0 - w[KEPT + s]) * prior, 0.0, 1.0 - w[KEPT + s])
+
+
+def mirror(w: FloatArray) -> None:
+    """Fill the other half of the covariance of an axis with itself, where all pairs are predicted alike."""
+    for i in range(3):
+        for a in range(1, N):
+            for b in range(a):
+                e = AT[3 * b + i, 3 * a + i]
+                w[e + ELEMENT * (N - 1) * (a - b)] = w[e]
+
+
+def _times(w: FloatArray, at: int, step: int) -> float:
+    """Six numbers times v."""
+    first: float = w[at] * w[SOLVED] + w[at + step] * w[SOLVED + 1] + w[at + 2 * step] * w[SOLVED + 2]
+    second: float = w[at + 3 * step] * w[SOLVED + 3] + w[at + 4 * step] * w[SOLVED + 4]
+    third: float = second + w[at + 5 * step] * w[SOLVED + 5]
+    return first + third
+
+
+def _product(w: FloatArray, s: int, t: int) -> float:
+    """G' S^-1 G of two states."""
+    g, z = W + t, K + s
+    first: float = w[z] * w[g] + w[z + S] * w[g + S] + w[z + 2 * S] * w[g + 2 * S]
+    second: float = w[z + 3 * S] * w[g + 3 * S] + w[z + 4 * S] * w[g + 4 * S]
+    third: float = second + w[z + 5 * S] * w[g + 5 * S]
+    return first + third
+
+
+def check_definite(w: FloatArray) -> None:
+    """Raise LOST where the covariance has no factors L D L' with D > 0 but for rounding, or the state is no number."""
+    C = scratch(SQUARED, WIDTH)
+    for s in range(S):
+        w[LOST] += chosen(1.0, w[X + s] * 0.0, 0.0, 1.0)
+        for t in range(s, S):
+            C[S * s + t] = w[AT[s, t]]
+        C[(S + 1) * s] *= 1.0 + INDEFINITE
+    _eliminate(w, C, 0)  # three by three: the compiler unrolls no longer loops, and then C needs no memory
+    _eliminate(w, C, 3)
+    for c in range(6, S, 3):
+        _eliminate(w, C, c)
+
+
+def _eliminate(w: FloatArray, C: FloatArray, first: int) -> None:
+    """Eliminate three columns, of the upper triangle; raise LOST where a pivot is not positive."""
+    for c in range(first, first + 3):
+        w[LOST] += chosen(C[(S + 1) * c], 0.0, 0.0, 1.0)
+        scale = 1.0 / C[(S + 1) * c]
+        for r in range(c + 1, S):
+            factor = C[S * c + r] * scale
+            for j in range(r, S):
+                C[S * r + j] -= factor * C[S * c + j]

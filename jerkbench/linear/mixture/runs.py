@@ -1,0 +1,102 @@
+"""Mixtures from Python: timelines in, an estimate with its trajectory or sums out."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from jerkbench.arrays import FloatArray
+from jerkbench.batch import Run, Streamed
+from jerkbench.compilation.vectors import WIDE, aligned_zeros
+from jerkbench.contracts import Filter
+from jerkbench.estimate import Estimate
+from jerkbench.kinematic.batch import results_of, room_of, run_packs
+from jerkbench.kinematic.exchange import empty_runs
+from jerkbench.kinematic.layout import layout
+from jerkbench.kinematic.models import model_of
+from jerkbench.kinematic.packs import Kind, Pack
+from jerkbench.kinematic.plugin_call import Rule, rules_of
+from jerkbench.kinematic.single_run import NO_SCORE, estimate_of, steps_of, trajectory_room
+from jerkbench.linear.mixture.arguments import Mixing
+from jerkbench.linear.mixture.entry import mixture_for
+from jerkbench.timeline.lengths import step_lengths
+from jerkbench.timeline.timeline import Timeline
+
+
+class Mixed(NamedTuple):
+    """The begin of a mixture of k filters with n states.
+
+    Attributes:
+        filters: the k filters.
+        transitions: (k, k) Pi.
+        weights: (k,) c.
+        x: (k, n) mixed states.
+        P: (k, n, n) their covariances.
+    """
+
+    filters: tuple[Filter, ...]
+    transitions: FloatArray
+    weights: FloatArray
+    x: FloatArray
+    P: FloatArray
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Number of filters, and of quantities on each axis."""
+        return len(self.filters), self.x.shape[1] // 3
+
+
+def mix_alone(timeline: Timeline, start: Mixed, rule: Rule) -> Estimate | None:
+    """Run with a trajectory; None where it stops on the way: then NumPy says where."""
+    count, n = start.shape
+    lengths_s, which = step_lengths(timeline.dt_s)
+    kept = trajectory_room(timeline, n)
+    steps, mixing = steps_of(timeline, which, wants_truth=rule.wants_truth), mixing_of([start], lengths_s, timeline)
+    states, updates = mixture_for(n, 1, count)(steps, NO_SCORE, mixing, rules_of([rule], 3 * n), kept, empty_runs(n, 1))
+    estimate = estimate_of(timeline, kept, states, updates, n)
+    return None if estimate.failure else estimate
+
+
+def mix_many(
+    runs: Sequence[Run], starts: Sequence[Mixed], rules: Sequence[Rule], *, updates: bool, threads: int
+) -> list[Streamed | None]:
+    """Run all ``runs`` side by side without trajectories; None where one stops on the way.
+
+    All are mixtures of as many filters.
+    """
+    kinds = [Kind(start.shape[1], rule.wants_truth, rule.dense) for start, rule in zip(starts, rules, strict=True)]
+
+    def run_pack(pack: Pack, lanes: Sequence[int]) -> list[Streamed | None]:
+        """Run one with the filters and adaptations that are its own."""
+        count, n = starts[lanes[0]].shape
+        kept = room_of(pack, n, updates=updates)
+        mixing = mixing_of([starts[k] for k in lanes], pack.lengths_s, pack.timelines[0])
+        rule = rules_of([rules[k] for k in lanes], 3 * n)
+        mixture_for(n, WIDE, count)(pack.steps, pack.score, mixing, rule, kept, empty_runs(n, WIDE))
+        return results_of(pack, kept, layout(n, WIDE), updates=updates)
+
+    return run_packs(runs, kinds, run_pack, threads)
+
+
+def mixing_of(starts: Sequence[Mixed], lengths_s: FloatArray, timeline: Timeline) -> Mixing:
+    """Return the filters of each run as arrays, and room for them; steps have ``lengths_s``."""
+    (count, n), width = starts[0].shape, len(starts)
+    models = [model_of([start.filters[j] for start in starts], lengths_s, timeline.dt0_s) for j in range(count)]
+    return Mixing(
+        _together([model.A for model in models]),
+        _together([model.b for model in models]),
+        _together([model.Q for model in models]),
+        all(model.triangular for model in models),
+        np.stack([start.x for start in starts], axis=-1),
+        np.stack([start.P.reshape(count, -1) for start in starts], axis=-1),
+        np.stack([start.transitions.ravel() for start in starts], axis=-1),
+        np.stack([start.weights for start in starts], axis=-1),
+        np.zeros((count, width)),
+        aligned_zeros(count, -(-layout(n, width)["LENGTH"] // WIDE) * WIDE * width),
+    )
+
+
+def _together(parts: Sequence[FloatArray]) -> FloatArray:
+    """All filters in one array; one that the runs share is repeated where they do not share another."""
+    width = max(part.shape[-1] for part in parts)
+    return np.stack([np.broadcast_to(part, (*part.shape[:-1], width)) for part in parts])

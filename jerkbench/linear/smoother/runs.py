@@ -1,0 +1,77 @@
+"""Smoothed runs from Python: timelines in, an estimate with its trajectory or sums out."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from jerkbench.batch import Run, Streamed
+from jerkbench.compilation.vectors import WIDE, aligned_zeros
+from jerkbench.contracts import Filter
+from jerkbench.estimate import Estimate
+from jerkbench.kinematic.arguments import Steps
+from jerkbench.kinematic.batch import results_of, room_of, run_packs
+from jerkbench.kinematic.exchange import empty_runs
+from jerkbench.kinematic.layout import layout
+from jerkbench.kinematic.models import model_of
+from jerkbench.kinematic.packs import Kind, Pack
+from jerkbench.kinematic.plugin_call import Rule, rules_of
+from jerkbench.kinematic.single_run import NO_SCORE, estimate_of, steps_of, trajectory_room
+from jerkbench.linear.smoother.arguments import Tape
+from jerkbench.linear.smoother.entry import smoother_for
+from jerkbench.linear.smoother.layout import SEGMENT, places
+from jerkbench.timeline.lengths import step_lengths
+from jerkbench.timeline.timeline import Timeline
+
+
+def smooth_one(timeline: Timeline, model: Filter, rule: Rule) -> Estimate | None:
+    """Run with a trajectory; None where the filter stops on the way: then NumPy smooths up to there.
+
+    None too where A is not upper triangular with ones on its diagonal.
+    """
+    lengths_s, which = step_lengths(timeline.dt_s)
+    prepared = model_of([model], lengths_s, timeline.dt0_s)
+    if not prepared.triangular:
+        return None
+    n = 2 + len(prepared.extra)
+    kept, steps = trajectory_room(timeline, n), steps_of(timeline, which, wants_truth=rule.wants_truth)
+    given = steps, NO_SCORE, prepared, rules_of([rule], 3 * n), kept, empty_runs(n, 1), tape_for(steps, n, 1)
+    states, updates = smoother_for(n, 1)(*given)
+    estimate = estimate_of(timeline, kept, states, updates, n)
+    return None if estimate.failure else estimate
+
+
+def smooth_many(
+    runs: Sequence[Run], models: Sequence[Filter], rules: Sequence[Rule], *, updates: bool, threads: int
+) -> list[Streamed | None]:
+    """Run all ``runs`` side by side without trajectories; None as above."""
+    kinds = [
+        Kind(2 + len(model.initial_variances()), rule.wants_truth, rule.dense)
+        for model, rule in zip(models, rules, strict=True)
+    ]
+
+    def run_pack(pack: Pack, lanes: Sequence[int]) -> list[Streamed | None]:
+        """Run one with the filters and adaptations that are its own."""
+        model = model_of([models[k] for k in lanes], pack.lengths_s, pack.timelines[0].dt0_s)
+        if not model.triangular:
+            return [None] * len(pack.members)
+        n = 2 + len(model.extra)
+        kept, rule = room_of(pack, n, updates=updates), rules_of([rules[k] for k in lanes], 3 * n)
+        tape = tape_for(pack.steps, n, WIDE)
+        smoother_for(n, WIDE)(pack.steps, pack.score, model, rule, kept, empty_runs(n, WIDE), tape)
+        return results_of(pack, kept, layout(n, WIDE), updates=updates)
+
+    return run_packs(runs, kinds, run_pack, threads)
+
+
+def tape_for(steps: Steps, n: int, width: int) -> Tape:
+    """Make room for the tape of ``width`` runs."""
+    rows = 2 + len(steps.model) // SEGMENT + int(np.count_nonzero(steps.update >= 0)) + 1
+    at, length = places(n, width), layout(n, width)["LENGTH"] * width
+    return Tape(
+        np.empty(rows, dtype=np.int64),
+        np.empty(rows, dtype=np.int64),
+        np.empty((rows, at["ROW"] * width)),
+        np.empty((SEGMENT, at["FILTERED"] * width)),
+        aligned_zeros(length),
+        aligned_zeros(length),
+    )

@@ -1,0 +1,102 @@
+"""The range and the origin of a plugin's parameter, written beside its type.
+
+A field that one would tune says within which bounds, and on which scale::
+
+    accel_mps2: Annotated[float, Range(0.01, 10.0, log=True, source="..."), Origin("...")] = 0.2
+"""
+
+import dataclasses
+import math
+import typing
+from collections.abc import Mapping
+from functools import cache
+
+
+@dataclasses.dataclass(frozen=True)
+class Range:
+    """The values of a parameter that a search may try.
+
+    Attributes:
+        low: the smallest.
+        high: the largest.
+        log: whether equal factors count alike, not equal differences.
+        toward_one: whether equal factors of 1 - x count alike: of a share that may come near to one.
+        source: where the bounds come from.
+    """
+
+    low: float
+    high: float
+    log: bool = False
+    toward_one: bool = False
+    source: str = ""
+
+    def value(self, share: float) -> float:
+        """Return the value at ``share`` of the way from low to high, 0 to 1, on the range's scale."""
+        if self.log:
+            return _bounded(self, self.low * (self.high / self.low) ** share)
+        if self.toward_one:
+            return _bounded(self, 1.0 - (1.0 - self.low) * ((1.0 - self.high) / (1.0 - self.low)) ** share)
+        return _bounded(self, self.low + share * (self.high - self.low))
+
+    def share(self, value: float) -> float:
+        """Return how much of the way from low to high ``value`` is, on the range's scale: the inverse of `value`."""
+        if self.log:
+            return math.log(value / self.low) / math.log(self.high / self.low)
+        if self.toward_one:
+            return math.log((1.0 - value) / (1.0 - self.low)) / math.log((1.0 - self.high) / (1.0 - self.low))
+        return (value - self.low) / (self.high - self.low)
+
+    def mistake(self) -> str:
+        """Return what is wrong with the bounds, or an empty string."""
+        if not (math.isfinite(self.low) and math.isfinite(self.high) and self.low < self.high):
+            return f"low is {self.low:g} and high {self.high:g}; low < high is needed, both finite"
+        if self.log and self.toward_one:
+            return "log and toward_one are two scales; choose one"
+        if self.log and self.low <= 0:
+            return f"low is {self.low:g}; on a logarithmic scale it must be above 0"
+        if self.toward_one and self.high >= 1:
+            return f"high is {self.high:g}; with toward_one it must be below 1"
+        return "" if self.source else "source is empty; say where the bounds come from"
+
+    def __str__(self) -> str:
+        """Say the bounds and the scale."""
+        scale = ", logarithmic" if self.log else ", logarithmic in 1 - x" if self.toward_one else ""
+        return f"{self.low:g} to {self.high:g}{scale}"
+
+
+@dataclasses.dataclass(frozen=True)
+class Origin:
+    """The origin of a default: literature, a data sheet, what it was tuned on.
+
+    Attributes:
+        text: one phrase.
+    """
+
+    text: str
+
+
+def ranges_of(cls: type) -> Mapping[str, Range]:
+    """Return the range of each field of a plugin's class that has one."""
+    return {name: note for name, notes in _notes(cls).items() for note in notes if isinstance(note, Range)}
+
+
+def origins_of(cls: type) -> Mapping[str, str]:
+    """Return the origin of the default of each field that says one."""
+    return {name: note.text for name, notes in _notes(cls).items() for note in notes if isinstance(note, Origin)}
+
+
+def is_whole(cls: type, name: str) -> bool:
+    """Whether a field holds whole numbers."""
+    return typing.get_type_hints(cls)[name] is int
+
+
+def _bounded(bounds: Range, value: float) -> float:
+    """The value without the rounding that takes it over a bound."""
+    return min(max(value, bounds.low), bounds.high)
+
+
+@cache
+def _notes(cls: type) -> Mapping[str, tuple[object, ...]]:
+    """What stands beside the type of each field."""
+    hints = typing.get_type_hints(cls, include_extras=True)
+    return {f.name: getattr(hints[f.name], "__metadata__", ()) for f in dataclasses.fields(cls)}

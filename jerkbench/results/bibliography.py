@@ -1,0 +1,109 @@
+"""BibTeX of the methods and data sets of a study, read from the docstrings of their plugins."""
+
+import inspect
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from jerkbench import plugins
+from jerkbench.contracts import Cited
+from jerkbench.results.store import Store
+
+DOI = re.compile(r"doi:(10\.\d{4,}/[^\s,;]*[^\s,;.:)])")
+"""As docstrings have it."""
+
+TITLED = re.compile(r'(?P<author>[^;:(]+?), "(?P<title>[^"]+?),?"[^"]*$')
+PLAIN = re.compile(r"\((?P<author>[^();]+?), \d{4}, $")
+YEAR = re.compile(r"\b(?:19|20)\d\d\b(?!-)")
+
+INITIAL = re.compile(r"\b[A-Z]\. ?-?[A-Z]")
+
+OWN = "CITATION.cff"
+
+
+def entries_of(folder: Path) -> list[str]:
+    """Return the entries of a study: of this package, and of all plugins of its cells that name a source.
+
+    Raises:
+        JerkbenchError: the store cannot be read.
+    """
+    cells, _ = Store(folder).read()
+    used: dict[type, str] = {}
+    for cell in cells:
+        for kind, name in _plugins(cell.metadata["spec"]):
+            if name in plugins.names(kind):
+                used.setdefault(plugins.get(kind, name), f"{kind} {name}")
+    silent = [title for cls, title in used.items() if not (isinstance(cls, Cited) or list(_sources(cls)))]
+    lacking = [f"% Nothing to cite is named by: {', '.join(silent)}."] if silent else []
+    return [own_entry(), *dict.fromkeys(merged(used)), *lacking]
+
+
+def merged(used: Mapping[type, str]) -> Iterator[str]:
+    """Yield the entries of plugins; a source of several is one entry, which names them all."""
+    sources: dict[str, tuple[str, list[str]]] = {}
+    for cls, title in used.items():
+        if isinstance(cls, Cited):
+            yield from cls.citations
+        for doi, before in _sources(cls):
+            sources.setdefault(doi, (before, []))[1].append(title)
+    yield from (entry(doi, before, titles) for doi, (before, titles) in sources.items())
+
+
+def entry(doi: str, before: str, titles: Iterable[str]) -> str:
+    """Return the BibTeX entry of a source.
+
+    Args:
+        doi: of the source.
+        before: what a docstring has before the DOI: authors, a title in quotation marks, a year.
+        titles: what it is the source of.
+    """
+    read = TITLED.search(before) or PLAIN.search(before)
+    known = {name: text for name, text in (read.groupdict() if read else {}).items() if text}
+    if "author" in known:
+        known["author"] = _authors(known["author"])
+    years = YEAR.findall(before[read.start() :] if read else before[-80:])
+    known |= {"year": years[-1]} if years else {}
+    return _bibtex("misc", re.sub(r"\W+", "_", doi), known | {"doi": doi, "note": f"jerkbench: {', '.join(titles)}"})
+
+
+def own_entry() -> str:
+    """Return the entry of this package, from its citation file."""
+    from omegaconf import OmegaConf
+
+    package = Path(__file__).parents[1]
+    beside, inside = package.parent / OWN, package / OWN
+    cited: Any = OmegaConf.to_container(OmegaConf.load(beside if beside.is_file() else inside))
+    fields = {
+        "author": " and ".join(f"{{{author['name']}}}" for author in cited["authors"]),
+        "title": cited["title"],
+        "year": str(cited["date-released"])[:4],
+        "version": str(cited["version"]),
+    }
+    return _bibtex("software", "jerkbench", fields)
+
+
+def _plugins(spec: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    for kind, part in spec.items():
+        if kind in plugins.KINDS and isinstance(part, Mapping):
+            yield kind, str(part["name"])
+    yield from (("disturbance", str(part["name"])) for part in spec["disturbance"])
+
+
+def _sources(cls: type) -> Iterator[tuple[str, str]]:
+    """The DOIs of a plugin, and of those that it varies, each with the text before it."""
+    for owner in (base for base in cls.__mro__ if base is not object and base.__doc__):
+        text = " ".join(inspect.cleandoc(owner.__doc__ or "").split())
+        yield from ((found[1], text[: found.start()]) for found in DOI.finditer(text))
+
+
+def _authors(text: str) -> str:
+    """Names as BibTeX separates them; what stands before the first initial is a sentence's beginning."""
+    initial = INITIAL.search(text)
+    names = re.split(r",? and |, (?=[A-Z]\.)" if initial else r",? and |, ", text[initial.start() if initial else 0 :])
+    return " and ".join(name.strip() for name in names)
+
+
+def _bibtex(kind: str, key: str, fields: Mapping[str, str]) -> str:
+    width = max(map(len, fields))
+    return "\n".join([f"@{kind}{{{key},", *(f"  {name:<{width}} = {{{text}}}," for name, text in fields.items()), "}"])

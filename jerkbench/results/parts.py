@@ -1,0 +1,157 @@
+"""A part of the store: one Parquet file with runs of many cells, its digest in its name.
+
+A row is a run: the labels of its cell, its seed and status, its metrics, and in columns that begin with ``cell.`` what
+else is known of its cell, as JSON. Those columns repeat from row to row, so that Parquet keeps each text once.
+"""
+
+import hashlib
+import io
+import json
+import re
+import socket
+import uuid
+from collections.abc import Iterator, Mapping, Sequence
+from functools import lru_cache
+from itertools import chain
+from typing import Any, NamedTuple
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from jerkbench.errors import JerkbenchError
+from jerkbench.execution.cell_run import Row
+from jerkbench.results.part_shape import CELL, COLUMNS, HEAD, KEY, RUNS, is_part
+
+NAME = re.compile(r"part-[A-Za-z0-9_]+-[0-9a-f]{32}-([0-9a-f]{32})")
+"""Host, a number of its own and a hash of the content: no two parts have one name, and a flipped bit is found."""
+
+NOT_FACTS = ("labels", "spec", "failed")
+"""Entries of a cell's metadata that have columns of their own, or are counted."""
+
+DAMAGE = (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError, MemoryError, pa.ArrowException)
+"""Errors of pyarrow on a damaged file."""
+
+
+class Block(NamedTuple):
+    """Runs of a cell that are stored together.
+
+    Attributes:
+        key: of the cell.
+        runs: how many the cell has in all.
+        rows: one for each of these runs.
+        metadata: of the cell: labels, specification, protocol, data, notes and times.
+    """
+
+    key: str
+    runs: int
+    rows: Sequence[Row]
+    metadata: Mapping[str, Any]
+
+
+def content_of(table: pa.Table) -> bytes:
+    """Return the content of a file."""
+    sink = io.BytesIO()
+    texts = [field.name for field in table.schema if pa.types.is_dictionary(field.type)]
+    pq.write_table(table, sink, compression="zstd", use_dictionary=texts, write_statistics=False)
+    return sink.getvalue()
+
+
+def part_name(content: bytes) -> str:
+    """Return a new name for a part with this content."""
+    return f"part-{host()}-{uuid.uuid4().hex}-{digest(content)}"
+
+
+def host() -> str:
+    """Return the name of this machine, as it stands in the names of parts."""
+    return re.sub("[^A-Za-z0-9_]", "_", socket.gethostname())[:40] or "_"
+
+
+def digest(content: bytes) -> str:
+    """Return the hash of a file's content."""
+    return hashlib.sha256(content).hexdigest()[:32]
+
+
+def part_of(content: bytes, expected: str, columns: list[str] | None = None) -> pa.Table | None:
+    """Return the rows of a part, or some of their columns; None where it is not as it was written.
+
+    Args:
+        content: of the file.
+        expected: its digest.
+        columns: which are read; default: all.
+    """
+    if digest(content) != expected:
+        return None
+    try:
+        table = pq.read_table(pa.BufferReader(content), use_threads=False, pre_buffer=False)
+        return (table if columns is None else table.select(columns)) if is_part(table) else None
+    except DAMAGE:
+        return None
+
+
+def table_of(blocks: Sequence[Block]) -> pa.Table:
+    """Return the rows of some cells, with all that is known of these.
+
+    Raises:
+        JerkbenchError: no reader would take them for rows.
+    """
+    rows = [row for block in blocks for row in block.rows]
+    table = with_facts({name: _values(name, [row.get(name) for row in rows]) for name in _names(blocks)}, blocks)
+    if not is_part(table):
+        keys = ", ".join(block.key for block in blocks[:3])
+        raise JerkbenchError(f"The rows of the cells {keys} cannot be stored: a metric is no number, or has no name.")
+    return table
+
+
+def with_facts(columns: dict[str, pa.Array], blocks: Sequence[Block]) -> pa.Table:
+    """Return the table of columns of the rows of some blocks, with all that is known of their cells."""
+    counts = [len(block.rows) for block in blocks]
+    known = [_facts(block) for block in blocks]
+    facts = {name: _repeated([own.get(name) for own in known], counts) for name in dict.fromkeys(chain(*known))}
+    return pa.table(
+        {**columns, RUNS: pa.array(np.repeat([block.runs for block in blocks], counts), pa.int32()), **facts}
+    )
+
+
+@lru_cache(maxsize=65_536)
+def parsed(text: str) -> Any:  # noqa: ANN401 - any JSON
+    """Return what a JSON text says; it is shared by all who ask, and not to be changed."""
+    return json.loads(text)
+
+
+def _names(blocks: Sequence[Block]) -> Iterator[str]:
+    """The names of all columns of rows, those of the head first."""
+    rows = chain.from_iterable(block.rows for block in blocks)
+    names = dict.fromkeys([*HEAD, *chain.from_iterable(rows)])
+    if strange := [name for name in names if str(name).startswith(CELL)]:
+        raise JerkbenchError(f"A metric cannot be called {strange[0]}: names that begin with {CELL} are taken.")
+    return iter(names)
+
+
+def _values(name: str, values: list[Any]) -> pa.Array:
+    """A column of rows; where cells disagree about the type of a metric, of floating point numbers."""
+    try:
+        array = pa.array(values)
+    except (pa.ArrowInvalid, pa.ArrowTypeError):
+        try:
+            array = pa.array([None if value is None else float(value) for value in values])
+        except (TypeError, ValueError) as error:
+            raise JerkbenchError(f"The metric {name} cannot be stored: {error}.") from error
+    return array.dictionary_encode() if pa.types.is_string(array.type) else array
+
+
+def _facts(block: Block) -> dict[str, str]:
+    """All that is known of a cell, each entry as JSON, by the name of its column."""
+    own = [name for name in dict.fromkeys(chain.from_iterable(block.rows)) if name not in HEAD]
+    entries: dict[str, Any] = {name: block.metadata[name] for name in block.metadata if name not in NOT_FACTS}
+    entries |= {f"spec.{part}": value for part, value in block.metadata.get("spec", {}).items()}
+    texts = {CELL + name: json.dumps(value) for name, value in entries.items()}
+    return {KEY: block.key, COLUMNS: json.dumps(own), **texts}
+
+
+def _repeated(values: Sequence[str | None], counts: Sequence[int]) -> pa.Array:
+    """One text for each row of each block, as codes of the distinct ones."""
+    codes = {value: code for code, value in enumerate(dict.fromkeys(filter(None, values)))}
+    places = np.repeat([codes.get(value or "", -1) for value in values], counts)
+    indices = pa.array(places, pa.int32(), mask=places < 0)
+    return pa.DictionaryArray.from_arrays(indices, pa.array(list(codes), pa.string()))

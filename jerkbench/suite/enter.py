@@ -1,0 +1,82 @@
+"""The way of a method into a suite: from its parts to its entry."""
+
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+
+import pandas as pd
+
+from jerkbench.cells.provenance import code_digest, git_commit, versions
+from jerkbench.files import cache_folder
+from jerkbench.suite.campaign import ENTRY, PLAIN, Campaign, Place, Scored, plugins_digest, scored_plain
+from jerkbench.suite.entrant import Entrant, entrant_space, plain_of
+from jerkbench.suite.entry import Settings, plain_score, write_entry
+from jerkbench.suite.frozen import FROZEN
+from jerkbench.suite.page import entry_page
+from jerkbench.suite.protocol import SuiteProtocol, read_suite
+from jerkbench.suite.recordings import require_recordings
+from jerkbench.suite.scores import score_of
+
+
+def enter(scale: str, entrant: Entrant, name: str, place: Place, command: str) -> str:
+    """Tune and score an entrant, and write its entry to the folder of ``place``; returns its page.
+
+    Runs that are stored there are not done again; those of the plain filter are kept in the cache, for every entry.
+
+    Args:
+        scale: name of the suite.
+        entrant: the method.
+        name: what the board calls it.
+        place: where.
+        command: what was typed.
+
+    Raises:
+        JerkbenchError: it cannot be made or does not fit, or the suite is not the frozen one.
+    """
+    protocol = read_suite(scale)
+    campaign = Campaign(entrant, protocol, Place(place.folder / "runs", place.cluster, place.workers), name)
+    require_recordings(scale, protocol)
+    levels, plain = scored_plain(protocol, Place(plain_folder(protocol), place.cluster, place.workers))
+    scored = campaign.scored(levels)
+    rows = _joined(scored, plain)
+    score = score_of(rows, protocol)
+    page = entry_page(name, score, rows, protocol)
+    manifest = {
+        "entry": name,
+        **frozen_part(scale, protocol),
+        "method": asdict(entrant),
+        "tuned": bool(campaign.space.knobs),
+        "command": command,
+        "code": code_digest(),
+        "plugins": plugins_digest(entrant, protocol),
+        "git_commit": git_commit(),
+        "versions": versions(),
+        "score": plain_score(score),
+    }
+    write_entry(place.folder, manifest, rows, _settings(entrant, scored, plain, protocol), page)
+    return page
+
+
+def plain_folder(protocol: SuiteProtocol) -> Path:
+    """Return where the runs of the plain filter are kept for every entry."""
+    return cache_folder("suite") / protocol.name
+
+
+def frozen_part(scale: str, protocol: SuiteProtocol) -> dict[str, object]:
+    """Return what the manifest of each entry of a suite has to say."""
+    return {"suite": scale, "protocol": protocol.digest, "data": list(FROZEN[scale].data)}
+
+
+def _joined(scored: Scored, plain: Scored) -> pd.DataFrame:
+    parts = [one.rows.assign(method=method) for method, one in ((ENTRY, scored), (PLAIN, plain))]
+    return pd.concat(parts, ignore_index=True)
+
+
+def _settings(entrant: Entrant, scored: Scored, plain: Scored, protocol: SuiteProtocol) -> Settings:
+    """The settings with the names of their knobs."""
+    both = ((ENTRY, entrant, scored), (PLAIN, plain_of(protocol), plain))
+    return {method: _named(entrant_space(own, protocol).names, one.settings) for method, own, one in both}
+
+
+def _named(names: tuple[str, ...], settings: Mapping[str, tuple[float, ...]]) -> dict[str, dict[str, float]]:
+    return {tuned_on: dict(zip(names, setting, strict=True)) for tuned_on, setting in settings.items()}

@@ -1,0 +1,108 @@
+"""The check of an entry: what its files say of each other, and a sample of its rows once more."""
+
+import random
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from jerkbench.audit.runs import COLUMNS as NUMBERS
+from jerkbench.errors import JerkbenchError
+from jerkbench.suite.campaign import ENTRY, GIVEN, PLAIN, plugins_digest
+from jerkbench.suite.checks import file_mistakes, frozen_mistakes, missing_mistakes, same, score_mistakes
+from jerkbench.suite.entrant import Entrant, entrant_settings, entrant_space, plain_of
+from jerkbench.suite.entry import Entry, read_entry
+from jerkbench.suite.pieces import Piece
+from jerkbench.suite.protocol import SuiteProtocol, read_suite
+
+
+@dataclass(frozen=True)
+class Checked:
+    """What a check found.
+
+    Attributes:
+        mistakes: what is wrong, a sentence each.
+        remarks: what could not be checked, or differs without being wrong.
+        rerun: rows of the entry's own method that were computed once more.
+    """
+
+    mistakes: tuple[str, ...]
+    remarks: tuple[str, ...]
+    rerun: int
+
+
+def verify(folder: Path, count: int = 12) -> Checked:
+    """Check the entry in ``folder``; two thirds of ``count`` rows are its own, the rest are the plain filter's.
+
+    The rows that are computed once more are drawn anew each time.
+
+    Raises:
+        JerkbenchError: there is no entry, or one of no suite that is known here.
+    """
+    entry = read_entry(folder)
+    protocol = read_suite(str(entry.manifest.get("suite")))
+    missing = missing_mistakes(entry, protocol)
+    mistakes = [*frozen_mistakes(entry, protocol), *file_mistakes(entry), *missing]
+    if missing:
+        return Checked(tuple(mistakes), (), 0)
+    own = _checked(entry, ENTRY, entry.entrant, protocol, count - count // 3)
+    plain = _checked(entry, PLAIN, plain_of(protocol), protocol, count // 3)
+    mistakes += [*score_mistakes(entry, protocol), *own.mistakes, *plain.mistakes]
+    return Checked(tuple(mistakes), (*own.remarks, *plain.remarks), own.rerun)
+
+
+def _checked(entry: Entry, method: str, entrant: Entrant, protocol: SuiteProtocol, count: int) -> Checked:
+    """Check settings and rows of one of the two methods of an entry, where it can be made here."""
+    try:
+        digest = plugins_digest(entrant, protocol)
+        wrong = list(_settings_mistakes(entry, method, entrant, protocol))
+    except JerkbenchError as error:
+        return Checked((), (f"The rows of {entrant.name} cannot be computed here, and are not checked: {error}",), 0)
+    if wrong:
+        return Checked(tuple(wrong), (), 0)
+    remarks: tuple[str, ...] = ()
+    if method == ENTRY and digest != entry.manifest.get("plugins"):
+        remarks = (f"The code of {entrant.name} here is not that of the entry; its rows are compared all the same.",)
+    rows = entry.rows[entry.rows["method"] == method]
+    sample = rows.iloc[random.SystemRandom().sample(range(len(rows)), min(count, len(rows)))]
+    return Checked(tuple(_row_mistakes(entry, method, entrant, sample, protocol)), remarks, len(sample))
+
+
+def _settings_mistakes(entry: Entry, method: str, entrant: Entrant, protocol: SuiteProtocol) -> Iterator[str]:
+    """Yield a sentence for each setting that the search of the suite does not try."""
+    space = entrant_space(entrant, protocol)
+    tried = entrant_settings(space, protocol)
+    for tuned_on, values in entry.settings[method].items():
+        allowed = tried[:1] if tuned_on == GIVEN else tried
+        setting = entry.setting(method, tuned_on)
+        if tuple(values) != space.names or not any(all(map(same, setting, own)) for own in allowed):
+            where = f"The setting of the {method} ({tuned_on})"
+            yield f"{where} is none that the search of {protocol.name} tries: {values}."
+
+
+def _row_mistakes(
+    entry: Entry, method: str, entrant: Entrant, sample: pd.DataFrame, protocol: SuiteProtocol
+) -> Iterator[str]:
+    """Compute rows once more, and yield a sentence for each that comes out differently."""
+    space = entrant_space(entrant, protocol)
+    names = [scenario.name for scenario in protocol.scenarios]
+    for _, rows in sample.groupby(["scenario", "tuned_on"]):
+        number, tuned_on = int(rows["scenario"].iloc[0]), str(rows["tuned_on"].iloc[0])
+        setting, seeds = entry.setting(method, tuned_on), tuple(int(seed) for seed in rows["seed"])
+        again = Piece(number, entrant, space, (setting,), seeds, protocol.metrics, protocol, None, "").run()
+        for seed, stored, own in zip(seeds, _records(rows), _records(again), strict=True):
+            if wrong := _difference(stored, own):
+                yield f"The {method} in {names[number]}, seed {seed}, {tuned_on}: {wrong}."
+
+
+def _records(rows: pd.DataFrame) -> list[dict[str, Any]]:
+    return [{str(key): value for key, value in row.items()} for row in rows.to_dict("records")]
+
+
+def _difference(stored: dict[str, Any], own: dict[str, Any]) -> str:
+    for key in ("status", *NUMBERS):
+        if not same(stored[key], own[key]):
+            return f"{key} is stored as {stored[key]}, and comes out as {own[key]}"
+    return ""

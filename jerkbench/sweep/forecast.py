@@ -1,0 +1,83 @@
+"""The forecast of a sweep: what would run, what is there already, and about how long it takes."""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from jerkbench.execution.pulse import duration
+from jerkbench.results.content import Stored
+from jerkbench.results.store import Store
+from jerkbench.sweep.sweep import Plan
+from jerkbench.sweep.tasks import Planned
+
+
+class Forecast(NamedTuple):
+    """The forecast of a sweep.
+
+    Attributes:
+        plan: what would be there at its end.
+        done: keys of the cells that are there already.
+        seconds: about how long the rest takes in one process [s]; NaN where nothing like it has been run.
+        measured: number of stored cells that ``seconds`` is taken from.
+    """
+
+    plan: Plan
+    done: frozenset[str]
+    seconds: float
+    measured: int
+
+
+def forecast(plan: Plan, store: Store) -> Forecast:
+    """Return the forecast of a plan, from the times of the cells in its study's folder and in those beside it."""
+    done = frozenset(store.look([planned.key for planned in plan.cells]).done)
+    waiting = [planned for planned in plan.cells if planned.key not in done]
+    known = [cell for folder in _studies(store.folder.parent) for cell in Store(folder).read()[0]]
+    seconds = float(sum(_expected(planned, known) for planned in waiting))
+    return Forecast(plan, done, seconds, len(known))
+
+
+def lines(forecast: Forecast, workers: int) -> Iterator[str]:
+    """Yield what to print: each cell, what is left out and why, and the sum."""
+    for planned in forecast.plan.cells:
+        state = "is done" if planned.key in forecast.done else f"{len(planned.cell.draws)} runs"
+        yield f"{', '.join(planned.cell.labels)}: {state}"
+    yield from forecast.plan.refused
+    waiting = [planned for planned in forecast.plan.cells if planned.key not in forecast.done]
+    runs = sum(len(planned.cell.draws) for planned in waiting)
+    yield f"{_count(len(forecast.plan.cells), 'combination')}, {len(forecast.done)} done; {_count(runs, 'run')} to do."
+    if waiting:
+        yield _time(forecast, workers)
+
+
+def _time(forecast: Forecast, workers: int) -> str:
+    if not np.isfinite(forecast.seconds):
+        return "How long it takes is not known: no stored cell beside it is of the same data set."
+    time = duration(max(forecast.seconds / workers, 1.0))
+    measured = _count(forecast.measured, "stored cell")
+    return f"About {time} with {_count(workers, 'worker')}, as {measured} took; compiling is not counted."
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}{'s' * (number != 1)}"
+
+
+def _studies(folder: Path) -> Sequence[Path]:
+    """The study's folder, and those beside it."""
+    return sorted(path.parent for path in folder.parent.glob("*/cells") if path.is_dir())
+
+
+def _expected(planned: Planned, known: Sequence[Stored]) -> float:
+    """The time of a cell [s]: the median, for each of its runs, over what is most like it; NaN where nothing is."""
+    names = [planned.cell.spec[kind]["name"] for kind in ("dataset", "filter", "adaptation")]
+    for alike in (3, 2, 1):
+        times = [
+            cell.metadata["seconds"] / max(len(cell.rows), 1)
+            for cell in known
+            if [cell.metadata["spec"][kind]["name"] for kind in ("dataset", "filter", "adaptation")][:alike]
+            == names[:alike]
+        ]
+        if times:
+            return float(np.median(times)) * len(planned.cell.draws)
+    return float("nan")

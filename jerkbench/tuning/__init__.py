@@ -1,0 +1,1 @@
+"""Tuning: settings tried on some runs, chosen on others, scored on runs that neither has seen."""

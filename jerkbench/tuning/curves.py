@@ -1,0 +1,79 @@
+"""What the trials of a search say besides the best: profiles, the budget's curve, what cannot be told apart."""
+
+import numpy as np
+
+from jerkbench.arrays import FloatArray
+from jerkbench.tuning.search import Found
+from jerkbench.tuning.space import Space
+from jerkbench.tuning.trials import Trials
+
+LOOKS = (1, 4, 16, 64, 256, 1024)
+"""Budgets at which the curve is read."""
+
+BINS = 8
+"""Parts of a knob's range in its profile; of two knobs in their map as many on each side."""
+
+
+def budget_curve(trials: Trials) -> list[tuple[int, float]]:
+    """Return (trials, loss of the best of them) after 1, 4, 16, ... and all trials; after 1: before the search."""
+    best = np.minimum.accumulate(trials.means)
+    sizes = [*(size for size in LOOKS if size < len(best)), len(best)]
+    return [(size, float(best[size - 1])) for size in sizes]
+
+
+def profile(space: Space, trials: Trials, knob: int) -> tuple[FloatArray, FloatArray]:
+    """Return the middles (b,) of parts of a knob's range, in its unit, and the least loss (b,) of a trial in each.
+
+    NaN where no trial lies.
+    """
+    share = shares(space, trials)[:, knob]
+    part = np.minimum((BINS * share).astype(np.int64), BINS - 1)
+    least = [trials.means[part == k].min(initial=np.inf) for k in range(BINS)]
+    middles = [space.knobs[knob].bounds.value((k + 0.5) / BINS) for k in range(BINS)]
+    return np.array(middles), np.where(np.isfinite(least), least, np.nan)
+
+
+def loss_map(space: Space, trials: Trials, first: int, second: int) -> FloatArray:
+    """Return (b, b) the least loss of a trial in each part of two knobs' ranges: rows by the first; NaN: none."""
+    both = np.minimum((BINS * shares(space, trials)[:, [first, second]]).astype(np.int64), BINS - 1)
+    least = np.full((BINS, BINS), np.inf)
+    np.minimum.at(least, (both[:, 0], both[:, 1]), trials.means)
+    return np.where(np.isfinite(least), least, np.nan)
+
+
+def shares(space: Space, trials: Trials) -> FloatArray:
+    """Return (n, d) how much of the way through each range the values are."""
+    return np.array([[k.share(v) for k, v in zip(space.knobs, setting, strict=True)] for setting in trials.settings])
+
+
+def importance(space: Space, trials: Trials) -> list[int]:
+    """Return the knobs by how much their profile varies, the most first."""
+    spread = [np.nan_to_num(np.ptp(least[np.isfinite(least)])) for least in _profiles(space, trials)]
+    return [int(k) for k in np.argsort(spread, kind="stable")[::-1]]
+
+
+def indistinct(found: Found) -> list[int]:
+    """Return the places of the trials that cannot be told from the chosen one.
+
+    Their mean loss over the runs (the same draws: paired) is no larger than by 1.96 standard errors of the difference.
+    """
+    trials = found.trials
+    difference = trials.runs - trials.runs[found.place]
+    error = difference.std(axis=1, ddof=1) / np.sqrt(difference.shape[1]) if difference.shape[1] > 1 else np.zeros(1)
+    return [int(k) for k in np.flatnonzero(difference.mean(axis=1) <= 1.96 * error)]
+
+
+def intervals(space: Space, found: Found) -> list[tuple[float, float]]:
+    """Return for each knob the least and the largest value that cannot be told from the chosen one.
+
+    Those of `indistinct` trials, and beyond them half of the distance at which n trials lie in d dimensions, n^(-1/d)
+    of the range: between two trials nothing was tried.
+    """
+    share = shares(space, found.trials)
+    near, half = share[indistinct(found)], 0.5 * len(share) ** (-1.0 / len(space.knobs))
+    low, high = np.maximum(near.min(axis=0) - half, 0.0), np.minimum(near.max(axis=0) + half, 1.0)
+    return [(k.bounds.value(a), k.bounds.value(b)) for k, a, b in zip(space.knobs, low, high, strict=True)]
+
+
+def _profiles(space: Space, trials: Trials) -> list[FloatArray]:
+    return [profile(space, trials, k)[1] for k in range(len(space.knobs))]

@@ -1,0 +1,107 @@
+"""The evaluation of settings on cases."""
+
+import dataclasses
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from jerkbench import plugins
+from jerkbench.cells.cell import Cell
+from jerkbench.contracts import Metric
+from jerkbench.errors import PluginError, RecordingError
+from jerkbench.execution.cell_run import Row
+from jerkbench.execution.inputs import Inputs
+from jerkbench.execution.settings import run_settings
+from jerkbench.tuning.cases import Case
+from jerkbench.tuning.objectives import Objective
+from jerkbench.tuning.space import Setting, Space
+from jerkbench.tuning.trials import Trials
+
+
+class Evaluator:
+    """Runs settings over cases; what the plain filter has there is found once for each case."""
+
+    def __init__(self, space: Space, objective: Objective, threads: int, inputs: Inputs | None = None) -> None:
+        """Evaluate settings of ``space`` by ``objective``; the engine may use ``threads``."""
+        self.space, self.objective = space, objective
+        self._threads, self._inputs = threads, inputs or Inputs()
+        self._metrics: tuple[Metric, ...] = (plugins.create("metric", {"name": objective.metric}),)
+        self._levels: dict[int, tuple[Case, float]] = {}
+
+    def trials(self, settings: Sequence[Setting], cases: Sequence[Case]) -> Trials:
+        """Try each of ``settings`` on each of ``cases``.
+
+        Raises:
+            JerkbenchError: a run failed for another reason than that the filter diverged.
+        """
+        losses, lost = [], np.zeros(len(settings))
+        for case in cases:
+            level, found = self.level(case), self.rows(settings, case)
+            losses.append(np.array([self.objective.losses(rows, level) for rows in found]))
+            lost += [sum(run["status"] != "ok" for run in rows) for rows in found]
+        numbers = np.repeat(np.arange(len(cases)), [len(case.draws) for case in cases])
+        return Trials(tuple(settings), np.hstack(losses), numbers, lost)
+
+    def rows(self, settings: Sequence[Setting], case: Case) -> list[list[Row]]:
+        """Return the rows of the runs of each setting."""
+        return self._run([self.space.applied(case.cell, setting) for setting in settings], case)
+
+    def level(self, case: Case) -> float:
+        """Return the objective's level of the plain filter: the same one at its defaults, R as reported."""
+        known = self._levels.get(id(case))
+        if known is None or known[0] is not case:
+            (rows,) = self._run([plain_cell(case.cell)], case)
+            self._require_value(rows, case)
+            self._levels[id(case)] = known = case, self.objective.level(rows, case.cell.protocol.divergence_limit_m)
+        return known[1]
+
+    def _require_value(self, rows: Sequence[Row], case: Case) -> None:
+        """Check that runs that came to their end have a value, or every setting would count as lost."""
+        column = self.objective.column
+        if any(row["status"] == "ok" and np.isnan(row.get(column, np.nan)) for row in rows):
+            raise PluginError(
+                f"The filter {case.cell.spec['filter']['name']} has no {column} over {case.scenario}, so"
+                f" objective={self.objective.name} cannot be used; take another objective."
+            )
+
+    def _run(self, cells: Sequence[Cell], case: Case) -> list[list[Row]]:
+        names = [self.objective.metric]
+        measured = [
+            dataclasses.replace(cell, metrics=self._metrics, spec={**cell.spec, "metrics": names}) for cell in cells
+        ]
+        found = run_settings(measured, case.draws, case.fingerprint, self._threads, self._inputs)
+        failed = next((row for rows in found for row in rows if row["status"] == "failed"), None)
+        if failed is not None:
+            raise PluginError(f"A run over {case.scenario} failed: {failed['reason']}")
+        return found
+
+
+def plain_cell(cell: Cell) -> Cell:
+    """Return the cell with its filter at its defaults, without adaptation, with R as reported."""
+    name = cell.spec["filter"]["name"]
+    model, none = plugins.create("filter", {"name": name}), plugins.create("adaptation", {"name": "none"})
+    spec = {
+        **cell.spec,
+        "filter": {"name": name, **dataclasses.asdict(model)},
+        "adaptation": {"name": "none"},
+        "r_scale": {"position": 1.0, "velocity": 1.0},
+    }
+    labels = cell.labels._replace(filter=name, adaptation="none", noise="own")
+    r_scale = type(cell.r_scale)()
+    return dataclasses.replace(cell, filter=model, adaptation=none, r_scale=r_scale, spec=spec, labels=labels)
+
+
+def require_scorable(objective: Objective, cases: Sequence[Case], load: Callable[[Case], object]) -> None:
+    """Check that the recordings have what the objective asks for.
+
+    Raises:
+        RecordingError: one has no reference position, and the objective compares with it.
+    """
+    for case in cases:
+        recording = load(case)
+        reference = getattr(recording, "reference", None)
+        if objective.needs_reference and (reference is None or reference.enu_m is None):
+            raise RecordingError(
+                f"{case.cell.labels.dataset} has no reference position, so objective={objective.name} has nothing to"
+                " compare with; use objective=likelihood, or withhold fixes: disturbance=withhold."
+            )

@@ -1,0 +1,108 @@
+"""A tuning from its cases to its score: the search, its restarts, and runs that none of them has seen."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from jerkbench.execution.inputs import Inputs
+from jerkbench.tuning.cases import Cases
+from jerkbench.tuning.evaluate import Evaluator, require_scorable
+from jerkbench.tuning.objectives import Objective
+from jerkbench.tuning.search import Budget, Found, Score, score, search
+from jerkbench.tuning.space import Setting, Space
+
+
+@dataclass(frozen=True)
+class Effort:
+    """What a tuning does, besides its cases.
+
+    Attributes:
+        objective: what a setting is worth.
+        budget: of each search.
+        restarts: searches; the first one's setting is taken, the others show how much is luck.
+        knobs: names of those to change; empty: all.
+        threads: how many the engine may use.
+    """
+
+    objective: Objective
+    budget: Budget
+    restarts: int = 1
+    knobs: tuple[str, ...] = ()
+    threads: int = 1
+
+
+@dataclass(frozen=True, eq=False)
+class Restart:
+    """One search of a tuning.
+
+    Attributes:
+        setting: the chosen one.
+        score: on the cases to test on.
+    """
+
+    setting: Setting
+    score: Score
+
+
+@dataclass(frozen=True, eq=False)
+class Tuning:
+    """A tuned method.
+
+    Attributes:
+        name: of the method, fit for a file.
+        space: its knobs.
+        cases: what it was tuned, chosen and tested on.
+        effort: how.
+        found: the outcome of the first search.
+        restarts: all searches, the first one first.
+        interval_s: nominal interval of the IMU; None: there is none.
+    """
+
+    name: str
+    space: Space
+    cases: Cases
+    effort: Effort
+    found: Found
+    restarts: tuple[Restart, ...]
+    interval_s: float | None
+
+    @property
+    def setting(self) -> Setting:
+        """The chosen setting: that of the first search, so that all methods spend the same."""
+        return self.found.setting
+
+    @property
+    def score(self) -> Score:
+        """Its score on the cases to test on."""
+        return self.restarts[0].score
+
+
+def tune(
+    name: str, cases: Cases, space: Space, effort: Effort, folder: Path | None, advance: Callable[[int], object] = int
+) -> Tuning:
+    """Tune one method; what is stored in ``folder`` is not run again.
+
+    Args:
+        name: of the method.
+        cases: to tune, to choose and to test on.
+        space: the knobs.
+        effort: how.
+        folder: where trials are stored; None: nowhere.
+        advance: is told how many settings more are done.
+
+    Raises:
+        JerkbenchError: a recording lacks what the objective asks for, or a run failed.
+    """
+    inputs = Inputs()
+    evaluator = Evaluator(space, effort.objective, effort.threads, inputs)
+    first = cases.tune[0]
+    recording = inputs.recording(first.cell, first.fingerprint, first.draws[0])
+    require_scorable(effort.objective, cases.tune[:1], lambda _: recording)
+    outcomes: list[Found] = []
+    for k in range(effort.restarts):
+        budget = replace(effort.budget, seed=effort.budget.seed + k)
+        place = folder / f"restart-{k}" if folder is not None else None
+        outcomes.append(search(evaluator, cases, budget, place, advance))
+    restarts = tuple(Restart(found.setting, score(evaluator, found.setting, cases.test)) for found in outcomes)
+    interval_s = recording.imu.nominal_interval_s if recording.imu is not None else None
+    return Tuning(name, space, cases, effort, outcomes[0], restarts, interval_s)

@@ -1,0 +1,180 @@
+"""The search: settings tried, one chosen; and its score on runs that the search has not seen."""
+
+import hashlib
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from jerkbench.arrays import FloatArray
+from jerkbench.cells.provenance import code_digest, versions
+from jerkbench.errors import JerkbenchError, PluginError
+from jerkbench.tuning.cases import Case, Cases
+from jerkbench.tuning.evaluate import Evaluator
+from jerkbench.tuning.samplers import sampler_of
+from jerkbench.tuning.space import Setting
+from jerkbench.tuning.trials import Trials, TrialStore, joined
+
+BLOCK = 16
+"""Settings that are tried together: stored at once, and what a learning sampler learns from next."""
+
+
+@dataclass(frozen=True)
+class Budget:
+    """What a search may spend, the same for every method of a comparison.
+
+    Attributes:
+        trials: settings that are tried on the cases to tune on, the one from before the search among them.
+        sampler: which settings: sobol, tpe or cma_es.
+        finalists: how many of the best are tried again on the cases to choose on.
+        seed: of the sampler; another one is another scramble.
+    """
+
+    trials: int = 64
+    sampler: str = "sobol"
+    finalists: int = 8
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        if self.trials < 1 or self.finalists < 1 or self.seed < 0:
+            raise PluginError(
+                f"trials is {self.trials}, finalists {self.finalists} and sampler_seed {self.seed}; at least one trial"
+                " and one finalist are needed, and a seed is not negative."
+            )
+
+
+class Found(NamedTuple):
+    """The outcome of a search.
+
+    Attributes:
+        setting: the chosen one.
+        place: which of the trials it is.
+        trials: all of them, on the cases to tune on.
+        finalists: the best of them again, on the cases to choose on; None without such cases.
+    """
+
+    setting: Setting
+    place: int
+    trials: Trials
+    finalists: Trials | None
+
+
+class Score(NamedTuple):
+    """Losses on runs that the search has not seen, mean over the draws of each case.
+
+    Attributes:
+        before: (cases,) of the setting before the search.
+        chosen: (cases,) of the chosen one.
+        lost_before: lost runs of the first.
+        lost: lost runs of the second.
+        runs: of either.
+    """
+
+    before: FloatArray
+    chosen: FloatArray
+    lost_before: int
+    lost: int
+    runs: int
+
+
+def settings_key(evaluator: Evaluator, budget: Budget, cases: Sequence[Case]) -> str:
+    """Return a hash of all that the trials of a search depend on."""
+    everything: dict[str, Any] = {
+        "knobs": [asdict(knob) for knob in evaluator.space.knobs],
+        "objective": evaluator.objective.name,
+        "sampler": [budget.sampler, budget.seed],
+        "cases": [[case.cell.spec, asdict(case.cell.protocol), case.draws, case.fingerprint] for case in cases],
+        "code": code_digest(),
+        "versions": versions(),
+    }
+    return hashlib.sha256(json.dumps(everything, sort_keys=True, default=str).encode()).hexdigest()[:20]
+
+
+def search(
+    evaluator: Evaluator,
+    cases: Cases,
+    budget: Budget,
+    folder: Path | None = None,
+    advance: Callable[[int], object] = int,
+) -> Found:
+    """Try ``budget.trials`` settings and choose one; what is stored in ``folder`` is not run again.
+
+    Args:
+        evaluator: of the method's space.
+        cases: of which those to test on are not looked at.
+        budget: what may be spent.
+        folder: where trials are stored; None: nowhere.
+        advance: is told how many settings more are done.
+
+    Raises:
+        JerkbenchError: the sampler is unknown, or a run failed.
+    """
+    store = TrialStore(folder, settings_key(evaluator, budget, [*cases.tune, *cases.choose]))
+    trials = _tried(evaluator, cases.tune, budget, store, advance)
+    best = trials.best(budget.finalists if cases.choose else 1)
+    if not cases.choose:
+        return Found(trials.settings[best[0]], best[0], trials, None)
+    settings = [trials.settings[place] for place in best]
+    finalists = _block(evaluator, settings, cases.choose, store, "finalists", 0)
+    place = best[finalists.best(1)[0]]
+    return Found(trials.settings[place], place, trials, finalists)
+
+
+def score(evaluator: Evaluator, setting: Setting, cases: Sequence[Case]) -> Score:
+    """Return what the setting before the search and ``setting`` are worth on cases that the search has not seen."""
+    both = evaluator.trials([evaluator.space.start, setting], cases)
+    lost_before, lost = (int(count) for count in both.lost)
+    return Score(both.losses[0], both.losses[1], lost_before, lost, sum(len(case.draws) for case in cases))
+
+
+def equal_budgets(found: dict[str, Found]) -> str:
+    """Say how many settings each method was given.
+
+    Raises:
+        JerkbenchError: they are not the same for all methods: such results are not to be compared.
+    """
+    counts = {name: len(outcome.trials) for name, outcome in found.items()}
+    if len(set(counts.values())) > 1:
+        each = ", ".join(f"{name} {count}" for name, count in counts.items())
+        raise JerkbenchError(f"The methods were not tuned alike: settings tried: {each}; give all the same trials=.")
+    (count,) = set(counts.values())
+    return (
+        f"Equal budgets: each of {len(counts)} methods tried {count} settings."
+        if len(counts) > 1
+        else (f"Budget: {count} settings tried.")
+    )
+
+
+def _tried(
+    evaluator: Evaluator, cases: Sequence[Case], budget: Budget, store: TrialStore, advance: Callable[[int], object]
+) -> Trials:
+    """Try the setting before the search, and then those of the sampler, block by block."""
+    space = evaluator.space
+    sampler = sampler_of(budget.sampler, len(space.knobs), budget.seed)
+    parts: list[Trials] = []
+    done = 0
+    while done < budget.trials:
+        first = [space.start] if done == 0 else []
+        count = min(BLOCK, budget.trials - done) - len(first)
+        settings = [*first, *(space.setting(shares) for shares in (sampler.ask(count) if count else ()))]
+        trials = _block(evaluator, settings, cases, store, "tune", done)
+        if count:
+            sampler.tell(trials.means[len(first) :].tolist())
+        parts.append(trials)
+        done += len(settings)
+        advance(len(settings))
+    return joined(parts)
+
+
+def _block(
+    evaluator: Evaluator, settings: Sequence[Setting], cases: Sequence[Case], store: TrialStore, name: str, begin: int
+) -> Trials:
+    """Take a block of trials from the store, or run and store it."""
+    known = store.read(name, begin, settings)
+    if known is not None:
+        return known
+    trials = evaluator.trials(settings, cases)
+    store.write(name, begin, trials)
+    return trials

@@ -1,0 +1,151 @@
+"""The parameters of a method that a search may change, and the settings of them."""
+
+import dataclasses
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from jerkbench.arrays import FloatArray
+from jerkbench.cells.cell import Cell
+from jerkbench.errors import PluginError, unknown
+from jerkbench.parameters import Range, is_whole, ranges_of
+from jerkbench.timeline.told import RScale
+
+TOLD = Range(0.05, 20.0, log=True, source="ours: from a fifth to four times the reported sigma")
+"""The range of each factor on the reported R."""
+
+EDGE = 0.02
+"""A share of the way that is as good as a bound."""
+
+Setting = tuple[float, ...]
+"""A value for each knob, in their order."""
+
+
+@dataclass(frozen=True)
+class Knob:
+    """A parameter that a search may change.
+
+    Attributes:
+        part: "filter", "adaptation" or "r_scale".
+        field: its name there.
+        bounds: the values to try.
+        whole: whether it holds whole numbers.
+        start: its value before the search.
+    """
+
+    part: str
+    field: str
+    bounds: Range
+    whole: bool
+    start: float
+
+    @property
+    def name(self) -> str:
+        """Its key on the command line, for example "filter.accel_mps2"."""
+        return f"{self.part}.{self.field}"
+
+    def value(self, share: float) -> float:
+        """Return the value at ``share`` of the way from low to high."""
+        value = self.bounds.value(share)
+        return float(round(value)) if self.whole else value
+
+    def share(self, value: float) -> float:
+        """Return how much of the way from low to high ``value`` is, 0 to 1."""
+        return self.bounds.share(min(max(value, self.bounds.low), self.bounds.high))
+
+    def typed(self, value: float) -> float:
+        """Return ``value`` as the field holds it."""
+        return round(value) if self.whole else value
+
+
+@dataclass(frozen=True)
+class Space:
+    """The knobs of a method.
+
+    Attributes:
+        knobs: in order: those of the filter, of the adaptation, of the reported R.
+    """
+
+    knobs: tuple[Knob, ...]
+
+    @property
+    def start(self) -> Setting:
+        """The setting before the search."""
+        return tuple(knob.start for knob in self.knobs)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The knobs' names."""
+        return tuple(knob.name for knob in self.knobs)
+
+    def setting(self, shares: FloatArray) -> Setting:
+        """Return the values at ``shares`` (d,) of the ways from low to high."""
+        return tuple(knob.value(float(share)) for knob, share in zip(self.knobs, shares, strict=True))
+
+    def of_part(self, part: str, setting: Setting) -> dict[str, Any]:
+        """Return the values of the fields of one part."""
+        pairs = zip(self.knobs, setting, strict=True)
+        return {knob.field: knob.typed(value) for knob, value in pairs if knob.part == part}
+
+    def applied(self, cell: Cell, setting: Setting) -> Cell:
+        """Return the cell with the values of ``setting``; its specification says them too.
+
+        Raises:
+            PluginError: the plugin does not take values that are each in their range.
+        """
+        parts = {part: self.of_part(part, setting) for part in ("filter", "adaptation", "r_scale")}
+        model: Any = cell.filter
+        rule: Any = cell.adaptation
+        spec = {**cell.spec, **{part: {**cell.spec.get(part, {}), **values} for part, values in parts.items()}}
+        return dataclasses.replace(
+            cell,
+            spec=spec,
+            filter=dataclasses.replace(model, **parts["filter"]),
+            adaptation=dataclasses.replace(rule, **parts["adaptation"]),
+            r_scale=dataclasses.replace(cell.r_scale, **parts["r_scale"]),
+        )
+
+    def at_edge(self, setting: Setting) -> list[str]:
+        """Return a sentence for each knob whose value lies on a bound of its range."""
+        sentences = []
+        for knob, value in zip(self.knobs, setting, strict=True):
+            share = knob.share(value)
+            if share <= EDGE or share >= 1.0 - EDGE:
+                end = "low" if share <= EDGE else "high"
+                where = f"{knob.name} = {value:g} lies at the {end} end of its range ({knob.bounds})"
+                sentences.append(f"{where}; the best may lie beyond.")
+        return sentences
+
+
+def space_of(cell: Cell, chosen: Collection[str] = ()) -> Space:
+    """Return the knobs of the method of a cell: fields with a range, and what is told of R.
+
+    Args:
+        cell: with the values to begin from.
+        chosen: names of the knobs to change; empty: all there are.
+
+    Raises:
+        PluginError: there is none, or none of a chosen name.
+    """
+    own = [*_knobs("filter", cell.filter), *_knobs("adaptation", cell.adaptation)]
+    if not own:
+        names = " nor ".join(f"the {part} {cell.spec[part]['name']}" for part in ("filter", "adaptation"))
+        raise PluginError(f"There is nothing to tune: neither {names} has a parameter with a range (`jerkbench show`).")
+    knobs = [*own, *_told(cell.r_scale)]
+    known = [knob.name for knob in knobs]
+    for name in chosen:
+        if name not in known:
+            raise PluginError(unknown("knob", name, known))
+    return Space(tuple(knob for knob in knobs if not chosen or knob.name in chosen))
+
+
+def _knobs(part: str, plugin: object) -> Sequence[Knob]:
+    cls = type(plugin)
+    return [
+        Knob(part, name, bounds, is_whole(cls, name), float(getattr(plugin, name)))
+        for name, bounds in ranges_of(cls).items()
+    ]
+
+
+def _told(scale: RScale) -> Sequence[Knob]:
+    return [Knob("r_scale", f.name, TOLD, False, getattr(scale, f.name)) for f in dataclasses.fields(RScale)]  # noqa: FBT003

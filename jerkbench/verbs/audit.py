@@ -1,0 +1,47 @@
+"""`jerkbench audit`: every adaptive filter against an equally tuned plain one, scored on what neither has seen."""
+
+import argparse
+from pathlib import Path
+
+from jerkbench.verbs.arguments import Verbs, add_verb, output
+
+EPILOG = """\
+SCALE is a protocol in conf/audit: what is compared, under which faults, with which budget. The protocol and its hash
+are written before anything runs, and the seeds to score on follow from the hash.
+
+  jerkbench audit --scale small      minutes: shows that all of it runs, answers nothing
+  jerkbench audit --scale medium     two models, half the settings
+  jerkbench audit                    the whole protocol
+
+The same command goes on where it was stopped. RESULTS/audit-SCALE has README.md with the answer, its figures, table.md,
+verdicts.csv, settings.csv, rows.parquet, manifest.json, protocol.json.
+"""
+
+
+def add(verbs: Verbs) -> None:
+    """Declare the verb."""
+    audit = add_verb(verbs, "audit", "tune every adaptive filter and the plain one alike, score them unseen", answer)
+    audit.formatter_class = argparse.RawDescriptionHelpFormatter
+    audit.epilog = EPILOG
+    audit.add_argument("--scale", default="full", help="name of the protocol (default: full)")
+    audit.add_argument("--results", type=output, default=Path("results"), help="folder of all results")
+    audit.add_argument("--cluster", default="local", help="what runs it: local, dask, slurm, ... (default: local)")
+    audit.add_argument("--workers", type=int, default=0, help="number of processes (default: one a processor)")
+
+
+def answer(chosen: argparse.Namespace) -> None:
+    """Run the audit and print its answer.
+
+    Raises:
+        JerkbenchError: there is no such protocol, or a run failed.
+    """
+    from jerkbench.audit.protocol import read_protocol
+    from jerkbench.audit.study import FOLDER, run_audit, text_of
+    from jerkbench.execution.processors import processors
+    from jerkbench.hydra_app.chosen_cluster import cluster_named
+
+    protocol = read_protocol(chosen.scale)
+    folder = chosen.results / f"{FOLDER}{chosen.scale}"
+    audit = run_audit(protocol, folder, cluster_named(chosen.cluster), chosen.workers or processors())
+    print(text_of(audit))
+    print(f"Written to {folder}.")

@@ -1,0 +1,28 @@
+"""`jerkbench show`: one plugin or preset, from its own words."""
+
+import argparse
+
+from jerkbench.verbs.arguments import Verbs, add_format, add_verb, print_json
+
+
+def add(verbs: Verbs) -> None:
+    """Declare the verb."""
+    show = add_verb(verbs, "show", "print equations, parameters, defaults and source of one plugin or preset", answer)
+    show.add_argument("kind")
+    show.add_argument("name")
+    add_format(show)
+
+
+def answer(chosen: argparse.Namespace) -> None:
+    """Print all there is to know of it.
+
+    Raises:
+        PluginError: there is none of that name.
+    """
+    from jerkbench.catalogue.machine import shown
+    from jerkbench.catalogue.text import show_text
+
+    if chosen.format == "json":
+        print_json(shown(chosen.kind, chosen.name))
+    else:
+        print(show_text(chosen.kind, chosen.name))

@@ -1,0 +1,92 @@
+"""Methods that weigh the prior or change it, on both engines, against their papers' equations in textbook form."""
+
+from functools import partial
+
+import numpy as np
+import pytest
+import textbook
+
+from jerkbench.adaptation.none import NoAdaptation
+from jerkbench.engines.compiled_engine import CompiledEngine
+from jerkbench.engines.filterpy_engine import FilterpyEngine
+from jerkbench.memory import empty_memory
+from jerkbench.plugins import create
+from plain_filter import assert_follows, run_plain
+from rough import rough_timeline
+
+ONE_SIDED = {"sides": "measurement"}
+ALPHA = np.repeat([1.0, 0.5, 2.0], 3)
+METHODS = {
+    "huber": ({}, lambda: textbook.huber),
+    "huber, measurement": (ONE_SIDED, lambda: partial(textbook.huber, **ONE_SIDED)),
+    "maximum_correntropy": ({}, lambda: textbook.correntropy),
+    "maximum_correntropy, measurement": (ONE_SIDED, lambda: partial(textbook.correntropy, **ONE_SIDED)),
+    "maximum_correntropy, wide": ({"bandwidth": 10.0}, lambda: partial(textbook.correntropy, sigma=10.0)),
+    "ssmkf": ({}, lambda: textbook.similarity),
+    "ssmkf, measurement": (ONE_SIDED, lambda: partial(textbook.similarity, **ONE_SIDED)),
+    "ssmkf, sqrt": ({"function": "sqrt"}, lambda: partial(textbook.similarity, function="sqrt")),
+    "ssmkf, exp": ({"function": "exp", "sigma": 10.0}, lambda: partial(textbook.similarity, function="exp")),
+    "student_t": ({}, lambda: textbook.student_t),
+    "student_t, measurement": (ONE_SIDED, lambda: partial(textbook.student_t, **ONE_SIDED)),
+    "vbakf_pr": ({}, textbook.VariationalPriorAndNoise),
+    "sif": ({}, lambda: textbook.sliding_innovation),
+    "strong_tracking": ({}, textbook.StrongTracking),
+    "strong_tracking, alpha": (
+        {"velocity": 0.5, "other": 2.0, "forgetting": 0.8, "softening": 2.0},
+        lambda: textbook.StrongTracking(ALPHA, 0.8, 2.0),
+    ),
+    "sage_husa_qr": ({}, textbook.SageHusaBoth),
+}
+
+
+@pytest.fixture(scope="module")
+def timeline():
+    return rough_timeline(3.0)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_both_engines_follow_the_textbook(timeline, method):
+    parameters, correction = METHODS[method]
+    rule, model = create("adaptation", {"name": method.split(",")[0], **parameters}), create("filter", {"name": "jerk"})
+    states = run_plain(timeline, model, correction())
+
+    for engine in (FilterpyEngine(), CompiledEngine()):
+        assert_follows(engine.run(timeline, model, rule), states)
+
+
+WALK = [
+    ("huber", {}, (0.18, 0.26), (1.03, 1.12)),
+    ("ssmkf", {}, (0.18, 0.26), (1.04, 1.12)),
+    ("ssmkf", ONE_SIDED, (0.18, 0.26), (0.15, 0.45)),
+    ("student_t", {}, (0.18, 0.26), (0.25, 0.50)),
+    ("student_t", ONE_SIDED, (0.18, 0.26), (0.15, 0.35)),
+    ("maximum_correntropy", {"bandwidth": 5.0}, (0.18, 0.26), (1.02, 1.12)),
+    ("maximum_correntropy", {"bandwidth": 2.0, **ONE_SIDED}, (0.18, 0.26), (0.15, 0.45)),
+]
+"""Ratios of RMSE to the plain filter's where Q is small, and where it is large against R."""
+
+
+@pytest.mark.parametrize(("name", "parameters", "small", "large"), WALK)
+def test_outliers_of_a_scalar_random_walk_are_rejected_but_not_by_a_prior_that_is_doubted_more(
+    name, parameters, small, large
+):
+    """R = 1, 5 % outliers of 30 sigma: with Q = 10 a filter that may doubt its prior prefers to."""
+    for Q, (low, high) in ((0.1, small), (10.0, large)):
+        ratio = walk_rmse(create("adaptation", {"name": name, **parameters}), Q) / walk_rmse(NoAdaptation(), Q)
+        assert low <= ratio <= high
+
+
+def walk_rmse(rule, Q, steps=800):
+    rng = np.random.default_rng(5)
+    truth = np.cumsum(rng.normal(0.0, np.sqrt(Q), steps))
+    z = truth + rng.normal(size=steps) + 30.0 * rng.choice([-1.0, 0.0, 1.0], steps, p=[0.025, 0.95, 0.025])
+    x, P, row, memory, errors = np.zeros(1), np.eye(1), np.array([0]), empty_memory(rule, 1), []
+    for k in range(steps):
+        P, y, R = P + Q, z[k : k + 1] - x, np.eye(1)
+        if hasattr(rule, "adapt_prior"):
+            P = rule.adapt_prior(x, P, np.eye(1), np.full((1, 1), Q), y, R, row, memory)
+        R = rule.adapt(y, P, R, row, memory)
+        K = rule.adapt_gain(x, P, y, R, row, memory) if hasattr(rule, "adapt_gain") else P / (P + R)
+        x, P = x + K @ y, (1.0 - K) ** 2 * P + K**2 * R
+        errors.append(x[0] - truth[k])
+    return np.sqrt(np.mean(np.square(errors)))

@@ -1,0 +1,140 @@
+"""`jerkbench.run` and `jerkbench run` are two ways to ask the same question."""
+
+import inspect
+from functools import cache
+
+import pandas as pd
+import pytest
+from hydra import compose, initialize_config_dir
+from omegaconf import OmegaConf
+
+import jerkbench
+from commands import jerkbench as command_line
+from jerkbench.cells.cell import Protocol
+from jerkbench.cells.from_names import cell_of_parts
+from jerkbench.cells.key import cell_key
+from jerkbench.cells.labels import GROUPS
+from jerkbench.errors import PluginError
+from jerkbench.hydra_app.configuration import Schema, cell_of, register_schemas
+from jerkbench.hydra_app.hydra_parts import register_hydra_parts
+from jerkbench.presets import config_folder, default_names
+from jerkbench.results.study import load_study
+
+DRIVE = {"name": "rtklib", "folder": "anywhere"}
+
+
+@cache
+def by_words(*overrides):
+    """The cell that the command line makes of its words."""
+    register_schemas()
+    register_hydra_parts()
+    with initialize_config_dir(str(config_folder().resolve()), version_base="1.3"):
+        config = compose("config", list(overrides), return_hydra_config=True)
+        bare = {key: value for key, value in config.items() if key != "hydra"}
+        plain = OmegaConf.to_container(OmegaConf.create(bare), resolve=True)
+        return cell_of(plain, config.hydra.runtime.choices, list(overrides))
+
+
+def by_parts(disturbance=(), noise=None, **single):
+    """The cell that Python's arguments make."""
+    usual = {"dataset": "field", "attitude": None, "filter": "baseline", "adaptation": "none", "engine": "compiled"}
+    return cell_of_parts({**usual, **single}, disturbance, noise, Protocol())
+
+
+def test_its_rows_are_those_of_the_command_line(tmp_path):
+    words = ["disturbance=[bias,gnss_outage]", "disturbance.bias.accel_mps2=0.1", "disturbance.gnss_outage.first_s=8"]
+    words += ["filter=baseline_naive", "adaptation=mtf", "attitude=real", "dataset.duration_s=12", "seeds=2"]
+    done = command_line("run", "figures=false", *words, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    theirs = load_study(tmp_path / "results" / "adhoc").rows
+
+    ours = jerkbench.run(
+        dataset={"name": "field", "duration_s": 12},
+        disturbance=[{"name": "bias", "accel_mps2": 0.1}, {"name": "gnss_outage", "first_s": 8}],
+        filter="baseline_naive",
+        adaptation="mtf",
+        attitude="real",
+        seeds=2,
+    )
+
+    assert (ours["status"] == "ok").all()
+    pd.testing.assert_frame_equal(ours, theirs[ours.columns], check_exact=True, check_dtype=False)
+
+
+@pytest.mark.parametrize(
+    ("words", "arguments"),
+    [
+        ([], {}),
+        (["dataset=rtklib", "dataset.folder=anywhere"], {"dataset": DRIVE}),
+        (["dataset=rtklib", "dataset.folder=anywhere", "attitude=none"], {"dataset": DRIVE, "attitude": "none"}),
+        (
+            ["dataset=field_combined", "disturbance=combined"],
+            {"dataset": "field_combined", "disturbance": ["combined"]},
+        ),
+        (["attitude=real", "attitude.sigma_accel_mps2=0.7"], {"attitude": {"name": "real", "sigma_accel_mps2": 0.7}}),
+        (["attitude=gyro_only"], {"attitude": "gyro_only"}),
+        (["filter=jerk", "noise=real"], {"filter": "jerk", "noise": "real"}),
+        (
+            ["filter=jerk", "noise=real", "noise.accel_mps2=0.4"],
+            {"filter": "jerk", "noise": {"name": "real", "accel_mps2": 0.4}},
+        ),
+        (["filter=gnss_only", "noise=tuned"], {"filter": "gnss_only", "noise": "tuned"}),
+        (["filter=jerk", "filter.accel_mps2=0.4"], {"filter": {"name": "jerk", "accel_mps2": 0.4}}),
+        (["disturbance=[withhold,twelve_outages]"], {"disturbance": ["withhold", "twelve_outages"]}),
+        (
+            ["disturbance=combined", "disturbance.bias.accel_mps2=0.5", "disturbance.gnss_outage.windows_s=[[3,4]]"],
+            {
+                "disturbance": [
+                    {"name": "combined", "bias": {"accel_mps2": 0.5}, "gnss_outage": {"windows_s": [[3, 4]]}}
+                ]
+            },
+        ),
+        (["dataset.ruts=true"], {"dataset": {"name": "field", "ruts": True}}),
+    ],
+)
+def test_the_same_names_are_the_same_cell_as_on_the_command_line(words, arguments):
+    theirs, ours = by_words(*words), by_parts(**arguments)
+
+    assert ours.labels == theirs.labels
+    assert cell_key(ours, "data") == cell_key(theirs, "data")  # of all that the rows depend on
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ({"filter": "baseline_naiv"}, "There is no filter 'baseline_naiv'. Did you mean 'baseline_naive'"),
+        ({"attitude": "reel"}, "There is no attitude 'reel'. Did you mean 'real'"),
+        ({"filter": {"accel_mps2": 1.0}}, "filter is .* which has no name"),
+        ({"filter": {"name": "baseline_naive", "acel_mps2": 1.0}}, "parameter of filter baseline 'acel_mps2'"),
+        ({"noise": "tund"}, "There is no noise 'tund'. Did you mean 'tuned'"),
+        ({"noise": {"acel_mps2": 1.0}}, "There is no parameter of noise 'acel_mps2'. Did you mean 'accel_mps2'"),
+        ({"disturbance": {"name": "combined", "bia": {}}}, "in the preset combined 'bia'. Did you mean 'bias'"),
+        ({"disturbance": {"name": "combined", "bias": 3}}, "disturbance combined, 'bias' is 3; give its parameters"),
+    ],
+)
+def test_what_is_wrong_is_a_sentence(arguments, said):
+    with pytest.raises(PluginError, match=said):
+        jerkbench.run(**arguments)
+
+
+def test_the_attitude_filter_is_what_the_data_set_prefers_unless_one_is_given():
+    drive = by_parts(dataset=DRIVE)
+
+    assert (drive.labels.attitude, drive.attitude.sigma_accel_mps2, drive.attitude.propagation) == (
+        "real",
+        0.5,
+        "exact",
+    )
+    assert by_parts(dataset=DRIVE, attitude="tilt").labels.attitude == "tilt"
+    assert by_parts().labels.attitude == "field"
+
+
+def test_the_defaults_are_those_of_the_command_line():
+    defaults = {name: p.default for name, p in inspect.signature(jerkbench.run).parameters.items()}
+    for name in ("seeds", "first_seed", "burn_in_s"):
+        assert defaults[name] == getattr(Schema, name) == getattr(Protocol, name)
+    entries = OmegaConf.load(config_folder() / "config.yaml").defaults
+    chosen = {group: name for entry in entries if entry not in ("_self_", "schema") for group, name in entry.items()}
+
+    assert {name: chosen[name] for name in default_names()} == dict(default_names())
+    assert set(default_names()) >= {*GROUPS, "disturbance", "noise"}

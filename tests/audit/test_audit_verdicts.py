@@ -1,0 +1,130 @@
+"""Verdicts from rows whose answer is known: made by hand, no filter runs."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from jerkbench.audit.campaign import Outcome, seeds_of
+from jerkbench.audit.methods import Method
+from jerkbench.audit.page import page
+from jerkbench.audit.protocol import AuditProtocol, Family
+from jerkbench.audit.scenarios import scenarios
+from jerkbench.audit.searches import ALL, Search
+from jerkbench.audit.verdicts import probability_below, verdict_of, verdicts
+from jerkbench.evaluation.statistics.judgement import Verdict
+from jerkbench.evaluation.statistics.scenarios import over_scenarios
+
+HALF = {"none": "both", "a": "first", "b": "first", "c": "second", "d": "second"}
+PROTOCOL = AuditProtocol(
+    version=1,
+    duration_s=60.0,
+    fields={"white": "field_v1"},
+    filters=("baseline",),
+    plain="none",
+    references=("oracle",),
+    trials=2,
+    restarts=1,
+    finalists=1,
+    tune_seeds=1,
+    choose_seeds=1,
+    test_seeds=12,
+    margin=0.03,
+    families=tuple(Family(name, half, "none", {"usual": {}}) for name, half in HALF.items()),
+    adaptations=("mtf", "chi2"),
+)
+SCENARIOS = tuple(scenarios(PROTOCOL))
+FACTORS = {
+    "none": {0: 2.0, 1: 1.0, 2: 1.0, 3: 1.0},
+    "mtf": {0: 3.0, 1: 0.5, 2: 0.7, 3: 0.4},
+    "chi2": {0: 1.0, 1: 1.0, 2: 1.0, 3: 1.0},
+}
+"""Error of each trial over the tuned plain filter's: 0 the defaults, 1 tuned on first, 2 on second, 3 the bound."""
+
+
+def outcome(lost=()):
+    rng = np.random.default_rng(3)
+    rows = []
+    for number in range(len(SCENARIOS)):
+        for seed in seeds_of(PROTOCOL).test:
+            common = np.exp(rng.normal(0.0, 0.3))
+            for adaptation, factors in FACTORS.items():
+                for trial, factor in factors.items():
+                    away = (number, adaptation, trial) in lost
+                    rows.append(
+                        {
+                            "scenario": number,
+                            "filter": "baseline",
+                            "adaptation": adaptation,
+                            "trial": trial,
+                            "seed": seed,
+                            "status": "diverged" if away else "ok",
+                            "position_rmse_m": np.nan if away else 0.1 * common * factor,
+                            "anees": 6.0,
+                            "seconds": 0.001,
+                        }
+                    )
+    methods = [Method("baseline", name) for name in FACTORS]
+    trial = {Search(m, half, 0): k for m in methods for half, k in (("first", 1), ("second", 2), (ALL, 1))}
+    return Outcome(dict.fromkeys(trial, ()), trial, dict.fromkeys(methods, 3), pd.DataFrame(rows))
+
+
+def judged(**more):
+    return {verdict.method.adaptation: verdict for verdict in verdicts(outcome(**more), PROTOCOL, SCENARIOS)}
+
+
+def test_a_setting_is_scored_on_the_half_that_its_search_has_not_seen():
+    """a and b (first half) take .7 of the search on second, c and d .5 of that on first, `none` the mean of both."""
+    log = np.mean([np.log(0.7), np.log(0.7), np.log(0.5), np.log(0.5), (np.log(0.7) + np.log(0.5)) / 2])
+    mtf = judged()["mtf"]
+    assert mtf.tuned.ratio == pytest.approx(np.exp(log), rel=1e-12)
+    assert mtf.nominal == pytest.approx(np.sqrt(0.35), rel=1e-12)
+    assert mtf.worst_ratio == pytest.approx(0.7, rel=1e-12)
+    assert mtf.default == pytest.approx(3.0, rel=1e-12)
+    assert mtf.bound == pytest.approx(0.4, rel=1e-12)
+
+
+def test_what_is_the_same_is_equal_and_what_halves_the_error_is_better():
+    found = judged()
+    assert found["mtf"].verdict is Verdict.BETTER
+    assert found["mtf"].p_better > 0.99
+    assert found["chi2"].verdict is Verdict.EQUAL
+    assert found["mtf"].places[0] == 1
+
+
+def test_a_lost_run_counts_a_hundred_times_the_level():
+    """Of scenario 1 (family a) with the setting of the second half, trial 2."""
+    mtf = judged(lost={(1, "mtf", 2)})["mtf"]
+    assert mtf.worst_ratio == pytest.approx(200.0)  # the level is that of the defaults, twice the tuned plain filter's
+    assert mtf.lost == pytest.approx(1 / 6)  # six settings are scored over five scenarios: `none` has two
+    assert mtf.verdict is not Verdict.BETTER
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "word"),
+    [
+        (0.5, 0.9, "better"),
+        (0.98, 1.02, "equal"),
+        (1.1, 1.2, "worse"),
+        (0.9, 1.1, "undecided"),
+        (0.96, 1.0, "undecided"),
+    ],
+)
+def test_an_interval_has_one_word(low, high, word):
+    assert verdict_of(low, high, 0.03) == Verdict(word)
+
+
+def test_the_probability_is_that_of_the_interval():
+    """Half of it lies below the mean, 2.5 % below the lower end of the 95 % interval."""
+    mean = over_scenarios(np.random.default_rng(1).normal(-0.2, 0.1, (6, 12)))
+    assert probability_below(mean, mean.ratio) == pytest.approx(0.5)
+    assert probability_below(mean, mean.low) == pytest.approx(0.025, rel=1e-6)
+
+
+def test_the_page_says_what_the_verdicts_say():
+    found = verdicts(outcome(), PROTOCOL, SCENARIOS)
+    text = page(PROTOCOL, "small", found, 180)
+    head = text.splitlines()[:10]
+    assert any("1 of 2 beat a tuned Kalman filter; 1 of them harm nowhere by more than 3 %." in line for line in head)
+    assert "baseline + mtf" in text
+    assert PROTOCOL.digest in text
+    assert "1 better, 1 equal" in text

@@ -1,0 +1,116 @@
+"""An audit of seconds, from the protocol to its page."""
+
+import dataclasses
+import json
+
+import pandas as pd
+import pytest
+
+import jerkbench
+from jerkbench.audit.campaign import seeds_of
+from jerkbench.audit.protocol import read_protocol
+from jerkbench.audit.runs import Stage
+from jerkbench.audit.scenarios import scenarios
+from jerkbench.audit.study import run_audit
+from jerkbench.clusters.local import Local
+
+FAMILIES = ("none", "outliers", "wheel_slip")
+
+
+@pytest.fixture(scope="module")
+def protocol():
+    small = read_protocol("small")
+    families = tuple(
+        dataclasses.replace(family, severities=dict(list(family.severities.items())[-1:]))
+        for family in small.families
+        if family.name in FAMILIES
+    )
+    return dataclasses.replace(
+        small,
+        duration_s=30.0,
+        fields={"white": "field_v1"},
+        filters=("baseline",),
+        adaptations=("chi2",),
+        families=families,
+        trials=3,
+        restarts=1,
+        finalists=2,
+        tune_seeds=1,
+        choose_seeds=1,
+        test_seeds=3,
+    )
+
+
+@pytest.fixture(scope="module")
+def finished(protocol, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("audit") / "audit-tiny"
+    return folder, run_audit(protocol, folder, Local(), workers=1)
+
+
+def test_a_row_is_what_a_run_of_its_setting_gives(protocol, finished):
+    """By the Python API, from the table of settings alone."""
+    folder, audit = finished
+    settings = pd.read_csv(folder / "settings.csv")
+    own = settings[(settings.adaptation == "chi2") & (settings.tuned_on == "second")].set_index("knob")["value"]
+    (scenario,) = [s for s in scenarios(protocol) if s.family == "outliers"]
+    parts = {part: {} for part in ("filter", "adaptation", "r_scale")}
+    for knob, value in own.items():
+        part, name = knob.split(".")
+        parts[part][name] = int(value) if name == "longest" else value
+    row = jerkbench.run(
+        dataset=scenario.dataset,
+        disturbance=scenario.disturbance,
+        filter={"name": "baseline", **parts["filter"]},
+        adaptation={"name": "chi2", **parts["adaptation"]},
+        r_scale=parts["r_scale"],
+        seeds=1,
+        first_seed=seeds_of(protocol).test[0],
+    ).iloc[0]
+    test = audit.outcome.test
+    trial = next(
+        k
+        for search, k in audit.outcome.trial.items()
+        if search.tuned_on == "second" and search.method.adaptation == "chi2"
+    )
+    number = [s.family for s in scenarios(protocol)].index("outliers")
+    stored = test[(test.scenario == number) & (test.adaptation == "chi2") & (test.trial == trial)].iloc[0]
+    assert stored.position_rmse_m == pytest.approx(row.position_rmse_m, rel=1e-9)
+
+
+def test_an_audit_that_was_stopped_goes_on_and_comes_out_the_same(protocol, finished, monkeypatch):
+    folder, audit = finished
+    files = sorted((folder / "runs").iterdir())
+    for path in files[::3]:
+        path.unlink()
+    files[1].write_bytes(b"damaged")
+    runs, run = [], Stage.run
+    monkeypatch.setattr(Stage, "run", lambda stage: runs.append(stage.path.name) or run(stage))
+    again = run_audit(protocol, folder, Local(), workers=1)
+    assert set(runs) == {path.name for path in files[::3]} | {files[1].name}
+    timeless = [frame.drop(columns="seconds") for frame in (audit.outcome.test, again.outcome.test)]
+    pd.testing.assert_frame_equal(*timeless)
+    assert again.outcome.chosen == audit.outcome.chosen
+
+
+def test_the_runs_that_score_are_not_read_before_every_setting_is_chosen(protocol, tmp_path, monkeypatch):
+    test, run = set(seeds_of(protocol).test), Stage.run
+
+    def poisoned(stage):
+        if test & set(stage.seeds):
+            raise RuntimeError(stage.name)
+        return run(stage)
+
+    monkeypatch.setattr(Stage, "run", poisoned)
+    with pytest.raises(RuntimeError, match="test"):
+        run_audit(protocol, tmp_path / "audit-tiny", Local(), workers=1)
+    names = {path.name.split("-")[0] for path in (tmp_path / "audit-tiny" / "runs").iterdir()}
+    assert names == {"tune", "choose"}
+
+
+def test_the_folder_says_what_was_done(protocol, finished):
+    folder, audit = finished
+    assert json.loads((folder / "manifest.json").read_text())["protocol"] == protocol.digest
+    assert f"digest `{protocol.digest}`" in (folder / "README.md").read_text()
+    assert pd.read_csv(folder / "verdicts.csv").adaptation.tolist() == ["chi2"]
+    assert len(pd.read_parquet(folder / "rows.parquet")) == len(audit.outcome.test)
+    assert (folder / "ratios.png").stat().st_size > 5000

@@ -1,0 +1,158 @@
+"""Mistakes of an author: each is a sentence of `jerkbench check`, and most are one before a sweep begins."""
+
+import json
+from xml.etree import ElementTree as ET
+
+import pytest
+
+from commands import jerkbench, verb
+
+PACKAGE = '''"""A package with one mistake."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class {name}:
+    """Doubts every measurement.
+
+    Attributes:
+        factor: on R [-].
+    """
+
+    {parameter}
+
+    def adapt(self, innovation, HPHt, R, rows, memory):
+        """Return R, inflated."""
+        {body}
+{more}
+'''
+PARAMETER, BODY = "factor: float = 4.0", "return self.factor * R"
+MISSPELT = """
+    def fades(self, innovation, HPHt, R, rows, memory):
+        return 2.0
+"""
+MISTAKES = {
+    "wrong_shape": ({"body": "return self.factor * np.diag(R)"}, "adapt() has shape (6,); it must be (6, 6)"),
+    "in_place": ({"body": "R *= self.factor; return R"}, "adapt() changes R in place; it must work on a copy"),
+    "state_on_self": ({"body": "self.seen = 1; return R"}, "sets self.seen while it runs, but a plugin never changes"),
+    "misspelt": ({"more": MISSPELT}, ".fades, but for fade; give it that name"),
+    "missing_type": ({"parameter": "factor = 4.0"}, "has no type, so it is no parameter; write factor: float = 4.0"),
+    "not_found": ({"name": "Elsewhere"}, "cannot be imported: AttributeError: module 'not_found' has no attribute"),
+    "nan_result": ({"body": "return R * np.nan"}, "adapt() has NaN as a variance; infinity drops a row"),
+    "wrong_type": ({"parameter": 'factor: float = "x"'}, "'factor'"),
+    "raises": ({"body": "return R * (1 / 0)"}, "raises ZeroDivisionError"),
+}
+BEFORE_A_SWEEP = ["wrong_shape", "in_place", "state_on_self", "misspelt", "missing_type", "not_found", "nan_result"]
+
+
+def write(folder, module, mistake):
+    """Write a package whose plugin has the name of its module."""
+    class_name = "".join(word.capitalize() for word in module.split("_"))
+    values = {"name": class_name, "parameter": PARAMETER, "body": BODY, "more": ""} | mistake
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / f"{module}.py").write_text(PACKAGE.format(**values))
+    entry = f'[project.entry-points."jerkbench.adaptation"]\n{module} = "{module}:{class_name}"\n'
+    (folder / "pyproject.toml").write_text(entry)
+    return class_name
+
+
+@pytest.mark.parametrize("module", MISTAKES)
+def test_check_finds_it(tmp_path, module):
+    mistake, sentence = MISTAKES[module]
+    write(tmp_path, module, mistake)
+    done = verb("check", str(tmp_path), cwd=tmp_path)
+
+    assert done.returncode == 1
+    assert done.stdout.startswith(f"adaptation {module}: error: ")
+    assert sentence in done.stdout
+
+
+def test_what_cannot_be_compiled_is_a_notice(tmp_path):
+    write(tmp_path, "not_compiled", {"body": 'return R * {"a": self.factor}.get("b", eval("2.0"))'})
+    done = verb("check", str(tmp_path), cwd=tmp_path)
+
+    assert done.returncode == 0
+    assert "notice: NotCompiled cannot be compiled and runs on the engine filterpy, many times slower: " in done.stdout
+    assert done.stdout.endswith("adaptation not_compiled: keeps its contract.\n")
+
+
+def install(folder, module, mistake):
+    """The same, as an installer would leave it in ``folder``."""
+    class_name = write(folder, module, mistake)
+    metadata = folder / f"{module}-1.0.dist-info"
+    metadata.mkdir()
+    (metadata / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {module}\nVersion: 1.0\n")
+    name = class_name if "name" not in mistake else "Lost"
+    (metadata / "entry_points.txt").write_text(f"[jerkbench.adaptation]\n{module} = {module}:{name}\n")
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory):
+    """A folder with each of the packages installed."""
+    folder = tmp_path_factory.mktemp("installed")
+    for module, (mistake, _) in MISTAKES.items():
+        install(folder, module, mistake)
+    return str(folder)
+
+
+REFUSED = {"misspelt", "missing_type", "not_found"}
+"""Mistakes of a class, with which nothing at all runs."""
+
+
+@pytest.mark.parametrize("module", ["missing_type", "not_found"])
+def test_a_sweep_with_a_broken_class_is_refused(installed, tmp_path, module):
+    words = ["dataset.duration_s=12", "seeds=1", "workers=1", f"adaptation=none,{module}"]
+    done = jerkbench("run", "-m", *words, cwd=tmp_path, PYTHONPATH=installed)
+
+    assert done.returncode == 2
+    assert "left out: " in done.stderr
+    assert not list(tmp_path.rglob("*.parquet"))
+
+
+def test_the_others_are_told_before_the_first_cell_runs(installed, tmp_path):
+    names = [module for module in BEFORE_A_SWEEP if module not in REFUSED]
+    words = ["dataset.duration_s=12", "seeds=1", "workers=1", f"adaptation={','.join(names)}"]
+    done = jerkbench("run", "-m", *words, cwd=tmp_path, PYTHONPATH=installed)
+
+    assert done.returncode == 1
+    for module in names:
+        line = next(line for line in done.stderr.splitlines() if MISTAKES[module][1] in line)
+        assert line.startswith(f"Every run with the adaptation {module} will fail: ")
+
+
+def test_json_and_junit_say_the_same(tmp_path):
+    mistake, sentence = MISTAKES["wrong_shape"]
+    write(tmp_path, "wrong_shape", mistake)
+    answer = json.loads(verb("check", str(tmp_path), "--format", "json", cwd=tmp_path).stdout)
+    suite = ET.fromstring(verb("check", str(tmp_path), "--format", "junit", cwd=tmp_path).stdout)  # noqa: S314 - our own
+
+    assert answer["ok"] is False
+    (finding,) = answer["plugins"][0]["findings"]
+    assert finding["severity"] == "error"
+    assert sentence in finding["sentence"]
+    assert suite.attrib["failures"] == "1"
+    assert suite.find("testcase/failure").attrib["message"] == finding["sentence"]
+
+
+@pytest.mark.parametrize(
+    ("package", "sentence"),
+    [
+        ("nothing_of_that_name", "There is no folder, no installed distribution and no module 'nothing_of_that_name'"),
+        ("json", "json has no plugin: write an entry point"),
+        (".", "has no pyproject.toml"),
+    ],
+)
+def test_what_is_no_package_is_a_sentence(tmp_path, package, sentence):
+    done = verb("check", package, cwd=tmp_path)
+
+    assert done.returncode == 2
+    assert sentence in done.stderr
+
+
+def test_a_module_of_the_tree_is_checked_by_its_name(tmp_path):
+    done = verb("check", "jerkbench.adaptation.huber", cwd=tmp_path)
+
+    assert (done.returncode, done.stdout) == (0, "adaptation huber: keeps its contract.\n")

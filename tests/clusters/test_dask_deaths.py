@@ -1,0 +1,97 @@
+"""Dask's workers and scheduler die, and Ctrl-C: nothing that is finished is lost, and the same command ends it."""
+
+import importlib.util
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+from dask_site import dask_site
+
+from commands import environment, swept
+from jerkbench.results.store import Store
+
+CELLS = 400
+WORDS = [f"noise.accel_mps2=range(0.1,{CELLS / 10 + 0.1:g},0.1)", "filter=jerk", "seeds=2", "dataset.duration_s=12"]
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(importlib.util.find_spec("distributed") is None, reason="distributed is not installed"),
+]
+
+
+@pytest.fixture(scope="module")
+def expected(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("local")
+    swept(*WORDS, cwd=folder)
+    return rows(folder)
+
+
+def rows(folder):
+    return (folder / "results/adhoc/rows.csv").read_bytes()
+
+
+def stored(folder):
+    return len(Store(folder / "results/adhoc").keys_from(""))
+
+
+def done_already(sweep):
+    return int(re.search(rf"(\d+) of {CELLS} cells are done already", sweep.stderr)[1])
+
+
+def started(folder, *words):
+    """Start a sweep in a group of its own; returns when some cells are stored, and others are not."""
+    command = [sys.executable, "-m", "jerkbench", "run", "-m", *WORDS, *words, "figures=false", "workers=2"]
+    sweep = subprocess.Popen(
+        command,
+        cwd=folder,
+        env=environment(),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    while sweep.poll() is None and stored(folder) < 4:
+        time.sleep(0.01)
+    assert sweep.poll() is None, sweep.communicate()
+    return sweep
+
+
+def test_a_worker_that_is_killed_costs_nothing(expected, tmp_path):
+    with dask_site(tmp_path) as (address, _, workers):
+        sweep = started(tmp_path, "cluster=dask", f"cluster.address={address}")
+        workers[0].kill()
+        _, told = sweep.communicate(timeout=300)
+
+    assert sweep.returncode == 0, told
+    assert rows(tmp_path) == expected
+
+
+def test_a_scheduler_that_is_killed_ends_the_sweep_in_a_sentence_and_a_table(expected, tmp_path):
+    with dask_site(tmp_path) as (address, scheduler, _):
+        sweep = started(tmp_path, "cluster=dask", f"cluster.address={address}")
+        scheduler.kill()
+        table, told = sweep.communicate(timeout=300)
+
+    assert sweep.returncode == 1, told
+    done = (rows(tmp_path).count(b"\n") - 1) // 2
+    assert "the sweep ends here: The Dask scheduler tcp://127.0.0.1" in told
+    assert "Traceback" not in told
+    assert "Position RMSE" in table
+    assert done_already(swept(*WORDS, cwd=tmp_path)) >= done  # a worker may have stored more, after the sweep's end
+    assert rows(tmp_path) == expected
+
+
+def test_after_ctrl_c_the_table_is_printed_and_the_same_command_goes_on(expected, tmp_path):
+    sweep = started(tmp_path, "cluster=dask")
+    os.killpg(sweep.pid, signal.SIGINT)
+    table, told = sweep.communicate(timeout=300)
+
+    assert sweep.returncode == 130
+    assert "Interrupted. What is done is stored" in told
+    assert "Traceback" not in told
+    assert "Position RMSE" in table
+    assert done_already(swept(*WORDS, "cluster=dask", cwd=tmp_path)) > 0
+    assert rows(tmp_path) == expected

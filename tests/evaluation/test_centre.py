@@ -1,0 +1,48 @@
+"""The centres of many cells at once: each is that of scipy for its own runs."""
+
+import numpy as np
+import pytest
+from scipy.stats import gmean, ttest_1samp
+
+from jerkbench.evaluation.statistics.centre import GEOMETRIC, MEDIAN, centres
+
+
+def sample(rng, size, lost=0, missing=0):
+    """Errors of ``size`` runs, of which some were lost and some have no value."""
+    errors = rng.lognormal(0.0, 0.2, size)
+    errors[:lost], errors[lost : lost + missing] = np.inf, np.nan
+    return rng.permutation(errors)
+
+
+@pytest.fixture
+def samples():
+    rng = np.random.default_rng(4)
+    whole = [sample(rng, size) for size in (4, 20, 4, 7, 20)]
+    return [*whole, *(sample(rng, 20, lost, missing) for lost, missing in ((3, 0), (0, 5), (12, 2), (2, 2)))]
+
+
+def test_cells_of_all_sizes_keep_their_order_and_have_their_own_centre(samples):
+    for errors, centre in zip(samples, centres(samples), strict=True):
+        kept = errors[~np.isnan(errors)]
+        if np.isinf(kept).any():
+            assert (centre.kind, centre.value) == (MEDIAN, pytest.approx(np.median(kept), rel=1e-14))
+            continue
+        ends = ttest_1samp(np.log(kept), 0).confidence_interval(0.95)
+        expected = (gmean(kept), np.exp(ends.low), np.exp(ends.high))
+        assert (centre.kind, (centre.value, centre.low, centre.high)) == (GEOMETRIC, pytest.approx(expected, rel=1e-12))
+        assert centre.quartiles == pytest.approx(tuple(np.quantile(kept, [0.25, 0.75])), rel=1e-14)
+
+
+def test_beside_others_a_cell_has_the_bits_that_it_has_alone(samples):
+    assert repr(centres(samples)) == repr([centres([errors])[0] for errors in samples])
+
+
+def test_cells_without_scatter_without_value_and_with_a_lock_out():
+    alike, empty, single, locked = centres(
+        [np.full(4, 0.3), np.full(4, np.nan), np.array([0.2]), np.array([0.1, 0.1, 0.1, 5.0])]
+    )
+    assert (alike.kind, alike.value, alike.low, alike.high) == (GEOMETRIC, 0.3, 0.3, 0.3)
+    assert np.isnan([empty.value, empty.low, empty.high, *empty.quartiles]).all()
+    assert single.value == 0.2
+    assert np.isnan([single.low, single.high]).all()
+    assert (locked.kind, locked.value, locked.locked) == (MEDIAN, 0.1, 1)

@@ -1,0 +1,192 @@
+"""Programs as filters: one in C is our own baseline, and each way in which a program fails is a sentence."""
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import jerkbench
+from commands import PATIENCE_S
+from jerkbench.cells.cell import Protocol
+from jerkbench.cells.from_names import cell_of_parts
+from jerkbench.cells.key import cell_key
+from jerkbench.errors import PluginError, RecordingError
+from jerkbench.external.program import command_words, program_files
+from processes import alive
+
+EXAMPLES = Path(__file__).parents[2] / "examples" / "any_language"
+SHORT = {"name": "field", "duration_s": 12.0, "stand_s": 2.0, "rut_times_s": (8.0,)}
+
+
+@pytest.fixture(scope="module")
+def baseline(tmp_path_factory):
+    """The example in C, built."""
+    compiler = shutil.which("gcc") or shutil.which("cc")
+    if compiler is None:
+        pytest.skip("no C compiler on this machine")
+    program = tmp_path_factory.mktemp("built") / "baseline"
+    subprocess.run(
+        [compiler, "-O2", "-Wall", "-Wextra", "-Werror", "-o", str(program), str(EXAMPLES / "baseline.c"), "-lm"],
+        check=True,
+    )
+    return program
+
+
+def rows_of(command, seeds=1, **parameters):
+    return jerkbench.run(dataset=SHORT, filter={"name": "command", "command": command, **parameters}, seeds=seeds)
+
+
+def test_a_program_in_c_is_our_baseline(baseline):
+    ours = jerkbench.run(dataset=SHORT, filter="baseline", seeds=3)
+    theirs = rows_of(f"{baseline} {{recording}} {{out}}", seeds=3)
+
+    assert list(theirs["status"]) == ["ok"] * 3
+    assert set(theirs["filter"]) == {"baseline(program)"}
+    for metric in ("position_rmse_m", "velocity_rmse_mps", "position_max_m"):
+        np.testing.assert_allclose(theirs[metric], ours[metric], rtol=1e-6)
+
+
+def test_its_arguments_change_what_it_does_and_its_label_what_it_is_called(baseline):
+    first, second = (
+        rows_of(f"{baseline} {{recording}} {{out}} {sigma}", label=f"C {sigma}") for sigma in ("0.2", "2.0")
+    )
+
+    assert [rows["filter"][0] for rows in (first, second)] == ["C 0.2(program)", "C 2.0(program)"]
+    assert first["position_rmse_m"][0] != second["position_rmse_m"][0]
+
+
+def script(folder, text):
+    path = folder / "mine.sh"
+    path.write_text(text)
+    return f"sh {path} {{recording}} {{out}} {{seed}}"
+
+
+HEAD = 'echo t_s,east_m,north_m,up_m > "$2"\n'
+EACH = 'awk -F, \'NR > 1 {{ print $1 ",{east},0,0" }}\' "$1" >> "$2"\n'
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("echo first >&2; echo 'no such model' >&2; exit 3", "ended with exit code 3. It said: first | no such model"),
+        ("kill -SEGV $$", "was ended by SIGSEGV"),
+        ("sleep 30", "took longer than 0.5 s (time_limit_s)"),
+        ("exit 0", "ended well and wrote no out.csv"),
+        ("echo hello > $2", "out.csv"),
+        (HEAD, "out.csv has no estimate in it"),
+        (HEAD + EACH.format(east="nan"), "out.csv, row 1: the position (east_m) is no finite number"),
+        (HEAD + "echo 0.01,0,0,0 >> $2; echo 11.9,0,0,0 >> $2", "has no estimate between 0.01 and 11.90 s"),
+        (HEAD + EACH.format(east="0") + "echo 0.5,0,0,0 >> $2", "its time is not after that of the row above"),
+        ('echo t_s,x,y,z > "$2"; echo 1,2,3,4 >> "$2"', "There is no column 'east_m'"),
+    ],
+)
+def test_each_way_to_fail_is_a_failed_row_with_its_sentence(tmp_path, text, reason):
+    row = rows_of(script(tmp_path, text), time_limit_s=0.5 if "0.5 s" in reason else PATIENCE_S).iloc[0]
+
+    assert row["status"] == "failed"
+    assert reason in row["reason"]
+    assert "jerkbench_" not in row["reason"]  # the temporary folder, another one each time
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="it looks into /proc")
+def test_what_a_program_started_ends_with_it(tmp_path):
+    number = tmp_path / "number"
+    program = script(tmp_path, f"sleep {PATIENCE_S} & echo $! > {number}; wait")
+    for time_limit_s in (0.3, 3.0, 30.0, 300.0):  # the first is enough, unless the machine has much else to do
+        rows_of(program, time_limit_s=time_limit_s)
+        if number.exists() and number.read_text().strip():
+            break
+
+    deadline = time.monotonic() + PATIENCE_S / 2
+    while alive(int(number.read_text())) and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert not alive(int(number.read_text()))
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_run_that_is_ended_ends_its_program(tmp_path, number):
+    begun = tmp_path / "begun"
+    code = (
+        "import signal; signal.signal(signal.SIGINT, signal.default_int_handler);"  # it may be ignored here
+        "from jerkbench.external.program import run_program; from pathlib import Path;"
+        f"words = ['sh', '-c', 'echo $$ > {begun}; exec sleep {PATIENCE_S}'];"
+        f"run_program(words, Path({str(tmp_path)!r}), {2 * PATIENCE_S})"
+    )
+    process = subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.DEVNULL)
+    while not (begun.exists() and begun.read_text().strip()):
+        assert process.poll() is None
+        time.sleep(0.05)
+    process.send_signal(number)
+    process.wait(PATIENCE_S)
+
+    with pytest.raises(ProcessLookupError):
+        os.kill(int(begun.read_text()), 0)
+
+
+def test_another_build_of_a_program_is_another_result(tmp_path):
+    def key():
+        filter_part = {"name": "command", "command": command}
+        single = {"dataset": SHORT, "attitude": None, "filter": filter_part, "adaptation": "none", "engine": "compiled"}
+        return cell_key(cell_of_parts(single, [], None, Protocol()), "")
+
+    command = script(tmp_path, "exit 0")
+    first, again = key(), key()
+    script(tmp_path, "exit 0  # rebuilt")
+
+    assert first == again
+    assert key() != first
+
+
+def test_a_program_sees_no_reference_and_its_seed(tmp_path):
+    keep = f'cp -r "$(dirname "$1")" {tmp_path}/seen; echo "$3" > {tmp_path}/seed; exit 1'
+    jerkbench.run(dataset=SHORT, filter={"name": "command", "command": script(tmp_path, keep)}, seeds=1, first_seed=7)
+
+    assert (tmp_path / "seed").read_text() == "7\n"
+    assert sorted(path.name for path in (tmp_path / "seen").iterdir()) == [
+        "recording.csv",
+        "recording.json",
+        "stderr.txt",
+        "stdout.txt",
+    ]
+    assert "reference_" not in (tmp_path / "seen" / "recording.csv").read_text()
+
+
+def test_an_early_end_is_a_divergence(tmp_path):
+    row = rows_of(script(tmp_path, HEAD + EACH.format(east="0").replace("NR > 1", "NR > 1 && $1 < 8"))).iloc[0]
+
+    assert row["status"] == "diverged"
+    assert "The trajectory ends at 7.99 s, the reference at 12.00 s." in row["reason"]
+
+
+def test_the_words_of_a_command_see_no_shell():
+    words = command_words("./a '{recording}' \"two words\" $HOME;ls {out}", {"recording": "/x y", "out": "o"})
+
+    assert words == ["./a", "/x y", "two words", "$HOME;ls", "o"]
+
+
+def test_the_files_of_a_command_are_the_program_and_what_it_names(tmp_path):
+    (tmp_path / "mine.py").write_text("")
+
+    assert [path.name for path in program_files(f"sh {tmp_path / 'mine.py'} {{recording}}")] == ["sh", "mine.py"]
+    with pytest.raises(RecordingError, match=r"There is no program \./nowhere"):
+        program_files("./nowhere {recording}")
+
+
+@pytest.mark.parametrize(
+    ("given", "sentence"),
+    [
+        ({"formats": ["cvs"]}, "There is no format of a recording 'cvs'. Did you mean 'csv'"),
+        ({"formats": []}, "formats is empty"),
+        ({"time_limit_s": 0.0}, "time_limit_s is 0.0"),
+        ({"frame": "end"}, "There is no frame 'end'"),
+    ],
+)
+def test_wrong_parameters_are_sentences(given, sentence):
+    with pytest.raises(PluginError, match=sentence):
+        rows_of("sh {recording}", **given)

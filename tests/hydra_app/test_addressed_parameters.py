@@ -1,0 +1,56 @@
+"""Parameters under the name of their plugin, in a sweep of plugins of which not all have them."""
+
+import pandas as pd
+import pytest
+
+from commands import SHORT, jerkbench, swept
+from jerkbench.hydra_app.addressed_parameters import address, without_addresses
+
+
+def adaptations(folder):
+    return sorted(pd.read_csv(folder / "results" / "adhoc" / "rows.csv")["adaptation"])
+
+
+def test_a_parameter_applies_where_its_plugin_is_chosen(tmp_path):
+    swept("adaptation=none,mtf,student_t", "adaptation.mtf.window=1,4", "filter=jerk", cwd=tmp_path)
+
+    assert adaptations(tmp_path) == ["mtf(window=1)", "mtf(window=4)", "none", "student_t"]
+
+
+def test_a_preset_is_addressed_by_its_own_name_and_by_that_of_its_plugin(tmp_path):
+    words = ["filter=baseline_naive,jerk", "filter.baseline_naive.accel_mps2=0.3", "filter.jerk.accel_mps2=0.1,0.2"]
+    swept(*words, cwd=tmp_path)
+    swept("filter=baseline_naive", "filter.baseline.accel_mps2=0.4", "study=plugin", cwd=tmp_path)
+    named = sorted(pd.read_csv(tmp_path / "results" / "adhoc" / "rows.csv")["filter"])
+
+    assert named == ["baseline_naive(accel_mps2=0.3)", "jerk(accel_mps2=0.1)", "jerk(accel_mps2=0.2)"]
+    (other,) = pd.read_csv(tmp_path / "results" / "plugin" / "rows.csv")["filter"]
+    assert other == "baseline_naive(accel_mps2=0.4)"
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["adaptation=none,mtf", "adaptation.huber.k=1"], "nothing that is to run has adaptation=huber; choose it too"),
+        (["adaptation=mtf,student_t", "adaptation.window=1,4"], "by the name of its plugin: adaptation.mtf.window=..."),
+        (["adaptation=none,mtf", "adaptation.mtf.windw=1"], "There is no option 'adaptation.windw'"),
+    ],
+)
+def test_what_fits_nowhere_is_a_sentence(tmp_path, words, sentence):
+    done = jerkbench("run", "-m", *SHORT, *words, cwd=tmp_path)
+
+    assert done.returncode == 2
+    assert sentence in done.stderr
+    assert not list(tmp_path.rglob("*.parquet"))
+
+
+def test_a_single_run_takes_the_address_of_what_it_has():
+    assert without_addresses(["adaptation=mtf", "adaptation.mtf.window=4"]) == ["adaptation=mtf", "adaptation.window=4"]
+    assert without_addresses(["filter.baseline.accel_mps2=1"]) == ["filter.accel_mps2=1"]
+    with pytest.raises(Exception, match="has adaptation=mtf; choose it too"):
+        without_addresses(["adaptation.mtf.window=4"])
+
+
+@pytest.mark.parametrize("word", ["adaptation.window=4", "disturbance.bias.accel_mps2=1", "-m", "hydra.sweep.dir=x.y"])
+def test_other_words_have_no_address(word):
+    assert address(word) is None

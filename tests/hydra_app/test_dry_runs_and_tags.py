@@ -1,0 +1,83 @@
+"""A plan that is told and not run, and words of one's own for cells."""
+
+import pandas as pd
+import pytest
+
+from commands import SHORT, jerkbench, swept, verb
+from jerkbench import api
+from jerkbench.cells.cell import Protocol
+from jerkbench.cells.from_names import cell_of_parts
+from jerkbench.results.store import Store
+from jerkbench.sweep.forecast import forecast, lines
+from jerkbench.sweep.sweep import plan_sweep
+
+FIELD = {"name": "field", "duration_s": 12}
+
+
+def plan_of(*filters, seeds=4):
+    single = {"dataset": FIELD, "attitude": None, "adaptation": None, "engine": None}
+    return plan_sweep([cell_of_parts({**single, "filter": f}, [], None, Protocol(seeds=seeds)) for f in filters])
+
+
+def test_a_dry_sweep_says_what_it_would_do_and_does_nothing(tmp_path):
+    words = ["dataset.duration_s=12", "seeds=3", "workers=2"]
+    done = jerkbench("run", "-m", "--dry", *words, "filter=gnss_only,jerk", "adaptation=none,mtf", cwd=tmp_path)
+
+    assert done.returncode == 0, done.stderr
+    assert "jerk, mtf, own: 3 runs" in done.stdout
+    assert "Left out 1 combination: the filter gnss_only takes no adaptation 'mtf'" in done.stdout
+    assert "3 combinations, 0 done; 9 runs to do." in done.stdout
+    assert "How long it takes is not known" in done.stdout
+    assert not list(tmp_path.rglob("*.parquet"))
+
+
+def test_a_dry_single_run_does_nothing_either(tmp_path):
+    done = jerkbench("run", "--dry", *SHORT, cwd=tmp_path)
+
+    assert "1 combination, 0 done; 1 run to do." in done.stdout
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_time_is_that_of_what_is_most_alike(tmp_path, monkeypatch):
+    api.sweep(tmp_path / "first", dataset=FIELD, filter=["baseline", "jerk"], seeds=2)
+    original = Store.read
+
+    def read(self, *arguments):
+        cells, broken = original(self, *arguments)
+        for cell in cells:
+            cell.metadata["seconds"] = {"baseline": 6.0, "jerk": 20.0}[cell.metadata["spec"]["filter"]["name"]]
+        return cells, broken
+
+    monkeypatch.setattr(Store, "read", read)
+    ahead = forecast(plan_of("baseline", "jerk", "bias"), Store(tmp_path / "second"))
+
+    assert ahead.measured == 2
+    assert ahead.seconds == pytest.approx(4 * (3.0 + 10.0 + 6.5))  # bias: the median of both
+    assert list(lines(ahead, 2))[-1].startswith("About 39 s with 2 workers, as 2 stored cells took")
+
+
+def test_what_is_done_is_not_counted(tmp_path):
+    api.sweep(tmp_path / "mine", dataset=FIELD, filter="jerk", seeds=4)
+    told = list(lines(forecast(plan_of("jerk"), Store(tmp_path / "mine")), 1))
+
+    assert told[0].endswith("jerk, none, own: is done")
+    assert told[-1] == "1 combination, 1 done; 0 runs to do."
+
+
+def test_tags_stand_in_rows_and_choose_cells(tmp_path):
+    swept("filter=baseline,jerk", "tags=[thesis,chapter-2]", cwd=tmp_path)
+    swept("filter=jerk,bias", "tags=[later]", cwd=tmp_path)
+    rows = pd.read_csv(tmp_path / "results" / "adhoc" / "rows.csv").set_index("filter")["tags"]
+    table = verb("table", "results/adhoc", "--tag", "later", "--format", "md", cwd=tmp_path).stdout
+
+    assert dict(rows) == {"baseline": "thesis chapter-2", "jerk": "thesis chapter-2 later", "bias": "later"}
+    assert "bias" in table
+    assert "baseline" not in table
+    assert "Did you mean 'later'" in verb("table", "results/adhoc", "--tag", "latr", cwd=tmp_path).stderr
+
+
+def test_a_tag_is_one_word(tmp_path):
+    done = jerkbench("run", *SHORT, "tags=['two words']", cwd=tmp_path)
+
+    assert done.returncode == 2
+    assert "'two words' cannot be a tag" in done.stderr

@@ -1,0 +1,38 @@
+"""The exit codes of `jerkbench run`: a diverged run is a result, a failed one, or one whose rows are gone, is not."""
+
+import shutil
+from pathlib import Path
+
+from commands import SHORT, verb
+from jerkbench.hydra_app import app
+
+
+def test_a_single_run_that_diverged_is_a_result(tmp_path):
+    done = verb("run", *SHORT, "divergence_limit_m=1e-9", cwd=tmp_path)
+    assert "diverged" in done.stdout
+    assert done.returncode == 0
+
+
+def test_a_sweep_with_a_diverged_run_is_one_too_and_one_with_a_failed_run_is_not(tmp_path, monkeypatch):
+    done = verb("run", "-m", *SHORT, "divergence_limit_m=1e-9", "adaptation=none,mtf", cwd=tmp_path)
+    assert done.returncode == 0
+    monkeypatch.setattr("jerkbench.execution.cell_run.CellRun.once", lambda *_: 1 / 0)
+    monkeypatch.setattr("jerkbench.execution.cell_run.streams", lambda _: False)
+    assert verb("run", "-m", *SHORT, "study=failing", "adaptation=none,mtf", cwd=tmp_path).returncode == 1
+
+
+def test_an_input_at_fault_is_another(tmp_path):
+    assert verb("run", *SHORT, "seeds=0", cwd=tmp_path).returncode == 2
+
+
+def test_a_sweep_whose_files_vanish_meanwhile_says_so(tmp_path, monkeypatch):
+    write = app.write_study
+
+    def vanishing(study):
+        write(study)
+        shutil.rmtree(Path(study.folder) / "cells")
+
+    monkeypatch.setattr(app, "write_study", vanishing)
+    done = verb("run", "-m", *SHORT, "adaptation=none,mtf", cwd=tmp_path)
+    assert done.returncode == 1
+    assert "2 of 2 cells are not in results/adhoc/cells, although they have run" in done.stderr

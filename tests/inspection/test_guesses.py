@@ -1,0 +1,112 @@
+"""Logs whose truth is known: every guess is right, or says that it is unsure."""
+
+import numpy as np
+import pytest
+from logs import columns, kitti_like, ned_degrees
+
+from jerkbench.datasets.field_v1 import FieldV1
+from jerkbench.errors import RecordingError
+from jerkbench.geometry import enu_to_geodetic
+from jerkbench.inspection.guess.guessing import guess_table
+from jerkbench.inspection.guess.names import parsed
+from jerkbench.recording import Origin
+
+RIGHT = {
+    "time_unit": "ms",
+    "accel_unit": "g",
+    "gyro_unit": "deg/s",
+    "imu_axes": ("x", "-y", "-z"),
+    "position_frame": "ned",
+    "velocity_frame": "ned",
+}
+AT = Origin(48.0, 11.0, 500.0)
+
+
+@pytest.fixture(scope="module")
+def drive():
+    return FieldV1(duration_s=240.0).load(0)
+
+
+def guessed(log, folder):
+    log.to_csv(folder / "drive.csv", index=False)
+    return guess_table(folder / "drive.csv")
+
+
+@pytest.mark.parametrize("units", [True, False])
+def test_a_log_in_ned_with_degrees_comes_out_right(drive, tmp_path, units):
+    draft = guessed(ned_degrees(drive, units=units), tmp_path)
+    recording = draft.load()
+
+    assert {name: draft.guesses[name].value for name in RIGHT} == RIGHT
+    assert all(draft.guesses[name].grade == "measured" for name in RIGHT if name != "time_unit")
+    np.testing.assert_allclose(recording.imu.accel_mps2, drive.imu.accel_mps2, atol=1e-9)
+    np.testing.assert_allclose(recording.imu.gyro_radps, drive.imu.gyro_radps, atol=1e-9)
+    np.testing.assert_allclose(recording.position.enu_m, drive.position.enu_m, atol=1e-9)
+    np.testing.assert_allclose(recording.velocity.mps, drive.velocity.mps, atol=1e-9)
+
+
+def test_a_log_with_the_names_of_kitti_comes_out_right(drive, tmp_path):
+    draft = guessed(kitti_like(drive, enu_to_geodetic(drive.position.enu_m, AT)), tmp_path)
+    values = {name: guess.value for name, guess in draft.guesses.items()}
+
+    assert values["position_columns"] == ("lat", "lon", "alt")
+    assert (values["position_frame"], values["angle_unit"], values["time_unit"]) == ("geodetic", "deg", "s")
+    assert (values["accel_unit"], values["gyro_unit"], values["imu_axes"]) == ("m/s2", "rad/s", ("x", "y", "z"))
+    assert (values["velocity_columns"], values["velocity_frame"]) == (("ve", "vn", "vu"), "enu")
+    assert draft.unused == ["navstat"]
+
+
+def test_an_imu_that_is_turned_about_the_upward_axis_is_seen(drive, tmp_path):
+    log = ned_degrees(drive, units=True)
+    for kind, unit in (("acc", "g"), ("gyro", "dps")):
+        x, y = f"{kind}_x_{unit}", f"{kind}_y_{unit}"
+        log[x], log[y] = log[y].copy(), -log[x]  # the sensor's x is the body's right, its y the body's back
+    draft = guessed(log, tmp_path)
+
+    assert draft.guesses["imu_axes"].value == ("-y", "-x", "-z")
+    np.testing.assert_allclose(draft.load().imu.accel_mps2, drive.imu.accel_mps2, atol=1e-9)
+
+
+def test_a_log_that_stands_says_what_it_cannot_tell(tmp_path):
+    import pandas as pd
+
+    draw, t_s = np.random.default_rng(0), np.arange(0, 60, 0.1)
+    data = {"t": t_s} | columns(["ax", "ay", "az"], draw.normal([0, 0, 9.8], 0.05, (600, 3)))
+    data |= columns(["gx", "gy", "gz"], draw.normal(0, 0.01, (600, 3))) | columns(
+        ["x", "y", "z"], draw.normal(0, 1, (600, 3))
+    )
+    draft = guessed(pd.DataFrame(data), tmp_path)
+    unsure = {name for name, guess in draft.guesses.items() if guess.grade == "unsure"}
+
+    assert {"gyro_unit", "position_frame", "imu_axes"} <= unsure
+    assert draft.guesses["accel_unit"].grade == "measured"
+
+
+def test_names_that_say_nothing_are_not_guessed(drive, tmp_path):
+    log = ned_degrees(drive, units=True)
+    log.columns = [f"c{k}" for k in range(len(log.columns))]
+
+    with pytest.raises(RecordingError, match=r"has the columns c0, c1, .*no three of them are called a place"):
+        guessed(log, tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("column", "meaning"),
+    [
+        ("Acc X (m/s^2)", ("accel", "x", "m/s2")),
+        ("imu_gyro_z_dps", ("gyro", "z", "deg/s")),
+        ("linear_acceleration.y", ("accel", "y", "")),
+        ("Ang Rate X (deg/s)", ("gyro", "x", "deg/s")),
+        ("velNorth", ("velocity", "north", "")),
+        ("gps_longitude_deg", ("longitude", "", "deg")),
+        ("down", ("position", "down", "")),
+        ("time_ms", ("time", "", "ms")),
+    ],
+)
+def test_a_name_is_taken_apart(column, meaning):
+    assert parsed(column)[1:] == meaning
+
+
+@pytest.mark.parametrize("column", ["c1", "temperature", "reference_east_m", "navstat", "speed_limit"])
+def test_a_name_that_says_nothing_known_is_none(column):
+    assert parsed(column) is None

@@ -1,0 +1,99 @@
+"""The compiled smoother against the NumPy one, over models and adaptations, alone and side by side."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from engine_agreement import agree_runs, with_other_last_bits
+from jerkbench import plugins
+from jerkbench.adaptation.mtf import Mtf
+from jerkbench.adaptation.none import NoAdaptation
+from jerkbench.adaptation.scalar_q import ScalarQ
+from jerkbench.attitude.plugin import Tilt
+from jerkbench.batch import RecordedRun
+from jerkbench.datasets.field import Field
+from jerkbench.disturbances.noise_step import NoiseStep
+from jerkbench.engines.compiled_engine import CompiledEngine
+from jerkbench.evaluation.batch_scoring import scored, sums_from
+from jerkbench.evaluation.run import counted_rows
+from jerkbench.evaluation.sums import sums_of
+from jerkbench.filters.rts import RauchTungStriebel
+from jerkbench.kinematic.rules import compiled_rule
+from jerkbench.linear.smoother.runs import smooth_one
+from jerkbench.timeline.timeline import build_timeline
+
+MODELS = ("baseline", "bias", "jerk")
+
+
+@cache
+def recorded(gap_s=(0.0, 0.0)):
+    """A drive whose receiver is worse for a while, with rows missing, and all of them within ``gap_s``."""
+    recording = NoiseStep().apply(Field(duration_s=12.0).load(4), 0)
+    velocity, position = recording.velocity, recording.position
+    mps, enu_m = velocity.mps.copy(), position.enu_m.copy()
+    mps[30:40, 1], mps[45:50] = np.nan, np.nan
+    for part, values in ((velocity, mps), (position, enu_m)):
+        values[(part.t_s > gap_s[0]) & (part.t_s < gap_s[1])] = np.nan
+    recording = replace(recording, velocity=replace(velocity, mps=mps), position=replace(position, enu_m=enu_m))
+    return recording, Tilt().estimate(recording)
+
+
+def compare(model, adaptation):
+    timeline = build_timeline(*recorded())
+    wanted = model.smooth(timeline, adaptation)
+    got = smooth_one(timeline, model.kinematic_filter(), compiled_rule(adaptation))
+
+    @cache
+    def changed(seed):
+        return model.smooth(with_other_last_bits(timeline, seed), adaptation)
+
+    return agree_runs(timeline, got, wanted, changed), got, wanted
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_it_agrees_with_numpy_with_each_model(name):
+    compare(RauchTungStriebel(name), NoAdaptation())
+
+
+@pytest.mark.parametrize("name", RauchTungStriebel().adaptations)
+def test_it_agrees_with_numpy_with_each_adaptation(name):
+    compare(RauchTungStriebel("jerk"), plugins.create("adaptation", {"name": name}))
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_in_a_gap_the_covariance_has_the_digits_that_the_difference_of_two_large_ones_leaves(name):
+    recording, attitude = recorded((6.0, 10.0))
+    model = RauchTungStriebel(name)
+    wanted = model.estimate(recording, attitude, NoAdaptation())
+    got = model.estimate_compiled(recording, attitude, NoAdaptation())
+    filtered = CompiledEngine().run(build_timeline(recording, attitude), model.kinematic_filter(), NoAdaptation())
+
+    np.testing.assert_allclose(got.position_m, wanted.position_m, rtol=0.0, atol=1e-9)
+    variances = (np.einsum("nii->ni", estimate.covariance) for estimate in (got, wanted, filtered))
+    mine, theirs, prior = variances
+    assert (prior / theirs).max() > 100.0
+    assert np.abs((mine - theirs) / prior).max() < 1e-12
+
+
+def test_it_keeps_what_an_adaptation_fades():
+    (_, faded, _), (_, plain, _) = (compare(RauchTungStriebel(), rule) for rule in (ScalarQ(), NoAdaptation()))
+
+    assert np.abs(faded.position_m - plain.position_m).max() > 1e-3
+
+
+def test_its_sums_are_those_of_a_trajectory_with_settings_side_by_side():
+    models = [RauchTungStriebel("jerk", accel_mps2=0.1 * (1 + k)) for k in range(3)]
+    (recording, attitude), timeline = recorded(), build_timeline(*recorded())
+    scene = scored(recording, timeline, 2.0)
+    run = RecordedRun(recording, attitude, timeline, scene.scoring)
+    results = models[0].run_settings([run] * 3, models, [Mtf()] * 3, updates=True, attitude=False, threads=1)
+
+    for model, result in zip(models, results, strict=True):
+        estimate = model.estimate(recording, attitude, Mtf())
+        wanted = sums_of(estimate, recording, counted_rows(estimate, recording, 2.0))
+        got = sums_from(result, scene, recording)
+        for name in wanted._fields:
+            np.testing.assert_allclose(getattr(got, name), getattr(wanted, name), rtol=1e-8, err_msg=name)
+        np.testing.assert_allclose(result.updates.nis_used, estimate.updates.nis_used, rtol=1e-7)

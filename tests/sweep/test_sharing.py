@@ -1,0 +1,65 @@
+"""Two sweeps in one folder: no cell is run twice, none is missing."""
+
+import threading
+
+import pytest
+
+from commands import PATIENCE_S
+from jerkbench.cells.cell import Protocol, build
+from jerkbench.cells.labels import Labels
+from jerkbench.execution.cell_run import CellRun
+from jerkbench.execution.inputs import KEPT
+from jerkbench.results.store import Store
+from jerkbench.sweep import sweep, tasks
+from jerkbench.sweep.sweep import plan_sweep, run_sweep
+
+
+def cell(duration_s, seeds):
+    return build(
+        {
+            "dataset": {
+                "name": "field",
+                "duration_s": duration_s,
+                "imu_rate_hz": 20.0,
+                "reference_rate_hz": 20.0,
+                "position_latency_s": 0.0,
+            },
+            "disturbance": [{"name": "none"}],
+            "attitude": {"name": "gyro_only"},
+            "filter": {"name": "gnss_only"},
+            "adaptation": {"name": "none"},
+            "engine": {"name": "filterpy"},
+        },
+        Protocol(seeds=seeds, burn_in_s=0.0),
+        Labels(f"field({duration_s:g})", "none", "gyro_only", "gnss_only", "none", "own"),
+    )
+
+
+@pytest.mark.parametrize(("durations", "seeds"), [(range(4, 10), 1), (range(4, 6), KEPT + 2)])
+def test_two_sweeps_share_their_cells(durations, seeds, tmp_path, monkeypatch):
+    """Each waits in its first run until the other has come to its own: both are at work."""
+    monkeypatch.setattr(tasks, "BUNDLES", 3)
+    monkeypatch.setattr(sweep, "POLL_S", 0.02)
+    plan = plan_sweep([cell(float(duration), seeds) for duration in durations])
+    original, ran, both, met = CellRun.pieces, [], threading.Barrier(2, timeout=PATIENCE_S), set()
+
+    def pieces(run, draws):
+        if threading.get_ident() not in met:
+            met.add(threading.get_ident())
+            both.wait()
+        ran.append((run.cell.labels.dataset, tuple(draws)))
+        yield from original(run, draws)
+
+    monkeypatch.setattr(CellRun, "pieces", pieces)
+    store = Store(tmp_path)
+    store.prepare()
+    sweeps = [threading.Thread(target=run_sweep, args=(plan, store, 1, ())) for _ in range(2)]
+    for thread in sweeps:
+        thread.start()
+    for thread in sweeps:
+        thread.join(PATIENCE_S)
+
+    assert len(met) == 2
+    assert len(ran) == len(set(ran)) == len(durations) * (1 if seeds == 1 else 2)
+    assert {planned.key for planned in plan.cells} == store.look([planned.key for planned in plan.cells]).done
+    assert not (tmp_path / ".claims").exists()

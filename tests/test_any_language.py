@@ -1,0 +1,97 @@
+"""What docs/any_language.md says to type is typed here, on shorter drives; in the place of KF-GINS stands a script."""
+
+import importlib.util
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from commands import environment, jerkbench, verb
+
+ROOT = Path(__file__).parents[1]
+PAGE = (ROOT / "docs" / "any_language.md").read_text(encoding="utf-8")
+LINES = [line for block in re.findall(r"```sh\n(.*?)```", PAGE, flags=re.DOTALL) for line in block.splitlines()]
+DRIVE = ["dataset.duration_s=80"]
+SHORT = {"run": [*DRIVE, "seeds=1", "workers=1"], "data": DRIVE, "score": DRIVE}
+STAND_IN = """\
+#!{python}
+import sys
+import numpy as np
+
+folder = sys.argv[1].rpartition("/")[0]
+imu, gnss = np.loadtxt(folder + "/imu.txt"), np.loadtxt(folder + "/gnss.txt")
+t = imu[imu[:, 0] >= gnss[0, 0], 0]
+place = [np.interp(t, gnss[:, 0], gnss[:, k]) for k in (1, 2, 3)]
+zero = np.zeros_like(t)
+np.savetxt(folder + "/KF_GINS_Navresult.nav", np.column_stack([zero, t, *place, *[zero] * 6]), fmt="%.10f")
+"""
+"""Fixes on a straight line, in the form of KF-GINS."""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A copy of the examples, after everything on the page was typed."""
+    if shutil.which("cc") is None:
+        pytest.skip("no C compiler on this machine")
+    folder = tmp_path_factory.mktemp("any") / "language"
+    shutil.copytree(ROOT / "examples" / "any_language", folder)
+    (folder / "KF-GINS").write_text(STAND_IN.format(python=sys.executable))
+    (folder / "KF-GINS").chmod(0o755)
+    for line in LINES:
+        typed(line, folder)
+    return folder
+
+
+def typed(line, folder):
+    words = shlex.split(line)
+    if words[0] != "jerkbench":
+        subprocess.run(["sh", "-c", line], cwd=folder, env=environment(), check=True, timeout=100)
+        return
+    short = SHORT.get(words[1], [])
+    if "python-ins" in line:
+        if importlib.util.find_spec("pyins") is None:
+            return
+        words = [word.replace("python ", f"{sys.executable} ") for word in words if "disturbance=" not in word]
+        short = [*SHORT["run"][1:], "dataset.duration_s=12", "study=pyins"]  # it takes as long as the drive
+    options = words.index("--format") if "--format" in words else len(words)
+    run = jerkbench if words[1] == "run" else verb
+    done = run(*words[1:options], *short, *words[options:], cwd=folder)
+    assert done.returncode == 0, (line, done.stderr, done.stdout)
+
+
+def test_every_program_stands_in_one_table(folder):
+    rows = pd.read_csv(folder / "results" / "languages" / "rows.csv")
+    counts = rows[rows["status"] == "ok"].groupby("filter")["disturbance"].nunique()
+
+    assert dict(counts) == dict.fromkeys(["gnss_only", "baseline", "jerk", "C(program)", "KF-GINS(program)"], 3)
+
+
+def test_the_program_in_c_has_the_numbers_of_our_baseline(folder):
+    rows = pd.read_csv(folder / "results" / "languages" / "rows.csv").set_index(["filter", "disturbance"])
+    ours, theirs = rows.loc["baseline", "position_rmse_m"], rows.loc["C(program)", "position_rmse_m"]
+
+    pd.testing.assert_series_equal(theirs, ours, rtol=1e-5)
+
+
+def test_what_was_scored_is_what_was_run(folder):
+    scored = pd.read_csv(folder / "results" / "scored" / "rows.csv")
+
+    assert list(scored["filter"].unique()) == ["mine(external)"]
+    assert list(scored["seed"]) == [0, 1, 2]
+    run = pd.read_csv(folder / "results" / "languages" / "rows.csv")
+    first = run[(run["filter"] == "C(program)") & (run["disturbance"] == "gnss_outage")]
+    assert scored["position_rmse_m"][0] == pytest.approx(float(first["position_rmse_m"].iloc[0]), rel=1e-9)
+
+
+def test_python_ins_navigates(folder):
+    pytest.importorskip("pyins", reason="python-ins is not there; pip install 'jerkbench[anchors]'")
+    rows = pd.read_csv(folder / "results" / "pyins" / "rows.csv")
+
+    assert list(rows["filter"]) == ["python-ins(program)"]
+    assert rows["position_rmse_m"][0] < 0.1
+    assert rows["yaw_rmse_rad"][0] < 0.05

@@ -1,0 +1,52 @@
+"""Studies whose rows are kept in the repository: every verb that reads works on them, as on a packed one."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from commands import verb
+from jerkbench.results.parts import Block
+from jerkbench.results.store import Store
+from jerkbench.results.study import load_study
+from stored_cells import about, put, row
+
+RESULTS = Path(__file__).parents[1] / "results"
+KEPT = sorted(path.parent for path in RESULTS.glob("*/cells") if any(path.glob("part-*.parquet")))
+
+
+def require_answers(study, folder):
+    """Ask every verb that needs no run and no figure."""
+    for words in (["table"], ["table", "--findings"], ["table", "--format", "csv"]):
+        done = verb(words[0], study, *words[1:], cwd=folder)
+        assert done.returncode == 0, done.stderr
+        assert "damaged" not in done.stdout
+    assert verb("compare", study, study, cwd=folder).returncode == 0
+
+
+@pytest.mark.parametrize("study", KEPT, ids=lambda path: path.name)
+def test_a_kept_study_is_whole_and_answers(study, tmp_path):
+    copy = shutil.copytree(study, tmp_path / study.name)
+    assert len(list((copy / "cells").iterdir())) == 1
+    assert (copy / "manifest.json").is_file()
+    require_answers(copy, tmp_path)
+
+
+def test_a_packed_study_has_the_same_rows_in_one_file_and_answers(tmp_path):
+    study = tmp_path / "study"
+    for key, rmse_m, name in (("a", 0.5, "jerk"), ("b", 0.25, "baseline"), ("b", 0.25, "baseline")):
+        put(study, key, rmse_m, filter=name, seeds=8)
+    Store(study).write_blocks([Block("c", 2, [row()], about())])  # a cell that was begun
+    before = load_study(study)
+    packed = verb("pack", study, cwd=tmp_path)
+
+    assert packed.returncode == 0, packed.stderr
+    (path,) = (study / "cells").iterdir()
+    assert packed.stdout.startswith(f"{path}: ")
+    after = load_study(study)
+    assert before.rows.equals(after.rows)
+    assert list(before.keys) == list(after.keys)
+    require_answers(study, tmp_path)
+    path.write_bytes(path.read_bytes()[:-1])
+    assert verb("pack", study, cwd=tmp_path).returncode == 2
+    assert Store(study).read() == ([], [path.stem])

@@ -1,0 +1,61 @@
+"""What docs/own_log.md says to type is typed here, with a log of a simulated drive."""
+
+import re
+import shlex
+import sys
+from pathlib import Path
+
+import pytest
+
+from commands import jerkbench, verb
+
+ROOT = Path(__file__).parents[1]
+PAGE = (ROOT / "docs" / "own_log.md").read_text(encoding="utf-8")
+
+
+def blocks(language):
+    return re.findall(rf"```{language}\n(.*?)```", PAGE, flags=re.DOTALL)
+
+
+@pytest.fixture(scope="module")
+def reader(tmp_path_factory):
+    """A folder with a log in NED and degrees, and each command of the page with its finished process."""
+    from jerkbench.datasets.field_v1 import FieldV1
+
+    sys.path.insert(0, str(ROOT / "tests" / "inspection"))
+    from logs import ned_degrees
+
+    sys.path.pop(0)
+    folder = tmp_path_factory.mktemp("reader")
+    ned_degrees(FieldV1(duration_s=100.0).load(0), units=True).to_csv(folder / "drive.csv", index=False)
+    (folder / "experiment").mkdir()
+    (folder / "experiment" / "mine.yaml").write_text(blocks("yaml")[0])
+    lines = [line for block in blocks("sh") for line in block.splitlines()]
+    return folder, {line: typed(shlex.split(line)[1:], folder) for line in lines}
+
+
+def typed(words, folder):
+    if words[0] != "run":
+        return verb(*words, cwd=folder)
+    return jerkbench(*words, "workers=1", "figures=false", cwd=folder)
+
+
+def test_every_command_goes_well(reader):
+    for line, done in reader[1].items():
+        assert done.returncode == 0, (line, done.stderr)
+
+
+def test_the_guess_says_its_reasons_and_what_is_unsure(reader):
+    said = next(iter(reader[1].values())).stdout
+
+    assert "measured  gyro_unit = deg/s: the track turns 0.01" in said
+    assert "measured  position_frame = ned" in said
+    assert "Say yourself: position_sigma_m, velocity_sigma_mps." in said
+    assert "jerkbench run --config-dir . dataset=my_drive" in said
+    assert "gravity is felt on +z" in said
+
+
+def test_a_preset_is_not_overwritten_and_belongs_to_a_csv(reader):
+    words = ("data", "inspect", "drive.csv", "--preset", "my_drive.yaml")
+    assert "dataset/my_drive.yaml is there already" in verb(*words, cwd=reader[0]).stderr
+    assert "is none." in verb("data", "inspect", "field", "--preset", "a.yaml", cwd=reader[0]).stderr

@@ -1,0 +1,224 @@
+"""The search finds what is true, is blind to what it is scored on, goes on where it was, and spends the same."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from linear_gaussian import R_POSITION, R_VELOCITY, SIGMA_A, Level, LinearGaussian
+
+from jerkbench.cells.cell import Protocol
+from jerkbench.cells.from_names import cell_of_parts
+from jerkbench.errors import JerkbenchError, PluginError
+from jerkbench.timeline.told import RScale
+from jerkbench.tuning.curves import budget_curve, intervals
+from jerkbench.tuning.evaluate import Evaluator
+from jerkbench.tuning.objectives import LOST, objective_of
+from jerkbench.tuning.outcome import Effort, tune
+from jerkbench.tuning.search import Budget, equal_budgets, score, search
+from jerkbench.tuning.space import space_of
+from jerkbench.tuning.splits import Seeds, by_seeds
+
+TRUTH = {"filter.accel_mps2": SIGMA_A, "r_scale.position": R_POSITION, "r_scale.velocity": R_VELOCITY}
+SHORT = LinearGaussian(duration_s=12.0)
+
+
+def cell_of(dataset=SHORT, model="baseline", adaptation="none", **replaced):
+    single = {"dataset": "field", "attitude": None, "filter": model, "adaptation": adaptation, "engine": "compiled"}
+    cell = cell_of_parts(single, ["none"], None, Protocol())
+    return dataclasses.replace(cell, dataset=dataset, attitude=Level(), **replaced)
+
+
+def evaluator_of(cell, objective="rmse", chosen=()):
+    return Evaluator(space_of(cell, chosen), objective_of(objective), threads=1)
+
+
+def test_the_likelihood_finds_the_true_noises():
+    cell = cell_of(LinearGaussian())
+    evaluator = evaluator_of(cell, "likelihood")
+
+    found = search(evaluator, by_seeds([cell], Seeds(8, 0, 8)), Budget(256))
+
+    for name, value, (low, high) in zip(
+        evaluator.space.names, found.setting, intervals(evaluator.space, found), strict=True
+    ):
+        assert value == pytest.approx(TRUTH[name], rel=0.4), name
+        assert low <= TRUTH[name] <= high < 12 * low, name
+    truth = tuple(TRUTH[name] for name in evaluator.space.names)
+    at_truth, chosen = evaluator.trials([truth, found.setting], by_seeds([cell], Seeds(8, 0, 8)).tune).means
+    assert at_truth < chosen < at_truth + 0.1
+
+
+@pytest.mark.parametrize("objective", ["likelihood", "rmse"])
+def test_the_truth_lies_in_the_intervals_of_what_cannot_be_told_apart(objective):
+    """An error says nothing of the scale of Q and R together: that of the position is told, the rest is found."""
+    cell = cell_of(LinearGaussian(), r_scale=RScale(position=R_POSITION))
+    evaluator = evaluator_of(cell, objective, ["filter.accel_mps2", "r_scale.velocity"])
+
+    found = search(evaluator, by_seeds([cell], Seeds(8, 0, 8)), Budget(128))
+
+    for name, value, (low, high) in zip(
+        evaluator.space.names, found.setting, intervals(evaluator.space, found), strict=True
+    ):
+        assert low <= TRUTH[name] <= high, (name, value)
+        assert high / low < 12, name
+
+
+class PoisonedError(Exception):
+    """A test seed was read."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Guarded(LinearGaussian):
+    """Raises where it is asked for a seed that is not to be seen."""
+
+    forbidden: tuple[int, ...] = ()
+
+    def load(self, seed):
+        if seed in self.forbidden:
+            raise PoisonedError(seed)
+        return super().load(seed)
+
+
+@pytest.mark.parametrize("objective", ["likelihood", "rmse"])
+def test_test_data_are_never_read_while_tuning(objective):
+    seeds = Seeds(tune=2, choose=2, test=3)
+    cell = cell_of(Guarded(duration_s=12.0, forbidden=seeds.parts[2]))
+    cases, evaluator = by_seeds([cell], seeds), evaluator_of(cell, objective)
+
+    found = search(evaluator, cases, Budget(4))
+
+    assert len(found.trials) == 4
+    with pytest.raises(JerkbenchError, match="Poisoned"):
+        score(evaluator, found.setting, cases.test)
+
+
+def test_the_parts_share_no_seed():
+    tune, choose, test = Seeds(5, 3, 7, first=2).parts
+
+    assert (len(tune), len(choose), len(test)) == (5, 3, 7)
+    assert len({*tune, *choose, *test}) == 15
+
+
+def test_an_interrupted_search_goes_on_where_it_was_with_the_same_result(tmp_path):
+    cell, tried = cell_of(), []
+    cases = by_seeds([cell], Seeds(1, 1, 1))
+    whole = search(evaluator_of(cell), cases, Budget(40, finalists=2))
+
+    def stop(count):
+        tried.append(count)
+        if len(tried) == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        search(evaluator_of(cell), cases, Budget(40, finalists=2), tmp_path, stop)
+    again = evaluator_of(cell)
+    run, calls = again.trials, []
+    again.trials = lambda settings, of: calls.append(len(settings)) or run(settings, of)
+    resumed = search(again, cases, Budget(40, finalists=2), tmp_path)
+
+    assert tried == [16, 16]
+    assert calls == [8, 2]
+    assert resumed.setting == whole.setting
+    assert np.array_equal(resumed.trials.runs, whole.trials.runs)
+
+
+@pytest.mark.parametrize("damage", [b"", b"PAR1"])
+def test_a_damaged_block_is_run_again(tmp_path, damage):
+    cell = cell_of()
+    cases = by_seeds([cell], Seeds(1, 0, 1))
+    first = search(evaluator_of(cell), cases, Budget(3), tmp_path)
+    (path,) = tmp_path.rglob("*.parquet")
+    path.write_bytes(damage)
+
+    assert search(evaluator_of(cell), cases, Budget(3), tmp_path).setting == first.setting
+
+
+def test_the_setting_before_the_search_is_one_of_the_trials_and_a_larger_budget_begins_alike():
+    cell = cell_of()
+    cases, evaluator = by_seeds([cell], Seeds(1, 0, 1)), evaluator_of(cell)
+    small, large = (search(evaluator, cases, Budget(count)).trials for count in (5, 20))
+
+    assert small.settings[0] == evaluator.space.start == (0.2, 1.0, 1.0)
+    assert large.settings[:5] == small.settings
+    assert large.means[0] == pytest.approx(0.0)  # the plain filter at its defaults is itself
+    assert [size for size, _ in budget_curve(large)] == [1, 4, 16, 20]
+
+
+@pytest.mark.parametrize("sampler", ["tpe", "cma_es"])
+def test_a_learning_sampler_gives_the_same_settings_again(sampler):
+    pytest.importorskip("optuna")
+    cell = cell_of()
+    cases = by_seeds([cell], Seeds(1, 0, 1))
+    first, second = (search(evaluator_of(cell), cases, Budget(20, sampler)).trials for _ in range(2))
+
+    assert first.settings == second.settings
+    assert len(set(first.settings)) == 20
+
+
+def test_a_lost_run_counts_log_100_and_none_counts_more():
+    objective = objective_of("rmse")
+    rows = [
+        {"status": "ok", "position_rmse_m": 0.5},
+        {"status": "diverged", "position_rmse_m": 2.0},
+        {"status": "ok", "position_rmse_m": float("nan")},
+        {"status": "ok", "position_rmse_m": 1e9},
+    ]
+
+    assert objective.losses(rows, 1.0) == pytest.approx([np.log(0.5), LOST, LOST, LOST])
+    assert objective.level(rows[:1] + rows[1:2], 1000.0) == pytest.approx(0.5)
+    assert objective.level(rows[1:2], 1000.0) == pytest.approx(1000.0)
+
+
+def test_equal_budgets_are_checked_and_said():
+    cell = cell_of()
+    cases, evaluator = by_seeds([cell], Seeds(1, 0, 1)), evaluator_of(cell)
+    two, three = (search(evaluator, cases, Budget(count)) for count in (2, 3))
+
+    assert equal_budgets({"a": two, "b": two}) == "Equal budgets: each of 2 methods tried 2 settings."
+    with pytest.raises(JerkbenchError, match=r"not tuned alike: .*a 2, b 3"):
+        equal_budgets({"a": two, "b": three})
+
+
+def test_what_has_no_range_cannot_be_tuned():
+    with pytest.raises(PluginError, match="neither the filter gnss_only nor the adaptation none"):
+        space_of(cell_of(model="gnss_only"))
+
+
+def test_the_likelihood_of_an_estimator_that_keeps_none_is_refused():
+    cell = cell_of(model="eskf15")
+    rows, (case,) = [{"status": "ok", "innovation_log_loss": float("nan")}], by_seeds([cell], Seeds(1, 0, 1)).tune
+
+    with pytest.raises(PluginError, match=r"eskf15 has no innovation_log_loss .*take another objective"):
+        evaluator_of(cell, "likelihood")._require_value(rows, case)
+
+
+def test_another_restart_is_another_scramble():
+    cell = cell_of()
+    cases = by_seeds([cell], Seeds(1, 0, 2))
+    effort = Effort(objective_of("rmse"), Budget(4), restarts=3)
+
+    tuning = tune("baseline-none", cases, space_of(cell), effort, None)
+
+    assert len({restart.setting for restart in tuning.restarts} | {tuning.setting}) == 3
+    assert tuning.setting == tuning.restarts[0].setting
+    assert tuning.interval_s == pytest.approx(0.02)
+
+
+def test_a_best_on_an_edge_is_told():
+    space = space_of(cell_of())
+
+    assert space.at_edge((9.9, 1.0, 1.0)) == [
+        "filter.accel_mps2 = 9.9 lies at the high end of its range (0.01 to 10, logarithmic); the best may lie beyond."
+    ]
+    assert not space.at_edge(space.start)
+
+
+def test_whole_numbers_stay_whole():
+    cell = cell_of(model="jerk", adaptation="mtf")
+    space = space_of(cell)
+    applied = space.applied(cell, space.setting(np.full(len(space.knobs), 0.5)))
+
+    assert applied.adaptation.window == 7
+    assert isinstance(applied.adaptation.window, int)
+    assert applied.filter.accel_mps2 == pytest.approx(np.sqrt(0.01 * 10.0))
+    assert applied.spec["adaptation"]["window"] == 7

@@ -1,0 +1,112 @@
+"""Splits: what is tuned on and what is scored on share nothing."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from linear_gaussian import Level, LinearGaussian
+
+from jerkbench.cells.cell import Protocol
+from jerkbench.cells.from_names import cell_of_parts
+from jerkbench.errors import PluginError, RecordingError
+from jerkbench.tuning.evaluate import Evaluator
+from jerkbench.tuning.excerpts import ended_at, scored_from
+from jerkbench.tuning.objectives import objective_of
+from jerkbench.tuning.search import Budget, score, search
+from jerkbench.tuning.space import space_of
+from jerkbench.tuning.splits import Seeds, by_families, by_recordings, by_seeds, by_time
+
+SINGLE = {"dataset": "field", "attitude": None, "filter": "baseline", "adaptation": "none", "engine": "compiled"}
+FEW = Seeds(tune=2, choose=1, test=2)
+
+
+def cell_of(disturbance="none", dataset="field"):
+    return cell_of_parts({**SINGLE, "dataset": dataset}, [disturbance], None, Protocol())
+
+
+def drive(**changed):
+    """A recording on which nothing is random, and the cell over it."""
+    cell = dataclasses.replace(cell_of(), dataset=Drive(**changed), attitude=Level())
+    assert not cell.seeded
+    return cell
+
+
+@dataclasses.dataclass(frozen=True)
+class Drive:
+    """A recorded drive of 12 s; after ``spoilt_after_s`` its measurements are nonsense."""
+
+    seeded = False
+    spoilt_after_s: float = float("inf")
+
+    def fingerprint(self):
+        return ""
+
+    def load(self, seed):
+        recording = LinearGaussian(duration_s=12.0).load(7)
+        p, v = recording.position, recording.velocity
+        z_p, z_v = np.array(p.enu_m), np.array(v.mps)
+        z_p[p.t_s > self.spoilt_after_s] += 1e4
+        z_v[v.t_s > self.spoilt_after_s] -= 1e3
+        position, velocity = dataclasses.replace(p, enu_m=z_p), dataclasses.replace(v, mps=z_v)
+        return dataclasses.replace(recording, position=position, velocity=velocity)
+
+
+def test_by_time_nothing_after_the_share_is_read_while_tuning():
+    trials = []
+    for cell in (drive(), drive(spoilt_after_s=6.0)):
+        evaluator = Evaluator(space_of(cell), objective_of("rmse"), threads=1)
+        found = search(evaluator, by_time([cell], FEW), Budget(3))
+        trials.append((found, score(evaluator, found.setting, by_time([cell], FEW).test)))
+
+    (clean, unseen), (spoilt, spoilt_unseen) = trials
+    assert np.array_equal(clean.trials.runs, spoilt.trials.runs)
+    assert unseen.chosen[0] != spoilt_unseen.chosen[0]
+
+
+def test_an_excerpt_ends_where_it_says_and_scores_from_where_it_says():
+    recording = Drive().load(0)
+
+    early, late = ended_at(recording, 6.0), scored_from(recording, 6.0)
+
+    for stream in (early.imu, early.position, early.velocity, early.reference):
+        assert stream.t_s[-1] <= 6.0
+    assert len(early.imu.accel_mps2) == len(early.imu.t_s) == 300
+    assert late.imu is recording.imu
+    assert np.array_equal(late.reference.scored, recording.reference.t_s >= 6.0)
+
+
+def test_too_short_an_excerpt_is_refused():
+    with pytest.raises(RecordingError, match="take a larger share"):
+        ended_at(Drive().load(0), 0.1)
+
+
+def test_a_family_that_is_held_out_is_scored_and_never_tuned_on_and_the_nominal_case_is_in_both():
+    cells = [cell_of(name) for name in ("none", "outliers", "bias", "wheel_slip")]
+
+    cases = by_families(cells, ["outliers", "bias"], FEW)
+
+    assert [case.cell.labels.disturbance for case in cases.tune] == ["none", "wheel_slip"]
+    assert sorted(case.cell.labels.disturbance for case in cases.test) == ["bias", "none", "outliers"]
+    seen = {draw for case in (*cases.tune, *cases.choose) for draw in case.draws}
+    assert not seen & {draw for case in cases.test for draw in case.draws}
+
+
+def test_a_recording_that_is_held_out_is_never_tuned_on():
+    cells = [cell_of(dataset=name) for name in ("field", "field_combined")]
+
+    cases = by_recordings(cells, ["field_combined"], FEW)
+
+    assert [case.cell.labels.dataset for case in cases.tune] == ["field"]
+    assert [case.cell.labels.dataset for case in cases.test] == ["field_combined"]
+
+
+def test_seeds_of_what_is_not_random_are_refused():
+    with pytest.raises(PluginError, match="use split=time"):
+        by_seeds([drive()], FEW)
+
+
+def test_scenarios_of_two_methods_are_refused():
+    other = cell_of_parts({**SINGLE, "filter": "jerk"}, ["none"], None, Protocol())
+
+    with pytest.raises(PluginError, match="different values of filter"):
+        by_seeds([cell_of(), other], FEW)

@@ -1,0 +1,125 @@
+"""`jerkbench tune` as a person types it: what it says, what it writes, what it refuses."""
+
+import json
+
+import pandas as pd
+import pytest
+import yaml
+
+from commands import jerkbench, verb
+from jerkbench.results.store import Store
+
+SMALL = ["dataset.duration_s=12", "tune_seeds=1", "choose_seeds=1", "test_seeds=2", "finalists=2", "workers=1"]
+FAST = [*SMALL, "trials=4", "figures=false"]
+
+
+@pytest.fixture(scope="module")
+def tuned(tmp_path_factory):
+    """A folder in which two methods were tuned over two scenarios, and what was said."""
+    folder = tmp_path_factory.mktemp("tuned")
+    words = ["filter=baseline", "adaptation=none,chi2", "disturbance=none,outliers", *SMALL, "trials=4"]
+    done = verb("tune", "-m", *words, cwd=folder)
+    assert done.returncode == 0, done.stderr
+    return folder, done.stdout
+
+
+def test_it_says_that_the_budgets_were_equal_and_what_is_worth_what(tuned):
+    folder, out = tuned
+
+    assert "Equal budgets: each of 2 methods tried 4 settings." in out
+    assert "Split: seeds 0 to 0 to tune, 1 to 1 to choose, 2 to 3 to test." in out
+    record = json.loads((folder / "results/adhoc/tune/baseline-chi2/tuning.json").read_text())
+    assert record["trials"] == 4
+    assert set(record["unseen"]) == {
+        "field(duration_s=12), none, field",
+        "field(duration_s=12), outliers, field",
+    }
+    assert len(record["setting"]) == 5
+
+
+def test_every_trial_is_written_and_the_figure(tuned):
+    place = tuned[0] / "results/adhoc/tune/baseline-none"
+    trials = pd.read_csv(place / "trials.csv")
+
+    assert len(trials) == 4
+    assert trials["filter.accel_mps2"][0] == 0.2
+    assert trials["loss"][0] == pytest.approx(0.0, abs=1e-12)
+    assert (place / "search.png").stat().st_size > 5000
+
+
+def test_a_run_takes_the_preset_with_the_tuned_values(tuned):
+    folder, _ = tuned
+    place = folder / "results/adhoc/tune/baseline-chi2"
+    setting = json.loads((place / "tuning.json").read_text())["setting"]
+
+    words = ["--config-dir", str(place / "conf"), "experiment=baseline_chi2_tuned", "dataset.duration_s=12"]
+    done = jerkbench("run", *words, "seeds=1", "study=taken", "figures=false", cwd=folder)
+
+    assert done.returncode == 0, done.stderr
+    (stored,), _ = Store(folder / "results/taken").read()
+    cell = stored.metadata
+    assert (cell["labels"]["filter"], cell["labels"]["adaptation"]) == ("baseline_tuned", "chi2_tuned")
+    assert cell["spec"]["filter"]["accel_mps2"] == pytest.approx(setting["filter.accel_mps2"])
+    assert cell["spec"]["adaptation"]["longest"] == setting["adaptation.longest"]
+    assert cell["spec"]["r_scale"]["velocity"] == pytest.approx(setting["r_scale.velocity"])
+
+
+def test_the_files_for_other_programs_hold_the_noise_and_say_what_does_not_map(tuned):
+    place = tuned[0] / "results/adhoc/tune/baseline-chi2"
+    setting = json.loads((place / "tuning.json").read_text())["setting"]
+    texts = {path.name: path.read_text() for path in (place / "export").iterdir()}
+    node, gins, own = (
+        yaml.safe_load(texts[name]) for name in ("robot_localization.yaml", "kf-gins.yaml", "eskf15.yaml")
+    )
+    density = setting["filter.accel_mps2"] ** 2 * 0.01  # the field's IMU gives 100 samples a second
+
+    noise = node["ekf_filter_node"]["ros__parameters"]["process_noise_covariance"]
+    assert len(noise) == 225
+    assert noise[16 * 6] == pytest.approx(density, rel=1e-4)
+    assert gins["imunoise"]["vrw"] == pytest.approx([60 * density**0.5] * 3, rel=1e-4)
+    assert own["filter"]["velocity_random_walk_mps_per_sqrt_h"] == pytest.approx(60 * density**0.5, rel=1e-4)
+    assert all("oes not map" in text for text in texts.values())
+
+
+def test_the_same_command_goes_on_where_it_was(tuned):
+    folder, _ = tuned
+    blocks = {path: path.stat().st_mtime_ns for path in folder.rglob("tune-*.parquet")}
+
+    done = verb("tune", "-m", "filter=baseline", "adaptation=none,chi2", "disturbance=none,outliers", *FAST, cwd=folder)
+
+    assert done.returncode == 0, done.stderr
+    assert {path: path.stat().st_mtime_ns for path in folder.rglob("tune-*.parquet")} == blocks
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["filter=gnss_only"], "There is nothing to tune: neither the filter gnss_only nor the adaptation none"),
+        (["filter=baseline,jerk"], "There are 2 methods; add -m"),
+        (["trials=0"], "at least one trial"),
+        (["trials=many"], "trials:"),
+        (["sampler=soboll"], "Did you mean 'sobol'"),
+        (["objective=rmsee"], "Did you mean 'rmse'"),
+        (["split=seed"], "Did you mean 'seeds'"),
+        (["split=families"], "held_out=[...]"),
+        (["split=families", "held_out=[wheel_slip]"], "needs scenarios on both sides"),
+        (["knobs=[filter.acel_mps2]"], "Did you mean 'filter.accel_mps2'"),
+        (["test_seeds=0"], "at least one seed to tune and one to test"),
+        (["filter.sigma=3"], "sigma"),
+        (["jerk"], "is no KEY=VALUE"),
+    ],
+)
+def test_what_makes_no_sense_is_refused_in_a_sentence(tmp_path, words, sentence):
+    done = verb("tune", *FAST, *words, cwd=tmp_path)
+
+    assert done.returncode == 2
+    assert sentence in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_help_says_what_there_is(tmp_path):
+    done = verb("tune", "--help", cwd=tmp_path)
+
+    assert done.returncode == 0
+    for word in ("trials=64", "sampler=sobol", "objective=rmse", "split=auto", "restarts=1", "knobs="):
+        assert word in done.stdout
