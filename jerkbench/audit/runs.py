@@ -58,11 +58,14 @@ class Stage:
 
     @property
     def done(self) -> bool:
-        """Whether its file is there and is of these settings."""
-        try:
-            return bool(pq.read_metadata(self.path).metadata.get(b"stage") == self._mark().encode())
-        except DAMAGE:
-            return False
+        """Whether its file is there, of these settings and of this code."""
+        return self.maker == self.key
+
+    @property
+    def maker(self) -> str | None:
+        """The key of the code that its file was made with; None where there is no file of these settings."""
+        mark = mark_of(self.path)
+        return mark[0] if mark and mark[1:] == json.loads(self._mark())[1:] else None
 
     def run(self) -> int:
         """Run all of it and store it; returns how many runs there were."""
@@ -96,6 +99,14 @@ class Stage:
     def _mark(self) -> str:
         settings = {method.name: values for method, values in self.settings.items()}
         return json.dumps([self.key, dataclasses.asdict(self.scenario), self.seeds, settings], sort_keys=True)
+
+
+def mark_of(path: Path) -> list[Any]:
+    """Return what a file of runs says that it is of: key, scenario, seeds, settings; empty where it is none."""
+    try:
+        return list(json.loads(pq.read_metadata(path).metadata[b"stage"]))
+    except DAMAGE:
+        return []
 
 
 def _kept(row: Row, method: Method) -> dict[str, Any]:

@@ -10,11 +10,12 @@ from typing import TypeVar
 import pandas as pd
 
 from jerkbench.audit.methods import Method
-from jerkbench.audit.runs import TEST, Stage
+from jerkbench.audit.runs import TEST, Stage, mark_of
 from jerkbench.audit.scenarios import Scenario, cell_on
 from jerkbench.cells.cell import Cell
 from jerkbench.clusters.cluster import Cluster, Order
 from jerkbench.clusters.identity import identity_of
+from jerkbench.errors import JerkbenchError
 from jerkbench.execution.progress import Progress
 from jerkbench.tuning.space import Setting
 
@@ -37,6 +38,7 @@ class Stages:
         key: of the code and the libraries.
         cluster: what runs them.
         workers: number of processes, where the cluster starts them.
+        only_stored: read what other code may have computed, and run nothing.
     """
 
     scenarios: Sequence[Scenario]
@@ -44,21 +46,36 @@ class Stages:
     key: str
     cluster: Cluster
     workers: int
+    only_stored: bool = False
 
     def run(self, name: str, seeds: tuple[int, ...], settings: Sequence[Settings]) -> pd.DataFrame:
         """Run the ``settings`` of each scenario that are not stored yet, and return the rows of all.
 
         Raises:
-            JerkbenchError: a run failed.
+            JerkbenchError: a run failed, or is not stored and may not be run.
             OSError: nothing can be stored.
         """
         stages = list(self._stages(name, seeds, settings))
-        left = [stage for stage in stages if not stage.done]
+        left = [stage for stage in stages if not (stage.maker if self.only_stored else stage.done)]
+        if left and self.only_stored:
+            raise JerkbenchError(
+                f"Of {len(stages)} files of the stage {name} in {self.folder}, {len(left)} are missing or of other"
+                f" settings, first {left[0].path.name}; run the audit without --stored."
+            )
         title = f"Audit, {TITLES[name]}"
         with Progress(len(stages), len(stages) - len(left), title, "filters and scenarios") as progress:
             for _ in self._outcomes(left):
                 progress.advance()
         return pd.concat([stage.read() for stage in stages], ignore_index=True)
+
+    def stored_methods(self, methods: Iterable[Method]) -> list[Method]:
+        """Return those of the ``methods`` that were run: adaptations may have come into the tree since."""
+        names = {name for path in self.folder.glob("tune-000-*.parquet") for name in (mark_of(path) or [{}])[-1]}
+        return [method for method in methods if method.name in names]
+
+    def makers(self) -> list[str]:
+        """Return the keys of the code that computed what is stored."""
+        return sorted({mark[0] for path in self.folder.glob("*.parquet") if (mark := mark_of(path))})
 
     def _stages(self, name: str, seeds: tuple[int, ...], settings: Sequence[Settings]) -> Iterator[Stage]:
         for number, (scenario, asked) in enumerate(zip(self.scenarios, settings, strict=True)):

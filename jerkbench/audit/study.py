@@ -44,21 +44,36 @@ class Audit:
     verdicts: list[MethodVerdict]
 
 
-def run_audit(protocol: AuditProtocol, folder: Path, cluster: Cluster, workers: int) -> Audit:
+def run_audit(
+    protocol: AuditProtocol, folder: Path, cluster: Cluster, workers: int, *, only_stored: bool = False
+) -> Audit:
     """Run what is not stored in ``folder`` yet, judge it, and write the tables.
 
+    Args:
+        protocol: what is compared.
+        folder: of the audit.
+        cluster: what runs it.
+        workers: number of processes, where the cluster starts them.
+        only_stored: run nothing, and judge the rows that are stored, whatever code computed them.
+
     Raises:
-        JerkbenchError: a run failed.
+        JerkbenchError: a run failed, or is not stored and may not be run.
         OSError: nothing can be written.
     """
     known = tuple(scenarios(protocol))
-    spaces = {method: space_of_method(method, known[0]) for method in methods(protocol)}
-    _write_text(folder / "protocol.json", _protocol_text(protocol))
-    stages = Stages(known, folder / "runs", f"{code_digest()} {sorted(versions().items())}", cluster, workers)
+    stages = Stages(known, folder / "runs", _key(), cluster, workers, only_stored)
+    compared = stages.stored_methods(methods(protocol)) if only_stored else methods(protocol)
+    spaces = {method: space_of_method(method, known[0]) for method in compared}
+    if not only_stored:
+        _write_text(folder / "protocol.json", _protocol_text(protocol))
     outcome = Campaign(protocol, spaces, stages).run()
     audit = Audit(protocol, outcome, losses_of(outcome, protocol, known), verdicts(outcome, protocol, known))
-    _write(audit, folder, spaces)
+    _write(audit, folder, spaces, stages.makers())
     return audit
+
+
+def _key() -> str:
+    return f"{code_digest()} {sorted(versions().items())}"
 
 
 def text_of(audit: Audit) -> str:
@@ -86,13 +101,13 @@ def settings_frame(outcome: Outcome, spaces: Mapping[Method, Space]) -> pd.DataF
     )
 
 
-def _write(audit: Audit, folder: Path, spaces: Mapping[Method, Space]) -> None:
+def _write(audit: Audit, folder: Path, spaces: Mapping[Method, Space], makers: list[str]) -> None:
     texts = {
         "README.md": page(audit.protocol, folder.name.removeprefix(FOLDER), audit.verdicts, len(audit.outcome.test)),
         "table.md": text_of(audit),
         "verdicts.csv": verdict_frame(audit.verdicts).to_csv(index=False),
         "settings.csv": settings_frame(audit.outcome, spaces).to_csv(index=False),
-        "manifest.json": json.dumps(_manifest(audit.protocol), indent=1),
+        "manifest.json": json.dumps({**_manifest(audit.protocol), "rows_computed_by": makers}, indent=1),
     }
     for name, text in texts.items():
         _write_text(folder / name, text)

@@ -13,7 +13,8 @@ are written before anything runs, and the seeds to score on follow from the hash
   jerkbench audit --scale medium     two models, half the settings
   jerkbench audit                    the whole protocol
 
-The same command goes on where it was stopped. RESULTS/audit-SCALE has README.md with the answer, its figures, table.md,
+The same command goes on where it was stopped; --stored judges what is stored, whatever version computed it (its digest
+stands in manifest.json), and runs nothing. RESULTS/audit-SCALE has README.md with the answer, its figures, table.md,
 verdicts.csv, settings.csv, rows.parquet, manifest.json, protocol.json.
 """
 
@@ -25,6 +26,7 @@ def add(verbs: Verbs) -> None:
     audit.epilog = EPILOG
     audit.add_argument("--scale", default="full", help="name of the protocol (default: full)")
     audit.add_argument("--results", type=output, default=Path("results"), help="folder of all results")
+    audit.add_argument("--stored", action="store_true", help="judge the stored rows of any version, and run nothing")
     audit.add_argument("--cluster", default="local", help="what runs it: local, dask, slurm, ... (default: local)")
     audit.add_argument("--workers", type=int, default=0, help="number of processes (default: one a processor)")
 
@@ -42,6 +44,7 @@ def answer(chosen: argparse.Namespace) -> None:
 
     protocol = read_protocol(chosen.scale)
     folder = chosen.results / f"{FOLDER}{chosen.scale}"
-    audit = run_audit(protocol, folder, cluster_named(chosen.cluster), chosen.workers or processors())
+    cluster, workers = cluster_named(chosen.cluster), chosen.workers or processors()
+    audit = run_audit(protocol, folder, cluster, workers, only_stored=chosen.stored)
     print(text_of(audit))
     print(f"Written to {folder}.")

@@ -2,17 +2,21 @@
 
 import dataclasses
 import json
+import shutil
 
 import pandas as pd
 import pytest
 
 import jerkbench
 from jerkbench.audit.campaign import seeds_of
-from jerkbench.audit.protocol import read_protocol
+from jerkbench.audit.protocol import AuditProtocol, read_protocol
 from jerkbench.audit.runs import Stage
 from jerkbench.audit.scenarios import scenarios
 from jerkbench.audit.study import run_audit
+from jerkbench.audit.table import verdict_frame
+from jerkbench.cells.provenance import code_digest
 from jerkbench.clusters.local import Local
+from jerkbench.errors import JerkbenchError
 
 FAMILIES = ("none", "outliers", "wheel_slip")
 
@@ -90,6 +94,26 @@ def test_an_audit_that_was_stopped_goes_on_and_comes_out_the_same(protocol, fini
     timeless = [frame.drop(columns="seconds") for frame in (audit.outcome.test, again.outcome.test)]
     pd.testing.assert_frame_equal(*timeless)
     assert again.outcome.chosen == audit.outcome.chosen
+
+
+def test_what_other_code_computed_is_judged_when_asked_for_and_nothing_is_run(
+    protocol, finished, monkeypatch, tmp_path
+):
+    folder = shutil.copytree(finished[0], tmp_path / "audit-tiny")
+    monkeypatch.setattr("jerkbench.audit.study.code_digest", lambda: "another")
+    monkeypatch.setattr(Stage, "run", lambda _: pytest.fail("a run"))
+    with_one_more = dataclasses.replace(protocol, adaptations=("chi2", "mtf"))
+    monkeypatch.setattr(AuditProtocol, "digest", protocol.digest)  # of "every adaptation", to which one has come
+
+    again = run_audit(with_one_more, folder, Local(), workers=1, only_stored=True)
+
+    both = [verdict_frame(audit.verdicts).drop(columns="step_ns") for audit in (finished[1], again)]
+    pd.testing.assert_frame_equal(*both)
+    made_by = json.loads((folder / "manifest.json").read_text())["rows_computed_by"]
+    assert [maker.split()[0] for maker in made_by] == [code_digest()]
+    next((folder / "runs").glob("choose-*")).unlink()
+    with pytest.raises(JerkbenchError, match=r"1 are missing or of other settings.*without --stored"):
+        run_audit(protocol, folder, Local(), workers=1, only_stored=True)
 
 
 def test_the_runs_that_score_are_not_read_before_every_setting_is_chosen(protocol, tmp_path, monkeypatch):
