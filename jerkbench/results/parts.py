@@ -83,7 +83,7 @@ def part_of(content: bytes, expected: str, columns: list[str] | None = None) -> 
     if digest(content) != expected:
         return None
     try:
-        # Not read_table: its threads may let go of the content when the interpreter has ended, which aborts the process.
+        # Not read_table: its threads may let go of the content when the interpreter has ended, which aborts it.
         table = pq.ParquetFile(pa.BufferReader(content)).read(use_threads=False)
         return (table if columns is None else table.select(columns)) if is_part(table) else None
     except DAMAGE:
