@@ -1,7 +1,7 @@
 """The folder of an audit: its runs, verdicts, settings, and the answer in words."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -9,11 +9,13 @@ import pandas as pd
 
 from jerkbench.audit.answer import sentences
 from jerkbench.audit.campaign import Campaign, Outcome, seeds_of
+from jerkbench.audit.family_figure import family_figure
+from jerkbench.audit.family_verdicts import FamilyVerdict, family_frame, family_verdicts
 from jerkbench.audit.figures import ratio_figure, severity_figure
 from jerkbench.audit.methods import Method, methods, space_of_method
 from jerkbench.audit.page import page
 from jerkbench.audit.protocol import AuditProtocol
-from jerkbench.audit.scenarios import scenarios
+from jerkbench.audit.scenarios import Scenario, scenarios
 from jerkbench.audit.stages import Stages
 from jerkbench.audit.table import LEGEND, markdown_table, verdict_frame
 from jerkbench.audit.verdicts import Losses, MethodVerdict, losses_of, verdicts
@@ -36,12 +38,14 @@ class Audit:
         outcome: settings and runs.
         losses: of every method on the seeds to test on.
         verdicts: of every method, the best first.
+        by_family: of every method under every family of faults.
     """
 
     protocol: AuditProtocol
     outcome: Outcome
     losses: Losses
     verdicts: list[MethodVerdict]
+    by_family: list[FamilyVerdict]
 
 
 def run_audit(
@@ -67,9 +71,17 @@ def run_audit(
     if not only_stored:
         _write_text(folder / "protocol.json", _protocol_text(protocol))
     outcome = Campaign(protocol, spaces, stages).run()
-    audit = Audit(protocol, outcome, losses_of(outcome, protocol, known), verdicts(outcome, protocol, known))
+    audit = judged(protocol, outcome, known)
     _write(audit, folder, spaces, stages.makers())
     return audit
+
+
+def judged(protocol: AuditProtocol, outcome: Outcome, known: Sequence[Scenario]) -> Audit:
+    """Return the verdicts of what was run."""
+    losses = losses_of(outcome, protocol, known)
+    overall = verdicts(outcome, protocol, known)
+    by_family = family_verdicts(losses, [verdict.method for verdict in overall], protocol)
+    return Audit(protocol, outcome, losses, overall, by_family)
 
 
 def _key() -> str:
@@ -103,9 +115,16 @@ def settings_frame(outcome: Outcome, spaces: Mapping[Method, Space]) -> pd.DataF
 
 def _write(audit: Audit, folder: Path, spaces: Mapping[Method, Space], makers: list[str]) -> None:
     texts = {
-        "README.md": page(audit.protocol, folder.name.removeprefix(FOLDER), audit.verdicts, len(audit.outcome.test)),
+        "README.md": page(
+            audit.protocol,
+            folder.name.removeprefix(FOLDER),
+            audit.verdicts,
+            audit.by_family,
+            len(audit.outcome.test),
+        ),
         "table.md": text_of(audit),
         "verdicts.csv": verdict_frame(audit.verdicts).to_csv(index=False),
+        "families.csv": family_frame(audit.by_family).to_csv(index=False),
         "settings.csv": settings_frame(audit.outcome, spaces).to_csv(index=False),
         "manifest.json": json.dumps({**_manifest(audit.protocol), "rows_computed_by": makers}, indent=1),
     }
@@ -113,6 +132,7 @@ def _write(audit: Audit, folder: Path, spaces: Mapping[Method, Space], makers: l
         _write_text(folder / name, text)
     save_figure(ratio_figure(audit.verdicts, audit.protocol.margin), folder / "ratios.png")
     save_figure(severity_figure(audit.losses, audit.verdicts, audit.protocol), folder / "severity.png")
+    save_figure(family_figure(audit.by_family), folder / "families.png")
     write_atomically(folder / "rows.parquet", lambda path: audit.outcome.test.to_parquet(path, index=False))
 
 

@@ -5,12 +5,13 @@ import pandas as pd
 import pytest
 
 from jerkbench.audit.campaign import Outcome, seeds_of
+from jerkbench.audit.family_verdicts import family_verdicts
 from jerkbench.audit.methods import Method
 from jerkbench.audit.page import page
 from jerkbench.audit.protocol import AuditProtocol, Family
 from jerkbench.audit.scenarios import scenarios
 from jerkbench.audit.searches import ALL, Search
-from jerkbench.audit.verdicts import probability_below, verdict_of, verdicts
+from jerkbench.audit.verdicts import losses_of, probability_below, verdict_of, verdicts
 from jerkbench.evaluation.statistics.judgement import Verdict
 from jerkbench.evaluation.statistics.scenarios import over_scenarios
 
@@ -122,9 +123,12 @@ def test_the_probability_is_that_of_the_interval():
 
 def test_the_page_says_what_the_verdicts_say():
     found = verdicts(outcome(), PROTOCOL, SCENARIOS)
-    text = page(PROTOCOL, "small", found, 180)
+    losses = losses_of(outcome(), PROTOCOL, SCENARIOS)
+    by_family = family_verdicts(losses, [verdict.method for verdict in found], PROTOCOL)
+    text = page(PROTOCOL, "small", found, by_family, 180)
     head = text.splitlines()[:10]
     assert any("1 of 2 beat a tuned Kalman filter; 1 of them harm nowhere by more than 3 %." in line for line in head)
     assert "baseline + mtf" in text
     assert PROTOCOL.digest in text
     assert "1 better, 1 equal" in text
+    assert "**c**: 1 of 2 better, 0 worse; the lowest ratio has baseline + mtf with 0.50." in text
