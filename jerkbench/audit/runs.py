@@ -40,6 +40,7 @@ class Stage:
         settings: of each method.
         folder: where its file goes.
         key: of all that its numbers depend on, but what stands here.
+        attitude: name of the plugin; None: that of the data set.
     """
 
     name: str
@@ -49,6 +50,7 @@ class Stage:
     settings: Mapping[Method, tuple[Setting, ...]]
     folder: Path
     key: str
+    attitude: str | None = None
 
     @property
     def path(self) -> Path:
@@ -83,7 +85,7 @@ class Stage:
 
     def _method(self, method: Method, settings: Sequence[Setting], inputs: Inputs) -> list[dict[str, Any]]:
         metrics = (ERROR, "consistency") if self.name == TEST else (ERROR,)
-        cell = cell_on(self.scenario, method.filter, method.adaptation, len(self.seeds), metrics)
+        cell = cell_on(self.scenario, method.filter, method.adaptation, len(self.seeds), metrics, None, self.attitude)
         space = space_of_method(method, self.scenario)
         cells = [space.applied(cell, setting) for setting in settings]
         begin = time.perf_counter()
@@ -98,7 +100,8 @@ class Stage:
 
     def _mark(self) -> str:
         settings = {method.name: values for method, values in self.settings.items()}
-        return json.dumps([self.key, dataclasses.asdict(self.scenario), self.seeds, settings], sort_keys=True)
+        other = [self.attitude] if self.attitude else []
+        return json.dumps([self.key, *other, dataclasses.asdict(self.scenario), self.seeds, settings], sort_keys=True)
 
 
 def mark_of(path: Path) -> list[Any]:

@@ -64,15 +64,18 @@ def cell_on(
     seeds: int,
     metrics: Sequence[str] = (ERROR,),
     r_scale: Mapping[str, float] | None = None,
+    attitude: Part | None = None,
 ) -> Cell:
     """Return the cell of a method, as it is given or at its defaults, on a scenario.
+
+    Without ``attitude`` it has that of the data set.
 
     Raises:
         PluginError: they do not fit together.
     """
     single = {
         "dataset": scenario.dataset,
-        "attitude": None,
+        "attitude": attitude,
         "filter": model,
         "adaptation": adaptation,
         "engine": "compiled",

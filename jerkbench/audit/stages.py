@@ -39,6 +39,7 @@ class Stages:
         cluster: what runs them.
         workers: number of processes, where the cluster starts them.
         only_stored: read what other code may have computed, and run nothing.
+        attitude: name of the plugin; None: that of the data set.
     """
 
     scenarios: Sequence[Scenario]
@@ -47,6 +48,7 @@ class Stages:
     cluster: Cluster
     workers: int
     only_stored: bool = False
+    attitude: str | None = None
 
     def run(self, name: str, seeds: tuple[int, ...], settings: Sequence[Settings]) -> pd.DataFrame:
         """Run the ``settings`` of each scenario that are not stored yet, and return the rows of all.
@@ -62,7 +64,7 @@ class Stages:
                 f"Of {len(stages)} files of the stage {name} in {self.folder}, {len(left)} are missing or of other"
                 f" settings, first {left[0].path.name}; run the audit without --stored."
             )
-        title = f"Audit, {TITLES[name]}"
+        title = f"Audit, {TITLES.get(name, name)}"
         with Progress(len(stages), len(stages) - len(left), title, "filters and scenarios") as progress:
             for _ in self._outcomes(left):
                 progress.advance()
@@ -81,7 +83,7 @@ class Stages:
         for number, (scenario, asked) in enumerate(zip(self.scenarios, settings, strict=True)):
             for model in dict.fromkeys(method.filter for method in asked):
                 own = {method: values for method, values in asked.items() if method.filter == model}
-                yield Stage(name, number, scenario, seeds, own, self.folder, self.key)
+                yield Stage(name, number, scenario, seeds, own, self.folder, self.key, self.attitude)
 
     def _outcomes(self, stages: Sequence[Stage]) -> Iterator[int]:
         """Yield the number of runs of each stage as it is done; those of one scenario share its recordings."""

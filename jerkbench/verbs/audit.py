@@ -12,6 +12,7 @@ are written before anything runs, and the seeds to score on follow from the hash
   jerkbench audit --scale small      minutes: shows that all of it runs, answers nothing
   jerkbench audit --scale medium     two models, half the settings
   jerkbench audit                    the whole protocol
+  jerkbench audit --attribution      what the gain of jerk and MTF over a naive baseline is made of
 
 The same command goes on where it was stopped; --stored judges what is stored, whatever version computed it (its digest
 stands in manifest.json), and runs nothing. RESULTS/audit-SCALE has README.md with the answer, its figures, table.md,
@@ -24,7 +25,8 @@ def add(verbs: Verbs) -> None:
     audit = add_verb(verbs, "audit", "tune every adaptive filter and the plain one alike, score them unseen", answer)
     audit.formatter_class = argparse.RawDescriptionHelpFormatter
     audit.epilog = EPILOG
-    audit.add_argument("--scale", default="full", help="name of the protocol (default: full)")
+    audit.add_argument("--scale", default="", help="name of the protocol (default: full, or attribution)")
+    audit.add_argument("--attribution", action="store_true", help="what the gain over a naive baseline is made of")
     audit.add_argument("--results", type=output, default=Path("results"), help="folder of all results")
     audit.add_argument("--stored", action="store_true", help="judge the stored rows of any version, and run nothing")
     audit.add_argument("--cluster", default="local", help="what runs it: local, dask, slurm, ... (default: local)")
@@ -37,14 +39,18 @@ def answer(chosen: argparse.Namespace) -> None:
     Raises:
         JerkbenchError: there is no such protocol, or a run failed.
     """
+    from jerkbench.audit.attribution.study import run_attribution
     from jerkbench.audit.protocol import read_protocol
     from jerkbench.audit.study import FOLDER, run_audit, text_of
     from jerkbench.execution.processors import processors
     from jerkbench.hydra_app.chosen_cluster import cluster_named
 
-    protocol = read_protocol(chosen.scale)
-    folder = chosen.results / f"{FOLDER}{chosen.scale}"
+    scale = chosen.scale or ("attribution" if chosen.attribution else "full")
+    protocol, folder = read_protocol(scale), chosen.results / f"{FOLDER}{scale}"
     cluster, workers = cluster_named(chosen.cluster), chosen.workers or processors()
-    audit = run_audit(protocol, folder, cluster, workers, only_stored=chosen.stored)
-    print(text_of(audit))
+    if chosen.attribution:
+        run_attribution(protocol, folder, cluster, workers)
+        print((folder / "README.md").read_text(encoding="utf-8"))
+    else:
+        print(text_of(run_audit(protocol, folder, cluster, workers, only_stored=chosen.stored)))
     print(f"Written to {folder}.")

@@ -1,0 +1,89 @@
+"""The shares of a gain with their intervals, as a table."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from jerkbench.arrays import FloatArray
+from jerkbench.audit.attribution.factors import FACTORS
+from jerkbench.audit.attribution.shapley import Corner, shapley, step
+from jerkbench.evaluation.statistics.scenarios import OverScenarios, over_scenarios
+
+WHOLE = "the whole"
+
+
+@dataclass(frozen=True)
+class Share:
+    """What one factor is worth; ratios of the position RMSE, below 1 is better.
+
+    Attributes:
+        factor: its name, or `WHOLE`.
+        ratio: by which it multiplies the RMSE, mean over all orders, with its 95 % interval over families and seeds.
+        share: of the logarithm of the whole.
+        alone: its ratio where it is added first.
+        last: its ratio where it is added last.
+    """
+
+    factor: str
+    ratio: OverScenarios
+    share: float
+    alone: float
+    last: float
+
+
+def shares(values: Mapping[Corner, FloatArray], families: Sequence[str]) -> list[Share]:
+    """Return the share of each factor, the one with the largest gain first, and at last the whole.
+
+    Args:
+        values: (S, n) loss of each corner.
+        families: (S,) family of each scenario; families count alike.
+    """
+    by_family = {corner: of_families(own, families) for corner, own in values.items()}
+    whole = by_family[frozenset(FACTORS)] - by_family[frozenset()]
+    parts = shapley(by_family, FACTORS)
+    rows = [_share(factor, parts[factor], by_family, float(whole.mean())) for factor in FACTORS]
+    total = over_scenarios(whole)
+    return [*sorted(rows, key=lambda row: row.ratio.ratio), Share(WHOLE, total, 1.0, total.ratio, total.ratio)]
+
+
+def of_families(values: FloatArray, families: Sequence[str]) -> FloatArray:
+    """Return (F, n) means over the scenarios of each family."""
+    names = np.array(families)
+    return np.array([values[names == family].mean(axis=0) for family in dict.fromkeys(families)])
+
+
+def _share(factor: str, part: FloatArray, values: Mapping[Corner, FloatArray], whole: float) -> Share:
+    rest = frozenset(FACTORS) - {factor}
+    alone, last = (float(np.exp(step(values, corner, factor).mean())) for corner in (frozenset(), rest))
+    return Share(factor, over_scenarios(part), float(part.mean()) / whole, alone, last)
+
+
+def share_frame(rows: Sequence[Share]) -> pd.DataFrame:
+    """Return the numbers of every share, one a row."""
+    return pd.DataFrame(
+        [
+            {
+                "factor": row.factor,
+                "ratio": row.ratio.ratio,
+                "low": row.ratio.low,
+                "high": row.ratio.high,
+                "share": row.share,
+                "alone": row.alone,
+                "last": row.last,
+            }
+            for row in rows
+        ]
+    )
+
+
+def share_table(rows: Sequence[Share]) -> str:
+    """Return the table as Markdown, rounded."""
+    lines = ["| factor | multiplies the RMSE by [95 %] | share | added first | added last |", "|---|---|---|---|---|"]
+    lines += [
+        f"| {row.factor} | {row.ratio.ratio:.2f} [{row.ratio.low:.2f}, {row.ratio.high:.2f}] | {100 * row.share:.0f} %"
+        f" | {row.alone:.2f} | {row.last:.2f} |"
+        for row in rows
+    ]
+    return "\n".join(lines) + "\n"

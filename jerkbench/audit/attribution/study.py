@@ -1,0 +1,96 @@
+"""The folder of an attribution: its runs, the value of each corner, the shares, figure and page."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from jerkbench.arrays import FloatArray
+from jerkbench.audit.attribution.campaign import AttributionRuns, corner_values
+from jerkbench.audit.attribution.factors import ATTITUDES, FACTORS, methods_of, naive, naive_space
+from jerkbench.audit.attribution.figure import waterfall
+from jerkbench.audit.attribution.page import attribution_page
+from jerkbench.audit.attribution.shapley import Corner
+from jerkbench.audit.attribution.shares import Share, of_families, share_frame, shares
+from jerkbench.audit.methods import space_of_method
+from jerkbench.audit.protocol import AuditProtocol
+from jerkbench.audit.scenarios import scenarios
+from jerkbench.audit.stages import Stages
+from jerkbench.cells.provenance import code_digest, git_commit, versions
+from jerkbench.clusters.cluster import Cluster
+from jerkbench.files import write_text
+from jerkbench.report.plots.figures import save_figure
+
+
+@dataclass(frozen=True)
+class Attribution:
+    """What an attribution found.
+
+    Attributes:
+        corners: (F, n) mean loss of each family and seed, at each corner.
+        families: their names.
+        shares: of each factor, the largest gain first, and the whole.
+    """
+
+    corners: Mapping[Corner, FloatArray]
+    families: tuple[str, ...]
+    shares: list[Share]
+
+
+def run_attribution(protocol: AuditProtocol, folder: Path, cluster: Cluster, workers: int) -> Attribution:
+    """Run what is not stored in ``folder`` yet, and write the shares.
+
+    Raises:
+        JerkbenchError: a run failed.
+        OSError: nothing can be written.
+    """
+    known, start = tuple(scenarios(protocol)), naive()
+    methods = methods_of(protocol).values()
+    spaces = {method: naive_space(space_of_method(method, known[0]), start) for method in methods}
+    key = f"{code_digest()} {sorted(versions().items())}"
+    scored = {}
+    for on, attitude in ATTITUDES.items():
+        place = folder / "runs" / (attitude or "tilt")
+        scored[on] = AttributionRuns(
+            protocol, spaces, Stages(known, place, key, cluster, workers, attitude=attitude)
+        ).scored()
+    values = corner_values(scored, protocol)
+    families = [scenario.family for scenario in known]
+    found = Attribution(
+        {corner: of_families(own, families) for corner, own in values.items()},
+        tuple(dict.fromkeys(families)),
+        shares(values, families),
+    )
+    _write(found, protocol, folder)
+    return found
+
+
+def corner_frame(found: Attribution) -> pd.DataFrame:
+    """Return the mean loss of every corner and family, one a row: what the shares can be computed from again."""
+    return pd.DataFrame(
+        [
+            {**{factor: factor in corner for factor in FACTORS}, "family": family, "log_rmse": float(np.mean(own))}
+            for corner, values in found.corners.items()
+            for family, own in zip(found.families, values, strict=True)
+        ]
+    )
+
+
+def _write(found: Attribution, protocol: AuditProtocol, folder: Path) -> None:
+    ends = [method.name for method in methods_of(protocol).values()]
+    texts = {
+        "protocol.json": json.dumps({"digest": protocol.digest, **asdict(protocol)}, indent=1),
+        "corners.csv": corner_frame(found).to_csv(index=False),
+        "shares.csv": share_frame(found.shares).to_csv(index=False),
+        "README.md": attribution_page(found.shares, protocol),
+        "manifest.json": json.dumps(
+            {"protocol": protocol.digest, "code": code_digest(), "git_commit": git_commit(), "versions": versions()},
+            indent=1,
+        ),
+    }
+    for name, text in texts.items():
+        write_text(folder / name, text)
+    save_figure(waterfall(found.shares, f"naive {ends[0]}", f"tuned {ends[-1]}"), folder / "waterfall.png")
