@@ -102,9 +102,5 @@ def corner_values(scored: Mapping[bool, Scored], protocol: AuditProtocol) -> dic
 
 
 def _of_subset(cube: pd.DataFrame, asked: Sequence[Sequence[tuple[Corner, str]]], subset: Corner) -> FloatArray:
-    return np.array(
-        [
-            np.mean([cube.loc[(number, trial)] for trial, key in enumerate(keys) if key[0] == subset], axis=0)
-            for number, keys in enumerate(asked)
-        ]
-    )
+    wanted = [[(number, k) for k, key in enumerate(keys) if key[0] == subset] for number, keys in enumerate(asked)]
+    return np.array([cube.loc[places].to_numpy().mean(axis=0) for places in wanted])
