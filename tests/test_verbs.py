@@ -171,3 +171,16 @@ def test_a_comparison_is_written_for_pages_and_machines(study, tmp_path):
     assert cases.find("testcase").attrib["name"] == "none, baseline, none"
     assert "worse by more than 9 %" in cases.find("testcase/failure").attrib["message"]
     assert "8 of 8 combinations are worse by more than 9 %." in record.stderr
+
+
+def test_findings_are_of_the_baseline_that_was_asked_for(study):
+    usual, asked = (
+        verb("table", str(study), "--findings", *words, cwd=study).stdout.splitlines()
+        for words in ((), ("--baseline", "disturbance=gnss_outage"))
+    )
+    assert len(asked) == 4
+    assert not set(asked) & set(usual)
+    assert all("gnss_outage+" in line for line in asked)
+    wrong = verb("table", str(study), "--findings", "--baseline", "disturbance=bias", cwd=study)
+    assert wrong.returncode == 2
+    assert "gnss_outage" in wrong.stderr

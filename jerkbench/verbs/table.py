@@ -1,7 +1,7 @@
 """`jerkbench table`: the table of a study once more, arranged as one likes, and what it shows in sentences."""
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 from jerkbench.places import place
@@ -13,7 +13,10 @@ if TYPE_CHECKING:
     from jerkbench.report.tables.table_model import Table
     from jerkbench.results.study import Study
 
-NOTHING = "Nothing can be compared: no cell without adaptation, or with the baseline filter."
+NOTHING = (
+    "Nothing can be compared: no cell without adaptation, or with the baseline filter (--baseline FACTOR=NAME takes "
+    "another), or a metric of which the lowest is not the best."
+)
 
 FORMATS = ("terminal", "md", "csv", "tex", "html", "json")
 
@@ -29,7 +32,11 @@ def add(verbs: Verbs) -> None:
     table.add_argument("--baseline", metavar="FACTOR=NAME", help="add ratios to it, with tests: adaptation=none")
     add_judging(table)
     table.add_argument("--tag", help="only the cells that were run with tags=[TAG]")
-    table.add_argument("--findings", action="store_true", help="say in sentences what differs, and what does not")
+    table.add_argument(
+        "--findings",
+        action="store_true",
+        help="say in sentences what differs, and what does not; with --baseline, from that",
+    )
     table.add_argument("--format", choices=FORMATS, default="terminal")
 
 
@@ -52,18 +59,25 @@ def answer(chosen: argparse.Namespace) -> None:
     verdicts = study_verdicts(study.rows, metric, chosen_method(chosen), chosen_rule(chosen))
     table = summarise(study.rows, metric, rows, columns, study.notes, baseline, verdicts)
     if chosen.findings:
-        print("\n".join(_sentences(study, verdicts, metric) or [NOTHING]))
+        print("\n".join(_sentences(study, verdicts, metric, baseline) or [NOTHING]))
         return
     _writers()[chosen.format](table)
 
 
-def _sentences(study: "Study", verdicts: "StudyVerdicts", metric: str) -> list[str]:
-    """Return who leads, what holds over all scenarios, the paper's claim, and the comparisons with the baselines."""
+def _sentences(
+    study: "Study", verdicts: "StudyVerdicts", metric: str, baseline: "Mapping[str, str] | None"
+) -> list[str]:
+    """Return the comparisons with the baseline that was asked for.
+
+    Without one: who leads, what holds over all scenarios, the paper's claim, and the comparisons with the usual ones.
+    """
     from jerkbench.report.analysis.across import across
     from jerkbench.report.analysis.findings import findings
     from jerkbench.report.analysis.paper_claim import claims
     from jerkbench.report.analysis.standings import summary
 
+    if baseline:
+        return findings(study.rows, verdicts, baseline)
     claim = claims(study.rows) if study.of_the_paper else []
     over_all = across(study.rows, verdicts, metric)
     return [*summary(verdicts.standings), *over_all, *claim, *findings(study.rows, verdicts)]

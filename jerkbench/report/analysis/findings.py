@@ -1,7 +1,7 @@
 """The comparisons with a study's baselines in sentences."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from jerkbench.evaluation.statistics.judgement import Verdict
@@ -15,20 +15,27 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-def findings(rows: "pd.DataFrame", verdicts: StudyVerdicts) -> list[str]:
-    """Return a sentence for each comparison with ``adaptation=none`` and ``filter=baseline``, where these are there.
+def findings(rows: "pd.DataFrame", verdicts: StudyVerdicts, baseline: Mapping[str, str] | None = None) -> list[str]:
+    """Return a sentence for each comparison with ``baseline``.
 
-    There is none of a metric whose lowest is not the best.
+    Without one, with ``adaptation=none`` and ``filter=baseline``, where these are there. There is none of a metric whose
+    lowest is not the best.
+
+    Raises:
+        JerkbenchError: no combination has the values of the baseline.
     """
     varying = varying_factors(rows)
-    return [sentence(comparison, varying) for comparison in compared(rows, verdicts)]
+    return [sentence(comparison, varying) for comparison in compared(rows, verdicts, baseline)]
 
 
-def compared(rows: "pd.DataFrame", verdicts: StudyVerdicts) -> list[Comparison]:
-    """Return every comparison with ``adaptation=none`` and ``filter=baseline``; none of a metric without a best."""
+def compared(
+    rows: "pd.DataFrame", verdicts: StudyVerdicts, baseline: Mapping[str, str] | None = None
+) -> list[Comparison]:
+    """Return every comparison of which `findings` has a sentence."""
     if not verdicts.standings:
         return []
-    return [comparison for baseline in _baselines(rows) for comparison in verdicts.against(baseline)]
+    baselines = [baseline] if baseline else _baselines(rows)
+    return [comparison for values in baselines for comparison in verdicts.against(values)]
 
 
 def sentence(comparison: Comparison, varying: Sequence[str]) -> str:

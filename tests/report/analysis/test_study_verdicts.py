@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 
 from jerkbench.evaluation.statistics.judgement import TURNED
+from jerkbench.report.analysis.findings import findings
 from jerkbench.report.analysis.study_verdicts import study_verdicts
 from jerkbench.report.tables.summary import summarise
 
@@ -91,3 +92,11 @@ def test_where_the_attitude_alone_varies_it_is_the_method(rows):
     verdicts = study_verdicts(both, METRIC)
     assert len(verdicts.standings) == 3
     assert {rival[2] for standing in verdicts.standings for rival in standing.contest.rivals} == {"tilt", "gyro_only"}
+
+
+def test_sentences_are_of_the_baseline_that_was_asked_for(rows, verdicts):
+    """Three scenarios of two filters with two other adaptations; the floor has no partner."""
+    told = findings(rows, verdicts, {"adaptation": "mtf"})
+    assert len(told) == 3 * 2 * 2
+    assert all("jerk+mtf" in line or "baseline+mtf" in line for line in told)
+    assert findings(rows, verdicts) != told
