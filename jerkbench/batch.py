@@ -19,7 +19,7 @@ class Scoring:
         whole: (k,) 1 where they count with the burn-in, else 0.
         moving: (k,) 1 where the velocity errors count, else 0.
         outage: (k,) 1 where they count for the outages, else 0.
-        marks: (j,) rows whose position errors are kept.
+        marks: (j,) rows whose position errors are kept, with their covariance.
         start_s: from when on updates count.
     """
 
@@ -65,6 +65,7 @@ class Streamed(NamedTuple):
         nis_used_per_row: the same with the S that was used and the rows that were kept.
         nis_used_updates: their number.
         marked_m: (j, 3) position errors at the marks.
+        marked_m2: (j, 6) the upper triangle of their covariance, row by row.
         updates: what the updates saw, or none where they were not kept.
         euler_rad: (k, 3) roll, pitch, yaw of the run itself; None: those of the timeline, or not kept.
     """
@@ -82,5 +83,6 @@ class Streamed(NamedTuple):
     nis_used_per_row: float
     nis_used_updates: float
     marked_m: FloatArray
+    marked_m2: FloatArray
     updates: Updates
     euler_rad: FloatArray | None = None

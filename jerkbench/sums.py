@@ -29,6 +29,8 @@ class Sums(NamedTuple):
         outage_driven_m: (j,) how far the reference went in each.
         outage_drifts_mps: (j,) change of e from its first to its last row, per second; NaN where they are one.
         outages: number of outages of the recording, reached or not.
+        sampled_m: (s, 3) position errors once a second, at the first row that counts.
+        sampled_m2: (s, 6) the upper triangle of their covariance, row by row.
     """
 
     position_m2: FloatArray
@@ -51,3 +53,10 @@ class Sums(NamedTuple):
     outage_driven_m: FloatArray
     outage_drifts_mps: FloatArray
     outages: int
+    sampled_m: FloatArray
+    sampled_m2: FloatArray
+
+    @property
+    def sampled_covariance_m2(self) -> FloatArray:
+        """(s, 3, 3) covariances of the position once a second."""
+        return self.sampled_m2[:, [[0, 1, 2], [1, 3, 4], [2, 4, 5]]]

@@ -129,7 +129,8 @@ def build(spec: Config, protocol: Protocol, labels: Labels | None = None) -> Cel
     single = {kind: _part(kind, spec[kind]) for kind in ("dataset", "attitude", "adaptation", "engine")}
     single["filter"] = _part("filter", {**spec["filter"], **noise})
     disturbances = [_part("disturbance", part) for part in spec["disturbance"]]
-    metrics, r_scale = metric_names(spec.get("metrics") or ()), _r_scale(spec.get("r_scale") or {})
+    seeded = any(part.plugin.seeded for part in (single["dataset"], *disturbances))
+    metrics, r_scale = metric_names(spec.get("metrics") or (), seeded=seeded), _r_scale(spec.get("r_scale") or {})
     effective: dict[str, Any] = {kind: part.plain for kind, part in single.items()}
     effective["r_scale"] = dataclasses.asdict(r_scale)
     effective["disturbance"] = [part.plain for part in disturbances]
@@ -231,8 +232,16 @@ def _filters(fits: Callable[[type], bool]) -> list[str]:
     return [name for name in plugins.names("filter") if fits(plugins.get("filter", name))]
 
 
-def metric_names(wanted: Sequence[str]) -> tuple[str, ...]:
+WITHOUT_SEEDS = ("one_recording",)
+"""Metrics that are computed by default where a cell has no seeds, which would say how far to trust its numbers."""
+
+
+def metric_names(wanted: Sequence[str], *, seeded: bool = True) -> tuple[str, ...]:
     """Return the names that are asked for; of none those that say nothing else, of "all" every one.
+
+    Args:
+        wanted: names.
+        seeded: whether the cell has seeds; without them it has `WITHOUT_SEEDS` by default.
 
     Raises:
         PluginError: it is no list of names.
@@ -243,7 +252,8 @@ def metric_names(wanted: Sequence[str]) -> tuple[str, ...]:
     for sentence in plugins.left_out("metric").values() if not wanted or "all" in wanted else ():
         notify(sentence)
     if not wanted:
-        return tuple(name for name in known if _by_default(plugins.get("metric", name)))
+        alone = () if seeded else WITHOUT_SEEDS
+        return tuple(name for name in known if name in alone or _by_default(plugins.get("metric", name)))
     return tuple(dict.fromkeys(name for name in wanted for name in (known if name == "all" else [name])))
 
 

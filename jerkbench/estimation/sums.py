@@ -33,7 +33,7 @@ class Score(NamedTuple):
         moving: (k,) likewise.
         outage: (k,) likewise.
         mark: (k,) row of ``errors``, or -1.
-        errors: (marks, 3) position errors.
+        errors: (marks, 9) position errors, and the upper triangle of their covariance.
         counts: (rows of z,) 1 where an update counts, else 0.
         totals: (17,) the sums, in the order of TOTALS.
         room: (42,) for an elimination.
@@ -56,7 +56,7 @@ def score_of(scoring: Scoring | None, timeline: Timeline) -> Score:
     nothing, totals, room = np.empty(0), np.zeros(len(TOTALS)), np.zeros(42)
     if scoring is None:
         none = np.empty(0, dtype=np.int64)
-        errors = np.empty((0, 3))
+        errors = np.empty((0, 9))
         return Score(np.empty((0, 6)), nothing, nothing, nothing, nothing, none, errors, nothing, totals, room)
     marks = np.unique(scoring.marks)
     mark = np.full(len(scoring.truth), -1, dtype=np.int64)
@@ -68,7 +68,7 @@ def score_of(scoring: Scoring | None, timeline: Timeline) -> Score:
         _plain(scoring.moving),
         _plain(scoring.outage),
         mark,
-        np.zeros((len(marks), 3)),
+        np.zeros((len(marks), 9)),
         (timeline.measurements.t_ns * 1e-9 >= scoring.start_s).astype(np.float64),
         totals,
         room,
@@ -84,6 +84,7 @@ def streamed_from(score: Score, scoring: Scoring, updates: Updates, euler_rad: F
     totals = score.totals
     if not np.isfinite(totals).all() or totals[ODD] > 0:
         return None
+    marked = score.errors[np.searchsorted(np.unique(scoring.marks), scoring.marks)]
     return Streamed(
         position_m2=totals[:3],
         velocity_m2ps2=totals[3:6],
@@ -97,7 +98,8 @@ def streamed_from(score: Score, scoring: Scoring, updates: Updates, euler_rad: F
         nis_updates=float(totals[UPDATES]),
         nis_used_per_row=float(totals[NIS_USED]),
         nis_used_updates=float(totals[UPDATES_USED]),
-        marked_m=score.errors[np.searchsorted(np.unique(scoring.marks), scoring.marks)],
+        marked_m=marked[:, :3],
+        marked_m2=marked[:, 3:],
         updates=updates,
         euler_rad=euler_rad,
     )
@@ -120,12 +122,19 @@ def add_state(score: Score, row: int, x: FloatArray, P: FloatArray) -> None:
     t[FARTHEST] = max(t[FARTHEST], square)
     t[LARGEST] = max(t[LARGEST], counted * square)
     if score.mark[row] >= 0:
-        for i in range(3):
-            score.errors[score.mark[row], i] = e[36 + i]
+        _mark(score.errors[score.mark[row]], e, P)
     if not square < np.inf:
         t[ODD] += 1.0
     if counted > 0.0:
         _add_nees(t, e, P, moving)
+
+
+def _mark(kept: FloatArray, e: FloatArray, P: FloatArray) -> None:
+    """Keep the position error of a row, and the upper triangle of its covariance."""
+    for i in range(3):
+        kept[i] = e[36 + i]
+        kept[3 + i] = P[i]
+    kept[6], kept[7], kept[8] = P[7], P[8], P[14]
 
 
 def _add_nees(t: FloatArray, C: FloatArray, P: FloatArray, moving: float) -> None:

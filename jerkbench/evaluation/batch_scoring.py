@@ -87,7 +87,8 @@ def outlined(index: IntArray, euler_rad: FloatArray) -> Estimate:
 def sums_from(streamed: Streamed, scored: Scored, recording: Recording) -> Sums:
     """Return the sums of a run."""
     rows, numbers = scored.rows, scored.numbers
-    pairs = streamed.marked_m.reshape(-1, 2, 3)
+    ends = rows.outages.size
+    pairs = streamed.marked_m[:ends].reshape(-1, 2, 3)
     return Sums(
         position_m2=_over_axes(streamed.position_m2, POSITION_AXES),
         position_rows=numbers.position,
@@ -109,6 +110,8 @@ def sums_from(streamed: Streamed, scored: Scored, recording: Recording) -> Sums:
         outage_driven_m=rows.outages_driven_m,
         outage_drifts_mps=drifts_mps(pairs, rows.outages_s),
         outages=len(recording.outages_s),
+        sampled_m=streamed.marked_m[ends:],
+        sampled_m2=streamed.marked_m2[ends:],
     )
 
 
@@ -129,7 +132,7 @@ def _scoring(recording: Recording, outline: Estimate, rows: Rows) -> Scoring:
         rows.whole.astype(np.float64),
         rows.velocity[0].astype(np.float64),
         rows.outage.astype(np.float64),
-        rows.outages.ravel(),
+        np.concatenate([rows.outages.ravel(), rows.sampled]),
         rows.start_s,
     )
 

@@ -7,10 +7,11 @@ import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.estimate import Estimate
-from jerkbench.evaluation.navigation_errors import known, position_error_m
 from jerkbench.evaluation.statistics.gaussian_scores import inclination_indicator, non_credibility_index
+from jerkbench.evaluation.sums import sums_of
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
+from jerkbench.sums import Sums
 
 
 @register("metric", "credibility")
@@ -18,8 +19,8 @@ from jerkbench.recording import Recording
 class Credibility:
     """Non-credibility index and inclination indicator of the position.
 
-    With e_i the position error, P_i its covariance and S = 1/N sum e_i e_i' over the N counted rows, which stands for
-    the true mean square error::
+    With e_i the position error, P_i its covariance and S = 1/N sum e_i e_i' over the N rows that are the first counted
+    one of a second, which stands for the true mean square error::
 
         rho_i = e_i' P_i^-1 e_i / (e_i' S^-1 e_i)
         non_credibility_db = 10/N sum |log10 rho_i|     0 is credible, 10 a factor of ten either way
@@ -36,12 +37,15 @@ class Credibility:
 
     def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
         """Return the two values by column name."""
-        rows = counted & known(recording.reference.enu_m, estimate)
-        error = position_error_m(estimate, recording)[rows]
+        return self.summarise(sums_of(estimate, recording, counted))
+
+    def summarise(self, sums: Sums) -> dict[str, float]:
+        """Return the same from the sums of a run."""
+        error = sums.sampled_m
         square = error.T @ error / max(1, len(error))
         if len(error) < 4 or not np.isfinite(square).all() or np.linalg.matrix_rank(square) < 3:
             return {"non_credibility_db": np.nan, "inclination_db": np.nan}
-        nees = _squares(error, estimate.covariance[rows, :3, :3])
+        nees = _squares(error, sums.sampled_covariance_m2)
         ideal = _squares(error, np.broadcast_to(square, (len(error), 3, 3)))
         return {
             "non_credibility_db": non_credibility_index(nees, ideal),

@@ -1,15 +1,15 @@
 """The log score: the likelihood of the truth under the filter, accuracy and honesty in one number."""
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.estimate import Estimate
-from jerkbench.evaluation.navigation_errors import known, position_error_m
+from jerkbench.evaluation.sums import sums_of
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
+from jerkbench.sums import Sums
 
 
 @register("metric", "log_score")
@@ -17,24 +17,25 @@ from jerkbench.recording import Recording
 class LogScore:
     """Mean negative log-density of the true position under the filter's own Gaussian; the lowest is the best.
 
-    With e_i the position error [m] and P_i its covariance [m2], over the N counted rows::
+    With e_i the position error [m] and P_i its covariance [m2], over the N rows that are the first counted one of a
+    second::
 
         position_log_score = 1/(2 N) sum (e_i' P_i^-1 e_i + log det P_i + 3 log 2 pi)         [nats, of metres]
 
     It is a proper score: no filter can improve it by claiming another covariance than that of its errors. Where the
     reference is made of withheld fixes, it is the score of the predicted measurement. NaN without a row, or where a
-    covariance is not positive definite. Not computed unless asked for: ``metrics=[log_score]``.
+    covariance is not positive definite.
 
     Source: Gneiting and Raftery, "Strictly proper scoring rules, prediction, and estimation", JASA 102 (2007).
     """
 
-    default: ClassVar[bool] = False
-
     def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
         """Return the value by column name."""
-        rows = counted & known(recording.reference.enu_m, estimate)
-        error = position_error_m(estimate, recording)[rows]
-        return {"position_log_score": _mean_score(error, estimate.covariance[rows, :3, :3])}
+        return self.summarise(sums_of(estimate, recording, counted))
+
+    def summarise(self, sums: Sums) -> dict[str, float]:
+        """Return the same from the sums of a run."""
+        return {"position_log_score": _mean_score(sums.sampled_m, sums.sampled_covariance_m2)}
 
 
 def _mean_score(error: FloatArray, covariance: FloatArray) -> float:

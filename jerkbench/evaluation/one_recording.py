@@ -24,8 +24,8 @@ class OneRecording:
         position_rmse_low_m, position_rmse_high_m   95 % interval of position_rmse_m
         error_correlation_rows                      rows that count as one: 1 + 2 sum of the autocorrelations of |e_i|^2
 
-    It speaks for other stretches of such a drive, not for other drives. NaN where the recording is too short. Not
-    computed unless asked for: ``metrics=[position_rmse,one_recording]``.
+    It speaks for other stretches of such a drive, not for other drives. NaN where the recording is too short to say:
+    fewer than 75 times as many rows as count as one. Computed by default where a cell has no seeds, and on request.
 
     Source: Künsch, "The jackknife and the bootstrap for general stationary observations", Ann. Statist. 17 (1989).
     """

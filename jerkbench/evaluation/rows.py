@@ -31,6 +31,7 @@ class Rows(NamedTuple):
         outages_s: (j, 2) their times.
         outages_driven_m: (j,) how far the reference went between the two.
         start_s: time of the first counted row; infinite without one.
+        sampled: (s,) the first row of each second whose position counts.
     """
 
     position: BoolArray
@@ -42,6 +43,7 @@ class Rows(NamedTuple):
     outages_s: FloatArray
     outages_driven_m: FloatArray
     start_s: float
+    sampled: IntArray
 
 
 def counting(index: IntArray, recording: Recording, counted: BoolArray) -> Rows:
@@ -65,7 +67,15 @@ def counting(index: IntArray, recording: Recording, counted: BoolArray) -> Rows:
         t_s[outages],
         np.diff(driven_m(reference)[index][outages], axis=1)[:, 0],
         start_s,
+        once_a_second(t_s, position[0]),
     )
+
+
+def once_a_second(t_s: FloatArray, counted: BoolArray) -> IntArray:
+    """Return (s,) the first row of each whole second that is ``counted`` (k,), of stamps ``t_s`` (k,) that increase."""
+    places = np.flatnonzero(counted)
+    _, first = np.unique(np.floor(t_s[places]), return_index=True)
+    return np.asarray(places[first])
 
 
 def first_counted_s(reference: Reference, index: IntArray, counted: BoolArray) -> float:

@@ -9,6 +9,9 @@ from jerkbench.evaluation.rows import POSITION_AXES, VELOCITY_AXES, Rows, counti
 from jerkbench.recording import Recording
 from jerkbench.sums import Sums
 
+UPPER = np.triu_indices(3)
+"""Where the covariance of a position has numbers of its own."""
+
 BLOCK = 2048
 """Rows whose covariances are taken together: they fit into a processor's second cache."""
 
@@ -44,6 +47,8 @@ def sums_of(estimate: Estimate, recording: Recording, counted: BoolArray) -> Sum
             outage_driven_m=rows.outages_driven_m,
             outage_drifts_mps=drifts_mps(position[rows.outages], rows.outages_s),
             outages=len(recording.outages_s),
+            sampled_m=position[rows.sampled],
+            sampled_m2=estimate.covariance[rows.sampled][:, *UPPER],
         )
 
 

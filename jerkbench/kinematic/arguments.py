@@ -7,6 +7,9 @@ from jerkbench.arrays import FloatArray, IntArray
 SEEN = 17
 """Numbers that are kept of what an update saw."""
 
+MARKED = 9
+"""Numbers that are kept of a marked row: the position error (3), and the upper triangle of its covariance (6)."""
+
 
 class Steps(NamedTuple):
     """The steps that the runs share, and in vectors (a last axis of WIDTH) what they do not.
@@ -102,7 +105,7 @@ class Kept(NamedTuple):
         reference: (k,) rows of the reference that were visited.
         x: (k, 6, WIDTH) position and velocity there; or no row.
         P: (k, 36, WIDTH) their covariance; or no row.
-        errors: (marks, 3, WIDTH) position errors at the marked rows.
+        errors: (marks, MARKED, WIDTH) what is kept of the marked rows.
         which: (m,) rows of z that were taken.
         seen: (m, SEEN, WIDTH) what each update saw: rows, nis, rows kept, nis used, innovation (6), diagonal of R (6),
             det S with the reported R; or one row, which each update writes anew.

@@ -11,7 +11,7 @@ from jerkbench.batch import Run, Streamed
 from jerkbench.compilation.vectors import WIDE, aligned_zeros
 from jerkbench.contracts import Filter
 from jerkbench.estimate import Updates
-from jerkbench.kinematic.arguments import SEEN, Kept
+from jerkbench.kinematic.arguments import MARKED, SEEN, Kept
 from jerkbench.kinematic.entry import loop_for
 from jerkbench.kinematic.exchange import empty_runs
 from jerkbench.kinematic.layout import TOTALS, layout
@@ -91,7 +91,7 @@ def room_of(pack: Pack, n: int, *, updates: bool) -> Kept:
         np.empty(len(pack.score.truth), dtype=np.int64),
         np.empty((0, 6, WIDE)),
         np.empty((0, 36, WIDE)),
-        np.zeros((marks, 3, WIDE)),
+        np.zeros((marks, MARKED, WIDE)),
         np.empty(m, dtype=np.int64),
         np.empty((max(m, 1) if updates else 1, SEEN, WIDE)),
     )
@@ -123,7 +123,8 @@ def _result(pack: Pack, kept: Kept, total: dict[str, float], lane: int, *, updat
         nis_updates=total["UPDATES"],
         nis_used_per_row=total["NIS_USED"],
         nis_used_updates=total["UPDATES_USED"],
-        marked_m=kept.errors[pack.marks[lane], :, lane],
+        marked_m=kept.errors[pack.marks[lane], :3, lane],
+        marked_m2=kept.errors[pack.marks[lane], 3:, lane],
         updates=_updates(pack, kept.seen, lane) if updates else NOTHING,
     )
 

@@ -3,7 +3,7 @@
 from jerkbench.arrays import FloatArray
 from jerkbench.compilation.vector_ops import scratch
 from jerkbench.compilation.vectors import chosen, vectors
-from jerkbench.kinematic.arguments import Score
+from jerkbench.kinematic.arguments import MARKED, Score
 from jerkbench.kinematic.layout import (
     AT,
     EAST,
@@ -26,8 +26,13 @@ def compare(w: FloatArray, score: Score, truth: FloatArray, errors: FloatArray, 
     """Score the state with row ``row`` of ``truth``."""
     if score.mark[row] >= 0:
         marked = vectors(errors, WIDTH)
+        place = MARKED * score.mark[row]
         for i in range(3):
-            marked[3 * score.mark[row] + i] = w[X + i] - truth[6 * row + i]
+            marked[place + i] = w[X + i] - truth[6 * row + i]
+            marked[place + 3 + i] = w[AT[0, i]]
+        for i in range(2):
+            marked[place + 6 + i] = w[AT[1, 1 + i]]
+        marked[place + 8] = w[AT[2, 2]]
     add_row(w, truth, row, score.weights)
     if len(score.outage) > 0:
         w[OUTAGE] += vectors(score.outage, WIDTH)[row] * w[SQUARE]

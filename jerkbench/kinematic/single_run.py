@@ -9,7 +9,7 @@ from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.vectors import aligned_zeros
 from jerkbench.contracts import Filter
 from jerkbench.estimate import Estimate
-from jerkbench.kinematic.arguments import SEEN, Kept, Score, Steps
+from jerkbench.kinematic.arguments import MARKED, SEEN, Kept, Score, Steps
 from jerkbench.kinematic.entry import loop_for
 from jerkbench.kinematic.exchange import empty_runs
 from jerkbench.kinematic.layout import layout
@@ -67,7 +67,7 @@ def trajectory_room(timeline: Timeline, n: int) -> Kept:
         np.empty(k, dtype=np.int64),
         np.empty((k, 6, 1)),
         np.empty((k, 36, 1)),
-        np.empty((0, 3, 1)),
+        np.empty((0, MARKED, 1)),
         np.empty(m, dtype=np.int64),
         np.empty((max(m, 1), SEEN, 1)),
     )

@@ -37,6 +37,9 @@ def add(verbs: Verbs) -> None:
         action="store_true",
         help="say in sentences what differs, and what does not; with --baseline, from that",
     )
+    table.add_argument(
+        "--costs", action="store_true", help="put the time a step beside it: each method runs again, here"
+    )
     table.add_argument("--format", choices=FORMATS, default="terminal")
 
 
@@ -62,6 +65,10 @@ def answer(chosen: argparse.Namespace) -> None:
         print("\n".join(_sentences(study, verdicts, metric, baseline) or [NOTHING]))
         return
     _writers()[chosen.format](table)
+    if chosen.costs:
+        from jerkbench.results.step_costs import COLUMN, step_costs
+
+        _writers()[chosen.format](summarise(step_costs(study), COLUMN, rows, columns))
 
 
 def _sentences(

@@ -504,7 +504,7 @@ class BrokenBatched(GnssOnly):
         velocity = (estimate.velocity_mps - run.scoring.truth[:, 3:]) * run.scoring.moving[:, None]
         position_m2, velocity_m2ps2 = (error**2).sum(axis=0) * self.factor, (velocity**2).sum(axis=0)
         none = Updates.empty()
-        return Streamed(position_m2, velocity_m2ps2, *[0.0] * 10, np.zeros((0, 3)), none)
+        return Streamed(position_m2, velocity_m2ps2, *[0.0] * 10, np.zeros((0, 3)), np.zeros((0, 6)), none)
 
 
 def test_a_compiled_way_that_goes_another_way():

@@ -50,6 +50,24 @@ def make_estimate(recording, **changes):
     return dataclasses.replace(estimate, **changes)
 
 
+def once_a_second(t_s, rows):
+    """The first of ``rows`` in each whole second, one after the other."""
+    seconds, chosen = set(), []
+    for row in rows:
+        if int(t_s[row]) not in seconds:
+            seconds.add(int(t_s[row]))
+            chosen.append(row)
+    return chosen
+
+
+@pytest.fixture
+def sampled(estimate, recording, counted):
+    """The rows of the estimate that scores are taken of."""
+    index = estimate.index
+    located = [k for k in np.flatnonzero(counted) if np.isfinite(recording.reference.enu_m[index[k]]).all()]
+    return once_a_second(recording.reference.t_s[index], located)
+
+
 @pytest.fixture
 def recording():
     return make_recording()

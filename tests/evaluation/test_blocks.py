@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from scipy.signal import lfilter
+from scipy.stats import t
 
 from jerkbench.evaluation.statistics.blocks import autocorrelation, block_interval, correlation_rows
 from jerkbench.evaluation.statistics.intervals import mean_interval
@@ -44,7 +45,10 @@ def test_the_autocorrelation_of_columns_is_that_of_each():
 def test_blocks_are_wider_than_independent_rows_where_errors_follow_each_other():
     wider = []
     for squares in autoregressive(0.95, 4000, 3, count=20) ** 2:
-        got, naive = block_interval(squares), 2 * 1.96 * squares.std() / math.sqrt(len(squares))
+        got = block_interval(squares)
+        blocks = len(squares) / got.block
+        student = t.ppf(0.975, blocks - 1) * math.sqrt(blocks / (blocks - 1))
+        naive = 2 * student * squares.std() / math.sqrt(len(squares))
         wider.append((got.high**2 - got.low**2) / naive)
         assert got.block >= got.correlation
     # squares of a Gaussian series have the autocorrelation phi^2k, so the mean's sigma grows by this
@@ -68,6 +72,25 @@ def test_the_rmse_is_that_of_the_rows_and_the_same_rows_give_the_same():
     squares = np.arange(1.0, 101.0)
     assert block_interval(squares).rmse == pytest.approx(math.sqrt(50.5))
     assert block_interval(squares) == block_interval(squares.copy())
+
+
+@pytest.mark.parametrize("times", [80, 150])
+def test_it_holds_the_true_rmse_of_three_axes_down_to_75_correlation_times(times):
+    """500 series: a standard error of 1 %. Squares of phi^k forget as phi^2k: tau = (1 + phi^2)/(1 - phi^2)."""
+    tau = 4000 / times
+    phi = math.sqrt((tau - 1) / (tau + 1))
+    axes = autoregressive(phi, 4000, 6, count=1500) ** 2
+    got = [block_interval(of_three) for of_three in axes.reshape(500, 3, 4000).sum(axis=1)]
+    known = [i for i in got if not math.isnan(i.low)]
+    assert len(known) > 300
+    assert 0.91 <= np.mean([i.low <= math.sqrt(3) <= i.high for i in known]) <= 0.97
+
+
+def test_below_75_correlation_times_it_is_too_short_to_say():
+    phi = math.sqrt((100 - 1) / (100 + 1))
+    got = [block_interval(x) for x in autoregressive(phi, 4000, 7, count=50) ** 2]
+    assert all(math.isnan(i.low) == (75 * i.correlation > 4000) for i in got)
+    assert np.mean([math.isnan(i.low) for i in got]) > 0.8
 
 
 def test_a_recording_that_is_too_short_has_no_interval():

@@ -10,8 +10,10 @@ from scipy.stats import norm
 
 from jerkbench.evaluation.credibility import Credibility
 from jerkbench.evaluation.crps import Crps
+from jerkbench.evaluation.faults import fault_windows_s
 from jerkbench.evaluation.recovery import Recovery
 from jerkbench.evaluation.run import counted_rows
+from jerkbench.recording import Position
 
 
 @pytest.fixture
@@ -26,8 +28,8 @@ def placed(estimate, recording, error_m, covariance=None):
     return dataclasses.replace(estimate, position_m=truth + error_m, covariance=full)
 
 
-def test_the_crps_is_the_mean_of_integrals(estimate, recording, counted):
-    rows = np.flatnonzero(counted & np.isfinite(recording.reference.enu_m[estimate.index]).all(axis=1))
+def test_the_crps_is_the_mean_of_integrals(estimate, recording, counted, sampled):
+    rows = np.array(sampled)
     error = estimate.position_m[rows] - recording.reference.enu_m[estimate.index[rows]]
     sigma = np.sqrt(np.diagonal(estimate.covariance[rows, :3, :3], axis1=1, axis2=2))
     naive = [
@@ -40,10 +42,11 @@ def test_the_crps_is_the_mean_of_integrals(estimate, recording, counted):
 
 
 @pytest.mark.parametrize(("factor", "inclination"), [(1.0, 0.0), (10.0, 10.0), (0.1, -10.0)])
-def test_errors_that_are_larger_than_said_have_decibels(estimate, recording, counted, factor, inclination):
+def test_errors_that_are_larger_than_said_have_decibels(estimate, recording, counted, sampled, factor, inclination):
     """Covariances equal to the mean square errors of the run over a factor, row by row."""
     error = np.random.default_rng(3).normal(size=(len(estimate.index), 3))
-    rows = counted & np.isfinite(recording.reference.enu_m[estimate.index]).all(axis=1)
+    rows = np.zeros(len(error), dtype=bool)
+    rows[sampled] = True
     covariance = np.tile(np.eye(6), (len(error), 1, 1))
     covariance[:, :3, :3] = error[rows].T @ error[rows] / rows.sum() / factor
     got = Credibility().evaluate(placed(estimate, recording, error, covariance), recording, counted)
@@ -67,12 +70,47 @@ def test_an_error_that_halves_every_second_recovers_in_one(estimate, recording, 
     assert got["recovery_s"] == pytest.approx(np.mean(lengths) + 1.0, abs=0.51)  # from the peak at the begin
 
 
+def faulty(recording, sigma, faults_s):
+    """The recording with fixes at 1 Hz whose true sigma in ``faults_s`` is ``sigma`` times the reported."""
+    t_s = np.arange(30.0)
+    reported = np.tile(np.eye(3), (30, 1, 1))
+    inside = np.any([(t_s >= begin) & (t_s < end) for begin, end in faults_s], axis=0)
+    true = reported * np.where(inside, sigma**2, 1.0)[:, None, None]
+    fixes = Position(t_s, np.zeros((30, 3)), reported, true)
+    return dataclasses.replace(recording, position=fixes, outages_s=np.empty((0, 2)))
+
+
+def test_fixes_that_are_worse_than_they_say_are_faults_until_one_is_not(recording):
+    made = faulty(recording, 2.1, [(8.0, 11.0), (20.0, 22.0)])
+    np.testing.assert_array_equal(fault_windows_s(made), [[8.0, 11.0], [20.0, 22.0]])
+    assert len(fault_windows_s(faulty(recording, 1.9, [(8.0, 11.0)]))) == 0
+    with_outage = dataclasses.replace(made, outages_s=np.array([[10.0, 14.0]]))
+    np.testing.assert_array_equal(fault_windows_s(with_outage), [[8.0, 14.0], [20.0, 22.0]])
+    at_the_end = faulty(recording, 3.0, [(27.0, 31.0)])
+    np.testing.assert_array_equal(fault_windows_s(at_the_end), [[27.0, 29.0]])
+
+
+def test_the_answer_to_faults_is_the_median_and_what_never_comes_back_is_the_slowest(estimate, recording, counted):
+    t_s = recording.reference.t_s[estimate.index]
+    whole = dataclasses.replace(
+        recording, reference=dataclasses.replace(recording.reference, enu_m=np.zeros_like(recording.reference.enu_m))
+    )
+    made = faulty(whole, 5.0, [(8.0, 9.0), (14.0, 15.0), (20.0, 21.0)])
+    size = np.zeros(len(t_s))
+    for begin, lasts_s, peak in ((8.0, 1.0, 4.0), (14.0, 2.5, 2.0), (20.0, 99.0, 6.0)):
+        size = np.where((t_s >= begin) & (t_s <= begin + lasts_s), peak, np.where(t_s > begin, 0.0, size))
+    everywhere = np.ones_like(counted)
+    got = Recovery().evaluate(placed(estimate, made, size[:, None] * np.array([0.0, 1.0, 0.0])), made, everywhere)
+    assert got == {"recovery_s": 3.0, "recovery_peak_m": 4.0, "faults_counted": 3.0}
+
+
 def test_without_an_outage_there_is_nothing_to_recover_from(estimate, recording, counted):
     got = Recovery().evaluate(estimate, dataclasses.replace(recording, outages_s=np.empty((0, 2))), counted)
-    assert all(map(math.isnan, got.values()))
+    assert math.isnan(got["recovery_s"])
+    assert got["faults_counted"] == 0
 
 
 @pytest.mark.parametrize("metric", [Crps(), Credibility(), Recovery()])
 def test_where_nothing_counts_there_is_no_score(metric, estimate, recording, counted):
     got = metric.evaluate(estimate, recording, np.zeros_like(counted))
-    assert all(map(math.isnan, got.values()))
+    assert all(map(math.isnan, [value for name, value in got.items() if name != "faults_counted"]))

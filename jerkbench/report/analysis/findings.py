@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 def findings(rows: "pd.DataFrame", verdicts: StudyVerdicts, baseline: Mapping[str, str] | None = None) -> list[str]:
     """Return a sentence for each comparison with ``baseline``.
 
-    Without one, with ``adaptation=none`` and ``filter=baseline``, where these are there. There is none of a metric whose
-    lowest is not the best.
+    Without one, with ``adaptation=none`` and ``filter=baseline``, where these are there. Of a metric whose lowest is
+    not the best there is none.
 
     Raises:
         JerkbenchError: no combination has the values of the baseline.

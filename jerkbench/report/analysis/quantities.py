@@ -10,6 +10,7 @@ UNITS = {
     "radps": "rad/s",
     "s": "s",
     "us": "µs",
+    "ns": "ns",
     "db": "dB",
     "percent": "%",
 }
@@ -31,18 +32,20 @@ TITLES = {
     "outage_drift_mps": "Growth of the position error (3-D) in an outage",
     "position_rmse_low_m": "Position RMSE (3-D), lower end of the recording's own interval",
     "position_rmse_high_m": "Position RMSE (3-D), upper end of the recording's own interval",
+    "step_ns": "Time a step: one run alone, the quickest of five",
     "position_crps_m": "CRPS of the position, mean of the axes",
     "non_credibility_db": "Non-credibility index of the position",
     "inclination_db": "Inclination indicator of the covariances of the position",
-    "recovery_s": "Time until the error (3-D) after an outage is halfway back",
-    "recovery_peak_m": "Largest position error (3-D) after the begin of an outage, mean over the outages",
-    "position_log_score": "Log-score of the true position (nats)",
+    "recovery_s": "Time until the error (3-D) after a fault is halfway back, median over the faults",
+    "recovery_peak_m": "Largest position error (3-D) after the begin of a fault, median over the faults",
+    "position_log_score": "Log score of the true position, lower is better",
     "relative_error_percent": "Error of the displacement (3-D), of the distance",
     "inflated_percent": "Updates with an inflated position",
     "rejected_percent": "Updates with a rejected position",
     "lockout_s": "Longest streak of inflated positions",
     "innovation_correlation": "Correlation of successive innovations",
     "innovation_white_percent": "Rows with white innovations",
+    "faults_counted": "Faults that begin after the burn-in",
     "outages_counted": "Outages with a known error at the end",
     "inclination_rmse_rad": "RMSE of the inclination",
     "inclination_rmse_deg": "RMSE of the inclination",
@@ -77,10 +80,20 @@ READING = {
 """How to read what is not as expected, where it is not "more is overconfident"."""
 
 COUNTS = (
-    *("outages_counted", "error_correlation_rows", "inflated_percent", "rejected_percent", "lockout_s"),
+    *(
+        "outages_counted",
+        "faults_counted",
+        "error_correlation_rows",
+        "inflated_percent",
+        "rejected_percent",
+        "lockout_s",
+    ),
     "inclination_floor_deg",
 )
 """What tells how much was scored, how well, or what an adaptation did: no quality of a filter."""
+
+NATS = ("position_log_score", "innovation_log_loss")
+"""Logarithms of densities, below 0 as well: the lowest is the best, but no ratio says by how much."""
 
 
 @dataclass(frozen=True)
@@ -91,7 +104,7 @@ class Quantity:
         title: in words.
         unit: "" for a ratio.
         expected: what a consistent filter gives, or None.
-        lowest_is_best: whether the lowest is the best; if not, none is.
+        lowest_is_best: whether the lowest is the best, and a ratio says by how much; if not, nothing is judged.
         reading: what more or less than expected means.
     """
 
@@ -119,4 +132,4 @@ def quantity(column: str) -> Quantity:
     plain = " ".join(words)
     title = TITLES.get(column, plain[:1].upper() + plain[1:])
     reading = READING.get(column, Quantity.reading)
-    return Quantity(title, unit, EXPECTED.get(column), column not in (*EXPECTED, *COUNTS), reading)
+    return Quantity(title, unit, EXPECTED.get(column), column not in (*EXPECTED, *COUNTS, *NATS), reading)

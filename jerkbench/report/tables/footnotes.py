@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
+from jerkbench.evaluation.statistics.blocks import LEAST_TIMES
 from jerkbench.evaluation.statistics.centre import GEOMETRIC, MEAN, MEDIAN
 from jerkbench.evaluation.statistics.exact import share_interval
 from jerkbench.evaluation.statistics.log_ratio import LOCKED_OUT
@@ -41,7 +42,8 @@ def _constants(table: Table) -> Iterator[str]:
 def _reading(table: Table, cells: list[TableCell], family: str) -> Iterator[str]:
     """How to read the numbers."""
     yield from _intervals([c for c in cells if c.interval and c.replicate == "seed"])
-    if any(c.interval for c in cells if c.replicate == "phase"):
+    yield from _of_one_recording([c for c in cells if c.own_interval and c.used])
+    if any(c.interval for c in cells if c.replicate == "phase" and not c.own_interval):
         yield "{low–high}: range over the phases of one recording: not a confidence interval."  # noqa: RUF001 - a range
     if any(c.best for c in cells):
         leaders = "Bold: the leaders of the row: others were shown to be worse, they were not."
@@ -54,6 +56,21 @@ def _reading(table: Table, cells: list[TableCell], family: str) -> Iterator[str]
         yield "n/a: the metric does not apply."
     if any(cell is None for row in table.cells for cell in row):
         yield f"{ABSENT}: this combination was not run."
+
+
+def _of_one_recording(cells: list[TableCell]) -> Iterator[str]:
+    """How to read the intervals of one recording, and why some cells have none."""
+    if any(c.interval for c in cells):
+        phases = " (geometric means over its phases)" if any(c.used > 1 for c in cells) else ""
+        yield (
+            f"[low, high] of one recording{phases}: 95 % moving-block bootstrap; it speaks for other stretches of such "
+            "a drive, not for other drives, and carries no test."
+        )
+    if any(not c.interval for c in cells):
+        yield (
+            "No interval: the recording is too short to say, as its errors are alike for more than "
+            f"1/{LEAST_TIMES} of it."
+        )
 
 
 def _labels(table: Table) -> dict[str, set[str]]:

@@ -30,6 +30,9 @@ MAIN = "position_rmse_m"
 """The metric of a table for which none is asked."""
 
 
+OWN_INTERVAL = {MAIN: ("position_rmse_low_m", "position_rmse_high_m")}
+"""Where the rows of one recording have the interval of a metric (metric one_recording)."""
+
 FEW_PAIRS = 2_000
 """Where there are more pairs of cells in rows, the leaders of a row are marked only in the table that is asked for."""
 
@@ -136,8 +139,9 @@ def _cells(grid: Grid, metric: str) -> dict[Values, TableCell]:
             Centre(MEAN, interval.mean, interval.low, interval.high, (np.nan, np.nan), 0)
             for interval in mean_intervals(list(good.values()))
         ]
+    intervals = _own_intervals(grid, metric)
     cells = zip(grid.runs, grid.tallies, good.values(), of_runs, strict=True)
-    return {key: _cell(tally, own, center) for key, tally, own, center in cells}
+    return {key: _cell(tally, own, center, intervals.get(key)) for key, tally, own, center in cells}
 
 
 def _of_positive_errors(grid: Grid, metric: str) -> bool:
@@ -152,12 +156,22 @@ def _of_errors(errors: Sequence[FloatArray], good: Sequence[FloatArray]) -> list
     return [nothing if np.isnan(own).all() else of_runs for own, of_runs in zip(good, centres(errors), strict=True)]
 
 
-def _cell(tally: Tally, good: FloatArray, of_runs: Centre) -> TableCell:
-    low, high = _range(good) if tally.phase else (of_runs.low, of_runs.high)
+def _own_intervals(grid: Grid, metric: str) -> dict[Values, tuple[float, float]]:
+    """Return the block bootstrap's interval of each cell of one recording; over its phases that of the means."""
+    if any(column not in grid.rows for column in OWN_INTERVAL.get(metric, ("",))):
+        return {}
+    ends = np.log(grid.rows[[*OWN_INTERVAL[metric]]].to_numpy(dtype=float))
+    phases = {tuple(key): runs for key, runs in grid.good.items() if len(runs)}
+    return {key: tuple(np.exp(ends[runs].mean(axis=0)).tolist()) for key, runs in phases.items()}
+
+
+def _cell(tally: Tally, good: FloatArray, of_runs: Centre, own: tuple[float, float] | None) -> TableCell:
+    low, high = (own or _range(good)) if tally.phase else (of_runs.low, of_runs.high)
     missing = int(np.isnan(good).sum())
     return TableCell(
         *(of_runs.value, low, high, tally.runs, tally.diverged, tally.failed, missing),
         replicate="phase" if tally.phase else "seed",
+        own_interval=tally.phase and own is not None,
         kind=of_runs.kind,
         locked=of_runs.locked,
         quartiles=of_runs.quartiles,

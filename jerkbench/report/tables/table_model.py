@@ -53,6 +53,7 @@ class TableCell:
             error, over the runs that went well).
         locked: how many went well, but are over ten times the median.
         quartiles: of the runs, as the median's.
+        own_interval: whether the interval is that of one recording; without ends it was too short to say.
     """
 
     mean: float
@@ -68,6 +69,7 @@ class TableCell:
     kind: str = MEAN
     locked: int = 0
     quartiles: tuple[float, float] = (math.nan, math.nan)
+    own_interval: bool = False
 
     @property
     def complete(self) -> bool:
@@ -94,11 +96,12 @@ class TableCell:
 
     @property
     def interval(self) -> str:
-        """The interval in brackets, the range over phases in braces, or nothing."""
+        """The interval in brackets, the range over phases without one in braces, or nothing."""
         if math.isnan(self.low) or math.isnan(self.high) or not self.used:
             return ""
         low, high = _or_lost(self.low), _or_lost(self.high)
-        return f"{{{low}–{high}}}" if self.replicate == "phase" else f"[{low}, {high}]"  # noqa: RUF001 - a range
+        phases = self.replicate == "phase" and not self.own_interval
+        return f"{{{low}–{high}}}" if phases else f"[{low}, {high}]"  # noqa: RUF001 - a range
 
     @property
     def factor(self) -> str:
