@@ -19,6 +19,7 @@ from jerkbench.evaluation.percentiles import Percentiles
 from jerkbench.evaluation.position import PositionRmse
 from jerkbench.evaluation.relative_error import RelativeError
 from jerkbench.evaluation.run import counted_rows
+from jerkbench.evaluation.statistics import blocks
 from jerkbench.recording import Position
 
 
@@ -174,7 +175,11 @@ def test_innovations_that_follow_each_other_are_seen(estimate, recording, counte
     assert got["walk"]["innovation_white_percent"] == 0.0
 
 
-def test_the_interval_of_one_recording_holds_its_rmse(estimate, recording, counted):
+def test_the_interval_of_one_recording_holds_its_rmse_where_it_is_long_enough(
+    estimate, recording, counted, monkeypatch
+):
+    assert math.isnan(OneRecording().evaluate(estimate, recording, counted)["position_rmse_low_m"])  # 50 rows
+    monkeypatch.setattr(blocks, "LEAST_TIMES", 20)
     got = OneRecording().evaluate(estimate, recording, counted)
     rmse = PositionRmse().evaluate(estimate, recording, counted)["position_rmse_m"]
     assert got["position_rmse_low_m"] < rmse < got["position_rmse_high_m"]
