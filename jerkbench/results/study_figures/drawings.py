@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypedDict
 
+from jerkbench.report.analysis.factors import FACTORS
 from jerkbench.report.plots.palette import Palette
 from jerkbench.report.tables.summary import main_metric, summarise
 from jerkbench.results.scenario_runs import Scene
@@ -65,6 +66,7 @@ def of_rows(rows: "pd.DataFrame") -> Iterator[Drawing]:
     means = f"{title}: means with 95 % intervals; pale: some runs were lost.{noise}"
     yield Drawing("bars", means, bars_figure(summarise(best, metric, leaders=False), palette))
     yield from _over_scenarios(best, metric, noise, palette)
+    yield from _ranked(best, metric, noise, palette)
     if len(with_sigma(rows)["sigma_a"].unique()) > 1:
         figure = sensitivity_figure(rows, metric, palette)
         yield Drawing("sensitivity", f"{title} over the process noise; hollow: some runs were lost.", figure)
@@ -104,6 +106,37 @@ def _over_scenarios(rows: "pd.DataFrame", metric: str, noise: str, palette: Pale
         labels = method_labels(rows, metric)
         drawn = [palette.look(label) for label, competes in zip(labels, rivals, strict=True) if competes]
         yield Drawing("profile", f"{contents}{excluded}{noise}", profile_figure(common, names, title, drawn))
+
+
+def _ranked(rows: "pd.DataFrame", metric: str, noise: str, palette: Palette) -> Iterator[Drawing]:
+    """Yield the mean ranks with the critical difference, where at least three methods ran in several scenarios."""
+    from jerkbench.evaluation.statistics.profiles import mean_ranks
+    from jerkbench.evaluation.statistics.ranks import critical_difference
+    from jerkbench.report.analysis.across import common_field
+    from jerkbench.report.analysis.quantities import quantity
+    from jerkbench.report.analysis.study_verdicts import study_verdicts
+    from jerkbench.report.plots.critical_difference import critical_difference_figure
+
+    verdicts = study_verdicts(rows, metric, most=0)
+    field = common_field(verdicts)
+    if field is None or len(field.methods) < 3:
+        return
+    ranks = mean_ranks(field.logs.mean(axis=1))
+    scenarios = len(field.scenarios)
+    least = critical_difference(len(ranks), scenarios)
+    looks = {
+        standing.name(rival): palette.look((rival[FACTORS.index("filter")], rival[FACTORS.index("adaptation")]))
+        for standing in verdicts.standings
+        for rival in standing.contest.rivals
+    }
+    title = quantity(metric).heading
+    drawn = [looks[name] for name in field.methods]
+    caption = (
+        f"{title}: mean ranks of geometric means over {scenarios} scenarios; a line joins methods that are not told "
+        f"apart (Nemenyi, 5 %); hollow: with an adaptation.{noise}"
+    )
+    figure = critical_difference_figure(ranks, least, field.methods, drawn, title, scenarios)
+    yield Drawing("critical-difference", caption, figure)
 
 
 def of_scene(scene: Scene, palette: Palette) -> Iterator[Drawing]:

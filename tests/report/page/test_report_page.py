@@ -33,7 +33,7 @@ def test_a_sweep_ends_with_all_figures_where_they_are_asked_for(sweep, report):
     kinds = ("errors", "zoom", "trajectory", "three-sigma", "tilt", "acceleration", "consistency", "adapted-r")
     named = {f"{scene}-{kind}" for scene in of_runs for kind in kinds}
     short = {re.sub("-[0-9a-f]{8}-", "-", name, count=1) for name in drawn}
-    assert short == {"bars", "heat-map", "profile", *named}
+    assert short == {"bars", "heat-map", "profile", "critical-difference", *named}
 
 
 def test_a_report_without_figures_is_quick_to_have(report, tmp_path):
