@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
 
@@ -157,6 +157,9 @@ class Eskf15:
         earth_curvature: whether gravity turns with the position.
     """
 
+    title: ClassVar[str] = "eskf15"
+    invariant: ClassVar[bool] = False
+
     angle_random_walk_deg_per_sqrt_h: Annotated[
         float,
         Range(0.01, 60.0, log=True, source=GRADES),
@@ -209,20 +212,20 @@ class Eskf15:
     def __post_init__(self) -> None:
         """Check the ranges."""
         if self.yaw_source not in YAW_SOURCES:
-            raise PluginError(unknown("yaw_source of filter eskf15", self.yaw_source, YAW_SOURCES))
+            raise PluginError(unknown(f"yaw_source of filter {self.title}", self.yaw_source, YAW_SOURCES))
         given = ("position_sigma_m",) if self.position_sigma_m is not None else ()
         for name in (*POSITIVE, *given):
             if not getattr(self, name) > 0:
-                raise PluginError(f"eskf15.{name} is {getattr(self, name)}; it must be positive.")
+                raise PluginError(f"{self.title}.{name} is {getattr(self, name)}; it must be positive.")
         for name in (*INSTABILITIES, *DEFORMATION):
             if not getattr(self, name) >= 0:
-                raise PluginError(f"eskf15.{name} is {getattr(self, name)}; it must be 0 (constant) or more.")
-        require_not_negative("filter eskf15", self, (*SIGMAS, *DEFORMATION, *given))
+                raise PluginError(f"{self.title}.{name} is {getattr(self, name)}; it must be 0 (constant) or more.")
+        require_not_negative(f"filter {self.title}", self, (*SIGMAS, *DEFORMATION, *given))
         if len({getattr(self, name) > 0 for name in DEFORMATION}) == 2:
-            raise PluginError(f"eskf15: {', '.join(DEFORMATION)} belong together; give all three, or 0 for all.")
+            raise PluginError(f"{self.title}: {', '.join(DEFORMATION)} belong together; give all three, or 0 for all.")
         for name in ARMS:
             if len(getattr(self, name)) != 3:
-                raise PluginError(f"eskf15.{name} is {getattr(self, name)}; give three: forward, left, up.")
+                raise PluginError(f"{self.title}.{name} is {getattr(self, name)}; give three: forward, left, up.")
 
     @property
     def adaptations(self) -> tuple[str, ...]:
@@ -314,7 +317,7 @@ class Eskf15:
             recording = replace(recording, velocity=None)
         if self.wheel_scale and _velocity_frame(recording) != "speed":
             raise RecordingError(
-                f"{recording.name}: eskf15.wheel_scale needs a wheel's speed, and the velocity that is used is"
+                f"{recording.name}: {self.title}.wheel_scale needs a wheel's speed, and the velocity that is used is"
                 f" {'none' if recording.velocity is None else recording.velocity.frame}; switch wheel_scale off."
             )
         if self.position_sigma_m is not None and recording.position is not None:
@@ -371,6 +374,7 @@ class Eskf15:
             velocity_frame=_velocity_frame(recording),
             wheel_m=np.array(self.nonholonomic_point_m),
             constraints=constraints,
+            invariant=self.invariant,
         )
 
 

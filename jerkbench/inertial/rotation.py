@@ -1,5 +1,7 @@
 """Rotation vectors and skew matrices, single ones or many at once, without the overhead of general libraries."""
 
+import math
+
 import numpy as np
 
 from jerkbench.arrays import FloatArray
@@ -35,6 +37,18 @@ def rotation_exp(phi: FloatArray) -> FloatArray:
     half = 0.5 * a
     S = skew(phi)
     return np.asarray(_I3 + (np.sin(a) / a) * S + (0.5 * (np.sin(half) / half) ** 2) * (S @ S))
+
+
+def left_jacobian(phi: FloatArray) -> FloatArray:
+    """Return J (3, 3) of a rotation vector phi (3,) [rad]: the mean of Exp(s phi) over s from 0 to 1.
+
+    With a = |phi|: I + (1 - cos a)/a^2 [phi] + (a - sin a)/a^3 [phi]^2. The digits that the last difference loses
+    where a is small, its factor [phi]^2 takes away.
+    """
+    a = max(math.sqrt(float(phi @ phi)), TINY_RAD)
+    half = 0.5 * a
+    S = skew(phi)
+    return np.asarray(_I3 + (0.5 * (math.sin(half) / half) ** 2) * S + ((a - math.sin(a)) / a**3) * (S @ S))
 
 
 def orthonormal(C: FloatArray) -> FloatArray:

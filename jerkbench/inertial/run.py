@@ -11,10 +11,11 @@ from jerkbench.geometry import euler_from_dcm
 from jerkbench.inertial.earth import Earth
 from jerkbench.inertial.error_model import SensorNoise, propagated, step_noise, transition
 from jerkbench.inertial.events import Events
+from jerkbench.inertial.invariant import corrected_on_group, reset_on_group
 from jerkbench.inertial.measurement_models import heading, point_in_enu, velocity_in_body, wheel_speed, widened
 from jerkbench.inertial.mechanisation import advance, calibrated
 from jerkbench.inertial.state import PHI, NavigationState, corrected, is_finite
-from jerkbench.inertial.update import carried_over, correction
+from jerkbench.inertial.update import carried_over, correction, reset
 from jerkbench.memory import empty_memory
 from jerkbench.optional import wants_truth
 from jerkbench.recording import Heading, Imu
@@ -65,6 +66,7 @@ class Settings(NamedTuple):
             wheel).
         wheel_m: (3,) where the wheel measures, from the IMU, in the body.
         constraints: what the vehicle cannot do.
+        invariant: whether a correction goes in on the group SE_2(3), and the covariance of that error stays as it is.
     """
 
     noise: SensorNoise
@@ -74,6 +76,7 @@ class Settings(NamedTuple):
     velocity_frame: str
     wheel_m: FloatArray
     constraints: Constraints
+    invariant: bool = False
 
 
 class InertialSolution(NamedTuple):
@@ -217,8 +220,13 @@ class InertialRun:
         """Update with rows that are there; return their NIS."""
         dx, self.P, nis = correction(self.P, innovation, widened(H, len(self.P), self.rate), R)
         before = self.state
-        self.state = corrected(before, dx)
-        self.P = carried_over(self.P, before, self.state, dx[PHI])
+        if self.settings.invariant:
+            self.state = corrected_on_group(before, dx)
+            G = reset_on_group(before, self.state, len(dx))
+        else:
+            self.state = corrected(before, dx)
+            G = reset(before, self.state, dx[PHI], len(dx))
+        self.P = carried_over(self.P, G)
         return nis
 
     def _keep(self, reference: int) -> None:

@@ -12,11 +12,8 @@ UP_MPS2 = np.array([0.0, 0.0, GRAVITY_MPS2])
 """a, the force that holds the body up, in ENU."""
 
 
-def carried_over(
-    covariance: FloatArray, before: NavigationState, after: NavigationState, turn_rad: FloatArray
-) -> FloatArray:
-    """Return the covariance of the error of ``after``: ``before`` with a correction, phi that of ``turn_rad`` (3,)."""
-    G = reset(before, after, turn_rad, len(covariance))
+def carried_over(covariance: FloatArray, G: FloatArray) -> FloatArray:
+    """Return G P G', symmetrised: the covariance of an error that has other numbers after a correction."""
     carried = G @ covariance @ G.T
     return np.asarray(0.5 * (carried + carried.T))
 

@@ -18,6 +18,7 @@ from jerkbench.disturbances.gnss_outage import GnssOutage
 from jerkbench.disturbances.position_outage import PositionOutage
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.filters.eskf15 import Eskf15
+from jerkbench.filters.iekf import InvariantEkf
 from jerkbench.inertial import run
 from jerkbench.presets import preset
 from jerkbench.recording import Heading, Imu, Reference, Velocity
@@ -161,6 +162,18 @@ def test_nees_lies_in_its_band_and_the_biases_within_three_sigma(check):
 def test_the_grades_of_imu_are_consistent_too(check, imu):
     """With scale factors and misalignments, which the filter estimates; the study has more seeds, and longer drives."""
     outcomes = [check.check(seed, imu, duration_s=36.0) for seed in range(20)]
+
+    assert sum(o.bias_ratio.max() < 3.0 for o in outcomes) >= 19
+    for values, states in (([o.nees for o in outcomes], 15), ([o.nees_navigation for o in outcomes], 6)):
+        low, high = check.band(states, len(outcomes))
+        assert low < np.mean(values) < high
+
+
+def test_the_invariant_filter_is_consistent_too(check, monkeypatch):
+    """With the tactical grade: where biases are large, what it leaves out of the second order shows in its NEES."""
+    tuned = InvariantEkf(**asdict(check.tuned("tactical")))
+    monkeypatch.setattr(check, "tuned", lambda imu: tuned)
+    outcomes = [check.check(seed, "tactical", duration_s=36.0) for seed in range(20)]
 
     assert sum(o.bias_ratio.max() < 3.0 for o in outcomes) >= 19
     for values, states in (([o.nees for o in outcomes], 15), ([o.nees_navigation for o in outcomes], 6)):

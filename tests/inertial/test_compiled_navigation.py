@@ -18,6 +18,7 @@ from jerkbench.evaluation.run import counted_rows
 from jerkbench.evaluation.sums import sums_of
 from jerkbench.filters._accepted import of_r_alone
 from jerkbench.filters.eskf15 import Eskf15
+from jerkbench.filters.iekf import InvariantEkf
 from jerkbench.geometry import dcm_from_euler
 from jerkbench.inertial.compiled.solution import prepare, solve_compiled
 from jerkbench.inertial.run import InertialRun
@@ -94,9 +95,9 @@ def with_other_inputs(journey, seed):
     return journey._replace(imu=imu, timeline=timeline, start=(state, half + np.tril(half, -1).T))
 
 
-def compare(kind, fields, adaptation):
+def compare(kind, fields, adaptation, model=Eskf15):
     recording, attitude = recorded(kind)
-    journey = Eskf15(**fields).journey(recording, attitude)
+    journey = model(**fields).journey(recording, attitude)
     wanted = reference_run(journey, adaptation)
     truth = getattr(adaptation, "wants_true_covariance", False)
     got = solve_compiled(prepare(journey, wants_truth=truth), adaptation)
@@ -118,6 +119,12 @@ def compare(kind, fields, adaptation):
 @pytest.mark.parametrize(("kind", "fields"), CASES.values(), ids=CASES)
 def test_it_agrees_with_numpy_with_each_switch(kind, fields):
     compare(kind, fields, Mtf())
+
+
+@pytest.mark.parametrize("case", ["as it comes", "lever arms", "heading", "wheel's scale", "scales and wheel"])
+def test_the_invariant_one_agrees_with_numpy_too(case):
+    kind, fields = CASES[case]
+    compare(kind, {**fields, "initial_yaw_sigma_rad": 0.5}, Mtf(), InvariantEkf)
 
 
 @pytest.mark.parametrize("name", of_r_alone())

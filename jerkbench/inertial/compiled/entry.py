@@ -34,14 +34,14 @@ ARGUMENTS = [(kind.__module__, kind.__name__, kind._fields) for kind in (Flow, G
 
 
 @cache
-def loop_for(states: int) -> Any:  # noqa: ANN401 - numba has no types
-    """Return the compiled loop for an error state of that size."""
-    at = places(states)
+def loop_for(states: int, *, invariant: bool) -> Any:  # noqa: ANN401 - numba has no types
+    """Return the compiled loop for an error state of that size, invariant or additive."""
+    at = places(states, invariant=invariant)
 
     def namespace(home: str) -> dict[str, Any]:
         return {"loop": jitted(run_events, home, at, kernel=True, apart=APART), "signature": _signature()}
 
-    title = f"the inertial navigation with {states} states"
+    title = f"the {'invariant ' if invariant else ''}inertial navigation with {states} states"
     return load_entry(title, SOURCE, digest(run_events, places=at, apart=APART, arguments=ARGUMENTS), namespace).entry
 
 

@@ -13,11 +13,13 @@ from jerkbench.inertial.compiled.layout import (
     DX_AT,
     GYRO_BIAS,
     GYRO_MATRIX,
+    INVARIANT,
     NEXT,
     P_AT,
     POSITION,
     PUSH,
     ROW,
+    SHIFT,
     SPARE,
     SPARE_AT,
     STATES,
@@ -28,7 +30,7 @@ from jerkbench.inertial.compiled.layout import (
     WHEELED,
     P,
 )
-from jerkbench.inertial.compiled.mechanise import fill_rotation, multiply
+from jerkbench.inertial.compiled.mechanise import fill_left_jacobian, fill_rotation, multiply
 from jerkbench.inertial.compiled.update import exchange, symmetrise
 from jerkbench.recording import GRAVITY_MPS2
 
@@ -37,24 +39,71 @@ SENSED = 16
 
 
 def feed_back(w: FloatArray, m: FloatArray) -> None:
-    """Put DX into the state as `jerkbench.inertial.state.corrected`, carry P over as `jerkbench.inertial.update`."""
+    """Put DX into the state, and carry P over, as `jerkbench.inertial.state` and `jerkbench.inertial.update` do.
+
+    Invariant: as `jerkbench.inertial.invariant` does.
+    """
     for i in range(9):
         m[BEFORE + i] = m[ATTITUDE + i]
     _turn(m)
-    _add_errors(m)
+    if INVARIANT:
+        _shift(m)
+        _add_sensed(m)
+    else:
+        _add_errors(m)
+        _look_back(m)
+    for piece in range(ROW):
+        _carry_piece(w, m, piece)
+    exchange(m)
+    for piece in range(ROW):
+        _carry_piece(w, m, piece)
+    symmetrise(m)
+
+
+def _carry_piece(w: FloatArray, m: FloatArray, piece: int) -> None:
+    if INVARIANT:
+        _carry_on_group(w, m, piece)
+    else:
+        _carry(w, m, piece)
+
+
+def _look_back(m: FloatArray) -> None:
+    """BACK = C+' C."""
     for i in range(3):
-        for j in range(3):  # C+' C
+        for j in range(3):
             m[BACK + 3 * i + j] = (
                 m[ATTITUDE + i] * m[BEFORE + j]
                 + m[ATTITUDE + 3 + i] * m[BEFORE + 3 + j]
                 + m[ATTITUDE + 6 + i] * m[BEFORE + 6 + j]
             )
-    for piece in range(ROW):
-        _carry(w, m, piece)
-    exchange(m)
-    for piece in range(ROW):
-        _carry(w, m, piece)
-    symmetrise(m)
+
+
+def _shift(m: FloatArray) -> None:
+    """Move position and velocity by J dp and J dv."""
+    fill_left_jacobian(m, m[DX_AT + 6], m[DX_AT + 7], m[DX_AT + 8])
+    for part in range(0, 6, 3):
+        for i in range(3):
+            m[SHIFT + part + i] = (
+                m[TURN + 3 * i] * m[DX_AT + part]
+                + m[TURN + 3 * i + 1] * m[DX_AT + part + 1]
+                + m[TURN + 3 * i + 2] * m[DX_AT + part + 2]
+            )
+    for i in range(3):
+        m[POSITION + i] += m[SHIFT + i]
+        m[VELOCITY + i] += m[SHIFT + 3 + i]
+
+
+def _add_sensed(m: FloatArray) -> None:
+    """Add what is known of the sensors."""
+    for i in range(3):
+        m[GYRO_BIAS + i] += m[DX_AT + SENSED + i]
+        m[ACCEL_BIAS + i] += m[DX_AT + SENSED + 3 + i]
+    if DEFORMED:
+        for i in range(9):
+            m[GYRO_MATRIX + i] += m[DX_AT + SENSED + 6 + i]
+            m[ACCEL_MATRIX + i] += m[DX_AT + SENSED + 15 + i]
+    if WHEELED:
+        m[WHEEL] += m[DX_AT + STATES + 6]
 
 
 def _turn(m: FloatArray) -> None:
@@ -130,6 +179,17 @@ def _carry(w: FloatArray, m: FloatArray, piece: int) -> None:
             for j in range(3):
                 turned -= (g * m[ATTITUDE + 6 + j]) * w[at + (24 + 3 * j + i) * ROW]
         w[at + (12 + i) * ROW] = turned
+
+
+def _carry_on_group(w: FloatArray, m: FloatArray, piece: int) -> None:
+    """Apply G of `jerkbench.inertial.invariant.reset_on_group` to a vector of columns."""
+    at = P + piece
+    a, b, c = w[at + 6 * ROW], w[at + 7 * ROW], w[at + 8 * ROW]
+    for part in range(0, 6, 3):
+        x, y, z = m[SHIFT + part], m[SHIFT + part + 1], m[SHIFT + part + 2]
+        w[at + part * ROW] -= y * c - z * b
+        w[at + (part + 1) * ROW] -= z * a - x * c
+        w[at + (part + 2) * ROW] -= x * b - y * a
 
 
 def is_healthy(w: FloatArray, m: FloatArray) -> bool:

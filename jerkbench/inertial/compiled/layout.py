@@ -32,6 +32,7 @@ NUMBERS = {
     "BEFORE": 9,
     "BACK": 9,
     "PUSH": 3,
+    "SHIFT": 6,
     "LEVER": 9,
     "TWIST": 3,
     "EXPECTED": 6,
@@ -45,14 +46,14 @@ NUMBERS = {
 }
 """Lengths of what is not read in vectors; matrices row by row, deformations column by column.
 
-LEVER is -dt C and TWIST -dt a, with C and the specific force a in the middle of a step. NOISED is the length of the
-step that the process noise belongs to.
+SHIFT is by how much a correction moves position and velocity. LEVER is -dt C and TWIST -dt a, with C and the specific
+force a in the middle of a step. NOISED is the length of the step that the process noise belongs to.
 """
 
 
 @cache
-def places(states: int) -> dict[str, int]:
-    """Return the sizes and places for an error state of that size."""
+def places(states: int, *, invariant: bool = False) -> dict[str, int]:
+    """Return the sizes and places for an error state of that size; corrected on the group if it is ``invariant``."""
     pieces = -(-(states - NAVIGATION) // WIDE)
     row = 2 + pieces
     vectors = {
@@ -73,13 +74,13 @@ def places(states: int) -> dict[str, int]:
     numbers = dict(zip(NUMBERS, itertools.accumulate(NUMBERS.values(), initial=start), strict=False))
     sizes = {"STATES": states, "PIECES": pieces, "ROW": row, "STRIDE": WIDE * row}
     numbered = {f"{name}_AT": WIDE * at[name] for name in ("P", "SPARE", "NOISE", "WALK", "H", "W", "K", "DX")}
-    kinds = {"DEFORMED": int(has_deformation(states)), "WHEELED": int(has_wheel(states))}
+    kinds = {"DEFORMED": int(has_deformation(states)), "WHEELED": int(has_wheel(states)), "INVARIANT": int(invariant)}
     return {**sizes, **kinds, **at, **numbered, **numbers}
 
 
 _PLACES = places(SMALLEST)
-STATES, PIECES, ROW, STRIDE, DEFORMED, WHEELED = (
-    _PLACES[name] for name in ("STATES", "PIECES", "ROW", "STRIDE", "DEFORMED", "WHEELED")
+STATES, PIECES, ROW, STRIDE, DEFORMED, WHEELED, INVARIANT = (
+    _PLACES[name] for name in ("STATES", "PIECES", "ROW", "STRIDE", "DEFORMED", "WHEELED", "INVARIANT")
 )
 P, SPARE, NOISE, WALK, H, W, K, V, DX, ZERO = (
     _PLACES[name] for name in ("P", "SPARE", "NOISE", "WALK", "H", "W", "K", "V", "DX", "ZERO")
@@ -90,8 +91,8 @@ P_AT, SPARE_AT, NOISE_AT, WALK_AT, H_AT, W_AT, K_AT, DX_AT = (
 POSITION, VELOCITY, ATTITUDE, GYRO_BIAS, ACCEL_BIAS, GYRO_MATRIX, ACCEL_MATRIX, WHEEL = (
     _PLACES[name] for name in list(NUMBERS)[:8]
 )
-RATE, FORCE, TURN, NEXT, BEFORE, BACK, PUSH, LEVER, TWIST = (_PLACES[name] for name in list(NUMBERS)[8:17])
-EXPECTED, Y, U, R, HPHT, S, NOISED, LENGTH = (_PLACES[name] for name in list(NUMBERS)[17:])
+RATE, FORCE, TURN, NEXT, BEFORE, BACK, PUSH, SHIFT, LEVER, TWIST = (_PLACES[name] for name in list(NUMBERS)[8:18])
+EXPECTED, Y, U, R, HPHT, S, NOISED, LENGTH = (_PLACES[name] for name in list(NUMBERS)[18:])
 
 
 def column(state: int) -> int:

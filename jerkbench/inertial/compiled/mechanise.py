@@ -26,6 +26,10 @@ SMALL = 0.01
 """Square of an angle below which a series to the tenth power gives sine and cosine to the last digit."""
 
 
+TINY = 1e-12
+"""A smaller angle counts as this one: to the last digit there is no difference."""
+
+
 def mechanise(m: FloatArray, flow: Flow, given: Given, k: int) -> None:
     """Carry the nominal state over step ``k``."""
     dt = flow.dt_s[k]
@@ -96,6 +100,17 @@ def fill_rotation(m: FloatArray, x: float, y: float, z: float) -> None:
         a = math.sqrt(square)
         half = math.sin(0.5 * a) / (0.5 * a)
         s, c = math.sin(a) / a, 0.5 * half * half
+    m[TURN], m[TURN + 4], m[TURN + 8] = 1.0 - c * (y * y + z * z), 1.0 - c * (x * x + z * z), 1.0 - c * (x * x + y * y)
+    m[TURN + 1], m[TURN + 3] = c * x * y - s * z, c * x * y + s * z
+    m[TURN + 2], m[TURN + 6] = c * x * z + s * y, c * x * z - s * y
+    m[TURN + 5], m[TURN + 7] = c * y * z - s * x, c * y * z + s * x
+
+
+def fill_left_jacobian(m: FloatArray, x: float, y: float, z: float) -> None:
+    """TURN = J of a rotation vector, as in `jerkbench.inertial.rotation.left_jacobian`."""
+    a = max(math.sqrt(x * x + y * y + z * z), TINY)
+    half = math.sin(0.5 * a) / (0.5 * a)
+    s, c = 0.5 * half * half, (a - math.sin(a)) / (a * a * a)
     m[TURN], m[TURN + 4], m[TURN + 8] = 1.0 - c * (y * y + z * z), 1.0 - c * (x * x + z * z), 1.0 - c * (x * x + y * y)
     m[TURN + 1], m[TURN + 3] = c * x * y - s * z, c * x * y + s * z
     m[TURN + 2], m[TURN + 6] = c * x * z + s * y, c * x * z - s * y

@@ -45,7 +45,7 @@ def solve_compiled(prepared: Prepared, adaptation: object) -> InertialSolution |
     states, m, timeline = len(journey.start[1]), start_of(journey), journey.timeline
     k, u = int(np.count_nonzero(flow.reference >= 0)), int(np.count_nonzero(flow.update >= 0))
     kept = _make_kept(k, u, k)
-    reached, taken, failed = loop_for(states)(flow, given, rule, kept, score_of(None, timeline), m)
+    reached, taken, failed = _loop_of(journey)(flow, given, rule, kept, score_of(None, timeline), m)
     failure = ""
     if failed >= 0:
         failure = f"the covariance is no longer positive definite at {journey.events.t_s[failed]:.2f} s"
@@ -81,13 +81,16 @@ def stream_compiled(
     score, visited = score_of(scoring, journey.timeline), len(scoring.truth)
     u = int(np.count_nonzero(flow.update >= 0)) if updates else 0
     kept = _make_kept(0, u, visited if attitude else 0)
-    loop = loop_for(len(journey.start[1]))
-    reached, taken, failed = loop(flow, given, rule, kept, score, start_of(journey))
+    reached, taken, failed = _loop_of(journey)(flow, given, rule, kept, score, start_of(journey))
     if failed >= 0 or reached != visited:
         return None
     seen = _updates(journey.timeline, kept, taken) if updates else Updates.empty()
     euler_rad = euler_from_rotations(kept.dcm.reshape(-1, 3, 3)) if attitude else None
     return streamed_from(score, scoring, seen, euler_rad)
+
+
+def _loop_of(journey: Journey) -> Any:  # noqa: ANN401 - numba has no types
+    return loop_for(len(journey.start[1]), invariant=journey.settings.invariant)
 
 
 def flow_of(journey: Journey, *, wants_truth: bool) -> Flow:

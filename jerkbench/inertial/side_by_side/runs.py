@@ -23,14 +23,15 @@ from jerkbench.recording import Imu
 
 
 def goes_together(journey: Journey, scoring: Scoring) -> bool:
-    """Whether a run may go side by side with others: H = [I6 0], 15 states, a plane, headings that split no step."""
+    """Whether a run may go side by side with others: H = [I6 0], 15 additive errors, a plane, no step split."""
     s, limits = journey.settings, journey.settings.constraints
     held = limits.sideways_sigma_mps > 0 or limits.still.any()
     apart = s.antenna_m.any() or s.reference_point_m.any() or s.velocity_frame != "enu"
     earth = s.earth.rotates or s.earth.per_radius != 0.0
     split = len(journey.events.dt_s) != len(journey.timeline.dt_s)
     visited = np.count_nonzero(journey.timeline.reference >= 0) == len(scoring.truth)
-    return bool(len(journey.start[1]) == STATES and visited and not (held or apart or earth or split))
+    other = s.invariant or len(journey.start[1]) != STATES
+    return bool(visited and not (other or held or apart or earth or split))
 
 
 def run_journeys(

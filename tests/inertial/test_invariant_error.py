@@ -1,0 +1,167 @@
+"""The invariant error, against matrices of the group SE_2(3) and against what Hartley et al. write."""
+
+from dataclasses import asdict, replace
+
+import numpy as np
+import pytest
+from invariant_oracle import GRAVITY, InvariantFilter, cross_matrix, exp, group, log
+from scipy.spatial.transform import Rotation
+from stepping import transition
+from test_error_state import BENT, STATE, derivative, difference
+
+from jerkbench.adaptation.none import NoAdaptation
+from jerkbench.attitude.plugin import Tilt
+from jerkbench.datasets.field_v1 import FieldV1
+from jerkbench.filters.eskf15 import Eskf15
+from jerkbench.filters.iekf import InvariantEkf
+from jerkbench.inertial.earth import FLAT
+from jerkbench.inertial.invariant import corrected_on_group, reset_on_group
+from jerkbench.inertial.mechanisation import advance
+from jerkbench.inertial.state import corrected
+
+LARGE = np.array([40.0, -25.0, 9.0, 3.0, -6.0, 2.0, 0.9, -0.6, 1.1])
+"""dp, dv, phi: an error far beyond what is linear."""
+
+
+def numbers(state):
+    """T (9, 9) by differences: from the additive error to xi."""
+    return derivative(lambda s: log(group(s) @ np.linalg.inv(group(state))), 9, about=state, states=15)[:, :9]
+
+
+def with_error(state, xi):
+    X = exp(xi) @ group(state)
+    return state._replace(position_m=X[:3, 4], velocity_mps=X[:3, 3], dcm=X[:3, :3])
+
+
+def over(state, steps=200, dt=0.01):
+    """The state after a ride with hard turns and a force that changes."""
+    rng = np.random.default_rng(4)
+    force, rate = rng.normal([0.0, 0.0, 9.8], 5.0, (steps, 3)), rng.normal(0.0, 2.0, (steps, 3))
+    passage = advance(state, force, rate, np.full(steps, dt), FLAT)
+    return passage, passage.state(state, steps - 1)
+
+
+def grown(xi, t):
+    """xi after a time t, log-linear: no estimate is in it."""
+    phi, rho, pi = xi[:3], xi[3:6], xi[6:]
+    pulled = cross_matrix(GRAVITY) @ phi
+    return np.concatenate([phi, rho + t * pulled, pi + t * rho + t**2 / 2.0 * pulled])
+
+
+def test_an_error_of_any_size_grows_linearly_on_any_ride():
+    xi = np.array([0.9, -0.6, 1.1, 3.0, -6.0, 2.0, 40.0, -25.0, 9.0])
+    true, estimated = over(with_error(STATE, xi))[1], over(STATE)[1]
+
+    eta = group(true) @ np.linalg.inv(group(estimated))
+    np.testing.assert_allclose(eta, exp(grown(xi, 2.0)), atol=1e-9)
+
+
+def test_phi_of_the_additive_error_is_that_of_the_invariant_error_in_other_numbers():
+    passage, after = over(STATE, steps=1)
+    Phi = transition(0.01, passage.mean_dcm[0], passage.force_enu_mps2[0])[:9, :9]
+    invariant = numbers(after) @ Phi @ np.linalg.inv(numbers(STATE))
+
+    expected = np.array([grown(xi, 0.01) for xi in np.eye(9)]).T
+    np.testing.assert_allclose(invariant, expected, atol=2e-8)
+
+
+@pytest.mark.parametrize(("about", "states"), [(STATE, 15), (BENT, 33)])
+def test_a_correction_goes_in_by_the_exponential_of_the_group(about, states):
+    dx = np.concatenate([LARGE, 1e-3 * np.arange(states - 9.0)])
+    xi = np.concatenate([dx[6:9], dx[3:6] + np.cross(about.velocity_mps, dx[6:9]), dx[:3]])
+    xi[6:] += np.cross(about.position_m, dx[6:9])
+    after = corrected_on_group(about, dx)
+
+    np.testing.assert_allclose(group(after), exp(xi) @ group(about), atol=1e-9)
+    np.testing.assert_allclose(difference(after, about)[9:], dx[9:], atol=1e-15)
+
+
+def test_where_the_origin_lies_does_not_matter():
+    shift, dx = np.array([3e5, -2e5, 100.0]), np.concatenate([LARGE, np.zeros(6)])
+    here = corrected_on_group(STATE, dx)
+    elsewhere = corrected_on_group(STATE._replace(position_m=STATE.position_m + shift), dx)
+
+    np.testing.assert_allclose(elsewhere.position_m - shift, here.position_m, atol=1e-9)
+
+
+def test_the_covariance_of_the_invariant_error_stays_as_it_is():
+    dx = np.concatenate([LARGE, np.zeros(6)])
+    after = corrected_on_group(STATE, dx)
+    G = reset_on_group(STATE, after, 15)
+
+    np.testing.assert_allclose(numbers(after) @ G[:9, :9], numbers(STATE), atol=1e-7)
+    np.testing.assert_allclose(G[9:, 9:], np.eye(6))
+
+
+def test_the_left_jacobian_has_all_digits_at_small_and_at_large_angles():
+    for size in (0.0, 1e-9, 1e-4, 0.3, 3.0):
+        dx = np.zeros(15)
+        dx[:3], dx[6:9] = [1.0, 2.0, 3.0], size * np.array([0.6, 0.0, -0.8])
+        at_origin = STATE._replace(position_m=np.zeros(3))
+        xi = np.concatenate([dx[6:9], np.zeros(3), dx[:3]])
+        moved = (exp(xi) @ group(at_origin))[:3, 4]
+        np.testing.assert_allclose(corrected_on_group(at_origin, dx).position_m, moved, rtol=1e-13)
+
+
+@pytest.fixture(scope="module")
+def drive():
+    """Ten seconds from rest, with a first yaw that is 30 degrees off."""
+    recording = FieldV1(duration_s=16.0, reference_rate_hz=5.0).load(2)
+    recording = replace(recording, heading=None)
+    attitude = Tilt().estimate(recording)
+    turn = Rotation.from_euler("z", 0.5).as_matrix()
+    euler = attitude.euler_rad + np.array([0.0, 0.0, 0.5])
+    return recording, replace(attitude, dcm=turn @ attitude.dcm, euler_rad=euler)
+
+
+def test_a_whole_run_agrees_with_the_filter_of_the_paper(drive):
+    recording, attitude = drive
+    model = InvariantEkf(initial_yaw_sigma_rad=0.5)
+    solution = model.solve(recording, attitude, NoAdaptation())
+    journey = model.journey(recording, attitude)
+    start, P0 = journey.start
+    T = np.eye(15)
+    T[:9, :9] = numbers(start)
+    oracle = InvariantFilter(group(start), np.concatenate(start[3:5]), T @ P0 @ T.T, journey.settings.noise)
+    events, measured = journey.events, journey.timeline.measurements
+    for dt, sample, row in zip(events.dt_s, events.sample, events.update, strict=True):
+        if dt > 0:
+            oracle.predict(journey.imu.accel_mps2[sample], journey.imu.gyro_radps[sample], dt)
+        if row >= 0:
+            there = np.flatnonzero(np.isfinite(measured.z[row]))
+            assert len(there) == 6
+            oracle.update(measured.z[row], measured.R[row])
+
+    T[:9, :9] = numbers(solution.state)
+    got = T @ solution.covariance @ T.T
+    sigma = np.sqrt(np.diag(oracle.P))
+    apart = log(group(solution.state) @ np.linalg.inv(oracle.X))
+    assert np.abs(apart / sigma[:9]).max() < 0.02
+    assert np.abs((np.concatenate(solution.state[3:5]) - oracle.b) / sigma[9:]).max() < 0.02
+    assert np.abs((got - oracle.P) / np.outer(sigma, sigma)).max() < 0.02
+
+
+def test_the_two_corrections_differ_in_the_second_order_only():
+    dx = np.concatenate([LARGE, 0.01 * np.arange(1.0, 7.0)])
+    apart = [difference(corrected_on_group(STATE, e * dx), corrected(STATE, e * dx)) for e in (2e-4, 1e-4)]
+
+    moved = np.abs(apart[0]) > 1e-8
+    assert moved[[*range(6), *range(12, 15)]].all()
+    np.testing.assert_allclose(apart[0][moved] / apart[1][moved], 4.0, rtol=0.01)
+
+
+def test_a_whole_run_is_that_of_eskf15_while_errors_are_small():
+    """To a twentieth of a sigma, with noise of the sensors as large as ever."""
+    recording = FieldV1(duration_s=20.0, reference_rate_hz=5.0).load(3)
+    attitude = Tilt().estimate(recording)
+    small = {"initial_yaw_sigma_rad": 0.002, "accel_turn_on_mg": 0.05, "gyro_turn_on_deg_per_h": 5.0}
+    mine, other = (f(**small).solve(recording, attitude, NoAdaptation()) for f in (InvariantEkf, Eskf15))
+    sigma = np.sqrt(np.diag(other.covariance))
+
+    assert np.abs(difference(mine.state, other.state) / sigma).max() < 0.05
+    assert np.abs((mine.covariance - other.covariance) / np.outer(sigma, sigma)).max() < 0.05
+    assert (mine.estimate.position_m != other.estimate.position_m).any()
+
+
+def test_it_has_every_parameter_of_eskf15():
+    assert asdict(InvariantEkf()) == asdict(Eskf15())
