@@ -217,7 +217,7 @@ def _run_and_show(planned: Planned, folder: Path, config: DictConfig) -> None:
 
 def _conclude(store: Store, keys: Sequence[str], config: DictConfig, level: float | None = None) -> Study | None:
     """Write and print the tables of what is there; returns the cells ``keys``, or nothing without any."""
-    from jerkbench.report.tables.terminal import print_table
+    from jerkbench.report.tables.terminal import print_beginning, print_table
 
     folder = store.folder.parent
     if not store.look(keys).whole:
@@ -225,9 +225,12 @@ def _conclude(store: Store, keys: Sequence[str], config: DictConfig, level: floa
     store.compact()
     write_manifest(folder, keys, list(config.notes), sys.argv, level, list(config.tags))
     study = load_study(folder, prefer=keys)
-    write_study(study)
+    table = write_study(study)
     shown = study.only(keys)
-    print_table(shown.rows, shown.notes)
+    if len(shown.rows) == len(study.rows):
+        print_beginning(table)
+    else:
+        print_table(shown.rows, shown.notes)
     print(f"\nRows, tables and manifest: {folder}", flush=True)
     return shown
 

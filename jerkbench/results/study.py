@@ -10,7 +10,7 @@ from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -26,8 +26,12 @@ from jerkbench.results.conditions import Values, conditions, told_apart
 from jerkbench.results.content import Content, frame
 from jerkbench.results.current import Current, current
 from jerkbench.results.part_shape import HEAD
+from jerkbench.results.rows_csv import write_rows_csv
 from jerkbench.results.shape import is_manifest
 from jerkbench.results.store import Store
+
+if TYPE_CHECKING:
+    from jerkbench.report.tables.table_model import Table
 
 MANIFEST = "manifest.json"
 PAPER = "experiment=paper"
@@ -152,12 +156,12 @@ def tagged(study: Study, tag: str) -> Study:
     return study.only(keys)
 
 
-def write_study(study: Study) -> None:
-    """Write rows.csv and the tables."""
+def write_study(study: Study) -> "Table":
+    """Write rows.csv and the tables; returns the first of these."""
     from jerkbench.report.tables.study_tables import write_tables
 
-    write_atomically(study.folder / "rows.csv", lambda path: study.rows.to_csv(path, index=False, lineterminator="\n"))
-    write_tables(study.rows, study.folder, study.notes)
+    write_atomically(study.folder / "rows.csv", lambda path: write_rows_csv(study.rows, path))
+    return write_tables(study.rows, study.folder, study.notes)
 
 
 def write_manifest(

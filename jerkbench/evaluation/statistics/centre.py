@@ -1,14 +1,16 @@
 """From the runs of a cell to the number that stands for them, with its interval."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields
 
 import numpy as np
+from numpy.typing import NDArray
 
-from jerkbench.arrays import FloatArray
+from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.evaluation.statistics.exact import quantiles_of_rows
 from jerkbench.evaluation.statistics.intervals import ROUNDING
 from jerkbench.evaluation.statistics.log_ratio import LOCKED_OUT
+from jerkbench.evaluation.statistics.samples import Samples
 from jerkbench.evaluation.statistics.student import student_intervals
 
 GEOMETRIC, MEDIAN, MEAN = "geometric mean", "median", "mean"
@@ -35,6 +37,36 @@ class Centre:
     locked: int
 
 
+@dataclass(frozen=True, eq=False)
+class Centres:
+    """What stands for the errors of many cells: the fields of `Centre`, (k,) each."""
+
+    kind: NDArray[np.object_]
+    value: FloatArray
+    low: FloatArray
+    high: FloatArray
+    lower_quartile: FloatArray
+    upper_quartile: FloatArray
+    locked: IntArray
+
+    @classmethod
+    def of_nothing(cls, count: int, kind: str = MEDIAN) -> "Centres":
+        """Return those of ``count`` cells without a value."""
+        nan = [np.full(count, np.nan) for _ in range(5)]
+        return cls(np.full(count, kind, dtype=object), *nan, np.zeros(count, np.int64))
+
+    def put(self, places: IntArray | BoolArray, others: "Centres") -> None:
+        """Put ``others`` in the ``places``."""
+        for field in fields(self):
+            getattr(self, field.name)[places] = getattr(others, field.name)
+
+    def __iter__(self) -> Iterator[Centre]:
+        """Yield the centre of each cell."""
+        quartiles = zip(self.lower_quartile.tolist(), self.upper_quartile.tolist(), strict=True)
+        ends = (self.value.tolist(), self.low.tolist(), self.high.tolist())
+        return map(Centre, self.kind.tolist(), *ends, quartiles, self.locked.tolist())
+
+
 def centre(errors: FloatArray, confidence: float = 0.95) -> Centre:
     """Return the centre of (n,) errors, infinite for a lost run; NaN (did not apply) is left out.
 
@@ -46,40 +78,34 @@ def centre(errors: FloatArray, confidence: float = 0.95) -> Centre:
 
 def centres(samples: Sequence[FloatArray], confidence: float = 0.95) -> list[Centre]:
     """Return what `centre` gives for each sample; those of one size are computed together."""
-    kept = [errors[~np.isnan(errors)] for errors in samples]
-    sizes = np.array([len(errors) for errors in kept], dtype=np.int64)
-    result: dict[int, Centre] = {}
-    for size in np.unique(sizes).tolist():
-        places = np.flatnonzero(sizes == size).tolist()
-        together = _of_one_size(np.stack([kept[place] for place in places]), confidence)
-        result.update(zip(places, together, strict=True))
-    return [result[place] for place in range(len(kept))]
+    return list(centres_of(Samples.of(samples), confidence))
 
 
-def _of_one_size(errors: FloatArray, confidence: float) -> list[Centre]:
-    """Return the centres of (k, n) errors without NaN."""
-    median, low, high, lower, upper = (column.tolist() for column in quantiles_of_rows(errors, confidence))
-    if errors.shape[1] == 0:
-        return [Centre(MEDIAN, np.nan, np.nan, np.nan, (np.nan, np.nan), 0)] * len(errors)
-    limits = LOCKED_OUT * np.array(median)[:, None]
-    locked = np.sum(np.isfinite(errors) & (errors > limits), axis=1)
-    whole = (locked == 0) & np.isfinite(errors).all(axis=1) & (errors.min(axis=1) > 0)
-    quartiles = list(zip(lower, upper, strict=True))
-    made = [
-        Centre(MEDIAN, value, start, end, of, lost)
-        for value, start, end, of, lost in zip(median, low, high, quartiles, locked.tolist(), strict=True)
-    ]
-    geometric = zip(np.flatnonzero(whole).tolist(), _geometric(errors[whole], confidence), strict=True)
-    for place, (mean, start, end) in geometric:
-        made[place] = Centre(GEOMETRIC, mean, start, end, quartiles[place], 0)
+def centres_of(samples: Samples, confidence: float = 0.95) -> Centres:
+    """Return what `centre` gives for each sample."""
+    made = Centres.of_nothing(len(samples.sizes))
+    for places, errors in samples.without_nan().by_size():
+        if errors.shape[1]:
+            made.put(places, _of_one_size(errors, confidence))
     return made
 
 
-def _geometric(errors: FloatArray, confidence: float) -> list[tuple[float, float, float]]:
+def _of_one_size(errors: FloatArray, confidence: float) -> Centres:
+    """Return the centres of (k, n) errors without NaN, n > 0."""
+    median, low, high, lower, upper = quantiles_of_rows(errors, confidence)
+    locked = np.sum(np.isfinite(errors) & (errors > LOCKED_OUT * median[:, None]), axis=1)
+    kind = np.full(len(errors), MEDIAN, dtype=object)
+    made = Centres(kind, *(column.copy() for column in (median, low, high, lower, upper)), locked)
+    whole = (locked == 0) & np.isfinite(errors).all(axis=1) & (errors.min(axis=1) > 0)
+    made.kind[whole] = GEOMETRIC
+    made.value[whole], made.low[whole], made.high[whole] = _geometric(errors[whole], confidence)
+    return made
+
+
+def _geometric(errors: FloatArray, confidence: float) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return geometric mean and ends of (k, n) positive errors; where they differ by rounding alone, the first."""
     logs = np.log(errors)
-    ends = (np.exp(end) for end in (logs.mean(axis=1), *student_intervals(logs, confidence)))
+    mean, low, high = (np.exp(end) for end in (logs.mean(axis=1), *student_intervals(logs, confidence)))
     alike = np.ptp(errors, axis=1) <= ROUNDING * errors.max(axis=1)
-    same = errors[:, 0], *(errors[:, 0] if errors.shape[1] > 1 else np.full(len(errors), np.nan),) * 2
-    chosen = (np.where(alike, first, value).tolist() for first, value in zip(same, ends, strict=True))
-    return list(zip(*chosen, strict=True))
+    same = errors[:, 0] if errors.shape[1] > 1 else np.full(len(errors), np.nan)
+    return np.where(alike, errors[:, 0], mean), np.where(alike, same, low), np.where(alike, same, high)

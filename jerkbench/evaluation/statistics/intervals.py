@@ -1,13 +1,14 @@
 """From seeds to a mean with its interval."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.arrays import FloatArray
 from jerkbench.evaluation.statistics.bca import bca_ends
+from jerkbench.evaluation.statistics.samples import Samples
 
 RESAMPLES = 4999
 """Bootstrap resamples: the ends of the interval move by some 2 % of its width from one draw to another."""
@@ -67,59 +68,46 @@ def mean_interval(values: npt.ArrayLike, confidence: float = 0.95) -> Interval:
 
 def mean_intervals(samples: Sequence[npt.ArrayLike], confidence: float = 0.95) -> list[Interval]:
     """Return what `mean_interval` gives for each sample; faster for many of one size."""
-    kept = [_sorted_numbers(values) for values in samples]
-    intervals = [_without_bootstrap(values, confidence) for values in kept]
-    for rows in _batches(intervals, kept):
-        values = np.stack([kept[row] for row in rows])
-        for row, low, high in zip(rows, *_bca(values, confidence), strict=True):
-            intervals[row] = Interval(intervals[row].mean, float(low), float(high), intervals[row].n)
-    return intervals
+    together = Samples.of(samples)
+    columns = (column.tolist() for column in (*mean_intervals_of(together, confidence), together.without_nan().sizes))
+    return list(map(Interval, *columns))
 
 
-def _sorted_numbers(values: npt.ArrayLike) -> FloatArray:
-    array = np.asarray(values, dtype=np.float64)
-    return np.sort(array[~np.isnan(array)])
+def mean_intervals_of(samples: Samples, confidence: float = 0.95) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return mean, lower and upper end, (k,) each, as `mean_interval` gives them for each sample."""
+    mean, low, high = (np.full(len(samples.sizes), np.nan) for _ in range(3))
+    for places, values in samples.without_nan().by_size():
+        if values.shape[1]:
+            mean[places], low[places], high[places] = _of_one_size(np.sort(values, axis=1), confidence)
+    return mean, low, high
 
 
-def _without_bootstrap(values: FloatArray, confidence: float) -> Interval:
-    """Return the mean, with the interval where that takes no bootstrap."""
-    if len(values) == 0:
-        return Interval(np.nan, np.nan, np.nan, 0)
+def _of_one_size(values: FloatArray, confidence: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return mean and ends of (k, n) values in ascending order, n > 0."""
+    n = values.shape[1]
     with np.errstate(invalid="ignore", over="ignore"):
-        mean, spread = float(np.mean(values)), values[-1] - values[0]
-    if len(values) > 1 and np.isfinite(mean) and spread <= ROUNDING * abs(mean):
-        return Interval(mean, mean, mean, len(values))
-    if np.isfinite(mean) and (1 < len(values) < FEW or len(values) >= MANY) and np.isfinite(spread):
-        return _student(values, mean, confidence)
-    return Interval(mean, np.nan, np.nan, len(values))
+        mean, spread = values.mean(axis=1), values[:, -1] - values[:, 0]
+        equal = np.isfinite(mean) & (spread <= ROUNDING * np.abs(mean)) & (n > 1)
+    low, high = np.where(equal, mean, np.nan), np.where(equal, mean, np.nan)
+    varying = np.flatnonzero(np.isfinite(mean) & np.isfinite(spread) & ~equal)
+    if 1 < n < FEW or n >= MANY:
+        low[varying], high[varying] = _student(values[varying], confidence)
+    elif n > 1 and len(varying):
+        for rows in np.array_split(varying, -(-len(varying) // ROWS_AT_ONCE)):
+            low[rows], high[rows] = _bca(values[rows], confidence)
+    return mean, low, high
 
 
-def _student(values: FloatArray, mean: float, confidence: float) -> Interval:
+def _student(values: FloatArray, confidence: float) -> tuple[FloatArray, FloatArray]:
     """Return Student's interval: of few values the bootstrap's is too short, of many it is the same."""
     from scipy.special import stdtrit
 
-    spread, n = values[-1] - values[0], len(values)
+    mean, spread, n = values.mean(axis=1), values[:, -1] - values[:, 0], values.shape[1]
     with np.errstate(over="ignore"):  # of a few huge values the interval may be beyond all numbers
-        scatter = spread * np.std((values - mean) / spread, ddof=1)
-        half = float(scatter * stdtrit(n - 1, (1 + confidence) / 2) / np.sqrt(n))
-    return Interval(mean, mean - half, mean + half, n) if np.isfinite(half) else Interval(mean, np.nan, np.nan, n)
-
-
-def _batches(intervals: list[Interval], kept: list[FloatArray]) -> Iterator[IntArray]:
-    """Yield the indices of samples of one size that need the bootstrap."""
-    needed = [_bootstraps(one, values) for one, values in zip(intervals, kept, strict=True)]
-    sizes = np.array([i.n for i in intervals], dtype=np.int64) * np.array(needed, dtype=np.int64)
-    for size in np.unique(sizes[sizes > 0]):
-        rows = np.flatnonzero(sizes == size)
-        yield from np.array_split(rows, -(-len(rows) // ROWS_AT_ONCE))
-
-
-def _bootstraps(one: Interval, values: FloatArray) -> bool:
-    """Whether an interval is still to be found, and can be: not where the spread itself is infinite."""
-    with np.errstate(over="ignore"):
-        return bool(
-            FEW <= one.n < MANY and np.isfinite(one.mean) and np.isnan(one.low) and np.isfinite(values[-1] - values[0])
-        )
+        scatter = spread * np.std((values - mean[:, None]) / spread[:, None], axis=1, ddof=1)
+        half = scatter * stdtrit(n - 1, (1 + confidence) / 2) / np.sqrt(n)
+        half[~np.isfinite(half)] = np.nan
+    return mean - half, mean + half
 
 
 def _bca(values: FloatArray, confidence: float) -> tuple[FloatArray, FloatArray]:

@@ -3,12 +3,13 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from jerkbench.arrays import IntArray
+from jerkbench.arrays import BoolArray, FloatArray, IntArray
+from jerkbench.evaluation.statistics.samples import Samples
 from jerkbench.report.analysis.factors import layout
 from jerkbench.report.analysis.rows import with_text_factors
 
@@ -17,15 +18,6 @@ if TYPE_CHECKING:
 
 Values = tuple[str, ...]
 """One value of each of some factors."""
-
-
-class Tally(NamedTuple):
-    """How the runs of a place ended, and whether they are phases of one recording."""
-
-    runs: int
-    diverged: int
-    failed: int
-    phase: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,19 +45,43 @@ class Grid:
     phase: NDArray[np.bool_]
 
     @cached_property
-    def good(self) -> dict[Values, IntArray]:
-        """The numbers of those rows of each place whose run went well."""
-        ok = self.status == "ok"
-        return {key: runs[ok[runs]] for key, runs in self.runs.items()}
+    def order(self) -> IntArray:
+        """The numbers of the rows of one place after those of the other."""
+        return np.concatenate([np.empty(0, np.int64), *self.runs.values()])
 
     @cached_property
-    def tallies(self) -> list[Tally]:
-        """How the runs of each place ended, in the order of `runs`."""
-        diverged, failed = self.status == "diverged", self.status == "failed"
-        return [
-            Tally(len(runs), int(diverged[runs].sum()), int(failed[runs].sum()), bool(self.phase[runs].any()))
-            for runs in self.runs.values()
-        ]
+    def sizes(self) -> IntArray:
+        """How many runs each place has."""
+        return np.array([len(runs) for runs in self.runs.values()], dtype=np.int64)
+
+    def samples(self, values: FloatArray) -> Samples:
+        """Return the values (n,) of the rows, by place."""
+        return Samples(values[self.order], self.sizes)
+
+    @cached_property
+    def ok(self) -> BoolArray:
+        """Whether each run went well, in `order`."""
+        ok: BoolArray = self.status[self.order] == "ok"
+        return ok
+
+    @cached_property
+    def diverged(self) -> IntArray:
+        """How many runs of each place diverged."""
+        return self._count(self.status == "diverged")
+
+    @cached_property
+    def failed(self) -> IntArray:
+        """How many runs of each place failed."""
+        return self._count(self.status == "failed")
+
+    @cached_property
+    def phases(self) -> BoolArray:
+        """Whether the runs of each place are phases of one recording."""
+        phases: BoolArray = self._count(self.phase) > 0
+        return phases
+
+    def _count(self, which: BoolArray) -> IntArray:
+        return self.samples(np.zeros(len(which))).count(which[self.order])
 
 
 def arranged(rows: "pd.DataFrame", row_keys: Sequence[str] | None, column_keys: Sequence[str] | None) -> Grid:

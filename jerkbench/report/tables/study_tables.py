@@ -1,17 +1,19 @@
 """Rows of runs -> tables, and the three files that every study leaves: table.md, table.csv, table.tex."""
 
 import dataclasses
-import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from jerkbench.files import write_text
-from jerkbench.report.analysis.rows import metric_columns
+from jerkbench.report.analysis.rows import metric_columns, with_metric
+from jerkbench.report.tables.cell_columns import cell_columns
 from jerkbench.report.tables.csv import tidy_csv
+from jerkbench.report.tables.csv_columns import GridCsv
+from jerkbench.report.tables.grid import arranged
 from jerkbench.report.tables.latex import latex
 from jerkbench.report.tables.markdown import markdown
-from jerkbench.report.tables.summary import main_metric, summarise, summarise_each
+from jerkbench.report.tables.summary import beside_others, main_metric, summarise
 from jerkbench.report.tables.table_model import Table, TableCell
 
 if TYPE_CHECKING:
@@ -41,8 +43,12 @@ SECTIONS = (
 """Metrics that get a section in table.md, where they apply, after the main one; table.csv has all."""
 
 
-def write_tables(rows: "pd.DataFrame", folder: Path, notes: Sequence[str] = ()) -> None:
-    """Write table.md, table.csv and table.tex into ``folder``; the last has `main_metric` alone.
+MANY_CELLS = 20_000
+"""Of more combinations table.md has the first table alone; a reader of the others takes table.csv."""
+
+
+def write_tables(rows: "pd.DataFrame", folder: Path, notes: Sequence[str] = ()) -> Table:
+    """Write table.md, table.csv and table.tex into ``folder``; returns the table of `main_metric`, all of the last.
 
     Args:
         rows: as for `summarise`.
@@ -51,21 +57,22 @@ def write_tables(rows: "pd.DataFrame", folder: Path, notes: Sequence[str] = ()) 
     """
     first = main_metric(rows)
     main = summarise(rows, first, notes=notes)
-    sections, lines = {first: markdown(main, level=1)}, [tidy_csv([main])]
-    for table in summarise_each(rows, [metric for metric in metric_columns(rows) if metric != first]):
-        lines.append(tidy_csv([table], header=False))
-        if table.metric in SECTIONS and _applies(table):
-            sections[table.metric] = markdown(_news(table, main))
+    grid = arranged(with_metric(rows, first), None, None)
+    csv, sections = GridCsv(grid), {first: markdown(main, level=1)}
+    lines = [tidy_csv([main])]
+    for metric in metric_columns(rows):
+        if metric != first:
+            numbers = cell_columns(grid, metric)
+            lines.append(csv.lines(metric, numbers))
+            if metric in SECTIONS and len(grid.runs) <= MANY_CELLS and numbers.applies:
+                sections[metric] = markdown(_news(beside_others(numbers, metric), main))
     ordered = dict.fromkeys([first, *SECTIONS])
     write_text(folder / "table.md", "\n".join(sections[metric] for metric in ordered if metric in sections))
     write_text(folder / "table.csv", "".join(lines))
     write_text(folder / "table.tex", latex(main))
+    return main
 
 
 def _news(table: Table, main: Table) -> Table:
     """Return ``table`` without the footnotes that stand under the first one already."""
     return dataclasses.replace(table, footnotes=tuple(n for n in table.footnotes if n not in main.footnotes))
-
-
-def _applies(table: Table) -> bool:
-    return any(cell is not None and not math.isnan(cell.mean) for row in table.cells for cell in row)

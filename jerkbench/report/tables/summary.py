@@ -6,11 +6,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from jerkbench.arrays import FloatArray
-from jerkbench.evaluation.statistics.centre import GEOMETRIC, MEAN, Centre, centres
-from jerkbench.evaluation.statistics.intervals import mean_intervals
+from jerkbench.evaluation.statistics.centre import GEOMETRIC, MEAN
 from jerkbench.report.analysis.comparison import Comparison, family_note
 from jerkbench.report.analysis.factors import FACTORS, constants
 from jerkbench.report.analysis.leading import contest
@@ -19,8 +15,9 @@ from jerkbench.report.analysis.rows import metric_columns, with_metric
 from jerkbench.report.analysis.runs import Combination
 from jerkbench.report.analysis.standings import MOST_PAIRS
 from jerkbench.report.analysis.study_verdicts import StudyVerdicts, rival, study_verdicts
+from jerkbench.report.tables.cell_columns import CellColumns, cell_columns, of_positive_errors
 from jerkbench.report.tables.footnotes import footnotes
-from jerkbench.report.tables.grid import Grid, Tally, Values, arranged
+from jerkbench.report.tables.grid import Grid, Values, arranged
 from jerkbench.report.tables.table_model import Ratio, Table, TableCell
 
 if TYPE_CHECKING:
@@ -29,9 +26,6 @@ if TYPE_CHECKING:
 MAIN = "position_rmse_m"
 """The metric of a table for which none is asked."""
 
-
-OWN_INTERVAL = {MAIN: ("position_rmse_low_m", "position_rmse_high_m")}
-"""Where the rows of one recording have the interval of a metric (metric one_recording)."""
 
 FEW_PAIRS = 2_000
 """Where there are more pairs of cells in rows, the leaders of a row are marked only in the table that is asked for."""
@@ -74,7 +68,7 @@ def summarise(
     grid = arranged(rows, row_keys, column_keys)
     if verdicts is None and (baseline or leaders):
         verdicts = study_verdicts(grid.rows, metric)
-    return _table(grid, metric, notes, baseline or {}, verdicts, leaders=leaders)
+    return _table(cell_columns(grid, metric), metric, notes, baseline or {}, verdicts, leaders=leaders)
 
 
 def summarise_each(
@@ -85,10 +79,15 @@ def summarise_each(
 ) -> Iterator[Table]:
     """Yield the tables of several metrics: `summarise` of each, with what they share done once."""
     grid = arranged(rows, row_keys, column_keys)
-    few = len(grid.runs) <= FEW_CELLS
     for metric in metrics:
-        judged = study_verdicts(grid.rows, metric, most=FEW_PAIRS) if few else None
-        yield _table(grid, metric, (), {}, judged, leaders=True)
+        yield beside_others(cell_columns(grid, metric), metric)
+
+
+def beside_others(numbers: CellColumns, metric: str) -> Table:
+    """Return the table of a metric for which nobody asked: who leads a row is marked where that takes no minutes."""
+    grid = numbers.grid
+    judged = study_verdicts(grid.rows, metric, most=FEW_PAIRS) if len(grid.runs) <= FEW_CELLS else None
+    return _table(numbers, metric, (), {}, judged, leaders=True)
 
 
 def main_metric(rows: "pd.DataFrame") -> str:
@@ -98,7 +97,7 @@ def main_metric(rows: "pd.DataFrame") -> str:
 
 
 def _table(
-    grid: Grid,
+    numbers: CellColumns,
     metric: str,
     notes: Sequence[str],
     baseline: Mapping[str, str],
@@ -106,8 +105,10 @@ def _table(
     *,
     leaders: bool,
 ) -> Table:
+    grid = numbers.grid
     comparisons = verdicts.against(baseline) if baseline and verdicts is not None else []
-    cells = _with_ratios(_cells(grid, metric), comparisons, (*grid.across, *grid.down))
+    cells = dict(zip(grid.runs, numbers.cells(), strict=True))
+    cells = _with_ratios(cells, comparisons, (*grid.across, *grid.down))
     what = quantity(metric)
     if leaders and verdicts is not None and verdicts.judged:
         cells = with_leaders(cells, grid, verdicts)
@@ -123,59 +124,9 @@ def _table(
         cells=tuple(tuple(line) for line in lines),
         constants=constants(grid.rows, (*grid.across, *grid.down)),
         baseline=tuple(baseline.items()),
-        average=GEOMETRIC if _of_positive_errors(grid, metric) else MEAN,
+        average=GEOMETRIC if of_positive_errors(grid, metric) else MEAN,
     )
     return dataclasses.replace(table, footnotes=footnotes(table, grid.rows, notes, family_note(comparisons)))
-
-
-def _cells(grid: Grid, metric: str) -> dict[Values, TableCell]:
-    values = grid.rows[metric].to_numpy(dtype=float)
-    errors = np.where(grid.status == "ok", values, np.inf)
-    good = {key: values[runs] for key, runs in grid.good.items()}
-    if _of_positive_errors(grid, metric):
-        of_runs = _of_errors([errors[runs] for runs in grid.runs.values()], list(good.values()))
-    else:
-        of_runs = [
-            Centre(MEAN, interval.mean, interval.low, interval.high, (np.nan, np.nan), 0)
-            for interval in mean_intervals(list(good.values()))
-        ]
-    intervals = _own_intervals(grid, metric)
-    cells = zip(grid.runs, grid.tallies, good.values(), of_runs, strict=True)
-    return {key: _cell(tally, own, center, intervals.get(key)) for key, tally, own, center in cells}
-
-
-def _of_positive_errors(grid: Grid, metric: str) -> bool:
-    """Whether the metric is an error of which a geometric mean, or a median with losses at the top, makes sense."""
-    good = grid.rows[metric].to_numpy(dtype=float)[grid.status == "ok"]
-    return quantity(metric).lowest_is_best and not bool(np.any(good < 0))
-
-
-def _of_errors(errors: Sequence[FloatArray], good: Sequence[FloatArray]) -> list[Centre]:
-    """Return the centre of all runs of each cell; of none that has a value nothing."""
-    nothing = Centre(GEOMETRIC, np.nan, np.nan, np.nan, (np.nan, np.nan), 0)
-    return [nothing if np.isnan(own).all() else of_runs for own, of_runs in zip(good, centres(errors), strict=True)]
-
-
-def _own_intervals(grid: Grid, metric: str) -> dict[Values, tuple[float, float]]:
-    """Return the block bootstrap's interval of each cell of one recording; over its phases that of the means."""
-    if any(column not in grid.rows for column in OWN_INTERVAL.get(metric, ("",))):
-        return {}
-    ends = np.log(grid.rows[[*OWN_INTERVAL[metric]]].to_numpy(dtype=float))
-    phases = {tuple(key): runs for key, runs in grid.good.items() if len(runs)}
-    return {key: tuple(np.exp(ends[runs].mean(axis=0)).tolist()) for key, runs in phases.items()}
-
-
-def _cell(tally: Tally, good: FloatArray, of_runs: Centre, own: tuple[float, float] | None) -> TableCell:
-    low, high = (own or _range(good)) if tally.phase else (of_runs.low, of_runs.high)
-    missing = int(np.isnan(good).sum())
-    return TableCell(
-        *(of_runs.value, low, high, tally.runs, tally.diverged, tally.failed, missing),
-        replicate="phase" if tally.phase else "seed",
-        own_interval=tally.phase and own is not None,
-        kind=of_runs.kind,
-        locked=of_runs.locked,
-        quartiles=of_runs.quartiles,
-    )
 
 
 def _with_ratios(
@@ -190,12 +141,6 @@ def _with_ratios(
         ratio = Ratio(*ends, judgement.p, comparison.mark, judgement.median)
         compared[place] = dataclasses.replace(compared[place], ratio=ratio)
     return compared
-
-
-def _range(values: FloatArray) -> tuple[float, float]:
-    """Return the smallest and the largest; one phase has no range."""
-    known = values[~np.isnan(values)]
-    return (float(known.min()), float(known.max())) if len(known) > 1 else (np.nan, np.nan)
 
 
 def with_leaders(cells: dict[Values, TableCell], grid: Grid, verdicts: StudyVerdicts) -> dict[Values, TableCell]:

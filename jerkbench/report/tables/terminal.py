@@ -1,5 +1,6 @@
 """Table -> rich rendering for the terminal."""
 
+import dataclasses
 import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -17,10 +18,22 @@ if TYPE_CHECKING:
     from rich.table import Table as RichTable
     from rich.text import Text
 
+MOST_ROWS = 500
+"""Rows that a sweep prints at its end; what is longer nobody reads in a terminal."""
+
 
 def print_table(rows: "pd.DataFrame", notes: Sequence[str] = (), metric: str | None = None) -> None:
     """Print the table of ``metric`` (default: `main_metric`) with ``notes``; in a pipe as wide as it has to be."""
-    print_summary(summarise(rows, metric or main_metric(rows), notes=notes))
+    print_beginning(summarise(rows, metric or main_metric(rows), notes=notes))
+
+
+def print_beginning(table: Table) -> None:
+    """Print a table, of more than `MOST_ROWS` rows the first of them."""
+    if len(table.rows) > MOST_ROWS:
+        left_out = f"These are the first {MOST_ROWS} of {len(table.rows)} rows; table.md has all."
+        first = table.rows[:MOST_ROWS], table.cells[:MOST_ROWS]
+        table = dataclasses.replace(table, rows=first[0], cells=first[1], footnotes=(left_out, *table.footnotes))
+    print_summary(table)
 
 
 def print_summary(table: Table) -> None:

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from jerkbench.report.analysis.quantities import quantity
-from jerkbench.report.tables import summary
+from jerkbench.report.tables import summary, terminal
 from jerkbench.report.tables.csv import tidy_csv
 from jerkbench.report.tables.latex import escaped, latex
 from jerkbench.report.tables.markdown import markdown
@@ -206,3 +206,13 @@ def test_the_same_rows_give_the_same_bytes(rows, tmp_path):
         write_tables(rows, tmp_path / name, ())
     for name in ("table.md", "table.csv", "table.tex"):
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
+
+
+def test_of_a_long_table_the_terminal_has_the_beginning(cell_rows, capsys, monkeypatch):
+    frame = pd.DataFrame([row for name in "abcd" for row in cell_rows(name, "none", [1.0, 2.0])])
+    monkeypatch.setattr(terminal, "MOST_ROWS", 3)
+    print_table(frame)
+    out = capsys.readouterr().out
+
+    assert "These are the first 3 of 4 rows; table.md has all." in out
+    assert [line.split()[0] for line in out.splitlines() if line.split()[:1] and line.split()[0] in "abcd"] == [*"abc"]
