@@ -52,8 +52,8 @@ class Centres:
     @classmethod
     def of_nothing(cls, count: int, kind: str = MEDIAN) -> "Centres":
         """Return those of ``count`` cells without a value."""
-        nan = [np.full(count, np.nan) for _ in range(5)]
-        return cls(np.full(count, kind, dtype=object), *nan, np.zeros(count, np.int64))
+        value, low, high, lower, upper = (np.full(count, np.nan) for _ in range(5))
+        return cls(np.full(count, kind, dtype=object), value, low, high, lower, upper, np.zeros(count, np.int64))
 
     def put(self, places: IntArray | BoolArray, others: "Centres") -> None:
         """Put ``others`` in the ``places``."""
@@ -92,10 +92,10 @@ def centres_of(samples: Samples, confidence: float = 0.95) -> Centres:
 
 def _of_one_size(errors: FloatArray, confidence: float) -> Centres:
     """Return the centres of (k, n) errors without NaN, n > 0."""
-    median, low, high, lower, upper = quantiles_of_rows(errors, confidence)
+    median, low, high, lower, upper = (column.copy() for column in quantiles_of_rows(errors, confidence))
     locked = np.sum(np.isfinite(errors) & (errors > LOCKED_OUT * median[:, None]), axis=1)
     kind = np.full(len(errors), MEDIAN, dtype=object)
-    made = Centres(kind, *(column.copy() for column in (median, low, high, lower, upper)), locked)
+    made = Centres(kind, median, low, high, lower, upper, locked)
     whole = (locked == 0) & np.isfinite(errors).all(axis=1) & (errors.min(axis=1) > 0)
     made.kind[whole] = GEOMETRIC
     made.value[whole], made.low[whole], made.high[whole] = _geometric(errors[whole], confidence)

@@ -40,20 +40,20 @@ class CellColumns:
     def cells(self) -> list[TableCell]:
         """Each place as a cell of a table."""
         grid = self.grid
-        counts = (grid.sizes, grid.diverged, grid.failed, self.missing)
         words = np.where(grid.phases, "phase", "seed").tolist()
-        own = self.own_interval.tolist()
-        known = zip(self.centres, words, own, *(count.tolist() for count in counts), strict=True)
+        counts = (grid.sizes, grid.diverged, grid.failed, self.missing, self.own_interval)
+        known = zip(self.centres, words, *(count.tolist() for count in counts), strict=True)
         return [
             TableCell(
-                *(of.value, of.low, of.high, *counted),
+                *(of.value, of.low, of.high),
+                *(runs, diverged, failed, missing),
                 replicate=word,
-                own_interval=alone,
+                own_interval=own,
                 kind=of.kind,
                 locked=of.locked,
                 quartiles=of.quartiles,
             )
-            for of, word, alone, *counted in known
+            for of, word, runs, diverged, failed, missing, own in known
         ]
 
 
