@@ -156,3 +156,11 @@ def compare_updates(got, wanted, flip):
     for name in ("t_s", "rows", "nis", "nis_used", "innovation", "R_diagonal"):
         pair = getattr(got, name)[:flip], getattr(wanted, name)[:flip]
         np.testing.assert_allclose(*pair, rtol=1e-7, atol=1e-9, err_msg=name)
+
+
+def assert_same_sums(got, wanted):
+    """To a relative 1e-8; a covariance between two axes is measured by the largest variance, beside which it may be 0."""
+    for name in wanted._fields:
+        scale = np.abs(wanted.sampled_m2).max(initial=0.0) if name == "sampled_m2" else 0.0
+        values = getattr(got, name), getattr(wanted, name)
+        np.testing.assert_allclose(*values, rtol=1e-8, atol=1e-12 * scale, err_msg=name)

@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from engine_agreement import agree_runs, with_other_last_bits
+from engine_agreement import agree_runs, assert_same_sums, with_other_last_bits
 from jerkbench import plugins
 from jerkbench.adaptation.mtf import Mtf
 from jerkbench.adaptation.none import NoAdaptation
@@ -70,7 +70,6 @@ def test_its_sums_are_those_of_a_trajectory():
     wanted = sums_of(estimate, recording, counted_rows(estimate, recording, 2.0))
     got = sums_from(one, scene, recording)
 
-    for name in wanted._fields:
-        np.testing.assert_allclose(getattr(got, name), getattr(wanted, name), rtol=1e-8, err_msg=name)
+    assert_same_sums(got, wanted)
     assert one.euler_rad is None
     np.testing.assert_allclose(one.updates.nis_used, estimate.updates.nis_used, rtol=1e-7)

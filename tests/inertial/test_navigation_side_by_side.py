@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from test_compiled_navigation import ARMS, BURN_IN_S, EARTH, HELD, SCALES, recorded, reference_run
 
+from engine_agreement import assert_same_sums
 from jerkbench import plugins
 from jerkbench.adaptation.mtf import Mtf
 from jerkbench.adaptation.none import NoAdaptation
@@ -33,8 +34,7 @@ def together(journeys, scenes, adaptations):
 def assert_same(result, scene, recording, estimate):
     wanted = sums_of(estimate, recording, counted_rows(estimate, recording, BURN_IN_S))
     got = sums_from(result, scene, recording)
-    for name in wanted._fields:
-        np.testing.assert_allclose(getattr(got, name), getattr(wanted, name), rtol=1e-8, err_msg=name)
+    assert_same_sums(got, wanted)
     np.testing.assert_allclose(result.euler_rad, estimate.euler_rad, rtol=0.0, atol=1e-9)
     np.testing.assert_allclose(result.updates.innovation, estimate.updates.innovation, rtol=0.0, atol=1e-9)
     np.testing.assert_allclose(result.updates.nis_used, estimate.updates.nis_used, rtol=1e-7)

@@ -2,7 +2,7 @@
 
 import dataclasses
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from jerkbench.plain import plain, styled
@@ -10,7 +10,8 @@ from jerkbench.report.analysis.factors import FACTORS
 from jerkbench.report.analysis.quantities import quantity
 from jerkbench.report.analysis.rows import metric_columns
 from jerkbench.report.tables.summary import main_metric, summarise, summarise_each
-from jerkbench.report.tables.table_model import ABSENT, Table, TableCell
+from jerkbench.report.tables.table_model import Table, TableCell
+from jerkbench.report.tables.terminal_layout import Block, blocks, groups, key_width, pieces
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -38,7 +39,8 @@ def print_beginning(table: Table) -> None:
 
 def print_summary(table: Table) -> None:
     """Print a table that is made already."""
-    _print(terminal_table(table, plain=not _console().is_terminal))
+    console = _console()
+    _print(terminal_table(table, console.width if console.is_terminal else None))
 
 
 def print_run(rows: "pd.DataFrame") -> None:
@@ -50,7 +52,7 @@ def print_run(rows: "pd.DataFrame") -> None:
         ((cell,),) = table.cells
         if cell is not None and cell.number != "n/a":
             grid.add_row(_plain(quantity(table.metric).heading), _text(cell))
-    _print(_group(", ".join(f"{key} {rows[key].iloc[0]}" for key in FACTORS), grid, _complaints(rows)))
+    _print(_group(", ".join(f"{key} {rows[key].iloc[0]}" for key in FACTORS), [grid], _complaints(rows)))
 
 
 def print_grid(title: str, header: Sequence[str], rows: Sequence[Sequence[str]], notes: Sequence[str] = ()) -> None:
@@ -60,20 +62,57 @@ def print_grid(title: str, header: Sequence[str], rows: Sequence[Sequence[str]],
         grid.add_column(_plain(text))
     for row in rows:
         grid.add_row(*map(_plain, row))
-    _print(_group(title, grid, notes))
+    _print(_group(title, [grid], notes))
 
 
-def terminal_table(table: Table, *, plain: bool = False) -> "Group":
+def terminal_table(table: Table, width: int | None) -> "Group":
     """Return title, table and footnotes for a rich console; repeated row headers are said once, trouble is red.
 
-    Where nothing can be bold (``plain``), the best stand between two stars each, as in Markdown.
+    Without a ``width`` (a pipe) nothing can be bold: the best stand between two stars each, as in Markdown, and every
+    cell is one line.
     """
+    if width is None:
+        return _group(table.title, [_wide(table, plain=True)], table.footnotes)
+    shown = blocks(table, width)
+    parts = [_wide(table)] if not shown[0].widths else [part for block in shown for part in _narrow(table, block)]
+    return _group(table.title, parts, table.footnotes)
+
+
+def _wide(table: Table, *, plain: bool = False) -> "RichTable":
+    """Return the whole table, each cell on one line."""
     grid = _grid()
     for k, header in enumerate(table.header):
         grid.add_column(_plain(header), no_wrap=k < len(table.row_keys))
     for values, cells in zip(table.sparse_rows, table.cells, strict=True):
         grid.add_row(*map(_plain, values), *(_text(cell, plain=plain) for cell in cells))
-    return _group(table.title, grid, table.footnotes)
+    return grid
+
+
+def _narrow(table: Table, block: Block) -> "Iterator[RichTable | Text]":
+    """Yield some columns of a table, the rows of each heading apart."""
+    if block.columns[0]:
+        yield _plain("")
+    yield _head(table, block)
+    for heading, rows in groups(table):
+        if heading:
+            yield _plain(heading, "italic")
+        grid = _head(table, block, show=False)
+        for row in rows:
+            cells = table.cells[row]
+            texts = (_text(cells[k], own) for k, own in zip(block.columns, block.widths, strict=True))
+            grid.add_row(*map(_plain, table.rows[row][-1:]), *texts)
+        yield grid
+
+
+def _head(table: Table, block: Block, *, show: bool = True) -> "RichTable":
+    """Return an empty grid of some columns, whose widths are fixed, with its head or without."""
+    grid, keys = _grid(), len(table.row_keys)
+    grid.show_header, grid.show_edge = show, False
+    widths = [*([key_width(table)] if keys else []), *block.widths]
+    names = [*table.header[max(0, keys - 1) : keys], *(table.header[keys + k] for k in block.columns)]
+    for name, width in zip(names, widths, strict=True):
+        grid.add_column(_plain(name), overflow="fold", min_width=width, max_width=width)
+    return grid
 
 
 def _grid() -> "RichTable":
@@ -83,10 +122,10 @@ def _grid() -> "RichTable":
     return RichTable(box=box.SIMPLE_HEAD, pad_edge=False)
 
 
-def _group(title: str, grid: "RichTable", notes: Sequence[str]) -> "Group":
+def _group(title: str, parts: Sequence["RichTable | Text"], notes: Sequence[str]) -> "Group":
     from rich.console import Group
 
-    return Group(_plain(title, "bold"), grid, *map(_plain, notes))
+    return Group(_plain(title, "bold"), *parts, *map(_plain, notes))
 
 
 def _console() -> "Console":
@@ -118,15 +157,9 @@ def _plain(text: str, style: str = "") -> "Text":
     return Text(plain(text), style=style)
 
 
-def _text(cell: TableCell | None, *, plain: bool = False) -> "Text":
+def _text(cell: TableCell | None, width: int = 0, *, plain: bool = False) -> "Text":
+    """Return a cell as one line, or as lines of at most ``width`` characters."""
     from rich.text import Text
 
-    if cell is None:
-        return Text(ABSENT, style="dim")
-    marked = cell.text.replace(cell.number, f"**{cell.number}**", 1) if plain and cell.best else cell.text
-    text = Text(marked)
-    if cell.best and not plain:
-        text.stylize("bold", 0, len(cell.number))
-    if cell.trouble:
-        text.stylize("red", len(marked) - len(cell.trouble))
-    return text
+    lines = [(f"**{part}**", "") if plain and style == "bold" else (part, style) for part, style in pieces(cell, width)]
+    return Text("\n" if width else " ").join(Text(part, style=style) for part, style in lines)

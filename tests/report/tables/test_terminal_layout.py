@@ -1,0 +1,79 @@
+"""Tables in terminals of several widths: whatever the width, no number and no interval is broken."""
+
+import io
+import re
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from commands import verb
+from jerkbench.places import place
+from jerkbench.report.tables.summary import summarise
+from jerkbench.report.tables.terminal import terminal_table
+from jerkbench.report.tables.terminal_layout import blocks, groups
+from jerkbench.results.study import load_study
+
+ROOT = Path(__file__).parents[3]
+STUDIES = ("paper20", "error_budget")
+BASELINES = {"paper20": {"adaptation": "none"}, "error_budget": {"dataset": "field(silent=[])"}}
+COLUMNS = {"paper20": ["adaptation"], "error_budget": ["dataset"]}
+
+
+@pytest.fixture(scope="module", params=STUDIES)
+def table(request):
+    rows = load_study(place(str(ROOT / "results" / request.param))).rows
+    return summarise(rows, "position_rmse_m", None, COLUMNS[request.param], baseline=BASELINES[request.param])
+
+
+def printed(table, width, **options):
+    file = io.StringIO()
+    Console(file=file, force_terminal=True, width=width, **options).print(terminal_table(table, width))
+    return file.getvalue()
+
+
+@pytest.mark.parametrize("width", [60, 80, 100, 140, 400])
+def test_no_interval_is_broken_and_no_line_is_too_long(table, width):
+    text = re.sub(r"\x1b\[[0-9;]*m", "", printed(table, width))
+    assert "…" not in text
+    assert max(map(len, text.splitlines())) <= width
+    words = " ".join(text.split())
+    for row in table.cells:
+        for cell in filter(None, row):
+            for part in (cell.number, cell.interval, cell.factor):
+                assert part in text
+            assert all(word in words for word in cell.trouble.split())
+    for values in table.rows:
+        assert ", ".join(values[:-1]) in text or width == 400
+
+
+@pytest.mark.parametrize("width", [80, 100, 140])
+def test_every_column_stands_in_one_block_and_every_row_under_one_heading(table, width):
+    parts = blocks(table, width)
+    assert [k for block in parts for k in block.columns] == list(range(len(table.columns)))
+    assert sorted(k for _, rows in groups(table) for k in rows) == list(range(len(table.rows)))
+    assert len(blocks(table, 10_000)) == 1
+
+
+def test_what_stands_in_a_cell_stands_below_its_column(table):
+    """The second column of the first block begins in one place, in the head and in every line."""
+    block = blocks(table, 80)[0]
+    lines = re.sub(r"\x1b\[[0-9;]*m", "", printed(table, 80)).splitlines()
+    first = next(line for line in lines if line.startswith(table.rows[0][-1]))
+    number = next(cell.number for cell in table.cells[0] if cell is not None)
+    begin = first.index(number)
+    below = [line for line in lines if line[begin - 1 : begin + 1] == " ["]
+    assert len(below) >= len(table.rows)
+    assert len(block.columns) > 1
+
+
+def test_without_a_terminal_there_are_no_colours_and_with_no_color_none_either(table, monkeypatch):
+    study = str(ROOT / "results" / "paper20")
+    assert "\x1b" not in verb("table", study, cwd=ROOT).stdout
+    colours = r"\x1b\[(?:[0-9;]*;)?3[0-7][;m]"
+    monkeypatch.setenv("NO_COLOR", "1")
+    without = printed(table, 100)
+    assert not re.search(colours, without)
+    monkeypatch.delenv("NO_COLOR")
+    if any(cell.trouble for row in table.cells for cell in row if cell):
+        assert re.search(colours, printed(table, 100, color_system="standard"))
