@@ -159,7 +159,7 @@ def compare_updates(got, wanted, flip):
 
 
 def assert_same_sums(got, wanted):
-    """To a relative 1e-8; a covariance between two axes is measured by the largest variance, beside which it may be 0."""
+    """To a relative 1e-8; covariances between axes beside the largest variance, as they may be next to 0."""
     for name in wanted._fields:
         scale = np.abs(wanted.sampled_m2).max(initial=0.0) if name == "sampled_m2" else 0.0
         values = getattr(got, name), getattr(wanted, name)
