@@ -18,12 +18,18 @@ def last_line(verdicts: Sequence[MethodVerdict], protocol: AuditProtocol) -> str
     )
 
 
-def sentences(verdicts: Sequence[MethodVerdict], protocol: AuditProtocol) -> list[str]:
-    """Return what a practitioner should know first, the most important first."""
+def sentences(verdicts: Sequence[MethodVerdict], protocol: AuditProtocol, tuning: str) -> list[str]:
+    """Return what a practitioner should know first, the most important first.
+
+    Args:
+        verdicts: of every method.
+        protocol: of the audit.
+        tuning: what tuning alone does to the plain filter, in a sentence.
+    """
     return [
-        f"{last_line(verdicts, protocol)} {_alone(verdicts)}",
+        f"{last_line(verdicts, protocol)} {_alone(verdicts)} {tuning}",
         *_best(verdicts),
-        *_price(verdicts, protocol),
+        f"{_price(verdicts, protocol)} {_harmless(verdicts, protocol)}",
         *_defaults(verdicts),
         *_luck(verdicts),
     ]
@@ -44,9 +50,22 @@ def _best(verdicts: Sequence[MethodVerdict]) -> list[str]:
     return [f"{lowest} ({interval}); {worst}."]
 
 
-def _price(verdicts: Sequence[MethodVerdict], protocol: AuditProtocol) -> list[str]:
+def _price(verdicts: Sequence[MethodVerdict], protocol: AuditProtocol) -> str:
     dear = [verdict for verdict in verdicts if verdict.nominal > 1 + protocol.margin]
-    return [f"Where nothing is wrong {len(dear)} of {len(verdicts)} cost more than {100 * protocol.margin:g} %, tuned."]
+    percent = f"{100 * protocol.margin:g} %"
+    return (
+        f"Where nothing is wrong {len(dear)} of {len(verdicts)} cost more than {percent}, tuned: adapt where you must."
+    )
+
+
+def _harmless(verdicts: Sequence[MethodVerdict], protocol: AuditProtocol) -> str:
+    """Say how many harm nowhere, whatever their mean: that can be, where none is shown to be better."""
+    harmless = [verdict for verdict in verdicts if verdict.worst_ratio <= 1 + protocol.margin]
+    middle = sorted(verdict.worst_ratio for verdict in verdicts)[len(verdicts) // 2]
+    return (
+        f"Whatever their mean, {len(harmless)} of {len(verdicts)} harm in no scenario by more than"
+        f" {100 * protocol.margin:g} %; the one in the middle is {middle:.1f} times worse than plain where it is worst."
+    )
 
 
 def _defaults(verdicts: Sequence[MethodVerdict]) -> list[str]:

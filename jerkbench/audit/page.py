@@ -1,8 +1,11 @@
 """The page of an audit, written as method and results of a paper; every sentence with a number comes from the rows."""
 
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
-from jerkbench.audit.answer import last_line, sentences
+from jerkbench.audit.answer import last_line
+from jerkbench.audit.claims import Claim, claim_table
 from jerkbench.audit.family_verdicts import FamilyVerdict, family_sentences
 from jerkbench.audit.protocol import HALVES, AuditProtocol
 from jerkbench.audit.table import LEGEND, markdown_table
@@ -12,32 +15,56 @@ from jerkbench.evaluation.statistics.judgement import Verdict
 TEMPLATE = Path(__file__).with_name("page.md.jinja")
 
 
-def page(
-    protocol: AuditProtocol, scale: str, verdicts: list[MethodVerdict], by_family: list[FamilyVerdict], runs: int
-) -> str:
-    """Return the page as Markdown.
+@dataclass(frozen=True)
+class Contents:
+    """What the page is made of.
 
-    Args:
+    Attributes:
         protocol: what was compared.
         scale: its name.
         verdicts: of every method.
         by_family: of every method under every family of faults.
+        sentences: the answer, the most important first.
+        beside: sentences on what stands beside the verdicts.
+        power: a sentence on what could have been shown.
+        claims: of the paper.
+        attribution: the section of an attribution beside the audit; empty: there is none.
         runs: how many were scored.
     """
+
+    protocol: AuditProtocol
+    scale: str
+    verdicts: Sequence[MethodVerdict]
+    by_family: Sequence[FamilyVerdict]
+    sentences: Sequence[str]
+    beside: Sequence[str]
+    power: str
+    claims: Sequence[Claim]
+    attribution: str
+    runs: int
+
+
+def page(contents: Contents) -> str:
+    """Return the page as Markdown."""
     from jinja2 import Environment, StrictUndefined
 
     environment = Environment(undefined=StrictUndefined, keep_trailing_newline=True)  # noqa: S701 - Markdown, no HTML
+    return environment.from_string(TEMPLATE.read_text(encoding="utf-8")).render(_values(contents))
+
+
+def _values(contents: Contents) -> Mapping[str, object]:
+    """The names of the template."""
+    verdicts, protocol = contents.verdicts, contents.protocol
     counts = {word: sum(verdict.verdict is word for verdict in verdicts) for word in Verdict}
-    return environment.from_string(TEMPLATE.read_text(encoding="utf-8")).render(
-        p=protocol,
-        scale=scale,
-        halves={half: [family.name for family in protocol.families if family.half == half] for half in HALVES},
-        sentences=sentences(verdicts, protocol),
-        table=markdown_table(verdicts),
-        legend=LEGEND,
-        families=family_sentences(by_family),
-        last=last_line(verdicts, protocol),
-        verdicts=verdicts,
-        counts=", ".join(f"{count} {word}" for word, count in counts.items() if count),
-        runs=runs,
-    )
+    return {
+        **vars(contents),
+        "p": protocol,
+        "adaptations": len({verdict.method.adaptation for verdict in verdicts}),
+        "halves": {half: [f.name for f in protocol.families if f.half == half] for half in HALVES},
+        "table": markdown_table(verdicts),
+        "legend": LEGEND,
+        "families": family_sentences(contents.by_family),
+        "last": last_line(verdicts, protocol),
+        "counts": ", ".join(f"{count} {word}" for word, count in counts.items() if count),
+        "claim_table": claim_table(contents.claims) if contents.claims else "",
+    }

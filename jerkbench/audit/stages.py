@@ -1,11 +1,8 @@
 """The stages of an audit on a cluster: what is stored is not run again."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import groupby
-from operator import attrgetter
 from pathlib import Path
-from typing import TypeVar
 
 import pandas as pd
 
@@ -13,14 +10,11 @@ from jerkbench.audit.methods import Method
 from jerkbench.audit.runs import TEST, Stage, mark_of
 from jerkbench.audit.scenarios import Scenario, cell_on
 from jerkbench.cells.cell import Cell
-from jerkbench.clusters.cluster import Cluster, Order
-from jerkbench.clusters.identity import identity_of
+from jerkbench.clusters.cluster import Cluster
+from jerkbench.clusters.scenarios import done_by_scenario
 from jerkbench.errors import JerkbenchError
 from jerkbench.execution.progress import Progress
 from jerkbench.tuning.space import Setting
-
-Numbered = TypeVar("Numbered")
-Result = TypeVar("Result")
 
 TITLES = {"tune": "settings tried", "choose": "finalists", TEST: "scored unseen"}
 
@@ -95,31 +89,3 @@ class Stages:
         """A cell of each method: what a worker must have."""
         methods = dict.fromkeys(method for stage in stages for method in stage.settings)
         return [cell_on(self.scenarios[0], method.filter, method.adaptation, seeds=1) for method in methods]
-
-
-def done_by_scenario(
-    work: Callable[[Numbered], Result],
-    pieces: Sequence[Numbered],
-    cells: Iterable[Cell],
-    cluster: Cluster,
-    workers: int,
-) -> Iterator[Result]:
-    """Yield the result of each piece as it is done; those of one scenario (``number``) share its recordings.
-
-    Args:
-        work: what is done with a piece.
-        pieces: each with the ``number`` of its scenario.
-        cells: what a worker must have.
-        cluster: what runs them.
-        workers: number of processes, where the cluster starts them.
-
-    Raises:
-        JerkbenchError: what a piece raised, or the cluster.
-    """
-    number = attrgetter("number")
-    groups = [list(group) for _, group in groupby(sorted(pieces, key=number), key=number)]
-    order = Order(work, groups, bundle=number, admit=list, identity=identity_of(cells), ended=lambda _: None)
-    for _, result in cluster.run(order, workers):
-        if isinstance(result, Exception):
-            raise result
-        yield result

@@ -1,6 +1,7 @@
 """The folder of an audit: its runs, verdicts, settings, and the answer in words."""
 
 import json
+import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -9,13 +10,22 @@ import pandas as pd
 
 from jerkbench.audit.answer import sentences
 from jerkbench.audit.campaign import Campaign, Outcome, seeds_of
+from jerkbench.audit.claims import Claim, claim_frame, claims
+from jerkbench.audit.comparisons import (
+    metric_sentence,
+    noise_sentence,
+    power_sentence,
+    reference_sentences,
+    tuning_sentence,
+)
 from jerkbench.audit.family_figure import family_figure
 from jerkbench.audit.family_verdicts import FamilyVerdict, family_frame, family_verdicts
 from jerkbench.audit.figures import ratio_figure, severity_figure
 from jerkbench.audit.methods import Method, methods, space_of_method
-from jerkbench.audit.page import page
+from jerkbench.audit.page import Contents, page
 from jerkbench.audit.protocol import AuditProtocol
 from jerkbench.audit.scenarios import Scenario, scenarios
+from jerkbench.audit.searches import levels_of
 from jerkbench.audit.stages import Stages
 from jerkbench.audit.table import LEGEND, markdown_table, verdict_frame
 from jerkbench.audit.verdicts import Losses, MethodVerdict, losses_of, verdicts
@@ -27,6 +37,7 @@ from jerkbench.tuning.space import Space
 
 FOLDER = "audit-"
 """The name of a folder begins with it; the scale follows."""
+WATERFALL = "waterfall.png"
 
 
 @dataclass(frozen=True)
@@ -39,6 +50,7 @@ class Audit:
         losses: of every method on the seeds to test on.
         verdicts: of every method, the best first.
         by_family: of every method under every family of faults.
+        claims: of the paper.
     """
 
     protocol: AuditProtocol
@@ -46,6 +58,7 @@ class Audit:
     losses: Losses
     verdicts: list[MethodVerdict]
     by_family: list[FamilyVerdict]
+    claims: list[Claim]
 
 
 def run_audit(
@@ -81,7 +94,8 @@ def judged(protocol: AuditProtocol, outcome: Outcome, known: Sequence[Scenario])
     losses = losses_of(outcome, protocol, known)
     overall = verdicts(outcome, protocol, known)
     by_family = family_verdicts(losses, [verdict.method for verdict in overall], protocol)
-    return Audit(protocol, outcome, losses, overall, by_family)
+    found = claims(losses, levels_of(outcome.test, protocol.plain))
+    return Audit(protocol, outcome, losses, overall, by_family, found)
 
 
 def _key() -> str:
@@ -90,9 +104,44 @@ def _key() -> str:
 
 def text_of(audit: Audit) -> str:
     """Return sentences and table as Markdown."""
-    lines = [f"- {sentence}" for sentence in sentences(audit.verdicts, audit.protocol)]
+    lines = [f"- {sentence}" for sentence in _sentences(audit)]
     head = f"Protocol version {audit.protocol.version}, {audit.protocol.digest}."
     return "\n".join([*lines, "", head, LEGEND, markdown_table(audit.verdicts)])
+
+
+def _sentences(audit: Audit) -> list[str]:
+    return sentences(audit.verdicts, audit.protocol, tuning_sentence(audit.losses, audit.protocol))
+
+
+def contents_of(audit: Audit, scale: str, attribution: str = "") -> Contents:
+    """Return what the page is made of, with the section of an ``attribution`` if there is one."""
+    protocol, losses, judged = audit.protocol, audit.losses, audit.verdicts
+    beside = [
+        *reference_sentences(losses, protocol),
+        noise_sentence(losses, judged, protocol),
+        metric_sentence(audit.outcome, losses, judged, protocol),
+    ]
+    return Contents(
+        protocol=protocol,
+        scale=scale,
+        verdicts=judged,
+        by_family=audit.by_family,
+        sentences=_sentences(audit),
+        beside=[sentence for sentence in beside if sentence],
+        power=power_sentence(judged, protocol),
+        claims=audit.claims,
+        attribution=attribution,
+        runs=len(audit.outcome.test),
+    )
+
+
+def _taken_along(folder: Path) -> str:
+    """Take the section and the figure of the attribution from beside the audit, if they are there."""
+    beside = folder.parent / f"{FOLDER}attribution"
+    if not (beside / "README.md").is_file():
+        return ""
+    write_atomically(folder / WATERFALL, lambda path: shutil.copyfile(beside / WATERFALL, path))
+    return (beside / "README.md").read_text(encoding="utf-8")
 
 
 def settings_frame(outcome: Outcome, spaces: Mapping[Method, Space]) -> pd.DataFrame:
@@ -115,16 +164,11 @@ def settings_frame(outcome: Outcome, spaces: Mapping[Method, Space]) -> pd.DataF
 
 def _write(audit: Audit, folder: Path, spaces: Mapping[Method, Space], makers: list[str]) -> None:
     texts = {
-        "README.md": page(
-            audit.protocol,
-            folder.name.removeprefix(FOLDER),
-            audit.verdicts,
-            audit.by_family,
-            len(audit.outcome.test),
-        ),
+        "README.md": page(contents_of(audit, folder.name.removeprefix(FOLDER), _taken_along(folder))),
         "table.md": text_of(audit),
         "verdicts.csv": verdict_frame(audit.verdicts).to_csv(index=False),
         "families.csv": family_frame(audit.by_family).to_csv(index=False),
+        "claims.csv": claim_frame(audit.claims).to_csv(index=False),
         "settings.csv": settings_frame(audit.outcome, spaces).to_csv(index=False),
         "manifest.json": json.dumps({**_manifest(audit.protocol), "rows_computed_by": makers}, indent=1),
     }

@@ -143,7 +143,7 @@ def _verdict(
     by_scenario = d.mean(axis=1)
     worst = int(np.argmax(by_scenario))
     nominal = np.array([scenario.family == NOMINAL for scenario in known.scenarios])
-    own = rows[_own(rows, method, outcome, known.scenarios)]
+    own = own_rows(rows, method, outcome, known.scenarios)
     return MethodVerdict(
         method=method,
         default=_ratio(known, known.by_kind[method, DEFAULTS, 0] - known.by_kind[plain, TUNED, 0]),
@@ -197,12 +197,12 @@ def _ratio(known: Losses, difference: FloatArray) -> float:
     return float(np.exp(known.of_families(difference).mean()))
 
 
-def _own(rows: pd.DataFrame, method: Method, outcome: Outcome, scenarios: Sequence[Scenario]) -> pd.Series:
-    """Which rows are of the setting that was tuned on the other half, of the first restart."""
+def own_rows(rows: pd.DataFrame, method: Method, outcome: Outcome, scenarios: Sequence[Scenario]) -> pd.DataFrame:
+    """Return the rows of a method with the setting that was tuned on the other half, of the first restart."""
     trial = {half: outcome.trial[Search(method, half, 0)] for half in HALVES}
     wanted = {"first": {trial["second"]}, "second": {trial["first"]}, "both": set(trial.values())}
     pairs = {(number, place) for number, scenario in enumerate(scenarios) for place in wanted[scenario.half]}
-    return pd.Series([key in pairs for key in zip(rows["scenario"], rows["trial"], strict=True)], index=rows.index)
+    return rows[[key in pairs for key in zip(rows["scenario"], rows["trial"], strict=True)]]
 
 
 def _places(known: Losses, methods: Sequence[Method]) -> dict[Method, tuple[int, int, int]]:

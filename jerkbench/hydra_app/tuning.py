@@ -5,14 +5,17 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from jerkbench.cells.cell import Cell, refusal
+from jerkbench.clusters.cluster import Cluster
 from jerkbench.errors import PluginError
 from jerkbench.execution.processors import processors
 from jerkbench.execution.progress import Progress
 from jerkbench.files import write_text
+from jerkbench.hydra_app.chosen_cluster import cluster_of
 from jerkbench.hydra_app.configuration import study_folder
 from jerkbench.hydra_app.tuning_words import TuneOptions, TuneWords
 from jerkbench.hydra_app.words import composed
 from jerkbench.results.study_figures.choice import Choice, figures_choice
+from jerkbench.sweep.sweep import LOCAL
 from jerkbench.tuning.cases import Cases
 from jerkbench.tuning.foreign import EXPORTS
 from jerkbench.tuning.objectives import objective_of
@@ -35,7 +38,9 @@ def tune_all(words: TuneWords) -> None:
     methods = [[composed([*scenario, *method]) for scenario in words.scenarios] for method in words.methods]
     config = methods[0][0].config
     cells = [[one.cell() for one in scenarios] for scenarios in methods]
-    efforts = [_effort(options, config.workers) for _ in cells]
+    chosen = cluster_of(config)
+    effort = _effort(options, config.workers, None if chosen == LOCAL else chosen)
+    efforts = [effort for _ in cells]
     spaces = [space_of(scenarios[0], options.knobs) for scenarios in cells]
     for scenarios in cells:
         _require_sense(scenarios)
@@ -64,10 +69,10 @@ def cases_of(cells: Sequence[Cell], options: TuneOptions, first_seed: int) -> Ca
     return (by_recordings if split == "recordings" else by_families)(cells, options.held_out, seeds)
 
 
-def _effort(options: TuneOptions, workers: int) -> Effort:
+def _effort(options: TuneOptions, workers: int, cluster: Cluster | None) -> Effort:
     budget = Budget(options.trials, options.sampler, options.finalists, options.sampler_seed)
     objective, knobs = objective_of(options.objective), tuple(options.knobs)
-    return Effort(objective, budget, options.restarts, knobs, workers or processors())
+    return Effort(objective, budget, options.restarts, knobs, workers or processors(), cluster)
 
 
 def _require_sense(cells: Sequence[Cell]) -> None:

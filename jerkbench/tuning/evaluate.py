@@ -2,11 +2,16 @@
 
 import dataclasses
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from jerkbench import plugins
+from jerkbench.arrays import FloatArray
 from jerkbench.cells.cell import Cell
+from jerkbench.clusters.cluster import Cluster
+from jerkbench.clusters.scenarios import done_by_scenario
 from jerkbench.contracts import Metric
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.execution.cell_run import Row
@@ -18,12 +23,63 @@ from jerkbench.tuning.space import Setting, Space
 from jerkbench.tuning.trials import Trials
 
 
+class Worth(NamedTuple):
+    """What settings are worth on one case.
+
+    Attributes:
+        losses: (n, draws) of each run.
+        lost: (n,) how many runs of each setting were lost.
+    """
+
+    losses: FloatArray
+    lost: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class CaseTask:
+    """Settings to try on one case, as a cluster gets them.
+
+    Attributes:
+        number: of the case.
+        case: the case.
+        settings: to try.
+        space: whose they are.
+        objective: what they are worth.
+    """
+
+    number: int
+    case: Case
+    settings: tuple[Setting, ...]
+    space: Space
+    objective: Objective
+
+    def run(self) -> tuple[int, Worth]:
+        """Return the number of the case with what came out."""
+        return self.number, Evaluator(self.space, self.objective, threads=1).worth(self.settings, self.case)
+
+
 class Evaluator:
     """Runs settings over cases; what the plain filter has there is found once for each case."""
 
-    def __init__(self, space: Space, objective: Objective, threads: int, inputs: Inputs | None = None) -> None:
-        """Evaluate settings of ``space`` by ``objective``; the engine may use ``threads``."""
+    def __init__(
+        self,
+        space: Space,
+        objective: Objective,
+        threads: int,
+        inputs: Inputs | None = None,
+        cluster: Cluster | None = None,
+    ) -> None:
+        """Evaluate settings of ``space`` by ``objective``.
+
+        Args:
+            space: the knobs.
+            objective: what a setting is worth.
+            threads: how many the engine may use; of a cluster, how many processes it starts.
+            inputs: recordings that are known already.
+            cluster: runs the cases; None: this process does.
+        """
         self.space, self.objective = space, objective
+        self._cluster = cluster
         self._threads, self._inputs = threads, inputs or Inputs()
         self._metrics: tuple[Metric, ...] = (plugins.create("metric", {"name": objective.metric}),)
         self._levels: dict[int, tuple[Case, float]] = {}
@@ -34,13 +90,24 @@ class Evaluator:
         Raises:
             JerkbenchError: a run failed for another reason than that the filter diverged.
         """
-        losses, lost = [], np.zeros(len(settings))
-        for case in cases:
-            level, found = self.level(case), self.rows(settings, case)
-            losses.append(np.array([self.objective.losses(rows, level) for rows in found]))
-            lost += [sum(run["status"] != "ok" for run in rows) for rows in found]
         numbers = np.repeat(np.arange(len(cases)), [len(case.draws) for case in cases])
-        return Trials(tuple(settings), np.hstack(losses), numbers, lost)
+        tried = self._elsewhere(settings, cases) if self._cluster else [self.worth(settings, case) for case in cases]
+        losses = np.hstack([own.losses for own in tried])
+        return Trials(tuple(settings), losses, numbers, np.sum([own.lost for own in tried], axis=0))
+
+    def worth(self, settings: Sequence[Setting], case: Case) -> Worth:
+        """Try each of ``settings`` on one case."""
+        level, found = self.level(case), self.rows(settings, case)
+        lost = np.array([sum(run["status"] != "ok" for run in rows) for rows in found], dtype=np.float64)
+        return Worth(np.array([self.objective.losses(rows, level) for rows in found]), lost)
+
+    def _elsewhere(self, settings: Sequence[Setting], cases: Sequence[Case]) -> list[Worth]:
+        """Try them on the cluster, each case by itself."""
+        assert self._cluster is not None  # noqa: S101 - for mypy
+        tasks = [CaseTask(k, case, tuple(settings), self.space, self.objective) for k, case in enumerate(cases)]
+        cells = [case.cell for case in cases]
+        done = dict(done_by_scenario(CaseTask.run, tasks, cells, self._cluster, self._threads))
+        return [done[number] for number in range(len(cases))]
 
     def rows(self, settings: Sequence[Setting], case: Case) -> list[list[Row]]:
         """Return the rows of the runs of each setting."""

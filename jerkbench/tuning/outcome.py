@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from jerkbench.clusters.cluster import Cluster
 from jerkbench.execution.inputs import Inputs
 from jerkbench.tuning.cases import Cases
 from jerkbench.tuning.evaluate import Evaluator, require_scorable
@@ -21,7 +22,8 @@ class Effort:
         budget: of each search.
         restarts: searches; the first one's setting is taken, the others show how much is luck.
         knobs: names of those to change; empty: all.
-        threads: how many the engine may use.
+        threads: how many the engine may use; of a cluster, how many processes it starts.
+        cluster: runs the cases; None: this process does.
     """
 
     objective: Objective
@@ -29,6 +31,7 @@ class Effort:
     restarts: int = 1
     knobs: tuple[str, ...] = ()
     threads: int = 1
+    cluster: Cluster | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +97,7 @@ def tune(
         JerkbenchError: a recording lacks what the objective asks for, or a run failed.
     """
     inputs = Inputs()
-    evaluator = Evaluator(space, effort.objective, effort.threads, inputs)
+    evaluator = Evaluator(space, effort.objective, effort.threads, inputs, effort.cluster)
     first = cases.tune[0]
     recording = inputs.recording(first.cell, first.fingerprint, first.draws[0])
     require_scorable(effort.objective, cases.tune[:1], lambda _: recording)

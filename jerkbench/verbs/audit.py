@@ -49,7 +49,7 @@ def answer(chosen: argparse.Namespace) -> None:
     protocol, folder = read_protocol(scale), chosen.results / f"{FOLDER}{scale}"
     cluster, workers = cluster_named(chosen.cluster), chosen.workers or processors()
     if chosen.attribution:
-        run_attribution(protocol, folder, cluster, workers)
+        run_attribution(protocol, folder, cluster, workers, only_stored=chosen.stored)
         print((folder / "README.md").read_text(encoding="utf-8"))
     else:
         print(text_of(run_audit(protocol, folder, cluster, workers, only_stored=chosen.stored)))

@@ -2,6 +2,7 @@
 
 import dataclasses
 from itertools import product
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -10,7 +11,7 @@ import pytest
 import jerkbench
 from jerkbench.audit.attribution.factors import FACTORS, Q, R, naive, naive_space, subset_settings
 from jerkbench.audit.attribution.shapley import corners, shapley
-from jerkbench.audit.attribution.shares import WHOLE, shares
+from jerkbench.audit.attribution.shares import WHOLE, family_table, shares
 from jerkbench.audit.attribution.study import run_attribution
 from jerkbench.audit.campaign import seeds_of
 from jerkbench.audit.methods import Method, space_of_method
@@ -55,6 +56,13 @@ def test_families_count_alike_and_have_their_interval():
     assert model.ratio.high > 1.0
 
 
+def test_the_table_by_family_has_the_ratios_that_were_put_in():
+    gain = np.log([[0.5, 0.5], [3.0, 3.0]])
+    corner_values = {corner: gain * ("attitude" in corner) for corner in corners(FACTORS)}
+    lines = family_table(corner_values, ["x", "y"]).splitlines()
+    assert lines[2:] == ["| x | 1.00 | 1.00 | 1.00 | 1.00 | 0.50 |", "| y | 1.00 | 1.00 | 1.00 | 1.00 | 3.00 |"]
+
+
 @pytest.fixture(scope="module")
 def protocol():
     whole = read_protocol("attribution")
@@ -79,21 +87,32 @@ def test_only_the_knobs_that_are_tuned_differ_from_the_naive_ones(protocol):
         assert len(settings) == (8 if subset else 1)
 
 
-def test_an_attribution_is_what_its_rows_say(protocol, tmp_path):
-    found = run_attribution(protocol, tmp_path, Local(), workers=1)
-
-    table = pd.read_csv(tmp_path / "corners.csv")
-    assert len(table) == 2**5 * 3
+def require_shares(folder):
+    """Require that the shares, and the page, are those of the corners."""
+    table = pd.read_csv(folder / "corners.csv")
     means = table.groupby(list(FACTORS))["log_rmse"].mean()
     values = {
         frozenset(name for name, on in zip(FACTORS, flags, strict=True) if on): np.array(means[flags])
         for flags in product((False, True), repeat=5)
     }
     again = shapley(values, FACTORS)
-    stored = pd.read_csv(tmp_path / "shares.csv").set_index("factor")
+    stored, page = pd.read_csv(folder / "shares.csv").set_index("factor"), (folder / "README.md").read_text()
     for name in FACTORS:
         assert stored.loc[name, "ratio"] == pytest.approx(np.exp(again[name]), rel=1e-9)
-    assert (tmp_path / "waterfall.png").stat().st_size > 5000
+        assert f"| {name} | {np.exp(again[name]):.2f} [" in page
+    assert stored.loc[list(FACTORS), "ratio"].prod() == pytest.approx(stored.loc[WHOLE, "ratio"])
+    assert (folder / "waterfall.png").stat().st_size > 5000
+    return table
+
+
+def test_the_committed_attribution_is_what_its_corners_say():
+    assert len(require_shares(Path(__file__).parents[2] / "results/audit-attribution")) == 2**5 * 14
+
+
+def test_an_attribution_is_what_its_rows_say(protocol, tmp_path):
+    found = run_attribution(protocol, tmp_path, Local(), workers=1)
+
+    assert len(require_shares(tmp_path)) == 2**5 * 3
     assert f"{found.shares[-1].ratio.ratio:.3f}" in (tmp_path / "README.md").read_text()
 
 

@@ -5,13 +5,14 @@ import pandas as pd
 import pytest
 
 from jerkbench.audit.campaign import Outcome, seeds_of
-from jerkbench.audit.family_verdicts import family_verdicts
 from jerkbench.audit.methods import Method
 from jerkbench.audit.page import page
 from jerkbench.audit.protocol import AuditProtocol, Family
 from jerkbench.audit.scenarios import scenarios
 from jerkbench.audit.searches import ALL, Search
-from jerkbench.audit.verdicts import losses_of, probability_below, verdict_of, verdicts
+from jerkbench.audit.study import contents_of
+from jerkbench.audit.study import judged as judged_audit
+from jerkbench.audit.verdicts import probability_below, verdict_of, verdicts
 from jerkbench.evaluation.statistics.judgement import Verdict
 from jerkbench.evaluation.statistics.scenarios import over_scenarios
 
@@ -122,13 +123,14 @@ def test_the_probability_is_that_of_the_interval():
 
 
 def test_the_page_says_what_the_verdicts_say():
-    found = verdicts(outcome(), PROTOCOL, SCENARIOS)
-    losses = losses_of(outcome(), PROTOCOL, SCENARIOS)
-    by_family = family_verdicts(losses, [verdict.method for verdict in found], PROTOCOL)
-    text = page(PROTOCOL, "small", found, by_family, 180)
+    audit = judged_audit(PROTOCOL, outcome(), SCENARIOS)
+    text = page(contents_of(audit, "small"))
     head = text.splitlines()[:10]
     assert any("1 of 2 beat a tuned Kalman filter; 1 of them harm nowhere by more than 3 %." in line for line in head)
+    assert any("on faults that it was not tuned on, by 0.50 (0.50 to 0.50) (baseline)." in line for line in head)
+    assert any("0 of 2 cost more than 3 %" in line and "2 of 2 harm in no scenario" in line for line in head)
     assert "baseline + mtf" in text
     assert PROTOCOL.digest in text
     assert "1 better, 1 equal" in text
     assert "**c**: 1 of 2 better, 0 worse; the lowest ratio has baseline + mtf with 0.50." in text
+    assert "The paper's claims" not in text  # there is no jerk + mtf

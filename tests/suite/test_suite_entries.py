@@ -92,6 +92,18 @@ def test_the_same_command_goes_on_where_it_was(made):
     assert done.stdout == out
 
 
+def test_a_cluster_makes_the_same_entry(made, tmp_path):
+    pytest.importorskip("loky")
+    words = ["filter=baseline", "adaptation=chi2", "--scale", "tiny", "--workers", "2", "--cluster", "loky"]
+    done = jerkbench("suite", "run", *words, cwd=tmp_path, JERKBENCH_CACHE=str(tmp_path / "cache"))
+
+    assert done.returncode == 0, done.stderr
+    own, here = (folder / "results/suite-tiny/baseline-chi2" for folder in (tmp_path, made[0]))
+    rows = [pd.read_parquet(folder / "rows.parquet").drop(columns="seconds") for folder in (own, here)]
+    pd.testing.assert_frame_equal(*rows, rtol=1e-12)
+    assert (own / "settings.yaml").read_bytes() == (here / "settings.yaml").read_bytes()
+
+
 def test_a_changed_error_is_found_by_computing_it_again(made, doctored):
     rows = pd.read_parquet(doctored / "rows.parquet")
     best = (rows["method"] == "entry") & (rows["scenario"] == 1) & (rows["tuned_on"] == "second")

@@ -123,3 +123,21 @@ def test_help_says_what_there_is(tmp_path):
     assert done.returncode == 0
     for word in ("trials=64", "sampler=sobol", "objective=rmse", "split=auto", "restarts=1", "knobs="):
         assert word in done.stdout
+
+
+def test_a_cluster_finds_what_this_process_finds(tuned, tmp_path):
+    """Two scenarios on two processes of loky; the trials are those of the fixture."""
+    pytest.importorskip("loky")
+    words = [
+        "filter=baseline",
+        "adaptation=chi2",
+        "disturbance=none,outliers",
+        *SMALL[:-1],
+        "trials=4",
+        "figures=false",
+    ]
+    done = jerkbench("tune", *words, "cluster=loky", "workers=2", cwd=tmp_path)
+
+    assert done.returncode == 0, done.stderr
+    own, here = (folder / "results/adhoc/tune/baseline-chi2/trials.csv" for folder in (tmp_path, tuned[0]))
+    pd.testing.assert_frame_equal(pd.read_csv(own), pd.read_csv(here), rtol=1e-12)

@@ -22,17 +22,27 @@ other, {seeds} seeds a scenario; a lost run counts a hundredfold error. Interval
 `jerkbench audit --attribution`, protocol `{digest}`.
 
 ![Waterfall from the naive to the tuned filter](waterfall.png)
-"""
+
+By family of faults each factor multiplies the RMSE by:
+
+{families}"""
 
 
-def attribution_page(shares: Sequence[Share], protocol: AuditProtocol) -> str:
-    """Return the section as Markdown."""
+def attribution_page(shares: Sequence[Share], families: str, protocol: AuditProtocol) -> str:
+    """Return the section as Markdown.
+
+    Args:
+        shares: of each factor, and the whole.
+        families: a table by family.
+        protocol: of the study.
+    """
     naive, *_, whole = methods_of(protocol).values()
     return TEXT.format(
         naive=naive.name,
         whole=whole.name,
         sentence=sentence(shares),
         table=share_table(shares),
+        families=families,
         orders=factorial(len(FACTORS)),
         trials=protocol.trials,
         seeds=protocol.test_seeds,

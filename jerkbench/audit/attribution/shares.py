@@ -87,3 +87,20 @@ def share_table(rows: Sequence[Share]) -> str:
         for row in rows
     ]
     return "\n".join(lines) + "\n"
+
+
+def family_table(corners: Mapping[Corner, FloatArray], families: Sequence[str]) -> str:
+    """Return what each factor multiplies the RMSE by under each family of faults, as Markdown.
+
+    Args:
+        corners: (F, n) loss of each corner.
+        families: (F,) their names.
+    """
+    parts = shapley(corners, FACTORS)
+    ratios = np.exp([parts[factor].mean(axis=1) for factor in FACTORS]).T
+    lines = [f"| {' | '.join(['family', *FACTORS])} |", "|---" * (len(FACTORS) + 1) + "|"]
+    lines += [
+        f"| {family} | {' | '.join(f'{ratio:.2f}' for ratio in row)} |"
+        for family, row in zip(families, ratios.tolist(), strict=True)
+    ]
+    return "\n".join(lines) + "\n"

@@ -14,7 +14,7 @@ from jerkbench.audit.attribution.factors import ATTITUDES, FACTORS, methods_of, 
 from jerkbench.audit.attribution.figure import waterfall
 from jerkbench.audit.attribution.page import attribution_page
 from jerkbench.audit.attribution.shapley import Corner
-from jerkbench.audit.attribution.shares import Share, of_families, share_frame, shares
+from jerkbench.audit.attribution.shares import Share, family_table, of_families, share_frame, shares
 from jerkbench.audit.methods import space_of_method
 from jerkbench.audit.protocol import AuditProtocol
 from jerkbench.audit.scenarios import scenarios
@@ -40,23 +40,31 @@ class Attribution:
     shares: list[Share]
 
 
-def run_attribution(protocol: AuditProtocol, folder: Path, cluster: Cluster, workers: int) -> Attribution:
+def run_attribution(
+    protocol: AuditProtocol, folder: Path, cluster: Cluster, workers: int, *, only_stored: bool = False
+) -> Attribution:
     """Run what is not stored in ``folder`` yet, and write the shares.
 
+    Args:
+        protocol: what is compared.
+        folder: of the attribution.
+        cluster: what runs it.
+        workers: number of processes, where the cluster starts them.
+        only_stored: run nothing, and take the rows that are stored, whatever code computed them.
+
     Raises:
-        JerkbenchError: a run failed.
+        JerkbenchError: a run failed, or is not stored and may not be run.
         OSError: nothing can be written.
     """
     known, start = tuple(scenarios(protocol)), naive()
     methods = methods_of(protocol).values()
     spaces = {method: naive_space(space_of_method(method, known[0]), start) for method in methods}
     key = f"{code_digest()} {sorted(versions().items())}"
-    scored = {}
-    for on, attitude in ATTITUDES.items():
-        place = folder / "runs" / (attitude or "tilt")
-        scored[on] = AttributionRuns(
-            protocol, spaces, Stages(known, place, key, cluster, workers, attitude=attitude)
-        ).scored()
+    stages = {
+        on: Stages(known, folder / "runs" / (name or "tilt"), key, cluster, workers, only_stored, name)
+        for on, name in ATTITUDES.items()
+    }
+    scored = {on: AttributionRuns(protocol, spaces, own).scored() for on, own in stages.items()}
     values = corner_values(scored, protocol)
     families = [scenario.family for scenario in known]
     found = Attribution(
@@ -64,7 +72,7 @@ def run_attribution(protocol: AuditProtocol, folder: Path, cluster: Cluster, wor
         tuple(dict.fromkeys(families)),
         shares(values, families),
     )
-    _write(found, protocol, folder)
+    _write(found, protocol, folder, sorted({maker for own in stages.values() for maker in own.makers()}))
     return found
 
 
@@ -79,18 +87,19 @@ def corner_frame(found: Attribution) -> pd.DataFrame:
     )
 
 
-def _write(found: Attribution, protocol: AuditProtocol, folder: Path) -> None:
+def _write(found: Attribution, protocol: AuditProtocol, folder: Path, makers: list[str]) -> None:
     ends = [method.name for method in methods_of(protocol).values()]
     texts = {
         "protocol.json": json.dumps({"digest": protocol.digest, **asdict(protocol)}, indent=1),
         "corners.csv": corner_frame(found).to_csv(index=False),
         "shares.csv": share_frame(found.shares).to_csv(index=False),
-        "README.md": attribution_page(found.shares, protocol),
-        "manifest.json": json.dumps(
-            {"protocol": protocol.digest, "code": code_digest(), "git_commit": git_commit(), "versions": versions()},
-            indent=1,
-        ),
+        "README.md": attribution_page(found.shares, family_table(found.corners, found.families), protocol),
+        "manifest.json": json.dumps({**_provenance(protocol), "rows_computed_by": makers}, indent=1),
     }
     for name, text in texts.items():
         write_text(folder / name, text)
     save_figure(waterfall(found.shares, f"naive {ends[0]}", f"tuned {ends[-1]}"), folder / "waterfall.png")
+
+
+def _provenance(protocol: AuditProtocol) -> dict[str, object]:
+    return {"protocol": protocol.digest, "code": code_digest(), "git_commit": git_commit(), "versions": versions()}

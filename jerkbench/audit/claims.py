@@ -1,0 +1,150 @@
+"""The claims of the paper on jerk and MTF, one by one, at defaults and tuned, scenario by scenario."""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from jerkbench.arrays import FloatArray
+from jerkbench.audit.methods import Method
+from jerkbench.audit.scenarios import Scenario
+from jerkbench.audit.verdicts import DEFAULTS, NOMINAL, TUNED, Losses
+from jerkbench.evaluation.statistics.judgement import LEVEL
+from jerkbench.evaluation.statistics.student import student_intervals
+
+CLAIMED = Method("jerk", "mtf")
+AGAINST = Method("baseline", "none")
+
+CLAIMED_TIMES = 10.0
+"""The paper: so many times smaller than the baseline's RMSE."""
+CENTIMETRES_M = 0.1
+"""An RMSE below this [m] is of centimetres."""
+
+HOLDS, FAILS, OPEN = "holds", "does not hold", "open"
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A claim in every scenario that it speaks of.
+
+    Attributes:
+        name: what is claimed, in words.
+        setting: how the filters were set.
+        unit: of ``numbers``: "" of a ratio, "m" of an error.
+        numbers: (S, 3) geometric mean over seeds, and the ends of an interval that holds for all scenarios at once.
+        bound: the claim is that the number lies below it.
+        scenarios: of which it speaks.
+    """
+
+    name: str
+    setting: str
+    unit: str
+    numbers: FloatArray
+    bound: float
+    scenarios: tuple[Scenario, ...]
+
+    @property
+    def words(self) -> list[str]:
+        """Whether it holds in each scenario, by the interval."""
+        return [_word(low, high, self.bound) for _, low, high in self.numbers.tolist()]
+
+
+def _word(low: float, high: float, bound: float) -> str:
+    if high < bound:
+        return HOLDS
+    return OPEN if low < bound else FAILS
+
+
+def claims(known: Losses, levels: Mapping[int, float]) -> list[Claim]:
+    """Return every claim that the audit's rows speak of; none where it has not both methods.
+
+    Args:
+        known: losses of the audit.
+        levels: of each scenario [m].
+    """
+    if not all((method, DEFAULTS, 0) in known.by_kind for method in (CLAIMED, AGAINST)):
+        return []
+    return [
+        claim
+        for kind in (DEFAULTS, TUNED)
+        for claim in (_times(known, kind), _centimetres(known, kind, levels), _resilience(known, kind))
+    ]
+
+
+def _times(known: Losses, kind: str) -> Claim:
+    """Ten times better: the ratio of the errors lies below a tenth."""
+    d = known.by_kind[CLAIMED, kind, 0] - known.by_kind[AGAINST, kind, 0]
+    return _claim(f"more than {CLAIMED_TIMES:g} times better than the baseline", kind, d, 1 / CLAIMED_TIMES, known)
+
+
+def _centimetres(known: Losses, kind: str, levels: Mapping[int, float]) -> Claim:
+    """An accuracy of centimetres: the error lies below 0.1 m."""
+    level = np.log([levels[number] for number in range(len(known.scenarios))])
+    d = known.by_kind[CLAIMED, kind, 0] + level[:, None]
+    return _claim("an error of centimetres (below 0.1 m)", kind, d, CENTIMETRES_M, known, "m")
+
+
+def _resilience(known: Losses, kind: str) -> Claim:
+    """Resilient to disturbance: its error under a fault is the smaller one."""
+    d = known.by_kind[CLAIMED, kind, 0] - known.by_kind[AGAINST, kind, 0]
+    faults = [k for k, scenario in enumerate(known.scenarios) if scenario.family != NOMINAL]
+    only = tuple(known.scenarios[k] for k in faults)
+    return Claim("resilient: under a fault better than the baseline", kind, "", _intervals(d[faults]), 1.0, only)
+
+
+def _claim(name: str, kind: str, d: FloatArray, bound: float, known: Losses, unit: str = "") -> Claim:
+    return Claim(name, kind, unit, _intervals(d), bound, tuple(known.scenarios))
+
+
+def _intervals(d: FloatArray) -> FloatArray:
+    """(S, 3) geometric mean over seeds, and the ends of an interval for all scenarios at once (Bonferroni)."""
+    low, high = student_intervals(d, 1 - LEVEL / len(d))
+    return np.exp(np.column_stack([d.mean(axis=1), low, high]))
+
+
+def claim_frame(found: Sequence[Claim]) -> pd.DataFrame:
+    """Return the value of every claim in every scenario, one a row."""
+    return pd.DataFrame(
+        [
+            {
+                "claim": claim.name,
+                "setting": claim.setting,
+                "scenario": scenario.name,
+                "value": value,
+                "low": low,
+                "high": high,
+                "bound": claim.bound,
+                "verdict": word,
+            }
+            for claim in found
+            for scenario, (value, low, high), word in zip(claim.scenarios, claim.numbers, claim.words, strict=True)
+        ]
+    )
+
+
+def claim_table(found: Sequence[Claim]) -> str:
+    """Return a claim a row: in how many scenarios it holds, middle and ends of its numbers, and where it holds."""
+    heads = ["the paper's claim", "set", "holds", "does not", "open", "median (range)", "where it holds"]
+    lines = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
+    return "\n".join([*lines, *map(_line, found)]) + "\n"
+
+
+def _line(claim: Claim) -> str:
+    counts = Counter(claim.words)
+    middle, least, most = (float(f(claim.numbers[:, 0])) for f in (np.median, np.min, np.max))
+    unit = f" {claim.unit}" if claim.unit else ""
+    values = f"{middle:.2g}{unit} ({least:.2g} to {most:.2g})"
+    numbers = " | ".join(f"{counts[word]} of {len(claim.words)}" for word in (HOLDS, FAILS, OPEN))
+    return f"| {claim.name} | {claim.setting} | {numbers} | {values} | {where_it_holds(claim)} |"
+
+
+def where_it_holds(claim: Claim) -> str:
+    """Return the families in which a claim holds, with the number of their scenarios; the condition of the claim."""
+    total = Counter(scenario.family for scenario in claim.scenarios)
+    held = Counter(s.family for s, word in zip(claim.scenarios, claim.words, strict=True) if word == HOLDS)
+    if held == total:
+        return "everywhere"
+    names = {name: name if held[name] == count else f"{name} {held[name]}/{count}" for name, count in total.items()}
+    return ", ".join(text for name, text in names.items() if held[name]) or "nowhere"

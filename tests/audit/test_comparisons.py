@@ -1,0 +1,129 @@
+"""Claims and comparisons from losses whose answers are known: made by hand, no filter runs."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from jerkbench.audit.claims import AGAINST, CLAIMED, claim_frame, claim_table, claims, where_it_holds
+from jerkbench.audit.comparisons import noise_sentence, off_by, power_sentence, reference_sentences, tuning_sentence
+from jerkbench.audit.methods import Method
+from jerkbench.audit.protocol import Family, read_protocol
+from jerkbench.audit.scenarios import scenarios
+from jerkbench.audit.verdicts import DEFAULTS, TUNED, Losses
+from jerkbench.evaluation.statistics.scenarios import over_scenarios
+
+FAMILIES = ("none", "a", "b")
+PROTOCOL = dataclasses.replace(
+    read_protocol("small"),
+    filters=("baseline",),
+    families=tuple(
+        Family(name, half, "none", {"usual": {}})
+        for name, half in zip(FAMILIES, ("both", "first", "second"), strict=True)
+    ),
+)
+SCENARIOS = tuple(scenarios(PROTOCOL))
+"""White none, a, b; coloured none, a, b."""
+
+JERK = {"none": 1.2, "a": 0.05, "b": 0.5}
+"""Its error over the baseline's, tuned, by family; with white noise."""
+
+
+def losses(jerk=JERK, coloured=1.0):
+    rng = np.random.default_rng(5)
+    common = rng.normal(0.0, 0.3, (6, 20))
+    ratios = np.array([jerk[s.family] * (coloured if s.noise == "coloured" else 1.0) for s in SCENARIOS])
+    own = common + np.log(ratios)[:, None] + rng.normal(0.0, 0.01, common.shape)
+    known = {
+        (AGAINST, DEFAULTS, 0): common + np.log(2.0),
+        (AGAINST, TUNED, 0): common,
+        (CLAIMED, DEFAULTS, 0): own + np.log(2.0),
+        (CLAIMED, TUNED, 0): own,
+        (Method("gnss_only", "none"), TUNED, 0): common + np.log(3.0),
+        (Method("baseline", "oracle"), TUNED, 0): common + np.log(0.25),
+    }
+    return Losses(FAMILIES, SCENARIOS, known)
+
+
+def found(**more):
+    levels = dict(enumerate([0.02, 0.02, 0.02, 0.2, 0.2, 2.0]))
+    return {(claim.name.split(":")[0], claim.setting): claim for claim in claims(losses(**more), levels)}
+
+
+def test_ten_times_holds_where_the_ratio_is_below_a_tenth_and_nowhere_else():
+    claim = found()["more than 10 times better than the baseline", TUNED]
+    assert claim.words == ["does not hold", "holds", "does not hold"] * 2
+    assert claim.numbers[1, 0] == pytest.approx(0.05, rel=0.02)
+    assert claim.numbers[1, 1] < 0.05 < claim.numbers[1, 2]
+    assert where_it_holds(claim) == "a"
+
+
+def test_centimetres_are_of_the_error_in_metres():
+    claim = found()["an error of centimetres (below 0.1 m)", TUNED]
+    assert claim.words[:4] == ["holds", "holds", "holds", "does not hold"]
+    assert claim.words[5] == "does not hold"
+    assert where_it_holds(claim) == "none 1/2, a, b 1/2"
+
+
+def test_resilience_is_asked_under_a_fault_only():
+    claim = found()["resilient", DEFAULTS]
+    assert [scenario.family for scenario in claim.scenarios] == ["a", "b", "a", "b"]
+    assert where_it_holds(claim) == "everywhere"
+    harmed = found(jerk={**JERK, "b": 1.5})["resilient", DEFAULTS]
+    assert harmed.words == ["holds", "does not hold"] * 2
+
+
+def test_the_table_and_the_frame_say_the_same():
+    claimed = list(found().values())
+    frame = claim_frame(claimed)
+    assert len(frame) == 2 * (6 + 6 + 4)
+    table = claim_table(claimed)
+    assert "| more than 10 times better than the baseline | tuned | 2 of 6 | 4 of 6 | 0 of 6 |" in table
+    assert (frame[(frame.setting == TUNED) & frame.claim.str.startswith("more")].verdict == "holds").sum() == 2
+
+
+def test_without_its_methods_there_is_no_claim():
+    known = losses()
+    del known.by_kind[CLAIMED, DEFAULTS, 0]
+    assert claims(known, dict.fromkeys(range(6), 1.0)) == []
+
+
+def test_tuning_and_references_have_the_ratios_that_were_put_in():
+    assert tuning_sentence(losses(), PROTOCOL).endswith("by 0.50 (0.50 to 0.50) (baseline).")
+    floor, oracle = reference_sentences(losses(), PROTOCOL)
+    assert floor == "GNSS alone has 3.00 (3.00 to 3.00) of the error of baseline + none, tuned."
+    assert oracle.startswith("The same filter told the true R has 0.25 (0.25 to 0.25)")
+
+
+def test_a_consistent_filter_is_off_by_nothing_and_both_sides_count_alike():
+    assert off_by(6.0) == 0.0
+    assert off_by(3.0) == pytest.approx(off_by(12.0)) == pytest.approx(np.log(2.0))
+
+
+@dataclasses.dataclass(frozen=True)
+class Judged:
+    """What two sentences read of a verdict."""
+
+    method: Method
+    low: float = 0.5
+    high: float = 2.0
+    tuned: object = dataclasses.field(default_factory=lambda: over_scenarios(np.array([[-0.1, 0.1], [0.1, 0.3]])))
+
+
+def test_white_and_coloured_noise_are_told_apart():
+    """Three methods: 0.31, twice and three times that with coloured noise only, so that two change sides."""
+    known = losses()
+    names = [Method("baseline", f"r{k}") for k in (1, 4, 6)]
+    for method, factor in zip(names, (1, 4, 6), strict=True):
+        jerk = {family: ratio * (1 + factor / 100) for family, ratio in JERK.items()}
+        known.by_kind[method, TUNED, 0] = losses(jerk, factor).by_kind[CLAIMED, TUNED, 0]
+    text = noise_sentence(known, [Judged(method) for method in names], PROTOCOL)
+    assert "3 of 3 with white noise, 1 of 3 with coloured noise; 2 change sides" in text
+    assert "baseline + r1 with coloured noise. Rank correlation of the two orders: 1.00." in text
+
+
+def test_the_power_is_that_of_the_interval_in_the_middle():
+    text = power_sentence([Judged(CLAIMED)] * 3, PROTOCOL)
+    assert "with 3 families" in text
+    assert "a factor of 2.00 either way" in text
+    assert "below 0.50" in text
