@@ -101,7 +101,7 @@ def _claim(name: str, kind: str, d: FloatArray, bound: float, known: Losses, uni
 def _intervals(d: FloatArray) -> FloatArray:
     """(S, 3) geometric mean over seeds, and the ends of an interval for all scenarios at once (Bonferroni)."""
     low, high = student_intervals(d, 1 - LEVEL / len(d))
-    return np.exp(np.column_stack([d.mean(axis=1), low, high]))
+    return np.asarray(np.exp(np.column_stack([d.mean(axis=1), low, high])))
 
 
 def claim_frame(found: Sequence[Claim]) -> pd.DataFrame:
