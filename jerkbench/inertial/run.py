@@ -93,6 +93,17 @@ class InertialSolution(NamedTuple):
     covariance: FloatArray
 
 
+def given_out(
+    state: NavigationState, covariance: FloatArray, rate_radps: FloatArray, point_m: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return position and velocity (6,) of a point of the body, and their covariance (6, 6)."""
+    if not point_m.any():  # nearly always, and at every step where the reference is that dense
+        return np.concatenate([state.position_m, state.velocity_mps]), covariance[:6, :6]
+    x, H = point_in_enu(state, rate_radps, point_m)
+    H = widened(H, len(covariance), rate_radps)
+    return x, H @ covariance @ H.T
+
+
 class InertialRun:
     """The state of one run, and its steps."""
 
@@ -113,7 +124,6 @@ class InertialRun:
         self.R = measured.covariances(true=wants_truth(adaptation))
         self.noises: dict[int, FloatArray] = {}
         self.rate = np.zeros(3)
-        self.reference_is_imu = not settings.reference_point_m.any()
         self.recorder = Recorder(timeline)
         self.dcms: list[FloatArray] = []
 
@@ -146,11 +156,15 @@ class InertialRun:
         Phi = transition(dt_s, passage.mean_dcm, passage.force_enu_mps2, len(self.P), sensed)
         references = events.reference[steps].tolist()
         for k, dt in enumerate(dt_s.tolist()):
-            self.P = propagated(self.P, Phi[k], self._noise(dt))
+            self._grow(Phi[k], self._noise(dt))
             if k == len(dt_s) - 1 or references[k] >= 0:
                 self.state, self.rate = passage.state(start, k), sensed[1][k]
             if k < len(dt_s) - 1 and references[k] >= 0:
                 self._keep(references[k])
+
+    def _grow(self, Phi: FloatArray, Q: FloatArray) -> None:
+        """Carry the covariance over a step."""
+        self.P = propagated(self.P, Phi, Q)
 
     def _noise(self, dt: float) -> FloatArray:
         """The process noise of a step of dt, made once for each whole nanosecond."""
@@ -231,13 +245,7 @@ class InertialRun:
 
     def _keep(self, reference: int) -> None:
         """Keep position and velocity of the reference point, and the attitude."""
-        if self.reference_is_imu:  # nearly always, and at every step where the reference is that dense
-            x, P = np.concatenate([self.state.position_m, self.state.velocity_mps]), self.P[:6, :6]
-        else:
-            x, H = point_in_enu(self.state, self.rate, self.settings.reference_point_m)
-            H = widened(H, len(self.P), self.rate)
-            P = H @ self.P @ H.T
-        self.recorder.state(reference, x, P)
+        self.recorder.state(reference, *given_out(self.state, self.P, self.rate, self.settings.reference_point_m))
         self.dcms.append(self.state.dcm)
 
     def _is_healthy(self) -> bool:

@@ -100,6 +100,38 @@ def corrected(state: NavigationState, dx: FloatArray) -> NavigationState:
     )
 
 
+def error_between(after: NavigationState, before: NavigationState, states: int) -> FloatArray:
+    """Return dx (n,), n = ``states``, with which `corrected` takes ``before`` to ``after``.
+
+    With dM_a = 0 for an IMU without deformation::
+
+        phi = Log(C+ C');  f = (I + dM_a)^-1 (C' a - (b+ - b));  db_a = C' (a + phi x a - C+ f) - dM_a C' a
+    """
+    from scipy.spatial.transform import Rotation
+
+    dcm, up = before.dcm, GRAVITY_MPS2 * before.dcm[2]
+    phi = Rotation.from_matrix(after.dcm @ dcm.T).as_rotvec()
+    of_accel, deformed = np.zeros((3, 3)), np.empty(0)
+    if after.deformation is not None and before.deformation is not None:
+        of_gyro, of_accel = (
+            later - earlier for later, earlier in zip(after.deformation, before.deformation, strict=True)
+        )
+        deformed = np.concatenate([of_gyro.T.ravel(), of_accel.T.ravel()])
+    shown = np.linalg.solve(np.eye(3) + of_accel, up - (after.accel_bias_mps2 - before.accel_bias_mps2))
+    force = GRAVITY_MPS2 * np.array([phi[1], -phi[0], 1.0])
+    return np.concatenate(
+        [
+            after.position_m - before.position_m,
+            after.velocity_mps - before.velocity_mps,
+            phi,
+            after.gyro_bias_radps - before.gyro_bias_radps,
+            dcm.T @ (force - after.dcm @ shown) - of_accel @ up,
+            deformed,
+            [after.wheel_scale - before.wheel_scale] if has_wheel(states) else [],
+        ]
+    )
+
+
 def is_finite(state: NavigationState) -> bool:
     """Whether every number of the state is finite; infinite scale factors leave no finite position."""
     return all(bool(np.isfinite(part).all()) for part in state[:5])
