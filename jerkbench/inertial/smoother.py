@@ -123,7 +123,7 @@ def _smoothed(node: Node, later: Node, known: Smoothed) -> Smoothed:
     """Return ``node`` from ``later``, the node after it, of which all is ``known``."""
     G = gain(node.P, later.Phi, later.P_prior)
     error = error_between(known.state, later.prior, len(node.P))
-    back = np.linalg.inv(reset(later.prior, known.state, error[PHI], len(error)))
+    back = np.asarray(np.linalg.inv(reset(later.prior, known.state, error[PHI], len(error))), dtype=np.float64)
     change = carried_over(known.covariance, back) - later.P_prior
     dx = G @ error
     state = corrected(node.posterior, dx)
