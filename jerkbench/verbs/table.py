@@ -4,6 +4,7 @@ import argparse
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
+from jerkbench.errors import JerkbenchError
 from jerkbench.places import place
 from jerkbench.verbs.arguments import Verbs, add_verb
 from jerkbench.verbs.judging import add_judging, chosen_method, chosen_rule
@@ -40,6 +41,7 @@ def add(verbs: Verbs) -> None:
     table.add_argument(
         "--costs", action="store_true", help="put the time a step beside it: each method runs again, here"
     )
+    table.add_argument("--fit", action="store_true", help="with --format tex: no wider than A4 with margins of 25 mm")
     table.add_argument("--format", choices=FORMATS, default="terminal")
 
 
@@ -64,11 +66,11 @@ def answer(chosen: argparse.Namespace) -> None:
     if chosen.findings:
         print("\n".join(_sentences(study, verdicts, metric, baseline) or [NOTHING]))
         return
-    _writers()[chosen.format](table)
+    _writer(chosen.format, fit=chosen.fit)(table)
     if chosen.costs:
         from jerkbench.results.step_costs import COLUMN, step_costs
 
-        _writers()[chosen.format](summarise(step_costs(study), COLUMN, rows, columns))
+        _writer(chosen.format, fit=chosen.fit)(summarise(step_costs(study), COLUMN, rows, columns))
 
 
 def _sentences(
@@ -88,6 +90,19 @@ def _sentences(
     claim = claims(study.rows) if study.of_the_paper else []
     over_all = across(study.rows, verdicts, metric)
     return [*summary(verdicts.standings), *over_all, *claim, *findings(study.rows, verdicts)]
+
+
+def _writer(name: str, *, fit: bool) -> "Callable[[Table], None]":
+    """Return what writes a table in a format.
+
+    Raises:
+        JerkbenchError: only LaTeX is to fit paper.
+    """
+    from jerkbench.report.tables.latex_fit import fitted_latex
+
+    if fit and name != "tex":
+        raise JerkbenchError("--fit goes with --format tex: the other formats know nothing of paper.")
+    return (lambda table: print(fitted_latex(table), end="")) if fit else _writers()[name]
 
 
 def _writers() -> "dict[str, Callable[[Table], None]]":

@@ -1,4 +1,4 @@
-r"""Table -> LaTeX; needs ``\usepackage{booktabs,siunitx}`` (siunitx 3), and ``longtable`` for what fills pages."""
+r"""Table -> LaTeX; its first line says which packages it needs (siunitx 3)."""
 
 import re
 from collections.abc import Sequence
@@ -45,15 +45,22 @@ UNITS = {"%": r"\percent", "µs": r"\micro\second", "deg": r"\degree"}
 def latex(table: Table) -> str:
     """Return a ``table`` environment: the title as caption, booktabs rules, numbers at the point, footnotes below.
 
-    What is too long for a page is a ``longtable`` instead, with its head on every page.
+    What is too long for a page is a ``longtable`` instead, with its head on every page. The first line is a comment
+    that names the packages.
     """
-    columns = "".join(_column([row[k] for row in table.cells]) for k in range(len(table.columns)))
+    columns = "".join(column_type([row[k] for row in table.cells]) for k in range(len(table.columns)))
     keys = len(table.row_keys)
-    head = _line([escaped(text) if k < keys else f"{{{escaped(text)}}}" for k, text in enumerate(table.header)])
-    caption = rf"\caption{{{_title(table)}}}\label{{tab:{table.metric.replace('_', '-')}}}"
+    head = line_of([escaped(text) if k < keys else f"{{{escaped(text)}}}" for k, text in enumerate(table.header)])
+    caption = rf"\caption{{{titled(table)}}}\label{{tab:{table.metric.replace('_', '-')}}}"
     body = _body(table)
     wrap = _on_pages if len(body) > PAGE else _floating
-    return "\n".join([*wrap(caption, "l" * keys + columns, head, body, _notes(table)), ""])
+    packages = packages_line(("booktabs", "siunitx", *["longtable"] * (wrap is _on_pages)))
+    return "\n".join([packages, *wrap(caption, "l" * keys + columns, head, body, notes_below(table)), ""])
+
+
+def packages_line(names: Sequence[str]) -> str:
+    """Return the comment that says what belongs into the preamble."""
+    return rf"% \usepackage{{{','.join(names)}}}"
 
 
 def _floating(caption: str, columns: str, head: str, body: list[str], notes: list[str]) -> list[str]:
@@ -108,17 +115,18 @@ def _body(table: Table) -> list[str]:
     """Return the lines; the numbers of a row on the first, their intervals and troubles below them, on one page."""
     lines = []
     for values, cells in zip(table.sparse_rows, table.cells, strict=True):
-        columns = [*([escaped(value)] for value in values), *(_stack(cell) for cell in cells)]
-        row = [_line(list(texts)) for texts in zip_longest(*columns, fillvalue="")]
+        columns = [*([escaped(value)] for value in values), *(stack(cell) for cell in cells)]
+        row = [line_of(list(texts)) for texts in zip_longest(*columns, fillvalue="")]
         lines += [*(f"{line}*" for line in row[:-1]), row[-1]]
     return lines
 
 
-def _line(texts: list[str]) -> str:
+def line_of(texts: list[str]) -> str:
+    """Return a line of a table."""
     return "    " + " & ".join(texts) + r" \\"
 
 
-def _stack(cell: TableCell | None) -> list[str]:
+def stack(cell: TableCell | None) -> list[str]:
     """The lines of a cell; what is no plain number stands in braces, so that siunitx leaves it alone."""
     if cell is None:
         return [f"{{{escaped(ABSENT)}}}"]
@@ -130,7 +138,7 @@ def _stack(cell: TableCell | None) -> list[str]:
     return [number, *lines] if cell.number else lines
 
 
-def _column(cells: Sequence[TableCell | None]) -> str:
+def column_type(cells: Sequence[TableCell | None]) -> str:
     """A column of siunitx with room for the digits of its plain numbers; a centred one where it has none."""
     plain = [cell.number for cell in cells if cell is not None and PLAIN.fullmatch(cell.number)]
     if not plain:
@@ -139,7 +147,7 @@ def _column(cells: Sequence[TableCell | None]) -> str:
     return f"S[table-format={whole}.{decimals}]"
 
 
-def _title(table: Table) -> str:
+def titled(table: Table) -> str:
     """The title, the unit in brackets as siunitx writes it."""
     unit = f" [{table.unit}]"
     if not table.unit or not table.title.endswith(unit):
@@ -147,7 +155,8 @@ def _title(table: Table) -> str:
     return rf"{escaped(table.title.removesuffix(unit))} {{[}}\unit{{{UNITS.get(table.unit, table.unit)}}}{{]}}"
 
 
-def _notes(table: Table) -> list[str]:
+def notes_below(table: Table) -> list[str]:
+    """Return the footnotes, in small print as wide as the text."""
     if not table.footnotes:
         return []
     notes = [rf"    {escaped(note)}\par" for note in table.footnotes]

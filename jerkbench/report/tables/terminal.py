@@ -9,9 +9,9 @@ from jerkbench.plain import plain, styled
 from jerkbench.report.analysis.factors import FACTORS
 from jerkbench.report.analysis.quantities import quantity
 from jerkbench.report.analysis.rows import metric_columns
+from jerkbench.report.tables.narrow_layout import Block, blocks, groups, key_width, pieces
 from jerkbench.report.tables.summary import main_metric, summarise, summarise_each
 from jerkbench.report.tables.table_model import Table, TableCell
-from jerkbench.report.tables.terminal_layout import Block, blocks, groups, key_width, pieces
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -71,7 +71,10 @@ def test_markdown_has_aligned_pipes_bold_and_footnotes(rows):
 
 
 def test_latex_is_balanced_and_escaped(rows):
-    text = latex(summarise(rows, "position_rmse_m", notes=("100% of R_k & {x} #1 ~ ^ <$>",)))
+    comment, _, text = latex(summarise(rows, "position_rmse_m", notes=("100% of R_k & {x} #1 ~ ^ <$>",))).partition(
+        "\n"
+    )
+    assert comment == r"% \usepackage{booktabs,siunitx}"
     assert text.count(r"\begin{") == text.count(r"\end{") == 3
     bare = text.replace(r"\{", "").replace(r"\}", "")
     assert bare.count("{") == bare.count("}")

@@ -9,9 +9,9 @@ from rich.console import Console
 
 from commands import verb
 from jerkbench.places import place
+from jerkbench.report.tables.narrow_layout import blocks, groups
 from jerkbench.report.tables.summary import summarise
 from jerkbench.report.tables.terminal import terminal_table
-from jerkbench.report.tables.terminal_layout import blocks, groups
 from jerkbench.results.study import load_study
 
 ROOT = Path(__file__).parents[3]

@@ -1,4 +1,4 @@
-"""The layout of a table in a terminal that is too narrow for it: cells of several lines, columns in several blocks."""
+"""The layout of a table where there is little room: cells of several lines, columns in several blocks."""
 
 import textwrap
 from collections.abc import Iterator, Sequence
@@ -39,7 +39,7 @@ def blocks(table: Table, width: int) -> list[Block]:
         return [Block(everything)]
     stacked = [_stacked_width(table, k) for k in everything]
     last = key_width(table) + GAP if table.row_keys else 0
-    return list(_parted(stacked, width - last))
+    return [Block(tuple(part), tuple(stacked[k] for k in part)) for part in parted(stacked, width - last, GAP)]
 
 
 def groups(table: Table) -> list[tuple[str, tuple[int, ...]]]:
@@ -50,15 +50,15 @@ def groups(table: Table) -> list[tuple[str, tuple[int, ...]]]:
     return [(heading, tuple(places)) for heading, places in headings.items()]
 
 
-def _parted(widths: Sequence[int], room: int) -> Iterator[Block]:
-    """Yield as many columns as fit at a time, one at least."""
-    begin, used = 0, 0
+def parted(widths: Sequence[float], room: float, gap: float) -> Iterator[range]:
+    """Yield the numbers of as many columns as fit at a time, one at least."""
+    begin, used = 0, 0.0
     for k, own in enumerate(widths):
-        if k > begin and used + own + GAP > room:
-            yield Block(tuple(range(begin, k)), tuple(widths[begin:k]))
-            begin, used = k, 0
-        used += own + GAP
-    yield Block(tuple(range(begin, len(widths))), tuple(widths[begin:]))
+        if k > begin and used + own + gap > room:
+            yield range(begin, k)
+            begin, used = k, 0.0
+        used += own + gap
+    yield range(begin, len(widths))
 
 
 def pieces(cell: TableCell | None, width: int = 0) -> list[Piece]:
