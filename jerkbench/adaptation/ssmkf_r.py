@@ -24,9 +24,10 @@ class StatisticalSimilarityR:
         B = res res' + HPH' - HPH' S^-1 HPH'                   the expected square of z - H x after the update
         lambda = sqrt((nu + m) / (nu + tr(B R^-1)))
 
-    then R = R / lambda. tr(B R^-1) is m on average where R is right; lambda may exceed 1, and R shrink, where it is
-    smaller. The weight falls with the first power of the residual, gently like Huber's, and is found with the residual
-    after the update, so that a large h is not taken for an outlier. One factor for all rows.
+    then R = R / lambda; tr(B R^-1) is (y' S^-1 res + tr(S^-1 HPH')) / lambda, where nothing large is taken from anything
+    large. It is m on average where R is right; lambda may exceed 1, and R shrink, where it is smaller. The weight falls
+    with the first power of the residual, gently like Huber's, and is found with the residual after the update, so that a
+    large h is not taken for an outlier. One factor for all rows.
 
     Source: Y. Huang, Y. Zhang, Y. Zhao, P. Shi, J. A. Chambers, "A novel outlier-robust Kalman filtering framework
     based on statistical similarity measure", IEEE Trans. Automatic Control 66(6), 2677-2692, 2021,
@@ -52,11 +53,10 @@ class StatisticalSimilarityR:
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
     ) -> FloatArray:
         """Return R, scaled as a whole."""
-        adapted = R
+        scale = 1.0  # of R, 1 / lambda
         for _ in range(self.passes):
-            S = HPHt + adapted
-            residual = innovation - np.sum(HPHt * np.linalg.solve(S, innovation), axis=1)
-            B = np.outer(residual, residual) + HPHt - HPHt @ np.linalg.solve(S, HPHt)
-            distance = max(np.trace(np.linalg.solve(R, B)), 0.0)
-            adapted = R * np.sqrt((self.nu + distance) / (self.nu + len(rows)))
-        return adapted
+            S = HPHt + scale * R
+            v = np.linalg.solve(S, innovation)
+            similarity = scale * (np.sum(v * np.sum(scale * R * v, axis=1)) + np.trace(np.linalg.solve(S, HPHt)))
+            scale = np.sqrt((self.nu + similarity) / (self.nu + len(rows)))
+        return scale * R

@@ -1,5 +1,7 @@
 """What each adaptation's source promises: closed forms, limits and long runs."""
 
+from decimal import Decimal, localcontext
+
 import numpy as np
 import pytest
 from scipy.stats import chi2
@@ -208,6 +210,19 @@ def test_the_similarity_weight_is_a_fixed_point():
     weight, expected = r / R, (y * R / (h + R)) ** 2 + h * R / (h + R)
 
     assert weight == pytest.approx(np.sqrt((3 + 1) / (3 + expected / r)), rel=1e-12)
+
+
+@pytest.mark.parametrize("h", [1e-12, 1.0, 1e12 / 3.0])
+def test_the_similarity_weight_is_exact_however_large_the_prior(h):
+    adapted = run(make("ssmkf_r"), [scalar_update(3.0, h, 2.0)])[0][0, 0]
+    y, prior, reported, nu, scale = map(Decimal, (3.0, h, 2.0, 3, 1))
+    with localcontext(prec=60):
+        for _ in range(10):
+            S = prior + scale * reported
+            square = (scale * reported / S * y) ** 2 + prior - prior / S * prior
+            scale = ((nu + square / reported) / (nu + 1)).sqrt()
+
+    assert adapted == pytest.approx(float(scale * reported), rel=1e-14)
 
 
 def test_adaptive_q_opens_a_filter_whose_prior_is_too_small_and_leaves_one_that_is_right():
