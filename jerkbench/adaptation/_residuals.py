@@ -8,11 +8,21 @@ SMALLEST_WEIGHT = 1e-9
 """No weight is taken below it, so that R stays finite; R may grow by its inverse."""
 
 
-def standardised_residual(innovation: FloatArray, HPHt: FloatArray, R: FloatArray, L: FloatArray) -> FloatArray:
-    """Return L^-1 (z - H x+), with x+ the state after an update with ``R``: z - H x+ = R S^-1 y."""
-    residual = np.sum(R * np.linalg.solve(HPHt + R, innovation), axis=1)  # R times the vector
-    standardised: FloatArray = np.linalg.solve(L, residual)
-    return standardised
+def standardised(innovation: FloatArray, HPHt: FloatArray, L: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return L^-1 y and L^-1 HPH' L^-T, R = L L': innovation and prior with R = I."""
+    y = np.asarray(np.linalg.solve(L, innovation), dtype=np.float64)
+    half = np.linalg.solve(L, HPHt)
+    return y, np.asarray(np.linalg.solve(L, half.T), dtype=np.float64)
+
+
+def residual_after(y: FloatArray, prior: FloatArray, weights: FloatArray) -> FloatArray:
+    """Return D (prior + D)^-1 y, D = diag(1/weights): what is left of a standardised y after an update.
+
+    D beside L D L': in the latter a row without weight leaves no digits to its neighbours.
+    """
+    inflation = 1.0 / np.maximum(weights, SMALLEST_WEIGHT)
+    residual: FloatArray = inflation * np.linalg.solve(prior + np.diag(inflation), y)
+    return residual
 
 
 def reweighted(L: FloatArray, weights: FloatArray) -> FloatArray:

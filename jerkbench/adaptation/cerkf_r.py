@@ -6,7 +6,7 @@ from typing import Annotated
 import numpy as np
 
 from jerkbench.adaptation._ranges import BANDWIDTH
-from jerkbench.adaptation._residuals import gaussian_kernel, reweighted, standardised_residual
+from jerkbench.adaptation._residuals import gaussian_kernel, residual_after, reweighted, standardised
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
 from jerkbench.parameters import Origin, Range
@@ -69,12 +69,12 @@ class CentredErrorEntropyR:
         L = np.asarray(np.linalg.cholesky(R), dtype=np.float64)
         m = len(rows)
         eta = self.eta if m > 1 else 1.0
-        adapted = R
+        y, prior = standardised(innovation, HPHt, L)
+        weights = np.ones(m)
         for _ in range(self.passes):
-            e = standardised_residual(innovation, HPHt, adapted, L)
+            e = residual_after(y, prior, weights)
             weights = eta * gaussian_kernel(e, self.centre_bandwidth)
             for i in range(m):
                 pairs = np.sum(gaussian_kernel(e[i] - e, self.pair_bandwidth)) - 1.0  # less that with itself
                 weights[i] += (1.0 - eta) * pairs / max(m - 1, 1)
-            adapted = reweighted(L, weights)
-        return adapted
+        return reweighted(L, weights)

@@ -6,7 +6,7 @@ from typing import Annotated
 import numpy as np
 
 from jerkbench.adaptation._ranges import BANDWIDTH
-from jerkbench.adaptation._residuals import gaussian_kernel, reweighted, standardised_residual
+from jerkbench.adaptation._residuals import gaussian_kernel, residual_after, reweighted, standardised
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
 from jerkbench.parameters import Origin
@@ -54,8 +54,8 @@ class MaximumCorrentropyR:
     ) -> FloatArray:
         """Return R, reweighted."""
         L = np.asarray(np.linalg.cholesky(R), dtype=np.float64)
-        adapted = R
+        y, prior = standardised(innovation, HPHt, L)
+        weights = np.ones(len(rows))
         for _ in range(self.passes):
-            e = standardised_residual(innovation, HPHt, adapted, L)
-            adapted = reweighted(L, gaussian_kernel(e, self.bandwidth))
-        return adapted
+            weights = gaussian_kernel(residual_after(y, prior, weights), self.bandwidth)
+        return reweighted(L, weights)

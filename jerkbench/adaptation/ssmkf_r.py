@@ -24,10 +24,10 @@ class StatisticalSimilarityR:
         B = res res' + HPH' - HPH' S^-1 HPH'                   the expected square of z - H x after the update
         lambda = sqrt((nu + m) / (nu + tr(B R^-1)))
 
-    then R = R / lambda; tr(B R^-1) is (y' S^-1 res + tr(S^-1 HPH')) / lambda, where nothing large is taken from anything
+    then R = R / lambda; tr(B R^-1) is (y' S^-1 res + tr(S^-1 HPH')) / lambda, nothing large taken from anything
     large. It is m on average where R is right; lambda may exceed 1, and R shrink, where it is smaller. The weight falls
-    with the first power of the residual, gently like Huber's, and is found with the residual after the update, so that a
-    large h is not taken for an outlier. One factor for all rows.
+    with the first power of the residual, gently like Huber's, and is found with the residual after the update, so that
+    a large h is not taken for an outlier. One factor for all rows.
 
     Source: Y. Huang, Y. Zhang, Y. Zhao, P. Shi, J. A. Chambers, "A novel outlier-robust Kalman filtering framework
     based on statistical similarity measure", IEEE Trans. Automatic Control 66(6), 2677-2692, 2021,

@@ -1,10 +1,13 @@
 """Each adaptation against a naive one of another structure, over random sequences with rows that come and go."""
 
+from decimal import Decimal, localcontext
+
 import naive
 import numpy as np
 import pytest
 from sequences import diagonal_sequence, sequence
 
+from decimals import cholesky, exact, numbers, solve
 from jerkbench.memory import empty_memory
 from jerkbench.plugins import create
 
@@ -60,6 +63,19 @@ def test_weights_agree_with_the_information_form(name, seed):
     assert_agree(create("adaptation", {"name": name}), naive.reweighting(WEIGHTED[name]), updates, rtol=1e-7)
 
 
+@pytest.mark.parametrize(("name", "eta"), [("maximum_correntropy_r", 1.0), ("cerkf_r", 0.8)])
+def test_weights_are_those_of_sixty_digits_where_a_row_has_next_to_none(name, eta):
+    """Beside a variance of 1e9 R the others had kept eight digits."""
+    plugin = create("adaptation", {"name": name})
+    for y, larger, R, rows in sequence(0, 40, largest=30.0):
+        HPHt = 1e-4 * larger
+        with localcontext(prec=60):
+            wanted = numbers(reweighted_exactly(*map(exact, (y, HPHt, R)), Decimal(eta)))
+        scale = np.sqrt(np.outer(np.diag(wanted), np.diag(wanted)))
+        difference = (plugin.adapt(y, HPHt, R, rows, np.zeros(0)) - wanted) / scale
+        assert np.abs(difference).max() < 1e-10
+
+
 @pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("name", FADE)
 def test_the_factor_on_the_prior_agrees_with_the_formulas_written_out(name, seed):
@@ -85,3 +101,16 @@ def test_windows_and_guards_of_the_three_variants(test):
     plugin = create("adaptation", {"name": name, "window": 4, "guard": 2})
     oracle = naive.NaiveMtf(getattr(naive, f"{test}_test"), window=4, guard=2)
     assert_agree(plugin, oracle, sequence(11, length=300))
+
+
+def reweighted_exactly(y, HPHt, R, eta):
+    """R after five passes with the kernels' default widths of 5."""
+    L, adapted, m = cholesky(R), R, len(y)
+    for _ in range(5):
+        e = solve(L, adapted @ solve(HPHt + adapted, y))
+        centre = [(-(each**2) / 50).exp() for each in e]
+        pairs = [sum((-((a - b) ** 2) / 50).exp() for b in e) - 1 for a in e]
+        share = eta if m > 1 else 1
+        weights = [share * c + (1 - share) * p / max(m - 1, 1) for c, p in zip(centre, pairs, strict=True)]
+        adapted = L / np.array([max(w, Decimal("1e-9")) for w in weights]) @ L.T
+    return adapted

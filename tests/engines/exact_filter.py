@@ -4,28 +4,9 @@ from decimal import Decimal, localcontext
 
 import numpy as np
 
+from decimals import exact, numbers, solve
+
 DIGITS = 60
-
-
-def exact(array):
-    """The same numbers as Decimals, none of them rounded."""
-    return np.vectorize(Decimal, otypes=[object])(np.asarray(array, dtype=float))
-
-
-def numbers(array):
-    return np.array(array, dtype=float)
-
-
-def solve(S, right):
-    """S^-1 right by elimination; S is positive definite."""
-    S, x = S.copy(), right.copy()
-    for c in range(len(S)):
-        for r in range(c + 1, len(S)):
-            factor = S[r, c] / S[c, c]
-            S[r], x[r] = S[r] - factor * S[c], x[r] - factor * x[c]
-    for c in reversed(range(len(S))):
-        x[c] = (x[c] - S[c, c + 1 :] @ x[c + 1 :]) / S[c, c]
-    return x
 
 
 class ExactRun:
