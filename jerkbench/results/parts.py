@@ -33,6 +33,10 @@ DAMAGE = (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionErr
 """Errors of pyarrow on a damaged file."""
 
 
+_SOUND: set[str] = set()
+"""Digests of contents that this process has checked; they need not be read as a whole again."""
+
+
 class Block(NamedTuple):
     """Runs of a cell that are stored together.
 
@@ -84,10 +88,16 @@ def part_of(content: bytes, expected: str, columns: list[str] | None = None) -> 
         return None
     try:
         # Not read_table: its threads may let go of the content when the interpreter has ended, which aborts it.
-        table = pq.ParquetFile(pa.BufferReader(content)).read(use_threads=False)
-        return (table if columns is None else table.select(columns)) if is_part(table) else None
+        file = pq.ParquetFile(pa.BufferReader(content))
+        if expected in _SOUND:
+            return file.read(columns=columns, use_threads=False)
+        table = file.read(use_threads=False)
+        if not is_part(table):
+            return None
     except DAMAGE:
         return None
+    _SOUND.add(expected)
+    return table if columns is None else table.select(columns)
 
 
 def table_of(blocks: Sequence[Block]) -> pa.Table:

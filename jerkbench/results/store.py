@@ -179,15 +179,17 @@ class Store:
     def _tables(self, keys: Sequence[str] | None, columns: list[str] | None = None) -> tuple[list[pa.Table], list[str]]:
         """The rows of ``keys`` in each file, and the names of the files that are damaged."""
         tables, damaged = [], []
-        for name, table in self._files(keys):
+        for name, table in self._files(keys, columns):
             if table is None:
                 damaged.append(name)
-            elif rows := _rows_of(table if columns is None else table.select(columns), keys):
+            elif rows := _rows_of(table, keys):
                 tables.append(rows)
         return tables, damaged
 
-    def _files(self, keys: Sequence[str] | None) -> Iterator[tuple[str, pa.Table | None]]:
-        """Each file that may hold ``keys``, by its name, with its rows; None where it is damaged."""
+    def _files(
+        self, keys: Sequence[str] | None, columns: list[str] | None = None
+    ) -> Iterator[tuple[str, pa.Table | None]]:
+        """Each file that may hold ``keys``, by its name, with its rows (default: whole); None where it is damaged."""
         seen: set[str] = set()
         for _ in range(LISTINGS):
             names = sorted(path.name.removesuffix(".parquet") for path in self.folder.glob("*.parquet"))
@@ -198,15 +200,15 @@ class Store:
                 if name in seen or other:
                     continue
                 try:
-                    yield name, self._load(name)
+                    yield name, self._load(name, columns)
                     seen.add(name)
                 except FileNotFoundError:
                     vanished = True
             if not vanished:
                 return
 
-    def _load(self, name: str) -> pa.Table | None:
-        """Load a file; None where it is not as it was written.
+    def _load(self, name: str, columns: list[str] | None) -> pa.Table | None:
+        """Load a file, or some of its columns; None where it is not as it was written.
 
         Raises:
             FileNotFoundError: it is gone.
@@ -221,8 +223,9 @@ class Store:
         except PermissionError as error:
             raise JerkbenchError(f"{path} cannot be read: {error.strerror}.") from error
         if match := NAME.fullmatch(name):
-            return part_of(content, match[1])
-        return old_cell(name, content) if is_key(name) else None
+            return part_of(content, match[1], columns)
+        cell = old_cell(name, content) if is_key(name) else None
+        return cell if cell is None or columns is None else cell.select(columns)
 
 
 def _rows_of(table: pa.Table, keys: Sequence[str] | None) -> pa.Table | None:

@@ -9,6 +9,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from jerkbench.errors import JerkbenchError
+from jerkbench.results import part_shape, parts
 from jerkbench.results.old_cells import DIGEST, METADATA, signature
 from jerkbench.results.parts import Block
 from jerkbench.results.store import MANY, Store
@@ -160,14 +161,29 @@ def test_a_file_that_is_joined_while_the_store_is_read_is_found_again(store, mon
         store.write(f"a{k:x}", ROWS, ABOUT)
     load, calls = Store._load, []
 
-    def joined_meanwhile(opened, name):
+    def joined_meanwhile(opened, name, columns):
         calls.append(name)
         if len(calls) == 3:
             Store(store.folder).compact()
-        return load(opened, name)
+        return load(opened, name, columns)
 
     monkeypatch.setattr(Store, "_load", joined_meanwhile)
     assert len(store.read()[0]) == MANY
+
+
+def test_a_part_is_checked_once_as_a_whole_and_damage_is_noticed_ever_after(store, monkeypatch):
+    store.write("abc", ROWS, ABOUT)
+    whole = []
+    monkeypatch.setattr(parts, "_SOUND", set())
+    monkeypatch.setattr(parts, "is_part", lambda table: whole.append(table.num_columns) or part_shape.is_part(table))
+    assert [store.look(["abc"]).done for _ in range(3)] == [{"abc"}] * 3
+    assert len(whole) == 1
+
+    (path,) = files(store)
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 1
+    path.write_bytes(content)
+    assert (store.look(["abc"]).done, store.look(["abc"]).damaged) == (frozenset(), [path.stem])
 
 
 def test_a_cell_that_is_dropped_leaves_those_beside_it(store):
