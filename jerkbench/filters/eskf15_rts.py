@@ -1,13 +1,11 @@
 """The smoother over the inertial navigation: what hindsight could reach with the IMU."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-from jerkbench.batch import RecordedRun, Streamed
 from jerkbench.contracts import Adaptation
 from jerkbench.estimate import Attitude, Estimate
-from jerkbench.filters.eskf15 import Eskf15
+from jerkbench.filters._eskf15_alone import Eskf15Alone
 from jerkbench.inertial.smoother import smooth
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
@@ -15,7 +13,7 @@ from jerkbench.recording import Recording
 
 @register("filter", "eskf15_rts")
 @dataclass(frozen=True)
-class Eskf15Smoother(Eskf15):
+class Eskf15Smoother(Eskf15Alone):
     """The Rauch-Tung-Striebel smoother over `eskf15`: every estimate knows all measurements, later ones too.
 
     Forward it is eskf15 with the adaptation and with every parameter of it. A node is a step at which something is
@@ -44,19 +42,3 @@ class Eskf15Smoother(Eskf15):
     def estimate(self, recording: Recording, attitude: Attitude, adaptation: Adaptation) -> Estimate:
         """Return the smoothed solution at the reference's stamps; where the forward pass stops, up to there."""
         return smooth(self.journey(recording, attitude), adaptation)
-
-    def estimate_compiled(self, recording: Recording, attitude: Attitude, adaptation: Adaptation) -> Estimate | None:
-        """Return None: there is no compiled way."""
-
-    def run_settings(
-        self,
-        runs: Sequence[RecordedRun],
-        estimators: Sequence[Eskf15],
-        adaptations: Sequence[Adaptation],
-        *,
-        updates: bool,
-        attitude: bool,
-        threads: int,
-    ) -> Sequence[Streamed | None]:
-        """Return None for each run: there is no compiled way."""
-        return [None] * len(runs)

@@ -1,0 +1,163 @@
+"""The unscented inertial navigation, against the mechanisation, scipy and eskf15."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from filterpy.kalman import MerweScaledSigmaPoints, unscented_transform
+from scipy.linalg import expm, sqrtm
+from scipy.spatial.transform import Rotation
+from stepping import mechanise
+from test_error_state import STATE, difference
+
+from jerkbench.adaptation.mtf import Mtf
+from jerkbench.adaptation.none import NoAdaptation
+from jerkbench.attitude.plugin import Tilt
+from jerkbench.datasets.field_v1 import FieldV1
+from jerkbench.errors import PluginError
+from jerkbench.filters.eskf15 import Eskf15
+from jerkbench.filters.ukf import Ukf
+from jerkbench.geometry import dcm_from_euler
+from jerkbench.inertial.earth import FLAT
+from jerkbench.inertial.unscented import UnscentedRun, added, step_all
+from jerkbench.recording import Heading, Velocity
+
+POINTS = MerweScaledSigmaPoints(15, 0.1, 2.0, 0.0)
+SPREAD = np.diag(np.repeat([1.0, 0.5, 0.3, 0.01, 0.1], 3) ** 2)
+
+
+def test_every_sigma_point_goes_the_way_of_the_mechanisation():
+    sigmas = POINTS.sigma_points(np.zeros(15), SPREAD)
+    sensed = np.array([1.0, -2.0, 9.0]), np.array([0.3, -0.2, 0.5])
+    after, errors = step_all(STATE, sigmas, *sensed, 0.01)
+
+    nominal = mechanise(STATE, *sensed, 0.01, FLAT)[0]
+    np.testing.assert_allclose(difference(after, nominal), np.zeros(15), atol=1e-14)
+    for dx, error in zip(sigmas, errors, strict=True):
+        alone = mechanise(added(STATE, dx), *sensed, 0.01, FLAT)[0]
+        np.testing.assert_allclose(error, difference(alone, nominal), atol=1e-9)
+
+
+def test_the_sigma_points_hold_mean_and_covariance():
+    A = np.random.default_rng(1).normal(size=(15, 15))
+    P = A @ A.T
+    sigmas = POINTS.sigma_points(np.zeros(15), P)
+    root = np.real(sqrtm(P))
+
+    mean, covariance = unscented_transform(sigmas, POINTS.Wm, POINTS.Wc)
+    np.testing.assert_allclose(mean, np.zeros(15), atol=1e-12)
+    np.testing.assert_allclose(covariance, root @ root, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(np.linalg.norm(sigmas[1:] @ np.linalg.inv(root), axis=1), 0.1 * np.sqrt(15), rtol=1e-9)
+
+
+def test_an_error_of_attitude_is_a_rotation_vector():
+    dx = np.zeros(15)
+    dx[6:9] = [0.4, -1.2, 2.0]
+    state = added(STATE, dx)
+
+    np.testing.assert_allclose(state.dcm, Rotation.from_rotvec(dx[6:9]).as_matrix() @ STATE.dcm, atol=1e-12)
+    np.testing.assert_allclose(state.dcm, expm(np.cross(dx[6:9], np.eye(3)).T) @ STATE.dcm, atol=1e-12)
+
+
+@pytest.fixture(scope="module")
+def field():
+    recording = FieldV1(duration_s=10.0, reference_rate_hz=5.0).load(3)
+    return recording, Tilt().estimate(recording)
+
+
+SMALL = {"initial_yaw_sigma_rad": 0.001, "accel_turn_on_mg": 0.05, "gyro_turn_on_deg_per_h": 5.0}
+"""Errors that are small enough for the navigation to be nearly linear."""
+
+
+def require_like_eskf15(recording, attitude, adaptation=None, **fields):
+    """Positions, velocities and covariances are those of eskf15 to a twentieth of a sigma: it is nearly linear."""
+    fields = {**SMALL, **fields}
+    wanted = Eskf15(**fields).estimate(recording, attitude, adaptation or NoAdaptation())
+    got = Ukf(**fields).estimate(recording, attitude, adaptation or NoAdaptation())
+    assert got.failure == ""
+    sigma = np.sqrt(np.diagonal(wanted.covariance, axis1=1, axis2=2))
+    x = [np.hstack([e.position_m, e.velocity_mps]) for e in (got, wanted)]
+    assert np.abs((x[0] - x[1]) / sigma).max() < 0.05
+    assert np.abs((got.covariance - wanted.covariance) / (sigma[:, :, None] * sigma[:, None, :])).max() < 0.05
+    np.testing.assert_allclose(got.updates.R_diagonal, wanted.updates.R_diagonal, rtol=0.05)
+    return got, wanted
+
+
+def test_where_the_model_is_nearly_linear_it_is_eskf15(field):
+    got, wanted = require_like_eskf15(*field)
+
+    np.testing.assert_allclose(got.updates.nis, wanted.updates.nis, rtol=0.05, atol=0.05)
+    assert (got.position_m != wanted.position_m).any()
+
+
+def test_an_adaptation_sees_what_it_sees_in_eskf15(field):
+    recording, attitude = field
+    jump = recording.position.enu_m.copy()
+    jump[30] += [3.0, 0.0, 0.0]
+    jumped = replace(recording, position=replace(recording.position, enu_m=jump))
+    got, _ = require_like_eskf15(jumped, attitude, Mtf())
+
+    assert np.nanmax(got.updates.R_diagonal[:, 0]) > 4.0
+
+
+def test_lever_arms_constraints_and_headings_are_those_of_eskf15(field):
+    recording, attitude = field
+    truth = recording.reference
+    t_s = recording.position.t_s[20::3] + 0.0037
+    yaw = np.interp(t_s, truth.t_s, np.unwrap(truth.euler_rad[:, 2]))
+    headed = replace(recording, heading=Heading(t_s, np.mod(yaw + np.pi, 2 * np.pi) - np.pi, np.full(len(t_s), 0.02)))
+    arms = {"antenna_m": (0.3, -0.2, 1.1), "reference_point_m": (-0.4, 0.1, 0.2)}
+    held = {"zero_velocity": True, "nonholonomic": True, "nonholonomic_point_m": (-0.5, 0.0, -0.3)}
+
+    require_like_eskf15(headed, attitude, **arms, **held)
+
+
+@pytest.mark.parametrize("frame", ["body", "speed"])
+def test_a_velocity_of_the_body_and_of_a_wheel_too(frame):
+    recording = FieldV1(duration_s=10.0).load(3)
+    truth, velocity = recording.reference, recording.velocity
+    rows = np.searchsorted(truth.t_s, velocity.t_s - 1e-6)
+    in_body = np.einsum("nji,nj->ni", dcm_from_euler(truth.euler_rad[rows]), velocity.mps)
+    shown = replace(velocity, frame="body", mps=in_body)
+    if frame == "speed":
+        shown = Velocity.along_course(velocity.t_s, in_body[:, 0], 0.03)
+    t_s, enu_m = truth.t_s[::50], truth.enu_m[::50]
+    sparse = replace(truth, t_s=t_s, enu_m=enu_m, velocity_mps=None, euler_rad=None, scored=None)
+    recording = replace(recording, velocity=shown, reference=sparse)
+
+    require_like_eskf15(recording, Tilt().estimate(recording))
+
+
+def test_it_learns_a_yaw_that_is_wrong_by_sixty_degrees(field):
+    recording, attitude = field
+    recording = replace(recording, heading=None)
+    turned = replace(attitude, euler_rad=attitude.euler_rad + np.deg2rad([0.0, 0.0, 60.0]))
+    estimate = Ukf(initial_yaw_sigma_rad=1.0).estimate(recording, turned, NoAdaptation())
+
+    off = estimate.euler_rad[-1, 2] - recording.reference.euler_rad[estimate.index[-1], 2]
+    assert abs(np.remainder(off + np.pi, 2 * np.pi) - np.pi) < np.deg2rad(3.0)
+
+
+def test_a_long_run_says_how_far_it_has_come(field, monkeypatch, capsys):
+    monkeypatch.setattr("jerkbench.inertial.unscented.TELL_EVERY_S", 0.0)
+    recording, attitude = field
+    model = Ukf()
+    journey = model.journey(recording, attitude)
+    short = journey.events._replace(**{name: part[:120] for name, part in journey.events._asdict().items()})
+    UnscentedRun(journey, NoAdaptation(), POINTS).over(short)
+
+    assert "ukf: 1 of 1 s" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("parameters", "sentence"),
+    [
+        ({"alpha": 0.0}, "above 0 and at most 1"),
+        ({"kappa": -15.0}, "above -15"),
+        ({"wheel_scale": True}, "the filter ukf has none"),
+        ({"gyro_scale_ppm": 1.0, "accel_scale_ppm": 1.0, "misalignment_mrad": 1.0}, "ukf.gyro_scale_ppm is 1.0"),
+    ],
+)
+def test_a_wrong_parameter_is_a_sentence(parameters, sentence):
+    with pytest.raises(PluginError, match=sentence):
+        Ukf(**parameters)
