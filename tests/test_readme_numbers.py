@@ -1,0 +1,75 @@
+"""Every number of a result in the README is that of committed rows, or stands in a committed table."""
+
+import importlib.util
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from jerkbench.results.study import load_study
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+COLUMNS = ("gnss_only", "baseline_naive", "baseline", "jerk", "bias")
+DISTURBANCES = {
+    "nothing wrong": "none",
+    "multipath on one axis": "multipath_single_axis",
+    "accelerometer and gyro bias": "bias",
+    "bias and two outages": "bias+gnss_outage",
+}
+
+
+def table_after(words):
+    """The cells of the first table after ``words``, without its head."""
+    lines = README[README.index(words) :].split("\n|", 1)[1].split("\n\n")[0].splitlines()
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines[2:]]
+
+
+@pytest.fixture(scope="module")
+def paper():
+    rows = load_study(ROOT / "results" / "paper20").rows
+    return rows[rows["dataset"] == "field_v1"].set_index(["disturbance", "filter", "adaptation"]).sort_index()
+
+
+def test_the_first_screen_is_that_of_the_committed_results():
+    spec = importlib.util.spec_from_file_location("front", ROOT / "experiments" / "audit" / "front.py")
+    front = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(front)
+    (block,) = re.findall(r"<!-- audit -->\n(.*?)<!-- /audit -->", README, flags=re.DOTALL)
+    assert block == front.front(), "python experiments/audit/front.py README.md writes it anew"
+
+
+@pytest.mark.parametrize("line", table_after("What came out with 20 seeds"), ids=lambda line: " ".join(line[:2]))
+def test_the_papers_table_is_that_of_its_rows(line, paper):
+    name, adaptation, *cells = line
+    for column, text in zip(COLUMNS, cells, strict=True):
+        if text == "-":
+            assert (DISTURBANCES[name], column, adaptation) not in paper.index
+            continue
+        runs = paper.loc[(DISTURBANCES[name], column, adaptation)]
+        lost = int((runs["status"] != "ok").sum())
+        if "diverged" in text:
+            assert lost == (len(runs) if text == "all diverged" else int(text.split()[0]))
+        elif "locked out" in text:
+            assert text.startswith(f"{runs['position_rmse_m'].median():.3g}".ljust(6, "0"))
+        else:
+            assert lost == 0
+            assert float(text) == float(f"{np.exp(np.log(runs['position_rmse_m']).mean()):.3g}")
+
+
+def test_the_numbers_of_the_drive_stand_in_its_table():
+    stored = (ROOT / "results" / "drive" / "table.md").read_text(encoding="utf-8")
+    for _, *cells in table_after("Position RMSE [m] at the withheld fixes"):
+        for text in cells:
+            number = text.strip("*").split(" ")[0]
+            assert number == "-" or re.search(rf"(?<![\d.]){re.escape(number)}(?!\d)", stored), text
+
+
+def test_a_number_of_an_entry_is_that_of_its_manifest():
+    marks = re.findall(r"<!-- (\S+) (\w+) -->([\d.]+)", README)
+    assert marks
+    for entry, key, text in marks:
+        score = json.loads((ROOT / "results" / "suite-v1" / entry / "manifest.json").read_text())["score"]
+        assert text == f"{score[key]:.2f}"
