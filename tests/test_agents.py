@@ -2,18 +2,16 @@
 
 import json
 import re
-import shlex
 from pathlib import Path
 
 import pytest
 
+import pages
 from commands import SHORT, jerkbench, verb
 
 ROOT = Path(__file__).parents[1]
-PAGE = (ROOT / "docs" / "agents.md").read_text(encoding="utf-8")
-WORDS = [
-    shlex.split(line)[1:] for block in re.findall(r"```sh\n(.*?)```", PAGE, re.DOTALL) for line in block.splitlines()
-]
+PAGE = pages.text("agents")
+WORDS = pages.commands("agents")
 
 
 @pytest.fixture(scope="module")

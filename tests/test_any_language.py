@@ -1,7 +1,6 @@
 """What docs/any_language.md says to type is typed here, on shorter drives; in the place of KF-GINS stands a script."""
 
 import importlib.util
-import re
 import shlex
 import shutil
 import subprocess
@@ -11,11 +10,10 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
+import pages
 from commands import environment, jerkbench, verb
 
 ROOT = Path(__file__).parents[1]
-PAGE = (ROOT / "docs" / "any_language.md").read_text(encoding="utf-8")
-LINES = [line for block in re.findall(r"```sh\n(.*?)```", PAGE, flags=re.DOTALL) for line in block.splitlines()]
 DRIVE = ["dataset.duration_s=80"]
 SHORT = {"run": [*DRIVE, "seeds=1", "workers=1"], "data": DRIVE, "score": DRIVE}
 STAND_IN = """\
@@ -42,7 +40,7 @@ def folder(tmp_path_factory):
     shutil.copytree(ROOT / "examples" / "any_language", folder)
     (folder / "KF-GINS").write_text(STAND_IN.format(python=sys.executable))
     (folder / "KF-GINS").chmod(0o755)
-    for line in LINES:
+    for line in pages.lines("any_language"):
         typed(line, folder)
     return folder
 

@@ -1,20 +1,15 @@
 """What docs/own_log.md says to type is typed here, with a log of a simulated drive."""
 
-import re
 import shlex
 import sys
 from pathlib import Path
 
 import pytest
 
+import pages
 from commands import jerkbench, verb
 
 ROOT = Path(__file__).parents[1]
-PAGE = (ROOT / "docs" / "own_log.md").read_text(encoding="utf-8")
-
-
-def blocks(language):
-    return re.findall(rf"```{language}\n(.*?)```", PAGE, flags=re.DOTALL)
 
 
 @pytest.fixture(scope="module")
@@ -29,9 +24,8 @@ def reader(tmp_path_factory):
     folder = tmp_path_factory.mktemp("reader")
     ned_degrees(FieldV1(duration_s=100.0).load(0), units=True).to_csv(folder / "drive.csv", index=False)
     (folder / "experiment").mkdir()
-    (folder / "experiment" / "mine.yaml").write_text(blocks("yaml")[0])
-    lines = [line for block in blocks("sh") for line in block.splitlines()]
-    return folder, {line: typed(shlex.split(line)[1:], folder) for line in lines}
+    (folder / "experiment" / "mine.yaml").write_text(pages.blocks("own_log", "yaml")[0])
+    return folder, {line: typed(shlex.split(line)[1:], folder) for line in pages.lines("own_log")}
 
 
 def typed(words, folder):

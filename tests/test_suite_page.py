@@ -1,16 +1,10 @@
 """What docs/suite.md says to type is typed here, but for the installation."""
 
-import re
-import shlex
-from pathlib import Path
-
 import pytest
 
+import pages
 from commands import jerkbench, verb
-from jerkbench.authoring.package import class_name
 
-PAGE = (Path(__file__).parents[1] / "docs" / "suite.md").read_text(encoding="utf-8")
-LINES = [line for block in re.findall(r"```sh\n(.*?)```", PAGE, flags=re.DOTALL) for line in block.splitlines()]
 PROGRAM = """\
 #!/bin/sh
 awk -F, 'NR == 1 { print "t_s,east_m,north_m,up_m" } NR > 1 { print $1 ",0,0,0" }' "$1" > "$2"
@@ -23,17 +17,14 @@ def folder(tmp_path_factory):
     """Where the reader types, after the installation: a plugin that `jerkbench new` made, and a program."""
     folder = tmp_path_factory.mktemp("reader")
     assert verb("new", "adaptation", "mine", cwd=folder).returncode == 0
-    metadata = folder / "mine" / "mine-1.0.dist-info"  # what pip leaves
-    metadata.mkdir()
-    (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: mine\nVersion: 1.0\n")
-    (metadata / "entry_points.txt").write_text(f"[jerkbench.adaptation]\nmine = mine:{class_name('mine')}\n")
+    pages.install(folder / "mine")
     (folder / "my_filter").write_text(PROGRAM)
     (folder / "my_filter").chmod(0o755)
     return folder
 
 
 def test_the_commands_of_the_page_go_well(folder):
-    for words in (shlex.split(line)[1:] for line in LINES if line.startswith("jerkbench ")):
+    for words in pages.commands("suite"):
         alone = ["--workers", "1"] if "run" in words else []
         done = jerkbench(*words, *alone, cwd=folder, PYTHONPATH=str(folder / "mine"))
         assert done.returncode == 0, done.stderr + done.stdout

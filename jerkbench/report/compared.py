@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from jerkbench.report.analysis.changes import Change, change_rows
@@ -14,92 +14,119 @@ from jerkbench.writers.junit import Case, junit
 
 
 class Compared(NamedTuple):
-    """A comparison.
+    """A comparison by one metric.
 
     Attributes:
         metric: column that was compared.
         changes: of each combination.
         varying: the factors that tell the combinations apart.
-        notes: sentences below the numbers.
-        fail_above: percent by which a combination may be worse; None: nobody asked.
-        failed: whether one is worse than that, or cannot be judged.
+        allowed: of each change, percent by which it may be worse; None: nobody asked.
     """
 
     metric: str
     changes: Sequence[Change]
     varying: Sequence[str]
+    allowed: Sequence[float | None]
+
+    @property
+    def worse(self) -> list[bool]:
+        """Whether each change is worse than it may be."""
+        pairs = zip(self.changes, self.allowed, strict=True)
+        return [percent is not None and change.worse(percent) for change, percent in pairs]
+
+
+class Comparison(NamedTuple):
+    """A comparison by one metric or several.
+
+    Attributes:
+        parts: by each metric.
+        notes: sentences below the numbers.
+        failed: whether a combination is worse than it may be, or cannot be judged.
+    """
+
+    parts: Sequence[Compared]
     notes: Sequence[str]
-    fail_above: float | None
     failed: bool
 
 
-def print_compared(compared: Compared) -> None:
+def print_comparison(comparison: Comparison) -> None:
     """Print the comparison in the terminal."""
-    print_grid(*_grid(compared))
+    for grid in _grids(comparison):
+        print_grid(*grid)
 
 
-def compared_markdown(compared: Compared) -> str:
-    """Return the comparison as a section of Markdown."""
-    return markdown_grid(*_grid(compared))
+def comparison_markdown(comparison: Comparison) -> str:
+    """Return the comparison as sections of Markdown."""
+    return "\n".join(markdown_grid(*grid) for grid in _grids(comparison))
 
 
-def compared_json(compared: Compared) -> str:
+def comparison_json(comparison: Comparison) -> str:
     """Return the comparison as JSON; what is no number is null."""
     content = {
-        "metric": compared.metric,
-        "fail_above_percent": compared.fail_above,
-        "ok": not compared.failed,
-        "changes": [_record(change, compared.fail_above) for change in compared.changes],
-        "notes": list(compared.notes),
+        "metrics": [part.metric for part in comparison.parts],
+        "ok": not comparison.failed,
+        "changes": [record for part in comparison.parts for record in _records(part)],
+        "notes": list(comparison.notes),
     }
     return json.dumps(content, indent=2) + "\n"
 
 
-def compared_junit(compared: Compared) -> str:
-    """Return the comparison as a JUnit file: a case for each combination."""
-    rows = change_rows(compared.changes, compared.varying)
-    return junit(
-        f"jerkbench compare {compared.metric}",
-        [_case(compared, change, row) for change, row in zip(compared.changes, rows, strict=True)],
-    )
+def comparison_junit(comparison: Comparison) -> str:
+    """Return the comparison as a JUnit file: a case for each combination and metric."""
+    title = f"jerkbench compare {', '.join(part.metric for part in comparison.parts)}"
+    return junit(title, [case for part in comparison.parts for case in _cases(part)])
 
 
-WRITERS: Mapping[str, Callable[[Compared], str]] = {
-    "md": compared_markdown,
-    "json": compared_json,
-    "junit": compared_junit,
+WRITERS: Mapping[str, Callable[[Comparison], str]] = {
+    "md": comparison_markdown,
+    "json": comparison_json,
+    "junit": comparison_junit,
 }
 """Formats that are text."""
 
 
-def _grid(compared: Compared) -> tuple[str, list[str], list[list[str]], Sequence[str]]:
-    header = [*compared.varying, "A", "B", "B/A", "95 %", ""]
-    rows = change_rows(compared.changes, compared.varying)
-    return quantity(compared.metric).heading, header, rows, compared.notes
+def _grids(comparison: Comparison) -> Iterator[tuple[str, list[str], list[list[str]], Sequence[str]]]:
+    """The table of each metric; the notes stand below the last."""
+    for part in comparison.parts:
+        notes = comparison.notes if part is comparison.parts[-1] else ()
+        yield quantity(part.metric).heading, *_grid(part), notes
 
 
-def _record(change: Change, percent: float | None) -> dict[str, Any]:
-    judgement = change.judgement
-    numbers = {"a": change.means[0], "b": change.means[1], "ratio": judgement.ratio}
-    numbers |= {"low": judgement.low, "high": judgement.high}
-    return {
-        "combination": dict(zip(FACTORS, change.combination, strict=True)),
-        **{name: float(value) if math.isfinite(value) else None for name, value in numbers.items()},
-        "runs": list(map(int, change.runs)),
-        "lost": list(map(int, change.lost)),
-        "verdict": change.verdict,
-        "worse": None if percent is None else change.worse(percent),
-        "judged": not change.unjudged,
-    }
+def _grid(part: Compared) -> tuple[list[str], list[list[str]]]:
+    """A column says what is allowed, where it is not the same for all."""
+    header, rows = [*part.varying, "A", "B", "B/A", "95 %", ""], change_rows(part.changes, part.varying)
+    for row, worse in zip(rows, part.worse, strict=True):
+        row[-1] += ", too much" if worse else ""
+    if len(set(part.allowed)) <= 1:
+        return header, rows
+    allowed = ["" if percent is None else f"×{1 + percent / 100:g}" for percent in part.allowed]  # noqa: RUF001
+    return [*header[:-1], "allowed", ""], [[*row[:-1], may, row[-1]] for row, may in zip(rows, allowed, strict=True)]
 
 
-def _case(compared: Compared, change: Change, row: Sequence[str]) -> Case:
-    names, (a, b, ratio, interval, verdict) = row[:-5], row[-5:]
-    sentence = f"A has {a}, B has {b}: {ratio} {interval}, {verdict}."
-    percent = compared.fail_above
-    failures = []
-    if percent is not None and change.worse(percent):
-        failures.append(f"{sentence} That is worse by more than {percent:g} %.")
-    if percent is not None and change.unjudged:
-        failures.append(f"{sentence} B lacks runs of A, so that it cannot be judged.")
-    return Case(compared.metric, ", ".join(names) or "all", tuple(failures), () if failures else (sentence,))
+def _records(part: Compared) -> Iterator[dict[str, Any]]:
+    for change, percent, worse in zip(part.changes, part.allowed, part.worse, strict=True):
+        judgement = change.judgement
+        numbers = {"a": change.means[0], "b": change.means[1], "ratio": judgement.ratio}
+        numbers |= {"low": judgement.low, "high": judgement.high}
+        yield {
+            "metric": part.metric,
+            "combination": dict(zip(FACTORS, change.combination, strict=True)),
+            **{name: float(value) if math.isfinite(value) else None for name, value in numbers.items()},
+            "runs": list(map(int, change.runs)),
+            "lost": list(map(int, change.lost)),
+            "verdict": change.verdict,
+            "allowed_percent": percent,
+            "worse": None if percent is None else worse,
+            "judged": not change.unjudged,
+        }
+
+
+def _cases(part: Compared) -> Iterator[Case]:
+    rows = change_rows(part.changes, part.varying)
+    for change, row, percent, worse in zip(part.changes, rows, part.allowed, part.worse, strict=True):
+        names, (a, b, ratio, interval, verdict) = row[:-5], row[-5:]
+        sentence = f"A has {a}, B has {b}: {ratio} {interval}, {verdict}."
+        failures = [f"{sentence} That is worse by more than {percent:g} %."] if worse else []
+        if percent is not None and change.unjudged:
+            failures.append(f"{sentence} B lacks runs of A, so that it cannot be judged.")
+        yield Case(part.metric, ", ".join(names) or "all", tuple(failures), () if failures else (sentence,))

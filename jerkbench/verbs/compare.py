@@ -3,14 +3,16 @@
 import argparse
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from jerkbench.places import place
 from jerkbench.verbs.arguments import Verbs, add_verb, percentage
 from jerkbench.verbs.judging import add_judging, chosen_method, chosen_rule
 
 if TYPE_CHECKING:
     from jerkbench.report.analysis.changes import Change
+    from jerkbench.report.analysis.tolerances import Tolerances
+    from jerkbench.report.compared import Compared
     from jerkbench.results.study import Study
 
 FORMATS = ("terminal", "md", "json", "junit")
@@ -18,12 +20,29 @@ FORMATS = ("terminal", "md", "json", "junit")
 WORSE = 1
 """Exit code where the second set is worse, or cannot be judged."""
 
+EPILOG = """\
+A and B are folders, or one method of each, compared with one another: `jerkbench compare old:jerk+mtf new:mine+none`
+(filter, adaptation, noise; FACTOR=VALUE for another factor).
+
+--tolerances FILE (YAML; or TOML, where each is a [[tolerances]]) says what may become worse by how much; the first line
+that fits a combination counts, --fail-above where none does. Patterns are as those of file names:
+
+  tolerances:
+    - {metric: position_rmse_m, method: mtf, scenario: gnss_outage, ratio: 1.10}
+    - {metric: outage_end_m, ratio: 1.2}
+    - {ratio: 1.02}
+"""
+
 
 def add(verbs: Verbs) -> None:
     """Declare the verb."""
     compare = add_verb(verbs, "compare", "compare two sets of results, over the same seeds where they match", answer)
-    compare.add_argument("first", type=place, metavar="A", help="a study's folder, or a folder of cells: before")
-    compare.add_argument("second", type=place, metavar="B", help="another: after")
+    compare.formatter_class = argparse.RawDescriptionHelpFormatter
+    compare.epilog = EPILOG
+    compare.add_argument(
+        "first", metavar="A", help="a study's folder, or a folder of cells: before; FOLDER:METHOD takes one method"
+    )
+    compare.add_argument("second", metavar="B", help="another: after")
     compare.add_argument("--metric", help="a column of rows.csv (default: position_rmse_m, or the first there is)")
     compare.add_argument(
         "--fail-above",
@@ -31,6 +50,7 @@ def add(verbs: Verbs) -> None:
         metavar="PCT",
         help="exit with 1 where B is worse than A by more than PCT percent, or lacks what A has",
     )
+    compare.add_argument("--tolerances", type=Path, metavar="FILE", help="what may become worse by how much; as above")
     compare.add_argument("--format", choices=FORMATS, default="terminal", help="default: terminal")
     add_judging(compare)
 
@@ -40,38 +60,79 @@ def answer(chosen: argparse.Namespace) -> None:
 
     Raises:
         JerkbenchError: there are no results, nothing is in both, or they were not measured alike.
-        SystemExit: 1, where B is worse by more than ``--fail-above``, or lacks results that A has.
+        SystemExit: 1, where B is worse than it may be, or lacks results that A has.
     """
-    from jerkbench.report.analysis.change_notes import notes_of_tests, other_leaders
-    from jerkbench.report.analysis.changes import changes
-    from jerkbench.report.analysis.findings import varying_factors
-    from jerkbench.report.analysis.study_verdicts import study_verdicts
-    from jerkbench.report.compared import WRITERS, Compared, print_compared
-    from jerkbench.report.tables.summary import main_metric
-    from jerkbench.results.comparability import other_methods, require_alike
-    from jerkbench.results.study import load_study
+    from jerkbench.report.compared import WRITERS, Comparison, print_comparison
 
-    first, second = load_study(chosen.first), load_study(chosen.second)
-    metric = chosen.metric or main_metric(first.rows)
-    require_alike(first, second)
-    rule, method = chosen_rule(chosen), chosen_method(chosen)
-    changed = changes(first.rows, second.rows, metric, rule)
-    varying = varying_factors(first.rows)
-    notes = [f"A: {chosen.first}, {first.code}", f"B: {chosen.second}, {second.code}", *other_methods(first, second)]
-    notes += [f"{name}: {words}" for name, study in (("A", first), ("B", second)) for words in study.unlike]
-    notes += [READING, *notes_of_tests(changed), *_left_out(changed, first, second)]
-    notes += other_leaders(*(study_verdicts(study.rows, metric, method, rule).standings for study in (first, second)))
-    asked = chosen.fail_above is not None
-    sentences, failed = _failures(changed, first, second, chosen.fail_above) if asked else ([], False)
-    compared = Compared(metric, changed, varying, notes, chosen.fail_above, failed)
+    first, second, chosen_of = _studies(chosen)
+    tolerances = _tolerances(chosen)
+    parts = _parts(chosen, first, second, tolerances)
+    asked = tolerances.otherwise is not None or bool(tolerances.rules)
+    sentences, failed = _failures(parts, first, second, chosen.tolerances) if asked else ([], False)
+    comparison = Comparison(parts, [*chosen_of, *_notes(chosen, first, second, parts, tolerances)], failed)
     if chosen.format in WRITERS:
-        print(WRITERS[chosen.format](compared), end="")
+        print(WRITERS[chosen.format](comparison), end="")
     else:
-        print_compared(compared)
+        print_comparison(comparison)
     for sentence in sentences:
         print(sentence, file=sys.stdout if chosen.format == "terminal" else sys.stderr)
     if failed:
         raise SystemExit(WORSE)
+
+
+def _studies(chosen: argparse.Namespace) -> "tuple[Study, Study, list[str]]":
+    """Both studies, with one method of each under the same name where methods were chosen, and a sentence about it."""
+    from jerkbench.results.comparability import require_alike
+    from jerkbench.results.selection import in_the_place_of, named_study, selected, told
+    from jerkbench.results.study import load_study
+
+    named = (named_study(chosen.first), named_study(chosen.second))
+    first, second = (selected(load_study(of.folder), of.chosen) for of in named)
+    methods = (named[0].chosen, named[1].chosen)
+    sentences = told(first, second, methods)
+    second = in_the_place_of(first, second, methods)
+    require_alike(first, second)
+    return first, second, sentences
+
+
+def _tolerances(chosen: argparse.Namespace) -> "Tolerances":
+    from jerkbench.report.analysis.tolerances import Tolerances, read_tolerances
+
+    if chosen.tolerances is None:
+        return Tolerances(otherwise=chosen.fail_above)
+    return read_tolerances(chosen.tolerances, chosen.fail_above)
+
+
+def _parts(chosen: argparse.Namespace, first: "Study", second: "Study", tolerances: "Tolerances") -> "list[Compared]":
+    from jerkbench.report.analysis.changes import changes
+    from jerkbench.report.analysis.findings import varying_factors
+    from jerkbench.report.compared import Compared
+    from jerkbench.report.tables.summary import main_metric
+
+    rule, varying = chosen_rule(chosen), varying_factors(first.rows)
+    metrics = [chosen.metric] if chosen.metric else tolerances.metrics(main_metric(first.rows), first.rows.columns)
+    parts = []
+    for metric in metrics:
+        changed = changes(first.rows, second.rows, metric, rule)
+        allowed = [tolerances.percent(metric, change.combination) for change in changed]
+        parts.append(Compared(metric, changed, varying, allowed))
+    return parts
+
+
+def _notes(
+    chosen: argparse.Namespace, first: "Study", second: "Study", parts: "Sequence[Compared]", tolerances: "Tolerances"
+) -> list[str]:
+    from jerkbench.report.analysis.change_notes import notes_of_tests, other_leaders
+    from jerkbench.report.analysis.study_verdicts import study_verdicts
+    from jerkbench.results.comparability import other_methods
+
+    rule, method, changed = chosen_rule(chosen), chosen_method(chosen), parts[0].changes
+    notes = [f"A: {chosen.first}, {first.code}", f"B: {chosen.second}, {second.code}", *other_methods(first, second)]
+    notes += [f"{name}: {words}" for name, study in (("A", first), ("B", second)) for words in study.unlike]
+    notes += [READING, *notes_of_tests(changed), *_left_out(changed, first, second)]
+    notes += tolerances.idle((part.metric, change.combination) for part in parts for change in part.changes)
+    verdicts = (study_verdicts(study.rows, parts[0].metric, method, rule) for study in (first, second))
+    return [*notes, *other_leaders(*(of.standings for of in verdicts))]
 
 
 READING = (
@@ -81,10 +142,12 @@ READING = (
 """The explanation below the numbers."""
 
 
-def _failures(changed: "Sequence[Change]", first: "Study", second: "Study", percent: float) -> tuple[list[str], bool]:
+def _failures(
+    parts: "Sequence[Compared]", first: "Study", second: "Study", file: Path | None
+) -> tuple[list[str], bool]:
     """Return what is worse and what cannot be judged, in sentences, and whether anything is."""
-    worse = sum(change.worse(percent) for change in changed)
-    sentences = [f"{worse} of {len(changed)} combinations are worse by more than {percent:g} %."]
+    sentences = [_counted(part, file) for part in parts]
+    changed = parts[0].changes
     lacking = first.combinations - len(changed) + sum(change.unjudged for change in changed)
     if lacking:
         sentences.append(
@@ -93,7 +156,14 @@ def _failures(changed: "Sequence[Change]", first: "Study", second: "Study", perc
     damaged = len(first.damaged) + len(second.damaged)
     if damaged:
         sentences.append(f"{damaged} damaged file{'s' * (damaged > 1)} cannot be judged.")
-    return sentences, bool(worse or lacking or damaged)
+    return sentences, bool(any(any(part.worse) for part in parts) or lacking or damaged)
+
+
+def _counted(part: "Compared", file: Path | None) -> str:
+    limits = {percent for percent in part.allowed if percent is not None}
+    by = f"{limits.pop():g} %" if len(limits) == 1 and file is None else f"{file} allows"
+    subject = "combinations" if file is None else f"combinations, by {part.metric},"
+    return f"{sum(part.worse)} of {len(part.changes)} {subject} are worse by more than {by}."
 
 
 def _left_out(changed: "Sequence[Change]", first: "Study", second: "Study") -> list[str]:

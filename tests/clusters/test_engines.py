@@ -3,10 +3,10 @@
 import importlib.util
 import re
 import shlex
-from pathlib import Path
 
 import pytest
 
+import pages
 from commands import swept
 from jerkbench.clusters.cluster import ClusterError
 from jerkbench.clusters.extras import required
@@ -14,7 +14,7 @@ from jerkbench.errors import PluginError
 from jerkbench.hydra_app.arguments import arranged_words
 from jerkbench.presets import config_folder, preset_names
 
-PAGE = (Path(__file__).parents[2] / "docs/cluster.md").read_text(encoding="utf-8")
+PAGE = pages.text("cluster")
 MODULES = {"loky": "loky", "dask": "distributed", "ray": "ray"}
 
 

@@ -11,9 +11,10 @@ from pathlib import Path
 import pytest
 from slurm_site import NoSlurmError, slurm
 
+import pages
 from commands import environment, swept
 
-PAGE = (Path(__file__).parents[2] / "docs/cluster.md").read_text(encoding="utf-8")
+PAGE = pages.text("cluster")
 CELLS = 200
 WORDS = [f"noise.accel_mps2=range(0.1,{CELLS / 10 + 0.1:g},0.1)", "filter=jerk", "seeds=2", "dataset.duration_s=12"]
 FEW = ["filter=jerk,baseline", "adaptation=none,mtf", "seeds=1", "dataset.duration_s=12", "figures=false"]

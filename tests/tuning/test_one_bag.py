@@ -1,17 +1,11 @@
 """The page for an engineer with one bag, typed as it stands, over a bag and over a car's log."""
 
-import re
-import shlex
-from pathlib import Path
-
 import pytest
 import yaml
 
+import pages
 from commands import verb
 
-PAGE = (Path(__file__).parents[2] / "docs" / "one_bag.md").read_text(encoding="utf-8")
-BLOCKS = re.findall(r"```sh\n(.*?)```", PAGE, flags=re.DOTALL)
-COMMANDS = [shlex.split(line)[1:] for block in BLOCKS for line in block.splitlines()]
 HUSKY = ["dataset=husky_bag", "dataset.file=BAG"]
 QUICK = {"tune": ["trials=2", "figures=false"], "run": ["figures=false"], "data": []}
 
@@ -23,7 +17,7 @@ def test_the_page_goes_well_from_the_log_to_the_settings(recording, shared_folde
     drive = ["dataset=rtklib", f"dataset.folder={log}"]
     own = drive if recording == "drive" else ["dataset=husky_bag", f"dataset.file={log}"]
 
-    for words in COMMANDS:
+    for words in pages.commands("one_bag"):
         typed = [word for word in words if word not in HUSKY]
         typed += own if len(typed) < len(words) else []
         typed = [str(log) if word == "BAG" else word for word in typed]

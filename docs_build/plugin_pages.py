@@ -1,0 +1,141 @@
+"""Pages of the plugins: a list for each kind, a page for each plugin and preset, and all metrics by their equations."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from docstring import Docstring, parsed, prose
+from gallery import FIGURES
+
+from jerkbench import plugins
+from jerkbench.catalogue.entries import Entry, entries, plugin_class, preset_files
+from jerkbench.catalogue.machine import shown
+from jerkbench.catalogue.text import docstrings, home
+
+TITLES = {
+    "dataset": "Data sets",
+    "disturbance": "Disturbances",
+    "attitude": "Attitude filters",
+    "filter": "Filters",
+    "adaptation": "Adaptations",
+    "engine": "Engines",
+    "metric": "Metrics",
+}
+"""Each kind in the plural."""
+
+METRICS_HEAD = """\
+# Every metric by its equation
+
+A metric is computed from one run: the estimate and the reference at the reference's own stamps, from `burn_in_s` on.
+Nothing is aligned and nothing interpolated. The name of a column ends with its unit. Averages over seeds are geometric
+means with 95 % intervals, and lost runs are counted beside them: [how to read them](report.md). `metrics=[all]`
+computes all; those that say so are computed only when they are asked for.
+"""
+
+
+PARAMETERS_HEAD = """\
+| parameter | default | what it is | range of `tune` | where the default comes from |
+|---|---|---|---|---|"""
+
+
+def plugin_pages() -> tuple[dict[str, str | bytes], dict[str, list[Any]]]:
+    """Return the content of every page and figure by its path, and the navigation of each kind by its title."""
+    pages: dict[str, str | bytes] = {}
+    nav: dict[str, list[Any]] = {}
+    for kind, title in TITLES.items():
+        own = [entry for entry in entries(kind) if entry.package == "jerkbench"]
+        figures = FIGURES[kind]([entry.name for entry in own]) if kind in FIGURES else {}
+        pages[f"plugins/{kind}/index.md"] = _list_page(kind, title, own, figures)
+        pages |= {f"plugins/{kind}/{name}.png": png for name, png in figures.items()}
+        pages |= {f"plugins/{kind}/{entry.name}.md": _page(kind, entry, entry.name in figures) for entry in own}
+        nav[title] = [f"plugins/{kind}/index.md", *({entry.name: f"plugins/{kind}/{entry.name}.md"} for entry in own)]
+    return pages, nav
+
+
+def metrics_page() -> str:
+    """Return the page with every metric's docstring."""
+    sections = [METRICS_HEAD]
+    for name in plugins.names("metric"):
+        documented = _documented("metric", name)
+        sections.append(f"## {name}\n\n{documented.body}\n\n{_parameters('metric', name, documented.parameters)}")
+    return "\n\n".join(sections)
+
+
+def _list_page(kind: str, title: str, listed: list[Entry], figures: Mapping[str, bytes]) -> str:
+    shown_by = f"`jerkbench list {kind}`; `jerkbench show {kind} NAME` has the same words in a terminal."
+    lines = [f"# {title}", "", shown_by, "", "| name | what it is |", "|---|---|", *map(_line, listed)]
+    if figures:
+        lines += ["", "## Gallery", "", CAPTIONS[kind], ""]
+        lines += [f"[![{name}]({name}.png){{ width=32% }}]({name}.md)" for name in figures]
+    return "\n".join(lines)
+
+
+def _line(entry: Entry) -> str:
+    return f"| [{entry.name}]({entry.name}.md) | {prose(entry.summary)}{' (preset)' * entry.preset} |"
+
+
+CAPTIONS = {
+    "disturbance": (
+        "What each does to the same 80 s of `field_v1`. Fixes and velocities less the truth at their stamps, before "
+        "(grey) and after; what is added to the IMU; the sigma that is reported."
+    ),
+    "adaptation": (
+        "The baseline on the same 80 s of `field_v1` under bursts of multipath on one axis and, from 60 s on, a noise "
+        "that doubles: its error with the adaptation and without, and how much larger than reported the sigma of each "
+        "fix is taken to be (a row that is dropped is absent)."
+    ),
+}
+"""What the figures of a kind show."""
+
+
+def _page(kind: str, entry: Entry, drawn: bool) -> str:
+    body = _preset_body(kind, entry.name) if entry.preset else _plugin_body(kind, entry.name)
+    figure = f"![{entry.name}]({entry.name}.png)\n\n{CAPTIONS[kind].replace('What each', 'What it')}" if drawn else ""
+    return f"# {entry.name}\n\n`{_chosen(kind, entry.name)}`\n\n{body}\n\n{figure}\n"
+
+
+def _chosen(kind: str, name: str) -> str:
+    """Return what one types to have it."""
+    return f"metrics=[{name}]" if kind == "metric" else f"{kind}={name}"
+
+
+def _preset_body(kind: str, name: str) -> str:
+    text = preset_files(kind)[name].read_text(encoding="utf-8").rstrip()
+    return f"A preset: a file of values, `conf/{kind}/{name}.yaml`.\n\n```yaml\n{text}\n```"
+
+
+def _plugin_body(kind: str, name: str) -> str:
+    documented = _documented(kind, name)
+    table = _parameters(kind, name, documented.parameters)
+    return f"{documented.body}\n\n{table}\n\nDefined in `{home(plugin_class(kind, name))}`."
+
+
+def _documented(kind: str, name: str) -> Docstring:
+    """Return a plugin's docstring, with those of the classes that it varies behind it."""
+    parts = [parsed(text) for text in docstrings(plugin_class(kind, name))]
+    body = "\n\n".join(part.body for part in parts)
+    return Docstring(body, {key: text for part in reversed(parts) for key, text in part.parameters.items()})
+
+
+def _parameters(kind: str, name: str, described: Mapping[str, str]) -> str:
+    rows = [_row(parameter, described) for parameter in shown(kind, name)["parameters"]]
+    if not rows:
+        return "It has no parameters."
+    head = [
+        "| parameter | default | what it is | range of `tune` | where the default comes from |",
+        "|---|---|---|---|---|",
+    ]
+    return "\n".join([*head, *rows])
+
+
+def _row(parameter: Mapping[str, Any], described: Mapping[str, str]) -> str:
+    known = parameter.get("range")
+    bounds = f"{known['low']:g} to {known['high']:g}" if known else ""
+    default = f"`{_plain(parameter['default'])}`" if "default" in parameter else "has to be given"
+    meaning = prose(described.get(parameter["name"], ""))
+    cells = [f"`{parameter['name']}`", default, meaning, bounds, parameter.get("origin", "")]
+    return f"| {' | '.join(cells)} |"
+
+
+def _plain(value: object) -> str:
+    """Return a default as one types it."""
+    return '""' if value == "" else str(value)

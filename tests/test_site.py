@@ -1,0 +1,62 @@
+"""The documentation's site: it builds without a warning, without the network, with a page and a figure where due."""
+
+import importlib.util
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from commands import PATIENCE_S, environment
+from jerkbench import plugins
+
+ROOT = Path(__file__).parents[1]
+DRAWN = ("disturbance", "adaptation")
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    for module in ("mkdocs", "material", "mkdocstrings"):
+        if importlib.util.find_spec(module) is None:
+            pytest.skip(f"{module} is not there; pip install 'jerkbench[docs]'")
+    built = tmp_path_factory.mktemp("site")
+    unreachable = {"http_proxy": "http://127.0.0.1:9", "https_proxy": "http://127.0.0.1:9", "NO_MKDOCS_2_WARNING": "1"}
+    here = environment(PYTHONPATH=str(ROOT), **unreachable)
+    command = [sys.executable, "-m", "mkdocs", "build", "--quiet", "--strict", "--site-dir", str(built)]
+    done = subprocess.run(command, cwd=ROOT, env=here, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
+    assert (done.returncode, done.stdout + done.stderr) == (0, "")
+    return built
+
+
+@pytest.mark.parametrize("kind", plugins.KINDS)
+def test_every_plugin_has_its_page(site, kind):
+    for name in plugins.names(kind):
+        if not plugins.is_own(plugins.get(kind, name)):
+            continue
+        page = (site / "plugins" / kind / f"{name}.html").read_text(encoding="utf-8")
+        assert name in page
+        assert (site / "plugins" / kind / f"{name}.png").is_file() == (kind in DRAWN)
+
+
+def test_equations_are_blocks_and_words_stand_beside_parameters(site):
+    page = (site / "plugins" / "adaptation" / "huber_r.html").read_text(encoding="utf-8")
+
+    assert re.search(r"<code>r_i = r_i max\(1, \|y_i\| / \(k sqrt\(h_i \+ r_i\)\)\)", page)
+    assert "<td>k, in standard deviations of the innovation [-].</td>" in page
+    assert "<td>0.5 to 5</td>" in page
+    assert "Attributes:" not in page
+
+
+def test_nothing_is_fetched_by_a_reader(site):
+    loads = re.compile(r'(?:<script[^>]*src|<link[^>]*rel="(?:stylesheet|icon)"[^>]*href|<img[^>]*src)="https?://')
+
+    assert [page.name for page in site.rglob("*.html") if loads.search(page.read_text(encoding="utf-8"))] == []
+
+
+def test_a_link_out_of_the_pages_leads_to_a_copy(site):
+    copy = site / "source" / "examples" / "any_language" / "baseline.c.txt"
+
+    assert copy.read_text(encoding="utf-8") == (ROOT / "examples/any_language/baseline.c").read_text(encoding="utf-8")
+    assert "source/examples/any_language/baseline.c.txt" in (site / "any_language.html").read_text(encoding="utf-8")
