@@ -83,6 +83,8 @@ class TrajectoryForm:
         separator: between the columns of a text; empty: white space.
         header: whether a line names the columns.
         comment: what a line to be left out begins with.
+        topic: of a ROS bag, the Odometry or poses to take; empty: its only Odometry. Poses are in the recording's ENU,
+            the body is forward, left, up, the twist is in it, and nothing of the above is asked.
         max_gap_s: between two samples that are further apart nothing is interpolated.
     """
 
@@ -102,6 +104,7 @@ class TrajectoryForm:
     separator: str = ","
     header: bool = True
     comment: str = ""
+    topic: str = ""
     max_gap_s: float = 0.2
 
     def __post_init__(self) -> None:

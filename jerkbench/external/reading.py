@@ -8,6 +8,7 @@ from jerkbench.arrays import FloatArray
 from jerkbench.datasets._table_attitude import AttitudeMap, attitude_of
 from jerkbench.errors import RecordingError
 from jerkbench.external.form import TrajectoryForm, form_of
+from jerkbench.external.odometry import BAGS, read_odometry
 from jerkbench.external.trajectory import Trajectory
 from jerkbench.readers.columns import Columns, read_columns, times_ns
 from jerkbench.readers.frames import LOCAL_FRAMES, axes_in_enu, in_degrees, in_enu
@@ -37,7 +38,7 @@ def read_trajectory(path: Path, given: TrajectoryForm, recording: Recording) -> 
     """Read the trajectory in ``path``.
 
     Args:
-        path: .tum, .nav, .csv, .parquet, .mat, or any text of columns.
+        path: .tum, .nav, .csv, .parquet, .mat, a ROS bag (.bag, .db3, .mcap), or any text of columns.
         given: the form of files that do not say it themselves.
         recording: on whose clock, and in whose ENU, it is read.
 
@@ -47,6 +48,8 @@ def read_trajectory(path: Path, given: TrajectoryForm, recording: Recording) -> 
     """
     if not path.is_file():
         raise RecordingError(f"There is no trajectory {path}; correct its name.")
+    if path.suffix in BAGS:
+        return read_odometry(path, given.topic, recording)
     form = form_of(path, given)
     columns = read_columns([path], TextFormat(form.separator, form.header, form.comment))
     if len(columns) == 0:

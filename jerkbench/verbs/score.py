@@ -28,7 +28,7 @@ def add(verbs: Verbs) -> None:
         "words",
         nargs="+",
         metavar="FILE | KEY=VALUE",
-        help="a trajectory (.tum, .csv, .parquet, .nav of KF-GINS); one for each seed, or a pattern with {seed}",
+        help="a trajectory (.tum, .csv, .parquet, .nav of KF-GINS, a bag); for each seed one, or a pattern with {seed}",
     )
 
 
