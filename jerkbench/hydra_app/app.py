@@ -189,7 +189,8 @@ def _run_job(config: DictConfig, job: HydraConf) -> None:
     folder = study_folder(config)
     if config.dry:
         _tell(Plan((planned,), ()), Store(folder), config)
-    elif not sweeping:
+        return
+    if not sweeping:
         _run_and_show(planned, folder, config)
         return
     note_place(folder, int(job.job.num), planned.key)

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from jerkbench.cells.labels import Labels
 from jerkbench.execution.pulse import duration
 from jerkbench.results.content import Stored
 from jerkbench.results.store import Store
@@ -40,9 +41,12 @@ def forecast(plan: Plan, store: Store) -> Forecast:
 
 def lines(forecast: Forecast, workers: int) -> Iterator[str]:
     """Yield what to print: each cell, what is left out and why, and the sum."""
+    yield from _constants(forecast.plan)
+    varying = _varying(forecast.plan)
+    yield f"{', '.join(varying)}:"
     for planned in forecast.plan.cells:
-        state = "is done" if planned.key in forecast.done else f"{len(planned.cell.draws)} runs"
-        yield f"{', '.join(planned.cell.labels)}: {state}"
+        state = "is done" if planned.key in forecast.done else _count(len(planned.cell.draws), "run")
+        yield f"  {', '.join(getattr(planned.cell.labels, factor) for factor in varying)}: {state}"
     yield from forecast.plan.refused
     waiting = [planned for planned in forecast.plan.cells if planned.key not in forecast.done]
     runs = sum(len(planned.cell.draws) for planned in waiting)
@@ -51,9 +55,24 @@ def lines(forecast: Forecast, workers: int) -> Iterator[str]:
         yield _time(forecast, workers)
 
 
+def _varying(plan: Plan) -> list[str]:
+    """Return the factors that tell the cells apart; of a single cell all."""
+    labels = [planned.cell.labels for planned in plan.cells]
+    varying = [factor for factor in Labels._fields if len({getattr(of, factor) for of in labels}) > 1]
+    return varying or list(Labels._fields)
+
+
+def _constants(plan: Plan) -> Iterator[str]:
+    """What is the same in every cell, where anything differs."""
+    same = [factor for factor in Labels._fields if factor not in _varying(plan)]
+    if same:
+        labels = plan.cells[0].cell.labels
+        yield f"In every cell: {', '.join(f'{factor} {getattr(labels, factor)}' for factor in same)}."
+
+
 def _time(forecast: Forecast, workers: int) -> str:
     if not np.isfinite(forecast.seconds):
-        return "How long it takes is not known: no stored cell beside it is of the same data set."
+        return "How long it takes is not known: no cell of the same data set is stored here yet."
     time = duration(max(forecast.seconds / workers, 1.0))
     measured = _count(forecast.measured, "stored cell")
     return f"About {time} with {_count(workers, 'worker')}, as {measured} took; compiling is not counted."
