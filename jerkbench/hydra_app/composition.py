@@ -1,7 +1,7 @@
 """The composition of a sweep's jobs: Hydra's price once for each value of a factor, not for each combination."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from hydra._internal.config_loader_impl import ConfigLoaderImpl
@@ -11,6 +11,7 @@ from omegaconf import DictConfig, OmegaConf
 
 from jerkbench.cells.labels import GROUPS
 from jerkbench.hydra_app.configuration import Schema
+from jerkbench.hydra_app.light_composition import Composer, Composition
 
 INDEPENDENT = ("filter", "adaptation", "noise", "engine", "disturbance")
 """Groups that only decide their own part of the configuration."""
@@ -33,42 +34,78 @@ class Composed:
         plain: the configuration without its ``hydra`` part, as plain data; it may be shared with other jobs.
         choices: Hydra's choice for each group.
         overrides: the overrides of the job.
-        config: the configuration as Hydra composed it.
     """
 
     plain: dict[str, Any]
     choices: dict[str, Any]
     overrides: list[str]
-    config: DictConfig | None = None
+
+
+Known = dict[tuple[str, Words], Composition]
+"""The composition that knows a factor's overrides."""
 
 
 def compose_jobs(loader: ConfigLoader, config: DictConfig, jobs: Sequence[Job]) -> list[Composed]:
     """Compose every job: what it would be alone, but put together from parts.
 
     The part that belongs to a group of `INDEPENDENT` is composed once for each distinct set of choices of this group:
-    that of the first set of each group together, then that of the second, and so on. Sets that differ in the values of
-    parameters only take the composition of the first of them, with their own values.
+    that of the first set of each group together; where another stands for itself, it takes the place of the first, and
+    what is left is again composed together. Sets that differ in the values of parameters only take the composition of
+    the first of them, with their own values. An experiment may decide any part: jobs of different ones share nothing.
     """
-    if not _separable(jobs):
-        return [_resolved(_compose(loader, config, job)) for job in jobs]
+    composer = Composer(loader, config)
+    composed: dict[int, Composed] = {}
+    for places in _of_one_experiment(jobs):
+        composed.update(zip(places, _of_parts(composer, [jobs[place] for place in places]), strict=True))
+    return [composed[place] for place in range(len(jobs))]
+
+
+def _of_one_experiment(jobs: Sequence[Job]) -> Iterable[list[int]]:
+    """The places of the jobs that choose the same experiment."""
+    groups: dict[Words, list[int]] = {}
+    for place, job in enumerate(jobs):
+        groups.setdefault(tuple(word for word in job if owner(word) == "experiment"), []).append(place)
+    return groups.values()
+
+
+def _of_parts(composer: Composer, jobs: Sequence[Job]) -> list[Composed]:
+    """Compose jobs of one experiment."""
     split = [_split(job) for job in jobs]
-    known: dict[tuple[str, Words], Composed] = {}
-    for parts in _together(split):
-        composed = _compose(loader, config, [word for words in parts.values() for word in words])
+    known = _exchanged(composer, split)
+    for parts in _together(split, known):
+        composed = composer.compose([word for words in parts.values() for word in words])
         for factor, words in parts.items():
             known.setdefault((factor, words), composed)
     _add_other_values(split, known)
     return [_assembled(job, parts, known) for job, parts in zip(jobs, split, strict=True)]
 
 
-def _together(split: Sequence[dict[str, Words]]) -> list[dict[str, Words]]:
-    """Return as few jobs as hold every set of choices of every group; what is not independent, beside the first."""
+def _exchanged(composer: Composer, split: Sequence[dict[str, Words]]) -> Known:
+    """Compose the first sets of choices together, and put those that stand for themselves in their places."""
     sets = {factor: list(_firsts(parts[factor] for parts in split).values()) for factor in split[0]}
-    most = max(len(sets[group]) for group in INDEPENDENT)
+    first = composer.compose([word for of in sets.values() for word in of[0]])
+    known = {(factor, of[0]): first for factor, of in sets.items()}
+    for group in INDEPENDENT:
+        for words in sets[group][1:]:
+            if composition := composer.exchanged(first, group, words):
+                known[group, words] = composition
+    return known
+
+
+def _together(split: Sequence[dict[str, Words]], known: Known) -> list[dict[str, Words]]:
+    """Return as few jobs as hold every set that is not ``known``; what is not independent, beside the first."""
+    sets = {factor: list(_firsts(parts[factor] for parts in split).values()) for factor in split[0]}
+    unknown = {factor: [words for words in of if (factor, words) not in known] for factor, of in sets.items()}
+    most = max(len(unknown[group]) for group in INDEPENDENT)
     side_by_side = [
-        {factor: of[k] if k < len(of) and factor != REST else of[0] for factor, of in sets.items()} for k in range(most)
+        {
+            factor: unknown[factor][k] if factor != REST and k < len(unknown[factor]) else of[0]
+            for factor, of in sets.items()
+        }
+        for k in range(most)
     ]
-    return side_by_side + [{**side_by_side[0], REST: words} for words in sets[REST][1:]]
+    beside = {factor: of[0] for factor, of in sets.items()}
+    return side_by_side + [{**beside, REST: words} for words in unknown[REST]]
 
 
 def _firsts(sets: Iterable[Words]) -> dict[Words, Words]:
@@ -91,7 +128,7 @@ def _is_parameter(word: str) -> bool:
     return plain and (("." in key and owner(word) != "hydra") or key in NO_GROUPS)
 
 
-def _add_other_values(split: Sequence[dict[str, Words]], known: dict[tuple[str, Words], Composed]) -> None:
+def _add_other_values(split: Sequence[dict[str, Words]], known: Known) -> None:
     """Add the sets of overrides that no composition had: that of the first like them, with their own values."""
     for factor in split[0]:
         parts = list(dict.fromkeys(parts[factor] for parts in split))
@@ -106,24 +143,23 @@ def _add_other_values(split: Sequence[dict[str, Words]], known: dict[tuple[str, 
                 known[factor, words] = _with_values(first, varied[common], words)
 
 
-def _part_of(composed: Composed, factor: str) -> DictConfig:
+def _part_of(composed: Composition, factor: str) -> DictConfig:
     """A copy of what a factor decides of a configuration."""
-    assert composed.config is not None  # noqa: S101 - Hydra has just composed it
-    keys = [str(key) for key in composed.config if key != "hydra" and key not in INDEPENDENT]
+    keys = [str(key) for key in composed.config if key not in INDEPENDENT]
     copied = OmegaConf.masked_copy(composed.config, keys if factor == REST else [factor]).copy()
     OmegaConf.set_struct(copied, True)  # noqa: FBT003 - OmegaConf's signature
     return copied
 
 
-def _with_values(first: Composed, part: DictConfig, words: Words) -> Composed:
+def _with_values(first: Composition, part: DictConfig, words: Words) -> Composition:
     """Set the parameters among ``words`` in ``part``, as Hydra does, over those of the set before."""
     parameters = [word for word in words if _is_parameter(word)]
     ConfigLoaderImpl._apply_overrides_to_config(OverridesParser.create().parse_overrides(parameters), part)  # noqa: SLF001 - what Hydra itself does with them
     plain: Any = OmegaConf.to_container(part)
-    return Composed({**first.plain, **plain}, first.choices, first.overrides)
+    return replace(first, plain=plain)
 
 
-def _assembled(job: Job, parts: dict[str, Words], known: dict[tuple[str, Words], Composed]) -> Composed:
+def _assembled(job: Job, parts: dict[str, Words], known: Known) -> Composed:
     """Take each group's part from the composition that knows its overrides."""
     common = known[REST, parts[REST]]
     plain, choices = dict(common.plain), dict(common.choices)
@@ -134,25 +170,12 @@ def _assembled(job: Job, parts: dict[str, Words], known: dict[tuple[str, Words],
     return _resolved(Composed(plain, choices, list(job)))
 
 
-def _compose(loader: ConfigLoader, config: DictConfig, job: Job) -> Composed:
-    composed = loader.load_sweep_config(config, list(job))
-    choices: Any = OmegaConf.to_container(composed.hydra.runtime.choices)
-    overrides: Any = OmegaConf.to_container(composed.hydra.overrides.task)
-    plain: Any = OmegaConf.to_container(OmegaConf.masked_copy(composed, [str(k) for k in composed if k != "hydra"]))
-    return Composed(plain, choices, overrides, composed)
-
-
 def _resolved(composed: Composed) -> Composed:
     """Resolve what refers to other parts; only then is OmegaConf needed, which takes longer than all the rest."""
     if "${" not in repr(composed.plain):
         return composed
     plain: Any = OmegaConf.to_container(OmegaConf.create(composed.plain), resolve=True)
     return Composed(plain, composed.choices, composed.overrides)
-
-
-def _separable(jobs: Sequence[Job]) -> bool:
-    """Whether no job chooses another experiment than the others, which might decide any part."""
-    return len({tuple(word for word in job if owner(word) == "experiment") for job in jobs}) == 1
 
 
 def _split(job: Job) -> dict[str, Words]:

@@ -4,13 +4,16 @@ import pytest
 from hydra import initialize_config_dir
 from hydra.core.global_hydra import GlobalHydra
 from hydra.errors import HydraException
+from hydra.types import RunMode
+from omegaconf import OmegaConf
 
-from jerkbench.hydra_app import composition
+from jerkbench import plugins
 from jerkbench.hydra_app.composition import compose_jobs
 from jerkbench.hydra_app.configuration import register_schemas
 from jerkbench.hydra_app.hydra_parts import register_hydra_parts
+from jerkbench.hydra_app.light_composition import Composer
 from jerkbench.hydra_app.swept_disturbances import only_of_chosen
-from jerkbench.presets import config_folder
+from jerkbench.presets import config_folder, preset_names
 
 JOBS = [
     [dataset, disturbance, model, adaptation, noise, "seeds=3", "adaptation.window=2"][
@@ -33,38 +36,95 @@ def loader():
 
 
 def base(loader):
-    from hydra.types import RunMode
-
     return loader.load_configuration("config", [], run_mode=RunMode.MULTIRUN)
 
 
-def test_parts_give_what_composing_each_job_gives_and_cost_one_composition_for_each_value(loader, monkeypatch):
+def by_hydra(loader, config, job):
+    """What Hydra itself makes of a job: its configuration as plain data, and its choices."""
+    composed = loader.load_sweep_config(config, list(job))
+    plain = OmegaConf.to_container(composed, resolve=False)
+    plain.pop("hydra")
+    resolved = OmegaConf.to_container(OmegaConf.create(plain), resolve=True)
+    return resolved, {k: v for k, v in composed.hydra.runtime.choices.items() if v is not None}
+
+
+def of_parts(loader, config, jobs):
+    """The same from parts."""
+    made = compose_jobs(loader, config, jobs)
+    assert [one.overrides for one in made] == [list(job) for job in jobs]
+    return [(one.plain, {k: v for k, v in one.choices.items() if v is not None}) for one in made]
+
+
+@pytest.fixture
+def compositions(monkeypatch):
+    """The jobs that are composed as a whole."""
+    calls, compose = [], Composer.compose
+    monkeypatch.setattr(Composer, "compose", lambda composer, job: calls.append(job) or compose(composer, job))
+    return calls
+
+
+def test_parts_give_what_composing_each_job_gives_and_cost_few_compositions(loader, compositions):
     config = base(loader)
-    chosen = range(0, 32, 5)
-    one_by_one = [composition._resolved(composition._compose(loader, config, JOBS[k])) for k in chosen]
-    calls = []
-    original = composition._compose
-    monkeypatch.setattr(composition, "_compose", lambda *words: calls.append(words) or original(*words))
-    together = compose_jobs(loader, config, JOBS)
+    together = of_parts(loader, config, JOBS)
 
     assert len(JOBS) == 32
-    assert len(calls) <= 12  # two values of five factors, and one for each group that no job mentions
-    for k, alone in zip(chosen, one_by_one, strict=True):
-        job, part = JOBS[k], together[k]
-        assert alone.plain == part.plain, job
-        assert {k: v for k, v in alone.choices.items() if v is not None} == {
-            k: v for k, v in part.choices.items() if v is not None
-        }, job
-        assert sorted(alone.overrides) == sorted(part.overrides)
+    assert len(compositions) <= 4  # of two data sets, and of what brings other files along
+    for k in range(0, 32, 5):
+        assert together[k] == by_hydra(loader, config, JOBS[k]), JOBS[k]
 
 
-def test_several_experiments_are_composed_one_by_one(loader):
-    jobs = [["experiment=paper"], ["experiment=drive", "dataset.folder=anywhere"]]
-    paper, drive = compose_jobs(loader, base(loader), jobs)
+def test_every_plugin_and_preset_is_what_hydra_makes_of_it(loader, compositions):
+    """One value of each group after the other, until none has another one."""
+    config = base(loader)
+    values = {
+        group: [*plugins.names(group), *preset_names(group)] if group in plugins.KINDS else preset_names(group)
+        for group in ("filter", "adaptation", "noise", "disturbance", "attitude")
+    }
+    most = max(map(len, values.values()))
+    jobs = [[f"{group}={names[k % len(names)]}" for group, names in values.items()] for k in range(most)]
+    together = of_parts(loader, config, jobs)
 
-    assert (paper.plain["dataset"]["name"], drive.plain["dataset"]["name"]) == ("field", "rtklib")
-    assert (paper.plain["study"], drive.plain["study"]) == ("paper", "drive")
-    assert paper.plain["seeds"] == 20
+    assert len(compositions) < len(jobs)
+    for k in range(0, most, 3):
+        assert together[k] == by_hydra(loader, config, jobs[k]), jobs[k]
+
+
+def test_an_experiment_that_decides_a_part_decides_it_for_whatever_takes_its_place(loader, tmp_path):
+    """What an experiment says of a filter holds for all filters that have such a parameter."""
+    (tmp_path / "experiment").mkdir()
+    (tmp_path / "experiment" / "own.yaml").write_text(
+        "# @package _global_\nstudy: own\nfilter:\n  accel_mps2: 0.7\n", encoding="utf-8"
+    )
+    words = [f"hydra.searchpath=[file://{tmp_path}]"]
+    config = loader.load_configuration("config", words, run_mode=RunMode.MULTIRUN)
+    jobs = [["experiment=own", f"filter={name}"] for name in ("jerk", "baseline", "baseline_naive")]
+    jobs += [["experiment=own", "filter=jerk", "filter.accel_mps2=3"]]
+
+    made = of_parts(loader, config, jobs)
+    assert made == [by_hydra(loader, config, job) for job in jobs]
+    assert [plain["filter"]["accel_mps2"] for plain, _ in made] == [0.7, 0.7, 0.7, 3]
+
+
+def test_what_an_experiment_says_that_a_plugin_does_not_know_is_refused(loader, tmp_path):
+    (tmp_path / "experiment").mkdir()
+    (tmp_path / "experiment" / "own.yaml").write_text(
+        "# @package _global_\nadaptation:\n  window: 7\n", encoding="utf-8"
+    )
+    words = [f"hydra.searchpath=[file://{tmp_path}]"]
+    config = loader.load_configuration("config", words, run_mode=RunMode.MULTIRUN)
+    with pytest.raises(HydraException):
+        compose_jobs(loader, config, [["experiment=own", f"adaptation={name}"] for name in ("mtf", "none")])
+
+
+def test_several_experiments_are_composed_each_by_its_parts(loader, compositions):
+    rules = ("none", "mtf", "huber", "scalar_r")
+    jobs = [[f"experiment={name}", f"adaptation={rule}"] for rule in rules for name in ("paper", "drive")]
+    jobs += [["experiment=drive", "dataset.folder=anywhere"]]
+    together = of_parts(loader, base(loader), jobs)
+
+    assert len(compositions) == 4  # paper, drive, drive without a word on the adaptation and with one on the data
+    assert together[::4] == [by_hydra(loader, base(loader), job) for job in jobs[::4]]
+    assert [plain["study"] for plain, _ in together] == ["paper", "drive"] * 4 + ["drive"]
 
 
 def test_what_refers_to_another_part_is_resolved_in_each_job(loader):
@@ -78,7 +138,7 @@ def test_what_refers_to_another_part_is_resolved_in_each_job(loader):
     assert [one.plain["notes"] for one in made] == [["jerk none"], ["jerk mtf"], ["bias none"], ["bias mtf"]]
 
 
-def test_values_of_a_parameter_take_one_composition_and_are_what_composing_each_gives(loader, monkeypatch):
+def test_values_of_a_parameter_take_one_composition_and_are_what_composing_each_gives(loader, compositions):
     config = base(loader)
     jobs = [
         [f"noise.accel_mps2={accel}", f"dataset.duration_s={length}", f"burn_in_s={burn}", "filter=jerk"]
@@ -86,13 +146,10 @@ def test_values_of_a_parameter_take_one_composition_and_are_what_composing_each_
         for length in ("20", "30.5")
         for burn in ("0", "7")
     ]
-    alone = [composition._resolved(composition._compose(loader, config, job)) for job in jobs]
-    calls = []
-    original = composition._compose
-    monkeypatch.setattr(composition, "_compose", lambda *words: calls.append(words) or original(*words))
+    made = of_parts(loader, config, jobs)
 
-    assert [one.plain for one in compose_jobs(loader, config, jobs)] == [one.plain for one in alone]
-    assert len(calls) <= 2
+    assert len(compositions) == 1
+    assert made[::4] == [by_hydra(loader, config, job) for job in jobs[::4]]
 
 
 def test_a_value_of_the_wrong_type_is_refused_wherever_it_stands(loader):

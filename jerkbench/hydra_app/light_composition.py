@@ -1,0 +1,196 @@
+"""Hydra's composition of a job without Hydra's own part, which is that of the whole sweep.
+
+Files are read once a sweep. A choice that stands for itself (a plugin, or a preset without a defaults list) takes the
+place of another one of its group without anything else being composed.
+"""
+
+import copy
+import re
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from typing import Any
+
+from hydra._internal.config_loader_impl import ConfigLoaderImpl
+from hydra._internal.config_repository import CachingConfigRepository
+from hydra._internal.defaults_list import create_defaults_list
+from hydra.core.config_loader import ConfigLoader
+from hydra.core.default_element import GroupDefault, ResultDefault
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.core.override_parser.types import Override
+from hydra.errors import ConfigCompositionException
+from hydra.plugins.config_source import ConfigResult, ConfigSource
+from hydra.types import RunMode
+from omegaconf import DictConfig, OmegaConf, open_dict
+from omegaconf.errors import OmegaConfBaseException
+
+OWN = "hydra"
+"""The key, and the folder of groups, of what belongs to Hydra itself."""
+
+NAME = re.compile(r"[A-Za-z_]\w*")
+"""A choice that is one name."""
+
+
+@dataclass(frozen=True, eq=False)
+class Composition:
+    """A composed job.
+
+    Attributes:
+        config: the configuration without its ``hydra`` part, or a part of it.
+        plain: the same as plain data.
+        choices: the choice for each group.
+        defaults: the files it is made of, in order.
+    """
+
+    config: DictConfig
+    plain: dict[str, Any]
+    choices: dict[str, Any]
+    defaults: Sequence[ResultDefault]
+
+
+class Composer:
+    """Composes the jobs of one sweep."""
+
+    def __init__(self, loader: ConfigLoader, config: DictConfig) -> None:
+        """Take Hydra's loader, and the configuration of the sweep."""
+        assert isinstance(loader, ConfigLoaderImpl)  # noqa: S101 - Hydra has no other
+        self._loader, self._sweep = loader, config
+        words: Any = OmegaConf.to_container(config.hydra.overrides.hydra)
+        _, repository = loader._parse_overrides_and_create_caching_repo(config.hydra.job.config_name, words)  # noqa: SLF001 - Hydra's own way to its files
+        self._files = _Files(repository)
+        self._own = {key: value for key, value in config.hydra.runtime.choices.items() if key.startswith(f"{OWN}/")}
+
+    def compose(self, job: Sequence[str]) -> Composition:
+        """Compose what a job is without its ``hydra`` part.
+
+        Raises:
+            HydraException: it cannot be composed; the words of the error are Hydra's.
+        """
+        with _in_words_of_hydra():
+            return self._composed(OverridesParser.create().parse_overrides(list(job)))
+
+    def _composed(self, words: list[Override]) -> Composition:
+        loader = self._loader
+        loader.validate_sweep_overrides_legal(overrides=words, run_mode=RunMode.RUN, from_shell=True)
+        listed = create_defaults_list(
+            repo=self._files,
+            config_name=self._sweep.hydra.job.config_name,
+            overrides_list=words,
+            prepend_hydra=False,
+            skip_missing=False,
+        )
+        config = loader._compose_config_from_defaults_list(defaults=listed.defaults, repo=_Copies(self._files))  # noqa: SLF001
+        self._apply(listed.config_overrides, config)
+        choices = {**self._own, **listed.overrides.known_choices}
+        return Composition(config, _plain(config), choices, listed.defaults)
+
+    def _apply(self, words: list[Override], config: DictConfig) -> None:
+        OmegaConf.set_struct(config, True)  # noqa: FBT003 - OmegaConf's signature
+        ConfigLoaderImpl._apply_overrides_to_config(words, config)  # noqa: SLF001 - what Hydra itself does with them
+        OmegaConf.copy_cache(from_config=self._sweep, to_config=config)
+
+    def exchanged(self, base: Composition, group: str, words: Sequence[str]) -> Composition | None:
+        """Return what ``base`` would be with other ``words`` for one group; None where only composing can tell.
+
+        Args:
+            base: composed, with a choice of that group.
+            group: whose part is all that the answer holds.
+            words: a choice of the group and values of its parameters.
+        """
+        choices = [word.partition("=")[2] for word in words if word.partition("=")[0] == group]
+        if len(choices) != 1 or not NAME.fullmatch(choices[0]) or not self._alone(f"{group}/{choices[0]}"):
+            return None
+        places = [place for place, default in enumerate(base.defaults) if default.override_key == group]
+        if len(places) != 1 or not self._alone(str(base.defaults[places[0]].config_path)):
+            return None
+        defaults = list(base.defaults)
+        defaults[places[0]] = self._in_place_of(defaults[places[0]], group, choices[0])
+        with _in_words_of_hydra():
+            config = self._part(defaults, group)
+        parameters = [word for word in words if word.partition("=")[0] != group]
+        self._apply(OverridesParser.create().parse_overrides(parameters), config)
+        return Composition(config, _plain(config), {**base.choices, group: choices[0]}, defaults)
+
+    def _alone(self, path: str) -> bool:
+        """Whether a file brings no other along, and stands in its own group."""
+        loaded = self._files.load_config(path)
+        if loaded is None or loaded.header["package"] == "_global_" or "defaults" in loaded.config:
+            return False
+        return not loaded.defaults_list
+
+    def _in_place_of(self, default: ResultDefault, group: str, name: str) -> ResultDefault:
+        loaded = self._files.load_config(f"{group}/{name}")
+        assert loaded is not None  # noqa: S101 - it stands for itself
+        return replace(default, config_path=f"{group}/{name}", package=loaded.header["package"] or group)
+
+    def _part(self, defaults: Sequence[ResultDefault], group: str) -> DictConfig:
+        """Compose the part of one group alone."""
+        copies, config = _Copies(self._files), OmegaConf.create()
+        for default in defaults:
+            package = (default.package or "").partition(".")[0]
+            if package == group or (not package and self._has(str(default.config_path), group)):
+                loaded = self._loader._load_single_config(default=default, repo=copies)  # noqa: SLF001 - as above
+                config.merge_with(OmegaConf.masked_copy(loaded.config, [group]))
+        return config
+
+    def _has(self, path: str, group: str) -> bool:
+        """Whether a file of the whole configuration says anything of a group."""
+        loaded = self._files.load_config(path)
+        return loaded is not None and group in loaded.config
+
+
+class _Files(CachingConfigRepository):
+    """The files of a sweep, each read once, without what belongs to Hydra."""
+
+    def __init__(self, files: CachingConfigRepository) -> None:
+        super().__init__(files.delegate)
+
+    def load_config(self, config_path: str) -> ConfigResult | None:
+        """Load a file."""
+        known = f"config_path={config_path}" in self.cache
+        loaded = super().load_config(config_path)
+        if loaded is None or known:
+            return loaded
+        loaded.defaults_list = [default for default in loaded.defaults_list or [] if not _is_own(default)]
+        if isinstance(loaded.config, DictConfig) and OWN in loaded.config:
+            loaded.config = copy.deepcopy(loaded.config)
+            with open_dict(loaded.config):
+                del loaded.config[OWN]
+        return loaded
+
+
+class _Copies:
+    """Files whose content may be changed."""
+
+    def __init__(self, files: _Files) -> None:
+        self._files = files
+
+    def load_config(self, config_path: str) -> ConfigResult | None:
+        """Load a file."""
+        loaded = self._files.load_config(config_path)
+        if loaded is not None:
+            loaded = copy.copy(loaded)
+            loaded.config = copy.deepcopy(loaded.config)
+        return loaded
+
+    def get_schema_source(self) -> ConfigSource:
+        """Return where Hydra looks for schemas."""
+        return self._files.get_schema_source()
+
+
+@contextmanager
+def _in_words_of_hydra() -> Iterator[None]:
+    """Raise what Hydra's own composition raises."""
+    try:
+        yield
+    except OmegaConfBaseException as error:
+        raise ConfigCompositionException from error
+
+
+def _plain(config: DictConfig) -> dict[str, Any]:
+    plain: Any = OmegaConf.to_container(config)
+    return plain
+
+
+def _is_own(default: object) -> bool:
+    return isinstance(default, GroupDefault) and str(default.group).startswith(f"{OWN}/")
