@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, cast
 
 from hydra._internal.config_loader_impl import ConfigLoaderImpl
 from hydra._internal.config_repository import CachingConfigRepository
@@ -58,6 +58,7 @@ class Composer:
         words: Any = OmegaConf.to_container(config.hydra.overrides.hydra)
         _, repository = loader._parse_overrides_and_create_caching_repo(config.hydra.job.config_name, words)  # noqa: SLF001 - Hydra's own way to its files
         self._files = _Files(repository)
+        self._copies: Any = _Copies(self._files)  # Hydra's type has more methods than are asked for
         self._own = {key: value for key, value in config.hydra.runtime.choices.items() if key.startswith(f"{OWN}/")}
 
     def compose(self, job: Sequence[str]) -> Composition:
@@ -79,7 +80,7 @@ class Composer:
             prepend_hydra=False,
             skip_missing=False,
         )
-        config = loader._compose_config_from_defaults_list(defaults=listed.defaults, repo=_Copies(self._files))  # noqa: SLF001
+        config = loader._compose_config_from_defaults_list(defaults=listed.defaults, repo=self._copies)  # noqa: SLF001
         self._apply(listed.config_overrides, config)
         choices = {**self._own, **listed.overrides.known_choices}
         return Composition(config, _plain(config), choices, listed.defaults)
@@ -125,12 +126,12 @@ class Composer:
 
     def _part(self, defaults: Sequence[ResultDefault], group: str) -> DictConfig:
         """Compose the part of one group alone."""
-        copies, config = _Copies(self._files), OmegaConf.create()
+        config = OmegaConf.create()
         for default in defaults:
             package = (default.package or "").partition(".")[0]
             if package == group or (not package and self._has(str(default.config_path), group)):
-                loaded = self._loader._load_single_config(default=default, repo=copies)  # noqa: SLF001 - as above
-                config.merge_with(OmegaConf.masked_copy(loaded.config, [group]))
+                loaded: Any = self._loader._load_single_config(default=default, repo=self._copies).config  # noqa: SLF001 - as above
+                config.merge_with(OmegaConf.masked_copy(loaded, [group]))
         return config
 
     def _has(self, path: str, group: str) -> bool:
@@ -188,8 +189,7 @@ def _in_words_of_hydra() -> Iterator[None]:
 
 
 def _plain(config: DictConfig) -> dict[str, Any]:
-    plain: Any = OmegaConf.to_container(config)
-    return plain
+    return cast("dict[str, Any]", OmegaConf.to_container(config))
 
 
 def _is_own(default: object) -> bool:
