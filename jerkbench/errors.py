@@ -13,6 +13,9 @@ INTERRUPTED = 130
 """Exit code of the command line after Ctrl-C."""
 
 
+LONGEST = 8000
+"""Characters of a message."""
+
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
 """Errors of the system for a full disk."""
 
@@ -48,5 +51,13 @@ def article(noun: str) -> str:
 
 def exit_with(error: JerkbenchError) -> NoReturn:
     """End the command line with the sentence of ``error``."""
-    print(f"jerkbench: {error}", file=sys.stderr)
+    print(f"jerkbench: {shortened(str(error))}", file=sys.stderr)
     raise SystemExit(BAD_INPUT) from None
+
+
+def shortened(text: str) -> str:
+    """Return ``text`` without its middle where it is longer than a screen, as one that repeats megabytes."""
+    if len(text) <= LONGEST:
+        return text
+    half = LONGEST // 2
+    return f"{text[:half]} [... {len(text) - 2 * half} characters ...] {text[-half:]}"

@@ -5,6 +5,7 @@ import os
 import re
 import shutil
 import sys
+import time
 from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
@@ -148,6 +149,41 @@ def test_a_signed_cell_that_lacks_something_is_damaged(whole, hostile, tmp_path,
     assert f"1 damaged file of cells is left out: {signed.stem}." in capsys.readouterr().out
     assert ending(["rerun", str(folder), signed.stem]) == 2
     assert "is damaged" in capsys.readouterr().err
+
+
+PROTOCOL = {"seeds": 1, "first_seed": 0, "burn_in_s": 5.0, "divergence_limit_m": 1000.0}
+
+
+@pytest.mark.parametrize(
+    ("column", "forged", "sentence"),
+    [
+        ("cell.spec.dataset", {"name": "field", "duration_s": 1e12}, "a simulated drive has at most"),
+        ("cell.spec.dataset", {"name": "field", "position_sigma_m": [0.01] * 100_000}, "at most 100000 are taken"),
+        ("cell.spec.disturbance", [{"name": "none"}] * 10_000, "at most 100000 are taken"),
+        ("cell.spec.filter", {"name": "x" * 5_000_000}, "at most 100000 are taken"),
+        ("cell.spec.filter", {"name": "x" * 50_000}, "characters ...]"),
+        ("cell.spec.adaptation", {"name": "cerkf_r", "passes": 10**12}, "must be from 1 to 1000"),
+        ("cell.protocol", PROTOCOL | {"seeds": 10**9}, "a cell has at most"),
+        ("cell.spec.filter", "deep", "is damaged"),
+    ],
+)
+def test_a_forged_configuration_of_any_size_is_refused_at_once(
+    whole, hostile, tmp_path, capsys, column, forged, sentence
+):
+    folder = shutil.copytree(whole, tmp_path / "study")
+    path = min((folder / "cells").iterdir())
+    table = hostile.pq.read_table(path)
+    text = '{"name":' * 100_000 + "1" + "}" * 100_000 if forged == "deep" else json.dumps(forged)
+    place = table.column_names.index(column)
+    values = hostile.pa.array([text, *table.column(column).to_pylist()[1:]], table.schema.field(column).type)
+    signed = hostile.sign(path, table.set_column(place, column, values))
+    begun = time.monotonic()
+
+    assert ending(["rerun", str(folder), signed.stem if forged == "deep" else table["cell.key"][0].as_py()]) == 2
+    printed = capsys.readouterr()
+    assert sentence in printed.err
+    assert len(printed.err) < 10_000
+    assert time.monotonic() - begun < 10.0
 
 
 NAME = '"><img src=x onerror=alert(1)>'

@@ -1,5 +1,6 @@
 """The ranges that parameters of several adaptations share."""
 
+from jerkbench.errors import PluginError
 from jerkbench.parameters import Range
 
 FORGETTING = Range(0.7, 0.999, toward_one=True, source="ours: from a memory of three updates to one of 1000")
@@ -11,3 +12,16 @@ FREEDOM = Range(1.0, 100.0, log=True, source="ours: from Cauchy's tails to all b
 SHRINKING = Range(0.01, 1.0, log=True, source="ours: from a tenth of the reported sigma to no shrinking")
 WINDOW = Range(3, 200, log=True, source="ours: from an estimate that is noise itself to 40 s of fixes at 5 Hz")
 SHORT_WINDOW = Range(1, 50, log=True, source="ours: from the paper's single innovation to ten seconds of fixes at 5 Hz")
+
+MOST_PASSES = 1000
+"""Of an update: a hundred times those of the papers; more take a run from minutes to years."""
+
+
+def check_passes(name: str, passes: int) -> None:
+    """Refuse a number of passes that is none, or that no run would end with.
+
+    Raises:
+        PluginError: it is below 1 or above `MOST_PASSES`.
+    """
+    if not 1 <= passes <= MOST_PASSES:
+        raise PluginError(f"{name}.passes is {passes}; it must be from 1 to {MOST_PASSES}.")

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import numpy as np
 
-from jerkbench.adaptation._ranges import BANDWIDTH
+from jerkbench.adaptation._ranges import BANDWIDTH, check_passes
 from jerkbench.adaptation._residuals import gaussian_kernel, residual_after, reweighted, standardised
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
@@ -59,8 +59,7 @@ class CentredErrorEntropyR:
                 f"cerkf_r.centre_bandwidth and pair_bandwidth are {self.centre_bandwidth} and {self.pair_bandwidth};"
                 " they must be above 0."
             )
-        if self.passes < 1:
-            raise PluginError(f"cerkf_r.passes is {self.passes}; it must be at least 1.")
+        check_passes("cerkf_r", self.passes)
 
     def adapt(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import numpy as np
 
-from jerkbench.adaptation._ranges import BANDWIDTH
+from jerkbench.adaptation._ranges import BANDWIDTH, check_passes
 from jerkbench.adaptation._residuals import gaussian_kernel, residual_after, reweighted, standardised
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
@@ -43,11 +43,9 @@ class MaximumCorrentropyR:
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        if not (self.bandwidth > 0 and self.passes >= 1):
-            raise PluginError(
-                f"maximum_correntropy_r.bandwidth is {self.bandwidth} and passes {self.passes}; bandwidth must be above"
-                " 0 and passes at least 1."
-            )
+        if not self.bandwidth > 0:
+            raise PluginError(f"maximum_correntropy_r.bandwidth is {self.bandwidth}; it must be above 0.")
+        check_passes("maximum_correntropy_r", self.passes)
 
     def adapt(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import numpy as np
 
-from jerkbench.adaptation._ranges import FREEDOM
+from jerkbench.adaptation._ranges import FREEDOM, check_passes
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
 from jerkbench.parameters import Origin
@@ -44,10 +44,9 @@ class StatisticalSimilarityR:
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        if not (self.nu > 0 and self.passes >= 1):
-            raise PluginError(
-                f"ssmkf_r.nu is {self.nu} and passes {self.passes}; nu must be above 0 and passes at least 1."
-            )
+        if not self.nu > 0:
+            raise PluginError(f"ssmkf_r.nu is {self.nu}; it must be above 0.")
+        check_passes("ssmkf_r", self.passes)
 
     def adapt(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray

@@ -6,7 +6,7 @@ from typing import Annotated
 import numpy as np
 
 from jerkbench.adaptation._measured import distances, fill_square, first_distance, innovate, measured_of, mix, spread
-from jerkbench.adaptation._ranges import FREEDOM
+from jerkbench.adaptation._ranges import FREEDOM, check_passes
 from jerkbench.adaptation._stack import check_sides
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
@@ -52,11 +52,9 @@ class StudentT:
     def __post_init__(self) -> None:
         """Check the ranges."""
         check_sides("student_t", self.sides)
-        if not (self.nu > 0 and self.tau > 0 and self.passes >= 1):
-            raise PluginError(
-                f"student_t.nu is {self.nu}, tau {self.tau} and passes {self.passes}; nu and tau must be above 0 and"
-                " passes at least 1."
-            )
+        if not (self.nu > 0 and self.tau > 0):
+            raise PluginError(f"student_t.nu is {self.nu} and tau {self.tau}; both must be above 0.")
+        check_passes("student_t", self.passes)
 
     def memory_size(self) -> int:
         """Return 1: lambda, from the prior's turn to that of R."""

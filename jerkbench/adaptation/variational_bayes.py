@@ -6,7 +6,7 @@ from typing import Annotated
 
 import numpy as np
 
-from jerkbench.adaptation._ranges import FORGETTING
+from jerkbench.adaptation._ranges import FORGETTING, check_passes
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
 from jerkbench.parameters import Origin, Range
@@ -51,11 +51,9 @@ class VariationalBayes:
         """Check the ranges."""
         if not 0 < self.forgetting < 1:
             raise PluginError(f"variational_bayes.forgetting is {self.forgetting}; it must lie between 0 and 1.")
-        if not (self.start > 0 and self.passes >= 1):
-            raise PluginError(
-                f"variational_bayes.start is {self.start} and passes {self.passes}; start must be above 0 and passes at"
-                " least 1."
-            )
+        if not self.start > 0:
+            raise PluginError(f"variational_bayes.start is {self.start}; it must be above 0.")
+        check_passes("variational_bayes", self.passes)
 
     def memory_size(self) -> int:
         """Return 12: alpha and beta of each row."""

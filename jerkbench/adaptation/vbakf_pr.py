@@ -7,7 +7,7 @@ from typing import Annotated
 import numpy as np
 
 from jerkbench.adaptation._measured import Measured, fill_square, innovate, measured_of, mix, spread
-from jerkbench.adaptation._ranges import FORGETTING
+from jerkbench.adaptation._ranges import FORGETTING, check_passes
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
 from jerkbench.parameters import Origin, Range
@@ -59,11 +59,9 @@ class VariationalPriorAndNoise:
         """Check the ranges."""
         if not 0 < self.forgetting <= 1:
             raise PluginError(f"vbakf_pr.forgetting is {self.forgetting}; it must be above 0 and at most 1.")
-        if not (self.tau > 0 and self.start > 0 and self.passes >= 1):
-            raise PluginError(
-                f"vbakf_pr.tau is {self.tau}, start {self.start} and passes {self.passes}; tau and start must be above"
-                " 0 and passes at least 1."
-            )
+        if not (self.tau > 0 and self.start > 0):
+            raise PluginError(f"vbakf_pr.tau is {self.tau} and start {self.start}; both must be above 0.")
+        check_passes("vbakf_pr", self.passes)
 
     def memory_size(self) -> int:
         """Return the length of u and U of each set of rows."""

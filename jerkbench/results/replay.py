@@ -1,5 +1,6 @@
 """The replay of a stored row from its own configuration."""
 
+import json
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +18,9 @@ from jerkbench.recording import Recording
 from jerkbench.results.content import Stored
 from jerkbench.results.store import Store
 from jerkbench.results.study import load_study
+
+LARGEST = 100_000
+"""Characters of a stored specification: the longest of this project's own studies has some thousands."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,9 +103,14 @@ def _cell_of(stored: Stored) -> Cell:
     """The cell that the stored configuration describes.
 
     Raises:
-        JerkbenchError: it describes none, at least not for this version of the plugins.
+        JerkbenchError: it describes none, at least not for this version of the plugins, or is too large to be true.
     """
     metadata = stored.metadata
+    if (size := len(json.dumps(metadata["spec"]))) > LARGEST:
+        raise JerkbenchError(
+            f"The configuration that is stored with the cell {stored.key} has {size} characters, and at most {LARGEST}"
+            " are taken: no run writes that much. It is damaged, or forged."
+        )
     try:
         return build(metadata["spec"], Protocol(**metadata["protocol"]), Labels(**metadata["labels"]))
     except (TypeError, ValueError, ArithmeticError, LookupError, AttributeError) as error:
