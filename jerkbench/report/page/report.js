@@ -77,7 +77,7 @@ function content(key) {
   const cell = details.cells[key];
   const spread = cell.metrics.map(([title, ...values]) => [details.shared[title], ...values]);
   const record = { spec: entries(cell.spec), ...entries(cell.told) };
-  const again = element("p", `cells/${key}.parquet; once more: jerkbench rerun FOLDER ${key}`);
+  const again = element("p", `Cell ${key}; once more: jerkbench rerun FOLDER ${key}`);
   again.className = "muted";
   return [
     grid(["metric", "median", "lowest", "highest"], spread),

@@ -160,15 +160,27 @@
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
   }
 
-  document.addEventListener("cell", (event) => {
+  let cell = null;
+
+  function drawCell() {
     const box = byId("cell-trace");
     box.replaceChildren();
     for (const scenario of traces.scenarios) {
-      const line = scenario.lines.find((one) => one.key === event.detail);
+      const line = scenario.lines.find((one) => one.key === cell);
       if (line === undefined) continue;
-      plotted(box, scenario, [{ ...line, values: error(line) }], `Position error [m], ${scenario.draw}`, { log: true, height: 220 });
+      const note = Object.assign(document.createElement("p"), { className: "muted", textContent: `${scenario.name}: ${scenario.draw}` });
+      box.append(note);
+      plotted(box, scenario, [{ ...line, values: error(line) }], "Position error [m]", { log: true, height: 220 });
     }
     if (!box.hasChildNodes()) box.textContent = "This cell's error over time is not in this file.";
+  }
+
+  document.addEventListener("cell", (event) => {
+    cell = event.detail;
+    drawCell();
+  });
+  window.addEventListener("resize", () => {
+    if (byId("cell-trace")?.closest("dialog").open) drawCell();
   });
   if (traces.scenarios.length) start();
 }

@@ -42,3 +42,21 @@ def test_axe_finds_nothing_serious(screen):
     violations, passes = screen.execute_async_script(checks)
     assert passes > 10
     assert [one for one in violations if one[0] in {"serious", "critical"}] == []
+
+
+def test_the_plot_of_an_opened_cell_fits_its_dialog(screen):
+    from selenium.webdriver.support.ui import WebDriverWait
+
+    screen.execute_script("document.querySelector('#cells button[data-key]').click()")
+    WebDriverWait(screen, 20).until(lambda one: one.find_elements("css selector", "#cell-trace canvas"))
+    measured = (
+        "const dialog = document.querySelector('dialog[open]');"
+        "const right = dialog.getBoundingClientRect().left + dialog.clientLeft + dialog.clientWidth;"
+        "return [dialog.scrollWidth, dialog.clientWidth, right,"
+        " ...[...dialog.querySelectorAll('.uplot, #cell-trace p')].map((one) => one.getBoundingClientRect().right)]"
+    )
+    width, room, right, *ends = screen.execute_script(measured)
+    assert width <= room
+    assert len(ends) > 1
+    assert all(end <= right for end in ends)
+    assert "seed" in screen.find_element("css selector", "#cell-trace p").text

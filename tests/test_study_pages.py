@@ -1,0 +1,64 @@
+"""The pages of the studies against the rows that are kept beside them: quotations, and tables."""
+
+import re
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from jerkbench.report.analysis.findings import sentence, varying_factors
+from jerkbench.report.analysis.study_verdicts import study_verdicts
+from jerkbench.report.tables.summary import summarise
+from jerkbench.results.study import load_study
+
+ROOT = Path(__file__).parents[1]
+KEPT = {"paper": "paper20", "faithful": "faithful"}
+"""Pages that quote, and the folders of their rows."""
+
+METRIC = "position_rmse_m"
+
+
+def page(study):
+    return (ROOT / "experiments" / study / "README.md").read_text(encoding="utf-8")
+
+
+@cache
+def rows(study):
+    return load_study(ROOT / "results" / KEPT.get(study, study)).rows
+
+
+@cache
+def sentences(study):
+    """Every comparison of the study's family, as either side sees it, and "equal" in either order."""
+    varying = varying_factors(rows(study))
+    judged = study_verdicts(rows(study), METRIC).judged.values()
+    return "\n".join(sentence(seen, varying) for own in judged for seen in (own, own.turned))
+
+
+@pytest.mark.parametrize("study", KEPT)
+def test_what_is_quoted_is_said_by_the_rows(study):
+    text = page(study).replace("\n", " ")
+    quoted = [words for words in re.findall(r'"([^"]+)"', text) if re.search(r"\d times|equal within", words)]
+    assert len(quoted) > 5
+    for words in quoted:
+        assert re.sub(r"\s+", " ", words) in sentences(study), words
+
+
+def cell_text(cell):
+    trouble = cell.trouble.replace("median; ", "")
+    return f"{cell.number} {trouble}".strip() if cell is not None else "-"
+
+
+def lines(study, row_keys, column_keys):
+    """The main table of a study as its page has it: numbers without intervals, the lost runs beside them."""
+    table = summarise(rows(study), METRIC, row_keys, column_keys)
+    return [
+        "| " + " | ".join([*values, *map(cell_text, cells)]) + " |"
+        for values, cells in zip(table.rows, table.cells, strict=True)
+    ]
+
+
+def test_the_table_of_faithful_has_the_numbers_of_its_rows():
+    made = lines("faithful", ["adaptation"], ["disturbance"])
+    assert len(made) == 17
+    assert [line for line in made if line not in page("faithful").splitlines()] == []
