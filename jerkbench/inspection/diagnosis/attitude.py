@@ -93,6 +93,24 @@ def _reversed_angles(imu: Imu, t_s: FloatArray, euler_rad: FloatArray) -> list[D
     return [Diagnosis("attitude of FRD", measured, "The attitude is not that of FLU in ENU", remedy)]
 
 
+def attitude_turning(recording: Recording, length_s: float, late_s: float) -> tuple[FloatArray, FloatArray] | None:
+    """Return rates (n, 3) of the reference's attitude in the body and those of the gyro, ``late_s`` later, or None.
+
+    Over windows of ``length_s``; None without such an attitude, or with fewer than 20 windows.
+    """
+    imu, reference = recording.imu, recording.reference
+    if imu is None or reference.euler_rad is None:
+        return None
+    t_s, euler_rad = _known(reference.t_s, reference.euler_rad)
+    if len(t_s) < LEAST_ROWS or np.median(np.diff(t_s)) > LONGEST_GAP_S:
+        return None
+    edges_s = np.arange(t_s[0], t_s[-1], length_s)
+    edges_s = edges_s[(edges_s + late_s > imu.t_s[0]) & (edges_s + late_s < imu.t_s[-1])]
+    if len(edges_s) <= LEAST_ROWS:
+        return None
+    return _rates(t_s, euler_rad, edges_s), window_means(imu.t_s, imu.gyro_radps, edges_s + late_s)
+
+
 def _rates(t_s: FloatArray, euler_rad: FloatArray, edges_s: FloatArray) -> FloatArray:
     unwrapped = np.unwrap(euler_rad, axis=0)
     angles = np.column_stack([np.interp(edges_s, t_s, column) for column in unwrapped.T])

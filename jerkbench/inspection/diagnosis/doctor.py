@@ -8,6 +8,7 @@ from jerkbench.inspection.diagnosis.frames import exchanged_axes
 from jerkbench.inspection.diagnosis.gyro import gyro_unit
 from jerkbench.inspection.diagnosis.mounting import mounting
 from jerkbench.inspection.diagnosis.noise import understated_noise
+from jerkbench.inspection.diagnosis.wheel import exchanged_degrees
 from jerkbench.recording import Recording
 
 QUICK = (
@@ -15,6 +16,7 @@ QUICK = (
     gyro_unit,
     mounting,
     exchanged_axes,
+    exchanged_degrees,
     attitude_mistakes,
     understated_noise,
 )

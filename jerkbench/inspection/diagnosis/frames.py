@@ -10,7 +10,9 @@ from jerkbench.inspection.diagnosis.plane import EXCHANGED, IDENTITY, PLANE, axe
 from jerkbench.inspection.diagnosis.windows import window_means
 from jerkbench.recording import Position, Recording
 
-LENGTH_S = 1.0
+LENGTHS_S = (1.0, 8.0, 32.0)
+"""Slow and coarse fixes say where they went over half a minute, not over a second."""
+
 LEAST_ROWS = 20
 
 LEAST_FIT = 0.9
@@ -30,23 +32,30 @@ class Pair(NamedTuple):
 def exchanged_axes(recording: Recording) -> list[Diagnosis]:
     """Return which of ENU velocity and reference does not have the fixes' east and north.
 
-    Both as mean velocities over 1 s, the cosine of the two series is taken for each exchange of axes and signs.
+    Both as mean velocities over 1, 8 and 32 s, the cosine of the two series is taken for each exchange of axes and
+    signs; each stream once.
     """
     position = recording.position
     if position is None:
         return []
-    return [diagnosis for pair in _pairs(recording, position) if (diagnosis := _judged(pair)) is not None]
+    told: dict[str, Diagnosis] = {}
+    for length_s in LENGTHS_S:
+        for pair in _pairs(recording, position, length_s):
+            diagnosis = _judged(pair)
+            if diagnosis is not None:
+                told.setdefault(pair.stream, diagnosis)
+    return list(told.values())
 
 
-def _pairs(recording: Recording, position: Position) -> list[Pair]:
+def _pairs(recording: Recording, position: Position, length_s: float) -> list[Pair]:
     pairs = []
     velocity, reference = recording.velocity, recording.reference
     if velocity is not None and velocity.frame == "enu":
         given = _known(velocity.t_s, velocity.mps)
-        pairs.append(_pair("velocity", "the fixes", given, position, differentiate=False))
+        pairs.append(_pair("velocity", given, position, length_s, differentiate=False))
     if reference.enu_m is not None:
         given = _known(reference.t_s, reference.enu_m)
-        pairs.append(_pair("reference", "the fixes", given, position, differentiate=True))
+        pairs.append(_pair("reference", given, position, length_s, differentiate=True))
     return [pair for pair in pairs if pair is not None]
 
 
@@ -56,18 +65,18 @@ def _known(t_s: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]
 
 
 def _pair(
-    stream: str, against: str, given: tuple[FloatArray, FloatArray], position: Position, *, differentiate: bool
+    stream: str, given: tuple[FloatArray, FloatArray], position: Position, length_s: float, *, differentiate: bool
 ) -> Pair | None:
     fix_s, places = _known(position.t_s, position.enu_m)
     t_s, values = given
     if min(len(t_s), len(fix_s)) <= LEAST_ROWS:
         return None
-    length_s = max(LENGTH_S, 2 * float(np.median(np.diff(fix_s))), 2 * float(np.median(np.diff(t_s))))
+    length_s = max(length_s, 2 * float(np.median(np.diff(fix_s))), 2 * float(np.median(np.diff(t_s))))
     edges_s = np.arange(max(t_s[0], fix_s[0]), min(t_s[-1], fix_s[-1]), length_s)
     if len(edges_s) <= LEAST_ROWS:
         return None
     velocity = _slope(t_s, values, edges_s) if differentiate else window_means(t_s, values, edges_s)
-    return Pair(stream, against, velocity, _slope(fix_s, places, edges_s))
+    return Pair(stream, "the fixes", velocity, _slope(fix_s, places, edges_s))
 
 
 def _slope(t_s: FloatArray, places: FloatArray, edges_s: FloatArray) -> FloatArray:

@@ -9,6 +9,7 @@ from jerkbench.inspection.diagnosis.diagnosis import Diagnosis
 from jerkbench.inspection.diagnosis.gyro import Turning, turning_gravity, turning_track
 from jerkbench.inspection.diagnosis.plane import IDENTITY, MIRRORED_Y, PLANE, axes_text, mended
 from jerkbench.inspection.diagnosis.relation import SURE, strength
+from jerkbench.inspection.diagnosis.wheel import wheel_windows
 from jerkbench.inspection.diagnosis.windows import LENGTHS_S, Windows, track_windows
 from jerkbench.inspection.peaks import correlation_of
 from jerkbench.recording import Recording
@@ -16,6 +17,9 @@ from jerkbench.recording import Recording
 LEAST_FIT = 0.5
 LEAST_GAIN = 0.4
 """Mended axes have to fit at least so well, and by so much better than the axes as they are (mean correlations)."""
+
+VERY_SURE, SOME_GAIN = 10.0, 0.3
+"""A fit that is weaker, of many noisy windows, has to be so many standard deviations from none, and so much better."""
 
 LEAST_TURNING = 0.4
 """A turning that goes the other way has to correlate by so much."""
@@ -29,40 +33,57 @@ class Fit(NamedTuple):
         correlation: mean of forward and left, mended.
         as_given: the same of the axes as they are.
         strength: in standard deviations from none.
+        basis: what it fits.
     """
 
     way: str
     correlation: float
     as_given: float
     strength: float
+    basis: str = "the track's acceleration"
 
     @property
     def sure(self) -> bool:
         """Whether no other way could be meant."""
-        return self.correlation >= LEAST_FIT and self.strength >= SURE
+        return self.strength >= SURE and (self.correlation >= LEAST_FIT or self.strength >= VERY_SURE)
 
     @property
     def wrong(self) -> bool:
         """Whether the axes as they are cannot be right."""
-        return self.sure and self.way != IDENTITY and self.correlation - self.as_given >= LEAST_GAIN
+        gain = self.correlation - self.as_given
+        return (
+            self.sure and self.way != IDENTITY and gain >= (LEAST_GAIN if self.correlation >= LEAST_FIT else SOME_GAIN)
+        )
 
 
 def mounting(recording: Recording) -> list[Diagnosis]:
     """Return what is wrong with the axes of the IMU, or with the east and north of the fixes.
 
-    Three witnesses: the track's forward and left acceleration against f, the track's turning against the gyro's z,
-    and gravity's turning in the body against the gyro, whose sign a mirrored mounting changes and no rotation does.
+    Four witnesses: the track's forward and left acceleration against f, the same of a wheel, the track's turning
+    against the gyro's z, and gravity's turning in the body against the gyro, whose sign a mirrored mounting changes and
+    no rotation does.
     """
     if recording.imu is None:
         return []
     fit, track, gravity = plane_fit(recording), turning_track(recording), turning_gravity(recording.imu)
-    return list(_judged(fit, _opposite(track), _opposite(gravity), track, gravity))
+    judged = list(_judged(fit, _opposite(track), _opposite(gravity), track, gravity))
+    if judged or (fit is not None and fit.sure):
+        return judged
+    wheel = wheel_fit(recording)
+    return [_turned(wheel)] if wheel is not None and wheel.wrong else []
 
 
 def plane_fit(recording: Recording) -> Fit | None:
     """Return the best way, over the windows that say most; None without an IMU or without a track."""
     lengths = (track_windows(recording, length_s) for length_s in LENGTHS_S)
     fits = [_fit(windows) for windows in lengths if windows is not None]
+    return max(fits, key=lambda fit: fit.strength, default=None)
+
+
+def wheel_fit(recording: Recording) -> Fit | None:
+    """Return the best way by what a wheel says; None without an IMU or without a wheel."""
+    lengths = (wheel_windows(recording, length_s) for length_s in LENGTHS_S)
+    fits = [_fit(windows)._replace(basis="a wheel's acceleration") for windows in lengths if windows is not None]
     return max(fits, key=lambda fit: fit.strength, default=None)
 
 
@@ -145,6 +166,6 @@ def _turning_text(turning: Turning) -> str:
 
 def _fit_text(fit: Fit) -> str:
     return (
-        f"the track's acceleration, forward and left, fits the accelerometer with its axes {fit.way} (correlation"
+        f"{fit.basis}, forward and left, fits the accelerometer with its axes {fit.way} (correlation"
         f" {fit.correlation:.2f}; as they are {fit.as_given:.2f})"
     )
