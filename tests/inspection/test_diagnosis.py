@@ -79,8 +79,8 @@ NOT_FOUND = {
     "husky": {SD},
     "zurich_mav": {CLOCK, "IMU turned by 90 degrees", "IMU turned by 180 degrees"},
 }
-"""Of the ten, with why: xsens and husky state placeholders, 10 to 100 times too large, and have no reference; a quadrotor
-feels no force of its own acceleration, and flies sideways, so that its course says nothing of its IMU."""
+"""Of the ten, with why: xsens and husky state placeholders, 10 to 100 times too large, and have no reference; a
+quadrotor feels no force of its own acceleration, and flies sideways, so that its course says nothing of its IMU."""
 
 
 def test_at_least_45_of_50_are_found():
