@@ -98,7 +98,8 @@ def _put_ranges(centres: Centres, good: Samples, phases: BoolArray) -> None:
 def _put_own_intervals(centres: Centres, grid: Grid, names: tuple[str, str], own: BoolArray) -> None:
     """Put the block bootstrap's interval of each cell of one recording; over its phases the mean of the logarithms."""
     for ends, name in zip((centres.low, centres.high), names, strict=True):
-        logs = grid.samples(np.log(grid.rows[name].to_numpy(dtype=float))).only(grid.ok)
+        with np.errstate(divide="ignore"):  # a filter that hands on its reference has no error
+            logs = grid.samples(np.log(grid.rows[name].to_numpy(dtype=float))).only(grid.ok)
         for places, values in logs.only(own[logs.owner]).by_size():
             if values.shape[1]:
                 ends[places] = np.exp(values.mean(axis=1))
