@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray
+from jerkbench.notebook import shown, stamps_text
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,3 +96,11 @@ class Estimate:
     failure: str = ""
     attitude_only: bool = False
     position_only: bool = False
+
+    def _repr_html_(self) -> str:
+        """Return how far it went and how sure it is, as a notebook shows it."""
+        lines = {"estimates": str(len(self.index)), "updates": stamps_text(self.updates.t_s)}
+        if len(self.index) and not self.attitude_only:
+            sigma = np.sqrt(np.diagonal(self.covariance[-1])[:3])
+            lines["at its end"] = "sigma of the position " + ", ".join(f"{value:.3g}" for value in sigma) + " m"
+        return shown("Estimate", lines | ({"stopped early": self.failure} if self.failure else {}))

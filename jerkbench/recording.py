@@ -14,6 +14,7 @@ import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, frozen, require, require_covariances, require_times
 from jerkbench.errors import RecordingError
+from jerkbench.notebook import shown, stamps_text
 
 GRAVITY_MPS2 = 9.81
 """Magnitude of gravity that the filters, the simulator and the gravity compensation use."""
@@ -300,6 +301,15 @@ class Recording:
     def duration_s(self) -> float:
         """Time of the last IMU sample; without an IMU, of the last fix."""
         return float(self.clock_s[-1])
+
+    def _repr_html_(self) -> str:
+        """Return its streams and notes, as a notebook shows them."""
+        streams = {"imu": self.imu, "position": self.position, "velocity": self.velocity, "heading": self.heading}
+        lines = {name: stamps_text(stream.t_s) for name, stream in streams.items() if stream is not None}
+        independent = "" if self.reference.independent else ", not independent"
+        lines["reference"] = f"{stamps_text(self.reference.t_s)}; {self.reference.source}{independent}"
+        outages = ", ".join(f"{begin:g} to {end:g} s" for begin, end in self.outages_s)
+        return shown(self.name, lines | ({"outages": outages} if outages else {}) | dict.fromkeys(self.notes, ""))
 
     def _require_fixes(self) -> None:
         """Check that a recording without an IMU has two fixes, and no velocity that an attitude would have to turn."""

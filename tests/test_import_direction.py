@@ -11,6 +11,7 @@ ORDER = [
         "arrays",
         "checks",
         "files",
+        "notebook",
         "notices",
         "parameters",
         "places",
