@@ -2,9 +2,9 @@
 
 import difflib
 from collections.abc import Collection, Iterable
-from dataclasses import fields
+from dataclasses import MISSING, fields
 from functools import cache
-from typing import Literal, get_args
+from typing import Literal, get_args, get_type_hints
 
 import numpy as np
 
@@ -32,6 +32,9 @@ READABLE = get_args(Reading.__annotations__["reads"].__args__[0])
 
 PARAMETERS = (bool, int, float, str, tuple)
 """Types of the values that parameters have."""
+
+DEFAULTS = {bool: (bool,), int: (int,), float: (float, int), str: (str,)}
+"""Types that the default of a parameter may have, by the parameter's."""
 
 ALIKE = 0.8
 """Names that are more alike than this are one name, misspelt."""
@@ -90,7 +93,7 @@ def misfit(kind: str, cls: type) -> str:
             return f"{cls.__name__}.{name} must be a method (see jerkbench.contracts), or have another name."
     if isinstance(cls, Reading) and cls.reads not in READABLE:
         return f"reads: {unknown('part of an estimate', str(cls.reads), READABLE)}"
-    return _untyped(cls, known)
+    return _untyped(cls, known) or _wrong_default(cls)
 
 
 def _untyped(cls: type, known: Collection[str]) -> str:
@@ -104,6 +107,19 @@ def _untyped(cls: type, known: Collection[str]) -> str:
                     f"{cls.__name__}.{name} has no type, so it is no parameter; write {name}: {type(value).__name__} ="
                     f" {value!r}, or {name}: ClassVar[{type(value).__name__}] if nobody is to change it."
                 )
+    return ""
+
+
+def _wrong_default(cls: type) -> str:
+    """Return a sentence about a parameter whose default is not of its type."""
+    hints = get_type_hints(cls)
+    for field in fields(cls):
+        suitable = DEFAULTS.get(hints[field.name])
+        if suitable and field.default is not MISSING and type(field.default) not in suitable:
+            return (
+                f"{cls.__name__}.{field.name} has the type {hints[field.name].__name__} and the default"
+                f" {field.default!r}; correct one of them."
+            )
     return ""
 
 

@@ -42,10 +42,14 @@ MISTAKES = {
     "missing_type": ({"parameter": "factor = 4.0"}, "has no type, so it is no parameter; write factor: float = 4.0"),
     "not_found": ({"name": "Elsewhere"}, "cannot be imported: AttributeError: module 'not_found' has no attribute"),
     "nan_result": ({"body": "return R * np.nan"}, "adapt() has NaN as a variance; infinity drops a row"),
-    "wrong_type": ({"parameter": 'factor: float = "x"'}, "'factor'"),
+    "wrong_type": ({"parameter": 'factor: float = "x"'}, ".factor has the type float and the default 'x'; correct"),
     "raises": ({"body": "return R * (1 / 0)"}, "raises ZeroDivisionError"),
 }
-BEFORE_A_SWEEP = ["wrong_shape", "in_place", "state_on_self", "misspelt", "missing_type", "not_found", "nan_result"]
+REFUSED = ("misspelt", "missing_type", "not_found", "wrong_type")
+"""Mistakes of a class, with which nothing at all runs."""
+
+TOLD = ("wrong_shape", "in_place", "state_on_self", "nan_result")
+"""Mistakes of a method, which are told before the first cell."""
 
 
 def write(folder, module, mistake):
@@ -98,27 +102,23 @@ def installed(tmp_path_factory):
     return str(folder)
 
 
-REFUSED = {"misspelt", "missing_type", "not_found"}
-"""Mistakes of a class, with which nothing at all runs."""
-
-
-@pytest.mark.parametrize("module", ["missing_type", "not_found"])
+@pytest.mark.parametrize("module", REFUSED)
 def test_a_sweep_with_a_broken_class_is_refused(installed, tmp_path, module):
     words = ["dataset.duration_s=12", "seeds=1", "workers=1", f"adaptation=none,{module}"]
     done = jerkbench("run", "-m", *words, cwd=tmp_path, PYTHONPATH=installed)
 
     assert done.returncode == 2
-    assert "left out: " in done.stderr
+    assert f"adaptation '{module}' of {module} 1.0 is left out: " in done.stderr
+    assert module == "not_found" or MISTAKES[module][1] in done.stderr
     assert not list(tmp_path.rglob("*.parquet"))
 
 
 def test_the_others_are_told_before_the_first_cell_runs(installed, tmp_path):
-    names = [module for module in BEFORE_A_SWEEP if module not in REFUSED]
-    words = ["dataset.duration_s=12", "seeds=1", "workers=1", f"adaptation={','.join(names)}"]
+    words = ["dataset.duration_s=12", "seeds=1", "workers=1", f"adaptation={','.join(TOLD)}"]
     done = jerkbench("run", "-m", *words, cwd=tmp_path, PYTHONPATH=installed)
 
     assert done.returncode == 1
-    for module in names:
+    for module in TOLD:
         line = next(line for line in done.stderr.splitlines() if MISTAKES[module][1] in line)
         assert line.startswith(f"Every run with the adaptation {module} will fail: ")
 
