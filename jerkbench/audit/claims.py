@@ -54,7 +54,7 @@ class Claim:
 def _word(low: float, high: float, bound: float) -> str:
     if high < bound:
         return HOLDS
-    return OPEN if low < bound else FAILS
+    return FAILS if low >= bound else OPEN
 
 
 def claims(known: Losses, levels: Mapping[int, float]) -> list[Claim]:
