@@ -16,6 +16,7 @@ ORDER = [
         "parameters",
         "places",
         "plain",
+        "portable",
         "random_streams",
         "presets",
         "compilation",

@@ -3,6 +3,8 @@
 import os
 from functools import cache
 
+from jerkbench.portable import target
+
 ARITHMETIC = ("amx", "avx", "fma", "neon", "sse", "sve")
 """Beginnings of the names of instructions that decide in which order, and how often, sums are rounded."""
 
@@ -14,7 +16,12 @@ def processors() -> int:
 
 @cache
 def processor_kind() -> str:
-    """Return what machine code is made for here: the processor's family, and its instructions for arithmetic."""
+    """Return what machine code is made for here: the processor's family, and its instructions for arithmetic.
+
+    All portable processes are of one kind.
+    """
+    if target():
+        return f"portable {target()}"
     from llvmlite import binding
 
     features = binding.get_host_cpu_features()

@@ -46,6 +46,7 @@ class Schema:
         r_scale: factors on the reported R that the filter is told (``position``, ``velocity``); the data stay.
         notes: sentences to print under the tables (what was tuned, on what, with which budget).
         tags: words of your own for the cells; rows have them, and `jerkbench table --tag` takes some.
+        portable: results are equal to the bit on every processor of a family; on the command line only.
         dry: say what would run, what is left out and about how long it takes; run nothing (``--dry``).
     """
 
@@ -63,6 +64,7 @@ class Schema:
     report: bool = False
     notes: list[str] = field(default_factory=list)
     tags: list[str] = field(default_factory=list)
+    portable: bool = False
     dry: bool = False
     dataset: Any = None
     disturbance: Any = None
