@@ -16,6 +16,7 @@ import os
 import platform
 import sys
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 MARK = "JERKBENCH_PORTABLE"
 """In the environment of a portable process: its target."""
@@ -62,9 +63,10 @@ def start_again_portable(words: Sequence[str]) -> None:
             os.execve(sys.executable, [sys.executable, *sys.orig_argv[1:]], wanted)  # noqa: S606 - this very program
 
 
-def _dispatched() -> Sequence[str]:
+def _dispatched() -> list[str]:
     """The instructions for which NumPy has functions of their own."""
-    from numpy._core import _multiarray_umath
+    import numpy as np
 
-    names: Sequence[str] = _multiarray_umath.__cpu_dispatch__
-    return names
+    config: Any = np.show_config(mode="dicts")
+    known = config["SIMD Extensions"]
+    return [*known.get("found", []), *known.get("not found", [])]
