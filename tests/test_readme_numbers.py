@@ -6,8 +6,18 @@ import re
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
+from scipy.stats import spearmanr
 
+from jerkbench.audit.answer import sentences
+from jerkbench.audit.comparisons import off_by, power_sentence
+from jerkbench.audit.methods import Method
+from jerkbench.audit.protocol import read_protocol
+from jerkbench.audit.table import markdown_table
+from jerkbench.audit.verdicts import MethodVerdict
+from jerkbench.evaluation.statistics.judgement import Verdict
+from jerkbench.evaluation.statistics.scenarios import OverScenarios
 from jerkbench.results.study import load_study
 
 ROOT = Path(__file__).parents[1]
@@ -73,7 +83,7 @@ def test_the_numbers_of_the_drive_stand_in_its_table():
             assert number == "-" or re.search(rf"(?<![\d.]){re.escape(number)}(?!\d)", stored), text
 
 
-@pytest.mark.parametrize("page", ["README.md", "experiments/paper/README.md"])
+@pytest.mark.parametrize("page", ["README.md", "experiments/paper/README.md", "experiments/audit/README.md"])
 def test_a_number_of_an_entry_is_that_of_its_manifest(page):
     marks = re.findall(r"<!-- (\S+) (\w+) -->([\d.]+\d)", (ROOT / page).read_text(encoding="utf-8"))
     assert marks
@@ -97,3 +107,43 @@ def test_a_claim_on_the_tilt_is_that_of_the_geometric_mean(paper):
     own = paper.loc[("bias", "jerk", "mtf"), "roll_rmse_rad"]
     assert roll.numbers[place, 0] == pytest.approx(np.exp(np.log(own).mean()))
     assert roll.words[place] == "does not hold"
+
+
+def verdict_of_row(row):
+    """What a line of verdicts.csv was made from, as far as sentences read it."""
+    nan = float("nan")
+    tuned = OverScenarios(row["tuned"], row["low"], row["high"], nan, nan, nan, nan, 0, nan, 0)
+    same = ("default", "p_better", "all_ratio", "bound", "worst", "worst_ratio", "nominal", "lost", "anees", "step_ns")
+    return MethodVerdict(
+        method=Method(row["filter"], row["adaptation"]),
+        tuned=tuned,
+        low=row["low_of_all"],
+        high=row["high_of_all"],
+        verdict=Verdict(row["verdict"]),
+        restarts=(row["restart_low"], row["restart_high"]),
+        places=(row["place"], row["place_low"], row["place_high"]),
+        **{name: row[name] for name in same},
+    )
+
+
+def test_the_sentences_of_the_audits_page_are_those_of_its_verdicts():
+    page = (ROOT / "experiments" / "audit" / "README.md").read_text(encoding="utf-8")
+    verdicts = [verdict_of_row(row) for _, row in pd.read_csv(ROOT / "results/audit-medium/verdicts.csv").iterrows()]
+    protocol = read_protocol("medium")
+
+    assert f"digest `{protocol.digest}`" in page
+    assert markdown_table(verdicts) in page
+    for sentence in (*sentences(verdicts, protocol, ""), power_sentence(verdicts, protocol)):
+        assert sentence.strip() in page
+    assert (
+        f"Of {len(verdicts)}, {sum(verdict.tuned.ratio < 1 for verdict in verdicts)} have a mean ratio below 1" in page
+    )
+    order = spearmanr([v.tuned.ratio for v in verdicts], [off_by(v.anees) for v in verdicts]).statistic
+    assert f"distance of ANEES from 6 is {order:.2f}." in page
+    head = page.splitlines()[:10]
+    assert all(any(line.startswith(f"{number}. ") for line in head) for number in (1, 2, 3))
+
+
+def test_the_gain_on_the_audits_page_is_that_of_the_attribution():
+    page = (ROOT / "experiments" / "audit" / "README.md").read_text(encoding="utf-8")
+    assert (ROOT / "results" / "audit-attribution" / "README.md").read_text(encoding="utf-8").strip() in page

@@ -52,10 +52,9 @@ def _best(verdicts: Sequence[MethodVerdict]) -> list[str]:
 
 def _price(verdicts: Sequence[MethodVerdict], protocol: AuditProtocol) -> str:
     dear = [verdict for verdict in verdicts if verdict.nominal > 1 + protocol.margin]
+    advice = ": adapt only where a fault is expected" if 2 * len(dear) > len(verdicts) else ""
     percent = f"{100 * protocol.margin:g} %"
-    return (
-        f"Where nothing is wrong {len(dear)} of {len(verdicts)} cost more than {percent}, tuned: adapt where you must."
-    )
+    return f"Where nothing is wrong {len(dear)} of {len(verdicts)} cost more than {percent}, tuned{advice}."
 
 
 def _harmless(verdicts: Sequence[MethodVerdict], protocol: AuditProtocol) -> str:
