@@ -243,7 +243,8 @@ class Labelled(Protocol):
 class Adaptation(Protocol):
     """A rule that changes R between predict and update.
 
-    Optional: `Remembering`, `Fading`, `TrueCovariance`; to change more than R, `AdaptingPrior` and `AdaptingGain`.
+    Optional: `Remembering`, `Fading`, `Clocked`, `TrueCovariance`; to change more than R, `AdaptingPrior` and
+    `AdaptingGain`.
     """
 
     def adapt(
@@ -344,6 +345,15 @@ class RememberingStates(Protocol):
 
     def memory_size_of(self, states: int) -> int:
         """Return the length of the memory over a filter of ``states`` states."""
+        ...
+
+
+@runtime_checkable
+class Clocked(Protocol):
+    """An adaptation with a parameter in seconds: before a run it hears when the updates are, and may count them."""
+
+    def at_updates(self, since_start_s: FloatArray) -> Self:
+        """Return the adaptation for a run whose updates are at these times (m,), seconds since its start."""
         ...
 
 
@@ -461,7 +471,16 @@ OPTIONAL: Mapping[str, tuple[type, ...]] = {
         Remarking,
         Cited,
     ),
-    "adaptation": (Remembering, RememberingStates, Fading, AdaptingPrior, AdaptingGain, TrueCovariance, Cited),
+    "adaptation": (
+        Remembering,
+        RememberingStates,
+        Fading,
+        AdaptingPrior,
+        AdaptingGain,
+        Clocked,
+        TrueCovariance,
+        Cited,
+    ),
     "engine": (SideBySide, Preparing, Cited),
     "metric": (Summarising, Reading, OnRequest, Cited),
 }

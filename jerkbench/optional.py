@@ -4,7 +4,7 @@ import difflib
 from collections.abc import Collection, Iterable
 from dataclasses import MISSING, fields
 from functools import cache
-from typing import Literal, get_args, get_type_hints
+from typing import Literal, TypeVar, cast, get_args, get_type_hints
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from jerkbench.contracts import (
     OPTIONAL,
     REQUIRED,
     AttitudeOnly,
+    Clocked,
     Filter,
     ManyLengths,
     OnRequest,
@@ -23,6 +24,9 @@ from jerkbench.contracts import (
     WithoutImu,
 )
 from jerkbench.errors import unknown
+from jerkbench.timeline.timeline import Timeline
+
+A = TypeVar("A")
 
 NOT_OURS = ("builtins", "typing", "jerkbench.contracts")
 """Modules of bases that no author has written."""
@@ -58,6 +62,15 @@ def lacks_imu(dataset: object) -> bool:
 def uses_imu(model: object) -> bool:
     """Whether a filter, or its class, uses the IMU; a class whose parameters decide does."""
     return not isinstance(model, UsingImu) or model.uses_imu is not False
+
+
+def clocked(adaptation: A, timeline: Timeline) -> A:
+    """Return ``adaptation`` for the run over ``timeline``: one that is `Clocked` hears when its updates are."""
+    if not isinstance(adaptation, Clocked):
+        return adaptation
+    rows = timeline.update[timeline.update >= 0]
+    rows = rows[np.isfinite(timeline.measurements.z[rows]).any(axis=1)]
+    return cast("A", adaptation.at_updates(timeline.measurements.t_ns[rows] * 1e-9 - timeline.t_s[0]))
 
 
 def wants_truth(adaptation: object) -> bool:

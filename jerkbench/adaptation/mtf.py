@@ -1,7 +1,7 @@
 """Multiple tuning factors: each axis has its own."""
 
-from dataclasses import dataclass
-from typing import Annotated
+from dataclasses import dataclass, replace
+from typing import Annotated, Self
 
 import numpy as np
 
@@ -44,23 +44,32 @@ class Mtf:
     Attributes:
         window: mu, number of squared innovations in the mean, this one included [updates].
         guard: N, number of hits in a sequence that inflate; 0: no limit [updates].
-        after: so many updates of the run pass before it begins, because the paper starts in the steady state: an
-            adaptation has no clock; with fixes at 5 Hz 25 are five seconds [updates].
+        after: so many updates of the run pass before it begins, because the paper starts in the steady state [updates].
+        after_s: so much of the run passes before it begins; with ``after`` the later of the two [s].
     """
 
     window: Annotated[int, SHORT_WINDOW, Origin("literature: the paper has mu = 1")] = 1
     guard: Annotated[int, Origin("off, as in the paper")] = 0
     after: Annotated[int, Origin("off; the paper's steady state has no number")] = 0
+    after_s: Annotated[float, Origin("off, likewise")] = 0.0
 
     def __post_init__(self) -> None:
         """Check the ranges."""
         check_window("mtf", self.window, self.guard)
         if self.after < 0:
             raise PluginError(f"mtf.after is {self.after}; it must be 0 or more.")
+        if not self.after_s >= 0.0:
+            raise PluginError(f"mtf.after_s is {self.after_s}; it must be 0 or more.")
 
     def memory_size(self) -> int:
         """Return the length of what `inflated` remembers of six rows, and one for the updates that have passed."""
         return inflation_memory(self.window) + 1
+
+    def at_updates(self, since_start_s: FloatArray) -> Self:
+        """Return the same with the updates before ``after_s`` counted."""
+        if self.after_s == 0.0:
+            return self
+        return replace(self, after=max(self.after, int(np.sum(since_start_s < self.after_s))), after_s=0.0)
 
     def adapt(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray

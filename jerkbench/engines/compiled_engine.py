@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, cast
 
 from jerkbench.batch import Run, Streamed
 from jerkbench.compilation.module_cache import can_compile
-from jerkbench.contracts import Adaptation, Filter
+from jerkbench.contracts import Adaptation, Clocked, Filter
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.estimate import Estimate
 from jerkbench.notices import notify
+from jerkbench.optional import clocked
 from jerkbench.plugins import register
 from jerkbench.timeline.timeline import Timeline
 
@@ -40,7 +41,7 @@ class CompiledEngine:
 
     def run(self, timeline: Timeline, model: Filter, adaptation: Adaptation) -> Estimate:
         """Run ``model`` with ``adaptation`` over ``timeline``; stops at the first sign of divergence."""
-        compiled = compiled_rule(adaptation)
+        compiled = compiled_rule(clocked(adaptation, timeline))
         if compiled is None:
             return FilterpyEngine().run(timeline, model, adaptation)
         from jerkbench.kinematic.single_run import run_single
@@ -76,7 +77,7 @@ class CompiledEngine:
             The sums of each run; None where it is to be run alone by `run`, which says why.
         """
         models = list(model) if isinstance(model, Sequence) else [model] * len(runs)
-        rules = _rules(adaptation, len(runs))
+        rules = _rules(adaptation, runs)
         known = [k for k, rule in enumerate(rules) if rule is not None]
         from jerkbench.kinematic.batch import run_batch
 
@@ -87,10 +88,11 @@ class CompiledEngine:
         return results
 
 
-def _rules(adaptation: Adaptation | Sequence[Adaptation], count: int) -> "list[Rule | None]":
-    if isinstance(adaptation, Sequence):
-        return [compiled_rule(own) for own in adaptation]
-    return [compiled_rule(adaptation)] * count
+def _rules(adaptation: Adaptation | Sequence[Adaptation], runs: Sequence[Run]) -> "list[Rule | None]":
+    if not isinstance(adaptation, Sequence) and not isinstance(adaptation, Clocked):
+        return [compiled_rule(adaptation)] * len(runs)
+    every = adaptation if isinstance(adaptation, Sequence) else [adaptation] * len(runs)
+    return [compiled_rule(clocked(own, run.timeline)) for own, run in zip(every, runs, strict=True)]
 
 
 def compiled_rule(adaptation: Adaptation) -> "Rule | None":

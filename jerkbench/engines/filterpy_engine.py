@@ -21,7 +21,7 @@ from jerkbench.kalman import (
     without_measured,
 )
 from jerkbench.memory import empty_memory
-from jerkbench.optional import wants_truth
+from jerkbench.optional import clocked, wants_truth
 from jerkbench.plugins import register
 from jerkbench.timeline.recorder import Recorder
 from jerkbench.timeline.timeline import Timeline
@@ -66,6 +66,7 @@ class _Run:
     """One run: the filterpy object, the model of each step length, the adaptation's memory."""
 
     def __init__(self, timeline: Timeline, model: Filter, adaptation: Adaptation, *, joseph: bool) -> None:
+        adaptation = clocked(adaptation, timeline)
         self.timeline, self.model, self.adaptation, self.joseph = timeline, model, adaptation, joseph
         measured = timeline.measurements
         self.z, self.reported = measured.z, measured.R

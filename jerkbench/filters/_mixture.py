@@ -10,7 +10,7 @@ from jerkbench.contracts import Adaptation, Filter
 from jerkbench.estimate import Estimate
 from jerkbench.filters._linear import StepModels, initial, is_healthy, squared_distance, updated
 from jerkbench.memory import empty_memory
-from jerkbench.optional import wants_truth
+from jerkbench.optional import clocked, wants_truth
 from jerkbench.timeline.recorder import Recorder
 from jerkbench.timeline.timeline import Timeline
 
@@ -69,7 +69,7 @@ class Mixture:
         self.x, self.P, self.weights = begin(timeline, models, transitions, mu)
         measured = timeline.measurements
         self.R = measured.covariances(true=wants_truth(adaptation))
-        self.adaptation, self.memory = adaptation, empty_memory(adaptation)
+        self.adaptation, self.memory = clocked(adaptation, timeline), empty_memory(adaptation)
         self.recorder = Recorder(timeline)
 
     def to_the_end(self) -> Estimate:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Self
 from jerkbench.batch import RecordedRun, Run, Streamed
 from jerkbench.contracts import Adaptation
 from jerkbench.estimate import Attitude, Estimate
+from jerkbench.optional import clocked
 from jerkbench.recording import Recording
 from jerkbench.timeline.kept import kept_timeline
 from jerkbench.timeline.timeline import Timeline
@@ -21,8 +22,9 @@ class OverTimelines:
         """Return what ``estimate`` does; None where numba cannot compile the adaptation, or the run stops."""
         from jerkbench.kinematic.rules import compiled_rule
 
-        rule = compiled_rule(adaptation)
-        return None if rule is None else self._alone(kept_timeline(recording, attitude), rule)
+        timeline = kept_timeline(recording, attitude)
+        rule = compiled_rule(clocked(adaptation, timeline))
+        return None if rule is None else self._alone(timeline, rule)
 
     def run_many(
         self, runs: Sequence[RecordedRun], adaptation: Adaptation, *, updates: bool, attitude: bool, threads: int
@@ -45,7 +47,8 @@ class OverTimelines:
         from jerkbench.kinematic.rules import compiled_rule
 
         results: list[Streamed | None] = [None] * len(runs)
-        rules = {k: rule for k, given in enumerate(adaptations) if (rule := compiled_rule(given)) is not None}
+        every = enumerate(zip(adaptations, runs, strict=True))
+        rules = {k: rule for k, (a, run) in every if (rule := compiled_rule(clocked(a, run.timeline))) is not None}
         given = [Run(runs[k].timeline, runs[k].scoring) for k in rules]
         own = [estimators[k] for k in rules], list(rules.values())
         for k, result in zip(rules, self._together(given, *own, updates=updates, threads=threads), strict=True):

@@ -6,7 +6,7 @@ from jerkbench.arrays import FloatArray
 from jerkbench.contracts import Adaptation, Fading
 from jerkbench.filters._linear import squared_distance, updated
 from jerkbench.memory import empty_memory
-from jerkbench.optional import wants_truth
+from jerkbench.optional import clocked, wants_truth
 from jerkbench.timeline.recorder import Recorder
 from jerkbench.timeline.timeline import Timeline
 
@@ -17,6 +17,7 @@ class MeasurementUpdates:
     def __init__(self, timeline: Timeline, adaptation: Adaptation, recorder: Recorder) -> None:
         """Start with an empty memory; an adaptation that asks for the true covariances gets them."""
         measured = timeline.measurements
+        adaptation = clocked(adaptation, timeline)
         self.measured, self.adaptation, self.recorder = measured, adaptation, recorder
         self.R = measured.covariances(true=wants_truth(adaptation))
         self.memory = empty_memory(adaptation)

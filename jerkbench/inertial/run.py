@@ -17,7 +17,7 @@ from jerkbench.inertial.mechanisation import advance, calibrated
 from jerkbench.inertial.state import PHI, NavigationState, corrected, is_finite
 from jerkbench.inertial.update import carried_over, correction, reset
 from jerkbench.memory import empty_memory
-from jerkbench.optional import wants_truth
+from jerkbench.optional import clocked, wants_truth
 from jerkbench.recording import Heading, Imu
 from jerkbench.timeline.recorder import Recorder
 from jerkbench.timeline.timeline import Timeline
@@ -119,7 +119,7 @@ class InertialRun:
         """Put a run together; it starts from the state and covariance of ``start``."""
         self.imu, self.timeline, self.headings, self.settings = imu, timeline, headings, settings
         self.state, self.P = start
-        self.adaptation, self.memory = adaptation, empty_memory(adaptation)
+        self.adaptation, self.memory = clocked(adaptation, timeline), empty_memory(adaptation)
         measured = timeline.measurements
         self.R = measured.covariances(true=wants_truth(adaptation))
         self.noises: dict[int, FloatArray] = {}

@@ -7,7 +7,9 @@ from jerkbench.contracts import Adaptation
 from jerkbench.estimation.threads import side_by_side
 from jerkbench.inertial.compiled.solution import Prepared, stream_compiled
 from jerkbench.inertial.side_by_side.runs import goes_together, run_journeys
+from jerkbench.kinematic.plugin_call import Rule
 from jerkbench.kinematic.rules import compiled_rule
+from jerkbench.optional import clocked
 
 
 def stream_all(
@@ -30,7 +32,7 @@ def stream_all(
         threads: how many to use.
     """
     prepared = side_by_side(prepare, range(len(scorings)), 1)
-    rules = [compiled_rule(adaptation) for adaptation in adaptations]
+    rules = [_rule_of(run, adaptation) for run, adaptation in zip(prepared, adaptations, strict=True)]
     together = [
         k
         for k, (run, rule) in enumerate(zip(prepared, rules, strict=True))
@@ -54,3 +56,7 @@ def stream_all(
     for k, result in zip(rest, side_by_side(alone, rest, threads), strict=True):
         results[k] = result
     return results
+
+
+def _rule_of(run: Prepared | None, adaptation: Adaptation) -> Rule | None:
+    return None if run is None else compiled_rule(clocked(adaptation, run.journey.timeline))

@@ -18,6 +18,7 @@ from jerkbench.inertial.compiled.layout import column, places
 from jerkbench.inertial.journey import Journey
 from jerkbench.inertial.run import InertialSolution
 from jerkbench.inertial.state import Deformation, NavigationState
+from jerkbench.optional import clocked
 from jerkbench.timeline.timeline import Timeline
 
 FRAMES = ("enu", "body", "speed")
@@ -38,7 +39,7 @@ def prepare(journey: Journey, *, wants_truth: bool) -> Prepared:
 
 def solve_compiled(prepared: Prepared, adaptation: object) -> InertialSolution | None:
     """Run with a trajectory; None where numba cannot compile the adaptation."""
-    rule = rule_of(adaptation)
+    rule = rule_of(clocked(adaptation, prepared.journey.timeline))
     if rule is None:
         return None
     journey, flow, given = prepared
@@ -74,7 +75,7 @@ def stream_compiled(
         updates: whether to keep what the updates saw.
         attitude: whether to keep the attitude.
     """
-    rule = rule_of(adaptation)
+    rule = rule_of(clocked(adaptation, prepared.journey.timeline))
     if rule is None:
         return None
     journey, flow, given = prepared
