@@ -1,4 +1,4 @@
-"""Where results are: a folder of this machine, or one of an object store, by its address."""
+"""Addresses of results: a folder of this machine, or one of an object store."""
 
 import re
 from pathlib import Path

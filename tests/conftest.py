@@ -1,8 +1,11 @@
-"""What all tests share."""
+"""Fixtures of all tests."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
+
+from jerkbench.cli import main
 
 SHARED = Path(__file__).parents[2] / "shared"
 
@@ -13,3 +16,20 @@ def shared_folder():
     if not SHARED.is_dir():
         pytest.skip("the folder ../shared with reference values and recordings is not there")
     return SHARED
+
+
+@pytest.fixture
+def typed(tmp_path, monkeypatch, capsys):
+    """Types a command in an empty folder, in this process: the output and the exit code."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*words):
+        code = 0
+        try:
+            main(words)
+        except SystemExit as end:
+            code = end.code
+        printed = capsys.readouterr()
+        return SimpleNamespace(returncode=code, stdout=printed.out, stderr=printed.err)
+
+    return run

@@ -1,1 +1,1 @@
-"""What a plugin's author needs: a package to begin from, and the conformance kit over a whole package."""
+"""Tools for a plugin's author: a package to begin from, and the conformance kit over a whole package."""

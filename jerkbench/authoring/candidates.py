@@ -40,15 +40,15 @@ def candidates(package: str) -> list[Candidate]:
         PluginError: there is no such package, or it has no plugin.
     """
     if Path(package).is_dir():
-        found = _of_entry_points(_of_folder(Path(package)))
+        plugins_of_package = _of_entry_points(_of_folder(Path(package)))
     else:
-        found = _of_entry_points(_of_distribution(package)) or _of_module(package)
-    if not found:
+        plugins_of_package = _of_entry_points(_of_distribution(package)) or _of_module(package)
+    if not plugins_of_package:
         raise PluginError(
             f'{package} has no plugin: write an entry point, [project.entry-points."jerkbench.KIND"] with NAME = '
             '"MODULE:CLASS", into its pyproject.toml, and install it anew.'
         )
-    return found
+    return plugins_of_package
 
 
 def _of_folder(folder: Path) -> Iterator[EntryPoint]:

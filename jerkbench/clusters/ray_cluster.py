@@ -46,6 +46,7 @@ class _RayConnection(Connection):
         super().__init__(partial(_RayExecutor, ray), workers)
 
     def room(self) -> int:
+        """Return twice the processors of the cluster: how many bundles wait or run at once."""
         return 2 * (int(self._ray.cluster_resources().get("CPU", 0)) or self._workers)
 
 
@@ -57,6 +58,7 @@ class _RayExecutor(Executor):
         self._references: dict[Future[Any], Any] = {}
 
     def submit(self, work: Callable[..., Any], /, *given: Any, **named: Any) -> "Future[Any]":  # noqa: ANN401 - as the contract has it
+        """Start ``work`` as a task of Ray; return its future."""
         # Ray itself would send it three times more; who counts the tries is the seam
         reference = self._ray.remote(work).options(num_cpus=1, max_retries=0).remote(*given, **named)
         future: Future[Any] = reference.future()
@@ -65,6 +67,7 @@ class _RayExecutor(Executor):
         return future
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """Cancel what runs, if asked; Ray itself is left to who started it."""
         del wait
         for reference in list(self._references.values()) if cancel_futures else ():
             self._ray.cancel(reference, force=True)

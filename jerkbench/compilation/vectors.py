@@ -102,11 +102,13 @@ def _define(symbols: tuple[Any, ...], instruction: str) -> None:
     """Teach numba an operator between vectors, and between a vector and a number."""
 
     def generic(_self: Any, args: Any, _kws: Any) -> Any:  # noqa: ANN401 - as above
+        """Return the types of the operator, or None where it is not between vectors."""
         known = len(args) == 2 and all(isinstance(arg, Vector | types.Float) for arg in args)
         result = _common(args) if known else None
         return signature(result, *args) if isinstance(result, Vector) else None
 
     def lower(_context: Any, builder: Any, sig: Any, args: Any) -> Any:  # noqa: ANN401 - as above
+        """Return the LLVM instruction; a number is repeated over the width."""
         given, width = zip(sig.args, args, strict=True), sig.return_type.width
         both = [x if isinstance(kind, Vector) else _repeated(builder, x, width) for kind, x in given]
         return getattr(builder, instruction)(*both, flags=("contract",))
@@ -132,6 +134,7 @@ def address_in(builder: Any, first: Any, index: Any, width: int) -> Any:  # noqa
 @infer_global(operator.getitem)
 class _Get(AbstractTemplate):
     def generic(self, args: Any, _kws: Any) -> Any:  # noqa: ANN401 - as above
+        """Return the types of ``vectors[k]``, or None where these are none."""
         mine = isinstance(args[0], Vectors) and isinstance(args[1], types.Integer)
         return signature(args[0].element, args[0], types.intp) if mine else None
 
@@ -146,6 +149,7 @@ def _load(_context: Any, builder: Any, sig: Any, args: Any) -> Any:  # noqa: ANN
 @infer_global(operator.setitem)
 class _Set(AbstractTemplate):
     def generic(self, args: Any, _kws: Any) -> Any:  # noqa: ANN401 - as above
+        """Return the types of ``vectors[k] = vector``, or None where these are none."""
         mine = isinstance(args[0], Vectors) and isinstance(args[1], types.Integer)
         return signature(types.none, args[0], types.intp, args[0].element) if mine else None
 

@@ -91,6 +91,7 @@ def values_of(
     estimate, counted, sums = summary
 
     def columns(metric: Metric) -> Mapping[str, float]:
+        """Return the columns of one metric, from the sums where it can."""
         if sums is not None and isinstance(metric, Summarising):
             return metric.summarise(sums)
         return evaluate(metric, estimate, recording, counted)

@@ -111,6 +111,7 @@ class _Outline:
 
     @classmethod
     def of(cls, arrays: _Arrays) -> "_Outline":
+        """Return the outline of an attitude, with a hash of its arrays."""
         index, euler_rad, counted = arrays.arrays
         content = hashlib.blake2b(b"".join(np.ascontiguousarray(array).tobytes() for array in arrays.arrays))
         return cls(content.digest(), outlined(index, euler_rad), counted)

@@ -25,5 +25,5 @@ def processor_kind() -> str:
     from llvmlite import binding
 
     features = binding.get_host_cpu_features()
-    names = sorted(name for name, there in features.items() if there and name.startswith(ARITHMETIC))
+    names = sorted(name for name, present in features.items() if present and name.startswith(ARITHMETIC))
     return f"{binding.get_host_cpu_name()}: {' '.join(names)}"

@@ -1,4 +1,4 @@
-"""What has the parts and the parameters of eskf15, but no compiled way."""
+"""Error-state filters with the parts and parameters of eskf15, without a compiled way."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -42,12 +42,14 @@ def where_chosen(loader: ConfigLoader, config: DictConfig, jobs: Sequence[Job]) 
 
     @cache
     def chosen(choice: Job, group: str) -> frozenset[str]:
+        """Return what the choice of a job means in ``group``: the preset and the plugin."""
         composed = loader.load_sweep_config(config, list(choice))
         return frozenset((str(composed.hydra.runtime.choices[group]), str(composed[group].name)))
 
     used: set[Address] = set()
 
     def fitting(job: Job) -> tuple[str, ...]:
+        """Return the words of a job without those that are addressed to other plugins."""
         words = []
         for word in job:
             to = address(word)

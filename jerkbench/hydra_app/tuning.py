@@ -37,7 +37,7 @@ def tune_all(words: TuneWords) -> None:
     options = words.options
     methods = [[composed([*scenario, *method]) for scenario in words.scenarios] for method in words.methods]
     config = methods[0][0].config
-    cells = [[one.cell() for one in scenarios] for scenarios in methods]
+    cells = [[composition.cell() for composition in scenarios] for scenarios in methods]
     chosen = cluster_of(config)
     effort = _effort(options, config.workers, None if chosen == LOCAL else chosen)
     efforts = [effort for _ in cells]
@@ -105,14 +105,14 @@ def _names(cells: Sequence[Cell]) -> list[str]:
 
 def _write(tuning: Tuning, folder: Path, *, figures: bool) -> None:
     """Write the page, the numbers, the trials, the presets, the files for other programs, and the figures."""
-    found, objective = tuning.found, tuning.effort.objective.name
-    remarks = f"Tuned by jerkbench: {objective}, {len(found.trials)} settings, {tuning.cases.split}."
+    outcome, objective = tuning.outcome, tuning.effort.objective.name
+    remarks = f"Tuned by jerkbench: {objective}, {len(outcome.trials)} settings, {tuning.cases.split}."
     preset = write_presets(tuning, folder / "conf", remarks)
     page = f"{summary(tuning)}\nTake it with: jerkbench run --config-dir {folder / 'conf'} experiment={preset}\n"
     write_text(folder / "tuning.md", page)
     write_text(folder / "tuning.json", json.dumps(record(tuning), indent=1) + "\n")
     scenarios = [case.scenario for case in tuning.cases.tune]
-    trials = trial_table(found.trials, tuning.space.names, scenarios)
+    trials = trial_table(outcome.trials, tuning.space.names, scenarios)
     write_text(folder / "trials.csv", trials.to_csv(index=False))
     for name, export in EXPORTS.items():
         write_text(folder / "export" / name, export(tuning))

@@ -176,11 +176,11 @@ class Whole(NamedTuple):
         P: (S S,) its covariance.
         F: (S S,) transition since the last update.
         Q: (S S,) process noise since then.
-        said: (S S,) what the adaptation returns: P, or K in the first numbers.
+        answer: (S S,) what the adaptation returns: P, or K in the first numbers.
     """
 
     x: FloatArray
     P: FloatArray
     F: FloatArray
     Q: FloatArray
-    said: FloatArray
+    answer: FloatArray

@@ -53,6 +53,7 @@ def run_packs(runs: Sequence[Run], kinds: Sequence[Kind], run_pack: PackRun, thr
     packs = _packs(tuple(runs), tuple(kinds))
 
     def work(pack: Pack) -> None:
+        """Run one pack, filled with its last run, and put the results in their places."""
         lanes = [*pack.members, *[pack.members[-1]] * (WIDE - len(pack.members))]
         for place, result in zip(pack.members, run_pack(pack, lanes), strict=True):
             results[place] = result

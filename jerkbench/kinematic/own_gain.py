@@ -41,18 +41,18 @@ def _take_kept(numbers: FloatArray, run: int, packed: Packed) -> int:
 def _own_update(own: FloatArray, whole: Whole, packed: Packed, m: int) -> None:
     """Put x + K y, and (I - K H) P (I - K H)' + K R K' symmetrised, into ``own``; K is what the adaptation said."""
     rest, restP = scratch(SQUARED, 1), scratch(SQUARED, 1)
-    _fill_rest(rest, whole.said, packed, m)
+    _fill_rest(rest, whole.answer, packed, m)
     for s in range(S):
         own[2 + s] = whole.x[s]
         for i in range(m):
-            own[2 + s] += whole.said[m * s + i] * packed.y[i]
+            own[2 + s] += whole.answer[m * s + i] * packed.y[i]
         for t in range(S):
             restP[S * s + t] = 0.0
             for c in range(S):
                 restP[S * s + t] += rest[S * s + c] * whole.P[S * c + t]
     for s in range(S):
         for t in range(S):
-            total = _noise(whole.said, packed.R, m, s, t)
+            total = _noise(whole.answer, packed.R, m, s, t)
             for c in range(S):
                 total += restP[S * s + c] * rest[S * t + c]
             own[2 + S + S * s + t] = total

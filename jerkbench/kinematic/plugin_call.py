@@ -100,7 +100,7 @@ def call_fade(rules: Rules, run: int, packed: Packed, m: int) -> tuple[bool, flo
 def call_prior(rules: Rules, run: int, whole: Whole, packed: Packed, m: int) -> bool:
     """Fill the adapted prior covariance of a run; return whether `adapt_prior` raised no error."""
     given = rules.parameters[run], whole.x, whole.P, whole.F, whole.Q, packed.y, packed.R, packed.rows
-    seen = (*given, rules.memory[run], whole.said)
+    seen = (*given, rules.memory[run], whole.answer)
     if WIDTH > 1:
         well: bool = try_fill_by(rules.prior[run], seen, (m, rules.sizes[run], S))
         return well
@@ -110,7 +110,7 @@ def call_prior(rules: Rules, run: int, whole: Whole, packed: Packed, m: int) -> 
 
 def call_gain(rules: Rules, run: int, whole: Whole, packed: Packed, m: int) -> bool:
     """Likewise the gain."""
-    seen = rules.parameters[run], whole.x, whole.P, packed.y, packed.R, packed.rows, rules.memory[run], whole.said
+    seen = rules.parameters[run], whole.x, whole.P, packed.y, packed.R, packed.rows, rules.memory[run], whole.answer
     if WIDTH > 1:
         well: bool = try_fill_by(rules.gain[run], seen, (m, rules.sizes[run], S))
         return well

@@ -43,7 +43,7 @@ def adapt_prior(numbers: FloatArray, runs: Runs, run: int, packed: Packed, rules
     take_whole(numbers, run, whole)
     _take_transition(runs.since[run], whole)
     well = call_prior(rules, run, whole, packed, m)
-    put_covariance(numbers, run, whole.said)
+    put_covariance(numbers, run, whole.answer)
     for i in range(m):
         for j in range(m):
             packed.HPHt[m * i + j] = numbers[AT[packed.rows[i], packed.rows[j]] * WIDTH + run]

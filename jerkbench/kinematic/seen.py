@@ -1,4 +1,4 @@
-"""What the updates of a run saw, from the numbers that are kept of each."""
+"""The innovations and R of a run's updates, from the numbers that are kept of each."""
 
 import numpy as np
 

@@ -94,7 +94,7 @@ def _sources(cls: type) -> Iterator[tuple[str, str]]:
     """The DOIs of a plugin, and of those that it varies, each with the text before it."""
     for owner in (base for base in cls.__mro__ if base is not object and base.__doc__):
         text = " ".join(inspect.cleandoc(owner.__doc__ or "").split())
-        yield from ((found[1], text[: found.start()]) for found in DOI.finditer(text))
+        yield from ((doi[1], text[: doi.start()]) for doi in DOI.finditer(text))
 
 
 def _authors(text: str) -> str:

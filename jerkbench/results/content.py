@@ -163,9 +163,9 @@ def _metadata(first: pa.Table) -> list[dict[str, Any]]:
 
 def _metrics(first: pa.Table) -> list[list[str]]:
     """The metrics of each cell, in its own order; cells with the same ones share the list."""
-    there = {name for name in first.column_names if name not in HEAD and not name.startswith(CELL)}
+    columns = {name for name in first.column_names if name not in HEAD and not name.startswith(CELL)}
     texts = first[COLUMNS].to_pylist()
-    named = {text: [name for name in dict.fromkeys(parsed(text)) if name in there] for text in set(texts)}
+    named = {text: [name for name in dict.fromkeys(parsed(text)) if name in columns] for text in set(texts)}
     return [named[text] for text in texts]
 
 

@@ -67,8 +67,8 @@ def write_board(folder: Path, count: int) -> list[Path]:
     entries = [read_entry(path.parent) for path in sorted(folder.glob(f"*/{MANIFEST}"))]
     suites = {str(entry.manifest.get("suite")) for entry in entries}
     if len(suites) != 1:
-        there = f"entries of {', '.join(sorted(suites))}" if suites else "no entry"
-        raise JerkbenchError(f"In {folder} there is {there}; a board is of the entries of one suite, a folder each.")
+        content = f"entries of {', '.join(sorted(suites))}" if suites else "no entry"
+        raise JerkbenchError(f"In {folder} there is {content}; a board is of the entries of one suite, a folder each.")
     board = board_of(entries, [verify(entry.folder, count) for entry in entries], read_suite(suites.pop()))
     texts = {"board.html": html(board), "board.md": markdown(board)}
     for name, text in texts.items():

@@ -70,11 +70,11 @@ def score_mistakes(entry: Entry, protocol: SuiteProtocol) -> Iterator[str]:
         yield "entry.md does not say what the rows show."
 
 
-def same(one: object, other: object) -> bool:
+def same(value: object, other: object) -> bool:
     """Whether two values are the same, numbers to a relative 1e-9; NaN is NaN."""
-    if isinstance(one, float) and isinstance(other, (int, float)):
-        return math.isclose(one, other, rel_tol=TOLERANCE) or (math.isnan(one) and math.isnan(other))
-    return one == other
+    if isinstance(value, float) and isinstance(other, (int, float)):
+        return math.isclose(value, other, rel_tol=TOLERANCE) or (math.isnan(value) and math.isnan(other))
+    return value == other
 
 
 def _keys(entry: Entry, protocol: SuiteProtocol) -> Iterator[Key]:

@@ -68,14 +68,14 @@ def frozen_part(scale: str, protocol: SuiteProtocol) -> dict[str, object]:
 
 
 def _joined(scored: Scored, plain: Scored) -> pd.DataFrame:
-    parts = [one.rows.assign(method=method) for method, one in ((ENTRY, scored), (PLAIN, plain))]
+    parts = [tested.rows.assign(method=method) for method, tested in ((ENTRY, scored), (PLAIN, plain))]
     return pd.concat(parts, ignore_index=True)
 
 
 def _settings(entrant: Entrant, scored: Scored, plain: Scored, protocol: SuiteProtocol) -> Settings:
     """The settings with the names of their knobs."""
     both = ((ENTRY, entrant, scored), (PLAIN, plain_of(protocol), plain))
-    return {method: _named(entrant_space(own, protocol).names, one.settings) for method, own, one in both}
+    return {method: _named(entrant_space(own, protocol).names, tested.settings) for method, own, tested in both}
 
 
 def _named(names: tuple[str, ...], settings: Mapping[str, tuple[float, ...]]) -> dict[str, dict[str, float]]:

@@ -1,9 +1,9 @@
-"""What the trials of a search say besides the best: profiles, the budget's curve, what cannot be told apart."""
+"""Curves over the trials of a search: profiles, the budget's curve, settings that cannot be told apart."""
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.tuning.search import Found
+from jerkbench.tuning.search import SearchOutcome
 from jerkbench.tuning.space import Space
 from jerkbench.tuning.trials import Trials
 
@@ -52,25 +52,25 @@ def importance(space: Space, trials: Trials) -> list[int]:
     return [int(k) for k in np.argsort(spread, kind="stable")[::-1]]
 
 
-def indistinct(found: Found) -> list[int]:
+def indistinct(outcome: SearchOutcome) -> list[int]:
     """Return the places of the trials that cannot be told from the chosen one.
 
     Their mean loss over the runs (the same draws: paired) is no larger than by 1.96 standard errors of the difference.
     """
-    trials = found.trials
-    difference = trials.runs - trials.runs[found.place]
+    trials = outcome.trials
+    difference = trials.runs - trials.runs[outcome.place]
     error = difference.std(axis=1, ddof=1) / np.sqrt(difference.shape[1]) if difference.shape[1] > 1 else np.zeros(1)
     return [int(k) for k in np.flatnonzero(difference.mean(axis=1) <= 1.96 * error)]
 
 
-def intervals(space: Space, found: Found) -> list[tuple[float, float]]:
+def intervals(space: Space, outcome: SearchOutcome) -> list[tuple[float, float]]:
     """Return for each knob the least and the largest value that cannot be told from the chosen one.
 
     Those of `indistinct` trials, and beyond them half of the distance at which n trials lie in d dimensions, n^(-1/d)
     of the range: between two trials nothing was tried.
     """
-    share = shares(space, found.trials)
-    near, half = share[indistinct(found)], 0.5 * len(share) ** (-1.0 / len(space.knobs))
+    share = shares(space, outcome.trials)
+    near, half = share[indistinct(outcome)], 0.5 * len(share) ** (-1.0 / len(space.knobs))
     low, high = np.maximum(near.min(axis=0) - half, 0.0), np.minimum(near.max(axis=0) + half, 1.0)
     return [(k.bounds.value(a), k.bounds.value(b)) for k, a, b in zip(space.knobs, low, high, strict=True)]
 

@@ -97,9 +97,9 @@ class Evaluator:
 
     def worth(self, settings: Sequence[Setting], case: Case) -> Worth:
         """Try each of ``settings`` on one case."""
-        level, found = self.level(case), self.rows(settings, case)
-        lost = np.array([sum(run["status"] != "ok" for run in rows) for rows in found], dtype=np.float64)
-        return Worth(np.array([self.objective.losses(rows, level) for rows in found]), lost)
+        level, runs = self.level(case), self.rows(settings, case)
+        lost = np.array([sum(run["status"] != "ok" for run in rows) for rows in runs], dtype=np.float64)
+        return Worth(np.array([self.objective.losses(rows, level) for rows in runs]), lost)
 
     def _elsewhere(self, settings: Sequence[Setting], cases: Sequence[Case]) -> list[Worth]:
         """Try them on the cluster, each case by itself."""
@@ -136,11 +136,11 @@ class Evaluator:
         measured = [
             dataclasses.replace(cell, metrics=self._metrics, spec={**cell.spec, "metrics": names}) for cell in cells
         ]
-        found = run_settings(measured, case.draws, case.fingerprint, self._threads, self._inputs)
-        failed = next((row for rows in found for row in rows if row["status"] == "failed"), None)
+        runs = run_settings(measured, case.draws, case.fingerprint, self._threads, self._inputs)
+        failed = next((row for rows in runs for row in rows if row["status"] == "failed"), None)
         if failed is not None:
             raise PluginError(f"A run over {case.scenario} failed: {failed['reason']}")
-        return found
+        return runs
 
 
 def plain_cell(cell: Cell) -> Cell:

@@ -9,7 +9,7 @@ from jerkbench.execution.inputs import Inputs
 from jerkbench.tuning.cases import Cases
 from jerkbench.tuning.evaluate import Evaluator, require_scorable
 from jerkbench.tuning.objectives import Objective
-from jerkbench.tuning.search import Budget, Found, Score, score, search
+from jerkbench.tuning.search import Budget, Score, SearchOutcome, score, search
 from jerkbench.tuning.space import Setting, Space
 
 
@@ -56,7 +56,7 @@ class Tuning:
         space: its knobs.
         cases: what it was tuned, chosen and tested on.
         effort: how.
-        found: the outcome of the first search.
+        outcome: that of the first search.
         restarts: all searches, the first one first.
         interval_s: nominal interval of the IMU; None: there is none.
     """
@@ -65,14 +65,14 @@ class Tuning:
     space: Space
     cases: Cases
     effort: Effort
-    found: Found
+    outcome: SearchOutcome
     restarts: tuple[Restart, ...]
     interval_s: float | None
 
     @property
     def setting(self) -> Setting:
         """The chosen setting: that of the first search, so that all methods spend the same."""
-        return self.found.setting
+        return self.outcome.setting
 
     @property
     def score(self) -> Score:
@@ -101,11 +101,11 @@ def tune(
     first = cases.tune[0]
     recording = inputs.recording(first.cell, first.fingerprint, first.draws[0])
     require_scorable(effort.objective, cases.tune[:1], lambda _: recording)
-    outcomes: list[Found] = []
+    outcomes: list[SearchOutcome] = []
     for k in range(effort.restarts):
         budget = replace(effort.budget, seed=effort.budget.seed + k)
         place = folder / f"restart-{k}" if folder is not None else None
         outcomes.append(search(evaluator, cases, budget, place, advance))
-    restarts = tuple(Restart(found.setting, score(evaluator, found.setting, cases.test)) for found in outcomes)
+    restarts = tuple(Restart(outcome.setting, score(evaluator, outcome.setting, cases.test)) for outcome in outcomes)
     interval_s = recording.imu.nominal_interval_s if recording.imu is not None else None
     return Tuning(name, space, cases, effort, outcomes[0], restarts, interval_s)

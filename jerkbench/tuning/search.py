@@ -45,7 +45,7 @@ class Budget:
             )
 
 
-class Found(NamedTuple):
+class SearchOutcome(NamedTuple):
     """The outcome of a search.
 
     Attributes:
@@ -98,7 +98,7 @@ def search(
     budget: Budget,
     folder: Path | None = None,
     advance: Callable[[int], object] = int,
-) -> Found:
+) -> SearchOutcome:
     """Try ``budget.trials`` settings and choose one; what is stored in ``folder`` is not run again.
 
     Args:
@@ -115,11 +115,11 @@ def search(
     trials = _tried(evaluator, cases.tune, budget, store, advance)
     best = trials.best(budget.finalists if cases.choose else 1)
     if not cases.choose:
-        return Found(trials.settings[best[0]], best[0], trials, None)
+        return SearchOutcome(trials.settings[best[0]], best[0], trials, None)
     settings = [trials.settings[place] for place in best]
     finalists = _block(evaluator, settings, cases.choose, store, "finalists", 0)
     place = best[finalists.best(1)[0]]
-    return Found(trials.settings[place], place, trials, finalists)
+    return SearchOutcome(trials.settings[place], place, trials, finalists)
 
 
 def score(evaluator: Evaluator, setting: Setting, cases: Sequence[Case]) -> Score:
@@ -129,13 +129,13 @@ def score(evaluator: Evaluator, setting: Setting, cases: Sequence[Case]) -> Scor
     return Score(both.losses[0], both.losses[1], lost_before, lost, sum(len(case.draws) for case in cases))
 
 
-def equal_budgets(found: dict[str, Found]) -> str:
+def equal_budgets(outcomes: dict[str, SearchOutcome]) -> str:
     """Say how many settings each method was given.
 
     Raises:
         JerkbenchError: they are not the same for all methods: such results are not to be compared.
     """
-    counts = {name: len(outcome.trials) for name, outcome in found.items()}
+    counts = {name: len(outcome.trials) for name, outcome in outcomes.items()}
     if len(set(counts.values())) > 1:
         each = ", ".join(f"{name} {count}" for name, count in counts.items())
         raise JerkbenchError(f"The methods were not tuned alike: settings tried: {each}; give all the same trials=.")

@@ -28,7 +28,7 @@ def table(tunings: Sequence[Tuning]) -> str:
         for tuning in tunings
     ]
     head = f"{'on runs that were not seen':<32} {'before':>10} {'tuned':>10} {'lost':>4}"
-    return "\n".join([head, *lines, "", equal_budgets({tuning.name: tuning.found for tuning in tunings})])
+    return "\n".join([head, *lines, "", equal_budgets({tuning.name: tuning.outcome for tuning in tunings})])
 
 
 def record(tuning: Tuning) -> Mapping[str, Any]:
@@ -37,11 +37,11 @@ def record(tuning: Tuning) -> Mapping[str, Any]:
         "method": tuning.name,
         "objective": tuning.effort.objective.name,
         "sampler": tuning.effort.budget.sampler,
-        "trials": len(tuning.found.trials),
+        "trials": len(tuning.outcome.trials),
         "split": tuning.cases.split,
         "setting": dict(zip(tuning.space.names, tuning.setting, strict=True)),
         "before": dict(zip(tuning.space.names, tuning.space.start, strict=True)),
-        "intervals": dict(zip(tuning.space.names, intervals(tuning.space, tuning.found), strict=True)),
+        "intervals": dict(zip(tuning.space.names, intervals(tuning.space, tuning.outcome), strict=True)),
         "unseen": {
             case.scenario: {"before": float(before), "tuned": float(chosen)}
             for case, before, chosen in zip(tuning.cases.test, tuning.score.before, tuning.score.chosen, strict=True)
@@ -49,7 +49,7 @@ def record(tuning: Tuning) -> Mapping[str, Any]:
         "lost": tuning.score.lost,
         "lost_before": tuning.score.lost_before,
         "runs": tuning.score.runs,
-        "budget_curve": budget_curve(tuning.found.trials),
+        "budget_curve": budget_curve(tuning.outcome.trials),
         "restarts": [float(restart.score.chosen.mean()) for restart in tuning.restarts],
         "edges": tuning.space.at_edge(tuning.setting),
     }
@@ -59,7 +59,7 @@ def warnings(tuning: Tuning) -> list[str]:
     """Return what a reader has to know before he uses the setting."""
     sentences = tuning.space.at_edge(tuning.setting)
     before, chosen = float(tuning.score.before.mean()), float(tuning.score.chosen.mean())
-    if tuning.found.place == 0:
+    if tuning.outcome.place == 0:
         sentences.append("No setting was better than the one before the search.")
     elif chosen >= before:
         sentences.append("On runs that were not seen the tuned setting is no better than the one before the search.")
@@ -70,14 +70,14 @@ def _spent(tuning: Tuning) -> Iterator[str]:
     effort = tuning.effort
     yield f"Objective: {effort.objective.name}; {effort.objective.meaning}."
     yield f"Split: {tuning.cases.split}."
-    budget = equal_budgets({tuning.name: tuning.found})
+    budget = equal_budgets({tuning.name: tuning.outcome})
     yield f"{budget} Sampler {effort.budget.sampler}, {len(tuning.space.knobs)} knobs."
 
 
 def _knobs(tuning: Tuning) -> Iterator[str]:
     yield "| knob | before | tuned | cannot be told apart | range |"
     yield "|---|---|---|---|---|"
-    columns = zip(tuning.space.knobs, tuning.setting, intervals(tuning.space, tuning.found), strict=True)
+    columns = zip(tuning.space.knobs, tuning.setting, intervals(tuning.space, tuning.outcome), strict=True)
     for knob, value, (low, high) in columns:
         yield f"| {knob.name} | {knob.start:.4g} | {value:.4g} | {low:.3g} to {high:.3g} | {knob.bounds} |"
 
@@ -91,7 +91,7 @@ def _worth(tuning: Tuning) -> Iterator[str]:
         yield f"| {case.scenario} | {_shown(tuning, before)} | {_shown(tuning, chosen)} |"
     yield ""
     yield f"Lost runs: {tuning.score.lost} of {tuning.score.runs} (before: {tuning.score.lost_before})."
-    curve = ", ".join(f"{size}: {_shown(tuning, loss)}" for size, loss in budget_curve(tuning.found.trials))
+    curve = ", ".join(f"{size}: {_shown(tuning, loss)}" for size, loss in budget_curve(tuning.outcome.trials))
     yield f"Best of the trials so far, on the runs tuned on: {curve}."
     if len(tuning.restarts) > 1:
         losses = np.array([restart.score.chosen.mean() for restart in tuning.restarts])

@@ -77,10 +77,10 @@ class TrialStore:
         try:
             table = pq.read_table(self._path(name, begin))
             head = table.schema.metadata
-            found = json.loads(head[b"settings"]), head[b"key"].decode()
+            stored = json.loads(head[b"settings"]), head[b"key"].decode()
         except DAMAGE:
             return None
-        if found != ([list(setting) for setting in settings], self._key):
+        if stored != ([list(setting) for setting in settings], self._key):
             return None
         runs = np.column_stack([table[name].to_numpy() for name in table.column_names if name.startswith("run.")])
         return Trials(tuple(settings), runs, np.array(json.loads(head[b"case"])), table["lost"].to_numpy())

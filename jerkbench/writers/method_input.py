@@ -1,4 +1,4 @@
-"""What a method from elsewhere gets of a recording: one table in the order of time, and a JSON that explains it."""
+"""The input of a method from elsewhere: one table in the order of time, and a JSON that explains it."""
 
 import json
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""From seeds to a mean with its interval."""
+"""The mean over seeds, with its interval."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -57,17 +57,17 @@ def over_scenarios(d: FloatArray, confidence: float = 0.95) -> OverScenarios:
     means = d.mean(axis=1)
     worst = int(np.argmax(means))
     mu = float(means.mean())
-    found = _components(d)
-    error, dof = _error(found, *d.shape)
+    components = _components(d)
+    error, dof = _error(components, *d.shape)
     low, high = _ends(mu, error, dof, confidence) if len(d) > 1 else (np.nan, np.nan)
     return OverScenarios(
         ratio=float(np.exp(mu)),
         low=low,
         high=high,
         dof=dof,
-        scenario_sigma=float(np.sqrt((found.scenario - found.rest) / d.shape[1])),
-        seed_sigma=float(np.sqrt((found.seed - found.rest) / len(d))),
-        sigma=float(np.sqrt(found.rest)),
+        scenario_sigma=float(np.sqrt((components.scenario - components.rest) / d.shape[1])),
+        seed_sigma=float(np.sqrt((components.seed - components.rest) / len(d))),
+        sigma=float(np.sqrt(components.rest)),
         worst=worst,
         worst_ratio=float(np.exp(means[worst])),
         scenarios=len(d),
@@ -112,14 +112,22 @@ def _components(d: FloatArray) -> _Components:
     return _Components(scenario, seed, each, (own[0], own[1], freedom))
 
 
-def _error(found: _Components, scenarios: int, seeds: int) -> tuple[float, float]:
+def _error(components: _Components, scenarios: int, seeds: int) -> tuple[float, float]:
     """Return the standard error of the mean and its degrees of freedom.
 
     Of MSS + MSI - MSE what is the rest itself cancels.
     """
-    both = found.freedom[0] > 0 and found.freedom[1] > 0
-    kept = [(square, own) for square, own in zip((found.scenario, found.seed), found.freedom, strict=False) if own > 0]
-    terms = [*kept, (-found.rest, found.freedom[2])] if both else kept or [(found.rest, found.freedom[2])]
+    both = components.freedom[0] > 0 and components.freedom[1] > 0
+    kept = [
+        (square, own)
+        for square, own in zip((components.scenario, components.seed), components.freedom, strict=False)
+        if own > 0
+    ]
+    terms = (
+        [*kept, (-components.rest, components.freedom[2])]
+        if both
+        else kept or [(components.rest, components.freedom[2])]
+    )
     total = sum(square for square, _ in terms)
     spread = sum(square**2 / own for square, own in terms if own > 0)
     return float(np.sqrt(total / (scenarios * seeds))), total**2 / spread if spread > 0 else np.inf

@@ -1,4 +1,4 @@
-"""Whether innovations follow each other: those of an optimal filter do not."""
+"""The Ljung-Box test of innovations: those of an optimal filter are white."""
 
 from dataclasses import dataclass
 
@@ -41,8 +41,8 @@ def whiteness(innovation: FloatArray) -> Whiteness:
 
     Source: Ljung and Box, "On a measure of lack of fit in time series models", Biometrika 65 (1978).
     """
-    there = innovation[np.isfinite(innovation)]
-    return _tested(there[:, None])[0]
+    measured = innovation[np.isfinite(innovation)]
+    return _tested(measured[:, None])[0]
 
 
 def whiteness_of_rows(innovation: FloatArray) -> list[Whiteness]:
@@ -52,14 +52,17 @@ def whiteness_of_rows(innovation: FloatArray) -> list[Whiteness]:
     return [whiteness(column) for column in innovation.T]
 
 
-def _tested(there: FloatArray) -> list[Whiteness]:
+def _tested(columns: FloatArray) -> list[Whiteness]:
     from scipy.special import chdtrc  # scipy.stats would take half a second to import in every worker
 
-    m = len(there)
+    m = len(columns)
     if m < FEWEST:
-        return [Whiteness(np.nan, np.nan, np.nan)] * there.shape[1]
+        return [Whiteness(np.nan, np.nan, np.nan)] * columns.shape[1]
     lags = np.arange(1, LAGS + 1)
-    rho = autocorrelation(there, LAGS)[1:]
+    rho = autocorrelation(columns, LAGS)[1:]
     statistic = m * (m + 2) * np.sum(rho**2 / (m - lags)[:, None], axis=0)
     bound = float(1.96 / np.sqrt(m))
-    return [Whiteness(float(one), bound, float(p)) for one, p in zip(rho[0], chdtrc(LAGS, statistic), strict=True)]
+    return [
+        Whiteness(float(correlation), bound, float(p))
+        for correlation, p in zip(rho[0], chdtrc(LAGS, statistic), strict=True)
+    ]

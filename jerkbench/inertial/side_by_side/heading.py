@@ -40,9 +40,9 @@ def take_heading(w: FloatArray, m: FloatArray, numbers: FloatArray, yaw: FloatAr
 def _innovate(numbers: FloatArray, yaw: FloatArray, row: int) -> None:
     """Fill the innovation, between -pi and pi, and 1 in MEASURED; both are 0 where nothing is measured."""
     for run in range(WIDTH):
-        there = np.isfinite(yaw[row, 0, run])
+        measured = np.isfinite(yaw[row, 0, run])
         expected = math.atan2(numbers[WIDTH * (ATTITUDE + 3) + run], numbers[WIDTH * ATTITUDE + run])
         apart = yaw[row, 0, run] - expected + math.pi
-        wrapped = apart - 2.0 * math.pi * math.floor(apart / (2.0 * math.pi)) - math.pi if there else 0.0
+        wrapped = apart - 2.0 * math.pi * math.floor(apart / (2.0 * math.pi)) - math.pi if measured else 0.0
         numbers[WIDTH * INNOVATION + run] = wrapped
-        numbers[WIDTH * MEASURED + run] = 1.0 if there else 0.0
+        numbers[WIDTH * MEASURED + run] = 1.0 if measured else 0.0

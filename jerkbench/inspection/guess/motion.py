@@ -1,4 +1,4 @@
-"""What the motion says of units and frames: gyro against track, fixes against velocity, forces against track."""
+"""Units and frames by the motion: gyro against track, fixes against velocity, forces against track."""
 
 from typing import NamedTuple
 

@@ -1,4 +1,4 @@
-"""What the values of columns say of their units."""
+"""Units by the values of columns."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""What holds over the scenarios of a study: places and their range, ratios, mean ranks, and whether metrics agree."""
+"""Methods over all scenarios of a study: places and their range, ratios, mean ranks, agreement of metrics."""
 
 import math
 from collections.abc import Iterator

@@ -66,6 +66,6 @@ def of_all_methods(values: FloatArray) -> tuple[FloatArray, str]:
 
     A method that was not run in a scenario has not lost it: no rank can be given there.
     """
-    there = ~np.isnan(values).any(axis=1)
-    words = "" if there.all() else f" in which every method was run (of {len(values)})"
-    return values[there], words
+    complete = ~np.isnan(values).any(axis=1)
+    words = "" if complete.all() else f" in which every method was run (of {len(values)})"
+    return values[complete], words

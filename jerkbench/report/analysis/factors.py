@@ -1,4 +1,4 @@
-"""Which factors of a study make the rows of a table, which its columns, and which are the same everywhere."""
+"""The factors of a study in a table: those of its rows, those of its columns, and those that are alike everywhere."""
 
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING

@@ -1,4 +1,4 @@
-"""Who leads: in each group of rivals those whom nobody was shown to beat."""
+"""The leaders of each group of rivals: those whom nobody was shown to beat."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""The paper's "more than ten times better", scenario by scenario: does it hold?"""
+"""The paper's claim "more than ten times better", tested scenario by scenario."""
 
 import dataclasses
 import math
@@ -53,23 +53,31 @@ def _only(rows: "pd.DataFrame", against: Mapping[str, str]) -> "pd.DataFrame":
 
 def verdicts(comparisons: Sequence[Comparison]) -> list[str]:
     """Say of each whether the claim holds, as one family: the ratio, times what is claimed, against 1."""
-    shifted = [dataclasses.replace(one.pair.ratios, d=one.pair.ratios.d + math.log(CLAIMED)) for one in comparisons]
-    level = min((one.rule.level for one in comparisons), default=LEVEL)
-    return [_word(one, found) for one, found in zip(comparisons, judged(shifted, 0.0, level), strict=True)]
+    shifted = [
+        dataclasses.replace(comparison.pair.ratios, d=comparison.pair.ratios.d + math.log(CLAIMED))
+        for comparison in comparisons
+    ]
+    level = min((comparison.rule.level for comparison in comparisons), default=LEVEL)
+    return [
+        _word(comparison, judgement)
+        for comparison, judgement in zip(comparisons, judged(shifted, 0.0, level), strict=True)
+    ]
 
 
-def _word(one: Comparison, against_the_claim: Judgement) -> str:
-    if one.judgement.n == 0:
+def _word(comparison: Comparison, against_the_claim: Judgement) -> str:
+    if comparison.judgement.n == 0:
         return NO_PAIR
-    if one.replicate == "phase" or math.isnan(one.judgement.low):
+    if comparison.replicate == "phase" or math.isnan(comparison.judgement.low):
         return NO_INTERVAL
     return WORDS.get(against_the_claim.verdict, OPEN)
 
 
-def better(one: Comparison) -> tuple[float, float, float]:
+def better(comparison: Comparison) -> tuple[float, float, float]:
     """Return how many times better the subject is, with the ends of the interval."""
-    found = one.judgement
-    ratio, low, high = (1 / value if value > 0 else math.inf for value in (found.ratio, found.high, found.low))
+    judgement = comparison.judgement
+    ratio, low, high = (
+        1 / value if value > 0 else math.inf for value in (judgement.ratio, judgement.high, judgement.low)
+    )
     return ratio, low, high
 
 
@@ -81,40 +89,43 @@ def claims(rows: "pd.DataFrame") -> list[str]:
 def claim_sentences(rows: "pd.DataFrame", comparisons: Sequence[Comparison]) -> list[str]:
     """Return a sentence for each of the claim's ``comparisons``."""
     varying = varying_factors(rows)
-    return [_sentence(one, word, varying) for one, word in zip(comparisons, verdicts(comparisons), strict=True)]
+    return [
+        _sentence(comparison, word, varying)
+        for comparison, word in zip(comparisons, verdicts(comparisons), strict=True)
+    ]
 
 
 def headlines(rows: "pd.DataFrame", comparisons: Sequence[Comparison]) -> list[str]:
     """Return one sentence for each opponent: in how many scenarios the claim holds."""
     varying = varying_factors(rows)
     counts: dict[str, Counter[str]] = {}
-    for one, word in zip(comparisons, verdicts(comparisons), strict=True):
-        counts.setdefault(_head(one, varying), Counter())[word] += 1
-    return [f"{head} {_counted(found)}" for head, found in counts.items()]
+    for comparison, word in zip(comparisons, verdicts(comparisons), strict=True):
+        counts.setdefault(_head(comparison, varying), Counter())[word] += 1
+    return [f"{head} {_counted(words)}" for head, words in counts.items()]
 
 
-def _counted(found: Counter[str]) -> str:
-    said = ", ".join(
-        f"it {word} in {found[word]}" for word in (HOLDS, FAILS, OPEN, NO_INTERVAL, NO_PAIR) if found[word]
+def _counted(words: Counter[str]) -> str:
+    parts = ", ".join(
+        f"it {word} in {words[word]}" for word in (HOLDS, FAILS, OPEN, NO_INTERVAL, NO_PAIR) if words[word]
     )
-    return f"Of {found.total()} cases {said}."
+    return f"Of {words.total()} cases {parts}."
 
 
-def _head(one: Comparison, varying: Sequence[str]) -> str:
-    who, whom, _ = names(one, varying)
+def _head(comparison: Comparison, varying: Sequence[str]) -> str:
+    who, whom, _ = names(comparison, varying)
     return f"The paper says that {who} is more than {CLAIMED:g} times better than {whom}."
 
 
-def _sentence(one: Comparison, word: str, varying: Sequence[str]) -> str:
-    head = _head(one, varying)
-    who, whom, where = names(one, varying)
-    lost = losses(one, who, whom)
-    if one.judgement.n == 0:
+def _sentence(comparison: Comparison, word: str, varying: Sequence[str]) -> str:
+    head = _head(comparison, varying)
+    who, whom, where = names(comparison, varying)
+    lost = losses(comparison, who, whom)
+    if (n := comparison.judgement.n) == 0:
         return f"{head} Nothing can be said{where}: no run of both has a value."
-    times, low, high = map(number, better(one))
+    times, low, high = map(number, better(comparison))
     if word == NO_INTERVAL:
-        return f"{head} Seen: {times} times{where}, over {one.judgement.n} runs, without an interval{and_lost(lost)}."
-    return f"{head} It {word}: {times} times{where} (95 % {low} to {high}, {one.judgement.n} seeds){and_lost(lost)}."
+        return f"{head} Seen: {times} times{where}, over {n} runs, without an interval{and_lost(lost)}."
+    return f"{head} It {word}: {times} times{where} (95 % {low} to {high}, {n} seeds){and_lost(lost)}."
 
 
 def _has(rows: "pd.DataFrame", values: Mapping[str, str]) -> bool:

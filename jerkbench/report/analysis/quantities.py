@@ -1,4 +1,4 @@
-"""What a metric's column name means: its title, its unit, and what to expect of it."""
+"""The title, the unit and the expected value of a metric, by its column's name."""
 
 from dataclasses import dataclass
 

@@ -30,13 +30,13 @@ def attitude_competes(attitude: str) -> bool:
 
 def standing_apart(labels: Mapping[str, set[str]]) -> str:
     """Return a sentence about those that are among the labels of each factor; empty where none is."""
-    found = [
+    apart = [
         f"{name} ({why})"
         for factor, references in WHY.items()
         for name, why in references.items()
         if name in {_name(label) for label in labels.get(factor, ())}
     ]
-    return f"{' and '.join(found)} {'do' if len(found) > 1 else 'does'} not compete." if found else ""
+    return f"{' and '.join(apart)} {'do' if len(apart) > 1 else 'does'} not compete." if apart else ""
 
 
 def _name(label: str) -> str:

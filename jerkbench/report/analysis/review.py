@@ -1,4 +1,4 @@
-"""What a reviewer asks of a comparison, answered from its rows and configurations."""
+"""A reviewer's questions about a comparison, answered from its rows and configurations."""
 
 import json
 import re
@@ -99,14 +99,14 @@ def _covariance(evidence: Evidence) -> tuple[bool | None, str]:
 
 def _replaced(part: Mapping[str, Any]) -> list[str]:
     """The parameters that stand in the place of a reported accuracy."""
-    found = []
+    replaced = []
     for key, value in part.items():
         match = REPLACED.fullmatch(key)
         if match is None or match[1] not in STREAMS or value in (None, [], ()):
             continue
         if not any(part.get(f"{match[1]}_{end}") for end in REPORTED):
-            found.append(f"{part['name']}.{key}")
-    return found
+            replaced.append(f"{part['name']}.{key}")
+    return replaced
 
 
 def _budget(evidence: Evidence) -> tuple[bool | None, str]:
@@ -116,7 +116,7 @@ def _budget(evidence: Evidence) -> tuple[bool | None, str]:
         parts = [cell["spec"][kind] for kind in ("attitude", "filter", "adaptation")]
         if competes(cell["labels"]) and max(map(len, parts[1:])) > 1:
             settings[_method(cell)][_scenario(cell)].add(json.dumps(parts, sort_keys=True))
-    counts = {method: sorted({len(of) for of in found.values()}) for method, found in sorted(settings.items())}
+    counts = {method: sorted({len(of) for of in tried.values()}) for method, tried in sorted(settings.items())}
     if not counts:
         return None, "No method has a parameter."
     passed = len({count for of in counts.values() for count in of}) == 1 and min(counts.values())[0] >= LEAST_SETTINGS
@@ -140,9 +140,9 @@ def _recordings(evidence: Evidence) -> tuple[bool | None, str]:
     runs: dict[str, set[str]] = defaultdict(set)
     for cell in evidence.cells:
         runs[_method(cell)].add(cell["data"] or f"simulated {cell['spec']['dataset']['name']}")
-    different = {recording for found in runs.values() for recording in found}
-    once = sorted(method for method, found in runs.items() if len(found) < 2)
-    real = sum(not one.startswith("simulated ") for one in different)
+    different = {recording for recordings in runs.values() for recording in recordings}
+    once = sorted(method for method, recordings in runs.items() if len(recordings) < 2)
+    real = sum(not recording.startswith("simulated ") for recording in different)
     told = f"{len(different)}, of which {real} are real: {', '.join(names)}."
     if len(different) > 1 and once:
         told += f" On one only: {', '.join(once)}."
@@ -200,8 +200,8 @@ def _consistency(evidence: Evidence) -> tuple[bool | None, str]:
     ]
     if wrong:
         return False, f"ANEES of the best of {len(wrong)} of {len(best)} scenarios: {'; '.join(wrong[:3])}. {BELIEVED}"
-    found = f"The ANEES of the best of each scenario is {ratios.min():.2g} to {ratios.max():.2g} times 6"
-    return True, f"{found}. {BELIEVED}"
+    seen = f"The ANEES of the best of each scenario is {ratios.min():.2g} to {ratios.max():.2g} times 6"
+    return True, f"{seen}. {BELIEVED}"
 
 
 def _independence(evidence: Evidence) -> tuple[bool | None, str]:

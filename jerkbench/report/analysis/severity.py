@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Mapping, Sequence
+from itertools import combinations
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -52,10 +53,10 @@ def with_severity(rows: "pd.DataFrame") -> "pd.DataFrame":
     chosen = {label: _most(label, matches, sizes) for label, matches in places.items()}
     kept = labels.map(lambda label: chosen[label] is not None).to_numpy(dtype=bool)
     swept = rows[kept].copy()
-    found = [chosen[label] for label in labels[kept]]
-    swept[SIZE] = [float(match[2]) for match in found if match is not None]
-    swept[NAME] = [match[1] for match in found if match is not None]
-    rests = [_without(label, match) for label, match in zip(labels[kept], found, strict=True) if match is not None]
+    parameters = [chosen[label] for label in labels[kept]]
+    swept[SIZE] = [float(match[2]) for match in parameters if match is not None]
+    swept[NAME] = [match[1] for match in parameters if match is not None]
+    rests = [_without(label, match) for label, match in zip(labels[kept], parameters, strict=True) if match is not None]
     swept[SCENARIO] = swept["dataset"].astype(str) + ": " + np.array(rests, dtype=object)
     return swept
 
@@ -78,22 +79,20 @@ def crossings(sizes: FloatArray, costs: Mapping[str, FloatArray]) -> list[Crossi
     Straight as the figure draws them: over the log of the size, where all are positive, and in the log of the cost. A
     cost that is not finite, or not positive, makes no line.
     """
-    found = []
-    names = list(costs)
+    crossed = []
     logarithmic = bool(sizes.min() > 0)
     places = np.log(sizes) if logarithmic else sizes
-    for first, one in enumerate(names):
-        for other in names[first + 1 :]:
-            with np.errstate(invalid="ignore", divide="ignore"):
-                apart = np.log(costs[one]) - np.log(costs[other])
-            for k in np.flatnonzero(np.isfinite(apart[:-1] * apart[1:]) & (apart[:-1] * apart[1:] < 0)):
-                share = apart[k] / (apart[k] - apart[k + 1])
-                place = float(places[k] + share * (places[k + 1] - places[k]))
-                size = float(np.exp(place)) if logarithmic else place
-                logs = np.log(costs[one][[k, k + 1]])
-                below, above = (one, other) if apart[k] < 0 else (other, one)
-                found.append(Crossing(size, float(np.exp(logs[0] + share * (logs[1] - logs[0]))), below, above))
-    return sorted(found)
+    for first, second in combinations(costs, 2):
+        with np.errstate(invalid="ignore", divide="ignore"):
+            apart = np.log(costs[first]) - np.log(costs[second])
+        for k in np.flatnonzero(np.isfinite(apart[:-1] * apart[1:]) & (apart[:-1] * apart[1:] < 0)):
+            share = apart[k] / (apart[k] - apart[k + 1])
+            place = float(places[k] + share * (places[k + 1] - places[k]))
+            size = float(np.exp(place)) if logarithmic else place
+            logs = np.log(costs[first][[k, k + 1]])
+            below, above = (first, second) if apart[k] < 0 else (second, first)
+            crossed.append(Crossing(size, float(np.exp(logs[0] + share * (logs[1] - logs[0]))), below, above))
+    return sorted(crossed)
 
 
 def smallest_noticed(runs: "pd.DataFrame") -> float:

@@ -32,10 +32,10 @@ def strongest(standings: Sequence[Standing]) -> list[str]:
     The order is that of `Duel.weight`: the mean over the scenarios of what is certain of the difference.
     """
     references = _references(standings)
-    told = [_told(one, references) for one in standings]
+    told = [_told(standing, references) for standing in standings]
     if len(told) == 1:
         return _of_one_scenario(told[0].contest)
-    return [_sentence(one) for one in sorted(duels(told), key=lambda duel: -duel.weight)]
+    return [_sentence(duel) for duel in sorted(duels(told), key=lambda duel: -duel.weight)]
 
 
 def most_certain(standings: Sequence[Standing]) -> list[Comparison]:
@@ -67,15 +67,15 @@ def _of_one_scenario(contest: Contest) -> list[str]:
 
 
 def _references(standings: Iterable[Standing]) -> dict[str, str]:
-    rivals = {rival for one in standings for rival in one.contest.rivals}
+    rivals = {rival for standing in standings for rival in standing.contest.rivals}
     values = {factor: {rival[k] for rival in rivals} for k, factor in enumerate(FACTORS)}
     return {factor: name for factor, name in REFERENCES.items() if name in values[factor]}
 
 
-def _told(one: Standing, references: Mapping[str, str]) -> Standing:
+def _told(standing: Standing, references: Mapping[str, str]) -> Standing:
     """Return the standing with those comparisons alone that say something about one factor."""
-    kept = tuple(pair for pair in one.contest.comparisons if _tells(pair, references))
-    return replace(one, contest=replace(one.contest, comparisons=kept))
+    kept = tuple(pair for pair in standing.contest.comparisons if _tells(pair, references))
+    return replace(standing, contest=replace(standing.contest, comparisons=kept))
 
 
 def _tells(pair: Comparison, references: Mapping[str, str]) -> bool:
@@ -85,14 +85,14 @@ def _tells(pair: Comparison, references: Mapping[str, str]) -> bool:
 
 
 def _sentence(duel: Duel) -> str:
-    of = {verdict: [one for one in duel.rounds if one.verdict is verdict] for verdict in WORDS}
+    of = {verdict: [round_ for round_ in duel.rounds if round_.verdict is verdict] for verdict in WORDS}
     parts = [f"{WORDS[verdict]} {len(rounds)}{_most(rounds)}" for verdict, rounds in of.items() if rounds]
     return f"{duel.ours} against {duel.theirs} in {duel.scenarios} scenarios: {', '.join(parts)}."
 
 
 def _most(rounds: Sequence[Round]) -> str:
     """Say where the difference is most certain."""
-    largest = max(rounds, key=lambda one: one.weight)
+    largest = max(rounds, key=lambda round_: round_.weight)
     if largest.weight == 0:
         return ""
     return f" ({'most ' if len(rounds) > 1 else ''}on {largest.scenario}: {largest.words})"

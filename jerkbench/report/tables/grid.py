@@ -101,9 +101,13 @@ def arranged(rows: "pd.DataFrame", row_keys: Sequence[str] | None, column_keys: 
 
 def _grouped(values: Iterable[Values]) -> tuple[Values, ...]:
     """Return each combination once, what has the first value in common together; values as they appear first."""
-    found = list(dict.fromkeys(values))
-    ranks = [{value: rank for rank, value in enumerate(dict.fromkeys(of))} for of in zip(*found, strict=True)]
-    return tuple(sorted(found, key=lambda one: [rank[value] for rank, value in zip(ranks, one, strict=True)]))
+    combinations = list(dict.fromkeys(values))
+    ranks = [{value: rank for rank, value in enumerate(dict.fromkeys(of))} for of in zip(*combinations, strict=True)]
+    return tuple(
+        sorted(
+            combinations, key=lambda combination: [rank[value] for rank, value in zip(ranks, combination, strict=True)]
+        )
+    )
 
 
 def _runs(rows: "pd.DataFrame", keys: list[str]) -> dict[Values, IntArray]:
