@@ -1,11 +1,14 @@
 """The pages of the studies against the rows that are kept beside them: quotations, and tables."""
 
 import re
+import subprocess
+import sys
 from functools import cache
 from pathlib import Path
 
 import pytest
 
+from commands import environment
 from jerkbench.report.analysis.findings import sentence, varying_factors
 from jerkbench.report.analysis.study_verdicts import study_verdicts
 from jerkbench.report.tables.summary import summarise
@@ -62,3 +65,24 @@ def test_the_table_of_faithful_has_the_numbers_of_its_rows():
     made = lines("faithful", ["adaptation"], ["disturbance"])
     assert len(made) == 17
     assert [line for line in made if line not in page("faithful").splitlines()] == []
+
+
+SCRIPTS = {"drive": "best.py", "comma2k19": "summary.py", "broad": "summary.py"}
+"""Pages whose tables a script of the study prints from the rows."""
+
+
+@pytest.mark.parametrize("study", SCRIPTS)
+def test_the_tables_that_a_script_prints_stand_on_the_page(study):
+    script = ROOT / "experiments" / study / SCRIPTS[study]
+    command = [sys.executable, str(script), str(ROOT / "results" / study)]
+    printed = subprocess.run(command, env=environment(), capture_output=True, text=True, check=True).stdout
+    made = [line for line in printed.splitlines() if line.startswith("| ")]
+    assert len(made) > 4
+    assert [line for line in made if line not in page(study).splitlines()] == []
+
+
+@pytest.mark.parametrize("study", SCRIPTS)
+def test_every_interval_on_the_page_is_one_of_the_table(study):
+    table = (ROOT / "results" / study / "table.md").read_text(encoding="utf-8").replace("**", "")
+    for words in re.findall(r"\d[\d.]* \[[\d., ]+\]", page(study)):
+        assert words in table, words

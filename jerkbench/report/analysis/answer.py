@@ -8,7 +8,7 @@ from jerkbench.report.analysis.comparison import Comparison
 from jerkbench.report.analysis.duels import Duel, duels
 from jerkbench.report.analysis.factors import FACTORS
 from jerkbench.report.analysis.runs import Combination
-from jerkbench.report.analysis.standings import Standing
+from jerkbench.report.analysis.standings import UNTESTED, Standing
 
 NAMED = 3
 """So many leaders are named."""
@@ -38,7 +38,7 @@ def _untested(standings: Sequence[Standing]) -> str:
         return "There is one method, and nothing to compare it with."
     if not any(standing.contest.comparisons for standing in standings):
         return "Who leads is not tested: there are too many pairs of methods."
-    return "Nothing is tested: the runs have no seeds, and those of one recording are not independent."
+    return UNTESTED
 
 
 def _of_two(tested: Sequence[Standing]) -> str:

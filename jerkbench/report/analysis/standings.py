@@ -9,6 +9,8 @@ from jerkbench.report.analysis.factors import FACTORS
 from jerkbench.report.analysis.leading import Contest
 from jerkbench.report.analysis.runs import Combination
 
+UNTESTED = "Nothing is tested: the runs have no seeds, and those of one recording are not independent."
+
 MOST_PAIRS = 50_000
 """More comparisons than these take minutes, and show little."""
 
@@ -41,9 +43,10 @@ class Standing:
 def summary(standings: Sequence[Standing]) -> list[str]:
     """Return in sentences who leads how often, and how many pairs of methods are what."""
     decided = [standing for standing in standings if standing.contest.decided]
-    verdicts = Counter(
-        pair.verdict for standing in standings for pair in standing.contest.comparisons if pair.judgement.n
-    )
+    compared = [pair for standing in standings for pair in standing.contest.comparisons if pair.judgement.n]
+    verdicts = Counter(pair.verdict for pair in compared if pair.replicate != "phase")
+    if compared and not verdicts:
+        return [UNTESTED]
     if not verdicts:
         many = any(len(standing.contest.rivals) > 1 and not standing.contest.comparisons for standing in standings)
         return [f"Who leads is not tested: there are more than {MOST_PAIRS} pairs of methods."] if many else []
