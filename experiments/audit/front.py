@@ -28,8 +28,9 @@ def front() -> str:
     protocol = json.loads((RESULTS / "audit-medium" / "protocol.json").read_text(encoding="utf-8"))
     rows = [list(HEADS), ["---"] * len(HEADS), *(_line(row) for _, row in _chosen(verdicts).iterrows())]
     table = "".join(f"| {' | '.join(row)} |\n" for row in rows)
-    figure = "![Ratio of every method to its tuned plain filter](experiments/audit/ratios.png)"
-    return f"{figure}\n\n{_answer(verdicts, protocol)}\n\n{table}\n{_suite()}\n{_gain()}\n"
+    words = "Ratio of every method to its tuned plain filter"
+    figure = f'<img src="experiments/audit/ratios.png" alt="{words}" width="480">'
+    return f"{_answer(verdicts, protocol)}\n\n{table}\n{_suite()}\n{_gain()}\n\n{figure}\n"
 
 
 def _answer(verdicts: pd.DataFrame, protocol: dict[str, Any]) -> str:
