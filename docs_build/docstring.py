@@ -46,7 +46,11 @@ def as_markdown(text: str) -> str:
 def prose(line: str) -> str:
     """Return a line of text with the signs of Markdown escaped, but for code in backticks."""
     parts = re.split(r"(``[^`]+``|`[^`]+`)", line)
-    return "".join(part if part.startswith("`") else re.sub(r"(?<!^)([*_|<\[\]])", r"\\\1", part) for part in parts)
+    return "".join(part if part.startswith("`") else _escaped(part) for part in parts)
+
+
+def _escaped(text: str) -> str:
+    return re.sub(r"(?<!^)([*_|\[\]])", r"\\\1", text.replace("&", "&amp;").replace("<", "&lt;"))
 
 
 def _described(attributes: str) -> dict[str, str]:

@@ -88,9 +88,9 @@ CAPTIONS = {
 
 
 def _page(kind: str, entry: Entry, drawn: bool) -> str:
-    body = _preset_body(kind, entry.name) if entry.preset else _plugin_body(kind, entry.name)
     figure = f"![{entry.name}]({entry.name}.png)\n\n{CAPTIONS[kind].replace('What each', 'What it')}" if drawn else ""
-    return f"# {entry.name}\n\n`{_chosen(kind, entry.name)}`\n\n{body}\n\n{figure}\n"
+    body = _preset_body(kind, entry.name, figure) if entry.preset else _plugin_body(kind, entry.name, figure)
+    return f"# {entry.name}\n\n`{_chosen(kind, entry.name)}`\n\n{body}\n"
 
 
 def _chosen(kind: str, name: str) -> str:
@@ -98,15 +98,15 @@ def _chosen(kind: str, name: str) -> str:
     return f"metrics=[{name}]" if kind == "metric" else f"{kind}={name}"
 
 
-def _preset_body(kind: str, name: str) -> str:
+def _preset_body(kind: str, name: str, figure: str) -> str:
     text = preset_files(kind)[name].read_text(encoding="utf-8").rstrip()
-    return f"A preset: a file of values, `conf/{kind}/{name}.yaml`.\n\n```yaml\n{text}\n```"
+    return f"A preset: a file of values, `conf/{kind}/{name}.yaml`.\n\n```yaml\n{text}\n```\n\n{figure}"
 
 
-def _plugin_body(kind: str, name: str) -> str:
+def _plugin_body(kind: str, name: str, figure: str) -> str:
     documented = _documented(kind, name)
     table = _parameters(kind, name, documented.parameters)
-    return f"{documented.body}\n\n{table}\n\nDefined in `{home(plugin_class(kind, name))}`."
+    return f"{documented.body}\n\n{figure}\n\n{table}\n\nDefined in `{home(plugin_class(kind, name))}`."
 
 
 def _documented(kind: str, name: str) -> Docstring:

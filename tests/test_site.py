@@ -49,6 +49,12 @@ def test_equations_are_blocks_and_words_stand_beside_parameters(site):
     assert "Attributes:" not in page
 
 
+def test_signs_of_prose_arrive_as_they_are(site):
+    page = (site / "plugins" / "adaptation" / "mtf.html").read_text(encoding="utf-8")
+
+    assert "With mu = 1, y_i^2 &lt;= S_ii afterwards." in page
+
+
 def test_nothing_is_fetched_by_a_reader(site):
     loads = re.compile(r'(?:<script[^>]*src|<link[^>]*rel="(?:stylesheet|icon)"[^>]*href|<img[^>]*src)="https?://')
 
