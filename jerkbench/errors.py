@@ -37,8 +37,12 @@ def unknown(kind: str, name: str, available: Iterable[str]) -> str:
 
     >>> unknown("filter", "jrk", ["baseline", "jerk"])
     "There is no filter 'jrk'. Did you mean 'jerk'? Available: baseline, jerk."
+    >>> unknown("tag", "thesis", [])
+    "There is no tag 'thesis'; there is none at all."
     """
     names = sorted(available)
+    if not names:
+        return f"There is no {kind} '{name}'; there is none at all."
     near = difflib.get_close_matches(name, names, n=1)
     hint = f" Did you mean '{near[0]}'?" if near else ""
     return f"There is no {kind} '{name}'.{hint} Available: {', '.join(names)}."

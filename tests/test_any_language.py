@@ -112,7 +112,8 @@ def test_what_was_scored_is_what_was_run(folder):
 
 
 def test_what_a_node_published_is_scored_as_the_file_is(folder):
-    errors = pd.read_csv(folder / "results" / "scored" / "rows.csv").pivot_table(index="seed", columns="filter")
+    rows = pd.read_csv(folder / "results" / "scored" / "rows.csv")
+    errors = rows.pivot_table(["position_rmse_m", "velocity_rmse_mps"], index="seed", columns="filter")
 
     for metric in ("position_rmse_m", "velocity_rmse_mps"):
         columns = errors[metric]
