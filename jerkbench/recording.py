@@ -314,7 +314,7 @@ class Recording:
     def _require_fixes(self) -> None:
         """Check that a recording without an IMU has two fixes, and no velocity that an attitude would have to turn."""
         if self.position is None or len(self.position.t_s) < LEAST_FIXES:
-            raise RecordingError(f"{self.name} has no IMU and fewer than {LEAST_FIXES} position fixes; one is needed.")
+            raise RecordingError(f"{self.name} has no IMU, and fewer than {LEAST_FIXES} position fixes to do without.")
         if self.velocity is not None and self.velocity.frame != "enu":
             raise RecordingError(
                 f"{self.name} has no IMU, so that nothing turns its velocity in the frame '{self.velocity.frame}' into"

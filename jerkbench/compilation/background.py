@@ -2,6 +2,10 @@
 
 import subprocess
 import sys
+from typing import Final
+
+RUNNING: Final[list[subprocess.Popen[bytes]]] = []
+"""Kept, for Python warns of a process whose object goes while it runs."""
 
 
 def run_beside(code: str) -> None:
@@ -11,4 +15,5 @@ def run_beside(code: str) -> None:
     """
     nothing = subprocess.DEVNULL
     words = [sys.executable, "-c", code]
-    subprocess.Popen(words, stdin=nothing, stdout=nothing, stderr=nothing, start_new_session=True)  # noqa: S603 - our own code
+    process = subprocess.Popen(words, stdin=nothing, stdout=nothing, stderr=nothing, start_new_session=True)  # noqa: S603 - our own code
+    RUNNING.append(process)

@@ -1,11 +1,14 @@
-"""What a figure will need is compiled beside the run, by a process of its own."""
+"""The compilation of what a figure will need, beside the run, by a process of its own."""
 
+import gc
 import os
 import subprocess
 import sys
+import warnings
 
 import pytest
 
+from jerkbench.compilation.background import RUNNING, run_beside
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.filters.baseline import Baseline
 from jerkbench.kinematic import entry
@@ -34,6 +37,18 @@ def test_with_one_processor_nothing_is_begun(begun, monkeypatch):
     monkeypatch.setattr(os, "cpu_count", lambda: 1)
     CompiledEngine().prepare(Baseline())
     assert begun == []
+
+
+def test_a_process_that_still_runs_is_no_warning(recwarn):
+    """Python warns where the object of a running process is collected; tests take warnings for errors."""
+    warnings.simplefilter("always")
+    run_beside("import time; time.sleep(60)")
+    gc.collect()
+
+    assert not recwarn.list
+    process = RUNNING.pop()
+    process.kill()
+    process.wait()
 
 
 SOURCE = """

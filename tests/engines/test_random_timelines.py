@@ -127,7 +127,7 @@ def timeline_of(steps, seed):
     rng = np.random.default_rng(seed)
     n = len(steps) + 1
     dt_s = np.array([0.0, *(dt for dt, *_ in steps)])
-    measured = [(k + 1, rows, sigma) for k, (_, there, rows, sigma) in enumerate(steps) if there]
+    measured = [(k + 1, rows, sigma) for k, (_, is_measured, rows, sigma) in enumerate(steps) if is_measured]
     z, R = np.empty((len(measured), 6)), np.empty((len(measured), 6, 6))
     update = np.full(n, -1)
     for m, (k, rows, sigma) in enumerate(measured):
@@ -149,7 +149,8 @@ def stamps(draw, rng, begin_s, end_s, least):
     """Random stamps, half of them on the grid of the IMU."""
     count = draw(st.sampled_from([0, 1, 2, 5, 20]))
     t_s = rng.uniform(begin_s, end_s, max(count, least))
-    return np.unique(np.where(rng.random(len(t_s)) < 0.5, np.round(t_s, 1), np.round(t_s, 4)))
+    rounded = np.unique(np.where(rng.random(len(t_s)) < 0.5, np.round(t_s, 1), np.round(t_s, 4)))
+    return rounded if len(rounded) >= least else np.linspace(begin_s, end_s, least)
 
 
 def fixes(rng, t_s, sigma):
