@@ -2,7 +2,7 @@
 
 import os
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +29,8 @@ LISTINGS = 20
 
 SMALL = 20_000
 """Rows of a part that is not worth joining with others."""
+JOINED = 100_000
+"""Rows of which joined parts have no more: so many are in memory at once."""
 MANY = 16
 """Small parts from which on they are joined."""
 
@@ -113,18 +115,28 @@ class Store:
 
     def drop(self, keys: Iterable[str]) -> None:
         """Delete some cells."""
-        gone = pa.array(list(keys), pa.string())
+        gone = set(keys)
         for name, table in list(self._files(None)):
-            if table is not None:
-                mask = pc.is_in(table[KEY].cast(pa.string()), gone)
-                if pc.any(mask).as_py():
-                    self._replace([name], table.filter(pc.invert(mask)))
+            if table is not None and (rows := _rows_of(table, gone)) is not None:
+                mask = pc.is_in(table[KEY].cast(pa.string()), pc.unique(rows[KEY]).cast(pa.string()))
+                self._replace([name], table.filter(pc.invert(mask)))
 
     def compact(self) -> None:
         """Join small parts, where there are many."""
-        small = {name: table for name, table in self._files(None) if table is not None and table.num_rows < SMALL}
+        parts = self._files(None, [KEY])
+        small = [(name, table.num_rows) for name, table in parts if table is not None and table.num_rows < SMALL]
         if len(small) >= MANY:
-            self._replace(list(small), concatenated(list(small.values())))
+            for names in _stretches(small):
+                self._join(names)
+
+    def _join(self, names: Sequence[str]) -> None:
+        """Join some parts, unless another process is just doing so."""
+        try:
+            tables = [table for name in names if (table := self._load(name, None)) is not None]
+        except FileNotFoundError:
+            return
+        if len(tables) == len(names):
+            self._replace(names, concatenated(tables))
 
     def pack(self) -> Path:
         """Join all whole cells into one part, each run once, and delete every other file; returns that part's path.
@@ -179,10 +191,11 @@ class Store:
     def _tables(self, keys: Sequence[str] | None, columns: list[str] | None = None) -> tuple[list[pa.Table], list[str]]:
         """The rows of ``keys`` in each file, and the names of the files that are damaged."""
         tables, damaged = [], []
+        wanted = None if keys is None else frozenset(keys)
         for name, table in self._files(keys, columns):
             if table is None:
                 damaged.append(name)
-            elif rows := _rows_of(table, keys):
+            elif rows := _rows_of(table, wanted):
                 tables.append(rows)
         return tables, damaged
 
@@ -228,9 +241,26 @@ class Store:
         return cell if cell is None or columns is None else cell.select(columns)
 
 
-def _rows_of(table: pa.Table, keys: Sequence[str] | None) -> pa.Table | None:
+def _stretches(parts: Sequence[tuple[str, int]]) -> Iterator[list[str]]:
+    """The names of parts, with their numbers of rows, in stretches of no more than `JOINED` rows."""
+    names: list[str] = []
+    rows = 0
+    for name, count in parts:
+        if names and rows + count > JOINED:
+            yield names
+            names, rows = [], 0
+        names.append(name)
+        rows += count
+    yield names
+
+
+def _rows_of(table: pa.Table, keys: Collection[str] | None) -> pa.Table | None:
     """The rows of some cells; None where there are none."""
     if keys is None:
         return table
-    rows = table.filter(pc.is_in(table[KEY].cast(pa.string()), pa.array(keys, pa.string())))
+    own = pc.unique(table[KEY]).cast(pa.string()).to_pylist()
+    wanted = [key for key in own if key in keys]
+    if len(wanted) == len(own):
+        return table
+    rows = table.filter(pc.is_in(table[KEY].cast(pa.string()), pa.array(wanted, pa.string())))
     return rows if rows.num_rows else None

@@ -35,13 +35,17 @@ def _host() -> str:
 
 
 class Claims:
-    """The claims of this process on the bundles of one plan."""
+    """The claims of this process on the bundles of one plan.
+
+    Attributes:
+        seen: a file; a worker that sees it has this folder, and may store there.
+    """
 
     def __init__(self, folder: Path, plan: str) -> None:
         """Claim in ``folder``; ``plan`` names the plan, whose bundles others number alike."""
         self.folder, self.plan = folder, plan
         self.own = f"{machine()}.{os.getpid()}.{uuid.uuid4().hex[:12]}"
-        self.mark = folder / f"{self.own}{PROCESS}"
+        self.mark = self.seen = folder / f"{self.own}{PROCESS}"
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._beat, daemon=True)
 
@@ -68,14 +72,10 @@ class Claims:
         """Claim a bundle; False where a process that lives has it."""
         for turn in itertools.count():
             path = self._path(bundle, turn)
-            try:
-                with path.open("x", encoding="utf-8") as file:
-                    file.write(self.own)
-            except FileExistsError:
-                if self._holds(path):
-                    return False
-            else:
+            if self._create(path):
                 return True
+            if self._holds(path):
+                return False
         raise AssertionError("One turn is free.")
 
     def release(self, bundle: int) -> None:
@@ -92,13 +92,22 @@ class Claims:
 
     def _turns(self, bundle: int) -> Iterator[Path]:
         turns = (self._path(bundle, turn) for turn in itertools.count())
-        return iter(list(itertools.takewhile(Path.exists, turns)))
+        return iter(list(itertools.takewhile(lambda path: path.exists(), turns)))
+
+    def _create(self, path: Path) -> bool:
+        """Make a claim; False where somebody has made it before."""
+        try:
+            with path.open("x", encoding="utf-8") as file:
+                file.write(self.own)
+        except FileExistsError:
+            return False
+        return True
 
     def _holds(self, path: Path) -> bool:
         """Whether a claim still counts; one that its owner is just writing, or has just given up, does."""
         try:
             owner = path.read_text(encoding="utf-8")
-            return self._lives(owner) if owner else self._now() - path.stat().st_mtime < LIMIT_S
+            return self._lives(owner) if owner else self._now() - _modified_s(path) < LIMIT_S
         except FileNotFoundError:
             return True
 
@@ -109,23 +118,30 @@ class Claims:
         if host == machine() and not _runs(int(number)):
             return False
         try:
-            return self._now() - (self.folder / f"{owner}{PROCESS}").stat().st_mtime < LIMIT_S
+            return self._now() - _modified_s(self.folder / f"{owner}{PROCESS}") < LIMIT_S
         except FileNotFoundError:
             return False
 
     def _now(self) -> float:
         """The time as the file system has it [s]."""
+        self._touch()
+        return _modified_s(self.mark)
+
+    def _touch(self) -> None:
+        """Say that this process lives."""
         os.utime(self.mark)
-        return self.mark.stat().st_mtime
 
     def _others(self, kind: str) -> Iterator[Path]:
         return (path for path in self.folder.glob(f"*{kind}") if path != self.mark)
 
     def _leave(self) -> None:
+        self._give_up()
+        self.mark.rename(self.mark.with_suffix(LEFT))
+
+    def _give_up(self) -> None:
         for path in self.folder.glob(f"{self.plan}.*{CLAIM}"):
             if path.read_text(encoding="utf-8") == self.own:
                 path.unlink(missing_ok=True)
-        self.mark.rename(self.mark.with_suffix(LEFT))
 
     def _clear(self) -> None:
         for path in self.folder.iterdir():
@@ -134,38 +150,12 @@ class Claims:
 
     def _beat(self) -> None:
         while not self._ended.wait(BEAT_S):
-            with suppress(OSError):  # a server that does not answer now does later
-                os.utime(self.mark)
+            with suppress(Exception):  # a server that does not answer now does later; each store has its own errors
+                self._touch()
 
 
-class Unclaimed:
-    """No claims, on a folder of an object store, where nobody can make a file that only one process can make.
-
-    Attributes:
-        mark: a file that is not there, so that workers store nothing themselves.
-    """
-
-    def __init__(self, folder: Path) -> None:
-        """Stand for claims in ``folder``."""
-        self.mark = folder / "none"
-
-    def __enter__(self) -> Self:
-        """Do nothing."""
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Do nothing."""
-
-    def take(self, _: int) -> bool:
-        """Take every bundle."""
-        return True
-
-    def release(self, _: int) -> None:
-        """Do nothing."""
-
-    def alone(self) -> bool:
-        """Believe so."""
-        return True
+def _modified_s(path: Path) -> float:
+    return path.stat().st_mtime
 
 
 def _runs(number: int) -> bool:

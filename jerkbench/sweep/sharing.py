@@ -4,7 +4,8 @@ import hashlib
 from collections import Counter
 from collections.abc import Iterable, Sequence
 
-from jerkbench.sweep.claims import Claims, Unclaimed
+from jerkbench.sweep.claims import Claims
+from jerkbench.sweep.claims_in_stores import Unclaimed
 from jerkbench.sweep.seed_blocks import known_runs
 from jerkbench.sweep.tasks import Planned, Task
 from jerkbench.sweep.writer import Writer

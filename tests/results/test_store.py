@@ -10,6 +10,7 @@ import pytest
 
 from jerkbench.errors import JerkbenchError
 from jerkbench.results import part_shape, parts
+from jerkbench.results import store as store_of_cells
 from jerkbench.results.old_cells import DIGEST, METADATA, signature
 from jerkbench.results.parts import Block
 from jerkbench.results.store import MANY, Store
@@ -169,6 +170,17 @@ def test_a_file_that_is_joined_while_the_store_is_read_is_found_again(store, mon
 
     monkeypatch.setattr(Store, "_load", joined_meanwhile)
     assert len(store.read()[0]) == MANY
+
+
+def test_many_parts_are_joined_in_stretches(store, monkeypatch):
+    monkeypatch.setattr(store_of_cells, "JOINED", 5)
+    for k in range(MANY + 2):
+        store.write(f"a{k:x}", ROWS, ABOUT)
+    before = [(cell.key, cell.rows.to_dict("records")) for cell in store.read()[0]]
+    store.compact()
+
+    assert len(files(store)) == -(-(MANY + 2) // 5)
+    assert [(cell.key, cell.rows.to_dict("records")) for cell in store.read()[0]] == before
 
 
 def test_a_part_is_checked_once_as_a_whole_and_damage_is_noticed_ever_after(store, monkeypatch):
