@@ -50,3 +50,11 @@ def test_a_packed_study_has_the_same_rows_in_one_file_and_answers(tmp_path):
     path.write_bytes(path.read_bytes()[:-1])
     assert verb("pack", study, cwd=tmp_path).returncode == 2
     assert Store(study).read() == ([], [path.stem])
+
+
+@pytest.mark.parametrize("study", KEPT, ids=lambda path: path.name)
+def test_a_kept_study_names_no_folder_of_one_machine(study):
+    cells, _ = Store(study).read()
+    for cell in cells:
+        assert not Path(cell.metadata["spec"]["dataset"].get("folder", "")).is_absolute()
+    assert "=/" not in (study / "manifest.json").read_text(encoding="utf-8")
