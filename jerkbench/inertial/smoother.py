@@ -136,3 +136,12 @@ def gain(P: FloatArray, Phi: FloatArray, P_prior: FloatArray) -> FloatArray:
     sigma = np.sqrt(np.diag(P_prior))
     solved = np.linalg.solve(P_prior / np.outer(sigma, sigma), (Phi @ P) / sigma[:, None])
     return np.asarray((solved / sigma[:, None]).T)
+
+
+def forward_states(journey: Journey, adaptation: Adapts, steps: Sequence[int]) -> list[NavigationState]:
+    """Return the filter's states after ``steps``, at each of which something is taken; the start's for step 0."""
+    sparse = journey.events._replace(reference=np.full_like(journey.events.reference, -1))
+    run = ForwardRun(*journey[:3], journey.start, adaptation, journey.settings)
+    run.over(sparse)
+    taken = [node.posterior for node in run.nodes]
+    return taken if journey.events.update[steps[0]] >= 0 else [journey.start[0], *taken]

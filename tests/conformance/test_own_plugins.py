@@ -1,5 +1,7 @@
 """Every plugin of this package passes the checks that it offers to others."""
 
+import importlib.util
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -17,9 +19,12 @@ FROM_ELSEWHERE = ("trajectory", "command")
 """Filters that need something of the user's."""
 
 
+WITHOUT_GTSAM = () if importlib.util.find_spec("gtsam") else ("fgo",)
+
+
 def own(kind):
     names = [name for name in plugins.names(kind) if plugins.get(kind, name).__module__.startswith("jerkbench.")]
-    return [name for name in names if name not in FROM_ELSEWHERE]
+    return [name for name in names if name not in (*FROM_ELSEWHERE, *WITHOUT_GTSAM)]
 
 
 @pytest.mark.parametrize(("kind", "name"), [(kind, name) for kind in KINDS for name in own(kind)])
