@@ -22,7 +22,7 @@ NOT_TAKEN = (*DEFORMATION, "wheel_scale", "zero_velocity", "nonholonomic", "eart
 @register("filter", "fgo")
 @dataclass(frozen=True)
 class FactorGraph(Eskf15Alone):
-    """Inertial navigation as a factor graph on GTSAM, over the whole drive or over its last seconds, with robust losses.
+    """Inertial navigation as a factor graph on GTSAM, over the whole drive or its last seconds, with robust losses.
 
     A node for each time of a measurement: pose, velocity, biases. The graph minimises, with r whitened residuals::
 

@@ -4,7 +4,8 @@ A node for the start and for each time of a measurement: pose X, velocity V, bia
 GTSAM's CombinedImuFactor, of the samples between them preintegrated; at a node a GPSFactor and a prior of V. The start
 is one factor of X, V and B together, with every correlation that the levelling left.
 
-GTSAM's errors are those of the body, R Exp(w) and t + R s; with C the attitude they are eskf15's by phi = C w, dp = C s.
+GTSAM's errors are those of the body, R Exp(w) and t + R s; with C the attitude they are eskf15's by phi = C w and
+dp = C s.
 """
 
 import importlib

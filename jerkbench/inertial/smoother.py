@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jerkbench.arrays import FloatArray
+from jerkbench.errors import RecordingError
 from jerkbench.estimate import Estimate
 from jerkbench.geometry import euler_from_dcm
 from jerkbench.inertial.events import Events
@@ -139,9 +140,15 @@ def gain(P: FloatArray, Phi: FloatArray, P_prior: FloatArray) -> FloatArray:
 
 
 def forward_states(journey: Journey, adaptation: Adapts, steps: Sequence[int]) -> list[NavigationState]:
-    """Return the filter's states after ``steps``, at each of which something is taken; the start's for step 0."""
+    """Return the filter's states after ``steps``, at each of which something is taken; the start's for step 0.
+
+    Raises:
+        RecordingError: the filter is lost before the end.
+    """
     sparse = journey.events._replace(reference=np.full_like(journey.events.reference, -1))
     run = ForwardRun(*journey[:3], journey.start, adaptation, journey.settings)
-    run.over(sparse)
+    failure = run.over(sparse).estimate.failure
+    if failure:
+        raise RecordingError(f"eskf15, from whose states the graph begins, is lost: {failure}; take lag_s above 0.")
     taken = [node.posterior for node in run.nodes]
     return taken if journey.events.update[steps[0]] >= 0 else [journey.start[0], *taken]

@@ -1,4 +1,4 @@
-"""The factor graph, and eskf15, iekf and their smoother against GTSAM: another library's preintegration and optimiser."""
+"""The factor graph, and eskf15, iekf and the smoother, against GTSAM: another library's integration and optimiser."""
 
 from dataclasses import replace
 
