@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jerkbench.adaptation._small import factorise, part_of, quadratic, root_of, solve, solve_rows, squares, whiten_rows
+from jerkbench.adaptation._small import dot, factorise, forward_rows, part_of, quadratic, root_of, solve, solve_rows
 from jerkbench.arrays import FloatArray, IntArray
 
 
@@ -27,8 +27,9 @@ class Measured(NamedTuple):
     Attributes:
         W: (m, m) H E H'.
         R: (m, m) as reported.
-        Br: (m, m) its root.
-        L: (m, m) root of S.
+        Ur: (m, m) its root, R = Ur' Ur.
+        S: (m, m) its lower triangle.
+        M: (m, m) factors of S.
         v: (m,) S^-1 y.
         step: (m,) H (x - x-).
         D: (m, m) H D_x H'.
@@ -37,8 +38,9 @@ class Measured(NamedTuple):
 
     W: FloatArray
     R: FloatArray
-    Br: FloatArray
-    L: FloatArray
+    Ur: FloatArray
+    S: FloatArray
+    M: FloatArray
     v: FloatArray
     step: FloatArray
     D: FloatArray
@@ -48,8 +50,8 @@ class Measured(NamedTuple):
 def measured_of(P: FloatArray, R: FloatArray, rows: IntArray) -> Measured:
     """Return it before the first pass, x = x- and E = P-."""
     m = len(rows)
-    W = part_of(P, rows)
-    return Measured(W, R.copy(), root_of(R), np.zeros((m, m)), np.zeros(m), np.zeros(m), W.copy(), np.empty((m, m)))
+    W, room, vectors = part_of(P, rows), np.empty((3, m, m)), np.zeros((2, m))
+    return Measured(W, R.copy(), root_of(R, m), room[0], room[1], vectors[0], vectors[1], W.copy(), room[2])
 
 
 def innovate(part: Measured, innovation: FloatArray, xi: float, weight: float) -> None:
@@ -57,35 +59,36 @@ def innovate(part: Measured, innovation: FloatArray, xi: float, weight: float) -
     by_xi, by_weight = 1.0 / xi, 1.0 / weight
     for i in range(len(part.v)):
         for j in range(i + 1):
-            part.L[i, j] = part.W[i, j] * by_xi + part.R[i, j] * by_weight
-    factorise(part.L, part.L)
-    solve(part.L, innovation, part.v)
+            part.S[i, j] = part.W[i, j] * by_xi + part.R[i, j] * by_weight
+    factorise(part.S, part.M)
+    solve(part.M, innovation, part.v)
 
 
 def fill_square(part: Measured, xi: float) -> None:
     """Fill the step and D_x after that update."""
-    m, X, by_xi = len(part.v), part.room, 1.0 / xi
-    whiten_rows(part.L, part.W, X)
+    m, X, D, by_xi = len(part.v), part.room, part.D, 1.0 / xi
+    forward_rows(part.M, part.W, X)
     for i in range(m):
-        part.step[i] = 0.0
+        part.step[i] = dot(part.W[i], part.v) * by_xi
+    for i in range(m):
         for j in range(m):
-            part.step[i] += part.W[i, j] * part.v[j] * by_xi
-    for i in range(m):
-        for j in range(i + 1):
-            known = 0.0
-            for k in range(m):
-                known += X[k, i] * X[k, j]
-            part.D[i, j] = (part.W[i, j] - known * by_xi) * by_xi + part.step[i] * part.step[j]
-            part.D[j, i] = part.D[i, j]
+            D[i, j] = part.W[i, j] * by_xi + part.step[i] * part.step[j]
+    for k in range(m):
+        scale = part.M[k, k] * by_xi * by_xi
+        for i in range(m):
+            share = X[k, i] * scale
+            for j in range(m):
+                D[i, j] -= share * X[k, j]
 
 
 def first_distance(part: Measured, innovation: FloatArray) -> float:
     """Return tr(D_z R^-1) before any update: of N and y."""
     total = 0.0
-    solve_rows(part.Br, part.W, part.room)
+    factorise(part.R, part.M)
+    solve_rows(part.M, part.W, part.room)
     for i in range(len(part.v)):
         total += part.room[i, i]
-    solve(part.Br, innovation, part.v)
+    solve(part.M, innovation, part.v)
     for i in range(len(part.v)):
         total += part.v[i] * innovation[i]
     return total
@@ -99,15 +102,17 @@ def distances(part: Measured, states: int, xi: float, weight: float) -> tuple[fl
 
 
 def _noise_share(part: Measured) -> float:
-    """Return tr(S^-1 R) = |L^-1 B_r|^2, of two lower triangles."""
-    X, L, total = part.room, part.L, 0.0
-    for i in range(len(L)):
+    """Return tr(S^-1 R), of two lower triangles."""
+    X, M, Ur, total = part.room, part.M, part.Ur, 0.0
+    for i in range(len(part.v)):
+        row = 0.0
         for j in range(i + 1):
-            rest = part.Br[i, j]
+            rest = Ur[j, i]
             for k in range(j, i):
-                rest -= L[i, k] * X[k, j]
-            X[i, j] = rest / L[i, i]
-        total += squares(X[i, : i + 1])
+                rest -= M[i, k] * X[k, j]
+            X[i, j] = rest
+            row += rest * rest
+        total += row * M[i, i]
     return total
 
 
@@ -121,21 +126,29 @@ def mix(W: FloatArray, N: FloatArray, tau: float, D: FloatArray, xi: float) -> N
 def spread(P: FloatArray, rows: IntArray, W: FloatArray, share: float) -> FloatArray:
     """Return the whole E (n, n) of its measured part ``W`` and f, its ``share`` of P-; symmetric to the bit."""
     n, m = len(P), len(rows)
-    N, K, CK = part_of(P, rows), np.empty((m, n)), np.zeros((m, n))
+    N, M, K, CK = part_of(P, rows), np.empty((m, m)), np.empty((m, n)), np.zeros((m, n))
+    factorise(N, M)
     for i in range(m):
-        K[i] = P[rows[i]]
-    solve_rows(root_of(N), K, K)
+        for s in range(n):
+            K[i, s] = P[rows[i], s]
+    solve_rows(M, K, K)
     for i in range(m):
         for j in range(m):
             change = W[i, j] - share * N[i, j]
             for s in range(n):
                 CK[i, s] += change * K[j, s]
-    E = share * P
-    for i in range(m):
-        for s in range(n):
+    return _joined(P, K, CK, share)
+
+
+def _joined(P: FloatArray, K: FloatArray, CK: FloatArray, share: float) -> FloatArray:
+    """Return f P + K' CK, of which one half is worked out."""
+    E = np.empty(P.shape)
+    for s in range(len(P)):
+        for t in range(s + 1):
+            E[s, t] = share * P[s, t]
+        for i in range(len(K)):
             for t in range(s + 1):
                 E[s, t] += K[i, s] * CK[i, t]
-    for s in range(n):
         for t in range(s):
             E[t, s] = E[s, t]
     return E

@@ -1,37 +1,69 @@
-"""Residuals after an update, standardised, and R from weights on them. Everything here compiles with numba."""
+"""Residuals after an update with weighed rows, in standard deviations of the measurement.
+
+Everything here compiles with numba. With R = L L' (Cholesky) the innovation and the prior are L^-1 y and L^-1 HPH' L^-T
+in standardised rows, in which R is the identity, and what is left of y after an update with L D L', D = diag(1/weights),
+is D (L^-1 HPH' L^-T + D)^-1 L^-1 y. D stands beside the prior, not L D L': in that a row without weight leaves no
+digits to its neighbours.
+"""
+
+import math
+from typing import NamedTuple
 
 import numpy as np
 
+from jerkbench.adaptation._small import factorise, root_of, solve, weighed, whiten, whitened
 from jerkbench.arrays import FloatArray
 
 SMALLEST_WEIGHT = 1e-9
 """No weight is taken below it, so that R stays finite; R may grow by its inverse."""
 
 
-def standardised(innovation: FloatArray, HPHt: FloatArray, L: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return L^-1 y and L^-1 HPH' L^-T, R = L L': innovation and prior with R = I."""
-    y = np.asarray(np.linalg.solve(L, innovation), dtype=np.float64)
-    half = np.linalg.solve(L, HPHt)
-    return y, np.asarray(np.linalg.solve(L, half.T), dtype=np.float64)
+class Residuals(NamedTuple):
+    """An update of m rows.
 
-
-def residual_after(y: FloatArray, prior: FloatArray, weights: FloatArray) -> FloatArray:
-    """Return D (prior + D)^-1 y, D = diag(1/weights): what is left of a standardised y after an update.
-
-    D beside L D L': in the latter a row without weight leaves no digits to its neighbours.
+    Attributes:
+        U: (m, m) L'.
+        prior: (m, m) L^-1 HPH' L^-T.
+        y: (m,) L^-1 y.
+        weights: (m,) not below `SMALLEST_WEIGHT`.
+        e: (m,) the residual after the update with them.
+        S: (m, m) prior + D.
+        M: (m, m) factors of S.
     """
-    inflation = 1.0 / np.maximum(weights, SMALLEST_WEIGHT)
-    residual: FloatArray = inflation * np.linalg.solve(prior + np.diag(inflation), y)
-    return residual
+
+    U: FloatArray
+    prior: FloatArray
+    y: FloatArray
+    weights: FloatArray
+    e: FloatArray
+    S: FloatArray
+    M: FloatArray
 
 
-def reweighted(L: FloatArray, weights: FloatArray) -> FloatArray:
-    """Return L diag(1/weights) L', symmetric to the bit, each weight not below the smallest."""
-    R = (L / np.maximum(weights, SMALLEST_WEIGHT)) @ L.T
-    return 0.5 * (R + R.T)
+def residuals_of(innovation: FloatArray, HPHt: FloatArray, R: FloatArray) -> Residuals:
+    """Return the update before the first pass, with weights of 1."""
+    m = len(innovation)
+    U, vectors = root_of(R, m), np.ones((3, m))
+    prior = whitened(U, HPHt)
+    whiten(U, innovation, vectors[0])
+    return Residuals(U, prior, vectors[0], vectors[1], vectors[2], prior.copy(), np.empty((m, m)))
 
 
-def gaussian_kernel(error: FloatArray, bandwidth: float) -> FloatArray:
+def update(of: Residuals) -> None:
+    """Fill e with the weights as they are."""
+    for i in range(len(of.e)):
+        of.S[i, i] = of.prior[i, i] + 1.0 / of.weights[i]
+    factorise(of.S, of.M)
+    solve(of.M, of.y, of.e)
+    for i in range(len(of.e)):
+        of.e[i] /= of.weights[i]
+
+
+def adapted_covariance(of: Residuals) -> FloatArray:
+    """Return L D L', symmetric to the bit."""
+    return weighed(of.U, of.weights)
+
+
+def gaussian_kernel(error: float, bandwidth: float) -> float:
     """Return exp(-e^2/(2 bandwidth^2))."""
-    kernel: FloatArray = np.exp(-0.5 * (error / bandwidth) ** 2)
-    return kernel
+    return math.exp(-0.5 * (error / bandwidth) ** 2)

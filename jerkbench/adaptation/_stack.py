@@ -8,7 +8,7 @@ the whitened stack of any state x. The state of a pass with the weights C has th
 
     S = J C^-1 J' = H P~ H' + R~,    v = S^-1 y,    r = C^-1 J' v,    x = x- + B_p r_p
 
-H selects from the first rows of the lower triangle B_p: past the last of them r is zero, and is left out.
+H selects from the first six rows of the lower triangle B_p: past them r is zero, and is left out.
 """
 
 from typing import NamedTuple
@@ -28,28 +28,35 @@ CLOSE = 1e-6
 SMALLEST_WEIGHT = 1e-8
 """No weight is taken below it, so that covariances stay finite."""
 
+SEEN = 6
+"""Position and velocity come first in every state: rows see no other components of the prior."""
+
 SIDES = ("both", "measurement")
 """Whom a weight may doubt: prior and measurement, or the measurement alone."""
 
 
 class Stack(NamedTuple):
-    """The stack of an update: n states, m rows, p components of the prior that the rows see.
+    """The stack of an update: n states, m rows, p = SEEN.
 
     Attributes:
-        Bp: (n, n) root of P-.
+        Up: (p, n) of B_p'.
         columns: (p + m, m) those of J, one a row.
+        y: (m,) innovation.
         weights: (p + m,) diagonal of C, those of the prior first.
         residual: (p + m,) r.
-        L: (m, m) root of S.
+        S: (m, m) its lower triangle.
+        M: (m, m) factors of S.
         v: (m,) S^-1 y.
         steps: (2, n) x - x- of the last pass, and of the one before it.
     """
 
-    Bp: FloatArray
+    Up: FloatArray
     columns: FloatArray
+    y: FloatArray
     weights: FloatArray
     residual: FloatArray
-    L: FloatArray
+    S: FloatArray
+    M: FloatArray
     v: FloatArray
     steps: FloatArray
 
@@ -60,20 +67,24 @@ def check_sides(name: str, sides: str) -> None:
         raise PluginError(f"{name}.sides: {unknown('value', sides, SIDES)}")
 
 
-def stack_of(P: FloatArray, R: FloatArray, rows: IntArray) -> Stack:
+def stack_of(P: FloatArray, R: FloatArray, rows: IntArray, innovation: FloatArray) -> Stack:
     """Return the stack before the first pass, with weights of 1."""
-    n, m, p = len(P), len(rows), rows[-1] + 1
-    Bp, Br, columns = root_of(P), root_of(R), np.empty((p + m, m))
+    n, m, p = len(P), len(rows), SEEN
+    Up, Ur = root_of(P, p), root_of(R, m)
+    columns, stacked, matrices, v = np.empty((p + m, m)), np.ones((2, p + m)), np.zeros((2, m, m)), np.empty(m)
     for i in range(m):
-        columns[:p, i], columns[p:, i] = Bp[rows[i], :p], Br[i]
-    return Stack(Bp, columns, np.ones(p + m), np.zeros(p + m), np.zeros((m, m)), np.zeros(m), np.zeros((2, n)))
+        for c in range(p):
+            columns[c, i] = Up[c, rows[i]]
+        for c in range(m):
+            columns[p + c, i] = Ur[c, i]
+    return Stack(Up, columns, innovation, stacked[0], stacked[1], matrices[0], matrices[1], v, np.zeros((2, n)))
 
 
-def settle(stack: Stack, x: FloatArray, innovation: FloatArray) -> bool:
+def settle(stack: Stack, x: FloatArray) -> bool:
     """Make a pass with the weights as they are; return whether it has moved the state by next to nothing."""
     _fill_covariance(stack)
-    factorise(stack.L, stack.L)
-    solve(stack.L, innovation, stack.v)
+    factorise(stack.S, stack.M)
+    solve(stack.M, stack.y, stack.v)
     for c in range(len(stack.residual)):
         stack.residual[c] = dot(stack.columns[c], stack.v) / stack.weights[c]
     _take_step(stack)
@@ -81,9 +92,10 @@ def settle(stack: Stack, x: FloatArray, innovation: FloatArray) -> bool:
 
 
 def _fill_covariance(stack: Stack) -> None:
-    """Put S into the place of its root."""
-    S = stack.L
-    S[:] = 0.0
+    S = stack.S
+    for i in range(len(S)):
+        for j in range(i + 1):
+            S[i, j] = 0.0
     for c in range(len(stack.weights)):
         column, inverse = stack.columns[c], 1.0 / stack.weights[c]
         for i in range(len(S)):
@@ -96,49 +108,38 @@ def _take_step(stack: Stack) -> None:
     """Note B_p r_p, and the step before it."""
     step, before = stack.steps[0], stack.steps[1]
     for s in range(len(step)):
-        before[s], step[s] = step[s], 0.0
-        for c in range(min(s + 1, doubtable(stack))):
-            step[s] += stack.Bp[s, c] * stack.residual[c]
-
-
-def doubtable(stack: Stack) -> int:
-    """Return p, how many components of the prior the rows see; the weights of the rows stand behind theirs."""
-    return len(stack.weights) - len(stack.v)
+        moved = 0.0
+        for c in range(SEEN):
+            moved += stack.Up[c, s] * stack.residual[c]
+        before[s], step[s] = step[s], moved
 
 
 def weighed_prior(P: FloatArray, stack: Stack) -> FloatArray:
     """Return P~ = P + B_p (C_p^-1 - 1) B_p'."""
     Pw = P.copy()
-    for c in range(doubtable(stack)):
+    for c in range(SEEN):
         excess = 1.0 / stack.weights[c] - 1.0
         for s in range(c, len(P)):
-            share = excess * stack.Bp[s, c]
+            share = excess * stack.Up[c, s]
             for t in range(c, len(P)):
-                Pw[s, t] += share * stack.Bp[t, c]
+                Pw[s, t] += share * stack.Up[c, t]
     return Pw
-
-
-def weighed(L: FloatArray, weights: FloatArray) -> FloatArray:
-    """Return L diag(1/weights) L', symmetric to the bit."""
-    covariance = np.zeros(L.shape)
-    for c in range(len(L)):
-        for i in range(c, len(L)):
-            for j in range(c, len(L)):
-                covariance[i, j] += L[i, c] * L[j, c] / weights[c]
-    return covariance
 
 
 def gain_of(stack: Stack) -> FloatArray:
     """Return K = P~ H' S^-1 (n, m) of the last pass."""
-    n, m = len(stack.Bp), len(stack.v)
-    HP = np.zeros((m, n))
-    for c in range(doubtable(stack)):
-        for i in range(m):
+    n, m = stack.Up.shape[1], len(stack.v)
+    HP, K = np.zeros((m, n)), np.empty((n, m))
+    for i in range(m):
+        for c in range(SEEN):
             share = stack.columns[c, i] / stack.weights[c]
             for s in range(c, n):
-                HP[i, s] += share * stack.Bp[s, c]
-    solve_rows(stack.L, HP, HP)
-    return HP.T.copy()
+                HP[i, s] += share * stack.Up[c, s]
+    solve_rows(stack.M, HP, HP)
+    for i in range(m):
+        for s in range(n):
+            K[s, i] = HP[i, s]
+    return K
 
 
 def has_settled(step: FloatArray, before: FloatArray, x: FloatArray, at: FloatArray) -> bool:
@@ -147,4 +148,4 @@ def has_settled(step: FloatArray, before: FloatArray, x: FloatArray, at: FloatAr
     for s in range(len(x)):
         moved += (step[s] - before[s]) ** 2
         size += (x[s] + at[s]) ** 2
-    return bool(np.sqrt(moved) <= CLOSE * np.sqrt(size))
+    return bool(moved <= CLOSE * CLOSE * size)

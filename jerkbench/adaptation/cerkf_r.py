@@ -6,7 +6,13 @@ from typing import Annotated
 import numpy as np
 
 from jerkbench.adaptation._ranges import BANDWIDTH, check_passes
-from jerkbench.adaptation._residuals import gaussian_kernel, residual_after, reweighted, standardised
+from jerkbench.adaptation._residuals import (
+    SMALLEST_WEIGHT,
+    adapted_covariance,
+    gaussian_kernel,
+    residuals_of,
+    update,
+)
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
 from jerkbench.parameters import Origin, Range
@@ -65,15 +71,23 @@ class CentredErrorEntropyR:
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
     ) -> FloatArray:
         """Return R, reweighted."""
-        L = np.asarray(np.linalg.cholesky(R), dtype=np.float64)
-        m = len(rows)
-        eta = self.eta if m > 1 else 1.0
-        y, prior = standardised(innovation, HPHt, L)
-        weights = np.ones(m)
+        of = residuals_of(innovation, HPHt, R)
+        pairs, eta = np.empty(len(rows)), self.eta if len(rows) > 1 else 1.0
         for _ in range(self.passes):
-            e = residual_after(y, prior, weights)
-            weights = eta * gaussian_kernel(e, self.centre_bandwidth)
-            for i in range(m):
-                pairs = np.sum(gaussian_kernel(e[i] - e, self.pair_bandwidth)) - 1.0  # less that with itself
-                weights[i] += (1.0 - eta) * pairs / max(m - 1, 1)
-        return reweighted(L, weights)
+            update(of)
+            _fill_pairs(of.e, self.pair_bandwidth, pairs)
+            for i in range(len(rows)):
+                weight = eta * gaussian_kernel(of.e[i], self.centre_bandwidth) + (1.0 - eta) * pairs[i]
+                of.weights[i] = max(weight, SMALLEST_WEIGHT)
+        return adapted_covariance(of)
+
+
+def _fill_pairs(e: FloatArray, bandwidth: float, pairs: FloatArray) -> None:
+    """Fill the mean of the kernel over the pairs of each row; zero for a row alone."""
+    m = len(e)
+    pairs[:] = 0.0
+    for i in range(m):
+        for j in range(i):
+            near = gaussian_kernel(e[i] - e[j], bandwidth) / (m - 1)
+            pairs[i] += near
+            pairs[j] += near

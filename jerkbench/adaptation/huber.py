@@ -3,15 +3,14 @@
 from dataclasses import dataclass
 from typing import Annotated
 
-from jerkbench.adaptation._small import root_of
+from jerkbench.adaptation._small import root_of, weighed
 from jerkbench.adaptation._stack import (
     PASSES,
+    SEEN,
     SMALLEST_WEIGHT,
     check_sides,
-    doubtable,
     settle,
     stack_of,
-    weighed,
     weighed_prior,
 )
 from jerkbench.arrays import FloatArray, IntArray
@@ -74,22 +73,22 @@ class Huber:
         memory: FloatArray,
     ) -> FloatArray:
         """Return P~, and leave the weights of the rows in the memory."""
-        stack = stack_of(P, R, rows)
-        first = 0 if self.sides == "both" else doubtable(stack)
+        stack = stack_of(P, R, rows, innovation)
+        first = 0 if self.sides == "both" else SEEN
         for k in range(PASSES):
             if k > 0:
                 for i in range(first, len(stack.weights)):
                     stack.weights[i] = _weight(stack.residual[i], self.threshold)
-            if settle(stack, x, innovation):
+            if settle(stack, x):
                 break
-        memory[: len(rows)] = stack.weights[doubtable(stack) :]
+        memory[: len(rows)] = stack.weights[SEEN:]
         return weighed_prior(P, stack)
 
     def adapt(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
     ) -> FloatArray:
         """Return R~."""
-        return weighed(root_of(R), memory[: len(rows)])
+        return weighed(root_of(R, len(R)), memory[: len(rows)])
 
 
 def _weight(residual: float, threshold: float) -> float:

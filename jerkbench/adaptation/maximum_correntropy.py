@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from jerkbench.adaptation._ranges import BANDWIDTH
-from jerkbench.adaptation._stack import PASSES, SMALLEST_WEIGHT, check_sides, doubtable, gain_of, settle, stack_of
+from jerkbench.adaptation._stack import PASSES, SEEN, SMALLEST_WEIGHT, check_sides, gain_of, settle, stack_of
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
 from jerkbench.parameters import Origin
@@ -56,13 +56,13 @@ class MaximumCorrentropy:
         self, x: FloatArray, P: FloatArray, innovation: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
     ) -> FloatArray:
         """Return K of the last pass."""
-        stack = stack_of(P, R, rows)
-        first = 0 if self.sides == "both" else doubtable(stack)
+        stack = stack_of(P, R, rows, innovation)
+        first = 0 if self.sides == "both" else SEEN
         for k in range(PASSES):
             if k > 0:
                 for i in range(first, len(stack.weights)):
                     stack.weights[i] = _kernel(stack.residual[i], self.bandwidth)
-            if settle(stack, x, innovation):
+            if settle(stack, x):
                 break
         return gain_of(stack)
 

@@ -3,10 +3,14 @@
 from dataclasses import dataclass
 from typing import Annotated
 
-import numpy as np
-
 from jerkbench.adaptation._ranges import BANDWIDTH, check_passes
-from jerkbench.adaptation._residuals import gaussian_kernel, residual_after, reweighted, standardised
+from jerkbench.adaptation._residuals import (
+    SMALLEST_WEIGHT,
+    adapted_covariance,
+    gaussian_kernel,
+    residuals_of,
+    update,
+)
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
 from jerkbench.parameters import Origin
@@ -51,9 +55,9 @@ class MaximumCorrentropyR:
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
     ) -> FloatArray:
         """Return R, reweighted."""
-        L = np.asarray(np.linalg.cholesky(R), dtype=np.float64)
-        y, prior = standardised(innovation, HPHt, L)
-        weights = np.ones(len(rows))
+        of = residuals_of(innovation, HPHt, R)
         for _ in range(self.passes):
-            weights = gaussian_kernel(residual_after(y, prior, weights), self.bandwidth)
-        return reweighted(L, weights)
+            update(of)
+            for i in range(len(rows)):
+                of.weights[i] = max(gaussian_kernel(of.e[i], self.bandwidth), SMALLEST_WEIGHT)
+        return adapted_covariance(of)

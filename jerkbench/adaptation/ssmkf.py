@@ -5,7 +5,8 @@ from typing import Annotated
 
 import numpy as np
 
-from jerkbench.adaptation._measured import distances, innovate, measured_of
+from jerkbench.adaptation._diagonal import diagonalise, shares
+from jerkbench.adaptation._small import part_of
 from jerkbench.adaptation._stack import PASSES, SMALLEST_WEIGHT, check_sides, has_settled
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError, unknown
@@ -86,18 +87,21 @@ class StatisticalSimilarity:
         memory: FloatArray,
     ) -> FloatArray:
         """Return P~, and leave lambda in the memory."""
-        n, m, part = len(x), len(rows), measured_of(P, R, rows)
-        xi, weight, step, before = 1.0, 1.0, np.zeros(len(x)), np.zeros(len(x))
+        n, m, xi, weight, r = len(x), len(rows), 1.0, 1.0, 1.0
+        explained = prior = measured = 0.0
+        d, w, steps, X = np.empty(m), np.empty(m), np.zeros((2, n)), np.empty((m, n + 1))
+        _fill_columns(P, rows, innovation, X)
+        X = diagonalise(part_of(P, rows), R, d, X)
         for k in range(PASSES):
             if k > 0:
-                g_x, g_z = distances(part, n, xi, weight)
-                weight = _weight(self.function, m, g_z, self.nu, self.sigma)
+                g_x, g_z = n - explained + xi * prior, explained + xi * r * measured
                 if self.sides == "both":
-                    xi = _weight(self.function, n, g_x, self.nu, self.sigma)
-            innovate(part, innovation, xi, weight)
-            step, before = before, step
-            _fill_step(P, rows, part.v, xi, step)
-            if has_settled(step, before, x, step):
+                    xi = _weight(self.function, n, g_x / xi, self.nu, self.sigma)
+                weight = _weight(self.function, m, g_z / weight, self.nu, self.sigma)
+                r = xi / weight
+            explained, prior, measured = shares(d, X[:, n], r, w)
+            _take_step(X, w, steps)
+            if has_settled(steps[0], steps[1], x, steps[1]):
                 break
         memory[0] = weight
         return np.asarray(P / xi, dtype=np.float64)
@@ -109,13 +113,22 @@ class StatisticalSimilarity:
         return np.asarray(R / memory[0], dtype=np.float64)
 
 
-def _fill_step(P: FloatArray, rows: IntArray, v: FloatArray, xi: float, step: FloatArray) -> None:
-    """Fill x - x- = P- H' v / xi."""
-    step[:] = 0.0
+def _fill_columns(P: FloatArray, rows: IntArray, innovation: FloatArray, X: FloatArray) -> None:
+    """Fill [H P-, y]."""
     for i in range(len(rows)):
-        share = v[i] / xi
+        for s in range(len(P)):
+            X[i, s] = P[rows[i], s]
+        X[i, len(P)] = innovation[i]
+
+
+def _take_step(X: FloatArray, w: FloatArray, steps: FloatArray) -> None:
+    """Note x - x- = P- H' L^-T V w, and the step before it."""
+    step, before = steps[0], steps[1]
+    for s in range(len(step)):
+        before[s], step[s] = step[s], 0.0
+    for i in range(len(w)):
         for s in range(len(step)):
-            step[s] += share * P[rows[i], s]
+            step[s] += w[i] * X[i, s]
 
 
 def _weight(function: str, dimension: int, distance: float, nu: float, sigma: float) -> float:

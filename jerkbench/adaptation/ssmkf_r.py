@@ -1,10 +1,12 @@
 """The statistical similarity measure, R alone."""
 
+import math
 from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
 
+from jerkbench.adaptation._diagonal import diagonalise, shares
 from jerkbench.adaptation._ranges import FREEDOM, check_passes
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
@@ -52,10 +54,13 @@ class StatisticalSimilarityR:
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
     ) -> FloatArray:
         """Return R, scaled as a whole."""
-        scale = 1.0  # of R, 1 / lambda
+        m, scale = len(rows), 1.0  # of R, 1 / lambda
+        d, w = np.empty(m), np.empty(m)
+        X = diagonalise(HPHt, R, d, innovation.copy().reshape(m, 1))
         for _ in range(self.passes):
-            S = HPHt + scale * R
-            v = np.linalg.solve(S, innovation)
-            similarity = scale * (np.sum(v * np.sum(scale * R * v, axis=1)) + np.trace(np.linalg.solve(S, HPHt)))
-            scale = np.sqrt((self.nu + similarity) / (self.nu + len(rows)))
-        return scale * R
+            before = scale
+            explained, _prior, measured = shares(d, X[:, 0], scale, w)
+            scale = math.sqrt((self.nu + scale * (explained + scale * measured)) / (self.nu + m))
+            if scale == before:
+                break
+        return R * scale

@@ -39,41 +39,36 @@ def _take_kept(numbers: FloatArray, run: int, packed: Packed) -> int:
 
 
 def _own_update(own: FloatArray, whole: Whole, packed: Packed, m: int) -> None:
-    """Put x + K y, and (I - K H) P (I - K H)' + K R K' symmetrised, into ``own``; K is what the adaptation said."""
-    rest, restP = scratch(SQUARED, 1), scratch(SQUARED, 1)
-    _fill_rest(rest, whole.answer, packed, m)
+    """Put x + K y, and (I - K H) P (I - K H)' + K R K' = A - (A H' - K R) K' with A = P - K H P, into ``own``.
+
+    K is what the adaptation said; `put_covariance` makes the result symmetric.
+    """
+    A, left = scratch(SQUARED, 1), scratch(6, 1)
+    K, P = whole.answer, whole.P
     for s in range(S):
         own[2 + s] = whole.x[s]
+        for t in range(S):
+            A[S * s + t] = P[S * s + t]
         for i in range(m):
-            own[2 + s] += whole.answer[m * s + i] * packed.y[i]
-        for t in range(S):
-            restP[S * s + t] = 0.0
-            for c in range(S):
-                restP[S * s + t] += rest[S * s + c] * whole.P[S * c + t]
+            own[2 + s] += K[m * s + i] * packed.y[i]
+            for t in range(S):
+                A[S * s + t] -= K[m * s + i] * P[S * packed.rows[i] + t]
     for s in range(S):
+        for i in range(m):
+            left[i] = A[S * s + packed.rows[i]] - _noise(K, packed.R, m, s, i)
         for t in range(S):
-            total = _noise(whole.answer, packed.R, m, s, t)
-            for c in range(S):
-                total += restP[S * s + c] * rest[S * t + c]
+            total = A[S * s + t]
+            for i in range(m):
+                total -= left[i] * K[m * t + i]
             own[2 + S + S * s + t] = total
-    _note_rounding(own, whole.P, packed, m)
+    _note_rounding(own, P, packed, m)
 
 
-def _fill_rest(rest: FloatArray, K: FloatArray, packed: Packed, m: int) -> None:
-    """I - K H."""
-    for s in range(S):
-        for t in range(S):
-            rest[S * s + t] = 1.0 if s == t else 0.0
-        for i in range(m):
-            rest[S * s + packed.rows[i]] -= K[m * s + i]
-
-
-def _noise(K: FloatArray, R: FloatArray, m: int, s: int, t: int) -> float:
-    """K R K' of two states."""
+def _noise(K: FloatArray, R: FloatArray, m: int, s: int, i: int) -> float:
+    """K R of a state and a row."""
     total = 0.0
-    for i in range(m):
-        for j in range(m):
-            total += K[m * s + i] * R[m * i + j] * K[m * t + j]
+    for j in range(m):
+        total += K[m * s + j] * R[m * j + i]
     return total
 
 

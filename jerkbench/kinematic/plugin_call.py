@@ -19,8 +19,8 @@ from jerkbench.optional import wants_truth
 FADE = Method("fade", GIVEN, ("m", "size"), (("m", 6),), "")
 STATE = (("x", "float64", "n"), *((name, "float64", "(n, n)") for name in ("P", "F", "Q")))
 MEASURED = tuple(argument for argument in GIVEN if argument[0] != "HPHt")
-PRIOR = Method("adapt_prior", (*STATE, *MEASURED), ("m", "size", "n"), (), "(n, n)")
-GAIN = Method("adapt_gain", (*STATE[:2], *MEASURED), ("m", "size", "n"), (), "(n, m)")
+PRIOR = Method("adapt_prior", (*STATE, *MEASURED), ("m", "size", "n"), (("m", 6), ("n", 9)), "(n, n)")
+GAIN = Method("adapt_gain", (*STATE[:2], *MEASURED), ("m", "size", "n"), (("m", 6), ("n", 9)), "(n, m)")
 
 
 class Rule(NamedTuple):

@@ -2,10 +2,24 @@
 
 import numpy as np
 import pytest
+from scipy.linalg import eigh
 
+from jerkbench.adaptation._diagonal import diagonalise, shares
 from jerkbench.adaptation._measured import distances, fill_square, first_distance, innovate, measured_of, mix, spread
-from jerkbench.adaptation._small import factorise, part_of, root_of, solve, solve_rows, whiten_rows
-from jerkbench.adaptation._stack import doubtable, gain_of, settle, stack_of, weighed, weighed_prior
+from jerkbench.adaptation._residuals import adapted_covariance, residuals_of, update
+from jerkbench.adaptation._small import (
+    factorise,
+    forward_rows,
+    part_of,
+    root_of,
+    solve,
+    solve_rows,
+    weighed,
+    whiten,
+    whiten_rows,
+    whitened,
+)
+from jerkbench.adaptation._stack import SEEN, gain_of, settle, stack_of, weighed_prior
 
 ROWS = [np.arange(6), np.array([1]), np.array([0, 2, 4]), np.array([3, 4, 5])]
 
@@ -23,38 +37,88 @@ def case(rows, n=9):
 @pytest.mark.parametrize("n", [1, 3, 6, 9])
 def test_factors_and_solutions_are_those_of_lapack(n):
     rng = np.random.default_rng(n)
-    A, b, B = covariance(rng, n), rng.normal(size=n), rng.normal(size=(n, 4))
-    L, x, X, Y = root_of(A), np.empty(n), np.empty((n, 4)), np.empty((n, 4))
-    solve(L, b, x)
-    whiten_rows(L, B, X)
-    solve_rows(L, B, Y)
+    A, C, b, B = covariance(rng, n), covariance(rng, n), rng.normal(size=n), rng.normal(size=(n, 4))
+    L = np.linalg.cholesky(A)
+    M, x, X = np.empty((n, n)), np.empty(n), np.empty((n, 4))
+    factorise(np.tril(A), M)
+    np.testing.assert_allclose(M.diagonal(), L.diagonal() ** -2, rtol=1e-9)
+    np.testing.assert_allclose(np.tril(M, -1), np.tril(L / L.diagonal(), -1), rtol=1e-9, atol=1e-12)
 
-    np.testing.assert_allclose(L, np.linalg.cholesky(A), rtol=1e-12, atol=1e-13)
+    solve(M, b, x)
     np.testing.assert_allclose(x, np.linalg.solve(A, b), rtol=1e-9)
-    np.testing.assert_allclose(X, np.linalg.solve(np.linalg.cholesky(A), B), rtol=1e-9)
-    np.testing.assert_allclose(Y, np.linalg.solve(A, B), rtol=1e-9)
+    forward_rows(M, B, X)
+    np.testing.assert_allclose(X, np.linalg.solve(L / L.diagonal(), B), rtol=1e-9, atol=1e-12)
+    solve_rows(M, B, X)
+    np.testing.assert_allclose(X, np.linalg.solve(A, B), rtol=1e-9)
+
+    U = root_of(np.tril(A), n)
+    np.testing.assert_allclose(U, L.T, rtol=1e-12, atol=1e-13)
+    np.testing.assert_allclose(root_of(A, (n + 1) // 2), L.T[: (n + 1) // 2], rtol=1e-12, atol=1e-13)
+    whiten(U, b, x)
+    np.testing.assert_allclose(x, np.linalg.solve(L, b), rtol=1e-9)
+    whiten_rows(U, B, X)
+    np.testing.assert_allclose(X, np.linalg.solve(L, B), rtol=1e-9)
+    white = whitened(U, C)
+    np.testing.assert_allclose(white, np.linalg.solve(L, np.linalg.solve(L, C).T), rtol=1e-9, atol=1e-9)
+    assert np.array_equal(white, white.T)
+
+
+@pytest.mark.parametrize("largest", [1.0, 1e12])
+@pytest.mark.parametrize("rows", ROWS, ids=str)
+def test_both_covariances_are_diagonal_in_their_own_coordinates(rows, largest):
+    """Against scipy's generalised eigenvalues, and sums of the update in whole matrices."""
+    P, R, y, _H = case(rows)
+    scale = np.where(np.arange(9) == 0, np.sqrt(largest), 1.0)
+    N, xi, weight = part_of(P * scale * scale[:, None], rows), 0.7, 1.6
+    m = len(rows)
+    d, w, X = np.empty(m), np.empty(m), np.column_stack([N, y])
+    X = diagonalise(N, R, d, X)
+    np.testing.assert_allclose(np.sort(d), eigh(N, R, eigvals_only=True), rtol=1e-9 * np.sqrt(largest))
+
+    explained, prior, measured = shares(d, X[:, m], xi / weight, w)
+    S = N / xi + R / weight
+    v = np.linalg.solve(S, y)
+    assert explained == pytest.approx(np.trace(np.linalg.solve(S, N)) / xi, rel=1e-9)
+    assert prior == pytest.approx(v @ N @ v / xi**2, rel=1e-7)
+    assert measured == pytest.approx(v @ R @ v / xi**2, rel=1e-7)
+    np.testing.assert_allclose(X[:, :m].T @ w, N @ v / xi, rtol=1e-7)
+
+
+@pytest.mark.parametrize("rows", ROWS, ids=str)
+def test_residuals_are_those_after_an_update_with_the_weighed_covariance(rows):
+    P, R, y, _H = case(rows)
+    N, L = part_of(P, rows), np.linalg.cholesky(R)
+    of = residuals_of(y, N, R)
+    of.weights[:] = np.linspace(0.1, 0.9, len(rows))
+    update(of)
+    weighted = L @ np.diag(1.0 / of.weights) @ L.T
+    np.testing.assert_allclose(adapted_covariance(of), weighted, rtol=1e-10, atol=1e-11)
+    after = y - N @ np.linalg.solve(N + weighted, y)
+    np.testing.assert_allclose(of.e, np.linalg.solve(L, after), rtol=1e-8, atol=1e-10)
 
 
 @pytest.mark.parametrize("bad", [-1.0, 0.0, np.nan])
 def test_a_matrix_without_a_root_is_refused(bad):
     with pytest.raises(np.linalg.LinAlgError, match="positive definite"):
         factorise(np.diag([1.0, bad]), np.zeros((2, 2)))
+    with pytest.raises(np.linalg.LinAlgError, match="positive definite"):
+        root_of(np.diag([1.0, bad]), 2)
 
 
 @pytest.mark.parametrize("rows", ROWS, ids=str)
 def test_a_pass_with_weights_is_the_update_with_the_weighed_covariances(rows):
     P, R, y, H = case(rows)
-    stack = stack_of(P, R, rows)
-    p, m = doubtable(stack), len(rows)
+    stack = stack_of(P, R, rows, y)
+    p, m = SEEN, len(rows)
     stack.weights[:] = np.linspace(0.1, 0.9, p + m)
-    settle(stack, np.ones(9), y)
+    settle(stack, np.ones(9))
 
     Bp, Br = np.linalg.cholesky(P), np.linalg.cholesky(R)
     Pw = Bp @ np.diag(1.0 / np.append(stack.weights[:p], np.ones(9 - p))) @ Bp.T
     Rw = Br @ np.diag(1.0 / stack.weights[p:]) @ Br.T
     K = Pw @ H.T @ np.linalg.inv(H @ Pw @ H.T + Rw)
     np.testing.assert_allclose(weighed_prior(P, stack), Pw, rtol=1e-10, atol=1e-10)
-    np.testing.assert_allclose(weighed(Br, stack.weights[p:]), Rw, rtol=1e-10, atol=1e-10)
+    np.testing.assert_allclose(weighed(Br.T, stack.weights[p:]), Rw, rtol=1e-10, atol=1e-10)
     np.testing.assert_allclose(gain_of(stack), K, rtol=1e-9, atol=1e-11)
     np.testing.assert_allclose(stack.steps[0], K @ y, rtol=1e-9, atol=1e-11)
     np.testing.assert_allclose(stack.residual[p:], np.linalg.solve(Br, y - H @ K @ y), rtol=1e-9, atol=1e-11)
