@@ -1,6 +1,6 @@
 """How fast are the estimators? Prints the ratio of the compiled way of each to its definition in NumPy.
 
-    python benchmarks/estimators.py [--rounds 5] [--runs 64]
+    python benchmarks/estimators.py [--rounds 5] [--runs 64] [--drive FOLDER [--kf-gins SOURCE]]
 
 Workload: a drive of `field` of 150 s, IMU at 100 Hz, fixes and velocities at 10 Hz, the reference at every sample,
 adaptation mtf. In each round all ways of an estimator run one after the other; a line has the median of the times that
@@ -8,14 +8,17 @@ passed, and the median over the rounds of the ratio to NumPy in the same round. 
 and its attitude and keeps its trajectory; eskf15 keeps what does not depend on the adaptation for the next. Many runs
 keep sums of errors and share all cores; their recordings are prepared, and their time is divided by their number.
 Below stand the smallest CPU times, all threads together, and their ratios: what another user of the machine takes from
-a thread does not count there, and so what a second core brings does not either.
+a thread does not count there, and so what a second core brings does not either. With the data of the real drive eskf15
+stands beside KF-GINS and python-ins, too (drive.py).
 """
 
 import argparse
 import os
 from functools import partial
+from pathlib import Path
 
 import numpy as np
+from drive import print_drive
 from lines import Entrant, apart, in_rounds, timed
 
 from jerkbench import plugins
@@ -28,6 +31,7 @@ from jerkbench.evaluation.batch_scoring import scored
 from jerkbench.timeline.timeline import build_timeline
 
 BURN_IN_S = 5.0
+DRIVE_OF_PYTHON_INS_S = 70.0
 SEEDS = 8
 """Different recordings; many runs go round among them."""
 
@@ -70,6 +74,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--rounds", type=int, default=5, help="how often all of them are timed (default 5)")
     parser.add_argument("--runs", type=int, default=64, help="how many runs at once (default 64)")
+    parser.add_argument("--drive", type=Path, help="the data of the real drive, for drive.py")
+    parser.add_argument("--kf-gins", type=Path, help="a copy of KF-GINS's repository, likewise")
     asked, runs = parser.parse_args(), recorded_runs()
     print(f"{'':<34}{'time':>13}{'ratio':>11}{'difference':>12}")
     for name in ("eskf15", "imm", "rts"):
@@ -80,6 +86,10 @@ def main() -> None:
         for way in ways[1:]:
             seconds = timed(way.run, 3)[0] / way.runs
             print(f"{'':<4}{'its CPU time':<30}{seconds * 1e3:>10.2f} ms{base / seconds:>9.1f} x")
+    if asked.drive is None:
+        print("The real drive is not timed: --drive names no folder with its data.")
+    else:
+        print_drive(asked.drive, asked.kf_gins, DRIVE_OF_PYTHON_INS_S)
 
 
 if __name__ == "__main__":

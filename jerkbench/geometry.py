@@ -99,11 +99,12 @@ def dcm_from_euler(euler_rad: FloatArray) -> FloatArray:
 
     Written out: SciPy's general one takes six times as long, and every sample of every recording goes through here.
     """
-    angles = np.asarray(euler_rad, dtype=np.float64)
-    (cr, cp, cy), (sr, sp, sy) = (np.moveaxis(part, -1, 0) for part in (np.cos(angles), np.sin(angles)))
-    dcm = np.empty((*angles.shape, 3))
-    dcm[..., 0, 0], dcm[..., 0, 1], dcm[..., 0, 2] = cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr
-    dcm[..., 1, 0], dcm[..., 1, 1], dcm[..., 1, 2] = sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr
+    angles = np.ascontiguousarray(np.moveaxis(np.asarray(euler_rad, dtype=np.float64), -1, 0))
+    (cr, cp, cy), (sr, sp, sy) = np.cos(angles), np.sin(angles)
+    dcm = np.empty((*angles.shape[1:], 3, 3))
+    cysp, sysp = cy * sp, sy * sp
+    dcm[..., 0, 0], dcm[..., 0, 1], dcm[..., 0, 2] = cy * cp, cysp * sr - sy * cr, cysp * cr + sy * sr
+    dcm[..., 1, 0], dcm[..., 1, 1], dcm[..., 1, 2] = sy * cp, sysp * sr + cy * cr, sysp * cr - cy * sr
     dcm[..., 2, 0], dcm[..., 2, 1], dcm[..., 2, 2] = -sp, cp * sr, cp * cr
     return dcm
 

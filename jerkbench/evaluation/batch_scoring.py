@@ -10,7 +10,7 @@ from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.batch import Scoring, Streamed
 from jerkbench.contracts import Metric, Reading, Summarising
 from jerkbench.estimate import Estimate, Updates
-from jerkbench.evaluation.rows import POSITION_AXES, VELOCITY_AXES, Rows, counting, known_axes
+from jerkbench.evaluation.rows import POSITION_AXES, VELOCITY_AXES, Rows, counting, known_axes, rows_of
 from jerkbench.evaluation.run import counted_rows
 from jerkbench.evaluation.sums import drifts_mps
 from jerkbench.recording import Recording
@@ -124,10 +124,13 @@ def with_updates(outline: Estimate, updates: Updates) -> Estimate:
 
 def _scoring(recording: Recording, outline: Estimate, rows: Rows) -> Scoring:
     reference, k = recording.reference, len(outline.index)
-    velocity = np.zeros((k, 3)) if reference.velocity_mps is None else reference.velocity_mps[outline.index]
-    position = np.zeros((k, 3)) if reference.enu_m is None else reference.enu_m[outline.index]
+    truth = np.zeros((k, 6))
+    if reference.enu_m is not None:
+        truth[:, :3] = rows_of(reference.enu_m, outline.index)
+    if reference.velocity_mps is not None:
+        truth[:, 3:] = np.nan_to_num(rows_of(reference.velocity_mps, outline.index))
     return Scoring(
-        np.hstack([position, np.nan_to_num(velocity)]),
+        truth,
         rows.position[0].astype(np.float64),
         rows.whole.astype(np.float64),
         rows.velocity[0].astype(np.float64),
