@@ -2,18 +2,17 @@
 
 import dataclasses
 import hashlib
-import json
 import os
 from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 
 from jerkbench.cells.provenance import code_digest, plugin_digest, versions
 from jerkbench.contracts import Dataset
+from jerkbench.execution.kept_arrays import read_arrays, write_arrays
 from jerkbench.files import cache_folder, forget_oldest, write_atomically
 from jerkbench.recording import Heading, Imu, Origin, Position, Recording, Reference, Velocity
 
@@ -28,16 +27,16 @@ PARTS = {
 SIMULATED = "simulated"
 """The kind of cache that holds simulated recordings."""
 
-PATTERN = "simulated_*.npz"
+PATTERN = "simulated_*"
 MOST_BYTES = 2_000_000_000
 """About 700 drives of 150 s; then the longest unused go."""
 
-DAMAGE = (OSError, EOFError, ValueError, KeyError, TypeError, BadZipFile)
+DAMAGE = (OSError, ValueError, KeyError, TypeError)
 
 
 def simulated(dataset: Dataset, seed: int) -> Recording:
     """Return the recording of ``seed``: the one that is kept, or a new one, which then is."""
-    path = cache_folder(SIMULATED) / f"simulated_{_key(dataset, seed)}.npz"
+    path = cache_folder(SIMULATED) / f"simulated_{_key(dataset, seed)}.arrays"
     kept = _read(path)
     if kept is not None:
         return kept
@@ -66,16 +65,14 @@ def _write(recording: Recording, path: Path) -> None:
                 arrays[f"{part}.{field.name}"] = value
             elif field.name not in PARTS:
                 header[f"{part}.{field.name}"] = value.isoformat() if isinstance(value, datetime) else value
-    arrays["header"] = np.frombuffer(json.dumps(header).encode(), dtype=np.uint8)
-    write_atomically(path, lambda partial: np.savez(partial, **arrays))
+    write_atomically(path, lambda partial: write_arrays(partial, arrays, header))
 
 
 def _read(path: Path) -> Recording | None:
     """The recording at ``path``, or None where there is none that is whole."""
     try:
-        with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
-            values: dict[str, Any] = {name: file[name] for name in file.files}
-        values |= json.loads(values.pop("header").tobytes())
+        arrays, header = read_arrays(path)
+        values = arrays | header
         parts = {name: PARTS[name](**own) for name in PARTS if (own := _of(name, values))}
         own = _of("", values)
         start = own.pop("start_utc")

@@ -50,10 +50,13 @@ def test_another_parameter_seed_or_code_is_another_recording(folder, monkeypatch
     assert len(list(folder.glob(simulated.PATTERN))) == 4
 
 
-def test_what_is_damaged_is_simulated_again(folder):
+@pytest.mark.parametrize("damage", ["cut", "flipped", "empty", "other"])
+def test_what_is_damaged_is_simulated_again(folder, damage):
     wanted = simulated.simulated(Field(duration_s=8.0), 1)
     (path,) = folder.glob(simulated.PATTERN)
-    path.write_bytes(path.read_bytes()[:-5000])
+    whole = path.read_bytes()
+    flipped = whole[:9000] + bytes([whole[9000] ^ 1]) + whole[9001:]
+    path.write_bytes({"cut": whole[:-5000], "flipped": flipped, "empty": b"", "other": b"PK" + bytes(200)}[damage])
     same(simulated.simulated(Field(duration_s=8.0), 1), wanted)
     assert isinstance(simulated._read(path), Recording)
 
