@@ -1,9 +1,9 @@
 """Residuals after an update with weighed rows, in standard deviations of the measurement.
 
 Everything here compiles with numba. With R = L L' (Cholesky) the innovation and the prior are L^-1 y and L^-1 HPH' L^-T
-in standardised rows, in which R is the identity, and what is left of y after an update with L D L', D = diag(1/weights),
-is D (L^-1 HPH' L^-T + D)^-1 L^-1 y. D stands beside the prior, not L D L': in that a row without weight leaves no
-digits to its neighbours.
+in standardised rows, in which R is the identity, and what is left of y after an update with L D L' is
+D (L^-1 HPH' L^-T + D)^-1 L^-1 y, D = diag(1/weights). D stands beside the prior, not L D L': in that a row without
+weight leaves no digits to its neighbours.
 """
 
 import math

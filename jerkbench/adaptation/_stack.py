@@ -36,7 +36,7 @@ SIDES = ("both", "measurement")
 
 
 class Stack(NamedTuple):
-    """The stack of an update: n states, m rows, p = SEEN.
+    """The stack of an update: n states, m rows, p = SEEN states or as many as there are.
 
     Attributes:
         Up: (p, n) of B_p'.
@@ -69,7 +69,7 @@ def check_sides(name: str, sides: str) -> None:
 
 def stack_of(P: FloatArray, R: FloatArray, rows: IntArray, innovation: FloatArray) -> Stack:
     """Return the stack before the first pass, with weights of 1."""
-    n, m, p = len(P), len(rows), SEEN
+    n, m, p = len(P), len(rows), min(SEEN, len(P))
     Up, Ur = root_of(P, p), root_of(R, m)
     columns, stacked, matrices, v = np.empty((p + m, m)), np.ones((2, p + m)), np.zeros((2, m, m)), np.empty(m)
     for i in range(m):
@@ -109,7 +109,7 @@ def _take_step(stack: Stack) -> None:
     step, before = stack.steps[0], stack.steps[1]
     for s in range(len(step)):
         moved = 0.0
-        for c in range(SEEN):
+        for c in range(len(stack.Up)):
             moved += stack.Up[c, s] * stack.residual[c]
         before[s], step[s] = step[s], moved
 
@@ -117,7 +117,7 @@ def _take_step(stack: Stack) -> None:
 def weighed_prior(P: FloatArray, stack: Stack) -> FloatArray:
     """Return P~ = P + B_p (C_p^-1 - 1) B_p'."""
     Pw = P.copy()
-    for c in range(SEEN):
+    for c in range(len(stack.Up)):
         excess = 1.0 / stack.weights[c] - 1.0
         for s in range(c, len(P)):
             share = excess * stack.Up[c, s]
@@ -131,7 +131,7 @@ def gain_of(stack: Stack) -> FloatArray:
     n, m = stack.Up.shape[1], len(stack.v)
     HP, K = np.zeros((m, n)), np.empty((n, m))
     for i in range(m):
-        for c in range(SEEN):
+        for c in range(len(stack.Up)):
             share = stack.columns[c, i] / stack.weights[c]
             for s in range(c, n):
                 HP[i, s] += share * stack.Up[c, s]
@@ -140,6 +140,11 @@ def gain_of(stack: Stack) -> FloatArray:
         for s in range(n):
             K[s, i] = HP[i, s]
     return K
+
+
+def doubtable(stack: Stack) -> int:
+    """Return p, how many components of the prior the rows may see; the weights of the rows stand behind theirs."""
+    return len(stack.Up)
 
 
 def has_settled(step: FloatArray, before: FloatArray, x: FloatArray, at: FloatArray) -> bool:

@@ -6,9 +6,9 @@ from typing import Annotated
 from jerkbench.adaptation._small import root_of, weighed
 from jerkbench.adaptation._stack import (
     PASSES,
-    SEEN,
     SMALLEST_WEIGHT,
     check_sides,
+    doubtable,
     settle,
     stack_of,
     weighed_prior,
@@ -74,14 +74,14 @@ class Huber:
     ) -> FloatArray:
         """Return P~, and leave the weights of the rows in the memory."""
         stack = stack_of(P, R, rows, innovation)
-        first = 0 if self.sides == "both" else SEEN
+        first = 0 if self.sides == "both" else doubtable(stack)
         for k in range(PASSES):
             if k > 0:
                 for i in range(first, len(stack.weights)):
                     stack.weights[i] = _weight(stack.residual[i], self.threshold)
             if settle(stack, x):
                 break
-        memory[: len(rows)] = stack.weights[SEEN:]
+        memory[: len(rows)] = stack.weights[doubtable(stack) :]
         return weighed_prior(P, stack)
 
     def adapt(

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from jerkbench.adaptation._ranges import BANDWIDTH
-from jerkbench.adaptation._stack import PASSES, SEEN, SMALLEST_WEIGHT, check_sides, gain_of, settle, stack_of
+from jerkbench.adaptation._stack import PASSES, SMALLEST_WEIGHT, check_sides, doubtable, gain_of, settle, stack_of
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
 from jerkbench.parameters import Origin
@@ -57,7 +57,7 @@ class MaximumCorrentropy:
     ) -> FloatArray:
         """Return K of the last pass."""
         stack = stack_of(P, R, rows, innovation)
-        first = 0 if self.sides == "both" else SEEN
+        first = 0 if self.sides == "both" else doubtable(stack)
         for k in range(PASSES):
             if k > 0:
                 for i in range(first, len(stack.weights)):
