@@ -1,6 +1,6 @@
 """How fast are the engines? Prints a table of ratios to a plain filterpy loop, with the agreement beside each.
 
-    python benchmarks/engines.py [--rounds 20]
+    python benchmarks/engines.py [--rounds 20] [--ours]
 
 Workload: filter jerk (9 states), 15 000 steps of 0.01 s, 1 500 updates of six rows with a full R that changes.
 In each round all of them run one after the other; a line has the median time that passed, and the median over the
@@ -30,14 +30,20 @@ from jerkbench.timeline.measurements import Measurements
 from jerkbench.timeline.timeline import Timeline
 
 DT_S, STEPS, EVERY = 0.01, 15_000, 10
-ITERATED = ("huber", "maximum_correntropy", "ssmkf", "student_t", "vbakf_pr")
-"""Adaptations that weigh prior and measurement until the state stands still."""
+COMPARED = 600
+"""Steps over which an adaptation that iterates is compared with plain Python, 10 ms an update."""
+
+ITERATED = (
+    *("huber", "maximum_correntropy", "ssmkf", "student_t", "vbakf_pr"),
+    *("cerkf_r", "maximum_correntropy_r", "ssmkf_r"),
+)
+"""Adaptations that weigh prior and measurement, or rows of the latter, again and again."""
 
 
-def workload(seed: int = 0) -> Timeline:
-    """The timeline that all of them run, with a stamp of the reference at every step."""
-    rng = np.random.default_rng(seed)
-    m, n = STEPS // EVERY, STEPS + 1
+def workload(seed: int = 0, most: int = 10**9) -> Timeline:
+    """The timeline that all of them run, or so many steps of one, with a stamp of the reference at every step."""
+    rng, steps = np.random.default_rng(seed), min(STEPS, most)
+    m, n = steps // EVERY, steps + 1
     half = rng.normal(0.0, 0.01, (m, 6, 12))
     R = half @ half.transpose(0, 2, 1)
     update = np.full(n, -1)
@@ -45,11 +51,11 @@ def workload(seed: int = 0) -> Timeline:
     z = rng.normal(0.0, 0.03, (m, 6))
     return Timeline(
         dt0_s=DT_S,
-        dt_s=np.concatenate([[0.0], np.full(STEPS, DT_S)]),
+        dt_s=np.concatenate([[0.0], np.full(steps, DT_S)]),
         sample=np.maximum(np.arange(n) - 1, 0),
         update=update,
         reference=np.arange(n),
-        accel_enu_mps2=rng.normal(0.0, 0.2, (STEPS, 3)),
+        accel_enu_mps2=rng.normal(0.0, 0.2, (steps, 3)),
         measurements=Measurements((np.arange(m) + 1) * 100_000_000, z, R, R),
         x0=np.zeros(6),
         P0=np.eye(6),
@@ -58,14 +64,14 @@ def workload(seed: int = 0) -> Timeline:
     )
 
 
-def navigation_lines(timeline: Timeline, rounds: int) -> list[Line | Absent]:
-    """The engines, without and with an adaptation, and the libraries that are installed."""
+def navigation_lines(timeline: Timeline, rounds: int, *, others: bool) -> list[Line | Absent]:
+    """The engines, without and with an adaptation, and (if wanted) the ``others``: libraries that are installed."""
     model = plugins.create("filter", {"name": "jerk"})
     x, _ = filterpy_loop(timeline, model)
     loop = Entrant("plain filterpy loop", lambda: filterpy_loop(timeline, model), 1, 1, 0.0)
     ours = in_rounds([loop, *single_entrants(timeline, model, x), *many_entrants(model)], rounds)
     base, _ = timed(loop.run, 3)
-    return [*ours, *peer_lines(timeline, x, base, 2)]
+    return [*ours, *(peer_lines(timeline, x, base, 2) if others else [])]
 
 
 def single_entrants(timeline: Timeline, model: Filter, x: FloatArray) -> list[Entrant]:
@@ -73,12 +79,13 @@ def single_entrants(timeline: Timeline, model: Filter, x: FloatArray) -> list[En
     engine, reference, found = CompiledEngine(), FilterpyEngine(), []
     for name in ("none", "mtf", "sage_husa", *ITERATED):
         rule = plugins.create("adaptation", {"name": name})
-        wanted = reference.run(timeline, model, rule).position_m
+        compared = workload(most=COMPARED) if name in ITERATED else timeline
+        wanted = reference.run(compared, model, rule).position_m
         if name == "none":
             run = partial(reference.run, timeline, model, rule)
             found.append(Entrant("engine filterpy", run, 1, 1, apart(wanted, x[:, :3])))
-        run = partial(engine.run, timeline, model, rule)
-        found.append(Entrant(f"engine compiled, {name}", run, 9, 1, apart(run().position_m, wanted)))
+        run, got = partial(engine.run, timeline, model, rule), engine.run(compared, model, rule)
+        found.append(Entrant(f"engine compiled, {name}", run, 9, 1, apart(got.position_m, wanted)))
     return found
 
 
@@ -125,9 +132,10 @@ def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--rounds", type=int, default=20, help="how often all of them are timed (default 20)")
+    parser.add_argument("--ours", action="store_true", help="leave the other libraries out")
     asked = parser.parse_args()
     print(f"{'':<34}{'time':>13}{'ratio':>11}{'difference':>12}")
-    for line in [*navigation_lines(workload(), asked.rounds), *tilt_lines(asked.rounds)]:
+    for line in [*navigation_lines(workload(), asked.rounds, others=not asked.ours), *tilt_lines(asked.rounds)]:
         print(line)
 
 
