@@ -119,10 +119,10 @@ def _run_kf_gins(recording: Recording, attitude: Attitude, program: Path) -> Res
     for name, numbers in files.items():
         np.ascontiguousarray(numbers).tofile(program.with_name(name))
     paths = [str(program.with_name(name)) for name in (*files, "out")]
-    said = subprocess.run([str(program), *paths], check=True, capture_output=True, text=True)  # noqa: S603 - ours
+    finished = subprocess.run([str(program), *paths], check=True, capture_output=True, text=True)  # noqa: S603 - ours
     out = np.fromfile(paths[-1]).reshape(-1, 4)
     enu_m = geodetic_to_enu(*np.degrees(out[:, 1:3]).T, out[:, 3], origin)
-    return Result("KF-GINS, its loop", float(said.stdout) / len(out) * 1e6, rmse_m(recording, out[:, 0], enu_m))
+    return Result("KF-GINS, its loop", float(finished.stdout) / len(out) * 1e6, rmse_m(recording, out[:, 0], enu_m))
 
 
 def _options(attitude: Attitude, fixes: FloatArray) -> FloatArray:

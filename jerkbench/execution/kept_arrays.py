@@ -16,11 +16,11 @@ def write_arrays(path: Path, arrays: dict[str, Any], header: dict[str, Any]) -> 
     """Write ``arrays`` and what JSON can say of the rest."""
     plain = {name: np.ascontiguousarray(array) for name, array in arrays.items()}
     listed = [(name, array.dtype.str, array.shape) for name, array in plain.items()]
-    said = json.dumps({"header": header, "arrays": listed}).encode()
-    content = bytearray(_padded(said))
+    described = json.dumps({"header": header, "arrays": listed}).encode()
+    content = bytearray(_padded(described))
     for array in plain.values():
         content += _padded(array.tobytes())
-    sizes = np.array([len(said), zlib.crc32(content)], dtype="<u8").tobytes()
+    sizes = np.array([len(described), zlib.crc32(content)], dtype="<u8").tobytes()
     path.write_bytes(_padded(MAGIC + sizes) + content)
 
 
@@ -37,13 +37,13 @@ def read_arrays(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
     length, checksum = np.frombuffer(content[len(MAGIC) : len(MAGIC) + 16].tobytes(), dtype="<u8").tolist()
     if zlib.crc32(content[ALIGNED:]) != checksum:  # type: ignore[arg-type]  # an array is a buffer
         raise ValueError(f"{path} is damaged.")
-    said = json.loads(content[ALIGNED : ALIGNED + length].tobytes())
+    described = json.loads(content[ALIGNED : ALIGNED + length].tobytes())
     arrays, at = {}, ALIGNED + _rounded(length)
-    for name, dtype, shape in said["arrays"]:
+    for name, dtype, shape in described["arrays"]:
         size = np.dtype(dtype).itemsize * int(np.prod(shape))
         arrays[name] = content[at : at + size].view(dtype).reshape(shape)
         at += _rounded(size)
-    return arrays, said["header"]
+    return arrays, described["header"]
 
 
 def _padded(content: bytes) -> bytes:

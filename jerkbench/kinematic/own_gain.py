@@ -41,7 +41,7 @@ def _take_kept(numbers: FloatArray, run: int, packed: Packed) -> int:
 def _own_update(own: FloatArray, whole: Whole, packed: Packed, m: int) -> None:
     """Put x + K y, and (I - K H) P (I - K H)' + K R K' = A - (A H' - K R) K' with A = P - K H P, into ``own``.
 
-    K is what the adaptation said; `put_covariance` makes the result symmetric.
+    K is the answer of the adaptation; `put_covariance` makes the result symmetric.
     """
     A, left = scratch(SQUARED, 1), scratch(6, 1)
     K, P = whole.answer, whole.P
