@@ -115,7 +115,7 @@ def gathered(results: Iterable[tuple[Metric, Mapping[str, float]]]) -> dict[str,
     return values
 
 
-def run_status(estimate: Estimate, recording: Recording, limit_m: float = 1000.0) -> tuple[str, str]:
+def run_status(estimate: Estimate, recording: Recording, limit_m: float) -> tuple[str, str]:
     """Return ("ok", "") or ("diverged", why).
 
     A run diverged if it stopped early, reached none of the reference's stamps, has a position or velocity (of one that

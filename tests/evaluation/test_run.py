@@ -13,6 +13,7 @@ from jerkbench.errors import PluginError, RecordingError
 from jerkbench.estimate import Updates
 from jerkbench.evaluation.run import counted_rows, evaluate_run, run_status
 
+LIMIT_M = 1000.0
 METRICS = ("attitude_rmse", "consistency", "outage", "position_rmse", "velocity_rmse")
 UNKNOWN = {"enu_m": None, "velocity_mps": None, "euler_rad": None}
 
@@ -87,7 +88,7 @@ def test_a_run_that_stopped_in_the_burn_in_stays_diverged(estimate, recording, r
     cut = {name: getattr(estimate, name)[:reached] for name in names}
     stopped = dataclasses.replace(estimate, **cut, failure=failure, updates=Updates.empty())
     values = evaluate_run(stopped, recording, 5.0, all_metrics())
-    assert run_status(stopped, recording)[0] == "diverged"
+    assert run_status(stopped, recording, LIMIT_M)[0] == "diverged"
     assert math.isnan(values["position_rmse_m"])
 
 
@@ -98,12 +99,12 @@ def test_two_metrics_may_not_give_the_same_column(estimate, recording):
 
 
 def test_a_good_run_is_ok(estimate, recording):
-    assert run_status(estimate, recording) == ("ok", "")
+    assert run_status(estimate, recording, LIMIT_M) == ("ok", "")
 
 
 def test_a_run_that_stopped_early_says_why(estimate, recording):
     stopped = dataclasses.replace(estimate, failure="The covariance is not positive definite at 3.20 s.")
-    assert run_status(stopped, recording) == ("diverged", "The covariance is not positive definite at 3.20 s.")
+    assert run_status(stopped, recording, LIMIT_M) == ("diverged", "The covariance is not positive definite at 3.20 s.")
 
 
 @pytest.mark.parametrize("field", ["position_m", "velocity_mps"])
@@ -111,7 +112,7 @@ def test_a_run_that_stopped_early_says_why(estimate, recording):
 def test_a_state_that_is_not_finite_says_when(estimate, recording, field, bad):
     state = getattr(estimate, field).copy()
     state[[33, 50], 1] = bad
-    status = run_status(dataclasses.replace(estimate, **{field: state}), recording)
+    status = run_status(dataclasses.replace(estimate, **{field: state}), recording, LIMIT_M)
     assert status == ("diverged", f"The state is not finite at {recording.reference.t_s[5 + 33]:.2f} s.")
 
 
@@ -120,7 +121,7 @@ def test_a_position_too_far_off_says_where(estimate, recording, row):
     """Row 30 is the reference's row 35, row 20 its row 25, where only east and north are known."""
     position_m = estimate.position_m.copy()
     position_m[row:, 0] += 1234.0
-    status, reason = run_status(dataclasses.replace(estimate, position_m=position_m), recording)
+    status, reason = run_status(dataclasses.replace(estimate, position_m=position_m), recording, LIMIT_M)
     assert status == "diverged"
     assert reason.endswith(f" m at {recording.reference.t_s[5 + row]:.2f} s; the limit is 1000 m.")
     assert 1225 < float(reason.split()[4]) < 1245
@@ -129,19 +130,19 @@ def test_a_position_too_far_off_says_where(estimate, recording, row):
 def test_the_limit_is_a_parameter(estimate, recording):
     position_m = estimate.position_m + np.array([0.0, 50.0, 0.0])
     moved = dataclasses.replace(estimate, position_m=position_m)
-    assert run_status(moved, recording)[0] == "ok"
+    assert run_status(moved, recording, LIMIT_M)[0] == "ok"
     assert run_status(moved, recording, limit_m=20.0)[0] == "diverged"
 
 
 def test_an_unknown_reference_row_cannot_diverge(estimate, recording):
     position_m = estimate.position_m.copy()
     position_m[15] += 1e6  # the reference's row 20 is NaN
-    assert run_status(dataclasses.replace(estimate, position_m=position_m), recording)[0] == "ok"
+    assert run_status(dataclasses.replace(estimate, position_m=position_m), recording, LIMIT_M)[0] == "ok"
 
 
 def test_a_run_that_reached_nothing_diverged(estimate, recording):
     cut = {name: getattr(estimate, name)[:0] for name in ("index", "position_m", "velocity_mps", "covariance")}
-    status, reason = run_status(dataclasses.replace(estimate, **cut), recording)
+    status, reason = run_status(dataclasses.replace(estimate, **cut), recording, LIMIT_M)
     assert (status, reason) == ("diverged", "The run reached none of the reference's stamps.")
 
 
