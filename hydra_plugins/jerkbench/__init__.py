@@ -42,7 +42,7 @@ class JerkbenchSweeper(BasicSweeper):
     @staticmethod
     def split_arguments(overrides: list[Override], max_batch_size: int | None) -> list[list[list[str]]]:
         """List the values of ranges as they were typed; refuse more combinations than can be held."""
-        from jerkbench.hydra_app.ranges import listed
+        from jerkbench.hydra_app.sweep_words import listed
 
         return BasicSweeper.split_arguments(listed(overrides), max_batch_size)
 
@@ -50,7 +50,7 @@ class JerkbenchSweeper(BasicSweeper):
         """Leave to each job the parameters of the disturbances, and of other plugins, that it chooses."""
         from jerkbench.errors import JerkbenchError, exit_with
         from jerkbench.hydra_app.addressed_parameters import where_chosen
-        from jerkbench.hydra_app.swept_disturbances import only_of_chosen
+        from jerkbench.hydra_app.sweep_words import only_of_chosen
 
         assert self.hydra_context is not None  # noqa: S101 - Hydra has set it up
         assert self.config is not None  # noqa: S101

@@ -12,7 +12,7 @@ from jerkbench.hydra_app.composition import compose_jobs
 from jerkbench.hydra_app.configuration import register_schemas
 from jerkbench.hydra_app.hydra_parts import register_hydra_parts
 from jerkbench.hydra_app.light_composition import Composer
-from jerkbench.hydra_app.swept_disturbances import only_of_chosen
+from jerkbench.hydra_app.sweep_words import only_of_chosen
 from jerkbench.presets import config_folder, preset_names
 
 JOBS = [
