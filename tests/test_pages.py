@@ -13,7 +13,7 @@ from commands import jerkbench, verb
 
 SHORTER = {
     "run": ["dataset.duration_s=60", "seeds=2", "workers=1", "figures=false"],
-    "tune": ["dataset.duration_s=20", "trials=2", "tune_seeds=1", "choose_seeds=1", "test_seeds=2", "finalists=1"],
+    "tune": ["dataset.duration_s=60", "trials=2", "tune_seeds=1", "choose_seeds=1", "test_seeds=2", "finalists=1"],
 }
 """Words behind those of a page, by verb."""
 
