@@ -14,6 +14,7 @@ from commands import jerkbench, verb
 SHORTER = {
     "run": ["dataset.duration_s=60", "seeds=2", "workers=1", "figures=false"],
     "tune": ["dataset.duration_s=60", "trials=2", "tune_seeds=1", "choose_seeds=1", "test_seeds=2", "finalists=1"],
+    "report": ["--figures", "none"],
 }
 """Words behind those of a page, by verb."""
 
@@ -68,10 +69,11 @@ def _prepare(page, folder):
 
 
 def _typed(words, more, folder):
-    if words[0] not in SHORTER:
+    words = [*words, *SHORTER.get(words[0], [])]
+    if words[0] not in {"run", "tune"}:
         return verb(*words, cwd=folder)
     packages = os.pathsep.join(str(place.parent) for place in folder.rglob("pyproject.toml"))
-    return jerkbench(*words, *SHORTER[words[0]], *more, cwd=folder, PYTHONPATH=packages)
+    return jerkbench(*words, *more, cwd=folder, PYTHONPATH=packages)
 
 
 def _write(folder, files):

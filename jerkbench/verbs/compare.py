@@ -50,7 +50,7 @@ def add(verbs: Verbs) -> None:
         metavar="PCT",
         help="exit with 1 where B is worse than A by more than PCT percent, or lacks what A has",
     )
-    compare.add_argument("--tolerances", type=Path, metavar="FILE", help="what may become worse by how much; as above")
+    compare.add_argument("--tolerances", type=Path, metavar="FILE", help="what may become worse by how much; see below")
     compare.add_argument("--format", choices=FORMATS, default="terminal", help="default: terminal")
     add_judging(compare)
 
