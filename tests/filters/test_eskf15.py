@@ -191,6 +191,14 @@ def test_there_is_a_preset_for_each_grade_of_imu(check, imu):
     assert all(value == wanted[name] for name, value in asdict(made).items() if name not in given)
 
 
+@pytest.mark.parametrize("name", [*GRADES, "drive"])
+def test_the_invariant_filter_has_the_same_presets(name):
+    mine, other = (plugins.create("filter", preset("filter", f"{kind}_{name}")) for kind in ("iekf", "eskf15"))
+
+    assert isinstance(mine, InvariantEkf)
+    assert asdict(mine) == asdict(other)
+
+
 def test_a_misalignment_that_is_no_state_spoils_the_biases(check, monkeypatch):
     tuned = check.tuned("tactical")
     blind = replace(tuned, gyro_scale_ppm=0.0, accel_scale_ppm=0.0, misalignment_mrad=0.0)
