@@ -1,7 +1,7 @@
 """The runs of a tuning: those to tune on, those to choose on and those to score on, which share none."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from jerkbench.cells.cell import Cell
 from jerkbench.errors import PluginError
@@ -28,16 +28,6 @@ class Case:
         """What tables call it."""
         labels = self.cell.labels
         return f"{labels.dataset}, {labels.disturbance}, {labels.attitude}"
-
-    def with_method(self, cell: Cell) -> "Case":
-        """Return the same scenario and draws with the method of ``cell``."""
-        names = ("filter", "adaptation", "r_scale")
-        spec = {**self.cell.spec, **{name: cell.spec[name] for name in names}}
-        labels = self.cell.labels._replace(
-            **{name: getattr(cell.labels, name) for name in ("filter", "adaptation", "noise")}
-        )
-        parts = {name: getattr(cell, name) for name in names}
-        return replace(self, cell=replace(self.cell, spec=spec, labels=labels, **parts))
 
 
 @dataclass(frozen=True, eq=False)
