@@ -67,7 +67,7 @@ def test_the_table_of_faithful_has_the_numbers_of_its_rows():
     assert [line for line in made if line not in page("faithful").splitlines()] == []
 
 
-SCRIPTS = {"drive": "best.py", "comma2k19": "summary.py", "broad": "summary.py"}
+SCRIPTS = {"drive": "best.py", "comma2k19": "summary.py", "broad": "summary.py", "filters": "verdicts.py"}
 """Pages whose tables a script of the study prints from the rows."""
 
 
