@@ -22,7 +22,7 @@ import numpy as np
 
 from jerkbench.cells.cell import Protocol, build
 from jerkbench.execution.cell_run import CellRun
-from jerkbench.report.tables.terminal import print_table
+from jerkbench.report.tables.terminal import print_beginning
 from jerkbench.results.parts import Block
 from jerkbench.results.store import Store
 from jerkbench.results.study import load_study, write_manifest, write_study
@@ -104,15 +104,16 @@ def main() -> None:
         keys = [planned.key for planned in plan.cells]
         tell("made up and stored", n, lambda: store_all(plan, store))
         tell("looked up", n, lambda: store.look(keys))
+        tell("looked up again", n, lambda: store.look(keys))
         tell("parts joined", n, store.compact)
         tell("manifest written", n, lambda: write_manifest(Path(place), keys, [], ["jerkbench"]))
         study = tell("rows read", n, lambda: load_study(Path(place)))
         size = sum(path.stat().st_size for path in store.folder.iterdir())
         print(f"{size / len(study.rows):.0f} bytes a row on the disk, {len(study.rows)} rows")
-        tell("rows.csv and tables written", n, lambda: write_study(study))
+        table = tell("rows.csv and tables written", n, lambda: write_study(study))
         with contextlib.redirect_stdout(io.StringIO()):
             printed = time.process_time()
-            print_table(study.rows, study.notes)
+            print_beginning(table)
             printed = time.process_time() - printed
         print(f"{'table printed':<44}{printed:>9.2f} s")
 

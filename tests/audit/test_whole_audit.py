@@ -17,6 +17,7 @@ from jerkbench.audit.table import verdict_frame
 from jerkbench.cells.provenance import code_digest
 from jerkbench.clusters.local import Local
 from jerkbench.errors import JerkbenchError
+from jerkbench.hydra_app.chosen_cluster import cluster_named
 
 FAMILIES = ("none", "outliers", "wheel_slip")
 
@@ -138,3 +139,14 @@ def test_the_folder_says_what_was_done(protocol, finished):
     assert pd.read_csv(folder / "verdicts.csv").adaptation.tolist() == ["chi2"]
     assert len(pd.read_parquet(folder / "rows.parquet")) == len(audit.outcome.test)
     assert (folder / "ratios.png").stat().st_size > 5000
+
+
+def test_on_a_cluster_everything_comes_out_as_here(protocol, finished, tmp_path):
+    pytest.importorskip("loky")
+    folder, _ = finished
+    run_audit(protocol, tmp_path / "audit-tiny", cluster_named("loky"), workers=2)
+
+    here, there = (place / "settings.csv" for place in (folder, tmp_path / "audit-tiny"))
+    assert there.read_bytes() == here.read_bytes()
+    here, there = (pd.read_csv(place / "verdicts.csv") for place in (folder, tmp_path / "audit-tiny"))
+    pd.testing.assert_frame_equal(there.drop(columns="step_ns"), here.drop(columns="step_ns"), rtol=0.0, atol=0.0)
