@@ -64,9 +64,19 @@ def _list_page(kind: str, title: str, listed: list[Entry], figures: Mapping[str,
     shown_by = f"`jerkbench list {kind}`; `jerkbench show {kind} NAME` has the same words in a terminal."
     lines = [f"# {title}", "", shown_by, "", "| name | what it is |", "|---|---|", *map(_line, listed)]
     if figures:
-        lines += ["", "## Gallery", "", CAPTIONS[kind], ""]
-        lines += [f"[![{name}]({name}.png){{ width=32% }}]({name}.md)" for name in figures]
+        lines += ["", "## Gallery", "", CAPTIONS[kind], "", *_gallery(list(figures))]
     return "\n".join(lines)
+
+
+def _gallery(names: list[str]) -> list[str]:
+    """Return a table of figures, each below its name."""
+    cells = [f"[{name}]({name}.md)<br>[![{name}]({name}.png)]({name}.md)" for name in names]
+    rows = (cells[k : k + ABREAST] for k in range(0, len(cells), ABREAST))
+    return ["| " * ABREAST + "|", "|---" * ABREAST + "|", *(f"| {' | '.join(row)} |" for row in rows)]
+
+
+ABREAST = 3
+"""Figures side by side in a gallery."""
 
 
 def _line(entry: Entry) -> str:
