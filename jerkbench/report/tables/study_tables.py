@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from jerkbench.files import write_text
+from jerkbench.files import write_atomically, write_text
 from jerkbench.report.analysis.rows import metric_columns, with_metric
 from jerkbench.report.tables.cell_columns import cell_columns
 from jerkbench.report.tables.csv import tidy_csv
@@ -59,16 +59,20 @@ def write_tables(rows: "pd.DataFrame", folder: Path, notes: Sequence[str] = ()) 
     main = summarise(rows, first, notes=notes)
     grid = arranged(with_metric(rows, first), None, None)
     csv, sections = GridCsv(grid), {first: markdown(main, level=1)}
-    lines = [tidy_csv([main])]
-    for metric in metric_columns(rows):
-        if metric != first:
-            numbers = cell_columns(grid, metric)
-            lines.append(csv.lines(metric, numbers))
-            if metric in SECTIONS and len(grid.runs) <= MANY_CELLS and numbers.applies:
-                sections[metric] = markdown(_news(beside_others(numbers, metric), main))
+
+    def write_csv(path: Path) -> None:
+        with path.open("w", encoding="utf-8", newline="") as file:  # of very many cells a metric at a time is in memory
+            file.write(tidy_csv([main]))
+            for metric in metric_columns(rows):
+                if metric != first:
+                    numbers = cell_columns(grid, metric)
+                    file.write(csv.lines(metric, numbers))
+                    if metric in SECTIONS and len(grid.runs) <= MANY_CELLS and numbers.applies:
+                        sections[metric] = markdown(_news(beside_others(numbers, metric), main))
+
+    write_atomically(folder / "table.csv", write_csv)
     ordered = dict.fromkeys([first, *SECTIONS])
     write_text(folder / "table.md", "\n".join(sections[metric] for metric in ordered if metric in sections))
-    write_text(folder / "table.csv", "".join(lines))
     write_text(folder / "table.tex", latex(main))
     return main
 
