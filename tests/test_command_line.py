@@ -137,6 +137,13 @@ def test_a_disturbance_with_parameters_is_swept_beside_none(tmp_path):
     assert list(rows["disturbance"]) == ["none", "gnss_outage(windows_s=[[6,8]])", "gnss_outage(windows_s=[[6,9]])"]
 
 
+def test_so_is_one_with_one_value(tmp_path):
+    swept("disturbance=none,gnss_outage", "disturbance.gnss_outage.windows_s=[[6,8]]", cwd=tmp_path)
+    rows = rows_of(tmp_path / "results" / "adhoc")
+
+    assert list(rows["disturbance"]) == ["none", "gnss_outage(windows_s=[[6,8]])"]
+
+
 BAD = [
     (["filter=jrk"], "There is no filter 'jrk'. Did you mean 'jerk'?"),
     (["disturbance=[bias,gnss_outag]"], "Did you mean 'gnss_outage'?"),

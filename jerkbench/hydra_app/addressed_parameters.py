@@ -68,15 +68,21 @@ def where_chosen(loader: ConfigLoader, config: DictConfig, jobs: Sequence[Job]) 
 
 
 def swept_addresses(words: Sequence[str]) -> list[str]:
-    """Return the words of a sweep, each addressed parameter with one value as a sweep over it.
+    """Return the words of a sweep, each parameter that not all jobs have, and that has one value, as a sweep over it.
 
     What is no sweep Hydra puts into the configuration of all jobs, most of which have no place for it.
     """
-    parser = OverridesParser.create()
-    return [
-        _as_choice(word) if address(word) and not parser.parse_override(word).is_sweep_override() else word
-        for word in words
-    ]
+    varies = any(_is_sweep(word) for word in words if word.startswith("disturbance="))
+    parameters = {word for word in words if address(word) or (varies and _of_disturbance(word))}
+    return [_as_choice(word) if word in parameters and not _is_sweep(word) else word for word in words]
+
+
+def _is_sweep(word: str) -> bool:
+    return OverridesParser.create().parse_override(word).is_sweep_override()
+
+
+def _of_disturbance(word: str) -> bool:
+    return word.startswith("disturbance.") and "=" in word
 
 
 def _as_choice(word: str) -> str:
