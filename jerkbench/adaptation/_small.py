@@ -11,14 +11,14 @@ import math
 import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
-from jerkbench.kalman import ROUNDING
+from jerkbench.kalman import INDEFINITE, ROUNDING
 
 
 def factorise(A: FloatArray, M: FloatArray) -> None:
     """Fill M, another array, with the factors of A = L D L'; what stands above its diagonal means nothing.
 
-    A pivot within `ROUNDING` of its diagonal element is taken for that much: after a gap of 100 s a covariance can be
-    singular to rounding, and an engine goes on with it (`jerkbench.kalman`).
+    A pivot below `ROUNDING` of its diagonal element is taken for that much: after a gap of 100 s a covariance can be
+    singular to rounding, and an engine goes on with it as long as it is no more than `INDEFINITE` (`jerkbench.kalman`).
 
     Raises:
         LinAlgError: A is not positive definite.
@@ -64,10 +64,9 @@ def root_of(A: FloatArray, p: int) -> FloatArray:
 
 def _checked(pivot: float, variance: float) -> float:
     """Return a pivot, not below what rounding may leave of its diagonal element."""
-    least = ROUNDING * variance
-    if not pivot > -least:
+    if not pivot > -INDEFINITE * variance:
         raise np.linalg.LinAlgError("Matrix is not positive definite")
-    return max(pivot, least)
+    return max(pivot, ROUNDING * variance)
 
 
 def solve(M: FloatArray, b: FloatArray, x: FloatArray) -> None:

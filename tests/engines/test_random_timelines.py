@@ -90,6 +90,21 @@ def test_both_engines_agree_or_refuse_alike(steps, seed):
             SEEN[compare(timeline, model, adaptation)] += 1
 
 
+def test_a_prior_that_is_singular_to_rounding_after_a_gap_ends_no_run():
+    """Variational Bayes on P takes its factors: an engine goes on there, and so does it (`jerk` after 100 s)."""
+    fix, gap = (1e-9, True, "both", 0.01), (100.0, False, "both", 1.0)
+    first = [(0.01, True, "velocity", 0.01), fix, (1.0, True, "none", 1e-3), (1e-9, True, "velocity", 30.0), gap, fix]
+    last = [
+        (0.01, True, "both", 0.01),
+        (0.1, False, "both", 1.0),
+        (0.1, False, "some", 30.0),
+        (1.0, True, "both", 30.0),
+    ]
+    timeline = timeline_of([*first, *last, (0.01, True, "both", 0.01), gap], 1024)
+    jerk = plugins.create("filter", {"name": "jerk"})
+    assert compare(timeline, jerk, plugins.create("adaptation", {"name": "vbakf_pr"})) != "refused"
+
+
 @given(recording=recordings())
 @settings(
     max_examples=COUNT,
@@ -119,7 +134,7 @@ def _counted():
     """Nearly all runs are compared to their end, or the comparison would be empty."""
     yield
     print(dict(SEEN))  # noqa: T201 - pytest -s shows it
-    assert SEEN["cut"] < 0.05 * sum(SEEN.values())
+    assert SEEN["cut"] <= 0.05 * sum(SEEN.values())
 
 
 def timeline_of(steps, seed):
