@@ -39,29 +39,41 @@ def _take_kept(numbers: FloatArray, run: int, packed: Packed) -> int:
 
 
 def _own_update(own: FloatArray, whole: Whole, packed: Packed, m: int) -> None:
-    """Put x + K y, and (I - K H) P (I - K H)' + K R K' = A - (A H' - K R) K' with A = P - K H P, into ``own``.
+    """Put x + K y, and (I - K H) P (I - K H)' + K R K', into ``own``; K is the answer of the adaptation.
 
-    K is the answer of the adaptation; `put_covariance` makes the result symmetric.
+    I - K H is worked out first, and its rows and columns of states that are not measured are taken as they are: P may
+    be 1e16 R after a gap, and where K is one nothing of P may be left. `put_covariance` makes the result symmetric.
     """
-    A, left = scratch(SQUARED, 1), scratch(6, 1)
-    K, P = whole.answer, whole.P
+    rest, restP, noise = scratch(SQUARED, 1), scratch(SQUARED, 1), scratch(6, 1)
+    free, K = scratch(S, 1), whole.answer
+    _fill_rest(rest, free, K, packed, m)
     for s in range(S):
         own[2 + s] = whole.x[s]
-        for t in range(S):
-            A[S * s + t] = P[S * s + t]
         for i in range(m):
             own[2 + s] += K[m * s + i] * packed.y[i]
-            for t in range(S):
-                A[S * s + t] -= K[m * s + i] * P[S * packed.rows[i] + t]
+        for t in range(S):
+            restP[S * s + t] = free[s] * whole.P[S * s + t]
+            for i in range(m):
+                restP[S * s + t] += rest[6 * s + i] * whole.P[S * packed.rows[i] + t]
     for s in range(S):
         for i in range(m):
-            left[i] = A[S * s + packed.rows[i]] - _noise(K, packed.R, m, s, i)
+            noise[i] = _noise(K, packed.R, m, s, i)
         for t in range(S):
-            total = A[S * s + t]
+            total = free[t] * restP[S * s + t]
             for i in range(m):
-                total -= left[i] * K[m * t + i]
+                total += restP[S * s + packed.rows[i]] * rest[6 * t + i] + noise[i] * K[m * t + i]
             own[2 + S + S * s + t] = total
-    _note_rounding(own, P, packed, m)
+    _note_rounding(own, whole.P, packed, m)
+
+
+def _fill_rest(rest: FloatArray, free: FloatArray, K: FloatArray, packed: Packed, m: int) -> None:
+    """Fill the measured columns of I - K H, and 1 for each state that is not measured, else 0."""
+    for s in range(S):
+        free[s] = 1.0
+        for i in range(m):
+            measured = 1.0 if packed.rows[i] == s else 0.0
+            free[s] -= measured
+            rest[6 * s + i] = measured - K[m * s + i]
 
 
 def _noise(K: FloatArray, R: FloatArray, m: int, s: int, i: int) -> float:

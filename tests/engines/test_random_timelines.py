@@ -105,6 +105,24 @@ def test_a_prior_that_is_singular_to_rounding_after_a_gap_ends_no_run():
     assert compare(timeline, jerk, plugins.create("adaptation", {"name": "vbakf_pr"})) != "refused"
 
 
+@pytest.mark.parametrize("name", ["sif", "maximum_correntropy"])
+def test_a_gain_of_their_own_leaves_nothing_of_a_prior_that_is_large_after_a_gap(name):
+    """(I - K H) is worked out before P, which is 1e16 R here: P less what is nearly P is no millimetre."""
+    gap, fix = (100.0, True, "velocity", 1e-3), (0.01, False, "both", 1e-3)
+    steps = [
+        gap,
+        fix,
+        fix,
+        (1.0, True, "velocity", 1e-3),
+        gap,
+        (0.1, True, "both", 1e-3),
+        (1.0, True, "velocity", 1e-3),
+    ]
+    timeline = timeline_of([*steps, (0.0, True, "velocity", 1e-3), (0.01, True, "some", 1.0)], 199460)
+    for model in MODELS:
+        assert compare(timeline, model, plugins.create("adaptation", {"name": name})) in {"strictly", "rounded"}
+
+
 @given(recording=recordings())
 @settings(
     max_examples=COUNT,

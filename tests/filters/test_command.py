@@ -52,15 +52,6 @@ def test_a_program_in_c_is_our_baseline(baseline):
         np.testing.assert_allclose(theirs[metric], ours[metric], rtol=1e-6)
 
 
-def test_its_arguments_change_what_it_does_and_its_label_what_it_is_called(baseline):
-    first, second = (
-        rows_of(f"{baseline} {{recording}} {{out}} {sigma}", label=f"C {sigma}") for sigma in ("0.2", "2.0")
-    )
-
-    assert [rows["filter"][0] for rows in (first, second)] == ["C 0.2(program)", "C 2.0(program)"]
-    assert first["position_rmse_m"][0] != second["position_rmse_m"][0]
-
-
 def script(folder, text):
     path = folder / "mine.sh"
     path.write_text(text)
@@ -69,6 +60,14 @@ def script(folder, text):
 
 HEAD = 'echo t_s,east_m,north_m,up_m > "$2"\n'
 EACH = 'awk -F, \'NR > 1 {{ print $1 ",{east},0,0" }}\' "$1" >> "$2"\n'
+
+
+def test_its_arguments_change_what_it_does_and_its_label_what_it_is_called(tmp_path):
+    program = script(tmp_path, HEAD + EACH.format(east="' $4 '"))
+    first, second = (rows_of(f"{program} {east}", label=f"mine {east}") for east in ("0.0", "100.0"))
+
+    assert [rows["filter"][0] for rows in (first, second)] == ["mine 0.0(program)", "mine 100.0(program)"]
+    assert first["position_rmse_m"][0] != second["position_rmse_m"][0]
 
 
 @pytest.mark.parametrize(
