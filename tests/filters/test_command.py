@@ -63,7 +63,7 @@ EACH = 'awk -F, \'NR > 1 {{ print $1 ",{east},0,0" }}\' "$1" >> "$2"\n'
 
 
 def test_its_arguments_change_what_it_does_and_its_label_what_it_is_called(tmp_path):
-    program = script(tmp_path, HEAD + EACH.format(east="' $4 '"))
+    program = script(tmp_path, HEAD + EACH.format(east="'$4'"))
     first, second = (rows_of(f"{program} {east}", label=f"mine {east}") for east in ("0.0", "100.0"))
 
     assert [rows["filter"][0] for rows in (first, second)] == ["mine 0.0(program)", "mine 100.0(program)"]

@@ -29,8 +29,9 @@ def test_a_sweep_whose_files_vanish_meanwhile_says_so(tmp_path, monkeypatch):
     write = app.write_study
 
     def vanishing(study):
-        write(study)
+        table = write(study)
         shutil.rmtree(Path(study.folder) / "cells")
+        return table
 
     monkeypatch.setattr(app, "write_study", vanishing)
     done = verb("run", "-m", *SHORT, "adaptation=none,mtf", cwd=tmp_path)
