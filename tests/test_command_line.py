@@ -29,7 +29,7 @@ def test_help_and_catalogue_answer(tmp_path):
     listed = jerkbench("list", cwd=tmp_path).stdout
     assert all(name in listed for name in ("field_ruts", "gnss_outage", "sage_husa", "baseline_naive", "paper"))
     shown = jerkbench("show", "adaptation", "mtf", cwd=tmp_path).stdout
-    assert all(word in shown for word in ("y'y >= sum h + sum r", "window = 1", "Source:", "[updates]"))
+    assert all(word in shown for word in ("y'y >= sum h + sum r", "window  = 1", "Source:", "[updates]"))
     assert "0.02 # m/s2" in jerkbench("show", "filter", "baseline_naive", cwd=tmp_path).stdout
 
 
