@@ -134,8 +134,9 @@ def test_every_figure_of_a_study_is_drawn(study, tmp_path):
     kinds = {path.stem.rsplit("_", 1)[-1].lstrip("-") for path in tmp_path.glob("*none*.pdf")}
     named = ("errors", "zoom", "trajectory", "three-sigma", "tilt", "acceleration", "consistency", "adapted-r")
     assert all(any(kind.endswith(name) for kind in kinds) for name in named)
-    assert {"bars.png", "heat-map.png", "profile.png"} <= {path.name for path in tmp_path.iterdir()}
-    assert len(list(tmp_path.glob("*.png"))) == len(list(tmp_path.glob("*.pdf"))) == 11
+    of_all = {f"{name}.png" for name in ("bars", "heat-map", "profile", "critical-difference")}
+    assert of_all <= {path.name for path in tmp_path.iterdir()}
+    assert len(list(tmp_path.glob("*.png"))) == len(list(tmp_path.glob("*.pdf"))) == len(of_all) + len(named)
 
 
 @pytest.mark.parametrize(
