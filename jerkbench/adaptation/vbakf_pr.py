@@ -109,12 +109,12 @@ class VariationalPriorAndNoise:
 
 
 def _gather(part: Measured, innovation: FloatArray, U: FloatArray, gathered: FloatArray) -> None:
-    """Fill U' = U + B, where H P H' is that of D_x less its step."""
+    """Fill U' = U + B, where H P H' is that of D_x less its step; symmetric to the bit, as an R has to be."""
     step = part.step
     for i in range(len(step)):
-        for j in range(len(step)):
+        for j in range(i + 1):
             square = (innovation[i] - step[i]) * (innovation[j] - step[j])
-            gathered[i, j] = U[i, j] + (part.D[i, j] - step[i] * step[j]) + square
+            gathered[i, j] = gathered[j, i] = U[i, j] + (part.D[i, j] - step[i] * step[j]) + square
 
 
 def _set_of(rows: IntArray) -> int:

@@ -46,6 +46,7 @@ LENGTHS_S = st.sampled_from([0.01, 0.01, 0.01, 0.1, 1.0, 100.0, 0.0, 1e-9])
 ROWS = st.sampled_from(["both", "both", "position", "velocity", "none", "some"])
 STEPS = st.lists(st.tuples(LENGTHS_S, st.booleans(), ROWS, st.sampled_from([1e-3, 1e-2, 1.0, 30.0])), max_size=25)
 MODELS = [*(plugins.create("filter", {"name": name}) for name in FILTERS), Damped()]
+VBAKF = {"name": "vbakf_pr"}
 SEEN = Counter()
 
 
@@ -103,6 +104,15 @@ def test_a_prior_that_is_singular_to_rounding_after_a_gap_ends_no_run():
     timeline = timeline_of([*first, *last, (0.01, True, "both", 0.01), gap], 1024)
     jerk = plugins.create("filter", {"name": "jerk"})
     assert compare(timeline, jerk, plugins.create("adaptation", {"name": "vbakf_pr"})) != "refused"
+
+
+def test_an_adapted_covariance_is_symmetric_where_the_prior_is_large():
+    """Variational Bayes gathers R from what an update leaves of P, which is 1e10 R here."""
+    fix = (0.01, True, "both", 1.0)
+    timeline = timeline_of([fix, (100.0, True, "both", 1.0), fix, (1.0, True, "velocity", 1.0)], 463)
+    jerk, adaptation = (plugins.create(*both) for both in (("filter", {"name": "jerk"}), ("adaptation", VBAKF)))
+    assert FilterpyEngine().run(timeline, jerk, adaptation).failure == ""
+    assert compare(timeline, jerk, adaptation) in {"strictly", "rounded"}
 
 
 @pytest.mark.parametrize("name", ["sif", "maximum_correntropy"])
