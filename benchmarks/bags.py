@@ -75,10 +75,10 @@ def speed(folder: Path, rounds: int) -> None:
         write(path, SHORT_S)
         _, first_s = elapsed(lambda path=path: RosBag(str(path)).load(0))
         again_s = np.median([elapsed(lambda path=path: RosBag(str(path)).load(0))[1] for _ in range(rounds)])
-        found = [[elapsed(partial(read, path)) for read in (deserialised, ordinarily, quickly)] for _ in range(rounds)]
-        (count, _), (slow, _), (fast, _) = found[0]
-        ordinary_s, slow_s, fast_s = np.median([[s for _, s in one] for one in found], axis=0)
-        ratios = ", ".join(f"{np.median([one[k][1] / one[2][1] for one in found]):.1f}" for k in (0, 1))
+        took = [[elapsed(partial(read, path)) for read in (deserialised, ordinarily, quickly)] for _ in range(rounds)]
+        (count, _), (slow, _), (fast, _) = took[0]
+        ordinary_s, slow_s, fast_s = np.median([[s for _, s in times] for times in took], axis=0)
+        ratios = ", ".join(f"{np.median([times[k][1] / times[2][1] for times in took]):.1f}" for k in (0, 1))
         print(
             f"| {path.suffix} | {count} | {ordinary_s:.2f} s | {slow_s:.2f} s | {fast_s:.3f} s |"
             f" {ratios} times | {equal(slow, fast)} | {first_s:.3f} s | {again_s:.3f} s |"

@@ -76,37 +76,37 @@ def navigation_lines(timeline: Timeline, rounds: int, *, others: bool) -> list[L
 
 def single_entrants(timeline: Timeline, model: Filter, x: FloatArray) -> list[Entrant]:
     """One run that keeps its trajectory."""
-    engine, reference, found = CompiledEngine(), FilterpyEngine(), []
+    engine, reference, entrants = CompiledEngine(), FilterpyEngine(), []
     for name in ("none", "mtf", "sage_husa", *ITERATED):
         rule = plugins.create("adaptation", {"name": name})
         compared = workload(most=COMPARED) if name in ITERATED else timeline
         wanted = reference.run(compared, model, rule).position_m
         if name == "none":
             run = partial(reference.run, timeline, model, rule)
-            found.append(Entrant("engine filterpy", run, 1, 1, apart(wanted, x[:, :3])))
+            entrants.append(Entrant("engine filterpy", run, 1, 1, apart(wanted, x[:, :3])))
         run, got = partial(engine.run, timeline, model, rule), engine.run(compared, model, rule)
-        found.append(Entrant(f"engine compiled, {name}", run, 9, 1, apart(got.position_m, wanted)))
-    return found
+        entrants.append(Entrant(f"engine compiled, {name}", run, 9, 1, apart(got.position_m, wanted)))
+    return entrants
 
 
 def many_entrants(model: Filter) -> list[Entrant]:
     """Many runs side by side, as many as a sweep makes at once, without trajectories."""
-    engine, threads, found = CompiledEngine(), os.cpu_count() or 1, []
+    engine, threads, entrants = CompiledEngine(), os.cpu_count() or 1, []
     block = [Run(timeline := workload(seed), scoring_of(timeline)) for seed in range(64)]
     for name in ("none", "mtf", "sage_husa"):
         rule = plugins.create("adaptation", {"name": name})
         run = partial(engine.run_many, block, model, rule, updates=False, threads=threads)
-        (one, *_), wanted = run(), FilterpyEngine().run(block[0].timeline, model, rule).position_m
-        difference = abs(np.sqrt(one.position_m2.sum()) - np.sqrt((wanted**2).sum())) / np.sqrt(len(wanted))
-        found.append(Entrant(f"{len(block)} runs, {threads} cores, {name}", run, 3, len(block), difference))
-    return found
+        (first, *_), wanted = run(), FilterpyEngine().run(block[0].timeline, model, rule).position_m
+        difference = abs(np.sqrt(first.position_m2.sum()) - np.sqrt((wanted**2).sum())) / np.sqrt(len(wanted))
+        entrants.append(Entrant(f"{len(block)} runs, {threads} cores, {name}", run, 3, len(block), difference))
+    return entrants
 
 
 def scoring_of(timeline: Timeline) -> Scoring:
     """Every stamp counts; the truth is zero."""
     k = len(timeline.t_s)
-    one = np.ones(k)
-    return Scoring(np.zeros((k, 6)), one, one, one, np.zeros(k), np.zeros(0, dtype=np.int64), 0.0)
+    ones = np.ones(k)
+    return Scoring(np.zeros((k, 6)), ones, ones, ones, np.zeros(k), np.zeros(0, dtype=np.int64), 0.0)
 
 
 def tilt_lines(rounds: int) -> list[Line]:

@@ -87,11 +87,11 @@ def _ended(words: Sequence[str], err: io.StringIO) -> tuple[str, str]:
 @contextlib.contextmanager
 def _impatient(silent_s: float, *streams: io.StringIO) -> Iterator[None]:
     """Raise `Silence` where nothing is said for ``silent_s``, or where it takes longer than `LONGEST_S`."""
-    said = [0]
+    lengths = [0]
 
     def listen(*_: object) -> None:
-        said.append(sum(len(stream.getvalue()) for stream in streams))
-        if said[-1] == said[-2]:
+        lengths.append(sum(len(stream.getvalue()) for stream in streams))
+        if lengths[-1] == lengths[-2]:
             raise Silence
 
     def give_up(*_: object) -> None:

@@ -34,8 +34,8 @@ def stored(folder: Path) -> int:
 
 def rows(folder: Path) -> pd.DataFrame:
     """The rows of the sweep, in an order of their own."""
-    found = pd.read_csv(folder / "results" / "adhoc" / "rows.csv")
-    return found.sort_values(list(found.columns[:7]), ignore_index=True)
+    table = pd.read_csv(folder / "results" / "adhoc" / "rows.csv")
+    return table.sort_values(list(table.columns[:7]), ignore_index=True)
 
 
 def killed(folder: Path, rng: np.random.Generator) -> bool:

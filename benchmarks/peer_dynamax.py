@@ -70,9 +70,9 @@ def double(*arrays: Any) -> list[Any]:  # noqa: ANN401 - of any type
     return [jax.device_put(array) for array in arrays]
 
 
-def compiled(one: Callable[..., Any], *stacks: Any) -> Run:  # noqa: ANN401 - arrays of JAX
-    """Compile ``one`` for all rows of the stacks at once."""
+def compiled(function: Callable[..., Any], *stacks: Any) -> Run:  # noqa: ANN401 - arrays of JAX
+    """Compile ``function`` for all rows of the stacks at once."""
     import jax
 
-    many = jax.jit(jax.vmap(one)).lower(*stacks).compile()
+    many = jax.jit(jax.vmap(function)).lower(*stacks).compile()
     return lambda: np.asarray(many(*stacks))

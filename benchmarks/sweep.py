@@ -49,13 +49,13 @@ def tell_recordings(cell: Cell) -> None:
     changed = [inputs.recording(cell, "", seed) for seed in seeds]
     (disturbance,) = cell.disturbances
     pairs = list(zip(kept, seeds, strict=True))
-    tell("disturbed", ONCE, len(seeds), lambda: [disturbance.apply(one, seed) for one, seed in pairs])
-    tell("attitude", ONCE, len(seeds), lambda: [attitude_of(one, cell.attitude) for one in changed])
-    attitudes = [attitude_of(one, cell.attitude) for one in changed]
+    tell("disturbed", ONCE, len(seeds), lambda: [disturbance.apply(recording, seed) for recording, seed in pairs])
+    tell("attitude", ONCE, len(seeds), lambda: [attitude_of(recording, cell.attitude) for recording in changed])
+    attitudes = [attitude_of(recording, cell.attitude) for recording in changed]
     both = list(zip(changed, attitudes, strict=True))
-    tell("timeline", ONCE, len(seeds), lambda: [build_timeline(*one) for one in both])
+    tell("timeline", ONCE, len(seeds), lambda: [build_timeline(*pair) for pair in both])
     lines = [(recording, build_timeline(recording, attitude), cell.protocol.burn_in_s) for recording, attitude in both]
-    tell("what the errors count for", ONCE, len(seeds), lambda: [scored(*one) for one in lines])
+    tell("what the errors count for", ONCE, len(seeds), lambda: [scored(*line) for line in lines])
 
 
 def tell_cells(seeds: int) -> None:

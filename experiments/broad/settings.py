@@ -27,8 +27,8 @@ LEE_MEMORY = 0.3
 
 def trials(folder: Path, chosen: list[int]) -> list[Recording]:
     """Return the recordings of the ``chosen`` trials; of all that are there, where none is."""
-    there = {int(path.name[:2]) for path in folder.iterdir() if path.suffix in (".hdf5", ".mat")}
-    return [Broad(str(folder), trial).load(0) for trial in chosen or sorted(there)]
+    numbers = {int(path.name[:2]) for path in folder.iterdir() if path.suffix in (".hdf5", ".mat")}
+    return [Broad(str(folder), trial).load(0) for trial in chosen or sorted(numbers)]
 
 
 def score(recording: Recording, tilt: Tilt) -> float:

@@ -37,7 +37,7 @@ def cell(values: pd.Series) -> str:
 
 def ratios(table: pd.DataFrame, method: str, adaptation: str) -> pd.DataFrame:
     """For each scenario: ratio of the adaptation to none on the same seeds with its interval; diverged runs."""
-    of, base = (table.xs((method, one), level=METHOD) for one in (adaptation, "none"))
+    of, base = (table.xs((method, name), level=METHOD) for name in (adaptation, "none"))
     ends = np.array([ratio(of.loc[at].to_numpy(), base.loc[at].to_numpy()) for at in of.index]).reshape(-1, 3)
     columns = dict(zip(("ratio", "low", "high"), ends.T, strict=True))
     return pd.DataFrame({**columns, "diverged": np.isinf(of).sum(axis=1).to_numpy()}, index=of.index)
@@ -55,8 +55,8 @@ def ratio(of: np.ndarray, base: np.ndarray) -> tuple[float, float, float]:
 
 def best(table: pd.DataFrame, method: str, at: tuple[str, str]) -> str:
     """The adaptation with the lowest mean, of those that know no more than a filter can and lost no run."""
-    there = table.loc[at].loc[method].drop("oracle", errors="ignore")
-    means = there.mean(axis=1)
+    rows = table.loc[at].loc[method].drop("oracle", errors="ignore")
+    means = rows.mean(axis=1)
     means = means[np.isfinite(means)]
     return f"{means.idxmin()} {means.min():.3g}" if len(means) else "-"
 
@@ -66,7 +66,7 @@ def print_mtf(table: pd.DataFrame, method: str) -> None:
     compared = ratios(table, method, "mtf")
     print(f"\n{method}: mtf against none (mean, ratio on the same seeds), and the best of all adaptations\n")
     for at in compared.sort_values("ratio", na_position="last").index:
-        none, mtf = (cell(table.loc[(*at, method, one)]) for one in ("none", "mtf"))
+        none, mtf = (cell(table.loc[(*at, method, name)]) for name in ("none", "mtf"))
         ratio = "{ratio:.3g} [{low:.3g}, {high:.3g}]".format(**compared.loc[at])
         print(f"{' '.join(at):<46}{none:<28}{mtf:<44}{ratio:<30}{best(table, method, at)}")
 
@@ -76,10 +76,10 @@ def print_adaptations(table: pd.DataFrame, method: str) -> None:
     print(f"\n{method}: each adaptation over all scenarios, ratios to none\n")
     lines = []
     for adaptation in table.xs(method, level="filter").index.unique("adaptation").drop("none"):
-        one = ratios(table, method, adaptation)
-        kept = one["ratio"].dropna().sort_values()
+        compared = ratios(table, method, adaptation)
+        kept = compared["ratio"].dropna().sort_values()
         ends = [f"{kept.iloc[end]:.3g} {' '.join(kept.index[end])}" for end in (0, -1)] if len(kept) else ["", ""]
-        lines.append([adaptation, np.exp(np.log(kept).mean()), *ends, int(one["diverged"].sum())])
+        lines.append([adaptation, np.exp(np.log(kept).mean()), *ends, int(compared["diverged"].sum())])
     shown = pd.DataFrame(lines, columns=["adaptation", "mean", "least", "largest", "diverged runs"])
     print(shown.sort_values("mean").to_string(index=False, float_format="{:.3g}".format))
 
@@ -96,7 +96,7 @@ def print_oracle(table: pd.DataFrame, method: str) -> None:
 
 def print_control(table: pd.DataFrame) -> None:
     """Print how far jerk and its control are apart."""
-    both = [table.xs(one, level="filter").mean(axis=1).replace(np.inf, np.nan) for one in ("jerk", "bias")]
+    both = [table.xs(model, level="filter").mean(axis=1).replace(np.inf, np.nan) for model in ("jerk", "bias")]
     apart = (np.log(both[0]) - np.log(both[1])).abs().dropna().sort_values()
     share = float((apart < np.log(1.01)).mean())
     print(f"\njerk against bias: within 1 % in {share:.1%} of {len(apart)} means; furthest apart:\n")

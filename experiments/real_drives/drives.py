@@ -111,7 +111,7 @@ def scored(table: pd.DataFrame) -> pd.DataFrame:
 
     The mean over halves; what a half is scored with was chosen without it.
     """
-    found = []
+    scores = []
     for names, own in table.groupby(KEY):
         for drive, halves in own.groupby("drive"):
             others = own[own.index.get_level_values("drive") != drive]
@@ -119,25 +119,25 @@ def scored(table: pd.DataFrame) -> pd.DataFrame:
             crossed = np.mean([means[b][means[a].idxmin()] for a, b in (HALVES, HALVES[::-1])])
             elsewhere = halves.mean()[others.mean().idxmin()] if len(others) else np.nan
             values = {"default": halves.mean()[0], "halves": crossed, "drives": elsewhere}
-            found.append({**dict(zip(KEY, names, strict=True)), "drive": drive, **values})
-    return pd.DataFrame(found)
+            scores.append({**dict(zip(KEY, names, strict=True)), "drive": drive, **values})
+    return pd.DataFrame(scores)
 
 
 def ratios(rows: pd.DataFrame) -> pd.DataFrame:
     """Return the ratio of each method to the tuned plain filter, and its error: a row for each method and drive."""
-    found = scored(losses(rows))
-    plain = found[(found[KEY] == protocol()["plain"]).all(axis=1)].set_index("drive")
+    scores = scored(losses(rows))
+    plain = scores[(scores[KEY] == protocol()["plain"]).all(axis=1)].set_index("drive")
     for how in ("halves", "drives"):
-        found[f"{how}_ratio"] = np.exp(found[how] - found["drive"].map(plain[how]))
-    found["default_ratio"] = np.exp(found["default"] - found["drive"].map(plain["halves"]))
-    return found.assign(rmse_m=np.exp(found["halves"]))
+        scores[f"{how}_ratio"] = np.exp(scores[how] - scores["drive"].map(plain[how]))
+    scores["default_ratio"] = np.exp(scores["default"] - scores["drive"].map(plain["halves"]))
+    return scores.assign(rmse_m=np.exp(scores["halves"]))
 
 
 def markdown(rows: pd.DataFrame) -> str:
     """Return the table, the lowest ratio first; then the inertial filters by themselves."""
-    found, known = ratios(rows), protocol()
-    drives = [name for name in known["drives"] if name in set(found["drive"])]
-    wide = found.pivot_table(
+    scores, known = ratios(rows), protocol()
+    drives = [name for name in known["drives"] if name in set(scores["drive"])]
+    wide = scores.pivot_table(
         index=KEY, columns="drive", values=["rmse_m", "halves_ratio", "drives_ratio", "default_ratio"]
     )
     mean = np.exp(np.log(wide).T.groupby(level=0).mean().T)
@@ -167,8 +167,8 @@ def markdown(rows: pd.DataFrame) -> str:
 
 def sentences(rows: pd.DataFrame) -> list[str]:
     """Return what the rows say, in sentences."""
-    found, known = ratios(rows), protocol()
-    wide = found.pivot_table(index=KEY, columns="drive", values="halves_ratio")
+    scores, known = ratios(rows), protocol()
+    wide = scores.pivot_table(index=KEY, columns="drive", values="halves_ratio")
     kinematic = wide[~wide.index.get_level_values("filter").isin(known["inertial"])].drop(index=tuple(known["plain"]))
     plain = wide.xs("none", level="adaptation")
     adapted = kinematic[kinematic.index.get_level_values("adaptation") != "none"]

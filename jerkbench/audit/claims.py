@@ -104,7 +104,7 @@ def _intervals(d: FloatArray) -> FloatArray:
     return np.asarray(np.exp(np.column_stack([d.mean(axis=1), low, high])))
 
 
-def claim_frame(found: Sequence[Claim]) -> pd.DataFrame:
+def claim_frame(of_paper: Sequence[Claim]) -> pd.DataFrame:
     """Return the value of every claim in every scenario, one a row."""
     return pd.DataFrame(
         [
@@ -118,17 +118,17 @@ def claim_frame(found: Sequence[Claim]) -> pd.DataFrame:
                 "bound": claim.bound,
                 "verdict": word,
             }
-            for claim in found
+            for claim in of_paper
             for scenario, (value, low, high), word in zip(claim.scenarios, claim.numbers, claim.words, strict=True)
         ]
     )
 
 
-def claim_table(found: Sequence[Claim]) -> str:
+def claim_table(of_paper: Sequence[Claim]) -> str:
     """Return a claim a row: in how many scenarios it holds, middle and ends of its numbers, and where it holds."""
     heads = ["the paper's claim", "set", "holds", "does not", "open", "median (range)", "where it holds"]
     lines = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
-    return "\n".join([*lines, *map(_line, found)]) + "\n"
+    return "\n".join([*lines, *map(_line, of_paper)]) + "\n"
 
 
 def _line(claim: Claim) -> str:

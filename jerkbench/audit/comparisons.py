@@ -1,4 +1,4 @@
-"""What stands beside the verdicts: tuning alone, the references, noise against noise, metric against metric, power."""
+"""Comparisons beside the verdicts: tuning alone, the references, noise against noise, metric against metric, power."""
 
 from collections.abc import Sequence
 
@@ -21,8 +21,8 @@ def tuning_sentence(known: Losses, protocol: AuditProtocol) -> str:
     parts = []
     for model in protocol.filters:
         plain = Method(model, protocol.plain)
-        found = _over(known, known.by_kind[plain, TUNED, 0] - known.by_kind[plain, DEFAULTS, 0])
-        parts.append(f"{_interval(found)} ({model})")
+        change = _over(known, known.by_kind[plain, TUNED, 0] - known.by_kind[plain, DEFAULTS, 0])
+        parts.append(f"{_interval(change)} ({model})")
     head = "Tuning alone multiplies the error of the plain filter, on faults that it was not tuned on, by"
     return f"{head} {', '.join(parts)}."
 
@@ -99,8 +99,8 @@ def _over(known: Losses, difference: FloatArray) -> OverScenarios:
     return over_scenarios(known.of_families(difference))
 
 
-def _interval(found: OverScenarios) -> str:
-    return f"{found.ratio:.2f} ({found.low:.2f} to {found.high:.2f})"
+def _interval(mean: OverScenarios) -> str:
+    return f"{mean.ratio:.2f} ({mean.low:.2f} to {mean.high:.2f})"
 
 
 def _on(known: Losses, method: Method, protocol: AuditProtocol, noise: str) -> float:

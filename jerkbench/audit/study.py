@@ -94,8 +94,8 @@ def judged(protocol: AuditProtocol, outcome: Outcome, known: Sequence[Scenario])
     losses = losses_of(outcome, protocol, known)
     overall = verdicts(outcome, protocol, known)
     by_family = family_verdicts(losses, [verdict.method for verdict in overall], protocol)
-    found = claims(losses, levels_of(outcome.test, protocol.plain))
-    return Audit(protocol, outcome, losses, overall, by_family, found)
+    of_paper = claims(losses, levels_of(outcome.test, protocol.plain))
+    return Audit(protocol, outcome, losses, overall, by_family, of_paper)
 
 
 def _key() -> str:

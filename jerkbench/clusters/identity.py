@@ -60,8 +60,8 @@ def refusal(identity: Identity) -> str:
     """Return why this process may not run what belongs to ``identity``, or an empty string."""
     host = socket.gethostname()
     if target() != identity.arithmetic:
-        here, there = (f"{MARK}={name}" if name else f"no {MARK}" for name in (target(), identity.arithmetic))
-        return f"The worker on {host} has {here} in its environment and the plan {there}; start it as the plan was."
+        this, plans = (f"{MARK}={name}" if name else f"no {MARK}" for name in (target(), identity.arithmetic))
+        return f"The worker on {host} has {this} in its environment and the plan {plans}; start it as the plan was."
     own = versions()
     differing = [
         f"{name} {own.get(name, 'missing')} for {wanted}"

@@ -60,9 +60,9 @@ class AttributionRuns:
         union = {method: _union([tried[method, subset] for subset in SUBSETS]) for method in self._spaces}
         rows = self._stages.run("tune", seeds_of(self._protocol).tune, [union] * len(self._stages.scenarios))
         rows["loss"] = losses(rows, levels_of(rows, self._protocol.plain))
-        found = by_method(rows)
+        grouped = by_method(rows)
         return {
-            (method, subset, half): self._best(found[method], union[method], own, half)
+            (method, subset, half): self._best(grouped[method], union[method], own, half)
             for ((method, subset), own), half in product(tried.items(), HALVES)
         }
 

@@ -67,38 +67,39 @@ def run_attribution(
     scored = {on: AttributionRuns(protocol, spaces, own).scored() for on, own in stages.items()}
     values = corner_values(scored, protocol)
     families = [scenario.family for scenario in known]
-    found = Attribution(
+    attribution = Attribution(
         {corner: of_families(own, families) for corner, own in values.items()},
         tuple(dict.fromkeys(families)),
         shares(values, families),
     )
-    _write(found, protocol, folder, sorted({maker for own in stages.values() for maker in own.makers()}))
-    return found
+    _write(attribution, protocol, folder, sorted({maker for own in stages.values() for maker in own.makers()}))
+    return attribution
 
 
-def corner_frame(found: Attribution) -> pd.DataFrame:
+def corner_frame(attribution: Attribution) -> pd.DataFrame:
     """Return the mean loss of every corner and family, one a row: what the shares can be computed from again."""
     return pd.DataFrame(
         [
             {**{factor: factor in corner for factor in FACTORS}, "family": family, "log_rmse": float(np.mean(own))}
-            for corner, values in found.corners.items()
-            for family, own in zip(found.families, values, strict=True)
+            for corner, values in attribution.corners.items()
+            for family, own in zip(attribution.families, values, strict=True)
         ]
     )
 
 
-def _write(found: Attribution, protocol: AuditProtocol, folder: Path, makers: list[str]) -> None:
+def _write(attribution: Attribution, protocol: AuditProtocol, folder: Path, makers: list[str]) -> None:
     ends = [method.name for method in methods_of(protocol).values()]
+    by_family = family_table(attribution.corners, attribution.families)
     texts = {
         "protocol.json": json.dumps({"digest": protocol.digest, **asdict(protocol)}, indent=1),
-        "corners.csv": corner_frame(found).to_csv(index=False),
-        "shares.csv": share_frame(found.shares).to_csv(index=False),
-        "README.md": attribution_page(found.shares, family_table(found.corners, found.families), protocol),
+        "corners.csv": corner_frame(attribution).to_csv(index=False),
+        "shares.csv": share_frame(attribution.shares).to_csv(index=False),
+        "README.md": attribution_page(attribution.shares, by_family, protocol),
         "manifest.json": json.dumps({**_provenance(protocol), "rows_computed_by": makers}, indent=1),
     }
     for name, text in texts.items():
         write_text(folder / name, text)
-    save_figure(waterfall(found.shares, f"naive {ends[0]}", f"tuned {ends[-1]}"), folder / "waterfall.png")
+    save_figure(waterfall(attribution.shares, f"naive {ends[0]}", f"tuned {ends[-1]}"), folder / "waterfall.png")
 
 
 def _provenance(protocol: AuditProtocol) -> dict[str, object]:

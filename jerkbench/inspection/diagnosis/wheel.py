@@ -1,4 +1,4 @@
-"""What a wheel says: its change of speed, the force in a bend, and how long the way was."""
+"""Checks of a wheel: its change of speed, the force in a bend, and the length of the way."""
 
 import numpy as np
 

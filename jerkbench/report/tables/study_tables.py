@@ -61,6 +61,7 @@ def write_tables(rows: "pd.DataFrame", folder: Path, notes: Sequence[str] = ()) 
     csv, sections = GridCsv(grid), {first: markdown(main, level=1)}
 
     def write_csv(path: Path) -> None:
+        """Write table.csv; sections of table.md are made on the way, while the numbers of their metric are there."""
         with path.open("w", encoding="utf-8", newline="") as file:  # of very many cells a metric at a time is in memory
             file.write(tidy_csv([main]))
             for metric in metric_columns(rows):
