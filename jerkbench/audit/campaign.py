@@ -1,6 +1,6 @@
 """The campaign of an audit: every setting on the seeds to tune on, finalists on others, the chosen ones on the last."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import pandas as pd
@@ -8,8 +8,19 @@ import pandas as pd
 from jerkbench.audit.methods import Method, settings_of
 from jerkbench.audit.protocol import AuditProtocol
 from jerkbench.audit.runs import TEST
-from jerkbench.audit.searches import Search, best_trials, by_method, levels_of, losses, mean_losses, searches, seen
+from jerkbench.audit.searches import (
+    Search,
+    best_trials,
+    by_method,
+    levels_of,
+    losses,
+    mean_losses,
+    searches,
+    seen,
+    unseen,
+)
 from jerkbench.audit.stages import Settings, Stages
+from jerkbench.audit.trials import LookedAt, Trials, needed_trials, run_trials
 from jerkbench.tuning.space import Setting, Space
 
 CHOOSE_FROM = 1_000
@@ -70,19 +81,22 @@ class Campaign:
 
     def run(self) -> Outcome:
         """Search, choose and score."""
-        tuned = self._losses("tune", self._seeds.tune, self._tried)
+        everything = {method: tuple(range(len(settings))) for method, settings in self._tried.items()}
+        tuned = self._losses("tune", self._seeds.tune, self._tried, [everything] * len(self._stages.scenarios))
         finalists = {search: self._finalists(tuned, search) for search in self._searches()}
         asked = {method: self._union(method, finalists) for method in self._spaces}
-        again = self._losses("choose", self._seeds.choose, asked)
+        again = self._losses("choose", self._seeds.choose, asked, self._needed(finalists, asked, seen))
         chosen = {search: self._best(again, search, own, asked) for search, own in finalists.items()}
         return self._scored(tuned, chosen)
 
     def _searches(self) -> list[Search]:
         return searches(self._spaces, self._protocol.restarts)
 
-    def _losses(self, name: str, seeds: tuple[int, ...], settings: Settings) -> dict[Method, pd.DataFrame]:
-        """Run the same settings on every scenario; returns the rows of each method with their loss."""
-        rows = self._stages.run(name, seeds, [settings] * len(self._stages.scenarios))
+    def _losses(
+        self, name: str, seeds: tuple[int, ...], settings: Settings, needed: Sequence[Trials]
+    ) -> dict[Method, pd.DataFrame]:
+        """Run what is needed of the same settings on every scenario; returns each method's rows with their loss."""
+        rows = run_trials(self._stages, name, seeds, [settings] * len(self._stages.scenarios), needed)
         rows["loss"] = losses(rows, levels_of(rows, self._protocol.plain))
         return by_method(rows)
 
@@ -115,9 +129,20 @@ class Campaign:
             {method: (*own, self._best_for(tuned[method], method, number)) for method, own in common.items()}
             for number in range(len(self._stages.scenarios))
         ]
-        test = self._stages.run(TEST, self._seeds.test, settings)
+        needed = [
+            {method: (*trials, len(common[method])) for method, trials in by_method.items()}
+            for by_method in self._needed(several, common, unseen)
+        ]
+        test = run_trials(self._stages, TEST, self._seeds.test, settings, needed)
         trial = {search: common[search.method].index(setting) for search, setting in chosen.items()}
         return Outcome(chosen, trial, {method: len(own) for method, own in common.items()}, test)
+
+    def _needed(
+        self, several: Mapping[Search, Sequence[Setting]], asked: Settings, looked_at: LookedAt
+    ) -> list[Trials]:
+        """The places of the ``several`` settings of each search among those ``asked``, where it is looked at."""
+        places = {search: [asked[search.method].index(s) for s in settings] for search, settings in several.items()}
+        return needed_trials(places, asked, self._stages.scenarios, looked_at)
 
     def _best_for(self, rows: pd.DataFrame, method: Method, scenario: int) -> Setting:
         return self._tried[method][best_trials(mean_losses(rows, [scenario]), 1)[0]]

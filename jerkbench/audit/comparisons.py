@@ -45,6 +45,19 @@ def reference_sentences(known: Losses, protocol: AuditProtocol) -> list[str]:
     ]
 
 
+def model_sentence(known: Losses, protocol: AuditProtocol) -> str:
+    """Say what another model does without any adaptation, tuned alike; empty where there is one model."""
+    first, *others = [Method(name, protocol.plain) for name in (*protocol.filters, *protocol.apart)]
+    plain = known.by_kind[first, TUNED, 0]
+    parts = [
+        f"{method.filter} {_interval(_over(known, known.by_kind[method, TUNED, 0] - plain))}"
+        for method in others
+        if (method, TUNED, 0) in known.by_kind
+    ]
+    head = f"Without any adaptation, of the error of {first.name} and tuned like it, another model has"
+    return f"{head}: {', '.join(parts)}." if parts else ""
+
+
 def noise_sentence(known: Losses, verdicts: Sequence[MethodVerdict], protocol: AuditProtocol) -> str:
     """Say whether the order with white GNSS noise is that with coloured noise; empty of one kind of noise."""
     kinds = list(protocol.fields)

@@ -34,7 +34,7 @@ def methods(protocol: AuditProtocol) -> list[Method]:
     """Return every method, those of one filter together, the plain one first."""
     adaptations = (*protocol.compared, *protocol.references)
     kinematic = [Method(model, adaptation) for model in protocol.filters for adaptation in adaptations]
-    return [*kinematic, Method(FLOOR, protocol.plain)]
+    return [*kinematic, *(Method(name, protocol.plain) for name in (FLOOR, *protocol.apart))]
 
 
 def space_of_method(method: Method, scenario: Scenario) -> Space:

@@ -14,6 +14,9 @@ from jerkbench.presets import preset
 HALVES = ("first", "second")
 """What is tuned on one is scored on the other."""
 
+LATER = {"later": True}
+"""Of a field that came after protocols had been published: empty, it is no part of the digest."""
+
 
 @dataclass(frozen=True)
 class Family:
@@ -78,6 +81,7 @@ class AuditProtocol:
         margin: a ratio within 1 + margin is equal.
         families: the faults.
         only: names of the families to take; empty: all.
+        apart: estimators of another kind with the plain adaptation, tuned alike, scored and never compared.
     """
 
     version: int
@@ -96,12 +100,13 @@ class AuditProtocol:
     families: tuple[Family, ...]
     adaptations: tuple[str, ...] = ()
     only: tuple[str, ...] = ()
+    apart: tuple[str, ...] = dataclasses.field(default=(), metadata=LATER)
 
     def __post_init__(self) -> None:
         """Check that every name exists and both halves have a family."""
         for name in (*self.adaptations, self.plain, *self.references):
             plugins.get("adaptation", name)
-        for name in self.filters:
+        for name in (*self.filters, *self.apart):
             plugins.get("filter", name)
         require_halves("audit", self.families)
 
@@ -122,7 +127,9 @@ class AuditProtocol:
 
 def digest_of(protocol: Any) -> str:  # noqa: ANN401 - any dataclass
     """Return the first 12 digits of the SHA-256 of all that a protocol says."""
-    text = json.dumps(dataclasses.asdict(protocol), sort_keys=True, default=list)
+    later = {field.name for field in dataclasses.fields(protocol) if field.metadata == LATER}
+    said = {name: value for name, value in dataclasses.asdict(protocol).items() if value or name not in later}
+    text = json.dumps(said, sort_keys=True, default=list)
     return hashlib.sha256(text.encode()).hexdigest()[:12]
 
 

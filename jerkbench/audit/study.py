@@ -13,6 +13,7 @@ from jerkbench.audit.campaign import Campaign, Outcome, seeds_of
 from jerkbench.audit.claims import Claim, claim_frame, claims
 from jerkbench.audit.comparisons import (
     metric_sentence,
+    model_sentence,
     noise_sentence,
     power_sentence,
     reference_sentences,
@@ -118,6 +119,7 @@ def contents_of(audit: Audit, scale: str, attribution: str = "") -> Contents:
     protocol, losses, judged = audit.protocol, audit.losses, audit.verdicts
     beside = [
         *reference_sentences(losses, protocol),
+        model_sentence(losses, protocol),
         noise_sentence(losses, judged, protocol),
         metric_sentence(audit.outcome, losses, judged, protocol),
     ]

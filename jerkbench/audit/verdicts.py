@@ -8,7 +8,7 @@ import pandas as pd
 
 from jerkbench.arrays import FloatArray
 from jerkbench.audit.campaign import Outcome
-from jerkbench.audit.methods import FLOOR, Method
+from jerkbench.audit.methods import Method
 from jerkbench.audit.protocol import HALVES, AuditProtocol
 from jerkbench.audit.scenarios import Scenario
 from jerkbench.audit.searches import ALL, Search, by_method, levels_of, losses
@@ -118,8 +118,8 @@ def _unseen(halves: Sequence[FloatArray], scenarios: Sequence[Scenario]) -> Floa
 def verdicts(outcome: Outcome, protocol: AuditProtocol, scenarios: Sequence[Scenario]) -> list[MethodVerdict]:
     """Return the verdict of every method but the plain ones and the references, the best first."""
     known = losses_of(outcome, protocol, scenarios)
-    compared = [m for m in outcome.bound if m.adaptation in protocol.compared and m.adaptation != protocol.plain]
-    ranked = [m for m in outcome.bound if m.adaptation in protocol.compared and m.filter != FLOOR]
+    ranked = [m for m in outcome.bound if m.adaptation in protocol.compared and m.filter in protocol.filters]
+    compared = [m for m in ranked if m.adaptation != protocol.plain]
     places = _places(known, ranked)
     rows = by_method(outcome.test)
     judged = [_verdict(m, known, outcome, protocol, rows[m], len(compared), places[m]) for m in compared]

@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 
 from jerkbench.audit.claims import AGAINST, CLAIMED, claim_frame, claim_table, claims, where_it_holds
-from jerkbench.audit.comparisons import noise_sentence, off_by, power_sentence, reference_sentences, tuning_sentence
+from jerkbench.audit.comparisons import (
+    model_sentence,
+    noise_sentence,
+    off_by,
+    power_sentence,
+    reference_sentences,
+    tuning_sentence,
+)
 from jerkbench.audit.methods import Method
 from jerkbench.audit.protocol import Family, read_protocol
 from jerkbench.audit.scenarios import scenarios
@@ -120,6 +127,17 @@ def test_white_and_coloured_noise_are_told_apart():
     text = noise_sentence(known, [Judged(method) for method in names], PROTOCOL)
     assert "3 of 3 with white noise, 1 of 3 with coloured noise; 2 change sides" in text
     assert "baseline + r1 with coloured noise. Rank correlation of the two orders: 1.00." in text
+
+
+def test_another_model_is_told_from_an_adaptation():
+    """jerk without adaptation at half of the baseline's error everywhere, imm at a fifth; eskf15 was not run."""
+    known = losses()
+    for name, ratio in (("jerk", 0.5), ("imm", 0.2)):
+        known.by_kind[Method(name, "none"), TUNED, 0] = known.by_kind[AGAINST, TUNED, 0] + np.log(ratio)
+    protocol = dataclasses.replace(PROTOCOL, filters=("baseline", "jerk"), apart=("imm", "eskf15"))
+    text = model_sentence(known, protocol)
+    assert text.endswith("another model has: jerk 0.50 (0.50 to 0.50), imm 0.20 (0.20 to 0.20).")
+    assert model_sentence(known, PROTOCOL) == ""
 
 
 def test_the_power_is_that_of_the_interval_in_the_middle():
