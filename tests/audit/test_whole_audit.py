@@ -82,6 +82,23 @@ def test_a_row_is_what_a_run_of_its_setting_gives(protocol, finished):
     assert stored.position_rmse_m == pytest.approx(row.position_rmse_m, rel=1e-9)
 
 
+def test_a_setting_is_run_only_where_a_verdict_reads_it(protocol, finished):
+    """What was tuned on one half is scored on the other half and where nothing is wrong; the defaults everywhere."""
+    _, audit = finished
+    known = list(scenarios(protocol))
+    halves = {scenario.half: number for number, scenario in enumerate(known)}
+    for search, trial in audit.outcome.trial.items():
+        rows = audit.outcome.test
+        same = {t for s, t in audit.outcome.trial.items() if s.method == search.method and s != search}
+        if trial == 0 or trial in same:
+            continue
+        own = rows[(rows["filter"] == search.method.filter) & (rows["adaptation"] == search.method.adaptation)]
+        other = {"first": "second", "second": "first"}.get(search.tuned_on)
+        where = {halves["both"], halves[other]} if other else set(halves.values())
+        assert set(own.loc[own["trial"] == trial, "scenario"]) == where
+    assert set(audit.outcome.test.query("trial == 0")["scenario"]) == set(range(len(known)))
+
+
 def test_an_audit_that_was_stopped_goes_on_and_comes_out_the_same(protocol, finished, monkeypatch):
     folder, audit = finished
     files = sorted((folder / "runs").iterdir())
