@@ -237,6 +237,32 @@ class Origin:
 
 
 @dataclass(frozen=True, eq=False)
+class Drawn:
+    """The law of a simulation's errors, where it is linear and Gaussian; it holds for these streams and no others.
+
+    Attributes:
+        imu: each axis of each accelerometer sample has an error of its own, and nothing else is wrong with it.
+        position: each axis has the error sqrt(1 - s) w + sqrt(s) b in its standard deviations: w is white, b a
+            Gauss-Markov process of the time T, both of unit variance.
+        velocity: alike, in ENU.
+        accel_sigma_mps2: one sigma of the error of an accelerometer sample.
+        position_share: s of position.
+        position_time_s: T of position.
+        velocity_share: s of velocity.
+        velocity_time_s: T of velocity.
+    """
+
+    imu: Imu
+    position: Position
+    velocity: Velocity
+    accel_sigma_mps2: float
+    position_share: float
+    position_time_s: float
+    velocity_share: float
+    velocity_time_s: float
+
+
+@dataclass(frozen=True, eq=False)
 class Recording:
     """One drive, as the filters see it, with its reference.
 
@@ -252,6 +278,7 @@ class Recording:
         static_start_s: how long it stands still at the start (for the alignment); 0: it moves from the start.
         outages_s: (k, 2) begin and end of each interval without aiding (for the metrics).
         notes: sentences that a reader of the table has to know.
+        drawn: the law of its errors, where a simulation knows it, with the streams as they were drawn; or None.
     """
 
     name: str
@@ -265,6 +292,7 @@ class Recording:
     static_start_s: float = 0.0
     outages_s: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
     notes: tuple[str, ...] = ()
+    drawn: Drawn | None = None
 
     def __post_init__(self) -> None:
         """Check that an outage ends after it begins, and that there is something without an IMU."""

@@ -14,7 +14,7 @@ from jerkbench.cells.provenance import code_digest, plugin_digest, versions
 from jerkbench.contracts import Dataset
 from jerkbench.execution.kept_arrays import read_arrays, write_arrays
 from jerkbench.files import cache_folder, forget_oldest, write_atomically
-from jerkbench.recording import Heading, Imu, Origin, Position, Recording, Reference, Velocity
+from jerkbench.recording import Drawn, Heading, Imu, Origin, Position, Recording, Reference, Velocity
 
 PARTS = {
     "imu": Imu,
@@ -24,6 +24,9 @@ PARTS = {
     "heading": Heading,
     "origin": Origin,
 }
+LAW = "drawn"
+"""The law of the errors: numbers, besides three of the parts."""
+
 SIMULATED = "simulated"
 """The kind of cache that holds simulated recordings."""
 
@@ -57,13 +60,13 @@ def _key(dataset: Dataset, seed: int) -> str:
 def _write(recording: Recording, path: Path) -> None:
     arrays: dict[str, Any] = {}
     header: dict[str, Any] = {}
-    for part in ("", *PARTS):
+    for part in ("", LAW, *PARTS):
         owner = getattr(recording, part) if part else recording
         for field in dataclasses.fields(owner) if owner is not None else ():
             value = getattr(owner, field.name)
             if isinstance(value, np.ndarray):
                 arrays[f"{part}.{field.name}"] = value
-            elif field.name not in PARTS:
+            elif field.name not in (*PARTS, LAW):
                 header[f"{part}.{field.name}"] = value.isoformat() if isinstance(value, datetime) else value
     write_atomically(path, lambda partial: write_arrays(partial, arrays, header))
 
@@ -73,13 +76,15 @@ def _read(path: Path) -> Recording | None:
     try:
         arrays, header = read_arrays(path)
         values = arrays | header
-        parts = {name: PARTS[name](**own) for name in PARTS if (own := _of(name, values))}
+        parts: dict[str, Any] = {name: PARTS[name](**own) for name in PARTS if (own := _of(name, values))}
+        law = _of(LAW, values)
+        drawn = Drawn(parts["imu"], parts["position"], parts["velocity"], **law) if law else None
         own = _of("", values)
         start = own.pop("start_utc")
         own |= {"start_utc": None if start is None else datetime.fromisoformat(start), "notes": tuple(own["notes"])}
         with suppress(OSError):
             os.utime(path)  # used just now: others go first
-        return Recording(**own, **parts)
+        return Recording(**own, **parts, drawn=drawn)
     except DAMAGE:
         return None
 

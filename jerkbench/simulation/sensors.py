@@ -9,7 +9,17 @@ from jerkbench.arrays import FloatArray
 from jerkbench.checks import require_axes, require_multiple, require_not_negative, require_positive
 from jerkbench.errors import PluginError, unknown
 from jerkbench.geometry import wrap_angle
-from jerkbench.recording import Heading, Imu, Origin, Position, Recording, Reference, Velocity
+from jerkbench.recording import (
+    GRAVITY_MPS2,
+    Drawn,
+    Heading,
+    Imu,
+    Origin,
+    Position,
+    Recording,
+    Reference,
+    Velocity,
+)
 from jerkbench.simulation.gnss import antenna_m, measure_heading, measure_position, measure_velocity, white
 from jerkbench.simulation.imu import perfect_imu, saturate
 from jerkbench.simulation.imu_errors import GRADES, SensorErrors, disturb
@@ -82,16 +92,19 @@ class Sensors(SlowErrors):
         ``false_mps2`` (n, m, 3) is specific force that only the accelerometer feels, within each sample.
         """
         fixes = every(truth, self.imu_rate_hz / self.gnss_rate_hz)
+        imu = self._imu(truth, seed, false_mps2)
+        position, velocity = self._position(truth, fixes, seed), self._velocity(fixes, seed)
         return Recording(
             name=name,
-            imu=self._imu(truth, seed, false_mps2),
+            imu=imu,
             reference=_reference(every(truth, self.imu_rate_hz / self.reference_rate_hz)),
-            position=self._position(truth, fixes, seed),
-            velocity=self._velocity(fixes, seed),
+            position=position,
+            velocity=velocity,
             heading=self._heading(fixes, seed),
             origin=Origin(self.latitude_deg, self.longitude_deg, self.height_m),
             start_utc=START_UTC,
             static_start_s=static_start_s,
+            drawn=self._drawn(imu, position, velocity) if false_mps2 is None else None,
         )
 
     def check_sensors(self, subject: str) -> None:
@@ -141,6 +154,18 @@ class Sensors(SlowErrors):
             return SensorErrors(self.accel_sigma_mps2), SensorErrors(self.gyro_sigma_radps)
         grade = GRADES[self.imu]
         return grade.accelerometer(self.imu_rate_hz), grade.gyro(self.imu_rate_hz)
+
+    def _drawn(self, imu: Imu, position: Position, velocity: Velocity) -> Drawn | None:
+        """Return the law of the errors; None where a sensor has none, or its errors are more than white noise."""
+        limit = np.inf if self.accel_range_g is None else self.accel_range_g * GRAVITY_MPS2
+        cut_off = bool((np.abs(imu.accel_mps2) >= limit).any())
+        if self.imu != "per_sample" or cut_off or not all(map(self._on, ("accelerometer", "position", "velocity"))):
+            return None
+        return Drawn(
+            *(imu, position, velocity, self.accel_sigma_mps2),
+            *(self.position_coloured_share, self.position_coloured_time_s),
+            *(self.velocity_coloured_share, self.velocity_coloured_time_s),
+        )
 
     def _position(self, truth: Truth, fixes: Truth, seed: int) -> Position:
         late = round(self.position_latency_s * self.imu_rate_hz)

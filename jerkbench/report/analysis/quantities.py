@@ -21,6 +21,7 @@ WORDS = {"rmse": "RMSE", "anees": "ANEES", "anis": "ANIS", "max": "maximum"}
 
 TITLES = {
     "position_rmse_m": "Position RMSE (3-D)",
+    "position_bound_m": "Posterior Cramér-Rao bound of the position RMSE (3-D)",
     "position_rmse_whole_m": "Position RMSE (3-D), burn-in included",
     "position_max_m": "Largest position error (3-D)",
     "velocity_rmse_mps": "Velocity RMSE (3-D)",
@@ -88,9 +89,9 @@ COUNTS = (
         "rejected_percent",
         "lockout_s",
     ),
-    "inclination_floor_deg",
+    *("inclination_floor_deg", "position_bound_m"),
 )
-"""What tells how much was scored, how well, or what an adaptation did: no quality of a filter."""
+"""What tells how much was scored, how well, how well at best, or what an adaptation did: no quality of a filter."""
 
 NATS = ("position_log_score", "innovation_log_loss")
 """Logarithms of densities, below 0 as well: the lowest is the best, but no ratio says by how much."""

@@ -9,6 +9,7 @@ from jerkbench.evaluation.statistics.exact import share_interval
 from jerkbench.evaluation.statistics.log_ratio import LOCKED_OUT
 from jerkbench.report.analysis.quantities import quantity
 from jerkbench.report.analysis.references import standing_apart
+from jerkbench.report.tables.bounds import bound_note
 from jerkbench.report.tables.table_model import ABSENT, Table, TableCell
 
 if TYPE_CHECKING:
@@ -31,7 +32,8 @@ AT_THE_END = ("outage_end_m", "outage_end_max_m")
 def footnotes(table: Table, rows: "pd.DataFrame", notes: Sequence[str], family: str = "") -> tuple[str, ...]:
     """Return the sentences under ``table``: of its tests as ``family`` says, the caller's ``notes`` at the end."""
     cells = [cell for row in table.cells for cell in row if cell is not None]
-    return (*_constants(table), *_reading(table, cells, family), *_outages(table, rows), *_trouble(cells, rows), *notes)
+    limits = (*bound_note(table.metric, rows), *_outages(table, rows))
+    return (*_constants(table), *_reading(table, cells, family), *limits, *_trouble(cells, rows), *notes)
 
 
 def _constants(table: Table) -> Iterator[str]:

@@ -15,6 +15,7 @@ from jerkbench.report.analysis.rows import metric_columns, with_metric
 from jerkbench.report.analysis.runs import Combination
 from jerkbench.report.analysis.standings import MOST_PAIRS
 from jerkbench.report.analysis.study_verdicts import StudyVerdicts, rival, study_verdicts
+from jerkbench.report.tables.bounds import with_bounds
 from jerkbench.report.tables.cell_columns import CellColumns, cell_columns, of_positive_errors
 from jerkbench.report.tables.footnotes import footnotes
 from jerkbench.report.tables.grid import Grid, Values, arranged
@@ -126,6 +127,7 @@ def _table(
         baseline=tuple(baseline.items()),
         average=GEOMETRIC if of_positive_errors(grid, metric) else MEAN,
     )
+    table = with_bounds(table, grid.rows)
     return dataclasses.replace(table, footnotes=footnotes(table, grid.rows, notes, family_note(comparisons)))
 
 
