@@ -75,11 +75,18 @@ def widened(H: FloatArray, states: int, rate_radps: FloatArray) -> FloatArray:
 
 
 def heading(state: NavigationState) -> tuple[float, FloatArray]:
-    """Yaw [rad] from east towards north, and H (1, 15).
+    """Yaw [rad] from east towards north, and H (1, 15)."""
+    yaw_rad, slope = yaw_of(state.dcm)
+    H = np.zeros((1, STATES))
+    H[0, PHI] = slope
+    return yaw_rad, H
+
+
+def yaw_of(dcm: FloatArray) -> tuple[float, FloatArray]:
+    """Yaw [rad] of an attitude from east towards north, and its slope (3,) in phi.
 
     With c the first column of C: h = atan2(c_n, c_e); dh = phi_u - c_u (c_e phi_e + c_n phi_n)/(c_e^2 + c_n^2).
     """
-    e, n, u = state.dcm[:, 0].tolist()
-    H = np.zeros((1, STATES))
-    H[0, PHI] = [-u * e / (e * e + n * n), -u * n / (e * e + n * n), 1.0]
-    return math.atan2(n, e), H
+    e, n, u = dcm[:, 0].tolist()
+    level = e * e + n * n
+    return math.atan2(n, e), np.array([-u * e / level, -u * n / level, 1.0])

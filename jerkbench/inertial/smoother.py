@@ -151,4 +151,5 @@ def forward_states(journey: Journey, adaptation: Adapts, steps: Sequence[int]) -
     if failure:
         raise RecordingError(f"eskf15, from whose states the graph begins, is lost: {failure}; take lag_s above 0.")
     taken = [node.posterior for node in run.nodes]
-    return taken if journey.events.update[steps[0]] >= 0 else [journey.start[0], *taken]
+    first = journey.events.update[steps[0]], journey.events.heading[steps[0]]
+    return taken if max(first) >= 0 else [journey.start[0], *taken]

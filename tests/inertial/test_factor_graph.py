@@ -13,6 +13,8 @@ from jerkbench.filters.eskf15 import Eskf15
 from jerkbench.filters.eskf15_rts import Eskf15Smoother
 from jerkbench.filters.fgo import FactorGraph
 from jerkbench.filters.iekf import InvariantEkf
+from jerkbench.inertial.factor_graph import Graph
+from jerkbench.recording import Heading
 
 GIVEN = {"use_heading": False, "initial_yaw_sigma_rad": 0.01, "accel_turn_on_mg": 1.0}
 WHOLE_S = 100.0
@@ -62,15 +64,57 @@ def test_a_lag_forgets_little(gtsam):
     require_agreement(lagged, whole, 0.2, 0.2)
 
 
-@pytest.mark.parametrize("loss", ["huber", "cauchy"])
-def test_a_loss_resists_false_fixes(gtsam, loss):
-    recording, attitude = drive(12.0)
+def with_headings(recording):
+    """The recording with a heading of 1 degree between any two fixes."""
+    truth = recording.reference
+    t_s = recording.position.t_s[2:-2] + 0.03
+    yaw_rad = np.interp(t_s, truth.t_s, np.unwrap(truth.euler_rad[:, 2]))
+    noise = np.random.default_rng(7).normal(0.0, 0.02, len(t_s))
+    return replace(recording, heading=Heading(t_s, yaw_rad + noise, np.full(len(t_s), 0.02)))
+
+
+@pytest.mark.parametrize(("lag_s", "oracle"), [(0.0, Eskf15Smoother), (WHOLE_S, Eskf15)])
+def test_headings_are_what_they_are_to_the_error_state_filters(gtsam, lag_s, oracle):
+    recording, attitude = drive(6.0)
+    unsure = {**GIVEN, "use_heading": True, "initial_yaw_sigma_rad": 0.1}
+    estimates = [
+        model.estimate(with_headings(recording), attitude, NoAdaptation())
+        for model in (oracle(**unsure), FactorGraph(lag_s=lag_s, **unsure))
+    ]
+
+    require_agreement(*estimates, 0.25, 0.2)
+    np.testing.assert_allclose(estimates[0].euler_rad[5:, 2], estimates[1].euler_rad[5:, 2], atol=2e-3)
+
+
+def with_false_fixes(recording):
     jump = recording.position.enu_m.copy()
     jump[30::9] += [2.0, -1.0, 0.5]
-    false = replace(recording, position=replace(recording.position, enu_m=jump))
+    return replace(recording, position=replace(recording.position, enu_m=jump))
+
+
+def test_switches_have_the_optimum_of_geman_and_mcclure(gtsam, monkeypatch):
+    """Without s, min over s of (s r)^2 + k^2 (s - 1)^2 = k^2 r^2/(k^2 + r^2): GTSAM has that loss itself."""
+    recording, attitude = drive(8.0)
+    arm = {"antenna_m": (0.8, -0.4, 1.5), "use_velocity": False, "loss_scale": 3.0, **GIVEN}
+    switchable = FactorGraph(loss="switchable", **arm)
+    shown = switchable.estimate(with_false_fixes(recording), attitude, NoAdaptation())
+
+    def native(graph, R):
+        models = graph.gtsam.noiseModel
+        return models.Robust.Create(models.mEstimator.GemanMcClure.Create(3.0), models.Gaussian.Covariance(R))
+
+    monkeypatch.setattr(Graph, "noise", native)
+    oracle = FactorGraph(loss="huber", **arm).estimate(with_false_fixes(recording), attitude, NoAdaptation())
+    require_agreement(shown, oracle, 0.02, 0.5)
+
+
+@pytest.mark.parametrize(("loss", "lag_s"), [("huber", 0.0), ("cauchy", 0.0), ("switchable", 0.0), ("switchable", 2.0)])
+def test_a_loss_resists_false_fixes(gtsam, loss, lag_s):
+    recording, attitude = drive(12.0)
+    false = with_false_fixes(recording)
     errors = []
     for chosen in ("none", loss):
-        estimate = FactorGraph(loss=chosen, **GIVEN).estimate(false, attitude, NoAdaptation())
+        estimate = FactorGraph(loss=chosen, lag_s=lag_s, **GIVEN).estimate(false, attitude, NoAdaptation())
         off = np.linalg.norm(estimate.position_m - recording.reference.enu_m[estimate.index], axis=1)
         errors.append(np.sqrt(np.mean(off**2)))
 
