@@ -1,6 +1,8 @@
 """Dask: processes of this machine, or a scheduler with workers anywhere."""
 
 import logging
+import math
+import time
 from collections.abc import Iterator
 from concurrent.futures import CancelledError, Executor
 from contextlib import contextmanager, suppress
@@ -9,11 +11,14 @@ from typing import Any
 
 from jerkbench.clusters.cluster import ClusterError
 from jerkbench.clusters.connection import Connection
+from jerkbench.clusters.dask_settings import sparing
 from jerkbench.clusters.executing import Executing
 from jerkbench.clusters.extras import required
 
 ANSWER_S = 30.0
 """So long a scheduler may take to answer."""
+BELIEVED_S = 1.0
+"""So long a number of threads is believed: to ask for it costs the scheduler some work for each worker."""
 TALKATIVE = ("distributed", "tornado", "asyncio")
 """Packages that log a connection which is lost as an error of their own, with a traceback."""
 
@@ -34,6 +39,7 @@ class Dask(Executing):
         distributed = required("distributed", "dask")
         with (
             quiet(),
+            sparing(),
             ended(self._cluster(distributed, workers)) as cluster,
             client_of(distributed, cluster) as client,
         ):
@@ -60,13 +66,15 @@ class DaskConnection(Connection):
     def __init__(self, client: Any, workers: int, name: str) -> None:  # noqa: ANN401 - Dask has no types
         """Send by ``client``; ``workers`` is a guess until they are there."""
         self._client, self._name = client, name
+        self._threads, self._asked_s = 0, -math.inf
         super().__init__(self._executor, workers)
 
     def room(self) -> int:
-        """Return twice the number of threads that there are now; a scheduler that is gone names none."""
-        workers = self._client.scheduler_info(n_workers=-1).get("workers", {})
-        threads = sum(worker["nthreads"] for worker in workers.values())
-        return 2 * (threads or self._workers)
+        """Return twice the number of threads that there were a moment ago; a scheduler that is gone names none."""
+        now_s = time.monotonic()
+        if now_s >= self._asked_s + BELIEVED_S:
+            self._threads, self._asked_s = self._count(), now_s
+        return 2 * (self._threads or self._workers)
 
     def trouble(self) -> str:
         """Say that the scheduler is gone."""
@@ -78,6 +86,10 @@ class DaskConnection(Connection):
         """Cancel what waits; what a worker is running it runs to its end."""
         with suppress(CancelledError, OSError, TimeoutError):
             self.executor.shutdown(wait=False)
+
+    def _count(self) -> int:
+        workers = self._client.scheduler_info(n_workers=-1).get("workers", {})
+        return sum(worker["nthreads"] for worker in workers.values())
 
     def _executor(self) -> Executor:
         executor: Executor = self._client.get_executor(pure=False)  # the same bundle twice is run twice

@@ -8,6 +8,7 @@ from typing import Any
 from jerkbench.clusters.cluster import ClusterError
 from jerkbench.clusters.connection import Connection
 from jerkbench.clusters.dask_cluster import DaskConnection, client_of, ended, quiet
+from jerkbench.clusters.dask_settings import exports, sparing
 from jerkbench.clusters.executing import Executing
 from jerkbench.clusters.extras import required
 
@@ -49,7 +50,7 @@ class JobQueue(Executing):
         """Submit the jobs; work begins with the first that runs."""
         del workers  # jobs and processes say how many
         distributed = required("distributed", self.system)
-        with quiet(), ended(self._cluster()) as cluster, client_of(distributed, cluster) as client:
+        with quiet(), sparing(), ended(self._cluster()) as cluster, client_of(distributed, cluster) as client:
             cluster.adapt(minimum_jobs=self.jobs, maximum_jobs=self.jobs)  # which submits another where one is lost
             yield DaskConnection(client, self.jobs * self.processes, "of this process")
 
@@ -70,7 +71,7 @@ class JobQueue(Executing):
                 memory=self.memory,
                 walltime=self.walltime,
                 job_extra_directives=self.directives,
-                job_script_prologue=self.prologue,
+                job_script_prologue=[*exports(), *self.prologue],
                 worker_extra_args=["--no-dashboard"],
                 scheduler_options={"dashboard": False},
                 **{name: value for name, value in named.items() if value},
