@@ -1,4 +1,4 @@
-"""How fast are bags read, and in how much memory? Prints two tables.
+"""The time and the memory that reading a bag takes, in two tables.
 
     python benchmarks/bags.py [--rounds 9] [--hours 2]
 

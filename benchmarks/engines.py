@@ -1,4 +1,4 @@
-"""How fast are the engines? Prints a table of ratios to a plain filterpy loop, with the agreement beside each.
+"""The speed of the engines: ratios to a plain filterpy loop, with the agreement beside each.
 
     python benchmarks/engines.py [--rounds 20] [--ours]
 
@@ -22,10 +22,10 @@ from jerkbench import plugins
 from jerkbench.arrays import FloatArray
 from jerkbench.attitude.tilt import TiltParameters, TiltStart, run_tilt, settings_of
 from jerkbench.attitude.tilt_kernel import make_room, run_samples
-from jerkbench.batch import Run, Scoring
 from jerkbench.contracts import Filter
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.engines.filterpy_engine import FilterpyEngine
+from jerkbench.streamed_run import Run, Scoring
 from jerkbench.timeline.measurements import Measurements
 from jerkbench.timeline.timeline import Timeline
 

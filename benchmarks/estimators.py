@@ -1,4 +1,4 @@
-"""How fast are the estimators? Prints the ratio of the compiled way of each to its definition in NumPy.
+"""The speed of the estimators: the compiled way of each against its definition in NumPy.
 
     python benchmarks/estimators.py [--rounds 5] [--runs 64] [--drive FOLDER [--kf-gins SOURCE]]
 
@@ -24,10 +24,10 @@ from lines import Entrant, apart, in_rounds, timed
 from jerkbench import plugins
 from jerkbench.adaptation.mtf import Mtf
 from jerkbench.attitude.plugin import Tilt
-from jerkbench.batch import RecordedRun
 from jerkbench.contracts import Batched
 from jerkbench.datasets.field_v1 import FieldV1
 from jerkbench.evaluation.batch_scoring import scored
+from jerkbench.streamed_run import RecordedRun
 from jerkbench.timeline.timeline import build_timeline
 
 BURN_IN_S = 5.0

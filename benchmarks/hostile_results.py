@@ -1,4 +1,4 @@
-"""Damages and forges the results of a study, and asks every verb for them: a sentence, never a traceback.
+"""Damaged and forged results of a study, which every verb is asked for: a sentence, never a traceback.
 
     python benchmarks/hostile_results.py [DAMAGES]
 

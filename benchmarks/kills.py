@@ -1,4 +1,4 @@
-"""Kills a sweep fifty times at random moments, resumes it, and compares its rows with those of an undisturbed one.
+"""A sweep that is killed fifty times at random moments and resumed, against an undisturbed one.
 
     python benchmarks/kills.py [KILLS]
 

@@ -1,4 +1,4 @@
-"""What thousands of cells cost besides their runs: planning, storing, looking up, the tables; and the memory of it.
+"""The cost of thousands of cells besides their runs: planning, storing, looking up, the tables; and the memory of it.
 
     python benchmarks/scale.py [--cells 10000] [--seeds 4]
 

@@ -1,4 +1,4 @@
-"""Do the statistics hold what they say? Coverage, false sentences and power, by simulation: every truth is known.
+"""Coverage, false sentences and power of the statistics, by simulation: every truth is known.
 
 Log errors of three methods over seeds that they share: what is common to a seed (sigma 0.3) and what is a method's own
 (sigma 0.1, but for lock-outs), of the distributions of `OWN`. All means are equal, so any "better" is a false one. Each

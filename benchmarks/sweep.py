@@ -1,4 +1,4 @@
-"""Where does the time of a sweep go? Prints what each stage costs a run of `field`, 150 s at 100 Hz.
+"""The time of a sweep by its stages: what each costs a run of `field`, 150 s at 100 Hz.
 
     python benchmarks/sweep.py [--seeds 32]
 

@@ -7,8 +7,8 @@ from docstring import Docstring, parsed, prose
 from gallery import FIGURES
 
 from jerkbench import plugins
+from jerkbench.catalogue.catalogue_json import shown
 from jerkbench.catalogue.entries import Entry, entries, plugin_class, preset_files
-from jerkbench.catalogue.machine import shown
 from jerkbench.catalogue.text import docstrings, home
 
 TITLES = {

@@ -1,4 +1,4 @@
-"""`python -m jerkbench` is `jerkbench`."""
+"""The command line as `python -m jerkbench`."""
 
 from jerkbench.cli import main
 

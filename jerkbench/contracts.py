@@ -8,9 +8,9 @@ from collections.abc import Callable, Hashable, Mapping, Sequence
 from typing import ClassVar, Literal, Protocol, Self, runtime_checkable
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
-from jerkbench.batch import RecordedRun, Run, Streamed
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.recording import Recording
+from jerkbench.streamed_run import RecordedRun, Run, Streamed
 from jerkbench.sums import Sums
 from jerkbench.timeline.timeline import Timeline
 

@@ -1,4 +1,4 @@
-"""A run reduced to sums, which is all that most metrics need of it."""
+"""The sums of a run: the numbers that the built-in metrics need in place of a trajectory."""
 
 from typing import NamedTuple
 
@@ -6,7 +6,7 @@ from jerkbench.arrays import FloatArray
 
 
 class Sums(NamedTuple):
-    """Sums over the rows of a run; which rows, `jerkbench.evaluation.rows` says.
+    """Sums over the rows of a run; which rows, `jerkbench.evaluation.counted_stamps` says.
 
     Attributes:
         position_m2: (5,) sum of |e|^2 over the axes of each of POSITION_AXES.

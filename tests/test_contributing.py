@@ -7,6 +7,8 @@ from pathlib import Path
 import pytest
 import yaml
 
+from test_import_direction import STAGE
+
 ROOT = Path(__file__).parents[1]
 TEXT = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
@@ -30,10 +32,19 @@ def test_every_room_of_the_drawing_is_there():
         for name in re.findall(r"[a-z][\w/]*", re.split(r"\s{3,}", line.strip())[0])
     }
 
-    assert len(rooms) > 20
     for room in rooms:
         place = ROOT / "jerkbench" / room
         assert place.is_dir() or place.with_suffix(".py").is_file(), room
+    folders = {path.parent.name for path in (ROOT / "jerkbench").glob("*/__init__.py")}
+    assert folders - {"compilation"} <= rooms | {"evaluation"}
+
+
+def test_the_drawing_has_the_rooms_in_the_order_in_which_they_import():
+    """So that what it says, a module imports only from rooms above its own, is what test_import_direction holds."""
+    drawing = re.search(r"```text\n(.*?)```", TEXT, flags=re.DOTALL).group(1)
+    lines = [re.split(r"\s{3,}", line.strip())[0] for line in drawing.splitlines()]
+    places = [STAGE[room] for line in lines for room in re.findall(r"[a-z]\w*", line)]
+    assert places == sorted(places)
 
 
 @pytest.mark.parametrize("command", re.findall(r"^\.venv/bin/(\w+)", TEXT, flags=re.MULTILINE))

@@ -25,7 +25,7 @@ ORDER = [
     ["recording"],
     ["estimate", "geometry"],
     ["timeline"],
-    ["batch", "sums"],
+    ["streamed_run", "sums"],
     ["contracts"],
     ["memory", "optional"],
     ["estimation"],

@@ -1,4 +1,4 @@
-"""Finds, for each adaptation of the tilt filter, the one setting that suits all trials of BROAD best.
+"""The one setting of each adaptation of the tilt filter that suits all trials of BROAD best.
 
     python experiments/broad/settings.py FOLDER [TRIAL ...]
 

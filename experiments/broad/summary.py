@@ -1,4 +1,4 @@
-"""Prints the RMSE of the inclination of each trial, with the floor, and the means over the trials.
+"""The RMSE of the inclination of each trial, with the floor, and the means over the trials.
 
 python experiments/broad/summary.py results/broad
 """

@@ -1,4 +1,4 @@
-"""Prints the outage's summary: each filter without adaptation at its best sigma_a of the six for the horizontal.
+"""The outage's summary: each filter without adaptation at its best sigma_a of the six for the horizontal.
 
 python experiments/comma2k19/summary.py results/comma2k19
 """

@@ -1,4 +1,4 @@
-"""Where does a filter without an IMU err: with a fix, or in the gaps between fixes?
+"""The error of a filter without an IMU beside fixes, and in the gaps between them.
 
 Usage: python experiments/degraded/gaps.py FOLDER [--dataset hamburg] [--filter constant_velocity]
 

@@ -1,4 +1,4 @@
-"""Prints the drive's summary: each filter at its best sigma_a of the six, for each adaptation.
+"""The drive's summary: each filter at its best sigma_a of the six, for each adaptation.
 
 python experiments/drive/best.py results/drive
 """

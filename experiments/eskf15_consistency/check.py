@@ -1,4 +1,4 @@
-"""Does eskf15 find the biases, and are its errors as large as it says?
+"""The biases that eskf15 finds, and whether its errors are as large as it says.
 
 Usage: python experiments/eskf15_consistency/check.py [--seeds 100] [--duration-s 150]
 """

@@ -1,4 +1,4 @@
-"""Prints what the study's README says, from its rows: where each adaptation wins, where it harms, what is left to gain.
+"""The sentences of the study's page from its rows: where each adaptation wins and harms, and what is left to gain.
 
 python experiments/filters/summary.py results/filters
 """
@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from jerkbench.evaluation.statistics.intervals import mean_interval
+from jerkbench.evaluation.statistics.arithmetic_mean import mean_interval
 from jerkbench.evaluation.statistics.student import student_interval
 
 METRIC = "position_rmse_m"

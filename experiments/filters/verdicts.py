@@ -1,4 +1,4 @@
-"""Prints two tables of the study's page: the jerk filter in each scenario, and each adaptation against none.
+"""The two tables of the study's page: the jerk filter in each scenario, and each adaptation against none.
 
 python experiments/filters/verdicts.py results/filters
 """

@@ -1,4 +1,4 @@
-"""Holds the paper's claims against the rows of its comparison, one by one, at defaults.
+"""The paper's claims against the rows of its comparison, one by one, at defaults.
 
 python experiments/paper/claims.py results/paper20
 """

@@ -1,4 +1,4 @@
-"""Holds the rows of the paper's comparison against what a prototype had led to expect.
+"""The rows of the paper's comparison against what a prototype had led to expect.
 
 jerkbench run -m experiment=paper seeds=20 study=paper20
 python experiments/paper/expected.py results/paper20

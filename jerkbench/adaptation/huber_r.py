@@ -1,4 +1,4 @@
-"""The weight of Huber."""
+"""Huber's weight as a rule on R alone, in one pass."""
 
 from dataclasses import dataclass
 from typing import Annotated

@@ -1,4 +1,4 @@
-"""Student's t."""
+"""Student's t as a rule on R alone, in one pass."""
 
 from dataclasses import dataclass
 from typing import Annotated

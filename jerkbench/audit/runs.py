@@ -18,7 +18,7 @@ from jerkbench.cells.data import data_fingerprint
 from jerkbench.errors import PluginError
 from jerkbench.execution.cell_run import Row
 from jerkbench.execution.inputs import Inputs
-from jerkbench.execution.settings import run_settings
+from jerkbench.execution.settings_runs import run_settings
 from jerkbench.files import write_atomically
 from jerkbench.tuning.space import Setting
 from jerkbench.tuning.trials import DAMAGE

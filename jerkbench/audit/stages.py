@@ -11,7 +11,7 @@ from jerkbench.audit.runs import TEST, Stage, mark_of
 from jerkbench.audit.scenarios import Scenario, cell_on
 from jerkbench.cells.cell import Cell
 from jerkbench.clusters.cluster import Cluster
-from jerkbench.clusters.scenarios import done_by_scenario
+from jerkbench.clusters.scenario_dispatch import done_by_scenario
 from jerkbench.errors import JerkbenchError
 from jerkbench.execution.progress import Progress
 from jerkbench.tuning.space import Setting

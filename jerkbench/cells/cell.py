@@ -26,7 +26,7 @@ from jerkbench.errors import PluginError, unknown
 from jerkbench.notices import notify
 from jerkbench.optional import is_attitude_only, lacks_imu, on_request, uses_imu
 from jerkbench.plain import plain
-from jerkbench.timeline.told import AS_REPORTED, RScale
+from jerkbench.timeline.reported_noise import AS_REPORTED, RScale
 
 Config = Mapping[str, Any]
 

@@ -1,4 +1,4 @@
-"""The clusters whose engine is an executor."""
+"""The base of the clusters that hand bundles to an executor (`concurrent.futures`)."""
 
 from collections.abc import Iterator
 from contextlib import AbstractContextManager

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from jerkbench.batch import RecordedRun, Streamed
 from jerkbench.conformance.require import require
 from jerkbench.contracts import Adaptation, Batched, SettingsSideBySide
 from jerkbench.estimate import Attitude, Estimate
@@ -12,6 +11,7 @@ from jerkbench.evaluation.batch_scoring import Scored, scored, sums_from
 from jerkbench.evaluation.run import counted_rows
 from jerkbench.evaluation.sums import sums_of
 from jerkbench.recording import Recording
+from jerkbench.streamed_run import RecordedRun, Streamed
 from jerkbench.sums import Sums
 from jerkbench.timeline.timeline import build_timeline
 

@@ -7,8 +7,8 @@ from typing import ClassVar
 import numpy as np
 
 from jerkbench.arrays import FloatArray
+from jerkbench.disturbances._added_errors import squares, with_errors
 from jerkbench.disturbances._draws import own_stream
-from jerkbench.disturbances._measured import squares, with_errors
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.recording import Recording
 

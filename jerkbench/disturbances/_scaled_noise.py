@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from jerkbench.arrays import FloatArray
+from jerkbench.disturbances._added_errors import Measured, reported_covariance, values_of, with_errors
 from jerkbench.disturbances._draws import own_stream
-from jerkbench.disturbances._measured import Measured, reported_covariance, values_of, with_errors
 from jerkbench.errors import RecordingError
 from jerkbench.recording import Recording
 

@@ -1,4 +1,4 @@
-"""Measurement noise that lasts."""
+"""Measurement noise that is correlated in time (first-order Gauss-Markov)."""
 
 from dataclasses import dataclass, replace
 from typing import ClassVar
@@ -6,8 +6,8 @@ from typing import ClassVar
 import numpy as np
 
 from jerkbench.arrays import FloatArray
+from jerkbench.disturbances._added_errors import Measured, reported_covariance, values_of, with_errors
 from jerkbench.disturbances._draws import own_stream
-from jerkbench.disturbances._measured import Measured, reported_covariance, values_of, with_errors
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.plugins import register
 from jerkbench.recording import Recording

@@ -1,4 +1,4 @@
-"""Stamps that are not quite right."""
+"""Errors of the stamps."""
 
 from dataclasses import dataclass, replace
 from typing import ClassVar

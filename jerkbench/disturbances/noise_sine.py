@@ -1,4 +1,4 @@
-"""Measurement noise that comes and goes."""
+"""Measurement noise whose sigma follows a sine."""
 
 from dataclasses import dataclass
 from typing import ClassVar

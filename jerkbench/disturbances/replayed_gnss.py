@@ -6,8 +6,8 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray, nearest_rows
+from jerkbench.disturbances._added_errors import reported_covariance, true_covariance
 from jerkbench.disturbances._draws import own_stream
-from jerkbench.disturbances._measured import reported_covariance, true_covariance
 from jerkbench.disturbances._rows import nanoseconds, rows_of
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.plugins import register

@@ -5,8 +5,8 @@ from typing import ClassVar
 
 import numpy as np
 
+from jerkbench.disturbances._added_errors import with_errors
 from jerkbench.disturbances._draws import own_stream
-from jerkbench.disturbances._measured import with_errors
 from jerkbench.disturbances._regular_windows import RegularWindows
 from jerkbench.disturbances._windows import Windows, as_array, in_any
 from jerkbench.errors import PluginError, RecordingError

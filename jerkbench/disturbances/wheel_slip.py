@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from jerkbench.arrays import FloatArray, nearest_rows
-from jerkbench.disturbances._measured import squares, with_errors
+from jerkbench.disturbances._added_errors import squares, with_errors
 from jerkbench.disturbances._regular_windows import RegularWindows
 from jerkbench.disturbances._windows import Windows, as_array, in_any
 from jerkbench.errors import PluginError, RecordingError

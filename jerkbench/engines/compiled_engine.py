@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, cast
 
-from jerkbench.batch import Run, Streamed
 from jerkbench.compilation.module_cache import can_compile
 from jerkbench.contracts import Adaptation, Clocked, Filter
 from jerkbench.engines.filterpy_engine import FilterpyEngine
@@ -13,6 +12,7 @@ from jerkbench.estimate import Estimate
 from jerkbench.notices import notify
 from jerkbench.optional import clocked
 from jerkbench.plugins import register
+from jerkbench.streamed_run import Run, Streamed
 from jerkbench.timeline.timeline import Timeline
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ class CompiledEngine:
 
     def prepare(self, model: Filter) -> None:
         """Begin to compile what `run` will need, beside what this process does until then."""
-        from jerkbench.kinematic.entry import compile_beside
+        from jerkbench.kinematic.compiled_loop import compile_beside
 
         if can_compile():
             compile_beside(2 + len(model.initial_variances()))

@@ -1,4 +1,4 @@
-"""The sums of a run, from its states and updates; compiled."""
+"""The sums of a run, step by step as it is computed; compiled."""
 
 from functools import cache
 from typing import Any, NamedTuple
@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
-from jerkbench.batch import Scoring, Streamed
 from jerkbench.estimate import Updates
+from jerkbench.streamed_run import Scoring, Streamed
 from jerkbench.timeline.timeline import Timeline
 
 TOTALS = (
@@ -27,7 +27,7 @@ class Score(NamedTuple):
     """What the k visited rows of the reference count for, and the sums; nothing is scored where k is 0.
 
     Attributes:
-        truth: (k, 6) as in `jerkbench.batch.Scoring`, like the next four.
+        truth: (k, 6) as in `jerkbench.streamed_run.Scoring`, like the next four.
         counted: (k,) likewise.
         whole: (k,) likewise.
         moving: (k,) likewise.

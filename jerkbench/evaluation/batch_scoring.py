@@ -7,13 +7,13 @@ from typing import NamedTuple
 import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
-from jerkbench.batch import Scoring, Streamed
 from jerkbench.contracts import Metric, Reading, Summarising
 from jerkbench.estimate import Estimate, Updates
-from jerkbench.evaluation.rows import POSITION_AXES, VELOCITY_AXES, Rows, counting, known_axes, rows_of
+from jerkbench.evaluation.counted_stamps import POSITION_AXES, VELOCITY_AXES, Rows, counting, known_axes, rows_of
 from jerkbench.evaluation.run import counted_rows
 from jerkbench.evaluation.sums import drifts_mps
 from jerkbench.recording import Recording
+from jerkbench.streamed_run import Scoring, Streamed
 from jerkbench.sums import Sums
 from jerkbench.timeline.timeline import Timeline
 
@@ -43,7 +43,7 @@ class Scored:
 
 
 class Numbers(NamedTuple):
-    """Numbers of rows, as in `jerkbench.evaluation.rows.Rows`."""
+    """Numbers of rows, as in `jerkbench.evaluation.counted_stamps.Rows`."""
 
     position: FloatArray
     velocity: FloatArray

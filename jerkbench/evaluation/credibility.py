@@ -1,4 +1,4 @@
-"""By how many decibels the covariances are wrong."""
+"""The non-credibility index: by how many decibels the covariances are wrong."""
 
 from dataclasses import dataclass
 from typing import ClassVar

@@ -7,7 +7,7 @@ import numpy as np
 
 from jerkbench.arrays import BoolArray
 from jerkbench.estimate import Estimate
-from jerkbench.evaluation.rows import first_counted_s
+from jerkbench.evaluation.counted_stamps import first_counted_s
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 

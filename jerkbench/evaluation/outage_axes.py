@@ -5,8 +5,8 @@ from typing import ClassVar
 
 from jerkbench.arrays import BoolArray
 from jerkbench.estimate import Estimate
+from jerkbench.evaluation.counted_stamps import counting
 from jerkbench.evaluation.navigation_errors import position_error_m, rms_norm
-from jerkbench.evaluation.rows import counting
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 

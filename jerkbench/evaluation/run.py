@@ -9,11 +9,14 @@ from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.contracts import Metric, Summarising
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.estimate import Estimate
+from jerkbench.evaluation.counted_stamps import known_axes
 from jerkbench.evaluation.navigation_errors import position_error_m
-from jerkbench.evaluation.rows import known_axes
 from jerkbench.evaluation.sums import sums_of
 from jerkbench.recording import Recording
 from jerkbench.sums import Sums
+
+RUN = ("seed", "replicate", "status", "reason")
+"""The columns of a run's row between its labels and its metrics."""
 
 Evaluate = Callable[[Metric, Estimate, Recording, BoolArray], Mapping[str, float]]
 

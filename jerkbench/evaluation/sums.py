@@ -1,11 +1,11 @@
-"""A run reduced to sums: all that the built-in metrics need of it, so that an engine need not keep its trajectory."""
+"""The sums of a run, from its trajectory: what the built-in metrics need of it."""
 
 import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.estimate import Estimate, Updates
+from jerkbench.evaluation.counted_stamps import POSITION_AXES, VELOCITY_AXES, Rows, counting
 from jerkbench.evaluation.navigation_errors import position_error_m, velocity_error_mps
-from jerkbench.evaluation.rows import POSITION_AXES, VELOCITY_AXES, Rows, counting
 from jerkbench.recording import Recording
 from jerkbench.sums import Sums
 

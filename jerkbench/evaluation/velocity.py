@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 from jerkbench.arrays import BoolArray
 from jerkbench.estimate import Estimate
+from jerkbench.evaluation.counted_stamps import VELOCITY_AXES
 from jerkbench.evaluation.navigation_errors import rms
-from jerkbench.evaluation.rows import VELOCITY_AXES
 from jerkbench.evaluation.sums import sums_of
 from jerkbench.plugins import register
 from jerkbench.recording import Recording

@@ -5,7 +5,6 @@ from typing import NamedTuple, cast
 
 import numpy as np
 
-from jerkbench.batch import RecordedRun, Run, Streamed
 from jerkbench.cells.cell import Cell
 from jerkbench.contracts import Batched, Estimator, Filter, SideBySide
 from jerkbench.estimate import Attitude
@@ -14,6 +13,7 @@ from jerkbench.evaluation.run import Summary, values_of
 from jerkbench.execution.inputs import Inputs
 from jerkbench.optional import part_read
 from jerkbench.recording import Recording
+from jerkbench.streamed_run import RecordedRun, Run, Streamed
 from jerkbench.timeline.timeline import Timeline
 
 
@@ -71,9 +71,9 @@ def streamed_seeds(
     every = {draw: prepared(cell, draw, fingerprint, inputs) for draw in draws}
     ready = {draw: seed for draw, seed in every.items() if seed is not None}
     results = _run_all(cell, list(ready.values()), threads)
-    limit_m2 = cell.protocol.divergence_limit_m**2
+    limit_m = cell.protocol.divergence_limit_m
     return {
-        draw: StreamedSeed(seed.recording, streamed_values(cell, seed, result, inputs), result.farthest_m2 > limit_m2)
+        draw: StreamedSeed(seed.recording, streamed_values(cell, seed, result, inputs), result.beyond(limit_m))
         for (draw, seed), result in zip(ready.items(), results, strict=True)
         if result is not None
     }

@@ -17,8 +17,8 @@ from jerkbench.evaluation.batch_scoring import outlined, scored
 from jerkbench.execution.simulation_cache import simulated
 from jerkbench.optional import part_read
 from jerkbench.recording import Recording
+from jerkbench.timeline.reported_noise import told
 from jerkbench.timeline.timeline import build_timeline
-from jerkbench.timeline.told import told
 
 KEPT = 32
 """The number of each kind that is kept; a recording of 150 s at 100 Hz has some 2 MB."""

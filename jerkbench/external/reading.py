@@ -7,7 +7,7 @@ import numpy as np
 from jerkbench.arrays import FloatArray
 from jerkbench.datasets._table_attitude import AttitudeMap, attitude_of
 from jerkbench.errors import RecordingError
-from jerkbench.external.form import TrajectoryForm, form_of
+from jerkbench.external.file_format import TrajectoryForm, form_of
 from jerkbench.external.odometry import BAGS, read_odometry
 from jerkbench.external.trajectory import Trajectory
 from jerkbench.readers.columns import Columns, read_columns, times_ns

@@ -3,11 +3,11 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from jerkbench.batch import RecordedRun, Streamed
 from jerkbench.contracts import Adaptation
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.filters.eskf15 import Eskf15
 from jerkbench.recording import Recording
+from jerkbench.streamed_run import RecordedRun, Streamed
 
 
 @dataclass(frozen=True)

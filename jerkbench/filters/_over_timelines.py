@@ -3,13 +3,13 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Self
 
-from jerkbench.batch import RecordedRun, Run, Streamed
 from jerkbench.contracts import Adaptation
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.optional import clocked
 from jerkbench.recording import Recording
-from jerkbench.timeline.kept import kept_timeline
+from jerkbench.streamed_run import RecordedRun, Run, Streamed
 from jerkbench.timeline.timeline import Timeline
+from jerkbench.timeline.timeline_cache import kept_timeline
 
 if TYPE_CHECKING:
     from jerkbench.kinematic.plugin_call import Rule  # what it imports takes half a second
@@ -20,7 +20,7 @@ class OverTimelines:
 
     def estimate_compiled(self, recording: Recording, attitude: Attitude, adaptation: Adaptation) -> Estimate | None:
         """Return what ``estimate`` does; None where numba cannot compile the adaptation, or the run stops."""
-        from jerkbench.kinematic.rules import compiled_rule
+        from jerkbench.kinematic.compiled_adaptation import compiled_rule
 
         timeline = kept_timeline(recording, attitude)
         rule = compiled_rule(clocked(adaptation, timeline))
@@ -44,7 +44,7 @@ class OverTimelines:
         threads: int,
     ) -> Sequence[Streamed | None]:
         """Return the same, each run with its own of ``estimators`` and ``adaptations``."""
-        from jerkbench.kinematic.rules import compiled_rule
+        from jerkbench.kinematic.compiled_adaptation import compiled_rule
 
         results: list[Streamed | None] = [None] * len(runs)
         every = enumerate(zip(adaptations, runs, strict=True))

@@ -12,7 +12,7 @@ from jerkbench.checks import require_positive
 from jerkbench.contracts import Adaptation
 from jerkbench.errors import PluginError, RecordingError, unknown
 from jerkbench.estimate import Attitude, Estimate
-from jerkbench.external.form import TrajectoryForm
+from jerkbench.external.file_format import TrajectoryForm
 from jerkbench.external.program import command_words, program_files, run_program
 from jerkbench.external.reading import read_trajectory
 from jerkbench.external.trajectory import estimate_of

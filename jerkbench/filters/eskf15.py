@@ -10,7 +10,6 @@ import numpy as np
 from jerkbench.arrays import FloatArray
 from jerkbench.attitude.assembly import filtered_yaw
 from jerkbench.attitude.headings import required_track
-from jerkbench.batch import RecordedRun, Streamed
 from jerkbench.checks import require_not_negative
 from jerkbench.contracts import Adaptation
 from jerkbench.errors import PluginError, RecordingError, unknown
@@ -20,14 +19,15 @@ from jerkbench.inertial.alignment import StartSigmas, align, with_body_velocity
 from jerkbench.inertial.earth import earth_at
 from jerkbench.inertial.error_model import SensorNoise
 from jerkbench.inertial.events import merge_events
-from jerkbench.inertial.journey import Journey
 from jerkbench.inertial.run import Constraints, InertialRun, InertialSolution, Settings
+from jerkbench.inertial.run_inputs import Journey
 from jerkbench.inertial.state import NavigationState
 from jerkbench.inertial.stillness import still_samples
 from jerkbench.optional import wants_truth
 from jerkbench.parameters import Origin, Range
 from jerkbench.plugins import register
 from jerkbench.recording import GRAVITY_MPS2, Recording
+from jerkbench.streamed_run import RecordedRun, Streamed
 from jerkbench.timeline.timeline import Timeline, build_timeline
 
 if TYPE_CHECKING:
@@ -279,7 +279,7 @@ class Eskf15:
 
         Runs whose measurements are states of the filter go eight side by side, the others one at a time.
         """
-        from jerkbench.inertial.streams import stream_all
+        from jerkbench.inertial.streamed_runs import stream_all
 
         def prepared(k: int) -> "Prepared":
             """Return run ``k``."""

@@ -10,7 +10,7 @@ from jerkbench.filters._eskf15_alone import Eskf15Alone
 from jerkbench.filters.eskf15 import DEFORMATION
 from jerkbench.inertial.factor_graph import Graph, Options
 from jerkbench.inertial.graph_solution import batch, estimate_of, fixed_lag
-from jerkbench.inertial.journey import Journey
+from jerkbench.inertial.run_inputs import Journey
 from jerkbench.inertial.smoother import forward_states
 from jerkbench.parameters import Origin, Range
 from jerkbench.plugins import register

@@ -1,4 +1,4 @@
-"""The smoother: what hindsight could reach."""
+"""The Rauch-Tung-Striebel smoother over a kinematic filter: it sees the future, as a yardstick."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.batch import Run, Streamed
 from jerkbench.checks import require_not_negative
 from jerkbench.contracts import Adaptation, Filter
 from jerkbench.errors import PluginError, unknown
@@ -23,6 +22,7 @@ from jerkbench.filters.jerk import Jerk
 from jerkbench.parameters import Origin
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
+from jerkbench.streamed_run import Run, Streamed
 from jerkbench.timeline.recorder import Recorder
 from jerkbench.timeline.timeline import Timeline, build_timeline
 

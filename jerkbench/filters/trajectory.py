@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from jerkbench.contracts import Adaptation
 from jerkbench.estimate import Attitude, Estimate
-from jerkbench.external.form import TrajectoryForm
+from jerkbench.external.file_format import TrajectoryForm
 from jerkbench.external.reading import read_trajectory
 from jerkbench.external.seeds import SEED, files_digest, path_of_seed
 from jerkbench.external.trajectory import estimate_of

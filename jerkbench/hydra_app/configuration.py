@@ -18,7 +18,7 @@ from jerkbench.files import cache_folder
 from jerkbench.optional import preferred_attitude
 from jerkbench.places import is_remote, place
 from jerkbench.results.study_figures.choice import Choice, figures_choice
-from jerkbench.timeline.told import RScale
+from jerkbench.timeline.reported_noise import RScale
 
 ToldR = make_dataclass("ToldR", [(f.name, float, f.default) for f in fields(RScale)])
 """The fields of `RScale`; OmegaConf makes the configuration of a frozen dataclass read-only."""

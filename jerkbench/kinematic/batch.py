@@ -7,18 +7,18 @@ from functools import cache, lru_cache
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.batch import Run, Streamed
 from jerkbench.compilation.vectors import WIDE, aligned_zeros
 from jerkbench.contracts import Filter
 from jerkbench.estimate import Updates
 from jerkbench.kinematic.arguments import MARKED, SEEN, Kept
-from jerkbench.kinematic.entry import loop_for
+from jerkbench.kinematic.compiled_loop import loop_for
 from jerkbench.kinematic.exchange import empty_runs
 from jerkbench.kinematic.layout import TOTALS, layout
 from jerkbench.kinematic.models import model_of
 from jerkbench.kinematic.packs import Kind, Pack, pack_runs
 from jerkbench.kinematic.plugin_call import Rule, rules_of
-from jerkbench.kinematic.seen import updates_seen
+from jerkbench.kinematic.update_records import updates_seen
+from jerkbench.streamed_run import Run, Streamed
 
 NOTHING = Updates.empty()
 

@@ -5,11 +5,11 @@ from jerkbench.compilation.vector_ops import fetch
 from jerkbench.compilation.vectors import vectors
 from jerkbench.kinematic.arguments import Kept, Model, Rules, Runs, Score, Steps
 from jerkbench.kinematic.layout import AT, AXES, DENSE, ENDED, LOST, SAME, WIDTH, S, X
-from jerkbench.kinematic.measure import update
 from jerkbench.kinematic.predict import predict
 from jerkbench.kinematic.prior import advance
 from jerkbench.kinematic.score import compare
 from jerkbench.kinematic.trajectory import store
+from jerkbench.kinematic.update_step import update
 
 AHEAD = 64
 """So many rows before it is needed the memory is asked for it: about ten microseconds."""

@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
-from jerkbench.batch import Run
 from jerkbench.compilation.vectors import WIDE
 from jerkbench.kinematic.arguments import Score, Steps
+from jerkbench.streamed_run import Run
 from jerkbench.timeline.lengths import step_lengths
 from jerkbench.timeline.timeline import Timeline
 

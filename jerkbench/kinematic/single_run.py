@@ -10,12 +10,12 @@ from jerkbench.compilation.vectors import aligned_zeros
 from jerkbench.contracts import Filter
 from jerkbench.estimate import Estimate
 from jerkbench.kinematic.arguments import MARKED, SEEN, Kept, Score, Steps
-from jerkbench.kinematic.entry import loop_for
+from jerkbench.kinematic.compiled_loop import loop_for
 from jerkbench.kinematic.exchange import empty_runs
 from jerkbench.kinematic.layout import layout
 from jerkbench.kinematic.models import model_of
 from jerkbench.kinematic.plugin_call import Rule, rules_of
-from jerkbench.kinematic.seen import updates_seen
+from jerkbench.kinematic.update_records import updates_seen
 from jerkbench.timeline.lengths import step_lengths
 from jerkbench.timeline.timeline import Timeline
 

@@ -7,6 +7,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from jerkbench.cells.labels import Labels
+from jerkbench.evaluation.run import RUN
 from jerkbench.results.shape import CELL as METADATA
 from jerkbench.results.shape import MOST_ROWS, REPLICATES, STATUSES, Test, is_key, is_metric, is_text, is_texts
 from jerkbench.results.shape import SPEC as PLUGINS
@@ -18,7 +19,7 @@ KEY, RUNS, COLUMNS = "cell.key", "cell.runs", "cell.columns"
 PROCESSOR = "cell.processor"
 """The kind of processor that ran the cell."""
 
-HEAD = (*Labels._fields, "seed", "replicate", "status", "reason")
+HEAD = (*Labels._fields, *RUN)
 """The columns that every row has, before its metrics."""
 
 FACTS: Mapping[str, Test] = {

@@ -12,6 +12,7 @@ from jerkbench.cells.labels import Labels
 from jerkbench.cells.provenance import code_digest, versions
 from jerkbench.errors import JerkbenchError
 from jerkbench.estimate import Estimate
+from jerkbench.evaluation.run import RUN
 from jerkbench.execution.cell_run import CellRun, Row
 from jerkbench.execution.plugin_errors import plugins_in_words
 from jerkbench.recording import Recording
@@ -131,7 +132,7 @@ def replay_differences(stored: StoredRow) -> list[tuple[str, float, float]]:
         raise JerkbenchError(
             f"The run was {stored.row['status']} and is {replayed['status']} now: {replayed['reason']}"
         )
-    skip = {*stored.cell.labels._fields, "seed", "replicate", "status", "reason"}
+    skip = {*stored.cell.labels._fields, *RUN}
     names = [name for name in stored.row if name not in skip]  # one that is gone differs
     return [(name, float(stored.row[name]), float(replayed.get(name, math.nan))) for name in names]
 

@@ -7,6 +7,7 @@ from typing import Any
 import pyarrow as pa
 
 from jerkbench.cells.labels import Labels
+from jerkbench.evaluation.run import RUN
 from jerkbench.plain import is_plain
 
 KEY = re.compile("[0-9a-f]+")
@@ -130,7 +131,7 @@ REPLICATES = {"seed", "phase"}
 
 def _is_table(table: pa.Table, labels: Mapping[str, str], failed: int) -> bool:
     names = table.column_names
-    head = (*labels, "seed", "replicate", "status", "reason")
+    head = (*labels, *RUN)
     if table.num_rows == 0 or len(set(names)) < len(names) or not set(head) <= set(names):
         return False
     if not all(is_text(name) and is_metric(table[name].type) for name in names if name not in head):

@@ -4,6 +4,7 @@ import time
 from typing import TYPE_CHECKING
 
 from jerkbench.errors import JerkbenchError
+from jerkbench.evaluation.run import RUN
 from jerkbench.execution.cell_run import CellRun
 from jerkbench.execution.plugin_errors import plugins_in_words
 from jerkbench.results.replay import StoredRow, stored_row
@@ -37,7 +38,7 @@ def step_costs(study: Study) -> "pd.DataFrame":
         stored_row(study.folder, f"{key}:{seed}") for key, seed in zip(chosen["key"], chosen["seed"], strict=True)
     ]
     timed = chosen.assign(replicate="phase", **{COLUMN: [step_ns(row) for row in stored]})
-    kept = [name for name in timed if name in {*stored[0].cell.labels._fields, "seed", "replicate", "status", "reason"}]
+    kept = [name for name in timed if name in {*stored[0].cell.labels._fields, *RUN}]
     return timed[[*kept, COLUMN]].reset_index(drop=True)
 
 

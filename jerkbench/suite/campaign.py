@@ -10,7 +10,7 @@ from jerkbench.audit.protocol import HALVES
 from jerkbench.audit.searches import best_trials, levels_of, losses, mean_losses, seen
 from jerkbench.cells.provenance import code_digest, plugin_digest, versions
 from jerkbench.clusters.cluster import Cluster
-from jerkbench.clusters.scenarios import done_by_scenario
+from jerkbench.clusters.scenario_dispatch import done_by_scenario
 from jerkbench.execution.progress import Progress
 from jerkbench.suite.entrant import (
     Entrant,

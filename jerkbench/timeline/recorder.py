@@ -1,4 +1,4 @@
-"""Collects what a run produces, in arrays made once."""
+"""The recorder of a run: its states and updates, in arrays that are made once."""
 
 import numpy as np
 

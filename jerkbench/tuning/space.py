@@ -9,7 +9,7 @@ from jerkbench.arrays import FloatArray
 from jerkbench.cells.cell import Cell
 from jerkbench.errors import PluginError, unknown
 from jerkbench.parameters import Range, is_whole, ranges_of
-from jerkbench.timeline.told import RScale
+from jerkbench.timeline.reported_noise import RScale
 
 TOLD = Range(0.05, 20.0, log=True, source="ours: from a fifth to four times the reported sigma")
 """The range of each factor on the reported R."""

@@ -34,7 +34,7 @@ def add_judging(parser: argparse.ArgumentParser) -> None:
 
 def chosen_rule(chosen: argparse.Namespace) -> "Rule":
     """Return the rule that was asked for."""
-    from jerkbench.evaluation.statistics.family import Correction
+    from jerkbench.evaluation.statistics.multiplicity import Correction
     from jerkbench.report.analysis.rule import Rule
 
     return Rule(chosen.margin / 100, Correction(chosen.correction))

@@ -18,7 +18,7 @@ def answer(chosen: argparse.Namespace) -> None:
     Raises:
         PluginError: no such kind.
     """
-    from jerkbench.catalogue.machine import listed
+    from jerkbench.catalogue.catalogue_json import listed
     from jerkbench.catalogue.text import list_text
 
     if chosen.format == "json":

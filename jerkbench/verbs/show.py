@@ -19,7 +19,7 @@ def answer(chosen: argparse.Namespace) -> None:
     Raises:
         PluginError: there is none of that name.
     """
-    from jerkbench.catalogue.machine import shown
+    from jerkbench.catalogue.catalogue_json import shown
     from jerkbench.catalogue.text import show_text
 
     if chosen.format == "json":

@@ -109,8 +109,8 @@ def _writers() -> "dict[str, Callable[[Table], None]]":
     from jerkbench.report.tables.csv import tidy_csv
     from jerkbench.report.tables.html import html_table
     from jerkbench.report.tables.latex import latex
-    from jerkbench.report.tables.machine import table_json
     from jerkbench.report.tables.markdown import markdown
+    from jerkbench.report.tables.table_json import table_json
     from jerkbench.report.tables.terminal import print_summary
 
     return {

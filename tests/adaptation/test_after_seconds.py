@@ -8,11 +8,11 @@ import pytest
 from jerkbench import plugins
 from jerkbench.adaptation.mtf import Mtf
 from jerkbench.attitude.plugin import Tilt
-from jerkbench.batch import RecordedRun, Run
 from jerkbench.datasets.field_v1 import FieldV1
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.evaluation.batch_scoring import scored
+from jerkbench.streamed_run import RecordedRun, Run
 from jerkbench.timeline.timeline import build_timeline
 
 AFTER_S = 4.1

@@ -6,7 +6,7 @@ import pytest
 
 from commands import verb
 from jerkbench import plugins
-from jerkbench.catalogue.machine import listed, shown
+from jerkbench.catalogue.catalogue_json import listed, shown
 from jerkbench.catalogue.text import list_text
 
 

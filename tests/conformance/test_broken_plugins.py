@@ -10,7 +10,6 @@ import pytest
 from jerkbench import testing
 from jerkbench.adaptation.mtf import Mtf
 from jerkbench.adaptation.none import NoAdaptation
-from jerkbench.batch import Streamed
 from jerkbench.conformance.recordings import small_recording, true_attitude
 from jerkbench.disturbances.bias import Bias as BiasDisturbance
 from jerkbench.engines.filterpy_engine import FilterpyEngine
@@ -19,6 +18,7 @@ from jerkbench.estimate import Updates
 from jerkbench.evaluation.position import PositionRmse
 from jerkbench.filters.gnss_only import GnssOnly
 from jerkbench.filters.jerk import Jerk
+from jerkbench.streamed_run import Streamed
 
 
 def fails(check, plugin, sentence):

@@ -11,13 +11,13 @@ from jerkbench import plugins
 from jerkbench.adaptation.mtf import Mtf
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.adaptation.oracle import Oracle
-from jerkbench.batch import Run
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.evaluation.batch_scoring import can_stream, scored, sums_from, with_updates
 from jerkbench.evaluation.run import evaluate_run
 from jerkbench.filters.baseline import Baseline
 from jerkbench.filters.jerk import Jerk
+from jerkbench.streamed_run import Run
 from jerkbench.timeline.measurements import Measurements
 from jerkbench.timeline.timeline import build_timeline
 from rough import rough_recording

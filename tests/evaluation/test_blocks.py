@@ -7,8 +7,8 @@ import pytest
 from scipy.signal import lfilter
 from scipy.stats import t
 
+from jerkbench.evaluation.statistics.arithmetic_mean import mean_interval
 from jerkbench.evaluation.statistics.blocks import autocorrelation, block_interval, correlation_rows
-from jerkbench.evaluation.statistics.intervals import mean_interval
 
 
 def autoregressive(phi, n, seed, count=1):

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest, false_discovery_control, pareto, ttest_1samp
 
-from jerkbench.evaluation.statistics.family import Correction
 from jerkbench.evaluation.statistics.judgement import Verdict, judged
 from jerkbench.evaluation.statistics.log_ratio import log_ratios
 from jerkbench.evaluation.statistics.max_t import RESAMPLES, SEED, max_t
+from jerkbench.evaluation.statistics.multiplicity import Correction
 
 
 def scatter(rng, sigma, n=20):

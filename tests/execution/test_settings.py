@@ -10,12 +10,12 @@ from jerkbench.cells.from_names import cell_of_parts
 from jerkbench.evaluation.position import PositionRmse
 from jerkbench.execution.cell_run import CellRun
 from jerkbench.execution.inputs import Inputs
-from jerkbench.execution.settings import run_settings
+from jerkbench.execution.settings_runs import run_settings
 from jerkbench.filters.eskf15 import Eskf15
 from jerkbench.filters.imm import InteractingMultipleModels
 from jerkbench.filters.jerk import Jerk
 from jerkbench.filters.rts import RauchTungStriebel
-from jerkbench.timeline.told import RScale
+from jerkbench.timeline.reported_noise import RScale
 
 FIELD = {"name": "field", "duration_s": 12.0}
 DRAWS = (3, 4, 5)

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from bag_maker import ROS1, odometry
 from jerkbench.conformance.recordings import small_recording
 from jerkbench.errors import RecordingError
-from jerkbench.external.form import TrajectoryForm
+from jerkbench.external.file_format import TrajectoryForm
 from jerkbench.external.reading import read_trajectory
 
 START_UTC = datetime(2024, 5, 14, 14, 0, 0, 250_000, tzinfo=UTC)

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from jerkbench.conformance.recordings import small_recording
 from jerkbench.errors import RecordingError
-from jerkbench.external.form import TrajectoryForm
+from jerkbench.external.file_format import TrajectoryForm
 from jerkbench.external.reading import read_trajectory
 from jerkbench.external.trajectory import estimate_of
 

@@ -10,7 +10,6 @@ from jerkbench import plugins
 from jerkbench.adaptation.mtf import Mtf
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.attitude.plugin import Tilt
-from jerkbench.batch import RecordedRun
 from jerkbench.datasets.field_v1 import FieldV1
 from jerkbench.disturbances.noise_step import NoiseStep
 from jerkbench.evaluation.batch_scoring import scored, sums_from
@@ -18,6 +17,7 @@ from jerkbench.evaluation.run import counted_rows
 from jerkbench.evaluation.sums import sums_of
 from jerkbench.filters._accepted import of_r_alone
 from jerkbench.filters.imm import InteractingMultipleModels
+from jerkbench.streamed_run import RecordedRun
 from jerkbench.timeline.timeline import build_timeline
 
 PAIRS = [("baseline", "jerk"), ("jerk", "baseline"), ("baseline", "baseline"), ("bias", "bias")]

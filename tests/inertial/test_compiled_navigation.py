@@ -11,7 +11,6 @@ from jerkbench import plugins
 from jerkbench.adaptation.mtf import Mtf
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.attitude.plugin import Tilt
-from jerkbench.batch import RecordedRun
 from jerkbench.datasets.field_v1 import FieldV1
 from jerkbench.evaluation.batch_scoring import scored, sums_from
 from jerkbench.evaluation.run import counted_rows
@@ -23,6 +22,7 @@ from jerkbench.geometry import dcm_from_euler
 from jerkbench.inertial.compiled.solution import prepare, solve_compiled
 from jerkbench.inertial.run import InertialRun
 from jerkbench.recording import Heading, Velocity
+from jerkbench.streamed_run import RecordedRun
 from jerkbench.timeline.timeline import build_timeline
 
 BURN_IN_S = 2.0

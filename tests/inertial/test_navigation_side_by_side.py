@@ -10,13 +10,13 @@ from engine_agreement import assert_same_sums
 from jerkbench import plugins
 from jerkbench.adaptation.mtf import Mtf
 from jerkbench.adaptation.none import NoAdaptation
-from jerkbench.batch import RecordedRun
 from jerkbench.evaluation.batch_scoring import scored, sums_from
 from jerkbench.evaluation.run import counted_rows
 from jerkbench.evaluation.sums import sums_of
 from jerkbench.filters.eskf15 import Eskf15
 from jerkbench.inertial.side_by_side.runs import goes_together, run_journeys
-from jerkbench.kinematic.rules import compiled_rule
+from jerkbench.kinematic.compiled_adaptation import compiled_rule
+from jerkbench.streamed_run import RecordedRun
 from jerkbench.timeline.timeline import build_timeline
 
 

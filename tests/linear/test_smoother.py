@@ -12,7 +12,6 @@ from jerkbench.adaptation.mtf import Mtf
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.adaptation.scalar_q import ScalarQ
 from jerkbench.attitude.plugin import Tilt
-from jerkbench.batch import RecordedRun
 from jerkbench.datasets.field import Field
 from jerkbench.disturbances.noise_step import NoiseStep
 from jerkbench.engines.compiled_engine import CompiledEngine
@@ -20,8 +19,9 @@ from jerkbench.evaluation.batch_scoring import scored, sums_from
 from jerkbench.evaluation.run import counted_rows
 from jerkbench.evaluation.sums import sums_of
 from jerkbench.filters.rts import RauchTungStriebel
-from jerkbench.kinematic.rules import compiled_rule
+from jerkbench.kinematic.compiled_adaptation import compiled_rule
 from jerkbench.linear.smoother.runs import smooth_one
+from jerkbench.streamed_run import RecordedRun
 from jerkbench.timeline.timeline import build_timeline
 
 MODELS = ("baseline", "bias", "jerk")

@@ -9,7 +9,7 @@ from linear_gaussian import R_POSITION, R_VELOCITY, SIGMA_A, Level, LinearGaussi
 from jerkbench.cells.cell import Protocol
 from jerkbench.cells.from_names import cell_of_parts
 from jerkbench.errors import JerkbenchError, PluginError
-from jerkbench.timeline.told import RScale
+from jerkbench.timeline.reported_noise import RScale
 from jerkbench.tuning.curves import budget_curve, intervals
 from jerkbench.tuning.evaluate import Evaluator
 from jerkbench.tuning.objectives import LOST, objective_of

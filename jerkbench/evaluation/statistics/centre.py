@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
+from jerkbench.evaluation.statistics.arithmetic_mean import ROUNDING
 from jerkbench.evaluation.statistics.exact import quantiles_of_rows
-from jerkbench.evaluation.statistics.intervals import ROUNDING
 from jerkbench.evaluation.statistics.log_ratio import LOCKED_OUT
 from jerkbench.evaluation.statistics.samples import Samples
 from jerkbench.evaluation.statistics.student import student_intervals

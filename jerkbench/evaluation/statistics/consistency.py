@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jerkbench.arrays import FloatArray
-from jerkbench.evaluation.statistics.intervals import FEW, mean_interval
+from jerkbench.evaluation.statistics.arithmetic_mean import FEW, mean_interval
 from jerkbench.evaluation.statistics.student import student_interval
 
 CONSISTENT, OVERCONFIDENT, CAUTIOUS, UNKNOWN = "consistent", "overconfident", "too cautious", "not known"

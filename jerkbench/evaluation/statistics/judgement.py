@@ -9,8 +9,8 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.evaluation.statistics.exact import median_interval
-from jerkbench.evaluation.statistics.family import Correction, Family, family
 from jerkbench.evaluation.statistics.log_ratio import LogRatios
+from jerkbench.evaluation.statistics.multiplicity import Correction, Family, family
 from jerkbench.evaluation.statistics.student import student_interval
 
 MARGIN = 0.03

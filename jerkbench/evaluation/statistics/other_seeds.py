@@ -9,10 +9,10 @@ import numpy as np
 import numpy.typing as npt
 
 from jerkbench.arrays import BoolArray, FloatArray
-from jerkbench.evaluation.statistics.family import LEAST_SEEDS
 from jerkbench.evaluation.statistics.judgement import LEVEL, MARGIN, Judgement, middle, verdict_of
 from jerkbench.evaluation.statistics.log_ratio import LOCKED_OUT
 from jerkbench.evaluation.statistics.max_t import max_t_of_two, standard_errors, studentised
+from jerkbench.evaluation.statistics.multiplicity import LEAST_SEEDS
 
 
 @dataclass(frozen=True, eq=False)

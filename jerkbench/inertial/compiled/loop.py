@@ -9,7 +9,7 @@ from jerkbench.compilation.vectors import WIDE, vectors
 from jerkbench.estimation.adaptation_call import Rule, call_adapt
 from jerkbench.estimation.sums import Score, add_state, add_update
 from jerkbench.inertial.compiled.arguments import Flow, Given, Kept
-from jerkbench.inertial.compiled.expect import (
+from jerkbench.inertial.compiled.expected_measurements import (
     clear,
     expect_body_velocity,
     expect_heading,

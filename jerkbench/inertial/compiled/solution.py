@@ -6,19 +6,19 @@ import numpy as np
 import numpy.typing as npt
 
 from jerkbench.arrays import FloatArray, IntArray
-from jerkbench.batch import Scoring, Streamed
 from jerkbench.compilation.vectors import WIDE, aligned_zeros
 from jerkbench.estimate import Estimate, Updates
 from jerkbench.estimation.adaptation_call import rule_of
 from jerkbench.estimation.sums import SEEN, score_of, streamed_from
 from jerkbench.geometry import euler_from_rotations
 from jerkbench.inertial.compiled.arguments import Flow, Given, Kept
-from jerkbench.inertial.compiled.entry import loop_for
+from jerkbench.inertial.compiled.compiled_loop import loop_for
 from jerkbench.inertial.compiled.layout import column, places
-from jerkbench.inertial.journey import Journey
 from jerkbench.inertial.run import InertialSolution
+from jerkbench.inertial.run_inputs import Journey
 from jerkbench.inertial.state import Deformation, NavigationState
 from jerkbench.optional import clocked
+from jerkbench.streamed_run import Scoring, Streamed
 from jerkbench.timeline.timeline import Timeline
 
 FRAMES = ("enu", "body", "speed")

@@ -9,11 +9,11 @@ from jerkbench.inertial.side_by_side.layout import ATTITUDE
 from jerkbench.inertial.side_by_side.mechanise import mechanise
 from jerkbench.inertial.side_by_side.propagate import propagate
 from jerkbench.kinematic.arguments import Kept, Rules, Runs, Score, Steps
+from jerkbench.kinematic.correction import check_definite
 from jerkbench.kinematic.layout import AT, ENDED, WIDTH, S, X
 from jerkbench.kinematic.loop import all_lost, ask_ahead
-from jerkbench.kinematic.measure import update
 from jerkbench.kinematic.score import compare
-from jerkbench.kinematic.update import check_definite
+from jerkbench.kinematic.update_step import update
 
 
 def run_together(

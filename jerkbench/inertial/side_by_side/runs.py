@@ -6,12 +6,11 @@ from functools import lru_cache
 import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
-from jerkbench.batch import Run, Scoring, Streamed
 from jerkbench.compilation.vectors import WIDE, aligned_zeros
 from jerkbench.geometry import euler_from_rotations
-from jerkbench.inertial.journey import Journey
+from jerkbench.inertial.run_inputs import Journey
 from jerkbench.inertial.side_by_side.arguments import Inertial
-from jerkbench.inertial.side_by_side.entry import QUANTITIES, loop_together
+from jerkbench.inertial.side_by_side.compiled_loop import QUANTITIES, loop_together
 from jerkbench.inertial.side_by_side.layout import ACCEL_BIAS, ATTITUDE, GYRO_BIAS, PLACES
 from jerkbench.inertial.state import STATES
 from jerkbench.kinematic.batch import results_of, room_of, run_packs
@@ -20,6 +19,7 @@ from jerkbench.kinematic.layout import layout
 from jerkbench.kinematic.packs import Kind, Pack
 from jerkbench.kinematic.plugin_call import Rule, rules_of
 from jerkbench.recording import Imu
+from jerkbench.streamed_run import Run, Scoring, Streamed
 
 
 def goes_together(journey: Journey, scoring: Scoring) -> bool:

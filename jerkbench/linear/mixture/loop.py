@@ -4,14 +4,14 @@ from jerkbench.arrays import FloatArray
 from jerkbench.compilation.vectors import chosen, vectors
 from jerkbench.kinematic.adapt import adapt_runs
 from jerkbench.kinematic.arguments import SEEN, Kept, Rules, Runs, Score, Steps
+from jerkbench.kinematic.correction import check_definite, correct, mirror
 from jerkbench.kinematic.gain import mahalanobis
 from jerkbench.kinematic.layout import AT, ENDED, KEPT, LOST, WIDTH, R, S, X, Y
 from jerkbench.kinematic.loop import all_lost, ask_ahead, mark_axes
-from jerkbench.kinematic.measure import count, finish, innovate, notice, take_covariance
 from jerkbench.kinematic.predict import predict
 from jerkbench.kinematic.score import compare
 from jerkbench.kinematic.trajectory import store
-from jerkbench.kinematic.update import check_definite, correct, mirror
+from jerkbench.kinematic.update_step import count, finish, innovate, notice, take_covariance
 from jerkbench.linear.mixture.arguments import Mixing
 from jerkbench.linear.mixture.layout import COUNT
 from jerkbench.linear.mixture.mixing import combine, log_likelihood, mix, weigh

@@ -6,7 +6,6 @@ from typing import NamedTuple
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.batch import Run, Streamed
 from jerkbench.compilation.vectors import WIDE, aligned_zeros
 from jerkbench.contracts import Filter
 from jerkbench.estimate import Estimate
@@ -18,7 +17,8 @@ from jerkbench.kinematic.packs import Kind, Pack
 from jerkbench.kinematic.plugin_call import Rule, rules_of
 from jerkbench.kinematic.single_run import NO_SCORE, estimate_of, steps_of, trajectory_room
 from jerkbench.linear.mixture.arguments import Mixing
-from jerkbench.linear.mixture.entry import mixture_for
+from jerkbench.linear.mixture.compiled_loop import mixture_for
+from jerkbench.streamed_run import Run, Streamed
 from jerkbench.timeline.lengths import step_lengths
 from jerkbench.timeline.timeline import Timeline
 

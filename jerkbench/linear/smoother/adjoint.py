@@ -3,8 +3,8 @@
 from jerkbench.arrays import FloatArray
 from jerkbench.compilation.vector_ops import scratch
 from jerkbench.compilation.vectors import WIDE, vectors
+from jerkbench.kinematic.correction import mirror
 from jerkbench.kinematic.layout import AT, AXES, PAIR, SIZE, WIDTH, B, N, S, W, X
-from jerkbench.kinematic.update import mirror
 from jerkbench.linear.smoother.layout import INVERSE, LEFT, WEIGHED
 
 

@@ -5,9 +5,9 @@ from jerkbench.compilation.vectors import vectors
 from jerkbench.kinematic.arguments import Kept, Model, Rules, Runs, Score, Steps
 from jerkbench.kinematic.layout import WIDTH
 from jerkbench.kinematic.loop import all_lost, mark_axes, start
-from jerkbench.kinematic.measure import update
 from jerkbench.kinematic.predict import predict
 from jerkbench.kinematic.score import compare
+from jerkbench.kinematic.update_step import update
 from jerkbench.linear.smoother.adjoint import absorb, retreat
 from jerkbench.linear.smoother.arguments import Tape
 from jerkbench.linear.smoother.layout import FILTERED, ROW, SEGMENT

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from jerkbench.batch import Run, Streamed
 from jerkbench.compilation.vectors import WIDE, aligned_zeros
 from jerkbench.contracts import Filter
 from jerkbench.estimate import Estimate
@@ -17,8 +16,9 @@ from jerkbench.kinematic.packs import Kind, Pack
 from jerkbench.kinematic.plugin_call import Rule, rules_of
 from jerkbench.kinematic.single_run import NO_SCORE, estimate_of, steps_of, trajectory_room
 from jerkbench.linear.smoother.arguments import Tape
-from jerkbench.linear.smoother.entry import smoother_for
+from jerkbench.linear.smoother.compiled_loop import smoother_for
 from jerkbench.linear.smoother.layout import SEGMENT, places
+from jerkbench.streamed_run import Run, Streamed
 from jerkbench.timeline.lengths import step_lengths
 from jerkbench.timeline.timeline import Timeline
 

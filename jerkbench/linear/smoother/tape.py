@@ -27,7 +27,7 @@ def write_update(w: FloatArray, rows: FloatArray, at: int) -> None:
     """Write I - K H, S^-1 and S^-1 y of the update that ``w`` has just seen.
 
     Column s of K' = S^-1 H P lies in K; of a measured state whose R is the finer, it is that of S^-1 R, which is what
-    is left of one (see `jerkbench.kinematic.update`).
+    is left of one (see `jerkbench.kinematic.correction`).
     """
     for r in range(6):
         for s in range(S):

@@ -1,4 +1,4 @@
-"""The messages of one topic as arrays."""
+"""The container of one topic's messages, as arrays."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

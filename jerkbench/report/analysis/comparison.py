@@ -7,9 +7,9 @@ from functools import cached_property
 
 import numpy as np
 
-from jerkbench.evaluation.statistics.family import Correction
 from jerkbench.evaluation.statistics.judgement import LEVEL, Judgement, Verdict, judged
 from jerkbench.evaluation.statistics.log_ratio import LogRatios
+from jerkbench.evaluation.statistics.multiplicity import Correction
 from jerkbench.evaluation.statistics.seeds_needed import seeds_needed
 from jerkbench.report.analysis.rule import RULE, Rule
 from jerkbench.report.analysis.runs import Combination, Pair

@@ -5,12 +5,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from jerkbench.errors import JerkbenchError, unknown
+from jerkbench.evaluation.run import RUN
 from jerkbench.report.analysis.factors import FACTORS
 
 if TYPE_CHECKING:
     import pandas as pd
 
-IDENTITY = (*FACTORS, "seed", "replicate", "status", "reason")
+IDENTITY = (*FACTORS, *RUN)
 """Columns of a row that are not metrics."""
 
 

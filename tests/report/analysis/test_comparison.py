@@ -11,8 +11,8 @@ import pytest
 from scipy.stats import wilcoxon
 
 from jerkbench.errors import JerkbenchError
-from jerkbench.evaluation.statistics.family import Correction
 from jerkbench.evaluation.statistics.judgement import Verdict
+from jerkbench.evaluation.statistics.multiplicity import Correction
 from jerkbench.report.analysis.baseline import parse_baseline
 from jerkbench.report.analysis.findings import findings
 from jerkbench.report.analysis.paper_claim import claims

@@ -7,7 +7,7 @@ from jerkbench.compilation.code_digest import digest
 from jerkbench.compilation.jitted import jitted
 from jerkbench.compilation.module_cache import load_entry
 from jerkbench.kinematic.arguments import Kept, Model, Rules, Runs, Score, Steps
-from jerkbench.kinematic.entry import (
+from jerkbench.kinematic.compiled_loop import (
     APART,
     kept_type,
     model_type,

@@ -1,4 +1,4 @@
-"""The mean over seeds, with its interval."""
+"""The arithmetic mean over seeds with its interval: of signed metrics, and those with an expected value."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -10,7 +10,7 @@ from jerkbench.compilation.vectors import WIDE
 from jerkbench.inertial.side_by_side.arguments import Inertial
 from jerkbench.inertial.side_by_side.loop import run_together
 from jerkbench.kinematic.arguments import Kept, Rules, Runs, Score, Steps
-from jerkbench.kinematic.entry import APART, kept_type, places_of, rules_type, runs_type, score_type, steps_type
+from jerkbench.kinematic.compiled_loop import APART, kept_type, places_of, rules_type, runs_type, score_type, steps_type
 
 QUANTITIES = 5
 """Position, velocity, attitude, and the biases of gyro and accelerometer."""

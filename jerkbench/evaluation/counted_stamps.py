@@ -1,4 +1,4 @@
-"""The rows of a run that count, and their use."""
+"""The stamps of an estimate at which errors count: after the burn-in, and where the reference knows something."""
 
 from typing import Any, NamedTuple
 

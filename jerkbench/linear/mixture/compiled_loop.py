@@ -7,7 +7,7 @@ from jerkbench.compilation.code_digest import digest
 from jerkbench.compilation.jitted import jitted
 from jerkbench.compilation.module_cache import load_entry
 from jerkbench.kinematic.arguments import Kept, Rules, Runs, Score, Steps
-from jerkbench.kinematic.entry import APART, kept_type, places_of, rules_type, runs_type, score_type, steps_type
+from jerkbench.kinematic.compiled_loop import APART, kept_type, places_of, rules_type, runs_type, score_type, steps_type
 from jerkbench.linear.mixture.arguments import Mixing
 from jerkbench.linear.mixture.layout import sizes
 from jerkbench.linear.mixture.loop import run_mixture

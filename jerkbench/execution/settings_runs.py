@@ -4,14 +4,14 @@ import dataclasses
 from collections.abc import Sequence
 from typing import Any, NamedTuple, cast
 
-from jerkbench.batch import RecordedRun, Run, Streamed
 from jerkbench.cells.cell import Cell
 from jerkbench.contracts import Estimator, Filter, SettingsSideBySide, SideBySide
 from jerkbench.execution.batches import Prepared, prepared, streamed_values, streams
 from jerkbench.execution.cell_run import CellRun, Row
 from jerkbench.execution.inputs import Inputs
 from jerkbench.optional import part_read
-from jerkbench.timeline.told import AS_REPORTED, told_timeline
+from jerkbench.streamed_run import RecordedRun, Run, Streamed
+from jerkbench.timeline.reported_noise import AS_REPORTED, told_timeline
 
 
 class Place(NamedTuple):
@@ -82,7 +82,7 @@ def _row(
     cell: Cell, draw: int, seed: Prepared | None, result: Streamed | None, fingerprint: str, inputs: Inputs
 ) -> Row:
     """The row of a run; one that stopped, or went too far, is run alone, which says where and when."""
-    if seed is None or result is None or result.farthest_m2 > cell.protocol.divergence_limit_m**2:
+    if seed is None or result is None or result.beyond(cell.protocol.divergence_limit_m):
         (row,), _ = CellRun(cell, fingerprint, inputs=inputs).rows([draw])
         return row
     return {"seed": draw, "status": "ok", **streamed_values(cell, seed, result, inputs)}

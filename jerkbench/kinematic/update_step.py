@@ -5,6 +5,7 @@ from jerkbench.compilation.vector_ops import fetch
 from jerkbench.compilation.vectors import chosen, vectors
 from jerkbench.kinematic.adapt import adapt_runs
 from jerkbench.kinematic.arguments import SEEN, Kept, Rules, Runs, Score, Steps
+from jerkbench.kinematic.correction import check_definite, correct, mirror
 from jerkbench.kinematic.gain import NAN, determinant, mahalanobis
 from jerkbench.kinematic.layout import (
     DENSE,
@@ -22,7 +23,6 @@ from jerkbench.kinematic.layout import (
     Y,
 )
 from jerkbench.kinematic.own_gain import find_gains, put_gains
-from jerkbench.kinematic.update import check_definite, correct, mirror
 
 
 def update(

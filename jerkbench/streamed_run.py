@@ -1,4 +1,4 @@
-"""The input of a run that keeps no trajectory, besides its timeline, and its result."""
+"""Input (besides its timeline) and result of a run whose metrics are summed as it goes, without a trajectory."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -86,3 +86,7 @@ class Streamed(NamedTuple):
     marked_m2: FloatArray
     updates: Updates
     euler_rad: FloatArray | None = None
+
+    def beyond(self, limit_m: float) -> bool:
+        """Whether a position error was over ``limit_m``: such a run is run alone and judged with its trajectory."""
+        return self.farthest_m2 > limit_m**2
