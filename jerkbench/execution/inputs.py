@@ -1,9 +1,9 @@
 """The inputs that the filters of a sweep share: recording, attitude, timeline, scoring."""
 
 import hashlib
-from collections.abc import Hashable, Mapping
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, field
-from functools import cache, lru_cache
+from functools import cache, lru_cache, partial
 from typing import cast
 
 import numpy as np
@@ -25,12 +25,15 @@ KEPT = 32
 
 
 class Inputs:
-    """Recordings, attitudes, timelines and scorings, each made once and the latest `KEPT` of each kind kept."""
+    """Recordings, attitudes, timelines and scorings, each made once and the latest `KEPT` of each kind kept.
+
+    No cache holds the object that holds it, so that all of them go with the last reference, some 100 MB.
+    """
 
     def __init__(self) -> None:
         """Begin with nothing."""
         self._loaded = lru_cache(KEPT)(load)
-        self._disturbed = lru_cache(KEPT)(self._disturb)
+        self._disturbed = lru_cache(KEPT)(partial(disturbed, self._loaded))
         self.attitude = lru_cache(KEPT)(attitude_of)
         self.told = lru_cache(KEPT)(told)
         self.timeline = lru_cache(KEPT)(build_timeline)
@@ -44,7 +47,7 @@ class Inputs:
 
     def undisturbed(self, dataset: Dataset, draw: int) -> Recording:
         """Return the recording of ``draw`` as it was loaded."""
-        return self._loaded(dataset, dataset.fingerprint(), draw)
+        return undisturbed(self._loaded, dataset, draw)
 
     def columns(
         self, metric: Metric, estimate: Estimate, recording: Recording, counted: BoolArray
@@ -55,20 +58,30 @@ class Inputs:
         outline = self._outline(_Arrays(estimate.index, estimate.euler_rad, counted))
         return self._columns(cast("Hashable", metric), recording, outline)
 
-    def _disturb(
-        self, dataset: Dataset, disturbances: tuple[Disturbance, ...], fingerprint: str, draw: int
-    ) -> Recording:
-        recording = self.undisturbed(dataset, draw)
-        for disturbance in disturbances:
-            recording = disturbance.apply(recording, draw)
-        require_data(dataset, disturbances, fingerprint)  # afterwards: what was read meanwhile is what the hash says
-        return recording
-
 
 @cache
 def shared_inputs() -> Inputs:
     """Return the inputs that all cells of this process share, where none are given."""
     return Inputs()
+
+
+Load = Callable[[Dataset, str, int], Recording]
+
+
+def undisturbed(load: Load, dataset: Dataset, draw: int) -> Recording:
+    """Return the recording of ``draw`` as it was loaded."""
+    return load(dataset, dataset.fingerprint(), draw)
+
+
+def disturbed(
+    load: Load, dataset: Dataset, disturbances: tuple[Disturbance, ...], fingerprint: str, draw: int
+) -> Recording:
+    """Return the recording of ``draw`` after all ``disturbances``."""
+    recording = undisturbed(load, dataset, draw)
+    for disturbance in disturbances:
+        recording = disturbance.apply(recording, draw)
+    require_data(dataset, disturbances, fingerprint)  # afterwards: what was read meanwhile is what the hash says
+    return recording
 
 
 def load(dataset: Dataset, fingerprint: str, seed: int) -> Recording:

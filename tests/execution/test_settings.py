@@ -1,6 +1,8 @@
 """Many settings at once give the rows that each gives by itself."""
 
 import dataclasses
+import gc
+import weakref
 
 import pytest
 
@@ -94,3 +96,17 @@ def test_what_does_not_run_side_by_side_runs_one_after_the_other(model, engine):
     told = dataclasses.replace(cell, r_scale=RScale(position=4.0))
 
     assert together([cell, told]) == [alone(cell), alone(told)]
+
+
+def test_inputs_go_with_their_last_reference():
+    """Without the collector, which comes seldom where there are few objects and large ones."""
+    gc.collect()
+    gc.disable()
+    try:
+        inputs = Inputs()
+        recording = weakref.ref(inputs.recording(cell_of(), "", 3))
+        assert recording() is not None
+        del inputs
+        assert recording() is None
+    finally:
+        gc.enable()
