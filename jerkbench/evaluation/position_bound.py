@@ -7,8 +7,8 @@ import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.estimate import Estimate
-from jerkbench.evaluation.riccati import Motion, Noise, position_variances
 from jerkbench.evaluation.counted_stamps import known_axes, on_all
+from jerkbench.evaluation.riccati import Motion, Noise, position_variances
 from jerkbench.plugins import register
 from jerkbench.recording import Position, Recording, Velocity
 

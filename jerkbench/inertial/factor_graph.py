@@ -17,9 +17,9 @@ import numpy as np
 from jerkbench.arrays import FloatArray
 from jerkbench.errors import PluginError
 from jerkbench.inertial.graph_factors import Expected, expected_antenna, expected_velocity, measured_heading, switched
-from jerkbench.inertial.run_inputs import Journey
 from jerkbench.inertial.mechanisation import calibrated
 from jerkbench.inertial.rotation import rotation_exp
+from jerkbench.inertial.run_inputs import Journey
 from jerkbench.inertial.state import BA, BG, PHI, STATES, NavigationState, P, V
 from jerkbench.recording import GRAVITY_MPS2
 
