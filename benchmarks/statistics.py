@@ -23,7 +23,8 @@ from jerkbench.evaluation.statistics.log_ratio import LogRatios, log_ratios
 from jerkbench.evaluation.statistics.scenarios import over_scenarios
 from jerkbench.evaluation.statistics.seeds_needed import seeds_needed
 from jerkbench.evaluation.statistics.sequential import levels, looks
-from jerkbench.evaluation.statistics.student import student_interval
+from jerkbench.evaluation.statistics.skewed import ENOUGH, SHRUNK, few_intervals, hall_intervals
+from jerkbench.evaluation.statistics.student import student_intervals
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
@@ -35,6 +36,7 @@ SKEW = 0.5
 """Sigma of the lognormal that the log errors follow: skewness 1.75."""
 
 Draw = Callable[[np.random.Generator, tuple[int, ...]], Array]
+Interval = Callable[[Array, float], tuple[Array, Array]]
 
 
 def normal(rng: np.random.Generator, shape: tuple[int, ...]) -> Array:
@@ -163,8 +165,55 @@ def cells(rng: np.random.Generator, studies: int) -> list[Table]:
 
 
 def _means(values: Array, truth: float) -> list[bool]:
-    ends = [student_interval(row, 0.95) for row in values]
-    return [low <= truth <= high for low, high in ends]
+    return _held(*few_intervals(values, 0.95), truth)
+
+
+def _held(low: Array, high: Array, truth: float) -> list[bool]:
+    return ((low <= truth) & (truth <= high)).tolist()
+
+
+def of_few_seeds(rng: np.random.Generator, studies: int) -> list[Table]:
+    """Intervals that a mean of few, skewed values might have instead."""
+    samples, sizes = 100 * studies, [n for n in SEEDS if n <= ENOUGH]
+    title = "Coverage of other intervals of a cell's mean [%]; in brackets their mean width, over Student's"
+    table = Table(title, "interval, errors", sizes)
+    for (name, interval), errors in itertools.product(INTERVALS.items(), ("normal", "skewed", "t3")):
+        truth = float(np.mean(OWN[errors](np.random.default_rng(1), (4_000_000,))))
+        told = [_told(OWN[errors](rng, (samples, n)), truth, interval) for n in sizes]
+        line(f"{name}, {errors}", *told)
+    return [table]
+
+
+def _told(values: Array, truth: float, interval: Interval) -> str:
+    ends, student = interval(values, 0.95), student_intervals(values, 0.95)
+    width = np.mean(ends[1] - ends[0]) / np.mean(student[1] - student[0])
+    return f"{100 * np.mean(_held(*ends, truth)):.1f} ({width:.2f})"
+
+
+def johnson(values: Array, confidence: float) -> tuple[Array, Array]:
+    """Return Johnson's modified t (JASA 73, 1978): Student's interval, moved towards the long tail."""
+    low, high = student_intervals(values, confidence)
+    n, s = values.shape[1], values.std(axis=1, ddof=1)
+    third = n / ((n - 1) * (n - 2)) * np.sum((values - values.mean(axis=1, keepdims=True)) ** 3, axis=1)
+    return low + third / (6 * n * s**2), high + third / (6 * n * s**2)
+
+
+def joined(share: float) -> Interval:
+    """Return the interval that holds Student's and Hall's with a share of the skewness."""
+
+    def interval(values: Array, confidence: float) -> tuple[Array, Array]:
+        own, other = student_intervals(values, confidence), hall_intervals(values, confidence, share)
+        return np.fmin(own[0], other[0]), np.fmax(own[1], other[1])
+
+    return interval
+
+
+INTERVALS: dict[str, Interval] = {
+    "Student": student_intervals,
+    "Johnson": johnson,
+    "Hall": hall_intervals,
+    **{f"both, {share:g} of the skewness": joined(share) for share in (0.4, SHRUNK, 1.0)},
+}
 
 
 def _medians(values: Array, truth: float) -> list[bool]:
@@ -352,6 +401,7 @@ TABLES: Mapping[str, Callable[[np.random.Generator, int], list[Table]]] = {
     "whole_studies": whole_studies,
     "power": power,
     "automatic": automatic,
+    "few_seeds": of_few_seeds,
 }
 """Each takes the generator of its stream, and how many studies of 60 scenarios to simulate; of fewer it takes more."""
 

@@ -11,7 +11,7 @@ from jerkbench.evaluation.statistics.arithmetic_mean import ROUNDING
 from jerkbench.evaluation.statistics.exact import quantiles_of_rows
 from jerkbench.evaluation.statistics.log_ratio import LOCKED_OUT
 from jerkbench.evaluation.statistics.samples import Samples
-from jerkbench.evaluation.statistics.student import student_intervals
+from jerkbench.evaluation.statistics.skewed import few_intervals
 
 GEOMETRIC, MEDIAN, MEAN = "geometric mean", "median", "mean"
 
@@ -70,8 +70,9 @@ class Centres:
 def centre(errors: FloatArray, confidence: float = 0.95) -> Centre:
     """Return the centre of (n,) errors, infinite for a lost run; NaN (did not apply) is left out.
 
-    The geometric mean has Student's interval on the logarithms: of two methods on the same seeds the quotient of the
-    geometric means is what is tested, and errors of an RMSE scatter more like a lognormal than like a normal.
+    The geometric mean has Student's interval on the logarithms, of few runs a wider one (`few_intervals`): of two
+    methods on the same seeds the quotient of the geometric means is what is tested, and errors of an RMSE scatter more
+    like a lognormal than like a normal.
     """
     return centres([errors], confidence)[0]
 
@@ -105,7 +106,7 @@ def _of_one_size(errors: FloatArray, confidence: float) -> Centres:
 def _geometric(errors: FloatArray, confidence: float) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return geometric mean and ends of (k, n) positive errors; where they differ by rounding alone, the first."""
     logs = np.log(errors)
-    mean, low, high = (np.exp(end) for end in (logs.mean(axis=1), *student_intervals(logs, confidence)))
+    mean, low, high = (np.exp(end) for end in (logs.mean(axis=1), *few_intervals(logs, confidence)))
     alike = np.ptp(errors, axis=1) <= ROUNDING * errors.max(axis=1)
     same = errors[:, 0] if errors.shape[1] > 1 else np.full(len(errors), np.nan)
     return np.where(alike, errors[:, 0], mean), np.where(alike, same, low), np.where(alike, same, high)

@@ -7,6 +7,7 @@ from jerkbench.evaluation.statistics.blocks import LEAST_TIMES
 from jerkbench.evaluation.statistics.centre import GEOMETRIC, MEAN, MEDIAN
 from jerkbench.evaluation.statistics.exact import share_interval
 from jerkbench.evaluation.statistics.log_ratio import LOCKED_OUT
+from jerkbench.evaluation.statistics.skewed import ENOUGH
 from jerkbench.report.analysis.quantities import quantity
 from jerkbench.report.analysis.references import standing_apart
 from jerkbench.report.tables.bounds import bound_note
@@ -24,6 +25,9 @@ KINDS = {
     MEAN: "Mean [low, high]: 95 % BCa bootstrap interval over {seeds} seeds, of fewer than 5 Student's.",
 }
 """What stands in a cell."""
+
+FEW = f" Of fewer than {ENOUGH} it is widened for skewed errors."
+"""What is added where cells of few seeds have it."""
 
 AT_THE_END = ("outage_end_m", "outage_end_max_m")
 """Metrics of which the number of outages is told."""
@@ -88,7 +92,8 @@ def _intervals(cells: list[TableCell]) -> Iterator[str]:
         used = [cell.runs if kind == MEDIAN else cell.used for cell in cells if cell.kind == kind]
         if used:
             seeds = f"{max(used)}" if min(used) == max(used) else f"{min(used)} to {max(used)}"
-            yield words.format(seeds=seeds)
+            few = kind == GEOMETRIC and min(used) < ENOUGH
+            yield words.format(seeds=seeds) + (FEW if few else "")
 
 
 def _ratios(table: Table, cells: list[TableCell], family: str) -> Iterator[str]:
