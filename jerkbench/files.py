@@ -46,6 +46,17 @@ def _upload(path: Path, write: Callable[[Path], object]) -> None:
         path.write_bytes(local.read_bytes())
 
 
+def matching(folder: Path, pattern: str) -> list[Path]:
+    """Return what is in a folder under names that match; nothing where there is no such folder.
+
+    In an object store a folder ends with its last object, be it while it is listed.
+    """
+    try:
+        return list(folder.glob(pattern))
+    except FileNotFoundError:
+        return []
+
+
 def exists(path: Path) -> bool:
     """Whether anything has that name, be it a link that leads nowhere."""
     return path.is_symlink() or path.exists()

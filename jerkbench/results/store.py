@@ -11,7 +11,7 @@ import pyarrow.compute as pc
 
 from jerkbench.errors import JerkbenchError
 from jerkbench.execution.cell_run import Row
-from jerkbench.files import exists
+from jerkbench.files import exists, matching
 from jerkbench.places import is_remote
 from jerkbench.plain import plain
 from jerkbench.results.content import Content, Stored, concatenated, content_of_tables
@@ -41,7 +41,7 @@ class Store:
     def __init__(self, folder: Path) -> None:
         """Open the store below ``folder`` (the study's), or a folder of cells itself; nothing is written yet."""
         below = folder / "cells"
-        self.folder = folder if not below.is_dir() and any(folder.glob("*.parquet")) else below
+        self.folder = folder if not below.is_dir() and matching(folder, "*.parquet") else below
 
     def prepare(self) -> None:
         """Make the folder, and clear away what a killed process has left half-written.
@@ -205,7 +205,7 @@ class Store:
         """Each file that may hold ``keys``, by its name, with its rows (default: whole); None where it is damaged."""
         seen: set[str] = set()
         for _ in range(LISTINGS):
-            names = sorted(path.name.removesuffix(".parquet") for path in self.folder.glob("*.parquet"))
+            names = sorted(path.name.removesuffix(".parquet") for path in matching(self.folder, "*.parquet"))
             wanted = None if keys is None else set(keys)
             vanished = False
             for name in names:

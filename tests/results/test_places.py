@@ -54,6 +54,26 @@ def test_a_sweep_that_is_interrupted_goes_on_and_is_tabled(address, expected, tm
     assert list(tmp_path.iterdir()) == []  # nothing is written into the working directory
 
 
+@pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")
+@pytest.mark.parametrize("address", ["s3"], indirect=True)
+def test_a_folder_that_ends_while_it_is_listed_is_an_empty_one(address, monkeypatch):
+    """All that it held was the probe of another process, which begins at the same moment."""
+    study = place(f"{address}/adhoc")
+    probe = study / "cells" / ".probe.1"
+    of = type(study.fs)._isdir
+
+    async def there_and_gone(files, path):
+        there = await of(files, path)
+        if path.endswith("adhoc/cells"):
+            await files._rm_file(probe.path)
+        return there
+
+    monkeypatch.setattr(type(study.fs), "_isdir", there_and_gone)
+    probe.touch()
+    assert Store(study).keys_from("") == []
+    assert not probe.exists()
+
+
 def test_a_file_s_address_is_a_folder_of_this_machine(tmp_path):
     folder = place(f"file://{tmp_path}/results")
     assert folder == tmp_path / "results"
