@@ -19,6 +19,9 @@ INDEPENDENT = ("filter", "adaptation", "noise", "engine", "disturbance")
 REST = "rest"
 """Everything else: a data set may choose the attitude filter, an experiment anything."""
 
+DATA = ("dataset", "attitude")
+"""Groups of the rest that a sweep varies: a data set chooses an attitude filter, and neither decides anything else."""
+
 NO_GROUPS = {f.name for f in fields(Schema)} - {*GROUPS, "disturbance", "noise", "cluster"}
 """Options that are no group."""
 
@@ -89,7 +92,41 @@ def _exchanged(composer: Composer, split: Sequence[dict[str, Words]]) -> Known:
         for words in sets[group][1:]:
             if composition := composer.exchanged(first, group, words):
                 known[group, words] = composition
-    return known
+    return known | _other_data(composer, first, sets[REST])
+
+
+def _other_data(composer: Composer, first: Composition, sets: Sequence[Words]) -> Known:
+    """Put other data sets, with their attitude filters, in the place of the first's, where they decide nothing else."""
+    alike = [words for words in sets if _without_data(words) == _without_data(sets[0])]
+    made = {words: composer.of_groups((*DATA, "experiment"), _of_data(words)) for words in alike if len(alike) > 1}
+    own = made.get(sets[0])
+    return {
+        (REST, words): _in_place(first, other)
+        for words, other in made.items()
+        if own and other and words != sets[0] and _beyond_data(other) == _beyond_data(own)
+    }
+
+
+def _in_place(first: Composition, other: Composition) -> Composition:
+    """Put other data into a composition."""
+    plain = {**first.plain, **{group: other.plain[group] for group in DATA}}
+    OmegaConf.set_struct(other.config, False)  # noqa: FBT003 - OmegaConf's signature
+    for key in _beyond_data(other):
+        del other.config[key]
+    return replace(other, plain=plain, choices={**first.choices, **other.choices}, beside=first)
+
+
+def _of_data(words: Words) -> Words:
+    return tuple(word for word in words if owner(word) in (*DATA, "experiment"))
+
+
+def _without_data(words: Words) -> Words:
+    return tuple(word for word in words if owner(word) not in DATA)
+
+
+def _beyond_data(composition: Composition) -> dict[str, Any]:
+    """What a composition of data sets says of anything else."""
+    return {key: value for key, value in composition.plain.items() if key not in DATA}
 
 
 def _together(split: Sequence[dict[str, Words]], known: Known) -> list[dict[str, Words]]:
@@ -145,8 +182,8 @@ def _add_other_values(split: Sequence[dict[str, Words]], known: Known) -> None:
 
 def _part_of(composed: Composition, factor: str) -> DictConfig:
     """A copy of what a factor decides of a configuration."""
-    keys = [str(key) for key in composed.config if key not in INDEPENDENT]
-    copied = OmegaConf.masked_copy(composed.config, keys if factor == REST else [factor]).copy()
+    keys = [key for key in composed.plain if key not in INDEPENDENT]
+    copied = composed.part(keys if factor == REST else [factor])
     OmegaConf.set_struct(copied, True)  # noqa: FBT003 - OmegaConf's signature
     return copied
 

@@ -4,7 +4,6 @@ Files are read once a sweep. A choice that stands for itself (a plugin, or a pre
 place of another one of its group without anything else being composed.
 """
 
-import copy
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -12,20 +11,17 @@ from dataclasses import dataclass, replace
 from typing import Any, cast
 
 from hydra._internal.config_loader_impl import ConfigLoaderImpl
-from hydra._internal.config_repository import CachingConfigRepository
 from hydra._internal.defaults_list import create_defaults_list
 from hydra.core.config_loader import ConfigLoader
-from hydra.core.default_element import GroupDefault, ResultDefault
+from hydra.core.default_element import ResultDefault
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import Override
-from hydra.errors import ConfigCompositionException
-from hydra.plugins.config_source import ConfigResult, ConfigSource
+from hydra.errors import ConfigCompositionException, HydraException
 from hydra.types import RunMode
-from omegaconf import DictConfig, OmegaConf, open_dict
+from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-OWN = "hydra"
-"""The key, and the folder of groups, of what belongs to Hydra itself."""
+from jerkbench.hydra_app.sweep_files import OWN, Copies, Few, Files
 
 NAME = re.compile(r"[A-Za-z_]\w*")
 """A choice that is one name."""
@@ -40,12 +36,23 @@ class Composition:
         plain: the same as plain data.
         choices: the choice for each group.
         defaults: the files it is made of, in order.
+        beside: a composition of which it has everything that ``config`` has not.
     """
 
     config: DictConfig
     plain: dict[str, Any]
     choices: dict[str, Any]
     defaults: Sequence[ResultDefault]
+    beside: "Composition | None" = None
+
+    def part(self, keys: Sequence[str]) -> DictConfig:
+        """Return a copy of some keys of the configuration."""
+        own = OmegaConf.masked_copy(self.config, list(keys)).copy()
+        if self.beside is None:
+            return own
+        rest = self.beside.part([key for key in keys if key not in own])
+        rest.merge_with(own)
+        return rest
 
 
 class Composer:
@@ -57,8 +64,8 @@ class Composer:
         self._loader, self._sweep = loader, config
         words: Any = OmegaConf.to_container(config.hydra.overrides.hydra)
         _, repository = loader._parse_overrides_and_create_caching_repo(config.hydra.job.config_name, words)  # noqa: SLF001 - Hydra's own way to its files
-        self._files = _Files(repository)
-        self._copies: Any = _Copies(self._files)  # Hydra's type has more methods than are asked for
+        self._files = Files(repository)
+        self._copies: Any = Copies(self._files)  # Hydra's type has more methods than are asked for
         self._own = {key: value for key, value in config.hydra.runtime.choices.items() if key.startswith(f"{OWN}/")}
 
     def compose(self, job: Sequence[str]) -> Composition:
@@ -68,13 +75,13 @@ class Composer:
             HydraException: it cannot be composed; the words of the error are Hydra's.
         """
         with _in_words_of_hydra():
-            return self._composed(OverridesParser.create().parse_overrides(list(job)))
+            return self._composed(OverridesParser.create().parse_overrides(list(job)), self._files)
 
-    def _composed(self, words: list[Override]) -> Composition:
+    def _composed(self, words: list[Override], files: Any) -> Composition:  # noqa: ANN401 - as `Copies`
         loader = self._loader
         loader.validate_sweep_overrides_legal(overrides=words, run_mode=RunMode.RUN, from_shell=True)
         listed = create_defaults_list(
-            repo=self._files,
+            repo=files,
             config_name=self._sweep.hydra.job.config_name,
             overrides_list=words,
             prepend_hydra=False,
@@ -89,6 +96,19 @@ class Composer:
         OmegaConf.set_struct(config, True)  # noqa: FBT003 - OmegaConf's signature
         ConfigLoaderImpl._apply_overrides_to_config(words, config)  # noqa: SLF001 - what Hydra itself does with them
         OmegaConf.copy_cache(from_config=self._sweep, to_config=config)
+
+    def of_groups(self, groups: Sequence[str], words: Sequence[str]) -> Composition | None:
+        """Compose some groups alone; None where their files ask for another one, or only composing the job can tell.
+
+        Args:
+            groups: that the configuration of the sweep chooses; what it says itself comes along.
+            words: choices of these groups, and values of their parameters.
+        """
+        few: Any = Few(self._files, self._sweep.hydra.job.config_name, groups)
+        try:
+            return self._composed(OverridesParser.create().parse_overrides(list(words)), few)
+        except (HydraException, OmegaConfBaseException):
+            return None
 
     def exchanged(self, base: Composition, group: str, words: Sequence[str]) -> Composition | None:
         """Return what ``base`` would be with other ``words`` for one group; None where only composing can tell.
@@ -140,45 +160,6 @@ class Composer:
         return loaded is not None and group in loaded.config
 
 
-class _Files(CachingConfigRepository):
-    """The files of a sweep, each read once, without what belongs to Hydra."""
-
-    def __init__(self, files: CachingConfigRepository) -> None:
-        super().__init__(files.delegate)
-
-    def load_config(self, config_path: str) -> ConfigResult | None:
-        """Load a file."""
-        known = f"config_path={config_path}" in self.cache
-        loaded = super().load_config(config_path)
-        if loaded is None or known:
-            return loaded
-        loaded.defaults_list = [default for default in loaded.defaults_list or [] if not _is_own(default)]
-        if isinstance(loaded.config, DictConfig) and OWN in loaded.config:
-            loaded.config = copy.deepcopy(loaded.config)
-            with open_dict(loaded.config):
-                del loaded.config[OWN]
-        return loaded
-
-
-class _Copies:
-    """Files whose content may be changed."""
-
-    def __init__(self, files: _Files) -> None:
-        self._files = files
-
-    def load_config(self, config_path: str) -> ConfigResult | None:
-        """Load a file."""
-        loaded = self._files.load_config(config_path)
-        if loaded is not None:
-            loaded = copy.copy(loaded)
-            loaded.config = copy.deepcopy(loaded.config)
-        return loaded
-
-    def get_schema_source(self) -> ConfigSource:
-        """Return where Hydra looks for schemas."""
-        return self._files.get_schema_source()
-
-
 @contextmanager
 def _in_words_of_hydra() -> Iterator[None]:
     """Raise what Hydra's own composition raises."""
@@ -190,7 +171,3 @@ def _in_words_of_hydra() -> Iterator[None]:
 
 def _plain(config: DictConfig) -> dict[str, Any]:
     return cast("dict[str, Any]", OmegaConf.to_container(config))
-
-
-def _is_own(default: object) -> bool:
-    return isinstance(default, GroupDefault) and str(default.group).startswith(f"{OWN}/")

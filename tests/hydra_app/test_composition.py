@@ -9,7 +9,7 @@ from omegaconf import OmegaConf
 
 from jerkbench import plugins
 from jerkbench.hydra_app.composition import compose_jobs
-from jerkbench.hydra_app.configuration import register_schemas
+from jerkbench.hydra_app.configuration import Schema, register_schemas
 from jerkbench.hydra_app.hydra_parts import register_hydra_parts
 from jerkbench.hydra_app.light_composition import Composer
 from jerkbench.hydra_app.sweep_words import only_of_chosen
@@ -89,6 +89,47 @@ def test_every_plugin_and_preset_is_what_hydra_makes_of_it(loader, compositions)
         assert together[k] == by_hydra(loader, config, jobs[k]), jobs[k]
 
 
+def test_every_data_set_is_what_hydra_makes_of_it_and_none_is_composed_as_a_whole(loader, compositions):
+    config = base(loader)
+    names = [*plugins.names("dataset"), *preset_names("dataset")]
+    jobs = [["experiment=paper", "burn_in_s=3", f"dataset={name}"] for name in names]
+    jobs += [
+        ["experiment=paper", "burn_in_s=3", "dataset=field_v1", f"attitude={name}"] for name in ("tilt", "gyro_only")
+    ]
+    together = of_parts(loader, config, jobs)
+
+    assert len(compositions) == 1
+    assert together == [by_hydra(loader, config, job) for job in jobs]
+
+
+def test_parameters_of_other_data_sets_are_what_composing_each_gives(loader, compositions):
+    config = base(loader)
+    jobs = [
+        [f"dataset={name}", f"dataset.duration_s={length}", f"seeds={seeds}"]
+        for name in ("field", "field_v1_ruts")
+        for length in ("20", "30.5")
+        for seeds in ("2", "3")
+    ]
+
+    assert of_parts(loader, config, jobs) == [by_hydra(loader, config, job) for job in jobs]
+
+
+@pytest.mark.parametrize("names", [("field", "own", "field_v1"), ("own", "field", "other")])
+def test_a_data_set_that_decides_more_is_composed_as_a_whole(loader, names, tmp_path):
+    (tmp_path / "dataset").mkdir()
+    for name, seeds in (("own", 7), ("other", 8)):
+        (tmp_path / "dataset" / f"{name}.yaml").write_text(
+            f"# @package _global_\ndefaults:\n  - field@dataset\n  - _self_\nseeds: {seeds}\n", encoding="utf-8"
+        )
+    words = [f"hydra.searchpath=[file://{tmp_path}]"]
+    config = loader.load_configuration("config", words, run_mode=RunMode.MULTIRUN)
+    jobs = [[f"dataset={name}"] for name in names]
+
+    made = of_parts(loader, config, jobs)
+    assert made == [by_hydra(loader, config, job) for job in jobs]
+    assert [plain["seeds"] for plain, _ in made] == [{"own": 7, "other": 8}.get(name, Schema.seeds) for name in names]
+
+
 def test_an_experiment_that_decides_a_part_decides_it_for_whatever_takes_its_place(loader, tmp_path):
     """What an experiment says of a filter holds for all filters that have such a parameter."""
     (tmp_path / "experiment").mkdir()
@@ -122,7 +163,7 @@ def test_several_experiments_are_composed_each_by_its_parts(loader, compositions
     jobs += [["experiment=drive", "dataset.folder=anywhere"]]
     together = of_parts(loader, base(loader), jobs)
 
-    assert len(compositions) == 4  # paper, drive, drive without a word on the adaptation and with one on the data
+    assert len(compositions) == 3  # paper, drive, drive without a word on the adaptation
     assert together[::4] == [by_hydra(loader, base(loader), job) for job in jobs[::4]]
     assert [plain["study"] for plain, _ in together] == ["paper", "drive"] * 4 + ["drive"]
 
