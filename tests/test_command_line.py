@@ -204,6 +204,7 @@ BAD = [
     (["dataset.duration_s=43200", "dataset.imu_rate_hz=200", "dataset.reference_rate_hz=200"], "8.64e+06 samples"),
     (["dataset.sensor_rate_hz=1e9"], "sensor_rate_hz is 1000000000.0"),
     (["dataset.pass_s=1e-6", "dataset.turn_s=1e-6", "dataset.speed_change_s=1e-8"], "more than memory should hold"),
+    (["++r_scale=inf"], "r_scale is inf; it has two parts"),
     (["noise.accel_mps2=nan"], "filter baseline: accel_mps2 is nan; it must be zero or positive, and finite."),
 ]
 

@@ -22,11 +22,11 @@ from jerkbench.contracts import (
     Metric,
     PerSeed,
 )
-from jerkbench.errors import PluginError, unknown
+from jerkbench.errors import PluginError
 from jerkbench.notices import notify
 from jerkbench.optional import is_attitude_only, lacks_imu, on_request, uses_imu
 from jerkbench.plain import plain
-from jerkbench.timeline.reported_noise import AS_REPORTED, RScale
+from jerkbench.timeline.reported_noise import AS_REPORTED, RScale, scale_of
 
 Config = Mapping[str, Any]
 
@@ -130,7 +130,7 @@ def build(spec: Config, protocol: Protocol, labels: Labels | None = None) -> Cel
     single["filter"] = _part("filter", {**spec["filter"], **noise})
     disturbances = [_part("disturbance", part) for part in spec["disturbance"]]
     seeded = any(part.plugin.seeded for part in (single["dataset"], *disturbances))
-    metrics, r_scale = metric_names(spec.get("metrics") or (), seeded=seeded), _r_scale(spec.get("r_scale") or {})
+    metrics, r_scale = metric_names(spec.get("metrics") or (), seeded=seeded), scale_of(spec.get("r_scale"))
     effective: dict[str, Any] = {kind: part.plain for kind, part in single.items()}
     effective["r_scale"] = dataclasses.asdict(r_scale)
     effective["disturbance"] = [part.plain for part in disturbances]
@@ -192,14 +192,6 @@ def _whole(kind: str, plugin: Any) -> Any:  # noqa: ANN401 - as above
         except AssertionError as error:
             raise PluginError(str(error)) from error
     return plugin
-
-
-def _r_scale(values: Mapping[str, Any]) -> RScale:
-    known = [f.name for f in dataclasses.fields(RScale)]
-    for key in values:
-        if key not in known:
-            raise PluginError(unknown("parameter of r_scale", key, known))
-    return RScale(**{key: float(value) for key, value in values.items()})
 
 
 def refusal(cell: Cell) -> str:

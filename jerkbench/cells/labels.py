@@ -5,6 +5,7 @@ from dataclasses import fields
 from typing import Any, NamedTuple
 
 from jerkbench import plugins
+from jerkbench.timeline.reported_noise import scale_of
 
 
 class Labels(NamedTuple):
@@ -67,7 +68,7 @@ def _noise_label(spec: dict[str, Any], choices: Mapping[str, Any], changed: dict
 
 def _with_told(noise: str, spec: Mapping[str, Any]) -> str:
     """The noise with the factors on the reported R that are not 1: both are what the filter is told of noise."""
-    told = [f"r_scale.{name}={value:g}" for name, value in (spec.get("r_scale") or {}).items() if value != 1]
+    told = [f"r_scale.{name}={value:g}" for name, value in scale_of(spec.get("r_scale")).changed.items()]
     return ", ".join([*([noise] if noise != "own" or not told else []), *told])
 
 

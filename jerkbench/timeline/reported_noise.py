@@ -2,12 +2,13 @@
 
 import dataclasses
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.errors import PluginError
+from jerkbench.errors import PluginError, unknown
 from jerkbench.estimate import Attitude
 from jerkbench.recording import Position, Recording, Velocity
 from jerkbench.timeline.measurements import FLOOR, Measurements, floored, gather
@@ -40,6 +41,24 @@ class RScale:
     def changed(self) -> dict[str, float]:
         """The factors that are not 1, by name."""
         return {name: value for name, value in dataclasses.asdict(self).items() if value != 1.0}
+
+
+def scale_of(values: object) -> RScale:
+    """Return the factors that a configuration names: a mapping, or None for R as reported.
+
+    Raises:
+        PluginError: it is no mapping, names something else, or holds what is no positive number.
+    """
+    known = [f.name for f in dataclasses.fields(RScale)]
+    given = {} if values is None else values
+    if not isinstance(given, Mapping):
+        raise PluginError(f"r_scale is {given}; it has two parts: r_scale.position=2 r_scale.velocity=0.5.")
+    for name, value in given.items():
+        if name not in known:
+            raise PluginError(unknown("parameter of r_scale", str(name), known))
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise PluginError(f"r_scale.{name} is {value}; it must be a positive number; 1 leaves R as reported.")
+    return RScale(**{name: float(value) for name, value in given.items()})
 
 
 AS_REPORTED = RScale()

@@ -8,7 +8,7 @@ import pytest
 import jerkbench
 from jerkbench.errors import PluginError
 from jerkbench.recording import Velocity
-from jerkbench.timeline.reported_noise import RScale, told, told_timeline
+from jerkbench.timeline.reported_noise import RScale, scale_of, told, told_timeline
 from jerkbench.timeline.timeline import build_timeline
 from synthetic import level_attitude, recording_at_rest
 
@@ -97,3 +97,14 @@ def test_a_factor_without_sense_is_refused(value):
 def test_a_wrong_name_says_what_there_is():
     with pytest.raises(PluginError, match=r"r_scale.*position"):
         jerkbench.run(dataset=SHORT, seeds=1, r_scale={"positon": 2.0})
+
+
+@pytest.mark.parametrize("values", [float("inf"), "abc", [1.0], {"position": "2"}, {"position": True}, {3: 1.0}])
+def test_what_is_no_pair_of_numbers_is_refused_with_a_sentence(values):
+    with pytest.raises(PluginError, match="r_scale"):
+        scale_of(values)
+
+
+def test_no_factors_leave_the_reported_covariances():
+    assert scale_of(None) == scale_of({}) == RScale()
+    assert scale_of({"position": 2}) == RScale(position=2.0)
