@@ -73,3 +73,19 @@ def test_the_plot_of_an_opened_cell_fits_its_dialog(screen):
     assert len(ends) > 1
     assert all(end <= right for end in ends)
     assert "seed" in screen.find_element("css selector", "#cell-trace p").text
+
+
+def test_on_paper_tables_are_tables_with_a_head_for_each_column(opened):
+    a4 = {"width": 718, "height": 1047, "deviceScaleFactor": 1, "mobile": False}
+    opened.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", a4)
+    opened.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
+    of_line = (
+        "return [...document.querySelectorAll('#cells tr')].map((line) => [getComputedStyle(line).display,"
+        " [...line.children].filter((one) => getComputedStyle(one).display === 'table-cell').length])"
+    )
+    lines = opened.execute_script(of_line)
+    opened.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
+    opened.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+    assert {display for display, _ in lines} == {"table-row"}
+    assert len({cells for _, cells in lines}) == 1
+    assert lines[0][1] > 2
