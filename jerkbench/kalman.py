@@ -5,10 +5,22 @@ import numpy as np
 from jerkbench.arrays import FloatArray, IntArray
 
 ROUNDING = 1e-12
-"""A variance that is left over when all but this share of it is taken away is rounding, not information.
+"""A variance that is left over when all but this share is taken away is rounding, not information (`spread_by`).
 
 Doubles carry 16 digits, so what is left has an error of 1e-4 of itself by then. It happens where a long gap makes the
 states depend on each other, as with `jerk` over 100 s in one step: p = 166 667 j and v = 5 000 j.
+"""
+
+EXPOSED = 1e-6
+"""Below this share of what an update takes away, what it leaves is widened by rounding (`rounding_noise`)."""
+
+FLOOR = 1e-15
+"""What rounding is taken for there, as a share of the same.
+
+Nine units of rounding u: some for the factors of S, some for the prediction before. Without it the posterior keeps the
+noise alone where the prior is singular to rounding, of either sign; the next precise row takes away what is left beside
+it, and its sign decides which run ends. A variance gets wider by FLOOR / ROUNDING, a thousandth, at the very limit, by
+FLOOR / EXPOSED, a thousandth of a millionth, where it begins.
 """
 
 SYMMETRIC = 1e-12
@@ -75,6 +87,26 @@ def gain_and_rest(PHt: FloatArray, R: FloatArray, L: FloatArray, measured: IntAr
     rest = without_measured(K, measured)
     rest[np.ix_(measured[finer], measured)] = own[finer]
     return K, rest
+
+
+def spread_by(K: FloatArray, rest: FloatArray, P: FloatArray, R: FloatArray, measured: IntArray) -> FloatArray:
+    """Return (n,) what the posterior variances are left of, q_s = P_ss + sum_i K_si^2 S_ii.
+
+    Of a measured state whose R is the smaller, the posterior is R S^-1 P, and q_s is that of the row of R S^-1 alone.
+    Where S is wrong by E and the prior likewise, |E_ij| < c u sqrt(S_ii S_jj), that variance is wrong by K E K', which
+    is less than c u (m + 1) q_s by Cauchy's inequality. A nearly singular S makes K large: then q_s is more than the
+    prior variance, of which the share would not tell rounding from information. Both engines know q_s to many digits
+    where they know nothing of what is left of it.
+    """
+    finer = np.diag(R) < np.diag(P)[measured]
+    used, base = K.copy(), np.diag(P).copy()
+    used[measured[finer]], base[measured[finer]] = rest[np.ix_(measured[finer], measured)], 0.0
+    return np.asarray(base + used**2 @ (np.diag(P)[measured] + np.diag(R)), dtype=np.float64)
+
+
+def rounding_noise(variances: FloatArray, spread: FloatArray) -> FloatArray:
+    """Return (n,) what is added to posterior ``variances`` for rounding, nothing where more is left of ``spread``."""
+    return np.where(variances < EXPOSED * spread, FLOOR * spread, 0.0)
 
 
 def without_measured(K: FloatArray, measured: IntArray) -> FloatArray:

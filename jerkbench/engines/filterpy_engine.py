@@ -17,6 +17,8 @@ from jerkbench.kalman import (
     is_positive_definite,
     joseph,
     moved,
+    rounding_noise,
+    spread_by,
     squared_distance,
     without_measured,
 )
@@ -41,7 +43,8 @@ class FilterpyEngine:
         paper:   P = P - K S K', as it is written there (it drifts: 1e-5 m after 15 000 steps)
 
     A run ends where S is not symmetric and positive definite beyond rounding (`jerkbench.kalman.ROUNDING`), or P
-    afterwards is not but for rounding (`jerkbench.kalman.INDEFINITE`).
+    afterwards is not but for rounding (`jerkbench.kalman.INDEFINITE`), or where nothing but rounding is left of a
+    variance (`jerkbench.kalman.spread_by`).
 
     Source: R. R. Labbe, filterpy 2 (MIT).
 
@@ -142,7 +145,7 @@ class _Run:
         """
         kept = np.isfinite(np.diag(R))
         if not kept.any():
-            return np.nan, self._is_sound(self.kf.P, rows[kept])
+            return np.nan, self._is_sound(np.zeros(len(self.kf.x)))
         kf, R, y, rows = self.kf, R[np.ix_(kept, kept)], innovation[kept], rows[kept]
         prior = kf.P
         PHt = prior[:, rows]
@@ -158,14 +161,14 @@ class _Run:
             step, rest = K @ y, without_measured(K, rows)
         kf.x = kf.x + step[:, None]
         kf.P = joseph(prior, K, rest, R) if self.joseph or self.adapt_gain else prior - K @ S @ K.T
-        return squared_distance(y, factor), self._is_sound(prior, rows)
+        return squared_distance(y, factor), self._is_sound(spread_by(K, rest, prior, R, rows))
 
-    def _is_sound(self, prior: FloatArray, measured: IntArray) -> bool:
-        """Whether state and covariance are what they should be, and more than what rounding left of ``prior``."""
-        x, P = self.kf.x, self.kf.P
-        left = np.diag(P) > ROUNDING * np.diag(prior)
-        left[measured] = True
-        return bool(left.all() and np.isfinite(x).all() and is_positive_definite(P))
+    def _is_sound(self, spread: FloatArray) -> bool:
+        """Whether state and covariance are what they should be, and more than what rounding leaves of ``spread``."""
+        variances = np.diag(self.kf.P).copy()
+        left = variances > ROUNDING * spread
+        self.kf.P = self.kf.P + np.diag(rounding_noise(variances, spread))
+        return bool(left.all() and np.isfinite(self.kf.x).all() and is_positive_definite(self.kf.P))
 
     def _time(self, update: int) -> float:
         return float(self.timeline.measurements.t_ns[update] * 1e-9)

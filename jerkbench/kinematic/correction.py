@@ -18,10 +18,11 @@ for two states of the first kind, two of the second, and one of each. Rounding i
 from jerkbench.arrays import FloatArray
 from jerkbench.compilation.vector_ops import scratch
 from jerkbench.compilation.vectors import chosen
-from jerkbench.kalman import INDEFINITE, ROUNDING
+from jerkbench.kalman import EXPOSED, FLOOR, INDEFINITE, ROUNDING
 from jerkbench.kinematic.gain import solve_column, solve_innovation, solve_measured
 from jerkbench.kinematic.layout import (
     AT,
+    DIAGONAL,
     ELEMENT,
     FINE,
     KEPT,
@@ -52,6 +53,8 @@ def correct(w: FloatArray, columns: int) -> None:
         solve_measured(w, s)
     for s in range(6, columns):
         solve_column(w, s)
+    spread = scratch(S, WIDTH)
+    _fill_spread(w, spread)
     for s in range(6):
         moved = _times(w, W + s, S)
         w[X + s] += chosen(w[FINE + s], 0.0, w[Y + s] - moved, moved)
@@ -64,9 +67,8 @@ def correct(w: FloatArray, columns: int) -> None:
             w[AT[s, t]] = chosen(w[FINE + t], 0.0, product, w[AT[s, t]] - product)
         for t in range(6, s):
             w[AT[s, t]] = w[AT[s, t]] - _product(w, s, t)
-        prior = w[AT[s, s]]
-        w[AT[s, s]] = prior - _product(w, s, s)
-        w[LOST] += chosen(w[AT[s, s]], ROUNDING * prior, 0.0, 1.0)
+        w[AT[s, s]] = w[AT[s, s]] - _product(w, s, s)
+    _widen(w, spread)
     if WIDTH == 1:
         mirror(w)
 
@@ -76,8 +78,27 @@ def _update_measured(w: FloatArray, s: int, t: int) -> None:
     prior, product = w[AT[s, t]], _product(w, s, t)
     mixed = chosen(w[FINE + s] + w[FINE + t], 0.0, product, prior - product)
     w[AT[s, t]] = chosen(w[FINE + s] * w[FINE + t], 0.0, w[R + 6 * s + t] - product, mixed)
-    if s == t:
-        w[LOST] += chosen(w[AT[s, s]], ROUNDING * (1.0 - w[KEPT + s]) * prior, 0.0, 1.0 - w[KEPT + s])
+
+
+def _fill_spread(w: FloatArray, spread: FloatArray) -> None:
+    """What the variances of all states will be left of (`jerkbench.kalman.spread_by`)."""
+    for s in range(S):
+        spread[s] = w[K + s] * w[K + s] * w[DIAGONAL]
+    for i in range(1, 6):
+        for s in range(S):
+            spread[s] += w[K + S * i + s] * w[K + S * i + s] * w[DIAGONAL + i]
+    for s in range(6):
+        spread[s] += (1.0 - w[FINE + s]) * w[AT[s, s]]
+    for s in range(6, S):
+        spread[s] += w[AT[s, s]]
+
+
+def _widen(w: FloatArray, spread: FloatArray) -> None:
+    """Add rounding to the variances; raise LOST where one is nothing else."""
+    for s in range(S):
+        variance = w[AT[s, s]]
+        w[LOST] += chosen(variance, ROUNDING * spread[s], 0.0, 1.0)
+        w[AT[s, s]] = variance + chosen(EXPOSED * spread[s], variance, FLOOR * spread[s], 0.0)
 
 
 def mirror(w: FloatArray) -> None:

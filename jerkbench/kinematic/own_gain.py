@@ -2,7 +2,7 @@
 
 from jerkbench.arrays import FloatArray
 from jerkbench.compilation.vector_ops import scratch
-from jerkbench.kalman import ROUNDING
+from jerkbench.kalman import EXPOSED, FLOOR, ROUNDING
 from jerkbench.kinematic.adapt import packed_of
 from jerkbench.kinematic.arguments import Packed, Rules, Runs, Whole
 from jerkbench.kinematic.layout import KEPT, LOST, SQUARED, WIDTH, R, S, X, Y
@@ -63,7 +63,7 @@ def _own_update(own: FloatArray, whole: Whole, packed: Packed, m: int) -> None:
             for i in range(m):
                 total += restP[S * s + packed.rows[i]] * rest[6 * t + i] + noise[i] * K[m * t + i]
             own[2 + S + S * s + t] = total
-    _note_rounding(own, whole.P, packed, m)
+    _note_rounding(own, rest, whole, packed, m)
 
 
 def _fill_rest(rest: FloatArray, free: FloatArray, K: FloatArray, packed: Packed, m: int) -> None:
@@ -84,14 +84,22 @@ def _noise(K: FloatArray, R: FloatArray, m: int, s: int, i: int) -> float:
     return total
 
 
-def _note_rounding(own: FloatArray, P: FloatArray, packed: Packed, m: int) -> None:
-    """Raise LOST where of a state that is not measured nothing but rounding is left."""
+def _note_rounding(own: FloatArray, rest: FloatArray, whole: Whole, packed: Packed, m: int) -> None:
+    """Add rounding to the variances, and raise LOST where they are nothing else (`jerkbench.kalman.spread_by`)."""
     for s in range(S):
-        measured = False
+        finer, spread = 0.0, 0.0
         for i in range(m):
-            measured = measured or packed.rows[i] == s
-        if not measured and not own[2 + S + (S + 1) * s] > ROUNDING * P[(S + 1) * s]:
+            if packed.rows[i] == s and packed.R[(m + 1) * i] < whole.P[(S + 1) * s]:
+                finer = 1.0
+        for i in range(m):
+            used = rest[6 * s + i] if finer > 0.0 else whole.answer[m * s + i]
+            spread += used * used * (whole.P[(S + 1) * packed.rows[i]] + packed.R[(m + 1) * i])
+        spread += (1.0 - finer) * whole.P[(S + 1) * s]
+        variance = own[2 + S + (S + 1) * s]
+        if not variance > ROUNDING * spread:
             own[1] += 1.0
+        if variance < EXPOSED * spread:
+            own[2 + S + (S + 1) * s] += FLOOR * spread
 
 
 def put_gains(numbers: FloatArray, runs: Runs) -> None:

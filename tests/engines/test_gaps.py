@@ -55,6 +55,28 @@ def test_after_a_gap_the_engines_are_right_to_a_thousandth_of_a_sigma(
     assert (np.abs(run.covariance - P) < 1e-2 * sigma[:, :, None] * sigma[:, None, :]).all()
 
 
+@pytest.mark.parametrize("model", ["jerk", "acceleration"])
+def test_up_to_the_limit_both_engines_are_right_and_there_both_refuse(model):
+    """At the very limit rounding widens a variance by a thousandth; x may be off by a twentieth of its sigma."""
+    pair = plugins.create("filter", {"name": model}), plugins.create("adaptation", {"name": "none"})
+    ended = []
+    for gap_s in (100.0, 150.0, 200.0, 300.0, 450.0, 700.0, 1000.0, 2000.0, 5000.0, 20_000.0):
+        timeline = timeline_with_a_gap(1e-3, gap_s=gap_s)
+        runs = [engine.run(timeline, *pair) for engine in ENGINES]
+        assert runs[0].failure == runs[1].failure
+        ended.append(bool(runs[0].failure))
+        x, P = ExactRun(timeline, *pair).states()
+        sigma = np.sqrt(np.einsum("nii->ni", P))
+        for run in runs:
+            n = len(run.index)
+            scaled = np.abs(run.covariance - P[:n]) / (sigma[:n, :, None] * sigma[:n, None, :])
+            assert (np.abs(np.hstack([run.position_m, run.velocity_mps]) - x[:n]) < 0.05 * sigma[:n]).all(), gap_s
+            assert (scaled < 1e-2).all(), gap_s
+    assert ended == sorted(ended)
+    assert not ended[0]
+    assert ended[-1]
+
+
 @pytest.mark.parametrize("gap_s", [1e4, 1e5])
 def test_where_doubles_can_no_longer_tell_both_engines_refuse_alike(gap_s):
     """After hours in one step P is 1e23 R: what is left of it after an update would be rounding."""

@@ -1,0 +1,60 @@
+"""What an update leaves of a variance, and what rounding does to it, against many decimal digits."""
+
+from decimal import Decimal, localcontext
+
+import numpy as np
+import pytest
+
+from decimals import exact, numbers, solve
+from jerkbench.kalman import EXPOSED, FLOOR, gain_and_rest, innovation_factor, rounding_noise, spread_by
+
+UNIT = np.finfo(float).eps / 2
+MEASURED = np.array([0, 1])
+
+
+def nearly_singular(share):
+    """The prior of two measured states and a third that all follow one, but for ``share`` of their variances."""
+    sigma = np.array([2e4, 300.0, 5.0])
+    return (np.ones((3, 3)) + share * np.diag([1.0, 2.0, 3.0])) * np.outer(sigma, sigma)
+
+
+def posterior(P, R):
+    """The posterior variances, in as many digits as the context has."""
+    W = P[MEASURED]
+    return np.diag(P - W.T @ solve(W[:, MEASURED] + R, W))
+
+
+def spread_of(P, R):
+    factor = innovation_factor(P[:2, :2] + R)
+    return spread_by(*gain_and_rest(P[:, :2], R, factor, MEASURED), P, R, MEASURED)
+
+
+@pytest.mark.parametrize("share", [1e-2, 1e-5, 1e-8, 1e-11])
+@pytest.mark.parametrize("R", [np.diag([1e-4, 1e-4]), np.diag([1e-4, 1e6]), np.diag([1e12, 1e-2])])
+def test_last_bits_of_the_prior_change_a_posterior_variance_by_no_more_than_its_spread_allows(share, R):
+    """The change is that of K E K' for an E of a few last bits: u (m + 1) q_s each, by Cauchy's inequality."""
+    P, rng = nearly_singular(share), np.random.default_rng(0)
+    sigma, spread = np.sqrt(np.diag(P)), spread_of(P, R)
+    for _ in range(20):
+        signs = np.tril(rng.choice([-1.0, 1.0], (3, 3)))
+        E = exact(UNIT * (signs + np.tril(signs, -1).T) * np.outer(sigma, sigma))
+        with localcontext() as context:
+            context.prec = 80
+            given = exact(P)
+            change = numbers(posterior(given + E / Decimal(1000), exact(R)) - posterior(given, exact(R)))
+        assert (np.abs(change) <= 1.01e-3 * UNIT * 3 * spread).all()
+
+
+def test_a_nearly_singular_innovation_covariance_makes_the_spread_more_than_the_prior():
+    """There a change of last bits does more than to a share of the prior variance; elsewhere q is that, or less."""
+    P, R = nearly_singular(1e-8), np.diag([1e-4, 1e-4])
+    P[2, 1] = P[1, 2] = (1.0 + 1e-4) * P[1, 2]
+    assert spread_of(P, R)[2] > 1e3 * P[2, 2]
+    plain = np.diag([4.0, 9.0, 1.0])
+    np.testing.assert_allclose(spread_of(plain, np.diag([8.0, 16.0])), [4.0 + 16 / 12, 9.0 + 81 / 25, 1.0])
+    np.testing.assert_allclose(spread_of(plain, np.diag([1.0, 1.0])), [1 / 5, 1 / 10, 1.0])
+
+
+def test_rounding_is_added_only_where_little_is_left():
+    left = np.array([0.5, 2.0 * EXPOSED, 0.5 * EXPOSED, -1e-17])
+    np.testing.assert_array_equal(rounding_noise(left, np.ones(4)), [0.0, 0.0, FLOOR, FLOOR])
