@@ -67,16 +67,20 @@ def test_the_table_of_faithful_has_the_numbers_of_its_rows():
     assert [line for line in made if line not in page("faithful").splitlines()] == []
 
 
-SCRIPTS = {"drive": "best.py", "comma2k19": "summary.py", "broad": "summary.py", "filters": "verdicts.py"}
-"""Pages whose tables a script of the study prints from the rows."""
+SCRIPTS = {
+    **dict.fromkeys(("broad", "comma2k19", "replayed"), "summary.py"),
+    "drive": "best.py",
+    "filters": "verdicts.py",
+}
+"""Pages whose tables, and lists of sentences, a script of the study prints from the rows."""
 
 
 @pytest.mark.parametrize("study", SCRIPTS)
-def test_the_tables_that_a_script_prints_stand_on_the_page(study):
+def test_what_a_script_prints_stands_on_the_page(study):
     script = ROOT / "experiments" / study / SCRIPTS[study]
     command = [sys.executable, str(script), str(ROOT / "results" / study)]
     printed = subprocess.run(command, env=environment(), capture_output=True, text=True, check=True).stdout
-    made = [line for line in printed.splitlines() if line.startswith("| ")]
+    made = [line for line in printed.splitlines() if line.startswith(("| ", "- "))]
     assert len(made) > 4
     assert [line for line in made if line not in page(study).splitlines()] == []
 
