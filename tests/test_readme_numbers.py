@@ -129,8 +129,8 @@ def verdict_of_row(row):
 
 def test_the_sentences_of_the_audits_page_are_those_of_its_verdicts():
     page = (ROOT / "experiments" / "audit" / "README.md").read_text(encoding="utf-8")
-    verdicts = [verdict_of_row(row) for _, row in pd.read_csv(ROOT / "results/audit-medium/verdicts.csv").iterrows()]
-    protocol = read_protocol("medium")
+    verdicts = [verdict_of_row(row) for _, row in pd.read_csv(ROOT / "results/audit-full/verdicts.csv").iterrows()]
+    protocol = read_protocol("full")
 
     assert f"digest `{protocol.digest}`" in page
     assert markdown_table(verdicts) in page
@@ -140,7 +140,7 @@ def test_the_sentences_of_the_audits_page_are_those_of_its_verdicts():
         f"Of {len(verdicts)}, {sum(verdict.tuned.ratio < 1 for verdict in verdicts)} have a mean ratio below 1" in page
     )
     order = spearmanr([v.tuned.ratio for v in verdicts], [off_by(v.anees) for v in verdicts]).statistic
-    assert f"distance of ANEES from 6 is {order:.2f}." in page
+    assert f"Rank correlation of error and consistency: {order:.2f}." in page
     head = page.splitlines()[:10]
     assert all(any(line.startswith(f"{number}. ") for line in head) for number in (1, 2, 3))
 

@@ -24,12 +24,12 @@ HEADS = ("method", "at its defaults", "tuned, scored on other faults [95 %]", "w
 
 def front() -> str:
     """Return the block as Markdown."""
-    verdicts = pd.read_csv(RESULTS / "audit-medium" / "verdicts.csv").sort_values("tuned", kind="stable")
-    protocol = json.loads((RESULTS / "audit-medium" / "protocol.json").read_text(encoding="utf-8"))
+    verdicts = pd.read_csv(RESULTS / "audit-full" / "verdicts.csv").sort_values("tuned", kind="stable")
+    protocol = json.loads((RESULTS / "audit-full" / "protocol.json").read_text(encoding="utf-8"))
     rows = [list(HEADS), ["---"] * len(HEADS), *(_line(row) for _, row in _chosen(verdicts).iterrows())]
     table = "".join(f"| {' | '.join(row)} |\n" for row in rows)
-    words = "Ratio of every method to its tuned plain filter"
-    figure = f'<img src="experiments/audit/ratios.png" alt="{words}" width="480">'
+    words = "Ratio of each adaptation to the tuned plain filter of each model"
+    figure = f'<img src="experiments/audit/models.png" alt="{words}" width="480">'
     return f"{_answer(verdicts, protocol)}\n\n{table}\n{_suite()}\n{_gain()}\n\n{figure}\n"
 
 

@@ -33,6 +33,7 @@ def ratio_figure(verdicts: Sequence[MethodVerdict], margin: float) -> Figure:
         [v.default for v in verdicts], rows, "o", color="C1", markerfacecolor="none", markersize=4, label="defaults"
     )
     axes.set_xscale("log")
+    axes.set_ylim(-1, len(rows))
     quiet(axes)
     axes.set_yticks(rows, [verdict.method.name for verdict in verdicts])
     axes.set_xlabel("Position RMSE / tuned plain filter")

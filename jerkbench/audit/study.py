@@ -23,6 +23,7 @@ from jerkbench.audit.family_figure import family_figure
 from jerkbench.audit.family_verdicts import FamilyVerdict, family_frame, family_verdicts
 from jerkbench.audit.figures import ratio_figure, severity_figure
 from jerkbench.audit.methods import Method, methods, space_of_method
+from jerkbench.audit.model_figure import model_figure
 from jerkbench.audit.page import Contents, page
 from jerkbench.audit.protocol import AuditProtocol
 from jerkbench.audit.scenarios import Scenario, scenarios
@@ -177,6 +178,7 @@ def _write(audit: Audit, folder: Path, spaces: Mapping[Method, Space], makers: l
     for name, text in texts.items():
         _write_text(folder / name, text)
     save_figure(ratio_figure(audit.verdicts, audit.protocol.margin), folder / "ratios.png")
+    save_figure(model_figure(audit.verdicts, audit.protocol.margin), folder / "models.png")
     save_figure(severity_figure(audit.losses, audit.verdicts, audit.protocol), folder / "severity.png")
     save_figure(family_figure(audit.by_family), folder / "families.png")
     write_atomically(folder / "rows.parquet", lambda path: audit.outcome.test.to_parquet(path, index=False))

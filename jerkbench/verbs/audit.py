@@ -10,8 +10,8 @@ SCALE is a protocol in conf/audit: what is compared, under which faults, with wh
 are written before anything runs, and the seeds to score on follow from the hash.
 
   jerkbench audit --scale small      minutes: shows that all of it runs, answers nothing
-  jerkbench audit --scale medium     two models, half the settings
-  jerkbench audit                    the whole protocol
+  jerkbench audit --scale medium     two models, without what iterates: half an hour
+  jerkbench audit                    the whole protocol: 90 minutes on two cores
   jerkbench audit --attribution      what the gain of jerk and MTF over a naive baseline is made of
 
 The same command goes on where it was stopped; --stored judges what is stored, whatever version computed it (its digest

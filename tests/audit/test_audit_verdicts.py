@@ -1,11 +1,14 @@
 """Verdicts from rows whose answer is known: made by hand, no filter runs."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pandas as pd
 import pytest
 
 from jerkbench.audit.campaign import Outcome, seeds_of
 from jerkbench.audit.methods import Method
+from jerkbench.audit.model_figure import model_figure, ratios_by_adaptation
 from jerkbench.audit.page import page
 from jerkbench.audit.protocol import AuditProtocol, Family
 from jerkbench.audit.scenarios import scenarios
@@ -134,3 +137,17 @@ def test_the_page_says_what_the_verdicts_say():
     assert "1 better, 1 equal" in text
     assert "**c**: 1 of 2 better, 0 worse; the lowest ratio has baseline + mtf with 0.50." in text
     assert "The paper's claims" not in text  # there is no jerk + mtf
+
+
+def test_each_adaptation_stands_once_with_all_its_models_the_best_first():
+    """By hand: geometric means of (0.5, 2) and (0.9, 0.9) are 1 and 0.9."""
+    judged = {("mtf", "baseline"): 0.5, ("mtf", "jerk"): 2.0, ("chi2", "baseline"): 0.9, ("chi2", "jerk"): 0.9}
+    known = [
+        SimpleNamespace(method=Method(model, adaptation), tuned=SimpleNamespace(ratio=ratio))
+        for (adaptation, model), ratio in judged.items()
+    ]
+    ratios = ratios_by_adaptation(known)
+    assert list(ratios) == ["chi2", "mtf"]
+    assert ratios["mtf"] == {"baseline": 0.5, "jerk": 2.0}
+    (axes,) = model_figure(known, 0.03).axes
+    assert [text.get_text() for text in axes.get_yticklabels()] == ["chi2", "mtf"]
