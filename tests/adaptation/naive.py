@@ -191,31 +191,6 @@ def posterior_residual(u, R):
     return residual, covariance
 
 
-def reweighting(weights_of):
-    def adapted(u):
-        L, R = np.linalg.cholesky(u.R), u.R
-        for _ in range(5):
-            residual, _ = posterior_residual(u, R)
-            weights = np.maximum(weights_of(np.linalg.inv(L) @ residual, u), 1e-9)
-            R = sum(np.outer(column, column) / w for column, w in zip(L.T, weights, strict=True))
-        return R
-
-    return adapted
-
-
-def correntropy_weights(e, u):
-    return np.exp(-(e**2) / 50)
-
-
-def centred_entropy_weights(e, u):
-    weights = np.ones(6)
-    for i in np.flatnonzero(u.there):
-        others = [np.exp(-((e[i] - e[j]) ** 2) / 50) for j in np.flatnonzero(u.there) if j != i]
-        centre = np.exp(-(e[i] ** 2) / 50)
-        weights[i] = 0.8 * centre + 0.2 * np.mean(others) if others else centre
-    return weights
-
-
 def naive_similarity(u):
     weight, root = 1.0, np.linalg.inv(sqrtm(u.R).real)
     for _ in range(10):

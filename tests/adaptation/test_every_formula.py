@@ -28,14 +28,10 @@ ADAPT = {
 }
 """Plugins whose formulas hold for a full R as they are."""
 
-WEIGHTED = {
-    "maximum_correntropy_r": naive.correntropy_weights,
-    "cerkf_r": naive.centred_entropy_weights,
-}
 FADE = {"scalar_q": lambda: naive.naive_scalar_q, "adaptive_q": lambda: naive.NaiveAdaptiveQ(20)}
 
 
-def assert_agree(plugin, oracle, updates, rtol=1e-9):
+def assert_agree(plugin, oracle, updates):
     memory = empty_memory(plugin)
     changed = 0
     for y, HPHt, R, rows in updates:
@@ -44,9 +40,13 @@ def assert_agree(plugin, oracle, updates, rtol=1e-9):
         finite = np.isfinite(wanted)
         np.testing.assert_array_equal(np.isfinite(adapted), finite)
         scale = np.sqrt(np.outer(np.diag(R), np.diag(R)))
-        np.testing.assert_allclose((adapted / scale)[finite], (wanted / scale)[finite], rtol=rtol, atol=1e-11)
+        np.testing.assert_allclose((adapted / scale)[finite], (wanted / scale)[finite], rtol=1e-9, atol=1e-11)
         changed += not np.array_equal(adapted, R)
     assert changed > 5, "the sequence asks nothing of it"
+
+
+EXPONENTIAL = {"maximum_correntropy_r": 1.0, "cerkf_r": 0.8}
+"""Rules whose weights are exponentials, with the share of the rows' own kernel."""
 
 
 @pytest.mark.parametrize("seed", range(2))
@@ -56,14 +56,22 @@ def test_it_agrees_with_the_formulas_written_out(name, seed):
 
 
 @pytest.mark.parametrize("seed", range(2))
-@pytest.mark.parametrize("name", WEIGHTED)
-def test_weights_agree_with_the_information_form(name, seed):
-    # Exponential weights of larger outliers only show the rounding of the two ways.
-    updates = [*sequence(seed, 60, largest=9.0), *diagonal_sequence(seed + 10, 60, largest=9.0)]
-    assert_agree(create("adaptation", {"name": name}), naive.reweighting(WEIGHTED[name]), updates, rtol=1e-7)
+@pytest.mark.parametrize(("name", "eta"), EXPONENTIAL.items())
+def test_exponential_weights_are_those_of_sixty_digits(name, eta, seed):
+    """The information form in doubles is wrong by 2e-7 where a weight is 1e-9, on some processors."""
+    plugin = create("adaptation", {"name": name})
+    changed = 0
+    for y, HPHt, R, rows in [*sequence(seed, 60, largest=9.0), *diagonal_sequence(seed + 10, 60, largest=9.0)]:
+        adapted = plugin.adapt(y, HPHt, R, rows, np.zeros(0))
+        with localcontext(prec=60):
+            wanted = numbers(reweighted_exactly(*map(exact, (y, HPHt, R)), Decimal(eta)))
+        scale = np.sqrt(np.outer(np.diag(wanted), np.diag(wanted)))
+        assert np.abs((adapted - wanted) / scale).max() < 1e-11
+        changed += not np.array_equal(adapted, R)
+    assert changed > 5, "the sequence asks nothing of it"
 
 
-@pytest.mark.parametrize(("name", "eta"), [("maximum_correntropy_r", 1.0), ("cerkf_r", 0.8)])
+@pytest.mark.parametrize(("name", "eta"), EXPONENTIAL.items())
 def test_weights_are_those_of_sixty_digits_where_a_row_has_next_to_none(name, eta):
     """Beside a variance of 1e9 R the others had kept eight digits."""
     plugin = create("adaptation", {"name": name})
