@@ -1,4 +1,4 @@
-"""Measurement noise whose sigma follows a sine."""
+"""Measurement noise whose sigma follows a sine; the errors themselves stay white."""
 
 from dataclasses import dataclass
 from typing import ClassVar
