@@ -19,6 +19,8 @@ from jerkbench.execution.cell_run import CellRun
 from jerkbench.execution.inputs import Inputs, attitude_of
 from jerkbench.execution.simulation_cache import simulated
 from jerkbench.results.store import Store
+from jerkbench.sweep.seed_blocks import block_of
+from jerkbench.sweep.tasks import Planned, Result
 from jerkbench.timeline.timeline import build_timeline
 
 ONCE, EACH = "once a recording", "each run"
@@ -63,13 +65,14 @@ def tell_cells(seeds: int) -> None:
     for model, adaptation in CHOICES:
         cell = cell_of(model, adaptation, seeds)
         tell(f"{model}, {adaptation}: filtered and scored", EACH, seeds, lambda cell=cell: CellRun(cell, "").rows())  # type: ignore[misc]  # mypy knows no default in a lambda
-    rows, _ = CellRun(cell, "").rows()
+    rows, notes = CellRun(cell, "").rows()
+    first, *others = [block_of(Planned(cell, f"{k:064x}", ""), Result(rows, notes, 0.0)) for k in range(101)]
     with tempfile.TemporaryDirectory() as folder:
         store = Store(Path(folder))
-        store.write("first", rows, {})
-        store.look(["first"])
-        keys = [f"key{k}" for k in range(100)]
-        tell("stored", "each cell", len(keys), lambda: [store.write(key, rows, {}) for key in keys])
+        store.write_blocks([first])
+        store.look([first.key])
+        keys = [block.key for block in others]
+        tell("stored", "each cell", len(keys), lambda: [store.write_blocks([block]) for block in others])
         tell("looked up and checked", "each cell that is done", len(keys), lambda: store.look(keys))
 
 
