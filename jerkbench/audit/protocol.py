@@ -128,8 +128,8 @@ class AuditProtocol:
 def digest_of(protocol: Any) -> str:  # noqa: ANN401 - any dataclass
     """Return the first 12 digits of the SHA-256 of all that a protocol says."""
     later = {field.name for field in dataclasses.fields(protocol) if field.metadata == LATER}
-    said = {name: value for name, value in dataclasses.asdict(protocol).items() if value or name not in later}
-    text = json.dumps(said, sort_keys=True, default=list)
+    stated = {name: value for name, value in dataclasses.asdict(protocol).items() if value or name not in later}
+    text = json.dumps(stated, sort_keys=True, default=list)
     return hashlib.sha256(text.encode()).hexdigest()[:12]
 
 

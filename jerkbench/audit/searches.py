@@ -47,6 +47,8 @@ def losses(rows: pd.DataFrame, levels: Mapping[int, float]) -> pd.Series:
 def levels_of(rows: pd.DataFrame, plain: str) -> dict[int, float]:
     """Return what the best plain filter has at its defaults (trial 0) in each scenario: geometric mean of its runs [m].
 
+    Estimators that stand apart, and GNSS alone, are plain filters too: a lost run counts a hundredfold of the best.
+
     Raises:
         JerkbenchError: every plain filter was lost in some scenario, so that it has no level.
     """

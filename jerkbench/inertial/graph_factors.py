@@ -22,6 +22,7 @@ def expected_antenna(pose: int, antenna_m: FloatArray) -> Expected:
     arm = skew(antenna_m)
 
     def expected(values: Any) -> tuple[FloatArray, FloatArray]:  # noqa: ANN401 - GTSAM has no types
+        """Return the place (3,) [m] and its Jacobian (3, 6)."""
         at = values.atPose3(pose)
         dcm = at.rotation().matrix()
         return at.translation() + dcm @ antenna_m, np.hstack([-dcm @ arm, dcm])
@@ -38,6 +39,7 @@ def switched(gtsam: Any, state: int, switch: int, expected: Expected, z: FloatAr
     """Return the factor with the residual s (h(x) - z): ``switch`` is the key of s, ``state`` that of x."""
 
     def residual(_: Any, values: Any, jacobians: list[FloatArray] | None) -> FloatArray:  # noqa: ANN401
+        """Return s (h(x) - z) (m,), and fill in the Jacobians in the state and in s."""
         s, (h, H) = float(values.atVector(switch)[0]), expected(values)
         if jacobians is not None:
             jacobians[0], jacobians[1] = s * H, (h - z)[:, None]
@@ -50,6 +52,7 @@ def measured_heading(gtsam: Any, pose: int, yaw_rad: float, sigma_rad: float) ->
     """Return the factor of a heading of the pose with this key."""
 
     def residual(_: Any, values: Any, jacobians: list[FloatArray] | None) -> FloatArray:  # noqa: ANN401
+        """Return the difference (1,) [rad], and fill in the Jacobian in the pose."""
         dcm = values.atPose3(pose).rotation().matrix()
         h, H = yaw_of(dcm)
         if jacobians is not None:
