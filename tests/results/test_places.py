@@ -58,13 +58,13 @@ def test_a_sweep_that_is_interrupted_goes_on_and_is_tabled(address, expected, tm
 @pytest.mark.parametrize("address", ["s3"], indirect=True)
 def test_a_folder_that_ends_while_it_is_listed_is_an_empty_one(address, monkeypatch):
     """All that it held was the probe of another process, which begins at the same moment."""
-    study = place(f"{address}/adhoc")
+    study = place(f"{address}/begun")
     probe = study / "cells" / ".probe.1"
     of = type(study.fs)._isdir
 
     async def there_and_gone(files, path):
         there = await of(files, path)
-        if path.endswith("adhoc/cells"):
+        if path.endswith("begun/cells"):
             await files._rm_file(probe.path)
         return there
 
