@@ -75,8 +75,8 @@ class Mtf:
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
     ) -> FloatArray:
         """Return R with the variances of the rows in question inflated."""
-        triggered = squared_length(innovation) >= np.trace(HPHt) + np.trace(R)
-        if memory[-1] < self.after:
+        begun = memory[-1] >= self.after
+        if not begun:
             memory[-1] += 1.0
-            triggered = False
+        triggered = begun and squared_length(innovation) >= np.trace(HPHt) + np.trace(R)
         return inflated(innovation, HPHt, R, rows, memory, self.window, self.guard, (triggered, triggered))

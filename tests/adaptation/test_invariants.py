@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from jerkbench.adaptation.mtf import Mtf
 from jerkbench.adaptation.none import NoAdaptation
@@ -21,6 +23,14 @@ def random_case(rng, rows=ALL_ROWS, scale=3.0):
     return scale * rng.normal(size=m) * np.sqrt(np.diag(HPHt + R)), HPHt, R
 
 
+CASES = st.builds(
+    lambda seed, scale: random_case(np.random.default_rng(seed), scale=scale),
+    st.integers(0, 2**32 - 1),
+    st.floats(0.05, 50.0),
+)
+"""Covariances of any kind; a small scale is below the threshold, a large one far above."""
+
+
 def adapt(adaptation, case, rows=ALL_ROWS, memory=None):
     memory = empty_memory(adaptation) if memory is None else memory
     return adaptation.adapt(*case, rows, memory)
@@ -37,9 +47,9 @@ def test_the_reported_r_is_not_changed_in_place(adaptation):
     np.testing.assert_array_equal(case[2], before)
 
 
-@pytest.mark.parametrize("seed", range(20))
-def test_after_mtf_no_squared_innovation_exceeds_its_variance_and_off_diagonals_stay(seed):
-    y, HPHt, R = case = random_case(np.random.default_rng(seed))
+@given(CASES)
+def test_after_mtf_no_squared_innovation_exceeds_its_variance_and_off_diagonals_stay(case):
+    y, HPHt, R = case
     adapted = adapt(Mtf(), case)
 
     assert (y @ y >= np.trace(HPHt) + np.trace(R)) == (adapted != R).any()
@@ -48,9 +58,9 @@ def test_after_mtf_no_squared_innovation_exceeds_its_variance_and_off_diagonals_
     np.testing.assert_array_equal(adapted - np.diag(np.diag(adapted)), R - np.diag(np.diag(R)))
 
 
-@pytest.mark.parametrize("seed", range(20))
-def test_after_scalar_r_the_trace_of_s_is_the_squared_innovation(seed):
-    y, HPHt, R = case = random_case(np.random.default_rng(seed))
+@given(CASES)
+def test_after_scalar_r_the_trace_of_s_is_the_squared_innovation(case):
+    y, HPHt, R = case
     adapted = adapt(ScalarR(), case)
     triggered = y @ y >= np.trace(HPHt) + np.trace(R)
 
