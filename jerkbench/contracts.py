@@ -5,6 +5,7 @@ plugin that has such a part is asked for it; one whose part is misspelt is refus
 """
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
+from functools import cache
 from typing import ClassVar, Literal, Protocol, Self, runtime_checkable
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
@@ -496,3 +497,15 @@ REQUIRED: Mapping[str, tuple[type, ...]] = {
     "metric": (Metric,),
 }
 """The contract of each kind; a filter has one of two."""
+
+
+def has_methods(plugin: object, protocol: type) -> bool:
+    """Whether the class of a plugin has the methods of a ``protocol`` that asks for methods alone."""
+    kind: type = type(plugin)
+    return _has_methods(kind, protocol)
+
+
+@cache
+def _has_methods(kind: type, protocol: type) -> bool:
+    """As `isinstance` says, which takes ten microseconds each time: of a sweep each run asks."""
+    return issubclass(kind, protocol)

@@ -1,9 +1,11 @@
 """The memory of an adaptation: a vector, which it need not have."""
 
+from typing import cast
+
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.contracts import Remembering, RememberingStates
+from jerkbench.contracts import Remembering, RememberingStates, has_methods
 
 MEASURED = 6
 """States of position and velocity, which every filter has."""
@@ -14,6 +16,11 @@ def empty_memory(adaptation: object, states: int = MEASURED) -> FloatArray:
 
     It is zero, and of no length where the adaptation does not remember anything.
     """
-    if isinstance(adaptation, RememberingStates):
-        return np.zeros(adaptation.memory_size_of(states))
-    return np.zeros(adaptation.memory_size() if isinstance(adaptation, Remembering) else 0)
+    return np.zeros(memory_size(adaptation, states))
+
+
+def memory_size(adaptation: object, states: int) -> int:
+    """Return how many numbers ``adaptation`` remembers over a filter of ``states`` states."""
+    if has_methods(adaptation, RememberingStates):
+        return cast("RememberingStates", adaptation).memory_size_of(states)
+    return cast("Remembering", adaptation).memory_size() if has_methods(adaptation, Remembering) else 0

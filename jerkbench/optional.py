@@ -22,6 +22,7 @@ from jerkbench.contracts import (
     TrueCovariance,
     UsingImu,
     WithoutImu,
+    has_methods,
 )
 from jerkbench.errors import unknown
 from jerkbench.timeline.timeline import Timeline
@@ -66,11 +67,9 @@ def uses_imu(model: object) -> bool:
 
 def clocked(adaptation: A, timeline: Timeline) -> A:
     """Return ``adaptation`` for the run over ``timeline``: one that is `Clocked` hears when its updates are."""
-    if not isinstance(adaptation, Clocked):
+    if not has_methods(adaptation, Clocked):
         return adaptation
-    rows = timeline.update[timeline.update >= 0]
-    rows = rows[np.isfinite(timeline.measurements.z[rows]).any(axis=1)]
-    return cast("A", adaptation.at_updates(timeline.measurements.t_ns[rows] * 1e-9 - timeline.t_s[0]))
+    return cast("A", cast("Clocked", adaptation).at_updates(timeline.update_times_s))
 
 
 def wants_truth(adaptation: object) -> bool:

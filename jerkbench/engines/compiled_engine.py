@@ -6,7 +6,7 @@ from functools import cache
 from typing import TYPE_CHECKING, cast
 
 from jerkbench.compilation.module_cache import can_compile
-from jerkbench.contracts import Adaptation, Clocked, Filter
+from jerkbench.contracts import Adaptation, Filter
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.estimate import Estimate
 from jerkbench.notices import notify
@@ -89,10 +89,11 @@ class CompiledEngine:
 
 
 def _rules(adaptation: Adaptation | Sequence[Adaptation], runs: Sequence[Run]) -> "list[Rule | None]":
-    if not isinstance(adaptation, Sequence) and not isinstance(adaptation, Clocked):
-        return [compiled_rule(adaptation)] * len(runs)
+    """The compiled adaptation of each run; equal ones are one, which has been asked for once."""
     every = adaptation if isinstance(adaptation, Sequence) else [adaptation] * len(runs)
-    return [compiled_rule(clocked(own, run.timeline)) for own, run in zip(every, runs, strict=True)]
+    owned = [clocked(own, run.timeline) for own, run in zip(every, runs, strict=True)]
+    known = {own: compiled_rule(own) for own in dict.fromkeys(owned)}
+    return [known[own] for own in owned]
 
 
 def compiled_rule(adaptation: Adaptation) -> "Rule | None":

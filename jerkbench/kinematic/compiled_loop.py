@@ -15,7 +15,7 @@ from jerkbench.kinematic.loop import run_steps
 ALONE = ("run_steps", "start", "predict", "add_row", "mahalanobis", "correct", "check_definite")
 SELDOM = (
     *("predict_any", "clear_absent", "_pack", "_fade", "_unpack"),
-    *("advance", "adapt_prior", "take_whole", "put_covariance", "find_gains", "put_gains", "_own_update"),
+    *("advance", "adapt_prior", "take_whole", "put_covariance", "find_gains", "put_gains", "_own_update", "_widen"),
 )
 APART = ALONE + SELDOM
 """Kernels that stand alone, and those that are seldom called: one body of all of them takes long to compile."""

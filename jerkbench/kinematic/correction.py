@@ -17,12 +17,13 @@ for two states of the first kind, two of the second, and one of each. Rounding i
 
 from jerkbench.arrays import FloatArray
 from jerkbench.compilation.vector_ops import scratch
-from jerkbench.compilation.vectors import chosen
+from jerkbench.compilation.vectors import chosen, vectors
 from jerkbench.kalman import EXPOSED, FLOOR, INDEFINITE, ROUNDING
 from jerkbench.kinematic.gain import solve_column, solve_innovation, solve_measured
 from jerkbench.kinematic.layout import (
     AT,
     DIAGONAL,
+    DOUBT,
     ELEMENT,
     FINE,
     KEPT,
@@ -31,6 +32,7 @@ from jerkbench.kinematic.layout import (
     SQUARED,
     WIDTH,
     K,
+    M,
     N,
     R,
     S,
@@ -38,6 +40,9 @@ from jerkbench.kinematic.layout import (
     X,
     Y,
 )
+
+BOUND = 4.0 * EXPOSED
+"""More than (1 + e) EXPOSED (`_may_be_rounding`)."""
 
 
 def correct(w: FloatArray, columns: int) -> None:
@@ -53,13 +58,30 @@ def correct(w: FloatArray, columns: int) -> None:
         solve_measured(w, s)
     for s in range(6, columns):
         solve_column(w, s)
-    spread = scratch(S, WIDTH)
-    _fill_spread(w, spread)
+    taken_from = scratch(S, WIDTH)
+    for s in range(S):
+        taken_from[s] = w[AT[s, s]]
+    for s in range(6):
+        taken_from[s] = chosen(w[FINE + s], 0.0, w[R + 7 * s], w[AT[s, s]])
+    _correct_measured(w)
+    _correct_others(w, columns)
+    if _may_be_rounding(w, taken_from):
+        _widen(w, taken_from)
+    if WIDTH == 1:
+        mirror(w)
+
+
+def _correct_measured(w: FloatArray) -> None:
+    """Position and velocity."""
     for s in range(6):
         moved = _times(w, W + s, S)
         w[X + s] += chosen(w[FINE + s], 0.0, w[Y + s] - moved, moved)
         for t in range(s + 1):
             _update_measured(w, s, t)
+
+
+def _correct_others(w: FloatArray, columns: int) -> None:
+    """The states that are not measured, among each other and with position and velocity."""
     for s in range(6, columns):
         w[X + s] += _times(w, W + s, S)
         for t in range(6):
@@ -68,9 +90,6 @@ def correct(w: FloatArray, columns: int) -> None:
         for t in range(6, s):
             w[AT[s, t]] = w[AT[s, t]] - _product(w, s, t)
         w[AT[s, s]] = w[AT[s, s]] - _product(w, s, s)
-    _widen(w, spread)
-    if WIDTH == 1:
-        mirror(w)
 
 
 def _update_measured(w: FloatArray, s: int, t: int) -> None:
@@ -80,25 +99,41 @@ def _update_measured(w: FloatArray, s: int, t: int) -> None:
     w[AT[s, t]] = chosen(w[FINE + s] * w[FINE + t], 0.0, w[R + 6 * s + t] - product, mixed)
 
 
-def _fill_spread(w: FloatArray, spread: FloatArray) -> None:
-    """What the variances of all states will be left of (`jerkbench.kalman.spread_by`)."""
+def _may_be_rounding(w: FloatArray, taken_from: FloatArray) -> bool:
+    """Whether `_widen` may have something to do, of a run that is not lost.
+
+    Of G' Z = Z' S Z = ``taken_from`` - posterior, with C the matrix of S's correlations and of m rows, it holds that
+
+        sum_i Z_i^2 S_ii <= Z' S Z / eigenvalue(C),    eigenvalue(C) >= det C ((m - 1) / m)^(m - 1) > det C / e
+
+    because the other eigenvalues of C have a mean of at most m / (m - 1). So what the posterior is left of is less than
+    (1 + e) / det C times ``taken_from``.
+    """
+    factor: float = BOUND * w[M] * w[DIAGONAL]
+    for r in range(1, 6):
+        factor *= w[M + 7 * r] * w[DIAGONAL + r]
+    doubt: float = w[LOST] * 0.0
     for s in range(S):
-        spread[s] = w[K + s] * w[K + s] * w[DIAGONAL]
-    for i in range(1, 6):
-        for s in range(S):
-            spread[s] += w[K + S * i + s] * w[K + S * i + s] * w[DIAGONAL + i]
-    for s in range(6):
-        spread[s] += (1.0 - w[FINE + s]) * w[AT[s, s]]
-    for s in range(6, S):
-        spread[s] += w[AT[s, s]]
+        doubt += chosen(w[AT[s, s]], factor * taken_from[s], 0.0, 1.0)
+    w[DOUBT] = chosen(w[LOST], 0.0, 0.0, doubt)
+    numbers, total = vectors(w, 1), 0.0
+    for run in range(WIDTH):
+        total += numbers[WIDTH * DOUBT + run]
+    return total > 0.0
 
 
-def _widen(w: FloatArray, spread: FloatArray) -> None:
-    """Add rounding to the variances; raise LOST where one is nothing else."""
+def _widen(w: FloatArray, taken_from: FloatArray) -> None:
+    """Add rounding to the variances (`jerkbench.kalman.spread_by`); raise LOST where one is nothing else."""
+    lost = w[LOST]
     for s in range(S):
-        variance = w[AT[s, s]]
-        w[LOST] += chosen(variance, ROUNDING * spread[s], 0.0, 1.0)
-        w[AT[s, s]] = variance + chosen(EXPOSED * spread[s], variance, FLOOR * spread[s], 0.0)
+        variance, spread = w[AT[s, s]], taken_from[s]
+        if s < 6:
+            spread = (1.0 - w[FINE + s]) * spread
+        for i in range(6):
+            spread += w[K + S * i + s] * w[K + S * i + s] * w[DIAGONAL + i]
+        lost += chosen(variance, ROUNDING * spread, 0.0, 1.0)
+        w[AT[s, s]] = variance + chosen(EXPOSED * spread, variance, FLOOR * spread, 0.0)
+    w[LOST] = lost
 
 
 def mirror(w: FloatArray) -> None:
@@ -129,24 +164,26 @@ def _product(w: FloatArray, s: int, t: int) -> float:
 
 def check_definite(w: FloatArray) -> None:
     """Raise LOST where the covariance has no factors L D L' with D > 0 but for rounding, or the state is no number."""
-    C = scratch(SQUARED, WIDTH)
+    C, lost = scratch(SQUARED, WIDTH), w[LOST]
     for s in range(S):
-        w[LOST] += chosen(1.0, w[X + s] * 0.0, 0.0, 1.0)
+        lost += chosen(1.0, w[X + s] * 0.0, 0.0, 1.0)
         for t in range(s, S):
             C[S * s + t] = w[AT[s, t]]
         C[(S + 1) * s] *= 1.0 + INDEFINITE
-    _eliminate(w, C, 0)  # three by three: the compiler unrolls no longer loops, and then C needs no memory
-    _eliminate(w, C, 3)
+    lost = _eliminate(C, 0, lost)  # three by three: the compiler unrolls no longer loops, and then C needs no memory
+    lost = _eliminate(C, 3, lost)
     for c in range(6, S, 3):
-        _eliminate(w, C, c)
+        lost = _eliminate(C, c, lost)
+    w[LOST] = lost
 
 
-def _eliminate(w: FloatArray, C: FloatArray, first: int) -> None:
-    """Eliminate three columns, of the upper triangle; raise LOST where a pivot is not positive."""
+def _eliminate(C: FloatArray, first: int, lost: float) -> float:
+    """Eliminate three columns, of the upper triangle; return ``lost``, and more where a pivot is not positive."""
     for c in range(first, first + 3):
-        w[LOST] += chosen(C[(S + 1) * c], 0.0, 0.0, 1.0)
+        lost += chosen(C[(S + 1) * c], 0.0, 0.0, 1.0)
         scale = 1.0 / C[(S + 1) * c]
         for r in range(c + 1, S):
             factor = C[S * c + r] * scale
             for j in range(r, S):
                 C[S * r + j] -= factor * C[S * c + j]
+    return lost

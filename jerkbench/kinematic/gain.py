@@ -40,6 +40,7 @@ def determinant(w: FloatArray) -> float:
 
 def _fill_innovation_covariance(w: FloatArray) -> None:
     """M = H P H' + R; a row that is not used becomes one of the identity."""
+    lost = w[LOST]
     for r in range(6):
         kept = w[KEPT + r]
         w[DIAGONAL + r] = kept * (w[AT[r, r]] + w[R + 7 * r]) + (1.0 - kept)
@@ -47,7 +48,8 @@ def _fill_innovation_covariance(w: FloatArray) -> None:
             both = kept * w[KEPT + c]
             w[M + 6 * r + c] = both * (w[AT[r, c]] + w[R + 6 * r + c])
             apart = both * (w[R + 6 * r + c] - w[R + 6 * c + r])
-            w[LOST] += chosen(apart * apart, UNEQUAL * w[DIAGONAL + r] * w[DIAGONAL + c], 1.0, 0.0)
+            lost += chosen(apart * apart, UNEQUAL * w[DIAGONAL + r] * w[DIAGONAL + c], 1.0, 0.0)
+    w[LOST] = lost
 
 
 def _factorise(w: FloatArray) -> None:
@@ -60,14 +62,16 @@ def _factorise(w: FloatArray) -> None:
         w[M + 7 * r] = w[DIAGONAL + r]
         for c in range(r):
             w[M + 6 * c + r] = w[M + 6 * r + c]
+    lost = w[LOST]
     for c in range(6):
-        w[LOST] += chosen(w[M + 7 * c], ROUNDING * w[DIAGONAL + c], 0.0, 1.0)
+        lost += chosen(w[M + 7 * c], ROUNDING * w[DIAGONAL + c], 0.0, 1.0)
         w[M + 7 * c] = 1.0 / w[M + 7 * c]
         for r in range(5, c, -1):  # a row needs those above it before they are scaled
             factor = w[M + 6 * r + c] * w[M + 7 * c]
             for j in range(c + 1, r + 1):
                 w[M + 6 * r + j] -= factor * w[M + 6 * j + c]
             w[M + 6 * r + c] = factor
+    w[LOST] = lost
 
 
 def solve_innovation(w: FloatArray) -> None:

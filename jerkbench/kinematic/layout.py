@@ -44,6 +44,7 @@ def layout(n: int, width: int) -> dict[str, int]:
         "X": s,  # state
         "W": 6 * s,  # G: H P, or R in the columns of the finer rows
         "K": 6 * s,  # S^-1 G
+        "DOUBT": 1,  # above 0 where what an update leaves of a variance may be rounding
         "LOST": 1,  # above 0 once a matrix was not positive definite
         "ENDED": 1,  # row of z at which that was, or -1
         "E": 6,  # error of position and velocity
@@ -91,9 +92,9 @@ WIDTH, N, S, SIZE, SQUARED, ELEMENT, PAIR = (
     _PLACES[k] for k in ("WIDTH", "N", "S", "SIZE", "SQUARED", "ELEMENT", "PAIR")
 )
 """SIZE, SQUARED: numbers of elements of A, and of P. ELEMENT, PAIR: from one of the covariance to the next."""
-B, SAME, M, DIAGONAL, R, WHITE, SOLVED, Y, KEPT, VARIANCE, FINE, X, W, K, LOST, ENDED, E, SQUARE = list(
+B, SAME, M, DIAGONAL, R, WHITE, SOLVED, Y, KEPT, VARIANCE, FINE, X, W, K, DOUBT, LOST, ENDED, E, SQUARE = list(
     _PLACES.values()
-)[7:25]
+)[7:26]
 EAST, NORTH, UP, WHOLE, VEAST, VNORTH, VUP, NEES, NEES_POSITION, OUTAGE = (_PLACES[name] for name in TOTALS[:10])
 LARGEST, FARTHEST, NIS, UPDATES, NIS_USED, UPDATES_USED = (_PLACES[name] for name in TOTALS[10:])
 DENSE = 1

@@ -13,7 +13,7 @@ from jerkbench.contracts import Adaptation, AdaptingGain, AdaptingPrior, Fading
 from jerkbench.estimation.adaptation_call import ADAPT, GIVEN
 from jerkbench.kinematic.arguments import Packed, Rules, Whole
 from jerkbench.kinematic.layout import WIDTH, S
-from jerkbench.memory import empty_memory
+from jerkbench.memory import memory_size
 from jerkbench.optional import wants_truth
 
 FADE = Method("fade", GIVEN, ("m", "size"), (("m", 6),), "")
@@ -123,7 +123,7 @@ def rules_of(rules: Sequence[Rule], states: int) -> Rules:
     parameters = np.zeros((len(rules), max(len(rule.parameters) for rule in rules)))
     for run, rule in enumerate(rules):
         parameters[run, : len(rule.parameters)] = rule.parameters
-    sizes = np.array([len(empty_memory(rule.adaptation, states)) for rule in rules])
+    sizes = np.array([memory_size(rule.adaptation, states) for rule in rules])
     adapt, fade = np.array([rule.adapt for rule in rules]), np.array([rule.fade for rule in rules])
     prior, gain = np.array([rule.prior for rule in rules]), np.array([rule.gain for rule in rules])
     memory = np.zeros((len(rules), sizes.max()))

@@ -5,6 +5,7 @@ two IMU stamps splits the interval. Times are compared as whole nanoseconds, so 
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -45,6 +46,13 @@ class Timeline:
     P0: FloatArray
     euler_rad: FloatArray
     t_s: FloatArray
+
+    @cached_property
+    def update_times_s(self) -> FloatArray:
+        """(m,) when the updates are that measure anything, seconds since the start."""
+        rows = self.update[self.update >= 0]
+        rows = rows[np.isfinite(self.measurements.z[rows]).any(axis=1)]
+        return np.asarray(self.measurements.t_ns[rows] * 1e-9 - self.t_s[0])
 
 
 def build_timeline(recording: Recording, attitude: Attitude) -> Timeline:
