@@ -14,9 +14,11 @@ That must not be more than a twentieth of a sigma: where it is, a threshold has 
 or a run has failed by it. Nothing after that is compared: the run is cut.
 """
 
+import json
 import os
 from collections import Counter
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -48,81 +50,7 @@ STEPS = st.lists(st.tuples(LENGTHS_S, st.booleans(), ROWS, st.sampled_from([1e-3
 MODELS = [*(plugins.create("filter", {"name": name}) for name in FILTERS), Damped()]
 VBAKF = {"name": "vbakf_pr"}
 SEEN = Counter()
-SINGULAR = {
-    "refused by one engine alone, 103.12 s": (
-        [
-            (0.0, True, "both", 30.0),
-            (1.0, True, "both", 0.001),
-            (1.0, True, "position", 0.01),
-            (1.0, True, "both", 1.0),
-            (0.01, False, "none", 0.001),
-            (1e-09, True, "some", 1.0),
-            (0.1, False, "position", 1.0),
-            (0.0, False, "position", 30.0),
-            (0.0, False, "both", 1.0),
-            (0.01, True, "both", 0.001),
-            (100.0, True, "both", 1.0),
-        ],
-        1306692634,
-    ),
-    "refused two updates later by one, 205.26 s": (
-        [
-            (0.01, True, "both", 0.001),
-            (0.01, False, "none", 1.0),
-            (0.1, False, "both", 1.0),
-            (1.0, True, "velocity", 30.0),
-            (0.01, False, "position", 30.0),
-            (100.0, True, "none", 1.0),
-            (1.0, True, "some", 0.001),
-            (1.0, False, "position", 0.01),
-            (0.01, False, "position", 0.01),
-            (1.0, False, "position", 1.0),
-            (0.0, True, "both", 0.01),
-            (0.1, False, "some", 30.0),
-            (0.01, False, "both", 0.001),
-            (0.01, True, "both", 0.001),
-            (1e-09, False, "both", 30.0),
-            (100.0, True, "velocity", 30.0),
-            (1.0, True, "both", 30.0),
-            (0.1, True, "velocity", 30.0),
-            (0.0, True, "both", 30.0),
-            (0.01, True, "both", 1.0),
-            (1.0, True, "both", 0.001),
-            (0.01, True, "both", 0.001),
-        ],
-        4044122277,
-    ),
-    "refused one update later by one, 101.04 s": (
-        [
-            (0.01, True, "both", 0.001),
-            (0.01, True, "position", 1.0),
-            (0.0, True, "velocity", 1.0),
-            (1.0, False, "both", 30.0),
-            (0.01, True, "both", 0.01),
-            (0.01, True, "both", 0.001),
-            (100.0, True, "none", 1.0),
-            (0.0, False, "some", 1.0),
-            (1e-09, True, "both", 30.0),
-            (0.01, True, "some", 0.001),
-            (0.0, True, "both", 0.001),
-            (0.01, True, "both", 30.0),
-            (1.0, False, "position", 30.0),
-            (1.0, False, "both", 1.0),
-            (0.1, True, "position", 30.0),
-            (0.1, False, "position", 0.01),
-            (0.0, False, "both", 0.01),
-            (1.0, False, "position", 0.001),
-            (0.1, True, "none", 1.0),
-            (0.01, False, "position", 0.001),
-            (0.0, False, "velocity", 0.01),
-            (0.01, True, "both", 30.0),
-            (0.1, True, "velocity", 30.0),
-            (0.1, False, "some", 0.01),
-            (100.0, False, "both", 30.0),
-        ],
-        4070036607,
-    ),
-}
+SINGULAR = json.loads(Path(__file__).with_name("singular_timelines.json").read_text(encoding="utf-8"))
 """Timelines at whose end the prior is singular to rounding: its noise had decided which engine refuses, and when."""
 
 
@@ -209,10 +137,10 @@ def test_a_gain_of_their_own_leaves_nothing_of_a_prior_that_is_large_after_a_gap
         assert compare(timeline, model, plugins.create("adaptation", {"name": name})) in {"strictly", "rounded"}
 
 
-@pytest.mark.parametrize(("steps", "seed"), SINGULAR.values(), ids=SINGULAR)
-def test_where_the_prior_is_singular_to_rounding_both_engines_end_alike(steps, seed):
+@pytest.mark.parametrize("timeline", SINGULAR)
+def test_where_the_prior_is_singular_to_rounding_both_engines_end_alike(timeline):
     """`strong_tracking` makes it 1e14 to 1e20 R after a gap; what an update leaves of it is widened by rounding."""
-    timeline = timeline_of(steps, seed)
+    timeline = timeline_of(**SINGULAR[timeline])
     pair = plugins.create("filter", {"name": "bias"}), plugins.create("adaptation", {"name": "strong_tracking"})
     runs = [engine.run(timeline, *pair) for engine in (FilterpyEngine(), CompiledEngine())]
     assert runs[0].failure == runs[1].failure
