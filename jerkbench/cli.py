@@ -69,12 +69,25 @@ def _guarded(words: list[str]) -> None:
             warnings.showwarning = _one_line
             _run(words[1:]) if words[:1] == ["run"] else _answer(words)
     except JerkbenchError as error:
+        if _is_interrupted(error):
+            _end_interrupted()
         exit_with(error)
     except KeyboardInterrupt:
-        print("jerkbench: interrupted.", file=sys.stderr)
-        raise SystemExit(INTERRUPTED) from None
+        _end_interrupted()
     except BrokenPipeError:  # the reader, `head` for example, has had enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _is_interrupted(error: BaseException | None) -> bool:
+    """Whether an error was raised while an interrupt was on its way: a library tidied up what it had half made."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__context__
+    return error is not None
+
+
+def _end_interrupted() -> NoReturn:
+    print("jerkbench: interrupted.", file=sys.stderr)
+    raise SystemExit(INTERRUPTED) from None
 
 
 def _interrupt(*_: object) -> NoReturn:

@@ -4,6 +4,7 @@ import os
 from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 from platformdirs import user_cache_path
 
@@ -44,6 +45,17 @@ def _upload(path: Path, write: Callable[[Path], object]) -> None:
         local = Path(folder) / path.name
         write(local)
         path.write_bytes(local.read_bytes())
+
+
+def read_text(path: Path) -> str:
+    """Read a file, UTF-8, as it was at one moment: of an object store by one request.
+
+    To open an object and to read it are two requests: where another process writes it in between, the second fails.
+    """
+    if is_remote(path):
+        remote: Any = path
+        return bytes(remote.fs.cat_file(remote.path)).decode()
+    return path.read_text(encoding="utf-8")
 
 
 def matching(folder: Path, pattern: str) -> list[Path]:

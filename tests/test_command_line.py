@@ -7,6 +7,7 @@ import time
 
 import pandas as pd
 import pytest
+from omegaconf.errors import ConfigAttributeError
 
 from commands import SHORT, environment, jerkbench, swept
 from jerkbench.cli import main
@@ -324,6 +325,21 @@ def test_sigterm_while_a_sweep_is_planned_ends_with_a_sentence(tmp_path):
         _, err = process.communicate(timeout=300)
 
     assert (process.returncode, err) == (130, "jerkbench: interrupted.\n")
+
+
+def test_an_interrupt_that_a_library_turns_into_its_own_error_is_one_all_the_same(monkeypatch, capsys):
+    def composing(_):
+        try:
+            raise KeyboardInterrupt
+        finally:
+            raise ConfigAttributeError(
+                "Missing key _flags_cache"
+            )  # OmegaConf gives back a flag of what it had half made
+
+    monkeypatch.setattr("jerkbench.hydra_app.app.main", composing)
+    with pytest.raises(SystemExit) as end:
+        main(["run"])
+    assert (end.value.code, capsys.readouterr().err) == (130, "jerkbench: interrupted.\n")
 
 
 def test_two_thousand_values_are_planned_without_composing_each(loader_calls, said_in_process, monkeypatch):

@@ -18,7 +18,7 @@ import pandas as pd
 from jerkbench.cells.labels import Labels
 from jerkbench.cells.provenance import git_commit, versions
 from jerkbench.errors import JerkbenchError, unknown
-from jerkbench.files import exists, write_atomically, write_text
+from jerkbench.files import read_text, write_atomically, write_text
 from jerkbench.places import is_remote
 from jerkbench.plain import plain
 from jerkbench.report.analysis.rule import SPENDS
@@ -113,7 +113,7 @@ def load_study(folder: Path, prefer: Collection[str] = ()) -> Study:
         held = f"no results but {len(broken)} damaged files" if broken else "no results"
         raise JerkbenchError(f"{folder} holds {held}; `jerkbench run` writes them there (cells/*.parquet).")
     manifest = read_manifest(folder)
-    order = {key: place for place, key in enumerate(manifest.get("cells", []))}
+    order = {key: place for place, key in enumerate(dict.fromkeys([*manifest.get("cells", []), *prefer]))}
     chosen = current(content, order, set(prefer or manifest.get("last", [])))
     cells = [content.metadata[place] for place in chosen.places]
     keys = [content.keys[place] for place in chosen.places]
@@ -215,15 +215,15 @@ def _tagged(before: Mapping[str, list[str]], keys: Sequence[str], tags: Sequence
 def read_manifest(folder: Path) -> dict[str, Any]:
     """Read the manifest; empty where there is none yet."""
     path = folder / MANIFEST
-    if not exists(path):
-        return {}
     try:
-        manifest: dict[str, Any] = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
-        sound = path.is_file() and is_manifest(manifest)
-    except (ValueError, RecursionError):  # no text, or no JSON
-        sound = False
-    if sound:
-        return manifest
+        manifest: dict[str, Any] = json.loads(read_text(path))
+        if is_manifest(manifest):
+            return manifest
+    except FileNotFoundError:
+        if not path.is_symlink():
+            return {}
+    except (ValueError, RecursionError, IsADirectoryError):  # no text, no JSON, or no file
+        pass
     print(f"{path} is damaged and left aside; `jerkbench run` makes it anew.", file=sys.stderr)
     return {}
 

@@ -1,6 +1,8 @@
 """Results in an object store: a sweep that is interrupted there, goes on, and is tabled."""
 
+import json
 import sys
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
@@ -9,6 +11,7 @@ from jerkbench.errors import JerkbenchError
 from jerkbench.files import write_text
 from jerkbench.places import is_remote, place
 from jerkbench.results.store import Store
+from jerkbench.results.study import MANIFEST, read_manifest
 from jerkbench.sweep import writer
 from jerkbench.sweep.sweep import Tally
 
@@ -72,6 +75,20 @@ def test_a_folder_that_ends_while_it_is_listed_is_an_empty_one(address, monkeypa
     probe.touch()
     assert Store(study).keys_from("") == []
     assert not probe.exists()
+
+
+def test_a_manifest_that_another_process_writes_anew_is_read_as_it_was_or_is(address):
+    study = place(f"{address}/adhoc")
+    versions = [json.dumps({"cells": ["a"], "last": [], "finished": str(k)}) for k in range(60)]
+    write_text(study / MANIFEST, versions[0])
+    with ThreadPoolExecutor(1) as pool:
+        writing = pool.submit(lambda: [write_text(study / MANIFEST, version) for version in versions])
+        read = [read_manifest(study)]
+        while not writing.done():
+            read.append(read_manifest(study))
+
+    assert len(read) > 5
+    assert all(json.dumps(manifest) in versions for manifest in read)
 
 
 def test_a_file_s_address_is_a_folder_of_this_machine(tmp_path):
