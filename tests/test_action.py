@@ -45,6 +45,7 @@ def test_every_input_of_a_step_is_declared():
     assert set(re.findall(r"inputs\.([\w-]+)", text)) == set(ACTION["inputs"])
 
 
+@pytest.mark.slow
 def test_it_passes_what_is_the_same_and_fails_what_is_worse(machine, tmp_path):
     accepted = jerkbench("run", *QUICK.split(), "results=benchmarks", "study=accepted", cwd=tmp_path)
     assert accepted.returncode == 0, accepted.stderr

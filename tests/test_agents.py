@@ -27,6 +27,7 @@ def typed(words, folder):
     return jerkbench(*words, SHORT[0], *SHORT[2:], cwd=folder)  # its own seeds
 
 
+@pytest.mark.slow
 def test_every_command_goes_well(answers):
     assert len(answers) > 8
     for command, done in answers.items():

@@ -87,6 +87,7 @@ def typed(line, folder):
     assert done.returncode == 0, (line, done.stderr, done.stdout)
 
 
+@pytest.mark.slow
 def test_every_program_stands_in_one_table(folder):
     rows = pd.read_csv(folder / "results" / "languages" / "rows.csv")
     counts = rows[rows["status"] == "ok"].groupby("filter")["disturbance"].nunique()

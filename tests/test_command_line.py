@@ -105,6 +105,7 @@ def test_the_table_has_ratios_and_findings(sweep, tmp_path):
     assert "Did you mean 'none'?" in wrong.stderr
 
 
+@pytest.mark.slow
 def test_two_workers_give_the_rows_of_one(sweep):
     study, _ = sweep
     swept(*CELLS, "disturbance=none,[bias,gnss_outage]", "workers=2", "study=two", cwd=study.parents[1])
@@ -112,6 +113,7 @@ def test_two_workers_give_the_rows_of_one(sweep):
     pd.testing.assert_frame_equal(rows_of(study.parent / "two"), rows_of(study), check_exact=True)
 
 
+@pytest.mark.slow
 def test_hydras_own_launcher_gives_the_same_rows_in_planned_order_and_the_table(sweep):
     study, _ = sweep
     swept(*CELLS, "disturbance=none,[bias,gnss_outage]", "hydra/launcher=basic", "study=basic", cwd=study.parents[1])
@@ -460,6 +462,7 @@ def test_what_only_lists_does_not_wait_for_numba(tmp_path):
     assert modules.isdisjoint({"numba", "filterpy", "matplotlib", "rosbags"})
 
 
+@pytest.mark.slow
 def test_a_run_does_not_wait_for_what_it_does_not_use(tmp_path):
     lines, modules = loaded_by("run", "seeds=2", "figures=false", "dataset.duration_s=20", cwd=tmp_path)
 
@@ -467,6 +470,7 @@ def test_a_run_does_not_wait_for_what_it_does_not_use(tmp_path):
     assert modules.isdisjoint({"filterpy", "matplotlib", "rosbags", "scipy.stats", "scipy.interpolate"})
 
 
+@pytest.mark.slow
 def test_an_interrupted_sweep_ends_with_its_table_and_goes_on(tmp_path):
     swept_values = ",".join(str(value / 24) for value in range(1, 25))
     words = [

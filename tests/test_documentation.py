@@ -61,6 +61,7 @@ def plugin(tmp_path_factory):
     return str(installed)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "words", [w for w in commands() if is_run(w) and "dataset.folder=FOLDER" not in w], ids=" ".join
 )
@@ -72,6 +73,7 @@ def test_the_runs_of_the_readme_go_well(folder, plugin, words):
     assert "Position RMSE (3-D) [m]" in done.stdout
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("words", [w for w in commands() if not is_run(w)], ids=" ".join)
 def test_the_other_commands_of_the_readme_go_well(folder, plugin, words):
     if "results/adhoc" in words:  # of a sweep with outages
@@ -83,6 +85,7 @@ def test_the_other_commands_of_the_readme_go_well(folder, plugin, words):
     assert len(done.stdout) > (10 if words[0] in BRIEF else 200)
 
 
+@pytest.mark.slow
 def test_the_drive_of_the_readme_goes_well(folder, shared_folder):
     (words,) = [w for w in commands() if "dataset.folder=FOLDER" in w]
     drive = f"dataset.folder={shared_folder / 'data' / 'rtklib_drive_0708'}"

@@ -93,6 +93,7 @@ def _undrawn(monkeypatch):
     monkeypatch.setattr("jerkbench.report.plots.figures.png_bytes", lambda _: b"")
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("default::RuntimeWarning")  # forged values overflow: on the command line that is a line
 @pytest.mark.usefixtures("_undrawn")
 def test_no_verb_falls_over_damaged_results(whole, plan, hostile, tmp_path, capsys):

@@ -3,6 +3,8 @@
 import ast
 from pathlib import Path
 
+import pytest
+
 import jerkbench
 
 ORDER = [
@@ -84,6 +86,7 @@ def test_every_part_of_the_package_has_its_place():
     assert parts - {"__init__"} <= set(STAGE)
 
 
+@pytest.mark.slow
 def test_nothing_imports_from_a_later_stage():
     backwards = []
     for path in sorted(PACKAGE.rglob("*.py")):

@@ -24,6 +24,7 @@ def require_answers(study, folder):
     assert verb("compare", study, study, cwd=folder).returncode == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("study", KEPT, ids=lambda path: path.name)
 def test_a_kept_study_is_whole_and_answers(study, tmp_path):
     copy = shutil.copytree(study, tmp_path / study.name)
@@ -52,6 +53,7 @@ def test_a_packed_study_has_the_same_rows_in_one_file_and_answers(tmp_path):
     assert Store(study).read() == ([], [path.stem])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("study", KEPT, ids=lambda path: path.name)
 def test_a_kept_study_names_no_folder_of_one_machine(study):
     cells, _ = Store(study).read()

@@ -34,6 +34,7 @@ def typed(words, folder):
     return jerkbench(*words, "workers=1", "figures=false", cwd=folder)
 
 
+@pytest.mark.slow
 def test_every_command_goes_well(reader):
     for line, done in reader[1].items():
         assert done.returncode == 0, (line, done.stderr)

@@ -81,6 +81,7 @@ def _write(folder, files):
         (folder / name).write_text(text, encoding="utf-8")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", TYPED)
 def test_every_command_goes_well(typed, page):
     studies = {re.search(r"study=(\w+)", line)[1] for line in pages.lines(page) if "study=" in line}

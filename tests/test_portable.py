@@ -82,6 +82,7 @@ def printed(script, tmp_path, **variables):
     ).stdout.split()
 
 
+@pytest.mark.slow
 @fused
 def test_two_targets_give_the_same_bits_in_a_portable_process_and_others_elsewhere(tmp_path):
     """Against NumPy's scalars, each operation of which rounds."""

@@ -41,6 +41,7 @@ def run_python(script, *arguments, cwd):
     return done.stdout
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("study", STUDIES)
 def test_the_commands_of_a_study_go_well(study, tmp_path, request):
     folder = ""

@@ -23,6 +23,7 @@ def folder(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_the_commands_of_the_page_go_well(folder):
     for words in pages.commands("suite"):
         alone = ["--workers", "1"] if "run" in words else []

@@ -106,6 +106,7 @@ def test_it_is_listed_with_its_package_and_shown(installed, tmp_path):
     assert "adaptation 'lost' of doubting-filters 1.2 is left out: AttributeError" in listed.stderr
 
 
+@pytest.mark.slow
 def test_one_that_cannot_be_loaded_is_silent_until_it_is_asked_for(installed, tmp_path):
     swept("adaptation=none,doubt", "workers=2", cwd=tmp_path, PYTHONPATH=installed)
     quiet = swept("adaptation=none,doubt,mtf", "workers=2", cwd=tmp_path, PYTHONPATH=installed)
@@ -116,6 +117,7 @@ def test_one_that_cannot_be_loaded_is_silent_until_it_is_asked_for(installed, tm
     assert asked.stderr.startswith("jerkbench: adaptation 'lost' of doubting-filters 1.2 is left out: AttributeError")
 
 
+@pytest.mark.slow
 def test_it_is_swept_with_its_parameters_and_agrees_with_a_filter_that_reports_that_r(installed, tmp_path):
     swept("adaptation=none,doubt", cwd=tmp_path, PYTHONPATH=installed)
     swept("adaptation=doubt", "adaptation.factor=1.0,2.0", cwd=tmp_path, PYTHONPATH=installed)
@@ -142,6 +144,7 @@ def test_an_edit_in_a_helper_of_its_package_gives_another_key(tmp_path, monkeypa
     assert plugin_digest(Mtf) == ""
 
 
+@pytest.mark.slow
 def test_one_that_raises_is_a_row_with_the_reason_and_the_exit_code_says_so(installed, tmp_path):
     words = ["run", "-m", *SHORT, "adaptation=clumsy,none"]
     done = jerkbench(*words, cwd=tmp_path, PYTHONPATH=installed)

@@ -21,6 +21,7 @@ def study(tmp_path_factory):
     return folder / "results" / "adhoc"
 
 
+@pytest.mark.slow
 def test_a_row_is_run_again_with_the_same_numbers(study):
     done = jerkbench("rerun", str(study), "3", cwd=study)
     assert done.returncode == 0, done.stdout
@@ -128,6 +129,7 @@ def test_a_gate_does_not_pass_what_it_cannot_judge(study, tmp_path):
     assert "'nan' is no percentage" in done.stderr
 
 
+@pytest.mark.slow
 def test_every_figure_of_a_study_is_drawn(study, tmp_path):
     done = verb("figures", str(study), "--out", str(tmp_path), "--scenarios", "1", "--pdf", cwd=study)
     assert done.returncode == 0, done.stderr

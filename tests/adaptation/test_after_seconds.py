@@ -44,6 +44,7 @@ def first_after_s(timeline):
     return at[at >= AFTER_S][0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", [FilterpyEngine(), CompiledEngine()], ids=["filterpy", "compiled"])
 def test_a_kinematic_filter_begins_then_on_both_engines(jumping, engine):
     for recording, attitude in jumping:
@@ -54,6 +55,7 @@ def test_a_kinematic_filter_begins_then_on_both_engines(jumping, engine):
     assert begins_s(none, timeline) < 1.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["imm", "rts", "constant_turn", "eskf15", "iekf", "eskf15_rts"])
 def test_an_estimator_too_in_each_of_its_ways(jumping, name):
     model = plugins.create("filter", {"name": name})
@@ -67,6 +69,7 @@ def test_an_estimator_too_in_each_of_its_ways(jumping, name):
                 assert begins_s(estimate, timeline) == pytest.approx(first_after_s(timeline), abs=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["jerk", "imm", "eskf15"])
 def test_runs_side_by_side_each_at_its_own_rate(jumping, name):
     model, adaptation = plugins.create("filter", {"name": name}), Mtf(after_s=AFTER_S)

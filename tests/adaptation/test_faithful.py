@@ -44,6 +44,7 @@ def timeline():
     return rough_timeline(3.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 def test_both_engines_follow_the_textbook(timeline, method):
     parameters, correction = METHODS[method]

@@ -50,6 +50,7 @@ class Nameless(NoAdaptation):
     """An adaptation that nobody has registered."""
 
 
+@pytest.mark.slow
 def test_one_that_is_not_registered_can_be_run_and_not_stored(tmp_path):
     recording = api.load(SHORT)
     ours, theirs = (api.estimate(recording, adaptation=part) for part in (Nameless(), "none"))
@@ -59,6 +60,7 @@ def test_one_that_is_not_registered_can_be_run_and_not_stored(tmp_path):
         api.sweep(tmp_path, dataset=SHORT, adaptation=Nameless())
 
 
+@pytest.mark.slow
 def test_a_study_is_that_of_the_command_line(tmp_path):
     study = api.sweep(
         tmp_path / "ours",
@@ -116,6 +118,7 @@ def test_what_is_wrong_with_a_step_is_a_sentence(call, sentence):
         call()
 
 
+@pytest.mark.slow
 def test_the_first_quarter_of_an_hour(tmp_path):
     command = [sys.executable, str(ROOT / "examples" / "first_quarter_hour.py"), "mine"]
     done = subprocess.run(

@@ -38,6 +38,7 @@ def folder(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["verdicts", "settings"])
 def test_the_small_audit_comes_out_as_it_did(name, folder):
     golden = pd.read_csv(GOLDEN / f"small_{name}.csv")

@@ -158,6 +158,7 @@ def test_the_folder_says_what_was_done(protocol, finished):
     assert (folder / "ratios.png").stat().st_size > 5000
 
 
+@pytest.mark.slow
 def test_on_a_cluster_everything_comes_out_as_here(protocol, finished, tmp_path):
     pytest.importorskip("loky")
     folder, _ = finished

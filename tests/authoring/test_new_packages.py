@@ -24,6 +24,7 @@ def packages(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", EXAMPLES)
 def test_a_package_keeps_its_contract_unchanged(packages, kind):
     done = verb("check", f"my_{kind}", cwd=packages)
@@ -39,6 +40,7 @@ def test_its_files_of_code_are_small(packages, kind):
         assert max(map(len, lines)) <= 120
 
 
+@pytest.mark.slow
 def test_its_own_test_runs(packages):
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "my_filter/test_my_filter.py"]
     here = environment(PYTHONPATH=str(packages / "my_filter"))

@@ -1,7 +1,10 @@
+import pytest
+
 from bag_maker import Drive
 from commands import jerkbench
 
 
+@pytest.mark.slow
 def test_a_run_says_that_the_fusion_is_no_independent_reference_and_what_was_repaired(tmp_path):
     drive = Drive(duration_s=10.0)
     drive.messages("/fixposition/poiimu")[7].linear_acceleration.x = float("nan")

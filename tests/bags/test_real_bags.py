@@ -60,6 +60,7 @@ def test_the_topic_of_zeros_is_reported_not_used(bags):
         RosBag(str(bags / "xsens.bag"), **given).load(0)
 
 
+@pytest.mark.slow
 def test_a_run_without_a_reference_ends_with_the_innovations(bags, tmp_path):
     file = f"dataset.file={bags / 'test1.bag'}"
     done = jerkbench("run", "-m", "dataset=husky_bag", file, "filter=jerk", "workers=1", cwd=tmp_path)

@@ -17,6 +17,7 @@ def hostile(monkeypatch):
     return import_module("hostile")
 
 
+@pytest.mark.slow
 def test_random_command_lines_end_in_words(hostile, tmp_path, monkeypatch):
     monkeypatch.setattr(hostile, "LONGEST_S", 600)  # a busy machine is no fault of theirs
     outcomes = list(hostile.command_lines(COUNT, SEED, tmp_path))

@@ -5,12 +5,15 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 import pages
 from commands import environment, swept
 
 FEW = "filter=gnss_only adaptation=none dataset.duration_s=12 figures=false study=paper"
 
 
+@pytest.mark.slow
 def test_the_tasks_of_the_array_are_one_study(tmp_path):
     """In small, and without SLURM, which says to each task which it is."""
     script = pages.files("cluster")["shards.sh"].replace("experiment=paper", FEW).replace("seeds=4", "seeds=2")

@@ -24,6 +24,7 @@ def begun(monkeypatch, tmp_path):
     return codes
 
 
+@pytest.mark.slow
 def test_the_other_process_leaves_the_loop_on_the_disk(begun):
     CompiledEngine().prepare(Baseline())
     (code,) = begun

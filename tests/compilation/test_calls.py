@@ -67,6 +67,7 @@ def compiled_arguments(plugin, innovation, HPHt, R, rows, memory):
     return parameter_vector(plugin), innovation, HPHt, R, rows, memory
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("m", [1, 3, 6])  # 6 has a compilation of its own
 def test_a_method_sees_what_its_author_wrote(m):
     given = arguments(Mixing(), m)

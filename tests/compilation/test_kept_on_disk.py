@@ -74,6 +74,7 @@ def test_the_second_process_compiles_nothing_whatever_the_parameters_are(process
     assert silence == ""
 
 
+@pytest.mark.slow
 def test_an_edit_of_a_helper_in_another_file_is_noticed_and_undoing_it_is_too(process):
     process(constant=1.0)
 
@@ -84,6 +85,7 @@ def test_an_edit_of_a_helper_in_another_file_is_noticed_and_undoing_it_is_too(pr
 SWAPPED = PLUGIN.replace("factor: float = 2.0", "{first}: float = 2.0\n    {second}: float = 7.0")
 
 
+@pytest.mark.slow
 def test_fields_that_change_their_order_are_noticed(process):
     plugin = SWAPPED.replace("self.factor", "self.low")
 
@@ -126,6 +128,7 @@ for entry, leaf in [(compiled(float(word)), float(word)) for word in sys.argv[1:
 """
 
 
+@pytest.mark.slow
 def test_two_compilations_of_one_function_by_two_processes_do_not_take_each_others_code(tmp_path):
     """The linker of a third process knows a function by its name alone, and takes the first that it finds."""
     (tmp_path / "counting.py").write_text(COUNTING)
@@ -174,6 +177,7 @@ def kept(process, tmp_path):
     return file
 
 
+@pytest.mark.slow
 def test_what_is_damaged_is_not_run_but_compiled_anew_and_said(process, kept):
     content = bytearray(kept.read_bytes())
     content[-2000:-1993] = b"garbage"
@@ -202,6 +206,7 @@ def test_a_folder_that_takes_nothing_costs_time_and_one_line_but_no_run(process,
     assert said.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_numba_looks_nowhere_else(process, tmp_path, monkeypatch):
     elsewhere = tmp_path / "elsewhere"
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(elsewhere))
@@ -212,6 +217,7 @@ def test_numba_looks_nowhere_else(process, tmp_path, monkeypatch):
     assert not elsewhere.exists()
 
 
+@pytest.mark.slow
 def test_a_processor_of_another_kind_has_code_of_its_own(process, monkeypatch):
     process()
     monkeypatch.setenv("NUMBA_CPU_NAME", "generic")

@@ -165,6 +165,7 @@ class Damped:
         return np.array([1.0, 0.5])
 
 
+@pytest.mark.slow
 def test_any_model_of_any_size(timeline):
     pair = Damped(), plugins.create("adaptation", {"name": "scalar_r"})
     agree(timeline, *pair)

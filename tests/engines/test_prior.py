@@ -75,6 +75,7 @@ def timeline():
     return rough_timeline(4.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rule", [Weighed(), Timid()], ids=["prior", "gain"])
 @pytest.mark.parametrize("engine", [FilterpyEngine(), CompiledEngine()], ids=["filterpy", "compiled"])
 def test_an_engine_does_what_the_contract_promises(timeline, engine, rule):
@@ -84,11 +85,13 @@ def test_an_engine_does_what_the_contract_promises(timeline, engine, rule):
     assert np.isinf(estimate.updates.R_diagonal).any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rule", [Weighed(), Timid()], ids=["prior", "gain"])
 def test_both_engines_agree_over_a_model_of_another_size(timeline, rule):
     agree(timeline, Damped(), rule)
 
 
+@pytest.mark.slow
 def test_side_by_side_each_run_has_its_own_prior_and_gain():
     """Also a run with a transition of its own, beside runs without any; their neighbours lack rows and updates."""
     pairs = [one(0), one(1), one(2, velocity=None), one(3)]

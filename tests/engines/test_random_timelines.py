@@ -76,6 +76,7 @@ def recordings(draw):
     )
 
 
+@pytest.mark.slow
 @example(
     steps=[(0.01, False, "both", 1e-3), (100.0, True, "both", 1.0), (0.01, True, "both", 1e-3)], seed=0
 )  # the smallest eigenvalue of the scaled P is 2e-12: no engine may refuse for its sign

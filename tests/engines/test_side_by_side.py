@@ -209,6 +209,7 @@ def test_a_run_that_fails_is_left_to_the_run_alone_and_harms_no_other(several):
             assert_same(result, trajectory(*pair, Baseline(), Broken()), {})
 
 
+@pytest.mark.slow
 def test_a_model_that_is_not_triangular(several):
     for got, pair in zip(side_by_side(several[:2], Damped(), Mtf()), several[:2], strict=True):
         assert_same(got, trajectory(*pair, Damped(), Mtf()), {})

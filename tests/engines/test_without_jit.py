@@ -1,10 +1,12 @@
 """With NUMBA_DISABLE_JIT=1 there is no compiled code, and every run goes on the reference engine."""
 
 import pandas as pd
+import pytest
 
 from commands import SHORT, jerkbench
 
 
+@pytest.mark.slow
 def test_a_run_goes_on_the_reference_engine_and_says_so_once(tmp_path):
     words = ["run", *SHORT, "adaptation=mtf"]
     without = jerkbench(*words, "study=without", cwd=tmp_path, NUMBA_DISABLE_JIT="1")

@@ -100,6 +100,7 @@ def mean_squares(model, seeds, dataset=FIELD):
     return np.array(of_seeds)
 
 
+@pytest.mark.slow
 def test_the_filter_with_the_true_noises_meets_it():
     ratios = mean_squares(Baseline(SIGMA), range(100))
     error = ratios.std(ddof=1) / np.sqrt(len(ratios))
@@ -107,6 +108,7 @@ def test_the_filter_with_the_true_noises_meets_it():
     assert abs(ratios.mean() - 1) < 3 * error
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", [Baseline(0.05), Bias(SIGMA), Jerk(SIGMA)])
 def test_no_other_filter_is_below_it(model):
     ratios = mean_squares(model, range(100))

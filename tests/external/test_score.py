@@ -28,6 +28,7 @@ def rows_of(folder):
     return {name: group.reset_index(drop=True) for name, group in rows.groupby("filter")}
 
 
+@pytest.mark.slow
 def test_a_run_that_is_exported_and_scored_has_the_same_errors(folder):
     done = verb("score", "out/{seed}/estimate.tum", *SCENARIO, "study=duel", "name=mine", cwd=folder)
     assert done.returncode == 0, done.stderr

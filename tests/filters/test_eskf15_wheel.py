@@ -31,6 +31,7 @@ def solve(car, *, wheel_scale):
     return solution, np.sqrt(np.mean(level[(t_s >= 20.0) & (t_s < 40.0)] ** 2))
 
 
+@pytest.mark.slow
 def test_the_scale_that_was_fitted_on_the_reference_is_found_without_it(car):
     (solution, found_m), (_, trusted_m) = solve(car, wheel_scale=True), solve(car, wheel_scale=False)
     sigma = np.sqrt(solution.covariance[15, 15])

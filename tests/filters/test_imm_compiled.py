@@ -42,6 +42,7 @@ def compare(model, adaptation):
     return agree_runs(timeline, got, wanted, changed), wanted
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("first", "second"), PAIRS)
 def test_it_agrees_with_numpy_for_each_pair(first, second):
     compare(InteractingMultipleModels(first, second), Mtf())

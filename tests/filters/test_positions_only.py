@@ -51,6 +51,7 @@ def real(shared_folder):
     return {"drive": drive, "comma2k19": Comma2k19(str(data / "comma2k19")).load()}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", MODELS)
 @pytest.mark.parametrize("name", ["drive", "comma2k19"])
 def test_a_real_car_without_its_velocities(real, name, model):

@@ -1,6 +1,7 @@
 """Errors that last: with a state for them a filter knows how large its errors are; without, by how much it does not."""
 
 import numpy as np
+import pytest
 from scipy.stats import chi2
 from slow_errors_filter import squares
 
@@ -16,6 +17,7 @@ def mean_and_band(seeds, **how):
     return values.mean(), low, high
 
 
+@pytest.mark.slow
 def test_with_the_slow_errors_modelled_nees_lies_in_its_band():
     mean, low, high = mean_and_band(40)
     assert low < mean < high

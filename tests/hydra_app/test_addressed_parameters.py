@@ -11,12 +11,14 @@ def adaptations(folder):
     return sorted(pd.read_csv(folder / "results" / "adhoc" / "rows.csv")["adaptation"])
 
 
+@pytest.mark.slow
 def test_a_parameter_applies_where_its_plugin_is_chosen(tmp_path):
     swept("adaptation=none,mtf,student_t", "adaptation.mtf.window=1,4", "filter=jerk", cwd=tmp_path)
 
     assert adaptations(tmp_path) == ["mtf(window=1)", "mtf(window=4)", "none", "student_t"]
 
 
+@pytest.mark.slow
 def test_a_preset_is_addressed_by_its_own_name_and_by_that_of_its_plugin(tmp_path):
     words = ["filter=baseline_naive,jerk", "filter.baseline_naive.accel_mps2=0.3", "filter.jerk.accel_mps2=0.1,0.2"]
     swept(*words, cwd=tmp_path)
@@ -28,6 +30,7 @@ def test_a_preset_is_addressed_by_its_own_name_and_by_that_of_its_plugin(tmp_pat
     assert other == "baseline_naive(accel_mps2=0.4)"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [

@@ -89,6 +89,7 @@ def test_every_plugin_and_preset_is_what_hydra_makes_of_it(loader, compositions)
         assert together[k] == by_hydra(loader, config, jobs[k]), jobs[k]
 
 
+@pytest.mark.slow
 def test_every_data_set_is_what_hydra_makes_of_it_and_none_is_composed_as_a_whole(loader, compositions):
     config = base(loader)
     names = [*plugins.names("dataset"), *preset_names("dataset")]
@@ -130,6 +131,7 @@ def test_a_data_set_that_decides_more_is_composed_as_a_whole(loader, names, tmp_
     assert [plain["seeds"] for plain, _ in made] == [{"own": 7, "other": 8}.get(name, Schema.seeds) for name in names]
 
 
+@pytest.mark.slow
 def test_an_experiment_that_decides_a_part_decides_it_for_whatever_takes_its_place(loader, tmp_path):
     """What an experiment says of a filter holds for all filters that have such a parameter."""
     (tmp_path / "experiment").mkdir()

@@ -70,6 +70,7 @@ def test_what_is_done_is_not_counted(tmp_path):
     assert told[-1] == "1 combination, 1 done; 0 runs to do."
 
 
+@pytest.mark.slow
 def test_tags_stand_in_rows_and_choose_cells(tmp_path):
     swept("filter=baseline,jerk", "tags=[thesis,chapter-2]", cwd=tmp_path)
     swept("filter=jerk,bias", "tags=[later]", cwd=tmp_path)

@@ -136,11 +136,13 @@ def compare(kind, fields, adaptation, model=Eskf15):
     return wanted, got
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "fields"), CASES.values(), ids=CASES)
 def test_it_agrees_with_numpy_with_each_switch(kind, fields):
     compare(kind, fields, Mtf())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", ["as it comes", "lever arms", "heading", "wheel's scale", "scales and wheel"])
 def test_the_invariant_one_agrees_with_numpy_too(case):
     kind, fields = CASES[case]

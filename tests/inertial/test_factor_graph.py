@@ -73,6 +73,7 @@ def with_headings(recording):
     return replace(recording, heading=Heading(t_s, yaw_rad + noise, np.full(len(t_s), 0.02)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("lag_s", "oracle"), [(0.0, Eskf15Smoother), (WHOLE_S, Eskf15)])
 def test_headings_are_what_they_are_to_the_error_state_filters(gtsam, lag_s, oracle):
     recording, attitude = drive(6.0)
@@ -108,6 +109,7 @@ def test_switches_have_the_optimum_of_geman_and_mcclure(gtsam, monkeypatch):
     require_agreement(shown, oracle, 0.02, 0.5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("loss", "lag_s"), [("huber", 0.0), ("cauchy", 0.0), ("switchable", 0.0), ("switchable", 2.0)])
 def test_a_loss_resists_false_fixes(gtsam, loss, lag_s):
     recording, attitude = drive(12.0)

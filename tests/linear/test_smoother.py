@@ -52,6 +52,7 @@ def compare(model, adaptation):
     return agree_runs(timeline, got, wanted, changed), got, wanted
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MODELS)
 def test_it_agrees_with_numpy_with_each_model(name):
     compare(RauchTungStriebel(name), NoAdaptation())

@@ -85,6 +85,7 @@ def test_what_is_whole_loads(tmp_path):
     assert len(Tables(str(tmp_path)).load(0).imu.t_s) == 40
 
 
+@pytest.mark.slow
 @FUZZED
 @given(damaged(pos_text()))
 def test_a_damaged_solution(pos):
@@ -110,6 +111,7 @@ def test_a_damaged_table(header, separator, content):
         loads_or_says_why(Tables(folder, separator=separator, header=header, comment="#", **columns))
 
 
+@pytest.mark.slow
 @FUZZED
 @given(damaged(table_text()))
 def test_a_damaged_table_of_fixes(content):
@@ -121,6 +123,7 @@ def test_a_damaged_table_of_fixes(content):
             loads_or_says_why(Tables(folder, position_file="fix.csv", **fixes))
 
 
+@pytest.mark.slow
 @FUZZED
 @given(st.lists(damaged(b"2011-09-26 13:02:25.594360375\n"), min_size=40, max_size=40))
 def test_damaged_dates(lines):

@@ -38,6 +38,7 @@ def interrupted_after(cells, monkeypatch):
     monkeypatch.setattr(writer, "HELD_S", 0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")
 def test_a_sweep_that_is_interrupted_goes_on_and_is_tabled(address, expected, tmp_path, monkeypatch):
     with monkeypatch.context() as patched:

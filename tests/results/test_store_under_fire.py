@@ -41,6 +41,7 @@ def stored(folder):
     return {path.name for path in (folder / "results" / "adhoc" / "cells").glob("*.parquet")}
 
 
+@pytest.mark.slow
 def test_after_any_kills_the_rows_are_those_of_an_undisturbed_sweep(undisturbed, tmp_path):
     """A kill between and within cells leaves whole cells or none (benchmarks/kills.py does it fifty times)."""
     rows, cells = undisturbed
@@ -59,6 +60,7 @@ def test_after_any_kills_the_rows_are_those_of_an_undisturbed_sweep(undisturbed,
     pd.testing.assert_frame_equal(rows_of(tmp_path), rows, check_exact=True)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="it looks into /proc")
 def test_workers_end_with_a_parent_that_was_killed(tmp_path):
     process = start(tmp_path, *CELLS, "workers=2", "dataset.duration_s=100", "seeds=20")
@@ -76,6 +78,7 @@ def test_workers_end_with_a_parent_that_was_killed(tmp_path):
     assert not any(map(alive, workers))
 
 
+@pytest.mark.slow
 def test_two_processes_in_one_folder_give_the_rows_of_one(undisturbed, tmp_path):
     both = [start(tmp_path, *CELLS, "workers=1"), start(tmp_path, *CELLS, "workers=1", "notes=[two]")]
     assert [process.wait(timeout=PATIENCE_S) for process in both] == [0, 0]
@@ -84,6 +87,7 @@ def test_two_processes_in_one_folder_give_the_rows_of_one(undisturbed, tmp_path)
     assert left == set()
 
 
+@pytest.mark.slow
 def test_a_damaged_cell_is_run_again_and_that_is_said(tmp_path):
     swept(*CELLS[:1], cwd=tmp_path)
     store = Store(tmp_path / "results" / "adhoc")
@@ -115,6 +119,7 @@ def limited(blocks, *words, cwd):
     )
 
 
+@pytest.mark.slow
 def test_where_there_is_no_room_nothing_finished_is_lost_and_it_is_said(tmp_path):
     words = [*WORDS, *CELLS, "disturbance=none,bias,gnss_outage", "workers=1"]
     cells = tmp_path / "results" / "adhoc" / "cells"
@@ -149,6 +154,7 @@ class Doubt:
 """
 
 
+@pytest.mark.slow
 def test_a_plugin_that_is_another_now_is_run_again_and_that_is_said(tmp_path):
     metadata = tmp_path / "doubting-1.0.dist-info"
     metadata.mkdir()

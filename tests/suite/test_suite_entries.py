@@ -92,6 +92,7 @@ def test_the_same_command_goes_on_where_it_was(made):
     assert done.stdout == out
 
 
+@pytest.mark.slow
 def test_a_cluster_makes_the_same_entry(made, tmp_path):
     pytest.importorskip("loky")
     words = ["filter=baseline", "adaptation=chi2", "--scale", "tiny", "--workers", "2", "--cluster", "loky"]
@@ -152,6 +153,7 @@ def test_another_setting_is_found(made, doctored):
     assert "The setting of the entry (second) is none that the search of jerkbench-tiny tries" in done.stdout
 
 
+@pytest.mark.slow
 def test_a_program_is_scored_as_it_is_and_checked_where_it_is(made):
     folder = made[0]
     program = folder / "stands"
@@ -170,6 +172,7 @@ def test_a_program_is_scored_as_it_is_and_checked_where_it_is(made):
     assert "The rows of command + none cannot be computed here, and are not checked: There is no program" in gone.stdout
 
 
+@pytest.mark.slow
 def test_a_plugin_made_by_new_gets_its_entry_by_two_commands(made, tmp_path):
     assert verb("new", "adaptation", "mine", cwd=tmp_path).returncode == 0
     metadata = tmp_path / "mine" / "mine-1.0.dist-info"  # what pip install leaves

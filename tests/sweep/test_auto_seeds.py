@@ -33,6 +33,7 @@ def test_less_than_the_first_look_is_refused():
         typed("seeds=auto(max=5)")
 
 
+@pytest.mark.slow
 def test_all_cells_end_with_the_same_look(tmp_path):
     """Whatever is decided, cells of all filters end with the same seeds, and the level of the last look is known."""
     swept("filter=gnss_only,jerk,baseline", "seeds=4", "max_seeds=8", *SHORT, cwd=tmp_path)
@@ -41,6 +42,7 @@ def test_all_cells_end_with_the_same_look(tmp_path):
     assert 0 < study.rows.attrs["level"] <= 0.05
 
 
+@pytest.mark.slow
 def test_seeds_are_added_until_the_most_and_runs_are_kept(tmp_path):
     """Two filters that are the same are never better or worse; with a margin they cannot meet they stay undecided."""
     words = ("filter=jerk,bias", "adaptation=mtf", "seeds=2", "max_seeds=5", *SHORT)

@@ -19,6 +19,7 @@ def folder(address):
     return place(f"{address}/study/.claims")
 
 
+@pytest.mark.slow
 def test_of_many_who_claim_at_once_one_gets_it(folder):
     claims = [claims_in(folder, "plan") for _ in range(8)]
     together = threading.Barrier(len(claims))

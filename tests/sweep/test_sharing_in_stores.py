@@ -58,6 +58,7 @@ def both_swept(folder, *words):
     return [file.read_text().split() for file in folder.glob("ran.*")]
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")
 @pytest.mark.parametrize("address", ["s3"], indirect=True)
 def test_two_processes_share_a_sweep_into_a_bucket(address, tmp_path):

@@ -10,6 +10,7 @@ HUSKY = ["dataset=husky_bag", "dataset.file=BAG"]
 QUICK = {"tune": ["trials=2", "figures=false"], "run": ["figures=false"], "data": []}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("recording", ["husky_bag", "drive"])
 def test_the_page_goes_well_from_the_log_to_the_settings(recording, shared_folder, tmp_path):
     data = shared_folder / "data"

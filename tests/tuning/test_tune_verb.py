@@ -125,6 +125,7 @@ def test_help_says_what_there_is(tmp_path):
         assert word in done.stdout
 
 
+@pytest.mark.slow
 def test_a_cluster_finds_what_this_process_finds(tuned, tmp_path):
     """Two scenarios on two processes of loky; the trials are those of the fixture."""
     pytest.importorskip("loky")

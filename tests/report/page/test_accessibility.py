@@ -33,6 +33,7 @@ def screen(request, opened):
     opened.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
 
 
+@pytest.mark.slow
 def test_nothing_is_wider_than_the_screen_and_no_column_is_cut(screen):
     page = "return [document.documentElement.scrollWidth, innerWidth]"
     width, room = screen.execute_script(page)

@@ -120,6 +120,7 @@ def figures(recording, estimates):
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("recording", [make_recording(), make_recording(outages_s=np.array([[10.0, 15.0]])), bare()])
 @pytest.mark.parametrize("estimate", [make_estimate(), broken_estimate()])
 def test_every_figure_of_runs_is_drawn_without_a_warning_and_inside(recording, estimate, tmp_path):
