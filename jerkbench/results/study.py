@@ -18,7 +18,7 @@ import pandas as pd
 from jerkbench.cells.labels import Labels
 from jerkbench.cells.provenance import git_commit, versions
 from jerkbench.errors import JerkbenchError, unknown
-from jerkbench.files import read_text, write_atomically, write_text
+from jerkbench.files import exists, read_text, write_atomically, write_text
 from jerkbench.places import is_remote
 from jerkbench.plain import plain
 from jerkbench.report.analysis.rule import SPENDS
@@ -215,14 +215,16 @@ def _tagged(before: Mapping[str, list[str]], keys: Sequence[str], tags: Sequence
 def read_manifest(folder: Path) -> dict[str, Any]:
     """Read the manifest; empty where there is none yet."""
     path = folder / MANIFEST
+    if not is_remote(path) and not exists(path):
+        return {}
     try:
-        manifest: dict[str, Any] = json.loads(read_text(path))
-        if is_manifest(manifest):
-            return manifest
+        if is_remote(path) or path.is_file():  # a pipe would be waited for
+            manifest: dict[str, Any] = json.loads(read_text(path))
+            if is_manifest(manifest):
+                return manifest
     except FileNotFoundError:
-        if not path.is_symlink():
-            return {}
-    except (ValueError, RecursionError, IsADirectoryError):  # no text, no JSON, or no file
+        return {}
+    except (ValueError, RecursionError):  # no text, or no JSON
         pass
     print(f"{path} is damaged and left aside; `jerkbench run` makes it anew.", file=sys.stderr)
     return {}
