@@ -1,6 +1,5 @@
 """Fixtures of all tests."""
 
-import gc
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -9,8 +8,6 @@ import pytest
 from jerkbench.cli import main
 
 SHARED = Path(__file__).parents[2] / "shared"
-
-gc.set_threshold(50_000, 20, 100)  # as `jerkbench.cli`: what compiling leaves is looked through a thousand times else
 
 
 @pytest.fixture(scope="session")

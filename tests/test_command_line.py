@@ -334,9 +334,7 @@ def test_an_interrupt_that_a_library_turns_into_its_own_error_is_one_all_the_sam
         try:
             raise KeyboardInterrupt
         finally:
-            raise ConfigAttributeError(
-                "Missing key _flags_cache"
-            )  # OmegaConf gives back a flag of what it had half made
+            raise ConfigAttributeError("Missing key _flags_cache")  # as OmegaConf, tidying up what it had half made
 
     monkeypatch.setattr("jerkbench.hydra_app.app.main", composing)
     with pytest.raises(SystemExit) as end:

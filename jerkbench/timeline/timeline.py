@@ -49,10 +49,12 @@ class Timeline:
 
     @cached_property
     def update_times_s(self) -> FloatArray:
-        """(m,) when the updates are that measure anything, seconds since the start."""
+        """(m,) when the updates are that measure anything, seconds since the start; shared, so it cannot be written."""
         rows = self.update[self.update >= 0]
         rows = rows[np.isfinite(self.measurements.z[rows]).any(axis=1)]
-        return np.asarray(self.measurements.t_ns[rows] * 1e-9 - self.t_s[0])
+        times_s: FloatArray = self.measurements.t_ns[rows] * 1e-9 - self.t_s[0]
+        times_s.flags.writeable = False
+        return times_s
 
 
 def build_timeline(recording: Recording, attitude: Attitude) -> Timeline:
