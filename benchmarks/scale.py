@@ -20,7 +20,8 @@ from typing import Any
 
 import numpy as np
 
-from jerkbench.cells.cell import Protocol, build
+from jerkbench.cells.cell import build
+from jerkbench.cells.protocol import Protocol
 from jerkbench.execution.cell_run import CellRun
 from jerkbench.report.tables.terminal import print_beginning
 from jerkbench.results.parts import Block

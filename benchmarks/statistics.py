@@ -17,14 +17,15 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from jerkbench.evaluation.statistics.exact import quantiles, share_interval
+from jerkbench.evaluation.statistics.intervals.median import quantiles
+from jerkbench.evaluation.statistics.intervals.share import share_interval
+from jerkbench.evaluation.statistics.intervals.skewed import ENOUGH, SHRUNK, few_intervals, hall_intervals
+from jerkbench.evaluation.statistics.intervals.student import student_intervals
 from jerkbench.evaluation.statistics.judgement import MARGIN, Judgement, Verdict, judged
 from jerkbench.evaluation.statistics.log_ratio import LogRatios, log_ratios
 from jerkbench.evaluation.statistics.scenarios import over_scenarios
 from jerkbench.evaluation.statistics.seeds_needed import seeds_needed
 from jerkbench.evaluation.statistics.sequential import levels, looks
-from jerkbench.evaluation.statistics.skewed import ENOUGH, SHRUNK, few_intervals, hall_intervals
-from jerkbench.evaluation.statistics.student import student_intervals
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 

@@ -13,7 +13,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from jerkbench.cells.cell import Cell, Protocol, build
+from jerkbench.cells.cell import Cell, build
+from jerkbench.cells.protocol import Protocol
 from jerkbench.evaluation.batch_scoring import scored
 from jerkbench.execution.cell_run import CellRun
 from jerkbench.execution.inputs import Inputs, attitude_of

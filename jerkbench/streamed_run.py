@@ -86,7 +86,3 @@ class Streamed(NamedTuple):
     marked_m2: FloatArray
     updates: Updates
     euler_rad: FloatArray | None = None
-
-    def beyond(self, limit_m: float) -> bool:
-        """Whether a position error was over ``limit_m``: such a run is run alone and judged with its trajectory."""
-        return self.farthest_m2 > limit_m**2

@@ -14,7 +14,8 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 
-from jerkbench.cells.cell import Protocol, build
+from jerkbench.cells.cell import build
+from jerkbench.cells.protocol import Protocol
 from jerkbench.cli import main
 from jerkbench.clusters.local import Local
 from jerkbench.errors import JerkbenchError

@@ -10,8 +10,9 @@ import pytest
 from omegaconf import OmegaConf
 
 from jerkbench import portable
-from jerkbench.cells.cell import Protocol, build
+from jerkbench.cells.cell import build
 from jerkbench.cells.key import cell_key
+from jerkbench.cells.protocol import Protocol
 from jerkbench.clusters.identity import identity_of, refusal
 from jerkbench.errors import PluginError
 from jerkbench.execution.processors import processor_kind

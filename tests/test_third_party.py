@@ -11,7 +11,8 @@ import pytest
 from commands import SHORT, jerkbench, swept
 from jerkbench.adaptation.mtf import Mtf
 from jerkbench.adaptation.none import NoAdaptation
-from jerkbench.cells.cell import Protocol, build
+from jerkbench.cells.cell import build
+from jerkbench.cells.protocol import Protocol
 from jerkbench.cells.provenance import plugin_digest
 from jerkbench.errors import PluginError
 from jerkbench.execution.cell_run import CellRun

@@ -12,8 +12,8 @@ import pandas as pd
 from jerkbench.arrays import FloatArray
 from jerkbench.audit.claims import CENTIMETRES_M, CLAIMED_TIMES, Claim, claim_table
 from jerkbench.audit.scenarios import Scenario
+from jerkbench.evaluation.statistics.intervals.student import student_intervals
 from jerkbench.evaluation.statistics.judgement import LEVEL
-from jerkbench.evaluation.statistics.student import student_intervals
 from jerkbench.results.study import load_study
 
 CLAIMED = ("jerk", "mtf")

@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING
 
 from jerkbench import plugins
 from jerkbench.api.combination import listed
-from jerkbench.cells.cell import Protocol, metric_names
+from jerkbench.cells.cell import metric_names
 from jerkbench.cells.from_names import Part, choose, is_plugin, plugin_of, process_noise
 from jerkbench.cells.noise import replaced
+from jerkbench.cells.protocol import Protocol
 from jerkbench.estimate import Estimate
 from jerkbench.recording import Recording
 
@@ -84,7 +85,7 @@ def evaluate(
     Raises:
         JerkbenchError: a metric is unknown, or nothing counts.
     """
-    from jerkbench.evaluation.run import evaluate_run
+    from jerkbench.evaluation.row_columns import evaluate_run
 
     chosen = [plugins.create("metric", {"name": name}) for name in metric_names(list(metrics))]
     return evaluate_run(estimate, recording, burn_in_s, chosen)

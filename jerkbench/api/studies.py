@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from jerkbench.api.combination import listed
-from jerkbench.cells.cell import Cell, Protocol
+from jerkbench.cells.cell import Cell
 from jerkbench.cells.from_names import Part, cell_of_parts
+from jerkbench.cells.protocol import Protocol
 from jerkbench.errors import PluginError
 from jerkbench.notices import notify
 

@@ -11,8 +11,8 @@ from jerkbench.arrays import FloatArray
 from jerkbench.audit.methods import Method
 from jerkbench.audit.scenarios import Scenario
 from jerkbench.audit.verdicts import DEFAULTS, NOMINAL, TUNED, Losses
+from jerkbench.evaluation.statistics.intervals.student import student_intervals
 from jerkbench.evaluation.statistics.judgement import LEVEL
-from jerkbench.evaluation.statistics.student import student_intervals
 
 CLAIMED = Method("jerk", "mtf")
 AGAINST = Method("baseline", "none")

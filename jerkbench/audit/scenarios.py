@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from jerkbench.audit.protocol import Family, Faults
-from jerkbench.cells.cell import Cell, Protocol
+from jerkbench.cells.cell import Cell
 from jerkbench.cells.from_names import Part, cell_of_parts
+from jerkbench.cells.protocol import Protocol
 
 ERROR = "position_rmse"
 """The metric that is tuned for."""

@@ -6,9 +6,10 @@ from dataclasses import asdict, dataclass, fields, is_dataclass
 from typing import Any
 
 from jerkbench import plugins
-from jerkbench.cells.cell import Cell, Protocol, build
+from jerkbench.cells.cell import Cell, build
 from jerkbench.cells.labels import labels_of
 from jerkbench.cells.noise import Noise
+from jerkbench.cells.protocol import Protocol
 from jerkbench.errors import PluginError, unknown
 from jerkbench.optional import preferred_attitude
 from jerkbench.presets import default_names, merged, preset, preset_names

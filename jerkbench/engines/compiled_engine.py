@@ -1,4 +1,4 @@
-"""The fast engine: the same filter, compiled."""
+"""The fast engine: the same filter, compiled. The kernel itself, fading and all, is in `jerkbench/kinematic/`."""
 
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass

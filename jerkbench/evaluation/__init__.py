@@ -1,1 +1,1 @@
-"""(Estimate, Recording) -> numbers: errors, outages, consistency, statistics."""
+"""(Estimate, Recording) -> numbers: divergence, the columns of rows.csv (one file a metric), statistics."""

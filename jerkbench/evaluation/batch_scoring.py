@@ -9,8 +9,8 @@ import numpy as np
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.contracts import Metric, Reading, Summarising
 from jerkbench.estimate import Estimate, Updates
+from jerkbench.evaluation.counted_rows import counted_rows
 from jerkbench.evaluation.counted_stamps import POSITION_AXES, VELOCITY_AXES, Rows, counting, known_axes, rows_of
-from jerkbench.evaluation.run import counted_rows
 from jerkbench.evaluation.sums import drifts_mps
 from jerkbench.recording import Recording
 from jerkbench.streamed_run import Scoring, Streamed

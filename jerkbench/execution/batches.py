@@ -9,7 +9,8 @@ from jerkbench.cells.cell import Cell
 from jerkbench.contracts import Batched, Estimator, Filter, SideBySide
 from jerkbench.estimate import Attitude
 from jerkbench.evaluation.batch_scoring import Scored, can_stream, outlined, sums_from, with_updates
-from jerkbench.evaluation.run import Summary, values_of
+from jerkbench.evaluation.divergence import strays
+from jerkbench.evaluation.row_columns import Summary, values_of
 from jerkbench.execution.inputs import Inputs
 from jerkbench.optional import part_read
 from jerkbench.recording import Recording
@@ -73,7 +74,7 @@ def streamed_seeds(
     results = _run_all(cell, list(ready.values()), threads)
     limit_m = cell.protocol.divergence_limit_m
     return {
-        draw: StreamedSeed(seed.recording, streamed_values(cell, seed, result, inputs), result.beyond(limit_m))
+        draw: StreamedSeed(seed.recording, streamed_values(cell, seed, result, inputs), strays(result, limit_m))
         for (draw, seed), result in zip(ready.items(), results, strict=True)
         if result is not None
     }

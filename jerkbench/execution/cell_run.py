@@ -8,7 +8,9 @@ from jerkbench.cells.cell import Cell
 from jerkbench.contracts import Adaptation, Batched, Engine, Estimator, Filter, PerSeed, SideBySide
 from jerkbench.errors import JerkbenchError, PluginError
 from jerkbench.estimate import Attitude, Estimate
-from jerkbench.evaluation.run import evaluate_run, require_begin, run_status
+from jerkbench.evaluation.counted_rows import require_begin
+from jerkbench.evaluation.divergence import run_status
+from jerkbench.evaluation.row_columns import evaluate_run
 from jerkbench.execution.batches import StreamedSeed, streamed_seeds, streams
 from jerkbench.execution.inputs import KEPT, Inputs, shared_inputs
 from jerkbench.execution.notes import notes_of

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple, cast
 
 from jerkbench.cells.cell import Cell
 from jerkbench.contracts import Estimator, Filter, SettingsSideBySide, SideBySide
+from jerkbench.evaluation.divergence import strays
 from jerkbench.execution.batches import Prepared, prepared, streamed_values, streams
 from jerkbench.execution.cell_run import CellRun, Row
 from jerkbench.execution.inputs import Inputs
@@ -82,7 +83,7 @@ def _row(
     cell: Cell, draw: int, seed: Prepared | None, result: Streamed | None, fingerprint: str, inputs: Inputs
 ) -> Row:
     """The row of a run; one that stopped, or went too far, is run alone, which says where and when."""
-    if seed is None or result is None or result.beyond(cell.protocol.divergence_limit_m):
+    if seed is None or result is None or strays(result, cell.protocol.divergence_limit_m):
         (row,), _ = CellRun(cell, fingerprint, inputs=inputs).rows([draw])
         return row
     return {"seed": draw, "status": "ok", **streamed_values(cell, seed, result, inputs)}

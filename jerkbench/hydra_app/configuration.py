@@ -10,9 +10,10 @@ from hydra.core.config_store import ConfigNode, ConfigStore
 from omegaconf import MISSING, DictConfig, OmegaConf
 
 from jerkbench import plugins
-from jerkbench.cells.cell import Cell, Protocol, build
+from jerkbench.cells.cell import Cell, build
 from jerkbench.cells.labels import GROUPS, labels_of
 from jerkbench.cells.noise import Noise
+from jerkbench.cells.protocol import Protocol
 from jerkbench.errors import PluginError
 from jerkbench.files import cache_folder
 from jerkbench.optional import preferred_attitude

@@ -4,10 +4,11 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.kinematic.arguments import Packed, Rules, Runs
-from jerkbench.kinematic.exchange import show, take, take_kept
+from jerkbench.kinematic.exchange import packed_of, show, take, take_kept
+from jerkbench.kinematic.fading import call_fade, fade_prior
 from jerkbench.kinematic.gain import NAN
-from jerkbench.kinematic.layout import DENSE, ELEMENT, LOST, PAIR, SIZE, WIDTH, B
-from jerkbench.kinematic.plugin_call import call_adapt, call_fade
+from jerkbench.kinematic.layout import DENSE, LOST, WIDTH
+from jerkbench.kinematic.plugin_call import call_adapt
 from jerkbench.kinematic.prior import adapt_prior
 
 
@@ -44,12 +45,6 @@ def adapt_runs(w: FloatArray, numbers: FloatArray, runs: Runs, rules: Rules, com
     return same
 
 
-def packed_of(runs: Runs) -> Packed:
-    """Point at what an adaptation sees where some rows are missing, and at room for what it says."""
-    some = runs.some
-    return Packed(runs.rows, some[108:114], some[:36], some[36:72], some[72:108])
-
-
 def _adapt_run(numbers: FloatArray, runs: Runs, run: int, some: Packed, rules: Rules, m: int) -> bool:
     """Adapt R of ``m`` rows of a run; return whether all six are used."""
     if m == 6:
@@ -80,7 +75,7 @@ def _call(numbers: FloatArray, runs: Runs, run: int, packed: Packed, rules: Rule
     well = True
     if rules.fade[run] != 0:
         well, factor = call_fade(rules, run, packed, m)
-        _fade(numbers, run, packed, factor)
+        fade_prior(numbers, run, packed, factor)
     if DENSE == 1:
         well = adapt_prior(numbers, runs, run, packed, rules, m) and well
     if not (well and call_adapt(rules, run, packed, m)):
@@ -91,15 +86,6 @@ def _leaves_prior(rules: Rules, run: int) -> bool:
     if DENSE == 1:
         return bool(rules.fade[run] == 0 and rules.prior[run] == 0)
     return bool(rules.fade[run] == 0)
-
-
-def _fade(numbers: FloatArray, run: int, packed: Packed, factor: float) -> None:
-    """Scale the prior covariance, and what the adaptation sees of it."""
-    for e in range(36):
-        packed.HPHt[e] *= factor
-    for p in range(6):
-        for e in range(SIZE):
-            numbers[(B + PAIR * p + ELEMENT * e) * WIDTH + run] *= factor
 
 
 def _unchanged(given: FloatArray, adapted: FloatArray) -> bool:

@@ -14,7 +14,7 @@ from jerkbench.kinematic.loop import run_steps
 
 ALONE = ("run_steps", "start", "predict", "add_row", "mahalanobis", "correct", "check_definite")
 SELDOM = (
-    *("predict_any", "clear_absent", "_pack", "_fade", "_unpack"),
+    *("predict_any", "clear_absent", "_pack", "fade_prior", "_unpack"),
     *("advance", "adapt_prior", "take_whole", "put_covariance", "find_gains", "put_gains", "_own_update", "_widen"),
 )
 APART = ALONE + SELDOM

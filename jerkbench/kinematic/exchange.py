@@ -5,7 +5,7 @@ import numpy as np
 from jerkbench.arrays import FloatArray
 from jerkbench.compilation.vector_ops import gather, scatter
 from jerkbench.compilation.vectors import aligned_zeros, chosen, vectors
-from jerkbench.kinematic.arguments import Runs
+from jerkbench.kinematic.arguments import Packed, Runs
 from jerkbench.kinematic.layout import EIGHTS, KEPT, VARIANCE, WIDTH, R, Y
 
 SIX, MATRIX = 8, 40
@@ -58,3 +58,9 @@ def _eight(w: FloatArray, at: int) -> tuple[float, ...]:
 def _put(w: FloatArray, at: int, eight: tuple[float, ...]) -> None:
     for e in range(8):
         w[at + e] = eight[e]
+
+
+def packed_of(runs: Runs) -> Packed:
+    """Point at what an adaptation sees where some rows are missing, and at room for what it says."""
+    some = runs.some
+    return Packed(runs.rows, some[108:114], some[:36], some[36:72], some[72:108])

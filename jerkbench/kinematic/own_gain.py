@@ -1,13 +1,16 @@
 """The update of a run whose adaptation has a gain of its own, in whole matrices."""
 
 from jerkbench.arrays import FloatArray
+from jerkbench.compilation.calls import fill_by, try_fill_by
+from jerkbench.compilation.methods import Method
 from jerkbench.compilation.vector_ops import scratch
 from jerkbench.kalman import EXPOSED, FLOOR, ROUNDING
-from jerkbench.kinematic.adapt import packed_of
 from jerkbench.kinematic.arguments import Packed, Rules, Runs, Whole
+from jerkbench.kinematic.exchange import packed_of
 from jerkbench.kinematic.layout import KEPT, LOST, SQUARED, WIDTH, R, S, X, Y
-from jerkbench.kinematic.plugin_call import call_gain
-from jerkbench.kinematic.prior import put_covariance, take_whole, whole_of
+from jerkbench.kinematic.prior import MEASURED, STATE, put_covariance, take_whole, whole_of
+
+GAIN = Method("adapt_gain", (*STATE[:2], *MEASURED), ("m", "size", "n"), (("m", 6), ("n", 9)), "(n, m)")
 
 
 def find_gains(numbers: FloatArray, runs: Runs, rules: Rules) -> None:
@@ -23,6 +26,16 @@ def find_gains(numbers: FloatArray, runs: Runs, rules: Rules) -> None:
             well = call_gain(rules, run, whole, packed, m)
             runs.own[run, 0], runs.own[run, 1] = 1.0, 0.0 if well else 1.0
             _own_update(runs.own[run], whole, packed, m)
+
+
+def call_gain(rules: Rules, run: int, whole: Whole, packed: Packed, m: int) -> bool:
+    """Fill the gain of a run; return whether `adapt_gain` raised no error."""
+    seen = rules.parameters[run], whole.x, whole.P, packed.y, packed.R, packed.rows, rules.memory[run], whole.answer
+    if WIDTH > 1:
+        well: bool = try_fill_by(rules.gain[run], seen, (m, rules.sizes[run], S))
+        return well
+    fill_by(rules.gain[run], seen, (m, rules.sizes[run], S))
+    return True
 
 
 def _take_kept(numbers: FloatArray, run: int, packed: Packed) -> int:

@@ -7,20 +7,17 @@ from typing import NamedTuple, cast
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.compilation.calls import ask, fill_by, try_ask, try_fill_by
+from jerkbench.compilation.calls import fill_by, try_fill_by
 from jerkbench.compilation.methods import Method, address_of, compiled_method, parameter_vector
 from jerkbench.contracts import Adaptation, AdaptingGain, AdaptingPrior, Fading
-from jerkbench.estimation.adaptation_call import ADAPT, GIVEN
-from jerkbench.kinematic.arguments import Packed, Rules, Whole
-from jerkbench.kinematic.layout import WIDTH, S
+from jerkbench.estimation.adaptation_call import ADAPT
+from jerkbench.kinematic.arguments import Packed, Rules
+from jerkbench.kinematic.fading import FADE
+from jerkbench.kinematic.layout import WIDTH
+from jerkbench.kinematic.own_gain import GAIN
+from jerkbench.kinematic.prior import PRIOR
 from jerkbench.memory import memory_size
 from jerkbench.optional import wants_truth
-
-FADE = Method("fade", GIVEN, ("m", "size"), (("m", 6),), "")
-STATE = (("x", "float64", "n"), *((name, "float64", "(n, n)") for name in ("P", "F", "Q")))
-MEASURED = tuple(argument for argument in GIVEN if argument[0] != "HPHt")
-PRIOR = Method("adapt_prior", (*STATE, *MEASURED), ("m", "size", "n"), (("m", 6), ("n", 9)), "(n, n)")
-GAIN = Method("adapt_gain", (*STATE[:2], *MEASURED), ("m", "size", "n"), (("m", 6), ("n", 9)), "(n, m)")
 
 
 class Rule(NamedTuple):
@@ -85,36 +82,6 @@ def call_adapt(rules: Rules, run: int, packed: Packed, m: int) -> bool:
         well: bool = try_fill_by(rules.adapt[run], seen, (m, rules.sizes[run]))
         return well
     fill_by(rules.adapt[run], seen, (m, rules.sizes[run]))
-    return True
-
-
-def call_fade(rules: Rules, run: int, packed: Packed, m: int) -> tuple[bool, float]:
-    """Likewise return the factor on the prior covariance."""
-    seen = rules.parameters[run], packed.y, packed.HPHt, packed.R, packed.rows, rules.memory[run]
-    if WIDTH > 1:
-        answer: tuple[bool, float] = try_ask(rules.fade[run], seen, (m, rules.sizes[run]))
-        return answer
-    return True, ask(rules.fade[run], seen, (m, rules.sizes[run]))
-
-
-def call_prior(rules: Rules, run: int, whole: Whole, packed: Packed, m: int) -> bool:
-    """Fill the adapted prior covariance of a run; return whether `adapt_prior` raised no error."""
-    given = rules.parameters[run], whole.x, whole.P, whole.F, whole.Q, packed.y, packed.R, packed.rows
-    seen = (*given, rules.memory[run], whole.answer)
-    if WIDTH > 1:
-        well: bool = try_fill_by(rules.prior[run], seen, (m, rules.sizes[run], S))
-        return well
-    fill_by(rules.prior[run], seen, (m, rules.sizes[run], S))
-    return True
-
-
-def call_gain(rules: Rules, run: int, whole: Whole, packed: Packed, m: int) -> bool:
-    """Likewise the gain."""
-    seen = rules.parameters[run], whole.x, whole.P, packed.y, packed.R, packed.rows, rules.memory[run], whole.answer
-    if WIDTH > 1:
-        well: bool = try_fill_by(rules.gain[run], seen, (m, rules.sizes[run], S))
-        return well
-    fill_by(rules.gain[run], seen, (m, rules.sizes[run], S))
     return True
 
 

@@ -1,10 +1,16 @@
 """The prior covariance of one run in whole matrices, for an adaptation that changes it."""
 
 from jerkbench.arrays import FloatArray
+from jerkbench.compilation.calls import fill_by, try_fill_by
+from jerkbench.compilation.methods import Method
 from jerkbench.compilation.vector_ops import scratch
+from jerkbench.estimation.adaptation_call import GIVEN
 from jerkbench.kinematic.arguments import Model, Packed, Rules, Runs, Steps, Whole
 from jerkbench.kinematic.layout import AT, SIZE, SQUARED, WIDTH, N, S, X
-from jerkbench.kinematic.plugin_call import call_prior
+
+STATE = (("x", "float64", "n"), *((name, "float64", "(n, n)") for name in ("P", "F", "Q")))
+MEASURED = tuple(argument for argument in GIVEN if argument[0] != "HPHt")
+PRIOR = Method("adapt_prior", (*STATE, *MEASURED), ("m", "size", "n"), (("m", 6), ("n", 9)), "(n, n)")
 
 
 def advance(runs: Runs, model: Model, steps: Steps, begin: int, end: int) -> None:
@@ -48,6 +54,17 @@ def adapt_prior(numbers: FloatArray, runs: Runs, run: int, packed: Packed, rules
         for j in range(m):
             packed.HPHt[m * i + j] = numbers[AT[packed.rows[i], packed.rows[j]] * WIDTH + run]
     return well
+
+
+def call_prior(rules: Rules, run: int, whole: Whole, packed: Packed, m: int) -> bool:
+    """Fill the adapted prior covariance of a run; return whether `adapt_prior` raised no error."""
+    given = rules.parameters[run], whole.x, whole.P, whole.F, whole.Q, packed.y, packed.R, packed.rows
+    seen = (*given, rules.memory[run], whole.answer)
+    if WIDTH > 1:
+        well: bool = try_fill_by(rules.prior[run], seen, (m, rules.sizes[run], S))
+        return well
+    fill_by(rules.prior[run], seen, (m, rules.sizes[run], S))
+    return True
 
 
 def whole_of(runs: Runs) -> Whole:

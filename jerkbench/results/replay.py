@@ -6,13 +6,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from jerkbench.cells.cell import Cell, Protocol, build
+from jerkbench.cells.cell import Cell, build
 from jerkbench.cells.data import require_data
 from jerkbench.cells.labels import Labels
+from jerkbench.cells.protocol import Protocol
 from jerkbench.cells.provenance import code_digest, versions
 from jerkbench.errors import JerkbenchError
 from jerkbench.estimate import Estimate
-from jerkbench.evaluation.run import RUN
+from jerkbench.evaluation.row_columns import RUN
 from jerkbench.execution.cell_run import CellRun, Row
 from jerkbench.execution.plugin_errors import plugins_in_words
 from jerkbench.recording import Recording

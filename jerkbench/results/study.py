@@ -24,8 +24,8 @@ from jerkbench.plain import plain
 from jerkbench.report.analysis.rule import SPENDS
 from jerkbench.results.conditions import Values, conditions, told_apart
 from jerkbench.results.content import Content, frame
+from jerkbench.results.csv_writer import write_rows_csv
 from jerkbench.results.part_shape import HEAD
-from jerkbench.results.rows_csv import write_rows_csv
 from jerkbench.results.shape import is_manifest
 from jerkbench.results.shown_cells import Current, current
 from jerkbench.results.store import Store

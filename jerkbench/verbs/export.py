@@ -44,7 +44,7 @@ def answer(chosen: argparse.Namespace) -> None:
 
 
 def _write_trajectories(chosen: argparse.Namespace, row: "StoredRow") -> None:
-    from jerkbench.evaluation.run import counted_rows
+    from jerkbench.evaluation.counted_rows import counted_rows
     from jerkbench.results.tum import write_tum_pair
 
     recording, estimate = row.run()

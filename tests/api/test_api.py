@@ -10,10 +10,10 @@ from omegaconf import OmegaConf
 
 import jerkbench
 from commands import jerkbench as command_line
-from jerkbench.cells.cell import Protocol
 from jerkbench.cells.from_names import cell_of_parts
 from jerkbench.cells.key import cell_key
 from jerkbench.cells.labels import GROUPS
+from jerkbench.cells.protocol import Protocol
 from jerkbench.errors import PluginError
 from jerkbench.hydra_app.configuration import Schema, cell_of, register_schemas
 from jerkbench.hydra_app.hydra_parts import register_hydra_parts

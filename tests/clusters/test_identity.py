@@ -5,7 +5,8 @@ from dataclasses import replace
 
 import pytest
 
-from jerkbench.cells.cell import Protocol, build
+from jerkbench.cells.cell import build
+from jerkbench.cells.protocol import Protocol
 from jerkbench.clusters.cluster import ClusterError
 from jerkbench.clusters.identity import Foreign, identity_of, refusal
 from jerkbench.clusters.sending import Pack, run_packed

@@ -8,7 +8,8 @@ import pytest
 
 from jerkbench import plugins, testing
 from jerkbench.adaptation.mtf import Mtf
-from jerkbench.cells.cell import Protocol, build
+from jerkbench.cells.cell import build
+from jerkbench.cells.protocol import Protocol
 from jerkbench.conformance.probe import complaint
 from jerkbench.disturbances.bias import Bias
 from jerkbench.engines.filterpy_engine import FilterpyEngine

@@ -9,7 +9,7 @@ from scipy.stats import chi2
 
 from jerkbench.estimate import Estimate
 from jerkbench.evaluation.consistency import Consistency
-from jerkbench.evaluation.run import counted_rows
+from jerkbench.evaluation.counted_rows import counted_rows
 from jerkbench.recording import Imu, Recording, Reference
 
 BURN_IN_S = 5.0

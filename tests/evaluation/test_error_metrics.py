@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from jerkbench.evaluation.attitude import AttitudeRmse
+from jerkbench.evaluation.counted_rows import counted_rows
 from jerkbench.evaluation.outage import Outage
 from jerkbench.evaluation.position import PositionRmse
-from jerkbench.evaluation.run import counted_rows
 from jerkbench.evaluation.velocity import VelocityRmse
 
 BURN_IN_S = 5.0

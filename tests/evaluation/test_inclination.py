@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from jerkbench.evaluation.attitude import AttitudeRmse
+from jerkbench.evaluation.counted_rows import counted_rows
 from jerkbench.evaluation.inclination import Inclination
-from jerkbench.evaluation.run import counted_rows
 from jerkbench.geometry import dcm_from_euler
 from jerkbench.recording import Imu, Position, Recording, Reference, Velocity
 

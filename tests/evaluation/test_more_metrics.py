@@ -9,6 +9,7 @@ from scipy.stats import multivariate_normal
 
 from jerkbench.errors import PluginError
 from jerkbench.estimate import Updates
+from jerkbench.evaluation.counted_rows import counted_rows
 from jerkbench.evaluation.coverage import Coverage
 from jerkbench.evaluation.drift import OutageDrift
 from jerkbench.evaluation.innovation import Innovation
@@ -18,8 +19,7 @@ from jerkbench.evaluation.one_recording import OneRecording
 from jerkbench.evaluation.percentiles import Percentiles
 from jerkbench.evaluation.position import PositionRmse
 from jerkbench.evaluation.relative_error import RelativeError
-from jerkbench.evaluation.run import counted_rows
-from jerkbench.evaluation.statistics import blocks
+from jerkbench.evaluation.statistics.intervals import correlated_errors
 from jerkbench.recording import Position
 
 
@@ -179,7 +179,7 @@ def test_the_interval_of_one_recording_holds_its_rmse_where_it_is_long_enough(
     estimate, recording, counted, monkeypatch
 ):
     assert math.isnan(OneRecording().evaluate(estimate, recording, counted)["position_rmse_low_m"])  # 50 rows
-    monkeypatch.setattr(blocks, "LEAST_TIMES", 20)
+    monkeypatch.setattr(correlated_errors, "LEAST_TIMES", 20)
     got = OneRecording().evaluate(estimate, recording, counted)
     rmse = PositionRmse().evaluate(estimate, recording, counted)["position_rmse_m"]
     assert got["position_rmse_low_m"] < rmse < got["position_rmse_high_m"]

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
+from jerkbench.evaluation.counted_rows import counted_rows
 from jerkbench.evaluation.outage_axes import OutageAxes
-from jerkbench.evaluation.run import counted_rows
 
 
 def test_the_axes_are_the_naive_loop(estimate, recording):

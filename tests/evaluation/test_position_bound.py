@@ -14,10 +14,10 @@ from jerkbench.datasets.field_v1 import FieldV1
 from jerkbench.disturbances.gnss_outage import GnssOutage
 from jerkbench.disturbances.noise_step import NoiseStep
 from jerkbench.engines.compiled_engine import CompiledEngine
+from jerkbench.evaluation.counted_rows import counted_rows
 from jerkbench.evaluation.position import PositionRmse
 from jerkbench.evaluation.position_bound import PositionBound
 from jerkbench.evaluation.riccati import Motion, Noise, position_variances
-from jerkbench.evaluation.run import counted_rows
 from jerkbench.execution.simulation_cache import simulated
 from jerkbench.filters.baseline import Baseline
 from jerkbench.filters.bias import Bias

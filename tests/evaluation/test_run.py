@@ -11,7 +11,9 @@ import pytest
 from jerkbench import plugins
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.estimate import Updates
-from jerkbench.evaluation.run import counted_rows, evaluate_run, run_status
+from jerkbench.evaluation.counted_rows import counted_rows
+from jerkbench.evaluation.divergence import run_status
+from jerkbench.evaluation.row_columns import evaluate_run
 
 LIMIT_M = 1000.0
 METRICS = ("attitude_rmse", "consistency", "outage", "position_rmse", "velocity_rmse")

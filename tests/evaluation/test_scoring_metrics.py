@@ -8,11 +8,11 @@ import pytest
 from scipy.integrate import quad
 from scipy.stats import norm
 
+from jerkbench.evaluation.counted_rows import counted_rows
 from jerkbench.evaluation.credibility import Credibility
 from jerkbench.evaluation.crps import Crps
 from jerkbench.evaluation.faults import fault_windows_s
 from jerkbench.evaluation.recovery import Recovery
-from jerkbench.evaluation.run import counted_rows
 from jerkbench.recording import Position
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from jerkbench.evaluation.statistics.skewed import SHRUNK, few_intervals, hall_intervals
-from jerkbench.evaluation.statistics.student import student_intervals
+from jerkbench.evaluation.statistics.intervals.skewed import SHRUNK, few_intervals, hall_intervals
+from jerkbench.evaluation.statistics.intervals.student import student_intervals
 from roots import hall_ends, mean_ends
 
 

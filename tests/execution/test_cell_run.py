@@ -2,7 +2,8 @@
 
 import pytest
 
-from jerkbench.cells.cell import Protocol, build
+from jerkbench.cells.cell import build
+from jerkbench.cells.protocol import Protocol
 from jerkbench.errors import PluginError
 from jerkbench.execution import cell_run as run
 

@@ -2,7 +2,8 @@
 
 import pytest
 
-from jerkbench.cells.cell import Protocol, build
+from jerkbench.cells.cell import build
+from jerkbench.cells.protocol import Protocol
 from jerkbench.execution.cell_run import CellRun
 from jerkbench.filters.imm import InteractingMultipleModels
 

@@ -7,8 +7,8 @@ import weakref
 import pytest
 
 from jerkbench.adaptation.mtf import Mtf
-from jerkbench.cells.cell import Protocol
 from jerkbench.cells.from_names import cell_of_parts
+from jerkbench.cells.protocol import Protocol
 from jerkbench.evaluation.position import PositionRmse
 from jerkbench.execution.cell_run import CellRun
 from jerkbench.execution.inputs import Inputs

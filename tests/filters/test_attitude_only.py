@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from jerkbench.adaptation.none import NoAdaptation
-from jerkbench.cells.cell import Protocol, build, refusal
-from jerkbench.evaluation.run import evaluate_run, run_status
+from jerkbench.cells.cell import build, refusal
+from jerkbench.cells.protocol import Protocol
+from jerkbench.evaluation.divergence import run_status
+from jerkbench.evaluation.row_columns import evaluate_run
 from jerkbench.filters.attitude_only import AttitudeOnly
 from jerkbench.plugins import create, names
 from synthetic import level_attitude, recording_at_rest

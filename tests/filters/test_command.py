@@ -13,9 +13,9 @@ import pytest
 
 import jerkbench
 from commands import PATIENCE_S
-from jerkbench.cells.cell import Protocol
 from jerkbench.cells.from_names import cell_of_parts
 from jerkbench.cells.key import cell_key
+from jerkbench.cells.protocol import Protocol
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.external.program import command_words, program_files
 from processes import alive

@@ -13,7 +13,7 @@ from jerkbench.attitude.plugin import Tilt
 from jerkbench.datasets.field_v1 import FieldV1
 from jerkbench.disturbances.noise_step import NoiseStep
 from jerkbench.evaluation.batch_scoring import scored, sums_from
-from jerkbench.evaluation.run import counted_rows
+from jerkbench.evaluation.counted_rows import counted_rows
 from jerkbench.evaluation.sums import sums_of
 from jerkbench.filters._accepted import of_r_alone
 from jerkbench.filters.imm import InteractingMultipleModels

@@ -5,8 +5,8 @@ import pytest
 
 from commands import SHORT, jerkbench, swept, verb
 from jerkbench import api
-from jerkbench.cells.cell import Protocol
 from jerkbench.cells.from_names import cell_of_parts
+from jerkbench.cells.protocol import Protocol
 from jerkbench.results.store import Store
 from jerkbench.sweep.forecast import forecast, lines
 from jerkbench.sweep.sweep import plan_sweep

@@ -11,7 +11,7 @@ from jerkbench import plugins
 from jerkbench.adaptation.mtf import Mtf
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.evaluation.batch_scoring import scored, sums_from
-from jerkbench.evaluation.run import counted_rows
+from jerkbench.evaluation.counted_rows import counted_rows
 from jerkbench.evaluation.sums import sums_of
 from jerkbench.filters.eskf15 import Eskf15
 from jerkbench.inertial.side_by_side.runs import goes_together, run_journeys

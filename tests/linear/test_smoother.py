@@ -16,7 +16,7 @@ from jerkbench.datasets.field import Field
 from jerkbench.disturbances.noise_step import NoiseStep
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.evaluation.batch_scoring import scored, sums_from
-from jerkbench.evaluation.run import counted_rows
+from jerkbench.evaluation.counted_rows import counted_rows
 from jerkbench.evaluation.sums import sums_of
 from jerkbench.filters.rts import RauchTungStriebel
 from jerkbench.kinematic.compiled_adaptation import compiled_rule

@@ -4,7 +4,8 @@ import re
 
 import pytest
 
-from jerkbench.cells.cell import Protocol, build
+from jerkbench.cells.cell import build
+from jerkbench.cells.protocol import Protocol
 from jerkbench.errors import JerkbenchError, PluginError, RecordingError
 from jerkbench.report.analysis.findings import findings
 from jerkbench.report.analysis.study_verdicts import study_verdicts

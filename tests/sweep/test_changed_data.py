@@ -5,7 +5,8 @@ import os
 import numpy as np
 import pytest
 
-from jerkbench.cells.cell import Protocol, build
+from jerkbench.cells.cell import build
+from jerkbench.cells.protocol import Protocol
 from jerkbench.datasets.path import DrivenPath
 from jerkbench.execution.inputs import shared_inputs
 from jerkbench.readers.files import fingerprint

@@ -5,8 +5,9 @@ import threading
 import pytest
 
 from commands import PATIENCE_S
-from jerkbench.cells.cell import Protocol, build
+from jerkbench.cells.cell import build
 from jerkbench.cells.labels import Labels
+from jerkbench.cells.protocol import Protocol
 from jerkbench.execution.cell_run import CellRun
 from jerkbench.execution.inputs import KEPT
 from jerkbench.results.store import Store

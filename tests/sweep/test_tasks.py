@@ -3,7 +3,8 @@
 import pandas as pd
 import pytest
 
-from jerkbench.cells.cell import Protocol, build
+from jerkbench.cells.cell import build
+from jerkbench.cells.protocol import Protocol
 from jerkbench.execution.cell_run import CellRun
 from jerkbench.execution.inputs import KEPT
 from jerkbench.results.store import Store

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from linear_gaussian import Level, LinearGaussian
 
-from jerkbench.cells.cell import Protocol
 from jerkbench.cells.from_names import cell_of_parts
+from jerkbench.cells.protocol import Protocol
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.tuning.evaluate import Evaluator
 from jerkbench.tuning.excerpts import ended_at, scored_from

@@ -6,8 +6,8 @@ import numpy as np
 import numpy.typing as npt
 
 from jerkbench.arrays import FloatArray
-from jerkbench.evaluation.statistics.arithmetic_mean import FEW, mean_interval
-from jerkbench.evaluation.statistics.student import student_interval
+from jerkbench.evaluation.statistics.intervals.signed_over_seeds import FEW, mean_interval
+from jerkbench.evaluation.statistics.intervals.student import student_interval
 
 CONSISTENT, OVERCONFIDENT, CAUTIOUS, UNKNOWN = "consistent", "overconfident", "too cautious", "not known"
 

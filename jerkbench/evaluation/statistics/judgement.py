@@ -8,10 +8,10 @@ from enum import StrEnum
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.evaluation.statistics.exact import median_interval
+from jerkbench.evaluation.statistics.intervals.median import median_interval
+from jerkbench.evaluation.statistics.intervals.student import student_interval
 from jerkbench.evaluation.statistics.log_ratio import LogRatios
 from jerkbench.evaluation.statistics.multiplicity import Correction, Family, family
-from jerkbench.evaluation.statistics.student import student_interval
 
 MARGIN = 0.03
 """Ratios from 1/1.03 to 1.03 are equal for every practical purpose."""

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jerkbench.arrays import BoolArray, FloatArray
-from jerkbench.evaluation.statistics.arithmetic_mean import ROUNDING
+from jerkbench.evaluation.statistics.intervals.signed_over_seeds import ROUNDING
 
 LOCKED_OUT = 10.0
 """A run whose ratio is so many times its median has locked out: it is no scatter, and no mean describes it."""

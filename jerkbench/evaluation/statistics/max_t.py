@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray
-from jerkbench.evaluation.statistics.arithmetic_mean import ROUNDING
+from jerkbench.evaluation.statistics.intervals.signed_over_seeds import ROUNDING
 
 RESAMPLES = 1999
 SEED = 14

@@ -8,7 +8,7 @@ from enum import StrEnum
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.evaluation.statistics.exact import equal_median_p, rare_p, sign_p
+from jerkbench.evaluation.statistics.exact_tests import equal_median_p, rare_p, sign_p
 from jerkbench.evaluation.statistics.log_ratio import LogRatios
 from jerkbench.evaluation.statistics.max_t import max_t, standard_errors, studentised
 

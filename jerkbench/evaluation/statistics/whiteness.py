@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.evaluation.statistics.blocks import autocorrelation
+from jerkbench.evaluation.statistics.intervals.correlated_errors import autocorrelation
 
 LAGS = 20
 FEWEST = 30

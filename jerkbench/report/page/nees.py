@@ -4,8 +4,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from jerkbench.evaluation.statistics.arithmetic_mean import FEW
 from jerkbench.evaluation.statistics.consistency import NEAR, UNKNOWN, runs_verdict
+from jerkbench.evaluation.statistics.intervals.signed_over_seeds import FEW
 from jerkbench.report.analysis.quantities import EXPECTED
 
 if TYPE_CHECKING:

@@ -8,8 +8,8 @@ from matplotlib.figure import Figure
 
 from jerkbench.arrays import FloatArray
 from jerkbench.estimate import Estimate
+from jerkbench.evaluation.counted_rows import counted_rows
 from jerkbench.evaluation.navigation_errors import known, position_error_length_m, position_error_m, rms_norm
-from jerkbench.evaluation.run import counted_rows
 from jerkbench.recording import Recording
 from jerkbench.report.plots.curves import coinciding, joined, thinned
 from jerkbench.report.plots.palette import Palette, looks

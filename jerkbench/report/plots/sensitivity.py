@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 from matplotlib.figure import Figure
 
-from jerkbench.evaluation.statistics.arithmetic_mean import mean_intervals
+from jerkbench.evaluation.statistics.intervals.signed_over_seeds import mean_intervals
 from jerkbench.report.analysis.quantities import quantity
 from jerkbench.report.plots.palette import Palette, looks
 from jerkbench.report.plots.style import DOTS_PER_INCH, legend_below, quiet

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from jerkbench.arrays import BoolArray, IntArray
-from jerkbench.evaluation.statistics.arithmetic_mean import mean_intervals_of
-from jerkbench.evaluation.statistics.centre import GEOMETRIC, MEAN, Centres, centres_of
+from jerkbench.evaluation.statistics.intervals.errors_over_seeds import GEOMETRIC, MEAN, Centres, centres_of
+from jerkbench.evaluation.statistics.intervals.signed_over_seeds import mean_intervals_of
 from jerkbench.evaluation.statistics.samples import Samples
 from jerkbench.report.analysis.quantities import quantity
 from jerkbench.report.tables.grid import Grid

@@ -5,7 +5,7 @@ import io
 import math
 from collections.abc import Sequence
 
-from jerkbench.evaluation.statistics.exact import share_interval
+from jerkbench.evaluation.statistics.intervals.share import share_interval
 from jerkbench.report.analysis.factors import FACTORS
 from jerkbench.report.tables.table_model import Ratio, Table, TableCell
 

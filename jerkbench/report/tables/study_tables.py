@@ -9,8 +9,8 @@ from jerkbench.files import write_atomically, write_text
 from jerkbench.report.analysis.rows import metric_columns, with_metric
 from jerkbench.report.tables.cell_columns import cell_columns
 from jerkbench.report.tables.csv import tidy_csv
-from jerkbench.report.tables.csv_columns import GridCsv
 from jerkbench.report.tables.grid import arranged
+from jerkbench.report.tables.grid_csv import GridCsv
 from jerkbench.report.tables.latex import latex
 from jerkbench.report.tables.markdown import markdown
 from jerkbench.report.tables.summary import beside_others, main_metric, summarise

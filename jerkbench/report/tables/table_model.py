@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from jerkbench.evaluation.statistics.centre import MEAN, MEDIAN
+from jerkbench.evaluation.statistics.intervals.errors_over_seeds import MEAN, MEDIAN
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.evaluation.statistics.student import student_intervals
+from jerkbench.evaluation.statistics.intervals.student import student_intervals
 
 ENOUGH = 20
 """Of so many values Student's interval holds a skewed mean nearly as often as it says; of fewer it is widened."""

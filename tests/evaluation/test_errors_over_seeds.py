@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import gmean
 
-from jerkbench.evaluation.statistics.centre import GEOMETRIC, MEDIAN, centres
+from jerkbench.evaluation.statistics.intervals.errors_over_seeds import GEOMETRIC, MEDIAN, centres
 from roots import mean_ends
 
 

@@ -6,13 +6,9 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest
 
-from jerkbench.evaluation.statistics.exact import (
-    equal_median_p,
-    median_interval,
-    quantiles,
-    share_interval,
-    sign_p,
-)
+from jerkbench.evaluation.statistics.exact_tests import equal_median_p, sign_p
+from jerkbench.evaluation.statistics.intervals.median import median_interval, quantiles
+from jerkbench.evaluation.statistics.intervals.share import share_interval
 
 
 @pytest.mark.parametrize(("count", "n"), [(0, 5), (1, 20), (12, 20), (20, 20)])

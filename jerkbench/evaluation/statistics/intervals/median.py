@@ -1,7 +1,6 @@
-"""Exact tests and intervals of counts and medians: what holds whatever the distribution is, lost runs included."""
+"""The median with its interval, and the quartiles: whatever the distribution is, lost runs included."""
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
@@ -78,34 +77,6 @@ def _median_intervals(ordered: FloatArray, confidence: float) -> tuple[FloatArra
     return _mixed(lower[k - 1], lower[k], weight), _mixed(upper[k - 1], upper[k], weight)
 
 
-@lru_cache(maxsize=10_000)
-def share_interval(count: int, n: int, confidence: float = 0.95) -> tuple[float, float]:
-    """Return Clopper and Pearson's interval of a share: it covers at least ``confidence``, whatever the share is.
-
-    Source: Clopper and Pearson, "The use of confidence or fiducial limits", Biometrika 26 (1934).
-    """
-    from scipy.special import betaincinv
-
-    tail = (1 - confidence) / 2
-    low = float(betaincinv(count, n - count + 1, tail)) if count else 0.0
-    high = float(betaincinv(count + 1, n - count, 1 - tail)) if count < n else 1.0
-    return low, high
-
-
-def sign_p(for_a: int, for_b: int) -> float:
-    """Return the two-sided p of so many seeds for either, ties left out: the exact binomial test of one half.
-
-    Of seeds that either lost alone it is McNemar's exact test.
-
-    Source: McNemar, "Note on the sampling error of the difference between correlated proportions", Psychometrika 12
-    (1947).
-    """
-    from scipy.special import bdtr
-
-    fewer, total = min(for_a, for_b), for_a + for_b
-    return min(1.0, 2.0 * float(bdtr(fewer, total, 0.5))) if total else 1.0
-
-
 def _between(ordered: FloatArray, share: float) -> FloatArray:
     """Return the quantile of each row of values in ascending order, between two of them their mixture."""
     place = share * (ordered.shape[1] - 1)
@@ -121,18 +92,3 @@ def _mixed(outer: FloatArray, inner: FloatArray, weight: float) -> FloatArray:
     with np.errstate(invalid="ignore", over="ignore"):
         mixed: FloatArray = np.where(kept, outer, outer + weight * (inner - outer))
     return mixed
-
-
-def equal_median_p(d: FloatArray, margin: float) -> float:
-    """Return the p of the claim that the median of (n,) lies within -+margin: the larger of two exact sign tests."""
-    from scipy.special import bdtr
-
-    beyond = max(int((d >= margin).sum()), int((d <= -margin).sum()))
-    return float(bdtr(beyond, len(d), 0.5)) if len(d) else 1.0
-
-
-def rare_p(count: int, n: int, share: float) -> float:
-    """Return the p of the claim that less than ``share`` of runs fail, ``count`` of n having: the binomial test."""
-    from scipy.special import bdtr
-
-    return float(bdtr(count, n, share)) if n else 1.0

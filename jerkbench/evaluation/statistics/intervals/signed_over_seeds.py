@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jerkbench.arrays import FloatArray
-from jerkbench.evaluation.statistics.bca import bca_ends
+from jerkbench.evaluation.statistics.intervals.bootstrap import bca_ends
 from jerkbench.evaluation.statistics.samples import Samples
 
 RESAMPLES = 4999

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from jerkbench.report.tables.csv_columns import escaped, texts
+from jerkbench.report.tables.grid_csv import escaped, texts
 
 STRETCH = 20_000
 """So many rows are in memory as text."""

@@ -7,7 +7,7 @@ from functools import cache, cached_property
 import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
-from jerkbench.evaluation.statistics.exact import share_interval
+from jerkbench.evaluation.statistics.intervals.share import share_interval
 from jerkbench.report.analysis.factors import FACTORS, constants
 from jerkbench.report.analysis.quantities import quantity
 from jerkbench.report.tables.cell_columns import CellColumns
