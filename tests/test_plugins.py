@@ -10,8 +10,8 @@ from omegaconf import OmegaConf
 from jerkbench import notices, plugins
 from jerkbench.adaptation.mtf import Mtf
 from jerkbench.catalogue.text import list_text, show_text
-from jerkbench.cells.cell import metric_names
 from jerkbench.cells.from_names import choose
+from jerkbench.cells.metric_names import metric_names
 from jerkbench.errors import PluginError
 
 

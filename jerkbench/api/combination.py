@@ -3,10 +3,10 @@
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from jerkbench.cells.cell import refusal
 from jerkbench.cells.data import data_fingerprint
 from jerkbench.cells.from_names import Part, cell_of_parts
 from jerkbench.cells.protocol import Protocol
+from jerkbench.cells.refusal import refusal
 from jerkbench.errors import PluginError
 
 if TYPE_CHECKING:

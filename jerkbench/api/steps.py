@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 from jerkbench import plugins
 from jerkbench.api.combination import listed
-from jerkbench.cells.cell import metric_names
 from jerkbench.cells.from_names import Part, choose, is_plugin, plugin_of, process_noise
+from jerkbench.cells.metric_names import metric_names
 from jerkbench.cells.noise import replaced
 from jerkbench.cells.protocol import Protocol
 from jerkbench.estimate import Estimate

@@ -2,12 +2,13 @@
 
 import dataclasses
 import json
-from collections.abc import Callable, Mapping, Sequence
-from functools import cache, lru_cache
+from collections.abc import Mapping
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 from jerkbench import plugins
 from jerkbench.cells.labels import Labels, default_labels
+from jerkbench.cells.metric_names import metric_names
 from jerkbench.cells.noise import replaced
 from jerkbench.cells.protocol import Protocol
 from jerkbench.contracts import (
@@ -20,11 +21,8 @@ from jerkbench.contracts import (
     Filter,
     Labelled,
     Metric,
-    PerSeed,
 )
 from jerkbench.errors import PluginError
-from jerkbench.notices import notify
-from jerkbench.optional import is_attitude_only, lacks_imu, on_request, uses_imu
 from jerkbench.plain import plain
 from jerkbench.timeline.reported_noise import AS_REPORTED, RScale, scale_of
 
@@ -154,63 +152,3 @@ def _whole(kind: str, plugin: Any) -> Any:  # noqa: ANN401 - as above
         except AssertionError as error:
             raise PluginError(str(error)) from error
     return plugin
-
-
-def refusal(cell: Cell) -> str:
-    """Return why the filter does not take the data set or the adaptation, or an empty string."""
-    if is_attitude_only(cell.dataset) and not is_attitude_only(cell.filter):
-        return _lacking(cell, "position to navigate by", _filters(is_attitude_only))
-    if lacks_imu(cell.dataset) and uses_imu(cell.filter):
-        return _lacking(cell, "IMU", _filters(lambda cls: not uses_imu(cls)))
-    if isinstance(cell.filter, PerSeed) and not cell.filter.for_each_seed and len(cell.draws) > 1:
-        return (
-            f"the filter {cell.labels.filter} has one file for {len(cell.draws)} runs; write {{seed}} in the place"
-            " of the seed in its name, or give seeds=1"
-        )
-    name = cell.spec["adaptation"]["name"]
-    if not isinstance(cell.filter, Estimator) or name in cell.filter.adaptations:
-        return ""
-    accepted = ", ".join(cell.filter.adaptations)
-    return f"the filter {cell.spec['filter']['name']} takes no adaptation '{name}', only: {accepted}"
-
-
-def _lacking(cell: Cell, stream: str, filters: Sequence[str]) -> str:
-    dataset, model = (cell.spec[kind]["name"] for kind in ("dataset", "filter"))
-    return (
-        f"the data set {dataset} has no {stream}, so the filter {model} cannot run over it, only: {', '.join(filters)}"
-    )
-
-
-def _filters(fits: Callable[[type], bool]) -> list[str]:
-    """The filters whose class fits."""
-    return [name for name in plugins.names("filter") if fits(plugins.get("filter", name))]
-
-
-WITHOUT_SEEDS = ("one_recording",)
-"""Metrics that are computed by default where a cell has no seeds, which would say how far to trust its numbers."""
-
-
-def metric_names(wanted: Sequence[str], *, seeded: bool = True) -> tuple[str, ...]:
-    """Return the names that are asked for; of none those that say nothing else, of "all" every one.
-
-    Args:
-        wanted: names.
-        seeded: whether the cell has seeds; without them it has `WITHOUT_SEEDS` by default.
-
-    Raises:
-        PluginError: it is no list of names.
-    """
-    known = plugins.names("metric")
-    if not isinstance(wanted, (list, tuple)) or not all(isinstance(name, str) for name in wanted):
-        raise PluginError(f"metrics is {wanted}; give a list of names: metrics=[position_rmse,velocity_rmse] or [all].")
-    for sentence in plugins.left_out("metric").values() if not wanted or "all" in wanted else ():
-        notify(sentence)
-    if not wanted:
-        alone = () if seeded else WITHOUT_SEEDS
-        return tuple(name for name in known if name in alone or _by_default(plugins.get("metric", name)))
-    return tuple(dict.fromkeys(name for name in wanted for name in (known if name == "all" else [name])))
-
-
-@cache
-def _by_default(metric: type) -> bool:
-    return not on_request(metric)

@@ -16,7 +16,7 @@ from hydra.experimental.callback import Callback
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 
-from jerkbench.cells.cell import refusal
+from jerkbench.cells.refusal import refusal
 from jerkbench.clusters.cluster import Cluster, ClusterError
 from jerkbench.errors import INTERRUPTED, JerkbenchError, PluginError, exit_with
 from jerkbench.execution.cell_run import CellRun

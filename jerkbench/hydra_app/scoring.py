@@ -2,7 +2,7 @@
 
 import sys
 
-from jerkbench.cells.cell import refusal
+from jerkbench.cells.refusal import refusal
 from jerkbench.errors import PluginError
 from jerkbench.hydra_app.configuration import study_folder
 from jerkbench.hydra_app.single_run import run_single_cell

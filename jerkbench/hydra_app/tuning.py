@@ -4,7 +4,8 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
-from jerkbench.cells.cell import Cell, refusal
+from jerkbench.cells.cell import Cell
+from jerkbench.cells.refusal import refusal
 from jerkbench.clusters.cluster import Cluster
 from jerkbench.errors import PluginError
 from jerkbench.execution.processors import processors

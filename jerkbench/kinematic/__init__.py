@@ -9,6 +9,6 @@ product for each pair.
     single_run, batch      Python: what is run, and what came out
     packs, models          runs and filters as arrays (arguments)
     loop                   the steps: predict, measure (innovation, adapt, update), score, trajectory
-    plugin_call            the adaptation, compiled: its `adapt`; `fading` its `fade`, `prior` its `adapt_prior`, `own_gain`
-                           its `adapt_gain`
+    plugin_call            the adaptation, compiled: its `adapt`; `fading` its `fade`, `prior` its `adapt_prior`,
+                           `own_gain` its `adapt_gain`
 """

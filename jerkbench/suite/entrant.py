@@ -8,8 +8,9 @@ from typing import Any
 
 from jerkbench.audit.methods import tried_settings
 from jerkbench.audit.scenarios import Scenario, cell_on
-from jerkbench.cells.cell import Cell, refusal
+from jerkbench.cells.cell import Cell
 from jerkbench.cells.protocol import Protocol
+from jerkbench.cells.refusal import refusal
 from jerkbench.contracts import ReadingFile
 from jerkbench.errors import PluginError
 from jerkbench.parameters import ranges_of

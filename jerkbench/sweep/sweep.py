@@ -8,9 +8,10 @@ from operator import attrgetter
 from pathlib import Path
 from typing import NamedTuple
 
-from jerkbench.cells.cell import Cell, refusal
+from jerkbench.cells.cell import Cell
 from jerkbench.cells.data import data_fingerprint
 from jerkbench.cells.key import cell_key
+from jerkbench.cells.refusal import refusal
 from jerkbench.clusters.cluster import Cluster, Order
 from jerkbench.clusters.identity import identity_of
 from jerkbench.clusters.local import Local

@@ -5,10 +5,11 @@ from dataclasses import replace
 import pytest
 
 from jerkbench.cells import key as keys_of_cells
-from jerkbench.cells.cell import build, refusal
+from jerkbench.cells.cell import build
 from jerkbench.cells.key import cell_key
 from jerkbench.cells.labels import joined
 from jerkbench.cells.protocol import Protocol
+from jerkbench.cells.refusal import refusal
 from jerkbench.errors import PluginError
 
 SPEC = {

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from jerkbench.adaptation.none import NoAdaptation
-from jerkbench.cells.cell import build, refusal
+from jerkbench.cells.cell import build
 from jerkbench.cells.protocol import Protocol
+from jerkbench.cells.refusal import refusal
 from jerkbench.evaluation.divergence import run_status
 from jerkbench.evaluation.row_columns import evaluate_run
 from jerkbench.filters.attitude_only import AttitudeOnly
