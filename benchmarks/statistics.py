@@ -17,9 +17,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from jerkbench.evaluation.statistics.intervals.few_seeds import ENOUGH, SHRUNK, few_intervals, hall_intervals
 from jerkbench.evaluation.statistics.intervals.median import quantiles
 from jerkbench.evaluation.statistics.intervals.share import share_interval
-from jerkbench.evaluation.statistics.intervals.skewed import ENOUGH, SHRUNK, few_intervals, hall_intervals
 from jerkbench.evaluation.statistics.intervals.student import student_intervals
 from jerkbench.evaluation.statistics.judgement import MARGIN, Judgement, Verdict, judged
 from jerkbench.evaluation.statistics.log_ratio import LogRatios, log_ratios

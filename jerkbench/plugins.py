@@ -23,7 +23,7 @@ PACKAGES = {
     "filter": "jerkbench.filters",
     "adaptation": "jerkbench.adaptation",
     "engine": "jerkbench.engines",
-    "metric": "jerkbench.evaluation",
+    "metric": "jerkbench.evaluation.metrics",
 }
 """Each kind of plugin, in the order of the data's way, and the package where the tree's own ones live."""
 

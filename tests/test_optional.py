@@ -7,7 +7,7 @@ import pytest
 
 from jerkbench import contracts, optional, plugins
 from jerkbench.errors import PluginError
-from jerkbench.evaluation.position import PositionRmse
+from jerkbench.evaluation.metrics.position import PositionRmse
 
 
 def refusal(kind, cls):

@@ -16,7 +16,7 @@ from jerkbench.arrays import FloatArray
 from jerkbench.attitude.plugin import Tilt
 from jerkbench.attitude.tilt_kernel import ADAPTATIONS
 from jerkbench.datasets.broad import Broad
-from jerkbench.evaluation.inclination import Inclination
+from jerkbench.evaluation.metrics.inclination import Inclination
 from jerkbench.filters.attitude_only import AttitudeOnly
 from jerkbench.recording import Recording
 

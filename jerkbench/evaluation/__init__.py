@@ -1,1 +1,1 @@
-"""(Estimate, Recording) -> numbers: divergence, the columns of rows.csv (one file a metric), statistics."""
+"""(Estimate, Recording) -> numbers: metrics, the columns of rows.csv, divergence, statistics."""

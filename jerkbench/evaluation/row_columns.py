@@ -1,4 +1,9 @@
-"""The columns of a run's row in rows.csv: what is known of the run, then what each metric says."""
+"""The columns of a run's row in rows.csv: what is known of the run, then what each metric says.
+
+A new column is a new metric, one file in `metrics`, also where nothing of the estimate enters (`position_bound`); here
+the answers are only put together. What a row says of the run itself, `RUN`, is filled by
+`jerkbench.execution.cell_run`, and asked for of stored rows by `jerkbench.results.shape` and `part_shape`.
+"""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import NamedTuple

@@ -8,7 +8,9 @@ product for each pair.
 
     single_run, batch      Python: what is run, and what came out
     packs, models          runs and filters as arrays (arguments)
-    loop                   the steps: predict, measure (innovation, adapt, update), score, trajectory
-    plugin_call            the adaptation, compiled: its `adapt`; `fading` its `fade`, `prior` its `adapt_prior`,
-                           `own_gain` its `adapt_gain`
+    compiled_loop          the machine code of the loop, from the disk
+    loop                   the steps: predict, update_step, score, trajectory
+    update_step            innovation, adaptation, gain, correction
+    adapt                  the calls of an adaptation, in their order: `fade` (fading), `adapt_prior` (prior), `adapt`
+                           (plugin_call), `adapt_gain` (own_gain); what they see is shown and taken in exchange
 """

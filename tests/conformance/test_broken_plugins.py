@@ -15,7 +15,7 @@ from jerkbench.disturbances.bias import Bias as BiasDisturbance
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.errors import PluginError
 from jerkbench.estimate import Updates
-from jerkbench.evaluation.position import PositionRmse
+from jerkbench.evaluation.metrics.position import PositionRmse
 from jerkbench.filters.gnss_only import GnssOnly
 from jerkbench.filters.jerk import Jerk
 from jerkbench.streamed_run import Streamed

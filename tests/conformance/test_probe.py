@@ -14,7 +14,7 @@ from jerkbench.conformance.probe import complaint
 from jerkbench.disturbances.bias import Bias
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.errors import PluginError
-from jerkbench.evaluation.position import PositionRmse
+from jerkbench.evaluation.metrics.position import PositionRmse
 from jerkbench.execution.cell_run import CellRun
 from jerkbench.filters.eskf15 import Eskf15
 from jerkbench.filters.gnss_only import GnssOnly

@@ -7,7 +7,7 @@ from jerkbench.disturbances.position_outage import PositionOutage
 from jerkbench.disturbances.velocity_outage import VelocityOutage
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.estimate import Estimate
-from jerkbench.evaluation.outage import Outage
+from jerkbench.evaluation.metrics.outage import Outage
 from jerkbench.recording import Reference
 
 

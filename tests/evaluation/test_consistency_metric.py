@@ -8,8 +8,8 @@ import pytest
 from scipy.stats import chi2
 
 from jerkbench.estimate import Estimate
-from jerkbench.evaluation.consistency import Consistency
 from jerkbench.evaluation.counted_rows import counted_rows
+from jerkbench.evaluation.metrics.consistency import Consistency
 from jerkbench.recording import Imu, Recording, Reference
 
 BURN_IN_S = 5.0

@@ -8,11 +8,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from jerkbench.evaluation.attitude import AttitudeRmse
 from jerkbench.evaluation.counted_rows import counted_rows
-from jerkbench.evaluation.outage import Outage
-from jerkbench.evaluation.position import PositionRmse
-from jerkbench.evaluation.velocity import VelocityRmse
+from jerkbench.evaluation.metrics.attitude import AttitudeRmse
+from jerkbench.evaluation.metrics.outage import Outage
+from jerkbench.evaluation.metrics.position import PositionRmse
+from jerkbench.evaluation.metrics.velocity import VelocityRmse
 
 BURN_IN_S = 5.0
 

@@ -5,9 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from jerkbench.evaluation.attitude import AttitudeRmse
 from jerkbench.evaluation.counted_rows import counted_rows
-from jerkbench.evaluation.inclination import Inclination
+from jerkbench.evaluation.metrics.attitude import AttitudeRmse
+from jerkbench.evaluation.metrics.inclination import Inclination
 from jerkbench.geometry import dcm_from_euler
 from jerkbench.recording import Imu, Position, Recording, Reference, Velocity
 

@@ -15,8 +15,8 @@ from jerkbench.disturbances.gnss_outage import GnssOutage
 from jerkbench.disturbances.noise_step import NoiseStep
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.evaluation.counted_rows import counted_rows
-from jerkbench.evaluation.position import PositionRmse
-from jerkbench.evaluation.position_bound import PositionBound
+from jerkbench.evaluation.metrics.position import PositionRmse
+from jerkbench.evaluation.metrics.position_bound import PositionBound
 from jerkbench.evaluation.riccati import Motion, Noise, position_variances
 from jerkbench.execution.simulation_cache import simulated
 from jerkbench.filters.baseline import Baseline

@@ -9,10 +9,10 @@ from scipy.integrate import quad
 from scipy.stats import norm
 
 from jerkbench.evaluation.counted_rows import counted_rows
-from jerkbench.evaluation.credibility import Credibility
-from jerkbench.evaluation.crps import Crps
 from jerkbench.evaluation.faults import fault_windows_s
-from jerkbench.evaluation.recovery import Recovery
+from jerkbench.evaluation.metrics.credibility import Credibility
+from jerkbench.evaluation.metrics.crps import Crps
+from jerkbench.evaluation.metrics.recovery import Recovery
 from jerkbench.recording import Position
 
 

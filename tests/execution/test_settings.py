@@ -9,7 +9,7 @@ import pytest
 from jerkbench.adaptation.mtf import Mtf
 from jerkbench.cells.from_names import cell_of_parts
 from jerkbench.cells.protocol import Protocol
-from jerkbench.evaluation.position import PositionRmse
+from jerkbench.evaluation.metrics.position import PositionRmse
 from jerkbench.execution.cell_run import CellRun
 from jerkbench.execution.inputs import Inputs
 from jerkbench.execution.settings_runs import run_settings
