@@ -20,8 +20,9 @@ from jerkbench.clusters.local import Local
 from jerkbench.errors import JerkbenchError
 from jerkbench.execution.inputs import shared_inputs
 from jerkbench.hydra_app import app
+from jerkbench.results.manifest import read_manifest
 from jerkbench.results.store import Store
-from jerkbench.results.study import load_study, read_manifest
+from jerkbench.results.study import load_study
 from jerkbench.sweep.sweep import plan_sweep
 
 DAMAGES = 200

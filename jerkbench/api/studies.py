@@ -63,8 +63,9 @@ def sweep(
     Raises:
         JerkbenchError: something is unknown or does not fit, or every combination was left out.
     """
+    from jerkbench.results.manifest import write_manifest
     from jerkbench.results.store import Store
-    from jerkbench.results.study import Study, load_study, write_manifest, write_study
+    from jerkbench.results.study import Study, load_study, write_study
     from jerkbench.sweep.sweep import plan_sweep, run_sweep
 
     axes = {"dataset": dataset, "attitude": attitude, "filter": filter, "adaptation": adaptation, "engine": [engine]}

@@ -36,9 +36,11 @@ from jerkbench.hydra_app.launched_order import forget_order, note_place, take_or
 from jerkbench.hydra_app.options import check_options
 from jerkbench.hydra_app.single_run import draw_single, prepare_drawing, run_single_cell
 from jerkbench.presets import config_folder
+from jerkbench.results.manifest import write_manifest
 from jerkbench.results.store import Store
-from jerkbench.results.study import Study, load_study, set_aside, write_manifest, write_study
+from jerkbench.results.study import Study, load_study, write_study
 from jerkbench.results.study_figures.choice import Choice, figures_choice
+from jerkbench.results.study_remarks import set_aside
 from jerkbench.sweep.auto_seeds import planned_looks, run_looks
 from jerkbench.sweep.auto_seeds import typed as typed_seeds
 from jerkbench.sweep.forecast import forecast, lines
