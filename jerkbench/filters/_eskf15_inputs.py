@@ -13,8 +13,7 @@ from jerkbench.filters._eskf15_parameters import DEG_PER_H, MG, Eskf15Parameters
 from jerkbench.inertial.alignment import StartSigmas, align, with_body_velocity
 from jerkbench.inertial.earth import earth_at
 from jerkbench.inertial.events import merge_events
-from jerkbench.inertial.run import Constraints, Settings
-from jerkbench.inertial.run_inputs import Journey
+from jerkbench.inertial.run_inputs import Constraints, Journey, Settings
 from jerkbench.inertial.state import NavigationState
 from jerkbench.inertial.stillness import still_samples
 from jerkbench.recording import Recording
