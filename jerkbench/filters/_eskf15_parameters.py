@@ -132,14 +132,14 @@ class Eskf15Parameters:
         """Check the ranges."""
         if self.yaw_source not in YAW_SOURCES:
             raise PluginError(unknown(f"yaw_source of filter {self.title}", self.yaw_source, YAW_SOURCES))
-        given = ("position_sigma_m",) if self.position_sigma_m is not None else ()
-        for name in (*POSITIVE, *given):
+        optional = ("position_sigma_m",) if self.position_sigma_m is not None else ()
+        for name in (*POSITIVE, *optional):
             if not getattr(self, name) > 0:
                 raise PluginError(f"{self.title}.{name} is {getattr(self, name)}; it must be positive.")
         for name in (*INSTABILITIES, *DEFORMATION):
             if not getattr(self, name) >= 0:
                 raise PluginError(f"{self.title}.{name} is {getattr(self, name)}; it must be 0 (constant) or more.")
-        require_not_negative(f"filter {self.title}", self, (*SIGMAS, *DEFORMATION, *given))
+        require_not_negative(f"filter {self.title}", self, (*SIGMAS, *DEFORMATION, *optional))
         if len({getattr(self, name) > 0 for name in DEFORMATION}) == 2:
             raise PluginError(f"{self.title}: {', '.join(DEFORMATION)} belong together; give all three, or 0 for all.")
         for name in ARMS:
