@@ -24,9 +24,10 @@ from jerkbench.cells.cell import build
 from jerkbench.cells.protocol import Protocol
 from jerkbench.execution.cell_run import CellRun
 from jerkbench.report.tables.terminal import print_beginning
+from jerkbench.results.manifest import write_manifest
 from jerkbench.results.parts import Block
 from jerkbench.results.store import Store
-from jerkbench.results.study import load_study, write_manifest, write_study
+from jerkbench.results.study import load_study, write_study
 from jerkbench.sweep.seed_blocks import block_of
 from jerkbench.sweep.sweep import Plan, plan_sweep
 from jerkbench.sweep.tasks import Result

@@ -29,8 +29,11 @@ from jerkbench.timeline.timeline import Timeline
 
 A = TypeVar("A")
 
-NOT_OURS = ("builtins", "typing", "jerkbench.contracts")
+NOT_OURS = ("builtins", "typing")
 """Modules of bases that no author has written."""
+
+CONTRACTS = "jerkbench.contracts."
+"""Beginning of the names of further such modules."""
 
 READABLE = get_args(Reading.__annotations__["reads"].__args__[0])
 """Parts of an estimate that a metric may read alone."""
@@ -94,7 +97,7 @@ def misfit(kind: str, cls: type) -> str:
     """
     parameters, optional = {field.name for field in fields(cls)}, _members(OPTIONAL[kind])
     known = optional | _members(REQUIRED[kind]) | parameters
-    for name in (name for base in cls.__mro__ if base.__module__ not in NOT_OURS for name in _public(vars(base))):
+    for name in (name for base in _authored(cls) for name in _public(vars(base))):
         if name not in known and (meant := difflib.get_close_matches(name, optional, 1, ALIKE)):
             return (
                 f"nothing asks for {cls.__name__}.{name}, but for {meant[0]}; give it that name, or one that is less"
@@ -110,7 +113,7 @@ def misfit(kind: str, cls: type) -> str:
 
 def _untyped(cls: type, known: Collection[str]) -> str:
     """Return a sentence about a class attribute that looks like a parameter and, without a type, is none."""
-    for base in (base for base in cls.__mro__ if base.__module__ not in NOT_OURS):
+    for base in _authored(cls):
         typed = vars(base).get("__annotations__", {})
         for name in _public(vars(base)):
             value = vars(base)[name]
@@ -133,6 +136,11 @@ def _wrong_default(cls: type) -> str:
                 f" {field.default!r}; correct one of them."
             )
     return ""
+
+
+def _authored(cls: type) -> list[type]:
+    """The class and those of its bases that authors have written."""
+    return [b for b in cls.__mro__ if b.__module__ not in NOT_OURS and not b.__module__.startswith(CONTRACTS)]
 
 
 @cache

@@ -20,9 +20,11 @@ from jerkbench.cli import main
 from jerkbench.clusters.local import Local
 from jerkbench.errors import JerkbenchError
 from jerkbench.execution.inputs import shared_inputs
-from jerkbench.hydra_app import app
+from jerkbench.hydra_app.conclusion import conclude
+from jerkbench.hydra_app.sweep import run_plan
+from jerkbench.results.manifest import read_manifest
 from jerkbench.results.store import Store
-from jerkbench.results.study import load_study, read_manifest
+from jerkbench.results.study import load_study
 from jerkbench.sweep.sweep import plan_sweep
 
 DAMAGES = 200
@@ -55,8 +57,8 @@ def run(plan, folder):
     store = Store(folder)
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr("jerkbench.sweep.writer.HELD_S", 0.0)
-        code = app._run(plan, store, 1, Local())
-    app._conclude(store, [planned.key for planned in plan.cells], SimpleNamespace(notes=["a note"], tags=[]))
+        code = run_plan(plan, store, 1, Local())
+    conclude(store, [planned.key for planned in plan.cells], SimpleNamespace(notes=["a note"], tags=[]))
     return code
 
 

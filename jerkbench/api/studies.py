@@ -64,23 +64,31 @@ def sweep(
     Raises:
         JerkbenchError: something is unknown or does not fit, or every combination was left out.
     """
-    from jerkbench.results.store import Store
-    from jerkbench.results.study import Study, load_study, write_manifest, write_study
-    from jerkbench.sweep.sweep import plan_sweep, run_sweep
+    from jerkbench.results.manifest import write_manifest
+    from jerkbench.results.study import Study, load_study, write_study
 
     axes = {"dataset": dataset, "attitude": attitude, "filter": filter, "adaptation": adaptation, "engine": [engine]}
     protocol = Protocol(seeds=seeds, first_seed=first_seed, burn_in_s=burn_in_s)
-    plan = plan_sweep(list(_cells({**axes, "disturbance": disturbance, "noise": noise}, protocol, metrics)))
+    keys = _run(_cells({**axes, "disturbance": disturbance, "noise": noise}, protocol, metrics), Path(folder), workers)
+    write_manifest(Path(folder), keys, list(notes), sys.argv, tags=tags)
+    write_study(load_study(Path(folder), prefer=keys))
+    return Study.open(folder)
+
+
+def _run(cells: Iterator[Cell], folder: Path, workers: int) -> list[str]:
+    """Run those of the cells that make sense and are not done; returns the keys of all that make sense."""
+    from jerkbench.results.store import Store
+    from jerkbench.sweep.sweep import plan_sweep, run_sweep
+
+    plan = plan_sweep(list(cells))
     for sentence in plan.refused:
         notify(sentence)
     if not plan.cells:
         raise PluginError("There is nothing to run: every combination was left out.")
-    store, keys = Store(Path(folder)), [planned.key for planned in plan.cells]
+    store, keys = Store(folder), [planned.key for planned in plan.cells]
     store.prepare()
     run_sweep(plan, store, workers, store.look(keys).done)
-    write_manifest(Path(folder), keys, list(notes), sys.argv, tags=tags)
-    write_study(load_study(Path(folder), prefer=keys))
-    return Study.open(folder)
+    return keys
 
 
 def table(

@@ -84,9 +84,9 @@ class Campaign:
         everything = {method: tuple(range(len(settings))) for method, settings in self._tried.items()}
         tuned = self._losses("tune", self._seeds.tune, self._tried, [everything] * len(self._stages.scenarios))
         finalists = {search: self._finalists(tuned, search) for search in self._searches()}
-        asked = {method: self._union(method, finalists) for method in self._spaces}
-        again = self._losses("choose", self._seeds.choose, asked, self._needed(finalists, asked, seen))
-        chosen = {search: self._best(again, search, own, asked) for search, own in finalists.items()}
+        common = {method: self._union(method, finalists) for method in self._spaces}
+        again = self._losses("choose", self._seeds.choose, common, self._needed(finalists, common, seen))
+        chosen = {search: self._best(again, search, own, common) for search, own in finalists.items()}
         return self._scored(tuned, chosen)
 
     def _searches(self) -> list[Search]:
@@ -114,9 +114,9 @@ class Campaign:
         return tuple(dict.fromkeys([self._spaces[method].start, *own]))
 
     def _best(
-        self, again: Mapping[Method, pd.DataFrame], search: Search, finalists: tuple[Setting, ...], asked: Settings
+        self, again: Mapping[Method, pd.DataFrame], search: Search, finalists: tuple[Setting, ...], common: Settings
     ) -> Setting:
-        settings, rows = asked[search.method], again[search.method]
+        settings, rows = common[search.method], again[search.method]
         trials = [settings.index(setting) for setting in finalists]
         means = mean_losses(rows[rows["trial"].isin(trials)], seen(search.tuned_on, self._stages.scenarios))
         return settings[best_trials(means, 1)[0]]
@@ -138,11 +138,11 @@ class Campaign:
         return Outcome(chosen, trial, {method: len(own) for method, own in common.items()}, test)
 
     def _needed(
-        self, several: Mapping[Search, Sequence[Setting]], asked: Settings, looked_at: LookedAt
+        self, several: Mapping[Search, Sequence[Setting]], common: Settings, looked_at: LookedAt
     ) -> list[Trials]:
-        """The places of the ``several`` settings of each search among those ``asked``, where it is looked at."""
-        places = {search: [asked[search.method].index(s) for s in settings] for search, settings in several.items()}
-        return needed_trials(places, asked, self._stages.scenarios, looked_at)
+        """The places of the ``several`` settings of each search among the ``common`` ones, where it is looked at."""
+        places = {search: [common[search.method].index(s) for s in settings] for search, settings in several.items()}
+        return needed_trials(places, common, self._stages.scenarios, looked_at)
 
     def _best_for(self, rows: pd.DataFrame, method: Method, scenario: int) -> Setting:
         return self._tried[method][best_trials(mean_losses(rows, [scenario]), 1)[0]]

@@ -32,7 +32,7 @@ def reference_sentences(known: Losses, protocol: AuditProtocol) -> list[str]:
     floor = Method(FLOOR, protocol.plain)
     plains = [Method(model, protocol.plain) for model in protocol.filters]
     told = "The same filter told the true R"
-    asked = [
+    pairs = [
         (plain, other, words)
         for plain in plains
         for other, words in [(floor, "GNSS alone"), *((Method(plain.filter, r), told) for r in protocol.references)]
@@ -40,7 +40,7 @@ def reference_sentences(known: Losses, protocol: AuditProtocol) -> list[str]:
     return [
         f"{words} has {_interval(_over(known, known.by_kind[other, TUNED, 0] - known.by_kind[plain, TUNED, 0]))} of the"
         f" error of {plain.name}, tuned."
-        for plain, other, words in asked
+        for plain, other, words in pairs
         if (other, TUNED, 0) in known.by_kind
     ]
 

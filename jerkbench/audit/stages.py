@@ -74,9 +74,9 @@ class Stages:
         return sorted({mark[0] for path in self.folder.glob("*.parquet") if (mark := mark_of(path))})
 
     def _stages(self, name: str, seeds: tuple[int, ...], settings: Sequence[Settings]) -> Iterator[Stage]:
-        for number, (scenario, asked) in enumerate(zip(self.scenarios, settings, strict=True)):
-            for model in dict.fromkeys(method.filter for method in asked):
-                own = {method: values for method, values in asked.items() if method.filter == model}
+        for number, (scenario, by_method) in enumerate(zip(self.scenarios, settings, strict=True)):
+            for model in dict.fromkeys(method.filter for method in by_method):
+                own = {method: values for method, values in by_method.items() if method.filter == model}
                 yield Stage(name, number, scenario, seeds, own, self.folder, self.key, self.attitude)
 
     def _outcomes(self, stages: Sequence[Stage]) -> Iterator[int]:

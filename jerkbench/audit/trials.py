@@ -34,11 +34,11 @@ def run_trials(
     stages: Stages, name: str, seeds: tuple[int, ...], settings: Sequence[Settings], needed: Sequence[Trials]
 ) -> pd.DataFrame:
     """Run of the ``settings`` of each scenario those that are ``needed``; ``trial`` is the place among all of them."""
-    asked = [
+    selected = [
         {method: tuple(all_of[method][trial] for trial in own) for method, own in trials.items()}
         for all_of, trials in zip(settings, needed, strict=True)
     ]
-    rows = stages.run(name, seeds, asked)
+    rows = stages.run(name, seeds, selected)
     keys = zip(rows["scenario"], rows["filter"], rows["adaptation"], rows["trial"], strict=True)
     rows["trial"] = [needed[number][Method(model, adaptation)][place] for number, model, adaptation, place in keys]
     return rows

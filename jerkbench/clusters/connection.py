@@ -23,9 +23,9 @@ class Connection:
         self._make, self._workers = executor, workers
         self.executor = executor()
 
-    def submit(self, work: Callable[..., Answer], *given: Any) -> "Future[Answer]":  # noqa: ANN401 - goes to the work
+    def submit(self, work: Callable[..., Answer], *arguments: Any) -> "Future[Answer]":  # noqa: ANN401 - goes to the work
         """Hand over a piece of work."""
-        return self.executor.submit(work, *given)
+        return self.executor.submit(work, *arguments)
 
     def room(self) -> int:
         """Return how many bundles may be on their way: one that runs and one that waits for each worker."""

@@ -57,10 +57,10 @@ class _RayExecutor(Executor):
         self._ray = ray
         self._references: dict[Future[Any], Any] = {}
 
-    def submit(self, work: Callable[..., Any], /, *given: Any, **named: Any) -> "Future[Any]":  # noqa: ANN401 - as the contract has it
+    def submit(self, work: Callable[..., Any], /, *arguments: Any, **named: Any) -> "Future[Any]":  # noqa: ANN401 - as the contract has it
         """Start ``work`` as a task of Ray; return its future."""
         # Ray itself would send it three times more; who counts the tries is the seam
-        reference = self._ray.remote(work).options(num_cpus=1, max_retries=0).remote(*given, **named)
+        reference = self._ray.remote(work).options(num_cpus=1, max_retries=0).remote(*arguments, **named)
         future: Future[Any] = reference.future()
         self._references[future] = reference
         future.add_done_callback(lambda done: self._references.pop(done, None))

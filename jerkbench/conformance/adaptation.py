@@ -131,9 +131,9 @@ def _adapted(plugin: Any, update: Update, memory: FloatArray, *, thorough: bool)
     return adapted
 
 
-def _untouched(subject: str, method: Any, given: dict[str, Any], memory: FloatArray) -> Any:  # noqa: ANN401 - as above
-    before = copy.deepcopy(given)
-    result = method(*given.values(), memory)
-    for name, array in given.items():
+def _untouched(subject: str, method: Any, inputs: dict[str, Any], memory: FloatArray) -> Any:  # noqa: ANN401 - as above
+    before = copy.deepcopy(inputs)
+    result = method(*inputs.values(), memory)
+    for name, array in inputs.items():
         require(identical(before[name], array), f"{subject} changes {name} in place; it must work on a copy.")
     return result

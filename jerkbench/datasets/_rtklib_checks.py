@@ -18,9 +18,9 @@ CHOICES: Mapping[str, Collection[str]] = {
 
 def require_three_columns(**columns: tuple[str, ...]) -> None:
     """Raise a PluginError that names the first of the parameters that does not have a column for each axis."""
-    for name, given in columns.items():
-        if len(given) != 3:
-            raise PluginError(f"{name} is {given}; give three columns: x, y, z.")
+    for name, axes in columns.items():
+        if len(axes) != 3:
+            raise PluginError(f"{name} is {axes}; give three columns: x, y, z.")
 
 
 def require_latencies(latency_s: tuple[float, ...]) -> None:

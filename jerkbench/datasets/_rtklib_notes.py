@@ -27,7 +27,7 @@ def solution_notes(solution: PosSolution) -> tuple[str, ...]:
 def fitted_notes(drive: object) -> tuple[str, ...]:
     """Return a note that says which parameters of ``drive`` are the defaults, fitted on the public drive; or none."""
     own = type(drive)
-    fitted = [what for what, names in FITTED.items() if any(getattr(drive, n) == getattr(own, n) for n in names)]
+    fitted = [subject for subject, names in FITTED.items() if any(getattr(drive, n) == getattr(own, n) for n in names)]
     if not fitted:
         return ()
     listed = " and ".join([", ".join(fitted[:-1]), fitted[-1]] if fitted[1:] else fitted)

@@ -34,21 +34,21 @@ class AttitudeMap:
     imu_axes: tuple[str, ...]
 
 
-def attitude_of(columns: Columns, given: AttitudeMap) -> FloatArray | None:
+def attitude_of(columns: Columns, mapping: AttitudeMap) -> FloatArray | None:
     """Return (n, 3) roll, pitch, yaw [rad] of the FLU body in ENU, NaN where they are unknown; None without columns.
 
     Raises:
         RecordingError: there is no such column, or a cell is no number.
     """
-    if not given.angles:
+    if not mapping.angles:
         return None
-    attitude = columns.numbers(given.angles)
-    if len(given.angles) == 3 and given.unit == "deg":
+    attitude = columns.numbers(mapping.angles)
+    if len(mapping.angles) == 3 and mapping.unit == "deg":
         attitude = np.radians(attitude)
     known = _known(attitude)
     euler_rad = np.full((len(attitude), 3), np.nan)
     if known.any():
-        turns = enu_from(given.frame) @ _dcm(attitude[known]) @ _flu_from_body(given).T
+        turns = enu_from(mapping.frame) @ _dcm(attitude[known]) @ _flu_from_body(mapping).T
         euler_rad[known] = euler_from_dcm(turns)
     return euler_rad
 
@@ -67,8 +67,8 @@ def _dcm(attitude: FloatArray) -> FloatArray:
     return dcm_from_euler(attitude) if by_angles else dcm_from_quaternion(attitude[:, [1, 2, 3, 0]])
 
 
-def _flu_from_body(given: AttitudeMap) -> FloatArray:
+def _flu_from_body(mapping: AttitudeMap) -> FloatArray:
     """M (3, 3) with f_flu = M f_body."""
-    if given.body == "frd":
+    if mapping.body == "frd":
         return _FLU_FROM_FRD
-    return axes_matrix(given.imu_axes) if given.body == "sensor" else np.eye(3)
+    return axes_matrix(mapping.imu_axes) if mapping.body == "sensor" else np.eye(3)

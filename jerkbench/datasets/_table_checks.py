@@ -50,10 +50,12 @@ def require_columns(table: object, velocity_frame: str) -> None:
     speed = {"velocity_columns": (1,), "velocity_sigma": (0, 1), "velocity_covariance": (0, 1)}
     counts = COUNTS | (speed if velocity_frame == "speed" else {})
     for name, allowed in counts.items():
-        given = getattr(table, name)
-        if len(given) not in allowed:
+        columns = getattr(table, name)
+        if len(columns) not in allowed:
             counts_text = " or ".join(map(str, allowed))
-            raise PluginError(f"dataset table: {name} names {len(given)} columns, {given}; it must name {counts_text}.")
+            raise PluginError(
+                f"dataset table: {name} names {len(columns)} columns, {columns}; it must name {counts_text}."
+            )
     for stream in ("position", "velocity"):
         if getattr(table, f"{stream}_sigma") and getattr(table, f"{stream}_covariance"):
             raise PluginError(

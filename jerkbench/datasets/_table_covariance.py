@@ -43,7 +43,9 @@ class CovarianceMap:
     scale: float = 1.0
 
 
-def covariances_of(columns: Columns, given: CovarianceMap, origin: Origin | None) -> tuple[FloatArray, tuple[str, ...]]:
+def covariances_of(
+    columns: Columns, mapping: CovarianceMap, origin: Origin | None
+) -> tuple[FloatArray, tuple[str, ...]]:
     """Return (n, 3, 3) in ENU, and a note that counts those that are not positive definite, or none.
 
     Of these the sizes of the variances alone are used: rounding makes them so, or a solution that was no minimum, of
@@ -53,23 +55,23 @@ def covariances_of(columns: Columns, given: CovarianceMap, origin: Origin | None
         RecordingError: there is no such column, a cell is no number, or the axes are those of ECEF and the place on
             Earth is not known.
     """
-    if not given.covariance and not given.sigma:
-        return np.tile(given.sigma_otherwise**2 * np.eye(3), (len(columns), 1, 1)), ()
-    matrices = _matrices(columns, given)
+    if not mapping.covariance and not mapping.sigma:
+        return np.tile(mapping.sigma_otherwise**2 * np.eye(3), (len(columns), 1, 1)), ()
+    matrices = _matrices(columns, mapping)
     diagonal = np.abs(matrices * np.eye(3))
     sound = _positive_definite(matrices) | ~_positive_definite(diagonal)
-    turned = _in_enu(columns.where, np.where(sound[:, None, None], matrices, diagonal), given.frame, origin)
+    turned = _in_enu(columns.where, np.where(sound[:, None, None], matrices, diagonal), mapping.frame, origin)
     count = int((~sound).sum())
     few = f"{count} of {len(columns)} covariances of {Path(columns.where).name} are not positive definite"
     return turned, (f"{few}: the sizes of their variances alone are used.",) if count else ()
 
 
-def _matrices(columns: Columns, given: CovarianceMap) -> FloatArray:
+def _matrices(columns: Columns, mapping: CovarianceMap) -> FloatArray:
     """(n, 3, 3) in the file's axes."""
-    if given.covariance:
-        values, six = columns.numbers(given.covariance), _UPPER
+    if mapping.covariance:
+        values, six = columns.numbers(mapping.covariance), _UPPER
     else:
-        sd = given.scale * columns.numbers(given.sigma)
+        sd = mapping.scale * columns.numbers(mapping.sigma)
         values, six = sd * np.abs(sd), _RTKLIB
     if values.shape[1] in (1, 3):
         return np.asarray(np.broadcast_to(values, (len(values), 3))[:, :, None] * np.eye(3))

@@ -83,7 +83,7 @@ def imu_of(table: "Tables", samples: Stream | None, zero_ns: int) -> tuple[Imu |
 
 def fixes_of(table: "Tables", zero_ns: int) -> Fixes:
     """Return the fixes."""
-    given = PositionMap(
+    mapping = PositionMap(
         source=position_source(table),
         place=table.position_columns,
         frame=table.position_frame,
@@ -96,19 +96,19 @@ def fixes_of(table: "Tables", zero_ns: int) -> Fixes:
             scale=table.position_sigma_scale,
         ),
     )
-    return read_fixes(table, given, zero_ns, Origin(*table.origin) if table.origin else None)
+    return read_fixes(table, mapping, zero_ns, Origin(*table.origin) if table.origin else None)
 
 
 def velocity_of(table: "Tables", zero_ns: int, origin: Origin | None) -> tuple[Velocity | None, tuple[str, ...]]:
     """Return the velocities, None where there are none, and what was dropped."""
     axes = table.velocity_frame if table.velocity_frame in COVARIANCE_FRAMES else "enu"
-    given = VelocityMap(
+    mapping = VelocityMap(
         source=velocity_source(table),
         axes=table.velocity_columns,
         frame=table.velocity_frame,
         covariance=CovarianceMap(table.velocity_sigma, table.velocity_covariance, axes, table.velocity_sigma_mps),
     )
-    return read_velocity(table, given, zero_ns, origin)
+    return read_velocity(table, mapping, zero_ns, origin)
 
 
 def reference_of(table: "Tables", zero_ns: int, fixes: Fixes) -> tuple[Reference, Origin | None, tuple[str, ...]]:
@@ -116,7 +116,7 @@ def reference_of(table: "Tables", zero_ns: int, fixes: Fixes) -> tuple[Reference
     if not table.reference_file:
         return fixes_as_reference(fixes.position), fixes.origin, ()
     frame = table.attitude_frame or table.reference_frame
-    given = ReferenceMap(
+    mapping = ReferenceMap(
         source=reference_source(table),
         place=table.reference_position,
         velocity=table.reference_velocity,
@@ -129,4 +129,4 @@ def reference_of(table: "Tables", zero_ns: int, fixes: Fixes) -> tuple[Reference
         independent=table.reference_independent,
         offset_m=table.reference_offset_m,
     )
-    return read_reference(table, given, zero_ns, fixes.origin)
+    return read_reference(table, mapping, zero_ns, fixes.origin)

@@ -46,26 +46,29 @@ class Fixes:
     notes: tuple[str, ...] = ()
 
 
-def read_fixes(table: TimedColumns, given: PositionMap, zero_ns: int, origin: Origin | None) -> Fixes:
+def read_fixes(table: TimedColumns, mapping: PositionMap, zero_ns: int, origin: Origin | None) -> Fixes:
     """Return the fixes about ``origin``; where that is None, about the first complete one that does not leap.
 
     Raises:
         RecordingError: a file is missing or damaged, has no such column, or, without an origin, no complete row.
         PluginError: the file is a solution of RTKLIB, and the times of the table are not known.
     """
-    if not given.source.file:
+    if not mapping.source.file:
         return Fixes(None, origin)
-    if given.source.solved:
-        return _solved(table, given.source, zero_ns, origin)
-    stream = table.read(given.source).only(given.place)
-    t_s, places = stream.t_s(zero_ns), in_degrees(stream.columns.numbers(given.place), given.frame, given.angle_unit)
+    if mapping.source.solved:
+        return _solved(table, mapping.source, zero_ns, origin)
+    stream = table.read(mapping.source).only(mapping.place)
+    t_s, places = (
+        stream.t_s(zero_ns),
+        in_degrees(stream.columns.numbers(mapping.place), mapping.frame, mapping.angle_unit),
+    )
     notes: tuple[str, ...] = ()
     steady = np.ones(len(t_s), dtype=np.bool_)
     if table.drop_leaps:
-        steady, notes = steady_rows(t_s, axes_to_judge(places, given.frame))
-    origin = origin or origin_of(places[steady], given.frame)
-    enu_m = in_enu(places[steady], given.frame, origin)
-    covariance, rounded = covariances_of(stream.columns.only(steady), given.covariance, origin)
+        steady, notes = steady_rows(t_s, axes_to_judge(places, mapping.frame))
+    origin = origin or origin_of(places[steady], mapping.frame)
+    enu_m = in_enu(places[steady], mapping.frame, origin)
+    covariance, rounded = covariances_of(stream.columns.only(steady), mapping.covariance, origin)
     return Fixes(Position(t_s[steady], enu_m, covariance), origin, (*stream.columns.notes, *notes, *rounded))
 
 

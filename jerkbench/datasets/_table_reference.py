@@ -41,7 +41,7 @@ class ReferenceMap:
 
 
 def read_reference(
-    table: TimedColumns, given: ReferenceMap, zero_ns: int, origin: Origin | None
+    table: TimedColumns, mapping: ReferenceMap, zero_ns: int, origin: Origin | None
 ) -> tuple[Reference, Origin | None, tuple[str, ...]]:
     """Return the reference, the origin of ENU, which is its first place without an ``origin`` before, and notes.
 
@@ -49,36 +49,36 @@ def read_reference(
         RecordingError: the file is missing or damaged, or has no such column.
         PluginError: the file is a solution of RTKLIB, and the times of the table are not known.
     """
-    if given.source.solved:
-        return _solved(table, given, zero_ns, origin)
-    stream = table.read(given.source)
-    if named := (*given.place, *given.velocity, *given.attitude.angles):
+    if mapping.source.solved:
+        return _solved(table, mapping, zero_ns, origin)
+    stream = table.read(mapping.source)
+    if named := (*mapping.place, *mapping.velocity, *mapping.attitude.angles):
         stream = stream.only(named)
     columns = stream.columns
-    enu_m, origin = _places(columns, given, origin) if given.place else (None, origin)
+    enu_m, origin = _places(columns, mapping, origin) if mapping.place else (None, origin)
     reference = Reference(
         t_s=stream.t_s(zero_ns),
-        source=given.comes_from,
-        independent=given.independent,
-        enu_m=None if enu_m is None else enu_m + given.offset_m,
-        velocity_mps=axes_in_enu(columns.numbers(given.velocity), given.frame) if given.velocity else None,
-        euler_rad=attitude_of(columns, given.attitude),
+        source=mapping.comes_from,
+        independent=mapping.independent,
+        enu_m=None if enu_m is None else enu_m + mapping.offset_m,
+        velocity_mps=axes_in_enu(columns.numbers(mapping.velocity), mapping.frame) if mapping.velocity else None,
+        euler_rad=attitude_of(columns, mapping.attitude),
     )
     return reference, origin, columns.notes
 
 
 def _solved(
-    table: TimedColumns, given: ReferenceMap, zero_ns: int, origin: Origin | None
+    table: TimedColumns, mapping: ReferenceMap, zero_ns: int, origin: Origin | None
 ) -> tuple[Reference, Origin | None, tuple[str, ...]]:
-    t_s, solution, notes = table.read_solution(given.source, zero_ns)
+    t_s, solution, notes = table.read_solution(mapping.source, zero_ns)
     if origin is not None:
         solution = solution.with_axes_at(origin)
     position, origin = solution.position(t_s, origin)
     reference = Reference(
         t_s=t_s,
-        source=given.comes_from,
-        independent=given.independent,
-        enu_m=position.enu_m + given.offset_m,
+        source=mapping.comes_from,
+        independent=mapping.independent,
+        enu_m=position.enu_m + mapping.offset_m,
         velocity_mps=solution.velocity_enu_mps,
     )
     return reference, origin, tuple(f"Reference: {note}" for note in notes)
@@ -91,7 +91,7 @@ def fixes_as_reference(position: Position | None) -> Reference:
     return Reference(position.t_s, source="the fixes themselves", independent=False, enu_m=position.enu_m)
 
 
-def _places(columns: Columns, given: ReferenceMap, origin: Origin | None) -> tuple[FloatArray, Origin | None]:
-    places = in_degrees(columns.numbers(given.place), given.frame, given.angle_unit)
-    origin = origin or origin_of(places, given.frame)
-    return in_enu(places, given.frame, origin), origin
+def _places(columns: Columns, mapping: ReferenceMap, origin: Origin | None) -> tuple[FloatArray, Origin | None]:
+    places = in_degrees(columns.numbers(mapping.place), mapping.frame, mapping.angle_unit)
+    origin = origin or origin_of(places, mapping.frame)
+    return in_enu(places, mapping.frame, origin), origin

@@ -37,7 +37,7 @@ class VelocityMap:
 
 
 def read_velocity(
-    table: TimedColumns, given: VelocityMap, zero_ns: int, origin: Origin | None
+    table: TimedColumns, mapping: VelocityMap, zero_ns: int, origin: Origin | None
 ) -> tuple[Velocity | None, tuple[str, ...]]:
     """Return the velocities, None where there are none, and what was dropped, in sentences.
 
@@ -46,19 +46,19 @@ def read_velocity(
             ECEF and the ``origin`` is not known.
         PluginError: the file is a solution of RTKLIB, and the times of the table are not known.
     """
-    if not given.source.file:
+    if not mapping.source.file:
         return None, ()
-    if given.source.solved:
-        return _solved(table, given.source, zero_ns)
-    stream = table.read(given.source).only(given.axes)
+    if mapping.source.solved:
+        return _solved(table, mapping.source, zero_ns)
+    stream = table.read(mapping.source).only(mapping.axes)
     columns, t_s = stream.columns, stream.t_s(zero_ns)
-    covariance, notes = covariances_of(columns, given.covariance, origin)
-    values = columns.numbers(given.axes)
-    if given.frame == "speed":
+    covariance, notes = covariances_of(columns, mapping.covariance, origin)
+    values = columns.numbers(mapping.axes)
+    if mapping.frame == "speed":
         values = np.column_stack([values, np.full((len(values), 2), np.nan)])
-    elif given.frame == "ecef":
+    elif mapping.frame == "ecef":
         values = values @ enu_axes(_place(columns.where, origin)).T
-    velocity = Velocity(t_s, axes_in_enu(values, given.frame), covariance, FRAMES.get(given.frame, "enu"))
+    velocity = Velocity(t_s, axes_in_enu(values, mapping.frame), covariance, FRAMES.get(mapping.frame, "enu"))
     return velocity, (*columns.notes, *notes)
 
 

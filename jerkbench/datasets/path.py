@@ -67,10 +67,10 @@ class DrivenPath(Sensors):
 
     def __post_init__(self) -> None:
         """Check that every number makes sense, and that the waypoints are a path."""
-        what = "dataset path"
-        self.check_sensors(what)
-        require_positive(what, self, ("ramp_s", "speed_mps", "course_min_speed_mps"))
-        require_not_negative(what, self, ("stand_s", "smoothing_m", "vibration_mps2", "vibration_rad"))
+        subject = "dataset path"
+        self.check_sensors(subject)
+        require_positive(subject, self, ("ramp_s", "speed_mps", "course_min_speed_mps"))
+        require_not_negative(subject, self, ("stand_s", "smoothing_m", "vibration_mps2", "vibration_rad"))
         if not self.file:
             _require_path(self.waypoints_m)
 

@@ -82,8 +82,8 @@ class CompiledEngine:
         from jerkbench.kinematic.batch import run_batch
 
         results: list[Streamed | None] = [None] * len(runs)
-        given = [runs[k] for k in known], [models[k] for k in known], [rule for rule in rules if rule is not None]
-        for k, result in zip(known, run_batch(*given, updates=updates, threads=threads), strict=True):
+        batch = [runs[k] for k in known], [models[k] for k in known], [rule for rule in rules if rule is not None]
+        for k, result in zip(known, run_batch(*batch, updates=updates, threads=threads), strict=True):
             results[k] = result
         return results
 

@@ -122,7 +122,7 @@ class TrajectoryForm:
         return "ned" if self.frame == "geodetic" else self.frame
 
 
-def form_of(path: Path, given: TrajectoryForm) -> TrajectoryForm:
-    """Return the form of a file: that of its ending, or the one that is ``given``."""
-    own = TrajectoryForm(**{f.name: getattr(given, f.name) for f in fields(TrajectoryForm)})
+def form_of(path: Path, declared: TrajectoryForm) -> TrajectoryForm:
+    """Return the form of a file: that of its ending, or the one that is ``declared``."""
+    own = TrajectoryForm(**{f.name: getattr(declared, f.name) for f in fields(TrajectoryForm)})
     return replace(own, **KNOWN.get(path.suffix, {}))

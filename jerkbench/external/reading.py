@@ -34,12 +34,12 @@ LATER_THAN_NS = 100_000_000 * 1_000_000_000
 STILL = np.array([0.0, 0.0, 0.0])
 
 
-def read_trajectory(path: Path, given: TrajectoryForm, recording: Recording) -> Trajectory:
+def read_trajectory(path: Path, declared: TrajectoryForm, recording: Recording) -> Trajectory:
     """Read the trajectory in ``path``.
 
     Args:
         path: .tum, .nav, .csv, .parquet, .mat, a ROS bag (.bag, .db3, .mcap), or any text of columns.
-        given: the form of files that do not say it themselves.
+        declared: the form of files that do not say it themselves.
         recording: on whose clock, and in whose ENU, it is read.
 
     Raises:
@@ -49,8 +49,8 @@ def read_trajectory(path: Path, given: TrajectoryForm, recording: Recording) -> 
     if not path.is_file():
         raise RecordingError(f"There is no trajectory {path}; correct its name.")
     if path.suffix in BAGS:
-        return read_odometry(path, given.topic, recording)
-    form = form_of(path, given)
+        return read_odometry(path, declared.topic, recording)
+    form = form_of(path, declared)
     columns = read_columns([path], TextFormat(form.separator, form.header, form.comment))
     if len(columns) == 0:
         raise RecordingError(f"{path} has no estimate in it; write one line for each stamp.")
@@ -111,10 +111,10 @@ def _velocity(columns: Columns, form: TrajectoryForm) -> FloatArray | None:
 def _attitude(path: Path, columns: Columns, form: TrajectoryForm) -> FloatArray | None:
     angles = form.attitude or _there(columns, ATTITUDE)
     frame = form.attitude_frame or ("ned" if form.local_frame == "ned" else "enu")
-    given = AttitudeMap(
+    mapping = AttitudeMap(
         tuple(angles), form.attitude_unit if form.attitude else "rad", frame, form.body, ("x", "y", "z")
     )
-    euler_rad = attitude_of(columns, given)
+    euler_rad = attitude_of(columns, mapping)
     nothing = path.suffix == ".tum" and euler_rad is not None and bool((np.nan_to_num(euler_rad) == STILL).all())
     return None if nothing else euler_rad  # TUM has no way to leave a rotation out: the identity stands for it
 
@@ -148,13 +148,13 @@ def _there(columns: Columns, names: tuple[str, ...]) -> tuple[str, ...]:
     return names if columns.has(names) else ()
 
 
-def _finite(columns: Columns, names: tuple[str, ...], what: str) -> FloatArray:
+def _finite(columns: Columns, names: tuple[str, ...], quantity: str) -> FloatArray:
     values = columns.numbers(names)
     wrong = ~np.isfinite(values)
     if wrong.any():
         row, place = (int(k[0]) for k in np.nonzero(wrong))
         raise RecordingError(
-            f"{columns.where}, row {row + 1}: the {what} ({names[place]}) is no finite number; write one at each stamp,"
-            " or end the file where the estimate ends."
+            f"{columns.where}, row {row + 1}: the {quantity} ({names[place]}) is no finite number; write one at each"
+            " stamp, or end the file where the estimate ends."
         )
     return values

@@ -49,9 +49,9 @@ class OverTimelines:
         results: list[Streamed | None] = [None] * len(runs)
         every = enumerate(zip(adaptations, runs, strict=True))
         rules = {k: rule for k, (a, run) in every if (rule := compiled_rule(clocked(a, run.timeline))) is not None}
-        given = [Run(runs[k].timeline, runs[k].scoring) for k in rules]
+        compiled_runs = [Run(runs[k].timeline, runs[k].scoring) for k in rules]
         own = [estimators[k] for k in rules], list(rules.values())
-        for k, result in zip(rules, self._together(given, *own, updates=updates, threads=threads), strict=True):
+        for k, result in zip(rules, self._together(compiled_runs, *own, updates=updates, threads=threads), strict=True):
             results[k] = result
         return results
 

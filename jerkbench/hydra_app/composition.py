@@ -98,11 +98,11 @@ def _exchanged(composer: Composer, split: Sequence[dict[str, Words]]) -> Known:
 def _other_data(composer: Composer, first: Composition, sets: Sequence[Words]) -> Known:
     """Put other data sets, with their attitude filters, in the place of the first's, where they decide nothing else."""
     alike = [words for words in sets if _without_data(words) == _without_data(sets[0])]
-    made = {words: composer.of_groups((*DATA, "experiment"), _of_data(words)) for words in alike if len(alike) > 1}
-    own = made.get(sets[0])
+    composed = {words: composer.of_groups((*DATA, "experiment"), _of_data(words)) for words in alike if len(alike) > 1}
+    own = composed.get(sets[0])
     return {
         (REST, words): _in_place(first, other)
-        for words, other in made.items()
+        for words, other in composed.items()
         if own and other and words != sets[0] and _beyond_data(other) == _beyond_data(own)
     }
 

@@ -7,8 +7,9 @@ from jerkbench.errors import PluginError
 from jerkbench.hydra_app.configuration import study_folder
 from jerkbench.hydra_app.single_run import run_single_cell
 from jerkbench.hydra_app.words import Words
+from jerkbench.results.manifest import write_manifest
 from jerkbench.results.store import Store
-from jerkbench.results.study import load_study, write_manifest, write_study
+from jerkbench.results.study import load_study, write_study
 from jerkbench.sweep.sweep import plan_sweep
 
 

@@ -166,11 +166,11 @@ class Graph:
         R: FloatArray,
     ) -> None:
         """Add a measurement with a switch, and what draws the switch to 1."""
-        one, models = np.ones(1), self.gtsam.noiseModel
+        switched_on, models = np.ones(1), self.gtsam.noiseModel
         graph.push_back(switched(self.gtsam, *keys, expected, z, models.Gaussian.Covariance(R)))
         sigma = models.Isotropic.Sigma(1, 1.0 / self.options.loss_scale)
-        graph.push_back(self.gtsam.PriorFactorVector(keys[1], one, sigma))
-        values.insert(keys[1], one)
+        graph.push_back(self.gtsam.PriorFactorVector(keys[1], switched_on, sigma))
+        values.insert(keys[1], switched_on)
 
     def noise(self, R: FloatArray) -> Any:  # noqa: ANN401 - as above
         """GTSAM's noise of a covariance (3, 3), with the loss."""

@@ -32,15 +32,15 @@ def environment() -> "Environment":
     """Return where templates are found, and what they can call."""
     from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
-    made = Environment(
+    templates = Environment(
         loader=ChoiceLoader([PackageLoader(room) for room in ROOMS]),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    made.filters["breakable"] = breakable
-    return made
+    templates.filters["breakable"] = breakable
+    return templates
 
 
 def breakable(text: object) -> "Markup":

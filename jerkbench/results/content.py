@@ -128,8 +128,8 @@ def frame(table: pa.Table, names: Iterable[str]) -> pd.DataFrame:
     """Return some columns for pandas, whatever the file says that pandas should make of them."""
     chosen = table.select(list(names))
     plain = {name: pa.string() if pa.types.is_dictionary(kind) else kind for name, kind in _types(chosen)}
-    made: pd.DataFrame = chosen.cast(pa.schema(plain.items())).to_pandas(use_threads=False, ignore_metadata=True)
-    return made
+    rows: pd.DataFrame = chosen.cast(pa.schema(plain.items())).to_pandas(use_threads=False, ignore_metadata=True)
+    return rows
 
 
 def _types(table: pa.Table) -> list[tuple[str, pa.DataType]]:

@@ -11,21 +11,17 @@ import pyarrow.compute as pc
 
 from jerkbench.errors import JerkbenchError
 from jerkbench.execution.cell_run import Row
-from jerkbench.files import exists, matching
+from jerkbench.files import matching
 from jerkbench.places import is_remote
 from jerkbench.plain import plain
 from jerkbench.results.content import Content, Stored, concatenated, content_of_tables
 from jerkbench.results.finished import SEEN, Finished, finished_runs
-from jerkbench.results.old_cells import old_cell
+from jerkbench.results.part_files import PartFiles
 from jerkbench.results.part_shape import KEY
-from jerkbench.results.parts import NAME, Block, content_of, host, part_name, part_of, table_of
-from jerkbench.results.shape import is_key
+from jerkbench.results.parts import Block, host, table_of
 
 ABANDONED_S = 3600.0
 """A half-written file that is older belongs to nobody any more."""
-
-LISTINGS = 20
-"""So often the files are listed again, where some of them have just been joined."""
 
 SMALL = 20_000
 """Rows of a part that is not worth joining with others."""
@@ -42,6 +38,7 @@ class Store:
         """Open the store below ``folder`` (the study's), or a folder of cells itself; nothing is written yet."""
         below = folder / "cells"
         self.folder = folder if not below.is_dir() and matching(folder, "*.parquet") else below
+        self.files = PartFiles(self.folder)
 
     def prepare(self) -> None:
         """Make the folder, and clear away what a killed process has left half-written.
@@ -78,7 +75,7 @@ class Store:
         Raises:
             JerkbenchError: no reader would take them for rows.
         """
-        self._put(table_of(blocks))
+        self.files.put(table_of(blocks))
 
     def look(self, keys: Iterable[str]) -> Finished:
         """Return which of ``keys`` are done, what is there of the others, and which files are damaged."""
@@ -116,14 +113,14 @@ class Store:
     def drop(self, keys: Iterable[str]) -> None:
         """Delete some cells."""
         gone = set(keys)
-        for name, table in list(self._files(None)):
+        for name, table in list(self.files.each(None)):
             if table is not None and (rows := _rows_of(table, gone)) is not None:
                 mask = pc.is_in(table[KEY].cast(pa.string()), pc.unique(rows[KEY]).cast(pa.string()))
-                self._replace([name], table.filter(pc.invert(mask)))
+                self.files.replace([name], table.filter(pc.invert(mask)))
 
     def compact(self) -> None:
         """Join small parts, where there are many."""
-        parts = self._files(None, [KEY])
+        parts = self.files.each(None, [KEY])
         small = [(name, table.num_rows) for name, table in parts if table is not None and table.num_rows < SMALL]
         if len(small) >= MANY:
             for names in _stretches(small):
@@ -132,11 +129,11 @@ class Store:
     def _join(self, names: Sequence[str]) -> None:
         """Join some parts, unless another process is just doing so."""
         try:
-            tables = [table for name in names if (table := self._load(name, None)) is not None]
+            tables = [table for name in names if (table := self.files.load(name, None)) is not None]
         except FileNotFoundError:
             return
         if len(tables) == len(names):
-            self._replace(names, concatenated(tables))
+            self.files.replace(names, concatenated(tables))
 
     def pack(self) -> Path:
         """Join all whole cells into one part, each run once, and delete every other file; returns that part's path.
@@ -149,12 +146,12 @@ class Store:
             raise JerkbenchError(f"{self.folder} holds damaged files: {', '.join(map(plain, damaged))}. Delete them.")
         if content is None or not content.keys:
             raise JerkbenchError(f"{self.folder} holds no results.")
-        return self._replace([name for name, _ in list(self._files(None))], content.table)
+        return self.files.replace([name for name, _ in list(self.files.each(None))], content.table)
 
     def set_aside(self, damaged: Iterable[str]) -> None:
         """Rename damaged files, so that nobody looks at them again."""
         for name in damaged:
-            path = self._path(name)
+            path = self.files.path(name)
             path.rename(path.with_name(f"{path.name}.damaged"))
 
     def forget(self, processes: Iterable[int]) -> None:
@@ -163,82 +160,16 @@ class Store:
             for partial in self.folder.glob(f".part-{host()}-*.{number}.partial"):
                 partial.unlink(missing_ok=True)
 
-    def _replace(self, names: Sequence[str], table: pa.Table) -> Path:
-        """Store rows of some parts as one, then delete these; a reader in between sees rows twice, never none."""
-        path = self._put(table) if table.num_rows else self.folder
-        for name in names:
-            self._path(name).unlink(missing_ok=True)
-        return path
-
-    def _put(self, table: pa.Table) -> Path:
-        content = content_of(table)
-        path = self._path(part_name(content))
-        if is_remote(path):
-            path.write_bytes(content)
-            return path
-        self.folder.mkdir(parents=True, exist_ok=True)
-        partial = path.with_name(f".{path.stem}.{os.getpid()}.partial")
-        try:
-            partial.write_bytes(content)
-            partial.replace(path)
-        finally:
-            partial.unlink(missing_ok=True)
-        return path
-
-    def _path(self, name: str) -> Path:
-        return self.folder / f"{name}.parquet"
-
     def _tables(self, keys: Sequence[str] | None, columns: list[str] | None = None) -> tuple[list[pa.Table], list[str]]:
         """The rows of ``keys`` in each file, and the names of the files that are damaged."""
         tables, damaged = [], []
         wanted = None if keys is None else frozenset(keys)
-        for name, table in self._files(keys, columns):
+        for name, table in self.files.each(keys, columns):
             if table is None:
                 damaged.append(name)
             elif rows := _rows_of(table, wanted):
                 tables.append(rows)
         return tables, damaged
-
-    def _files(
-        self, keys: Sequence[str] | None, columns: list[str] | None = None
-    ) -> Iterator[tuple[str, pa.Table | None]]:
-        """Each file that may hold ``keys``, by its name, with its rows (default: whole); None where it is damaged."""
-        seen: set[str] = set()
-        for _ in range(LISTINGS):
-            names = sorted(path.name.removesuffix(".parquet") for path in matching(self.folder, "*.parquet"))
-            wanted = None if keys is None else set(keys)
-            vanished = False
-            for name in names:
-                other = wanted is not None and not NAME.fullmatch(name) and name not in wanted
-                if name in seen or other:
-                    continue
-                try:
-                    yield name, self._load(name, columns)
-                    seen.add(name)
-                except FileNotFoundError:
-                    vanished = True
-            if not vanished:
-                return
-
-    def _load(self, name: str, columns: list[str] | None) -> pa.Table | None:
-        """Load a file, or some of its columns; None where it is not as it was written.
-
-        Raises:
-            FileNotFoundError: it is gone.
-        """
-        path = self._path(name)
-        if not path.is_file():
-            if exists(path):
-                return None
-            raise FileNotFoundError(path)
-        try:
-            content = path.read_bytes()
-        except PermissionError as error:
-            raise JerkbenchError(f"{path} cannot be read: {error.strerror}.") from error
-        if match := NAME.fullmatch(name):
-            return part_of(content, match[1], columns)
-        cell = old_cell(name, content) if is_key(name) else None
-        return cell if cell is None or columns is None else cell.select(columns)
 
 
 def _stretches(parts: Sequence[tuple[str, int]]) -> Iterator[list[str]]:

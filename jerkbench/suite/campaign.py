@@ -87,8 +87,8 @@ class Campaign:
         """
         settings = {GIVEN: self._tried[0], **(self._searched(levels) if self.space.knobs else {})}
         halves = [half_settings(settings, scenario.half) for scenario in self._protocol.scenarios]
-        asked = [tuple(own.values()) for own in halves]
-        rows = self._run(asked, self._protocol.seeds_to_test_on, self._protocol.metrics)
+        by_scenario = [tuple(own.values()) for own in halves]
+        rows = self._run(by_scenario, self._protocol.seeds_to_test_on, self._protocol.metrics)
         names = [list(own) for own in halves]
         where = zip(rows["scenario"], rows["trial"], strict=True)
         rows.insert(0, "tuned_on", [names[scenario][trial] for scenario, trial in where])

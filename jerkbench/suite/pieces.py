@@ -90,7 +90,7 @@ class Piece:
     @property
     def _mark(self) -> str:
         """A hash of all that its numbers depend on."""
-        asked = [
+        parts = [
             self.key,
             self.protocol.digest,
             self.number,
@@ -99,7 +99,7 @@ class Piece:
             self.seeds,
             self.metrics,
         ]
-        return hashlib.sha256(json.dumps(asked).encode()).hexdigest()
+        return hashlib.sha256(json.dumps(parts).encode()).hexdigest()
 
     @property
     def _path(self) -> Path:

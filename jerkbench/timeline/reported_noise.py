@@ -50,15 +50,15 @@ def scale_of(values: object) -> RScale:
         PluginError: it is no mapping, names something else, or holds what is no positive number.
     """
     known = [f.name for f in dataclasses.fields(RScale)]
-    given = {} if values is None else values
-    if not isinstance(given, Mapping):
-        raise PluginError(f"r_scale is {given}; it has two parts: r_scale.position=2 r_scale.velocity=0.5.")
-    for name, value in given.items():
+    factors = {} if values is None else values
+    if not isinstance(factors, Mapping):
+        raise PluginError(f"r_scale is {factors}; it has two parts: r_scale.position=2 r_scale.velocity=0.5.")
+    for name, value in factors.items():
         if name not in known:
             raise PluginError(unknown("parameter of r_scale", str(name), known))
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise PluginError(f"r_scale.{name} is {value}; it must be a positive number; 1 leaves R as reported.")
-    return RScale(**{name: float(value) for name, value in given.items()})
+    return RScale(**{name: float(value) for name, value in factors.items()})
 
 
 AS_REPORTED = RScale()

@@ -67,8 +67,8 @@ def answer(chosen: argparse.Namespace) -> None:
     first, second, chosen_of = _studies(chosen)
     tolerances = _tolerances(chosen)
     parts = _parts(chosen, first, second, tolerances)
-    asked = tolerances.otherwise is not None or bool(tolerances.rules)
-    sentences, failed = _failures(parts, first, second, chosen.tolerances) if asked else ([], False)
+    has_tolerances = tolerances.otherwise is not None or bool(tolerances.rules)
+    sentences, failed = _failures(parts, first, second, chosen.tolerances) if has_tolerances else ([], False)
     comparison = Comparison(parts, [*chosen_of, *_notes(chosen, first, second, parts, tolerances)], failed)
     if chosen.format in WRITERS:
         print(WRITERS[chosen.format](comparison), end="")

@@ -56,8 +56,8 @@ def answer(chosen: argparse.Namespace) -> None:
 
 
 def _first_seed(words: list[str]) -> int:
-    given = [word.partition("=")[2] for word in words if word.startswith("first_seed=")]
-    return int(given[-1]) if given and given[-1].isdecimal() else 0
+    typed = [word.partition("=")[2] for word in words if word.startswith("first_seed=")]
+    return int(typed[-1]) if typed and typed[-1].isdecimal() else 0
 
 
 def _seed_words(seeds: list[int], words: list[str]) -> list[str]:

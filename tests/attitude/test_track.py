@@ -15,6 +15,7 @@ from jerkbench.attitude.track import Courses, courses_of, filter_drift, offsets_
 from jerkbench.attitude.yaw import UNKNOWN_RAD, estimate_yaw
 from jerkbench.datasets.path import DrivenPath
 from jerkbench.errors import RecordingError
+from jerkbench.filters._eskf15_inputs import first_yaw
 from jerkbench.filters.eskf15 import Eskf15
 from jerkbench.geometry import wrap_angle
 from jerkbench.recording import Imu, Velocity
@@ -174,6 +175,6 @@ def test_eskf15_starts_with_the_sigma_of_the_track(car):
     assert coarse.yaw_sigma_rad[0] > 0.05
     for source in ("attitude", "track"):
         chosen = replace(model, yaw_source=source)
-        assert chosen._yaw(recording, attitude, 0)[0] == pytest.approx(attitude.euler_rad[0, 2], abs=1e-9)
-    assert model._yaw(recording, coarse, 0)[1] == coarse.yaw_sigma_rad[0]
+        assert first_yaw(chosen, recording, attitude, 0)[0] == pytest.approx(attitude.euler_rad[0, 2], abs=1e-9)
+    assert first_yaw(model, recording, coarse, 0)[1] == coarse.yaw_sigma_rad[0]
     assert model.estimate(recording, attitude, NoAdaptation()).failure == ""

@@ -10,8 +10,8 @@ from commands import SHORT, verb
 from jerkbench.errors import JerkbenchError
 from jerkbench.files import write_text
 from jerkbench.places import is_remote, place
+from jerkbench.results.manifest import MANIFEST, read_manifest
 from jerkbench.results.store import Store
-from jerkbench.results.study import MANIFEST, read_manifest
 from jerkbench.sweep import writer
 from jerkbench.sweep.sweep import Tally
 

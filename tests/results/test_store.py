@@ -12,6 +12,7 @@ from jerkbench.errors import JerkbenchError
 from jerkbench.results import part_shape, parts
 from jerkbench.results import store as store_of_cells
 from jerkbench.results.old_cells import DIGEST, METADATA, signature
+from jerkbench.results.part_files import PartFiles
 from jerkbench.results.parts import Block
 from jerkbench.results.store import MANY, Store
 from stored_cells import about, row
@@ -160,7 +161,7 @@ def test_many_small_parts_become_one_with_the_same_cells(store):
 def test_a_file_that_is_joined_while_the_store_is_read_is_found_again(store, monkeypatch):
     for k in range(MANY):
         store.write(f"a{k:x}", ROWS, ABOUT)
-    load, calls = Store._load, []
+    load, calls = PartFiles.load, []
 
     def joined_meanwhile(opened, name, columns):
         calls.append(name)
@@ -168,7 +169,7 @@ def test_a_file_that_is_joined_while_the_store_is_read_is_found_again(store, mon
             Store(store.folder).compact()
         return load(opened, name, columns)
 
-    monkeypatch.setattr(Store, "_load", joined_meanwhile)
+    monkeypatch.setattr(PartFiles, "load", joined_meanwhile)
     assert len(store.read()[0]) == MANY
 
 

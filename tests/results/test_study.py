@@ -11,9 +11,10 @@ from jerkbench.report.analysis.findings import findings
 from jerkbench.report.analysis.study_verdicts import study_verdicts
 from jerkbench.report.tables.summary import summarise
 from jerkbench.results.comparability import other_methods, require_alike
+from jerkbench.results.manifest import write_manifest
 from jerkbench.results.parts import Block
 from jerkbench.results.store import Store
-from jerkbench.results.study import load_study, write_manifest, write_study
+from jerkbench.results.study import load_study, write_study
 from jerkbench.sweep.sweep import plan_sweep
 from stored_cells import about, put, row
 

@@ -30,12 +30,12 @@ class Scored:
     """The runs of one attitude.
 
     Attributes:
-        rows: of the test; ``trial`` is the place of a setting among those of `asked`.
-        asked: (subset, half that it was tuned on) of each trial, by scenario.
+        rows: of the test; ``trial`` is the place of a setting among those of `trial_keys`.
+        trial_keys: (subset, half that it was tuned on) of each trial, by scenario.
     """
 
     rows: pd.DataFrame
-    asked: Sequence[Sequence[tuple[Corner, str]]]
+    trial_keys: Sequence[Sequence[tuple[Corner, str]]]
 
 
 class AttributionRuns:
@@ -48,9 +48,11 @@ class AttributionRuns:
     def scored(self) -> Scored:
         """Tune, and score what came out on the half that it was not tuned on."""
         chosen = self._tuned()
-        asked = [_asked(scenario) for scenario in self._stages.scenarios]
-        settings = [{method: tuple(chosen[method, *key] for key in keys) for method in self._spaces} for keys in asked]
-        return Scored(self._stages.run(CORNERS, seeds_of(self._protocol).test, settings), asked)
+        trial_keys = [_keys_of(scenario) for scenario in self._stages.scenarios]
+        settings = [
+            {method: tuple(chosen[method, *key] for key in keys) for method in self._spaces} for keys in trial_keys
+        ]
+        return Scored(self._stages.run(CORNERS, seeds_of(self._protocol).test, settings), trial_keys)
 
     def _tuned(self) -> Chosen:
         tried = {
@@ -76,7 +78,7 @@ def _union(several: Sequence[Sequence[Setting]]) -> tuple[Setting, ...]:
     return tuple(dict.fromkeys(setting for settings in several for setting in settings))
 
 
-def _asked(scenario: Scenario) -> list[tuple[Corner, str]]:
+def _keys_of(scenario: Scenario) -> list[tuple[Corner, str]]:
     """What is scored in a scenario: each subset, tuned on the half or the halves that the scenario is not of."""
     halves = [half for half in HALVES if half != scenario.half]
     return [(subset, half) for subset in SUBSETS for half in halves]
@@ -97,10 +99,10 @@ def corner_values(scored: Mapping[bool, Scored], protocol: AuditProtocol) -> dic
         for corner, method in methods_of(protocol).items():
             cube = rows[method].pivot_table(index=["scenario", "trial"], columns="seed", values="loss")
             for subset in SUBSETS:
-                values[corner | attitude | subset] = _of_subset(cube, own.asked, subset)
+                values[corner | attitude | subset] = _of_subset(cube, own.trial_keys, subset)
     return values
 
 
-def _of_subset(cube: pd.DataFrame, asked: Sequence[Sequence[tuple[Corner, str]]], subset: Corner) -> FloatArray:
-    wanted = [[(number, k) for k, key in enumerate(keys) if key[0] == subset] for number, keys in enumerate(asked)]
+def _of_subset(cube: pd.DataFrame, trial_keys: Sequence[Sequence[tuple[Corner, str]]], subset: Corner) -> FloatArray:
+    wanted = [[(number, k) for k, key in enumerate(keys) if key[0] == subset] for number, keys in enumerate(trial_keys)]
     return np.array([cube.loc[places].to_numpy().mean(axis=0) for places in wanted])

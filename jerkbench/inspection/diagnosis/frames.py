@@ -51,11 +51,11 @@ def _pairs(recording: Recording, position: Position, length_s: float) -> list[Pa
     pairs = []
     velocity, reference = recording.velocity, recording.reference
     if velocity is not None and velocity.frame == "enu":
-        given = _known(velocity.t_s, velocity.mps)
-        pairs.append(_pair("velocity", given, position, length_s, differentiate=False))
+        samples = _known(velocity.t_s, velocity.mps)
+        pairs.append(_pair("velocity", samples, position, length_s, differentiate=False))
     if reference.enu_m is not None:
-        given = _known(reference.t_s, reference.enu_m)
-        pairs.append(_pair("reference", given, position, length_s, differentiate=True))
+        samples = _known(reference.t_s, reference.enu_m)
+        pairs.append(_pair("reference", samples, position, length_s, differentiate=True))
     return [pair for pair in pairs if pair is not None]
 
 
@@ -65,10 +65,10 @@ def _known(t_s: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]
 
 
 def _pair(
-    stream: str, given: tuple[FloatArray, FloatArray], position: Position, length_s: float, *, differentiate: bool
+    stream: str, samples: tuple[FloatArray, FloatArray], position: Position, length_s: float, *, differentiate: bool
 ) -> Pair | None:
     fix_s, places = _known(position.t_s, position.enu_m)
-    t_s, values = given
+    t_s, values = samples
     if min(len(t_s), len(fix_s)) <= LEAST_ROWS:
         return None
     length_s = max(length_s, 2 * float(np.median(np.diff(fix_s))), 2 * float(np.median(np.diff(t_s))))

@@ -110,7 +110,7 @@ def _times(draft: Draft, *, imu: bool, position: bool) -> None:
         count = "none" if not times else ", ".join(name.column for name in times)
         raise RecordingError(f"{draft.path} needs one column of times, and has {count}; call one of them t.")
     column, stamps = times[0].column, draft.columns.numbers([times[0].column])[:, 0]
-    streams = [name for name, given in (("imu", imu), ("position", position)) if given]
+    streams = [name for name, present in (("imu", imu), ("position", position)) if present]
     draft.add(*(Guess(f"{stream}_time", column, "named", "its name") for stream in streams))
     unit = values.time_unit(stamps, times[0].unit)
     date = unit.grade == "measured" and "date" in unit.why

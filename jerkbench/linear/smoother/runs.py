@@ -34,8 +34,8 @@ def smooth_one(timeline: Timeline, model: Filter, rule: Rule) -> Estimate | None
         return None
     n = 2 + len(prepared.extra)
     kept, steps = trajectory_room(timeline, n), steps_of(timeline, which, wants_truth=rule.wants_truth)
-    given = steps, NO_SCORE, prepared, rules_of([rule], 3 * n), kept, empty_runs(n, 1), tape_for(steps, n, 1)
-    states, updates = smoother_for(n, 1)(*given)
+    arguments = steps, NO_SCORE, prepared, rules_of([rule], 3 * n), kept, empty_runs(n, 1), tape_for(steps, n, 1)
+    states, updates = smoother_for(n, 1)(*arguments)
     estimate = estimate_of(timeline, kept, states, updates, n)
     return None if estimate.failure else estimate
 

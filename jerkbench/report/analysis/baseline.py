@@ -50,6 +50,6 @@ def _no_baseline(combinations: Iterable[Combination], baseline: Mapping[str, str
     labels = {factor: set(values) for factor, values in zip(FACTORS, zip(*combinations, strict=True), strict=True)}
     key, value = next(((k, v) for k, v in baseline.items() if v not in labels[k]), next(iter(baseline.items())))
     if value in labels[key]:
-        asked = ", ".join(f"{k}={v}" for k, v in baseline.items())
-        return f"No combination has {asked} together; `jerkbench table DIR` shows those that there are."
+        factors = ", ".join(f"{k}={v}" for k, v in baseline.items())
+        return f"No combination has {factors} together; `jerkbench table DIR` shows those that there are."
     return unknown(key, value, labels[key])

@@ -122,8 +122,8 @@ def duels(standings: Iterable[Standing]) -> list[Duel]:
                 turned = (names[1], names[0]) in rounds
                 seen = round_of(pair, ", ".join(standing.scenario))
                 rounds.setdefault(names[::-1] if turned else names, []).append(seen.turned if turned else seen)
-    made = [Duel(ours, theirs, tuple(seen)) for (ours, theirs), seen in rounds.items()]
-    return [duel.turned if duel.lost > duel.won else duel for duel in made]
+    pairings = [Duel(ours, theirs, tuple(seen)) for (ours, theirs), seen in rounds.items()]
+    return [duel.turned if duel.lost > duel.won else duel for duel in pairings]
 
 
 def round_of(pair: Comparison, scenario: str = "") -> Round:

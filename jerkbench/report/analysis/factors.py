@@ -47,12 +47,12 @@ def layout(
     Raises:
         JerkbenchError: a key that is no factor, or one that is asked for twice.
     """
-    asked = [*(row_keys or ()), *(column_keys or ())]
-    _check(asked)
+    keys = [*(row_keys or ()), *(column_keys or ())]
+    _check(keys)
     varying = [key for key in FACTORS if len(rows[key].unique()) > 1]
     if column_keys is None:
-        free = [key for key in ("adaptation", "filter") if key not in asked]
-        tilting = "attitude" in varying and "attitude" not in asked and not {"adaptation", "filter"} & set(varying)
+        free = [key for key in ("adaptation", "filter") if key not in keys]
+        tilting = "attitude" in varying and "attitude" not in keys and not {"adaptation", "filter"} & set(varying)
         column_keys = ["attitude"] if tilting else free[:1]
     placed = {*(row_keys or ()), *column_keys}
     extra = [key for key in varying if key not in placed]

@@ -40,31 +40,31 @@ def compared(
 
 def sentence(comparison: Comparison, varying: Sequence[str]) -> str:
     """Say comparison comparison, with the factors that vary in the study."""
-    who, whom, where = names(comparison, varying)
-    judgement, lost = comparison.judgement, and_lost(losses(comparison, who, whom))
+    subject, baseline, where = names(comparison, varying)
+    judgement, lost = comparison.judgement, and_lost(losses(comparison, subject, baseline))
     if judgement.n == 0:
-        return f"{who} cannot be compared with {whom}{where}: no run of both has a value."
+        return f"{subject} cannot be compared with {baseline}{where}: no run of both has a value."
     if all(count == comparison.pair.runs for count in comparison.pair.lost):
-        return f"{who} cannot be compared with {whom}{where}: both lost all {comparison.pair.runs} runs."
+        return f"{subject} cannot be compared with {baseline}{where}: both lost all {comparison.pair.runs} runs."
     if judgement.low == judgement.high == 1.0 and not lost:
-        return f"{who} gives the same as {whom}{where} ({_count(comparison)})."
+        return f"{subject} gives the same as {baseline}{where} ({_count(comparison)})."
     if comparison.replicate == "phase":
-        return f"{who} {_times(judgement.ratio)} {whom}{where} ({_phases(comparison)}){lost}."
+        return f"{subject} {_times(judgement.ratio)} {baseline}{where} ({_phases(comparison)}){lost}."
     if comparison.verdict in {Verdict.FEWER_LOST, Verdict.MORE_LOST}:
-        return f"{who} {comparison.verdict.value} than {whom}{where}: {_against(comparison)}."
-    return _tested(comparison, who, whom, where) + f"{lost}."
+        return f"{subject} {comparison.verdict.value} than {baseline}{where}: {_against(comparison)}."
+    return _tested(comparison, subject, baseline, where) + f"{lost}."
 
 
-def _tested(comparison: Comparison, who: str, whom: str, where: str) -> str:
+def _tested(comparison: Comparison, subject: str, baseline: str, where: str) -> str:
     """Say what the test of the errors says."""
     ratio = comparison.judgement.ratio
     if comparison.verdict is Verdict.EQUAL:
         equal = f"equal within {100 * comparison.rule.margin:g} %"
-        return f"{who} and {whom} are {equal}{where}: {number(ratio)} times {_detail(comparison)}"
+        return f"{subject} and {baseline} are {equal}{where}: {number(ratio)} times {_detail(comparison)}"
     if comparison.verdict is Verdict.UNDECIDED:
         more = f"; {comparison.needed} seeds would decide" if comparison.needed else ""
-        return f"Undecided between {who} and {whom}{where}: {number(ratio)} times {_detail(comparison)}{more}"
-    return f"{who} {_times(ratio)} {whom}{where} {_detail(comparison)}"
+        return f"Undecided between {subject} and {baseline}{where}: {number(ratio)} times {_detail(comparison)}{more}"
+    return f"{subject} {_times(ratio)} {baseline}{where} {_detail(comparison)}"
 
 
 def _detail(comparison: Comparison) -> str:
@@ -137,10 +137,12 @@ def _range(comparison: Comparison) -> str:
     return f"{written(ends[0])} to {written(ends[1])}"
 
 
-def losses(comparison: Comparison, who: str, whom: str) -> str:
+def losses(comparison: Comparison, subject: str, baseline: str) -> str:
     """Say how many runs either lost, or locked out in; nothing where all went well."""
     told = []
-    for name, lost, failed in zip((who, whom), comparison.pair.lost, comparison.judgement.failures, strict=True):
+    for name, lost, failed in zip(
+        (subject, baseline), comparison.pair.lost, comparison.judgement.failures, strict=True
+    ):
         words = [f"lost {lost}"] * (lost > 0) + [f"locked out in {failed - lost}"] * (failed > lost)
         told += [f"{name} {' and '.join(words)} of {comparison.pair.runs} runs"] * bool(words)
     return " and ".join(told)

@@ -112,14 +112,14 @@ def _counted(words: Counter[str]) -> str:
 
 
 def _head(comparison: Comparison, varying: Sequence[str]) -> str:
-    who, whom, _ = names(comparison, varying)
-    return f"The paper says that {who} is more than {CLAIMED:g} times better than {whom}."
+    subject, baseline, _ = names(comparison, varying)
+    return f"The paper says that {subject} is more than {CLAIMED:g} times better than {baseline}."
 
 
 def _sentence(comparison: Comparison, word: str, varying: Sequence[str]) -> str:
     head = _head(comparison, varying)
-    who, whom, where = names(comparison, varying)
-    lost = losses(comparison, who, whom)
+    subject, baseline, where = names(comparison, varying)
+    lost = losses(comparison, subject, baseline)
     if (n := comparison.judgement.n) == 0:
         return f"{head} Nothing can be said{where}: no run of both has a value."
     times, low, high = map(number, better(comparison))

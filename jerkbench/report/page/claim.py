@@ -89,8 +89,8 @@ def _cases(
 ) -> dict[str, list[Judged | None]]:
     cases: dict[str, dict[str, Judged]] = {}
     for comparison, word in zip(comparisons, verdicts(comparisons), strict=True):
-        _, whom, where = names(comparison, varying)
-        cases.setdefault(where.removeprefix(" on "), {})[whom] = _judged(comparison, word)
+        _, opponent, where = names(comparison, varying)
+        cases.setdefault(where.removeprefix(" on "), {})[opponent] = _judged(comparison, word)
     return {case: [of.get(name) for name in opponents] for case, of in cases.items()}
 
 

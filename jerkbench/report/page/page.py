@@ -79,7 +79,7 @@ def page(results: Results, pictures: Sequence[Picture], stretches: Sequence[Stre
         first=first_screen(rows, verdicts, metric, by_combination(leading), of_the_paper=results.of_the_paper),
         title=leading.title,
         objections=[check for check in checks if check.passed is False],
-        asked=sum(check.passed is not None for check in checks),
+        answered=sum(check.passed is not None for check in checks),
         table=_table(results, metric, verdicts),
         gallery=gallery(pictures, without=("errors", "zoom") if stretches else ()),
         checks=[(check, *WORDS[check.passed]) for check in checks],

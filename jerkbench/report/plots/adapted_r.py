@@ -45,8 +45,8 @@ def adapted_r_figure(recording: Recording, estimates: Mapping[str, Estimate], pa
             )
         for begin, end in recording.outages_s:
             axes.axvspan(begin, end, color=OUTAGE, alpha=0.28, linewidth=0, zorder=0)
-        unit, what = ("m", "position") if row < 3 else ("m/s", "velocity")
-        axes.set_ylabel(f"{AXES[row % 3]} {what},\nsigma of R [{unit}]", fontsize=8)
+        unit, quantity = ("m", "position") if row < 3 else ("m/s", "velocity")
+        axes.set_ylabel(f"{AXES[row % 3]} {quantity},\nsigma of R [{unit}]", fontsize=8)
         end_with(axes, recording.reference.t_s)
         if any(np.isfinite(estimate.updates.R_diagonal[:, row]).any() for estimate in estimates.values()):
             axes.set_yscale("log")

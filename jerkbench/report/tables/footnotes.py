@@ -55,9 +55,9 @@ def _reading(table: Table, cells: list[TableCell], family: str) -> Iterator[str]
         leaders = "Bold: the leaders of the row: others were shown to be worse, they were not."
         yield f"{leaders} {standing_apart(_labels(table))}".strip()
     yield from _ratios(table, cells, family)
-    what = quantity(table.metric)
-    if what.expected is not None:
-        yield f"A consistent filter gives {what.expected:g}; {what.reading}."
+    meaning = quantity(table.metric)
+    if meaning.expected is not None:
+        yield f"A consistent filter gives {meaning.expected:g}; {meaning.reading}."
     if any(c.number == "n/a" for c in cells):
         yield "n/a: the metric does not apply."
     if any(cell is None for row in table.cells for cell in row):

@@ -85,8 +85,8 @@ def _body(table: Table, block: Sequence[int]) -> list[str]:
             cells = [_stack(table.cells[row][k]) for k in block]
             texts = [[escaped(text)] for text in table.rows[row][-1:]] + cells
             height = max(map(len, texts))
-            made = [line_of([column[k] if k < len(column) else "" for column in texts]) for k in range(height)]
-            lines += [*(f"{line}*" for line in made[:-1]), made[-1]]
+            row_lines = [line_of([column[k] if k < len(column) else "" for column in texts]) for k in range(height)]
+            lines += [*(f"{line}*" for line in row_lines[:-1]), row_lines[-1]]
     return lines
 
 

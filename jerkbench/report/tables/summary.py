@@ -110,14 +110,14 @@ def _table(
     comparisons = verdicts.against(baseline) if baseline and verdicts is not None else []
     cells = dict(zip(grid.runs, numbers.cells(), strict=True))
     cells = _with_ratios(cells, comparisons, (*grid.across, *grid.down))
-    what = quantity(metric)
+    meaning = quantity(metric)
     if leaders and verdicts is not None and verdicts.judged:
         cells = with_leaders(cells, grid, verdicts)
     lines = [[cells.get((*row, *column)) for column in grid.column_values] for row in grid.row_values]
     table = Table(
-        title=what.heading,
+        title=meaning.heading,
         metric=metric,
-        unit=what.unit,
+        unit=meaning.unit,
         row_keys=grid.across,
         column_keys=grid.down,
         rows=grid.row_values,

@@ -148,7 +148,7 @@ def _complaints(rows: "pd.DataFrame") -> list[str]:
     """Return the reasons of the runs that did not go well."""
     wrong = rows[rows["status"] != "ok"]
     columns = (wrong["replicate"], wrong["seed"], wrong["status"], wrong["reason"])
-    return [f"{what} {k} {status}: {reason}" for what, k, status, reason in zip(*columns, strict=True)]
+    return [f"{replicate} {k} {status}: {reason}" for replicate, k, status, reason in zip(*columns, strict=True)]
 
 
 def _plain(text: str, style: str = "") -> "Text":

@@ -4,8 +4,9 @@ from pathlib import Path
 
 from jerkbench.files import write_text
 from jerkbench.report.analysis.rule import RULE, Rule
+from jerkbench.results.manifest import read_manifest
 from jerkbench.results.store import Store
-from jerkbench.results.study import Study, read_manifest
+from jerkbench.results.study import Study
 from jerkbench.results.study_figures.choice import Choice
 from jerkbench.results.study_figures.files import Drawn, Request, draw_study
 

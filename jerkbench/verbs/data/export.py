@@ -67,9 +67,9 @@ def _write(cell: "Cell", draw: int, folder: Path, chosen: argparse.Namespace) ->
 
     inputs = shared_inputs()
     recording = inputs.recording(cell, data_fingerprint(cell.dataset, cell.disturbances), draw)
-    made = {"seed": draw, **{kind: cell.spec[kind] for kind in ("dataset", "disturbance", "attitude")}}
+    source = {"seed": draw, **{kind: cell.spec[kind] for kind in ("dataset", "disturbance", "attitude")}}
     attitude = inputs.attitude(recording, cell.attitude)
-    paths = write_recording(recording, attitude, folder, chosen.format, {"made_of": made})
+    paths = write_recording(recording, attitude, folder, chosen.format, {"made_of": source})
     if chosen.without_reference:
         return paths
     write_reference(recording, folder / "reference.csv")

@@ -62,11 +62,11 @@ def _print(draft: "Draft") -> None:
     print(f"Say yourself: {', '.join(unsure)}." if unsure else "Nothing is unsure.")
 
 
-def _write(draft: "Draft", asked: Path) -> None:
+def _write(draft: "Draft", preset: Path) -> None:
     from jerkbench.files import write_atomically
     from jerkbench.inspection.guess.preset import preset_path, preset_text
 
-    path = preset_path(asked)
+    path = preset_path(preset)
     if path.exists():
         raise JerkbenchError(f"{path} is there already; delete it or give another name.")
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -1,0 +1,72 @@
+"""The end of a sweep: manifest, tables, figures, report, and the exit code that they come to."""
+
+import sys
+from collections.abc import Sequence
+
+from omegaconf import DictConfig
+
+from jerkbench.errors import INTERRUPTED
+from jerkbench.execution.processors import processors
+from jerkbench.hydra_app.interruption import terminated_like_interrupted
+from jerkbench.results.manifest import write_manifest
+from jerkbench.results.store import Store
+from jerkbench.results.study import Study, load_study, write_study
+from jerkbench.results.study_figures.choice import figures_choice
+
+FAILED = 1
+"""Exit code of a sweep of which a run failed."""
+
+
+def conclude(store: Store, keys: Sequence[str], config: DictConfig, level: float | None = None) -> Study | None:
+    """Write and print the tables of what is there; returns the cells ``keys``, or nothing without any."""
+    from jerkbench.report.tables.terminal import print_beginning, print_table
+
+    folder = store.folder.parent
+    if not store.look(keys).whole:
+        return None
+    store.compact()
+    write_manifest(folder, keys, list(config.notes), sys.argv, level, list(config.tags))
+    study = load_study(folder, prefer=keys)
+    table = write_study(study)
+    shown = study.only(keys)
+    if len(shown.rows) == len(study.rows):
+        print_beginning(table)
+    else:
+        print_table(shown.rows, shown.notes)
+    print(f"\nRows, tables and manifest: {folder}", flush=True)
+    return shown
+
+
+def failed(study: Study | None) -> int:
+    """The exit code for a study of which a run failed, or 0."""
+    return FAILED if study is not None and (study.rows["status"] == "failed").any() else 0
+
+
+def lost(store: Store, keys: Sequence[str]) -> int:
+    """The exit code for cells that have run and are not there, or 0."""
+    gone = len(keys) - len(store.look(keys).whole)
+    if gone:
+        print(
+            f"jerkbench: {gone} of {len(keys)} cells are not in {store.folder}, although they have run: somebody has"
+            " deleted or damaged their files. The same command runs them again.",
+            file=sys.stderr,
+        )
+    return FAILED if gone else 0
+
+
+def present(study: Study, config: DictConfig) -> int:
+    """Draw the figures and write the report where they are asked for; returns the exit code, or 0."""
+    from jerkbench.results.study_figures.presentation import present
+
+    if not config.report:
+        return 0
+    try:
+        with terminated_like_interrupted():
+            present(study, config.workers or processors(), figures_choice(config.figures), pdf=config.figures_pdf)
+    except KeyboardInterrupt:
+        print(f"Interrupted. The results are complete; `jerkbench report {study.folder}` draws again.", file=sys.stderr)
+        return INTERRUPTED
+    except OSError as error:
+        print(f"jerkbench: the figures and the report cannot be written: {error}. The results are.", file=sys.stderr)
+        return FAILED
+    return 0
