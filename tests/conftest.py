@@ -36,11 +36,11 @@ def typed(tmp_path, monkeypatch, capsys):
 
 
 @pytest.fixture(params=["memory", "s3"])
-def address(request, monkeypatch):
+def address(request, tmp_path, monkeypatch):
     """A folder that nobody has used: in memory, or in a server that talks as S3 does."""
     pytest.importorskip("upath")
     if request.param == "memory":
-        yield "memory://laboratory"
+        yield f"memory://laboratory{tmp_path}"  # what is in memory outlasts a test
         return
     server = pytest.importorskip("moto.server", reason="moto[server] brings a server that talks as S3 does")
     boto3 = pytest.importorskip("boto3")

@@ -7,7 +7,7 @@ from jerkbench.arrays import FloatArray, IntArray
 
 @runtime_checkable
 class Fading(Protocol):
-    """An adaptation that fades P as well."""
+    """An adaptation that fades P as well, all of it by one number; each element by its own: `AdaptingPrior`."""
 
     def fade(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
