@@ -85,7 +85,7 @@ def evaluate(
     Raises:
         JerkbenchError: a metric is unknown, or nothing counts.
     """
-    from jerkbench.evaluation.row_columns import evaluate_run
+    from jerkbench.evaluation.evaluated_run import evaluate_run
 
     chosen = [plugins.create("metric", {"name": name}) for name in metric_names(list(metrics))]
     return evaluate_run(estimate, recording, burn_in_s, chosen)

@@ -10,7 +10,7 @@ from jerkbench.contracts import Batched, Estimator, Filter, SideBySide
 from jerkbench.estimate import Attitude
 from jerkbench.evaluation.batch_scoring import Scored, can_stream, outlined, sums_from, with_updates
 from jerkbench.evaluation.divergence import strays
-from jerkbench.evaluation.row_columns import Summary, values_of
+from jerkbench.evaluation.evaluated_run import Summary, values_of
 from jerkbench.execution.inputs import Inputs
 from jerkbench.optional import part_read
 from jerkbench.recording import Recording

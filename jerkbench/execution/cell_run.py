@@ -10,7 +10,7 @@ from jerkbench.errors import JerkbenchError, PluginError
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.evaluation.counted_rows import require_begin
 from jerkbench.evaluation.divergence import run_status
-from jerkbench.evaluation.row_columns import evaluate_run
+from jerkbench.evaluation.evaluated_run import evaluate_run
 from jerkbench.execution.batches import StreamedSeed, streamed_seeds, streams
 from jerkbench.execution.inputs import KEPT, Inputs, shared_inputs
 from jerkbench.execution.notes import notes_of

@@ -1,4 +1,4 @@
-"""The kernel of kinematic filters: plain functions over arrays, compiled for one run and for several side by side.
+"""The kernel of the compiled engine: kinematic filters, one run or several side by side, in plain functions of arrays.
 
 The kernel is written for numbers; for several runs numba is given vectors in their place. What lasts lies in one array
 w, at the offsets of `layout`: the compiler then sees that no two parts overlap, and that every loop has a known length.

@@ -1,4 +1,8 @@
-"""Fading: the factor of an adaptation's `fade`, and the prior covariance that is scaled by it."""
+"""Fading: the factor of an adaptation's `fade`, and the prior covariance that is scaled by it.
+
+What an adaptation does to P element by element (`adapt_prior`) is in `prior`; a rule that sees or gives whole matrices
+is `dense` (`plugin_call`).
+"""
 
 from jerkbench.arrays import FloatArray
 from jerkbench.compilation.calls import ask, try_ask

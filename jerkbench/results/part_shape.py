@@ -7,7 +7,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from jerkbench.cells.labels import Labels
-from jerkbench.evaluation.row_columns import RUN
+from jerkbench.evaluation.evaluated_run import RUN
 from jerkbench.results.shape import CELL as METADATA
 from jerkbench.results.shape import MOST_ROWS, REPLICATES, STATUSES, Test, is_key, is_metric, is_text, is_texts
 from jerkbench.results.shape import SPEC as PLUGINS

@@ -13,7 +13,7 @@ from jerkbench.cells.protocol import Protocol
 from jerkbench.cells.provenance import code_digest, versions
 from jerkbench.errors import JerkbenchError
 from jerkbench.estimate import Estimate
-from jerkbench.evaluation.row_columns import RUN
+from jerkbench.evaluation.evaluated_run import RUN
 from jerkbench.execution.cell_run import CellRun, Row
 from jerkbench.execution.plugin_errors import plugins_in_words
 from jerkbench.recording import Recording

@@ -7,7 +7,7 @@ from typing import Any
 import pyarrow as pa
 
 from jerkbench.cells.labels import Labels
-from jerkbench.evaluation.row_columns import RUN
+from jerkbench.evaluation.evaluated_run import RUN
 from jerkbench.plain import is_plain
 
 KEY = re.compile("[0-9a-f]+")

@@ -4,7 +4,7 @@ import time
 from typing import TYPE_CHECKING
 
 from jerkbench.errors import JerkbenchError
-from jerkbench.evaluation.row_columns import RUN
+from jerkbench.evaluation.evaluated_run import RUN
 from jerkbench.execution.cell_run import CellRun
 from jerkbench.execution.plugin_errors import plugins_in_words
 from jerkbench.results.replay import StoredRow, stored_row

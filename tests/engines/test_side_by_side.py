@@ -14,7 +14,7 @@ from jerkbench.adaptation.oracle import Oracle
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.evaluation.batch_scoring import can_stream, scored, sums_from, with_updates
-from jerkbench.evaluation.row_columns import evaluate_run
+from jerkbench.evaluation.evaluated_run import evaluate_run
 from jerkbench.filters.baseline import Baseline
 from jerkbench.filters.jerk import Jerk
 from jerkbench.streamed_run import Run

@@ -10,7 +10,7 @@ from jerkbench.cells.cell import build
 from jerkbench.cells.protocol import Protocol
 from jerkbench.cells.refusal import refusal
 from jerkbench.evaluation.divergence import run_status
-from jerkbench.evaluation.row_columns import evaluate_run
+from jerkbench.evaluation.evaluated_run import evaluate_run
 from jerkbench.filters.attitude_only import AttitudeOnly
 from jerkbench.plugins import create, names
 from synthetic import level_attitude, recording_at_rest

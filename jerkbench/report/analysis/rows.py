@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from jerkbench.errors import JerkbenchError, unknown
-from jerkbench.evaluation.row_columns import RUN
+from jerkbench.evaluation.evaluated_run import RUN
 from jerkbench.report.analysis.factors import FACTORS
 
 if TYPE_CHECKING:

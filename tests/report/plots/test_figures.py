@@ -10,7 +10,7 @@ from matplotlib.image import imread
 
 from jerkbench import plugins
 from jerkbench.estimate import Estimate
-from jerkbench.evaluation.row_columns import evaluate_run
+from jerkbench.evaluation.evaluated_run import evaluate_run
 from jerkbench.recording import Imu, Position, Recording, Reference
 from jerkbench.report.plots.figures import error_figure, save_figure, trajectory_figure
 

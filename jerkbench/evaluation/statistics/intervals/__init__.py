@@ -1,7 +1,7 @@
 """Confidence intervals, one file for each kind of number that is given one.
 
-    errors_over_seeds      errors of a cell: the geometric mean with the interval of `few_seeds`, from 20 seeds on
-                           that of `student`; where runs were lost, `median`
+    errors_over_seeds      errors of a cell: the geometric mean with the interval of `few_seeds` (which is that of
+                           `student` from 20 seeds on); where runs were lost, `median`
     signed_over_seeds      metrics with a sign or an expected value: the arithmetic mean; of few seeds `bootstrap`
     correlated_errors      the RMSE of a recording without seeds, from errors that follow each other
     share                  how many runs were lost, whatever the distribution is

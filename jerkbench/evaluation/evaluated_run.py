@@ -1,4 +1,4 @@
-"""The columns of a run's row in rows.csv: what is known of the run, then what each metric says.
+"""A run as its metrics see it, and what they say of it: the columns of its row in rows.csv.
 
 A new column is a new metric, one file in `metrics`, also where nothing of the estimate enters (`position_bound`); here
 the answers are only put together. What a row says of the run itself, `RUN`, is filled by
