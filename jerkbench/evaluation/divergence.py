@@ -9,7 +9,7 @@ from jerkbench.recording import Recording
 from jerkbench.streamed_run import Streamed
 
 LIMIT_M = 1000.0
-"""A larger position error is a divergence, where nobody says otherwise (`divergence_limit_m`; the frozen suite does)."""
+"""A larger position error is a divergence, unless `divergence_limit_m` says otherwise; the frozen suite has its own."""
 
 
 def run_status(estimate: Estimate, recording: Recording, limit_m: float) -> tuple[str, str]:
