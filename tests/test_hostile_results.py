@@ -21,7 +21,7 @@ from jerkbench.clusters.local import Local
 from jerkbench.errors import JerkbenchError
 from jerkbench.execution.inputs import shared_inputs
 from jerkbench.hydra_app.conclusion import conclude
-from jerkbench.hydra_app.sweep import run_plan
+from jerkbench.hydra_app.launched_sweep import run_plan
 from jerkbench.results.manifest import read_manifest
 from jerkbench.results.store import Store
 from jerkbench.results.study import load_study
