@@ -14,7 +14,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 
 import pages
 from bag_maker import ROS2, odometry
-from commands import environment, jerkbench, verb
+from commands import environment, verb
 
 ROOT = Path(__file__).parents[1]
 DRIVE = ["dataset.duration_s=80"]
@@ -82,8 +82,7 @@ def typed(line, folder):
         words = [word.replace("python ", f"{sys.executable} ") for word in words if "disturbance=" not in word]
         short = [*SHORT["run"][1:], "dataset.duration_s=12", "study=pyins"]  # it takes as long as the drive
     options = words.index("--format") if "--format" in words else len(words)
-    run = jerkbench if words[1] == "run" else verb
-    done = run(*words[1:options], *short, *words[options:], cwd=folder)
+    done = verb(*words[1:options], *short, *words[options:], cwd=folder)
     assert done.returncode == 0, (line, done.stderr, done.stdout)
 
 

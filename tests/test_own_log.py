@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import pages
-from commands import jerkbench, verb
+from commands import verb
 
 ROOT = Path(__file__).parents[1]
 
@@ -29,9 +29,7 @@ def reader(tmp_path_factory):
 
 
 def typed(words, folder):
-    if words[0] != "run":
-        return verb(*words, cwd=folder)
-    return jerkbench(*words, "workers=1", "figures=false", cwd=folder)
+    return verb(*words, *(["workers=1", "figures=false"] if words[0] == "run" else []), cwd=folder)
 
 
 @pytest.mark.slow

@@ -73,6 +73,8 @@ def _typed(words, more, folder):
     if words[0] not in {"run", "tune"}:
         return verb(*words, cwd=folder)
     packages = os.pathsep.join(str(place.parent) for place in folder.rglob("pyproject.toml"))
+    if not packages:
+        return verb(*words, *more, cwd=folder)
     return jerkbench(*words, *more, cwd=folder, PYTHONPATH=packages)
 
 
