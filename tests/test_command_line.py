@@ -461,8 +461,9 @@ def test_what_only_lists_does_not_wait_for_numba(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_run_does_not_wait_for_what_it_does_not_use(tmp_path):
-    lines, modules = loaded_by("run", "seeds=2", "figures=false", "dataset.duration_s=20", cwd=tmp_path)
+@pytest.mark.parametrize("multirun", [[], ["-m"]], ids=["single", "sweep"])
+def test_a_run_does_not_wait_for_what_it_does_not_use(tmp_path, multirun):
+    lines, modules = loaded_by("run", *multirun, "seeds=2", "figures=false", "dataset.duration_s=20", cwd=tmp_path)
 
     assert any("Position RMSE" in line for line in lines)
     assert modules.isdisjoint({"filterpy", "matplotlib", "rosbags", "scipy.stats", "scipy.interpolate"})
