@@ -91,6 +91,7 @@ def test_every_command_goes_well(typed, page):
     assert {path.name for path in typed(page).rglob("*") if path.is_dir()} >= studies
 
 
+@pytest.mark.slow
 def test_filters_of_the_reader_stand_beside_ours(typed):
     rows = pd.read_csv(typed("own_filter") / "results" / "mine" / "rows.csv")
 
