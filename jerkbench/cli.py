@@ -8,6 +8,7 @@ import signal
 import sys
 import warnings
 from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
 from typing import NoReturn
 
@@ -157,6 +158,7 @@ def _answer(words: list[str]) -> None:
         ) from error
 
 
+@cache
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="jerkbench", description="Which navigation filter is better, by how much, on which recordings, and why?"

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from commands import environment, jerkbench
+from commands import environment, verb
 
 ROOT = Path(__file__).parents[1]
 ACTION = yaml.safe_load((ROOT / "action.yml").read_text(encoding="utf-8"))
@@ -47,7 +47,7 @@ def test_every_input_of_a_step_is_declared():
 
 @pytest.mark.slow
 def test_it_passes_what_is_the_same_and_fails_what_is_worse(machine, tmp_path):
-    accepted = jerkbench("run", *QUICK.split(), "results=benchmarks", "study=accepted", cwd=tmp_path)
+    accepted = verb("run", *QUICK.split(), "results=benchmarks", "study=accepted", cwd=tmp_path)
     assert accepted.returncode == 0, accepted.stderr
 
     assert machine("run", run=QUICK).returncode == 0

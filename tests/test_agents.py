@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import pages
-from commands import SHORT, jerkbench, verb
+from commands import SHORT, verb
 
 ROOT = Path(__file__).parents[1]
 PAGE = pages.text("agents")
@@ -22,9 +22,8 @@ def answers(tmp_path_factory):
 
 
 def typed(words, folder):
-    if words[0] != "run":
-        return verb(*words, cwd=folder)
-    return jerkbench(*words, SHORT[0], *SHORT[2:], cwd=folder)  # its own seeds
+    short = [SHORT[0], *SHORT[2:]] if words[0] == "run" else []  # its own seeds
+    return verb(*words, *short, cwd=folder)
 
 
 @pytest.mark.slow

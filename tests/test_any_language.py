@@ -14,7 +14,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 
 import pages
 from bag_maker import ROS2, odometry
-from commands import environment, jerkbench, verb
+from commands import environment, verb
 
 ROOT = Path(__file__).parents[1]
 DRIVE = ["dataset.duration_s=80"]
@@ -82,8 +82,7 @@ def typed(line, folder):
         words = [word.replace("python ", f"{sys.executable} ") for word in words if "disturbance=" not in word]
         short = [*SHORT["run"][1:], "dataset.duration_s=12", "study=pyins"]  # it takes as long as the drive
     options = words.index("--format") if "--format" in words else len(words)
-    run = jerkbench if words[1] == "run" else verb
-    done = run(*words[1:options], *short, *words[options:], cwd=folder)
+    done = verb(*words[1:options], *short, *words[options:], cwd=folder)
     assert done.returncode == 0, (line, done.stderr, done.stdout)
 
 
@@ -95,6 +94,7 @@ def test_every_program_stands_in_one_table(folder):
     assert dict(counts) == dict.fromkeys(["gnss_only", "baseline", "jerk", "C(program)", "KF-GINS(program)"], 3)
 
 
+@pytest.mark.slow
 def test_the_program_in_c_has_the_numbers_of_our_baseline(folder):
     rows = pd.read_csv(folder / "results" / "languages" / "rows.csv").set_index(["filter", "disturbance"])
     ours, theirs = rows.loc["baseline", "position_rmse_m"], rows.loc["C(program)", "position_rmse_m"]
@@ -102,6 +102,7 @@ def test_the_program_in_c_has_the_numbers_of_our_baseline(folder):
     pd.testing.assert_series_equal(theirs, ours, rtol=1e-5)
 
 
+@pytest.mark.slow
 def test_what_was_scored_is_what_was_run(folder):
     scored = pd.read_csv(folder / "results" / "scored" / "rows.csv")
 
@@ -112,6 +113,7 @@ def test_what_was_scored_is_what_was_run(folder):
     assert scored["position_rmse_m"][0] == pytest.approx(float(first["position_rmse_m"].iloc[0]), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_what_a_node_published_is_scored_as_the_file_is(folder):
     rows = pd.read_csv(folder / "results" / "scored" / "rows.csv")
     errors = rows.pivot_table(["position_rmse_m", "velocity_rmse_mps"], index="seed", columns="filter")
@@ -121,6 +123,7 @@ def test_what_a_node_published_is_scored_as_the_file_is(folder):
         np.testing.assert_allclose(columns["robot_localization(external)"], columns["mine(external)"], rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_python_ins_navigates(folder):
     pytest.importorskip("pyins", reason="python-ins is not there; pip install 'jerkbench[anchors]'")
     rows = pd.read_csv(folder / "results" / "pyins" / "rows.csv")

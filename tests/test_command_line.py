@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 from omegaconf.errors import ConfigAttributeError
 
-from commands import SHORT, environment, jerkbench, swept
+from commands import SHORT, environment, jerkbench, swept, verb
 from jerkbench.cli import main
 from jerkbench.results.store import Store
 
@@ -22,16 +22,16 @@ def rows_of(folder):
 
 def test_help_and_catalogue_answer(tmp_path):
     assert "VERB" in jerkbench("--help", cwd=tmp_path).stdout
-    helped = jerkbench("run", "--help", cwd=tmp_path).stdout
+    helped = verb("run", "--help", cwd=tmp_path).stdout
     assert "experiment=paper" in helped
     assert "disturbance.gnss_outage.windows_s=[[50,60]]" in helped
-    shown = jerkbench("show", "disturbance", "gnss_outage", cwd=tmp_path).stdout
+    shown = verb("show", "disturbance", "gnss_outage", cwd=tmp_path).stdout
     assert "On the command line: disturbance=gnss_outage disturbance.gnss_outage.windows_s=..." in shown
-    listed = jerkbench("list", cwd=tmp_path).stdout
+    listed = verb("list", cwd=tmp_path).stdout
     assert all(name in listed for name in ("field_ruts", "gnss_outage", "sage_husa", "baseline_naive", "paper"))
-    shown = jerkbench("show", "adaptation", "mtf", cwd=tmp_path).stdout
+    shown = verb("show", "adaptation", "mtf", cwd=tmp_path).stdout
     assert all(word in shown for word in ("y'y >= sum h + sum r", "window  = 1", "Source:", "[updates]"))
-    assert "0.02 # m/s2" in jerkbench("show", "filter", "baseline_naive", cwd=tmp_path).stdout
+    assert "0.02 # m/s2" in verb("show", "filter", "baseline_naive", cwd=tmp_path).stdout
 
 
 def test_a_single_run_prints_its_metrics_and_draws_two_figures(tmp_path):
@@ -84,7 +84,7 @@ def test_a_sweep_goes_on_where_it_was_and_gives_the_same_rows(sweep):
 def test_the_table_can_be_arranged_otherwise(sweep):
     study, _ = sweep
     arranged = ["--rows", "adaptation", "--columns", "filter,disturbance", "--format", "md"]
-    done = jerkbench("table", str(study), "--metric", "velocity_rmse_mps", *arranged, cwd=study)
+    done = verb("table", str(study), "--metric", "velocity_rmse_mps", *arranged, cwd=study)
 
     assert done.returncode == 0
     assert "Velocity RMSE" in done.stdout
@@ -95,12 +95,12 @@ def test_the_table_has_ratios_and_findings(sweep, tmp_path):
     study, _ = sweep
     for path in (study / "cells").glob("*.parquet"):
         (tmp_path / path.name).write_bytes(path.read_bytes())
-    done = jerkbench("table", str(tmp_path), "--baseline", "adaptation=none", "--format", "html", cwd=tmp_path)
+    done = verb("table", str(tmp_path), "--baseline", "adaptation=none", "--format", "html", cwd=tmp_path)
     assert '<span class="factor">' in done.stdout
-    said = jerkbench("table", str(study), "--findings", cwd=tmp_path).stdout
+    said = verb("table", str(study), "--findings", cwd=tmp_path).stdout
     assert "pairs of methods" in said
     assert "The paper says" not in said  # of the paper's own study only
-    wrong = jerkbench("table", str(study), "--baseline", "adaptation=nome", cwd=tmp_path)
+    wrong = verb("table", str(study), "--baseline", "adaptation=nome", cwd=tmp_path)
     assert wrong.returncode == 2
     assert "Did you mean 'none'?" in wrong.stderr
 
@@ -461,8 +461,9 @@ def test_what_only_lists_does_not_wait_for_numba(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_run_does_not_wait_for_what_it_does_not_use(tmp_path):
-    lines, modules = loaded_by("run", "seeds=2", "figures=false", "dataset.duration_s=20", cwd=tmp_path)
+@pytest.mark.parametrize("multirun", [[], ["-m"]], ids=["single", "sweep"])
+def test_a_run_does_not_wait_for_what_it_does_not_use(tmp_path, multirun):
+    lines, modules = loaded_by("run", *multirun, "seeds=2", "figures=false", "dataset.duration_s=20", cwd=tmp_path)
 
     assert any("Position RMSE" in line for line in lines)
     assert modules.isdisjoint({"filterpy", "matplotlib", "rosbags", "scipy.stats", "scipy.interpolate"})
@@ -497,7 +498,7 @@ def test_an_interrupted_sweep_ends_with_its_table_and_goes_on(tmp_path):
     done = len(list(cells.glob("*.parquet")))
     assert done == 4  # the last was stored before it was counted
     assert not list(cells.glob(".*"))
-    again = jerkbench(*words, cwd=tmp_path)
+    again = verb(*words, cwd=tmp_path)
     assert f"{done} of 24 cells are done already" in again.stderr
     assert len(rows_of(cells.parent)) == 48
 

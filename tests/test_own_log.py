@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import pages
-from commands import jerkbench, verb
+from commands import verb
 
 ROOT = Path(__file__).parents[1]
 
@@ -29,9 +29,7 @@ def reader(tmp_path_factory):
 
 
 def typed(words, folder):
-    if words[0] != "run":
-        return verb(*words, cwd=folder)
-    return jerkbench(*words, "workers=1", "figures=false", cwd=folder)
+    return verb(*words, *(["workers=1", "figures=false"] if words[0] == "run" else []), cwd=folder)
 
 
 @pytest.mark.slow
@@ -40,6 +38,7 @@ def test_every_command_goes_well(reader):
         assert done.returncode == 0, (line, done.stderr)
 
 
+@pytest.mark.slow
 def test_the_guess_says_its_reasons_and_what_is_unsure(reader):
     said = next(iter(reader[1].values())).stdout
 
@@ -50,6 +49,7 @@ def test_the_guess_says_its_reasons_and_what_is_unsure(reader):
     assert "gravity is felt on +z" in said
 
 
+@pytest.mark.slow
 def test_a_preset_is_not_overwritten_and_belongs_to_a_csv(reader):
     words = ("data", "inspect", "drive.csv", "--preset", "my_drive.yaml")
     assert "dataset/my_drive.yaml is there already" in verb(*words, cwd=reader[0]).stderr

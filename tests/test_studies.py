@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from commands import environment, jerkbench
+from commands import environment, verb
 
 ROOT = Path(__file__).parents[1]
 STUDIES = sorted(path.parent.name for path in (ROOT / "experiments").glob("*/README.md"))
@@ -53,5 +53,5 @@ def test_the_commands_of_a_study_go_well(study, tmp_path, request):
         if program == "python":
             assert len(run_python(*arguments, cwd=tmp_path)) > 100
         else:
-            done = jerkbench(*arguments, "workers=1", cwd=tmp_path)
+            done = verb(*arguments, "workers=1", cwd=tmp_path)
             assert done.returncode == 0, done.stderr

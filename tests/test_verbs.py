@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from commands import jerkbench, swept, verb
+from commands import swept, verb
 from jerkbench.results.store import Store
 
 WORDS = ["filter=baseline,jerk", "adaptation=none,mtf", "disturbance=none,gnss_outage", "seeds=2"]
@@ -23,12 +23,12 @@ def study(tmp_path_factory):
 
 @pytest.mark.slow
 def test_a_row_is_run_again_with_the_same_numbers(study):
-    done = jerkbench("rerun", str(study), "3", cwd=study)
+    done = verb("rerun", str(study), "3", cwd=study)
     assert done.returncode == 0, done.stdout
     assert "0 of " in done.stdout
     assert " numbers differ." in done.stdout
     key = Store(study).keys_from("")[0]
-    assert jerkbench("rerun", str(study), f"{key[:8]}:1", cwd=study).returncode == 0
+    assert verb("rerun", str(study), f"{key[:8]}:1", cwd=study).returncode == 0
 
 
 def changed_copy(study, folder, factor, count=None):

@@ -72,6 +72,7 @@ def test_constant_velocity_is_the_conditional_mean_of_its_own_prior():
     np.testing.assert_allclose(estimate.position_m[row], expected[0], atol=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("velocity", [False, True])
 @pytest.mark.parametrize("name", ["constant_velocity", "acceleration"])
 def test_both_engines_agree_with_every_adaptation(name, velocity):

@@ -56,10 +56,10 @@ def lost(store: Store, keys: Sequence[str]) -> int:
 
 def present(study: Study, config: DictConfig) -> int:
     """Draw the figures and write the report where they are asked for; returns the exit code, or 0."""
-    from jerkbench.results.study_figures.presentation import present
-
     if not config.report:
         return 0
+    from jerkbench.results.study_figures.presentation import present
+
     try:
         with terminated_like_interrupted():
             present(study, config.workers or processors(), figures_choice(config.figures), pdf=config.figures_pdf)

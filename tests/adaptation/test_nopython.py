@@ -1,57 +1,59 @@
 """Every adaptation compiles in numba's nopython mode and gives the same there, `self` being a named tuple."""
 
-import dataclasses
-import types
-from collections import namedtuple
-
 import numpy as np
 import pytest
+from numba import njit
 from sequences import sequence
 
 from jerkbench import plugins
+from jerkbench.compilation.calls import ask, fill_by
+from jerkbench.compilation.methods import address_of, compiled_method, parameter_vector
 from jerkbench.conformance.updates import STATES, ordinary
+from jerkbench.kinematic.plugin_call import ADAPT, FADE, GAIN, PRIOR
 from jerkbench.memory import empty_memory
 
-numba = pytest.importorskip("numba")
 NAMES = plugins.names("adaptation")
+METHODS = {method.name: method for method in (FADE, PRIOR, ADAPT, GAIN)}
 
 
-def compiled(function, done):
-    """`function` as a dispatcher, and before it every plain function of this package that it calls."""
-    if function not in done:
-        scope = dict(function.__globals__)
-        done[function] = numba.njit(types.FunctionType(function.__code__, scope, function.__name__))
-        for name in function.__code__.co_names:
-            helper = scope.get(name)
-            if isinstance(helper, types.FunctionType) and helper.__module__.startswith("jerkbench"):
-                scope[name] = compiled(helper, done)
-    return done[function]
+@njit
+def filled(address, arrays, sizes):
+    fill_by(address, arrays, sizes)
 
 
-def parameters(plugin):
-    """The fields as a named tuple."""
-    names = [f.name for f in dataclasses.fields(plugin)]
-    return namedtuple("Parameters", names)(*(getattr(plugin, name) for name in names))  # noqa: PYI024 - the fields are known only here
+@njit
+def asked(address, arrays, sizes):
+    return ask(address, arrays, sizes)
 
 
 @pytest.fixture(scope="module")
-def done():
-    """What is compiled already; without optimisation, which is what takes the time."""
-    level, numba.config.OPT = numba.config.OPT, type(numba.config.OPT)(0)
-    yield {}
-    numba.config.OPT = level
+def compiled():
+    """A method as the engines have it: the same machine code, from the disk where another test needed it before."""
+
+    def method(plugin, name, arguments, memory):
+        known = METHODS[name]
+        lengths = {"m": len(arguments[-1]), "size": len(memory), "n": STATES}
+        sizes = tuple(lengths[size] for size in known.sizes)
+        given = (parameter_vector(plugin), *map(np.ascontiguousarray, arguments), memory)
+        address = address_of(compiled_method(plugin, known))
+        if not known.result:
+            return asked(address, given, sizes)
+        shape = [lengths[size] for size in known.result.strip("()").split(", ")]
+        result = np.full(shape, np.nan)
+        filled(address, (*given, result), sizes)
+        return result
+
+    return method
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
-def test_compiled_and_plain_agree(name, done):
+def test_compiled_and_plain_agree(name, compiled):
     plugin = plugins.create("adaptation", {"name": name})
-    self = parameters(plugin)
     memories = np.tile(empty_memory(plugin, STATES), (2, 1))
     for method, arguments in calls(plugin):
-        fast = compiled(getattr(type(plugin), method), done)
         wanted = getattr(plugin, method)(*arguments, memories[0])
-        got = fast(self, *arguments, memories[1])
+        got = compiled(plugin, method, arguments, memories[1])
         known = np.abs(np.asarray(wanted))
         largest = known[np.isfinite(known)].max(initial=0.0)  # an infinite variance drops its row
         np.testing.assert_allclose(got, wanted, rtol=1e-6, atol=1e-9 * largest)

@@ -9,7 +9,7 @@ from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
 import jerkbench
-from commands import jerkbench as command_line
+from commands import verb as command_line
 from jerkbench.cells.from_names import cell_of_parts
 from jerkbench.cells.key import cell_key
 from jerkbench.cells.labels import GROUPS

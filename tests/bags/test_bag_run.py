@@ -1,7 +1,7 @@
 import pytest
 
 from bag_maker import Drive
-from commands import jerkbench
+from commands import verb
 
 
 @pytest.mark.slow
@@ -10,7 +10,7 @@ def test_a_run_says_that_the_fusion_is_no_independent_reference_and_what_was_rep
     drive.messages("/fixposition/poiimu")[7].linear_acceleration.x = float("nan")
     drive.write(tmp_path / "a.bag")
     words = ["dataset=fixposition", "dataset.file=a.bag", "filter=gnss_only", "figures=false", "burn_in_s=1"]
-    done = jerkbench("run", *words, cwd=tmp_path)
+    done = verb("run", *words, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "Position RMSE (3-D) [m]" in done.stdout
     said = " ".join(done.stdout.split())

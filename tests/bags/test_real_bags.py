@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from commands import jerkbench
+from commands import verb
 from jerkbench import plugins
 from jerkbench.datasets.rosbag import RosBag
 from jerkbench.presets import preset
@@ -63,7 +63,7 @@ def test_the_topic_of_zeros_is_reported_not_used(bags):
 @pytest.mark.slow
 def test_a_run_without_a_reference_ends_with_the_innovations(bags, tmp_path):
     file = f"dataset.file={bags / 'test1.bag'}"
-    done = jerkbench("run", "-m", "dataset=husky_bag", file, "filter=jerk", "workers=1", cwd=tmp_path)
+    done = verb("run", "-m", "dataset=husky_bag", file, "filter=jerk", "workers=1", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "ANIS per row, with the reported R" in done.stdout
     assert "RMSE" not in done.stdout

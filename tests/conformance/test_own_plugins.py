@@ -19,6 +19,9 @@ FROM_ELSEWHERE = ("trajectory", "command")
 """Filters that need something of the user's."""
 
 
+WITH_LOOPS = ("eskf15", "iekf", "imm", "rts")
+"""Estimators that compile a loop of their own, or two."""
+
 WITHOUT_GTSAM = () if importlib.util.find_spec("gtsam") else ("fgo",)
 
 
@@ -27,7 +30,13 @@ def own(kind):
     return [name for name in names if name not in (*FROM_ELSEWHERE, *WITHOUT_GTSAM)]
 
 
-@pytest.mark.parametrize(("kind", "name"), [(kind, name) for kind in KINDS for name in own(kind)])
+def plugin(kind, name):
+    """Its kind and its name."""
+    slow = [pytest.mark.slow] if kind == "filter" and name in WITH_LOOPS else []
+    return pytest.param(kind, name, marks=slow)
+
+
+@pytest.mark.parametrize(("kind", "name"), [plugin(kind, name) for kind in KINDS for name in own(kind)])
 def test_it_conforms(kind, name):
     check_plugin(kind, plugins.create(kind, {"name": name}))
 

@@ -34,7 +34,13 @@ def long_timeline():
     return rough_timeline(60.0)
 
 
-@pytest.mark.parametrize("adaptation", ADAPTATIONS)
+def slow_where_dense(names):
+    """Rules that see whole matrices have loops of their own, and take seconds each to compile."""
+    dense = {n for n in names if {"adapt_prior", "adapt_gain"} & set(dir(plugins.get("adaptation", n)))}
+    return [pytest.param(name, marks=pytest.mark.slow) if name in dense else name for name in names]
+
+
+@pytest.mark.parametrize("adaptation", slow_where_dense(ADAPTATIONS))
 @pytest.mark.parametrize("model", FILTERS)
 def test_every_filter_with_every_adaptation_agrees_with_the_reference_engine(timeline, model, adaptation, capsys):
     pair = plugins.create("filter", {"name": model}), plugins.create("adaptation", {"name": adaptation})

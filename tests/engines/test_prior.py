@@ -126,6 +126,7 @@ class Raising(NoAdaptation):
         return np.linalg.solve(P[rows][:, rows] + R, P[rows]).T.copy()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("in_gain", [False, True])
 def test_what_raises_in_one_run_harms_no_other(in_gain):
     pairs = [one(seed) for seed in range(3)]

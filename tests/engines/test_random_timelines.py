@@ -96,6 +96,7 @@ def test_both_engines_agree_or_refuse_alike(steps, seed):
             SEEN[compare(timeline, model, adaptation)] += 1
 
 
+@pytest.mark.slow
 def test_a_prior_that_is_singular_to_rounding_after_a_gap_ends_no_run():
     """Variational Bayes on P takes its factors: an engine goes on there, and so does it (`jerk` after 100 s)."""
     fix, gap = (1e-9, True, "both", 0.01), (100.0, False, "both", 1.0)
@@ -111,6 +112,7 @@ def test_a_prior_that_is_singular_to_rounding_after_a_gap_ends_no_run():
     assert compare(timeline, jerk, plugins.create("adaptation", {"name": "vbakf_pr"})) != "refused"
 
 
+@pytest.mark.slow
 def test_an_adapted_covariance_is_symmetric_where_the_prior_is_large():
     """Variational Bayes gathers R from what an update leaves of P, which is 1e10 R here."""
     fix = (0.01, True, "both", 1.0)
@@ -120,6 +122,7 @@ def test_an_adapted_covariance_is_symmetric_where_the_prior_is_large():
     assert compare(timeline, jerk, adaptation) in {"strictly", "rounded"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["sif", "maximum_correntropy"])
 def test_a_gain_of_their_own_leaves_nothing_of_a_prior_that_is_large_after_a_gap(name):
     """(I - K H) is worked out before P, which is 1e16 R here: P less what is nearly P is no millimetre."""
@@ -138,6 +141,7 @@ def test_a_gain_of_their_own_leaves_nothing_of_a_prior_that_is_large_after_a_gap
         assert compare(timeline, model, plugins.create("adaptation", {"name": name})) in {"strictly", "rounded"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("timeline", SINGULAR)
 def test_where_the_prior_is_singular_to_rounding_both_engines_end_alike(timeline):
     """`strong_tracking` makes it 1e14 to 1e20 R after a gap; what an update leaves of it is widened by rounding."""
@@ -149,6 +153,7 @@ def test_where_the_prior_is_singular_to_rounding_both_engines_end_alike(timeline
     assert len(runs[0].index) == len(runs[1].index)
 
 
+@pytest.mark.slow
 @given(recording=recordings())
 @settings(
     max_examples=COUNT,

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from test_compiled_engine import ADAPTATIONS, FILTERS, Damped, Faded
+from test_compiled_engine import ADAPTATIONS, FILTERS, Damped, Faded, slow_where_dense
 
 from engine_agreement import with_other_last_bits
 from jerkbench import plugins
@@ -78,7 +78,7 @@ def test_every_sort_of_metric_is_there():
     }
 
 
-@pytest.mark.parametrize("adaptation", ADAPTATIONS)
+@pytest.mark.parametrize("adaptation", slow_where_dense(ADAPTATIONS))
 @pytest.mark.parametrize("model", FILTERS)
 def test_every_filter_with_every_adaptation_has_the_metrics_of_the_reference_engine(several, model, adaptation):
     pair = plugins.create("filter", {"name": model}), plugins.create("adaptation", {"name": adaptation})
@@ -215,6 +215,7 @@ def test_a_model_that_is_not_triangular(several):
         assert_same(got, trajectory(*pair, Damped(), Mtf()), {})
 
 
+@pytest.mark.slow
 def test_each_run_may_have_its_own_filter_and_adaptation(several):
     """Other numbers, another class, another memory, another number of states, the true covariance or not."""
     models = [Jerk(0.1), Jerk(0.3), Jerk(0.1, 2.0), Loose(10.0), Baseline(0.5), Damped(), Baseline(0.2), Jerk(0.3)]

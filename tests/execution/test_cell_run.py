@@ -40,6 +40,7 @@ def test_a_run_that_goes_too_far_has_the_row_that_it_has_alone(monkeypatch, limi
             )
 
 
+@pytest.mark.slow
 def test_a_trajectory_is_scored_once_for_what_the_attitude_alone_decides(monkeypatch):
     """And then again for another attitude."""
     from jerkbench.evaluation.metrics.attitude import AttitudeRmse

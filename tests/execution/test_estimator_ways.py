@@ -25,6 +25,7 @@ def refuse(*_, **__):
     raise AssertionError
 
 
+@pytest.mark.slow
 def test_the_engine_decides_which_way_an_estimator_takes(monkeypatch):
     with monkeypatch.context() as without:
         for name in ("estimate_compiled", "run_many"):

@@ -70,6 +70,7 @@ def test_a_lost_run_is_a_row_that_says_so():
     assert {status for status, _ in together([lost])[0]} == {"diverged"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "model"),
     [

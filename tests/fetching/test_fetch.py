@@ -6,7 +6,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import pytest
 
-from commands import jerkbench
+from commands import verb
 from jerkbench.errors import RecordingError
 from jerkbench.fetching import download
 from jerkbench.fetching.fetch import fetch
@@ -166,26 +166,28 @@ def test_the_registry_has_the_hashes_of_the_files_beside(shared_folder):
             assert hashlib.sha256(path.read_bytes()).hexdigest() == file.sha256, path
 
 
-def test_the_verb_lists_and_finds(tmp_path):
-    done = jerkbench("data", "fetch", cwd=tmp_path, JERKBENCH_DATA=str(tmp_path))
+def test_the_verb_lists_and_finds(tmp_path, monkeypatch):
+    monkeypatch.setenv("JERKBENCH_DATA", str(tmp_path))
+    done = verb("data", "fetch", cwd=tmp_path)
     assert "broad: a hand-held IMU with motion capture" in done.stdout
     assert "not fetched" in done.stdout
-    done = jerkbench("data", "fetch", "brod", cwd=tmp_path)
+    done = verb("data", "fetch", "brod", cwd=tmp_path)
     assert (done.returncode, "Did you mean 'broad'" in done.stderr) == (2, True)
 
 
-def test_a_preset_of_tables_finds_what_was_fetched(tmp_path, shared_folder):
+def test_a_preset_of_tables_finds_what_was_fetched(tmp_path, shared_folder, monkeypatch):
     (tmp_path / "kept").mkdir()
     (tmp_path / "kept" / "tokyo_1105").symlink_to(shared_folder / "data" / "degraded" / "tokyo_1105")
-    kept = {"JERKBENCH_DATA": str(tmp_path / "kept")}
-    done = jerkbench("data", "inspect", "tokyo_1105", cwd=tmp_path, **kept)
+    monkeypatch.setenv("JERKBENCH_DATA", str(tmp_path / "kept"))
+    done = verb("data", "inspect", "tokyo_1105", cwd=tmp_path)
     assert "position     8851 rows" in done.stdout, done.stderr
-    done = jerkbench("data", "inspect", "pixel4", cwd=tmp_path, **kept)
+    done = verb("data", "inspect", "pixel4", cwd=tmp_path)
     assert (done.returncode, "run `jerkbench data fetch pixel4`" in done.stderr) == (2, True)
 
 
-def test_a_data_set_finds_what_was_fetched(tmp_path, shared_folder):
+def test_a_data_set_finds_what_was_fetched(tmp_path, shared_folder, monkeypatch):
     (tmp_path / "kept").mkdir()
     (tmp_path / "kept" / "comma2k19").symlink_to(shared_folder / "data" / "comma2k19")
-    done = jerkbench("data", "inspect", "comma2k19", cwd=tmp_path, JERKBENCH_DATA=str(tmp_path / "kept"))
+    monkeypatch.setenv("JERKBENCH_DATA", str(tmp_path / "kept"))
+    done = verb("data", "inspect", "comma2k19", cwd=tmp_path)
     assert "position      579 rows" in done.stdout, done.stderr

@@ -158,6 +158,7 @@ def test_nees_lies_in_its_band_and_the_biases_within_three_sigma(check):
     assert sum(o.bias_ratio.max() < 3.0 for o in outcomes) >= 5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("imu", ["tactical", "consumer"])
 def test_the_grades_of_imu_are_consistent_too(check, imu):
     """With scale factors and misalignments, which the filter estimates; the study has more seeds, and longer drives."""
@@ -169,6 +170,7 @@ def test_the_grades_of_imu_are_consistent_too(check, imu):
         assert low < np.mean(values) < high
 
 
+@pytest.mark.slow
 def test_the_invariant_filter_is_consistent_too(check, monkeypatch):
     """With the tactical grade: where biases are large, what it leaves out of the second order shows in its NEES."""
     tuned = InvariantEkf(**asdict(check.tuned("tactical")))

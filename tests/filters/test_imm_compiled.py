@@ -61,6 +61,7 @@ def test_an_adaptation_changes_what_both_filters_take_for_noise():
     assert np.abs(adapted.position_m - plain.position_m).max() > 1e-3
 
 
+@pytest.mark.slow
 def test_its_sums_are_those_of_a_trajectory():
     (recording, attitude), model = recorded(), InteractingMultipleModels()
     timeline = build_timeline(recording, attitude)

@@ -3,7 +3,7 @@
 import pandas as pd
 import pytest
 
-from commands import SHORT, jerkbench, swept
+from commands import SHORT, swept, verb
 from jerkbench.hydra_app.addressed_parameters import address, without_addresses
 
 
@@ -40,7 +40,7 @@ def test_a_preset_is_addressed_by_its_own_name_and_by_that_of_its_plugin(tmp_pat
     ],
 )
 def test_what_fits_nowhere_is_a_sentence(tmp_path, words, sentence):
-    done = jerkbench("run", "-m", *SHORT, *words, cwd=tmp_path)
+    done = verb("run", "-m", *SHORT, *words, cwd=tmp_path)
 
     assert done.returncode == 2
     assert sentence in done.stderr

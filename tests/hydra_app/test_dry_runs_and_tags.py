@@ -3,7 +3,7 @@
 import pandas as pd
 import pytest
 
-from commands import SHORT, jerkbench, swept, verb
+from commands import SHORT, swept, verb
 from jerkbench import api
 from jerkbench.cells.from_names import cell_of_parts
 from jerkbench.cells.protocol import Protocol
@@ -21,7 +21,7 @@ def plan_of(*filters, seeds=4):
 
 def test_a_dry_sweep_says_what_it_would_do_and_does_nothing(tmp_path):
     words = ["dataset.duration_s=12", "seeds=3", "workers=2"]
-    done = jerkbench("run", "-m", "--dry", *words, "filter=gnss_only,jerk", "adaptation=none,mtf", cwd=tmp_path)
+    done = verb("run", "-m", "--dry", *words, "filter=gnss_only,jerk", "adaptation=none,mtf", cwd=tmp_path)
 
     assert done.returncode == 0, done.stderr
     same = "In every cell: dataset field(duration_s=12), disturbance none, attitude field, noise own."
@@ -34,7 +34,7 @@ def test_a_dry_sweep_says_what_it_would_do_and_does_nothing(tmp_path):
 
 
 def test_a_dry_single_run_does_nothing_either(tmp_path):
-    done = jerkbench("run", "--dry", *SHORT, cwd=tmp_path)
+    done = verb("run", "--dry", *SHORT, cwd=tmp_path)
 
     assert (done.returncode, done.stderr) == (0, "")
     assert (
@@ -84,7 +84,7 @@ def test_tags_stand_in_rows_and_choose_cells(tmp_path):
 
 
 def test_a_tag_is_one_word(tmp_path):
-    done = jerkbench("run", *SHORT, "tags=['two words']", cwd=tmp_path)
+    done = verb("run", *SHORT, "tags=['two words']", cwd=tmp_path)
 
     assert done.returncode == 2
     assert "'two words' cannot be a tag" in done.stderr

@@ -154,6 +154,7 @@ def test_it_agrees_with_numpy_with_each_adaptation(name):
     compare("enu", {}, plugins.create("adaptation", {"name": name}))
 
 
+@pytest.mark.slow
 def test_what_is_estimated_of_the_sensors_agrees():
     wanted, got = compare(*CASES["scales and wheel"], NoAdaptation())
 

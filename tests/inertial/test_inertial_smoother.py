@@ -78,6 +78,7 @@ def batch_solution(journey):
     return open_loop, errors.reshape(n, 15), inverse @ inverse.T
 
 
+@pytest.mark.slow
 def test_it_is_the_least_squares_solution_of_the_whole_run():
     recording = noisy_rest()
     model = Eskf15Smoother(**SMALL)

@@ -114,6 +114,7 @@ def drive():
     return recording, replace(attitude, dcm=turn @ attitude.dcm, euler_rad=euler)
 
 
+@pytest.mark.slow
 def test_a_whole_run_agrees_with_the_filter_of_the_paper(drive):
     recording, attitude = drive
     model = InvariantEkf(initial_yaw_sigma_rad=0.5)

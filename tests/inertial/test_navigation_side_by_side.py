@@ -84,7 +84,11 @@ def test_a_turn_of_more_than_a_tenth_of_a_radian_in_a_step():
     assert_same(plain, scene, recording, reference_run(journey, NoAdaptation()).estimate)
 
 
-@pytest.mark.parametrize("fields", [ARMS, HELD, SCALES, EARTH], ids=["arms", "held", "scales", "earth"])
+@pytest.mark.parametrize(
+    "fields",
+    [ARMS, HELD, pytest.param(SCALES, marks=pytest.mark.slow), EARTH],  # scales have a loop of their own
+    ids=["arms", "held", "scales", "earth"],
+)
 def test_what_has_other_equations_goes_alone_and_gives_the_same(fields):
     (recording, attitude), model = recorded("enu"), Eskf15(**fields)
     scene = scene_of(recording, attitude)

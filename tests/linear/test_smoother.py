@@ -63,7 +63,7 @@ def test_it_agrees_with_numpy_with_each_adaptation(name):
     compare(RauchTungStriebel("jerk"), plugins.create("adaptation", {"name": name}))
 
 
-@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("name", [pytest.param("baseline", marks=pytest.mark.slow), *MODELS[1:]])
 def test_in_a_gap_the_covariance_has_the_digits_that_the_difference_of_two_large_ones_leaves(name):
     recording, attitude = recorded((6.0, 10.0))
     model = RauchTungStriebel(name)
@@ -84,6 +84,7 @@ def test_it_keeps_what_an_adaptation_fades():
     assert np.abs(faded.position_m - plain.position_m).max() > 1e-3
 
 
+@pytest.mark.slow
 def test_its_sums_are_those_of_a_trajectory_with_settings_side_by_side():
     models = [RauchTungStriebel("jerk", accel_mps2=0.1 * (1 + k)) for k in range(3)]
     (recording, attitude), timeline = recorded(), build_timeline(*recorded())

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from commands import PATIENCE_S, SHORT, environment, jerkbench, swept
+from commands import PATIENCE_S, SHORT, environment, swept, verb
 from jerkbench.results.parts import Block
 from jerkbench.results.store import Store
 from processes import alive, children_of
@@ -98,12 +98,12 @@ def test_a_damaged_cell_is_run_again_and_that_is_said(tmp_path):
     data = bytearray(path.read_bytes())
     data[200] ^= 255
     path.write_bytes(data)
-    shown = jerkbench("table", "results/adhoc", cwd=tmp_path)
+    shown = verb("table", "results/adhoc", cwd=tmp_path)
     assert f"1 damaged file of cells is left out: {path.stem}." in shown.stdout
     again = swept(*CELLS[:1], cwd=tmp_path)
     assert f"1 damaged file of cells is set aside, its cells run again: {path.stem}." in again.stderr
     assert re.search("[12] of 3 cells are done already", again.stderr)
-    assert "damaged" not in jerkbench("table", "results/adhoc", cwd=tmp_path).stdout
+    assert "damaged" not in verb("table", "results/adhoc", cwd=tmp_path).stdout
 
 
 def limited(blocks, *words, cwd):

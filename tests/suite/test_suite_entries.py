@@ -10,6 +10,8 @@ import yaml
 
 from commands import jerkbench, verb
 from jerkbench.authoring.package import class_name
+from jerkbench.compilation.module_cache import COMPILED
+from jerkbench.files import cache_folder
 from jerkbench.suite.entry import HASHED
 from jerkbench.suite.page import entry_page
 from jerkbench.suite.protocol import read_suite
@@ -95,6 +97,7 @@ def test_the_same_command_goes_on_where_it_was(made):
 @pytest.mark.slow
 def test_a_cluster_makes_the_same_entry(made, tmp_path):
     pytest.importorskip("loky")
+    shutil.copytree(cache_folder(COMPILED), tmp_path / "cache" / COMPILED)  # its own simulations, our machine code
     words = ["filter=baseline", "adaptation=chi2", "--scale", "tiny", "--workers", "2", "--cluster", "loky"]
     done = jerkbench("suite", "run", *words, cwd=tmp_path, JERKBENCH_CACHE=str(tmp_path / "cache"))
 

@@ -73,7 +73,7 @@ def test_the_quick_way_makes_the_timeline_of_what_is_told(recording, scale):
     np.testing.assert_allclose(quick.P0, whole.P0, rtol=1e-14)
 
 
-@pytest.mark.parametrize("model", ["jerk", "imm"])
+@pytest.mark.parametrize("model", ["jerk", pytest.param("imm", marks=pytest.mark.slow)])
 def test_both_ways_to_run_see_what_is_told_and_scale_the_nis_with_it(model):
     def run(engine, scale):
         return jerkbench.run(dataset=SHORT, filter=model, engine=engine, seeds=1, r_scale=scale).iloc[0]

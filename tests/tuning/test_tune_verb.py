@@ -53,7 +53,7 @@ def test_a_run_takes_the_preset_with_the_tuned_values(tuned):
     setting = json.loads((place / "tuning.json").read_text())["setting"]
 
     words = ["--config-dir", str(place / "conf"), "experiment=baseline_chi2_tuned", "dataset.duration_s=12"]
-    done = jerkbench("run", *words, "seeds=1", "study=taken", "figures=false", cwd=folder)
+    done = verb("run", *words, "seeds=1", "study=taken", "figures=false", cwd=folder)
 
     assert done.returncode == 0, done.stderr
     (stored,), _ = Store(folder / "results/taken").read()

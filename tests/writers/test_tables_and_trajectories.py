@@ -5,7 +5,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from commands import jerkbench
+from commands import verb
 from jerkbench.conformance.recordings import small_recording
 from jerkbench.errors import RecordingError
 from jerkbench.recording import Velocity
@@ -102,16 +102,16 @@ def test_kml_is_a_line_on_the_ellipsoid(tmp_path, recording):
 
 def test_the_verb_converts_and_never_overwrites(tmp_path):
     words = ("data", "convert", "field", "a.mcap", "--set", "duration_s=12")
-    done = jerkbench(*words, cwd=tmp_path)
+    done = verb(*words, cwd=tmp_path)
     assert (done.returncode, done.stdout) == (0, "a.mcap: field as ROS 2 bag, mcap\n"), done.stderr
-    done = jerkbench("data", "convert", "a.mcap", "b.csv", "--coordinates", "geodetic", cwd=tmp_path)
+    done = verb("data", "convert", "a.mcap", "b.csv", "--coordinates", "geodetic", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "position_latitude_deg" in (tmp_path / "b.csv").read_text().splitlines()[0]
-    again = jerkbench(*words, cwd=tmp_path)
+    again = verb(*words, cwd=tmp_path)
     assert (again.returncode, again.stderr) == (
         2,
         "jerkbench: a.mcap is there already; delete it or give another name.\n",
     )
-    wrong = jerkbench("data", "convert", "a.mcap", "b.kmz", cwd=tmp_path)
+    wrong = verb("data", "convert", "a.mcap", "b.kmz", cwd=tmp_path)
     assert "Did you mean '.kml'?" in wrong.stderr
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.mcap", "b.csv"]

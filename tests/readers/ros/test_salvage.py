@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bag_maker import ROS1, ROS2, Drive, write_bag
-from commands import jerkbench
+from commands import verb
 from jerkbench.datasets.fixposition import Fixposition
 from jerkbench.readers.ros.bag import open_bag
 from jerkbench.readers.ros.errors import BagError
@@ -94,10 +94,10 @@ def test_the_verb_says_what_it_saved_and_what_it_cannot(tmp_path):
     in_small_chunks(tmp_path / "a.bag", seconds=4.0)
     content = (tmp_path / "a.bag").read_bytes()
     (tmp_path / "cut.bag").write_bytes(content[: len(content) // 2])
-    done = jerkbench("data", "salvage", "cut.bag", "b.bag", cwd=tmp_path)
+    done = verb("data", "salvage", "cut.bag", "b.bag", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert re.match(r"b\.bag: \d+ messages from \d chunks\n  /fixposition/gnss1: \d+\n", done.stdout)
-    again = jerkbench("data", "salvage", "cut.bag", "b.bag", cwd=tmp_path)
+    again = verb("data", "salvage", "cut.bag", "b.bag", cwd=tmp_path)
     assert (again.returncode, again.stderr) == (
         2,
         "jerkbench: b.bag is there already; delete it or give another name.\n",

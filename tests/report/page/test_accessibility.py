@@ -42,6 +42,7 @@ def test_nothing_is_wider_than_the_screen_and_no_column_is_cut(screen):
     assert all(width <= room for width, room in screen.execute_script(tables))
 
 
+@pytest.mark.slow
 def test_axe_finds_nothing_serious(screen):
     path = os.environ.get("AXE_CORE", "")
     if not path:
@@ -58,6 +59,7 @@ def test_axe_finds_nothing_serious(screen):
     assert [one for one in violations if one[0] in {"serious", "critical"}] == []
 
 
+@pytest.mark.slow
 def test_the_plot_of_an_opened_cell_fits_its_dialog(screen):
     from selenium.webdriver.support.ui import WebDriverWait
 
@@ -76,6 +78,7 @@ def test_the_plot_of_an_opened_cell_fits_its_dialog(screen):
     assert "seed" in screen.find_element("css selector", "#cell-trace p").text
 
 
+@pytest.mark.slow
 def test_on_paper_tables_are_tables_with_a_head_for_each_column(opened):
     a4 = {"width": 718, "height": 1047, "deviceScaleFactor": 1, "mobile": False}
     opened.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", a4)

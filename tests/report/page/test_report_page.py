@@ -24,6 +24,7 @@ from jerkbench.results.store import Store
 SWEEP = ["filter=baseline,jerk", "adaptation=none,mtf", "disturbance=none,multipath_single_axis", "seeds=2"]
 
 
+@pytest.mark.slow
 def test_a_sweep_ends_with_all_figures_where_they_are_asked_for(sweep, report):
     assert "Drawing the figures (figures=few draws those that carry a finding, figures=none " in sweep[1].stdout
     assert f"Report: {Path('results/adhoc/report.html')}" in sweep[1].stdout
@@ -36,6 +37,7 @@ def test_a_sweep_ends_with_all_figures_where_they_are_asked_for(sweep, report):
     assert short == {"bars", "heat-map", "profile", "critical-difference", *named}
 
 
+@pytest.mark.slow
 def test_a_report_without_figures_is_quick_to_have(report, tmp_path):
     shutil.copytree(report.parent / "cells", tmp_path / "results" / "adhoc" / "cells")
     done = swept(*SWEEP, "dataset.duration_s=60", "report=true", cwd=tmp_path)
@@ -48,6 +50,7 @@ def test_a_report_without_figures_is_quick_to_have(report, tmp_path):
     assert "A reviewer's questions" in text
 
 
+@pytest.mark.slow
 def test_it_is_one_file_that_asks_for_nothing(report):
     text = report.read_text(encoding="utf-8")
     assert not re.findall(r"(?:src|href)=\"(?!data:image/webp;base64,|#)", text)
@@ -69,6 +72,7 @@ def told(report):
     return json.loads(gzip.decompress(base64.b64decode(cells))), json.loads(traces)
 
 
+@pytest.mark.slow
 def test_every_cells_configuration_is_in_it(report):
     stored = set(Store(report.parent).keys_from(""))
     details, _ = told(report)
@@ -79,6 +83,7 @@ def test_every_cells_configuration_is_in_it(report):
         assert [run[0] for run in cell["runs"]] == [0, 1]
 
 
+@pytest.mark.slow
 def test_the_lines_are_the_errors_of_the_first_run_of_every_cell(report):
     _, traces = told(report)
     assert [len(one["lines"]) for one in traces["scenarios"]] == [4, 4]
@@ -108,6 +113,7 @@ def header(opened, text):
     return place, heads[place].find_element("css selector", "button")
 
 
+@pytest.mark.slow
 def test_it_sorts_up_and_down(opened):
     place, button = header(opened, "Position RMSE")
     for sign in (1, -1):
@@ -117,6 +123,7 @@ def test_it_sorts_up_and_down(opened):
         assert means == sorted(means)
 
 
+@pytest.mark.slow
 def test_it_filters_by_words_and_by_factor(opened):
     opened.find_element("id", "words").send_keys("jerk multipath")
     assert set(columns(opened, 1)) == {"jerk"}
@@ -133,6 +140,7 @@ def click(opened, selector):
     opened.execute_script("arguments[0].click()", opened.find_element("css selector", selector))
 
 
+@pytest.mark.slow
 def test_a_cell_opens_with_its_error_over_time_and_closes(opened):
     click(opened, "#cells button[data-key]")
     dialog = opened.find_element("id", "cell")
@@ -152,6 +160,7 @@ def ranges(opened):
     return [tuple(map(float, box.get_attribute("data-range").split())) for box in boxes]
 
 
+@pytest.mark.slow
 def test_two_methods_are_drawn_and_both_plots_zoom_together(opened):
     whole = ranges(opened)
     assert whole[0] == whole[1]
@@ -166,6 +175,7 @@ def test_two_methods_are_drawn_and_both_plots_zoom_together(opened):
     assert "jerk + mtf" in opened.find_element("id", "trace-error").text
 
 
+@pytest.mark.slow
 def test_what_is_in_a_fold_is_seen_when_it_is_opened(opened, report):
     fold = opened.find_element("css selector", "#section-findings details:last-of-type")
     sentence = fold.find_element("css selector", "li")
@@ -182,6 +192,7 @@ def test_what_is_in_a_fold_is_seen_when_it_is_opened(opened, report):
     assert min(sizes) > 500
 
 
+@pytest.mark.slow
 def test_the_browser_has_nothing_to_complain_about(opened):
     assert [one for one in opened.get_log("browser") if one["level"] != "INFO"] == []
 
@@ -293,6 +304,7 @@ def test_the_word_for_a_cell_is_what_its_seeds_show(cell_rows, anees, more, word
     assert says(rows) == word
 
 
+@pytest.mark.slow
 def test_the_page_says_how_to_read_its_words(report):
     text = report.read_text(encoding="utf-8")
     assert "consistent where it holds 6 and lies within 3 to 12; not known where it holds more" in text
