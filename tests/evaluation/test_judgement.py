@@ -8,7 +8,7 @@ import pytest
 from scipy.stats import binomtest, false_discovery_control, pareto, ttest_1samp
 
 from jerkbench.evaluation.statistics.judgement import Verdict, judged
-from jerkbench.evaluation.statistics.log_ratio import log_ratios
+from jerkbench.evaluation.statistics.log_ratio import log_ratios, log_ratios_of
 from jerkbench.evaluation.statistics.max_t import RESAMPLES, SEED, max_t
 from jerkbench.evaluation.statistics.multiplicity import Correction
 
@@ -42,6 +42,24 @@ def test_ratio_and_interval_are_students_of_the_logarithms(rng):
     assert (found.ratio, found.low, found.high) == pytest.approx(
         (math.exp(np.log(a / b).mean()), math.exp(ends.low), math.exp(ends.high))
     )
+
+
+def test_comparisons_of_different_sizes_keep_their_places(rng):
+    """With 12 seeds or 7, with lost runs, with a seed of which nothing is said, or with none: each by itself."""
+    pairs = [(scatter(rng, 0.2, n), scatter(rng, 0.2, n)) for n in (12, 7, 12, 0, 7, 12)]
+    pairs[2][0][:2] = np.inf
+    pairs[4][1][3] = np.nan
+    judgements = judged(log_ratios_of(pairs))
+
+    assert [judgement.n for judgement in judgements] == [12, 7, 12, 0, 6, 12]
+    assert [judgement.failures for judgement in judgements] == [(0, 0), (0, 0), (2, 0), (0, 0), (0, 0), (0, 0)]
+    assert judgements[2].ratio == pytest.approx(np.median(pairs[2][0] / pairs[2][1]), rel=0.01)
+    assert math.isnan(judgements[3].ratio)
+    for place in (0, 1, 4, 5):
+        d = np.log(pairs[place][0] / pairs[place][1])
+        ends = ttest_1samp(d[~np.isnan(d)], 0).confidence_interval(0.95)
+        judgement = judgements[place]
+        assert (judgement.low, judgement.high) == pytest.approx((math.exp(ends.low), math.exp(ends.high)))
 
 
 def test_twelve_lost_of_twenty_runs_are_never_better(rng):

@@ -8,9 +8,9 @@ from enum import StrEnum
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.evaluation.statistics.intervals.median import median_interval
-from jerkbench.evaluation.statistics.intervals.student import student_interval
-from jerkbench.evaluation.statistics.log_ratio import LogRatios
+from jerkbench.evaluation.statistics.intervals.median import median_intervals
+from jerkbench.evaluation.statistics.intervals.student import student_intervals
+from jerkbench.evaluation.statistics.log_ratio import LogRatios, equal_sizes
 from jerkbench.evaluation.statistics.multiplicity import Correction, Family, family
 
 MARGIN = 0.03
@@ -107,11 +107,14 @@ def judged(
         correction: which of the two.
     """
     tested = family(comparisons, float(np.log1p(margin)), correction, level)
-    return [_judgement(ratios, tested, place, level) for place, ratios in enumerate(comparisons)]
+    intervals = intervals_of(comparisons)
+    return [_judgement(ratios, intervals[place], tested, place, level) for place, ratios in enumerate(comparisons)]
 
 
-def _judgement(ratios: LogRatios, tested: Family, place: int, level: float) -> Judgement:
-    centre, low, high = _interval(ratios)
+def _judgement(
+    ratios: LogRatios, interval: tuple[float, float, float], tested: Family, place: int, level: float
+) -> Judgement:
+    centre, low, high = interval
     p, p_equal, p_lost = (float(values[place]) for values in (tested.differ, tested.equal, tested.lost))
     return Judgement(
         ratio=float(np.exp(centre)),
@@ -151,18 +154,36 @@ def verdict_of(
     return Verdict.UNDECIDED
 
 
-def _interval(ratios: LogRatios) -> tuple[float, float, float]:
-    """Return centre and ends of the log ratio: of its mean where every run went well, else of its median."""
-    if ratios.n == 0:
-        return np.nan, np.nan, np.nan
-    if ratios.plain:
-        return float(np.mean(ratios.d)), *student_interval(ratios.d, 0.95)
-    ordered = np.sort(ratios.d)
-    return middle(ordered), *median_interval(ordered)
+def intervals_of(comparisons: Sequence[LogRatios]) -> list[tuple[float, float, float]]:
+    """Return centre and ends of each log ratio: of its mean where every run went well, else of its median."""
+    ends = np.full((len(comparisons), 3), np.nan)
+    for plain, interval in ((True, _of_means), (False, _of_medians)):
+        kind = [k for k, ratios in enumerate(comparisons) if ratios.plain is plain and ratios.n]
+        for places in equal_sizes(comparisons[k].n for k in kind).values():
+            chosen = [kind[place] for place in places]
+            ends[chosen] = np.column_stack(interval(np.stack([comparisons[k].d for k in chosen])))
+    return [(centre, low, high) for centre, low, high in ends.tolist()]
+
+
+def _of_means(d: FloatArray) -> tuple[FloatArray, ...]:
+    """Centre and ends, (k,) each, of (k, n) log ratios."""
+    return d.mean(axis=1), *student_intervals(d, 0.95)
+
+
+def _of_medians(d: FloatArray) -> tuple[FloatArray, ...]:
+    """Likewise, of values that may be infinite."""
+    ordered = np.sort(d, axis=1)
+    return middles(ordered), *median_intervals(ordered, 0.95)
 
 
 def middle(ordered: FloatArray) -> float:
-    """Return the median of values that may be infinite; between an infinite one and another, the infinite."""
-    left, right = ordered[(len(ordered) - 1) // 2], ordered[len(ordered) // 2]
-    infinite = left if np.isinf(left) else right
-    return float(infinite) if np.isinf(infinite) else float((left + right) / 2)
+    """Return the median of (n,) values in ascending order; between an infinite one and another, the infinite."""
+    return float(middles(ordered[None])[0])
+
+
+def middles(ordered: FloatArray) -> FloatArray:
+    """Return what `middle` gives for each row of (k, n) values."""
+    left, right = ordered[:, (ordered.shape[1] - 1) // 2], ordered[:, ordered.shape[1] // 2]
+    with np.errstate(invalid="ignore"):
+        mean = np.where(np.isinf(right), right, (left + right) / 2)
+    return np.asarray(np.where(np.isinf(left), left, mean))

@@ -1,5 +1,6 @@
 """Two methods on common seeds: their log ratios, with the runs that either lost or that locked out."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -55,24 +56,52 @@ def log_ratios(a: npt.ArrayLike, b: npt.ArrayLike) -> LogRatios:
     An infinite error is a lost run; of a seed where either is NaN (the metric did not apply), or negative, nothing is
     said. What differs by rounding is equal. An error of 0 beside another that is not is smaller by any factor.
     """
-    first, second = np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64)
+    return log_ratios_of([(np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64))])[0]
+
+
+def log_ratios_of(errors: Iterable[tuple[FloatArray, FloatArray]]) -> list[LogRatios]:
+    """Return what `log_ratios` gives for each pair of errors; those of one size are computed together."""
+    known = [_known(a, b) for a, b in errors]
+    made: dict[int, LogRatios] = {}
+    for places in equal_sizes(len(a) for a, _ in known).values():
+        first, second = (np.stack([known[k][side] for k in places]) for side in (0, 1))
+        made.update(zip(places, _of_one_size(first, second), strict=True))
+    return [made[k] for k in range(len(known))]
+
+
+def equal_sizes(sizes: Iterable[int]) -> dict[int, list[int]]:
+    """Return the places of equal ``sizes``, by size."""
+    places: dict[int, list[int]] = {}
+    for place, size in enumerate(sizes):
+        places.setdefault(size, []).append(place)
+    return places
+
+
+def _known(first: FloatArray, second: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Leave out the seeds of which nothing is said."""
     known = (first >= 0) & (second >= 0)
-    first, second = first[known], second[known]
-    lost = np.column_stack([np.isinf(first), np.isinf(second)])
+    return (first, second) if known.all() else (first[known], second[known])
+
+
+def _of_one_size(first: FloatArray, second: FloatArray) -> list[LogRatios]:
+    """Return the log ratios of the rows of two (k, n) errors."""
+    lost = np.stack([np.isinf(first), np.isinf(second)], axis=-1)
     with np.errstate(divide="ignore", invalid="ignore"):
         d = np.log(first) - np.log(second)
         near = np.abs(first - second) <= ROUNDING * np.minimum(first, second)
-        same = (first == second) | (near & ~lost.any(axis=1))
+    same = (first == second) | (near & ~lost.any(axis=-1))
     d = np.where(same, 0.0, d)
-    return LogRatios(d, lost, _locked(d))
+    return list(map(LogRatios, d, lost, _locked(d)))
 
 
 def _locked(d: FloatArray) -> BoolArray:
-    """Return (n, 2) which finite ratios lie `LOCKED_OUT` times above, and below, their median."""
-    finite = np.isfinite(d)
-    limit = np.log(LOCKED_OUT)
-    if not finite.any() or (finite.all() and d.max() - d.min() <= limit):
-        return np.zeros((len(d), 2), dtype=bool)
-    with np.errstate(invalid="ignore"):
-        away = np.where(finite, d - np.median(d[finite]), 0.0)
-    return np.column_stack([away > limit, away < -limit])
+    """Return (k, n, 2) which finite ratios (k, n) lie `LOCKED_OUT` times above, and below, the median of their row."""
+    finite, limit = np.isfinite(d), np.log(LOCKED_OUT)
+    locked = np.zeros((*d.shape, 2), dtype=bool)
+    if d.size:
+        with np.errstate(invalid="ignore"):
+            wide = ~(finite.all(axis=1) & (d.max(axis=1) - d.min(axis=1) <= limit)) & finite.any(axis=1)
+        for row in np.flatnonzero(wide):
+            away = np.where(finite[row], d[row] - np.median(d[row][finite[row]]), 0.0)
+            locked[row] = np.column_stack([away > limit, away < -limit])
+    return locked

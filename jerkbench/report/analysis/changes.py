@@ -113,7 +113,7 @@ def changes(before: "pd.DataFrame", after: "pd.DataFrame", metric: str, rule: Ru
 
 def _judgements(both: Sequence[Two], rule: Rule) -> list[Judgement]:
     """Return those on the same seeds as one family, and those on others as another."""
-    same = iter(judged_pairs([paired(b, a) for a, b in both if _match(a, b)], rule))
+    same = iter(judged_pairs(paired((b, a) for a, b in both if _match(a, b)), rule))
     samples = [two_samples(b.errors, a.errors) for a, b in both if not _match(a, b)]
     others = iter(judged_on_other_seeds(samples, rule.margin, rule.level))
     return [next(same).judgement if _match(a, b) else next(others) for a, b in both]

@@ -1,12 +1,13 @@
 """The runs of each combination of a study, and of two on common seeds."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
-from jerkbench.evaluation.statistics.log_ratio import LogRatios, log_ratios
+from jerkbench.evaluation.statistics.log_ratio import LogRatios, log_ratios_of
 from jerkbench.report.analysis.factors import FACTORS
 
 if TYPE_CHECKING:
@@ -82,11 +83,15 @@ def grouped(rows: "pd.DataFrame", metric: str) -> dict[Combination, Runs]:
     return groups
 
 
-def paired(ours: Runs, theirs: Runs) -> Pair:
-    """Return the runs of two combinations on the seeds that both have."""
-    ours, theirs = on_common_seeds(ours, theirs)
+def paired(runs: Iterable[tuple[Runs, Runs]]) -> list[Pair]:
+    """Return the runs of two combinations each, on the seeds that both have."""
+    common = [on_common_seeds(ours, theirs) for ours, theirs in runs]
+    ratios = log_ratios_of((ours.errors, theirs.errors) for ours, theirs in common)
+    return [_pair(ours, theirs, own) for (ours, theirs), own in zip(common, ratios, strict=True)]
+
+
+def _pair(ours: Runs, theirs: Runs, ratios: LogRatios) -> Pair:
     lost = int(ours.lost.sum()), int(theirs.lost.sum())
-    ratios = log_ratios(ours.errors, theirs.errors)
     replicate = "phase" if ours.phases else "seed"
     return Pair(ours.combination, theirs.combination, ratios, lost, len(ours.seeds), replicate)
 

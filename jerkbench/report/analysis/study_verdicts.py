@@ -47,7 +47,7 @@ class StudyVerdicts:
         """Return the comparisons of ``pairs``; those that are not in the study's family are one of their own."""
         pairs = list(pairs)
         outside = [(a, b) for a, b in pairs if (a, b) not in self.judged and (b, a) not in self.judged]
-        others = judged_pairs([paired(self.groups[a], self.groups[b]) for a, b in outside], self.rule)
+        others = judged_pairs(paired((self.groups[a], self.groups[b]) for a, b in outside), self.rule)
         known = {**self.judged, **dict(zip(outside, others, strict=True))}
         return [known[pair] if pair in known else known[pair[::-1]].turned for pair in pairs]
 
@@ -95,7 +95,7 @@ def study_verdicts(
         entered = grouped(rows, metric)
     fields = _fields(entered, method)
     pairs = [pair for field in fields for pair in _pairs(field)] if _count(entered, method) <= most else []
-    comparisons = judged_pairs((paired(entered[a], entered[b]) for a, b in pairs), rule)
+    comparisons = judged_pairs(paired((entered[a], entered[b]) for a, b in pairs), rule)
     judged = dict(zip(pairs, comparisons, strict=True))
     varying = [key for key in FACTORS if len(rows[key].unique()) > 1]
     standings = [_standing(field, judged, method, varying) for field in fields]

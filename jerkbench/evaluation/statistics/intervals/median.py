@@ -44,7 +44,7 @@ def quantiles_of_rows(values: FloatArray, confidence: float = 0.95) -> tuple[Flo
         return (np.full(len(values), np.nan),) * 5
     ordered = np.sort(values, axis=1)
     lower, middle, upper = (_between(ordered, share) for share in (0.25, 0.5, 0.75))
-    return middle, *_median_intervals(ordered, confidence), lower, upper
+    return middle, *median_intervals(ordered, confidence), lower, upper
 
 
 def median_interval(ordered: FloatArray, confidence: float = 0.95) -> tuple[float, float]:
@@ -57,12 +57,12 @@ def median_interval(ordered: FloatArray, confidence: float = 0.95) -> tuple[floa
     Source: Hettmansperger and Sheather, "Confidence intervals based on interpolated order statistics", Statistics and
     Probability Letters 4 (1986).
     """
-    low, high = _median_intervals(ordered[None], confidence)
+    low, high = median_intervals(ordered[None], confidence)
     return float(low[0]), float(high[0])
 
 
-def _median_intervals(ordered: FloatArray, confidence: float) -> tuple[FloatArray, FloatArray]:
-    """Return what `median_interval` gives for each row of (k, n) values."""
+def median_intervals(ordered: FloatArray, confidence: float) -> tuple[FloatArray, FloatArray]:
+    """Return what `median_interval` gives for each row of (k, n) values, each in ascending order."""
     from scipy.special import bdtr
 
     n = ordered.shape[1]
