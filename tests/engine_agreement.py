@@ -1,4 +1,4 @@
-"""Whether two engines agree over a whole run, and where they may not, because rounding alone decides.
+"""The agreement of two engines over a whole run, and its limit, where rounding alone decides.
 
 The limits are 1e-9 m, 1e-9 m/s, and 1e-12 of sqrt(P_ii P_jj): absolute figures would say nothing of a covariance whose
 entries lie between 1e-6 and 1e+3. Two things can take a correct engine beyond them:

@@ -1,4 +1,4 @@
-"""What docs/agents.md says to type is typed here, on a shorter drive; what it says of the JSON is so."""
+"""The commands of docs/agents.md, typed on a shorter drive, and its statements about the JSON."""
 
 import json
 import re

@@ -1,4 +1,4 @@
-"""What docs/any_language.md says to type is typed here, on shorter drives; in the place of KF-GINS stands a script."""
+"""The commands of docs/any_language.md, typed on shorter drives; in the place of KF-GINS stands a script."""
 
 import importlib.util
 import shlex

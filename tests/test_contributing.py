@@ -1,4 +1,4 @@
-"""What CONTRIBUTING and the files beside it say is true of the tree."""
+"""CONTRIBUTING and the files beside it, against the tree."""
 
 import re
 import tomllib

@@ -1,4 +1,4 @@
-"""What the README says to type is typed here, on a shorter drive; its plugin is installed and swept."""
+"""The README's commands, typed on a shorter drive; its plugin is installed and swept."""
 
 import re
 import shlex

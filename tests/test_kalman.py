@@ -1,4 +1,4 @@
-"""What an update leaves of a variance, and what rounding does to it, against many decimal digits."""
+"""The rest that an update leaves of a variance, and its rounding, against many decimal digits."""
 
 from decimal import Decimal, localcontext
 

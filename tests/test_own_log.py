@@ -1,4 +1,4 @@
-"""What docs/own_log.md says to type is typed here, with a log of a simulated drive."""
+"""The commands of docs/own_log.md, typed with a log of a simulated drive."""
 
 import shlex
 import sys

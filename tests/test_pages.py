@@ -1,4 +1,4 @@
-"""What the pages of docs/ say to type is typed, on shorter drives; pages that need more have a test of their own."""
+"""The commands of the pages of docs/, typed on shorter drives; pages that need more have a test of their own."""
 
 import os
 import re

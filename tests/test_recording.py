@@ -1,4 +1,4 @@
-"""What a recording takes, and what it refuses with a sentence."""
+"""Recordings: their values, and the sentences that refuse others."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What the README of a study says to type is typed here, in its small version, from the first command to the last.
+"""The commands of each study's README, typed in their small version, from the first to the last.
 
 The small version stands above the commands, a line of more words for each: <!-- small: ... -->; "-": as it is.
 """

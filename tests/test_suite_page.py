@@ -1,4 +1,4 @@
-"""What docs/suite.md says to type is typed here, but for the installation."""
+"""The commands of docs/suite.md, typed, but for the installation."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""How often a resampled max-t would err over so few families, beside Bonferroni: simulated audits of equal methods.
+"""The errors of a resampled max-t over so few families, beside Bonferroni: simulated audits of equal methods.
 
 python experiments/audit/max_t.py [--audits 400]
 

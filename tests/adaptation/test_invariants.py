@@ -1,4 +1,4 @@
-"""What each adaptation promises, on random innovations."""
+"""The promises of each adaptation, on random innovations."""
 
 import numpy as np
 import pytest

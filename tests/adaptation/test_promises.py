@@ -1,4 +1,4 @@
-"""What each adaptation's source promises: closed forms, limits and long runs."""
+"""The promises of each adaptation's source: closed forms, limits and long runs."""
 
 from decimal import Decimal, localcontext
 

@@ -1,4 +1,4 @@
-"""What a check leaves in its process (plugins, modules, the path), taken out again."""
+"""A check's traces in its process (plugins, modules, the path), taken out again."""
 
 import sys
 from pathlib import Path

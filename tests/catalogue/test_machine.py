@@ -1,4 +1,4 @@
-"""What a program reads of the catalogue is what a person reads, and what runs take."""
+"""The catalogue for programs: a person reads the same, and runs take it."""
 
 import json
 

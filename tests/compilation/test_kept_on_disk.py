@@ -1,4 +1,4 @@
-"""What is compiled once is found on the disk by the next process, and is not used after an edit."""
+"""Compiled code on the disk: found by the next process, and not used after an edit."""
 
 import os
 import subprocess

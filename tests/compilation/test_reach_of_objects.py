@@ -1,4 +1,4 @@
-"""What is no plain function belongs to the digest as well; what cannot be told apart holds in one process only."""
+"""Objects that are no plain functions in the digest; those that cannot be told apart hold in one process only."""
 
 import sys
 import types

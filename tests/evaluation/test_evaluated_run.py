@@ -1,4 +1,4 @@
-"""Which rows count, merging of metrics, and the status of a run."""
+"""The rows that count, the columns of the metrics, and the status of a run."""
 
 import dataclasses
 import math

@@ -1,4 +1,4 @@
-"""Which file belongs to which seed."""
+"""The file of each seed."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""What the jerk state is: the control experiment, on the nominal field with the defaults of both filters."""
+"""The jerk state as a bias: the control experiment, on the nominal field with the defaults of both filters."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""What is a standard deviation or the density of a noise is a finite number, and not negative, in every filter."""
+"""Noise parameters: each standard deviation and density is a finite number, not negative, in every filter."""
 
 import dataclasses
 import math

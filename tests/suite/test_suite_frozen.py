@@ -1,4 +1,4 @@
-"""What is frozen does not change: the digests stand here a second time."""
+"""The frozen suite: its digests stand here a second time."""
 
 import dataclasses
 from itertools import islice

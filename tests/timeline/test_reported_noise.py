@@ -1,4 +1,4 @@
-"""What a filter is told of the reported R: the same as a receiver that reports other covariances, and nothing else."""
+"""The reported R that a filter is told: that of a receiver which reports other covariances, and nothing else."""
 
 import dataclasses
 

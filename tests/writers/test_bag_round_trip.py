@@ -1,4 +1,4 @@
-"""What is written as a bag and read back is the same recording, and gives the same table."""
+"""A recording written as a bag and read back: the same recording, the same table."""
 
 import dataclasses
 

@@ -1,4 +1,4 @@
-"""What is cut out of a bag in bulk is what the ordinary reader gives, to the bit."""
+"""Topics cut out of a bag in bulk: the ordinary reader's values, to the bit."""
 
 import sqlite3
 from contextlib import closing
