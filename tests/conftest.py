@@ -10,25 +10,6 @@ from jerkbench.cli import main
 
 SHARED = Path(__file__).parents[2] / "shared"
 
-TOGETHER = (
-    *("audit/test_small_audit.py", "audit/test_whole_audit.py", "authoring/test_mistakes_of_an_author.py"),
-    *("authoring/test_new_packages.py", "examples", "external/test_score.py", "report/page"),
-    *("results/test_bibliography.py", "results/test_store_under_fire.py", "suite/test_suite_entries.py"),
-    *("test_agents.py", "test_any_language.py", "test_command_line.py", "test_documentation.py"),
-    *("test_hostile_results.py", "test_own_log.py", "test_pages.py", "test_site.py", "test_suite_page.py"),
-    *("test_third_party.py", "test_verbs.py", "tuning/test_tune_verb.py"),
-)
-"""Tests that share a study, an installation or a browser: one process runs all of a place, and makes it once."""
-
-
-def pytest_collection_modifyitems(items):
-    """Keep together what shares (`--dist loadgroup`)."""
-    for item in items:
-        place = item.path.relative_to(Path(__file__).parent).as_posix()
-        for group in TOGETHER:
-            if place.startswith(group):
-                item.add_marker(pytest.mark.xdist_group(group))
-
 
 @pytest.fixture(scope="session")
 def shared_folder():
