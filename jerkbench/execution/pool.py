@@ -9,6 +9,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
+from multiprocessing.process import BaseProcess
 from typing import Generic, TypeVar
 
 from jerkbench.notices import shared_notices
@@ -113,7 +114,7 @@ class _Pool(Generic[Task, Result]):
             child.terminate()
         for child in children:
             child.join(GRACE_S)
-        return [child.pid for child in children if child.pid is not None and not child.is_alive()]
+        return [child.pid for child in children if child.pid is not None and _has_ended(child)]
 
     def _start(self, worker: int, running: dict[Future[Result], tuple[int, Task]]) -> None:
         if (task := self.groups.next_task(worker)) is not None:
@@ -129,6 +130,11 @@ class _Pool(Generic[Task, Result]):
             return ChildProcessError("the process that ran it died")
         except Exception as error:  # noqa: BLE001 - a plugin that cannot be sent to a process, for example
             return error
+
+
+def _has_ended(child: BaseProcess) -> bool:
+    """Whether a process is gone; `is_alive` says no for a moment where the executor's thread has waited for it, too."""
+    return bool(multiprocessing.connection.wait([child.sentinel], 0))
 
 
 def _end_with_parent() -> None:

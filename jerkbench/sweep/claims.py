@@ -63,9 +63,10 @@ class Claims:
         self._ended.set()
         self._thread.join()
         with suppress(OSError):  # what is left says that a process has been here, which is no harm
-            if any(self._lives(path.name.removesuffix(PROCESS)) for path in self._others(PROCESS)):
+            accompanied = any(self._lives(path.name.removesuffix(PROCESS)) for path in self._others(PROCESS))
+            if accompanied:
                 self._leave()
-            else:
+            if not accompanied or not any(self._others(PROCESS)):  # the other may have left at the same moment
                 self._clear()
 
     def take(self, bundle: int) -> bool:

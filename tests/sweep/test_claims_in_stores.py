@@ -52,6 +52,19 @@ def test_what_one_gives_up_or_leaves_is_anothers(folder):
         assert [first.take(7), first.take(8)] == [True, True]
 
 
+def test_two_that_leave_at_the_same_moment_leave_nothing(folder, monkeypatch):
+    first, second = (claims_in(folder, "plan").__enter__() for _ in range(2))
+    leave = first._leave
+
+    def late():
+        second.__exit__(None, None, None)
+        leave()
+
+    monkeypatch.setattr(first, "_leave", late)
+    first.__exit__(None, None, None)
+    assert not list(folder.glob("*"))
+
+
 @pytest.mark.parametrize(("silent_s", "taken"), [(module.LIMIT_S - 30, False), (module.LIMIT_S + 30, True)])
 def test_who_is_silent_for_long_has_lost_its_claims(folder, silent_s, taken, monkeypatch):
     with claims_in(folder, "plan") as first:
