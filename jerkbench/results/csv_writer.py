@@ -1,4 +1,7 @@
-"""Rows of runs -> rows.csv: what pandas would write, a stretch of rows at a time and several times as fast."""
+"""Rows of runs -> rows.csv: what pandas would write, a stretch of rows at a time and several times as fast.
+
+Its columns come from the metrics (`jerkbench/evaluation/metrics/`).
+"""
 
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Confidence intervals, one file for each kind of number that is given one.
+"""Confidence intervals, by the kind of number that is given one; beside them the ways in which they are computed.
 
     errors_over_seeds      errors of a cell: the geometric mean with the interval of `few_seeds` (which is that of
                            `student` from 20 seeds on); where runs were lost, `median`

@@ -1,4 +1,4 @@
-"""From the runs of a cell to the number that stands for them, with its interval."""
+"""The number that stands for the errors of a cell, with its interval: `few_seeds`, or `median` where runs were lost."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
