@@ -9,7 +9,7 @@ import threading
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import NoReturn
+from typing import IO, NoReturn
 
 from jerkbench.errors import RecordingError
 
@@ -56,28 +56,53 @@ def run_program(words: Sequence[str], folder: Path, limit_s: float) -> None:
     """
     stdout, stderr = folder / "stdout.txt", folder / "stderr.txt"
     with stdout.open("wb") as out, stderr.open("wb") as err, _terminable():
-        try:
-            process = subprocess.Popen(  # noqa: S603 - the user's own program, without a shell
-                words, stdin=subprocess.DEVNULL, stdout=out, stderr=err, start_new_session=True
-            )
-        except OSError as error:
-            raise RecordingError(f"The program {words[0]} cannot be started: {error.strerror or error}.") from error
-        code = _end(process, limit_s)
+        code = _ended_code(words, (out, err), limit_s)
     if code is None:
         raise RecordingError(f"The program {words[0]} took longer than {limit_s:g} s (time_limit_s).{_said(stderr)}")
     if code:
         raise RecordingError(f"The program {words[0]} {_ended(code)}.{_said(stderr)}")
 
 
-def _end(process: "subprocess.Popen[bytes]", limit_s: float) -> int | None:
+def _ended_code(words: Sequence[str], outputs: tuple[IO[bytes], IO[bytes]], limit_s: float) -> int | None:
     """The exit code; None where the limit was reached. Whatever happens, nothing that it started goes on."""
+    process = None
     try:
+        with _undisturbed():
+            process = _started(words, outputs)
         return process.wait(limit_s)
     except subprocess.TimeoutExpired:
         return None
     finally:
-        if process.poll() is None:
+        if process is not None and process.poll() is None:
             _kill(process)
+
+
+def _started(words: Sequence[str], outputs: tuple[IO[bytes], IO[bytes]]) -> "subprocess.Popen[bytes]":
+    out, err = outputs
+    try:
+        return subprocess.Popen(  # noqa: S603 - the user's own program, without a shell
+            words, stdin=subprocess.DEVNULL, stdout=out, stderr=err, start_new_session=True
+        )
+    except OSError as error:
+        raise RecordingError(f"The program {words[0]} cannot be started: {error.strerror or error}.") from error
+
+
+@contextmanager
+def _undisturbed() -> Iterator[None]:
+    """Keep signals that end this process back until it knows what it has started: nobody else could end that."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    held: list[int] = []
+    numbers = [number for number in (signal.SIGINT, signal.SIGTERM) if callable(signal.getsignal(number))]
+    handlers = {number: signal.signal(number, lambda number, _: held.append(number)) for number in numbers}
+    try:
+        yield
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+    if held:
+        signal.raise_signal(held[0])
 
 
 @contextmanager

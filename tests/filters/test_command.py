@@ -128,6 +128,35 @@ def test_a_run_that_is_ended_ends_its_program(tmp_path, number):
         os.kill(int(begun.read_text()), 0)
 
 
+STARTED = """
+import os, signal, subprocess, sys, time
+from pathlib import Path
+from jerkbench.external.program import run_program
+
+class Interrupted(subprocess.Popen):
+    def __init__(self, *words, **options):
+        super().__init__(*words, **options)
+        Path("number").write_text(str(self.pid))
+        os.kill(os.getpid(), int(sys.argv[1]))
+        time.sleep(0.1)
+
+signal.signal(signal.SIGINT, signal.default_int_handler)
+subprocess.Popen = Interrupted
+run_program(["sleep", sys.argv[2]], Path(), float(sys.argv[2]))
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_in_the_moment_of_the_start_ends_the_program_too(tmp_path, number):
+    words = [sys.executable, "-c", STARTED, str(int(number)), str(PATIENCE_S)]
+    seen = {"cwd": tmp_path, "stderr": subprocess.PIPE, "text": True}
+    done = subprocess.run(words, check=False, timeout=PATIENCE_S, **seen)
+
+    assert done.returncode in (-signal.SIGINT, 128 + signal.SIGTERM), done.stderr
+    with pytest.raises(ProcessLookupError):
+        os.kill(int((tmp_path / "number").read_text()), 0)
+
+
 def test_another_build_of_a_program_is_another_result(tmp_path):
     def key():
         filter_part = {"name": "command", "command": command}
