@@ -91,12 +91,12 @@ def errors_table(rows: pd.DataFrame, factor: str, **fixed: str) -> Iterator[str]
 
 def against_none(rows: pd.DataFrame) -> dict[str, dict[tuple[str, str], dict[str, Comparison]]]:
     """Return each adaptation against none: by adaptation, scenario and filter; all of them are one family."""
-    found: dict[str, dict[tuple[str, str], dict[str, Comparison]]] = {}
+    by_adaptation: dict[str, dict[tuple[str, str], dict[str, Comparison]]] = {}
     for comparison in study_verdicts(rows, METRIC, most=0).against({"adaptation": "none"}):
         values = dict(zip(FACTORS, comparison.subject, strict=True))
         at = values["dataset"], values["disturbance"]
-        found.setdefault(values["adaptation"], {}).setdefault(at, {})[values["filter"]] = comparison
-    return found
+        by_adaptation.setdefault(values["adaptation"], {}).setdefault(at, {})[values["filter"]] = comparison
+    return by_adaptation
 
 
 def marks(comparisons: Mapping[str, Comparison], filters: list[str]) -> str:
@@ -128,8 +128,8 @@ def sentences(rows: pd.DataFrame) -> Iterator[str]:
             for name, cells in shown.items()
             if at in cells and name != "oracle"
         }
-        helps = [name for name, found in rivals.items() if "+" in found and "-" not in found]
-        harms = [name for name, found in rivals.items() if set(found) == {"-"}]
+        helps = [name for name, marks in rivals.items() if "+" in marks and "-" not in marks]
+        harms = [name for name, marks in rivals.items() if set(marks) == {"-"}]
         lost: dict[str, int] = {}
         for key, errors in known.items():
             if key[:2] == at and np.isinf(errors).any():

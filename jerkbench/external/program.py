@@ -56,14 +56,14 @@ def run_program(words: Sequence[str], folder: Path, limit_s: float) -> None:
     """
     stdout, stderr = folder / "stdout.txt", folder / "stderr.txt"
     with stdout.open("wb") as out, stderr.open("wb") as err, _terminable():
-        code = _ended_code(words, (out, err), limit_s)
+        code = _exit_code(words, (out, err), limit_s)
     if code is None:
         raise RecordingError(f"The program {words[0]} took longer than {limit_s:g} s (time_limit_s).{_said(stderr)}")
     if code:
         raise RecordingError(f"The program {words[0]} {_ended(code)}.{_said(stderr)}")
 
 
-def _ended_code(words: Sequence[str], outputs: tuple[IO[bytes], IO[bytes]], limit_s: float) -> int | None:
+def _exit_code(words: Sequence[str], outputs: tuple[IO[bytes], IO[bytes]], limit_s: float) -> int | None:
     """The exit code; None where the limit was reached. Whatever happens, nothing that it started goes on."""
     process = None
     try:

@@ -10,8 +10,9 @@ import numpy as np
 from jerkbench.arrays import FloatArray
 from jerkbench.evaluation.statistics.intervals.median import median_intervals
 from jerkbench.evaluation.statistics.intervals.student import student_intervals
-from jerkbench.evaluation.statistics.log_ratio import LogRatios, equal_sizes
+from jerkbench.evaluation.statistics.log_ratio import LogRatios
 from jerkbench.evaluation.statistics.multiplicity import Correction, Family, family
+from jerkbench.evaluation.statistics.samples import Samples
 
 MARGIN = 0.03
 """Ratios from 1/1.03 to 1.03 are equal for every practical purpose."""
@@ -157,11 +158,11 @@ def verdict_of(
 def intervals_of(comparisons: Sequence[LogRatios]) -> list[tuple[float, float, float]]:
     """Return centre and ends of each log ratio: of its mean where every run went well, else of its median."""
     ends = np.full((len(comparisons), 3), np.nan)
-    for plain, interval in ((True, _of_means), (False, _of_medians)):
-        kind = [k for k, ratios in enumerate(comparisons) if ratios.plain is plain and ratios.n]
-        for places in equal_sizes(comparisons[k].n for k in kind).values():
-            chosen = [kind[place] for place in places]
-            ends[chosen] = np.column_stack(interval(np.stack([comparisons[k].d for k in chosen])))
+    plain = np.array([ratios.plain for ratios in comparisons], dtype=bool)
+    for of_kind, interval in ((np.flatnonzero(plain), _of_means), (np.flatnonzero(~plain), _of_medians)):
+        for places, d in Samples.of([comparisons[k].d for k in of_kind.tolist()]).by_size():
+            if d.shape[1]:
+                ends[of_kind[places]] = np.column_stack(interval(d))
     return [(centre, low, high) for centre, low, high in ends.tolist()]
 
 

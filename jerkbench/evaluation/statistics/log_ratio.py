@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.evaluation.statistics.intervals.signed_over_seeds import ROUNDING
+from jerkbench.evaluation.statistics.samples import Samples
 
 LOCKED_OUT = 10.0
 """A run whose ratio is so many times its median has locked out: it is no scatter, and no mean describes it."""
@@ -62,19 +63,11 @@ def log_ratios(a: npt.ArrayLike, b: npt.ArrayLike) -> LogRatios:
 def log_ratios_of(errors: Iterable[tuple[FloatArray, FloatArray]]) -> list[LogRatios]:
     """Return what `log_ratios` gives for each pair of errors; those of one size are computed together."""
     known = [_known(a, b) for a, b in errors]
-    made: dict[int, LogRatios] = {}
-    for places in equal_sizes(len(a) for a, _ in known).values():
-        first, second = (np.stack([known[k][side] for k in places]) for side in (0, 1))
-        made.update(zip(places, _of_one_size(first, second), strict=True))
-    return [made[k] for k in range(len(known))]
-
-
-def equal_sizes(sizes: Iterable[int]) -> dict[int, list[int]]:
-    """Return the places of equal ``sizes``, by size."""
-    places: dict[int, list[int]] = {}
-    for place, size in enumerate(sizes):
-        places.setdefault(size, []).append(place)
-    return places
+    first, second = (Samples.of([pair[side] for pair in known]) for side in (0, 1))
+    ratios: dict[int, LogRatios] = {}
+    for (places, ours), (_, theirs) in zip(first.by_size(), second.by_size(), strict=True):
+        ratios.update(zip(places.tolist(), _of_one_size(ours, theirs), strict=True))
+    return [ratios[place] for place in range(len(known))]
 
 
 def _known(first: FloatArray, second: FloatArray) -> tuple[FloatArray, FloatArray]:

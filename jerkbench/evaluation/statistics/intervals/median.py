@@ -47,22 +47,16 @@ def quantiles_of_rows(values: FloatArray, confidence: float = 0.95) -> tuple[Flo
     return middle, *median_intervals(ordered, confidence), lower, upper
 
 
-def median_interval(ordered: FloatArray, confidence: float = 0.95) -> tuple[float, float]:
-    """Return the ends of the interval of the median of (n,) values in ascending order, which may be infinite.
+def median_intervals(ordered: FloatArray, confidence: float) -> tuple[FloatArray, FloatArray]:
+    """Return the ends (k,), (k,) of the intervals of the medians of (k, n) values in ascending order, some infinite.
 
     Between the k-th and the (k+1)-th value from both ends, of which one covers more than asked and the other less, by
-    interpolation; where either is infinite, the outer one. Two NaN where
-    even the whole range covers less than ``NEARLY``, or of higher levels less than asked.
+    interpolation; where either is infinite, the outer one. NaN where even the whole range covers less than ``NEARLY``,
+    or of higher levels less than asked.
 
     Source: Hettmansperger and Sheather, "Confidence intervals based on interpolated order statistics", Statistics and
     Probability Letters 4 (1986).
     """
-    low, high = median_intervals(ordered[None], confidence)
-    return float(low[0]), float(high[0])
-
-
-def median_intervals(ordered: FloatArray, confidence: float) -> tuple[FloatArray, FloatArray]:
-    """Return what `median_interval` gives for each row of (k, n) values, each in ascending order."""
     from scipy.special import bdtr
 
     n = ordered.shape[1]
