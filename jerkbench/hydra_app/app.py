@@ -13,7 +13,7 @@ from jerkbench.errors import JerkbenchError, PluginError, exit_with
 from jerkbench.hydra_app.addressed_parameters import swept_addresses, without_addresses
 from jerkbench.hydra_app.arguments import arranged_words
 from jerkbench.hydra_app.chosen_cluster import cluster_of
-from jerkbench.hydra_app.conclusion import conclude, failed, present
+from jerkbench.hydra_app.conclusion import conclude, draw_and_report, failed
 from jerkbench.hydra_app.configuration import register_schemas, study_folder
 from jerkbench.hydra_app.hydra_parts import LAUNCHER, register_hydra_parts
 from jerkbench.hydra_app.job import run_job
@@ -56,7 +56,7 @@ class Conclude(Callback):
             if cluster_of(config) != LOCAL:
                 print("cluster= is for our own launcher; this sweep ran where its launcher ran it.", file=sys.stderr)
             study = conclude(store, take_order(store.folder.parent), config)
-            if code := (present(study, config) if study else 0) or failed(study):
+            if code := (draw_and_report(study, config) if study else 0) or failed(study):
                 raise SystemExit(code)
 
 

@@ -54,7 +54,7 @@ def lost(store: Store, keys: Sequence[str]) -> int:
     return FAILED if gone else 0
 
 
-def present(study: Study, config: DictConfig) -> int:
+def draw_and_report(study: Study, config: DictConfig) -> int:
     """Draw the figures and write the report where they are asked for; returns the exit code, or 0."""
     if not config.report:
         return 0

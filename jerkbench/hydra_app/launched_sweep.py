@@ -17,7 +17,7 @@ from jerkbench.execution.processors import processors
 from jerkbench.execution.pulse import Pulse, duration
 from jerkbench.hydra_app.chosen_cluster import cluster_of
 from jerkbench.hydra_app.composition import compose_jobs
-from jerkbench.hydra_app.conclusion import FAILED, conclude, failed, lost, present
+from jerkbench.hydra_app.conclusion import FAILED, conclude, draw_and_report, failed, lost
 from jerkbench.hydra_app.configuration import cell_of, study_folder
 from jerkbench.hydra_app.dry_run import tell
 from jerkbench.hydra_app.interruption import terminated_like_interrupted
@@ -79,7 +79,7 @@ def _finished(plan: Plan, store: Store, config: DictConfig, cluster: Cluster) ->
         print(f"jerkbench: the tables cannot be written: {error}. What is done is stored.", file=sys.stderr)
         return FAILED
     if study is not None and not code:
-        code = present(study, config)
+        code = draw_and_report(study, config)
     return code or failed(study) or lost(store, keys)
 
 
