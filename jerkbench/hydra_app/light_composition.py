@@ -4,6 +4,7 @@ Files are read once a sweep. A choice that stands for itself (a plugin, or a pre
 place of another one of its group without anything else being composed.
 """
 
+import copy
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -46,8 +47,11 @@ class Composition:
     beside: "Composition | None" = None
 
     def part(self, keys: Sequence[str]) -> DictConfig:
-        """Return a copy of some keys of the configuration."""
-        own = OmegaConf.masked_copy(self.config, list(keys)).copy()
+        """Return a copy of some keys of the configuration, each with the type that the schema gives it."""
+        own = copy.deepcopy(self.config)
+        OmegaConf.set_struct(own, False)  # noqa: FBT003 - OmegaConf's signature
+        for key in set(own) - set(keys):
+            del own[key]
         if self.beside is None:
             return own
         rest = self.beside.part([key for key in keys if key not in own])

@@ -2,6 +2,7 @@
 
 import argparse
 import dataclasses
+import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, cast
@@ -82,15 +83,23 @@ def _created(plain: dict[str, Any], path: str | None = None) -> Dataset:
 def _parameters(words: Sequence[str]) -> dict[str, Any]:
     from omegaconf import OmegaConf
     from omegaconf.errors import OmegaConfBaseException
+    from yaml import YAMLError
 
     wrong = [word for word in words if "=" not in word]
     if wrong:
         raise PluginError(f"'{wrong[0]}' is no parameter; give KEY=VALUE.")
     try:
-        parsed = OmegaConf.to_container(OmegaConf.from_dotlist(list(words)))
-    except (OmegaConfBaseException, ValueError) as error:
-        raise PluginError(f"{' '.join(words)} cannot be read: {error}.") from error
+        parsed = OmegaConf.to_container(OmegaConf.from_dotlist([_text_if_a_sign(word) for word in words]))
+    except (OmegaConfBaseException, YAMLError, ValueError) as error:
+        reason = " ".join(str(error).split())
+        raise PluginError(f"{' '.join(words)} cannot be read as YAML: {reason}. Put text into quotes.") from error
     return cast("dict[str, Any]", parsed)
+
+
+def _text_if_a_sign(word: str) -> str:
+    """Return the word with its value in quotes if that is a single sign, many of which mean something in YAML."""
+    key, _, value = word.partition("=")
+    return f"{key}={json.dumps(value)}" if len(value) == 1 and not value.isalnum() else word
 
 
 def _by_content(path: Path) -> str:
