@@ -43,6 +43,9 @@ figures_pdf, report, notes, tags, portable. With --dry it says what would run, w
 takes, and runs nothing.
 Results are in results/STUDY. A cell that is done is not run again; a sweep that was stopped goes on where it was.
 
+A configuration reads an environment variable (${oc.env:NAME}) only if JERKBENCH_ENV=NAME,... names it: its value
+would stand in names and tables.
+
 Exit codes: 0 all has run, also where a run diverged, which is a result; 1 a run failed, or something cannot be stored;
 2 the input is at fault; 130 interrupted.
 
@@ -59,15 +62,25 @@ def main(arguments: Sequence[str] | None = None) -> None:
         start_again_portable(words)
         _collect_seldom()
         signal.signal(signal.SIGTERM, _interrupt)
+    _open_closed()
     with plain_output():
         _guarded(words)
+
+
+def _open_closed() -> None:
+    """Let what was closed by the caller swallow what is written to it."""
+    sys.stdout = sys.stdout or os.fdopen(os.open(os.devnull, os.O_WRONLY), "w")
+    sys.stderr = sys.stderr or os.fdopen(os.open(os.devnull, os.O_WRONLY), "w")
 
 
 def _guarded(words: list[str]) -> None:
     try:
         _require_installed()
+        _require_date()
         with warnings.catch_warnings():
             warnings.showwarning = _one_line
+            if words[:2] == ["help", "run"]:
+                words = ["run", "--help"]
             _run(words[1:]) if words[:1] == ["run"] else _answer(words)
     except JerkbenchError as error:
         if _is_interrupted(error):
@@ -114,6 +127,17 @@ def _require_installed() -> None:
         ) from None
 
 
+def _require_date() -> None:
+    """Refuse a date of files that is none, on which matplotlib fails after everything has run.
+
+    Raises:
+        JerkbenchError: SOURCE_DATE_EPOCH is no number.
+    """
+    given = os.environ.get("SOURCE_DATE_EPOCH", "")
+    if given and not given.isdecimal():
+        raise JerkbenchError(f"SOURCE_DATE_EPOCH is '{given}'; give whole seconds since 1970, or unset it.")
+
+
 def _collect_seldom() -> None:
     """Look for cyclic garbage less often, and not at the end: what libraries make in loading stays, 200 000 objects."""
     gc.set_threshold(50_000, 20, 100)
@@ -146,11 +170,15 @@ def _run(words: list[str]) -> None:
 
 def _answer(words: list[str]) -> None:
     """Answer a verb; a file that it cannot read or write becomes a sentence."""
+    if words[:1] in ([], ["help"]):
+        words = [*words[1:], "--help"]
     chosen = _parser().parse_args(words)
     try:
         chosen.answer(chosen)
     except BrokenPipeError:
         raise
+    except ChildProcessError as error:
+        raise JerkbenchError(f"A worker ended before its work was done: {error}. Start the command again.") from error
     except OSError as error:
         path = error.filename or "A file"
         raise JerkbenchError(

@@ -8,7 +8,7 @@ from typing import Any, TextIO, cast
 
 STEERING = re.compile(
     "[\x00-\x08\x0b-\x1f\x7f-\x9f"  # controls, but tab and newline
-    "\u200e\u200f\u202a-\u202e\u2066-\u2069"  # which turn the direction of what follows
+    "\u200e\u200f\u2028-\u202e\u2066-\u2069"  # which end a line, or turn the direction of what follows
     "\ud800-\udfff]"  # bytes of a file name that are no text
 )
 

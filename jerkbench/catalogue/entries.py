@@ -42,6 +42,26 @@ def kinds_asked(kind: str | None) -> tuple[str, ...]:
     return (kind,) if kind else kinds
 
 
+def kind_of(name: str) -> str:
+    """Return the kind of which there is a ``name``.
+
+    Raises:
+        PluginError: there is none, or there are several.
+    """
+    names = {
+        kind: {*(plugins.names(kind) if kind in plugins.KINDS else ()), *preset_files(kind)}
+        for kind in kinds_asked(None)
+    }
+    having = [kind for kind, of in names.items() if name in of]
+    if name in names:
+        raise PluginError(f"{name} is a kind: jerkbench list {name}, or jerkbench show {name} NAME.")
+    if not having:
+        raise PluginError(unknown("plugin or preset", name, set().union(*names.values())))
+    if len(having) > 1:
+        raise PluginError(f"{name} is several: {' or '.join(f'jerkbench show {kind} {name}' for kind in having)}.")
+    return having[0]
+
+
 def entries(kind: str) -> list[Entry]:
     """Return what there is of a kind, sorted by name; a plugin that cannot be loaded is left out, with a notice."""
     by_name = {entry.name: entry for entry in _plugins(kind)} if kind in plugins.KINDS else {}

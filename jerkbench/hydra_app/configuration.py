@@ -1,5 +1,6 @@
 """The way between Hydra and a cell: the schema of the configuration, and the cell of a composed one."""
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, make_dataclass
 from functools import cache, cached_property
@@ -14,12 +15,15 @@ from jerkbench.cells.cell import Cell, build
 from jerkbench.cells.labels import GROUPS, labels_of
 from jerkbench.cells.noise import Noise
 from jerkbench.cells.protocol import Protocol
-from jerkbench.errors import PluginError
+from jerkbench.errors import PluginError, unknown
 from jerkbench.files import cache_folder
 from jerkbench.optional import preferred_attitude
 from jerkbench.places import is_remote, place
 from jerkbench.results.study_figures.choice import Choice, figures_choice
 from jerkbench.timeline.reported_noise import RScale
+
+ASKED = "JERKBENCH_ENV"
+"""The environment variable that names those which a configuration may read."""
 
 ToldR = make_dataclass("ToldR", [(f.name, float, f.default) for f in fields(RScale)])
 """The fields of `RScale`; OmegaConf makes the configuration of a frozen dataclass read-only."""
@@ -81,6 +85,7 @@ class Schema:
 def register_schemas() -> None:
     """Put the schema and every plugin into Hydra's ConfigStore."""
     OmegaConf.register_new_resolver("jerkbench.local_folder", local_folder, replace=True)
+    OmegaConf.register_new_resolver("oc.env", environment_variable, replace=True)
     store = ConfigStore.instance()
     store.store(name="schema", node=Schema)
     store.store(group="noise", name="schema", node=Noise)
@@ -92,6 +97,20 @@ def register_schemas() -> None:
 def study_folder(config: DictConfig) -> Path:
     """Return the folder of the configuration's study."""
     return place(str(config.results)) / str(config.study)
+
+
+def environment_variable(name: str, default: str | None = None) -> str | None:
+    """Return an environment variable that `ASKED` names: what a configuration resolves stands in tables and files.
+
+    Raises:
+        PluginError: it is not named there.
+    """
+    if name not in os.environ.get(ASKED, "").replace(",", " ").split():
+        raise PluginError(
+            f"The configuration reads the environment variable {name}, whose value would stand in names and tables;"
+            f" if it may, set {ASKED}={name}."
+        )
+    return os.environ.get(name, default)
 
 
 def local_folder(results: str, study: str) -> str:
@@ -123,9 +142,13 @@ def require_whole(plain: Mapping[str, Any]) -> None:
     """Check that a composed configuration has a value for each option, and a plugin for each group.
 
     Raises:
-        PluginError: it has not; a preset of one's own may set anything. There is no such choice of figures.
+        PluginError: it has not; a preset of one's own may set anything. There is no such option or choice of figures.
     """
-    for key in (f.name for f in fields(Schema)):
+    options = [f.name for f in fields(Schema)]
+    for key in plain:
+        if key not in options:
+            raise PluginError(unknown("option", key, options))
+    for key in options:
         if plain.get(key, MISSING) == MISSING:
             raise PluginError(f"{key} has no value; give {key}=...")
     figures_choice(plain["figures"])

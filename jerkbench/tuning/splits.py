@@ -13,6 +13,10 @@ from jerkbench.tuning.excerpts import Excerpt
 SPLITS = ("auto", "seeds", "time", "recordings", "families")
 
 
+MOST_SEEDS = 100_000
+"""Seeds of one part, as a cell has at most so many runs."""
+
+
 @dataclass(frozen=True)
 class Seeds:
     """Numbers of seeds; they follow each other from ``first`` on, so that no two parts share one.
@@ -35,6 +39,12 @@ class Seeds:
             raise PluginError(
                 f"tune_seeds is {self.tune}, choose_seeds {self.choose}, test_seeds {self.test} and first_seed"
                 f" {self.first}; at least one seed to tune and one to test are needed, and none is negative."
+            )
+
+        if max(self.tune, self.choose, self.test) > MOST_SEEDS:
+            raise PluginError(
+                f"tune_seeds is {self.tune}, choose_seeds {self.choose} and test_seeds {self.test}; give at most"
+                f" {MOST_SEEDS} of each."
             )
 
     @property

@@ -34,6 +34,9 @@ the ratio is empty without a baseline; ``average`` says what "mean" is: that, a 
 the share of lost runs are those of Clopper and Pearson."""
 
 
+FORMULA = ("=", "+", "-", "@", "\t", "\r")
+"""What a spreadsheet takes for the beginning of a formula."""
+
 NO_RATIO = Ratio(math.nan, math.nan, math.nan, math.nan)
 
 
@@ -47,14 +50,33 @@ def tidy_csv(tables: Sequence[Table], *, header: bool = True) -> str:
         for row, cells in zip(table.rows, table.cells, strict=True):
             for column, cell in zip(table.columns, cells, strict=True):
                 if cell is not None:
-                    writer.writerow([table.metric, table.unit, *_factors(table, row, column), *_values(cell)])
+                    writer.writerow(
+                        [inert(table.metric), inert(table.unit), *_factors(table, row, column), *_values(cell)]
+                    )
     return text.getvalue()
+
+
+def inert(text: str) -> str:
+    """Return a text that a spreadsheet takes for text: an apostrophe stands before what would be a formula.
+
+    >>> inert("=1+1")
+    "'=1+1"
+    """
+    return f"'{text}" if text.startswith(FORMULA) and len(text) > 1 and not _is_number(text) else text
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
 
 
 def _factors(table: Table, row: tuple[str, ...], column: tuple[str, ...]) -> list[str]:
     keys = (*table.row_keys, *table.column_keys)
     values = dict(table.constants) | dict(zip(keys, (*row, *column), strict=True))
-    return [values[key] for key in FACTORS]
+    return [inert(values[key]) for key in FACTORS]
 
 
 def _values(cell: TableCell) -> list[str]:

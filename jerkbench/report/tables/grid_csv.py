@@ -11,6 +11,7 @@ from jerkbench.evaluation.statistics.intervals.share import share_interval
 from jerkbench.report.analysis.factors import FACTORS, constants
 from jerkbench.report.analysis.quantities import quantity
 from jerkbench.report.tables.cell_columns import CellColumns
+from jerkbench.report.tables.csv import inert
 from jerkbench.report.tables.grid import Grid
 
 NO_RATIO = ",,,"
@@ -26,7 +27,7 @@ class GridCsv:
 
     def lines(self, metric: str, numbers: CellColumns) -> str:
         """Return one line for each place."""
-        head, of, order = f"{metric},{escaped(quantity(metric).unit)}", numbers.centres, self._order
+        head, of, order = f"{escaped(metric)},{escaped(quantity(metric).unit)}", numbers.centres, self._order
         columns = (
             self._factors,
             of.kind[order].tolist(),
@@ -88,7 +89,7 @@ def texts(values: FloatArray) -> list[str]:
 
 @cache
 def escaped(text: str) -> str:
-    """Return a text as it stands in a line."""
+    """Return a text as it stands in a line, which a spreadsheet takes for text."""
     line = io.StringIO()
-    csv.writer(line, lineterminator="\n").writerow([text, ""])
+    csv.writer(line, lineterminator="\n").writerow([inert(text), ""])
     return line.getvalue()[:-2]

@@ -1,8 +1,12 @@
 """Table -> Markdown that also reads well in a terminal."""
 
+import re
 from collections.abc import Sequence
 
 from jerkbench.report.tables.table_model import ABSENT, Table, TableCell
+
+ACTIVE = re.compile(r"\||<(?=[A-Za-z/!?])|(?<=!)\[|\[(?=.*\][(\[])|\\(?=[\\|<\[!])")
+"""The end of a cell, and the beginning of a tag, of an image or of a link; a backslash before one of them."""
 
 
 def markdown(table: Table, level: int = 2) -> str:
@@ -26,7 +30,7 @@ def _section(title: str, lines: Sequence[Sequence[str]], footnotes: Sequence[str
     rule = "|" + "|".join("-" * (width + 2) for width in widths) + "|"
     head, *body = [_line(line, widths) for line in lines]
     notes = [f"- {_escaped(note)}" for note in footnotes]
-    return "\n".join(["#" * level + f" {title}", "", head, rule, *body, *([""] if notes else []), *notes, ""])
+    return "\n".join(["#" * level + f" {_escaped(title)}", "", head, rule, *body, *([""] if notes else []), *notes, ""])
 
 
 def _line(texts: Sequence[str], widths: Sequence[int]) -> str:
@@ -40,5 +44,5 @@ def _text(cell: TableCell | None) -> str:
 
 
 def _escaped(text: str) -> str:
-    """Keep a text in its cell: a pipe would end it, a line break the row."""
-    return " ".join(text.split()).replace("|", "\\|")
+    """Keep a text in its cell, as text: a pipe would end it, a line break the row; tags and images would be loaded."""
+    return ACTIVE.sub(r"\\\g<0>", " ".join(text.split()))

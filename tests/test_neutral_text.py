@@ -1,0 +1,91 @@
+"""Text of strangers stays text: in spreadsheets, in Markdown, in a terminal and in a page."""
+
+import base64
+import hashlib
+import re
+
+import pytest
+
+from commands import SHORT, verb
+from jerkbench.hydra_app.configuration import ASKED
+from jerkbench.plain import plain
+from jerkbench.report.markup import policy
+from jerkbench.report.tables.csv import inert
+from jerkbench.report.tables.grid_csv import escaped
+from jerkbench.report.tables.markdown import markdown_grid
+
+
+@pytest.mark.parametrize("text", ["=1+1", "+cmd|' /C calc'!A0", "-2+3", "@SUM(A1)", "\t=1", "\r=1"])
+def test_a_cell_is_no_formula(text):
+    assert inert(text) == f"'{text}"
+    assert escaped(text).lstrip('"').startswith("'")
+
+
+@pytest.mark.parametrize("text", ["-1", "-1.5e-3", "+2", "-inf", "-", "", "jerk", "a=b"])
+def test_numbers_and_names_stay_as_they_are(text):
+    assert escaped(text) == text
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "<script>x</script>",
+        r"\<img src=x>",
+        "![a](http://x/y.png)",
+        "![a[b]](http://x)",
+        "[a](javascript:x)",
+        "![a][b]",
+    ],
+)
+def test_markdown_shows_tags_images_and_links_as_text(text):
+    markdown_it = pytest.importorskip("markdown_it")
+    page = markdown_it.MarkdownIt().enable("table").render(markdown_grid("title", ["name"], [[text]], [text]))
+    assert not re.search("<(script|img|a) ?", page)
+
+
+def test_a_separator_of_lines_is_written_out():
+    assert plain("a\u2028b\u2029") == r"a\u2028b\u2029"
+
+
+def test_a_page_runs_its_own_scripts_alone():
+    digest = base64.b64encode(hashlib.sha256(b"own()").digest()).decode()
+    assert f"default-src 'none'; script-src 'sha256-{digest}';" in policy(["own()"])
+
+
+def test_the_environment_is_read_on_request_only(tmp_path, monkeypatch):
+    monkeypatch.setenv("A_SECRET", "xyzzy")
+    words = ("run", *SHORT, "engine=filterpy", "notes=['${oc.env:A_SECRET}']", "tags=['${oc.env:A_SECRET}']", "--dry")
+    done = verb(*words, cwd=tmp_path)
+    assert done.returncode == 2
+    assert "A_SECRET" in done.stderr
+    assert "xyzzy" not in done.stdout + done.stderr
+    monkeypatch.setenv(ASKED, "A_SECRET")
+    assert verb(*words, cwd=tmp_path).returncode == 0
+
+
+@pytest.mark.parametrize("word", ["+foo=1", "++foo=1", "+x={a:1}"])
+@pytest.mark.parametrize("mode", [[], ["-m"]])
+def test_an_option_that_there_is_not_cannot_be_added(tmp_path, word, mode):
+    done = verb("run", *mode, *SHORT, word, "--dry", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "There is no option" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "printed"),
+    [([], "usage: jerkbench"), (["help"], "usage: jerkbench"), (["help", "table"], "usage: jerkbench table"),
+     (["help", "run"], "jerkbench run [-m]"), (["show", "mtf"], "adaptation mtf")],
+)  # fmt: skip
+def test_help_lists_and_show_finds(tmp_path, words, printed):
+    done = verb(*words, cwd=tmp_path)
+    assert done.returncode == 0
+    assert printed in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("name", "hint"), [("mft", "mean 'mtf'"), ("filter", "list filter"), ("none", "adaptation none")]
+)
+def test_show_says_where_a_name_is_not_one(tmp_path, name, hint):
+    done = verb("show", name, cwd=tmp_path)
+    assert done.returncode == 2
+    assert hint in done.stderr

@@ -1,0 +1,41 @@
+"""An environment that is not as one expects it: a sentence, and no traceback."""
+
+import subprocess
+import sys
+
+import pytest
+
+from commands import environment, verb
+from jerkbench.errors import PluginError
+from jerkbench.tuning.splits import Seeds
+
+
+@pytest.mark.parametrize("closed", [">&-", "2>&-", ">&- 2>&-"])
+def test_a_closed_stream_is_no_fault(tmp_path, closed):
+    command = ["sh", "-c", f'"$0" -m jerkbench list filter {closed}', sys.executable]
+    done = subprocess.run(command, cwd=tmp_path, env=environment(), capture_output=True, text=True, check=False)
+    assert done.returncode == 0
+    assert not done.stderr
+
+
+def test_a_date_that_is_none_is_refused_at_once(tmp_path, monkeypatch):
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "x")
+    done = verb("list", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "SOURCE_DATE_EPOCH is 'x'" in done.stderr
+
+
+def test_more_seeds_than_can_be_run_are_refused_at_once():
+    with pytest.raises(PluginError, match="at most 100000"):
+        Seeds(test=2147483648)
+
+
+def test_a_worker_that_died_is_no_matter_of_paths(tmp_path, monkeypatch):
+    def die(_):
+        raise ChildProcessError("the process that ran it died (killed by signal 9)")
+
+    monkeypatch.setattr("jerkbench.catalogue.text.list_text", die)
+    done = verb("list", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "signal 9" in done.stderr
+    assert "path" not in done.stderr
