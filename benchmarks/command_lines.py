@@ -35,6 +35,7 @@ HOSTILE = (
         "${nope}",
     ),
     *("${oc.env:NOPE}", "1,2", "none,null", "range(1,3)", "range(1,3,0)", "range(.1,.4,.1)", "range(3,1)", "a,b"),
+    *("1,1.5", "1,abc", "true,1", "1,11", "=1+1", "a\u2028b", "<script>", "![a](b)", ",", "?", "2147483648"),
     *("interval(0,1)", "glob(*)", "choice(1,2)", "sort(2,1)", "shuffle(1,2)", "[1,2", "(", "\\", "0x10", "1_0", ".5"),
 )
 """Values that fit nowhere, or somewhere else."""
@@ -150,7 +151,15 @@ class CommandLines:
         kind = self._one((*plugins.KINDS, "noise", "experiment", self._hostile()))
         known = self._known(kind) if kind in (*plugins.KINDS, "noise", "experiment") else ["x"]
         return self._one(
-            (["list"], ["list", kind], ["show", kind, self._one((*known, self._hostile()))], ["show", kind])
+            (
+                ["list"],
+                ["help"],
+                ["help", "run"],
+                ["show", self._one(known or ["x"])],
+                ["list", kind],
+                ["show", kind, self._one((*known, self._hostile()))],
+                ["show", kind],
+            )
         )
 
     def _table(self) -> list[str]:
@@ -191,7 +200,9 @@ class CommandLines:
         given = [
             "--set",
             "duration_s=9",
-            self._one(("imu_rate_hz=nan", "nope=1", "x", "=", "gnss_rate_hz=5", "stand_s=3")),
+            self._one(
+                ("imu_rate_hz=nan", "nope=1", "x", "=", "gnss_rate_hz=5", "stand_s=3", "height_m=,", "height_m=[1")
+            ),
         ]
         seed = ["--seed", self._one(("0", "3", "-1", "x", "99999999999999999999"))]
         return self._one(
