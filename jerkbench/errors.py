@@ -9,6 +9,9 @@ from typing import NoReturn
 BAD_INPUT = 2
 """Exit code of the command line where the input is at fault."""
 
+NOT_COMPARABLE = 4
+"""Exit code of the command line where two sets of results cannot be compared, or not all of them."""
+
 INTERRUPTED = 130
 """Exit code of the command line after Ctrl-C."""
 
@@ -21,7 +24,19 @@ NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
 
 
 class JerkbenchError(Exception):
-    """Anything the user can put right; the command line prints its message and no traceback."""
+    """Anything the user can put right; the command line prints its message and no traceback.
+
+    Attributes:
+        exit_code: with which the command line ends.
+    """
+
+    exit_code = BAD_INPUT
+
+
+class NotComparableError(JerkbenchError):
+    """Two sets of results that have nothing in common, or were not measured alike."""
+
+    exit_code = NOT_COMPARABLE
 
 
 class RecordingError(JerkbenchError):
@@ -56,7 +71,7 @@ def article(noun: str) -> str:
 def exit_with(error: JerkbenchError) -> NoReturn:
     """End the command line with the sentence of ``error``."""
     print(f"jerkbench: {shortened(str(error))}", file=sys.stderr)
-    raise SystemExit(BAD_INPUT) from None
+    raise SystemExit(error.exit_code) from None
 
 
 def shortened(text: str) -> str:

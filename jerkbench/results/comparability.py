@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 
-from jerkbench.errors import JerkbenchError
+from jerkbench.errors import NotComparableError
 from jerkbench.report.analysis.factors import FACTORS
 from jerkbench.report.analysis.runs import Combination
 from jerkbench.results.conditions import MEASURED, PARTS, Values, differing_conditions
@@ -18,17 +18,17 @@ def require_alike(first: Study, second: Study) -> None:
     """Refuse to compare what differs in data, protocol or engine.
 
     Raises:
-        JerkbenchError: which cells do, and in what.
+        NotComparableError: which cells do, and in what.
     """
     shared = list(_shared(first, second))
     mixed = [f"In {study.folder}: {words}" for study in (first, second) for words in study.unlike]
     if mixed and not shared:
-        raise JerkbenchError(f"{first.folder} and {second.folder} have no combination in common. {' '.join(mixed)}")
+        raise NotComparableError(f"{first.folder} and {second.folder} have no combination in common. {' '.join(mixed)}")
     unlike = {name: differing for name, a, b in shared if (differing := differing_conditions(a, b, MEASURED))}
     if not unlike:
         return
     conditions = " and ".join(dict.fromkeys(name for names in unlike.values() for name in names))
-    raise JerkbenchError(
+    raise NotComparableError(
         f"{first.folder} and {second.folder} were not measured alike, so they are not compared: {len(unlike)} of their "
         f"combinations differ in {conditions}, first {', '.join(next(iter(unlike)))}. Run both with the same."
     )

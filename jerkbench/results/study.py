@@ -80,8 +80,9 @@ class Study:
 
     def only(self, keys: Iterable[str]) -> "Study":
         """The same study with the cells ``keys`` alone."""
-        chosen = self.keys.isin(list(keys))
-        return replace(self, rows=self.rows[chosen].reset_index(drop=True), keys=self.keys[chosen])
+        chosen = self.keys.isin(list(keys)).to_numpy()
+        rows, keys_of_rows = self.rows[chosen].reset_index(drop=True), self.keys[chosen].reset_index(drop=True)
+        return replace(self, rows=rows, keys=keys_of_rows)
 
 
 def load_study(folder: Path, prefer: Collection[str] = ()) -> Study:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from jerkbench.errors import NOT_COMPARABLE
 from jerkbench.verbs.arguments import Verbs, add_verb, percentage
 from jerkbench.verbs.judging import add_judging, chosen_method, chosen_rule
 
@@ -17,8 +18,8 @@ if TYPE_CHECKING:
 
 FORMATS = ("terminal", "md", "json", "junit")
 
-WORSE = 1
-"""Exit code where the second set is worse, or cannot be judged."""
+WORSE = 3
+"""Exit code where the second set is worse than it may be."""
 
 EPILOG = """\
 A and B are folders, or one method of each, compared with one another: `jerkbench compare old:jerk+mtf new:mine+none`
@@ -31,6 +32,14 @@ that fits a combination counts, --fail-above where none does. Patterns are as th
     - {metric: position_rmse_m, method: mtf, scenario: gnss_outage, ratio: 1.10}
     - {metric: outage_end_m, ratio: 1.2}
     - {ratio: 1.02}
+
+Exit codes:
+
+  0  done; with --fail-above or --tolerances: nothing is worse than it may be
+  1  a mistake of jerkbench itself
+  2  the input is wrong: a folder, a name, an option, a file of tolerances
+  3  with --fail-above or --tolerances: something is worse than it may be
+  4  A and B cannot be compared; with --fail-above or --tolerances also: B lacks results of A, or a file is damaged
 """
 
 
@@ -48,7 +57,7 @@ def add(verbs: Verbs) -> None:
         "--fail-above",
         type=percentage,
         metavar="PCT",
-        help="exit with 1 where B is worse than A by more than PCT percent, or lacks what A has",
+        help="exit with 3 where B is worse than A by more than PCT percent, with 4 where it lacks what A has",
     )
     compare.add_argument("--tolerances", type=Path, metavar="FILE", help="what may become worse by how much; see below")
     compare.add_argument("--format", choices=FORMATS, default="terminal", help="default: terminal")
@@ -60,7 +69,7 @@ def answer(chosen: argparse.Namespace) -> None:
 
     Raises:
         JerkbenchError: there are no results, nothing is in both, or they were not measured alike.
-        SystemExit: 1, where B is worse than it may be, or lacks results that A has.
+        SystemExit: 3, where B is worse than it may be; 4, where nothing is, but B lacks results that A has.
     """
     from jerkbench.report.compared import WRITERS, Comparison, print_comparison
 
@@ -68,16 +77,16 @@ def answer(chosen: argparse.Namespace) -> None:
     tolerances = _tolerances(chosen)
     parts = _parts(chosen, first, second, tolerances)
     has_tolerances = tolerances.otherwise is not None or bool(tolerances.rules)
-    sentences, failed = _failures(parts, first, second, chosen.tolerances) if has_tolerances else ([], False)
-    comparison = Comparison(parts, [*chosen_of, *_notes(chosen, first, second, parts, tolerances)], failed)
+    sentences, code = _failures(parts, first, second, chosen.tolerances) if has_tolerances else ([], 0)
+    comparison = Comparison(parts, [*chosen_of, *_notes(chosen, first, second, parts, tolerances)], bool(code))
     if chosen.format in WRITERS:
         print(WRITERS[chosen.format](comparison), end="")
     else:
         print_comparison(comparison)
     for sentence in sentences:
         print(sentence, file=sys.stdout if chosen.format == "terminal" else sys.stderr)
-    if failed:
-        raise SystemExit(WORSE)
+    if code:
+        raise SystemExit(code)
 
 
 def _studies(chosen: argparse.Namespace) -> "tuple[Study, Study, list[str]]":
@@ -142,10 +151,8 @@ READING = (
 """The explanation below the numbers."""
 
 
-def _failures(
-    parts: "Sequence[Compared]", first: "Study", second: "Study", file: Path | None
-) -> tuple[list[str], bool]:
-    """Return what is worse and what cannot be judged, in sentences, and whether anything is."""
+def _failures(parts: "Sequence[Compared]", first: "Study", second: "Study", file: Path | None) -> tuple[list[str], int]:
+    """Return what is worse and what cannot be judged, in sentences, and the exit code."""
     sentences = [_counted(part, file) for part in parts]
     changed = parts[0].changes
     lacking = first.combinations - len(changed) + sum(change.unjudged for change in changed)
@@ -156,7 +163,8 @@ def _failures(
     damaged = len(first.damaged) + len(second.damaged)
     if damaged:
         sentences.append(f"{damaged} damaged file{'s' * (damaged > 1)} cannot be judged.")
-    return sentences, bool(any(any(part.worse) for part in parts) or lacking or damaged)
+    unjudged = NOT_COMPARABLE if lacking or damaged else 0
+    return sentences, WORSE if any(any(part.worse) for part in parts) else unjudged
 
 
 def _counted(part: "Compared", file: Path | None) -> str:

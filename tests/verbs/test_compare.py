@@ -66,7 +66,7 @@ def test_each_combination_has_its_own_tolerance(before, tmp_path, name, rules):
     velocities = {
         ("velocity_rmse_mps", *method) for method in (("none", "gnss_outage"), ("none", "none"), ("mtf", "none"))
     }
-    assert done.returncode == 1
+    assert done.returncode == 3
     assert answer["metrics"] == ["position_rmse_m", "velocity_rmse_mps"]
     assert worse == {("position_rmse_m", "mtf", "gnss_outage"), *velocities}
     assert "3 of 4 combinations, by velocity_rmse_mps, are worse by more than" in done.stderr
@@ -92,7 +92,7 @@ def test_where_no_line_fits_the_option_counts_and_a_line_that_fits_nothing_is_to
     free = verb(*words, cwd=tmp_path)
     assert free.returncode == 0
     assert "Tolerance 1 fits no combination (metric *, method huber, scenario *)." in free.stdout
-    assert verb(*words, "--fail-above", "10", cwd=tmp_path).returncode == 1
+    assert verb(*words, "--fail-above", "10", cwd=tmp_path).returncode == 3
 
 
 @pytest.mark.parametrize(
@@ -123,7 +123,7 @@ def test_one_method_is_compared_with_another_on_the_scenarios_of_both(before, tm
 
     assert ratios == {"gnss_outage": pytest.approx(1.5), "none": pytest.approx(0.5)}
     assert "mine + none of B is compared with jerk + mtf of A, and stands under its name." in answer["notes"]
-    assert verb(*words, "--fail-above", "40", cwd=tmp_path).returncode == 1
+    assert verb(*words, "--fail-above", "40", cwd=tmp_path).returncode == 3
     assert verb(*words, "--fail-above", "60", cwd=tmp_path).returncode == 0
 
 
@@ -150,3 +150,33 @@ def test_a_method_that_is_not_clear_is_refused(before, tmp_path, a, b, sentence)
 
     assert done.returncode == 2
     assert sentence in done.stderr
+
+
+def test_a_method_is_chosen_by_two_factors_of_one_study(before, tmp_path):
+    put(before, 6.0, filter="baseline", adaptation="none", disturbance="none")
+    put(before, 3.0, filter="baseline", adaptation="mtf", disturbance="none")
+    done = verb("compare", "before:baseline+none+own", "before:jerk+mtf+own", "--format", "json", cwd=tmp_path)
+
+    assert done.returncode == 0, done.stderr
+    (change,) = json.loads(done.stdout)["changes"]
+    assert change["combination"]["disturbance"] == "none"
+    assert change["ratio"] == pytest.approx(2.0 / 6.0)
+
+
+def test_exit_codes_tell_worse_from_what_cannot_be_compared_and_from_wrong_input(before, tmp_path):
+    study(tmp_path / "after", outage=1.6)
+    put(tmp_path / "part", 2.0, adaptation="none", disturbance="none")
+    put(tmp_path / "other", 2.0, filter="baseline", disturbance="elsewhere")
+    put(tmp_path / "bad", 8.0, adaptation="none", disturbance="none")
+    codes = {
+        b: verb("compare", "before", b, "--fail-above", "3", cwd=tmp_path).returncode
+        for b in ("before", "after", "part", "other", "bad", "absent")
+    }
+
+    assert codes == {"before": 0, "after": 3, "part": 4, "other": 4, "bad": 3, "absent": 2}
+
+
+def test_the_help_names_each_exit_code(tmp_path):
+    text = verb("compare", "--help", cwd=tmp_path).stdout
+
+    assert all(f"\n  {code}  " in text for code in (0, 1, 2, 3, 4))

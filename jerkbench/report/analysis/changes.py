@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.errors import JerkbenchError
+from jerkbench.errors import JerkbenchError, NotComparableError
 from jerkbench.evaluation.statistics.judgement import Judgement, Verdict
 from jerkbench.evaluation.statistics.other_seeds import judged_on_other_seeds, two_samples
 from jerkbench.report.analysis.comparison import judged_pairs
@@ -105,7 +105,7 @@ def changes(before: "pd.DataFrame", after: "pd.DataFrame", metric: str, rule: Ru
     if not both and len(first) == len(second) == 1:
         both = list(zip(first.values(), second.values(), strict=True))
     if not both:
-        raise JerkbenchError(
+        raise NotComparableError(
             f"No combination of the {len(first)} of the first is among the {len(second)} of the second."
         )
     return [_change(two, judgement, rule) for two, judgement in zip(both, _judgements(both, rule), strict=True)]
