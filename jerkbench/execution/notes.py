@@ -2,11 +2,16 @@
 
 from collections.abc import Iterable
 
+import numpy as np
+
 from jerkbench.cells.cell import Cell
 from jerkbench.contracts import Remarking
 from jerkbench.execution.inputs import Inputs
 from jerkbench.plain import plain
 from jerkbench.recording import Recording
+
+GAP_S = 0.2
+"""A longer step between two samples of the IMU is told: in it a vehicle turns and brakes."""
 
 
 def notes_of(cell: Cell, recording: Recording) -> list[str]:
@@ -43,11 +48,23 @@ def _of_first_seed(cell: Cell, fingerprint: str, inputs: Inputs) -> list[str]:
 
 def _reference_notes(cell: Cell, recording: Recording) -> list[str]:
     reference, name = recording.reference, _name(cell)
-    notes = [f"{name}: {note}" for note in recording.notes]
+    notes = [f"{name}: {note}" for note in (*recording.notes, *_gaps(recording))]
     if reference.empty:
         return [f"{name} has no reference: {reference.source}.", *notes]
     independence = "independent of" if reference.independent else "not independent of"
     return [f"Reference of {name}: {reference.source}; {independence} the measurements.", *notes]
+
+
+def _gaps(recording: Recording) -> list[str]:
+    if recording.imu is None:
+        return []
+    steps_s = np.diff(recording.imu.t_s)
+    gaps_s = steps_s[steps_s > max(GAP_S, 2.5 * recording.imu.nominal_interval_s)]
+    if not len(gaps_s):
+        return []
+    count = "1 gap" if len(gaps_s) == 1 else f"{len(gaps_s)} gaps"
+    lost = "one sample stands for all: a turn or a change of speed there is lost, for every filter that uses the IMU"
+    return [f"the IMU has {count} of up to {gaps_s.max():.2f} s, in which {lost}. Cut the recording there."]
 
 
 def _remarks(cell: Cell, recording: Recording) -> list[str]:

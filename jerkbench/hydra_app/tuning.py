@@ -1,6 +1,7 @@
 """`jerkbench tune`, from its words to its files."""
 
 import json
+import shlex
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from jerkbench.execution.processors import processors
 from jerkbench.execution.progress import Progress
 from jerkbench.files import write_text
 from jerkbench.hydra_app.chosen_cluster import cluster_of
+from jerkbench.hydra_app.composition import owner
 from jerkbench.hydra_app.configuration import study_folder
 from jerkbench.hydra_app.tuning_words import TuneOptions, TuneWords
 from jerkbench.hydra_app.words import composed
@@ -21,7 +23,7 @@ from jerkbench.tuning.cases import Cases
 from jerkbench.tuning.foreign import EXPORTS
 from jerkbench.tuning.objectives import objective_of
 from jerkbench.tuning.outcome import Effort, Tuning, tune
-from jerkbench.tuning.presets import write_presets
+from jerkbench.tuning.presets import PARTS, preset_words, write_presets
 from jerkbench.tuning.search import Budget
 from jerkbench.tuning.space import Space, space_of
 from jerkbench.tuning.splits import Seeds, by_families, by_recordings, by_seeds, by_time
@@ -49,8 +51,10 @@ def tune_all(words: TuneWords) -> None:
     folder = study_folder(config) / "tune"
     names = _names([scenarios[0] for scenarios in cells])
     tunings = _tuned(names, cases, spaces, efforts, folder)
-    for tuning in tunings:
-        _write(tuning, folder / tuning.name, figures=figures_choice(config.figures) is not Choice.NONE)
+    for tuning, method in zip(tunings, words.methods, strict=True):
+        own = folder / tuning.name
+        command = _command(tuning, own / "conf", words, method)
+        _write(tuning, own, command, figures=figures_choice(config.figures) is not Choice.NONE)
     print(table(tunings))
     print(f"\nSettings, presets and trials: {folder}")
 
@@ -104,12 +108,22 @@ def _names(cells: Sequence[Cell]) -> list[str]:
     return [f"{name}-{names[:k].count(name) + 1}" if names.count(name) > 1 else name for k, name in enumerate(names)]
 
 
-def _write(tuning: Tuning, folder: Path, *, figures: bool) -> None:
+def _command(tuning: Tuning, presets: Path, words: TuneWords, method: Sequence[str]) -> str:
+    """The command that runs what was tuned: its presets, on the data sets and under the faults of the tuning."""
+    chosen = preset_words(tuning, typed="experiment" in map(owner, words.shared))
+    tuned = {f"r_scale.{name}" for name in tuning.space.of_part("r_scale", tuning.setting)}
+    covered = {part for part in PARTS if tuning.space.of_part(part, tuning.setting)} | tuned
+    kept = [word for word in method if not {owner(word), word.partition("=")[0]} & covered]
+    several = ["-m"] if len(words.scenarios) > 1 else []
+    return shlex.join(["jerkbench", "run", *several, "--config-dir", str(presets), *words.shared, *kept, *chosen])
+
+
+def _write(tuning: Tuning, folder: Path, command: str, *, figures: bool) -> None:
     """Write the page, the numbers, the trials, the presets, the files for other programs, and the figures."""
     outcome, objective = tuning.outcome, tuning.effort.objective.name
     remarks = f"Tuned by jerkbench: {objective}, {len(outcome.trials)} settings, {tuning.cases.split}."
-    preset = write_presets(tuning, folder / "conf", remarks)
-    page = f"{summary(tuning)}\nTake it with: jerkbench run --config-dir {folder / 'conf'} experiment={preset}\n"
+    write_presets(tuning, folder / "conf", remarks)
+    page = f"{summary(tuning)}\nTake it with: {command}\n"
     write_text(folder / "tuning.md", page)
     write_text(folder / "tuning.json", json.dumps(record(tuning), indent=1) + "\n")
     scenarios = [case.scenario for case in tuning.cases.tune]

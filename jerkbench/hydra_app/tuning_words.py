@@ -60,11 +60,13 @@ class TuneWords:
         options: of the tuning.
         methods: for each method its words.
         scenarios: for each scenario its words.
+        shared: the words of the scenarios as they were typed.
     """
 
     options: TuneOptions
     methods: tuple[tuple[str, ...], ...]
     scenarios: tuple[tuple[str, ...], ...]
+    shared: tuple[str, ...]
 
 
 def told_apart(words: Sequence[str], *, several: bool) -> TuneWords:
@@ -79,7 +81,8 @@ def told_apart(words: Sequence[str], *, several: bool) -> TuneWords:
     methods = _combinations([word for word in others if owner(word) in METHOD])
     if len(methods) > 1 and not several:
         raise PluginError(f"There are {len(methods)} methods; add -m to tune each of them with the same budget.")
-    return TuneWords(_options(own), methods, _combinations([word for word in others if owner(word) not in METHOD]))
+    shared = [word for word in others if owner(word) not in METHOD]
+    return TuneWords(_options(own), methods, _combinations(shared), tuple(shared))
 
 
 def _options(words: Sequence[str]) -> TuneOptions:

@@ -20,7 +20,7 @@ from jerkbench.results.manifest import read_manifest
 from jerkbench.results.part_shape import HEAD
 from jerkbench.results.shown_cells import current
 from jerkbench.results.store import Store
-from jerkbench.results.study_remarks import code_of, notes_of, remarks_on
+from jerkbench.results.study_remarks import code_of, notes_of, remarks_on, worse_than_fixes
 
 if TYPE_CHECKING:
     from jerkbench.report.tables.table_model import Table
@@ -111,7 +111,12 @@ def load_study(folder: Path, prefer: Collection[str] = ()) -> Study:
     rows, counts = _rows(content, chosen.places, labels)
     spent = [level for key in keys if (level := manifest.get("levels", {}).get(key)) is not None]
     rows.attrs.update({SPENDS: min(spent)} if spent else {})
-    notes = [*unlike, *notes_of(keys, cells, manifest), *remarks_on(cells, chosen, broken)]
+    notes = [
+        *unlike,
+        *notes_of(keys, cells, manifest),
+        *remarks_on(cells, chosen, broken),
+        *worse_than_fixes(rows, cells),
+    ]
     by_key = dict(zip(keys, known, strict=True))
     of_rows = pd.Series(np.repeat(np.array(keys, dtype=object), counts))
     if tags := manifest.get("tags"):

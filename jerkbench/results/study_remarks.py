@@ -1,10 +1,23 @@
 """The sentences below a study's tables: notes on its cells, their code, and remarks about what is left out."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from jerkbench.plain import plain
+from jerkbench.report.analysis.references import FLOOR
 from jerkbench.results.shown_cells import Current
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+SCENARIO = ["dataset", "disturbance", "attitude"]
+ERROR = "position_rmse_m"
+
+WORSE = 1.1
+"""A method whose median error is so many times that of the fixes alone is told."""
+
+TOLD = 3
+"""Scenarios, and methods of each, that are told."""
 
 Metadata = Mapping[str, Any]
 """What is known of a cell."""
@@ -40,6 +53,55 @@ def remarks_on(cells: Sequence[Metadata], chosen: Current, broken: list[str]) ->
     if broken:
         remarks.append(f"{damaged(broken)} left out: {', '.join(map(plain, broken))}.")
     return remarks
+
+
+def worse_than_fixes(rows: "pd.DataFrame", cells: Sequence[Metadata]) -> list[str]:
+    """Return which methods lose to the fixes carried on without an IMU, the likely causes, and what to try.
+
+    Args:
+        rows: of the study.
+        cells: the metadata of each cell.
+    """
+    if ERROR not in rows.columns or not (rows["filter"] == FLOOR).any():
+        return []
+    run = rows[rows["status"] != "failed"]
+    errors = run[ERROR].where(run["status"] == "ok", float("inf"))
+    medians = errors.groupby([run[key].astype(str) for key in (*SCENARIO, "filter", "adaptation")]).median()
+    scenarios: dict[tuple[str, ...], dict[tuple[str, ...], float]] = {}
+    for labels, median in zip(medians.index.tolist(), medians.tolist(), strict=True):
+        scenarios.setdefault(labels[: len(SCENARIO)], {})[labels[len(SCENARIO) :]] = median
+    losing = {}
+    for scenario, methods in scenarios.items():
+        floor = methods.get((FLOOR, "none"), float("nan"))
+        if worse := {method: error for method, error in methods.items() if error > WORSE * floor}:
+            losing[scenario] = _losers(scenario, worse, floor)
+    if not losing:
+        return []
+    more = f" Methods lose to {FLOOR} in {len(losing) - TOLD} more scenarios." if len(losing) > TOLD else ""
+    return [*list(losing.values())[:TOLD], _advice(cells, {scenario[-1] for scenario in losing}) + more]
+
+
+def _losers(scenario: tuple[str, ...], worse: Mapping[tuple[str, ...], float], floor: float) -> str:
+    ranked = sorted(worse.items(), key=lambda pair: -pair[1])
+    named = [f"{'+'.join(m for m in method if m != 'none')} ({_shown(error)})" for method, error in ranked]
+    more = f" and {len(named) - TOLD} more" if len(named) > TOLD else ""
+    where = ", ".join(label.partition("(")[0] for label in scenario)
+    return f"Worse than {FLOOR} ({floor:.3g} m), which has no IMU, in {where}: {', '.join(named[:TOLD])}{more}."
+
+
+def _shown(error_m: float) -> str:
+    return f"{error_m:.3g} m" if error_m < float("inf") else "lost"
+
+
+def _advice(cells: Sequence[Metadata], attitudes: set[str]) -> str:
+    causes = ["gaps of the IMU", "its axes or stamps", "an acceleration noise of the filter that is too small"]
+    moving = any(cell["spec"].get("dataset", {}).get("static_start_s") == 0.0 for cell in cells)
+    if moving and attitudes - {"reference"}:
+        causes.insert(0, "a tilt that is wrong by degrees (static_start_s=0: it starts level, without a rest)")
+    return (
+        f"Likely causes: {'; '.join(causes)}. Try `jerkbench data inspect`; attitude=reference, which tells whether the"
+        " tilt is at fault; filter=eskf15, which corrects it; a larger filter.accel_mps2, or `jerkbench tune`."
+    )
 
 
 def set_aside(names: list[str]) -> str:

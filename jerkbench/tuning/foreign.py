@@ -8,13 +8,16 @@ from jerkbench.tuning.outcome import Tuning
 
 MGAL_PER_MG = 980.665
 HOUR_S = 3600.0
+UNDECIDED = (0.05, 0.05, 0.06, 0.03, 0.03, 0.06, 0.025, 0.025, 0.04, 0.01, 0.01, 0.02, 0.01, 0.01, 0.015)
+"""robot_localization's own process noise, of x y z, roll pitch yaw, their rates, and ax ay az."""
+
 CORRELATION_H = 1.0
 """Correlation time of KF-GINS' biases where our filter has a random walk."""
 
 
 def robot_localization(tuning: Tuning) -> str:
     """Return the part of an ekf_node's parameters that the setting decides."""
-    values, rows = _values(tuning), [0.0] * 15
+    values, rows, decided = _values(tuning), list(UNDECIDED), False
     comments = [
         "robot_localization (ROS 2, ekf_node). Units: those of its state, variances per second.",
         "Maps: process noise. Does not map: the reported covariances (the node takes them from the messages: multiply",
@@ -23,17 +26,22 @@ def robot_localization(tuning: Tuning) -> str:
     ]
     density = _velocity_density(tuning, values)
     if density is not None:
-        rows[6:9] = [density] * 3
+        rows[6:9], decided = [density] * 3, True
         comments.append("process_noise_covariance, vx vy vz: sigma_a^2 dt0 [m2/s3].")
     if (walk := values.get("filter.accel_walk_mps2_per_sqrt_s")) is not None:
-        rows[12:15] = [walk**2] * 3
+        rows[12:15], decided = [walk**2] * 3, True
         comments.append("process_noise_covariance, ax ay az: sigma_w^2 [m2/s5].")
     comments += _adaptation(tuning, values)
-    diagonal = [row if k == j else 0.0 for k, row in enumerate(rows) for j in range(15)]
-    body = [f"    process_noise_covariance: [{', '.join(f'{value:.6g}' for value in diagonal)}]"]
+    body = []
+    if decided:
+        comments.append("The rest of process_noise_covariance was not tuned: the defaults of robot_localization.")
+        diagonal = [row if k == j else 0.0 for k, row in enumerate(rows) for j in range(15)]
+        body.append(f"    process_noise_covariance: [{', '.join(f'{value:.6g}' for value in diagonal)}]")
+    else:
+        comments.append("This filter decides no process noise of the node: keep your own process_noise_covariance.")
     for gate in _gate(values):
         body += [f"    odom0_{part}_rejection_threshold: {gate:.4g}" for part in ("pose", "twist")]
-    return _file(comments, ["ekf_filter_node:", "  ros__parameters:", *body])
+    return _file(comments, ["ekf_filter_node:", f"  ros__parameters:{'' if body else ' {}'}", *body])
 
 
 def kf_gins(tuning: Tuning) -> str:

@@ -11,8 +11,22 @@ from jerkbench.tuning.outcome import Tuning
 PARTS = ("filter", "adaptation")
 
 
-def write_presets(tuning: Tuning, folder: Path, remarks: str) -> str:
-    """Write a preset of each part that was tuned, and an experiment that chooses them; returns its name.
+def preset_words(tuning: Tuning, *, typed: bool) -> list[str]:
+    """Return the words that choose what was tuned.
+
+    Args:
+        tuning: the tuned method.
+        typed: whether the words of the tuning choose an experiment themselves; a run takes one only.
+    """
+    if not typed:
+        return [f"experiment={_name(tuning)}"]
+    spec, setting = tuning.cases.tune[0].cell.spec, tuning.setting
+    parts = [f"{part}={spec[part]['name']}_tuned" for part in PARTS if tuning.space.of_part(part, setting)]
+    return parts + [f"r_scale.{key}={value}" for key, value in tuning.space.of_part("r_scale", setting).items()]
+
+
+def write_presets(tuning: Tuning, folder: Path, remarks: str) -> None:
+    """Write a preset of each part that was tuned, and an experiment that chooses them.
 
     Args:
         tuning: the tuned method.
@@ -20,7 +34,6 @@ def write_presets(tuning: Tuning, folder: Path, remarks: str) -> str:
         remarks: what stands at the top of each file, one line.
     """
     cell = tuning.cases.tune[0].cell
-    name = f"{tuning.name}_tuned".replace("-", "_")
     chosen = {}
     for part in PARTS:
         plugin, values = str(cell.spec[part]["name"]), tuning.space.of_part(part, tuning.setting)
@@ -31,8 +44,12 @@ def write_presets(tuning: Tuning, folder: Path, remarks: str) -> str:
     told = tuning.space.of_part("r_scale", tuning.setting)
     defaults = [{f"override /{part}": preset} for part, preset in chosen.items()]
     whole = {"defaults": [*defaults, "_self_"], **({"r_scale": told} if told else {})}
-    write_text(folder / "experiment" / f"{name}.yaml", f"# @package _global_\n{_text(remarks, whole)}")
-    return name
+    write_text(folder / "experiment" / f"{_name(tuning)}.yaml", f"# @package _global_\n{_text(remarks, whole)}")
+
+
+def _name(tuning: Tuning) -> str:
+    """The name of the experiment."""
+    return f"{tuning.name}_tuned".replace("-", "_")
 
 
 def _given(spec: dict[str, Any]) -> dict[str, Any]:

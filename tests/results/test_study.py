@@ -16,7 +16,7 @@ from jerkbench.results.parts import Block
 from jerkbench.results.store import Store
 from jerkbench.results.study import load_study, write_study
 from jerkbench.sweep.sweep import plan_sweep
-from stored_cells import about, put, row
+from stored_cells import LABELS, about, put, row
 
 KEYS_OF_TWO = ("a" * 20, "b" * 20)
 
@@ -226,3 +226,41 @@ def test_a_cell_whose_blocks_were_run_on_two_processors_names_both(tmp_path):
     (stored,), _ = store.read([KEYS_OF_TWO[0]])
 
     assert stored.metadata["processor"] == "haswell: avx and znver4: avx fma"
+
+
+def test_a_method_that_loses_to_the_fixes_alone_is_told_with_what_to_try(tmp_path):
+    moving = {"spec": {"dataset": {"name": "table", "static_start_s": 0.0}}}
+    errors = {"gnss_only": 5.0, "baseline": 11.9, "eskf15": 0.7, "bias": 5.2}
+    for attitude, factor in (("real", 1.0), ("reference", 0.1)):
+        for name, error in errors.items():
+            scaled = error if name == "gnss_only" else error * factor
+            put(tmp_path, f"{name}{attitude}".encode().hex(), scaled, filter=name, attitude=attitude, conditions=moving)
+
+    losing, advice = load_study(tmp_path).notes[-2:]
+
+    assert "gnss_only (5 m)" in losing
+    assert "real: baseline (11.9 m)." in losing
+    assert "static_start_s=0" in advice
+    assert "attitude=reference" in advice
+
+
+def test_a_run_that_diverged_loses_to_the_fixes_and_one_that_failed_is_not_compared(tmp_path):
+    put(tmp_path, "a1", 5.0, filter="gnss_only")
+    put(tmp_path, "b1", 0.1, filter="jerk")
+    for key, name, status in (("c1", "bias", "diverged"), ("d1", "imm", "failed")):
+        lost = [row(float("nan"), status=status, filter=name)]
+        Store(tmp_path).write(key, lost, about(labels={**LABELS, "filter": name}))
+
+    told = [note for note in load_study(tmp_path).notes if "gnss_only" in note]
+
+    assert len(told) == 1
+    assert "bias (inf m)" not in told[0]
+    assert "bias (lost)" in told[0]
+    assert "imm" not in told[0]
+
+
+def test_where_no_method_loses_to_the_fixes_nothing_is_said(tmp_path):
+    put(tmp_path, "a1", 5.0, filter="gnss_only")
+    put(tmp_path, "b1", 5.1, filter="jerk")
+
+    assert not [note for note in load_study(tmp_path).notes if "Worse" in note or "Likely" in note]

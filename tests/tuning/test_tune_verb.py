@@ -1,6 +1,7 @@
 """`jerkbench tune` as a person types it: what it says, what it writes, what it refuses."""
 
 import json
+import shlex
 
 import pandas as pd
 import pytest
@@ -64,6 +65,47 @@ def test_a_run_takes_the_preset_with_the_tuned_values(tuned):
     assert cell["spec"]["r_scale"]["velocity"] == pytest.approx(setting["r_scale.velocity"])
 
 
+def printed(text):
+    """The words of the command that a page prints."""
+    return shlex.split(text.partition("Take it with: jerkbench ")[2].splitlines()[0])
+
+
+def test_the_command_that_is_printed_runs_what_was_tuned_where_it_was_tuned(tuned):
+    folder, _ = tuned
+    place = folder / "results/adhoc/tune/baseline-chi2"
+    setting = json.loads((place / "tuning.json").read_text())["setting"]
+    command = printed((place / "tuning.md").read_text())
+
+    done = jerkbench(*command, "seeds=1", "study=printed", "figures=false", cwd=folder)
+
+    assert done.returncode == 0, done.stderr
+    cells = [stored.metadata for stored in Store(folder / "results/printed").read()[0]]
+    assert {cell["labels"]["disturbance"] for cell in cells} == {"none", "outliers"}
+    for cell in cells:
+        assert cell["spec"]["dataset"]["duration_s"] == 12
+        assert cell["spec"]["filter"]["accel_mps2"] == pytest.approx(setting["filter.accel_mps2"])
+        assert cell["spec"]["adaptation"]["longest"] == setting["adaptation.longest"]
+        assert cell["spec"]["r_scale"]["velocity"] == pytest.approx(setting["r_scale.velocity"])
+
+
+def test_the_command_keeps_what_was_given_and_not_tuned(tmp_path):
+    given = ["filter=bias", "adaptation=mtf", "adaptation.window=3", "r_scale.position=2"]
+    words = [*given, "dataset=field_v1", "attitude=real", *FAST, "knobs=[filter.accel_mps2]"]
+    done = verb("tune", *words, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+
+    ran = jerkbench(*printed(done.stdout), "seeds=1", "study=printed", cwd=tmp_path)
+
+    assert ran.returncode == 0, ran.stderr
+    ((stored,), _) = Store(tmp_path / "results/printed").read()
+    spec = stored.metadata["spec"]
+    labels = stored.metadata["labels"]
+    assert (labels["dataset"], labels["attitude"]) == ("field_v1(duration_s=12)", "real")
+    assert (spec["adaptation"]["window"], spec["r_scale"]["position"]) == (3, 2)
+    record = json.loads(next(tmp_path.rglob("tuning.json")).read_text())
+    assert spec["filter"]["accel_mps2"] == pytest.approx(record["setting"]["filter.accel_mps2"])
+
+
 def test_the_files_for_other_programs_hold_the_noise_and_say_what_does_not_map(tuned):
     place = tuned[0] / "results/adhoc/tune/baseline-chi2"
     setting = json.loads((place / "tuning.json").read_text())["setting"]
@@ -76,6 +118,8 @@ def test_the_files_for_other_programs_hold_the_noise_and_say_what_does_not_map(t
     noise = node["ekf_filter_node"]["ros__parameters"]["process_noise_covariance"]
     assert len(noise) == 225
     assert noise[16 * 6] == pytest.approx(density, rel=1e-4)
+    assert min(noise[::16]) > 0  # a zero would freeze that state
+    assert noise[0] == 0.05  # its own default
     assert gins["imunoise"]["vrw"] == pytest.approx([60 * density**0.5] * 3, rel=1e-4)
     assert own["filter"]["velocity_random_walk_mps_per_sqrt_h"] == pytest.approx(60 * density**0.5, rel=1e-4)
     assert all("oes not map" in text for text in texts.values())
