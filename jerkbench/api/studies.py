@@ -120,7 +120,12 @@ def table(
 
 
 def report(
-    study: "Study | Path | str", path: Path | str | None = None, scenarios: int = 20, figures: str = "few"
+    study: "Study | Path | str",
+    path: Path | str | None = None,
+    scenarios: int = 20,
+    figures: str = "few",
+    *,
+    run_programs: bool = False,
 ) -> Path:
     """Write the report of a study as one HTML file; returns where.
 
@@ -129,6 +134,7 @@ def report(
         path: the file; None: report.html in the study's folder.
         scenarios: show the runs of so many scenarios.
         figures: "few": of scenarios and methods that carry a finding; "all", or "none".
+        run_programs: let programs that the stored results name run: only of results that you trust.
 
     Raises:
         JerkbenchError: there are no results.
@@ -140,7 +146,7 @@ def report(
 
     opened = _opened(study)
     written = Path(path) if path else opened.folder / REPORT
-    request = Request(figures_choice(figures), scenarios)
+    request = Request(figures_choice(figures), scenarios, run_programs=run_programs)
     write_report(opened, draw_study(opened, request, processors()), written)
     return written
 

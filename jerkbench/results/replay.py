@@ -2,10 +2,13 @@
 
 import json
 import math
+import sys
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from jerkbench import plugins
 from jerkbench.cells.cell import Cell, build
 from jerkbench.cells.data import require_data
 from jerkbench.cells.labels import Labels
@@ -16,13 +19,18 @@ from jerkbench.estimate import Estimate
 from jerkbench.evaluation.evaluated_run import RUN
 from jerkbench.execution.cell_run import CellRun, Row
 from jerkbench.execution.plugin_errors import plugins_in_words
+from jerkbench.filters.command import Command
+from jerkbench.plain import plain
 from jerkbench.recording import Recording
 from jerkbench.results.content import Stored
 from jerkbench.results.store import Store
-from jerkbench.results.study import load_study
+from jerkbench.results.study import Study, load_study
 
 LARGEST = 100_000
 """Characters of a stored specification: the longest of this project's own studies has some thousands."""
+
+SHOWN = 200
+"""Characters of a command that a sentence shows."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,29 +77,35 @@ class StoredRow:
         return bool(self.metadata["code"] != code_digest() or self.metadata["versions"] != versions())
 
 
-def stored_row(folder: Path, which: str) -> StoredRow:
+def stored_row(folder: Path, which: str, *, run_programs: bool = False) -> StoredRow:
     """Find a row of a study.
 
     Args:
         folder: the study's, or a folder of cells.
         which: the row's number in rows.csv, from 1 on; or the beginning of its cell's key, with ``:SEED`` or its first.
+        run_programs: whether a program that the stored configuration names may run.
 
     Raises:
-        JerkbenchError: there is none, or several.
+        JerkbenchError: there is none, or several, or it needs a program that may not run.
     """
     key, seed = _by_number(folder, int(which)) if which.isdecimal() and len(which) < 6 else _by_key(folder, which)
     stored, _ = Store(folder).read([key])
     if not stored:
         raise JerkbenchError(f"The file of the cell {key} in {folder} is damaged; `jerkbench run` makes it anew.")
-    return row_of(stored[0], seed)
+    return row_of(stored[0], seed, run_programs=run_programs)
 
 
-def row_of(stored: Stored, seed: int | None = None) -> StoredRow:
+def row_of(stored: Stored, seed: int | None = None, *, run_programs: bool = False) -> StoredRow:
     """Return one row of a stored cell: that of ``seed``, or its first.
 
     Raises:
-        JerkbenchError: it has no such seed.
+        JerkbenchError: it has no such seed, or needs a program that may not run.
     """
+    if not run_programs and (program := program_of(stored.metadata["spec"])):
+        raise JerkbenchError(
+            f"The cell {plain(stored.key)} needs the program {program} to run again, and programs of stored results do"
+            " not run unasked; give --run-programs if you trust it."
+        )
     seeds = [int(seed) for seed in stored.rows["seed"]]
     draw = seeds[0] if seed is None else seed
     if draw not in seeds:
@@ -99,6 +113,34 @@ def row_of(stored: Stored, seed: int | None = None) -> StoredRow:
     metadata = stored.metadata
     cell = _cell_of(stored)
     return StoredRow(cell, draw, metadata["data"], stored.rows.to_dict("records")[seeds.index(draw)], metadata)  # type: ignore[arg-type]  # keys are strings
+
+
+def program_of(spec: Mapping[str, Any]) -> str:
+    """Return the command that a stored configuration would run; empty where it runs none."""
+    model = spec.get("filter") if isinstance(spec, dict) else None
+    if not isinstance(model, dict):
+        return ""
+    name = str(model.get("name"))
+    if name not in plugins.names("filter") or not issubclass(plugins.get("filter", name), Command):
+        return ""
+    return plain(str(model.get("command", name)))[:SHOWN]
+
+
+def runnable(cells: Sequence[Stored], *, run_programs: bool) -> list[Stored]:
+    """Return the cells that may run again: without ``run_programs`` those that need no program."""
+    return [cell for cell in cells if run_programs or not program_of(cell.metadata["spec"])]
+
+
+def tell_left_out(study: Study, *, run_programs: bool) -> None:
+    """Say on standard error how many cells of a study will not run again."""
+    stored, _ = Store(study.folder).read(list(dict.fromkeys(study.keys)))
+    if count := len(stored) - len(runnable(stored, run_programs=run_programs)):
+        cells = "1 cell that needs a program is" if count == 1 else f"{count} cells that need programs are"
+        print(
+            f"jerkbench: {cells} shown by stored rows alone, and left out of what is run again; give --run-programs if"
+            " you trust these results.",
+            file=sys.stderr,
+        )
 
 
 def _cell_of(stored: Stored) -> Cell:
@@ -112,6 +154,11 @@ def _cell_of(stored: Stored) -> Cell:
         raise JerkbenchError(
             f"The configuration that is stored with the cell {stored.key} has {size} characters, and at most {LARGEST}"
             " are taken: no run writes that much. It is damaged, or forged."
+        )
+    if "${" in json.dumps(metadata["spec"]):
+        raise JerkbenchError(
+            f"The configuration that is stored with the cell {stored.key} has an interpolation (${{...}}): a run stores"
+            " plain values. It is forged."
         )
     try:
         return build(metadata["spec"], Protocol(**metadata["protocol"]), Labels(**metadata["labels"]))

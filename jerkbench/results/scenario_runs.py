@@ -5,12 +5,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from jerkbench.attitude.plugin import Tilt
+from jerkbench.errors import JerkbenchError
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.execution.inputs import shared_inputs
 from jerkbench.recording import Recording
 from jerkbench.report.analysis.references import competes
 from jerkbench.results.content import Stored
-from jerkbench.results.replay import StoredRow, row_of
+from jerkbench.results.replay import StoredRow, row_of, runnable
 from jerkbench.results.store import Store
 from jerkbench.results.study import Study
 from jerkbench.results.titles import with_title
@@ -63,7 +64,13 @@ def scene_keys(study: Study, limit: int) -> dict[str, tuple[str, ...]]:
 
 
 def load_scene(
-    folder: Path, name: str, keys: Sequence[str], metric: str, methods: Sequence[tuple[str, str]] = ()
+    folder: Path,
+    name: str,
+    keys: Sequence[str],
+    metric: str,
+    methods: Sequence[tuple[str, str]] = (),
+    *,
+    run_programs: bool = False,
 ) -> Scene:
     """Run those cells ``keys`` of a scenario again that are worth a picture.
 
@@ -73,22 +80,26 @@ def load_scene(
         keys: of its cells.
         metric: by which they are chosen.
         methods: filters and adaptations that are shown beside the best; none: `WANTED`, and the next best.
+        run_programs: whether programs of stored cells may run; without it their cells are left out.
 
     Raises:
         JerkbenchError: they cannot be run again.
     """
     stored, _ = Store(folder).read(keys)
-    return _scene(name, _chosen(stored, metric, methods))
+    allowed = runnable(stored, run_programs=run_programs)
+    if not allowed:
+        raise JerkbenchError("each of its methods is a program, and programs of stored results do not run unasked.")
+    return _scene(name, _chosen(allowed, metric, methods), run_programs=run_programs)
 
 
-def _scene(name: str, chosen: Mapping[str, Stored]) -> Scene:
-    rows = {method: row_of(stored) for method, stored in chosen.items()}
+def _scene(name: str, chosen: Mapping[str, Stored], *, run_programs: bool) -> Scene:
+    rows = {method: row_of(stored, run_programs=run_programs) for method, stored in chosen.items()}
     runs = {method: row.run() for method, row in rows.items()}
     best = next(iter(rows))
     recording = runs[best][0]
     attitude = shared_inputs().attitude(recording, rows[best].cell.attitude)
     estimates = {method: estimate for method, (_, estimate) in runs.items()}
-    runs_of_best = tuple(_best_runs(chosen[best]))
+    runs_of_best = tuple(_best_runs(chosen[best], run_programs=run_programs))
     burn_in_s = rows[best].cell.protocol.burn_in_s
     named = with_title(recording, rows[best].cell, rows[best].draw)
     return Scene(name, named, attitude, estimates, _tilts(rows[best], estimates[best]), best, runs_of_best, burn_in_s)
@@ -102,10 +113,10 @@ def _tilts(row: StoredRow, own: Estimate) -> dict[str, Estimate]:
     return {f"tilt + {adapt}": replace(row, cell=cell).run()[1] for adapt, cell in varied.items()}
 
 
-def _best_runs(stored: Stored) -> Iterator[tuple[Recording, Estimate]]:
+def _best_runs(stored: Stored, *, run_programs: bool) -> Iterator[tuple[Recording, Estimate]]:
     good = stored.rows[(stored.rows["status"] == "ok") & (stored.rows["replicate"] == "seed")]
-    rows = [row_of(stored, int(seed)) for seed in list(good["seed"])[:SEEDS]] or [row_of(stored)]
-    return map(StoredRow.run, rows)
+    seeds: list[int | None] = [int(seed) for seed in list(good["seed"])[:SEEDS]]
+    return (row_of(stored, seed, run_programs=run_programs).run() for seed in seeds or [None])
 
 
 def _chosen(group: list[Stored], metric: str, wanted: Sequence[tuple[str, str]]) -> dict[str, Stored]:

@@ -3,11 +3,13 @@
 import time
 from typing import TYPE_CHECKING
 
+from jerkbench.cells.labels import Labels
 from jerkbench.errors import JerkbenchError
 from jerkbench.evaluation.evaluated_run import RUN
 from jerkbench.execution.cell_run import CellRun
 from jerkbench.execution.plugin_errors import plugins_in_words
-from jerkbench.results.replay import StoredRow, stored_row
+from jerkbench.results.replay import StoredRow, row_of, runnable
+from jerkbench.results.store import Store
 from jerkbench.results.study import Study
 
 if TYPE_CHECKING:
@@ -20,11 +22,12 @@ REPEATS = 5
 COLUMN = "step_ns"
 
 
-def step_costs(study: Study) -> "pd.DataFrame":
+def step_costs(study: Study, *, run_programs: bool = False) -> "pd.DataFrame":
     """Return a row for each method of a study's first scenario, with its cost in the column `COLUMN`.
 
     Each method runs a seed that went well again, with its trajectory, alone. A step is an IMU sample, of a recording
-    without an IMU a fix. Recording, attitude and compilation are not counted.
+    without an IMU a fix. Recording, attitude and compilation are not counted. Methods that are programs are
+    left out unless ``run_programs``.
 
     Raises:
         JerkbenchError: no run of the scenario went well, or its data are not there any more.
@@ -34,11 +37,15 @@ def step_costs(study: Study) -> "pd.DataFrame":
     chosen = rows[scenario & (rows["status"] == "ok")].drop_duplicates("key")
     if chosen.empty:
         raise JerkbenchError(f"No run of the first scenario of {study.folder} went well, so no step can be timed.")
+    cells, _ = Store(study.folder).read(list(chosen["key"]))
+    by_key = {cell.key: cell for cell in runnable(cells, run_programs=run_programs)}
+    chosen = chosen[chosen["key"].isin(list(by_key))]
     stored = [
-        stored_row(study.folder, f"{key}:{seed}") for key, seed in zip(chosen["key"], chosen["seed"], strict=True)
+        row_of(by_key[key], int(seed), run_programs=run_programs)
+        for key, seed in zip(chosen["key"], chosen["seed"], strict=True)
     ]
     timed = chosen.assign(replicate="phase", **{COLUMN: [step_ns(row) for row in stored]})
-    kept = [name for name in timed if name in {*stored[0].cell.labels._fields, *RUN}]
+    kept = [name for name in timed if name in {*Labels._fields, *RUN}]
     return timed[[*kept, COLUMN]].reset_index(drop=True)
 
 

@@ -11,6 +11,7 @@ from jerkbench.errors import JerkbenchError
 from jerkbench.evaluation.statistics.ranks import rank_range
 from jerkbench.files import write_text
 from jerkbench.report.markup import environment
+from jerkbench.results.replay import program_of
 from jerkbench.suite.entry import MANIFEST, Entry, read_entry
 from jerkbench.suite.protocol import SuiteProtocol, read_suite
 from jerkbench.suite.scores import Score, log_ratios, of_families, score_of
@@ -69,11 +70,15 @@ def write_board(folder: Path, count: int) -> list[Path]:
     if len(suites) != 1:
         content = f"entries of {', '.join(sorted(suites))}" if suites else "no entry"
         raise JerkbenchError(f"In {folder} there is {content}; a board is of the entries of one suite, a folder each.")
-    board = board_of(entries, [verify(entry.folder, count) for entry in entries], read_suite(suites.pop()))
+    board = board_of(entries, [_verified_without_programs(entry, count) for entry in entries], read_suite(suites.pop()))
     texts = {"board.html": html(board), "board.md": markdown(board)}
     for name, text in texts.items():
         write_text(folder / name, text)
     return [folder / name for name in texts]
+
+
+def _verified_without_programs(entry: Entry, count: int) -> Checked:
+    return verify(entry.folder, 0 if program_of({"filter": entry.entrant.filter}) else count)
 
 
 def board_of(entries: Sequence[Entry], checks: Sequence[Checked], protocol: SuiteProtocol) -> Board:

@@ -80,6 +80,9 @@ def read_entry(folder: Path) -> Entry:
     Raises:
         JerkbenchError: a part of it is missing or damaged; says which.
     """
+    for name in (MANIFEST, *HASHED):  # a pipe would be waited for
+        if (folder / name).exists() and not (folder / name).is_file():
+            raise JerkbenchError(f"{folder / name} is no file. An entry is made by `jerkbench suite run`.")
     manifest = _read(folder / MANIFEST, lambda path: json.loads(path.read_text(encoding="utf-8")))
     settings = _read(folder / SETTINGS, lambda path: yaml.safe_load(path.read_text(encoding="utf-8")))
     return Entry(folder, manifest, _read(folder / ROWS, pd.read_parquet), settings)

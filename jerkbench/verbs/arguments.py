@@ -67,3 +67,12 @@ def percentage(text: str) -> float:
     if not (math.isfinite(value) and value > -100.0):
         raise argparse.ArgumentTypeError(f"'{text}' is no percentage; give a number, for example 5")
     return value
+
+
+def add_run_programs(parser: argparse.ArgumentParser) -> None:
+    """Declare the word that lets programs of stored results run."""
+    parser.add_argument(
+        "--run-programs",
+        action="store_true",
+        help="let programs that stored results name (filter=command) run here: only of results that you trust",
+    )

@@ -34,7 +34,7 @@ def answer(chosen: argparse.Namespace) -> None:
 
     if chosen.tum is None and chosen.updates is None:
         raise JerkbenchError(NOTHING)
-    row = stored_row(chosen.folder, chosen.row)
+    row = stored_row(chosen.folder, chosen.row, run_programs=chosen.run_programs)
     if chosen.tum is not None:
         _write_trajectories(chosen, row)
     if chosen.updates is not None:

@@ -3,7 +3,7 @@
 import argparse
 
 from jerkbench.places import place
-from jerkbench.verbs.arguments import Verbs, add_verb, count, output
+from jerkbench.verbs.arguments import Verbs, add_run_programs, add_verb, count, output
 
 
 def add(verbs: Verbs) -> None:
@@ -15,6 +15,7 @@ def add(verbs: Verbs) -> None:
     figures.add_argument("--out", type=output, help="where they go (default: figures/ in the study's folder)")
     figures.add_argument("--scenarios", type=count, default=20, help="draw the runs of so many scenarios (default: 20)")
     figures.add_argument("--few", action="store_true", help="only of scenarios and methods that carry a finding")
+    add_run_programs(figures)
     figures.add_argument("--pdf", action="store_true", help="each as PDF, too")
 
 
@@ -25,6 +26,7 @@ def answer(chosen: argparse.Namespace) -> None:
         JerkbenchError: there are no results.
     """
     from jerkbench.execution.processors import processors
+    from jerkbench.results.replay import tell_left_out
     from jerkbench.results.study import load_study
     from jerkbench.results.study_figures.choice import Choice
     from jerkbench.results.study_figures.files import Request, draw_study
@@ -32,7 +34,9 @@ def answer(chosen: argparse.Namespace) -> None:
 
     out = chosen.out or chosen.folder / FIGURES
     choice = Choice.FEW if chosen.few else Choice.ALL
-    request = Request(choice, chosen.scenarios, out, pdf=chosen.pdf, traces=False)
-    for picture in draw_study(load_study(chosen.folder), request, processors()).pictures:
+    request = Request(choice, chosen.scenarios, out, pdf=chosen.pdf, traces=False, run_programs=chosen.run_programs)
+    study = load_study(chosen.folder)
+    tell_left_out(study, run_programs=chosen.run_programs)
+    for picture in draw_study(study, request, processors()).pictures:
         for ending in ("png", "pdf") if chosen.pdf else ("png",):
             print(out / f"{picture.name}.{ending}")

@@ -5,7 +5,7 @@ import argparse
 from jerkbench.errors import JerkbenchError
 from jerkbench.places import place
 from jerkbench.results.study_figures.choice import Choice
-from jerkbench.verbs.arguments import Verbs, add_verb, count, output
+from jerkbench.verbs.arguments import Verbs, add_run_programs, add_verb, count, output
 from jerkbench.verbs.judging import add_judging, chosen_method, chosen_rule
 
 
@@ -23,6 +23,7 @@ def add(verbs: Verbs) -> None:
         default=Choice.FEW.value,
         help="of scenarios and methods that carry a finding (few, the default), of all, or none",
     )
+    add_run_programs(report)
     add_judging(report)
 
 
@@ -33,6 +34,7 @@ def answer(chosen: argparse.Namespace) -> None:
         JerkbenchError: there are no results, or the file cannot be one.
     """
     from jerkbench.execution.processors import processors
+    from jerkbench.results.replay import tell_left_out
     from jerkbench.results.study import load_study
     from jerkbench.results.study_figures.files import Request, draw_study
     from jerkbench.results.study_figures.presentation import REPORT, write_report
@@ -42,6 +44,8 @@ def answer(chosen: argparse.Namespace) -> None:
     if path.is_dir():
         raise JerkbenchError(f"{path} is a folder; give the name of a file: --out {path / REPORT}.")
     method, rule = chosen_method(chosen), chosen_rule(chosen)
-    drawn = draw_study(study, Request(Choice(chosen.figures), chosen.scenarios), processors())
+    request = Request(Choice(chosen.figures), chosen.scenarios, run_programs=chosen.run_programs)
+    tell_left_out(study, run_programs=chosen.run_programs)
+    drawn = draw_study(study, request, processors())
     write_report(study, drawn, path, method, rule)
     print(path)

@@ -3,7 +3,7 @@
 import argparse
 
 from jerkbench.places import place
-from jerkbench.verbs.arguments import Verbs, add_verb
+from jerkbench.verbs.arguments import Verbs, add_run_programs, add_verb
 
 DIFFERENT = 1
 """Exit code where a number is another."""
@@ -19,6 +19,7 @@ def add_row(parser: argparse.ArgumentParser) -> None:
     """Declare the words that say which row."""
     parser.add_argument("folder", type=place, help="a study's folder, or a folder of cells")
     parser.add_argument("row", metavar="ROW", help="its number in rows.csv, from 1; or KEY:SEED of a file in cells/")
+    add_run_programs(parser)
 
 
 def answer(chosen: argparse.Namespace) -> None:
@@ -31,7 +32,7 @@ def answer(chosen: argparse.Namespace) -> None:
     from jerkbench.report.tables.terminal import print_grid
     from jerkbench.results.replay import equal_or_nan, replay_differences, stored_row
 
-    row = stored_row(chosen.folder, chosen.row)
+    row = stored_row(chosen.folder, chosen.row, run_programs=chosen.run_programs)
     numbers = replay_differences(row)
     lines = [[name, repr(a), repr(b), "" if equal_or_nan(a, b) else "differs"] for name, a, b in numbers]
     notes = ["The code or a library is another than when the row was stored."] if row.code_changed else []

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from jerkbench.errors import JerkbenchError
 from jerkbench.places import place
-from jerkbench.verbs.arguments import Verbs, add_verb
+from jerkbench.verbs.arguments import Verbs, add_run_programs, add_verb
 from jerkbench.verbs.judging import add_judging, chosen_method, chosen_rule
 
 if TYPE_CHECKING:
@@ -41,6 +41,7 @@ def add(verbs: Verbs) -> None:
     table.add_argument(
         "--costs", action="store_true", help="put the time a step beside it: each method runs again, here"
     )
+    add_run_programs(table)
     table.add_argument("--fit", action="store_true", help="with --format tex: no wider than A4 with margins of 25 mm")
     table.add_argument("--format", choices=FORMATS, default="terminal")
 
@@ -68,9 +69,12 @@ def answer(chosen: argparse.Namespace) -> None:
         return
     _writer(chosen.format, fit=chosen.fit)(table)
     if chosen.costs:
+        from jerkbench.results.replay import tell_left_out
         from jerkbench.results.step_costs import COLUMN, step_costs
 
-        _writer(chosen.format, fit=chosen.fit)(summarise(step_costs(study), COLUMN, rows, columns))
+        tell_left_out(study, run_programs=chosen.run_programs)
+        if len(costs := step_costs(study, run_programs=chosen.run_programs)):
+            _writer(chosen.format, fit=chosen.fit)(summarise(costs, COLUMN, rows, columns))
 
 
 def _sentences(

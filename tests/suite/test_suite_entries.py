@@ -166,11 +166,14 @@ def test_a_program_is_scored_as_it_is_and_checked_where_it_is(made):
     command = f"filter.command='{program} {{recording}} {{out}}'"
 
     done = verb("suite", "run", "filter=command", command, "--name", "stands", *TINY, cwd=folder)
-    there = verb("suite", "verify", "results/suite-tiny/stands", "--rows", "3", cwd=folder)
+    there = verb("suite", "verify", "results/suite-tiny/stands", "--rows", "3", "--run-programs", cwd=folder)
+    unasked = verb("suite", "verify", "results/suite-tiny/stands", "--rows", "3", cwd=folder)
     program.unlink()
-    gone = verb("suite", "verify", "results/suite-tiny/stands", "--rows", "3", cwd=folder)
+    gone = verb("suite", "verify", "results/suite-tiny/stands", "--rows", "3", "--run-programs", cwd=folder)
 
     assert "not tuned." in done.stdout, done.stderr
+    assert unasked.returncode == 2
+    assert "does not run unasked" in unasked.stderr
     assert there.returncode == gone.returncode == 0
     assert "2 of its own rows" in there.stdout
     assert "The rows of command + none cannot be computed here, and are not checked: There is no program" in gone.stdout

@@ -38,6 +38,7 @@ class Request:
         out: folder for a PNG of each; None: no files.
         pdf: whether each is a PDF, too.
         traces: whether the errors over time of its cells are wanted, of all scenarios up to the limit.
+        run_programs: whether programs that stored cells name may run; without it their cells are left out.
     """
 
     choice: Choice = Choice.FEW
@@ -45,6 +46,7 @@ class Request:
     out: Path | None = None
     pdf: bool = False
     traces: bool = True
+    run_programs: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,7 +144,9 @@ def draw(job: Job) -> Drawn:
 
 def _stretches(job: Job) -> Iterator[Stretch]:
     if job.keys and job.steps:
-        stretch = load_stretch(job.study, job.scenario, job.keys, job.metric, job.steps)
+        stretch = load_stretch(
+            job.study, job.scenario, job.keys, job.metric, job.steps, run_programs=job.request.run_programs
+        )
         if stretch is not None:
             yield stretch
 
@@ -152,7 +156,10 @@ def _drawings(job: Job) -> Iterator[Drawing]:
         return of_rows(job.rows)
     if job.methods is None:
         return iter(())
-    return of_scene(load_scene(job.study, job.scenario, job.keys, job.metric, job.methods), job.palette)
+    scene = load_scene(
+        job.study, job.scenario, job.keys, job.metric, job.methods, run_programs=job.request.run_programs
+    )
+    return of_scene(scene, job.palette)
 
 
 def _picture(drawing: Drawing, job: Job) -> Picture:

@@ -22,11 +22,14 @@ OTHERWISE = {
 
 
 def present(study: Study, workers: int, choice: Choice, *, pdf: bool = False) -> None:
-    """Draw the figures of a study and write its report; say so before, because it takes a while."""
+    """Draw the figures of a study and write its report; say so before, because it takes a while.
+
+    Programs run: the study is one of this command's own.
+    """
     drawn = Drawn()
     if choice is not Choice.NONE:
         print(f"Drawing the figures ({OTHERWISE[choice]}).", flush=True)
-        drawn = draw_study(study, Request(choice, out=study.folder / FIGURES, pdf=pdf), workers)
+        drawn = draw_study(study, Request(choice, out=study.folder / FIGURES, pdf=pdf, run_programs=True), workers)
         print(f"Figures: {study.folder / FIGURES}")
     write_report(study, drawn, study.folder / REPORT)
     print(f"Report: {study.folder / REPORT}")

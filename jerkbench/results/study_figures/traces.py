@@ -9,7 +9,7 @@ from jerkbench.estimate import Estimate
 from jerkbench.evaluation.navigation_errors import position_error_length_m
 from jerkbench.recording import Recording
 from jerkbench.report.page.traces import Stretch, largest_of_steps
-from jerkbench.results.replay import StoredRow, row_of
+from jerkbench.results.replay import StoredRow, row_of, runnable
 from jerkbench.results.scenario_runs import ranked
 from jerkbench.results.store import Store
 
@@ -33,7 +33,9 @@ def steps_of(scenarios: Iterable[Sequence[str]]) -> int:
     return int(np.clip(KEPT // max(1, lines), *STEPS))
 
 
-def load_stretch(folder: Path, scenario: str, keys: Sequence[str], metric: str, steps: int) -> Stretch | None:
+def load_stretch(
+    folder: Path, scenario: str, keys: Sequence[str], metric: str, steps: int, *, run_programs: bool = False
+) -> Stretch | None:
     """Run one run of each of the best cells again; None where the recording has no position to compare with.
 
     Args:
@@ -42,12 +44,14 @@ def load_stretch(folder: Path, scenario: str, keys: Sequence[str], metric: str, 
         keys: of its cells.
         metric: by which they are chosen.
         steps: into how many the recording is cut.
+        run_programs: whether programs of stored cells may run; without it their cells are left out.
 
     Raises:
         JerkbenchError: they cannot be run again.
     """
     stored, _ = Store(folder).read(keys)
-    rows = {cell.key: row_of(cell) for cell in ranked(stored, metric)[:MOST_CELLS]}
+    best = ranked(runnable(stored, run_programs=run_programs), metric)[:MOST_CELLS]
+    rows = {cell.key: row_of(cell, run_programs=run_programs) for cell in best}
     runs = {key: row.run() for key, row in rows.items() if row.row["status"] != "failed"}
     recordings = [recording for recording, _ in runs.values() if recording.reference.enu_m is not None]
     if not recordings:

@@ -3,13 +3,14 @@
 import argparse
 from pathlib import Path
 
-from jerkbench.verbs.arguments import Verbs, add_verb, count
+from jerkbench.verbs.arguments import Verbs, add_run_programs, add_verb, count
 
 
 def add(verbs: Verbs) -> None:
     """Declare the verb."""
     verify = add_verb(verbs, "verify", "check digests, completeness, score and a sample of rows of an entry", answer)
     verify.add_argument("entry", type=Path, help="its folder")
+    add_run_programs(verify)
     verify.add_argument("--rows", type=count, default=12, help="how many rows to compute once more (default: 12)")
 
 
@@ -21,7 +22,7 @@ def answer(chosen: argparse.Namespace) -> None:
     """
     from jerkbench.suite.verify import verify
 
-    checked = verify(chosen.entry, chosen.rows)
+    checked = verify(chosen.entry, chosen.rows, run_programs=chosen.run_programs)
     for sentence in (*checked.mistakes, *checked.remarks):
         print(sentence)
     if checked.mistakes:

@@ -1,0 +1,53 @@
+"""The program of a stored cell runs where it is asked for, and nowhere else."""
+
+import pytest
+
+from commands import verb
+
+PROGRAM = """#!/bin/sh
+echo ran >> "$(dirname "$0")/ran"
+awk -F, 'NR == 1 { print "t_s,east_m,north_m,up_m" } NR > 1 { print $1 ",0,0,0" }' "$1" > "$2"
+"""
+SWEEP = ("dataset.duration_s=8", "seeds=2", "metrics=[position_rmse]", "report=false", "workers=1", "study=theirs")
+
+
+@pytest.fixture(scope="module")
+def theirs(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("theirs")
+    program = folder / "stands"
+    program.write_text(PROGRAM)
+    program.chmod(0o755)
+    for words in (["filter=command", f"filter.command='{program} {{recording}} {{out}}'"], ["filter=baseline"]):
+        done = verb("run", *words, *SWEEP, cwd=folder)
+        assert done.returncode == 0, done.stderr
+    return folder
+
+
+def ran(folder):
+    return (folder / "ran").read_text().count("ran")
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "said"),
+    [
+        (["report", "results/theirs"], 0, "1 cell that needs a program is shown by stored rows alone"),
+        (["figures", "results/theirs"], 0, "1 cell that needs a program is shown by stored rows alone"),
+        (["table", "results/theirs", "--costs"], 0, "1 cell that needs a program is shown by stored rows alone"),
+        (["rerun", "results/theirs", "1"], 2, "programs of stored results do not run unasked"),
+        (["export", "results/theirs", "1", "--tum", "tum"], 2, "programs of stored results do not run unasked"),
+    ],
+)
+def test_looking_at_results_runs_no_program(theirs, words, code, said):
+    before = ran(theirs)
+    done = verb(*words, cwd=theirs)
+
+    assert (done.returncode, ran(theirs)) == (code, before), done.stderr
+    assert said in done.stderr
+
+
+def test_a_program_runs_where_it_is_asked_for(theirs):
+    before = ran(theirs)
+    done = verb("rerun", "results/theirs", "1", "--run-programs", cwd=theirs)
+
+    assert done.returncode == 0, done.stderr
+    assert ran(theirs) == before + 1
