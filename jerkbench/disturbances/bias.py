@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
-from jerkbench.disturbances._draws import own_stream
+from jerkbench.disturbances.common import own_stream
 from jerkbench.errors import PluginError
 from jerkbench.plugins import register
 from jerkbench.recording import Imu, Recording

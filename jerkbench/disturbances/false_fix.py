@@ -6,10 +6,15 @@ from typing import ClassVar
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.disturbances._added_errors import squares, with_errors
-from jerkbench.disturbances._draws import own_stream
-from jerkbench.disturbances._regular_windows import RegularWindows
-from jerkbench.disturbances._windows import Windows, as_array, require_apart
+from jerkbench.disturbances.common import (
+    RegularWindows,
+    Windows,
+    as_array,
+    own_stream,
+    require_apart,
+    squares,
+    with_errors,
+)
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.plugins import register
 from jerkbench.recording import Recording

@@ -6,8 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.disturbances._draws import own_stream
-from jerkbench.disturbances._rows import Stream
+from jerkbench.disturbances.common import Stream, own_stream
 from jerkbench.errors import PluginError
 from jerkbench.plugins import register
 from jerkbench.recording import Imu, Recording

@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from jerkbench.disturbances._rows import Stream, rows_of
+from jerkbench.disturbances.common import Stream, rows_of
 from jerkbench.errors import PluginError
 from jerkbench.plugins import register
 from jerkbench.recording import Recording

@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from jerkbench.arrays import nearest_rows
-from jerkbench.disturbances._added_errors import squares, with_errors
+from jerkbench.disturbances.common import squares, with_errors
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.geometry import dcm_from_euler
 from jerkbench.plugins import register

@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.disturbances._bursts import Bursts
+from jerkbench.disturbances.common import Bursts
 from jerkbench.plugins import register
 
 

@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.disturbances._scaled_noise import with_scaled_noise
+from jerkbench.disturbances.common import with_scaled_noise
 from jerkbench.errors import PluginError
 from jerkbench.plugins import register
 from jerkbench.recording import Recording

@@ -6,8 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.disturbances._added_errors import squares, with_errors
-from jerkbench.disturbances._draws import own_stream
+from jerkbench.disturbances.common import own_stream, squares, with_errors
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.plugins import register
 from jerkbench.recording import Recording

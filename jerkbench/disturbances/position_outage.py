@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from jerkbench.disturbances._outages import OutageWindows, without
+from jerkbench.disturbances.common import OutageWindows, without
 from jerkbench.errors import RecordingError
 from jerkbench.plugins import register
 from jerkbench.recording import Recording

@@ -6,9 +6,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray, nearest_rows
-from jerkbench.disturbances._added_errors import reported_covariance, true_covariance
-from jerkbench.disturbances._draws import own_stream
-from jerkbench.disturbances._rows import nanoseconds, rows_of
+from jerkbench.disturbances.common import nanoseconds, own_stream, reported_covariance, rows_of, true_covariance
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.plugins import register
 from jerkbench.readers.files import fingerprint

@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from jerkbench.disturbances._added_errors import true_covariance
+from jerkbench.disturbances.common import true_covariance
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.plugins import register
 from jerkbench.recording import Position, Recording, Velocity

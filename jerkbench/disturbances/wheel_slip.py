@@ -6,9 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from jerkbench.arrays import FloatArray, nearest_rows
-from jerkbench.disturbances._added_errors import squares, with_errors
-from jerkbench.disturbances._regular_windows import RegularWindows
-from jerkbench.disturbances._windows import Windows, as_array, in_any
+from jerkbench.disturbances.common import RegularWindows, Windows, as_array, in_any, squares, with_errors
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.plugins import register
 from jerkbench.recording import Recording, Reference, Velocity

@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
-from jerkbench.disturbances._rows import nanoseconds, rows_of
+from jerkbench.disturbances.common import nanoseconds, rows_of
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.plugins import register
 from jerkbench.recording import Position, Recording, Reference, Velocity
