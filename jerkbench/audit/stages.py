@@ -65,9 +65,15 @@ class Stages:
         return pd.concat([stage.read() for stage in stages], ignore_index=True)
 
     def stored_methods(self, methods: Iterable[Method]) -> list[Method]:
-        """Return those of the ``methods`` that were run: adaptations may have come into the tree since."""
+        """Return those of the ``methods`` that were run: adaptations may have come into the tree since.
+
+        Raises:
+            JerkbenchError: none was.
+        """
         names = {name for path in self.folder.glob("tune-000-*.parquet") for name in (mark_of(path) or [{}])[-1]}
-        return [method for method in methods if method.name in names]
+        if stored := [method for method in methods if method.name in names]:
+            return stored
+        raise JerkbenchError(f"No run of this audit is stored in {self.folder}; run the audit without --stored first.")
 
     def makers(self) -> list[str]:
         """Return the keys of the code that computed what is stored."""
