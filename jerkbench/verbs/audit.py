@@ -25,7 +25,7 @@ def add(verbs: Verbs) -> None:
     audit = add_verb(verbs, "audit", "tune every adaptive filter and the plain one alike, score them unseen", answer)
     audit.formatter_class = argparse.RawDescriptionHelpFormatter
     audit.epilog = EPILOG
-    audit.add_argument("--scale", default="", help="name of the protocol (default: full, or attribution)")
+    audit.add_argument("--scale", help="name of the protocol (default: full, or attribution)")
     audit.add_argument("--attribution", action="store_true", help="what the gain over a naive baseline is made of")
     audit.add_argument("--results", type=output, default=Path("results"), help="folder of all results")
     audit.add_argument("--stored", action="store_true", help="judge the stored rows of any version, and run nothing")
@@ -45,7 +45,7 @@ def answer(chosen: argparse.Namespace) -> None:
     from jerkbench.execution.processors import processors
     from jerkbench.hydra_app.chosen_cluster import cluster_named
 
-    scale = chosen.scale or ("attribution" if chosen.attribution else "full")
+    scale = ("attribution" if chosen.attribution else "full") if chosen.scale is None else chosen.scale
     protocol, folder = read_protocol(scale), chosen.results / f"{FOLDER}{scale}"
     cluster, workers = cluster_named(chosen.cluster), chosen.workers or processors()
     if chosen.attribution:

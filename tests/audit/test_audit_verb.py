@@ -18,3 +18,14 @@ def test_nothing_stored_is_refused_in_a_sentence(tmp_path, content):
     assert done.stderr.count("\n") == 1
     assert "No run of this audit is stored in results/audit-small/runs" in done.stderr
     assert (tmp_path / "results").exists() == bool(content)
+
+
+@pytest.mark.parametrize("words", [[], ["--attribution"], ["--stored"]], ids=" ".join)
+def test_an_empty_scale_is_refused_and_starts_nothing(tmp_path, monkeypatch, words):
+    monkeypatch.setattr("jerkbench.audit.study.run_audit", lambda *_, **__: pytest.fail("an audit"))
+    monkeypatch.setattr("jerkbench.audit.attribution.study.run_attribution", lambda *_, **__: pytest.fail("an audit"))
+
+    done = verb("audit", "--scale", "", *words, cwd=tmp_path)
+
+    assert done.returncode == 2
+    assert "There is no preset of audit ''" in done.stderr
