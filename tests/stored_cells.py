@@ -31,6 +31,14 @@ def put(folder, key, rmse_m, *, seeds=1, conditions=None, **changed):
     """Store a cell of a few runs; ``changed`` are labels, or what stands beside the rows."""
     named = {name: changed.pop(name) for name in LABELS if name in changed}
     more = {"notes": [f"recording of {key}"], **changed, **(conditions or {})}
-    more = {**more, "spec": {**SPEC, **more.get("spec", {})}, "protocol": {**PROTOCOL, **more.get("protocol", {})}}
+    ran = {kind: {"name": named[kind].partition("(")[0]} for kind in NAMED if kind in named}
+    ran |= (
+        {"disturbance": [{"name": part} for part in named["disturbance"].split("+")]} if "disturbance" in named else {}
+    )
+    more = {
+        **more,
+        "spec": {**SPEC, **ran, **more.get("spec", {})},
+        "protocol": {**PROTOCOL, **more.get("protocol", {})},
+    }
     rows = [row(rmse_m, seed, **named) for seed in range(seeds)]
     Store(folder).write(key, rows, about(labels={**LABELS, **named}, **more))

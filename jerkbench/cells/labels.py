@@ -1,5 +1,6 @@
 """Labels of a combination: names of its choices, with the parameters that were set."""
 
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import fields
 from typing import Any, NamedTuple
@@ -43,6 +44,22 @@ def labels_of(spec: dict[str, Any], choices: Mapping[str, Any], overrides: list[
     disturbance = _disturbance_label(spec, choices, overrides, changed)
     noise = _with_told(_noise_label(spec, choices, changed), spec)
     return Labels(disturbance=disturbance, noise=noise, **names)
+
+
+def contradiction(labels: Mapping[str, str], spec: Mapping[str, Any]) -> str:
+    """Return how the label of a stored cell names another plugin than the one that ran; empty where none does.
+
+    A label that is no plugin's name is a preset's, maybe of another machine: it is believed.
+    """
+    disturbances = spec["disturbance"] or [{"name": "none"}]
+    ran = {kind: {spec[kind]["name"]} for kind in ("dataset", "attitude", "filter", "adaptation")}
+    ran["disturbance"] = {disturbance["name"] for disturbance in disturbances}
+    for kind, names in ran.items():
+        heads = re.sub(r"\([^()]*\)", "", labels[kind]).split("+")
+        wrong = [head for head in heads if head not in names and head in plugins.names(kind)]
+        if wrong:
+            return f"{kind}={wrong[0]} is {', '.join(sorted(map(str, names)))}"
+    return ""
 
 
 def _disturbance_label(

@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from jerkbench.cells.labels import contradiction
 from jerkbench.plain import plain
 from jerkbench.report.analysis.references import FLOOR
 from jerkbench.results.shown_cells import Current
@@ -17,7 +18,7 @@ WORSE = 1.1
 """A method whose median error is so many times that of the fixes alone is told."""
 
 TOLD = 3
-"""Scenarios, and methods of each, that are told."""
+"""Scenarios, methods of each, and wrong labels, that are told."""
 
 Metadata = Mapping[str, Any]
 """What is known of a cell."""
@@ -50,6 +51,9 @@ def remarks_on(cells: Sequence[Metadata], chosen: Current, broken: list[str]) ->
     if chosen.overlapping:
         which = "1 result is" if chosen.overlapping == 1 else f"{chosen.overlapping} results are"
         remarks.append(f"{which} left out: of the same name as another, with some of the same seeds.")
+    if wrong := list(dict.fromkeys(filter(None, (contradiction(cell["labels"], cell["spec"]) for cell in cells)))):
+        told = "; ".join(map(plain, wrong[:TOLD]))
+        remarks.append(f"Labels do not say what ran: {told}. The files were changed by hand: do not trust them.")
     if broken:
         remarks.append(f"{damaged(broken)} left out: {', '.join(map(plain, broken))}.")
     return remarks

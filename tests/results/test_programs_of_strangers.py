@@ -3,6 +3,8 @@
 import pytest
 
 from commands import verb
+from jerkbench.results.study import load_study
+from stored_cells import put
 
 PROGRAM = """#!/bin/sh
 echo ran >> "$(dirname "$0")/ran"
@@ -51,3 +53,24 @@ def test_a_program_runs_where_it_is_asked_for(theirs):
 
     assert done.returncode == 0, done.stderr
     assert ran(theirs) == before + 1
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"filter": {"name": "command", "command": "theirs"}}, "filter=jerk is command"),
+        ({"adaptation": {"name": "mtf"}}, "adaptation=none is mtf"),
+        ({"disturbance": [{"name": "outliers"}]}, "disturbance=none is outliers"),
+    ],
+)
+def test_a_label_that_names_another_plugin_than_ran_is_told(tmp_path, changed, said):
+    put(tmp_path, "a" * 20, 0.1, spec=changed)
+
+    assert any(said in note for note in load_study(tmp_path).notes)
+
+
+@pytest.mark.parametrize("named", [{"filter": "my_preset"}, {"filter": "jerk(accel_mps2=0.2)"}])
+def test_a_preset_and_a_parameter_are_believed(tmp_path, named):
+    put(tmp_path, "b" * 20, 0.1, **named)
+
+    assert not any("Labels" in note for note in load_study(tmp_path).notes)
