@@ -1,12 +1,17 @@
 """The doctor: mistakes made in recordings are found, and none where there is none."""
 
+from dataclasses import replace
+
 import numpy as np
+import pandas as pd
 import pytest
-from mistakes import MISTAKES, OTHERS, is_found, of_imu, of_sigmas
+from mistakes import MISTAKES, OTHERS, in_axes, is_found, ned, of_imu, of_sigmas
 
 from jerkbench.datasets.field_v1 import FieldV1
 from jerkbench.inspection.diagnosis.doctor import diagnoses, first_diagnoses
 from jerkbench.inspection.remarks import findings_text
+from jerkbench.readers.mounting import axes_matrix
+from jerkbench.recording import Imu, Position, Recording, Reference
 from jerkbench.verbs.data.source import dataset_of
 
 CLOCK = "IMU's clock off by 1 s"
@@ -55,6 +60,61 @@ def test_the_mistake_stands_among_the_findings(field):
     text = findings_text(MISTAKES["accelerometer in g"](field))
     assert "mistake: The accelerometer is in g" in text
     assert "accel_unit=g" in text
+
+
+FRD = [[1, 0, 0], [0, -1, 0], [0, 0, -1]]
+
+
+def advised_axes(diagnosis):
+    return axes_matrix(tuple(diagnosis.remedy.split("imu_axes=[")[1].split("]")[0].split(",")))
+
+
+@pytest.mark.parametrize("late_s", [0.0, 1.0])
+@pytest.mark.parametrize("axes", [FRD, [[0, 0, 1], [1, 0, 0], [0, 1, 0]]])
+def test_gravity_is_asked_before_all_else(field, axes, late_s):
+    (diagnosis,) = diagnoses(of_imu(in_axes(field, axes), late_s=late_s))
+    assert diagnosis.name == "IMU not upright"
+    mended = in_axes(in_axes(field, axes), advised_axes(diagnosis))
+    assert np.median(mended.imu.accel_mps2[:, 2]) == pytest.approx(9.81, abs=0.1)
+
+
+def test_a_log_in_frd_and_ned_is_mended_in_two_steps(field):
+    both = in_axes(ned(field), FRD)
+    first = first_diagnoses(both)[0]
+    assert first.name == "IMU not upright"
+    assert not any("mirrored" in one.name for one in first_diagnoses(both))
+    assert first_diagnoses(in_axes(both, advised_axes(first)))[0].name == "track mirrored"
+
+
+def test_an_accelerometer_that_feels_all_forces_the_other_way(field):
+    (diagnosis,) = first_diagnoses(of_imu(field, accel=lambda f: -f))
+    assert diagnosis.name == "accelerometer reversed"
+
+
+@pytest.mark.parametrize("until_s", [20.0, 60.0, 1000.0])
+def test_a_cars_frd_imu_left_as_flu_is_not_called_a_mirrored_track(shared_folder, until_s):
+    """With white fixes at 1 Hz and its attitude; also a drive so short that nothing else is sure."""
+    path = shared_folder / "data" / "kitti" / "2011_09_30_drive_0018.parquet"
+    if not path.exists():
+        pytest.skip("the drive is not in ../shared/data")
+    rows = pd.read_parquet(path).astype(float)
+    rows = rows[rows.t - rows.t.iloc[0] < until_s]
+    t_s, enu = (rows.t - rows.t.iloc[0]).to_numpy(), rows[["e", "n", "u"]].to_numpy()
+    flip = np.array([1.0, -1.0, -1.0])
+    imu = Imu(t_s, rows[["ax", "ay", "az"]].to_numpy() * flip, rows[["gx", "gy", "gz"]].to_numpy() * flip)
+    fix = np.arange(50, len(rows), 100)
+    noise = np.random.default_rng(0).normal(0.0, [0.3, 0.3, 0.6], (len(fix), 3))
+    position = Position(t_s[fix], enu[fix] + noise, np.tile(np.diag([0.09, 0.09, 0.36]), (len(fix), 1, 1)))
+    euler = rows[["roll", "pitch", "yaw"]].to_numpy()
+    recording = Recording("kitti", imu, Reference(t_s, "RTK", independent=True, euler_rad=euler), position)
+    (diagnosis,) = diagnoses(recording)
+    assert diagnosis.name == "IMU not upright"
+    assert "imu_axes=[x,-y,-z]" in diagnosis.remedy
+    assert diagnoses(in_axes(recording, FRD)) == []
+
+
+def test_a_sensor_in_a_hand_may_lie_on_any_side(field):
+    assert diagnoses(replace(in_axes(field, FRD), position=None, velocity=None)) == []
 
 
 LOADED = {

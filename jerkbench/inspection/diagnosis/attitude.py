@@ -8,6 +8,7 @@ from jerkbench.inspection.diagnosis.gyro import DEG_PER_RAD, WITHIN
 from jerkbench.inspection.diagnosis.relation import SURE, slope, strength
 from jerkbench.inspection.diagnosis.windows import window_means
 from jerkbench.inspection.peaks import correlation_of
+from jerkbench.readers.gravity import felt_axis
 from jerkbench.recording import Imu, Recording
 
 LARGEST_RAD = 4 * np.pi
@@ -72,8 +73,11 @@ def _reversed_angles(imu: Imu, t_s: FloatArray, euler_rad: FloatArray) -> list[D
         p = phi' - psi' sin(theta),  q = theta' cos(phi) + psi' sin(phi) cos(theta),
         r = psi' cos(theta) cos(phi) - theta' sin(phi)
 
-    FRD for FLU, or NED for ENU, turns pitch and yaw, q and r, the other way, and leaves roll.
+    FRD for FLU, or NED for ENU, turns pitch and yaw, q and r, the other way, and leaves roll. An IMU that is left in
+    FRD does the same: nothing is said while gravity is not on +z.
     """
+    if felt_axis(imu.accel_mps2) != "+z":
+        return []
     edges_s = np.arange(max(t_s[0], imu.t_s[0]), min(t_s[-1], imu.t_s[-1]), LENGTH_S)
     if len(edges_s) <= LEAST_ROWS or np.median(np.diff(t_s)) > LONGEST_GAP_S:
         return []

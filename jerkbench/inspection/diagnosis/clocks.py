@@ -11,6 +11,7 @@ from jerkbench.inspection.diagnosis.wheel import wheel_windows
 from jerkbench.inspection.diagnosis.windows import track_windows
 from jerkbench.inspection.lags import Lag, estimated_lags
 from jerkbench.inspection.peaks import LARGEST_S, correlation_of
+from jerkbench.readers.gravity import felt_axis
 from jerkbench.recording import Recording
 
 LEAST_S = 0.4
@@ -51,8 +52,10 @@ def late_imu(recording: Recording) -> tuple[float, str] | None:
     Over windows of half a second to two, r(tau) is the correlation of the gyro, tau later, with the course or with the
     turning of the reference's attitude, or of the forward force with a wheel's acceleration; it is sure where r is .8
     and more, of the noisy force ten standard deviations from none, and Fisher's atanh(r) is 4 standard deviations above
-    that of no lag.
+    that of no lag. While gravity is not on +z, the axes are wrong, and nothing is said.
     """
+    if recording.imu is None or felt_axis(recording.imu.accel_mps2) != "+z":
+        return None
     for against, agreement in AGREEMENTS.items():
         for length_s in WINDOWS_S:
             late_s = _best_lag(recording, agreement, length_s)

@@ -1,4 +1,4 @@
-"""An IMU that is turned about z or mirrored, or a track that is mirrored, by what both say of the same motion."""
+"""An IMU that is not upright, turned about z or mirrored, or a track that is mirrored, by what both say of a motion."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -11,8 +11,10 @@ from jerkbench.inspection.diagnosis.plane import IDENTITY, MIRRORED_Y, PLANE, ax
 from jerkbench.inspection.diagnosis.relation import SURE, strength
 from jerkbench.inspection.diagnosis.wheel import wheel_windows
 from jerkbench.inspection.diagnosis.windows import LENGTHS_S, Windows, track_windows
+from jerkbench.inspection.guess.values import upright
 from jerkbench.inspection.peaks import correlation_of
-from jerkbench.recording import Recording
+from jerkbench.readers.gravity import felt_axis
+from jerkbench.recording import Imu, Recording
 
 LEAST_FIT = 0.5
 LEAST_GAIN = 0.4
@@ -59,18 +61,48 @@ class Fit(NamedTuple):
 def mounting(recording: Recording) -> list[Diagnosis]:
     """Return what is wrong with the axes of the IMU, or with the east and north of the fixes.
 
-    Four witnesses: the track's forward and left acceleration against f, the same of a wheel, the track's turning
-    against the gyro's z, and gravity's turning in the body against the gyro, whose sign a mirrored mounting changes and
-    no rotation does.
+    Gravity comes first: while it is not on +z, nothing else is said of axes. Then four witnesses: the track's forward
+    and left acceleration against f, the same of a wheel, the track's turning against the gyro's z, and gravity's
+    turning in the body against the gyro, whose sign a mirrored mounting changes and no rotation does.
     """
     if recording.imu is None:
         return []
+    if felt_axis(recording.imu.accel_mps2) != "+z":
+        return _not_upright(recording, recording.imu)
     fit, track, gravity = plane_fit(recording), turning_track(recording), turning_gravity(recording.imu)
     judged = list(_judged(fit, _opposite(track), _opposite(gravity), track, gravity))
     if judged or (fit is not None and fit.sure):
         return judged
     wheel = wheel_fit(recording)
     return [_turned(wheel)] if wheel is not None and wheel.wrong else []
+
+
+def _not_upright(recording: Recording, imu: Imu) -> list[Diagnosis]:
+    """Return how to turn gravity to +z, where its axis is sure, or that all forces have the other sign.
+
+    Without a track nothing says that the body is a vehicle: a sensor in a hand may lie on any side.
+    """
+    felt, guess, fit = felt_axis(imu.accel_mps2), upright(imu.accel_mps2), plane_fit(recording)
+    if guess.grade != "measured" or recording.position is None:
+        return []
+    if felt == "-z" and fit is not None and fit.sure and fit.way == "turned by 180 degrees":
+        return [
+            Diagnosis(
+                "accelerometer reversed",
+                f"{guess.why}, and {_fit_text(fit)}",
+                "All three axes of the accelerometer have the other sign",
+                "Change the sign of the accelerometer's columns",
+            )
+        ]
+    return [
+        Diagnosis(
+            "IMU not upright",
+            guess.why,
+            f"The IMU's axes are not forward, left, up: gravity is on {felt}",
+            f"Set imu_axes=[{','.join(map(str, guess.value))}] of the axes as they are read now, then ask again which"  # type: ignore[arg-type]
+            " way is forward",
+        )
+    ]
 
 
 def plane_fit(recording: Recording) -> Fit | None:
