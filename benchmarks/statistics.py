@@ -264,6 +264,31 @@ def _over(rng: np.random.Generator, own: Draw, scenarios: int, seeds: int, sampl
     return hits
 
 
+def selection(rng: np.random.Generator, studies: int) -> list[Table]:
+    """The first over the last of equal methods over five scenarios, as drawn and corrected for all pairs."""
+    methods = (3, 6, 12, 24)
+    title = "Studies of equal methods whose interval of the first over the last excludes 1 [%]"
+    heads = [f"{k} methods" for k in methods]
+    drawn = {
+        name: [[OWN[name](rng, (5, 20, k)) for _ in range(4 * studies)] for k in methods]
+        for name in ("lognormal", "skewed", "t3")
+    }
+    plain = Table(title + ", uncorrected", "errors", heads)
+    for name, of in drawn.items():
+        plain.add(name, [[_excludes(logs, 0.05) for logs in fields] for fields in of])
+    corrected = Table(title, "errors", heads, FALSE)
+    for name, of in drawn.items():
+        rates = zip(methods, of, strict=True)
+        corrected.add(name, [[_excludes(logs, 0.1 / (k * (k - 1))) for logs in fields] for k, fields in rates])
+    return [plain, corrected]
+
+
+def _excludes(logs: Array, level: float) -> bool:
+    order = np.argsort(logs.mean(axis=(0, 1)))
+    model = over_scenarios(logs[:, :, order[0]] - logs[:, :, order[-1]], 1 - level)
+    return not model.low <= 1 <= model.high
+
+
 def false_sentences(rng: np.random.Generator, studies: int) -> list[Table]:
     """Studies of equal methods with any "better", "worse" or share of lost runs that differs."""
     title = 'Studies of equal methods with any false "better" [%]'
@@ -403,6 +428,7 @@ TABLES: Mapping[str, Callable[[np.random.Generator, int], list[Table]]] = {
     "power": power,
     "automatic": automatic,
     "few_seeds": of_few_seeds,
+    "selection": selection,
 }
 """Each takes the generator of its stream, and how many studies of 60 scenarios to simulate; of fewer it takes more."""
 

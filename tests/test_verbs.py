@@ -10,6 +10,7 @@ import pytest
 
 from commands import swept, verb
 from jerkbench.results.store import Store
+from stored_cells import put
 
 WORDS = ["filter=baseline,jerk", "adaptation=none,mtf", "disturbance=none,gnss_outage", "seeds=2"]
 
@@ -188,6 +189,17 @@ def test_findings_are_of_the_baseline_that_was_asked_for(study):
     wrong = verb("table", str(study), "--findings", "--baseline", "disturbance=bias", cwd=study)
     assert wrong.returncode == 2
     assert "gnss_outage" in wrong.stderr
+
+
+def test_ten_findings_are_printed_and_all_on_request(tmp_path):
+    for k, name in enumerate(("baseline", *(f"f{k}" for k in range(15)))):
+        put(tmp_path / "many", f"{k:x}", 1.0 + k, filter=name, seeds=8)
+    few, every = (
+        verb("table", "many", "--findings", "--baseline", "filter=baseline", *more, cwd=tmp_path).stdout.splitlines()
+        for more in ((), ("--all",))
+    )
+    assert len(every) == 15
+    assert few == [*every[:10], "5 more comparisons: --findings --all prints them."]
 
 
 def test_the_adapted_noise_of_a_row_is_exported(study, tmp_path):

@@ -19,6 +19,9 @@ NOTHING = (
     "another), or a metric of which the lowest is not the best."
 )
 
+TOLD = 10
+"""So many comparisons are printed without ``--all``."""
+
 FORMATS = ("terminal", "md", "csv", "tex", "html", "json")
 
 
@@ -36,8 +39,9 @@ def add(verbs: Verbs) -> None:
     table.add_argument(
         "--findings",
         action="store_true",
-        help="say in sentences what differs, and what does not; with --baseline, from that",
+        help=f"say in sentences what differs, the {TOLD} largest differences first; with --baseline, from that",
     )
+    table.add_argument("--all", action="store_true", help="with --findings: every comparison")
     table.add_argument(
         "--costs", action="store_true", help="put the time a step beside it: each method runs again, here"
     )
@@ -65,7 +69,7 @@ def answer(chosen: argparse.Namespace) -> None:
     verdicts = study_verdicts(study.rows, metric, chosen_method(chosen), chosen_rule(chosen))
     table = summarise(study.rows, metric, rows, columns, study.notes, baseline, verdicts)
     if chosen.findings:
-        print("\n".join(_sentences(study, verdicts, metric, baseline) or [NOTHING]))
+        print("\n".join(_sentences(study, verdicts, metric, baseline, every=chosen.all) or [NOTHING]))
         return
     _writer(chosen.format, fit=chosen.fit)(table)
     if chosen.costs:
@@ -78,7 +82,7 @@ def answer(chosen: argparse.Namespace) -> None:
 
 
 def _sentences(
-    study: "Study", verdicts: "StudyVerdicts", metric: str, baseline: "Mapping[str, str] | None"
+    study: "Study", verdicts: "StudyVerdicts", metric: str, baseline: "Mapping[str, str] | None", *, every: bool
 ) -> list[str]:
     """Return the comparisons with the baseline that was asked for.
 
@@ -89,11 +93,15 @@ def _sentences(
     from jerkbench.report.analysis.paper_claim import claims
     from jerkbench.report.analysis.standings import summary
 
+    compared = findings(study.rows, verdicts, baseline)
+    left = 0 if every else max(0, len(compared) - TOLD)
+    if left:
+        compared = [*compared[:TOLD], f"{left} more comparisons: --findings --all prints them."]
     if baseline:
-        return findings(study.rows, verdicts, baseline)
+        return compared
     claim = claims(study.rows) if study.of_the_paper else []
     over_all = across(study.rows, verdicts, metric)
-    return [*summary(verdicts.standings), *over_all, *claim, *findings(study.rows, verdicts)]
+    return [*summary(verdicts.standings), *over_all, *claim, *compared]
 
 
 def _writer(name: str, *, fit: bool) -> "Callable[[Table], None]":

@@ -71,3 +71,9 @@ def test_all_looks_together_spend_the_level():
 def test_the_level_that_was_spent_is_of_pococks_type():
     """Lan and DeMets: alpha(t) = 0.05 log(1 + (e - 1) t); at t = 0.2, 0.6 and 1 it is .0148, .0354 and .05."""
     np.testing.assert_allclose(np.cumsum(levels([20, 60, 100])), [0.01477, 0.03543, 0.05], atol=2e-5)
+
+
+def test_no_number_of_seeds_is_named_that_nobody_runs():
+    """About 15 000 seeds would tell, and nobody runs them."""
+    d = 0.7 * np.random.default_rng(3).standard_normal(20)
+    assert seeds_needed(d - d.mean(), MARGIN) is None

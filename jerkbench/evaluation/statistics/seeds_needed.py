@@ -12,8 +12,8 @@ POWER = 0.8
 CAUTION = 0.8
 """The scatter that is planned with is larger than the true one in so many cases."""
 
-MOST = 1_000_000
-"""More seeds than these nobody runs."""
+MOST = 10_000
+"""More seeds than these nobody runs: none are named."""
 
 PLACES = 101
 """Possible true ratios that are looked at."""

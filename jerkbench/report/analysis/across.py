@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from jerkbench.arrays import FloatArray
+from jerkbench.evaluation.statistics.judgement import LEVEL
 from jerkbench.evaluation.statistics.profiles import mean_ranks
 from jerkbench.evaluation.statistics.ranks import critical_difference, kendall_tau, rank_cliques, rank_range
 from jerkbench.evaluation.statistics.scenarios import over_scenarios
@@ -20,6 +21,9 @@ if TYPE_CHECKING:
 
 TOLD = 5
 """So many methods are named."""
+
+LEAST_SCENARIOS = 5
+"""Fewer scenarios do not tell how much scenarios differ: there is no mixed model."""
 
 OTHERS = ("velocity_rmse_mps", "position_max_m", "outage_rmse_m")
 """Metrics whose ranking is held against that of the leading one, where they have values."""
@@ -84,15 +88,21 @@ def _more(field: Field) -> str:
 
 
 def _ratios(field: Field) -> Iterator[str]:
-    """Say how the first compares with the second and with the last, of methods that lost no run."""
+    """Say how the first compares with the second and with the last, of methods that lost no run.
+
+    These two are chosen by the errors that are tested. The intervals therefore hold for all pairs at once (Bonferroni).
+    """
+    if len(field.scenarios) < LEAST_SCENARIOS:
+        return
+    pairs = math.comb(len(field.methods), 2)
     means = field.logs.mean(axis=(0, 1))
     whole = [k for k in np.argsort(means, kind="stable") if math.isfinite(means[k])]
     for k in dict.fromkeys((whole[1], whole[-1])) if len(whole) > 1 else ():
-        model = over_scenarios(field.logs[:, :, whole[0]] - field.logs[:, :, k])
+        model = over_scenarios(field.logs[:, :, whole[0]] - field.logs[:, :, k], 1 - LEVEL / pairs)
         yield (
             f"{field.methods[whole[0]]} over {field.methods[k]}: {number(model.ratio)} times (95 % {number(model.low)} "
-            f"to {number(model.high)}, mixed model of scenarios and seeds), at worst {number(model.worst_ratio)} times "
-            f"on {field.scenarios[model.worst]}."
+            f"to {number(model.high)} for all {pairs} pairs at once, mixed model of scenarios and seeds), at worst "
+            f"{number(model.worst_ratio)} times on {field.scenarios[model.worst]}."
         )
 
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from jerkbench.evaluation.statistics.judgement import Verdict
 from jerkbench.report.analysis.comparison import Comparison
+from jerkbench.report.analysis.duels import round_of
 from jerkbench.report.analysis.factors import FACTORS
 from jerkbench.report.analysis.runs import Combination
 from jerkbench.report.analysis.study_verdicts import StudyVerdicts
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def findings(rows: "pd.DataFrame", verdicts: StudyVerdicts, baseline: Mapping[str, str] | None = None) -> list[str]:
-    """Return a sentence for each comparison with ``baseline``.
+    """Return a sentence for each comparison with ``baseline``, the largest certain difference first.
 
     Without one, with ``adaptation=none`` and ``filter=baseline``, where these are there. Of a metric whose lowest is
     not the best there is none.
@@ -25,7 +26,15 @@ def findings(rows: "pd.DataFrame", verdicts: StudyVerdicts, baseline: Mapping[st
         JerkbenchError: no combination has the values of the baseline.
     """
     varying = varying_factors(rows)
-    return [sentence(comparison, varying) for comparison in compared(rows, verdicts, baseline)]
+    return [sentence(comparison, varying) for comparison in sorted(compared(rows, verdicts, baseline), key=_order)]
+
+
+def _order(comparison: Comparison) -> float:
+    """Sort by what is certain of a difference; of phases, by that end of their range that is nearest to none."""
+    low, high = comparison.judgement.low, comparison.judgement.high
+    if comparison.replicate != "phase":
+        return -round_of(comparison).weight
+    return -max(math.log(low) if low > 1 else 0.0, -math.log(high) if 0 < high < 1 else 0.0)
 
 
 def compared(
@@ -60,11 +69,16 @@ def _tested(comparison: Comparison, subject: str, baseline: str, where: str) -> 
     ratio = comparison.judgement.ratio
     if comparison.verdict is Verdict.EQUAL:
         equal = f"equal within {100 * comparison.rule.margin:g} %"
-        return f"{subject} and {baseline} are {equal}{where}: {number(ratio)} times {_detail(comparison)}"
+        return f"{subject} and {baseline} are {equal}{where}: {_ratio(ratio)}{_detail(comparison)}"
     if comparison.verdict is Verdict.UNDECIDED:
         more = f"; {comparison.needed} seeds would decide" if comparison.needed else ""
-        return f"Undecided between {subject} and {baseline}{where}: {number(ratio)} times {_detail(comparison)}{more}"
+        return f"Undecided between {subject} and {baseline}{where}: {_ratio(ratio)}{_detail(comparison)}{more}"
     return f"{subject} {_times(ratio)} {baseline}{where} {_detail(comparison)}"
+
+
+def _ratio(ratio: float) -> str:
+    """The ratio with a space behind it; nothing where the median run of either is lost."""
+    return f"{number(ratio)} times " if 0 < ratio < math.inf else ""
 
 
 def _detail(comparison: Comparison) -> str:
@@ -78,7 +92,8 @@ def _detail(comparison: Comparison) -> str:
 
 def _phases(comparison: Comparison) -> str:
     n = comparison.judgement.n
-    over = f"range {_range(comparison)} over {n} phases" if n > 1 else "one run"
+    span = f"range {_range(comparison)} over " if 0 < comparison.judgement.ratio < math.inf else ""
+    over = f"{span}{n} phases" if n > 1 else "one run"
     return f"{over} of one recording; no test"
 
 
@@ -134,6 +149,8 @@ def _range(comparison: Comparison) -> str:
     inverse = (comparison.shown or comparison.replicate == "phase") and 0 < comparison.judgement.ratio < 1
     ends = (1 / high if high else math.inf, 1 / low if low else math.inf) if inverse else (low, high)
     written = factor_number if comparison.shown or comparison.replicate == "phase" else number
+    if math.isinf(ends[1]):
+        return f"from {written(ends[0])} on, as its other end is a lost run"
     return f"{written(ends[0])} to {written(ends[1])}"
 
 

@@ -56,7 +56,7 @@ def summary(standings: Sequence[Standing]) -> list[str]:
 def _leading(decided: Sequence[Standing], scenarios: int) -> list[str]:
     """Say who leads in which number of scenarios."""
     if not decided:
-        return ["Nobody leads: no method was shown to be worse than another."]
+        return ["Nobody leads: no method was shown to be worse than another, which does not mean that they are equal."]
     counts = Counter(name for standing in decided for name in standing.leaders)
     if scenarios == 1:
         return [f"In the lead: {', '.join(counts)}."]

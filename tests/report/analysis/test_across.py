@@ -6,9 +6,12 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy.stats import kendalltau
+from scipy.stats import t as student
 
+from jerkbench.evaluation.statistics.scenarios import over_scenarios
 from jerkbench.report.analysis.across import across, common_field
 from jerkbench.report.analysis.study_verdicts import study_verdicts
+from jerkbench.report.tables.table_model import number
 
 METRIC = "position_rmse_m"
 LEVELS = {"best": 1.0, "middle": 1.3, "last": 3.0}
@@ -19,7 +22,7 @@ def rows():
     rng = np.random.default_rng(11)
     fixed = {"dataset": "field", "attitude": "tilt", "noise": "own", "adaptation": "none", "replicate": "seed"}
     made = []
-    for scenario, name in itertools.product(("a", "b", "c", "d"), LEVELS):
+    for scenario, name in itertools.product(("a", "b", "c", "d", "e"), LEVELS):
         for seed in range(8):
             error = LEVELS[name] * np.exp(0.02 * rng.standard_normal())
             head = {**fixed, "status": "ok", "reason": "", "disturbance": scenario, "filter": name, "seed": seed}
@@ -33,7 +36,7 @@ def test_places_ratios_ranks_and_agreement_are_told(rows):
     assert second.startswith("best over middle: 0.7")
     assert last.startswith("best over last: 0.33")
     assert ranks.startswith(
-        "Mean ranks differ from 1.7 on (Nemenyi, 5 %); not told apart from the first: best 1.0, mid"
+        "Mean ranks differ from 1.5 on (Nemenyi, 5 %); not told apart from the first: best 1.0, mid"
     )
     expected = kendalltau([1, 2, 3], [3, 2, 1])
     assert f"Velocity RMSE (3-D) {expected.statistic:.2f} (p {expected.pvalue:.3f})" in agreement
@@ -41,7 +44,7 @@ def test_places_ratios_ranks_and_agreement_are_told(rows):
 
 def test_the_field_has_the_logarithms_in_order(rows):
     field = common_field(study_verdicts(rows.sample(frac=1.0, random_state=1).sort_values("filter"), METRIC))
-    assert field.logs.shape == (4, 8, 3)
+    assert field.logs.shape == (5, 8, 3)
     of = rows[(rows["disturbance"] == field.scenarios[2]) & (rows["filter"] == field.methods[1])]
     np.testing.assert_allclose(field.logs[2, :, 1], np.log(of.sort_values("seed")[METRIC]))
 
@@ -51,6 +54,27 @@ def test_who_loses_runs_is_last_and_has_no_ratio(rows):
     places, *ratios = across(rows, study_verdicts(rows, METRIC), METRIC)
     assert "middle 1" in places
     assert not any(sentence.startswith("best over") for sentence in ratios)
+
+
+def test_the_interval_of_the_first_over_the_last_allows_for_their_selection(rows):
+    """Its t is that of all three pairs at once, from the scatter between scenarios and seeds."""
+    verdicts = study_verdicts(rows, METRIC)
+    logs = common_field(verdicts).logs
+    model = over_scenarios(logs[:, :, 0] - logs[:, :, 2])
+    half = np.log(model.high / model.ratio) * student.ppf(1 - 0.025 / 3, model.dof) / student.ppf(0.975, model.dof)
+    (said,) = [line for line in across(rows, verdicts, METRIC) if line.startswith("best over last")]
+    ends = (number(model.ratio * np.exp(sign * half)) for sign in (-1, 1))
+    assert f"(95 % {' to '.join(ends)} for all 3 pairs at once" in said
+
+
+def test_four_scenarios_have_no_mixed_model(rows):
+    four = rows[rows["disturbance"] != "e"]
+    assert not any(" over " in line.split(":")[0] and "times" in line for line in told_over_all(four))
+    assert any("mixed model" in line for line in told_over_all(rows))
+
+
+def told_over_all(rows):
+    return across(rows, study_verdicts(rows, METRIC), METRIC)
 
 
 def test_one_scenario_says_nothing_over_scenarios(rows):

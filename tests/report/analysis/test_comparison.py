@@ -209,6 +209,23 @@ def test_findings_say_what_was_shown_and_what_was_not(study):
     assert sentences(study.assign(anees=6.0), "anees") == []
 
 
+def test_the_largest_certain_difference_is_the_first_finding(study):
+    lines = sentences(study, "position_rmse_m")
+    assert lines[0].startswith("jerk+mtf is ")
+    assert lines[1].startswith("jerk+none is 1.10 times better than baseline+none")
+    assert len(lines) == 4
+
+
+@pytest.mark.parametrize("replicate", ["seed", "phase"])
+@pytest.mark.parametrize("lost", [11, 15, 20])
+def test_a_lost_median_has_no_infinite_ratio(study, replicate, lost):
+    for name, first in (("mtf", 0), ("chance", SEEDS - lost)):
+        chosen = (study["adaptation"] == name) & study["seed"].between(first, first + lost - 1)
+        study.loc[chosen, "status"] = "diverged"
+    lines = sentences(study.assign(replicate=replicate), "position_rmse_m")
+    assert not any(word in line for line in lines for word in ("inf times", "to inf", "inf to", "nan"))
+
+
 def test_what_is_equal_is_said(cell_rows):
     base = np.exp(np.random.default_rng(3).normal(scale=0.3, size=SEEDS))
     near = base * np.exp(np.random.default_rng(4).normal(scale=0.01, size=SEEDS))
