@@ -43,7 +43,9 @@ class _Jit:
         options["_nrt"] = not kernel
         options["no_cpython_wrapper"] = options["no_cfunc_wrapper"] = True  # nobody calls them from outside
         options["pipeline_class"] = InnerCompiler
-        self.decorate, self.decorate_inlined = njit(**options), njit(**options, forceinline=True)
+        # numba hands forceinline down to what an inlined function calls, where that does not say otherwise
+        self.decorate = njit(**options, forceinline=False)
+        self.decorate_inlined = njit(**options, forceinline=True)
         self.home, self.constants, self.kernel, self.apart = home, constants, kernel, apart
         self.done: dict[int, Any] = {}
         self.begun: list[int] = []

@@ -4,6 +4,7 @@ from jerkbench.arrays import FloatArray
 from jerkbench.compilation.vector_ops import fetch
 from jerkbench.compilation.vectors import vectors
 from jerkbench.kinematic.arguments import Kept, Model, Rules, Runs, Score, Steps
+from jerkbench.kinematic.correction import mirror
 from jerkbench.kinematic.layout import AT, AXES, DENSE, ENDED, LOST, SAME, WIDTH, S, X
 from jerkbench.kinematic.predict import predict
 from jerkbench.kinematic.prior import advance
@@ -87,6 +88,8 @@ def start(w: FloatArray, x0: FloatArray, P0: FloatArray, extra: FloatArray) -> N
     for s in range(6, S):
         w[AT[s, s]] = extra[(s - 6) // 3]
     w[ENDED] = w[ENDED] - 1.0
+    if WIDTH == 1:
+        mirror(w)
     mark_axes(w)
 
 

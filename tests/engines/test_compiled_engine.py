@@ -53,6 +53,13 @@ def test_a_minute_agrees_too(long_timeline, model, adaptation):
     agree(long_timeline, plugins.create("filter", {"name": model}), plugins.create("adaptation", {"name": adaptation}))
 
 
+@pytest.mark.parametrize("model", FILTERS)
+def test_a_run_starts_from_a_covariance_with_correlations(timeline, model):
+    """Position with velocity on one axis, and all axes with each other."""
+    half = np.random.default_rng(3).normal(size=(6, 8)) * np.sqrt(np.diag(timeline.P0))[:, None]
+    agree(replace(timeline, P0=half @ half.T), plugins.create("filter", {"name": model}), NoAdaptation())
+
+
 @pytest.mark.parametrize(("model", "adaptation"), [("jerk", "none"), ("jerk", "mtf"), ("acceleration", "huber_r")])
 def test_rounding_is_not_amplified_where_nothing_is_steep(timeline, model, adaptation):
     pair = plugins.create("filter", {"name": model}), plugins.create("adaptation", {"name": adaptation})

@@ -1,9 +1,11 @@
 """Runs side by side, without trajectories, against the metrics of the reference engine's trajectories."""
 
+import re
 from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from numba import njit
 from test_compiled_engine import ADAPTATIONS, FILTERS, Damped, Faded, slow_where_dense
 
 from engine_agreement import with_other_last_bits
@@ -11,12 +13,15 @@ from jerkbench import plugins
 from jerkbench.adaptation.mtf import Mtf
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.adaptation.oracle import Oracle
+from jerkbench.compilation.jitted import jitted
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.evaluation.batch_scoring import can_stream, scored, sums_from, with_updates
 from jerkbench.evaluation.evaluated_run import evaluate_run
 from jerkbench.filters.baseline import Baseline
 from jerkbench.filters.jerk import Jerk
+from jerkbench.kinematic import compiled_loop
+from jerkbench.kinematic.loop import run_steps
 from jerkbench.streamed_run import Run
 from jerkbench.timeline.measurements import Measurements
 from jerkbench.timeline.timeline import build_timeline
@@ -287,3 +292,17 @@ def test_a_reference_with_holes_needs_a_trajectory(several):
 
     assert scored(replace(recording, reference=replace(recording.reference, enu_m=truth)), timeline, BURN_IN_S) is None
     assert scored(recording, timeline, burn_in_s=100.0) is None
+
+
+@pytest.mark.slow
+def test_what_stands_apart_in_the_loop_is_there_once_and_not_in_what_calls_it():
+    """Two copies of `mahalanobis` may round differently: then a run's last bits depend on a neighbour's update."""
+    loop = jitted(run_steps, __name__, compiled_loop.places_of(3, 1)[0], kernel=True, apart=compiled_loop.APART)
+
+    @njit(compiled_loop._signature(), error_model="numpy", nogil=True)
+    def entry(steps, score, model, rules, kept, runs):
+        return loop(steps, score, model, rules, kept, runs)
+
+    (text,) = entry.inspect_llvm().values()
+    made = " ".join(line for line in text.splitlines() if line.startswith("define"))
+    assert [name for name in compiled_loop.ALONE if not re.search(rf"\d{name}B\d", made)] == []
