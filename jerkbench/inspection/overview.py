@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from jerkbench.arrays import FloatArray
 from jerkbench.inspection.allan import rest_noise
 from jerkbench.recording import Recording, Velocity
-from jerkbench.report.plots.style import DOTS_PER_INCH, MEASURED, OKABE_ITO, OUTAGE, REFERENCE, quiet, say
+from jerkbench.report.plots.style import DOTS_PER_INCH, MEASURED, OKABE_ITO, OUTAGE, REFERENCE, literal, quiet, say
 
 MOST_POINTS = 4000
 """More points of a line do not show at this size."""
@@ -36,7 +36,7 @@ def overview_figure(recording: Recording) -> Figure:
         quiet(axes)
         if axes.get_legend_handles_labels()[1]:
             axes.legend(frameon=False, fontsize="small")
-    figure.suptitle(recording.name)
+    figure.suptitle(literal(recording.name))
     return figure
 
 

@@ -7,7 +7,7 @@ from jerkbench.arrays import FloatArray
 from jerkbench.estimate import Attitude
 from jerkbench.recording import Recording
 from jerkbench.report.plots.curves import thinned
-from jerkbench.report.plots.style import DOTS_PER_INCH, MEASURED, end_with, legend_below, quiet
+from jerkbench.report.plots.style import DOTS_PER_INCH, MEASURED, end_with, legend_below, literal, quiet
 
 RAW = ("Forward", "Left", "Up")
 ENU = ("east", "north", "up")
@@ -22,7 +22,7 @@ def acceleration_figure(recording: Recording, attitude: Attitude) -> Figure:
     """
     figure = Figure(figsize=(7.0, 6.0), dpi=DOTS_PER_INCH, layout="constrained")
     panels = figure.subplots(3, 1, sharex=True)
-    panels[0].set_title(recording.name)
+    panels[0].set_title(literal(recording.name))
     t_s = recording.inertial.t_s
     for axis, axes in enumerate(panels):
         raw = recording.inertial.accel_mps2[:, axis]

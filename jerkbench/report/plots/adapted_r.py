@@ -9,7 +9,7 @@ from jerkbench.estimate import Estimate
 from jerkbench.recording import Recording
 from jerkbench.report.plots.curves import coinciding, joined, thinned, with_gaps
 from jerkbench.report.plots.palette import Palette, looks
-from jerkbench.report.plots.style import DOTS_PER_INCH, OUTAGE, end_with, legend_below, quiet
+from jerkbench.report.plots.style import DOTS_PER_INCH, OUTAGE, end_with, legend_below, literal, quiet
 
 AXES = ("East", "North", "Up")
 
@@ -23,7 +23,7 @@ def adapted_r_figure(recording: Recording, estimates: Mapping[str, Estimate], pa
     """
     figure = Figure(figsize=(7.0, 6.0), dpi=DOTS_PER_INCH, layout="constrained")
     panels = figure.subplots(3, 2, sharex=True)
-    figure.suptitle(recording.name, fontsize="medium")
+    figure.suptitle(literal(recording.name), fontsize="medium")
     look_of = dict(looks(estimates, palette))
     groups = coinciding({name: np.sqrt(estimate.updates.R_diagonal) for name, estimate in estimates.items()})
     for row in range(6):

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from jerkbench.report.plots.palette import PLAIN, Look, Method, Palette
-from jerkbench.report.plots.style import DOTS_PER_INCH, MEASURED, legend_below, quiet
+from jerkbench.report.plots.style import DOTS_PER_INCH, MEASURED, legend_below, literal, quiet
 from jerkbench.report.tables.table_model import Table, TableCell, number
 
 LOGARITHMIC_FROM = 30.0
@@ -56,14 +56,14 @@ def bars_figure(table: Table, palette: Palette | None = None) -> Figure:
     for axes in panels[len(scenes) :]:
         axes.set_axis_off()
     for axes, (scene, groups) in zip(panels, scenes.items(), strict=False):
-        axes.set_title(scene, fontsize=8)
+        axes.set_title(literal(scene), fontsize=8)
         _draw_groups(axes, groups)
     _name_columns(panels[0], names, scenes)
     _scale(panels[0], table)
     for axes in panels[: len(scenes)]:
         quiet(axes)
         axes.grid(visible=False, axis="x")
-    figure.supylabel(table.title, fontsize=9)
+    figure.supylabel(literal(table.title), fontsize=9)
     legend_below(figure)
     return figure
 
@@ -116,7 +116,7 @@ def _draw_groups(axes: Axes, groups: Mapping[str, Mapping[str, Bar]]) -> None:
             _draw_bar(axes, place, bar, named=named)
             place += 1.0
         place += GAP if bars else 1.0 + GAP
-    axes.set_xticks(middles, [label.replace("_", "\n", 1) for label in groups], fontsize=7)  # narrow groups
+    axes.set_xticks(middles, [literal(label.replace("_", "\n", 1)) for label in groups], fontsize=7)  # narrow groups
     axes.tick_params(axis="x", length=0)
     axes.set_xlim(-0.9, place - GAP - 0.1)
 

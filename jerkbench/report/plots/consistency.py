@@ -13,7 +13,7 @@ from jerkbench.evaluation.statistics.consistency import chi2_band
 from jerkbench.recording import Recording
 from jerkbench.report.plots.curves import thinned
 from jerkbench.report.plots.palette import Palette, looks
-from jerkbench.report.plots.style import DOTS_PER_INCH, MEASURED, SIGMAS, end_with, legend_below, quiet, say
+from jerkbench.report.plots.style import DOTS_PER_INCH, MEASURED, SIGMAS, end_with, legend_below, literal, quiet, say
 
 WINDOW = 21
 """Updates over which NIS is averaged; odd."""
@@ -29,7 +29,7 @@ def consistency_figure(runs: Sequence[tuple[Recording, Estimate]], name: str, pa
     figure = Figure(figsize=(7.0, 5.0), dpi=DOTS_PER_INCH, layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True)
     recording = runs[0][0]
-    above.set_title(f"{recording.name}: {name}, {len(runs)} {'run' if len(runs) == 1 else 'runs'}")
+    above.set_title(literal(f"{recording.name}: {name}, {len(runs)} {'run' if len(runs) == 1 else 'runs'}"))
     ((_, look),) = looks([name], palette)
     _draw_nees(above, runs, look.colour)
     _draw_nis(below, runs, look.colour)

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.evaluation.statistics.ranks import rank_cliques
 from jerkbench.report.plots.palette import Look
-from jerkbench.report.plots.style import DOTS_PER_INCH, REFERENCE, quiet
+from jerkbench.report.plots.style import DOTS_PER_INCH, REFERENCE, literal, quiet
 
 SHOWN = 24
 """As many methods are drawn, the best by mean rank."""
@@ -39,13 +39,13 @@ def critical_difference_figure(
         axes.plot([0, ranks[k]], [row, row], color="#D0D0D0", linewidth=0.8, zorder=1)
         face = looks_of[k].colour if not looks_of[k].dash else "white"
         axes.plot(ranks[k], row, "o", color=looks_of[k].colour, markerfacecolor=face, markersize=5.0, zorder=2)
-    axes.set_yticks(range(len(order)), [f"{methods[k]}  {ranks[k]:.1f}" for k in order])
+    axes.set_yticks(range(len(order)), [f"{literal(methods[k])}  {ranks[k]:.1f}" for k in order])
     right = max(float(ranks[order[-1]]), 1.0 + least) + 0.25
-    axes.set(xlim=(0.75, right), ylim=(len(order) - 0.4, -1.9), title=title)
+    axes.set(xlim=(0.75, right), ylim=(len(order) - 0.4, -1.9), title=literal(title))
     axes.set_xlabel(f"Mean rank over {scenarios} scenarios, 1 the best{_others(len(ranks) - len(order))}")
     quiet(axes)
     axes.grid(visible=False, axis="y")
-    axes.set_yticks(range(len(order)), [f"{methods[k]}  {ranks[k]:.1f}" for k in order])
+    axes.set_yticks(range(len(order)), [f"{literal(methods[k])}  {ranks[k]:.1f}" for k in order])
     _draw_difference(axes, least)
     _draw_groups(axes, rank_cliques(ranks, least), order)
     return figure

@@ -13,7 +13,7 @@ from jerkbench.evaluation.navigation_errors import known, position_error_length_
 from jerkbench.recording import Recording
 from jerkbench.report.plots.curves import coinciding, joined, thinned
 from jerkbench.report.plots.palette import Palette, looks
-from jerkbench.report.plots.style import DOTS_PER_INCH, OUTAGE, SIGMAS, end_with, legend_below, quiet, say
+from jerkbench.report.plots.style import DOTS_PER_INCH, OUTAGE, SIGMAS, end_with, legend_below, literal, quiet, say
 from jerkbench.report.tables.table_model import number
 
 LOGARITHMIC_FROM = 30.0
@@ -50,7 +50,7 @@ def error_figure(
     ratios = [1.5, 1.0, 1.0, 1.0][:panels]
     top, *below = figure.subplots(panels, 1, sharex=True, squeeze=False, height_ratios=ratios)[:, 0]
     _draw_norms(top, recording, estimates, burn_in_s, window_s or (-np.inf, np.inf), palette)
-    top.set_title(recording.name)
+    top.set_title(literal(recording.name))
     for name, look in looks(estimates, palette):
         for axis, axes in enumerate(below):
             _draw_axis(axes, recording, estimates[name], axis, look.colour)

@@ -7,7 +7,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from jerkbench.arrays import FloatArray
-from jerkbench.report.plots.style import DOTS_PER_INCH
+from jerkbench.report.plots.style import DOTS_PER_INCH, literal
 from jerkbench.report.tables.table_model import number
 
 WORST = 100.0
@@ -44,10 +44,10 @@ def heat_map_figure(
         axes.text(p, s, number(float(costs[p, s])), ha="center", va="center", fontsize=7, color=colour, weight=weight)
     for p, s in np.argwhere(np.isinf(costs)):
         axes.text(p, s, lost[p][s], ha="center", va="center", fontsize=7, color="#777777")
-    axes.set_xticks(range(len(scenarios)), scenarios, rotation=90, fontsize=8)
+    axes.set_xticks(range(len(scenarios)), map(literal, scenarios), rotation=90, fontsize=8)
     named = [name if competes else f"({name})" for name, competes in zip(methods, competing, strict=True)]
-    axes.set_yticks(range(len(methods)), named, fontsize=8)
-    axes.set_title(title, fontsize="medium")
+    axes.set_yticks(range(len(methods)), map(literal, named), fontsize=8)
+    axes.set_title(literal(title), fontsize="medium")
     axes.spines[:].set_visible(False)
     axes.tick_params(length=0)
     bar = figure.colorbar(image, ax=axes, ticks=[1, 2, 5, 10, 20, 50, 100], format="%g")

@@ -9,7 +9,7 @@ from jerkbench.estimate import Estimate
 from jerkbench.evaluation.navigation_errors import inclination_error_rad, rms_norm
 from jerkbench.recording import Recording
 from jerkbench.report.plots.palette import Palette, looks
-from jerkbench.report.plots.style import DOTS_PER_INCH, end_with, legend_below, quiet
+from jerkbench.report.plots.style import DOTS_PER_INCH, end_with, legend_below, literal, quiet
 from jerkbench.report.tables.table_model import number
 
 
@@ -28,7 +28,7 @@ def inclination_figure(
         axes.plot(t_s, error_deg, color=colour, linestyle=dash, linewidth=0.5, alpha=0.6)
         shown = np.where(scored, error_deg, np.nan)
         axes.plot(t_s, shown, color=colour, linestyle=dash, linewidth=1.2, label=f"{name}: RMSE {number(rmse_deg)} deg")
-    axes.set(xlabel="Time [s]", ylabel="Inclination error [deg]", title=recording.name)
+    axes.set(xlabel="Time [s]", ylabel="Inclination error [deg]", title=literal(recording.name))
     axes.set_ylim(bottom=0.0)
     end_with(axes, recording.reference.t_s)
     quiet(axes)

@@ -9,7 +9,7 @@ from jerkbench.arrays import FloatArray
 from jerkbench.evaluation.statistics.profiles import mean_ranks, performance_profile
 from jerkbench.report.plots.curves import coinciding, joined
 from jerkbench.report.plots.palette import Look
-from jerkbench.report.plots.style import DOTS_PER_INCH, legend_below, quiet
+from jerkbench.report.plots.style import DOTS_PER_INCH, legend_below, literal, quiet
 
 FURTHEST = 100.0
 SHOWN = 8
@@ -34,7 +34,7 @@ def profile_figure(costs: FloatArray, methods: Sequence[str], title: str, looks_
         axes.step(
             factors, 100 * shares[s], where="post", color=look.colour, linestyle=look.line, linewidth=1.3, label=label
         )
-    axes.set(xscale="log", xlim=(1.0, FURTHEST), ylim=(0.0, 103.0), title=title)
+    axes.set(xscale="log", xlim=(1.0, FURTHEST), ylim=(0.0, 103.0), title=literal(title))
     axes.set_xlabel(f"Times the best of a scenario ({len(costs)} scenarios)")
     axes.set_ylabel("Scenarios within [%]")
     quiet(axes)

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from jerkbench.arrays import FloatArray
-from jerkbench.report.plots.style import DOTS_PER_INCH, OKABE_ITO, quiet
+from jerkbench.report.plots.style import DOTS_PER_INCH, OKABE_ITO, literal, quiet
 
 COLUMNS = 3
 
@@ -64,7 +64,7 @@ def search_figure(
         _draw_map(figure, axes[len(profiles) + 1], most)
     for panel in axes[count:]:
         panel.set_axis_off()
-    figure.suptitle(title, fontsize="medium")
+    figure.suptitle(literal(title), fontsize="medium")
     return figure
 
 

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from jerkbench.evaluation.statistics.intervals.signed_over_seeds import mean_intervals
 from jerkbench.report.analysis.quantities import quantity
 from jerkbench.report.plots.palette import Palette, looks
-from jerkbench.report.plots.style import DOTS_PER_INCH, legend_below, quiet
+from jerkbench.report.plots.style import DOTS_PER_INCH, legend_below, literal, quiet
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -40,7 +40,12 @@ def sensitivity_figure(rows: "pd.DataFrame", metric: str, palette: Palette | Non
             means = [interval.mean for interval in mean_intervals(good)]
             label = name if axes is panels[0] else None
             axes.plot([x for x, _ in groups], means, color=colour, linestyle=dash, linewidth=1.0, label=label)
-        axes.set(title=f"{dataset}: {disturbance}", ylabel=quantity(metric).heading, xscale="log", yscale="log")
+        axes.set(
+            title=literal(f"{dataset}: {disturbance}"),
+            ylabel=literal(quantity(metric).heading),
+            xscale="log",
+            yscale="log",
+        )
         quiet(axes)
     panels[-1].set_xlabel("sigma_a [m/s$^2$]")
     legend_below(figure)

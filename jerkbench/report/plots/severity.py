@@ -12,7 +12,7 @@ from jerkbench.evaluation.statistics.intervals.signed_over_seeds import mean_int
 from jerkbench.report.analysis.quantities import quantity
 from jerkbench.report.analysis.severity import NAME, SCENARIO, SIZE, crossings, smallest_noticed
 from jerkbench.report.plots.palette import Look, Palette, looks
-from jerkbench.report.plots.style import DOTS_PER_INCH, legend_below, quiet
+from jerkbench.report.plots.style import DOTS_PER_INCH, legend_below, literal, quiet
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -41,7 +41,12 @@ def severity_figure(swept: "pd.DataFrame", metric: str, palette: Palette | None 
     for axes, scenario in zip(panels, scenarios, strict=True):
         scene = swept[swept[SCENARIO] == scenario]
         _draw(axes, scene, dict(looks(names, palette)), metric, labelled=axes is panels[0])
-        axes.set(title=scenario, xlabel=scene[NAME].iloc[0], ylabel=quantity(metric).heading, yscale="log")
+        axes.set(
+            title=literal(scenario),
+            xlabel=literal(scene[NAME].iloc[0]),
+            ylabel=literal(quantity(metric).heading),
+            yscale="log",
+        )
         if scene[SIZE].min() > 0:
             axes.set_xscale("log")
         quiet(axes)

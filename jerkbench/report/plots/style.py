@@ -52,6 +52,11 @@ def _plain(axis: Axis) -> None:
     axis.set_minor_formatter(NullFormatter())
 
 
+def literal(text: str) -> str:
+    """Return a name as matplotlib has to be given it, so that a ``$`` in it begins no formula."""
+    return text.replace("$", r"\$")
+
+
 def legend_below(figure: Figure) -> None:
     """Put the legend under the axes, in as many columns as its labels allow, and make the figure taller for it."""
     labels = [label for axes in figure.axes for label in axes.get_legend_handles_labels()[1]]
@@ -61,6 +66,8 @@ def legend_below(figure: Figure) -> None:
     width, height = figure.get_size_inches()
     figure.set_size_inches(width, height + LEGEND_ROW_IN * -(-len(labels) // columns))
     legend = figure.legend(loc="outside lower center", ncols=columns, frameon=False)
+    for text in legend.get_texts():
+        text.set_text(literal(text.get_text()))
     for handle in legend.legend_handles:
         if isinstance(handle, Line2D) and handle.get_marker() == ".":
             handle.set(markersize=6.0, alpha=1.0)

@@ -11,7 +11,7 @@ from jerkbench.evaluation.navigation_errors import euler_error_rad, known
 from jerkbench.recording import Recording
 from jerkbench.report.plots.curves import thinned
 from jerkbench.report.plots.palette import Palette, looks
-from jerkbench.report.plots.style import DOTS_PER_INCH, REFERENCE, end_with, legend_below, quiet
+from jerkbench.report.plots.style import DOTS_PER_INCH, REFERENCE, end_with, legend_below, literal, quiet
 from jerkbench.report.tables.table_model import number
 
 ANGLES = ("Roll", "Pitch")
@@ -25,7 +25,7 @@ def tilt_figure(recording: Recording, estimates: Mapping[str, Estimate], palette
     judged = recording.reference.euler_rad is not None
     figure = Figure(figsize=(7.0, 6.0 if judged else 4.2), dpi=DOTS_PER_INCH, layout="constrained")
     panels = figure.subplot_mosaic("RR;PP;rp" if judged else "R;P")
-    panels["R"].set_title(recording.name + ("" if judged else ": no reference of the attitude"))
+    panels["R"].set_title(literal(recording.name) + ("" if judged else ": no reference of the attitude"))
     for axis, letter in enumerate("RP"):
         _draw_angle(panels[letter], recording, estimates, axis, palette)
         if judged:

@@ -12,7 +12,7 @@ from jerkbench.evaluation.navigation_errors import position_error_length_m
 from jerkbench.recording import Recording
 from jerkbench.report.plots.curves import coinciding, joined
 from jerkbench.report.plots.palette import Palette, looks
-from jerkbench.report.plots.style import DOTS_PER_INCH, MEASURED, OUTAGE, REFERENCE, legend_below, quiet
+from jerkbench.report.plots.style import DOTS_PER_INCH, MEASURED, OUTAGE, REFERENCE, legend_below, literal, quiet
 
 WIDTH_IN = 7.0
 LABELS_IN = 0.7
@@ -42,7 +42,7 @@ def trajectory_figure(
         shown = np.where(np.isfinite(path) & (np.abs(path - low) < 1e3 * span), path, np.nan)
         axes.plot(*shown.T, color=look.colour, linestyle=look.line, linewidth=1.2, label=label, zorder=4)
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), xlabel="East [m]", ylabel="North [m]")
-    axes.set_title(recording.name)
+    axes.set_title(literal(recording.name))
     axes.set_aspect("equal", adjustable="box")
     quiet(axes)
     legend_below(figure)

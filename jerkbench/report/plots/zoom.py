@@ -10,6 +10,7 @@ from jerkbench.evaluation.navigation_errors import position_error_m
 from jerkbench.recording import Recording
 from jerkbench.report.plots.errors_over_time import error_figure
 from jerkbench.report.plots.palette import Palette
+from jerkbench.report.plots.style import literal
 
 HALF_WIDTH_S = 10.0
 
@@ -26,7 +27,7 @@ def zoomed_error_figure(
     figure = error_figure(recording, estimates, 1, burn_in_s=burn_in_s, window_s=window_s, palette=palette)
     axes = figure.axes[0]
     axes.set_xlim(*window_s)
-    axes.set_title(f"{recording.name}, {window_s[0]:.1f} to {window_s[1]:.1f} s")
+    axes.set_title(f"{literal(recording.name)}, {window_s[0]:.1f} to {window_s[1]:.1f} s")
     seen = [
         values[(line.get_xdata() >= window_s[0]) & (line.get_xdata() <= window_s[1])]  # type: ignore[operator]  # arrays
         for line in axes.get_lines()

@@ -1,8 +1,10 @@
 """The paper's figures and the others: what is drawn is the data, inside the picture, also of odd runs."""
 
 import dataclasses
+import html
 import math
 
+import matplotlib as mpl
 import numpy as np
 import pandas as pd
 import pytest
@@ -10,6 +12,7 @@ from matplotlib.image import imread
 from scipy.stats import chi2
 
 from jerkbench.estimate import Attitude, Estimate, Updates
+from jerkbench.inspection.overview import overview_figure
 from jerkbench.recording import Imu, Position, Recording, Reference
 from jerkbench.report.analysis.best_noise import at_best_noise
 from jerkbench.report.analysis.costs import costs, lost_shares
@@ -17,13 +20,17 @@ from jerkbench.report.plots.acceleration import acceleration_figure
 from jerkbench.report.plots.adapted_r import adapted_r_figure
 from jerkbench.report.plots.bars import bars_figure
 from jerkbench.report.plots.consistency import consistency_figure, nees
+from jerkbench.report.plots.critical_difference import critical_difference_figure
+from jerkbench.report.plots.errors_over_time import error_figure
 from jerkbench.report.plots.figures import save_figure
 from jerkbench.report.plots.heat_map import heat_map_figure
+from jerkbench.report.plots.inclination_over_time import inclination_figure
 from jerkbench.report.plots.inset import inset_trajectory_figure
 from jerkbench.report.plots.palette import Palette
 from jerkbench.report.plots.profile import profile_figure
 from jerkbench.report.plots.sensitivity import sensitivity_figure, with_sigma
 from jerkbench.report.plots.tilt import tilt_figure
+from jerkbench.report.plots.trajectory import trajectory_figure
 from jerkbench.report.plots.zoom import disturbed_window_s, zoomed_error_figure
 from jerkbench.report.tables.study_tables import summarise
 from jerkbench.report.tables.table_model import number
@@ -331,3 +338,45 @@ def test_the_sensitivity_is_the_mean_over_sigma(cell_rows):
     np.testing.assert_allclose(line.get_ydata(), [0.14, 0.28, 0.75])
     hollow = [one for one in axes.get_lines() if one.get_marker() == "o" and one.get_markerfacecolor() == "white"]
     assert len(hollow) == 1
+
+
+FORMULA = r"$\frac{$"
+"""A name that matplotlib would read as a formula, a broken one."""
+
+
+def shown(figure, path):
+    """Return the texts of a figure as they are shown."""
+    with mpl.rc_context({"svg.fonttype": "none"}):
+        save_figure(figure, path)
+    return html.unescape(path.read_text(encoding="utf-8"))
+
+
+def test_a_dollar_in_a_label_of_a_run_is_a_dollar(tmp_path):
+    recording, estimates = make_recording(), {f"jerk + {FORMULA}": make_estimate(), FORMULA: make_estimate(1.0, 4)}
+    recording = dataclasses.replace(recording, name=f"A {FORMULA}")
+    drawn = {
+        **figures(recording, estimates),
+        "consistency": consistency_figure([(recording, one) for one in estimates.values()], FORMULA),
+        "trajectory": trajectory_figure(recording, estimates),
+        "errors": error_figure(recording, estimates),
+        "inclination": inclination_figure(recording, estimates),
+        "overview": overview_figure(recording),
+    }
+    for name, figure in drawn.items():
+        text = shown(figure, tmp_path / f"{name}.svg")
+        assert f"A {FORMULA}" in text, name
+        assert f"jerk + {FORMULA}" in text or name in ("acceleration", "consistency", "overview"), name
+
+
+def test_a_dollar_in_a_label_of_rows_is_a_dollar(cell_rows, tmp_path):
+    rows = study(cell_rows).replace({"filter": {"jerk": FORMULA}, "disturbance": {"bias": f"bias({FORMULA})"}})
+    noisy = swept(cell_rows).replace({"filter": {"jerk": FORMULA}, "disturbance": {"none": f"bias({FORMULA})"}})
+    drawn = {drawing.name: drawing.figure for drawing in of_rows(rows)}
+    drawn["sensitivity"] = sensitivity_figure(noisy, "position_rmse_m")
+    looks = STYLES[:2]
+    drawn["critical-difference"] = critical_difference_figure(np.array([1.0, 2.0]), 0.5, [FORMULA, "b"], looks, "", 3)
+    assert {"bars", "heat-map", "profile"} <= set(drawn)
+    for name, figure in drawn.items():
+        text = shown(figure, tmp_path / f"{name}.svg")
+        assert FORMULA in text, name
+        assert f"bias({FORMULA})" in text or name in ("profile", "critical-difference"), name
