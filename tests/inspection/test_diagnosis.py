@@ -9,6 +9,7 @@ from mistakes import MISTAKES, OTHERS, in_axes, is_found, ned, of_imu, of_sigmas
 
 from jerkbench.datasets.field_v1 import FieldV1
 from jerkbench.inspection.diagnosis.doctor import diagnoses, first_diagnoses
+from jerkbench.inspection.diagnosis.plane import IDENTITY, PLANE
 from jerkbench.inspection.remarks import findings_text
 from jerkbench.readers.mounting import axes_matrix
 from jerkbench.recording import Imu, Position, Recording, Reference
@@ -44,6 +45,24 @@ def test_a_remedy_mends(field):
     axes = np.array([[0, 1, 0], [-1, 0, 0], [0, 0, 1]])  # x is what was y, y is what was -x
     mended = of_imu(turned, lambda w: w @ axes.T, lambda f: f @ axes.T)
     assert np.allclose(mended.imu.accel_mps2, field.imu.accel_mps2)
+
+
+@pytest.mark.parametrize("way", [way for way in PLANE if way != IDENTITY])
+def test_no_axes_are_advised_that_the_reader_refuses(field, way):
+    given = np.eye(3)
+    given[:2, :2] = np.array(PLANE[way]).T
+    (diagnosis,) = [one for one in first_diagnoses(in_axes(field, given)) if one.name.startswith("IMU")]
+    if np.linalg.det(given) < 0:
+        assert diagnosis.name == "IMU mirrored"
+        assert "imu_axes=" not in diagnosis.remedy
+    else:
+        np.testing.assert_array_equal(advised_axes(diagnosis), given.T)
+
+
+def test_mirrored_axes_without_a_track_are_mended_in_the_columns(field):
+    mirrored = replace(MISTAKES["IMU mirrored"](field), velocity=None, position=None)
+    (diagnosis,) = [one for one in first_diagnoses(mirrored) if one.name == "IMU mirrored"]
+    assert "columns" in diagnosis.remedy
 
 
 def test_the_factor_of_sigmas_is_told(field):

@@ -148,23 +148,27 @@ def _judged(
     elif fit is not None and fit.wrong:
         yield _turned(fit)
     elif gravity_opposite and gravity is not None:
-        yield _mirrored_mounting(_turning_text(gravity))
+        yield _mirrored_mounting(_turning_text(gravity), "change the sign of one axis, most likely of y")
 
 
 def _turned(fit: Fit) -> Diagnosis:
     x, y = axes_text(fit.way, ("x", "y"))
-    mirrored = np.linalg.det(np.array(PLANE[fit.way])) < 0
-    name = "IMU mirrored" if mirrored else f"IMU {fit.way.replace('turned by', 'to be turned by')} about z"
-    sentence = "The IMU's axes are mirrored" if mirrored else f"The IMU is {fit.way} about z"
-    return Diagnosis(name, _fit_text(fit), sentence, f"Set imu_axes=[{x},{y},z] of the axes as they are read now")
+    if np.linalg.det(np.array(PLANE[fit.way])) < 0:
+        return _mirrored_mounting(_fit_text(fit), f"let x be {x} and y be {y} of what is read now")
+    return Diagnosis(
+        f"IMU {fit.way.replace('turned by', 'to be turned by')} about z",
+        _fit_text(fit),
+        f"The IMU is {fit.way} about z",
+        f"Set imu_axes=[{x},{y},z] of the axes as they are read now",
+    )
 
 
-def _mirrored_mounting(measured: str) -> Diagnosis:
+def _mirrored_mounting(measured: str, remedy: str) -> Diagnosis:
     return Diagnosis(
         "IMU mirrored",
         measured,
         "The IMU's axes are mirrored (left-handed)",
-        "Give one axis of imu_axes the other sign, most likely y",
+        f"Mend the columns of accelerometer and gyro, for imu_axes cannot mirror: {remedy}",
     )
 
 
