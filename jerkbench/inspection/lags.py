@@ -29,6 +29,7 @@ class Lag:
         correlation: of the two at that lag.
         within_s: half the width of the lags that fit hardly worse (95 %).
         edge_s: the largest or smallest lag that was tried, where it fits best: the true one may be beyond; else NaN.
+        best_s: the lag that fits best, also where it cannot be told; NaN at an edge.
     """
 
     stream: str
@@ -37,6 +38,7 @@ class Lag:
     correlation: float
     within_s: float
     edge_s: float = float("nan")
+    best_s: float = float("nan")
 
 
 def estimated_lags(recording: Recording) -> list[Lag]:
@@ -73,7 +75,7 @@ def estimated_lags(recording: Recording) -> list[Lag]:
 
 
 def _lag(stream: str, against: str, peak: Peak) -> Lag:
-    return Lag(stream, against, peak.lag_s, peak.correlation, peak.within_s, peak.edge_s)
+    return Lag(stream, against, peak.lag_s, peak.correlation, peak.within_s, peak.edge_s, peak.best_s)
 
 
 def _known(t_s: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:

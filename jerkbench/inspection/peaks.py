@@ -37,12 +37,14 @@ class Peak:
         correlation: there; NaN where there are too few rows.
         within_s: half the width of the lags that fit hardly worse (95 %).
         edge_s: the largest or smallest lag that was tried, where the correlation is largest at it; else NaN.
+        best_s: the refined lag also where too little is known of it for a `lag_s`.
     """
 
     lag_s: float = float("nan")
     correlation: float = float("nan")
     within_s: float = float("nan")
     edge_s: float = float("nan")
+    best_s: float = float("nan")
 
 
 def largest_lag_s(duration_s: float) -> float:
@@ -61,15 +63,22 @@ def best_lag(correlation: Callable[[float], float], rows: int, largest_s: float)
     lags_s = np.asarray(np.arange(-steps, steps + 1) * STEP_S, dtype=np.float64)
     values = np.array([correlation(lag_s) for lag_s in lags_s])
     best = int(np.argmax(values))
-    within_s = _within(lags_s, values, rows)
-    if values[best] >= LEAST_CORRELATION and best in (0, len(values) - 1):
-        return Peak(correlation=float(values[best]), within_s=within_s, edge_s=float(lags_s[best]))
-    if not values[best] >= LEAST_CORRELATION or best in (0, len(values) - 1) or within_s > WORST_S:
-        return Peak(correlation=float(values[best]), within_s=within_s)
+    peak, within_s = float(values[best]), within(lags_s, values, rows)
+    if best in (0, len(values) - 1):
+        edge_s = float(lags_s[best]) if peak >= LEAST_CORRELATION else float("nan")
+        return Peak(correlation=peak, within_s=within_s, edge_s=edge_s)
+    best_s = refined(lags_s, values)
+    told = peak >= LEAST_CORRELATION and within_s <= WORST_S
+    return Peak(best_s if told else float("nan"), peak, within_s, best_s=best_s)
+
+
+def refined(lags_s: FloatArray, values: FloatArray) -> float:
+    """Return the top of the parabola through the best of evenly spaced lags and its neighbours, all of them inside."""
+    best = int(np.argmax(values))
     before, peak, after = values[best - 1 : best + 2]
     bend = before - 2 * peak + after
     offset = 0.5 * (before - after) / bend if bend < 0 else 0.0
-    return Peak(float(lags_s[best] + offset * STEP_S), float(peak), within_s)
+    return float(lags_s[best] + offset * (lags_s[1] - lags_s[0]))
 
 
 def correlation_of(a: FloatArray, b: FloatArray) -> float:
@@ -79,9 +88,9 @@ def correlation_of(a: FloatArray, b: FloatArray) -> float:
     return float(np.sum(a * b)) / size if size > 0 else 0.0
 
 
-def _within(lags_s: FloatArray, values: FloatArray, rows: int) -> float:
-    """Half the width of the lags that fit hardly worse than the best; at least half a step."""
+def within(lags_s: FloatArray, values: FloatArray, rows: int) -> float:
+    """Return half the width of the lags that fit hardly worse than the best; at least half a step."""
     misfit = np.maximum(1.0 - values**2, 1e-12)
     likely = np.log(misfit / misfit[int(np.argmax(values))]) < LIKELY * ROWS_OF_A_DRAW / rows
     likely &= values > 0
-    return float(0.5 * (np.ptp(lags_s[likely]) + STEP_S)) if likely.any() else float(lags_s[-1])
+    return float(0.5 * (np.ptp(lags_s[likely]) + lags_s[1] - lags_s[0])) if likely.any() else float(lags_s[-1])

@@ -6,7 +6,8 @@ import numpy as np
 
 from jerkbench.inspection.allan import RestNoise, rest_noise
 from jerkbench.inspection.dependence import Dependence, velocity_dependence
-from jerkbench.inspection.diagnosis.doctor import diagnoses
+from jerkbench.inspection.diagnosis.clocks import PARAMETERS, clock_offsets, late_imu
+from jerkbench.inspection.diagnosis.doctor import first_diagnoses
 from jerkbench.inspection.lags import Lag, estimated_lags
 from jerkbench.inspection.peaks import LEAST_CORRELATION
 from jerkbench.inspection.sigmas import Sigma, stated_against_real_sigma
@@ -17,13 +18,15 @@ from jerkbench.recording import Recording
 def findings_text(recording: Recording) -> str:
     """Return lags, the source of yaw, the velocity's dependence, real and stated sigmas, noise at rest, mistakes."""
     noise = rest_noise(recording)
-    lines = [_lag_line(lag) for lag in estimated_lags(recording)]
+    late = late_imu(recording)
+    lines = [_lag_line(lag) for lag in (*estimated_lags(recording), *([late] if late else []))]
     lines += [yaw_line(recording)] if recording.imu is not None else []
     lines += [_dependence_line(dependence) for dependence in velocity_dependence(recording)]
     lines += [_sigma_line(sigma) for sigma in stated_against_real_sigma(recording)]
     if recording.imu is not None:
         lines += _noise_lines(noise) if noise else ["imu noise: no rest of 5 s at the start to read it from"]
-    lines += [f"mistake: {diagnosis}" for diagnosis in diagnoses(recording)] or ["mistakes: none that is sure"]
+    mistakes = [*first_diagnoses(recording), *clock_offsets(recording, late)]
+    lines += [f"mistake: {diagnosis}" for diagnosis in mistakes] or ["mistakes: none that is sure"]
     return "\n".join(lines)
 
 
@@ -37,11 +40,18 @@ def _lag_line(lag: Lag) -> str:
             f" {lag.correlation:.2f}): the true one may lie beyond it; check both clocks"
         )
     if np.isnan(lag.lag_s):
-        alternatives = (
-            f", and lags within {lag.within_s:.2f} s fit alike" if lag.correlation >= LEAST_CORRELATION else ""
+        if not lag.correlation >= LEAST_CORRELATION:
+            return f"{pair}: cannot be told (correlation {lag.correlation:.2f})"
+        return (
+            f"{pair}: not well known; {lag.best_s:+.2f} s fits best, and lags within {lag.within_s:.2f} s fit alike"
+            f" (correlation {lag.correlation:.2f}); to try it{_remedy(lag.stream, lag.best_s)}"
         )
-        return f"{pair}: cannot be told (correlation {lag.correlation:.2f}{alternatives})"
-    return f"{pair}: {lag.lag_s:+.3f} s, give or take {lag.within_s:.2f} s (correlation {lag.correlation:.3f})"
+    remedy = f"; to mend it{_remedy(lag.stream, lag.lag_s)}" if abs(lag.lag_s) > lag.within_s else ""
+    return f"{pair}: {lag.lag_s:+.3f} s, give or take {lag.within_s:.2f} s (correlation {lag.correlation:.3f}){remedy}"
+
+
+def _remedy(stream: str, lag_s: float) -> str:
+    return f" add {-lag_s:+.2f} to {PARAMETERS[stream]}"
 
 
 def _dependence_line(dependence: Dependence) -> str:

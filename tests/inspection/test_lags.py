@@ -5,7 +5,10 @@ import dataclasses
 import numpy as np
 import pytest
 
+from jerkbench.datasets.field_v1 import FieldV1
 from jerkbench.datasets.rtklib import RtklibDrive
+from jerkbench.inspection.diagnosis.clocks import late_imu
+from jerkbench.inspection.diagnosis.doctor import diagnoses
 from jerkbench.inspection.lags import estimated_lags
 from jerkbench.inspection.remarks import findings_text
 from jerkbench.recording import Imu, Position, Recording, Reference, Velocity
@@ -134,3 +137,20 @@ def test_a_lag_that_fits_many_is_none():
     lag = estimated_lags(dataclasses.replace(recording, velocity=short))[-1]
     assert np.isnan(lag.lag_s)
     assert lag.within_s > 0.1
+    text = findings_text(dataclasses.replace(recording, velocity=short))
+    assert f"{lag.best_s:+.2f} s fits best" in text
+    assert f"add {-lag.best_s:+.2f} to imu_shift_s" in text
+
+
+@pytest.mark.parametrize("late_s", [-0.45, 0.0, 0.3, 0.41, 0.45, 1.03])
+def test_the_turning_tells_the_imus_lag_finer_than_the_fixes_step(late_s):
+    """Fixes every .2 s of the simulated field; the lag was put in."""
+    recording = FieldV1().load(0)
+    imu = recording.imu
+    late = dataclasses.replace(recording, imu=Imu(imu.t_s + late_s, imu.accel_mps2, imu.gyro_radps))
+    lag = late_imu(late)
+    assert lag.lag_s == pytest.approx(late_s, abs=0.015)
+    assert lag.within_s < 0.1
+    assert ("imu_shift_s" in findings_text(late)) == (late_s != 0.0)
+    told = [one.remedy for one in diagnoses(late)]
+    assert told == ([f"Add {-lag.lag_s:+.2f} to imu_shift_s"] if abs(late_s) >= 0.4 else [])

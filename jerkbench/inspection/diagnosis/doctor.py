@@ -2,7 +2,7 @@
 
 from jerkbench.inspection.diagnosis.accelerometer import accelerometer_unit
 from jerkbench.inspection.diagnosis.attitude import attitude_mistakes
-from jerkbench.inspection.diagnosis.clocks import clock_offsets
+from jerkbench.inspection.diagnosis.clocks import clock_offsets, late_imu
 from jerkbench.inspection.diagnosis.diagnosis import Diagnosis
 from jerkbench.inspection.diagnosis.frames import exchanged_axes
 from jerkbench.inspection.diagnosis.gyro import gyro_unit
@@ -25,7 +25,7 @@ QUICK = (
 
 def diagnoses(recording: Recording) -> list[Diagnosis]:
     """Return the mistakes that are sure; each detector asks for itself, so that one mistake may show twice."""
-    return [*first_diagnoses(recording), *clock_offsets(recording)]
+    return [*first_diagnoses(recording), *clock_offsets(recording, late_imu(recording))]
 
 
 def first_diagnoses(recording: Recording) -> list[Diagnosis]:
