@@ -8,9 +8,18 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.checks import require_choices
-from jerkbench.datasets._rtklib_checks import CHOICES, require_latencies, require_signs, require_three_columns
-from jerkbench.datasets._rtklib_fixes import accepted_fixes, ground_speed, steady_fixes, velocity_of
-from jerkbench.datasets._rtklib_notes import fitted_notes, solution_notes
+from jerkbench.datasets._rtklib import (
+    CHOICES,
+    accepted_fixes,
+    fitted_notes,
+    ground_speed,
+    require_latencies,
+    require_signs,
+    require_three_columns,
+    solution_notes,
+    steady_fixes,
+    velocity_of,
+)
 from jerkbench.plugins import register
 from jerkbench.readers.fetched import recording_folder
 from jerkbench.readers.files import find_file, fingerprint

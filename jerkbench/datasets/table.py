@@ -1,27 +1,46 @@
-"""Any recording in tables: CSV, text, Parquet or MATLAB, with a map from columns to fields."""
+"""Any recording in tables: CSV, text, Parquet or MATLAB, with a map from columns to fields.
+
+The plugin: its parameters, `load`, and how the parameters become the maps of `_table_values`, a stream at a time.
+"""
 
 from dataclasses import dataclass
 from typing import ClassVar
 
 from jerkbench.checks import require_choices, require_not_negative, require_positive
-from jerkbench.datasets._table_checks import CHOICES, require_columns, require_origin
-from jerkbench.datasets._table_maps import (
-    check_origin,
-    first_ns,
-    fixes_of,
-    imu_of,
-    reference_of,
-    samples_of,
-    velocity_of,
+from jerkbench.datasets._table import (
+    CHOICES,
+    COVARIANCE_FRAMES,
+    Source,
+    Stream,
+    TimedColumns,
+    require_columns,
+    require_origin,
 )
-from jerkbench.datasets._timed_columns import TimedColumns
+from jerkbench.datasets._table_values import (
+    AttitudeMap,
+    CovarianceMap,
+    Fixes,
+    PositionMap,
+    ReferenceMap,
+    VelocityMap,
+    fixes_as_reference,
+    read_fixes,
+    read_reference,
+    read_velocity,
+)
 from jerkbench.errors import PluginError
 from jerkbench.plugins import register
 from jerkbench.readers.fetched import named_folder
 from jerkbench.readers.files import fingerprint
-from jerkbench.readers.mounting import axes_matrix
+from jerkbench.readers.frames import LOCAL_FRAMES
+from jerkbench.readers.gravity import gravity_notes
+from jerkbench.readers.mounting import axes_matrix, imu_in_body
 from jerkbench.readers.overlap import with_common_time
-from jerkbench.recording import Recording
+from jerkbench.readers.standstill import calibrated
+from jerkbench.recording import Imu, Origin, Recording, Reference, Velocity
+from jerkbench.sanitiser.values import possible_imu, repeat_notes
+
+NO_IMU = "There is no IMU: attitude, tilt and yaw do not apply."
 
 
 @register("dataset", "table")
@@ -163,7 +182,7 @@ class Tables(TimedColumns):
         require_choices(self, CHOICES)
         require_columns(self, self.velocity_frame)
         require_origin(self.origin)
-        check_origin(self)
+        self._require_one_origin()
         axes_matrix(self.imu_axes)
         require_positive("dataset table", self, ("position_sigma_m", "position_sigma_scale", "velocity_sigma_mps"))
         require_not_negative("dataset table", self, ("static_start_s",))
@@ -185,12 +204,12 @@ class Tables(TimedColumns):
         Raises:
             RecordingError: a file is missing or damaged, a column is not there, or what is in it makes no recording.
         """
-        samples = samples_of(self)
-        zero_ns = first_ns(self, samples)
-        fixes = fixes_of(self, zero_ns)
-        reference, origin, of_reference = reference_of(self, zero_ns, fixes)
-        imu, of_imu = imu_of(self, samples, zero_ns)
-        velocity, of_velocity = velocity_of(self, zero_ns, origin)
+        samples = self._samples()
+        zero_ns = self._first_ns(samples)
+        fixes = self._fixes(zero_ns)
+        reference, origin, of_reference = self._reference(zero_ns, fixes)
+        imu, of_imu = self._imu(samples, zero_ns)
+        velocity, of_velocity = self._velocity(zero_ns, origin)
         notes = (*of_imu, *fixes.notes, *of_velocity, *of_reference)
         recording = Recording(
             name=named_folder(self.folder).resolve().name,
@@ -209,3 +228,110 @@ class Tables(TimedColumns):
         """Return the SHA-256 over the bytes of the files."""
         names = (self.imu_file, self.position_file, self.velocity_file, self.reference_file, self.time_file)
         return fingerprint(tuple(path for name in dict.fromkeys(names) if name for path in self.files(name, "folder")))
+
+    def _require_one_origin(self) -> None:
+        """Raise a PluginError where fixes and reference are about two origins: one is local, the other is not."""
+        reference = self._reference_source()
+        if not (self.position_file and self.reference_file and (self.reference_position or reference.solved)):
+            return
+        solved = self._position_source().solved
+        parameter = f"position_file {self.position_file}" if solved else "position_frame"
+        frame = "geodetic" if solved else self.position_frame
+        of_reference = "geodetic" if reference.solved else self.reference_frame
+        if not self.origin and (frame in LOCAL_FRAMES) != (of_reference in LOCAL_FRAMES):
+            raise PluginError(
+                f"dataset table: {parameter} is {frame} and reference_frame {of_reference}: one is local, and where"
+                " its zero is on the Earth is not known; give origin (latitude [deg], longitude [deg], height [m] of"
+                " that zero), or fixes and reference of one kind."
+            )
+
+    def _position_source(self) -> Source:
+        """Return where the fixes stand."""
+        at = (self.position_file, self.position_time, self.position_shift_s, self.position_time_unit)
+        return Source("position", *at, self.position_quality)
+
+    def _velocity_source(self) -> Source:
+        """Return where the velocities stand."""
+        at = (self.velocity_file, self.velocity_time, self.velocity_shift_s, self.velocity_time_unit)
+        return Source("velocity", *at, self.position_quality)
+
+    def _reference_source(self) -> Source:
+        """Return where the reference stands."""
+        at = (self.reference_file, self.reference_time, self.reference_shift_s, self.reference_time_unit)
+        return Source("reference", *at, self.reference_quality)
+
+    def _samples(self) -> Stream | None:
+        """Return the rows of the IMU; None where there is none."""
+        if not self.imu_file:
+            return None
+        stream = self.read(Source("imu", self.imu_file, self.imu_time, self.imu_shift_s))
+        return stream.only((*self.imu_accel, *self.imu_gyro))
+
+    def _first_ns(self, samples: Stream | None) -> int:
+        """Return time 0: that of the first sample, or, without an IMU, of the first fix."""
+        if samples is None:
+            source = self._position_source()
+            if source.solved:
+                return int(self.solution_of(source)[0][0])
+            samples = self.read(source).only(self.position_columns)
+        return int(samples.t_ns[0]) if len(samples.t_ns) else 0
+
+    def _imu(self, samples: Stream | None, zero_ns: int) -> tuple[Imu | None, tuple[str, ...]]:
+        """Return the samples in the body, None where there are none, and what a reader has to know of them."""
+        if samples is None:
+            return None, (NO_IMU,)
+        columns = samples.columns
+        units, turn = (self.accel_unit, self.gyro_unit), axes_matrix(self.imu_axes)
+        measured = (columns.numbers(self.imu_accel), columns.numbers(self.imu_gyro))
+        imu = imu_in_body(samples.t_s(zero_ns), *measured, units, turn)
+        imu = calibrated(imu, self.static_start_s, gyro=self.remove_gyro_bias, accel=False)
+        imu = possible_imu(columns.where, imu)
+        return imu, (*gravity_notes(imu.accel_mps2, "imu_axes"), *repeat_notes(imu), *columns.notes)
+
+    def _fixes(self, zero_ns: int) -> Fixes:
+        """Return the fixes."""
+        mapping = PositionMap(
+            source=self._position_source(),
+            place=self.position_columns,
+            frame=self.position_frame,
+            angle_unit=self.angle_unit,
+            covariance=CovarianceMap(
+                sigma=self.position_sigma,
+                covariance=self.position_covariance,
+                frame=self.position_covariance_frame,
+                sigma_otherwise=self.position_sigma_m,
+                scale=self.position_sigma_scale,
+            ),
+        )
+        return read_fixes(self, mapping, zero_ns, Origin(*self.origin) if self.origin else None)
+
+    def _velocity(self, zero_ns: int, origin: Origin | None) -> tuple[Velocity | None, tuple[str, ...]]:
+        """Return the velocities, None where there are none, and what was dropped."""
+        axes = self.velocity_frame if self.velocity_frame in COVARIANCE_FRAMES else "enu"
+        mapping = VelocityMap(
+            source=self._velocity_source(),
+            axes=self.velocity_columns,
+            frame=self.velocity_frame,
+            covariance=CovarianceMap(self.velocity_sigma, self.velocity_covariance, axes, self.velocity_sigma_mps),
+        )
+        return read_velocity(self, mapping, zero_ns, origin)
+
+    def _reference(self, zero_ns: int, fixes: Fixes) -> tuple[Reference, Origin | None, tuple[str, ...]]:
+        """Return the reference, the origin of ENU, and what was dropped."""
+        if not self.reference_file:
+            return fixes_as_reference(fixes.position), fixes.origin, ()
+        frame = self.attitude_frame or self.reference_frame
+        mapping = ReferenceMap(
+            source=self._reference_source(),
+            place=self.reference_position,
+            velocity=self.reference_velocity,
+            attitude=AttitudeMap(
+                self.reference_attitude, self.attitude_unit, frame, self.reference_body, self.imu_axes
+            ),
+            frame=self.reference_frame,
+            angle_unit=self.angle_unit,
+            comes_from=self.reference_source,
+            independent=self.reference_independent,
+            offset_m=self.reference_offset_m,
+        )
+        return read_reference(self, mapping, zero_ns, fixes.origin)

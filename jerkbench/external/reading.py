@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.datasets._table_attitude import AttitudeMap, attitude_of
+from jerkbench.datasets._table_values import AttitudeMap, attitude_of
 from jerkbench.errors import RecordingError
 from jerkbench.external.file_format import TrajectoryForm, form_of
 from jerkbench.external.odometry import BAGS, read_odometry
