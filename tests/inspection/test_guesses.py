@@ -45,6 +45,18 @@ def test_a_log_in_ned_with_degrees_comes_out_right(drive, tmp_path, units):
     np.testing.assert_allclose(recording.velocity.mps, drive.velocity.mps, atol=1e-9)
 
 
+@pytest.mark.parametrize(("first", "epoch"), [(1_751_700_000_000, "unix"), (86_400_000, "none")])
+def test_stamps_are_dates_by_their_size_whatever_the_column_is_called(drive, tmp_path, first, epoch):
+    log = ned_degrees(drive, units=True)
+    log["time_ms"] += first
+    draft = guessed(log, tmp_path)
+
+    assert (draft.guesses["time_unit"].value, draft.guesses["epoch"].value) == ("ms", epoch)
+    assert (draft.load().start_utc is not None) == (epoch == "unix")
+    if epoch == "unix":
+        assert draft.load().start_utc.year == 2025
+
+
 def test_a_log_with_the_names_of_kitti_comes_out_right(drive, tmp_path):
     draft = guessed(kitti_like(drive, enu_to_geodetic(drive.position.enu_m, AT)), tmp_path)
     values = {name: guess.value for name, guess in draft.guesses.items()}

@@ -113,7 +113,7 @@ def _times(draft: Draft, *, imu: bool, position: bool) -> None:
     streams = [name for name, present in (("imu", imu), ("position", position)) if present]
     draft.add(*(Guess(f"{stream}_time", column, "named", "its name") for stream in streams))
     unit = values.time_unit(stamps, times[0].unit)
-    date = unit.grade == "measured" and "date" in unit.why
+    date = values.is_date(stamps, str(unit.value))
     epoch = Guess("epoch", "unix", "unsure", "the stamps are dates; of UTC, or of GPS time, 18 s ahead")
     draft.add(unit, epoch if date else Guess("epoch", "none", "measured", "the stamps are no dates of our time"))
 

@@ -29,13 +29,18 @@ UPRIGHT = {
 LATITUDE_RAD, LONGITUDE_RAD = np.pi / 2, np.pi
 
 
+def is_date(stamps: FloatArray, unit: str) -> bool:
+    """Return whether stamps in ``unit`` count from 1970 or 1980."""
+    return bool(STAMPS[unit] <= stamps[0] < 100 * STAMPS[unit])
+
+
 def time_unit(stamps: FloatArray, named: str) -> Guess:
     """Return the unit of a column of times, by its name, by the size of its stamps, or by its rate."""
     step = float(np.median(np.diff(stamps)))
     if named:
         return Guess("time_unit", named, "named", f"the column says so; the median step is {step:g} {named}")
-    for unit, least in STAMPS.items():
-        if least <= stamps[0] < 100 * least:
+    for unit in STAMPS:
+        if is_date(stamps, unit):
             return Guess("time_unit", unit, "measured", f"{stamps[0]:.0f} is a date of our time in {unit}")
     scales = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
     fitting = [unit for unit, scale in scales.items() if RATES_HZ[0] <= scale / step <= RATES_HZ[1]]
