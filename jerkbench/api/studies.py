@@ -78,6 +78,7 @@ def sweep(
 def _run(cells: Iterator[Cell], folder: Path, workers: int) -> list[str]:
     """Run those of the cells that make sense and are not done; returns the keys of all that make sense."""
     from jerkbench.results.store import Store
+    from jerkbench.results.study_remarks import set_aside
     from jerkbench.sweep.sweep import plan_sweep, run_sweep
 
     plan = plan_sweep(list(cells))
@@ -87,7 +88,11 @@ def _run(cells: Iterator[Cell], folder: Path, workers: int) -> list[str]:
         raise PluginError("There is nothing to run: every combination was left out.")
     store, keys = Store(folder), [planned.key for planned in plan.cells]
     store.prepare()
-    run_sweep(plan, store, workers, store.look(keys).done)
+    finished = store.look(keys)
+    if finished.damaged:
+        store.set_aside(finished.damaged)
+        notify(set_aside(finished.damaged))
+    run_sweep(plan, store, workers, finished.done)
     return keys
 
 

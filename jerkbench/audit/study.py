@@ -101,7 +101,7 @@ def judged(protocol: AuditProtocol, outcome: Outcome, known: Sequence[Scenario])
 
 
 def _key() -> str:
-    return f"{code_digest()} {sorted(versions().items())}"
+    return f"{code_digest('audit', 'tuning')} {sorted(versions().items())}"
 
 
 def text_of(audit: Audit) -> str:

@@ -21,17 +21,22 @@ def cell_identity(cell: Cell, fingerprint: str) -> str:
     return _hashed(cell, fingerprint, ("seeds", "first_seed"))
 
 
-def _hashed(cell: Cell, fingerprint: str, not_deciding: Collection[str]) -> str:
+def plugins_digests(cell: Cell) -> list[str]:
+    """Return a hash of the code of each plugin, and one of the files that the filter reads."""
     parts = [cell.dataset, *cell.disturbances, cell.attitude, cell.filter, cell.adaptation, cell.engine, *cell.metrics]
+    read = cell.filter.fingerprint() if isinstance(cell.filter, ReadingFile) else ""
+    return [*(plugin_digest(type(part)) for part in parts), read]
+
+
+def _hashed(cell: Cell, fingerprint: str, not_deciding: Collection[str]) -> str:
     everything = {
         "labels": cell.labels,
         "spec": cell.spec,
         "protocol": {name: value for name, value in asdict(cell.protocol).items() if name not in not_deciding},
         "code": code_digest(),
         "versions": versions(),
-        "plugins": [plugin_digest(type(part)) for part in parts],
+        "plugins": plugins_digests(cell),
         "data": fingerprint,
-        "filter": cell.filter.fingerprint() if isinstance(cell.filter, ReadingFile) else "",
     }
     if target():
         everything["arithmetic"] = target()

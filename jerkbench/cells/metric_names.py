@@ -13,7 +13,9 @@ WITHOUT_SEEDS = ("one_recording",)
 
 
 def metric_names(wanted: Sequence[str], *, seeded: bool = True) -> tuple[str, ...]:
-    """Return the names that are asked for; of none those that say nothing else, of "all" every one.
+    """Return the names that are asked for; of none or "default" our own usual ones, of "all" every one.
+
+    One from elsewhere is never among the usual ones, or its installation would change the key of every cell.
 
     Args:
         wanted: names.
@@ -25,14 +27,14 @@ def metric_names(wanted: Sequence[str], *, seeded: bool = True) -> tuple[str, ..
     known = plugins.names("metric")
     if not isinstance(wanted, (list, tuple)) or not all(isinstance(name, str) for name in wanted):
         raise PluginError(f"metrics is {wanted}; give a list of names: metrics=[position_rmse,velocity_rmse] or [all].")
-    for sentence in plugins.left_out("metric").values() if not wanted or "all" in wanted else ():
+    for sentence in plugins.left_out("metric").values() if "all" in wanted else ():
         notify(sentence)
-    if not wanted:
-        alone = () if seeded else WITHOUT_SEEDS
-        return tuple(name for name in known if name in alone or _by_default(plugins.get("metric", name)))
-    return tuple(dict.fromkeys(name for name in wanted for name in (known if name == "all" else [name])))
+    alone = () if seeded else WITHOUT_SEEDS
+    usual = [name for name in known if name in alone or _by_default(plugins.get("metric", name))]
+    several = {"all": known, "default": usual}
+    return tuple(dict.fromkeys(name for asked in wanted or ["default"] for name in several.get(asked, [asked])))
 
 
 @cache
 def _by_default(metric: type) -> bool:
-    return not on_request(metric)
+    return plugins.is_own(metric) and not on_request(metric)

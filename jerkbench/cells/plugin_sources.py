@@ -5,8 +5,9 @@ another distribution by its version. What `jerkbench.cells.provenance` answers f
 """
 
 import hashlib
+import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import cache
 from importlib.metadata import Distribution, PackageNotFoundError, distribution, packages_distributions
 from importlib.util import find_spec
@@ -50,7 +51,7 @@ def _lines(module: str) -> Iterator[str]:
         if installed is not None and top != own and not _shares(installed, own):
             yield from _released(installed, set())
             continue
-        files = list(_distributed(installed) if installed is not None else _loose(top, required=top == own))
+        files = list(_loose(top, required=top == own) if installed is None else _whole(installed, top))
         yield from (f"{name} {_content(path)}" for name, path in files)
         for name in sorted(_reached(top, [path for _, path in files]) - visited - KNOWN - sys.stdlib_module_names):
             visited.add(name)
@@ -63,7 +64,11 @@ def _top(module: str) -> str:
 
 def _reached(top: str, files: list[Path]) -> set[str]:
     """Return the modules that the files import, and those whose objects stand in what is loaded of them."""
-    names = {name for path in files if path.suffix == ".py" for name in imported_names(path)}
+    modules = [path for path in files if path.suffix == ".py"]
+    names = {name for path in modules for name in imported_names(path)}
+    if (place := _place(top)) is not None and not place.is_dir():  # a lone module may load those beside it by name
+        texts = {Path(text).stem for path in modules for text in named_places(path)}
+        names |= {text for text in texts if (place.parent / f"{text}.py").is_file()}
     for name, module in list(sys.modules.items()):
         if _top(name) == top and module is not None:
             names |= {_home(value) for value in list(vars(module).values())}
@@ -121,6 +126,13 @@ def _distributed(installed: Distribution) -> Iterator[Named]:
             yield str(file), path
 
 
+def _whole(installed: Distribution, top: str) -> Iterator[Named]:
+    """Yield every file of a distribution, and what was put into the package's folder later."""
+    yield from _distributed(installed)
+    if (place := _place(top)) is not None and place.is_dir():
+        yield from _loose(top, required=False)
+
+
 def _loose(top: str, *, required: bool) -> Iterator[Named]:
     """Yield the files of a package; of a module that stands alone, itself, and the data beside it."""
     place = _place(top)
@@ -146,6 +158,18 @@ def _beside(module: Path) -> Iterator[Path]:
             yield path
         elif path.is_dir() and path.name in named_places(module) and path.name != RESULTS:
             yield from _below(path)
+
+
+def named_digests(names: Iterable[str], home: Path) -> Iterator[str]:
+    """Yield a line for each of ``names``: a file or folder seen from the folder ``home``, or $NAME, a variable."""
+    for name in names:
+        path = home / name
+        if name.startswith("$"):
+            yield f"{name} {os.environ.get(name[1:])!r}"
+        elif path.is_dir():
+            yield from (f"{name} {inside.relative_to(path)} {_content(inside)}" for inside in _below(path))
+        else:
+            yield f"{name} {_content(path) if path.is_file() else 'is not there'}"
 
 
 def _content(path: Path) -> str:

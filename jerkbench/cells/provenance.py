@@ -5,25 +5,43 @@ import platform
 import secrets
 import subprocess
 import sys
+from collections.abc import Iterator
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 
-from jerkbench.cells.plugin_sources import KNOWN, sources_digest
+from jerkbench.cells.plugin_sources import KNOWN, named_digests, sources_digest
 
 PACKAGE = Path(__file__).parents[1]
 LIBRARIES = ("filterpy", "numba", "numpy", "scipy", "pandas", "pymap3d", "hydra-core")
-NOT_COMPUTING = ("fetching", "inspection", "cli", "data", "report", "verbs")
-"""Parts of the package that no number depends on."""
+COMPUTING = (
+    *("adaptation", "attitude", "bags", "compilation", "datasets", "disturbances", "engines", "estimation", "external"),
+    *("filters", "inertial", "kinematic", "linear", "readers", "recording", "sanitiser", "simulation", "timeline"),
+    *("traces", "writers", "contracts", "evaluation/metrics", "arrays", "checks", "estimate", "geometry", "kalman"),
+    *("memory", "optional", "portable", "random_streams", "streamed_run", "sums"),
+    *(f"cells/{name}" for name in ("cell", "metric_names", "noise", "protocol")),
+    *(f"execution/{name}" for name in ("batches", "cell_run", "inputs", "kept_arrays", "settings_runs")),
+    "execution/simulation_cache",
+    *(f"evaluation/{name}" for name in ("batch_scoring", "counted_rows", "counted_stamps", "divergence")),
+    *(f"evaluation/{name}" for name in ("evaluated_run", "faults", "navigation_errors", "riccati", "sums")),
+    *(f"evaluation/statistics/{name}" for name in ("gaussian_scores", "step_response", "whiteness")),
+    "evaluation/statistics/intervals/correlated_errors",
+)
+"""Rooms and modules of this package that the rows of a cell depend on: their code is in every key."""
 
 
 @cache
-def code_digest() -> str:
-    """Hash of every source file of this package, and of every trace, that a result may depend on."""
+def code_digest(*further: str) -> str:
+    """Hash of every source file that the rows of a cell depend on, and of every trace.
+
+    Args:
+        further: rooms on which a result depends besides.
+    """
     digest = hashlib.sha256()
     for path in sorted([*PACKAGE.rglob("*.py"), *PACKAGE.glob("traces/shipped/*.parquet")]):
         inside = path.relative_to(PACKAGE)
-        if inside.parts[0].removesuffix(".py") not in NOT_COMPUTING:
+        places = {part.as_posix() for part in (inside.with_suffix(""), *inside.parents)}
+        if not places.isdisjoint((*COMPUTING, *further)):
             digest.update(str(inside).encode() + path.read_bytes())
     return digest.hexdigest()
 
@@ -35,11 +53,19 @@ def plugin_digest(cls: type) -> str:
     Empty for our own plugins, which `code_digest` covers. A class without a file, of an interactive session, has
     another one in each process: nothing tells whether it changed.
     """
+    named = [line for base in cls.__mro__ for line in _named(base)]
     homes = {c.__module__.partition(".")[0] for c in cls.__mro__} - KNOWN - sys.stdlib_module_names
     try:
-        return hashlib.sha256("".join(map(sources_digest, sorted(homes))).encode()).hexdigest() if homes else ""
+        texts = [*map(sources_digest, sorted(homes)), *named]
+        return hashlib.sha256("".join(texts).encode()).hexdigest() if texts else ""
     except LookupError:
         return _this_process()
+
+
+def _named(cls: type) -> Iterator[str]:
+    """Yield a line for each place that the class itself names in `depends_on`."""
+    file = getattr(sys.modules.get(cls.__module__), "__file__", None)
+    return named_digests(vars(cls).get("depends_on", ()), Path(file).parent if file else Path())
 
 
 @cache

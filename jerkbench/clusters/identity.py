@@ -12,6 +12,9 @@ from jerkbench.cells.provenance import code_digest, plugin_digest, versions
 from jerkbench.plugins import is_own
 from jerkbench.portable import MARK, target
 
+SENT = ("audit", "cells", "clusters", "execution", "results", "suite", "sweep", "tuning")
+"""Rooms whose objects are sent to workers, besides those that compute."""
+
 SINGLE = ("dataset", "attitude", "filter", "adaptation", "engine")
 
 
@@ -52,7 +55,7 @@ class Identity:
 def identity_of(cells: Iterable[Cell]) -> Identity:
     """Return what a worker must have to run ``cells``."""
     plugins = {foreign for cell in cells for foreign in map(_foreign, *_parts(cell)) if foreign is not None}
-    return Identity(code_digest(), tuple(versions().items()), tuple(sorted(plugins)), target())
+    return Identity(code_digest(*SENT), tuple(versions().items()), tuple(sorted(plugins)), target())
 
 
 @cache
@@ -70,9 +73,9 @@ def refusal(identity: Identity) -> str:
     ]
     if differing:
         return f"The worker on {host} has {', '.join(differing)}; install the plan's versions there."
-    if identity.code != code_digest():
+    if identity.code != code_digest(*SENT):
         return (
-            f"The worker on {host} has other code of jerkbench (hash {code_digest()[:12]}) than the plan "
+            f"The worker on {host} has other code of jerkbench (hash {code_digest(*SENT)[:12]}) than the plan "
             f"({identity.code[:12]}); install the same there."
         )
     return next((sentence for foreign in identity.plugins if (sentence := _lacking(foreign, host))), "")

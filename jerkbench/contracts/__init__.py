@@ -20,7 +20,7 @@ from jerkbench.contracts.filter import Filter, Labelled, ManyLengths, UsingImu
 from jerkbench.contracts.methods import has_methods
 from jerkbench.contracts.metric import Metric, OnRequest, Reading, Summarising
 from jerkbench.contracts.prior_and_gain import AdaptingGain, AdaptingPrior, Fading
-from jerkbench.contracts.shared import AttitudeOnly, Cited, ReadingFile, Remarking, Requiring
+from jerkbench.contracts.shared import AttitudeOnly, Cited, Depending, ReadingFile, Remarking, Requiring
 
 __all__ = [
     "OPTIONAL",
@@ -34,6 +34,7 @@ __all__ = [
     "Cited",
     "Clocked",
     "Dataset",
+    "Depending",
     "Disturbance",
     "Engine",
     "Estimator",

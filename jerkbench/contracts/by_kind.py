@@ -11,12 +11,12 @@ from jerkbench.contracts.estimator import Batched, Estimator, PerSeed, SettingsS
 from jerkbench.contracts.filter import Filter, Labelled, ManyLengths, UsingImu
 from jerkbench.contracts.metric import Metric, OnRequest, Reading, Summarising
 from jerkbench.contracts.prior_and_gain import AdaptingGain, AdaptingPrior, Fading
-from jerkbench.contracts.shared import AttitudeOnly, Cited, ReadingFile, Remarking, Requiring
+from jerkbench.contracts.shared import AttitudeOnly, Cited, Depending, ReadingFile, Remarking, Requiring
 
 OPTIONAL: Mapping[str, tuple[type, ...]] = {
-    "dataset": (PreferringAttitude, AttitudeOnly, WithoutImu, Cited),
-    "disturbance": (ReadingFile, Cited),
-    "attitude": (Requiring, Remarking, Cited),
+    "dataset": (PreferringAttitude, AttitudeOnly, WithoutImu, Cited, Depending),
+    "disturbance": (ReadingFile, Cited, Depending),
+    "attitude": (Requiring, Remarking, Cited, Depending),
     "filter": (
         ManyLengths,
         Batched,
@@ -29,6 +29,7 @@ OPTIONAL: Mapping[str, tuple[type, ...]] = {
         ReadingFile,
         Remarking,
         Cited,
+        Depending,
     ),
     "adaptation": (
         Remembering,
@@ -39,9 +40,10 @@ OPTIONAL: Mapping[str, tuple[type, ...]] = {
         Clocked,
         TrueCovariance,
         Cited,
+        Depending,
     ),
-    "engine": (SideBySide, Preparing, Cited),
-    "metric": (Summarising, Reading, OnRequest, Cited),
+    "engine": (SideBySide, Preparing, Cited, Depending),
+    "metric": (Summarising, Reading, OnRequest, Cited, Depending),
 }
 """The optional parts of each kind; a new one is a Protocol beside its contract, and a word here."""
 

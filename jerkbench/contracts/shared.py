@@ -49,3 +49,14 @@ class Cited(Protocol):
     """A plugin of any kind that brings its own BibTeX entries; without them the DOIs of its docstring are cited."""
 
     citations: ClassVar[tuple[str, ...]]
+
+
+@runtime_checkable
+class Depending(Protocol):
+    """A plugin of any kind that names what it reads besides its code, so that a change of it is seen.
+
+    Attributes:
+        depends_on: files and folders, seen from the folder of its module, and environment variables as "$NAME".
+    """
+
+    depends_on: ClassVar[tuple[str, ...]]

@@ -72,7 +72,8 @@ class Campaign:
         self._entrant, self._protocol, self._place, self._doing = entrant, protocol, place, doing
         self._cell = entrant_cell(entrant, protocol.scenarios[0], protocol)
         self._tried = entrant_settings(self.space, protocol)
-        self._key = f"{code_digest()} {sorted(versions().items())} {plugins_digest(entrant, protocol)}"
+        code = code_digest("audit", "suite", "tuning")
+        self._key = f"{code} {sorted(versions().items())} {plugins_digest(entrant, protocol)}"
 
     def tuned(self) -> pd.DataFrame:
         """Return the rows of every setting on the seeds to tune on."""

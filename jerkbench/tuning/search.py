@@ -7,8 +7,10 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from jerkbench import plugins
 from jerkbench.arrays import FloatArray
-from jerkbench.cells.provenance import code_digest, versions
+from jerkbench.cells.key import plugins_digests
+from jerkbench.cells.provenance import code_digest, plugin_digest, versions
 from jerkbench.errors import JerkbenchError, PluginError
 from jerkbench.tuning.cases import Case, Cases
 from jerkbench.tuning.evaluate import Evaluator
@@ -86,7 +88,9 @@ def settings_key(evaluator: Evaluator, budget: Budget, cases: Sequence[Case]) ->
         "objective": evaluator.objective.name,
         "sampler": [budget.sampler, budget.seed],
         "cases": [[case.cell.spec, asdict(case.cell.protocol), case.draws, case.fingerprint] for case in cases],
-        "code": code_digest(),
+        "code": code_digest("tuning"),
+        "plugins": [plugins_digests(case.cell) for case in cases],
+        "metric": plugin_digest(plugins.get("metric", evaluator.objective.metric)),
         "versions": versions(),
     }
     return hashlib.sha256(json.dumps(everything, sort_keys=True, default=str).encode()).hexdigest()[:20]

@@ -118,7 +118,7 @@ def test_what_other_code_computed_is_judged_when_asked_for_and_nothing_is_run(
     protocol, finished, monkeypatch, tmp_path
 ):
     folder = shutil.copytree(finished[0], tmp_path / "audit-tiny")
-    monkeypatch.setattr("jerkbench.audit.study.code_digest", lambda: "another")
+    monkeypatch.setattr("jerkbench.audit.study.code_digest", lambda *_: "another")
     monkeypatch.setattr(Stage, "run", lambda _: pytest.fail("a run"))
     with_one_more = dataclasses.replace(protocol, adaptations=("chi2", "mtf"))
     monkeypatch.setattr(AuditProtocol, "digest", protocol.digest)  # of "every adaptation", to which one has come
@@ -128,7 +128,7 @@ def test_what_other_code_computed_is_judged_when_asked_for_and_nothing_is_run(
     both = [verdict_frame(audit.verdicts).drop(columns="step_ns") for audit in (finished[1], again)]
     pd.testing.assert_frame_equal(*both)
     made_by = json.loads((folder / "manifest.json").read_text())["rows_computed_by"]
-    assert [maker.split()[0] for maker in made_by] == [code_digest()]
+    assert [maker.split()[0] for maker in made_by] == [code_digest("audit", "tuning")]
     next((folder / "runs").glob("choose-*")).unlink()
     with pytest.raises(JerkbenchError, match=r"1 are missing or of other settings.*without --stored"):
         run_audit(protocol, folder, Local(), workers=1, only_stored=True)

@@ -13,6 +13,8 @@ from jerkbench.datasets.field import Field
 from jerkbench.execution.simulation_cache import _key
 
 LONE = """
+from importlib import import_module
+from importlib.util import spec_from_file_location
 from pathlib import Path
 
 import lone_sibling
@@ -21,7 +23,13 @@ from other_distribution import nothing
 TABLE = Path(__file__).parent / "tables" / "gains.csv"
 
 
+OTHER = import_module("lone_by_name")
+HERE = spec_from_file_location("by_path", Path(__file__).parent / "lone_by_path.py")
+
+
 class Rule:
+    depends_on = ("../far/gains.csv", "../far_folder", "$LONE_GAIN")
+
     def adapt(self, innovation, HPHt, R, rows, memory):
         import lone_lazy
 
@@ -32,6 +40,8 @@ FILES = {
     "lone_sibling.py": "from lone_deeper import K\n",
     "lone_deeper.py": "K = 1.0\n",
     "lone_lazy.py": "K = 1.0\n",
+    "lone_by_name.py": "K = 1.0\n",
+    "lone_by_path.py": "K = 1.0\n",
     "lone_unrelated.py": "K = 1.0\n",
     "beside.npy": "1",
     "tables/gains.csv": "1\n",
@@ -42,12 +52,14 @@ FILES = {
     "other_distribution-1.0.dist-info/top_level.txt": "other_distribution\n",
     "other_distribution-1.0.dist-info/RECORD": "other_distribution/__init__.py,,\nother_distribution/table.csv,,\n",
 }
-NAMES = ("lone_rule", "lone_sibling", "lone_deeper", "lone_lazy", "other_distribution")
+NAMES = ("lone_by_name", "lone_rule", "lone_sibling", "lone_deeper", "lone_lazy", "other_distribution")
 
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     """A folder on the way of imports with all of FILES."""
+    tmp_path = tmp_path / "modules"
+    tmp_path.mkdir()
     for name, text in FILES.items():
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(text)
@@ -73,12 +85,35 @@ def edited(path, text):
 
 
 @pytest.mark.parametrize(
-    "name", ["lone_sibling.py", "lone_deeper.py", "lone_lazy.py", "beside.npy", "tables/gains.csv"]
+    "name",
+    [
+        "lone_sibling.py",
+        "lone_deeper.py",
+        "lone_lazy.py",
+        "lone_by_name.py",
+        "lone_by_path.py",
+        "beside.npy",
+        "tables/gains.csv",
+    ],
 )
 def test_an_edit_of_what_it_uses_gives_another(folder, name):
     before = digest()
     assert digest() == before
     assert edited(folder / name, FILES[name].replace("1", "2") + "K = 5.0\n" * name.endswith(".py")) != before
+
+
+@pytest.mark.parametrize("name", ["../far/gains.csv", "../far_folder/inside.csv"])
+def test_a_place_that_it_names_counts_though_it_lies_elsewhere(folder, name):
+    before = digest()
+    (folder / name).parent.mkdir(exist_ok=True)
+    first = edited(folder / name, "1")
+    assert len({before, first, edited(folder / name, "2")}) == 3
+
+
+def test_a_variable_that_it_names_counts(folder, monkeypatch):
+    before = digest()
+    monkeypatch.setenv("LONE_GAIN", "2")
+    assert digest() != before
 
 
 @pytest.mark.parametrize("name", ["lone_unrelated.py", "results/rows.csv", "other_distribution/table.csv"])

@@ -10,11 +10,12 @@ from jerkbench.cells.from_names import cell_of_parts
 from jerkbench.cells.protocol import Protocol
 from jerkbench.errors import JerkbenchError, PluginError
 from jerkbench.timeline.reported_noise import RScale
+from jerkbench.tuning import search as search_module
 from jerkbench.tuning.curves import budget_curve, intervals
 from jerkbench.tuning.evaluate import Evaluator
 from jerkbench.tuning.objectives import LOST, objective_of
 from jerkbench.tuning.outcome import Effort, tune
-from jerkbench.tuning.search import Budget, equal_budgets, score, search
+from jerkbench.tuning.search import Budget, equal_budgets, score, search, settings_key
 from jerkbench.tuning.space import space_of
 from jerkbench.tuning.splits import Seeds, by_seeds
 
@@ -222,3 +223,14 @@ def test_whole_numbers_stay_whole():
     assert isinstance(applied.adaptation.window, int)
     assert applied.filter.accel_mps2 == pytest.approx(np.sqrt(0.01 * 10.0))
     assert applied.spec["adaptation"]["window"] == 7
+
+
+@pytest.mark.parametrize("edited", ["plugins_digests", "plugin_digest", "code_digest"])
+def test_an_edited_plugin_gets_none_of_its_old_losses(edited, monkeypatch):
+    cell = cell_of()
+    evaluator, cases = evaluator_of(cell), by_seeds([cell], Seeds(2, 0, 2)).tune
+    before = settings_key(evaluator, Budget(1), cases)
+    assert settings_key(evaluator, Budget(1), cases) == before
+    monkeypatch.setattr(search_module, edited, lambda *_: "an edit")
+
+    assert settings_key(evaluator, Budget(1), cases) != before

@@ -59,7 +59,7 @@ def run_attribution(
     known, start = tuple(scenarios(protocol)), naive()
     methods = methods_of(protocol).values()
     spaces = {method: naive_space(space_of_method(method, known[0]), start) for method in methods}
-    key = f"{code_digest()} {sorted(versions().items())}"
+    key = f"{code_digest('audit', 'tuning')} {sorted(versions().items())}"
     stages = {
         on: Stages(known, folder / "runs" / (name or "tilt"), key, cluster, workers, only_stored, name)
         for on, name in ATTITUDES.items()
