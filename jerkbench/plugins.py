@@ -12,6 +12,7 @@ import typing
 from collections.abc import Callable, Iterable, Mapping
 from functools import cache, partial
 from importlib.metadata import EntryPoint, entry_points
+from importlib.util import find_spec
 from typing import Any, TypeVar
 
 from jerkbench.errors import PluginError, unknown
@@ -76,6 +77,27 @@ def no_such(kind: str, name: str, presets: Iterable[str] = ()) -> str:
 def is_own(cls: type) -> bool:
     """Whether the plugin is one of this package's."""
     return cls.__module__.partition(".")[0] == "jerkbench"
+
+
+def modules_of_user() -> list[str]:
+    """Return the modules that a new process has to import to know the same plugins.
+
+    It finds those of this package and of entry points by itself. It cannot import the script that is running.
+    """
+    classes = {cls for known in _registry.values() for cls in known.values() if not is_own(cls)}
+    found = {entry.module for kind in KINDS for entry in entry_points(group=f"jerkbench.{kind}")}
+    modules = {cls.__module__ for cls in classes if not of_script(cls)} - found
+    return sorted(module for module in modules if find_spec(module.partition(".")[0]))
+
+
+def of_script(cls: type) -> bool:
+    """Whether a class is defined in the script or notebook that is running, where no other process finds it."""
+    return cls.__module__ == "__main__"
+
+
+def any_of_script() -> bool:
+    """Whether a plugin is registered that no other process finds."""
+    return any(of_script(cls) for known in _registry.values() for cls in known.values())
 
 
 def names(kind: str) -> list[str]:

@@ -2,10 +2,11 @@
 
 import itertools
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from jerkbench import plugins
 from jerkbench.api.combination import listed
 from jerkbench.cells.cell import Cell
 from jerkbench.cells.from_names import Part, cell_of_parts
@@ -42,7 +43,7 @@ def sweep(
     """Run every combination of the parts into ``folder``, as `jerkbench run -m` does; what is done is not run again.
 
     The arguments are those of `run`, each one part or a list of parts; a list inside the list of disturbances acts in
-    order. A plugin of a notebook or a script is known to this process alone: leave ``workers`` at 1.
+    order. With several ``workers``, plugins of your own have to be in a module that your script or notebook imports.
 
     Args:
         folder: of the study.
@@ -86,6 +87,8 @@ def _run(cells: Iterator[Cell], folder: Path, workers: int) -> list[str]:
         notify(sentence)
     if not plan.cells:
         raise PluginError("There is nothing to run: every combination was left out.")
+    if workers > 1:
+        _require_modules(planned.cell for planned in plan.cells)
     store, keys = Store(folder), [planned.key for planned in plan.cells]
     store.prepare()
     finished = store.look(keys)
@@ -94,6 +97,18 @@ def _run(cells: Iterator[Cell], folder: Path, workers: int) -> list[str]:
         notify(set_aside(finished.damaged))
     run_sweep(plan, store, workers, finished.done)
     return keys
+
+
+def _require_modules(cells: Iterable[Cell]) -> None:
+    """Refuse plugins that other processes cannot import."""
+    for cell in cells:
+        single = cell.dataset, cell.attitude, cell.filter, cell.adaptation, cell.engine
+        for plugin in (*single, *cell.disturbances, *cell.metrics):
+            if plugins.of_script(type(plugin)):
+                raise PluginError(
+                    f"{type(plugin).__name__} is defined in the script itself, where other processes cannot find it: "
+                    "give workers=1, or move it into a module that the script imports."
+                )
 
 
 def table(
@@ -152,7 +167,8 @@ def report(
     opened = _opened(study)
     written = Path(path) if path else opened.folder / REPORT
     request = Request(figures_choice(figures), scenarios, run_programs=run_programs)
-    write_report(opened, draw_study(opened, request, processors()), written)
+    workers = 1 if plugins.any_of_script() else processors()
+    write_report(opened, draw_study(opened, request, workers), written)
     return written
 
 

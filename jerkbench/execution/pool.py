@@ -4,14 +4,19 @@ import multiprocessing
 import multiprocessing.connection
 import os
 import signal
+import sys
 import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
+from importlib import import_module
+from multiprocessing.context import SpawnContext, SpawnProcess
 from multiprocessing.process import BaseProcess
+from types import ModuleType
 from typing import Generic, TypeVar
 
+from jerkbench import plugins
 from jerkbench.notices import shared_notices
 from jerkbench.plain import keep_output_plain
 
@@ -145,16 +150,36 @@ def _end_with_parent() -> None:
         os._exit(1)
 
 
+class _Process(SpawnProcess):
+    """A process that does not run the user's script again: `spawn` imports the parent's ``__main__`` otherwise."""
+
+    def start(self) -> None:
+        """Start it while an empty module stands for the script."""
+        script = sys.modules["__main__"]
+        sys.modules["__main__"] = ModuleType("__main__")
+        try:
+            super().start()
+        finally:
+            sys.modules["__main__"] = script
+
+
+class _Spawning(SpawnContext):
+    """Spawn: a forked process may hang in libraries that hold threads."""
+
+    Process = _Process
+
+
 def _executor() -> ProcessPoolExecutor:
-    # spawn: a forked process may hang in libraries that hold threads
-    return ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), initializer=_prepare)
+    return ProcessPoolExecutor(1, _Spawning(), initializer=_prepare, initargs=(plugins.modules_of_user(),))
 
 
-def _prepare() -> None:
-    """One thread a process; Ctrl-C is for the parent, and where the parent is killed there is nothing left to do."""
+def _prepare(modules: Iterable[str]) -> None:
+    """Know the user's plugins, and use one thread; Ctrl-C is for the parent, without which nothing is left to do."""
     from threadpoolctl import threadpool_limits
 
     keep_output_plain()
+    for module in modules:
+        import_module(module)
     threading.Thread(target=_end_with_parent, daemon=True).start()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threadpool_limits(1)
