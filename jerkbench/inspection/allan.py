@@ -48,7 +48,7 @@ class RestNoise:
 
 
 def rest_noise(recording: Recording) -> RestNoise | None:
-    """Return what the rest at the recording's start tells; None where it is shorter than 5 s.
+    """Return what the rest at the recording's start tells; None where the one that is known is shorter than 5 s.
 
     White noise N is the mean of adev(tau) sqrt(tau) over tau from 0.05 to 1 s. An engine that idles counts as noise.
     """

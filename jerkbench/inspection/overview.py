@@ -101,7 +101,7 @@ def _draw_allan(axes: Axes, recording: Recording) -> None:
     axes.set(xlabel="Averaging time [s]", ylabel="Allan deviation at rest")
     noise = rest_noise(recording)
     if noise is None:
-        say(axes, "There is no rest of 5 s at the start.")
+        say(axes, "No rest of 5 s at the start is known.")
         return
     names = {"gyro [rad/s]": noise.gyro_radps, "accelerometer [m/s²]": noise.accel_mps2}
     for (name, values), colour in zip(names.items(), OKABE_ITO, strict=False):

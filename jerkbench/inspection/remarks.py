@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from jerkbench.inspection.allan import RestNoise, rest_noise
+from jerkbench.inspection.allan import SHORTEST_REST_S, RestNoise, rest_noise
 from jerkbench.inspection.dependence import Dependence, velocity_dependence
 from jerkbench.inspection.diagnosis.clocks import PARAMETERS, clock_offsets, late_imu
 from jerkbench.inspection.diagnosis.doctor import first_diagnoses
@@ -24,7 +24,7 @@ def findings_text(recording: Recording) -> str:
     lines += [_dependence_line(dependence) for dependence in velocity_dependence(recording)]
     lines += [_sigma_line(sigma) for sigma in stated_against_real_sigma(recording)]
     if recording.imu is not None:
-        lines += _noise_lines(noise) if noise else ["imu noise: no rest of 5 s at the start to read it from"]
+        lines += _noise_lines(noise) if noise else [_no_rest_line(recording)]
     mistakes = [*first_diagnoses(recording), *clock_offsets(recording, late)]
     lines += [f"mistake: {diagnosis}" for diagnosis in mistakes] or ["mistakes: none that is sure"]
     return "\n".join(lines)
@@ -66,6 +66,14 @@ def _sigma_line(sigma: Sigma) -> str:
     return (
         f"{sigma.stream}, {sigma.basis}: {real} {sigma.unit}; stated {stated} {sigma.unit}: {sigma.ratio:.2f} times as"
         f" large as stated ({sigma.rows} rows)"
+    )
+
+
+def _no_rest_line(recording: Recording) -> str:
+    known = f"a rest of {recording.static_start_s:.1f} s" if recording.static_start_s else "no rest"
+    return (
+        f"imu noise: not read; {known} at the start is known, and {SHORTEST_REST_S:.0f} s are needed: if it stands"
+        " still so long, give static_start_s (rest_s of a bag)"
     )
 
 

@@ -33,6 +33,15 @@ def test_every_recording_can_be_drawn_and_told(make, tmp_path):
     assert "imu noise" in findings_text(recording)
 
 
+@pytest.mark.parametrize(("known_s", "told"), [(0.0, "no rest"), (3.0, "a rest of 3.0 s")])
+def test_a_rest_that_nobody_stated_is_not_denied(known_s, told):
+    """It stands still for 20 s; all that is certain is what is known of it."""
+    text = findings_text(dataclasses.replace(recording_at_rest(20.0), static_start_s=known_s))
+    assert f"{told} at the start is known" in text
+    assert "give static_start_s" in text
+    assert "imu noise over 20 s of rest" in findings_text(recording_at_rest(20.0, static_start_s=20.0))
+
+
 def test_the_panels_show_the_recording():
     recording = FieldV1(duration_s=30.0).load(0)
     figure = overview_figure(recording)
