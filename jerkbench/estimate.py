@@ -97,6 +97,11 @@ class Estimate:
     attitude_only: bool = False
     position_only: bool = False
 
+    def __repr__(self) -> str:
+        """Return how many estimates and updates it has, and why it stopped early."""
+        stopped = f", stopped early: {' '.join(self.failure.split())}" if self.failure else ""
+        return f"Estimate({len(self.index)} estimates, {len(self.updates.t_s)} updates{stopped})"
+
     def _repr_html_(self) -> str:
         """Return how far it went and how sure it is, as a notebook shows it."""
         lines = {"estimates": str(len(self.index)), "updates": stamps_text(self.updates.t_s)}

@@ -86,14 +86,24 @@ class Recording:
         """Time of the last IMU sample; without an IMU, of the last fix."""
         return float(self.clock_s[-1])
 
+    def __repr__(self) -> str:
+        """Return its name, its length, and how many samples each stream has."""
+        counts = {name: len(t_s) for name, t_s in self._stamps().items()} | {"reference": len(self.reference.t_s)}
+        streams = ", ".join(f"{name} {count}" for name, count in counts.items())
+        return f"Recording({self.name!r}, {self.duration_s:.2f} s: {streams})"
+
     def _repr_html_(self) -> str:
         """Return its streams and notes, as a notebook shows them."""
-        streams = {"imu": self.imu, "position": self.position, "velocity": self.velocity, "heading": self.heading}
-        lines = {name: stamps_text(stream.t_s) for name, stream in streams.items() if stream is not None}
+        lines = {name: stamps_text(t_s) for name, t_s in self._stamps().items()}
         independent = "" if self.reference.independent else ", not independent"
         lines["reference"] = f"{stamps_text(self.reference.t_s)}; {self.reference.source}{independent}"
         outages = ", ".join(f"{begin:g} to {end:g} s" for begin, end in self.outages_s)
         return shown(self.name, lines | ({"outages": outages} if outages else {}) | dict.fromkeys(self.notes, ""))
+
+    def _stamps(self) -> dict[str, FloatArray]:
+        """The stamps of each stream that is there."""
+        streams = {"imu": self.imu, "position": self.position, "velocity": self.velocity, "heading": self.heading}
+        return {name: stream.t_s for name, stream in streams.items() if stream is not None}
 
     def _require_fixes(self) -> None:
         """Check that a recording without an IMU has two fixes, and no velocity that an attitude would have to turn."""

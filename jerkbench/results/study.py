@@ -67,6 +67,11 @@ class Study:
         """
         return load_study(Path(folder))
 
+    def __repr__(self) -> str:
+        """Return its folder and its size, and what was lost."""
+        lost = int((self.rows["status"] != "ok").sum())
+        return f"Study({str(self.folder)!r}, {self.combinations} combinations, {len(self.rows)} runs, {lost} lost)"
+
     def _repr_html_(self) -> str:
         """Return its main table, as a notebook shows it."""
         from jerkbench.report.tables.summary import main_metric, summarise

@@ -2,7 +2,7 @@
 
 import subprocess
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -89,6 +89,7 @@ def test_a_table_is_markdown_as_text_and_html_in_a_notebook(tmp_path):
     assert str(table).startswith("## Velocity RMSE (3-D) [m/s]\n\n| filter ")
     assert table._repr_html_().startswith("<section")
     assert "Position RMSE" in Study.open(tmp_path)._repr_html_()
+    assert repr(Study.open(tmp_path)) == f"Study({str(tmp_path)!r}, 4 combinations, 8 runs, 0 lost)"
     assert api.report(tmp_path, scenarios=0) == tmp_path / "report.html"
 
 
@@ -102,6 +103,18 @@ def test_a_recording_and_an_estimate_are_a_few_lines_in_a_notebook():
     assert "simulated truth</td>" in shown
     assert f"<th>estimates</th><td>{len(estimate.index)}</td>" in estimate._repr_html_()
     assert "sigma of the position " in estimate._repr_html_()
+
+
+def test_a_recording_and_an_estimate_are_one_short_line_as_text():
+    recording = api.load(SHORT)
+    estimate = api.estimate(recording, filter="gnss_only")
+    imu, fixes, stamps = (len(of.t_s) for of in (recording.imu, recording.position, recording.reference))
+
+    assert repr(recording).startswith(f"Recording({recording.name!r}, 12.00 s: imu {imu}, position {fixes}, ")
+    assert repr(recording).endswith(f", reference {stamps})")
+    assert repr(estimate) == f"Estimate({len(estimate.index)} estimates, {len(estimate.updates.t_s)} updates)"
+    stopped = repr(replace(estimate, failure="the covariance\nis no number"))
+    assert stopped.endswith(" updates, stopped early: the covariance is no number)")
 
 
 @pytest.mark.parametrize(
