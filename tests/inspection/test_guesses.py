@@ -57,6 +57,32 @@ def test_stamps_are_dates_by_their_size_whatever_the_column_is_called(drive, tmp
         assert draft.load().start_utc.year == 2025
 
 
+@pytest.mark.parametrize(
+    ("names", "scale", "grade", "order"),
+    [
+        (("sdn_mm", "sde_mm", "sdu_mm"), 0.001, "named", [1, 0, 2]),
+        (("std_e (cm)", "std_n (cm)", "std_u (cm)"), 0.01, "named", [0, 1, 2]),
+        (("sigma_north", "sigma_east", "sigma_down"), 1.0, "unsure", [1, 0, 2]),
+    ],
+)
+def test_standard_deviations_of_places_are_read_in_their_unit(drive, tmp_path, names, scale, grade, order):
+    log, true_m = ned_degrees(drive, units=True), np.array([0.7, 0.3, 1.9])
+    for name, axis in zip(names, order, strict=True):
+        log[name] = np.where(log["north_m"].notna(), true_m[axis] / scale, np.nan)
+    draft = guessed(log, tmp_path)
+
+    assert draft.guesses["position_sigma_scale"].grade == grade
+    assert not set(names) & set(draft.unused)
+    sigma = np.sqrt(np.diagonal(draft.load().position.covariance_m2, axis1=1, axis2=2))
+    np.testing.assert_allclose(sigma, np.tile(true_m, (len(sigma), 1)), rtol=1e-9)
+
+
+def test_standard_deviations_of_nothing_are_not_used(drive, tmp_path):
+    log = ned_degrees(drive, units=True)
+    log[["sdn_mm", "sde_mm", "sdu_mm"]] = 0.0
+    assert guessed(log, tmp_path).guesses["position_sigma_m"].grade == "unsure"
+
+
 def test_a_log_with_the_names_of_kitti_comes_out_right(drive, tmp_path):
     draft = guessed(kitti_like(drive, enu_to_geodetic(drive.position.enu_m, AT)), tmp_path)
     values = {name: guess.value for name, guess in draft.guesses.items()}
@@ -113,12 +139,15 @@ def test_names_that_say_nothing_are_not_guessed(drive, tmp_path):
         ("gps_longitude_deg", ("longitude", "", "deg")),
         ("down", ("position", "down", "")),
         ("time_ms", ("time", "", "ms")),
+        ("sdn_mm", ("sigma", "north", "mm")),
     ],
 )
 def test_a_name_is_taken_apart(column, meaning):
     assert parsed(column)[1:] == meaning
 
 
-@pytest.mark.parametrize("column", ["c1", "temperature", "reference_east_m", "navstat", "speed_limit"])
+@pytest.mark.parametrize(
+    "column", ["c1", "temperature", "north_mm", "sdne_mm", "reference_east_m", "navstat", "speed_limit"]
+)
 def test_a_name_that_says_nothing_known_is_none(column):
     assert parsed(column) is None

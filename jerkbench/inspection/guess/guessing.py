@@ -6,12 +6,13 @@ from typing import Any
 
 import numpy as np
 
+from jerkbench.arrays import BoolArray
 from jerkbench.datasets.table import Tables
 from jerkbench.errors import RecordingError
 from jerkbench.inspection.guess import motion, values
 from jerkbench.inspection.guess.guess import Guess, Value
 from jerkbench.inspection.guess.names import Name, common_unit, parsed
-from jerkbench.inspection.guess.streams import Sensors, Vector, position_of, sensors_of, velocity_of
+from jerkbench.inspection.guess.streams import Sensors, Vector, position_of, sensors_of, sigma_of, velocity_of
 from jerkbench.readers.columns import Columns, read_columns
 from jerkbench.readers.mounting import ACCEL_UNITS, GYRO_UNITS
 from jerkbench.readers.table_text import TextFormat
@@ -19,6 +20,7 @@ from jerkbench.recording import Recording
 
 SEPARATORS = (",", ";", "\t", "")
 OTHER = {"enu": "ned", "ned": "enu"}
+SIGMA_UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 ECEF_M = (6.3e6, 6.45e6)
 """So far is the ground from the centre of the Earth."""
 
@@ -131,8 +133,8 @@ def _imu(draft: Draft, sensors: Sensors) -> None:
 def _position(draft: Draft, position: Vector) -> None:
     draft.add(Guess("position_file", draft.path.name, "named", "it has places"))
     draft.add(Guess("position_columns", position.columns, "named", "their names"))
-    draft.add(Guess("position_sigma_m", 1.0, "unsure", "the default: no column of it is guessed; give position_sigma"))
     places = draft.columns.numbers(position.columns)
+    _sigma(draft, np.asarray(np.isfinite(places).all(axis=1)))
     if position.frame == "geodetic":
         draft.add(Guess("position_frame", "geodetic", "named", "the columns say so"))
         draft.add(values.angle_unit(places[:, 0], places[:, 1], common_unit(position.names[:2], {"deg": 0, "rad": 0})))
@@ -144,6 +146,22 @@ def _position(draft: Draft, position: Vector) -> None:
         draft.add(Guess("position_frame", position.frame, "named", "the columns say so"))
     else:
         draft.add(Guess("position_frame", "enu", "unsure", "x, y, z: the columns do not say it"))
+
+
+def _sigma(draft: Draft, fixes: BoolArray) -> None:
+    """Guess the standard deviations of the fixes in the rows ``fixes``: three columns that are positive there."""
+    sigma = sigma_of(draft.names)
+    if sigma is None or not (draft.columns.numbers(sigma.columns)[fixes] > 0).all():
+        why = "the default: no column of it is guessed; give position_sigma"
+        draft.add(Guess("position_sigma_m", 1.0, "unsure", why))
+        return
+    unit = common_unit(sigma.names, SIGMA_UNITS)
+    grade, why = ("named", "the columns say so") if unit else ("unsure", "m: the columns do not say it")
+    draft.add(
+        Guess("position_sigma", sigma.columns, "named", "their names"),
+        Guess("position_covariance_frame", sigma.frame, "named", "their names"),
+        Guess("position_sigma_scale", SIGMA_UNITS[unit or "m"], grade, why),  # type: ignore[arg-type]
+    )
 
 
 def _measure_imu(draft: Draft, sensors: Sensors, position: Vector | None) -> None:

@@ -4,13 +4,16 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
+SMALL = ("cm", "mm")
+"""Lengths that only a standard deviation may be in: it has a scale."""
+
 UNITS = {
     **dict.fromkeys(("degps", "dps", "deg/s", "degs", "°/s"), "deg/s"),
     **dict.fromkeys(("radps", "rad/s", "rads"), "rad/s"),
     **dict.fromkeys(("mps2", "m/s2", "m/s^2", "m/s²", "ms2"), "m/s2"),
     **dict.fromkeys(("deg", "degree", "degrees", "°"), "deg"),
     **dict.fromkeys(("rad", "radian", "radians"), "rad"),
-    **{unit: unit for unit in ("g", "s", "ms", "us", "ns", "m")},
+    **{unit: unit for unit in ("g", "s", "ms", "us", "ns", "m", *SMALL)},
     **dict.fromkeys(("mps", "m/s"), "m/s"),
     **dict.fromkeys(("sec", "seconds"), "s"),
 }
@@ -21,6 +24,7 @@ QUANTITIES = {
     "gyro": "w g gyr gyro gyroscope omega angularvelocity angularrate angrate rotationrate",
     "velocity": "v vel velocity",
     "position": "p pos position",
+    "sigma": "sd std stddev sigma sdpos stdpos sigmapos possd posstd possigma",
 }
 """Words that a name of a vector begins with."""
 
@@ -46,7 +50,8 @@ class Name(NamedTuple):
 
     Attributes:
         column: the name.
-        quantity: accel, gyro, velocity, position, time, latitude, longitude, height, roll, pitch or yaw.
+        quantity: accel, gyro, velocity, position, sigma (of a position), time, latitude, longitude, height, roll,
+            pitch or yaw.
         axis: x, y, z, east, north, up, down, forward, left, right, or nothing.
         unit: that the name says, or nothing.
     """
@@ -60,18 +65,23 @@ class Name(NamedTuple):
 def parsed(column: str) -> Name | None:
     """Return what the name of a column says; None where it says nothing that is known."""
     words, unit = _words(column)
-    text = "".join(words)
+    quantity, axis = _meaning("".join(words))
+    return Name(column, quantity, axis, unit) if quantity and (unit not in SMALL or quantity == "sigma") else None
+
+
+def _meaning(text: str) -> tuple[str, str]:
+    """Quantity and axis of a name without its unit; nothing where it says nothing that is known."""
     for quantity, spellings in SCALARS.items():
         if text in spellings.split():
-            return Name(column, quantity, "", unit)
+            return quantity, ""
     if text in AXES.values() and text not in ("forward", "left"):
-        return Name(column, "position", text, unit)
+        return "position", text
     for quantity, spellings in QUANTITIES.items():
         for spelling in spellings.split():
             axis = _axis(text.removeprefix(spelling)) if text.startswith(spelling) else ""
             if axis:
-                return Name(column, quantity, axis, unit)
-    return None
+                return quantity, axis
+    return "", ""
 
 
 def triple(names: Sequence[Name], quantity: str, axes: Sequence[str]) -> tuple[Name, ...]:

@@ -72,6 +72,11 @@ def velocity_of(names: Sequence[Name]) -> Vector | None:
     return _first(names, "velocity", MOVING)
 
 
+def sigma_of(names: Sequence[Name]) -> Vector | None:
+    """Return the columns of the standard deviations of places, where they say their axes."""
+    return _first(names, "sigma", {axes: frame for axes, frame in LOCAL.items() if frame})
+
+
 def _first(names: Sequence[Name], quantity: str, frames: dict[tuple[str, str, str], str]) -> Vector | None:
     for axes, frame in frames.items():
         if columns := triple(names, quantity, axes):
