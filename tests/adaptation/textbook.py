@@ -15,16 +15,18 @@ def least_squares(x, P, z, H, R, weights):
     n = len(x)
     root = np.linalg.cholesky(block_diag(P, R))
     W, D = np.linalg.solve(root, np.vstack([np.eye(n), H])), np.linalg.solve(root, np.concatenate([x, z]))
-    C = np.diag(weights)
     stack = root @ np.diag(1.0 / weights) @ root.T
-    best = np.linalg.solve(W.T @ C @ W, W.T @ C @ D)
+    C = np.sqrt(weights)  # no normal equations: they carry half the digits where weights are 1e-8
+    best = np.linalg.lstsq(C[:, None] * W, C * D, rcond=None)[0]
     return best, D - W @ best, (stack[:n, :n], stack[n:, n:])
 
 
-def reweighted(prior, z, H, R, weight, sides):
-    """The fixed point of the weights: (x, P~, R~)."""
+def reweighted(prior, z, H, R, weight, sides, start="update"):
+    """The fixed point of the weights, first those of the prediction or of the update: (x, P~, R~)."""
     n, last = len(prior.x), prior.x
     weights = np.ones(n + len(z))
+    if start == "prediction":
+        weights[n:] = np.maximum(weight(np.linalg.solve(np.linalg.cholesky(R), z - H @ prior.x)), 1e-8)
     for _ in range(50):
         x, residual, covariances = least_squares(prior.x, prior.P, z, H, R, weights)
         if np.linalg.norm(x - last) <= 1e-6 * np.linalg.norm(last):
@@ -41,9 +43,9 @@ def huber(prior, z, H, R, rows, sides="both"):
     return update(prior.x, P, z, H, R)
 
 
-def correntropy(prior, z, H, R, rows, sides="both", sigma=5.0):
+def correntropy(prior, z, H, R, rows, sides="both", start="prediction", sigma=5.0):
     """Chen: the gain of the weighted covariances, the covariance of the nominal ones."""
-    _, P, Rw = reweighted(prior, z, H, R, lambda r: np.exp(-(r**2) / (2.0 * sigma**2)), sides)
+    _, P, Rw = reweighted(prior, z, H, R, lambda r: np.exp(-(r**2) / (2.0 * sigma**2)), sides, start)
     K = P @ H.T @ np.linalg.inv(H @ P @ H.T + Rw)
     rest = np.eye(len(prior.x)) - K @ H
     return prior.x + K @ (z - H @ prior.x), rest @ prior.P @ rest.T + K @ R @ K.T

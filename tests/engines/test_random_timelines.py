@@ -89,7 +89,7 @@ def recordings(draw):
     print_blob=True,
 )
 def test_both_engines_agree_or_refuse_alike(steps, seed):
-    timeline = timeline_of(steps, seed)
+    timeline = timeline_of(steps, seed, correlated=True)
     for model in MODELS:
         for name in ADAPTATIONS:
             adaptation = plugins.create("adaptation", {"name": name})
@@ -186,8 +186,8 @@ def _counted():
     assert SEEN["cut"] <= 0.05 * sum(SEEN.values())
 
 
-def timeline_of(steps, seed):
-    """Steps of all lengths; measurements with outliers, full covariances, missing rows and NaN."""
+def timeline_of(steps, seed, *, correlated=False):
+    """Steps of all lengths; measurements with outliers, full covariances, missing rows and NaN; P0 may be full."""
     rng = np.random.default_rng(seed)
     n = len(steps) + 1
     dt_s = np.array([0.0, *(dt for dt, *_ in steps)])
@@ -206,6 +206,9 @@ def timeline_of(steps, seed):
     P0 = np.diag(np.repeat(rng.choice([1e-6, 1e-2, 1.0, 100.0], 2), 3))
     u, sample = rng.normal(0.0, 0.3, (n, 3)), np.arange(n)
     euler, x0 = np.zeros((n, 3)), rng.normal(size=6)
+    if correlated:
+        half = np.sqrt(P0) @ rng.normal(size=(6, 8))
+        P0 = half @ half.T + 0.1 * P0
     return Timeline(0.01, dt_s, sample, update, np.arange(n), u, Measurements(t_ns, z, R, 2.0 * R), x0, P0, euler, t_s)
 
 
