@@ -5,7 +5,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from jerkbench.arrays import FloatArray
+from jerkbench.evaluation.statistics.intervals.errors_over_seeds import centres
 from jerkbench.report.analysis.factors import FACTORS
+from jerkbench.report.analysis.quantities import quantity
 from jerkbench.report.analysis.references import competes
 from jerkbench.report.analysis.rows import checked
 
@@ -16,18 +18,33 @@ METHOD = ("filter", "adaptation", "noise")
 """Factors that make a method; the others make a scenario."""
 
 
-def costs(rows: "pd.DataFrame", metric: str) -> tuple[FloatArray, list[str], list[str]]:
+def costs(rows: "pd.DataFrame", metric: str, *, shared: bool = True) -> tuple[FloatArray, list[str], list[str]]:
     """Return (p, s) means of ``metric``, the names of the p scenarios and of the s methods, as they appear.
 
     Infinite where a run was lost or has no value, NaN where the combination was not run. Names say what varies. Means
-    are over the seeds that all methods of a scenario have.
+    are those of the tables: of errors geometric, and the median where a run is locked out.
+
+    Args:
+        rows: one row a cell and seed.
+        metric: the column.
+        shared: whether only the seeds count that all methods of a scenario have.
     """
     named = _named(checked(rows, metric), metric)
-    methods = named.groupby(["scenario", "seed"])["method"].transform("nunique")
-    shared = named[methods == named.groupby("scenario")["method"].transform("nunique")]
-    wide = shared.pivot_table(index="scenario", columns="method", values="cost", aggfunc="mean", sort=False)
     scenarios, names = (list(dict.fromkeys(named[key].astype(str))) for key in ("scenario", "method"))
-    return wide.reindex(index=scenarios, columns=names).to_numpy(dtype=float), scenarios, names
+    if shared:
+        methods = named.groupby(["scenario", "seed"])["method"].transform("nunique")
+        named = named[methods == named.groupby("scenario")["method"].transform("nunique")]
+    groups = {key: group.to_numpy(dtype=float) for key, group in named.groupby(["scenario", "method"])["cost"]}
+    if quantity(metric).lowest_is_best and not (named["cost"] < 0).any():
+        means = [centre.value for centre in centres(list(groups.values()))]
+    else:
+        means = [float(values.mean()) for values in groups.values()]
+    known = {
+        key: np.inf if np.isinf(values).any() else mean
+        for (key, values), mean in zip(groups.items(), means, strict=True)
+    }
+    cells = [[known.get((scenario, name), np.nan) for name in names] for scenario in scenarios]
+    return np.array(cells, dtype=float), scenarios, names
 
 
 def competing(rows: "pd.DataFrame", metric: str) -> list[bool]:

@@ -93,11 +93,14 @@ def _over_scenarios(rows: "pd.DataFrame", metric: str, noise: str, palette: Pale
     rivals = competing(rows, metric)
     common, which = of_all_methods(values[:, rivals])
     profiled = len(common) > 1 and sum(rivals) > 1
-    means = f"{title}, arithmetic means, method by scenario; bold: the best of a scenario; 1/5: so many runs were lost."
+    means = (
+        f"{title}, means of the table, method by scenario; bold: the best of a scenario; 1/5: so many runs were lost."
+    )
     references = "" if all(rivals) else " In parentheses: references, which do not compete."
     needs = f"two scenarios{which}" if sum(rivals) > 1 else "two methods that compete"
     none = "" if profiled else f" No performance profiles: they need {needs}."
-    figure = heat_map_figure(values, scenarios, methods, title, rivals, lost_shares(rows, metric))
+    of_table, _, _ = costs(rows, metric, shared=False)
+    figure = heat_map_figure(of_table, scenarios, methods, title, rivals, lost_shares(rows, metric))
     yield Drawing("heat-map", f"{means}{references}{none}{noise}", figure)
     if profiled:
         contents = f"Performance profiles and mean ranks over the {len(common)} scenarios{which}."

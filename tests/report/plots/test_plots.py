@@ -269,7 +269,23 @@ def test_of_several_noises_the_best_is_shown(cell_rows):
 def test_costs_are_means_and_what_was_lost_is_infinite(cell_rows):
     values, scenarios, methods = costs(study(cell_rows), "position_rmse_m")
     assert (scenarios, methods) == (["none", "bias"], ["baseline", "jerk", "gnss_only"])
-    np.testing.assert_allclose(values, [[2.1, 1.05, 52.5], [6.3, 3.15, math.inf]])
+    roots = np.sqrt([[2.0 * 2.2, 1.0 * 1.1, 50.0 * 55.0], [6.0 * 6.6, 3.0 * 3.3, math.inf]])
+    np.testing.assert_allclose(values, roots)
+
+
+def test_the_bars_and_the_heat_map_show_the_same_means(cell_rows):
+    """One cell has a seed more, and the errors of each scatter: arithmetic means of common seeds are others."""
+    rows = study(cell_rows)
+    more = rows[(rows["filter"] == "jerk") & (rows["disturbance"] == "none") & (rows["seed"] == rows["seed"].min())]
+    rows = pd.concat([rows, more.assign(seed=99, position_rmse_m=4.0)])
+    drawn = {one.name: one.figure for one in of_rows(rows[rows["filter"] != "gnss_only"])}
+    shown = [text.get_text() for text in drawn["heat-map"].axes[0].texts]
+    bars = [text.get_text() for axes in drawn["bars"].axes for text in axes.texts]
+    assert sorted(shown) == sorted(bars)
+    (jerk,) = [
+        errors for key, errors in rows.groupby(["filter", "disturbance"])["position_rmse_m"] if key == ("jerk", "none")
+    ]
+    assert f"{np.exp(np.log(jerk).mean()):.2f}" in shown
 
 
 def test_the_heat_map_and_the_profile_are_of_all_scenarios(cell_rows, tmp_path):
@@ -278,7 +294,7 @@ def test_the_heat_map_and_the_profile_are_of_all_scenarios(cell_rows, tmp_path):
     assert shares == [["0/2"] * 3, ["0/2", "0/2", "1/2"]]
     figure = heat_map_figure(values, scenarios, methods, "RMSE", [True] * 3, shares)
     texts = [text.get_text() for text in figure.axes[0].texts]
-    assert sorted(texts) == sorted(["2.10", "1.05", "52.5", "6.30", "3.15", "1/2"])
+    assert sorted(texts) == sorted(["2.10", "1.05", "52.4", "6.29", "3.15", "1/2"])
     save_figure(figure, tmp_path / "map.png")
     assert imread(tmp_path / "map.png").std() > 0.01
     lines = {
