@@ -72,8 +72,8 @@ def _sigma_line(sigma: Sigma) -> str:
 def _no_rest_line(recording: Recording) -> str:
     known = f"a rest of {recording.static_start_s:.1f} s" if recording.static_start_s else "no rest"
     return (
-        f"imu noise: not read; {known} at the start is known, and {SHORTEST_REST_S:.0f} s are needed: if it stands"
-        " still so long, give static_start_s (rest_s of a bag)"
+        f"imu noise: not read; {known} at the start is known, and {SHORTEST_REST_S:.0f} s are needed: if there is such"
+        " a rest, give static_start_s (rest_s of a bag)"
     )
 
 
