@@ -10,6 +10,7 @@ import numpy as np
 from jerkbench.errors import JerkbenchError
 from jerkbench.evaluation.statistics.ranks import rank_range
 from jerkbench.files import write_text
+from jerkbench.plain import plain
 from jerkbench.report.markup import environment
 from jerkbench.results.replay import program_of
 from jerkbench.suite.entry import MANIFEST, Entry, read_entry
@@ -63,14 +64,25 @@ def write_board(folder: Path, count: int) -> list[Path]:
     """Write board.html and board.md of the entries below ``folder``, each verified with ``count`` rows.
 
     Raises:
-        JerkbenchError: there is none, one cannot be read, or they are of several suites.
+        JerkbenchError: there is none that can be checked, or they are of several suites.
     """
-    entries = [read_entry(path.parent) for path in sorted(folder.glob(f"*/{MANIFEST}"))]
-    suites = {str(entry.manifest.get("suite")) for entry in entries}
+    entries, checks, remarks = [], [], []
+    for path in sorted(folder.glob(f"*/{MANIFEST}")):
+        try:
+            entry = read_entry(path.parent)
+            checks.append(_verified_without_programs(entry, count))
+            entries.append(entry)
+        except JerkbenchError as error:
+            remarks.append(f"{path.parent.name} is left out: {error}")
+    suites = {str(entry.manifest["suite"]) for entry in entries}
     if len(suites) != 1:
-        content = f"entries of {', '.join(sorted(suites))}" if suites else "no entry"
-        raise JerkbenchError(f"In {folder} there is {content}; a board is of the entries of one suite, a folder each.")
-    board = board_of(entries, [_verified_without_programs(entry, count) for entry in entries], read_suite(suites.pop()))
+        content = f"entries of {', '.join(sorted(suites))}" if suites else "no entry that can be checked"
+        reason = f" {remarks[0]}" if remarks else ""
+        raise JerkbenchError(
+            f"In {folder} there is {content}; a board is of the entries of one suite, a folder each.{reason}"
+        )
+    board = board_of(entries, checks, read_suite(suites.pop()))
+    board.remarks.extend(map(plain, remarks))
     texts = {"board.html": html(board), "board.md": markdown(board)}
     for name, text in texts.items():
         write_text(folder / name, text)
@@ -84,7 +96,9 @@ def _verified_without_programs(entry: Entry, count: int) -> Checked:
 def board_of(entries: Sequence[Entry], checks: Sequence[Checked], protocol: SuiteProtocol) -> Board:
     """Return the board; an entry whose rows cannot be scored has no place."""
     whole = [k for k, entry in enumerate(entries) if _whole(entry, protocol)]
-    remarks = [f"{entry.name}: {text}" for entry, own in zip(entries, checks, strict=True) for text in _said(own)]
+    remarks = [
+        plain(f"{entry.name}: {text}") for entry, own in zip(entries, checks, strict=True) for text in _said(own)
+    ]
     lines = []
     if whole:
         costs = [of_families(log_ratios(entries[k].rows, protocol), protocol) for k in whole]

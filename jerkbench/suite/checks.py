@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from jerkbench.suite.campaign import ENTRY, GIVEN, PLAIN, half_settings
 from jerkbench.suite.enter import frozen_part
-from jerkbench.suite.entry import COLUMNS, Entry, file_hashes, plain_score
+from jerkbench.suite.entry import PAGE, Entry, file_hashes, plain_score
 from jerkbench.suite.page import entry_page
 from jerkbench.suite.protocol import SuiteProtocol
 from jerkbench.suite.scores import score_of
@@ -38,7 +38,7 @@ def frozen_mistakes(entry: Entry, protocol: SuiteProtocol) -> Iterator[str]:
 
 def file_mistakes(entry: Entry) -> Iterator[str]:
     """Yield a sentence for each file that was changed after it was made."""
-    stated = entry.manifest.get("files", {})
+    stated = entry.manifest["files"]
     for name, own in file_hashes(entry.folder).items():
         if stated.get(name) != own:
             yield f"{name} was changed after it was made: its hash is not that of the manifest."
@@ -46,8 +46,6 @@ def file_mistakes(entry: Entry) -> Iterator[str]:
 
 def missing_mistakes(entry: Entry, protocol: SuiteProtocol) -> list[str]:
     """Return a sentence for each scenario whose rows are not all there, or more than once."""
-    if absent := [name for name in COLUMNS if name not in entry.rows]:
-        return [f"The rows have no column {', '.join(absent)}."]
     own = Counter(Key(*key) for key in entry.rows[list(Key._fields)].itertuples(index=False))
     wanted = Counter(_keys(entry, protocol))
     wrong = Counter((key.scenario, key.method) for key in ((own - wanted) + (wanted - own)).elements())
@@ -62,11 +60,12 @@ def missing_mistakes(entry: Entry, protocol: SuiteProtocol) -> list[str]:
 def score_mistakes(entry: Entry, protocol: SuiteProtocol) -> Iterator[str]:
     """Yield a sentence for each number of the score, and for the page, that the rows do not show."""
     score = score_of(entry.rows, protocol)
-    stated = entry.manifest.get("score", {})
+    stated = entry.manifest["score"]
     for key, own in plain_score(score).items():
         if not same(own, stated.get(key)):
             yield f"The manifest says {key} = {stated.get(key)}, the rows show {own}."
-    if (entry.folder / "entry.md").read_text(encoding="utf-8") != entry_page(entry.name, score, entry.rows, protocol):
+    page = (entry.folder / PAGE).read_text(encoding="utf-8", errors="replace")
+    if page != entry_page(entry.name, score, entry.rows, protocol):
         yield "entry.md does not say what the rows show."
 
 

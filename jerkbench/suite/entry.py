@@ -3,17 +3,22 @@
 import hashlib
 import json
 import math
-from collections.abc import Mapping
+import sys
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 import pyarrow as pa
+import pyarrow.parquet as pq
 import yaml
 
+from jerkbench.audit.protocol import HALVES
 from jerkbench.errors import JerkbenchError
 from jerkbench.files import write_atomically, write_text
+from jerkbench.plain import plain
+from jerkbench.results.shape import Test, is_text, is_texts
 from jerkbench.suite.entrant import Entrant
 from jerkbench.suite.scores import Score
 from jerkbench.tuning.space import Setting
@@ -22,7 +27,14 @@ ROWS, SETTINGS, PAGE, MANIFEST = "rows.parquet", "settings.yaml", "entry.md", "m
 HASHED = (ROWS, SETTINGS, PAGE)
 """Files whose hashes stand in the manifest."""
 
-COLUMNS = ("method", "tuned_on", "scenario", "seed", "status", "reason", "position_rmse_m", "anees", "seconds")
+TEXTS, COUNTS, NUMBERS = (
+    ("method", "tuned_on", "status", "reason"),
+    ("scenario", "seed"),
+    ("position_rmse_m", "anees", "seconds"),
+)
+"""Columns of the rows, by their types."""
+
+COLUMNS = (*TEXTS[:2], *COUNTS, *TEXTS[2:], *NUMBERS)
 """Of the rows."""
 
 Settings = Mapping[str, Mapping[str, Mapping[str, float]]]
@@ -84,16 +96,116 @@ def read_entry(folder: Path) -> Entry:
         if (folder / name).exists() and not (folder / name).is_file():
             raise JerkbenchError(f"{folder / name} is no file. An entry is made by `jerkbench suite run`.")
     manifest = _read(folder / MANIFEST, lambda path: json.loads(path.read_text(encoding="utf-8")))
+    _require(folder / MANIFEST, {"": isinstance(manifest, dict) or "a JSON object"})
+    _require(folder / MANIFEST, {f"'{key}'": test(manifest.get(key)) or what for key, (test, what) in FACTS.items()})
     settings = _read(folder / SETTINGS, lambda path: yaml.safe_load(path.read_text(encoding="utf-8")))
-    return Entry(folder, manifest, _read(folder / ROWS, pd.read_parquet), settings)
+    _require(folder / SETTINGS, {"": _are_settings(settings) or SETTINGS_SHAPE})
+    _read(folder / PAGE, Path.read_bytes)
+    return Entry(folder, manifest, _rows(folder / ROWS), settings)
 
 
-def _read(path: Path, read: Any) -> Any:  # noqa: ANN401 - what the reader makes of it
+def _rows(path: Path) -> pd.DataFrame:
+    """Read the rows, and check the columns that an entry has."""
+    table, names = _read(path, _table)
+    types = {**dict.fromkeys(TEXTS, _is_string), **dict.fromkeys(COUNTS, pa.types.is_int64)}
+    types.update(dict.fromkeys(NUMBERS, pa.types.is_float64))
+    kinds = {**dict.fromkeys(TEXTS, "text"), **dict.fromkeys(COUNTS, "whole numbers")}
+    columns = {
+        f"column '{name}'": (
+            names.count(name) == 1
+            and types[name](table[name].type)
+            and (name in NUMBERS or table[name].null_count == 0)
+        )
+        or f"there once, with {kinds.get(name, 'numbers')} in every row"
+        for name in COLUMNS
+    }
+    _require(path, columns)
+    rows: pd.DataFrame = table.select(list(COLUMNS)).to_pandas(ignore_metadata=True)
+    of_ok = rows.loc[rows["status"] == "ok", "position_rmse_m"]
+    times = rows["seconds"]
+    positive = ((of_ok > 0) & (of_ok < math.inf)).all()
+    _require(path, {"column 'position_rmse_m'": bool(positive) or "positive and finite where the status is ok"})
+    _require(path, {"column 'seconds'": bool(((times >= 0) & (times < math.inf)).all()) or "positive and finite"})
+    return rows
+
+
+def _table(path: Path) -> tuple[pa.Table, list[str]]:
+    """Read a table with the names of its columns; what pandas left beside it is not needed, and may be damaged."""
+    with pq.ParquetFile(path) as file:
+        table = file.read().replace_schema_metadata(None)
+    table.validate(full=True)
+    return table, table.column_names
+
+
+def _is_string(kind: pa.DataType) -> bool:
+    return bool(pa.types.is_string(kind) or pa.types.is_large_string(kind))
+
+
+def _read(path: Path, read: Callable[[Path], Any]) -> Any:  # noqa: ANN401 - what the reader makes of it
     try:
         return read(path)
-    except (OSError, ValueError, pa.ArrowException, yaml.YAMLError) as error:
-        reason = "it is not there" if not path.exists() else str(error).splitlines()[0].rstrip(".")
+    except (OSError, ValueError, RecursionError, pa.ArrowException, yaml.YAMLError) as error:
+        said = plain(str(error).partition("\n")[0].rstrip("."))
+        reason = said if path.exists() else "it is not there"
         raise JerkbenchError(f"{path} cannot be read: {reason}. An entry is made by `jerkbench suite run`.") from error
+
+
+def _require(path: Path, parts: Mapping[str, bool | str]) -> None:
+    """Refuse a file of which some part is not True but what it has to be."""
+    for part, fits in parts.items():
+        if fits is not True:
+            raise JerkbenchError(
+                f"{path} is damaged: {part or 'it'} must be {fits}. An entry is made by `jerkbench suite run`."
+            )
+
+
+def _is_number(value: object) -> bool:
+    """Whether it is a finite number, and none that is too large for a float."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
+
+
+def _is_mapping_of(test: Test) -> Test:
+    return lambda value: isinstance(value, dict) and all(is_text(key) and test(own) for key, own in value.items())
+
+
+def _is_method(value: object) -> bool:
+    """Whether it is what an `Entrant` is made of; an interpolation would be filled in where it is opened."""
+    return (
+        isinstance(value, dict)
+        and set(value) == {"filter", "adaptation", "r_scale"}
+        and all(isinstance(value[kind], dict) and is_text(value[kind].get("name")) for kind in ("filter", "adaptation"))
+        and _is_mapping_of(_is_number)(value["r_scale"])
+        and "${" not in json.dumps(value)
+    )
+
+
+def _is_of_score(value: object) -> bool:
+    return value is None or is_text(value) or isinstance(value, float) or _is_number(value)
+
+
+FACTS: Mapping[str, tuple[Test, str]] = {
+    "entry": (is_text, "the name of the entry"),
+    "suite": (is_text, "the name of its suite"),
+    "protocol": (is_text, "a digest"),
+    "data": (is_texts, "a list of digests"),
+    "method": (_is_method, "a filter and an adaptation, with name and plain values, and r_scale with numbers"),
+    "tuned": (lambda value: isinstance(value, bool), "true or false"),
+    "score": (_is_mapping_of(_is_of_score), "numbers and words by their names"),
+    "files": (_is_mapping_of(is_text), "hashes by the names of the files"),
+}
+"""What a check reads of the manifest, with a test of its value and what it has to be."""
+
+SETTINGS_SHAPE = "finite values by knob, under 'entry' and 'plain' for 'given' alone or also for 'first' and 'second'"
+
+
+def _are_settings(value: object) -> bool:
+    """Whether both methods have the values of their knobs: as given, and where they were tuned on each half."""
+    return (
+        _is_mapping_of(_is_mapping_of(_is_mapping_of(_is_number)))(value)
+        and isinstance(value, dict)
+        and set(value) == {"entry", "plain"}
+        and all(set(own) in ({"given"}, {"given", *HALVES}) for own in value.values())
+    )
 
 
 def file_hashes(folder: Path) -> dict[str, str]:

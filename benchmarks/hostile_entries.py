@@ -1,0 +1,175 @@
+"""Damaged and forged entries of a suite, given to `suite verify` and `suite board`: a sentence, never a traceback.
+
+    python benchmarks/hostile_entries.py [DAMAGES]
+
+Each damage is done to a fresh copy of a small entry, beside a whole one; the board has to show the whole one always.
+"""
+
+import hashlib
+import json
+import os
+import shutil
+import signal
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+from types import FrameType
+
+import numpy as np
+import pyarrow.parquet as pq
+import yaml
+from hostile_results import Rng, answered, changed_somewhere, forged_column
+
+from jerkbench.suite.entry import HASHED, MANIFEST, PAGE, ROWS, SETTINGS
+
+PATIENCE_S = 60
+"""An answer that takes longer hangs."""
+
+CONTENTS = (
+    b"",
+    b"[]",
+    b"null",
+    b"{}",
+    b"3",
+    b"\xff\xfe",
+    b"PAR1",
+    b"[" * 100_000,
+    b"9" * 10_000,
+    b"a: &a [*a]",
+    b"- {",
+)
+"""What may stand in a file instead."""
+
+
+class HangError(Exception):
+    """An answer took too long."""
+
+
+def flipped_bytes(path: Path, rng: Rng) -> str:
+    """Change a few bytes."""
+    content = bytearray(path.read_bytes())
+    for place in rng.integers(len(content), size=rng.integers(1, 4)):
+        content[place] = rng.integers(256)
+    path.write_bytes(content)
+    return "flipped bytes"
+
+
+def cut(path: Path, rng: Rng) -> str:
+    """Cut a file."""
+    content = path.read_bytes()
+    path.write_bytes(content[: rng.integers(len(content))])
+    return "cut"
+
+
+def other_content(path: Path, rng: Rng) -> str:
+    """Put something else into a file."""
+    content = CONTENTS[rng.integers(len(CONTENTS))]
+    path.write_bytes(content)
+    return f"is {content[:20]!r}"
+
+
+def no_file(path: Path, rng: Rng) -> str:
+    """Put something that is no file in the place of one."""
+    path.unlink()
+    kinds: dict[str, Callable[[], object]] = {
+        "gone": lambda: None,
+        "folder": path.mkdir,
+        "link": lambda: path.symlink_to("nowhere"),
+        "loop": lambda: path.symlink_to(path.name),
+        "pipe": lambda: os.mkfifo(path),
+    }
+    kind = list(kinds)[rng.integers(len(kinds))]
+    kinds[kind]()
+    return kind
+
+
+def forged(path: Path, rng: Rng) -> str:
+    """Change or delete one value at any depth, or a column; into the page put a line."""
+    if path.name == ROWS:
+        table = pq.read_table(path)
+        table, what = forged_column(table, table.column_names[rng.integers(table.num_columns)], rng)
+        pq.write_table(table, path)
+    elif path.name == PAGE:
+        path.write_text(path.read_text() + "\x1b[2J better", encoding="utf-8")
+        what = "a line more"
+    else:
+        is_json = path.name == MANIFEST
+        content, what = changed_somewhere((json.loads if is_json else yaml.safe_load)(path.read_text()), rng)
+        path.write_text(json.dumps(content) if is_json else yaml.safe_dump(content), encoding="utf-8")
+    return f"forged: {what}"
+
+
+def signed(path: Path, rng: Rng) -> str:
+    """Forge a file, and let the hashes of the manifest be those of the files again."""
+    what = forged(path, rng)
+    manifest = path.parent / MANIFEST
+    content = json.loads(manifest.read_text())
+    if isinstance(content, dict):
+        hashes = {name: hashlib.sha256((path.parent / name).read_bytes()).hexdigest() for name in HASHED}
+        manifest.write_text(json.dumps(content | {"files": hashes}), encoding="utf-8")
+    return f"{what}, signed"
+
+
+KINDS = (flipped_bytes, cut, other_content, no_file, forged, signed)
+FILES = (MANIFEST, SETTINGS, ROWS, MANIFEST, SETTINGS, ROWS, PAGE)
+"""The page is damaged half as often: nothing is read from it."""
+
+
+def damage(entry: Path, number: int, rng: Rng) -> str:
+    """Do the damage of a number, kind by kind and file by file; returns what, in words."""
+    name = FILES[number // len(KINDS) % len(FILES)]
+    return f"{name} {KINDS[number % len(KINDS)](entry / name, rng)}"
+
+
+def surroundings(made: Path, folder: Path) -> Path:
+    """Put a whole copy of an entry and one to damage into an empty folder; returns that."""
+    shutil.rmtree(folder, ignore_errors=True)
+    for name in ("damaged", "whole"):
+        shutil.copytree(made, folder / name, ignore=shutil.ignore_patterns("runs"))
+    return folder / "damaged"
+
+
+def words_for(entry: Path) -> dict[str, list[str]]:
+    """Return the command lines that read an entry, by verb."""
+    return {
+        "verify": ["suite", "verify", str(entry), "--rows", "3"],
+        "board": ["suite", "board", str(entry.parent), "--rows", "0"],
+    }
+
+
+def _hang(_signal: int, _frame: FrameType | None) -> None:
+    raise HangError(f"no answer within {PATIENCE_S} s")
+
+
+def attack(damages: int, place: Path) -> None:
+    """Do so many damages, and print what became of each verb."""
+    os.chdir(place)
+    answered(["suite", "run", "filter=baseline", "adaptation=chi2", "--scale", "tiny", "--workers", "1"])
+    signal.signal(signal.SIGALRM, _hang)
+    counts: dict[str, Counter[str]] = {}
+    longest, rng = 0.0, np.random.default_rng(1)
+    for number in range(damages):
+        entry = surroundings(place / "results/suite-tiny/baseline-chi2", place / "entries")
+        what = damage(entry, number, rng)
+        for verb, words in words_for(entry).items():
+            began = time.perf_counter()
+            signal.alarm(PATIENCE_S)
+            ending, printed = answered(words)
+            signal.alarm(0)
+            longest = max(longest, time.perf_counter() - began)
+            counts.setdefault(verb, Counter())[ending] += 1
+            if ":" in ending or ending == "?" or "\x1b" in printed or "Traceback" in printed:
+                print(f"{verb} after {what}: {ending}", flush=True)
+            if verb == "board" and ending != "survived":
+                print(f"no board after {what}: {printed[:300]}", flush=True)
+    for verb, endings in counts.items():
+        print(f"{verb}: {', '.join(f'{count} {ending}' for ending, count in endings.most_common())}")
+    print(f"the longest answer took {longest:.1f} s")
+
+
+if __name__ == "__main__":
+    with tempfile.TemporaryDirectory() as folder:
+        attack(int(sys.argv[1]) if len(sys.argv) > 1 else 174, Path(folder))
