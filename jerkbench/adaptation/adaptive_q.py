@@ -5,8 +5,8 @@ from typing import Annotated
 
 import numpy as np
 
-from jerkbench.adaptation._ranges import WINDOW
-from jerkbench.adaptation._windows import check_window, is_full, windowed_mean
+from jerkbench.adaptation._ranges import WINDOW, check_window
+from jerkbench.adaptation.common import is_full, windowed_mean
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
 from jerkbench.parameters import Origin, Range

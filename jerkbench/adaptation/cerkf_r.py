@@ -6,13 +6,8 @@ from typing import Annotated
 import numpy as np
 
 from jerkbench.adaptation._ranges import BANDWIDTH, check_passes
-from jerkbench.adaptation._residuals import (
-    SMALLEST_WEIGHT,
-    adapted_covariance,
-    gaussian_kernel,
-    residuals_of,
-    update,
-)
+from jerkbench.adaptation.common import gaussian_kernel
+from jerkbench.adaptation.linalg import SMALLEST_RESIDUAL_WEIGHT, residuals_of, update, weighed
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
 from jerkbench.parameters import Origin, Range
@@ -78,8 +73,8 @@ class CentredErrorEntropyR:
             _fill_pairs(of.e, self.pair_bandwidth, pairs)
             for i in range(len(rows)):
                 weight = eta * gaussian_kernel(of.e[i], self.centre_bandwidth) + (1.0 - eta) * pairs[i]
-                of.weights[i] = max(weight, SMALLEST_WEIGHT)
-        return adapted_covariance(of)
+                of.weights[i] = max(weight, SMALLEST_RESIDUAL_WEIGHT)
+        return weighed(of.U, of.weights)
 
 
 def _fill_pairs(e: FloatArray, bandwidth: float, pairs: FloatArray) -> None:

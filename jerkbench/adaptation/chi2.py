@@ -5,8 +5,8 @@ from typing import Annotated
 
 import numpy as np
 
-from jerkbench.adaptation._chi2 import check_probability, chi2_tail, squared_distance
-from jerkbench.adaptation._ranges import PROBABILITY
+from jerkbench.adaptation._ranges import PROBABILITY, check_probability
+from jerkbench.adaptation.common import chi2_tail, squared_distance
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
 from jerkbench.parameters import Origin, Range

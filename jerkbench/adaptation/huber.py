@@ -3,16 +3,9 @@
 from dataclasses import dataclass
 from typing import Annotated
 
-from jerkbench.adaptation._small import root_of, weighed
-from jerkbench.adaptation._stack import (
-    PASSES,
-    SMALLEST_WEIGHT,
-    check_sides,
-    doubtable,
-    settle,
-    stack_of,
-    weighed_prior,
-)
+from jerkbench.adaptation._ranges import check_sides
+from jerkbench.adaptation.common import PASSES, SMALLEST_WEIGHT, doubtable, settle, stack_of, weighed_prior
+from jerkbench.adaptation.linalg import root_of, weighed
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
 from jerkbench.parameters import Origin, Range

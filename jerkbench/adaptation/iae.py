@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from typing import Annotated
 
-from jerkbench.adaptation._ranges import SHRINKING, WINDOW
-from jerkbench.adaptation._windows import check_window, is_full, windowed_mean
+from jerkbench.adaptation._ranges import SHRINKING, WINDOW, check_window
+from jerkbench.adaptation.common import is_full, windowed_mean
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
 from jerkbench.parameters import Origin

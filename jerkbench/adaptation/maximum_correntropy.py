@@ -4,9 +4,9 @@ import math
 from dataclasses import dataclass
 from typing import Annotated
 
-from jerkbench.adaptation._ranges import BANDWIDTH
-from jerkbench.adaptation._small import whiten
-from jerkbench.adaptation._stack import PASSES, SMALLEST_WEIGHT, check_sides, doubtable, gain_of, settle, stack_of
+from jerkbench.adaptation._ranges import BANDWIDTH, check_sides
+from jerkbench.adaptation.common import PASSES, SMALLEST_WEIGHT, doubtable, gain_of, settle, stack_of
+from jerkbench.adaptation.linalg import whiten
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError, unknown
 from jerkbench.parameters import Origin

@@ -4,13 +4,8 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from jerkbench.adaptation._ranges import BANDWIDTH, check_passes
-from jerkbench.adaptation._residuals import (
-    SMALLEST_WEIGHT,
-    adapted_covariance,
-    gaussian_kernel,
-    residuals_of,
-    update,
-)
+from jerkbench.adaptation.common import gaussian_kernel
+from jerkbench.adaptation.linalg import SMALLEST_RESIDUAL_WEIGHT, residuals_of, update, weighed
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
 from jerkbench.parameters import Origin
@@ -59,5 +54,5 @@ class MaximumCorrentropyR:
         for _ in range(self.passes):
             update(of)
             for i in range(len(rows)):
-                of.weights[i] = max(gaussian_kernel(of.e[i], self.bandwidth), SMALLEST_WEIGHT)
-        return adapted_covariance(of)
+                of.weights[i] = max(gaussian_kernel(of.e[i], self.bandwidth), SMALLEST_RESIDUAL_WEIGHT)
+        return weighed(of.U, of.weights)

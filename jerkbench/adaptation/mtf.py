@@ -5,8 +5,8 @@ from typing import Annotated, Self
 
 import numpy as np
 
-from jerkbench.adaptation._ranges import SHORT_WINDOW
-from jerkbench.adaptation._windows import check_window, inflated, inflation_memory, squared_length
+from jerkbench.adaptation._ranges import SHORT_WINDOW, check_window
+from jerkbench.adaptation.common import inflated, inflation_memory, squared_length
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
 from jerkbench.parameters import Origin

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from typing import Annotated
 
-from jerkbench.adaptation._ranges import SHORT_WINDOW
-from jerkbench.adaptation._windows import check_window, inflated, inflation_memory
+from jerkbench.adaptation._ranges import SHORT_WINDOW, check_window
+from jerkbench.adaptation.common import inflated, inflation_memory
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.parameters import Origin
 from jerkbench.plugins import register

@@ -3,9 +3,8 @@
 from dataclasses import dataclass
 from typing import Annotated
 
-from jerkbench.adaptation._chi2 import check_probability, chi2_tail, squared_distance
-from jerkbench.adaptation._ranges import PROBABILITY, SHORT_WINDOW
-from jerkbench.adaptation._windows import check_window, inflated, inflation_memory
+from jerkbench.adaptation._ranges import PROBABILITY, SHORT_WINDOW, check_probability, check_window
+from jerkbench.adaptation.common import chi2_tail, inflated, inflation_memory, squared_distance
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.parameters import Origin
 from jerkbench.plugins import register

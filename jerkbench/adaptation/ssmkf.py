@@ -5,9 +5,9 @@ from typing import Annotated
 
 import numpy as np
 
-from jerkbench.adaptation._diagonal import diagonalise, shares
-from jerkbench.adaptation._small import part_of
-from jerkbench.adaptation._stack import PASSES, SMALLEST_WEIGHT, check_sides, has_settled
+from jerkbench.adaptation._ranges import check_sides
+from jerkbench.adaptation.common import PASSES, SMALLEST_WEIGHT, has_settled
+from jerkbench.adaptation.linalg import diagonalise, part_of, shares
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError, unknown
 from jerkbench.parameters import Origin, Range
@@ -101,7 +101,7 @@ class StatisticalSimilarity:
                 r = xi / weight
             explained, prior, measured = shares(d, X[:, n], r, w)
             _take_step(X, w, steps)
-            if has_settled(steps[0], steps[1], x, steps[1]):
+            if has_settled(steps[0], steps[1], x):
                 break
         memory[0] = weight
         return np.asarray(P / xi, dtype=np.float64)

@@ -6,8 +6,8 @@ from typing import Annotated
 
 import numpy as np
 
-from jerkbench.adaptation._diagonal import diagonalise, shares
 from jerkbench.adaptation._ranges import FREEDOM, check_passes
+from jerkbench.adaptation.linalg import diagonalise, shares
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
 from jerkbench.parameters import Origin

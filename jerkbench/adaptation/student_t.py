@@ -5,9 +5,8 @@ from typing import Annotated
 
 import numpy as np
 
-from jerkbench.adaptation._measured import distances, fill_square, first_distance, innovate, measured_of, mix, spread
-from jerkbench.adaptation._ranges import FREEDOM, check_passes
-from jerkbench.adaptation._stack import check_sides
+from jerkbench.adaptation._ranges import FREEDOM, check_passes, check_sides
+from jerkbench.adaptation.common import distances, fill_square, first_distance, innovate, measured_of, mix, spread
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
 from jerkbench.parameters import Origin, Range

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from typing import Annotated
 
-from jerkbench.adaptation._chi2 import squared_distance
 from jerkbench.adaptation._ranges import FREEDOM
+from jerkbench.adaptation.common import squared_distance
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
 from jerkbench.parameters import Origin

@@ -6,8 +6,8 @@ from typing import Annotated
 
 import numpy as np
 
-from jerkbench.adaptation._measured import Measured, fill_square, innovate, measured_of, mix, spread
 from jerkbench.adaptation._ranges import FORGETTING, check_passes
+from jerkbench.adaptation.common import Measured, fill_square, innovate, measured_of, mix, spread
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
 from jerkbench.parameters import Origin, Range

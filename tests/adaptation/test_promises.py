@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import chi2
 from sequences import sequence
 
-from jerkbench.adaptation._chi2 import chi2_tail
+from jerkbench.adaptation.common import chi2_tail
 from jerkbench.errors import PluginError
 from jerkbench.memory import empty_memory
 from jerkbench.plugins import create

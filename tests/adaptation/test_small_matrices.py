@@ -4,22 +4,36 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-from jerkbench.adaptation._diagonal import diagonalise, shares
-from jerkbench.adaptation._measured import distances, fill_square, first_distance, innovate, measured_of, mix, spread
-from jerkbench.adaptation._residuals import adapted_covariance, residuals_of, update
-from jerkbench.adaptation._small import (
+from jerkbench.adaptation.common import (
+    SEEN,
+    distances,
+    fill_square,
+    first_distance,
+    gain_of,
+    innovate,
+    measured_of,
+    mix,
+    settle,
+    spread,
+    stack_of,
+    weighed_prior,
+)
+from jerkbench.adaptation.linalg import (
+    diagonalise,
     factorise,
     forward_rows,
     part_of,
+    residuals_of,
     root_of,
+    shares,
     solve,
     solve_rows,
+    update,
     weighed,
     whiten,
     whiten_rows,
     whitened,
 )
-from jerkbench.adaptation._stack import SEEN, gain_of, settle, stack_of, weighed_prior
 from jerkbench.kalman import ROUNDING
 
 ROWS = [np.arange(6), np.array([1]), np.array([0, 2, 4]), np.array([3, 4, 5])]
@@ -93,7 +107,7 @@ def test_residuals_are_those_after_an_update_with_the_weighed_covariance(rows):
     of.weights[:] = np.linspace(0.1, 0.9, len(rows))
     update(of)
     weighted = L @ np.diag(1.0 / of.weights) @ L.T
-    np.testing.assert_allclose(adapted_covariance(of), weighted, rtol=1e-10, atol=1e-11)
+    np.testing.assert_allclose(weighed(of.U, of.weights), weighted, rtol=1e-10, atol=1e-11)
     after = y - N @ np.linalg.solve(N + weighted, y)
     np.testing.assert_allclose(of.e, np.linalg.solve(L, after), rtol=1e-8, atol=1e-10)
 

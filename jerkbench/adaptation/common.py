@@ -1,0 +1,396 @@
+"""What several adaptations share.
+
+In this order: windows of squared innovations, and the inflation of `mtf` and its variants; the chi-square test of an
+innovation, and the Gaussian kernel; `Stack`, prior and measurement as one stack that is weighed again and again (the
+faithful robust filters); `Measured`, an update in the measured part of the state, from which the covariances of the
+whole state follow (the variational filters).
+
+Everything here compiles with numba.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from jerkbench.adaptation.linalg import dot, factorise, forward_rows, part_of, quadratic, root_of, solve, solve_rows
+from jerkbench.arrays import FloatArray, IntArray
+
+
+def windowed_mean(memory: FloatArray, window: int, row: int, value: float) -> float:
+    """Put ``value`` into the ring of ``row``; return the mean of the last ``window`` values, or of those there are.
+
+    The memory holds a ring of ``window`` values for each of the six rows, then six update counts, then, for `inflated`
+    only, six counts of hits.
+    """
+    if window == 1:
+        return value
+    first, count = row * window, 6 * window + row
+    updates = int(memory[count])
+    memory[count] = updates + 1
+    memory[first + updates % window] = value
+    filled, total = min(updates + 1, window), 0.0
+    for k in range(first, first + filled):  # compiled, a loop is several times faster than the mean of a slice
+        total += memory[k]
+    return total / filled
+
+
+def is_full(memory: FloatArray, window: int, row: int) -> bool:
+    """Whether the ring of ``row``, which has seen at least one value, has seen ``window`` of them."""
+    return bool(window == 1 or memory[6 * window + row] >= window)
+
+
+def inflation_memory(window: int) -> int:
+    """Return how many numbers `inflated` remembers: the rings, the update counts and the hit counts of six rows."""
+    return 6 * (window + 2)
+
+
+def inflated(
+    innovation: FloatArray,
+    HPHt: FloatArray,
+    R: FloatArray,
+    rows: IntArray,
+    memory: FloatArray,
+    window: int,
+    guard: int,
+    triggered: tuple[bool, bool],
+) -> FloatArray:
+    """Return R with r_i + max(0, w_i - h_i - r_i) on the diagonal where position or velocity are ``triggered``.
+
+    ``memory`` has the length `inflation_memory`.
+    """
+    any_triggered = triggered[0] or triggered[1]
+    if window == 1 and guard == 0 and not any_triggered:
+        return R  # nothing to remember, nothing to change: two updates of three
+    adapted = R.copy() if any_triggered else R
+    for i, row in enumerate(rows):
+        excess = windowed_mean(memory, window, row, innovation[i] ** 2) - HPHt[i, i] - R[i, i]
+        hit = (triggered[0] if row < 3 else triggered[1]) and excess > 0.0
+        if guard > 0:
+            hits = 6 * (window + 1) + row
+            memory[hits] = memory[hits] + 1.0 if hit else 0.0
+            hit = hit and memory[hits] <= guard
+        if hit:
+            adapted[i, i] += excess
+    return adapted
+
+
+def squared_length(vector: FloatArray) -> float:
+    """Return the sum of the squares; compiled, it makes no array in between."""
+    total = 0.0
+    for value in vector:
+        total += value**2
+    return total
+
+
+FAR = 1400.0
+"""Beyond it every tail for six rows is below 1e-290."""
+
+
+def squared_distance(innovation: FloatArray, S: FloatArray) -> float:
+    """Return y' S^-1 y."""
+    return float(np.sum(innovation * np.linalg.solve(S, innovation)))
+
+
+def chi2_tail(x: float, rows: int) -> float:
+    """Return the probability that a chi-square variable with ``rows`` degrees of freedom exceeds ``x``.
+
+    With Q_1 = erfc(sqrt(x/2)) and Q_2 = exp(-x/2), Q_(m+2) = Q_m + (x/2)^(m/2) exp(-x/2)/Gamma(m/2 + 1). So
+    x > chi2(p, m) is the same as Q_m(x) < 1 - p, for any p and without a table.
+    """
+    half = 0.5 * min(x, FAR)
+    odd = rows % 2
+    tail = math.erfc(math.sqrt(half)) if odd else math.exp(-half)
+    term = 2.0 * math.sqrt(half / math.pi) * math.exp(-half) if odd else half * math.exp(-half)
+    for m in range(2 - odd, rows - 1, 2):
+        tail += term
+        term *= half / (0.5 * m + 1.0)
+    return tail
+
+
+def gaussian_kernel(error: float, bandwidth: float) -> float:
+    """Return exp(-e^2/(2 bandwidth^2))."""
+    return math.exp(-0.5 * (error / bandwidth) ** 2)
+
+
+PASSES = 50
+"""After so many the iteration ends, wherever it is."""
+
+CLOSE = 1e-6
+"""It ends earlier where the state moves by less than this share of itself."""
+
+SMALLEST_WEIGHT = 1e-8
+"""No weight is taken below it, so that covariances stay finite."""
+
+SEEN = 6
+"""Position and velocity come first in every state: rows see no other components of the prior."""
+
+
+class Stack(NamedTuple):
+    """Prior and measurement of an update as one stack: n states, m rows, p = SEEN states or as many as there are.
+
+    With P- = B_p B_p' and R = B_r B_r' (Cholesky) the innovation is::
+
+        y = J r,    J = [H B_p, B_r],    r = [B_p^-1 (x - x-); B_r^-1 (z - H x)]
+
+    r being the whitened stack of any state x. The state of a pass with the weights C has the r of least r' C r::
+
+        S = J C^-1 J' = H P~ H' + R~,    v = S^-1 y,    r = C^-1 J' v,    x = x- + B_p r_p
+
+    H selects from the first six rows of the lower triangle B_p: past them r is zero, and is left out.
+
+    Attributes:
+        Up: (p, n) of B_p'.
+        columns: (p + m, m) those of J, one a row.
+        y: (m,) innovation.
+        weights: (p + m,) diagonal of C, those of the prior first.
+        residual: (p + m,) r.
+        S: (m, m) its lower triangle.
+        M: (m, m) factors of S.
+        v: (m,) S^-1 y.
+        steps: (2, n) x - x- of the last pass, and of the one before it.
+    """
+
+    Up: FloatArray
+    columns: FloatArray
+    y: FloatArray
+    weights: FloatArray
+    residual: FloatArray
+    S: FloatArray
+    M: FloatArray
+    v: FloatArray
+    steps: FloatArray
+
+
+def stack_of(P: FloatArray, R: FloatArray, rows: IntArray, innovation: FloatArray) -> Stack:
+    """Return the stack before the first pass, with weights of 1."""
+    n, m, p = len(P), len(rows), min(SEEN, len(P))
+    Up, Ur = root_of(P, p), root_of(R, m)
+    columns, stacked, matrices, v = np.empty((p + m, m)), np.ones((2, p + m)), np.zeros((2, m, m)), np.empty(m)
+    for i in range(m):
+        for c in range(p):
+            columns[c, i] = Up[c, rows[i]]
+        for c in range(m):
+            columns[p + c, i] = Ur[c, i]
+    return Stack(Up, columns, innovation, stacked[0], stacked[1], matrices[0], matrices[1], v, np.zeros((2, n)))
+
+
+def settle(stack: Stack, x: FloatArray) -> bool:
+    """Make a pass with the weights as they are; return whether it has moved the state by next to nothing."""
+    _fill_covariance(stack)
+    factorise(stack.S, stack.M)
+    solve(stack.M, stack.y, stack.v)
+    for c in range(len(stack.residual)):
+        stack.residual[c] = dot(stack.columns[c], stack.v) / stack.weights[c]
+    _take_step(stack)
+    return has_settled(stack.steps[0], stack.steps[1], x)
+
+
+def _fill_covariance(stack: Stack) -> None:
+    S = stack.S
+    for i in range(len(S)):
+        for j in range(i + 1):
+            S[i, j] = 0.0
+    for c in range(len(stack.weights)):
+        column, inverse = stack.columns[c], 1.0 / stack.weights[c]
+        for i in range(len(S)):
+            share = column[i] * inverse
+            for j in range(i + 1):
+                S[i, j] += share * column[j]
+
+
+def _take_step(stack: Stack) -> None:
+    """Note B_p r_p, and the step before it."""
+    step, before = stack.steps[0], stack.steps[1]
+    for s in range(len(step)):
+        moved = 0.0
+        for c in range(len(stack.Up)):
+            moved += stack.Up[c, s] * stack.residual[c]
+        before[s], step[s] = step[s], moved
+
+
+def weighed_prior(P: FloatArray, stack: Stack) -> FloatArray:
+    """Return P~ = P + B_p (C_p^-1 - 1) B_p'."""
+    Pw = P.copy()
+    for c in range(len(stack.Up)):
+        excess = 1.0 / stack.weights[c] - 1.0
+        for s in range(c, len(P)):
+            share = excess * stack.Up[c, s]
+            for t in range(c, len(P)):
+                Pw[s, t] += share * stack.Up[c, t]
+    return Pw
+
+
+def gain_of(stack: Stack) -> FloatArray:
+    """Return K = P~ H' S^-1 (n, m) of the last pass."""
+    n, m = stack.Up.shape[1], len(stack.v)
+    HP, K = np.zeros((m, n)), np.empty((n, m))
+    for i in range(m):
+        for c in range(len(stack.Up)):
+            share = stack.columns[c, i] / stack.weights[c]
+            for s in range(c, n):
+                HP[i, s] += share * stack.Up[c, s]
+    solve_rows(stack.M, HP, HP)
+    for i in range(m):
+        for s in range(n):
+            K[s, i] = HP[i, s]
+    return K
+
+
+def doubtable(stack: Stack) -> int:
+    """Return p, how many components of the prior the rows may see; the weights of the rows stand behind theirs."""
+    return len(stack.Up)
+
+
+def has_settled(step: FloatArray, before: FloatArray, x: FloatArray) -> bool:
+    """Whether a pass has moved the state, from x + ``before`` to x + ``step``, by next to nothing of x + ``before``."""
+    moved = size = 0.0
+    for s in range(len(x)):
+        moved += (step[s] - before[s]) ** 2
+        size += (x[s] + before[s]) ** 2
+    return bool(moved <= CLOSE * CLOSE * size)
+
+
+class Measured(NamedTuple):
+    """An update in the m coordinates that are measured: covariances of the whole state follow from it.
+
+    An update changes a covariance in the directions of P- H' alone. So a matrix E that begins as P- and is mixed of P-,
+    posteriors and products of steps (x - x-)(x - x-)' remains, with N = H P- H'::
+
+        E = f P- + K0 (W - f N) K0',    K0 = P- H' N^-1,    W = H E H'
+
+    What is not measured follows what is by K0, and of what does not follow it has the f-fold. The update with
+    P~ = E / xi and R~ = R / lambda is then one of m rows, with S = W / xi + R~ and v = S^-1 y, and of n states::
+
+        H (x - x-) = W v / xi,                          H posterior H' = W / xi - W S^-1 W / xi^2
+        D_x = posterior + (x - x-)(x - x-)',            tr(D_x E^-1) = (n - m + tr(S^-1 R~) + v' W v / xi) / xi
+        D_z = H posterior H' + (z - H x)(z - H x)',     tr(D_z R^-1) = (m - tr(S^-1 R~) + v' R v / lambda) / lambda
+
+    Attributes:
+        W: (m, m) H E H'.
+        R: (m, m) as reported.
+        Ur: (m, m) its root, R = Ur' Ur.
+        S: (m, m) its lower triangle.
+        M: (m, m) factors of S.
+        v: (m,) S^-1 y.
+        step: (m,) H (x - x-).
+        D: (m, m) H D_x H'.
+        room: (m, m).
+    """
+
+    W: FloatArray
+    R: FloatArray
+    Ur: FloatArray
+    S: FloatArray
+    M: FloatArray
+    v: FloatArray
+    step: FloatArray
+    D: FloatArray
+    room: FloatArray
+
+
+def measured_of(P: FloatArray, R: FloatArray, rows: IntArray) -> Measured:
+    """Return it before the first pass, x = x- and E = P-."""
+    m = len(rows)
+    W, room, vectors = part_of(P, rows), np.empty((3, m, m)), np.zeros((2, m))
+    return Measured(W, R.copy(), root_of(R, m), room[0], room[1], vectors[0], vectors[1], W.copy(), room[2])
+
+
+def innovate(part: Measured, innovation: FloatArray, xi: float, weight: float) -> None:
+    """Find S and v with P~ = E / ``xi`` and R~ = R / ``weight``."""
+    by_xi, by_weight = 1.0 / xi, 1.0 / weight
+    for i in range(len(part.v)):
+        for j in range(i + 1):
+            part.S[i, j] = part.W[i, j] * by_xi + part.R[i, j] * by_weight
+    factorise(part.S, part.M)
+    solve(part.M, innovation, part.v)
+
+
+def fill_square(part: Measured, xi: float) -> None:
+    """Fill the step and D_x after that update."""
+    m, X, D, by_xi = len(part.v), part.room, part.D, 1.0 / xi
+    forward_rows(part.M, part.W, X)
+    for i in range(m):
+        part.step[i] = dot(part.W[i], part.v) * by_xi
+    for i in range(m):
+        for j in range(m):
+            D[i, j] = part.W[i, j] * by_xi + part.step[i] * part.step[j]
+    for k in range(m):
+        scale = part.M[k, k] * by_xi * by_xi
+        for i in range(m):
+            share = X[k, i] * scale
+            for j in range(m):
+                D[i, j] -= share * X[k, j]
+
+
+def first_distance(part: Measured, innovation: FloatArray) -> float:
+    """Return tr(D_z R^-1) before any update: of N and y."""
+    total = 0.0
+    factorise(part.R, part.M)
+    solve_rows(part.M, part.W, part.room)
+    for i in range(len(part.v)):
+        total += part.room[i, i]
+    solve(part.M, innovation, part.v)
+    for i in range(len(part.v)):
+        total += part.v[i] * innovation[i]
+    return total
+
+
+def distances(part: Measured, states: int, xi: float, weight: float) -> tuple[float, float]:
+    """Return tr(D_x E^-1) and tr(D_z R^-1) after an update."""
+    m, left = len(part.v), _noise_share(part) / weight
+    g_x = (states - m + left + quadratic(part.W, part.v) / xi) / xi
+    return g_x, (m - left + quadratic(part.R, part.v) / weight) / weight
+
+
+def _noise_share(part: Measured) -> float:
+    """Return tr(S^-1 R), of two lower triangles."""
+    X, M, Ur, total = part.room, part.M, part.Ur, 0.0
+    for i in range(len(part.v)):
+        row = 0.0
+        for j in range(i + 1):
+            rest = Ur[j, i]
+            for k in range(j, i):
+                rest -= M[i, k] * X[k, j]
+            X[i, j] = rest
+            row += rest * rest
+        total += row * M[i, i]
+    return total
+
+
+def mix(W: FloatArray, N: FloatArray, tau: float, D: FloatArray, xi: float) -> None:
+    """Fill W = (tau N + xi D_x) / (tau + 1)."""
+    for i in range(len(W)):
+        for j in range(len(W)):
+            W[i, j] = (tau * N[i, j] + xi * D[i, j]) / (tau + 1.0)
+
+
+def spread(P: FloatArray, rows: IntArray, W: FloatArray, share: float) -> FloatArray:
+    """Return the whole E (n, n) of its measured part ``W`` and f, its ``share`` of P-; symmetric to the bit."""
+    n, m = len(P), len(rows)
+    N, M, K, CK = part_of(P, rows), np.empty((m, m)), np.empty((m, n)), np.zeros((m, n))
+    factorise(N, M)
+    for i in range(m):
+        for s in range(n):
+            K[i, s] = P[rows[i], s]
+    solve_rows(M, K, K)
+    for i in range(m):
+        for j in range(m):
+            change = W[i, j] - share * N[i, j]
+            for s in range(n):
+                CK[i, s] += change * K[j, s]
+    return _joined(P, K, CK, share)
+
+
+def _joined(P: FloatArray, K: FloatArray, CK: FloatArray, share: float) -> FloatArray:
+    """Return f P + K' CK, of which one half is worked out."""
+    E = np.empty(P.shape)
+    for s in range(len(P)):
+        for t in range(s + 1):
+            E[s, t] = share * P[s, t]
+        for i in range(len(K)):
+            for t in range(s + 1):
+                E[s, t] += K[i, s] * CK[i, t]
+        for t in range(s):
+            E[t, s] = E[s, t]
+    return E

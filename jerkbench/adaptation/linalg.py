@@ -1,0 +1,341 @@
+"""Small symmetric matrices by closed loops, and an innovation in the coordinates in which it is simplest.
+
+In this order: factors, roots and solutions; whitening and products; `diagonalise`, coordinates in which both
+covariances of an innovation are diagonal, so that a pass over them needs no matrix; `Residuals`, rows in which R is the
+identity, updated with weights again and again.
+
+Everything here compiles with numba, where a call of LAPACK or a new array takes longer than the arithmetic of six rows.
+What a function of the first two parts finds it puts into its last argument. Of a symmetric matrix the lower triangle is
+read. A root U is the upper one of Cholesky, A = U' U, because its rows lie side by side; the factors of A = L D L' are
+L below the diagonal (ones on it are not kept), and 1/D on it, because a division waits for the one before it as long as
+for ten products.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.kalman import INDEFINITE, ROUNDING
+
+
+def factorise(A: FloatArray, M: FloatArray) -> None:
+    """Fill M, another array, with the factors of A = L D L'; what stands above its diagonal means nothing.
+
+    A pivot below `ROUNDING` of its diagonal element is taken for that much: after a gap of 100 s a covariance can be
+    singular to rounding, and an engine goes on with it as long as it is no more than `INDEFINITE` (`jerkbench.kalman`).
+
+    Raises:
+        LinAlgError: A is not positive definite.
+    """
+    n = len(A)
+    for c in range(n):
+        for r in range(c, n):
+            M[c, r] = A[r, c]
+    for c in range(n):
+        inverse = 1.0 / _checked(M[c, c], A[c, c])
+        M[c, c] = inverse
+        for r in range(c + 1, n):
+            factor = M[c, r] * inverse
+            for j in range(r, n):
+                M[r, j] -= factor * M[c, j]
+            M[r, c] = factor
+
+
+def root_of(A: FloatArray, p: int) -> FloatArray:
+    """Return the first p rows of U (p, n), zero below its diagonal.
+
+    Raises:
+        LinAlgError: the first p rows and columns are not positive definite.
+    """
+    n = len(A)
+    U = np.zeros((p, n))
+    for c in range(p):
+        for r in range(c, n):
+            U[c, r] = A[r, c]
+    for c in range(p):
+        inverse = 1.0 / _checked(U[c, c], A[c, c])
+        for r in range(c + 1, p):
+            factor = U[c, r] * inverse
+            for j in range(r, n):
+                U[r, j] -= factor * U[c, j]
+        U[c, c] = 1.0 / inverse
+    for c in range(p):
+        scale = 1.0 / math.sqrt(U[c, c])
+        for r in range(c, n):
+            U[c, r] *= scale
+    return U
+
+
+def _checked(pivot: float, variance: float) -> float:
+    """Return a pivot, not below what rounding may leave of its diagonal element."""
+    if not pivot > -INDEFINITE * variance:
+        raise np.linalg.LinAlgError("Matrix is not positive definite")
+    return max(pivot, ROUNDING * variance)
+
+
+def solve(M: FloatArray, b: FloatArray, x: FloatArray) -> None:
+    """Fill x = (L D L')^-1 b from the factors; both may be the same array."""
+    n = len(x)
+    for r in range(n):
+        rest = b[r]
+        for k in range(r):
+            rest -= M[r, k] * x[k]
+        x[r] = rest
+    for r in range(n - 1, -1, -1):
+        rest = x[r] * M[r, r]
+        for k in range(r + 1, n):
+            rest -= M[k, r] * x[k]
+        x[r] = rest
+
+
+def forward_rows(M: FloatArray, B: FloatArray, X: FloatArray) -> None:
+    """Fill X = L^-1 B of any number of columns from the factors; both may be the same array."""
+    for r in range(len(X)):
+        for c in range(X.shape[1]):
+            X[r, c] = B[r, c]
+        for k in range(r):
+            factor = M[r, k]
+            for c in range(X.shape[1]):
+                X[r, c] -= factor * X[k, c]
+
+
+def solve_rows(M: FloatArray, B: FloatArray, X: FloatArray) -> None:
+    """Fill X = (L D L')^-1 B likewise."""
+    forward_rows(M, B, X)
+    for r in range(len(X) - 1, -1, -1):
+        for c in range(X.shape[1]):
+            X[r, c] *= M[r, r]
+        for k in range(r + 1, len(X)):
+            factor = M[k, r]
+            for c in range(X.shape[1]):
+                X[r, c] -= factor * X[k, c]
+
+
+def whiten(U: FloatArray, b: FloatArray, x: FloatArray) -> None:
+    """Fill x = U^-T b; both may be the same array."""
+    for r in range(len(x)):
+        rest = b[r]
+        for k in range(r):
+            rest -= U[k, r] * x[k]
+        x[r] = rest / U[r, r]
+
+
+def whiten_rows(U: FloatArray, B: FloatArray, X: FloatArray) -> None:
+    """Fill X = U^-T B of any number of columns; both may be the same array."""
+    for r in range(len(X)):
+        for c in range(X.shape[1]):
+            X[r, c] = B[r, c]
+        for k in range(r):
+            factor = U[k, r]
+            for c in range(X.shape[1]):
+                X[r, c] -= factor * X[k, c]
+        scale = 1.0 / U[r, r]
+        for c in range(X.shape[1]):
+            X[r, c] *= scale
+
+
+def whitened(U: FloatArray, A: FloatArray) -> FloatArray:
+    """Return U^-T A U^-1, symmetric to the bit; A is symmetric."""
+    m = len(A)
+    X = np.empty((m, m))
+    whiten_rows(U, A, X)
+    for r in range(m):  # the other side: rows of X' , of which those above the diagonal are known already
+        for i in range(r, m):
+            rest = X[i, r]
+            for k in range(r):
+                rest -= U[k, r] * X[i, k]
+            X[i, r] = rest / U[r, r]
+    for r in range(m):
+        for c in range(r):
+            X[c, r] = X[r, c]
+    return X
+
+
+def weighed(U: FloatArray, weights: FloatArray) -> FloatArray:
+    """Return U' diag(1/weights) U, symmetric to the bit."""
+    m = len(U)
+    covariance = np.zeros((m, m))
+    for c in range(m):
+        inverse = 1.0 / weights[c]
+        for i in range(c, m):
+            share = U[c, i] * inverse
+            for j in range(c, i + 1):
+                covariance[i, j] += share * U[c, j]
+    for i in range(m):
+        for j in range(i):
+            covariance[j, i] = covariance[i, j]
+    return covariance
+
+
+def dot(a: FloatArray, b: FloatArray) -> float:
+    """Return a' b."""
+    total = 0.0
+    for k in range(len(a)):
+        total += a[k] * b[k]
+    return total
+
+
+def quadratic(A: FloatArray, b: FloatArray) -> float:
+    """Return b' A b."""
+    total = 0.0
+    for i in range(len(b)):
+        total += b[i] * dot(A[i], b)
+    return total
+
+
+def part_of(A: FloatArray, rows: IntArray) -> FloatArray:
+    """Return H A H', H x being x[rows]."""
+    part = np.empty((len(rows), len(rows)))
+    for i in range(len(rows)):
+        for j in range(len(rows)):
+            part[i, j] = A[rows[i], rows[j]]
+    return part
+
+
+SWEEPS = 30
+"""At most so many times over all pairs; seven are enough for six rows."""
+
+DIAGONAL = 1e-15
+"""A pair is left where the square of its element is less than this, squared, of the product of its diagonal ones."""
+
+
+def diagonalise(HPHt: FloatArray, R: FloatArray, d: FloatArray, X: FloatArray) -> FloatArray:
+    """Fill d (m,); return V' L^-1 X of X (m, any number of columns).
+
+    With R = L L' (Cholesky) and L^-1 H P- H' L^-T = V diag(d) V' the innovation is a = V' L^-1 y in these coordinates,
+    R is the identity and H P- H' is diag(d). V comes from rotations (Jacobi) that stop where an element is less than
+    rounding leaves of the two on the diagonal: so small a d is as exact as a large one, and after a gap they are twelve
+    orders apart. For the same reason the rows are ordered by H P- H' / R before: L mixes those before into a row.
+
+    Raises:
+        LinAlgError: R is not positive definite.
+    """
+    m, columns = X.shape
+    order = _ordered(HPHt, R)
+    U, turned = root_of(part_of(R, order), m), np.empty((m, columns))
+    for i in range(m):
+        for c in range(columns):
+            turned[i, c] = X[order[i], c]
+    whiten_rows(U, turned, turned)
+    A = whitened(U, part_of(HPHt, order))
+    for _ in range(SWEEPS):
+        if not _sweep(A, turned):
+            break
+    for i in range(m):
+        d[i] = max(A[i, i], 0.0)
+    return turned
+
+
+def _ordered(HPHt: FloatArray, R: FloatArray) -> IntArray:
+    """Return the rows, those with the smallest H P- H' / R first."""
+    order = np.arange(len(R))
+    for i in range(1, len(R)):
+        row, k = order[i], i
+        while k > 0 and HPHt[row, row] * R[order[k - 1], order[k - 1]] < HPHt[order[k - 1], order[k - 1]] * R[row, row]:
+            order[k] = order[k - 1]
+            k -= 1
+        order[k] = row
+    return order
+
+
+def _sweep(A: FloatArray, X: FloatArray) -> bool:
+    """Rotate all pairs once; return whether there was one to rotate."""
+    rotated = False
+    for p in range(len(A)):
+        for q in range(p + 1, len(A)):
+            if A[p, q] * A[p, q] > DIAGONAL * DIAGONAL * abs(A[p, p] * A[q, q]):
+                _rotate(A, X, p, q)
+                rotated = True
+    return rotated
+
+
+def _rotate(A: FloatArray, X: FloatArray, p: int, q: int) -> None:
+    """Turn rows ``p`` and ``q`` so that their element becomes zero."""
+    between = A[p, q]
+    apart = A[q, q] - A[p, p]
+    tangent = 2.0 * between / (abs(apart) + math.sqrt(apart * apart + 4.0 * between * between))
+    if apart < 0.0:
+        tangent = -tangent
+    cosine = 1.0 / math.sqrt(tangent * tangent + 1.0)
+    sine = tangent * cosine
+    first, second = A[p, p] - tangent * between, A[q, q] + tangent * between
+    for k in range(len(A)):
+        a, b = A[p, k], A[q, k]
+        A[p, k], A[q, k] = cosine * a - sine * b, sine * a + cosine * b
+        A[k, p], A[k, q] = A[p, k], A[q, k]
+    A[p, p], A[q, q], A[p, q], A[q, p] = first, second, 0.0, 0.0
+    for k in range(X.shape[1]):
+        a, b = X[p, k], X[q, k]
+        X[p, k], X[q, k] = cosine * a - sine * b, sine * a + cosine * b
+
+
+def shares(d: FloatArray, a: FloatArray, r: float, w: FloatArray) -> tuple[float, float, float]:
+    """Fill w, w_i = a_i / (d_i + r); return the sums of d / (d + r), of d w^2 and of w^2.
+
+    With P~ = P- / xi, R~ = R / lambda and r = xi / lambda, L^-T V w is S^-1 y / xi. After the update it holds for n
+    states and m rows, with D_x and D_z as in `jerkbench.adaptation.common.Measured`, that::
+
+        tr(D_x (P-)^-1) = (n - sum d_i / (d_i + r) + xi sum d_i w_i^2) / xi
+        tr(D_z R^-1)    = (sum d_i / (d_i + r) + xi r sum w_i^2) / lambda
+    """
+    explained = prior = measured = 0.0
+    for i in range(len(d)):
+        part = 1.0 / (d[i] + r)
+        w[i] = a[i] * part
+        square = w[i] * w[i]
+        explained += d[i] * part
+        prior += d[i] * square
+        measured += square
+    return explained, prior, measured
+
+
+SMALLEST_RESIDUAL_WEIGHT = 1e-9
+"""No weight is taken below it, so that R stays finite; R may grow by its inverse."""
+
+
+class Residuals(NamedTuple):
+    """An update of m weighed rows, in standard deviations of the measurement.
+
+    With R = L L' (Cholesky) the innovation and the prior are L^-1 y and L^-1 HPH' L^-T in standardised rows, in which R
+    is the identity. What is left of y after an update with L D L' is D (L^-1 HPH' L^-T + D)^-1 L^-1 y, with
+    D = diag(1/weights). D stands beside the prior, not L D L': in that a row without weight leaves no digits to its
+    neighbours. The adapted covariance L D L' is `weighed` (U, weights).
+
+    Attributes:
+        U: (m, m) L'.
+        prior: (m, m) L^-1 HPH' L^-T.
+        y: (m,) L^-1 y.
+        weights: (m,) not below `SMALLEST_RESIDUAL_WEIGHT`.
+        e: (m,) the residual after the update with them.
+        S: (m, m) prior + D.
+        M: (m, m) factors of S.
+    """
+
+    U: FloatArray
+    prior: FloatArray
+    y: FloatArray
+    weights: FloatArray
+    e: FloatArray
+    S: FloatArray
+    M: FloatArray
+
+
+def residuals_of(innovation: FloatArray, HPHt: FloatArray, R: FloatArray) -> Residuals:
+    """Return the update before the first pass, with weights of 1."""
+    m = len(innovation)
+    U, vectors = root_of(R, m), np.ones((3, m))
+    prior = whitened(U, HPHt)
+    whiten(U, innovation, vectors[0])
+    return Residuals(U, prior, vectors[0], vectors[1], vectors[2], prior.copy(), np.empty((m, m)))
+
+
+def update(of: Residuals) -> None:
+    """Fill e with the weights as they are."""
+    for i in range(len(of.e)):
+        of.S[i, i] = of.prior[i, i] + 1.0 / of.weights[i]
+    factorise(of.S, of.M)
+    solve(of.M, of.y, of.e)
+    for i in range(len(of.e)):
+        of.e[i] /= of.weights[i]
