@@ -54,13 +54,13 @@ class Scene:
     burn_in_s: float
 
 
-def scene_keys(study: Study, limit: int) -> dict[str, tuple[str, ...]]:
-    """Return the names of up to ``limit`` scenarios of a study, in their order, each with the keys of its cells."""
+def scene_keys(study: Study) -> dict[str, tuple[str, ...]]:
+    """Return the names of the scenarios of a study, in their order, each with the keys of its cells."""
     named = study.rows[["dataset", "disturbance", "attitude"]].astype(str).agg(", ".join, axis=1)
     scenarios: dict[str, dict[str, None]] = {}
     for name, key in zip(named, study.keys, strict=True):
         scenarios.setdefault(name, {})[key] = None
-    return {name: tuple(keys) for name, keys in list(scenarios.items())[:limit]}
+    return {name: tuple(keys) for name, keys in scenarios.items()}
 
 
 def load_scene(

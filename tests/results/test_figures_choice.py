@@ -6,7 +6,7 @@ import pytest
 
 from jerkbench.errors import PluginError
 from jerkbench.results.study_figures.choice import Choice, figures_choice
-from jerkbench.results.study_figures.selection import telling_scenes
+from jerkbench.results.study_figures.selection import by_difference, telling_scenes
 
 SCENES = {f"field, {disturbance}, tilt": disturbance for disturbance in ("none", "bias", "outliers", "gnss_outage")}
 
@@ -38,17 +38,14 @@ def test_another_word_is_refused_with_what_there_is():
 
 
 def test_few_are_the_scenarios_where_a_finding_is_most_certain_with_its_methods():
-    scenes = telling_scenes(
-        rows_of(
-            {
-                ("baseline", "none"): (1.0, 1.0, 1.0, 1.0),
-                ("jerk", "none"): (1.0, 0.1, 0.9, 1.0),  # against baseline: most in the second
-                ("jerk", "mtf"): (1.0, 0.1, 0.3, 1.0),  # against none: most in the third
-            }
-        ),
-        "position_rmse_m",
-        list(SCENES),
+    rows = rows_of(
+        {
+            ("baseline", "none"): (1.0, 1.0, 1.0, 1.0),
+            ("jerk", "none"): (1.0, 0.1, 0.9, 1.0),  # against baseline: most in the second
+            ("jerk", "mtf"): (1.0, 0.1, 0.3, 1.0),  # against none: most in the third
+        }
     )
+    scenes = telling_scenes(by_difference(rows, "position_rmse_m", list(SCENES)))
     assert {name: set(methods) for name, methods in scenes.items()} == {
         "field, bias, tilt": {("baseline", "none"), ("jerk", "none")},
         "field, outliers, tilt": {("jerk", "none"), ("jerk", "mtf")},
@@ -57,5 +54,20 @@ def test_few_are_the_scenarios_where_a_finding_is_most_certain_with_its_methods(
 
 def test_without_a_finding_it_is_the_first_scenario_with_the_usual_methods():
     rows = rows_of({("baseline", "none"): (1.0,) * 4, ("jerk", "none"): (1.0,) * 4})
-    assert telling_scenes(rows, "position_rmse_m", list(SCENES)) == {"field, none, tilt": ()}
-    assert telling_scenes(rows, "position_rmse_m", []) == {}
+    assert telling_scenes(by_difference(rows, "position_rmse_m", list(SCENES))) == {"field, none, tilt": ()}
+    assert telling_scenes(by_difference(rows, "position_rmse_m", [])) == {}
+
+
+def test_the_largest_difference_comes_first_and_of_many_scenarios_those_with_the_largest_are_kept():
+    """Over all scenarios jerk is hardly another than baseline: one scenario, the last, makes the difference."""
+    rows = rows_of(
+        {
+            ("baseline", "none"): (1.0, 1.0, 1.0, 1.0),
+            ("jerk", "none"): (0.8, 0.8, 1.0, 1 / 31),
+            ("jerk", "mtf"): (0.4, 0.8, 1.0, 1 / 31),
+        }
+    )
+    order = list(by_difference(rows, "position_rmse_m", list(SCENES)))
+
+    assert order == ["field, gnss_outage, tilt", "field, none, tilt", "field, bias, tilt", "field, outliers, tilt"]
+    assert list(telling_scenes(by_difference(rows, "position_rmse_m", list(SCENES)))) == order[:3]

@@ -38,21 +38,12 @@ def strongest(standings: Sequence[Standing]) -> list[str]:
     return [_sentence(duel) for duel in sorted(duels(told), key=lambda duel: -duel.weight)]
 
 
-def most_certain(standings: Sequence[Standing]) -> list[Comparison]:
-    """Return of each finding of `strongest` the comparison in which it is most certain, in the findings' order.
-
-    A finding that shows no difference has none.
-    """
+def largest(standings: Sequence[Standing]) -> list[tuple[float, Comparison]]:
+    """Return each comparison of `strongest` that shows a difference, with what is certain of it, the largest first."""
     references = _references(standings)
-    pairs: dict[frozenset[str], list[Comparison]] = {}
-    for standing in standings:
-        for pair in _told(standing, references).contest.comparisons:
-            if pair.replicate != "phase" and pair.judgement.n:
-                names = frozenset({standing.name(pair.subject), standing.name(pair.baseline)})
-                pairs.setdefault(names, []).append(pair)
-    ranked = sorted(pairs.values(), key=lambda rounds: -sum(map(_weight, rounds)) / len(rounds))
-    certain = [max(rounds, key=_weight) for rounds in ranked]
-    return [pair for pair in certain if _weight(pair) > 0]
+    pairs = [pair for standing in standings for pair in _told(standing, references).contest.comparisons]
+    weighed = [(_weight(pair), pair) for pair in pairs if pair.replicate != "phase" and pair.judgement.n]
+    return sorted(((weight, pair) for weight, pair in weighed if weight > 0), key=lambda one: -one[0])
 
 
 def _weight(pair: Comparison) -> float:

@@ -18,7 +18,7 @@ from jerkbench.results.scenario_runs import load_scene, scene_keys
 from jerkbench.results.study import Study
 from jerkbench.results.study_figures.choice import Choice
 from jerkbench.results.study_figures.drawings import Drawing, of_rows, of_scene, palette_of
-from jerkbench.results.study_figures.selection import Methods, telling_scenes
+from jerkbench.results.study_figures.selection import Methods, by_difference, telling_scenes
 from jerkbench.results.study_figures.traces import load_stretch, steps_of
 
 if TYPE_CHECKING:
@@ -118,10 +118,12 @@ def draw_study(study: Study, request: Request, workers: int) -> Drawn:
 
 def _jobs(study: Study, request: Request) -> list[Job]:
     """Return what is to be done, in the order in which it is shown."""
-    metric, scenes, palette = main_metric(study.rows), scene_keys(study, request.limit), palette_of(study.rows)
+    metric, scenes, palette = main_metric(study.rows), scene_keys(study), palette_of(study.rows)
     shown: Mapping[str, Methods] = dict.fromkeys(scenes, ())
-    if request.choice is Choice.FEW:
-        shown = telling_scenes(study.rows, metric, list(scenes))
+    if request.choice is Choice.FEW or len(scenes) > request.limit:
+        ranked = dict(list(by_difference(study.rows, metric, list(scenes)).items())[: request.limit])
+        scenes = {name: keys for name, keys in scenes.items() if name in ranked}
+        shown = telling_scenes(ranked) if request.choice is Choice.FEW else dict.fromkeys(scenes, ())
     steps = steps_of(scenes.values()) if request.traces else 0
     return [
         Job(request, study.folder, "", (), metric, palette, study.rows),
