@@ -21,6 +21,7 @@ ORDER = [
         "portable",
         "random_streams",
         "presets",
+        "yaml_files",
         "compilation",
         "kalman",
     ],

@@ -22,6 +22,7 @@ from jerkbench.results.shape import Test, is_text, is_texts
 from jerkbench.suite.entrant import Entrant
 from jerkbench.suite.scores import Score
 from jerkbench.tuning.space import Setting
+from jerkbench.yaml_files import read_yaml
 
 ROWS, SETTINGS, PAGE, MANIFEST = "rows.parquet", "settings.yaml", "entry.md", "manifest.json"
 HASHED = (ROWS, SETTINGS, PAGE)
@@ -98,7 +99,7 @@ def read_entry(folder: Path) -> Entry:
     manifest = _read(folder / MANIFEST, lambda path: json.loads(path.read_text(encoding="utf-8")))
     _require(folder / MANIFEST, {"": isinstance(manifest, dict) or "a JSON object"})
     _require(folder / MANIFEST, {f"'{key}'": test(manifest.get(key)) or what for key, (test, what) in FACTS.items()})
-    settings = _read(folder / SETTINGS, lambda path: yaml.safe_load(path.read_text(encoding="utf-8")))
+    settings = _read(folder / SETTINGS, read_yaml)
     _require(folder / SETTINGS, {"": _are_settings(settings) or SETTINGS_SHAPE})
     _read(folder / PAGE, Path.read_bytes)
     return Entry(folder, manifest, _rows(folder / ROWS), settings)

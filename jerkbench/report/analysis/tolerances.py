@@ -11,6 +11,7 @@ from typing import Any
 from jerkbench.errors import JerkbenchError, unknown
 from jerkbench.report.analysis.factors import FACTORS, METHOD
 from jerkbench.report.analysis.runs import Combination
+from jerkbench.yaml_files import read_yaml
 
 KEY = "tolerances"
 """The list in the file."""
@@ -106,8 +107,7 @@ def _content(path: Path) -> Any:  # noqa: ANN401 - whatever stands there
     import yaml
 
     try:
-        text = path.read_text(encoding="utf-8")
-        return tomllib.loads(text) if path.suffix == ".toml" else yaml.safe_load(text)
+        return tomllib.loads(path.read_text(encoding="utf-8")) if path.suffix == ".toml" else read_yaml(path)
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError, yaml.YAMLError) as error:
         raise JerkbenchError(f"{path} cannot be read: {' '.join(str(error).split())}.") from error
 

@@ -1,0 +1,56 @@
+"""YAML of anybody, measured before it is read: a few lines of aliases can stand for more than a machine can hold."""
+
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from jerkbench.errors import JerkbenchError
+
+MOST_VALUES = 100_000
+"""Values of a file, each alias counted with all that it repeats."""
+
+DEEPEST = 100
+"""Lists and mappings inside each other."""
+
+LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+
+def read_yaml(path: Path) -> Any:  # noqa: ANN401 - whatever stands there
+    """Read a file.
+
+    Raises:
+        JerkbenchError: it is too large.
+        OSError: it cannot be read.
+        ValueError: it is no UTF-8.
+        yaml.YAMLError: it is no YAML.
+    """
+    text = path.read_text(encoding="utf-8")
+    require_small(text, path)
+    return yaml.safe_load(text)
+
+
+def require_small(text: str, path: Path) -> None:
+    """Refuse what stands for too many values, or is nested too deep, without making any of them.
+
+    Raises:
+        JerkbenchError: it does, or an alias stands for what it is a part of.
+        yaml.YAMLError: it is no YAML.
+    """
+    values = 0
+    sizes: dict[str | None, int] = {}
+    open_since: list[tuple[str | None, int]] = []
+    for event in yaml.parse(text, LOADER):
+        if isinstance(event, yaml.AliasEvent):
+            values += sizes.get(event.anchor, MOST_VALUES + 1)
+        elif isinstance(event, yaml.NodeEvent):
+            open_since.append((event.anchor, values))
+            values += 1
+        if isinstance(event, (yaml.ScalarEvent, yaml.CollectionEndEvent)):
+            anchor, before = open_since.pop()
+            sizes[anchor] = values - before
+        if values > MOST_VALUES or len(open_since) > DEEPEST:
+            raise JerkbenchError(
+                f"{path} stands for more than {MOST_VALUES} values, counted with all that its aliases (*NAME) repeat,"
+                f" or has more than {DEEPEST} lists inside each other; write it with fewer."
+            )

@@ -1,0 +1,83 @@
+"""YAML of strangers: a few lines that stand for more than a machine can hold are refused at once."""
+
+import shutil
+import time
+from pathlib import Path
+
+import pytest
+import yaml
+
+from commands import verb
+from jerkbench.errors import JerkbenchError
+from jerkbench.report.analysis.tolerances import read_tolerances
+from jerkbench.suite.entry import SETTINGS, read_entry
+from jerkbench.yaml_files import DEEPEST, MOST_VALUES, read_yaml
+
+ENTRIES = Path(__file__).parents[1] / "results"
+BOMB = "a0: &a0 [x,x,x,x,x,x,x,x,x]\n" + "".join(
+    f"a{k}: &a{k} [{','.join([f'*a{k - 1}'] * 9)}]\n" for k in range(1, 12)
+)
+MERGED = "a0: &a0 {x: 1}\n" + "".join(f"a{k}: &a{k} {{<<: [{','.join([f'*a{k - 1}'] * 9)}]}}\n" for k in range(1, 12))
+SELF = "a: &a [*a]\n"
+DEEP = f"a: {'[' * 5000}{']' * 5000}\n"
+
+
+def count(value):
+    """Values with all that they hold, by a walk over what PyYAML made."""
+    inner = [*value.values(), *value] if isinstance(value, dict) else value if isinstance(value, list) else []
+    return 1 + sum(map(count, inner))
+
+
+@pytest.mark.parametrize("bomb", [BOMB, MERGED, SELF, DEEP], ids=["lists", "merged", "itself", "deep"])
+def test_a_bomb_in_a_preset_is_refused_at_once(tmp_path, bomb):
+    folder = tmp_path / "presets" / "experiment"
+    folder.mkdir(parents=True)
+    (folder / "bomb.yaml").write_text(f"# @package _global_\n{bomb}")
+    began = time.process_time()
+    done = verb("run", "--config-dir", tmp_path / "presets", "experiment=bomb", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "bomb.yaml stands for more than" in done.stderr
+    assert done.stderr.count("\n") == 1
+    assert time.process_time() - began < 20
+
+
+def test_a_preset_that_is_no_yaml_is_a_sentence(tmp_path):
+    folder = tmp_path / "presets" / "experiment"
+    folder.mkdir(parents=True)
+    (folder / "odd.yaml").write_text("# @package _global_\na: [1\nb: }")
+    done = verb("run", "--config-dir", tmp_path / "presets", "experiment=odd", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "odd.yaml cannot be read" in done.stderr
+
+
+def test_a_bomb_beside_stored_results_is_refused_at_once(tmp_path):
+    entry = shutil.copytree(next(ENTRIES.glob("*/*/manifest.json")).parent, tmp_path / "entry")
+    (entry / SETTINGS).write_text(BOMB)
+    with pytest.raises(JerkbenchError, match="stands for more than"):
+        read_entry(entry)
+    (tmp_path / "tolerances.yaml").write_text(BOMB)
+    with pytest.raises(JerkbenchError, match="stands for more than"):
+        read_tolerances(tmp_path / "tolerances.yaml", 3.0)
+
+
+@pytest.mark.parametrize("extra", [0, 1])
+def test_the_bound_counts_what_aliases_repeat(tmp_path, extra):
+    path = tmp_path / "file.yaml"
+    path.write_text(
+        f"a: &a [{','.join(['x'] * 997)}]\nb: [{','.join(['*a'] * 99)}]\nc: [{','.join('x' * (194 + extra))}]\n"
+    )
+    counted = count(yaml.safe_load(path.read_text()))
+    assert counted == MOST_VALUES + extra
+    if extra:
+        with pytest.raises(JerkbenchError):
+            read_yaml(path)
+    else:
+        assert len(read_yaml(path)["b"]) == 99
+
+
+def test_what_people_write_is_read(tmp_path):
+    path = tmp_path / "file.yaml"
+    path.write_text(
+        f"a: &a {{x: 1}}\nb: {{<<: *a, y: [*a, ü]}}\nd: {'[' * (DEEPEST - 1)}{']' * (DEEPEST - 1)}\n", encoding="utf-8"
+    )
+    assert read_yaml(path)["b"] == {"x": 1, "y": [{"x": 1}, "ü"]}
