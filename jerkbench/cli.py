@@ -164,6 +164,8 @@ def _run(words: list[str]) -> None:
         raise JerkbenchError(sentence(error, words)) from error
     except BrokenPipeError:
         raise
+    except ChildProcessError as error:
+        raise _of_a_worker(error) from error
     except OSError as error:
         raise JerkbenchError(f"Results cannot be written: {error}.") from error
 
@@ -178,12 +180,16 @@ def _answer(words: list[str]) -> None:
     except BrokenPipeError:
         raise
     except ChildProcessError as error:
-        raise JerkbenchError(f"A worker ended before its work was done: {error}. Start the command again.") from error
+        raise _of_a_worker(error) from error
     except OSError as error:
         path = error.filename or "A file"
         raise JerkbenchError(
             f"{path} cannot be read or written: {error.strerror or error}; correct the path."
         ) from error
+
+
+def _of_a_worker(error: ChildProcessError) -> JerkbenchError:
+    return JerkbenchError(f"A worker ended before its work was done: {error}. Start the command again.")
 
 
 @cache

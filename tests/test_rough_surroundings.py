@@ -30,12 +30,16 @@ def test_more_seeds_than_can_be_run_are_refused_at_once():
         Seeds(test=2147483648)
 
 
-def test_a_worker_that_died_is_no_matter_of_paths(tmp_path, monkeypatch):
+@pytest.mark.parametrize(
+    ("words", "place"), [(["list"], "jerkbench.catalogue.text.list_text"), (["run"], "jerkbench.hydra_app.app.main")]
+)
+def test_a_worker_that_died_is_no_matter_of_paths(tmp_path, monkeypatch, words, place):
     def die(_):
         raise ChildProcessError("the process that ran it died (killed by signal 9)")
 
-    monkeypatch.setattr("jerkbench.catalogue.text.list_text", die)
-    done = verb("list", cwd=tmp_path)
+    monkeypatch.setattr(place, die)
+    done = verb(*words, cwd=tmp_path)
     assert done.returncode == 2
+    assert "A worker ended" in done.stderr
     assert "signal 9" in done.stderr
     assert "path" not in done.stderr
