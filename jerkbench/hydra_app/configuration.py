@@ -144,18 +144,24 @@ def require_whole(plain: Mapping[str, Any]) -> None:
     Raises:
         PluginError: it has not; a preset of one's own may set anything. There is no such option or choice of figures.
     """
-    options = [f.name for f in fields(Schema)]
-    for key in plain:
-        if key not in options:
-            raise PluginError(unknown("option", key, options))
-    for key in options:
-        if plain.get(key, MISSING) == MISSING:
-            raise PluginError(f"{key} has no value; give {key}=...")
+    _require_known(plain, Schema)
+    for f in fields(Schema):
+        if plain.get(f.name, MISSING) == MISSING:
+            raise PluginError(f"{f.name} has no value; give {f.name}=...")
+    _require_known(plain["noise"], Noise, "noise.")
     figures_choice(plain["figures"])
     for kind in GROUPS:
         if not (isinstance(plain[kind], Mapping) and plain[kind].get("name")):
             raise PluginError(f"No {kind} is chosen; give {kind}=NAME (`jerkbench list {kind}` says what there is).")
     _require_disturbances(plain["disturbance"])
+
+
+def _require_known(plain: Mapping[str, Any], schema: type, owner: str = "") -> None:
+    """Refuse an option that was added (``+KEY=...``): the schema, whose ``owner`` goes before each key, has it not."""
+    options = [f"{owner}{f.name}" for f in fields(schema)]
+    for key in plain:
+        if f"{owner}{key}" not in options:
+            raise PluginError(unknown("option", f"{owner}{key}", options))
 
 
 def _require_disturbances(chosen: object) -> None:
