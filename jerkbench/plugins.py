@@ -87,7 +87,14 @@ def modules_of_user() -> list[str]:
     classes = {cls for known in _registry.values() for cls in known.values() if not is_own(cls)}
     found = {entry.module for kind in KINDS for entry in entry_points(group=f"jerkbench.{kind}")}
     modules = {cls.__module__ for cls in classes if not of_script(cls)} - found
-    return sorted(module for module in modules if find_spec(module.partition(".")[0]))
+    return sorted(module for module in modules if _is_importable(module.partition(".")[0]))
+
+
+def _is_importable(package: str) -> bool:
+    try:
+        return find_spec(package) is not None
+    except ValueError:  # made by hand, as a notebook does: it has no origin
+        return False
 
 
 def of_script(cls: type) -> bool:

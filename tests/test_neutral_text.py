@@ -7,7 +7,8 @@ import re
 import pytest
 
 from commands import SHORT, verb
-from jerkbench.hydra_app.configuration import ASKED
+from jerkbench.errors import PluginError
+from jerkbench.hydra_app.configuration import ASKED, environment_variable
 from jerkbench.plain import plain
 from jerkbench.report.markup import policy
 from jerkbench.report.tables.csv import inert
@@ -89,3 +90,21 @@ def test_show_says_where_a_name_is_not_one(tmp_path, name, hint):
     done = verb("show", name, cwd=tmp_path)
     assert done.returncode == 2
     assert hint in done.stderr
+
+
+def test_a_named_variable_that_is_not_set_is_no_text(monkeypatch):
+    monkeypatch.setenv("JERKBENCH_ENV", "NOT_SET")
+    monkeypatch.delenv("NOT_SET", raising=False)
+
+    with pytest.raises(PluginError, match="NOT_SET, which is not set"):
+        environment_variable("NOT_SET")
+    assert environment_variable("NOT_SET", None) is None
+    assert environment_variable("NOT_SET", "data") == "data"
+
+
+def test_a_list_of_plugins_where_one_is_taken_is_refused():
+    done = verb("run", *SHORT, "attitude=[field,real]", "--dry")
+
+    assert done.returncode == 2
+    assert "attitude takes one plugin" in done.stderr
+    assert "Traceback" not in done.stderr

@@ -58,7 +58,8 @@ def kind_of(name: str) -> str:
     if not having:
         raise PluginError(unknown("plugin or preset", name, set().union(*names.values())))
     if len(having) > 1:
-        raise PluginError(f"{name} is several: {' or '.join(f'jerkbench show {kind} {name}' for kind in having)}.")
+        words = " or ".join(f"jerkbench show {kind} {name}" for kind in having)
+        raise PluginError(f"{name} names {len(having)} things; give the kind: {words}.")
     return having[0]
 
 

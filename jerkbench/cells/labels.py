@@ -49,12 +49,15 @@ def labels_of(spec: dict[str, Any], choices: Mapping[str, Any], overrides: list[
 def contradiction(labels: Mapping[str, str], spec: Mapping[str, Any]) -> str:
     """Return how the label of a stored cell names another plugin than the one that ran; empty where none does.
 
-    A label that is no plugin's name is a preset's, maybe of another machine: it is believed.
+    A label that is no plugin's name is a preset's, maybe of another machine: it is believed. A program has the name
+    that it gives itself.
     """
     disturbances = spec["disturbance"] or [{"name": "none"}]
     ran = {kind: {spec[kind]["name"]} for kind in ("dataset", "attitude", "filter", "adaptation")}
     ran["disturbance"] = {disturbance["name"] for disturbance in disturbances}
     for kind, names in ran.items():
+        if labels[kind].endswith("(program)"):
+            continue
         heads = re.sub(r"\([^()]*\)", "", labels[kind]).split("+")
         wrong = [head for head in heads if head not in names and head in plugins.names(kind)]
         if wrong:

@@ -25,6 +25,6 @@ class Noise:
 
 
 def replaced(cls: type, noise: Mapping[str, Any]) -> dict[str, float]:
-    """Return the fields of ``noise`` that are set and that the filter class has."""
-    own = {f.name for f in dataclasses.fields(cls)}
+    """Return the fields of `Noise` that are set and that the filter class has; nothing else of a filter is noise."""
+    own = {f.name for f in dataclasses.fields(cls)} & {f.name for f in dataclasses.fields(Noise)}
     return {name: value for name, value in noise.items() if value is not None and name in own}

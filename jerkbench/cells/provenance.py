@@ -11,6 +11,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from jerkbench.cells.plugin_sources import KNOWN, named_digests, sources_digest
+from jerkbench.errors import PluginError
 
 PACKAGE = Path(__file__).parents[1]
 LIBRARIES = ("filterpy", "numba", "numpy", "scipy", "pandas", "pymap3d", "hydra-core")
@@ -64,8 +65,10 @@ def plugin_digest(cls: type) -> str:
 
 def _named(cls: type) -> Iterator[str]:
     """Yield a line for each place that the class itself names in `depends_on`."""
-    file = getattr(sys.modules.get(cls.__module__), "__file__", None)
-    return named_digests(vars(cls).get("depends_on", ()), Path(file).parent if file else Path())
+    file, names = getattr(sys.modules.get(cls.__module__), "__file__", None), vars(cls).get("depends_on", ())
+    if not isinstance(names, tuple) or not all(isinstance(name, str) for name in names):
+        raise PluginError(f'{cls.__name__}.depends_on is {names!r}; give a tuple of texts, such as ("gains.csv",).')
+    return named_digests(names, Path(file).parent if file else Path())
 
 
 @cache

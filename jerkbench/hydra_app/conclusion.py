@@ -54,15 +54,23 @@ def lost(store: Store, keys: Sequence[str]) -> int:
     return FAILED if gone else 0
 
 
-def draw_and_report(study: Study, config: DictConfig) -> int:
-    """Draw the figures and write the report where they are asked for; returns the exit code, or 0."""
+def draw_and_report(study: Study, config: DictConfig, *, run_programs: bool = False) -> int:
+    """Draw the figures and write the report where they are asked for; returns the exit code, or 0.
+
+    Args:
+        study: the study.
+        config: the configuration.
+        run_programs: whether the command itself has asked for a program; those of cells found in the folder are a
+            stranger's.
+    """
     if not config.report:
         return 0
     from jerkbench.results.study_figures.presentation import present
 
     try:
         with terminated_like_interrupted():
-            present(study, config.workers or processors(), figures_choice(config.figures), pdf=config.figures_pdf)
+            choice = figures_choice(config.figures)
+            present(study, config.workers or processors(), choice, pdf=config.figures_pdf, run_programs=run_programs)
     except KeyboardInterrupt:
         print(f"Interrupted. The results are complete; `jerkbench report {study.folder}` draws again.", file=sys.stderr)
         return INTERRUPTED

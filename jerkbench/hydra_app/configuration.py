@@ -99,18 +99,20 @@ def study_folder(config: DictConfig) -> Path:
     return place(str(config.results)) / str(config.study)
 
 
-def environment_variable(name: str, default: str | None = None) -> str | None:
+def environment_variable(name: str, *default: str | None) -> str | None:
     """Return an environment variable that `ASKED` names: what a configuration resolves stands in tables and files.
 
     Raises:
-        PluginError: it is not named there.
+        PluginError: it is not named there, or not set, and the configuration gives no default.
     """
     if name not in os.environ.get(ASKED, "").replace(",", " ").split():
         raise PluginError(
             f"The configuration reads the environment variable {name}, whose value would stand in names and tables;"
             f" if it may, set {ASKED}={name}."
         )
-    return os.environ.get(name, default)
+    if name not in os.environ and not default:
+        raise PluginError(f"The configuration reads the environment variable {name}, which is not set; set it.")
+    return os.environ.get(name, *default)
 
 
 def local_folder(results: str, study: str) -> str:
@@ -131,6 +133,9 @@ def cell_of(plain: Mapping[str, Any], choices: Mapping[str, Any], overrides: lis
         PluginError: a plugin does not take its parameters, or something is not chosen.
     """
     require_whole(plain)
+    for group in GROUPS:
+        if group not in choices:
+            raise PluginError(f"{group} takes one plugin; to run several, give -m and {group}=A,B.")
     spec = {group: plain[group] for group in GROUPS}
     spec["disturbance"] = list(plain["disturbance"].values())
     spec.update({name: plain[name] for name in ("noise", "r_scale", "metrics")})

@@ -15,6 +15,7 @@ from jerkbench.execution.notes import first_remarks
 from jerkbench.execution.plugin_probe import first_complaints
 from jerkbench.execution.processors import processors
 from jerkbench.execution.pulse import Pulse, duration
+from jerkbench.filters.command import Command
 from jerkbench.hydra_app.chosen_cluster import cluster_of
 from jerkbench.hydra_app.composition import compose_jobs
 from jerkbench.hydra_app.conclusion import FAILED, conclude, draw_and_report, failed, lost
@@ -79,7 +80,8 @@ def _finished(plan: Plan, store: Store, config: DictConfig, cluster: Cluster) ->
         print(f"jerkbench: the tables cannot be written: {error}. What is done is stored.", file=sys.stderr)
         return FAILED
     if study is not None and not code:
-        code = draw_and_report(study, config)
+        asked = any(isinstance(planned.cell.filter, Command) for planned in last.plan.cells)
+        code = draw_and_report(study, config, run_programs=asked)
     return code or failed(study) or lost(store, keys)
 
 

@@ -103,8 +103,8 @@ def row_of(stored: Stored, seed: int | None = None, *, run_programs: bool = Fals
     """
     if not run_programs and (program := program_of(stored.metadata["spec"])):
         raise JerkbenchError(
-            f"The cell {plain(stored.key)} needs the program {program} to run again, and programs of stored results do"
-            " not run unasked; give --run-programs if you trust it."
+            f"The cell {plain(stored.key)} runs the program {program}. A stored program runs only with"
+            " --run-programs; give it if you trust these results."
         )
     seeds = [int(seed) for seed in stored.rows["seed"]]
     draw = seeds[0] if seed is None else seed
@@ -123,7 +123,8 @@ def program_of(spec: Mapping[str, Any]) -> str:
     name = str(model.get("name"))
     if name not in plugins.names("filter") or not issubclass(plugins.get("filter", name), Command):
         return ""
-    return plain(str(model.get("command", name)))[:SHOWN]
+    command = " ".join(plain(str(model.get("command"))).split()) or name
+    return command if len(command) <= SHOWN else f"{command[:SHOWN]} ... ({len(command) - SHOWN} more characters)"
 
 
 def runnable(cells: Sequence[Stored], *, run_programs: bool) -> list[Stored]:
@@ -135,10 +136,10 @@ def tell_left_out(study: Study, *, run_programs: bool) -> None:
     """Say on standard error how many cells of a study will not run again."""
     stored, _ = Store(study.folder).read(list(dict.fromkeys(study.keys)))
     if count := len(stored) - len(runnable(stored, run_programs=run_programs)):
-        cells = "1 cell that needs a program is" if count == 1 else f"{count} cells that need programs are"
+        cells = "1 cell runs a program. It is" if count == 1 else f"{count} cells run programs. They are"
         print(
-            f"jerkbench: {cells} shown by stored rows alone, and left out of what is run again; give --run-programs if"
-            " you trust these results.",
+            f"jerkbench: {cells} in the tables, but not in what needs a new run; give --run-programs if you trust these"
+            " results.",
             file=sys.stderr,
         )
 

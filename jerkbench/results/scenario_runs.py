@@ -87,8 +87,8 @@ def load_scene(
     """
     stored, _ = Store(folder).read(keys)
     allowed = runnable(stored, run_programs=run_programs)
-    if not allowed:
-        raise JerkbenchError("each of its methods is a program, and programs of stored results do not run unasked.")
+    if stored and not allowed:
+        raise JerkbenchError("each of its methods is a stored program, which runs only with --run-programs.")
     return _scene(name, _chosen(allowed, metric, methods), run_programs=run_programs)
 
 

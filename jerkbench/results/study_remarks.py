@@ -53,7 +53,7 @@ def remarks_on(cells: Sequence[Metadata], chosen: Current, broken: list[str]) ->
         remarks.append(f"{which} left out: of the same name as another, with some of the same seeds.")
     if wrong := list(dict.fromkeys(filter(None, (contradiction(cell["labels"], cell["spec"]) for cell in cells)))):
         told = "; ".join(map(plain, wrong[:TOLD]))
-        remarks.append(f"Labels do not say what ran: {told}. The files were changed by hand: do not trust them.")
+        remarks.append(f"Labels name another plugin than ran: {told}.")
     if broken:
         remarks.append(f"{damaged(broken)} left out: {', '.join(map(plain, broken))}.")
     return remarks
@@ -70,42 +70,45 @@ def worse_than_fixes(rows: "pd.DataFrame", cells: Sequence[Metadata]) -> list[st
         return []
     run = rows[rows["status"] != "failed"]
     errors = run[ERROR].where(run["status"] == "ok", float("inf"))
-    medians = errors.groupby([run[key].astype(str) for key in (*SCENARIO, "filter", "adaptation")]).median()
+    medians = errors.groupby([run[key].astype(str) for key in (*SCENARIO, "filter", "adaptation", "noise")]).median()
     scenarios: dict[tuple[str, ...], dict[tuple[str, ...], float]] = {}
     for labels, median in zip(medians.index.tolist(), medians.tolist(), strict=True):
         scenarios.setdefault(labels[: len(SCENARIO)], {})[labels[len(SCENARIO) :]] = median
     losing = {}
     for scenario, methods in scenarios.items():
-        floor = methods.get((FLOOR, "none"), float("nan"))
+        floor = min((error for method, error in methods.items() if method[0] == FLOOR), default=float("nan"))
         if worse := {method: error for method, error in methods.items() if error > WORSE * floor}:
             losing[scenario] = _losers(scenario, worse, floor)
     if not losing:
         return []
-    more = f" Methods lose to {FLOOR} in {len(losing) - TOLD} more scenarios." if len(losing) > TOLD else ""
-    return [*list(losing.values())[:TOLD], _advice(cells, {scenario[-1] for scenario in losing}) + more]
+    more = [f"Methods lose to {FLOOR} in {len(losing) - TOLD} more scenarios."] if len(losing) > TOLD else []
+    return [*list(losing.values())[:TOLD], *_advice(cells, {scenario[-1] for scenario in losing}), *more]
 
 
 def _losers(scenario: tuple[str, ...], worse: Mapping[tuple[str, ...], float], floor: float) -> str:
     ranked = sorted(worse.items(), key=lambda pair: -pair[1])
-    named = [f"{'+'.join(m for m in method if m != 'none')} ({_shown(error)})" for method, error in ranked]
+    named = [f"{'+'.join(m for m in method if m not in ('none', 'own'))} ({_shown(error)})" for method, error in ranked]
     more = f" and {len(named) - TOLD} more" if len(named) > TOLD else ""
-    where = ", ".join(label.partition("(")[0] for label in scenario)
-    return f"Worse than {FLOOR} ({floor:.3g} m), which has no IMU, in {where}: {', '.join(named[:TOLD])}{more}."
+    where, worst = ", ".join(scenario), ", ".join(named[:TOLD])
+    return f"Worse than {FLOOR} ({floor:.3g} m), which has no IMU, in {where}: {worst}{more}."
 
 
 def _shown(error_m: float) -> str:
     return f"{error_m:.3g} m" if error_m < float("inf") else "lost"
 
 
-def _advice(cells: Sequence[Metadata], attitudes: set[str]) -> str:
+def _advice(cells: Sequence[Metadata], attitudes: set[str]) -> list[str]:
+    """Return likely causes, and what to try, of recorded data; of simulated ones the faults are known."""
+    recorded = [cell for cell in cells if cell["data"]]
+    if not recorded:
+        return []
     causes = ["gaps of the IMU", "its axes or stamps", "an acceleration noise of the filter that is too small"]
-    moving = any(cell["spec"].get("dataset", {}).get("static_start_s") == 0.0 for cell in cells)
+    moving = any(cell["spec"].get("dataset", {}).get("static_start_s") == 0.0 for cell in recorded)
     if moving and attitudes - {"reference"}:
         causes.insert(0, "a tilt that is wrong by degrees (static_start_s=0: it starts level, without a rest)")
-    return (
-        f"Likely causes: {'; '.join(causes)}. Try `jerkbench data inspect`; attitude=reference, which tells whether the"
-        " tilt is at fault; filter=eskf15, which corrects it; a larger filter.accel_mps2, or `jerkbench tune`."
-    )
+    reference = "" if attitudes == {"reference"} else " attitude=reference, which tells whether the tilt is at fault;"
+    tried = f"`jerkbench data inspect`;{reference} filter=eskf15; a larger filter.accel_mps2, or `jerkbench tune`"
+    return [f"Likely causes: {'; '.join(causes)}. Try {tried}."]
 
 
 def set_aside(names: list[str]) -> str:

@@ -126,7 +126,7 @@ def _rows(path: Path) -> pd.DataFrame:
     times = rows["seconds"]
     positive = ((of_ok > 0) & (of_ok < math.inf)).all()
     _require(path, {"column 'position_rmse_m'": bool(positive) or "positive and finite where the status is ok"})
-    _require(path, {"column 'seconds'": bool(((times >= 0) & (times < math.inf)).all()) or "positive and finite"})
+    _require(path, {"column 'seconds'": bool(((times >= 0) & (times < math.inf)).all()) or "finite and not negative"})
     return rows
 
 
@@ -196,7 +196,9 @@ FACTS: Mapping[str, tuple[Test, str]] = {
 }
 """What a check reads of the manifest, with a test of its value and what it has to be."""
 
-SETTINGS_SHAPE = "finite values by knob, under 'entry' and 'plain' for 'given' alone or also for 'first' and 'second'"
+SETTINGS_SHAPE = (
+    "under 'entry' and 'plain' a number for each parameter of 'given'; if tuned, of 'first' and 'second' too"
+)
 
 
 def _are_settings(value: object) -> bool:

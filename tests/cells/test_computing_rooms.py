@@ -25,6 +25,8 @@ def in_rooms(module, rooms):
 
 def modules_of(names):
     for name in names:
+        if name.partition(".")[0] != "jerkbench":  # installed, other packages lie beside ours
+            continue
         place = PACKAGE.parent / name.replace(".", "/")
         if place.with_suffix(".py").is_file():
             yield place.with_suffix(".py")

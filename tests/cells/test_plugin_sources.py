@@ -10,6 +10,7 @@ from jerkbench.adaptation.mtf import Mtf
 from jerkbench.cells import plugin_sources as sources
 from jerkbench.cells.provenance import plugin_digest
 from jerkbench.datasets.field import Field
+from jerkbench.errors import PluginError
 from jerkbench.execution.simulation_cache import _key
 
 LONE = """
@@ -160,3 +161,8 @@ def test_a_simulation_from_elsewhere_is_kept_under_its_code(monkeypatch):
     monkeypatch.setattr("jerkbench.execution.simulation_cache.plugin_digest", lambda _: "an edit")
 
     assert _key(Field(), 1) != before
+
+
+def test_a_place_that_is_not_in_a_tuple_is_refused():
+    with pytest.raises(PluginError, match="give a tuple of texts"):
+        plugin_digest(type("Forgot", (), {"depends_on": "gains.csv"}))

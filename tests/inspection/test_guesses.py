@@ -9,6 +9,7 @@ from jerkbench.errors import RecordingError
 from jerkbench.geometry import enu_to_geodetic
 from jerkbench.inspection.guess.guessing import guess_table
 from jerkbench.inspection.guess.names import parsed
+from jerkbench.inspection.guess.values import is_date
 from jerkbench.recording import Origin
 
 RIGHT = {
@@ -55,6 +56,10 @@ def test_stamps_are_dates_by_their_size_whatever_the_column_is_called(drive, tmp
     assert (draft.load().start_utc is not None) == (epoch == "unix")
     if epoch == "unix":
         assert draft.load().start_utc.year == 2025
+
+
+def test_a_time_in_a_unit_that_is_none_of_time_is_no_date():
+    assert not is_date(np.array([1.7517e9]), "m")
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,10 @@
 import pytest
 
 from commands import verb
+from jerkbench.cells.noise import replaced
+from jerkbench.filters.command import Command
+from jerkbench.results.replay import program_of, runnable
+from jerkbench.results.store import Store
 from jerkbench.results.study import load_study
 from stored_cells import put
 
@@ -32,11 +36,23 @@ def ran(folder):
 @pytest.mark.parametrize(
     ("words", "code", "said"),
     [
-        (["report", "results/theirs"], 0, "1 cell that needs a program is shown by stored rows alone"),
-        (["figures", "results/theirs"], 0, "1 cell that needs a program is shown by stored rows alone"),
-        (["table", "results/theirs", "--costs"], 0, "1 cell that needs a program is shown by stored rows alone"),
-        (["rerun", "results/theirs", "1"], 2, "programs of stored results do not run unasked"),
-        (["export", "results/theirs", "1", "--tum", "tum"], 2, "programs of stored results do not run unasked"),
+        (
+            ["report", "results/theirs"],
+            0,
+            "1 cell runs a program. It is in the tables, but not in what needs a new run",
+        ),
+        (
+            ["figures", "results/theirs"],
+            0,
+            "1 cell runs a program. It is in the tables, but not in what needs a new run",
+        ),
+        (
+            ["table", "results/theirs", "--costs"],
+            0,
+            "1 cell runs a program. It is in the tables, but not in what needs a new run",
+        ),
+        (["rerun", "results/theirs", "1"], 2, "A stored program runs only with --run-programs"),
+        (["export", "results/theirs", "1", "--tum", "tum"], 2, "A stored program runs only with --run-programs"),
     ],
 )
 def test_looking_at_results_runs_no_program(theirs, words, code, said):
@@ -72,5 +88,30 @@ def test_a_label_that_names_another_plugin_than_ran_is_told(tmp_path, changed, s
 @pytest.mark.parametrize("named", [{"filter": "my_preset"}, {"filter": "jerk(accel_mps2=0.2)"}])
 def test_a_preset_and_a_parameter_are_believed(tmp_path, named):
     put(tmp_path, "b" * 20, 0.1, **named)
+
+    assert not any("Labels" in note for note in load_study(tmp_path).notes)
+
+
+@pytest.mark.parametrize("command", ["", "true"])
+def test_noise_cannot_name_a_program(tmp_path, command):
+    made = tmp_path / "made"
+    spec = {"filter": {"name": "command", "command": command}, "noise": {"command": f"/usr/bin/touch {made}"}}
+    put(tmp_path, "c" * 20, 0.1, spec=spec)
+    (stored,), _ = Store(tmp_path).read()
+
+    assert runnable([stored], run_programs=False) == []
+    assert replaced(Command, spec["noise"]) == {}
+
+
+def test_a_long_command_is_not_cut_in_silence():
+    told = program_of({"filter": {"name": "command", "command": f"python3 ok.py{' ' * 300}; evil {'x' * 300}"}})
+
+    assert told.startswith("python3 ok.py ; evil x")
+    assert told.endswith(" more characters)")
+
+
+def test_a_program_is_called_as_it_calls_itself(tmp_path):
+    named = {"filter": {"name": "command", "command": "python3 jerk.py"}}
+    put(tmp_path, "d" * 20, 0.1, filter="jerk(program)", spec=named)
 
     assert not any("Labels" in note for note in load_study(tmp_path).notes)

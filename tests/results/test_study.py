@@ -234,7 +234,8 @@ def test_a_method_that_loses_to_the_fixes_alone_is_told_with_what_to_try(tmp_pat
     for attitude, factor in (("real", 1.0), ("reference", 0.1)):
         for name, error in errors.items():
             scaled = error if name == "gnss_only" else error * factor
-            put(tmp_path, f"{name}{attitude}".encode().hex(), scaled, filter=name, attitude=attitude, conditions=moving)
+            key = f"{name}{attitude}".encode().hex()
+            put(tmp_path, key, scaled, filter=name, attitude=attitude, conditions={**moving, "data": "a hash"})
 
     losing, advice = load_study(tmp_path).notes[-2:]
 

@@ -31,7 +31,7 @@ LATITUDE_RAD, LONGITUDE_RAD = np.pi / 2, np.pi
 
 def is_date(stamps: FloatArray, unit: str) -> bool:
     """Return whether stamps in ``unit`` count from 1970 or 1980."""
-    return bool(STAMPS[unit] <= stamps[0] < 100 * STAMPS[unit])
+    return unit in STAMPS and bool(STAMPS[unit] <= stamps[0] < 100 * STAMPS[unit])
 
 
 def time_unit(stamps: FloatArray, named: str) -> Guess:

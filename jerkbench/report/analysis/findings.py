@@ -150,7 +150,7 @@ def _range(comparison: Comparison) -> str:
     ends = (1 / high if high else math.inf, 1 / low if low else math.inf) if inverse else (low, high)
     written = factor_number if comparison.shown or comparison.replicate == "phase" else number
     if math.isinf(ends[1]):
-        return f"from {written(ends[0])} on, as its other end is a lost run"
+        return f"from {written(ends[0])} up, since a run was lost"
     return f"{written(ends[0])} to {written(ends[1])}"
 
 

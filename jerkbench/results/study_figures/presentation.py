@@ -21,15 +21,22 @@ OTHERWISE = {
 """What one can ask for instead."""
 
 
-def present(study: Study, workers: int, choice: Choice, *, pdf: bool = False) -> None:
+def present(study: Study, workers: int, choice: Choice, *, pdf: bool = False, run_programs: bool = False) -> None:
     """Draw the figures of a study and write its report; say so before, because it takes a while.
 
-    Programs run: the study is one of this command's own.
+    Args:
+        study: the study.
+        workers: number of processes.
+        choice: which figures.
+        pdf: whether each is a PDF, too.
+        run_programs: whether programs of stored cells may run; without it they are left out.
     """
     drawn = Drawn()
     if choice is not Choice.NONE:
         print(f"Drawing the figures ({OTHERWISE[choice]}).", flush=True)
-        drawn = draw_study(study, Request(choice, out=study.folder / FIGURES, pdf=pdf, run_programs=True), workers)
+        drawn = draw_study(
+            study, Request(choice, out=study.folder / FIGURES, pdf=pdf, run_programs=run_programs), workers
+        )
         print(f"Figures: {study.folder / FIGURES}")
     write_report(study, drawn, study.folder / REPORT)
     print(f"Report: {study.folder / REPORT}")
