@@ -102,8 +102,8 @@ def test_a_named_variable_that_is_not_set_is_no_text(monkeypatch):
     assert environment_variable("NOT_SET", "data") == "data"
 
 
-def test_a_list_of_plugins_where_one_is_taken_is_refused():
-    done = verb("run", *SHORT, "attitude=[field,real]", "--dry")
+def test_a_list_of_plugins_where_one_is_taken_is_refused(tmp_path):
+    done = verb("run", *SHORT, "attitude=[field,real]", "--dry", cwd=tmp_path)
 
     assert done.returncode == 2
     assert "attitude takes one plugin" in done.stderr

@@ -80,7 +80,7 @@ def test_a_setting_that_is_no_finite_number_is_refused(entry, value):
     (entry / "settings.yaml").write_text(yaml.safe_dump(settings))
 
     with pytest.raises(
-        JerkbenchError, match=r"settings.yaml is damaged: it must be under 'entry' and 'plain' a number"
+        JerkbenchError, match=r"settings.yaml is damaged: it must be under 'entry' and 'plain'"
     ):
         read_entry(entry)
 
