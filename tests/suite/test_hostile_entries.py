@@ -79,9 +79,7 @@ def test_a_setting_that_is_no_finite_number_is_refused(entry, value):
     settings["entry"]["first"]["filter.accel_mps2"] = value
     (entry / "settings.yaml").write_text(yaml.safe_dump(settings))
 
-    with pytest.raises(
-        JerkbenchError, match=r"settings.yaml is damaged: it must be under 'entry' and 'plain'"
-    ):
+    with pytest.raises(JerkbenchError, match=r"settings.yaml is damaged: it must be under 'entry' and 'plain'"):
         read_entry(entry)
 
 
