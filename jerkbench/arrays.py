@@ -1,6 +1,6 @@
 """Array types, and the checks that every recorded array passes once, when it is made."""
 
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -10,6 +10,14 @@ from jerkbench.errors import RecordingError
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]
+
+FloatVector = Annotated[FloatArray, 1]
+FloatMatrix = Annotated[FloatArray, 2]
+FloatCube = Annotated[FloatArray, 3]
+FloatStack = Annotated[FloatArray, 4]
+IntVector = Annotated[IntArray, 1]
+BoolVector = Annotated[BoolArray, 1]
+"""Contiguous arrays of so many axes: what a compiled loop takes (`jerkbench.compilation.compiled_loop`)."""
 
 
 def frozen(owner: object, name: str, value: Any, shape: tuple[int | None, ...]) -> FloatArray:  # noqa: ANN401 - anything array-like

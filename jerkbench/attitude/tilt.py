@@ -5,25 +5,14 @@ The state is x = Omega^T e3, the vertical of ENU seen from the body; at rest the
 
 from collections.abc import Callable
 from functools import cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray
-from jerkbench.attitude.tilt_kernel import ADAPTATIONS, Room, Settings, make_room, run_samples
-from jerkbench.compilation.code_digest import digest
-from jerkbench.compilation.jitted import jitted
-from jerkbench.compilation.module_cache import can_compile, load_entry
-
-SOURCE = '''"""Made by jerkbench: the loop of the tilt filter."""
-
-from numba import njit
-
-
-@njit(signature, cache=True, error_model="numpy", nogil=True)
-def entry(room, gyro, accel, dt, settings, x, triggered):
-    loop(room, gyro, accel, dt, settings, x, triggered)
-'''
+from jerkbench.attitude.tilt_kernel import ADAPTATIONS, Settings, make_room, run_samples
+from jerkbench.compilation.compiled_loop import compiled_loop
+from jerkbench.compilation.module_cache import can_compile
 
 
 class TiltParameters(NamedTuple):
@@ -92,17 +81,4 @@ def _loop() -> Callable[..., None]:
 
 @cache
 def _compiled() -> Callable[..., None]:
-    def namespace(home: str) -> dict[str, Any]:
-        return {"loop": jitted(run_samples, home), "signature": _signature()}
-
-    return load_entry("the tilt filter", SOURCE, digest(run_samples), namespace).entry  # type: ignore[no-any-return]  # a module made by us
-
-
-def _signature() -> Any:  # noqa: ANN401 - numba has no types
-    """The exact type of the loop: only such a one is found on the disk by the next process."""
-    from numba import types
-
-    f, vector, matrix = types.float64, types.float64[::1], types.float64[:, ::1]
-    room = types.NamedTuple([vector, matrix, vector, *[matrix] * 4, *[vector] * 3], Room)
-    settings = types.NamedTuple([f, f, f, types.boolean, types.boolean, types.int64], Settings)
-    return types.void(room, matrix, matrix, vector, settings, matrix, types.boolean[::1])
+    return compiled_loop(run_samples, "the tilt filter", kernel=False)

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jerkbench.arrays import BoolArray, FloatArray
+from jerkbench.arrays import BoolVector, FloatArray, FloatMatrix, FloatVector
 from jerkbench.recording import GRAVITY_MPS2
 
 ADAPTATIONS = ("none", "mtf", "scalar", "lee")
@@ -55,26 +55,26 @@ class Room(NamedTuple):
         noise: (3,) diagonal of M.
     """
 
-    x: FloatArray
-    P: FloatArray
-    a_prev: FloatArray
-    squares: FloatArray
-    Phi: FloatArray
-    spare: FloatArray
-    K: FloatArray
-    e: FloatArray
-    C0: FloatArray
-    noise: FloatArray
+    x: FloatVector
+    P: FloatMatrix
+    a_prev: FloatVector
+    squares: FloatMatrix
+    Phi: FloatMatrix
+    spare: FloatMatrix
+    K: FloatMatrix
+    e: FloatVector
+    C0: FloatVector
+    noise: FloatVector
 
 
 def run_samples(
     room: Room,
-    gyro: FloatArray,
-    accel: FloatArray,
-    dt: FloatArray,
+    gyro: FloatMatrix,
+    accel: FloatMatrix,
+    dt: FloatVector,
     settings: Settings,
-    x: FloatArray,
-    triggered: BoolArray,
+    x: FloatMatrix,
+    triggered: BoolVector,
 ) -> None:
     """Fill x (n, 3) and triggered (n,)."""
     for k in range(len(dt)):

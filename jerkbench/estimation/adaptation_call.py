@@ -1,12 +1,12 @@
 """The adaptation of a compiled estimator, compiled and called as its author wrote it."""
 
 from collections.abc import Callable, Hashable
-from functools import cache, lru_cache
-from typing import Any, NamedTuple, TypeVar
+from functools import lru_cache
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.arrays import FloatVector, IntVector
 from jerkbench.compilation.calls import fill_by
 from jerkbench.compilation.methods import Method, address_of, compiled_method, parameter_vector
 from jerkbench.compilation.module_cache import can_compile
@@ -39,14 +39,14 @@ class Rule(NamedTuple):
         adapted: (36,) room for what it says.
     """
 
-    parameters: FloatArray
-    memory: FloatArray
+    parameters: FloatVector
+    memory: FloatVector
     adapt: int
-    rows: IntArray
-    y: FloatArray
-    HPHt: FloatArray
-    R: FloatArray
-    adapted: FloatArray
+    rows: IntVector
+    y: FloatVector
+    HPHt: FloatVector
+    R: FloatVector
+    adapted: FloatVector
 
 
 def rule_of(adaptation: object) -> Rule | None:
@@ -94,12 +94,3 @@ def call_adapt(rule: Rule, m: int) -> None:
     """Fill the first m m numbers of ``rule.adapted`` from what ``rule`` shows of m rows."""
     seen = rule.parameters, rule.y, rule.HPHt, rule.R, rule.rows, rule.memory, rule.adapted
     fill_by(rule.adapt, seen, (m, len(rule.memory)))
-
-
-@cache
-def rule_type() -> Any:  # noqa: ANN401 - numba has no types
-    """Return numba's type of a `Rule`."""
-    from numba import types
-
-    vector = types.float64[::1]
-    return types.NamedTuple([vector, vector, types.int64, types.int64[::1], *[vector] * 4], Rule)

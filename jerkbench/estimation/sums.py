@@ -1,11 +1,10 @@
 """The sums of a run, step by step as it is computed; compiled."""
 
-from functools import cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.arrays import FloatArray, FloatMatrix, FloatVector, IntVector
 from jerkbench.estimate import Updates
 from jerkbench.streamed_run import Scoring, Streamed
 from jerkbench.timeline.timeline import Timeline
@@ -39,16 +38,16 @@ class Score(NamedTuple):
         room: (42,) for an elimination.
     """
 
-    truth: FloatArray
-    counted: FloatArray
-    whole: FloatArray
-    moving: FloatArray
-    outage: FloatArray
-    mark: IntArray
-    errors: FloatArray
-    counts: FloatArray
-    totals: FloatArray
-    room: FloatArray
+    truth: FloatMatrix
+    counted: FloatVector
+    whole: FloatVector
+    moving: FloatVector
+    outage: FloatVector
+    mark: IntVector
+    errors: FloatMatrix
+    counts: FloatVector
+    totals: FloatVector
+    room: FloatVector
 
 
 def score_of(scoring: Scoring | None, timeline: Timeline) -> Score:
@@ -169,12 +168,3 @@ def add_update(score: Score, which: int, seen: FloatArray) -> None:
     if seen[2] > 0.0:
         t[NIS_USED] += seen[3] / seen[2]
         t[UPDATES_USED] += 1.0
-
-
-@cache
-def score_type() -> Any:  # noqa: ANN401 - numba has no types
-    """Return numba's type of a `Score`."""
-    from numba import types
-
-    vector, matrix = types.float64[::1], types.float64[:, ::1]
-    return types.NamedTuple([matrix, *[vector] * 4, types.int64[::1], matrix, *[vector] * 3], Score)

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.arrays import FloatCube, FloatMatrix, FloatVector, IntVector
 
 SEEN = 17
 """Numbers that are kept of what an update saw."""
@@ -27,16 +27,16 @@ class Steps(NamedTuple):
         P0: (36, WIDTH) their covariance.
     """
 
-    model: IntArray
-    sample: IntArray
-    update: IntArray
-    reference: IntArray
-    u: FloatArray
-    z: FloatArray
-    R: FloatArray
-    reported: FloatArray
-    x0: FloatArray
-    P0: FloatArray
+    model: IntVector
+    sample: IntVector
+    update: IntVector
+    reference: IntVector
+    u: FloatCube
+    z: FloatCube
+    R: FloatCube
+    reported: FloatCube
+    x0: FloatMatrix
+    P0: FloatMatrix
 
 
 class Score(NamedTuple):
@@ -50,11 +50,11 @@ class Score(NamedTuple):
         outage: (k, WIDTH) 1 where a row counts for the outages, else 0; or no row where there are none.
     """
 
-    mark: IntArray
-    counts: FloatArray
-    truth: FloatArray
-    weights: FloatArray
-    outage: FloatArray
+    mark: IntVector
+    counts: FloatMatrix
+    truth: FloatCube
+    weights: FloatMatrix
+    outage: FloatMatrix
 
 
 class Model(NamedTuple):
@@ -68,10 +68,10 @@ class Model(NamedTuple):
         triangular: whether every A is upper triangular with ones on its diagonal.
     """
 
-    A: FloatArray
-    b: FloatArray
-    Q: FloatArray
-    extra: FloatArray
+    A: FloatCube
+    b: FloatCube
+    Q: FloatCube
+    extra: FloatMatrix
     triangular: bool
 
 
@@ -88,13 +88,13 @@ class Rules(NamedTuple):
         sizes: (WIDTH,) how much of that is its own.
     """
 
-    parameters: FloatArray
-    adapt: IntArray
-    fade: IntArray
-    prior: IntArray
-    gain: IntArray
-    memory: FloatArray
-    sizes: IntArray
+    parameters: FloatMatrix
+    adapt: IntVector
+    fade: IntVector
+    prior: IntVector
+    gain: IntVector
+    memory: FloatMatrix
+    sizes: IntVector
 
 
 class Kept(NamedTuple):
@@ -111,13 +111,13 @@ class Kept(NamedTuple):
             det S with the reported R; or one row, which each update writes anew.
     """
 
-    w: FloatArray
-    reference: IntArray
-    x: FloatArray
-    P: FloatArray
-    errors: FloatArray
-    which: IntArray
-    seen: FloatArray
+    w: FloatVector
+    reference: IntVector
+    x: FloatCube
+    P: FloatCube
+    errors: FloatCube
+    which: IntVector
+    seen: FloatCube
 
 
 class Runs(NamedTuple):
@@ -137,17 +137,17 @@ class Runs(NamedTuple):
         own: (WIDTH, 2 + S + S S) of a run with a gain of its own 1, LOST, x and P after this update; of any other 0.
     """
 
-    HPHt: FloatArray
-    y: FloatArray
-    kept: FloatArray
-    given: FloatArray
-    adapted: FloatArray
-    variance: FloatArray
-    some: FloatArray
-    rows: IntArray
-    since: FloatArray
-    whole: FloatArray
-    own: FloatArray
+    HPHt: FloatMatrix
+    y: FloatMatrix
+    kept: FloatMatrix
+    given: FloatMatrix
+    adapted: FloatMatrix
+    variance: FloatMatrix
+    some: FloatVector
+    rows: IntVector
+    since: FloatMatrix
+    whole: FloatVector
+    own: FloatMatrix
 
 
 class Packed(NamedTuple):
@@ -161,11 +161,11 @@ class Packed(NamedTuple):
         adapted: (36,) the first m m: what the adaptation returns.
     """
 
-    rows: IntArray
-    y: FloatArray
-    HPHt: FloatArray
-    R: FloatArray
-    adapted: FloatArray
+    rows: IntVector
+    y: FloatVector
+    HPHt: FloatVector
+    R: FloatVector
+    adapted: FloatVector
 
 
 class Whole(NamedTuple):
@@ -179,8 +179,8 @@ class Whole(NamedTuple):
         answer: (S S,) what the adaptation returns: P, or K in the first numbers.
     """
 
-    x: FloatArray
-    P: FloatArray
-    F: FloatArray
-    Q: FloatArray
-    answer: FloatArray
+    x: FloatVector
+    P: FloatVector
+    F: FloatVector
+    Q: FloatVector
+    answer: FloatVector

@@ -13,6 +13,7 @@ from jerkbench import plugins
 from jerkbench.adaptation.mtf import Mtf
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.adaptation.oracle import Oracle
+from jerkbench.compilation.compiled_loop import signature_of
 from jerkbench.compilation.jitted import jitted
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.engines.filterpy_engine import FilterpyEngine
@@ -297,9 +298,9 @@ def test_a_reference_with_holes_needs_a_trajectory(several):
 @pytest.mark.slow
 def test_what_stands_apart_in_the_loop_is_there_once_and_not_in_what_calls_it():
     """Two copies of `mahalanobis` may round differently: then a run's last bits depend on a neighbour's update."""
-    loop = jitted(run_steps, __name__, compiled_loop.places_of(3, 1)[0], kernel=True, apart=compiled_loop.APART)
+    loop = jitted(run_steps, __name__, compiled_loop.places_of(3, 1), kernel=True, apart=compiled_loop.APART)
 
-    @njit(compiled_loop._signature(), error_model="numpy", nogil=True)
+    @njit(signature_of(run_steps), error_model="numpy", nogil=True)
     def entry(steps, score, model, rules, kept, runs):
         return loop(steps, score, model, rules, kept, runs)
 

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.arrays import FloatCube, FloatMatrix, FloatVector, IntVector
 
 
 class Flow(NamedTuple):
@@ -24,19 +24,19 @@ class Flow(NamedTuple):
         yaw: (h, 2) measured yaw [rad] and its sigma.
     """
 
-    dt_s: FloatArray
-    sample: IntArray
-    update: IntArray
-    heading: IntArray
-    constrained: IntArray
-    reference: IntArray
-    accel_mps2: FloatArray
-    gyro_radps: FloatArray
-    still: IntArray
-    z: FloatArray
-    R: FloatArray
-    reported: FloatArray
-    yaw: FloatArray
+    dt_s: FloatVector
+    sample: IntVector
+    update: IntVector
+    heading: IntVector
+    constrained: IntVector
+    reference: IntVector
+    accel_mps2: FloatMatrix
+    gyro_radps: FloatMatrix
+    still: IntVector
+    z: FloatMatrix
+    R: FloatCube
+    reported: FloatCube
+    yaw: FloatMatrix
 
 
 class Given(NamedTuple):
@@ -58,19 +58,19 @@ class Given(NamedTuple):
         nowhere: (3,) no lever arm.
     """
 
-    noise: FloatArray
+    noise: FloatVector
     rotates: bool
-    rate_radps: FloatArray
+    rate_radps: FloatVector
     per_radius: float
-    antenna_m: FloatArray
-    point_m: FloatArray
+    antenna_m: FloatVector
+    point_m: FloatVector
     frame: int
-    wheel_m: FloatArray
+    wheel_m: FloatVector
     still_below_mps: float
     still_sigma_mps: float
     sideways_sigma_mps: float
-    sideways_m: FloatArray
-    nowhere: FloatArray
+    sideways_m: FloatVector
+    nowhere: FloatVector
 
 
 class Kept(NamedTuple):
@@ -86,10 +86,10 @@ class Kept(NamedTuple):
         places: (6,) room for the numbers of rows.
     """
 
-    reference: IntArray
-    x: FloatArray
-    P: FloatArray
-    dcm: FloatArray
-    which: IntArray
-    seen: FloatArray
-    places: IntArray
+    reference: IntVector
+    x: FloatMatrix
+    P: FloatMatrix
+    dcm: FloatMatrix
+    which: IntVector
+    seen: FloatMatrix
+    places: IntVector

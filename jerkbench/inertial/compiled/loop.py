@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from jerkbench.arrays import FloatArray
+from jerkbench.arrays import FloatArray, FloatVector
 from jerkbench.compilation.vectors import WIDE, vectors
 from jerkbench.estimation.adaptation_call import Rule, call_adapt
 from jerkbench.estimation.sums import Score, add_state, add_update
@@ -23,7 +23,7 @@ from jerkbench.inertial.compiled.propagate import propagate
 from jerkbench.inertial.compiled.update import correct, distance, pick, project
 
 
-def run_events(flow: Flow, given: Given, rule: Rule, kept: Kept, score: Score, m: FloatArray) -> tuple[int, int, int]:
+def run_events(flow: Flow, given: Given, rule: Rule, kept: Kept, score: Score, m: FloatVector) -> tuple[int, int, int]:
     """Run all steps from the state and covariance in m; returns numbers of states and updates, and where it failed.
 
     That is the step after which the covariance is not positive definite any more, or -1.

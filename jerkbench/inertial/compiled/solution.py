@@ -1,19 +1,21 @@
 """Runs from Python: prepared events in, an estimate or sums out."""
 
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.compilation.compiled_loop import compiled_loop
 from jerkbench.compilation.vectors import WIDE, aligned_zeros
 from jerkbench.estimate import Estimate, Updates
 from jerkbench.estimation.adaptation_call import rule_of
 from jerkbench.estimation.sums import SEEN, score_of, streamed_from
 from jerkbench.geometry import euler_from_rotations
 from jerkbench.inertial.compiled.arguments import Flow, Given, Kept
-from jerkbench.inertial.compiled.compiled_loop import loop_for
 from jerkbench.inertial.compiled.layout import column, places
+from jerkbench.inertial.compiled.loop import run_events
 from jerkbench.inertial.run import InertialSolution
 from jerkbench.inertial.run_inputs import Journey
 from jerkbench.inertial.state import Deformation, NavigationState
@@ -22,6 +24,13 @@ from jerkbench.streamed_run import Scoring, Streamed
 from jerkbench.timeline.timeline import Timeline
 
 FRAMES = ("enu", "body", "speed")
+
+APART = (
+    *("run_events", "mechanise", "propagate", "move_column", "_fill_noise", "update", "take_heading", "constrain"),
+    *("keep_state", "add_state", "_add_nees", "project", "pick", "distance", "correct", "feed_back", "_carry"),
+    *("exchange", "symmetrise", "is_healthy", "clear", "expect_point", "expect_body_velocity", "fill_rotation"),
+)
+"""Kernels that stand alone: one body of all of them takes long to compile."""
 
 
 class Prepared(NamedTuple):
@@ -91,7 +100,14 @@ def stream_compiled(
 
 
 def _loop_of(journey: Journey) -> Any:  # noqa: ANN401 - numba has no types
-    return loop_for(len(journey.start[1]), invariant=journey.settings.invariant)
+    return _compiled(len(journey.start[1]), invariant=journey.settings.invariant)
+
+
+@cache
+def _compiled(states: int, *, invariant: bool) -> Any:  # noqa: ANN401 - numba has no types
+    """The loop for an error state of that size, invariant or additive."""
+    title = f"the {'invariant ' if invariant else ''}inertial navigation with {states} states"
+    return compiled_loop(run_events, title, places(states, invariant=invariant), APART)
 
 
 def flow_of(journey: Journey, *, wants_truth: bool) -> Flow:

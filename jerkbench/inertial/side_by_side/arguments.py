@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.arrays import FloatCube, FloatMatrix, FloatVector, IntVector
 
 
 class Inertial(NamedTuple):
@@ -21,13 +21,13 @@ class Inertial(NamedTuple):
         dcm: (k, 9, WIDTH) room for the attitude at the visited stamps of the reference; or no row.
     """
 
-    dt_s: FloatArray
-    accel_mps2: FloatArray
-    gyro_radps: FloatArray
-    noise: FloatArray
-    nominal: FloatArray
-    x0: FloatArray
-    P0: FloatArray
-    heading: IntArray
-    yaw: FloatArray
-    dcm: FloatArray
+    dt_s: FloatVector
+    accel_mps2: FloatCube
+    gyro_radps: FloatCube
+    noise: FloatMatrix
+    nominal: FloatVector
+    x0: FloatMatrix
+    P0: FloatMatrix
+    heading: IntVector
+    yaw: FloatCube
+    dcm: FloatCube

@@ -1,25 +1,45 @@
 """Runs side by side from Python: journeys in, sums out."""
 
 from collections.abc import Sequence
-from functools import lru_cache
+from functools import cache, lru_cache
+from typing import Any
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.compilation.compiled_loop import compiled_loop
 from jerkbench.compilation.vectors import WIDE, aligned_zeros
 from jerkbench.geometry import euler_from_rotations
 from jerkbench.inertial.run_inputs import Journey
 from jerkbench.inertial.side_by_side.arguments import Inertial
-from jerkbench.inertial.side_by_side.compiled_loop import QUANTITIES, loop_together
 from jerkbench.inertial.side_by_side.layout import ACCEL_BIAS, ATTITUDE, GYRO_BIAS, PLACES
+from jerkbench.inertial.side_by_side.loop import run_together
 from jerkbench.inertial.state import STATES
 from jerkbench.kinematic.batch import results_of, room_of, run_packs
+from jerkbench.kinematic.compiled_loop import APART, places_of
 from jerkbench.kinematic.exchange import empty_runs
 from jerkbench.kinematic.layout import layout
 from jerkbench.kinematic.packs import Kind, Pack
 from jerkbench.kinematic.plugin_call import Rule, rules_of
 from jerkbench.recording import Imu
 from jerkbench.streamed_run import Run, Scoring, Streamed
+
+QUANTITIES = 5
+"""Position, velocity, attitude, and the biases of gyro and accelerometer."""
+
+OWN = (
+    *("run_together", "begin", "mechanise", "propagate", "feed_back", "_carry", "fill_turn", "_fill_large"),
+    "take_heading",
+)
+"""Kernels that stand alone: one body of all of them takes long to compile."""
+
+
+@cache
+def loop_together() -> Any:  # noqa: ANN401 - numba has no types
+    """Return the compiled loop of WIDE runs."""
+    return compiled_loop(
+        run_together, f"the inertial navigation of {WIDE} runs", places_of(QUANTITIES, WIDE), APART + OWN
+    )
 
 
 def goes_together(journey: Journey, scoring: Scoring) -> bool:

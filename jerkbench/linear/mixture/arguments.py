@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from jerkbench.arrays import FloatArray
+from jerkbench.arrays import FloatCube, FloatMatrix, FloatStack
 
 
 class Mixing(NamedTuple):
@@ -21,13 +21,13 @@ class Mixing(NamedTuple):
         filters: (COUNT, LENGTH WIDTH) the arrays in which the filters live.
     """
 
-    A: FloatArray
-    b: FloatArray
-    Q: FloatArray
+    A: FloatStack
+    b: FloatStack
+    Q: FloatStack
     triangular: bool
-    x0: FloatArray
-    P0: FloatArray
-    transitions: FloatArray
-    weights: FloatArray
-    mu: FloatArray
-    filters: FloatArray
+    x0: FloatCube
+    P0: FloatCube
+    transitions: FloatMatrix
+    weights: FloatMatrix
+    mu: FloatMatrix
+    filters: FloatMatrix

@@ -1,15 +1,18 @@
 """Mixtures from Python: timelines in, an estimate with its trajectory or sums out."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from functools import cache
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray
+from jerkbench.compilation.compiled_loop import compiled_loop
 from jerkbench.compilation.vectors import WIDE, aligned_zeros
 from jerkbench.contracts import Filter
 from jerkbench.estimate import Estimate
 from jerkbench.kinematic.batch import results_of, room_of, run_packs
+from jerkbench.kinematic.compiled_loop import APART, places_of, runs_of
 from jerkbench.kinematic.exchange import empty_runs
 from jerkbench.kinematic.layout import layout
 from jerkbench.kinematic.models import model_of
@@ -17,10 +20,14 @@ from jerkbench.kinematic.packs import Kind, Pack
 from jerkbench.kinematic.plugin_call import Rule, rules_of
 from jerkbench.kinematic.single_run import NO_SCORE, estimate_of, steps_of, trajectory_room
 from jerkbench.linear.mixture.arguments import Mixing
-from jerkbench.linear.mixture.compiled_loop import mixture_for
+from jerkbench.linear.mixture.layout import sizes
+from jerkbench.linear.mixture.loop import run_mixture
 from jerkbench.streamed_run import Run, Streamed
 from jerkbench.timeline.lengths import step_lengths
 from jerkbench.timeline.timeline import Timeline
+
+OWN = ("run_mixture", "begin", "move", "combine", "log_likelihood", "weigh", "mix", "correct_filter")
+"""Kernels that stand alone: one body of all of them takes long to compile."""
 
 
 class Mixed(NamedTuple):
@@ -44,6 +51,14 @@ class Mixed(NamedTuple):
     def shape(self) -> tuple[int, int]:
         """Number of filters, and of quantities on each axis."""
         return len(self.filters), self.x.shape[1] // 3
+
+
+@cache
+def mixture_for(n: int, width: int, count: int) -> Any:  # noqa: ANN401 - numba has no types
+    """Return the compiled loop of ``width`` runs for ``count`` filters with ``n`` quantities on each axis."""
+    constants = {**places_of(n, width), **sizes(count, 3 * n)}
+    title = f"{count} mixed filters, {runs_of(width)} of {3 * n} states"
+    return compiled_loop(run_mixture, title, constants, APART + OWN)
 
 
 def mix_alone(timeline: Timeline, start: Mixed, rule: Rule) -> Estimate | None:

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.arrays import FloatMatrix, FloatVector, IntVector
 
 
 class Tape(NamedTuple):
@@ -17,9 +17,9 @@ class Tape(NamedTuple):
         adjoint: (LENGTH WIDTH,) lambda in the place of the state, Lambda in that of the covariance.
     """
 
-    step: IntArray
-    updated: IntArray
-    rows: FloatArray
-    between: FloatArray
-    moving: FloatArray
-    adjoint: FloatArray
+    step: IntVector
+    updated: IntVector
+    rows: FloatMatrix
+    between: FloatMatrix
+    moving: FloatVector
+    adjoint: FloatVector

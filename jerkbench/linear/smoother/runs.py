@@ -1,14 +1,18 @@
 """Smoothed runs from Python: timelines in, an estimate with its trajectory or sums out."""
 
 from collections.abc import Sequence
+from functools import cache
+from typing import Any
 
 import numpy as np
 
+from jerkbench.compilation.compiled_loop import compiled_loop
 from jerkbench.compilation.vectors import WIDE, aligned_zeros
 from jerkbench.contracts import Filter
 from jerkbench.estimate import Estimate
 from jerkbench.kinematic.arguments import Steps
 from jerkbench.kinematic.batch import results_of, room_of, run_packs
+from jerkbench.kinematic.compiled_loop import APART, places_of, runs_of
 from jerkbench.kinematic.exchange import empty_runs
 from jerkbench.kinematic.layout import layout
 from jerkbench.kinematic.models import model_of
@@ -16,11 +20,24 @@ from jerkbench.kinematic.packs import Kind, Pack
 from jerkbench.kinematic.plugin_call import Rule, rules_of
 from jerkbench.kinematic.single_run import NO_SCORE, estimate_of, steps_of, trajectory_room
 from jerkbench.linear.smoother.arguments import Tape
-from jerkbench.linear.smoother.compiled_loop import smoother_for
 from jerkbench.linear.smoother.layout import SEGMENT, places
+from jerkbench.linear.smoother.loop import run_smoother
 from jerkbench.streamed_run import Run, Streamed
 from jerkbench.timeline.lengths import step_lengths
 from jerkbench.timeline.timeline import Timeline
+
+OWN = (
+    *("run_smoother", "run_forward", "run_back", "move", "step_back", "give", "smooth", "smooth_alone"),
+    *("absorb", "retreat", "write_state", "read_state", "write_update"),
+)
+"""Kernels that stand alone: one body of all of them takes long to compile."""
+
+
+@cache
+def smoother_for(n: int, width: int) -> Any:  # noqa: ANN401 - numba has no types
+    """Return the compiled smoother of ``width`` runs for a filter with ``n`` quantities on each axis."""
+    constants = {**places_of(n, width), **places(n, width)}
+    return compiled_loop(run_smoother, f"the smoother of {runs_of(width)} of {3 * n} states", constants, APART + OWN)
 
 
 def smooth_one(timeline: Timeline, model: Filter, rule: Rule) -> Estimate | None:
