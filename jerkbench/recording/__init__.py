@@ -16,17 +16,3 @@ from jerkbench.recording.recording import LEAST_FIXES, Recording
 from jerkbench.recording.reference import Reference
 from jerkbench.recording.streams import HEADING_SOURCES, VELOCITY_FRAMES, Heading, Imu, Position, Velocity
 
-__all__ = [
-    "GRAVITY_MPS2",
-    "HEADING_SOURCES",
-    "LEAST_FIXES",
-    "VELOCITY_FRAMES",
-    "Drawn",
-    "Heading",
-    "Imu",
-    "Origin",
-    "Position",
-    "Recording",
-    "Reference",
-    "Velocity",
-]

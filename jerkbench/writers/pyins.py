@@ -10,10 +10,11 @@ from jerkbench.errors import RecordingError
 from jerkbench.estimate import Attitude
 from jerkbench.files import write_atomically
 from jerkbench.geometry import dcm_from_euler, enu_to_geodetic, euler_from_dcm
+from jerkbench.writers.kf_gins import FLU_FROM_FRD
 from jerkbench.readers.frames import axes_in_enu, enu_from
 from jerkbench.recording import Recording
 
-FLU_FROM_FRD = np.diag([1.0, -1.0, -1.0])
+
 PLACE, VELOCITY, ANGLES = ("lat", "lon", "alt"), ("VN", "VE", "VD"), ("roll", "pitch", "heading")
 IMU = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
 
