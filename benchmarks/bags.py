@@ -28,10 +28,9 @@ from rosbags.typesys import Stores, get_typestore
 
 from jerkbench.datasets.field_v1 import FieldV1
 from jerkbench.datasets.rosbag import RosBag
-from jerkbench.readers.ros.bag import open_bag
-from jerkbench.readers.ros.decode import Block, decode_each
-from jerkbench.readers.ros.messages import Messages
-from jerkbench.writers.ros_bag import write_bag
+from jerkbench.io.ros.bag import Messages, open_bag
+from jerkbench.io.ros.decode import Block, decode_each
+from jerkbench.io.ros.writing import write_bag
 
 FIELDS = {
     "/fixposition/poiimu": ("angular_velocity", "linear_acceleration"),

@@ -23,14 +23,14 @@ from lines import timed
 
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.arrays import FloatArray
-from jerkbench.attitude.plugin import Tilt
+from jerkbench.attitude.tilt import Tilt
 from jerkbench.datasets.rtklib import RtklibDrive
 from jerkbench.disturbances.withhold import Withhold
 from jerkbench.estimate import Attitude
 from jerkbench.filters.eskf15 import Eskf15
 from jerkbench.geometry import enu_to_geodetic, geodetic_to_enu
+from jerkbench.io.other_tools import imu_increments
 from jerkbench.recording import Recording
-from jerkbench.writers.kf_gins import imu_increments
 
 SIGMA_M, ARW_DEG_PER_SQRT_H, VRW_MPS_PER_SQRT_H = 0.01, 6.0, 1.8
 GYRO_BIAS_DEG_PER_H, ACCEL_BIAS_MPS2, SCALE_PPM = 500.0, 0.1, 300.0

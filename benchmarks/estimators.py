@@ -23,7 +23,7 @@ from lines import Entrant, apart, in_rounds, timed
 
 from jerkbench import plugins
 from jerkbench.adaptation.mtf import Mtf
-from jerkbench.attitude.plugin import Tilt
+from jerkbench.attitude.tilt import Tilt
 from jerkbench.contracts import Batched
 from jerkbench.datasets.field_v1 import FieldV1
 from jerkbench.evaluation.batch_scoring import scored

@@ -1,11 +1,11 @@
 import pytest
 from platformdirs import user_cache_path
 
-from jerkbench.bags.extract import BAGS
 from jerkbench.compilation.module_cache import COMPILED
 from jerkbench.execution.simulation_cache import SIMULATED
 from jerkbench.files import cache_folder
-from jerkbench.readers.fetched import fetched_folder
+from jerkbench.io.files import fetched_folder
+from jerkbench.io.ros.extract import BAGS
 
 
 @pytest.mark.parametrize("kind", [BAGS, COMPILED, SIMULATED])

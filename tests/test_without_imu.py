@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from jerkbench import plugins
-from jerkbench.attitude.plugin import Tilt
+from jerkbench.attitude.tilt import Tilt
 from jerkbench.cli import main
 from jerkbench.datasets.table import Tables
 from jerkbench.disturbances.bias import Bias

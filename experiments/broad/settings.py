@@ -13,7 +13,7 @@ import numpy as np
 
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.arrays import FloatArray
-from jerkbench.attitude.plugin import Tilt
+from jerkbench.attitude.tilt import Tilt
 from jerkbench.attitude.tilt_kernel import ADAPTATIONS
 from jerkbench.datasets.broad import Broad
 from jerkbench.evaluation.metrics.inclination import Inclination

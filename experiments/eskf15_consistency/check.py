@@ -13,13 +13,13 @@ from scipy.stats import chi2
 
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.arrays import FloatArray
-from jerkbench.attitude.plugin import Tilt
+from jerkbench.attitude.tilt import Tilt
 from jerkbench.datasets.field_v1 import FieldV1
 from jerkbench.disturbances.bias import Bias
 from jerkbench.filters.eskf15 import Eskf15
 from jerkbench.inertial.run import InertialSolution
 from jerkbench.recording import Imu, Recording
-from jerkbench.simulation.imu_errors import ALLAN_FLOOR, BIAS_TIME_S, GRADES, disturb
+from jerkbench.simulation.imu import ALLAN_FLOOR, BIAS_TIME_S, GRADES, disturb
 
 
 @dataclass(frozen=True)

@@ -7,12 +7,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from jerkbench.arrays import FloatArray
-from jerkbench.attitude.alignment import align
-from jerkbench.attitude.assembly import attitude_from, filtered_yaw, intervals
-from jerkbench.attitude.compensation import COMPENSATIONS
-from jerkbench.attitude.headings import YAW_SOURCES, require_headings, select_headings
-from jerkbench.attitude.tilt import roll_pitch
-from jerkbench.attitude.yaw_remarks import yaw_remarks
+from jerkbench.attitude.common import COMPENSATIONS, attitude_from, filtered_yaw, intervals
+from jerkbench.attitude.tilt_filter import align, roll_pitch
+from jerkbench.attitude.yaw import YAW_SOURCES, require_headings, select_headings, yaw_remarks
 from jerkbench.checks import require_not_negative, require_positive
 from jerkbench.errors import PluginError, unknown
 from jerkbench.estimate import Attitude

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from jerkbench.arrays import FloatArray, nearest_rows
-from jerkbench.attitude.assembly import attitude_from
-from jerkbench.attitude.compensation import COMPENSATIONS
+from jerkbench.attitude.common import COMPENSATIONS, attitude_from
 from jerkbench.checks import require_positive
 from jerkbench.errors import PluginError, RecordingError, unknown
 from jerkbench.estimate import Attitude

@@ -1,84 +1,170 @@
-"""The tilt filter over a recording.
-
-The state is x = Omega^T e3, the vertical of ENU seen from the body; at rest the accelerometer shows g x.
-"""
+"""The attitude plugin ``tilt``: tilt filter, yaw filter and gravity compensation one after the other."""
 
 from collections.abc import Callable
-from functools import cache
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray
-from jerkbench.attitude.tilt_kernel import ADAPTATIONS, Settings, make_room, run_samples
-from jerkbench.compilation.compiled_loop import compiled_loop
-from jerkbench.compilation.module_cache import can_compile
+from jerkbench.attitude.common import COMPENSATIONS, attitude_from, filtered_yaw, intervals
+from jerkbench.attitude.tilt_filter import TiltParameters, align, roll_pitch, run_tilt
+from jerkbench.attitude.tilt_kernel import ADAPTATIONS
+from jerkbench.attitude.yaw import YAW_SOURCES, require_headings, select_headings, yaw_remarks
+from jerkbench.errors import PluginError, unknown
+from jerkbench.estimate import Attitude
+from jerkbench.plugins import register
+from jerkbench.recording import Recording
+
+PROPAGATIONS = ("first_order", "exact")
 
 
-class TiltParameters(NamedTuple):
-    """What a step needs besides the data; the defaults are those of a field robot.
+@register("attitude", "tilt")
+@dataclass(frozen=True)
+class Tilt:
+    """Tilt from gyro and accelerometer, adaptive to external acceleration; yaw from headings, course or track.
+
+    Tilt, at the IMU rate, x = Omega^T e3 (the vertical of ENU seen from the body), g = 9.81 m/s2::
+
+        Phi = I - dt skew(y_G)   (exact: exp(-dt skew(y_G)))
+        Q = -dt^2 sigma_G^2 skew(x+)^2;  x- = Phi x+;  P- = Phi P+ Phi' + Q
+        z = y_A - c_a a_prev;  e = z - g x-;  C0 = g^2 P- + sigma_A^2 I
+        triggered = e'e >= tr(C0)
+        none:   Sigma = 0
+        mtf:    Sigma = diag(max(0, w_i - C0_ii)) if triggered,  w_i = mean of e_i^2 over the last mu samples
+        scalar: Sigma = I (e'e - tr C0)/3 if triggered
+        lee:    Sigma = I c_a^2 |a_prev|^2/3, always
+        M = sigma_A^2 I + Sigma;  K = g P- (g^2 P- + M)^-1;  x = x- + K e
+        P = (I - gK) P- (I - gK)' + K M K', symmetrised;  x /= |x|;  a_prev = y_A - g x
+        roll = atan2(x2, x3);  pitch = atan2(-x1, hypot(x2, x3))
+
+    Start: at rest for 1 s, x is the normalised mean of y_A, P = 1e-3 I; moving, x is level, P = .03 I. a_prev = 0.
+
+    Yaw, one state::
+
+        yaw += dt (w_y sin(roll) + w_z cos(roll))/cos(pitch);  P += dt walk^2;  P0 = variance of the first heading
+        course: atan2(v_n, v_e), sigma = max(sigma_v/speed, minimum), sigma_v across the course
+
+    Sample k uses headings up to its own time; before the first one, that one less the integrated gyro. Without
+    headings and velocity over ground, yaw comes from the track of the fixes, and the bias of the gyro with it::
+
+        chord: between two fixes, as short as its sigma allows (.05 rad); none overlaps another
+        offset of yaw from psi, the integrated gyro = arg(chord) - arg(int e^{i psi} dt) half a chord before its end
+        two states, offset and its rate;  F = [[1, dt], [0, 1]],  H = [1, -half the chord's length]
+
+    Where it shows nothing either, and with gyro_only, yaw starts at 0 (east). The yaw rate is singular at a pitch of 90
+    degrees. A course, and a track, take the vehicle to drive forwards.
+
+    Input of the navigation filter: u_k = mean(Omega_{k-1}, Omega_k) y_A + (0, 0, -g), or Omega_k y_A + (0, 0, -g).
+
+    Source: J. K. Lee, E. J. Park, S. N. Robinovitch, "Estimation of attitude and external acceleration using inertial
+    sensor measurement during various dynamic conditions", IEEE Trans. Instrum. Meas. 61(8), 2262-2273, 2012,
+    doi:10.1109/TIM.2012.2187245, for the state, Q and ``lee``; multiple tuning factors for ``mtf``.
 
     Attributes:
-        sigma_gyro_radps: noise of one gyro sample.
-        sigma_accel_mps2: noise of one accelerometer sample.
-        external_memory: c_a, the part of the external acceleration that is expected to last to the next sample.
-        window: mu, over how many samples mtf takes the mean of e_i^2.
-        normalise: whether x is brought back to length 1 after each update.
-        exact: whether Phi is the rotation itself, or its first-order form.
-        adapt: one of `tilt_kernel.ADAPTATIONS`.
+        adapt: how Sigma is found: none, mtf, scalar or lee.
+        sigma_gyro_radps: sigma_G, noise of one gyro sample.
+        sigma_accel_mps2: sigma_A, noise of one accelerometer sample; null: 0.02 when adaptive, 2.0 with none.
+        external_memory: c_a, from 0 to 1. With 1 the absolute tilt is not observable; lee needs more than 0.
+        window: mu, samples in the mean of mtf, this one included.
+        normalise: bring x back to length 1 after each update.
+        propagation: first_order, or exact for fast rotation.
+        compensation: midpoint or endpoint.
+        yaw_source: dual_antenna, odometry, course, track (of the fixes), gyro_only, or auto: the headings that the
+            recording has, whatever measured them, else the course of its velocity in ENU, else the track of its fixes,
+            else the gyro alone.
+        yaw_walk_rad_per_sqrt_s: random walk of yaw.
+        course_min_speed_mps: horizontal speed above which the course counts.
+        course_sigma_min_rad: least standard deviation of a course.
+        initial_tilt_variance: diagonal of the first P; null: 1e-3 at rest, .03 moving.
     """
 
+    adapt: str = "mtf"
     sigma_gyro_radps: float = 0.0017
-    sigma_accel_mps2: float = 0.02
+    sigma_accel_mps2: float | None = None
     external_memory: float = 0.0
     window: int = 1
     normalise: bool = True
-    exact: bool = False
-    adapt: str = "mtf"
+    propagation: str = "first_order"
+    compensation: str = "midpoint"
+    yaw_source: str = "auto"
+    yaw_walk_rad_per_sqrt_s: float = 2e-4
+    course_min_speed_mps: float = 0.5
+    course_sigma_min_rad: float = 0.0087
+    initial_tilt_variance: float | None = None
 
+    def __post_init__(self) -> None:
+        """Check that every choice exists and every number makes sense."""
+        self._check_choices()
+        self._check_numbers()
 
-class TiltStart(NamedTuple):
-    """Where the filter starts.
+    def require(self, load: Callable[[], Recording]) -> None:
+        """Check, before a sweep begins, that the recording of ``load`` has the yaw source that was asked for.
 
-    Attributes:
-        x: (3,) Omega^T e3.
-        variance: diagonal of its covariance.
-    """
+        Raises:
+            RecordingError: the recording has no such yaw source.
+        """
+        require_headings(load, self.yaw_source, self.course_min_speed_mps, self.course_sigma_min_rad)
 
-    x: FloatArray
-    variance: float
+    def remarks(self, recording: Recording) -> tuple[str, ...]:
+        """Return what a reader of the table has to know: that nothing measures yaw."""
+        return yaw_remarks(recording, self.yaw_source, self.course_min_speed_mps, self.course_sigma_min_rad)
 
+    def estimate(self, recording: Recording) -> Attitude:
+        """Return attitude and ENU acceleration at the IMU's stamps.
 
-def run_tilt(
-    start: TiltStart, gyro_radps: FloatArray, accel_mps2: FloatArray, dt_s: FloatArray, p: TiltParameters
-) -> tuple[FloatArray, BoolArray]:
-    """Run the filter over n samples; returns x (n, 3) after each of them, and whether it triggered (n,).
+        Raises:
+            RecordingError: the recording lacks the yaw source that was asked for.
+        """
+        imu = recording.inertial
+        headings = select_headings(
+            recording, self.yaw_source, self.course_min_speed_mps, self.course_sigma_min_rad
+        )  # first, because a missing source should not cost the whole loop
+        roll, pitch, triggered = self._tilt(recording, intervals(imu))
+        yaw = filtered_yaw(imu, roll, pitch, headings, self.yaw_walk_rad_per_sqrt_s, self.course_sigma_min_rad)
+        return attitude_from(imu, np.column_stack([roll, pitch, yaw.rad]), self.compensation, triggered, yaw.sigma_rad)
 
-    Compiled; with NUMBA_DISABLE_JIT=1 the same loop runs as it is, some hundred times slower.
-    """
-    x, triggered = np.empty((len(dt_s), 3)), np.empty(len(dt_s), dtype=np.bool_)
-    arrays = (np.require(array, np.float64, ["C", "W", "A"]) for array in (gyro_radps, accel_mps2, dt_s))
-    with np.errstate(all="ignore"):
-        _loop()(make_room(start.x, start.variance, p.window), *arrays, settings_of(p), x, triggered)
-    return x, triggered
+    def tilt_parameters(self) -> TiltParameters:
+        """Return the parameters of a tilt step, the null ones filled in."""
+        sigma = self.sigma_accel_mps2
+        if sigma is None:
+            sigma = 2.0 if self.adapt == "none" else 0.02
+        return TiltParameters(
+            sigma_gyro_radps=self.sigma_gyro_radps,
+            sigma_accel_mps2=sigma,
+            external_memory=self.external_memory,
+            window=self.window,
+            normalise=self.normalise,
+            exact=self.propagation == "exact",
+            adapt=self.adapt,
+        )
 
+    def _tilt(self, recording: Recording, dt_s: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
+        imu, start = recording.inertial, align(recording, self.initial_tilt_variance)
+        x, triggered = run_tilt(start, imu.gyro_radps, imu.accel_mps2, dt_s, self.tilt_parameters())
+        return *roll_pitch(x), triggered
 
-def settings_of(p: TiltParameters) -> Settings:
-    """Return the parameters in numbers."""
-    noise = float(p.sigma_gyro_radps), float(p.sigma_accel_mps2), float(p.external_memory)
-    return Settings(*noise, bool(p.normalise), bool(p.exact), ADAPTATIONS.index(p.adapt))
+    def _check_choices(self) -> None:
+        choices = {
+            "adapt": ADAPTATIONS,
+            "propagation": PROPAGATIONS,
+            "compensation": COMPENSATIONS,
+            "yaw_source": YAW_SOURCES,
+        }
+        for name, available in choices.items():
+            if getattr(self, name) not in available:
+                raise PluginError(unknown(f"{name} of attitude tilt", getattr(self, name), available))
 
-
-def roll_pitch(x: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Roll and pitch [rad] of x (..., 3): roll = atan2(x2, x3), pitch = atan2(-x1, hypot(x2, x3))."""
-    return np.arctan2(x[..., 1], x[..., 2]), np.arctan2(-x[..., 0], np.hypot(x[..., 1], x[..., 2]))
-
-
-def _loop() -> Callable[..., None]:
-    """The loop, compiled where numba may compile."""
-    return _compiled() if can_compile() else run_samples
-
-
-@cache
-def _compiled() -> Callable[..., None]:
-    return compiled_loop(run_samples, "the tilt filter", kernel=False)
+    def _check_numbers(self) -> None:
+        for name in ("sigma_accel_mps2", "initial_tilt_variance", "course_min_speed_mps", "course_sigma_min_rad"):
+            value = getattr(self, name)
+            if value is not None and not 0 < value < np.inf:
+                raise PluginError(f"attitude tilt: {name} is {value}; it must be a positive number.")
+        for name in ("sigma_gyro_radps", "yaw_walk_rad_per_sqrt_s"):
+            if not 0 <= getattr(self, name) < np.inf:
+                raise PluginError(f"attitude tilt: {name} is {getattr(self, name)}; it must be zero or positive.")
+        if not 0 <= self.external_memory <= 1:
+            raise PluginError(f"attitude tilt: external_memory is {self.external_memory}; it must be from 0 to 1.")
+        if self.window < 1:
+            raise PluginError(f"attitude tilt: window is {self.window}; it must be at least 1.")
+        if self.adapt == "lee" and self.external_memory == 0:
+            raise PluginError("attitude tilt: adapt lee with external_memory 0 never adapts; set external_memory.")

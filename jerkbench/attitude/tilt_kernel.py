@@ -20,7 +20,7 @@ NONE, MTF, SCALAR, LEE = 0, 1, 2, 3
 
 
 class Settings(NamedTuple):
-    """`jerkbench.attitude.tilt.TiltParameters` in numbers.
+    """`jerkbench.attitude.tilt_filter.TiltParameters` in numbers.
 
     Attributes:
         sigma_gyro_radps: noise of one gyro sample.

@@ -16,9 +16,9 @@ from jerkbench.errors import PluginError
 PACKAGE = Path(__file__).parents[1]
 LIBRARIES = ("filterpy", "numba", "numpy", "scipy", "pandas", "pymap3d", "hydra-core")
 COMPUTING = (
-    *("adaptation", "attitude", "bags", "compilation", "datasets", "disturbances", "engines", "estimation", "external"),
-    *("filters", "inertial", "kinematic", "linear", "readers", "recording", "sanitiser", "simulation", "timeline"),
-    *("traces", "writers", "contracts", "evaluation/metrics", "arrays", "checks", "estimate", "geometry", "kalman"),
+    *("adaptation", "attitude", "compilation", "datasets", "disturbances", "engines", "estimation"),
+    *("filters", "inertial", "io", "kinematic", "linear", "recording", "simulation", "timeline"),
+    *("traces", "contracts", "evaluation/metrics", "arrays", "checks", "estimate", "geometry", "kalman"),
     *("memory", "optional", "portable", "random_streams", "streamed_run", "sums"),
     *(f"cells/{name}" for name in ("cell", "metric_names", "noise", "protocol")),
     *(f"execution/{name}" for name in ("batches", "cell_run", "inputs", "kept_arrays", "settings_runs")),

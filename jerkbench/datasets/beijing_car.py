@@ -8,11 +8,11 @@ import numpy as np
 
 from jerkbench.checks import require_positive
 from jerkbench.errors import RecordingError
+from jerkbench.io.columns import read_columns
+from jerkbench.io.files import find_file, fingerprint
+from jerkbench.io.rtklib_logs import read_epochs
+from jerkbench.io.text import TextFormat
 from jerkbench.plugins import register
-from jerkbench.readers.columns import read_columns
-from jerkbench.readers.files import find_file, fingerprint
-from jerkbench.readers.nmea_fvi import read_epochs
-from jerkbench.readers.table_text import TextFormat
 from jerkbench.recording import Position, Recording, Reference, Velocity
 
 TABLE, LOG = "Data.txt", "GPSRaw.dat"

@@ -11,13 +11,18 @@ from jerkbench.errors import PluginError
 from jerkbench.plugins import register
 from jerkbench.random_streams import stream
 from jerkbench.recording import Recording
-from jerkbench.simulation.false_force import draw_impacts, impact_force, inner_times, rut_force
-from jerkbench.simulation.path import Path
-from jerkbench.simulation.ruts import Ruts
+from jerkbench.simulation.motion import Path
 from jerkbench.simulation.sensors import MOST_SAMPLES, Sensors
-from jerkbench.simulation.terrain import draw_terrain
+from jerkbench.simulation.terrain import (
+    Ruts,
+    draw_impacts,
+    draw_terrain,
+    draw_vibration,
+    impact_force,
+    inner_times,
+    rut_force,
+)
 from jerkbench.simulation.truth import Truth, simulate_truth
-from jerkbench.simulation.vibration import draw_vibration
 
 POSITIVE = (
     *("duration_s", "sensor_rate_hz"),

@@ -9,16 +9,15 @@ import numpy as np
 from jerkbench.arrays import FloatArray
 from jerkbench.checks import require_not_negative, require_positive
 from jerkbench.errors import PluginError, RecordingError
+from jerkbench.io.files import fingerprint
+from jerkbench.io.text import parse_numbers, read_lines, require_increasing
 from jerkbench.plugins import register
 from jerkbench.random_streams import stream
-from jerkbench.readers.files import fingerprint
-from jerkbench.readers.text import parse_numbers, read_lines, require_increasing
 from jerkbench.recording import Recording
+from jerkbench.simulation.motion import Drive, Way, WaypointPath, curve_way, smoothstep, smoothstep_rate, table_curve
 from jerkbench.simulation.sensors import Sensors
-from jerkbench.simulation.smooth import smoothstep, smoothstep_rate
-from jerkbench.simulation.spline_path import Drive, Way, WaypointPath, curve_way, table_curve
+from jerkbench.simulation.terrain import draw_vibration
 from jerkbench.simulation.truth import Truth
-from jerkbench.simulation.vibration import draw_vibration
 
 STILL_MPS = 0.01
 """What is slower than this at the start of a table stands."""

@@ -3,19 +3,17 @@
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
-from jerkbench.bags.assembly import Loaded, load_bag
-from jerkbench.bags.courses import with_courses
-from jerkbench.bags.extract import Frames
-from jerkbench.bags.guess import complete_plan
-from jerkbench.bags.options import BagOptions
-from jerkbench.bags.positions import POSE_FRAMES
-from jerkbench.bags.roles import TopicPlan
-from jerkbench.bags.streams import VELOCITY_FRAMES
 from jerkbench.checks import require_choices
+from jerkbench.io.files import fingerprint
+from jerkbench.io.ros.assembly import Loaded, load_bag, with_courses
+from jerkbench.io.ros.bag import Bag
+from jerkbench.io.ros.extract import Frames
+from jerkbench.io.ros.files import content_files
+from jerkbench.io.ros.frames import POSE_FRAMES
+from jerkbench.io.ros.options import BagOptions
+from jerkbench.io.ros.roles import TopicPlan, complete_plan
+from jerkbench.io.ros.streams import VELOCITY_FRAMES
 from jerkbench.plugins import register
-from jerkbench.readers.files import fingerprint
-from jerkbench.readers.ros.bag import Bag
-from jerkbench.readers.ros.files import content_files
 from jerkbench.recording import Recording
 
 

@@ -8,7 +8,11 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.checks import require_choices
-from jerkbench.datasets._rtklib import (
+from jerkbench.io.clocks import GPST_MINUS_UTC_S, utc_of, with_common_time
+from jerkbench.io.files import find_file, fingerprint, recording_folder
+from jerkbench.io.frames import axes_matrix, body_from_sensor, calibrated, first_rest_s, gravity_notes, imu_in_body
+from jerkbench.io.rtklib import read_rtklib_pos
+from jerkbench.io.rtklib_fixes import (
     CHOICES,
     accepted_fixes,
     fitted_notes,
@@ -20,19 +24,11 @@ from jerkbench.datasets._rtklib import (
     steady_fixes,
     velocity_of,
 )
+from jerkbench.io.rtklib_logs import ImuLog, ImuMap, read_imu_log, read_imu_table
+from jerkbench.io.sanitiser import possible_imu, repeat_notes
+from jerkbench.io.text import TextFormat
 from jerkbench.plugins import register
-from jerkbench.readers.fetched import recording_folder
-from jerkbench.readers.files import find_file, fingerprint
-from jerkbench.readers.gpst import GPST_MINUS_UTC_S, utc_of
-from jerkbench.readers.gravity import gravity_notes
-from jerkbench.readers.imu_log import ImuLog, ImuMap, read_imu_log, read_imu_table
-from jerkbench.readers.mounting import axes_matrix, body_from_sensor, imu_in_body
-from jerkbench.readers.overlap import with_common_time
-from jerkbench.readers.rtklib_pos import read_rtklib_pos
-from jerkbench.readers.standstill import calibrated, first_rest_s
-from jerkbench.readers.table_text import TextFormat
 from jerkbench.recording import Imu, Recording, Reference
-from jerkbench.sanitiser.values import possible_imu, repeat_notes
 
 
 @register("dataset", "rtklib")

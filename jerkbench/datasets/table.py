@@ -7,7 +7,12 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from jerkbench.checks import require_choices, require_not_negative, require_positive
-from jerkbench.datasets._table import (
+from jerkbench.errors import PluginError
+from jerkbench.io.clocks import with_common_time
+from jerkbench.io.files import fingerprint, named_folder
+from jerkbench.io.frames import LOCAL_FRAMES, axes_matrix, calibrated, gravity_notes, imu_in_body
+from jerkbench.io.sanitiser import possible_imu, repeat_notes
+from jerkbench.io.table import (
     CHOICES,
     COVARIANCE_FRAMES,
     Source,
@@ -16,7 +21,7 @@ from jerkbench.datasets._table import (
     require_columns,
     require_origin,
 )
-from jerkbench.datasets._table_values import (
+from jerkbench.io.table_values import (
     AttitudeMap,
     CovarianceMap,
     Fixes,
@@ -28,17 +33,8 @@ from jerkbench.datasets._table_values import (
     read_reference,
     read_velocity,
 )
-from jerkbench.errors import PluginError
 from jerkbench.plugins import register
-from jerkbench.readers.fetched import named_folder
-from jerkbench.readers.files import fingerprint
-from jerkbench.readers.frames import LOCAL_FRAMES
-from jerkbench.readers.gravity import gravity_notes
-from jerkbench.readers.mounting import axes_matrix, imu_in_body
-from jerkbench.readers.overlap import with_common_time
-from jerkbench.readers.standstill import calibrated
 from jerkbench.recording import Imu, Origin, Recording, Reference, Velocity
-from jerkbench.sanitiser.values import possible_imu, repeat_notes
 
 NO_IMU = "There is no IMU: attitude, tilt and yaw do not apply."
 

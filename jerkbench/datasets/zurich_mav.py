@@ -9,11 +9,11 @@ import numpy as np
 from jerkbench.arrays import FloatArray, nearest_rows
 from jerkbench.checks import require_positive
 from jerkbench.errors import PluginError
+from jerkbench.io.columns import Columns, read_columns
+from jerkbench.io.files import find_file, fingerprint
+from jerkbench.io.frames import axes_matrix, imu_in_body
+from jerkbench.io.text import TextFormat
 from jerkbench.plugins import register
-from jerkbench.readers.columns import Columns, read_columns
-from jerkbench.readers.files import find_file, fingerprint
-from jerkbench.readers.mounting import axes_matrix, imu_in_body
-from jerkbench.readers.table_text import TextFormat
 from jerkbench.recording import Imu, Position, Recording, Reference
 
 TRUTH, ACCEL, GYRO = "GroundTruthAGL.csv", "RawAccel.csv", "RawGyro.csv"

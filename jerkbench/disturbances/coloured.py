@@ -10,7 +10,7 @@ from jerkbench.disturbances.common import Measured, own_stream, reported_covaria
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
-from jerkbench.simulation.gauss_markov import gauss_markov
+from jerkbench.simulation.imu import gauss_markov
 
 
 @register("disturbance", "coloured")

@@ -10,7 +10,7 @@ from jerkbench.disturbances.common import own_stream
 from jerkbench.errors import PluginError
 from jerkbench.plugins import register
 from jerkbench.recording import Imu, Recording
-from jerkbench.simulation.harmonics import harmonics
+from jerkbench.simulation.motion import harmonics
 
 SINES = 64
 """Enough for noise that does not repeat within some minutes, in a band of some ten hertz."""

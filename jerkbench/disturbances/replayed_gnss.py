@@ -8,11 +8,10 @@ import numpy as np
 from jerkbench.arrays import BoolArray, FloatArray, IntArray, nearest_rows
 from jerkbench.disturbances.common import nanoseconds, own_stream, reported_covariance, rows_of, true_covariance
 from jerkbench.errors import PluginError, RecordingError
+from jerkbench.io.files import fingerprint
 from jerkbench.plugins import register
-from jerkbench.readers.files import fingerprint
 from jerkbench.recording import Position, Recording, Reference
-from jerkbench.traces.files import SHIPPED, read_trace, trace_path
-from jerkbench.traces.trace import Trace
+from jerkbench.traces import SHIPPED, Trace, read_trace, trace_path
 
 FLOOR_M2 = 1e-6
 """(1 mm)^2: no variance is smaller."""

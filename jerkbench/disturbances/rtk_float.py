@@ -9,7 +9,7 @@ from jerkbench.disturbances.common import RegularWindows, Windows, as_array, in_
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
-from jerkbench.simulation.gauss_markov import gauss_markov
+from jerkbench.simulation.imu import gauss_markov
 
 
 @register("disturbance", "rtk_float")

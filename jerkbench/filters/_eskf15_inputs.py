@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.attitude.assembly import filtered_yaw
-from jerkbench.attitude.headings import required_track
+from jerkbench.attitude.common import filtered_yaw
+from jerkbench.attitude.yaw import required_track
 from jerkbench.errors import RecordingError
 from jerkbench.estimate import Attitude
 from jerkbench.filters._eskf15_parameters import DEG_PER_H, MG, Eskf15Parameters

@@ -12,13 +12,12 @@ from jerkbench.checks import require_positive
 from jerkbench.contracts import Adaptation
 from jerkbench.errors import PluginError, RecordingError, unknown
 from jerkbench.estimate import Attitude, Estimate
-from jerkbench.external.file_format import TrajectoryForm
-from jerkbench.external.program import command_words, program_files, run_program
-from jerkbench.external.reading import read_trajectory
-from jerkbench.external.trajectory import estimate_of
+from jerkbench.io.program import command_words, program_files, run_program
+from jerkbench.io.recording_folder import FORMATS, write_recording
+from jerkbench.io.trajectory import estimate_of
+from jerkbench.io.trajectory_files import TrajectoryForm, read_trajectory
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
-from jerkbench.writers.recording_folder import FORMATS, write_recording
 
 SCRIPTS = (".py", ".jl", ".m", ".R", ".sh", ".js", ".rb", ".pl", ".lua")
 """Endings of what an interpreter runs."""

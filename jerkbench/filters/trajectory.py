@@ -6,10 +6,8 @@ from typing import ClassVar
 
 from jerkbench.contracts import Adaptation
 from jerkbench.estimate import Attitude, Estimate
-from jerkbench.external.file_format import TrajectoryForm
-from jerkbench.external.reading import read_trajectory
-from jerkbench.external.seeds import SEED, files_digest, path_of_seed
-from jerkbench.external.trajectory import estimate_of
+from jerkbench.io.trajectory import estimate_of
+from jerkbench.io.trajectory_files import SEED, TrajectoryForm, files_digest, path_of_seed, read_trajectory
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 

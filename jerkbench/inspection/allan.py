@@ -6,7 +6,7 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.recording import GRAVITY_MPS2, Recording
-from jerkbench.simulation.imu_errors import ALLAN_FLOOR, GRADES
+from jerkbench.simulation.imu import ALLAN_FLOOR, GRADES
 
 SHORTEST_REST_S = 5.0
 POINTS = 40

@@ -6,9 +6,9 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.inspection.remarks import findings_text
-from jerkbench.readers.gravity import felt_axis
+from jerkbench.io.frames import felt_axis
+from jerkbench.io.sanitiser import repeated_samples
 from jerkbench.recording import Heading, Imu, Position, Recording, Reference, Velocity
-from jerkbench.sanitiser.values import repeated_samples
 
 Stream = Imu | Position | Velocity | Heading | Reference
 

@@ -2,10 +2,9 @@
 
 import numpy as np
 
-from jerkbench.attitude.headings import select_headings
-from jerkbench.attitude.plugin import Tilt
+from jerkbench.attitude.tilt import Tilt
 from jerkbench.attitude.track import Track
-from jerkbench.attitude.yaw_remarks import COARSE, UNKNOWN, is_coarse
+from jerkbench.attitude.yaw import COARSE, UNKNOWN, is_coarse, select_headings
 from jerkbench.recording import Recording
 
 

@@ -5,12 +5,12 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
+from jerkbench.conformance.junit import Case, junit
 from jerkbench.report.analysis.changes import Change, change_rows
 from jerkbench.report.analysis.factors import FACTORS
 from jerkbench.report.analysis.quantities import quantity
 from jerkbench.report.tables.markdown import markdown_grid
 from jerkbench.report.tables.terminal import print_grid
-from jerkbench.writers.junit import Case, junit
 
 
 class Compared(NamedTuple):

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from jerkbench.attitude.plugin import Tilt
+from jerkbench.attitude.tilt import Tilt
 from jerkbench.errors import JerkbenchError
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.execution.inputs import shared_inputs

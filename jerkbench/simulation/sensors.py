@@ -20,10 +20,8 @@ from jerkbench.recording import (
     Reference,
     Velocity,
 )
-from jerkbench.simulation.gnss import antenna_m, measure_heading, measure_position, measure_velocity, white
-from jerkbench.simulation.imu import perfect_imu, saturate
-from jerkbench.simulation.imu_errors import GRADES, SensorErrors, disturb
-from jerkbench.simulation.slow_errors import SlowErrors
+from jerkbench.simulation.gnss import SlowErrors, antenna_m, measure_heading, measure_position, measure_velocity, white
+from jerkbench.simulation.imu import GRADES, SensorErrors, disturb, perfect_imu, saturate
 from jerkbench.simulation.truth import Truth
 
 MOST_SAMPLES = 2_000_000

@@ -1,11 +1,14 @@
-"""The ground: a random profile over the distance, a second one for roll, and a hill."""
+"""What shakes the robot: the ground's profile, ruts, vibration, and force that is felt but not moved.
+
+It is sampled inside the accelerometer, at m times within each of its n samples.
+"""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.simulation.harmonics import harmonics
+from jerkbench.simulation.motion import harmonics
 
 WAVES = 36
 SHORTEST_PER_M = 1.2
@@ -86,3 +89,149 @@ def wave_amplitudes(wavenumber_per_m: FloatArray) -> FloatArray:
     psd = REFERENCE_PSD_M3 * (n / REFERENCE_PER_M) ** -2.0
     amplitudes: FloatArray = np.sqrt(2.0 * psd * width) / (1.0 + (n / TRACK_PER_M) ** 2)
     return amplitudes
+
+
+# Ruts: the robot drops, is thrown and slowed, and its accelerometer feels more than it moves.
+
+
+@dataclass(frozen=True)
+class Ruts:
+    """At each time t_r the robot drops into a rut and drives on at the lower level.
+
+    With u = (t - t_r)/tau, the step H(u) = (1 + tanh u)/2 and the pulse B(u) = 1 - tanh^2 u::
+
+        height -= drop H;  speed -= dip B;  pitch += pitch_0 B;  roll += roll_0 B
+        distance -= dip tau (1 + tanh u)
+
+    Attributes:
+        times_s: t_r; empty: no rut.
+        drop_m: how deep.
+        tau_s: tau, how quickly.
+        speed_dip_mps: dip.
+        pitch_rad: pitch_0, nose down.
+        roll_rad: roll_0, right side down.
+    """
+
+    times_s: tuple[float, ...]
+    drop_m: float
+    tau_s: float
+    speed_dip_mps: float
+    pitch_rad: float
+    roll_rad: float
+
+    def pulse(self, t_s: FloatArray) -> FloatArray:
+        """Sum of B (n,) over the ruts."""
+        return np.asarray(sum((1.0 - np.tanh((t_s - t) / self.tau_s) ** 2 for t in self.times_s), np.zeros_like(t_s)))
+
+    def steps(self, t_s: FloatArray) -> FloatArray:
+        """Sum of H (n,): how many ruts it has dropped into."""
+        return np.asarray(
+            sum((0.5 * (1.0 + np.tanh((t_s - t) / self.tau_s)) for t in self.times_s), np.zeros_like(t_s))
+        )
+
+
+# Vibration of engine and tracks, as true motion.
+
+SINES = 14
+LOWEST_HZ = 8.0
+HIGHEST_HZ = 35.0
+AXIS_SHARE = np.array([0.7, 0.7, 1.0])
+"""Rms of east, north and up, in parts of the nominal one."""
+
+
+@dataclass(frozen=True, eq=False)
+class Shaking:
+    """The motion of the vibration, at n times.
+
+    Attributes:
+        enu_m: (n, 3) displacement.
+        velocity_mps: (n, 3) its derivative.
+        euler_rad: (n, 3) roll, pitch, yaw.
+    """
+
+    enu_m: FloatArray
+    velocity_mps: FloatArray
+    euler_rad: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Vibration:
+    """14 sines between 8 and 35 Hz, one at a random place in each 14th of the band.
+
+    Each axis d(t) = sum_i a_i sin(w_i t) + b_i cos(w_i t) has its own random phases, and all sines have the same
+    acceleration (displacements, those of an angle: the same amplitude). With an envelope E(t) the
+    displacement is E d and the velocity E d' + E' d, so that position and velocity stay consistent.
+
+    Attributes:
+        frequency_radps: (14,) w.
+        sine: (6, 14) a: east, north, up [m], roll, pitch, yaw [rad].
+        cosine: (6, 14) b.
+    """
+
+    frequency_radps: FloatArray
+    sine: FloatArray
+    cosine: FloatArray
+
+    def at(self, t_s: FloatArray, envelope: FloatArray, envelope_rate: FloatArray) -> Shaking:
+        """Return the motion at times (n,) under an envelope (n,) and its derivative [1/s]."""
+        bare, rate = harmonics(t_s, self.frequency_radps, self.sine, self.cosine)
+        shaped = envelope[:, None] * bare
+        velocity = envelope[:, None] * rate[:, :3] + envelope_rate[:, None] * bare[:, :3]
+        return Shaking(shaped[:, :3], velocity, shaped[:, 3:])
+
+
+def draw_vibration(rng: np.random.Generator, accel_mps2: float, angle_rad: float) -> Vibration:
+    """Draw frequencies and phases.
+
+    Args:
+        rng: the stream of the vibration.
+        accel_mps2: rms of the vertical acceleration; a horizontal axis has .7 of it.
+        angle_rad: rms of roll, of pitch and of yaw.
+    """
+    band = (HIGHEST_HZ - LOWEST_HZ) / SINES
+    w = 2.0 * np.pi * (LOWEST_HZ + band * (np.arange(SINES) + rng.uniform(size=SINES)))
+    phases = rng.uniform(0.0, 2.0 * np.pi, (6, SINES))
+    unit = np.sqrt(2.0 / SINES)  # amplitude of each of 14 sines whose sum has an rms of one
+    shift = accel_mps2 * unit * np.multiply.outer(AXIS_SHARE, w**-2.0)
+    sizes = np.vstack([shift, np.full((3, SINES), angle_rad * unit)])
+    return Vibration(w, sizes * np.cos(phases), sizes * np.sin(phases))
+
+
+# Specific force that the accelerometer feels though the robot does not move so: ruts and impacts.
+
+IMPACT_S = 0.02
+
+
+def inner_times(t_s: FloatArray, per_sample: int) -> FloatArray:
+    """Times (n, m) in the middle of ``per_sample`` parts of each interval; ``t_s`` (n + 1,) are the interval's ends."""
+    parts = (np.arange(per_sample) + 0.5) / per_sample
+    times: FloatArray = t_s[:-1, None] + np.diff(t_s)[:, None] * parts
+    return times
+
+
+def rut_force(
+    inner_s: FloatArray, times_s: tuple[float, ...], force_mps2: tuple[float, ...], decay_s: float
+) -> FloatArray:
+    """Return (n, m, 3): ``force_mps2`` from each time on, decaying as exp(-t/``decay_s``)."""
+    size = np.zeros_like(inner_s)
+    for start in times_s:
+        since = inner_s - start
+        size += np.where(since >= 0.0, np.exp(-np.maximum(since, 0.0) / decay_s), 0.0)
+    force: FloatArray = size[:, :, None] * np.asarray(force_mps2)
+    return force
+
+
+def draw_impacts(rng: np.random.Generator, per_s: float, begin_s: float, end_s: float) -> FloatArray:
+    """Draw the times of a Poisson process between two times, sorted."""
+    length = max(0.0, end_s - begin_s)
+    return np.sort(begin_s + length * rng.uniform(size=rng.poisson(per_s * length)))
+
+
+def impact_force(inner_s: FloatArray, times_s: FloatArray, peak_mps2: float) -> FloatArray:
+    """Return (n, m, 3): at each time a half sine of 20 ms, upwards in the body."""
+    force = np.zeros((inner_s.size, 3))
+    flat = inner_s.ravel()
+    for start in times_s:
+        hit = slice(*np.searchsorted(flat, (start, start + IMPACT_S)))
+        force[hit, 2] += peak_mps2 * np.sin(np.pi * (flat[hit] - start) / IMPACT_S)
+    return force.reshape(*inner_s.shape, 3)

@@ -5,11 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.simulation.path import Path
-from jerkbench.simulation.ruts import Ruts
-from jerkbench.simulation.smooth import smoothstep, smoothstep_rate
-from jerkbench.simulation.terrain import Ground, Terrain
-from jerkbench.simulation.vibration import Shaking, Vibration
+from jerkbench.simulation.motion import Path, smoothstep, smoothstep_rate
+from jerkbench.simulation.terrain import Ground, Ruts, Shaking, Terrain, Vibration
 
 
 @dataclass(frozen=True, eq=False)

@@ -56,7 +56,7 @@ def _json(package: str, checked: "Sequence[Checked]") -> str:
 
 
 def _junit(package: str, checked: "Sequence[Checked]") -> str:
-    from jerkbench.writers.junit import Case, junit
+    from jerkbench.conformance.junit import Case, junit
 
     def sentences(plugin: "Checked", severity: str) -> tuple[str, ...]:
         return tuple(finding.sentence for finding in plugin.findings if finding.severity == severity)

@@ -38,9 +38,9 @@ def answer(chosen: argparse.Namespace) -> None:
     Raises:
         JerkbenchError: no file is given or there is none, or the words describe no recording.
     """
-    from jerkbench.external.seeds import SEED, pattern_of, seeds_of
     from jerkbench.hydra_app.scoring import score
     from jerkbench.hydra_app.words import composed
+    from jerkbench.io.trajectory_files import SEED, pattern_of, seeds_of
 
     words = [word for word in chosen.words if WORD.match(word)]
     files = [word for word in chosen.words if not WORD.match(word)]

@@ -7,7 +7,7 @@ import pytest
 
 from jerkbench import plugins
 from jerkbench.adaptation.mtf import Mtf
-from jerkbench.attitude.plugin import Tilt
+from jerkbench.attitude.tilt import Tilt
 from jerkbench.datasets.field_v1 import FieldV1
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.engines.filterpy_engine import FilterpyEngine

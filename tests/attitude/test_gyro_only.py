@@ -6,7 +6,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from jerkbench.attitude.gyro_only import GyroOnly
-from jerkbench.attitude.plugin import Tilt
+from jerkbench.attitude.tilt import Tilt
 from jerkbench.datasets.field_v1 import FieldV1
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.geometry import dcm_from_euler

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from jerkbench.attitude.headings import course_headings, select_headings
+from jerkbench.attitude.yaw import course_headings, select_headings
 from jerkbench.errors import RecordingError
 from jerkbench.recording import Heading, Imu, Recording, Reference, Velocity
 

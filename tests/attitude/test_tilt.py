@@ -9,8 +9,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 from tilt_oracle import G, tilt_samples
 
-from jerkbench.attitude import tilt
-from jerkbench.attitude.tilt import TiltParameters, TiltStart, roll_pitch, run_tilt, settings_of
+from jerkbench.attitude import tilt_filter
+from jerkbench.attitude.tilt_filter import TiltParameters, TiltStart, roll_pitch, run_tilt, settings_of
 from jerkbench.attitude.tilt_kernel import ADAPTATIONS, make_room, run_samples
 
 LEVEL = np.array([0.0, 0.0, 1.0])
@@ -31,7 +31,7 @@ def after(samples, p, x=LEVEL, P=None, a_prev=(0.0, 0.0, 0.0), loop=run_samples)
     return room, flags
 
 
-@pytest.mark.parametrize("loop", [lambda: run_samples, tilt._compiled], ids=["uncompiled", "compiled"])
+@pytest.mark.parametrize("loop", [lambda: run_samples, tilt_filter._compiled], ids=["uncompiled", "compiled"])
 @pytest.mark.parametrize("name", ["tilt_mtf_triggered", "tilt_none"])
 def test_one_step_equals_the_reference_values(name, loop, golden):
     given, wanted = golden[name]["inputs"], golden[name]["outputs"]
@@ -100,8 +100,8 @@ def test_a_run_equals_the_equations_one_by_one(adapt, exact):
 def test_without_a_compiler_the_same_loop_runs(adapt, monkeypatch):
     samples, p = shaken(200), TiltParameters(0.05, 0.3, 0.6, 4, exact=True, adapt=adapt)
     x, triggered = run_tilt(TiltStart(LEVEL, 0.03), *samples, p)
-    monkeypatch.setattr(tilt, "can_compile", lambda: False)
-    monkeypatch.setattr(tilt, "_compiled", lambda: pytest.fail("it was compiled"))
+    monkeypatch.setattr(tilt_filter, "can_compile", lambda: False)
+    monkeypatch.setattr(tilt_filter, "_compiled", lambda: pytest.fail("it was compiled"))
     plain_x, plain_triggered = run_tilt(TiltStart(LEVEL, 0.03), *samples, p)
 
     np.testing.assert_allclose(plain_x, x, rtol=0, atol=1e-13)
@@ -157,7 +157,7 @@ def test_external_variance_is_never_negative_and_x_has_length_one(adapt):
 def test_after_mtf_no_axis_lies_outside_its_own_variance():
     samples, p, hits = shaken(200, seed=2), TiltParameters(sigma_accel_mps2=0.1), 0
     for n in range(60, 200):
-        room, triggered = after([array[:n] for array in samples], p, loop=tilt._compiled())
+        room, triggered = after([array[:n] for array in samples], p, loop=tilt_filter._compiled())
         if triggered[-1]:
             S = room.C0 - p.sigma_accel_mps2**2 + room.noise
             assert (room.e**2 <= S * (1 + 1e-12)).all()

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from omegaconf import OmegaConf
 
-from jerkbench.attitude.alignment import align
-from jerkbench.attitude.plugin import Tilt
+from jerkbench.attitude.tilt import Tilt
+from jerkbench.attitude.tilt_filter import align
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.geometry import dcm_from_euler
 from jerkbench.plugins import create, get

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jerkbench.attitude.gyro_only import GyroOnly
-from jerkbench.attitude.plugin import Tilt
+from jerkbench.attitude.tilt import Tilt
 from jerkbench.contracts import Remarking
 from jerkbench.datasets.field_v1 import FieldV1
 from jerkbench.inspection.yaw import yaw_line

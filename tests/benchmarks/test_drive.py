@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from jerkbench.attitude.plugin import Tilt
+from jerkbench.attitude.tilt import Tilt
 from jerkbench.datasets.field_v1 import FieldV1
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"

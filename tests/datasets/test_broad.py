@@ -5,7 +5,7 @@ import pytest
 
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.attitude.gyro_only import GyroOnly
-from jerkbench.attitude.plugin import Tilt
+from jerkbench.attitude.tilt import Tilt
 from jerkbench.conformance.plugin import check_plugin
 from jerkbench.datasets.broad import Broad
 from jerkbench.errors import RecordingError

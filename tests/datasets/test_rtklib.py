@@ -9,7 +9,7 @@ import pytest
 from jerkbench import plugins
 from jerkbench.datasets.rtklib import RtklibDrive
 from jerkbench.errors import PluginError, RecordingError
-from jerkbench.readers.pos_header import COLUMNS
+from jerkbench.io.rtklib import COLUMNS
 
 DRIVE = Path(__file__).parents[2].parent / "shared" / "data" / "rtklib_drive_0708"
 START = datetime(2025, 7, 8, 19, 34, 18, tzinfo=UTC)  # GPST, as if it were UTC

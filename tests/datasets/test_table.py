@@ -13,9 +13,9 @@ from jerkbench.conformance.plugin import check_plugin
 from jerkbench.conformance.recordings import small_recording
 from jerkbench.datasets.table import Tables
 from jerkbench.errors import PluginError, RecordingError
+from jerkbench.io.writing import write_table
 from jerkbench.plugins import create
 from jerkbench.recording import Origin
-from jerkbench.writers.recording_table import write_table
 
 START_NS = 1_403_636_579_763_555_584
 LATITUDE, LONGITUDE, HEIGHT = 49.0, 8.4, 110.0
@@ -216,7 +216,7 @@ def test_weeks_and_times_of_week_are_gps_time(tmp_path):
 
 def test_a_solution_beside_times_of_unix(tmp_path):
     """RTKLIB's velocities too; GPS time is 18 s ahead."""
-    from jerkbench.readers.pos_header import COLUMNS
+    from jerkbench.io.rtklib import COLUMNS
 
     start = datetime(2025, 7, 8, 19, 34, 18, tzinfo=UTC)
     write(tmp_path / "imu.csv", PLAIN | {"t": start.timestamp() + IMU_S})

@@ -11,8 +11,7 @@ from jerkbench.cells.protocol import Protocol
 from jerkbench.disturbances.replayed_gnss import ReplayedGnss
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.recording import Position, Recording, Reference
-from jerkbench.traces.files import read_trace, trace_path, write_trace
-from jerkbench.traces.trace import Trace
+from jerkbench.traces import Trace, read_trace, trace_path, write_trace
 
 OWN_M2 = 1e-4
 

@@ -6,7 +6,7 @@ import pytest
 from jerkbench.disturbances.rtk_float import RtkFloat
 from jerkbench.disturbances.rtk_float_overconfident import RtkFloatOverconfident
 from jerkbench.errors import PluginError, RecordingError
-from jerkbench.simulation.gauss_markov import gauss_markov
+from jerkbench.simulation.imu import gauss_markov
 
 FLOAT_M2 = np.diag([0.0625, 0.0625, 0.25])
 

@@ -7,7 +7,7 @@ from jerkbench.disturbances.gnss_outage import GnssOutage
 from jerkbench.disturbances.multipath_single_axis import MultipathSingleAxis
 from jerkbench.disturbances.withhold import SOURCE, Withhold
 from jerkbench.errors import PluginError, RecordingError
-from jerkbench.readers.latency import velocity_when_true
+from jerkbench.io.clocks import velocity_when_true
 from jerkbench.recording import Reference, Velocity
 
 LATENCY_S = (0.125, 0.125, 0.275)  # up is more than one epoch old at 4 Hz

@@ -7,10 +7,9 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 import pytest
 
 from commands import verb
+from jerkbench import fetching
 from jerkbench.errors import RecordingError
-from jerkbench.fetching import download
-from jerkbench.fetching.fetch import fetch
-from jerkbench.fetching.listing import PublicFile, PublicRecording, public_recording, public_recordings
+from jerkbench.fetching import PublicFile, PublicRecording, fetch, public_recording, public_recordings
 
 CONTENT = bytes(range(256)) * 2000
 SHA256 = hashlib.sha256(CONTENT).hexdigest()
@@ -93,7 +92,7 @@ def test_a_cut_connection_is_resumed_where_it_was(server, tmp_path):
 
 
 def test_a_connection_that_is_always_cut_goes_on_the_next_time(server, tmp_path):
-    server.cuts = download.ATTEMPTS
+    server.cuts = fetching.ATTEMPTS
     with pytest.raises(RecordingError, match="400000 bytes"):
         fetch(recording(server, "/cut"), tmp_path / "some", print)
     assert not (tmp_path / "some").exists()

@@ -5,8 +5,8 @@ import pytest
 from scipy.stats import chi2
 
 from jerkbench.adaptation.none import NoAdaptation
-from jerkbench.attitude.plugin import Tilt
 from jerkbench.attitude.reference import ReferenceAttitude
+from jerkbench.attitude.tilt import Tilt
 from jerkbench.datasets.field_v1 import FieldV1
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.filters.baseline import Baseline

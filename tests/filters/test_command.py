@@ -17,7 +17,7 @@ from jerkbench.cells.from_names import cell_of_parts
 from jerkbench.cells.key import cell_key
 from jerkbench.cells.protocol import Protocol
 from jerkbench.errors import PluginError, RecordingError
-from jerkbench.external.program import command_words, program_files
+from jerkbench.io.program import command_words, program_files
 from processes import alive
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "any_language"
@@ -113,7 +113,7 @@ def test_a_run_that_is_ended_ends_its_program(tmp_path, number):
     begun = tmp_path / "begun"
     code = (
         "import signal; signal.signal(signal.SIGINT, signal.default_int_handler);"  # it may be ignored here
-        "from jerkbench.external.program import run_program; from pathlib import Path;"
+        "from jerkbench.io.program import run_program; from pathlib import Path;"
         f"words = ['sh', '-c', 'echo $$ > {begun}; exec sleep {PATIENCE_S}'];"
         f"run_program(words, Path({str(tmp_path)!r}), {2 * PATIENCE_S})"
     )
@@ -131,7 +131,7 @@ def test_a_run_that_is_ended_ends_its_program(tmp_path, number):
 STARTED = """
 import os, signal, subprocess, sys, time
 from pathlib import Path
-from jerkbench.external.program import run_program
+from jerkbench.io.program import run_program
 
 class Interrupted(subprocess.Popen):
     def __init__(self, *words, **options):

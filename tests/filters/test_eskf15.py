@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from jerkbench import plugins
 from jerkbench.adaptation.mtf import Mtf
 from jerkbench.adaptation.none import NoAdaptation
-from jerkbench.attitude.plugin import Tilt
+from jerkbench.attitude.tilt import Tilt
 from jerkbench.contracts import Estimator
 from jerkbench.datasets.field_v1 import FieldV1
 from jerkbench.disturbances.gnss_outage import GnssOutage
@@ -22,7 +22,7 @@ from jerkbench.filters.iekf import InvariantEkf
 from jerkbench.inertial import run
 from jerkbench.presets import preset
 from jerkbench.recording import Heading, Imu, Reference, Velocity
-from jerkbench.simulation.imu_errors import GRADES
+from jerkbench.simulation.imu import GRADES
 from synthetic import level_attitude, recording_at_rest
 
 CHECK = Path(__file__).parents[2] / "experiments" / "eskf15_consistency" / "check.py"

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jerkbench.adaptation.none import NoAdaptation
-from jerkbench.attitude.plugin import Tilt
+from jerkbench.attitude.tilt import Tilt
 from jerkbench.datasets.rtklib import RtklibDrive
 from jerkbench.disturbances.withhold import Withhold
 from jerkbench.filters.eskf15 import Eskf15

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jerkbench.adaptation.none import NoAdaptation
-from jerkbench.attitude.plugin import Tilt
+from jerkbench.attitude.tilt import Tilt
 from jerkbench.datasets.comma2k19 import Comma2k19
 from jerkbench.disturbances.gnss_outage import GnssOutage
 from jerkbench.filters.eskf15 import Eskf15

@@ -9,7 +9,7 @@ from engine_agreement import agree_runs, assert_same_sums, with_other_last_bits
 from jerkbench import plugins
 from jerkbench.adaptation.mtf import Mtf
 from jerkbench.adaptation.none import NoAdaptation
-from jerkbench.attitude.plugin import Tilt
+from jerkbench.attitude.tilt import Tilt
 from jerkbench.datasets.field_v1 import FieldV1
 from jerkbench.disturbances.noise_step import NoiseStep
 from jerkbench.evaluation.batch_scoring import scored, sums_from

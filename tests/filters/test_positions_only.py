@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from jerkbench.adaptation.none import NoAdaptation
-from jerkbench.attitude.plugin import Tilt
 from jerkbench.attitude.reference import ReferenceAttitude
+from jerkbench.attitude.tilt import Tilt
 from jerkbench.datasets.comma2k19 import Comma2k19
 from jerkbench.datasets.path import DrivenPath
 from jerkbench.datasets.rtklib import RtklibDrive

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jerkbench.adaptation.none import NoAdaptation
-from jerkbench.attitude.plugin import Tilt
+from jerkbench.attitude.tilt import Tilt
 from jerkbench.datasets.field_v1 import FieldV1
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.filters.eskf15 import Eskf15

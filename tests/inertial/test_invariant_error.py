@@ -10,7 +10,7 @@ from stepping import transition
 from test_error_state import BENT, STATE, derivative, difference
 
 from jerkbench.adaptation.none import NoAdaptation
-from jerkbench.attitude.plugin import Tilt
+from jerkbench.attitude.tilt import Tilt
 from jerkbench.datasets.field_v1 import FieldV1
 from jerkbench.filters.eskf15 import Eskf15
 from jerkbench.filters.iekf import InvariantEkf

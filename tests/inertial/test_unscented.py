@@ -12,7 +12,7 @@ from test_error_state import STATE, difference
 
 from jerkbench.adaptation.mtf import Mtf
 from jerkbench.adaptation.none import NoAdaptation
-from jerkbench.attitude.plugin import Tilt
+from jerkbench.attitude.tilt import Tilt
 from jerkbench.datasets.field_v1 import FieldV1
 from jerkbench.errors import PluginError
 from jerkbench.filters.eskf15 import Eskf15

@@ -7,7 +7,7 @@ import pytest
 
 from jerkbench.datasets.field_v1 import FieldV1
 from jerkbench.inspection.allan import allan_deviation, nearest_grade, rest_noise
-from jerkbench.simulation.imu_errors import GRADES
+from jerkbench.simulation.imu import GRADES
 
 
 def naive(samples, interval_s, j):

@@ -11,7 +11,7 @@ from jerkbench.datasets.field_v1 import FieldV1
 from jerkbench.inspection.diagnosis.doctor import diagnoses, first_diagnoses
 from jerkbench.inspection.diagnosis.plane import IDENTITY, PLANE
 from jerkbench.inspection.remarks import findings_text
-from jerkbench.readers.mounting import axes_matrix
+from jerkbench.io.frames import axes_matrix
 from jerkbench.recording import Imu, Position, Recording, Reference
 from jerkbench.verbs.data.source import dataset_of
 

@@ -11,7 +11,7 @@ from jerkbench import plugins
 from jerkbench.adaptation.mtf import Mtf
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.adaptation.scalar_q import ScalarQ
-from jerkbench.attitude.plugin import Tilt
+from jerkbench.attitude.tilt import Tilt
 from jerkbench.datasets.field import Field
 from jerkbench.disturbances.noise_step import NoiseStep
 from jerkbench.engines.compiled_engine import CompiledEngine

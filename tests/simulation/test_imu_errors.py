@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from jerkbench.simulation.imu_errors import GRADES, SensorErrors, disturb
+from jerkbench.simulation.imu import GRADES, SensorErrors, disturb
 
 STILL = np.zeros((20000, 3))
 

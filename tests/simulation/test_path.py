@@ -6,7 +6,7 @@ from scipy.integrate import quad
 
 from jerkbench.datasets.field import FieldHeadland
 from jerkbench.datasets.field_v1 import FieldV1
-from jerkbench.simulation.path import Path
+from jerkbench.simulation.motion import Path
 
 FIELD = FieldV1()._path()
 HEADLAND = FieldHeadland()._path()

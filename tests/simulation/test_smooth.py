@@ -2,7 +2,7 @@ import numpy as np
 from scipy.integrate import quad
 from scipy.interpolate import BPoly
 
-from jerkbench.simulation.smooth import smoothstep, smoothstep_area, smoothstep_rate
+from jerkbench.simulation.motion import smoothstep, smoothstep_area, smoothstep_rate
 
 U = np.array([-1.0, 0.0, 0.1, 0.37, 0.5, 0.99, 1.0, 2.5])
 # the one quintic whose value goes from 0 to 1 while two derivatives vanish at both ends

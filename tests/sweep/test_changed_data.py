@@ -9,7 +9,7 @@ from jerkbench.cells.cell import build
 from jerkbench.cells.protocol import Protocol
 from jerkbench.datasets.path import DrivenPath
 from jerkbench.execution.inputs import shared_inputs
-from jerkbench.readers.files import fingerprint
+from jerkbench.io.files import fingerprint
 from jerkbench.results.store import Store
 from jerkbench.sweep.sweep import plan_sweep, run_sweep
 

@@ -7,10 +7,17 @@ from jerkbench.cells.from_names import choose
 from jerkbench.errors import RecordingError
 from jerkbench.plugins import create
 from jerkbench.recording import Position, Recording, Reference
-from jerkbench.traces.derive import trace_of
-from jerkbench.traces.files import SHIPPED, read_trace, shipped, trace_path, write_trace
-from jerkbench.traces.text import autocorrelation, trace_text
-from jerkbench.traces.trace import Trace
+from jerkbench.traces import (
+    SHIPPED,
+    Trace,
+    autocorrelation,
+    read_trace,
+    shipped,
+    trace_of,
+    trace_path,
+    trace_text,
+    write_trace,
+)
 
 FOLDERS = {"tokyo_1105": "degraded/tokyo_1105", "pixel4": "degraded/pixel4", "comma2k19": "comma2k19"}
 

@@ -8,7 +8,7 @@ from jerkbench.inspection.diagnosis.gyro import DEG_PER_RAD, WITHIN
 from jerkbench.inspection.diagnosis.relation import SURE, slope, strength
 from jerkbench.inspection.diagnosis.windows import window_means
 from jerkbench.inspection.peaks import correlation_of
-from jerkbench.readers.gravity import felt_axis
+from jerkbench.io.frames import felt_axis
 from jerkbench.recording import Imu, Recording
 
 LARGEST_RAD = 4 * np.pi

@@ -11,7 +11,7 @@ from jerkbench.inspection.diagnosis.wheel import wheel_windows
 from jerkbench.inspection.diagnosis.windows import track_windows
 from jerkbench.inspection.lags import Lag, estimated_lags
 from jerkbench.inspection.peaks import LARGEST_S, correlation_of, refined, within
-from jerkbench.readers.gravity import felt_axis
+from jerkbench.io.frames import felt_axis
 from jerkbench.recording import Recording
 
 LEAST_S = 0.4

@@ -13,7 +13,7 @@ from jerkbench.inspection.diagnosis.wheel import wheel_windows
 from jerkbench.inspection.diagnosis.windows import LENGTHS_S, Windows, track_windows
 from jerkbench.inspection.guess.values import upright
 from jerkbench.inspection.peaks import correlation_of
-from jerkbench.readers.gravity import felt_axis
+from jerkbench.io.frames import felt_axis
 from jerkbench.recording import Imu, Recording
 
 LEAST_FIT = 0.5

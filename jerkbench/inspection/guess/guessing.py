@@ -13,9 +13,9 @@ from jerkbench.inspection.guess import motion, values
 from jerkbench.inspection.guess.guess import Guess, Value
 from jerkbench.inspection.guess.names import Name, common_unit, parsed
 from jerkbench.inspection.guess.streams import Sensors, Vector, position_of, sensors_of, sigma_of, velocity_of
-from jerkbench.readers.columns import Columns, read_columns
-from jerkbench.readers.mounting import ACCEL_UNITS, GYRO_UNITS
-from jerkbench.readers.table_text import TextFormat
+from jerkbench.io.columns import Columns, read_columns
+from jerkbench.io.frames import ACCEL_UNITS, GYRO_UNITS
+from jerkbench.io.text import TextFormat
 from jerkbench.recording import Recording
 
 SEPARATORS = (",", ";", "\t", "")

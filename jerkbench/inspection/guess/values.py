@@ -4,7 +4,7 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.inspection.guess.guess import Guess
-from jerkbench.readers.gravity import felt_axis
+from jerkbench.io.frames import felt_axis
 from jerkbench.recording import GRAVITY_MPS2
 
 WITHIN = 0.25

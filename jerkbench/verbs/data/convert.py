@@ -43,15 +43,15 @@ def answer(chosen: argparse.Namespace) -> None:
     recording = dataset_of(chosen.source, chosen.dataset, chosen.set).load(chosen.seed)
     left_out: list[str] = []
     if target.suffix in (".csv", ".parquet"):
-        from jerkbench.writers.recording_table import write_table
+        from jerkbench.io.writing import write_table
 
         write_table(recording, target, chosen.coordinates)
     elif target.suffix in (".tum", ".kml"):
-        from jerkbench.writers.trajectories import write_kml, write_tum
+        from jerkbench.io.writing import write_kml, write_tum
 
         (write_tum if target.suffix == ".tum" else write_kml)(recording, target, chosen.stream)
     else:
-        from jerkbench.writers.ros_bag import write_bag
+        from jerkbench.io.ros.writing import write_bag
 
         left_out = write_bag(recording, target)
     print(f"{target}: {recording.name} as {TARGETS[target.suffix]}")

@@ -45,7 +45,7 @@ def answer(chosen: argparse.Namespace) -> None:
     """
     from jerkbench.errors import JerkbenchError, unknown
     from jerkbench.hydra_app.words import composed
-    from jerkbench.writers.recording_folder import FORMATS
+    from jerkbench.io.recording_folder import FORMATS
 
     folder: Path = chosen.folder
     for name in chosen.format:
@@ -62,8 +62,8 @@ def answer(chosen: argparse.Namespace) -> None:
 def _write(cell: "Cell", draw: int, folder: Path, chosen: argparse.Namespace) -> list[Path]:
     from jerkbench.cells.data import data_fingerprint
     from jerkbench.execution.inputs import shared_inputs
-    from jerkbench.writers.method_input import write_reference
-    from jerkbench.writers.recording_folder import write_recording
+    from jerkbench.io.method_input import write_reference
+    from jerkbench.io.recording_folder import write_recording
 
     inputs = shared_inputs()
     recording = inputs.recording(cell, data_fingerprint(cell.dataset, cell.disturbances), draw)

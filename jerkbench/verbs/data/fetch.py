@@ -17,9 +17,8 @@ def answer(chosen: argparse.Namespace) -> None:
     Raises:
         RecordingError: there is no such recording, or it cannot be had.
     """
-    from jerkbench.fetching.fetch import fetch
-    from jerkbench.fetching.listing import public_recording, public_recordings
-    from jerkbench.readers.fetched import fetched_folder
+    from jerkbench.fetching import fetch, public_recording, public_recordings
+    from jerkbench.io.files import fetched_folder
 
     if chosen.name is None:
         for public in public_recordings().values():

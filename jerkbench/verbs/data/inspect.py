@@ -32,8 +32,8 @@ def add(verbs: Verbs) -> None:
 
 def answer(chosen: argparse.Namespace) -> None:
     """Print the topics of a bag, or what a .csv's columns may be; then the facts of the recording made of it."""
-    from jerkbench.bags.options import BagOptions
     from jerkbench.errors import JerkbenchError, RecordingError, unknown
+    from jerkbench.io.ros.options import BagOptions
 
     if chosen.figure is not None and chosen.figure.suffix not in FIGURES:
         raise JerkbenchError(unknown("suffix of a figure", chosen.figure.suffix, FIGURES))
@@ -73,8 +73,8 @@ def _describe(recording: "Recording", dataset: "Dataset", figure: Path | None) -
 
 
 def _print_topics(path: Path) -> None:
-    from jerkbench.bags.survey import survey
-    from jerkbench.readers.ros.bag import open_bag
+    from jerkbench.io.ros.bag import open_bag
+    from jerkbench.io.ros.survey import survey
 
     with open_bag(path) as bag:
         for line in survey(bag):

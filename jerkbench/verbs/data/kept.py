@@ -28,9 +28,9 @@ class CacheKind:
 
 def cache_kinds() -> Iterator[CacheKind]:
     """Yield every kind. Recordings that were fetched are none: they are data, not a cache."""
-    from jerkbench.bags import extract
     from jerkbench.compilation import module_cache
     from jerkbench.execution import simulation_cache
+    from jerkbench.io.ros import extract
 
     yield CacheKind(
         "compiled filters and adaptations",

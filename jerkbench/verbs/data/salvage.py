@@ -17,7 +17,7 @@ def add(verbs: Verbs) -> None:
 
 def answer(chosen: argparse.Namespace) -> None:
     """Write the target, and print what could be saved."""
-    from jerkbench.readers.ros.salvage import salvage
+    from jerkbench.io.ros.salvage import salvage
 
     saved = salvage(chosen.source, chosen.target)
     print(f"{chosen.target}: {sum(saved.messages.values())} messages from {saved.chunks} chunks")

@@ -28,9 +28,7 @@ def add(verbs: Verbs) -> None:
 def answer(chosen: argparse.Namespace) -> None:
     """Write the trace, and say what it is like."""
     from jerkbench.errors import JerkbenchError, unknown
-    from jerkbench.traces.derive import trace_of
-    from jerkbench.traces.files import SUFFIX, read_trace, write_trace
-    from jerkbench.traces.text import trace_text
+    from jerkbench.traces import SUFFIX, read_trace, trace_of, trace_text, write_trace
 
     target: Path = chosen.target
     if target.suffix != SUFFIX:

@@ -1,10 +1,10 @@
 import pytest
 
 from bag_maker import Drive
-from jerkbench.bags import extract
 from jerkbench.datasets.fixposition import Fixposition
 from jerkbench.datasets.rosbag import RosBag
 from jerkbench.errors import RecordingError
+from jerkbench.io.ros import extract
 
 
 def test_what_is_kept_is_shown_and_cleared_and_nothing_else(tmp_path, typed, monkeypatch):

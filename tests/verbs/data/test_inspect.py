@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from bag_maker import ROS1, START_NS, Drive, odometry
-from jerkbench.bags.survey import survey
 from jerkbench.inspection.facts import facts_text
-from jerkbench.readers.ros.bag import open_bag
+from jerkbench.io.ros.bag import open_bag
+from jerkbench.io.ros.survey import survey
 from jerkbench.recording import Imu, Recording, Reference, Velocity
 
 

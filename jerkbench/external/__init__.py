@@ -1,1 +1,0 @@
-"""Methods from elsewhere: their trajectories, and programs that make them."""

@@ -1,0 +1,311 @@
+"""Any table, CSV, Parquet or MATLAB, one file or many -> columns of numbers, by name or number."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from jerkbench.arrays import BoolArray, FloatArray, IntArray
+from jerkbench.errors import RecordingError, unknown
+from jerkbench.io.clocks import WEEK_NS, calendar_ns
+from jerkbench.io.text import LARGEST, TextFormat, read_lines, read_text, require_content
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+# A MATLAB file (version 5 to 7, or 7.3, which is HDF5) -> a table of its numeric vectors and
+# matrices.
+
+MOST_COLUMNS = 64
+"""A matrix with more columns is no stream of measurements."""
+
+Array = np.ndarray[Any, Any]
+
+
+def read_matlab(path: Path) -> "pd.DataFrame":
+    """Return a column for each vector, and for each column of a matrix, of the file.
+
+    The columns of a matrix ``acc`` are ``acc_1``, ``acc_2`` ...; a field ``t`` of a structure ``imu`` is ``imu.t``.
+    Variables may be of different lengths, each with a time of its own: the shorter ones end with empty cells.
+
+    Raises:
+        RecordingError: no such file, it is damaged, or it holds no numeric array of two rows or more.
+    """
+    import h5py
+    import pandas as pd
+
+    require_content(path)
+    try:
+        arrays = dict(_hdf5(path)) if h5py.is_hdf5(path) else dict(_version_5(path))
+    except Exception as error:  # scipy and h5py document none of what a damaged file makes them raise
+        raise RecordingError(
+            f"{path} cannot be read as a MATLAB file ({type(error).__name__}: {error}); copy it again, or save it anew."
+        ) from error
+    columns = dict(_columns(arrays))
+    if not columns:
+        raise RecordingError(
+            f"{path} holds no numeric vector or matrix; save the measurements as such (a timetable: its columns)."
+        )
+    rows = max(map(len, columns.values()))
+    return pd.DataFrame({name: _padded(values, rows) for name, values in columns.items()})
+
+
+def _version_5(path: Path) -> Iterator[tuple[str, Array]]:
+    from scipy.io import loadmat
+
+    def walk(prefix: str, value: object) -> Iterator[tuple[str, Array]]:
+        """Yield the numeric arrays of a variable, those of a structure's fields too."""
+        if isinstance(value, dict):
+            for name, field in value.items():
+                if not name.startswith("__"):
+                    yield from walk(f"{prefix}.{name}" if prefix else name, field)
+        elif isinstance(value, np.ndarray):
+            yield prefix, value
+
+    yield from walk("", loadmat(path, simplify_cells=True))
+
+
+def _hdf5(path: Path) -> Iterator[tuple[str, Array]]:
+    """The arrays, which MATLAB stores with their axes the other way round; its own tables of references aside."""
+    import h5py
+
+    with h5py.File(path) as file:
+        names: list[str] = []
+        file.visit(names.append)
+        for name in names:
+            node = file[name]
+            if isinstance(node, h5py.Dataset) and not name.startswith("#") and node.dtype.kind in "iufb":
+                yield name.replace("/", "."), node[()].T
+
+
+def _columns(arrays: Mapping[str, Array]) -> Iterator[tuple[str, Array]]:
+    for name, array in arrays.items():
+        if array.dtype.kind not in "iufb" or array.ndim not in (1, 2) or array.size < 2:
+            continue
+        matrix = array.reshape(len(array), -1)
+        if min(matrix.shape) == 1:
+            yield name, matrix.ravel()
+        elif matrix.shape[1] <= MOST_COLUMNS:
+            yield from ((f"{name}_{k + 1}", column) for k, column in enumerate(matrix.T))
+
+
+def _padded(values: Array, rows: int) -> "pd.Series[Any]":
+    import pandas as pd
+
+    whole = values.dtype.kind in "iu"
+    plain = values.astype(values.dtype.newbyteorder("=")) if values.dtype.kind != "b" else values.astype(np.int64)
+    return pd.Series(plain, dtype="Int64" if whole else None).reindex(range(rows))
+
+
+TIME_UNITS = {"s": 1_000_000_000, "ms": 1_000_000, "us": 1_000, "ns": 1}
+"""Nanoseconds in each unit of time."""
+
+LARGEST_NS = 9.2e18
+"""Nanoseconds that fit into 64 bits: 292 years."""
+
+
+class Columns:
+    """A table that was read."""
+
+    def __init__(self, where: str, table: "pd.DataFrame", notes: tuple[str, ...] = ()) -> None:
+        """Keep the table; ``where`` names it in errors, ``notes`` say what was dropped of it."""
+        self.where, self.notes = where, notes
+        numbered = all(not isinstance(name, str) for name in table.columns)
+        names = [str(k + 1) if numbered else str(n).strip().lstrip("#").strip() for k, n in enumerate(table.columns)]
+        self._table, self._names = table, names
+
+    def __len__(self) -> int:
+        """Return the number of rows."""
+        return len(self._table)
+
+    @property
+    def names(self) -> list[str]:
+        """The names of the header, or numbers from 1."""
+        return list(self._names)
+
+    def has(self, names: Sequence[str]) -> bool:
+        """Whether the header names all of ``names``, and there is one."""
+        return bool(names) and set(names) <= set(self._names)
+
+    def rows_of(self, names: Sequence[str]) -> BoolArray:
+        """Return (n,) in which rows at least one of the columns ``names`` has an entry.
+
+        Raises:
+            RecordingError: there is no such column.
+        """
+        entries = self._table.iloc[:, [self._place(name) for name in names]].notna()
+        return np.asarray(entries.any(axis=1), dtype=np.bool_)
+
+    def only(self, rows: BoolArray) -> "Columns":
+        """Return the table with only ``rows``; they keep their numbers in errors."""
+        return Columns(self.where, self._table[rows], self.notes)
+
+    def noted(self, notes: tuple[str, ...]) -> "Columns":
+        """Return the table with ``notes`` beside those that it has."""
+        return Columns(self.where, self._table, (*self.notes, *notes))
+
+    def numbers(self, names: Sequence[str]) -> FloatArray:
+        """Return (n, len(names)); an empty cell is NaN.
+
+        Raises:
+            RecordingError: there is no such column, or a cell is no number.
+        """
+        columns = [self._numeric(name) for name in names]
+        table = np.column_stack(columns).astype(np.float64) if columns else np.empty((len(self), 0))
+        for name, column in zip(names, table.T, strict=True):
+            wrong = np.abs(column) > LARGEST
+            if wrong.any():
+                row = int(np.argmax(wrong))
+                raise RecordingError(
+                    f"{self.where}, row {self._number(row)}, column {name}: {column[row]:g} is no measurement."
+                )
+        return table
+
+    def stamps_ns(self, name: str, unit: str) -> IntArray:
+        """Return (n,) a column of times in ``unit`` as whole nanoseconds; whole numbers stay exact.
+
+        Raises:
+            RecordingError: as in `numbers`, or a time is missing or does not fit.
+        """
+        values = self._numeric(name)
+        scale = WEEK_NS if unit == "week" else TIME_UNITS[unit]
+        wrong = ~(np.abs(values.astype(np.float64)) <= LARGEST_NS / scale)  # NaN is wrong too
+        if wrong.any():
+            row = int(np.argmax(wrong))
+            raise RecordingError(
+                f"{self.where}, row {self._number(row)}, column {name}: '{values[row]}' is no time in {unit}."
+            )
+        if np.issubdtype(values.dtype, np.integer):
+            return np.asarray(values.astype(np.int64) * scale)
+        return np.round(values.astype(np.float64) * scale).astype(np.int64)
+
+    def _number(self, row: int) -> int:
+        """The number, from 1, that a row had when it was read."""
+        return int(self._table.index[row]) + 1
+
+    def _numeric(self, name: str) -> np.ndarray[Any, Any]:
+        import pandas as pd
+
+        column = self._table.iloc[:, self._place(name)]
+        if pd.api.types.is_bool_dtype(column) or pd.api.types.is_complex_dtype(column):
+            raise RecordingError(f"{self.where}, column {name} holds {column.dtype} values; numbers are expected.")
+        numeric = pd.to_numeric(column, errors="coerce")
+        wrong = numeric.isna() & ~column.isna()
+        if wrong.any():
+            row = int(np.argmax(wrong.to_numpy()))
+            raise RecordingError(
+                f"{self.where}, row {self._number(row)}, column {name}: '{column.iloc[row]}' is no number."
+            )
+        whole = pd.api.types.is_integer_dtype(numeric) and not numeric.isna().any()
+        return numeric.to_numpy(dtype=np.int64 if whole and numeric.dtype != np.uint64 else np.float64)
+
+    def _place(self, name: str) -> int:
+        """A name of the header, or a number from 1."""
+        if name in self._names:
+            return self._names.index(name)
+        if name.isascii() and name.isdigit() and 1 <= int(name) <= len(self._names):
+            return int(name) - 1
+        raise RecordingError(f"{self.where}: {unknown('column', name, self._names)} Numbers count from 1.")
+
+
+def times_ns(columns: Columns, name: str, unit: str, week: str) -> IntArray:
+    """Return (n,) a column of times as nanoseconds; of a time of week with those of the weeks in the column ``week``.
+
+    Raises:
+        RecordingError: there is no such column, or a time is none.
+    """
+    t_ns = columns.stamps_ns(name, unit)
+    return t_ns + columns.stamps_ns(week, "week") if week else t_ns
+
+
+MARKS = "_events.pos"
+
+
+def find_tables(folder: Path, pattern: str, parameter: str) -> tuple[Path, ...]:
+    """Return the files of ``folder`` that fit ``pattern`` (a name, or a glob such as ``data/*.txt``), sorted.
+
+    The marks of events that RTKLIB writes beside a solution (name_events.pos) fit no pattern but their own name.
+
+    Raises:
+        RecordingError: there is no such folder or file.
+    """
+    if not folder.is_dir():
+        raise RecordingError(f"There is no folder {folder}; give the one that the recording was copied to.")
+    try:
+        fitting = [path for path in folder.glob(pattern) if path.is_file()]
+        paths = tuple(sorted(p for p in fitting if not p.name.endswith(MARKS) or pattern.endswith(MARKS)))
+    except (ValueError, NotImplementedError, OSError) as error:
+        raise RecordingError(
+            f"{parameter} is '{pattern}': {error}; give a name or a pattern below {folder}."
+        ) from error
+    if not paths:
+        raise RecordingError(f"There is no file {folder / pattern}; correct '{parameter}' or copy the file there.")
+    return paths
+
+
+def read_columns(paths: Sequence[Path], text: TextFormat) -> Columns:
+    """Read the files one after the other into one table.
+
+    Raises:
+        RecordingError: a file is missing, empty, or no table; the files have different columns.
+    """
+    import pandas as pd
+
+    read = [_read(path, text) for path in paths]
+    tables, notes = [table for table, _ in read], tuple(note for _, remarks in read for note in remarks)
+    _require_same_columns(paths, [list(table.columns) for table in tables])
+    where = str(paths[0]) if len(paths) == 1 else f"{paths[0]} and {len(paths) - 1} files more"
+    return Columns(where, tables[0] if len(tables) == 1 else pd.concat(tables, ignore_index=True), notes)
+
+
+def read_datetimes_ns(path: Path) -> IntArray:
+    """Read a file of UTC times, one a line, ``2011-09-26 13:02:25.594360375``, as nanoseconds since 1970.
+
+    Raises:
+        RecordingError: no such file, or a line is no time.
+    """
+    stamps = [_datetime_ns(path, number, line.strip()) for number, line in read_lines(path)]
+    return np.array(stamps, dtype=np.int64)
+
+
+def _datetime_ns(path: Path, number: int, text: str) -> int:
+    date, _, time = text.removesuffix("Z").replace("T", " ").partition(" ")
+    stamp_ns = calendar_ns(date, time)
+    if stamp_ns is None:
+        raise RecordingError(
+            f"{path}, line {number}: '{text}' is no date and time in UTC; it must look like 2011-09-26 13:02:25.594."
+        )
+    return stamp_ns
+
+
+def _require_same_columns(paths: Sequence[Path], columns: Sequence[Sequence[object]]) -> None:
+    for path, names in zip(paths, columns, strict=True):
+        if len(names) != len(columns[0]):
+            raise RecordingError(
+                f"{paths[0]} and the files beside it have different numbers of columns; remove the odd one."
+            )
+        if missing := [str(name) for name in columns[0] if name not in names]:
+            raise RecordingError(
+                f"{path} has no column {', '.join(missing)}, which {paths[0]} has, so that they are no one table; name"
+                " one of them, or remove the odd one."
+            )
+
+
+def _read(path: Path, text: TextFormat) -> tuple["pd.DataFrame", tuple[str, ...]]:
+    import pandas as pd
+
+    if path.suffix == ".mat":
+        return read_matlab(path), ()
+    require_content(path)
+    try:
+        return (pd.read_parquet(path), ()) if path.suffix == ".parquet" else read_text(path, text)
+    except RecordingError:
+        raise
+    except Exception as error:  # pandas and pyarrow raise a dozen kinds on damaged files
+        kind = "Parquet" if path.suffix == ".parquet" else "text columns"
+        reason = " ".join(str(error).split())
+        raise RecordingError(
+            f"{path} cannot be read as {kind} ({type(error).__name__}: {reason}); correct it."
+        ) from error

@@ -1,0 +1,105 @@
+"""Files of a recording: finding them, the hash of their bytes, and the folder of what was fetched."""
+
+import hashlib
+import os
+import time
+from functools import lru_cache
+from pathlib import Path
+
+from jerkbench.errors import RecordingError
+from jerkbench.files import user_cache_folder
+
+RESTING_NS = 2_000_000_000
+"""A file that was changed more recently could change again within the resolution of its time stamp."""
+
+
+def find_file(folder: Path, name: str, suffix: str, parameter: str) -> Path:
+    """Return ``folder / name``, or, where ``name`` is empty, the one file of ``folder`` that ends in ``suffix``.
+
+    Raises:
+        RecordingError: the folder or the file is missing, or several files fit; says which ``parameter`` names one.
+    """
+    if not folder.is_dir():
+        raise RecordingError(f"There is no folder {folder}; give the one that the recording was copied to.")
+    if name:
+        return _existing(folder / name, parameter)
+    names = sorted(path.name for path in folder.iterdir() if path.name.endswith(suffix) and path.is_file())
+    if len(names) != 1:
+        candidates = f"{len(names)} files ({', '.join(names)})" if names else "no file"
+        raise RecordingError(f"{folder} has {candidates} ending in {suffix}; give the name as '{parameter}'.")
+    return folder / names[0]
+
+
+def fingerprint(paths: tuple[Path, ...]) -> str:
+    """Return the SHA-256 over the bytes of ``paths``, one after the other."""
+    digests = [_sha256(path, path.stat()) for path in paths]
+    return hashlib.sha256("".join(digests).encode()).hexdigest()
+
+
+def _existing(path: Path, parameter: str) -> Path:
+    if not path.is_file():
+        raise RecordingError(f"There is no file {path}; correct '{parameter}' or copy the file there.")
+    return path
+
+
+def _sha256(path: Path, stat: os.stat_result) -> str:
+    """Hash a file; one that was hashed before, and has rested since, is not read again."""
+    if time.time_ns() - stat.st_ctime_ns < RESTING_NS:
+        return _read_sha256(path)
+    return _rested_sha256(path, (stat.st_ino, stat.st_ctime_ns, stat.st_mtime_ns, stat.st_size))
+
+
+@lru_cache(maxsize=64)
+def _rested_sha256(path: Path, version: tuple[int, ...]) -> str:  # noqa: ARG001 - it says when to read it again
+    return _read_sha256(path)
+
+
+def _read_sha256(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+# The folder of fetched recordings, and the default folder of a recording.
+
+VARIABLE = "JERKBENCH_DATA"
+"""Environment variable that names the folder of all fetched recordings."""
+
+
+def fetched_folder(name: str) -> Path:
+    """Return the folder of the fetched recording ``name``, whether it was fetched or not."""
+    root = os.environ.get(VARIABLE)
+    if root:
+        return Path(root).expanduser() / name
+    return user_cache_folder() / name
+
+
+FETCHED = "fetched:"
+"""Before the name of a fetched recording, in the place of a folder."""
+
+
+def named_folder(folder: str) -> Path:
+    """Return the path of ``folder``: itself a path, or ``fetched:NAME``.
+
+    Raises:
+        RecordingError: the recording of that name was not fetched.
+    """
+    if folder.startswith(FETCHED):
+        return recording_folder("", folder.removeprefix(FETCHED))
+    return Path(folder).expanduser()
+
+
+def recording_folder(folder: str, name: str) -> Path:
+    """Return ``folder`` where it is not empty, else that of the fetched recording ``name``.
+
+    Raises:
+        RecordingError: ``folder`` is empty, and the recording was not fetched.
+    """
+    if folder:
+        return Path(folder).expanduser()
+    fetched = fetched_folder(name)
+    if not fetched.is_dir():
+        raise RecordingError(
+            f"No folder was given, and the recording {name} was not fetched: run `jerkbench data fetch {name}`, or give"
+            " dataset.folder=FOLDER."
+        )
+    return fetched

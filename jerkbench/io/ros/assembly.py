@@ -1,0 +1,276 @@
+"""A bag and a plan -> a recording: read, clean, turn, order by time; its headings and its reference."""
+
+import dataclasses
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime, timedelta
+
+import numpy as np
+
+from jerkbench.arrays import BoolArray, FloatArray, nearest_rows
+from jerkbench.errors import RecordingError
+from jerkbench.geometry import dcm_from_euler, dcm_from_quaternion, euler_from_dcm
+from jerkbench.io.clocks import with_common_time
+from jerkbench.io.frames import calibrated, first_rest_s, gravity_notes
+from jerkbench.io.ros.bag import Messages
+from jerkbench.io.ros.cleaning import by_topic, clean_topics
+from jerkbench.io.ros.extract import Frames, Metadata, Planner, choices_of, extract
+from jerkbench.io.ros.files import bag_files, missing_parts
+from jerkbench.io.ros.frames import Place, axes_to_enu, body_axes, first_place, fixes_in_enu, frame_of
+from jerkbench.io.ros.options import BagOptions
+from jerkbench.io.ros.roles import TopicPlan
+from jerkbench.io.ros.streams import heading_of, imu_of, position_of, seconds, usable_fixes, velocity_of
+from jerkbench.io.sanitiser import Finding, Ledger, unit_quaternions
+from jerkbench.recording import Heading, Imu, Position, Recording, Reference, Velocity
+
+# Headings from fix to fix, for a recording that has no other.
+
+SURE = 4.0
+"""A step between fixes has to be so many of its own sigmas long, for a course to be Gaussian and not reversed."""
+
+
+def with_courses(recording: Recording, over_s: float) -> Recording:
+    """Return the recording with a heading every ``over_s`` seconds, and a note that says so.
+
+    Raises:
+        RecordingError: it has no positions, has headings already, or never moves far enough.
+    """
+    if recording.heading is not None or recording.position is None:
+        obstacle = "has headings already" if recording.heading is not None else "has no positions"
+        raise RecordingError(f"{recording.name} {obstacle}; leave course_over_s at 0.")
+    heading = courses(recording.position, over_s)
+    if not len(heading.t_s):
+        raise RecordingError(
+            f"{recording.name}: within {over_s:g} s no two fixes are further apart than {SURE:g} of their sigmas; make"
+            " course_over_s longer."
+        )
+    note = (
+        f"Headings are courses between fixes {over_s:g} s apart, placed in the middle: they look"
+        f" {over_s / 2:g} s ahead, and share the fixes' errors."
+    )
+    return replace(recording, heading=heading, notes=(*recording.notes, note))
+
+
+def courses(position: Position, over_s: float) -> Heading:
+    """Return the direction between fixes that are ``over_s`` apart, one after the other without overlap."""
+    usual = float(np.median(np.diff(position.t_s)))
+    rows = np.arange(0, len(position.t_s), max(round(over_s / usual), 1))
+    t_s = position.t_s[rows]
+    step_m, duration_s = np.diff(position.enu_m[rows, :2], axis=0), np.diff(t_s)
+    variance = np.diagonal(position.covariance_m2[rows], axis1=1, axis2=2)[:, :2].max(axis=1)
+    sigma_m = np.sqrt(variance[1:] + variance[:-1])
+    far_m = np.linalg.norm(step_m, axis=1)
+    with np.errstate(invalid="ignore"):
+        sure = (far_m > SURE * sigma_m) & (duration_s < 1.5 * over_s + usual)  # NaN and gaps are not sure
+    middle_s = 0.5 * (t_s[1:] + t_s[:-1])[sure]
+    yaw_rad = np.arctan2(step_m[sure, 1], step_m[sure, 0])
+    return Heading(middle_s, yaw_rad, sigma_m[sure] / far_m[sure], "course")
+
+
+# The reference of a recording from a bag, and the lever arm, which needs its attitude.
+
+NO_REFERENCE = "none was named in the bag, so that errors are n/a and only the innovations (NIS) can judge"
+
+
+def no_reference(t_s: FloatArray) -> Reference:
+    """Return a reference that knows nothing, at the stamps ``t_s``."""
+    return Reference(t_s, NO_REFERENCE, independent=False)
+
+
+def reference_of(
+    messages: Messages, stated_frame: str, place: Place, zero_ns: int, source: str, *, independent: bool
+) -> Reference:
+    """Return positions, and, where the messages have them, attitudes and velocities (twists are in the body)."""
+    frame = frame_of(messages, stated_frame)
+    t_s, enu_m = seconds(messages.stamp_ns, zero_ns), fixes_in_enu(messages, frame, place)
+    if "orientation" not in messages.values:
+        return Reference(t_s, source, independent, enu_m=enu_m)
+    known = unit_quaternions(messages["orientation"])
+    if not known.any():
+        return Reference(t_s, source, independent, enu_m=enu_m)
+    xyzw = np.where(known[:, None], messages["orientation"], [0.0, 0.0, 0.0, 1.0])
+    dcm = axes_to_enu(frame, place) @ dcm_from_quaternion(xyzw) @ body_axes(frame)
+    euler_rad = _where(known, euler_from_dcm(dcm))
+    if "linear" not in messages.values:
+        return Reference(t_s, source, independent, enu_m=enu_m, euler_rad=euler_rad)
+    velocity_mps = _where(known, np.einsum("nij,nj->ni", dcm, messages["linear"] @ body_axes(frame)))
+    return Reference(t_s, source, independent, enu_m=enu_m, velocity_mps=velocity_mps, euler_rad=euler_rad)
+
+
+def at_body(position: Position, reference: Reference, lever_arm_m: tuple[float, ...]) -> Position:
+    """Move fixes from the antenna to the body's reference point with the reference's nearest attitude.
+
+    p_body = p_antenna - Omega l.
+
+    Raises:
+        RecordingError: the reference has no attitude.
+    """
+    if not any(lever_arm_m):
+        return position
+    if reference.euler_rad is None:
+        raise RecordingError(
+            "lever_arm_m needs the attitude of a reference, and the bag has none; leave it at zero, and give it to a"
+            " filter that takes one (filter=eskf15)."
+        )
+    known = np.isfinite(reference.euler_rad).all(axis=1)
+    nearest = nearest_rows(reference.t_s[known], position.t_s)
+    omega = dcm_from_euler(reference.euler_rad[known][nearest])
+    return dataclasses.replace(position, enu_m=position.enu_m - omega @ np.array(lever_arm_m))
+
+
+def _where(known: BoolArray, values: FloatArray) -> FloatArray:
+    return np.where(known[:, None], values, np.nan)
+
+
+OTHER_CLOCK = "check that all topics are of one drive, or take the times of recording with time_source=bag"
+
+
+@dataclass(frozen=True)
+class Loaded:
+    """A recording and how it came about.
+
+    Attributes:
+        recording: the recording.
+        plan: which topic had which role.
+        findings: the sanitiser's report.
+    """
+
+    recording: Recording
+    plan: TopicPlan
+    findings: tuple[Finding, ...]
+
+
+def load_bag(options: BagOptions, planner: Planner) -> Loaded:
+    """Read the bag of ``options`` into a recording.
+
+    Raises:
+        RecordingError: the bag is damaged, a topic is missing, nothing usable is left, or ``sanitise`` refuses.
+        PluginError: a parameter does not fit.
+    """
+    path = options.path
+    extracted = extract(path, planner, choices_of(options, BagOptions))
+    plan, raw = extracted.plan, dict(extracted.raw)
+    ledger = Ledger(options.sanitise, min((int(m.bag_ns[0]) for m in raw.values() if len(m)), default=0))
+    clean = clean_topics(raw, plan, ledger, options.earliest_ns, bag_time=options.time_source == "bag")
+    parts = missing_parts(bag_files(path))
+    notes = [*options.remarks, *([f"Parts {parts} of the split bag are missing."] if parts else [])]
+    recording = with_common_time(
+        _assembled(options, plan, extracted.frames, extracted.metadata, clean, ledger), OTHER_CLOCK
+    )
+    notes += [
+        *gravity_notes(recording.inertial.accel_mps2, "imu_axes"),
+        *plan.notes,
+        *recording.notes,
+        *(str(finding) for finding in ledger.findings),
+    ]
+    return Loaded(replace(recording, notes=tuple(notes)), plan, tuple(ledger.findings))
+
+
+def _assembled(
+    options: BagOptions,
+    plan: TopicPlan,
+    frames: Frames,
+    metadata: Metadata | None,
+    clean: dict[str, Messages],
+    ledger: Ledger,
+) -> Recording:
+    samples = _required(clean, plan, "imu")
+    zero_ns = metadata.start_ns if metadata else int(samples.stamp_ns[0]) + round(options.imu_shift_s * 1e9)
+    imu = imu_of(samples, options, zero_ns)
+    fixes, place = _fixes(options, plan, frames, metadata, clean, ledger)
+    position = None
+    if fixes is not None:
+        order, latency_s = frames.covariance_order, options.position_latency_s
+        position = position_of(fixes, frames.position, order, latency_s, place, zero_ns)
+    velocity = _velocity(options, plan, frames, clean, ledger, zero_ns)
+    reference = _reference(plan, frames, clean, place, zero_ns, imu if position is None else position)
+    rest_s = _rest_s(options, metadata, velocity, float(imu.t_s[-1]))
+    return Recording(
+        name=metadata.name if metadata else options.path.stem,
+        imu=calibrated(imu, rest_s, gyro=options.remove_gyro_bias, accel=options.scale_accel_to_gravity),
+        reference=reference,
+        position=None if position is None else at_body(position, reference, options.lever_arm_m),
+        velocity=velocity,
+        heading=_heading(plan, frames, clean, ledger, place, zero_ns),
+        origin=place.origin,
+        start_utc=datetime(1970, 1, 1, tzinfo=UTC) + timedelta(microseconds=round(zero_ns / 1000)),
+        static_start_s=rest_s,
+        outages_s=np.array(metadata.outages_s if metadata else ()).reshape(-1, 2),
+        notes=_dependence(plan),
+    )
+
+
+def _required(clean: dict[str, Messages], plan: TopicPlan, role: str) -> Messages:
+    return clean[plan.topics[role]]  # type: ignore[index]  # a plan has an IMU
+
+
+def _fixes(
+    options: BagOptions,
+    plan: TopicPlan,
+    frames: Frames,
+    metadata: Metadata | None,
+    clean: dict[str, Messages],
+    ledger: Ledger,
+) -> tuple[Messages | None, Place]:
+    """The usable positions, and where ENU begins."""
+    messages, origin = by_topic(plan, clean, "position"), options.origin or (metadata.origin if metadata else ())
+    if messages is not None:
+        messages = usable_fixes(messages, plan.label(messages.topic), frames.position, options, ledger)
+        return messages, first_place(messages, frame_of(messages, frames.position), origin)
+    reference = by_topic(plan, clean, "reference")
+    if reference is None:
+        return None, Place(None, np.zeros(3))
+    return None, first_place(reference, frame_of(reference, frames.reference), origin)
+
+
+def _velocity(
+    options: BagOptions, plan: TopicPlan, frames: Frames, clean: dict[str, Messages], ledger: Ledger, zero_ns: int
+) -> Velocity | None:
+    messages = by_topic(plan, clean, "velocity")
+    if messages is None:
+        return None
+    return velocity_of(messages, plan.label(messages.topic), frames.velocity, options, ledger, zero_ns)
+
+
+def _reference(
+    plan: TopicPlan, frames: Frames, clean: dict[str, Messages], place: Place, zero_ns: int, otherwise: Imu | Position
+) -> Reference:
+    messages = by_topic(plan, clean, "reference")
+    if messages is None:
+        return no_reference(otherwise.t_s)
+    source = frames.reference_source or f"the topic {messages.topic}"
+    independent = frames.reference_independent and len(plan.roles(messages.topic)) == 1
+    return reference_of(messages, frames.reference, place, zero_ns, source, independent=independent)
+
+
+def _heading(
+    plan: TopicPlan, frames: Frames, clean: dict[str, Messages], ledger: Ledger, place: Place, zero_ns: int
+) -> Heading | None:
+    messages = by_topic(plan, clean, "heading")
+    if messages is None:
+        return None
+    label, same = plan.label(messages.topic), messages.topic == plan.topics.get("position")
+    frame = frames.position if same else frames.reference
+    return heading_of(messages, label, frames.heading, ledger, place, zero_ns, frame)
+
+
+def _rest_s(options: BagOptions, metadata: Metadata | None, velocity: Velocity | None, end_s: float) -> float:
+    if options.rest_s is not None:
+        return options.rest_s
+    if metadata is not None:
+        return metadata.static_start_s
+    if velocity is None:
+        return 0.0
+    late = velocity.t_s >= 0
+    speed: FloatArray = np.linalg.norm(np.nan_to_num(velocity.mps[late]), axis=1)
+    return first_rest_s(velocity.t_s[late], speed, end_s) if late.any() else 0.0
+
+
+def _dependence(plan: TopicPlan) -> tuple[str, ...]:
+    """Sentences about roles that share a topic."""
+    sharing = {topic: plan.roles(topic) for topic in plan.topics.values()}
+    return tuple(
+        f"{' and '.join([', '.join(roles[:-1]), roles[-1]]).capitalize()} are of one topic, {topic}: not independent of"
+        " each other."
+        for topic, roles in sharing.items()
+        if len(roles) > 1
+    )

@@ -1,0 +1,275 @@
+"""Serialised messages -> arrays: by their fixed layout where they have one, else one after the other.
+
+After its strings a message has the same bytes at the same places, so that equal strings make equal layouts. Whatever
+does not fit (strings that change, another byte order) is left to the deserialiser of rosbags, which
+`jerkbench.io.ros.decode` falls back on, and which the tests compare with.
+"""
+
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from jerkbench.arrays import FloatArray, IntArray
+
+# Messages of a known type as arrays, by their fixed layout: numpy reads all of them at once.
+
+STRING = "string"
+
+
+@dataclass(frozen=True)
+class Part:
+    """A run of equal numbers in a message, or a string.
+
+    Attributes:
+        name: of the field in `Messages`.
+        path: where the number is in the deserialised message.
+        code: numpy's code of one number, or `STRING`.
+        count: how many numbers.
+    """
+
+    name: str
+    path: str
+    code: str = "f8"
+    count: int = 1
+
+
+def _pose(path: str) -> tuple[Part, ...]:
+    return Part("position", f"{path}.position", count=3), Part("orientation", f"{path}.orientation", count=4)
+
+
+def _twist(path: str) -> tuple[Part, ...]:
+    return Part("linear", f"{path}.linear", count=3), Part("angular", f"{path}.angular", count=3)
+
+
+POSE_COVARIANCE = Part("pose_covariance", "pose.covariance", count=36)
+TWIST_COVARIANCE = Part("twist_covariance", "twist.covariance", count=36)
+
+LAYOUTS: dict[str, tuple[Part, ...]] = {
+    "sensor_msgs/msg/Imu": (
+        Part("orientation", "orientation", count=4),
+        Part("orientation_covariance", "orientation_covariance", count=9),
+        Part("angular_velocity", "angular_velocity", count=3),
+        Part("angular_velocity_covariance", "angular_velocity_covariance", count=9),
+        Part("linear_acceleration", "linear_acceleration", count=3),
+        Part("linear_acceleration_covariance", "linear_acceleration_covariance", count=9),
+    ),
+    "sensor_msgs/msg/NavSatFix": (
+        Part("status", "status.status", "i1"),
+        Part("service", "status.service", "u2"),
+        Part("latitude", "latitude"),
+        Part("longitude", "longitude"),
+        Part("altitude", "altitude"),
+        Part("position_covariance", "position_covariance", count=9),
+        Part("position_covariance_type", "position_covariance_type", "u1"),
+    ),
+    "nav_msgs/msg/Odometry": (
+        Part("child_frame_id", "child_frame_id", STRING),
+        *_pose("pose.pose"),
+        POSE_COVARIANCE,
+        *_twist("twist.twist"),
+        TWIST_COVARIANCE,
+    ),
+    "geometry_msgs/msg/PoseStamped": _pose("pose"),
+    "geometry_msgs/msg/PoseWithCovarianceStamped": (*_pose("pose.pose"), POSE_COVARIANCE),
+    "geometry_msgs/msg/TwistStamped": _twist("twist"),
+    "geometry_msgs/msg/TwistWithCovarianceStamped": (*_twist("twist.twist"), TWIST_COVARIANCE),
+    "geometry_msgs/msg/Vector3Stamped": (Part("linear", "vector", count=3),),
+}
+"""The content behind the header of each type that is read."""
+
+
+BLOCKS = {
+    "position_covariance": ("pose_covariance", 0),
+    "orientation_covariance": ("pose_covariance", 3),
+    "linear_covariance": ("twist_covariance", 0),
+}
+"""3 x 3 blocks of the 6 x 6 covariances, and the row where they begin: the rest need not be kept."""
+
+
+def source_of(msgtype: str, name: str) -> tuple[Part, int | None]:
+    """Return the part of a message that holds the field ``name``, and, of a block, the row where it begins.
+
+    Raises:
+        KeyError: messages of this type have no such field.
+    """
+    parts = {part.name: part for part in LAYOUTS[msgtype] if part.code != STRING}
+    if name in parts:
+        return parts[name], None
+    whole, first = BLOCKS[name]
+    return parts[whole], first
+
+
+@dataclass(frozen=True)
+class FieldTable:
+    """Messages of equal layout.
+
+    Attributes:
+        frame_id: of the header.
+        child_frame_id: of an odometry; else empty.
+        rows: (n,) structured: sec, nanosec, and the parts by name.
+    """
+
+    frame_id: str
+    child_frame_id: str
+    rows: npt.NDArray[Any]
+
+
+def read_table(raw: Sequence[bytes], msgtype: str, *, cdr: bool) -> FieldTable | None:
+    """Return the messages as one structured array; None where they are not all of one layout.
+
+    Args:
+        raw: the serialised messages, at least one.
+        msgtype: one of `LAYOUTS`.
+        cdr: ROS 2's serialisation; else ROS 1's.
+    """
+    size, joined = len(raw[0]), b"".join(raw)
+    if len(joined) != size * len(raw) or not size:
+        return None
+    return field_table(np.frombuffer(joined, dtype=np.uint8).reshape(len(raw), size), msgtype, cdr=cdr)
+
+
+def field_table(grid: npt.NDArray[np.uint8], msgtype: str, *, cdr: bool) -> FieldTable | None:
+    """Return the same of messages (n, size) of equal length, n at least one."""
+    first, size = bytes(grid[0]), grid.shape[1]
+    if cdr and first[:2] != b"\x00\x01":
+        return None
+    try:
+        layout, strings, fixed = _layout(first, msgtype, cdr=cdr)
+    except (struct.error, UnicodeDecodeError):
+        return None
+    if size - layout.itemsize not in range(4 if cdr else 1):  # CDR may pad the end
+        return None
+    if any((grid[:, begin:end] != grid[0, begin:end]).any() for begin, end in fixed):
+        return None
+    rows = np.ascontiguousarray(grid).view(_padded(layout, size))[:, 0]
+    return FieldTable(strings[0], strings[1] if len(strings) > 1 else "", rows)
+
+
+def _padded(layout: np.dtype[Any], size: int) -> np.dtype[Any]:
+    fields: Any = layout.fields
+    return np.dtype(
+        {
+            "names": list(fields),
+            "formats": [fields[name][0] for name in fields],
+            "offsets": [fields[name][1] for name in fields],
+            "itemsize": size,
+        }
+    )
+
+
+def _layout(first: bytes, msgtype: str, *, cdr: bool) -> tuple[np.dtype[Any], list[str], list[tuple[int, int]]]:
+    """The places of the numbers, the strings, and the places of bytes that all messages must have in common."""
+    base = 4 if cdr else 0  # the encapsulation; alignment counts from behind it
+    at = base + (0 if cdr else 4)  # ROS 1 begins with a running number
+    names, formats, offsets = ["sec", "nanosec"], ["<u4" if not cdr else "<i4", "<u4"], [at, at + 4]
+    strings: list[str] = []
+    fixed: list[tuple[int, int]] = [(0, base)] if cdr else []
+    at += 8
+    for part in (Part("frame_id", "", STRING), *LAYOUTS[msgtype]):
+        if part.code == STRING:
+            begin = _aligned(at, base, 4) if cdr else at
+            (length,) = struct.unpack_from("<I", first, begin)
+            at = begin + 4 + length
+            if at > len(first):
+                raise struct.error
+            strings.append(first[begin + 4 : at].decode().rstrip("\0"))
+            fixed.append((begin, at))
+            continue
+        width = np.dtype(part.code).itemsize
+        at = _aligned(at, base, width) if cdr else at
+        names.append(part.name)
+        formats.append(f"({part.count},)<{part.code}" if part.count > 1 else f"<{part.code}")
+        offsets.append(at)
+        at += part.count * width
+    return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": at}), strings, fixed
+
+
+def _aligned(at: int, base: int, width: int) -> int:
+    return base + -(-(at - base) // width) * width
+
+
+class Deserialise(Protocol):
+    """The deserialiser of rosbags."""
+
+    def __call__(self, rawdata: bytes, typ: str) -> Any:  # noqa: ANN401 - a class made at run time for each type
+        """Return the message."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """Some messages of one topic.
+
+    Attributes:
+        strings: frame_id and child_frame_id of the first.
+        stamp_ns: (n,) stamps of the headers.
+        values: the wanted fields, (n, k) each.
+    """
+
+    strings: tuple[str, str]
+    stamp_ns: IntArray
+    values: dict[str, FloatArray]
+
+    def rows(self, rows: IntArray) -> "Block":
+        """Return only ``rows``, in this order."""
+        return Block(self.strings, self.stamp_ns[rows], {name: value[rows] for name, value in self.values.items()})
+
+
+def decode(raw: Sequence[bytes], msgtype: str, fields: Sequence[str], deserialise: Deserialise, *, cdr: bool) -> Block:
+    """Return the ``fields`` of the messages, fast where their layout is fixed."""
+    table = read_table(raw, msgtype, cdr=cdr)
+    return block_of(table, msgtype, fields) if table is not None else decode_each(raw, msgtype, fields, deserialise)
+
+
+def decode_each(raw: Sequence[bytes], msgtype: str, fields: Sequence[str], deserialise: Deserialise) -> Block:
+    """Return the same with the ordinary deserialiser, message by message."""
+    sources = {name: source_of(msgtype, name) for name in fields}
+    stamp_ns = np.empty(len(raw), dtype=np.int64)
+    whole = {part.name: np.empty((len(raw), part.count)) for part, _ in sources.values()}
+    parts = {part.name: part for part, _ in sources.values()}
+    strings = ("", "")
+    for k, serialised in enumerate(raw):
+        message = deserialise(serialised, msgtype)
+        stamp_ns[k] = message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
+        for name, part in parts.items():
+            whole[name][k] = _numbers(message, part)
+        strings = strings if k else (message.header.frame_id, getattr(message, "child_frame_id", ""))
+    return Block(strings, stamp_ns, {name: _block(whole[part.name], at) for name, (part, at) in sources.items()})
+
+
+def block_of(table: FieldTable, msgtype: str, fields: Sequence[str]) -> Block:
+    """Return the ``fields`` of messages of equal layout."""
+    rows, values = table.rows, {}
+    for name in fields:
+        part, first = source_of(msgtype, name)
+        whole = rows[part.name].reshape(len(rows), -1)
+        values[name] = _block(whole, first).astype(np.float64)
+    stamp_ns = rows["sec"].astype(np.int64) * 1_000_000_000 + rows["nanosec"]
+    return Block((table.frame_id, table.child_frame_id), stamp_ns, values)
+
+
+def joined_blocks(blocks: Sequence[Block]) -> Block:
+    """Return blocks, at least one, as one; takes the values out of them."""
+    values = {name: np.concatenate([block.values.pop(name) for block in blocks]) for name in list(blocks[0].values)}
+    return Block(blocks[0].strings, np.concatenate([block.stamp_ns for block in blocks]), values)
+
+
+def _block(whole: FloatArray, first: int | None) -> FloatArray:
+    """Return (n, 9), the 3 x 3 block of (n, 36) that begins at row ``first``; None: the whole."""
+    if first is None:
+        return whole
+    square = whole.reshape(len(whole), 6, 6)[:, first : first + 3, first : first + 3]
+    return np.ascontiguousarray(square).reshape(len(whole), 9)
+
+
+def _numbers(message: Any, part: Part) -> Any:  # noqa: ANN401 - a number, or numbers
+    value = message
+    for step in part.path.split("."):
+        value = getattr(value, step)
+    if part.code == STRING or part.count == 1 or isinstance(value, np.ndarray):
+        return value
+    return [getattr(value, axis) for axis in "xyzw"[: part.count]]

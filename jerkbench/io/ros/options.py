@@ -1,0 +1,150 @@
+"""The parameters that every data set made from a bag has."""
+
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+
+from jerkbench.arrays import FloatArray
+from jerkbench.errors import PluginError, RecordingError, unknown
+from jerkbench.geometry import dcm_from_euler
+from jerkbench.io.files import fetched_folder
+from jerkbench.io.sanitiser import MODES
+
+FETCHED = "fetched:"
+TIME_SOURCES = ("bag", "header")
+COVARIANCE_ORDERS = ("enu", "neu")
+LENGTHS = {
+    "mounting_deg": (3,),
+    "lever_arm_m": (3,),
+    "velocity_latency_s": (3,),
+    "origin": (0, 3),
+    "position_sigma_m": (0, 3),
+    "velocity_sigma_mps": (0, 3),
+}
+
+
+@dataclass(frozen=True)
+class BagOptions:
+    """The parameters of every recording from a ROS bag.
+
+    Everything stands at the time when it was true: the stamp less its latency. The IMU is turned into the body::
+
+        f_body = (Rz(yaw) Ry(pitch) Rx(roll))' A f_sensor,  A from imu_axes          and the same for the gyro
+
+    Whatever is wrong with the messages is counted, and each kind of trouble is a note of the recording: stamps before
+    ``earliest_utc``, repeated, backwards or far from the time of recording; gaps; values that are NaN or impossible;
+    quaternions not of length 1; an angular rate that stays the same for ten samples; fixes of status -1, off the Earth
+    or leaping; covariances that are zero, NaN or not positive definite; jumps where the kind of fix changes.
+
+    Attributes:
+        file: a .bag, .db3 or .mcap file, a ROS 2 bag's folder, or a folder with the parts of a split .bag;
+            "fetched:NAME/FILE" is what `jerkbench data fetch NAME` has fetched.
+        sanitise: repair (mend what can be mended, drop the rest), drop, or refuse (the first trouble is an error).
+        earliest_utc: a stamp before this day is none.
+        time_source: header (the stamps), or bag (when each message was recorded).
+        imu_axes: which axes of the IMU point forward, left and up: "x y z", "-z -x y", ...
+        mounting_deg: small rotation roll, pitch, yaw from the body to the IMU's axes as named above.
+        lever_arm_m: from the body's reference point to the antenna: forward, left, up. Needs the reference's attitude.
+        covariance_order: of a NavSatFix: enu (as the message is defined), or neu (as Fixposition writes it).
+        position_sigma_m: east, north, up, for fixes without covariance; empty: the median of the others.
+        velocity_sigma_mps: the same for velocities, in their frame.
+        imu_shift_s: added to the IMU's stamps.
+        position_latency_s: how old the position is at its stamp.
+        velocity_latency_s: the same for the three axes of the velocity.
+        origin: latitude [deg], longitude [deg] and height [m] of ENU; empty: the first fix that is used.
+        rest_s: how long it stands still from time 0; null: found in the velocity.
+        remove_gyro_bias: subtract the gyro's mean over the rest.
+        scale_accel_to_gravity: scale the accelerometer so that its mean over the rest has the magnitude 9.81 m/s2.
+        remarks: sentences that belong under every table of this recording.
+    """
+
+    file: str
+    sanitise: str = "repair"
+    earliest_utc: str = "2000-01-01"
+    time_source: str = "header"
+    imu_axes: str = "x y z"
+    mounting_deg: tuple[float, ...] = (0.0, 0.0, 0.0)
+    lever_arm_m: tuple[float, ...] = (0.0, 0.0, 0.0)
+    covariance_order: str = "enu"
+    position_sigma_m: tuple[float, ...] = ()
+    velocity_sigma_mps: tuple[float, ...] = ()
+    imu_shift_s: float = 0.0
+    position_latency_s: float = 0.0
+    velocity_latency_s: tuple[float, ...] = (0.0, 0.0, 0.0)
+    origin: tuple[float, ...] = ()
+    rest_s: float | None = None
+    remove_gyro_bias: bool = False
+    scale_accel_to_gravity: bool = False
+    remarks: tuple[str, ...] = ()
+
+    def check_options(self) -> None:
+        """Check that every choice exists and every list has its length.
+
+        Raises:
+            PluginError: names the parameter.
+        """
+        choices = {"sanitise": MODES, "time_source": TIME_SOURCES, "covariance_order": COVARIANCE_ORDERS}
+        for name, available in choices.items():
+            if getattr(self, name) not in available:
+                raise PluginError(unknown(name, getattr(self, name), available))
+        for name, lengths in LENGTHS.items():
+            if len(getattr(self, name)) not in lengths:
+                raise PluginError(f"{name} is {list(getattr(self, name))}; give three numbers.")
+        _ = self.earliest_ns, self.body_from_imu
+
+    @property
+    def path(self) -> Path:
+        """Return the path of ``file``.
+
+        Raises:
+            RecordingError: it is one to be fetched, and was not.
+        """
+        if not self.file.startswith(FETCHED):
+            return Path(self.file).expanduser()
+        name, _, file = self.file.removeprefix(FETCHED).partition("/")
+        folder = fetched_folder(name)
+        if not folder.is_dir():
+            raise RecordingError(
+                f"The recording {name} was not fetched: run `jerkbench data fetch {name}`, or give dataset.file=FILE."
+            )
+        return folder / file
+
+    @property
+    def earliest_ns(self) -> int:
+        """Nanoseconds from 1970 to ``earliest_utc``."""
+        try:
+            day = datetime.fromisoformat(self.earliest_utc).replace(tzinfo=UTC)
+        except ValueError as error:
+            raise PluginError(f"earliest_utc is '{self.earliest_utc}'; give a day: 2017-01-01.") from error
+        return int(day.timestamp()) * 1_000_000_000
+
+    @property
+    def body_from_imu(self) -> FloatArray:
+        """The matrix (3, 3) that turns the IMU's axes into the body's."""
+        turn = dcm_from_euler(np.radians(self.mounting_deg))
+        return np.asarray(turn.T @ body_axes_matrix(self.imu_axes))
+
+
+def body_axes_matrix(axes: str) -> FloatArray:
+    """Return (3, 3) whose rows are forward, left and up in the sensor's axes.
+
+    >>> body_axes_matrix("-z -x y")
+    array([[ 0.,  0., -1.],
+           [-1.,  0.,  0.],
+           [ 0.,  1.,  0.]])
+
+    Raises:
+        PluginError: they are not three different axes that make a right-handed system.
+    """
+    rows = np.zeros((3, 3))
+    words = axes.split()
+    for row, word in zip(rows, words, strict=False):
+        if word[-1] in "xyz" and word[:-1] in ("", "+", "-"):
+            row["xyz".index(word[-1])] = -1.0 if word[0] == "-" else 1.0
+    if len(words) != 3 or round(float(np.linalg.det(rows))) != 1:
+        raise PluginError(
+            f"imu_axes is '{axes}'; give which axes point forward, left and up, right-handed: 'x y z', '-z -x y', ..."
+        )
+    return rows

@@ -1,0 +1,173 @@
+"""The roles of topics, the fields that each role takes, and the guess of a role by type, content and rate."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from jerkbench.errors import RecordingError
+from jerkbench.io.ros.bag import Bag, Topic, Wanted
+
+Role = Literal["imu", "position", "velocity", "heading", "reference"]
+NONE = "none"
+"""Given as a topic: use none for this role."""
+
+IMU, FIX, ODOMETRY = "sensor_msgs/msg/Imu", "sensor_msgs/msg/NavSatFix", "nav_msgs/msg/Odometry"
+POSE, TWIST = "geometry_msgs/msg/PoseWithCovarianceStamped", "geometry_msgs/msg/TwistWithCovarianceStamped"
+COORDINATES = ("status", "latitude", "longitude", "altitude", "position_covariance")
+WHETHER_FUSED = ("position", "orientation")
+"""Fields by which an odometry shows that it has not started yet."""
+
+FIELDS: dict[Role, dict[str, tuple[str, ...]]] = {
+    "imu": {IMU: ("angular_velocity", "linear_acceleration")},
+    "position": {
+        FIX: COORDINATES,
+        ODOMETRY: (*WHETHER_FUSED, "position_covariance"),
+        POSE: (*WHETHER_FUSED, "position_covariance"),
+    },
+    "velocity": {
+        ODOMETRY: (*WHETHER_FUSED, "linear", "linear_covariance"),
+        TWIST: ("linear", "linear_covariance"),
+        "geometry_msgs/msg/TwistStamped": ("linear",),
+        "geometry_msgs/msg/Vector3Stamped": ("linear",),
+    },
+    "heading": {
+        IMU: ("orientation", "orientation_covariance"),
+        ODOMETRY: (*WHETHER_FUSED, "orientation_covariance"),
+    },
+    "reference": {
+        ODOMETRY: (*WHETHER_FUSED, "linear"),
+        FIX: COORDINATES,
+        POSE: WHETHER_FUSED,
+        "geometry_msgs/msg/PoseStamped": WHETHER_FUSED,
+    },
+}
+"""The fields that each role reads of each type."""
+
+
+@dataclass(frozen=True)
+class TopicPlan:
+    """The topic of each role.
+
+    Attributes:
+        topics: role -> topic.
+        notes: what was chosen, in sentences, where it was not given.
+    """
+
+    topics: Mapping[Role, str]
+    notes: tuple[str, ...] = field(default=())
+
+    def label(self, topic: str) -> str:
+        """Return how the report calls a topic: its roles and its name."""
+        return f"{', '.join(role for role, name in self.topics.items() if name == topic)} ({topic})"
+
+    def roles(self, topic: str) -> tuple[Role, ...]:
+        """Return the roles of a topic."""
+        return tuple(role for role, name in self.topics.items() if name == topic)
+
+
+def wanted_fields(plan: TopicPlan, bag: Bag) -> Wanted:
+    """Return which fields of which topics the plan takes.
+
+    Raises:
+        RecordingError: there is no such topic, or its type cannot have the role.
+    """
+    wanted: dict[str, dict[str, None]] = {}
+    for role, name in plan.topics.items():
+        topic, types = bag.topic(name), FIELDS[role]
+        if topic.msgtype not in types:
+            raise RecordingError(
+                f"{bag.path}: the topic {name} is of type {topic.msgtype}, which gives no {role}; {role}_topic must be"
+                f" one of the types {', '.join(types)}: {_suitable(bag, tuple(types))}."
+            )
+        wanted.setdefault(name, {}).update(dict.fromkeys(types[topic.msgtype]))
+    return {name: tuple(fields) for name, fields in wanted.items()}
+
+
+def _suitable(bag: Bag, types: tuple[str, ...]) -> str:
+    names = [topic.name for topic in bag.topics if topic.msgtype in types]
+    return f"the bag has {', '.join(names)}" if names else "the bag has none of them"
+
+
+# The role of each topic where the user named none: by type, content and rate.
+
+SAMPLE = 200
+"""So many messages of a topic are looked at."""
+
+GRAVITY_BETWEEN_MPS2 = (5.0, 15.0)
+"""Median length of the specific force of an IMU that feels gravity."""
+
+OF_FIXPOSITION = ("/poiimu", "/odometry_ecef")
+LIKE_FIXPOSITION = (
+    "The topics are called like a Fixposition's: dataset=fixposition knows the order of their covariances, and what is"
+    " not independent."
+)
+
+
+def complete_plan(bag: Bag, named: Mapping[Role, str]) -> TopicPlan:
+    """Return the plan with the topics that are ``named`` (topic, `NONE`, or empty: to be guessed).
+
+    Raises:
+        RecordingError: there is no IMU with gravity in it, or nothing that gives positions.
+    """
+    topics: dict[Role, str] = {}
+    notes: list[str] = []
+    for role in ("imu", "position", "velocity"):
+        name = named.get(role, "")
+        if not name:
+            name, why = {"imu": _imu, "position": _position, "velocity": _velocity}[role](bag)
+            notes.append(why)
+        if name != NONE:
+            topics[role] = name
+    for more in ("heading", "reference"):
+        if named.get(more, NONE) not in ("", NONE):
+            topics[more] = named[more]
+    if notes and any(topic.name.endswith(OF_FIXPOSITION) for topic in bag.topics):
+        notes.append(LIKE_FIXPOSITION)
+    return TopicPlan(topics, tuple(notes))
+
+
+def _imu(bag: Bag) -> tuple[str, str]:
+    candidates = _most_first(bag, IMU)
+    for topic in candidates:
+        force = bag.read({topic.name: ["linear_acceleration"]}, most=SAMPLE)[topic.name]["linear_acceleration"]
+        with np.errstate(over="ignore"):  # damage: the median does not mind
+            length = float(np.median(np.linalg.norm(force, axis=1))) if len(force) else 0.0
+        if GRAVITY_BETWEEN_MPS2[0] < length < GRAVITY_BETWEEN_MPS2[1]:
+            return topic.name, _chose("IMU", topic, f"it feels {length:.2f} m/s2", candidates)
+    names = ", ".join(topic.name for topic in candidates)
+    raise RecordingError(
+        f"{bag.path} has no IMU topic that feels gravity ({names or 'none of type sensor_msgs/Imu'}); give imu_topic."
+    )
+
+
+def _position(bag: Bag) -> tuple[str, str]:
+    candidates = _most_first(bag, FIX)
+    for topic in candidates:
+        status = bag.read({topic.name: ["status"]})[topic.name]["status"]
+        if (status >= 0).any():
+            return topic.name, _chose("positions", topic, "it has fixes", candidates)
+    raise RecordingError(
+        f"{bag.path} has no topic with GNSS fixes (sensor_msgs/NavSatFix); give position_topic, an odometry in ECEF,"
+        f" ENU or NED for example. There are: {', '.join(f'{t.name} ({t.msgtype})' for t in bag.topics)}."
+    )
+
+
+def _velocity(bag: Bag) -> tuple[str, str]:
+    for msgtype in (TWIST, ODOMETRY):
+        candidates = _most_first(bag, msgtype)
+        if candidates:
+            return candidates[0].name, _chose("velocities", candidates[0], "the most messages", candidates)
+    return NONE, "No topic gives velocities (an odometry or a twist with covariance)."
+
+
+def _most_first(bag: Bag, msgtype: str) -> list[Topic]:
+    topics = [topic for topic in bag.topics if topic.msgtype == msgtype and topic.count]
+    return sorted(topics, key=lambda topic: -topic.count)
+
+
+def _chose(quantity: str, topic: Topic, why: str, candidates: list[Topic]) -> str:
+    rejected = [candidate.name for candidate in candidates if candidate is not topic]
+    more = f"; not {', '.join(rejected)}" if rejected else ""
+    return f"Topic of the {quantity}, guessed: {topic.name} ({topic.count} messages; {why}{more})."

@@ -1,0 +1,135 @@
+"""The parts of a recording from cleaned messages, one role each."""
+
+from typing import Literal
+
+import numpy as np
+
+from jerkbench.arrays import BoolArray, FloatArray, IntArray
+from jerkbench.errors import PluginError, RecordingError, unknown
+from jerkbench.geometry import dcm_from_quaternion, euler_from_dcm
+from jerkbench.io.clocks import velocity_when_true
+from jerkbench.io.ros.bag import Messages
+from jerkbench.io.ros.frames import (
+    FROM_FRD,
+    FROM_NED,
+    Place,
+    axes_to_enu,
+    body_axes,
+    first_place,
+    fixes_in_enu,
+    frame_of,
+    swapped,
+    turned,
+)
+from jerkbench.io.ros.options import BagOptions
+from jerkbench.io.sanitiser import DROPPED, Ledger, report_jumps, sound_covariances, unit_quaternions, without_leaps
+from jerkbench.recording import Heading, Imu, Position, Velocity
+
+VELOCITY_FRAMES = ("body", "course", "enu", "frd", "ned", "speed")
+FROM = {"ned": FROM_NED, "frd": FROM_FRD}
+"""The rotation of a velocity into ENU, or into the body's axes."""
+
+WORST_HEADING_RAD = float(np.pi)
+"""A heading with a larger sigma says nothing."""
+
+
+def seconds(stamp_ns: IntArray, zero_ns: int) -> FloatArray:
+    """Return stamps as seconds since ``zero_ns``."""
+    return np.asarray((stamp_ns - zero_ns) * 1e-9)
+
+
+def imu_of(messages: Messages, options: BagOptions, zero_ns: int) -> Imu:
+    """Return the samples, in the body's axes."""
+    turn = options.body_from_imu.T
+    t_s = seconds(messages.stamp_ns + round(options.imu_shift_s * 1e9), zero_ns)
+    return Imu(t_s, messages["linear_acceleration"] @ turn, messages["angular_velocity"] @ turn)
+
+
+def usable_fixes(messages: Messages, label: str, stated_frame: str, options: BagOptions, ledger: Ledger) -> Messages:
+    """Return the positions that can be used, with ``enu_m`` about the first of them and a 3 x 3 covariance."""
+    sigma = options.position_sigma_m
+    messages = sound_covariances(label, messages, ledger, "position_covariance", sigma, "position_sigma_m")
+    frame = frame_of(messages, stated_frame)
+    middle = messages.rows(np.array([len(messages) // 2]))  # the first may be the one that leaps
+    messages = messages.with_values(enu_m=fixes_in_enu(messages, frame, _first_place(middle, frame)))
+    messages = without_leaps(label, messages, ledger, "enu_m")
+    report_jumps(label, messages, ledger, "enu_m", messages["status"][:, 0] if "status" in messages.values else None)
+    if len(messages) < 2:
+        raise RecordingError(f"{label}: {len(messages)} usable positions are left; at least 2 are needed.")
+    return messages
+
+
+def _first_place(messages: Messages, frame: str) -> Place:
+    return first_place(messages, frame, ())  # type: ignore[arg-type]  # it comes from frame_of
+
+
+def position_of(
+    messages: Messages, stated_frame: str, covariance_order: str, latency_s: float, place: Place, zero_ns: int
+) -> Position:
+    """Return the fixes in ENU with their covariances."""
+    frame = frame_of(messages, stated_frame)
+    turn = axes_to_enu(frame, place, covariance_order)
+    covariance = turned(turn, messages["position_covariance"].reshape(-1, 3, 3))
+    return Position(seconds(messages.stamp_ns, zero_ns) - latency_s, fixes_in_enu(messages, frame, place), covariance)
+
+
+def velocity_of(
+    messages: Messages, label: str, frame: str, options: BagOptions, ledger: Ledger, zero_ns: int
+) -> Velocity:
+    """Return the velocities; a variance below zero says that the axis was not measured.
+
+    Raises:
+        PluginError: no such frame, or latencies that differ in a frame where they cannot.
+        RecordingError: there is no covariance, and none was given.
+    """
+    if frame not in VELOCITY_FRAMES:
+        raise PluginError(unknown("velocity_frame", frame, VELOCITY_FRAMES))
+    messages, absent = _with_velocity_covariance(messages, label, options, ledger)
+    mps = np.where(absent, np.nan, messages["linear"])
+    covariance = messages["velocity_covariance"].reshape(-1, 3, 3)
+    t_s, latency_s = seconds(messages.stamp_ns, zero_ns), options.velocity_latency_s
+    if frame in FROM:
+        mps, covariance = swapped(FROM[frame], mps), turned(FROM[frame], covariance)
+    if frame in ("enu", "ned"):
+        return velocity_when_true(t_s, mps, covariance, latency_s)
+    if len(set(latency_s)) > 1:
+        raise PluginError(f"velocity_latency_s is {list(latency_s)}; in the frame {frame} all three must be the same.")
+    if frame == "speed":
+        return Velocity.along_course(t_s - latency_s[0], mps[:, 0], float(np.sqrt(np.median(covariance[:, 0, 0]))))
+    return Velocity(t_s - latency_s[0], mps, covariance, "speed" if frame == "course" else "body")
+
+
+def _with_velocity_covariance(
+    messages: Messages, label: str, options: BagOptions, ledger: Ledger
+) -> tuple[Messages, BoolArray]:
+    """The messages with a 3 x 3 covariance, and which axes (n, 3) were not measured."""
+    n = len(messages)
+    stated = messages.values.get("linear_covariance", np.zeros((n, 9)))
+    absent = stated[:, [0, 4, 8]] < 0
+    unused = (absent[:, :, None] | absent[:, None, :]).reshape(n, 9)
+    stated = np.where(unused, np.eye(3).ravel(), stated)
+    messages = messages.with_values(velocity_covariance=stated, absent=absent.astype(np.float64))
+    sigma = options.velocity_sigma_mps
+    messages = sound_covariances(label, messages, ledger, "velocity_covariance", sigma, "velocity_sigma_mps")
+    return messages, messages["absent"] > 0
+
+
+def heading_of(
+    messages: Messages,
+    label: str,
+    source: Literal["dual_antenna", "odometry"],
+    ledger: Ledger,
+    place: Place,
+    zero_ns: int,
+    stated_frame: str,
+) -> Heading:
+    """Return the yaw of the orientations, with the sigma of their covariance."""
+    frame = frame_of(messages, stated_frame) if "position" in messages.values else "enu"
+    covariance = messages["orientation_covariance"]
+    turn = axes_to_enu(frame, place)
+    variance = turned(turn, covariance.reshape(-1, 3, 3))[:, 2, 2]
+    good = unit_quaternions(messages["orientation"]) & (variance > 0) & (variance < WORST_HEADING_RAD**2)
+    ledger.add(label, "a heading without a usable covariance", ~good, messages.bag_ns, DROPPED)
+    dcm = turn @ dcm_from_quaternion(messages["orientation"][good]) @ body_axes(frame)
+    yaw_rad = euler_from_dcm(dcm)[:, 2] if good.any() else np.empty(0)
+    return Heading(seconds(messages.stamp_ns[good], zero_ns), yaw_rad, np.sqrt(variance[good]), source)

@@ -1,0 +1,328 @@
+"""A recording as a Fixposition-like ROS bag, which `dataset=fixposition` and `dataset=rosbag` read back as it was."""
+
+import heapq
+import shutil
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from itertools import chain, repeat
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from jerkbench.arrays import BoolArray, FloatArray
+from jerkbench.errors import RecordingError
+from jerkbench.files import write_atomically
+from jerkbench.geometry import dcm_from_euler, enu_axes, enu_to_ecef, enu_to_geodetic, quaternion_from_dcm
+from jerkbench.io.ros.extract import METADATA_TOPIC, STRING, Metadata
+from jerkbench.recording import Heading, Imu, Origin, Position, Recording, Reference, Velocity
+
+if TYPE_CHECKING:
+    from rosbags.typesys.store import Typestore
+
+
+# The parts of a recording as ROS messages, in the frames and orders of the Fixposition driver.
+
+NEU = [1, 0, 2]
+"""Where north, east, up stand in east, north, up."""
+
+ODOMETRY = "nav_msgs/msg/Odometry"
+"""Type of a reference of which everything is known."""
+
+RTK_FIXED, GPS, KNOWN = 2, 1, 3
+"""Status, service and type of covariance of a NavSatFix."""
+
+NOT_MEASURED = -1.0
+"""Variance of an axis that was not measured."""
+
+Stamped = tuple[float, str, Any]
+"""Time [s] since the start, type, message."""
+
+
+@dataclass(frozen=True)
+class Maker:
+    """Makes messages of one generation of ROS.
+
+    Attributes:
+        store: the types.
+        ros1: whether headers have a running number.
+        start_ns: time 0, nanoseconds since 1970.
+    """
+
+    store: "Typestore"
+    ros1: bool
+    start_ns: int
+
+    def stamp_ns(self, t_s: float) -> int:
+        """Return the stamp of a time since the start."""
+        return self.start_ns + round(t_s * 1e9)
+
+    def header(self, t_s: float, frame_id: str) -> Any:  # noqa: ANN401 - a class that rosbags makes at run time
+        """Return a header."""
+        stamp = self.of("builtin_interfaces/msg/Time", *divmod(self.stamp_ns(t_s), 1_000_000_000))
+        return self.of("std_msgs/msg/Header", *([0] if self.ros1 else []), stamp, frame_id)
+
+    def of(self, msgtype: str, *values: Any) -> Any:  # noqa: ANN401 - as above
+        """Return a message."""
+        return self.store.types[msgtype](*values)
+
+    def xyz(self, values: FloatArray, name: str = "Vector3") -> Any:  # noqa: ANN401 - as above
+        """Return a Vector3, Point or Quaternion."""
+        return self.of(f"geometry_msgs/msg/{name}", *(float(value) for value in values))
+
+
+def imu_messages(make: Maker, imu: Imu) -> Iterator[Stamped]:
+    """Yield what the driver calls poiimu: orientation and covariances are zeros, that is, absent."""
+    name, zeros = "sensor_msgs/msg/Imu", np.zeros(9)
+    for t, force, rate in zip(imu.t_s, imu.accel_mps2, imu.gyro_radps, strict=True):
+        absent = make.xyz(np.zeros(4), "Quaternion")
+        body = (absent, zeros, make.xyz(rate), zeros, make.xyz(force), zeros)
+        yield t, name, make.of(name, make.header(t, "FP_POI"), *body)
+
+
+def whole_fixes(position: Position) -> BoolArray:
+    """Return (m,) which fixes have all three axes."""
+    return np.asarray(np.isfinite(position.enu_m).all(axis=1))
+
+
+def fix_messages(make: Maker, position: Position, origin: Origin) -> Iterator[Stamped]:
+    """Yield what the driver calls gnss1: covariance in the order north, east, up."""
+    whole = whole_fixes(position)
+    covariance = position.covariance_m2[whole][:, NEU][:, :, NEU]
+    yield from _fixes(make, position.t_s[whole], position.enu_m[whole], covariance, origin)
+
+
+def _fixes(
+    make: Maker, t_s: FloatArray, enu_m: FloatArray, covariance: FloatArray, origin: Origin
+) -> Iterator[Stamped]:
+    name = "sensor_msgs/msg/NavSatFix"
+    for t, place, matrix in zip(t_s, enu_to_geodetic(enu_m, origin), covariance, strict=True):
+        status = make.of("sensor_msgs/msg/NavSatStatus", RTK_FIXED, GPS)
+        where = (float(value) for value in place)
+        yield t, name, make.of(name, make.header(t, "GNSS1"), status, *where, matrix.ravel(), KNOWN)
+
+
+def velocity_messages(make: Maker, velocity: Velocity) -> Iterator[Stamped]:
+    """Yield velocities in the recording's own frame; an axis that was not measured has the variance -1."""
+    name = "geometry_msgs/msg/TwistWithCovarianceStamped"
+    present = np.isfinite(velocity.mps)
+    for t, mps, covariance, measured in zip(
+        velocity.t_s, velocity.mps, velocity.covariance_m2ps2, present, strict=True
+    ):
+        six = np.zeros((6, 6))
+        six[:3, :3] = np.where(np.outer(measured, measured), covariance, np.diag(np.where(measured, 0.0, NOT_MEASURED)))
+        twist = make.of("geometry_msgs/msg/Twist", make.xyz(np.nan_to_num(mps)), make.xyz(np.zeros(3)))
+        body = make.of("geometry_msgs/msg/TwistWithCovariance", twist, six.ravel())
+        yield t, name, make.of(name, make.header(t, velocity.frame), body)
+
+
+def heading_messages(make: Maker, heading: Heading) -> Iterator[Stamped]:
+    """Yield headings as u-blox's driver does: an Imu with nothing but a yaw and its variance."""
+    name, zeros = "sensor_msgs/msg/Imu", np.zeros(9)
+    for t, yaw, sigma in zip(heading.t_s, heading.yaw_rad, heading.sigma_rad, strict=True):
+        turned = make.xyz(np.array([0.0, 0.0, np.sin(yaw / 2), np.cos(yaw / 2)]), "Quaternion")
+        body = (
+            turned,
+            np.diag([0.0, 0.0, sigma**2]).ravel(),
+            make.xyz(np.zeros(3)),
+            zeros,
+            make.xyz(np.zeros(3)),
+            zeros,
+        )
+        yield t, name, make.of(name, make.header(t, "enu"), *body)
+
+
+def whole_rows(reference: Reference) -> BoolArray:
+    """Return (k,) which rows know all that any row does; none of a reference without positions."""
+    parts = [part for part in (reference.enu_m, reference.velocity_mps, reference.euler_rad) if part is not None]
+    if reference.enu_m is None:
+        return np.zeros(len(reference.t_s), dtype=bool)
+    return np.asarray(np.isfinite(np.hstack(parts)).all(axis=1))
+
+
+def reference_messages(make: Maker, reference: Reference, origin: Origin) -> Iterator[Stamped]:
+    """Yield the reference: an odometry in ECEF where all of it is known, else a pose, else a fix.
+
+    Rows in which something is not known that the others have are left out.
+    """
+    if reference.enu_m is None:
+        return
+    rows = whole_rows(reference)
+    t_s, enu_m = reference.t_s[rows], reference.enu_m[rows]
+    if reference.euler_rad is None:
+        yield from _fixes(make, t_s, enu_m, np.tile(1e-4 * np.eye(3), (len(t_s), 1, 1)), origin)
+        return
+    omega = dcm_from_euler(reference.euler_rad[rows])
+    xyzw = quaternion_from_dcm(enu_axes(origin).T @ omega)
+    poses = zip(t_s, enu_to_ecef(enu_m, origin), xyzw, strict=True)
+    if reference.velocity_mps is None:
+        yield from ((t, "geometry_msgs/msg/PoseStamped", _pose_stamped(make, t, p, q)) for t, p, q in poses)
+        return
+    body_mps = np.einsum("nji,nj->ni", omega, reference.velocity_mps[rows])
+    for (t, p, q), v in zip(poses, body_mps, strict=True):
+        yield t, ODOMETRY, _odometry(make, t, p, q, v)
+
+
+def _pose(make: Maker, p: FloatArray, q: FloatArray) -> Any:  # noqa: ANN401 - a message
+    return make.of("geometry_msgs/msg/Pose", make.xyz(p, "Point"), make.xyz(q, "Quaternion"))
+
+
+def _pose_stamped(make: Maker, t: float, p: FloatArray, q: FloatArray) -> Any:  # noqa: ANN401 - a message
+    return make.of("geometry_msgs/msg/PoseStamped", make.header(t, "FP_ECEF"), _pose(make, p, q))
+
+
+def _odometry(make: Maker, t: float, p: FloatArray, q: FloatArray, v: FloatArray) -> Any:  # noqa: ANN401 - a message
+    twist = make.of("geometry_msgs/msg/Twist", make.xyz(v), make.xyz(np.zeros(3)))
+    small = 1e-4 * np.eye(6).ravel()
+    return make.of(
+        ODOMETRY,
+        make.header(t, "FP_ECEF"),
+        "FP_POI",
+        make.of("geometry_msgs/msg/PoseWithCovariance", _pose(make, p, q), small),
+        make.of("geometry_msgs/msg/TwistWithCovariance", twist, small),
+    )
+
+
+TOPICS = {
+    "imu": "/fixposition/poiimu",
+    "position": "/fixposition/gnss1",
+    "velocity": "/jerkbench/velocity",
+    "heading": "/jerkbench/heading",
+}
+ODOMETRY_TOPIC, REFERENCE_TOPIC = "/fixposition/odometry_ecef", "/jerkbench/reference"
+SOMETIME = datetime(2020, 1, 1, tzinfo=UTC)
+"""Time 0 of a recording of which nobody knows when it was."""
+
+
+def write_bag(recording: Recording, path: Path) -> list[str]:
+    """Write a ROS 1 bag (.bag), or the one file of a ROS 2 bag (.db3, .mcap).
+
+    What the driver has no topic for is under /jerkbench: velocities with their own frame, headings, and what belongs to
+    the recording as a whole.
+
+    Returns:
+        What could not be written, a sentence each.
+
+    Raises:
+        RecordingError: it has no origin, so that nothing of it is on the Earth.
+    """
+    if recording.origin is None:
+        raise RecordingError(
+            f"{recording.name} has no origin on the Earth, and the topics of a bag are geodetic and ECEF; convert it to"
+            " .csv or .parquet."
+        )
+    from rosbags.typesys import Stores, get_typestore
+
+    ros1 = path.suffix == ".bag"
+    store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_HUMBLE)
+    start = recording.start_utc or SOMETIME
+    make = Maker(store, ros1, round(start.timestamp() * 1e6) * 1000)
+    streams = _streams(make, recording, recording.origin)
+    write = _write_ros1 if ros1 else _write_ros2
+    write_atomically(path, lambda partial: write(make, streams, partial))
+    return list(_left_out(recording, streams))
+
+
+@dataclass(frozen=True)
+class _Stream:
+    """The messages of a topic; they are made when they are written, for those of hours would not fit into memory."""
+
+    msgtype: str
+    count: int
+    messages: Iterator[Stamped]
+
+
+def _streams(make: Maker, recording: Recording, origin: Origin) -> dict[str, _Stream]:
+    position, velocity, heading, reference = (
+        recording.position,
+        recording.velocity,
+        recording.heading,
+        recording.reference,
+    )
+    streams = {TOPICS["imu"]: _stream(len(recording.inertial.t_s), imu_messages(make, recording.inertial))}
+    if position is not None:
+        streams[TOPICS["position"]] = _stream(int(whole_fixes(position).sum()), fix_messages(make, position, origin))
+    if velocity is not None:
+        streams[TOPICS["velocity"]] = _stream(len(velocity.t_s), velocity_messages(make, velocity))
+    if heading is not None:
+        streams[TOPICS["heading"]] = _stream(len(heading.t_s), heading_messages(make, heading))
+    truth = _stream(int(whole_rows(reference).sum()), reference_messages(make, reference, origin))
+    streams[ODOMETRY_TOPIC if truth.msgtype == ODOMETRY else REFERENCE_TOPIC] = truth
+    streams = {topic: stream for topic, stream in streams.items() if stream.count}
+    metadata = make.of(STRING, _metadata(recording, origin, make.start_ns, streams).to_json())
+    return {**streams, METADATA_TOPIC: _stream(1, iter([(float(recording.inertial.t_s[0]), STRING, metadata)]))}
+
+
+def _stream(count: int, messages: Iterator[Stamped]) -> _Stream:
+    """The first message says of which type they are."""
+    first = next(messages, None)
+    return _Stream("", 0, iter(())) if first is None else _Stream(first[1], count, chain([first], messages))
+
+
+def _left_out(recording: Recording, streams: Mapping[str, _Stream]) -> Iterator[str]:
+    position, velocity, reference = recording.position, recording.velocity, recording.reference
+    counts = {topic: stream.count for topic, stream in streams.items()}
+    if position is not None and (lost := len(position.t_s) - counts.get(TOPICS["position"], 0)):
+        yield f"{lost} of {len(position.t_s)} fixes lack an axis, and a NavSatFix has all three: they are left out."
+    written = counts.get(ODOMETRY_TOPIC, counts.get(REFERENCE_TOPIC, 0))
+    if not reference.empty and (lost := len(reference.t_s) - written):
+        yield f"{lost} of {len(reference.t_s)} rows of the reference lack what other rows have: they are left out."
+    if not reference.scored.all():
+        yield "Which rows of the reference are scored has no place in a bag: all of them will be."
+    if (position and position.true_covariance_m2 is not None) or (
+        velocity and velocity.true_covariance_m2ps2 is not None
+    ):
+        yield "True covariances have no place in a bag: an oracle will see the reported ones."
+
+
+def _metadata(recording: Recording, origin: Origin, start_ns: int, topics: Iterable[str]) -> Metadata:
+    roles = {role: topic for role, topic in TOPICS.items() if topic in topics}
+    references = [topic for topic in (ODOMETRY_TOPIC, REFERENCE_TOPIC) if topic in topics]
+    velocity, heading = recording.velocity, recording.heading
+    frame = "enu" if velocity is None else velocity.frame
+    return Metadata(
+        name=recording.name,
+        start_ns=start_ns,
+        static_start_s=recording.static_start_s,
+        origin=(origin.latitude_deg, origin.longitude_deg, origin.height_m),
+        reference_source=recording.reference.source,
+        reference_independent=recording.reference.independent,
+        outages_s=tuple((float(begin), float(end)) for begin, end in recording.outages_s),
+        topics={**roles, **({"reference": references[0]} if references else {})},
+        velocity_frame="course" if frame == "speed" else frame,
+        heading_source="dual_antenna" if heading is None else heading.source,
+        covariance_order="neu",
+    )
+
+
+def _write_ros1(make: Maker, streams: Mapping[str, _Stream], path: Path) -> None:
+    from rosbags.rosbag1 import Writer
+
+    with Writer(path) as writer:
+        _fill(make, writer, make.store.serialize_ros1, streams)
+
+
+def _write_ros2(make: Maker, streams: Mapping[str, _Stream], path: Path) -> None:
+    """Write the folder of a ROS 2 bag, and keep its one file."""
+    from rosbags.rosbag2 import StoragePlugin, Writer
+
+    plugin = StoragePlugin.MCAP if path.suffix == ".mcap" else StoragePlugin.SQLITE3
+    with TemporaryDirectory(dir=path.parent) as folder:
+        with Writer(Path(folder) / "bag", version=9, storage_plugin=plugin) as writer:
+            _fill(make, writer, make.store.serialize_cdr, streams)
+        (file,) = (Path(folder) / "bag").glob(f"*{path.suffix}")
+        shutil.move(file, path)
+
+
+def _fill(make: Maker, writer: Any, serialise: Any, streams: Mapping[str, _Stream]) -> None:  # noqa: ANN401 - one of two writers
+    connections = [
+        writer.add_connection(topic, stream.msgtype, typestore=make.store) for topic, stream in streams.items()
+    ]
+    bound = [
+        zip(stream.messages, repeat(connection))
+        for stream, connection in zip(streams.values(), connections, strict=True)
+    ]
+    for (t, msgtype, message), connection in heapq.merge(*bound, key=lambda pair: pair[0][0]):
+        writer.write(connection, make.stamp_ns(t), serialise(message, msgtype))

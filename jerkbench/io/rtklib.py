@@ -1,0 +1,348 @@
+"""A solution of RTKLIB (.pos): its header and columns, its rows in ENU order, several files of one drive as one."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from jerkbench.arrays import BoolArray, FloatArray, IntArray
+from jerkbench.errors import RecordingError
+from jerkbench.geometry import ecef_to_geodetic, ecef_to_origin, enu_axes, enu_to_geodetic, geodetic_to_enu
+from jerkbench.io.clocks import GPS_EPOCH_NS, GPST_MINUS_UTC_S, WEEK_NS, calendar_ns
+from jerkbench.io.text import Line, parse_numbers, read_lines, require_increasing, whole_lines
+from jerkbench.recording import Origin, Position
+
+# The header of a .pos file: the options that RTKLIB wrote with, and its columns.
+
+Frame = Literal["geodetic", "dms", "ecef", "baseline"]
+
+CLOCKS = ("GPST", "UTC", "JST")
+FRAMES: dict[str, tuple[Frame, str, str]] = {
+    "latitude(deg)": ("geodetic", "latitude(deg) longitude(deg) height(m)", "neu"),
+    "latitude(d'\")": ("dms", "latitude(d'\") longitude(d'\") height(m)", "neu"),
+    "x-ecef(m)": ("ecef", "x-ecef(m) y-ecef(m) z-ecef(m)", "xyz"),
+    "e-baseline(m)": ("baseline", "e-baseline(m) n-baseline(m) u-baseline(m)", "enu"),
+}
+"""First column of each kind of position: the frame, its three columns, and the letters of its axes."""
+
+COLUMNS = (
+    "GPST latitude(deg) longitude(deg) height(m) Q ns sdn(m) sde(m) sdu(m) sdne(m) sdeu(m) sdun(m) age(s) ratio"
+    " vn(m/s) ve(m/s) vu(m/s) sdvn sdve sdvu sdvne sdveu sdvun"
+)
+"""The header of degrees with velocities, as an example."""
+
+REFERENCE = "ref pos"
+
+
+@dataclass(frozen=True)
+class PosHeader:
+    """The columns behind the two fields of time.
+
+    Attributes:
+        clock: GPST, UTC or JST.
+        frame: of the positions; dms: degrees, minutes and seconds in columns of their own.
+        axes: letters of the axes, in the order of the columns.
+        count: how many columns there are.
+        position: of the position: the three columns' numbers (of dms where each angle begins).
+        quality: of Q.
+        sigmas: of the six standard deviations a, b, c, ab, bc, ca.
+        velocity: of the three velocities; empty: there are none.
+        velocity_sigmas: of their six standard deviations.
+        reference: of the base: the three numbers that the header gives, or none.
+        ellipsoidal: whether heights are above the ellipsoid, as RTKLIB's line "% (lat/lon/height=WGS84/ellipsoidal,
+            ..." says, or above the geoid ("WGS84/geodetic"); None: the header does not say.
+    """
+
+    clock: str
+    frame: Frame
+    axes: str
+    count: int
+    position: tuple[int, ...]
+    quality: int
+    sigmas: tuple[int, ...]
+    velocity: tuple[int, ...]
+    velocity_sigmas: tuple[int, ...]
+    reference: tuple[float, ...]
+    ellipsoidal: bool | None = None
+
+
+def read_header(path: Path, comments: Sequence[Line]) -> PosHeader:
+    """Return what the comments (lines that begin with %) say.
+
+    Raises:
+        RecordingError: none of them names the columns, or a column is missing; names file and line.
+    """
+    for number, text in reversed(comments):
+        words = text.lstrip("% ").split()
+        if len(words) > 1 and words[0] in CLOCKS and words[1] in FRAMES:
+            return replace(_header(path, number, words, _reference(comments)), ellipsoidal=_ellipsoidal(comments))
+    number, text = comments[-1] if comments else (1, "no line that begins with %")
+    raise RecordingError(
+        f"{path}, line {number}: the header is '{' '.join(text.split())}'; it must be like '% {COLUMNS}': let RTKLIB"
+        " write it (out-outhead=on)."
+    )
+
+
+def _header(path: Path, line: int, words: list[str], reference: tuple[float, ...]) -> PosHeader:
+    frame, names, axes = FRAMES[words[1]]
+    numbers: dict[str, int] = {}
+    count = 0
+    for word in words[1:]:
+        numbers[word] = count
+        count += 3 if word.endswith("(d'\")") else 1
+    crossed = [axes[k] + axes[(k + 1) % 3] for k in range(3)]
+    sigmas = [f"sd{letters}(m)" for letters in (*axes, *crossed)]
+    missing = [name for name in (*names.split(), "Q", *sigmas) if name not in numbers]
+    if missing:
+        raise RecordingError(f"{path}, line {line}: the header lacks {', '.join(missing)}; let RTKLIB write the file.")
+    velocity = [f"v{axis}(m/s)" for axis in axes]
+    velocity_sigmas = [f"sdv{letters}" for letters in (*axes, *crossed)]
+    has_velocity = all(name in numbers for name in (*velocity, *velocity_sigmas))
+    return PosHeader(
+        clock=words[0],
+        frame=frame,
+        axes=axes,
+        count=count,
+        position=tuple(numbers[name] for name in names.split()),
+        quality=numbers["Q"],
+        sigmas=tuple(numbers[name] for name in sigmas),
+        velocity=tuple(numbers[name] for name in velocity) if has_velocity else (),
+        velocity_sigmas=tuple(numbers[name] for name in velocity_sigmas) if has_velocity else (),
+        reference=reference,
+    )
+
+
+def _reference(comments: Sequence[Line]) -> tuple[float, ...]:
+    """The base's place, which RTKLIB writes in the frame of the solution; of baselines latitude, longitude, height."""
+    for _, text in comments:
+        name, _, numbers = text.lstrip("% ").partition(":")
+        if name.strip() == REFERENCE:
+            try:
+                return tuple(float(number) for number in numbers.split())
+            except ValueError:
+                return ()
+    return ()
+
+
+def _ellipsoidal(comments: Sequence[Line]) -> bool | None:
+    text = " ".join(text for _, text in comments)
+    return next((datum == "ellipsoidal" for datum in ("ellipsoidal", "geodetic") if f"WGS84/{datum}" in text), None)
+
+
+_SEPARATORS = str.maketrans(",;\t", "   ")
+_WEEK, _TIME_OF_WEEK = re.compile(r"\d{1,4}", re.ASCII), re.compile(r"\d{1,6}(\.\d{1,12})?", re.ASCII)
+_JST_NS = 9 * 3600 * 1_000_000_000
+_ENU_FROM = {"neu": [1, 0, 2], "enu": [0, 1, 2], "xyz": [0, 1, 2]}
+"""The places of east, north, up among the file's axes; x, y, z are turned afterwards."""
+
+
+@dataclass(frozen=True, eq=False)
+class PosSolution:
+    """The content of a .pos file, at its own stamps.
+
+    Attributes:
+        gpst_ns: (m,) stamps, nanoseconds of the GPST calendar since 1970.
+        latitude_deg: (m,).
+        longitude_deg: (m,).
+        height_m: (m,) above whatever datum the receiver used.
+        quality: (m,) 1 fixed, 2 float, 4 differential, 5 single.
+        covariance_m2: (m, 3, 3) of the position, ENU.
+        velocity_enu_mps: (m, 3), or None where the file has none.
+        velocity_covariance_m2ps2: (m, 3, 3), ENU, or None.
+        axes_at: of a file in ECEF, where the vectors' east, north and up are: the first fix; None: at each fix.
+        ellipsoidal: whether the header says that heights are above the ellipsoid; None: it does not say.
+        notes: what was dropped, in sentences.
+    """
+
+    gpst_ns: IntArray
+    latitude_deg: FloatArray
+    longitude_deg: FloatArray
+    height_m: FloatArray
+    quality: IntArray
+    covariance_m2: FloatArray
+    velocity_enu_mps: FloatArray | None
+    velocity_covariance_m2ps2: FloatArray | None
+    axes_at: Origin | None = None
+    ellipsoidal: bool | None = None
+    notes: tuple[str, ...] = ()
+
+    @property
+    def first(self) -> Origin:
+        """The place of the first fix."""
+        return Origin(*(float(v[0]) for v in (self.latitude_deg, self.longitude_deg, self.height_m)))
+
+    @property
+    def speed_mps(self) -> FloatArray | None:
+        """Speed over ground (m,), or None where the file has no velocities."""
+        return None if self.velocity_enu_mps is None else np.hypot(*self.velocity_enu_mps[:, :2].T)
+
+    def position(self, t_s: FloatArray, origin: Origin | None = None) -> tuple[Position, Origin]:
+        """Return the fixes at the times ``t_s`` (m,), and the origin of their ENU: ``origin``, or the first one."""
+        origin = origin or self.first
+        enu_m = geodetic_to_enu(self.latitude_deg, self.longitude_deg, self.height_m, origin)
+        return Position(t_s, enu_m, self.covariance_m2), origin
+
+    def select(self, rows: BoolArray) -> "PosSolution":
+        """Return the solution with only the ``rows`` (m,) that are True; ``axes_at`` is the first of these."""
+        names = [name for name, values in vars(self).items() if isinstance(values, np.ndarray)]
+        chosen: dict[str, Any] = {name: getattr(self, name)[rows] for name in names}
+        kept = replace(self, **chosen)
+        return kept.with_axes_at(kept.first) if rows.any() else kept
+
+    def with_axes_at(self, place: Origin) -> "PosSolution":
+        """Return the solution with its vectors along east, north and up at ``place``; as it is where they have none."""
+        if self.axes_at in (None, place):
+            return self
+        turn = enu_axes(place) @ enu_axes(self.axes_at).T
+        velocity, covariance = self.velocity_enu_mps, self.velocity_covariance_m2ps2
+        return replace(
+            self,
+            covariance_m2=_turned(turn, self.covariance_m2),
+            velocity_enu_mps=None if velocity is None else velocity @ turn.T,
+            velocity_covariance_m2ps2=None if covariance is None else _turned(turn, covariance),
+            axes_at=place,
+        )
+
+
+def read_rtklib_pos(path: Path, gpst_minus_utc_s: float = GPST_MINUS_UTC_S) -> PosSolution:
+    """Read a .pos file, whatever RTKLIB was told to write.
+
+    Times in GPST, UTC or JST, as dates or as week and time of week; places in degrees, in degrees, minutes and seconds,
+    in ECEF, or as a baseline from a base whose place the header gives; velocities or none; any separator.
+
+    A last line that was cut off is dropped. RTKLIB writes each covariance as the root of its absolute value with its
+    sign: c = sd |sd|.
+
+    Source: RTKLIB manual, appendix B, "Positioning Solution File".
+
+    Raises:
+        RecordingError: no such file, empty, another header, or a line that is damaged; names file and line.
+    """
+    lines = [(number, text.translate(_SEPARATORS)) for number, text in read_lines(path)]
+    header = read_header(path, [line for line in lines if line[1].startswith("%")])
+    rows, notes = whole_lines(path, [line for line in lines if not line[1].startswith("%")])
+    split = [(number, text.split(maxsplit=2)) for number, text in rows]
+    numbers = parse_numbers(path, [(n, fields[2] if len(fields) > 2 else "") for n, fields in split], header.count)
+    leap_ns = round(gpst_minus_utc_s * 1e9)
+    gpst_ns = np.array([_gpst_ns(path, n, fields[:2], header.clock, leap_ns) for n, fields in split], dtype=np.int64)
+    require_increasing(path, rows, gpst_ns, "the time")
+    places, turn = _places(path, header, numbers)
+    velocity = numbers[:, header.velocity][:, _ENU_FROM[header.axes]] @ turn.T if header.velocity else None
+    return PosSolution(
+        gpst_ns=gpst_ns,
+        latitude_deg=places[:, 0],
+        longitude_deg=places[:, 1],
+        height_m=places[:, 2],
+        quality=numbers[:, header.quality].astype(np.int64),
+        covariance_m2=_covariance(numbers[:, header.sigmas], header.axes, turn),
+        velocity_enu_mps=velocity,
+        velocity_covariance_m2ps2=(
+            _covariance(numbers[:, header.velocity_sigmas], header.axes, turn) if header.velocity else None
+        ),
+        axes_at=ecef_to_origin(numbers[0, header.position]) if header.frame == "ecef" else None,
+        ellipsoidal=True if header.frame == "ecef" else header.ellipsoidal,
+        notes=notes,
+    )
+
+
+def _places(path: Path, header: PosHeader, numbers: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Latitude and longitude [deg] and height [m] (m, 3), and what turns the file's vectors (3, 3) into ENU."""
+    position = numbers[:, header.position]
+    if header.frame == "dms":
+        angles = [_degrees(numbers[:, begin : begin + 3]) for begin in header.position[:2]]
+        return np.column_stack([*angles, position[:, 2]]), np.eye(3)
+    if header.frame == "ecef":
+        return ecef_to_geodetic(position), enu_axes(ecef_to_origin(position[0]))
+    if header.frame == "baseline":
+        if len(header.reference) != 3:
+            raise RecordingError(
+                f"{path} has baselines, and its header does not say from where (% ref pos : latitude longitude height);"
+                " let RTKLIB write degrees or ECEF."
+            )
+        return enu_to_geodetic(position, Origin(*header.reference)), np.eye(3)
+    return position, np.eye(3)
+
+
+def _degrees(dms: FloatArray) -> FloatArray:
+    """Degrees of (m, 3) degrees, minutes, seconds; the sign of the degrees, -0 too, is that of the whole."""
+    size = np.abs(dms[:, 0]) + dms[:, 1] / 60 + dms[:, 2] / 3600
+    return np.asarray(np.copysign(size, dms[:, 0]))
+
+
+def _gpst_ns(path: Path, number: int, fields: list[str], clock: str, leap_ns: int) -> int:
+    """GPST since 1970 of ``["2025/07/08", "19:34:18.499"]`` or ``["2374", "243258.499"]``."""
+    first, second = fields
+    stamp_ns = calendar_ns(first.replace("/", "-"), second)
+    if stamp_ns is None and _WEEK.fullmatch(first) and _TIME_OF_WEEK.fullmatch(second):
+        return GPS_EPOCH_NS + int(first) * WEEK_NS + round(float(second) * 1e9)
+    if stamp_ns is None:
+        raise RecordingError(
+            f"{path}, line {number}: '{first} {second}' is no {clock} stamp; it must look like 2025/07/08 19:34:18.499,"
+            " or, week and time of week, like 2374 243258.499."
+        )
+    return stamp_ns + {"GPST": 0, "UTC": leap_ns, "JST": leap_ns - _JST_NS}[clock]
+
+
+def _covariance(sd: FloatArray, axes: str, turn: FloatArray) -> FloatArray:
+    """(m, 6) a, b, c, ab, bc, ca -> (m, 3, 3) in ENU."""
+    a, b, c, ab, bc, ca = (sd * np.abs(sd)).T
+    matrices = np.stack([a, ab, ca, ab, b, bc, ca, bc, c], axis=1).reshape(-1, 3, 3)
+    order = _ENU_FROM[axes]
+    return np.asarray(turn @ matrices[:, order][:, :, order] @ turn.T)
+
+
+def _turned(turn: FloatArray, covariance: FloatArray) -> FloatArray:
+    """T C T' of covariances (m, 3, 3), symmetric to the bit."""
+    product = turn @ covariance @ turn.T
+    return np.asarray(0.5 * (product + product.transpose(0, 2, 1)))
+
+
+# Several .pos files of one drive, one after the other -> one solution.
+
+
+def read_pos_files(paths: Sequence[Path], gpst_minus_utc_s: float = GPST_MINUS_UTC_S) -> PosSolution:
+    """Read the files one after the other into one solution.
+
+    Raises:
+        RecordingError: a file is missing or damaged, begins before the one before it ends, or is alone with velocities.
+    """
+    solutions = [read_rtklib_pos(path, gpst_minus_utc_s) for path in paths]
+    _require_order(paths, solutions)
+    _require_the_same(paths, solutions)
+    return _joined(solutions) if len(solutions) > 1 else solutions[0]
+
+
+def _require_order(paths: Sequence[Path], solutions: Sequence[PosSolution]) -> None:
+    for k in range(1, len(paths)):
+        if solutions[k].gpst_ns[0] <= solutions[k - 1].gpst_ns[-1]:
+            raise RecordingError(
+                f"{paths[k]} begins before {paths[k - 1]} ends, and files that fit a pattern are read one after the"
+                " other, by their names; name one of them, or remove or rename the odd one."
+            )
+
+
+def _require_the_same(paths: Sequence[Path], solutions: Sequence[PosSolution]) -> None:
+    """Check that all files have velocities or none has, and that all are in ECEF or none is."""
+    for content, present in (
+        ("velocities", [solution.velocity_enu_mps is not None for solution in solutions]),
+        ("ECEF", [solution.axes_at is not None for solution in solutions]),
+    ):
+        if any(present) and not all(present):
+            has, lacks = paths[present.index(True)], paths[present.index(False)]
+            raise RecordingError(
+                f"{has} has {content}, {lacks} has none: they cannot be read one after the other; let RTKLIB write both"
+                " alike, or name one of them."
+            )
+
+
+def _joined(solutions: Sequence[PosSolution]) -> PosSolution:
+    """The rows of all, vectors of ECEF along the axes at the first fix of the first."""
+    first = solutions[0]
+    alike = [vars(s if s.axes_at is None else s.with_axes_at(first.first)) for s in solutions]
+    names = [name for name, values in vars(first).items() if isinstance(values, np.ndarray)]
+    whole: dict[str, Any] = {name: np.concatenate([values[name] for values in alike]) for name in names}
+    notes = tuple(note for solution in solutions for note in solution.notes)
+    return replace(first, **whole, axes_at=None if first.axes_at is None else first.first, notes=notes)

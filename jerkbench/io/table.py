@@ -1,0 +1,278 @@
+"""What the streams of a table have in common.
+
+In this order: what each parameter may be, and the checks; where a stream is (`Source`); its rows with their times
+(`Stream`); how the files are cut and what their clock is (`TimedColumns`), which reads a source into a stream.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+
+from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.errors import PluginError, RecordingError
+from jerkbench.io.clocks import GPS_EPOCH_NS, GPST_MINUS_UTC_S, UNIX_EPOCH, utc_of
+from jerkbench.io.columns import TIME_UNITS, Columns, find_tables, read_columns, read_datetimes_ns, times_ns
+from jerkbench.io.files import named_folder
+from jerkbench.io.frames import ACCEL_UNITS, ANGLE_UNITS, FRAMES, GYRO_UNITS
+from jerkbench.io.rtklib import PosSolution, read_pos_files
+from jerkbench.io.rtklib_fixes import accepted_fixes, steady_fixes
+from jerkbench.io.sanitiser import HIGHEST_M
+from jerkbench.io.text import TextFormat, cut_note
+
+EPOCHS = ("gps", "none", "unix")
+COVARIANCE_FRAMES = ("enu", "ned", "ecef")
+
+CHOICES = {
+    "accel_unit": tuple(ACCEL_UNITS),
+    "gyro_unit": tuple(GYRO_UNITS),
+    "time_unit": tuple(TIME_UNITS),
+    "position_time_unit": ("", *TIME_UNITS),
+    "velocity_time_unit": ("", *TIME_UNITS),
+    "reference_time_unit": ("", *TIME_UNITS),
+    "angle_unit": tuple(ANGLE_UNITS),
+    "epoch": EPOCHS,
+    "attitude_unit": tuple(ANGLE_UNITS),
+    "attitude_frame": ("", "enu", "ned"),
+    "position_frame": FRAMES,
+    "reference_frame": FRAMES,
+    "position_covariance_frame": COVARIANCE_FRAMES,
+    "velocity_frame": ("enu", "ned", "ecef", "body", "speed"),
+    "reference_body": ("flu", "frd", "sensor"),
+}
+"""What each parameter may be."""
+
+SIGMAS = (0, 1, 3, 6)
+COVARIANCES = (0, 1, 3, 6, 9)
+"""How many columns there may be of standard deviations and of variances and covariances."""
+
+COUNTS = {
+    "imu_accel": (3,),
+    "imu_gyro": (3,),
+    "position_columns": (3,),
+    "position_sigma": SIGMAS,
+    "position_covariance": COVARIANCES,
+    "velocity_columns": (3,),
+    "velocity_sigma": SIGMAS,
+    "velocity_covariance": COVARIANCES,
+    "reference_position": (0, 3),
+    "reference_velocity": (0, 3),
+    "reference_attitude": (0, 3, 4),
+}
+"""How many columns each parameter may name."""
+
+
+def require_columns(table: object, velocity_frame: str) -> None:
+    """Raise a PluginError that names the first of the parameters with another number of columns than it may have."""
+    speed = {"velocity_columns": (1,), "velocity_sigma": (0, 1), "velocity_covariance": (0, 1)}
+    counts = COUNTS | (speed if velocity_frame == "speed" else {})
+    for name, allowed in counts.items():
+        columns = getattr(table, name)
+        if len(columns) not in allowed:
+            counts_text = " or ".join(map(str, allowed))
+            raise PluginError(
+                f"dataset table: {name} names {len(columns)} columns, {columns}; it must name {counts_text}."
+            )
+    for stream in ("position", "velocity"):
+        if getattr(table, f"{stream}_sigma") and getattr(table, f"{stream}_covariance"):
+            raise PluginError(
+                f"dataset table: {stream}_sigma and {stream}_covariance are both given; leave one of them empty."
+            )
+
+
+def require_origin(origin: tuple[float, ...]) -> None:
+    """Raise a PluginError unless there is no origin, or one on Earth."""
+    if not origin:
+        return
+    if len(origin) != 3:
+        raise PluginError(
+            f"dataset table: origin is {origin}; give latitude [deg], longitude [deg] and height [m], or none."
+        )
+    if not all(abs(value) <= most for value, most in zip(origin, (90.0, 360.0, HIGHEST_M), strict=True)):
+        raise PluginError(
+            f"dataset table: origin is {origin}, which is not on Earth; give latitude [deg], longitude [deg] and height"
+            " [m], in this order."
+        )
+
+
+LEAST_STEPS = 4
+"""Of fewer steps nobody can say which is odd."""
+
+SOLUTION = ".pos"
+"""Ending of RTKLIB's solutions, which say themselves what their columns are."""
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where a stream stands.
+
+    Attributes:
+        name: imu, position, velocity or reference.
+        file: a name, or a pattern of several; empty: there is no such stream.
+        time: column of its times; empty: they are in a file of dates.
+        shift_s: added to its stamps.
+        unit: of its times; empty: that of all streams.
+        qualities: of a solution of RTKLIB, the values of Q that are used; empty: all.
+    """
+
+    name: str
+    file: str
+    time: str
+    shift_s: float
+    unit: str = ""
+    qualities: tuple[float, ...] = ()
+
+    @property
+    def solved(self) -> bool:
+        """Whether it is a solution of RTKLIB."""
+        return self.file.endswith(SOLUTION)
+
+    @property
+    def parameter(self) -> str:
+        """The parameter that names the file."""
+        return f"{self.name}_file"
+
+    @property
+    def shift_ns(self) -> int:
+        """Nanoseconds that are added to its stamps."""
+        return round(self.shift_s * 1e9)
+
+
+@dataclass(frozen=True, eq=False)
+class Stream:
+    """A file's columns with their stamps.
+
+    Attributes:
+        columns: the table, in the file's order.
+        t_ns: (n,) stamps of the rows, shifted, since the files' own zero.
+    """
+
+    columns: Columns
+    t_ns: IntArray
+
+    def only(self, names: Sequence[str]) -> "Stream":
+        """Return the rows in which the stream's columns ``names`` are not all empty: others belong to other streams.
+
+        Raises:
+            RecordingError: there is no such column, or it has no entry at all.
+        """
+        rows = self.columns.rows_of(names)
+        if not rows.any():
+            raise RecordingError(f"{self.columns.where} has no entry in {', '.join(names)}; name other columns.")
+        return self if rows.all() else Stream(self.columns.only(rows), self.t_ns[rows])
+
+    def whole(self) -> "Stream":
+        """Return the stream without a first and a last row whose time alone was cut, and with a note that counts them.
+
+        A time that lost its first digits is so early that the step after it is longer than all the rest; one that lost
+        its last ones is before the row above.
+        """
+        steps = np.diff(self.t_ns)
+        if len(steps) < LEAST_STEPS or (steps[1:-1] <= 0).any():
+            return self
+        first, last = bool(steps[0] > steps[1:-1].sum() + abs(steps[-1])), bool(steps[-1] < 0)
+        rows = np.arange(len(self.t_ns))
+        keep = (rows >= first) & (rows < len(rows) - last)
+        notes = cut_note(Path(self.columns.where).name, first=first, last=last)
+        return self if keep.all() else Stream(self.columns.only(keep).noted(notes), self.t_ns[keep])
+
+    def t_s(self, zero_ns: int) -> FloatArray:
+        """Return (n,) seconds since ``zero_ns``."""
+        return np.asarray((self.t_ns - zero_ns) * 1e-9, dtype=np.float64)
+
+
+MATLAB = ".mat"
+"""Ending of MATLAB's files, whose variables may be of different lengths."""
+
+
+@dataclass(frozen=True)
+class TimedColumns:
+    """What all streams of a table share: the folder, how text is cut, and the time.
+
+    Attributes:
+        folder: where the files are; "fetched:NAME" is what `jerkbench data fetch NAME` has fetched.
+        separator: between the columns of a text; empty: white space. Parquet needs none.
+        header: whether a line above the data names the columns: the first of as many fields (others, a title or units,
+            are left out); if not, they are numbered from 1.
+        comment: what a line to be left out begins with.
+        time_unit: of every column of times: s, ms, us or ns; a stream may have one of its own.
+        time_week: the column of GPS weeks, in every file, where the times are those of the week; empty: they are not.
+        time_file: a file, or a pattern, of UTC dates and times, one a row, for a stream whose column of times is empty.
+        epoch: what the times count from: unix (1970, UTC), gps (1980, GPS time), or none (unknown).
+        gpst_minus_utc_s: leap seconds; 18 since 2017.
+        drop_leaps: drop fixes that no vehicle can have reached from their neighbours; false: they are what is studied.
+    """
+
+    folder: str
+    separator: str = ","
+    header: bool = True
+    comment: str = ""
+    time_unit: str = "s"
+    time_week: str = ""
+    time_file: str = ""
+    epoch: str = "unix"
+    gpst_minus_utc_s: float = GPST_MINUS_UTC_S
+    drop_leaps: bool = True
+
+    def files(self, pattern: str, parameter: str) -> tuple[Path, ...]:
+        """Return the files that fit the pattern.
+
+        Raises:
+            RecordingError: there is none; names the ``parameter`` that the pattern is from.
+        """
+        return find_tables(named_folder(self.folder), pattern, parameter)
+
+    def read(self, source: Source) -> Stream:
+        """Return a stream.
+
+        Raises:
+            RecordingError: a file is missing or damaged, or there are not as many dates as rows.
+        """
+        text = TextFormat(self.separator, self.header, self.comment)
+        columns = read_columns(self.files(source.file, source.parameter), text)
+        if source.file.endswith(MATLAB) and source.time:
+            columns = columns.only(columns.rows_of([source.time]))
+        t_ns = self._stamps_ns(columns, source)
+        if len(t_ns) != len(columns):
+            raise RecordingError(
+                f"{columns.where} has {len(columns)} rows, {self.time_file} has {len(t_ns)} times; they must be the"
+                " same."
+            )
+        return Stream(columns, t_ns + source.shift_ns).whole()
+
+    def read_solution(self, source: Source, zero_ns: int) -> tuple[FloatArray, PosSolution, tuple[str, ...]]:
+        """Return the times of RTKLIB's solution since ``zero_ns``, and `solution_of`."""
+        t_ns, solution, notes = self.solution_of(source)
+        return np.asarray((t_ns - zero_ns) * 1e-9), solution, notes
+
+    def solution_of(self, source: Source) -> tuple[IntArray, PosSolution, tuple[str, ...]]:
+        """Return RTKLIB's solution without fixes that leap, its shifted stamps since the epoch, and what was dropped.
+
+        Raises:
+            PluginError: the tables' clock is not known.
+            RecordingError: a file is missing or damaged, or several cannot be joined.
+        """
+        if self.epoch == "none":
+            raise PluginError(
+                f"dataset table: {source.parameter} is '{source.file}', in GPS time; epoch must be gps or unix."
+            )
+        files = self.files(source.file, source.parameter)
+        solution = read_pos_files(files, self.gpst_minus_utc_s)
+        if source.qualities:
+            solution = accepted_fixes(solution, source.qualities, files[0])
+        solution, leaps = steady_fixes(solution) if self.drop_leaps else (solution, ())
+        offset_ns = GPS_EPOCH_NS if self.epoch == "gps" else round(self.gpst_minus_utc_s * 1e9)
+        return solution.gpst_ns - offset_ns + source.shift_ns, solution, (*solution.notes, *leaps)
+
+    def start_utc(self, zero_ns: int) -> datetime | None:
+        """Return the UTC of ``zero_ns``; None where nobody knows what the times count from."""
+        if self.epoch == "gps":
+            return utc_of(zero_ns + GPS_EPOCH_NS, self.gpst_minus_utc_s)
+        return UNIX_EPOCH + timedelta(microseconds=zero_ns // 1000) if self.epoch == "unix" else None
+
+    def _stamps_ns(self, columns: Columns, source: Source) -> IntArray:
+        if source.time:
+            return times_ns(columns, source.time, source.unit or self.time_unit, self.time_week)
+        return np.concatenate([read_datetimes_ns(path) for path in self.files(self.time_file, "time_file")])

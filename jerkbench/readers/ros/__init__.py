@@ -1,1 +1,0 @@
-"""ROS bags: opening them, choosing topics, and turning messages into arrays."""

@@ -1,0 +1,380 @@
+"""The recording: IMU, position, velocity, heading and the reference, validated when made and never changed.
+
+Frames: positions and velocities are in the local tangent plane ENU at ``Recording.origin`` (WGS-84), the body is
+FLU (forward, left, up). The attitude Omega = Rz(yaw) Ry(pitch) Rx(roll) turns body into ENU; positive pitch is nose
+down. Specific force at rest and level is (0, 0, +g). Times are seconds from the recording's start, and each is the
+time at which the value was true (the stamp less the latency). A value that is NaN is not there.
+"""
+
+from dataclasses import dataclass, field
+from datetime import datetime
+from typing import Any, Literal, Self
+
+import numpy as np
+
+from jerkbench.arrays import BoolArray, FloatArray, frozen, require, require_covariances, require_times
+from jerkbench.errors import RecordingError
+from jerkbench.notebook import shown, stamps_text
+
+# The origin of a recording's coordinates.
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Origin of the local tangent plane (WGS-84).
+
+    Attributes:
+        latitude_deg: geodetic latitude.
+        longitude_deg: longitude.
+        height_m: height above the ellipsoid (or above the datum that the recording's heights use).
+    """
+
+    latitude_deg: float
+    longitude_deg: float
+    height_m: float
+
+
+# The fields of a recording's parts as checked, read-only arrays.
+
+
+def freeze(owner: object, **shapes: tuple[int | None, ...]) -> None:
+    """Replace each named field of a frozen dataclass by its checked read-only array."""
+    for name, shape in shapes.items():
+        value: Any = getattr(owner, name)
+        if value is not None:
+            object.__setattr__(owner, name, frozen(owner, name, value, shape))
+
+
+# The streams of a recording: inertial samples, position fixes, velocities, headings.
+
+VELOCITY_FRAMES = ("enu", "body", "speed")
+"""In which axes a velocity may be."""
+
+HEADING_SOURCES = ("dual_antenna", "odometry", "course")
+"""The sources of a heading."""
+
+
+@dataclass(frozen=True, eq=False)
+class Imu:
+    """Inertial samples; each is the mean over the interval that ends at its stamp.
+
+    Attributes:
+        t_s: (n,) end of each sample's interval.
+        accel_mps2: (n, 3) specific force, body FLU, gravity included.
+        gyro_radps: (n, 3) angular rate, body FLU.
+    """
+
+    t_s: FloatArray
+    accel_mps2: FloatArray
+    gyro_radps: FloatArray
+
+    def __post_init__(self) -> None:
+        """Check shapes, times and that every sample is a number."""
+        freeze(self, t_s=(None,))
+        n = len(self.t_s)
+        if n < 2:
+            raise RecordingError(f"Imu.t_s has {n} samples; at least 2 are needed.")
+        freeze(self, accel_mps2=(n, 3), gyro_radps=(n, 3))
+        require_times(self, self.t_s)
+        for name in ("accel_mps2", "gyro_radps"):
+            require(np.isfinite(getattr(self, name)).all(axis=1), self, name, "the sample is NaN or infinite")
+
+    @property
+    def nominal_interval_s(self) -> float:
+        """The interval dt0 between samples (median)."""
+        return float(np.median(np.diff(self.t_s)))
+
+
+@dataclass(frozen=True, eq=False)
+class Position:
+    """Position fixes.
+
+    Attributes:
+        t_s: (m,) time at which the fix was true.
+        enu_m: (m, 3) east, north, up; a NaN axis was not measured.
+        covariance_m2: (m, 3, 3) as reported by the receiver.
+        true_covariance_m2: (m, 3, 3) what the errors were really drawn from (simulated or disturbed fixes), or None.
+    """
+
+    t_s: FloatArray
+    enu_m: FloatArray
+    covariance_m2: FloatArray
+    true_covariance_m2: FloatArray | None = None
+
+    def __post_init__(self) -> None:
+        """Check shapes, times and covariances."""
+        freeze(self, t_s=(None,))
+        m = len(self.t_s)
+        freeze(self, enu_m=(m, 3), covariance_m2=(m, 3, 3), true_covariance_m2=(m, 3, 3))
+        require_times(self, self.t_s)
+        require_covariances(self, "covariance_m2", self.covariance_m2, np.isfinite(self.enu_m))
+        if self.true_covariance_m2 is not None:
+            require_covariances(self, "true_covariance_m2", self.true_covariance_m2, np.isfinite(self.enu_m))
+
+
+@dataclass(frozen=True, eq=False)
+class Velocity:
+    """Velocity measurements.
+
+    Attributes:
+        t_s: (m,) time at which the value was true. Axes with different latencies stand in rows of their own.
+        mps: (m, 3) velocity in ``frame``; a NaN axis was not measured.
+        covariance_m2ps2: (m, 3, 3) in ``frame``.
+        frame: "enu"; "body" (FLU), all three axes; or "speed": what a wheel measures, along the body's x axis, which a
+            data set turns into the direction of travel, and across it, left and up, what is known of that (or NaN).
+            The last two are turned into ENU with the attitude at that time, covariance too.
+        true_covariance_m2ps2: as in Position.
+    """
+
+    t_s: FloatArray
+    mps: FloatArray
+    covariance_m2ps2: FloatArray
+    frame: Literal["enu", "body", "speed"] = "enu"
+    true_covariance_m2ps2: FloatArray | None = None
+
+    def __post_init__(self) -> None:
+        """Check shapes, times, covariances and the frame."""
+        freeze(self, t_s=(None,))
+        m = len(self.t_s)
+        freeze(self, mps=(m, 3), covariance_m2ps2=(m, 3, 3), true_covariance_m2ps2=(m, 3, 3))
+        require_times(self, self.t_s)
+        present = np.isfinite(self.mps)
+        require_covariances(self, "covariance_m2ps2", self.covariance_m2ps2, present)
+        if self.true_covariance_m2ps2 is not None:
+            require_covariances(self, "true_covariance_m2ps2", self.true_covariance_m2ps2, present)
+        if self.frame not in VELOCITY_FRAMES:
+            raise RecordingError(f"Velocity.frame is '{self.frame}'; it must be 'enu', 'body' or 'speed'.")
+        if self.frame == "body":
+            require(present.all(axis=1) | ~present.any(axis=1), self, "mps", "a body velocity needs all three axes")
+        if self.frame == "speed":
+            require(present[:, 0] | ~present.any(axis=1), self, "mps", "a speed needs its first axis, along the course")
+
+    @classmethod
+    def along_course(
+        cls, t_s: FloatArray, speed_mps: FloatArray, sigma_mps: float, across_sigma_mps: float | None = None
+    ) -> Self:
+        """Return a wheel's speed in the frame "speed".
+
+        Args:
+            t_s: (m,) time at which it was true.
+            speed_mps: (m,) forwards; NaN: not there.
+            sigma_mps: one standard deviation of it.
+            across_sigma_mps: one standard deviation of the velocity to the left and upwards, taken to be zero (the
+                vehicle does not slide: non-holonomic); None: nothing is known of it.
+        """
+        along = np.asarray(speed_mps, dtype=np.float64)
+        across = np.where(np.isfinite(along), np.nan if across_sigma_mps is None else 0.0, np.nan)
+        variances = np.array([sigma_mps, across_sigma_mps or 1.0, across_sigma_mps or 1.0]) ** 2
+        covariance = np.tile(np.diag(variances), (len(along), 1, 1))
+        return cls(t_s, np.column_stack([along, across, across]), covariance, "speed")
+
+
+@dataclass(frozen=True, eq=False)
+class Heading:
+    """Heading measurements.
+
+    Attributes:
+        t_s: (m,) time at which the heading was true.
+        yaw_rad: (m,) from east towards north.
+        sigma_rad: (m,) one standard deviation.
+        source: what measured it: "dual_antenna", "odometry" (the yaw of a vehicle's own odometry) or "course" (a
+            receiver's course over ground, where it gives no velocity in ENU).
+    """
+
+    t_s: FloatArray
+    yaw_rad: FloatArray
+    sigma_rad: FloatArray
+    source: Literal["dual_antenna", "odometry", "course"] = "dual_antenna"
+
+    def __post_init__(self) -> None:
+        """Check shapes, times, that every sigma is positive, and the source."""
+        freeze(self, t_s=(None,))
+        m = len(self.t_s)
+        freeze(self, yaw_rad=(m,), sigma_rad=(m,))
+        require_times(self, self.t_s)
+        require(np.isfinite(self.yaw_rad), self, "yaw_rad", "the heading is not a finite number")
+        require(self.sigma_rad > 0, self, "sigma_rad", "the standard deviation is not positive")
+        if self.source not in HEADING_SOURCES:
+            raise RecordingError(f"Heading.source is '{self.source}'; it must be one of {', '.join(HEADING_SOURCES)}.")
+
+
+# The reference of a recording: what estimates are compared with.
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """The reference of the estimates, at its own stamps.
+
+    Attributes:
+        t_s: (k,) stamps.
+        source: one phrase: where it comes from.
+        independent: whether it shares nothing with the measurements that the filters get.
+        enu_m: (k, 3) position, or None. NaN: not known there.
+        velocity_mps: (k, 3) in ENU, or None.
+        euler_rad: (k, 3) roll, pitch, yaw, or None.
+        scored: (k,) whether errors count there (default: everywhere).
+    """
+
+    t_s: FloatArray
+    source: str
+    independent: bool
+    enu_m: FloatArray | None = None
+    velocity_mps: FloatArray | None = None
+    euler_rad: FloatArray | None = None
+    scored: BoolArray = None  # type: ignore[assignment]  # filled in below
+
+    def __post_init__(self) -> None:
+        """Check shapes and times; fill in ``scored``."""
+        freeze(self, t_s=(None,))
+        k = len(self.t_s)
+        freeze(self, enu_m=(k, 3), velocity_mps=(k, 3), euler_rad=(k, 3))
+        require_times(self, self.t_s)
+        scored = np.ones(k, dtype=bool) if self.scored is None else np.array(self.scored, dtype=bool)
+        if scored.shape != (k,):
+            raise RecordingError(f"Reference.scored has shape {scored.shape}; it must be ({k},).")
+        scored.flags.writeable = False
+        object.__setattr__(self, "scored", scored)
+
+    @property
+    def empty(self) -> bool:
+        """Whether it knows nothing: no position, no velocity, no attitude."""
+        return self.enu_m is None and self.velocity_mps is None and self.euler_rad is None
+
+
+# The law by which a simulation drew the errors of a recording.
+
+
+@dataclass(frozen=True, eq=False)
+class Drawn:
+    """The law of a simulation's errors, where it is linear and Gaussian; it holds for these streams and no others.
+
+    Attributes:
+        imu: each axis of each accelerometer sample has an error of its own, and nothing else is wrong with it.
+        position: each axis has the error sqrt(1 - s) w + sqrt(s) b in its standard deviations: w is white, b a
+            Gauss-Markov process of the time T, both of unit variance.
+        velocity: alike, in ENU.
+        accel_sigma_mps2: one sigma of the error of an accelerometer sample.
+        position_share: s of position.
+        position_time_s: T of position.
+        velocity_share: s of velocity.
+        velocity_time_s: T of velocity.
+    """
+
+    imu: Imu
+    position: Position
+    velocity: Velocity
+    accel_sigma_mps2: float
+    position_share: float
+    position_time_s: float
+    velocity_share: float
+    velocity_time_s: float
+
+
+# The recording: its streams, its reference, and what is known of the drive.
+
+LEAST_FIXES = 2
+"""A recording without an IMU has at least so many: its steps are those from fix to fix."""
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """One drive, as the filters see it, with its reference.
+
+    Attributes:
+        name: what tables call it.
+        imu: inertial samples, or None: then only filters that take no acceleration run over it, from fix to fix.
+        reference: what is compared with.
+        position: fixes, or None.
+        velocity: velocity measurements, or None.
+        heading: headings of one source, or None.
+        origin: origin of ENU, or None where nothing is known of it.
+        start_utc: time of t_s = 0, or None.
+        static_start_s: how long it stands still at the start (for the alignment); 0: it moves from the start.
+        outages_s: (k, 2) begin and end of each interval without aiding (for the metrics).
+        notes: sentences that a reader of the table has to know.
+        drawn: the law of its errors, where a simulation knows it, with the streams as they were drawn; or None.
+    """
+
+    name: str
+    imu: Imu | None
+    reference: Reference
+    position: Position | None = None
+    velocity: Velocity | None = None
+    heading: Heading | None = None
+    origin: Origin | None = None
+    start_utc: datetime | None = None
+    static_start_s: float = 0.0
+    outages_s: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
+    notes: tuple[str, ...] = ()
+    drawn: Drawn | None = None
+
+    def __post_init__(self) -> None:
+        """Check that an outage ends after it begins, and that there is something without an IMU."""
+        freeze(self, outages_s=(None, 2))
+        require(
+            self.outages_s[:, 1] > self.outages_s[:, 0], self, "outages_s", "the outage does not end after it begins"
+        )
+
+        if self.imu is None:
+            self._require_fixes()
+
+    @property
+    def inertial(self) -> Imu:
+        """The inertial samples, for what cannot do without.
+
+        Raises:
+            RecordingError: the recording has none.
+        """
+        if self.imu is None:
+            raise RecordingError(
+                f"{self.name} has no IMU: no attitude, and only filters and disturbances that need none."
+            )
+        return self.imu
+
+    @property
+    def clock_s(self) -> FloatArray:
+        """The stamps at which something may happen, whatever is measured: the IMU's, or else all of the fixes'."""
+        if self.imu is not None:
+            return self.imu.t_s
+        streams = [stream.t_s for stream in (self.position, self.velocity) if stream is not None]
+        return np.unique(np.concatenate(streams))
+
+    @property
+    def duration_s(self) -> float:
+        """Time of the last IMU sample; without an IMU, of the last fix."""
+        return float(self.clock_s[-1])
+
+    def __repr__(self) -> str:
+        """Return its name, its length, and how many samples each stream has."""
+        counts = {name: len(t_s) for name, t_s in self._stamps().items()} | {"reference": len(self.reference.t_s)}
+        streams = ", ".join(f"{name} {count}" for name, count in counts.items())
+        return f"Recording({self.name!r}, {self.duration_s:.2f} s: {streams})"
+
+    def _repr_html_(self) -> str:
+        """Return its streams and notes, as a notebook shows them."""
+        lines = {name: stamps_text(t_s) for name, t_s in self._stamps().items()}
+        independent = "" if self.reference.independent else ", not independent"
+        lines["reference"] = f"{stamps_text(self.reference.t_s)}; {self.reference.source}{independent}"
+        outages = ", ".join(f"{begin:g} to {end:g} s" for begin, end in self.outages_s)
+        return shown(self.name, lines | ({"outages": outages} if outages else {}) | dict.fromkeys(self.notes, ""))
+
+    def _stamps(self) -> dict[str, FloatArray]:
+        """The stamps of each stream that is there."""
+        streams = {"imu": self.imu, "position": self.position, "velocity": self.velocity, "heading": self.heading}
+        return {name: stream.t_s for name, stream in streams.items() if stream is not None}
+
+    def _require_fixes(self) -> None:
+        """Check that a recording without an IMU has two fixes, and no velocity that an attitude would have to turn."""
+        if self.position is None or len(self.position.t_s) < LEAST_FIXES:
+            raise RecordingError(f"{self.name} has no IMU, and fewer than {LEAST_FIXES} position fixes to do without.")
+        if self.velocity is not None and self.velocity.frame != "enu":
+            raise RecordingError(
+                f"{self.name} has no IMU, so that nothing turns its velocity in the frame '{self.velocity.frame}' into"
+                " ENU; leave the velocity out, or give an IMU."
+            )
+
+
+# The gravity of every model.
+
+GRAVITY_MPS2 = 9.81
+"""Magnitude of gravity that the filters, the simulator and the gravity compensation use."""

@@ -1,1 +1,0 @@
-"""A recording as a file: a ROS bag, a table, a trajectory."""

@@ -1,0 +1,144 @@
+"""A large bag is read once: the second time from the cache, equal to the bit."""
+
+import os
+
+import numpy as np
+import pytest
+
+from bag_maker import Drive
+from jerkbench.conformance.same import identical
+from jerkbench.datasets.fixposition import Fixposition
+from jerkbench.datasets.rosbag import RosBag
+from jerkbench.io.ros import extract
+
+
+@pytest.fixture
+def bag(tmp_path, monkeypatch):
+    """Every bag is worth keeping."""
+    monkeypatch.setenv("JERKBENCH_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr(extract, "WORTH_BYTES", 0)
+    return Drive(duration_s=4.0).write(tmp_path / "a.bag")
+
+
+def kept(folder):
+    return sorted((folder / "cache" / "bags").glob("*.npz"))
+
+
+def never(*_):
+    raise AssertionError
+
+
+def test_the_second_reading_is_the_first_without_the_bag(bag, tmp_path, monkeypatch):
+    first = Fixposition(str(bag)).load(0)
+    assert len(kept(tmp_path)) == 1
+    monkeypatch.setattr(extract, "open_bag", never)
+    assert identical(Fixposition(str(bag)).load(0), first)
+    moved = bag.rename(tmp_path / "b.bag")  # it is the content that counts
+    np.testing.assert_array_equal(Fixposition(str(moved)).load(0).imu.accel_mps2, first.imu.accel_mps2)
+
+
+def test_what_changes_nothing_of_the_reading_takes_it_from_the_cache(bag, tmp_path, monkeypatch):
+    Fixposition(str(bag)).load(0)
+    monkeypatch.setattr(extract, "open_bag", never)
+    turned = Fixposition(str(bag), imu_axes="z y -x", imu_shift_s=0.1, sanitise="drop", earliest_utc="2001-01-01").load(
+        0
+    )
+    assert np.abs(turned.imu.accel_mps2[:, 0] - 9.81).max() < 0.1
+
+
+@pytest.mark.parametrize("changed", [{"velocity": "none"}, {"covariance_order": "enu"}, {"heading": "odometry"}])
+def test_another_choice_is_another_reading(bag, tmp_path, changed):
+    Fixposition(str(bag)).load(0)
+    Fixposition(str(bag), **changed).load(0)
+    RosBag(str(bag)).load(0)
+    assert len(kept(tmp_path)) == 3
+
+
+def test_another_content_is_another_reading(bag, tmp_path):
+    before = Fixposition(str(bag)).load(0)
+    bag.unlink()
+    Drive(duration_s=3.0).write(bag)
+    assert len(Fixposition(str(bag)).load(0).imu.t_s) == 150 < len(before.imu.t_s)
+    assert len(kept(tmp_path)) == 2
+
+
+@pytest.mark.parametrize("harm", [lambda c: c[: len(c) // 2], lambda _: b"", lambda c: b"\0" * len(c)])
+def test_a_damaged_cache_is_read_again_from_the_bag(bag, tmp_path, harm):
+    first = Fixposition(str(bag)).load(0)
+    (file,) = kept(tmp_path)
+    whole = file.read_bytes()
+    file.write_bytes(harm(whole))
+    assert identical(Fixposition(str(bag)).load(0), first)
+    assert len(file.read_bytes()) == len(whole)
+
+
+def test_a_flipped_byte_in_the_cache_never_shows(bag, tmp_path):
+    first = Fixposition(str(bag)).load(0)
+    (file,) = kept(tmp_path)
+    whole, draw = file.read_bytes(), np.random.default_rng(5)
+    for place in [*range(0, 400, 9), *draw.integers(len(whole), size=60), *range(len(whole) - 1500, len(whole), 60)]:
+        content = bytearray(whole)
+        content[place] ^= int(draw.integers(1, 256))
+        file.write_bytes(content)
+        found = extract._kept(file)
+        if found is not None:  # a byte that says nothing
+            file.write_bytes(whole)
+            expected = extract._kept(file)
+            for topic, messages in expected.raw.items():
+                for name, value in messages.values.items():
+                    np.testing.assert_array_equal(found.raw[topic][name], value)
+    assert identical(Fixposition(str(bag)).load(0), first)
+
+
+def test_a_cache_that_cannot_be_written_is_one_line(bag, tmp_path):
+    (tmp_path / "cache").write_text("a file, where a folder should be")
+    with pytest.warns(UserWarning, match="cannot be written"):
+        recording = Fixposition(str(bag)).load(0)
+    assert len(recording.imu.t_s) == 200
+
+
+def test_the_longest_unused_make_room(bag, tmp_path, monkeypatch):
+    Fixposition(str(bag)).load(0)
+    (first,) = kept(tmp_path)
+    monkeypatch.setattr(extract, "MOST_BYTES", int(2.5 * first.stat().st_size))
+    os.utime(first, (1, 1))
+    Fixposition(str(bag), velocity="none").load(0)
+    (second,) = set(kept(tmp_path)) - {first}
+    os.utime(second, (2, 2))
+    Fixposition(str(bag)).load(0)  # used: younger than the second now
+    Fixposition(str(bag), heading="odometry").load(0)
+    assert first in kept(tmp_path)
+    assert second not in kept(tmp_path)
+    assert len(kept(tmp_path)) == 2
+
+
+def test_one_that_is_too_large_for_the_bound_is_kept_alone(bag, tmp_path, monkeypatch):
+    monkeypatch.setattr(extract, "MOST_BYTES", 10)
+    Fixposition(str(bag), velocity="none").load(0)
+    Fixposition(str(bag)).load(0)
+    assert len(kept(tmp_path)) == 1
+
+
+def test_what_our_own_writer_said_is_kept_too(bag, tmp_path, monkeypatch):
+    from jerkbench.conformance.recordings import small_recording
+    from jerkbench.io.ros.writing import write_bag
+
+    write_bag(small_recording(), tmp_path / "own.mcap")
+    first = RosBag(str(tmp_path / "own.mcap")).load(0)
+    monkeypatch.setattr(extract, "open_bag", never)
+    assert identical(RosBag(str(tmp_path / "own.mcap")).load(0), first)
+    assert (first.name, first.static_start_s) == ("conformance", 4.0)
+
+
+def test_a_bag_that_changes_while_it_is_read_is_not_kept(bag, tmp_path, monkeypatch):
+    """Else what was read of the new bag would be the old one's for good."""
+    read = extract._read
+
+    def changing(path, planner):
+        done = read(path, planner)
+        path.write_bytes(path.read_bytes() + b"more")
+        return done
+
+    monkeypatch.setattr(extract, "_read", changing)
+    Fixposition(str(bag)).load(0)
+    assert kept(tmp_path) == []
