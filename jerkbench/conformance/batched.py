@@ -7,9 +7,9 @@ import numpy as np
 from jerkbench.conformance.require import require
 from jerkbench.contracts import Adaptation, Batched, SettingsSideBySide
 from jerkbench.estimate import Attitude, Estimate
-from jerkbench.evaluation.batch_scoring import Scored, scored, sums_from
+from jerkbench.evaluation.batch_scoring import scored
 from jerkbench.evaluation.counted_rows import counted_rows
-from jerkbench.evaluation.sums import sums_of
+from jerkbench.evaluation.sums import Scored, sums_from, sums_of
 from jerkbench.recording import Recording
 from jerkbench.streamed_run import RecordedRun, Streamed
 from jerkbench.sums import Sums

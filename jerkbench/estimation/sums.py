@@ -1,13 +1,16 @@
-"""The sums of a run, step by step as it is computed; compiled."""
+"""The sums of a run, step by step as it is computed, or from its trajectory; compiled."""
 
+from collections.abc import Callable
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray, FloatMatrix, FloatVector, IntVector
-from jerkbench.estimate import Updates
+from jerkbench.compilation.compiled_loop import compiled_loop
+from jerkbench.compilation.module_cache import can_compile
+from jerkbench.estimate import Estimate, Updates
 from jerkbench.streamed_run import Scoring, Streamed
-from jerkbench.timeline.timeline import Timeline
 
 TOTALS = (
     *("EAST", "NORTH", "UP", "VEAST", "VNORTH", "VUP", "WHOLE", "OUTAGE", "LARGEST", "FARTHEST"),
@@ -50,8 +53,8 @@ class Score(NamedTuple):
     room: FloatVector
 
 
-def score_of(scoring: Scoring | None, timeline: Timeline) -> Score:
-    """Return what is needed to score a run; None: nothing is scored."""
+def score_of(scoring: Scoring | None, update_s: FloatArray) -> Score:
+    """Return what is needed to score a run with measurements at ``update_s`` (m,); None: nothing is scored."""
     nothing, totals, room = np.empty(0), np.zeros(len(TOTALS)), np.zeros(42)
     if scoring is None:
         none = np.empty(0, dtype=np.int64)
@@ -68,7 +71,7 @@ def score_of(scoring: Scoring | None, timeline: Timeline) -> Score:
         _plain(scoring.outage),
         mark,
         np.zeros((len(marks), 9)),
-        (timeline.measurements.t_ns * 1e-9 >= scoring.start_s).astype(np.float64),
+        (update_s >= scoring.start_s).astype(np.float64),
         totals,
         room,
     )
@@ -80,9 +83,30 @@ def _plain(array: FloatArray) -> FloatArray:
 
 def streamed_from(score: Score, scoring: Scoring, updates: Updates, euler_rad: FloatArray | None) -> Streamed | None:
     """Return the sums of a run; None where they are not finite, or a covariance was none."""
-    totals = score.totals
-    if not np.isfinite(totals).all() or totals[ODD] > 0:
+    if not np.isfinite(score.totals).all() or score.totals[ODD] > 0:
         return None
+    return _streamed(score, scoring, updates, euler_rad)
+
+
+def scored_trajectory(estimate: Estimate, scoring: Scoring) -> Streamed:
+    """Return the sums of a trajectory; what is no number in it is none in them, where it counts."""
+    updates = estimate.updates
+    kept = updates.rows - np.isinf(updates.R_diagonal).sum(axis=1)
+    seen = np.column_stack([updates.rows, updates.nis, kept, updates.nis_used])
+    score, x = score_of(scoring, updates.t_s), np.hstack([estimate.position_m, estimate.velocity_mps])
+    with np.errstate(all="ignore"):
+        _compiled()(score, x, _plain(estimate.covariance.reshape(-1, 36)), seen)
+    return _streamed(score, scoring, updates, estimate.euler_rad)
+
+
+@cache
+def _compiled() -> Callable[..., None]:
+    """The loop over the rows of a trajectory, compiled where numba may compile."""
+    return compiled_loop(add_trajectory, "the score of a trajectory") if can_compile() else add_trajectory
+
+
+def _streamed(score: Score, scoring: Scoring, updates: Updates, euler_rad: FloatArray | None) -> Streamed:
+    totals = score.totals
     marked = score.errors[np.searchsorted(np.unique(scoring.marks), scoring.marks)]
     return Streamed(
         position_m2=totals[:3],
@@ -104,28 +128,50 @@ def streamed_from(score: Score, scoring: Scoring, updates: Updates, euler_rad: F
     )
 
 
+def add_trajectory(score: Score, x: FloatMatrix, P: FloatMatrix, seen: FloatMatrix) -> None:
+    """Score all rows of x (k, 6) and P (k, 36), and count all updates, of which ``seen`` (m, 4) is kept."""
+    for row in range(len(x)):
+        add_state(score, row, x[row], P[row])
+    for which in range(len(seen)):
+        add_update(score, which, seen[which])
+
+
 def add_state(score: Score, row: int, x: FloatArray, P: FloatArray) -> None:
     """Score position and velocity x (6,) with covariance P (36,) at visited row ``row``; nothing where none is."""
     if len(score.truth) == 0:
         return
     t, e = score.totals, score.room
-    counted, moving = score.counted[row], score.moving[row]
     for s in range(6):
         e[36 + s] = x[s] - score.truth[row, s]
-    for i in range(3):
-        t[EAST + i] += counted * (e[36 + i] * e[36 + i])
-        t[VEAST + i] += moving * (e[39 + i] * e[39 + i])
-    square = e[36] * e[36] + e[37] * e[37] + e[38] * e[38]
-    t[WHOLE] += score.whole[row] * square
-    t[OUTAGE] += score.outage[row] * square
-    t[FARTHEST] = max(t[FARTHEST], square)
-    t[LARGEST] = max(t[LARGEST], counted * square)
+    _add_squares(score, row, e[36] * e[36] + e[37] * e[37] + e[38] * e[38])
     if score.mark[row] >= 0:
         _mark(score.errors[score.mark[row]], e, P)
+    if score.counted[row] > 0.0:
+        _add_nees(t, e, P, score.moving[row])
+
+
+def _add_squares(score: Score, row: int, square: float) -> None:
+    """Add the squares of the errors; ``square`` is that of the position."""
+    t, e = score.totals, score.room
     if not square < np.inf:
         t[ODD] += 1.0
-    if counted > 0.0:
-        _add_nees(t, e, P, moving)
+    t[FARTHEST] = _larger(t[FARTHEST], square)
+    if score.counted[row] > 0.0:
+        for i in range(3):
+            t[EAST + i] += e[36 + i] * e[36 + i]
+        t[LARGEST] = _larger(t[LARGEST], square)
+    if score.moving[row] > 0.0:
+        for i in range(3):
+            t[VEAST + i] += e[39 + i] * e[39 + i]
+    if score.whole[row] > 0.0:
+        t[WHOLE] += square
+    if score.outage[row] > 0.0:
+        t[OUTAGE] += square
+
+
+def _larger(a: float, b: float) -> float:
+    """The larger; NaN where one of them is."""
+    return b if a == a and not b <= a else a  # noqa: PLR0124 - false of NaN alone
 
 
 def _mark(kept: FloatArray, e: FloatArray, P: FloatArray) -> None:
@@ -144,6 +190,7 @@ def _add_nees(t: FloatArray, C: FloatArray, P: FloatArray, moving: float) -> Non
     for c in range(6):
         if not C[7 * c] > 0.0:
             t[ODD] += 1.0
+            C[7 * c] = np.nan
         scale = 1.0 / C[7 * c]
         scaled = C[36 + c] * scale
         total += C[36 + c] * scaled
@@ -154,7 +201,8 @@ def _add_nees(t: FloatArray, C: FloatArray, P: FloatArray, moving: float) -> Non
                 C[6 * r + j] -= factor * C[6 * c + j]
         if c == 2:
             t[NEES_POSITION] += total
-    t[NEES] += moving * total
+    if moving > 0.0:
+        t[NEES] += total
 
 
 def add_update(score: Score, which: int, seen: FloatArray) -> None:

@@ -1,55 +1,15 @@
 """The scoring of a run that keeps no trajectory: its counted rows and its sums."""
 
-from dataclasses import dataclass
-from functools import cached_property
-from typing import NamedTuple
-
 import numpy as np
 
-from jerkbench.arrays import BoolArray, FloatArray, IntArray
+from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.contracts import Metric, Reading, Summarising
 from jerkbench.estimate import Estimate, Updates
 from jerkbench.evaluation.counted_rows import counted_rows
-from jerkbench.evaluation.counted_stamps import POSITION_AXES, VELOCITY_AXES, Rows, counting, known_axes, rows_of
-from jerkbench.evaluation.sums import drifts_mps
+from jerkbench.evaluation.counted_stamps import counting, known_axes
+from jerkbench.evaluation.sums import Scored, scoring_of
 from jerkbench.recording import Recording
-from jerkbench.streamed_run import Scoring, Streamed
-from jerkbench.sums import Sums
 from jerkbench.timeline.timeline import Timeline
-
-
-@dataclass(frozen=True, eq=False)
-class Scored:
-    """The scoring of the runs over one timeline.
-
-    Attributes:
-        scoring: for the engine.
-        rows: which rows count for what.
-        counted: (k,) which rows count at all.
-        outline: an estimate of which only ``index`` and ``euler_rad`` are known.
-    """
-
-    scoring: Scoring
-    rows: Rows
-    counted: BoolArray
-    outline: Estimate
-
-    @cached_property
-    def numbers(self) -> "Numbers":
-        """The numbers of counted rows: the same for every run."""
-        rows = self.rows
-        position, velocity = (of.sum(axis=1).astype(np.float64) for of in (rows.position, rows.velocity))
-        return Numbers(position, velocity, *(float(of.sum()) for of in (rows.whole, rows.both, rows.outage)))
-
-
-class Numbers(NamedTuple):
-    """Numbers of rows, as in `jerkbench.evaluation.counted_stamps.Rows`."""
-
-    position: FloatArray
-    velocity: FloatArray
-    whole: float
-    both: float
-    outage: float
 
 
 def can_stream(metric: Metric) -> bool:
@@ -69,7 +29,7 @@ def scored(recording: Recording, timeline: Timeline, burn_in_s: float) -> Scored
     located = known_axes(recording.reference.enu_m, outline.index).all()
     if not (located and counted.any() and (rows.velocity == rows.velocity[0]).all()):
         return None
-    return Scored(_scoring(recording, outline, rows), rows, counted, outline)
+    return Scored(scoring_of(recording, outline.index, rows), rows, counted, outline)
 
 
 def outline_of(timeline: Timeline) -> Estimate:
@@ -84,61 +44,8 @@ def outlined(index: IntArray, euler_rad: FloatArray) -> Estimate:
     return Estimate(index, unknown[:, 0, :3], unknown[:, 0, :3], unknown, euler_rad)
 
 
-def sums_from(streamed: Streamed, scored: Scored, recording: Recording) -> Sums:
-    """Return the sums of a run."""
-    rows, numbers = scored.rows, scored.numbers
-    ends = rows.outages.size
-    pairs = streamed.marked_m[:ends].reshape(-1, 2, 3)
-    return Sums(
-        position_m2=_over_axes(streamed.position_m2, POSITION_AXES),
-        position_rows=numbers.position,
-        position_max_m=float(np.sqrt(streamed.largest_m2)),
-        whole_m2=streamed.whole_m2,
-        whole_rows=numbers.whole,
-        velocity_m2ps2=_over_axes(streamed.velocity_m2ps2, VELOCITY_AXES),
-        velocity_rows=numbers.velocity,
-        nees=streamed.nees,
-        nees_rows=numbers.both,
-        nees_position=streamed.nees_position,
-        nis_per_row=streamed.nis_per_row,
-        nis_updates=streamed.nis_updates,
-        nis_used_per_row=streamed.nis_used_per_row,
-        nis_used_updates=streamed.nis_used_updates,
-        outage_m2=streamed.outage_m2,
-        outage_rows=numbers.outage,
-        outage_ends_m=np.sqrt((pairs[:, 1] ** 2).sum(axis=1)),
-        outage_driven_m=rows.outages_driven_m,
-        outage_drifts_mps=drifts_mps(pairs, rows.outages_s),
-        outages=len(recording.outages_s),
-        sampled_m=streamed.marked_m[ends:],
-        sampled_m2=streamed.marked_m2[ends:],
-    )
-
-
 def with_updates(outline: Estimate, updates: Updates) -> Estimate:
     """Return the outline with what the updates saw."""
     return Estimate(
         outline.index, outline.position_m, outline.velocity_mps, outline.covariance, outline.euler_rad, updates
     )
-
-
-def _scoring(recording: Recording, outline: Estimate, rows: Rows) -> Scoring:
-    reference, k = recording.reference, len(outline.index)
-    truth = np.zeros((k, 6))
-    if reference.enu_m is not None:
-        truth[:, :3] = rows_of(reference.enu_m, outline.index)
-    if reference.velocity_mps is not None:
-        truth[:, 3:] = np.nan_to_num(rows_of(reference.velocity_mps, outline.index))
-    return Scoring(
-        truth,
-        rows.position[0].astype(np.float64),
-        rows.whole.astype(np.float64),
-        rows.velocity[0].astype(np.float64),
-        rows.outage.astype(np.float64),
-        np.concatenate([rows.outages.ravel(), rows.sampled]),
-        rows.start_s,
-    )
-
-
-def _over_axes(squares: FloatArray, axes: dict[str, tuple[int, ...]]) -> FloatArray:
-    return np.array([squares[list(chosen)].sum() for chosen in axes.values()])

@@ -1,120 +1,128 @@
-"""The sums of a run, from its trajectory: what the built-in metrics need of it."""
+"""The sums of a run: what the built-in metrics need of it, from its trajectory or summed up as it went."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
-from jerkbench.arrays import BoolArray, FloatArray
-from jerkbench.estimate import Estimate, Updates
-from jerkbench.evaluation.counted_stamps import POSITION_AXES, VELOCITY_AXES, Rows, counting
-from jerkbench.evaluation.navigation_errors import position_error_m, velocity_error_mps
+from jerkbench.arrays import BoolArray, FloatArray, IntArray
+from jerkbench.estimate import Estimate
+from jerkbench.estimation.sums import scored_trajectory
+from jerkbench.evaluation.counted_stamps import POSITION_AXES, VELOCITY_AXES, Rows, counting, rows_of
 from jerkbench.recording import Recording
+from jerkbench.streamed_run import Scoring, Streamed
 from jerkbench.sums import Sums
 
-UPPER = np.triu_indices(3)
-"""Where the covariance of a position has numbers of its own."""
 
-BLOCK = 2048
-"""Rows whose covariances are taken together: they fit into a processor's second cache."""
+class Numbers(NamedTuple):
+    """Numbers of rows, as in `jerkbench.evaluation.counted_stamps.Rows`."""
+
+    position: FloatArray
+    velocity: FloatArray
+    whole: float
+    both: float
+    outage: float
+
+
+@dataclass(frozen=True, eq=False)
+class Scored:
+    """The scoring of the runs over one timeline, or of one trajectory.
+
+    Attributes:
+        scoring: for the engine.
+        rows: which rows count for what.
+        counted: (k,) which rows count at all.
+        outline: an estimate of which ``index`` and ``euler_rad`` are known at least.
+    """
+
+    scoring: Scoring
+    rows: Rows
+    counted: BoolArray
+    outline: Estimate
+
+    @cached_property
+    def numbers(self) -> Numbers:
+        """The numbers of counted rows: the same for every run."""
+        rows = self.rows
+        position, velocity = (of.sum(axis=1).astype(np.float64) for of in (rows.position, rows.velocity))
+        return Numbers(position, velocity, *(float(of.sum()) for of in (rows.whole, rows.both, rows.outage)))
 
 
 def sums_of(estimate: Estimate, recording: Recording, counted: BoolArray) -> Sums:
     """Return the sums of a trajectory; ``counted`` (k,) says which of its rows count."""
     rows = counting(estimate.index, recording, counted)
-    position, velocity = position_error_m(estimate, recording), velocity_error_mps(estimate, recording)
-    p2 = _squares(position, recording.reference.enu_m, estimate)
-    v2 = _squares(velocity, recording.reference.velocity_mps, estimate)
-    norm2 = p2.sum(axis=1)
-    nees, nees_position = _nees(np.hstack([position, velocity]), estimate.covariance, rows)
-    nis, nis_updates, used, used_updates = _nis(estimate.updates, rows.start_s)
+    scoring = scoring_of(recording, estimate.index, rows)
+    sums = sums_from(scored_trajectory(estimate, scoring), Scored(scoring, rows, counted, estimate), recording)
+    if (rows.position == rows.position[0]).all() and (rows.velocity == rows.velocity[0]).all():
+        return sums
+    position = [replace(scoring, counted=which.astype(np.float64)) for which in rows.position]
+    velocity = [replace(scoring, moving=which.astype(np.float64)) for which in rows.velocity]
+    return sums._replace(
+        position_m2=_over_axes([scored_trajectory(estimate, s).position_m2 for s in position], POSITION_AXES),
+        velocity_m2ps2=_over_axes([scored_trajectory(estimate, s).velocity_m2ps2 for s in velocity], VELOCITY_AXES),
+    )
+
+
+def sums_from(streamed: Streamed, scored: Scored, recording: Recording) -> Sums:
+    """Return the sums of a run; the reference knows all axes at the same stamps, of position and of velocity."""
+    rows, numbers = scored.rows, scored.numbers
+    ends = rows.outages.size
+    pairs = streamed.marked_m[:ends].reshape(-1, 2, 3)
     with np.errstate(over="ignore", invalid="ignore"):
         return Sums(
-            position_m2=_over_axes(p2, rows.position, tuple(POSITION_AXES.values())),
-            position_rows=rows.position.sum(axis=1).astype(np.float64),
-            position_max_m=float(np.sqrt(norm2[rows.position[0]]).max()) if rows.position[0].any() else float("nan"),
-            whole_m2=float(norm2[rows.whole].sum()),
-            whole_rows=float(rows.whole.sum()),
-            velocity_m2ps2=_over_axes(v2, rows.velocity, tuple(VELOCITY_AXES.values())),
-            velocity_rows=rows.velocity.sum(axis=1).astype(np.float64),
-            nees=nees,
-            nees_rows=float(rows.both.sum()),
-            nees_position=nees_position,
-            nis_per_row=nis,
-            nis_updates=nis_updates,
-            nis_used_per_row=used,
-            nis_used_updates=used_updates,
-            outage_m2=float(norm2[rows.outage].sum()),
-            outage_rows=float(rows.outage.sum()),
-            outage_ends_m=np.sqrt(norm2[rows.outages[:, 1]]),
+            position_m2=_over_axes([streamed.position_m2] * len(POSITION_AXES), POSITION_AXES),
+            position_rows=numbers.position,
+            position_max_m=float(np.sqrt(streamed.largest_m2)) if numbers.position[0] else float("nan"),
+            whole_m2=streamed.whole_m2,
+            whole_rows=numbers.whole,
+            velocity_m2ps2=_over_axes([streamed.velocity_m2ps2] * len(VELOCITY_AXES), VELOCITY_AXES),
+            velocity_rows=numbers.velocity,
+            nees=streamed.nees,
+            nees_rows=numbers.both,
+            nees_position=streamed.nees_position,
+            nis_per_row=streamed.nis_per_row,
+            nis_updates=streamed.nis_updates,
+            nis_used_per_row=streamed.nis_used_per_row,
+            nis_used_updates=streamed.nis_used_updates,
+            outage_m2=streamed.outage_m2,
+            outage_rows=numbers.outage,
+            outage_ends_m=np.sqrt((pairs[:, 1] ** 2).sum(axis=1)),
             outage_driven_m=rows.outages_driven_m,
-            outage_drifts_mps=drifts_mps(position[rows.outages], rows.outages_s),
+            outage_drifts_mps=_drifts_mps(pairs, rows.outages_s),
             outages=len(recording.outages_s),
-            sampled_m=position[rows.sampled],
-            sampled_m2=estimate.covariance[rows.sampled][:, *UPPER],
+            sampled_m=streamed.marked_m[ends:],
+            sampled_m2=streamed.marked_m2[ends:],
         )
 
 
-def drifts_mps(error_m: FloatArray, t_s: FloatArray) -> FloatArray:
-    """Return (j,) |e_last - e_first|/(t_last - t_first) of errors (j, 2, 3) at times (j, 2)."""
+def scoring_of(recording: Recording, index: IntArray, rows: Rows) -> Scoring:
+    """Return the weights of the errors at the rows ``index`` (k,) of the reference, which count for ``rows``."""
+    reference = recording.reference
+    truth = np.zeros((len(index), 6))
+    if reference.enu_m is not None:
+        truth[:, :3] = np.nan_to_num(rows_of(reference.enu_m, index))
+    if reference.velocity_mps is not None:
+        truth[:, 3:] = np.nan_to_num(rows_of(reference.velocity_mps, index))
+    return Scoring(
+        truth,
+        rows.position[0].astype(np.float64),
+        rows.whole.astype(np.float64),
+        rows.velocity[0].astype(np.float64),
+        rows.outage.astype(np.float64),
+        np.concatenate([rows.outages.ravel(), rows.sampled]),
+        rows.start_s,
+    )
+
+
+def _over_axes(squares: Sequence[FloatArray], axes: dict[str, tuple[int, ...]]) -> FloatArray:
+    """Sum each of ``squares`` over its axes."""
+    return np.array([of[list(chosen)].sum() for of, chosen in zip(squares, axes.values(), strict=True)])
+
+
+def _drifts_mps(error_m: FloatArray, t_s: FloatArray) -> FloatArray:
+    """(j,) |e_last - e_first|/(t_last - t_first) of errors (j, 2, 3) at times (j, 2)."""
     with np.errstate(all="ignore"):
         grown = np.linalg.norm(error_m[:, 1] - error_m[:, 0], axis=1)
         return np.asarray(grown / np.where(t_s[:, 1] > t_s[:, 0], t_s[:, 1] - t_s[:, 0], np.nan))
-
-
-def nested_squares(error: FloatArray, covariance: FloatArray) -> FloatArray:
-    """Return (n, k): e' P^-1 e of the first 1, 2, ..., n states of each of k rows.
-
-    By elimination, P = L D L', all rows of a block in step. NaN from the first pivot on that is not positive.
-
-    Args:
-        error: (k, n).
-        covariance: (k, n, n), symmetric.
-    """
-    squares = np.empty(error.shape[::-1])
-    for begin in range(0, len(error), BLOCK):
-        block = slice(begin, begin + BLOCK)
-        _eliminate(error[block].T.copy(), covariance[block].transpose(1, 2, 0).copy(), squares[:, block])
-    return squares.cumsum(axis=0)
-
-
-def _eliminate(e: FloatArray, P: FloatArray, squares: FloatArray) -> None:
-    """Fill ``squares`` (n, k) with the share of each state; e (n, k) and P (n, n, k) are spoilt."""
-    with np.errstate(all="ignore"):
-        for c in range(len(e)):
-            pivot = np.where(P[c, c] > 0, P[c, c], np.nan)
-            squares[c] = e[c] ** 2 / pivot
-            factor = P[c, c + 1 :] / pivot
-            e[c + 1 :] -= factor * e[c]
-            for r in range(c + 1, len(e)):
-                P[r, r:] -= factor[r - c - 1] * P[c, r:]
-
-
-def _squares(error: FloatArray, truth: FloatArray | None, estimate: Estimate) -> FloatArray:
-    """(k, 3) squared errors, 0 where the reference is not known."""
-    if truth is None:
-        return np.zeros_like(error)
-    with np.errstate(over="ignore", invalid="ignore"):
-        return np.where(np.isfinite(truth[estimate.index]), error**2, 0.0)
-
-
-def _over_axes(squares: FloatArray, rows: BoolArray, axes: tuple[tuple[int, ...], ...]) -> FloatArray:
-    """Sum of ``squares`` (k, 3) over the axes and the rows of each set."""
-    return np.array([squares[which][:, chosen].sum() for which, chosen in zip(rows, axes, strict=True)])
-
-
-def _nees(error: FloatArray, covariance: FloatArray, rows: Rows) -> tuple[float, float]:
-    located = rows.position[0]
-    squares = (
-        nested_squares(error, covariance) if located.all() else nested_squares(error[located], covariance[located])
-    )
-    with np.errstate(over="ignore", invalid="ignore"):
-        return float(squares[5, rows.both[located]].sum()), float(squares[2].sum())
-
-
-def _nis(updates: Updates, start_s: float) -> tuple[float, float, float, float]:
-    late = updates.t_s >= start_s
-    kept = updates.rows[late] - np.isinf(updates.R_diagonal[late]).sum(axis=1)
-    return *_per_row(updates.nis[late], updates.rows[late]), *_per_row(updates.nis_used[late], kept)
-
-
-def _per_row(nis: FloatArray, rows: FloatArray) -> tuple[float, float]:
-    measured = rows > 0
-    return float((nis[measured] / rows[measured]).sum()), float(measured.sum())

@@ -8,9 +8,10 @@ import numpy as np
 from jerkbench.cells.cell import Cell
 from jerkbench.contracts import Batched, Estimator, Filter, SideBySide
 from jerkbench.estimate import Attitude
-from jerkbench.evaluation.batch_scoring import Scored, can_stream, outlined, sums_from, with_updates
+from jerkbench.evaluation.batch_scoring import can_stream, outlined, with_updates
 from jerkbench.evaluation.divergence import strays
 from jerkbench.evaluation.evaluated_run import Summary, values_of
+from jerkbench.evaluation.sums import Scored, sums_from
 from jerkbench.execution.inputs import Inputs
 from jerkbench.optional import part_read
 from jerkbench.recording import Recording

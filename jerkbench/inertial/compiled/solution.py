@@ -55,7 +55,7 @@ def solve_compiled(prepared: Prepared, adaptation: object) -> InertialSolution |
     states, m, timeline = len(journey.start[1]), start_of(journey), journey.timeline
     k, u = int(np.count_nonzero(flow.reference >= 0)), int(np.count_nonzero(flow.update >= 0))
     kept = _make_kept(k, u, k)
-    reached, taken, failed = _loop_of(journey)(flow, given, rule, kept, score_of(None, timeline), m)
+    reached, taken, failed = _loop_of(journey)(flow, given, rule, kept, score_of(None, np.empty(0)), m)
     failure = ""
     if failed >= 0:
         failure = f"the covariance is no longer positive definite at {journey.events.t_s[failed]:.2f} s"
@@ -88,7 +88,8 @@ def stream_compiled(
     if rule is None:
         return None
     journey, flow, given = prepared
-    score, visited = score_of(scoring, journey.timeline), len(scoring.truth)
+    update_s = np.asarray(journey.timeline.measurements.t_ns * 1e-9, dtype=np.float64)
+    score, visited = score_of(scoring, update_s), len(scoring.truth)
     u = int(np.count_nonzero(flow.update >= 0)) if updates else 0
     kept = _make_kept(0, u, visited if attitude else 0)
     reached, taken, failed = _loop_of(journey)(flow, given, rule, kept, score, start_of(journey))
