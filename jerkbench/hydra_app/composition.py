@@ -1,29 +1,47 @@
-"""The composition of a sweep's jobs: Hydra's price once for each value of a factor, not for each combination."""
+"""The composition of a sweep's jobs: Hydra makes what their choices of plugins share, once; the choices stand in it."""
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, fields, replace
-from typing import Any
+import copy
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, fields
+from functools import cache
+from pathlib import Path
+from typing import Any, cast
 
-from hydra._internal.config_loader_impl import ConfigLoaderImpl
 from hydra.core.config_loader import ConfigLoader
+from hydra.core.config_store import ConfigStore
 from hydra.core.override_parser.overrides_parser import OverridesParser
-from omegaconf import DictConfig, OmegaConf
+from hydra.errors import HydraException
+from omegaconf import DictConfig, OmegaConf, open_dict
+from omegaconf.errors import OmegaConfBaseException
 
+from jerkbench import plugins
+from jerkbench.cells.from_names import choose, process_noise
 from jerkbench.cells.labels import GROUPS
+from jerkbench.cells.noise import Noise
+from jerkbench.errors import PluginError
 from jerkbench.hydra_app.configuration import Schema
-from jerkbench.hydra_app.light_composition import Composer, Composition
+from jerkbench.optional import preferred_attitude
+from jerkbench.presets import config_folder
 
-INDEPENDENT = ("filter", "adaptation", "noise", "engine", "disturbance")
-"""Groups that only decide their own part of the configuration."""
+CHOSEN = (*GROUPS, "disturbance", "noise")
+"""Groups whose choices are put into what Hydra has composed."""
 
-REST = "rest"
-"""Everything else: a data set may choose the attitude filter, an experiment anything."""
-
-DATA = ("dataset", "attitude")
-"""Groups of the rest that a sweep varies: a data set chooses an attitude filter, and neither decides anything else."""
-
-NO_GROUPS = {f.name for f in fields(Schema)} - {*GROUPS, "disturbance", "noise", "cluster"}
+NO_GROUPS = {f.name for f in fields(Schema)} - {*CHOSEN, "cluster"}
 """Options that are no group."""
+
+BLANK = "blank"
+"""A choice without parameters: what a group has with it, the other words (an experiment) say of every choice."""
+
+NOISE = [f.name for f in fields(Noise)]
+
+UNSAID = -1.2345e300
+"""What the noise has where nobody says anything; its blank has to have numbers, for it has types."""
+
+NAME = r"[A-Za-z_]\w*"
+NAMES = rf"{NAME}|\[{NAME}(?:,{NAME})*\]"
+"""A choice of several."""
 
 Job = Sequence[str]
 Words = tuple[str, ...]
@@ -44,186 +62,153 @@ class Composed:
     overrides: list[str]
 
 
-Known = dict[tuple[str, Words], Composition]
-"""The composition that knows a factor's overrides."""
-
-
 def compose_jobs(loader: ConfigLoader, config: DictConfig, jobs: Sequence[Job]) -> list[Composed]:
-    """Compose every job: what it would be alone, but put together from parts.
+    """Compose every job: what it would be alone.
 
-    The part that belongs to a group of `INDEPENDENT` is composed once for each distinct set of choices of this group:
-    that of the first set of each group together; where another stands for itself, it takes the place of the first, and
-    what is left is again composed together. Sets that differ in the values of parameters only take the composition of
-    the first of them, with their own values. An experiment may decide any part: jobs of different ones share nothing.
+    Raises:
+        HydraException: a job cannot be composed.
     """
-    composer = Composer(loader, config)
-    composed: dict[int, Composed] = {}
-    for places in _of_one_experiment(jobs):
-        composed.update(zip(places, _of_parts(composer, [jobs[place] for place in places]), strict=True))
-    return [composed[place] for place in range(len(jobs))]
+    composer = _Composer(loader, config)
+    return [composer.compose(job) for job in jobs]
 
 
-def _of_one_experiment(jobs: Sequence[Job]) -> Iterable[list[int]]:
-    """The places of the jobs that choose the same experiment."""
-    groups: dict[Words, list[int]] = {}
-    for place, job in enumerate(jobs):
-        groups.setdefault(tuple(word for word in job if owner(word) == "experiment"), []).append(place)
-    return groups.values()
+@dataclass(frozen=True, eq=False)
+class _Whole:
+    """What Hydra makes of some words, without its own part."""
+
+    config: DictConfig
+    plain: dict[str, Any]
+    choices: dict[str, Any]
 
 
-def _of_parts(composer: Composer, jobs: Sequence[Job]) -> list[Composed]:
-    """Compose jobs of one experiment."""
-    split = [_split(job) for job in jobs]
-    known = _exchanged(composer, split)
-    for parts in _together(split, known):
-        composed = composer.compose([word for words in parts.values() for word in words])
-        for factor, words in parts.items():
-            known.setdefault((factor, words), composed)
-    _add_other_values(split, known)
-    return [_assembled(job, parts, known) for job, parts in zip(jobs, split, strict=True)]
+class _Composer:
+    """Composes the jobs of one sweep, each part of them once."""
+
+    def __init__(self, loader: ConfigLoader, sweep: DictConfig) -> None:
+        self._loader, self._sweep = loader, sweep
+        self._whole, self._choice, self._part = cache(self._of_hydra), cache(self._chosen), cache(self._made)
+        sources = [
+            source for source in sweep.hydra.runtime.config_sources if source.provider not in ("hydra", "schema")
+        ]
+        folders = [source.path for source in sources if source.schema == "file"]
+        self._readable = len(folders) == len(sources) and str(config_folder()) in folders
+        others = (Path(folder) for folder in folders if folder != str(config_folder()))
+        self._of_user = {(path.parent.name, path.stem) for folder in others for path in folder.glob("*/*.yaml")}
+
+    def compose(self, job: Job) -> Composed:
+        """Compose a job; where its parts do not fit together, Hydra does it, or says why."""
+        about: dict[str, Words] = {}
+        for word in job:
+            about[owner(word)] = (*about.get(owner(word), ()), word)
+        try:
+            plain, choices = self._put_together(about)
+        except (HydraException, OmegaConfBaseException, PluginError):
+            whole = self._of_hydra(job)
+            plain, choices = whole.plain, whole.choices
+        if "${" in repr(plain):  # only then is OmegaConf needed, which takes longer than all the rest
+            plain = _plain(OmegaConf.create(plain), resolve=True)
+        return Composed(plain, choices, list(job))
+
+    def _put_together(self, about: Mapping[str, Words]) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Put values, and choices of plugins, into what Hydra makes of all other words."""
+        chosen = {key: choice for key, words in about.items() if (choice := self._choice(key, words))}
+        parts = {key: words for key, words in about.items() if key in chosen or all(map(_is_value, words))}
+        shared = tuple(word for key, words in about.items() if key not in parts for word in words)
+        attitude = None
+        if "dataset" in chosen and "attitude" not in chosen:
+            attitude = preferred_attitude(plugins.get("dataset", choose("dataset", chosen["dataset"]).plain["name"]))
+        whole = self._whole(shared, tuple(chosen), attitude)
+        plain = {key: self._part(whole, key, words) for key, words in parts.items()}
+        names = {key: None if choice.startswith("[") else choice for key, choice in chosen.items()}
+        return whole.plain | plain, whole.choices | names
+
+    def _of_hydra(self, words: Job, blank: Words = (), attitude: str | None = None) -> _Whole:
+        """Let Hydra compose ``words``, some groups ``blank``, with the ``attitude`` that a data set prefers."""
+        with _blanks(blank, attitude):
+            config = self._loader.load_sweep_config(self._sweep, [*words, *(f"{group}={BLANK}" for group in blank)])
+        choices: Any = OmegaConf.to_container(config.hydra.runtime.choices)
+        with open_dict(config):
+            del config["hydra"]
+        return _Whole(config, _plain(config), choices)
+
+    def _chosen(self, group: str, words: Words) -> str:
+        """Return the name that is chosen in a group, or the [names]; empty where only Hydra can tell what is."""
+        choices = [word for word in words if not _is_value(word)]
+        if group not in CHOSEN or len(choices) != 1:
+            return ""
+        choice = choices[0].removeprefix(f"{group}=")
+        is_plain = re.fullmatch(NAMES if group == "disturbance" else NAME, choice)
+        return choice if is_plain and all(self._is_ours(group, name) for name in _names(choice)) else ""
+
+    def _is_ours(self, group: str, name: str) -> bool:
+        """Whether a plugin, or a preset, is made of nothing that the user's own folders have."""
+        try:
+            alone = _alone(group, name)
+        except (PluginError, OmegaConfBaseException):
+            return False
+        return self._readable and self._of_user.isdisjoint((group, key) for key in (name, alone.get("name"), *alone))
+
+    def _made(self, whole: _Whole, key: str, words: Words) -> Any:  # noqa: ANN401 - whatever stands under the key
+        """Return what stands under a key with ``words``: their choice, or what ``whole`` has, with their values."""
+        config: Any
+        if choice := self._choice(key, words):
+            said = whole.plain[key]
+            if key == "noise":
+                said = {name: value for name, value in said.items() if value != UNSAID}
+            config = OmegaConf.merge(*({key: _alone(key, name)} for name in _names(choice)), {key: said})
+        else:
+            config = copy.deepcopy(whole.config)
+        OmegaConf.set_struct(config, True)  # noqa: FBT003 - OmegaConf's signature
+        for value in OverridesParser.create().parse_overrides([word for word in words if _is_value(word)]):
+            OmegaConf.update(config, value.key_or_group, value.value(), merge=True)
+        return _plain(config)[key]
 
 
-def _exchanged(composer: Composer, split: Sequence[dict[str, Words]]) -> Known:
-    """Compose the first sets of choices together, and put those that stand for themselves in their places."""
-    sets = {factor: list(_firsts(parts[factor] for parts in split).values()) for factor in split[0]}
-    first = composer.compose([word for of in sets.values() for word in of[0]])
-    known = {(factor, of[0]): first for factor, of in sets.items()}
-    for group in INDEPENDENT:
-        for words in sets[group][1:]:
-            if composition := composer.exchanged(first, group, words):
-                known[group, words] = composition
-    return known | _other_data(composer, first, sets[REST])
+def _names(choice: str) -> list[str]:
+    return choice.strip("[]").split(",")
 
 
-def _other_data(composer: Composer, first: Composition, sets: Sequence[Words]) -> Known:
-    """Put other data sets, with their attitude filters, in the place of the first's, where they decide nothing else."""
-    alike = [words for words in sets if _without_data(words) == _without_data(sets[0])]
-    composed = {words: composer.of_groups((*DATA, "experiment"), _of_data(words)) for words in alike if len(alike) > 1}
-    own = composed.get(sets[0])
-    return {
-        (REST, words): _in_place(first, other)
-        for words, other in composed.items()
-        if own and other and words != sets[0] and _beyond_data(other) == _beyond_data(own)
-    }
+def _alone(group: str, name: str) -> DictConfig:
+    """Return what stands under a group where ``name`` is chosen and nothing else is said."""
+    if group == "noise":
+        return cast("DictConfig", OmegaConf.merge(Noise, process_noise(name).plain))
+    plain = choose(group, name).plain
+    if group == "disturbance":
+        return OmegaConf.create({key: _with_schema(group, part) for key, part in plain.items()})
+    return _with_schema(group, plain)
 
 
-def _in_place(first: Composition, other: Composition) -> Composition:
-    """Put other data into a composition."""
-    plain = {**first.plain, **{group: other.plain[group] for group in DATA}}
-    OmegaConf.set_struct(other.config, False)  # noqa: FBT003 - OmegaConf's signature
-    for key in _beyond_data(other):
-        del other.config[key]
-    return replace(other, plain=plain, choices={**first.choices, **other.choices}, beside=first)
+def _with_schema(group: str, plain: Mapping[str, Any]) -> DictConfig:
+    return cast("DictConfig", OmegaConf.merge(plugins.schema(group, plain["name"]), plain))
 
 
-def _of_data(words: Words) -> Words:
-    return tuple(word for word in words if owner(word) in (*DATA, "experiment"))
+@contextmanager
+def _blanks(groups: Words, attitude: str | None) -> Iterator[None]:
+    """Let groups have the choice `BLANK`; that of the data sets chooses an attitude filter, if one is given."""
+    store = ConfigStore.instance()
+    for group in groups:
+        store.store(BLANK, dict.fromkeys(NOISE, UNSAID) if group == "noise" else {}, group)
+    if attitude:
+        choosing = {"defaults": ["_self_", {"override /attitude": attitude}], "dataset": {}}
+        store.store(BLANK, choosing, "dataset", "_global_")
+    try:
+        yield
+    finally:
+        for group in groups:
+            del store.repo[group][f"{BLANK}.yaml"]
 
 
-def _without_data(words: Words) -> Words:
-    return tuple(word for word in words if owner(word) not in DATA)
-
-
-def _beyond_data(composition: Composition) -> dict[str, Any]:
-    """What a composition of data sets says of anything else."""
-    return {key: value for key, value in composition.plain.items() if key not in DATA}
-
-
-def _together(split: Sequence[dict[str, Words]], known: Known) -> list[dict[str, Words]]:
-    """Return as few jobs as hold every set that is not ``known``; what is not independent, beside the first."""
-    sets = {factor: list(_firsts(parts[factor] for parts in split).values()) for factor in split[0]}
-    unknown = {factor: [words for words in of if (factor, words) not in known] for factor, of in sets.items()}
-    most = max(len(unknown[group]) for group in INDEPENDENT)
-    side_by_side = [
-        {
-            factor: unknown[factor][k] if factor != REST and k < len(unknown[factor]) else of[0]
-            for factor, of in sets.items()
-        }
-        for k in range(most)
-    ]
-    beside = {factor: of[0] for factor, of in sets.items()}
-    return side_by_side + [{**beside, REST: words} for words in unknown[REST]]
-
-
-def _firsts(sets: Iterable[Words]) -> dict[Words, Words]:
-    """The first of those sets of overrides that differ in values of parameters only, by what they have in common."""
-    firsts: dict[Words, Words] = {}
-    for words in sets:
-        firsts.setdefault(_common(words), words)
-    return firsts
-
-
-def _common(words: Words) -> Words:
-    """Return the words that decide a composition: of a parameter the key, of anything else the whole word."""
-    return tuple(word.partition("=")[0] if _is_parameter(word) else word for word in words)
-
-
-def _is_parameter(word: str) -> bool:
+def _is_value(word: str) -> bool:
     """Whether a word only gives a value to a key that is there: no group, no mapping, nothing of Hydra's own."""
     key, _, value = word.partition("=")
     plain = key.replace(".", "").replace("_", "").isalnum() and not value.startswith("{")
     return plain and (("." in key and owner(word) != "hydra") or key in NO_GROUPS)
 
 
-def _add_other_values(split: Sequence[dict[str, Words]], known: Known) -> None:
-    """Add the sets of overrides that no composition had: that of the first like them, with their own values."""
-    for factor in split[0]:
-        parts = list(dict.fromkeys(parts[factor] for parts in split))
-        firsts = _firsts(parts)
-        varied: dict[Words, DictConfig] = {}
-        for words in parts:
-            if (factor, words) not in known:
-                common = _common(words)
-                first = known[factor, firsts[common]]
-                if common not in varied:
-                    varied[common] = _part_of(first, factor)
-                known[factor, words] = _with_values(first, varied[common], words)
-
-
-def _part_of(composed: Composition, factor: str) -> DictConfig:
-    """A copy of what a factor decides of a configuration."""
-    keys = [key for key in composed.plain if key not in INDEPENDENT]
-    copied = composed.part(keys if factor == REST else [factor])
-    OmegaConf.set_struct(copied, True)  # noqa: FBT003 - OmegaConf's signature
-    return copied
-
-
-def _with_values(first: Composition, part: DictConfig, words: Words) -> Composition:
-    """Set the parameters among ``words`` in ``part``, as Hydra does, over those of the set before."""
-    parameters = [word for word in words if _is_parameter(word)]
-    ConfigLoaderImpl._apply_overrides_to_config(OverridesParser.create().parse_overrides(parameters), part)  # noqa: SLF001 - what Hydra itself does with them
-    plain: Any = OmegaConf.to_container(part)
-    return replace(first, plain=plain)
-
-
-def _assembled(job: Job, parts: dict[str, Words], known: Known) -> Composed:
-    """Take each group's part from the composition that knows its overrides."""
-    common = known[REST, parts[REST]]
-    plain, choices = dict(common.plain), dict(common.choices)
-    for group in INDEPENDENT:
-        own = known[group, parts[group]]
-        plain[group] = own.plain[group]
-        choices[group] = own.choices.get(group)
-    return _resolved(Composed(plain, choices, list(job)))
-
-
-def _resolved(composed: Composed) -> Composed:
-    """Resolve what refers to other parts; only then is OmegaConf needed, which takes longer than all the rest."""
-    if "${" not in repr(composed.plain):
-        return composed
-    plain: Any = OmegaConf.to_container(OmegaConf.create(composed.plain), resolve=True)
-    return Composed(plain, composed.choices, composed.overrides)
-
-
-def _split(job: Job) -> dict[str, Words]:
-    """The overrides of a job, by the group that they belong to."""
-    parts: dict[str, list[str]] = {factor: [] for factor in (REST, *INDEPENDENT)}
-    for word in job:
-        part = owner(word)
-        parts[part if part in INDEPENDENT else REST].append(word)
-    return {factor: tuple(words) for factor, words in parts.items()}
-
-
 def owner(word: str) -> str:
     """Return the group, or the first part of the key, that an override is about."""
     return word.lstrip("+~").partition("=")[0].partition(".")[0].partition("@")[0]
+
+
+def _plain(config: DictConfig, *, resolve: bool = False) -> dict[str, Any]:
+    return cast("dict[str, Any]", OmegaConf.to_container(config, resolve=resolve))

@@ -8,10 +8,10 @@ from hydra.types import RunMode
 from omegaconf import OmegaConf
 
 from jerkbench import plugins
+from jerkbench.filters.bias import Bias
 from jerkbench.hydra_app.composition import compose_jobs
 from jerkbench.hydra_app.configuration import Schema, register_schemas
 from jerkbench.hydra_app.hydra_parts import register_hydra_parts
-from jerkbench.hydra_app.light_composition import Composer
 from jerkbench.hydra_app.sweep_words import only_of_chosen
 from jerkbench.presets import config_folder, preset_names
 
@@ -56,10 +56,10 @@ def of_parts(loader, config, jobs):
 
 
 @pytest.fixture
-def compositions(monkeypatch):
-    """The jobs that are composed as a whole."""
-    calls, compose = [], Composer.compose
-    monkeypatch.setattr(Composer, "compose", lambda composer, job: calls.append(job) or compose(composer, job))
+def compositions(monkeypatch, loader):
+    """What Hydra has composed."""
+    calls, compose = [], loader.load_sweep_config
+    monkeypatch.setattr(loader, "load_sweep_config", lambda sweep, job: calls.append(job) or compose(sweep, job))
     return calls
 
 
@@ -68,7 +68,7 @@ def test_parts_give_what_composing_each_job_gives_and_cost_few_compositions(load
     together = of_parts(loader, config, JOBS)
 
     assert len(JOBS) == 32
-    assert len(compositions) <= 4  # of two data sets, and of what brings other files along
+    assert len(compositions) == 2  # with a data set that prefers an attitude filter, and without
     for k in range(0, 32, 5):
         assert together[k] == by_hydra(loader, config, JOBS[k]), JOBS[k]
 
@@ -99,7 +99,7 @@ def test_every_data_set_is_what_hydra_makes_of_it_and_none_is_composed_as_a_whol
     ]
     together = of_parts(loader, config, jobs)
 
-    assert len(compositions) == 1
+    assert len(compositions) == 3  # data sets that prefer an attitude filter, others, and a chosen one
     assert together == [by_hydra(loader, config, job) for job in jobs]
 
 
@@ -146,6 +146,75 @@ def test_an_experiment_that_decides_a_part_decides_it_for_whatever_takes_its_pla
     made = of_parts(loader, config, jobs)
     assert made == [by_hydra(loader, config, job) for job in jobs]
     assert [plain["filter"]["accel_mps2"] for plain, _ in made] == [0.7, 0.7, 0.7, 3]
+
+
+@pytest.mark.slow
+def test_what_an_experiment_says_of_any_group_is_as_hydra_has_it(loader, tmp_path):
+    """Of the noise, which has numbers only, and of the attitude filter, which a data set chooses otherwise."""
+    (tmp_path / "experiment").mkdir()
+    (tmp_path / "experiment" / "own.yaml").write_text(
+        "# @package _global_\ndefaults:\n  - override /attitude: field\n  - override /engine: filterpy\n"
+        "noise:\n  accel_mps2: null\n  jerk_mps3_per_sqrt_s: 3\ndisturbance:\n  bias:\n    accel_mps2: 7\n",
+        encoding="utf-8",
+    )
+    words = [f"hydra.searchpath=[file://{tmp_path}]"]
+    config = loader.load_configuration("config", words, run_mode=RunMode.MULTIRUN)
+    jobs = [
+        ["experiment=own", f"noise={noise}", f"disturbance={disturbance}", f"dataset={dataset}"]
+        for noise in ("paper", "own")
+        for disturbance in ("bias", "[bias,combined]")
+        for dataset in ("tokyo_1105", "field")
+    ]
+    jobs += [
+        ["experiment=own", "disturbance=bias", "noise.accel_mps2=0.5", f"attitude={name}"] for name in ("tilt", "field")
+    ]
+
+    assert of_parts(loader, config, jobs) == [by_hydra(loader, config, job) for job in jobs]
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings(r"ignore:\s*'filter/baseline' is validated against ConfigStore schema")
+def test_a_file_of_ones_own_stands_for_the_plugin_of_its_name_wherever_that_is_chosen(loader, tmp_path):
+    (tmp_path / "filter").mkdir()
+    (tmp_path / "filter" / "baseline.yaml").write_text("accel_mps2: 9.0\n", encoding="utf-8")
+    words = [f"hydra.searchpath=[file://{tmp_path}]"]
+    config = loader.load_configuration("config", words, run_mode=RunMode.MULTIRUN)
+    jobs = [
+        [f"filter={name}", f"adaptation={rule}"]
+        for name in ("baseline", "baseline_naive", "bias")
+        for rule in ("none", "mtf")
+    ]
+
+    made = of_parts(loader, config, jobs)
+    assert made == [by_hydra(loader, config, job) for job in jobs]
+    assert [plain["filter"]["accel_mps2"] for plain, _ in made[::2]] == [9.0, 0.02, Bias.accel_mps2]
+
+
+def test_disturbances_of_which_two_set_the_same_one_are_what_hydra_makes_of_them(loader):
+    config = base(loader)
+    lists = ("[combined,gnss_outage]", "[twelve_outages,outage_20_40]", "[gnss_outage,bias]", "[bias,bias]")
+    jobs = [[f"disturbance={names}"] for names in lists]
+
+    assert of_parts(loader, config, jobs) == [by_hydra(loader, config, job) for job in jobs]
+
+
+@pytest.mark.parametrize("word", ["filter=blank", "noise=blank", "dataset=nope"])
+def test_what_stands_for_any_choice_cannot_be_chosen_and_is_not_offered(loader, word):
+    with pytest.raises(HydraException) as raised:
+        compose_jobs(loader, base(loader), [["adaptation=mtf", word], ["adaptation=none", word]])
+    assert "\tblank" not in str(raised.value)
+
+
+def test_an_experiment_that_takes_a_choice_away_takes_any_away(loader, tmp_path):
+    (tmp_path / "experiment").mkdir()
+    (tmp_path / "experiment" / "own.yaml").write_text("# @package _global_\nfilter: null\n", encoding="utf-8")
+    words = [f"hydra.searchpath=[file://{tmp_path}]"]
+    config = loader.load_configuration("config", words, run_mode=RunMode.MULTIRUN)
+
+    made = compose_jobs(
+        loader, config, [["experiment=own", f"filter={name}", "noise=paper"] for name in ("jerk", "bias")]
+    )
+    assert [one.plain["filter"] for one in made] == [None, None]
 
 
 def test_what_an_experiment_says_that_a_plugin_does_not_know_is_refused(loader, tmp_path):
