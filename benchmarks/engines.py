@@ -95,7 +95,7 @@ def many_entrants(model: Filter) -> list[Entrant]:
     block = [Run(timeline := workload(seed), scoring_of(timeline)) for seed in range(64)]
     for name in ("none", "mtf", "sage_husa"):
         rule = plugins.create("adaptation", {"name": name})
-        run = partial(engine.run_many, block, model, rule, updates=False, threads=threads)
+        run = partial(engine.run_settings, block, [model] * 64, [rule] * 64, updates=False, threads=threads)
         (first, *_), wanted = run(), FilterpyEngine().run(block[0].timeline, model, rule).position_m
         difference = abs(np.sqrt(first.position_m2.sum()) - np.sqrt((wanted**2).sum())) / np.sqrt(len(wanted))
         entrants.append(Entrant(f"{len(block)} runs, {threads} cores, {name}", run, 3, len(block), difference))

@@ -61,7 +61,9 @@ def entrants(name: str, runs: list[RecordedRun], number: int) -> list[Entrant]:
     difference = float("nan") if got is None else apart(got.position_m, wanted.position_m)
     ways.append(Entrant(f"{name}, compiled", partial(model.estimate_compiled, *given), 5, 1, difference))
     many = [runs[k % len(runs)] for k in range(number)]
-    stream = partial(model.run_many, many, Mtf(), updates=False, attitude=False, threads=threads)
+    stream = partial(
+        model.run_settings, many, [model] * number, [Mtf()] * number, updates=False, attitude=False, threads=threads
+    )
     sums = stream()[0]
     rms = np.sqrt((((wanted.position_m - run.scoring.truth[:, :3]) * run.scoring.counted[:, None]) ** 2).sum())
     apart_m = float("nan") if sums is None else abs(np.sqrt(sums.position_m2.sum()) - rms) / np.sqrt(len(wanted.index))

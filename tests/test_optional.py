@@ -38,7 +38,7 @@ def test_a_misspelt_method_is_refused_with_the_name_that_was_meant():
         ("metric", "summarize", lambda self, sums: {}, "summarise"),
         ("adaptation", "wants_true_covarience", True, "wants_true_covariance"),
         ("adaptation", "memory_sise", lambda self: 3, "memory_size"),
-        ("engine", "runs_many", lambda self: [], "run_many"),
+        ("engine", "run_setings", lambda self: [], "run_settings"),
         ("dataset", "default_atitude", "real", "default_attitude"),
         ("filter", "axis_modells", lambda self: (), "axis_models"),
         ("attitude", "requires", lambda self, load: None, "require"),

@@ -16,9 +16,8 @@ from jerkbench.audit.methods import Method, space_of_method
 from jerkbench.audit.scenarios import ERROR, Scenario, cell_on
 from jerkbench.cells.data import data_fingerprint
 from jerkbench.errors import PluginError
-from jerkbench.execution.cell_run import Row
+from jerkbench.execution.cell_run import Row, run_settings
 from jerkbench.execution.inputs import Inputs
-from jerkbench.execution.settings_runs import run_settings
 from jerkbench.files import write_atomically
 from jerkbench.tuning.space import Setting
 from jerkbench.tuning.trials import DAMAGE

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from jerkbench.conformance.require import require
-from jerkbench.contracts import Adaptation, Batched, SettingsSideBySide
+from jerkbench.contracts import Adaptation, Batched
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.evaluation.batch_scoring import scored
 from jerkbench.evaluation.counted_rows import counted_rows
@@ -57,12 +57,9 @@ def _check_sums(
         return
     run = RecordedRun(recording, attitude, timeline, scene.scoring)
     expected = sums_of(wanted, recording, counted_rows(wanted, recording, BURN_IN_S))
-    results = plugin.run_many([run, run], adaptation, updates=False, attitude=False, threads=1)
-    _compare(f"{subject}.run_many()", results, scene, recording, expected)
-    if isinstance(plugin, SettingsSideBySide):
-        settings = [plugin, plugin], [adaptation, adaptation]
-        results = plugin.run_settings([run, run], *settings, updates=False, attitude=False, threads=1)
-        _compare(f"{subject}.run_settings()", results, scene, recording, expected)
+    settings = [plugin, plugin], [adaptation, adaptation]
+    results = plugin.run_settings([run, run], *settings, updates=False, attitude=False, threads=1)
+    _compare(f"{subject}.run_settings()", results, scene, recording, expected)
 
 
 def _compare(

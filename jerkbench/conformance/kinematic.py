@@ -109,6 +109,8 @@ def _check_estimator(plugin: Estimator) -> None:
     adaptation = create("adaptation", {"name": accepted[0]})
     estimate = pure_result(f"{subject}.estimate()", plugin.estimate, recording, attitude, adaptation)
     check_estimate(subject, estimate)
+    renamed = "has run_many(); it is run_settings(runs, estimators, adaptations, ...) now."
+    require(not hasattr(plugin, "run_many"), f"{subject} {renamed}")
     if isinstance(plugin, Batched):
         check_batched(subject, plugin, recording, attitude, adaptation, estimate)
 

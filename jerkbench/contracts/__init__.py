@@ -15,7 +15,7 @@ from jerkbench.contracts.by_kind import OPTIONAL, REQUIRED
 from jerkbench.contracts.dataset import Dataset, PreferringAttitude, WithoutImu
 from jerkbench.contracts.disturbance import Disturbance
 from jerkbench.contracts.engine import Engine, Preparing, SideBySide
-from jerkbench.contracts.estimator import Batched, Estimator, PerSeed, SettingsSideBySide
+from jerkbench.contracts.estimator import Batched, Estimator, PerSeed
 from jerkbench.contracts.filter import Filter, Labelled, ManyLengths, UsingImu
 from jerkbench.contracts.methods import has_methods
 from jerkbench.contracts.metric import Metric, OnRequest, Reading, Summarising
@@ -53,7 +53,6 @@ __all__ = [
     "Remembering",
     "RememberingStates",
     "Requiring",
-    "SettingsSideBySide",
     "SideBySide",
     "Summarising",
     "TrueCovariance",

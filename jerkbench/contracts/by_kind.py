@@ -7,7 +7,7 @@ from jerkbench.contracts.attitude import AttitudeFilter
 from jerkbench.contracts.dataset import Dataset, PreferringAttitude, WithoutImu
 from jerkbench.contracts.disturbance import Disturbance
 from jerkbench.contracts.engine import Engine, Preparing, SideBySide
-from jerkbench.contracts.estimator import Batched, Estimator, PerSeed, SettingsSideBySide
+from jerkbench.contracts.estimator import Batched, Estimator, PerSeed
 from jerkbench.contracts.filter import Filter, Labelled, ManyLengths, UsingImu
 from jerkbench.contracts.metric import Metric, OnRequest, Reading, Summarising
 from jerkbench.contracts.prior_and_gain import AdaptingGain, AdaptingPrior, Fading
@@ -20,7 +20,6 @@ OPTIONAL: Mapping[str, tuple[type, ...]] = {
     "filter": (
         ManyLengths,
         Batched,
-        SettingsSideBySide,
         UsingImu,
         AttitudeOnly,
         Requiring,

@@ -25,11 +25,11 @@ class Engine(Protocol):
 class SideBySide(Protocol):
     """An engine that runs many timelines at once, without keeping trajectories; what one raises harms no other."""
 
-    def run_many(
+    def run_settings(
         self,
         runs: Sequence[Run],
-        model: Filter | Sequence[Filter],
-        adaptation: Adaptation | Sequence[Adaptation],
+        models: Sequence[Filter],
+        adaptations: Sequence[Adaptation],
         *,
         updates: bool,
         threads: int,
@@ -38,8 +38,8 @@ class SideBySide(Protocol):
 
         Args:
             runs: timelines, and what the errors count for.
-            model: the filter, or that of each run.
-            adaptation: the adaptation, or that of each run.
+            models: the filter of each run.
+            adaptations: the adaptation of each run.
             updates: whether to keep what the updates saw.
             threads: how many to use.
         """

@@ -34,28 +34,6 @@ class Batched(Protocol):
         """Return what ``estimate`` returns."""
         ...
 
-    def run_many(
-        self, runs: Sequence[RecordedRun], adaptation: Adaptation, *, updates: bool, attitude: bool, threads: int
-    ) -> Sequence[Streamed | None]:
-        """Run over all ``runs`` without keeping trajectories; what one raises harms no other.
-
-        Args:
-            runs: recordings with their attitudes, and what the errors count for.
-            adaptation: the adaptation.
-            updates: whether to keep what the updates saw.
-            attitude: whether to keep the attitude, where the estimator finds one of its own.
-            threads: how many to use.
-
-        Returns:
-            The sums of each run, or None.
-        """
-        ...
-
-
-@runtime_checkable
-class SettingsSideBySide(Protocol):
-    """What a `Batched` estimator may have as well: runs that differ in its numbers, or in those of the adaptation."""
-
     def run_settings(
         self,
         runs: Sequence[RecordedRun],
@@ -66,7 +44,19 @@ class SettingsSideBySide(Protocol):
         attitude: bool,
         threads: int,
     ) -> Sequence[Streamed | None]:
-        """Return what `Batched.run_many` does, run k with its own of ``estimators`` and of ``adaptations``."""
+        """Run over all ``runs`` without keeping trajectories; what one raises harms no other.
+
+        Args:
+            runs: recordings with their attitudes, and what the errors count for.
+            estimators: that of each run; they are of one class, and differ in their numbers.
+            adaptations: that of each run, likewise.
+            updates: whether to keep what the updates saw.
+            attitude: whether to keep the attitude, where the estimator finds one of its own.
+            threads: how many to use.
+
+        Returns:
+            The sums of each run, or None.
+        """
         ...
 
 

@@ -9,9 +9,8 @@ from jerkbench.arrays import FloatArray
 class Filter(Protocol):
     """A kinematic filter: the model of one axis; the full one is A (x) I3, b (x) I3, Q (x) I3, H = [I6 0].
 
-    Optional, as for an `Estimator`: `ManyLengths` (of a kinematic one alone), `Batched` and `SettingsSideBySide` (of an
-    estimator alone), `UsingImu`, `AttitudeOnly`, `Requiring`, `PerSeed` (of an estimator alone), `Labelled`,
-    `ReadingFile`, `Remarking`.
+    Optional, as for an `Estimator`: `ManyLengths` (of a kinematic one alone), `Batched` and `PerSeed` (of an estimator
+    alone), `UsingImu`, `AttitudeOnly`, `Requiring`, `Labelled`, `ReadingFile`, `Remarking`.
     """
 
     def axis_model(self, dt: float, dt0: float) -> tuple[FloatArray, FloatArray, FloatArray]:

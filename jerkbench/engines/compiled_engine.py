@@ -55,45 +55,30 @@ class CompiledEngine:
         if can_compile():
             compile_beside(2 + len(model.initial_variances()))
 
-    def run_many(
+    def run_settings(
         self,
         runs: Sequence[Run],
-        model: Filter | Sequence[Filter],
-        adaptation: Adaptation | Sequence[Adaptation],
+        models: Sequence[Filter],
+        adaptations: Sequence[Adaptation],
         *,
         updates: bool,
         threads: int,
     ) -> Sequence[Streamed | None]:
-        """Run all ``runs`` side by side, without keeping trajectories.
-
-        Args:
-            runs: timelines, and what the errors count for.
-            model: the filter, or that of each run.
-            adaptation: the adaptation, or that of each run.
-            updates: whether to keep what the updates saw.
-            threads: how many to use.
+        """Run all ``runs`` side by side, each with its own of ``models`` and ``adaptations``, without trajectories.
 
         Returns:
             The sums of each run; None where it is to be run alone by `run`, which says why.
         """
-        models = list(model) if isinstance(model, Sequence) else [model] * len(runs)
-        rules = _rules(adaptation, runs)
-        known = [k for k, rule in enumerate(rules) if rule is not None]
         from jerkbench.kinematic.batch import run_batch
 
+        owned = [clocked(own, run.timeline) for own, run in zip(adaptations, runs, strict=True)]
+        known = {own: compiled_rule(own) for own in dict.fromkeys(owned)}  # equal ones are one, asked for once
         results: list[Streamed | None] = [None] * len(runs)
-        batch = [runs[k] for k in known], [models[k] for k in known], [rule for rule in rules if rule is not None]
-        for k, result in zip(known, run_batch(*batch, updates=updates, threads=threads), strict=True):
+        rules = {k: rule for k, own in enumerate(owned) if (rule := known[own]) is not None}
+        batch = [runs[k] for k in rules], [models[k] for k in rules], list(rules.values())
+        for k, result in zip(rules, run_batch(*batch, updates=updates, threads=threads), strict=True):
             results[k] = result
         return results
-
-
-def _rules(adaptation: Adaptation | Sequence[Adaptation], runs: Sequence[Run]) -> "list[Rule | None]":
-    """The compiled adaptation of each run; equal ones are one, which has been asked for once."""
-    every = adaptation if isinstance(adaptation, Sequence) else [adaptation] * len(runs)
-    owned = [clocked(own, run.timeline) for own, run in zip(every, runs, strict=True)]
-    known = {own: compiled_rule(own) for own in dict.fromkeys(owned)}
-    return [known[own] for own in owned]
 
 
 def compiled_rule(adaptation: Adaptation) -> "Rule | None":

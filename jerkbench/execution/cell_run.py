@@ -1,29 +1,36 @@
-"""The run of a cell: one row for each seed."""
+"""Runs become rows: the seeds and the settings of a cell side by side where its plugins can, else one at a time."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple, cast
+
+import numpy as np
 
 from jerkbench.cells.cell import Cell
 from jerkbench.contracts import Adaptation, Batched, Engine, Estimator, Filter, PerSeed, SideBySide
 from jerkbench.errors import JerkbenchError, PluginError
 from jerkbench.estimate import Attitude, Estimate
+from jerkbench.evaluation.batch_scoring import can_stream, outlined, with_updates
 from jerkbench.evaluation.counted_rows import require_begin
-from jerkbench.evaluation.divergence import run_status
-from jerkbench.evaluation.evaluated_run import evaluate_run
-from jerkbench.execution.batches import StreamedSeed, streamed_seeds, streams
+from jerkbench.evaluation.divergence import run_status, strays
+from jerkbench.evaluation.evaluated_run import Summary, evaluate_run, values_of
+from jerkbench.evaluation.sums import Scored, sums_from
 from jerkbench.execution.inputs import KEPT, Inputs, shared_inputs
 from jerkbench.execution.notes import notes_of
 from jerkbench.execution.plugin_errors import plugins_in_words, reason_of
 from jerkbench.execution.plugin_probe import unfit
+from jerkbench.optional import part_read
 from jerkbench.plain import plain
 from jerkbench.recording import Recording
+from jerkbench.streamed_run import RecordedRun, Run, Streamed
+from jerkbench.timeline.reported_noise import told_timeline
 from jerkbench.timeline.timeline import Timeline, build_timeline
 
 Row = dict[str, Any]
 Piece = tuple[list[Row], list[str]]
 """Rows of some seeds that are done together, and what a reader of them has to know."""
 Pieces = Iterator[Piece]
+OK = {"status": "ok", "reason": ""}
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,12 +58,9 @@ class CellRun:
         Raises:
             JerkbenchError: what is wrong, unless it is to be a row.
         """
-        rows: list[Row] = []
-        notes: dict[str, None] = {}
-        for new_rows, new_notes in self.pieces(draws or self.cell.draws):
-            rows += new_rows
-            notes.update(dict.fromkeys(new_notes))
-        return rows, list(notes)
+        pieces = list(self.pieces(draws or self.cell.draws))
+        notes = dict.fromkeys(note for _, notes in pieces for note in notes)
+        return [row for rows, _ in pieces for row in rows], list(notes)
 
     def pieces(self, draws: Sequence[int]) -> Pieces:
         """`rows`, piece by piece: the seeds that run side by side, or one that runs alone.
@@ -78,19 +82,22 @@ class CellRun:
         recording = inputs.recording(cell, self.fingerprint, draw)
         attitude = inputs.attitude(recording, cell.attitude)
         model = cell.filter.of_seed(draw) if isinstance(cell.filter, PerSeed) else cell.filter
-        told = inputs.told(recording, cell.r_scale)
-        return recording, solution(told, attitude, model, cell.adaptation, cell.engine, inputs.timeline)
+        if isinstance(model, Estimator):
+            told = inputs.told(recording, cell.r_scale)
+            return recording, solution(told, attitude, model, cell.adaptation, cell.engine)
+        timeline = told_timeline(inputs.timeline(recording, attitude), recording, attitude, cell.r_scale)
+        return recording, cell.engine.run(timeline, model, cell.adaptation)
 
     def _side_by_side(self, draws: Sequence[int]) -> Piece:
         try:
-            streamed = streamed_seeds(self.cell, draws, self.fingerprint, self.threads, self.inputs)
+            streamed = _streamed([self.cell], draws, self.fingerprint, self.threads, self.inputs)
         except Exception as error:  # noqa: BLE001 - whatever an engine raises becomes rows, or a sentence
             return self._failed(draws, error)
-        rows, notes = zip(*(self._streamed_row(draw, streamed.get(draw)) for draw in draws), strict=True)
-        return [row for (row,) in rows], [note for row_notes in notes for note in row_notes]
+        rows, notes = zip(*(self.finished(draw, streamed.get((0, draw))) for draw in draws), strict=True)
+        return [row for (row,) in rows], [note for of_row in notes for note in of_row]
 
-    def _streamed_row(self, draw: int, streamed: StreamedSeed | None) -> Piece:
-        """A seed that stopped, or went too far, is run alone, which says where and when."""
+    def finished(self, draw: int, streamed: "_Sums | None") -> Piece:
+        """Return the row of a seed; one that stopped, or went too far, is run alone, which says where and when."""
         if streamed is None or streamed.far:
             return self._row(draw, streamed.values if streamed else None)
         return [{**_head(self.cell, draw), **OK, **streamed.values}], notes_of(self.cell, streamed.recording)
@@ -117,7 +124,34 @@ class CellRun:
         return failed_rows(self.cell, draws, str(error) if isinstance(error, JerkbenchError) else reason_of(error)), []
 
 
-OK = {"status": "ok", "reason": ""}
+def run_settings(
+    cells: Sequence[Cell], draws: Sequence[int], fingerprint: str, threads: int, inputs: Inputs
+) -> list[list[Row]]:
+    """Return the rows of each cell, one for each of ``draws``, as `CellRun` has them; all run side by side.
+
+    Args:
+        cells: they differ in filter (of one class), adaptation and r_scale alone.
+        draws: seeds, or phases.
+        fingerprint: of their data.
+        threads: how many the engine may use.
+        inputs: recordings, attitudes and timelines that are shared.
+    """
+    runs = [CellRun(cell, fingerprint, threads=threads, inputs=inputs) for cell in cells]
+    if not all(map(streams, cells)):
+        return [run.rows(draws)[0] for run in runs]
+    streamed = _streamed(cells, draws, fingerprint, threads, inputs)
+    return [[run.finished(draw, streamed.get((k, draw)))[0][0] for draw in draws] for k, run in enumerate(runs)]
+
+
+def streams(cell: Cell) -> bool:
+    """Whether the runs of ``cell`` need no trajectories, and its engine can do without."""
+    batched = runs_compiled(cell) if isinstance(cell.filter, Estimator) else isinstance(cell.engine, SideBySide)
+    return batched and all(map(can_stream, cell.metrics))
+
+
+def runs_compiled(cell: Cell) -> bool:
+    """Whether the estimator of ``cell`` has a compiled way, and the engine asks for it."""
+    return isinstance(cell.filter, Batched) and isinstance(cell.engine, SideBySide)
 
 
 def failed_rows(cell: Cell, draws: Sequence[int], reason: str) -> list[Row]:
@@ -126,16 +160,11 @@ def failed_rows(cell: Cell, draws: Sequence[int], reason: str) -> list[Row]:
 
 
 def solution(
-    recording: Recording,
-    attitude: Attitude,
-    model: Filter | Estimator,
-    adaptation: Adaptation,
-    engine: Engine,
-    timeline: Callable[[Recording, Attitude], Timeline] = build_timeline,
+    recording: Recording, attitude: Attitude, model: Filter | Estimator, adaptation: Adaptation, engine: Engine
 ) -> Estimate:
     """Return what a filter makes of a recording; an estimator goes its compiled way where the engine asks for it."""
     if not isinstance(model, Estimator):
-        return engine.run(timeline(recording, attitude), model, adaptation)
+        return engine.run(build_timeline(recording, attitude), model, adaptation)
     quick = None
     if isinstance(model, Batched) and isinstance(engine, SideBySide):
         quick = model.estimate_compiled(recording, attitude, adaptation)
@@ -144,3 +173,86 @@ def solution(
 
 def _head(cell: Cell, draw: int) -> Row:
     return {**cell.labels._asdict(), "seed": draw, "replicate": "seed" if cell.seeded else "phase"}
+
+
+class _Prepared(NamedTuple):
+    """A seed, ready to run; R is as reported."""
+
+    recording: Recording
+    attitude: Attitude
+    timeline: Timeline
+    scored: Scored
+
+
+class _Sums(NamedTuple):
+    """The result of a run among others: its metrics by column, and whether the position went beyond the limit."""
+
+    recording: Recording
+    values: Mapping[str, float]
+    far: bool
+
+
+def _streamed(
+    cells: Sequence[Cell], draws: Sequence[int], fingerprint: str, threads: int, inputs: Inputs
+) -> dict[tuple[int, int], _Sums]:
+    """Run ``draws`` of all ``cells`` side by side; returns what came to its end, by the place of the cell and the seed.
+
+    The others (stopped, not to be scored without a trajectory, or with something wrong) are for the run alone: it says
+    what is the matter. What the engine itself raises goes on to the caller.
+    """
+    every = {draw: _prepared(cells[0], draw, fingerprint, inputs) for draw in draws}
+    ready = {(k, draw): seed for k in range(len(cells)) for draw, seed in every.items() if seed is not None}
+    if not ready:
+        return {}
+    results = _run_all([(cells[k], seed) for (k, _), seed in ready.items()], threads, inputs)
+    limit_m = cells[0].protocol.divergence_limit_m
+    return {
+        (k, draw): _Sums(seed.recording, _values(cells[k], seed, result, inputs), strays(result, limit_m))
+        for ((k, draw), seed), result in zip(ready.items(), results, strict=True)
+        if result is not None
+    }
+
+
+def _prepared(cell: Cell, draw: int, fingerprint: str, inputs: Inputs) -> _Prepared | None:
+    """Return what a run needs; None where something is wrong, which the run alone says."""
+    try:
+        recording = inputs.recording(cell, fingerprint, draw)
+        attitude = inputs.attitude(recording, cell.attitude)
+        timeline = inputs.timeline(recording, attitude)
+    except Exception:  # noqa: BLE001 - the run alone raises it again, where it becomes a row that says so
+        return None
+    scored = inputs.scored(recording, timeline, cell.protocol.burn_in_s)
+    return None if scored is None else _Prepared(recording, attitude, timeline, scored)
+
+
+def _run_all(runs: Sequence[tuple[Cell, _Prepared]], threads: int, inputs: Inputs) -> Sequence[Streamed | None]:
+    """Run all of them in one call, in the estimator's own way or in the engine's."""
+    first, _ = runs[0]
+    reads = {part_read(metric) for metric in first.metrics}
+    updates, attitude = "updates" in reads, "attitude" in reads
+    models: list[Any] = [cell.filter for cell, _ in runs]
+    rules = [cell.adaptation for cell, _ in runs]
+    bare = [Run(_told(cell, seed), seed.scored.scoring) for cell, seed in runs]
+    if not isinstance(first.filter, Batched):
+        engine = cast("SideBySide", first.engine)
+        return engine.run_settings(bare, models, rules, updates=updates, threads=threads)
+    recorded = [
+        RecordedRun(inputs.told(seed.recording, cell.r_scale), seed.attitude, *run)
+        for (cell, seed), run in zip(runs, bare, strict=True)
+    ]
+    return first.filter.run_settings(recorded, models, rules, updates=updates, attitude=attitude, threads=threads)
+
+
+def _told(cell: Cell, seed: _Prepared) -> Timeline:
+    return told_timeline(seed.timeline, seed.recording, seed.attitude, cell.r_scale)
+
+
+def _values(cell: Cell, seed: _Prepared, result: Streamed, inputs: Inputs) -> dict[str, float]:
+    """Return the metrics of a run by column, from its sums."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        sums = sums_from(result, seed.scored, seed.recording)
+    outline = seed.scored.outline
+    if result.euler_rad is not None:  # an attitude of its own
+        outline = outlined(outline.index, result.euler_rad)
+    summary = Summary(with_updates(outline, result.updates), seed.scored.counted, sums)
+    return values_of(cell.metrics, summary, seed.recording, inputs.columns)

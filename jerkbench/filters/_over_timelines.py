@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class OverTimelines:
-    """An estimator over kinematic filters: `jerkbench.contracts.Batched`, with settings side by side."""
+    """An estimator over kinematic filters: `jerkbench.contracts.Batched`."""
 
     def estimate_compiled(self, recording: Recording, attitude: Attitude, adaptation: Adaptation) -> Estimate | None:
         """Return what ``estimate`` does; None where numba cannot compile the adaptation, or the run stops."""
@@ -25,13 +25,6 @@ class OverTimelines:
         timeline = kept_timeline(recording, attitude)
         rule = compiled_rule(clocked(adaptation, timeline))
         return None if rule is None else self._alone(timeline, rule)
-
-    def run_many(
-        self, runs: Sequence[RecordedRun], adaptation: Adaptation, *, updates: bool, attitude: bool, threads: int
-    ) -> Sequence[Streamed | None]:
-        """Return the sums of each run; it finds no attitude of its own."""
-        settings = [self] * len(runs), [adaptation] * len(runs)
-        return self.run_settings(runs, *settings, updates=updates, attitude=attitude, threads=threads)
 
     def run_settings(
         self,
@@ -43,7 +36,7 @@ class OverTimelines:
         attitude: bool,
         threads: int,
     ) -> Sequence[Streamed | None]:
-        """Return the same, each run with its own of ``estimators`` and ``adaptations``."""
+        """Return the sums of each run, with its own of ``estimators`` and ``adaptations``; it finds no attitude."""
         from jerkbench.kinematic.compiled_adaptation import compiled_rule
 
         results: list[Streamed | None] = [None] * len(runs)

@@ -113,13 +113,6 @@ class Eskf15(Eskf15Parameters):
         solution = solve_compiled(_prepared(self, recording, attitude, wants_truth(adaptation)), adaptation)
         return None if solution is None else solution.estimate
 
-    def run_many(
-        self, runs: Sequence[RecordedRun], adaptation: Adaptation, *, updates: bool, attitude: bool, threads: int
-    ) -> Sequence[Streamed | None]:
-        """Return the sums of each run, as in `jerkbench.contracts.Batched`."""
-        settings = [self] * len(runs), [adaptation] * len(runs)
-        return self.run_settings(runs, *settings, updates=updates, attitude=attitude, threads=threads)
-
     def run_settings(
         self,
         runs: Sequence[RecordedRun],
@@ -130,7 +123,7 @@ class Eskf15(Eskf15Parameters):
         attitude: bool,
         threads: int,
     ) -> Sequence[Streamed | None]:
-        """Return the same, each run with its own of ``estimators`` and ``adaptations``.
+        """Return the sums of each run, with its own of ``estimators`` and ``adaptations``.
 
         Runs whose measurements are states of the filter go eight side by side, the others one at a time.
         """

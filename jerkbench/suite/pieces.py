@@ -13,9 +13,8 @@ import pyarrow.parquet as pq
 
 from jerkbench.audit.runs import COLUMNS
 from jerkbench.cells.data import data_fingerprint
-from jerkbench.execution.cell_run import Row
+from jerkbench.execution.cell_run import Row, run_settings
 from jerkbench.execution.inputs import Inputs
-from jerkbench.execution.settings_runs import run_settings
 from jerkbench.files import write_atomically
 from jerkbench.suite.entrant import Entrant, entrant_cell
 from jerkbench.suite.protocol import SuiteProtocol

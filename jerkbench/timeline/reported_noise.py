@@ -78,7 +78,7 @@ def told(recording: Recording, scale: RScale) -> Recording:
 
 
 def told_timeline(timeline: Timeline, recording: Recording, attitude: Attitude, scale: RScale) -> Timeline:
-    """Return what `build_timeline` makes of `told`, to rounding, from the ``timeline`` of ``recording`` itself.
+    """Return what `build_timeline` makes of `told`, to the bit, from the ``timeline`` of ``recording`` itself.
 
     It takes a tenth of the time, and shares with ``timeline`` all that no covariance changes.
     """
@@ -107,11 +107,14 @@ def _told_velocity(velocity: Velocity, factor: float) -> Velocity:
 
 
 def _can_scale(measurements: Measurements, recording: Recording) -> bool:
-    """Whether R is the reported covariance itself: no variance was raised to the floor, none stands for "unknown"."""
-    whole = recording.velocity is None or recording.velocity.frame != "speed"
-    return whole and bool((np.einsum("nii->ni", measurements.R) > FLOOR).all())
+    """Whether R is the reported covariance itself: not turned, and no variance was raised to the floor."""
+    as_it_is = recording.velocity is None or recording.velocity.frame == "enu"
+    return as_it_is and bool((np.einsum("nii->ni", measurements.R) > FLOOR).all())
 
 
 def _scaled(measurements: Measurements, scale: RScale) -> FloatArray:
-    sigma = np.sqrt(np.repeat([scale.position, scale.velocity], 3))
-    return floored(measurements.R * np.outer(sigma, sigma))
+    R = measurements.R.copy()
+    for block, factor in ((slice(0, 3), scale.position), (slice(3, 6), scale.velocity)):
+        present = np.isfinite(measurements.z[:, block]).any(axis=1)
+        R[present, block, block] *= factor
+    return floored(R)

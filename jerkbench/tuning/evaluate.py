@@ -14,9 +14,8 @@ from jerkbench.clusters.cluster import Cluster
 from jerkbench.clusters.scenario_dispatch import done_by_scenario
 from jerkbench.contracts import Metric
 from jerkbench.errors import PluginError, RecordingError
-from jerkbench.execution.cell_run import Row
+from jerkbench.execution.cell_run import Row, run_settings
 from jerkbench.execution.inputs import Inputs
-from jerkbench.execution.settings_runs import run_settings
 from jerkbench.tuning.cases import Case
 from jerkbench.tuning.objectives import Objective
 from jerkbench.tuning.space import Setting, Space

@@ -82,11 +82,11 @@ def test_runs_side_by_side_each_at_its_own_rate(jumping, name):
     given = {"updates": False, "threads": 1}
 
     def errors(adapting):
+        every = adapting if isinstance(adapting, list) else [adapting] * len(runs)
         if name == "jerk":
             bare = [Run(run.timeline, run.scoring) for run in runs]
-            sums = CompiledEngine().run_many(bare, model, adapting, **given)
+            sums = CompiledEngine().run_settings(bare, [model] * len(runs), every, **given)
         else:
-            every = adapting if isinstance(adapting, list) else [adapting] * len(runs)
             sums = model.run_settings(runs, [model] * len(runs), every, attitude=False, **given)
         return [float(s.position_m2.sum()) for s in sums]
 

@@ -9,7 +9,7 @@ from jerkbench.cells.metric_names import metric_names
 from jerkbench.plugins import PACKAGES, _registry
 
 PACKAGE = Path(jerkbench.__file__).parent
-RUNNING = ("execution/batches", "execution/cell_run", "execution/settings_runs")
+RUNNING = ("execution/cell_run",)
 NO_NUMBERS = {
     *("api", "conformance", "errors", "fetching", "files", "notebook", "notices", "parameters", "places", "plain"),
     *("plugins", "presets"),

@@ -51,7 +51,8 @@ def several():
 def side_by_side(pairs, model, adaptation, **options):
     score = [scored(recording, timeline, BURN_IN_S) for recording, timeline in pairs]
     runs = [Run(timeline, s.scoring) for (_, timeline), s in zip(pairs, score, strict=True)]
-    results = CompiledEngine().run_many(runs, model, adaptation, **{"updates": True, "threads": 1, **options})
+    models, adaptations = (of if isinstance(of, list) else [of] * len(runs) for of in (model, adaptation))
+    results = CompiledEngine().run_settings(runs, models, adaptations, **{"updates": True, "threads": 1, **options})
     return [
         None if result is None else values(result, s, recording)
         for result, s, (recording, _) in zip(results, score, pairs, strict=True)

@@ -65,7 +65,7 @@ def test_what_the_engine_raises_is_a_failed_row_and_no_slower_run(monkeypatch):
         raise ArithmeticError("the engine is broken")
 
     alone = []
-    monkeypatch.setattr(CompiledEngine, "run_many", broken)
+    monkeypatch.setattr(CompiledEngine, "run_settings", broken)
     monkeypatch.setattr(CompiledEngine, "run", lambda *given: alone.append(given))
     cell = build(SPEC, Protocol(seeds=3))
     rows, _ = run.CellRun(cell, "").rows()

@@ -28,7 +28,7 @@ def refuse(*_, **__):
 @pytest.mark.slow
 def test_the_engine_decides_which_way_an_estimator_takes(monkeypatch):
     with monkeypatch.context() as without:
-        for name in ("estimate_compiled", "run_many"):
+        for name in ("estimate_compiled", "run_settings"):
             without.setattr(InteractingMultipleModels, name, refuse)
         plain = rows_of("filterpy")
     monkeypatch.setattr(InteractingMultipleModels, "estimate", refuse)

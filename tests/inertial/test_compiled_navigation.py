@@ -186,7 +186,7 @@ def test_its_sums_are_those_of_a_trajectory(case):
     timeline = build_timeline(recording, attitude)
     scene = scored(recording, timeline, BURN_IN_S)
     run = RecordedRun(recording, attitude, timeline, scene.scoring)
-    one, two = model.run_many([run, run], Mtf(), updates=True, attitude=True, threads=2)
+    one, two = model.run_settings([run] * 2, [model] * 2, [Mtf()] * 2, updates=True, attitude=True, threads=2)
     estimate = model.estimate(recording, attitude, Mtf())
     wanted = sums_of(estimate, recording, counted_rows(estimate, recording, BURN_IN_S))
     got = sums_from(one, scene, recording)
