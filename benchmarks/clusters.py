@@ -193,7 +193,7 @@ def main(kind: str, *more: str) -> None:
     """Run one of the three."""
     with tempfile.TemporaryDirectory() as place:
         if kind == "engines":
-            engines(Path(place), list(more) or ["dask", "loky", "ray"])
+            engines(Path(place), list(more) or ["dask"])
         elif kind == "kills":
             kills(Path(place), int(more[0]) if more else 5)
         else:

@@ -1,4 +1,4 @@
-"""Damaged and forged results of a study, which every verb is asked for: a sentence, never a traceback.
+"""Damaged results of a study, which every verb is asked for: a sentence, never a traceback.
 
     python benchmarks/hostile_results.py [DAMAGES]
 
@@ -23,8 +23,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from jerkbench.cli import main
-from jerkbench.results.part_shape import CELL, KEY, RUNS
-from jerkbench.results.parts import content_of, part_name
+from jerkbench.results.parts import REQUIRED, content_of, part_name
 from jerkbench.results.store import Store
 
 Rng = np.random.Generator
@@ -34,8 +33,6 @@ STRANGE = (
     [], [1], ["x"], {}, {"cells": 3}, {"name": "nobody"}, [[[]]],
 )  # fmt: skip
 """Values that do not belong where they are put."""
-VALUES = (-1.0, 0.0, 1e308, 1e-308, float("inf"), -float("inf"), float("nan"), 3, True, "x", b"\xff", -1, 2**62)
-"""Values for rows."""
 NAMES = ('"><img src=x onerror=alert(1)>.parquet', "\x1b[2J.parquet", "x.parquet", "é.parquet", "-.parquet", ".parquet")
 """File names that are no cell's key."""
 
@@ -124,7 +121,7 @@ def copied(study: Path, rng: Rng) -> str:
     return path.name
 
 
-def forged_manifest(study: Path, rng: Rng) -> str:
+def changed_manifest(study: Path, rng: Rng) -> str:
     """Change something in the manifest."""
     path = study / "manifest.json"
     content, what = changed_somewhere(json.loads(path.read_text()), rng)
@@ -132,74 +129,11 @@ def forged_manifest(study: Path, rng: Rng) -> str:
     return what
 
 
-def forged_beside(study: Path, rng: Rng) -> str:
-    """Change something beside a cell's rows, and sign it."""
-    path = chosen(study, rng)
-    table = pq.read_table(path)
-    facts = [name for name in table.column_names if name.startswith(CELL) and name not in (KEY, RUNS)]
-    name = facts[rng.integers(len(facts))]
-    value, what = changed_somewhere(json.loads(table[name][0].as_py()), rng)
-    sign(path, with_fact(table, name, json.dumps(value)))
-    return f"{name}: {what}"
-
-
-def with_fact(table: pa.Table, name: str, text: str) -> pa.Table:
-    """Return the rows with one text beside all of them changed."""
-    column = pa.array([text] * table.num_rows).dictionary_encode()
-    return table.set_column(table.column_names.index(name), name, column)
-
-
-def forged_rows(study: Path, rng: Rng) -> str:
-    """Change something in a cell's rows, and sign it."""
-    path = chosen(study, rng)
-    table = pq.read_table(path)
-    name = table.column_names[rng.integers(table.num_columns)]
-    forged, what = forged_column(table, name, rng)
-    sign(path, forged)
-    return f"{name}: {what}"
-
-
-def forged_column(table: pa.Table, name: str, rng: Rng) -> tuple[pa.Table, str]:
-    """Return the rows with one column changed."""
-    place, rows = table.column_names.index(name), table.num_rows
-    columns: dict[str, Callable[[], pa.Table]] = {
-        "dropped": lambda: table.drop([name]),
-        "renamed": lambda: table.rename_columns([f"\x1b{n}" if n == name else n for n in table.column_names]),
-        "twice": lambda: table.append_column(name, table[name]),
-        "no rows": lambda: table.slice(0, 0),
-        "rows twice": lambda: pa.concat_tables([table, table]),
-        "nulls": lambda: table.set_column(place, name, pa.nulls(rows, table[name].type)),
-        "lists": lambda: table.set_column(place, name, pa.array([[1.0]] * rows)),
-    }
-    for value in (
-        -1.0,
-        0.0,
-        1e308,
-        1e-308,
-        float("inf"),
-        -float("inf"),
-        float("nan"),
-        3,
-        True,
-        "x",
-        b"\xff",
-        -1,
-        2**62,
-    ):
-        columns[f"all {value!r}"] = lambda value=value: table.set_column(place, name, pa.array([value] * rows))
-        columns[f"one {value!r}"] = lambda value=value: with_one(table, place, value)
-    what = list(columns)[rng.integers(len(columns))]
-    return columns[what](), what
-
-
-def with_one(table: pa.Table, place: int, value: object) -> pa.Table:
-    """Return the rows with one value changed."""
-    values = table.column(place).to_pylist()
-    values[0] = value
-    try:
-        return table.set_column(place, table.column_names[place], pa.array(values))
-    except (pa.ArrowInvalid, pa.ArrowTypeError):  # of mixed types there is no column
-        return table.set_column(place, table.column_names[place], pa.array([value] * len(values)))
+def dropped_column(study: Path, rng: Rng) -> str:
+    """Leave out a column that every row has, and sign it."""
+    path, name = chosen(study, rng), sorted(REQUIRED)[rng.integers(len(REQUIRED))]
+    sign(path, pq.read_table(path).drop([name]))
+    return name
 
 
 def sign(path: Path, table: pa.Table) -> Path:
@@ -229,7 +163,7 @@ def changed_somewhere(content: Any, rng: Rng) -> tuple[Any, str]:  # noqa: ANN40
 
 ATTACKS = (
     flipped_bytes, cut, other_content, no_file, renamed, copied,
-    forged_manifest, forged_beside, forged_beside, forged_rows, forged_rows,
+    changed_manifest, dropped_column,
 )  # fmt: skip
 
 

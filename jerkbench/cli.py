@@ -14,7 +14,7 @@ from typing import NoReturn
 
 from jerkbench.errors import INTERRUPTED, JerkbenchError, exit_with
 from jerkbench.plain import plain_output
-from jerkbench.portable import start_again_portable
+from jerkbench.removed import refuse_removed
 from jerkbench.verbs import VERBS
 
 RUN_HELP = """\
@@ -39,7 +39,7 @@ A parameter stands under its GROUP, and that of a disturbance under its name, as
 What a filter is told of the reported R, with the data as they are: r_scale.position=2 r_scale.velocity=0.5.
 
 Other KEYs: study, results, seeds, first_seed, burn_in_s, divergence_limit_m, metrics, workers, cluster, figures,
-figures_pdf, report, notes, tags, portable. With --dry it says what would run, what is left out and about how long it
+figures_pdf, report, notes, tags. With --dry it says what would run, what is left out and about how long it
 takes, and runs nothing.
 Results are in results/STUDY. A cell that is done is not run again; a sweep that was stopped goes on where it was.
 
@@ -59,7 +59,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Run ``arguments`` (default: the process's own); exits with 2 and a sentence where the input is at fault."""
     words = list(sys.argv[1:] if arguments is None else arguments)
     if arguments is None:
-        start_again_portable(words)
         _collect_seldom()
         signal.signal(signal.SIGTERM, _interrupt)
     _open_closed()
@@ -77,6 +76,7 @@ def _guarded(words: list[str]) -> None:
     try:
         _require_installed()
         _require_date()
+        refuse_removed(words)
         with warnings.catch_warnings():
             warnings.showwarning = _one_line
             if words[:2] == ["help", "run"]:

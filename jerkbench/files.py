@@ -3,12 +3,8 @@
 import os
 from collections.abc import Callable
 from pathlib import Path
-from tempfile import TemporaryDirectory
-from typing import Any
 
 from platformdirs import user_cache_path
-
-from jerkbench.places import is_remote
 
 
 def user_cache_folder() -> Path:
@@ -27,9 +23,6 @@ def write_atomically(path: Path, write: Callable[[Path], object]) -> None:
 
     A reader, or a run that is stopped at any moment, sees the old file or the new one, never a part.
     """
-    if is_remote(path):
-        _upload(path, write)
-        return
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_name(f".{path.stem}.{os.getpid()}.partial{path.suffix}")
     try:
@@ -37,36 +30,6 @@ def write_atomically(path: Path, write: Callable[[Path], object]) -> None:
         partial.replace(path)
     finally:
         partial.unlink(missing_ok=True)
-
-
-def _upload(path: Path, write: Callable[[Path], object]) -> None:
-    """The same for an object store, in which an object is there as a whole or not at all."""
-    with TemporaryDirectory() as folder:
-        local = Path(folder) / path.name
-        write(local)
-        path.write_bytes(local.read_bytes())
-
-
-def read_text(path: Path) -> str:
-    """Read a file, UTF-8, as it was at one moment: of an object store by one request.
-
-    To open an object and to read it are two requests: where another process writes it in between, the second fails.
-    """
-    if is_remote(path):
-        remote: Any = path
-        return bytes(remote.fs.cat_file(remote.path)).decode()
-    return path.read_text(encoding="utf-8")
-
-
-def matching(folder: Path, pattern: str) -> list[Path]:
-    """Return what is in a folder under names that match; nothing where there is no such folder.
-
-    In an object store a folder ends with its last object, be it while it is listed.
-    """
-    try:
-        return list(folder.glob(pattern))
-    except FileNotFoundError:
-        return []
 
 
 def exists(path: Path) -> bool:

@@ -8,7 +8,6 @@ from dataclasses import asdict
 from jerkbench.cells.cell import Cell
 from jerkbench.cells.provenance import code_digest, plugin_digest, versions
 from jerkbench.contracts import ReadingFile
-from jerkbench.portable import target
 
 
 def cell_key(cell: Cell, fingerprint: str) -> str:
@@ -38,6 +37,4 @@ def _hashed(cell: Cell, fingerprint: str, not_deciding: Collection[str]) -> str:
         "plugins": plugins_digests(cell),
         "data": fingerprint,
     }
-    if target():
-        everything["arithmetic"] = target()
     return hashlib.sha256(json.dumps(everything, sort_keys=True).encode()).hexdigest()[:20]

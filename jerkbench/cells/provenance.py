@@ -19,7 +19,7 @@ COMPUTING = (
     *("adaptation", "attitude", "compilation", "datasets", "disturbances", "engines", "estimation"),
     *("filters", "inertial", "io", "kinematic", "linear", "recording", "simulation", "timeline"),
     *("traces", "contracts", "evaluation/metrics", "arrays", "checks", "estimate", "geometry", "kalman"),
-    *("memory", "optional", "portable", "random_streams", "streamed_run", "sums"),
+    *("memory", "optional", "random_streams", "streamed_run", "sums"),
     *(f"cells/{name}" for name in ("cell", "metric_names", "noise", "protocol")),
     *(f"execution/{name}" for name in ("cell_run", "inputs", "kept_arrays")),
     "execution/simulation_cache",

@@ -10,7 +10,6 @@ from typing import Any
 from jerkbench.cells.cell import Cell
 from jerkbench.cells.provenance import code_digest, plugin_digest, versions
 from jerkbench.plugins import is_own
-from jerkbench.portable import MARK, target
 
 SENT = ("audit", "cells", "clusters", "execution", "results", "suite", "sweep", "tuning")
 """Rooms whose objects are sent to workers, besides those that compute."""
@@ -43,28 +42,23 @@ class Identity:
         code: hash of ours.
         versions: of the libraries.
         plugins: those from elsewhere.
-        arithmetic: target of a portable process, or empty.
     """
 
     code: str
     versions: tuple[tuple[str, str], ...]
     plugins: tuple[Foreign, ...] = ()
-    arithmetic: str = ""
 
 
 def identity_of(cells: Iterable[Cell]) -> Identity:
     """Return what a worker must have to run ``cells``."""
     plugins = {foreign for cell in cells for foreign in map(_foreign, *_parts(cell)) if foreign is not None}
-    return Identity(code_digest(*SENT), tuple(versions().items()), tuple(sorted(plugins)), target())
+    return Identity(code_digest(*SENT), tuple(versions().items()), tuple(sorted(plugins)))
 
 
 @cache
 def refusal(identity: Identity) -> str:
     """Return why this process may not run what belongs to ``identity``, or an empty string."""
     host = socket.gethostname()
-    if target() != identity.arithmetic:
-        this, plans = (f"{MARK}={name}" if name else f"no {MARK}" for name in (target(), identity.arithmetic))
-        return f"The worker on {host} has {this} in its environment and the plan {plans}; start it as the plan was."
     own = versions()
     differing = [
         f"{name} {own.get(name, 'missing')} for {wanted}"

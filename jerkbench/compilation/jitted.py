@@ -5,7 +5,6 @@ from collections.abc import Callable, Mapping
 from typing import Any, cast
 
 from jerkbench.compilation.code_digest import own_function, reached
-from jerkbench.portable import target
 
 
 def jitted(
@@ -23,8 +22,8 @@ def jitted(
         home: name of the module that numba will look for when it loads the result from the disk.
         constants: values that replace globals of that name, everywhere.
         kernel: whether everything becomes one body, in which a product and a sum may become one instruction (it rounds
-            once instead of twice; in a portable process it never does), and which makes no arrays: then no references
-            to them are counted, which costs more than a small update does.
+            once instead of twice), and which makes no arrays: then no references to them are counted, which costs more
+            than a small update does.
         apart: names of functions that stay outside that body, because they are rarely called.
     """
     return _Jit(home, dict(constants or {}), kernel, apart).of(cast("types.FunctionType", function))
@@ -39,7 +38,7 @@ class _Jit:
         from jerkbench.compilation.inner import InnerCompiler
 
         options: dict[str, Any] = {"error_model": "numpy", "nogil": True}
-        options["fastmath"] = {"contract"} if kernel and not target() else False
+        options["fastmath"] = {"contract"} if kernel else False
         options["_nrt"] = not kernel
         options["no_cpython_wrapper"] = options["no_cfunc_wrapper"] = True  # nobody calls them from outside
         options["pipeline_class"] = InnerCompiler

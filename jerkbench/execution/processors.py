@@ -3,8 +3,6 @@
 import os
 from functools import cache
 
-from jerkbench.portable import target
-
 ARITHMETIC = ("amx", "avx", "fma", "neon", "sse", "sve")
 """Beginnings of the names of instructions that decide in which order, and how often, sums are rounded."""
 
@@ -16,12 +14,7 @@ def processors() -> int:
 
 @cache
 def processor_kind() -> str:
-    """Return what machine code is made for here: the processor's family, and its instructions for arithmetic.
-
-    All portable processes are of one kind.
-    """
-    if target():
-        return f"portable {target()}"
+    """Return what machine code is made for here: the processor's family, and its instructions for arithmetic."""
     from llvmlite import binding
 
     features = binding.get_host_cpu_features()

@@ -10,6 +10,7 @@ from omegaconf import DictConfig, OmegaConf
 from jerkbench.clusters.cluster import Cluster
 from jerkbench.errors import PluginError
 from jerkbench.presets import preset
+from jerkbench.removed import refuse_removed
 
 
 def cluster_of(config: DictConfig) -> Cluster:
@@ -37,4 +38,5 @@ def cluster_named(name: str) -> Cluster:
     Raises:
         PluginError: there is none, or it cannot be made.
     """
+    refuse_removed([f"cluster={name}"])
     return cluster_of(OmegaConf.create({"cluster": preset("cluster", name)}))

@@ -16,9 +16,8 @@ from jerkbench.cells.labels import GROUPS, labels_of
 from jerkbench.cells.noise import Noise
 from jerkbench.cells.protocol import Protocol
 from jerkbench.errors import PluginError, unknown
-from jerkbench.files import cache_folder
 from jerkbench.optional import preferred_attitude
-from jerkbench.places import is_remote, place
+from jerkbench.removed import refuse_removed
 from jerkbench.results.study_figures.choice import Choice, figures_choice
 from jerkbench.timeline.reported_noise import RScale
 
@@ -51,7 +50,6 @@ class Schema:
         r_scale: factors on the reported R that the filter is told (``position``, ``velocity``); the data stay.
         notes: sentences to print under the tables (what was tuned, on what, with which budget).
         tags: words of your own for the cells; rows have them, and `jerkbench table --tag` takes some.
-        portable: results are equal to the bit on every processor of a family; on the command line only.
         dry: say what would run, what is left out and about how long it takes; run nothing (``--dry``).
     """
 
@@ -69,7 +67,6 @@ class Schema:
     report: bool = False
     notes: list[str] = field(default_factory=list)
     tags: list[str] = field(default_factory=list)
-    portable: bool = False
     dry: bool = False
     dataset: Any = None
     disturbance: Any = None
@@ -84,7 +81,6 @@ class Schema:
 
 def register_schemas() -> None:
     """Put the schema and every plugin into Hydra's ConfigStore."""
-    OmegaConf.register_new_resolver("jerkbench.local_folder", local_folder, replace=True)
     OmegaConf.register_new_resolver("oc.env", environment_variable, replace=True)
     store = ConfigStore.instance()
     store.store(name="schema", node=Schema)
@@ -96,7 +92,8 @@ def register_schemas() -> None:
 
 def study_folder(config: DictConfig) -> Path:
     """Return the folder of the configuration's study."""
-    return place(str(config.results)) / str(config.study)
+    refuse_removed([f"results={config.results}"])
+    return Path(str(config.results)) / str(config.study)
 
 
 def environment_variable(name: str, *default: str | None) -> str | None:
@@ -113,12 +110,6 @@ def environment_variable(name: str, *default: str | None) -> str | None:
     if name not in os.environ and not default:
         raise PluginError(f"The configuration reads the environment variable {name}, which is not set; set it.")
     return os.environ.get(name, *default)
-
-
-def local_folder(results: str, study: str) -> str:
-    """Return where Hydra may write what it writes of a sweep: the study's folder, if it is one of this machine."""
-    folder = place(str(results)) / str(study)
-    return str(cache_folder("sweeps") if is_remote(folder) else folder)
 
 
 def cell_of(plain: Mapping[str, Any], choices: Mapping[str, Any], overrides: list[str]) -> Cell:

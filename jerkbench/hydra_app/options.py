@@ -6,7 +6,6 @@ import re
 from omegaconf import DictConfig
 
 from jerkbench.errors import PluginError
-from jerkbench.portable import target
 
 LONGEST_NAME = 255
 """Bytes of a folder's name, on the file systems that there are."""
@@ -28,8 +27,6 @@ def check_options(config: DictConfig) -> None:
         raise PluginError(f"study has {len(study)} letters ('{study[:20]}...'); a folder's name has at most 255 bytes.")
     if config.max_seeds and config.max_seeds < config.seeds:
         raise PluginError(f"max_seeds is {config.max_seeds}; give as many as seeds={config.seeds}, or 0 for no more.")
-    if config.portable and not target():
-        raise PluginError("portable=true belongs on the command line, where it is read before any library is loaded.")
     if config.workers < 0:
         raise PluginError(f"workers is {config.workers}; give 0 (one for each processor) or more.")
     for tag in config.tags:

@@ -12,8 +12,7 @@ import pyarrow.compute as pc
 
 from jerkbench.arrays import IntArray
 from jerkbench.cells.labels import Labels
-from jerkbench.results.part_shape import CELL, COLUMNS, HEAD, KEY, PROCESSOR, RUNS
-from jerkbench.results.parts import parsed
+from jerkbench.results.parts import CELL, COLUMNS, HEAD, KEY, PROCESSOR, RUNS, parsed
 
 OF_BLOCKS = ("cell.notes", "cell.seconds", "cell.created")
 """What differs from block to block of a cell."""

@@ -8,7 +8,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from jerkbench.results.content import codes_of
-from jerkbench.results.part_shape import KEY, RUNS
+from jerkbench.results.parts import KEY, RUNS
 
 SEEN = [KEY, RUNS, "seed", "status"]
 """The columns that are looked at."""

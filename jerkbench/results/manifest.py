@@ -6,14 +6,11 @@ import platform
 import sys
 import time
 from collections.abc import Mapping, Sequence
-from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
 from jerkbench.cells.provenance import git_commit, versions
-from jerkbench.files import exists, read_text, write_text
-from jerkbench.places import is_remote
-from jerkbench.results.shape import is_manifest
+from jerkbench.files import exists, write_text
 
 MANIFEST = "manifest.json"
 
@@ -33,7 +30,7 @@ def write_manifest(
     """
     from filelock import FileLock
 
-    with nullcontext() if is_remote(folder) else FileLock(folder / ".manifest.lock"):
+    with FileLock(folder / ".manifest.lock"):
         _write_manifest(folder, keys, notes, command, level, tags)
 
 
@@ -69,12 +66,12 @@ def _tagged(before: Mapping[str, list[str]], keys: Sequence[str], tags: Sequence
 def read_manifest(folder: Path) -> dict[str, Any]:
     """Read the manifest; empty where there is none yet."""
     path = folder / MANIFEST
-    if not is_remote(path) and not exists(path):
+    if not exists(path):
         return {}
     try:
-        if is_remote(path) or path.is_file():  # a pipe would be waited for
-            manifest: dict[str, Any] = json.loads(read_text(path))
-            if is_manifest(manifest):
+        if path.is_file():  # a pipe would be waited for
+            manifest: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+            if _is_manifest(manifest):
                 return manifest
     except FileNotFoundError:
         return {}
@@ -82,3 +79,33 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         pass
     print(f"{path} is damaged and left aside; `jerkbench run` makes it anew.", file=sys.stderr)
     return {}
+
+
+def _is_manifest(content: object) -> bool:
+    """Whether the content of the file is a manifest: no hash says whether it was damaged."""
+    return isinstance(content, dict) and all(_is_entry(name, value) for name, value in content.items())
+
+
+def _is_entry(name: str, value: object) -> bool:
+    if name in LISTS:
+        return _are_texts(value)
+    if name in MAPPINGS:
+        return isinstance(value, dict) and all(map(MAPPINGS[name], value.values()))
+    return True
+
+
+def _are_texts(value: object) -> bool:
+    return isinstance(value, list) and all(isinstance(text, str) for text in value)
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float)
+
+
+def _is_text(value: object) -> bool:
+    return isinstance(value, str)
+
+
+LISTS = ("cells", "last", "command")
+MAPPINGS = {"notes": _are_texts, "tags": _are_texts, "levels": _is_number, "versions": _is_text}
+"""Entries of a manifest that are read again: lists of texts, and mappings with a test of their values."""

@@ -1,17 +1,18 @@
 """The files of a store: listed, loaded, written atomically, replaced."""
 
 import os
+import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pyarrow as pa
 
 from jerkbench.errors import JerkbenchError
-from jerkbench.files import exists, matching
-from jerkbench.places import is_remote
-from jerkbench.results.old_cells import old_cell
+from jerkbench.files import exists
 from jerkbench.results.parts import NAME, content_of, part_name, part_of
-from jerkbench.results.shape import is_key
+
+OLD = re.compile("[0-9a-f]{20}")
+"""The name of a file with one cell, as it was stored before there were parts: its key."""
 
 LISTINGS = 20
 """So often the files are listed again, where some of them have just been joined."""
@@ -34,12 +35,12 @@ class PartFiles:
         """Each file that may hold ``keys``, by its name, with its rows (default: whole); None where it is damaged."""
         seen: set[str] = set()
         for _ in range(LISTINGS):
-            names = sorted(path.name.removesuffix(".parquet") for path in matching(self.folder, "*.parquet"))
+            names = sorted(path.name.removesuffix(".parquet") for path in self.folder.glob("*.parquet"))
+            _require_parts(self.folder, names)
             wanted = None if keys is None else set(keys)
             vanished = False
             for name in names:
-                other = wanted is not None and not NAME.fullmatch(name) and name not in wanted
-                if name in seen or other:
+                if name in seen or (wanted is not None and not NAME.fullmatch(name) and name not in wanted):
                     continue
                 try:
                     yield name, self.load(name, columns)
@@ -64,18 +65,13 @@ class PartFiles:
             content = path.read_bytes()
         except PermissionError as error:
             raise JerkbenchError(f"{path} cannot be read: {error.strerror}.") from error
-        if match := NAME.fullmatch(name):
-            return part_of(content, match[1], columns)
-        cell = old_cell(name, content) if is_key(name) else None
-        return cell if cell is None or columns is None else cell.select(columns)
+        match = NAME.fullmatch(name)
+        return part_of(content, match[1], columns) if match else None
 
     def put(self, table: pa.Table) -> Path:
         """Write rows as a new part, at once and whole; returns its path."""
         content = content_of(table)
         path = self.path(part_name(content))
-        if is_remote(path):
-            path.write_bytes(content)
-            return path
         self.folder.mkdir(parents=True, exist_ok=True)
         partial = path.with_name(f".{path.stem}.{os.getpid()}.partial")
         try:
@@ -91,3 +87,12 @@ class PartFiles:
         for name in names:
             self.path(name).unlink(missing_ok=True)
         return path
+
+
+def _require_parts(folder: Path, names: Sequence[str]) -> None:
+    """Refuse cells in the format of before there were parts."""
+    if old := next(filter(OLD.fullmatch, names), None):
+        raise JerkbenchError(
+            f"{folder / old}.parquet has a format of earlier versions, which is no longer read; run the study's command"
+            " (it stands in manifest.json) again into a new one (study=NAME)."
+        )

@@ -19,9 +19,10 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from jerkbench.cells.labels import Labels
 from jerkbench.errors import JerkbenchError
+from jerkbench.evaluation.evaluated_run import RUN
 from jerkbench.execution.cell_run import Row
-from jerkbench.results.part_shape import CELL, COLUMNS, HEAD, KEY, RUNS, is_part
 
 NAME = re.compile(r"part-[A-Za-z0-9_]+-[0-9a-f]{32}-([0-9a-f]{32})")
 """Host, a number of its own and a hash of the content: no two parts have one name, and a flipped bit is found."""
@@ -29,12 +30,26 @@ NAME = re.compile(r"part-[A-Za-z0-9_]+-[0-9a-f]{32}-([0-9a-f]{32})")
 NOT_FACTS = ("labels", "spec", "failed")
 """Entries of a cell's metadata that have columns of their own, or are counted."""
 
+NUMBERS = (pa.types.is_floating, pa.types.is_integer, pa.types.is_boolean, pa.types.is_null)
+"""Tests of the types that a metric's column may have."""
+
 DAMAGE = (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError, MemoryError, pa.ArrowException)
 """Errors of pyarrow on a damaged file."""
 
+CELL = "cell."
+"""Beginning of the columns that say something of the whole cell."""
 
-_SOUND: set[str] = set()
-"""Digests of contents that this process has checked; they need not be read as a whole again."""
+KEY, RUNS, COLUMNS = "cell.key", "cell.runs", "cell.columns"
+PROCESSOR = "cell.processor"
+"""The kind of processor that ran the cell."""
+
+HEAD = (*Labels._fields, *RUN)
+"""The columns that every row has, before its metrics."""
+
+SPEC = ("dataset", "disturbance", "attitude", "filter", "adaptation", "engine", "metrics")
+ABOUT = ("protocol", "data", "notes", "code", "versions", "commit", "created", "seconds")
+REQUIRED = {*HEAD, KEY, RUNS, COLUMNS, *(CELL + name for name in ABOUT), *(f"{CELL}spec.{part}" for part in SPEC)}
+"""The columns of every part; a file that lacks one is damaged."""
 
 
 class Block(NamedTuple):
@@ -89,15 +104,9 @@ def part_of(content: bytes, expected: str, columns: list[str] | None = None) -> 
     try:
         # Not read_table: its threads may let go of the content when the interpreter has ended, which aborts it.
         file = pq.ParquetFile(pa.BufferReader(content))
-        if expected in _SOUND:
-            return file.read(columns=columns, use_threads=False)
-        table = file.read(use_threads=False)
-        if not is_part(table):
-            return None
+        return file.read(columns=columns, use_threads=False) if _is_part(file.schema_arrow) else None
     except DAMAGE:
         return None
-    _SOUND.add(expected)
-    return table if columns is None else table.select(columns)
 
 
 def table_of(blocks: Sequence[Block]) -> pa.Table:
@@ -108,7 +117,7 @@ def table_of(blocks: Sequence[Block]) -> pa.Table:
     """
     rows = [row for block in blocks for row in block.rows]
     table = with_facts({name: _values(name, [row.get(name) for row in rows]) for name in _names(blocks)}, blocks)
-    if not is_part(table):
+    if not _is_part(table.schema):
         keys = ", ".join(block.key for block in blocks[:3])
         raise JerkbenchError(f"The rows of the cells {keys} cannot be stored: a metric is no number, or has no name.")
     return table
@@ -128,6 +137,12 @@ def with_facts(columns: dict[str, pa.Array], blocks: Sequence[Block]) -> pa.Tabl
 def parsed(text: str) -> Any:  # noqa: ANN401 - any JSON
     """Return what a JSON text says; it is shared by all who ask, and not to be changed."""
     return json.loads(text)
+
+
+def _is_part(schema: pa.Schema) -> bool:
+    """Whether every column is there, and each metric is a number."""
+    kinds = [field.type for field in schema if field.name not in HEAD and not field.name.startswith(CELL)]
+    return set(schema.names) >= REQUIRED and all(any(is_number(kind) for is_number in NUMBERS) for kind in kinds)
 
 
 def _names(blocks: Sequence[Block]) -> Iterator[str]:

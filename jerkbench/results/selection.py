@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 from jerkbench.errors import JerkbenchError, unknown
-from jerkbench.places import place
 from jerkbench.report.analysis.factors import FACTORS, METHOD
 from jerkbench.results.study import Study
 
@@ -30,8 +29,8 @@ def named_study(words: str) -> Named:
         JerkbenchError: there is no such factor, or one is named twice.
     """
     folder, colon, method = words.rpartition(":")
-    if not (colon and folder and method) or set(method) & {"/", "\\"} or place(words).exists():
-        return Named(place(words), {})
+    if not (colon and folder and method) or set(method) & {"/", "\\"} or Path(words).exists():
+        return Named(Path(words), {})
     chosen: dict[str, str] = {}
     for position, word in enumerate(method.split("+")):
         factor, equals, value = word.partition("=")
@@ -41,7 +40,7 @@ def named_study(words: str) -> Named:
         if factor in chosen:
             raise JerkbenchError(f"'{words}' names the {factor} twice; name it once.")
         chosen[factor] = value
-    return Named(place(folder), chosen)
+    return Named(Path(folder), chosen)
 
 
 def _of_position(position: int, words: str) -> str:

@@ -11,14 +11,11 @@ import pyarrow.compute as pc
 
 from jerkbench.errors import JerkbenchError
 from jerkbench.execution.cell_run import Row
-from jerkbench.files import matching
-from jerkbench.places import is_remote
 from jerkbench.plain import plain
 from jerkbench.results.content import Content, Stored, concatenated, content_of_tables
 from jerkbench.results.finished import SEEN, Finished, finished_runs
 from jerkbench.results.part_files import PartFiles
-from jerkbench.results.part_shape import KEY
-from jerkbench.results.parts import Block, host, table_of
+from jerkbench.results.parts import KEY, Block, host, table_of
 
 ABANDONED_S = 3600.0
 """A half-written file that is older belongs to nobody any more."""
@@ -37,7 +34,7 @@ class Store:
     def __init__(self, folder: Path) -> None:
         """Open the store below ``folder`` (the study's), or a folder of cells itself; nothing is written yet."""
         below = folder / "cells"
-        self.folder = folder if not below.is_dir() and matching(folder, "*.parquet") else below
+        self.folder = folder if not below.is_dir() and any(folder.glob("*.parquet")) else below
         self.files = PartFiles(self.folder)
 
     def prepare(self) -> None:
@@ -51,15 +48,11 @@ class Store:
             probe = self.folder / f".probe.{os.getpid()}"
             probe.touch()
             probe.unlink()
-            for partial in () if is_remote(self.folder) else self.folder.rglob(".*.partial"):
+            for partial in self.folder.rglob(".*.partial"):
                 if time.time() - partial.stat().st_mtime > ABANDONED_S:
                     partial.unlink(missing_ok=True)
         except OSError as error:
             raise JerkbenchError(f"Results cannot be written to {self.folder}: {error.strerror or error}.") from error
-        except Exception as error:
-            if not is_remote(self.folder):
-                raise
-            raise JerkbenchError(f"Results cannot be written to {self.folder}: {error}.") from error  # no credentials
 
     def write(self, key: str, rows: Sequence[Row], metadata: Mapping[str, Any]) -> None:
         """Store a whole cell, as a part of its own.
@@ -156,7 +149,7 @@ class Store:
 
     def forget(self, processes: Iterable[int]) -> None:
         """Clear away what these ``processes``, which have ended, left half-written."""
-        for number in () if is_remote(self.folder) else processes:
+        for number in processes:
             for partial in self.folder.glob(f".part-{host()}-*.{number}.partial"):
                 partial.unlink(missing_ok=True)
 

@@ -17,7 +17,7 @@ from jerkbench.results.conditions import Values, conditions, told_apart
 from jerkbench.results.content import Content, frame
 from jerkbench.results.csv_writer import write_rows_csv
 from jerkbench.results.manifest import read_manifest
-from jerkbench.results.part_shape import HEAD
+from jerkbench.results.parts import HEAD
 from jerkbench.results.shown_cells import current
 from jerkbench.results.store import Store
 from jerkbench.results.study_remarks import code_of, notes_of, remarks_on, worse_than_fixes

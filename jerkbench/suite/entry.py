@@ -17,8 +17,7 @@ import yaml
 from jerkbench.audit.protocol import HALVES
 from jerkbench.errors import JerkbenchError
 from jerkbench.files import write_atomically, write_text
-from jerkbench.plain import plain
-from jerkbench.results.shape import Test, is_text, is_texts
+from jerkbench.plain import is_plain, plain
 from jerkbench.suite.entrant import Entrant
 from jerkbench.suite.scores import Score
 from jerkbench.tuning.space import Setting
@@ -37,6 +36,8 @@ TEXTS, COUNTS, NUMBERS = (
 
 COLUMNS = (*TEXTS[:2], *COUNTS, *TEXTS[2:], *NUMBERS)
 """Of the rows."""
+
+Test = Callable[[Any], bool]
 
 Settings = Mapping[str, Mapping[str, Mapping[str, float]]]
 """The values by "entry" or "plain", what they were tuned on, and knob."""
@@ -160,13 +161,22 @@ def _require(path: Path, parts: Mapping[str, bool | str]) -> None:
             )
 
 
+def _is_text(value: object) -> bool:
+    """Whether it is text that steers no terminal."""
+    return isinstance(value, str) and is_plain(value)
+
+
+def _are_texts(value: object) -> bool:
+    return isinstance(value, list) and all(map(_is_text, value))
+
+
 def _is_number(value: object) -> bool:
     """Whether it is a finite number, and none that is too large for a float."""
     return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
 
 
 def _is_mapping_of(test: Test) -> Test:
-    return lambda value: isinstance(value, dict) and all(is_text(key) and test(own) for key, own in value.items())
+    return lambda value: isinstance(value, dict) and all(_is_text(key) and test(own) for key, own in value.items())
 
 
 def _is_method(value: object) -> bool:
@@ -174,25 +184,27 @@ def _is_method(value: object) -> bool:
     return (
         isinstance(value, dict)
         and set(value) == {"filter", "adaptation", "r_scale"}
-        and all(isinstance(value[kind], dict) and is_text(value[kind].get("name")) for kind in ("filter", "adaptation"))
+        and all(
+            isinstance(value[kind], dict) and _is_text(value[kind].get("name")) for kind in ("filter", "adaptation")
+        )
         and _is_mapping_of(_is_number)(value["r_scale"])
         and "${" not in json.dumps(value)
     )
 
 
 def _is_of_score(value: object) -> bool:
-    return value is None or is_text(value) or isinstance(value, float) or _is_number(value)
+    return value is None or _is_text(value) or isinstance(value, float) or _is_number(value)
 
 
 FACTS: Mapping[str, tuple[Test, str]] = {
-    "entry": (is_text, "the name of the entry"),
-    "suite": (is_text, "the name of its suite"),
-    "protocol": (is_text, "a digest"),
-    "data": (is_texts, "a list of digests"),
+    "entry": (_is_text, "the name of the entry"),
+    "suite": (_is_text, "the name of its suite"),
+    "protocol": (_is_text, "a digest"),
+    "data": (_are_texts, "a list of digests"),
     "method": (_is_method, "a filter and an adaptation, with name and plain values, and r_scale with numbers"),
     "tuned": (lambda value: isinstance(value, bool), "true or false"),
     "score": (_is_mapping_of(_is_of_score), "numbers and words by their names"),
-    "files": (_is_mapping_of(is_text), "hashes by the names of the files"),
+    "files": (_is_mapping_of(_is_text), "hashes by the names of the files"),
 }
 """What a check reads of the manifest, with a test of its value and what it has to be."""
 

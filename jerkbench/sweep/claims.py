@@ -38,14 +38,14 @@ class Claims:
     """The claims of this process on the bundles of one plan.
 
     Attributes:
-        seen: a file; a worker that sees it has this folder, and may store there.
+        mark: a file; a worker that sees it has this folder, and may store there.
     """
 
     def __init__(self, folder: Path, plan: str) -> None:
         """Claim in ``folder``; ``plan`` names the plan, whose bundles others number alike."""
         self.folder, self.plan = folder, plan
         self.own = f"{machine()}.{os.getpid()}.{uuid.uuid4().hex[:12]}"
-        self.mark = self.seen = folder / f"{self.own}{PROCESS}"
+        self.mark = folder / f"{self.own}{PROCESS}"
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._beat, daemon=True)
 
@@ -151,7 +151,7 @@ class Claims:
 
     def _beat(self) -> None:
         while not self._ended.wait(BEAT_S):
-            with suppress(Exception):  # a server that does not answer now does later; each store has its own errors
+            with suppress(OSError):  # a server that does not answer now does later
                 self._touch()
 
 

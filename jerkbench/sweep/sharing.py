@@ -5,7 +5,6 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 
 from jerkbench.sweep.claims import Claims
-from jerkbench.sweep.claims_in_stores import Unclaimed
 from jerkbench.sweep.seed_blocks import known_runs
 from jerkbench.sweep.tasks import Planned, Task
 from jerkbench.sweep.writer import Writer
@@ -25,7 +24,7 @@ def plan_name(cells: Iterable[Planned]) -> str:
 class Shared:
     """The tasks of one round, as far as they are for this process."""
 
-    def __init__(self, claims: Claims | Unclaimed, writer: Writer, groups: Iterable[Sequence[Task]]) -> None:
+    def __init__(self, claims: Claims, writer: Writer, groups: Iterable[Sequence[Task]]) -> None:
         """Nothing is claimed yet."""
         self._claims, self._store, self._store_held = claims, writer.store, writer.flush
         self._left = Counter(task.bundle for group in groups for task in group)

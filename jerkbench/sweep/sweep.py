@@ -22,7 +22,6 @@ from jerkbench.execution.progress import Progress
 from jerkbench.notices import notify
 from jerkbench.results.store import Store
 from jerkbench.sweep.claims import Claims
-from jerkbench.sweep.claims_in_stores import Unclaimed, claims_in
 from jerkbench.sweep.seed_blocks import known_runs, missing, run_blocks
 from jerkbench.sweep.sharing import FOLDER, Shared, plan_name
 from jerkbench.sweep.tasks import Planned, Result, Task, grouped
@@ -91,7 +90,7 @@ def run_sweep(plan: Plan, store: Store, workers: int, done: Collection[str], clu
     """
     left = [planned for planned in plan.cells if planned.key not in done]
     folder = store.folder.parent / FOLDER
-    tally, claims = Tally(), claims_in(folder, plan_name(plan.cells))
+    tally, claims = Tally(), Claims(folder, plan_name(plan.cells))
     with (
         Progress(len(plan.cells), already=len(plan.cells) - len(left)) as progress,
         claims,
@@ -107,7 +106,7 @@ class _Round(NamedTuple):
 
     writer: Writer
     tally: "Tally"
-    claims: Claims | Unclaimed
+    claims: Claims
     progress: Progress
     cluster: Cluster
     workers: int
@@ -127,7 +126,7 @@ def _run_round(plan: Plan, left: Sequence[Planned], of: _Round) -> None:
     if not groups:
         return
     order = Order(
-        work=partial(run_task, store.folder.parent.absolute(), of.claims.seen.absolute()),  # a worker is elsewhere
+        work=partial(run_task, store.folder.parent.absolute(), of.claims.mark.absolute()),  # a worker is elsewhere
         groups=groups,
         bundle=attrgetter("bundle"),
         admit=shared.admitted,

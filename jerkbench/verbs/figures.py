@@ -1,8 +1,8 @@
 """`jerkbench figures`: every figure of a study, as PNG, and as PDF where that is asked for."""
 
 import argparse
+from pathlib import Path
 
-from jerkbench.places import place
 from jerkbench.verbs.arguments import Verbs, add_run_programs, add_verb, count, output
 
 
@@ -11,7 +11,7 @@ def add(verbs: Verbs) -> None:
     figures = add_verb(
         verbs, "figures", "draw a study's figures: those of its rows, and of each scenario's runs", answer
     )
-    figures.add_argument("folder", type=place, help="the study's folder, or a folder of cells")
+    figures.add_argument("folder", type=Path, help="the study's folder, or a folder of cells")
     figures.add_argument("--out", type=output, help="where they go (default: figures/ in the study's folder)")
     figures.add_argument("--scenarios", type=count, default=20, help="draw the runs of so many scenarios (default: 20)")
     figures.add_argument("--few", action="store_true", help="only of scenarios and methods that carry a finding")

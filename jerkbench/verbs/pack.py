@@ -1,15 +1,15 @@
 """`jerkbench pack`: a study's rows in one file, small enough to be kept in a repository."""
 
 import argparse
+from pathlib import Path
 
-from jerkbench.places import place
 from jerkbench.verbs.arguments import Verbs, add_verb
 
 
 def add(verbs: Verbs) -> None:
     """Declare the verb."""
     pack = add_verb(verbs, "pack", "join a study's rows into one file, and leave out cells that are not whole", answer)
-    pack.add_argument("folder", type=place, help="the study's folder")
+    pack.add_argument("folder", type=Path, help="the study's folder")
 
 
 def answer(chosen: argparse.Namespace) -> None:

@@ -1,9 +1,9 @@
 """`jerkbench report`: a study as one HTML file, which needs no network."""
 
 import argparse
+from pathlib import Path
 
 from jerkbench.errors import JerkbenchError
-from jerkbench.places import place
 from jerkbench.results.study_figures.choice import Choice
 from jerkbench.verbs.arguments import Verbs, add_run_programs, add_verb, count, output
 from jerkbench.verbs.judging import add_judging, chosen_method, chosen_rule
@@ -14,7 +14,7 @@ def add(verbs: Verbs) -> None:
     report = add_verb(
         verbs, "report", "write a study as one HTML file: findings, every cell, figures, a review", answer
     )
-    report.add_argument("folder", type=place, help="the study's folder, or a folder of cells")
+    report.add_argument("folder", type=Path, help="the study's folder, or a folder of cells")
     report.add_argument("--out", type=output, help="the file (default: report.html in the study's folder)")
     report.add_argument("--scenarios", type=count, default=20, help="show the runs of so many scenarios (default: 20)")
     report.add_argument(

@@ -1,8 +1,8 @@
 """`jerkbench rerun`: one row once more, from the configuration that is stored with it."""
 
 import argparse
+from pathlib import Path
 
-from jerkbench.places import place
 from jerkbench.verbs.arguments import Verbs, add_run_programs, add_verb
 
 DIFFERENT = 1
@@ -17,7 +17,7 @@ def add(verbs: Verbs) -> None:
 
 def add_row(parser: argparse.ArgumentParser) -> None:
     """Declare the words that say which row."""
-    parser.add_argument("folder", type=place, help="a study's folder, or a folder of cells")
+    parser.add_argument("folder", type=Path, help="a study's folder, or a folder of cells")
     parser.add_argument("row", metavar="ROW", help="its number in rows.csv, from 1; or KEY:SEED of a file in cells/")
     add_run_programs(parser)
 

@@ -2,10 +2,10 @@
 
 import argparse
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from jerkbench.errors import JerkbenchError
-from jerkbench.places import place
 from jerkbench.verbs.arguments import Verbs, add_run_programs, add_verb
 from jerkbench.verbs.judging import add_judging, chosen_method, chosen_rule
 
@@ -29,7 +29,7 @@ def add(verbs: Verbs) -> None:
     """Declare the verb."""
     table = add_verb(verbs, "table", "print the table of a study once more, arranged as you like", answer)
     factors = "dataset, disturbance, attitude, filter, adaptation, noise; separated by commas"
-    table.add_argument("folder", type=place, help="the study's folder, for example results/paper, or a folder of cells")
+    table.add_argument("folder", type=Path, help="the study's folder, for example results/paper, or a folder of cells")
     table.add_argument("--metric", help="a column of rows.csv (default: position_rmse_m, or the first there is)")
     table.add_argument("--rows", help=f"factors that make the rows: {factors}")
     table.add_argument("--columns", help="factors that make the columns (default: adaptation)")

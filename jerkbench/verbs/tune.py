@@ -24,7 +24,7 @@ R (r_scale.position, r_scale.velocity); knobs=[filter.accel_mps2,...] names fewe
   tune_seeds=16 choose_seeds=16 test_seeds=40 first_seed=0      disjoint; the test seeds are read at the end
   finalists=8          the best, tried again on the seeds to choose on
   restarts=1           more searches with other scrambles: their spread is luck
-  cluster=local        threads of this process; loky, dask, slurm, ...: each scenario goes to a worker (docs/cluster.md)
+  cluster=local        threads of this process; dask, slurm, ...: each scenario goes to a worker (docs/cluster.md)
 
 Written to results/STUDY/tune/METHOD: tuning.md, presets for `jerkbench run --config-dir`, settings for
 robot_localization, KF-GINS and eskf15, every trial. The same command goes on where it was stopped.

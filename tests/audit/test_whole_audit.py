@@ -159,10 +159,12 @@ def test_the_folder_says_what_was_done(protocol, finished):
 
 
 @pytest.mark.slow
-def test_on_a_cluster_everything_comes_out_as_here(protocol, finished, tmp_path):
-    pytest.importorskip("loky")
+@pytest.mark.parametrize("cluster", ["local", "dask"])
+def test_on_a_cluster_everything_comes_out_as_here(protocol, finished, tmp_path, cluster):
+    if cluster == "dask":
+        pytest.importorskip("distributed")
     folder, _ = finished
-    run_audit(protocol, tmp_path / "audit-tiny", cluster_named("loky"), workers=2)
+    run_audit(protocol, tmp_path / "audit-tiny", cluster_named(cluster), workers=2)
 
     here, there = (place / "settings.csv" for place in (folder, tmp_path / "audit-tiny"))
     assert there.read_bytes() == here.read_bytes()

@@ -1,17 +1,11 @@
 """The store: whole or not at all, and the same rows however they are spread over files."""
 
-import json
-
 import numpy as np
 import pandas as pd
-import pyarrow as pa
-import pyarrow.parquet as pq
 import pytest
 
 from jerkbench.errors import JerkbenchError
-from jerkbench.results import part_shape, parts
 from jerkbench.results import store as store_of_cells
-from jerkbench.results.old_cells import DIGEST, METADATA, signature
 from jerkbench.results.part_files import PartFiles
 from jerkbench.results.parts import Block
 from jerkbench.results.store import MANY, Store
@@ -184,13 +178,9 @@ def test_many_parts_are_joined_in_stretches(store, monkeypatch):
     assert [(cell.key, cell.rows.to_dict("records")) for cell in store.read()[0]] == before
 
 
-def test_a_part_is_checked_once_as_a_whole_and_damage_is_noticed_ever_after(store, monkeypatch):
+def test_damage_is_noticed_also_after_the_part_was_read(store):
     store.write("abc", ROWS, ABOUT)
-    whole = []
-    monkeypatch.setattr(parts, "_SOUND", set())
-    monkeypatch.setattr(parts, "is_part", lambda table: whole.append(table.num_columns) or part_shape.is_part(table))
     assert [store.look(["abc"]).done for _ in range(3)] == [{"abc"}] * 3
-    assert len(whole) == 1
 
     (path,) = files(store)
     content = bytearray(path.read_bytes())
@@ -219,34 +209,9 @@ def test_what_an_ended_process_left_half_written_is_forgotten(store):
     assert [partial.exists() for partial in left] == [False, True]
 
 
-def old_file(folder, key, rows, metadata):
-    """Write a cell as versions up to 0.2 did: a file of its own, a digest of its values in the schema."""
-    table = pa.table({name: [row.get(name) for row in rows] for name in rows[0]})
-    text = json.dumps({**metadata, "failed": sum(row["status"] == "failed" for row in rows)})
-    folder.mkdir(exist_ok=True)
-    path = folder / f"{key}.parquet"
-    pq.write_table(table.replace_schema_metadata({METADATA: text.encode(), DIGEST: signature(table, text)}), path)
-    return path
-
-
-def test_cells_in_files_of_their_own_are_read_beside_parts(store):
-    rows = [row(0.25, 0), row(0.5, 1)]
-    old_file(store.folder, "0a", rows, ABOUT)
+def test_a_cell_in_the_format_of_before_there_were_parts_is_a_sentence(store):
     store.write("0b", ROWS, ABOUT)
-    cells, broken = store.read()
-
-    assert broken == []
-    assert [cell.key for cell in cells] == ["0a", "0b"]
-    pd.testing.assert_frame_equal(cells[0].rows, pd.DataFrame(rows), check_exact=True)
-    assert cells[0].metadata == ABOUT
-    assert store.look(["0a", "0b", "0c"]).done == {"0a", "0b"}
-
-
-def test_a_flipped_bit_in_an_old_file_is_found_or_changes_nothing(store):
-    path = old_file(store.folder, "0a", ROWS, ABOUT)
-    whole, (sound,) = path.read_bytes(), store.read()[0]
-    for place in range(0, len(whole), 11):
-        path.write_bytes(whole[:place] + bytes([whole[place] ^ 1 << place % 8]) + whole[place + 1 :])
-        cells, broken = store.read()
-        assert store.done("0a") == bool(cells) == (not broken)
-        assert all(cell.rows.equals(sound.rows) and cell.metadata == sound.metadata for cell in cells)
+    (store.folder / f"{'0a' * 10}.parquet").write_bytes(b"PAR1")
+    for ask in (store.read, lambda: store.look(["0b"]), store.pack, lambda: store.keys_from("0")):
+        with pytest.raises(JerkbenchError, match=r"0a0a\.parquet has a format .* no longer read; run .* \(study=NAME"):
+            ask()

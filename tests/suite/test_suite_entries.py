@@ -95,10 +95,12 @@ def test_the_same_command_goes_on_where_it_was(made):
 
 
 @pytest.mark.slow
-def test_a_cluster_makes_the_same_entry(made, tmp_path):
-    pytest.importorskip("loky")
+@pytest.mark.parametrize("cluster", ["local", "dask"])
+def test_a_cluster_makes_the_same_entry(made, tmp_path, cluster):
+    if cluster == "dask":
+        pytest.importorskip("distributed")
     shutil.copytree(cache_folder(COMPILED), tmp_path / "cache" / COMPILED)  # its own simulations, our machine code
-    words = ["filter=baseline", "adaptation=chi2", "--scale", "tiny", "--workers", "2", "--cluster", "loky"]
+    words = ["filter=baseline", "adaptation=chi2", "--scale", "tiny", "--workers", "2", "--cluster", cluster]
     done = jerkbench("suite", "run", *words, cwd=tmp_path, JERKBENCH_CACHE=str(tmp_path / "cache"))
 
     assert done.returncode == 0, done.stderr

@@ -170,9 +170,11 @@ def test_help_says_what_there_is(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_cluster_finds_what_this_process_finds(tuned, tmp_path):
-    """Two scenarios on two processes of loky; the trials are those of the fixture."""
-    pytest.importorskip("loky")
+@pytest.mark.parametrize("cluster", ["local", "dask"])
+def test_a_cluster_finds_what_this_process_finds(tuned, tmp_path, cluster):
+    """Two scenarios on two threads, or on two processes of Dask; the trials are those of the fixture."""
+    if cluster == "dask":
+        pytest.importorskip("distributed")
     words = [
         "filter=baseline",
         "adaptation=chi2",
@@ -181,7 +183,7 @@ def test_a_cluster_finds_what_this_process_finds(tuned, tmp_path):
         "trials=4",
         "figures=false",
     ]
-    done = jerkbench("tune", *words, "cluster=loky", "workers=2", cwd=tmp_path)
+    done = jerkbench("tune", *words, f"cluster={cluster}", "workers=2", cwd=tmp_path)
 
     assert done.returncode == 0, done.stderr
     own, here = (folder / "results/adhoc/tune/baseline-chi2/trials.csv" for folder in (tmp_path, tuned[0]))

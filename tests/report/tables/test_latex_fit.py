@@ -9,7 +9,6 @@ import pytest
 from matplotlib.ft2font import FT2Font
 
 from commands import verb
-from jerkbench.places import place
 from jerkbench.report.tables.latex import latex
 from jerkbench.report.tables.latex_fit import fitted_latex
 from jerkbench.report.tables.summary import summarise
@@ -42,7 +41,7 @@ def lines_of(environment):
 
 @pytest.fixture(scope="module", params=["paper20", "error_budget"])
 def table(request):
-    rows = load_study(place(str(ROOT / "results" / request.param))).rows
+    rows = load_study(ROOT / "results" / request.param).rows
     columns = ["adaptation"] if request.param == "paper20" else ["dataset"]
     return summarise(rows, "position_rmse_m", None, columns, baseline={"filter": "baseline"})
 

@@ -8,7 +8,6 @@ import pytest
 from rich.console import Console
 
 from commands import verb
-from jerkbench.places import place
 from jerkbench.report.tables.narrow_layout import blocks, groups
 from jerkbench.report.tables.summary import summarise
 from jerkbench.report.tables.terminal import terminal_table
@@ -22,7 +21,7 @@ COLUMNS = {"paper20": ["adaptation"], "error_budget": ["dataset"]}
 
 @pytest.fixture(scope="module", params=STUDIES)
 def table(request):
-    rows = load_study(place(str(ROOT / "results" / request.param))).rows
+    rows = load_study(ROOT / "results" / request.param).rows
     return summarise(rows, "position_rmse_m", None, COLUMNS[request.param], baseline=BASELINES[request.param])
 
 
