@@ -29,15 +29,20 @@ class PartFiles:
         """Return where the file of this name lies."""
         return self.folder / f"{name}.parquet"
 
+    def names(self) -> list[str]:
+        """Return the names of all files."""
+        names = sorted(path.name.removesuffix(".parquet") for path in self.folder.glob("*.parquet"))
+        _require_parts(self.folder, names)
+        return names
+
     def each(
         self, keys: Sequence[str] | None, columns: list[str] | None = None
     ) -> Iterator[tuple[str, pa.Table | None]]:
         """Each file that may hold ``keys``, by its name, with its rows (default: whole); None where it is damaged."""
         seen: set[str] = set()
+        wanted = None if keys is None else set(keys)
         for _ in range(LISTINGS):
-            names = sorted(path.name.removesuffix(".parquet") for path in self.folder.glob("*.parquet"))
-            _require_parts(self.folder, names)
-            wanted = None if keys is None else set(keys)
+            names = self.names()
             vanished = False
             for name in names:
                 if name in seen or (wanted is not None and not NAME.fullmatch(name) and name not in wanted):

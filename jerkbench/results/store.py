@@ -3,6 +3,7 @@
 import os
 import time
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -96,6 +97,17 @@ class Store:
         """Return all runs that are stored of some cells, whole or not, as they are in their parts."""
         tables, _ = self._tables(keys)
         return concatenated(tables) if tables else None
+
+    def newer_runs(self, seen: set[str]) -> set[tuple[str, int]]:
+        """Return key and seed of what has run, and not failed, in the files that are not ``seen``; then they are."""
+        runs: set[tuple[str, int]] = set()
+        for name in set(self.files.names()) - seen:
+            with suppress(FileNotFoundError):  # it has just been joined with others
+                table = self.files.load(name, SEEN)
+                columns = (table[column].to_pylist() for column in SEEN) if table is not None else ()
+                runs.update((key, seed) for key, _, seed, status in zip(*columns, strict=True) if status != "failed")
+            seen.add(name)
+        return runs
 
     def keys_from(self, beginning: str) -> list[str]:
         """The keys that begin so, of all cells that are there, whole, damaged or begun."""

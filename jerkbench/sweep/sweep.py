@@ -21,9 +21,8 @@ from jerkbench.execution.preflight import require_inputs
 from jerkbench.execution.progress import Progress
 from jerkbench.notices import notify
 from jerkbench.results.store import Store
-from jerkbench.sweep.claims import Claims
+from jerkbench.sweep.locks import FOLDER, Locks, Shared, plan_name
 from jerkbench.sweep.seed_blocks import known_runs, missing, run_blocks
-from jerkbench.sweep.sharing import FOLDER, Shared, plan_name
 from jerkbench.sweep.tasks import Planned, Result, Task, grouped
 from jerkbench.sweep.writer import Writer
 
@@ -90,14 +89,14 @@ def run_sweep(plan: Plan, store: Store, workers: int, done: Collection[str], clu
     """
     left = [planned for planned in plan.cells if planned.key not in done]
     folder = store.folder.parent / FOLDER
-    tally, claims = Tally(), Claims(folder, plan_name(plan.cells))
+    tally, locks = Tally(), Locks(folder, plan_name(plan.cells))
     with (
         Progress(len(plan.cells), already=len(plan.cells) - len(left)) as progress,
-        claims,
+        locks,
         Writer(store) as writer,
     ):
         while left:
-            _run_round(plan, left, _Round(writer, tally, claims, progress, cluster, workers))
+            _run_round(plan, left, _Round(writer, tally, locks, progress, cluster, workers))
             left = _wait_for_others([planned for planned in left if planned.key not in tally.whole], store, progress)
 
 
@@ -106,7 +105,7 @@ class _Round(NamedTuple):
 
     writer: Writer
     tally: "Tally"
-    claims: Claims
+    locks: Locks
     progress: Progress
     cluster: Cluster
     workers: int
@@ -116,17 +115,18 @@ def _run_round(plan: Plan, left: Sequence[Planned], of: _Round) -> None:
     """Run what is ``left`` of the plan, without what other processes are running."""
     store = of.writer.store
     remaining: dict[str, Sequence[int]] = {planned.key: () for planned in plan.cells}
+    seen = set(store.files.names())
     known = known_runs(left, store)
     for planned in left:
         remaining[planned.key], statuses = of.tally.resume(planned, known.get(planned.key, {}))
         if not remaining[planned.key]:
             of.progress.advance(statuses)
     groups = grouped(plan.cells, remaining)
-    shared = Shared(of.claims, of.writer, groups)
+    shared = Shared(of.locks, of.writer, groups, seen)
     if not groups:
         return
     order = Order(
-        work=partial(run_task, store.folder.parent.absolute(), of.claims.mark.absolute()),  # a worker is elsewhere
+        work=partial(run_task, store.folder.parent.absolute(), of.locks.mark.absolute()),  # a worker is elsewhere
         groups=groups,
         bundle=attrgetter("bundle"),
         admit=shared.admitted,
@@ -147,7 +147,7 @@ def _wait_for_others(left: Sequence[Planned], store: Store, progress: Progress) 
     for _ in done:
         progress.advance()
     if len(done) < len(left):
-        notify("another process has claimed the rest of this sweep; its results are waited for")
+        notify("another process is running the rest of this sweep; its results are waited for")
         time.sleep(POLL_S)
     return [planned for planned in left if planned.key not in done]
 

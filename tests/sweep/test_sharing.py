@@ -12,7 +12,10 @@ from jerkbench.execution.cell_run import CellRun
 from jerkbench.execution.inputs import KEPT
 from jerkbench.results.store import Store
 from jerkbench.sweep import sweep, tasks
+from jerkbench.sweep.locks import Locks, Shared
+from jerkbench.sweep.seed_blocks import block_of
 from jerkbench.sweep.sweep import plan_sweep, run_sweep
+from jerkbench.sweep.writer import Writer
 
 
 def cell(duration_s, seeds):
@@ -63,4 +66,18 @@ def test_two_sweeps_share_their_cells(durations, seeds, tmp_path, monkeypatch):
     assert len(met) == 2
     assert len(ran) == len(set(ran)) == len(durations) * (1 if seeds == 1 else 2)
     assert {planned.key for planned in plan.cells} == store.look([planned.key for planned in plan.cells]).done
-    assert not (tmp_path / ".claims").exists()
+    assert not (tmp_path / ".locks").exists()
+
+
+def test_what_another_process_has_stored_meanwhile_is_left_out(tmp_path):
+    plan = plan_sweep([cell(4.0, 1), cell(5.0, 1)])
+    groups = tasks.grouped(plan.cells)
+    store = Store(tmp_path)
+    store.prepare()
+    with Locks(tmp_path / ".locks", "plan") as locks, Writer(store) as writer:
+        shared = Shared(locks, writer, groups, set())
+        planned = plan.cells[0]
+        (row,), notes = CellRun(planned.cell, planned.fingerprint).rows()
+        Store(tmp_path).write_blocks([block_of(planned, tasks.Result([row], notes, 0.1))])
+
+        assert [shared.admitted(group) for group in groups] == [[], groups[1]]

@@ -1,0 +1,127 @@
+"""Bundles shared with other processes: locked before they run, left out where another process has run them already."""
+
+import hashlib
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+from uuid import uuid4
+
+from filelock import FileLock, Timeout
+
+from jerkbench.notices import notify
+from jerkbench.sweep.tasks import Planned, Task
+from jerkbench.sweep.writer import Writer
+
+FOLDER = ".locks"
+"""The folder of the locks, in the study's."""
+
+
+def plan_name(cells: Iterable[Planned]) -> str:
+    """Name a plan, whose bundles have the same numbers in every process that has it."""
+    sha = hashlib.sha256()
+    for planned in cells:
+        sha.update(f"{planned.key} {planned.cell.draws}\n".encode())
+    return sha.hexdigest()[:12]
+
+
+class Locks:
+    """The locks of this process on the bundles of one plan. A lock ends with its process, whatever has ended that.
+
+    Attributes:
+        mark: a file of this process; a worker that sees it has this folder, and may store there.
+    """
+
+    def __init__(self, folder: Path, plan: str) -> None:
+        """Lock in ``folder``; ``plan`` names the plan."""
+        self._folder, self._plan = folder, plan
+        self.mark = folder / f"{uuid4().hex}.process"
+        self._held: dict[str, FileLock] = {}
+
+    def __enter__(self) -> Self:
+        """Say that this process is here."""
+        self._folder.mkdir(parents=True, exist_ok=True)
+        self._take(self.mark)
+        self.mark.touch()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Give up what is still locked; the last process clears the folder."""
+        for name in list(self._held):
+            self._release(name)
+        with suppress(OSError):  # what is left does no harm
+            self.mark.unlink(missing_ok=True)
+            if all(self._left_behind(path) for path in self._folder.glob("*.process")):
+                for path in self._folder.iterdir():
+                    path.unlink(missing_ok=True)
+                self._folder.rmdir()
+
+    def take(self, bundle: int) -> bool:
+        """Lock a bundle; False where another process has it."""
+        return self._take(self._path(bundle))
+
+    def release(self, bundle: int) -> None:
+        """Give up a bundle."""
+        self._release(self._path(bundle).name)
+
+    def _path(self, bundle: int) -> Path:
+        return self._folder / f"{self._plan}.{bundle}"
+
+    def _take(self, path: Path) -> bool:
+        lock = FileLock(f"{path}.lock", timeout=0, thread_local=False)
+        try:
+            lock.acquire()
+        except Timeout:
+            return False
+        except (OSError, NotImplementedError):
+            notify(f"{self._folder} can hold no locks: let one process at a time work there")
+            return True
+        self._held[path.name] = lock
+        return True
+
+    def _release(self, name: str) -> None:
+        if lock := self._held.pop(name, None):
+            lock.release()
+
+    def _left_behind(self, mark: Path) -> bool:
+        """Whether the process of a mark has ended."""
+        if not self._take(mark):
+            return False
+        self._release(mark.name)
+        return True
+
+
+class Shared:
+    """The tasks of one round, as far as they are for this process."""
+
+    def __init__(self, locks: Locks, writer: Writer, groups: Iterable[Sequence[Task]], seen: set[str]) -> None:
+        """Begin with ``groups`` of which the runs in the files ``seen`` are left out already."""
+        self._locks, self._writer = locks, writer
+        self._left = Counter(task.bundle for group in groups for task in group)
+        self._taken: dict[int, bool] = {}
+        self._done: set[tuple[str, int]] = set()
+        self._seen = seen
+
+    def admitted(self, tasks: Sequence[Task]) -> list[Task]:
+        """Return those of some tasks of one bundle that are to run here."""
+        bundle = tasks[0].bundle
+        if bundle not in self._taken:
+            self._taken[bundle] = self._locks.take(bundle)
+        if not self._taken[bundle]:
+            return []
+        self._done.update(self._writer.store.newer_runs(self._seen))
+        done = [task for task in tasks if all((task.planned.key, draw) in self._done for draw in task.draws)]
+        for task in done:
+            self.settle(task)
+        return [task for task in tasks if task not in done]
+
+    def settle(self, task: Task) -> None:
+        """Count a task as done; with the last one the bundle is anybody's again."""
+        self._left[task.bundle] -= 1
+        if not self._left[task.bundle]:
+            self._writer.flush()  # before anybody else may have the bundle
+            self._locks.release(task.bundle)
