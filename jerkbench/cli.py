@@ -201,7 +201,7 @@ def _parser() -> argparse.ArgumentParser:
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB")
     verbs.add_parser("run", help="run one combination, or with -m a sweep (jerkbench run --help)")
     for verb in VERBS:
-        verb.add(verbs)
+        verb(verbs)
     return parser
 
 

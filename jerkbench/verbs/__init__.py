@@ -1,30 +1,26 @@
-"""The verbs but `run`: each a module with `add`, which declares its words and its `answer`."""
+"""The verbs but `run`."""
 
-from jerkbench.verbs import (
-    audit,
-    check,
-    cite,
-    compare,
-    data,
-    export,
-    figures,
-    listing,
-    new,
-    pack,
-    report,
-    rerun,
-    score,
-    show,
-    suite,
-    table,
-    tune,
+from jerkbench.verbs import campaigns, compare, inspecting, plugins, recordings, results, rows
+from jerkbench.verbs.arguments import group
+
+SUITE = group(
+    "suite",
+    "enter a frozen comparison with a method of your own: run, verify, board",
+    *(campaigns.suite_run_verb, campaigns.suite_verify_verb, campaigns.suite_board_verb),
+)
+
+DATA = group(
+    "data",
+    "look after recordings: inspect, convert, export, salvage, fetch, trace, cache",
+    *(inspecting.inspect_verb, recordings.convert_verb, recordings.data_export_verb, recordings.salvage_verb),
+    *(recordings.fetch_verb, recordings.trace_verb, recordings.cache_verb),
 )
 
 VERBS = (
-    *(listing, show, data),
-    *(table, figures, report, compare, score),
-    *(tune, audit, suite),
-    *(rerun, export, pack),
-    *(new, check, cite),
+    *(plugins.list_verb, plugins.show_verb, DATA),
+    *(results.table_verb, results.figures_verb, results.report_verb, compare.compare_verb, rows.score_verb),
+    *(campaigns.tune_verb, campaigns.audit_verb, SUITE),
+    *(rows.rerun_verb, rows.export_verb, results.pack_verb),
+    *(plugins.new_verb, plugins.check_verb, results.cite_verb),
 )
 """In the order in which `jerkbench --help` names them."""

@@ -1,4 +1,4 @@
-"""The declaration of a verb, and the types of its words."""
+"""The declaration of a verb, and the words that several verbs take."""
 
 import argparse
 import json
@@ -7,29 +7,70 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from jerkbench.errors import JerkbenchError
+
 if TYPE_CHECKING:
-    Verbs = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001 - argparse has no public name for it
-else:
-    Verbs = Any
+    from jerkbench.report.analysis.rule import Rule
+
+    Parsers = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001 - argparse has no public name for it
+
+Argument = tuple[tuple[str, ...], dict[str, Any]]
+"""What `argparse.ArgumentParser.add_argument` takes."""
+
+Answer = Callable[[argparse.Namespace], None]
+
+Declaration = Callable[["Parsers"], None]
 
 
-def add_verb(
-    verbs: Verbs, name: str, title: str, answer: Callable[[argparse.Namespace], None]
-) -> argparse.ArgumentParser:
-    """Declare the verb ``name``, which does what ``title`` says by calling ``answer``; returns where its words go."""
-    parser = verbs.add_parser(name, help=title, description=f"{title[0].upper()}{title[1:]}.")
-    parser.set_defaults(answer=answer)
-    return parser
+def verb(*arguments: Argument, epilog: str = "") -> Callable[[Answer], Declaration]:
+    """Make a verb of the function that answers it: ``data_convert_verb`` of ``convert``, titled as it is documented."""
+
+    def declaration(answer: Answer) -> Declaration:
+        name = answer.__name__.removesuffix("_verb").rpartition("_")[2]
+        title = str(answer.__doc__).partition("\n")[0]
+
+        def declare(parsers: "Parsers") -> None:
+            raw = argparse.RawDescriptionHelpFormatter if "\n" in epilog else argparse.HelpFormatter
+            help_line = f"{title[0].lower()}{title[1:-1]}"
+            parser = parsers.add_parser(name, help=help_line, description=title, epilog=epilog, formatter_class=raw)
+            for names, options in arguments:
+                parser.add_argument(*names, **options)
+            parser.set_defaults(answer=answer)
+
+        return declare
+
+    return declaration
 
 
-def add_format(parser: argparse.ArgumentParser) -> None:
-    """Let a verb answer a program too: ``--format json``."""
-    parser.add_argument("--format", choices=("terminal", "json"), default="terminal", help="default: terminal")
+def group(name: str, title: str, *verbs: Declaration) -> Declaration:
+    """Put verbs behind a common first word."""
+
+    def declare(parsers: "Parsers") -> None:
+        inner = parsers.add_parser(name, help=title).add_subparsers(dest=f"{name}_verb", required=True, metavar="VERB")
+        for declared in verbs:
+            declared(inner)
+
+    return declare
+
+
+def argument(*names: str, **options: Any) -> Argument:  # noqa: ANN401 - as argparse has them
+    """Return a word of a verb, given as `argparse.ArgumentParser.add_argument` takes it."""
+    return names, options
 
 
 def print_json(content: object) -> None:
     """Print plain values as JSON."""
     print(json.dumps(content, indent=2, allow_nan=False))
+
+
+def require_new(path: Path) -> None:
+    """Refuse to write over a file or folder.
+
+    Raises:
+        JerkbenchError: it is there.
+    """
+    if path.exists():
+        raise JerkbenchError(f"{path} is there already; delete it or give another name.")
 
 
 def count(text: str) -> int:
@@ -69,10 +110,60 @@ def percentage(text: str) -> float:
     return value
 
 
-def add_run_programs(parser: argparse.ArgumentParser) -> None:
-    """Declare the word that lets programs of stored results run."""
-    parser.add_argument(
-        "--run-programs",
-        action="store_true",
-        help="let programs that stored results name (filter=command) run here: only of results that you trust",
-    )
+FORMAT = argument("--format", choices=("terminal", "json"), default="terminal", help="default: terminal")
+"""Lets a verb answer a program too."""
+
+RUN_PROGRAMS = argument(
+    "--run-programs",
+    action="store_true",
+    help="let programs that stored results name (filter=command) run here: only of results that you trust",
+)
+"""Lets programs of stored results run."""
+
+WHERE = (
+    argument("--cluster", default="local", help="what runs it: local, dask, slurm, ... (default: local)"),
+    argument("--workers", type=int, default=0, help="number of processes (default: one a processor)"),
+)
+"""Where something is run."""
+
+JUDGING = (
+    argument(
+        "--method",
+        metavar="FACTORS",
+        help="what a method is made of (default: filter,adaptation,noise; the attitude where it alone varies); "
+        "the rest makes a scenario",
+    ),
+    argument(
+        "--margin",
+        type=percentage,
+        default=3.0,
+        metavar="PCT",
+        help="methods within PCT percent are equal (default: 3)",
+    ),
+    argument(
+        "--correction",
+        choices=("max_t", "fdr"),
+        default="max_t",
+        help="5 %% of studies with any wrong sentence (max_t, the default), or of sentences (fdr)",
+    ),
+)
+"""How a study's methods are judged."""
+
+
+def chosen_rule(chosen: argparse.Namespace) -> "Rule":
+    """Return the rule that was asked for."""
+    from jerkbench.evaluation.statistics.multiplicity import Correction
+    from jerkbench.report.analysis.rule import Rule
+
+    return Rule(chosen.margin / 100, Correction(chosen.correction))
+
+
+def chosen_method(chosen: argparse.Namespace) -> tuple[str, ...] | None:
+    """Return the factors of a method; None where none was asked for.
+
+    Raises:
+        JerkbenchError: there is no such factor, or none.
+    """
+    from jerkbench.report.analysis.factors import parse_method
+
+    return parse_method(chosen.method) if chosen.method is not None else None

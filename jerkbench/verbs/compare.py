@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from jerkbench.errors import NOT_COMPARABLE
-from jerkbench.verbs.arguments import Verbs, add_verb, percentage
-from jerkbench.verbs.judging import add_judging, chosen_method, chosen_rule
+from jerkbench.verbs.arguments import JUDGING, argument, chosen_method, chosen_rule, percentage, verb
 
 if TYPE_CHECKING:
     from jerkbench.report.analysis.changes import Change
@@ -21,7 +20,7 @@ FORMATS = ("terminal", "md", "json", "junit")
 WORSE = 3
 """Exit code where the second set is worse than it may be."""
 
-EPILOG = """\
+COMPARE = """\
 A and B are folders, or one method of each, compared with one another: `jerkbench compare old:jerk+mtf new:mine+none`
 (filter, adaptation, noise; FACTOR=VALUE for another factor).
 
@@ -42,30 +41,32 @@ Exit codes:
   4  A and B cannot be compared; with --fail-above or --tolerances also: B lacks results of A, or a file is damaged
 """
 
+READING = (
+    "A, B: geometric means over the runs that went well (arithmetic where a value is 0); B/A: geometric mean with "
+    "Student's 95 % interval, over the seeds of both where they match; with lost runs the median."
+)
+"""The explanation below the numbers."""
 
-def add(verbs: Verbs) -> None:
-    """Declare the verb."""
-    compare = add_verb(verbs, "compare", "compare two sets of results, over the same seeds where they match", answer)
-    compare.formatter_class = argparse.RawDescriptionHelpFormatter
-    compare.epilog = EPILOG
-    compare.add_argument(
+
+@verb(
+    argument(
         "first", metavar="A", help="a study's folder, or a folder of cells: before; FOLDER:METHOD takes one method"
-    )
-    compare.add_argument("second", metavar="B", help="another: after")
-    compare.add_argument("--metric", help="a column of rows.csv (default: position_rmse_m, or the first there is)")
-    compare.add_argument(
+    ),
+    argument("second", metavar="B", help="another: after"),
+    argument("--metric", help="a column of rows.csv (default: position_rmse_m, or the first there is)"),
+    argument(
         "--fail-above",
         type=percentage,
         metavar="PCT",
         help="exit with 3 where B is worse than A by more than PCT percent, with 4 where it lacks what A has",
-    )
-    compare.add_argument("--tolerances", type=Path, metavar="FILE", help="what may become worse by how much; see below")
-    compare.add_argument("--format", choices=FORMATS, default="terminal", help="default: terminal")
-    add_judging(compare)
-
-
-def answer(chosen: argparse.Namespace) -> None:
-    """Print what changed.
+    ),
+    argument("--tolerances", type=Path, metavar="FILE", help="what may become worse by how much; see below"),
+    argument("--format", choices=FORMATS, default="terminal", help="default: terminal"),
+    *JUDGING,
+    epilog=COMPARE,
+)
+def compare_verb(chosen: argparse.Namespace) -> None:
+    """Compare two sets of results, over the same seeds where they match.
 
     Raises:
         JerkbenchError: there are no results, nothing is in both, or they were not measured alike.
@@ -142,13 +143,6 @@ def _notes(
     notes += tolerances.idle((part.metric, change.combination) for part in parts for change in part.changes)
     verdicts = (study_verdicts(study.rows, parts[0].metric, method, rule) for study in (first, second))
     return [*notes, *other_leaders(*(of.standings for of in verdicts))]
-
-
-READING = (
-    "A, B: geometric means over the runs that went well (arithmetic where a value is 0); B/A: geometric mean with "
-    "Student's 95 % interval, over the seeds of both where they match; with lost runs the median."
-)
-"""The explanation below the numbers."""
 
 
 def _failures(parts: "Sequence[Compared]", first: "Study", second: "Study", file: Path | None) -> tuple[list[str], int]:

@@ -13,7 +13,7 @@ from jerkbench.inspection.diagnosis.plane import IDENTITY, PLANE
 from jerkbench.inspection.remarks import findings_text
 from jerkbench.io.frames import axes_matrix
 from jerkbench.recording import Imu, Position, Recording, Reference
-from jerkbench.verbs.data.source import dataset_of
+from jerkbench.verbs.source import dataset_of
 
 CLOCK = "IMU's clock off by 1 s"
 

@@ -9,6 +9,7 @@ from typing import Any, cast
 
 from jerkbench.contracts import Dataset
 from jerkbench.errors import PluginError
+from jerkbench.verbs.arguments import argument
 
 SUFFIXES = {".pos": "rtklib", ".bag": "rosbag", ".db3": "rosbag", ".mcap": "rosbag", ".active": "rosbag"}
 """The data set that reads files of a suffix, or a folder of them; a power loss leaves a .bag.active."""
@@ -27,16 +28,6 @@ INSIDE = {
 """Files of a folder that show its data set, or a preset of one."""
 
 
-def add_source(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments that name a recording."""
-    parser.add_argument("source", help="a file or folder, or the name of a data set or its preset")
-    parser.add_argument("--dataset", metavar="NAME", help="the data set that reads the file (default: by its suffix)")
-    parser.add_argument(
-        "--set", nargs="+", action="extend", default=[], metavar="KEY=VALUE", help="parameters of the data set"
-    )
-    parser.add_argument("--seed", type=seed, default=0, help="of a simulated recording (default 0)")
-
-
 def seed(text: str) -> int:
     """Read the seed of a simulated recording.
 
@@ -46,6 +37,15 @@ def seed(text: str) -> int:
     if not text.isdecimal():
         raise argparse.ArgumentTypeError(f"'{text}' is no seed; give a whole number, 0 or more")
     return int(text)
+
+
+SOURCE = (
+    argument("source", help="a file or folder, or the name of a data set or its preset"),
+    argument("--dataset", metavar="NAME", help="the data set that reads the file (default: by its suffix)"),
+    argument("--set", nargs="+", action="extend", default=[], metavar="KEY=VALUE", help="parameters of the data set"),
+    argument("--seed", type=seed, default=0, help="of a simulated recording (default 0)"),
+)
+"""The words that name a recording."""
 
 
 def dataset_of(source: str, name: str | None, words: Sequence[str]) -> Dataset:

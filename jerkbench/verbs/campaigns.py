@@ -1,0 +1,178 @@
+"""The verbs that tune before they score: `tune`, `audit`, and the group `suite`."""
+
+import argparse
+import shlex
+from pathlib import Path
+
+from jerkbench.verbs.arguments import RUN_PROGRAMS, WHERE, argument, count, output, verb
+
+TUNE = """\
+KEY=VALUE are those of `jerkbench run`. Several values, separated by commas, of dataset, disturbance and attitude are
+the scenarios of one tuning; several of filter and adaptation are methods, each tuned with the same budget (-m).
+
+  jerkbench tune filter=jerk adaptation=mtf disturbance=none,noise_step trials=64
+  jerkbench tune -m filter=baseline,jerk adaptation=none,mtf,chi2 disturbance=none,outliers study=alike
+  jerkbench tune filter=bias dataset=husky_bag dataset.folder=DIR objective=likelihood      one's own log, no reference
+
+What is tuned: every parameter with a range (`jerkbench show filter jerk`), and what the filter is told of the reported
+R (r_scale.position, r_scale.velocity); knobs=[filter.accel_mps2,...] names fewer.
+
+  trials=64            settings that are tried, the one before the search among them
+  sampler=sobol        sobol (for comparisons), tpe, cma_es (the extra `tune`); sampler_seed=1: another scramble
+  objective=rmse       rmse: log of the ratio to the plain filter at its defaults, a lost run counts log 100;
+                       likelihood: of the innovations, without a reference
+  split=auto           seeds; time (share=0.5: tuned on the first half, tested on the second);
+                       recordings, families (held_out=[NAME,...]: tested on these, tuned without them)
+  tune_seeds=16 choose_seeds=16 test_seeds=40 first_seed=0      disjoint; the test seeds are read at the end
+  finalists=8          the best, tried again on the seeds to choose on
+  restarts=1           more searches with other scrambles: their spread is luck
+  cluster=local        threads of this process; dask, slurm, ...: each scenario goes to a worker (docs/cluster.md)
+
+Written to results/STUDY/tune/METHOD: tuning.md, presets for `jerkbench run --config-dir`, settings for
+robot_localization, KF-GINS and eskf15, every trial. The same command goes on where it was stopped.
+"""
+
+
+@verb(
+    argument("-m", "--multirun", action="store_true", help="tune each of several methods, with equal budgets"),
+    argument("words", nargs="*", metavar="KEY=VALUE", help="what to tune, on what, with which budget"),
+    epilog=TUNE,
+)
+def tune_verb(chosen: argparse.Namespace) -> None:
+    """Find the best setting of a method, and score it on runs that were not seen.
+
+    Raises:
+        JerkbenchError: a word is unknown, or what it asks for cannot be tuned.
+    """
+    from jerkbench.hydra_app.tuning import tune_all
+    from jerkbench.hydra_app.tuning_words import told_apart
+
+    tune_all(told_apart(chosen.words, several=chosen.multirun))
+
+
+AUDIT = """\
+SCALE is a protocol in conf/audit: what is compared, under which faults, with which budget. The protocol and its hash
+are written before anything runs, and the seeds to score on follow from the hash.
+
+  jerkbench audit --scale small      minutes: shows that all of it runs, answers nothing
+  jerkbench audit --scale medium     two models, without what iterates: half an hour
+  jerkbench audit                    the whole protocol: 90 minutes on two cores
+  jerkbench audit --attribution      what the gain of jerk and MTF over a naive baseline is made of
+
+The same command goes on where it was stopped; --stored judges what is stored, whatever version computed it (its digest
+stands in manifest.json), and runs nothing. RESULTS/audit-SCALE has README.md with the answer, its figures, table.md,
+verdicts.csv, settings.csv, rows.parquet, manifest.json, protocol.json.
+"""
+
+
+@verb(
+    argument("--scale", help="name of the protocol (default: full, or attribution)"),
+    argument("--attribution", action="store_true", help="what the gain over a naive baseline is made of"),
+    argument("--results", type=output, default=Path("results"), help="folder of all results"),
+    argument("--stored", action="store_true", help="judge the stored rows of any version, and run nothing"),
+    *WHERE,
+    epilog=AUDIT,
+)
+def audit_verb(chosen: argparse.Namespace) -> None:
+    """Tune every adaptive filter and the plain one alike, score them unseen.
+
+    Raises:
+        JerkbenchError: there is no such protocol, or a run failed.
+    """
+    from jerkbench.audit.attribution.study import run_attribution
+    from jerkbench.audit.protocol import read_protocol
+    from jerkbench.audit.study import FOLDER, run_audit, text_of
+    from jerkbench.execution.processors import processors
+    from jerkbench.hydra_app.chosen_cluster import cluster_named
+
+    scale = ("attribution" if chosen.attribution else "full") if chosen.scale is None else chosen.scale
+    protocol, folder = read_protocol(scale), chosen.results / f"{FOLDER}{scale}"
+    cluster, workers = cluster_named(chosen.cluster), chosen.workers or processors()
+    if chosen.attribution:
+        run_attribution(protocol, folder, cluster, workers, only_stored=chosen.stored)
+        print((folder / "README.md").read_text(encoding="utf-8"))
+    else:
+        print(text_of(run_audit(protocol, folder, cluster, workers, only_stored=chosen.stored)))
+    print(f"Written to {folder}.")
+
+
+ENTER = """\
+KEY=VALUE are those of `jerkbench run` that make a method: filter, adaptation, noise, r_scale and what is in them.
+
+  jerkbench suite run filter=jerk adaptation=mtf
+  jerkbench suite run filter=baseline adaptation=my_rule --scale tiny       seconds: does it run?
+  jerkbench suite run filter=command filter.command="./mine {recording} {out}" --name mine
+
+A method whose parameters have ranges is tuned on one half of the faults and scored on the other, and the reverse; one
+without, and a program, is scored as it is given. The plain filter is tuned alike. The same command goes on where it was
+stopped. Written: entry.md, rows.parquet, settings.yaml, manifest.json (docs/suite.md).
+"""
+
+
+@verb(
+    argument("words", nargs="+", metavar="KEY=VALUE", help="the method"),
+    argument("--scale", default="v1", help="name of the suite in conf/suite (default: v1)"),
+    argument("--name", default="", help="what the board calls it (default: filter + adaptation)"),
+    argument("--out", type=output, metavar="FOLDER", help="of the entry (default: results/suite-SCALE/NAME)"),
+    *WHERE,
+    epilog=ENTER,
+)
+def suite_run_verb(chosen: argparse.Namespace) -> None:
+    """Tune and score a method by the suite's protocol, and write its entry.
+
+    Raises:
+        JerkbenchError: a word is unknown, the method does not fit, or the suite is not the frozen one.
+    """
+    from jerkbench.execution.processors import processors
+    from jerkbench.hydra_app.chosen_cluster import cluster_named
+    from jerkbench.hydra_app.entering import entrant_of, folder_name
+    from jerkbench.suite.campaign import Place
+    from jerkbench.suite.enter import enter
+
+    entrant = entrant_of(chosen.words)
+    name = chosen.name or entrant.name
+    folder = chosen.out or Path("results") / f"suite-{chosen.scale}" / folder_name(name)
+    place = Place(folder, cluster_named(chosen.cluster), chosen.workers or processors())
+    scale = [] if chosen.scale == "v1" else ["--scale", chosen.scale]
+    command = shlex.join(["jerkbench", "suite", "run", *chosen.words, *scale])
+    print(enter(chosen.scale, entrant, name, place, command))
+    print(f"Written to {folder}.")
+
+
+@verb(
+    argument("entry", type=Path, help="its folder"),
+    RUN_PROGRAMS,
+    argument("--rows", type=count, default=12, help="how many rows to compute once more (default: 12)"),
+)
+def suite_verify_verb(chosen: argparse.Namespace) -> None:
+    """Check digests, completeness, score and a sample of rows of an entry.
+
+    Raises:
+        JerkbenchError: there is no entry.
+    """
+    from jerkbench.suite.verify import verify
+
+    checked = verify(chosen.entry, chosen.rows, run_programs=chosen.run_programs)
+    for sentence in (*checked.mistakes, *checked.remarks):
+        print(sentence)
+    if checked.mistakes:
+        raise SystemExit(1)
+    print(
+        f"{chosen.entry} is what it says, as far as was checked; {checked.rerun} of its own rows were computed again."
+    )
+
+
+@verb(
+    argument("folder", type=Path, help="with a folder for each entry"),
+    argument("--rows", type=count, default=3, help="how many rows of each entry to compute again (default: 3)"),
+)
+def suite_board_verb(chosen: argparse.Namespace) -> None:
+    """Write a sortable page of all entries of a folder, each verified.
+
+    Raises:
+        JerkbenchError: there is no entry, or they are of several suites.
+    """
+    from jerkbench.suite.board import write_board
+
+    for path in write_board(chosen.folder, chosen.rows):
+        print(path)

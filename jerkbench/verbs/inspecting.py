@@ -1,0 +1,137 @@
+"""`jerkbench data inspect`: the streams of a recording, and their faults; of a .csv, what its columns may be."""
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from jerkbench.errors import JerkbenchError, RecordingError, unknown
+from jerkbench.verbs.arguments import argument, output, require_new, verb
+from jerkbench.verbs.source import SOURCE, dataset_of
+
+if TYPE_CHECKING:
+    from jerkbench.contracts import Dataset
+    from jerkbench.inspection.guess.guessing import Draft
+    from jerkbench.recording import Recording
+
+SUFFIX = ".csv"
+
+
+def _guesses_columns(chosen: argparse.Namespace) -> bool:
+    """Whether the source is a table whose columns nobody named.
+
+    Raises:
+        JerkbenchError: a preset was asked for, of something else.
+    """
+    path = Path(chosen.source).expanduser()
+    guesses = path.suffix.lower() == SUFFIX and chosen.dataset is None and path.is_file()
+    if chosen.preset is not None and not guesses:
+        raise JerkbenchError(f"--preset is written for a .csv whose columns are guessed, and {chosen.source} is none.")
+    return guesses
+
+
+def _print_guesses(chosen: argparse.Namespace) -> None:
+    """Print the guesses, write the preset, and describe the recording that they make.
+
+    Raises:
+        RecordingError: the columns cannot be told by their names.
+        JerkbenchError: the preset is there already.
+    """
+    from jerkbench.datasets.table import Tables
+    from jerkbench.inspection.guess.guessing import guess_table
+
+    draft = guess_table(Path(chosen.source).expanduser())
+    _print_draft(draft)
+    if chosen.preset is not None:
+        _write_preset(draft, chosen.preset)
+    print()
+    try:
+        recording = draft.load()
+    except RecordingError as error:  # what the guesses lack is an answer
+        print(f"No recording can be made of it as it is: {error}")
+    else:
+        _describe(recording, Tables(**draft.settings), chosen.figure)
+
+
+def _print_draft(draft: "Draft") -> None:
+    for guess in draft.guesses.values():
+        print(guess)
+    if draft.unused:
+        print(f"not used: {', '.join(draft.unused)}; columns of an attitude or of the truth go to reference_...")
+    unsure = [guess.parameter for guess in draft.guesses.values() if guess.grade == "unsure"]
+    print(f"Say yourself: {', '.join(unsure)}." if unsure else "Nothing is unsure.")
+
+
+def _write_preset(draft: "Draft", preset: Path) -> None:
+    from jerkbench.files import write_atomically
+    from jerkbench.inspection.guess.preset import preset_path, preset_text
+
+    path = preset_path(preset)
+    require_new(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    text = preset_text(draft, path.stem)
+    write_atomically(path, lambda partial: partial.write_text(text, encoding="utf-8"))
+    folder = path.parent.parent
+    print(f"Preset: {path}. Correct it, then: jerkbench run --config-dir {folder} dataset={path.stem}")
+
+
+SHIFTS = ("imu_shift_s", "position_latency_s", "velocity_latency_s", "position_shift_s", "velocity_shift_s")
+"""Parameters of data sets that move stamps to the time when the values were true."""
+
+FIGURES = (".pdf", ".png", ".svg")
+
+
+@verb(
+    *SOURCE,
+    argument("--figure", type=Path, metavar="FILE", help="draw an overview of the recording too (.png, .pdf)"),
+    argument(
+        "--preset", type=output, metavar="NAME.yaml", help="of a .csv: write the guesses to dataset/NAME.yaml, to edit"
+    ),
+)
+def inspect_verb(chosen: argparse.Namespace) -> None:
+    """Print what a recording is made of, and what is wrong with it."""
+    from jerkbench.io.ros.options import BagOptions
+
+    if chosen.figure is not None and chosen.figure.suffix not in FIGURES:
+        raise JerkbenchError(unknown("suffix of a figure", chosen.figure.suffix, FIGURES))
+    if _guesses_columns(chosen):
+        _print_guesses(chosen)
+        return
+    dataset = dataset_of(chosen.source, chosen.dataset, chosen.set)
+    if not isinstance(dataset, BagOptions):
+        _describe(dataset.load(chosen.seed), dataset, chosen.figure)
+        return
+    _print_topics(dataset.path)
+    try:
+        recording = dataset.load(chosen.seed)
+    except RecordingError as error:  # the bag can be read: what it lacks is an answer
+        print(f"\nNo recording can be made of it as it is: {error}")
+    else:
+        print()
+        _describe(recording, dataset, chosen.figure)
+
+
+def _describe(recording: "Recording", dataset: "Dataset", figure: Path | None) -> None:
+    from jerkbench.inspection.facts import facts_text
+
+    print(facts_text(recording))
+    shifts = {name: getattr(dataset, name, None) for name in SHIFTS}
+    shifts_text = [
+        f"{name}={value}" for name, value in shifts.items() if (any(value) if isinstance(value, tuple) else value)
+    ]
+    if shifts_text:
+        print(f"Times are shifted already by {', '.join(shifts_text)}: what is left of the lags is above.")
+    if figure is not None:
+        from jerkbench.inspection.overview import overview_figure
+        from jerkbench.report.plots.figures import save_figure
+
+        save_figure(overview_figure(recording), figure)
+        print(f"Figure: {figure}")
+
+
+def _print_topics(path: Path) -> None:
+    from jerkbench.io.ros.bag import open_bag
+    from jerkbench.io.ros.survey import survey
+
+    with open_bag(path) as bag:
+        for line in survey(bag):
+            print(line)

@@ -1,0 +1,122 @@
+"""The verbs of plugins: `list`, `show`, `new`, `check`."""
+
+import argparse
+import json
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from jerkbench.verbs.arguments import FORMAT, argument, output, print_json, verb
+
+if TYPE_CHECKING:
+    from jerkbench.authoring.check import Checked
+
+
+@verb(argument("kind", nargs="?", help="dataset, disturbance, attitude, filter, adaptation, ..."), FORMAT)
+def list_verb(chosen: argparse.Namespace) -> None:
+    """Name what there is, of every kind or of one.
+
+    Raises:
+        PluginError: no such kind.
+    """
+    from jerkbench.catalogue.catalogue_json import listed
+    from jerkbench.catalogue.text import list_text
+
+    if chosen.format == "json":
+        print_json(listed(chosen.kind))
+    else:
+        print(list_text(chosen.kind))
+
+
+@verb(
+    argument("kind", help="dataset, disturbance, attitude, filter, adaptation, ...; may be left out"),
+    argument("name", nargs="?"),
+    FORMAT,
+)
+def show_verb(chosen: argparse.Namespace) -> None:
+    """Print equations, parameters, defaults and source of one plugin or preset.
+
+    Raises:
+        PluginError: there is none of that name.
+    """
+    from jerkbench.catalogue.catalogue_json import shown
+    from jerkbench.catalogue.entries import kind_of
+    from jerkbench.catalogue.text import show_text
+
+    if chosen.name is None:
+        chosen.kind, chosen.name = kind_of(chosen.kind), chosen.kind
+    if chosen.format == "json":
+        print_json(shown(chosen.kind, chosen.name))
+    else:
+        print(show_text(chosen.kind, chosen.name))
+
+
+@verb(
+    argument("kind", help="dataset, disturbance, attitude, filter, estimator, adaptation or metric"),
+    argument("name", help="of the plugin and its module, for example my_rule"),
+    argument("--out", type=output, metavar="FOLDER", help="where it goes (default: a folder of its name, here)"),
+)
+def new_verb(chosen: argparse.Namespace) -> None:
+    """Write a package with a plugin of your own: class, entry point, test, README.
+
+    Raises:
+        PluginError: no such kind, no possible name, one that is taken, or there is something in the folder.
+    """
+    from jerkbench.authoring.package import write_package
+
+    for path in write_package(chosen.kind, chosen.name, chosen.out or Path(chosen.name)):
+        print(path)
+
+
+BROKEN = 1
+"""Exit code where a plugin does not keep its contract."""
+
+
+def _text(_: str, checked: "Sequence[Checked]") -> str:
+    lines = []
+    for plugin in checked:
+        title = f"{plugin.kind} {plugin.name}"
+        lines += [f"{title}: {finding.severity}: {finding.sentence}" for finding in plugin.findings]
+        lines += [] if plugin.failed else [f"{title}: keeps its contract."]
+    return "\n".join(lines)
+
+
+def _json(package: str, checked: "Sequence[Checked]") -> str:
+    plugins = [
+        {"kind": p.kind, "name": p.name, "ok": not p.failed, "findings": [f._asdict() for f in p.findings]}
+        for p in checked
+    ]
+    return json.dumps({"package": package, "ok": all(p["ok"] for p in plugins), "plugins": plugins}, indent=2)
+
+
+def _junit(package: str, checked: "Sequence[Checked]") -> str:
+    from jerkbench.conformance.junit import Case, junit
+
+    def sentences(plugin: "Checked", severity: str) -> tuple[str, ...]:
+        return tuple(finding.sentence for finding in plugin.findings if finding.severity == severity)
+
+    cases = [Case(p.kind, p.name, sentences(p, "error"), sentences(p, "notice")) for p in checked]
+    return junit(f"jerkbench check {package}", cases).rstrip()
+
+
+FINDINGS: "Mapping[str, Callable[[str, Sequence[Checked]], str]]" = {"text": _text, "json": _json, "junit": _junit}
+"""Formats of the answer."""
+
+
+@verb(
+    argument("package", help="a folder with a pyproject.toml, an installed distribution, or a module"),
+    argument("--format", choices=tuple(FINDINGS), default="text", help="default: text"),
+)
+def check_verb(chosen: argparse.Namespace) -> None:
+    """Say in sentences what the plugins of a package do not keep of their contracts.
+
+    Raises:
+        PluginError: there is no such package, or it has no plugin.
+        SystemExit: 1, where a plugin does not keep its contract.
+    """
+    from jerkbench.authoring.check import check_package
+
+    checked = check_package(chosen.package)
+    print(FINDINGS[chosen.format](chosen.package, checked))
+    if any(plugin.failed for plugin in checked):
+        raise SystemExit(BROKEN)

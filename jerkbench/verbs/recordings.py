@@ -1,0 +1,200 @@
+"""The verbs of the group `data` that write, fetch and delete recordings."""
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from jerkbench.errors import JerkbenchError, unknown
+from jerkbench.verbs.arguments import argument, output, require_new, verb
+from jerkbench.verbs.source import SOURCE, dataset_of
+
+if TYPE_CHECKING:
+    from jerkbench.cells.cell import Cell
+
+TARGETS = {
+    ".bag": "ROS 1 bag",
+    ".db3": "ROS 2 bag, sqlite3",
+    ".mcap": "ROS 2 bag, mcap",
+    ".csv": "table",
+    ".parquet": "table",
+    ".tum": "trajectory as text",
+    ".kml": "trajectory on the Earth",
+}
+
+
+@verb(
+    *SOURCE,
+    argument("target", type=Path, help="the file to write; its suffix says what"),
+    argument("--coordinates", choices=("enu", "geodetic", "ned"), default="enu", help="of a table's positions"),
+    argument("--stream", choices=("reference", "position"), help="which trajectory (default: the reference's)"),
+    epilog="TARGET ends in: " + ", ".join(f"{suffix} ({title})" for suffix, title in TARGETS.items()),
+)
+def convert_verb(chosen: argparse.Namespace) -> None:
+    """Write a recording as a ROS bag, a table or a trajectory."""
+    target: Path = chosen.target
+    if target.suffix not in TARGETS:
+        raise JerkbenchError(unknown("suffix of a target", target.suffix, TARGETS))
+    require_new(target)
+    recording = dataset_of(chosen.source, chosen.dataset, chosen.set).load(chosen.seed)
+    left_out: list[str] = []
+    if target.suffix in (".csv", ".parquet"):
+        from jerkbench.io.writing import write_table
+
+        write_table(recording, target, chosen.coordinates)
+    elif target.suffix in (".tum", ".kml"):
+        from jerkbench.io.writing import write_kml, write_tum
+
+        (write_tum if target.suffix == ".tum" else write_kml)(recording, target, chosen.stream)
+    else:
+        from jerkbench.io.ros.writing import write_bag
+
+        left_out = write_bag(recording, target)
+    print(f"{target}: {recording.name} as {TARGETS[target.suffix]}")
+    for sentence in left_out:
+        print(sentence)
+
+
+EXPORT = """\
+KEY=VALUE are those of `jerkbench run`: dataset, disturbance, attitude, their parameters, seeds, first_seed.
+
+  jerkbench data export drive dataset=field disturbance=gnss_outage seeds=5
+  jerkbench data export drive dataset=field seeds=1 --format csv kf_gins pyins mcap
+
+FOLDER/SEED/recording.csv has a row for each stamp of any stream; recording.json says what its columns are. What a
+method does not get, the reference, is FOLDER/SEED/reference.csv.
+"""
+
+
+@verb(
+    argument("folder", type=output, help="the folder to write; it must not be there yet"),
+    argument("words", nargs="*", metavar="KEY=VALUE", help="what `jerkbench run` takes"),
+    argument(
+        "--format",
+        nargs="+",
+        default=["csv"],
+        metavar="FORMAT",
+        help="csv (default), parquet, bag, mcap, kf_gins, pyins; give it after KEY=VALUE",
+    ),
+    argument("--without-reference", action="store_true", help="leave reference.csv out"),
+    epilog=EXPORT,
+)
+def data_export_verb(chosen: argparse.Namespace) -> None:
+    """Write disturbed recordings for programs of your own, one folder a seed.
+
+    Raises:
+        JerkbenchError: the folder is there, a format or a word is unknown, or a format lacks something.
+    """
+    from jerkbench.hydra_app.words import composed
+    from jerkbench.io.recording_folder import FORMATS
+
+    folder: Path = chosen.folder
+    for name in chosen.format:
+        if name not in FORMATS:
+            raise JerkbenchError(unknown("format", name, FORMATS))
+    require_new(folder)
+    cell = composed(chosen.words).cell()
+    for draw in cell.draws:
+        for path in _write_seed(cell, draw, folder / str(draw), chosen):
+            print(path)
+
+
+def _write_seed(cell: "Cell", draw: int, folder: Path, chosen: argparse.Namespace) -> list[Path]:
+    from jerkbench.cells.data import data_fingerprint
+    from jerkbench.execution.inputs import shared_inputs
+    from jerkbench.io.method_input import write_reference
+    from jerkbench.io.recording_folder import write_recording
+
+    inputs = shared_inputs()
+    recording = inputs.recording(cell, data_fingerprint(cell.dataset, cell.disturbances), draw)
+    source = {"seed": draw, **{kind: cell.spec[kind] for kind in ("dataset", "disturbance", "attitude")}}
+    attitude = inputs.attitude(recording, cell.attitude)
+    paths = write_recording(recording, attitude, folder, chosen.format, {"made_of": source})
+    if chosen.without_reference:
+        return paths
+    write_reference(recording, folder / "reference.csv")
+    return [*paths, folder / "reference.csv"]
+
+
+@verb(
+    argument("source", type=Path, help="a ROS 1 bag that was cut off or damaged"),
+    argument("target", type=Path, help="the bag to write"),
+)
+def salvage_verb(chosen: argparse.Namespace) -> None:
+    """Write a fresh bag from what is whole in a ROS 1 bag that was cut off or damaged."""
+    from jerkbench.io.ros.salvage import salvage
+
+    saved = salvage(chosen.source, chosen.target)
+    print(f"{chosen.target}: {sum(saved.messages.values())} messages from {saved.chunks} chunks")
+    for topic, count in sorted(saved.messages.items()):
+        print(f"  {topic}: {count}")
+    if saved.cut_chunks or saved.lost_bytes:
+        print(f"Chunks that were not whole: {saved.cut_chunks}; bytes that belong to none: {saved.lost_bytes}.")
+
+
+@verb(argument("name", nargs="?", help="the recording; without it: what there is, and where it is kept"))
+def fetch_verb(chosen: argparse.Namespace) -> None:
+    """Download a public recording, check it, and keep it.
+
+    Raises:
+        RecordingError: there is no such recording, or it cannot be had.
+    """
+    from jerkbench.fetching import fetch, public_recording, public_recordings
+    from jerkbench.io.files import fetched_folder
+
+    if chosen.name is None:
+        for public in public_recordings().values():
+            kept = fetched_folder(public.name)
+            state = kept if kept.is_dir() else "not fetched"
+            print(f"{public.name}: {public.title} ({public.licence}); {state}")
+        return
+    recording, folder = public_recording(chosen.name), fetched_folder(chosen.name)
+    fetch(recording, folder, print)
+    print(f"{recording.name} ({recording.licence}) is in {folder}")
+
+
+@verb(
+    *SOURCE,
+    argument("target", type=Path, help="the file to write, .parquet"),
+    argument("--offset", choices=("remove", "keep"), default="remove", help="the median error (default: remove)"),
+    argument("--licence", default="", help="of the data, to stand in the file"),
+    argument("--origin", default="", help="where the data are, to stand in the file"),
+    epilog="Then: jerkbench run disturbance=replayed_gnss disturbance.replayed_gnss.trace=TARGET",
+)
+def trace_verb(chosen: argparse.Namespace) -> None:
+    """Write the errors of a recording's fixes against its reference, to replay them elsewhere."""
+    from jerkbench.traces import SUFFIX, read_trace, trace_of, trace_text, write_trace
+
+    target: Path = chosen.target
+    if target.suffix != SUFFIX:
+        raise JerkbenchError(unknown("suffix of a trace", target.suffix, [SUFFIX]))
+    require_new(target)
+    recording = dataset_of(chosen.source, chosen.dataset, chosen.set).load(chosen.seed)
+    centred = chosen.offset == "remove"
+    write_trace(trace_of(recording, centred=centred, licence=chosen.licence, origin=chosen.origin), target)
+    print(f"{target}: {trace_text(read_trace(target))}")
+
+
+@verb(argument("--clear", action="store_true", help="delete it; all of it can be made again"))
+def cache_verb(chosen: argparse.Namespace) -> None:
+    """Show what is kept in the user's cache, or clear it.
+
+    Recordings that were fetched are not in it: they are data.
+    """
+    from jerkbench.compilation import module_cache
+    from jerkbench.execution import simulation_cache
+    from jerkbench.files import cache_folder
+    from jerkbench.io.ros import extract
+
+    for title, name, patterns in (
+        ("compiled filters and adaptations", module_cache.COMPILED, ("jerkbench_*", "__pycache__/jerkbench_*")),
+        ("messages of bags", extract.BAGS, (extract.PATTERN,)),
+        ("simulated recordings", simulation_cache.SIMULATED, (simulation_cache.PATTERN,)),
+    ):
+        folder = cache_folder(name)
+        files = [path for pattern in patterns for path in sorted(folder.glob(pattern)) if path.is_file()]
+        megabytes = sum(file.stat().st_size for file in files) / 1e6
+        if chosen.clear:
+            for file in files:
+                file.unlink(missing_ok=True)
+        done = ", deleted" if chosen.clear and files else ""
+        print(f"{title}: {len(files)} files, {megabytes:.1f} MB in {folder}{done}")

@@ -1,0 +1,228 @@
+"""The verbs that show a study: `table`, `figures`, `report`; those that keep it, and say what it rests on."""
+
+import argparse
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from jerkbench.errors import JerkbenchError
+from jerkbench.results.study_figures.choice import Choice
+from jerkbench.verbs.arguments import JUDGING, RUN_PROGRAMS, argument, chosen_method, chosen_rule, count, output, verb
+
+if TYPE_CHECKING:
+    from jerkbench.report.analysis.study_verdicts import StudyVerdicts
+    from jerkbench.report.tables.table_model import Table
+    from jerkbench.results.study import Study
+
+NOTHING_COMPARED = (
+    "Nothing can be compared: no cell without adaptation, or with the baseline filter (--baseline FACTOR=NAME takes "
+    "another), or a metric of which the lowest is not the best."
+)
+
+TOLD = 10
+"""So many comparisons are printed without ``--all``."""
+
+TABLE_FORMATS = ("terminal", "md", "csv", "tex", "html", "json")
+
+FACTORS = "dataset, disturbance, attitude, filter, adaptation, noise; separated by commas"
+
+
+@verb(
+    argument("folder", type=Path, help="the study's folder, for example results/paper, or a folder of cells"),
+    argument("--metric", help="a column of rows.csv (default: position_rmse_m, or the first there is)"),
+    argument("--rows", help=f"factors that make the rows: {FACTORS}"),
+    argument("--columns", help="factors that make the columns (default: adaptation)"),
+    argument("--baseline", metavar="FACTOR=NAME", help="add ratios to it, with tests: adaptation=none"),
+    *JUDGING,
+    argument("--tag", help="only the cells that were run with tags=[TAG]"),
+    argument(
+        "--findings",
+        action="store_true",
+        help=f"say in sentences what differs, the {TOLD} largest differences first; with --baseline, from that",
+    ),
+    argument("--all", action="store_true", help="with --findings: every comparison"),
+    argument("--costs", action="store_true", help="put the time a step beside it: each method runs again, here"),
+    RUN_PROGRAMS,
+    argument("--fit", action="store_true", help="with --format tex: no wider than A4 with margins of 25 mm"),
+    argument("--format", choices=TABLE_FORMATS, default="terminal"),
+)
+def table_verb(chosen: argparse.Namespace) -> None:
+    """Print the table of a study once more, arranged as you like.
+
+    Raises:
+        JerkbenchError: there are no results, or no such metric, factor or baseline.
+    """
+    from jerkbench.report.analysis.baseline import parse_baseline
+    from jerkbench.report.analysis.study_verdicts import study_verdicts
+    from jerkbench.report.tables.summary import main_metric, summarise
+    from jerkbench.results.study import load_study, tagged
+
+    study = load_study(chosen.folder)
+    study = tagged(study, chosen.tag) if chosen.tag else study
+    metric = chosen.metric or main_metric(study.rows)
+    baseline = parse_baseline(chosen.baseline) if chosen.baseline else None
+    rows, columns = _factors(chosen.rows), _factors(chosen.columns)
+    verdicts = study_verdicts(study.rows, metric, chosen_method(chosen), chosen_rule(chosen))
+    table = summarise(study.rows, metric, rows, columns, study.notes, baseline, verdicts)
+    if chosen.findings:
+        print("\n".join(_sentences(study, verdicts, metric, baseline, every=chosen.all) or [NOTHING_COMPARED]))
+        return
+    _writer(chosen.format, fit=chosen.fit)(table)
+    if chosen.costs:
+        from jerkbench.results.replay import tell_left_out
+        from jerkbench.results.step_costs import COLUMN, step_costs
+
+        tell_left_out(study, run_programs=chosen.run_programs)
+        if len(costs := step_costs(study, run_programs=chosen.run_programs)):
+            _writer(chosen.format, fit=chosen.fit)(summarise(costs, COLUMN, rows, columns))
+
+
+def _sentences(
+    study: "Study", verdicts: "StudyVerdicts", metric: str, baseline: "Mapping[str, str] | None", *, every: bool
+) -> list[str]:
+    """Return the comparisons with the baseline that was asked for.
+
+    Without one: who leads, what holds over all scenarios, the paper's claim, and the comparisons with the usual ones.
+    """
+    from jerkbench.report.analysis.across import across
+    from jerkbench.report.analysis.findings import findings
+    from jerkbench.report.analysis.paper_claim import claims
+    from jerkbench.report.analysis.standings import summary
+
+    compared = findings(study.rows, verdicts, baseline)
+    left = 0 if every else max(0, len(compared) - TOLD)
+    if left:
+        compared = [*compared[:TOLD], f"{left} more comparisons: --findings --all prints them."]
+    if baseline:
+        return compared
+    claim = claims(study.rows) if study.of_the_paper else []
+    over_all = across(study.rows, verdicts, metric)
+    return [*summary(verdicts.standings), *over_all, *claim, *compared]
+
+
+def _writer(name: str, *, fit: bool) -> "Callable[[Table], None]":
+    """Return what writes a table in a format.
+
+    Raises:
+        JerkbenchError: only LaTeX is to fit paper.
+    """
+    from jerkbench.report.tables.latex_fit import fitted_latex
+
+    if fit and name != "tex":
+        raise JerkbenchError("--fit goes with --format tex: the other formats know nothing of paper.")
+    return (lambda table: print(fitted_latex(table), end="")) if fit else _writers()[name]
+
+
+def _writers() -> "dict[str, Callable[[Table], None]]":
+    from jerkbench.report.tables.csv import tidy_csv
+    from jerkbench.report.tables.html import html_table
+    from jerkbench.report.tables.latex import latex
+    from jerkbench.report.tables.markdown import markdown
+    from jerkbench.report.tables.table_json import table_json
+    from jerkbench.report.tables.terminal import print_summary
+
+    return {
+        "terminal": print_summary,
+        "md": lambda table: print(markdown(table), end=""),
+        "csv": lambda table: print(tidy_csv([table]), end=""),
+        "tex": lambda table: print(latex(table), end=""),
+        "html": lambda table: print(html_table(table), end=""),
+        "json": lambda table: print(table_json(table), end=""),
+    }
+
+
+def _factors(words: str | None) -> list[str] | None:
+    return [word.strip() for word in words.split(",") if word.strip()] if words is not None else None
+
+
+@verb(
+    argument("folder", type=Path, help="the study's folder, or a folder of cells"),
+    argument("--out", type=output, help="where they go (default: figures/ in the study's folder)"),
+    argument("--scenarios", type=count, default=20, help="draw the runs of so many scenarios (default: 20)"),
+    argument("--few", action="store_true", help="only of scenarios and methods that carry a finding"),
+    RUN_PROGRAMS,
+    argument("--pdf", action="store_true", help="each as PDF, too"),
+)
+def figures_verb(chosen: argparse.Namespace) -> None:
+    """Draw a study's figures: those of its rows, and of each scenario's runs.
+
+    Raises:
+        JerkbenchError: there are no results.
+    """
+    from jerkbench.execution.processors import processors
+    from jerkbench.results.replay import tell_left_out
+    from jerkbench.results.study import load_study
+    from jerkbench.results.study_figures.choice import Choice
+    from jerkbench.results.study_figures.files import Request, draw_study
+    from jerkbench.results.study_figures.presentation import FIGURES
+
+    out = chosen.out or chosen.folder / FIGURES
+    choice = Choice.FEW if chosen.few else Choice.ALL
+    request = Request(choice, chosen.scenarios, out, pdf=chosen.pdf, traces=False, run_programs=chosen.run_programs)
+    study = load_study(chosen.folder)
+    tell_left_out(study, run_programs=chosen.run_programs)
+    for picture in draw_study(study, request, processors()).pictures:
+        for ending in ("png", "pdf") if chosen.pdf else ("png",):
+            print(out / f"{picture.name}.{ending}")
+
+
+@verb(
+    argument("folder", type=Path, help="the study's folder, or a folder of cells"),
+    argument("--out", type=output, help="the file (default: report.html in the study's folder)"),
+    argument("--scenarios", type=count, default=20, help="show the runs of so many scenarios (default: 20)"),
+    argument(
+        "--figures",
+        choices=[choice.value for choice in Choice],
+        default=Choice.FEW.value,
+        help="of scenarios and methods that carry a finding (few, the default), of all, or none",
+    ),
+    RUN_PROGRAMS,
+    *JUDGING,
+)
+def report_verb(chosen: argparse.Namespace) -> None:
+    """Write a study as one HTML file: findings, every cell, figures, a review.
+
+    Raises:
+        JerkbenchError: there are no results, or the file cannot be one.
+    """
+    from jerkbench.execution.processors import processors
+    from jerkbench.results.replay import tell_left_out
+    from jerkbench.results.study import load_study
+    from jerkbench.results.study_figures.files import Request, draw_study
+    from jerkbench.results.study_figures.presentation import REPORT, write_report
+
+    study = load_study(chosen.folder)
+    path = chosen.out or chosen.folder / REPORT
+    if path.is_dir():
+        raise JerkbenchError(f"{path} is a folder; give the name of a file: --out {path / REPORT}.")
+    method, rule = chosen_method(chosen), chosen_rule(chosen)
+    request = Request(Choice(chosen.figures), chosen.scenarios, run_programs=chosen.run_programs)
+    tell_left_out(study, run_programs=chosen.run_programs)
+    drawn = draw_study(study, request, processors())
+    write_report(study, drawn, path, method, rule)
+    print(path)
+
+
+@verb(argument("folder", type=Path, help="the study's folder"))
+def pack_verb(chosen: argparse.Namespace) -> None:
+    """Join a study's rows into one file, and leave out cells that are not whole.
+
+    Raises:
+        JerkbenchError: there are no results, or some are damaged.
+    """
+    from jerkbench.results.store import Store
+
+    path = Store(chosen.folder).pack()
+    print(f"{path}: {path.stat().st_size / 1024:.0f} KiB")
+
+
+@verb(argument("folder", nargs="?", type=Path, help="the study's folder (default: jerkbench alone)"))
+def cite_verb(chosen: argparse.Namespace) -> None:
+    """Print BibTeX of every method and data set of a study, and of jerkbench.
+
+    Raises:
+        JerkbenchError: the folder cannot be read.
+    """
+    from jerkbench.results.bibliography import entries_of, own_entry
+
+    print("\n\n".join(entries_of(chosen.folder) if chosen.folder else [own_entry()]))
