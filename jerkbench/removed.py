@@ -20,6 +20,10 @@ REMOVED: Mapping[str, str] = {
         "portable=true is gone; rows of two processors may differ in their last digits, and `jerkbench suite verify`"
         " compares them to within 1e-9."
     ),
+    r"--attribution|--scale[= ]attribution": (
+        "`jerkbench audit --attribution` is gone from the package, as it is of one paper; in the repository, run"
+        " `python experiments/attribution/attribution.py`."
+    ),
 }
 """What was typed, alone or with the word behind it, and the sentence."""
 

@@ -99,7 +99,6 @@ def test_the_table_has_ratios_and_findings(sweep, tmp_path):
     assert '<span class="factor">' in done.stdout
     said = verb("table", str(study), "--findings", cwd=tmp_path).stdout
     assert "pairs of methods" in said
-    assert "The paper says" not in said  # of the paper's own study only
     wrong = verb("table", str(study), "--baseline", "adaptation=nome", cwd=tmp_path)
     assert wrong.returncode == 2
     assert "Did you mean 'none'?" in wrong.stderr

@@ -1,6 +1,5 @@
 """Every number of a result in the README is that of committed rows, or stands in a committed table."""
 
-import importlib.util
 import json
 import re
 from pathlib import Path
@@ -10,6 +9,7 @@ import pandas as pd
 import pytest
 from scipy.stats import spearmanr
 
+from experiment_scripts import experiment
 from jerkbench.audit.answer import sentences
 from jerkbench.audit.comparisons import off_by, power_sentence
 from jerkbench.audit.methods import Method
@@ -37,14 +37,6 @@ def table_after(words, page=README):
     return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines[2:]]
 
 
-def loaded(script):
-    """The script as a module."""
-    spec = importlib.util.spec_from_file_location(Path(script).stem, ROOT / script)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 @pytest.fixture(scope="module")
 def paper():
     rows = load_study(ROOT / "results" / "paper20").rows
@@ -52,7 +44,7 @@ def paper():
 
 
 def test_the_first_screen_is_that_of_the_committed_results():
-    front = loaded("experiments/audit/front.py")
+    front = experiment("audit/front.py")
     (block,) = re.findall(r"<!-- audit -->\n(.*?)<!-- /audit -->", README, flags=re.DOTALL)
     assert block == front.front(), "python experiments/audit/front.py README.md writes it anew"
 
@@ -94,7 +86,7 @@ def test_a_number_of_an_entry_is_that_of_its_manifest(page):
 
 
 def test_the_papers_claims_are_those_of_its_rows():
-    claims = loaded("experiments/paper/claims.py")
+    claims = experiment("paper/claims.py")
     assert claims.table(ROOT / "results" / "paper20") in (ROOT / "experiments/paper/README.md").read_text(
         encoding="utf-8"
     )
@@ -102,7 +94,7 @@ def test_the_papers_claims_are_those_of_its_rows():
 
 def test_a_claim_on_the_tilt_is_that_of_the_geometric_mean(paper):
     """By hand, of one scenario: roll under a bias, which is far beyond what is claimed."""
-    claims = loaded("experiments/paper/claims.py")
+    claims = experiment("paper/claims.py")
     roll = claims.claims(load_study(ROOT / "results" / "paper20").rows)[0]
     place = [(scenario.noise, scenario.family) for scenario in roll.scenarios].index(("field_v1", "bias"))
     own = paper.loc[("bias", "jerk", "mtf"), "roll_rmse_rad"]

@@ -23,6 +23,8 @@ TYPED = [
     (("audit", "--results", "gs://bucket"), "folders of this machine"),
     (("run", "-m", "portable=true"), "suite verify"),
     (("score", "portable=false"), "suite verify"),
+    (("audit", "--attribution"), "experiments/attribution/attribution.py"),
+    (("audit", "--scale", "attribution", "--stored"), "experiments/attribution/attribution.py"),
 ]
 
 

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from jerkbench.audit.answer import last_line
-from jerkbench.audit.claims import Claim, claim_table
 from jerkbench.audit.family_verdicts import FamilyVerdict, family_sentences
 from jerkbench.audit.protocol import HALVES, AuditProtocol
 from jerkbench.audit.table import LEGEND, markdown_table
@@ -13,6 +12,9 @@ from jerkbench.audit.verdicts import MethodVerdict
 from jerkbench.evaluation.statistics.judgement import Verdict
 
 TEMPLATE = Path(__file__).with_name("page.md.jinja")
+
+SECTIONS = "sections"
+"""Folder in an audit's; the page takes its Markdown files along, in order of their names."""
 
 
 @dataclass(frozen=True)
@@ -27,8 +29,7 @@ class Contents:
         sentences: the answer, the most important first.
         beside: sentences on what stands beside the verdicts.
         power: a sentence on what could have been shown.
-        claims: of the paper.
-        attribution: the section of an attribution beside the audit; empty: there is none.
+        sections: further ones that somebody wrote, as Markdown; empty: there is none.
         runs: how many were scored.
     """
 
@@ -39,8 +40,7 @@ class Contents:
     sentences: Sequence[str]
     beside: Sequence[str]
     power: str
-    claims: Sequence[Claim]
-    attribution: str
+    sections: str
     runs: int
 
 
@@ -50,6 +50,11 @@ def page(contents: Contents) -> str:
 
     environment = Environment(undefined=StrictUndefined, keep_trailing_newline=True)  # noqa: S701 - Markdown, no HTML
     return environment.from_string(TEMPLATE.read_text(encoding="utf-8")).render(_values(contents))
+
+
+def sections_in(folder: Path) -> str:
+    """Return the further sections that lie in the folder of an audit."""
+    return "\n".join(path.read_text(encoding="utf-8") for path in sorted((folder / SECTIONS).glob("*.md")))
 
 
 def _values(contents: Contents) -> Mapping[str, object]:
@@ -66,5 +71,4 @@ def _values(contents: Contents) -> Mapping[str, object]:
         "families": family_sentences(contents.by_family),
         "last": last_line(verdicts, protocol),
         "counts": ", ".join(f"{count} {word}" for word, count in counts.items() if count),
-        "claim_table": claim_table(contents.claims) if contents.claims else "",
     }

@@ -1,7 +1,6 @@
 """The folder of an audit: its runs, verdicts, settings, and the answer in words."""
 
 import json
-import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -10,7 +9,6 @@ import pandas as pd
 
 from jerkbench.audit.answer import sentences
 from jerkbench.audit.campaign import Campaign, Outcome, seeds_of
-from jerkbench.audit.claims import Claim, claim_frame, claims
 from jerkbench.audit.comparisons import (
     metric_sentence,
     model_sentence,
@@ -24,10 +22,9 @@ from jerkbench.audit.family_verdicts import FamilyVerdict, family_frame, family_
 from jerkbench.audit.figures import ratio_figure, severity_figure
 from jerkbench.audit.methods import Method, methods, space_of_method
 from jerkbench.audit.model_figure import model_figure
-from jerkbench.audit.page import Contents, page
+from jerkbench.audit.page import Contents, page, sections_in
 from jerkbench.audit.protocol import AuditProtocol
 from jerkbench.audit.scenarios import Scenario, scenarios
-from jerkbench.audit.searches import levels_of
 from jerkbench.audit.stages import Stages
 from jerkbench.audit.table import LEGEND, markdown_table, verdict_frame
 from jerkbench.audit.verdicts import Losses, MethodVerdict, losses_of, verdicts
@@ -39,7 +36,6 @@ from jerkbench.tuning.space import Space
 
 FOLDER = "audit-"
 """The name of a folder begins with it; the scale follows."""
-WATERFALL = "waterfall.png"
 
 
 @dataclass(frozen=True)
@@ -52,7 +48,6 @@ class Audit:
         losses: of every method on the seeds to test on.
         verdicts: of every method, the best first.
         by_family: of every method under every family of faults.
-        claims: of the paper.
     """
 
     protocol: AuditProtocol
@@ -60,7 +55,6 @@ class Audit:
     losses: Losses
     verdicts: list[MethodVerdict]
     by_family: list[FamilyVerdict]
-    claims: list[Claim]
 
 
 def run_audit(
@@ -96,8 +90,7 @@ def judged(protocol: AuditProtocol, outcome: Outcome, known: Sequence[Scenario])
     losses = losses_of(outcome, protocol, known)
     overall = verdicts(outcome, protocol, known)
     by_family = family_verdicts(losses, [verdict.method for verdict in overall], protocol)
-    of_paper = claims(losses, levels_of(outcome.test, protocol.plain))
-    return Audit(protocol, outcome, losses, overall, by_family, of_paper)
+    return Audit(protocol, outcome, losses, overall, by_family)
 
 
 def _key() -> str:
@@ -115,8 +108,8 @@ def _sentences(audit: Audit) -> list[str]:
     return sentences(audit.verdicts, audit.protocol, tuning_sentence(audit.losses, audit.protocol))
 
 
-def contents_of(audit: Audit, scale: str, attribution: str = "") -> Contents:
-    """Return what the page is made of, with the section of an ``attribution`` if there is one."""
+def contents_of(audit: Audit, scale: str, sections: str = "") -> Contents:
+    """Return what the page is made of, with further ``sections`` that somebody wrote."""
     protocol, losses, judged = audit.protocol, audit.losses, audit.verdicts
     beside = [
         *reference_sentences(losses, protocol),
@@ -132,19 +125,9 @@ def contents_of(audit: Audit, scale: str, attribution: str = "") -> Contents:
         sentences=_sentences(audit),
         beside=[sentence for sentence in beside if sentence],
         power=power_sentence(judged, protocol),
-        claims=audit.claims,
-        attribution=attribution,
+        sections=sections,
         runs=len(audit.outcome.test),
     )
-
-
-def _taken_along(folder: Path) -> str:
-    """Take the section and the figure of the attribution from beside the audit, if they are there."""
-    beside = folder.parent / f"{FOLDER}attribution"
-    if not (beside / "README.md").is_file():
-        return ""
-    write_atomically(folder / WATERFALL, lambda path: shutil.copyfile(beside / WATERFALL, path))
-    return (beside / "README.md").read_text(encoding="utf-8")
 
 
 def settings_frame(outcome: Outcome, spaces: Mapping[Method, Space]) -> pd.DataFrame:
@@ -167,11 +150,10 @@ def settings_frame(outcome: Outcome, spaces: Mapping[Method, Space]) -> pd.DataF
 
 def _write(audit: Audit, folder: Path, spaces: Mapping[Method, Space], makers: list[str]) -> None:
     texts = {
-        "README.md": page(contents_of(audit, folder.name.removeprefix(FOLDER), _taken_along(folder))),
+        "README.md": page(contents_of(audit, folder.name.removeprefix(FOLDER), sections_in(folder))),
         "table.md": text_of(audit),
         "verdicts.csv": verdict_frame(audit.verdicts).to_csv(index=False),
         "families.csv": family_frame(audit.by_family).to_csv(index=False),
-        "claims.csv": claim_frame(audit.claims).to_csv(index=False),
         "settings.csv": settings_frame(audit.outcome, spaces).to_csv(index=False),
         "manifest.json": json.dumps({**_manifest(audit.protocol), "rows_computed_by": makers}, indent=1),
     }

@@ -25,9 +25,6 @@ from jerkbench.results.study_remarks import code_of, notes_of, remarks_on, worse
 if TYPE_CHECKING:
     from jerkbench.report.tables.table_model import Table
 
-PAPER = "experiment=paper"
-"""In the command of the study that the paper's claim is about."""
-
 TAGS = "tags"
 """Column of rows, where any cell has tags: separated by blanks."""
 
@@ -45,7 +42,6 @@ class Study:
         conditions: what each cell was measured under, by key.
         damaged: keys of the cells that cannot be read.
         unlike: sentences about the labels of which not all cells were measured under the same conditions.
-        of_the_paper: whether it asks whether the paper's claim holds; of any other nothing is said about that.
     """
 
     folder: Path
@@ -56,7 +52,6 @@ class Study:
     conditions: Mapping[str, Mapping[str, Values]] = field(default_factory=dict)
     damaged: tuple[str, ...] = ()
     unlike: tuple[str, ...] = ()
-    of_the_paper: bool = False
 
     @classmethod
     def open(cls, folder: Path | str) -> "Study":
@@ -126,10 +121,7 @@ def load_study(folder: Path, prefer: Collection[str] = ()) -> Study:
     of_rows = pd.Series(np.repeat(np.array(keys, dtype=object), counts))
     if tags := manifest.get("tags"):
         rows[TAGS] = [" ".join(tags.get(key, [])) for key in of_rows]
-    of_the_paper = PAPER in manifest.get("command", ())
-    return Study(
-        folder, rows, tuple(notes), of_rows, code_of(cells), by_key, tuple(broken), tuple(unlike), of_the_paper
-    )
+    return Study(folder, rows, tuple(notes), of_rows, code_of(cells), by_key, tuple(broken), tuple(unlike))
 
 
 def _rows(

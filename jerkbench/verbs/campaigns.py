@@ -57,7 +57,6 @@ are written before anything runs, and the seeds to score on follow from the hash
   jerkbench audit --scale small      minutes: shows that all of it runs, answers nothing
   jerkbench audit --scale medium     two models, without what iterates: half an hour
   jerkbench audit                    the whole protocol: 90 minutes on two cores
-  jerkbench audit --attribution      what the gain of jerk and MTF over a naive baseline is made of
 
 The same command goes on where it was stopped; --stored judges what is stored, whatever version computed it (its digest
 stands in manifest.json), and runs nothing. RESULTS/audit-SCALE has README.md with the answer, its figures, table.md,
@@ -66,8 +65,7 @@ verdicts.csv, settings.csv, rows.parquet, manifest.json, protocol.json.
 
 
 @verb(
-    argument("--scale", help="name of the protocol (default: full, or attribution)"),
-    argument("--attribution", action="store_true", help="what the gain over a naive baseline is made of"),
+    argument("--scale", default="full", help="name of the protocol (default: full)"),
     argument("--results", type=output, default=Path("results"), help="folder of all results"),
     argument("--stored", action="store_true", help="judge the stored rows of any version, and run nothing"),
     *WHERE,
@@ -79,20 +77,14 @@ def audit_verb(chosen: argparse.Namespace) -> None:
     Raises:
         JerkbenchError: there is no such protocol, or a run failed.
     """
-    from jerkbench.audit.attribution.study import run_attribution
     from jerkbench.audit.protocol import read_protocol
     from jerkbench.audit.study import FOLDER, run_audit, text_of
     from jerkbench.execution.processors import processors
     from jerkbench.hydra_app.chosen_cluster import cluster_named
 
-    scale = ("attribution" if chosen.attribution else "full") if chosen.scale is None else chosen.scale
-    protocol, folder = read_protocol(scale), chosen.results / f"{FOLDER}{scale}"
+    protocol, folder = read_protocol(chosen.scale), chosen.results / f"{FOLDER}{chosen.scale}"
     cluster, workers = cluster_named(chosen.cluster), chosen.workers or processors()
-    if chosen.attribution:
-        run_attribution(protocol, folder, cluster, workers, only_stored=chosen.stored)
-        print((folder / "README.md").read_text(encoding="utf-8"))
-    else:
-        print(text_of(run_audit(protocol, folder, cluster, workers, only_stored=chosen.stored)))
+    print(text_of(run_audit(protocol, folder, cluster, workers, only_stored=chosen.stored)))
     print(f"Written to {folder}.")
 
 

@@ -82,11 +82,10 @@ def _sentences(
 ) -> list[str]:
     """Return the comparisons with the baseline that was asked for.
 
-    Without one: who leads, what holds over all scenarios, the paper's claim, and the comparisons with the usual ones.
+    Without one: who leads, what holds over all scenarios, and the comparisons with the usual ones.
     """
     from jerkbench.report.analysis.across import across
     from jerkbench.report.analysis.findings import findings
-    from jerkbench.report.analysis.paper_claim import claims
     from jerkbench.report.analysis.standings import summary
 
     compared = findings(study.rows, verdicts, baseline)
@@ -95,9 +94,8 @@ def _sentences(
         compared = [*compared[:TOLD], f"{left} more comparisons: --findings --all prints them."]
     if baseline:
         return compared
-    claim = claims(study.rows) if study.of_the_paper else []
     over_all = across(study.rows, verdicts, metric)
-    return [*summary(verdicts.standings), *over_all, *claim, *compared]
+    return [*summary(verdicts.standings), *over_all, *compared]
 
 
 def _writer(name: str, *, fit: bool) -> "Callable[[Table], None]":

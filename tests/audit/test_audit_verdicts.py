@@ -136,7 +136,7 @@ def test_the_page_says_what_the_verdicts_say():
     assert PROTOCOL.digest in text
     assert "1 better, 1 equal" in text
     assert "**c**: 1 of 2 better, 0 worse; the lowest ratio has baseline + mtf with 0.50." in text
-    assert "The paper's claims" not in text  # there is no jerk + mtf
+    assert "## How sure" in page(contents_of(audit, "small", "## Mine\n\nSo it is.\n")).split("So it is.")[1]
 
 
 def test_each_adaptation_stands_once_with_all_its_models_the_best_first():

@@ -1,4 +1,4 @@
-"""The first screen of a report: the answer in a sentence, who leads where, the findings, the paper's claim."""
+"""The first screen of a report: the answer in a sentence, who leads where, the findings."""
 
 import math
 from collections import Counter
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from jerkbench.evaluation.statistics.judgement import Verdict
 from jerkbench.report.analysis.across import across
-from jerkbench.report.analysis.answer import answer, shows_something
+from jerkbench.report.analysis.answer import answer
 from jerkbench.report.analysis.comparison import Comparison
 from jerkbench.report.analysis.duels import round_of
 from jerkbench.report.analysis.factors import FACTORS
@@ -17,7 +17,6 @@ from jerkbench.report.analysis.runs import Combination
 from jerkbench.report.analysis.standings import Standing, summary
 from jerkbench.report.analysis.strongest import strongest
 from jerkbench.report.analysis.study_verdicts import StudyVerdicts
-from jerkbench.report.page.claim import Claim, claim
 from jerkbench.report.tables.table_model import TableCell
 
 if TYPE_CHECKING:
@@ -66,7 +65,6 @@ class FirstScreen:
         more: further ones.
         across: sentences about all scenarios together.
         every: heading and sentences of each scenario's comparisons with the baselines.
-        claim: what the study says of the paper's; None where it does not ask.
     """
 
     answer: str
@@ -77,7 +75,6 @@ class FirstScreen:
     more: list[str]
     across: list[str]
     every: list[tuple[str, list[str]]]
-    claim: Claim | None
 
 
 def first_screen(
@@ -85,8 +82,6 @@ def first_screen(
     verdicts: StudyVerdicts,
     metric: str,
     cells: Mapping[Combination, TableCell],
-    *,
-    of_the_paper: bool,
 ) -> FirstScreen:
     """Return what a reader sees first.
 
@@ -95,7 +90,6 @@ def first_screen(
         verdicts: of the study, in the leading metric.
         metric: that.
         cells: of each combination.
-        of_the_paper: whether the study asks for the paper's claim.
     """
     standings = verdicts.standings
     leads = [_lead(standing, cells) for standing in standings if standing.contest.comparisons]
@@ -110,7 +104,6 @@ def first_screen(
         more=findings[MOST:],
         across=across(rows, verdicts, metric),
         every=every,
-        claim=claim(rows, shown=shows_something(standings)) if of_the_paper else None,
     )
 
 

@@ -46,7 +46,6 @@ class Results:
         about: what is stored beside each cell's rows, by key.
         notes: sentences that belong under its tables.
         provenance: command, time, commit, versions, host.
-        of_the_paper: whether the study asks for the paper's claim.
         rule: how differences are judged.
         method: factors that make a method; None: those that vary.
     """
@@ -57,7 +56,6 @@ class Results:
     about: Mapping[str, Mapping[str, Any]]
     notes: Sequence[str]
     provenance: Mapping[str, Any]
-    of_the_paper: bool = False
     rule: Rule = RULE
     method: tuple[str, ...] | None = None
 
@@ -76,7 +74,7 @@ def page(results: Results, pictures: Sequence[Picture], stretches: Sequence[Stre
         scripts=_assets(SCRIPTS),
         subtitle=_subtitle(results, quantity(metric).heading),
         tiles=_tiles(results),
-        first=first_screen(rows, verdicts, metric, by_combination(leading), of_the_paper=results.of_the_paper),
+        first=first_screen(rows, verdicts, metric, by_combination(leading)),
         title=leading.title,
         objections=[check for check in checks if check.passed is False],
         answered=sum(check.passed is not None for check in checks),

@@ -57,7 +57,6 @@ def write_report(
         about={cell.key: cell.metadata for cell in stored},
         notes=study.notes,
         provenance={key: manifest[key] for key in PROVENANCE if key in manifest},
-        of_the_paper=study.of_the_paper,
         rule=rule,
         method=method,
     )

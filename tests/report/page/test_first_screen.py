@@ -1,11 +1,10 @@
-"""The first screen: the claim where it is asked for, and never beside nothing shown."""
+"""The first screen: who leads, and nothing that was not shown."""
 
 import numpy as np
 import pandas as pd
 
 from jerkbench.report.analysis.study_verdicts import study_verdicts
 from jerkbench.report.page.cells import by_combination, combinations
-from jerkbench.report.page.claim import NOTHING_SHOWN
 from jerkbench.report.page.first_screen import first_screen
 
 FACTORS = {"dataset": "field", "attitude": "tilt", "noise": "own", "replicate": "seed", "status": "ok", "reason": ""}
@@ -22,26 +21,17 @@ def rows(seeds, times):
     return pd.DataFrame(made)
 
 
-def screen(frame, *, of_the_paper):
+def screen(frame):
     cells = by_combination(combinations(frame, "position_rmse_m"))
     verdicts = study_verdicts(frame, "position_rmse_m")
-    return first_screen(frame, verdicts, "position_rmse_m", cells, of_the_paper=of_the_paper)
+    return first_screen(frame, verdicts, "position_rmse_m", cells)
 
 
-def test_the_papers_claim_stands_in_the_papers_study_alone():
-    assert screen(rows(20, 30.0), of_the_paper=False).claim is None
-    claim = screen(rows(20, 30.0), of_the_paper=True).claim
-    assert "it holds in 2" in claim.headlines[0]
-
-
-def test_where_nothing_is_shown_the_claim_does_not_hold_either():
-    shown = screen(rows(2, 12.0), of_the_paper=True)
-    assert shown.answer.startswith("None of 3 methods was shown to beat another")
-    assert shown.claim.headlines == [NOTHING_SHOWN]
-    assert not shown.claim.cases
+def test_where_nothing_is_shown_nobody_is_said_to_lead():
+    assert screen(rows(2, 12.0)).answer.startswith("None of 3 methods was shown to beat another")
 
 
 def test_the_leader_is_held_against_the_baseline():
-    lead, _ = screen(rows(20, 30.0), of_the_paper=False).leads
+    lead, _ = screen(rows(20, 30.0)).leads
     assert lead.names == ("jerk+mtf",)
     assert "times better" in lead.against

@@ -1,20 +1,25 @@
-"""The paper's claim "more than ten times better", tested scenario by scenario."""
+"""The paper's claim "more than ten times better", tested scenario by scenario.
+
+python experiments/paper/ten_times.py results/paper20
+"""
 
 import dataclasses
 import math
+import sys
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from pathlib import Path
+
+import pandas as pd
 
 from jerkbench.evaluation.statistics.judgement import LEVEL, Judgement, Verdict, judged
+from jerkbench.report.analysis.answer import shows_something
 from jerkbench.report.analysis.baseline import with_values
 from jerkbench.report.analysis.comparison import Comparison
 from jerkbench.report.analysis.findings import and_lost, losses, names, varying_factors
 from jerkbench.report.analysis.study_verdicts import study_verdicts
 from jerkbench.report.tables.table_model import number
-
-if TYPE_CHECKING:
-    import pandas as pd
+from jerkbench.results.study import load_study
 
 CLAIMED = 10.0
 """The paper: jerk and MTF make the 3-D position RMSE more than so many times smaller than the baseline's."""
@@ -28,11 +33,13 @@ AGAINST = ("baseline", "baseline_naive")
 HOLDS, FAILS, OPEN = "holds", "does not hold", "stays open"
 NO_INTERVAL, NO_PAIR = "has no interval", "has no pair of runs"
 
+NOTHING_SHOWN = "So few seeds show no difference between any two methods, so they say nothing about the claim."
+
 WORDS = {Verdict.BETTER: HOLDS, Verdict.WORSE: FAILS, Verdict.MORE_LOST: FAILS}
 """What a verdict against the claim says of it; other verdicts leave it open."""
 
 
-def claimed(rows: "pd.DataFrame") -> list[Comparison]:
+def claimed(rows: pd.DataFrame) -> list[Comparison]:
     """Return the comparisons that the claim is about; none without its filters."""
     if "position_rmse_m" not in rows or not _has(rows, CLAIM):
         return []
@@ -46,7 +53,7 @@ def claimed(rows: "pd.DataFrame") -> list[Comparison]:
     return [comparison for comparison in compared if with_values(comparison.subject, CLAIM) == comparison.subject]
 
 
-def _only(rows: "pd.DataFrame", against: Mapping[str, str]) -> "pd.DataFrame":
+def _only(rows: pd.DataFrame, against: Mapping[str, str]) -> pd.DataFrame:
     """The rows of both sides: the claim needs intervals, and no test of a family."""
     return rows[_are(rows, CLAIM) | _are(rows, against)]
 
@@ -81,12 +88,12 @@ def better(comparison: Comparison) -> tuple[float, float, float]:
     return ratio, low, high
 
 
-def claims(rows: "pd.DataFrame") -> list[str]:
+def claims(rows: pd.DataFrame) -> list[str]:
     """Return what the rows say about the claim in each scenario, in sentences."""
     return claim_sentences(rows, claimed(rows))
 
 
-def claim_sentences(rows: "pd.DataFrame", comparisons: Sequence[Comparison]) -> list[str]:
+def claim_sentences(rows: pd.DataFrame, comparisons: Sequence[Comparison]) -> list[str]:
     """Return a sentence for each of the claim's ``comparisons``."""
     varying = varying_factors(rows)
     return [
@@ -95,7 +102,7 @@ def claim_sentences(rows: "pd.DataFrame", comparisons: Sequence[Comparison]) -> 
     ]
 
 
-def headlines(rows: "pd.DataFrame", comparisons: Sequence[Comparison]) -> list[str]:
+def headlines(rows: pd.DataFrame, comparisons: Sequence[Comparison]) -> list[str]:
     """Return one sentence for each opponent: in how many scenarios the claim holds."""
     varying = varying_factors(rows)
     counts: dict[str, Counter[str]] = {}
@@ -128,10 +135,22 @@ def _sentence(comparison: Comparison, word: str, varying: Sequence[str]) -> str:
     return f"{head} It {word}: {times} times{where} (95 % {low} to {high}, {n} seeds){and_lost(lost)}."
 
 
-def _has(rows: "pd.DataFrame", values: Mapping[str, str]) -> bool:
+def _has(rows: pd.DataFrame, values: Mapping[str, str]) -> bool:
     return bool(_are(rows, values).any())
 
 
-def _are(rows: "pd.DataFrame", values: Mapping[str, str]) -> "pd.Series":
+def _are(rows: pd.DataFrame, values: Mapping[str, str]) -> pd.Series:
     """Which rows have these values."""
     return (rows[list(values)].astype(str) == list(values.values())).all(axis=1)
+
+
+def said(rows: pd.DataFrame) -> list[str]:
+    """Return all that a study says of the claim: of each opponent, then case by case; empty without its filters."""
+    comparisons = claimed(rows)
+    if comparisons and not shows_something(study_verdicts(rows, "position_rmse_m").standings):
+        return [NOTHING_SHOWN]
+    return [*headlines(rows, comparisons), *claim_sentences(rows, comparisons)]
+
+
+if __name__ == "__main__":
+    print(*said(load_study(Path(sys.argv[1])).rows), sep="\n")

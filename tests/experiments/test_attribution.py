@@ -1,6 +1,7 @@
 """Shapley's shares where they are known, and an attribution of seconds."""
 
 import dataclasses
+import json
 from itertools import product
 from pathlib import Path
 
@@ -9,15 +10,18 @@ import pandas as pd
 import pytest
 
 import jerkbench
-from jerkbench.audit.attribution.factors import FACTORS, Q, R, naive, naive_space, subset_settings
-from jerkbench.audit.attribution.shapley import corners, shapley
-from jerkbench.audit.attribution.shares import WHOLE, family_table, shares
-from jerkbench.audit.attribution.study import run_attribution
+from experiment_scripts import experiment
 from jerkbench.audit.campaign import seeds_of
 from jerkbench.audit.methods import Method, space_of_method
-from jerkbench.audit.protocol import read_protocol
+from jerkbench.audit.page import sections_in
 from jerkbench.audit.scenarios import scenarios
 from jerkbench.clusters.local import Local
+
+attribution = experiment("attribution/attribution.py")
+games = experiment("attribution/shapley.py")
+FACTORS, Q, R, WHOLE, corners, shapley = games.FACTORS, games.Q, games.R, games.WHOLE, games.corners, games.shapley
+naive, naive_space, subset_settings = attribution.naive, attribution.naive_space, attribution.subset_settings
+run_attribution, family_table, shares = attribution.run_attribution, games.family_table, games.shares
 
 PARTS = {"a": -1.0, "b": 0.5, "c": -0.25}
 
@@ -65,7 +69,7 @@ def test_the_table_by_family_has_the_ratios_that_were_put_in():
 
 @pytest.fixture(scope="module")
 def protocol():
-    whole = read_protocol("attribution")
+    whole = attribution.attribution_protocol()
     families = tuple(
         dataclasses.replace(family, severities=dict(list(family.severities.items())[-1:]))
         for family in whole.families
@@ -74,6 +78,19 @@ def protocol():
     return dataclasses.replace(
         whole, duration_s=20.0, fields={"white": "field_v1"}, families=families, trials=3, tune_seeds=1, test_seeds=2
     )
+
+
+def test_the_protocol_is_that_of_the_committed_shares():
+    stored = json.loads((Path(__file__).parents[2] / "results/audit-attribution/protocol.json").read_text())
+    assert attribution.attribution_protocol().digest == stored["digest"]
+
+
+def test_an_audit_takes_the_section_and_the_figure_along(tmp_path):
+    committed, audit = Path(__file__).parents[2] / "results/audit-attribution", tmp_path / "audit-full"
+    attribution.take_along(committed, audit)
+
+    assert sections_in(audit) == (committed / "README.md").read_text()
+    assert (audit / "waterfall.png").read_bytes() == (committed / "waterfall.png").read_bytes()
 
 
 def test_only_the_knobs_that_are_tuned_differ_from_the_naive_ones(protocol):

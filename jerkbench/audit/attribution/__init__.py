@@ -1,1 +1,0 @@
-"""The attribution: what the gain of jerk and MTF over a naive baseline is made of."""
