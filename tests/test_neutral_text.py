@@ -64,7 +64,7 @@ def test_the_environment_is_read_on_request_only(tmp_path, monkeypatch):
     assert verb(*words, cwd=tmp_path).returncode == 0
 
 
-@pytest.mark.parametrize("word", ["+foo=1", "++foo=1", "+x={a:1}", "+noise.foo=1", "++noise.foo=1"])
+@pytest.mark.parametrize("word", ["+foo=1", "++foo=1", "+x={a:1}", "+noise.foo=1", "++noise.foo=1", "+cluster.foo=2"])
 @pytest.mark.parametrize("mode", [[], ["-m"]])
 def test_an_option_that_there_is_not_cannot_be_added(tmp_path, word, mode):
     done = verb("run", *mode, *SHORT, word, "--dry", cwd=tmp_path)

@@ -147,7 +147,10 @@ def test_every_figure_of_a_study_is_drawn(study, tmp_path):
     [
         (("export", "1", "--tum", "rows.csv/x"), "rows.csv/x cannot be read or written: Not a directory;"),
         (("report", "--scenarios", "-1"), "'-1' is no number of scenarios; give 0 or more"),
-        (("figures", "--scenarios", "two"), "'two' is no number of scenarios; give 0 or more"),
+        (("figures", "--scenarios", "two"), "There is no scenario 'two'."),
+        (("figures", "--methods", "jrk"), "There is no method 'jrk'. Did you mean 'jerk'?"),
+        (("figures", "--methods", "baseline+jerk"), "There is no method 'baseline+jerk'."),
+        (("figures", "--seed", "99"), "There is no seed 99; the smallest is 0"),
         (("report", "--scenarios", "0", "--out", "rows.csv/x.html"), "rows.csv"),
         (("report", "--out", ""), "the path is empty"),
         (("report", "--out", "."), "is a folder; give the name of a file"),

@@ -1,6 +1,8 @@
 """The cluster that a configuration chooses."""
 
 from collections.abc import Mapping
+from inspect import signature
+from pydoc import locate
 from typing import cast
 
 from hydra.errors import InstantiationException
@@ -8,7 +10,7 @@ from hydra.utils import instantiate
 from omegaconf import DictConfig, OmegaConf
 
 from jerkbench.clusters.cluster import Cluster
-from jerkbench.errors import PluginError
+from jerkbench.errors import PluginError, unknown
 from jerkbench.presets import preset
 from jerkbench.removed import refuse_removed
 
@@ -17,11 +19,16 @@ def cluster_of(config: DictConfig) -> Cluster:
     """Make the cluster of a sweep.
 
     Raises:
-        PluginError: the group has no class of a cluster, or the class does not take the parameters.
+        PluginError: the group has no class of a cluster, or the class does not have the options.
     """
     chosen = config.cluster
     if not (isinstance(chosen, Mapping) and chosen.get("_target_")):
         raise PluginError("No cluster is chosen; give cluster=NAME, for example cluster=local.")
+    if cls := locate(str(chosen["_target_"])):
+        options = [f"cluster.{name}" for name in signature(cast("type", cls)).parameters]
+        for key in chosen:
+            if not key.startswith("_") and f"cluster.{key}" not in options:
+                raise PluginError(unknown("option", f"cluster.{key}", options))
     try:
         cluster = instantiate(chosen, _convert_="all")
     except InstantiationException as error:

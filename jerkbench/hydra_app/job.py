@@ -15,6 +15,7 @@ from jerkbench.execution.data_mistakes import first_mistakes
 from jerkbench.execution.inputs import shared_inputs
 from jerkbench.execution.notes import first_remarks
 from jerkbench.execution.pulse import Pulse, duration
+from jerkbench.hydra_app.chosen_cluster import cluster_of
 from jerkbench.hydra_app.configuration import cell_of, study_folder
 from jerkbench.hydra_app.dry_run import tell
 from jerkbench.hydra_app.launched_order import note_place
@@ -32,6 +33,7 @@ from jerkbench.sweep.tasks import Planned
 def run_job(config: DictConfig, job: HydraConf) -> None:
     """Run it; what is wrong with an option, or with the combination, is a JerkbenchError."""
     check_options(config)
+    cluster_of(config)  # not needed here; an option that it has not is refused all the same
     plain: Any = OmegaConf.to_container(config, resolve=True)
     cell = cell_of(plain, job.runtime.choices, list(job.overrides.task))
     sweeping = job.mode == RunMode.MULTIRUN

@@ -1,8 +1,11 @@
 """The conditions that a cell was measured under, beyond what its labels say: data, parameters, protocol, engine."""
 
 import json
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
+
+from jerkbench.results.titles import bare
 
 PARTS = ("dataset", "disturbance", "attitude", "filter", "adaptation")
 """Parts of a cell that a label stands for; the noise is a parameter of the filter."""
@@ -38,6 +41,27 @@ def conditions(cells: Iterable[Mapping[str, Any]]) -> list[dict[str, Values]]:
     known: dict[object, Values] = {}
     kept = list(cells)  # as long as they are, no two of their parts have one id
     return [{part: _of_part(part, cell, known) for part in PARTS} for cell in kept]
+
+
+def with_one_name(cells: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return the metadata of each cell; parts of one name and the same parameters have one label, the shortest.
+
+    So ``mtf`` and ``mtf(window=1)``, whose window is 1 unless one says otherwise, are one method.
+    """
+    labels, known = [dict(cell["labels"]) for cell in cells], dict[object, Values]()
+    for part in PARTS:
+        spelled = Counter(map(bare, {label[part] for label in labels}))
+        groups: dict[object, list[dict[str, str]]] = {}
+        for cell, label in zip(cells, labels, strict=True):
+            if spelled[bare(label[part])] > 1:
+                noise = label["noise"] if part == "filter" else ""
+                alike = bare(label[part]), noise, tuple(_of_part(part, cell, known).items())
+                groups.setdefault(alike, []).append(label)
+        for group in groups.values():
+            name = min((label[part] for label in group), key=lambda text: (len(text), text))
+            for label in group:
+                label[part] = name
+    return [{**cell, "labels": label} for cell, label in zip(cells, labels, strict=True)]
 
 
 def told_apart(

@@ -3,7 +3,9 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
+from jerkbench import plugins
 from jerkbench.attitude.tilt import Tilt
 from jerkbench.errors import JerkbenchError
 from jerkbench.estimate import Attitude, Estimate
@@ -16,14 +18,23 @@ from jerkbench.results.store import Store
 from jerkbench.results.study import Study
 from jerkbench.results.titles import with_title
 
+SCENARIO = ("dataset", "disturbance", "attitude")
+"""Factors whose labels are a scenario's name."""
+
 WANTED = (("baseline", "none"), ("jerk", "mtf"), ("jerk", "none"), ("gnss_only", "none"))
 """Filters and adaptations that are drawn where they are there, beside the best one."""
 
 SHOWN = 5
-"""Methods in one picture."""
+"""Methods in one picture, unless more are the user's own, or wanted by name."""
+
+Cells = Mapping[str, Mapping[str, str]]
+"""Key and labels of each cell."""
 
 TILTS = ("none", "scalar", "mtf")
 """Ways of the tilt filter to adapt that are compared; lee needs a memory of its own."""
+
+FROM_ELSEWHERE = ("command", "trajectory")
+"""Filters of this package that are a method of the user's."""
 
 SEEDS = 10
 """Runs of the best method whose NEES and NIS are averaged."""
@@ -54,46 +65,54 @@ class Scene:
     burn_in_s: float
 
 
-def scene_keys(study: Study) -> dict[str, tuple[str, ...]]:
-    """Return the names of the scenarios of a study, in their order, each with the keys of its cells."""
-    named = study.rows[["dataset", "disturbance", "attitude"]].astype(str).agg(", ".join, axis=1)
-    scenarios: dict[str, dict[str, None]] = {}
-    for name, key in zip(named, study.keys, strict=True):
-        scenarios.setdefault(name, {})[key] = None
-    return {name: tuple(keys) for name, keys in scenarios.items()}
+def scene_cells(study: Study) -> dict[str, Cells]:
+    """Return the names of the scenarios of a study, in their order, each with its cells."""
+    scenarios: dict[str, dict[str, Mapping[str, str]]] = {}
+    for key, labels in study.labels.items():
+        scenarios.setdefault(", ".join(labels[factor] for factor in SCENARIO), {})[key] = labels
+    return dict(scenarios)
+
+
+def read_cells(folder: Path, cells: Cells, *, run_programs: bool) -> list[Stored]:
+    """Return the cells that may run again, with their labels."""
+    stored, _ = Store(folder).read(list(cells))
+    allowed = runnable(stored, run_programs=run_programs)
+    return [replace(cell, metadata={**cell.metadata, "labels": cells[cell.key]}) for cell in allowed]
 
 
 def load_scene(
     folder: Path,
     name: str,
-    keys: Sequence[str],
+    cells: Cells,
     metric: str,
     methods: Sequence[tuple[str, str]] = (),
+    seed: int | None = None,
     *,
     run_programs: bool = False,
 ) -> Scene:
-    """Run those cells ``keys`` of a scenario again that are worth a picture.
+    """Run those cells of a scenario again that are worth a picture.
 
     Args:
         folder: the study's.
         name: of the scenario.
-        keys: of its cells.
+        cells: those of the scenario.
         metric: by which they are chosen.
-        methods: filters and adaptations that are shown beside the best; none: `WANTED`, and the next best.
+        methods: filters and adaptations that are shown beside the best and the user's own; none: `WANTED`, and the
+            next best.
+        seed: the run that is shown; None: the first.
         run_programs: whether programs of stored cells may run; without it their cells are left out.
 
     Raises:
         JerkbenchError: they cannot be run again.
     """
-    stored, _ = Store(folder).read(keys)
-    allowed = runnable(stored, run_programs=run_programs)
-    if stored and not allowed:
+    allowed = read_cells(folder, cells, run_programs=run_programs)
+    if not allowed:
         raise JerkbenchError("each of its methods is a stored program, which runs only with --run-programs.")
-    return _scene(name, _chosen(allowed, metric, methods), run_programs=run_programs)
+    return _scene(name, _chosen(allowed, metric, methods), seed, run_programs=run_programs)
 
 
-def _scene(name: str, chosen: Mapping[str, Stored], *, run_programs: bool) -> Scene:
-    rows = {method: row_of(stored, run_programs=run_programs) for method, stored in chosen.items()}
+def _scene(name: str, chosen: Mapping[str, Stored], seed: int | None, *, run_programs: bool) -> Scene:
+    rows = {method: row_of(stored, seed, run_programs=run_programs) for method, stored in chosen.items()}
     runs = {method: row.run() for method, row in rows.items()}
     best = next(iter(rows))
     recording = runs[best][0]
@@ -120,13 +139,32 @@ def _best_runs(stored: Stored, *, run_programs: bool) -> Iterator[tuple[Recordin
 
 
 def _chosen(group: list[Stored], metric: str, wanted: Sequence[tuple[str, str]]) -> dict[str, Stored]:
-    """Pick the best, those that are wanted, and then the next best; of one method with several noises the best."""
+    """Pick the best, of each plugin of the user's the best, those that are wanted, and then the next best.
+
+    Of one method with several noises it is the best.
+    """
     methods: dict[tuple[str, str], Stored] = {}
+    own: dict[tuple[str, str], tuple[str, str]] = {}
     for cell in ranked(group, metric):
-        methods.setdefault((cell.metadata["labels"]["filter"], cell.metadata["labels"]["adaptation"]), cell)
-    ordered = list(methods)
-    places = [ordered[0], *(method for method in wanted or WANTED if method in methods), *([] if wanted else ordered)]
-    return {_name(methods[key]): methods[key] for key in list(dict.fromkeys(places))[:SHOWN]}
+        method = cell.metadata["labels"]["filter"], cell.metadata["labels"]["adaptation"]
+        methods.setdefault(method, cell)
+        for plugin in of_user(cell.metadata["spec"]):
+            own.setdefault(plugin, method)
+    best, *others = methods
+    known = [method for method in wanted or WANTED if method in methods]
+    most = len(methods) if wanted else max(SHOWN, 1 + len(own))
+    places = list(dict.fromkeys([best, *own.values(), *known, *([] if wanted else others)]))
+    return {_name(methods[key]): methods[key] for key in places[:most]}
+
+
+def of_user(spec: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Return kind and name of filter and adaptation of a stored cell, where they are the user's own.
+
+    That is a plugin from elsewhere, a program, or a trajectory that something else estimated.
+    """
+    parts = [(kind, str(spec[kind]["name"])) for kind in ("filter", "adaptation")]
+    known = [(kind, name) for kind, name in parts if name in plugins.names(kind)]
+    return [part for part in known if part[1] in FROM_ELSEWHERE or not plugins.is_own(plugins.get(*part))]
 
 
 def ranked(group: Sequence[Stored], metric: str) -> list[Stored]:

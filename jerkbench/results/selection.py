@@ -1,13 +1,16 @@
 """One method of a study, named behind its folder: ``results/a:jerk+mtf``."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+
 from jerkbench.errors import JerkbenchError, unknown
 from jerkbench.report.analysis.factors import FACTORS, METHOD
 from jerkbench.results.study import Study
+from jerkbench.results.titles import bare
 
 
 class Named(NamedTuple):
@@ -63,6 +66,28 @@ def selected(study: Study, chosen: Mapping[str, str]) -> Study:
             raise JerkbenchError(f"{study.folder}: {unknown(factor, value, sorted(set(values)))}")
         study = study.only(study.keys[(values == value).to_numpy()])
     return study
+
+
+def named_part(study: Study, names: Sequence[str], factors: Sequence[str]) -> Study:
+    """Return the part of a study that has one of some names.
+
+    A name is a label of one of the factors, with its parameters or without, or several of them joined by ``+``.
+
+    Raises:
+        JerkbenchError: nothing has one of the names.
+    """
+    rows = study.rows[[*factors]].astype(str)
+    labels = {label: {label, bare(label)} for label in np.unique(rows)}
+    fits = np.zeros(len(rows), dtype=bool)
+    for name in names:
+        of_name = [
+            np.any([rows[factor].map(lambda label, one=one: one in labels[label]) for factor in factors], axis=0)
+            for one in ([name] if any(name in known for known in labels.values()) else name.split("+"))
+        ]
+        if not np.all(of_name, axis=0).any():
+            raise JerkbenchError(unknown("method" if "filter" in factors else "scenario", name, labels))
+        fits |= np.all(of_name, axis=0)
+    return study.only(study.keys[fits])
 
 
 def in_the_place_of(first: Study, second: Study, chosen: tuple[Mapping[str, str], Mapping[str, str]]) -> Study:

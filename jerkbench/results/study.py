@@ -13,7 +13,7 @@ from jerkbench.cells.labels import Labels
 from jerkbench.errors import JerkbenchError, unknown
 from jerkbench.files import write_atomically
 from jerkbench.report.analysis.rule import SPENDS
-from jerkbench.results.conditions import Values, conditions, told_apart
+from jerkbench.results.conditions import Values, conditions, told_apart, with_one_name
 from jerkbench.results.content import Content, frame
 from jerkbench.results.csv_writer import write_rows_csv
 from jerkbench.results.manifest import read_manifest
@@ -78,6 +78,13 @@ class Study:
         """Return the number of combinations; shards of one count once."""
         return len(self.rows[[*Labels._fields]].drop_duplicates())
 
+    @property
+    def labels(self) -> dict[str, dict[str, str]]:
+        """Return the labels of each cell by its key, as the tables have them."""
+        first = ~self.keys.duplicated()
+        records = self.rows.loc[first.to_numpy(), [*Labels._fields]].to_dict("records")
+        return dict(zip(self.keys[first], records, strict=True))
+
     def only(self, keys: Iterable[str]) -> "Study":
         """The same study with the cells ``keys`` alone."""
         chosen = self.keys.isin(list(keys)).to_numpy()
@@ -101,6 +108,7 @@ def load_study(folder: Path, prefer: Collection[str] = ()) -> Study:
     if content is None or not content.keys:
         held = f"no results but {len(broken)} damaged files" if broken else "no results"
         raise JerkbenchError(f"{folder} holds {held}; `jerkbench run` writes them there (cells/*.parquet).")
+    content = replace(content, metadata=with_one_name(content.metadata))
     manifest = read_manifest(folder)
     order = {key: place for place, key in enumerate(dict.fromkeys([*manifest.get("cells", []), *prefer]))}
     chosen = current(content, order, set(prefer or manifest.get("last", [])))

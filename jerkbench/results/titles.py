@@ -31,15 +31,15 @@ def file_stem(labels: Sequence[str]) -> str:
     Parameters are left out of it; a hash of all that the labels say stands for them.
     """
     text = "-".join(labels)
-    name = re.sub(r"[^A-Za-z0-9.+=-]+", "_", "-".join(_bare(label) for label in labels))
-    if len(name) <= LONGEST and "-".join(map(_bare, labels)) == text:
+    name = re.sub(r"[^A-Za-z0-9.+=-]+", "_", "-".join(bare(label) for label in labels))
+    if len(name) <= LONGEST and "-".join(map(bare, labels)) == text:
         return name
     return f"{name[:LONGEST]}-{hashlib.sha256(text.encode()).hexdigest()[:8]}"
 
 
 def _fitted(named: Sequence[str], drawn: Sequence[str]) -> str:
     """All of it in lines; where these are too many, without the parameters, and then cut."""
-    for words in (named, [_bare(word) for word in named]):
+    for words in (named, [bare(word) for word in named]):
         lines = textwrap.wrap(", ".join((*words, *drawn)), WIDTH)
         if len(lines) <= LINES:
             return "\n".join(lines)
@@ -47,7 +47,7 @@ def _fitted(named: Sequence[str], drawn: Sequence[str]) -> str:
     return "\n".join(textwrap.wrap(", ".join(words)[: LINES * WIDTH // 2] + tail, WIDTH))
 
 
-def _bare(label: str) -> str:
+def bare(label: str) -> str:
     """A label without its parameters: "bias(accel_mps2=0.1)+dropout" is bias+dropout."""
     depth, kept = 0, []
     for letter in label:

@@ -136,7 +136,14 @@ def _factors(words: str | None) -> list[str] | None:
 @verb(
     argument("folder", type=Path, help="the study's folder, or a folder of cells"),
     argument("--out", type=output, help="where they go (default: figures/ in the study's folder)"),
-    argument("--scenarios", type=count, default=20, help="draw the runs of so many scenarios (default: 20)"),
+    argument(
+        "--scenarios",
+        default="20",
+        metavar="NAMES",
+        help="these alone, for example none,bias+gnss_outage; or the runs of so many (default: 20)",
+    ),
+    argument("--methods", metavar="NAMES", help="these alone, for example baseline,jerk+mtf"),
+    argument("--seed", type=int, help="the run of each scenario that is drawn (default: the first)"),
     argument("--few", action="store_true", help="only of scenarios and methods that carry a finding"),
     RUN_PROGRAMS,
     argument("--pdf", action="store_true", help="each as PDF, too"),
@@ -145,18 +152,29 @@ def figures_verb(chosen: argparse.Namespace) -> None:
     """Draw a study's figures: those of its rows, and of each scenario's runs.
 
     Raises:
-        JerkbenchError: there are no results.
+        JerkbenchError: there are no results, or no such method, scenario or seed.
     """
     from jerkbench.execution.processors import processors
+    from jerkbench.report.plots.palette import BETWEEN
     from jerkbench.results.replay import tell_left_out
     from jerkbench.results.study import load_study
     from jerkbench.results.study_figures.choice import Choice
-    from jerkbench.results.study_figures.files import Request, draw_study
+    from jerkbench.results.study_figures.files import LIMIT, Request, draw_study
     from jerkbench.results.study_figures.presentation import FIGURES
 
     out = chosen.out or chosen.folder / FIGURES
-    choice = Choice.FEW if chosen.few else Choice.ALL
-    request = Request(choice, chosen.scenarios, out, pdf=chosen.pdf, traces=False, run_programs=chosen.run_programs)
+    counted = chosen.scenarios.isdecimal()
+    request = Request(
+        Choice.FEW if chosen.few else Choice.ALL,
+        int(chosen.scenarios) if counted else LIMIT,
+        out,
+        pdf=chosen.pdf,
+        traces=False,
+        run_programs=chosen.run_programs,
+        methods=BETWEEN.split(chosen.methods) if chosen.methods else (),
+        scenarios=() if counted else BETWEEN.split(chosen.scenarios),
+        seed=chosen.seed,
+    )
     study = load_study(chosen.folder)
     tell_left_out(study, run_programs=chosen.run_programs)
     for picture in draw_study(study, request, processors()).pictures:

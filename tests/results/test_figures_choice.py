@@ -1,12 +1,20 @@
 """The choice of figures: few, all or none; the scenarios and methods that carry a finding."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import pandas as pd
 import pytest
 
-from jerkbench.errors import PluginError
+from jerkbench import plugins
+from jerkbench.errors import JerkbenchError, PluginError
+from jerkbench.results.content import Stored
+from jerkbench.results.scenario_runs import _chosen
+from jerkbench.results.selection import named_part
+from jerkbench.results.study import load_study
 from jerkbench.results.study_figures.choice import Choice, figures_choice
 from jerkbench.results.study_figures.selection import by_difference, telling_scenes
+from stored_cells import put
 
 SCENES = {f"field, {disturbance}, tilt": disturbance for disturbance in ("none", "bias", "outliers", "gnss_outage")}
 
@@ -71,3 +79,82 @@ def test_the_largest_difference_comes_first_and_of_many_scenarios_those_with_the
 
     assert order == ["field, gnss_outage, tilt", "field, none, tilt", "field, bias, tilt", "field, outliers, tilt"]
     assert list(telling_scenes(by_difference(rows, "position_rmse_m", list(SCENES)))) == order[:3]
+
+
+@dataclass(frozen=True)
+class Mine:
+    """A rule of the user's."""
+
+
+@pytest.fixture
+def mine(monkeypatch):
+    monkeypatch.setitem(plugins._registry["adaptation"], "mine", Mine)
+
+
+METHODS = ("mtf", "scalar_r", "sage_husa", "huber_r", "igg3", "none")
+
+
+def cell_of(place, filter_name, adaptation, **labels):
+    """A stored cell, the better the smaller its place."""
+    rows = pd.DataFrame({"seed": [0], "status": ["ok"], "replicate": ["seed"], "position_rmse_m": [1.0 + place]})
+    labels = {"filter": filter_name, "adaptation": adaptation, "noise": "own", **labels}
+    spec = {kind: {"name": labels[kind].partition("(")[0]} for kind in ("filter", "adaptation")}
+    return Stored(f"{place}", rows, {"labels": labels, "spec": spec})
+
+
+def drawn(cells, wanted=()):
+    return list(_chosen(cells, "position_rmse_m", wanted))
+
+
+def test_the_users_own_method_is_drawn_however_bad_it_is(mine):
+    others = [cell_of(place, "jerk", name) for place, name in enumerate(METHODS)]
+    own = [cell_of(90, "jerk", "mine(x=1)"), cell_of(80, "baseline", "mine(x=2)"), cell_of(99, "command", "none")]
+
+    assert "baseline + mine(x=2)" in drawn([*others, *own[:2]])
+    assert drawn([*others, *own])[:3] == ["jerk + mtf", "baseline + mine(x=2)", "command + none"]
+    assert len(drawn([*others, *own])) == 5
+    few = drawn([*others, *own], wanted=[("jerk", "huber_r")])
+    assert few == ["jerk + mtf", "baseline + mine(x=2)", "command + none", "jerk + huber_r"]
+
+
+def test_what_is_wanted_by_name_is_drawn_whatever_its_number():
+    others = [cell_of(place, "jerk", name) for place, name in enumerate(METHODS)]
+
+    assert drawn(others, wanted=[("jerk", name) for name in METHODS]) == [f"jerk + {name}" for name in METHODS]
+
+
+@pytest.fixture
+def study(tmp_path):
+    for place, cell in enumerate(
+        [
+            {"adaptation": "mtf"},
+            {"adaptation": "mtf(window=4)", "conditions": {"spec": {"adaptation": {"name": "mtf", "window": 4}}}},
+            {"filter": "baseline"},
+            {"disturbance": "bias(accel_mps2=0.1)+outliers"},
+        ]
+    ):
+        put(tmp_path, f"{place}", 0.1, **cell)
+    return load_study(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("names", "keys"),
+    [
+        (["mtf"], {"0", "1"}),
+        (["mtf(window=4)"], {"1"}),
+        (["jerk+mtf"], {"0", "1"}),
+        (["jerk+none", "baseline"], {"2", "3"}),
+    ],
+)
+def test_methods_are_named_with_their_parameters_or_without(study, names, keys):
+    assert set(named_part(study, names, ("filter", "adaptation", "noise")).keys) == keys
+
+
+@pytest.mark.parametrize("name", ["bias+outliers", "bias(accel_mps2=0.1)+outliers"])
+def test_scenarios_are_named_with_their_parameters_or_without(study, name):
+    assert set(named_part(study, [name], ("dataset", "disturbance", "attitude")).keys) == {"3"}
+
+
+def test_a_name_that_nothing_has_is_told_with_those_that_there_are(study):
+    with pytest.raises(JerkbenchError, match=r"There is no method 'mft'. Did you mean 'mtf'\? Available: baseline, "):
+        named_part(study, ["mft"], ("filter", "adaptation", "noise"))

@@ -265,3 +265,34 @@ def test_where_no_method_loses_to_the_fixes_nothing_is_said(tmp_path):
     put(tmp_path, "b1", 5.1, filter="jerk")
 
     assert not [note for note in load_study(tmp_path).notes if "Worse" in note or "Likely" in note]
+
+
+def window(value, **more):
+    return {"spec": {"adaptation": {"name": "mtf", "window": value}}, **more}
+
+
+def test_a_method_told_twice_has_one_name(tmp_path):
+    """`mtf` and `mtf(window=1)` are the same: of both results the newer one is shown, and nothing is compared."""
+    put(tmp_path, "a", 0.1, adaptation="mtf", conditions=window(1, created="2026-02-01T00:00:00Z"))
+    put(tmp_path, "b", 0.2, seeds=2, adaptation="mtf(window=1)", conditions=window(1, created="2026-01-01T00:00:00Z"))
+    put(tmp_path, "c", 0.3, adaptation="mtf(window=4)", conditions=window(4))
+
+    study = load_study(tmp_path)
+
+    assert dict(zip(study.keys, study.rows["adaptation"], strict=True)) == {"a": "mtf", "c": "mtf(window=4)"}
+    assert study.labels["a"]["adaptation"] == "mtf"
+    assert study.unlike == ()
+
+
+def test_a_label_that_hides_another_parameter_stays_apart(tmp_path):
+    put(tmp_path, "a", 0.1, adaptation="mtf", conditions=window(2))
+    put(tmp_path, "b", 0.2, adaptation="mtf(window=1)", conditions=window(1))
+
+    assert set(load_study(tmp_path).rows["adaptation"]) == {"mtf", "mtf(window=1)"}
+
+
+def test_two_presets_of_one_plugin_keep_their_names(tmp_path):
+    put(tmp_path, "a", 0.1, filter="eskf15_drive", conditions={"spec": {"filter": {"name": "eskf15"}}})
+    put(tmp_path, "b", 0.2, filter="eskf15", conditions={"spec": {"filter": {"name": "eskf15"}}})
+
+    assert set(load_study(tmp_path).rows["filter"]) == {"eskf15", "eskf15_drive"}

@@ -107,6 +107,6 @@ body.addEventListener("click", (event) => {
   else if (button) unpacking.then(() => open(button.dataset.key));
 });
 window.addEventListener("beforeprint", () => {
-  for (const one of document.querySelectorAll("#section-findings details")) one.open = true;
+  for (const one of document.querySelectorAll("#section-figures details, #section-comparisons details")) one.open = true;
 });
 filter();

@@ -44,8 +44,8 @@ class Bar(NamedTuple):
 def bars_figure(table: Table, palette: Palette | None = None) -> Figure:
     """Draw a panel for each scenario of ``table``, in it a group for each of its rows, and a bar for each column.
 
-    The colour is the filter's, the hatch the adaptation's. A combination that was not run, or of which no run went
-    well, has no bar; of one that lost some runs it is pale.
+    The colour is the filter's, the hatch the adaptation's. A combination that was not run has no place. Of one that
+    lost runs the bar is pale and says how many; where the median run was lost there is no bar.
     """
     names = [" / ".join(column) or "mean" for column in table.columns]
     scenes = _scenes(table, names, palette or Palette.of(_methods(table)))
@@ -102,7 +102,7 @@ def _scenes(table: Table, names: list[str], palette: Palette) -> dict[str, dict[
         scenes.setdefault(scene, {})[label] = {
             name: Bar(cell, look)
             for name, cell, look in zip(names, cells, looks, strict=True)
-            if cell is not None and math.isfinite(cell.mean)
+            if cell is not None and (math.isfinite(cell.mean) or cell.diverged + cell.failed)
         }
     return scenes
 
@@ -122,8 +122,13 @@ def _draw_groups(axes: Axes, groups: Mapping[str, Mapping[str, Bar]]) -> None:
 
 
 def _draw_bar(axes: Axes, place: float, bar: Bar, *, named: bool) -> None:
-    """Draw one bar with its interval, and its value on it."""
+    """Draw one bar with its interval, its value on it, and at its foot how many runs were lost."""
     cell, alpha = bar.cell, 1.0 if bar.cell.complete else PALE
+    if lost := cell.diverged + cell.failed:
+        foot = {"transform": axes.get_xaxis_transform(), "rotation": 90, "ha": "center", "va": "bottom", "fontsize": 5}
+        axes.text(place, 0.03, f"{lost}/{cell.runs} lost", **foot)  # type: ignore[arg-type]  # as documented
+    if not math.isfinite(cell.mean):
+        return
     colours = {"color": bar.look.colour, "edgecolor": "white", "alpha": alpha}
     axes.bar(place, cell.mean, 0.9, hatch=bar.look.hatch, linewidth=0.3, **colours)  # type: ignore[arg-type]  # as documented
     end = cell.mean
@@ -138,9 +143,11 @@ def _draw_bar(axes: Axes, place: float, bar: Bar, *, named: bool) -> None:
 
 def _scale(axes: Axes, table: Table) -> None:
     """Choose the scale that all panels share."""
-    means = [c.mean for row in table.cells for c in row if c is not None and math.isfinite(c.mean) and c.mean > 0]
+    cells = [c for row in table.cells for c in row if c is not None and math.isfinite(c.mean) and c.mean > 0]
+    means = [c.mean for c in cells]
     if means and max(means) > LOGARITHMIC_FROM * min(means):
         axes.set_yscale("log")
-        axes.set_ylim(bottom=0.5 * min(means), top=3.0 * max(means))
+        highest = max([3.0 * max(means), *(1.5 * c.high for c in cells if math.isfinite(c.high))])
+        axes.set_ylim(bottom=0.5 * min(means), top=highest)
     else:
         axes.margins(y=0.15)

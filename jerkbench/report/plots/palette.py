@@ -1,5 +1,6 @@
 """The look of each method: one colour a filter, one line style an adaptation, in every figure and on the page."""
 
+import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -20,6 +21,9 @@ PLAIN = "none"
 
 POINTS = 0.5
 """Lengths of dashes in a figure, for one pixel of the page, in line widths."""
+
+BETWEEN = re.compile(r", *(?![^()]*\))")
+"""A comma that is in no parentheses."""
 
 Method = tuple[str, str]
 """Filter and adaptation."""
@@ -83,7 +87,7 @@ def method_of(name: str) -> Method:
     ('gnss_only', 'none')
     """
     filter_name, _, rest = name.partition(" + ")
-    return filter_name, _without_noise(rest.partition(" + ")[0]) or PLAIN
+    return filter_name, BETWEEN.split(rest.partition(" + ")[0])[0] or PLAIN
 
 
 def looks(names: Iterable[str], palette: Palette | None = None) -> Iterator[tuple[str, Look]]:
@@ -91,16 +95,6 @@ def looks(names: Iterable[str], palette: Palette | None = None) -> Iterator[tupl
     names = list(names)
     palette = palette or Palette.of(map(method_of, names))
     return ((name, palette.look(method_of(name))) for name in names)
-
-
-def _without_noise(text: str) -> str:
-    """Return what stands before a comma that is in no parentheses."""
-    depth = 0
-    for place, letter in enumerate(text):
-        depth += (letter == "(") - (letter == ")")
-        if letter == "," and depth == 0:
-            return text[:place]
-    return text
 
 
 def _place(labels: tuple[str, ...], label: str) -> int:

@@ -20,6 +20,9 @@ SIGMAS = "#D3DEE8"
 DOTS_PER_INCH = 150
 """Set when a figure is made, so that it is laid out as it is saved."""
 
+STEPS = (1, 2, 2.5, 5, 10)
+"""Distances of ticks, in powers of ten."""
+
 LEGEND_CHARACTERS = 93
 """How many characters fit beside each other under a figure of 7 inch."""
 HANDLE_CHARACTERS = 9
@@ -34,7 +37,7 @@ def quiet(axes: Axes) -> None:
     Ticks that depend on the height too change after the layout has measured their labels, and labels get clipped.
     """
     if axes.get_yscale() == "linear":
-        axes.yaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]))
+        axes.yaxis.set_major_locator(MaxNLocator(5, steps=STEPS))
     for axis in (axes.xaxis, axes.yaxis):
         if axis.get_scale() == "log":
             _plain(axis)
@@ -47,7 +50,8 @@ def _plain(axis: Axis) -> None:
     """Name the ticks of a logarithmic axis as one says them (0.02); within two decades also those between tens."""
     low, high = sorted(axis.get_view_interval())
     between = (1.0, 2.0, 5.0) if low > 0 and high < 100 * low else (1.0,)
-    axis.set_major_locator(LogLocator(subs=between, numticks=9))
+    narrow = low > 0 and high < 4 * low  # there may be one power of ten, or none
+    axis.set_major_locator(MaxNLocator(4, steps=STEPS) if narrow else LogLocator(subs=between, numticks=9))
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axis.set_minor_formatter(NullFormatter())
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypedDict
 
-from jerkbench.report.analysis.factors import FACTORS
+from jerkbench.report.analysis.factors import FACTORS, METHOD
 from jerkbench.report.plots.palette import Palette
 from jerkbench.report.tables.summary import main_metric, summarise
 from jerkbench.results.scenario_runs import Scene
@@ -50,7 +50,7 @@ def palette_of(rows: "pd.DataFrame") -> Palette:
     return Palette.of(zip(rows["filter"].astype(str), rows["adaptation"].astype(str), strict=True))
 
 
-def of_rows(rows: "pd.DataFrame") -> Iterator[Drawing]:
+def of_rows(rows: "pd.DataFrame", palette: Palette | None = None) -> Iterator[Drawing]:
     """Yield the figures that need the rows alone."""
     from jerkbench.report.analysis.best_noise import at_best_noise
     from jerkbench.report.analysis.quantities import quantity
@@ -59,11 +59,13 @@ def of_rows(rows: "pd.DataFrame") -> Iterator[Drawing]:
     from jerkbench.report.plots.sensitivity import sensitivity_figure, with_sigma
     from jerkbench.report.plots.severity import severity_figure
 
-    metric, palette = main_metric(rows), palette_of(rows)
+    metric, palette = main_metric(rows), palette or palette_of(rows)
     title = quantity(metric).heading
     best = at_best_noise(rows, metric)
     noise = f" {AT_BEST}" if best["noise"].nunique() == 1 < rows["noise"].nunique() else ""
-    means = f"{title}: means with 95 % intervals; pale: some runs were lost.{noise}"
+    means = (
+        f"{title}: means with 95 % intervals; pale, 1/5 lost: so many runs were lost, no bar: the median run.{noise}"
+    )
     yield Drawing("bars", means, bars_figure(summarise(best, metric, leaders=False), palette))
     yield from _over_scenarios(best, metric, noise, palette)
     yield from _ranked(best, metric, noise, palette)
@@ -81,26 +83,31 @@ def of_rows(rows: "pd.DataFrame") -> Iterator[Drawing]:
 
 def _over_scenarios(rows: "pd.DataFrame", metric: str, noise: str, palette: Palette) -> Iterator[Drawing]:
     """Yield the heat map, and the profiles of the methods that compete, where there are several scenarios."""
-    from jerkbench.report.analysis.costs import competing, costs, lost_shares, method_labels, of_all_methods
+    from jerkbench.report.analysis.costs import competing, costs, method_labels, of_all_methods
     from jerkbench.report.analysis.quantities import quantity
+    from jerkbench.report.analysis.references import competes
     from jerkbench.report.plots.heat_map import heat_map_figure
     from jerkbench.report.plots.profile import profile_figure
 
     title = quantity(metric).heading
-    values, scenarios, methods = costs(rows, metric)
+    values, _, methods = costs(rows, metric)
     if min(values.shape) < 2:
         return
     rivals = competing(rows, metric)
     common, which = of_all_methods(values[:, rivals])
     profiled = len(common) > 1 and sum(rivals) > 1
     means = (
-        f"{title}, means of the table, method by scenario; bold: the best of a scenario; 1/5: so many runs were lost."
+        f"{title}, means of the table, method by scenario; bold: the best of a scenario; white, 1/5: so many runs were"
+        " lost."
     )
     references = "" if all(rivals) else " In parentheses: references, which do not compete."
     needs = f"two scenarios{which}" if sum(rivals) > 1 else "two methods that compete"
     none = "" if profiled else f" No performance profiles: they need {needs}."
-    of_table, _, _ = costs(rows, metric, shared=False)
-    figure = heat_map_figure(of_table, scenarios, methods, title, rivals, lost_shares(rows, metric))
+    varying = [key for key in FACTORS if len(rows[key].unique()) > 1]
+    of_scenario, of_method = ([key for key in varying if (key in METHOD) is made_of] for made_of in (False, True))
+    table = summarise(rows, metric, of_scenario, of_method, leaders=False)
+    competes_of = [competes(dict(zip(table.column_keys, column, strict=True))) for column in table.columns]
+    figure = heat_map_figure(table, competes_of)
     yield Drawing("heat-map", f"{means}{references}{none}{noise}", figure)
     if profiled:
         contents = f"Performance profiles and mean ranks over the {len(common)} scenarios{which}."

@@ -1,7 +1,7 @@
 """Every figure of a study, and the errors over time, made in processes of their own: scenarios side by side."""
 
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,11 +10,13 @@ from jerkbench.errors import JerkbenchError
 from jerkbench.execution.pool import run_grouped
 from jerkbench.execution.progress import Progress
 from jerkbench.files import write_atomically
+from jerkbench.report.analysis.factors import METHOD
 from jerkbench.report.page.traces import Stretch
 from jerkbench.report.plots.palette import Palette
 from jerkbench.report.plots.picture import Picture
 from jerkbench.report.tables.summary import main_metric
-from jerkbench.results.scenario_runs import load_scene, scene_keys
+from jerkbench.results.scenario_runs import SCENARIO, Cells, load_scene, scene_cells
+from jerkbench.results.selection import named_part
 from jerkbench.results.study import Study
 from jerkbench.results.study_figures.choice import Choice
 from jerkbench.results.study_figures.drawings import Drawing, of_rows, of_scene, palette_of
@@ -39,6 +41,9 @@ class Request:
         pdf: whether each is a PDF, too.
         traces: whether the errors over time of its cells are wanted, of all scenarios up to the limit.
         run_programs: whether programs that stored cells name may run; without it their cells are left out.
+        methods: names of those that are drawn; none: of the study's those that tell something.
+        scenarios: names of those that are drawn; none: as the choice says.
+        seed: the run of a scenario that is drawn; None: the first.
     """
 
     choice: Choice = Choice.FEW
@@ -47,6 +52,9 @@ class Request:
     pdf: bool = False
     traces: bool = True
     run_programs: bool = False
+    methods: Sequence[str] = ()
+    scenarios: Sequence[str] = ()
+    seed: int | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +65,7 @@ class Job:
         request: what is wanted.
         study: folder of the cells.
         scenario: its name; empty: all rows.
-        keys: of its cells.
+        cells: its cells.
         metric: by which runs are chosen.
         palette: of the study.
         rows: of the whole study.
@@ -68,7 +76,7 @@ class Job:
     request: Request
     study: Path
     scenario: str
-    keys: tuple[str, ...]
+    cells: Cells
     metric: str
     palette: Palette
     rows: "pd.DataFrame | None" = None
@@ -98,6 +106,9 @@ def draw_study(study: Study, request: Request, workers: int) -> Drawn:
         study: the study.
         request: which of them.
         workers: number of processes.
+
+    Raises:
+        JerkbenchError: the study has no such method, scenario or seed.
     """
     if request.choice is Choice.NONE:
         return Drawn()
@@ -118,21 +129,35 @@ def draw_study(study: Study, request: Request, workers: int) -> Drawn:
 
 def _jobs(study: Study, request: Request) -> list[Job]:
     """Return what is to be done, in the order in which it is shown."""
-    metric, scenes, palette = main_metric(study.rows), scene_keys(study), palette_of(study.rows)
-    shown: Mapping[str, Methods] = dict.fromkeys(scenes, ())
-    if request.choice is Choice.FEW or len(scenes) > request.limit:
+    metric, palette = main_metric(study.rows), palette_of(study.rows)
+    study = _requested(study, request)
+    scenes = scene_cells(study)
+    named = tuple(dict.fromkeys(zip(study.rows["filter"], study.rows["adaptation"], strict=True)))
+    shown: Mapping[str, Methods] = dict.fromkeys(scenes, named if request.methods else ())
+    few = request.choice is Choice.FEW and not (request.methods or request.scenarios)
+    if few or (len(scenes) > request.limit and not request.scenarios):
         ranked = dict(list(by_difference(study.rows, metric, list(scenes)).items())[: request.limit])
-        scenes = {name: keys for name, keys in scenes.items() if name in ranked}
-        shown = telling_scenes(ranked) if request.choice is Choice.FEW else dict.fromkeys(scenes, ())
+        scenes = {name: cells for name, cells in scenes.items() if name in ranked}
+        shown = telling_scenes(ranked) if few else shown
     steps = steps_of(scenes.values()) if request.traces else 0
     return [
-        Job(request, study.folder, "", (), metric, palette, study.rows),
+        Job(request, study.folder, "", {}, metric, palette, study.rows),
         *(
-            Job(request, study.folder, name, keys, metric, palette, methods=shown.get(name), steps=steps)
-            for name, keys in scenes.items()
+            Job(request, study.folder, name, cells, metric, palette, methods=shown.get(name), steps=steps)
+            for name, cells in scenes.items()
             if steps or name in shown
         ),
     ]
+
+
+def _requested(study: Study, request: Request) -> Study:
+    """Return the part of a study that has the names of the request."""
+    for names, factors in ((request.scenarios, SCENARIO), (request.methods, METHOD)):
+        study = named_part(study, names, factors) if names else study
+    seeds = sorted(set(study.rows["seed"]))
+    if request.seed is not None and request.seed not in seeds:
+        raise JerkbenchError(f"There is no seed {request.seed}; the smallest is {seeds[0]}, the largest {seeds[-1]}.")
+    return study
 
 
 def draw(job: Job) -> Drawn:
@@ -145,9 +170,9 @@ def draw(job: Job) -> Drawn:
 
 
 def _stretches(job: Job) -> Iterator[Stretch]:
-    if job.keys and job.steps:
+    if job.cells and job.steps:
         stretch = load_stretch(
-            job.study, job.scenario, job.keys, job.metric, job.steps, run_programs=job.request.run_programs
+            job.study, job.scenario, job.cells, job.metric, job.steps, run_programs=job.request.run_programs
         )
         if stretch is not None:
             yield stretch
@@ -155,11 +180,17 @@ def _stretches(job: Job) -> Iterator[Stretch]:
 
 def _drawings(job: Job) -> Iterator[Drawing]:
     if job.rows is not None:
-        return of_rows(job.rows)
+        return of_rows(job.rows, job.palette)
     if job.methods is None:
         return iter(())
     scene = load_scene(
-        job.study, job.scenario, job.keys, job.metric, job.methods, run_programs=job.request.run_programs
+        job.study,
+        job.scenario,
+        job.cells,
+        job.metric,
+        job.methods,
+        job.request.seed,
+        run_programs=job.request.run_programs,
     )
     return of_scene(scene, job.palette)
 

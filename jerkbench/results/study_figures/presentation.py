@@ -49,12 +49,12 @@ def write_report(
     from jerkbench.report.page.page import Results, page
 
     stored, _ = Store(study.folder).read(list(dict.fromkeys(study.keys)))
-    manifest = read_manifest(study.folder)
+    manifest, labels = read_manifest(study.folder), study.labels
     results = Results(
         name=study.folder.resolve().name,
         rows=study.rows,
         keys=list(study.keys),
-        about={cell.key: cell.metadata for cell in stored},
+        about={cell.key: {**cell.metadata, "labels": labels[cell.key]} for cell in stored},
         notes=study.notes,
         provenance={key: manifest[key] for key in PROVENANCE if key in manifest},
         rule=rule,

@@ -1,6 +1,6 @@
 """The errors over time of a scenario's cells, for the page: one run each, made once more."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -9,12 +9,11 @@ from jerkbench.estimate import Estimate
 from jerkbench.evaluation.navigation_errors import position_error_length_m
 from jerkbench.recording import Recording
 from jerkbench.report.page.traces import Stretch, largest_of_steps
-from jerkbench.results.replay import StoredRow, row_of, runnable
-from jerkbench.results.scenario_runs import ranked
-from jerkbench.results.store import Store
+from jerkbench.results.replay import StoredRow, row_of
+from jerkbench.results.scenario_runs import Cells, of_user, ranked, read_cells
 
 MOST_CELLS = 40
-"""Cells of a scenario whose errors are kept, the best ones."""
+"""Cells of a scenario whose errors are kept, the user's own and the best ones."""
 
 KEPT = 120_000
 """Errors of all cells together: two bytes each, so that the file stays small."""
@@ -23,25 +22,25 @@ STEPS = (100, 600)
 """Fewest and most steps of a recording."""
 
 
-def steps_of(scenarios: Iterable[Sequence[str]]) -> int:
+def steps_of(scenarios: Iterable[Cells]) -> int:
     """Return into how many steps the recordings are cut, so that the errors of all cells fit.
 
     Args:
-        scenarios: keys of the cells of each.
+        scenarios: the cells of each.
     """
-    lines = sum(min(len(keys), MOST_CELLS) for keys in scenarios)
+    lines = sum(min(len(cells), MOST_CELLS) for cells in scenarios)
     return int(np.clip(KEPT // max(1, lines), *STEPS))
 
 
 def load_stretch(
-    folder: Path, scenario: str, keys: Sequence[str], metric: str, steps: int, *, run_programs: bool = False
+    folder: Path, scenario: str, cells: Cells, metric: str, steps: int, *, run_programs: bool = False
 ) -> Stretch | None:
-    """Run one run of each of the best cells again; None where the recording has no position to compare with.
+    """Run one run of each of the best and of the user's own cells again; None where the position is not known.
 
     Args:
         folder: the study's.
         scenario: its name.
-        keys: of its cells.
+        cells: those of the scenario.
         metric: by which they are chosen.
         steps: into how many the recording is cut.
         run_programs: whether programs of stored cells may run; without it their cells are left out.
@@ -49,9 +48,9 @@ def load_stretch(
     Raises:
         JerkbenchError: they cannot be run again.
     """
-    stored, _ = Store(folder).read(keys)
-    best = ranked(runnable(stored, run_programs=run_programs), metric)[:MOST_CELLS]
-    rows = {cell.key: row_of(cell, run_programs=run_programs) for cell in best}
+    best = ranked(read_cells(folder, cells, run_programs=run_programs), metric)
+    kept = [cell.key for cell in sorted(best, key=lambda cell: not of_user(cell.metadata["spec"]))[:MOST_CELLS]]
+    rows = {cell.key: row_of(cell, run_programs=run_programs) for cell in best if cell.key in kept}
     runs = {key: row.run() for key, row in rows.items() if row.row["status"] != "failed"}
     recordings = [recording for recording, _ in runs.values() if recording.reference.enu_m is not None]
     if not recordings:

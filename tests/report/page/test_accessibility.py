@@ -93,3 +93,30 @@ def test_on_paper_tables_are_tables_with_a_head_for_each_column(opened):
     assert {display for display, _ in lines} == {"table-row"}
     assert len({cells for _, cells in lines}) == 1
     assert lines[0][1] > 2
+
+
+PAGE_PX = 1047
+"""Height of the text on A4, as Chromium prints it."""
+
+
+@pytest.mark.slow
+def test_on_paper_the_table_stands_before_the_details_and_each_figure_fits_a_page(opened):
+    a4 = {"width": 718, "height": PAGE_PX, "deviceScaleFactor": 1, "mobile": False}
+    opened.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", a4)
+    opened.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
+    opened.execute_script("window.dispatchEvent(new Event('beforeprint'))")
+    measured = (
+        "const top = (id) => document.getElementById(id).getBoundingClientRect().top;"
+        "const open = [...document.querySelectorAll('main details[open]')];"
+        "return [top('section-table'), open.map((one) => one.getBoundingClientRect().top),"
+        " [...document.querySelectorAll('figure')].map((one) => one.getBoundingClientRect().height),"
+        " document.querySelectorAll('#section-comparisons details:not([open])').length]"
+    )
+    table, details, figures, closed = opened.execute_script(measured)
+    opened.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
+    opened.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+    assert closed == 0
+    assert details
+    assert all(table < top for top in details)
+    assert len(figures) > 4
+    assert all(0 < height < PAGE_PX for height in figures)

@@ -177,7 +177,7 @@ def test_two_methods_are_drawn_and_both_plots_zoom_together(opened):
 
 @pytest.mark.slow
 def test_what_is_in_a_fold_is_seen_when_it_is_opened(opened, report):
-    fold = opened.find_element("css selector", "#section-findings details:last-of-type")
+    fold = opened.find_element("css selector", "#section-comparisons details:last-of-type")
     sentence = fold.find_element("css selector", "li")
     assert not sentence.is_displayed()
     opened.execute_script("arguments[0].click()", fold.find_element("css selector", "summary"))

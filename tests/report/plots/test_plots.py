@@ -15,10 +15,10 @@ from jerkbench.estimate import Attitude, Estimate, Updates
 from jerkbench.inspection.overview import overview_figure
 from jerkbench.recording import Imu, Position, Recording, Reference
 from jerkbench.report.analysis.best_noise import at_best_noise
-from jerkbench.report.analysis.costs import costs, lost_shares
+from jerkbench.report.analysis.costs import costs
 from jerkbench.report.plots.acceleration import acceleration_figure
 from jerkbench.report.plots.adapted_r import adapted_r_figure
-from jerkbench.report.plots.bars import bars_figure
+from jerkbench.report.plots.bars import PALE, bars_figure
 from jerkbench.report.plots.consistency import consistency_figure, nees
 from jerkbench.report.plots.critical_difference import critical_difference_figure
 from jerkbench.report.plots.errors_over_time import error_figure
@@ -289,12 +289,11 @@ def test_the_bars_and_the_heat_map_show_the_same_means(cell_rows):
 
 
 def test_the_heat_map_and_the_profile_are_of_all_scenarios(cell_rows, tmp_path):
-    values, scenarios, methods = costs(study(cell_rows), "position_rmse_m")
-    shares = lost_shares(study(cell_rows), "position_rmse_m")
-    assert shares == [["0/2"] * 3, ["0/2", "0/2", "1/2"]]
-    figure = heat_map_figure(values, scenarios, methods, "RMSE", [True] * 3, shares)
+    values, _, methods = costs(study(cell_rows), "position_rmse_m")
+    table = summarise(study(cell_rows), "position_rmse_m", ["disturbance"], ["filter"])
+    figure = heat_map_figure(table, [True] * 3)
     texts = [text.get_text() for text in figure.axes[0].texts]
-    assert sorted(texts) == sorted(["2.10", "1.05", "52.4", "6.29", "3.15", "1/2"])
+    assert sorted(texts) == sorted(["2.10", "1.05", "52.4", "6.29", "3.15", "lost\n1/2"])
     save_figure(figure, tmp_path / "map.png")
     assert imread(tmp_path / "map.png").std() > 0.01
     lines = {
@@ -305,6 +304,36 @@ def test_the_heat_map_and_the_profile_are_of_all_scenarios(cell_rows, tmp_path):
     assert lines["gnss_only"].get_ydata()[-1] == 50.0
 
 
+def test_lost_runs_are_marked_in_bars_and_heat_map_beside_the_same_median(cell_rows):
+    """Of five runs one was lost, of another method all: the table has a median, and none."""
+    rows = pd.concat(
+        [
+            pd.DataFrame(
+                [
+                    *cell_rows("jerk", "none", [1.0] * 5),
+                    *cell_rows("jerk", "mtf", [0.2, 0.3, 0.4, 0.5, 0.6]),
+                    *cell_rows("jerk", "scalar_r", [1.0] * 5),
+                ]
+            ).assign(disturbance=disturbance)
+            for disturbance in ("none", "bias")
+        ],
+        ignore_index=True,
+    )
+    biased = rows["disturbance"] == "bias"
+    rows.loc[biased & ((rows["adaptation"] == "scalar_r") | (rows["position_rmse_m"] == 0.6)), "status"] = "diverged"
+    drawn = {one.name: one.figure for one in of_rows(rows)}
+    none, bias = ([text.get_text() for text in axes.texts] for axes in drawn["bars"].axes)
+    assert none == ["1.00", "0.373", "1.00"]
+    assert bias == ["1.00", "1/5 lost", "0.400", "5/5 lost"]
+    alphas = [bar.get_alpha() for bar in drawn["bars"].axes[1].patches]
+    assert alphas == [1.0, PALE]
+    texts = {text.get_text(): text for text in drawn["heat-map"].axes[0].texts}
+    assert set(texts) == {"1.00", "0.373", "0.400\n1/5", "5/5"}
+    (image,) = drawn["heat-map"].axes[0].images
+    assert image.get_array().mask.tolist() == [[False, False], [False, True], [False, True]]
+    assert texts["0.400\n1/5"].get_weight() != "bold"
+
+
 def test_references_are_shown_and_not_crowned(cell_rows):
     oracle = [row | {"position_rmse_m": 0.01, "adaptation": "oracle"} for row in cell_rows("jerk", "none", [0, 0])]
     rows = study(cell_rows)
@@ -313,7 +342,7 @@ def test_references_are_shown_and_not_crowned(cell_rows):
     axes = drawn["heat-map"].figure.axes[0]
     assert [text.get_text() for text in axes.texts if text.get_weight() == "bold"] == ["1.05", "3.15"]
     named = [text.get_text() for text in axes.get_yticklabels()]
-    assert named == ["baseline + none", "jerk + none", "(gnss_only + none)", "(jerk + oracle)"]
+    assert named == ["baseline + none", "jerk + none", "(jerk + oracle)", "(gnss_only + none)"]
     labels = [line.get_label() for line in drawn["profile"].figure.axes[0].get_lines()]
     assert sorted(labels) == ["baseline + none (mean rank 2.0)", "jerk + none (mean rank 1.0)"]
 
