@@ -54,6 +54,11 @@ What a plugin raises is a sentence; JERKBENCH_TRACEBACK=1 in the environment sho
 It is a Hydra 1.3 app: --cfg job, --info, hydra/launcher=... and the rest work as Hydra documents them.
 """
 
+ROOM_BYTES = 3 * 2**29
+"""Address space in which all libraries load."""
+
+SMALLER = "take fewer seeds or workers, shorter data, or a larger machine."
+
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run ``arguments`` (default: the process's own); exits with 2 and a sentence where the input is at fault."""
@@ -77,6 +82,7 @@ def _guarded(words: list[str]) -> None:
         _require_installed()
         _require_date()
         refuse_removed(words)
+        _require_room()
         with warnings.catch_warnings():
             warnings.showwarning = _one_line
             if words[:2] == ["help", "run"]:
@@ -86,6 +92,8 @@ def _guarded(words: list[str]) -> None:
         if _is_interrupted(error):
             _end_interrupted()
         exit_with(error)
+    except MemoryError as error:
+        exit_with(JerkbenchError(f"There is not enough memory ({error or 'none is left'}); {SMALLER}"))
     except KeyboardInterrupt:
         _end_interrupted()
     except BrokenPipeError:  # the reader, `head` for example, has had enough
@@ -136,6 +144,24 @@ def _require_date() -> None:
     given = os.environ.get("SOURCE_DATE_EPOCH", "")
     if given and not given.isdecimal():
         raise JerkbenchError(f"SOURCE_DATE_EPOCH is '{given}'; give whole seconds since 1970, or unset it.")
+
+
+def _require_room() -> None:
+    """Refuse a limit on memory in which libraries do not load: OpenBLAS waits for ever in it, and LLVM aborts.
+
+    Raises:
+        JerkbenchError: the limit is below `ROOM_BYTES`.
+    """
+    try:
+        from resource import RLIM_INFINITY, RLIMIT_AS, getrlimit
+    except ImportError:  # Windows has no such limit
+        return
+    limit = getrlimit(RLIMIT_AS)[0]
+    if limit != RLIM_INFINITY and limit < ROOM_BYTES:
+        raise JerkbenchError(
+            f"A process may have {limit // 2**20} MiB of memory here (ulimit -v); the libraries need"
+            f" {ROOM_BYTES // 2**20} MiB: raise the limit."
+        )
 
 
 def _collect_seldom() -> None:

@@ -1,11 +1,16 @@
 """The folder of the presets, and a preset as plain data."""
 
+import os
+import re
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 from jerkbench.errors import PluginError, unknown
+
+ASKED = "JERKBENCH_ENV"
+"""The environment variable that names those which a configuration may read."""
 
 
 def config_folder() -> Path:
@@ -63,8 +68,27 @@ def merged(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
 def _read(path: Path) -> dict[str, Any]:
     from omegaconf import OmegaConf
 
-    values: Any = OmegaConf.to_container(OmegaConf.load(path), resolve=True)
+    content = OmegaConf.load(path)
+    for name in re.findall(r"\$\{oc\.env:(\w+)", OmegaConf.to_yaml(content)):
+        environment_variable(name, None)
+    values: Any = OmegaConf.to_container(content, resolve=True)
     return values or {}
+
+
+def environment_variable(name: str, *default: str | None) -> str | None:
+    """Return an environment variable that `ASKED` names: what a configuration resolves stands in tables and files.
+
+    Raises:
+        PluginError: it is not named there, or not set, and the configuration gives no default.
+    """
+    if name not in os.environ.get(ASKED, "").replace(",", " ").split():
+        raise PluginError(
+            f"The configuration reads the environment variable {name}, whose value would stand in names and tables;"
+            f" if it may, set {ASKED}={name}."
+        )
+    if name not in os.environ and not default:
+        raise PluginError(f"The configuration reads the environment variable {name}, which is not set; set it.")
+    return os.environ.get(name, *default)
 
 
 def _default(kind: str, preset_name: str, entry: object) -> dict[str, Any]:

@@ -8,8 +8,8 @@ import pytest
 
 from commands import SHORT, verb
 from jerkbench.errors import PluginError
-from jerkbench.hydra_app.configuration import ASKED, environment_variable
 from jerkbench.plain import plain
+from jerkbench.presets import ASKED, environment_variable
 from jerkbench.report.markup import policy
 from jerkbench.report.tables.csv import inert
 from jerkbench.report.tables.grid_csv import escaped

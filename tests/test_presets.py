@@ -115,3 +115,14 @@ def test_a_preset_that_reaches_into_another_group_is_a_sentence(conf):
 def test_an_unknown_preset_names_the_nearest():
     with pytest.raises(PluginError, match="Did you mean 'baseline_naive'"):
         preset("filter", "baseline_naiv")
+
+
+def test_a_preset_reads_an_environment_variable_only_on_request(conf, monkeypatch):
+    conf("filter", "mine", "defaults: [jerk]\naccel_mps2: ${oc.env:SECRET}\n")
+    monkeypatch.setenv("SECRET", "0.5")
+
+    with pytest.raises(PluginError, match="JERKBENCH_ENV=SECRET"):
+        preset("filter", "mine")
+
+    monkeypatch.setenv("JERKBENCH_ENV", "SECRET")
+    assert preset("filter", "mine")["accel_mps2"] == "0.5"

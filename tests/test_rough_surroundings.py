@@ -43,3 +43,40 @@ def test_a_worker_that_died_is_no_matter_of_paths(tmp_path, monkeypatch, words, 
     assert "A worker ended" in done.stderr
     assert "signal 9" in done.stderr
     assert "path" not in done.stderr
+
+
+@pytest.mark.parametrize("words", ["list", "run dataset.duration_s=8"])
+def test_less_memory_than_the_libraries_need_is_refused_at_once(tmp_path, words):
+    command = ["sh", "-c", f'ulimit -v 500000; "$0" -m jerkbench {words}', sys.executable]
+    done = subprocess.run(
+        command, cwd=tmp_path, env=environment(), capture_output=True, text=True, check=False, timeout=60
+    )
+    assert done.returncode == 2
+    assert "488 MiB" in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("words", "place"), [(["list"], "jerkbench.catalogue.text.list_text"), (["run"], "jerkbench.hydra_app.app.main")]
+)
+def test_too_little_memory_is_a_sentence(tmp_path, monkeypatch, words, place):
+    def fill(_):
+        raise MemoryError("Unable to allocate 8.00 TiB for an array")
+
+    monkeypatch.setattr(place, fill)
+    done = verb(*words, cwd=tmp_path)
+    assert done.returncode == 2
+    assert "8.00 TiB" in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("word", "asked"),
+    [("study=grün", "study='grün'"), ("notes=[grün]", "notes=['grün']"), ("study=it's", "study='it\\'s'")],
+)
+def test_a_word_beyond_the_grammar_is_told_with_its_quotation_marks(tmp_path, word, asked):
+    done = verb("run", "--dry", "dataset.duration_s=8", word, cwd=tmp_path)
+    assert done.returncode == 2
+    assert f'"{asked}"' in done.stderr
+    assert done.stderr.count("\n") == 1
+    assert verb("run", "--dry", "dataset.duration_s=8", asked, cwd=tmp_path).returncode == 0

@@ -14,7 +14,7 @@ from jerkbench import plugins
 from jerkbench.cells.labels import GROUPS
 from jerkbench.errors import PluginError, unknown
 from jerkbench.hydra_app.composition import NO_GROUPS
-from jerkbench.hydra_app.typed_words import no_assignment, quoted
+from jerkbench.hydra_app.typed_words import no_assignment, quoted, unreadable
 from jerkbench.presets import preset_names
 
 CHOSEN = (*GROUPS, "disturbance", "noise", "experiment", "cluster")
@@ -67,11 +67,11 @@ def _require_sense(known: argparse.Namespace) -> None:
 
 
 def _check(word: str, *, completing: bool) -> None:
-    """Check an override as far as it can be without the configuration; what cannot be parsed Hydra says itself."""
+    """Check an override as far as it can be without the configuration."""
     try:
         override = OverridesParser.create().parse_override(word)
-    except HydraException:
-        return
+    except HydraException as error:
+        raise PluginError(unreadable(word)) from error
     if not override.key_or_group:
         raise PluginError(no_assignment(word))
     if override.is_delete():

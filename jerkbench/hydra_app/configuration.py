@@ -1,6 +1,5 @@
 """The way between Hydra and a cell: the schema of the configuration, and the cell of a composed one."""
 
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, make_dataclass
 from functools import cache, cached_property
@@ -17,12 +16,10 @@ from jerkbench.cells.noise import Noise
 from jerkbench.cells.protocol import Protocol
 from jerkbench.errors import PluginError, unknown
 from jerkbench.optional import preferred_attitude
+from jerkbench.presets import environment_variable
 from jerkbench.removed import refuse_removed
 from jerkbench.results.study_figures.choice import Choice, figures_choice
 from jerkbench.timeline.reported_noise import RScale
-
-ASKED = "JERKBENCH_ENV"
-"""The environment variable that names those which a configuration may read."""
 
 ToldR = make_dataclass("ToldR", [(f.name, float, f.default) for f in fields(RScale)])
 """The fields of `RScale`; OmegaConf makes the configuration of a frozen dataclass read-only."""
@@ -94,22 +91,6 @@ def study_folder(config: DictConfig) -> Path:
     """Return the folder of the configuration's study."""
     refuse_removed([f"results={config.results}"])
     return Path(str(config.results)) / str(config.study)
-
-
-def environment_variable(name: str, *default: str | None) -> str | None:
-    """Return an environment variable that `ASKED` names: what a configuration resolves stands in tables and files.
-
-    Raises:
-        PluginError: it is not named there, or not set, and the configuration gives no default.
-    """
-    if name not in os.environ.get(ASKED, "").replace(",", " ").split():
-        raise PluginError(
-            f"The configuration reads the environment variable {name}, whose value would stand in names and tables;"
-            f" if it may, set {ASKED}={name}."
-        )
-    if name not in os.environ and not default:
-        raise PluginError(f"The configuration reads the environment variable {name}, which is not set; set it.")
-    return os.environ.get(name, *default)
 
 
 def cell_of(plain: Mapping[str, Any], choices: Mapping[str, Any], overrides: list[str]) -> Cell:

@@ -98,7 +98,7 @@ def run_plan(plan: Plan, store: Store, workers: int, cluster: Cluster) -> int:
     except KeyboardInterrupt:
         print("Interrupted. What is done is stored; the same command goes on from there.", file=sys.stderr)
         return INTERRUPTED
-    except ClusterError as error:
+    except (ClusterError, ChildProcessError) as error:
         print(f"jerkbench: the sweep ends here: {error}", file=sys.stderr)
         return FAILED
     except OSError as error:

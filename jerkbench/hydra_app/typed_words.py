@@ -51,6 +51,16 @@ def no_assignment(word: str) -> str:
     return f"'{word}' is no KEY=VALUE.{hint} `jerkbench run --help` lists the keys."
 
 
+def unreadable(word: str) -> str:
+    """Say what to do about a word that Hydra's grammar, which has few signs and the letters a to z, cannot read."""
+    key, equals, value = word.partition("=")
+    if not equals:
+        return no_assignment(word)
+    text = value.strip("[]'\"").replace("'", "\\'")
+    example = f"{key}=['{text}']" if value.startswith("[") else f"{key}='{text}'"
+    return f'{word} cannot be read; put text into quotation marks, and the word into those of the shell: "{example}".'
+
+
 def several_in_one(typed: Sequence[str]) -> str:
     """Say that a list for a group that takes one value is meant to be a sweep; empty: there is none."""
     for word in typed:
