@@ -235,3 +235,14 @@ def test_a_method_without_any_error_has_no_ratio(whole, tmp_path):
         Store(folder).write(one.key, one.rows.assign(position_rmse_m=0.0).to_dict("records"), one.metadata)
 
     assert ending(["report", str(folder), "--scenarios", "0"]) == 0
+
+
+def test_a_worker_that_died_is_not_told_as_a_result_that_cannot_be_stored(plan, tmp_path, monkeypatch, capsys):
+    def die(*_):
+        raise ChildProcessError("the process that ran it died")
+
+    monkeypatch.setattr("jerkbench.hydra_app.launched_sweep.run_sweep", die)
+    assert run_plan(plan, Store(tmp_path), 1, Local()) == 1
+    printed = capsys.readouterr().err
+    assert "the process that ran it died" in printed
+    assert "stored" not in printed

@@ -17,6 +17,7 @@ from types import ModuleType
 from typing import Generic, TypeVar
 
 from jerkbench import plugins
+from jerkbench.errors import PluginError
 from jerkbench.notices import shared_notices
 from jerkbench.plain import keep_output_plain
 
@@ -96,7 +97,7 @@ class _Pool(Generic[Task, Result]):
 
     def __init__(self, work: Callable[[Task], Result], groups: Groups[Task], workers: int) -> None:
         self.work, self.groups = work, groups
-        self.executors = [_executor() for _ in range(workers)]
+        self.executors, self._imports = map(list, zip(*(_executor() for _ in range(workers)), strict=True))
 
     def results(self) -> Iterator[tuple[Task, Result | Exception]]:
         """Yield each task with its result, or with what kept it from being done."""
@@ -131,8 +132,12 @@ class _Pool(Generic[Task, Result]):
         except OSError:  # nothing more can be stored: the sweep has to end
             raise
         except BrokenProcessPool:
-            self.executors[worker] = _executor()
-            return ChildProcessError("the process that ran it died")
+            failed = self._imports[worker].exception()
+            self.executors[worker], self._imports[worker] = _executor()
+            if failed is None or isinstance(failed, BrokenProcessPool):
+                return ChildProcessError("the process that ran it died")
+            said = f"{type(failed).__name__}: {failed}"
+            return PluginError(f"A module of plugins cannot be imported where the runs are ({said}); correct it.")
         except Exception as error:  # noqa: BLE001 - a plugin that cannot be sent to a process, for example
             return error
 
@@ -169,17 +174,22 @@ class _Spawning(SpawnContext):
     Process = _Process
 
 
-def _executor() -> ProcessPoolExecutor:
-    return ProcessPoolExecutor(1, _Spawning(), initializer=_prepare, initargs=(plugins.modules_of_user(),))
+def _executor() -> tuple[ProcessPoolExecutor, Future[None]]:
+    """A process, and what came of its first work, the import of the user's plugins: without them it cannot go on."""
+    executor = ProcessPoolExecutor(1, _Spawning(), initializer=_prepare)
+    return executor, executor.submit(_import, plugins.modules_of_user())
 
 
-def _prepare(modules: Iterable[str]) -> None:
-    """Know the user's plugins, and use one thread; Ctrl-C is for the parent, without which nothing is left to do."""
+def _import(modules: Iterable[str]) -> None:
+    for module in modules:
+        import_module(module)
+
+
+def _prepare() -> None:
+    """Use one thread; Ctrl-C is for the parent, without which nothing is left to do."""
     from threadpoolctl import threadpool_limits
 
     keep_output_plain()
-    for module in modules:
-        import_module(module)
     threading.Thread(target=_end_with_parent, daemon=True).start()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threadpool_limits(1)

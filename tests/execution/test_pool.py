@@ -3,10 +3,12 @@
 import os
 import time
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 
 import pytest
 
+from jerkbench.errors import PluginError
 from jerkbench.execution.pool import Groups, run_grouped
 from jerkbench.notices import notify
 
@@ -65,6 +67,25 @@ def test_a_process_that_dies_costs_its_own_task_only():
 
     assert isinstance(done.pop(3), ChildProcessError)
     assert done == {1: 10, 2: 20, 4: 40, 5: 50, 6: 60}
+
+
+def test_a_module_of_plugins_that_fails_in_another_process_is_no_death(tmp_path, monkeypatch):
+    module = "fails_elsewhere"
+    (tmp_path / f"{module}.py").write_text(
+        "import multiprocessing\n"
+        "if multiprocessing.parent_process():\n"
+        "    raise ValueError('no licence on this machine')\n"
+        "def work(task):\n"
+        "    return task\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr("jerkbench.plugins.modules_of_user", lambda: [module])
+
+    done = dict(run_grouped(import_module(module).work, [[1], [2]], workers=2))
+
+    for error in done.values():
+        assert isinstance(error, PluginError)
+        assert "ValueError: no licence on this machine" in str(error)
 
 
 def test_whoever_stops_early_is_told_which_processes_were_ended(tmp_path):
