@@ -19,9 +19,10 @@ from pathlib import Path
 from types import FrameType
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as pq
 import yaml
-from hostile_results import Rng, answered, changed_somewhere, forged_column
+from hostile_results import Rng, answered, changed_somewhere
 
 from jerkbench.suite.entry import HASHED, MANIFEST, PAGE, ROWS, SETTINGS
 
@@ -42,6 +43,9 @@ CONTENTS = (
     b"- {",
 )
 """What may stand in a file instead."""
+
+VALUES = (-1.0, 0.0, 1e308, 1e-308, float("inf"), -float("inf"), float("nan"), 3, True, "x", b"\xff", -1, 2**62)
+"""Values for rows."""
 
 
 class HangError(Exception):
@@ -100,6 +104,35 @@ def forged(path: Path, rng: Rng) -> str:
         content, what = changed_somewhere((json.loads if is_json else yaml.safe_load)(path.read_text()), rng)
         path.write_text(json.dumps(content) if is_json else yaml.safe_dump(content), encoding="utf-8")
     return f"forged: {what}"
+
+
+def forged_column(table: pa.Table, name: str, rng: Rng) -> tuple[pa.Table, str]:
+    """Return the rows with one column changed."""
+    place, rows = table.column_names.index(name), table.num_rows
+    columns: dict[str, Callable[[], pa.Table]] = {
+        "dropped": lambda: table.drop([name]),
+        "renamed": lambda: table.rename_columns([f"\x1b{n}" if n == name else n for n in table.column_names]),
+        "twice": lambda: table.append_column(name, table[name]),
+        "no rows": lambda: table.slice(0, 0),
+        "rows twice": lambda: pa.concat_tables([table, table]),
+        "nulls": lambda: table.set_column(place, name, pa.nulls(rows, table[name].type)),
+        "lists": lambda: table.set_column(place, name, pa.array([[1.0]] * rows)),
+    }
+    for value in VALUES:
+        columns[f"all {value!r}"] = lambda value=value: table.set_column(place, name, pa.array([value] * rows))
+        columns[f"one {value!r}"] = lambda value=value: with_one(table, place, value)
+    what = list(columns)[rng.integers(len(columns))]
+    return columns[what](), what
+
+
+def with_one(table: pa.Table, place: int, value: object) -> pa.Table:
+    """Return the rows with one value changed."""
+    values = table.column(place).to_pylist()
+    values[0] = value
+    try:
+        return table.set_column(place, table.column_names[place], pa.array(values))
+    except (pa.ArrowInvalid, pa.ArrowTypeError):  # of mixed types there is no column
+        return table.set_column(place, table.column_names[place], pa.array([value] * len(values)))
 
 
 def signed(path: Path, rng: Rng) -> str:

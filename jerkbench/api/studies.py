@@ -160,6 +160,7 @@ def report(
         JerkbenchError: there are no results.
     """
     from jerkbench.execution.processors import processors
+    from jerkbench.results.replay import tell_left_out
     from jerkbench.results.study_figures.choice import figures_choice
     from jerkbench.results.study_figures.files import Request, draw_study
     from jerkbench.results.study_figures.presentation import REPORT, write_report
@@ -168,6 +169,7 @@ def report(
     written = Path(path) if path else opened.folder / REPORT
     request = Request(figures_choice(figures), scenarios, run_programs=run_programs)
     workers = 1 if plugins.any_of_script() else processors()
+    tell_left_out(opened, run_programs=run_programs)
     write_report(opened, draw_study(opened, request, workers), written)
     return written
 

@@ -97,7 +97,7 @@ class _Pool(Generic[Task, Result]):
 
     def __init__(self, work: Callable[[Task], Result], groups: Groups[Task], workers: int) -> None:
         self.work, self.groups = work, groups
-        self.executors, self._imports = map(list, zip(*(_executor() for _ in range(workers)), strict=True))
+        self.executors = [_executor() for _ in range(workers)]
 
     def results(self) -> Iterator[tuple[Task, Result | Exception]]:
         """Yield each task with its result, or with what kept it from being done."""
@@ -114,7 +114,7 @@ class _Pool(Generic[Task, Result]):
     def close(self) -> list[int]:
         """End the workers at once, whatever they are doing: what is done is stored, the rest is not wanted."""
         children = multiprocessing.active_children()
-        for executor in self.executors:
+        for executor, _ in self.executors:
             executor.shutdown(wait=False, cancel_futures=True)
         for child in children:
             child.terminate()
@@ -124,7 +124,7 @@ class _Pool(Generic[Task, Result]):
 
     def _start(self, worker: int, running: dict[Future[Result], tuple[int, Task]]) -> None:
         if (task := self.groups.next_task(worker)) is not None:
-            running[self.executors[worker].submit(self.work, task)] = (worker, task)
+            running[self.executors[worker][0].submit(self.work, task)] = (worker, task)
 
     def _result(self, future: Future[Result], worker: int) -> Result | Exception:
         try:
@@ -132,8 +132,8 @@ class _Pool(Generic[Task, Result]):
         except OSError:  # nothing more can be stored: the sweep has to end
             raise
         except BrokenProcessPool:
-            failed = self._imports[worker].exception()
-            self.executors[worker], self._imports[worker] = _executor()
+            failed = self.executors[worker][1].exception()
+            self.executors[worker] = _executor()
             if failed is None or isinstance(failed, BrokenProcessPool):
                 return ChildProcessError("the process that ran it died")
             said = f"{type(failed).__name__}: {failed}"

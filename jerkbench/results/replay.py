@@ -138,8 +138,8 @@ def tell_left_out(study: Study, *, run_programs: bool) -> None:
     if count := len(stored) - len(runnable(stored, run_programs=run_programs)):
         cells = "1 cell runs a program. It is" if count == 1 else f"{count} cells run programs. They are"
         print(
-            f"jerkbench: {cells} in the tables, but not in what needs a new run; give --run-programs if you trust these"
-            " results.",
+            f"jerkbench: {cells} in the tables, but not in what needs a new run; give --run-programs (in Python"
+            " run_programs=True) if you trust these results.",
             file=sys.stderr,
         )
 

@@ -12,7 +12,6 @@ from jerkbench.evaluation.statistics.ranks import rank_range
 from jerkbench.files import write_text
 from jerkbench.plain import plain
 from jerkbench.report.markup import environment
-from jerkbench.results.replay import program_of
 from jerkbench.suite.entry import MANIFEST, Entry, read_entry
 from jerkbench.suite.protocol import SuiteProtocol, read_suite
 from jerkbench.suite.scores import Score, log_ratios, of_families, score_of
@@ -70,7 +69,7 @@ def write_board(folder: Path, count: int) -> list[Path]:
     for path in sorted(folder.glob(f"*/{MANIFEST}")):
         try:
             entry = read_entry(path.parent)
-            checks.append(_verified_without_programs(entry, count))
+            checks.append(verify(entry, 0 if entry.program else count))
             entries.append(entry)
         except JerkbenchError as error:
             remarks.append(f"{path.parent.name} is left out: {error}")
@@ -87,10 +86,6 @@ def write_board(folder: Path, count: int) -> list[Path]:
     for name, text in texts.items():
         write_text(folder / name, text)
     return [folder / name for name in texts]
-
-
-def _verified_without_programs(entry: Entry, count: int) -> Checked:
-    return verify(entry.folder, 0 if program_of({"filter": entry.entrant.filter}) else count)
 
 
 def board_of(entries: Sequence[Entry], checks: Sequence[Checked], protocol: SuiteProtocol) -> Board:

@@ -18,6 +18,7 @@ from jerkbench.audit.protocol import HALVES
 from jerkbench.errors import JerkbenchError
 from jerkbench.files import write_atomically, write_text
 from jerkbench.plain import is_plain, plain
+from jerkbench.results.replay import program_of
 from jerkbench.suite.entrant import Entrant
 from jerkbench.suite.scores import Score
 from jerkbench.tuning.space import Setting
@@ -68,6 +69,11 @@ class Entry:
     def entrant(self) -> Entrant:
         """The method."""
         return Entrant(**self.manifest["method"])
+
+    @property
+    def program(self) -> str:
+        """The command that its method runs; empty where it runs none."""
+        return program_of({"filter": self.entrant.filter})
 
     def setting(self, method: str, tuned_on: str) -> Setting:
         """Return the values of the knobs, in order."""

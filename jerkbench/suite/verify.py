@@ -3,18 +3,16 @@
 import random
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
 from jerkbench.audit.runs import COLUMNS as NUMBERS
 from jerkbench.errors import JerkbenchError
-from jerkbench.results.replay import program_of
 from jerkbench.suite.campaign import ENTRY, GIVEN, PLAIN, plugins_digest
 from jerkbench.suite.checks import file_mistakes, frozen_mistakes, missing_mistakes, same, score_mistakes
 from jerkbench.suite.entrant import Entrant, entrant_settings, entrant_space, plain_of
-from jerkbench.suite.entry import Entry, read_entry
+from jerkbench.suite.entry import Entry
 from jerkbench.suite.pieces import Piece
 from jerkbench.suite.protocol import SuiteProtocol, read_suite
 
@@ -34,15 +32,14 @@ class Checked:
     rerun: int
 
 
-def verify(folder: Path, count: int = 12, *, run_programs: bool = False) -> Checked:
-    """Check the entry in ``folder``; two thirds of ``count`` rows are its own, the rest are the plain filter's.
+def verify(entry: Entry, count: int = 12, *, run_programs: bool = False) -> Checked:
+    """Check an entry; two thirds of ``count`` rows are its own, the rest are the plain filter's.
 
     The rows that are computed once more are drawn anew each time; of an entry that does not fit its hashes, none is.
 
     Raises:
-        JerkbenchError: there is no entry, or one of no suite that is known here, or its program may not run.
+        JerkbenchError: its suite is not known here, or its program may not run.
     """
-    entry = read_entry(folder)
     protocol = read_suite(str(entry.manifest.get("suite")))
     missing = missing_mistakes(entry, protocol)
     mistakes = [*frozen_mistakes(entry, protocol), *file_mistakes(entry), *missing]
@@ -50,11 +47,10 @@ def verify(folder: Path, count: int = 12, *, run_programs: bool = False) -> Chec
         return Checked(tuple(mistakes), (), 0)
     if mistakes:
         count = 0
-    program = program_of({"filter": entry.entrant.filter})
-    if program and count and not run_programs:
+    if entry.program and count and not run_programs:
         raise JerkbenchError(
-            f"The rows of {folder} come from the program {program}, which does not run unasked; give --run-programs if"
-            " you trust it, or --rows 0 to check the files alone."
+            f"The rows of {entry.folder} come from the program {entry.program}, which does not run unasked; give"
+            " --run-programs if you trust it, or --rows 0 to check the files alone."
         )
     own = _checked(entry, ENTRY, entry.entrant, protocol, count - count // 3)
     plain = _checked(entry, PLAIN, plain_of(protocol), protocol, count // 3)

@@ -142,9 +142,10 @@ def suite_verify_verb(chosen: argparse.Namespace) -> None:
     Raises:
         JerkbenchError: there is no entry.
     """
+    from jerkbench.suite.entry import read_entry
     from jerkbench.suite.verify import verify
 
-    checked = verify(chosen.entry, chosen.rows, run_programs=chosen.run_programs)
+    checked = verify(read_entry(chosen.entry), chosen.rows, run_programs=chosen.run_programs)
     for sentence in (*checked.mistakes, *checked.remarks):
         print(sentence)
     if checked.mistakes:

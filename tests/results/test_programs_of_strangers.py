@@ -3,6 +3,7 @@
 import pytest
 
 from commands import verb
+from jerkbench import api
 from jerkbench.cells.noise import replaced
 from jerkbench.filters.command import Command
 from jerkbench.results.replay import program_of, runnable
@@ -61,6 +62,14 @@ def test_looking_at_results_runs_no_program(theirs, words, code, said):
 
     assert (done.returncode, ran(theirs)) == (code, before), done.stderr
     assert said in done.stderr
+
+
+def test_a_report_from_python_says_what_it_leaves_out(theirs, capfd):
+    before = ran(theirs)
+    api.report(theirs / "results" / "theirs", scenarios=0, figures="none")
+
+    assert "1 cell runs a program." in capfd.readouterr().err
+    assert ran(theirs) == before
 
 
 def test_a_program_runs_where_it_is_asked_for(theirs):
