@@ -8,7 +8,7 @@ from jerkbench import plugins
 from jerkbench.cells.noise import Noise
 from jerkbench.errors import unknown
 from jerkbench.hydra_app.configuration import Schema, ToldR
-from jerkbench.hydra_app.typed_words import no_assignment, several_in_one, swept
+from jerkbench.hydra_app.typed_words import several_in_one, swept
 
 NOISE = ("full_key", "object_type", "Config search", "provider=")
 """Beginnings of lines that help nobody."""
@@ -42,9 +42,6 @@ def sentence(error: Exception, typed: Sequence[str] = ()) -> str:
 
 def _of_words(text: str, typed: Sequence[str]) -> str:
     """Return the sentence for a word that no configuration allows, or an empty string."""
-    word = re.search(r"Error parsing override '([^=']*)'\s+missing EQUAL", text)
-    if word:
-        return no_assignment(word[1])
     disturbance = re.search(r"Could not override 'disturbance\.(\w+)([^']*)'", text)
     if disturbance:
         return _under_its_name(disturbance[1], typed, inside=bool(disturbance[2]))
