@@ -7,9 +7,7 @@ from docstring import Docstring, parsed, prose
 from gallery import FIGURES
 
 from jerkbench import plugins
-from jerkbench.catalogue.catalogue_json import shown
-from jerkbench.catalogue.entries import Entry, entries, plugin_class, preset_files
-from jerkbench.catalogue.text import docstrings, home
+from jerkbench.catalogue import Entry, docstrings, entries, home, plugin_class, preset_files, shown
 
 TITLES = {
     "dataset": "Data sets",

@@ -29,11 +29,8 @@ from jerkbench.timeline.timeline import Timeline
 
 A = TypeVar("A")
 
-NOT_OURS = ("builtins", "typing")
+NOT_OURS = ("builtins", "typing", "jerkbench.contracts")
 """Modules of bases that no author has written."""
-
-CONTRACTS = "jerkbench.contracts."
-"""Beginning of the names of further such modules."""
 
 READABLE = get_args(Reading.__annotations__["reads"].__args__[0])
 """Parts of an estimate that a metric may read alone."""
@@ -140,7 +137,7 @@ def _wrong_default(cls: type) -> str:
 
 def _authored(cls: type) -> list[type]:
     """The class and those of its bases that authors have written."""
-    return [b for b in cls.__mro__ if b.__module__ not in NOT_OURS and not b.__module__.startswith(CONTRACTS)]
+    return [base for base in cls.__mro__ if base.__module__ not in NOT_OURS]
 
 
 @cache

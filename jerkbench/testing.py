@@ -12,12 +12,8 @@ Each check raises an AssertionError whose sentence says what is not as it must b
 """
 
 from jerkbench.conformance.adaptation import check_adaptation
-from jerkbench.conformance.attitude import check_attitude
-from jerkbench.conformance.engine import check_engine
-from jerkbench.conformance.kinematic import check_filter
-from jerkbench.conformance.metric import check_metric
-from jerkbench.conformance.plugin import check_plugin
-from jerkbench.conformance.sources import check_dataset, check_disturbance
+from jerkbench.conformance.filters import check_engine, check_filter
+from jerkbench.conformance.plugin import check_attitude, check_dataset, check_disturbance, check_metric, check_plugin
 
 __all__ = [
     "check_adaptation",

@@ -7,7 +7,7 @@ from typing import Annotated
 import pytest
 
 from jerkbench import plugins
-from jerkbench.catalogue.text import show_text
+from jerkbench.catalogue import show_text
 from jerkbench.conformance.plugin import _check_ranges
 from jerkbench.parameters import Origin, Range, origins_of, ranges_of
 

@@ -9,7 +9,7 @@ from omegaconf import OmegaConf
 
 from jerkbench import notices, plugins
 from jerkbench.adaptation.mtf import Mtf
-from jerkbench.catalogue.text import list_text, show_text
+from jerkbench.catalogue import list_text, show_text
 from jerkbench.cells.from_names import choose
 from jerkbench.cells.metric_names import metric_names
 from jerkbench.errors import PluginError

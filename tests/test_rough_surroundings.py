@@ -31,7 +31,7 @@ def test_more_seeds_than_can_be_run_are_refused_at_once():
 
 
 @pytest.mark.parametrize(
-    ("words", "place"), [(["list"], "jerkbench.catalogue.text.list_text"), (["run"], "jerkbench.hydra_app.app.main")]
+    ("words", "place"), [(["list"], "jerkbench.catalogue.list_text"), (["run"], "jerkbench.hydra_app.app.main")]
 )
 def test_a_worker_that_died_is_no_matter_of_paths(tmp_path, monkeypatch, words, place):
     def die(_):

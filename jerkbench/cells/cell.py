@@ -145,7 +145,7 @@ def _new_part(kind: str, config: Mapping[str, Any]) -> _Part:
 def _whole(kind: str, plugin: Any) -> Any:  # noqa: ANN401 - as above
     """Refuse a plugin from elsewhere that lacks a method, which would show late and in nobody's words."""
     if not plugins.is_own(type(plugin)):
-        from jerkbench.conformance.methods import require_methods
+        from jerkbench.conformance.requirements import require_methods
 
         try:
             require_methods(kind, plugin)

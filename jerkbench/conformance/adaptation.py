@@ -6,11 +6,15 @@ from typing import Any
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.conformance.matrices import require_covariance, require_finite, require_shape
-from jerkbench.conformance.methods import require_methods
-from jerkbench.conformance.require import require
-from jerkbench.conformance.same import identical
-from jerkbench.conformance.updates import ROWS, SIGMAS, STATES, Prior, Update, every_kind, ordinary
+from jerkbench.conformance.requirements import (
+    identical,
+    require,
+    require_covariance,
+    require_finite,
+    require_methods,
+    require_shape,
+)
+from jerkbench.conformance.samples import ROWS, SIGMAS, STATES, Prior, Update, every_kind, ordinary
 from jerkbench.contracts import AdaptingGain, AdaptingPrior, Fading, Remembering, RememberingStates
 from jerkbench.memory import empty_memory
 from jerkbench.random_streams import stream

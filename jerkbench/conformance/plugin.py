@@ -1,4 +1,4 @@
-"""The checks of a plugin of any kind."""
+"""The checks of a plugin of any kind, and of data sets, disturbances, attitude filters and metrics."""
 
 import dataclasses
 import inspect
@@ -6,16 +6,185 @@ import pickle
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
+from jerkbench.adaptation.none import NoAdaptation
+from jerkbench.arrays import BoolArray
 from jerkbench.conformance.adaptation import check_adaptation
-from jerkbench.conformance.attitude import check_attitude
-from jerkbench.conformance.engine import check_engine
-from jerkbench.conformance.kinematic import check_filter
-from jerkbench.conformance.methods import require_methods
-from jerkbench.conformance.metric import check_metric
-from jerkbench.conformance.require import require
-from jerkbench.conformance.sources import check_dataset, check_disturbance
+from jerkbench.conformance.filters import check_engine, check_filter
+from jerkbench.conformance.requirements import (
+    identical,
+    pure_result,
+    require,
+    require_finite,
+    require_methods,
+    require_shape,
+)
+from jerkbench.conformance.samples import small_recording, true_attitude
+from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.errors import PluginError, unknown
+from jerkbench.estimate import Attitude, Estimate
+from jerkbench.filters.baseline import Baseline
+from jerkbench.geometry import dcm_from_euler
+from jerkbench.optional import is_attitude_only
 from jerkbench.parameters import is_whole, ranges_of
+from jerkbench.recording import Recording
+from jerkbench.timeline.timeline import build_timeline
+
+# The checks of a data set and of a disturbance.
+
+LONG_S = 600.0
+"""Disturbances put several bursts or outages into a recording; they need room."""
+
+
+def check_dataset(plugin: Any) -> None:  # noqa: ANN401 - the plugin under test
+    """Check a data set.
+
+    Raises:
+        AssertionError: it loads something that is no recording, is not repeatable, or lies about ``seeded``.
+    """
+    subject = type(plugin).__name__
+    require_methods("dataset", plugin)
+    first = pure_result(f"{subject}.load(0)", plugin.load, 0)
+    require(isinstance(first, Recording), f"{subject}.load() gives a {type(first).__name__}; it must be a Recording.")
+    _check_positions(subject, plugin, first)
+    mark = pure_result(f"{subject}.fingerprint()", plugin.fingerprint)
+    require(isinstance(mark, str), f"{subject}.fingerprint() is {mark!r}; it must be a string.")
+    alike = identical(first, plugin.load(1))
+    require(alike or plugin.seeded, f"{subject}.load() depends on the seed, but its seeded is False.")
+    require(
+        not alike or not plugin.seeded, f"{subject}.load() gives the same for seeds 0 and 1, but its seeded is True."
+    )
+
+
+def _check_positions(subject: str, plugin: Any, recording: Recording) -> None:  # noqa: ANN401 - as above
+    """Only a data set that says so has no positions."""
+    without = is_attitude_only(plugin)
+    require(
+        without or recording.position is not None,
+        f"{subject}.load() gives no positions; a filter has nothing to start from. If there are none, say so with a"
+        " class attribute attitude_only = True.",
+    )
+
+
+def check_disturbance(plugin: Any) -> None:  # noqa: ANN401 - as above
+    """Check a disturbance on a small recording, with and without its optional parts.
+
+    Raises:
+        AssertionError: it returns no recording, changes its input, is not repeatable, or lies about ``seeded`` or
+            ``replicates``.
+    """
+    subject = type(plugin).__name__
+    require_methods("disturbance", plugin)
+    n = plugin.replicates()
+    require(isinstance(n, int), f"{subject}.replicates() is {n!r}; it must be a whole number.")
+    require(n >= 1, f"{subject}.replicates() is {n}; it must be at least 1.")
+    recording = small_recording(LONG_S)
+    for seed in (0, 3):
+        first = checked_disturbance(subject, plugin, recording, seed)
+        if not plugin.seeded:
+            require(
+                identical(first, plugin.apply(recording, seed + n)),
+                f"{subject}.apply() gives different results for seeds {seed} and {seed + n}, but it is not seeded and"
+                f" has {n} replicates.",
+            )
+
+
+def checked_disturbance(subject: str, plugin: Any, recording: Recording, seed: int) -> Recording:  # noqa: ANN401 - as above
+    """Return the disturbed recording, checked for being one, and for being the same the second time."""
+    result = pure_result(f"{subject}.apply()", plugin.apply, recording, seed)
+    require(
+        isinstance(result, Recording), f"{subject}.apply() gives a {type(result).__name__}; it must be a Recording."
+    )
+    return result  # type: ignore[no-any-return]  # it was asked
+
+
+# The checks of an attitude filter.
+
+SHAPES = {"dcm": (3, 3), "euler_rad": (3,), "accel_enu_mps2": (3,)}
+"""Of the arrays of an attitude, at each stamp."""
+
+
+def check_attitude(plugin: Any) -> None:  # noqa: ANN401 - the plugin under test
+    """Check an attitude filter on a small recording.
+
+    Raises:
+        AssertionError: stamps, shapes or types are wrong, a matrix is no rotation or does not belong to its angles.
+    """
+    subject = type(plugin).__name__
+    require_methods("attitude", plugin)
+    attitude = checked_attitude(subject, plugin, small_recording())
+    for name in SHAPES:
+        require_finite(f"{subject}: {name}", getattr(attitude, name))
+    triggered = np.asarray(attitude.triggered)
+    require(triggered.dtype == np.bool_, f"{subject}: triggered is of {triggered.dtype}; it must be of bool.")
+    _check_rotations(subject, attitude)
+
+
+def checked_attitude(subject: str, plugin: Any, recording: Recording) -> Attitude:  # noqa: ANN401 - as above
+    """Return the attitude, checked for stamps and shapes, and for being the same the second time."""
+    attitude = pure_result(f"{subject}.estimate()", plugin.estimate, recording)
+    require(isinstance(attitude, Attitude), f"{subject}.estimate() gives a {type(attitude).__name__}, not an Attitude.")
+    n = len(recording.inertial.t_s)
+    require(np.array_equal(attitude.t_s, recording.inertial.t_s), f"{subject}: t_s must be the stamps of the IMU.")
+    for name, shape in SHAPES.items():
+        require_shape(f"{subject}: {name}", getattr(attitude, name), (n, *shape))
+    triggered = np.shape(attitude.triggered)
+    require(triggered == (n,), f"{subject}: triggered has shape {triggered}; it must be ({n},).")
+    return attitude  # type: ignore[no-any-return]  # it was asked
+
+
+def _check_rotations(subject: str, attitude: Attitude) -> None:
+    dcm = attitude.dcm
+    product = dcm @ dcm.transpose(0, 2, 1)
+    proper = np.allclose(product, np.eye(3), rtol=0.0, atol=1e-6) and (np.linalg.det(dcm) > 0).all()
+    require(proper, f"{subject}: dcm holds matrices that are no rotations.")
+    require(
+        np.allclose(dcm, dcm_from_euler(attitude.euler_rad), rtol=0.0, atol=1e-6),
+        f"{subject}: dcm is not Rz(yaw) Ry(pitch) Rx(roll) of euler_rad (roll, pitch, yaw; body FLU to ENU).",
+    )
+
+
+# The checks of a metric.
+
+
+def check_metric(plugin: Any) -> None:  # noqa: ANN401 - the plugin under test
+    """Check a metric on a small run: all rows counted, few, none.
+
+    Raises:
+        AssertionError: the values are no floats by name, or the names depend on the run.
+    """
+    subject = type(plugin).__name__
+    require_methods("metric", plugin)
+    recording = small_recording()
+    estimate = FilterpyEngine().run(build_timeline(recording, true_attitude(recording)), Baseline(), NoAdaptation())
+    every = np.ones(len(estimate.index), dtype=bool)
+    names = list(checked_values(subject, plugin, estimate, recording, every))
+    require(names, f"{subject}.evaluate() gives no value.")
+    for counted in (estimate.index > estimate.index[-10], ~every):
+        fewer = list(checked_values(subject, plugin, estimate, recording, counted))
+        require(
+            fewer == names,
+            f"{subject}.evaluate() names {fewer} where fewer rows count, and {names} where all do; a value that does"
+            " not apply is NaN.",
+        )
+
+
+def checked_values(
+    subject: str,
+    plugin: Any,  # noqa: ANN401 - as above
+    estimate: Estimate,
+    recording: Recording,
+    counted: BoolArray,
+) -> dict[str, float]:
+    """Return what the metric gives, checked for names and numbers, and for being the same the second time."""
+    values: dict[str, float] = pure_result(f"{subject}.evaluate()", plugin.evaluate, estimate, recording, counted)
+    require(isinstance(values, dict), f"{subject}.evaluate() gives a {type(values).__name__}; it must be a dictionary.")
+    for name, value in values.items():
+        require(isinstance(name, str), f"{subject}.evaluate() has the name {name!r}; it must be a string.")
+        require(isinstance(value, float), f"{subject}.evaluate(): {name} is {value!r}; it must be a float.")
+    return values
+
 
 CHECKS: Mapping[str, Callable[[Any], None]] = {
     "dataset": check_dataset,

@@ -12,14 +12,10 @@ import numpy as np
 
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.conformance.adaptation import probe_adaptation
-from jerkbench.conformance.attitude import checked_attitude
-from jerkbench.conformance.kinematic import axis_model_of, require_initial_variances
-from jerkbench.conformance.methods import require_methods
-from jerkbench.conformance.metric import checked_values
-from jerkbench.conformance.recordings import small_recording, true_attitude
-from jerkbench.conformance.require import Unfit, changes_itself, require
-from jerkbench.conformance.same import pure_result
-from jerkbench.conformance.sources import checked_disturbance
+from jerkbench.conformance.filters import axis_model_of, require_initial_variances
+from jerkbench.conformance.plugin import checked_attitude, checked_disturbance, checked_values
+from jerkbench.conformance.requirements import Unfit, changes_itself, pure_result, require, require_methods
+from jerkbench.conformance.samples import small_recording, true_attitude
 from jerkbench.contracts import Filter
 from jerkbench.estimate import Estimate
 from jerkbench.filters.baseline import Baseline

@@ -19,8 +19,7 @@ def list_verb(chosen: argparse.Namespace) -> None:
     Raises:
         PluginError: no such kind.
     """
-    from jerkbench.catalogue.catalogue_json import listed
-    from jerkbench.catalogue.text import list_text
+    from jerkbench.catalogue import list_text, listed
 
     if chosen.format == "json":
         print_json(listed(chosen.kind))
@@ -39,9 +38,7 @@ def show_verb(chosen: argparse.Namespace) -> None:
     Raises:
         PluginError: there is none of that name.
     """
-    from jerkbench.catalogue.catalogue_json import shown
-    from jerkbench.catalogue.entries import kind_of
-    from jerkbench.catalogue.text import show_text
+    from jerkbench.catalogue import kind_of, show_text, shown
 
     if chosen.name is None:
         chosen.kind, chosen.name = kind_of(chosen.kind), chosen.kind

@@ -6,8 +6,7 @@ import pytest
 
 from commands import verb
 from jerkbench import plugins
-from jerkbench.catalogue.catalogue_json import listed, shown
-from jerkbench.catalogue.text import list_text
+from jerkbench.catalogue import list_text, listed, shown
 
 
 def test_every_name_that_a_person_reads_is_in_the_json(tmp_path):

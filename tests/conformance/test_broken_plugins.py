@@ -10,7 +10,7 @@ import pytest
 from jerkbench import testing
 from jerkbench.adaptation.mtf import Mtf
 from jerkbench.adaptation.none import NoAdaptation
-from jerkbench.conformance.recordings import small_recording, true_attitude
+from jerkbench.conformance.samples import small_recording, true_attitude
 from jerkbench.disturbances.bias import Bias as BiasDisturbance
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.errors import PluginError

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from jerkbench import plugins
-from jerkbench.conformance.recordings import small_recording
+from jerkbench.conformance.samples import small_recording
 from jerkbench.testing import check_plugin
 
 KINDS = ("disturbance", "attitude", "filter", "adaptation", "metric")

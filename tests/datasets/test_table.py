@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from jerkbench.cells.from_names import choose
 from jerkbench.conformance.plugin import check_plugin
-from jerkbench.conformance.recordings import small_recording
+from jerkbench.conformance.samples import small_recording
 from jerkbench.datasets.table import Tables
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.io.writing import write_table

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from jerkbench.conformance.recordings import small_recording
+from jerkbench.conformance.samples import small_recording
 from jerkbench.datasets.field_v1 import FieldV1
 from jerkbench.inspection.dependence import velocity_dependence
 from jerkbench.recording import Position, Velocity

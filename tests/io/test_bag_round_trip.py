@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import jerkbench
-from jerkbench.conformance.recordings import small_recording
+from jerkbench.conformance.samples import small_recording
 from jerkbench.datasets.field_v1 import FieldV1
 from jerkbench.datasets.fixposition import Fixposition
 from jerkbench.datasets.rosbag import RosBag

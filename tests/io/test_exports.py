@@ -10,7 +10,7 @@ import pytest
 from pymap3d import enu2geodetic
 
 from commands import verb
-from jerkbench.conformance.recordings import small_recording, true_attitude
+from jerkbench.conformance.samples import small_recording, true_attitude
 from jerkbench.errors import RecordingError
 from jerkbench.io.method_input import input_table
 from jerkbench.io.other_tools import write_kf_gins, write_pyins

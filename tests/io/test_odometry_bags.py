@@ -9,7 +9,7 @@ from rosbags.rosbag1 import Writer
 from scipy.spatial.transform import Rotation
 
 from bag_maker import ROS1, odometry
-from jerkbench.conformance.recordings import small_recording
+from jerkbench.conformance.samples import small_recording
 from jerkbench.errors import RecordingError
 from jerkbench.io.trajectory_files import TrajectoryForm, read_trajectory
 

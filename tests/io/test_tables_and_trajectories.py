@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 
 from commands import verb
-from jerkbench.conformance.recordings import small_recording
+from jerkbench.conformance.samples import small_recording
 from jerkbench.errors import RecordingError
 from jerkbench.io.writing import table_of, write_kml, write_table, write_tum
 from jerkbench.recording import Velocity

@@ -8,7 +8,7 @@ import pytest
 from pymap3d import enu2geodetic
 from scipy.spatial.transform import Rotation
 
-from jerkbench.conformance.recordings import small_recording
+from jerkbench.conformance.samples import small_recording
 from jerkbench.errors import RecordingError
 from jerkbench.io.trajectory import estimate_of
 from jerkbench.io.trajectory_files import TrajectoryForm, read_trajectory

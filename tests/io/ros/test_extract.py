@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bag_maker import Drive
-from jerkbench.conformance.same import identical
+from jerkbench.conformance.requirements import identical
 from jerkbench.datasets.fixposition import Fixposition
 from jerkbench.datasets.rosbag import RosBag
 from jerkbench.io.ros import extract
@@ -120,7 +120,7 @@ def test_one_that_is_too_large_for_the_bound_is_kept_alone(bag, tmp_path, monkey
 
 
 def test_what_our_own_writer_said_is_kept_too(bag, tmp_path, monkeypatch):
-    from jerkbench.conformance.recordings import small_recording
+    from jerkbench.conformance.samples import small_recording
     from jerkbench.io.ros.writing import write_bag
 
     write_bag(small_recording(), tmp_path / "own.mcap")

@@ -1,22 +1,94 @@
-"""The checks of a kinematic filter and of an estimator."""
+"""The checks of kinematic filters, of estimators and of engines."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
+from jerkbench.adaptation.mtf import Mtf
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.arrays import FloatArray
-from jerkbench.conformance.batched import check_batched
-from jerkbench.conformance.matrices import require_covariance, require_finite, require_shape
-from jerkbench.conformance.methods import require_methods
-from jerkbench.conformance.recordings import small_recording, true_attitude
-from jerkbench.conformance.require import require
-from jerkbench.conformance.same import pure_result
-from jerkbench.contracts import Batched, Estimator, Filter
+from jerkbench.conformance.requirements import (
+    pure_result,
+    require,
+    require_covariance,
+    require_finite,
+    require_methods,
+    require_shape,
+)
+from jerkbench.conformance.samples import small_recording, true_attitude
+from jerkbench.contracts import Adaptation, Batched, Estimator, Filter
 from jerkbench.engines.filterpy_engine import FilterpyEngine
-from jerkbench.estimate import Estimate
+from jerkbench.estimate import Attitude, Estimate
+from jerkbench.evaluation.batch_scoring import scored
+from jerkbench.evaluation.counted_rows import counted_rows
+from jerkbench.evaluation.sums import Scored, sums_from, sums_of
+from jerkbench.filters.jerk import Jerk
 from jerkbench.plugins import create
+from jerkbench.recording import Recording
+from jerkbench.streamed_run import RecordedRun, Streamed
+from jerkbench.sums import Sums
 from jerkbench.timeline.timeline import build_timeline
+
+# The check of an estimator's compiled way: it agrees with its `estimate`.
+
+AGREEMENT_M = 1e-6
+"""Of position and velocity."""
+
+AGREEMENT = 1e-6
+"""Of the covariance against sqrt(P_ii P_jj), and of sums."""
+
+BURN_IN_S = 0.5
+
+
+def check_batched(
+    subject: str, plugin: Batched, recording: Recording, attitude: Attitude, adaptation: Adaptation, wanted: Estimate
+) -> None:
+    """Check that the compiled way gives ``wanted``, with and without a trajectory.
+
+    Raises:
+        AssertionError: it does not; None, which says that it is not possible, is allowed.
+    """
+    got = plugin.estimate_compiled(recording, attitude, adaptation)
+    if got is not None:
+        _check_estimate(f"{subject}.estimate_compiled()", got, wanted)
+    _check_sums(subject, plugin, recording, attitude, adaptation, wanted)
+
+
+def _check_estimate(subject: str, got: Estimate, wanted: Estimate) -> None:
+    require(np.array_equal(got.index, wanted.index), f"{subject} reaches other rows of the reference than estimate().")
+    for name in ("position_m", "velocity_mps"):
+        apart = np.abs(getattr(got, name) - getattr(wanted, name)).max()
+        require(apart <= AGREEMENT_M, f"{name} of {subject} is {apart:.3g} off estimate(); {AGREEMENT_M:g} is allowed.")
+    sigma = np.sqrt(np.einsum("nii->ni", wanted.covariance))
+    apart = np.abs((got.covariance - wanted.covariance) / (sigma[:, :, None] * sigma[:, None, :])).max()
+    require(apart <= AGREEMENT, f"covariance of {subject} is {apart:.3g} of itself off estimate().")
+
+
+def _check_sums(
+    subject: str, plugin: Batched, recording: Recording, attitude: Attitude, adaptation: Adaptation, wanted: Estimate
+) -> None:
+    timeline = build_timeline(recording, attitude)
+    scene = scored(recording, timeline, BURN_IN_S)
+    if scene is None:
+        return
+    run = RecordedRun(recording, attitude, timeline, scene.scoring)
+    expected = sums_of(wanted, recording, counted_rows(wanted, recording, BURN_IN_S))
+    settings = [plugin, plugin], [adaptation, adaptation]
+    results = plugin.run_settings([run, run], *settings, updates=False, attitude=False, threads=1)
+    _compare(f"{subject}.run_settings()", results, scene, recording, expected)
+
+
+def _compare(
+    subject: str, results: Sequence[Streamed | None], scene: Scored, recording: Recording, expected: Sums
+) -> None:
+    require(len(results) == 2, f"{subject} gives {len(results)} results for 2 runs.")
+    for result in results:
+        got = None if result is None else sums_from(result, scene, recording)
+        for name in ("position_m2", "velocity_m2ps2", "nees", "nis_per_row") if got is not None else ():
+            near = np.allclose(getattr(got, name), getattr(expected, name), rtol=AGREEMENT, atol=AGREEMENT_M**2)
+            require(near, f"{name} of {subject} is not that of estimate().")
+
 
 INTERVALS_S = ((0.01, 0.01), (0.01 / 3.0, 0.01), (0.004, 0.004), (0.02, 0.02))
 """Pairs of dt and dt0: whole samples and a split one."""
@@ -131,3 +203,31 @@ def check_estimate(subject: str, estimate: Estimate) -> None:
         return
     for P in estimate.covariance[:: max(k // 50, 1)]:
         require_covariance(f"{subject}: covariance", P)
+
+
+# The check of an engine: agreement with the reference engine.
+
+ENGINE_AGREEMENT_M = 1e-6
+
+
+def check_engine(plugin: Any) -> None:  # noqa: ANN401 - the plugin under test
+    """Check an engine: a run of the jerk filter with mtf agrees with the reference engine.
+
+    Raises:
+        AssertionError: it does not.
+    """
+    subject = type(plugin).__name__
+    require_methods("engine", plugin)
+    recording = small_recording()
+    timeline = build_timeline(recording, true_attitude(recording))
+    estimate = pure_result(f"{subject}.run()", plugin.run, timeline, Jerk(), Mtf())
+    check_estimate(subject, estimate)
+    wanted = FilterpyEngine().run(timeline, Jerk(), Mtf())
+    require(np.array_equal(estimate.index, wanted.index), f"{subject} reaches other rows than the reference engine.")
+    difference = max(
+        np.abs(estimate.position_m - wanted.position_m).max(), np.abs(estimate.velocity_mps - wanted.velocity_mps).max()
+    )
+    require(
+        difference <= ENGINE_AGREEMENT_M,
+        f"{subject} is {difference:.3g} m (or m/s) off the reference engine; {ENGINE_AGREEMENT_M:g} is allowed.",
+    )

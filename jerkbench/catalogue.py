@@ -1,0 +1,244 @@
+"""The entries of the catalogue: plugins from their docstrings, presets from their files."""
+
+import dataclasses
+import inspect
+import itertools
+import typing
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from jerkbench import plugins
+from jerkbench.errors import PluginError, unknown
+from jerkbench.notices import notify
+from jerkbench.parameters import origins_of, ranges_of
+
+PRESET_GROUPS = ("noise", "experiment")
+"""Groups that hold presets only."""
+
+
+class Entry(NamedTuple):
+    """One name of the catalogue.
+
+    Attributes:
+        name: as one types it.
+        summary: one line about it.
+        preset: whether it is a file of values, and no class.
+        package: the distribution's package that it comes from.
+    """
+
+    name: str
+    summary: str
+    preset: bool = False
+    package: str = "jerkbench"
+
+
+def kinds_asked(kind: str | None) -> tuple[str, ...]:
+    """Return ``kind`` alone, or every kind.
+
+    Raises:
+        PluginError: no such kind.
+    """
+    kinds = (*plugins.KINDS, *PRESET_GROUPS)
+    if kind is not None and kind not in kinds:
+        raise PluginError(unknown("kind", kind, kinds))
+    return (kind,) if kind else kinds
+
+
+def kind_of(name: str) -> str:
+    """Return the kind of which there is a ``name``.
+
+    Raises:
+        PluginError: there is none, or there are several.
+    """
+    names = {
+        kind: {*(plugins.names(kind) if kind in plugins.KINDS else ()), *preset_files(kind)}
+        for kind in kinds_asked(None)
+    }
+    having = [kind for kind, of in names.items() if name in of]
+    if name in names:
+        raise PluginError(f"{name} is a kind: jerkbench list {name}, or jerkbench show {name} NAME.")
+    if not having:
+        raise PluginError(unknown("plugin or preset", name, set().union(*names.values())))
+    if len(having) > 1:
+        words = " or ".join(f"jerkbench show {kind} {name}" for kind in having)
+        raise PluginError(f"{name} names {len(having)} things; give the kind: {words}.")
+    return having[0]
+
+
+def entries(kind: str) -> list[Entry]:
+    """Return what there is of a kind, sorted by name; a plugin that cannot be loaded is left out, with a notice."""
+    by_name = {entry.name: entry for entry in _plugins(kind)} if kind in plugins.KINDS else {}
+    for sentence in plugins.left_out(kind).values() if kind in plugins.KINDS else ():
+        notify(sentence)
+    by_name |= {name: Entry(name, _first_comment(path), preset=True) for name, path in preset_files(kind).items()}
+    return [by_name[name] for name in sorted(by_name)]
+
+
+def preset_files(kind: str) -> dict[str, Path]:
+    """Return the file of each preset of a kind."""
+    from jerkbench.presets import config_folder
+
+    return {path.stem: path for path in sorted((config_folder() / kind).glob("*.yaml"))}
+
+
+def plugin_class(kind: str, name: str) -> type:
+    """Return the class of a plugin.
+
+    Raises:
+        PluginError: there is none of that name; says what there is, presets too.
+    """
+    presets = preset_files(kind)
+    if kind in PRESET_GROUPS:
+        raise PluginError(unknown(kind, name, presets))
+    if kind in plugins.KINDS and name not in plugins.names(kind):
+        raise PluginError(plugins.no_such(kind, name, presets))
+    return plugins.get(kind, name)
+
+
+def _plugins(kind: str) -> Iterator[Entry]:
+    for name in plugins.names(kind):
+        cls = plugins.get(kind, name)
+        yield Entry(name, (inspect.getdoc(cls) or "").split("\n", 1)[0], package=cls.__module__.partition(".")[0])
+
+
+def _first_comment(path: Path) -> str:
+    """The first sentence of the comment at the top of a preset."""
+    comment = itertools.takewhile(lambda line: line.startswith("#"), path.read_text(encoding="utf-8").splitlines())
+    text = " ".join(line.lstrip("# ") for line in comment if "@package" not in line)
+    return text.split(". ")[0].rstrip(".") + "."
+
+
+# The answers of `jerkbench list` and `jerkbench show` as a person reads them.
+
+
+def list_text(kind: str | None = None) -> str:
+    """Every name with one line about it, of every kind or of ``kind``.
+
+    Raises:
+        PluginError: no such kind.
+    """
+    return "\n\n".join(_list_kind(name) for name in kinds_asked(kind))
+
+
+def show_text(kind: str, name: str) -> str:
+    """All there is to know of one plugin or preset.
+
+    Raises:
+        PluginError: there is none of that name.
+    """
+    presets = preset_files(kind)
+    if name in presets:
+        return f"{kind} {name}: a preset\n\n{presets[name].read_text(encoding='utf-8').rstrip()}"
+    cls = plugin_class(kind, name)
+    usage = _usage(name, cls) if kind == "disturbance" else []
+    return "\n\n".join([f"{kind} {name}", *docstrings(cls), _defaults(cls), *usage, f"Defined in {home(cls)}."])
+
+
+def _usage(name: str, cls: type) -> list[str]:
+    """Return an example of setting a parameter of a disturbance, which stands under its name."""
+    return [
+        f"On the command line: disturbance={name} disturbance.{name}.{f.name}=..." for f in dataclasses.fields(cls)[:1]
+    ]
+
+
+def docstrings(cls: type) -> list[str]:
+    """Return the docstrings of a plugin and of those that it varies; the equations stand with the first."""
+    family = [c for c in cls.__mro__ if dataclasses.is_dataclass(c)]
+    return [inspect.cleandoc(c.__doc__ or "It has no docstring.") for c in family]
+
+
+def _list_kind(kind: str) -> str:
+    listed = entries(kind)
+    width = max((len(entry.name) for entry in listed), default=0)
+    return "\n".join([kind, *(f"  {entry.name:<{width}}  {_line(entry)}" for entry in listed)])
+
+
+def _line(entry: Entry) -> str:
+    if entry.preset:
+        return f"{entry.summary} (preset)"
+    return entry.summary if entry.package == "jerkbench" else f"{entry.summary} [{entry.package}]"
+
+
+def _defaults(cls: type) -> str:
+    fields = dataclasses.fields(cls)
+    if not fields:
+        return "It has no parameters."
+    width = max(len(f.name) for f in fields)
+    return "\n".join(["Defaults:", *(f"    {f.name:<{width}} = {_default_text(f)}" for f in fields), *_tuning(cls)])
+
+
+def _tuning(cls: type) -> list[str]:
+    """Return where each default comes from, and within which bounds `jerkbench tune` looks for a better one."""
+    origins, ranges = origins_of(cls), ranges_of(cls)
+    known = [f.name for f in dataclasses.fields(cls) if f.name in origins or f.name in ranges]
+    lines = ["", "Origin of the defaults, and range for `jerkbench tune`:"] if known else []
+    for name in known:
+        lines.append(f"    {name}: {origins.get(name, 'not said')}")
+        if name in ranges:
+            lines.append(f"        range {ranges[name]} ({ranges[name].source})")
+    return lines
+
+
+def _default_text(f: "dataclasses.Field[object]") -> str:
+    if f.default is not dataclasses.MISSING:
+        return repr(f.default)
+    return "(has to be given)" if f.default_factory is dataclasses.MISSING else repr(f.default_factory())
+
+
+def home(cls: type) -> str:
+    """Return where a class is defined."""
+    return f"{cls.__module__}.{cls.__qualname__}"
+
+
+# The answers of `jerkbench list` and `jerkbench show` as a program reads them: plain values, ready
+# for JSON.
+
+
+def listed(kind: str | None = None) -> dict[str, list[dict[str, Any]]]:
+    """Return for each kind, or for ``kind``, every name with its summary, its package, and whether it is a preset.
+
+    Raises:
+        PluginError: no such kind.
+    """
+    return {name: [entry._asdict() for entry in entries(name)] for name in kinds_asked(kind)}
+
+
+def shown(kind: str, name: str) -> dict[str, Any]:
+    """Return all there is to know of one plugin or preset; of a preset its values as they stand in its file.
+
+    Raises:
+        PluginError: there is none of that name.
+    """
+    presets = preset_files(kind)
+    head = {"kind": kind, "name": name, "preset": name in presets}
+    if name in presets:
+        from omegaconf import OmegaConf
+
+        return {**head, "values": OmegaConf.to_container(OmegaConf.load(presets[name]))}
+    cls = plugin_class(kind, name)
+    return {**head, "docstrings": docstrings(cls), "parameters": _parameters(cls), "defined_in": home(cls)}
+
+
+def _parameters(cls: type) -> list[dict[str, Any]]:
+    """Return each field with its type, its default (none: it has to be given), its origin and its range."""
+    origins, ranges, types = origins_of(cls), ranges_of(cls), typing.get_type_hints(cls)
+    parameters = []
+    for f in dataclasses.fields(cls):
+        parameter: dict[str, Any] = {"name": f.name, "type": _type_text(types[f.name]), **_default(f)}
+        if f.name in origins:
+            parameter["origin"] = origins[f.name]
+        if f.name in ranges:
+            parameter["range"] = dataclasses.asdict(ranges[f.name])
+        parameters.append(parameter)
+    return parameters
+
+
+def _default(f: "dataclasses.Field[Any]") -> dict[str, Any]:
+    if f.default_factory is not dataclasses.MISSING:
+        return {"default": f.default_factory()}
+    return {} if f.default is dataclasses.MISSING else {"default": f.default}
+
+
+def _type_text(hint: Any) -> str:  # noqa: ANN401 - a type, or what typing makes of one
+    return hint.__name__ if isinstance(hint, type) and not typing.get_args(hint) else str(hint)
