@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from llvmlite import ir
 from numba import types
+from numba.core import cgutils
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, lower_cast, models, register_model
 
@@ -23,6 +24,9 @@ WIDE = 8
 
 NUMBER, INDEX = ir.DoubleType(), ir.IntType(32)
 """As LLVM knows them."""
+
+BLOCK = 8
+"""Numbers of a run that `scatter` moves at once."""
 
 
 class Vector(types.Type):
@@ -180,19 +184,6 @@ def vectors(_typing: Any, array: Any, width: Any) -> Any:  # noqa: ANN401 - as a
 
 
 @intrinsic
-def vectors_from(_typing: Any, array: Any, first: Any, width: Any) -> Any:  # noqa: ANN401 - as above
-    """See the numbers of ``array``, itself of vectors of one number, from ``first`` on as vectors of ``width``."""
-    if not isinstance(width, types.IntegerLiteral):
-        return None  # numba asks again with the constant
-
-    def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:  # noqa: ANN401 - as above
-        """Write it in LLVM."""
-        return builder.gep(args[0], [context.cast(builder, args[1], sig.args[1], types.intp)])
-
-    return vectors_of(width.literal_value)(array, first, width), generate
-
-
-@intrinsic
 def chosen(_typing: Any, left: Any, right: Any, yes: Any, no: Any) -> Any:  # noqa: ANN401 - as above
     """``yes`` where left > right, else ``no`` (also where one of them is NaN): of numbers, or in each run."""
     result = _common((left, right, yes, no))
@@ -203,6 +194,37 @@ def chosen(_typing: Any, left: Any, right: Any, yes: Any, no: Any) -> Any:  # no
         return builder.select(builder.fcmp_ordered(">", given[0], given[1]), given[2], given[3])
 
     return (result(left, right, yes, no), generate) if result else None
+
+
+def turned(builder: Any, rows: Any) -> Any:  # noqa: ANN401 - as above
+    """Return eight vectors of eight numbers each, the number of a row exchanged with that of a column, bit by bit."""
+    for bit in (1, 2, 4):
+        low = [k if not k & bit else WIDE + (k ^ bit) for k in range(WIDE)]
+        high = [k | bit if not k & bit else WIDE + k for k in range(WIDE)]
+        masks = [ir.Constant(ir.VectorType(INDEX, WIDE), mask) for mask in (low, high)]
+        pairs = [(rows[k & ~bit], rows[k | bit], masks[bool(k & bit)]) for k in range(WIDE)]
+        rows = [builder.shuffle_vector(*pair) for pair in pairs]
+    return rows
+
+
+@intrinsic
+def scatter(_typing: Any, into: Any, at: Any, step: Any, rows: Any) -> Any:  # noqa: ANN401 - as above
+    """Write BLOCK vectors ``rows`` run by run: number k of each into block ``at + k step`` of ``into``, for all k."""
+
+    def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:  # noqa: ANN401 - as above
+        """Write it in LLVM."""
+        rows = cgutils.unpack_tuple(builder, args[3], BLOCK)
+        first, step = (context.cast(builder, args[k], sig.args[k], types.intp) for k in (1, 2))
+        if sig.args[0].width == 1:
+            places = [builder.add(builder.mul(first, first.type(BLOCK)), first.type(k)) for k in range(BLOCK)]
+        else:
+            rows = turned(builder, rows)
+            places = [builder.add(first, builder.mul(step, step.type(k))) for k in range(BLOCK)]
+        for row, place in zip(rows, places, strict=True):
+            builder.store(row, address_in(builder, args[0], place, sig.args[0].width)).align = 8
+        return context.get_dummy_value()
+
+    return types.void(into, at, step, rows), generate
 
 
 def aligned_zeros(*shape: int) -> FloatArray:

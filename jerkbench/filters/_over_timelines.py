@@ -20,7 +20,7 @@ class OverTimelines:
 
     def estimate_compiled(self, recording: Recording, attitude: Attitude, adaptation: Adaptation) -> Estimate | None:
         """Return what ``estimate`` does; None where numba cannot compile the adaptation, or the run stops."""
-        from jerkbench.kinematic.compiled_adaptation import compiled_rule
+        from jerkbench.kinematic.plugin_call import compiled_rule
 
         timeline = kept_timeline(recording, attitude)
         rule = compiled_rule(clocked(adaptation, timeline))
@@ -37,7 +37,7 @@ class OverTimelines:
         threads: int,
     ) -> Sequence[Streamed | None]:
         """Return the sums of each run, with its own of ``estimators`` and ``adaptations``; it finds no attitude."""
-        from jerkbench.kinematic.compiled_adaptation import compiled_rule
+        from jerkbench.kinematic.plugin_call import compiled_rule
 
         results: list[Streamed | None] = [None] * len(runs)
         every = enumerate(zip(adaptations, runs, strict=True))

@@ -6,8 +6,7 @@ from jerkbench.contracts import Adaptation
 from jerkbench.estimation.threads import side_by_side
 from jerkbench.inertial.compiled.solution import Prepared, stream_compiled
 from jerkbench.inertial.side_by_side.runs import goes_together, run_journeys
-from jerkbench.kinematic.compiled_adaptation import compiled_rule
-from jerkbench.kinematic.plugin_call import Rule
+from jerkbench.kinematic.plugin_call import Rule, compiled_rule
 from jerkbench.optional import clocked
 from jerkbench.streamed_run import Scoring, Streamed
 

@@ -1,62 +1,78 @@
-"""The adaptation: it sees one run after the other, as its author wrote it."""
+"""The adaptation: it sees one run after the other, as its author wrote it.
+
+Vectors hold a number of each run, and it wants all numbers of one run: they are spread and gathered around its calls.
+What it does to P element by element (`adapt_prior`) is in `prior`; a rule that sees or gives whole matrices is `dense`.
+"""
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
-from jerkbench.kinematic.arguments import Packed, Rules, Runs
-from jerkbench.kinematic.exchange import packed_of, show, take, take_kept
-from jerkbench.kinematic.fading import call_fade, fade_prior
+from jerkbench.compilation.vectors import chosen
+from jerkbench.compilation.views import Run, gather, lane, spread
+from jerkbench.kinematic.arguments import Packed, Rules, Runs, packed_of
 from jerkbench.kinematic.gain import NAN
-from jerkbench.kinematic.layout import DENSE, LOST, WIDTH
-from jerkbench.kinematic.plugin_call import call_adapt
+from jerkbench.kinematic.layout import DENSE
+from jerkbench.kinematic.plugin_call import call_adapt, call_fade
 from jerkbench.kinematic.prior import adapt_prior
 
 
-def adapt_runs(w: FloatArray, numbers: FloatArray, runs: Runs, rules: Rules, complete: bool) -> bool:
+def adapt_runs(run: Run, runs: Runs, rules: Rules, complete: bool) -> bool:
     """Put the adapted R of all runs in the place of what the adaptation gets, without rows of no finite variance.
 
     Args:
-        w: the runs, vector by vector.
-        numbers: the same, number by number.
-        runs: room for what the runs show to the adaptation, and for what it says.
+        run: the runs.
+        runs: room for what they show to the adaptation, and for what it says.
         rules: the adaptation.
         complete: whether all rows of all runs are there.
 
     Returns:
         Whether neither R nor P has changed.
     """
-    show(w, runs)
+    spread(runs.HPHt, run.P_measured)
+    spread(runs.given, run.R)
+    spread(runs.y, run.y)
+    spread(runs.kept, run.used)
     some = packed_of(runs)
     for r in range(6):
         runs.rows[r] = r
     same, whole = complete, complete
-    for run in range(WIDTH):
-        m = 6 if complete else _find_rows(runs.kept[run], runs.rows)
-        if numbers[WIDTH * LOST + run] > 0.0:
+    for k in range(run.width):
+        alone = lane(run, k)
+        m = 6 if complete else _find_rows(runs.kept[k], runs.rows)
+        if alone.lost > 0.0:
             m = 0  # what is left of it is nothing to show
             whole = False
-            _unpack(runs, run, some, m)
+            _unpack(runs, k, some, m)
         else:
-            whole = _adapt_run(numbers, runs, run, some, rules, m) and whole
-        same = same and whole and _leaves_prior(rules, run) and _unchanged(runs.given[run], runs.adapted[run])
-    take(w, runs)
-    if not whole:
-        take_kept(w, runs)
+            whole = _adapt_run(alone, runs, k, some, rules, m) and whole
+        same = same and whole and _leaves_prior(rules, k) and _unchanged(runs.given[k], runs.adapted[k])
+    _take(run, runs, whole)
     return same
 
 
-def _adapt_run(numbers: FloatArray, runs: Runs, run: int, some: Packed, rules: Rules, m: int) -> bool:
-    """Adapt R of ``m`` rows of a run; return whether all six are used."""
-    if m == 6:
-        six = Packed(some.rows, runs.y[run], runs.HPHt[run], runs.given[run], runs.adapted[run])
-        _call(numbers, runs, run, six, rules, m)
-    else:
-        _pack(runs, run, some, m)
-        if m > 0:
-            _call(numbers, runs, run, some, rules, m)
-    whole = m == 6 and _finite(runs.adapted[run], runs.variance[run])
+def _take(run: Run, runs: Runs, whole: bool) -> None:
+    """Take the adapted R; unless all rows are used the variances and which rows are, too. Then y of the others is 0."""
+    gather(run.R, runs.adapted)
+    for r in range(6):
+        run.variance[r] = run.R[r, r]
     if not whole:
-        _unpack(runs, run, some, m)
+        gather(run.variance, runs.variance)
+        gather(run.used, runs.kept)
+        for r in range(6):
+            run.y[r] = chosen(run.used[r], 0.0, run.y[r], 0.0)
+
+
+def _adapt_run(alone: Run, runs: Runs, k: int, some: Packed, rules: Rules, m: int) -> bool:
+    """Adapt R of ``m`` rows of run ``k``; return whether all six are used."""
+    if m == 6:
+        _call(alone, runs, k, Packed(some.rows, runs.y[k], runs.HPHt[k], runs.given[k], runs.adapted[k]), rules, m)
+    else:
+        _pack(runs, k, some, m)
+        if m > 0:
+            _call(alone, runs, k, some, rules, m)
+    whole = m == 6 and _finite(runs.adapted[k], runs.variance[k])
+    if not whole:
+        _unpack(runs, k, some, m)
     return whole
 
 
@@ -70,22 +86,32 @@ def _find_rows(kept: FloatArray, rows: IntArray) -> int:
     return m
 
 
-def _call(numbers: FloatArray, runs: Runs, run: int, packed: Packed, rules: Rules, m: int) -> None:
+def _call(alone: Run, runs: Runs, k: int, packed: Packed, rules: Rules, m: int) -> None:
     """Fade, adapt the prior, then R; a run in which one of them raises an error is lost."""
     well = True
-    if rules.fade[run] != 0:
-        well, factor = call_fade(rules, run, packed, m)
-        fade_prior(numbers, run, packed, factor)
+    if rules.fade[k] != 0:
+        well, factor = call_fade(rules, k, packed, m)
+        fade_prior(alone, packed, factor)
     if DENSE == 1:
-        well = adapt_prior(numbers, runs, run, packed, rules, m) and well
-    if not (well and call_adapt(rules, run, packed, m)):
-        numbers[WIDTH * LOST + run] = 1.0
+        well = adapt_prior(alone, runs, k, packed, rules, m) and well
+    if not (well and call_adapt(rules, k, packed, m)):
+        alone.lost = 1.0
 
 
-def _leaves_prior(rules: Rules, run: int) -> bool:
+def fade_prior(alone: Run, packed: Packed, factor: float) -> None:
+    """Scale the prior covariance, and what the adaptation sees of it."""
+    for e in range(36):
+        packed.HPHt[e] *= factor
+    for p in range(6):
+        for a in range(alone.n):
+            for b in range(alone.n):
+                alone.block[p, a, b] *= factor
+
+
+def _leaves_prior(rules: Rules, k: int) -> bool:
     if DENSE == 1:
-        return bool(rules.fade[run] == 0 and rules.prior[run] == 0)
-    return bool(rules.fade[run] == 0)
+        return bool(rules.fade[k] == 0 and rules.prior[k] == 0)
+    return bool(rules.fade[k] == 0)
 
 
 def _unchanged(given: FloatArray, adapted: FloatArray) -> bool:
@@ -104,20 +130,20 @@ def _finite(adapted: FloatArray, variance: FloatArray) -> bool:
     return total == 0.0
 
 
-def _pack(runs: Runs, run: int, some: Packed, m: int) -> None:
+def _pack(runs: Runs, k: int, some: Packed, m: int) -> None:
     """Show the rows that are there."""
     for i in range(m):
         r = some.rows[i]
-        some.y[i] = runs.y[run, r]
+        some.y[i] = runs.y[k, r]
         for j in range(m):
             c = some.rows[j]
-            some.HPHt[m * i + j] = runs.HPHt[run, 6 * r + c]
-            some.R[m * i + j] = runs.given[run, 6 * r + c]
+            some.HPHt[m * i + j] = runs.HPHt[k, 6 * r + c]
+            some.R[m * i + j] = runs.given[k, 6 * r + c]
 
 
-def _unpack(runs: Runs, run: int, some: Packed, m: int) -> None:
+def _unpack(runs: Runs, k: int, some: Packed, m: int) -> None:
     """Note the variances; write the adapted R without the rows that have no finite one, and drop these."""
-    adapted, variance = runs.adapted[run], runs.variance[run]
+    adapted, variance = runs.adapted[k], runs.variance[k]
     if m == 6:
         for e in range(36):
             some.adapted[e] = adapted[e]
@@ -133,4 +159,4 @@ def _unpack(runs: Runs, run: int, some: Packed, m: int) -> None:
                 if np.isfinite(some.adapted[(m + 1) * j]):
                     adapted[6 * r + some.rows[j]] = some.adapted[m * i + j]
         else:
-            runs.kept[run, r] = 0.0
+            runs.kept[k, r] = 0.0

@@ -2,7 +2,13 @@
 
 from typing import NamedTuple
 
+import numpy as np
+
 from jerkbench.arrays import FloatCube, FloatMatrix, FloatVector, IntVector
+from jerkbench.compilation.vectors import aligned_zeros
+
+SIX, MATRIX = 8, 40
+"""Six numbers, and 36, with room up to the next whole eight."""
 
 SEEN = 17
 """Numbers that are kept of what an update saw."""
@@ -184,3 +190,19 @@ class Whole(NamedTuple):
     F: FloatVector
     Q: FloatVector
     answer: FloatVector
+
+
+def empty_runs(n: int, width: int) -> Runs:
+    """Make room for ``width`` runs of a filter with ``n`` quantities on each axis."""
+    HPHt, given, adapted = (aligned_zeros(width, MATRIX) for _ in range(3))
+    y, kept, variance = (aligned_zeros(width, SIX) for _ in range(3))
+    since = np.tile(np.concatenate([np.eye(n).ravel(), np.zeros(n * n)]), (width, 1))
+    s = 3 * n
+    room = np.zeros(114), np.zeros(6, dtype=np.int64), since, np.zeros(s + 4 * s * s), np.zeros((width, 2 + s + s * s))
+    return Runs(HPHt, y, kept, given, adapted, variance, *room)
+
+
+def packed_of(runs: Runs) -> Packed:
+    """Point at what an adaptation sees where some rows are missing, and at room for what it says."""
+    some = runs.some
+    return Packed(runs.rows, some[108:114], some[:36], some[36:72], some[72:108])

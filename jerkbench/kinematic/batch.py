@@ -8,16 +8,16 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.compilation.vectors import WIDE, aligned_zeros
+from jerkbench.compilation.views import Run as RunType
 from jerkbench.contracts import Filter
 from jerkbench.estimate import Updates
-from jerkbench.kinematic.arguments import MARKED, SEEN, Kept
+from jerkbench.kinematic.arguments import MARKED, SEEN, Kept, empty_runs
 from jerkbench.kinematic.compiled_loop import loop_for
-from jerkbench.kinematic.exchange import empty_runs
-from jerkbench.kinematic.layout import TOTALS, layout
+from jerkbench.kinematic.layout import TOTALS, run_type
 from jerkbench.kinematic.models import model_of
 from jerkbench.kinematic.packs import Kind, Pack, pack_runs
 from jerkbench.kinematic.plugin_call import Rule, rules_of
-from jerkbench.kinematic.update_records import updates_seen
+from jerkbench.kinematic.single_run import updates_seen
 from jerkbench.streamed_run import Run, Streamed
 
 NOTHING = Updates.empty()
@@ -78,17 +78,17 @@ _packs = lru_cache(maxsize=2)(pack_runs)  # for the next filter; some 10 MB for 
 def _run_pack(pack: Pack, models: Sequence[Filter], rules: Sequence[Rule], *, updates: bool) -> list[Streamed | None]:
     model = model_of(models, pack.lengths_s, pack.timelines[0].dt0_s)
     n = 2 + len(model.extra)
-    kept = room_of(pack, n, updates=updates)
+    kept = room_of(pack, run_type(n, WIDE), updates=updates)
     loop = loop_for(n, WIDE, dense=rules[0].dense)
     loop(pack.steps, pack.score, model, rules_of(rules, 3 * n), kept, empty_runs(n, WIDE))
-    return results_of(pack, kept, layout(n, WIDE), updates=updates)
+    return results_of(pack, kept, run_type(n, WIDE), updates=updates)
 
 
-def room_of(pack: Pack, n: int, *, updates: bool) -> Kept:
+def room_of(pack: Pack, of: RunType, *, updates: bool) -> Kept:
     """Make room for the sums of a pack, and for what its updates saw."""
     m, marks = len(pack.steps.z), int(pack.score.mark.max(initial=-1)) + 1
     return Kept(
-        aligned_zeros(layout(n, WIDE)["LENGTH"] * WIDE),
+        aligned_zeros(of.sizes["length"]),
         np.empty(len(pack.score.truth), dtype=np.int64),
         np.empty((0, 6, WIDE)),
         np.empty((0, 36, WIDE)),
@@ -98,32 +98,34 @@ def room_of(pack: Pack, n: int, *, updates: bool) -> Kept:
     )
 
 
-def results_of(pack: Pack, kept: Kept, at: dict[str, int], *, updates: bool) -> list[Streamed | None]:
+def results_of(pack: Pack, kept: Kept, of: RunType, *, updates: bool) -> list[Streamed | None]:
     """Return the sums of each member of a pack; None where they are not finite, or the run is lost."""
     w = kept.w.reshape(-1, WIDE)
-    totals = w[[at[name] for name in TOTALS]]
-    healthy = np.isfinite(totals).all(axis=0) & (w[at["LOST"]] == 0.0)
-    lanes = [dict(zip(TOTALS, numbers, strict=True)) for numbers in totals.T.tolist()]
+    totals = {name: w[np.array(of.fields[name].places) // WIDE] for name in TOTALS}
+    finite = np.isfinite(np.concatenate(list(totals.values()))).all(axis=0)
+    healthy = finite & (w[of.fields["lost"].places[0] // WIDE] == 0.0)
     return [
-        _result(pack, kept, lanes[lane], lane, updates=updates) if healthy[lane] else None
+        _result(pack, kept, {name: total[:, lane] for name, total in totals.items()}, lane, updates=updates)
+        if healthy[lane]
+        else None
         for lane in range(len(pack.members))
     ]
 
 
-def _result(pack: Pack, kept: Kept, total: dict[str, float], lane: int, *, updates: bool) -> Streamed:
+def _result(pack: Pack, kept: Kept, total: dict[str, FloatArray], lane: int, *, updates: bool) -> Streamed:
     return Streamed(
-        position_m2=np.array([total["EAST"], total["NORTH"], total["UP"]]),
-        velocity_m2ps2=np.array([total["VEAST"], total["VNORTH"], total["VUP"]]),
-        whole_m2=total["WHOLE"],
-        outage_m2=total["OUTAGE"],
-        largest_m2=total["LARGEST"],
-        farthest_m2=total["FARTHEST"],
-        nees=total["NEES"],
-        nees_position=total["NEES_POSITION"],
-        nis_per_row=total["NIS"],
-        nis_updates=total["UPDATES"],
-        nis_used_per_row=total["NIS_USED"],
-        nis_used_updates=total["UPDATES_USED"],
+        position_m2=total["position"],
+        velocity_m2ps2=total["velocity"],
+        whole_m2=float(total["whole"][0]),
+        outage_m2=float(total["outage"][0]),
+        largest_m2=float(total["largest"][0]),
+        farthest_m2=float(total["farthest"][0]),
+        nees=float(total["nees"][0]),
+        nees_position=float(total["nees_position"][0]),
+        nis_per_row=float(total["nis"][0]),
+        nis_updates=float(total["updates"][0]),
+        nis_used_per_row=float(total["nis_used"][0]),
+        nis_used_updates=float(total["updates_used"][0]),
         marked_m=kept.errors[pack.marks[lane], :3, lane],
         marked_m2=kept.errors[pack.marks[lane], 3:, lane],
         updates=_updates(pack, kept.seen, lane) if updates else NOTHING,

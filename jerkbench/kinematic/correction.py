@@ -15,91 +15,82 @@ for two states of the first kind, two of the second, and one of each. Rounding i
 `jerkbench.kalman`.
 """
 
-from jerkbench.arrays import FloatArray
-from jerkbench.compilation.vector_ops import scratch
-from jerkbench.compilation.vectors import chosen, vectors
+from jerkbench.compilation.vectors import chosen
+from jerkbench.compilation.views import Run, View, lane, room
 from jerkbench.kalman import EXPOSED, FLOOR, INDEFINITE, ROUNDING
-from jerkbench.kinematic.gain import solve_column, solve_innovation, solve_measured
-from jerkbench.kinematic.layout import (
-    AT,
-    DIAGONAL,
-    DOUBT,
-    ELEMENT,
-    FINE,
-    KEPT,
-    LOST,
-    SOLVED,
-    SQUARED,
-    WIDTH,
-    K,
-    M,
-    N,
-    R,
-    S,
-    W,
-    X,
-    Y,
-)
+from jerkbench.kinematic.gain import solve_column, solve_innovation
+from jerkbench.kinematic.predict import mirror
 
 BOUND = 4.0 * EXPOSED
 """More than (1 + e) EXPOSED (`_may_be_rounding`)."""
 
 
-def correct(w: FloatArray, columns: int) -> None:
+def correct(run: Run, states: int) -> None:
     """Update state and covariance with the rows that are used.
 
-    ``columns`` is the number of states: as a constant it would make the compiler unroll the loops, and use the stack
-    for what no longer fits into registers.
+    ``states`` is their number: as a constant it would make the compiler unroll the loops, and use the stack for what no
+    longer fits into registers.
     """
-    solve_innovation(w)
+    solve_innovation(run)
     for r in range(6):
-        w[FINE + r] = chosen(w[KEPT + r] * w[AT[r, r]], w[R + 7 * r], 1.0, 0.0)
+        run.fine[r] = chosen(run.used[r] * run.P[r, r], run.R[r, r], 1.0, 0.0)
+    for s in range(6):  # of position and velocity: of R where that is the finer, else of W = H P
+        for r in range(6):
+            run.G[r, s] = chosen(run.fine[s], 0.0, run.R[s, r], run.P[r, s] * run.used[r])
+        solve_column(run, s)
+    for s in range(6, states):
+        for r in range(6):
+            run.G[r, s] = run.P[r, s] * run.used[r]
+        solve_column(run, s)
+    taken_from = room(run, "s")  # each variance of the posterior is what is left of this one
+    for s in range(run.s):
+        taken_from[s] = run.P[s, s]
     for s in range(6):
-        solve_measured(w, s)
-    for s in range(6, columns):
-        solve_column(w, s)
-    taken_from = scratch(S, WIDTH)
-    for s in range(S):
-        taken_from[s] = w[AT[s, s]]
-    for s in range(6):
-        taken_from[s] = chosen(w[FINE + s], 0.0, w[R + 7 * s], w[AT[s, s]])
-    _correct_measured(w)
-    _correct_others(w, columns)
-    if _may_be_rounding(w, taken_from):
-        _widen(w, taken_from)
-    if WIDTH == 1:
-        mirror(w)
+        taken_from[s] = chosen(run.fine[s], 0.0, run.R[s, s], run.P[s, s])
+    _correct_measured(run)
+    _correct_others(run, states)
+    if _may_be_rounding(run, taken_from):
+        _widen(run, taken_from)
+    mirror(run)
 
 
-def _correct_measured(w: FloatArray) -> None:
-    """Position and velocity."""
+def _correct_measured(run: Run) -> None:
+    """Position and velocity: x + y - G' v or x + G' v; R - G' Z, P - G' Z, or G' Z."""
     for s in range(6):
-        moved = _times(w, W + s, S)
-        w[X + s] += chosen(w[FINE + s], 0.0, w[Y + s] - moved, moved)
+        moved = _g_times_v(run, s)
+        run.x[s] += chosen(run.fine[s], 0.0, run.y[s] - moved, moved)
         for t in range(s + 1):
-            _update_measured(w, s, t)
+            prior, product = run.P[s, t], _g_times_z(run, s, t)
+            mixed = chosen(run.fine[s] + run.fine[t], 0.0, product, prior - product)
+            run.P[s, t] = chosen(run.fine[s] * run.fine[t], 0.0, run.R[s, t] - product, mixed)
 
 
-def _correct_others(w: FloatArray, columns: int) -> None:
+def _correct_others(run: Run, states: int) -> None:
     """The states that are not measured, among each other and with position and velocity."""
-    for s in range(6, columns):
-        w[X + s] += _times(w, W + s, S)
+    for s in range(6, states):
+        run.x[s] += _g_times_v(run, s)
         for t in range(6):
-            product = _product(w, s, t)
-            w[AT[s, t]] = chosen(w[FINE + t], 0.0, product, w[AT[s, t]] - product)
-        for t in range(6, s):
-            w[AT[s, t]] = w[AT[s, t]] - _product(w, s, t)
-        w[AT[s, s]] = w[AT[s, s]] - _product(w, s, s)
+            product = _g_times_z(run, s, t)
+            run.P[s, t] = chosen(run.fine[t], 0.0, product, run.P[s, t] - product)
+        for t in range(6, s + 1):
+            run.P[s, t] = run.P[s, t] - _g_times_z(run, s, t)
 
 
-def _update_measured(w: FloatArray, s: int, t: int) -> None:
-    """The covariance of two of the states of position and velocity, s >= t."""
-    prior, product = w[AT[s, t]], _product(w, s, t)
-    mixed = chosen(w[FINE + s] + w[FINE + t], 0.0, product, prior - product)
-    w[AT[s, t]] = chosen(w[FINE + s] * w[FINE + t], 0.0, w[R + 6 * s + t] - product, mixed)
+def _g_times_v(run: Run, s: int) -> float:
+    total: float = run.G[0, s] * run.v[0]
+    for r in range(1, 6):
+        total += run.G[r, s] * run.v[r]
+    return total
 
 
-def _may_be_rounding(w: FloatArray, taken_from: FloatArray) -> bool:
+def _g_times_z(run: Run, s: int, t: int) -> float:
+    total: float = run.Z[0, s] * run.G[0, t]
+    for r in range(1, 6):
+        total += run.Z[r, s] * run.G[r, t]
+    return total
+
+
+def _may_be_rounding(run: Run, taken_from: View) -> bool:
     """Whether `_widen` may have something to do, of a run that is not lost.
 
     Of G' Z = Z' S Z = ``taken_from`` - posterior, with C the matrix of S's correlations and of m rows, it holds that
@@ -109,81 +100,53 @@ def _may_be_rounding(w: FloatArray, taken_from: FloatArray) -> bool:
     because the other eigenvalues of C have a mean of at most m / (m - 1). So what the posterior is left of is less than
     (1 + e) / det C times ``taken_from``.
     """
-    factor: float = BOUND * w[M] * w[DIAGONAL]
+    factor: float = BOUND * run.over_D[0] * run.S_diagonal[0]
     for r in range(1, 6):
-        factor *= w[M + 7 * r] * w[DIAGONAL + r]
-    doubt: float = w[LOST] * 0.0
-    for s in range(S):
-        doubt += chosen(w[AT[s, s]], factor * taken_from[s], 0.0, 1.0)
-    w[DOUBT] = chosen(w[LOST], 0.0, 0.0, doubt)
-    numbers, total = vectors(w, 1), 0.0
-    for run in range(WIDTH):
-        total += numbers[WIDTH * DOUBT + run]
+        factor *= run.over_D[r] * run.S_diagonal[r]
+    doubt = run.zero
+    for s in range(run.s):
+        doubt += chosen(run.P[s, s], factor * taken_from[s], 0.0, 1.0)
+    run.doubt = chosen(run.lost, 0.0, 0.0, doubt)
+    total = 0.0
+    for k in range(run.width):
+        total += lane(run, k).doubt
     return total > 0.0
 
 
-def _widen(w: FloatArray, taken_from: FloatArray) -> None:
-    """Add rounding to the variances (`jerkbench.kalman.spread_by`); raise LOST where one is nothing else."""
-    lost = w[LOST]
-    for s in range(S):
-        variance, spread = w[AT[s, s]], taken_from[s]
+def _widen(run: Run, taken_from: View) -> None:
+    """Add rounding to the variances (`jerkbench.kalman.spread_by`); lost where one is nothing else."""
+    lost = run.lost
+    for s in range(run.s):
+        variance, spread = run.P[s, s], taken_from[s]
         if s < 6:
-            spread = (1.0 - w[FINE + s]) * spread
-        for i in range(6):
-            spread += w[K + S * i + s] * w[K + S * i + s] * w[DIAGONAL + i]
+            spread = (1.0 - run.fine[s]) * spread
+        for r in range(6):
+            spread += run.Z[r, s] * run.Z[r, s] * run.S_diagonal[r]
         lost += chosen(variance, ROUNDING * spread, 0.0, 1.0)
-        w[AT[s, s]] = variance + chosen(EXPOSED * spread, variance, FLOOR * spread, 0.0)
-    w[LOST] = lost
+        run.P[s, s] = variance + chosen(EXPOSED * spread, variance, FLOOR * spread, 0.0)
+    run.lost = lost
 
 
-def mirror(w: FloatArray) -> None:
-    """Fill the other half of the covariance of an axis with itself, where all pairs are predicted alike."""
-    for i in range(3):
-        for a in range(1, N):
-            for b in range(a):
-                e = AT[3 * b + i, 3 * a + i]
-                w[e + ELEMENT * (N - 1) * (a - b)] = w[e]
+def check_definite(run: Run) -> None:
+    """Lost where the covariance has no factors L D L' with D > 0 but for rounding, or the state is no number."""
+    C, lost = room(run, "s s"), run.lost
+    for s in range(run.s):
+        lost += chosen(1.0, run.x[s] * 0.0, 0.0, 1.0)
+        for t in range(s, run.s):
+            C[s, t] = run.P[s, t]
+        C[s, s] *= 1.0 + INDEFINITE
+    for first in range(0, run.s, 3):
+        lost = _eliminate(C, first, run.s, lost)
+    run.lost = lost
 
 
-def _times(w: FloatArray, at: int, step: int) -> float:
-    """Six numbers times v."""
-    first: float = w[at] * w[SOLVED] + w[at + step] * w[SOLVED + 1] + w[at + 2 * step] * w[SOLVED + 2]
-    second: float = w[at + 3 * step] * w[SOLVED + 3] + w[at + 4 * step] * w[SOLVED + 4]
-    third: float = second + w[at + 5 * step] * w[SOLVED + 5]
-    return first + third
-
-
-def _product(w: FloatArray, s: int, t: int) -> float:
-    """G' S^-1 G of two states."""
-    g, z = W + t, K + s
-    first: float = w[z] * w[g] + w[z + S] * w[g + S] + w[z + 2 * S] * w[g + 2 * S]
-    second: float = w[z + 3 * S] * w[g + 3 * S] + w[z + 4 * S] * w[g + 4 * S]
-    third: float = second + w[z + 5 * S] * w[g + 5 * S]
-    return first + third
-
-
-def check_definite(w: FloatArray) -> None:
-    """Raise LOST where the covariance has no factors L D L' with D > 0 but for rounding, or the state is no number."""
-    C, lost = scratch(SQUARED, WIDTH), w[LOST]
-    for s in range(S):
-        lost += chosen(1.0, w[X + s] * 0.0, 0.0, 1.0)
-        for t in range(s, S):
-            C[S * s + t] = w[AT[s, t]]
-        C[(S + 1) * s] *= 1.0 + INDEFINITE
-    lost = _eliminate(C, 0, lost)  # three by three: the compiler unrolls no longer loops, and then C needs no memory
-    lost = _eliminate(C, 3, lost)
-    for c in range(6, S, 3):
-        lost = _eliminate(C, c, lost)
-    w[LOST] = lost
-
-
-def _eliminate(C: FloatArray, first: int, lost: float) -> float:
+def _eliminate(C: View, first: int, s: int, lost: float) -> float:
     """Eliminate three columns, of the upper triangle; return ``lost``, and more where a pivot is not positive."""
     for c in range(first, first + 3):
-        lost += chosen(C[(S + 1) * c], 0.0, 0.0, 1.0)
-        scale = 1.0 / C[(S + 1) * c]
-        for r in range(c + 1, S):
-            factor = C[S * c + r] * scale
-            for j in range(r, S):
-                C[S * r + j] -= factor * C[S * c + j]
+        lost += chosen(C[c, c], 0.0, 0.0, 1.0)
+        scale = 1.0 / C[c, c]
+        for r in range(c + 1, s):
+            factor = C[c, r] * scale
+            for j in range(r, s):
+                C[r, j] -= factor * C[c, j]
     return lost

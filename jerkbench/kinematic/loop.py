@@ -1,16 +1,15 @@
 """The loop of the kernel: the steps of a timeline, one after the other."""
 
 from jerkbench.arrays import FloatArray
-from jerkbench.compilation.vector_ops import fetch
-from jerkbench.compilation.vectors import vectors
+from jerkbench.compilation.views import Run, View, ask_for, copy, lane, row, runs_in, shared_row
 from jerkbench.kinematic.arguments import Kept, Model, Rules, Runs, Score, Steps
-from jerkbench.kinematic.correction import mirror
-from jerkbench.kinematic.layout import AT, AXES, DENSE, ENDED, LOST, SAME, WIDTH, S, X
-from jerkbench.kinematic.predict import predict
+from jerkbench.kinematic.layout import DENSE, RUN
+from jerkbench.kinematic.predict import mark_axes, mirror, predict
 from jerkbench.kinematic.prior import advance
 from jerkbench.kinematic.score import compare
-from jerkbench.kinematic.trajectory import store
 from jerkbench.kinematic.update_step import update
+
+Models = tuple[FloatArray, FloatArray, FloatArray]
 
 AHEAD = 64
 """So many rows before it is needed the memory is asked for it: about ten microseconds."""
@@ -30,71 +29,77 @@ def run_steps(steps: Steps, score: Score, model: Model, rules: Rules, kept: Kept
     Returns:
         How many stamps of the reference were visited, and how many updates there were.
     """
-    w, u, truth = vectors(kept.w, WIDTH), vectors(steps.u, WIDTH), vectors(score.truth, WIDTH)
-    x, P = vectors(kept.x, WIDTH), vectors(kept.P, WIDTH)
-    start(w, vectors(steps.x0, WIDTH), vectors(steps.P0, WIDTH), vectors(model.extra, WIDTH))
-    shared = vectors(model.A, 1), vectors(model.b, 1), vectors(model.Q, 1)
-    own = vectors(model.A, WIDTH), vectors(model.b, WIDTH), vectors(model.Q, WIDTH)
-    states = updates = begun = 0
-    columns = 3 * (2 + len(model.extra))
+    run = runs_in(kept.w, RUN)
+    start(run, row(steps.x0, 0, run, "6"), row(steps.P0, 0, run, "6 6"), model)
+    reached = updates = begun = 0
+    states = 3 * (2 + len(model.extra))
     for k in range(len(steps.model)):
-        if steps.model[k] >= 0:
-            ask_ahead(u, 3, steps.sample[k])
-            if WIDTH == 1 or model.A.shape[2] == 1:
-                predict(w, shared, model.triangular, steps.model[k], u, steps.sample[k])
-            else:
-                predict(w, own, model.triangular, steps.model[k], u, steps.sample[k])
+        move(run, steps, model, k)
         if steps.update[k] >= 0:
             if DENSE == 1:
-                advance(runs, model, steps, begun, k + 1)
+                advance(run, runs, model, steps, begun, k + 1)
                 begun = k + 1
-            update(w, steps, score, rules, kept, runs, steps.update[k], updates, columns)
+            update(run, steps, score, rules, kept, runs, steps.update[k], updates, states)
             updates += 1
-            if all_lost(kept.w):
-                return states, updates
+            if all_lost(run):
+                return reached, updates
         if steps.reference[k] >= 0:
-            kept.reference[states] = steps.reference[k]
-            if len(kept.x) > 0:
-                store(w, x, P, states)
-            if len(score.mark) > 0:
-                ask_ahead(truth, 6, states)
-                compare(w, score, truth, kept.errors, states)
-            states += 1
-    return states, updates
+            keep(run, score, kept, steps.reference[k], reached)
+            reached += 1
+    return reached, updates
 
 
-def ask_ahead(array: FloatArray, length: int, row: int) -> None:
-    """Ask for a row of ``length`` vectors that a later step will read; a single run's numbers come by themselves."""
-    if WIDTH > 1:
-        for e in range(length):
-            fetch(array, length * (row + AHEAD) + e)
-
-
-def all_lost(w: FloatArray) -> bool:
-    """Whether no run is left."""
-    run = 0
-    while run < WIDTH and w[WIDTH * LOST + run] > 0.0:
-        run += 1
-    return run == WIDTH
-
-
-def start(w: FloatArray, x0: FloatArray, P0: FloatArray, extra: FloatArray) -> None:
-    """Put the initial state and covariance into w, which is zero."""
+def start(run: Run, x0: View, P0: View, model: Model) -> None:
+    """Put the initial state and covariance into the run, which is zero."""
     for s in range(6):
-        w[X + s] = x0[s]
-        for t in range(6):
-            w[AT[s, t]] = P0[6 * s + t]
-            w[AT[t, s]] = P0[6 * s + t]
-    for s in range(6, S):
-        w[AT[s, s]] = extra[(s - 6) // 3]
-    w[ENDED] = w[ENDED] - 1.0
-    if WIDTH == 1:
-        mirror(w)
-    mark_axes(w)
+        run.x[s] = x0[s]
+        for t in range(s + 1):
+            run.P[s, t] = P0[s, t]
+    for s in range(6, run.s):
+        run.P[s, s] = row(model.extra, (s - 6) // 3, run, "1")[0]
+    run.ended = run.ended - 1.0
+    mirror(run)
+    mark_axes(run)
 
 
-def mark_axes(w: FloatArray) -> None:
-    """Note which pairs of axes are one axis with itself, where all pairs are predicted alike."""
-    if WIDTH == 1:
-        for p in range(len(AXES)):
-            w[SAME + p] = 1.0 if AXES[p][0] == AXES[p][1] else 0.0
+def move(run: Run, steps: Steps, model: Model, k: int) -> None:
+    """Predict over step ``k``, if time passes."""
+    move_by(run, steps, (model.A, model.b, model.Q), model.triangular, k)
+
+
+def move_by(run: Run, steps: Steps, models: Models, triangular: bool, k: int) -> None:
+    """The same by ``models`` A, b, Q of all lengths of a step: all runs have the same, or each its own."""
+    m, (A, b, Q) = steps.model[k], models
+    if m < 0:
+        return
+    u = row(steps.u, steps.sample[k], run, "3")
+    if run.width > 1:  # a single run's numbers come by themselves
+        ask_for(row(steps.u, steps.sample[k] + AHEAD, run, "3"))
+    if run.width == 1 or A.shape[2] == 1:
+        predict(
+            run, (shared_row(A, m, run, "n n"), shared_row(b, m, run, "n"), shared_row(Q, m, run, "n n")), triangular, u
+        )
+    else:
+        predict(run, (row(A, m, run, "n n"), row(b, m, run, "n"), row(Q, m, run, "n n")), triangular, u)
+
+
+def keep(run: Run, score: Score, kept: Kept, reference: int, k: int) -> None:
+    """Keep, and score, the state at the ``k``-th visited stamp of the reference."""
+    kept.reference[k] = reference
+    if len(kept.x) > 0:
+        x = row(kept.x, k, run, "6")
+        for s in range(6):
+            x[s] = run.x[s]
+        copy(row(kept.P, k, run, "6 6"), run.P_measured)
+    if len(score.mark) > 0:
+        if run.width > 1:
+            ask_for(row(score.truth, k + AHEAD, run, "6"))
+        compare(run, score, kept.errors, k)
+
+
+def all_lost(run: Run) -> bool:
+    """Whether no run is left."""
+    k = 0
+    while k < run.width and lane(run, k).lost > 0.0:
+        k += 1
+    return k == run.width

@@ -7,17 +7,18 @@ from typing import NamedTuple, cast
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.compilation.calls import fill_by, try_fill_by
+from jerkbench.compilation.calls import ask, fill_by, try_ask, try_fill_by
 from jerkbench.compilation.methods import Method, address_of, compiled_method, parameter_vector
 from jerkbench.contracts import Adaptation, AdaptingGain, AdaptingPrior, Fading
-from jerkbench.estimation.adaptation_call import ADAPT
+from jerkbench.estimation.adaptation_call import ADAPT, GIVEN, made_or_said
 from jerkbench.kinematic.arguments import Packed, Rules
-from jerkbench.kinematic.fading import FADE
-from jerkbench.kinematic.layout import WIDTH
 from jerkbench.kinematic.own_gain import GAIN
 from jerkbench.kinematic.prior import PRIOR
 from jerkbench.memory import memory_size
 from jerkbench.optional import wants_truth
+
+FADE = Method("fade", GIVEN, ("m", "size"), (("m", 6),), "")
+"""As the author of an adaptation writes it: what it is given, and a number that it returns."""
 
 
 class Rule(NamedTuple):
@@ -59,6 +60,16 @@ def rule_of(adaptation: Adaptation) -> Rule:
     return Rule(adaptation, parameter_vector(adaptation), *addresses, wants_truth(adaptation))
 
 
+def compiled_rule(adaptation: Adaptation) -> Rule | None:
+    """Return the same for an estimator; None, and one line that says why, where numba cannot compile it."""
+    return _compiled(cast("Hashable", adaptation))
+
+
+@lru_cache(maxsize=256)
+def _compiled(adaptation: Hashable) -> Rule | None:
+    return made_or_said(lambda: rule_of(cast("Adaptation", adaptation)), adaptation)
+
+
 @lru_cache(maxsize=256)
 def _addresses(adaptation: Hashable) -> tuple[int, int, int, int]:
     """Of `adapt`, and of the methods that it may have, 0 where it has not."""
@@ -72,17 +83,26 @@ def _addresses(adaptation: Hashable) -> tuple[int, int, int, int]:
     return address(ADAPT), fade, prior, gain
 
 
-def call_adapt(rules: Rules, run: int, packed: Packed, m: int) -> bool:
-    """Fill the adapted R of ``m`` rows of a run; return whether `adapt` raised no error.
+def call_adapt(rules: Rules, k: int, packed: Packed, m: int) -> bool:
+    """Fill the adapted R of ``m`` rows of run ``k``; return whether `adapt` raised no error.
 
     What it raises in a single run goes on to the caller; of several runs the others go on.
     """
-    seen = rules.parameters[run], packed.y, packed.HPHt, packed.R, packed.rows, rules.memory[run], packed.adapted
-    if WIDTH > 1:
-        well: bool = try_fill_by(rules.adapt[run], seen, (m, rules.sizes[run]))
+    seen = rules.parameters[k], packed.y, packed.HPHt, packed.R, packed.rows, rules.memory[k], packed.adapted
+    if len(rules.adapt) > 1:
+        well: bool = try_fill_by(rules.adapt[k], seen, (m, rules.sizes[k]))
         return well
-    fill_by(rules.adapt[run], seen, (m, rules.sizes[run]))
+    fill_by(rules.adapt[k], seen, (m, rules.sizes[k]))
     return True
+
+
+def call_fade(rules: Rules, k: int, packed: Packed, m: int) -> tuple[bool, float]:
+    """Return whether `fade` of run ``k`` raised no error, and its factor on the prior covariance."""
+    seen = rules.parameters[k], packed.y, packed.HPHt, packed.R, packed.rows, rules.memory[k]
+    if len(rules.adapt) > 1:
+        answer: tuple[bool, float] = try_ask(rules.fade[k], seen, (m, rules.sizes[k]))
+        return answer
+    return True, ask(rules.fade[k], seen, (m, rules.sizes[k]))
 
 
 def rules_of(rules: Sequence[Rule], states: int) -> Rules:

@@ -8,14 +8,12 @@ import numpy.typing as npt
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.vectors import aligned_zeros
 from jerkbench.contracts import Filter
-from jerkbench.estimate import Estimate
-from jerkbench.kinematic.arguments import MARKED, SEEN, Kept, Score, Steps
+from jerkbench.estimate import Estimate, Updates
+from jerkbench.kinematic.arguments import MARKED, SEEN, Kept, Score, Steps, empty_runs
 from jerkbench.kinematic.compiled_loop import loop_for
-from jerkbench.kinematic.exchange import empty_runs
-from jerkbench.kinematic.layout import layout
+from jerkbench.kinematic.layout import run_type
 from jerkbench.kinematic.models import model_of
 from jerkbench.kinematic.plugin_call import Rule, rules_of
-from jerkbench.kinematic.update_records import updates_seen
 from jerkbench.timeline.lengths import step_lengths
 from jerkbench.timeline.timeline import Timeline
 
@@ -63,7 +61,7 @@ def trajectory_room(timeline: Timeline, n: int) -> Kept:
     """Make room for every stamp of the reference and every update of ``timeline``."""
     k, m = int(np.count_nonzero(timeline.reference >= 0)), int(np.count_nonzero(timeline.update >= 0))
     return Kept(
-        aligned_zeros(layout(n, 1)["LENGTH"]),
+        aligned_zeros(run_type(n, 1).sizes["length"]),
         np.empty(k, dtype=np.int64),
         np.empty((k, 6, 1)),
         np.empty((k, 36, 1)),
@@ -75,7 +73,7 @@ def trajectory_room(timeline: Timeline, n: int) -> Kept:
 
 def estimate_of(timeline: Timeline, kept: Kept, states: int, updates: int, n: int) -> Estimate:
     """Return what a run of a filter with ``n`` quantities on each axis has left."""
-    failed = int(kept.w[layout(n, 1)["ENDED"]])
+    failed = int(kept.w[run_type(n, 1).fields["ended"].places[0]])
     t_s: FloatArray = np.asarray(timeline.measurements.t_ns * 1e-9, dtype=np.float64)
     failure = f"the covariance is no longer positive definite at {t_s[failed]:.2f} s" if failed >= 0 else ""
     index, x, seen = kept.reference[:states], kept.x[:states, :, 0], kept.seen[:updates, :, 0]
@@ -88,6 +86,13 @@ def estimate_of(timeline: Timeline, kept: Kept, states: int, updates: int, n: in
         updates_seen(t_s[kept.which[:updates]], seen),
         failure,
     )
+
+
+def updates_seen(t_s: FloatArray, seen: FloatArray) -> Updates:
+    """Return the updates at ``t_s`` (m,) from ``seen`` (m, SEEN), in the order of `jerkbench.kinematic.arguments`."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        log_det = np.asarray(np.log(seen[:, 16]), dtype=np.float64)
+    return Updates(t_s, seen[:, 0], seen[:, 1], seen[:, 3], seen[:, 4:10], seen[:, 10:16], log_det)
 
 
 def _rows(array: FloatArray, increasing: IntArray) -> FloatArray:

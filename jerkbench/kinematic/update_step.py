@@ -1,125 +1,102 @@
 """An update: what was measured, what the adaptation makes of it, what is kept of it, and how it counts."""
 
 from jerkbench.arrays import FloatArray
-from jerkbench.compilation.vector_ops import fetch
-from jerkbench.compilation.vectors import chosen, vectors
+from jerkbench.compilation.vectors import chosen
+from jerkbench.compilation.views import Run, View, ask_for, row
 from jerkbench.kinematic.adapt import adapt_runs
-from jerkbench.kinematic.arguments import SEEN, Kept, Rules, Runs, Score, Steps
-from jerkbench.kinematic.correction import check_definite, correct, mirror
+from jerkbench.kinematic.arguments import Kept, Rules, Runs, Score, Steps
+from jerkbench.kinematic.correction import check_definite, correct
 from jerkbench.kinematic.gain import NAN, determinant, mahalanobis
-from jerkbench.kinematic.layout import (
-    DENSE,
-    ENDED,
-    KEPT,
-    LOST,
-    NIS,
-    NIS_USED,
-    UPDATES,
-    UPDATES_USED,
-    VARIANCE,
-    WIDTH,
-    R,
-    X,
-    Y,
-)
+from jerkbench.kinematic.layout import DENSE
 from jerkbench.kinematic.own_gain import find_gains, put_gains
+from jerkbench.kinematic.predict import mirror
 
 
 def update(
-    w: FloatArray,
-    steps: Steps,
-    score: Score,
-    rules: Rules,
-    kept: Kept,
-    runs: Runs,
-    which: int,
-    place: int,
-    columns: int,
+    run: Run, steps: Steps, score: Score, rules: Rules, kept: Kept, runs: Runs, which: int, place: int, states: int
 ) -> None:
-    """Take row ``which`` of the measurements, the ``place``-th update."""
-    seen, reported = vectors(kept.seen, WIDTH), vectors(steps.reported, WIDTH)
-    at = SEEN * place if len(kept.seen) > 1 else 0
+    """Take row ``which`` of the measurements, the ``place``-th update, of filters with so many ``states``."""
+    seen = seen_of(run, kept, place)
     kept.which[place] = which
-    complete = innovate(w, vectors(steps.z, WIDTH), steps.z, which)
-    take_covariance(w, reported, which, complete)
-    if WIDTH > 1:
-        for e in range(36):
-            fetch(reported, 36 * (which + 1) + e)
-    nis = mahalanobis(w)
-    notice(w, seen, at, nis)
-    if len(steps.R) > 0:
-        take_covariance(w, vectors(steps.R, WIDTH), which, complete)
-    same = adapt_runs(w, kept.w, runs, rules, complete)
-    if not same or len(steps.R) > 0:
-        nis = mahalanobis(w)
+    nis = expect(run, steps, rules, runs, seen, which)
     if DENSE == 1:
-        find_gains(kept.w, runs, rules)
-    correct(w, columns)
+        find_gains(run, runs, rules)
+    correct(run, states)
     if DENSE == 1:
-        put_gains(kept.w, runs)
-        if WIDTH == 1:
-            mirror(w)
-    check_definite(w)
-    finish(w, seen, at, nis)
-    w[ENDED] = chosen(w[LOST] * (-0.5 - w[ENDED]), 0.0, float(which), w[ENDED])
-    if len(score.counts) > 0:
-        count(w, seen, at, vectors(score.counts, WIDTH)[which])
+        put_gains(run, runs)
+        mirror(run)
+    check_definite(run)
+    finish(run, seen, score, which, nis)
 
 
-def innovate(w: FloatArray, z: FloatArray, numbers: FloatArray, which: int) -> bool:
-    """Fill y and kept from row ``which`` of z; return whether all rows of all runs are there."""
+def seen_of(run: Run, kept: Kept, place: int) -> View:
+    """Return where what the ``place``-th update sees is kept."""
+    seen: View = row(kept.seen, place if len(kept.seen) > 1 else 0, run, "17")
+    return seen
+
+
+def expect(run: Run, steps: Steps, rules: Rules, runs: Runs, seen: View, which: int) -> float:
+    """Fill innovation and adapted R; return y' S^-1 y with it."""
+    complete = _innovate(run, row(steps.z, which, run, "6"), steps.z, which)
+    _take_covariance(run, row(steps.reported, which, run, "6 6"), complete)
+    if run.width > 1:
+        ask_for(row(steps.reported, which + 1, run, "6 6"))
+    nis = mahalanobis(run)
+    seen[0], seen[1], seen[16] = _rows_used(run), nis, determinant(run)
     for r in range(6):
-        w[KEPT + r] = chosen(1.0, z[6 * which + r] * 0.0, 1.0, 0.0)
-        w[Y + r] = chosen(w[KEPT + r], 0.0, z[6 * which + r] - w[X + r], 0.0)
+        seen[4 + r] = chosen(run.used[r], 0.0, run.y[r], NAN)
+    if len(steps.R) > 0:
+        _take_covariance(run, row(steps.R, which, run, "6 6"), complete)
+    same = adapt_runs(run, runs, rules, complete)
+    if not same or len(steps.R) > 0:
+        nis = mahalanobis(run)
+    return nis
+
+
+def _innovate(run: Run, z: View, numbers: FloatArray, which: int) -> bool:
+    """Make y = z - H x; return whether all rows of all runs are there."""
     absent = 0.0
     for r in range(6):
-        for run in range(WIDTH):
-            absent += numbers[which, r, run] * 0.0
+        run.used[r] = chosen(1.0, z[r] * 0.0, 1.0, 0.0)
+        run.y[r] = chosen(run.used[r], 0.0, z[r] - run.x[r], 0.0)
+        for k in range(run.width):
+            absent += numbers[which, r, k] * 0.0
     return absent == 0.0
 
 
-def take_covariance(w: FloatArray, covariances: FloatArray, which: int, complete: bool) -> None:
-    """Fill R from row ``which`` of ``covariances``, 0 where a row is not there."""
-    for e in range(36):
-        w[R + e] = covariances[36 * which + e]
+def _take_covariance(run: Run, R: View, complete: bool) -> None:
+    """Take R, 0 where a row is not there."""
+    for r in range(6):
+        for c in range(6):
+            run.R[r, c] = R[r, c]
     if not complete:
-        clear_absent(w)
+        clear_absent(run)
 
 
-def clear_absent(w: FloatArray) -> None:
+def clear_absent(run: Run) -> None:
     """Make R zero where a row is not there."""
     for r in range(6):
         for c in range(6):
-            w[R + 6 * r + c] = chosen(w[KEPT + r] * w[KEPT + c], 0.0, w[R + 6 * r + c], 0.0)
+            run.R[r, c] = chosen(run.used[r] * run.used[c], 0.0, run.R[r, c], 0.0)
 
 
-def notice(w: FloatArray, seen: FloatArray, at: int, nis: float) -> None:
-    """Keep the innovation, and what the receiver's R makes of it, from number ``at`` of ``seen``."""
-    seen[at] = _rows(w)
-    seen[at + 1] = nis
-    seen[at + 16] = determinant(w)
+def finish(run: Run, seen: View, score: Score, which: int, nis: float) -> None:
+    """Keep what the adapted R made of it, note where a run was lost, and count the update."""
+    seen[2] = _rows_used(run)
+    seen[3] = chosen(seen[2], 0.0, nis, NAN)
     for r in range(6):
-        seen[at + 4 + r] = chosen(w[KEPT + r], 0.0, w[Y + r], NAN)
+        seen[10 + r] = run.variance[r]
+    run.ended = chosen(run.lost * (-0.5 - run.ended), 0.0, float(which), run.ended)
+    if len(score.counts) > 0:
+        counts = row(score.counts, which, run, "1")[0]
+        run.nis += chosen(seen[0], 0.0, counts * seen[1] / seen[0], 0.0)
+        run.updates += chosen(seen[0], 0.0, counts, 0.0)
+        run.nis_used += chosen(seen[2], 0.0, counts * seen[3] / seen[2], 0.0)
+        run.updates_used += chosen(seen[2], 0.0, counts, 0.0)
 
 
-def finish(w: FloatArray, seen: FloatArray, at: int, nis: float) -> None:
-    """Keep what the adapted R made of it."""
-    seen[at + 2] = _rows(w)
-    seen[at + 3] = chosen(seen[at + 2], 0.0, nis, NAN)
-    for r in range(6):
-        seen[at + 10 + r] = w[VARIANCE + r]
-
-
-def count(w: FloatArray, seen: FloatArray, at: int, counts: float) -> None:
-    """Add the update to the sums where ``counts`` is 1."""
-    for total, number, j in ((NIS, UPDATES, 0), (NIS_USED, UPDATES_USED, 2)):
-        w[total] += chosen(seen[at + j], 0.0, counts * seen[at + j + 1] / seen[at + j], 0.0)
-        w[number] += chosen(seen[at + j], 0.0, counts, 0.0)
-
-
-def _rows(w: FloatArray) -> float:
-    """How many rows are used."""
-    rows: float = w[KEPT]
+def _rows_used(run: Run) -> float:
+    rows: float = run.used[0]
     for r in range(1, 6):
-        rows += w[KEPT + r]
+        rows += run.used[r]
     return rows

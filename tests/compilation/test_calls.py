@@ -8,8 +8,7 @@ from numba import njit
 
 from jerkbench.compilation.calls import ask, fill_by, try_ask, try_fill_by
 from jerkbench.compilation.methods import address_of, compiled_method, parameter_vector
-from jerkbench.kinematic.fading import FADE
-from jerkbench.kinematic.plugin_call import ADAPT
+from jerkbench.kinematic.plugin_call import ADAPT, FADE
 
 
 @njit

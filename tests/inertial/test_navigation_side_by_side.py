@@ -15,7 +15,7 @@ from jerkbench.evaluation.counted_rows import counted_rows
 from jerkbench.evaluation.sums import sums_from, sums_of
 from jerkbench.filters.eskf15 import Eskf15
 from jerkbench.inertial.side_by_side.runs import goes_together, run_journeys
-from jerkbench.kinematic.compiled_adaptation import compiled_rule
+from jerkbench.kinematic.plugin_call import compiled_rule
 from jerkbench.streamed_run import RecordedRun
 from jerkbench.timeline.timeline import build_timeline
 

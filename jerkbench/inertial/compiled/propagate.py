@@ -12,7 +12,7 @@ which is done to the columns of P, eight at a time, and after a transposition to
 """
 
 from jerkbench.arrays import FloatArray
-from jerkbench.compilation.vector_ops import scatter
+from jerkbench.compilation.vectors import scatter
 from jerkbench.inertial.compiled.arguments import Given
 from jerkbench.inertial.compiled.layout import (
     DEFORMED,

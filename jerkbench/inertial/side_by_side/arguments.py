@@ -13,7 +13,6 @@ class Inertial(NamedTuple):
         accel_mps2: (samples, 3, WIDTH).
         gyro_radps: (samples, 3, WIDTH).
         noise: (4, WIDTH) power densities: angle, velocity, gyro bias, accelerometer bias.
-        nominal: (LENGTH WIDTH,) the rest of the nominal state, and room.
         x0: (6, WIDTH) position and velocity at the start.
         P0: (225, WIDTH) covariance of the error there.
         heading: (n,) row of ``yaw`` after each step, or -1.
@@ -25,7 +24,6 @@ class Inertial(NamedTuple):
     accel_mps2: FloatCube
     gyro_radps: FloatCube
     noise: FloatMatrix
-    nominal: FloatVector
     x0: FloatMatrix
     P0: FloatMatrix
     heading: IntVector

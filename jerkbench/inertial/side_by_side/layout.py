@@ -1,34 +1,33 @@
-"""Places in the array of the nominal state; each holds one number of each run."""
+"""The parts of a run: those of the kernel, and the rest of the nominal state."""
 
-import itertools
+from functools import cache
 
-LENGTHS = {
-    "ATTITUDE": 9,
-    "GYRO_BIAS": 3,
-    "ACCEL_BIAS": 3,
-    "RATE": 3,
-    "FORCE": 3,
-    "TURN": 9,
-    "NEXT": 9,
-    "BEFORE": 9,
-    "BACK": 9,
-    "LEVER": 9,
-    "TWIST": 3,
-    "SQUARE_OF_ANGLE": 1,
-    "SINE": 1,
-    "COSINE": 1,
-    "INNOVATION": 1,
-    "MEASURED": 1,
-    "ROOM": 0,
-}
-"""LEVER is -dt C and TWIST -dt a, with C and the specific force a in the middle of a step.
+from jerkbench.compilation.views import Run
+from jerkbench.kinematic.layout import type_with
 
-SINE is sin(a)/a and COSINE (1 - cos(a))/a^2 of the angle a of a rotation. INNOVATION is that of a yaw, MEASURED 1 where
-there is one.
-"""
+QUANTITIES = 5
+"""Position, velocity, attitude, and the biases of gyro and accelerometer."""
 
-PLACES = dict(zip(LENGTHS, itertools.accumulate(LENGTHS.values(), initial=0), strict=False))
 
-ATTITUDE, GYRO_BIAS, ACCEL_BIAS, RATE, FORCE = (PLACES[name] for name in list(LENGTHS)[:5])
-TURN, NEXT, BEFORE, BACK, LEVER, TWIST = (PLACES[name] for name in list(LENGTHS)[5:11])
-SQUARE_OF_ANGLE, SINE, COSINE, INNOVATION, MEASURED = (PLACES[name] for name in list(LENGTHS)[11:16])
+@cache
+def inertial_type(width: int) -> Run:
+    """Return the type of ``width`` runs."""
+    shapes: dict[str, tuple[int, ...]] = {
+        "C": (3, 3),  # attitude, body to ENU
+        "gyro_bias": (3,),
+        "accel_bias": (3,),
+        "rate": (3,),
+        "force": (3,),
+        "turn": (3, 3),  # the rotation of a step, or of a correction
+        "next": (3, 3),
+        "before": (3, 3),  # attitude before a correction
+        "back": (3, 3),  # from the body after it to that before it
+        "lever": (3, 3),  # -dt C, with C and the specific force a in the middle of a step
+        "twist": (3,),  # -dt a
+        "square_of_angle": (),
+        "sine": (),  # sin(a)/a of the angle a of a rotation
+        "cosine": (),  # (1 - cos(a))/a^2
+        "innovation": (),  # of a yaw
+        "measured": (),  # 1 where there is one, else 0
+    }
+    return type_with(shapes, QUANTITIES, width)

@@ -1,61 +1,58 @@
 """P = Phi P Phi' + Q by the blocks of Phi that are not zero; `jerkbench.inertial.compiled.propagate` has them."""
 
-from jerkbench.arrays import FloatArray
-from jerkbench.compilation.vector_ops import scratch
-from jerkbench.inertial.side_by_side.layout import LEVER, TWIST
-from jerkbench.kinematic.layout import AT, WIDTH
+from jerkbench.compilation.views import Run, View, room
 
-MOVED, ALL, SQUARE_OF_MOVED = 9, 15, 81
-"""Error states that move, all of them, and the length of a block of those that move."""
+MOVED = 9
+"""Error states that move: all but the biases."""
 
 
-def propagate(w: FloatArray, m: FloatArray, noise: FloatArray, dt: float) -> None:
+def propagate(run: Run, noise: View, dt: float) -> None:
     """Carry the covariances over a step of ``dt``, first their columns, then their rows."""
-    c, half = scratch(ALL, WIDTH), scratch(SQUARE_OF_MOVED, WIDTH)
+    c, half = room(run, "s"), room(run, "9 9")
     for t in range(MOVED):
-        for k in range(ALL):
-            c[k] = w[AT[k, t]]
-        _move(c, m, dt)
+        for k in range(run.s):
+            c[k] = run.P[k, t]
+        _move(c, run, dt)
         for k in range(MOVED):
-            half[MOVED * k + t] = c[k]
-    _move_biases(w, m, dt)
-    _move_rows(w, m, half, dt)
-    _add_noise(w, noise, dt)
+            half[k, t] = c[k]
+    _move_biases(run, dt)
+    _move_rows(run, half, dt)
+    _add_noise(run, noise, dt)
 
 
-def _move_biases(w: FloatArray, m: FloatArray, dt: float) -> None:
+def _move_biases(run: Run, dt: float) -> None:
     """The columns of the biases, whose rows stay as they are."""
-    c = scratch(ALL, WIDTH)
-    for t in range(MOVED, ALL):
-        for k in range(ALL):
-            c[k] = w[AT[k, t]]
-        _move(c, m, dt)
+    c = room(run, "s")
+    for t in range(MOVED, run.s):
+        for k in range(run.s):
+            c[k] = run.P[k, t]
+        _move(c, run, dt)
         for k in range(MOVED):
-            w[AT[k, t]] = c[k]
+            run.P[k, t] = c[k]
 
 
-def _move_rows(w: FloatArray, m: FloatArray, half: FloatArray, dt: float) -> None:
+def _move_rows(run: Run, half: View, dt: float) -> None:
     """The rows of what moves, of which ``half`` has the columns that move too."""
-    c = scratch(ALL, WIDTH)
+    c = room(run, "s")
     for r in range(MOVED):
         for k in range(MOVED):
-            c[k] = half[MOVED * r + k]
-        for k in range(MOVED, ALL):
-            c[k] = w[AT[r, k]]
-        _move(c, m, dt)
+            c[k] = half[r, k]
+        for k in range(MOVED, run.s):
+            c[k] = run.P[r, k]
+        _move(c, run, dt)
         for k in range(r, MOVED):
-            w[AT[r, k]] = c[k]
+            run.P[r, k] = c[k]
 
 
-def _move(c: FloatArray, m: FloatArray, dt: float) -> None:
-    """Apply Phi to an error of the state."""
-    da = m[LEVER] * c[9] + m[LEVER + 1] * c[10] + m[LEVER + 2] * c[11]
-    db = m[LEVER + 3] * c[9] + m[LEVER + 4] * c[10] + m[LEVER + 5] * c[11]
-    dc = m[LEVER + 6] * c[9] + m[LEVER + 7] * c[10] + m[LEVER + 8] * c[11]
-    x, y, z = m[TWIST], m[TWIST + 1], m[TWIST + 2]
-    qa = y * c[8] - z * c[7] + (m[LEVER] * c[12] + m[LEVER + 1] * c[13] + m[LEVER + 2] * c[14])
-    qb = z * c[6] - x * c[8] + (m[LEVER + 3] * c[12] + m[LEVER + 4] * c[13] + m[LEVER + 5] * c[14])
-    qc = x * c[7] - y * c[6] + (m[LEVER + 6] * c[12] + m[LEVER + 7] * c[13] + m[LEVER + 8] * c[14])
+def _move(c: View, run: Run, dt: float) -> None:
+    """Apply Phi to an error of the state: position, velocity, attitude, gyro and accelerometer bias."""
+    L, (x, y, z) = run.lever, (run.twist[0], run.twist[1], run.twist[2])
+    da = L[0, 0] * c[9] + L[0, 1] * c[10] + L[0, 2] * c[11]  # turned by the gyro's bias
+    db = L[1, 0] * c[9] + L[1, 1] * c[10] + L[1, 2] * c[11]
+    dc = L[2, 0] * c[9] + L[2, 1] * c[10] + L[2, 2] * c[11]
+    qa = y * c[8] - z * c[7] + (L[0, 0] * c[12] + L[0, 1] * c[13] + L[0, 2] * c[14])  # pushed by tilt and bias
+    qb = z * c[6] - x * c[8] + (L[1, 0] * c[12] + L[1, 1] * c[13] + L[1, 2] * c[14])
+    qc = x * c[7] - y * c[6] + (L[2, 0] * c[12] + L[2, 1] * c[13] + L[2, 2] * c[14])
     ra, rb, rc = y * dc - z * db, z * da - x * dc, x * db - y * da
     half, sixth = 0.5 * dt, dt / 6.0
     c[0] += dt * c[3] + half * qa + sixth * ra
@@ -69,12 +66,12 @@ def _move(c: FloatArray, m: FloatArray, dt: float) -> None:
     c[8] += dc
 
 
-def _add_noise(w: FloatArray, noise: FloatArray, dt: float) -> None:
-    """Q of a step of ``dt``, as in `jerkbench.inertial.error_model.process_noise`."""
+def _add_noise(run: Run, noise: View, dt: float) -> None:
+    """Add Q of a step of ``dt``, as in `jerkbench.inertial.error_model.process_noise`."""
     for i in range(3):
-        w[AT[i, i]] += noise[1] * (dt * dt * dt / 3.0)
-        w[AT[i, 3 + i]] += noise[1] * (dt * dt / 2.0)
-        w[AT[3 + i, 3 + i]] += noise[1] * dt
-        w[AT[6 + i, 6 + i]] += noise[0] * dt
-        w[AT[9 + i, 9 + i]] += noise[2] * dt
-        w[AT[12 + i, 12 + i]] += noise[3] * dt
+        run.P[i, i] += noise[1] * (dt * dt * dt / 3.0)
+        run.P[i, 3 + i] += noise[1] * (dt * dt / 2.0)
+        run.P[3 + i, 3 + i] += noise[1] * dt
+        run.P[6 + i, 6 + i] += noise[0] * dt
+        run.P[9 + i, 9 + i] += noise[2] * dt
+        run.P[12 + i, 12 + i] += noise[3] * dt

@@ -8,24 +8,20 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.compiled_loop import compiled_loop
-from jerkbench.compilation.vectors import WIDE, aligned_zeros
+from jerkbench.compilation.vectors import WIDE
 from jerkbench.geometry import euler_from_rotations
 from jerkbench.inertial.run_inputs import Journey
 from jerkbench.inertial.side_by_side.arguments import Inertial
-from jerkbench.inertial.side_by_side.layout import ACCEL_BIAS, ATTITUDE, GYRO_BIAS, PLACES
+from jerkbench.inertial.side_by_side.layout import QUANTITIES, inertial_type
 from jerkbench.inertial.side_by_side.loop import run_together
-from jerkbench.inertial.state import STATES
+from jerkbench.inertial.state import STATES, NavigationState
+from jerkbench.kinematic.arguments import empty_runs
 from jerkbench.kinematic.batch import results_of, room_of, run_packs
-from jerkbench.kinematic.compiled_loop import APART, places_of
-from jerkbench.kinematic.exchange import empty_runs
-from jerkbench.kinematic.layout import layout
+from jerkbench.kinematic.compiled_loop import APART
 from jerkbench.kinematic.packs import Kind, Pack
 from jerkbench.kinematic.plugin_call import Rule, rules_of
 from jerkbench.recording import Imu
 from jerkbench.streamed_run import Run, Scoring, Streamed
-
-QUANTITIES = 5
-"""Position, velocity, attitude, and the biases of gyro and accelerometer."""
 
 OWN = (
     *("run_together", "begin", "mechanise", "propagate", "feed_back", "_carry", "fill_turn", "_fill_large"),
@@ -38,7 +34,7 @@ OWN = (
 def loop_together() -> Any:  # noqa: ANN401 - numba has no types
     """Return the compiled loop of WIDE runs."""
     return compiled_loop(
-        run_together, f"the inertial navigation of {WIDE} runs", places_of(QUANTITIES, WIDE), APART + OWN
+        run_together, f"the inertial navigation of {WIDE} runs", {"RUN": inertial_type(WIDE), "DENSE": 0}, APART + OWN
     )
 
 
@@ -81,12 +77,13 @@ def run_journeys(
 
     def run_pack(pack: Pack, lanes: Sequence[int]) -> list[Streamed | None]:
         """Run one."""
-        kept = room_of(pack, QUANTITIES, updates=updates)
+        kept = room_of(pack, inertial_type(WIDE), updates=updates)
         visited = len(pack.score.truth) if attitude else 0
+        _begin_nominal(kept.w, [journeys[k].start[0] for k in lanes])
         inertial = inertial_of([journeys[k] for k in lanes], pack.lengths_s, visited)
         rule, room = rules_of([rules[k] for k in lanes], STATES), empty_runs(QUANTITIES, WIDE)
         loop_together()(pack.steps, pack.score, inertial, rule, kept, room)
-        results = results_of(pack, kept, layout(QUANTITIES, WIDE), updates=updates)
+        results = results_of(pack, kept, inertial_type(WIDE), updates=updates)
         return _with_attitude(results, inertial.dcm) if attitude else results
 
     return run_packs(runs, kinds, run_pack, threads)
@@ -96,22 +93,25 @@ def inertial_of(journeys: Sequence[Journey], lengths_s: FloatArray, visited: int
     """Return what WIDE journeys sense, and their begin; with room for the attitude at ``visited`` stamps."""
     states, covariances = zip(*[journey.start for journey in journeys], strict=True)
     accel_mps2, gyro_radps = _sensed(tuple(journey.imu for journey in journeys))
-    nominal = aligned_zeros(PLACES["ROOM"], WIDE)
-    for lane, state in enumerate(states):
-        nominal[ATTITUDE : ATTITUDE + 9, lane] = state.dcm.ravel()
-        nominal[GYRO_BIAS : GYRO_BIAS + 3, lane] = state.gyro_bias_radps
-        nominal[ACCEL_BIAS : ACCEL_BIAS + 3, lane] = state.accel_bias_mps2
     return Inertial(
         np.array(lengths_s),
         accel_mps2,
         gyro_radps,
         np.array([journey.settings.noise for journey in journeys]).T.copy(),
-        nominal.ravel(),
         np.array([np.append(state.position_m, state.velocity_mps) for state in states]).T.copy(),
         np.array([covariance.ravel() for covariance in covariances]).T.copy(),
         *_headings(journeys),
         np.empty((visited, 9, WIDE)),
     )
+
+
+def _begin_nominal(w: FloatArray, states: Sequence[NavigationState]) -> None:
+    """Put attitude and biases at the start into the array of the runs."""
+    fields = inertial_type(WIDE).fields
+    for lane, state in enumerate(states):
+        begin = {"C": state.dcm, "gyro_bias": state.gyro_bias_radps, "accel_bias": state.accel_bias_mps2}
+        for name, value in begin.items():
+            w[np.array(fields[name].places) + lane] = value.ravel()
 
 
 def _headings(journeys: Sequence[Journey]) -> tuple[IntArray, FloatArray]:

@@ -6,100 +6,92 @@ Each number is read of all filters before one of them is written, so that none h
 import math
 
 from jerkbench.arrays import FloatArray
-from jerkbench.compilation.vector_ops import scratch
-from jerkbench.compilation.vectors import chosen, vectors
-from jerkbench.kinematic.layout import AT, KEPT, WIDTH, M, S, X
+from jerkbench.compilation.vectors import chosen
+from jerkbench.compilation.views import Run, View, lane, room, row, runs_in
+from jerkbench.kinematic.layout import RUN
 from jerkbench.linear.mixture.arguments import Mixing
-from jerkbench.linear.mixture.layout import COUNT, JOINTS, MEANS, SIXES
 
 
-def combine(mixing: Mixing, into: FloatArray) -> None:
-    """Put mean and covariance of position and velocity of the mixture into the array ``into``."""
-    filters, weights = vectors(mixing.filters, WIDTH), vectors(mixing.weights, WIDTH)
-    length = mixing.filters.shape[1] // WIDTH
-    apart = scratch(SIXES, WIDTH)
-    for s in range(6):
-        mean = weights[0] * filters[X + s]
-        for j in range(1, COUNT):
-            mean += weights[j] * filters[length * j + X + s]
-        into[X + s] = mean
-        for j in range(COUNT):
-            apart[6 * j + s] = filters[length * j + X + s] - mean
-    for s in range(6):
+def combine(mixing: Mixing, into: Run) -> None:
+    """Put mean and covariance of position and velocity of the mixture into the run ``into``."""
+    weights, apart = row(mixing.weights, 0, into, "count"), room(into, "count 6")
+    for s in range(6):  # sum_j c_j x_j
+        mean = weights[0] * runs_in(mixing.filters[0], RUN).x[s]
+        for j in range(1, into.count):
+            mean += weights[j] * runs_in(mixing.filters[j], RUN).x[s]
+        into.x[s] = mean
+        for j in range(into.count):
+            apart[j, s] = runs_in(mixing.filters[j], RUN).x[s] - mean
+    for s in range(6):  # sum_j c_j (P_j + (x_j - x) (x_j - x)')
         for t in range(s + 1):
-            total = weights[0] * (filters[AT[s, t]] + apart[s] * apart[t])
-            for j in range(1, COUNT):
-                total += weights[j] * (filters[length * j + AT[s, t]] + apart[6 * j + s] * apart[6 * j + t])
-            into[AT[s, t]] = total
+            total = weights[0] * (runs_in(mixing.filters[0], RUN).P[s, t] + apart[0, s] * apart[0, t])
+            for j in range(1, into.count):
+                total += weights[j] * (runs_in(mixing.filters[j], RUN).P[s, t] + apart[j, s] * apart[j, t])
+            into.P[s, t] = total
 
 
-def log_likelihood(distance: float, numbers: FloatArray, mu: FloatArray) -> None:
-    """Put log N(y; 0, S) into ``mu`` (WIDTH,), but for what all filters have in common.
+def log_likelihood(run: Run, distance: float, mu: FloatArray, j: int) -> None:
+    """Put log N(y; 0, S) of filter ``j`` into ``mu``, but for what all filters have in common.
 
-    Args:
-        distance: y' S^-1 y.
-        numbers: the filter, number by number; M has the reciprocals of D of S = L D L' on its diagonal.
-        mu: gets it.
+    ``distance`` is y' S^-1 y; the run has the reciprocals of D of S = L D L'.
     """
-    vectors(mu, WIDTH)[0] = distance
-    for run in range(WIDTH):
-        position = numbers[WIDTH * M + run] * numbers[WIDTH * (M + 7) + run] * numbers[WIDTH * (M + 14) + run]
-        velocity = numbers[WIDTH * (M + 21) + run] * numbers[WIDTH * (M + 28) + run] * numbers[WIDTH * (M + 35) + run]
-        mu[run] = 0.5 * (math.log(position) + math.log(velocity) - mu[run])
+    row(mu, j, run, "1")[0] = distance
+    for k in range(run.width):
+        alone = lane(run, k)
+        position = alone.over_D[0] * alone.over_D[1] * alone.over_D[2]
+        velocity = alone.over_D[3] * alone.over_D[4] * alone.over_D[5]
+        mu[j, k] = 0.5 * (math.log(position) + math.log(velocity) - mu[j, k])
 
 
 def weigh(mixing: Mixing) -> None:
     """Log likelihoods in mu become probabilities; the largest is taken out first, so that none underflows alone."""
     mu, weights = mixing.mu, mixing.weights
-    for run in range(WIDTH):
-        largest, total = mu[0, run], 0.0
-        for j in range(1, COUNT):
-            largest = max(largest, mu[j, run])
-        for j in range(COUNT):
-            mu[j, run] = weights[j, run] * math.exp(mu[j, run] - largest)
-            total += mu[j, run]
-        for j in range(COUNT):
-            mu[j, run] /= total
+    for k in range(mu.shape[1]):
+        largest, total = mu[0, k], 0.0
+        for j in range(1, len(mu)):
+            largest = max(largest, mu[j, k])
+        for j in range(len(mu)):
+            mu[j, k] = weights[j, k] * math.exp(mu[j, k] - largest)
+            total += mu[j, k]
+        for j in range(len(mu)):
+            mu[j, k] /= total
 
 
-def mix(mixing: Mixing, c: FloatArray) -> None:
-    """Mix the states by mu and Pi in the runs in which ``c`` has used a row; the others stay as they are."""
-    filters, mu, weights = vectors(mixing.filters, WIDTH), vectors(mixing.mu, WIDTH), vectors(mixing.weights, WIDTH)
-    transitions, length = vectors(mixing.transitions, WIDTH), mixing.filters.shape[1] // WIDTH
-    joint, mean = scratch(JOINTS, WIDTH), scratch(MEANS, WIDTH)
-    used = c[KEPT]
-    for r in range(1, 6):
-        used += c[KEPT + r]
-    for j in range(COUNT):
-        total = transitions[j] * mu[0]
-        for i in range(1, COUNT):
-            total += transitions[COUNT * i + j] * mu[i]
-        weights[j] = chosen(used, 0.0, total, weights[j])
-        for i in range(COUNT):
+def mix(mixing: Mixing, run: Run, rows: float) -> None:
+    """Mix the states by mu and Pi in the runs that have used one of their ``rows``; the others stay as they are."""
+    mu, weights = row(mixing.mu, 0, run, "count"), row(mixing.weights, 0, run, "count")
+    transitions = row(mixing.transitions, 0, run, "count count")
+    joint, mean = room(run, "count count"), room(run, "count s")
+    for j in range(run.count):
+        total = transitions[0, j] * mu[0]
+        for i in range(1, run.count):
+            total += transitions[i, j] * mu[i]
+        weights[j] = chosen(rows, 0.0, total, weights[j])
+        for i in range(run.count):
             same = 1.0 if i == j else 0.0
-            joint[COUNT * i + j] = chosen(used, 0.0, transitions[COUNT * i + j] * mu[i] / total, same)
-    for s in range(S):
-        for j in range(COUNT):
-            mean[S * j + s] = joint[j] * filters[X + s]
-            for i in range(1, COUNT):
-                mean[S * j + s] += joint[COUNT * i + j] * filters[length * i + X + s]
-    _mix_covariances(filters, length, joint, mean)
-    for j in range(COUNT):
-        for s in range(S):
-            filters[length * j + X + s] = mean[S * j + s]
+            joint[i, j] = chosen(rows, 0.0, transitions[i, j] * mu[i] / total, same)
+    for s in range(run.s):
+        for j in range(run.count):
+            mean[j, s] = joint[0, j] * runs_in(mixing.filters[0], RUN).x[s]
+            for i in range(1, run.count):
+                mean[j, s] += joint[i, j] * runs_in(mixing.filters[i], RUN).x[s]
+    _mix_covariances(mixing, run, joint, mean)
+    for j in range(run.count):
+        for s in range(run.s):
+            runs_in(mixing.filters[j], RUN).x[s] = mean[j, s]
 
 
-def _mix_covariances(filters: FloatArray, length: int, joint: FloatArray, mean: FloatArray) -> None:
+def _mix_covariances(mixing: Mixing, run: Run, joint: View, mean: View) -> None:
     """The states are still those before the mixture."""
-    mixed = scratch(COUNT, WIDTH)
-    for s in range(S):
+    mixed = room(run, "count")
+    for s in range(run.s):
         for t in range(s + 1):
-            for j in range(COUNT):
-                total = joint[0] * 0.0
-                for i in range(COUNT):
-                    first, second = length * i + X + s, length * i + X + t
-                    spread = (filters[first] - mean[S * j + s]) * (filters[second] - mean[S * j + t])
-                    total += joint[COUNT * i + j] * (filters[length * i + AT[s, t]] + spread)
+            for j in range(run.count):
+                total = run.zero
+                for i in range(run.count):
+                    own = runs_in(mixing.filters[i], RUN)
+                    spread = (own.x[s] - mean[j, s]) * (own.x[t] - mean[j, t])
+                    total += joint[i, j] * (own.P[s, t] + spread)
                 mixed[j] = total
-            for j in range(COUNT):
-                filters[length * j + AT[s, t]] = mixed[j]
+            for j in range(run.count):
+                runs_in(mixing.filters[j], RUN).P[s, t] = mixed[j]

@@ -11,16 +11,15 @@ from jerkbench.compilation.compiled_loop import compiled_loop
 from jerkbench.compilation.vectors import WIDE, aligned_zeros
 from jerkbench.contracts import Filter
 from jerkbench.estimate import Estimate
+from jerkbench.kinematic.arguments import empty_runs
 from jerkbench.kinematic.batch import results_of, room_of, run_packs
-from jerkbench.kinematic.compiled_loop import APART, places_of, runs_of
-from jerkbench.kinematic.exchange import empty_runs
-from jerkbench.kinematic.layout import layout
+from jerkbench.kinematic.compiled_loop import APART, runs_of
+from jerkbench.kinematic.layout import run_type
 from jerkbench.kinematic.models import model_of
 from jerkbench.kinematic.packs import Kind, Pack
 from jerkbench.kinematic.plugin_call import Rule, rules_of
 from jerkbench.kinematic.single_run import NO_SCORE, estimate_of, steps_of, trajectory_room
 from jerkbench.linear.mixture.arguments import Mixing
-from jerkbench.linear.mixture.layout import sizes
 from jerkbench.linear.mixture.loop import run_mixture
 from jerkbench.streamed_run import Run, Streamed
 from jerkbench.timeline.lengths import step_lengths
@@ -56,7 +55,7 @@ class Mixed(NamedTuple):
 @cache
 def mixture_for(n: int, width: int, count: int) -> Any:  # noqa: ANN401 - numba has no types
     """Return the compiled loop of ``width`` runs for ``count`` filters with ``n`` quantities on each axis."""
-    constants = {**places_of(n, width), **sizes(count, 3 * n)}
+    constants = {"RUN": run_type(n, width, count=count), "DENSE": 0}
     title = f"{count} mixed filters, {runs_of(width)} of {3 * n} states"
     return compiled_loop(run_mixture, title, constants, APART + OWN)
 
@@ -84,11 +83,11 @@ def mix_many(
     def run_pack(pack: Pack, lanes: Sequence[int]) -> list[Streamed | None]:
         """Run one with the filters and adaptations that are its own."""
         count, n = starts[lanes[0]].shape
-        kept = room_of(pack, n, updates=updates)
+        kept = room_of(pack, run_type(n, WIDE), updates=updates)
         mixing = mixing_of([starts[k] for k in lanes], pack.lengths_s, pack.timelines[0])
         rule = rules_of([rules[k] for k in lanes], 3 * n)
         mixture_for(n, WIDE, count)(pack.steps, pack.score, mixing, rule, kept, empty_runs(n, WIDE))
-        return results_of(pack, kept, layout(n, WIDE), updates=updates)
+        return results_of(pack, kept, run_type(n, WIDE), updates=updates)
 
     return run_packs(runs, kinds, run_pack, threads)
 
@@ -107,7 +106,7 @@ def mixing_of(starts: Sequence[Mixed], lengths_s: FloatArray, timeline: Timeline
         np.stack([start.transitions.ravel() for start in starts], axis=-1),
         np.stack([start.weights for start in starts], axis=-1),
         np.zeros((count, width)),
-        aligned_zeros(count, -(-layout(n, width)["LENGTH"] // WIDE) * WIDE * width),
+        aligned_zeros(count, -(-run_type(n, width).sizes["length"] // WIDE) * WIDE),
     )
 
 

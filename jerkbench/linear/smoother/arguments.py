@@ -11,8 +11,8 @@ class Tape(NamedTuple):
     Attributes:
         step: (rows,) the step after which the row was written; -1: the start.
         updated: (rows,) 1 where that step ended with an update.
-        rows: (rows, ROW WIDTH) filtered states, and what the updates made of them.
-        between: (SEGMENT, FILTERED WIDTH) states between two rows.
+        rows: (rows, any) filtered states, and what the updates made of them.
+        between: (SEGMENT, any) states between two rows.
         moving: (LENGTH WIDTH,) the filter that is predicted once more.
         adjoint: (LENGTH WIDTH,) lambda in the place of the state, Lambda in that of the covariance.
     """

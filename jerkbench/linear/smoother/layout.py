@@ -1,36 +1,27 @@
-"""Places in a row of the tape; a compilation replaces them by those of the filter at hand.
+"""The parts of a row of the tape."""
 
-A row begins with the covariance, in the order of the kernel, and the state.
-"""
-
-import itertools
 from functools import cache
 
 from jerkbench.compilation.vectors import WIDE
-from jerkbench.kinematic.layout import AXES
+from jerkbench.compilation.views import Run
+from jerkbench.kinematic.layout import with_covariance
 
 SEGMENT = 32
 """Most steps from one row of the tape to the next."""
 
 
 @cache
-def places(n: int, width: int) -> dict[str, int]:
-    """Return the sizes and places for ``width`` runs of a filter with ``n`` quantities on each axis."""
-    lengths = {
-        "COVARIANCE": n * n * (WIDE if width == 1 else len(AXES)),
-        "STATE": 3 * n,
-        "LEFT": 6 * 3 * n,  # the first six columns of I - K H, one after the other
-        "INVERSE": 21,  # of S, its lower half row by row
-        "WEIGHED": 6,  # S^-1 y
-        "ROW": 0,
+def tape_type(n: int, width: int) -> Run:
+    """Return the type of a row, for ``width`` runs of a filter with ``n`` quantities on each axis."""
+    s = 3 * n
+    shapes = {
+        "x": (s,),  # filtered state
+        "left": (6, s),  # the first six columns of I - K H, one after the other
+        "inverse": (6, 6),  # of S, its lower half
+        "weighed": (6,),  # S^-1 y
     }
-    at = dict(zip(lengths, itertools.accumulate(lengths.values(), initial=0), strict=False))
-    whole = -(-at["ROW"] // WIDE) * WIDE
-    filtered = -(-at["LEFT"] // WIDE) * WIDE
-    return {**at, "ROW": whole, "FILTERED": filtered, "COVARIANCE_LENGTH": lengths["COVARIANCE"]}
+    return with_covariance(shapes, n, width)
 
 
-_PLACES = places(3, 1)
-STATE, LEFT, INVERSE, WEIGHED, ROW, FILTERED, COVARIANCE_LENGTH = (
-    _PLACES[name] for name in ("STATE", "LEFT", "INVERSE", "WEIGHED", "ROW", "FILTERED", "COVARIANCE_LENGTH")
-)
+ROW = tape_type(3, WIDE)
+"""The type at hand: a compilation replaces it."""

@@ -10,17 +10,16 @@ from jerkbench.compilation.compiled_loop import compiled_loop
 from jerkbench.compilation.vectors import WIDE, aligned_zeros
 from jerkbench.contracts import Filter
 from jerkbench.estimate import Estimate
-from jerkbench.kinematic.arguments import Steps
+from jerkbench.kinematic.arguments import Steps, empty_runs
 from jerkbench.kinematic.batch import results_of, room_of, run_packs
-from jerkbench.kinematic.compiled_loop import APART, places_of, runs_of
-from jerkbench.kinematic.exchange import empty_runs
-from jerkbench.kinematic.layout import layout
+from jerkbench.kinematic.compiled_loop import APART, runs_of
+from jerkbench.kinematic.layout import run_type
 from jerkbench.kinematic.models import model_of
 from jerkbench.kinematic.packs import Kind, Pack
 from jerkbench.kinematic.plugin_call import Rule, rules_of
 from jerkbench.kinematic.single_run import NO_SCORE, estimate_of, steps_of, trajectory_room
 from jerkbench.linear.smoother.arguments import Tape
-from jerkbench.linear.smoother.layout import SEGMENT, places
+from jerkbench.linear.smoother.layout import SEGMENT, tape_type
 from jerkbench.linear.smoother.loop import run_smoother
 from jerkbench.streamed_run import Run, Streamed
 from jerkbench.timeline.lengths import step_lengths
@@ -28,7 +27,7 @@ from jerkbench.timeline.timeline import Timeline
 
 OWN = (
     *("run_smoother", "run_forward", "run_back", "move", "step_back", "give", "smooth", "smooth_alone"),
-    *("absorb", "retreat", "write_state", "read_state", "write_update"),
+    *("absorb", "retreat", "copy_state", "write_update"),
 )
 """Kernels that stand alone: one body of all of them takes long to compile."""
 
@@ -36,7 +35,7 @@ OWN = (
 @cache
 def smoother_for(n: int, width: int) -> Any:  # noqa: ANN401 - numba has no types
     """Return the compiled smoother of ``width`` runs for a filter with ``n`` quantities on each axis."""
-    constants = {**places_of(n, width), **places(n, width)}
+    constants = {"RUN": run_type(n, width), "ROW": tape_type(n, width), "DENSE": 0}
     return compiled_loop(run_smoother, f"the smoother of {runs_of(width)} of {3 * n} states", constants, APART + OWN)
 
 
@@ -72,10 +71,10 @@ def smooth_many(
         if not model.triangular:
             return [None] * len(pack.members)
         n = 2 + len(model.extra)
-        kept, rule = room_of(pack, n, updates=updates), rules_of([rules[k] for k in lanes], 3 * n)
+        kept, rule = room_of(pack, run_type(n, WIDE), updates=updates), rules_of([rules[k] for k in lanes], 3 * n)
         tape = tape_for(pack.steps, n, WIDE)
         smoother_for(n, WIDE)(pack.steps, pack.score, model, rule, kept, empty_runs(n, WIDE), tape)
-        return results_of(pack, kept, layout(n, WIDE), updates=updates)
+        return results_of(pack, kept, run_type(n, WIDE), updates=updates)
 
     return run_packs(runs, kinds, run_pack, threads)
 
@@ -83,12 +82,12 @@ def smooth_many(
 def tape_for(steps: Steps, n: int, width: int) -> Tape:
     """Make room for the tape of ``width`` runs."""
     rows = 2 + len(steps.model) // SEGMENT + int(np.count_nonzero(steps.update >= 0)) + 1
-    at, length = places(n, width), layout(n, width)["LENGTH"] * width
+    row, length = tape_type(n, width).sizes["length"], run_type(n, width).sizes["length"]
     return Tape(
         np.empty(rows, dtype=np.int64),
         np.empty(rows, dtype=np.int64),
-        np.empty((rows, at["ROW"] * width)),
-        np.empty((SEGMENT, at["FILTERED"] * width)),
+        np.empty((rows, row)),
+        np.empty((SEGMENT, row)),
         aligned_zeros(length),
         aligned_zeros(length),
     )
