@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from jerkbench.cells.cell import Cell
 from jerkbench.contracts import Dataset
 from jerkbench.execution.inputs import Inputs
-from jerkbench.inspection.diagnosis.doctor import first_diagnoses
+from jerkbench.inspection.doctor import first_diagnoses
 
 
 def first_mistakes(cells: Iterable[Cell], inputs: Inputs) -> list[str]:

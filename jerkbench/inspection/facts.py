@@ -1,11 +1,18 @@
-"""The facts of a recording: its streams, their rates and gaps, gravity, the covariances, the notes."""
+"""What is told of a recording: its streams, their rates and gaps, gravity, noise, lags, mistakes, notes."""
 
 from collections.abc import Iterator
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.inspection.remarks import findings_text
+from jerkbench.attitude.tilt import Tilt
+from jerkbench.attitude.track import Track
+from jerkbench.attitude.yaw import COARSE, UNKNOWN, is_coarse, select_headings
+from jerkbench.inspection.doctor import first_diagnoses
+from jerkbench.inspection.evidence import moving_speed_mps
+from jerkbench.inspection.lags import LEAST_CORRELATION, PARAMETERS, WORST_S, Lag, all_lags, clock_offsets
+from jerkbench.inspection.noise import SHORTEST_REST_S, RestNoise, longest_rest, rest_noise
+from jerkbench.inspection.sigmas import Sigma, overstated_noise, stated_against_real_sigma, velocity_dependence
 from jerkbench.io.frames import felt_axis
 from jerkbench.io.sanitiser import repeated_samples
 from jerkbench.recording import Heading, Imu, Position, Recording, Reference, Velocity
@@ -14,6 +21,9 @@ Stream = Imu | Position | Velocity | Heading | Reference
 
 AXES = {"enu": ("east", "north", "up"), "body": ("forward", "left", "up"), "speed": ("along", "left", "up")}
 """The axes of a velocity in each of its frames."""
+
+SHOWN_S = 0.02
+"""A smaller lag needs no correction."""
 
 GAP = 2.5
 """A step of more than so many usual intervals is a gap."""
@@ -104,3 +114,109 @@ def _up(force: FloatArray) -> str:
     felt = felt_axis(force[None])
     up = f"gravity is felt on {felt}"
     return up if felt == "+z" else f"{up}; a body in FLU feels it on +z: the axes need turning"
+
+
+def findings_text(recording: Recording) -> str:
+    """Return lags, the source of yaw, the velocity's dependence, real and stated sigmas, noise at rest, mistakes."""
+    lags, rest = all_lags(recording), longest_rest(recording)
+    speed_mps = float("nan") if recording.position is None else moving_speed_mps(recording.position)
+    lines = [_lag_line(lag, speed_mps) for lag in lags]
+    lines += [yaw_line(recording)] if recording.imu is not None else []
+    lines += [
+        f"{stream} against the slope of the positions: fast changes correlate by {correlation:.2f} (0: noise of its"
+        " own, 1: one is computed from the other)"
+        for stream, correlation in velocity_dependence(recording)
+    ]
+    lines += [_sigma_line(sigma) for sigma in stated_against_real_sigma(recording, rest)]
+    if recording.imu is not None:
+        lines += _noise_lines(recording, rest_noise(recording, rest))
+    lines += [f"to check: {remark}" for remark in overstated_noise(recording, rest)]
+    mistakes = [*first_diagnoses(recording), *clock_offsets(lags)]
+    lines += [f"mistake: {diagnosis}" for diagnosis in mistakes] or ["mistakes: none that is sure"]
+    return "\n".join(lines)
+
+
+def _lag_line(lag: Lag, speed_mps: float) -> str:
+    pair = f"lag of {lag.stream} against {lag.against}"
+    if np.isnan(lag.correlation):
+        return f"{pair}: cannot be told, for too little of both overlaps in motion"
+    if np.isfinite(lag.edge_s):
+        return (
+            f"{pair}: of those that were tried {lag.edge_s:+.2f} s, at their edge, fits best (correlation"
+            f" {lag.correlation:.2f}): the true one may lie beyond it; check both clocks"
+        )
+    if np.isnan(lag.best_s):
+        return f"{pair}: cannot be told (correlation {lag.correlation:.2f})"
+    correlations = f"correlation {lag.correlation:.3f}, without a shift {lag.at_none:.3f}"
+    if np.isfinite(lag.lag_s):
+        line = f"{pair}: {lag.lag_s:+.3f} s, give or take {lag.within_s:.2f} s ({correlations})"
+    else:
+        weak = "weak, and not sure" if lag.correlation < LEAST_CORRELATION else "not well known"
+        fitting = f"{lag.best_s:+.2f} s fits best, and lags within {lag.within_s:.2f} s fit alike"
+        line = f"{pair}: {weak}; {fitting} ({correlations})"
+    return line if abs(lag.best_s) < SHOWN_S else f"{line}{_effect(lag, speed_mps)}{_remedy(lag)}"
+
+
+def _effect(lag: Lag, speed_mps: float) -> str:
+    """What the lag does to a filter: its error along the track."""
+    if lag.stream not in ("imu", "position") or np.isnan(speed_mps):
+        return ""
+    return f"; at {speed_mps:.1f} m/s (median) it shifts places by {abs(lag.best_s) * speed_mps:.2g} m along the track"
+
+
+def _remedy(lag: Lag) -> str:
+    if not lag.sure and abs(lag.best_s) >= WORST_S:
+        return "; not sure: the stamps are off, or the sensor turns before or after it goes, as in a hand"
+    if not lag.sure or lag.correlation < LEAST_CORRELATION:
+        return ""
+    well_known = np.isfinite(lag.lag_s) and abs(lag.lag_s) > lag.within_s
+    return f"; to {'mend' if well_known else 'try'} it add {-lag.best_s:+.2f} to {PARAMETERS[lag.stream]}"
+
+
+def _sigma_line(sigma: Sigma) -> str:
+    real, stated = (", ".join(f"{value:.3g}" for value in values) for values in (sigma.real, sigma.stated))
+    return (
+        f"{sigma.stream}, {sigma.basis}: {real} {sigma.unit}; stated {stated} {sigma.unit}: {sigma.ratio:.2f} times as"
+        f" large as stated ({sigma.rows} rows)"
+    )
+
+
+def _noise_lines(recording: Recording, noise: RestNoise | None) -> Iterator[str]:
+    stated = f"a rest of {recording.static_start_s:.1f} s" if recording.static_start_s else "no rest"
+    advice = f"{stated} at the start is known; if there is one, give static_start_s (for a bag: rest_s)"
+    if noise is None:
+        yield f"imu noise: not measured, for the IMU shows no rest of {SHORTEST_REST_S:.0f} s, and {advice}"
+        return
+    begin_s, end_s, is_stated = noise.rest
+    yield (
+        f"imu noise over {end_s - begin_s:.0f} s of rest: gyro {noise.angle_random_walk_deg_per_sqrt_h:.3g}"
+        f" deg/sqrt(h), accelerometer {noise.velocity_random_walk_mps_per_sqrt_h:.3g} m/s/sqrt(h); nearest grade:"
+        f" {noise.grade}"
+    )
+    if not is_stated:
+        yield f"the IMU shows that rest from {begin_s:.1f} to {end_s:.1f} s; {advice}"
+    if np.isfinite(noise.gyro_instability_deg_per_h):
+        yield (
+            f"imu instability: gyro {noise.gyro_instability_deg_per_h:.3g} deg/h, accelerometer"
+            f" {noise.accel_instability_mg:.3g} mg"
+        )
+
+
+def yaw_line(recording: Recording) -> str:
+    """Say what the attitude filters take yaw from by themselves, or that nothing shows it."""
+    tilt = Tilt()
+    selected = select_headings(recording, tilt.yaw_source, tilt.course_min_speed_mps, tilt.course_sigma_min_rad)
+    if selected is None and recording.position is None:
+        return "yaw: nothing shows it; there is no heading, no velocity over ground that is fast enough, and no fix"
+    if selected is None:
+        return f"yaw: {UNKNOWN}"
+    if isinstance(selected, Track):
+        chords = selected.chords
+        line = (
+            f"yaw: from the track of the fixes, {len(chords.end_s)} courses, the first one known at"
+            f" {chords.end_s[0]:.2f} s; sigma {np.median(chords.sigma_rad):.2g} rad (median)"
+        )
+        return f"{line}. {COARSE.capitalize()}" if is_coarse(selected) else line
+    if selected is recording.heading:
+        return f"yaw: from {len(selected.t_s)} headings of source {selected.source}"
+    return f"yaw: from the course of {len(selected.t_s)} velocities above {tilt.course_min_speed_mps:g} m/s"

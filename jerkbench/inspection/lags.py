@@ -1,12 +1,51 @@
-"""The lags between the streams of a recording."""
+"""The lags between the streams of a recording, and the clocks that are off by more than a filter forgives."""
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.inspection.peaks import LEAST_ROWS, Peak, best_lag, correlation_of, largest_lag_s
+from jerkbench.inspection.evidence import (
+    Diagnosis,
+    correlation_of,
+    known,
+    mean_velocity,
+    means_of,
+    moving_speed_mps,
+    over_lengths,
+    strength,
+    track_windows,
+    wheel_speeds,
+    wheel_windows,
+)
+from jerkbench.io.frames import felt_axis
 from jerkbench.recording import Imu, Position, Recording, Reference, Velocity
+
+NAN = float("nan")
+
+LARGEST_S = 3.0
+STEP_S = 0.02
+"""The lags that are tried: every step from -largest to largest; between them a parabola."""
+
+COARSE_S, FINE_STEPS = 0.1, 20
+"""A lag of the IMU's turning is searched in coarse steps first, then in fine ones about the best."""
+
+PART = 0.1
+"""Of a short recording no larger part is tried as a lag: little would be left to compare."""
+
+LEAST_ROWS = 20
+LEAST_CORRELATION = 0.5
+"""With fewer rows, or a weaker relation at the best lag, none is stated."""
+
+ROWS_OF_A_DRAW = 10
+"""So many rows are worth one of a white residual: what is left at the best lag follows itself."""
+
+LIKELY = 3.84
+"""Chi-square of one degree of freedom, 95 %."""
+
+WORST_S = 0.1
+"""A lag of which no more than this is known is none."""
 
 MARGIN_S = 1.0
 """At the ends of the positions a spline's slope is poor."""
@@ -17,6 +56,37 @@ FAST_MPS = 1.0
 SHORTEST_STEP_S, LONGEST_STEP_S = 0.2, 1.5
 """Over shorter steps a speed's change is mostly noise; over longer ones little is left to compare."""
 
+FILTER_S = 0.05
+"""A sensor's own low-pass filter delays its rates by up to so much, which is no fault of the stamps. The rates of
+KITTI's OXTS unit are 0.05 s behind its attitude, and its forces are not."""
+
+LEVER_M = 0.5
+"""A place so far ahead of the point about which a vehicle turns has a course that is early by this over the speed."""
+
+CLOCK_S, CLOCK_CORRELATION, CLOCK_SURE = 0.4, 0.8, 4.0
+"""A smaller lag is latency; a clock that is off has to show by so much, and fit so many sigmas better than none."""
+
+WHEEL_SURE = 10.0
+"""A wheel's acceleration against the noisy force may correlate less, but by so many sigmas."""
+
+FELT_SURE, FELT_AGAINST = 2.0, -1.0
+"""The accelerometer confirms a lag of the gyro's by so many sigmas over no lag, and contradicts it on no axis."""
+
+LONGEST_GAP_S = 0.5
+"""Over longer steps an attitude is not interpolated."""
+
+WINDOWS_S = (0.5, 1.0, 2.0)
+
+OF_THE_TRACK, OF_A_WHEEL = "the turning of the track", "the acceleration of a wheel"
+
+PARAMETERS = {
+    "position": "position_shift_s",
+    "velocity, horizontal": "velocity_shift_s",
+    "velocity, up": "velocity_shift_s",
+    "speed": "velocity_shift_s",
+    "imu": "imu_shift_s",
+}
+
 
 @dataclass(frozen=True)
 class Lag:
@@ -25,20 +95,48 @@ class Lag:
     Attributes:
         stream: what is late: "position", "velocity, horizontal", "velocity, up", "speed", "imu".
         against: what it was compared with.
-        lag_s: how old its values are at their stamps; the stamps less this are right. NaN where it cannot be told.
-        correlation: of the two at that lag.
+        lag_s: how old its values are at their stamps; the stamps less this are right. NaN where it is not well known.
+        correlation: of the two at the best lag; NaN with too few rows.
         within_s: half the width of the lags that fit hardly worse (95 %).
         edge_s: the largest or smallest lag that was tried, where it fits best: the true one may be beyond; else NaN.
-        best_s: the lag that fits best, also where it cannot be told; NaN at an edge.
+        best_s: the lag that fits best, however badly; NaN at an edge.
+        at_none: the correlation without any lag.
+        sure: whether nothing else than late stamps explains it.
     """
 
     stream: str
     against: str
-    lag_s: float
-    correlation: float
-    within_s: float
-    edge_s: float = float("nan")
-    best_s: float = float("nan")
+    lag_s: float = NAN
+    correlation: float = NAN
+    within_s: float = NAN
+    edge_s: float = NAN
+    best_s: float = NAN
+    at_none: float = NAN
+    sure: bool = True
+
+
+def clock_offsets(lags: list[Lag]) -> list[Diagnosis]:
+    """Return the streams whose stamps are off by .4 s or more; each parameter once."""
+    offsets: dict[str, Diagnosis] = {}
+    for lag in lags:
+        strong = lag.correlation >= CLOCK_CORRELATION or lag.against == OF_A_WHEEL
+        if not lag.sure or not strong or not abs(lag.lag_s) >= CLOCK_S:
+            continue
+        diagnosis = Diagnosis(
+            f"clock of {lag.stream}",
+            f"lag {lag.lag_s:+.2f} s against {lag.against}, give or take {lag.within_s:.2f} s (correlation"
+            f" {lag.correlation:.2f})",
+            f"The stamps of {lag.stream} are {abs(lag.lag_s):.2f} s {'late' if lag.lag_s > 0 else 'early'}",
+            f"Add {-lag.lag_s:+.2f} to {PARAMETERS[lag.stream]}",
+        )
+        offsets.setdefault(PARAMETERS[lag.stream], diagnosis)
+    return list(offsets.values())
+
+
+def all_lags(recording: Recording) -> list[Lag]:
+    """Return those of `estimated_lags` and that of `late_imu`."""
+    late = late_imu(recording)
+    return [*estimated_lags(recording), *([late] if late else [])]
 
 
 def estimated_lags(recording: Recording) -> list[Lag]:
@@ -60,27 +158,59 @@ def estimated_lags(recording: Recording) -> list[Lag]:
     where it is faster than 1 m/s: what accelerates a vehicle forwards is felt on its x axis, whatever its yaw; a slope
     adds a part that changes slowly. The accelerometer must be in the body's axes.
     """
-    position, velocity = recording.position, recording.velocity
+    position, velocity, reference = recording.position, recording.velocity, recording.reference
     lags = []
-    if position is not None and (truth := _places(recording.reference, position)) is not None:
-        lags.append(_lag("position", "the reference", _position_lag(position, *truth)))
+    if position is not None and (truth := _places(reference, position)) is not None:
+        lags.append(_position_lag(position, *truth))
     of_velocity = []
-    if position is not None and velocity is not None and len(_known(position.t_s, position.enu_m)[0]) > LEAST_ROWS:
-        of_velocity = _velocity_lags(position, velocity)
+    if position is not None and velocity is not None and len(known(position.t_s, position.enu_m)[0]) > LEAST_ROWS:
+        axes = {"velocity, horizontal": (0, 1), "velocity, up": (2,)} if velocity.frame == "enu" else {"speed": (0,)}
+        of_velocity = [_velocity_lag(name, position, velocity, columns) for name, columns in axes.items()]
     speed = _speeds(recording, of_velocity)
-    if speed is None or recording.imu is None:
-        return [*lags, *of_velocity]
-    against, t_s, speed_mps = speed
-    return [*lags, *of_velocity, _lag("imu", against, _imu_lag(recording.imu, t_s, speed_mps))]
+    of_imu = [] if speed is None or recording.imu is None else [_imu_lag(recording.imu, *speed)]
+    return [*lags, *of_velocity, *of_imu]
 
 
-def _lag(stream: str, against: str, peak: Peak) -> Lag:
-    return Lag(stream, against, peak.lag_s, peak.correlation, peak.within_s, peak.edge_s, peak.best_s)
+def best_lag(
+    stream: str, against: str, correlation: Callable[[float], float], rows: int, largest_s: float = LARGEST_S
+) -> Lag:
+    """Return where ``correlation`` of a lag [s], over ``rows``, is largest up to ``largest_s``.
+
+    A lag tau fits hardly worse than the best where (n/10) ln((1 - r(tau)^2)/(1 - r(best)^2)) < 3.84, r of n rows.
+    """
+    if rows < LEAST_ROWS:
+        return Lag(stream, against)
+    steps = round(largest_s / STEP_S)
+    lags_s = np.asarray(np.arange(-steps, steps + 1) * STEP_S, dtype=np.float64)
+    values = np.array([correlation(lag_s) for lag_s in lags_s])
+    best = int(np.argmax(values))
+    lag = Lag(stream, against, NAN, float(values[best]), _within(lags_s, values, rows), at_none=float(values[steps]))
+    if best in (0, len(values) - 1):
+        return replace(lag, edge_s=float(lags_s[best])) if lag.correlation >= LEAST_CORRELATION else lag
+    lag = replace(lag, best_s=_refined(lags_s, values))
+    is_known = lag.correlation >= LEAST_CORRELATION and lag.within_s <= WORST_S
+    return replace(lag, lag_s=lag.best_s) if is_known else lag
 
 
-def _known(t_s: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    rows = np.isfinite(values).all(axis=1)
-    return t_s[rows], values[rows]
+def _refined(lags_s: FloatArray, values: FloatArray) -> float:
+    """Return the top of the parabola through the best of evenly spaced lags and its neighbours, all of them inside."""
+    best = int(np.argmax(values))
+    before, peak, after = values[best - 1 : best + 2]
+    bend = before - 2 * peak + after
+    offset = 0.5 * (before - after) / bend if bend < 0 else 0.0
+    return float(lags_s[best] + offset * (lags_s[1] - lags_s[0]))
+
+
+def _within(lags_s: FloatArray, values: FloatArray, rows: int) -> float:
+    """Return half the width of the lags that fit hardly worse than the best; at least half a step."""
+    misfit = np.maximum(1.0 - values**2, 1e-12)
+    likely = np.log(misfit / misfit[int(np.argmax(values))]) < LIKELY * ROWS_OF_A_DRAW / rows
+    likely &= values > 0
+    return float(0.5 * (np.ptp(lags_s[likely]) + lags_s[1] - lags_s[0])) if likely.any() else float(lags_s[-1])
+
+
+def _largest_s(t_s: FloatArray) -> float:
+    return float(np.clip(PART * (t_s[-1] - t_s[0]), 0.6, LARGEST_S))
 
 
 def _places(reference: Reference, position: Position) -> tuple[FloatArray, FloatArray] | None:
@@ -89,62 +219,55 @@ def _places(reference: Reference, position: Position) -> tuple[FloatArray, Float
         return None
     if np.array_equal(reference.t_s, position.t_s) and np.array_equal(reference.enu_m, position.enu_m, equal_nan=True):
         return None
-    t_s, enu_m = _known(reference.t_s, reference.enu_m)
+    t_s, enu_m = known(reference.t_s, reference.enu_m)
     return (t_s, enu_m) if len(t_s) > LEAST_ROWS else None
 
 
-def _position_lag(position: Position, t_s: FloatArray, enu_m: FloatArray) -> Peak:
+def _position_lag(position: Position, t_s: FloatArray, enu_m: FloatArray) -> Lag:
     """Compare the way from fix to fix with the reference's over the same time."""
     from scipy.interpolate import CubicSpline
 
-    largest_s = largest_lag_s(t_s[-1] - t_s[0])
-    fixes = np.column_stack([position.enu_m[:, :2], np.zeros(len(position.t_s))])
-    fix_s, places = _known(position.t_s, fixes)
-    way = CubicSpline(t_s, enu_m[:, :2])
+    largest_s, way = _largest_s(t_s), CubicSpline(t_s, enu_m[:, :2])
+    fix_s, places = known(position.t_s, position.enu_m[:, :2])
     begin, end = fix_s[:-1], fix_s[1:]
     use = (end - begin < LONGEST_STEP_S) & (begin > t_s[0] + largest_s) & (end < t_s[-1] - largest_s)
-    begin, end, moved = begin[use], end[use], np.diff(places[:, :2], axis=0)[use]
-    return best_lag(
-        lambda tau_s: correlation_of(way(end - tau_s) - way(begin - tau_s), moved), int(use.sum()), largest_s
-    )
+    begin, end, moved = begin[use], end[use], np.diff(places, axis=0)[use]
+
+    def correlation(tau_s: float) -> float:
+        return correlation_of(way(end - tau_s) - way(begin - tau_s), moved)
+
+    return best_lag("position", "the reference", correlation, len(moved), largest_s)
 
 
-def _velocity_lags(position: Position, velocity: Velocity) -> list[Lag]:
-    parts = {"velocity, horizontal": (0, 1), "velocity, up": (2,)} if velocity.frame == "enu" else {"speed": (0,)}
-    return [
-        _lag(name, "differentiated position", _velocity_lag(position, velocity, axes)) for name, axes in parts.items()
-    ]
-
-
-def _velocity_lag(position: Position, velocity: Velocity, axes: tuple[int, ...]) -> Peak:
+def _velocity_lag(name: str, position: Position, velocity: Velocity, axes: tuple[int, ...]) -> Lag:
     """Compare the velocity with the slope of the positions on ``axes``; a speed with the slope's length."""
     from scipy.interpolate import CubicSpline
 
-    fix_s, enu_m = _known(position.t_s, position.enu_m)
-    slope = CubicSpline(fix_s, enu_m).derivative()
-    largest_s = largest_lag_s(fix_s[-1] - fix_s[0])
+    fix_s, enu_m = known(position.t_s, position.enu_m)
+    slope, largest_s = CubicSpline(fix_s, enu_m).derivative(), _largest_s(fix_s)
     begin_s, end_s = fix_s[[0, -1]] + np.array([1, -1]) * (MARGIN_S + largest_s)
-    rows = np.isfinite(velocity.mps[:, axes]).all(axis=1) & (velocity.t_s > begin_s) & (velocity.t_s < end_s)
-    t_s, mps = velocity.t_s[rows], velocity.mps[rows][:, axes]
+    t_s, mps = known(velocity.t_s, velocity.mps[:, axes])
+    rows = (t_s > begin_s) & (t_s < end_s)
+    t_s, mps = t_s[rows], mps[rows]
 
     def correlation(tau_s: float) -> float:
         shifted = slope(t_s - tau_s)
         return correlation_of(shifted[:, axes] if velocity.frame == "enu" else np.linalg.norm(shifted, axis=1), mps)
 
-    return best_lag(correlation, len(t_s), largest_s)
+    return best_lag(name, "differentiated position", correlation, len(t_s), largest_s)
 
 
 def _speeds(recording: Recording, lags: list[Lag]) -> tuple[str, FloatArray, FloatArray] | None:
     """Return a name, the true times (m,) and the speeds (m,) over ground to compare the IMU with, or None."""
     velocity, reference, position = recording.velocity, recording.reference, recording.position
     if velocity is not None:
-        axes = (0, 1) if velocity.frame == "enu" else (0,)
-        t_s, mps = _known(velocity.t_s, velocity.mps[:, axes])
+        enu = velocity.frame == "enu"
+        t_s, mps = known(velocity.t_s, velocity.mps[:, (0, 1) if enu else (0,)])
         late_s = lags[0].lag_s if lags and np.isfinite(lags[0].lag_s) else 0.0
-        against = "differentiated velocity" if velocity.frame == "enu" else "differentiated speed of the wheel"
+        against = "differentiated velocity" if enu else "differentiated speed of the wheel"
         return against, t_s - late_s, np.linalg.norm(mps, axis=1)
     if reference.velocity_mps is not None:
-        t_s, mps = _known(reference.t_s, reference.velocity_mps[:, :2])
+        t_s, mps = known(reference.t_s, reference.velocity_mps[:, :2])
         return "the reference's differentiated velocity", t_s, np.linalg.norm(mps, axis=1)
     if reference.enu_m is not None:
         return "the reference's places, differentiated twice", *_from_place_to_place(reference.t_s, reference.enu_m)
@@ -155,15 +278,15 @@ def _speeds(recording: Recording, lags: list[Lag]) -> tuple[str, FloatArray, Flo
 
 def _from_place_to_place(t_s: FloatArray, enu_m: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Times half-way between places, and the mean speed there."""
-    t_s, places = _known(t_s, enu_m[:, :2])
+    t_s, places = known(t_s, enu_m[:, :2])
     every = _every(t_s)
     t_s, places = t_s[::every], places[::every]
-    return 0.5 * (t_s[1:] + t_s[:-1]), np.linalg.norm(np.diff(places, axis=0), axis=1) / np.diff(t_s)
+    return 0.5 * (t_s[1:] + t_s[:-1]), np.linalg.norm(mean_velocity(t_s, places, t_s), axis=1)
 
 
-def _imu_lag(imu: Imu, t_s: FloatArray, speed_mps: FloatArray) -> Peak:
+def _imu_lag(imu: Imu, against: str, t_s: FloatArray, speed_mps: FloatArray) -> Lag:
     """Compare the speed's changes with the integral of the forward force over the same time."""
-    every, largest_s = _every(t_s), largest_lag_s(imu.t_s[-1] - imu.t_s[0])
+    every, largest_s = _every(t_s), _largest_s(imu.t_s)
     t_s, speed_mps = t_s[::every], speed_mps[::every]
     gained = np.concatenate([[0.0], np.cumsum(imu.accel_mps2[1:, 0] * np.diff(imu.t_s))])
     begin, end, change = t_s[:-1], t_s[1:], np.diff(speed_mps)
@@ -175,9 +298,163 @@ def _imu_lag(imu: Imu, t_s: FloatArray, speed_mps: FloatArray) -> Peak:
         felt = np.interp(end + tau_s, imu.t_s, gained) - np.interp(begin + tau_s, imu.t_s, gained)
         return correlation_of(felt, change)
 
-    return best_lag(correlation, len(change), largest_s)
+    return best_lag("imu", against, correlation, len(change), largest_s)
 
 
 def _every(t_s: FloatArray) -> int:
     """Every so many rows the steps are long enough for a change to show."""
     return max(1, round(SHORTEST_STEP_S / float(np.median(np.diff(t_s))))) if len(t_s) > 1 else 1
+
+
+Agreement = Callable[[float], tuple[float, int]]
+"""Correlation and number of windows, with the IMU so much later."""
+
+
+def late_imu(recording: Recording) -> Lag | None:
+    """Return how late the IMU is, by its turning or by its force; None where neither shows it.
+
+    Over windows of half a second to two, r(tau) is the correlation of the gyro, tau later, with the turning of the
+    reference's attitude or with the course, or of the forward force with a wheel's acceleration. It counts where r is
+    .8 and more, of the noisy force ten standard deviations from none. The windows that tell the lag best count.
+
+    The interval has .05 s for the sensor's own filter and, where the track is compared, what half a metre between the
+    antenna and the point about which the vehicle turns does to a course.
+
+    A lag of .4 s and more is sure where it fits so much better than none that Fisher's atanh(r) is 4 standard
+    deviations above that of no lag. A course tells of stamps only if the body cannot turn before it goes, as a hand or
+    a drone does: there has to be a wheel, or the accelerometer has to agree with the track better at that lag than at
+    none. While gravity is not on +z, the axes are wrong, and nothing is said.
+    """
+    if recording.imu is None or felt_axis(recording.imu.accel_mps2) != "+z":
+        return None
+    for against, agreement_of in AGREEMENTS.items():
+        agreements = {length_s: agreement_of(recording, length_s) for length_s in WINDOWS_S}
+        lags = [_turning_lag(against, agreement) for agreement in agreements.values() if agreement is not None]
+        if strong := [lag for lag in lags if lag is not None]:
+            return _judged(recording, min(strong, key=lambda lag: (not lag.sure, lag.within_s)))
+    return None
+
+
+def _turning_lag(against: str, agreement: Agreement) -> Lag | None:
+    """Search in steps of .1 s, then in finer ones about the best, and between those with a parabola."""
+    lags_s = np.asarray(np.arange(-LARGEST_S, LARGEST_S + COARSE_S / 2, COARSE_S), dtype=np.float64)
+    coarse = [agreement(float(lag_s))[0] for lag_s in lags_s]
+    best = int(np.argmax(coarse))
+    if best in (0, len(lags_s) - 1) or coarse[best] <= 0:
+        return None
+    lags_s = lags_s[best] + np.asarray(np.arange(-FINE_STEPS, FINE_STEPS + 1) * STEP_S, dtype=np.float64)
+    values = np.array([agreement(float(lag_s))[0] for lag_s in lags_s])
+    finest = int(np.argmax(values))
+    if finest in (0, len(lags_s) - 1):
+        return None
+    correlation, rows = agreement(float(lags_s[finest]))
+    found, at_none = strength(correlation, rows), agreement(0.0)
+    if correlation < CLOCK_CORRELATION and not (against == OF_A_WHEEL and found >= WHEEL_SURE):
+        return None
+    lag_s, within_s = _refined(lags_s, values), _within(lags_s, values, rows)
+    sure = abs(lag_s) < CLOCK_S or found - strength(*at_none) > CLOCK_SURE
+    return Lag("imu", against, lag_s, correlation, within_s, best_s=lag_s, at_none=at_none[0], sure=sure)
+
+
+def _judged(recording: Recording, lag: Lag) -> Lag:
+    """Widen the interval by what stamps do not cause, and ask whether the body can have turned before it went."""
+    if lag.against != OF_THE_TRACK or recording.position is None:
+        return replace(lag, within_s=lag.within_s + FILTER_S)
+    within_s = lag.within_s + FILTER_S + LEVER_M / moving_speed_mps(recording.position)
+    sure = lag.sure and (wheel_speeds(recording) is not None or _is_felt(recording, lag.lag_s))
+    return replace(lag, within_s=within_s, sure=sure)
+
+
+def _is_felt(recording: Recording, lag_s: float) -> bool:
+    """Whether the accelerometer agrees with the track's acceleration better at a lag than at none."""
+    at_none, at_lag = over_lengths(track_windows, recording), over_lengths(track_windows, recording, lag_s)
+    agreed = [
+        np.array([_fits(windows[length_s].plane_mps2, windows[length_s].force_mps2) for windows in (at_none, at_lag)])
+        for length_s in at_none.keys() & at_lag.keys()
+    ]
+    if not agreed:
+        return False
+    none, best = max(agreed, key=lambda both: float(both.sum(axis=1).max()))
+    gain = best - none
+    return bool(gain.sum() / np.sqrt(2.0) >= FELT_SURE and gain.min() > FELT_AGAINST)
+
+
+def _fits(plane_mps2: FloatArray, force_mps2: FloatArray) -> list[float]:
+    """Forward and left, in standard deviations from none."""
+    return [strength(correlation_of(plane_mps2[:, axis], force_mps2[:, axis]), len(plane_mps2)) for axis in (0, 1)]
+
+
+def _track_agreement(recording: Recording, length_s: float) -> Agreement | None:
+    windows_at = track_windows(recording, length_s)
+    if windows_at is None:
+        return None
+
+    def agreement(late_s: float) -> tuple[float, int]:
+        windows = windows_at(late_s)
+        if windows is None:
+            return 0.0, 0
+        return correlation_of(windows.course_change_rad, windows.turn_rad[:, 2]), len(windows)
+
+    return agreement
+
+
+def _wheel_agreement(recording: Recording, length_s: float) -> Agreement | None:
+    windows_at = wheel_windows(recording, length_s)
+    if windows_at is None:
+        return None
+
+    def agreement(late_s: float) -> tuple[float, int]:
+        windows = windows_at(late_s)
+        if windows is None:
+            return 0.0, 0
+        return correlation_of(windows.plane_mps2[:, 0], windows.force_mps2[:, 0]), len(windows)
+
+    return agreement
+
+
+def _attitude_agreement(recording: Recording, length_s: float) -> Agreement | None:
+    imu, reference = recording.imu, recording.reference
+    if imu is None or reference.euler_rad is None:
+        return None
+    t_s, euler_rad = known(reference.t_s, reference.euler_rad)
+    if len(t_s) < LEAST_ROWS or np.median(np.diff(t_s)) > LONGEST_GAP_S:
+        return None
+    edges_s, means = np.arange(t_s[0], t_s[-1], length_s), means_of(imu.t_s, imu.gyro_radps)
+
+    def agreement(late_s: float) -> tuple[float, int]:
+        inside = edges_s[(edges_s + late_s > imu.t_s[0]) & (edges_s + late_s < imu.t_s[-1])]
+        if len(inside) <= LEAST_ROWS:
+            return 0.0, 0
+        gyro = means(inside + late_s)
+        return correlation_of(attitude_rates(t_s, euler_rad, inside), gyro), len(gyro)
+
+    return agreement
+
+
+AGREEMENTS: dict[str, Callable[[Recording, float], Agreement | None]] = {
+    "the turning of the reference's attitude": _attitude_agreement,
+    OF_THE_TRACK: _track_agreement,
+    OF_A_WHEEL: _wheel_agreement,
+}
+"""What the IMU is compared with."""
+
+
+def attitude_rates(t_s: FloatArray, euler_rad: FloatArray, edges_s: FloatArray) -> FloatArray:
+    """Return the rates (n, 3) in the body of an attitude (m, 3), over the windows between n + 1 edges.
+
+    With phi, theta, psi for Rz(psi) Ry(theta) Rx(phi)::
+
+        p = phi' - psi' sin(theta),  q = theta' cos(phi) + psi' sin(phi) cos(theta),
+        r = psi' cos(theta) cos(phi) - theta' sin(phi)
+    """
+    unwrapped = np.unwrap(euler_rad, axis=0)
+    angles = np.column_stack([np.interp(edges_s, t_s, column) for column in unwrapped.T])
+    phi, theta, _ = (0.5 * (angles[1:] + angles[:-1])).T
+    dphi, dtheta, dpsi = (np.diff(angles, axis=0) / np.diff(edges_s)[:, None]).T
+    return np.column_stack(
+        [
+            dphi - dpsi * np.sin(theta),
+            dtheta * np.cos(phi) + dpsi * np.sin(phi) * np.cos(theta),
+            dpsi * np.cos(theta) * np.cos(phi) - dtheta * np.sin(phi),
+        ]
+    )

@@ -5,7 +5,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from jerkbench.arrays import FloatArray
-from jerkbench.inspection.allan import rest_noise
+from jerkbench.inspection.noise import longest_rest, rest_noise
 from jerkbench.recording import Recording, Velocity
 from jerkbench.report.plots.style import DOTS_PER_INCH, MEASURED, OKABE_ITO, OUTAGE, REFERENCE, literal, quiet, say
 
@@ -99,9 +99,9 @@ def _draw_sigma(axes: Axes, recording: Recording) -> None:
 
 def _draw_allan(axes: Axes, recording: Recording) -> None:
     axes.set(xlabel="Averaging time [s]", ylabel="Allan deviation at rest")
-    noise = rest_noise(recording)
+    noise = rest_noise(recording, longest_rest(recording))
     if noise is None:
-        say(axes, "No rest of 5 s at the start is known.")
+        say(axes, "No rest of 5 s is known or found.")
         return
     names = {"gyro [rad/s]": noise.gyro_radps, "accelerometer [m/s²]": noise.accel_mps2}
     for (name, values), colour in zip(names.items(), OKABE_ITO, strict=False):

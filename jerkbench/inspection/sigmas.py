@@ -1,10 +1,14 @@
-"""The real errors of a receiver against its stated sigmas."""
+"""The real errors of a receiver against its stated sigmas, and how a velocity depends on the positions."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray
+from jerkbench.inspection.evidence import Diagnosis, correlation_of, known
+from jerkbench.inspection.noise import Rest
 from jerkbench.recording import Recording
 
 LEAST_ROWS = 10
@@ -13,6 +17,31 @@ MEDIAN_OF_SQUARE = 0.455
 """Median of chi-square with one degree of freedom."""
 
 REST, REFERENCE = "scatter at rest", "error against the reference"
+
+NEAR_S = 0.5
+"""Over a longer interval of the reference a straight line says little."""
+
+LEAST_RATIO = 4.0
+"""A receiver among towers errs 3.2 times as much as it says, in the middle of its errors; a mistake is more."""
+
+LEAST_SPREAD = 2.0
+"""About its median a receiver among towers errs 1.2 times as much as it says; this is less than a mistake by 10 leaves
+of sigmas that are four times too large."""
+
+LONGEST_GAP_S = 1.1
+
+MIDDLE_ROWS = 30
+"""The middle of fewer errors is no scale."""
+
+FAST_SHARE = 1.5
+"""Variance of x_i - (x_i-1 + x_i+1)/2 of white noise with variance 1."""
+
+JITTER = "the jitter from row to row"
+
+PARAMETERS = {"position": "position_sigma_scale or position_sigma_m", "velocity": "velocity_sigma_mps"}
+
+SHIFTS = range(-2, 3)
+"""By so many rows a velocity may be older or younger than the slope that it was computed from."""
 
 
 @dataclass(frozen=True)
@@ -41,22 +70,27 @@ class Sigma:
     rows: int
 
 
-def stated_against_real_sigma(recording: Recording) -> list[Sigma]:
-    """Return what can be told of position and ENU velocity: at rest at the start, and against the reference.
+def stated_against_real_sigma(recording: Recording, rest: Rest | None = None) -> list[Sigma]:
+    """Return what can be told of position and ENU velocity: at rest, and against the reference.
 
     A reference whose places are the fixes themselves says nothing of them; it is left out. The reference is taken
     linearly between its stamps, where these are no further apart than 0.5 s. A row need not have all axes.
+
+    Args:
+        recording: the recording.
+        rest: where it stands still; None: at the start, for as long as the recording states.
     """
     sigmas = []
+    begin_s, end_s = (0.0, recording.static_start_s) if rest is None else rest[:2]
     for name, unit, t_s, values, covariance in stated_streams(recording):
-        still = (t_s >= 0) & (t_s < recording.static_start_s)
+        still = (t_s >= begin_s) & (t_s < end_s)
         if _enough(values[still]):
             centre = np.nanmean(values[still], axis=0) if name == "position" else np.zeros(3)
             sigmas.append(_sigma(name, unit, REST, values[still] - centre, covariance[still]))
         error = values - _truth(recording, name, t_s)
-        known = np.isfinite(error).any(axis=1)
-        if _enough(error[known]) and (np.nan_to_num(error) != 0).any():
-            sigmas.append(_sigma(name, unit, REFERENCE, error[known], covariance[known]))
+        inside = np.isfinite(error).any(axis=1)
+        if _enough(error[inside]) and (np.nan_to_num(error) != 0).any():
+            sigmas.append(_sigma(name, unit, REFERENCE, error[inside], covariance[inside]))
     return sigmas
 
 
@@ -77,29 +111,25 @@ def stated_streams(recording: Recording) -> list[tuple[str, str, FloatArray, Flo
     return streams
 
 
-def _truth(recording: Recording, stream: str, t_s: FloatArray) -> FloatArray:
+def _truth(recording: Recording, stream: str, t_s: FloatArray, near_s: float = NEAR_S) -> FloatArray:
     """(m, 3) the reference at ``t_s``; NaN where it is not known near."""
     reference = recording.reference
     values = reference.enu_m if stream == "position" else reference.velocity_mps
     if values is None or len(reference.t_s) < 2:
         return np.full((len(t_s), 3), np.nan)
     after = np.clip(np.searchsorted(reference.t_s, t_s), 1, len(reference.t_s) - 1)
-    near = (reference.t_s[after] - reference.t_s[after - 1] <= NEAR_S)[:, None]
+    near = (reference.t_s[after] - reference.t_s[after - 1] <= near_s)[:, None]
     inside = ((t_s >= reference.t_s[0]) & (t_s <= reference.t_s[-1]))[:, None]
     truth = np.column_stack([np.interp(t_s, reference.t_s, values[:, axis]) for axis in range(3)])
     return np.where(near & inside, truth, np.nan)
 
 
-NEAR_S = 0.5
-"""Over a longer interval of the reference a straight line says little."""
-
-
 def _sigma(name: str, unit: str, basis: str, error: FloatArray, covariance: FloatArray) -> Sigma:
     """Of errors (k, 3), NaN where an axis was not measured."""
     measured = np.isfinite(error)
-    known, both_measured = np.where(measured, error, 0.0), measured[:, :, None] & measured[:, None, :]
-    weighed = np.linalg.solve(np.where(both_measured, covariance, np.eye(3)), known[:, :, None])[:, :, 0]
-    squares = np.einsum("ki,ki->k", known, weighed)
+    filled, both_measured = np.where(measured, error, 0.0), measured[:, :, None] & measured[:, None, :]
+    weighed = np.linalg.solve(np.where(both_measured, covariance, np.eye(3)), filled[:, :, None])[:, :, 0]
+    squares = np.einsum("ki,ki->k", filled, weighed)
     variances = np.where(measured, np.diagonal(covariance, axis1=1, axis2=2), np.nan)
     return Sigma(
         stream=name,
@@ -108,6 +138,135 @@ def _sigma(name: str, unit: str, basis: str, error: FloatArray, covariance: Floa
         stated=np.sqrt(np.nanmean(variances, axis=0)),
         real=np.sqrt(np.nanmean(error**2, axis=0)),
         ratio=float(np.sqrt(squares.sum() / measured.sum())),
-        median_ratio=float(np.sqrt(np.nanmedian((error**2 / variances)[:, :2]) / MEDIAN_OF_SQUARE)),
+        median_ratio=_middle(error[:, :2], np.sqrt(variances[:, :2])),
         rows=len(error),
     )
+
+
+def _middle(error: FloatArray, sigmas: FloatArray) -> float:
+    """The middle of errors against their sigmas; 1: as stated."""
+    return float(np.sqrt(np.nanmedian((error / sigmas) ** 2) / MEDIAN_OF_SQUARE))
+
+
+def understated_noise(recording: Recording, *, reference: bool = True) -> list[Diagnosis]:
+    """Return the streams that err at least four times as much as they say, fixes about their offset at least twice.
+
+    By the scatter at rest, by the error against a reference, and by the jitter from row to row; of errors with a long
+    tail only the middle counts, for a false fix is no matter of scale.
+
+    Args:
+        recording: the recording.
+        reference: whether the reference may be asked: its axes are those of the fixes.
+    """
+    ratios = [*_jitter(recording), *(_ratio(sigma) for sigma in stated_against_real_sigma(recording))]
+    least = [(entry, LEAST_RATIO) for entry in ratios] + [(entry, LEAST_SPREAD) for entry in _spread(recording)]
+    worst: dict[str, tuple[float, str]] = {}
+    for (stream, ratio, basis), limit in least:
+        asked = reference or "the reference" not in basis
+        if asked and ratio >= limit and ratio > worst.get(stream, (0.0, ""))[0]:
+            worst[stream] = ratio, basis
+    return [
+        Diagnosis(
+            f"sd of {stream} too small",
+            f"{basis} is {ratio:.1f} times as large as stated",
+            f"The standard deviations of {stream} are too small",
+            f"Scale them by {ratio:.0f}: {PARAMETERS[stream]}",
+        )
+        for stream, (ratio, basis) in worst.items()
+    ]
+
+
+def overstated_noise(recording: Recording, rest: Rest | None) -> Iterator[str]:
+    """Tell which stated sigmas are at least four times as large as the errors that show; that is never sure.
+
+    By the error against the reference, or else the scatter at rest, or else the jitter from row to row.
+    """
+    sigmas = sorted(stated_against_real_sigma(recording, rest), key=lambda sigma: sigma.basis == REST)
+    ratios = [*(_ratio(sigma) for sigma in sigmas), *_spread(recording), *_jitter(recording)]
+    for stream, unit, _, values, covariance in stated_streams(recording):
+        found = [(ratio, basis) for name, ratio, basis in ratios if name == stream and ratio > 0]
+        against = [pair for pair in found if "the reference" in pair[1]]
+        ratio, basis = max(against or found[:1], default=(1.0, ""))
+        if ratio > 1 / LEAST_RATIO:
+            continue
+        deviations = np.where(np.isfinite(values), np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)), np.nan)
+        stated = float(np.nanmedian(deviations[:, :2]))
+        slow = "" if against else " A slow error does not show there, and would be real."
+        yield (
+            f"The standard deviations of {stream} may be too large: {stated:.3g} {unit} is stated, {stated * ratio:.2g}"
+            f" {unit} measured, {1 / ratio:.3g} times less ({basis}).{slow} To correct them, scale them by {ratio:.2g}:"
+            f" {PARAMETERS[stream]}."
+        )
+
+
+def _spread(recording: Recording) -> Iterator[tuple[str, float, str]]:
+    """The middle of the fixes' errors about their median against their sigmas, all axes together.
+
+    The reference is taken linearly between stamps a second apart, too: an offset, which a reference may have, is gone,
+    and half a metre of a bend within a second is nothing to the sigma of a receiver at 1 Hz.
+    """
+    position = recording.position
+    if position is None or len(recording.reference.t_s) < MIDDLE_ROWS:
+        return
+    error = position.enu_m - _truth(recording, "position", position.t_s, LONGEST_GAP_S)
+    rows = np.isfinite(error).all(axis=1)
+    if rows.sum() >= MIDDLE_ROWS and error[rows].any():
+        sigmas = np.sqrt(np.diagonal(position.covariance_m2[rows], axis1=1, axis2=2))
+        ratio = _middle(error[rows] - np.median(error[rows], axis=0), sigmas)
+        yield "position", ratio, "the middle of the error against the reference, about its median"
+
+
+def _ratio(sigma: Sigma) -> tuple[str, float, str]:
+    if sigma.basis == REST:
+        return sigma.stream, sigma.ratio, "the scatter at rest"
+    return sigma.stream, sigma.median_ratio, "the median error against the reference"
+
+
+def _jitter(recording: Recording) -> Iterator[tuple[str, float, str]]:
+    """Of each stream the middle of |x_i - (x_i-1 + x_i+1)/2| against its sigma, east and north together."""
+    for stream, _, _, values, covariance in stated_streams(recording):
+        sigmas = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))[1:-1, :2]
+        fast = _fast(values[:, :2])
+        rows = np.isfinite(fast).all(axis=1)
+        if rows.sum() >= MIDDLE_ROWS:
+            yield stream, _middle(fast[rows], sigmas[rows] * np.sqrt(FAST_SHARE)), JITTER
+
+
+def _fast(x: FloatArray) -> FloatArray:
+    """x_i - (x_i-1 + x_i+1)/2, in which a vehicle's motion is small and noise is not."""
+    return x[1:-1] - 0.5 * (x[2:] + x[:-2])
+
+
+class Dependence(NamedTuple):
+    """The share of the positions' noise in the noise of a velocity.
+
+    Attributes:
+        stream: "velocity, horizontal" or "velocity, up".
+        correlation: of the fast changes of both: near 0 for noise of its own, 1 where one is computed from the other.
+    """
+
+    stream: str
+    correlation: float
+
+
+def velocity_dependence(recording: Recording) -> list[Dependence]:
+    """Return how an ENU velocity of as many rows as there are positions follows their slope; horizontal and up apart.
+
+    With s_i = (p_i - p_i-1)/(t_i - t_i-1), and x''_i = x_i - (x_i-1 + x_i+1)/2::
+
+        max over k from -2 to 2 of corr(s''_i, v''_i-k)
+    """
+    position, velocity = recording.position, recording.velocity
+    if position is None or velocity is None or velocity.frame != "enu" or np.isnan(position.enu_m).any():
+        return []
+    dependences = []
+    for name, axes in (("velocity, horizontal", [0, 1]), ("velocity, up", [2])):
+        _, mps = known(velocity.t_s, velocity.mps[:, axes])
+        if len(mps) == len(position.t_s) >= MIDDLE_ROWS:
+            slope = np.diff(position.enu_m[:, axes], axis=0) / np.diff(position.t_s)[:, None]
+            edge = max(SHIFTS)  # rolled over the ends
+            correlations = [
+                correlation_of(_fast(slope)[edge:-edge], _fast(np.roll(mps, k, axis=0)[1:])[edge:-edge]) for k in SHIFTS
+            ]
+            dependences.append(Dependence(name, max(correlations)))
+    return dependences

@@ -10,7 +10,7 @@ from jerkbench.verbs.source import SOURCE, dataset_of
 
 if TYPE_CHECKING:
     from jerkbench.contracts import Dataset
-    from jerkbench.inspection.guess.guessing import Draft
+    from jerkbench.inspection.guessing import Draft
     from jerkbench.recording import Recording
 
 SUFFIX = ".csv"
@@ -37,7 +37,7 @@ def _print_guesses(chosen: argparse.Namespace) -> None:
         JerkbenchError: the preset is there already.
     """
     from jerkbench.datasets.table import Tables
-    from jerkbench.inspection.guess.guessing import guess_table
+    from jerkbench.inspection.guessing import guess_table
 
     draft = guess_table(Path(chosen.source).expanduser())
     _print_draft(draft)
@@ -63,7 +63,7 @@ def _print_draft(draft: "Draft") -> None:
 
 def _write_preset(draft: "Draft", preset: Path) -> None:
     from jerkbench.files import write_atomically
-    from jerkbench.inspection.guess.preset import preset_path, preset_text
+    from jerkbench.inspection.guessing import preset_path, preset_text
 
     path = preset_path(preset)
     require_new(path)

@@ -9,7 +9,7 @@ from jerkbench.attitude.gyro_only import GyroOnly
 from jerkbench.attitude.tilt import Tilt
 from jerkbench.contracts import Remarking
 from jerkbench.datasets.field_v1 import FieldV1
-from jerkbench.inspection.yaw import yaw_line
+from jerkbench.inspection.facts import yaw_line
 from jerkbench.recording import Heading, Position
 from synthetic import recording_at_rest
 

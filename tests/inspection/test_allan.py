@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from jerkbench.datasets.field_v1 import FieldV1
-from jerkbench.inspection.allan import allan_deviation, nearest_grade, rest_noise
+from jerkbench.inspection.facts import findings_text
+from jerkbench.inspection.noise import allan_deviation, longest_rest, nearest_grade, rest_noise
+from jerkbench.recording import Imu, Position, Recording, Reference
 from jerkbench.simulation.imu import GRADES
 
 
@@ -59,3 +61,33 @@ def test_the_nearest_grade_is_nearest_in_ratio():
     assert nearest_grade(5.0, 1.0) == "consumer"
     assert nearest_grade(0.12, 0.062) == "tactical"
     assert nearest_grade(0.0, 0.0) in GRADES
+
+
+def halting(begin_s, end_s, *, fixes_stop=True):
+    """A minute of shaking, and a rest in it; the fixes move at 10 m/s but, as a rule, in the rest."""
+    draw, t_s = np.random.default_rng(0), np.arange(0.01, 60.0, 0.01)
+    loud = np.where((t_s >= begin_s) & (t_s < end_s), 0.01, 1.0)[:, None]
+    force, rate = (loud * draw.normal(size=(len(t_s), 3)) for _ in range(2))
+    imu = Imu(t_s, force + np.array([0.0, 0.0, 9.81]), 0.1 * rate)
+    fix_s = np.arange(0.0, 60.0, 1.0)
+    driven_s = np.where(fix_s < begin_s, fix_s, np.maximum(begin_s, fix_s - (end_s - begin_s))) if fixes_stop else fix_s
+    position = Position(fix_s, np.outer(10.0 * driven_s, [1.0, 0.0, 0.0]), np.tile(np.eye(3), (len(fix_s), 1, 1)))
+    return Recording("halt", imu, Reference(np.array([0.0]), "none", independent=False), position)
+
+
+def test_a_rest_that_nobody_stated_is_found_in_the_imu():
+    rest = longest_rest(halting(20.0, 30.0))
+    assert (rest.begin_s, rest.end_s) == pytest.approx((20.5, 29.5), abs=0.1)
+    assert not rest.stated
+    noise = rest_noise(halting(20.0, 30.0), rest)
+    assert noise.velocity_random_walk_mps_per_sqrt_h == pytest.approx(60.0 * 0.01 * np.sqrt(0.01), rel=0.2)
+    assert "the IMU shows that rest from 20" in findings_text(halting(20.0, 30.0))
+
+
+@pytest.mark.parametrize("recording", [halting(20.0, 30.0, fixes_stop=False), halting(20.0, 24.0)])
+def test_a_smooth_road_and_a_short_halt_are_no_rest(recording):
+    assert longest_rest(recording) is None
+
+
+def test_the_rest_that_is_stated_comes_first():
+    assert longest_rest(dataclasses.replace(halting(20.0, 30.0), static_start_s=6.0))[1:] == (6.01, True)

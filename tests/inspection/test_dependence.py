@@ -7,7 +7,7 @@ import pytest
 
 from jerkbench.conformance.samples import small_recording
 from jerkbench.datasets.field_v1 import FieldV1
-from jerkbench.inspection.dependence import velocity_dependence
+from jerkbench.inspection.sigmas import velocity_dependence
 from jerkbench.recording import Position, Velocity
 
 

@@ -3,17 +3,15 @@
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 import pytest
+from given import kitti
 from mistakes import MISTAKES, OTHERS, in_axes, is_found, ned, of_imu, of_sigmas
 
 from jerkbench.datasets.field_v1 import FieldV1
-from jerkbench.inspection.diagnosis.doctor import diagnoses, first_diagnoses
-from jerkbench.inspection.diagnosis.plane import IDENTITY, PLANE
-from jerkbench.inspection.remarks import findings_text
+from jerkbench.inspection.doctor import diagnoses, first_diagnoses
+from jerkbench.inspection.facts import findings_text
+from jerkbench.inspection.mounting import IDENTITY, PLANE
 from jerkbench.io.frames import axes_matrix
-from jerkbench.recording import Imu, Position, Recording, Reference
-from jerkbench.verbs.source import dataset_of
 
 CLOCK = "IMU's clock off by 1 s"
 
@@ -113,19 +111,9 @@ def test_an_accelerometer_that_feels_all_forces_the_other_way(field):
 @pytest.mark.parametrize("until_s", [20.0, 60.0, 1000.0])
 def test_a_cars_frd_imu_left_as_flu_is_not_called_a_mirrored_track(shared_folder, until_s):
     """With white fixes at 1 Hz and its attitude; also a drive so short that nothing else is sure."""
-    path = shared_folder / "data" / "kitti" / "2011_09_30_drive_0018.parquet"
-    if not path.exists():
-        pytest.skip("the drive is not in ../shared/data")
-    rows = pd.read_parquet(path).astype(float)
-    rows = rows[rows.t - rows.t.iloc[0] < until_s]
-    t_s, enu = (rows.t - rows.t.iloc[0]).to_numpy(), rows[["e", "n", "u"]].to_numpy()
-    flip = np.array([1.0, -1.0, -1.0])
-    imu = Imu(t_s, rows[["ax", "ay", "az"]].to_numpy() * flip, rows[["gx", "gy", "gz"]].to_numpy() * flip)
-    fix = np.arange(50, len(rows), 100)
-    noise = np.random.default_rng(0).normal(0.0, [0.3, 0.3, 0.6], (len(fix), 3))
-    position = Position(t_s[fix], enu[fix] + noise, np.tile(np.diag([0.09, 0.09, 0.36]), (len(fix), 1, 1)))
-    euler = rows[["roll", "pitch", "yaw"]].to_numpy()
-    recording = Recording("kitti", imu, Reference(t_s, "RTK", independent=True, euler_rad=euler), position)
+    if not (shared_folder / "data" / "kitti").exists():
+        pytest.skip("kitti is not in ../shared/data")
+    recording = in_axes(kitti(shared_folder / "data", "2011_09_30_drive_0018", until_s), FRD)
     (diagnosis,) = diagnoses(recording)
     assert diagnosis.name == "IMU not upright"
     assert "imu_axes=[x,-y,-z]" in diagnosis.remedy
@@ -134,60 +122,3 @@ def test_a_cars_frd_imu_left_as_flu_is_not_called_a_mirrored_track(shared_folder
 
 def test_a_sensor_in_a_hand_may_lie_on_any_side(field):
     assert diagnoses(replace(in_axes(field, FRD), position=None, velocity=None)) == []
-
-
-LOADED = {
-    "drive": ("rtklib_drive_0708", None),
-    "comma2k19": ("comma2k19", None),
-    "xsens": ("robot_localization/xsens.bag", "xsens_bag"),
-    "husky": ("robot_localization/test1.bag", "husky_bag"),
-    "zurich_mav": ("degraded/zurich_mav_1", None),
-    "broad": ("broad", None),
-    "tokyo_1105": ("degraded/tokyo_1105", None),
-    "hamburg": ("degraded/hamburg", "hamburg"),
-    "beijing_car": ("degraded/beijing_car", None),
-    "pixel4": ("degraded/pixel4", None),
-}
-
-SD = "sd of the fixes 10 times too small"
-
-NOT_FOUND = {
-    "drive": set(),
-    "comma2k19": set(),
-    "xsens": {SD},
-    "husky": {SD},
-    "zurich_mav": {CLOCK, "IMU turned by 90 degrees", "IMU turned by 180 degrees"},
-}
-"""Of the ten, with why: xsens and husky state placeholders, 10 to 100 times too large, and have no reference; a
-quadrotor feels no force of its own acceleration, and flies sideways, so that its course says nothing of its IMU."""
-
-
-def test_at_least_45_of_50_are_found():
-    assert sum(len(MISTAKES) - len(missed) for missed in NOT_FOUND.values()) >= 45
-
-
-@pytest.fixture(scope="module")
-def real(shared_folder):
-    """Loads a recording of those that may not be here, once."""
-    loaded = {}
-
-    def load(name):
-        path, dataset = LOADED[name]
-        if not (shared_folder / "data" / path).exists():
-            pytest.skip(f"{path} is not in ../shared/data")
-        if name not in loaded:
-            loaded[name] = dataset_of(str(shared_folder / "data" / path), dataset, []).load(0)
-        return loaded[name]
-
-    return load
-
-
-@pytest.mark.parametrize("name", LOADED)
-def test_nothing_is_found_in_real_recordings_as_they_are(real, name):
-    assert diagnoses(real(name)) == []
-
-
-@pytest.mark.parametrize("name", NOT_FOUND)
-def test_mistakes_in_real_recordings_are_found(real, name):
-    recording = real(name)
-    assert {mistake for mistake in MISTAKES if not found_in(recording, mistake)} == NOT_FOUND[name]

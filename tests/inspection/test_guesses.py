@@ -7,9 +7,9 @@ from logs import columns, kitti_like, ned_degrees
 from jerkbench.datasets.field_v1 import FieldV1
 from jerkbench.errors import RecordingError
 from jerkbench.geometry import enu_to_geodetic
-from jerkbench.inspection.guess.guessing import guess_table
-from jerkbench.inspection.guess.names import parsed
-from jerkbench.inspection.guess.values import is_date
+from jerkbench.inspection.columns import parsed
+from jerkbench.inspection.guesses import is_date
+from jerkbench.inspection.guessing import guess_table
 from jerkbench.recording import Origin
 
 RIGHT = {

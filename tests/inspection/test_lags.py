@@ -4,13 +4,14 @@ import dataclasses
 
 import numpy as np
 import pytest
+from given import in_a_hand, kitti
+from mistakes import of_imu
 
 from jerkbench.datasets.field_v1 import FieldV1
 from jerkbench.datasets.rtklib import RtklibDrive
-from jerkbench.inspection.diagnosis.clocks import late_imu
-from jerkbench.inspection.diagnosis.doctor import diagnoses
-from jerkbench.inspection.lags import estimated_lags
-from jerkbench.inspection.remarks import findings_text
+from jerkbench.inspection.doctor import diagnoses
+from jerkbench.inspection.facts import findings_text
+from jerkbench.inspection.lags import estimated_lags, late_imu
 from jerkbench.recording import Imu, Position, Recording, Reference, Velocity
 
 
@@ -154,3 +155,76 @@ def test_the_turning_tells_the_imus_lag_finer_than_the_fixes_step(late_s):
     assert ("imu_shift_s" in findings_text(late)) == (late_s != 0.0)
     told = [one.remedy for one in diagnoses(late)]
     assert told == ([f"Add {-lag.lag_s:+.2f} to imu_shift_s"] if abs(late_s) >= 0.4 else [])
+
+
+SLALOM = tuple((float(k), 0.2 * (-1) ** k) for k in range(80))
+
+
+@pytest.mark.parametrize("waypoints_m", [None, SLALOM])
+@pytest.mark.parametrize("lead_s", [0.6, -0.6])
+def test_a_hand_that_turns_before_its_walker_has_no_late_stamps_and_no_mirror(lead_s, waypoints_m):
+    recording = in_a_hand(lead_s, waypoints_m)
+    assert diagnoses(recording) == []
+    assert late_imu(recording).lag_s == pytest.approx(-lead_s, abs=0.1)
+    assert "not sure: the stamps are off, or the sensor turns before or after it goes" in findings_text(recording)
+
+
+@pytest.mark.parametrize("late_s", [-1.0, 1.0])
+def test_late_stamps_are_sure_without_a_wheel_and_an_attitude_where_the_forces_are_late_too(late_s):
+    """The course of a vehicle alone could be that of a hand."""
+    field = FieldV1().load(0)
+    imu = Imu(field.imu.t_s + late_s, field.imu.accel_mps2, field.imu.gyro_radps)
+    reference = dataclasses.replace(field.reference, euler_rad=None)
+    recording = dataclasses.replace(field, imu=imu, reference=reference, heading=None)
+    (diagnosis,) = diagnoses(recording)
+    assert diagnosis.name == "clock of imu"
+    assert late_imu(recording).lag_s == pytest.approx(late_s, abs=0.1)
+
+
+@pytest.fixture(scope="module")
+def car(shared_folder):
+    """A drive of KITTI with white fixes at 1 Hz, with its attitude or without, its IMU so much later."""
+    folder = shared_folder / "data"
+    if not (folder / "kitti").exists():
+        pytest.skip("kitti is not in ../shared/data")
+
+    def late(late_s, *, attitude=True):
+        drive = kitti(folder, "2011_09_30_drive_0018", attitude=attitude)
+        return of_imu(drive, late_s=late_s)
+
+    return late
+
+
+@pytest.mark.parametrize("late_s", [0.0, 0.45])
+def test_the_interval_has_room_for_the_filter_of_a_sensor(car, late_s):
+    """OXTS' rates are .050 s behind its own attitude in all drives (phases from .2 to 3 Hz); its forces are not."""
+    lag, as_it_is = late_imu(car(late_s)), late_imu(car(0.0))
+    assert abs(lag.lag_s - late_s) <= lag.within_s < 0.1
+    assert lag.lag_s - as_it_is.lag_s == pytest.approx(late_s, abs=0.005)
+    assert as_it_is.lag_s == pytest.approx(0.050, abs=0.005)
+    assert "to mend it" not in findings_text(car(0.0))
+
+
+def test_an_offset_is_told_with_its_uncertainty_and_in_metres(car):
+    """By fixes at 1 Hz alone; 8.4 m/s is the median of the speeds from fix to fix."""
+    lag = late_imu(car(0.3, attitude=False))
+    assert abs(lag.lag_s - 0.3) < lag.within_s < 0.5
+    line = f"{lag.lag_s:+.3f} s, give or take {lag.within_s:.2f} s"
+    metres = f"at 8.4 m/s (median) it shifts places by {8.4 * lag.lag_s:.2g} m along the track"
+    text = findings_text(car(0.3, attitude=False))
+    assert f"{line} (correlation {lag.correlation:.3f}, without a shift {lag.at_none:.3f}); {metres}" in text
+    assert f"to try it add {-lag.lag_s:+.2f} to imu_shift_s" in text
+
+
+def test_a_weak_relation_has_a_number_too():
+    recording, draw = driving(0.0, 0.3), np.random.default_rng(2)
+    imu = recording.imu
+    noisy = Imu(imu.t_s, imu.accel_mps2 + 20.0 * draw.normal(size=imu.accel_mps2.shape), imu.gyro_radps)
+    recording = dataclasses.replace(recording, imu=noisy)
+    lag = estimated_lags(recording)[-1]
+    assert 0.2 < lag.correlation < 0.5
+    assert np.isnan(lag.lag_s)
+    assert abs(lag.best_s - 0.3) < lag.within_s
+    text = findings_text(recording)
+    assert f"weak, and not sure; {lag.best_s:+.2f} s fits best, and lags within {lag.within_s:.2f} s fit alike" in text
+    assert "imu_shift_s" not in text

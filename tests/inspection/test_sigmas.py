@@ -5,6 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
+from jerkbench.inspection.doctor import diagnoses
+from jerkbench.inspection.facts import findings_text
 from jerkbench.inspection.sigmas import REFERENCE, REST, stated_against_real_sigma
 from jerkbench.recording import Position, Reference, Velocity
 from synthetic import recording_at_rest
@@ -60,3 +62,25 @@ def test_a_reference_with_holes_is_not_bridged():
     recording = noisy()
     coarse = Reference(np.arange(0, 400, 2.0), "coarse", independent=True, enu_m=np.zeros((200, 3)))
     assert stated_against_real_sigma(dataclasses.replace(recording, reference=coarse, static_start_s=0.0)) == []
+
+
+@pytest.mark.parametrize(("stated_m", "told"), [(4.84, True), (0.3, False), (0.087, False)])
+def test_sigmas_that_may_be_too_large_are_told(stated_m, told):
+    """At a rest that only the IMU shows; without a reference, as most users have it."""
+    nothing = Reference(np.array([0.0]), "none", independent=False)
+    recording = dataclasses.replace(noisy(0.087, stated_m), reference=nothing, velocity=None, static_start_s=0.0)
+    text = findings_text(recording)
+    assert diagnoses(recording) == []
+    assert ("to check: The standard deviations of position may be too large" in text) == told
+    if told:
+        assert "4.84 m is stated, 0.087 m measured" in text
+        assert "the scatter at rest" in text
+        assert "scale them by 0.018: position_sigma_scale or position_sigma_m" in text
+
+
+def test_a_slow_error_that_the_reference_shows_is_no_sigma_that_is_too_large():
+    recording = noisy(0.087, 4.84)
+    position = recording.position
+    slow = dataclasses.replace(position, enu_m=position.enu_m + 4.0)
+    assert "too large" in findings_text(dataclasses.replace(recording, velocity=None))
+    assert "too large" not in findings_text(dataclasses.replace(recording, position=slow, velocity=None))

@@ -1,5 +1,6 @@
-"""A table of unknown columns -> guesses with their reasons, in the order in which one rests on the other."""
+"""A table of unknown columns -> guesses with their reasons, in the order in which one rests on the other; a preset."""
 
+import json
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -9,10 +10,32 @@ import numpy as np
 from jerkbench.arrays import BoolArray
 from jerkbench.datasets.table import Tables
 from jerkbench.errors import RecordingError
-from jerkbench.inspection.guess import motion, values
-from jerkbench.inspection.guess.guess import Guess, Value
-from jerkbench.inspection.guess.names import Name, common_unit, parsed
-from jerkbench.inspection.guess.streams import Sensors, Vector, position_of, sensors_of, sigma_of, velocity_of
+from jerkbench.inspection.columns import (
+    Name,
+    Sensors,
+    Vector,
+    common_unit,
+    parsed,
+    position_of,
+    sensors_of,
+    sigma_of,
+    velocity_of,
+)
+from jerkbench.inspection.guesses import (
+    FrameFit,
+    Guess,
+    Value,
+    guess_accel_unit,
+    guess_angle_unit,
+    guess_forward,
+    guess_gyro_unit,
+    guess_time_unit,
+    guess_upright,
+    guess_velocity_frame,
+    is_date,
+    speed_unit,
+    turns_with_gyro,
+)
 from jerkbench.io.columns import Columns, read_columns
 from jerkbench.io.frames import ACCEL_UNITS, GYRO_UNITS
 from jerkbench.io.text import TextFormat
@@ -21,6 +44,16 @@ from jerkbench.recording import Recording
 SEPARATORS = (",", ";", "\t", "")
 OTHER = {"enu": "ned", "ned": "enu"}
 SIGMA_UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001}
+HEAD = """\
+# {name}: guessed from the columns of {file}. Correct what is unsure; `jerkbench show dataset table` lists the rest.
+defaults:
+  - table
+  - _self_
+
+folder: {folder}
+separator: {separator}
+"""
+
 ECEF_M = (6.3e6, 6.45e6)
 """So far is the ground from the centre of the Earth."""
 
@@ -114,8 +147,8 @@ def _times(draft: Draft, *, imu: bool, position: bool) -> None:
     column, stamps = times[0].column, draft.columns.numbers([times[0].column])[:, 0]
     streams = [name for name, present in (("imu", imu), ("position", position)) if present]
     draft.add(*(Guess(f"{stream}_time", column, "named", "its name") for stream in streams))
-    unit = values.time_unit(stamps, times[0].unit)
-    date = values.is_date(stamps, str(unit.value))
+    unit = guess_time_unit(stamps, times[0].unit)
+    date = is_date(stamps, str(unit.value))
     epoch = Guess("epoch", "unix", "unsure", "the stamps are dates; of UTC, or of GPS time, 18 s ahead")
     draft.add(unit, epoch if date else Guess("epoch", "none", "measured", "the stamps are no dates of our time"))
 
@@ -126,8 +159,8 @@ def _imu(draft: Draft, sensors: Sensors) -> None:
     draft.add(Guess("imu_accel", accel, "named", "their names"), Guess("imu_gyro", gyro, "named", "their names"))
     force = draft.columns.numbers(accel)
     force = force[np.isfinite(force).all(axis=1)]
-    draft.add(values.accel_unit(force, common_unit(sensors.accel, ACCEL_UNITS)))
-    draft.add(values.upright(force))
+    draft.add(guess_accel_unit(force, common_unit(sensors.accel, ACCEL_UNITS)))
+    draft.add(guess_upright(force))
 
 
 def _position(draft: Draft, position: Vector) -> None:
@@ -137,7 +170,7 @@ def _position(draft: Draft, position: Vector) -> None:
     _sigma(draft, np.asarray(np.isfinite(places).all(axis=1)))
     if position.frame == "geodetic":
         draft.add(Guess("position_frame", "geodetic", "named", "the columns say so"))
-        draft.add(values.angle_unit(places[:, 0], places[:, 1], common_unit(position.names[:2], {"deg": 0, "rad": 0})))
+        draft.add(guess_angle_unit(places[:, 0], places[:, 1], common_unit(position.names[:2], {"deg": 0, "rad": 0})))
         return
     distance_m = float(np.nanmedian(np.linalg.norm(places, axis=1)))
     if ECEF_M[0] < distance_m < ECEF_M[1]:
@@ -167,16 +200,16 @@ def _sigma(draft: Draft, fixes: BoolArray) -> None:
 def _measure_imu(draft: Draft, sensors: Sensors, position: Vector | None) -> None:
     """Weigh the gyro's unit first: all else compares turns or forces with the track."""
     upright = draft.guesses["imu_axes"]
-    draft.add(motion.gyro_unit(draft.load(gyro_unit="rad/s"), common_unit(sensors.gyro, GYRO_UNITS)))
+    draft.add(guess_gyro_unit(draft.load(gyro_unit="rad/s"), common_unit(sensors.gyro, GYRO_UNITS)))
     if position is not None:
         draft.add(_turned_frame(draft))
-    draft.add(motion.forward(draft.load(), _words(upright.value), upright))
+    draft.add(guess_forward(draft.load(), _words(upright.value), upright))
 
 
 def _turned_frame(draft: Draft) -> Guess:
     """Return the frame of the places, by whether the track turns with the gyro."""
     frame = draft.guesses["position_frame"]
-    agrees, measured = motion.turns_with_gyro(draft.load())
+    agrees, measured = turns_with_gyro(draft.load())
     if agrees is None:
         return Guess("position_frame", frame.value, frame.grade, f"{frame.why}; {measured}")
     if agrees:
@@ -197,13 +230,29 @@ def _velocity(draft: Draft, velocity: Vector) -> None:
     if velocity.frame == "body":
         draft.add(Guess("velocity_frame", "body", "named", "the columns say so"))
         return
-    frame, agreement = motion.velocity_frame(draft.load(velocity_frame="enu"), velocity.frame)
+    frame, agreement = guess_velocity_frame(draft.load(velocity_frame="enu"), velocity.frame)
     draft.add(frame)
-    if agreement is not None and motion.speed_unit(agreement) != "m/s":
+    if agreement is not None and speed_unit(agreement) != "m/s":
         draft.add(_other_unit(frame, agreement))
 
 
-def _other_unit(frame: Guess, agreement: motion.Agreement) -> Guess:
-    unit = motion.speed_unit(agreement) or "no unit that is known"
+def _other_unit(frame: Guess, agreement: FrameFit) -> Guess:
+    unit = speed_unit(agreement) or "no unit that is known"
     why = f"{frame.why}; but the fixes move {agreement.factor:.3g} times as fast: {unit}; make m/s of it"
     return Guess(frame.parameter, frame.value, "unsure", why)
+
+
+def preset_text(draft: Draft, name: str) -> str:
+    """Return the preset; JSON's values are YAML's."""
+    quoted = {key: json.dumps(draft.settings[key], ensure_ascii=False) for key in ("folder", "separator")}
+    lines = [] if "imu_file" in draft.guesses else ['imu_file: "" # there is no IMU']
+    for guess in draft.guesses.values():
+        value = json.dumps(guess.value, ensure_ascii=False)
+        lines.append(f"{guess.parameter}: {value} # {guess.grade}: {guess.why}")
+    return HEAD.format(name=name, file=draft.path.name, **quoted) + "\n".join(lines) + "\n"
+
+
+def preset_path(path: Path) -> Path:
+    """Return where a preset of a data set has to stand for ``--config-dir``: in a folder `dataset`."""
+    named = path.with_suffix(".yaml")
+    return named if named.parent.name == "dataset" else named.parent / "dataset" / named.name

@@ -1,0 +1,195 @@
+"""Guesses of units and frames: by the values of columns, by the gyro against the track, by fixes against velocity."""
+
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from jerkbench.arrays import FloatArray
+from jerkbench.inspection.evidence import SURE, known, mean_velocity, slope, window_means
+from jerkbench.inspection.mounting import IDENTITY, UPRIGHT, UPRIGHT_SHARE, axes_text, gravity_share, plane_fit
+from jerkbench.inspection.units import DEG_PER_RAD, TOLERANCE, WITHIN, Turning, sure_turnings, turning_track
+from jerkbench.recording import GRAVITY_MPS2, Recording
+
+Value = str | float | tuple[str, ...]
+
+STAMPS = {"ns": 1e17, "us": 1e14, "ms": 1e11, "s": 1e8}
+"""Stamps since 1970 or 1980 are larger than these, in each unit, and smaller than 100 times that."""
+
+RATES_HZ = (0.5, 2500.0)
+"""A log's rows come so often."""
+
+LATITUDE_RAD, LONGITUDE_RAD = np.pi / 2, np.pi
+
+LEAST_COSINE = 0.9
+LEAST_GAIN = 0.2
+"""A frame of velocities fits the fixes at least so well, and by so much better than the other one."""
+
+WINDOW_S = 1.0
+SCALES = {"m/s": 1.0, "km/h": 3.6, "knots": 1.94384}
+"""What a velocity in each unit is multiplied with."""
+
+
+@dataclass(frozen=True)
+class Guess:
+    """One guess.
+
+    Attributes:
+        parameter: of the data set table.
+        value: what it is to be.
+        grade: "measured" (the values say so), "named" (the column's name says so), or "unsure" (neither does).
+        why: the reason, in words.
+    """
+
+    parameter: str
+    value: Value
+    grade: Literal["measured", "named", "unsure"]
+    why: str
+
+    def __str__(self) -> str:
+        """Return it as a line that a person reads."""
+        value = f"[{', '.join(self.value)}]" if isinstance(self.value, tuple) else self.value
+        return f"{self.grade:<8}  {self.parameter} = {value}: {self.why}"
+
+
+def is_date(stamps: FloatArray, unit: str) -> bool:
+    """Return whether stamps in ``unit`` count from 1970 or 1980."""
+    return unit in STAMPS and bool(STAMPS[unit] <= stamps[0] < 100 * STAMPS[unit])
+
+
+def guess_time_unit(stamps: FloatArray, named: str) -> Guess:
+    """Return the unit of a column of times, by its name, by the size of its stamps, or by its rate."""
+    step = float(np.median(np.diff(stamps)))
+    if named:
+        return Guess("time_unit", named, "named", f"the column says so; the median step is {step:g} {named}")
+    for unit in STAMPS:
+        if is_date(stamps, unit):
+            return Guess("time_unit", unit, "measured", f"{stamps[0]:.0f} is a date of our time in {unit}")
+    scales = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
+    fitting = [unit for unit, scale in scales.items() if RATES_HZ[0] <= scale / step <= RATES_HZ[1]]
+    if len(fitting) == 1:
+        rate_hz = scales[fitting[0]] / step
+        return Guess("time_unit", fitting[0], "measured", f"the median step is {step:g}, which makes {rate_hz:g} Hz")
+    others = f"{' or '.join(fitting)} would fit" if fitting else "no unit makes a usual rate"
+    return Guess("time_unit", fitting[0] if fitting else "s", "unsure", f"the median step is {step:g}: {others}")
+
+
+def guess_accel_unit(accel: FloatArray, named: str) -> Guess:
+    """Return the unit of specific forces (n, 3), by the size of gravity."""
+    size = float(np.median(np.linalg.norm(accel, axis=1)))
+    for unit, gravity in (("m/s2", GRAVITY_MPS2), ("g", 1.0)):
+        if abs(size / gravity - 1.0) < TOLERANCE:
+            why = f"the median of |f| is {size:.3g}, gravity is {gravity:g} {unit}"
+            return Guess("accel_unit", unit, "measured", why)
+    why = f"the median of |f| is {size:.3g}, which is gravity in no unit; is it without gravity?"
+    return Guess("accel_unit", named or "m/s2", "unsure", why)
+
+
+def guess_upright(accel: FloatArray) -> Guess:
+    """Return a body whose z axis is up, by the axis and the sign of gravity; forward is not known yet."""
+    felt, share = gravity_share(accel)
+    why = f"gravity is felt on {felt} (the cosine of the angle is {share:.2f})"
+    return Guess("imu_axes", UPRIGHT[felt], "measured" if share > UPRIGHT_SHARE else "unsure", why)
+
+
+def guess_angle_unit(latitude: FloatArray, longitude: FloatArray, named: str) -> Guess:
+    """Return the unit of latitudes and longitudes; near 0, 0 the values do not tell."""
+    largest = float(np.nanmax(np.abs(latitude))), float(np.nanmax(np.abs(longitude)))
+    text = f"the largest are {largest[0]:.6g} and {largest[1]:.6g}"
+    if largest[0] > LATITUDE_RAD or largest[1] > LONGITUDE_RAD:
+        return Guess("angle_unit", "deg", "measured", f"{text}: more than any angle in rad")
+    if named:
+        return Guess("angle_unit", named, "named", f"the column says so; {text}")
+    return Guess("angle_unit", "rad", "unsure", f"{text}: rad, or degrees in the Gulf of Guinea")
+
+
+def guess_gyro_unit(recording: Recording, named: str) -> Guess:
+    """Return the unit of a gyro that was read as if it were in rad/s, by the track and by gravity."""
+    for turning in sure_turnings(recording):
+        for unit, factor in (("rad/s", 1.0), ("deg/s", 1 / DEG_PER_RAD)):
+            if 1 / WITHIN < abs(turning.factor) / factor < WITHIN:
+                return Guess("gyro_unit", unit, "measured", _turning_text(turning))
+    if named:
+        return Guess("gyro_unit", named, "named", "the columns say so; too few turns to see it")
+    return Guess("gyro_unit", "rad/s", "unsure", "too few turns to see it, and the columns do not say it")
+
+
+def turns_with_gyro(recording: Recording) -> tuple[bool | None, str]:
+    """Return whether the track turns as the gyro does, None where that is not sure, and what was measured."""
+    turning = turning_track(recording)
+    if turning is None or abs(turning.strength) < SURE:
+        return None, "too few turns to compare the track with the gyro"
+    return turning.factor > 0, _turning_text(turning)
+
+
+def guess_forward(recording: Recording, body: tuple[str, ...], upright: Guess) -> Guess:
+    """Return what the body's axes are on the sensor, by the track's acceleration, forward and left.
+
+    Args:
+        recording: read with ``body``.
+        body: the axes by which it was read, whose z axis is up.
+        upright: the guess of that.
+    """
+    fit = plane_fit(recording)
+    if upright.grade != "measured":
+        return upright
+    if fit is None or not fit.sure or fit.mirrors:
+        return Guess("imu_axes", body, "unsure", f"{upright.why}; which way is forward cannot be told from the track")
+    turned = tuple(axis.replace("--", "") for axis in axes_text(fit.way, (body[0], body[1])))
+    why = f"{upright.why}; the track's acceleration fits the axes {'as they are' if fit.way == IDENTITY else fit.way}"
+    return Guess("imu_axes", (*turned, body[2]), "measured", f"{why} (correlation {fit.correlation:.2f})")
+
+
+class FrameFit(NamedTuple):
+    """How far velocities in one frame agree with the fixes.
+
+    Attributes:
+        cosine: of both series.
+        factor: how many times as fast as the velocities the fixes move.
+    """
+
+    cosine: float
+    factor: float
+
+
+def guess_velocity_frame(recording: Recording, named: str) -> tuple[Guess, FrameFit | None]:
+    """Return the frame of velocities that were read as ENU, by the fixes' way from second to second."""
+    agreements = _agreements(recording)
+    other, best = sorted(agreements, key=lambda frame: agreements[frame].cosine) or ("", "")
+    gain = agreements[best].cosine - agreements[other].cosine if best else 0.0
+    if gain < LEAST_GAIN or agreements[best].cosine < LEAST_COSINE:
+        grade, why = ("named", "the columns say so") if named else ("unsure", "the columns do not say it")
+        return Guess("velocity_frame", named or "enu", grade, f"{why}; the fixes do not show it"), None  # type: ignore[arg-type]
+    cosines = ", ".join(f"{frame} {agreement.cosine:.3f}" for frame, agreement in agreements.items())
+    return Guess("velocity_frame", best, "measured", f"cosine with the fixes' way: {cosines}"), agreements[best]
+
+
+def speed_unit(agreement: FrameFit) -> str:
+    """Return the unit of velocities, or nothing where no unit makes them agree with the fixes."""
+    fitting = [unit for unit, scale in SCALES.items() if abs(agreement.factor * scale - 1.0) < 0.2]
+    return fitting[0] if fitting else ""
+
+
+def _agreements(recording: Recording) -> dict[str, FrameFit]:
+    position, velocity = recording.position, recording.velocity
+    if position is None or velocity is None:
+        return {}
+    fix_s, places = known(position.t_s, position.enu_m)
+    t_s, mps = known(velocity.t_s, velocity.mps)
+    edges_s = np.arange(max(fix_s[0], t_s[0]), min(fix_s[-1], t_s[-1]), WINDOW_S)
+    if len(edges_s) < 10:
+        return {}
+    way, means = mean_velocity(fix_s, places, edges_s), window_means(t_s, mps, edges_s)
+    frames = {"enu": means, "ned": means[:, [1, 0, 2]] * [1.0, 1.0, -1.0]}
+    size = float(np.sqrt(np.sum(way**2) * np.sum(means**2)))
+    return {
+        frame: FrameFit(float(np.sum(way * values)) / size if size else 0.0, slope(way, values))
+        for frame, values in frames.items()
+    }
+
+
+def _turning_text(turning: Turning) -> str:
+    return (
+        f"{turning.basis} turns {turning.factor:.3g} times as fast as the gyro's numbers (correlation"
+        f" {turning.correlation:.2f})"
+    )
