@@ -6,8 +6,7 @@ import pytest
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
-from jerkbench.hydra_app.configuration import cell_of, register_schemas
-from jerkbench.hydra_app.hydra_parts import register_hydra_parts
+from jerkbench.hydra_app.configuration import cell_of, register_hydra_parts, register_schemas
 from jerkbench.presets import config_folder
 
 

@@ -8,8 +8,7 @@ from omegaconf import OmegaConf
 
 from jerkbench import plugins, presets
 from jerkbench.errors import PluginError
-from jerkbench.hydra_app.configuration import register_schemas
-from jerkbench.hydra_app.hydra_parts import register_hydra_parts
+from jerkbench.hydra_app.configuration import register_hydra_parts, register_schemas
 from jerkbench.presets import config_folder, merged, preset, preset_names
 
 KINDS = ("dataset", "disturbance", "attitude", "filter", "adaptation", "noise", "engine")

@@ -4,8 +4,8 @@ import pytest
 from omegaconf import OmegaConf
 
 from jerkbench.errors import JerkbenchError
-from jerkbench.hydra_app.chosen_cluster import cluster_named
 from jerkbench.hydra_app.configuration import study_folder
+from jerkbench.hydra_app.words import cluster_named
 from jerkbench.removed import REMOVED, refuse_removed
 
 TYPED = [

@@ -34,7 +34,7 @@ class JerkbenchSweeper(BasicSweeper):
 
     def setup(self, *, hydra_context: HydraContext, task_function: TaskFunction, config: DictConfig) -> None:
         """Check the options that are the whole sweep's, before Hydra makes its folder."""
-        from jerkbench.hydra_app.options import check_options
+        from jerkbench.hydra_app.configuration import check_options
 
         check_options(config)
         super().setup(hydra_context=hydra_context, task_function=task_function, config=config)
@@ -49,15 +49,12 @@ class JerkbenchSweeper(BasicSweeper):
     def get_job_batch(self) -> Sequence[Sequence[str]]:
         """Leave to each job the parameters of the disturbances, and of other plugins, that it chooses."""
         from jerkbench.errors import JerkbenchError, exit_with
-        from jerkbench.hydra_app.addressed_parameters import where_chosen
-        from jerkbench.hydra_app.sweep_words import only_of_chosen
+        from jerkbench.hydra_app.sweep_words import where_chosen
 
         assert self.hydra_context is not None  # noqa: S101 - Hydra has set it up
         assert self.config is not None  # noqa: S101
-        loader = self.hydra_context.config_loader
-        jobs = only_of_chosen(loader, self.config, super().get_job_batch())
         try:
-            return where_chosen(loader, self.config, jobs)
+            return where_chosen(self.hydra_context.config_loader, self.config, super().get_job_batch())
         except JerkbenchError as error:  # here, because Hydra would print more than the sentence
             exit_with(error)
 

@@ -10,14 +10,13 @@ from hydra.experimental.callback import Callback
 from omegaconf import DictConfig
 
 from jerkbench.errors import JerkbenchError, PluginError, exit_with
-from jerkbench.hydra_app.addressed_parameters import swept_addresses, without_addresses
-from jerkbench.hydra_app.arguments import arranged_words
-from jerkbench.hydra_app.chosen_cluster import cluster_of
 from jerkbench.hydra_app.conclusion import conclude, draw_and_report, failed
-from jerkbench.hydra_app.configuration import register_schemas, study_folder
-from jerkbench.hydra_app.hydra_parts import LAUNCHER, register_hydra_parts
+from jerkbench.hydra_app.configuration import LAUNCHER, register_hydra_parts, register_schemas, study_folder
 from jerkbench.hydra_app.job import run_job
 from jerkbench.hydra_app.launched_order import forget_order, take_order
+from jerkbench.hydra_app.sweep_words import swept_addresses, without_addresses
+from jerkbench.hydra_app.typed_words import arranged_words
+from jerkbench.hydra_app.words import cluster_of
 from jerkbench.presets import config_folder
 from jerkbench.results.store import Store
 from jerkbench.sweep.auto_seeds import typed as typed_seeds

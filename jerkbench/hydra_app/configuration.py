@@ -1,13 +1,19 @@
-"""The way between Hydra and a cell: the schema of the configuration, and the cell of a composed one."""
+"""The way between Hydra and a cell: our parts of Hydra, the schema of the configuration, the cell of a composed one."""
 
+import os
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, make_dataclass
 from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, cast
 
+from hydra._internal.sources_registry import SourcesRegistry
 from hydra.core.config_store import ConfigNode, ConfigStore
+from hydra.core.plugins import Plugins
+from hydra.plugins.config_source import ConfigResult
 from omegaconf import MISSING, DictConfig, OmegaConf
+from yaml import YAMLError
 
 from jerkbench import plugins
 from jerkbench.cells.cell import Cell, build
@@ -20,6 +26,7 @@ from jerkbench.presets import environment_variable
 from jerkbench.removed import refuse_removed
 from jerkbench.results.study_figures.choice import Choice, figures_choice
 from jerkbench.timeline.reported_noise import RScale
+from jerkbench.yaml_files import require_small
 
 ToldR = make_dataclass("ToldR", [(f.name, float, f.default) for f in fields(RScale)])
 """The fields of `RScale`; OmegaConf makes the configuration of a frozen dataclass read-only."""
@@ -180,3 +187,70 @@ def _schema(kind: str, plugin: str, attitude: str | None) -> DictConfig:
     if attitude:
         schema = OmegaConf.create({"defaults": ["_self_", {"override /attitude": attitude}], kind: schema})
     return cast("DictConfig", schema)
+
+
+# Our launcher, sweeper and callback, by the names under which the configuration chooses them.
+
+SWEEPER = "hydra_plugins.jerkbench.JerkbenchSweeper"
+LAUNCHER = "hydra_plugins.jerkbench.JerkbenchLauncher"
+
+
+def _measure_files() -> None:
+    """Let Hydra read a file only after it was measured; Hydra loads its class of files itself, from its plugins."""
+    Plugins.instance()
+    source = SourcesRegistry.instance().resolve("file")
+    load = source.load_config
+
+    def measured(self: Any, config_path: str) -> ConfigResult:  # noqa: ANN401 - the class that Hydra has loaded
+        path = Path(self.path) / self._normalize_file_name(config_path)
+        try:
+            if path.is_file():
+                require_small(path.read_text(encoding="utf-8"), path)
+        except (OSError, UnicodeDecodeError, YAMLError) as error:
+            raise PluginError(f"{path} cannot be read: {' '.join(str(error).split())}.") from error
+        return load(self, config_path)
+
+    if load.__name__ != measured.__name__:
+        setattr(source, "load_config", measured)  # noqa: B010 - mypy lets no method be replaced
+
+
+def register_hydra_parts() -> None:
+    """Put them into Hydra's ConfigStore, and a measure of each file before Hydra reads it."""
+    _measure_files()
+    store = ConfigStore.instance()
+    store.store(group="hydra/launcher", name="jerkbench", node={"_target_": LAUNCHER})
+    sweeper: dict[str, Any] = {"_target_": SWEEPER, "max_batch_size": None, "params": {}}
+    store.store(group="hydra/sweeper", name="jerkbench", node=sweeper)
+    callback = {"conclude": {"_target_": "jerkbench.hydra_app.app.Conclude"}}
+    store.store(group="hydra/callbacks", name="jerkbench", node=callback)
+
+
+# Checks of options that belong to no cell.
+
+LONGEST_NAME = 255
+"""Bytes of a folder's name, on the file systems that there are."""
+
+
+def check_options(config: DictConfig) -> None:
+    """Check where the results go, how many processes work and which seeds are added, before anything is written.
+
+    Raises:
+        PluginError: the study's name is no name of a folder, or a number of workers or seeds makes no sense.
+        MissingMandatoryValue: one of them has no value.
+    """
+    study = str(config.study)
+    if not re.fullmatch(r"[^/\\\x00-\x1f\x7f]+", study) or study in (".", ".."):
+        raise PluginError(
+            f"study is '{study}'; it must be the name of one folder, which is made in results={config.results}."
+        )
+    if len(os.fsencode(study)) > LONGEST_NAME:
+        raise PluginError(f"study has {len(study)} letters ('{study[:20]}...'); a folder's name has at most 255 bytes.")
+    if config.max_seeds and config.max_seeds < config.seeds:
+        raise PluginError(f"max_seeds is {config.max_seeds}; give as many as seeds={config.seeds}, or 0 for no more.")
+    if config.workers < 0:
+        raise PluginError(f"workers is {config.workers}; give 0 (one for each processor) or more.")
+    for tag in config.tags:
+        if not re.fullmatch(r"[\w.:-]+", str(tag)):
+            raise PluginError(
+                f"'{tag}' cannot be a tag; write letters, digits, _, ., : and -, for example tags=[thesis]."
+            )

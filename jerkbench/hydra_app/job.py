@@ -15,12 +15,11 @@ from jerkbench.execution.data_mistakes import first_mistakes
 from jerkbench.execution.inputs import shared_inputs
 from jerkbench.execution.notes import first_remarks
 from jerkbench.execution.pulse import Pulse, duration
-from jerkbench.hydra_app.chosen_cluster import cluster_of
-from jerkbench.hydra_app.configuration import cell_of, study_folder
+from jerkbench.hydra_app.configuration import cell_of, check_options, study_folder
 from jerkbench.hydra_app.dry_run import tell
 from jerkbench.hydra_app.launched_order import note_place
-from jerkbench.hydra_app.options import check_options
 from jerkbench.hydra_app.single_run import draw_single, prepare_drawing, run_single_cell
+from jerkbench.hydra_app.words import cluster_of
 from jerkbench.results.manifest import write_manifest
 from jerkbench.results.store import Store
 from jerkbench.results.study import load_study, write_study

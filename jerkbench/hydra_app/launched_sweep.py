@@ -16,12 +16,12 @@ from jerkbench.execution.plugin_probe import first_complaints
 from jerkbench.execution.processors import processors
 from jerkbench.execution.pulse import Pulse, duration
 from jerkbench.filters.command import Command
-from jerkbench.hydra_app.chosen_cluster import cluster_of
 from jerkbench.hydra_app.composition import compose_jobs
 from jerkbench.hydra_app.conclusion import FAILED, conclude, draw_and_report, failed, lost
 from jerkbench.hydra_app.configuration import cell_of, study_folder
 from jerkbench.hydra_app.dry_run import tell
 from jerkbench.hydra_app.interruption import terminated_like_interrupted
+from jerkbench.hydra_app.words import cluster_of
 from jerkbench.results.store import Store
 from jerkbench.results.study import load_study
 from jerkbench.results.study_remarks import set_aside

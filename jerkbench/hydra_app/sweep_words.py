@@ -1,19 +1,26 @@
-"""The words of a sweep: ranges as they were typed, a limit of combinations, and each disturbance's own parameters."""
+"""The words of a sweep: ranges as they were typed, a limit of combinations, and parameters for some of its plugins.
+
+A parameter under the name of its plugin (``adaptation.mtf.window=1,4``, ``disturbance.bias.accel_mps2=1``) applies
+where that plugin is chosen.
+"""
 
 import math
 from collections.abc import Sequence
 from dataclasses import replace
 from decimal import Decimal
-from typing import Any
+from typing import Any, NamedTuple
 
 from hydra.core.config_loader import ConfigLoader
+from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import ChoiceSweep, Override, RangeSweep, ValueType
 from omegaconf import DictConfig
 
+from jerkbench import plugins
+from jerkbench.cells.labels import GROUPS
 from jerkbench.errors import PluginError
-from jerkbench.hydra_app.composition import owner
+from jerkbench.hydra_app.composition import Composed, Job, compose_jobs, owner
+from jerkbench.presets import default_names, preset_names
 
-Job = Sequence[str]
 MOST = 100_000
 """Combinations of one sweep."""
 
@@ -69,31 +76,116 @@ def _decimals(values: RangeSweep) -> tuple[Decimal, Decimal, Decimal]:
     return Decimal(str(values.start)), Decimal(str(values.stop)), Decimal(str(values.step))
 
 
-def only_of_chosen(loader: ConfigLoader, config: DictConfig, jobs: Sequence[Job]) -> list[list[str]]:
-    """Leave out of each job the parameters of disturbances that only other jobs choose, and jobs that are then equal.
+class Address(NamedTuple):
+    """What a word is about: ``GROUP.NAME.PARAMETER=VALUE``.
 
-    A parameter of a disturbance that no job chooses stays, so that it is refused.
+    Attributes:
+        group: of the plugin.
+        name: of the plugin, or of a preset.
+        plain: the word as Hydra takes it: without the name, but for a disturbance.
     """
-    choices = list(dict.fromkeys(_choice(job) for job in jobs))
-    if len(choices) < 2 or not any(_of(word) for job in jobs for word in job):
+
+    group: str
+    name: str
+    plain: str
+
+
+def where_chosen(loader: ConfigLoader, config: DictConfig, jobs: Sequence[Job]) -> list[list[str]]:
+    """Give addressed parameters to the jobs that choose their plugin; jobs that are then equal are one.
+
+    A parameter of a disturbance that no job chooses stays, so that Hydra refuses it.
+
+    Raises:
+        PluginError: no job chooses the plugin of another address.
+    """
+    addresses = {word: to for job in jobs for word in job if (to := address(word) or _of_disturbance(word))}
+    if not addresses:
         return [list(job) for job in jobs]
-    chosen = {choice: _names(loader, config, choice) for choice in choices}
-    all_chosen = set().union(*chosen.values())
-    fitting = (tuple(w for w in job if _of(w) not in all_chosen - chosen[_choice(job)]) for job in jobs)
-    return [list(job) for job in dict.fromkeys(fitting)]
+    groups = sorted({to.group for to in addresses.values()})
+    choices = dict.fromkeys(_choice(job, group) for group in groups for job in jobs)
+    composed = dict(zip(choices, compose_jobs(loader, config, list(choices)), strict=True))
+    chosen = {group: [_names(composed[_choice(job, group)], group) for job in jobs] for group in groups}
+    anywhere = {group: set[str]().union(*names) for group, names in chosen.items()}
+    for to in addresses.values():
+        if to.group != "disturbance" and to.name not in anywhere[to.group]:
+            raise PluginError(_nowhere(to))
+
+    def fitting(place: int, word: str) -> bool:
+        to = addresses.get(word)
+        return to is None or to.name in chosen[to.group][place] or to.name not in anywhere[to.group]
+
+    fitted = (
+        tuple(addresses[word].plain if word in addresses else word for word in job if fitting(place, word))
+        for place, job in enumerate(jobs)
+    )
+    return [list(job) for job in dict.fromkeys(fitted)]
 
 
-def _choice(job: Job) -> tuple[str, ...]:
-    """The words that decide which disturbances there are."""
-    return tuple(w for w in job if owner(w) in ("disturbance", "experiment") and not _of(w))
+def swept_addresses(words: Sequence[str]) -> list[str]:
+    """Return the words of a sweep, each parameter that not all jobs have, and that has one value, as a sweep over it.
+
+    What is no sweep Hydra puts into the configuration of all jobs, most of which have no place for it.
+    """
+    varies = any(_is_sweep(word) for word in words if word.startswith("disturbance="))
+    parameters = {word for word in words if address(word) or (varies and "=" in word and _of_disturbance(word))}
+    return [_as_choice(word) if word in parameters and not _is_sweep(word) else word for word in words]
 
 
-def _of(word: str) -> str:
-    """The disturbance whose parameter a word gives, or an empty string."""
-    key = word.lstrip("+~").partition("=")[0]
+def without_addresses(words: Sequence[str]) -> list[str]:
+    """Return the words of a single run, addressed parameters without the names of their plugins.
+
+    Raises:
+        PluginError: the run has another plugin.
+    """
+    fitted = []
+    for word in words:
+        to = address(word)
+        if to is not None:
+            typed = [other.partition("=")[2] for other in words if other.startswith(f"{to.group}=")]
+            if to.name != (typed[-1] if typed else default_names()[to.group]):
+                raise PluginError(_nowhere(to))
+        fitted.append(word if to is None else to.plain)
+    return fitted
+
+
+def address(word: str) -> Address | None:
+    """Read a word; None: it has no address, or is about a disturbance, whose parameters always stand under its name."""
+    key, sign, value = word.partition("=")
     parts = key.split(".")
-    return parts[1] if parts[0] == "disturbance" and len(parts) > 1 else ""
+    if not sign or len(parts) < 3 or parts[0] not in GROUPS:
+        return None
+    group, name, *parameter = parts
+    if name not in plugins.names(group) and name not in preset_names(group):
+        return None
+    return Address(group, name, f"{group}.{'.'.join(parameter)}={value}")
 
 
-def _names(loader: ConfigLoader, config: DictConfig, choice: Job) -> set[str]:
-    return {str(name) for name in loader.load_sweep_config(config, list(choice)).disturbance or ()}
+def _of_disturbance(word: str) -> Address | None:
+    group, *names = word.lstrip("+~").partition("=")[0].split(".")
+    return Address(group, names[0], word) if group == "disturbance" and names else None
+
+
+def _is_sweep(word: str) -> bool:
+    return OverridesParser.create().parse_override(word).is_sweep_override()
+
+
+def _as_choice(word: str) -> str:
+    key, _, value = word.partition("=")
+    return f"{key}=choice({value})"
+
+
+def _choice(job: Job, group: str) -> tuple[str, ...]:
+    """The words that decide which plugin of a group there is."""
+    return tuple(w for w in job if owner(w) in ("experiment", "dataset", group) and "." not in w.partition("=")[0])
+
+
+def _names(composed: Composed, group: str) -> set[str]:
+    """What is chosen in a group: a preset and its plugin; every disturbance."""
+    part = composed.plain[group] or {}
+    return set(part) if group == "disturbance" else {str(composed.choices.get(group)), str(part.get("name"))}
+
+
+def _nowhere(to: Address) -> str:
+    return (
+        f"{to.group}.{to.name}...: nothing that is to run has {to.group}={to.name}; choose it too, or leave that out."
+    )

@@ -1,13 +1,22 @@
-"""The words typed behind `jerkbench run`, for faults that Hydra says little about."""
+"""The words typed behind `jerkbench run`, checked before Hydra sees them, and in the order in which it takes them."""
 
+import argparse
+import os
 import re
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NoReturn
+
+from hydra._internal.utils import get_args_parser
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.core.override_parser.types import ChoiceSweep, Override
+from hydra.errors import HydraException
 
 from jerkbench import plugins
 from jerkbench.cells.from_names import words as as_words
 from jerkbench.cells.labels import GROUPS
-from jerkbench.errors import PluginError
+from jerkbench.errors import PluginError, unknown
+from jerkbench.hydra_app.composition import NO_GROUPS
+from jerkbench.presets import preset_names
 
 NAMED = re.compile(rf"\+*(?:{'|'.join((*GROUPS, 'disturbance'))})=(?:\[.*\{{|\{{\s*name\s*:)")
 """A plugin with its parameters in one mapping, as Python code gives it; Hydra has names only."""
@@ -94,3 +103,104 @@ def _by_itself(word: str) -> str:
 def _parameters(group: str, part: dict[str, Any]) -> list[str]:
     owner = f"{group}.{part['name']}" if group == "disturbance" else group
     return as_words(owner, {key: value for key, value in part.items() if key != "name"})
+
+
+# The words behind `jerkbench run`, checked before Hydra sees them, and in the order in which it
+# takes them.
+
+CHOSEN = (*GROUPS, "disturbance", "noise", "experiment", "cluster")
+"""Groups of which a name is chosen."""
+COMMANDS = ("run", "multirun", "cfg", "info", "shell_completion")
+"""Options of Hydra that say what is to be done; one of them at a time."""
+FLAGS = ("help", "hydra_help", "resolve", "run", "multirun", "shell_completion")
+VALUED = ("cfg", "package", "config_path", "config_name", "config_dir", "experimental_rerun", "info")
+
+
+def arranged_words(words: Sequence[str]) -> list[str]:
+    """Return the words with Hydra's options before the overrides, wherever they were typed.
+
+    Raises:
+        PluginError: an option is unknown, or two of them contradict each other; an override has no key, or gives a
+            group nothing that could be a name.
+    """
+    parser = get_args_parser()
+    setattr(parser, "error", _refuse)  # noqa: B010 - mypy lets no method be replaced
+    known = parser.parse_intermixed_args(quoted(words))
+    _require_sense(known)
+    for word in known.overrides:
+        _check(word, completing=known.shell_completion)
+    flags = [_option(name) for name in FLAGS if getattr(known, name)]
+    options = [(name, getattr(known, name)) for name in VALUED if getattr(known, name) is not None]
+    return [*flags, *(word for name, value in options for word in (_option(name), value)), *known.overrides]
+
+
+def _refuse(message: str) -> NoReturn:
+    raise PluginError(f"{message[0].upper()}{message[1:]}; `jerkbench run --help` says what there is.")
+
+
+def _option(name: str) -> str:
+    return f"--{name.replace('_', '-')}"
+
+
+def _require_sense(known: argparse.Namespace) -> None:
+    keys = {word.partition("=")[0] for word in known.overrides}
+    commands = [_option(name) for name in COMMANDS if getattr(known, name)]
+    if len(commands) > 1:
+        raise PluginError(f"{' and '.join(commands)} ask for different things; give one of them.")
+    if known.resolve and not (known.cfg or known.help):
+        raise PluginError("--resolve belongs to --cfg: jerkbench run --cfg job --resolve.")
+    if "query" in keys and "COMP_LINE" not in os.environ:
+        raise PluginError("query=SHELL is for the shell alone; install=SHELL lets it ask.")
+    if known.experimental_rerun is not None:
+        raise PluginError("--experimental-rerun needs a file that is not kept here; use `jerkbench rerun DIR ROW`.")
+    if known.shell_completion and not {"install", "uninstall", "query"} & keys:
+        raise PluginError("--shell-completion needs install=SHELL or uninstall=SHELL; SHELL is bash, fish or zsh.")
+
+
+def _check(word: str, *, completing: bool) -> None:
+    """Check an override as far as it can be without the configuration."""
+    try:
+        override = OverridesParser.create().parse_override(word)
+    except HydraException as error:
+        raise PluginError(unreadable(word)) from error
+    if not override.key_or_group:
+        raise PluginError(no_assignment(word))
+    if override.is_delete():
+        _check_deletion(override)
+    elif not completing and _is_group(override.key_or_group):
+        if override.key_or_group == "cluster" and isinstance(override.value(), (ChoiceSweep, list)):
+            raise PluginError(f"{word}: a sweep runs on one cluster; give one of {', '.join(_names('cluster'))}.")
+        for value in _values(override):
+            _check_name(override.key_or_group, value, word)
+
+
+def _is_group(key: str) -> bool:
+    return key in CHOSEN or key.startswith("hydra/")
+
+
+def _check_deletion(override: Override) -> None:
+    key = override.key_or_group
+    if key in NO_GROUPS or (key in CHOSEN and key != "experiment"):
+        raise PluginError(f"~{key}: a run cannot be without {key}; leave it out for the default, or give {key}=...")
+
+
+def _values(override: Override) -> list[Any]:
+    value = override.value()
+    if isinstance(value, ChoiceSweep):
+        return [Override._convert_value(item) for item in value.list]  # noqa: SLF001 - what a single value goes through
+    return [value]
+
+
+def _check_name(group: str, value: object, word: str) -> None:
+    """Refuse what is no name; a mapping, a list of names for one, and a range are refused elsewhere."""
+    if value is None or value == []:
+        none = " no disturbance is disturbance=none." if group == "disturbance" else " leave it out for the default."
+        raise PluginError(f"{word} chooses nothing;{none}")
+    for name in value if isinstance(value, list) else [value]:
+        if name is None or isinstance(name, (bool, int, float, list)):
+            text = str(name) if not isinstance(name, bool) else str(name).lower()
+            raise PluginError(unknown(group, text if name is not None else "null", _names(group)))
+
+
+def _names(group: str) -> list[str]:
+    return [*(plugins.names(group) if group in plugins.KINDS else ()), *preset_names(group)]

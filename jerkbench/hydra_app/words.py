@@ -1,18 +1,25 @@
-"""The words of `jerkbench run` where another verb takes them: the cell, and the options, that they describe."""
+"""What the words of `jerkbench run` describe where another verb takes them: the cell, the options, the cluster."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from inspect import signature
+from pydoc import locate
+from typing import Any, cast
 
+from hydra import compose, initialize_config_dir
+from hydra.errors import HydraException, InstantiationException
+from hydra.utils import instantiate
 from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
 
 from jerkbench.cells.cell import Cell
-from jerkbench.errors import JerkbenchError
-from jerkbench.hydra_app.configuration import cell_of, register_schemas
-from jerkbench.hydra_app.hydra_parts import register_hydra_parts
+from jerkbench.clusters.cluster import Cluster
+from jerkbench.errors import JerkbenchError, PluginError, unknown
+from jerkbench.hydra_app.configuration import cell_of, check_options, register_hydra_parts, register_schemas
 from jerkbench.hydra_app.messages import sentence
-from jerkbench.hydra_app.options import check_options
-from jerkbench.presets import config_folder
+from jerkbench.hydra_app.typed_words import arranged_words
+from jerkbench.presets import config_folder, preset
+from jerkbench.removed import refuse_removed
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,12 +56,6 @@ def composed(words: Sequence[str]) -> Words:
     Raises:
         JerkbenchError: one of them is unknown or has a wrong type, or an option makes no sense.
     """
-    from hydra import compose, initialize_config_dir
-    from hydra.errors import HydraException
-    from omegaconf.errors import OmegaConfBaseException
-
-    from jerkbench.hydra_app.arguments import arranged_words
-
     overrides = arranged_words(words)
     register_schemas()
     register_hydra_parts()
@@ -67,3 +68,37 @@ def composed(words: Sequence[str]) -> Words:
     except (HydraException, OmegaConfBaseException) as error:
         raise JerkbenchError(sentence(error, list(words))) from error
     return Words(config, choices, overrides)
+
+
+def cluster_of(config: DictConfig) -> Cluster:
+    """Make the cluster of a sweep.
+
+    Raises:
+        PluginError: the group has no class of a cluster, or the class does not have the options.
+    """
+    chosen = config.cluster
+    if not (isinstance(chosen, Mapping) and chosen.get("_target_")):
+        raise PluginError("No cluster is chosen; give cluster=NAME, for example cluster=local.")
+    if cls := locate(str(chosen["_target_"])):
+        options = [f"cluster.{name}" for name in signature(cast("type", cls)).parameters]
+        for key in chosen:
+            if not key.startswith("_") and f"cluster.{key}" not in options:
+                raise PluginError(unknown("option", f"cluster.{key}", options))
+    try:
+        cluster = instantiate(chosen, _convert_="all")
+    except InstantiationException as error:
+        reason = " ".join(str(error).splitlines()[0].split()).rstrip(".")
+        raise PluginError(f"The cluster {chosen['_target_']} cannot be made: {reason}.") from error
+    if not callable(getattr(cluster, "run", None)):
+        raise PluginError(f"{chosen['_target_']} is no cluster: it has no run(order, workers).")
+    return cast("Cluster", cluster)
+
+
+def cluster_named(name: str) -> Cluster:
+    """Make the cluster of the preset conf/cluster/``name``.yaml.
+
+    Raises:
+        PluginError: there is none, or it cannot be made.
+    """
+    refuse_removed([f"cluster={name}"])
+    return cluster_of(OmegaConf.create({"cluster": preset("cluster", name)}))

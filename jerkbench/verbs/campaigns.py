@@ -1,10 +1,16 @@
 """The verbs that tune before they score: `tune`, `audit`, and the group `suite`."""
 
 import argparse
+import re
 import shlex
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from jerkbench.verbs.arguments import RUN_PROGRAMS, WHERE, argument, count, output, verb
+
+if TYPE_CHECKING:
+    from jerkbench.suite.entrant import Entrant
 
 TUNE = """\
 KEY=VALUE are those of `jerkbench run`. Several values, separated by commas, of dataset, disturbance and attitude are
@@ -44,8 +50,7 @@ def tune_verb(chosen: argparse.Namespace) -> None:
     Raises:
         JerkbenchError: a word is unknown, or what it asks for cannot be tuned.
     """
-    from jerkbench.hydra_app.tuning import tune_all
-    from jerkbench.hydra_app.tuning_words import told_apart
+    from jerkbench.hydra_app.tuning import told_apart, tune_all
 
     tune_all(told_apart(chosen.words, several=chosen.multirun))
 
@@ -80,13 +85,16 @@ def audit_verb(chosen: argparse.Namespace) -> None:
     from jerkbench.audit.protocol import read_protocol
     from jerkbench.audit.study import FOLDER, run_audit, text_of
     from jerkbench.execution.processors import processors
-    from jerkbench.hydra_app.chosen_cluster import cluster_named
+    from jerkbench.hydra_app.words import cluster_named
 
     protocol, folder = read_protocol(chosen.scale), chosen.results / f"{FOLDER}{chosen.scale}"
     cluster, workers = cluster_named(chosen.cluster), chosen.workers or processors()
     print(text_of(run_audit(protocol, folder, cluster, workers, only_stored=chosen.stored)))
     print(f"Written to {folder}.")
 
+
+METHOD = ("filter", "adaptation", "noise", "r_scale")
+"""Groups of a method; all else is the suite's."""
 
 ENTER = """\
 KEY=VALUE are those of `jerkbench run` that make a method: filter, adaptation, noise, r_scale and what is in them.
@@ -116,19 +124,36 @@ def suite_run_verb(chosen: argparse.Namespace) -> None:
         JerkbenchError: a word is unknown, the method does not fit, or the suite is not the frozen one.
     """
     from jerkbench.execution.processors import processors
-    from jerkbench.hydra_app.chosen_cluster import cluster_named
-    from jerkbench.hydra_app.entering import entrant_of, folder_name
+    from jerkbench.hydra_app.words import cluster_named
     from jerkbench.suite.campaign import Place
     from jerkbench.suite.enter import enter
 
-    entrant = entrant_of(chosen.words)
+    entrant = _entrant(chosen.words)
     name = chosen.name or entrant.name
-    folder = chosen.out or Path("results") / f"suite-{chosen.scale}" / folder_name(name)
+    folder = chosen.out or Path("results") / f"suite-{chosen.scale}" / (
+        re.sub(r"[^\w.]+", "-", name).strip("-.") or "entry"
+    )
     place = Place(folder, cluster_named(chosen.cluster), chosen.workers or processors())
     scale = [] if chosen.scale == "v1" else ["--scale", chosen.scale]
     command = shlex.join(["jerkbench", "suite", "run", *chosen.words, *scale])
     print(enter(chosen.scale, entrant, name, place, command))
     print(f"Written to {folder}.")
+
+
+def _entrant(words: Sequence[str]) -> "Entrant":
+    from jerkbench.errors import PluginError
+    from jerkbench.hydra_app.composition import owner
+    from jerkbench.hydra_app.words import composed
+    from jerkbench.suite.entrant import Entrant
+
+    for word in words:
+        if owner(word) not in METHOD:
+            raise PluginError(
+                f"'{word}' is not part of a method; the suite sets all else. Give {', '.join(METHOD)} and what is in"
+                " them, for example filter=jerk adaptation=mtf adaptation.window=3."
+            )
+    spec = composed(words).cell().spec
+    return Entrant(**{kind: dict(spec[kind]) for kind in ("filter", "adaptation", "r_scale")})
 
 
 @verb(

@@ -15,8 +15,7 @@ from jerkbench.cells.key import cell_key
 from jerkbench.cells.labels import GROUPS
 from jerkbench.cells.protocol import Protocol
 from jerkbench.errors import PluginError
-from jerkbench.hydra_app.configuration import Schema, cell_of, register_schemas
-from jerkbench.hydra_app.hydra_parts import register_hydra_parts
+from jerkbench.hydra_app.configuration import Schema, cell_of, register_hydra_parts, register_schemas
 from jerkbench.presets import config_folder, default_names
 from jerkbench.results.study import load_study
 

@@ -17,7 +17,7 @@ from jerkbench.audit.table import verdict_frame
 from jerkbench.cells.provenance import code_digest
 from jerkbench.clusters.local import Local
 from jerkbench.errors import JerkbenchError
-from jerkbench.hydra_app.chosen_cluster import cluster_named
+from jerkbench.hydra_app.words import cluster_named
 
 FAMILIES = ("none", "outliers", "wheel_slip")
 

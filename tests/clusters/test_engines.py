@@ -10,7 +10,7 @@ from commands import swept
 from jerkbench.clusters.cluster import ClusterError
 from jerkbench.clusters.extras import required
 from jerkbench.errors import PluginError
-from jerkbench.hydra_app.arguments import arranged_words
+from jerkbench.hydra_app.typed_words import arranged_words
 from jerkbench.presets import config_folder, preset_names
 
 PAGE = pages.text("cluster")

@@ -4,7 +4,7 @@ import pandas as pd
 import pytest
 
 from commands import SHORT, swept, verb
-from jerkbench.hydra_app.addressed_parameters import address, without_addresses
+from jerkbench.hydra_app.sweep_words import address, without_addresses
 
 
 def adaptations(folder):

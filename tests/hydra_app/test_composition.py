@@ -10,9 +10,8 @@ from omegaconf import OmegaConf
 from jerkbench import plugins
 from jerkbench.filters.bias import Bias
 from jerkbench.hydra_app.composition import compose_jobs
-from jerkbench.hydra_app.configuration import Schema, register_schemas
-from jerkbench.hydra_app.hydra_parts import register_hydra_parts
-from jerkbench.hydra_app.sweep_words import only_of_chosen
+from jerkbench.hydra_app.configuration import Schema, register_hydra_parts, register_schemas
+from jerkbench.hydra_app.sweep_words import where_chosen
 from jerkbench.presets import config_folder, preset_names
 
 JOBS = [
@@ -281,10 +280,10 @@ def test_parameters_of_disturbances_go_to_the_jobs_that_choose_them(loader):
         ["disturbance=twelve_outages", OUTAGE, "disturbance.gnss_outage.heading=true"],
     ]
 
-    assert only_of_chosen(loader, config, jobs) == [["disturbance=none"], jobs[2]]
+    assert where_chosen(loader, config, jobs) == [["disturbance=none"], jobs[2]]
 
 
 def test_parameters_of_a_disturbance_that_no_job_chooses_stay(loader):
     jobs = [[f"disturbance={name}", OUTAGE] for name in ("none", "bias")]
 
-    assert only_of_chosen(loader, base(loader), jobs) == jobs
+    assert where_chosen(loader, base(loader), jobs) == jobs
