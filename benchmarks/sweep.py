@@ -67,14 +67,15 @@ def tell_cells(seeds: int) -> None:
         cell = cell_of(model, adaptation, seeds)
         tell(f"{model}, {adaptation}: filtered and scored", EACH, seeds, lambda cell=cell: CellRun(cell, "").rows())  # type: ignore[misc]  # mypy knows no default in a lambda
     rows, notes = CellRun(cell, "").rows()
-    first, *others = [block_of(Planned(cell, f"{k:064x}", ""), Result(rows, notes, 0.0)) for k in range(101)]
+    cells = [Planned(cell, f"{k:064x}", "", cell.draws) for k in range(101)]
+    first, *others = [block_of(planned, Result(rows, notes, 0.0)) for planned in cells]
     with tempfile.TemporaryDirectory() as folder:
         store = Store(Path(folder))
         store.write_blocks([first])
-        store.look([first.key])
+        store.known([first.key])
         keys = [block.key for block in others]
         tell("stored", "each cell", len(keys), lambda: [store.write_blocks([block]) for block in others])
-        tell("looked up and checked", "each cell that is done", len(keys), lambda: store.look(keys))
+        tell("looked up and checked", "each cell that is done", len(keys), lambda: store.known(keys))
 
 
 def main() -> None:

@@ -1,5 +1,6 @@
 """Stored cells as a run leaves them, made without one."""
 
+from jerkbench.results.parts import Block
 from jerkbench.results.store import Store
 
 LABELS = {
@@ -42,3 +43,13 @@ def put(folder, key, rmse_m, *, seeds=1, conditions=None, **changed):
     }
     rows = [row(rmse_m, seed, **named) for seed in range(seeds)]
     Store(folder).write(key, rows, about(labels={**LABELS, **named}, **more))
+
+
+def drop(store, keys):
+    """Delete some cells, as if they had never run; the others become a file each."""
+    cells, _ = store.read()
+    for path in store.folder.glob("*.parquet"):
+        path.unlink()
+    for cell in cells:
+        if cell.key not in keys:
+            store.write_blocks([Block(cell.key, len(cell.rows), cell.rows.to_dict("records"), cell.metadata)])

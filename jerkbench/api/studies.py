@@ -70,16 +70,15 @@ def sweep(
 
     axes = {"dataset": dataset, "attitude": attitude, "filter": filter, "adaptation": adaptation, "engine": [engine]}
     protocol = Protocol(seeds=seeds, first_seed=first_seed, burn_in_s=burn_in_s)
-    keys = _run(_cells({**axes, "disturbance": disturbance, "noise": noise}, protocol, metrics), Path(folder), workers)
-    write_manifest(Path(folder), keys, list(notes), sys.argv, tags=tags)
-    write_study(load_study(Path(folder), prefer=keys))
+    ran = _run(_cells({**axes, "disturbance": disturbance, "noise": noise}, protocol, metrics), Path(folder), workers)
+    write_manifest(Path(folder), ran, list(notes), sys.argv, tags=tags)
+    write_study(load_study(Path(folder), prefer=list(ran)))
     return Study.open(folder)
 
 
-def _run(cells: Iterator[Cell], folder: Path, workers: int) -> list[str]:
-    """Run those of the cells that make sense and are not done; returns the keys of all that make sense."""
+def _run(cells: Iterator[Cell], folder: Path, workers: int) -> dict[str, Sequence[int]]:
+    """Run those of the cells that make sense and are not done; returns the seeds of all that make sense, by key."""
     from jerkbench.results.store import Store
-    from jerkbench.results.study_remarks import set_aside
     from jerkbench.sweep.sweep import plan_sweep, run_sweep
 
     plan = plan_sweep(list(cells))
@@ -89,14 +88,8 @@ def _run(cells: Iterator[Cell], folder: Path, workers: int) -> list[str]:
         raise PluginError("There is nothing to run: every combination was left out.")
     if workers > 1:
         _require_modules(planned.cell for planned in plan.cells)
-    store, keys = Store(folder), [planned.key for planned in plan.cells]
-    store.prepare()
-    finished = store.look(keys)
-    if finished.damaged:
-        store.set_aside(finished.damaged)
-        notify(set_aside(finished.damaged))
-    run_sweep(plan, store, workers, finished.done)
-    return keys
+    run_sweep(plan, Store(folder), workers)
+    return plan.draws
 
 
 def _require_modules(cells: Iterable[Cell]) -> None:

@@ -1,7 +1,7 @@
 """The end of a sweep: manifest, tables, figures, report, and the exit code that they come to."""
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from omegaconf import DictConfig
 
@@ -17,18 +17,24 @@ FAILED = 1
 """Exit code of a sweep of which a run failed."""
 
 
-def conclude(store: Store, keys: Sequence[str], config: DictConfig, level: float | None = None) -> Study | None:
-    """Write and print the tables of what is there; returns the cells ``keys``, or nothing without any."""
+Seeds = Mapping[str, Sequence[int]]
+"""Of cells that were run, by their keys."""
+
+
+def conclude(store: Store, seeds: Seeds, config: DictConfig, level: float | None = None) -> Study | None:
+    """Write and print the tables of what is there; returns the cells that were run, or nothing where none is whole."""
     from jerkbench.report.tables.terminal import print_beginning, print_table
 
     folder = store.folder.parent
-    if not store.look(keys).whole:
+    gone = _not_whole(store, seeds)
+    if len(gone) == len(seeds):
         return None
     store.compact()
-    write_manifest(folder, keys, list(config.notes), sys.argv, level, list(config.tags))
-    study = load_study(folder, prefer=keys)
+    there = {key: () if key in gone else own for key, own in seeds.items()}
+    write_manifest(folder, there, list(config.notes), sys.argv, level, list(config.tags))
+    study = load_study(folder, prefer=list(seeds))
     table = write_study(study)
-    shown = study.only(keys)
+    shown = study.only(seeds)
     if len(shown.rows) == len(study.rows):
         print_beginning(table)
     else:
@@ -42,12 +48,18 @@ def failed(study: Study | None) -> int:
     return FAILED if study is not None and (study.rows["status"] == "failed").any() else 0
 
 
-def lost(store: Store, keys: Sequence[str]) -> int:
+def _not_whole(store: Store, seeds: Seeds) -> list[str]:
+    """Return the cells of which a run is neither done nor failed."""
+    known = store.known(seeds, failed=True)
+    return [key for key, own in seeds.items() if not known.get(key, set()).issuperset(own)]
+
+
+def lost(store: Store, seeds: Seeds) -> int:
     """The exit code for cells that have run and are not there, or 0."""
-    gone = len(keys) - len(store.look(keys).whole)
+    gone = len(_not_whole(store, seeds))
     if gone:
         print(
-            f"jerkbench: {gone} of {len(keys)} cells are not in {store.folder}, although they have run: somebody has"
+            f"jerkbench: {gone} of {len(seeds)} cells are not in {store.folder}, although they have run: somebody has"
             " deleted or damaged their files. The same command runs them again.",
             file=sys.stderr,
         )

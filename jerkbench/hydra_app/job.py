@@ -10,7 +10,6 @@ from omegaconf import DictConfig, OmegaConf
 
 from jerkbench.cells.refusal import refusal
 from jerkbench.errors import PluginError
-from jerkbench.execution.cell_run import CellRun
 from jerkbench.execution.data_mistakes import first_mistakes
 from jerkbench.execution.inputs import shared_inputs
 from jerkbench.execution.notes import first_remarks
@@ -18,15 +17,11 @@ from jerkbench.execution.pulse import Pulse, duration
 from jerkbench.hydra_app.configuration import cell_of, check_options, study_folder
 from jerkbench.hydra_app.dry_run import tell
 from jerkbench.hydra_app.launched_order import note_place
-from jerkbench.hydra_app.single_run import draw_single, prepare_drawing, run_single_cell
+from jerkbench.hydra_app.single_run import draw_single, prepare_drawing, run_single, show_single
 from jerkbench.hydra_app.words import cluster_of
-from jerkbench.results.manifest import write_manifest
 from jerkbench.results.store import Store
-from jerkbench.results.study import load_study, write_study
 from jerkbench.results.study_figures.choice import Choice, figures_choice
-from jerkbench.sweep.seed_blocks import finish_cell
-from jerkbench.sweep.sweep import Plan, plan_sweep
-from jerkbench.sweep.tasks import Planned
+from jerkbench.sweep.sweep import Plan, plan_sweep, run_sweep
 
 
 def run_job(config: DictConfig, job: HydraConf) -> None:
@@ -41,35 +36,28 @@ def run_job(config: DictConfig, job: HydraConf) -> None:
             raise PluginError(f"This combination makes no sense: {reason}.")
         print(f"Left out: {reason}.", file=sys.stderr)
         return
-    (planned,) = plan_sweep([cell]).cells
+    plan = plan_sweep([cell])
+    (planned,) = plan.cells
     mistakes = first_mistakes([planned.cell], shared_inputs())
     for line in (*mistakes, *first_remarks([(planned.cell, planned.fingerprint)], shared_inputs())):
         print(line, file=sys.stderr)
     folder = study_folder(config)
     if config.dry:
-        tell(Plan((planned,), ()), Store(folder), config)
-        return
-    if not sweeping:
-        _run_and_show(planned, folder, config)
-        return
-    note_place(folder, int(job.job.num), planned.key)
-    if not Store(folder).done(planned.key):
-        finish_cell(planned, Store(folder), CellRun(planned.cell, planned.fingerprint).pieces)
+        tell(plan, Store(folder), config)
+    elif sweeping:
+        note_place(folder, int(job.job.num), planned)
+        run_sweep(plan, Store(folder), 1, shown=False)
+    else:
+        _run_and_show(plan, folder, config)
 
 
-def _run_and_show(planned: Planned, folder: Path, config: DictConfig) -> None:
-    from jerkbench.report.tables.terminal import print_run
-
-    Store(folder).prepare()
+def _run_and_show(plan: Plan, folder: Path, config: DictConfig) -> None:
+    (planned,) = plan.cells
     drawing = figures_choice(config.figures) is not Choice.NONE
     if drawing:
         prepare_drawing(planned.cell)
     with Pulse(lambda seconds: f"Running for {duration(seconds)}."):
-        stored = run_single_cell(planned, folder)
-    print_run(stored.rows)  # at once: files and figures take longer than the run
-    for note in stored.metadata["notes"]:
-        print(note, flush=True)
-    write_manifest(folder, [planned.key], list(config.notes), sys.argv, tags=list(config.tags))
-    write_study(load_study(folder, prefer=[planned.key]))
+        stored = run_single(plan, folder)
+    show_single(plan, stored, config)
     for path in draw_single(planned, folder, pdf=config.figures_pdf) if drawing else ():
         print(f"Figure: {path}")

@@ -24,7 +24,6 @@ from jerkbench.hydra_app.interruption import terminated_like_interrupted
 from jerkbench.hydra_app.words import cluster_of
 from jerkbench.results.store import Store
 from jerkbench.results.study import load_study
-from jerkbench.results.study_remarks import set_aside
 from jerkbench.sweep.auto_seeds import planned_looks, run_looks
 from jerkbench.sweep.sweep import Plan, plan_sweep, run_sweep
 
@@ -71,30 +70,25 @@ def _finished(plan: Plan, store: Store, config: DictConfig, cluster: Cluster) ->
         planned_looks(plan, config.seeds, config.max_seeds),
         store,
         lambda plan: run_plan(plan, store, config.workers or processors(), cluster),
-        lambda look: load_study(store.folder.parent, prefer=[planned.key for planned in look.plan.cells]),
+        lambda look: load_study(store.folder.parent, list(look.plan.draws), look.plan.draws),
     )
-    keys = [planned.key for planned in last.plan.cells]
+    seeds = last.plan.draws
     try:
-        study = conclude(store, keys, config, last.level if config.max_seeds else None)
+        study = conclude(store, seeds, config, last.level if config.max_seeds else None)
     except OSError as error:
         print(f"jerkbench: the tables cannot be written: {error}. What is done is stored.", file=sys.stderr)
         return FAILED
     if study is not None and not code:
         asked = any(isinstance(planned.cell.filter, Command) for planned in last.plan.cells)
         code = draw_and_report(study, config, run_programs=asked)
-    return code or failed(study) or lost(store, keys)
+    return code or failed(study) or lost(store, seeds)
 
 
 def run_plan(plan: Plan, store: Store, workers: int, cluster: Cluster) -> int:
     """Run the plan; returns the exit code of a sweep that did not come to its end, or 0."""
     try:
-        store.prepare()
-        finished = store.look([planned.key for planned in plan.cells])
-        if finished.damaged:
-            store.set_aside(finished.damaged)
-            print(set_aside(finished.damaged), file=sys.stderr)
         with terminated_like_interrupted():
-            run_sweep(plan, store, workers, finished.done, cluster)
+            run_sweep(plan, store, workers, cluster)
     except KeyboardInterrupt:
         print("Interrupted. What is done is stored; the same command goes on from there.", file=sys.stderr)
         return INTERRUPTED

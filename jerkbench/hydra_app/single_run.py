@@ -1,37 +1,53 @@
 """A single run: one cell, its metrics in the terminal, its trajectory and its errors as figures."""
 
 import os
+import sys
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from omegaconf import DictConfig
+
 from jerkbench.cells.cell import Cell
 from jerkbench.contracts import Estimator, Preparing
 from jerkbench.estimate import Estimate
 from jerkbench.execution.cell_run import CellRun
+from jerkbench.hydra_app.configuration import study_folder
 from jerkbench.recording import Recording
 from jerkbench.results.content import Stored
+from jerkbench.results.manifest import stretches, write_manifest
 from jerkbench.results.store import Store
+from jerkbench.results.study import load_study, write_study
 from jerkbench.results.titles import file_stem, with_title
-from jerkbench.sweep.seed_blocks import finish_cell
+from jerkbench.sweep.sweep import Plan, run_sweep
 from jerkbench.sweep.tasks import Planned
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def run_single_cell(planned: Planned, folder: Path) -> Stored:
-    """Run one cell, unless it is done; returns it as it is stored.
+def run_single(plan: Plan, folder: Path) -> Stored:
+    """Run the only cell of a plan, as far as it is not done; returns it as it is stored.
 
     What is wrong with the input or a plugin ends the run with a sentence, and the cell is not stored.
     """
     store = Store(folder)
-    if not store.done(planned.key):
-        run = CellRun(planned.cell, planned.fingerprint, on_error="raise", threads=os.cpu_count() or 1)
-        finish_cell(planned, store, run.pieces)
-    (stored,), _ = store.read([planned.key])
+    run_sweep(plan, store, 1, strict=True, shown=False, threads=os.cpu_count() or 1)
+    (stored,), _ = store.read(plan.draws, {key: stretches(own) for key, own in plan.draws.items()})
     return stored
+
+
+def show_single(plan: Plan, stored: Stored, config: DictConfig) -> None:
+    """Print rows and notes at once, for files and figures take longer than the run; then write the study."""
+    from jerkbench.report.tables.terminal import print_run
+
+    folder = study_folder(config)
+    print_run(stored.rows)
+    for note in stored.metadata["notes"]:
+        print(note, flush=True)
+    write_manifest(folder, plan.draws, list(config.notes), sys.argv, tags=list(config.tags))
+    write_study(load_study(folder, prefer=list(plan.draws)))
 
 
 def prepare_drawing(cell: Cell) -> None:
@@ -42,8 +58,8 @@ def prepare_drawing(cell: Cell) -> None:
 
 def draw_single(planned: Planned, folder: Path, *, pdf: bool = False) -> list[Path]:
     """Draw trajectory and errors of the first seed; returns the files."""
-    recording, estimate = CellRun(planned.cell, planned.fingerprint).once(planned.cell.draws[0])
-    titled = with_title(recording, planned.cell, planned.cell.draws[0])
+    recording, estimate = CellRun(planned.cell, planned.fingerprint).once(planned.draws[0])
+    titled = with_title(recording, planned.cell, planned.draws[0])
     return draw_run(planned.cell, titled, estimate, folder / "figures", pdf=pdf)
 
 

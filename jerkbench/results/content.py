@@ -10,12 +10,17 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from jerkbench.arrays import IntArray
+from jerkbench.arrays import BoolArray, IntArray
 from jerkbench.cells.labels import Labels
 from jerkbench.results.parts import CELL, COLUMNS, HEAD, KEY, PROCESSOR, RUNS, parsed
 
 OF_BLOCKS = ("cell.notes", "cell.seconds", "cell.created")
 """What differs from block to block of a cell."""
+
+Stretches = Sequence[Sequence[int]]
+"""Seeds that follow each other: the first, and how many."""
+Shown = Mapping[str, Stretches]
+"""The seeds that are shown, by the keys of their cells."""
 
 
 @dataclass(frozen=True)
@@ -43,6 +48,7 @@ class Content:
         starts: the first row of each, and the number of rows.
         metadata: of each.
         columns: the metrics of each, in its own order.
+        others: how many runs there are besides, of these cells and other seeds.
     """
 
     table: pa.Table
@@ -50,6 +56,7 @@ class Content:
     starts: IntArray
     metadata: list[dict[str, Any]]
     columns: list[list[str]]
+    others: int
 
     def rows_of(self, place: int) -> pa.Table:
         """Return the rows of one cell."""
@@ -68,25 +75,39 @@ class Content:
         return self.table.take(pa.array(np.concatenate(ranges)))
 
 
-def content_of_tables(tables: Sequence[pa.Table]) -> Content:
+def content_of_tables(tables: Sequence[pa.Table], shown: Shown) -> Content:
     """Join parts: of a run that was stored more than once one that did not fail, the newest; cells that are whole.
 
     Args:
         tables: the parts; at least one.
+        shown: the seeds of each cell that are to be there; one that is not named is whole with as many as it says.
     """
     table = concatenated(tables)
     codes, order = ordered_runs(table)
-    runs = table[RUNS].to_numpy()[order]
+    keys, runs, seeds = (table[name].take(pa.array(order)) for name in (KEY, RUNS, "seed"))
     starts = np.append(np.flatnonzero(np.diff(codes[order], prepend=-1)), len(order))
-    counts = np.diff(starts)
-    whole = counts == runs[starts[:-1]]
-    table = table.take(pa.array(order[np.repeat(whole, counts)]))
-    starts = np.append(0, np.cumsum(counts[whole]))
+    names = keys.take(pa.array(starts[:-1])).to_pylist()
+    cells = zip(names, *(np.split(column.to_numpy(), starts[1:-1]) for column in (runs, seeds)), strict=True)
+    masks = [_shown(of_cell, own, shown.get(key)) for key, of_cell, own in cells]
+    counts = np.array([mask.sum() for mask in masks], np.int64)
+    whole = counts > 0
+    table = table.take(pa.array(order[np.concatenate(masks)]))
+    starts, others = np.append(0, np.cumsum(counts[whole])), int((np.diff(starts) - counts)[whole].sum())
     first = table.take(pa.array(starts[:-1]))
     metadata = _metadata(first)
     for place in _in_blocks(table, starts):
         metadata[place] |= _of_blocks(table.slice(starts[place], starts[place + 1] - starts[place]))
-    return Content(table, first[KEY].to_pylist(), starts, metadata, _metrics(first))
+    return Content(table, first[KEY].to_pylist(), starts, metadata, _metrics(first), others)
+
+
+def _shown(runs: IntArray, seeds: IntArray, stretches: Stretches | None) -> BoolArray:
+    """Which runs of a cell are shown; none where one is missing."""
+    if stretches is None:
+        return np.full(len(seeds), len(seeds) >= runs.min())
+    mask = np.zeros(len(seeds), bool)
+    for first, count in stretches:
+        mask |= (seeds >= first) & (seeds < first + count)
+    return mask if mask.sum() == sum(count for _, count in stretches) else np.zeros(len(seeds), bool)
 
 
 def concatenated(tables: Sequence[pa.Table]) -> pa.Table:

@@ -5,7 +5,7 @@ import os
 import platform
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ MANIFEST = "manifest.json"
 
 def write_manifest(
     folder: Path,
-    keys: Sequence[str],
+    seeds: Mapping[str, Sequence[int]],
     notes: Sequence[str],
     command: Sequence[str],
     level: float | None = None,
@@ -25,27 +25,30 @@ def write_manifest(
 ) -> None:
     """Write what was run, by which code, on which machine; the order and the notes of earlier cells are kept.
 
-    Of two processes in one folder each adds to what the other has written. Where seeds were added in blocks, ``level``
-    is what the last look at the cells ``keys`` may spend. ``tags`` are added to those that the cells have.
+    Of two processes in one folder each adds to what the other has written. ``seeds`` of each cell are shown from now
+    on; those of a cell that is not whole are empty. Where seeds were added in blocks, ``level`` is what the last look
+    may spend. ``tags`` are added to those that the cells have.
     """
     from filelock import FileLock
 
     with FileLock(folder / ".manifest.lock"):
-        _write_manifest(folder, keys, notes, command, level, tags)
+        _write_manifest(folder, seeds, notes, command, level, tags)
 
 
 def _write_manifest(
     folder: Path,
-    keys: Sequence[str],
+    seeds: Mapping[str, Sequence[int]],
     notes: Sequence[str],
     command: Sequence[str],
     level: float | None,
     tags: Sequence[str],
 ) -> None:
-    before = read_manifest(folder)
+    before, keys = read_manifest(folder), list(seeds)
+    known = before.get("seeds", {})
     manifest = {
         "cells": list(dict.fromkeys([*before.get("cells", []), *keys])),
-        "last": list(keys),
+        "last": keys,
+        "seeds": {**known, **{key: _with(known.get(key, ()), stretches(own)) for key, own in seeds.items() if own}},
         "notes": {**before.get("notes", {}), **{key: list(notes) for key in keys}},
         "levels": {**before.get("levels", {}), **(dict.fromkeys(keys, level) if level is not None else {})},
         "tags": _tagged(before.get("tags", {}), keys, tags),
@@ -56,6 +59,23 @@ def _write_manifest(
         "host": {"system": platform.platform(), "machine": platform.machine(), "processors": os.cpu_count()},
     }
     write_text(folder / MANIFEST, json.dumps(manifest, indent=1))
+
+
+def stretches(seeds: Sequence[int]) -> list[list[int]]:
+    """Return seeds that follow each other as the first, and how many: [0, 1, 2, 7] is [[0, 3], [7, 1]]."""
+    found: list[list[int]] = []
+    for seed in sorted(seeds):
+        if found and seed == sum(found[-1]):
+            found[-1][1] += 1
+        else:
+            found.append([seed, 1])
+    return found
+
+
+def _with(before: Iterable[Sequence[int]], own: list[list[int]]) -> list[list[int]]:
+    """Add seeds to those that are shown: what has none of them stays, as the shards of other processes."""
+    apart = [[*old] for old in before if not any(old[0] < sum(new) and new[0] < sum(old) for new in own)]
+    return sorted([*apart, *own])
 
 
 def _tagged(before: Mapping[str, list[str]], keys: Sequence[str], tags: Sequence[str]) -> dict[str, list[str]]:
@@ -98,6 +118,11 @@ def _are_texts(value: object) -> bool:
     return isinstance(value, list) and all(isinstance(text, str) for text in value)
 
 
+def _are_stretches(value: object) -> bool:
+    pairs = value if isinstance(value, list) else [None]
+    return all(isinstance(pair, list) and len(pair) == 2 and all(type(n) is int for n in pair) for pair in pairs)
+
+
 def _is_number(value: object) -> bool:
     return isinstance(value, int | float)
 
@@ -107,5 +132,11 @@ def _is_text(value: object) -> bool:
 
 
 LISTS = ("cells", "last", "command")
-MAPPINGS = {"notes": _are_texts, "tags": _are_texts, "levels": _is_number, "versions": _is_text}
+MAPPINGS = {
+    "seeds": _are_stretches,
+    "notes": _are_texts,
+    "tags": _are_texts,
+    "levels": _is_number,
+    "versions": _is_text,
+}
 """Entries of a manifest that are read again: lists of texts, and mappings with a test of their values."""

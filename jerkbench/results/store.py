@@ -7,16 +7,20 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
 from jerkbench.errors import JerkbenchError
 from jerkbench.execution.cell_run import Row
 from jerkbench.plain import plain
-from jerkbench.results.content import Content, Stored, concatenated, content_of_tables
-from jerkbench.results.finished import SEEN, Finished, finished_runs
+from jerkbench.results.content import Content, Shown, Stored, codes_of, concatenated, content_of_tables
+from jerkbench.results.manifest import read_manifest
 from jerkbench.results.part_files import PartFiles
 from jerkbench.results.parts import KEY, Block, host, table_of
+
+SEEN = [KEY, "seed", "status"]
+"""The columns that say which runs are there."""
 
 ABANDONED_S = 3600.0
 """A half-written file that is older belongs to nobody any more."""
@@ -38,8 +42,11 @@ class Store:
         self.folder = folder if not below.is_dir() and any(folder.glob("*.parquet")) else below
         self.files = PartFiles(self.folder)
 
-    def prepare(self) -> None:
-        """Make the folder, and clear away what a killed process has left half-written.
+    def prepare(self) -> list[str]:
+        """Make the folder, clear away what a killed process has left half-written, and set damaged files aside.
+
+        Returns:
+            The names of these: nobody looks at them again.
 
         Raises:
             JerkbenchError: nothing can be written there.
@@ -54,6 +61,10 @@ class Store:
                     partial.unlink(missing_ok=True)
         except OSError as error:
             raise JerkbenchError(f"Results cannot be written to {self.folder}: {error.strerror or error}.") from error
+        damaged = [name for name, table in self.files.each(None, SEEN) if table is None]
+        for path in map(self.files.path, damaged):
+            path.rename(path.with_name(f"{path.name}.damaged"))
+        return damaged
 
     def write(self, key: str, rows: Sequence[Row], metadata: Mapping[str, Any]) -> None:
         """Store a whole cell, as a part of its own.
@@ -71,32 +82,39 @@ class Store:
         """
         self.files.put(table_of(blocks))
 
-    def look(self, keys: Iterable[str]) -> Finished:
-        """Return which of ``keys`` are done, what is there of the others, and which files are damaged."""
-        wanted = list(keys)
-        tables, damaged = self._tables(wanted, SEEN)
-        return finished_runs(tables, wanted, damaged)
+    def known(self, keys: Iterable[str], *, failed: bool = False) -> dict[str, set[int]]:
+        """Return the seeds of the runs of ``keys`` that are stored; of those that failed only where ``failed`` asks."""
+        known: dict[str, set[int]] = {}
+        tables, _ = self._tables(list(keys), SEEN)
+        for table in tables:
+            wanted = table if failed else table.filter(pc.not_equal(table["status"].cast(pa.string()), "failed"))
+            codes, seeds = codes_of(wanted[KEY]), wanted["seed"].to_numpy()
+            names, order = wanted[KEY].combine_chunks().dictionary_encode().dictionary.to_pylist(), np.argsort(codes)
+            for places in np.split(order, np.flatnonzero(np.diff(codes[order])) + 1) if len(order) else ():
+                known.setdefault(names[codes[places[0]]], set()).update(seeds[places].tolist())
+        return known
 
-    def done(self, key: str) -> bool:
-        """Whether the cell is there, whole, and no run of it failed (a failed one is tried again)."""
-        return key in self.look([key]).done
-
-    def read(self, keys: Iterable[str] | None = None) -> tuple[list[Stored], list[str]]:
-        """Return the whole cells among ``keys`` (default: all), in this order, and the names of damaged files."""
+    def read(self, keys: Iterable[str] | None = None, shown: Shown | None = None) -> tuple[list[Stored], list[str]]:
+        """Return the cells that `content` has, in the order of ``keys``, and the names of damaged files."""
         wanted = None if keys is None else list(keys)
-        content, damaged = self.content(wanted)
+        content, damaged = self.content(wanted, shown)
         cells = {cell.key: cell for cell in content.stored()} if content else {}
         return [cells[key] for key in (sorted(cells) if wanted is None else wanted) if key in cells], damaged
 
-    def content(self, keys: Sequence[str] | None = None) -> tuple[Content | None, list[str]]:
-        """Return the whole cells among ``keys`` (default: all) in one table, and the names of damaged files."""
-        tables, damaged = self._tables(keys)
-        return content_of_tables(tables) if tables else None, damaged
+    def content(
+        self, keys: Sequence[str] | None = None, shown: Shown | None = None
+    ) -> tuple[Content | None, list[str]]:
+        """Return the whole cells among ``keys`` in one table, and the names of damaged files.
 
-    def begun(self, keys: Sequence[str]) -> pa.Table | None:
-        """Return all runs that are stored of some cells, whole or not, as they are in their parts."""
-        tables, _ = self._tables(keys)
-        return concatenated(tables) if tables else None
+        Args:
+            keys: default: all.
+            shown: the seeds of each cell that are; default: those of the manifest.
+        """
+        tables, damaged = self._tables(keys)
+        if not tables:
+            return None, damaged
+        known = read_manifest(self.folder.parent).get("seeds", {}) if shown is None else shown
+        return content_of_tables(tables, known), damaged
 
     def newer_runs(self, seen: set[str]) -> set[tuple[str, int]]:
         """Return key and seed of what has run, and not failed, in the files that are not ``seen``; then they are."""
@@ -105,7 +123,7 @@ class Store:
             with suppress(FileNotFoundError):  # it has just been joined with others
                 table = self.files.load(name, SEEN)
                 columns = (table[column].to_pylist() for column in SEEN) if table is not None else ()
-                runs.update((key, seed) for key, _, seed, status in zip(*columns, strict=True) if status != "failed")
+                runs.update((key, seed) for key, seed, status in zip(*columns, strict=True) if status != "failed")
             seen.add(name)
         return runs
 
@@ -114,14 +132,6 @@ class Store:
         tables, damaged = self._tables(None, [KEY])
         keys = {*damaged, *(key for table in tables for key in pc.unique(table[KEY]).to_pylist())}
         return sorted(key for key in keys if key.startswith(beginning))
-
-    def drop(self, keys: Iterable[str]) -> None:
-        """Delete some cells."""
-        gone = set(keys)
-        for name, table in list(self.files.each(None)):
-            if table is not None and (rows := _rows_of(table, gone)) is not None:
-                mask = pc.is_in(table[KEY].cast(pa.string()), pc.unique(rows[KEY]).cast(pa.string()))
-                self.files.replace([name], table.filter(pc.invert(mask)))
 
     def compact(self) -> None:
         """Join small parts, where there are many."""
@@ -146,18 +156,12 @@ class Store:
         Raises:
             JerkbenchError: there is no cell, or a file is damaged.
         """
-        content, damaged = self.content()
+        content, damaged = self.content(shown={})
         if damaged:
             raise JerkbenchError(f"{self.folder} holds damaged files: {', '.join(map(plain, damaged))}. Delete them.")
         if content is None or not content.keys:
             raise JerkbenchError(f"{self.folder} holds no results.")
         return self.files.replace([name for name, _ in list(self.files.each(None))], content.table)
-
-    def set_aside(self, damaged: Iterable[str]) -> None:
-        """Rename damaged files, so that nobody looks at them again."""
-        for name in damaged:
-            path = self.files.path(name)
-            path.rename(path.with_name(f"{path.name}.damaged"))
 
     def forget(self, processes: Iterable[int]) -> None:
         """Clear away what these ``processes``, which have ended, left half-written."""

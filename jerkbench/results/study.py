@@ -16,7 +16,7 @@ from jerkbench.report.analysis.rule import SPENDS
 from jerkbench.results.conditions import Values, conditions, told_apart, with_one_name
 from jerkbench.results.content import Content, frame
 from jerkbench.results.csv_writer import write_rows_csv
-from jerkbench.results.manifest import read_manifest
+from jerkbench.results.manifest import read_manifest, stretches
 from jerkbench.results.parts import HEAD
 from jerkbench.results.shown_cells import current
 from jerkbench.results.store import Store
@@ -92,7 +92,7 @@ class Study:
         return replace(self, rows=rows, keys=keys_of_rows)
 
 
-def load_study(folder: Path, prefer: Collection[str] = ()) -> Study:
+def load_study(folder: Path, prefer: Collection[str] = (), seeds: Mapping[str, Sequence[int]] | None = None) -> Study:
     """Read the cells of a study; of several with the same name, one.
 
     Cells that were not measured under the same conditions (data, protocol, engine) get names that say so.
@@ -100,16 +100,18 @@ def load_study(folder: Path, prefer: Collection[str] = ()) -> Study:
     Args:
         folder: the study's.
         prefer: keys that are taken before others of the same name; without them those of the last run, then the newest.
+        seeds: of the cells' runs; of a cell that is not named, those that the manifest shows.
 
     Raises:
         JerkbenchError: there is no cell.
     """
-    content, broken = Store(folder).content()
+    manifest = read_manifest(folder)
+    named = {key: stretches(own) for key, own in (seeds or {}).items()}
+    content, broken = Store(folder).content(shown={**manifest.get("seeds", {}), **named})
     if content is None or not content.keys:
         held = f"no results but {len(broken)} damaged files" if broken else "no results"
         raise JerkbenchError(f"{folder} holds {held}; `jerkbench run` writes them there (cells/*.parquet).")
     content = replace(content, metadata=with_one_name(content.metadata))
-    manifest = read_manifest(folder)
     order = {key: place for place, key in enumerate(dict.fromkeys([*manifest.get("cells", []), *prefer]))}
     chosen = current(content, order, set(prefer or manifest.get("last", [])))
     cells = [content.metadata[place] for place in chosen.places]

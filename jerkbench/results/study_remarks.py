@@ -45,12 +45,12 @@ def remarks_on(cells: Sequence[Metadata], chosen: Current, broken: list[str]) ->
     if len(kinds := {kind for cell in cells if (kind := cell.get("processor"))}) > 1:
         named = ", ".join(sorted({kind.partition(":")[0] for kind in kinds}))
         remarks.append(f"These results come from {len(kinds)} kinds of processors ({named}): last bits may differ.")
-    if others := chosen.outdated - chosen.overlapping:
+    if others := chosen.outdated:
         which = "1 result of the same name" if others == 1 else f"{others} results of the same names"
         remarks.append(f"{which} with other settings, code or data {'is' if others == 1 else 'are'} left out.")
-    if chosen.overlapping:
-        which = "1 result is" if chosen.overlapping == 1 else f"{chosen.overlapping} results are"
-        remarks.append(f"{which} left out: of the same name as another, with some of the same seeds.")
+    if others := chosen.others:
+        which = "1 stored run is" if others == 1 else f"{others} stored runs are"
+        remarks.append(f"{which} left out: the last command asked for other seeds.")
     if wrong := list(dict.fromkeys(filter(None, (contradiction(cell["labels"], cell["spec"]) for cell in cells)))):
         told = "; ".join(map(plain, wrong[:TOLD]))
         remarks.append(f"Labels name another plugin than ran: {told}.")

@@ -2,23 +2,21 @@
 
 import dataclasses
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import NamedTuple
 
-from jerkbench.cells.key import cell_key
 from jerkbench.errors import PluginError
 from jerkbench.evaluation.statistics.judgement import Verdict
 from jerkbench.evaluation.statistics.sequential import FIRST, levels, looks
 from jerkbench.report.analysis.rule import Rule
 from jerkbench.report.analysis.study_verdicts import study_verdicts
 from jerkbench.report.tables.summary import main_metric
-from jerkbench.results.content import Stored
-from jerkbench.results.parts import Block
+from jerkbench.results.manifest import stretches
 from jerkbench.results.store import Store
 from jerkbench.results.study import Study
-from jerkbench.sweep.seed_blocks import block_of
+from jerkbench.sweep.seed_blocks import missing
 from jerkbench.sweep.sweep import Plan
-from jerkbench.sweep.tasks import Planned, Result
+from jerkbench.sweep.tasks import Planned, in_order
 
 AUTO = re.compile(r"seeds=auto(?:\(max=(\d+)\))?")
 MOST = 400
@@ -68,21 +66,15 @@ def run_looks(
 ) -> tuple[Look, int]:
     """Run the looks one after the other until all is decided; returns the last that was run, and its exit code.
 
-    What is stored of a later look is gone on from; the cells of a look before the last are deleted when the next is
-    whole: their runs are all in it.
+    The runs of a look are in the next one; what is stored of a later look is gone on from.
     """
-    begin = max((k for k, look in enumerate(planned) if _done(look, store)), default=0)
-    before: Look | None = None
+    known = store.known(planned[-1].plan.draws)
+    begin = max((k for k, look in enumerate(planned) if _done(look, known)), default=0)
     for look in planned[begin:]:
-        if before is not None:
-            _carry(before, look, store)
         if code := run(look.plan):
             return look, code
-        if before is not None:
-            _forget(before, look, store)
         if look.last or not undecided(load(look), look.level):
             return look, 0
-        before = look
     raise AssertionError("The last look is the last.")
 
 
@@ -99,40 +91,11 @@ def _with_seeds(plan: Plan, seeds: int) -> Plan:
 
 
 def _planned(planned: Planned, seeds: int) -> Planned:
-    cell = dataclasses.replace(planned.cell, protocol=dataclasses.replace(planned.cell.protocol, seeds=seeds))
-    return Planned(cell, cell_key(cell, planned.fingerprint), planned.fingerprint)
+    if not planned.cell.seeded:
+        return planned
+    draws = {seed for first, _ in stretches(planned.draws) for seed in range(first, first + seeds)}
+    return dataclasses.replace(planned, draws=in_order(draws))
 
 
-def _done(look: Look, store: Store) -> bool:
-    keys = [planned.key for planned in look.plan.cells]
-    return len(store.look(keys).done) == len(keys)
-
-
-def _carry(before: Look, look: Look, store: Store) -> None:
-    """Store the runs of the look before as finished seeds of the same cells with more."""
-    larger = {old.key: new for old, new in _grown(before, look)}
-    done = store.look([new.key for new in larger.values()]).done
-    cells, _ = store.read([old for old, new in larger.items() if new.key not in done])
-    blocks = [_carried(cell, larger[cell.key]) for cell in cells]
-    if blocks:
-        store.write_blocks(blocks)
-
-
-def _carried(cell: Stored, planned: Planned) -> Block:
-    rows = [{str(name): value for name, value in row.items()} for row in cell.rows.to_dict("records")]
-    known = cell.metadata
-    kind = known.get("processor", "")
-    return block_of(planned, Result(rows, known["notes"], known["seconds"], processor=kind))
-
-
-def _forget(before: Look, look: Look, store: Store) -> None:
-    """Delete the cells of the look before that are whole in this one."""
-    larger = {old.key: new.key for old, new in _grown(before, look)}
-    done = store.look(larger.values()).done
-    store.drop([old for old, new in larger.items() if new in done])
-
-
-def _grown(before: Look, look: Look) -> list[tuple[Planned, Planned]]:
-    """The cells of which this look has more seeds: a deterministic one has not."""
-    pairs = zip(before.plan.cells, look.plan.cells, strict=True)
-    return [(old, new) for old, new in pairs if old.key != new.key]
+def _done(look: Look, known: Mapping[str, Collection[int]]) -> bool:
+    return not any(missing(planned, known.get(planned.key, ())) for planned in look.plan.cells)

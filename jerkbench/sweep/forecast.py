@@ -1,6 +1,6 @@
 """The forecast of a sweep: what would run, what is there already, and about how long it takes."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -10,6 +10,7 @@ from jerkbench.cells.labels import Labels
 from jerkbench.execution.pulse import duration
 from jerkbench.results.content import Stored
 from jerkbench.results.store import Store
+from jerkbench.sweep.seed_blocks import missing
 from jerkbench.sweep.sweep import Plan
 from jerkbench.sweep.tasks import Planned
 
@@ -19,24 +20,24 @@ class Forecast(NamedTuple):
 
     Attributes:
         plan: what would be there at its end.
-        done: keys of the cells that are there already.
+        missing: how many runs of each cell are not there yet, by its key.
         seconds: about how long the rest takes in one process [s]; NaN where nothing like it has been run.
         measured: number of stored cells that ``seconds`` is taken from.
     """
 
     plan: Plan
-    done: frozenset[str]
+    missing: Mapping[str, int]
     seconds: float
     measured: int
 
 
 def forecast(plan: Plan, store: Store) -> Forecast:
     """Return the forecast of a plan, from the times of the cells in its study's folder and in those beside it."""
-    done = frozenset(store.look([planned.key for planned in plan.cells]).done)
-    waiting = [planned for planned in plan.cells if planned.key not in done]
-    known = [cell for folder in _studies(store.folder.parent) for cell in Store(folder).read()[0]]
-    seconds = float(sum(_expected(planned, known) for planned in waiting))
-    return Forecast(plan, done, seconds, len(known))
+    known = store.known(plan.draws)
+    counts = {planned.key: len(missing(planned, known.get(planned.key, ()))) for planned in plan.cells}
+    stored = [cell for folder in _studies(store.folder.parent) for cell in Store(folder).read()[0]]
+    seconds = float(sum(_run_s(planned, stored) * counts[planned.key] for planned in plan.cells if counts[planned.key]))
+    return Forecast(plan, counts, seconds, len(stored))
 
 
 def lines(forecast: Forecast, workers: int) -> Iterator[str]:
@@ -45,13 +46,13 @@ def lines(forecast: Forecast, workers: int) -> Iterator[str]:
     varying = _varying(forecast.plan)
     yield f"{', '.join(varying)}:"
     for planned in forecast.plan.cells:
-        state = "is done" if planned.key in forecast.done else _count(len(planned.cell.draws), "run")
+        left = forecast.missing[planned.key]
+        state = _count(left, "run") if left else "is done"
         yield f"  {', '.join(getattr(planned.cell.labels, factor) for factor in varying)}: {state}"
     yield from forecast.plan.refused
-    waiting = [planned for planned in forecast.plan.cells if planned.key not in forecast.done]
-    runs = sum(len(planned.cell.draws) for planned in waiting)
-    yield f"{_count(len(forecast.plan.cells), 'combination')}, {len(forecast.done)} done; {_count(runs, 'run')} to do."
-    if waiting:
+    runs, done = sum(forecast.missing.values()), list(forecast.missing.values()).count(0)
+    yield f"{_count(len(forecast.plan.cells), 'combination')}, {done} done; {_count(runs, 'run')} to do."
+    if runs:
         yield _time(forecast, workers)
 
 
@@ -87,8 +88,8 @@ def _studies(folder: Path) -> Sequence[Path]:
     return sorted(path.parent for path in folder.parent.glob("*/cells") if path.is_dir())
 
 
-def _expected(planned: Planned, known: Sequence[Stored]) -> float:
-    """The time of a cell [s]: the median, for each of its runs, over what is most like it; NaN where nothing is."""
+def _run_s(planned: Planned, known: Sequence[Stored]) -> float:
+    """The time of a run of a cell [s]: the median over what is most like it; NaN where nothing is."""
     names = [planned.cell.spec[kind]["name"] for kind in ("dataset", "filter", "adaptation")]
     for alike in (3, 2, 1):
         times = [
@@ -98,5 +99,5 @@ def _expected(planned: Planned, known: Sequence[Stored]) -> float:
             == names[:alike]
         ]
         if times:
-            return float(np.median(times)) * len(planned.cell.draws)
+            return float(np.median(times))
     return float("nan")

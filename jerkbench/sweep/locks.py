@@ -23,7 +23,7 @@ def plan_name(cells: Iterable[Planned]) -> str:
     """Name a plan, whose bundles have the same numbers in every process that has it."""
     sha = hashlib.sha256()
     for planned in cells:
-        sha.update(f"{planned.key} {planned.cell.draws}\n".encode())
+        sha.update(f"{planned.key} {planned.draws}\n".encode())
     return sha.hexdigest()[:12]
 
 

@@ -1,7 +1,7 @@
 """Blocks of a cell's seeds: stored as they are done, so that a sweep that is stopped goes on from them."""
 
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 
 from jerkbench.execution.cell_run import Pieces, Row
 from jerkbench.execution.processors import processor_kind
@@ -18,25 +18,13 @@ REST_S = 1.0
 def block_of(planned: Planned, result: Result) -> Block:
     """Return the runs of ``result`` as they are stored."""
     metadata = metadata_of(planned, result.notes, result.seconds, result.processor)
-    return Block(planned.key, len(planned.cell.draws), result.rows, metadata)
-
-
-def known_runs(planned: Iterable[Planned], store: Store) -> dict[str, dict[int, str]]:
-    """Return seed and status of the stored runs of each cell that has some; one that failed runs again."""
-    known: dict[str, dict[int, str]] = {}
-    table = store.begun([entry.key for entry in planned])
-    if table is not None:
-        names = ("cell.key", "seed", "status")
-        for key, seed, status in zip(*(table[name].to_pylist() for name in names), strict=True):
-            if status != "failed":
-                known.setdefault(key, {})[seed] = status
-    return known
+    return Block(planned.key, len(planned.draws), result.rows, metadata)
 
 
 def missing(planned: Planned, known: Iterable[int]) -> Sequence[int]:
     """Return the seeds of a cell that are not ``known``."""
-    done, draws = set(known), planned.cell.draws
-    return [draw for draw in draws if draw not in done] if done else draws
+    done = set(known)
+    return [draw for draw in planned.draws if draw not in done] if done else planned.draws
 
 
 def run_blocks(planned: Planned, pieces: Pieces, store: Store | None = None) -> Result:
@@ -63,16 +51,6 @@ def run_blocks(planned: Planned, pieces: Pieces, store: Store | None = None) -> 
         store.write_blocks([block_of(planned, block)])
         return whole._replace(seconds=0.0, stored=len(whole.rows))
     return whole
-
-
-def finish_cell(planned: Planned, store: Store, run: Callable[[Sequence[int]], Pieces]) -> None:
-    """Run the seeds of a cell that are not stored, and store them."""
-    remaining = missing(planned, known_runs([planned], store).get(planned.key, {}))
-    if not remaining:
-        return
-    result = run_blocks(planned, run(remaining), store)
-    if rest := result.rows[result.stored :]:
-        store.write_blocks([block_of(planned, result._replace(rows=rest))])
 
 
 def joined_results(parts: Sequence[Result]) -> Result:

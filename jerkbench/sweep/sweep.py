@@ -1,8 +1,8 @@
 """The sweep: runs the cells that are not done yet, stores each at once, and ends with the table, whatever happens."""
 
 import time
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass
 from functools import partial
 from operator import attrgetter
 from pathlib import Path
@@ -21,9 +21,10 @@ from jerkbench.execution.preflight import require_inputs
 from jerkbench.execution.progress import Progress
 from jerkbench.notices import notify
 from jerkbench.results.store import Store
+from jerkbench.results.study_remarks import set_aside
 from jerkbench.sweep.locks import FOLDER, Locks, Shared, plan_name
-from jerkbench.sweep.seed_blocks import known_runs, missing, run_blocks
-from jerkbench.sweep.tasks import Planned, Result, Task, grouped
+from jerkbench.sweep.seed_blocks import missing, run_blocks
+from jerkbench.sweep.tasks import Planned, Result, Task, grouped, in_order
 from jerkbench.sweep.writer import Writer
 
 LOCAL = Local()
@@ -44,15 +45,21 @@ class Plan:
     cells: tuple[Planned, ...]
     refused: tuple[str, ...]
 
+    @property
+    def draws(self) -> dict[str, Sequence[int]]:
+        """The seeds of each cell, by its key."""
+        return {planned.key: planned.draws for planned in self.cells}
+
 
 def plan_sweep(cells: Sequence[Cell]) -> Plan:
-    """Find the key of each cell; leave out what is refused and what is there twice.
+    """Find the key of each cell; leave out what is refused, and join the seeds of what is there twice.
 
     Raises:
         RecordingError: the data of a cell are not there, or lack what its filters were asked to use.
         PluginError: two cells would have the same name in the table.
     """
-    planned: dict[str, Planned] = {}
+    planned: dict[str, tuple[Cell, str]] = {}
+    draws: dict[str, set[int]] = {}
     refused: dict[str, int] = {}
     fingerprints: dict[object, str] = {}
     checked: set[tuple[object, object]] = set()
@@ -66,43 +73,65 @@ def plan_sweep(cells: Sequence[Cell]) -> Plan:
         require_inputs(cell, checked)
         fingerprint = fingerprints[source]
         key = cell_key(cell, fingerprint)
-        planned.setdefault(key, Planned(cell, key, fingerprint))
-    _require_names([entry.cell for entry in planned.values()])
+        planned.setdefault(key, (cell, fingerprint))
+        draws.setdefault(key, set()).update(cell.draws)
+    _require_names([cell for cell, _ in planned.values()])
     lines = tuple(f"Left out {count} combination{'s' * (count > 1)}: {reason}." for reason, count in refused.items())
-    return Plan(tuple(planned.values()), lines)
+    entries = ((key, cell, fingerprint) for key, (cell, fingerprint) in planned.items())
+    return Plan(tuple(Planned(cell, key, data, in_order(draws[key])) for key, cell, data in entries), lines)
 
 
-def run_sweep(plan: Plan, store: Store, workers: int, done: Collection[str], cluster: Cluster = LOCAL) -> None:
-    """Run what is not ``done``, on a cluster, with a progress bar; store every cell as it is finished.
+def run_sweep(
+    plan: Plan,
+    store: Store,
+    workers: int,
+    cluster: Cluster = LOCAL,
+    *,
+    strict: bool = False,
+    shown: bool = True,
+    threads: int = 1,
+) -> None:
+    """Run what is missing, on a cluster, with a progress bar; store every cell as it is finished.
 
-    Of a cell that was begun before, only the seeds that are missing run.
+    Of a cell that was begun before, only the seeds that are missing run; damaged files are set aside.
 
     Args:
         plan: what there is to run.
         store: where it goes.
         workers: number of processes, where the cluster starts them itself.
-        done: keys of the cells that are there.
         cluster: where it runs.
+        strict: raise what is wrong with the input or a plugin, in words, instead of storing failed rows.
+        shown: draw the bar.
+        threads: how many the engine may use in each process.
 
     Raises:
+        JerkbenchError: nothing can be written there, or as ``strict`` says.
         ClusterError: the cluster cannot go on; what is done is stored.
     """
-    left = [planned for planned in plan.cells if planned.key not in done]
+    if damaged := store.prepare():
+        notify(set_aside(damaged))
+    left = _unfinished(plan.cells, store)
     folder = store.folder.parent / FOLDER
     tally, locks = Tally(), Locks(folder, plan_name(plan.cells))
-    with (
-        Progress(len(plan.cells), already=len(plan.cells) - len(left)) as progress,
-        locks,
-        Writer(store) as writer,
-    ):
+    places = store.folder.parent.absolute(), locks.mark.absolute()  # a worker is elsewhere
+    work = partial(run_task, *places, strict=strict, threads=threads)
+    cells = len(plan.cells) if shown else 0
+    with Progress(cells, already=cells - len(left) if shown else 0) as progress, locks, Writer(store) as writer:
         while left:
-            _run_round(plan, left, _Round(writer, tally, locks, progress, cluster, workers))
+            _run_round(plan, left, _Round(work, writer, tally, locks, progress, cluster, workers))
             left = _wait_for_others([planned for planned in left if planned.key not in tally.whole], store, progress)
+
+
+def _unfinished(cells: Sequence[Planned], store: Store) -> list[Planned]:
+    """Return the cells of which runs are missing."""
+    known = store.known(planned.key for planned in cells)
+    return [planned for planned in cells if missing(planned, known.get(planned.key, ()))]
 
 
 class _Round(NamedTuple):
     """What a round of a sweep works with."""
 
+    work: Callable[[Task], Result]
     writer: Writer
     tally: "Tally"
     locks: Locks
@@ -116,9 +145,9 @@ def _run_round(plan: Plan, left: Sequence[Planned], of: _Round) -> None:
     store = of.writer.store
     remaining: dict[str, Sequence[int]] = {planned.key: () for planned in plan.cells}
     seen = set(store.files.names())
-    known = known_runs(left, store)
+    known = store.known(planned.key for planned in left)
     for planned in left:
-        remaining[planned.key], statuses = of.tally.resume(planned, known.get(planned.key, {}))
+        remaining[planned.key], statuses = of.tally.resume(planned, known.get(planned.key, ()))
         if not remaining[planned.key]:
             of.progress.advance(statuses)
     groups = grouped(plan.cells, remaining)
@@ -126,7 +155,7 @@ def _run_round(plan: Plan, left: Sequence[Planned], of: _Round) -> None:
     if not groups:
         return
     order = Order(
-        work=partial(run_task, store.folder.parent.absolute(), of.locks.mark.absolute()),  # a worker is elsewhere
+        work=of.work,
         groups=groups,
         bundle=attrgetter("bundle"),
         admit=shared.admitted,
@@ -143,25 +172,28 @@ def _run_round(plan: Plan, left: Sequence[Planned], of: _Round) -> None:
 
 def _wait_for_others(left: Sequence[Planned], store: Store, progress: Progress) -> list[Planned]:
     """Return what other processes have not done either, after a moment if there is any."""
-    done = store.look([planned.key for planned in left]).done if left else set()
-    for _ in done:
+    waiting = _unfinished(left, store) if left else []
+    for _ in range(len(left) - len(waiting)):
         progress.advance()
-    if len(done) < len(left):
+    if waiting:
         notify("another process is running the rest of this sweep; its results are waited for")
         time.sleep(POLL_S)
-    return [planned for planned in left if planned.key not in done]
+    return waiting
 
 
-def run_task(folder: Path, mark: Path, task: Task) -> Result:
+def run_task(folder: Path, mark: Path, task: Task, *, strict: bool = False, threads: int = 1) -> Result:
     """Run some seeds of a cell; what takes long is stored on the way, the rest by whoever gets it.
 
     Args:
         folder: the study's.
         mark: a file in it; a worker that does not see it has another folder there, and only returns its rows.
         task: what to run.
+        strict: whether what is wrong is raised.
+        threads: how many the engine may use.
     """
     planned = task.planned
-    pieces = CellRun(planned.cell, planned.fingerprint).pieces(task.draws)
+    run = CellRun(planned.cell, planned.fingerprint, on_error="raise" if strict else "row", threads=threads)
+    pieces = run.pieces(task.draws)
     return run_blocks(planned, pieces, Store(folder) if mark.exists() else None)
 
 
@@ -177,9 +209,9 @@ class Tally:
         self.whole: set[str] = set()
         self._statuses: dict[str, dict[int, str]] = {}
 
-    def resume(self, planned: Planned, known: Mapping[int, str]) -> tuple[Sequence[int], list[str]]:
-        """Take up the stored runs of a cell, the status of each seed; returns the seeds to run, and as `add` does."""
-        self._statuses[planned.key] = dict(known)
+    def resume(self, planned: Planned, known: Collection[int]) -> tuple[Sequence[int], list[str]]:
+        """Take up the stored runs of a cell; returns the seeds to run, and as `add` does."""
+        self._statuses[planned.key] = {draw: "" for draw in planned.draws if draw in known}
         return missing(planned, known), self._whole(planned)
 
     def add(self, task: Task, result: Result) -> list[str]:
@@ -189,7 +221,7 @@ class Tally:
         return self._whole(task.planned)
 
     def _whole(self, planned: Planned) -> list[str]:
-        if len(self._statuses[planned.key]) < len(planned.cell.draws):
+        if len(self._statuses[planned.key]) < len(planned.draws):
             return []
         self.whole.add(planned.key)
         return list(self._statuses.pop(planned.key).values())
@@ -203,26 +235,14 @@ def _result(task: Task, outcome: Result | Exception) -> Result:
 
 
 def _require_names(cells: Sequence[Cell]) -> None:
-    """Refuse two cells that no column of the table would tell apart, and that are no shards of one."""
-    cells_by_name: dict[object, list[Cell]] = {}
+    """Refuse two cells that no column of the table would tell apart."""
+    first: dict[object, Cell] = {}
     for cell in cells:
-        for namesake in cells_by_name.setdefault(cell.labels, []):
-            _require_shards(cell, namesake)
-        cells_by_name[cell.labels].append(cell)
-
-
-def _require_shards(cell: Cell, namesake: Cell) -> None:
-    """Refuse two cells of one name that differ in more than their seeds, or share some of these."""
-    parts = [part for part in cell.spec if cell.spec[part] != namesake.spec[part]]
-    named = ", ".join(cell.labels)
-    if parts or replace(cell.protocol, seeds=1, first_seed=0) != replace(namesake.protocol, seeds=1, first_seed=0):
-        raise PluginError(
-            f"Two combinations would both be called {named}: they differ in {' and '.join(parts or ['the protocol'])} "
-            "in a way that no column shows; run them into studies of their own (study=NAME)."
-        )
-    shared = range(max(cell.draws[0], namesake.draws[0]), min(cell.draws[-1], namesake.draws[-1]) + 1)
-    if shared:
-        raise PluginError(
-            f"{named} would run {len(shared)} seeds twice, from {shared[0]} to {shared[-1]}: give first_seed values "
-            f"that are seeds={cell.protocol.seeds} or more apart."
-        )
+        namesake = first.setdefault(cell.labels, cell)
+        if namesake is not cell:
+            parts = [part for part in cell.spec if cell.spec[part] != namesake.spec[part]]
+            raise PluginError(
+                f"Two combinations would both be called {', '.join(cell.labels)}: they differ in "
+                f"{' and '.join(parts or ['the protocol'])} in a way that no column shows; run them into studies of"
+                " their own (study=NAME)."
+            )

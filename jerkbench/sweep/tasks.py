@@ -3,12 +3,11 @@
 import itertools
 import math
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import NamedTuple
 
 from jerkbench.cells.cell import Cell
-from jerkbench.cells.key import cell_identity
 from jerkbench.cells.provenance import code_digest, git_commit, versions
 from jerkbench.contracts import PerSeed
 from jerkbench.execution.cell_run import Row
@@ -22,11 +21,19 @@ MOST_TASKS = 64
 
 @dataclass(frozen=True, eq=False)
 class Planned:
-    """A cell with its key and what is known of its data."""
+    """A cell that is to run.
+
+    Attributes:
+        cell: the cell.
+        key: of its rows.
+        fingerprint: of its data.
+        draws: its seeds, or phases, in order.
+    """
 
     cell: Cell
     key: str
     fingerprint: str
+    draws: Sequence[int]
 
 
 class Task(NamedTuple):
@@ -41,11 +48,6 @@ class Task(NamedTuple):
     planned: Planned
     draws: Sequence[int]
     bundle: int = 0
-
-    @property
-    def complete(self) -> bool:
-        """Whether these are all seeds of the cell."""
-        return self.draws == self.planned.cell.draws
 
 
 class Result(NamedTuple):
@@ -74,7 +76,6 @@ def metadata_of(planned: Planned, notes: list[str], seconds: float, processor: s
         "spec": cell.spec,
         "protocol": asdict(cell.protocol),
         "data": planned.fingerprint,
-        "identity": cell_identity(cell, planned.fingerprint),
         "notes": notes,
         "code": code_digest(),
         "versions": versions(),
@@ -99,11 +100,17 @@ def grouped(cells: Sequence[Planned], remaining: Mapping[str, Sequence[int]] | N
     for planned in cells:
         cell = planned.cell
         size = 1 if isinstance(cell.filter, PerSeed) else KEPT  # programs of the user's: each seed on its own
-        for block, draws in _blocks(cell.draws, wanted.get(planned.key, cell.draws), size):
+        for block, draws in _blocks(planned.draws, wanted.get(planned.key, planned.draws), size):
             near = groups.setdefault((cell.dataset, planned.fingerprint, block), {})
             near.setdefault((cell.disturbances, cell.attitude), []).append(Task(planned, draws))
     numbered = _numbered([group for near in groups.values() for group in near.values()])
     return [tasks for group in numbered if (tasks := [task for task in group if task.draws])]
+
+
+def in_order(draws: Collection[int]) -> Sequence[int]:
+    """Return seeds in their order, in short where none between the first and the last is missing."""
+    first, last = min(draws), max(draws)
+    return range(first, last + 1) if last - first + 1 == len(draws) else sorted(draws)
 
 
 def bundle_size(tasks: int) -> int:
@@ -119,7 +126,7 @@ def _numbered(groups: list[list[Task]]) -> list[list[Task]]:
     return [[task._replace(bundle=n) for n, tasks in group for task in tasks] for group in bundled]
 
 
-def _blocks(draws: range, remaining: Sequence[int], size: int) -> Iterator[tuple[int, Sequence[int]]]:
+def _blocks(draws: Sequence[int], remaining: Sequence[int], size: int) -> Iterator[tuple[int, Sequence[int]]]:
     """Number and seeds of each block of ``size`` of the ``draws``, as far as they are ``remaining``: maybe none."""
     wanted = set(remaining)
     for begin in range(0, len(draws), size):

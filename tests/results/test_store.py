@@ -6,6 +6,7 @@ import pytest
 
 from jerkbench.errors import JerkbenchError
 from jerkbench.results import store as store_of_cells
+from jerkbench.results.manifest import read_manifest, write_manifest
 from jerkbench.results.part_files import PartFiles
 from jerkbench.results.parts import Block
 from jerkbench.results.store import MANY, Store
@@ -20,6 +21,11 @@ def store(tmp_path):
     return Store(tmp_path)
 
 
+def done(store, key="abc"):
+    """The seeds that need not run again."""
+    return sorted(store.known([key]).get(key, ()))
+
+
 def files(store):
     return sorted(store.folder.iterdir())
 
@@ -32,8 +38,7 @@ def test_what_is_written_is_read_to_the_bit(store):
     assert cell.rows.to_dict("records") == ROWS
     assert cell.metadata == ABOUT
     assert broken == []
-    assert store.done("abc")
-    assert not store.done("abd")
+    assert (done(store), done(store, "abd")) == ([0], [])
 
 
 def test_many_cells_of_one_part_keep_their_own_columns_in_their_own_order(store):
@@ -56,12 +61,11 @@ def test_a_cell_is_whole_when_its_last_block_is_there(store):
         for name, rows in (("second", last), ("first", first))
     ]
     store.write_blocks(blocks[:1])
-    assert not store.done("abc")
     assert store.read() == ([], [])
-    assert store.begun(["abc"])["seed"].to_pylist() == [3, 4]
+    assert done(store) == [3, 4]
 
     store.write_blocks(blocks[1:])
-    assert store.done("abc")
+    assert done(store) == [0, 1, 2, 3, 4]
     (cell,), _ = store.read()
     assert list(cell.rows["seed"]) == [0, 1, 2, 3, 4]
     assert list(cell.rows["position_rmse_m"]) == [0.1 * k for k in range(5)]
@@ -73,10 +77,11 @@ def test_a_cell_with_a_failed_run_is_there_but_not_done_until_that_run_went_well
     failed = [row(seed=0), {**row(seed=1), "status": "failed"}]
     store.write("abc", failed, about(created="2026-03-01T00:00:00Z"))
 
-    assert not store.done("abc")
+    assert done(store) == [0]
+    assert store.known(["abc"], failed=True) == {"abc": {0, 1}}
     assert list(store.read()[0][0].rows["status"]) == ["ok", "failed"]
     store.write_blocks([Block("abc", 2, [row(0.7, seed=1)], about(created="2026-02-01T00:00:00Z"))])
-    assert store.done("abc")
+    assert done(store) == [0, 1]
     (cell,), _ = store.read()
     assert list(cell.rows["position_rmse_m"]) == [0.1 + 0.2, 0.7]
 
@@ -96,10 +101,9 @@ def test_a_file_that_is_cut_is_not_done_and_is_named_until_it_is_set_aside(store
     (path,) = files(store)
     path.write_bytes(path.read_bytes()[:size])
 
-    assert not store.done("abc")
-    assert store.look(["abc"]).damaged == [path.stem]
+    assert done(store) == []
     assert store.read() == ([], [path.stem])
-    store.set_aside([path.stem])
+    assert store.prepare() == [path.stem]
     assert store.read() == ([], [])
     assert [left.name for left in files(store)] == [f"{path.name}.damaged"]
 
@@ -111,7 +115,7 @@ def test_a_flipped_bit_anywhere_is_noticed(store):
     for place in range(0, len(whole), 37):
         path.write_bytes(whole[:place] + bytes([whole[place] ^ 1 << place % 8]) + whole[place + 1 :])
         assert store.read() == ([], [path.stem])
-        assert not store.done("abc")
+        assert done(store) == []
 
 
 def test_a_write_that_fails_leaves_the_old_cell_and_nothing_else(store, monkeypatch):
@@ -180,21 +184,46 @@ def test_many_parts_are_joined_in_stretches(store, monkeypatch):
 
 def test_damage_is_noticed_also_after_the_part_was_read(store):
     store.write("abc", ROWS, ABOUT)
-    assert [store.look(["abc"]).done for _ in range(3)] == [{"abc"}] * 3
+    assert [done(store) for _ in range(3)] == [[0]] * 3
 
     (path,) = files(store)
     content = bytearray(path.read_bytes())
     content[len(content) // 2] ^= 1
     path.write_bytes(content)
-    assert (store.look(["abc"]).done, store.look(["abc"]).damaged) == (frozenset(), [path.stem])
+    assert (done(store), store.read()) == ([], ([], [path.stem]))
 
 
-def test_a_cell_that_is_dropped_leaves_those_beside_it(store):
-    store.write_blocks([Block(key, 1, ROWS, ABOUT) for key in ("a", "b", "c")])
-    store.drop(["b", "d"])
+def test_the_manifest_says_which_seeds_are_shown_and_a_cell_that_lacks_one_is_not_whole(store):
+    store.write("abc", [row(0.1 * k, k) for k in range(5)], ABOUT)
+    seeds = {"abc": range(1, 4)}
+    write_manifest(store.folder.parent, seeds, [], ["jerkbench"])
+    content, _ = store.content()
 
-    assert [cell.key for cell in store.read()[0]] == ["a", "c"]
-    assert len(files(store)) == 1
+    assert list(store.read()[0][0].rows["seed"]) == [1, 2, 3]
+    assert content.others == 2
+    assert store.read(shown={"abc": [[0, 6]]}) == ([], [])
+    assert list(store.read(shown={})[0][0].rows["seed"]) == [0, 1, 2, 3, 4]
+    store.pack()
+    assert done(store) == [0, 1, 2, 3, 4]
+
+
+@pytest.mark.parametrize(
+    ("before", "own", "shown"),
+    [
+        (range(5), range(20), [[0, 20]]),
+        (range(20), range(5), [[0, 5]]),
+        (range(5), range(5, 9), [[0, 5], [5, 4]]),
+        ([*range(5), *range(50, 55)], range(50, 55), [[0, 5], [50, 5]]),
+        (range(5), (), [[0, 5]]),
+    ],
+)
+def test_seeds_of_a_new_command_take_the_place_of_those_that_they_overlap_and_join_the_others(
+    tmp_path, before, own, shown
+):
+    for seeds in (before, own):
+        write_manifest(tmp_path, {"abc": seeds}, [], ["jerkbench"])
+
+    assert read_manifest(tmp_path)["seeds"] == {"abc": shown}
 
 
 def test_what_an_ended_process_left_half_written_is_forgotten(store):
@@ -212,6 +241,6 @@ def test_what_an_ended_process_left_half_written_is_forgotten(store):
 def test_a_cell_in_the_format_of_before_there_were_parts_is_a_sentence(store):
     store.write("0b", ROWS, ABOUT)
     (store.folder / f"{'0a' * 10}.parquet").write_bytes(b"PAR1")
-    for ask in (store.read, lambda: store.look(["0b"]), store.pack, lambda: store.keys_from("0")):
+    for ask in (store.read, lambda: store.known(["0b"]), store.pack, lambda: store.keys_from("0")):
         with pytest.raises(JerkbenchError, match=r"0a0a\.parquet has a format .* no longer read; run .* \(study=NAME"):
             ask()

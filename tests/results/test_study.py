@@ -35,7 +35,7 @@ def test_of_two_results_of_one_name_the_planned_one_is_shown_even_if_it_is_older
 
     assert shown(load_study(tmp_path)) == {"4e": 0.2}
     assert shown(load_study(tmp_path, prefer=["01d"])) == {"01d": 0.1}
-    write_manifest(tmp_path, ["01d"], [], ["jerkbench"])
+    write_manifest(tmp_path, {"01d": [0]}, [], ["jerkbench"])
     assert shown(load_study(tmp_path)) == {"01d": 0.1}
     write_study(load_study(tmp_path))  # it raised where two rows had one name
 
@@ -107,10 +107,10 @@ def test_what_is_not_shown_is_said(tmp_path):
 
 def test_notes_belong_to_the_cells_that_they_were_given_for(tmp_path):
     put(tmp_path, "1", 0.1)
-    write_manifest(tmp_path, ["1"], ["a first note"], ["jerkbench"])
-    write_manifest(tmp_path, ["1"], ["a corrected note"], ["jerkbench"])
+    write_manifest(tmp_path, {"1": [0]}, ["a first note"], ["jerkbench"])
+    write_manifest(tmp_path, {"1": [0]}, ["a corrected note"], ["jerkbench"])
     put(tmp_path, "2", 0.2, filter="bias")
-    write_manifest(tmp_path, ["2"], ["a note on bias"], ["jerkbench"])
+    write_manifest(tmp_path, {"2": [0]}, ["a note on bias"], ["jerkbench"])
 
     assert load_study(tmp_path).notes == ("a corrected note", "a note on bias", "recording of 1", "recording of 2")
 
@@ -118,8 +118,8 @@ def test_notes_belong_to_the_cells_that_they_were_given_for(tmp_path):
 def test_rows_stand_in_the_order_of_the_sweeps(tmp_path):
     put(tmp_path, "b", 0.1, filter="bias")
     put(tmp_path, "a", 0.2, filter="jerk")
-    write_manifest(tmp_path, ["b"], [], ["jerkbench"])
-    write_manifest(tmp_path, ["a"], [], ["jerkbench"])
+    write_manifest(tmp_path, {"b": [0]}, [], ["jerkbench"])
+    write_manifest(tmp_path, {"a": [0]}, [], ["jerkbench"])
 
     assert list(load_study(tmp_path).keys) == ["b", "a"]
 
@@ -145,23 +145,23 @@ def shards(*first_seeds, seeds=2, **changed):
     return [build({**SPEC, **changed}, Protocol(seeds=seeds, first_seed=first)) for first in first_seeds]
 
 
-def test_shards_of_one_cell_are_planned_and_seeds_that_would_run_twice_are_refused():
-    assert len(plan_sweep(shards(0, 2, 7)).cells) == 3
-    with pytest.raises(PluginError, match="2 seeds twice, from 2 to 3"):
-        plan_sweep(shards(0, 2, seeds=4))
+def test_shards_of_one_cell_are_planned_as_one_and_no_seed_runs_twice():
+    assert [list(one.draws) for one in plan_sweep(shards(0, 2, 7)).cells] == [[0, 1, 2, 3, 7, 8]]
+    assert [list(one.draws) for one in plan_sweep(shards(0, 2, seeds=4)).cells] == [list(range(6))]
 
 
-def test_rows_of_shards_are_joined_and_an_overlapping_one_is_left_out_and_said(tmp_path):
+def test_rows_of_shards_are_joined_and_other_seeds_are_left_out_and_said(tmp_path):
     store = Store(tmp_path)
-    for key, seeds, identity in (("a", (2, 3), "x"), ("b", (0, 1), "x"), ("c", (3, 4), "x"), ("d", (9,), "y")):
-        rows = [row(float(seed), seed) for seed in seeds]
-        store.write(key, rows, about(identity=identity, notes=[], created=f"2026-01-0{9 - ord(key) % 96}"))
+    for seeds in ((2, 3), (0, 1), (3, 4, 5)):
+        store.write_blocks([Block("a", len(seeds), [row(float(seed), seed) for seed in seeds], about(notes=[]))])
+        write_manifest(tmp_path, {"a": seeds}, [], ["jerkbench"])
+    store.write("d", [row(9.0, 9)], about(notes=[], created="2025-01-01T00:00:00Z"))
     study = load_study(tmp_path)
 
-    assert list(study.rows["seed"]) == [0, 1, 2, 3]
-    assert list(study.keys) == ["b", "b", "a", "a"]
+    assert list(study.rows["seed"]) == [0, 1, 3, 4, 5]
+    assert set(study.keys) == {"a"}
     assert study.combinations == 1
-    assert "1 result is left out: of the same name as another, with some of the same seeds." in study.notes
+    assert "1 stored run is left out: the last command asked for other seeds." in study.notes
     assert "1 result of the same name with other settings, code or data is left out." in study.notes
 
 

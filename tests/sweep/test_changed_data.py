@@ -48,7 +48,7 @@ def _nothing_in_memory():
 def rows_after_sweep(plan, folder):
     store = Store(folder)
     store.prepare()
-    run_sweep(plan, store, workers=1, done=())
+    run_sweep(plan, store, workers=1)
     (stored,), _ = store.read()
     return stored.rows
 
@@ -63,7 +63,7 @@ def test_data_that_changed_after_planning_give_no_row(plan, table, tmp_path):
 
     assert list(rows["status"]) == ["failed", "failed"]
     assert rows["reason"].str.contains("have changed since they were hashed").all()
-    assert not Store(tmp_path).done(plan.cells[0].key)
+    assert Store(tmp_path).known(plan.draws) == {}
 
 
 def test_data_that_change_while_they_are_read_give_no_row(plan, table, tmp_path, monkeypatch):

@@ -7,7 +7,7 @@ from jerkbench.cells.cell import build
 from jerkbench.cells.protocol import Protocol
 from jerkbench.execution.cell_run import CellRun
 from jerkbench.execution.inputs import KEPT
-from jerkbench.hydra_app.single_run import run_single_cell
+from jerkbench.hydra_app.single_run import run_single
 from jerkbench.results.store import Store
 from jerkbench.sweep import seed_blocks as blocks
 from jerkbench.sweep.sweep import plan_sweep, run_sweep
@@ -68,29 +68,29 @@ def test_a_sweep_goes_on_within_a_cell(store, monkeypatch):
     with monkeypatch.context() as patched:
         spied(patched, stop_after=2)
         with pytest.raises(KeyboardInterrupt):
-            run_sweep(plan, store, workers=1, done=())
-    assert not store.done(plan.cells[0].key)
+            run_sweep(plan, store, workers=1)
+    assert len(store.known(plan.draws)[plan.cells[0].key]) == 2 * KEPT
 
     ran = spied(monkeypatch)
-    run_sweep(plan, store, workers=1, done=())
+    run_sweep(plan, store, workers=1)
 
     assert ran == [[4 + 2 * KEPT, 5 + 2 * KEPT, 6 + 2 * KEPT]]
     require_undisturbed(store, plan.cells[0])
 
 
 def test_a_single_run_goes_on_within_its_cell(tmp_path, monkeypatch):
-    (planned,) = plan_of(seeds=KEPT + 2).cells
+    plan = plan_of(seeds=KEPT + 2)
     monkeypatch.setattr(blocks, "KEEP_S", 0.0)
     with monkeypatch.context() as patched:
         spied(patched, stop_after=1)
         with pytest.raises(KeyboardInterrupt):
-            run_single_cell(planned, tmp_path)
+            run_single(plan, tmp_path)
 
     ran = spied(monkeypatch)
-    run_single_cell(planned, tmp_path)
+    run_single(plan, tmp_path)
 
     assert ran == [[4 + KEPT, 5 + KEPT]]
-    require_undisturbed(Store(tmp_path), planned)
+    require_undisturbed(Store(tmp_path), plan.cells[0])
 
 
 def test_runs_that_go_alone_are_stored_one_after_the_other_where_they_take_long(store, monkeypatch):
@@ -99,10 +99,10 @@ def test_runs_that_go_alone_are_stored_one_after_the_other_where_they_take_long(
     with monkeypatch.context() as patched:
         spied(patched, stop_after=3)
         with pytest.raises(KeyboardInterrupt):
-            run_sweep(plan, store, workers=1, done=())
+            run_sweep(plan, store, workers=1)
 
     ran = spied(monkeypatch)
-    run_sweep(plan, store, workers=1, done=())
+    run_sweep(plan, store, workers=1)
 
     assert ran == [[7]]
     require_undisturbed(store, plan.cells[0])
@@ -119,7 +119,7 @@ def test_a_damaged_block_and_a_failed_run_are_run_again(store, monkeypatch):
         paths += [path for path in store.folder.iterdir() if path not in paths]
     paths[1].write_bytes(paths[1].read_bytes()[:-40])
 
-    assert list(blocks.known_runs([planned], store)[planned.key]) == first
+    assert sorted(store.known([planned.key])[planned.key]) == first
     failed = [{**row, "status": "failed"} for row in result.rows[:3]]
     store.write_blocks([blocks.block_of(planned, blocks.Result(failed, [], 0.0))])
-    assert list(blocks.known_runs([planned], store)[planned.key]) == first
+    assert sorted(store.known([planned.key])[planned.key]) == first

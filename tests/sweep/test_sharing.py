@@ -57,7 +57,7 @@ def test_two_sweeps_share_their_cells(durations, seeds, tmp_path, monkeypatch):
     monkeypatch.setattr(CellRun, "pieces", pieces)
     store = Store(tmp_path)
     store.prepare()
-    sweeps = [threading.Thread(target=run_sweep, args=(plan, store, 1, ())) for _ in range(2)]
+    sweeps = [threading.Thread(target=run_sweep, args=(plan, store, 1)) for _ in range(2)]
     for thread in sweeps:
         thread.start()
     for thread in sweeps:
@@ -65,7 +65,7 @@ def test_two_sweeps_share_their_cells(durations, seeds, tmp_path, monkeypatch):
 
     assert len(met) == 2
     assert len(ran) == len(set(ran)) == len(durations) * (1 if seeds == 1 else 2)
-    assert {planned.key for planned in plan.cells} == store.look([planned.key for planned in plan.cells]).done
+    assert store.known(plan.draws) == {key: set(draws) for key, draws in plan.draws.items()}
     assert not (tmp_path / ".locks").exists()
 
 
