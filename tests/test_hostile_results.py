@@ -58,7 +58,7 @@ def run(plan, folder):
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr("jerkbench.sweep.writer.HELD_S", 0.0)
         code = run_plan(plan, store, 1, Local())
-    conclude(store, [planned.key for planned in plan.cells], SimpleNamespace(notes=["a note"], tags=[]))
+    conclude(store, plan.draws, SimpleNamespace(notes=["a note"], tags=[]))
     return code
 
 
