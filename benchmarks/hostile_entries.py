@@ -173,7 +173,8 @@ def words_for(entry: Path) -> dict[str, list[str]]:
     }
 
 
-def _hang(_signal: int, _frame: FrameType | None) -> None:
+def hang(_signal: int, _frame: FrameType | None) -> None:
+    """End an answer that takes too long; for SIGALRM."""
     raise HangError(f"no answer within {PATIENCE_S} s")
 
 
@@ -181,7 +182,7 @@ def attack(damages: int, place: Path) -> None:
     """Do so many damages, and print what became of each verb."""
     os.chdir(place)
     answered(["suite", "run", "filter=baseline", "adaptation=chi2", "--scale", "tiny", "--workers", "1"])
-    signal.signal(signal.SIGALRM, _hang)
+    signal.signal(signal.SIGALRM, hang)
     counts: dict[str, Counter[str]] = {}
     longest, rng = 0.0, np.random.default_rng(1)
     for number in range(damages):

@@ -6,6 +6,8 @@ from pathlib import Path
 
 from platformdirs import user_cache_path
 
+from jerkbench.plain import plain
+
 
 def user_cache_folder() -> Path:
     """Return this package's folder in the user's cache, wherever the operating system has it."""
@@ -59,5 +61,5 @@ def _stat(path: Path) -> os.stat_result | None:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write ``text`` to ``path`` atomically, as UTF-8."""
-    write_atomically(path, lambda partial: partial.write_text(text, encoding="utf-8"))
+    """Write ``text`` to ``path`` atomically, as UTF-8; what would steer a terminal or end a line is written out."""
+    write_atomically(path, lambda partial: partial.write_text(plain(text), encoding="utf-8"))

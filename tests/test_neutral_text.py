@@ -4,16 +4,20 @@ import base64
 import hashlib
 import re
 
+import pandas as pd
 import pytest
 
 from commands import SHORT, verb
 from jerkbench.errors import PluginError
+from jerkbench.files import write_text
 from jerkbench.plain import plain
 from jerkbench.presets import ASKED, environment_variable
 from jerkbench.report.markup import policy
 from jerkbench.report.tables.csv import inert
 from jerkbench.report.tables.grid_csv import escaped
+from jerkbench.report.tables.latex import escaped as latex_text
 from jerkbench.report.tables.markdown import markdown_grid
+from jerkbench.results.csv_writer import write_rows_csv
 
 
 @pytest.mark.parametrize("text", ["=1+1", "+cmd|' /C calc'!A0", "-2+3", "@SUM(A1)", "\t=1", "\r=1"])
@@ -46,6 +50,17 @@ def test_markdown_shows_tags_images_and_links_as_text(text):
 
 def test_a_separator_of_lines_is_written_out():
     assert plain("a\u2028b\u2029") == r"a\u2028b\u2029"
+
+
+def test_a_file_holds_nothing_that_steers_or_ends_a_line(tmp_path):
+    write_text(tmp_path / "page.html", "a\u2028b\u202e\x1b[2J\tc\n")
+    assert (tmp_path / "page.html").read_text(encoding="utf-8") == "a\\u2028b\\u202e\\x1b[2J\tc\n"
+    write_rows_csv(pd.DataFrame({"filter": ["a\u2028b", "=1"], "x\x1b": [1.0, 2.0]}), tmp_path / "rows.csv")
+    assert (tmp_path / "rows.csv").read_text(encoding="utf-8") == "filter,x\\x1b\na\\u2028b,1.0\n'=1,2.0\n"
+
+
+def test_latex_prints_what_steers_a_terminal_as_text():
+    assert latex_text("a\x1b\u202e") == r"a\textbackslash{}x1b\textbackslash{}u202e"
 
 
 def test_a_page_runs_its_own_scripts_alone():

@@ -10,6 +10,7 @@ from jerkbench.audit.protocol import HALVES, AuditProtocol
 from jerkbench.audit.table import LEGEND, markdown_table
 from jerkbench.audit.verdicts import MethodVerdict
 from jerkbench.evaluation.statistics.judgement import Verdict
+from jerkbench.report.tables.markdown import passive
 
 TEMPLATE = Path(__file__).with_name("page.md.jinja")
 
@@ -48,8 +49,15 @@ def page(contents: Contents) -> str:
     """Return the page as Markdown."""
     from jinja2 import Environment, StrictUndefined
 
-    environment = Environment(undefined=StrictUndefined, keep_trailing_newline=True)  # noqa: S701 - Markdown, no HTML
+    environment = Environment(  # noqa: S701 - Markdown, no HTML
+        undefined=StrictUndefined, keep_trailing_newline=True, finalize=_shown
+    )
     return environment.from_string(TEMPLATE.read_text(encoding="utf-8")).render(_values(contents))
+
+
+def _shown(value: object) -> object:
+    """Show a text as text, but for the sections, which are Markdown."""
+    return passive(value) if type(value) is str else value
 
 
 def sections_in(folder: Path) -> str:
@@ -59,10 +67,13 @@ def sections_in(folder: Path) -> str:
 
 def _values(contents: Contents) -> Mapping[str, object]:
     """The names of the template."""
+    from markupsafe import Markup
+
     verdicts, protocol = contents.verdicts, contents.protocol
     counts = {word: sum(verdict.verdict is word for verdict in verdicts) for word in Verdict}
     return {
         **vars(contents),
+        "sections": Markup(contents.sections),  # noqa: S704 - somebody's own Markdown
         "p": protocol,
         "adaptations": len({verdict.method.adaptation for verdict in verdicts}),
         "halves": {half: [f.name for f in protocol.families if f.half == half] for half in HALVES},

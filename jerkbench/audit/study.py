@@ -30,7 +30,7 @@ from jerkbench.audit.table import LEGEND, markdown_table, verdict_frame
 from jerkbench.audit.verdicts import Losses, MethodVerdict, losses_of, verdicts
 from jerkbench.cells.provenance import code_digest, git_commit, versions
 from jerkbench.clusters.cluster import Cluster
-from jerkbench.files import write_atomically
+from jerkbench.files import write_atomically, write_text
 from jerkbench.report.plots.figures import save_figure
 from jerkbench.tuning.space import Space
 
@@ -78,7 +78,7 @@ def run_audit(
     compared = stages.stored_methods(methods(protocol)) if only_stored else methods(protocol)
     spaces = {method: space_of_method(method, known[0]) for method in compared}
     if not only_stored:
-        _write_text(folder / "protocol.json", _protocol_text(protocol))
+        write_text(folder / "protocol.json", _protocol_text(protocol))
     outcome = Campaign(protocol, spaces, stages).run()
     audit = judged(protocol, outcome, known)
     _write(audit, folder, spaces, stages.makers())
@@ -152,22 +152,18 @@ def _write(audit: Audit, folder: Path, spaces: Mapping[Method, Space], makers: l
     texts = {
         "README.md": page(contents_of(audit, folder.name.removeprefix(FOLDER), sections_in(folder))),
         "table.md": text_of(audit),
-        "verdicts.csv": verdict_frame(audit.verdicts).to_csv(index=False),
-        "families.csv": family_frame(audit.by_family).to_csv(index=False),
-        "settings.csv": settings_frame(audit.outcome, spaces).to_csv(index=False),
+        "verdicts.csv": verdict_frame(audit.verdicts).to_csv(index=False, lineterminator="\n"),
+        "families.csv": family_frame(audit.by_family).to_csv(index=False, lineterminator="\n"),
+        "settings.csv": settings_frame(audit.outcome, spaces).to_csv(index=False, lineterminator="\n"),
         "manifest.json": json.dumps({**_manifest(audit.protocol), "rows_computed_by": makers}, indent=1),
     }
     for name, text in texts.items():
-        _write_text(folder / name, text)
+        write_text(folder / name, text)
     save_figure(ratio_figure(audit.verdicts, audit.protocol.margin), folder / "ratios.png")
     save_figure(model_figure(audit.verdicts, audit.protocol.margin), folder / "models.png")
     save_figure(severity_figure(audit.losses, audit.verdicts, audit.protocol), folder / "severity.png")
     save_figure(family_figure(audit.by_family), folder / "families.png")
     write_atomically(folder / "rows.parquet", lambda path: audit.outcome.test.to_parquet(path, index=False))
-
-
-def _write_text(path: Path, text: str) -> None:
-    write_atomically(path, lambda partial: partial.write_text(text, encoding="utf-8"))
 
 
 def _manifest(protocol: AuditProtocol) -> dict[str, object]:

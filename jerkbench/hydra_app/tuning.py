@@ -23,6 +23,7 @@ from jerkbench.hydra_app.composition import owner
 from jerkbench.hydra_app.configuration import study_folder
 from jerkbench.hydra_app.typed_words import no_assignment
 from jerkbench.hydra_app.words import cluster_of, composed
+from jerkbench.report.tables.markdown import passive
 from jerkbench.results.study_figures.choice import Choice, figures_choice
 from jerkbench.sweep.sweep import LOCAL
 from jerkbench.tuning.cases import Cases
@@ -233,12 +234,12 @@ def _write(tuning: Tuning, folder: Path, command: str, *, figures: bool) -> None
     outcome, objective = tuning.outcome, tuning.effort.objective.name
     remarks = f"Tuned by jerkbench: {objective}, {len(outcome.trials)} settings, {tuning.cases.split}."
     write_presets(tuning, folder / "conf", remarks)
-    page = f"{summary(tuning)}\nTake it with: {command}\n"
+    page = f"{passive(summary(tuning))}\nTake it with: {command}\n"
     write_text(folder / "tuning.md", page)
     write_text(folder / "tuning.json", json.dumps(record(tuning), indent=1) + "\n")
     scenarios = [case.scenario for case in tuning.cases.tune]
     trials = trial_table(outcome.trials, tuning.space.names, scenarios)
-    write_text(folder / "trials.csv", trials.to_csv(index=False))
+    write_text(folder / "trials.csv", trials.to_csv(index=False, lineterminator="\n"))
     for name, export in EXPORTS.items():
         write_text(folder / "export" / name, export(tuning))
     print(page)

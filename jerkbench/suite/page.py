@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 
+from jerkbench.report.tables.markdown import passive
 from jerkbench.suite.campaign import ENTRY, GIVEN
 from jerkbench.suite.protocol import SuiteProtocol
 from jerkbench.suite.scores import Score, log_ratios
@@ -18,7 +19,9 @@ def entry_page(name: str, score: Score, rows: pd.DataFrame, protocol: SuiteProto
     """Return the page as Markdown."""
     tuned_on = set(rows.loc[rows["method"] == ENTRY, "tuned_on"])
     plain = EXPLANATION.format(plain=" + ".join(protocol.plain.values()))
-    return "\n".join([entry_line(name, score, protocol, tuned=tuned_on != {GIVEN}), "", plain, *_table(rows, protocol)])
+    return "\n".join(
+        [passive(entry_line(name, score, protocol, tuned=tuned_on != {GIVEN})), "", plain, *_table(rows, protocol)]
+    )
 
 
 def entry_line(name: str, score: Score, protocol: SuiteProtocol, *, tuned: bool) -> str:

@@ -62,14 +62,14 @@ def _print_draft(draft: "Draft") -> None:
 
 
 def _write_preset(draft: "Draft", preset: Path) -> None:
-    from jerkbench.files import write_atomically
+    from jerkbench.files import write_text
     from jerkbench.inspection.guessing import preset_path, preset_text
 
     path = preset_path(preset)
     require_new(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     text = preset_text(draft, path.stem)
-    write_atomically(path, lambda partial: partial.write_text(text, encoding="utf-8"))
+    write_text(path, text)
     folder = path.parent.parent
     print(f"Preset: {path}. Correct it, then: jerkbench run --config-dir {folder} dataset={path.stem}")
 

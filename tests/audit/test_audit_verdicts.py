@@ -1,5 +1,6 @@
 """Verdicts from rows whose answer is known: made by hand, no filter runs."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -137,6 +138,16 @@ def test_the_page_says_what_the_verdicts_say():
     assert "1 better, 1 equal" in text
     assert "**c**: 1 of 2 better, 0 worse; the lowest ratio has baseline + mtf with 0.50." in text
     assert "## How sure" in page(contents_of(audit, "small", "## Mine\n\nSo it is.\n")).split("So it is.")[1]
+
+
+def test_the_page_shows_text_as_text_and_takes_sections_as_they_are():
+    contents = contents_of(
+        judged_audit(PROTOCOL, outcome(), SCENARIOS), "<script>x</script>", "## Mine\n\n![a](b.png)\n"
+    )
+    text = page(replace(contents, sentences=[*contents.sentences, "![x](http://y)"]))
+    assert r"\<script>x\</script>" in text
+    assert r"!\[x](http://y)" in text
+    assert "\n![a](b.png)" in text
 
 
 def test_each_adaptation_stands_once_with_all_its_models_the_best_first():

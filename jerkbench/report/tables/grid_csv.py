@@ -8,6 +8,7 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.evaluation.statistics.intervals.share import share_interval
+from jerkbench.plain import plain
 from jerkbench.report.analysis.factors import FACTORS, constants
 from jerkbench.report.analysis.quantities import quantity
 from jerkbench.report.tables.cell_columns import CellColumns
@@ -91,5 +92,5 @@ def texts(values: FloatArray) -> list[str]:
 def escaped(text: str) -> str:
     """Return a text as it stands in a line, which a spreadsheet takes for text."""
     line = io.StringIO()
-    csv.writer(line, lineterminator="\n").writerow([inert(text), ""])
+    csv.writer(line, lineterminator="\n").writerow([plain(inert(text)), ""])
     return line.getvalue()[:-2]

@@ -4,6 +4,7 @@ import re
 from collections.abc import Sequence
 from itertools import zip_longest
 
+from jerkbench.plain import plain
 from jerkbench.report.tables.table_model import ABSENT, Table, TableCell
 
 SPECIAL = {
@@ -108,7 +109,7 @@ def escaped(text: str) -> str:
     >>> escaped("sage_husa")
     'sage\\_husa'
     """
-    return "".join(SPECIAL.get(character, character) for character in " ".join(text.split()))
+    return "".join(SPECIAL.get(character, character) for character in plain(" ".join(text.split())))
 
 
 def _body(table: Table) -> list[str]:

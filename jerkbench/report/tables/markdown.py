@@ -5,8 +5,8 @@ from collections.abc import Sequence
 
 from jerkbench.report.tables.table_model import ABSENT, Table, TableCell
 
-ACTIVE = re.compile(r"\||<(?=[A-Za-z/!?])|(?<=!)\[|\[(?=.*\][(\[])|\\(?=[\\|<\[!])")
-"""The end of a cell, and the beginning of a tag, of an image or of a link; a backslash before one of them."""
+ACTIVE = re.compile(r"<(?=[A-Za-z/!?])|(?<=!)\[|\[(?=.*\][(\[])|\\(?=[\\|<\[!])")
+"""The beginning of a tag, of an image or of a link; a backslash before one of them, or before the end of a cell."""
 
 
 def markdown(table: Table, level: int = 2) -> str:
@@ -23,6 +23,11 @@ def markdown_grid(
 ) -> str:
     """Return rows of texts as such a section."""
     return _section(title, [[_escaped(text) for text in line] for line in (header, *rows)], notes, level)
+
+
+def passive(text: str) -> str:
+    """Return Markdown whose tags, images and links are shown as text."""
+    return ACTIVE.sub(r"\\\g<0>", text)
 
 
 def _section(title: str, lines: Sequence[Sequence[str]], footnotes: Sequence[str], level: int) -> str:
@@ -45,4 +50,4 @@ def _text(cell: TableCell | None) -> str:
 
 def _escaped(text: str) -> str:
     """Keep a text in its cell, as text: a pipe would end it, a line break the row; tags and images would be loaded."""
-    return ACTIVE.sub(r"\\\g<0>", " ".join(text.split()))
+    return passive(" ".join(text.split())).replace("|", r"\|")
