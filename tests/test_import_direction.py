@@ -52,6 +52,7 @@ ORDER = [
     ["results"],
     ["sweep"],
     ["tuning"],
+    ["campaigns"],
     ["audit"],
     ["suite"],
     ["hydra_app"],

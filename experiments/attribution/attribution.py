@@ -36,13 +36,14 @@ from shapley import (
 )
 
 from jerkbench.arrays import FloatArray
-from jerkbench.audit.campaign import seeds_of
-from jerkbench.audit.methods import Method, space_of_method
+from jerkbench.audit.methods import Method, by_method
 from jerkbench.audit.page import SECTIONS
-from jerkbench.audit.protocol import HALVES, AuditProtocol, read_protocol
-from jerkbench.audit.scenarios import Scenario, scenarios
-from jerkbench.audit.searches import best_trials, by_method, levels_of, losses, mean_losses, seen
+from jerkbench.audit.protocol import AuditProtocol, read_protocol
 from jerkbench.audit.stages import Stages
+from jerkbench.audit.study import campaign_key
+from jerkbench.campaigns.piece import Place
+from jerkbench.campaigns.protocol import HALVES, Scenario
+from jerkbench.campaigns.search import best_trials, levels_of, losses, mean_losses, seen
 from jerkbench.cells.provenance import code_digest, git_commit, versions
 from jerkbench.clusters.cluster import Cluster
 from jerkbench.clusters.local import Local
@@ -154,7 +155,7 @@ class AttributionRuns:
         settings = [
             {method: tuple(chosen[method, *key] for key in keys) for method in self._spaces} for keys in trial_keys
         ]
-        return Scored(self._stages.run(CORNERS, seeds_of(self._protocol).test, settings), trial_keys)
+        return Scored(self._stages.run(CORNERS, self._protocol.seeds_to_test_on, settings), trial_keys)
 
     def _tuned(self) -> Chosen:
         tried = {
@@ -162,7 +163,7 @@ class AttributionRuns:
             for (method, space), subset in product(self._spaces.items(), SUBSETS)
         }
         union = {method: _union([tried[method, subset] for subset in SUBSETS]) for method in self._spaces}
-        rows = self._stages.run("tune", seeds_of(self._protocol).tune, [union] * len(self._stages.scenarios))
+        rows = self._stages.run("tune", self._protocol.seeds_to_tune_on, [union] * len(self._stages.scenarios))
         rows["loss"] = losses(rows, levels_of(rows, self._protocol.plain))
         grouped = by_method(rows)
         return {
@@ -238,14 +239,11 @@ def run_attribution(protocol: AuditProtocol, folder: Path, cluster: Cluster, wor
         JerkbenchError: a run failed.
         OSError: nothing can be written.
     """
-    known, start = tuple(scenarios(protocol)), naive()
+    known, start = protocol.scenarios, naive()
     methods = methods_of(protocol).values()
-    spaces = {method: naive_space(space_of_method(method, known[0]), start) for method in methods}
-    key = f"{code_digest('audit', 'tuning')} {sorted(versions().items())}"
-    stages = {
-        on: Stages(known, folder / "runs" / (name or "tilt"), key, cluster, workers, attitude=name)
-        for on, name in ATTITUDES.items()
-    }
+    spaces = {method: naive_space(method.space(known[0]), start) for method in methods}
+    places = {on: Place(folder / "runs" / (name or "tilt"), cluster, workers) for on, name in ATTITUDES.items()}
+    stages = {on: Stages(known, places[on], campaign_key(), name) for on, name in ATTITUDES.items()}
     scored = {on: AttributionRuns(protocol, spaces, own).scored() for on, own in stages.items()}
     values = corner_values(scored, protocol)
     families = [scenario.family for scenario in known]
@@ -254,7 +252,7 @@ def run_attribution(protocol: AuditProtocol, folder: Path, cluster: Cluster, wor
         tuple(dict.fromkeys(families)),
         shares(values, families),
     )
-    _write(attribution, protocol, folder, sorted({maker for own in stages.values() for maker in own.makers()}))
+    _write(attribution, protocol, folder, sorted({maker for place in places.values() for maker in place.makers()}))
     return attribution
 
 

@@ -19,10 +19,11 @@ from jerkbench.arrays import FloatArray
 from jerkbench.audit.methods import Method
 from jerkbench.audit.page import SECTIONS
 from jerkbench.audit.protocol import read_protocol
-from jerkbench.audit.scenarios import Scenario
-from jerkbench.audit.searches import levels_of
 from jerkbench.audit.study import FOLDER, run_audit
-from jerkbench.audit.verdicts import DEFAULTS, NOMINAL, TUNED, Losses
+from jerkbench.audit.verdicts import DEFAULTS, TUNED, Losses
+from jerkbench.campaigns.protocol import Scenario
+from jerkbench.campaigns.ratios import NOMINAL
+from jerkbench.campaigns.search import levels_of
 from jerkbench.clusters.local import Local
 from jerkbench.evaluation.statistics.intervals.student import student_intervals
 from jerkbench.evaluation.statistics.judgement import LEVEL

@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 import yaml
 
-from jerkbench.audit.methods import tried_settings
+from jerkbench.campaigns.entrant import tried_settings
 from jerkbench.cells.cell import Cell
 from jerkbench.errors import PluginError
 from jerkbench.execution.inputs import Inputs

@@ -5,47 +5,12 @@ from dataclasses import dataclass
 
 import pandas as pd
 
-from jerkbench.audit.methods import Method, settings_of
+from jerkbench.audit.methods import Method, by_method
 from jerkbench.audit.protocol import AuditProtocol
-from jerkbench.audit.runs import TEST
-from jerkbench.audit.searches import (
-    Search,
-    best_trials,
-    by_method,
-    levels_of,
-    losses,
-    mean_losses,
-    searches,
-    seen,
-    unseen,
-)
-from jerkbench.audit.stages import Settings, Stages
-from jerkbench.audit.trials import LookedAt, Trials, needed_trials, run_trials
+from jerkbench.audit.stages import TEST, LookedAt, Search, Settings, Stages, Trials, needed_trials, searches
+from jerkbench.campaigns.entrant import tried_settings
+from jerkbench.campaigns.search import best_trials, levels_of, losses, mean_losses, seen, unseen
 from jerkbench.tuning.space import Setting, Space
-
-CHOOSE_FROM = 1_000
-"""The first seed to choose on; those to tune on begin at 0."""
-TEST_FROM = 1_000_000
-"""The seeds to test on begin here, plus a number that only the protocol's digest tells: nobody has tuned on them."""
-
-
-@dataclass(frozen=True)
-class Seeds:
-    """The seeds of each stage, of which no two share one."""
-
-    tune: tuple[int, ...]
-    choose: tuple[int, ...]
-    test: tuple[int, ...]
-
-
-def seeds_of(protocol: AuditProtocol) -> Seeds:
-    """Return the seeds; those to test on follow from the protocol's digest."""
-    first = TEST_FROM + int(protocol.digest[:6], 16)
-    return Seeds(
-        tuple(range(protocol.tune_seeds)),
-        tuple(range(CHOOSE_FROM, CHOOSE_FROM + protocol.choose_seeds)),
-        tuple(range(first, first + protocol.test_seeds)),
-    )
 
 
 @dataclass(frozen=True)
@@ -71,21 +36,21 @@ class Campaign:
     def __init__(self, protocol: AuditProtocol, spaces: Mapping[Method, Space], stages: Stages) -> None:
         """Prepare to search the ``spaces`` of the methods."""
         self._protocol, self._spaces, self._stages = protocol, spaces, stages
-        self._seeds = seeds_of(protocol)
-        restarts = {method: settings_of(protocol, space) for method, space in spaces.items()}
-        self._restarts = restarts
+        self._restarts = {
+            method: [tried_settings(protocol.trials, space, restart) for restart in range(protocol.restarts)]
+            for method, space in spaces.items()
+        }
         self._tried = {
             method: tuple(dict.fromkeys(setting for settings in own for setting in settings))
-            for method, own in restarts.items()
+            for method, own in self._restarts.items()
         }
 
     def run(self) -> Outcome:
         """Search, choose and score."""
-        everything = {method: tuple(range(len(settings))) for method, settings in self._tried.items()}
-        tuned = self._losses("tune", self._seeds.tune, self._tried, [everything] * len(self._stages.scenarios))
+        tuned = self._losses("tune", self._protocol.seeds_to_tune_on, self._tried)
         finalists = {search: self._finalists(tuned, search) for search in self._searches()}
         common = {method: self._union(method, finalists) for method in self._spaces}
-        again = self._losses("choose", self._seeds.choose, common, self._needed(finalists, common, seen))
+        again = self._losses("choose", self._protocol.seeds_to_choose_on, common, self._needed(finalists, common, seen))
         chosen = {search: self._best(again, search, own, common) for search, own in finalists.items()}
         return self._scored(tuned, chosen)
 
@@ -93,10 +58,10 @@ class Campaign:
         return searches(self._spaces, self._protocol.restarts)
 
     def _losses(
-        self, name: str, seeds: tuple[int, ...], settings: Settings, needed: Sequence[Trials]
+        self, name: str, seeds: tuple[int, ...], settings: Settings, needed: Sequence[Trials] | None = None
     ) -> dict[Method, pd.DataFrame]:
         """Run what is needed of the same settings on every scenario; returns each method's rows with their loss."""
-        rows = run_trials(self._stages, name, seeds, [settings] * len(self._stages.scenarios), needed)
+        rows = self._stages.run(name, seeds, [settings] * len(self._stages.scenarios), needed)
         rows["loss"] = losses(rows, levels_of(rows, self._protocol.plain))
         return by_method(rows)
 
@@ -133,7 +98,7 @@ class Campaign:
             {method: (*trials, len(common[method])) for method, trials in by_method.items()}
             for by_method in self._needed(several, common, unseen)
         ]
-        test = run_trials(self._stages, TEST, self._seeds.test, settings, needed)
+        test = self._stages.run(TEST, self._protocol.seeds_to_test_on, settings, needed)
         trial = {search: common[search.method].index(setting) for search, setting in chosen.items()}
         return Outcome(chosen, trial, {method: len(own) for method, own in common.items()}, test)
 

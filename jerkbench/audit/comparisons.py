@@ -6,9 +6,8 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.audit.campaign import Outcome
-from jerkbench.audit.methods import FLOOR, Method
+from jerkbench.audit.methods import FLOOR, Method, by_method
 from jerkbench.audit.protocol import AuditProtocol
-from jerkbench.audit.searches import by_method
 from jerkbench.audit.verdicts import DEFAULTS, TUNED, Losses, MethodVerdict, own_rows
 from jerkbench.evaluation.statistics.scenarios import OverScenarios, over_scenarios
 

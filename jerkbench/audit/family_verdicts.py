@@ -8,7 +8,8 @@ import pandas as pd
 
 from jerkbench.audit.methods import Method
 from jerkbench.audit.protocol import AuditProtocol
-from jerkbench.audit.verdicts import TUNED, Losses, verdict_of
+from jerkbench.audit.verdicts import TUNED, Losses
+from jerkbench.campaigns.ratios import verdict_of
 from jerkbench.evaluation.statistics.intervals.student import student_intervals
 from jerkbench.evaluation.statistics.judgement import LEVEL, Verdict
 

@@ -7,8 +7,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from jerkbench.audit.methods import Method
-from jerkbench.audit.protocol import HALVES, AuditProtocol
+from jerkbench.audit.protocol import AuditProtocol
 from jerkbench.audit.verdicts import TUNED, Losses, MethodVerdict
+from jerkbench.campaigns.protocol import HALVES
 from jerkbench.report.plots.style import OKABE_ITO, quiet
 
 if TYPE_CHECKING:

@@ -6,9 +6,10 @@ from pathlib import Path
 
 from jerkbench.audit.answer import last_line
 from jerkbench.audit.family_verdicts import FamilyVerdict, family_sentences
-from jerkbench.audit.protocol import HALVES, AuditProtocol
+from jerkbench.audit.protocol import AuditProtocol
 from jerkbench.audit.table import LEGEND, markdown_table
 from jerkbench.audit.verdicts import MethodVerdict
+from jerkbench.campaigns.protocol import HALVES
 from jerkbench.evaluation.statistics.judgement import Verdict
 from jerkbench.report.tables.markdown import passive
 

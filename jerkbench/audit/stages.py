@@ -1,25 +1,50 @@
-"""The stages of an audit on a cluster: what is stored is not run again."""
+"""The stages of an audit: which settings of each method run over which scenario, and their rows."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from typing import NamedTuple
 
 import pandas as pd
 
 from jerkbench.audit.methods import Method
-from jerkbench.audit.runs import TEST, Stage, mark_of
-from jerkbench.audit.scenarios import Scenario, cell_on
-from jerkbench.cells.cell import Cell
-from jerkbench.clusters.cluster import Cluster
-from jerkbench.clusters.scenario_dispatch import done_by_scenario
+from jerkbench.campaigns.entrant import ERROR
+from jerkbench.campaigns.piece import Piece, Place, mark_of
+from jerkbench.campaigns.protocol import HALVES, Scenario
+from jerkbench.campaigns.search import ALL
 from jerkbench.errors import JerkbenchError
-from jerkbench.execution.progress import Progress
 from jerkbench.tuning.space import Setting
 
+TEST = "test"
 TITLES = {"tune": "settings tried", "choose": "finalists", TEST: "scored unseen"}
 
 Settings = Mapping[Method, tuple[Setting, ...]]
 """What is run of each method."""
+
+Trials = Mapping[Method, tuple[int, ...]]
+"""Places of settings, of each method; 0 are its defaults."""
+
+LookedAt = Callable[[str, Iterable[Scenario]], list[int]]
+"""The numbers of the scenarios that belong to what a search was tuned on: `seen` or `unseen`."""
+
+
+class Search(NamedTuple):
+    """A search of one method.
+
+    Attributes:
+        method: what is tuned.
+        tuned_on: "first", "second", or "all".
+        restart: which scramble.
+    """
+
+    method: Method
+    tuned_on: str
+    restart: int
+
+
+def searches(methods: Iterable[Method], restarts: int) -> list[Search]:
+    """Return every search: each method on each half with each scramble, and once on all with the first."""
+    halves = [(half, restart) for half in HALVES for restart in range(restarts)]
+    return [Search(method, *how) for method in methods for how in (*halves, (ALL, 0))]
 
 
 @dataclass(frozen=True)
@@ -28,41 +53,42 @@ class Stages:
 
     Attributes:
         scenarios: of the audit, in order.
-        folder: where runs are stored.
+        place: where runs are done and stored.
         key: of the code and the libraries.
-        cluster: what runs them.
-        workers: number of processes, where the cluster starts them.
-        only_stored: read what other code may have computed, and run nothing.
         attitude: name of the plugin; None: that of the data set.
     """
 
     scenarios: Sequence[Scenario]
-    folder: Path
+    place: Place
     key: str
-    cluster: Cluster
-    workers: int
-    only_stored: bool = False
     attitude: str | None = None
 
-    def run(self, name: str, seeds: tuple[int, ...], settings: Sequence[Settings]) -> pd.DataFrame:
+    def run(
+        self,
+        name: str,
+        seeds: tuple[int, ...],
+        settings: Sequence[Settings],
+        needed: Sequence[Trials] | None = None,
+    ) -> pd.DataFrame:
         """Run the ``settings`` of each scenario that are not stored yet, and return the rows of all.
+
+        Args:
+            name: of the stage.
+            seeds: of the runs.
+            settings: of each scenario.
+            needed: which of them are run; default: all. ``trial`` of a row is the place among all of them.
 
         Raises:
             JerkbenchError: a run failed, or is not stored and may not be run.
             OSError: nothing can be stored.
         """
-        stages = list(self._stages(name, seeds, settings))
-        left = [stage for stage in stages if not (stage.maker if self.only_stored else stage.done)]
-        if left and self.only_stored:
-            raise JerkbenchError(
-                f"Of {len(stages)} files of the stage {name} in {self.folder}, {len(left)} are missing or of other"
-                f" settings, first {left[0].path.name}; run the audit without --stored."
-            )
-        title = f"Audit, {TITLES.get(name, name)}"
-        with Progress(len(stages), len(stages) - len(left), title, "filters and scenarios") as progress:
-            for _ in self._outcomes(left):
-                progress.advance()
-        return pd.concat([stage.read() for stage in stages], ignore_index=True)
+        if needed is None:
+            needed = [{method: tuple(range(len(own))) for method, own in of.items()} for of in settings]
+        pieces = list(self._pieces(name, seeds, settings, needed))
+        rows = self.place.rows(pieces, f"Audit, {TITLES.get(name, name)}", "filters and scenarios")
+        keys = zip(rows["scenario"], rows["filter"], rows["adaptation"], rows["trial"], strict=True)
+        rows["trial"] = [needed[number][Method(model, adaptation)][trial] for number, model, adaptation, trial in keys]
+        return rows.drop(columns="reason")
 
     def stored_methods(self, methods: Iterable[Method]) -> list[Method]:
         """Return those of the ``methods`` that were run: adaptations may have come into the tree since.
@@ -70,28 +96,47 @@ class Stages:
         Raises:
             JerkbenchError: none was.
         """
-        names = {name for path in self.folder.glob("tune-000-*.parquet") for name in (mark_of(path) or [{}])[-1]}
+        folder = self.place.folder
+        names = {name for path in folder.glob("tune-000-*.parquet") for name in (mark_of(path) or [{}])[-1]}
         if stored := [method for method in methods if method.name in names]:
             return stored
-        raise JerkbenchError(f"No run of this audit is stored in {self.folder}; run the audit without --stored first.")
+        raise JerkbenchError(f"No run of this audit is stored in {folder}; run the audit without --stored first.")
 
-    def makers(self) -> list[str]:
-        """Return the keys of the code that computed what is stored."""
-        return sorted({mark[0] for path in self.folder.glob("*.parquet") if (mark := mark_of(path))})
+    def _pieces(
+        self, name: str, seeds: tuple[int, ...], settings: Sequence[Settings], needed: Sequence[Trials]
+    ) -> Iterator[Piece]:
+        """One for each scenario and filter."""
+        metrics = (ERROR, "consistency") if name == TEST else (ERROR,)
+        for number, (scenario, all_of, trials) in enumerate(zip(self.scenarios, settings, needed, strict=True)):
+            for model in dict.fromkeys(method.filter for method in trials):
+                tries = tuple(
+                    (method.entrant, tuple(all_of[method][trial] for trial in own))
+                    for method, own in trials.items()
+                    if method.filter == model
+                )
+                yield Piece(
+                    name=f"{name}-{number:03}-{model}",
+                    number=number,
+                    scenario=scenario,
+                    tries=tries,
+                    seeds=seeds,
+                    metrics=metrics,
+                    key=self.key,
+                    folder=self.place.folder,
+                    attitude=self.attitude,
+                    strict=True,
+                )
 
-    def _stages(self, name: str, seeds: tuple[int, ...], settings: Sequence[Settings]) -> Iterator[Stage]:
-        for number, (scenario, by_method) in enumerate(zip(self.scenarios, settings, strict=True)):
-            for model in dict.fromkeys(method.filter for method in by_method):
-                own = {method: values for method, values in by_method.items() if method.filter == model}
-                yield Stage(name, number, scenario, seeds, own, self.folder, self.key, self.attitude)
 
-    def _outcomes(self, stages: Sequence[Stage]) -> Iterator[int]:
-        """Yield the number of runs of each stage as it is done; those of one scenario share its recordings."""
-        if not stages:
-            return
-        yield from done_by_scenario(Stage.run, stages, self._cells(stages), self.cluster, self.workers)
+def needed_trials(
+    trials: Mapping[Search, Iterable[int]], methods: Iterable[Method], scenarios: Sequence[Scenario], of: LookedAt
+) -> list[Trials]:
+    """Return for each scenario the defaults and the ``trials`` of those searches that it belongs to.
 
-    def _cells(self, stages: Sequence[Stage]) -> list[Cell]:
-        """A cell of each method: what a worker must have."""
-        methods = dict.fromkeys(method for stage in stages for method in stage.settings)
-        return [cell_on(self.scenarios[0], method.filter, method.adaptation, seeds=1) for method in methods]
+    What no verdict reads is not run: a setting that was tuned on one half is scored on the other half alone.
+    """
+    needed = [{method: {0} for method in methods} for _ in scenarios]
+    for search, own in trials.items():
+        for number in of(search.tuned_on, scenarios):
+            needed[number][search.method].update(own)
+    return [{method: tuple(sorted(own)) for method, own in by_method.items()} for by_method in needed]

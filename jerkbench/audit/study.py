@@ -8,7 +8,7 @@ from pathlib import Path
 import pandas as pd
 
 from jerkbench.audit.answer import sentences
-from jerkbench.audit.campaign import Campaign, Outcome, seeds_of
+from jerkbench.audit.campaign import Campaign, Outcome
 from jerkbench.audit.comparisons import (
     metric_sentence,
     model_sentence,
@@ -20,14 +20,15 @@ from jerkbench.audit.comparisons import (
 from jerkbench.audit.family_figure import family_figure
 from jerkbench.audit.family_verdicts import FamilyVerdict, family_frame, family_verdicts
 from jerkbench.audit.figures import ratio_figure, severity_figure
-from jerkbench.audit.methods import Method, methods, space_of_method
+from jerkbench.audit.methods import Method, methods
 from jerkbench.audit.model_figure import model_figure
 from jerkbench.audit.page import Contents, page, sections_in
 from jerkbench.audit.protocol import AuditProtocol
-from jerkbench.audit.scenarios import Scenario, scenarios
 from jerkbench.audit.stages import Stages
 from jerkbench.audit.table import LEGEND, markdown_table, verdict_frame
 from jerkbench.audit.verdicts import Losses, MethodVerdict, losses_of, verdicts
+from jerkbench.campaigns.piece import Place
+from jerkbench.campaigns.protocol import Scenario
 from jerkbench.cells.provenance import code_digest, git_commit, versions
 from jerkbench.clusters.cluster import Cluster
 from jerkbench.files import write_atomically, write_text
@@ -73,15 +74,15 @@ def run_audit(
         JerkbenchError: a run failed, or is not stored and may not be run.
         OSError: nothing can be written.
     """
-    known = tuple(scenarios(protocol))
-    stages = Stages(known, folder / "runs", _key(), cluster, workers, only_stored)
+    known, place = protocol.scenarios, Place(folder / "runs", cluster, workers, only_stored)
+    stages = Stages(known, place, campaign_key())
     compared = stages.stored_methods(methods(protocol)) if only_stored else methods(protocol)
-    spaces = {method: space_of_method(method, known[0]) for method in compared}
+    spaces = {method: method.space(known[0]) for method in compared}
     if not only_stored:
         write_text(folder / "protocol.json", _protocol_text(protocol))
     outcome = Campaign(protocol, spaces, stages).run()
     audit = judged(protocol, outcome, known)
-    _write(audit, folder, spaces, stages.makers())
+    _write(audit, folder, spaces, place.makers())
     return audit
 
 
@@ -93,8 +94,9 @@ def judged(protocol: AuditProtocol, outcome: Outcome, known: Sequence[Scenario])
     return Audit(protocol, outcome, losses, overall, by_family)
 
 
-def _key() -> str:
-    return f"{code_digest('audit', 'tuning')} {sorted(versions().items())}"
+def campaign_key() -> str:
+    """Return a hash of the code, and the versions of the libraries, that the numbers of a run depend on."""
+    return f"{code_digest('campaigns', 'audit', 'tuning')} {sorted(versions().items())}"
 
 
 def text_of(audit: Audit) -> str:
@@ -169,7 +171,11 @@ def _write(audit: Audit, folder: Path, spaces: Mapping[Method, Space], makers: l
 def _manifest(protocol: AuditProtocol) -> dict[str, object]:
     return {
         "protocol": protocol.digest,
-        "seeds": asdict(seeds_of(protocol)),
+        "seeds": {
+            "tune": protocol.seeds_to_tune_on,
+            "choose": protocol.seeds_to_choose_on,
+            "test": protocol.seeds_to_test_on,
+        },
         "code": code_digest(),
         "git_commit": git_commit(),
         "versions": versions(),

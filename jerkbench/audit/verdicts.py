@@ -8,10 +8,12 @@ import pandas as pd
 
 from jerkbench.arrays import FloatArray
 from jerkbench.audit.campaign import Outcome
-from jerkbench.audit.methods import Method
-from jerkbench.audit.protocol import HALVES, AuditProtocol
-from jerkbench.audit.scenarios import Scenario
-from jerkbench.audit.searches import ALL, Search, by_method, levels_of, losses
+from jerkbench.audit.methods import Method, by_method
+from jerkbench.audit.protocol import AuditProtocol
+from jerkbench.audit.stages import Search
+from jerkbench.campaigns.protocol import HALVES, Scenario
+from jerkbench.campaigns.ratios import nominal_of, of_families, of_unseen, step_ns, verdict_of, worst_of
+from jerkbench.campaigns.search import ALL, levels_of, losses
 from jerkbench.evaluation.statistics.judgement import LEVEL, Verdict
 from jerkbench.evaluation.statistics.ranks import rank_range
 from jerkbench.evaluation.statistics.scenarios import OverScenarios, over_scenarios
@@ -20,9 +22,6 @@ DEFAULTS = "defaults"
 TUNED = "tuned"
 BOUND = "best for each"
 """Tuned on the very scenario: what no one setting reaches; marked, and never compared."""
-
-NOMINAL = "none"
-"""The family without a fault."""
 
 
 @dataclass(frozen=True)
@@ -83,9 +82,8 @@ class Losses:
     by_kind: Mapping[tuple[Method, str, int], FloatArray]
 
     def of_families(self, values: FloatArray) -> FloatArray:
-        """Return (F, n) means over the scenarios of each family: severities and fields of one fault are one unit."""
-        names = np.array([scenario.family for scenario in self.scenarios])
-        return np.array([values[names == family].mean(axis=0) for family in self.families])
+        """Return (F, n) means over the scenarios of each family."""
+        return of_families(values, self.scenarios)
 
 
 def losses_of(outcome: Outcome, protocol: AuditProtocol, scenarios: Sequence[Scenario]) -> Losses:
@@ -103,16 +101,9 @@ def losses_of(outcome: Outcome, protocol: AuditProtocol, scenarios: Sequence[Sce
         by_kind[method, ALL, 0] = cube[outcome.trial[Search(method, ALL, 0)]].to_numpy()
         for restart in range(protocol.restarts):
             halves = [cube[outcome.trial[Search(method, half, restart)]].to_numpy() for half in HALVES]
-            by_kind[method, TUNED, restart] = _unseen(halves, scenarios)
+            by_kind[method, TUNED, restart] = of_unseen(halves, scenarios)
     families = tuple(family.name for family in protocol.families)
     return Losses(families, scenarios, by_kind)
-
-
-def _unseen(halves: Sequence[FloatArray], scenarios: Sequence[Scenario]) -> FloatArray:
-    """Take each scenario from the search that did not see its half; of both, the mean."""
-    first, second = halves
-    mixed = {"first": second, "second": first, "both": (first + second) / 2}
-    return np.array([mixed[scenario.half][k] for k, scenario in enumerate(scenarios)])
 
 
 def verdicts(outcome: Outcome, protocol: AuditProtocol, scenarios: Sequence[Scenario]) -> list[MethodVerdict]:
@@ -140,9 +131,7 @@ def _verdict(
     tuned = over_scenarios(known.of_families(d))
     wide = over_scenarios(known.of_families(d), 1 - LEVEL / count)
     ratios = [_ratio(known, _difference(known, method, plain, TUNED, k)) for k in range(protocol.restarts)]
-    by_scenario = d.mean(axis=1)
-    worst = int(np.argmax(by_scenario))
-    nominal = np.array([scenario.family == NOMINAL for scenario in known.scenarios])
+    worst, worst_ratio = worst_of(d, known.scenarios)
     own = own_rows(rows, method, outcome, known.scenarios)
     return MethodVerdict(
         method=method,
@@ -155,27 +144,14 @@ def _verdict(
         restarts=(min(ratios), max(ratios)),
         all_ratio=_ratio(known, _difference(known, method, plain, ALL)),
         bound=_ratio(known, _difference(known, method, plain, BOUND)),
-        worst=known.scenarios[worst].name,
-        worst_ratio=float(np.exp(by_scenario[worst])),
-        nominal=float(np.exp(by_scenario[nominal].mean())),
+        worst=worst,
+        worst_ratio=worst_ratio,
+        nominal=nominal_of(d, known.scenarios),
         lost=float((own["status"] != "ok").mean()),
         anees=float(own["anees"].median()),
-        step_ns=float(rows["seconds"].min() / (protocol.duration_s * IMU_HZ) * 1e9),
+        step_ns=step_ns(rows, protocol.duration_s),
         places=places,
     )
-
-
-IMU_HZ = 100.0
-"""Steps a second of the simulated fields."""
-
-
-def verdict_of(low: float, high: float, margin: float) -> Verdict:
-    """Return what an interval of a ratio shows: equal within the margin, else better, worse or nothing."""
-    if 1 / (1 + margin) <= low and high <= 1 + margin:
-        return Verdict.EQUAL
-    if high < 1:
-        return Verdict.BETTER
-    return Verdict.WORSE if low > 1 else Verdict.UNDECIDED
 
 
 def probability_below(mean: OverScenarios, ratio: float) -> float:

@@ -11,7 +11,7 @@ from jerkbench.cells.cell import Cell
 from jerkbench.cells.provenance import code_digest, plugin_digest, versions
 from jerkbench.plugins import is_own
 
-SENT = ("audit", "cells", "clusters", "execution", "results", "suite", "sweep", "tuning")
+SENT = ("audit", "campaigns", "cells", "clusters", "execution", "results", "suite", "sweep", "tuning")
 """Rooms whose objects are sent to workers, besides those that compute."""
 
 SINGLE = ("dataset", "attitude", "filter", "adaptation", "engine")

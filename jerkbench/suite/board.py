@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from jerkbench.campaigns.ratios import of_families
 from jerkbench.errors import JerkbenchError
 from jerkbench.evaluation.statistics.ranks import rank_range
 from jerkbench.files import write_text
@@ -14,7 +15,7 @@ from jerkbench.plain import plain
 from jerkbench.report.markup import environment
 from jerkbench.suite.entry import MANIFEST, Entry, read_entry
 from jerkbench.suite.protocol import SuiteProtocol, read_suite
-from jerkbench.suite.scores import Score, log_ratios, of_families, score_of
+from jerkbench.suite.scores import Score, log_ratios, score_of
 from jerkbench.suite.verify import Checked, verify
 
 HEADS = (
@@ -96,7 +97,7 @@ def board_of(entries: Sequence[Entry], checks: Sequence[Checked], protocol: Suit
     ]
     lines = []
     if whole:
-        costs = [of_families(log_ratios(entries[k].rows, protocol), protocol) for k in whole]
+        costs = [of_families(log_ratios(entries[k].rows, protocol), protocol.scenarios) for k in whole]
         ranks = rank_range(np.stack(costs, axis=-1))
         places = zip(ranks.place, ranks.low, ranks.high, strict=True)
         scored = [(place, entries[k], checks[k]) for place, k in zip(places, whole, strict=True)]

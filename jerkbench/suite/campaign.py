@@ -1,26 +1,17 @@
 """The campaign of an entrant: settings tried on each half of the faults, the best of each scored on the other half."""
 
-from collections.abc import Iterable, Mapping, Sequence
+import hashlib
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import pandas as pd
 
-from jerkbench.audit.protocol import HALVES
-from jerkbench.audit.searches import best_trials, levels_of, losses, mean_losses, seen
+from jerkbench.campaigns.entrant import Entrant, knobs_of, tried_settings
+from jerkbench.campaigns.piece import Piece, Place
+from jerkbench.campaigns.protocol import HALVES
+from jerkbench.campaigns.search import best_trials, levels_of, losses, mean_losses, seen
 from jerkbench.cells.provenance import code_digest, plugin_digest, versions
-from jerkbench.clusters.cluster import Cluster
-from jerkbench.clusters.scenario_dispatch import done_by_scenario
-from jerkbench.execution.progress import Progress
-from jerkbench.suite.entrant import (
-    Entrant,
-    entrant_cell,
-    entrant_settings,
-    entrant_space,
-    plain_of,
-    program_digest,
-)
-from jerkbench.suite.pieces import Piece
+from jerkbench.contracts import ReadingFile
 from jerkbench.suite.protocol import SuiteProtocol
 from jerkbench.tuning.space import Setting
 
@@ -29,21 +20,6 @@ GIVEN = "given"
 
 PLAIN, ENTRY = "plain", "entry"
 """Whose a row is."""
-
-
-@dataclass(frozen=True)
-class Place:
-    """Where runs are done and stored.
-
-    Attributes:
-        folder: of what is stored.
-        cluster: what runs them.
-        workers: number of processes, where the cluster starts them.
-    """
-
-    folder: Path
-    cluster: Cluster
-    workers: int
 
 
 @dataclass(frozen=True)
@@ -68,17 +44,17 @@ class Campaign:
         Raises:
             JerkbenchError: the entrant cannot be made.
         """
-        self.space = entrant_space(entrant, protocol)
         self._entrant, self._protocol, self._place, self._doing = entrant, protocol, place, doing
-        self._cell = entrant_cell(entrant, protocol.scenarios[0], protocol)
-        self._tried = entrant_settings(self.space, protocol)
-        code = code_digest("audit", "suite", "tuning")
-        self._key = f"{code} {sorted(versions().items())} {plugins_digest(entrant, protocol)}"
+        self.space = knobs_of(entrant.cell(protocol.scenarios[0], protocol.limits))
+        self._tried = tried_settings(protocol.trials, self.space)
+        code = code_digest("campaigns", "audit", "suite", "tuning")
+        self._key = f"{code} {sorted(versions().items())} {plugins_digest(entrant, protocol)} {entrant.text}"
 
     def tuned(self) -> pd.DataFrame:
         """Return the rows of every setting on the seeds to tune on."""
         protocol = self._protocol
-        return self._run([self._tried] * len(protocol.scenarios), protocol.seeds_to_tune_on, protocol.metrics[:1])
+        settings = [self._tried] * len(protocol.scenarios)
+        return self._run("tune", settings, protocol.seeds_to_tune_on, protocol.metrics[:1])
 
     def scored(self, levels: Mapping[int, float]) -> Scored:
         """Search where there is something to search, and score what came out.
@@ -89,7 +65,7 @@ class Campaign:
         settings = {GIVEN: self._tried[0], **(self._searched(levels) if self.space.knobs else {})}
         halves = [half_settings(settings, scenario.half) for scenario in self._protocol.scenarios]
         by_scenario = [tuple(own.values()) for own in halves]
-        rows = self._run(by_scenario, self._protocol.seeds_to_test_on, self._protocol.metrics)
+        rows = self._run("test", by_scenario, self._protocol.seeds_to_test_on, self._protocol.metrics)
         names = [list(own) for own in halves]
         where = zip(rows["scenario"], rows["trial"], strict=True)
         rows.insert(0, "tuned_on", [names[scenario][trial] for scenario, trial in where])
@@ -102,22 +78,24 @@ class Campaign:
         return {half: self._tried[best_trials(of, 1)[0]] for half, of in means.items()}
 
     def _run(
-        self, settings: Sequence[tuple[Setting, ...]], seeds: tuple[int, ...], metrics: tuple[str, ...]
+        self, stage: str, settings: Sequence[tuple[Setting, ...]], seeds: tuple[int, ...], metrics: tuple[str, ...]
     ) -> pd.DataFrame:
+        own = hashlib.sha256(f"{self._protocol.digest} {self._key}".encode()).hexdigest()[:12]
         pieces = [
-            Piece(number, self._entrant, self.space, own, seeds, metrics, self._protocol, self._place.folder, self._key)
-            for number, own in enumerate(settings)
+            Piece(
+                name=f"{stage}-{number:03}-{own}",  # of the plain filter there may be files of several versions
+                number=number,
+                scenario=scenario,
+                tries=((self._entrant, tried),),
+                seeds=seeds,
+                metrics=metrics,
+                key=self._key,
+                folder=self._place.folder,
+                limits=self._protocol.limits,
+            )
+            for number, (scenario, tried) in enumerate(zip(self._protocol.scenarios, settings, strict=True))
         ]
-        left = [piece for piece in pieces if not piece.done]
-        with Progress(len(pieces), len(pieces) - len(left), self._doing, "scenarios") as progress:
-            for _ in self._done(left):
-                progress.advance()
-        return pd.concat([piece.read() for piece in pieces], ignore_index=True)
-
-    def _done(self, pieces: Sequence[Piece]) -> Iterable[pd.DataFrame]:
-        if not pieces:
-            return ()
-        return done_by_scenario(Piece.run, pieces, [self._cell], self._place.cluster, self._place.workers)
+        return self._place.rows(pieces, self._doing, "scenarios")
 
 
 def half_settings(settings: Mapping[str, Setting], half: str) -> dict[str, Setting]:
@@ -126,15 +104,19 @@ def half_settings(settings: Mapping[str, Setting], half: str) -> dict[str, Setti
 
 
 def plugins_digest(entrant: Entrant, protocol: SuiteProtocol) -> str:
-    """Return the hash of the code of an entrant's plugins and of its program; empty for our own."""
-    cell = entrant_cell(entrant, protocol.scenarios[0], protocol)
+    """Return the hash of the code of an entrant's plugins and of its program; empty for our own.
+
+    Raises:
+        RecordingError: the program, or a file that the filter reads, is not on this machine.
+    """
+    cell = entrant.cell(protocol.scenarios[0], protocol.limits)
     plugins = "".join(plugin_digest(type(part)) for part in (cell.filter, cell.adaptation))
-    return plugins + program_digest(entrant, protocol)
+    return plugins + (cell.filter.fingerprint() if isinstance(cell.filter, ReadingFile) else "")
 
 
 def scored_plain(protocol: SuiteProtocol, place: Place) -> tuple[dict[int, float], Scored]:
     """Return what the plain filter has in each scenario as it comes [m], and the plain filter tuned and scored."""
-    campaign = Campaign(plain_of(protocol), protocol, place, "The plain filter")
+    campaign = Campaign(protocol.plain_entrant, protocol, place, "The plain filter")
     levels = suite_levels(campaign.tuned())
     return levels, campaign.scored(levels)
 

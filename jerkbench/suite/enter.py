@@ -6,10 +6,11 @@ from pathlib import Path
 
 import pandas as pd
 
+from jerkbench.campaigns.entrant import Entrant, knobs_of
+from jerkbench.campaigns.piece import Place
 from jerkbench.cells.provenance import code_digest, git_commit, versions
 from jerkbench.files import cache_folder
-from jerkbench.suite.campaign import ENTRY, PLAIN, Campaign, Place, Scored, plugins_digest, scored_plain
-from jerkbench.suite.entrant import Entrant, entrant_space, plain_of
+from jerkbench.suite.campaign import ENTRY, PLAIN, Campaign, Scored, plugins_digest, scored_plain
 from jerkbench.suite.entry import Settings, plain_score, write_entry
 from jerkbench.suite.frozen import FROZEN
 from jerkbench.suite.page import entry_page
@@ -74,8 +75,9 @@ def _joined(scored: Scored, plain: Scored) -> pd.DataFrame:
 
 def _settings(entrant: Entrant, scored: Scored, plain: Scored, protocol: SuiteProtocol) -> Settings:
     """The settings with the names of their knobs."""
-    both = ((ENTRY, entrant, scored), (PLAIN, plain_of(protocol), plain))
-    return {method: _named(entrant_space(own, protocol).names, tested.settings) for method, own, tested in both}
+    both = ((ENTRY, entrant, scored), (PLAIN, protocol.plain_entrant, plain))
+    first, limits = protocol.scenarios[0], protocol.limits
+    return {method: _named(knobs_of(own.cell(first, limits)).names, tested.settings) for method, own, tested in both}
 
 
 def _named(names: tuple[str, ...], settings: Mapping[str, tuple[float, ...]]) -> dict[str, dict[str, float]]:

@@ -10,7 +10,6 @@ from jerkbench.cells.data import data_fingerprint
 from jerkbench.errors import RecordingError
 from jerkbench.execution.inputs import Inputs
 from jerkbench.recording import Recording
-from jerkbench.suite.entrant import entrant_cell, plain_of
 from jerkbench.suite.frozen import FROZEN
 from jerkbench.suite.protocol import SuiteProtocol
 
@@ -36,9 +35,9 @@ def require_recordings(scale: str, protocol: SuiteProtocol) -> None:
 
 def data_digests(protocol: SuiteProtocol) -> Iterator[str]:
     """Yield the digest of the recording of each scenario, for the first seed to test on."""
-    plain, inputs, seed = plain_of(protocol), Inputs(), protocol.seeds_to_test_on[0]
+    plain, inputs, seed = protocol.plain_entrant, Inputs(), protocol.seeds_to_test_on[0]
     for scenario in protocol.scenarios:
-        cell = entrant_cell(plain, scenario, protocol)
+        cell = plain.cell(scenario, protocol.limits)
         fingerprint = data_fingerprint(cell.dataset, cell.disturbances)
         yield recording_digest(inputs.recording(cell, fingerprint, seed))
 

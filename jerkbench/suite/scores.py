@@ -6,9 +6,9 @@ import numpy as np
 import pandas as pd
 
 from jerkbench.arrays import FloatArray
-from jerkbench.audit.protocol import HALVES
-from jerkbench.audit.searches import losses
-from jerkbench.audit.verdicts import IMU_HZ, NOMINAL, verdict_of
+from jerkbench.campaigns.protocol import HALVES
+from jerkbench.campaigns.ratios import nominal_of, of_families, of_unseen, step_ns, verdict_of, worst_of
+from jerkbench.campaigns.search import losses
 from jerkbench.evaluation.statistics.scenarios import over_scenarios
 from jerkbench.suite.campaign import ENTRY, GIVEN, PLAIN, suite_levels
 from jerkbench.suite.protocol import SuiteProtocol
@@ -48,11 +48,9 @@ class Score:
 def score_of(rows: pd.DataFrame, protocol: SuiteProtocol) -> Score:
     """Return the score that the ``rows`` of an entry and of the plain filter show."""
     d = log_ratios(rows, protocol)
-    by_family = of_families(d, protocol)
+    by_family = of_families(d, protocol.scenarios)
     mean = over_scenarios(by_family)
-    by_scenario = d.mean(axis=1)
-    worst, scenarios = int(np.argmax(by_scenario)), protocol.scenarios
-    nominal = [scenario.family == NOMINAL for scenario in scenarios]
+    worst, worst_ratio = worst_of(d, protocol.scenarios)
     own = rows[rows["method"] == ENTRY]
     counted = own[own["tuned_on"] != GIVEN] if (own["tuned_on"] != GIVEN).any() else own
     return Score(
@@ -60,13 +58,13 @@ def score_of(rows: pd.DataFrame, protocol: SuiteProtocol) -> Score:
         low=mean.low,
         high=mean.high,
         verdict=str(verdict_of(mean.low, mean.high, protocol.margin)),
-        given=float(np.exp(of_families(log_ratios(rows, protocol, as_given=True), protocol).mean())),
-        worst=scenarios[worst].name,
-        worst_ratio=float(np.exp(by_scenario[worst])),
-        nominal=float(np.exp(by_scenario[nominal].mean())),
+        given=float(np.exp(of_families(log_ratios(rows, protocol, as_given=True), protocol.scenarios).mean())),
+        worst=worst,
+        worst_ratio=worst_ratio,
+        nominal=nominal_of(d, protocol.scenarios),
         lost=float((counted["status"] != "ok").mean()),
         anees=float(counted["anees"].median()),
-        step_ns=float(own["seconds"].min() / (protocol.duration_s * IMU_HZ) * 1e9),
+        step_ns=step_ns(own, protocol.duration_s),
     )
 
 
@@ -84,20 +82,11 @@ def log_ratios(rows: pd.DataFrame, protocol: SuiteProtocol, *, as_given: bool = 
     return np.asarray((entry[GIVEN] if as_given else entry["tuned"]) - plain["tuned"])
 
 
-def of_families(d: FloatArray, protocol: SuiteProtocol) -> FloatArray:
-    """Return (F, n) means over the scenarios of each family: the fields of one fault are one unit."""
-    names = np.array([scenario.family for scenario in protocol.scenarios])
-    return np.array([d[names == family.name].mean(axis=0) for family in protocol.families])
-
-
 def _scored(rows: pd.DataFrame, protocol: SuiteProtocol) -> dict[str, FloatArray]:
     """Return (S, n) losses as given, and tuned on what a scenario is not of; those of `none` are the mean of both."""
     cube = rows.pivot_table(index="scenario", columns=["tuned_on", "seed"], values="loss").sort_index()
     given = cube[GIVEN].to_numpy()
     if set(rows["tuned_on"]) == {GIVEN}:
         return {GIVEN: given, "tuned": given}
-    halves = np.stack([cube[half].to_numpy() for half in HALVES])
-    count = range(len(protocol.scenarios))
-    wanted = [[half != protocol.scenarios[number].half for half in HALVES] for number in count]
-    tuned = np.array([halves[wanted[number], number].mean(axis=0) for number in count])
-    return {GIVEN: given, "tuned": tuned}
+    halves = [cube[half].to_numpy() for half in HALVES]
+    return {GIVEN: given, "tuned": of_unseen(halves, protocol.scenarios)}

@@ -7,13 +7,12 @@ from typing import Any
 
 import pandas as pd
 
-from jerkbench.audit.runs import COLUMNS as NUMBERS
+from jerkbench.campaigns.entrant import Entrant, knobs_of, tried_settings
+from jerkbench.campaigns.piece import NUMBERS, Piece
 from jerkbench.errors import JerkbenchError
 from jerkbench.suite.campaign import ENTRY, GIVEN, PLAIN, plugins_digest
 from jerkbench.suite.checks import file_mistakes, frozen_mistakes, missing_mistakes, same, score_mistakes
-from jerkbench.suite.entrant import Entrant, entrant_settings, entrant_space, plain_of
 from jerkbench.suite.entry import Entry
-from jerkbench.suite.pieces import Piece
 from jerkbench.suite.protocol import SuiteProtocol, read_suite
 
 
@@ -53,7 +52,7 @@ def verify(entry: Entry, count: int = 12, *, run_programs: bool = False) -> Chec
             " --run-programs if you trust it, or --rows 0 to check the files alone."
         )
     own = _checked(entry, ENTRY, entry.entrant, protocol, count - count // 3)
-    plain = _checked(entry, PLAIN, plain_of(protocol), protocol, count // 3)
+    plain = _checked(entry, PLAIN, protocol.plain_entrant, protocol, count // 3)
     mistakes += [*score_mistakes(entry, protocol), *own.mistakes, *plain.mistakes]
     return Checked(tuple(mistakes), (*own.remarks, *plain.remarks), own.rerun)
 
@@ -77,8 +76,8 @@ def _checked(entry: Entry, method: str, entrant: Entrant, protocol: SuiteProtoco
 
 def _settings_mistakes(entry: Entry, method: str, entrant: Entrant, protocol: SuiteProtocol) -> Iterator[str]:
     """Yield a sentence for each setting that the search of the suite does not try."""
-    space = entrant_space(entrant, protocol)
-    tried = entrant_settings(space, protocol)
+    space = knobs_of(entrant.cell(protocol.scenarios[0], protocol.limits))
+    tried = tried_settings(protocol.trials, space)
     for tuned_on, values in entry.settings[method].items():
         allowed = tried[:1] if tuned_on == GIVEN else tried
         setting = entry.setting(method, tuned_on)
@@ -91,12 +90,12 @@ def _row_mistakes(
     entry: Entry, method: str, entrant: Entrant, sample: pd.DataFrame, protocol: SuiteProtocol
 ) -> Iterator[str]:
     """Compute rows once more, and yield a sentence for each that comes out differently."""
-    space = entrant_space(entrant, protocol)
     names = [scenario.name for scenario in protocol.scenarios]
     for _, rows in sample.groupby(["scenario", "tuned_on"]):
         number, tuned_on = int(rows["scenario"].iloc[0]), str(rows["tuned_on"].iloc[0])
         setting, seeds = entry.setting(method, tuned_on), tuple(int(seed) for seed in rows["seed"])
-        again = Piece(number, entrant, space, (setting,), seeds, protocol.metrics, protocol, None, "").run()
+        tries, scenario = ((entrant, (setting,)),), protocol.scenarios[number]
+        again = Piece("", number, scenario, tries, seeds, protocol.metrics, "", None, protocol.limits).run()
         for seed, stored, own in zip(seeds, _records(rows), _records(again), strict=True):
             if wrong := _difference(stored, own):
                 yield f"The {method} in {names[number]}, seed {seed}, {tuned_on}: {wrong}."

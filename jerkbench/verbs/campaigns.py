@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from jerkbench.verbs.arguments import RUN_PROGRAMS, WHERE, argument, count, output, verb
 
 if TYPE_CHECKING:
-    from jerkbench.suite.entrant import Entrant
+    from jerkbench.campaigns.entrant import Entrant
 
 TUNE = """\
 KEY=VALUE are those of `jerkbench run`. Several values, separated by commas, of dataset, disturbance and attitude are
@@ -123,9 +123,9 @@ def suite_run_verb(chosen: argparse.Namespace) -> None:
     Raises:
         JerkbenchError: a word is unknown, the method does not fit, or the suite is not the frozen one.
     """
+    from jerkbench.campaigns.piece import Place
     from jerkbench.execution.processors import processors
     from jerkbench.hydra_app.words import cluster_named
-    from jerkbench.suite.campaign import Place
     from jerkbench.suite.enter import enter
 
     entrant = _entrant(chosen.words)
@@ -141,10 +141,10 @@ def suite_run_verb(chosen: argparse.Namespace) -> None:
 
 
 def _entrant(words: Sequence[str]) -> "Entrant":
+    from jerkbench.campaigns.entrant import Entrant
     from jerkbench.errors import PluginError
     from jerkbench.hydra_app.composition import owner
     from jerkbench.hydra_app.words import composed
-    from jerkbench.suite.entrant import Entrant
 
     for word in words:
         if owner(word) not in METHOD:

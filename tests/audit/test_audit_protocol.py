@@ -1,13 +1,14 @@
 from jerkbench import plugins
-from jerkbench.audit.protocol import HALVES, read_protocol
-from jerkbench.audit.scenarios import cell_on, scenarios
+from jerkbench.audit.protocol import read_protocol
+from jerkbench.campaigns.entrant import Entrant
+from jerkbench.campaigns.protocol import HALVES
 
 
 def test_every_scenario_of_the_committed_protocols_can_be_built():
     for scale in ("full", "small"):
         protocol = read_protocol(scale)
-        for scenario in scenarios(protocol):
-            cell = cell_on(scenario, protocol.filters[0], protocol.plain, seeds=1)
+        for scenario in protocol.scenarios:
+            cell = Entrant.named(protocol.filters[0], protocol.plain).cell(scenario)
             assert cell.seeded
 
 

@@ -7,16 +7,18 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from jerkbench.audit.campaign import Outcome, seeds_of
+from jerkbench.audit.campaign import Outcome
 from jerkbench.audit.methods import Method
 from jerkbench.audit.model_figure import model_figure, ratios_by_adaptation
 from jerkbench.audit.page import page
-from jerkbench.audit.protocol import AuditProtocol, Family
-from jerkbench.audit.scenarios import scenarios
-from jerkbench.audit.searches import ALL, Search
+from jerkbench.audit.protocol import AuditProtocol
+from jerkbench.audit.stages import Search
 from jerkbench.audit.study import contents_of
 from jerkbench.audit.study import judged as judged_audit
-from jerkbench.audit.verdicts import probability_below, verdict_of, verdicts
+from jerkbench.audit.verdicts import probability_below, verdicts
+from jerkbench.campaigns.protocol import Family
+from jerkbench.campaigns.ratios import verdict_of
+from jerkbench.campaigns.search import ALL
 from jerkbench.evaluation.statistics.judgement import Verdict
 from jerkbench.evaluation.statistics.scenarios import over_scenarios
 
@@ -38,7 +40,7 @@ PROTOCOL = AuditProtocol(
     families=tuple(Family(name, half, "none", {"usual": {}}) for name, half in HALF.items()),
     adaptations=("mtf", "chi2"),
 )
-SCENARIOS = tuple(scenarios(PROTOCOL))
+SCENARIOS = PROTOCOL.scenarios
 FACTORS = {
     "none": {0: 2.0, 1: 1.0, 2: 1.0, 3: 1.0},
     "mtf": {0: 3.0, 1: 0.5, 2: 0.7, 3: 0.4},
@@ -51,7 +53,7 @@ def outcome(lost=()):
     rng = np.random.default_rng(3)
     rows = []
     for number in range(len(SCENARIOS)):
-        for seed in seeds_of(PROTOCOL).test:
+        for seed in PROTOCOL.seeds_to_test_on:
             common = np.exp(rng.normal(0.0, 0.3))
             for adaptation, factors in FACTORS.items():
                 for trial, factor in factors.items():

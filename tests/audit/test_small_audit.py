@@ -6,8 +6,8 @@ import pandas as pd
 import pytest
 
 from jerkbench.audit.protocol import read_protocol
-from jerkbench.audit.runs import Stage
 from jerkbench.audit.study import run_audit
+from jerkbench.campaigns.piece import Piece
 from jerkbench.clusters.local import Local
 
 GOLDEN = Path(__file__).parent / "golden"
@@ -19,7 +19,7 @@ STAGES_BEFORE_THE_END = 25
 def folder(tmp_path_factory):
     """Of an audit that was stopped in its first stage, and gone on with by two processes."""
     folder, protocol = tmp_path_factory.mktemp("audit") / "audit-small", read_protocol("small")
-    runs, run = [], Stage.run
+    runs, run = [], Piece.run
 
     def stopped(stage):
         if len(runs) == STAGES_BEFORE_THE_END:
@@ -28,7 +28,7 @@ def folder(tmp_path_factory):
         return run(stage)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Stage, "run", stopped)
+        patch.setattr(Piece, "run", stopped)
         with pytest.raises(KeyboardInterrupt):
             run_audit(protocol, folder, Local(), workers=1)
     assert len(list((folder / "runs").iterdir())) == STAGES_BEFORE_THE_END

@@ -2,12 +2,11 @@
 
 from jerkbench.audit.methods import Method
 from jerkbench.audit.protocol import read_protocol
-from jerkbench.audit.scenarios import scenarios
-from jerkbench.audit.searches import ALL, Search, seen, unseen
-from jerkbench.audit.trials import needed_trials
+from jerkbench.audit.stages import Search, needed_trials
+from jerkbench.campaigns.search import ALL, seen, unseen
 
 MTF, PLAIN = Method("baseline", "mtf"), Method("baseline", "none")
-KNOWN = list(scenarios(read_protocol("small")))
+KNOWN = list(read_protocol("small").scenarios)
 TRIALS = {Search(MTF, "first", 0): [3, 1], Search(MTF, "second", 0): [2], Search(MTF, ALL, 0): [5]}
 EXPECTED = {
     seen: {"first": (0, 1, 3, 5), "second": (0, 2, 5), "both": (0, 1, 2, 3, 5)},

@@ -8,12 +8,10 @@ import pandas as pd
 import pytest
 
 import jerkbench
-from jerkbench.audit.campaign import seeds_of
 from jerkbench.audit.protocol import AuditProtocol, read_protocol
-from jerkbench.audit.runs import Stage
-from jerkbench.audit.scenarios import scenarios
 from jerkbench.audit.study import run_audit
 from jerkbench.audit.table import verdict_frame
+from jerkbench.campaigns.piece import Piece
 from jerkbench.cells.provenance import code_digest
 from jerkbench.clusters.local import Local
 from jerkbench.errors import JerkbenchError
@@ -57,7 +55,7 @@ def test_a_row_is_what_a_run_of_its_setting_gives(protocol, finished):
     folder, audit = finished
     settings = pd.read_csv(folder / "settings.csv")
     own = settings[(settings.adaptation == "chi2") & (settings.tuned_on == "second")].set_index("knob")["value"]
-    (scenario,) = [s for s in scenarios(protocol) if s.family == "outliers"]
+    (scenario,) = [s for s in protocol.scenarios if s.family == "outliers"]
     parts = {part: {} for part in ("filter", "adaptation", "r_scale")}
     for knob, value in own.items():
         part, name = knob.split(".")
@@ -69,7 +67,7 @@ def test_a_row_is_what_a_run_of_its_setting_gives(protocol, finished):
         adaptation={"name": "chi2", **parts["adaptation"]},
         r_scale=parts["r_scale"],
         seeds=1,
-        first_seed=seeds_of(protocol).test[0],
+        first_seed=protocol.seeds_to_test_on[0],
     ).iloc[0]
     test = audit.outcome.test
     trial = next(
@@ -77,7 +75,7 @@ def test_a_row_is_what_a_run_of_its_setting_gives(protocol, finished):
         for search, k in audit.outcome.trial.items()
         if search.tuned_on == "second" and search.method.adaptation == "chi2"
     )
-    number = [s.family for s in scenarios(protocol)].index("outliers")
+    number = [s.family for s in protocol.scenarios].index("outliers")
     stored = test[(test.scenario == number) & (test.adaptation == "chi2") & (test.trial == trial)].iloc[0]
     assert stored.position_rmse_m == pytest.approx(row.position_rmse_m, rel=1e-9)
 
@@ -85,7 +83,7 @@ def test_a_row_is_what_a_run_of_its_setting_gives(protocol, finished):
 def test_a_setting_is_run_only_where_a_verdict_reads_it(protocol, finished):
     """What was tuned on one half is scored on the other half and where nothing is wrong; the defaults everywhere."""
     _, audit = finished
-    known = list(scenarios(protocol))
+    known = list(protocol.scenarios)
     halves = {scenario.half: number for number, scenario in enumerate(known)}
     for search, trial in audit.outcome.trial.items():
         rows = audit.outcome.test
@@ -105,8 +103,8 @@ def test_an_audit_that_was_stopped_goes_on_and_comes_out_the_same(protocol, fini
     for path in files[::3]:
         path.unlink()
     files[1].write_bytes(b"damaged")
-    runs, run = [], Stage.run
-    monkeypatch.setattr(Stage, "run", lambda stage: runs.append(stage.path.name) or run(stage))
+    runs, run = [], Piece.run
+    monkeypatch.setattr(Piece, "run", lambda stage: runs.append(stage.path.name) or run(stage))
     again = run_audit(protocol, folder, Local(), workers=1)
     assert set(runs) == {path.name for path in files[::3]} | {files[1].name}
     timeless = [frame.drop(columns="seconds") for frame in (audit.outcome.test, again.outcome.test)]
@@ -119,7 +117,7 @@ def test_what_other_code_computed_is_judged_when_asked_for_and_nothing_is_run(
 ):
     folder = shutil.copytree(finished[0], tmp_path / "audit-tiny")
     monkeypatch.setattr("jerkbench.audit.study.code_digest", lambda *_: "another")
-    monkeypatch.setattr(Stage, "run", lambda _: pytest.fail("a run"))
+    monkeypatch.setattr(Piece, "run", lambda _: pytest.fail("a run"))
     with_one_more = dataclasses.replace(protocol, adaptations=("chi2", "mtf"))
     monkeypatch.setattr(AuditProtocol, "digest", protocol.digest)  # of "every adaptation", to which one has come
 
@@ -128,21 +126,21 @@ def test_what_other_code_computed_is_judged_when_asked_for_and_nothing_is_run(
     both = [verdict_frame(audit.verdicts).drop(columns="step_ns") for audit in (finished[1], again)]
     pd.testing.assert_frame_equal(*both)
     made_by = json.loads((folder / "manifest.json").read_text())["rows_computed_by"]
-    assert [maker.split()[0] for maker in made_by] == [code_digest("audit", "tuning")]
+    assert [maker.split()[0] for maker in made_by] == [code_digest("campaigns", "audit", "tuning")]
     next((folder / "runs").glob("choose-*")).unlink()
     with pytest.raises(JerkbenchError, match=r"1 are missing or of other settings.*without --stored"):
         run_audit(protocol, folder, Local(), workers=1, only_stored=True)
 
 
 def test_the_runs_that_score_are_not_read_before_every_setting_is_chosen(protocol, tmp_path, monkeypatch):
-    test, run = set(seeds_of(protocol).test), Stage.run
+    test, run = set(protocol.seeds_to_test_on), Piece.run
 
     def poisoned(stage):
         if test & set(stage.seeds):
             raise RuntimeError(stage.name)
         return run(stage)
 
-    monkeypatch.setattr(Stage, "run", poisoned)
+    monkeypatch.setattr(Piece, "run", poisoned)
     with pytest.raises(RuntimeError, match="test"):
         run_audit(protocol, tmp_path / "audit-tiny", Local(), workers=1)
     names = {path.name.split("-")[0] for path in (tmp_path / "audit-tiny" / "runs").iterdir()}

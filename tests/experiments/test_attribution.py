@@ -11,10 +11,8 @@ import pytest
 
 import jerkbench
 from experiment_scripts import experiment
-from jerkbench.audit.campaign import seeds_of
-from jerkbench.audit.methods import Method, space_of_method
+from jerkbench.audit.methods import Method
 from jerkbench.audit.page import sections_in
-from jerkbench.audit.scenarios import scenarios
 from jerkbench.clusters.local import Local
 
 attribution = experiment("attribution/attribution.py")
@@ -94,8 +92,8 @@ def test_an_audit_takes_the_section_and_the_figure_along(tmp_path):
 
 
 def test_only_the_knobs_that_are_tuned_differ_from_the_naive_ones(protocol):
-    scenario = next(scenarios(protocol))
-    space = naive_space(space_of_method(Method("jerk", "mtf"), scenario), naive())
+    scenario = protocol.scenarios[0]
+    space = naive_space(Method("jerk", "mtf").space(scenario), naive())
     assert dict(zip(space.names, space.start, strict=True))["filter.accel_mps2"] == 0.02  # conf/noise/naive.yaml
     for subset, parts in (({Q}, {"filter"}), ({R}, {"r_scale", "adaptation"}), (set(), set())):
         settings = np.array(subset_settings(space, frozenset(subset), 8))
@@ -145,7 +143,7 @@ def test_untuned_corners_are_runs_of_the_naive_filters_with_the_gyros_attitude(p
             attitude="gyro_only",
             filter={"name": model, "accel_mps2": 0.02},
             seeds=2,
-            first_seed=seeds_of(untuned).test[0],
+            first_seed=untuned.seeds_to_test_on[0],
         )["position_rmse_m"].to_numpy()
         for model in ("baseline", "jerk")
     }

@@ -8,9 +8,9 @@ import pytest
 
 from experiment_scripts import EXPERIMENTS, experiment
 from jerkbench.audit.methods import Method
-from jerkbench.audit.protocol import Family, read_protocol
-from jerkbench.audit.scenarios import scenarios
+from jerkbench.audit.protocol import read_protocol
 from jerkbench.audit.verdicts import DEFAULTS, TUNED, Losses
+from jerkbench.campaigns.protocol import Family
 
 of_paper = experiment("paper/claims.py")
 ten_times = experiment("paper/ten_times.py")
@@ -27,7 +27,7 @@ PROTOCOL = dataclasses.replace(
         for name, half in zip(FAMILIES, ("both", "first", "second"), strict=True)
     ),
 )
-SCENARIOS = tuple(scenarios(PROTOCOL))
+SCENARIOS = PROTOCOL.scenarios
 """White none, a, b; coloured none, a, b."""
 
 JERK = {"none": 1.2, "a": 0.05, "b": 0.5}

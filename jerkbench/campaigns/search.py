@@ -1,33 +1,16 @@
-"""The searches of an audit: from the runs of all settings to the setting that is scored."""
+"""From the runs of settings to the best of them: losses against the plain filter, means over scenarios, the lowest."""
 
 from collections.abc import Iterable, Mapping
-from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 
-from jerkbench.audit.methods import Method
-from jerkbench.audit.protocol import HALVES
-from jerkbench.audit.scenarios import Scenario
+from jerkbench.campaigns.protocol import Scenario
 from jerkbench.errors import JerkbenchError
 from jerkbench.tuning.objectives import LOST
 
 ALL = "all"
 """Tuned on everything: what one setting for all faults can reach; no fair score, and marked so."""
-
-
-class Search(NamedTuple):
-    """A search of one method.
-
-    Attributes:
-        method: what is tuned.
-        tuned_on: "first", "second", or "all".
-        restart: which scramble.
-    """
-
-    method: Method
-    tuned_on: str
-    restart: int
 
 
 def losses(rows: pd.DataFrame, levels: Mapping[int, float]) -> pd.Series:
@@ -57,15 +40,9 @@ def levels_of(rows: pd.DataFrame, plain: str) -> dict[int, float]:
     lowest = np.exp(means.groupby("scenario").min())
     if missing := sorted(set(rows["scenario"]) - set(lowest.index)):
         raise JerkbenchError(
-            f"In scenario {missing[0]} of the audit every run of every plain filter was lost; make its fault milder."
+            f"In scenario {missing[0]} every run of every plain filter was lost; make its fault milder."
         )
     return {int(scenario): float(level) for scenario, level in lowest.items()}
-
-
-def by_method(rows: pd.DataFrame) -> dict[Method, pd.DataFrame]:
-    """Return the rows of each method."""
-    groups = rows.groupby(["filter", "adaptation"])
-    return {Method(str(model), str(adaptation)): group for (model, adaptation), group in groups}
 
 
 def seen(tuned_on: str, scenarios: Iterable[Scenario]) -> list[int]:
@@ -87,9 +64,3 @@ def mean_losses(rows: pd.DataFrame, numbers: Iterable[int]) -> pd.Series:
 def best_trials(means: pd.Series, count: int) -> list[int]:
     """Return the ``count`` trials with the lowest mean, the best first; of equals the earlier."""
     return [int(trial) for trial in means.sort_values(kind="stable").index[:count]]
-
-
-def searches(methods: Iterable[Method], restarts: int) -> list[Search]:
-    """Return every search: each method on each half with each scramble, and once on all with the first."""
-    halves = [(half, restart) for half in HALVES for restart in range(restarts)]
-    return [Search(method, *how) for method in methods for how in (*halves, (ALL, 0))]

@@ -1,0 +1,95 @@
+"""A method as a campaign runs it: a filter with an adaptation, its cell on a scenario, and what may be tuned of it."""
+
+import dataclasses
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from jerkbench.campaigns.protocol import Scenario
+from jerkbench.cells.cell import Cell
+from jerkbench.cells.from_names import Part, cell_of_parts
+from jerkbench.cells.protocol import Protocol
+from jerkbench.cells.refusal import refusal
+from jerkbench.errors import PluginError
+from jerkbench.parameters import ranges_of
+from jerkbench.tuning.samplers import sampler_of
+from jerkbench.tuning.space import Setting, Space, space_of
+
+ERROR = "position_rmse"
+"""The metric that is tuned for."""
+
+LIMITS = Protocol()
+
+
+@dataclass(frozen=True)
+class Entrant:
+    """A filter with an adaptation, as it was given.
+
+    Attributes:
+        filter: {"name": ..., parameters}.
+        adaptation: likewise.
+        r_scale: what it is told of the reported R.
+    """
+
+    filter: Mapping[str, Any]
+    adaptation: Mapping[str, Any]
+    r_scale: Mapping[str, float]
+
+    @classmethod
+    def named(cls, model: str, adaptation: str) -> "Entrant":
+        """Return a filter with an adaptation at their defaults."""
+        return cls({"name": model}, {"name": adaptation}, {})
+
+    @property
+    def name(self) -> str:
+        """Its filter and its adaptation."""
+        return f"{self.filter['name']} + {self.adaptation['name']}"
+
+    @property
+    def text(self) -> str:
+        """All of it, the same for the same method."""
+        return json.dumps(dataclasses.asdict(self), sort_keys=True)
+
+    def cell(
+        self,
+        scenario: Scenario,
+        limits: Protocol = LIMITS,
+        metrics: Sequence[str] = (ERROR,),
+        attitude: Part | None = None,
+    ) -> Cell:
+        """Return its cell on a scenario; without ``attitude`` it has that of the data set.
+
+        Raises:
+            PluginError: it cannot be made, or its parts do not fit together.
+        """
+        single = {
+            "dataset": scenario.dataset,
+            "attitude": attitude,
+            "filter": self.filter,
+            "adaptation": self.adaptation,
+            "engine": "compiled",
+        }
+        cell = cell_of_parts(single, [scenario.disturbance], None, limits, metrics, self.r_scale or None)
+        if reason := refusal(cell):
+            raise PluginError(f"This method cannot enter: {reason}.")
+        return dataclasses.replace(
+            cell, labels=cell.labels._replace(dataset=scenario.noise, disturbance=scenario.fault)
+        )
+
+
+def knobs_of(cell: Cell) -> Space:
+    """Return what may be tuned of a method; nothing where no part has a parameter with a range, as of a program."""
+    tunable = any(ranges_of(type(part)) for part in (cell.filter, cell.adaptation))
+    return space_of(cell) if tunable else Space(())
+
+
+def tried_settings(trials: int, space: Space, restart: int = 0) -> tuple[Setting, ...]:
+    """Return the settings that one search tries: the one before it, then points of a Sobol sequence.
+
+    Two methods with as many knobs try the same shares of their ranges; another ``restart`` is another scramble.
+    """
+    if not space.knobs or trials < 2:
+        return (space.start,)
+    shares = sampler_of("sobol", len(space.knobs), restart).ask(trials - 1)
+    return (space.start, *map(space.setting, shares))

@@ -1,0 +1,60 @@
+"""Ratios of a method to the plain filter, tuned alike: over families of faults, where it is worst, what they show."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+
+from jerkbench.arrays import FloatArray
+from jerkbench.campaigns.protocol import HALVES, Scenario
+from jerkbench.evaluation.statistics.judgement import Verdict
+
+NOMINAL = "none"
+"""The family without a fault."""
+
+IMU_HZ = 100.0
+"""Steps a second of the simulated fields."""
+
+
+def of_families(values: FloatArray, scenarios: Sequence[Scenario]) -> FloatArray:
+    """Return (F, n) means over the scenarios of each family: severities and fields of one fault are one unit."""
+    names = np.array([scenario.family for scenario in scenarios])
+    return np.array([values[names == family].mean(axis=0) for family in dict.fromkeys(names.tolist())])
+
+
+def of_unseen(halves: Sequence[FloatArray], scenarios: Sequence[Scenario]) -> FloatArray:
+    """Take each scenario from the search that did not see its half; of both, the mean.
+
+    Args:
+        halves: (S, n) losses of what was tuned on the first half, and on the second.
+        scenarios: S of them.
+    """
+    wanted = [[half != scenario.half for half in HALVES] for scenario in scenarios]
+    return np.array([np.stack(halves)[own, k].mean(axis=0) for k, own in enumerate(wanted)])
+
+
+def worst_of(d: FloatArray, scenarios: Sequence[Scenario]) -> tuple[str, float]:
+    """Return the scenario where log ratios (S, n) are worst, and the ratio there."""
+    by_scenario = d.mean(axis=1)
+    worst = int(np.argmax(by_scenario))
+    return scenarios[worst].name, float(np.exp(by_scenario[worst]))
+
+
+def nominal_of(d: FloatArray, scenarios: Sequence[Scenario]) -> float:
+    """Return the ratio where nothing is wrong: the price."""
+    nominal = np.array([scenario.family == NOMINAL for scenario in scenarios])
+    return float(np.exp(d.mean(axis=1)[nominal].mean()))
+
+
+def verdict_of(low: float, high: float, margin: float) -> Verdict:
+    """Return what an interval of a ratio shows: equal within the margin, else better, worse or nothing."""
+    if 1 / (1 + margin) <= low and high <= 1 + margin:
+        return Verdict.EQUAL
+    if high < 1:
+        return Verdict.BETTER
+    return Verdict.WORSE if low > 1 else Verdict.UNDECIDED
+
+
+def step_ns(rows: pd.DataFrame, duration_s: float) -> float:
+    """Return the time of a step [ns], in the fastest of some runs."""
+    return float(rows["seconds"].min() / (duration_s * IMU_HZ) * 1e9)
