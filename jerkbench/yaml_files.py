@@ -51,6 +51,6 @@ def require_small(text: str, path: Path) -> None:
             sizes[anchor] = values - before
         if values > MOST_VALUES or len(open_since) > DEEPEST:
             raise JerkbenchError(
-                f"{path} stands for more than {MOST_VALUES} values, counted with all that its aliases (*NAME) repeat,"
-                f" or has more than {DEEPEST} lists inside each other; write it with fewer."
+                f"{path} stands for more than {MOST_VALUES} values, or has lists nested more than {DEEPEST} deep. An"
+                " alias (*NAME) counts as all the values that it repeats. Make the file smaller."
             )

@@ -113,12 +113,8 @@ def _axis(rest: str) -> str:
     return AXES.get(rest, rest if rest in {*AXES.values(), "right"} else "")
 
 
-SENSOR_AXES = {
-    ("x", "y", "z"): None,
-    ("forward", "left", "up"): ("x", "y", "z"),
-    ("forward", "right", "down"): ("x", "-y", "-z"),
-}
-"""Names of an IMU's axes, and the body's axes where the names say them."""
+SENSOR_AXES = (("x", "y", "z"), ("forward", "left", "up"), ("forward", "right", "down"))
+"""Names of an IMU's axes."""
 
 LOCAL = {("east", "north", "up"): "enu", ("north", "east", "down"): "ned", ("x", "y", "z"): ""}
 """Names of local axes, and their frame where the names say it."""
@@ -144,26 +140,12 @@ class Vector(NamedTuple):
         return tuple(name.column for name in self.names)
 
 
-class Sensors(NamedTuple):
-    """An accelerometer and a gyro on the same axes.
-
-    Attributes:
-        accel: three columns.
-        gyro: three columns.
-        body: what the body's axes are on the sensor, where the names say it.
-    """
-
-    accel: tuple[Name, ...]
-    gyro: tuple[Name, ...]
-    body: tuple[str, ...] | None
-
-
-def sensors_of(names: Sequence[Name]) -> Sensors | None:
-    """Return the first accelerometer and gyro that are whole."""
-    for axes, body in SENSOR_AXES.items():
+def sensors_of(names: Sequence[Name]) -> tuple[Vector, Vector] | None:
+    """Return the first accelerometer and gyro that are whole, on the same axes."""
+    for axes in SENSOR_AXES:
         accel, gyro = triple(names, "accel", axes), triple(names, "gyro", axes)
         if accel and gyro:
-            return Sensors(accel, gyro, body)
+            return Vector(accel, ""), Vector(gyro, "")
     return None
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,6 +19,17 @@ STEEPEST_RAD = 1.5
 """A course that changes by more within a window may as well have turned the other way, or be noise."""
 
 LEAST_WINDOWS = 20
+
+DEG_PER_RAD = float(np.degrees(1.0))
+
+WITHIN = 2.5
+"""A turning may be so many times faster or slower than expected: windows, vibration and noise bend it."""
+
+GRAVITY_WINDOWS_S = (1.0, 2.0)
+"""Over shorter ones a force turns with vibration."""
+
+LEAST_FORCE_MPS2 = 1e-6
+"""A sensor that says nothing has no direction."""
 
 SURE = 5.0
 """So many standard deviations from none is a relation, among the many that are tried."""
@@ -202,3 +214,67 @@ def slope(of: FloatArray, on: FloatArray) -> float:
     of, on = of - of.mean(axis=0), on - on.mean(axis=0)
     size = float(np.sum(on**2))
     return float(np.sum(of * on)) / size if size > 0 else 0.0
+
+
+class Turning(NamedTuple):
+    """A turning that was measured beside the gyro.
+
+    Attributes:
+        basis: what turns.
+        correlation: with what the gyro says.
+        factor: how many times as fast as that it turns.
+        strength: of the correlation, in standard deviations from none.
+        length_s: of the windows.
+    """
+
+    basis: str
+    correlation: float
+    factor: float
+    strength: float
+    length_s: float
+
+    def is_about(self, factor: float) -> bool:
+        """Whether it turns about so many times as fast, whichever way."""
+        return 1 / WITHIN < abs(self.factor) / factor < WITHIN
+
+
+def sure_turnings(recording: Recording) -> list[Turning]:
+    """Return what surely turns with the gyro, or against it: the track, gravity, or both."""
+    if recording.imu is None:
+        return []
+    turnings = (turning_track(recording), turning_gravity(recording.imu))
+    return [turning for turning in turnings if turning is not None and abs(turning.strength) >= SURE]
+
+
+def turning_track(recording: Recording) -> Turning | None:
+    """Return how the course of the track turns with the gyro's z axis, over the windows that say most."""
+    turnings = [
+        _turning("the track", windows.course_change_rad, windows.turn_rad[:, 2], length_s)
+        for length_s, windows in over_lengths(track_windows, recording).items()
+        if windows.turn_rad[:, 2].any()
+    ]
+    return max(turnings, key=lambda turning: abs(turning.strength), default=None)
+
+
+def turning_gravity(imu: Imu) -> Turning | None:
+    """Return how the direction of the specific force turns with the gyro.
+
+    With u = f/|f|, both averaged over windows of 1 and 2 s::
+
+        du/dt = -omega x u
+    """
+    turnings = []
+    for length_s in GRAVITY_WINDOWS_S:
+        edges_s = np.arange(imu.t_s[0], imu.t_s[-1], length_s)
+        if len(edges_s) < 10 or not imu.gyro_radps.any():
+            continue
+        force, rate = (window_means(imu.t_s, values, edges_s) for values in (imu.accel_mps2, imu.gyro_radps))
+        up = force / np.maximum(np.linalg.norm(force, axis=1), LEAST_FORCE_MPS2)[:, None]
+        expected = -np.cross(0.5 * (rate[1:] + rate[:-1]), 0.5 * (up[1:] + up[:-1]))
+        turnings.append(_turning("gravity", np.diff(up, axis=0) / length_s, expected, length_s))
+    return max(turnings, key=lambda turning: abs(turning.strength), default=None)
+
+
+def _turning(basis: str, turned: FloatArray, expected: FloatArray, length_s: float) -> Turning:
+    correlation = correlation_of(turned, expected)
+    return Turning(basis, correlation, slope(turned, expected), strength(correlation, len(turned)), length_s)

@@ -5,10 +5,13 @@ from collections.abc import Iterator
 import numpy as np
 
 from jerkbench.arrays import FloatArray
+from jerkbench.inspection.clocks import LONGEST_GAP_S, attitude_rates
 from jerkbench.inspection.evidence import (
+    DEG_PER_RAD,
     LEAST_WINDOWS,
     SLOWEST_MPS,
     SURE,
+    WITHIN,
     Diagnosis,
     correlation_of,
     known,
@@ -18,9 +21,7 @@ from jerkbench.inspection.evidence import (
     wheel_speeds,
     window_means,
 )
-from jerkbench.inspection.lags import LONGEST_GAP_S, attitude_rates
 from jerkbench.inspection.mounting import EXCHANGED, IDENTITY, PLANE, axes_text, mended
-from jerkbench.inspection.units import DEG_PER_RAD, WITHIN
 from jerkbench.io.frames import felt_axis
 from jerkbench.recording import Imu, Position, Recording
 
@@ -120,23 +121,18 @@ def exchanged_degrees(recording: Recording) -> list[Diagnosis]:
     if position is None or origin is None or wheel is None:
         return []
     t_s, places = known(position.t_s, position.enu_m[:, :2])
-    wheel_s, mps = wheel
-    edges_s = np.arange(max(t_s[0], wheel_s[0]), min(t_s[-1], wheel_s[-1]), WAY_S) if len(t_s) else np.empty(0)
+    edges_s = np.arange(max(t_s[0], wheel[0][0]), min(t_s[-1], wheel[0][-1]), WAY_S) if len(t_s) else np.empty(0)
     if min(len(t_s), len(edges_s)) <= LEAST_WINDOWS:
         return []
-    driven_mps = window_means(wheel_s, np.abs(mps)[:, None], edges_s)[:, 0]
-    use = driven_mps > SLOWEST_MPS
+    driven_mps = window_means(wheel[0], np.abs(wheel[1])[:, None], edges_s)
+    use = driven_mps[:, 0] > SLOWEST_MPS
     if use.sum() < LEAST_WINDOWS:
         return []
-    way_mps = mean_velocity(t_s, places, edges_s)
-
-    def middle(scale: tuple[float, float]) -> float:
-        return float(np.median(np.linalg.norm(way_mps[use] * scale, axis=1) / driven_mps[use]))
-
-    as_given = middle((1.0, 1.0))
-    latitude, longitude = (abs(np.cos(np.radians(angle))) for angle in (origin.latitude_deg, origin.longitude_deg))
-    ways = [middle((1.0 / max(b, 0.01), a)) for a, b in ((latitude, longitude), (longitude, latitude))]
-    best = min(ways, key=lambda ratio: abs(ratio - 1.0))
+    ways = mean_velocity(t_s, places, edges_s)[use] / driven_mps[use]
+    cosines = np.abs(np.cos(np.radians([origin.latitude_deg, origin.longitude_deg])))
+    scales = [[1.0, 1.0], *([1.0 / max(b, 0.01), a] for a, b in (cosines, cosines[::-1]))]
+    as_given, *mended_ways = (float(np.median(np.linalg.norm(ways * scale, axis=1))) for scale in scales)
+    best = min(mended_ways, key=lambda ratio: abs(ratio - 1.0))
     if abs(as_given - 1.0) < WAY_APART or abs(best - 1.0) > WAY_WITHIN:
         return []
     return [
@@ -156,15 +152,17 @@ def attitude_mistakes(recording: Recording) -> Iterator[Diagnosis]:
     if reference.euler_rad is None:
         return
     steepest = float(np.nan_to_num(np.abs(reference.euler_rad[:, :2])).max(initial=0.0))
-    t_s, euler = known(reference.t_s, reference.euler_rad)
     if steepest > LARGEST_RAD:
         yield _in_degrees(f"roll or pitch reaches {steepest:.4g} where a half turn is 3.14")
-    elif imu is not None and len(t_s) >= LEAST_ROWS:
-        edges_s = np.arange(max(t_s[0], imu.t_s[0]), min(t_s[-1], imu.t_s[-1]), ATTITUDE_S)
-        if len(edges_s) > LEAST_ROWS:
-            gyro = window_means(imu.t_s, imu.gyro_radps, edges_s)
-            in_degrees = list(_yaw_in_degrees(t_s, euler[:, 2], edges_s, gyro[:, 2]))
-            yield from in_degrees or _reversed_angles(imu, t_s, euler, edges_s, gyro)
+        return
+    t_s, euler = known(reference.t_s, reference.euler_rad)
+    if imu is None or len(t_s) < LEAST_ROWS:
+        return
+    edges_s = np.arange(max(t_s[0], imu.t_s[0]), min(t_s[-1], imu.t_s[-1]), ATTITUDE_S)
+    if len(edges_s) > LEAST_ROWS:
+        gyro = window_means(imu.t_s, imu.gyro_radps, edges_s)
+        in_degrees = list(_yaw_in_degrees(t_s, euler[:, 2], edges_s, gyro[:, 2]))
+        yield from in_degrees or _reversed_angles(imu, t_s, euler, edges_s, gyro)
 
 
 def _in_degrees(measured: str) -> Diagnosis:

@@ -1,14 +1,24 @@
 """Guesses of units and frames: by the values of columns, by the gyro against the track, by fixes against velocity."""
 
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.inspection.evidence import SURE, known, mean_velocity, slope, window_means
+from jerkbench.inspection.doctor import TOLERANCE
+from jerkbench.inspection.evidence import (
+    DEG_PER_RAD,
+    SURE,
+    Turning,
+    known,
+    mean_velocity,
+    slope,
+    sure_turnings,
+    turning_track,
+    window_means,
+)
 from jerkbench.inspection.mounting import IDENTITY, UPRIGHT, UPRIGHT_SHARE, axes_text, gravity_share, plane_fit
-from jerkbench.inspection.units import DEG_PER_RAD, TOLERANCE, WITHIN, Turning, sure_turnings, turning_track
 from jerkbench.recording import GRAVITY_MPS2, Recording
 
 Value = str | float | tuple[str, ...]
@@ -28,6 +38,9 @@ LEAST_GAIN = 0.2
 WINDOW_S = 1.0
 SCALES = {"m/s": 1.0, "km/h": 3.6, "knots": 1.94384}
 """What a velocity in each unit is multiplied with."""
+
+SCALE_WITHIN = 0.2
+LEAST_EDGES = 10
 
 
 @dataclass(frozen=True)
@@ -107,7 +120,7 @@ def guess_gyro_unit(recording: Recording, named: str) -> Guess:
     """Return the unit of a gyro that was read as if it were in rad/s, by the track and by gravity."""
     for turning in sure_turnings(recording):
         for unit, factor in (("rad/s", 1.0), ("deg/s", 1 / DEG_PER_RAD)):
-            if 1 / WITHIN < abs(turning.factor) / factor < WITHIN:
+            if turning.is_about(factor):
                 return Guess("gyro_unit", unit, "measured", _turning_text(turning))
     if named:
         return Guess("gyro_unit", named, "named", "the columns say so; too few turns to see it")
@@ -140,52 +153,40 @@ def guess_forward(recording: Recording, body: tuple[str, ...], upright: Guess) -
     return Guess("imu_axes", (*turned, body[2]), "measured", f"{why} (correlation {fit.correlation:.2f})")
 
 
-class FrameFit(NamedTuple):
-    """How far velocities in one frame agree with the fixes.
+def guess_velocity_frame(recording: Recording, named: str) -> Guess:
+    """Return the frame of velocities that were read as ENU, by the fixes' way from second to second.
 
-    Attributes:
-        cosine: of both series.
-        factor: how many times as fast as the velocities the fixes move.
+    Where the fixes move at another speed the guess is unsure, and says the unit that would make them agree.
     """
-
-    cosine: float
-    factor: float
-
-
-def guess_velocity_frame(recording: Recording, named: str) -> tuple[Guess, FrameFit | None]:
-    """Return the frame of velocities that were read as ENU, by the fixes' way from second to second."""
-    agreements = _agreements(recording)
-    other, best = sorted(agreements, key=lambda frame: agreements[frame].cosine) or ("", "")
-    gain = agreements[best].cosine - agreements[other].cosine if best else 0.0
-    if gain < LEAST_GAIN or agreements[best].cosine < LEAST_COSINE:
+    way, means = _ways(recording)
+    frames = {"enu": means, "ned": means[:, [1, 0, 2]] * [1.0, 1.0, -1.0]}
+    size = float(np.sqrt(np.sum(way**2) * np.sum(means**2))) or 1.0
+    cosines = {frame: float(np.sum(way * values)) / size for frame, values in frames.items()}
+    other, best = sorted(cosines, key=lambda frame: cosines[frame])
+    if cosines[best] < LEAST_COSINE or cosines[best] - cosines[other] < LEAST_GAIN:
         grade, why = ("named", "the columns say so") if named else ("unsure", "the columns do not say it")
-        return Guess("velocity_frame", named or "enu", grade, f"{why}; the fixes do not show it"), None  # type: ignore[arg-type]
-    cosines = ", ".join(f"{frame} {agreement.cosine:.3f}" for frame, agreement in agreements.items())
-    return Guess("velocity_frame", best, "measured", f"cosine with the fixes' way: {cosines}"), agreements[best]
+        return Guess("velocity_frame", named or "enu", grade, f"{why}; the fixes do not show it")  # type: ignore[arg-type]
+    why = f"cosine with the fixes' way: {', '.join(f'{frame} {cosine:.3f}' for frame, cosine in cosines.items())}"
+    factor = slope(way, frames[best])
+    unit = next((unit for unit, scale in SCALES.items() if abs(factor * scale - 1.0) < SCALE_WITHIN), "")
+    if unit == "m/s":
+        return Guess("velocity_frame", best, "measured", why)
+    unit = unit or "no unit that is known"
+    why = f"{why}; but the fixes move {factor:.3g} times as fast: {unit}; make m/s of it"
+    return Guess("velocity_frame", best, "unsure", why)
 
 
-def speed_unit(agreement: FrameFit) -> str:
-    """Return the unit of velocities, or nothing where no unit makes them agree with the fixes."""
-    fitting = [unit for unit, scale in SCALES.items() if abs(agreement.factor * scale - 1.0) < 0.2]
-    return fitting[0] if fitting else ""
-
-
-def _agreements(recording: Recording) -> dict[str, FrameFit]:
+def _ways(recording: Recording) -> tuple[FloatArray, FloatArray]:
+    """The fixes' velocity (n, 3) from second to second, and the mean of those measured; none where they are few."""
     position, velocity = recording.position, recording.velocity
     if position is None or velocity is None:
-        return {}
+        return np.empty((0, 3)), np.empty((0, 3))
     fix_s, places = known(position.t_s, position.enu_m)
     t_s, mps = known(velocity.t_s, velocity.mps)
     edges_s = np.arange(max(fix_s[0], t_s[0]), min(fix_s[-1], t_s[-1]), WINDOW_S)
-    if len(edges_s) < 10:
-        return {}
-    way, means = mean_velocity(fix_s, places, edges_s), window_means(t_s, mps, edges_s)
-    frames = {"enu": means, "ned": means[:, [1, 0, 2]] * [1.0, 1.0, -1.0]}
-    size = float(np.sqrt(np.sum(way**2) * np.sum(means**2)))
-    return {
-        frame: FrameFit(float(np.sum(way * values)) / size if size else 0.0, slope(way, values))
-        for frame, values in frames.items()
-    }
+    if len(edges_s) < LEAST_EDGES:
+        return np.empty((0, 3)), np.empty((0, 3))
+    return mean_velocity(fix_s, places, edges_s), window_means(t_s, mps, edges_s)
 
 
 def _turning_text(turning: Turning) -> str:

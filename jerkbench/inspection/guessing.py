@@ -1,7 +1,7 @@
 """A table of unknown columns -> guesses with their reasons, in the order in which one rests on the other; a preset."""
 
 import json
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,6 @@ from jerkbench.datasets.table import Tables
 from jerkbench.errors import RecordingError
 from jerkbench.inspection.columns import (
     Name,
-    Sensors,
     Vector,
     common_unit,
     parsed,
@@ -22,7 +21,6 @@ from jerkbench.inspection.columns import (
     velocity_of,
 )
 from jerkbench.inspection.guesses import (
-    FrameFit,
     Guess,
     Value,
     guess_accel_unit,
@@ -33,7 +31,6 @@ from jerkbench.inspection.guesses import (
     guess_upright,
     guess_velocity_frame,
     is_date,
-    speed_unit,
     turns_with_gyro,
 )
 from jerkbench.io.columns import Columns, read_columns
@@ -41,7 +38,7 @@ from jerkbench.io.frames import ACCEL_UNITS, GYRO_UNITS
 from jerkbench.io.text import TextFormat
 from jerkbench.recording import Recording
 
-SEPARATORS = (",", ";", "\t", "")
+SEPARATORS = (",", ";", "\t")
 OTHER = {"enu": "ned", "ned": "enu"}
 SIGMA_UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 HEAD = """\
@@ -80,6 +77,10 @@ class Draft:
         """Add guesses, or replace those of the same parameter."""
         self.guesses |= {guess.parameter: guess for guess in guesses}
 
+    def name(self, why: str, **values: Value) -> None:
+        """Add guesses by the names of columns."""
+        self.add(*(Guess(parameter, value, "named", why) for parameter, value in values.items()))
+
     @property
     def settings(self) -> dict[str, Any]:
         """The parameters of the data set table."""
@@ -107,36 +108,28 @@ def guess_table(path: Path) -> Draft:
     Raises:
         RecordingError: it has no column of times, or neither an IMU nor places, by their names.
     """
-    separator = _separator(path)
+    with path.open(encoding="utf-8", errors="replace") as lines:
+        first = lines.readline()
+    separator = next((mark for mark in SEPARATORS if mark in first), "")
     columns = read_columns((path,), TextFormat(separator))
     names = [name for column in columns.names if (name := parsed(column)) is not None]
     draft = Draft(path, separator, columns, names)
     sensors, position, velocity = sensors_of(names), position_of(names), velocity_of(names)
     if sensors is None and position is None:
-        raise RecordingError(f"{_what_is_lacking(draft)}; name them in the header, for example t, ax, gx, lat.")
+        raise RecordingError(
+            f"{path} has the columns {', '.join(columns.names)}: no three of them are called a place, no six an"
+            " accelerometer and a gyro; name them in the header, for example t, ax, gx, lat."
+        )
     _times(draft, imu=sensors is not None, position=position is not None)
     if sensors is not None:
-        _imu(draft, sensors)
+        _imu(draft, *sensors)
     if position is not None:
         _position(draft, position)
     if sensors is not None:
-        _measure_imu(draft, sensors, position)
+        _measure_imu(draft, sensors[1], position)
     if velocity is not None and position is not None:
         _velocity(draft, velocity)
     return draft
-
-
-def _separator(path: Path) -> str:
-    with path.open(encoding="utf-8", errors="replace") as lines:
-        first = lines.readline()
-    return next((mark for mark in SEPARATORS if mark and mark in first), "")
-
-
-def _what_is_lacking(draft: Draft) -> str:
-    return (
-        f"{draft.path} has the columns {', '.join(draft.columns.names)}: no three of them are called a place, no six an"
-        " accelerometer and a gyro"
-    )
 
 
 def _times(draft: Draft, *, imu: bool, position: bool) -> None:
@@ -146,37 +139,35 @@ def _times(draft: Draft, *, imu: bool, position: bool) -> None:
         raise RecordingError(f"{draft.path} needs one column of times, and has {count}; call one of them t.")
     column, stamps = times[0].column, draft.columns.numbers([times[0].column])[:, 0]
     streams = [name for name, present in (("imu", imu), ("position", position)) if present]
-    draft.add(*(Guess(f"{stream}_time", column, "named", "its name") for stream in streams))
+    draft.name("its name", **{f"{stream}_time": column for stream in streams})
     unit = guess_time_unit(stamps, times[0].unit)
     date = is_date(stamps, str(unit.value))
     epoch = Guess("epoch", "unix", "unsure", "the stamps are dates; of UTC, or of GPS time, 18 s ahead")
     draft.add(unit, epoch if date else Guess("epoch", "none", "measured", "the stamps are no dates of our time"))
 
 
-def _imu(draft: Draft, sensors: Sensors) -> None:
-    accel, gyro = (tuple(name.column for name in names) for names in (sensors.accel, sensors.gyro))
-    draft.add(Guess("imu_file", draft.path.name, "named", "it has an IMU"))
-    draft.add(Guess("imu_accel", accel, "named", "their names"), Guess("imu_gyro", gyro, "named", "their names"))
-    force = draft.columns.numbers(accel)
+def _imu(draft: Draft, accel: Vector, gyro: Vector) -> None:
+    draft.name("it has an IMU", imu_file=draft.path.name)
+    draft.name("their names", imu_accel=accel.columns, imu_gyro=gyro.columns)
+    force = draft.columns.numbers(accel.columns)
     force = force[np.isfinite(force).all(axis=1)]
-    draft.add(guess_accel_unit(force, common_unit(sensors.accel, ACCEL_UNITS)))
-    draft.add(guess_upright(force))
+    draft.add(guess_accel_unit(force, common_unit(accel.names, ACCEL_UNITS)), guess_upright(force))
 
 
 def _position(draft: Draft, position: Vector) -> None:
-    draft.add(Guess("position_file", draft.path.name, "named", "it has places"))
-    draft.add(Guess("position_columns", position.columns, "named", "their names"))
+    draft.name("it has places", position_file=draft.path.name)
+    draft.name("their names", position_columns=position.columns)
     places = draft.columns.numbers(position.columns)
     _sigma(draft, np.asarray(np.isfinite(places).all(axis=1)))
     if position.frame == "geodetic":
-        draft.add(Guess("position_frame", "geodetic", "named", "the columns say so"))
+        draft.name("the columns say so", position_frame="geodetic")
         draft.add(guess_angle_unit(places[:, 0], places[:, 1], common_unit(position.names[:2], {"deg": 0, "rad": 0})))
         return
     distance_m = float(np.nanmedian(np.linalg.norm(places, axis=1)))
     if ECEF_M[0] < distance_m < ECEF_M[1]:
         draft.add(Guess("position_frame", "ecef", "measured", f"{distance_m:.0f} m from zero, the Earth's radius"))
     elif position.frame:
-        draft.add(Guess("position_frame", position.frame, "named", "the columns say so"))
+        draft.name("the columns say so", position_frame=position.frame)
     else:
         draft.add(Guess("position_frame", "enu", "unsure", "x, y, z: the columns do not say it"))
 
@@ -190,17 +181,14 @@ def _sigma(draft: Draft, fixes: BoolArray) -> None:
         return
     unit = common_unit(sigma.names, SIGMA_UNITS)
     grade, why = ("named", "the columns say so") if unit else ("unsure", "m: the columns do not say it")
-    draft.add(
-        Guess("position_sigma", sigma.columns, "named", "their names"),
-        Guess("position_covariance_frame", sigma.frame, "named", "their names"),
-        Guess("position_sigma_scale", SIGMA_UNITS[unit or "m"], grade, why),  # type: ignore[arg-type]
-    )
+    draft.name("their names", position_sigma=sigma.columns, position_covariance_frame=sigma.frame)
+    draft.add(Guess("position_sigma_scale", SIGMA_UNITS[unit or "m"], grade, why))  # type: ignore[arg-type]
 
 
-def _measure_imu(draft: Draft, sensors: Sensors, position: Vector | None) -> None:
+def _measure_imu(draft: Draft, gyro: Vector, position: Vector | None) -> None:
     """Weigh the gyro's unit first: all else compares turns or forces with the track."""
     upright = draft.guesses["imu_axes"]
-    draft.add(guess_gyro_unit(draft.load(gyro_unit="rad/s"), common_unit(sensors.gyro, GYRO_UNITS)))
+    draft.add(guess_gyro_unit(draft.load(gyro_unit="rad/s"), common_unit(gyro.names, GYRO_UNITS)))
     if position is not None:
         draft.add(_turned_frame(draft))
     draft.add(guess_forward(draft.load(), _words(upright.value), upright))
@@ -210,36 +198,24 @@ def _turned_frame(draft: Draft) -> Guess:
     """Return the frame of the places, by whether the track turns with the gyro."""
     frame = draft.guesses["position_frame"]
     agrees, measured = turns_with_gyro(draft.load())
-    if agrees is None:
-        return Guess("position_frame", frame.value, frame.grade, f"{frame.why}; {measured}")
-    if agrees:
-        return Guess("position_frame", frame.value, "measured", f"{frame.why}; {measured}")
+    if agrees is not False:
+        return replace(frame, grade="measured" if agrees else frame.grade, why=f"{frame.why}; {measured}")
     if frame.value in OTHER and frame.grade == "unsure":
         return Guess("position_frame", OTHER[str(frame.value)], "measured", f"{frame.why}; read as enu, {measured}")
     why = f"{frame.why}, but {measured}: two columns may be exchanged, or the gyro's axes left-handed"
-    return Guess("position_frame", frame.value, "unsure", why)
+    return replace(frame, grade="unsure", why=why)
 
 
 def _velocity(draft: Draft, velocity: Vector) -> None:
-    draft.add(Guess("velocity_file", draft.path.name, "named", "it has velocities"))
-    draft.add(Guess("velocity_time", draft.guesses["position_time"].value, "named", "its name"))
-    draft.add(Guess("velocity_columns", velocity.columns, "named", "their names"))
-    draft.add(
-        Guess("velocity_sigma_mps", 0.1, "unsure", "the default: no column of it is guessed; give velocity_sigma")
-    )
+    draft.name("it has velocities", velocity_file=draft.path.name)
+    draft.name("its name", velocity_time=draft.guesses["position_time"].value)
+    draft.name("their names", velocity_columns=velocity.columns)
+    why = "the default: no column of it is guessed; give velocity_sigma"
+    draft.add(Guess("velocity_sigma_mps", 0.1, "unsure", why))
     if velocity.frame == "body":
-        draft.add(Guess("velocity_frame", "body", "named", "the columns say so"))
-        return
-    frame, agreement = guess_velocity_frame(draft.load(velocity_frame="enu"), velocity.frame)
-    draft.add(frame)
-    if agreement is not None and speed_unit(agreement) != "m/s":
-        draft.add(_other_unit(frame, agreement))
-
-
-def _other_unit(frame: Guess, agreement: FrameFit) -> Guess:
-    unit = speed_unit(agreement) or "no unit that is known"
-    why = f"{frame.why}; but the fixes move {agreement.factor:.3g} times as fast: {unit}; make m/s of it"
-    return Guess(frame.parameter, frame.value, "unsure", why)
+        draft.name("the columns say so", velocity_frame="body")
+    else:
+        draft.add(guess_velocity_frame(draft.load(velocity_frame="enu"), velocity.frame))
 
 
 def preset_text(draft: Draft, name: str) -> str:

@@ -10,14 +10,16 @@ from jerkbench.arrays import FloatArray
 from jerkbench.inspection.evidence import (
     SURE,
     Diagnosis,
+    Turning,
     Windows,
     correlation_of,
     over_lengths,
     strength,
     track_windows,
+    turning_gravity,
+    turning_track,
     wheel_windows,
 )
-from jerkbench.inspection.units import Turning, turning_gravity, turning_track
 from jerkbench.io.frames import felt_axis
 from jerkbench.recording import Imu, Recording
 
