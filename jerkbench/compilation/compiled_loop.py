@@ -1,7 +1,9 @@
 """A loop compiled for the types that its annotations name, from the disk where it was compiled before."""
 
+import subprocess
+import sys
 from collections.abc import Callable, Mapping
-from typing import Annotated, Any, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Final, get_args, get_origin, get_type_hints
 
 import numpy as np
 
@@ -86,3 +88,20 @@ def _numba_type(hint: Any) -> Any:  # noqa: ANN401 - an annotation
     if get_origin(hint) is tuple:
         return types.Tuple([*map(_numba_type, get_args(hint))])
     return types.NamedTuple([*map(_numba_type, get_type_hints(hint, include_extras=True).values())], hint)
+
+
+# Work in a process beside this one, which leaves its result on the disk.
+
+RUNNING: Final[list[subprocess.Popen[bytes]]] = []
+"""Kept, for Python warns of a process whose object goes while it runs."""
+
+
+def run_beside(code: str) -> None:
+    """Start a process that runs ``code``, and do not wait for it; what it says is not shown.
+
+    It outlives this one and its Ctrl-C: what it compiles is kept all the same.
+    """
+    nothing = subprocess.DEVNULL
+    words = [sys.executable, "-c", code]
+    process = subprocess.Popen(words, stdin=nothing, stdout=nothing, stderr=nothing, start_new_session=True)  # noqa: S603 - our own code
+    RUNNING.append(process)

@@ -50,7 +50,7 @@ class CompiledEngine:
 
     def prepare(self, model: Filter) -> None:
         """Begin to compile what `run` will need, beside what this process does until then."""
-        from jerkbench.kinematic.compiled_loop import compile_beside
+        from jerkbench.kinematic.loop import compile_beside
 
         if can_compile():
             compile_beside(2 + len(model.initial_variances()))

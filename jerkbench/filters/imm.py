@@ -27,7 +27,7 @@ from jerkbench.timeline.timeline import Timeline, build_timeline
 
 if TYPE_CHECKING:
     from jerkbench.kinematic.plugin_call import Rule
-    from jerkbench.linear.mixture.runs import Mixed  # what it imports takes half a second
+    from jerkbench.linear.mixture import Mixed  # what it imports takes half a second
 
 MODELS = ("acceleration", "baseline", "bias", "jerk")
 NOISES = (
@@ -146,7 +146,7 @@ class InteractingMultipleModels(OverTimelines):
         return self._mixture(build_timeline(recording, attitude), adaptation).to_the_end()
 
     def _alone(self, timeline: Timeline, rule: "Rule") -> Estimate | None:
-        from jerkbench.linear.mixture.runs import mix_alone
+        from jerkbench.linear.mixture import mix_alone
 
         return mix_alone(timeline, self.start(timeline), rule)
 
@@ -159,7 +159,7 @@ class InteractingMultipleModels(OverTimelines):
         updates: bool,
         threads: int,
     ) -> Sequence[Streamed | None]:
-        from jerkbench.linear.mixture.runs import mix_many
+        from jerkbench.linear.mixture import mix_many
 
         starts = [estimator.start(run.timeline) for estimator, run in zip(estimators, runs, strict=True)]
         return mix_many(runs, starts, rules, updates=updates, threads=threads)
@@ -172,7 +172,7 @@ class InteractingMultipleModels(OverTimelines):
 
     def start(self, timeline: Timeline) -> "Mixed":
         """Return the filters with their mixed states at the start of a timeline."""
-        from jerkbench.linear.mixture.runs import Mixed
+        from jerkbench.linear.mixture import Mixed
 
         models, transitions = self.models(), self.transitions()
         x, P, weights = begin(timeline, models, transitions, self._probabilities())

@@ -103,7 +103,7 @@ class RauchTungStriebel(OverTimelines):
         return self.smooth(build_timeline(recording, attitude), adaptation)
 
     def _alone(self, timeline: Timeline, rule: "Rule") -> Estimate | None:
-        from jerkbench.linear.smoother.runs import smooth_one
+        from jerkbench.linear.smoother import smooth_one
 
         return smooth_one(timeline, self.kinematic_filter(), rule)
 
@@ -116,7 +116,7 @@ class RauchTungStriebel(OverTimelines):
         updates: bool,
         threads: int,
     ) -> Sequence[Streamed | None]:
-        from jerkbench.linear.smoother.runs import smooth_many
+        from jerkbench.linear.smoother import smooth_many
 
         models = [estimator.kinematic_filter() for estimator in estimators]
         return smooth_many(runs, models, rules, updates=updates, threads=threads)

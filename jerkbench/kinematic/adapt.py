@@ -8,15 +8,15 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.vectors import chosen
-from jerkbench.compilation.views import Run, gather, lane, spread
+from jerkbench.compilation.views import RunView, gather, lane, spread
 from jerkbench.kinematic.arguments import Packed, Rules, Runs, packed_of
-from jerkbench.kinematic.gain import NAN
+from jerkbench.kinematic.correction import NAN
 from jerkbench.kinematic.layout import DENSE
 from jerkbench.kinematic.plugin_call import call_adapt, call_fade
-from jerkbench.kinematic.prior import adapt_prior
+from jerkbench.kinematic.whole_matrices import adapt_prior
 
 
-def adapt_runs(run: Run, runs: Runs, rules: Rules, complete: bool) -> bool:
+def adapt_runs(run: RunView, runs: Runs, rules: Rules, complete: bool) -> bool:
     """Put the adapted R of all runs in the place of what the adaptation gets, without rows of no finite variance.
 
     Args:
@@ -50,7 +50,7 @@ def adapt_runs(run: Run, runs: Runs, rules: Rules, complete: bool) -> bool:
     return same
 
 
-def _take(run: Run, runs: Runs, whole: bool) -> None:
+def _take(run: RunView, runs: Runs, whole: bool) -> None:
     """Take the adapted R; unless all rows are used the variances and which rows are, too. Then y of the others is 0."""
     gather(run.R, runs.adapted)
     for r in range(6):
@@ -62,7 +62,7 @@ def _take(run: Run, runs: Runs, whole: bool) -> None:
             run.y[r] = chosen(run.used[r], 0.0, run.y[r], 0.0)
 
 
-def _adapt_run(alone: Run, runs: Runs, k: int, some: Packed, rules: Rules, m: int) -> bool:
+def _adapt_run(alone: RunView, runs: Runs, k: int, some: Packed, rules: Rules, m: int) -> bool:
     """Adapt R of ``m`` rows of run ``k``; return whether all six are used."""
     if m == 6:
         _call(alone, runs, k, Packed(some.rows, runs.y[k], runs.HPHt[k], runs.given[k], runs.adapted[k]), rules, m)
@@ -86,7 +86,7 @@ def _find_rows(kept: FloatArray, rows: IntArray) -> int:
     return m
 
 
-def _call(alone: Run, runs: Runs, k: int, packed: Packed, rules: Rules, m: int) -> None:
+def _call(alone: RunView, runs: Runs, k: int, packed: Packed, rules: Rules, m: int) -> None:
     """Fade, adapt the prior, then R; a run in which one of them raises an error is lost."""
     well = True
     if rules.fade[k] != 0:
@@ -98,7 +98,7 @@ def _call(alone: Run, runs: Runs, k: int, packed: Packed, rules: Rules, m: int) 
         alone.lost = 1.0
 
 
-def fade_prior(alone: Run, packed: Packed, factor: float) -> None:
+def fade_prior(alone: RunView, packed: Packed, factor: float) -> None:
     """Scale the prior covariance, and what the adaptation sees of it."""
     for e in range(36):
         packed.HPHt[e] *= factor

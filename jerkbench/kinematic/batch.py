@@ -3,28 +3,29 @@
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache, lru_cache
+from typing import Any
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.compilation.vectors import WIDE, aligned_zeros
-from jerkbench.compilation.views import Run as RunType
+from jerkbench.compilation.views import RunView
 from jerkbench.contracts import Filter
 from jerkbench.estimate import Updates
 from jerkbench.kinematic.arguments import MARKED, SEEN, Kept, empty_runs
-from jerkbench.kinematic.compiled_loop import loop_for
 from jerkbench.kinematic.layout import TOTALS, run_type
+from jerkbench.kinematic.loop import loop_for
 from jerkbench.kinematic.models import model_of
 from jerkbench.kinematic.packs import Kind, Pack, pack_runs
 from jerkbench.kinematic.plugin_call import Rule, rules_of
 from jerkbench.kinematic.single_run import updates_seen
 from jerkbench.streamed_run import Run, Streamed
 
+Prepare = Callable[[Pack, Sequence[int]], tuple[Any, ...] | None]
+"""A pack, and which places of the batch its WIDE runs have -> the loop, the type of its runs, its third argument, and
+those behind the sixth; None where it is not to be run so."""
+
 NOTHING = Updates.empty()
-
-
-PackRun = Callable[[Pack, Sequence[int]], list[Streamed | None]]
-"""Runs a pack: which places of the batch its WIDE runs have -> the results of its members."""
 
 
 def run_batch(
@@ -35,34 +36,43 @@ def run_batch(
     Returns one result for each: None where the run is to be repeated alone, because it diverged, came near to it, or
     its adaptation raised an error.
     """
-    kinds = [
-        Kind(2 + len(model.initial_variances()), rule.wants_truth, rule.dense)
-        for model, rule in zip(models, rules, strict=True)
-    ]
 
-    def run_pack(pack: Pack, lanes: Sequence[int]) -> list[Streamed | None]:
-        """Run one with the filters and adaptations that are its own."""
-        return _run_pack(pack, [models[k] for k in lanes], [rules[k] for k in lanes], updates=updates)
+    def prepare(pack: Pack, lanes: Sequence[int]) -> tuple[Any, ...]:
+        model = model_of([models[k] for k in lanes], pack.lengths_s, pack.timelines[0].dt0_s)
+        n = 2 + len(model.extra)
+        return loop_for(n, WIDE, dense=rules[lanes[0]].dense), run_type(n, WIDE), model
 
-    return run_packs(runs, kinds, run_pack, threads)
+    sizes = [2 + len(model.initial_variances()) for model in models]
+    return run_packs(runs, sizes, rules, prepare, updates=updates, threads=threads)
 
 
-def run_packs(runs: Sequence[Run], kinds: Sequence[Kind], run_pack: PackRun, threads: int) -> list[Streamed | None]:
-    """Pack ``runs`` by their ``kinds`` and steps, and run one pack a thread; returns one result for each run."""
+def run_packs(
+    runs: Sequence[Run], sizes: Sequence[int], rules: Sequence[Rule], prepare: Prepare, *, updates: bool, threads: int
+) -> list[Streamed | None]:
+    """Pack runs that have the same ``sizes`` (quantities on each axis) and steps, and run one pack a thread.
+
+    Returns one result for each run, as `run_batch` does.
+    """
     results: list[Streamed | None] = [None] * len(runs)
-    packs = _packs(tuple(runs), tuple(kinds))
 
-    def work(pack: Pack) -> None:
+    def run_pack(pack: Pack) -> None:
         """Run one pack, filled with its last run, and put the results in their places."""
         lanes = [*pack.members, *[pack.members[-1]] * (WIDE - len(pack.members))]
-        for place, result in zip(pack.members, run_pack(pack, lanes), strict=True):
-            results[place] = result
+        prepared = prepare(pack, lanes)
+        if prepared is not None:
+            loop, of, own, *more = prepared
+            kept, rule = _room_of(pack, of, updates=updates), rules_of([rules[k] for k in lanes], of.sizes["s"])
+            loop(pack.steps, pack.score, own, rule, kept, empty_runs(of.sizes["n"], WIDE), *more)
+            for place, result in zip(pack.members, _results_of(pack, kept, of, updates=updates), strict=True):
+                results[place] = result
 
+    kinds = [Kind(n, rule.wants_truth, rule.dense) for n, rule in zip(sizes, rules, strict=True)]
+    packs = _packs(tuple(runs), tuple(kinds))
     if threads <= 1 or len(packs) <= 1:
         for pack in packs:
-            work(pack)
+            run_pack(pack)
     else:
-        list(_pool(threads).map(work, packs))
+        list(_pool(threads).map(run_pack, packs))
     return results
 
 
@@ -75,17 +85,8 @@ def _pool(threads: int) -> ThreadPoolExecutor:
 _packs = lru_cache(maxsize=2)(pack_runs)  # for the next filter; some 10 MB for each vector of 150 s at 100 Hz
 
 
-def _run_pack(pack: Pack, models: Sequence[Filter], rules: Sequence[Rule], *, updates: bool) -> list[Streamed | None]:
-    model = model_of(models, pack.lengths_s, pack.timelines[0].dt0_s)
-    n = 2 + len(model.extra)
-    kept = room_of(pack, run_type(n, WIDE), updates=updates)
-    loop = loop_for(n, WIDE, dense=rules[0].dense)
-    loop(pack.steps, pack.score, model, rules_of(rules, 3 * n), kept, empty_runs(n, WIDE))
-    return results_of(pack, kept, run_type(n, WIDE), updates=updates)
-
-
-def room_of(pack: Pack, of: RunType, *, updates: bool) -> Kept:
-    """Make room for the sums of a pack, and for what its updates saw."""
+def _room_of(pack: Pack, of: RunView, *, updates: bool) -> Kept:
+    """Room for the sums of a pack, and for what its updates saw."""
     m, marks = len(pack.steps.z), int(pack.score.mark.max(initial=-1)) + 1
     return Kept(
         aligned_zeros(of.sizes["length"]),
@@ -98,8 +99,8 @@ def room_of(pack: Pack, of: RunType, *, updates: bool) -> Kept:
     )
 
 
-def results_of(pack: Pack, kept: Kept, of: RunType, *, updates: bool) -> list[Streamed | None]:
-    """Return the sums of each member of a pack; None where they are not finite, or the run is lost."""
+def _results_of(pack: Pack, kept: Kept, of: RunView, *, updates: bool) -> list[Streamed | None]:
+    """The sums of each member of a pack; None where they are not finite, or the run is lost."""
     w = kept.w.reshape(-1, WIDE)
     totals = {name: w[np.array(of.fields[name].places) // WIDE] for name in TOTALS}
     finite = np.isfinite(np.concatenate(list(totals.values()))).all(axis=0)

@@ -16,16 +16,103 @@ for two states of the first kind, two of the second, and one of each. Rounding i
 """
 
 from jerkbench.compilation.vectors import chosen
-from jerkbench.compilation.views import Run, View, lane, room
-from jerkbench.kalman import EXPOSED, FLOOR, INDEFINITE, ROUNDING
-from jerkbench.kinematic.gain import solve_column, solve_innovation
+from jerkbench.compilation.views import RunView, View, lane, room
+from jerkbench.kalman import EXPOSED, FLOOR, INDEFINITE, ROUNDING, SYMMETRIC
 from jerkbench.kinematic.predict import mirror
+
+# S = H P H' + R = L D L' of the rows that are used, and what is divided by it.
+
+UNEQUAL = SYMMETRIC * SYMMETRIC
+"""How much of S_ii S_jj the square of a difference may be."""
+
+NAN = float("nan")
+
+
+def mahalanobis(run: RunView) -> float:
+    """Return y' S^-1 y of the rows that are used; NaN where the run is lost.
+
+    It is lost by an S that is not symmetric and positive definite beyond rounding.
+    """
+    _fill_innovation_covariance(run)
+    _factorise(run)
+    total = run.zero
+    for r in range(6):  # y' S^-1 y = |D^-1/2 L^-1 y|^2
+        rest = run.y[r]
+        for j in range(r):
+            rest -= run.L[r, j] * run.white[j]
+        run.white[r] = rest
+        total += rest * rest * run.over_D[r]
+    distance: float = chosen(run.lost, 0.0, NAN, total)
+    return distance
+
+
+def determinant(run: RunView) -> float:
+    """Return det S of the rows that are used, from the factors that `mahalanobis` has found."""
+    product: float = run.over_D[0]
+    for r in range(1, 6):
+        product *= run.over_D[r]
+    return 1.0 / product
+
+
+def _fill_innovation_covariance(run: RunView) -> None:
+    """Put H P H' + R into L; a row that is not used becomes one of the identity."""
+    lost = run.lost
+    for r in range(6):
+        used = run.used[r]
+        run.S_diagonal[r] = used * (run.P[r, r] + run.R[r, r]) + (1.0 - used)
+        for c in range(r):
+            both = used * run.used[c]
+            run.L[r, c] = both * (run.P[r, c] + run.R[r, c])
+            apart = both * (run.R[r, c] - run.R[c, r])
+            lost += chosen(apart * apart, UNEQUAL * run.S_diagonal[r] * run.S_diagonal[c], 1.0, 0.0)
+    run.lost = lost
+
+
+def _factorise(run: RunView) -> None:
+    """S = L D L'. No root is drawn: one division follows the other six times, and each step waits for them."""
+    for r in range(6):
+        run.L[r, r] = run.S_diagonal[r]
+    lost = run.lost
+    for c in range(6):
+        lost += chosen(run.L[c, c], ROUNDING * run.S_diagonal[c], 0.0, 1.0)
+        run.over_D[c] = 1.0 / run.L[c, c]
+        for r in range(5, c, -1):  # a row needs those above it before they are scaled
+            factor = run.L[r, c] * run.over_D[c]
+            for j in range(c + 1, r + 1):
+                run.L[r, j] -= factor * run.L[j, c]
+            run.L[r, c] = factor
+    run.lost = lost
+
+
+def solve_innovation(run: RunView) -> None:
+    """Make v = S^-1 y = L^-1' D^-1 L^-1 y."""
+    for r in range(5, -1, -1):
+        rest = run.white[r] * run.over_D[r]
+        for j in range(r + 1, 6):
+            rest -= run.L[j, r] * run.v[j]
+        run.v[r] = rest
+
+
+def solve_column(run: RunView, s: int) -> None:
+    """Make column ``s`` of Z = S^-1 G."""
+    g = room(run, "6")
+    for r in range(6):
+        g[r] = run.G[r, s]
+        for j in range(r):
+            g[r] -= run.L[r, j] * g[j]
+    for r in range(6):
+        g[r] *= run.over_D[r]
+    for r in range(5, -1, -1):
+        for j in range(5, r, -1):
+            g[r] -= run.L[j, r] * g[j]
+        run.Z[r, s] = g[r]
+
 
 BOUND = 4.0 * EXPOSED
 """More than (1 + e) EXPOSED (`_may_be_rounding`)."""
 
 
-def correct(run: Run, states: int) -> None:
+def correct(run: RunView, states: int) -> None:
     """Update state and covariance with the rows that are used.
 
     ``states`` is their number: as a constant it would make the compiler unroll the loops, and use the stack for what no
@@ -54,7 +141,7 @@ def correct(run: Run, states: int) -> None:
     mirror(run)
 
 
-def _correct_measured(run: Run) -> None:
+def _correct_measured(run: RunView) -> None:
     """Position and velocity: x + y - G' v or x + G' v; R - G' Z, P - G' Z, or G' Z."""
     for s in range(6):
         moved = _g_times_v(run, s)
@@ -65,7 +152,7 @@ def _correct_measured(run: Run) -> None:
             run.P[s, t] = chosen(run.fine[s] * run.fine[t], 0.0, run.R[s, t] - product, mixed)
 
 
-def _correct_others(run: Run, states: int) -> None:
+def _correct_others(run: RunView, states: int) -> None:
     """The states that are not measured, among each other and with position and velocity."""
     for s in range(6, states):
         run.x[s] += _g_times_v(run, s)
@@ -76,21 +163,21 @@ def _correct_others(run: Run, states: int) -> None:
             run.P[s, t] = run.P[s, t] - _g_times_z(run, s, t)
 
 
-def _g_times_v(run: Run, s: int) -> float:
+def _g_times_v(run: RunView, s: int) -> float:
     total: float = run.G[0, s] * run.v[0]
     for r in range(1, 6):
         total += run.G[r, s] * run.v[r]
     return total
 
 
-def _g_times_z(run: Run, s: int, t: int) -> float:
+def _g_times_z(run: RunView, s: int, t: int) -> float:
     total: float = run.Z[0, s] * run.G[0, t]
     for r in range(1, 6):
         total += run.Z[r, s] * run.G[r, t]
     return total
 
 
-def _may_be_rounding(run: Run, taken_from: View) -> bool:
+def _may_be_rounding(run: RunView, taken_from: View) -> bool:
     """Whether `_widen` may have something to do, of a run that is not lost.
 
     Of G' Z = Z' S Z = ``taken_from`` - posterior, with C the matrix of S's correlations and of m rows, it holds that
@@ -113,7 +200,7 @@ def _may_be_rounding(run: Run, taken_from: View) -> bool:
     return total > 0.0
 
 
-def _widen(run: Run, taken_from: View) -> None:
+def _widen(run: RunView, taken_from: View) -> None:
     """Add rounding to the variances (`jerkbench.kalman.spread_by`); lost where one is nothing else."""
     lost = run.lost
     for s in range(run.s):
@@ -127,7 +214,7 @@ def _widen(run: Run, taken_from: View) -> None:
     run.lost = lost
 
 
-def check_definite(run: Run) -> None:
+def check_definite(run: RunView) -> None:
     """Lost where the covariance has no factors L D L' with D > 0 but for rounding, or the state is no number."""
     C, lost = room(run, "s s"), run.lost
     for s in range(run.s):

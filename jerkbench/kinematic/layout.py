@@ -12,7 +12,7 @@ from functools import cache
 import numpy as np
 
 from jerkbench.compilation.vectors import WIDE
-from jerkbench.compilation.views import Run, View, fields_of
+from jerkbench.compilation.views import RunView, View, fields_of
 
 PAIRS = 6
 """Pairs of axes: (0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)."""
@@ -47,21 +47,21 @@ TOTALS: dict[str, tuple[int, ...]] = {
 
 
 @cache
-def run_type(n: int, width: int, **sizes: int) -> Run:
+def run_type(n: int, width: int, **sizes: int) -> RunView:
     """Return the type of ``width`` runs of a filter with ``n`` quantities on each axis; ``sizes`` are further ones."""
     return type_with({}, n, width, **sizes)
 
 
-def type_with(more: Mapping[str, tuple[int, ...]], n: int, width: int, **sizes: int) -> Run:
+def type_with(more: Mapping[str, tuple[int, ...]], n: int, width: int, **sizes: int) -> RunView:
     """Return the same with ``more`` fields of these shapes."""
     s = 3 * n
     shapes = {**SHAPES, **TOTALS, "x": (s,), "G": (6, s), "Z": (6, s), **more}  # G, Z = S^-1 G: see `correction`
     run = with_covariance(shapes, n, width)
     over_D = View((6,), run.fields["L"].places[::7], width)  # 1/D stands on the diagonal of L
-    return Run({**run.fields, "over_D": over_D}, {**run.sizes, **sizes}, width)
+    return RunView({**run.fields, "over_D": over_D}, {**run.sizes, **sizes}, width)
 
 
-def with_covariance(shapes: Mapping[str, tuple[int, ...]], n: int, width: int) -> Run:
+def with_covariance(shapes: Mapping[str, tuple[int, ...]], n: int, width: int) -> RunView:
     """Return the type of runs that have a covariance of 3 n states, and fields of these ``shapes``."""
     s, alone = 3 * n, width == 1
     stored = {"blocks": (n, n, WIDE) if alone else (PAIRS, n, n), "sames": (WIDE,)}
@@ -78,7 +78,7 @@ def with_covariance(shapes: Mapping[str, tuple[int, ...]], n: int, width: int) -
     views["P"] = View((s, s), P.ravel().tolist(), width)
     views["P_measured"] = View((6, 6), P[:6, :6].ravel().tolist(), width)  # of position and velocity: H P H'
     views["P_six"] = View((s, WIDE), six.ravel().tolist(), width)  # six columns, and two that mean nothing
-    return Run(views, {"n": n, "s": s, "length": length}, width)
+    return RunView(views, {"n": n, "s": s, "length": length}, width)
 
 
 def _covariance(n: int) -> list[int]:

@@ -1,13 +1,18 @@
 """The loop of the kernel: the steps of a timeline, one after the other."""
 
+import os
+from functools import cache
+from typing import Any
+
 from jerkbench.arrays import FloatArray
-from jerkbench.compilation.views import Run, View, ask_for, copy, lane, row, runs_in, shared_row
+from jerkbench.compilation.compiled_loop import compiled_loop, is_compiled, run_beside
+from jerkbench.compilation.views import RunView, View, ask_for, copy, lane, row, runs_in, shared_row
 from jerkbench.kinematic.arguments import Kept, Model, Rules, Runs, Score, Steps
-from jerkbench.kinematic.layout import DENSE, RUN
+from jerkbench.kinematic.layout import DENSE, RUN, run_type
 from jerkbench.kinematic.predict import mark_axes, mirror, predict
-from jerkbench.kinematic.prior import advance
 from jerkbench.kinematic.score import compare
 from jerkbench.kinematic.update_step import update
+from jerkbench.kinematic.whole_matrices import advance
 
 Models = tuple[FloatArray, FloatArray, FloatArray]
 
@@ -49,7 +54,7 @@ def run_steps(steps: Steps, score: Score, model: Model, rules: Rules, kept: Kept
     return reached, updates
 
 
-def start(run: Run, x0: View, P0: View, model: Model) -> None:
+def start(run: RunView, x0: View, P0: View, model: Model) -> None:
     """Put the initial state and covariance into the run, which is zero."""
     for s in range(6):
         run.x[s] = x0[s]
@@ -62,12 +67,12 @@ def start(run: Run, x0: View, P0: View, model: Model) -> None:
     mark_axes(run)
 
 
-def move(run: Run, steps: Steps, model: Model, k: int) -> None:
+def move(run: RunView, steps: Steps, model: Model, k: int) -> None:
     """Predict over step ``k``, if time passes."""
     move_by(run, steps, (model.A, model.b, model.Q), model.triangular, k)
 
 
-def move_by(run: Run, steps: Steps, models: Models, triangular: bool, k: int) -> None:
+def move_by(run: RunView, steps: Steps, models: Models, triangular: bool, k: int) -> None:
     """The same by ``models`` A, b, Q of all lengths of a step: all runs have the same, or each its own."""
     m, (A, b, Q) = steps.model[k], models
     if m < 0:
@@ -83,7 +88,7 @@ def move_by(run: Run, steps: Steps, models: Models, triangular: bool, k: int) ->
         predict(run, (row(A, m, run, "n n"), row(b, m, run, "n"), row(Q, m, run, "n n")), triangular, u)
 
 
-def keep(run: Run, score: Score, kept: Kept, reference: int, k: int) -> None:
+def keep(run: RunView, score: Score, kept: Kept, reference: int, k: int) -> None:
     """Keep, and score, the state at the ``k``-th visited stamp of the reference."""
     kept.reference[k] = reference
     if len(kept.x) > 0:
@@ -97,9 +102,45 @@ def keep(run: Run, score: Score, kept: Kept, reference: int, k: int) -> None:
         compare(run, score, kept.errors, k)
 
 
-def all_lost(run: Run) -> bool:
+def all_lost(run: RunView) -> bool:
     """Whether no run is left."""
     k = 0
     while k < run.width and lane(run, k).lost > 0.0:
         k += 1
     return k == run.width
+
+
+# The compiled loop.
+
+ALONE = ("run_steps", "start", "predict", "add_row", "mahalanobis", "correct", "check_definite")
+SELDOM = (
+    *("predict_any", "clear_absent", "_pack", "fade_prior", "_unpack"),
+    *("advance", "adapt_prior", "take_whole", "put_covariance", "find_gains", "put_gains", "_own_update", "_widen"),
+)
+APART = ALONE + SELDOM
+"""Kernels that stand alone, and those that are seldom called: one body of all of them takes long to compile."""
+
+
+@cache
+def loop_for(n: int, width: int, *, dense: bool = False) -> Any:  # noqa: ANN401 - numba has no types
+    """Return the compiled loop of ``width`` runs for filters with ``n`` quantities on each axis.
+
+    ``dense``: for adaptations that see whole matrices; all others have a loop without any of that.
+    """
+    return compiled_loop(run_steps, *_named(n, width, dense=dense))
+
+
+def runs_of(width: int) -> str:
+    """Return how a message says so many runs."""
+    return "one run" if width == 1 else f"{width} runs"
+
+
+def compile_beside(n: int) -> None:
+    """Let another process compile the loop of one run, if it is not on the disk and there is a processor for it."""
+    if (os.cpu_count() or 1) > 1 and not is_compiled(run_steps, *_named(n, 1, dense=False)):
+        run_beside(f"from {__name__} import loop_for; loop_for({n}, 1)")
+
+
+def _named(n: int, width: int, *, dense: bool) -> tuple[str, dict[str, Any], tuple[str, ...]]:
+    title = f"the loop for {runs_of(width)} of {3 * n} states{', dense' * dense}"
+    return title, {"RUN": run_type(n, width), "DENSE": int(dense)}, APART

@@ -12,8 +12,7 @@ from jerkbench.compilation.methods import Method, address_of, compiled_method, p
 from jerkbench.contracts import Adaptation, AdaptingGain, AdaptingPrior, Fading
 from jerkbench.estimation.adaptation_call import ADAPT, GIVEN, made_or_said
 from jerkbench.kinematic.arguments import Packed, Rules
-from jerkbench.kinematic.own_gain import GAIN
-from jerkbench.kinematic.prior import PRIOR
+from jerkbench.kinematic.whole_matrices import GAIN, PRIOR
 from jerkbench.memory import memory_size
 from jerkbench.optional import wants_truth
 

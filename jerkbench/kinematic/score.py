@@ -2,11 +2,11 @@
 
 from jerkbench.arrays import FloatArray
 from jerkbench.compilation.vectors import chosen
-from jerkbench.compilation.views import Run, View, room, row
+from jerkbench.compilation.views import RunView, View, room, row
 from jerkbench.kinematic.arguments import Score
 
 
-def compare(run: Run, score: Score, errors: FloatArray, k: int) -> None:
+def compare(run: RunView, score: Score, errors: FloatArray, k: int) -> None:
     """Score the state with row ``k`` of the reference."""
     add_row(run, row(score.truth, k, run, "6"), score.weights[k])
     if score.mark[k] >= 0:
@@ -18,7 +18,7 @@ def compare(run: Run, score: Score, errors: FloatArray, k: int) -> None:
         run.outage += row(score.outage, k, run, "1")[0] * run.square
 
 
-def add_row(run: Run, truth: View, weights: FloatArray) -> None:
+def add_row(run: RunView, truth: View, weights: FloatArray) -> None:
     """Add the errors of the state to the sums; ``weights`` (4,) in the order of `layout.WEIGHTS`."""
     counted, whole, moving = weights[0], weights[1], weights[2]
     for s in range(6):
@@ -34,7 +34,7 @@ def add_row(run: Run, truth: View, weights: FloatArray) -> None:
     _add_nees(run, counted, weights[3])
 
 
-def _add_nees(run: Run, counted: float, both: float) -> None:
+def _add_nees(run: RunView, counted: float, both: float) -> None:
     """Add e' P^-1 e of position, and of position and velocity, by elimination."""
     C, e, total = room(run, "6 6"), room(run, "6"), run.zero
     for r in range(6):

@@ -7,11 +7,12 @@ import numpy.typing as npt
 
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.vectors import aligned_zeros
+from jerkbench.compilation.views import RunView
 from jerkbench.contracts import Filter
 from jerkbench.estimate import Estimate, Updates
 from jerkbench.kinematic.arguments import MARKED, SEEN, Kept, Score, Steps, empty_runs
-from jerkbench.kinematic.compiled_loop import loop_for
 from jerkbench.kinematic.layout import run_type
+from jerkbench.kinematic.loop import loop_for
 from jerkbench.kinematic.models import model_of
 from jerkbench.kinematic.plugin_call import Rule, rules_of
 from jerkbench.timeline.lengths import step_lengths
@@ -25,43 +26,48 @@ def run_single(timeline: Timeline, model: Filter, rule: Rule) -> Estimate:
     lengths_s, which = step_lengths(timeline.dt_s)
     prepared = model_of([model], lengths_s, timeline.dt0_s)
     n = 2 + len(prepared.extra)
-    kept = trajectory_room(timeline, n)
-    entry = loop_for(n, 1, dense=rule.dense)
-    steps = steps_of(timeline, which, wants_truth=rule.wants_truth)
-    states, updates = entry(steps, NO_SCORE, prepared, rules_of([rule], 3 * n), kept, empty_runs(n, 1))
-    return estimate_of(timeline, kept, states, updates, n)
+    return run_alone(timeline, which, rule, (loop_for(n, 1, dense=rule.dense), run_type(n, 1), prepared))
 
 
-def steps_of(timeline: Timeline, which: IntArray, *, wants_truth: bool) -> Steps:
-    """Return the steps as arrays of the layout that the compiled loop takes."""
+def run_alone(timeline: Timeline, which: IntArray, rule: Rule, prepared: tuple[Any, ...]) -> Estimate:
+    """Run over ``timeline``, whose steps have lengths number ``which``; ``prepared`` as in `batch`."""
+    loop, of, own, *more = prepared
+    kept, steps = _room_of(timeline, of), _steps_of(timeline, which, wants_truth=rule.wants_truth)
+    rules, room = rules_of([rule], of.sizes["s"]), empty_runs(of.sizes["n"], 1)
+    states, updates = loop(steps, NO_SCORE, own, rules, kept, room, *more)
+    return _estimate_of(timeline, kept, states, updates, of)
+
+
+def _steps_of(timeline: Timeline, which: IntArray, *, wants_truth: bool) -> Steps:
+    """The steps as arrays of the layout that the compiled loop takes."""
     measured = timeline.measurements
     return Steps(
         which,
-        plain(timeline.sample, np.int64),
-        plain(timeline.update, np.int64),
-        plain(timeline.reference, np.int64),
-        plain(timeline.accel_enu_mps2, np.float64)[:, :, None],
-        plain(measured.z, np.float64)[:, :, None],
-        plain(measured.R_true[: len(measured.z) if wants_truth else 0], np.float64).reshape(-1, 36, 1),
-        plain(measured.R, np.float64).reshape(-1, 36, 1),
-        plain(timeline.x0, np.float64)[:, None],
-        plain(timeline.P0, np.float64).reshape(36, 1),
+        _plain(timeline.sample, np.int64),
+        _plain(timeline.update, np.int64),
+        _plain(timeline.reference, np.int64),
+        _plain(timeline.accel_enu_mps2, np.float64)[:, :, None],
+        _plain(measured.z, np.float64)[:, :, None],
+        _plain(measured.R_true[: len(measured.z) if wants_truth else 0], np.float64).reshape(-1, 36, 1),
+        _plain(measured.R, np.float64).reshape(-1, 36, 1),
+        _plain(timeline.x0, np.float64)[:, None],
+        _plain(timeline.P0, np.float64).reshape(36, 1),
     )
 
 
-def plain(array: Any, dtype: npt.DTypeLike) -> Any:  # noqa: ANN401 - any array
-    """Return ``array`` contiguous and writeable, copied only if it is not: a compiled signature is exact."""
+def _plain(array: Any, dtype: npt.DTypeLike) -> Any:  # noqa: ANN401 - any array
+    """Make ``array`` contiguous and writeable, copied only if it is not: a compiled signature is exact."""
     flags = array.flags
     if array.dtype == dtype and flags.c_contiguous and flags.writeable and flags.aligned:
         return array
     return np.require(array, dtype, ["C", "W", "A"])
 
 
-def trajectory_room(timeline: Timeline, n: int) -> Kept:
-    """Make room for every stamp of the reference and every update of ``timeline``."""
+def _room_of(timeline: Timeline, of: RunView) -> Kept:
+    """Room for every stamp of the reference and every update of ``timeline``."""
     k, m = int(np.count_nonzero(timeline.reference >= 0)), int(np.count_nonzero(timeline.update >= 0))
     return Kept(
-        aligned_zeros(run_type(n, 1).sizes["length"]),
+        aligned_zeros(of.sizes["length"]),
         np.empty(k, dtype=np.int64),
         np.empty((k, 6, 1)),
         np.empty((k, 36, 1)),
@@ -71,9 +77,9 @@ def trajectory_room(timeline: Timeline, n: int) -> Kept:
     )
 
 
-def estimate_of(timeline: Timeline, kept: Kept, states: int, updates: int, n: int) -> Estimate:
-    """Return what a run of a filter with ``n`` quantities on each axis has left."""
-    failed = int(kept.w[run_type(n, 1).fields["ended"].places[0]])
+def _estimate_of(timeline: Timeline, kept: Kept, states: int, updates: int, of: RunView) -> Estimate:
+    """What a run has left."""
+    failed = int(kept.w[of.fields["ended"].places[0]])
     t_s: FloatArray = np.asarray(timeline.measurements.t_ns * 1e-9, dtype=np.float64)
     failure = f"the covariance is no longer positive definite at {t_s[failed]:.2f} s" if failed >= 0 else ""
     index, x, seen = kept.reference[:states], kept.x[:states, :, 0], kept.seen[:updates, :, 0]

@@ -2,18 +2,17 @@
 
 from jerkbench.arrays import FloatArray
 from jerkbench.compilation.vectors import chosen
-from jerkbench.compilation.views import Run, View, ask_for, row
+from jerkbench.compilation.views import RunView, View, ask_for, row
 from jerkbench.kinematic.adapt import adapt_runs
 from jerkbench.kinematic.arguments import Kept, Rules, Runs, Score, Steps
-from jerkbench.kinematic.correction import check_definite, correct
-from jerkbench.kinematic.gain import NAN, determinant, mahalanobis
+from jerkbench.kinematic.correction import NAN, check_definite, correct, determinant, mahalanobis
 from jerkbench.kinematic.layout import DENSE
-from jerkbench.kinematic.own_gain import find_gains, put_gains
 from jerkbench.kinematic.predict import mirror
+from jerkbench.kinematic.whole_matrices import find_gains, put_gains
 
 
 def update(
-    run: Run, steps: Steps, score: Score, rules: Rules, kept: Kept, runs: Runs, which: int, place: int, states: int
+    run: RunView, steps: Steps, score: Score, rules: Rules, kept: Kept, runs: Runs, which: int, place: int, states: int
 ) -> None:
     """Take row ``which`` of the measurements, the ``place``-th update, of filters with so many ``states``."""
     seen = seen_of(run, kept, place)
@@ -29,13 +28,13 @@ def update(
     finish(run, seen, score, which, nis)
 
 
-def seen_of(run: Run, kept: Kept, place: int) -> View:
+def seen_of(run: RunView, kept: Kept, place: int) -> View:
     """Return where what the ``place``-th update sees is kept."""
     seen: View = row(kept.seen, place if len(kept.seen) > 1 else 0, run, "17")
     return seen
 
 
-def expect(run: Run, steps: Steps, rules: Rules, runs: Runs, seen: View, which: int) -> float:
+def expect(run: RunView, steps: Steps, rules: Rules, runs: Runs, seen: View, which: int) -> float:
     """Fill innovation and adapted R; return y' S^-1 y with it."""
     complete = _innovate(run, row(steps.z, which, run, "6"), steps.z, which)
     _take_covariance(run, row(steps.reported, which, run, "6 6"), complete)
@@ -53,7 +52,7 @@ def expect(run: Run, steps: Steps, rules: Rules, runs: Runs, seen: View, which: 
     return nis
 
 
-def _innovate(run: Run, z: View, numbers: FloatArray, which: int) -> bool:
+def _innovate(run: RunView, z: View, numbers: FloatArray, which: int) -> bool:
     """Make y = z - H x; return whether all rows of all runs are there."""
     absent = 0.0
     for r in range(6):
@@ -64,7 +63,7 @@ def _innovate(run: Run, z: View, numbers: FloatArray, which: int) -> bool:
     return absent == 0.0
 
 
-def _take_covariance(run: Run, R: View, complete: bool) -> None:
+def _take_covariance(run: RunView, R: View, complete: bool) -> None:
     """Take R, 0 where a row is not there."""
     for r in range(6):
         for c in range(6):
@@ -73,14 +72,14 @@ def _take_covariance(run: Run, R: View, complete: bool) -> None:
         clear_absent(run)
 
 
-def clear_absent(run: Run) -> None:
+def clear_absent(run: RunView) -> None:
     """Make R zero where a row is not there."""
     for r in range(6):
         for c in range(6):
             run.R[r, c] = chosen(run.used[r] * run.used[c], 0.0, run.R[r, c], 0.0)
 
 
-def finish(run: Run, seen: View, score: Score, which: int, nis: float) -> None:
+def finish(run: RunView, seen: View, score: Score, which: int, nis: float) -> None:
     """Keep what the adapted R made of it, note where a run was lost, and count the update."""
     seen[2] = _rows_used(run)
     seen[3] = chosen(seen[2], 0.0, nis, NAN)
@@ -95,7 +94,7 @@ def finish(run: Run, seen: View, score: Score, which: int, nis: float) -> None:
         run.updates_used += chosen(seen[2], 0.0, counts, 0.0)
 
 
-def _rows_used(run: Run) -> float:
+def _rows_used(run: RunView) -> float:
     rows: float = run.used[0]
     for r in range(1, 6):
         rows += run.used[r]

@@ -8,10 +8,10 @@ import warnings
 
 import pytest
 
-from jerkbench.compilation.background import RUNNING, run_beside
+from jerkbench.compilation.compiled_loop import RUNNING, run_beside
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.filters.baseline import Baseline
-from jerkbench.kinematic import compiled_loop
+from jerkbench.kinematic import loop
 
 
 @pytest.fixture
@@ -20,7 +20,7 @@ def begun(monkeypatch, tmp_path):
     monkeypatch.setenv("JERKBENCH_CACHE", str(tmp_path))
     monkeypatch.setattr(os, "cpu_count", lambda: 2)
     codes = []
-    monkeypatch.setattr(compiled_loop, "run_beside", codes.append)
+    monkeypatch.setattr(loop, "run_beside", codes.append)
     return codes
 
 

@@ -22,9 +22,8 @@ from jerkbench.evaluation.evaluated_run import evaluate_run
 from jerkbench.evaluation.sums import sums_from
 from jerkbench.filters.baseline import Baseline
 from jerkbench.filters.jerk import Jerk
-from jerkbench.kinematic import compiled_loop
 from jerkbench.kinematic.layout import run_type
-from jerkbench.kinematic.loop import run_steps
+from jerkbench.kinematic.loop import ALONE, APART, run_steps
 from jerkbench.streamed_run import Run
 from jerkbench.timeline.measurements import Measurements
 from jerkbench.timeline.timeline import build_timeline
@@ -301,7 +300,7 @@ def test_a_reference_with_holes_needs_a_trajectory(several):
 @pytest.mark.slow
 def test_what_stands_apart_in_the_loop_is_there_once_and_not_in_what_calls_it():
     """Two copies of `mahalanobis` may round differently: then a run's last bits depend on a neighbour's update."""
-    loop = jitted(run_steps, __name__, {"RUN": run_type(3, 1)}, kernel=True, apart=compiled_loop.APART)
+    loop = jitted(run_steps, __name__, {"RUN": run_type(3, 1)}, kernel=True, apart=APART)
 
     @njit(signature_of(run_steps), error_model="numpy", nogil=True)
     def entry(steps, score, model, rules, kept, runs):
@@ -309,4 +308,4 @@ def test_what_stands_apart_in_the_loop_is_there_once_and_not_in_what_calls_it():
 
     (text,) = entry.inspect_llvm().values()
     made = " ".join(line for line in text.splitlines() if line.startswith("define"))
-    assert [name for name in compiled_loop.ALONE if not re.search(rf"\d{name}B\d", made)] == []
+    assert [name for name in ALONE if not re.search(rf"\d{name}B\d", made)] == []

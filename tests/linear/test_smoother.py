@@ -20,7 +20,7 @@ from jerkbench.evaluation.counted_rows import counted_rows
 from jerkbench.evaluation.sums import sums_from, sums_of
 from jerkbench.filters.rts import RauchTungStriebel
 from jerkbench.kinematic.plugin_call import compiled_rule
-from jerkbench.linear.smoother.runs import smooth_one
+from jerkbench.linear.smoother import smooth_one
 from jerkbench.streamed_run import RecordedRun
 from jerkbench.timeline.timeline import build_timeline
 

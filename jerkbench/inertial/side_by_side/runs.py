@@ -11,15 +11,12 @@ from jerkbench.compilation.compiled_loop import compiled_loop
 from jerkbench.compilation.vectors import WIDE
 from jerkbench.geometry import euler_from_rotations
 from jerkbench.inertial.run_inputs import Journey
-from jerkbench.inertial.side_by_side.arguments import Inertial
-from jerkbench.inertial.side_by_side.layout import QUANTITIES, inertial_type
-from jerkbench.inertial.side_by_side.loop import run_together
-from jerkbench.inertial.state import STATES, NavigationState
-from jerkbench.kinematic.arguments import empty_runs
-from jerkbench.kinematic.batch import results_of, room_of, run_packs
-from jerkbench.kinematic.compiled_loop import APART
-from jerkbench.kinematic.packs import Kind, Pack
-from jerkbench.kinematic.plugin_call import Rule, rules_of
+from jerkbench.inertial.side_by_side.loop import QUANTITIES, Inertial, inertial_type, run_together
+from jerkbench.inertial.state import STATES
+from jerkbench.kinematic.batch import run_packs
+from jerkbench.kinematic.loop import APART
+from jerkbench.kinematic.packs import Pack
+from jerkbench.kinematic.plugin_call import Rule
 from jerkbench.recording import Imu
 from jerkbench.streamed_run import Run, Scoring, Streamed
 
@@ -73,20 +70,19 @@ def run_journeys(
         The sums of each run; None where it is to be repeated alone, because it is lost.
     """
     runs = [Run(journey.timeline, scoring) for journey, scoring in zip(journeys, scorings, strict=True)]
-    kinds = [Kind(QUANTITIES, rule.wants_truth, rule.dense) for rule in rules]
+    attitudes: dict[int, FloatArray] = {}
 
-    def run_pack(pack: Pack, lanes: Sequence[int]) -> list[Streamed | None]:
-        """Run one."""
-        kept = room_of(pack, inertial_type(WIDE), updates=updates)
+    def prepare(pack: Pack, lanes: Sequence[int]) -> tuple[Any, ...]:
         visited = len(pack.score.truth) if attitude else 0
-        _begin_nominal(kept.w, [journeys[k].start[0] for k in lanes])
         inertial = inertial_of([journeys[k] for k in lanes], pack.lengths_s, visited)
-        rule, room = rules_of([rules[k] for k in lanes], STATES), empty_runs(QUANTITIES, WIDE)
-        loop_together()(pack.steps, pack.score, inertial, rule, kept, room)
-        results = results_of(pack, kept, inertial_type(WIDE), updates=updates)
-        return _with_attitude(results, inertial.dcm) if attitude else results
+        attitudes.update((k, inertial.dcm[:, :, lane]) for lane, k in enumerate(pack.members))
+        return loop_together(), inertial_type(WIDE), inertial
 
-    return run_packs(runs, kinds, run_pack, threads)
+    results = run_packs(runs, [QUANTITIES] * len(runs), rules, prepare, updates=updates, threads=threads)
+    if not attitude:
+        return results
+    euler_rad = [euler_from_rotations(attitudes[k].reshape(-1, 3, 3)) for k in range(len(runs))]
+    return [r if r is None else r._replace(euler_rad=own) for r, own in zip(results, euler_rad, strict=True)]
 
 
 def inertial_of(journeys: Sequence[Journey], lengths_s: FloatArray, visited: int) -> Inertial:
@@ -99,19 +95,12 @@ def inertial_of(journeys: Sequence[Journey], lengths_s: FloatArray, visited: int
         gyro_radps,
         np.array([journey.settings.noise for journey in journeys]).T.copy(),
         np.array([np.append(state.position_m, state.velocity_mps) for state in states]).T.copy(),
+        np.array([state.dcm.ravel() for state in states]).T.copy(),
+        np.array([np.append(state.gyro_bias_radps, state.accel_bias_mps2) for state in states]).T.copy(),
         np.array([covariance.ravel() for covariance in covariances]).T.copy(),
         *_headings(journeys),
         np.empty((visited, 9, WIDE)),
     )
-
-
-def _begin_nominal(w: FloatArray, states: Sequence[NavigationState]) -> None:
-    """Put attitude and biases at the start into the array of the runs."""
-    fields = inertial_type(WIDE).fields
-    for lane, state in enumerate(states):
-        begin = {"C": state.dcm, "gyro_bias": state.gyro_bias_radps, "accel_bias": state.accel_bias_mps2}
-        for name, value in begin.items():
-            w[np.array(fields[name].places) + lane] = value.ravel()
 
 
 def _headings(journeys: Sequence[Journey]) -> tuple[IntArray, FloatArray]:
@@ -133,8 +122,3 @@ def _sensed(imus: tuple[Imu, ...]) -> tuple[FloatArray, FloatArray]:
     """Specific force and rate in vectors."""
     accel, gyro = (np.stack([getattr(imu, name) for imu in imus], axis=-1) for name in ("accel_mps2", "gyro_radps"))
     return np.ascontiguousarray(accel, np.float64), np.ascontiguousarray(gyro, np.float64)
-
-
-def _with_attitude(results: Sequence[Streamed | None], dcm: FloatArray) -> list[Streamed | None]:
-    euler_rad = [euler_from_rotations(dcm[:, :, lane].reshape(-1, 3, 3)) for lane in range(len(results))]
-    return [r if r is None else r._replace(euler_rad=own) for r, own in zip(results, euler_rad, strict=True)]

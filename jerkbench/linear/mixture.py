@@ -1,4 +1,7 @@
-"""Mixtures from Python: timelines in, an estimate with its trajectory or sums out."""
+"""Several kinematic filters mixed at each update; `jerkbench.filters._mixture` has the equations.
+
+From Python: timelines in, an estimate with its trajectory or sums out. The compiled loop is in `mixing`.
+"""
 
 from collections.abc import Sequence
 from functools import cache
@@ -11,16 +14,14 @@ from jerkbench.compilation.compiled_loop import compiled_loop
 from jerkbench.compilation.vectors import WIDE, aligned_zeros
 from jerkbench.contracts import Filter
 from jerkbench.estimate import Estimate
-from jerkbench.kinematic.arguments import empty_runs
-from jerkbench.kinematic.batch import results_of, room_of, run_packs
-from jerkbench.kinematic.compiled_loop import APART, runs_of
+from jerkbench.kinematic.batch import run_packs
 from jerkbench.kinematic.layout import run_type
+from jerkbench.kinematic.loop import APART, runs_of
 from jerkbench.kinematic.models import model_of
-from jerkbench.kinematic.packs import Kind, Pack
-from jerkbench.kinematic.plugin_call import Rule, rules_of
-from jerkbench.kinematic.single_run import NO_SCORE, estimate_of, steps_of, trajectory_room
-from jerkbench.linear.mixture.arguments import Mixing
-from jerkbench.linear.mixture.loop import run_mixture
+from jerkbench.kinematic.packs import Pack
+from jerkbench.kinematic.plugin_call import Rule
+from jerkbench.kinematic.single_run import run_alone
+from jerkbench.linear.mixing import Mixing, run_mixture
 from jerkbench.streamed_run import Run, Streamed
 from jerkbench.timeline.lengths import step_lengths
 from jerkbench.timeline.timeline import Timeline
@@ -64,10 +65,8 @@ def mix_alone(timeline: Timeline, start: Mixed, rule: Rule) -> Estimate | None:
     """Run with a trajectory; None where it stops on the way: then NumPy says where."""
     count, n = start.shape
     lengths_s, which = step_lengths(timeline.dt_s)
-    kept = trajectory_room(timeline, n)
-    steps, mixing = steps_of(timeline, which, wants_truth=rule.wants_truth), mixing_of([start], lengths_s, timeline)
-    states, updates = mixture_for(n, 1, count)(steps, NO_SCORE, mixing, rules_of([rule], 3 * n), kept, empty_runs(n, 1))
-    estimate = estimate_of(timeline, kept, states, updates, n)
+    mixing = mixing_of([start], lengths_s, timeline)
+    estimate = run_alone(timeline, which, rule, (mixture_for(n, 1, count), run_type(n, 1), mixing))
     return None if estimate.failure else estimate
 
 
@@ -78,18 +77,14 @@ def mix_many(
 
     All are mixtures of as many filters.
     """
-    kinds = [Kind(start.shape[1], rule.wants_truth, rule.dense) for start, rule in zip(starts, rules, strict=True)]
 
-    def run_pack(pack: Pack, lanes: Sequence[int]) -> list[Streamed | None]:
-        """Run one with the filters and adaptations that are its own."""
+    def prepare(pack: Pack, lanes: Sequence[int]) -> tuple[Any, ...]:
         count, n = starts[lanes[0]].shape
-        kept = room_of(pack, run_type(n, WIDE), updates=updates)
         mixing = mixing_of([starts[k] for k in lanes], pack.lengths_s, pack.timelines[0])
-        rule = rules_of([rules[k] for k in lanes], 3 * n)
-        mixture_for(n, WIDE, count)(pack.steps, pack.score, mixing, rule, kept, empty_runs(n, WIDE))
-        return results_of(pack, kept, run_type(n, WIDE), updates=updates)
+        return mixture_for(n, WIDE, count), run_type(n, WIDE), mixing
 
-    return run_packs(runs, kinds, run_pack, threads)
+    sizes = [start.shape[1] for start in starts]
+    return run_packs(runs, sizes, rules, prepare, updates=updates, threads=threads)
 
 
 def mixing_of(starts: Sequence[Mixed], lengths_s: FloatArray, timeline: Timeline) -> Mixing:

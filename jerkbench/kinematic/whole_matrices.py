@@ -1,0 +1,218 @@
+"""The prior covariance of one run in whole matrices, for an adaptation that changes it."""
+
+from jerkbench.arrays import FloatArray
+from jerkbench.compilation.calls import fill_by, try_fill_by
+from jerkbench.compilation.methods import Method
+from jerkbench.compilation.views import RunView, View, lane, room
+from jerkbench.estimation.adaptation_call import GIVEN
+from jerkbench.kalman import EXPOSED, FLOOR, ROUNDING
+from jerkbench.kinematic.arguments import Model, Packed, Rules, Runs, Steps, Whole, packed_of
+
+STATE = (("x", "float64", "n"), *((name, "float64", "(n, n)") for name in ("P", "F", "Q")))
+MEASURED = tuple(argument for argument in GIVEN if argument[0] != "HPHt")
+PRIOR = Method("adapt_prior", (*STATE, *MEASURED), ("m", "size", "n"), (("m", 6), ("n", 9)), "(n, n)")
+
+
+def advance(run: RunView, runs: Runs, model: Model, steps: Steps, begin: int, end: int) -> None:
+    """Take the transition of each run on over steps ``begin`` to ``end`` (not included)."""
+    for step in range(begin, end):
+        if steps.model[step] >= 0:
+            for k in range(run.width):
+                _advance_step(lane(run, k), runs.since[k], model, steps.model[step], min(k, model.A.shape[2] - 1))
+
+
+def _advance_step(alone: RunView, since: FloatArray, model: Model, k: int, own: int) -> None:
+    """Make A of ``since`` the A of the step times A, and Q A Q A' + Q."""
+    gone, gathered, AQ, n = room(alone, "n n"), room(alone, "n n"), room(alone, "n n"), alone.n
+    for a in range(n):
+        for b in range(n):
+            gone[a, b], gathered[a, b] = since[n * a + b], since[n * n + n * a + b]
+    for a in range(n):
+        for b in range(n):
+            moved = noise = 0.0
+            for c in range(n):
+                moved += model.A[k, n * a + c, own] * gone[c, b]
+                noise += model.A[k, n * a + c, own] * gathered[c, b]
+            since[n * a + b], AQ[a, b] = moved, noise
+    for a in range(n):
+        for b in range(n):
+            noise = model.Q[k, n * a + b, own]
+            for c in range(n):
+                noise += AQ[a, c] * model.A[k, n * b + c, own]
+            since[n * n + n * a + b] = noise
+
+
+def adapt_prior(alone: RunView, runs: Runs, k: int, packed: Packed, rules: Rules, m: int) -> bool:
+    """Put the adapted prior covariance of run ``k`` into its place, if it has one; return whether it raised nothing."""
+    if rules.prior[k] == 0:
+        return True
+    whole = whole_of(alone, runs)
+    take_whole(alone, whole)
+    _take_transition(alone, runs.since[k], whole)
+    well = call_prior(alone, rules, k, whole, packed, m)
+    put_covariance(alone, whole.answer)
+    for i in range(m):
+        for j in range(m):
+            packed.HPHt[m * i + j] = alone.P[packed.rows[i], packed.rows[j]]
+    return well
+
+
+def call_prior(alone: RunView, rules: Rules, k: int, whole: Whole, packed: Packed, m: int) -> bool:
+    """Fill the adapted prior covariance of a run; return whether `adapt_prior` raised no error."""
+    given = rules.parameters[k], whole.x, whole.P, whole.F, whole.Q, packed.y, packed.R, packed.rows
+    seen = (*given, rules.memory[k], whole.answer)
+    if len(rules.adapt) > 1:
+        well: bool = try_fill_by(rules.prior[k], seen, (m, rules.sizes[k], alone.s))
+        return well
+    fill_by(rules.prior[k], seen, (m, rules.sizes[k], alone.s))
+    return True
+
+
+def whole_of(alone: RunView, runs: Runs) -> Whole:
+    """Point at the room for the state of one run."""
+    own, s = runs.whole, alone.s
+    P, F, Q, answer = s, s + s * s, s + 2 * s * s, s + 3 * s * s
+    return Whole(own[:s], own[P:F], own[F:Q], own[Q:answer], own[answer : answer + s * s])
+
+
+def take_whole(alone: RunView, whole: Whole) -> None:
+    """Fill x and P."""
+    for s in range(alone.s):
+        whole.x[s] = alone.x[s]
+        for t in range(alone.s):
+            whole.P[alone.s * s + t] = alone.P[s, t]
+
+
+def _take_transition(alone: RunView, since: FloatArray, whole: Whole) -> None:
+    """Fill F and Q, and begin anew with the identity and nothing."""
+    n = alone.n
+    for e in range(alone.s * alone.s):
+        whole.F[e] = whole.Q[e] = 0.0
+    for a in range(n):
+        for b in range(n):
+            for i in range(3):
+                e = alone.s * (3 * a + i) + 3 * b + i
+                whole.F[e], whole.Q[e] = since[n * a + b], since[n * n + n * a + b]
+            since[n * a + b] = 1.0 if a == b else 0.0
+            since[n * n + n * a + b] = 0.0
+
+
+def put_covariance(alone: RunView, P: FloatArray) -> None:
+    """Put P into the place of the covariance, where half of it lies."""
+    for s in range(alone.s):
+        for t in range(s + 1):
+            alone.P[s, t] = 0.5 * (P[alone.s * s + t] + P[alone.s * t + s])
+
+
+# The update of a run whose adaptation has a gain of its own, in whole matrices.
+
+GAIN = Method("adapt_gain", (*STATE[:2], *MEASURED), ("m", "size", "n"), (("m", 6), ("n", 9)), "(n, m)")
+
+
+def find_gains(run: RunView, runs: Runs, rules: Rules) -> None:
+    """Work out the update of the runs that have a gain of their own, from the prior and the adapted R."""
+    packed = packed_of(runs)
+    for k in range(run.width):
+        alone = lane(run, k)
+        runs.own[k, 0] = 0.0
+        if rules.gain[k] == 0 or alone.lost > 0.0:
+            continue
+        m = _take_used(alone, packed)
+        if m > 0:
+            whole = whole_of(alone, runs)
+            take_whole(alone, whole)
+            well = call_gain(alone, rules, k, whole, packed, m)
+            runs.own[k, 0], runs.own[k, 1] = 1.0, 0.0 if well else 1.0
+            _own_update(alone, runs.own[k], whole, packed, m)
+
+
+def call_gain(alone: RunView, rules: Rules, k: int, whole: Whole, packed: Packed, m: int) -> bool:
+    """Fill the gain of a run; return whether `adapt_gain` raised no error."""
+    seen = rules.parameters[k], whole.x, whole.P, packed.y, packed.R, packed.rows, rules.memory[k], whole.answer
+    if len(rules.adapt) > 1:
+        well: bool = try_fill_by(rules.gain[k], seen, (m, rules.sizes[k], alone.s))
+        return well
+    fill_by(rules.gain[k], seen, (m, rules.sizes[k], alone.s))
+    return True
+
+
+def _take_used(alone: RunView, packed: Packed) -> int:
+    """Fill rows, innovation and adapted R of the rows that are used; return how many they are."""
+    m = 0
+    for r in range(6):
+        if alone.used[r] > 0.0:
+            packed.rows[m], packed.y[m] = r, alone.y[r]
+            m += 1
+    for i in range(m):
+        for j in range(m):
+            packed.R[m * i + j] = alone.R[packed.rows[i], packed.rows[j]]
+    return m
+
+
+def _own_update(alone: RunView, own: FloatArray, whole: Whole, packed: Packed, m: int) -> None:
+    """Put x + K y, and (I - K H) P (I - K H)' + K R K', into ``own``; K is the answer of the adaptation.
+
+    I - K H is worked out first, and its rows and columns of states that are not measured are taken as they are: P may
+    be 1e16 R after a gap, and where K is one nothing of P may be left. `put_covariance` makes the result symmetric.
+    """
+    rest, restP, noise = room(alone, "s 6"), room(alone, "s s"), room(alone, "6")
+    free, K, n = room(alone, "s"), whole.answer, alone.s
+    _fill_rest(n, rest, free, K, packed, m)
+    for s in range(n):
+        own[2 + s] = whole.x[s]
+        for i in range(m):
+            own[2 + s] += K[m * s + i] * packed.y[i]
+        for t in range(n):
+            restP[s, t] = free[s] * whole.P[n * s + t]
+            for i in range(m):
+                restP[s, t] += rest[s, i] * whole.P[n * packed.rows[i] + t]
+    for s in range(n):
+        for i in range(m):  # K R
+            noise[i] = 0.0
+            for j in range(m):
+                noise[i] += K[m * s + j] * packed.R[m * j + i]
+        for t in range(n):
+            total = free[t] * restP[s, t]
+            for i in range(m):
+                total += restP[s, packed.rows[i]] * rest[t, i] + noise[i] * K[m * t + i]
+            own[2 + n + n * s + t] = total
+    _note_rounding(n, own, rest, whole, packed, m)
+
+
+def _fill_rest(n: int, rest: View, free: View, K: FloatArray, packed: Packed, m: int) -> None:
+    """Fill the measured columns of I - K H, and 1 for each state that is not measured, else 0."""
+    for s in range(n):
+        free[s] = 1.0
+        for i in range(m):
+            measured = 1.0 if packed.rows[i] == s else 0.0
+            free[s] -= measured
+            rest[s, i] = measured - K[m * s + i]
+
+
+def _note_rounding(n: int, own: FloatArray, rest: View, whole: Whole, packed: Packed, m: int) -> None:
+    """Add rounding to the variances, and note where they are nothing else (`jerkbench.kalman.spread_by`)."""
+    for s in range(n):
+        finer, spread = 0.0, 0.0
+        for i in range(m):
+            if packed.rows[i] == s and packed.R[(m + 1) * i] < whole.P[(n + 1) * s]:
+                finer = 1.0
+        for i in range(m):
+            used = rest[s, i] if finer > 0.0 else whole.answer[m * s + i]
+            spread += used * used * (whole.P[(n + 1) * packed.rows[i]] + packed.R[(m + 1) * i])
+        spread += (1.0 - finer) * whole.P[(n + 1) * s]
+        variance = own[2 + n + (n + 1) * s]
+        if not variance > ROUNDING * spread:
+            own[1] += 1.0
+        if variance < EXPOSED * spread:
+            own[2 + n + (n + 1) * s] += FLOOR * spread
+
+
+def put_gains(run: RunView, runs: Runs) -> None:
+    """Put these updates into the place of those that the runs would have had."""
+    for k in range(run.width):
+        if runs.own[k, 0] > 0.0:
+            alone = lane(run, k)
+            alone.lost = runs.own[k, 1]
+            for s in range(run.s):
+                alone.x[s] = runs.own[k, 2 + s]
+            put_covariance(alone, runs.own[k, 2 + run.s :])

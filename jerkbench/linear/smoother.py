@@ -1,0 +1,239 @@
+"""The fixed-interval smoother of a kinematic filter, by adjoints.
+
+Forward the filter itself. Backward (Bierman's form of the smoother of Rauch, Tung and Striebel) an adjoint of n numbers
+and one of n by n, both zero at the end, from which the smoothed state follows wherever the filtered one is known::
+
+    xs = x - P lambda,                              Ps = P - P Lambda P
+    over an update, C = I - K H:
+    lambda = C' lambda - H' S^-1 y,                 Lambda = C' Lambda C + H' S^-1 H
+    over a step:
+    lambda = F' lambda,                             Lambda = F' Lambda F
+
+No covariance is inverted but S, which the filter has factors of. F' Lambda F is the same product for each pair of axes,
+as F P F' is. An adaptation that fades P is one that had a larger Q in the step before, and asks for nothing else.
+
+What the backward pass needs stands on a tape: the state after each update, and after so many steps without one. The
+states in between are predicted once more from there, and lie in the cache then. `adjoint` has the steps of that pass.
+
+Source: G. J. Bierman, "Fixed interval smoothing with discrete measurements", International Journal of Control 18(1),
+1973, doi:10.1080/00207177308932487.
+"""
+
+from collections.abc import Sequence
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from jerkbench.arrays import FloatArray, FloatMatrix, FloatVector, IntArray, IntVector
+from jerkbench.compilation.compiled_loop import compiled_loop
+from jerkbench.compilation.vectors import aligned_zeros
+from jerkbench.compilation.views import RunView, row, runs_in, shared_row
+from jerkbench.contracts import Filter
+from jerkbench.estimate import Estimate
+from jerkbench.kinematic.arguments import Kept, Model, Rules, Runs, Score, Steps
+from jerkbench.kinematic.batch import run_packs
+from jerkbench.kinematic.layout import RUN, run_type
+from jerkbench.kinematic.loop import APART, all_lost, move, runs_of, start
+from jerkbench.kinematic.models import model_of
+from jerkbench.kinematic.packs import Pack
+from jerkbench.kinematic.plugin_call import Rule
+from jerkbench.kinematic.predict import mark_axes
+from jerkbench.kinematic.score import compare
+from jerkbench.kinematic.single_run import run_alone
+from jerkbench.kinematic.update_step import update
+from jerkbench.linear.adjoint import (
+    ROW,
+    SEGMENT,
+    absorb,
+    copy_state,
+    retreat,
+    smooth,
+    smooth_alone,
+    tape_type,
+    write_update,
+)
+from jerkbench.streamed_run import Run, Streamed
+from jerkbench.timeline.lengths import step_lengths
+from jerkbench.timeline.timeline import Timeline
+
+# Arguments of the loops besides those of the filter; WIDTH is the number of runs side by side.
+
+
+class Tape(NamedTuple):
+    """Room for what the backward pass needs.
+
+    Attributes:
+        step: (rows,) the step after which the row was written; -1: the start.
+        updated: (rows,) 1 where that step ended with an update.
+        rows: (rows, any) filtered states, and what the updates made of them.
+        between: (SEGMENT, any) states between two rows.
+        moving: (LENGTH WIDTH,) the filter that is predicted once more.
+        adjoint: (LENGTH WIDTH,) lambda in the place of the state, Lambda in that of the covariance.
+    """
+
+    step: IntVector
+    updated: IntVector
+    rows: FloatMatrix
+    between: FloatMatrix
+    moving: FloatVector
+    adjoint: FloatVector
+
+
+# The loops of the smoother: the steps of a timeline forward, and back.
+
+
+def run_smoother(
+    steps: Steps, score: Score, model: Model, rules: Rules, kept: Kept, runs: Runs, tape: Tape
+) -> tuple[int, int]:
+    """Run all steps forward and back; only forward where the last run is lost on the way.
+
+    Arguments are those of `jerkbench.kinematic.loop.run_steps`, and ``tape``.
+
+    Returns:
+        How many stamps of the reference were visited, and how many updates there were.
+    """
+    states = 3 * (2 + len(model.extra))
+    rows, reached, updates = run_forward(steps, score, model, rules, kept, runs, tape, states)
+    if rows > 0:
+        run_back(steps, score, model, kept, tape, rows, reached, states)
+    return reached, updates
+
+
+def run_forward(
+    steps: Steps, score: Score, model: Model, rules: Rules, kept: Kept, runs: Runs, tape: Tape, states: int
+) -> tuple[int, int, int]:
+    """Filter, and fill the tape; returns its rows (0: lost), the stamps of the reference, and the updates."""
+    run = runs_in(kept.w, RUN)
+    start(run, row(steps.x0, 0, run, "6"), row(steps.P0, 0, run, "6 6"), model)
+    tape.step[0], tape.updated[0] = -1, 0
+    copy_state(runs_in(tape.rows[0], ROW), run)
+    reached, updates, last = 0, 0, 0
+    for k in range(len(steps.model)):
+        move(run, steps, model, k)
+        due = steps.update[k] >= 0
+        if due:
+            update(run, steps, score, rules, kept, runs, steps.update[k], updates, states)
+            updates += 1
+            if all_lost(run):
+                return 0, reached, updates
+        if steps.reference[k] >= 0:
+            reached += 1
+        if due or k - tape.step[last] == SEGMENT or k == len(steps.model) - 1:
+            last += 1
+            tape.step[last], tape.updated[last] = k, 1 if due else 0
+            copy_state(runs_in(tape.rows[last], ROW), run)
+            if due:
+                write_update(runs_in(tape.rows[last], ROW), run)
+    return last + 1, reached, updates
+
+
+def run_back(
+    steps: Steps, score: Score, model: Model, kept: Kept, tape: Tape, rows: int, reached: int, states: int
+) -> None:
+    """Smooth, from the last row of the tape to the first."""
+    a, moving = runs_in(tape.adjoint, RUN), runs_in(tape.moving, RUN)
+    mark_axes(moving)
+    left = reached
+    for number in range(rows - 1, 0, -1):
+        first, last = tape.step[number - 1], tape.step[number]
+        copy_state(moving, runs_in(tape.rows[number - 1], ROW))
+        for k in range(first + 1, last):
+            move(moving, steps, model, k)
+            copy_state(runs_in(tape.between[k - first - 1], ROW), moving)
+        left = give(steps, score, kept, last, runs_in(tape.rows[number], ROW), a, left)
+        if tape.updated[number] > 0:
+            absorb(a, runs_in(tape.rows[number], ROW), states)
+        step_back(a, steps, model, last)
+        for k in range(last - 1, first, -1):
+            left = give(steps, score, kept, k, runs_in(tape.between[k - first - 1], ROW), a, left)
+            step_back(a, steps, model, k)
+
+
+def step_back(a: RunView, steps: Steps, model: Model, k: int) -> None:
+    """Take the adjoint to before step ``k``, if time passes in it."""
+    if steps.model[k] >= 0:
+        if a.width == 1 or model.A.shape[2] == 1:
+            retreat(a, shared_row(model.A, steps.model[k], a, "n n"))
+        else:
+            retreat(a, row(model.A, steps.model[k], a, "n n"))
+
+
+def give(steps: Steps, score: Score, kept: Kept, k: int, filtered: RunView, a: RunView, left: int) -> int:
+    """Keep, or score, the smoothed state after step ``k``, if the reference is there; return how many are left."""
+    if steps.reference[k] < 0:
+        return left
+    place = left - 1
+    kept.reference[place] = steps.reference[k]
+    run = runs_in(kept.w, RUN)
+    if run.width == 1:
+        smooth_alone(row(kept.x, place, run, "6"), row(kept.P, place, run, "6 6"), filtered, a)
+    else:
+        smooth(run, filtered, a)
+        if len(score.mark) > 0:
+            compare(run, score, kept.errors, place)
+    return place
+
+
+# Smoothed runs from Python: timelines in, an estimate with its trajectory or sums out.
+
+OWN = (
+    *("run_smoother", "run_forward", "run_back", "move", "step_back", "give", "smooth", "smooth_alone"),
+    *("absorb", "retreat", "copy_state", "write_update"),
+)
+"""Kernels that stand alone: one body of all of them takes long to compile."""
+
+
+@cache
+def smoother_for(n: int, width: int) -> Any:  # noqa: ANN401 - numba has no types
+    """Return the compiled smoother of ``width`` runs for a filter with ``n`` quantities on each axis."""
+    constants = {"RUN": run_type(n, width), "ROW": tape_type(n, width), "DENSE": 0}
+    return compiled_loop(run_smoother, f"the smoother of {runs_of(width)} of {3 * n} states", constants, APART + OWN)
+
+
+def smooth_one(timeline: Timeline, model: Filter, rule: Rule) -> Estimate | None:
+    """Run with a trajectory; None where the filter stops on the way: then NumPy smooths up to there.
+
+    None too where A is not upper triangular with ones on its diagonal.
+    """
+    lengths_s, which = step_lengths(timeline.dt_s)
+    prepared = _prepared([model], lengths_s, timeline.dt0_s, timeline.update)
+    estimate = None if prepared is None else run_alone(timeline, which, rule, prepared)
+    return None if estimate is None or estimate.failure else estimate
+
+
+def smooth_many(
+    runs: Sequence[Run], models: Sequence[Filter], rules: Sequence[Rule], *, updates: bool, threads: int
+) -> list[Streamed | None]:
+    """Run all ``runs`` side by side without trajectories; None as above."""
+
+    def prepare(pack: Pack, lanes: Sequence[int]) -> tuple[Any, ...] | None:
+        return _prepared([models[k] for k in lanes], pack.lengths_s, pack.timelines[0].dt0_s, pack.steps.update)
+
+    sizes = [2 + len(model.initial_variances()) for model in models]
+    return run_packs(runs, sizes, rules, prepare, updates=updates, threads=threads)
+
+
+def _prepared(
+    models: Sequence[Filter], lengths_s: FloatArray, dt0_s: float, update: IntArray
+) -> tuple[Any, ...] | None:
+    """The loop of a filter for each run, the type of the runs, the model, and the tape; ``update`` of each step."""
+    model, width = model_of(models, lengths_s, dt0_s), len(models)
+    n = 2 + len(model.extra)
+    if not model.triangular:
+        return None
+    return smoother_for(n, width), run_type(n, width), model, _tape_for(update, n, width)
+
+
+def _tape_for(update: IntArray, n: int, width: int) -> Tape:
+    """Room for the tape of ``width`` runs."""
+    rows = 2 + len(update) // SEGMENT + int(np.count_nonzero(update >= 0)) + 1
+    row, length = tape_type(n, width).sizes["length"], run_type(n, width).sizes["length"]
+    return Tape(
+        np.empty(rows, dtype=np.int64),
+        np.empty(rows, dtype=np.int64),
+        np.empty((rows, row)),
+        np.empty((SEGMENT, row)),
+        aligned_zeros(length),
+        aligned_zeros(length),
+    )
