@@ -16,6 +16,9 @@ REMOVED: Mapping[str, str] = {
     r"(\+*results=|--results[= ])?(s3|gs|gcs|az|abfs|memory|file)://?.*": (
         "Results go to folders of this machine alone; give a path, and copy the folder to and from an object store."
     ),
+    r"--fit": (
+        "table --fit is gone; in LaTeX, put the table into \\resizebox{\\linewidth}{!}{...}, or give fewer --columns."
+    ),
     r"\+*portable=.*": (
         "portable=true is gone; rows of two processors may differ in their last digits, and `jerkbench suite verify`"
         " compares them to within 1e-9."

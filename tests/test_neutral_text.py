@@ -13,22 +13,19 @@ from jerkbench.files import write_text
 from jerkbench.plain import plain
 from jerkbench.presets import ASKED, environment_variable
 from jerkbench.report.markup import policy
-from jerkbench.report.tables.csv import inert
-from jerkbench.report.tables.grid_csv import escaped
-from jerkbench.report.tables.latex import escaped as latex_text
-from jerkbench.report.tables.markdown import markdown_grid
+from jerkbench.report.tables.writers import csv_escaped, inert, latex_escaped, markdown_grid
 from jerkbench.results.csv_writer import write_rows_csv
 
 
 @pytest.mark.parametrize("text", ["=1+1", "+cmd|' /C calc'!A0", "-2+3", "@SUM(A1)", "\t=1", "\r=1"])
 def test_a_cell_is_no_formula(text):
     assert inert(text) == f"'{text}"
-    assert escaped(text).lstrip('"').startswith("'")
+    assert csv_escaped(text).lstrip('"').startswith("'")
 
 
 @pytest.mark.parametrize("text", ["-1", "-1.5e-3", "+2", "-inf", "-", "", "jerk", "a=b"])
 def test_numbers_and_names_stay_as_they_are(text):
-    assert escaped(text) == text
+    assert csv_escaped(text) == text
 
 
 @pytest.mark.parametrize(
@@ -60,7 +57,7 @@ def test_a_file_holds_nothing_that_steers_or_ends_a_line(tmp_path):
 
 
 def test_latex_prints_what_steers_a_terminal_as_text():
-    assert latex_text("a\x1b\u202e") == r"a\textbackslash{}x1b\textbackslash{}u202e"
+    assert latex_escaped("a\x1b\u202e") == r"a\textbackslash{}x1b\textbackslash{}u202e"
 
 
 def test_a_page_runs_its_own_scripts_alone():

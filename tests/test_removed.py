@@ -23,6 +23,7 @@ TYPED = [
     (("audit", "--results", "gs://bucket"), "folders of this machine"),
     (("run", "-m", "portable=true"), "suite verify"),
     (("score", "portable=false"), "suite verify"),
+    (("table", "results/a", "--format", "tex", "--fit"), "resizebox"),
     (("audit", "--attribution"), "experiments/attribution/attribution.py"),
     (("audit", "--scale", "attribution", "--stored"), "experiments/attribution/attribution.py"),
 ]

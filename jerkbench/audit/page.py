@@ -11,7 +11,7 @@ from jerkbench.audit.table import LEGEND, markdown_table
 from jerkbench.audit.verdicts import MethodVerdict
 from jerkbench.campaigns.protocol import HALVES
 from jerkbench.evaluation.statistics.judgement import Verdict
-from jerkbench.report.tables.markdown import passive
+from jerkbench.report.tables.writers import passive
 
 TEMPLATE = Path(__file__).with_name("page.md.jinja")
 

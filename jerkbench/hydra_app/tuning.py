@@ -23,7 +23,7 @@ from jerkbench.hydra_app.composition import owner
 from jerkbench.hydra_app.configuration import study_folder
 from jerkbench.hydra_app.typed_words import no_assignment
 from jerkbench.hydra_app.words import cluster_of, composed
-from jerkbench.report.tables.markdown import passive
+from jerkbench.report.tables.writers import passive
 from jerkbench.results.study_figures.choice import Choice, figures_choice
 from jerkbench.sweep.sweep import LOCAL
 from jerkbench.tuning.cases import Cases

@@ -9,8 +9,8 @@ from jerkbench.conformance.junit import Case, junit
 from jerkbench.report.analysis.changes import Change, change_rows
 from jerkbench.report.analysis.factors import FACTORS
 from jerkbench.report.analysis.quantities import quantity
-from jerkbench.report.tables.markdown import markdown_grid
 from jerkbench.report.tables.terminal import print_grid
+from jerkbench.report.tables.writers import markdown_grid
 
 
 class Compared(NamedTuple):

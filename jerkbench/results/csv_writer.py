@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from jerkbench.report.tables.grid_csv import escaped, texts
+from jerkbench.report.tables.writers import csv_escaped, csv_line, csv_number
 
 STRETCH = 20_000
 """So many rows are in memory as text."""
@@ -18,18 +18,18 @@ STRETCH = 20_000
 def write_rows_csv(rows: pd.DataFrame, path: Path) -> None:
     """Write a header and one line a row; what is missing is empty."""
     with path.open("w", encoding="utf-8", newline="") as file:
-        file.write(",".join(escaped(str(name)) for name in rows.columns) + "\n")
+        file.write(csv_line(csv_escaped(str(name)) for name in rows.columns))
         for begin in range(0, len(rows), STRETCH):
             file.writelines(_lines(rows.iloc[begin : begin + STRETCH]))
 
 
 def _lines(rows: pd.DataFrame) -> Iterator[str]:
     columns = [_texts(rows.iloc[:, place]) for place in range(rows.shape[1])]
-    return (",".join(line) + "\n" for line in zip(*columns, strict=True))
+    return map(csv_line, zip(*columns, strict=True))
 
 
 def _texts(column: pd.Series) -> list[str]:
     if column.dtype == np.float64:
-        return texts(column.to_numpy())
+        return list(map(csv_number, column.tolist()))
     missing = column.isna().to_numpy()
-    return ["" if absent else escaped(str(value)) for value, absent in zip(column.tolist(), missing, strict=True)]
+    return ["" if absent else csv_escaped(str(value)) for value, absent in zip(column.tolist(), missing, strict=True)]

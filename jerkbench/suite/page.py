@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 
-from jerkbench.report.tables.markdown import passive
+from jerkbench.report.tables.writers import passive
 from jerkbench.suite.campaign import ENTRY, GIVEN
 from jerkbench.suite.protocol import SuiteProtocol
 from jerkbench.suite.scores import Score, log_ratios

@@ -1,7 +1,7 @@
 """The verbs that show a study: `table`, `figures`, `report`; those that keep it, and say what it rests on."""
 
 import argparse
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -43,7 +43,6 @@ FACTORS = "dataset, disturbance, attitude, filter, adaptation, noise; separated 
     argument("--all", action="store_true", help="with --findings: every comparison"),
     argument("--costs", action="store_true", help="put the time a step beside it: each method runs again, here"),
     RUN_PROGRAMS,
-    argument("--fit", action="store_true", help="with --format tex: no wider than A4 with margins of 25 mm"),
     argument("--format", choices=TABLE_FORMATS, default="terminal"),
 )
 def table_verb(chosen: argparse.Namespace) -> None:
@@ -67,14 +66,14 @@ def table_verb(chosen: argparse.Namespace) -> None:
     if chosen.findings:
         print("\n".join(_sentences(study, verdicts, metric, baseline, every=chosen.all) or [NOTHING_COMPARED]))
         return
-    _writer(chosen.format, fit=chosen.fit)(table)
+    _write(table, chosen.format)
     if chosen.costs:
         from jerkbench.results.replay import tell_left_out
         from jerkbench.results.step_costs import COLUMN, step_costs
 
         tell_left_out(study, run_programs=chosen.run_programs)
         if len(costs := step_costs(study, run_programs=chosen.run_programs)):
-            _writer(chosen.format, fit=chosen.fit)(summarise(costs, COLUMN, rows, columns))
+            _write(summarise(costs, COLUMN, rows, columns), chosen.format)
 
 
 def _sentences(
@@ -98,35 +97,14 @@ def _sentences(
     return [*summary(verdicts.standings), *over_all, *compared]
 
 
-def _writer(name: str, *, fit: bool) -> "Callable[[Table], None]":
-    """Return what writes a table in a format.
-
-    Raises:
-        JerkbenchError: only LaTeX is to fit paper.
-    """
-    from jerkbench.report.tables.latex_fit import fitted_latex
-
-    if fit and name != "tex":
-        raise JerkbenchError("--fit goes with --format tex: the other formats know nothing of paper.")
-    return (lambda table: print(fitted_latex(table), end="")) if fit else _writers()[name]
-
-
-def _writers() -> "dict[str, Callable[[Table], None]]":
-    from jerkbench.report.tables.csv import tidy_csv
-    from jerkbench.report.tables.html import html_table
-    from jerkbench.report.tables.latex import latex
-    from jerkbench.report.tables.markdown import markdown
-    from jerkbench.report.tables.table_json import table_json
+def _write(table: "Table", name: str) -> None:
     from jerkbench.report.tables.terminal import print_summary
+    from jerkbench.report.tables.writers import WRITERS
 
-    return {
-        "terminal": print_summary,
-        "md": lambda table: print(markdown(table), end=""),
-        "csv": lambda table: print(tidy_csv([table]), end=""),
-        "tex": lambda table: print(latex(table), end=""),
-        "html": lambda table: print(html_table(table), end=""),
-        "json": lambda table: print(table_json(table), end=""),
-    }
+    if name == "terminal":
+        print_summary(table)
+    else:
+        print(WRITERS[name](table), end="")
 
 
 def _factors(words: str | None) -> list[str] | None:

@@ -17,8 +17,8 @@ from jerkbench.report.page.gallery import gallery
 from jerkbench.report.page.traces import Stretch, payload
 from jerkbench.report.plots.palette import Palette
 from jerkbench.report.plots.picture import Picture
-from jerkbench.report.tables.html import html_table
 from jerkbench.report.tables.summary import main_metric, summarise
+from jerkbench.report.tables.writers import html_table
 
 if TYPE_CHECKING:
     import pandas as pd

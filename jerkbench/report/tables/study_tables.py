@@ -1,25 +1,35 @@
 """Rows of runs -> tables, and the three files that every study leaves: table.md, table.csv, table.tex."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from itertools import repeat
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from jerkbench.arrays import IntArray
 from jerkbench.files import write_atomically, write_text
+from jerkbench.report.analysis.factors import constants
+from jerkbench.report.analysis.quantities import quantity
 from jerkbench.report.analysis.rows import metric_columns, with_metric
-from jerkbench.report.tables.cell_columns import cell_columns
-from jerkbench.report.tables.csv import tidy_csv
-from jerkbench.report.tables.grid import arranged
-from jerkbench.report.tables.grid_csv import GridCsv
-from jerkbench.report.tables.latex import latex
-from jerkbench.report.tables.markdown import markdown
+from jerkbench.report.tables.grid import CellColumns, Grid, arranged, cell_columns
 from jerkbench.report.tables.summary import beside_others, main_metric, summarise
-from jerkbench.report.tables.table_model import Table, TableCell
+from jerkbench.report.tables.table_model import Table
+from jerkbench.report.tables.writers import (
+    NO_RATIO,
+    csv_head,
+    csv_labels,
+    csv_line,
+    csv_number,
+    csv_share,
+    latex,
+    markdown,
+    tidy_csv,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
-
-__all__ = ["Table", "TableCell", "summarise", "write_tables"]
 
 SECTIONS = (
     "position_rmse_m",
@@ -58,7 +68,7 @@ def write_tables(rows: "pd.DataFrame", folder: Path, notes: Sequence[str] = ()) 
     first = main_metric(rows)
     main = summarise(rows, first, notes=notes)
     grid = arranged(with_metric(rows, first), None, None)
-    csv, sections = GridCsv(grid), {first: markdown(main, level=1)}
+    fixed, sections = _fixed_columns(grid), {first: markdown(main, level=1)}
 
     def write_csv(path: Path) -> None:
         """Write table.csv; sections of table.md are made on the way, while the numbers of their metric are there."""
@@ -67,7 +77,7 @@ def write_tables(rows: "pd.DataFrame", folder: Path, notes: Sequence[str] = ()) 
             for metric in metric_columns(rows):
                 if metric != first:
                     numbers = cell_columns(grid, metric)
-                    file.write(csv.lines(metric, numbers))
+                    file.writelines(_csv_lines(numbers, metric, fixed))
                     if metric in SECTIONS and len(grid.runs) <= MANY_CELLS and numbers.applies:
                         sections[metric] = markdown(_news(beside_others(numbers, metric), main))
 
@@ -76,6 +86,31 @@ def write_tables(rows: "pd.DataFrame", folder: Path, notes: Sequence[str] = ()) 
     write_text(folder / "table.md", "\n".join(sections[metric] for metric in ordered if metric in sections))
     write_text(folder / "table.tex", latex(main))
     return main
+
+
+def _fixed_columns(grid: Grid) -> tuple[IntArray, tuple[list[str], ...]]:
+    """Return the order of the cells in the table, and those of their columns of CSV that each metric has alike."""
+    place = {key: number for number, key in enumerate(grid.runs)}
+    keys = ((*row, *column) for row in grid.row_values for column in grid.column_values)
+    order = np.array([place[key] for key in keys if key in place], dtype=np.int64)
+    names, runs = (*grid.across, *grid.down), list(grid.runs)
+    same = dict(constants(grid.rows, names))
+    labels = [csv_labels(same | dict(zip(names, runs[k], strict=True))) for k in order.tolist()]
+    counts = np.column_stack([grid.sizes, grid.diverged, grid.failed])[order].tolist()
+    shares = [csv_share(diverged + failed, size) for size, diverged, failed in counts]
+    words = np.where(grid.phases[order], "phase", "seed").tolist()
+    return order, (labels, [",".join(map(str, of)) for of in counts], words, shares)
+
+
+def _csv_lines(numbers: CellColumns, metric: str, fixed: tuple[IntArray, tuple[list[str], ...]]) -> Iterator[str]:
+    """Yield the lines that `tidy_csv` would write for a metric, without an object for each cell."""
+    of, (order, (labels, counts, words, shares)) = numbers.centres, fixed
+    floats = (of.value, of.low, of.high, of.lower_quartile, of.upper_quartile)
+    mean, low, high, lower, upper = (map(csv_number, values[order].tolist()) for values in floats)
+    missing, locked = (map(str, values[order].tolist()) for values in (numbers.missing, of.locked))
+    beginning = (repeat(csv_head(metric, quantity(metric).unit)), labels, of.kind[order].tolist(), mean, low, high)
+    end = (counts, missing, words, repeat(NO_RATIO), lower, upper, locked, shares)
+    return map(csv_line, zip(*beginning, *end, strict=False))
 
 
 def _news(table: Table, main: Table) -> Table:

@@ -16,9 +16,8 @@ from jerkbench.report.analysis.runs import Combination
 from jerkbench.report.analysis.standings import MOST_PAIRS
 from jerkbench.report.analysis.study_verdicts import StudyVerdicts, rival, study_verdicts
 from jerkbench.report.tables.bounds import with_bounds
-from jerkbench.report.tables.cell_columns import CellColumns, cell_columns, of_positive_errors
 from jerkbench.report.tables.footnotes import footnotes
-from jerkbench.report.tables.grid import Grid, Values, arranged
+from jerkbench.report.tables.grid import CellColumns, Grid, Values, arranged, cell_columns, of_positive_errors
 from jerkbench.report.tables.table_model import Ratio, Table, TableCell
 
 if TYPE_CHECKING:

@@ -1,9 +1,13 @@
 """A table as plain values: what every writer reads."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 from jerkbench.evaluation.statistics.intervals.errors_over_seeds import MEAN, MEDIAN
+
+Part = tuple[str, str]
+"""A text of a cell, and its style: number, best, interval, factor, trouble or absent."""
 
 
 @dataclass(frozen=True)
@@ -83,9 +87,8 @@ class TableCell:
 
     @property
     def text(self) -> str:
-        """The cell as printed: mean, interval, and what went wrong."""
-        parts = (self.number, self.interval, self.factor, self.trouble)
-        return " ".join(part for part in parts if part)
+        """The cell on one line: mean, interval, and what went wrong."""
+        return " ".join(text for text, _ in parts(self))
 
     @property
     def number(self) -> str:
@@ -154,13 +157,13 @@ class Table:
 
     def __str__(self) -> str:
         """Return it as Markdown."""
-        from jerkbench.report.tables.markdown import markdown
+        from jerkbench.report.tables.writers import markdown
 
         return markdown(self)
 
     def _repr_html_(self) -> str:
         """Return it as a notebook shows it."""
-        from jerkbench.report.tables.html import html_table
+        from jerkbench.report.tables.writers import html_table
 
         return str(html_table(self))
 
@@ -181,8 +184,25 @@ class Table:
             before = row
         return lines
 
+    def placed(self) -> "Iterator[tuple[dict[str, str], TableCell]]":
+        """Yield each cell that is there with the values of all factors."""
+        keys, constants = (*self.row_keys, *self.column_keys), dict(self.constants)
+        for row, cells in zip(self.rows, self.cells, strict=True):
+            for column, cell in zip(self.columns, cells, strict=True):
+                if cell is not None:
+                    yield constants | dict(zip(keys, (*row, *column), strict=True)), cell
+
 
 ABSENT = "–"  # noqa: RUF001 - the usual sign for a combination that does not exist
+
+
+def parts(cell: TableCell | None) -> list[Part]:
+    """Return what stands in a cell, in this order: number, interval, ratio, and what went wrong."""
+    if cell is None:
+        return [(ABSENT, "absent")]
+    number = (cell.number, "best" if cell.best else "number")
+    told = (number, (cell.interval, "interval"), (cell.factor, "factor"), (cell.trouble, "trouble"))
+    return [part for part in told if part[0]]
 
 
 def _or_lost(value: float) -> str:

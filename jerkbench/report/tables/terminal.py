@@ -1,7 +1,8 @@
-"""Table -> rich rendering for the terminal."""
+"""Table -> rich rendering for the terminal, whatever its width: no number and no interval is broken."""
 
 import dataclasses
 import sys
+import textwrap
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
@@ -9,9 +10,8 @@ from jerkbench.plain import plain, styled
 from jerkbench.report.analysis.factors import FACTORS
 from jerkbench.report.analysis.quantities import quantity
 from jerkbench.report.analysis.rows import metric_columns
-from jerkbench.report.tables.narrow_layout import Block, blocks, groups, key_width, pieces
 from jerkbench.report.tables.summary import main_metric, summarise, summarise_each
-from jerkbench.report.tables.table_model import Table, TableCell
+from jerkbench.report.tables.table_model import ABSENT, Part, Table, TableCell, parts
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -21,6 +21,18 @@ if TYPE_CHECKING:
 
 MOST_ROWS = 500
 """Rows that a sweep prints at its end; what is longer nobody reads in a terminal."""
+
+GAP = 3
+"""Characters between two columns."""
+
+LONGEST_KEY, LONGEST_HEADER = 24, 16
+"""Characters; a longer row factor or header is folded where columns are narrow."""
+
+STYLES = {"best": "bold", "trouble": "red", "absent": "dim"}
+"""Look of the parts of a cell; the others are plain."""
+
+Block = tuple[tuple[int, int], ...]
+"""Columns that stand beside each other, and the width of each in characters."""
 
 
 def print_table(rows: "pd.DataFrame", notes: Sequence[str] = (), metric: str | None = None) -> None:
@@ -45,21 +57,20 @@ def print_summary(table: Table) -> None:
 
 def print_run(rows: "pd.DataFrame") -> None:
     """Print every metric that applies to one cell, and why runs of it went wrong."""
-    grid = _grid()
-    grid.add_column("metric")
-    grid.add_column(f"{len(rows)} {'run' if len(rows) == 1 else 'runs'}")
+    grid = _grid(["metric", f"{len(rows)} {'run' if len(rows) == 1 else 'runs'}"])
     for table in summarise_each(rows, metric_columns(rows), row_keys=FACTORS[:-1], column_keys=FACTORS[-1:]):
         ((cell,),) = table.cells
         if cell is not None and cell.number != "n/a":
-            grid.add_row(_plain(quantity(table.metric).heading), _text(cell))
-    _print(_group(", ".join(f"{key} {rows[key].iloc[0]}" for key in FACTORS), [grid], _complaints(rows)))
+            grid.add_row(_plain(quantity(table.metric).heading), _text(parts(cell)))
+    wrong = rows[rows["status"] != "ok"]
+    columns = (wrong["replicate"], wrong["seed"], wrong["status"], wrong["reason"])
+    complaints = [f"{replicate} {k} {status}: {reason}" for replicate, k, status, reason in zip(*columns, strict=True)]
+    _print(_group(", ".join(f"{key} {rows[key].iloc[0]}" for key in FACTORS), [grid], complaints))
 
 
 def print_grid(title: str, header: Sequence[str], rows: Sequence[Sequence[str]], notes: Sequence[str] = ()) -> None:
     """Print lines of texts under a title and a header, with notes below."""
-    grid = _grid()
-    for text in header:
-        grid.add_column(_plain(text))
+    grid = _grid(header)
     for row in rows:
         grid.add_row(*map(_plain, row))
     _print(_group(title, [grid], notes))
@@ -68,64 +79,96 @@ def print_grid(title: str, header: Sequence[str], rows: Sequence[Sequence[str]],
 def terminal_table(table: Table, width: int | None) -> "Group":
     """Return title, table and footnotes for a rich console; repeated row headers are said once, trouble is red.
 
-    Without a ``width`` (a pipe) nothing can be bold: the best stand between two stars each, as in Markdown, and every
-    cell is one line.
+    Each cell is one line where all of them fit into ``width`` characters. Else number, interval, ratio and trouble
+    stand below each other, the first row factors are headings, and columns that do not fit beside the others come in a
+    block of their own. Without a ``width`` (a pipe) nothing can be bold: the best stand between two stars each, as in
+    Markdown, and every cell is one line.
     """
-    if width is None:
-        return _group(table.title, [_wide(table, plain=True)], table.footnotes)
-    shown = blocks(table, width)
-    parts = [_wide(table)] if not shown[0].widths else [part for block in shown for part in _narrow(table, block)]
-    return _group(table.title, parts, table.footnotes)
+    if width is None or not (narrow := blocks(table, width)):
+        return _group(table.title, [_wide(table, plain=width is None)], table.footnotes)
+    return _group(table.title, [part for block in narrow for part in _narrow(table, block)], table.footnotes)
 
 
-def _wide(table: Table, *, plain: bool = False) -> "RichTable":
+def blocks(table: Table, width: int) -> list[Block]:
+    """Return how to show a table in ``width`` characters, where its cells have several lines; empty where they fit."""
+    keys, columns = len(table.row_keys), list(zip(*table.cells, strict=True))
+    of_keys = [max(map(len, column)) for column in zip(table.row_keys, *table.rows, strict=True)]
+    lines = [[cell.text if cell else ABSENT for cell in column] for column in columns]
+    whole = [max(map(len, [*texts, head])) for texts, head in zip(lines, table.header[keys:], strict=True)]
+    if sum(of_keys) + sum(whole) + GAP * (keys + len(whole)) <= width:
+        return []
+    own = [
+        max(min(len(head), LONGEST_HEADER), *(len(word) for cell in column for word in _unbroken(cell)), 1)
+        for column, head in zip(columns, table.header[keys:], strict=True)
+    ]
+    room = width - (min(of_keys[-1], LONGEST_KEY) + GAP if keys else 0)
+    parted: list[list[tuple[int, int]]] = [[]]
+    for column in enumerate(own):
+        if parted[-1] and sum(used + GAP for _, used in parted[-1]) + column[1] + GAP > room:
+            parted.append([])
+        parted[-1].append(column)
+    return [tuple(block) for block in parted]
+
+
+def _unbroken(cell: TableCell | None) -> list[str]:
+    """Return what must stay whole in a cell: words of troubles may stand below each other."""
+    return [word for text, style in parts(cell) for word in (text.split() if style == "trouble" else [text])]
+
+
+def groups(table: Table) -> list[tuple[str, tuple[int, ...]]]:
+    """Return the rows under each heading, the values of all row factors but the last."""
+    headings: dict[str, list[int]] = {}
+    for place, row in enumerate(table.rows):
+        headings.setdefault(", ".join(row[:-1]), []).append(place)
+    return [(heading, tuple(places)) for heading, places in headings.items()]
+
+
+def _wide(table: Table, *, plain: bool) -> "RichTable":
     """Return the whole table, each cell on one line."""
-    grid = _grid()
-    for k, header in enumerate(table.header):
-        grid.add_column(_plain(header), no_wrap=k < len(table.row_keys))
+    grid = _grid(table.header, fixed=len(table.row_keys))
     for values, cells in zip(table.sparse_rows, table.cells, strict=True):
-        grid.add_row(*map(_plain, values), *(_text(cell, plain=plain) for cell in cells))
+        grid.add_row(*map(_plain, values), *(_text(parts(cell), plain=plain) for cell in cells))
     return grid
 
 
 def _narrow(table: Table, block: Block) -> "Iterator[RichTable | Text]":
     """Yield some columns of a table, the rows of each heading apart."""
-    if block.columns[0]:
+    keys = len(table.row_keys)
+    names = [*table.header[:keys][-1:], *(table.header[keys + k] for k, _ in block)]
+    longest = [min(LONGEST_KEY, max(map(len, [name, *(row[-1] for row in table.rows)]))) for name in names[: keys > 0]]
+    widths = [*longest, *(own for _, own in block)]
+    if block[0][0]:
         yield _plain("")
-    yield _head(table, block)
+    yield _grid(names, widths)
     for heading, rows in groups(table):
         if heading:
             yield _plain(heading, "italic")
-        grid = _head(table, block, show=False)
+        grid = _grid(names, widths)
+        grid.show_header = False
         for row in rows:
-            cells = table.cells[row]
-            texts = (_text(cells[k], own) for k, own in zip(block.columns, block.widths, strict=True))
-            grid.add_row(*map(_plain, table.rows[row][-1:]), *texts)
+            grid.add_row(
+                *map(_plain, table.rows[row][-1:]), *(_text(parts(table.cells[row][k]), own) for k, own in block)
+            )
         yield grid
 
 
-def _head(table: Table, block: Block, *, show: bool = True) -> "RichTable":
-    """Return an empty grid of some columns, whose widths are fixed, with its head or without."""
-    grid, keys = _grid(), len(table.row_keys)
-    grid.show_header, grid.show_edge = show, False
-    widths = [*([key_width(table)] if keys else []), *block.widths]
-    names = [*table.header[max(0, keys - 1) : keys], *(table.header[keys + k] for k in block.columns)]
-    for name, width in zip(names, widths, strict=True):
-        grid.add_column(_plain(name), overflow="fold", min_width=width, max_width=width)
-    return grid
-
-
-def _grid() -> "RichTable":
+def _grid(names: Sequence[str], widths: Sequence[int] = (), fixed: int = 0) -> "RichTable":
+    """Return an empty grid: of fixed widths, or as wide as it has to be, the first ``fixed`` columns unbroken."""
     from rich import box
     from rich.table import Table as RichTable
 
-    return RichTable(box=box.SIMPLE_HEAD, pad_edge=False)
+    grid = RichTable(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=not widths)
+    for k, name in enumerate(names):
+        grid.add_column(_plain(name), no_wrap=k < fixed)
+    for column, width in zip(grid.columns, widths, strict=False):
+        column.overflow, column.min_width, column.max_width = "fold", width, width
+    return grid
 
 
-def _group(title: str, parts: Sequence["RichTable | Text"], notes: Sequence[str]) -> "Group":
+def _group(title: str, drawn: Sequence["RichTable | Text"], notes: Sequence[str]) -> "Group":
     from rich.console import Group
 
-    return Group(_plain(title, "bold"), *parts, *map(_plain, notes))
+    return Group(_plain(title, "bold"), *drawn, *map(_plain, notes))
 
 
 def _console() -> "Console":
@@ -144,22 +187,19 @@ def _print(drawn: "Group") -> None:
     console.print(drawn)
 
 
-def _complaints(rows: "pd.DataFrame") -> list[str]:
-    """Return the reasons of the runs that did not go well."""
-    wrong = rows[rows["status"] != "ok"]
-    columns = (wrong["replicate"], wrong["seed"], wrong["status"], wrong["reason"])
-    return [f"{replicate} {k} {status}: {reason}" for replicate, k, status, reason in zip(*columns, strict=True)]
-
-
 def _plain(text: str, style: str = "") -> "Text":
     from rich.text import Text
 
     return Text(plain(text), style=style)
 
 
-def _text(cell: TableCell | None, width: int = 0, *, plain: bool = False) -> "Text":
+def _text(told: Sequence[Part], width: int = 0, *, plain: bool = False) -> "Text":
     """Return a cell as one line, or as lines of at most ``width`` characters."""
     from rich.text import Text
 
-    lines = [(f"**{part}**", "") if plain and style == "bold" else (part, style) for part, style in pieces(cell, width)]
-    return Text("\n" if width else " ").join(Text(part, style=style) for part, style in lines)
+    lines = [
+        Text(f"**{line}**" if plain and style == "best" else line, style="" if plain else STYLES.get(style, ""))
+        for text, style in told
+        for line in (textwrap.wrap(text, width, break_long_words=False) if width else [text])
+    ]
+    return Text("\n" if width else " ").join(lines)

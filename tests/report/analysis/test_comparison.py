@@ -17,11 +17,8 @@ from jerkbench.report.analysis.baseline import parse_baseline
 from jerkbench.report.analysis.findings import findings
 from jerkbench.report.analysis.rule import Rule
 from jerkbench.report.analysis.study_verdicts import study_verdicts
-from jerkbench.report.tables.csv import tidy_csv
-from jerkbench.report.tables.html import html_table
-from jerkbench.report.tables.latex import latex
-from jerkbench.report.tables.markdown import markdown
-from jerkbench.report.tables.study_tables import summarise
+from jerkbench.report.tables.summary import summarise
+from jerkbench.report.tables.writers import html_table, latex, markdown, tidy_csv
 
 NONE = {"adaptation": "none"}
 SEEDS = 20

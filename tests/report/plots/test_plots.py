@@ -32,7 +32,7 @@ from jerkbench.report.plots.sensitivity import sensitivity_figure, with_sigma
 from jerkbench.report.plots.tilt import tilt_figure
 from jerkbench.report.plots.trajectory import trajectory_figure
 from jerkbench.report.plots.zoom import disturbed_window_s, zoomed_error_figure
-from jerkbench.report.tables.study_tables import summarise
+from jerkbench.report.tables.summary import summarise
 from jerkbench.report.tables.table_model import number
 from jerkbench.results.study_figures.drawings import of_rows
 

@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from jerkbench.report.tables.markdown import markdown
-from jerkbench.report.tables.study_tables import summarise
+from jerkbench.report.tables.summary import summarise
+from jerkbench.report.tables.writers import markdown
 
 
 @pytest.fixture

@@ -6,9 +6,9 @@ import pytest
 
 from jerkbench.report.analysis.rows import metric_columns
 from jerkbench.report.tables import study_tables
-from jerkbench.report.tables.csv import tidy_csv
 from jerkbench.report.tables.study_tables import write_tables
 from jerkbench.report.tables.summary import main_metric, summarise
+from jerkbench.report.tables.writers import tidy_csv
 
 LABELS = [
     ("drive,2", 'base"line', "none", "accel=0.1"),

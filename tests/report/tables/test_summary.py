@@ -8,7 +8,7 @@ import pytest
 from scipy.stats import binomtest
 
 from jerkbench.errors import JerkbenchError
-from jerkbench.report.tables.study_tables import summarise
+from jerkbench.report.tables.summary import summarise
 from jerkbench.report.tables.table_model import Ratio
 from roots import mean_ends
 

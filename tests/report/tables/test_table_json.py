@@ -8,7 +8,7 @@ import pytest
 
 from jerkbench.report.analysis.baseline import parse_baseline
 from jerkbench.report.tables.summary import summarise
-from jerkbench.report.tables.table_json import table_json
+from jerkbench.report.tables.writers import table_json
 
 
 def cell_of(content, **factors):

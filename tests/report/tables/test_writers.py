@@ -10,12 +10,11 @@ import pytest
 
 from jerkbench.report.analysis.quantities import quantity
 from jerkbench.report.tables import summary, terminal
-from jerkbench.report.tables.csv import tidy_csv
-from jerkbench.report.tables.latex import escaped, latex
-from jerkbench.report.tables.markdown import markdown
-from jerkbench.report.tables.study_tables import summarise, write_tables
+from jerkbench.report.tables.study_tables import write_tables
+from jerkbench.report.tables.summary import summarise
 from jerkbench.report.tables.table_model import number
 from jerkbench.report.tables.terminal import print_run, print_table
+from jerkbench.report.tables.writers import latex, latex_escaped, markdown, tidy_csv
 
 
 @pytest.mark.parametrize(
@@ -90,7 +89,7 @@ def test_latex_is_balanced_and_escaped(rows):
 
 def test_latex_line_break_meets_no_bracket():
     """After a line break, LaTeX would read [0.1, 0.2] as a length."""
-    assert escaped("[0.1, 0.2]") == "{[}0.1, 0.2{]}"
+    assert latex_escaped("[0.1, 0.2]") == "{[}0.1, 0.2{]}"
 
 
 def test_csv_reads_back_with_all_digits(rows):

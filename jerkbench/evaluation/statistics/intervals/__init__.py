@@ -6,6 +6,6 @@
     correlated_errors      the RMSE of a recording without seeds, from errors that follow each other
     share                  how many runs were lost, whatever the distribution is
 
-Which of them a cell's metric gets is chosen in `jerkbench/report/tables/cell_columns.py`. The interval of a comparison
+Which of them a cell's metric gets is chosen in `jerkbench/report/tables/grid.py`. The interval of a comparison
 of two methods is that of their log ratios: `jerkbench/evaluation/statistics/judgement.py`.
 """

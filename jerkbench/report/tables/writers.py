@@ -1,0 +1,330 @@
+"""A table as text: Markdown, LaTeX (siunitx 3), HTML, JSON, and tidy CSV, one line a cell with all digits."""
+
+import csv
+import io
+import json
+import math
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import cache
+from itertools import zip_longest
+from typing import Any
+
+from jerkbench.evaluation.statistics.intervals.share import share_interval
+from jerkbench.plain import plain
+from jerkbench.report.analysis.factors import FACTORS
+from jerkbench.report.markup import render
+from jerkbench.report.tables.table_model import ABSENT, Part, Ratio, Table, TableCell, parts
+
+ACTIVE = re.compile(r"<(?=[A-Za-z/!?])|(?<=!)\[|\[(?=.*\][(\[])|\\(?=[\\|<\[!])")
+"""The beginning of a tag, an image or a link in Markdown; a backslash before one of them, or before a cell's end."""
+
+SPECIAL = {
+    "\\": r"\textbackslash{}",
+    "{": r"\{",
+    "}": r"\}",
+    "[": "{[}",  # after a line break LaTeX would take a bracket for its argument
+    "]": "{]}",
+    "_": r"\_",
+    "%": r"\%",
+    "&": r"\&",
+    "#": r"\#",
+    "$": r"\$",
+    "~": r"\textasciitilde{}",
+    "^": r"\textasciicircum{}",
+    "<": r"\textless{}",
+    ">": r"\textgreater{}",
+    "|": r"\textbar{}",
+    "–": "--",  # noqa: RUF001 - what the key is for
+    "µ": r"$\mu$",
+    "±": r"$\pm$",
+    "×": r"$\times$",  # noqa: RUF001 - what the key is for
+    "σ": r"$\sigma$",  # noqa: RUF001 - what the key is for
+}
+"""Characters that LaTeX reads otherwise, and how to write them."""
+
+SETUP = r"\sisetup{detect-weight=true, mode=text}"
+
+PAGE = 44
+"""As many lines of a table have room on a page, with its caption and some footnotes."""
+
+PLAIN = re.compile(r"-?[0-9]+(\.[0-9]+)?")
+"""Numbers that a column of siunitx can align."""
+
+UNITS = {"%": r"\percent", "µs": r"\micro\second", "deg": r"\degree"}
+"""Units that siunitx takes no letters for."""
+
+VALUES = (
+    "average",
+    "mean",
+    "low",
+    "high",
+    "runs",
+    "diverged",
+    "failed",
+    "missing",
+    "replicate",
+    "ratio",
+    "ratio_low",
+    "ratio_high",
+    "p",
+    "quartile_low",
+    "quartile_high",
+    "locked_out",
+    "lost_share_low",
+    "lost_share_high",
+)
+"""Columns of CSV after the metric, its unit and the factors; the ends are a range where ``replicate`` is "phase";
+the ratio is empty without a baseline; ``average`` says what "mean" is: that, a geometric mean or a median; the ends of
+the share of lost runs are those of Clopper and Pearson."""
+
+NO_RATIO = ",,,"
+"""Four columns of CSV without a baseline."""
+
+FORMULA = ("=", "+", "-", "@", "\t", "\r")
+"""What a spreadsheet takes for the beginning of a formula."""
+
+LOST = "lost"
+"""In JSON in the place of a number that is larger than every number: the median run was lost."""
+
+
+def markdown(table: Table, level: int = 2) -> str:
+    """Return the table as a section with a heading of ``level``, aligned pipes and its footnotes as a list."""
+    rows = [
+        [*map(_inactive, values), *(" ".join(map(_starred, parts(cell))) for cell in cells)]
+        for values, cells in zip(table.rows, table.cells, strict=True)
+    ]
+    return _section(table.title, [[*map(_inactive, table.header)], *rows], table.footnotes, level)
+
+
+def markdown_grid(
+    title: str, header: Sequence[str], rows: Sequence[Sequence[str]], notes: Sequence[str] = (), level: int = 2
+) -> str:
+    """Return rows of texts as such a section."""
+    return _section(title, [[*map(_inactive, line)] for line in (header, *rows)], notes, level)
+
+
+def passive(text: str) -> str:
+    """Return Markdown whose tags, images and links are shown as text."""
+    return ACTIVE.sub(r"\\\g<0>", text)
+
+
+def _section(title: str, lines: Sequence[Sequence[str]], footnotes: Sequence[str], level: int) -> str:
+    widths = [max(3, *map(len, column)) for column in zip(*lines, strict=True)]
+    rule = "|" + "|".join("-" * (width + 2) for width in widths) + "|"
+    padded = [[text.ljust(width) for text, width in zip(line, widths, strict=True)] for line in lines]
+    head, *body = [f"| {' | '.join(line)} |" for line in padded]
+    notes = [f"- {_inactive(note)}" for note in footnotes]
+    return "\n".join(["#" * level + f" {_inactive(title)}", "", head, rule, *body, *[""] * bool(notes), *notes, ""])
+
+
+def _starred(part: Part) -> str:
+    return f"**{part[0]}**" if part[1] == "best" else part[0]
+
+
+def _inactive(text: str) -> str:
+    """Keep a text in its cell, as text: a pipe would end it, a line break the row; tags and images would be loaded."""
+    return passive(" ".join(text.split())).replace("|", r"\|")
+
+
+def latex(table: Table) -> str:
+    """Return a ``table`` environment: the title as caption, booktabs rules, numbers at the point, footnotes below.
+
+    What is too long for a page is a ``longtable`` instead, with its head on every page. The first line is a comment
+    that names the packages.
+    """
+    keys = len(table.row_keys)
+    columns = "l" * keys + "".join(map(_column_type, zip(*table.cells, strict=True)))
+    heads = [latex_escaped(text) for text in table.header]
+    ruled = [r"    \toprule", _line([*heads[:keys], *(f"{{{text}}}" for text in heads[keys:])]), r"    \midrule"]
+    caption = rf"\caption{{{_titled(table)}}}\label{{tab:{table.metric.replace('_', '-')}}}"
+    body = [line for row in zip(table.sparse_rows, table.cells, strict=True) for line in _lines(*row)]
+    notes = [rf"    {latex_escaped(note)}\par" for note in table.footnotes]
+    if notes:
+        begin = [r"", r"  \smallskip", r"  \noindent\begin{minipage}{\linewidth}\footnotesize\raggedright"]
+        notes = [*begin, *notes, r"  \end{minipage}"]
+    if len(body) > PAGE:
+        packages = "booktabs,siunitx,longtable"
+        start = [r"{", rf"  \small{SETUP}", rf"  \begin{{longtable}}{{{columns}}}", rf"    {caption}\\"]
+        head = [*ruled, r"    \endfirsthead", *ruled, r"    \endhead", r"    \bottomrule", r"    \endfoot"]
+        inside, end = [*start, *head, *body, r"  \end{longtable}"], "}"
+    else:
+        packages = "booktabs,siunitx"
+        start = [r"\begin{table}", r"  \centering", rf"  {SETUP}", f"  {caption}", r"  \small"]
+        head = [rf"  \begin{{tabular}}{{{columns}}}", *ruled]
+        inside, end = [*start, *head, *body, r"    \bottomrule", r"  \end{tabular}"], r"\end{table}"
+    return "\n".join([rf"% \usepackage{{{packages}}}", *inside, *notes, end, ""])
+
+
+def latex_escaped(text: str) -> str:
+    r"""Write ``text`` so that LaTeX prints it as it is.
+
+    >>> latex_escaped("sage_husa")
+    'sage\\_husa'
+    """
+    return "".join(SPECIAL.get(character, character) for character in plain(" ".join(text.split())))
+
+
+def _lines(values: Sequence[str], cells: Sequence[TableCell | None]) -> list[str]:
+    """Return the lines of a row: its numbers on the first, their intervals and troubles below them, on one page."""
+    columns = [*([latex_escaped(value)] for value in values), *([*map(_small, parts(cell))] for cell in cells)]
+    lines = [_line(texts) for texts in zip_longest(*columns, fillvalue="")]
+    return [*(f"{line}*" for line in lines[:-1]), lines[-1]]
+
+
+def _line(texts: Sequence[str]) -> str:
+    return "    " + " & ".join(texts) + r" \\"
+
+
+def _small(part: Part) -> str:
+    """Write a part of a cell; what is no plain number stands in braces, so that siunitx leaves it alone."""
+    text, style = part
+    if style not in ("best", "number", "absent"):
+        return rf"{{{{\scriptsize {latex_escaped(text)}}}}}"
+    number = text if PLAIN.fullmatch(text) else f"{{{latex_escaped(text)}}}"
+    return rf"\bfseries {number}" if style == "best" else number
+
+
+def _column_type(cells: Sequence[TableCell | None]) -> str:
+    """Return a column of siunitx with room for the digits of its plain numbers; a centred one where it has none."""
+    numbers = [cell.number for cell in cells if cell is not None and PLAIN.fullmatch(cell.number)]
+    if not numbers:
+        return "c"
+    whole, decimals = (max(len(text.partition(".")[k]) for text in numbers) for k in (0, 2))
+    return f"S[table-format={whole}.{decimals}]"
+
+
+def _titled(table: Table) -> str:
+    """Return the title, the unit in brackets as siunitx writes it."""
+    unit = f" [{table.unit}]"
+    if not table.unit or not table.title.endswith(unit):
+        return latex_escaped(table.title)
+    return rf"{latex_escaped(table.title.removesuffix(unit))} {{[}}\unit{{{UNITS.get(table.unit, table.unit)}}}{{]}}"
+
+
+def html_table(table: Table, level: int = 2) -> str:
+    """Return a ``section`` with a heading, a ``table`` whose best cells are ``strong``, and its footnotes as a list.
+
+    What a row repeats of the one above it has the class "same"; where a group of rows begins its row has the class
+    "group", where another factor but the last changes "part".
+    """
+    lines = []
+    for values, before, cells in zip(table.rows, [(), *table.rows], table.cells, strict=False):
+        same = [values[: k + 1] == before[: k + 1] for k in range(len(values))]
+        rule = "" if not before or all(same[:-1]) else "part" if same[0] else "group"
+        lines.append({"heads": list(zip(values, same, strict=True)), "cells": cells, "rule": rule})
+    return render("table.html", table=table, lines=lines, level=level, absent=ABSENT)
+
+
+def table_json(table: Table) -> str:
+    """Return the table as JSON; what is no number is null, a median that is a lost run "lost"."""
+    content = {
+        **{name: getattr(table, name) for name in ("title", "metric", "unit", "row_keys", "column_keys")},
+        "baseline": dict(table.baseline),
+        "cells": [{"combination": labels, **_json_values(cell)} for labels, cell in table.placed()],
+        "footnotes": table.footnotes,
+    }
+    return json.dumps(content, indent=2, allow_nan=False) + "\n"
+
+
+def _json_values(cell: TableCell) -> dict[str, Any]:
+    ratio = cell.ratio and {
+        **{name: _json_number(getattr(cell.ratio, name)) for name in ("value", "low", "high", "p")},
+        "different": cell.ratio.mark == "*",
+        "equal": cell.ratio.mark == "=",
+    }
+    return {
+        "average": cell.kind,
+        **{name: _json_number(getattr(cell, name)) for name in ("mean", "low", "high")},
+        "quartiles": [_json_number(value) for value in cell.quartiles],
+        **{name: int(getattr(cell, name)) for name in ("runs", "diverged", "failed", "missing", "locked")},
+        "replicate": cell.replicate,
+        "best": bool(cell.best),
+        "ratio": ratio,
+    }
+
+
+def _json_number(value: float) -> float | str | None:
+    if value == math.inf:
+        return LOST
+    return float(value) if math.isfinite(value) else None
+
+
+def tidy_csv(tables: Sequence[Table]) -> str:
+    """Return a header and one line for each cell of the tables; a number that is not there is empty."""
+    lines = [csv_line(["metric", "unit", *FACTORS, *VALUES])]
+    for table in tables:
+        head = csv_head(table.metric, table.unit)
+        lines += [csv_line([head, csv_labels(labels), *_csv_values(cell)]) for labels, cell in table.placed()]
+    return "".join(lines)
+
+
+def csv_line(texts: Iterable[str]) -> str:
+    """Return texts that are escaped already as a line of CSV."""
+    return ",".join(texts) + "\n"
+
+
+def csv_head(metric: str, unit: str) -> str:
+    """Return the first columns of a cell's line."""
+    return f"{csv_escaped(metric)},{csv_escaped(unit)}"
+
+
+def csv_labels(labels: dict[str, str]) -> str:
+    """Return the columns of the factors."""
+    return ",".join(csv_escaped(labels[factor]) for factor in FACTORS)
+
+
+def csv_number(value: float) -> str:
+    """Return all digits of a number; nothing of what is none."""
+    return "" if math.isnan(value) else repr(float(value))
+
+
+@cache
+def csv_share(lost: int, runs: int) -> str:
+    """Return the columns of the interval of the share of lost runs."""
+    return ",".join(map(repr, share_interval(lost, runs)))
+
+
+@cache
+def csv_escaped(text: str) -> str:
+    """Return a text as it stands in a line of CSV, which a spreadsheet takes for text."""
+    line = io.StringIO()
+    csv.writer(line, lineterminator="\n").writerow([plain(inert(text)), ""])
+    return line.getvalue()[:-2]
+
+
+def _csv_values(cell: TableCell) -> Iterable[str]:
+    ratio: Ratio | None = cell.ratio
+    yield cell.kind
+    yield from map(csv_number, (cell.mean, cell.low, cell.high))
+    yield from map(str, (cell.runs, cell.diverged, cell.failed, cell.missing))
+    yield cell.replicate
+    yield ",".join(map(csv_number, (ratio.value, ratio.low, ratio.high, ratio.p))) if ratio else NO_RATIO
+    yield from (*map(csv_number, cell.quartiles), str(cell.locked), csv_share(cell.diverged + cell.failed, cell.runs))
+
+
+def inert(text: str) -> str:
+    """Return a text that a spreadsheet takes for text: an apostrophe stands before what would be a formula.
+
+    >>> inert("=1+1")
+    "'=1+1"
+    """
+    return f"'{text}" if text.startswith(FORMULA) and len(text) > 1 and not _is_number(text) else text
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+WRITERS: Mapping[str, Callable[[Table], str]] = {
+    "md": markdown,
+    "csv": lambda table: tidy_csv([table]),
+    "tex": latex,
+    "html": html_table,
+    "json": table_json,
+}
+"""By the name of a format."""
