@@ -93,7 +93,7 @@ def ending(words):
 def _undrawn(monkeypatch):
     """Figures are made, but not painted."""
     mpl.use("Agg")
-    monkeypatch.setattr("jerkbench.report.plots.figures.png_bytes", lambda _: b"")
+    monkeypatch.setattr("jerkbench.report.plots.style.png_bytes", lambda _: b"")
 
 
 @pytest.mark.slow

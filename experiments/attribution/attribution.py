@@ -50,8 +50,7 @@ from jerkbench.clusters.local import Local
 from jerkbench.execution.processors import processors
 from jerkbench.files import write_text
 from jerkbench.presets import preset
-from jerkbench.report.plots.figures import save_figure
-from jerkbench.report.plots.style import MEASURED, OKABE_ITO, quiet
+from jerkbench.report.plots.style import MEASURED, OKABE_ITO, quiet, save_figure
 from jerkbench.tuning.samplers import sampler_of
 from jerkbench.tuning.space import Setting, Space
 

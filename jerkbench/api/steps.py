@@ -98,7 +98,8 @@ def figure(recording: Recording, estimates: Mapping[str, Estimate], kind: str = 
         JerkbenchError: there is no such kind of figure.
     """
     from jerkbench.errors import JerkbenchError, unknown
-    from jerkbench.report.plots.figures import error_figure, trajectory_figure
+    from jerkbench.report.plots.errors_over_time import error_figure
+    from jerkbench.report.plots.trajectory import trajectory_figure
 
     kinds: dict[str, Callable[..., Figure]] = {"errors": error_figure, "trajectory": trajectory_figure}
     if kind not in kinds:

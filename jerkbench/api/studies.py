@@ -153,10 +153,9 @@ def report(
         JerkbenchError: there are no results.
     """
     from jerkbench.execution.processors import processors
+    from jerkbench.report.choice import figures_choice
     from jerkbench.results.replay import tell_left_out
-    from jerkbench.results.study_figures.choice import figures_choice
-    from jerkbench.results.study_figures.files import Request, draw_study
-    from jerkbench.results.study_figures.presentation import REPORT, write_report
+    from jerkbench.results.study_figures import REPORT, Request, draw_study, write_report
 
     opened = _opened(study)
     written = Path(path) if path else opened.folder / REPORT

@@ -32,7 +32,7 @@ from jerkbench.campaigns.protocol import Scenario
 from jerkbench.cells.provenance import code_digest, git_commit, versions
 from jerkbench.clusters.cluster import Cluster
 from jerkbench.files import write_atomically, write_text
-from jerkbench.report.plots.figures import save_figure
+from jerkbench.report.plots.style import save_figure
 from jerkbench.tuning.space import Space
 
 FOLDER = "audit-"

@@ -8,10 +8,10 @@ from omegaconf import DictConfig
 from jerkbench.errors import INTERRUPTED
 from jerkbench.execution.processors import processors
 from jerkbench.hydra_app.interruption import terminated_like_interrupted
+from jerkbench.report.choice import figures_choice
 from jerkbench.results.manifest import write_manifest
 from jerkbench.results.store import Store
 from jerkbench.results.study import Study, load_study, write_study
-from jerkbench.results.study_figures.choice import figures_choice
 
 FAILED = 1
 """Exit code of a sweep of which a run failed."""
@@ -77,7 +77,7 @@ def draw_and_report(study: Study, config: DictConfig, *, run_programs: bool = Fa
     """
     if not config.report:
         return 0
-    from jerkbench.results.study_figures.presentation import present
+    from jerkbench.results.study_figures import present
 
     try:
         with terminated_like_interrupted():

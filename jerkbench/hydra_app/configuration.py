@@ -24,7 +24,7 @@ from jerkbench.errors import PluginError, unknown
 from jerkbench.optional import preferred_attitude
 from jerkbench.presets import environment_variable
 from jerkbench.removed import refuse_removed
-from jerkbench.results.study_figures.choice import Choice, figures_choice
+from jerkbench.report.choice import Choice, figures_choice
 from jerkbench.timeline.reported_noise import RScale
 from jerkbench.yaml_files import require_small
 

@@ -19,8 +19,8 @@ from jerkbench.hydra_app.dry_run import tell
 from jerkbench.hydra_app.launched_order import note_place
 from jerkbench.hydra_app.single_run import draw_single, prepare_drawing, run_single, show_single
 from jerkbench.hydra_app.words import cluster_of
+from jerkbench.report.choice import Choice, figures_choice
 from jerkbench.results.store import Store
-from jerkbench.results.study_figures.choice import Choice, figures_choice
 from jerkbench.sweep.sweep import Plan, plan_sweep, run_sweep
 
 

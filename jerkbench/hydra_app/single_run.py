@@ -65,7 +65,9 @@ def draw_single(planned: Planned, folder: Path, *, pdf: bool = False) -> list[Pa
 
 def draw_run(cell: Cell, recording: Recording, estimate: Estimate, folder: Path, *, pdf: bool = False) -> list[Path]:
     """Draw the trajectory and the errors of one run, with the recording's name above; returns the files."""
-    from jerkbench.report.plots.figures import error_figure, inclination_figure, save_figure, trajectory_figure
+    from jerkbench.report.plots.errors_over_time import error_figure, inclination_figure
+    from jerkbench.report.plots.style import save_figure
+    from jerkbench.report.plots.trajectory import trajectory_figure
 
     labels = cell.labels
     estimates = {f"{labels.filter} + {labels.adaptation}": estimate}

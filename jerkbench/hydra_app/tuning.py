@@ -23,8 +23,8 @@ from jerkbench.hydra_app.composition import owner
 from jerkbench.hydra_app.configuration import study_folder
 from jerkbench.hydra_app.typed_words import no_assignment
 from jerkbench.hydra_app.words import cluster_of, composed
+from jerkbench.report.choice import Choice, figures_choice
 from jerkbench.report.tables.writers import passive
-from jerkbench.results.study_figures.choice import Choice, figures_choice
 from jerkbench.sweep.sweep import LOCAL
 from jerkbench.tuning.cases import Cases
 from jerkbench.tuning.foreign import EXPORTS
@@ -244,7 +244,7 @@ def _write(tuning: Tuning, folder: Path, command: str, *, figures: bool) -> None
         write_text(folder / "export" / name, export(tuning))
     print(page)
     if figures:
-        from jerkbench.report.plots.figures import save_figure
+        from jerkbench.report.plots.style import save_figure
         from jerkbench.tuning.figures import tuning_figure
 
         save_figure(tuning_figure(tuning), folder / "search.png")

@@ -1,22 +1,27 @@
-"""The runs of a study that its figures show: of each scenario a few methods, over the same seed."""
+"""The runs of a study that its figures and its report show: of each scenario some methods, made once more."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from jerkbench import plugins
 from jerkbench.attitude.tilt import Tilt
 from jerkbench.errors import JerkbenchError
-from jerkbench.estimate import Attitude, Estimate
+from jerkbench.estimate import Estimate
+from jerkbench.evaluation.navigation_errors import position_error_length_m
 from jerkbench.execution.inputs import shared_inputs
 from jerkbench.recording import Recording
 from jerkbench.report.analysis.references import competes
+from jerkbench.report.drawings import Scene
+from jerkbench.report.page.traces import Stretch, largest_of_steps
 from jerkbench.results.content import Stored
 from jerkbench.results.replay import StoredRow, row_of, runnable
 from jerkbench.results.store import Store
 from jerkbench.results.study import Study
-from jerkbench.results.titles import with_title
+from jerkbench.results.titles import file_stem, with_title
 
 SCENARIO = ("dataset", "disturbance", "attitude")
 """Factors whose labels are a scenario's name."""
@@ -39,30 +44,14 @@ FROM_ELSEWHERE = ("command", "trajectory")
 SEEDS = 10
 """Runs of the best method whose NEES and NIS are averaged."""
 
+MOST_CELLS = 40
+"""Cells of a scenario whose errors are kept, the user's own and the best ones."""
 
-@dataclass(frozen=True, eq=False)
-class Scene:
-    """One scenario, its first seed.
+KEPT = 120_000
+"""Errors of all cells together: two bytes each, so that the file stays small."""
 
-    Attributes:
-        name: data set, disturbance, attitude.
-        recording: what the filters saw; its name is the figures' title.
-        attitude: what they were given.
-        estimates: of each method, by its name.
-        tilts: the best method with each way of the tilt filter to adapt; if its attitude is no `tilt`, its own alone.
-        best: the method with the lowest mean, of those that compete.
-        best_runs: recordings and estimates of its first seeds.
-        burn_in_s: errors count from then on.
-    """
-
-    name: str
-    recording: Recording
-    attitude: Attitude
-    estimates: Mapping[str, Estimate]
-    tilts: Mapping[str, Estimate]
-    best: str
-    best_runs: tuple[tuple[Recording, Estimate], ...]
-    burn_in_s: float
+STEPS = (100, 600)
+"""Fewest and most steps of a recording."""
 
 
 def scene_cells(study: Study) -> dict[str, Cells]:
@@ -114,14 +103,19 @@ def load_scene(
 def _scene(name: str, chosen: Mapping[str, Stored], seed: int | None, *, run_programs: bool) -> Scene:
     rows = {method: row_of(stored, seed, run_programs=run_programs) for method, stored in chosen.items()}
     runs = {method: row.run() for method, row in rows.items()}
-    best = next(iter(rows))
-    recording = runs[best][0]
-    attitude = shared_inputs().attitude(recording, rows[best].cell.attitude)
-    estimates = {method: estimate for method, (_, estimate) in runs.items()}
-    runs_of_best = tuple(_best_runs(chosen[best], run_programs=run_programs))
-    burn_in_s = rows[best].cell.protocol.burn_in_s
-    named = with_title(recording, rows[best].cell, rows[best].draw)
-    return Scene(name, named, attitude, estimates, _tilts(rows[best], estimates[best]), best, runs_of_best, burn_in_s)
+    best, row = next(iter(rows.items()))
+    recording, estimate = runs[best]
+    return Scene(
+        name,
+        stem=file_stem([name]),
+        recording=with_title(recording, row.cell, row.draw),
+        attitude=shared_inputs().attitude(recording, row.cell.attitude),
+        estimates={method: estimate for method, (_, estimate) in runs.items()},
+        tilts=_tilts(row, estimate),
+        best=best,
+        best_runs=tuple(_best_runs(chosen[best], run_programs=run_programs)),
+        burn_in_s=row.cell.protocol.burn_in_s,
+    )
 
 
 def _tilts(row: StoredRow, own: Estimate) -> dict[str, Estimate]:
@@ -184,3 +178,52 @@ def _name(cell: Stored) -> str:
     labels = cell.metadata["labels"]
     noise = "" if labels["noise"] == "own" else f", {labels['noise']}"
     return f"{labels['filter']} + {labels['adaptation']}{noise}"
+
+
+def steps_of(scenarios: Iterable[Cells]) -> int:
+    """Return into how many steps the recordings are cut, so that the errors of all cells fit.
+
+    Args:
+        scenarios: the cells of each.
+    """
+    lines = sum(min(len(cells), MOST_CELLS) for cells in scenarios)
+    return int(np.clip(KEPT // max(1, lines), *STEPS))
+
+
+def load_stretch(
+    folder: Path, scenario: str, cells: Cells, metric: str, steps: int, *, run_programs: bool = False
+) -> Stretch | None:
+    """Run one run of each of the best and of the user's own cells again; None where the position is not known.
+
+    Args:
+        folder: the study's.
+        scenario: its name.
+        cells: those of the scenario.
+        metric: by which they are chosen.
+        steps: into how many the recording is cut.
+        run_programs: whether programs of stored cells may run; without it their cells are left out.
+
+    Raises:
+        JerkbenchError: they cannot be run again.
+    """
+    best = ranked(read_cells(folder, cells, run_programs=run_programs), metric)
+    kept = [cell.key for cell in sorted(best, key=lambda cell: not of_user(cell.metadata["spec"]))[:MOST_CELLS]]
+    rows = {cell.key: row_of(cell, run_programs=run_programs) for cell in best if cell.key in kept}
+    runs = {key: row.run() for key, row in rows.items() if row.row["status"] != "failed"}
+    recordings = [recording for recording, _ in runs.values() if recording.reference.enu_m is not None]
+    if not recordings:
+        return None
+    return _stretch(scenario, next(iter(rows.values())), recordings[0], runs, steps)
+
+
+def _stretch(
+    scenario: str, first: StoredRow, recording: Recording, runs: dict[str, tuple[Recording, Estimate]], steps: int
+) -> Stretch:
+    t_s = recording.reference.t_s
+    edges_s = np.linspace(t_s[0], t_s[-1], min(steps, len(t_s)) + 1)
+    errors_m = {
+        key: largest_of_steps(seen.reference.t_s[estimate.index], position_error_length_m(estimate, seen), edges_s)
+        for key, (seen, estimate) in runs.items()
+    }
+    draw = f"{'seed' if first.cell.seeded else 'phase'} {first.draw}"
+    return Stretch(scenario, draw, float(edges_s[0]), float(edges_s[1] - edges_s[0]), recording.outages_s, errors_m)

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from jerkbench.errors import JerkbenchError
-from jerkbench.results.study_figures.choice import Choice
+from jerkbench.report.choice import Choice
 from jerkbench.verbs.arguments import JUDGING, RUN_PROGRAMS, argument, chosen_method, chosen_rule, count, output, verb
 
 if TYPE_CHECKING:
@@ -133,12 +133,11 @@ def figures_verb(chosen: argparse.Namespace) -> None:
         JerkbenchError: there are no results, or no such method, scenario or seed.
     """
     from jerkbench.execution.processors import processors
+    from jerkbench.report.choice import Choice
     from jerkbench.report.plots.palette import BETWEEN
     from jerkbench.results.replay import tell_left_out
     from jerkbench.results.study import load_study
-    from jerkbench.results.study_figures.choice import Choice
-    from jerkbench.results.study_figures.files import LIMIT, Request, draw_study
-    from jerkbench.results.study_figures.presentation import FIGURES
+    from jerkbench.results.study_figures import FIGURES, LIMIT, Request, draw_study
 
     out = chosen.out or chosen.folder / FIGURES
     counted = chosen.scenarios.isdecimal()
@@ -182,8 +181,7 @@ def report_verb(chosen: argparse.Namespace) -> None:
     from jerkbench.execution.processors import processors
     from jerkbench.results.replay import tell_left_out
     from jerkbench.results.study import load_study
-    from jerkbench.results.study_figures.files import Request, draw_study
-    from jerkbench.results.study_figures.presentation import REPORT, write_report
+    from jerkbench.results.study_figures import REPORT, Request, draw_study, write_report
 
     study = load_study(chosen.folder)
     path = chosen.out or chosen.folder / REPORT

@@ -8,12 +8,12 @@ import pytest
 
 from jerkbench import plugins
 from jerkbench.errors import JerkbenchError, PluginError
+from jerkbench.report.choice import Choice, figures_choice
+from jerkbench.report.drawings import by_difference, telling_scenes
 from jerkbench.results.content import Stored
 from jerkbench.results.scenario_runs import _chosen
 from jerkbench.results.selection import named_part
 from jerkbench.results.study import load_study
-from jerkbench.results.study_figures.choice import Choice, figures_choice
-from jerkbench.results.study_figures.selection import by_difference, telling_scenes
 from stored_cells import put
 
 SCENES = {f"field, {disturbance}, tilt": disturbance for disturbance in ("none", "bias", "outliers", "gnss_outage")}

@@ -5,7 +5,7 @@ import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from jerkbench.report.plots.picture import Picture
+from jerkbench.report.drawings import Picture
 
 ROOM = 600_000
 """Letters that all figures of a page take together: the file stays below 2 MB."""

@@ -9,6 +9,7 @@ from jerkbench.report.analysis.quantities import quantity
 from jerkbench.report.analysis.review import Evidence, review
 from jerkbench.report.analysis.rule import RULE, Rule
 from jerkbench.report.analysis.study_verdicts import StudyVerdicts, study_verdicts
+from jerkbench.report.drawings import Picture
 from jerkbench.report.markup import render
 from jerkbench.report.page.cells import by_combination, cells_view, combinations
 from jerkbench.report.page.details import packed
@@ -16,7 +17,6 @@ from jerkbench.report.page.first_screen import first_screen
 from jerkbench.report.page.gallery import gallery
 from jerkbench.report.page.traces import Stretch, payload
 from jerkbench.report.plots.palette import Palette
-from jerkbench.report.plots.picture import Picture
 from jerkbench.report.tables.summary import main_metric, summarise
 from jerkbench.report.tables.writers import html_table
 

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from jerkbench.report.plots.palette import PLAIN, Look, Method, Palette
-from jerkbench.report.plots.style import DOTS_PER_INCH, MEASURED, legend_below, literal, quiet
+from jerkbench.report.plots.style import MEASURED, legend_below, literal, new_figure, quiet
 from jerkbench.report.tables.table_model import Table, TableCell, number
 
 LOGARITHMIC_FROM = 30.0
@@ -51,7 +51,7 @@ def bars_figure(table: Table, palette: Palette | None = None) -> Figure:
     scenes = _scenes(table, names, palette or Palette.of(_methods(table)))
     columns = 1 if len(scenes) == 1 else 2
     height = -(-len(scenes) // columns)
-    figure = Figure(figsize=(7.0 if columns == 1 else 9.0, 0.9 + 2.0 * height), dpi=DOTS_PER_INCH, layout="constrained")
+    figure = new_figure(0.9 + 2.0 * height, 7.0 if columns == 1 else 9.0)
     panels = figure.subplots(height, columns, sharey=True, squeeze=False).ravel()
     for axes in panels[len(scenes) :]:
         axes.set_axis_off()

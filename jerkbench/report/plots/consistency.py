@@ -1,6 +1,6 @@
-"""The figure of NEES and NIS over time, each with the band of a consistent filter."""
+"""Figures of what a filter believes: NEES and NIS with the band of a consistent filter, the adapted R."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,9 +11,19 @@ from jerkbench.estimate import Estimate
 from jerkbench.evaluation.navigation_errors import known, position_error_m, velocity_error_mps
 from jerkbench.evaluation.statistics.consistency import chi2_band
 from jerkbench.recording import Recording
-from jerkbench.report.plots.curves import thinned
+from jerkbench.report.plots.curves import coinciding, joined, thinned, with_gaps
 from jerkbench.report.plots.palette import Palette, looks
-from jerkbench.report.plots.style import DOTS_PER_INCH, MEASURED, SIGMAS, end_with, legend_below, literal, quiet, say
+from jerkbench.report.plots.style import (
+    MEASURED,
+    SIGMAS,
+    end_with,
+    legend_below,
+    literal,
+    new_figure,
+    quiet,
+    say,
+    shade_outages,
+)
 
 WINDOW = 21
 """Updates over which NIS is averaged; odd."""
@@ -26,7 +36,7 @@ def consistency_figure(runs: Sequence[tuple[Recording, Estimate]], name: str, pa
     The band is the 95 % interval of chi-square at one moment: a consistent filter is outside it for 5 % of the time.
     All runs must have the same reference stamps; of the updates those with the same number are averaged.
     """
-    figure = Figure(figsize=(7.0, 5.0), dpi=DOTS_PER_INCH, layout="constrained")
+    figure = new_figure(5.0)
     above, below = figure.subplots(2, 1, sharex=True)
     recording = runs[0][0]
     above.set_title(literal(f"{recording.name}: {name}, {len(runs)} {'run' if len(runs) == 1 else 'runs'}"))
@@ -106,3 +116,48 @@ def _draw_nis(axes: Axes, runs: Sequence[tuple[Recording, Estimate]], colour: st
 def _moving(values: FloatArray) -> FloatArray:
     """Return the sums over `WINDOW` values in a row."""
     return np.convolve(values, np.ones(WINDOW), mode="valid")
+
+
+AXES = ("East", "North", "Up")
+
+
+def adapted_r_figure(recording: Recording, estimates: Mapping[str, Estimate], palette: Palette | None = None) -> Figure:
+    """Draw the square roots of R's diagonal: position [m] on the left, velocity [m/s] on the right.
+
+    Methods that use the same R are one line, with all their names.
+
+    A row that was dropped (an infinite variance) stands as a tick on the upper edge.
+    """
+    figure = new_figure(6.0)
+    panels = figure.subplots(3, 2, sharex=True)
+    figure.suptitle(literal(recording.name), fontsize="medium")
+    look_of = dict(looks(estimates, palette))
+    groups = coinciding({name: np.sqrt(estimate.updates.R_diagonal) for name, estimate in estimates.items()})
+    for row in range(6):
+        axes = panels[row % 3][row // 3]
+        for names in groups:
+            updates, look = estimates[names[0]].updates, look_of[names[0]]
+            sigma = np.sqrt(updates.R_diagonal[:, row])
+            known, dropped = np.isfinite(sigma), np.isinf(sigma)
+            label = joined(names) if row == 0 else None
+            curve = thinned(*with_gaps(updates.t_s, np.where(known, sigma, np.nan)))
+            axes.plot(*curve, color=look.colour, linestyle=look.line, linewidth=1.0, label=label)
+            axes.plot(
+                updates.t_s[dropped],
+                np.full(int(dropped.sum()), 0.97),
+                "|",
+                color=look.colour,
+                markersize=4.0,
+                transform=axes.get_xaxis_transform(),
+            )
+        shade_outages(axes, recording.outages_s)
+        unit, quantity = ("m", "position") if row < 3 else ("m/s", "velocity")
+        axes.set_ylabel(f"{AXES[row % 3]} {quantity},\nsigma of R [{unit}]", fontsize=8)
+        end_with(axes, recording.reference.t_s)
+        if any(np.isfinite(estimate.updates.R_diagonal[:, row]).any() for estimate in estimates.values()):
+            axes.set_yscale("log")
+        quiet(axes)
+    for axes in panels[2]:
+        axes.set_xlabel("Time [s]")
+    legend_below(figure)
+    return figure

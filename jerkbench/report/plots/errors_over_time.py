@@ -1,4 +1,4 @@
-"""The figure of the position error over time."""
+"""Figures of the errors of a run over time: of the position, also around a disturbance, and of the inclination."""
 
 from collections.abc import Mapping
 
@@ -9,11 +9,17 @@ from matplotlib.figure import Figure
 from jerkbench.arrays import FloatArray
 from jerkbench.estimate import Estimate
 from jerkbench.evaluation.counted_rows import counted_rows
-from jerkbench.evaluation.navigation_errors import known, position_error_length_m, position_error_m, rms_norm
+from jerkbench.evaluation.navigation_errors import (
+    inclination_error_rad,
+    known,
+    position_error_length_m,
+    position_error_m,
+    rms_norm,
+)
 from jerkbench.recording import Recording
 from jerkbench.report.plots.curves import coinciding, joined, thinned
 from jerkbench.report.plots.palette import Palette, looks
-from jerkbench.report.plots.style import DOTS_PER_INCH, OUTAGE, SIGMAS, end_with, legend_below, literal, quiet, say
+from jerkbench.report.plots.style import SIGMAS, end_with, legend_below, literal, new_figure, quiet, say, shade_outages
 from jerkbench.report.tables.table_model import number
 
 LOGARITHMIC_FROM = 30.0
@@ -46,7 +52,7 @@ def error_figure(
     """
     single = len(estimates) == 1 and recording.reference.enu_m is not None and panels != 1
     panels = 4 if single else 1
-    figure = Figure(figsize=(7.0, 7.5 if single else 3.2), dpi=DOTS_PER_INCH, layout="constrained")
+    figure = new_figure(7.5 if single else 3.2)
     ratios = [1.5, 1.0, 1.0, 1.0][:panels]
     top, *below = figure.subplots(panels, 1, sharex=True, squeeze=False, height_ratios=ratios)[:, 0]
     _draw_norms(top, recording, estimates, burn_in_s, window_s or (-np.inf, np.inf), palette)
@@ -57,7 +63,7 @@ def error_figure(
     if window_s is None:
         end_with(top, recording.reference.t_s)
     for axes in (top, *below):
-        _shade(axes, recording, "outage" if axes is top else None)
+        shade_outages(axes, recording.outages_s, "outage" if axes is top else None)
         quiet(axes)
     (below or [top])[-1].set_xlabel("Time [s]")
     figure.align_ylabels()
@@ -131,7 +137,70 @@ def _draw_axis(axes: Axes, recording: Recording, estimate: Estimate, axis: int, 
         axes.set_ylim(-max(seen), max(seen))
 
 
-def _shade(axes: Axes, recording: Recording, label: str | None) -> None:
-    """Shade the outages; the first of them carries the label."""
-    for k, (begin, end) in enumerate(recording.outages_s):
-        axes.axvspan(begin, end, color=OUTAGE, alpha=0.28, linewidth=0, label=label if k == 0 else None, zorder=0)
+HALF_WIDTH_S = 10.0
+
+
+def zoomed_error_figure(
+    recording: Recording,
+    estimates: Mapping[str, Estimate],
+    window_s: tuple[float, float],
+    *,
+    burn_in_s: float = 0.0,
+    palette: Palette | None = None,
+) -> Figure:
+    """Draw the length of the position error [m] within ``window_s``; the vertical axis fits what is seen there."""
+    figure = error_figure(recording, estimates, 1, burn_in_s=burn_in_s, window_s=window_s, palette=palette)
+    axes = figure.axes[0]
+    axes.set_xlim(*window_s)
+    axes.set_title(f"{literal(recording.name)}, {window_s[0]:.1f} to {window_s[1]:.1f} s")
+    seen = [
+        values[(line.get_xdata() >= window_s[0]) & (line.get_xdata() <= window_s[1])]  # type: ignore[operator]  # arrays
+        for line in axes.get_lines()
+        for values in [np.asarray(line.get_ydata(), dtype=np.float64)]
+    ]
+    finite = np.concatenate([np.empty(0), *(norm[np.isfinite(norm) & (norm > 0)] for norm in seen)])
+    if len(finite):
+        bottom = 0.5 * float(np.percentile(finite, 1)) if axes.get_yscale() == "log" else 0.0
+        axes.set_ylim(bottom, 1.1 * float(finite.max()))
+    return figure
+
+
+def disturbed_window_s(recording: Recording, estimates: Mapping[str, Estimate]) -> tuple[float, float]:
+    """Return the first outage with some room, or else the time around the moment at which the estimates differ most."""
+    if len(recording.outages_s):
+        begin, end = recording.outages_s[0]
+        return float(begin - HALF_WIDTH_S / 2), float(end + HALF_WIDTH_S)
+    t_s = recording.reference.t_s  # what is drawn ends with it
+    norms = np.full((max(len(estimates), 1), len(t_s)), np.nan)
+    for row, estimate in zip(norms, estimates.values(), strict=False):
+        with np.errstate(over="ignore", invalid="ignore"):
+            row[estimate.index] = np.sqrt(np.sum(position_error_m(estimate, recording) ** 2, axis=1))
+    known = np.isfinite(norms).all(axis=0) & recording.reference.scored & (t_s >= t_s[0] + HALF_WIDTH_S)
+    if not known.any():
+        return float(t_s[0]), float(t_s[-1])
+    spread = np.where(known, np.nanmax(np.where(known, norms, 0.0), axis=0), -1.0)
+    centre = float(t_s[int(np.argmax(spread))])
+    return max(float(t_s[0]), centre - HALF_WIDTH_S), min(float(t_s[-1]), centre + HALF_WIDTH_S)
+
+
+def inclination_figure(
+    recording: Recording, estimates: Mapping[str, Estimate], palette: Palette | None = None
+) -> Figure:
+    """Draw the error of the inclination [deg] over time [s]; thin where it is not scored, RMSE over what is."""
+    figure = new_figure(3.2)
+    axes = figure.add_subplot()
+    for name, look in looks(estimates, palette):
+        colour, dash = look.colour, look.line
+        index = estimates[name].index
+        t_s, scored = recording.reference.t_s[index], recording.reference.scored[index]
+        error_deg = np.degrees(inclination_error_rad(estimates[name], recording))
+        rmse_deg = rms_norm(error_deg[scored & np.isfinite(error_deg), None])
+        axes.plot(t_s, error_deg, color=colour, linestyle=dash, linewidth=0.5, alpha=0.6)
+        shown = np.where(scored, error_deg, np.nan)
+        axes.plot(t_s, shown, color=colour, linestyle=dash, linewidth=1.2, label=f"{name}: RMSE {number(rmse_deg)} deg")
+    axes.set(xlabel="Time [s]", ylabel="Inclination error [deg]", title=literal(recording.name))
+    axes.set_ylim(bottom=0.0)
+    end_with(axes, recording.reference.t_s)
+    quiet(axes)
+    legend_below(figure)
+    return figure

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
-from jerkbench.report.plots.style import DOTS_PER_INCH, literal
+from jerkbench.report.plots.style import literal, new_figure
 from jerkbench.report.tables.table_model import Table
 
 WORST = 100.0
@@ -23,11 +23,8 @@ def heat_map_figure(table: Table, competing: Sequence[bool]) -> Figure:
     scenarios = [", ".join(values) for values in table.rows]
     names = [" + ".join(values) for values in table.columns]
     methods = [name if competes else f"({name})" for name, competes in zip(names, competing, strict=True)]
-    size = (
-        2.2 + 0.085 * max(map(len, methods)) + 0.56 * len(scenarios),
-        1.3 + 0.085 * max(map(len, scenarios)) + 0.24 * len(methods),
-    )
-    figure = Figure(figsize=size, dpi=DOTS_PER_INCH, layout="constrained")
+    height = 1.3 + 0.085 * max(map(len, scenarios)) + 0.24 * len(methods)
+    figure = new_figure(height, 2.2 + 0.085 * max(map(len, methods)) + 0.56 * len(scenarios))
     axes = figure.add_subplot()
     whole = np.array([[cell.mean if cell and cell.complete else np.nan for cell in row] for row in table.cells])
     best = np.where(np.isfinite(whole) & np.asarray(competing), whole, np.inf).min(axis=1, keepdims=True)

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from jerkbench.arrays import FloatArray
-from jerkbench.report.plots.style import DOTS_PER_INCH, OKABE_ITO, literal, quiet
+from jerkbench.report.plots.style import OKABE_ITO, literal, new_figure, quiet
 
 COLUMNS = 3
 
@@ -55,7 +55,7 @@ def search_figure(
     """Draw one panel for each parameter with the losses (n,) of all trials, the map, and the curve of the budget."""
     count = len(profiles) + (most is not None) + 1
     rows = -(-count // COLUMNS)
-    figure = Figure(figsize=(3.3 * min(count, COLUMNS), 2.7 * rows), dpi=DOTS_PER_INCH, layout="constrained")
+    figure = new_figure(2.7 * rows, 3.3 * min(count, COLUMNS))
     axes = list(np.ravel(figure.subplots(rows, min(count, COLUMNS), squeeze=False)))
     for panel, profile in zip(axes, profiles, strict=False):
         _draw_profile(panel, profile, losses)

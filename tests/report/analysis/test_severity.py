@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from jerkbench.report.analysis.severity import crossings, smallest_noticed, with_severity
-from jerkbench.report.plots.severity import severity_figure
+from jerkbench.report.plots.sweeps import severity_figure
 
 
 def rows(sizes=(0.1, 1.0, 10.0), seeds=5):

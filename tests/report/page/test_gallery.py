@@ -5,9 +5,9 @@ import io
 import numpy as np
 from PIL import Image
 
+from jerkbench.report.drawings import Picture
 from jerkbench.report.page import gallery as room
 from jerkbench.report.page.gallery import gallery
-from jerkbench.report.plots.picture import Picture
 
 
 def picture(name, scenario):

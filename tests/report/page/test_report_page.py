@@ -11,13 +11,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from jerkbench.report.plots.picture import Picture
 
 from commands import swept
 from jerkbench.report.analysis.review import Evidence, review
 from jerkbench.report.page.nees import says
 from jerkbench.report.page.page import Results, page
 from jerkbench.report.page.traces import Stretch
-from jerkbench.report.plots.picture import Picture
 from jerkbench.results.replay import stored_row
 from jerkbench.results.store import Store
 

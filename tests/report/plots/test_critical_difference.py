@@ -7,9 +7,9 @@ import pandas as pd
 import pytest
 
 from jerkbench.evaluation.statistics.ranks import critical_difference
-from jerkbench.report.plots.critical_difference import SHOWN, critical_difference_figure
+from jerkbench.report.drawings import of_rows
 from jerkbench.report.plots.palette import Look
-from jerkbench.results.study_figures.drawings import of_rows
+from jerkbench.report.plots.ranks import SHOWN, critical_difference_figure
 
 FULL, DASHED = Look("#112233", (), ""), Look("#445566", (8, 4), "////")
 

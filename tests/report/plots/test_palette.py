@@ -9,15 +9,12 @@ from matplotlib.colors import to_hex
 
 from jerkbench.estimate import Estimate, Updates
 from jerkbench.recording import Position, Recording, Reference
-from jerkbench.report.plots.adapted_r import adapted_r_figure
-from jerkbench.report.plots.errors_over_time import error_figure
-from jerkbench.report.plots.inclination_over_time import inclination_figure
-from jerkbench.report.plots.inset import inset_trajectory_figure
+from jerkbench.report.drawings import of_rows, palette_of
+from jerkbench.report.plots.attitude import tilt_figure
+from jerkbench.report.plots.consistency import adapted_r_figure
+from jerkbench.report.plots.errors_over_time import error_figure, inclination_figure, zoomed_error_figure
 from jerkbench.report.plots.palette import COLOURS, Palette, method_of
-from jerkbench.report.plots.tilt import tilt_figure
-from jerkbench.report.plots.trajectory import trajectory_figure
-from jerkbench.report.plots.zoom import zoomed_error_figure
-from jerkbench.results.study_figures.drawings import of_rows, palette_of
+from jerkbench.report.plots.trajectory import inset_trajectory_figure, trajectory_figure
 
 N = 50
 METHODS = ("jerk + mtf", "jerk + none", "bias + mtf", "bias + none")

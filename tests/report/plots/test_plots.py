@@ -16,25 +16,24 @@ from jerkbench.inspection.overview import overview_figure
 from jerkbench.recording import Imu, Position, Recording, Reference
 from jerkbench.report.analysis.best_noise import at_best_noise
 from jerkbench.report.analysis.costs import costs
-from jerkbench.report.plots.acceleration import acceleration_figure
-from jerkbench.report.plots.adapted_r import adapted_r_figure
+from jerkbench.report.drawings import of_rows
+from jerkbench.report.plots.attitude import acceleration_figure, tilt_figure
 from jerkbench.report.plots.bars import PALE, bars_figure
-from jerkbench.report.plots.consistency import consistency_figure, nees
-from jerkbench.report.plots.critical_difference import critical_difference_figure
-from jerkbench.report.plots.errors_over_time import error_figure
-from jerkbench.report.plots.figures import save_figure
+from jerkbench.report.plots.consistency import adapted_r_figure, consistency_figure, nees
+from jerkbench.report.plots.errors_over_time import (
+    disturbed_window_s,
+    error_figure,
+    inclination_figure,
+    zoomed_error_figure,
+)
 from jerkbench.report.plots.heat_map import heat_map_figure
-from jerkbench.report.plots.inclination_over_time import inclination_figure
-from jerkbench.report.plots.inset import inset_trajectory_figure
 from jerkbench.report.plots.palette import Palette
-from jerkbench.report.plots.profile import profile_figure
-from jerkbench.report.plots.sensitivity import sensitivity_figure, with_sigma
-from jerkbench.report.plots.tilt import tilt_figure
-from jerkbench.report.plots.trajectory import trajectory_figure
-from jerkbench.report.plots.zoom import disturbed_window_s, zoomed_error_figure
+from jerkbench.report.plots.ranks import critical_difference_figure, profile_figure
+from jerkbench.report.plots.style import save_figure
+from jerkbench.report.plots.sweeps import sensitivity_figure, with_sigma
+from jerkbench.report.plots.trajectory import inset_trajectory_figure, trajectory_figure
 from jerkbench.report.tables.summary import summarise
 from jerkbench.report.tables.table_model import number
-from jerkbench.results.study_figures.drawings import of_rows
 
 STYLES = [Palette.of([(name, "none") for name in "abcdef"]).look((name, "none")) for name in "abcdef"]
 

@@ -1,4 +1,4 @@
-"""Every figure of a study, and the errors over time, made in processes of their own: scenarios side by side."""
+"""The figures of a study, made in processes of their own, scenarios side by side; its report."""
 
 import sys
 from collections.abc import Iterator, Mapping, Sequence
@@ -9,22 +9,41 @@ from typing import TYPE_CHECKING
 from jerkbench.errors import JerkbenchError
 from jerkbench.execution.pool import run_grouped
 from jerkbench.execution.progress import Progress
-from jerkbench.files import write_atomically
+from jerkbench.files import write_atomically, write_text
 from jerkbench.report.analysis.factors import METHOD
+from jerkbench.report.analysis.rule import RULE, Rule
+from jerkbench.report.choice import Choice
+from jerkbench.report.drawings import (
+    Drawing,
+    Methods,
+    Picture,
+    by_difference,
+    of_rows,
+    of_scene,
+    palette_of,
+    telling_scenes,
+)
 from jerkbench.report.page.traces import Stretch
 from jerkbench.report.plots.palette import Palette
-from jerkbench.report.plots.picture import Picture
 from jerkbench.report.tables.summary import main_metric
-from jerkbench.results.scenario_runs import SCENARIO, Cells, load_scene, scene_cells
+from jerkbench.results.manifest import read_manifest
+from jerkbench.results.scenario_runs import SCENARIO, Cells, load_scene, load_stretch, scene_cells, steps_of
 from jerkbench.results.selection import named_part
+from jerkbench.results.store import Store
 from jerkbench.results.study import Study
-from jerkbench.results.study_figures.choice import Choice
-from jerkbench.results.study_figures.drawings import Drawing, of_rows, of_scene, palette_of
-from jerkbench.results.study_figures.selection import Methods, by_difference, telling_scenes
-from jerkbench.results.study_figures.traces import load_stretch, steps_of
 
 if TYPE_CHECKING:
     import pandas as pd
+
+FIGURES, REPORT = "figures", "report.html"
+PROVENANCE = ("command", "finished", "commit", "versions", "host")
+"""Entries of the manifest that the report shows."""
+
+OTHERWISE = {
+    Choice.FEW: "figures=all draws those of every scenario, figures=none leaves them out",
+    Choice.ALL: "figures=few draws those that carry a finding, figures=none leaves them out",
+}
+"""What one can ask for instead."""
 
 LIMIT = 20
 """Scenarios whose runs are drawn at most, unless asked otherwise."""
@@ -162,42 +181,30 @@ def _requested(study: Study, request: Request) -> Study:
 
 def draw(job: Job) -> Drawn:
     """Draw the figures of ``job``; none where its runs cannot be run again, which is told on standard error."""
+    programs = job.request.run_programs
     try:
-        return Drawn(tuple(_picture(drawing, job) for drawing in _drawings(job)), tuple(_stretches(job)))
+        pictures = tuple(_picture(drawing, job) for drawing in _drawings(job))
+        stretch = None
+        if job.cells and job.steps:
+            stretch = load_stretch(job.study, job.scenario, job.cells, job.metric, job.steps, run_programs=programs)
+        return Drawn(pictures, (stretch,) if stretch else ())
     except JerkbenchError as error:
         print(f"jerkbench: no figures of {job.scenario}: {error}", file=sys.stderr)
         return Drawn()
 
 
-def _stretches(job: Job) -> Iterator[Stretch]:
-    if job.cells and job.steps:
-        stretch = load_stretch(
-            job.study, job.scenario, job.cells, job.metric, job.steps, run_programs=job.request.run_programs
-        )
-        if stretch is not None:
-            yield stretch
-
-
 def _drawings(job: Job) -> Iterator[Drawing]:
     if job.rows is not None:
-        return of_rows(job.rows, job.palette)
-    if job.methods is None:
-        return iter(())
-    scene = load_scene(
-        job.study,
-        job.scenario,
-        job.cells,
-        job.metric,
-        job.methods,
-        job.request.seed,
-        run_programs=job.request.run_programs,
-    )
-    return of_scene(scene, job.palette)
+        yield from of_rows(job.rows, job.palette)
+    elif job.methods is not None:
+        seed, programs = job.request.seed, job.request.run_programs
+        where = job.study, job.scenario, job.cells
+        yield from of_scene(load_scene(*where, job.metric, job.methods, seed, run_programs=programs), job.palette)
 
 
 def _picture(drawing: Drawing, job: Job) -> Picture:
     """Render a figure once for the page and the file, and once more as PDF where that is wanted."""
-    from jerkbench.report.plots.figures import png_bytes, save_pdf
+    from jerkbench.report.plots.style import png_bytes, save_pdf
 
     png = png_bytes(drawing.figure)
     out = job.request.out
@@ -206,3 +213,45 @@ def _picture(drawing: Drawing, job: Job) -> Picture:
         if job.request.pdf:
             save_pdf(drawing.figure, out / f"{drawing.name}.pdf")
     return Picture(drawing.name, drawing.caption, job.scenario, png)
+
+
+def present(study: Study, workers: int, choice: Choice, *, pdf: bool = False, run_programs: bool = False) -> None:
+    """Draw the figures of a study and write its report; say so before, because it takes a while.
+
+    Args:
+        study: the study.
+        workers: number of processes.
+        choice: which figures.
+        pdf: whether each is a PDF, too.
+        run_programs: whether programs of stored cells may run; without it they are left out.
+    """
+    drawn = Drawn()
+    if choice is not Choice.NONE:
+        print(f"Drawing the figures ({OTHERWISE[choice]}).", flush=True)
+        drawn = draw_study(
+            study, Request(choice, out=study.folder / FIGURES, pdf=pdf, run_programs=run_programs), workers
+        )
+        print(f"Figures: {study.folder / FIGURES}")
+    write_report(study, drawn, study.folder / REPORT)
+    print(f"Report: {study.folder / REPORT}")
+
+
+def write_report(
+    study: Study, drawn: Drawn, path: Path, method: tuple[str, ...] | None = None, rule: Rule = RULE
+) -> None:
+    """Write the report of a study as one HTML file, its methods made of ``method`` and judged by ``rule``."""
+    from jerkbench.report.page.page import Results, page
+
+    stored, _ = Store(study.folder).read(list(dict.fromkeys(study.keys)))
+    manifest, labels = read_manifest(study.folder), study.labels
+    results = Results(
+        name=study.folder.resolve().name,
+        rows=study.rows,
+        keys=list(study.keys),
+        about={cell.key: {**cell.metadata, "labels": labels[cell.key]} for cell in stored},
+        notes=study.notes,
+        provenance={key: manifest[key] for key in PROVENANCE if key in manifest},
+        rule=rule,
+        method=method,
+    )
+    write_text(path, page(results, drawn.pictures, drawn.stretches))

@@ -1,21 +1,34 @@
-"""Every figure of a study, with its caption."""
+"""Every figure of a study, with its caption; the scenarios and methods that carry its findings."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypedDict
 
+from jerkbench.estimate import Attitude, Estimate
+from jerkbench.recording import Recording
 from jerkbench.report.analysis.factors import FACTORS, METHOD
+from jerkbench.report.analysis.strongest import largest
+from jerkbench.report.analysis.study_verdicts import study_verdicts
 from jerkbench.report.plots.palette import Palette
 from jerkbench.report.tables.summary import main_metric, summarise
-from jerkbench.results.scenario_runs import Scene
-from jerkbench.results.titles import file_stem
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-
 AT_BEST = "Each method has its best noise of the sweep, on these very runs."
+
+NOTABLE = 0.5
+"""A method is drawn where its difference is at least so large, as a part of the scenario's largest."""
+
+SCENES = 3
+"""Scenarios that are drawn at most: of each there are eight figures."""
+
+METHODS = 4
+"""Methods that are drawn in a scenario at most, beside the best."""
+
+Methods = tuple[tuple[str, str], ...]
+"""Filter and adaptation of each."""
 
 
 class Common(TypedDict):
@@ -45,6 +58,50 @@ class Drawing:
     figure: "Figure"
 
 
+@dataclass(frozen=True)
+class Picture:
+    """A figure as bytes, with what belongs under it.
+
+    Attributes:
+        name: of its files, without the ending.
+        caption: what it shows.
+        scenario: whose runs; empty for a figure of all rows.
+        png: the picture.
+    """
+
+    name: str
+    caption: str
+    scenario: str
+    png: bytes
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """One scenario, its first seed.
+
+    Attributes:
+        name: data set, disturbance, attitude.
+        stem: the beginning of its files' names.
+        recording: what the filters saw; its name is the figures' title.
+        attitude: what they were given.
+        estimates: of each method, by its name.
+        tilts: the best method with each way of the tilt filter to adapt; if its attitude is no `tilt`, its own alone.
+        best: the method with the lowest mean, of those that compete.
+        best_runs: recordings and estimates of its first seeds.
+        burn_in_s: errors count from then on.
+    """
+
+    name: str
+    stem: str
+    recording: Recording
+    attitude: Attitude
+    estimates: Mapping[str, Estimate]
+    tilts: Mapping[str, Estimate]
+    best: str
+    best_runs: tuple[tuple[Recording, Estimate], ...]
+    burn_in_s: float
+
+
 def palette_of(rows: "pd.DataFrame") -> Palette:
     """Return the palette of a study: the same in all its figures, and on its page."""
     return Palette.of(zip(rows["filter"].astype(str), rows["adaptation"].astype(str), strict=True))
@@ -56,8 +113,7 @@ def of_rows(rows: "pd.DataFrame", palette: Palette | None = None) -> Iterator[Dr
     from jerkbench.report.analysis.quantities import quantity
     from jerkbench.report.analysis.severity import with_severity
     from jerkbench.report.plots.bars import bars_figure
-    from jerkbench.report.plots.sensitivity import sensitivity_figure, with_sigma
-    from jerkbench.report.plots.severity import severity_figure
+    from jerkbench.report.plots.sweeps import sensitivity_figure, severity_figure, with_sigma
 
     metric, palette = main_metric(rows), palette or palette_of(rows)
     title = quantity(metric).heading
@@ -87,7 +143,7 @@ def _over_scenarios(rows: "pd.DataFrame", metric: str, noise: str, palette: Pale
     from jerkbench.report.analysis.quantities import quantity
     from jerkbench.report.analysis.references import competes
     from jerkbench.report.plots.heat_map import heat_map_figure
-    from jerkbench.report.plots.profile import profile_figure
+    from jerkbench.report.plots.ranks import profile_figure
 
     title = quantity(metric).heading
     values, _, methods = costs(rows, metric)
@@ -125,7 +181,7 @@ def _ranked(rows: "pd.DataFrame", metric: str, noise: str, palette: Palette) -> 
     from jerkbench.report.analysis.across import common_field
     from jerkbench.report.analysis.quantities import quantity
     from jerkbench.report.analysis.study_verdicts import study_verdicts
-    from jerkbench.report.plots.critical_difference import critical_difference_figure
+    from jerkbench.report.plots.ranks import critical_difference_figure
 
     verdicts = study_verdicts(rows, metric, most=0)
     field = common_field(verdicts)
@@ -151,13 +207,10 @@ def _ranked(rows: "pd.DataFrame", metric: str, noise: str, palette: Palette) -> 
 
 def of_scene(scene: Scene, palette: Palette) -> Iterator[Drawing]:
     """Yield the figures of one scenario's runs."""
-    from jerkbench.report.plots.acceleration import acceleration_figure
-    from jerkbench.report.plots.adapted_r import adapted_r_figure
-    from jerkbench.report.plots.consistency import consistency_figure
-    from jerkbench.report.plots.errors_over_time import error_figure
-    from jerkbench.report.plots.inset import inset_trajectory_figure
-    from jerkbench.report.plots.tilt import tilt_figure
-    from jerkbench.report.plots.zoom import disturbed_window_s, zoomed_error_figure
+    from jerkbench.report.plots.attitude import acceleration_figure, tilt_figure
+    from jerkbench.report.plots.consistency import adapted_r_figure, consistency_figure
+    from jerkbench.report.plots.errors_over_time import disturbed_window_s, error_figure, zoomed_error_figure
+    from jerkbench.report.plots.trajectory import inset_trajectory_figure
 
     recording, estimates = scene.recording, scene.estimates
     window_s = disturbed_window_s(recording, estimates)
@@ -178,6 +231,34 @@ def of_scene(scene: Scene, palette: Palette) -> Iterator[Drawing]:
     if recording.imu is not None:
         figures["tilt"] = ("roll and pitch against the reference", tilt_figure(recording, scene.tilts, palette))
         figures["acceleration"] = ("raw and compensated acceleration", acceleration_figure(recording, scene.attitude))
-    slug = file_stem([scene.name])
     for kind, (caption, figure) in figures.items():
-        yield Drawing(f"{slug}-{kind}", f"{scene.name}: {caption}.", figure)
+        yield Drawing(f"{scene.stem}-{kind}", f"{scene.name}: {caption}.", figure)
+
+
+def telling_scenes(scenes: Mapping[str, Methods]) -> dict[str, Methods]:
+    """Return the first few of the scenarios `by_difference`; where none has a difference, the first of all."""
+    told = [(name, methods) for name, methods in scenes.items() if methods]
+    return dict(told[:SCENES] or list(scenes.items())[:1])
+
+
+def by_difference(rows: "pd.DataFrame", metric: str, names: Sequence[str]) -> dict[str, Methods]:
+    """Return all scenarios, the one with the largest certain difference first, each with the methods that differ.
+
+    Methods whose difference is less than `NOTABLE` of the scenario's largest are left out. Scenarios without a
+    difference come last, in their order, with no methods.
+
+    Args:
+        rows: one row a cell and seed.
+        metric: the leading one.
+        names: of the scenarios that can be drawn: data set, disturbance, attitude.
+    """
+    weights: dict[str, float] = {}
+    scenes: dict[str, Methods] = {}
+    for weight, pair in largest(study_verdicts(rows, metric).standings):
+        for combination in (pair.baseline, pair.subject):
+            label = dict(zip(FACTORS, combination, strict=True))
+            name = ", ".join(label[factor] for factor in ("dataset", "disturbance", "attitude"))
+            if name in names and weight >= NOTABLE * weights.setdefault(name, weight):
+                method = (label["filter"], label["adaptation"])
+                scenes[name] = tuple(dict.fromkeys((*scenes.get(name, ()), method)))[:METHODS]
+    return {**scenes, **{name: () for name in names if name not in scenes}}

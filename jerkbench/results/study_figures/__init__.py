@@ -1,1 +1,0 @@
-"""Every figure of a study: drawn, written, put into the report."""
