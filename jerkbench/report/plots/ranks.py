@@ -14,7 +14,7 @@ from jerkbench.report.plots.palette import Look
 from jerkbench.report.plots.style import REFERENCE, legend_below, literal, new_figure, quiet
 
 FURTHEST = 100.0
-SHOWN = 8
+PROFILES = 8
 """As many methods are drawn, by their mean rank."""
 
 
@@ -28,7 +28,7 @@ def profile_figure(costs: FloatArray, methods: Sequence[str], title: str, looks_
     axes = figure.add_subplot()
     factors = np.geomspace(1.0, FURTHEST, 400)
     shares, ranks = performance_profile(costs, factors), mean_ranks(costs)
-    order = np.argsort(ranks, kind="stable")[:SHOWN]
+    order = np.argsort(ranks, kind="stable")[:PROFILES]
     for names in coinciding({methods[s]: shares[s] for s in order}):
         s = methods.index(names[0])
         label = joined(f"{name} (mean rank {ranks[methods.index(name)]:.1f})" for name in names)
@@ -45,7 +45,7 @@ def profile_figure(costs: FloatArray, methods: Sequence[str], title: str, looks_
     return figure
 
 
-SHOWN = 24
+RANKED = 24
 """As many methods are drawn, the best by mean rank."""
 
 ROW_IN = 0.24
@@ -66,7 +66,7 @@ def critical_difference_figure(
         title: of the metric.
         scenarios: how many.
     """
-    order = np.argsort(ranks, kind="stable")[:SHOWN]
+    order = np.argsort(ranks, kind="stable")[:RANKED]
     figure = new_figure(1.5 + ROW_IN * len(order))
     axes = figure.add_subplot()
     for row, k in enumerate(order):

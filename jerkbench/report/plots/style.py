@@ -2,6 +2,7 @@
 
 import io
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -36,7 +37,9 @@ HANDLE_CHARACTERS = 9
 LEGEND_ROW_IN = 0.22
 
 
-def new_figure(height_in: float, width_in: float = 7.0, layout: str = "constrained") -> Figure:
+def new_figure(
+    height_in: float, width_in: float = 7.0, layout: Literal["constrained", "compressed"] = "constrained"
+) -> Figure:
     """Return an empty figure of this size [inch]."""
     return Figure(figsize=(width_in, height_in), dpi=DOTS_PER_INCH, layout=layout)
 

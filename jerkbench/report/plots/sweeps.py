@@ -1,7 +1,7 @@
 """Figures of a metric over what was swept: the process noise, or the size of a fault."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -38,7 +38,7 @@ def sensitivity_figure(rows: "pd.DataFrame", metric: str, palette: Palette | Non
     for axes, scene in zip(panels, scenes, strict=True):
         for name, look in look_of.items():
             runs = swept[(swept["scene"] == scene) & (swept["method"] == name)]
-            _draw_means(axes, runs, "sigma_a", sorted(runs["sigma_a"].unique()), metric, look, name, panels[0])
+            _draw_means(axes, runs, "sigma_a", np.sort(runs["sigma_a"].unique()), metric, look, name, panels[0])
         axes.set(title=literal(scene), ylabel=literal(quantity(metric).heading), xscale="log", yscale="log")
         quiet(axes)
     panels[-1].set_xlabel("sigma_a [m/s$^2$]")
@@ -94,7 +94,7 @@ def _looks(swept: "pd.DataFrame", palette: Palette | None) -> Mapping[str, Look]
 
 
 def _draw_means(
-    axes: Axes, runs: "pd.DataFrame", over: str, at: Sequence[float], metric: str, look: Look, name: str, first: Axes
+    axes: Axes, runs: "pd.DataFrame", over: str, at: FloatArray, metric: str, look: Look, name: str, first: Axes
 ) -> FloatArray:
     """Draw and return a method's means at some values of the column ``over``; the ``first`` panel has its label."""
     groups = [runs[runs[over] == x] for x in at]
