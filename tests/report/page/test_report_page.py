@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from jerkbench.report.plots.picture import Picture
 
 from commands import swept
 from jerkbench.report.analysis.review import Evidence, review
+from jerkbench.report.drawings import Picture
 from jerkbench.report.page.nees import says
 from jerkbench.report.page.page import Results, page
 from jerkbench.report.page.traces import Stretch

@@ -9,7 +9,7 @@ import pytest
 from jerkbench.evaluation.statistics.ranks import critical_difference
 from jerkbench.report.drawings import of_rows
 from jerkbench.report.plots.palette import Look
-from jerkbench.report.plots.ranks import SHOWN, critical_difference_figure
+from jerkbench.report.plots.ranks import RANKED, critical_difference_figure
 
 FULL, DASHED = Look("#112233", (), ""), Look("#445566", (8, 4), "////")
 
@@ -40,7 +40,7 @@ def test_a_line_joins_whom_nemenyi_does_not_tell_apart():
 
 def test_who_has_an_adaptation_is_hollow_and_the_worst_of_many_are_not_drawn():
     _, dots, axes = drawn(np.arange(1.0, 31.0), 3.0)
-    assert len(dots) == SHOWN
+    assert len(dots) == RANKED
     assert dots[0].get_markerfacecolor() == FULL.colour
     assert {dot.get_markerfacecolor() for dot in dots[1:]} == {"white"}
     assert "6 worse ones are not drawn" in axes.get_xlabel()
