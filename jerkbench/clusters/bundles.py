@@ -1,19 +1,45 @@
 """Bundles through an executor: sent in order, a few at a time, and again where a worker was lost."""
 
+import os
+import pickle
 from collections import deque
-from collections.abc import Iterator
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Future, wait
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
+from dataclasses import dataclass
+from functools import cache
 from itertools import groupby
-from typing import Any, Generic, NamedTuple
+from pathlib import Path
+from typing import Any, Generic, NamedTuple, Protocol
 
 from jerkbench.clusters.cluster import ClusterError, Order, Result, Task
-from jerkbench.clusters.connection import Connection
-from jerkbench.clusters.sending import packed, run_packed
+from jerkbench.clusters.identity import Identity, refusal
+from jerkbench.errors import JerkbenchError
+from jerkbench.plain import keep_output_plain
 
 TRIES = 3
 """So often a task may lose its worker: in its bundle, and then by itself."""
 LOOK_S = 2.0
 """So long we wait for a result before the connection is asked whether one can still come."""
+
+
+class Connection(Protocol):
+    """An engine that takes bundles, opened."""
+
+    def submit(self, work: Callable[..., Any], *arguments: Any) -> "Future[Any]":  # noqa: ANN401 - goes to the work
+        """Hand over a piece of work."""
+        ...
+
+    def room(self) -> int:
+        """Return how many bundles may be on their way: one that runs and one that waits for each worker."""
+        ...
+
+    def trouble(self) -> str:
+        """Return why no result will come any more, or an empty string."""
+        ...
+
+    def close(self) -> None:
+        """Cancel what waits; what runs is not wanted any more."""
+        ...
 
 
 class _Bundle(NamedTuple, Generic[Task]):
@@ -48,7 +74,6 @@ class _Dispatch(Generic[Task, Result]):
         self.waiting = deque(_Bundle(tasks) for tasks in whole)
         self.lost: deque[_Bundle[Task]] = deque()
         self.running: dict[Future[list[Any]], _Bundle[Task]] = {}
-        self.broken = False
 
     def outcomes(self) -> Iterator[tuple[Task, Result | Exception]]:
         """Yield what comes, until nothing is left."""
@@ -64,32 +89,21 @@ class _Dispatch(Generic[Task, Result]):
 
     def _send(self) -> Iterator[tuple[Task, Result | Exception]]:
         """Send as many bundles as there is room for; what cannot even be packed comes back at once."""
-        if self.broken and not self.running:
-            self.connection.renew()
-            self.broken = False
-        while not self.broken and (bundle := self._next()) is not None:
+        while (bundle := self._next()) is not None:
             try:
                 pack = packed(self.order.work, bundle.tasks, self.order.identity)
             except Exception as error:  # noqa: BLE001 - a plugin decides on what pickling raises
                 yield from ((task, error) for task in bundle.tasks)
                 continue
-            try:
-                self.running[self.connection.submit(run_packed, pack)] = bundle
-            except BrokenExecutor:
-                self.broken = True
-                self.lost.append(bundle)
+            self.running[self.connection.submit(run_packed, pack)] = bundle
 
     def _next(self) -> _Bundle[Task] | None:
-        """The next bundle that is admitted; what was lost goes last, where it breaks nothing but itself."""
+        """The next bundle that is admitted; what was lost goes last."""
         while self.waiting and len(self.running) < self.connection.room():
             if tasks := self.order.admit(self.waiting.popleft().tasks):
                 return _Bundle(tasks)
-        if self.lost and not self.waiting and len(self.running) < self._room_for_lost():
-            return self.lost.popleft()
-        return None
-
-    def _room_for_lost(self) -> int:
-        return 1 if self.connection.shared_fate else self.connection.room()
+        room = not self.waiting and len(self.running) < self.connection.room()
+        return self.lost.popleft() if self.lost and room else None
 
     def _received(self, future: "Future[list[Any]]") -> Iterator[tuple[Task, Result | Exception]]:
         bundle = self.running.pop(future)
@@ -98,7 +112,6 @@ class _Dispatch(Generic[Task, Result]):
         except (ClusterError, CancelledError) as error:
             raise _ended(error, self.connection) from error
         except Exception as error:  # noqa: BLE001 - each engine has errors of its own for a worker that is lost
-            self.broken = self.broken or isinstance(error, BrokenExecutor)
             yield from self._again(bundle, error)
             return
         for task, outcome in zip(bundle.tasks, outcomes, strict=True):
@@ -120,3 +133,65 @@ def _ended(error: BaseException, connection: Connection) -> ClusterError:
     if isinstance(error, ClusterError):
         return error
     return ClusterError(connection.trouble() or "The cluster has cancelled what was on its way.")
+
+
+class RefusedError(ClusterError):
+    """A worker that has other code, versions or plugins than the plan."""
+
+
+@dataclass(frozen=True)
+class Pack:
+    """A bundle as it is sent; nothing of it is read before the identity is the worker's own.
+
+    Attributes:
+        identity: what the worker must have.
+        folder: working directory of the plan; a worker that has it too works there.
+        content: the work and its tasks, pickled.
+    """
+
+    identity: Identity
+    folder: str
+    content: bytes
+
+
+def packed(work: Callable[[Task], Result], tasks: Sequence[Task], identity: Identity) -> Pack:
+    """Pack some tasks.
+
+    Raises:
+        Exception: they cannot be pickled; a plugin decides on what is raised.
+    """
+    return Pack(identity, str(Path.cwd()), pickle.dumps((work, list(tasks))))
+
+
+def run_packed(pack: Pack) -> list[Any]:
+    """Run the tasks of a bundle, in a worker; returns the result of each, or what it raised.
+
+    Raises:
+        RefusedError: this worker is not fit for the plan.
+    """
+    if sentence := refusal(pack.identity):
+        raise RefusedError(sentence)
+    _prepare(pack.folder)
+    work, tasks = pickle.loads(pack.content)  # noqa: S301 - from the process that planned, by way of its own cluster
+    return [_outcome(work, task) for task in tasks]
+
+
+def _outcome(work: Callable[[Task], Result], task: Task) -> Result | Exception:
+    """What came of a task; errors of anybody's own classes as text, which can always be sent."""
+    try:
+        return work(task)
+    except (JerkbenchError, OSError) as error:
+        return error
+    except Exception as error:  # noqa: BLE001 - whatever a plugin raises becomes failed rows
+        return ChildProcessError(f"{type(error).__name__}: {error}")
+
+
+@cache
+def _prepare(folder: str) -> None:
+    """One thread a process, as in the own pool, and the plan's working directory: paths may be relative to it."""
+    from threadpoolctl import threadpool_limits
+
+    keep_output_plain()
+    threadpool_limits(1)
+    if Path(folder).is_dir():
+        os.chdir(folder)

@@ -1,7 +1,9 @@
 """The contract of a cluster: it takes an order and yields what became of each task."""
 
+import importlib
 from collections.abc import Callable, Hashable, Iterator, Sequence
 from dataclasses import dataclass
+from types import ModuleType
 from typing import Generic, Protocol, TypeVar
 
 from jerkbench.clusters.identity import Identity
@@ -51,3 +53,17 @@ class Cluster(Protocol):
             OSError: a result could not be stored.
         """
         ...
+
+
+def required(module: str, cluster: str) -> ModuleType:
+    """Return a module that a cluster needs, of the extra ``dask``.
+
+    Raises:
+        ClusterError: it is not installed; says how it would be.
+    """
+    try:
+        return importlib.import_module(module)
+    except ModuleNotFoundError as error:
+        raise ClusterError(
+            f"cluster={cluster} needs the package {error.name}, which is not installed: pip install 'jerkbench[dask]'."
+        ) from error

@@ -3,17 +3,16 @@
 import logging
 import math
 import time
-from collections.abc import Iterator
-from concurrent.futures import CancelledError, Executor
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import CancelledError, Future
+from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
-from jerkbench.clusters.cluster import ClusterError
-from jerkbench.clusters.connection import Connection
-from jerkbench.clusters.dask_settings import sparing
-from jerkbench.clusters.executing import Executing
-from jerkbench.clusters.extras import required
+from jerkbench.clusters.bundles import run_bundles
+from jerkbench.clusters.cluster import ClusterError, Order, Result, Task, required
+from jerkbench.notices import shared_notices
 
 ANSWER_S = 30.0
 """So long a scheduler may take to answer."""
@@ -23,8 +22,39 @@ TALKATIVE = ("distributed", "tornado", "asyncio")
 """Packages that log a connection which is lost as an error of their own, with a traceback."""
 
 
+SPARING: Mapping[str, bool | str] = MappingProxyType(
+    {
+        "distributed.worker.profile.enabled": False,  # it looks at what runs every 10 ms
+        "distributed.admin.tick.interval": "1s",  # each loop asks itself every 20 ms whether it is late
+        "distributed.admin.system-monitor.interval": "10s",  # for the dashboard, which we do not start
+    }
+)
+"""Dask's name of each setting, and its value: what watches its workers all the time is off, or rare.
+
+A run holds the interpreter. Whatever wakes another thread of its process takes that away and gives it back, which costs
+far more than what the thread does.
+"""
+
+
+class OverDask:
+    """A cluster whose bundles go through a client of Dask."""
+
+    def connect(self, workers: int) -> "AbstractContextManager[DaskConnection]":
+        """Start the workers, or reach them.
+
+        Raises:
+            ClusterError: a package is not installed, or nobody answers.
+        """
+        raise NotImplementedError
+
+    def run(self, order: Order[Task, Result], workers: int) -> Iterator[tuple[Task, Result | Exception]]:
+        """Send the order's bundles through it."""
+        with shared_notices(), self.connect(workers) as connection:
+            yield from run_bundles(connection, order)
+
+
 @dataclass(frozen=True)
-class Dask(Executing):
+class Dask(OverDask):
     """A Dask cluster.
 
     Attributes:
@@ -34,7 +64,7 @@ class Dask(Executing):
     address: str = ""
 
     @contextmanager
-    def connect(self, workers: int) -> Iterator[Connection]:
+    def connect(self, workers: int) -> Iterator["DaskConnection"]:
         """Reach the scheduler, or start processes."""
         distributed = required("distributed", "dask")
         with (
@@ -58,16 +88,19 @@ class Dask(Executing):
         )
 
 
-class DaskConnection(Connection):
+class DaskConnection:
     """A client of a scheduler, which sends what a lost worker had to another one by itself."""
-
-    shared_fate = False
 
     def __init__(self, client: Any, workers: int, name: str) -> None:  # noqa: ANN401 - Dask has no types
         """Send by ``client``; ``workers`` is a guess until they are there."""
-        self._client, self._name = client, name
+        self._client, self._name, self._workers = client, name, workers
         self._threads, self._asked_s = 0, -math.inf
-        super().__init__(self._executor, workers)
+        self._executor = client.get_executor(pure=False)  # the same bundle twice is run twice
+
+    def submit(self, work: Callable[..., Any], *arguments: Any) -> "Future[Any]":  # noqa: ANN401 - goes to the work
+        """Hand over a piece of work."""
+        future: Future[Any] = self._executor.submit(work, *arguments)
+        return future
 
     def room(self) -> int:
         """Return twice the number of threads that there were a moment ago; a scheduler that is gone names none."""
@@ -85,15 +118,11 @@ class DaskConnection(Connection):
     def close(self) -> None:
         """Cancel what waits; what a worker is running it runs to its end."""
         with suppress(CancelledError, OSError, TimeoutError):
-            self.executor.shutdown(wait=False)
+            self._executor.shutdown(wait=False)
 
     def _count(self) -> int:
         workers = self._client.scheduler_info(n_workers=-1).get("workers", {})
         return sum(worker["nthreads"] for worker in workers.values())
-
-    def _executor(self) -> Executor:
-        executor: Executor = self._client.get_executor(pure=False)  # the same bundle twice is run twice
-        return executor
 
 
 @contextmanager
@@ -135,3 +164,21 @@ def quiet() -> Iterator[None]:
     finally:
         for logger, level in loggers.items():
             logger.setLevel(level)
+
+
+@contextmanager
+def sparing() -> Iterator[None]:
+    """Set them for what is started here meanwhile: scheduler, client, and workers, which inherit them."""
+    dask = required("dask", "dask")
+    with dask.config.set(dict(SPARING)):
+        yield
+
+
+def exports() -> list[str]:
+    """Return the lines of a shell script that set them for the workers that it starts."""
+    return [f"export {variable(name)}={value}" for name, value in SPARING.items()]
+
+
+def variable(name: str) -> str:
+    """Return the environment variable that Dask reads a setting from."""
+    return "DASK_" + name.upper().replace("-", "_").replace(".", "__")

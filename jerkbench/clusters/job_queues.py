@@ -5,16 +5,12 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
-from jerkbench.clusters.cluster import ClusterError
-from jerkbench.clusters.connection import Connection
-from jerkbench.clusters.dask_cluster import DaskConnection, client_of, ended, quiet
-from jerkbench.clusters.dask_settings import exports, sparing
-from jerkbench.clusters.executing import Executing
-from jerkbench.clusters.extras import required
+from jerkbench.clusters.cluster import ClusterError, required
+from jerkbench.clusters.dask_cluster import DaskConnection, OverDask, client_of, ended, exports, quiet, sparing
 
 
 @dataclass(frozen=True)
-class JobQueue(Executing):
+class JobQueue(OverDask):
     """Jobs of a queue, each with some worker processes; the scheduler is this process.
 
     Attributes:
@@ -46,7 +42,7 @@ class JobQueue(Executing):
     logs: str = ""
 
     @contextmanager
-    def connect(self, workers: int) -> Iterator[Connection]:
+    def connect(self, workers: int) -> Iterator[DaskConnection]:
         """Submit the jobs; work begins with the first that runs."""
         del workers  # jobs and processes say how many
         distributed = required("distributed", self.system)

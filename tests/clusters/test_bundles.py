@@ -3,14 +3,12 @@
 import pickle
 from collections import deque
 from concurrent.futures import CancelledError, Future
-from concurrent.futures.process import BrokenProcessPool
 
 import pytest
 
-from jerkbench.clusters.bundles import TRIES, run_bundles
+from jerkbench.clusters.bundles import TRIES, RefusedError, run_bundles
 from jerkbench.clusters.cluster import ClusterError, Order
 from jerkbench.clusters.identity import Identity
-from jerkbench.clusters.sending import RefusedError
 
 
 class FakeConnection:
@@ -21,9 +19,9 @@ class FakeConnection:
         sent: the tasks of each bundle that was run.
     """
 
-    def __init__(self, deaths=(), *, shared_fate=False, error=None, room=2):
-        self.deaths, self.shared_fate, self.error = dict(deaths), shared_fate, error
-        self.sent, self.waiting, self._room, self.renewed, self.closed = [], deque(), room, 0, False
+    def __init__(self, deaths=(), *, error=None, room=2):
+        self.deaths, self.error = dict(deaths), error
+        self.sent, self.waiting, self._room, self.closed = [], deque(), room, False
 
     def submit(self, run, pack):
         assert len(self.waiting) < self._room
@@ -37,9 +35,6 @@ class FakeConnection:
     def trouble(self):
         return ""
 
-    def renew(self):
-        self.renewed += 1
-
     def close(self):
         self.closed = True
 
@@ -50,12 +45,7 @@ class FakeConnection:
             future.set_exception(self.error)
         elif culprit := next((task for task in tasks if self.deaths.get(task, 0) > 0), None):
             self.deaths[culprit] -= 1
-            future.set_exception(BrokenProcessPool("killed") if self.shared_fate else RuntimeError("killed"))
-            for other, _, lost in self.waiting if self.shared_fate else ():
-                self.sent.append(lost)
-                other.set_exception(BrokenProcessPool("killed"))
-            if self.shared_fate:
-                self.waiting.clear()
+            future.set_exception(RuntimeError("killed"))
         else:
             future.set_result([work(task) for task in tasks])
 
@@ -125,16 +115,6 @@ def test_a_task_that_ends_each_worker_is_given_up_and_the_others_are_done():
     assert "died (killed)" in str(done.pop(2))
     assert done == {task: task * 10 for task in (1, 3, 11)}
     assert sum(2 in bundle for bundle in connection.sent) == TRIES
-
-
-def test_where_all_is_lost_with_one_worker_the_culprit_is_told_apart():
-    """The bundle beside the culprit is lost as often as it runs beside it, which is once."""
-    connection = FakeConnection({2: 99}, shared_fate=True)
-    done = dict(run_bundles(connection, order([[1, 2], [11], [21]])))
-
-    assert isinstance(done.pop(2), ChildProcessError)
-    assert done == {task: task * 10 for task in (1, 11, 21)}
-    assert connection.renewed == TRIES
 
 
 @pytest.mark.parametrize("error", [RefusedError("other code"), CancelledError()])

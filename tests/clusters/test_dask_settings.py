@@ -9,8 +9,7 @@ import pytest
 import pages
 from commands import PATIENCE_S, environment
 from jerkbench.clusters import dask_cluster
-from jerkbench.clusters.dask_cluster import Dask, DaskConnection
-from jerkbench.clusters.dask_settings import SPARING, exports
+from jerkbench.clusters.dask_cluster import SPARING, Dask, DaskConnection, exports
 from jerkbench.clusters.job_queues import JobQueue
 
 dask = pytest.importorskip("dask")

@@ -7,8 +7,7 @@ import pytest
 
 import pages
 from commands import swept
-from jerkbench.clusters.cluster import ClusterError
-from jerkbench.clusters.extras import required
+from jerkbench.clusters.cluster import ClusterError, required
 from jerkbench.errors import PluginError
 from jerkbench.hydra_app.typed_words import arranged_words
 from jerkbench.presets import config_folder, preset_names

@@ -7,9 +7,9 @@ import pytest
 
 from jerkbench.cells.cell import build
 from jerkbench.cells.protocol import Protocol
+from jerkbench.clusters.bundles import Pack, run_packed
 from jerkbench.clusters.cluster import ClusterError
 from jerkbench.clusters.identity import Foreign, identity_of, refusal
-from jerkbench.clusters.sending import Pack, run_packed
 
 SPEC = {
     "dataset": {"name": "field"},
