@@ -98,6 +98,8 @@ def _guarded(words: list[str]) -> None:
         _end_interrupted()
     except BrokenPipeError:  # the reader, `head` for example, has had enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except OSError as error:  # of standard output; those of files have their own sentences
+        exit_with(JerkbenchError(f"What it says cannot be written: {error.strerror or error}."))
 
 
 def _is_interrupted(error: BaseException | None) -> bool:

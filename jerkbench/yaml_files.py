@@ -13,6 +13,9 @@ MOST_VALUES = 100_000
 DEEPEST = 100
 """Lists and mappings inside each other."""
 
+MOST_INTERPOLATIONS = 20
+"""References to other values (${...}): each repeats what it refers to, as an alias does, and may hold some itself."""
+
 LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
@@ -37,7 +40,7 @@ def require_small(text: str, path: Path) -> None:
         JerkbenchError: it does, or an alias stands for what it is a part of.
         yaml.YAMLError: it is no YAML.
     """
-    values = 0
+    values, interpolations = 0, 0
     sizes: dict[str | None, int] = {}
     open_since: list[tuple[str | None, int]] = []
     for event in yaml.parse(text, LOADER):
@@ -49,6 +52,9 @@ def require_small(text: str, path: Path) -> None:
         if isinstance(event, (yaml.ScalarEvent, yaml.CollectionEndEvent)):
             anchor, before = open_since.pop()
             sizes[anchor] = values - before
+        interpolations += event.value.count("${") if isinstance(event, yaml.ScalarEvent) else 0
+        if interpolations > MOST_INTERPOLATIONS:
+            raise JerkbenchError(f"{path} has more than {MOST_INTERPOLATIONS} interpolations (${{...}}); write values.")
         if values > MOST_VALUES or len(open_since) > DEEPEST:
             raise JerkbenchError(
                 f"{path} stands for more than {MOST_VALUES} values, or has lists nested more than {DEEPEST} deep. An"

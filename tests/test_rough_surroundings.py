@@ -18,6 +18,15 @@ def test_a_closed_stream_is_no_fault(tmp_path, closed):
     assert not done.stderr
 
 
+@pytest.mark.parametrize("words", ["list", "run --help", "run --dry dataset.duration_s=8"])
+def test_a_full_disk_behind_standard_output_is_a_sentence(tmp_path, words):
+    command = ["sh", "-c", f'"$0" -m jerkbench {words} > /dev/full', sys.executable]
+    done = subprocess.run(command, cwd=tmp_path, env=environment(), capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert "No space left" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
 def test_a_date_that_is_none_is_refused_at_once(tmp_path, monkeypatch):
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "x")
     done = verb("list", cwd=tmp_path)
@@ -57,7 +66,7 @@ def test_less_memory_than_the_libraries_need_is_refused_at_once(tmp_path, words)
 
 
 @pytest.mark.parametrize(
-    ("words", "place"), [(["list"], "jerkbench.catalogue.text.list_text"), (["run"], "jerkbench.hydra_app.app.main")]
+    ("words", "place"), [(["list"], "jerkbench.catalogue.list_text"), (["run"], "jerkbench.hydra_app.app.main")]
 )
 def test_too_little_memory_is_a_sentence(tmp_path, monkeypatch, words, place):
     def fill(_):

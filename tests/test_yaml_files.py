@@ -19,6 +19,7 @@ BOMB = "a0: &a0 [x,x,x,x,x,x,x,x,x]\n" + "".join(
 )
 MERGED = "a0: &a0 {x: 1}\n" + "".join(f"a{k}: &a{k} {{<<: [{','.join([f'*a{k - 1}'] * 9)}]}}\n" for k in range(1, 12))
 SELF = "a: &a [*a]\n"
+LAUGHS = f"notes: ['{'${study}' * 200}']\nstudy: '{'${results}' * 200}'\nresults: '{'${filter.name}' * 200}'\n"
 DEEP = f"a: {'[' * 5000}{']' * 5000}\n"
 
 
@@ -39,6 +40,15 @@ def test_a_bomb_in_a_preset_is_refused_at_once(tmp_path, bomb):
     assert "bomb.yaml stands for more than" in done.stderr
     assert done.stderr.count("\n") == 1
     assert time.process_time() - began < 20
+
+
+def test_interpolations_that_multiply_are_refused_at_once(tmp_path):
+    folder = tmp_path / "presets" / "experiment"
+    folder.mkdir(parents=True)
+    (folder / "laughs.yaml").write_text(f"# @package _global_\n{LAUGHS}")
+    done = verb("run", "--config-dir", tmp_path / "presets", "experiment=laughs", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "laughs.yaml has more than 20 interpolations" in done.stderr
 
 
 def test_a_preset_that_is_no_yaml_is_a_sentence(tmp_path):
