@@ -7,7 +7,7 @@ from docstring import Docstring, parsed, prose
 from gallery import FIGURES
 
 from jerkbench import plugins
-from jerkbench.catalogue import Entry, docstrings, entries, home, plugin_class, preset_files, shown
+from jerkbench.catalogue import CatalogueEntry, docstrings, entries, home, plugin_class, preset_files, shown_json
 
 TITLES = {
     "dataset": "Data sets",
@@ -58,7 +58,7 @@ def metrics_page() -> str:
     return "\n\n".join(sections)
 
 
-def _list_page(kind: str, title: str, listed: list[Entry], figures: Mapping[str, bytes]) -> str:
+def _list_page(kind: str, title: str, listed: list[CatalogueEntry], figures: Mapping[str, bytes]) -> str:
     shown_by = f"`jerkbench list {kind}`; `jerkbench show {kind} NAME` has the same words in a terminal."
     lines = [f"# {title}", "", shown_by, "", "| name | what it is |", "|---|---|", *map(_line, listed)]
     if figures:
@@ -77,7 +77,7 @@ ABREAST = 3
 """Figures side by side in a gallery."""
 
 
-def _line(entry: Entry) -> str:
+def _line(entry: CatalogueEntry) -> str:
     return f"| [{entry.name}]({entry.name}.md) | {prose(entry.summary)}{' (preset)' * entry.preset} |"
 
 
@@ -95,7 +95,7 @@ CAPTIONS = {
 """What the figures of a kind show."""
 
 
-def _page(kind: str, entry: Entry, drawn: bool) -> str:
+def _page(kind: str, entry: CatalogueEntry, drawn: bool) -> str:
     figure = f"![{entry.name}]({entry.name}.png)\n\n{CAPTIONS[kind].replace('What each', 'What it')}" if drawn else ""
     body = _preset_body(kind, entry.name, figure) if entry.preset else _plugin_body(kind, entry.name, figure)
     return f"# {entry.name}\n\n`{_chosen(kind, entry.name)}`\n\n{body}\n"
@@ -125,7 +125,7 @@ def _documented(kind: str, name: str) -> Docstring:
 
 
 def _parameters(kind: str, name: str, described: Mapping[str, str]) -> str:
-    rows = [_row(parameter, described) for parameter in shown(kind, name)["parameters"]]
+    rows = [_row(parameter, described) for parameter in shown_json(kind, name)["parameters"]]
     if not rows:
         return "It has no parameters."
     head = [

@@ -17,7 +17,7 @@ PRESET_GROUPS = ("noise", "experiment")
 """Groups that hold presets only."""
 
 
-class Entry(NamedTuple):
+class CatalogueEntry(NamedTuple):
     """One name of the catalogue.
 
     Attributes:
@@ -66,12 +66,14 @@ def kind_of(name: str) -> str:
     return having[0]
 
 
-def entries(kind: str) -> list[Entry]:
+def entries(kind: str) -> list[CatalogueEntry]:
     """Return what there is of a kind, sorted by name; a plugin that cannot be loaded is left out, with a notice."""
     by_name = {entry.name: entry for entry in _plugins(kind)} if kind in plugins.KINDS else {}
     for sentence in plugins.left_out(kind).values() if kind in plugins.KINDS else ():
         notify(sentence)
-    by_name |= {name: Entry(name, _first_comment(path), preset=True) for name, path in preset_files(kind).items()}
+    by_name |= {
+        name: CatalogueEntry(name, _first_comment(path), preset=True) for name, path in preset_files(kind).items()
+    }
     return [by_name[name] for name in sorted(by_name)]
 
 
@@ -96,10 +98,12 @@ def plugin_class(kind: str, name: str) -> type:
     return plugins.get(kind, name)
 
 
-def _plugins(kind: str) -> Iterator[Entry]:
+def _plugins(kind: str) -> Iterator[CatalogueEntry]:
     for name in plugins.names(kind):
         cls = plugins.get(kind, name)
-        yield Entry(name, (inspect.getdoc(cls) or "").split("\n", 1)[0], package=cls.__module__.partition(".")[0])
+        yield CatalogueEntry(
+            name, (inspect.getdoc(cls) or "").split("\n", 1)[0], package=cls.__module__.partition(".")[0]
+        )
 
 
 def _first_comment(path: Path) -> str:
@@ -154,7 +158,7 @@ def _list_kind(kind: str) -> str:
     return "\n".join([kind, *(f"  {entry.name:<{width}}  {_line(entry)}" for entry in listed)])
 
 
-def _line(entry: Entry) -> str:
+def _line(entry: CatalogueEntry) -> str:
     if entry.preset:
         return f"{entry.summary} (preset)"
     return entry.summary if entry.package == "jerkbench" else f"{entry.summary} [{entry.package}]"
@@ -195,7 +199,7 @@ def home(cls: type) -> str:
 # for JSON.
 
 
-def listed(kind: str | None = None) -> dict[str, list[dict[str, Any]]]:
+def listed_json(kind: str | None = None) -> dict[str, list[dict[str, Any]]]:
     """Return for each kind, or for ``kind``, every name with its summary, its package, and whether it is a preset.
 
     Raises:
@@ -204,7 +208,7 @@ def listed(kind: str | None = None) -> dict[str, list[dict[str, Any]]]:
     return {name: [entry._asdict() for entry in entries(name)] for name in kinds_asked(kind)}
 
 
-def shown(kind: str, name: str) -> dict[str, Any]:
+def shown_json(kind: str, name: str) -> dict[str, Any]:
     """Return all there is to know of one plugin or preset; of a preset its values as they stand in its file.
 
     Raises:

@@ -181,15 +181,15 @@ def _run(words: list[str]) -> None:
     from hydra.errors import HydraException
     from omegaconf.errors import OmegaConfBaseException
 
-    from jerkbench.hydra_app.app import main as app
-    from jerkbench.hydra_app.messages import sentence
+    from jerkbench.hydra_app.app import run_app
+    from jerkbench.hydra_app.messages import hydra_sentence
     from jerkbench.hydra_app.typed_words import refuse_mappings
 
     refuse_mappings(words)
     try:
-        app(words)
+        run_app(words)
     except (HydraException, OmegaConfBaseException) as error:
-        raise JerkbenchError(sentence(error, words)) from error
+        raise JerkbenchError(hydra_sentence(error, words)) from error
     except BrokenPipeError:
         raise
     except ChildProcessError as error:

@@ -52,16 +52,16 @@ def preset(kind: str, name: str) -> dict[str, Any]:
         defaults = [*defaults, "_self_"]
     values: dict[str, Any] = {}
     for entry in defaults:
-        values = merged(values, own if entry == "_self_" else _default(kind, name, entry))
+        values = merged_values(values, own if entry == "_self_" else _default(kind, name, entry))
     return values
 
 
-def merged(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
+def merged_values(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
     """Return both, a mapping inside them merged likewise; where both have a value, that of ``above``."""
     combined = {**below, **above}
     for key in below.keys() & above.keys():
         if isinstance(below[key], dict) and isinstance(above[key], dict):
-            combined[key] = merged(below[key], above[key])
+            combined[key] = merged_values(below[key], above[key])
     return combined
 
 

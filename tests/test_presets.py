@@ -9,7 +9,7 @@ from omegaconf import OmegaConf
 from jerkbench import plugins, presets
 from jerkbench.errors import PluginError
 from jerkbench.hydra_app.configuration import register_hydra_parts, register_schemas
-from jerkbench.presets import config_folder, merged, preset, preset_names
+from jerkbench.presets import config_folder, merged_values, preset, preset_names
 
 KINDS = ("dataset", "disturbance", "attitude", "filter", "adaptation", "noise", "engine")
 SHIPPED = [(kind, name) for kind in KINDS for name in preset_names(kind)]
@@ -100,7 +100,7 @@ def test_disturbances_of_presets_are_merged_by_their_names(conf):
 def test_neither_side_of_a_merge_is_changed():
     below, above = {"a": {"b": 1, "c": 2}}, {"a": {"b": 3}, "d": 4}
 
-    assert merged(below, above) == {"a": {"b": 3, "c": 2}, "d": 4}
+    assert merged_values(below, above) == {"a": {"b": 3, "c": 2}, "d": 4}
     assert (below, above) == ({"a": {"b": 1, "c": 2}}, {"a": {"b": 3}, "d": 4})
 
 

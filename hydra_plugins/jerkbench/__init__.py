@@ -42,9 +42,9 @@ class JerkbenchSweeper(BasicSweeper):
     @staticmethod
     def split_arguments(overrides: list[Override], max_batch_size: int | None) -> list[list[list[str]]]:
         """List the values of ranges as they were typed; refuse more combinations than can be held."""
-        from jerkbench.hydra_app.sweep_words import listed
+        from jerkbench.hydra_app.sweep_words import ranges_listed
 
-        return BasicSweeper.split_arguments(listed(overrides), max_batch_size)
+        return BasicSweeper.split_arguments(ranges_listed(overrides), max_batch_size)
 
     def get_job_batch(self) -> Sequence[Sequence[str]]:
         """Leave to each job the parameters of the disturbances, and of other plugins, that it chooses."""

@@ -112,7 +112,7 @@ def _inside(module: str, package: str) -> bool:
     return module == package or module.startswith(f"{package}.")
 
 
-class Finding(NamedTuple):
+class PluginFinding(NamedTuple):
     """What is the matter with a plugin.
 
     Attributes:
@@ -124,7 +124,7 @@ class Finding(NamedTuple):
     sentence: str
 
 
-class Checked(NamedTuple):
+class CheckedPlugin(NamedTuple):
     """A plugin that was checked.
 
     Attributes:
@@ -135,7 +135,7 @@ class Checked(NamedTuple):
 
     kind: str
     name: str
-    findings: tuple[Finding, ...]
+    findings: tuple[PluginFinding, ...]
 
     @property
     def failed(self) -> bool:
@@ -143,48 +143,50 @@ class Checked(NamedTuple):
         return any(finding.severity == "error" for finding in self.findings)
 
 
-def check_package(package: str) -> list[Checked]:
+def check_package(package: str) -> list[CheckedPlugin]:
     """Run the conformance kit over every plugin of a folder, a distribution or a module.
 
     Raises:
         PluginError: there is no such package, or it has no plugin.
     """
-    return [Checked(c.kind, c.name, tuple(_findings(c))) for c in candidates(package)]
+    return [CheckedPlugin(c.kind, c.name, tuple(_findings(c))) for c in candidates(package)]
 
 
-def _findings(candidate: Candidate) -> Iterator[Finding]:
+def _findings(candidate: Candidate) -> Iterator[PluginFinding]:
     try:
         cls = candidate.load()
     except Exception as error:  # noqa: BLE001 - whatever an author's module raises is a finding
-        yield Finding("error", f"It cannot be imported: {type(error).__name__}: {' '.join(str(error).split())}.")
+        yield PluginFinding("error", f"It cannot be imported: {type(error).__name__}: {' '.join(str(error).split())}.")
         return
     try:
         plugins.register(candidate.kind, candidate.name)(cls)
     except PluginError as error:
-        yield Finding("error", str(error))
+        yield PluginFinding("error", str(error))
         return
     yield from _of_class(candidate, cls)
 
 
-def _of_class(candidate: Candidate, cls: type) -> Iterator[Finding]:
+def _of_class(candidate: Candidate, cls: type) -> Iterator[PluginFinding]:
     lacking = [f.name for f in dataclasses.fields(cls) if _has_no_default(f)]
     if lacking:
         names = ", ".join(lacking)
-        yield Finding("notice", f"{cls.__name__} has no default for {names}, so it was not tried; call check_plugin.")
+        yield PluginFinding(
+            "notice", f"{cls.__name__} has no default for {names}, so it was not tried; call check_plugin."
+        )
         return
     try:
         plugin = plugins.create(candidate.kind, {"name": candidate.name})
     except Exception as error:  # noqa: BLE001 - as above
-        yield Finding("error", str(error) if isinstance(error, PluginError) else _raised(cls, error))
+        yield PluginFinding("error", str(error) if isinstance(error, PluginError) else _raised(cls, error))
         return
     yield from _of_plugin(candidate.kind, plugin)
 
 
-def _of_plugin(kind: str, plugin: Any) -> Iterator[Finding]:  # noqa: ANN401 - a plugin of any kind
+def _of_plugin(kind: str, plugin: Any) -> Iterator[PluginFinding]:  # noqa: ANN401 - a plugin of any kind
     sentences = [sentence for check in (*STAGES, CHECKS[kind]) if (sentence := _complaint(check, plugin))]
-    yield from (Finding("error", sentence) for sentence in sentences)
+    yield from (PluginFinding("error", sentence) for sentence in sentences)
     if kind == "adaptation" and not sentences and (reason := obstacle(plugin)):
-        yield Finding(
+        yield PluginFinding(
             "notice",
             f"{type(plugin).__name__} cannot be compiled and runs on the engine filterpy, many times slower: {reason}",
         )

@@ -12,7 +12,7 @@ from jerkbench.cells.noise import Noise
 from jerkbench.cells.protocol import Protocol
 from jerkbench.errors import PluginError, unknown
 from jerkbench.optional import preferred_attitude
-from jerkbench.presets import default_names, merged, preset, preset_names
+from jerkbench.presets import default_names, merged_values, preset, preset_names
 
 Part = Any
 """A plugin or a preset by its name, {"name": ..., parameter: value, ...}, or a plugin itself."""
@@ -91,14 +91,14 @@ def choose(kind: str, part: Part) -> ChosenPlugin:
 def _preset(kind: str, name: str, parameters: dict[str, Any]) -> ChosenPlugin:
     below = preset(kind, name)
     if kind != "disturbance":
-        return ChosenPlugin(name, words(kind, parameters), merged(below, parameters))
+        return ChosenPlugin(name, words(kind, parameters), merged_values(below, parameters))
     for key, value in parameters.items():  # each is the parameters of one of the preset's disturbances
         if key not in below:
             raise PluginError(unknown(f"disturbance in the preset {name}", key, below))
         if not isinstance(value, dict):
             raise PluginError(f"disturbance {name}, '{key}' is {value!r}; give its parameters: {{parameter: value}}.")
     overrides = [word for key, values in parameters.items() for word in words(f"{kind}.{key}", values)]
-    return ChosenPlugin(name, overrides, merged(below, parameters))
+    return ChosenPlugin(name, overrides, merged_values(below, parameters))
 
 
 def plugin_of(kind: str, part: Part | None) -> Any:  # noqa: ANN401 - the kind decides the contract

@@ -7,6 +7,7 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.conformance.requirements import (
+    Plugin,
     identical,
     require,
     require_covariance,
@@ -20,7 +21,7 @@ from jerkbench.memory import empty_memory
 from jerkbench.random_streams import stream
 
 
-def check_adaptation(plugin: Any) -> None:  # noqa: ANN401 - the plugin under test
+def check_adaptation(plugin: Plugin) -> None:
     """Check an adaptation over updates of all kinds: rows that come and go, outliers, a tiny and a huge R.
 
     Raises:
@@ -34,7 +35,7 @@ def check_adaptation(plugin: Any) -> None:  # noqa: ANN401 - the plugin under te
     _require_same(subject, _run(plugin, updates, size), _run(plugin, updates, size))
 
 
-def _memory_size(subject: str, plugin: Any) -> int:  # noqa: ANN401 - the plugin under test
+def _memory_size(subject: str, plugin: Plugin) -> int:
     name, size = "memory_size()", 0
     if isinstance(plugin, RememberingStates):
         name, size = f"memory_size_of({STATES})", plugin.memory_size_of(STATES)
@@ -45,7 +46,7 @@ def _memory_size(subject: str, plugin: Any) -> int:  # noqa: ANN401 - the plugin
     return size
 
 
-def probe_adaptation(plugin: Any) -> None:  # noqa: ANN401 - as above
+def probe_adaptation(plugin: Plugin) -> None:
     """Check the same over a few ordinary updates: inputs, memory, shapes and NaN, no other number.
 
     Raises:
@@ -65,7 +66,7 @@ def _require_same(subject: str, first: list[Any], second: list[Any]) -> None:
 
 
 def _run(
-    plugin: Any,  # noqa: ANN401 - as above
+    plugin: Plugin,
     updates: list[tuple[Update, Prior]],
     size: int,
     *,
@@ -85,7 +86,7 @@ def _run(
     return results
 
 
-def _faded(plugin: Any, update: Update, memory: FloatArray) -> float:  # noqa: ANN401 - as above
+def _faded(plugin: Plugin, update: Update, memory: FloatArray) -> float:
     if not isinstance(plugin, Fading):
         return 1.0
     subject = f"{type(plugin).__name__}.fade()"
@@ -95,7 +96,7 @@ def _faded(plugin: Any, update: Update, memory: FloatArray) -> float:  # noqa: A
     return factor
 
 
-def _adapted_prior(plugin: Any, prior: Prior, update: Update, memory: FloatArray, *, thorough: bool) -> FloatArray:  # noqa: ANN401 - as above
+def _adapted_prior(plugin: Plugin, prior: Prior, update: Update, memory: FloatArray, *, thorough: bool) -> FloatArray:
     if not isinstance(plugin, AdaptingPrior):
         return prior.P
     subject = f"{type(plugin).__name__}.adapt_prior()"
@@ -106,7 +107,7 @@ def _adapted_prior(plugin: Any, prior: Prior, update: Update, memory: FloatArray
     return P
 
 
-def _adapted_gain(plugin: Any, prior: Prior, update: Update, memory: FloatArray) -> FloatArray:  # noqa: ANN401 - as above
+def _adapted_gain(plugin: Plugin, prior: Prior, update: Update, memory: FloatArray) -> FloatArray:
     kept = np.isfinite(np.diag(update.R))
     if not (isinstance(plugin, AdaptingGain) and kept.any()):
         return np.zeros(0)
@@ -122,7 +123,7 @@ def _measured(update: Update) -> dict[str, Any]:
     return {"innovation": update.innovation, "R": update.R, "rows": update.rows}
 
 
-def _adapted(plugin: Any, update: Update, memory: FloatArray, *, thorough: bool) -> FloatArray:  # noqa: ANN401 - as above
+def _adapted(plugin: Plugin, update: Update, memory: FloatArray, *, thorough: bool) -> FloatArray:
     subject = f"{type(plugin).__name__}.adapt()"
     m = len(update.rows)
     adapted: FloatArray = _untouched(subject, plugin.adapt, update._asdict(), memory)

@@ -1,14 +1,12 @@
 """The checks of kinematic filters, of estimators and of engines."""
 
-from collections.abc import Sequence
-from typing import Any
-
 import numpy as np
 
 from jerkbench.adaptation.mtf import Mtf
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.arrays import FloatArray
 from jerkbench.conformance.requirements import (
+    Plugin,
     pure_result,
     require,
     require_covariance,
@@ -16,18 +14,17 @@ from jerkbench.conformance.requirements import (
     require_methods,
     require_shape,
 )
-from jerkbench.conformance.samples import small_recording, true_attitude
+from jerkbench.conformance.samples import small_recording, small_timeline, true_attitude
 from jerkbench.contracts import Adaptation, Batched, Estimator, Filter
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.evaluation.batch_scoring import scored
 from jerkbench.evaluation.counted_rows import counted_rows
-from jerkbench.evaluation.sums import Scored, sums_from, sums_of
+from jerkbench.evaluation.sums import sums_from, sums_of
 from jerkbench.filters.jerk import Jerk
 from jerkbench.plugins import create
 from jerkbench.recording import Recording
-from jerkbench.streamed_run import RecordedRun, Streamed
-from jerkbench.sums import Sums
+from jerkbench.streamed_run import RecordedRun
 from jerkbench.timeline.timeline import build_timeline
 
 # The check of an estimator's compiled way: it agrees with its `estimate`.
@@ -72,20 +69,14 @@ def _check_sums(
     scene = scored(recording, timeline, BURN_IN_S)
     if scene is None:
         return
+    subject = f"{subject}.run_settings()"
     run = RecordedRun(recording, attitude, timeline, scene.scoring)
     expected = sums_of(wanted, recording, counted_rows(wanted, recording, BURN_IN_S))
     settings = [plugin, plugin], [adaptation, adaptation]
     results = plugin.run_settings([run, run], *settings, updates=False, attitude=False, threads=1)
-    _compare(f"{subject}.run_settings()", results, scene, recording, expected)
-
-
-def _compare(
-    subject: str, results: Sequence[Streamed | None], scene: Scored, recording: Recording, expected: Sums
-) -> None:
     require(len(results) == 2, f"{subject} gives {len(results)} results for 2 runs.")
-    for result in results:
-        got = None if result is None else sums_from(result, scene, recording)
-        for name in ("position_m2", "velocity_m2ps2", "nees", "nis_per_row") if got is not None else ():
+    for got in (sums_from(result, scene, recording) for result in results if result is not None):
+        for name in ("position_m2", "velocity_m2ps2", "nees", "nis_per_row"):
             near = np.allclose(getattr(got, name), getattr(expected, name), rtol=AGREEMENT, atol=AGREEMENT_M**2)
             require(near, f"{name} of {subject} is not that of estimate().")
 
@@ -96,7 +87,7 @@ INTERVALS_S = ((0.01, 0.01), (0.01 / 3.0, 0.01), (0.004, 0.004), (0.02, 0.02))
 INSTANT_S = 1e-9
 
 
-def check_filter(plugin: Any) -> None:  # noqa: ANN401 - the plugin under test
+def check_filter(plugin: Plugin) -> None:
     """Check a plugin of the kind filter: a kinematic filter, or an estimator.
 
     Raises:
@@ -111,7 +102,7 @@ def check_filter(plugin: Any) -> None:  # noqa: ANN401 - the plugin under test
         for dt, dt0 in INTERVALS_S:
             _check_model(f"{subject}.axis_model({dt:g}, {dt0:g})", plugin, n, dt, dt0)
         _check_instant(plugin, n)
-        _check_run(plugin)
+        check_estimate(subject, FilterpyEngine().run(small_timeline()[1], plugin, NoAdaptation()))
     else:
         _check_estimator(plugin)
 
@@ -164,13 +155,6 @@ def _check_instant(plugin: Filter, n: int) -> None:
     )
 
 
-def _check_run(plugin: Filter) -> None:
-    recording = small_recording()
-    timeline = build_timeline(recording, true_attitude(recording))
-    estimate = FilterpyEngine().run(timeline, plugin, NoAdaptation())
-    check_estimate(type(plugin).__name__, estimate)
-
-
 def _check_estimator(plugin: Estimator) -> None:
     subject = type(plugin).__name__
     accepted = plugin.adaptations
@@ -210,7 +194,7 @@ def check_estimate(subject: str, estimate: Estimate) -> None:
 ENGINE_AGREEMENT_M = 1e-6
 
 
-def check_engine(plugin: Any) -> None:  # noqa: ANN401 - the plugin under test
+def check_engine(plugin: Plugin) -> None:
     """Check an engine: a run of the jerk filter with mtf agrees with the reference engine.
 
     Raises:
@@ -218,8 +202,7 @@ def check_engine(plugin: Any) -> None:  # noqa: ANN401 - the plugin under test
     """
     subject = type(plugin).__name__
     require_methods("engine", plugin)
-    recording = small_recording()
-    timeline = build_timeline(recording, true_attitude(recording))
+    _, timeline = small_timeline()
     estimate = pure_result(f"{subject}.run()", plugin.run, timeline, Jerk(), Mtf())
     check_estimate(subject, estimate)
     wanted = FilterpyEngine().run(timeline, Jerk(), Mtf())

@@ -5,7 +5,7 @@ from typing import NamedTuple
 from xml.etree import ElementTree as ET
 
 
-class Case(NamedTuple):
+class JunitCase(NamedTuple):
     """One thing that was checked.
 
     Attributes:
@@ -21,7 +21,7 @@ class Case(NamedTuple):
     remarks: tuple[str, ...] = ()
 
 
-def junit(suite: str, cases: Sequence[Case]) -> str:
+def junit(suite: str, cases: Sequence[JunitCase]) -> str:
     """Return the text of a JUnit file with one suite."""
     failed = sum(bool(case.failures) for case in cases)
     root = ET.Element("testsuite", name=suite, tests=str(len(cases)), failures=str(failed), errors="0")

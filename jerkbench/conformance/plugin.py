@@ -4,7 +4,6 @@ import dataclasses
 import inspect
 import pickle
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -13,6 +12,7 @@ from jerkbench.arrays import BoolArray
 from jerkbench.conformance.adaptation import check_adaptation
 from jerkbench.conformance.filters import check_engine, check_filter
 from jerkbench.conformance.requirements import (
+    Plugin,
     identical,
     pure_result,
     require,
@@ -20,7 +20,7 @@ from jerkbench.conformance.requirements import (
     require_methods,
     require_shape,
 )
-from jerkbench.conformance.samples import small_recording, true_attitude
+from jerkbench.conformance.samples import small_recording, small_timeline
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.errors import PluginError, unknown
 from jerkbench.estimate import Attitude, Estimate
@@ -29,7 +29,6 @@ from jerkbench.geometry import dcm_from_euler
 from jerkbench.optional import is_attitude_only
 from jerkbench.parameters import is_whole, ranges_of
 from jerkbench.recording import Recording
-from jerkbench.timeline.timeline import build_timeline
 
 # The checks of a data set and of a disturbance.
 
@@ -37,7 +36,7 @@ LONG_S = 600.0
 """Disturbances put several bursts or outages into a recording; they need room."""
 
 
-def check_dataset(plugin: Any) -> None:  # noqa: ANN401 - the plugin under test
+def check_dataset(plugin: Plugin) -> None:
     """Check a data set.
 
     Raises:
@@ -57,7 +56,7 @@ def check_dataset(plugin: Any) -> None:  # noqa: ANN401 - the plugin under test
     )
 
 
-def _check_positions(subject: str, plugin: Any, recording: Recording) -> None:  # noqa: ANN401 - as above
+def _check_positions(subject: str, plugin: Plugin, recording: Recording) -> None:
     """Only a data set that says so has no positions."""
     without = is_attitude_only(plugin)
     require(
@@ -67,7 +66,7 @@ def _check_positions(subject: str, plugin: Any, recording: Recording) -> None:  
     )
 
 
-def check_disturbance(plugin: Any) -> None:  # noqa: ANN401 - as above
+def check_disturbance(plugin: Plugin) -> None:
     """Check a disturbance on a small recording, with and without its optional parts.
 
     Raises:
@@ -90,7 +89,7 @@ def check_disturbance(plugin: Any) -> None:  # noqa: ANN401 - as above
             )
 
 
-def checked_disturbance(subject: str, plugin: Any, recording: Recording, seed: int) -> Recording:  # noqa: ANN401 - as above
+def checked_disturbance(subject: str, plugin: Plugin, recording: Recording, seed: int) -> Recording:
     """Return the disturbed recording, checked for being one, and for being the same the second time."""
     result = pure_result(f"{subject}.apply()", plugin.apply, recording, seed)
     require(
@@ -105,7 +104,7 @@ SHAPES = {"dcm": (3, 3), "euler_rad": (3,), "accel_enu_mps2": (3,)}
 """Of the arrays of an attitude, at each stamp."""
 
 
-def check_attitude(plugin: Any) -> None:  # noqa: ANN401 - the plugin under test
+def check_attitude(plugin: Plugin) -> None:
     """Check an attitude filter on a small recording.
 
     Raises:
@@ -121,7 +120,7 @@ def check_attitude(plugin: Any) -> None:  # noqa: ANN401 - the plugin under test
     _check_rotations(subject, attitude)
 
 
-def checked_attitude(subject: str, plugin: Any, recording: Recording) -> Attitude:  # noqa: ANN401 - as above
+def checked_attitude(subject: str, plugin: Plugin, recording: Recording) -> Attitude:
     """Return the attitude, checked for stamps and shapes, and for being the same the second time."""
     attitude = pure_result(f"{subject}.estimate()", plugin.estimate, recording)
     require(isinstance(attitude, Attitude), f"{subject}.estimate() gives a {type(attitude).__name__}, not an Attitude.")
@@ -148,7 +147,7 @@ def _check_rotations(subject: str, attitude: Attitude) -> None:
 # The checks of a metric.
 
 
-def check_metric(plugin: Any) -> None:  # noqa: ANN401 - the plugin under test
+def check_metric(plugin: Plugin) -> None:
     """Check a metric on a small run: all rows counted, few, none.
 
     Raises:
@@ -156,8 +155,8 @@ def check_metric(plugin: Any) -> None:  # noqa: ANN401 - the plugin under test
     """
     subject = type(plugin).__name__
     require_methods("metric", plugin)
-    recording = small_recording()
-    estimate = FilterpyEngine().run(build_timeline(recording, true_attitude(recording)), Baseline(), NoAdaptation())
+    recording, timeline = small_timeline()
+    estimate = FilterpyEngine().run(timeline, Baseline(), NoAdaptation())
     every = np.ones(len(estimate.index), dtype=bool)
     names = list(checked_values(subject, plugin, estimate, recording, every))
     require(names, f"{subject}.evaluate() gives no value.")
@@ -172,7 +171,7 @@ def check_metric(plugin: Any) -> None:  # noqa: ANN401 - the plugin under test
 
 def checked_values(
     subject: str,
-    plugin: Any,  # noqa: ANN401 - as above
+    plugin: Plugin,
     estimate: Estimate,
     recording: Recording,
     counted: BoolArray,
@@ -186,7 +185,7 @@ def checked_values(
     return values
 
 
-CHECKS: Mapping[str, Callable[[Any], None]] = {
+CHECKS: Mapping[str, Callable[[Plugin], None]] = {
     "dataset": check_dataset,
     "disturbance": check_disturbance,
     "attitude": check_attitude,
@@ -198,7 +197,7 @@ CHECKS: Mapping[str, Callable[[Any], None]] = {
 """The check of each kind of plugin."""
 
 
-def check_plugin(kind: str, plugin: Any) -> None:  # noqa: ANN401 - the plugin under test
+def check_plugin(kind: str, plugin: Plugin) -> None:
     """Check that ``plugin`` is a frozen, hashable, documented dataclass, and all that its ``kind`` promises.
 
     Raises:
@@ -213,7 +212,7 @@ def check_plugin(kind: str, plugin: Any) -> None:  # noqa: ANN401 - the plugin u
     CHECKS[kind](plugin)
 
 
-def _check_class(plugin: Any) -> None:  # noqa: ANN401 - as above
+def _check_class(plugin: Plugin) -> None:
     cls = type(plugin)
     subject = cls.__name__
     frozen = dataclasses.is_dataclass(cls) and cls.__dataclass_params__.frozen  # type: ignore[attr-defined]  # private to dataclasses
@@ -243,7 +242,7 @@ def _check_ranges(cls: type) -> None:
         require(whole, f"{subject} holds whole numbers; the bounds of its range are {bounds.low} and {bounds.high}.")
 
 
-def _check_value(plugin: Any) -> None:  # noqa: ANN401 - as above
+def _check_value(plugin: Plugin) -> None:
     subject = type(plugin).__name__
     try:
         hash(plugin)
@@ -256,5 +255,5 @@ def _check_value(plugin: Any) -> None:  # noqa: ANN401 - as above
     require(unpickled == plugin, f"{subject} is another after pickling; a worker process would run something else.")
 
 
-STAGES: Sequence[Callable[[Any], None]] = (_check_class, _check_value)
+STAGES: Sequence[Callable[[Plugin], None]] = (_check_class, _check_value)
 """The checks of a plugin of any kind, each for itself."""

@@ -6,7 +6,6 @@ It asks for less than `jerkbench.testing`, and takes hundredths of a second: a p
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import FrozenInstanceError
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 
@@ -14,14 +13,13 @@ from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.conformance.adaptation import probe_adaptation
 from jerkbench.conformance.filters import axis_model_of, require_initial_variances
 from jerkbench.conformance.plugin import checked_attitude, checked_disturbance, checked_values
-from jerkbench.conformance.requirements import Unfit, changes_itself, pure_result, require, require_methods
-from jerkbench.conformance.samples import small_recording, true_attitude
+from jerkbench.conformance.requirements import Plugin, Unfit, changes_itself, pure_result, require, require_methods
+from jerkbench.conformance.samples import small_recording, small_timeline, true_attitude
 from jerkbench.contracts import Filter
 from jerkbench.estimate import Estimate
 from jerkbench.filters.baseline import Baseline
 from jerkbench.filters.gnss_only import GnssOnly
 from jerkbench.plugins import create
-from jerkbench.timeline.timeline import build_timeline
 
 SHORT_S, LONG_S = 8.0, 60.0
 """Of recordings to try a plugin on: for what goes through every sample, and for disturbances, which need room."""
@@ -50,7 +48,7 @@ def _complaint(kind: str, plugin: Hashable) -> str:
     return ""
 
 
-def _probe_filter(plugin: Any) -> None:  # noqa: ANN401 - the plugin under test
+def _probe_filter(plugin: Plugin) -> None:
     subject = type(plugin).__name__
     if not isinstance(plugin, Filter):
         _probe_estimator(subject, plugin)
@@ -60,16 +58,15 @@ def _probe_filter(plugin: Any) -> None:  # noqa: ANN401 - the plugin under test
         axis_model_of(f"{subject}.axis_model({dt:g}, 0.01)", plugin, n, dt, 0.01)
 
 
-def _probe_estimator(subject: str, plugin: Any) -> None:  # noqa: ANN401 - as above
+def _probe_estimator(subject: str, plugin: Plugin) -> None:
     recording = small_recording(SHORT_S)
     adaptation = create("adaptation", {"name": plugin.adaptations[0]})
     estimate = pure_result(f"{subject}.estimate()", plugin.estimate, recording, true_attitude(recording), adaptation)
     _require_estimate(f"{subject}.estimate()", estimate)
 
 
-def _probe_engine(plugin: Any) -> None:  # noqa: ANN401 - as above
-    recording = small_recording(SHORT_S)
-    subject, timeline = f"{type(plugin).__name__}.run()", build_timeline(recording, true_attitude(recording))
+def _probe_engine(plugin: Plugin) -> None:
+    subject, (_, timeline) = f"{type(plugin).__name__}.run()", small_timeline(SHORT_S)
     _require_estimate(subject, pure_result(subject, plugin.run, timeline, Baseline(), NoAdaptation()))
 
 
@@ -77,24 +74,16 @@ def _require_estimate(subject: str, estimate: object) -> None:
     require(isinstance(estimate, Estimate), f"{subject} gives a {type(estimate).__name__}; it must be an Estimate.")
 
 
-def _probe_metric(plugin: Any) -> None:  # noqa: ANN401 - as above
+def _probe_metric(plugin: Plugin) -> None:
     recording = small_recording(SHORT_S)
     estimate = GnssOnly().estimate(recording, true_attitude(recording), NoAdaptation())
     checked_values(type(plugin).__name__, plugin, estimate, recording, np.ones(len(estimate.index), dtype=bool))
 
 
-def _probe_disturbance(plugin: Any) -> None:  # noqa: ANN401 - as above
-    checked_disturbance(type(plugin).__name__, plugin, small_recording(LONG_S), 0)
-
-
-def _probe_attitude(plugin: Any) -> None:  # noqa: ANN401 - as above
-    checked_attitude(type(plugin).__name__, plugin, small_recording(SHORT_S))
-
-
-PROBES: Mapping[str, Callable[[Any], None]] = {
+PROBES: Mapping[str, Callable[[Plugin], object]] = {
     "dataset": lambda _: None,  # to load it twice may take minutes
-    "disturbance": _probe_disturbance,
-    "attitude": _probe_attitude,
+    "disturbance": lambda it: checked_disturbance(type(it).__name__, it, small_recording(LONG_S), 0),
+    "attitude": lambda it: checked_attitude(type(it).__name__, it, small_recording(SHORT_S)),
     "filter": _probe_filter,
     "adaptation": probe_adaptation,
     "engine": _probe_engine,

@@ -12,6 +12,9 @@ from jerkbench.arrays import FloatArray
 from jerkbench.contracts import REQUIRED, Estimator, Filter
 from jerkbench.errors import article
 
+Plugin = Any
+"""A plugin of any kind, which is asked what it is."""
+
 
 class Unfit(AssertionError):  # noqa: N818 - pytest shows an assertion's sentence best
     """Something that a plugin promises and does not keep; other assertions are the plugin's own."""
@@ -111,7 +114,7 @@ def require_covariance(subject: str, matrix: FloatArray) -> None:
 # The methods and attributes that a plugin of each kind cannot do without.
 
 
-def require_methods(kind: str, plugin: Any) -> None:  # noqa: ANN401 - the plugin under test
+def require_methods(kind: str, plugin: Plugin) -> None:
     """Check that ``plugin`` has the methods of its ``kind``; a filter those of one of the two sorts.
 
     Raises:

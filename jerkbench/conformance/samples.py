@@ -10,6 +10,7 @@ from jerkbench.estimate import Attitude
 from jerkbench.geometry import dcm_from_euler
 from jerkbench.random_streams import stream
 from jerkbench.recording import GRAVITY_MPS2, Heading, Imu, Origin, Position, Recording, Reference, Velocity
+from jerkbench.timeline.timeline import Timeline, build_timeline
 
 RADIUS_M, RATE_RADPS, STAND_S, RAMP_S = 8.0, 0.25, 4.0, 4.0
 IMU_RATE_HZ, GNSS_RATE_HZ = 50, 5
@@ -46,6 +47,12 @@ def true_attitude(recording: Recording) -> Attitude:
     dcm = dcm_from_euler(euler)
     u = np.einsum("nij,nj->ni", dcm, recording.inertial.accel_mps2) - [0.0, 0.0, GRAVITY_MPS2]
     return Attitude(recording.inertial.t_s, dcm, euler.copy(), u, np.zeros(len(euler), dtype=bool))
+
+
+def small_timeline(duration_s: float = 24.0) -> tuple[Recording, Timeline]:
+    """Return the recording, and its timeline with the attitude of the reference."""
+    recording = small_recording(duration_s)
+    return recording, build_timeline(recording, true_attitude(recording))
 
 
 def _angle(t_s: FloatArray) -> FloatArray:

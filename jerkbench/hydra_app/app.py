@@ -23,7 +23,7 @@ from jerkbench.sweep.auto_seeds import typed as typed_seeds
 from jerkbench.sweep.sweep import LOCAL
 
 
-def main(arguments: Sequence[str]) -> None:
+def run_app(arguments: Sequence[str]) -> None:
     """Run the app with Hydra's command line ``arguments``."""
     if {"-m", "--multirun"} & set(arguments) and {"-c", "--cfg"} & set(arguments):
         exit_with(

@@ -29,7 +29,7 @@ PACKAGE = (
 )
 
 
-def sentence(error: Exception, typed: Sequence[str] = ()) -> str:
+def hydra_sentence(error: Exception, typed: Sequence[str] = ()) -> str:
     """Say what was given, what there is and what to do.
 
     Args:

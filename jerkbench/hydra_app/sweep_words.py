@@ -25,7 +25,7 @@ MOST = 100_000
 """Combinations of one sweep."""
 
 
-def listed(overrides: Sequence[Override]) -> list[Override]:
+def ranges_listed(overrides: Sequence[Override]) -> list[Override]:
     """Return the overrides with each range as the list of its values.
 
     Hydra adds binary fractions (.1 + .1 + .1 is .30000000000000004, and .4 comes after it, although a range ends before

@@ -96,7 +96,7 @@ class TuneWords:
     shared: tuple[str, ...]
 
 
-def told_apart(words: Sequence[str], *, several: bool) -> TuneWords:
+def tuning_words(words: Sequence[str], *, several: bool) -> TuneWords:
     """Tell the words apart; ``several`` methods are only taken where they are asked for (-m).
 
     Raises:

@@ -16,7 +16,7 @@ from jerkbench.cells.cell import Cell
 from jerkbench.clusters.cluster import Cluster
 from jerkbench.errors import JerkbenchError, PluginError, unknown
 from jerkbench.hydra_app.configuration import cell_of, check_options, register_hydra_parts, register_schemas
-from jerkbench.hydra_app.messages import sentence
+from jerkbench.hydra_app.messages import hydra_sentence
 from jerkbench.hydra_app.typed_words import arranged_words
 from jerkbench.presets import config_folder, preset
 from jerkbench.removed import refuse_removed
@@ -66,7 +66,7 @@ def composed(words: Sequence[str]) -> Words:
         config = OmegaConf.masked_copy(whole, [str(key) for key in whole if key != "hydra"])
         check_options(config)
     except (HydraException, OmegaConfBaseException) as error:
-        raise JerkbenchError(sentence(error, list(words))) from error
+        raise JerkbenchError(hydra_sentence(error, list(words))) from error
     return Words(config, choices, overrides)
 
 

@@ -5,7 +5,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from jerkbench.conformance.junit import Case, junit
+from jerkbench.conformance.junit import JunitCase, junit
 from jerkbench.report.analysis.changes import Change, change_rows
 from jerkbench.report.analysis.factors import FACTORS
 from jerkbench.report.analysis.quantities import quantity
@@ -121,7 +121,7 @@ def _records(part: Compared) -> Iterator[dict[str, Any]]:
         }
 
 
-def _cases(part: Compared) -> Iterator[Case]:
+def _cases(part: Compared) -> Iterator[JunitCase]:
     rows = change_rows(part.changes, part.varying)
     for change, row, percent, worse in zip(part.changes, rows, part.allowed, part.worse, strict=True):
         names, (a, b, ratio, interval, verdict) = row[:-5], row[-5:]
@@ -129,4 +129,4 @@ def _cases(part: Compared) -> Iterator[Case]:
         failures = [f"{sentence} That is worse by more than {percent:g} %."] if worse else []
         if percent is not None and change.unjudged:
             failures.append(f"{sentence} B lacks runs of A, so that it cannot be judged.")
-        yield Case(part.metric, ", ".join(names) or "all", tuple(failures), () if failures else (sentence,))
+        yield JunitCase(part.metric, ", ".join(names) or "all", tuple(failures), () if failures else (sentence,))

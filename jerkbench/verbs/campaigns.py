@@ -50,9 +50,9 @@ def tune_verb(chosen: argparse.Namespace) -> None:
     Raises:
         JerkbenchError: a word is unknown, or what it asks for cannot be tuned.
     """
-    from jerkbench.hydra_app.tuning import told_apart, tune_all
+    from jerkbench.hydra_app.tuning import tune_all, tuning_words
 
-    tune_all(told_apart(chosen.words, several=chosen.multirun))
+    tune_all(tuning_words(chosen.words, several=chosen.multirun))
 
 
 AUDIT = """\

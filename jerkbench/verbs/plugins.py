@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from jerkbench.verbs.arguments import FORMAT, argument, output, print_json, verb
 
 if TYPE_CHECKING:
-    from jerkbench.authoring.check import Checked
+    from jerkbench.authoring.check import CheckedPlugin
 
 
 @verb(argument("kind", nargs="?", help="dataset, disturbance, attitude, filter, adaptation, ..."), FORMAT)
@@ -19,10 +19,10 @@ def list_verb(chosen: argparse.Namespace) -> None:
     Raises:
         PluginError: no such kind.
     """
-    from jerkbench.catalogue import list_text, listed
+    from jerkbench.catalogue import list_text, listed_json
 
     if chosen.format == "json":
-        print_json(listed(chosen.kind))
+        print_json(listed_json(chosen.kind))
     else:
         print(list_text(chosen.kind))
 
@@ -38,12 +38,12 @@ def show_verb(chosen: argparse.Namespace) -> None:
     Raises:
         PluginError: there is none of that name.
     """
-    from jerkbench.catalogue import kind_of, show_text, shown
+    from jerkbench.catalogue import kind_of, show_text, shown_json
 
     if chosen.name is None:
         chosen.kind, chosen.name = kind_of(chosen.kind), chosen.kind
     if chosen.format == "json":
-        print_json(shown(chosen.kind, chosen.name))
+        print_json(shown_json(chosen.kind, chosen.name))
     else:
         print(show_text(chosen.kind, chosen.name))
 
@@ -69,7 +69,7 @@ BROKEN = 1
 """Exit code where a plugin does not keep its contract."""
 
 
-def _text(_: str, checked: "Sequence[Checked]") -> str:
+def _text(_: str, checked: "Sequence[CheckedPlugin]") -> str:
     lines = []
     for plugin in checked:
         title = f"{plugin.kind} {plugin.name}"
@@ -78,7 +78,7 @@ def _text(_: str, checked: "Sequence[Checked]") -> str:
     return "\n".join(lines)
 
 
-def _json(package: str, checked: "Sequence[Checked]") -> str:
+def _json(package: str, checked: "Sequence[CheckedPlugin]") -> str:
     plugins = [
         {"kind": p.kind, "name": p.name, "ok": not p.failed, "findings": [f._asdict() for f in p.findings]}
         for p in checked
@@ -86,17 +86,21 @@ def _json(package: str, checked: "Sequence[Checked]") -> str:
     return json.dumps({"package": package, "ok": all(p["ok"] for p in plugins), "plugins": plugins}, indent=2)
 
 
-def _junit(package: str, checked: "Sequence[Checked]") -> str:
-    from jerkbench.conformance.junit import Case, junit
+def _junit(package: str, checked: "Sequence[CheckedPlugin]") -> str:
+    from jerkbench.conformance.junit import JunitCase, junit
 
-    def sentences(plugin: "Checked", severity: str) -> tuple[str, ...]:
+    def sentences(plugin: "CheckedPlugin", severity: str) -> tuple[str, ...]:
         return tuple(finding.sentence for finding in plugin.findings if finding.severity == severity)
 
-    cases = [Case(p.kind, p.name, sentences(p, "error"), sentences(p, "notice")) for p in checked]
+    cases = [JunitCase(p.kind, p.name, sentences(p, "error"), sentences(p, "notice")) for p in checked]
     return junit(f"jerkbench check {package}", cases).rstrip()
 
 
-FINDINGS: "Mapping[str, Callable[[str, Sequence[Checked]], str]]" = {"text": _text, "json": _json, "junit": _junit}
+FINDINGS: "Mapping[str, Callable[[str, Sequence[CheckedPlugin]], str]]" = {
+    "text": _text,
+    "json": _json,
+    "junit": _junit,
+}
 """Formats of the answer."""
 
 

@@ -6,7 +6,7 @@ import pytest
 
 from commands import verb
 from jerkbench import plugins
-from jerkbench.catalogue import list_text, listed, shown
+from jerkbench.catalogue import list_text, listed_json, shown_json
 
 
 def test_every_name_that_a_person_reads_is_in_the_json(tmp_path):
@@ -27,8 +27,8 @@ def _entry(content, kind, name):
 
 @pytest.mark.parametrize("kind", [*plugins.KINDS, "noise", "experiment"])
 def test_everything_that_is_listed_is_shown_as_strict_json(kind):
-    for entry in listed(kind)[kind]:
-        content = shown(kind, entry["name"])
+    for entry in listed_json(kind)[kind]:
+        content = shown_json(kind, entry["name"])
         assert json.loads(json.dumps(content, allow_nan=False))["preset"] == entry["preset"]
 
 
@@ -43,7 +43,7 @@ def test_a_parameter_has_its_default_origin_and_range(tmp_path):
 
 
 def test_the_defaults_make_the_plugin():
-    parameters = shown("filter", "jerk")["parameters"]
+    parameters = shown_json("filter", "jerk")["parameters"]
     made = plugins.create("filter", {"name": "jerk", **{p["name"]: p["default"] for p in parameters}})
 
     assert made == plugins.get("filter", "jerk")()

@@ -287,3 +287,18 @@ def test_parameters_of_a_disturbance_that_no_job_chooses_stay(loader):
     jobs = [[f"disturbance={name}", OUTAGE] for name in ("none", "bias")]
 
     assert where_chosen(loader, base(loader), jobs) == jobs
+
+
+@pytest.mark.slow
+def test_a_preset_of_ones_own_that_decides_more_than_its_group_is_composed_as_a_whole(loader, tmp_path):
+    (tmp_path / "filter").mkdir()
+    (tmp_path / "filter" / "mine.yaml").write_text(
+        "# @package _global_\ndefaults:\n  - jerk@filter\n  - _self_\nseeds: 7\n", encoding="utf-8"
+    )
+    words = [f"hydra.searchpath=[file://{tmp_path}]"]
+    config = loader.load_configuration("config", words, run_mode=RunMode.MULTIRUN)
+    jobs = [[f"filter={name}", f"adaptation={rule}"] for rule in ("none", "mtf") for name in ("jerk", "mine")]
+
+    made = of_parts(loader, config, jobs)
+    assert made == [by_hydra(loader, config, job) for job in jobs]
+    assert [plain["seeds"] for plain, _ in made] == [Schema.seeds, 7] * 2
