@@ -45,7 +45,7 @@ WINDOWS_S = (0.5, 1.0, 2.0)
 
 OF_THE_TRACK, OF_A_WHEEL = "the turning of the track", "the acceleration of a wheel"
 
-PARAMETERS = {
+SHIFT_PARAMETERS = {
     "position": "position_shift_s",
     "velocity, horizontal": "velocity_shift_s",
     "velocity, up": "velocity_shift_s",
@@ -70,9 +70,9 @@ def clock_offsets(lags: list[Lag]) -> list[Diagnosis]:
             f"lag {lag.lag_s:+.2f} s against {lag.against}, give or take {lag.within_s:.2f} s (correlation"
             f" {lag.correlation:.2f})",
             f"The stamps of {lag.stream} are {abs(lag.lag_s):.2f} s {'late' if lag.lag_s > 0 else 'early'}",
-            f"Add {-lag.lag_s:+.2f} to {PARAMETERS[lag.stream]}",
+            f"Add {-lag.lag_s:+.2f} to {SHIFT_PARAMETERS[lag.stream]}",
         )
-        offsets.setdefault(PARAMETERS[lag.stream], diagnosis)
+        offsets.setdefault(SHIFT_PARAMETERS[lag.stream], diagnosis)
     return list(offsets.values())
 
 

@@ -8,7 +8,7 @@ from jerkbench.arrays import FloatArray
 from jerkbench.attitude.tilt import Tilt
 from jerkbench.attitude.track import Track
 from jerkbench.attitude.yaw import COARSE, UNKNOWN, is_coarse, select_headings
-from jerkbench.inspection.clocks import PARAMETERS, all_lags, clock_offsets
+from jerkbench.inspection.clocks import SHIFT_PARAMETERS, all_lags, clock_offsets
 from jerkbench.inspection.doctor import first_diagnoses
 from jerkbench.inspection.evidence import moving_speed_mps
 from jerkbench.inspection.lags import LEAST_CORRELATION, WORST_S, Lag
@@ -171,7 +171,7 @@ def _remedy(lag: Lag) -> str:
     if not lag.sure or lag.correlation < LEAST_CORRELATION:
         return ""
     well_known = np.isfinite(lag.lag_s) and abs(lag.lag_s) > lag.within_s
-    return f"; to {'mend' if well_known else 'try'} it add {-lag.best_s:+.2f} to {PARAMETERS[lag.stream]}"
+    return f"; to {'mend' if well_known else 'try'} it add {-lag.best_s:+.2f} to {SHIFT_PARAMETERS[lag.stream]}"
 
 
 def _sigma_line(sigma: Sigma) -> str:
@@ -186,7 +186,7 @@ def _noise_lines(recording: Recording, noise: RestNoise | None) -> Iterator[str]
     stated = f"a rest of {recording.static_start_s:.1f} s" if recording.static_start_s else "no rest"
     advice = f"{stated} at the start is known; if there is one, give static_start_s (for a bag: rest_s)"
     if noise is None:
-        yield f"imu noise: not measured, for the IMU shows no rest of {SHORTEST_REST_S:.0f} s, and {advice}"
+        yield f"imu noise: not measured; the IMU shows no rest of {SHORTEST_REST_S:.0f} s, and {advice}"
         return
     begin_s, end_s, is_stated = noise.rest
     yield (

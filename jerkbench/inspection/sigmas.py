@@ -36,9 +36,13 @@ MIDDLE_ROWS = 30
 FAST_SHARE = 1.5
 """Variance of x_i - (x_i-1 + x_i+1)/2 of white noise with variance 1."""
 
-JITTER = "the jitter from row to row"
+JITTER, AT_REST = "the jitter from row to row", "the scatter at rest"
+MEDIAN = "the median error against the reference"
+SPREAD = "the middle of the error against the reference, about its median"
+BY_REFERENCE = (MEDIAN, SPREAD)
+"""What the errors are measured by."""
 
-PARAMETERS = {"position": "position_sigma_scale or position_sigma_m", "velocity": "velocity_sigma_mps"}
+SIGMA_PARAMETERS = {"position": "position_sigma_scale or position_sigma_m", "velocity": "velocity_sigma_mps"}
 
 SHIFTS = range(-2, 3)
 """By so many rows a velocity may be older or younger than the slope that it was computed from."""
@@ -162,7 +166,7 @@ def understated_noise(recording: Recording, *, reference: bool = True) -> list[D
     least = [(entry, LEAST_RATIO) for entry in ratios] + [(entry, LEAST_SPREAD) for entry in _spread(recording)]
     worst: dict[str, tuple[float, str]] = {}
     for (stream, ratio, basis), limit in least:
-        asked = reference or "the reference" not in basis
+        asked = reference or basis not in BY_REFERENCE
         if asked and ratio >= limit and ratio > worst.get(stream, (0.0, ""))[0]:
             worst[stream] = ratio, basis
     return [
@@ -170,7 +174,7 @@ def understated_noise(recording: Recording, *, reference: bool = True) -> list[D
             f"sd of {stream} too small",
             f"{basis} is {ratio:.1f} times as large as stated",
             f"The standard deviations of {stream} are too small",
-            f"Scale them by {ratio:.0f}: {PARAMETERS[stream]}",
+            f"Scale them by {ratio:.0f}: {SIGMA_PARAMETERS[stream]}",
         )
         for stream, (ratio, basis) in worst.items()
     ]
@@ -185,17 +189,17 @@ def overstated_noise(recording: Recording, rest: Rest | None) -> Iterator[str]:
     ratios = [*(_ratio(sigma) for sigma in sigmas), *_spread(recording), *_jitter(recording)]
     for stream, unit, _, values, covariance in stated_streams(recording):
         found = [(ratio, basis) for name, ratio, basis in ratios if name == stream and ratio > 0]
-        against = [pair for pair in found if "the reference" in pair[1]]
+        against = [pair for pair in found if pair[1] in BY_REFERENCE]
         ratio, basis = max(against or found[:1], default=(1.0, ""))
         if ratio > 1 / LEAST_RATIO:
             continue
         deviations = np.where(np.isfinite(values), np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)), np.nan)
         stated = float(np.nanmedian(deviations[:, :2]))
-        slow = "" if against else " A slow error does not show there, and would be real."
+        slow = "" if against else " An error that changes slowly does not show in that, so they may be right."
         yield (
             f"The standard deviations of {stream} may be too large: {stated:.3g} {unit} is stated, {stated * ratio:.2g}"
             f" {unit} measured, {1 / ratio:.3g} times less ({basis}).{slow} To correct them, scale them by {ratio:.2g}:"
-            f" {PARAMETERS[stream]}."
+            f" {SIGMA_PARAMETERS[stream]}."
         )
 
 
@@ -213,13 +217,12 @@ def _spread(recording: Recording) -> Iterator[tuple[str, float, str]]:
     if rows.sum() >= MIDDLE_ROWS and error[rows].any():
         sigmas = np.sqrt(np.diagonal(position.covariance_m2[rows], axis1=1, axis2=2))
         ratio = _middle(error[rows] - np.median(error[rows], axis=0), sigmas)
-        yield "position", ratio, "the middle of the error against the reference, about its median"
+        yield "position", ratio, SPREAD
 
 
 def _ratio(sigma: Sigma) -> tuple[str, float, str]:
-    if sigma.basis == REST:
-        return sigma.stream, sigma.ratio, "the scatter at rest"
-    return sigma.stream, sigma.median_ratio, "the median error against the reference"
+    ratio, basis = (sigma.ratio, AT_REST) if sigma.basis == REST else (sigma.median_ratio, MEDIAN)
+    return sigma.stream, ratio, basis
 
 
 def _jitter(recording: Recording) -> Iterator[tuple[str, float, str]]:
