@@ -6,10 +6,13 @@ Each family of attacks is a function in `FAMILIES`; it yields one `Outcome` for 
 import argparse
 import contextlib
 import io
+import itertools
 import os
+import random
 import resource
 import shlex
 import signal
+import subprocess
 import sys
 import tempfile
 import traceback
@@ -126,7 +129,77 @@ def command_lines(count: int, seed: int, folder: Path) -> Iterator[Outcome]:
         yield attempt(lines.other() if number % 3 == 2 else lines.run(), folder)
 
 
-FAMILIES: dict[str, Callable[[int, int, Path], Iterator[Outcome]]] = {"command lines": command_lines}
+def closed_streams(count: int, seed: int, folder: Path) -> Iterator[Outcome]:
+    """Yield what becomes of verbs whose streams are closed, full, or read by nobody; each in a process of its own."""
+    study = shlex.quote(str(a_study(folder)))
+    run = f"run {shlex.join(SHORT)}"
+    asked = ("table {0}", "table {0} --findings", "cite {0}", "compare {0} {0}")
+    verbs = ["list", "run --help", f"{run} --dry", f"{run} -m filter=baseline,jerk", *(v.format(study) for v in asked)]
+    ways = list(itertools.product(STREAMS, verbs))
+    for streams, verb in itertools.islice(itertools.cycle(ways), seed, seed + count):
+        yield _in_a_shell(f"{shlex.quote(sys.executable)} -m jerkbench {verb} {streams}", folder)
+
+
+def _in_a_shell(command: str, folder: Path) -> Outcome:
+    began = monotonic()
+    try:
+        done = subprocess.run(  # noqa: S603 - our own words
+            ["/bin/sh", "-c", command], cwd=folder, capture_output=True, text=True, check=False, timeout=LONGEST_S
+        )
+    except subprocess.TimeoutExpired:
+        return Outcome(command, "broken", "hangs", monotonic() - began)
+    said = done.stdout + done.stderr
+    fault = "Traceback" in said or "Exception ignored" in said or done.returncode not in (0, 1, 2)
+    kind = "broken" if fault else "refused" if done.returncode else "survived"
+    return Outcome(command, kind, said[-300:], monotonic() - began)
+
+
+def yaml_files(count: int, seed: int, folder: Path) -> Iterator[Outcome]:
+    """Yield what becomes of presets that stand for more than a machine can hold, are too deep, or no YAML at all."""
+    rng = random.Random(seed)  # noqa: S311 - nothing is secret
+    for number in range(count):
+        place = folder / f"presets-{number}" / "experiment"
+        place.mkdir(parents=True)
+        text = rng.choice(BOMBS)(rng.randint(2, 60), rng.randint(2, 300))
+        (place / "bomb.yaml").write_bytes(b"# @package _global_\n" + text.encode("utf-8", "surrogateescape"))
+        yield attempt(["run", "--dry", "--config-dir", str(place.parent), "experiment=bomb", *SHORT], folder)
+
+
+STREAMS = (">&-", "2>&-", "<&-", ">&- 2>&- <&-", ">/dev/full", "2>/dev/full", "| true", "2>&1 | head -c 1")
+"""What may stand behind a command."""
+
+
+def chained(first: str, link: str) -> Callable[[int, int], str]:
+    """Return a text in which each of so many lines repeats the line before so often."""
+
+    def text(deep: int, wide: int) -> str:
+        lines = (link.format(k=k, all=",".join([f"*a{k - 1}"] * wide)) for k in range(1, deep))
+        return "\n".join([first, *lines, ""])
+
+    return text
+
+
+BOMBS: tuple[Callable[[int, int], str], ...] = (
+    chained("a0: &a0 x", "a{k}: &a{k} [{all}]"),
+    chained("a0: &a0 {x: 1}", "a{k}: &a{k} {{<<: [{all}]}}"),
+    lambda deep, wide: f"notes: {'[' * deep * wide}{']' * deep * wide}\n",
+    lambda deep, wide: f"study: '{'${results}' * wide}'\nresults: '{'${dataset.name}' * deep}'\n",
+    lambda deep, wide: f"study: '{'${results}' * wide}'\nresults: '{'${study}' * deep}'\n",
+    lambda deep, wide: f"notes: ['{'${oc.env:HOME}' * (deep % 5)}', '{'x' * wide}']\n",
+    lambda deep, _: f"seeds: {'9' * deep}\n",
+    lambda deep, wide: f"a: &a [*a]\nb: {deep}{wide}\n",
+    lambda deep, wide: f"? {'- ' * deep}\n: {{{'[' * wide}\n",
+    lambda deep, wide: "\x00" * deep + "\udcff" * wide,
+    lambda deep, _: "".join(f"study: a{k}\n" for k in range(deep)),
+    lambda deep, _: f"study: !!python/object/apply:os.system [{deep}]\n",
+)
+"""Texts of a preset, by a depth and a width."""
+
+FAMILIES: dict[str, Callable[[int, int, Path], Iterator[Outcome]]] = {
+    "command lines": command_lines,
+    "closed streams": closed_streams,
+    "YAML files": yaml_files,
+}
 """Each family: how many inputs, a seed, an empty folder -> what became of each."""
 
 

@@ -51,10 +51,11 @@ def test_interpolations_that_multiply_are_refused_at_once(tmp_path):
     assert "laughs.yaml has more than 20 interpolations" in done.stderr
 
 
-def test_a_preset_that_is_no_yaml_is_a_sentence(tmp_path):
+@pytest.mark.parametrize("text", ["a: [1\nb: }", "study: a\nstudy: b", "study: !!python/object/apply:os.system [ls]"])
+def test_a_preset_that_is_no_yaml_is_a_sentence(tmp_path, text):
     folder = tmp_path / "presets" / "experiment"
     folder.mkdir(parents=True)
-    (folder / "odd.yaml").write_text("# @package _global_\na: [1\nb: }")
+    (folder / "odd.yaml").write_text(f"# @package _global_\n{text}")
     done = verb("run", "--config-dir", tmp_path / "presets", "experiment=odd", cwd=tmp_path)
     assert done.returncode == 2
     assert "odd.yaml cannot be read" in done.stderr

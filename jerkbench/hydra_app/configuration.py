@@ -206,9 +206,9 @@ def _measure_files() -> None:
         try:
             if path.is_file():
                 require_small(path.read_text(encoding="utf-8"), path)
+            return load(self, config_path)
         except (OSError, UnicodeDecodeError, YAMLError) as error:
             raise PluginError(f"{path} cannot be read: {' '.join(str(error).split())}.") from error
-        return load(self, config_path)
 
     if load.__name__ != measured.__name__:
         setattr(source, "load_config", measured)  # noqa: B010 - mypy lets no method be replaced
