@@ -16,7 +16,7 @@ from jerkbench.execution.inputs import shared_inputs
 from jerkbench.recording import Recording
 from jerkbench.report.analysis.references import competes
 from jerkbench.report.drawings import Scene
-from jerkbench.report.page.traces import Stretch, largest_of_steps
+from jerkbench.report.page.script_data import Stretch, largest_of_steps
 from jerkbench.results.content import Stored
 from jerkbench.results.replay import StoredRow, row_of, runnable
 from jerkbench.results.store import Store

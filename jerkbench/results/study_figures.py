@@ -23,7 +23,7 @@ from jerkbench.report.drawings import (
     palette_of,
     telling_scenes,
 )
-from jerkbench.report.page.traces import Stretch
+from jerkbench.report.page.script_data import Stretch
 from jerkbench.report.plots.palette import Palette
 from jerkbench.report.tables.summary import main_metric
 from jerkbench.results.manifest import read_manifest

@@ -18,22 +18,21 @@ METHOD = ("filter", "adaptation", "noise")
 """Factors that make a method; the others make a scenario."""
 
 
-def costs(rows: "pd.DataFrame", metric: str, *, shared: bool = True) -> tuple[FloatArray, list[str], list[str]]:
+def costs(rows: "pd.DataFrame", metric: str) -> tuple[FloatArray, list[str], list[str]]:
     """Return (p, s) means of ``metric``, the names of the p scenarios and of the s methods, as they appear.
 
     Infinite where a run was lost or has no value, NaN where the combination was not run. Names say what varies. Means
-    are those of the tables: of errors geometric, and the median where a run is locked out.
+    are those of the tables: of errors geometric, and the median where a run is locked out. Only the seeds count that
+    all methods of a scenario have.
 
     Args:
         rows: one row a cell and seed.
         metric: the column.
-        shared: whether only the seeds count that all methods of a scenario have.
     """
     named = _named(checked(rows, metric), metric)
     scenarios, names = (list(dict.fromkeys(named[key].astype(str))) for key in ("scenario", "method"))
-    if shared:
-        methods = named.groupby(["scenario", "seed"])["method"].transform("nunique")
-        named = named[methods == named.groupby("scenario")["method"].transform("nunique")]
+    methods = named.groupby(["scenario", "seed"])["method"].transform("nunique")
+    named = named[methods == named.groupby("scenario")["method"].transform("nunique")]
     groups = {key: group.to_numpy(dtype=float) for key, group in named.groupby(["scenario", "method"])["cost"]}
     if quantity(metric).lowest_is_best and not (named["cost"] < 0).any():
         means = [centre.value for centre in centres(list(groups.values()))]
@@ -51,15 +50,6 @@ def competing(rows: "pd.DataFrame", metric: str) -> list[bool]:
     """Return which methods of `costs` can be the best; references cannot."""
     named = _named(checked(rows, metric), metric).drop_duplicates("method")
     return [competes({"filter": f, "adaptation": a}) for f, a in zip(named["filter"], named["adaptation"], strict=True)]
-
-
-def lost_shares(rows: "pd.DataFrame", metric: str) -> list[list[str]]:
-    """Return (p, s) how many runs of each cell of `costs` are lost, or have no value: "1/5"."""
-    named = _named(checked(rows, metric), metric)
-    scenarios, names = (list(dict.fromkeys(named[key].astype(str))) for key in ("scenario", "method"))
-    runs = named.groupby(["scenario", "method"])["cost"]
-    shares = {key: f"{int(np.isinf(group).sum())}/{len(group)}" for key, group in runs}
-    return [[shares.get((scenario, name), "") for name in names] for scenario in scenarios]
 
 
 def method_labels(rows: "pd.DataFrame", metric: str) -> list[tuple[str, str]]:

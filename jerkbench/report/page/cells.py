@@ -1,4 +1,4 @@
-"""Every cell of a study: a table to sort and to filter, and all that is known of each cell behind it."""
+"""Every cell of a study: a table to sort and to filter, with a word on how sure of itself each filter is."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -9,10 +9,20 @@ from jerkbench.report.analysis.comparison import Comparison
 from jerkbench.report.analysis.factors import FACTORS
 from jerkbench.report.analysis.quantities import quantity
 from jerkbench.report.analysis.study_verdicts import StudyVerdicts
-from jerkbench.report.page import nees
-from jerkbench.report.page.details import details
+from jerkbench.report.page.script_data import details
 from jerkbench.report.tables.summary import summarise
 from jerkbench.report.tables.table_model import Table, TableCell, factor_number, number
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from jerkbench.evaluation.statistics.consistency import NEAR, UNKNOWN, runs_verdict
+from jerkbench.evaluation.statistics.intervals.signed_over_seeds import FEW
+from jerkbench.report.analysis.quantities import EXPECTED
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -110,7 +120,7 @@ def cells_view(
             )
             labels = tuple(str(group[factor].iloc[0]) for factor in factors)
             rule = "group" if lines and place == 0 else ""
-            lines.append(Line(key, labels, values, nees.says(group), rule))
+            lines.append(Line(key, labels, values, nees_verdict(group), rule))
     against = ("times none",) if ratios else ()
     return Cells(
         constants=", ".join(f"{key} {rows[key].iloc[0]}" for key in FACTORS if key not in factors),
@@ -118,7 +128,7 @@ def cells_view(
         choices={key: list(dict.fromkeys(rows[key].astype(str))) for key in factors},
         heads=(*(quantity(column).heading for column in metrics), *against, "lost runs"),
         lines=lines,
-        explanation=nees.explanation(rows),
+        explanation=nees_explanation(rows),
         details=details(groups, about, [column for column in metrics if column in rows]),
     )
 
@@ -188,3 +198,32 @@ def _factor(comparison: Comparison | None) -> Value:
         f"{value:.7g}",
         extra=True,
     )
+
+
+HEADING = "NEES says"
+ANEES = "anees"
+CONSISTENT = EXPECTED[ANEES]
+
+
+def nees_explanation(rows: "pd.DataFrame") -> str:
+    """Return how to read the column; nothing where no cell has a value to judge."""
+    if ANEES not in rows or rows[ANEES].isna().all():
+        return ""
+    low, high = (factor * CONSISTENT for factor in NEAR)
+    return (
+        f"{HEADING}: overconfident or too cautious where the whole interval of the ANEES over the seeds is above or "
+        f"below {CONSISTENT:g}; consistent where it holds {CONSISTENT:g} and lies within {low:g} to {high:g}; not "
+        f"known where it holds more than that, of one run and of phases. Of fewer than {FEW} seeds the interval is "
+        "Student's on the logarithms. Where runs were lost the others can only be overconfident or not known."
+    )
+
+
+def nees_verdict(group: "pd.DataFrame") -> str:
+    """Return the verdict on the rows of one cell; phases of one recording are no independent runs."""
+    if ANEES not in group:
+        return ""
+    if (group["replicate"] == "phase").any():
+        return UNKNOWN
+    well = group["status"] == "ok"
+    values = group.loc[well, ANEES].to_numpy(dtype=np.float64)
+    return runs_verdict(values, CONSISTENT, lost=int((~well).sum())).word

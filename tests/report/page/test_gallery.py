@@ -6,8 +6,8 @@ import numpy as np
 from PIL import Image
 
 from jerkbench.report.drawings import Picture
-from jerkbench.report.page import gallery as room
-from jerkbench.report.page.gallery import gallery
+from jerkbench.report.page import page as room
+from jerkbench.report.page.page import gallery
 
 
 def picture(name, scenario):

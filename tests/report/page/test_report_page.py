@@ -15,9 +15,9 @@ import pytest
 from commands import swept
 from jerkbench.report.analysis.review import Evidence, review
 from jerkbench.report.drawings import Picture
-from jerkbench.report.page.nees import says
+from jerkbench.report.page.cells import nees_verdict
 from jerkbench.report.page.page import Results, page
-from jerkbench.report.page.traces import Stretch
+from jerkbench.report.page.script_data import Stretch
 from jerkbench.results.replay import stored_row
 from jerkbench.results.store import Store
 
@@ -301,7 +301,7 @@ def test_a_reference_needs_no_budget_and_is_not_the_best():
 )
 def test_the_word_for_a_cell_is_what_its_seeds_show(cell_rows, anees, more, word):
     rows = pd.DataFrame(cell_rows("jerk", "none", [1.0] * len(anees))).assign(anees=anees).assign(**more)
-    assert says(rows) == word
+    assert nees_verdict(rows) == word
 
 
 @pytest.mark.slow
