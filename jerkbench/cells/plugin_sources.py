@@ -4,6 +4,7 @@ Its own distribution, and whatever is installed so that it can be edited, counts
 another distribution by its version. What `jerkbench.cells.provenance` answers for by itself is left out.
 """
 
+import ast
 import hashlib
 import os
 import sys
@@ -13,8 +14,6 @@ from importlib.metadata import Distribution, PackageNotFoundError, distribution,
 from importlib.util import find_spec
 from pathlib import Path
 from types import FunctionType, ModuleType
-
-from jerkbench.cells.source_imports import imported_names, named_places
 
 KNOWN = {"jerkbench", "numpy", "scipy", "numba", "pandas", "filterpy", "pymap3d", "hydra", "omegaconf"}
 """Modules whose version or code is in every key."""
@@ -194,3 +193,32 @@ def _released(installed: Distribution, visited: set[str]) -> Iterator[str]:
                 yield from _released(distribution(name), visited)
             except PackageNotFoundError:
                 continue
+
+
+def imported_names(path: Path) -> set[str]:
+    """Return the modules that the file imports by name, also inside functions; not those of its own package."""
+    return set(_imports(_parsed(path)))
+
+
+def named_places(path: Path) -> set[str]:
+    """Return the first part of every text in the file that may be the name of a file or a folder."""
+    texts = (node.value for node in ast.walk(_parsed(path)) if isinstance(node, ast.Constant))
+    return {text.split("/")[0] for text in texts if isinstance(text, str) and len(text) < 256}
+
+
+def _imports(tree: ast.Module) -> Iterator[str]:
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            yield node.module
+        elif isinstance(node, ast.Call) and ast.unparse(node.func).endswith(("import_module", "__import__")):
+            yield from (arg.value for arg in node.args[:1] if isinstance(arg, ast.Constant) and type(arg.value) is str)
+
+
+def _parsed(path: Path) -> ast.Module:
+    """The file's syntax; of one that is no Python, nothing."""
+    try:
+        return ast.parse(path.read_bytes())
+    except (SyntaxError, ValueError):
+        return ast.Module(body=[], type_ignores=[])

@@ -21,7 +21,7 @@ COMPUTING = (
     *("traces", "contracts", "evaluation/metrics", "arrays", "checks", "estimate", "geometry", "kalman"),
     *("memory", "optional", "random_streams", "streamed_run", "sums"),
     *(f"cells/{name}" for name in ("cell", "metric_names", "noise", "protocol")),
-    *(f"execution/{name}" for name in ("cell_run", "inputs", "kept_arrays")),
+    *(f"execution/{name}" for name in ("cell_run", "inputs")),
     "execution/simulation_cache",
     *(f"evaluation/{name}" for name in ("batch_scoring", "counted_rows", "counted_stamps", "divergence")),
     *(f"evaluation/{name}" for name in ("evaluated_run", "faults", "navigation_errors", "riccati", "sums")),

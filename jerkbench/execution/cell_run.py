@@ -17,8 +17,7 @@ from jerkbench.evaluation.evaluated_run import Summary, evaluate_run, values_of
 from jerkbench.evaluation.sums import Scored, sums_from
 from jerkbench.execution.inputs import KEPT, Inputs, shared_inputs
 from jerkbench.execution.notes import notes_of
-from jerkbench.execution.plugin_errors import plugins_in_words, reason_of
-from jerkbench.execution.plugin_probe import unfit
+from jerkbench.execution.plugin_errors import plugins_in_words, reason_of, unfit
 from jerkbench.optional import part_read
 from jerkbench.plain import plain
 from jerkbench.recording import Recording

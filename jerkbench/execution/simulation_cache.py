@@ -2,7 +2,9 @@
 
 import dataclasses
 import hashlib
+import json
 import os
+import zlib
 from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
@@ -12,7 +14,6 @@ import numpy as np
 
 from jerkbench.cells.provenance import code_digest, plugin_digest, versions
 from jerkbench.contracts import Dataset
-from jerkbench.execution.kept_arrays import read_arrays, write_arrays
 from jerkbench.files import cache_folder, forget_oldest, write_atomically
 from jerkbench.recording import Drawn, Heading, Imu, Origin, Position, Recording, Reference, Velocity
 
@@ -92,3 +93,51 @@ def _read(path: Path) -> Recording | None:
 def _of(part: str, values: dict[str, Any]) -> dict[str, Any]:
     """The fields of one part, by name."""
     return {name.partition(".")[2]: value for name, value in values.items() if name.partition(".")[0] == part}
+
+
+MAGIC = b"jerkbench arrays 1\n"
+ALIGNED = 64
+"""Arrays begin at multiples of so many bytes."""
+
+
+def write_arrays(path: Path, arrays: dict[str, Any], header: dict[str, Any]) -> None:
+    """Write ``arrays`` and what JSON can say of the rest."""
+    plain = {name: np.ascontiguousarray(array) for name, array in arrays.items()}
+    listed = [(name, array.dtype.str, array.shape) for name, array in plain.items()]
+    described = json.dumps({"header": header, "arrays": listed}).encode()
+    content = bytearray(_padded(described))
+    for array in plain.values():
+        content += _padded(array.tobytes())
+    sizes = np.array([len(described), zlib.crc32(content)], dtype="<u8").tobytes()
+    path.write_bytes(_padded(MAGIC + sizes) + content)
+
+
+def read_arrays(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return arrays and header.
+
+    Raises:
+        OSError: the file cannot be read.
+        ValueError: it is not what `write_arrays` has written.
+    """
+    content = np.fromfile(path, dtype=np.uint8)
+    if content[: len(MAGIC)].tobytes() != MAGIC or len(content) < ALIGNED:
+        raise ValueError(f"{path} holds no arrays.")
+    length, checksum = np.frombuffer(content[len(MAGIC) : len(MAGIC) + 16].tobytes(), dtype="<u8").tolist()
+    if zlib.crc32(content[ALIGNED:]) != checksum:  # type: ignore[arg-type]  # an array is a buffer
+        raise ValueError(f"{path} is damaged.")
+    described = json.loads(content[ALIGNED : ALIGNED + length].tobytes())
+    arrays, at = {}, ALIGNED + _rounded(length)
+    for name, dtype, shape in described["arrays"]:
+        size = np.dtype(dtype).itemsize * int(np.prod(shape))
+        arrays[name] = content[at : at + size].view(dtype).reshape(shape)
+        at += _rounded(size)
+    return arrays, described["header"]
+
+
+def _padded(content: bytes) -> bytes:
+    return content + bytes(_rounded(len(content)) - len(content))
+
+
+def _rounded(size: int) -> int:
+    """The next multiple of ALIGNED."""
+    return -(-size // ALIGNED) * ALIGNED

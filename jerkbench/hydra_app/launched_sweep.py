@@ -12,7 +12,7 @@ from jerkbench.errors import INTERRUPTED, JerkbenchError, PluginError, exit_with
 from jerkbench.execution.data_mistakes import first_mistakes
 from jerkbench.execution.inputs import shared_inputs
 from jerkbench.execution.notes import first_remarks
-from jerkbench.execution.plugin_probe import first_complaints
+from jerkbench.execution.plugin_errors import first_complaints
 from jerkbench.execution.processors import processors
 from jerkbench.execution.pulse import Pulse, duration
 from jerkbench.filters.command import Command

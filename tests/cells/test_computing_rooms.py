@@ -14,7 +14,7 @@ NO_NUMBERS = {
     *("api", "conformance", "errors", "fetching", "files", "notebook", "notices", "parameters", "places", "plain"),
     *("plugins", "presets"),
     *(f"cells/{name}" for name in ("data", "from_names", "key", "labels", "plugin_sources", "provenance", "refusal")),
-    *("cells/source_imports", "execution/notes", "execution/plugin_errors", "execution/plugin_probe"),
+    *("execution/notes", "execution/plugin_errors"),
 }
 """Rooms and modules that refuse, name or say something; what they import is not followed."""
 
