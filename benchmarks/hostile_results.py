@@ -23,6 +23,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from jerkbench.cli import main
+from jerkbench.errors import NOT_COMPARABLE
 from jerkbench.results.parts import REQUIRED, content_of, part_name
 from jerkbench.results.store import Store
 
@@ -201,6 +202,10 @@ SWEEP = (
 QUIET = ("figures=false", "workers=1", "study=small")
 
 
+ENDINGS = {0: "survived", 1: "said a difference", 2: "refused", 3: "worse", NOT_COMPARABLE: "not comparable"}
+"""Exit codes in words."""
+
+
 def answered(words: list[str]) -> tuple[str, str]:
     """Run a command line in this process; returns how it ended, and what it printed."""
     printed = io.StringIO()
@@ -208,9 +213,7 @@ def answered(words: list[str]) -> tuple[str, str]:
         try:
             main(words)
         except SystemExit as ended:
-            return {0: "survived", 1: "said a difference", 2: "refused"}.get(
-                int(ended.code or 0), "?"
-            ), printed.getvalue()
+            return ENDINGS.get(int(ended.code or 0), "?"), printed.getvalue()
         except Exception as error:  # noqa: BLE001 - that is what is looked for
             return f"{type(error).__name__}: {error}", printed.getvalue()
     return "survived", printed.getvalue()
