@@ -41,7 +41,7 @@ from jerkbench.audit.page import SECTIONS
 from jerkbench.audit.protocol import AuditProtocol, read_protocol
 from jerkbench.audit.stages import Stages
 from jerkbench.audit.study import campaign_key
-from jerkbench.campaigns.piece import Place
+from jerkbench.campaigns.piece import Site
 from jerkbench.campaigns.protocol import HALVES, Scenario
 from jerkbench.campaigns.search import best_trials, levels_of, losses, mean_losses, seen
 from jerkbench.cells.provenance import code_digest, git_commit, versions
@@ -241,7 +241,7 @@ def run_attribution(protocol: AuditProtocol, folder: Path, cluster: Cluster, wor
     known, start = protocol.scenarios, naive()
     methods = methods_of(protocol).values()
     spaces = {method: naive_space(method.space(known[0]), start) for method in methods}
-    places = {on: Place(folder / "runs" / (name or "tilt"), cluster, workers) for on, name in ATTITUDES.items()}
+    places = {on: Site(folder / "runs" / (name or "tilt"), cluster, workers) for on, name in ATTITUDES.items()}
     stages = {on: Stages(known, places[on], campaign_key(), name) for on, name in ATTITUDES.items()}
     scored = {on: AttributionRuns(protocol, spaces, own).scored() for on, own in stages.items()}
     values = corner_values(scored, protocol)

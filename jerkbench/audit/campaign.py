@@ -30,7 +30,7 @@ class Outcome:
     test: pd.DataFrame
 
 
-class Campaign:
+class AuditCampaign:
     """The three stages, each of which goes on where it was stopped."""
 
     def __init__(self, protocol: AuditProtocol, spaces: Mapping[Method, Space], stages: Stages) -> None:

@@ -9,7 +9,7 @@ import pandas as pd
 from jerkbench.audit.methods import Method
 from jerkbench.audit.protocol import AuditProtocol
 from jerkbench.audit.verdicts import TUNED, Losses
-from jerkbench.campaigns.ratios import verdict_of
+from jerkbench.campaigns.ratios import ratio_verdict
 from jerkbench.evaluation.statistics.intervals.student import student_intervals
 from jerkbench.evaluation.statistics.judgement import LEVEL, Verdict
 
@@ -77,7 +77,7 @@ def _of_method(known: Losses, method: Method, protocol: AuditProtocol, confidenc
     d = known.of_families(known.by_kind[method, TUNED, 0] - known.by_kind[plain, TUNED, 0])
     low, high = (np.exp(ends) for ends in student_intervals(d, confidence))
     numbers = zip(known.families, np.exp(d.mean(axis=1)).tolist(), low.tolist(), high.tolist(), strict=True)
-    return [FamilyVerdict(method, *of, verdict_of(of[2], of[3], protocol.margin)) for of in numbers]
+    return [FamilyVerdict(method, *of, ratio_verdict(of[2], of[3], protocol.margin)) for of in numbers]
 
 
 def _sentence(family: str, verdicts: Sequence[FamilyVerdict]) -> str:

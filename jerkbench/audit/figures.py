@@ -42,7 +42,7 @@ def ratio_figure(verdicts: Sequence[MethodVerdict], margin: float) -> Figure:
     return figure
 
 
-def severity_figure(known: Losses, verdicts: Sequence[MethodVerdict], protocol: AuditProtocol) -> Figure:
+def audit_severity_figure(known: Losses, verdicts: Sequence[MethodVerdict], protocol: AuditProtocol) -> Figure:
     """Draw the ratio of the best methods against the severity of each family, mean over fields and seeds."""
     families = [family for family in protocol.families if family.half in HALVES]
     columns = 3

@@ -46,7 +46,7 @@ class Contents:
     runs: int
 
 
-def page(contents: Contents) -> str:
+def audit_page(contents: Contents) -> str:
     """Return the page as Markdown."""
     from jinja2 import Environment, StrictUndefined
 

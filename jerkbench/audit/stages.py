@@ -8,7 +8,7 @@ import pandas as pd
 
 from jerkbench.audit.methods import Method
 from jerkbench.campaigns.entrant import ERROR
-from jerkbench.campaigns.piece import Piece, Place, mark_of
+from jerkbench.campaigns.piece import Piece, Site, mark_of
 from jerkbench.campaigns.protocol import HALVES, Scenario
 from jerkbench.campaigns.search import ALL
 from jerkbench.errors import JerkbenchError
@@ -59,7 +59,7 @@ class Stages:
     """
 
     scenarios: Sequence[Scenario]
-    place: Place
+    place: Site
     key: str
     attitude: str | None = None
 

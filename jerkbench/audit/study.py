@@ -8,7 +8,7 @@ from pathlib import Path
 import pandas as pd
 
 from jerkbench.audit.answer import sentences
-from jerkbench.audit.campaign import Campaign, Outcome
+from jerkbench.audit.campaign import AuditCampaign, Outcome
 from jerkbench.audit.comparisons import (
     metric_sentence,
     model_sentence,
@@ -19,15 +19,15 @@ from jerkbench.audit.comparisons import (
 )
 from jerkbench.audit.family_figure import family_figure
 from jerkbench.audit.family_verdicts import FamilyVerdict, family_frame, family_verdicts
-from jerkbench.audit.figures import ratio_figure, severity_figure
+from jerkbench.audit.figures import audit_severity_figure, ratio_figure
 from jerkbench.audit.methods import Method, methods
 from jerkbench.audit.model_figure import model_figure
-from jerkbench.audit.page import Contents, page, sections_in
+from jerkbench.audit.page import Contents, audit_page, sections_in
 from jerkbench.audit.protocol import AuditProtocol
 from jerkbench.audit.stages import Stages
 from jerkbench.audit.table import LEGEND, markdown_table, verdict_frame
 from jerkbench.audit.verdicts import Losses, MethodVerdict, losses_of, verdicts
-from jerkbench.campaigns.piece import Place
+from jerkbench.campaigns.piece import Site
 from jerkbench.campaigns.protocol import Scenario
 from jerkbench.cells.provenance import code_digest, git_commit, versions
 from jerkbench.clusters.cluster import Cluster
@@ -74,19 +74,19 @@ def run_audit(
         JerkbenchError: a run failed, or is not stored and may not be run.
         OSError: nothing can be written.
     """
-    known, place = protocol.scenarios, Place(folder / "runs", cluster, workers, only_stored)
+    known, place = protocol.scenarios, Site(folder / "runs", cluster, workers, only_stored)
     stages = Stages(known, place, campaign_key())
     compared = stages.stored_methods(methods(protocol)) if only_stored else methods(protocol)
     spaces = {method: method.space(known[0]) for method in compared}
     if not only_stored:
         write_text(folder / "protocol.json", _protocol_text(protocol))
-    outcome = Campaign(protocol, spaces, stages).run()
-    audit = judged(protocol, outcome, known)
+    outcome = AuditCampaign(protocol, spaces, stages).run()
+    audit = judged_audit(protocol, outcome, known)
     _write(audit, folder, spaces, place.makers())
     return audit
 
 
-def judged(protocol: AuditProtocol, outcome: Outcome, known: Sequence[Scenario]) -> Audit:
+def judged_audit(protocol: AuditProtocol, outcome: Outcome, known: Sequence[Scenario]) -> Audit:
     """Return the verdicts of what was run."""
     losses = losses_of(outcome, protocol, known)
     overall = verdicts(outcome, protocol, known)
@@ -152,7 +152,7 @@ def settings_frame(outcome: Outcome, spaces: Mapping[Method, Space]) -> pd.DataF
 
 def _write(audit: Audit, folder: Path, spaces: Mapping[Method, Space], makers: list[str]) -> None:
     texts = {
-        "README.md": page(contents_of(audit, folder.name.removeprefix(FOLDER), sections_in(folder))),
+        "README.md": audit_page(contents_of(audit, folder.name.removeprefix(FOLDER), sections_in(folder))),
         "table.md": text_of(audit),
         "verdicts.csv": verdict_frame(audit.verdicts).to_csv(index=False, lineterminator="\n"),
         "families.csv": family_frame(audit.by_family).to_csv(index=False, lineterminator="\n"),
@@ -163,7 +163,7 @@ def _write(audit: Audit, folder: Path, spaces: Mapping[Method, Space], makers: l
         write_text(folder / name, text)
     save_figure(ratio_figure(audit.verdicts, audit.protocol.margin), folder / "ratios.png")
     save_figure(model_figure(audit.verdicts, audit.protocol.margin), folder / "models.png")
-    save_figure(severity_figure(audit.losses, audit.verdicts, audit.protocol), folder / "severity.png")
+    save_figure(audit_severity_figure(audit.losses, audit.verdicts, audit.protocol), folder / "severity.png")
     save_figure(family_figure(audit.by_family), folder / "families.png")
     write_atomically(folder / "rows.parquet", lambda path: audit.outcome.test.to_parquet(path, index=False))
 

@@ -12,7 +12,7 @@ from jerkbench.audit.methods import Method, by_method
 from jerkbench.audit.protocol import AuditProtocol
 from jerkbench.audit.stages import Search
 from jerkbench.campaigns.protocol import HALVES, Scenario
-from jerkbench.campaigns.ratios import nominal_of, of_families, of_unseen, step_ns, verdict_of, worst_of
+from jerkbench.campaigns.ratios import fastest_step_ns, nominal_of, of_families, of_unseen, ratio_verdict, worst_of
 from jerkbench.campaigns.search import ALL, levels_of, losses
 from jerkbench.evaluation.statistics.judgement import LEVEL, Verdict
 from jerkbench.evaluation.statistics.ranks import rank_range
@@ -139,7 +139,7 @@ def _verdict(
         tuned=tuned,
         low=wide.low,
         high=wide.high,
-        verdict=verdict_of(wide.low, wide.high, protocol.margin),
+        verdict=ratio_verdict(wide.low, wide.high, protocol.margin),
         p_better=probability_below(tuned, 1 / (1 + protocol.margin)),
         restarts=(min(ratios), max(ratios)),
         all_ratio=_ratio(known, _difference(known, method, plain, ALL)),
@@ -149,7 +149,7 @@ def _verdict(
         nominal=nominal_of(d, known.scenarios),
         lost=float((own["status"] != "ok").mean()),
         anees=float(own["anees"].median()),
-        step_ns=step_ns(rows, protocol.duration_s),
+        step_ns=fastest_step_ns(rows, protocol.duration_s),
         places=places,
     )
 

@@ -142,7 +142,7 @@ def mark_of(path: Path) -> list[Any]:
 
 
 @dataclass(frozen=True)
-class Place:
+class Site:
     """Where pieces are run and stored.
 
     Attributes:

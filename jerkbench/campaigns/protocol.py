@@ -23,7 +23,7 @@ Stated = TypeVar("Stated", bound="CampaignProtocol")
 
 
 @dataclass(frozen=True)
-class Family:
+class FaultFamily:
     """Faults of one kind.
 
     Attributes:
@@ -99,7 +99,7 @@ class CampaignProtocol:
     tune_seeds: int
     test_seeds: int
     margin: float
-    families: tuple[Family, ...]
+    families: tuple[FaultFamily, ...]
 
     def __post_init__(self) -> None:
         """Check that both halves have a family."""
@@ -140,7 +140,7 @@ class CampaignProtocol:
             for severity in family.severities
         )
 
-    def _scenario(self, noise: str, dataset: str, family: Family, severity: str) -> Scenario:
+    def _scenario(self, noise: str, dataset: str, family: FaultFamily, severity: str) -> Scenario:
         """Put the severity's parameters where they belong: into what makes the fault, data set or disturbance."""
         parameters = dict(family.severities[severity])
         of_field = {**family.dataset, **parameters} if family.dataset else {}
@@ -166,5 +166,7 @@ def protocol_of(cls: type[Stated], stated: Mapping[str, Any], where: str) -> Sta
     for key in values:
         if key not in (*known, "only"):
             raise PluginError(f"{where}: " + unknown("parameter", key, known))
-    values["families"] = tuple(Family(name=name, **own) for name, own in values["families"].items() if name in only)
+    values["families"] = tuple(
+        FaultFamily(name=name, **own) for name, own in values["families"].items() if name in only
+    )
     return cls(**{key: value for key, value in values.items() if key in known})

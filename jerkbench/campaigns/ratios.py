@@ -46,7 +46,7 @@ def nominal_of(d: FloatArray, scenarios: Sequence[Scenario]) -> float:
     return float(np.exp(d.mean(axis=1)[nominal].mean()))
 
 
-def verdict_of(low: float, high: float, margin: float) -> Verdict:
+def ratio_verdict(low: float, high: float, margin: float) -> Verdict:
     """Return what an interval of a ratio shows: equal within the margin, else better, worse or nothing."""
     if 1 / (1 + margin) <= low and high <= 1 + margin:
         return Verdict.EQUAL
@@ -55,6 +55,6 @@ def verdict_of(low: float, high: float, margin: float) -> Verdict:
     return Verdict.WORSE if low > 1 else Verdict.UNDECIDED
 
 
-def step_ns(rows: pd.DataFrame, duration_s: float) -> float:
+def fastest_step_ns(rows: pd.DataFrame, duration_s: float) -> float:
     """Return the time of a step [ns], in the fastest of some runs."""
     return float(rows["seconds"].min() / (duration_s * IMU_HZ) * 1e9)

@@ -15,8 +15,8 @@ from jerkbench.plain import plain
 from jerkbench.report.markup import environment
 from jerkbench.suite.entry import MANIFEST, Entry, read_entry
 from jerkbench.suite.protocol import SuiteProtocol, read_suite
-from jerkbench.suite.scores import Score, log_ratios, score_of
-from jerkbench.suite.verify import Checked, verify
+from jerkbench.suite.scores import EntryScore, entry_log_ratios, entry_score
+from jerkbench.suite.verify import CheckedEntry, verify
 
 HEADS = (
     "rank (95 %)",
@@ -33,7 +33,7 @@ HEADS = (
 
 
 @dataclass(frozen=True)
-class Value:
+class BoardValue:
     """One field of the board.
 
     Attributes:
@@ -56,7 +56,7 @@ class Board:
     """
 
     protocol: SuiteProtocol
-    lines: list[list[Value]]
+    lines: list[list[BoardValue]]
     remarks: list[str]
 
 
@@ -83,13 +83,13 @@ def write_board(folder: Path, count: int) -> list[Path]:
         )
     board = board_of(entries, checks, read_suite(suites.pop()))
     board.remarks.extend(map(plain, remarks))
-    texts = {"board.html": html(board), "board.md": markdown(board)}
+    texts = {"board.html": html(board), "board.md": board_markdown(board)}
     for name, text in texts.items():
         write_text(folder / name, text)
     return [folder / name for name in texts]
 
 
-def board_of(entries: Sequence[Entry], checks: Sequence[Checked], protocol: SuiteProtocol) -> Board:
+def board_of(entries: Sequence[Entry], checks: Sequence[CheckedEntry], protocol: SuiteProtocol) -> Board:
     """Return the board; an entry whose rows cannot be scored has no place."""
     whole = [k for k, entry in enumerate(entries) if _whole(entry, protocol)]
     remarks = [
@@ -97,19 +97,19 @@ def board_of(entries: Sequence[Entry], checks: Sequence[Checked], protocol: Suit
     ]
     lines = []
     if whole:
-        costs = [of_families(log_ratios(entries[k].rows, protocol), protocol.scenarios) for k in whole]
+        costs = [of_families(entry_log_ratios(entries[k].rows, protocol), protocol.scenarios) for k in whole]
         ranks = rank_range(np.stack(costs, axis=-1))
         places = zip(ranks.place, ranks.low, ranks.high, strict=True)
         scored = [(place, entries[k], checks[k]) for place, k in zip(places, whole, strict=True)]
         scored.sort(key=lambda line: int(line[0][0]))
         lines = [
-            _line((int(place), int(low), int(high)), entry, score_of(entry.rows, protocol), own)
+            _line((int(place), int(low), int(high)), entry, entry_score(entry.rows, protocol), own)
             for (place, low, high), entry, own in scored
         ]
     return Board(protocol, lines, remarks)
 
 
-def markdown(board: Board) -> str:
+def board_markdown(board: Board) -> str:
     """Return the board as Markdown."""
     rows = [HEADS, ["---"] * len(HEADS), *([_escaped(value.text) for value in line] for line in board.lines)]
     table = "".join(f"| {' | '.join(row)} |\n" for row in rows)
@@ -149,31 +149,31 @@ def _about(protocol: SuiteProtocol) -> str:
     )
 
 
-def _said(checked: Checked) -> tuple[str, ...]:
+def _said(checked: CheckedEntry) -> tuple[str, ...]:
     return (*checked.mistakes, *checked.remarks)
 
 
-def _line(places: tuple[int, int, int], entry: Entry, score: Score, checked: Checked) -> list[Value]:
+def _line(places: tuple[int, int, int], entry: Entry, score: EntryScore, checked: CheckedEntry) -> list[BoardValue]:
     place, low, high = places
     return [
-        Value(f"{place} ({low} to {high})", f"{place}"),
-        Value(entry.name),
-        Value(f"{score.ratio:.3f} [{score.low:.3f}, {score.high:.3f}]", f"{score.ratio:.9g}"),
-        Value(score.verdict),
-        Value(f"{score.worst} {score.worst_ratio:.2f}", f"{score.worst_ratio:.9g}"),
+        BoardValue(f"{place} ({low} to {high})", f"{place}"),
+        BoardValue(entry.name),
+        BoardValue(f"{score.ratio:.3f} [{score.low:.3f}, {score.high:.3f}]", f"{score.ratio:.9g}"),
+        BoardValue(score.verdict),
+        BoardValue(f"{score.worst} {score.worst_ratio:.2f}", f"{score.worst_ratio:.9g}"),
         _number(score.nominal, ".3f"),
         _number(100 * score.lost, ".1f"),
         _number(score.step_ns, ".0f"),
-        Value("yes" if entry.manifest.get("tuned") else "no"),
-        Value(_verified(checked)),
+        BoardValue("yes" if entry.manifest.get("tuned") else "no"),
+        BoardValue(_verified(checked)),
     ]
 
 
-def _number(value: float, form: str) -> Value:
-    return Value(f"{value:{form}}", f"{value:.9g}")
+def _number(value: float, form: str) -> BoardValue:
+    return BoardValue(f"{value:{form}}", f"{value:.9g}")
 
 
-def _verified(checked: Checked) -> str:
+def _verified(checked: CheckedEntry) -> str:
     if checked.mistakes:
         return "no: see below"
     return f"yes, {checked.rerun} rows" if checked.rerun else "its files only"

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import pandas as pd
 
 from jerkbench.campaigns.entrant import Entrant, knobs_of, tried_settings
-from jerkbench.campaigns.piece import Piece, Place
+from jerkbench.campaigns.piece import Piece, Site
 from jerkbench.campaigns.protocol import HALVES
 from jerkbench.campaigns.search import best_trials, levels_of, losses, mean_losses, seen
 from jerkbench.cells.provenance import code_digest, plugin_digest, versions
@@ -23,7 +23,7 @@ PLAIN, ENTRY = "plain", "entry"
 
 
 @dataclass(frozen=True)
-class Scored:
+class ScoredEntrant:
     """An entrant after its campaign.
 
     Attributes:
@@ -35,10 +35,10 @@ class Scored:
     rows: pd.DataFrame
 
 
-class Campaign:
+class SuiteCampaign:
     """The campaign of one entrant, which goes on where it was stopped."""
 
-    def __init__(self, entrant: Entrant, protocol: SuiteProtocol, place: Place, doing: str) -> None:
+    def __init__(self, entrant: Entrant, protocol: SuiteProtocol, place: Site, doing: str) -> None:
         """Prepare it; ``doing`` names it beside the bar.
 
         Raises:
@@ -56,7 +56,7 @@ class Campaign:
         settings = [self._tried] * len(protocol.scenarios)
         return self._run("tune", settings, protocol.seeds_to_tune_on, protocol.metrics[:1])
 
-    def scored(self, levels: Mapping[int, float]) -> Scored:
+    def scored(self, levels: Mapping[int, float]) -> ScoredEntrant:
         """Search where there is something to search, and score what came out.
 
         Args:
@@ -69,7 +69,7 @@ class Campaign:
         names = [list(own) for own in halves]
         where = zip(rows["scenario"], rows["trial"], strict=True)
         rows.insert(0, "tuned_on", [names[scenario][trial] for scenario, trial in where])
-        return Scored(settings, rows.drop(columns="trial"))
+        return ScoredEntrant(settings, rows.drop(columns="trial"))
 
     def _searched(self, levels: Mapping[int, float]) -> dict[str, Setting]:
         rows = self.tuned()
@@ -114,9 +114,9 @@ def plugins_digest(entrant: Entrant, protocol: SuiteProtocol) -> str:
     return plugins + (cell.filter.fingerprint() if isinstance(cell.filter, ReadingFile) else "")
 
 
-def scored_plain(protocol: SuiteProtocol, place: Place) -> tuple[dict[int, float], Scored]:
+def scored_plain(protocol: SuiteProtocol, place: Site) -> tuple[dict[int, float], ScoredEntrant]:
     """Return what the plain filter has in each scenario as it comes [m], and the plain filter tuned and scored."""
-    campaign = Campaign(protocol.plain_entrant, protocol, place, "The plain filter")
+    campaign = SuiteCampaign(protocol.plain_entrant, protocol, place, "The plain filter")
     levels = suite_levels(campaign.tuned())
     return levels, campaign.scored(levels)
 

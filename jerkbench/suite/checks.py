@@ -10,7 +10,7 @@ from jerkbench.suite.enter import frozen_part
 from jerkbench.suite.entry import PAGE, Entry, file_hashes, plain_score
 from jerkbench.suite.page import entry_page
 from jerkbench.suite.protocol import SuiteProtocol
-from jerkbench.suite.scores import score_of
+from jerkbench.suite.scores import entry_score
 from jerkbench.tuning.space import Setting
 
 TOLERANCE = 1e-9
@@ -59,7 +59,7 @@ def missing_mistakes(entry: Entry, protocol: SuiteProtocol) -> list[str]:
 
 def score_mistakes(entry: Entry, protocol: SuiteProtocol) -> Iterator[str]:
     """Yield a sentence for each number of the score, and for the page, that the rows do not show."""
-    score = score_of(entry.rows, protocol)
+    score = entry_score(entry.rows, protocol)
     stated = entry.manifest["score"]
     for key, own in plain_score(score).items():
         if not same(own, stated.get(key)):

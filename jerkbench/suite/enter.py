@@ -7,19 +7,19 @@ from pathlib import Path
 import pandas as pd
 
 from jerkbench.campaigns.entrant import Entrant, knobs_of
-from jerkbench.campaigns.piece import Place
+from jerkbench.campaigns.piece import Site
 from jerkbench.cells.provenance import code_digest, git_commit, versions
 from jerkbench.files import cache_folder
-from jerkbench.suite.campaign import ENTRY, PLAIN, Campaign, Scored, plugins_digest, scored_plain
+from jerkbench.suite.campaign import ENTRY, PLAIN, ScoredEntrant, SuiteCampaign, plugins_digest, scored_plain
 from jerkbench.suite.entry import Settings, plain_score, write_entry
 from jerkbench.suite.frozen import FROZEN
 from jerkbench.suite.page import entry_page
 from jerkbench.suite.protocol import SuiteProtocol, read_suite
 from jerkbench.suite.recordings import require_recordings
-from jerkbench.suite.scores import score_of
+from jerkbench.suite.scores import entry_score
 
 
-def enter(scale: str, entrant: Entrant, name: str, place: Place, command: str) -> str:
+def enter(scale: str, entrant: Entrant, name: str, place: Site, command: str) -> str:
     """Tune and score an entrant, and write its entry to the folder of ``place``; returns its page.
 
     Runs that are stored there are not done again; those of the plain filter are kept in the cache, for every entry.
@@ -35,12 +35,12 @@ def enter(scale: str, entrant: Entrant, name: str, place: Place, command: str) -
         JerkbenchError: it cannot be made or does not fit, or the suite is not the frozen one.
     """
     protocol = read_suite(scale)
-    campaign = Campaign(entrant, protocol, Place(place.folder / "runs", place.cluster, place.workers), name)
+    campaign = SuiteCampaign(entrant, protocol, Site(place.folder / "runs", place.cluster, place.workers), name)
     require_recordings(scale, protocol)
-    levels, plain = scored_plain(protocol, Place(plain_folder(protocol), place.cluster, place.workers))
+    levels, plain = scored_plain(protocol, Site(plain_folder(protocol), place.cluster, place.workers))
     scored = campaign.scored(levels)
     rows = _joined(scored, plain)
-    score = score_of(rows, protocol)
+    score = entry_score(rows, protocol)
     page = entry_page(name, score, rows, protocol)
     manifest = {
         "entry": name,
@@ -68,12 +68,12 @@ def frozen_part(scale: str, protocol: SuiteProtocol) -> dict[str, object]:
     return {"suite": scale, "protocol": protocol.digest, "data": list(FROZEN[scale].data)}
 
 
-def _joined(scored: Scored, plain: Scored) -> pd.DataFrame:
+def _joined(scored: ScoredEntrant, plain: ScoredEntrant) -> pd.DataFrame:
     parts = [tested.rows.assign(method=method) for method, tested in ((ENTRY, scored), (PLAIN, plain))]
     return pd.concat(parts, ignore_index=True)
 
 
-def _settings(entrant: Entrant, scored: Scored, plain: Scored, protocol: SuiteProtocol) -> Settings:
+def _settings(entrant: Entrant, scored: ScoredEntrant, plain: ScoredEntrant, protocol: SuiteProtocol) -> Settings:
     """The settings with the names of their knobs."""
     both = ((ENTRY, entrant, scored), (PLAIN, protocol.plain_entrant, plain))
     first, limits = protocol.scenarios[0], protocol.limits

@@ -20,7 +20,7 @@ from jerkbench.errors import JerkbenchError
 from jerkbench.files import write_atomically, write_text
 from jerkbench.plain import is_plain, plain
 from jerkbench.results.replay import program_of
-from jerkbench.suite.scores import Score
+from jerkbench.suite.scores import EntryScore
 from jerkbench.tuning.space import Setting
 from jerkbench.yaml_files import read_yaml
 
@@ -238,6 +238,6 @@ def file_hashes(folder: Path) -> dict[str, str]:
     return {name: hashlib.sha256((folder / name).read_bytes()).hexdigest() for name in HASHED}
 
 
-def plain_score(score: Score) -> dict[str, Any]:
+def plain_score(score: EntryScore) -> dict[str, Any]:
     """Return a score as JSON has it: what has no value is null."""
     return {key: None if isinstance(v, float) and math.isnan(v) else v for key, v in asdict(score).items()}

@@ -6,7 +6,7 @@ import pandas as pd
 from jerkbench.report.tables.writers import passive
 from jerkbench.suite.campaign import ENTRY, GIVEN
 from jerkbench.suite.protocol import SuiteProtocol
-from jerkbench.suite.scores import Score, log_ratios
+from jerkbench.suite.scores import EntryScore, entry_log_ratios
 
 EXPLANATION = """\
 Ratios of the position RMSE to the plain filter ({plain}), tuned with the same budget; below 1 is better. What is tuned
@@ -15,7 +15,7 @@ the plain filter's level.
 """
 
 
-def entry_page(name: str, score: Score, rows: pd.DataFrame, protocol: SuiteProtocol) -> str:
+def entry_page(name: str, score: EntryScore, rows: pd.DataFrame, protocol: SuiteProtocol) -> str:
     """Return the page as Markdown."""
     tuned_on = set(rows.loc[rows["method"] == ENTRY, "tuned_on"])
     plain = EXPLANATION.format(plain=" + ".join(protocol.plain.values()))
@@ -24,7 +24,7 @@ def entry_page(name: str, score: Score, rows: pd.DataFrame, protocol: SuiteProto
     )
 
 
-def entry_line(name: str, score: Score, protocol: SuiteProtocol, *, tuned: bool) -> str:
+def entry_line(name: str, score: EntryScore, protocol: SuiteProtocol, *, tuned: bool) -> str:
     """Return what came out, in one line."""
     how = f"tuned, {protocol.trials} settings" if tuned else "not tuned"
     return (
@@ -35,7 +35,7 @@ def entry_line(name: str, score: Score, protocol: SuiteProtocol, *, tuned: bool)
 
 
 def _table(rows: pd.DataFrame, protocol: SuiteProtocol) -> list[str]:
-    ratios = np.exp(log_ratios(rows, protocol).mean(axis=1))
+    ratios = np.exp(entry_log_ratios(rows, protocol).mean(axis=1))
     lost = rows[rows["method"] == ENTRY].groupby("scenario")["status"].agg(lambda status: (status != "ok").sum())
     lines = [
         f"| {scenario.name} | {ratio:.3f} | {lost[number]} |"

@@ -7,7 +7,7 @@ import pandas as pd
 
 from jerkbench.arrays import FloatArray
 from jerkbench.campaigns.protocol import HALVES
-from jerkbench.campaigns.ratios import nominal_of, of_families, of_unseen, step_ns, verdict_of, worst_of
+from jerkbench.campaigns.ratios import fastest_step_ns, nominal_of, of_families, of_unseen, ratio_verdict, worst_of
 from jerkbench.campaigns.search import losses
 from jerkbench.evaluation.statistics.scenarios import over_scenarios
 from jerkbench.suite.campaign import ENTRY, GIVEN, PLAIN, suite_levels
@@ -15,7 +15,7 @@ from jerkbench.suite.protocol import SuiteProtocol
 
 
 @dataclass(frozen=True)
-class Score:
+class EntryScore:
     """What an entry is worth; ratios of the position RMSE to the tuned plain filter, below 1 is better.
 
     Attributes:
@@ -45,30 +45,30 @@ class Score:
     step_ns: float
 
 
-def score_of(rows: pd.DataFrame, protocol: SuiteProtocol) -> Score:
+def entry_score(rows: pd.DataFrame, protocol: SuiteProtocol) -> EntryScore:
     """Return the score that the ``rows`` of an entry and of the plain filter show."""
-    d = log_ratios(rows, protocol)
+    d = entry_log_ratios(rows, protocol)
     by_family = of_families(d, protocol.scenarios)
     mean = over_scenarios(by_family)
     worst, worst_ratio = worst_of(d, protocol.scenarios)
     own = rows[rows["method"] == ENTRY]
     counted = own[own["tuned_on"] != GIVEN] if (own["tuned_on"] != GIVEN).any() else own
-    return Score(
+    return EntryScore(
         ratio=mean.ratio,
         low=mean.low,
         high=mean.high,
-        verdict=str(verdict_of(mean.low, mean.high, protocol.margin)),
-        given=float(np.exp(of_families(log_ratios(rows, protocol, as_given=True), protocol.scenarios).mean())),
+        verdict=str(ratio_verdict(mean.low, mean.high, protocol.margin)),
+        given=float(np.exp(of_families(entry_log_ratios(rows, protocol, as_given=True), protocol.scenarios).mean())),
         worst=worst,
         worst_ratio=worst_ratio,
         nominal=nominal_of(d, protocol.scenarios),
         lost=float((counted["status"] != "ok").mean()),
         anees=float(counted["anees"].median()),
-        step_ns=step_ns(own, protocol.duration_s),
+        step_ns=fastest_step_ns(own, protocol.duration_s),
     )
 
 
-def log_ratios(rows: pd.DataFrame, protocol: SuiteProtocol, *, as_given: bool = False) -> FloatArray:
+def entry_log_ratios(rows: pd.DataFrame, protocol: SuiteProtocol, *, as_given: bool = False) -> FloatArray:
     """Return (S, n) log(entry / tuned plain) of each scenario and seed; a lost run counts a hundred times the level.
 
     Args:

@@ -17,7 +17,7 @@ from jerkbench.suite.protocol import SuiteProtocol, read_suite
 
 
 @dataclass(frozen=True)
-class Checked:
+class CheckedEntry:
     """What a check found.
 
     Attributes:
@@ -31,7 +31,7 @@ class Checked:
     rerun: int
 
 
-def verify(entry: Entry, count: int = 12, *, run_programs: bool = False) -> Checked:
+def verify(entry: Entry, count: int = 12, *, run_programs: bool = False) -> CheckedEntry:
     """Check an entry; two thirds of ``count`` rows are its own, the rest are the plain filter's.
 
     The rows that are computed once more are drawn anew each time; of an entry that does not fit its hashes, none is.
@@ -43,7 +43,7 @@ def verify(entry: Entry, count: int = 12, *, run_programs: bool = False) -> Chec
     missing = missing_mistakes(entry, protocol)
     mistakes = [*frozen_mistakes(entry, protocol), *file_mistakes(entry), *missing]
     if missing:
-        return Checked(tuple(mistakes), (), 0)
+        return CheckedEntry(tuple(mistakes), (), 0)
     if mistakes:
         count = 0
     if entry.program and count and not run_programs:
@@ -54,24 +54,26 @@ def verify(entry: Entry, count: int = 12, *, run_programs: bool = False) -> Chec
     own = _checked(entry, ENTRY, entry.entrant, protocol, count - count // 3)
     plain = _checked(entry, PLAIN, protocol.plain_entrant, protocol, count // 3)
     mistakes += [*score_mistakes(entry, protocol), *own.mistakes, *plain.mistakes]
-    return Checked(tuple(mistakes), (*own.remarks, *plain.remarks), own.rerun)
+    return CheckedEntry(tuple(mistakes), (*own.remarks, *plain.remarks), own.rerun)
 
 
-def _checked(entry: Entry, method: str, entrant: Entrant, protocol: SuiteProtocol, count: int) -> Checked:
+def _checked(entry: Entry, method: str, entrant: Entrant, protocol: SuiteProtocol, count: int) -> CheckedEntry:
     """Check settings and rows of one of the two methods of an entry, where it can be made here."""
     try:
         digest = plugins_digest(entrant, protocol)
         wrong = list(_settings_mistakes(entry, method, entrant, protocol))
     except JerkbenchError as error:
-        return Checked((), (f"The rows of {entrant.name} cannot be computed here, and are not checked: {error}",), 0)
+        return CheckedEntry(
+            (), (f"The rows of {entrant.name} cannot be computed here, and are not checked: {error}",), 0
+        )
     if wrong:
-        return Checked(tuple(wrong), (), 0)
+        return CheckedEntry(tuple(wrong), (), 0)
     remarks: tuple[str, ...] = ()
     if method == ENTRY and digest != entry.manifest.get("plugins"):
         remarks = (f"The code of {entrant.name} here is not that of the entry; its rows are compared all the same.",)
     rows = entry.rows[entry.rows["method"] == method]
     sample = rows.iloc[random.SystemRandom().sample(range(len(rows)), min(count, len(rows)))]
-    return Checked(tuple(_row_mistakes(entry, method, entrant, sample, protocol)), remarks, len(sample))
+    return CheckedEntry(tuple(_row_mistakes(entry, method, entrant, sample, protocol)), remarks, len(sample))
 
 
 def _settings_mistakes(entry: Entry, method: str, entrant: Entrant, protocol: SuiteProtocol) -> Iterator[str]:

@@ -10,7 +10,7 @@ PARTS = ("tune", "choose", "test")
 
 
 @dataclass(frozen=True, eq=False)
-class Case:
+class TuningCase:
     """A scenario with the draws that are run of it.
 
     Attributes:
@@ -41,9 +41,9 @@ class Cases:
         split: how they were told apart, one phrase.
     """
 
-    tune: tuple[Case, ...]
-    choose: tuple[Case, ...]
-    test: tuple[Case, ...]
+    tune: tuple[TuningCase, ...]
+    choose: tuple[TuningCase, ...]
+    test: tuple[TuningCase, ...]
     split: str
 
 

@@ -16,7 +16,7 @@ from jerkbench.contracts import Metric
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.execution.cell_run import Row, run_settings
 from jerkbench.execution.inputs import Inputs
-from jerkbench.tuning.cases import Case
+from jerkbench.tuning.cases import TuningCase
 from jerkbench.tuning.objectives import Objective
 from jerkbench.tuning.space import Setting, Space
 from jerkbench.tuning.trials import Trials
@@ -47,7 +47,7 @@ class CaseTask:
     """
 
     number: int
-    case: Case
+    case: TuningCase
     settings: tuple[Setting, ...]
     space: Space
     objective: Objective
@@ -81,9 +81,9 @@ class Evaluator:
         self._cluster = cluster
         self._threads, self._inputs = threads, inputs or Inputs()
         self._metrics: tuple[Metric, ...] = (plugins.create("metric", {"name": objective.metric}),)
-        self._levels: dict[int, tuple[Case, float]] = {}
+        self._levels: dict[int, tuple[TuningCase, float]] = {}
 
-    def trials(self, settings: Sequence[Setting], cases: Sequence[Case]) -> Trials:
+    def trials(self, settings: Sequence[Setting], cases: Sequence[TuningCase]) -> Trials:
         """Try each of ``settings`` on each of ``cases``.
 
         Raises:
@@ -94,13 +94,13 @@ class Evaluator:
         losses = np.hstack([own.losses for own in tried])
         return Trials(tuple(settings), losses, numbers, np.sum([own.lost for own in tried], axis=0))
 
-    def worth(self, settings: Sequence[Setting], case: Case) -> Worth:
+    def worth(self, settings: Sequence[Setting], case: TuningCase) -> Worth:
         """Try each of ``settings`` on one case."""
         level, runs = self.level(case), self.rows(settings, case)
         lost = np.array([sum(run["status"] != "ok" for run in rows) for rows in runs], dtype=np.float64)
         return Worth(np.array([self.objective.losses(rows, level) for rows in runs]), lost)
 
-    def _elsewhere(self, settings: Sequence[Setting], cases: Sequence[Case]) -> list[Worth]:
+    def _elsewhere(self, settings: Sequence[Setting], cases: Sequence[TuningCase]) -> list[Worth]:
         """Try them on the cluster, each case by itself."""
         assert self._cluster is not None  # noqa: S101 - for mypy
         tasks = [CaseTask(k, case, tuple(settings), self.space, self.objective) for k, case in enumerate(cases)]
@@ -108,11 +108,11 @@ class Evaluator:
         done = dict(done_by_scenario(CaseTask.run, tasks, cells, self._cluster, self._threads))
         return [done[number] for number in range(len(cases))]
 
-    def rows(self, settings: Sequence[Setting], case: Case) -> list[list[Row]]:
+    def rows(self, settings: Sequence[Setting], case: TuningCase) -> list[list[Row]]:
         """Return the rows of the runs of each setting."""
         return self._run([self.space.applied(case.cell, setting) for setting in settings], case)
 
-    def level(self, case: Case) -> float:
+    def level(self, case: TuningCase) -> float:
         """Return the objective's level of the plain filter: the same one at its defaults, R as reported."""
         known = self._levels.get(id(case))
         if known is None or known[0] is not case:
@@ -121,7 +121,7 @@ class Evaluator:
             self._levels[id(case)] = known = case, self.objective.level(rows, case.cell.protocol.divergence_limit_m)
         return known[1]
 
-    def _require_value(self, rows: Sequence[Row], case: Case) -> None:
+    def _require_value(self, rows: Sequence[Row], case: TuningCase) -> None:
         """Check that runs that came to their end have a value, or every setting would count as lost."""
         column = self.objective.column
         if any(row["status"] == "ok" and np.isnan(row.get(column, np.nan)) for row in rows):
@@ -130,7 +130,7 @@ class Evaluator:
                 f" objective={self.objective.name} cannot be used; take another objective."
             )
 
-    def _run(self, cells: Sequence[Cell], case: Case) -> list[list[Row]]:
+    def _run(self, cells: Sequence[Cell], case: TuningCase) -> list[list[Row]]:
         names = [self.objective.metric]
         measured = [
             dataclasses.replace(cell, metrics=self._metrics, spec={**cell.spec, "metrics": names}) for cell in cells
@@ -157,7 +157,7 @@ def plain_cell(cell: Cell) -> Cell:
     return dataclasses.replace(cell, filter=model, adaptation=none, r_scale=r_scale, spec=spec, labels=labels)
 
 
-def require_scorable(objective: Objective, cases: Sequence[Case], load: Callable[[Case], object]) -> None:
+def require_scorable(objective: Objective, cases: Sequence[TuningCase], load: Callable[[TuningCase], object]) -> None:
     """Check that the recordings have what the objective asks for.
 
     Raises:

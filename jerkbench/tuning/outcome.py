@@ -9,7 +9,7 @@ from jerkbench.execution.inputs import Inputs
 from jerkbench.tuning.cases import Cases
 from jerkbench.tuning.evaluate import Evaluator, require_scorable
 from jerkbench.tuning.objectives import Objective
-from jerkbench.tuning.search import Budget, Score, SearchOutcome, score, search
+from jerkbench.tuning.search import Budget, SearchOutcome, TuningScore, score, search
 from jerkbench.tuning.space import Setting, Space
 
 
@@ -44,7 +44,7 @@ class Restart:
     """
 
     setting: Setting
-    score: Score
+    score: TuningScore
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +75,7 @@ class Tuning:
         return self.outcome.setting
 
     @property
-    def score(self) -> Score:
+    def score(self) -> TuningScore:
         """Its score on the cases to test on."""
         return self.restarts[0].score
 

@@ -12,11 +12,11 @@ from jerkbench.arrays import FloatArray
 from jerkbench.cells.key import plugins_digests
 from jerkbench.cells.provenance import code_digest, plugin_digest, versions
 from jerkbench.errors import JerkbenchError, PluginError
-from jerkbench.tuning.cases import Case, Cases
+from jerkbench.tuning.cases import Cases, TuningCase
 from jerkbench.tuning.evaluate import Evaluator
 from jerkbench.tuning.samplers import sampler_of
 from jerkbench.tuning.space import Setting
-from jerkbench.tuning.trials import Trials, TrialStore, joined
+from jerkbench.tuning.trials import Trials, TrialStore, joined_trials
 
 BLOCK = 16
 """Settings that are tried together: stored at once, and what a learning sampler learns from next."""
@@ -63,7 +63,7 @@ class SearchOutcome(NamedTuple):
     finalists: Trials | None
 
 
-class Score(NamedTuple):
+class TuningScore(NamedTuple):
     """Losses on runs that the search has not seen, mean over the draws of each case.
 
     Attributes:
@@ -81,7 +81,7 @@ class Score(NamedTuple):
     runs: int
 
 
-def settings_key(evaluator: Evaluator, budget: Budget, cases: Sequence[Case]) -> str:
+def settings_key(evaluator: Evaluator, budget: Budget, cases: Sequence[TuningCase]) -> str:
     """Return a hash of all that the trials of a search depend on."""
     everything: dict[str, Any] = {
         "knobs": [asdict(knob) for knob in evaluator.space.knobs],
@@ -126,11 +126,11 @@ def search(
     return SearchOutcome(trials.settings[place], place, trials, finalists)
 
 
-def score(evaluator: Evaluator, setting: Setting, cases: Sequence[Case]) -> Score:
+def score(evaluator: Evaluator, setting: Setting, cases: Sequence[TuningCase]) -> TuningScore:
     """Return what the setting before the search and ``setting`` are worth on cases that the search has not seen."""
     both = evaluator.trials([evaluator.space.start, setting], cases)
     lost_before, lost = (int(count) for count in both.lost)
-    return Score(both.losses[0], both.losses[1], lost_before, lost, sum(len(case.draws) for case in cases))
+    return TuningScore(both.losses[0], both.losses[1], lost_before, lost, sum(len(case.draws) for case in cases))
 
 
 def equal_budgets(outcomes: dict[str, SearchOutcome]) -> str:
@@ -152,7 +152,11 @@ def equal_budgets(outcomes: dict[str, SearchOutcome]) -> str:
 
 
 def _tried(
-    evaluator: Evaluator, cases: Sequence[Case], budget: Budget, store: TrialStore, advance: Callable[[int], object]
+    evaluator: Evaluator,
+    cases: Sequence[TuningCase],
+    budget: Budget,
+    store: TrialStore,
+    advance: Callable[[int], object],
 ) -> Trials:
     """Try the setting before the search, and then those of the sampler, block by block."""
     space = evaluator.space
@@ -169,11 +173,16 @@ def _tried(
         parts.append(trials)
         done += len(settings)
         advance(len(settings))
-    return joined(parts)
+    return joined_trials(parts)
 
 
 def _block(
-    evaluator: Evaluator, settings: Sequence[Setting], cases: Sequence[Case], store: TrialStore, name: str, begin: int
+    evaluator: Evaluator,
+    settings: Sequence[Setting],
+    cases: Sequence[TuningCase],
+    store: TrialStore,
+    name: str,
+    begin: int,
 ) -> Trials:
     """Take a block of trials from the store, or run and store it."""
     known = store.read(name, begin, settings)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from jerkbench.cells.cell import Cell
 from jerkbench.cells.data import data_fingerprint
 from jerkbench.errors import PluginError
-from jerkbench.tuning.cases import Case, Cases, require_cases
+from jerkbench.tuning.cases import Cases, TuningCase, require_cases
 from jerkbench.tuning.excerpts import Excerpt
 
 SPLITS = ("auto", "seeds", "time", "recordings", "families")
@@ -128,9 +128,9 @@ def by_recordings(cells: Sequence[Cell], held_out: Sequence[str], seeds: Seeds) 
     return by_group(cells, held, seeds, f"recording: tuned without {', '.join(held_out)}, scored on these")
 
 
-def _cases(cells: Sequence[Cell], draws: tuple[int, ...]) -> tuple[Case, ...]:
+def _cases(cells: Sequence[Cell], draws: tuple[int, ...]) -> tuple[TuningCase, ...]:
     return tuple(
-        Case(cell, draws if cell.seeded else tuple(cell.draws), data_fingerprint(cell.dataset, cell.disturbances))
+        TuningCase(cell, draws if cell.seeded else tuple(cell.draws), data_fingerprint(cell.dataset, cell.disturbances))
         for cell in cells
     )
 

@@ -56,7 +56,7 @@ class Trials:
         return len(self.settings)
 
 
-def joined(parts: Sequence[Trials]) -> Trials:
+def joined_trials(parts: Sequence[Trials]) -> Trials:
     """Return several as one."""
     settings = tuple(setting for part in parts for setting in part.settings)
     runs, lost = (np.concatenate(arrays) for arrays in ([p.runs for p in parts], [p.lost for p in parts]))

@@ -123,7 +123,7 @@ def suite_run_verb(chosen: argparse.Namespace) -> None:
     Raises:
         JerkbenchError: a word is unknown, the method does not fit, or the suite is not the frozen one.
     """
-    from jerkbench.campaigns.piece import Place
+    from jerkbench.campaigns.piece import Site
     from jerkbench.execution.processors import processors
     from jerkbench.hydra_app.words import cluster_named
     from jerkbench.suite.enter import enter
@@ -133,7 +133,7 @@ def suite_run_verb(chosen: argparse.Namespace) -> None:
     folder = chosen.out or Path("results") / f"suite-{chosen.scale}" / (
         re.sub(r"[^\w.]+", "-", name).strip("-.") or "entry"
     )
-    place = Place(folder, cluster_named(chosen.cluster), chosen.workers or processors())
+    place = Site(folder, cluster_named(chosen.cluster), chosen.workers or processors())
     scale = [] if chosen.scale == "v1" else ["--scale", chosen.scale]
     command = shlex.join(["jerkbench", "suite", "run", *chosen.words, *scale])
     print(enter(chosen.scale, entrant, name, place, command))

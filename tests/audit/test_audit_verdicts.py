@@ -10,14 +10,13 @@ import pytest
 from jerkbench.audit.campaign import Outcome
 from jerkbench.audit.methods import Method
 from jerkbench.audit.model_figure import model_figure, ratios_by_adaptation
-from jerkbench.audit.page import page
+from jerkbench.audit.page import audit_page
 from jerkbench.audit.protocol import AuditProtocol
 from jerkbench.audit.stages import Search
-from jerkbench.audit.study import contents_of
-from jerkbench.audit.study import judged as judged_audit
+from jerkbench.audit.study import contents_of, judged_audit
 from jerkbench.audit.verdicts import probability_below, verdicts
-from jerkbench.campaigns.protocol import Family
-from jerkbench.campaigns.ratios import verdict_of
+from jerkbench.campaigns.protocol import FaultFamily
+from jerkbench.campaigns.ratios import ratio_verdict
 from jerkbench.campaigns.search import ALL
 from jerkbench.evaluation.statistics.judgement import Verdict
 from jerkbench.evaluation.statistics.scenarios import over_scenarios
@@ -37,7 +36,7 @@ PROTOCOL = AuditProtocol(
     choose_seeds=1,
     test_seeds=12,
     margin=0.03,
-    families=tuple(Family(name, half, "none", {"usual": {}}) for name, half in HALF.items()),
+    families=tuple(FaultFamily(name, half, "none", {"usual": {}}) for name, half in HALF.items()),
     adaptations=("mtf", "chi2"),
 )
 SCENARIOS = PROTOCOL.scenarios
@@ -118,7 +117,7 @@ def test_a_lost_run_counts_a_hundred_times_the_level():
     ],
 )
 def test_an_interval_has_one_word(low, high, word):
-    assert verdict_of(low, high, 0.03) == Verdict(word)
+    assert ratio_verdict(low, high, 0.03) == Verdict(word)
 
 
 def test_the_probability_is_that_of_the_interval():
@@ -130,7 +129,7 @@ def test_the_probability_is_that_of_the_interval():
 
 def test_the_page_says_what_the_verdicts_say():
     audit = judged_audit(PROTOCOL, outcome(), SCENARIOS)
-    text = page(contents_of(audit, "small"))
+    text = audit_page(contents_of(audit, "small"))
     head = text.splitlines()[:10]
     assert any("1 of 2 beat a tuned Kalman filter; 1 of them harm nowhere by more than 3 %." in line for line in head)
     assert any("on faults that it was not tuned on, by 0.50 (0.50 to 0.50) (baseline)." in line for line in head)
@@ -139,14 +138,14 @@ def test_the_page_says_what_the_verdicts_say():
     assert PROTOCOL.digest in text
     assert "1 better, 1 equal" in text
     assert "**c**: 1 of 2 better, 0 worse; the lowest ratio has baseline + mtf with 0.50." in text
-    assert "## How sure" in page(contents_of(audit, "small", "## Mine\n\nSo it is.\n")).split("So it is.")[1]
+    assert "## How sure" in audit_page(contents_of(audit, "small", "## Mine\n\nSo it is.\n")).split("So it is.")[1]
 
 
 def test_the_page_shows_text_as_text_and_takes_sections_as_they_are():
     contents = contents_of(
         judged_audit(PROTOCOL, outcome(), SCENARIOS), "<script>x</script>", "## Mine\n\n![a](b.png)\n"
     )
-    text = page(replace(contents, sentences=[*contents.sentences, "![x](http://y)"]))
+    text = audit_page(replace(contents, sentences=[*contents.sentences, "![x](http://y)"]))
     assert r"\<script>x\</script>" in text
     assert r"!\[x](http://y)" in text
     assert "\n![a](b.png)" in text

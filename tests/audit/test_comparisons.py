@@ -16,7 +16,7 @@ from jerkbench.audit.comparisons import (
 from jerkbench.audit.methods import Method
 from jerkbench.audit.protocol import read_protocol
 from jerkbench.audit.verdicts import DEFAULTS, TUNED, Losses
-from jerkbench.campaigns.protocol import Family
+from jerkbench.campaigns.protocol import FaultFamily
 from jerkbench.evaluation.statistics.scenarios import over_scenarios
 
 FAMILIES = ("none", "a", "b")
@@ -25,7 +25,7 @@ PROTOCOL = dataclasses.replace(
     read_protocol("small"),
     filters=("baseline",),
     families=tuple(
-        Family(name, half, "none", {"usual": {}})
+        FaultFamily(name, half, "none", {"usual": {}})
         for name, half in zip(FAMILIES, ("both", "first", "second"), strict=True)
     ),
 )

@@ -10,7 +10,7 @@ from experiment_scripts import EXPERIMENTS, experiment
 from jerkbench.audit.methods import Method
 from jerkbench.audit.protocol import read_protocol
 from jerkbench.audit.verdicts import DEFAULTS, TUNED, Losses
-from jerkbench.campaigns.protocol import Family
+from jerkbench.campaigns.protocol import FaultFamily
 
 of_paper = experiment("paper/claims.py")
 ten_times = experiment("paper/ten_times.py")
@@ -23,7 +23,7 @@ PROTOCOL = dataclasses.replace(
     read_protocol("small"),
     filters=("baseline",),
     families=tuple(
-        Family(name, half, "none", {"usual": {}})
+        FaultFamily(name, half, "none", {"usual": {}})
         for name, half in zip(FAMILIES, ("both", "first", "second"), strict=True)
     ),
 )

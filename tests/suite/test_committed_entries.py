@@ -10,7 +10,7 @@ from commands import verb
 from jerkbench.suite.checks import file_mistakes, frozen_mistakes, missing_mistakes, score_mistakes
 from jerkbench.suite.entry import MANIFEST, read_entry
 from jerkbench.suite.protocol import read_suite
-from jerkbench.suite.scores import score_of
+from jerkbench.suite.scores import entry_score
 
 FOLDER = Path(__file__).parents[2] / "results" / "suite-v1"
 ENTRIES = sorted(path.parent for path in FOLDER.glob(f"*/{MANIFEST}"))
@@ -31,7 +31,7 @@ def test_the_board_shows_every_entry_with_its_score():
     shown = re.findall(
         r"^\| \d+ \(\d+ to \d+\) \| (.*?) \| ([\d.]+) \[([\d.]+), ([\d.]+)\] \|", board, flags=re.MULTILINE
     )
-    scores = {(entry := read_entry(folder)).name: score_of(entry.rows, protocol) for folder in ENTRIES}
+    scores = {(entry := read_entry(folder)).name: entry_score(entry.rows, protocol) for folder in ENTRIES}
 
     assert {name: (low, ratio, high) for name, ratio, low, high in shown} == {
         name: tuple(f"{value:.3f}" for value in (score.low, score.ratio, score.high)) for name, score in scores.items()

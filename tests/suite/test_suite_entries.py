@@ -15,7 +15,7 @@ from jerkbench.files import cache_folder
 from jerkbench.suite.entry import HASHED
 from jerkbench.suite.page import entry_page
 from jerkbench.suite.protocol import read_suite
-from jerkbench.suite.scores import score_of
+from jerkbench.suite.scores import entry_score
 
 TINY = ["--scale", "tiny", "--workers", "1"]
 ALL = ["--rows", "500"]
@@ -48,7 +48,7 @@ def smoothed(entry, **changed):
     protocol, rows = read_suite("tiny"), pd.read_parquet(entry / "rows.parquet")
     manifest = json.loads((entry / "manifest.json").read_text()) | changed
     if len(rows.groupby("scenario")) == len(protocol.scenarios):
-        score = score_of(rows, protocol)
+        score = entry_score(rows, protocol)
         manifest["score"] = vars(score)
         (entry / "entry.md").write_text(entry_page(manifest["entry"], score, rows, protocol))
     manifest["files"] = {name: hashlib.sha256((entry / name).read_bytes()).hexdigest() for name in HASHED}
