@@ -1,4 +1,4 @@
-"""The figures of an audit: every method's ratio, and the ratio against the severity of a fault."""
+"""The figures of an audit: ratios by method, by severity of a fault, by family of faults, and by model."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -14,6 +14,12 @@ from jerkbench.report.plots.style import OKABE_ITO, quiet
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+from matplotlib.colors import LogNorm
+
+from jerkbench.audit.family_verdicts import FamilyVerdict
+from jerkbench.evaluation.statistics.judgement import Verdict
+from jerkbench.report.plots.style import DOTS_PER_INCH
 
 WIDTH_IN = 7.0
 
@@ -74,3 +80,83 @@ def _draw_family(
     ratios = [float(np.exp(difference[faults == f"{family} {word}"].mean())) for word in words]
     axes.plot(words, ratios, "o-", color=colour, label=method.name, markersize=3)
     axes.tick_params(labelsize="x-small")
+
+
+FARTHEST = 5.0
+"""The colour goes no further than five times better or worse."""
+
+DARK = 2.5
+"""From this ratio on, or its inverse, the field is so dark that its number is white."""
+
+
+def family_figure(verdicts: Sequence[FamilyVerdict]) -> Figure:
+    """Draw each ratio to the tuned plain filter: blue is better, red is worse; bold was shown, grey was not."""
+    methods = list(dict.fromkeys(verdict.method for verdict in verdicts))
+    families = list(dict.fromkeys(verdict.family for verdict in verdicts))
+    ratios = np.array([verdict.ratio for verdict in verdicts]).reshape(len(methods), len(families))
+    size = (3.6 + 0.5 * len(families), 1.9 + 0.2 * len(methods))
+    figure = Figure(figsize=size, dpi=DOTS_PER_INCH, layout="constrained")
+    axes = figure.add_subplot()
+    scale = LogNorm(1 / FARTHEST, FARTHEST, clip=True)
+    image = axes.imshow(ratios, cmap="RdBu_r", norm=scale, aspect="auto")
+    for (row, column), verdict in zip(np.ndindex(*ratios.shape), verdicts, strict=True):
+        weight, colour = _ink(verdict)
+        axes.text(
+            column, row, f"{verdict.ratio:.2g}", ha="center", va="center", fontsize=6.5, weight=weight, color=colour
+        )
+    axes.set_xticks(range(len(families)), families, rotation=90, fontsize=8)
+    axes.set_yticks(range(len(methods)), [method.name for method in methods], fontsize=7)
+    axes.spines[:].set_visible(False)
+    axes.tick_params(length=0)
+    bar = figure.colorbar(image, ax=axes, ticks=[0.2, 0.5, 1, 2, 5], format="%g", shrink=0.5)
+    bar.minorticks_off()
+    bar.set_label("Position RMSE / tuned plain filter; bold: shown", fontsize=8)
+    return figure
+
+
+def _ink(verdict: FamilyVerdict) -> tuple[str, str]:
+    """Weight and colour of a number."""
+    shown = verdict.verdict is not Verdict.UNDECIDED
+    dark = not 1 / DARK < verdict.ratio < DARK
+    return "bold" if shown else "normal", "white" if dark else "black" if shown else "0.35"
+
+
+MARKS = "osD^vP"
+TICKS = (0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.2, 1.5, 2.0)
+
+
+def model_figure(verdicts: Sequence[MethodVerdict], margin: float) -> Figure:
+    """Draw the tuned ratio of each adaptation on each model, a line an adaptation, sorted by their means."""
+    ratios = ratios_by_adaptation(verdicts)
+    figure = Figure(figsize=(WIDTH_IN, 0.2 * len(ratios) + 1.2), layout="constrained")
+    axes = figure.add_subplot()
+    rows = np.arange(len(ratios))[::-1]
+    axes.axvspan(1 / (1 + margin), 1 + margin, color="0.9", label=f"equal (within {100 * margin:g} %)")
+    axes.hlines(
+        rows,
+        [min(own.values()) for own in ratios.values()],
+        [max(own.values()) for own in ratios.values()],
+        color="0.75",
+        linewidth=1.0,
+    )
+    models = list(dict.fromkeys(verdict.method.filter for verdict in verdicts))
+    for model, mark, colour in zip(sorted(models), MARKS, OKABE_ITO, strict=False):
+        values = [own.get(model, np.nan) for own in ratios.values()]
+        axes.plot(values, rows, mark, color=colour, markersize=4.5, label=model)
+    axes.set_xscale("log")
+    axes.set_xticks(TICKS, [f"{tick:g}" for tick in TICKS])
+    axes.set_xticks([], minor=True)
+    axes.set_ylim(-1, len(ratios))
+    quiet(axes)
+    axes.set_yticks(rows, list(ratios))
+    axes.set_xlabel("RMSE / plain filter of the same model, tuned alike, scored unseen")
+    figure.legend(loc="outside lower center", ncols=5, fontsize="small")
+    return figure
+
+
+def ratios_by_adaptation(verdicts: Sequence[MethodVerdict]) -> dict[str, dict[str, float]]:
+    """Return the tuned ratio of each adaptation by model, the lowest geometric mean first."""
+    ratios: dict[str, dict[str, float]] = {}
+    for verdict in verdicts:
+        ratios.setdefault(verdict.method.adaptation, {})[verdict.method.filter] = verdict.tuned.ratio
+    return dict(sorted(ratios.items(), key=lambda item: float(np.mean(np.log(list(item[1].values()))))))

@@ -17,11 +17,9 @@ from jerkbench.audit.comparisons import (
     reference_sentences,
     tuning_sentence,
 )
-from jerkbench.audit.family_figure import family_figure
 from jerkbench.audit.family_verdicts import FamilyVerdict, family_frame, family_verdicts
-from jerkbench.audit.figures import audit_severity_figure, ratio_figure
+from jerkbench.audit.figures import audit_severity_figure, family_figure, model_figure, ratio_figure
 from jerkbench.audit.methods import Method, methods
-from jerkbench.audit.model_figure import model_figure
 from jerkbench.audit.page import Contents, audit_page, sections_in
 from jerkbench.audit.protocol import AuditProtocol
 from jerkbench.audit.stages import Stages

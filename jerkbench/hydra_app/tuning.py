@@ -26,14 +26,13 @@ from jerkbench.hydra_app.words import cluster_of, composed
 from jerkbench.report.choice import Choice, figures_choice
 from jerkbench.report.tables.writers import passive
 from jerkbench.sweep.sweep import LOCAL
-from jerkbench.tuning.cases import Cases
 from jerkbench.tuning.foreign import EXPORTS
 from jerkbench.tuning.objectives import objective_of
 from jerkbench.tuning.outcome import Effort, Tuning, tune
 from jerkbench.tuning.presets import PARTS, preset_words, write_presets
 from jerkbench.tuning.search import Budget
 from jerkbench.tuning.space import Space, space_of
-from jerkbench.tuning.splits import Seeds, by_families, by_recordings, by_seeds, by_time
+from jerkbench.tuning.splits import Cases, Seeds, by_families, by_recordings, by_seeds, by_time
 from jerkbench.tuning.summary import record, summary, table
 from jerkbench.tuning.trials import trial_table
 

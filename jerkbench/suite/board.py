@@ -135,7 +135,7 @@ def html(board: Board) -> str:
 
 
 def _whole(entry: Entry, protocol: SuiteProtocol) -> bool:
-    from jerkbench.suite.checks import missing_mistakes
+    from jerkbench.suite.verify import missing_mistakes
 
     return not missing_mistakes(entry, protocol)
 

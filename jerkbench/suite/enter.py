@@ -13,10 +13,9 @@ from jerkbench.files import cache_folder
 from jerkbench.suite.campaign import ENTRY, PLAIN, ScoredEntrant, SuiteCampaign, plugins_digest, scored_plain
 from jerkbench.suite.entry import Settings, plain_score, write_entry
 from jerkbench.suite.frozen import FROZEN
-from jerkbench.suite.page import entry_page
 from jerkbench.suite.protocol import SuiteProtocol, read_suite
 from jerkbench.suite.recordings import require_recordings
-from jerkbench.suite.scores import entry_score
+from jerkbench.suite.scores import entry_page, entry_score
 
 
 def enter(scale: str, entrant: Entrant, name: str, place: Site, command: str) -> str:

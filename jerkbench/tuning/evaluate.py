@@ -16,9 +16,9 @@ from jerkbench.contracts import Metric
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.execution.cell_run import Row, run_settings
 from jerkbench.execution.inputs import Inputs
-from jerkbench.tuning.cases import TuningCase
 from jerkbench.tuning.objectives import Objective
 from jerkbench.tuning.space import Setting, Space
+from jerkbench.tuning.splits import TuningCase
 from jerkbench.tuning.trials import Trials
 
 

@@ -6,11 +6,11 @@ from pathlib import Path
 
 from jerkbench.clusters.cluster import Cluster
 from jerkbench.execution.inputs import Inputs
-from jerkbench.tuning.cases import Cases
 from jerkbench.tuning.evaluate import Evaluator, require_scorable
 from jerkbench.tuning.objectives import Objective
 from jerkbench.tuning.search import Budget, SearchOutcome, TuningScore, score, search
 from jerkbench.tuning.space import Setting, Space
+from jerkbench.tuning.splits import Cases
 
 
 @dataclass(frozen=True)

@@ -12,10 +12,10 @@ from jerkbench.arrays import FloatArray
 from jerkbench.cells.key import plugins_digests
 from jerkbench.cells.provenance import code_digest, plugin_digest, versions
 from jerkbench.errors import JerkbenchError, PluginError
-from jerkbench.tuning.cases import Cases, TuningCase
 from jerkbench.tuning.evaluate import Evaluator
 from jerkbench.tuning.samplers import sampler_of
 from jerkbench.tuning.space import Setting
+from jerkbench.tuning.splits import Cases, TuningCase
 from jerkbench.tuning.trials import Trials, TrialStore, joined_trials
 
 BLOCK = 16

@@ -8,8 +8,8 @@ import pandas as pd
 import pytest
 
 from jerkbench.audit.campaign import Outcome
+from jerkbench.audit.figures import model_figure, ratios_by_adaptation
 from jerkbench.audit.methods import Method
-from jerkbench.audit.model_figure import model_figure, ratios_by_adaptation
 from jerkbench.audit.page import audit_page
 from jerkbench.audit.protocol import AuditProtocol
 from jerkbench.audit.stages import Search

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from commands import jerkbench
-from jerkbench.suite.checks import TOLERANCE
+from jerkbench.suite.verify import TOLERANCE
 
 OLDER = {
     "NUMBA_CPU_NAME": "x86-64-v2",

@@ -13,9 +13,8 @@ from jerkbench.authoring.package import class_name
 from jerkbench.compilation.module_cache import COMPILED
 from jerkbench.files import cache_folder
 from jerkbench.suite.entry import HASHED
-from jerkbench.suite.page import entry_page
 from jerkbench.suite.protocol import read_suite
-from jerkbench.suite.scores import entry_score
+from jerkbench.suite.scores import entry_page, entry_score
 
 TINY = ["--scale", "tiny", "--workers", "1"]
 ALL = ["--rows", "500"]
