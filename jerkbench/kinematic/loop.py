@@ -112,7 +112,7 @@ def all_lost(run: RunView) -> bool:
 
 # The compiled loop.
 
-ALONE = ("run_steps", "start", "predict", "add_row", "mahalanobis", "correct", "check_definite")
+ALONE = ("run_steps", "predict", "add_row", "mahalanobis", "correct", "check_definite")
 SELDOM = (
     *("predict_any", "clear_absent", "_pack", "fade_prior", "_unpack"),
     *("advance", "adapt_prior", "take_whole", "put_covariance", "find_gains", "put_gains", "_own_update", "_widen"),
