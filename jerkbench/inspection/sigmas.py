@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.inspection.evidence import Diagnosis, correlation_of, known
+from jerkbench.inspection.evidence import Diagnosis, correlation_of, known, slope, window_means
 from jerkbench.inspection.noise import Rest
-from jerkbench.recording import Recording
+from jerkbench.recording import Imu, Position, Recording
 
 LEAST_ROWS = 10
 
@@ -35,6 +35,10 @@ MIDDLE_ROWS = 30
 
 FAST_SHARE = 1.5
 """Variance of x_i - (x_i-1 + x_i+1)/2 of white noise with variance 1."""
+
+WHITE = -0.3
+"""Fast changes of white noise correlate by -2/3 from row to row, those of motion hardly or by more than 0.
+Of few rows the correlation is known to one over their root."""
 
 JITTER, AT_REST = "the jitter from row to row", "the scatter at rest"
 MEDIAN = "the median error against the reference"
@@ -162,7 +166,7 @@ def understated_noise(recording: Recording, *, reference: bool = True) -> list[D
         recording: the recording.
         reference: whether the reference may be asked: its axes are those of the fixes.
     """
-    ratios = [*_jitter(recording), *(_ratio(sigma) for sigma in stated_against_real_sigma(recording))]
+    ratios = [*_jitter(recording, white=True), *(_ratio(sigma) for sigma in stated_against_real_sigma(recording))]
     least = [(entry, LEAST_RATIO) for entry in ratios] + [(entry, LEAST_SPREAD) for entry in _spread(recording)]
     worst: dict[str, tuple[float, str]] = {}
     for (stream, ratio, basis), limit in least:
@@ -225,14 +229,42 @@ def _ratio(sigma: Sigma) -> tuple[str, float, str]:
     return sigma.stream, ratio, basis
 
 
-def _jitter(recording: Recording) -> Iterator[tuple[str, float, str]]:
-    """Of each stream the middle of |x_i - (x_i-1 + x_i+1)/2| against its sigma, east and north together."""
+def _jitter(recording: Recording, *, white: bool = False) -> Iterator[tuple[str, float, str]]:
+    """Of each stream the middle of |x_i - (x_i-1 + x_i+1)/2| against its sigma, east and north together.
+
+    Args:
+        recording: the recording.
+        white: only what is surely noise. What the accelerometer explains is taken off. The rest has to be larger than
+            that, and to change its sign from row to row: fixes once a second differ more by the bends of the road than
+            by an RTK's noise.
+    """
     for stream, _, _, values, covariance in stated_streams(recording):
         sigmas = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))[1:-1, :2]
         fast = _fast(values[:, :2])
         rows = np.isfinite(fast).all(axis=1)
-        if rows.sum() >= MIDDLE_ROWS:
-            yield stream, _middle(fast[rows], sigmas[rows] * np.sqrt(FAST_SHARE)), JITTER
+        if rows.sum() < MIDDLE_ROWS:
+            continue
+        if white and stream == "position" and recording.position is not None and recording.imu is not None:
+            felt = _felt(recording.imu, recording.position)
+            motion = slope(fast[rows], felt[rows]) * felt
+            fast = fast - motion
+            if np.median(np.abs(fast[rows])) < np.median(np.abs(motion[rows])):
+                continue
+        fast, sigmas = fast[rows], sigmas[rows]
+        usual = np.clip(fast, *(np.median(np.abs(fast)) * np.array([[-3.0], [3.0]])))
+        if not white or correlation_of(usual[1:], usual[:-1]) < WHITE - 1 / np.sqrt(len(usual)):
+            yield stream, _middle(fast, sigmas * np.sqrt(FAST_SHARE)), JITTER
+
+
+def _felt(imu: Imu, position: Position) -> FloatArray:
+    """(n - 2, 2) what forces forward and left do to x_i - (x_i-1 + x_i+1)/2 on the way from fix to fix: -a dt^2/2."""
+    t_s, places = position.t_s, np.nan_to_num(position.enu_m[:, :2])
+    force = window_means(imu.t_s, imu.accel_mps2[:, :2] - np.median(imu.accel_mps2[:, :2], axis=0), t_s)
+    way, step_s = places[2:] - places[:-2], 0.5 * (t_s[2:] - t_s[:-2])
+    ahead = way / np.maximum(np.linalg.norm(way, axis=1), 1e-9)[:, None]
+    aside = np.column_stack([-ahead[:, 1], ahead[:, 0]])
+    mean = 0.5 * (force[1:] + force[:-1])
+    return np.asarray(-0.5 * step_s[:, None] ** 2 * (mean[:, :1] * ahead + mean[:, 1:] * aside), dtype=np.float64)
 
 
 def _fast(x: FloatArray) -> FloatArray:
@@ -266,10 +298,9 @@ def velocity_dependence(recording: Recording) -> list[Dependence]:
     for name, axes in (("velocity, horizontal", [0, 1]), ("velocity, up", [2])):
         _, mps = known(velocity.t_s, velocity.mps[:, axes])
         if len(mps) == len(position.t_s) >= MIDDLE_ROWS:
-            slope = np.diff(position.enu_m[:, axes], axis=0) / np.diff(position.t_s)[:, None]
-            edge = max(SHIFTS)  # rolled over the ends
-            correlations = [
-                correlation_of(_fast(slope)[edge:-edge], _fast(np.roll(mps, k, axis=0)[1:])[edge:-edge]) for k in SHIFTS
-            ]
+            way_mps = np.diff(position.enu_m[:, axes], axis=0) / np.diff(position.t_s)[:, None]
+            inside = slice(max(SHIFTS), -max(SHIFTS))  # rolled over the ends
+            shifted = [_fast(np.roll(mps, k, axis=0)[1:])[inside] for k in SHIFTS]
+            correlations = [correlation_of(_fast(way_mps)[inside], one) for one in shifted]
             dependences.append(Dependence(name, max(correlations)))
     return dependences

@@ -4,8 +4,9 @@ import dataclasses
 
 import numpy as np
 import pytest
+from given import kitti
 
-from jerkbench.inspection.doctor import diagnoses
+from jerkbench.inspection.doctor import diagnoses, first_diagnoses
 from jerkbench.inspection.facts import findings_text
 from jerkbench.inspection.sigmas import REFERENCE, REST, stated_against_real_sigma
 from jerkbench.recording import Position, Reference, Velocity
@@ -84,3 +85,20 @@ def test_a_slow_error_that_the_reference_shows_is_no_sigma_that_is_too_large():
     slow = dataclasses.replace(position, enu_m=position.enu_m + 4.0)
     assert "too large" in findings_text(dataclasses.replace(recording, velocity=None))
     assert "too large" not in findings_text(dataclasses.replace(recording, position=slow, velocity=None))
+
+
+@pytest.mark.parametrize(("sigma_m", "stated", "told"), [(0.02, 1.0, False), (0.3, 0.1, True), (0.3, 1.0, False)])
+@pytest.mark.parametrize("name", ["2011_09_29_drive_0004", "2011_09_30_drive_0034", "2011_10_03_drive_0047"])
+def test_the_bends_of_a_road_are_no_noise(shared_folder, name, sigma_m, stated, told):
+    """Fixes at 1 Hz as good as RTK's differ from row to row by what the car does, and their sigmas are right."""
+    if not (shared_folder / "data" / "kitti").exists():
+        pytest.skip("kitti is not in ../shared/data")
+    white = kitti(shared_folder / "data", name)
+    exact = kitti(shared_folder / "data", name, noise=0.0).position.enu_m
+    enu_m = exact + (white.position.enu_m - exact) * sigma_m / 0.3
+    covariance = white.position.covariance_m2 * (sigma_m / 0.3 * stated) ** 2
+    position = dataclasses.replace(white.position, enu_m=enu_m, covariance_m2=covariance)
+    found = first_diagnoses(dataclasses.replace(white, position=position))
+    assert [one.name for one in found] == (["sd of position too small"] if told else [])
+    if told:
+        assert "Scale them by 1" in found[0].remedy  # by 10 to 19
