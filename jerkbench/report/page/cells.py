@@ -154,12 +154,7 @@ def combinations(rows: "pd.DataFrame", metric: str) -> Table:
 
 def by_combination(table: Table) -> dict[tuple[str, ...], TableCell]:
     """Return the cell of each combination of the six factors, of `combinations`."""
-    return {
-        (*row, *column): cell
-        for row, line in zip(table.rows, table.cells, strict=True)
-        for column, cell in zip(table.columns, line, strict=True)
-        if cell is not None
-    }
+    return {tuple(labels[factor] for factor in FACTORS): cell for labels, cell in table.placed()}
 
 
 def _ratios(rows: "pd.DataFrame", verdicts: StudyVerdicts) -> dict[tuple[str, ...], Comparison]:
