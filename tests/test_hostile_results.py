@@ -20,8 +20,7 @@ from jerkbench.cli import main
 from jerkbench.clusters.local import Local
 from jerkbench.errors import JerkbenchError
 from jerkbench.execution.inputs import shared_inputs
-from jerkbench.hydra_app.conclusion import conclude
-from jerkbench.hydra_app.launched_sweep import run_plan
+from jerkbench.hydra_app.launched_sweep import conclude, run_plan
 from jerkbench.results.manifest import read_manifest
 from jerkbench.results.store import Store
 from jerkbench.results.study import load_study

@@ -10,10 +10,9 @@ from hydra.experimental.callback import Callback
 from omegaconf import DictConfig
 
 from jerkbench.errors import JerkbenchError, PluginError, exit_with
-from jerkbench.hydra_app.conclusion import conclude, draw_and_report, failed
 from jerkbench.hydra_app.configuration import LAUNCHER, register_hydra_parts, register_schemas, study_folder
-from jerkbench.hydra_app.job import run_job
-from jerkbench.hydra_app.launched_order import forget_order, take_order
+from jerkbench.hydra_app.launched_sweep import conclude, draw_and_report, failed, forget_order, take_order
+from jerkbench.hydra_app.single_run import run_job
 from jerkbench.hydra_app.sweep_words import swept_addresses, without_addresses
 from jerkbench.hydra_app.typed_words import arranged_words
 from jerkbench.hydra_app.words import cluster_of

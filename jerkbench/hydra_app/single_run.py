@@ -1,33 +1,44 @@
-"""A single run: one cell, its metrics in the terminal, its trajectory and its errors as figures."""
+"""A single run, a job of another launcher's sweep, a trajectory that is scored: one cell, its metrics, its figures."""
 
 import os
 import sys
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from omegaconf import DictConfig
+from hydra.conf import HydraConf
+from hydra.types import RunMode
+from omegaconf import DictConfig, OmegaConf
 
 from jerkbench.cells.cell import Cell
+from jerkbench.cells.refusal import refusal
 from jerkbench.contracts import Estimator, Preparing
+from jerkbench.errors import PluginError
 from jerkbench.estimate import Estimate
 from jerkbench.execution.cell_run import CellRun
-from jerkbench.hydra_app.configuration import study_folder
+from jerkbench.execution.data_mistakes import first_mistakes
+from jerkbench.execution.inputs import shared_inputs
+from jerkbench.execution.notes import first_remarks
+from jerkbench.execution.pulse import Pulse, duration
+from jerkbench.hydra_app.configuration import cell_of, check_options, study_folder
+from jerkbench.hydra_app.launched_sweep import note_place, tell
+from jerkbench.hydra_app.words import Words, cluster_of
 from jerkbench.recording import Recording
+from jerkbench.report.choice import Choice, figures_choice
 from jerkbench.results.content import Stored
 from jerkbench.results.manifest import stretches, write_manifest
 from jerkbench.results.store import Store
 from jerkbench.results.study import load_study, write_study
 from jerkbench.results.titles import file_stem, with_title
-from jerkbench.sweep.sweep import Plan, run_sweep
+from jerkbench.sweep.sweep import Plan, plan_sweep, run_sweep
 from jerkbench.sweep.tasks import Planned
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def run_single(plan: Plan, folder: Path) -> Stored:
+def run_only_cell(plan: Plan, folder: Path) -> Stored:
     """Run the only cell of a plan, as far as it is not done; returns it as it is stored.
 
     What is wrong with the input or a plugin ends the run with a sentence, and the cell is not stored.
@@ -83,3 +94,67 @@ def draw_run(cell: Cell, recording: Recording, estimate: Estimate, folder: Path,
             paths.append(folder / f"{name}-{kind}.{ending}")
             save_figure(figure, paths[-1])
     return paths
+
+
+# One job: a single run, or one cell of a sweep that another launcher has started.
+
+
+def run_job(config: DictConfig, job: HydraConf) -> None:
+    """Run it; what is wrong with an option, or with the combination, is a JerkbenchError."""
+    check_options(config)
+    cluster_of(config)  # not needed here; an option that it has not is refused all the same
+    plain: Any = OmegaConf.to_container(config, resolve=True)
+    cell = cell_of(plain, job.runtime.choices, list(job.overrides.task))
+    sweeping = job.mode == RunMode.MULTIRUN
+    if reason := refusal(cell):
+        if not sweeping:
+            raise PluginError(f"This combination makes no sense: {reason}.")
+        print(f"Left out: {reason}.", file=sys.stderr)
+        return
+    plan = plan_sweep([cell])
+    (planned,) = plan.cells
+    mistakes = first_mistakes([planned.cell], shared_inputs())
+    for line in (*mistakes, *first_remarks([(planned.cell, planned.fingerprint)], shared_inputs())):
+        print(line, file=sys.stderr)
+    folder = study_folder(config)
+    if config.dry:
+        tell(plan, Store(folder), config)
+    elif sweeping:
+        note_place(folder, int(job.job.num), planned)
+        run_sweep(plan, Store(folder), 1, shown=False)
+    else:
+        _run_and_show(plan, folder, config)
+
+
+def _run_and_show(plan: Plan, folder: Path, config: DictConfig) -> None:
+    (planned,) = plan.cells
+    drawing = figures_choice(config.figures) is not Choice.NONE
+    if drawing:
+        prepare_drawing(planned.cell)
+    with Pulse(lambda seconds: f"Running for {duration(seconds)}."):
+        stored = run_only_cell(plan, folder)
+    show_single(plan, stored, config)
+    for path in draw_single(planned, folder, pdf=config.figures_pdf) if drawing else ():
+        print(f"Figure: {path}")
+
+
+# Trajectories from elsewhere as a cell of a study: stored, and shown as a single run is.
+
+
+def score_files(words: Words, pattern: str, label: str) -> None:
+    """Score the files of ``pattern``, store their rows, and print them.
+
+    Args:
+        words: the recording, the protocol and the study.
+        pattern: a file, or one for each seed.
+        label: what tables call the method; empty: the file's name.
+
+    Raises:
+        JerkbenchError: a file cannot be scored; nothing is stored then.
+    """
+    cell = words.cell(file=pattern, label=label)
+    if reason := refusal(cell):
+        raise PluginError(f"This combination makes no sense: {reason}.")
+    plan, folder = plan_sweep([cell]), study_folder(words.config)
+    show_single(plan, run_only_cell(plan, folder), words.config)
+    print(f"\nRows, tables and manifest: {folder}")

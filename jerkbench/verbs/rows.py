@@ -115,7 +115,7 @@ def score_verb(chosen: argparse.Namespace) -> None:
     Raises:
         JerkbenchError: no file is given or there is none, or the words describe no recording.
     """
-    from jerkbench.hydra_app.scoring import score
+    from jerkbench.hydra_app.single_run import score_files
     from jerkbench.hydra_app.words import composed
     from jerkbench.io.trajectory_files import SEED, pattern_of, seeds_of
 
@@ -129,7 +129,7 @@ def score_verb(chosen: argparse.Namespace) -> None:
         raise JerkbenchError(f"There is no trajectory {pattern}; correct its name.")
     label = next((word.removeprefix(NAME) for word in words if word.startswith(NAME)), "")
     others = [word for word in words if not word.startswith(NAME)]
-    score(composed(["filter=trajectory", *_seed_words(seeds, words), *others]), pattern, label)
+    score_files(composed(["filter=trajectory", *_seed_words(seeds, words), *others]), pattern, label)
 
 
 def _first_seed(words: list[str]) -> int:

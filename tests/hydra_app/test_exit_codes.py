@@ -4,7 +4,7 @@ import shutil
 from pathlib import Path
 
 from commands import SHORT, verb
-from jerkbench.hydra_app import conclusion
+from jerkbench.hydra_app import launched_sweep
 
 
 def test_a_single_run_that_diverged_is_a_result(tmp_path):
@@ -26,14 +26,14 @@ def test_an_input_at_fault_is_another(tmp_path):
 
 
 def test_a_sweep_whose_files_vanish_meanwhile_says_so(tmp_path, monkeypatch):
-    write = conclusion.write_study
+    write = launched_sweep.write_study
 
     def vanishing(study):
         table = write(study)
         shutil.rmtree(Path(study.folder) / "cells")
         return table
 
-    monkeypatch.setattr(conclusion, "write_study", vanishing)
+    monkeypatch.setattr(launched_sweep, "write_study", vanishing)
     done = verb("run", "-m", *SHORT, "adaptation=none,mtf", cwd=tmp_path)
     assert done.returncode == 1
     assert "2 of 2 cells are not in results/adhoc/cells, although they have run" in done.stderr

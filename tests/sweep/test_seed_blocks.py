@@ -7,7 +7,7 @@ from jerkbench.cells.cell import build
 from jerkbench.cells.protocol import Protocol
 from jerkbench.execution.cell_run import CellRun
 from jerkbench.execution.inputs import KEPT
-from jerkbench.hydra_app.single_run import run_single
+from jerkbench.hydra_app.single_run import run_only_cell
 from jerkbench.results.store import Store
 from jerkbench.sweep import seed_blocks as blocks
 from jerkbench.sweep.sweep import plan_sweep, run_sweep
@@ -84,10 +84,10 @@ def test_a_single_run_goes_on_within_its_cell(tmp_path, monkeypatch):
     with monkeypatch.context() as patched:
         spied(patched, stop_after=1)
         with pytest.raises(KeyboardInterrupt):
-            run_single(plan, tmp_path)
+            run_only_cell(plan, tmp_path)
 
     ran = spied(monkeypatch)
-    run_single(plan, tmp_path)
+    run_only_cell(plan, tmp_path)
 
     assert ran == [[4 + KEPT, 5 + KEPT]]
     require_undisturbed(Store(tmp_path), plan.cells[0])
