@@ -9,7 +9,6 @@ import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.compilation.code_digest import digest
-from jerkbench.compilation.jitted import jitted
 from jerkbench.compilation.module_cache import is_kept, load_entry
 
 Loop = Callable[..., Any]
@@ -48,6 +47,8 @@ def compiled_loop(
     """
 
     def namespace(home: str) -> dict[str, Any]:
+        from jerkbench.compilation.jitted import jitted  # it needs numba, for which a list of plugins does not wait
+
         inner = jitted(loop, home, constants, kernel=kernel, apart=apart)
         return {"loop": inner, "signature": signature_of(loop)}
 
