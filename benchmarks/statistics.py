@@ -3,8 +3,8 @@
 Log errors of three methods over seeds that they share: what is common to a seed (sigma 0.3) and what is a method's own
 (sigma 0.1, but for lock-outs), of the distributions of `OWN`. All means are equal, so any "better" is a false one. Each
 table draws from a stream of its own. At the end stands what is out of bounds by more than two standard errors: 93 to
-97 % of intervals hold the truth, at most 5 % of studies say something false, at least 80 % of comparisons are decided
-with the seeds that were named.
+97 % of a cell's intervals hold the truth, at most 5 % of studies say something false, at least 80 % of comparisons are
+decided with the seeds that were named.
 
 ``python benchmarks/statistics.py [--studies 150] [--only power]``
 """
@@ -14,11 +14,12 @@ import itertools
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
-from jerkbench.evaluation.statistics.intervals.few_seeds import ENOUGH, SHRUNK, few_intervals, hall_intervals
-from jerkbench.evaluation.statistics.intervals.median import quantiles
+from jerkbench.evaluation.statistics.intervals.errors_over_seeds import GEOMETRIC, MEDIAN, centres
+from jerkbench.evaluation.statistics.intervals.few_seeds import ENOUGH, SHRUNK, hall_intervals
 from jerkbench.evaluation.statistics.intervals.share import share_interval
 from jerkbench.evaluation.statistics.intervals.student import student_intervals
 from jerkbench.evaluation.statistics.judgement import MARGIN, Judgement, Verdict, judged
@@ -30,9 +31,15 @@ from jerkbench.evaluation.statistics.sequential import levels, looks
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 SEEDS = (3, 5, 6, 10, 20, 50)
+ENOUGH_FOR_EQUAL = (99, 150, 300)
+"""Of fewer no margin of 3 % excludes losses."""
+
+FAMILY = 10
+"""Comparisons of a study in which seeds are named."""
+
 SCENARIOS = (1, 10, 60)
 SIGMA, COMMON = 0.1, 0.3
-LOCK_OUTS, FACTOR = 0.1, 50.0
+FACTOR = 50.0
 SKEW = 0.5
 """Sigma of the lognormal that the log errors follow: skewness 1.75."""
 
@@ -65,14 +72,14 @@ def t3(rng: np.random.Generator, shape: tuple[int, ...]) -> Array:
     return SIGMA * rng.standard_t(3, shape)
 
 
-def lock_outs(rng: np.random.Generator, shape: tuple[int, ...]) -> Array:
-    """A tenth of the runs, of each method its own, fifty times as wrong."""
-    return SIGMA * rng.standard_normal(shape) + np.log(FACTOR) * (rng.random(shape) < LOCK_OUTS)
+def lock_outs(rng: np.random.Generator, shape: tuple[int, ...], share: float = 0.1) -> Array:
+    """A share of the runs, of each method its own, fifty times as wrong."""
+    return SIGMA * rng.standard_normal(shape) + np.log(FACTOR) * (rng.random(shape) < share)
 
 
-def lost(rng: np.random.Generator, shape: tuple[int, ...]) -> Array:
-    """A tenth of the runs, of each method its own, lost."""
-    return np.where(rng.random(shape) < LOCK_OUTS, np.inf, SIGMA * rng.standard_normal(shape))
+def lost(rng: np.random.Generator, shape: tuple[int, ...], share: float = 0.1) -> Array:
+    """A share of the runs, of each method its own, lost."""
+    return np.where(rng.random(shape) < share, np.inf, SIGMA * rng.standard_normal(shape))
 
 
 OWN: dict[str, Draw] = {
@@ -80,7 +87,9 @@ OWN: dict[str, Draw] = {
     "lognormal": lognormal,
     "skewed": skewed,
     "t3": t3,
+    "3 % lock-outs": partial(lock_outs, share=0.03),
     "10 % lock-outs": lock_outs,
+    "3 % lost": partial(lost, share=0.03),
     "10 % lost": lost,
 }
 
@@ -151,22 +160,25 @@ COVERED, FALSE, POWER = (93.0, 97.0), (0.0, 5.0), (80.0, 100.0)
 
 
 def cells(rng: np.random.Generator, studies: int) -> list[Table]:
-    """Intervals of one cell: geometric mean, or with lock-outs median and share."""
+    """The interval that a cell shows: of the median, of few seeds of the geometric mean; and that of a share."""
     samples = 20 * studies
-    table = Table("Coverage of a cell's 95 % interval [%]", "errors, seeds", SEEDS, COVERED)
-    for name in ("normal", "lognormal", "skewed", "t3"):
-        truth = float(np.mean(OWN[name](np.random.default_rng(1), (4_000_000,))))
-        table.add(f"{name}, geometric mean", [_means(OWN[name](rng, (samples, n)), truth) for n in SEEDS])
-    for name in ("10 % lock-outs", "10 % lost"):
-        truth = float(np.median(OWN[name](np.random.default_rng(1), (4_000_000,))))
-        drawn = {n: OWN[name](rng, (samples, n)) for n in SEEDS}
-        table.add(f"{name}, median", [_medians(drawn[n], truth) for n in SEEDS])
-        table.add(f"{name}, share", [_shares(drawn[n] > 1) for n in SEEDS])
+    table = Table("Coverage of the 95 % interval that a cell shows [%]", "errors, seeds", SEEDS, COVERED)
+    for name, own in OWN.items():
+        many = own(np.random.default_rng(1), (4_000_000,))
+        truths = float(np.mean(many[np.isfinite(many)])), float(np.median(many))
+        drawn = {n: own(rng, (samples, n)) for n in SEEDS}
+        table.add(name, [_shown(drawn[n], *truths) for n in SEEDS])
+        if name.endswith("lost"):
+            share = float(np.mean(np.isinf(many)))
+            table.add(f"{name}, share", [_shares(np.isinf(drawn[n]), share) for n in SEEDS])
     return [table]
 
 
-def _means(values: Array, truth: float) -> list[bool]:
-    return _held(*few_intervals(values, 0.95), truth)
+def _shown(logs: Array, mean: float, median: float) -> list[bool]:
+    """Whether the interval of each cell holds the truth of what it is called."""
+    found = [of for of in centres(list(np.exp(logs))) if not np.isnan(of.low)]
+    truth = {GEOMETRIC: np.exp(mean), MEDIAN: np.exp(median)}
+    return [bool(of.low <= truth[of.kind] <= of.high) for of in found]
 
 
 def _held(low: Array, high: Array, truth: float) -> list[bool]:
@@ -217,14 +229,9 @@ INTERVALS: dict[str, Interval] = {
 }
 
 
-def _medians(values: Array, truth: float) -> list[bool]:
-    ends = [(of.low, of.high) for of in map(quantiles, values)]
-    return [low <= truth <= high for low, high in ends if not np.isnan(low)]
-
-
-def _shares(failed: Array) -> list[bool]:
+def _shares(failed: Array, share: float) -> list[bool]:
     ends = [share_interval(int(row.sum()), len(row)) for row in failed]
-    return [low <= LOCK_OUTS <= high for low, high in ends]
+    return [low <= share <= high for low, high in ends]
 
 
 def study(rng: np.random.Generator, own: Draw, scenarios: int, seeds: int) -> Array:
@@ -239,19 +246,21 @@ def pairs(errors: Array) -> list[LogRatios]:
 
 
 def ratios(rng: np.random.Generator, studies: int) -> list[Table]:
-    """Intervals of the ratio of two methods, of one scenario and over several."""
-    samples = 12 * studies
-    table = Table("Coverage of the 95 % interval of a ratio [%]", "errors, scenarios, seeds", SEEDS, COVERED)
+    """Intervals of the ratios of a study, which decide; and of one ratio over several scenarios."""
+    title = "Studies of three equal methods all of whose intervals hold 1, as 95 % or more should [%]"
+    table = Table(title, "errors, seeds", SEEDS, (95.0, 100.0))
     for name, own in OWN.items():
-        table.add(f"{name}, 1", [_ratios(rng, own, n, samples) for n in SEEDS])
+        table.add(name, [_all_hold(rng, own, n, 5 * studies) for n in SEEDS])
+    several = Table("Coverage of the 95 % interval over scenarios [%]", "errors, scenarios, seeds", SEEDS, COVERED)
     for name, scenarios in itertools.product(("normal", "lognormal", "skewed", "t3"), SCENARIOS[1:]):
-        table.add(f"{name}, {scenarios}", [_over(rng, OWN[name], scenarios, n, samples) for n in SEEDS])
-    return [table]
+        several.add(f"{name}, {scenarios}", [_over(rng, OWN[name], scenarios, n, 12 * studies) for n in SEEDS])
+    return [table, several]
 
 
-def _ratios(rng: np.random.Generator, own: Draw, seeds: int, samples: int) -> list[bool]:
-    compared = pairs(study(rng, own, samples // 3, seeds))
-    return [ends.low <= 1 <= ends.high for ends in judged(compared) if not np.isnan(ends.low)]
+def _all_hold(rng: np.random.Generator, own: Draw, seeds: int, studies: int) -> list[bool]:
+    made = [judged(pairs(study(rng, own, 1, seeds))) for _ in range(studies)]
+    known = [[of for of in one if not np.isnan(of.low)] for one in made]
+    return [all(of.low <= 1 <= of.high for of in one) for one in known if one]
 
 
 def _over(rng: np.random.Generator, own: Draw, scenarios: int, seeds: int, samples: int) -> list[bool]:
@@ -343,52 +352,74 @@ def _of_study(errors: Array) -> tuple[float, bool]:
 def false_equals(rng: np.random.Generator, studies: int) -> list[Table]:
     """Studies of methods that differ by the margin itself, of which "equal" is false."""
     title = 'Studies of methods just not equal with any "equal" [%]'
-    table = Table(title, "errors, scenarios, seeds", SEEDS, FALSE)
+    table = Table(title, "errors, scenarios, seeds", ENOUGH_FOR_EQUAL, FALSE)
     for scenarios, name in itertools.product(SCENARIOS[:2], ("normal", "lognormal", "skewed", "t3")):
-        rates = [[_any_equal(rng, OWN[name], scenarios, n) for _ in range(2 * studies)] for n in SEEDS]
+        rates = [[_any_equal(rng, OWN[name], scenarios, n) for _ in range(2 * studies)] for n in ENOUGH_FOR_EQUAL]
         table.add(f"{name}, {scenarios}", rates)
     return [table]
 
 
 def _any_equal(rng: np.random.Generator, own: Draw, scenarios: int, seeds: int) -> bool:
     d = (own(rng, (3 * scenarios, seeds)) - own(rng, (3 * scenarios, seeds))) / 8 + np.log1p(MARGIN)
-    return any(
-        judgement.verdict is Verdict.EQUAL
-        for judgement in judged([log_ratios(np.exp(row), np.ones(seeds)) for row in d])
-    )
+    return any(judgement.verdict is Verdict.EQUAL for judgement in _judged(d))
+
+
+def unseen(rng: np.random.Generator, studies: int) -> list[Table]:
+    """Two methods that are equal but for the drives in which one of them locks out: "equal" is false."""
+    title = "Studies that call a method equal which locks out in a share of drives [%]"
+    seeds = (10, 20, 50, 99, 150, 300)
+    limits = 1 / (1 + MARGIN), 1 + MARGIN
+    made = {
+        f"{100 * share:.0f} %": [[_with_lock_outs(rng, share, n) for _ in range(8 * studies)] for n in seeds]
+        for share in (0.03, 0.1)
+    }
+    alone = Table(title + ", by the errors alone", "locks out in, seeds", seeds)
+    for name, of_sizes in made.items():
+        alone.add(name, [[limits[0] < of.low and of.high < limits[1] for of in one] for one in of_sizes])
+    bounded = Table(title, "locks out in, seeds", seeds, FALSE)
+    for name, of_sizes in made.items():
+        bounded.add(name, [[of.verdict is Verdict.EQUAL for of in one] for one in of_sizes])
+    return [alone, bounded]
+
+
+def _with_lock_outs(rng: np.random.Generator, share: float, seeds: int) -> Judgement:
+    d = MARGIN / 10 * rng.standard_normal(seeds) + np.log(FACTOR) * (rng.random(seeds) < share)
+    return _judged(d[None])[0]
 
 
 def power(rng: np.random.Generator, studies: int) -> list[Table]:
-    """Pairs that 10 seeds left undecided, run again with as many seeds as were named."""
-    tables = []
-    for family, truths in ((1, (1.0, 1.01, 1.02, 1.05, 1.1, 1.3)), (30, (1.0, 1.1))):
-        words = "alone" if family == 1 else f"in a study of {family} comparisons"
-        title = f"Decided with the seeds that were named, of what 10 seeds left undecided, {words} [%]"
-        table = Table(title, "errors, true ratio", truths, POWER)
-        for name in ("normal", "lognormal", "skewed", "t3"):
-            trials = studies if family == 1 else studies // 5
-            ends = [_decided(rng, OWN[name], truth, trials, family) for truth in truths]
-            table.add(name, [hits for hits, _ in ends])
-            line(f"{name}: seeds named, median", *(named for _, named in ends))
-        tables.append(table)
-    return tables
+    """Comparisons of a study that 10 seeds left undecided, run again with as many seeds as were named."""
+    truths = (1.0, 1.05, 1.1, 1.15, 1.2)
+    names = ("normal", "lognormal", "skewed", "t3")
+    ends = {name: [_decided(rng, OWN[name], truth, studies // 3) for truth in truths] for name in names}
+    title = "Comparisons of which a number of seeds is named, of those that 10 seeds left undecided [%]"
+    named = Table(title, "errors, true ratio", truths)
+    for name, of in ends.items():
+        named.add(name, [told for told, _, _ in of])
+    table = Table("Decided with the seeds that were named [%]", "errors, true ratio", truths[1:], POWER)
+    for name, of in ends.items():
+        table.add(name, [hits for _, hits, _ in of[1:]])
+        line(f"{name}: seeds named, median", *(median for _, _, median in of[1:]))
+    return [named, table]
 
 
-def _decided(rng: np.random.Generator, own: Draw, truth: float, trials: int, family: int) -> tuple[list[bool], str]:
-    """Return whether the first undecided pair of each trial is decided by the seeds that were named for it."""
-    hits, named = [], []
+def _decided(rng: np.random.Generator, own: Draw, truth: float, trials: int) -> tuple[list[bool], list[bool], str]:
+    """Return of each undecided comparison whether seeds were named; and of one a study whether these decided it."""
+    told, hits, numbers = [], [], []
     for _ in range(trials):
-        first = _differences(rng, own, truth, (family, 10))
+        first = _differences(rng, own, truth, (FAMILY, 10))
         judgements = _judged(first)
         undecided = [k for k, judgement in enumerate(judgements) if judgement.verdict is Verdict.UNDECIDED]
-        if not undecided:
+        needed = {k: seeds_needed(first[k], FAMILY, critical=judgements[k].critical) for k in undecided}
+        told += [number is not None for number in needed.values()]
+        known = [(k, number) for k, number in needed.items() if number is not None]
+        if truth == 1.0 or not known:
             continue
-        k = undecided[0]
-        needed = seeds_needed(first[k], MARGIN, family, critical=judgements[k].critical) or 10
-        more = _differences(rng, own, truth, (family, needed - 10))
+        k, number = known[0]
+        more = _differences(rng, own, truth, (FAMILY, number - 10))
         hits.append(_judged(np.hstack([first, more]))[k].verdict is not Verdict.UNDECIDED)
-        named.append(needed)
-    return hits, f"{np.median(named):.0f}" if named else "-"
+        numbers.append(number)
+    return told, hits, f"{np.median(numbers):.0f}" if numbers else "-"
 
 
 def _differences(rng: np.random.Generator, own: Draw, truth: float, shape: tuple[int, int]) -> Array:
@@ -429,6 +460,7 @@ TABLES: Mapping[str, Callable[[np.random.Generator, int], list[Table]]] = {
     "automatic": automatic,
     "few_seeds": of_few_seeds,
     "selection": selection,
+    "unseen": unseen,
 }
 """Each takes the generator of its stream, and how many studies of 60 scenarios to simulate; of fewer it takes more."""
 

@@ -16,7 +16,7 @@ from jerkbench.evaluation.statistics.judgement import LEVEL, Judgement, Verdict,
 from jerkbench.report.analysis.answer import shows_something
 from jerkbench.report.analysis.baseline import with_values
 from jerkbench.report.analysis.comparison import Comparison
-from jerkbench.report.analysis.findings import and_lost, losses, names, varying_factors
+from jerkbench.report.analysis.findings import losses, names, varying_factors
 from jerkbench.report.analysis.study_verdicts import study_verdicts
 from jerkbench.report.tables.table_model import number
 from jerkbench.results.study import load_study
@@ -50,7 +50,26 @@ def claimed(rows: pd.DataFrame) -> list[Comparison]:
         if _has(rows, b)
         for comparison in study_verdicts(_only(rows, b), "position_rmse_m").against(b)
     ]
-    return [comparison for comparison in compared if with_values(comparison.subject, CLAIM) == comparison.subject]
+    kept = [comparison for comparison in compared if with_values(comparison.subject, CLAIM) == comparison.subject]
+    return _against_the_claim(kept)
+
+
+def _against_the_claim(comparisons: Sequence[Comparison]) -> list[Comparison]:
+    """Judge all as one family: the ratio, times what is claimed, against 1; phases of one recording have no test."""
+    tested = [comparison for comparison in comparisons if comparison.replicate != "phase"]
+    ratios = [comparison.pair.ratios for comparison in tested]
+    shifted = [dataclasses.replace(of, d=of.d + math.log(CLAIMED)) for of in ratios]
+    judgements = iter(judged(shifted, 0.0, min((of.rule.level for of in tested), default=LEVEL)))
+    return [
+        dataclasses.replace(of, judgement=_unshifted(next(judgements))) if of.replicate != "phase" else of
+        for of in comparisons
+    ]
+
+
+def _unshifted(judgement: Judgement) -> Judgement:
+    """Return the judgement on the claim with ratio and interval of the errors themselves."""
+    ratio, low, high = (value / CLAIMED for value in (judgement.ratio, judgement.low, judgement.high))
+    return dataclasses.replace(judgement, ratio=ratio, low=low, high=high)
 
 
 def _only(rows: pd.DataFrame, against: Mapping[str, str]) -> pd.DataFrame:
@@ -58,25 +77,12 @@ def _only(rows: pd.DataFrame, against: Mapping[str, str]) -> pd.DataFrame:
     return rows[_are(rows, CLAIM) | _are(rows, against)]
 
 
-def verdicts(comparisons: Sequence[Comparison]) -> list[str]:
-    """Say of each whether the claim holds, as one family: the ratio, times what is claimed, against 1."""
-    shifted = [
-        dataclasses.replace(comparison.pair.ratios, d=comparison.pair.ratios.d + math.log(CLAIMED))
-        for comparison in comparisons
-    ]
-    level = min((comparison.rule.level for comparison in comparisons), default=LEVEL)
-    return [
-        _word(comparison, judgement)
-        for comparison, judgement in zip(comparisons, judged(shifted, 0.0, level), strict=True)
-    ]
-
-
-def _word(comparison: Comparison, against_the_claim: Judgement) -> str:
+def claim_word(comparison: Comparison) -> str:
+    """Say whether the claim holds."""
     if comparison.judgement.n == 0:
         return NO_PAIR
-    if comparison.replicate == "phase" or math.isnan(comparison.judgement.low):
-        return NO_INTERVAL
-    return WORDS.get(against_the_claim.verdict, OPEN)
+    unknown = NO_INTERVAL if math.isnan(comparison.judgement.low) or comparison.replicate == "phase" else OPEN
+    return WORDS.get(comparison.verdict, unknown)
 
 
 def better(comparison: Comparison) -> tuple[float, float, float]:
@@ -96,18 +102,15 @@ def claims(rows: pd.DataFrame) -> list[str]:
 def claim_sentences(rows: pd.DataFrame, comparisons: Sequence[Comparison]) -> list[str]:
     """Return a sentence for each of the claim's ``comparisons``."""
     varying = varying_factors(rows)
-    return [
-        _sentence(comparison, word, varying)
-        for comparison, word in zip(comparisons, verdicts(comparisons), strict=True)
-    ]
+    return [_sentence(comparison, varying) for comparison in comparisons]
 
 
 def headlines(rows: pd.DataFrame, comparisons: Sequence[Comparison]) -> list[str]:
     """Return one sentence for each opponent: in how many scenarios the claim holds."""
     varying = varying_factors(rows)
     counts: dict[str, Counter[str]] = {}
-    for comparison, word in zip(comparisons, verdicts(comparisons), strict=True):
-        counts.setdefault(_head(comparison, varying), Counter())[word] += 1
+    for comparison in comparisons:
+        counts.setdefault(_head(comparison, varying), Counter())[claim_word(comparison)] += 1
     return [f"{head} {_counted(words)}" for head, words in counts.items()]
 
 
@@ -123,16 +126,16 @@ def _head(comparison: Comparison, varying: Sequence[str]) -> str:
     return f"The paper says that {subject} is more than {CLAIMED:g} times better than {baseline}."
 
 
-def _sentence(comparison: Comparison, word: str, varying: Sequence[str]) -> str:
-    head = _head(comparison, varying)
+def _sentence(comparison: Comparison, varying: Sequence[str]) -> str:
+    head, word = _head(comparison, varying), claim_word(comparison)
     subject, baseline, where = names(comparison, varying)
     lost = losses(comparison, subject, baseline)
     if (n := comparison.judgement.n) == 0:
         return f"{head} Nothing can be said{where}: no run of both has a value."
     times, low, high = map(number, better(comparison))
     if word == NO_INTERVAL:
-        return f"{head} Seen: {times} times{where}, over {n} runs, without an interval{and_lost(lost)}."
-    return f"{head} It {word}: {times} times{where} (95 % {low} to {high}, {n} seeds){and_lost(lost)}."
+        return f"{head} Seen: {times} times{where}, over {n} runs, without an interval{lost}."
+    return f"{head} It {word}: {times} times{where} (95 % {low} to {high}, {n} seeds){lost}."
 
 
 def _has(rows: pd.DataFrame, values: Mapping[str, str]) -> bool:

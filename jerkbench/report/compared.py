@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from jerkbench.conformance.junit import JunitCase, junit
+from jerkbench.evaluation.statistics.intervals.share import loss_bound
 from jerkbench.report.analysis.changes import Change, change_rows
 from jerkbench.report.analysis.factors import FACTORS
 from jerkbench.report.analysis.quantities import quantity
@@ -94,7 +95,7 @@ def _grids(comparison: Comparison) -> Iterator[tuple[str, list[str], list[list[s
 
 def _grid(part: Compared) -> tuple[list[str], list[list[str]]]:
     """A column says what is allowed, where it is not the same for all."""
-    header, rows = [*part.varying, "A", "B", "B/A", "95 %", ""], change_rows(part.changes, part.varying)
+    header, rows = [*part.varying, "A", "B", "B/A", "95 %", "losses", ""], change_rows(part.changes, part.varying)
     for row, worse in zip(rows, part.worse, strict=True):
         row[-1] += ", too much" if worse else ""
     if len(set(part.allowed)) <= 1:
@@ -114,6 +115,7 @@ def _records(part: Compared) -> Iterator[dict[str, Any]]:
             **{name: float(value) if math.isfinite(value) else None for name, value in numbers.items()},
             "runs": list(map(int, change.runs)),
             "lost": list(map(int, change.lost)),
+            "lost_up_to": list(map(loss_bound, change.lost, change.runs)),
             "verdict": change.verdict,
             "allowed_percent": percent,
             "worse": None if percent is None else worse,
@@ -124,8 +126,8 @@ def _records(part: Compared) -> Iterator[dict[str, Any]]:
 def _cases(part: Compared) -> Iterator[JunitCase]:
     rows = change_rows(part.changes, part.varying)
     for change, row, percent, worse in zip(part.changes, rows, part.allowed, part.worse, strict=True):
-        names, (a, b, ratio, interval, verdict) = row[:-5], row[-5:]
-        sentence = f"A has {a}, B has {b}: {ratio} {interval}, {verdict}."
+        names, (a, b, ratio, interval, lost, verdict) = row[:-6], row[-6:]
+        sentence = f"A has {a}, B has {b}: {ratio} {interval}, {verdict}{f'; {lost}' if lost else ''}."
         failures = [f"{sentence} That is worse by more than {percent:g} %."] if worse else []
         if percent is not None and change.unjudged:
             failures.append(f"{sentence} B lacks runs of A, so that it cannot be judged.")

@@ -4,11 +4,11 @@ import math
 
 import numpy as np
 import pytest
-from scipy.stats import binomtest
+from scipy.stats import beta, binomtest
 
-from jerkbench.evaluation.statistics.exact_tests import equal_median_p, sign_p
+from jerkbench.evaluation.statistics.exact_tests import median_p, sign_p
 from jerkbench.evaluation.statistics.intervals.median import median_intervals, quantiles
-from jerkbench.evaluation.statistics.intervals.share import share_interval
+from jerkbench.evaluation.statistics.intervals.share import loss_bound, losses_text, seeds_without_loss, share_interval
 
 
 @pytest.mark.parametrize(("count", "n"), [(0, 5), (1, 20), (12, 20), (20, 20)])
@@ -53,11 +53,37 @@ def test_lost_runs_stand_at_the_top():
     assert quantiles(np.array([])).n == 0
 
 
-@pytest.mark.parametrize("shift", [0.0, 0.02, 0.05])
-def test_equality_of_the_median_is_two_one_sided_sign_tests(shift):
-    d = shift + 0.02 * np.random.default_rng(1).standard_normal(25)
-    expected = max(
-        binomtest(int((d >= 0.03).sum()), 25, alternative="less").pvalue,
-        binomtest(int((d <= -0.03).sum()), 25, alternative="less").pvalue,
-    )
-    assert equal_median_p(d, 0.03) == pytest.approx(expected)
+@pytest.mark.parametrize(("count", "n"), [(0, 1), (0, 20), (3, 20), (19, 20), (20, 20)])
+def test_the_bound_of_losses_is_the_one_sided_quantile_of_beta(count, n):
+    assert loss_bound(count, n) == pytest.approx(beta.ppf(0.95, count + 1, n - count) if count < n else 1.0)
+
+
+def test_losses_that_twenty_seeds_did_not_show_are_bounded_in_words():
+    assert losses_text(0, 20) == "0 of 20 lost (up to 14 %)"
+    assert losses_text(3, 20) == "3 of 20 lost (up to 34 %)"
+    assert losses_text(0, 100) == "0 of 100 lost (up to 3.0 %)"
+    assert losses_text(5, 5) == "5 of 5 lost (up to 100 %)"
+
+
+def test_three_percent_of_losses_are_excluded_by_99_seeds_without_one():
+    assert seeds_without_loss(0.03) == 99
+    assert loss_bound(0, 99) < 0.03 < loss_bound(0, 98)
+    assert (seeds_without_loss(0.0), seeds_without_loss(1.0)) == (math.inf, 1)
+
+
+@pytest.mark.parametrize("confidence", [0.95, 0.975, 0.999, 1 - 1e-5])
+@pytest.mark.parametrize("n", [6, 11, 20, 51])
+def test_the_interval_of_a_median_inverts_the_sign_test(n, confidence):
+    """0 lies outside exactly where the p of the sign test, ties for either side, is at most what is left."""
+    rng = np.random.default_rng(n)
+    for shift in np.linspace(0.0, 3.0, 40):
+        d = np.round(rng.standard_normal(n) + shift, 1)
+        ((low,), (high,)) = median_intervals(np.sort(d)[None], confidence, exact=True)
+        outside = bool(low > 0 or high < 0)
+        assert outside is (median_p(d) <= 1 - confidence)
+
+
+@pytest.mark.parametrize("shift", [0.0, 0.3, 1.0])
+def test_the_p_of_a_median_is_the_binomial_one(shift):
+    d = shift + np.random.default_rng(1).standard_normal(25)
+    assert median_p(d) == pytest.approx(binomtest(int((d > 0).sum()), 25).pvalue)

@@ -21,13 +21,23 @@ def rng():
     return np.random.default_rng(16)
 
 
-def test_ratio_and_interval_are_welchs_of_the_logarithms(rng):
+def test_the_interval_has_welchs_standard_error_and_the_critical_value_of_the_study(rng):
     a, b = rng.lognormal(size=15), rng.lognormal(size=11)
-    ends = ttest_ind(np.log(a), np.log(b), equal_var=False).confidence_interval(0.95)
+    test = ttest_ind(np.log(a), np.log(b), equal_var=False)
+    centre = np.log(a).mean() - np.log(b).mean()
     judgement = judge(a, b)
-    expected = math.exp(np.log(a).mean() - np.log(b).mean()), math.exp(ends.low), math.exp(ends.high)
+    half = judgement.critical * centre / test.statistic
+    expected = tuple(np.exp(centre + np.array([0, -half, half])))
     assert (judgement.ratio, judgement.low, judgement.high) == pytest.approx(expected)
     assert judgement.n == 11
+    assert (judgement.p < 0.05) is not (judgement.low <= 1 <= judgement.high)
+
+
+def test_losses_are_those_of_samples_of_their_own(rng):
+    a, b = rng.lognormal(size=20), rng.lognormal(size=10)
+    a[:12] = np.inf
+    assert judge(a, b).losses == "12 of 20 lost (up to 78 %) against 0 of 10 lost (up to 26 %)"
+    assert judge(a, b).turned.losses == judge(b, a).losses
 
 
 def test_the_critical_value_of_one_comparison_is_that_of_scipys_resamples(rng):
@@ -46,7 +56,7 @@ def test_the_critical_value_of_one_comparison_is_that_of_scipys_resamples(rng):
 
 def test_better_equal_worse_and_undecided(rng):
     def scatter(sigma):
-        return np.exp(sigma * rng.standard_normal(30))
+        return np.exp(sigma * rng.standard_normal(100))
 
     cases = [(0.9, 0.02), (1.005, 0.01), (1.2, 0.02), (1.0, 0.5)]
     judgements = judged_on_other_seeds([two_samples(ratio * scatter(sigma), scatter(sigma)) for ratio, sigma in cases])

@@ -4,48 +4,72 @@ import math
 
 import numpy as np
 import pytest
+from scipy.stats import chi2, norm, ttest_1samp
 
-from jerkbench.evaluation.statistics.judgement import MARGIN, Verdict, judged
+from jerkbench.evaluation.statistics.judgement import Verdict, judged
 from jerkbench.evaluation.statistics.log_ratio import log_ratios
 from jerkbench.evaluation.statistics.max_t import max_t
 from jerkbench.evaluation.statistics.seeds_needed import critical_t, seeds_needed
 from jerkbench.evaluation.statistics.sequential import levels, looks
 
 
-@pytest.mark.parametrize("truth", [1.0, 1.015, 1.1])
+def judge(d):
+    return judged([log_ratios(np.exp(row), np.ones(len(row))) for row in d])
+
+
+@pytest.mark.parametrize("truth", [1.08, 1.12])
 def test_the_seeds_that_are_named_decide_four_times_in_five(truth):
-    """80 pilots of 10 seeds; the standard error of 80 % is 4.5 %."""
+    """Pilots of 10 seeds, each of 5 comparisons; wherever in its interval the truth lies, so mostly more often."""
     rng = np.random.default_rng(4)
     decided = []
-    for _ in range(80):
-        first = math.log(truth) + 0.08 * rng.standard_normal(10)
-        if judged([log_ratios(np.exp(first), np.ones(10))])[0].verdict is not Verdict.UNDECIDED:
+    while len(decided) < 30:
+        first = math.log(truth) + 0.08 * rng.standard_normal((5, 10))
+        if seeds_needed(first[0], 5) is None:
             continue
-        needed = seeds_needed(first, MARGIN)
-        assert needed is not None
-        d = np.concatenate([first, math.log(truth) + 0.08 * rng.standard_normal(needed - 10)])
-        decided.append(judged([log_ratios(np.exp(d), np.ones(needed))])[0].verdict is not Verdict.UNDECIDED)
-    assert np.mean(decided) >= 0.75
+        before = judge(first)[0]
+        if before.verdict is Verdict.UNDECIDED:
+            needed = seeds_needed(first[0], 5, critical=before.critical)
+            more = math.log(truth) + 0.08 * rng.standard_normal((5, needed - 10))
+            decided.append(judge(np.hstack([first, more]))[0].verdict is not Verdict.UNDECIDED)
+    assert np.mean(decided) >= 0.8
+
+
+def test_no_seeds_are_named_where_only_equality_could_be_shown():
+    """Of 400 pilots of equal methods at most 5 % have an interval without 1, by chance: the others have no number."""
+    rng = np.random.default_rng(4)
+    named = [seeds_needed(0.08 * rng.standard_normal(10)) is not None for _ in range(400)]
+    assert np.mean(named) <= 0.07
 
 
 def test_more_scatter_and_more_comparisons_need_more_seeds():
-    d = 0.02 + 0.1 * np.random.default_rng(5).standard_normal(10)
-    few, many, scattered = seeds_needed(d, MARGIN), seeds_needed(d, MARGIN, 100), seeds_needed(3 * d, MARGIN)
+    d = np.random.default_rng(5).standard_normal(10)
+    d = (d - d.mean()) / d.std(ddof=1)
+    few, many, scattered = seeds_needed(0.1 + 0.1 * d), seeds_needed(0.1 + 0.1 * d, 100), seeds_needed(0.1 + 0.12 * d)
     assert 10 < few < many
     assert few < scattered
 
 
-def test_a_wider_margin_needs_fewer():
-    d = 0.1 * np.random.default_rng(6).standard_normal(10)
-    assert seeds_needed(d, 0.1) < seeds_needed(d, 0.03)
+def test_the_seeds_are_those_of_the_power_of_the_end_that_is_nearest_to_none():
+    """By scipy: of N seeds the mean is c standard errors away from 0 in 80 %, of 1.06 times fewer it is not."""
+    d = np.random.default_rng(5).standard_normal(12)
+    d = 0.08 + 0.1 * (d - d.mean()) / d.std(ddof=1)
+    nearest = ttest_1samp(d, 0).confidence_interval(0.95).low
+    s = 0.1 * np.sqrt(11 / chi2.ppf(0.2, 11))
+    needed = seeds_needed(d)
+    powers = [
+        norm.sf(critical_t(np.array([n]), 1, 0.05)[0] - nearest * np.sqrt(n) / s) for n in (needed, needed / 1.06)
+    ]
+    assert powers[1] < 0.8 <= powers[0]
 
 
 def test_nobody_runs_a_million_seeds():
-    assert seeds_needed(30 * np.random.default_rng(7).standard_normal(10), 0.001) is None
+    d = 30 * np.random.default_rng(7).standard_normal(10)
+    assert seeds_needed(d) is None
 
 
 def test_what_does_not_scatter_needs_no_more():
-    assert seeds_needed(np.full(6, 0.1), MARGIN) == 6
+    assert seeds_needed(np.full(6, 0.1)) == 6
+    assert seeds_needed(np.zeros(6)) is None
 
 
 @pytest.mark.parametrize(("n", "comparisons"), [(6, 1), (10, 1), (20, 1), (10, 60), (20, 60), (50, 60)])
@@ -74,6 +98,8 @@ def test_the_level_that_was_spent_is_of_pococks_type():
 
 
 def test_no_number_of_seeds_is_named_that_nobody_runs():
-    """About 15 000 seeds would tell, and nobody runs them."""
+    """The interval ends just above 0: more than 10 000 seeds would tell, and nobody runs them."""
     d = 0.7 * np.random.default_rng(3).standard_normal(20)
-    assert seeds_needed(d - d.mean(), MARGIN) is None
+    half = d.mean() - ttest_1samp(d, 0).confidence_interval(0.95).low
+    assert seeds_needed(d - d.mean() + 1.01 * half) is None
+    assert seeds_needed(d - d.mean() + 2 * half) is not None

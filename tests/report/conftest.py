@@ -3,6 +3,8 @@
 import pandas as pd
 import pytest
 
+from jerkbench.evaluation.statistics.judgement import Judgement
+
 FACTORS = ("dataset", "disturbance", "attitude", "filter", "adaptation", "noise")
 
 
@@ -16,6 +18,14 @@ def make_cell(filter_name, adaptation, values, **more):
         make_row(seed, filter=filter_name, adaptation=adaptation, position_rmse_m=value, **more)
         for seed, value in enumerate(values)
     ]
+
+
+@pytest.fixture
+def judgement():
+    def make(verdict, ratio, low, high, failures=(0, 0), n=20):
+        return Judgement(ratio, low, high, (n, n), 0.5, 0.5, failures, any(failures), 3.0, verdict, "")
+
+    return make
 
 
 @pytest.fixture

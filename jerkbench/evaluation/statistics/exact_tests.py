@@ -17,16 +17,11 @@ def sign_p(for_a: int, for_b: int) -> float:
     return min(1.0, 2.0 * float(bdtr(fewer, total, 0.5))) if total else 1.0
 
 
-def equal_median_p(d: FloatArray, margin: float) -> float:
-    """Return the p of the claim that the median of (n,) lies within -+margin: the larger of two exact sign tests."""
+def median_p(d: FloatArray) -> float:
+    """Return the two-sided p that the median of (n,) is 0: the sign test in which a tie counts for either side.
+
+    It is the one that the interval of order statistics inverts.
+    """
     from scipy.special import bdtr
 
-    beyond = max(int((d >= margin).sum()), int((d <= -margin).sum()))
-    return float(bdtr(beyond, len(d), 0.5)) if len(d) else 1.0
-
-
-def rare_p(count: int, n: int, share: float) -> float:
-    """Return the p of the claim that less than ``share`` of runs fail, ``count`` of n having: the binomial test."""
-    from scipy.special import bdtr
-
-    return float(bdtr(count, n, share)) if n else 1.0
+    return min(1.0, 2.0 * float(bdtr(min((d <= 0).sum(), (d >= 0).sum()), len(d), 0.5)))

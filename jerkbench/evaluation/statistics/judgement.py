@@ -4,14 +4,16 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from typing import Protocol
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.evaluation.statistics.intervals.median import median_intervals
-from jerkbench.evaluation.statistics.intervals.student import student_intervals
+from jerkbench.evaluation.statistics.intervals.share import loss_bound, losses_text
 from jerkbench.evaluation.statistics.log_ratio import LogRatios
-from jerkbench.evaluation.statistics.multiplicity import Correction, Family, family
+from jerkbench.evaluation.statistics.max_t import standard_errors
+from jerkbench.evaluation.statistics.multiplicity import LEAST_SEEDS, Correction, Family, family
 from jerkbench.evaluation.statistics.samples import Samples
 
 MARGIN = 0.03
@@ -41,42 +43,62 @@ TURNED = {
 """Verdicts as the other side sees them; equal and undecided are the same from both."""
 
 
+NOT_EXCLUDED = "losses are not excluded"
+"""Equal but for runs that may be lost: so few seeds did not show them."""
+
+FAILED_MORE = "the one with the smaller errors failed in more runs"
+
+
 @dataclass(frozen=True)
 class Judgement:
     """One comparison of a with b.
 
     Attributes:
         ratio: geometric mean of a/b; where runs were lost or locked out, the median.
-        low: lower end of its own 95 % interval (Student's on the logarithms; of the median, that of order statistics).
+        low: lower end of its interval at the level of the study, which decides; NaN of fewer than `LEAST_SEEDS`, and of
+            a median of too few seeds for such a level.
         high: upper end; infinite where it reaches the lost runs.
-        n: seeds.
+        sizes: seeds of a, and of b: the same, or as many as each has of its own.
         p: that they differ, corrected for the study.
-        p_equal: that they are not equal within the margin, corrected for the study.
         p_lost: that either loses more runs, corrected for the study.
         failures: runs that a, and that b, lost or locked out in.
         median: whether ratio and test are those of the median.
         critical: how many standard errors of the mean of the logarithms the study asks for; NaN of a median.
         verdict: at the level of the study.
+        reason: why it is undecided, although the interval would decide it; else empty.
     """
 
     ratio: float
     low: float
     high: float
-    n: int
+    sizes: tuple[int, int]
     p: float
-    p_equal: float
     p_lost: float
     failures: tuple[int, int]
     median: bool
     critical: float
     verdict: Verdict
+    reason: str
+
+    @property
+    def n(self) -> int:
+        """Seeds of the smaller sample."""
+        return min(self.sizes)
 
     @property
     def turned(self) -> "Judgement":
         """That of b with a."""
         ratio, low, high = (1 / value if value else math.inf for value in (self.ratio, self.high, self.low))
         verdict = TURNED.get(self.verdict, self.verdict)
-        return replace(self, ratio=ratio, low=low, high=high, failures=self.failures[::-1], verdict=verdict)
+        return replace(
+            self, ratio=ratio, low=low, high=high, failures=self.failures[::-1], sizes=self.sizes[::-1], verdict=verdict
+        )
+
+    @property
+    def losses(self) -> str:
+        """The runs that either lost or locked out in, with the bounds of their shares."""
+        ours, theirs = map(losses_text, self.failures, self.sizes)
+        return ours if ours == theirs else f"{ours} against {theirs}"
 
 
 def judged(
@@ -90,16 +112,16 @@ def judged(
     ::
 
         loses ...  McNemar's exact test of the runs that either alone lost or locked out in says so
-        equal      the interval at the study's level lies within 1/(1 + margin) to 1 + margin; where either failed in
-                   more runs, the share in which either failed alone is less than the margin as well
-        better     it lies below 1, and so does the comparison's own; a failed in no more runs than b
+        equal      the interval lies within 1/(1 + margin) to 1 + margin, and of either less than the margin of the
+                   runs is lost or locked out (`loss_bound`, of each comparison by itself)
+        better     the interval lies below 1; a failed in no more runs than b
         worse      better, turned round
         undecided  otherwise, and of fewer than `LEAST_SEEDS` seeds
 
-    The intervals at the study's level are mean -+ c s/sqrt(n) of d = log(a/b), each with its own c of the scale that
-    `max_t` finds common to all comparisons whose runs all went well. Where runs were lost or locked out, the median is
-    tested instead, by the exact sign test (a lost run is worse than every other), with Bonferroni's correction for the
-    study.
+    The intervals are at the level of the study: mean -+ c s/sqrt(n) of d = log(a/b), each with its own c of the scale
+    that `max_t` finds common to all comparisons whose runs all went well. Where runs were lost or locked out, it is
+    that of the median by order statistics, the inverse of the exact sign test (a lost run is worse than every other),
+    with Bonferroni's correction for the study.
 
     Args:
         comparisons: of the whole study.
@@ -107,74 +129,106 @@ def judged(
         level: of studies with any wrong sentence; with `Correction.FDR`, of sentences.
         correction: which of the two.
     """
-    tested = family(comparisons, float(np.log1p(margin)), correction, level)
-    intervals = intervals_of(comparisons)
-    return [_judgement(ratios, intervals[place], tested, place, level) for place, ratios in enumerate(comparisons)]
+    tested = family(comparisons, correction, level)
+    centre, low, high = intervals_of(comparisons, tested)
+    return [
+        judgement_of(
+            (centre[k], low[k], high[k]),
+            (tested.differ[k], tested.lost[k]),
+            ratios,
+            critical=tested.critical[k],
+            margin=margin,
+            level=level,
+        )
+        for k, ratios in enumerate(comparisons)
+    ]
 
 
-def _judgement(
-    ratios: LogRatios, interval: tuple[float, float, float], tested: Family, place: int, level: float
+class Compared(Protocol):
+    """The runs of two methods, on the same seeds or on others."""
+
+    @property
+    def sizes(self) -> tuple[int, int]:
+        """Seeds of a, and of b."""
+
+    @property
+    def plain(self) -> bool:
+        """Whether every run went well."""
+
+    @property
+    def failures(self) -> tuple[int, int]:
+        """Runs that a, and that b, lost or locked out in."""
+
+
+def judgement_of(
+    interval: tuple[float, float, float],
+    p: tuple[float, float],
+    runs: Compared,
+    *,
+    critical: float,
+    margin: float,
+    level: float,
 ) -> Judgement:
-    centre, low, high = interval
-    p, p_equal, p_lost = (float(values[place]) for values in (tested.differ, tested.equal, tested.lost))
+    """Return the judgement with the first verdict that holds; each comparison with NaN is false.
+
+    Args:
+        interval: centre, lower and upper end of the log ratio, at the level of the study.
+        p: that they differ, and that either loses more; corrected.
+        runs: what was compared.
+        critical: see `Judgement`.
+        margin: of equality.
+        level: of the study.
+    """
+    differ, lost = map(float, p)
+    verdict, reason = _verdict(interval, (differ, lost), runs, margin, level)
+    with np.errstate(over="ignore"):  # few seeds in a large study: an interval beyond all numbers
+        ratio, low, high = map(float, np.exp(interval))
     return Judgement(
-        ratio=float(np.exp(centre)),
-        low=float(np.exp(low)),
-        high=float(np.exp(high)),
-        n=ratios.n,
-        p=p,
-        p_equal=p_equal,
-        p_lost=p_lost,
-        failures=ratios.failures,
-        median=not ratios.plain,
-        critical=float(tested.critical[place]),
-        verdict=verdict_of(ratios.failures, (centre, low, high), (p, p_equal, p_lost), level),
+        ratio, low, high, runs.sizes, differ, lost, runs.failures, not runs.plain, float(critical), verdict, reason
     )
 
 
-def verdict_of(
-    failures: tuple[int, int], interval: tuple[float, float, float], p: tuple[float, float, float], level: float
-) -> Verdict:
-    """Return the first verdict that holds; each comparison with NaN is false.
-
-    Args:
-        failures: runs that a, and that b, lost or locked out in.
-        interval: centre, lower and upper end of the log ratio.
-        p: that they differ, that they are not equal, that either loses more; corrected.
-        level: of the study.
-    """
+def _verdict(
+    interval: tuple[float, float, float], p: tuple[float, float], runs: Compared, margin: float, level: float
+) -> tuple[Verdict, str]:
     centre, low, high = interval
-    differ, equal, lost = p
-    ours, theirs = failures
-    if lost < level:
-        return Verdict.MORE_LOST if ours > theirs else Verdict.FEWER_LOST
-    if equal < level:
-        return Verdict.EQUAL
-    if differ < level and not low <= 0 <= high and (ours - theirs) * centre >= 0:
-        return Verdict.BETTER if centre < 0 else Verdict.WORSE
-    return Verdict.UNDECIDED
+    ours, theirs = runs.failures
+    if p[1] < level:
+        return (Verdict.MORE_LOST if ours > theirs else Verdict.FEWER_LOST), ""
+    if -np.log1p(margin) < low and high < np.log1p(margin):
+        excluded = max(map(loss_bound, runs.failures, runs.sizes)) < margin
+        return (Verdict.EQUAL, "") if excluded else (Verdict.UNDECIDED, NOT_EXCLUDED)
+    if not p[0] < level:
+        return Verdict.UNDECIDED, ""
+    if (ours - theirs) * centre < 0:
+        return Verdict.UNDECIDED, FAILED_MORE
+    return (Verdict.BETTER if centre < 0 else Verdict.WORSE), ""
 
 
-def intervals_of(comparisons: Sequence[LogRatios]) -> list[tuple[float, float, float]]:
-    """Return centre and ends of each log ratio: of its mean where every run went well, else of its median."""
-    ends = np.full((len(comparisons), 3), np.nan)
-    plain = np.array([ratios.plain for ratios in comparisons], dtype=bool)
-    for of_kind, interval in ((np.flatnonzero(plain), _of_means), (np.flatnonzero(~plain), _of_medians)):
-        for places, d in Samples.of([comparisons[k].d for k in of_kind.tolist()]).by_size():
-            if d.shape[1]:
-                ends[of_kind[places]] = np.column_stack(interval(d))
-    return [(centre, low, high) for centre, low, high in ends.tolist()]
+def intervals_of(comparisons: Sequence[LogRatios], tested: Family) -> FloatArray:
+    """Return (3, m) centres and ends of the log ratios: of means where every run went well, else of medians."""
+    ends = np.full((3, len(comparisons)), np.nan)
+    for places, d in Samples.of([ratios.d for ratios in comparisons]).by_size():
+        plain = np.array([comparisons[k].plain for k in places.tolist()], dtype=bool)
+        if d.shape[1]:
+            ends[:, places[plain]] = _of_means(d[plain], tested.critical[places[plain]])
+            ends[:, places[~plain]] = _of_medians(np.sort(d[~plain], axis=1), tested.confidence)
+    return ends
 
 
-def _of_means(d: FloatArray) -> tuple[FloatArray, ...]:
-    """Centre and ends, (k,) each, of (k, n) log ratios."""
-    return d.mean(axis=1), *student_intervals(d, 0.95)
+def _of_means(d: FloatArray, critical: FloatArray) -> tuple[FloatArray, ...]:
+    """Centre and ends, (k,) each, of (k, n) log ratios; without scatter they are one, if any |t| is enough."""
+    centre = d.mean(axis=1)
+    with np.errstate(invalid="ignore"):
+        half = np.where(np.isinf(critical), np.inf, critical * standard_errors(d) if d.shape[1] > 1 else np.nan)
+    return centre, centre - half, centre + half
 
 
-def _of_medians(d: FloatArray) -> tuple[FloatArray, ...]:
-    """Likewise, of values that may be infinite."""
-    ordered = np.sort(d, axis=1)
-    return middles(ordered), *median_intervals(ordered, 0.95)
+def _of_medians(ordered: FloatArray, confidence: float) -> tuple[FloatArray, ...]:
+    """Likewise, of values that may be infinite, in ascending order."""
+    if ordered.shape[1] < LEAST_SEEDS:
+        return middles(ordered), *np.full((2, len(ordered)), np.nan)
+    return middles(ordered), *median_intervals(ordered, confidence, exact=True)
 
 
 def middle(ordered: FloatArray) -> float:

@@ -35,6 +35,11 @@ class LogRatios:
         return len(self.d)
 
     @property
+    def sizes(self) -> tuple[int, int]:
+        """Seeds of a, and of b, which are the same."""
+        return self.n, self.n
+
+    @property
     def turned(self) -> "LogRatios":
         """Those of b to a."""
         return LogRatios(-self.d, self.lost[:, ::-1], self.locked[:, ::-1])

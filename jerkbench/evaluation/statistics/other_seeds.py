@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jerkbench.arrays import BoolArray, FloatArray
-from jerkbench.evaluation.statistics.judgement import LEVEL, MARGIN, Judgement, middle, verdict_of
+from jerkbench.evaluation.statistics.judgement import LEVEL, MARGIN, Judgement, judgement_of, middle
 from jerkbench.evaluation.statistics.log_ratio import LOCKED_OUT
 from jerkbench.evaluation.statistics.max_t import max_t_of_two, standard_errors, studentised
 from jerkbench.evaluation.statistics.multiplicity import LEAST_SEEDS
@@ -38,9 +38,14 @@ class TwoSamples:
         return int(self.failed[0].sum()), int(self.failed[1].sum())
 
     @property
+    def sizes(self) -> tuple[int, int]:
+        """Seeds of a, and of b."""
+        return len(self.a), len(self.b)
+
+    @property
     def n(self) -> int:
         """Seeds of the smaller sample."""
-        return min(len(self.a), len(self.b))
+        return min(self.sizes)
 
     @property
     def plain(self) -> bool:
@@ -60,51 +65,33 @@ def judged_on_other_seeds(
 ) -> list[Judgement]:
     """Judge comparisons of runs on other seeds as one family, as `judged` does those on the same.
 
-    The difference of the mean logarithms with Welch's interval; at the study's level by `max_t_of_two`. Where runs were
-    lost or locked out the medians are tested by Mood's test and the losses by Fisher's exact one, with Bonferroni's
-    correction for both. "Equal" is then not claimed. Much less can be shown than on the same seeds.
+    The difference of the mean logarithms, with Welch's standard error and the critical value of `max_t_of_two`. Where
+    runs were lost or locked out the medians are tested by Mood's test and the losses by Fisher's exact one, with
+    Bonferroni's correction for both; there is no interval, and "equal" is not claimed. Much less can be shown than on
+    the same seeds.
 
     Source: Mood, "Introduction to the Theory of Statistics", McGraw-Hill (1950), 16.4; Fisher, "The logic of inductive
     inference", J. Royal Statist. Soc. 98 (1935).
     """
     total = max(1, sum(samples.n >= LEAST_SEEDS for samples in comparisons))
-    p = np.ones((len(comparisons), 3))
+    p = np.ones((len(comparisons), 2))
     critical = np.full(len(comparisons), np.nan)
     for places in _of_each_size(comparisons).values():
         a, b = (np.log(np.stack([getattr(comparisons[k], name) for k in places])) for name in ("a", "b"))
         largest = dataclasses.replace(max_t_of_two(a, b), share=len(places) / total)
         distance, error = np.abs(a.mean(axis=1) - b.mean(axis=1)), np.hypot(standard_errors(a), standard_errors(b))
-        p[places, 0] = largest.p(studentised(distance, error))
-        p[places, 1] = largest.p(studentised(np.maximum(0.0, np.log1p(margin) - distance), error))
-        critical[places] = largest.critical(level)
+        p[places, 0], critical[places] = largest.p(studentised(distance, error)), largest.critical(level)
     for k, samples in enumerate(comparisons):
         if not samples.plain and samples.n >= LEAST_SEEDS:
-            p[k, [0, 2]] = np.minimum(1.0, 2 * total * np.array([_medians_p(samples), _losses_p(samples)]))
-    return [_judgement(*of, level) for of in zip(comparisons, p, critical, strict=True)]
+            p[k] = np.minimum(1.0, 2 * total * np.array([_medians_p(samples), _losses_p(samples)]))
+    return [
+        judgement_of(_interval(samples, c), (p[k, 0], p[k, 1]), samples, critical=c, margin=margin, level=level)
+        for k, (samples, c) in enumerate(zip(comparisons, critical.tolist(), strict=True))
+    ]
 
 
-def _judgement(samples: TwoSamples, p: FloatArray, critical: float, level: float) -> Judgement:
-    centre, low, high = _interval(samples)
-    differ, equal, lost = map(float, p)
-    return Judgement(
-        ratio=float(np.exp(centre)),
-        low=float(np.exp(low)),
-        high=float(np.exp(high)),
-        n=samples.n,
-        p=differ,
-        p_equal=equal,
-        p_lost=lost,
-        failures=samples.failures,
-        median=not samples.plain,
-        critical=float(critical),
-        verdict=verdict_of(samples.failures, (centre, low, high), (differ, equal, lost), level),
-    )
-
-
-def _interval(samples: TwoSamples) -> tuple[float, float, float]:
-    """Return the difference of the mean logarithms with Welch's interval; of medians without one."""
-    from scipy.special import stdtrit
-
+def _interval(samples: TwoSamples, critical: float) -> tuple[float, float, float]:
+    """Return the difference of the mean logarithms with its interval; of medians without one."""
     if samples.n == 0:
         return np.nan, np.nan, np.nan
     with np.errstate(divide="ignore"):
@@ -113,13 +100,9 @@ def _interval(samples: TwoSamples) -> tuple[float, float, float]:
         first, second = (middle(np.sort(values)) for values in logs)
         return (0.0 if first == second else first - second), np.nan, np.nan
     centre = float(logs[0].mean() - logs[1].mean())
-    if samples.n < 2:
-        return centre, np.nan, np.nan
-    squares = [float(np.var(values, ddof=1)) / len(values) for values in logs]
-    if sum(squares) == 0:
-        return centre, centre, centre
-    dof = sum(squares) ** 2 / sum(s**2 / (len(values) - 1) for s, values in zip(squares, logs, strict=True))
-    half = float(stdtrit(dof, 0.975)) * float(np.sqrt(sum(squares)))
+    if not np.isfinite(critical):
+        return centre, centre - critical, centre + critical
+    half = critical * float(np.hypot(*(standard_errors(values[None])[0] for values in logs)))
     return centre, centre - half, centre + half
 
 

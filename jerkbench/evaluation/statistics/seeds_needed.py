@@ -15,44 +15,37 @@ CAUTION = 0.8
 MOST = 10_000
 """More seeds than these nobody runs: none are named."""
 
-PLACES = 101
-"""Possible true ratios that are looked at."""
 
+def seeds_needed(d: FloatArray, comparisons: int = 1, level: float = 0.05, critical: float = np.nan) -> int | None:
+    """Return how many seeds show that a and b differ; None where they may be equal, and over `MOST`.
 
-def seeds_needed(
-    d: FloatArray, margin: float, comparisons: int = 1, level: float = 0.05, critical: float = np.nan
-) -> int | None:
-    """Return how many seeds decide whether a is better, worse or equal; None over `MOST`.
-
-    Of N seeds the mean falls at mu + s Z/sqrt(N), and decides where it is more than c standard errors from 0, or more
-    than c inside the margin::
-
-        P(N, mu) = P[|mean| > c s/sqrt(N)  or  |mean| + c s/sqrt(N) < log(1 + margin)]
-
-    The answer is the smallest N, of the grid 1.05^k, with P(N, mu) of at least `POWER` for every mu in the 95 %
-    interval of the mean that was seen: wherever the true ratio is. s is the upper `CAUTION` bound of the standard
-    deviation, c that of `critical_t`, as many times as large as ``critical`` is of theirs: a study whose comparisons
-    go together asks for less, a heavy tail for more. Where equal and different are both near, it takes the most: mu =
-    log(1 + margin)/2.
+    Of N seeds the mean falls at mu + s Z/sqrt(N), and decides where it is more than c standard errors from 0. The
+    answer is the smallest N, of the grid 1.05^k, that does so with a probability of at least `POWER` wherever in the
+    95 % interval of the mean that was seen mu lies; an interval with 0 in it has none. s is the upper `CAUTION` bound
+    of the standard deviation, c that of `critical_t`, as many times as large as ``critical`` is of theirs: a study
+    whose comparisons go together asks for less, a heavy tail for more.
 
     Args:
         d: (n,) log ratios of the seeds that went well; at least two.
-        margin: of equality, as a ratio less 1.
         comparisons: of the whole study.
         level: of the whole study.
         critical: |t| that the n seeds had to reach; without it, or where none is enough, that of `critical_t`.
     """
-    if np.ptp(d) == 0:
-        return len(d)
-    sizes = _sizes()
-    sizes = sizes[sizes > len(d)]
-    planned = critical_t(np.append(len(d), sizes), comparisons, level)
-    c = planned[1:] * (critical / planned[0] if np.isfinite(critical) else 1.0)
-    enough = _power(sizes, d, float(np.log1p(margin)), c) >= POWER
-    if not enough[-1]:
+    from scipy.special import chdtri, ndtri, stdtrit
+
+    n, s, mean = len(d), float(np.std(d, ddof=1)), abs(float(d.mean()))
+    nearest = mean - float(stdtrit(n - 1, 0.975)) * s / np.sqrt(n)
+    if nearest <= 0:
         return None
-    short = np.flatnonzero(~enough)
-    return int(sizes[short[-1] + 1 if len(short) else 0])
+    if np.ptp(d) == 0:
+        return n
+    sizes = _sizes()
+    sizes = sizes[sizes > n]
+    planned = critical_t(np.append(n, sizes), comparisons, level)
+    c = planned[1:] * (critical / planned[0] if np.isfinite(critical) else 1.0)
+    error = s * np.sqrt((n - 1) / chdtri(n - 1, CAUTION)) / np.sqrt(sizes)
+    enough = np.flatnonzero(nearest / error - c >= ndtri(POWER))
+    return int(sizes[enough[0]]) if len(enough) else None
 
 
 def critical_t(n: FloatArray, comparisons: int, level: float) -> FloatArray:
@@ -70,18 +63,3 @@ def critical_t(n: FloatArray, comparisons: int, level: float) -> FloatArray:
 @lru_cache(maxsize=1)
 def _sizes() -> FloatArray:
     return np.unique(np.ceil(6 * 1.05 ** np.arange(np.ceil(np.log(MOST / 6) / np.log(1.05)))))
-
-
-def _power(sizes: FloatArray, d: FloatArray, margin: float, critical: FloatArray) -> FloatArray:
-    """Return (k,) the least probability, of all true means, that each size decides at its critical |t|."""
-    from scipy.special import chdtri, ndtr, stdtrit
-
-    n, s = len(d), float(np.std(d, ddof=1))
-    half = float(stdtrit(n - 1, 0.975)) * s / np.sqrt(n)
-    mu = np.abs(np.linspace(d.mean() - half, d.mean() + half, PLACES))
-    error = (s * np.sqrt((n - 1) / chdtri(n - 1, CAUTION)) / np.sqrt(sizes))[:, None]
-    c = critical[:, None]
-    differ = ndtr(mu / error - c) + ndtr(-mu / error - c)
-    inside = np.maximum(0.0, np.minimum(margin / error - c, c))  # a mean further out than c differs already
-    equal = ndtr(inside - mu / error) - ndtr(-inside - mu / error)
-    return np.asarray((differ + equal).min(axis=1), dtype=np.float64)

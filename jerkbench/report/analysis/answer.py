@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 
 from jerkbench.evaluation.statistics.judgement import Verdict
-from jerkbench.report.analysis.comparison import Comparison
+from jerkbench.report.analysis.comparison import Comparison, losses_of
 from jerkbench.report.analysis.duels import Duel, duels
 from jerkbench.report.analysis.factors import FACTORS
 from jerkbench.report.analysis.runs import Combination
@@ -118,6 +118,6 @@ def _named(names: Sequence[str]) -> str:
 
 
 def _seeds(tested: Sequence[Standing]) -> str:
-    counts = [pair.judgement.n for standing in tested for pair in _tests(standing)]
-    low, high = min(counts), max(counts)
-    return f"{low} seeds" if low == high else f"{low} to {high} seeds"
+    judgements = [pair.judgement for standing in tested for pair in _tests(standing)]
+    low, high = (of(judgement.n for judgement in judgements) for of in (min, max))
+    return f"{low} seeds, {losses_of(judgements)}" if low == high else f"{low} to {high} seeds, {losses_of(judgements)}"

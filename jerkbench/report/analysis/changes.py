@@ -89,7 +89,13 @@ class Change:
             return "no test (phases of one recording)"
         equal = self.judgement.verdict is Verdict.EQUAL
         words = f"equal within {100 * self.rule.margin:g} %" if equal else self.judgement.verdict.value
+        words += f", as {self.judgement.reason}" if self.judgement.reason else ""
         return words if self.paired else f"{words} (other seeds)"
+
+    @property
+    def losses(self) -> str:
+        """The runs that either lost, with the bounds of their shares; nothing of phases, and without a run of both."""
+        return "" if self.phases or not self.judgement.n else self.judgement.losses
 
 
 def changes(before: "pd.DataFrame", after: "pd.DataFrame", metric: str, rule: Rule = RULE) -> list[Change]:
@@ -147,13 +153,14 @@ def _change(two: Two, judgement: Judgement, rule: Rule) -> Change:
 
 
 def change_rows(changed: Sequence[Change], varying: Sequence[str]) -> list[list[str]]:
-    """Return a line of texts for each change: the factors, both means, the ratio, its interval, the verdict."""
+    """Return a line of texts for each change: the factors, both means, the ratio, its interval, losses, the verdict."""
     return [
         [
             *(dict(zip(FACTORS, change.combination, strict=True))[key] for key in varying),
             *(_mean(*of) for of in zip(change.means, change.runs, change.lost, strict=True)),
             _ratio(change),
             _interval(change),
+            change.losses,
             change.verdict,
         ]
         for change in changed

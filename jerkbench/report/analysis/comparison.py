@@ -7,7 +7,8 @@ from functools import cached_property
 
 import numpy as np
 
-from jerkbench.evaluation.statistics.judgement import LEVEL, Judgement, Verdict, judged
+from jerkbench.evaluation.statistics.intervals.share import loss_bound, seeds_without_loss, up_to
+from jerkbench.evaluation.statistics.judgement import LEVEL, NOT_EXCLUDED, Judgement, Verdict, judged
 from jerkbench.evaluation.statistics.log_ratio import LogRatios
 from jerkbench.evaluation.statistics.multiplicity import Correction
 from jerkbench.evaluation.statistics.seeds_needed import seeds_needed
@@ -69,11 +70,12 @@ class Comparison:
 
     @cached_property
     def needed(self) -> int | None:
-        """How many seeds would decide what is undecided; None where nothing is, or runs were lost."""
-        ratios = self.pair.ratios
-        if self.verdict is not Verdict.UNDECIDED or self.replicate == "phase" or not ratios.plain or ratios.n < 2:
+        """How many seeds would show the difference of what is undecided; None where none would, or losses hinder."""
+        ratios, judgement = self.pair.ratios, self.judgement
+        open_ = self.verdict is Verdict.UNDECIDED and not judgement.reason and self.replicate != "phase"
+        if not open_ or not ratios.plain or ratios.n < 2:
             return None
-        return seeds_needed(ratios.d, self.rule.margin, max(1, self.family), self.rule.level, self.judgement.critical)
+        return seeds_needed(ratios.d, max(1, self.family), self.rule.level, judgement.critical)
 
 
 def judged_pairs(pairs: Iterable[Pair], rule: Rule = RULE) -> list[Comparison]:
@@ -103,13 +105,33 @@ def family_note(comparisons: Sequence[Comparison]) -> str:
         )
     if rule.level < LEVEL:
         test += f" Seeds were added in blocks: the last look spends {100 * rule.level:.2g} of these 5 %."
-    return f"{marks} {test}{_undecided(tested)}"
+    return f"{marks} {test}{_undecided(tested)} Of each method {losses_of(one.judgement for one in tested)}."
 
 
 def _undecided(tested: Sequence[Comparison]) -> str:
-    """Say how many are undecided, where any is."""
+    """Say how many are undecided, where any is, and how many of them for losses that were not seen."""
     count = sum(comparison.verdict is Verdict.UNDECIDED for comparison in tested)
-    return f" Of the {len(tested)} here {count} {'is' if count == 1 else 'are'} undecided." if count else ""
+    if not count:
+        return ""
+    return f" Of the {len(tested)} here {count} {'is' if count == 1 else 'are'} undecided{not_excluded(tested)}."
+
+
+def not_excluded(compared: Iterable[Comparison]) -> str:
+    """Say how many would be equal but for losses that so few seeds do not exclude; nothing of none."""
+    near = [one.rule.margin for one in compared if one.judgement.reason == NOT_EXCLUDED]
+    if not near:
+        return ""
+    within, needed = f"{len(near)} of them within {100 * near[0]:g} %", seeds_without_loss(near[0])
+    return f", {within}, as {NOT_EXCLUDED} ({needed} seeds without one would)"
+
+
+def losses_of(judgements: Iterable[Judgement]) -> str:
+    """Say how many runs methods lost or locked out in, the fewest and the most, with the largest bound."""
+    runs = {of for one in judgements for of in zip(one.failures, one.sizes, strict=True)}
+    counts, sizes = (
+        f"{min(of)}" if min(of) == max(of) else f"{min(of)} to {max(of)}" for of in zip(*runs, strict=True)
+    )
+    return f"{counts} of {sizes} lost ({up_to(*max(runs, key=lambda of: loss_bound(*of)))})"
 
 
 def _of_phases(ratios: LogRatios) -> Judgement:
@@ -117,5 +139,5 @@ def _of_phases(ratios: LogRatios) -> Judgement:
     (judgement,) = judged([ratios])
     low, high = (np.exp(ratios.d.min()), np.exp(ratios.d.max())) if ratios.n > 1 else (np.nan, np.nan)
     return dataclasses.replace(
-        judgement, low=float(low), high=float(high), p=np.nan, p_equal=np.nan, p_lost=np.nan, verdict=Verdict.UNDECIDED
+        judgement, low=float(low), high=float(high), p=np.nan, p_lost=np.nan, verdict=Verdict.UNDECIDED, reason=""
     )

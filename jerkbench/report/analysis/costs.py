@@ -5,7 +5,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.evaluation.statistics.intervals.errors_over_seeds import centres
+from jerkbench.evaluation.statistics.intervals.errors_over_seeds import centres_of
+from jerkbench.evaluation.statistics.multiplicity import LEAST_SEEDS
+from jerkbench.evaluation.statistics.samples import Samples
 from jerkbench.report.analysis.factors import FACTORS
 from jerkbench.report.analysis.quantities import quantity
 from jerkbench.report.analysis.references import competes
@@ -22,8 +24,8 @@ def costs(rows: "pd.DataFrame", metric: str) -> tuple[FloatArray, list[str], lis
     """Return (p, s) means of ``metric``, the names of the p scenarios and of the s methods, as they appear.
 
     Infinite where a run was lost or has no value, NaN where the combination was not run. Names say what varies. Means
-    are those of the tables: of errors geometric, and the median where a run is locked out. Only the seeds count that
-    all methods of a scenario have.
+    are those of the tables: of errors the median, of few seeds and of phases the geometric mean. Only the seeds count
+    that all methods of a scenario have.
 
     Args:
         rows: one row a cell and seed.
@@ -35,7 +37,10 @@ def costs(rows: "pd.DataFrame", metric: str) -> tuple[FloatArray, list[str], lis
     named = named[methods == named.groupby("scenario")["method"].transform("nunique")]
     groups = {key: group.to_numpy(dtype=float) for key, group in named.groupby(["scenario", "method"])["cost"]}
     if quantity(metric).lowest_is_best and not (named["cost"] < 0).any():
-        means = [centre.value for centre in centres(list(groups.values()))]
+        phases = named.groupby(["scenario", "method"])["replicate"].first() == "phase"
+        means = centres_of(
+            Samples.of(list(groups.values())), least=np.where(phases, np.inf, LEAST_SEEDS)
+        ).value.tolist()
     else:
         means = [float(values.mean()) for values in groups.values()]
     known = {

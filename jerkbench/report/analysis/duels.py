@@ -2,9 +2,9 @@
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
-from jerkbench.evaluation.statistics.judgement import TURNED, Verdict
+from jerkbench.evaluation.statistics.judgement import Judgement, Verdict
 from jerkbench.report.analysis.comparison import Comparison
 from jerkbench.report.analysis.standings import Standing
 from jerkbench.report.tables.table_model import factor_number
@@ -22,46 +22,41 @@ class Round:
 
     Attributes:
         scenario: its name; empty where there is only one.
-        verdict: on the first method.
-        ratio: of the errors, first over second.
-        low: lower end of its 95 % interval.
-        high: upper end.
-        failures: runs that the first, and that the second, lost or locked out in.
-        runs: of each.
+        judgement: of the first over the second.
     """
 
     scenario: str
-    verdict: Verdict
-    ratio: float
-    low: float
-    high: float
-    failures: tuple[int, int]
-    runs: int
+    judgement: Judgement
+
+    @property
+    def verdict(self) -> Verdict:
+        """On the first method."""
+        return self.judgement.verdict
 
     @property
     def turned(self) -> "Round":
         """The same, as the second sees it."""
-        verdict, failures = TURNED.get(self.verdict, self.verdict), (self.failures[1], self.failures[0])
-        ratio, low, high = (1 / value if value else math.inf for value in (self.ratio, self.high, self.low))
-        return replace(self, verdict=verdict, ratio=ratio, low=low, high=high, failures=failures)
+        return Round(self.scenario, self.judgement.turned)
 
     @property
     def weight(self) -> float:
         """What is certain of the difference: the log ratio at that end of its interval that is nearest to none."""
+        of = self.judgement
         if self.verdict in {Verdict.FEWER_LOST, Verdict.MORE_LOST}:
-            return ALL_LOST * abs(self.failures[0] - self.failures[1]) / self.runs
+            return ALL_LOST * abs(of.failures[0] - of.failures[1]) / of.n
         if self.verdict not in {Verdict.BETTER, Verdict.WORSE}:
             return 0.0
-        ends = (abs(math.log(end)) for end in (self.low, self.high) if 0 < end < math.inf)
+        ends = (abs(math.log(end)) for end in (of.low, of.high) if 0 < end < math.inf)
         return min(ends, default=ALL_LOST)  # the median run of one is lost: no size, and nothing uncertain
 
     @property
     def words(self) -> str:
         """The size of a difference that was shown."""
         if self.verdict in {Verdict.FEWER_LOST, Verdict.MORE_LOST}:
-            ours, theirs = self.failures
-            return f"{ours} of {self.runs} runs lost or locked out against {theirs}"
-        seen, word = (self.turned, "better") if self.verdict is Verdict.BETTER else (self, "worse")
+            ours, theirs = self.judgement.failures
+            return f"{ours} of {self.judgement.n} runs lost or locked out against {theirs}"
+        better = self.verdict is Verdict.BETTER
+        seen, word = (self.judgement.turned, "better") if better else (self.judgement, "worse")
         if not 0 < seen.ratio < math.inf:
             return f"{word}, as the median run of the one is lost"
         times, low, high = map(factor_number, (seen.ratio, seen.low, seen.high))
@@ -128,6 +123,4 @@ def duels(standings: Iterable[Standing]) -> list[Duel]:
 
 def round_of(pair: Comparison, scenario: str = "") -> Round:
     """Return a comparison as its subject sees it."""
-    judgement = pair.judgement
-    ratio, low, high = judgement.ratio, judgement.low, judgement.high
-    return Round(scenario, pair.verdict, ratio, low, high, judgement.failures, judgement.n)
+    return Round(scenario, pair.judgement)

@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
+from jerkbench.evaluation.statistics.intervals.share import up_to
 from jerkbench.evaluation.statistics.judgement import Verdict
 from jerkbench.report.analysis.comparison import Comparison
 from jerkbench.report.analysis.duels import round_of
@@ -50,13 +51,13 @@ def compared(
 def sentence(comparison: Comparison, varying: Sequence[str]) -> str:
     """Say comparison comparison, with the factors that vary in the study."""
     subject, baseline, where = names(comparison, varying)
-    judgement, lost = comparison.judgement, and_lost(losses(comparison, subject, baseline))
+    judgement, lost = comparison.judgement, losses(comparison, subject, baseline)
     if judgement.n == 0:
         return f"{subject} cannot be compared with {baseline}{where}: no run of both has a value."
     if all(count == comparison.pair.runs for count in comparison.pair.lost):
         return f"{subject} cannot be compared with {baseline}{where}: both lost all {comparison.pair.runs} runs."
-    if judgement.low == judgement.high == 1.0 and not lost:
-        return f"{subject} gives the same as {baseline}{where} ({_count(comparison)})."
+    if not (comparison.pair.ratios.d.any() or any(judgement.failures)):
+        return f"{subject} gives the same as {baseline}{where} ({_count(comparison)}){lost}."
     if comparison.replicate == "phase":
         return f"{subject} {_times(judgement.ratio)} {baseline}{where} ({_phases(comparison)}){lost}."
     if comparison.verdict in {Verdict.FEWER_LOST, Verdict.MORE_LOST}:
@@ -72,6 +73,7 @@ def _tested(comparison: Comparison, subject: str, baseline: str, where: str) -> 
         return f"{subject} and {baseline} are {equal}{where}: {_ratio(ratio)}{_detail(comparison)}"
     if comparison.verdict is Verdict.UNDECIDED:
         more = f"; {comparison.needed} seeds would decide" if comparison.needed else ""
+        more += f", as {comparison.judgement.reason}" if comparison.judgement.reason else ""
         return f"Undecided between {subject} and {baseline}{where}: {_ratio(ratio)}{_detail(comparison)}{more}"
     return f"{subject} {_times(ratio)} {baseline}{where} {_detail(comparison)}"
 
@@ -100,7 +102,8 @@ def _phases(comparison: Comparison) -> str:
 def _against(comparison: Comparison) -> str:
     ours, theirs = comparison.judgement.failures
     runs, p = comparison.judgement.n, number(comparison.judgement.p_lost)
-    return f"{ours} of {runs} lost or locked out against {theirs} of {runs} (McNemar, p {p})"
+    bounds = f"{up_to(ours, runs)} against {up_to(theirs, runs)}"
+    return f"{ours} of {runs} lost or locked out against {theirs} of {runs} ({bounds}; McNemar, p {p})"
 
 
 def _count(comparison: Comparison) -> str:
@@ -155,16 +158,14 @@ def _range(comparison: Comparison) -> str:
 
 
 def losses(comparison: Comparison, subject: str, baseline: str) -> str:
-    """Say how many runs either lost, or locked out in; nothing where all went well."""
-    told = []
+    """Say how many runs either lost, or locked out in, and how many may be; of phases nothing where all went well."""
+    told, runs, phases = [], comparison.pair.runs, comparison.replicate == "phase"
     for name, lost, failed in zip(
         (subject, baseline), comparison.pair.lost, comparison.judgement.failures, strict=True
     ):
         words = [f"lost {lost}"] * (lost > 0) + [f"locked out in {failed - lost}"] * (failed > lost)
-        told += [f"{name} {' and '.join(words)} of {comparison.pair.runs} runs"] * bool(words)
-    return " and ".join(told)
-
-
-def and_lost(lost: str) -> str:
-    """Say which runs count as the worst."""
-    return f"; {lost}, which counts as worse than any error" if lost else ""
+        bound = "" if phases else f" ({up_to(failed, runs)})"
+        told += [f"{name} {' and '.join(words)} of {runs} runs{bound}"] * bool(words)
+    if told:
+        return f"; {' and '.join(told)}, which counts as worse than any error"
+    return "" if phases else f"; {comparison.judgement.losses}"

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from jerkbench.evaluation.statistics.judgement import Verdict
+from jerkbench.report.analysis.comparison import losses_of, not_excluded
 from jerkbench.report.analysis.factors import FACTORS
 from jerkbench.report.analysis.leading import Contest
 from jerkbench.report.analysis.runs import Combination
@@ -67,14 +68,15 @@ def _leading(decided: Sequence[Standing], scenarios: int) -> list[str]:
 
 def _counts(verdicts: "Counter[Verdict]", standings: Sequence[Standing]) -> str:
     """Say how many pairs are decided, equal and undecided."""
-    margin = next(pair.rule.margin for standing in standings for pair in standing.contest.comparisons)
     total = verdicts.total()
     equal, undecided = verdicts[Verdict.EQUAL], verdicts[Verdict.UNDECIDED]
     lost = verdicts[Verdict.FEWER_LOST] + verdicts[Verdict.MORE_LOST]
+    tested = [pair for standing in standings for pair in standing.contest.comparisons]
     parts = [
         (total - equal - undecided - lost, "differ"),
         (lost, "differ in the runs they lose"),
-        (equal, f"are equal within {100 * margin:g} %"),
-        (undecided, "are undecided"),
+        (equal, f"are equal within {100 * tested[0].rule.margin:g} %"),
+        (undecided, f"are undecided{not_excluded(tested)}"),
     ]
-    return f"Of {total} pairs of methods " + ", ".join(f"{count} {words}" for count, words in parts if count) + "."
+    told = ", ".join(f"{count} {words}" for count, words in parts if count)
+    return f"Of {total} pairs of methods {told}; of each method {losses_of(pair.judgement for pair in tested)}."

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 from jerkbench.evaluation.statistics.judgement import Verdict
-from jerkbench.report.analysis.comparison import Comparison
+from jerkbench.report.analysis.comparison import Comparison, losses_of
 from jerkbench.report.analysis.duels import Duel, Round, duels, round_of
 from jerkbench.report.analysis.factors import FACTORS
 from jerkbench.report.analysis.findings import sentence
@@ -78,7 +78,8 @@ def _tells(pair: Comparison, references: Mapping[str, str]) -> bool:
 def _sentence(duel: Duel) -> str:
     of = {verdict: [round_ for round_ in duel.rounds if round_.verdict is verdict] for verdict in WORDS}
     parts = [f"{WORDS[verdict]} {len(rounds)}{_most(rounds)}" for verdict, rounds in of.items() if rounds]
-    return f"{duel.ours} against {duel.theirs} in {duel.scenarios} scenarios: {', '.join(parts)}."
+    lost = losses_of(round_.judgement for round_ in duel.rounds)
+    return f"{duel.ours} against {duel.theirs} in {duel.scenarios} scenarios: {', '.join(parts)}; {lost}."
 
 
 def _most(rounds: Sequence[Round]) -> str:

@@ -5,6 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from jerkbench.evaluation.statistics.intervals.share import up_to
 from jerkbench.report.analysis.comparison import Comparison
 from jerkbench.report.analysis.factors import FACTORS
 from jerkbench.report.analysis.quantities import quantity
@@ -168,10 +169,11 @@ def _values(
     cells: Sequence[TableCell], group: "pd.DataFrame", ratios: "Sequence[Comparison | None] | dict[Any, Any]"
 ) -> tuple[Value, ...]:
     lost = int((group["status"] != "ok").sum())
+    bound = up_to(lost, len(group)) if (group["replicate"] == "seed").all() else ""
     return (
         *(_mean(cell, extra=place > 0) for place, cell in enumerate(cells)),
         *(_factor(comparison) for comparison in ratios),
-        Value(f"{lost} of {len(group)}", sorting=str(lost), extra=True),
+        Value(f"{lost} of {len(group)}", bound, sorting=str(lost), extra=True),
     )
 
 

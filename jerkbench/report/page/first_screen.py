@@ -130,7 +130,8 @@ def _against_baseline(comparisons: Sequence[Comparison], leader: Combination) ->
         for ours, theirs in ((pair.subject, pair.baseline), (pair.baseline, pair.subject)):
             if ours == leader and theirs[3:5] == ("baseline", "none"):
                 seen = round_of(pair) if ours == pair.subject else round_of(pair).turned
-                return seen.verdict.value if seen.verdict in {Verdict.EQUAL, Verdict.UNDECIDED} else seen.words
+                shown = seen.verdict not in {Verdict.EQUAL, Verdict.UNDECIDED}
+                return f"{seen.words if shown else seen.verdict.value}; {seen.judgement.losses}"
     return "is the baseline" if leader[3:5] == ("baseline", "none") else ""
 
 

@@ -20,8 +20,10 @@ REASONS = 3
 """How many different reasons of failures are told."""
 
 KINDS = {
-    GEOMETRIC: "Geometric mean [low, high]: Student's 95 % interval of the logarithms over {seeds} seeds.",
-    MEDIAN: "Median [low, high]: of all {seeds} seeds, a lost run larger than every number; 95 % by order statistics.",
+    GEOMETRIC: "Geometric mean [low, high] of the runs that went well: Student's 95 % interval of the logarithms over "
+    "{seeds} seeds.",
+    MEDIAN: "Median [low, high]: of all {seeds} seeds, a lost run larger than every number; 95 % by order statistics. "
+    "gm: geometric mean of the runs that went well.",
     MEAN: "Mean [low, high]: 95 % BCa bootstrap interval over {seeds} seeds, of fewer than 5 Student's.",
 }
 """What stands in a cell."""

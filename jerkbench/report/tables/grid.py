@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
-from jerkbench.evaluation.statistics.intervals.errors_over_seeds import GEOMETRIC, MEAN, Centres, centres_of
+from jerkbench.evaluation.statistics.intervals.errors_over_seeds import MEAN, Centres, centres_of
 from jerkbench.evaluation.statistics.intervals.signed_over_seeds import mean_intervals_of
+from jerkbench.evaluation.statistics.multiplicity import LEAST_SEEDS
 from jerkbench.evaluation.statistics.samples import Samples
 from jerkbench.report.analysis.factors import layout
 from jerkbench.report.analysis.quantities import quantity
@@ -161,6 +162,7 @@ class CellColumns:
                 kind=of.kind,
                 locked=of.locked,
                 quartiles=of.quartiles,
+                geometric=of.geometric,
             )
             for of, word, runs, diverged, failed, missing, own in known
         ]
@@ -172,9 +174,10 @@ def cell_columns(grid: Grid, metric: str) -> CellColumns:
     good = values.only(grid.ok)
     missing = good.count(np.isnan(good.values))
     if of_positive_errors(grid, metric):
-        centres = _of_errors(values, grid.ok)
+        least = np.where(grid.phases, np.inf, LEAST_SEEDS)
+        centres = centres_of(Samples(np.where(grid.ok, values.values, np.inf), values.sizes), least=least)
         nothing = np.flatnonzero(missing == good.sizes)
-        centres.put(nothing, Centres.of_nothing(len(nothing), GEOMETRIC))
+        centres.put(nothing, Centres.of_nothing(len(nothing), centres.kind[nothing]))
     else:
         centres = Centres.of_nothing(len(grid.runs), MEAN)
         centres.value[:], centres.low[:], centres.high[:] = mean_intervals_of(good)
@@ -189,11 +192,6 @@ def of_positive_errors(grid: Grid, metric: str) -> bool:
     """Whether the metric is an error of which a geometric mean, or a median with losses at the top, makes sense."""
     good = grid.rows[metric].to_numpy(dtype=float)[grid.status == "ok"]
     return quantity(metric).lowest_is_best and not bool(np.any(good < 0))
-
-
-def _of_errors(values: Samples, ok: BoolArray) -> Centres:
-    """Return the centres of all runs, of which a lost one is larger than every number."""
-    return centres_of(Samples(np.where(ok, values.values, np.inf), values.sizes))
 
 
 def _put_ranges(centres: Centres, good: Samples, phases: BoolArray) -> None:

@@ -105,11 +105,11 @@ def _fixed_columns(grid: Grid) -> tuple[IntArray, tuple[list[str], ...]]:
 def _csv_lines(numbers: CellColumns, metric: str, fixed: tuple[IntArray, tuple[list[str], ...]]) -> Iterator[str]:
     """Yield the lines that `tidy_csv` would write for a metric, without an object for each cell."""
     of, (order, (labels, counts, words, shares)) = numbers.centres, fixed
-    floats = (of.value, of.low, of.high, of.lower_quartile, of.upper_quartile)
-    mean, low, high, lower, upper = (map(csv_number, values[order].tolist()) for values in floats)
+    floats = (of.value, of.low, of.high, of.lower_quartile, of.upper_quartile, of.geometric)
+    mean, low, high, lower, upper, geometric = (map(csv_number, values[order].tolist()) for values in floats)
     missing, locked = (map(str, values[order].tolist()) for values in (numbers.missing, of.locked))
     beginning = (repeat(csv_head(metric, quantity(metric).unit)), labels, of.kind[order].tolist(), mean, low, high)
-    end = (counts, missing, words, repeat(NO_RATIO), lower, upper, locked, shares)
+    end = (counts, missing, words, repeat(NO_RATIO), lower, upper, locked, shares, geometric)
     return map(csv_line, zip(*beginning, *end, strict=False))
 
 

@@ -3,10 +3,11 @@
 import dataclasses
 import itertools
 import math
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from jerkbench.evaluation.statistics.intervals.errors_over_seeds import GEOMETRIC, MEAN
+from jerkbench.evaluation.statistics.intervals.errors_over_seeds import MEAN
 from jerkbench.report.analysis.comparison import Comparison, family_note
 from jerkbench.report.analysis.factors import FACTORS, constants
 from jerkbench.report.analysis.leading import contest
@@ -17,7 +18,7 @@ from jerkbench.report.analysis.standings import MOST_PAIRS
 from jerkbench.report.analysis.study_verdicts import StudyVerdicts, rival, study_verdicts
 from jerkbench.report.tables.bounds import with_bounds
 from jerkbench.report.tables.footnotes import footnotes
-from jerkbench.report.tables.grid import CellColumns, Grid, Values, arranged, cell_columns, of_positive_errors
+from jerkbench.report.tables.grid import CellColumns, Grid, Values, arranged, cell_columns
 from jerkbench.report.tables.table_model import Ratio, Table, TableCell
 
 if TYPE_CHECKING:
@@ -124,7 +125,7 @@ def _table(
         cells=tuple(tuple(line) for line in lines),
         constants=constants(grid.rows, (*grid.across, *grid.down)),
         baseline=tuple(baseline.items()),
-        average=GEOMETRIC if of_positive_errors(grid, metric) else MEAN,
+        average=Counter(of.kind for of in cells.values()).most_common(1)[0][0] if cells else MEAN,
     )
     table = with_bounds(table, grid.rows)
     return dataclasses.replace(table, footnotes=footnotes(table, grid.rows, notes, family_note(comparisons)))

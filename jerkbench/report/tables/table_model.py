@@ -53,10 +53,11 @@ class TableCell:
         replicate: "seed" (independent draws) or "phase" (of one recording: not independent).
         best: whether it belongs to the leaders of its row: others were shown to be worse, it was not.
         ratio: to the baseline, where one was chosen and this is not it.
-        kind: "geometric mean", "median" (over all runs, a lost one larger than every number), or "mean" (of what is no
-            error, over the runs that went well).
+        kind: "median" (over all runs, a lost one larger than every number), of fewer than six seeds, and of phases,
+            "geometric mean" (over the runs that went well), or "mean" (of what is no error, over these).
         locked: how many went well, but are over ten times the median.
         quartiles: of the runs, as the median's.
+        geometric: geometric mean of the runs that went well, beside a median; else NaN.
         own_interval: whether the interval is that of one recording; without ends it was too short to say.
     """
 
@@ -73,6 +74,7 @@ class TableCell:
     kind: str = MEAN
     locked: int = 0
     quartiles: tuple[float, float] = (math.nan, math.nan)
+    geometric: float = math.nan
     own_interval: bool = False
 
     @property
@@ -107,6 +109,11 @@ class TableCell:
         return f"{{{low}–{high}}}" if phases else f"[{low}, {high}]"  # noqa: RUF001 - a range
 
     @property
+    def beside(self) -> str:
+        """The geometric mean of the runs that went well, beside a median."""
+        return f"gm {number(self.geometric)}" if self.kind == MEDIAN and math.isfinite(self.geometric) else ""
+
+    @property
     def factor(self) -> str:
         """The ratio to the baseline, or nothing."""
         return self.ratio.text if self.ratio else ""
@@ -118,8 +125,6 @@ class TableCell:
         if self.diverged + self.failed == self.runs:
             return ", ".join(f"{word} {n}/{self.runs}" for word, n in counts if n)
         words = [f"{n}/{self.runs} {word}" for word, n in (*counts, ("locked out", self.locked)) if n]
-        if self.kind == MEDIAN and words and self.replicate == "seed":
-            words[0] = f"median; {words[0]}"
         return f"({', '.join(words)})" if words else ""
 
 
@@ -139,7 +144,7 @@ class Table:
         constants: the other factors, each with its one value.
         footnotes: sentences that belong under it.
         baseline: factors and values of what the ratios are to; empty: there are none.
-        average: what most of its numbers are: "geometric mean" of errors, "mean" of others.
+        average: what most of its numbers are.
     """
 
     title: str
@@ -197,11 +202,12 @@ ABSENT = "–"  # noqa: RUF001 - the usual sign for a combination that does not 
 
 
 def parts(cell: TableCell | None) -> list[Part]:
-    """Return what stands in a cell, in this order: number, interval, ratio, and what went wrong."""
+    """Return what stands in a cell, in this order: number, interval, geometric mean, ratio, and what went wrong."""
     if cell is None:
         return [(ABSENT, "absent")]
     number = (cell.number, "best" if cell.best else "number")
-    told = (number, (cell.interval, "interval"), (cell.factor, "factor"), (cell.trouble, "trouble"))
+    intervals = ((cell.interval, "interval"), (cell.beside, "interval"))
+    told = (number, *intervals, (cell.factor, "factor"), (cell.trouble, "trouble"))
     return [part for part in told if part[0]]
 
 

@@ -73,10 +73,11 @@ VALUES = (
     "locked_out",
     "lost_share_low",
     "lost_share_high",
+    "geometric_mean",
 )
 """Columns of CSV after the metric, its unit and the factors; the ends are a range where ``replicate`` is "phase";
 the ratio is empty without a baseline; ``average`` says what "mean" is: that, a geometric mean or a median; the ends of
-the share of lost runs are those of Clopper and Pearson."""
+the share of lost runs are those of Clopper and Pearson; "geometric_mean" is that of the runs that went well."""
 
 NO_RATIO = ",,,"
 """Four columns of CSV without a baseline."""
@@ -236,6 +237,7 @@ def _json_values(cell: TableCell) -> dict[str, Any]:
     return {
         "average": cell.kind,
         **{name: _json_number(getattr(cell, name)) for name in ("mean", "low", "high")},
+        "geometric_mean": _json_number(cell.geometric),
         "quartiles": [_json_number(value) for value in cell.quartiles],
         **{name: int(getattr(cell, name)) for name in ("runs", "diverged", "failed", "missing", "locked")},
         "replicate": cell.replicate,
@@ -301,6 +303,7 @@ def _csv_values(cell: TableCell) -> Iterable[str]:
     yield cell.replicate
     yield ",".join(map(csv_number, (ratio.value, ratio.low, ratio.high, ratio.p))) if ratio else NO_RATIO
     yield from (*map(csv_number, cell.quartiles), str(cell.locked), csv_share(cell.diverged + cell.failed, cell.runs))
+    yield csv_number(cell.geometric)
 
 
 def inert(text: str) -> str:

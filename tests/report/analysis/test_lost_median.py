@@ -11,11 +11,11 @@ from jerkbench.report.analysis.duels import ALL_LOST, Round
 @pytest.mark.parametrize(
     ("verdict", "ratio", "word"), [(Verdict.BETTER, 0.0, "better"), (Verdict.WORSE, math.inf, "worse")]
 )
-def test_it_has_a_weight_and_words_without_a_size(verdict, ratio, word):
-    bout = Round("field", verdict, ratio, ratio, ratio, (0, 17), 20)
+def test_it_has_a_weight_and_words_without_a_size(judgement, verdict, ratio, word):
+    bout = Round("field", judgement(verdict, ratio, ratio, ratio, (0, 17)))
     assert bout.weight == ALL_LOST
     assert bout.words == f"{word}, as the median run of the one is lost"
 
 
-def test_one_end_that_is_lost_leaves_the_other_to_weigh_by():
-    assert Round("field", Verdict.WORSE, 8.0, 2.0, math.inf, (6, 0), 20).weight == pytest.approx(math.log(2.0))
+def test_one_end_that_is_lost_leaves_the_other_to_weigh_by(judgement):
+    assert Round("field", judgement(Verdict.WORSE, 8.0, 2.0, math.inf, (6, 0))).weight == pytest.approx(math.log(2.0))

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pandas as pd
 import pytest
-from scipy.stats import binomtest
+from scipy.stats import binomtest, gmean
 
 from jerkbench.errors import JerkbenchError
 from jerkbench.report.tables.summary import summarise
@@ -26,25 +26,47 @@ def test_columns_are_adaptations_and_rows_what_else_varies(rows):
     assert "In every cell: dataset field, disturbance none, attitude tilt, noise own." in table.footnotes
 
 
-def test_a_cell_is_the_geometric_mean_over_its_seeds(rows):
+def test_a_cell_of_few_seeds_is_the_geometric_mean_of_those_that_went_well(rows):
+    few = summarise(rows[rows["seed"] < 5], "position_rmse_m")
+    good = cell_of(few, ("jerk",), ("none",))
+    logs = np.log([0.011, 0.012, 0.014, 0.013, 0.011])
+    assert (good.mean, good.low, good.high) == pytest.approx(tuple(np.exp([logs.mean(), *mean_ends(logs)])))
+    assert (good.runs, good.diverged, good.failed, good.beside) == (5, 0, 0, "")
+    assert cell_of(few, ("baseline",), ("none",)).text.endswith("(1/5 diverged)")
+
+
+def test_from_six_seeds_on_a_cell_is_the_median_with_the_geometric_mean_beside_it(rows):
     table = summarise(rows, "position_rmse_m")
     good = cell_of(table, ("jerk",), ("none",))
-    logs = np.log(2 * [0.011, 0.012, 0.013, 0.014])
-    assert (good.mean, good.low, good.high) == pytest.approx(tuple(np.exp([logs.mean(), *mean_ends(logs)])))
+    assert (good.mean, good.geometric) == pytest.approx((0.0125, gmean([0.011, 0.012, 0.013, 0.014])))
+    assert good.text == "**0.0125** [0.0110, 0.0140] gm 0.0124".replace("**", "")
     assert (good.runs, good.diverged, good.failed) == (8, 0, 0)
+
+
+@pytest.mark.parametrize("count", [1, 2, 5, 6, 20])
+@pytest.mark.parametrize("replicate", ["seed", "phase"])
+def test_the_name_of_a_cells_value_does_not_depend_on_a_failure(cell_rows, count, replicate):
+    values = np.exp(0.1 * np.random.default_rng(1).standard_normal(count))
+    whole = pd.DataFrame(cell_rows("jerk", "none", values, replicate=replicate))
+    lost, locked, zero = whole.copy(), whole.copy(), whole.copy()
+    lost.loc[0, "status"] = "diverged"
+    locked.loc[0, "position_rmse_m"] = 60.0
+    zero.loc[0, "position_rmse_m"] = 0.0
+    kinds = {summarise(frame, "position_rmse_m").cells[0][0].kind for frame in (whole, lost, locked, zero)}
+    assert kinds == {"median" if count >= 6 and replicate == "seed" else "geometric mean"}
 
 
 def test_lost_runs_leave_the_median_of_all(rows, cell_rows):
     """Nobody's mean is over the survivors: of 4 lost of 8 runs the median is lost, of 2 of 7 it is the fourth."""
     half = cell_of(summarise(rows, "position_rmse_m"), ("baseline",), ("none",))
-    assert half.text == "lost [0.0310, lost] (median; 4/8 diverged)"
+    assert half.text == "lost [0.0310, lost] gm 0.0310 (4/8 diverged)"
     frame = pd.DataFrame(cell_rows("jerk", "none", [5.0, 1.0, 2.0, 3.0, 4.0, 9.0, 9.0]))
     frame.loc[frame["position_rmse_m"] == 9.0, "status"] = "diverged"
     table = summarise(frame, "position_rmse_m")
     cell = table.cells[0][0]
     assert (cell.mean, cell.quartiles) == (4.0, (2.5, math.inf))
     assert cell.text.startswith("4.00 [1.")
-    assert cell.text.endswith(", lost] (median; 2/7 diverged)")
+    assert cell.text.endswith(", lost] gm 2.61 (2/7 diverged)")
     low, high = binomtest(2, 7).proportion_ci(0.95, method="exact")
     share = f"Lost runs, 95 % (Clopper and Pearson): 2/7 {100 * low:.0f} to {100 * high:.0f} %."
     assert share in table.footnotes
@@ -54,7 +76,7 @@ def test_a_lock_out_leaves_the_median(cell_rows):
     frame = pd.DataFrame(cell_rows("jerk", "none", [1.0, 1.1, 0.9, 1.05, 0.95, 60.0]))
     cell = summarise(frame, "position_rmse_m").cells[0][0]
     assert cell.mean == pytest.approx(1.025)
-    assert cell.text.endswith("(median; 1/6 locked out)")
+    assert cell.text.endswith("gm 1.97 (1/6 locked out)")
 
 
 def test_a_missing_combination_is_none_and_said(rows):
@@ -160,7 +182,7 @@ def test_one_run_is_a_number_alone(cell_rows):
         (["diverged"] * 4, "diverged 4/4"),
         (["failed"] * 4, "failed 4/4"),
         (["diverged", "failed", "failed", "failed"], "diverged 1/4, failed 3/4"),
-        (["ok", "ok", "ok", "failed"], "2.00 (median; 1/4 failed)"),
+        (["ok", "ok", "ok", "failed"], "2.00 (1/4 failed)"),
     ],
 )
 def test_what_went_wrong_is_in_the_cell(cell_rows, statuses, text):
@@ -203,7 +225,7 @@ def test_runs_without_the_metric_are_counted(cell_rows):
 @pytest.mark.parametrize(
     ("statuses", "values", "text"),
     [
-        (["ok", "ok", "ok", "diverged"], [2.0, np.nan, np.nan, 9.0], "lost (median; 1/4 diverged, 2/4 n/a)"),
+        (["ok", "ok", "ok", "diverged"], [2.0, np.nan, np.nan, 9.0], "2.00 (1/4 diverged, 2/4 n/a)"),
         (["ok", "ok", "diverged", "failed"], [np.nan, np.nan, 9.0, np.nan], "n/a (1/4 diverged, 1/4 failed)"),
         (["diverged", "diverged", "failed", "failed"], [np.nan] * 4, "diverged 2/4, failed 2/4"),
         (["ok"] * 4, [np.nan] * 4, "n/a"),
@@ -213,7 +235,7 @@ def test_runs_without_the_metric_are_counted(cell_rows):
 def test_only_runs_that_went_well_are_missing(cell_rows, statuses, values, text, replicate):
     frame = pd.DataFrame(cell_rows("jerk", "none", values, replicate=replicate)).assign(status=statuses)
     told = summarise(frame, "position_rmse_m").cells[0][0].text
-    assert told == (text.replace("median; ", "") if replicate == "phase" else text)
+    assert told == text
 
 
 def test_how_many_outages_an_error_at_their_end_is_from_is_said(rows):
@@ -239,8 +261,12 @@ def test_nothing_is_best_in_a_count(rows):
 def test_what_stands_in_a_cell_is_said(rows, cell_rows):
     many = pd.DataFrame(cell_rows("jerk", "none", np.linspace(1, 2, 12), anees=6.0))
     assert (
-        "Geometric mean [low, high]: Student's 95 % interval of the logarithms over 12 seeds."
-        " Of fewer than 20 it is widened for skewed errors." in summarise(many, "position_rmse_m").footnotes
+        "Geometric mean [low, high] of the runs that went well: Student's 95 % interval of the logarithms over 5 seeds."
+        " Of fewer than 20 it is widened for skewed errors." in summarise(many[:5], "position_rmse_m").footnotes
+    )
+    assert (
+        "Median [low, high]: of all 12 seeds, a lost run larger than every number; 95 % by order statistics."
+        " gm: geometric mean of the runs that went well." in summarise(many, "position_rmse_m").footnotes
     )
     assert (
         "Mean [low, high]: 95 % BCa bootstrap interval over 12 seeds, of fewer than 5 Student's."
@@ -252,9 +278,7 @@ def test_a_factor_that_varies_is_never_averaged_over(rows):
     both = pd.concat([rows, rows.assign(disturbance="bias", position_rmse_m=rows["position_rmse_m"] * 10)])
     table = summarise(both, "position_rmse_m", row_keys=["filter"])
     assert table.row_keys == ("filter", "disturbance")
-    assert cell_of(table, ("jerk", "bias"), ("none",)).mean == pytest.approx(
-        10 * np.exp(np.mean(np.log([0.011, 0.012, 0.014, 0.013])))
-    )
+    assert cell_of(table, ("jerk", "bias"), ("none",)).mean == pytest.approx(0.125)
 
 
 def test_rows_and_columns_can_be_chosen(rows):
@@ -262,9 +286,7 @@ def test_rows_and_columns_can_be_chosen(rows):
     assert (table.row_keys, table.column_keys) == (("adaptation",), ("filter",))
     table = summarise(rows, "position_rmse_m", row_keys=["dataset"], column_keys=["filter", "adaptation"])
     assert table.header == ["dataset", "jerk / none", "jerk / sage_husa", "baseline / none"]
-    assert cell_of(table, ("field",), ("jerk", "sage_husa")).mean == pytest.approx(
-        np.exp(np.mean(np.log([0.021, 0.022, 0.024, 0.023])))
-    )
+    assert cell_of(table, ("field",), ("jerk", "sage_husa")).mean == pytest.approx(0.0225)
 
 
 def test_wrong_names_are_sentences(rows):
@@ -307,7 +329,7 @@ def test_beside_a_ratio_the_means_are_its_own(cell_rows):
     assert second.ratio.value == pytest.approx(second.mean / first.mean)
     zero = frame.assign(position_rmse_m=frame["position_rmse_m"].where(frame["seed"] > 0, 0.0))
     table = summarise(zero, "position_rmse_m", baseline={"adaptation": "none"})
-    assert (table.cells[0][0].mean, table.cells[0][0].kind) == (0.4, "median")  # of 0 there is no logarithm
+    assert (table.cells[0][0].mean, table.cells[0][0].kind) == (0.0, "geometric mean")
 
 
 def test_beside_what_a_consistent_filter_gives_the_mean_stays_arithmetic(cell_rows):

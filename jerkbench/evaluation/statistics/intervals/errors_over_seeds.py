@@ -1,4 +1,4 @@
-"""The number that stands for the errors of a cell, with its interval: `few_seeds`, or `median` where runs were lost."""
+"""The number that stands for the errors of a cell, with its interval: the median, of few seeds the geometric mean."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
@@ -11,6 +11,7 @@ from jerkbench.evaluation.statistics.intervals.few_seeds import few_intervals
 from jerkbench.evaluation.statistics.intervals.median import quantiles_of_rows
 from jerkbench.evaluation.statistics.intervals.signed_over_seeds import ROUNDING
 from jerkbench.evaluation.statistics.log_ratio import LOCKED_OUT
+from jerkbench.evaluation.statistics.multiplicity import LEAST_SEEDS
 from jerkbench.evaluation.statistics.samples import Samples
 
 GEOMETRIC, MEDIAN, MEAN = "geometric mean", "median", "mean"
@@ -21,12 +22,14 @@ class Centre:
     """What stands for the errors of a cell.
 
     Attributes:
-        kind: `GEOMETRIC` where every run went well, `MEDIAN` where runs were lost or locked out, or an error is 0.
+        kind: `MEDIAN` of all runs from `LEAST_SEEDS` on, below them `GEOMETRIC` of those that went well: it does not
+            depend on whether a failure was drawn.
         value: infinite where half of the runs or more were lost.
         low: lower end of the 95 % interval; NaN where there is none.
         high: upper end; infinite where it reaches the lost runs.
         quartiles: of the runs, a lost one larger than every number.
         locked: runs that are `LOCKED_OUT` times their median.
+        geometric: geometric mean of those that went well.
     """
 
     kind: str
@@ -35,6 +38,7 @@ class Centre:
     high: float
     quartiles: tuple[float, float]
     locked: int
+    geometric: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,12 +52,14 @@ class Centres:
     lower_quartile: FloatArray
     upper_quartile: FloatArray
     locked: IntArray
+    geometric: FloatArray
 
     @classmethod
-    def of_nothing(cls, count: int, kind: str = MEDIAN) -> "Centres":
+    def of_nothing(cls, count: int, kind: str | NDArray[np.object_]) -> "Centres":
         """Return those of ``count`` cells without a value."""
-        value, low, high, lower, upper = (np.full(count, np.nan) for _ in range(5))
-        return cls(np.full(count, kind, dtype=object), value, low, high, lower, upper, np.zeros(count, np.int64))
+        value, low, high, lower, upper, geometric = np.full((6, count), np.nan)
+        kinds, locked = np.full(count, kind, dtype=object), np.zeros(count, np.int64)
+        return cls(kinds, value, low, high, lower, upper, locked, geometric)
 
     def put(self, places: IntArray | BoolArray, others: "Centres") -> None:
         """Put ``others`` in the ``places``."""
@@ -64,15 +70,15 @@ class Centres:
         """Yield the centre of each cell."""
         quartiles = zip(self.lower_quartile.tolist(), self.upper_quartile.tolist(), strict=True)
         ends = (self.value.tolist(), self.low.tolist(), self.high.tolist())
-        return map(Centre, self.kind.tolist(), *ends, quartiles, self.locked.tolist())
+        return map(Centre, self.kind.tolist(), *ends, quartiles, self.locked.tolist(), self.geometric.tolist())
 
 
 def centre(errors: FloatArray, confidence: float = 0.95) -> Centre:
     """Return the centre of (n,) errors, infinite for a lost run; NaN (did not apply) is left out.
 
-    The geometric mean has Student's interval on the logarithms, of few runs a wider one (`few_intervals`): of two
-    methods on the same seeds the quotient of the geometric means is what is tested, and errors of an RMSE scatter more
-    like a lognormal than like a normal.
+    The median has an interval by order statistics: lock-outs that were not drawn move it little. The geometric mean has
+    Student's interval on the logarithms, of few runs a wider one (`few_intervals`): errors of an RMSE scatter more like
+    a lognormal than like a normal.
     """
     return centres([errors], confidence)[0]
 
@@ -82,31 +88,32 @@ def centres(samples: Sequence[FloatArray], confidence: float = 0.95) -> list[Cen
     return list(centres_of(Samples.of(samples), confidence))
 
 
-def centres_of(samples: Samples, confidence: float = 0.95) -> Centres:
-    """Return what `centre` gives for each sample."""
-    made = Centres.of_nothing(len(samples.sizes))
+def centres_of(samples: Samples, confidence: float = 0.95, least: float | FloatArray = LEAST_SEEDS) -> Centres:
+    """Return what `centre` gives for each sample, with the median from ``least`` values on, of each its own."""
+    made = Centres.of_nothing(len(samples.sizes), MEDIAN)
     for places, errors in samples.without_nan().by_size():
         if errors.shape[1]:
-            made.put(places, _of_one_size(errors, confidence))
-    return made
-
-
-def _of_one_size(errors: FloatArray, confidence: float) -> Centres:
-    """Return the centres of (k, n) errors without NaN, n > 0."""
-    median, low, high, lower, upper = (column.copy() for column in quantiles_of_rows(errors, confidence))
-    locked = np.sum(np.isfinite(errors) & (errors > LOCKED_OUT * median[:, None]), axis=1)
-    kind = np.full(len(errors), MEDIAN, dtype=object)
-    made = Centres(kind, median, low, high, lower, upper, locked)
-    whole = (locked == 0) & np.isfinite(errors).all(axis=1) & (errors.min(axis=1) > 0)
-    made.kind[whole] = GEOMETRIC
-    made.value[whole], made.low[whole], made.high[whole] = _geometric(errors[whole], confidence)
+            median, *others = quantiles_of_rows(errors, confidence)
+            columns = (made.value, made.low, made.high, made.lower_quartile, made.upper_quartile)
+            for column, values in zip(columns, (median, *others), strict=True):
+                column[places] = values
+            made.locked[places] = np.sum(np.isfinite(errors) & (errors > LOCKED_OUT * median[:, None]), axis=1)
+    few = samples.sizes < least
+    made.kind[few] = GEOMETRIC
+    for places, errors in samples.only(np.isfinite(samples.values)).by_size():
+        if errors.shape[1]:
+            ends = np.array(_geometric(errors, confidence))
+            made.geometric[places] = ends[0]
+            for column, values in zip((made.value, made.low, made.high), ends, strict=True):
+                column[places[few[places]]] = values[few[places]]
     return made
 
 
 def _geometric(errors: FloatArray, confidence: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return geometric mean and ends of (k, n) positive errors; where they differ by rounding alone, the first."""
-    logs = np.log(errors)
-    mean, low, high = (np.exp(end) for end in (logs.mean(axis=1), *few_intervals(logs, confidence)))
+    """Return geometric mean and ends of (k, n) errors; where they differ by rounding alone, the first."""
+    with np.errstate(all="ignore"):
+        logs = np.log(errors)
+        mean, low, high = (np.exp(end) for end in (logs.mean(axis=1), *few_intervals(logs, confidence)))
     alike = np.ptp(errors, axis=1) <= ROUNDING * errors.max(axis=1)
     same = errors[:, 0] if errors.shape[1] > 1 else np.full(len(errors), np.nan)
     return np.where(alike, errors[:, 0], mean), np.where(alike, same, low), np.where(alike, same, high)

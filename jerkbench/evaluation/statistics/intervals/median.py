@@ -47,12 +47,12 @@ def quantiles_of_rows(values: FloatArray, confidence: float = 0.95) -> tuple[Flo
     return middle, *median_intervals(ordered, confidence), lower, upper
 
 
-def median_intervals(ordered: FloatArray, confidence: float) -> tuple[FloatArray, FloatArray]:
+def median_intervals(ordered: FloatArray, confidence: float, *, exact: bool = False) -> tuple[FloatArray, FloatArray]:
     """Return the ends (k,), (k,) of the intervals of the medians of (k, n) values in ascending order, some infinite.
 
     Between the k-th and the (k+1)-th value from both ends, of which one covers more than asked and the other less, by
-    interpolation; where either is infinite, the outer one. NaN where even the whole range covers less than ``NEARLY``,
-    or of higher levels less than asked.
+    interpolation; where either is infinite, or an ``exact`` one is asked for, the outer one, which inverts the sign
+    test. NaN where even the whole range covers less than ``NEARLY``, or of higher levels and exactly, less than asked.
 
     Source: Hettmansperger and Sheather, "Confidence intervals based on interpolated order statistics", Statistics and
     Probability Letters 4 (1986).
@@ -60,12 +60,12 @@ def median_intervals(ordered: FloatArray, confidence: float) -> tuple[FloatArray
     from scipy.special import bdtr
 
     n = ordered.shape[1]
-    if n < 2 or 1 - 2 * 0.5**n < min(confidence, NEARLY if confidence <= 0.95 else confidence):
+    if n < 2 or 1 - 2 * 0.5**n < (confidence if exact or confidence > 0.95 else min(confidence, NEARLY)):
         return np.full(len(ordered), np.nan), np.full(len(ordered), np.nan)
     below = bdtr(np.arange(n), n, 0.5)  # P(at most k of n lie below the median)
     k = max(1, int(np.searchsorted(below, (1 - confidence) / 2)))  # the largest k that covers enough
     wide, narrow = 1 - 2 * float(below[k - 1]), 1 - 2 * float(below[k])
-    part = min(1.0, max(0.0, (wide - confidence) / (wide - narrow))) if k < n - k else 0.0
+    part = min(1.0, max(0.0, (wide - confidence) / (wide - narrow))) if k < n - k and not exact else 0.0
     weight = (n - k) * part / (k + (n - 2 * k) * part) if part else 0.0
     lower, upper = ordered.T, ordered.T[::-1]
     return _mixed(lower[k - 1], lower[k], weight), _mixed(upper[k - 1], upper[k], weight)
