@@ -171,7 +171,7 @@ COUNTING = """
 import os
 from dataclasses import dataclass, replace
 from functools import partial
-from jerkbench.clusters.local import Local
+from jerkbench.jobs.cluster import Local
 
 def counted(work, task):
     with open(f"ran.{os.getppid()}.{os.getpid()}", "a") as file:

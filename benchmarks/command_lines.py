@@ -7,9 +7,8 @@ from pathlib import Path
 from typing import TypeVar
 
 from jerkbench import plugins
-from jerkbench.cells.labels import GROUPS
-from jerkbench.cells.noise import Noise
 from jerkbench.hydra_app.configuration import Schema
+from jerkbench.jobs.cell import GROUPS, Noise
 from jerkbench.presets import preset_names
 
 T = TypeVar("T")

@@ -25,9 +25,9 @@ from jerkbench.attitude.tilt_kernel import make_room, run_samples
 from jerkbench.contracts import Filter
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.engines.filterpy_engine import FilterpyEngine
-from jerkbench.streamed_run import Run, Scoring
-from jerkbench.timeline.measurements import Measurements
-from jerkbench.timeline.timeline import Timeline
+from jerkbench.measurements import Measurements
+from jerkbench.sums import Run, Scoring
+from jerkbench.timeline import Timeline
 
 DT_S, STEPS, EVERY = 0.01, 15_000, 10
 COMPARED = 600

@@ -27,8 +27,8 @@ from jerkbench.attitude.tilt import Tilt
 from jerkbench.contracts import Batched
 from jerkbench.datasets.field_v1 import FieldV1
 from jerkbench.evaluation.batch_scoring import scored
-from jerkbench.streamed_run import RecordedRun
-from jerkbench.timeline.timeline import build_timeline
+from jerkbench.sums import RecordedRun
+from jerkbench.timeline import build_timeline
 
 BURN_IN_S = 5.0
 DRIVE_OF_PYTHON_INS_S = 70.0

@@ -11,7 +11,7 @@ from plain_loops import full_model, start
 
 from jerkbench.arrays import FloatArray
 from jerkbench.contracts import Filter
-from jerkbench.timeline.timeline import Timeline
+from jerkbench.timeline import Timeline
 
 Run = Callable[[], FloatArray]
 

@@ -19,7 +19,7 @@ from plain_loops import filterpy_loop
 from jerkbench import plugins
 from jerkbench.arrays import FloatArray
 from jerkbench.contracts import Filter
-from jerkbench.timeline.timeline import Timeline
+from jerkbench.timeline import Timeline
 
 
 class Peer(NamedTuple):

@@ -7,7 +7,7 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.contracts import Filter
-from jerkbench.timeline.timeline import Timeline
+from jerkbench.timeline import Timeline
 
 Loop = Callable[[Timeline, Filter], tuple[FloatArray, FloatArray]]
 

@@ -20,15 +20,14 @@ from typing import Any
 
 import numpy as np
 
-from jerkbench.cells.cell import build
-from jerkbench.cells.protocol import Protocol
-from jerkbench.execution.cell_run import CellRun
+from jerkbench.jobs.cell import Protocol, build
+from jerkbench.jobs.rows import CellRun
 from jerkbench.report.tables.terminal import print_beginning
 from jerkbench.results.manifest import write_manifest
 from jerkbench.results.parts import Block
 from jerkbench.results.store import Store
 from jerkbench.results.study import load_study, write_study
-from jerkbench.sweep.seed_blocks import block_of
+from jerkbench.sweep.blocks import block_of
 from jerkbench.sweep.sweep import Plan, plan_sweep
 from jerkbench.sweep.tasks import Result
 

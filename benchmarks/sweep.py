@@ -13,16 +13,14 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from jerkbench.cells.cell import Cell, build
-from jerkbench.cells.protocol import Protocol
 from jerkbench.evaluation.batch_scoring import scored
-from jerkbench.execution.cell_run import CellRun
-from jerkbench.execution.inputs import Inputs, attitude_of
-from jerkbench.execution.simulation_cache import simulated
+from jerkbench.jobs.cell import Cell, Protocol, build
+from jerkbench.jobs.inputs import Inputs, attitude_of, simulated
+from jerkbench.jobs.rows import CellRun
 from jerkbench.results.store import Store
-from jerkbench.sweep.seed_blocks import block_of
+from jerkbench.sweep.blocks import block_of
 from jerkbench.sweep.tasks import Planned, Result
-from jerkbench.timeline.timeline import build_timeline
+from jerkbench.timeline import build_timeline
 
 ONCE, EACH = "once a recording", "each run"
 CHOICES = [(model, adaptation) for model in ("jerk", "baseline") for adaptation in ("none", "mtf", "sage_husa")]

@@ -13,9 +13,8 @@ from typing import ClassVar, Literal, Protocol, Self, runtime_checkable
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.recording import Recording
-from jerkbench.streamed_run import RecordedRun, Run, Streamed
-from jerkbench.sums import Sums
-from jerkbench.timeline.timeline import Timeline
+from jerkbench.sums import RecordedRun, Run, Streamed, Sums
+from jerkbench.timeline import Timeline
 
 # Optional parts of several kinds.
 

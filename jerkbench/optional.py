@@ -25,7 +25,7 @@ from jerkbench.contracts import (
     has_methods,
 )
 from jerkbench.errors import unknown
-from jerkbench.timeline.timeline import Timeline
+from jerkbench.timeline import Timeline
 
 A = TypeVar("A")
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from jerkbench.recording import Position, Reference, Velocity
-from jerkbench.timeline.timeline import build_timeline
+from jerkbench.timeline import build_timeline
 from synthetic import level_attitude, recording_at_rest
 
 

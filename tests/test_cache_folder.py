@@ -2,10 +2,10 @@ import pytest
 from platformdirs import user_cache_path
 
 from jerkbench.compilation.module_cache import COMPILED
-from jerkbench.execution.simulation_cache import SIMULATED
 from jerkbench.files import cache_folder
 from jerkbench.io.files import fetched_folder
 from jerkbench.io.ros.extract import BAGS
+from jerkbench.jobs.inputs import SIMULATED
 
 
 @pytest.mark.parametrize("kind", [BAGS, COMPILED, SIMULATED])

@@ -14,13 +14,12 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 
-from jerkbench.cells.cell import build
-from jerkbench.cells.protocol import Protocol
 from jerkbench.cli import main
-from jerkbench.clusters.local import Local
 from jerkbench.errors import JerkbenchError
-from jerkbench.execution.inputs import shared_inputs
 from jerkbench.hydra_app.launched_sweep import conclude, run_plan
+from jerkbench.jobs.cell import Protocol, build
+from jerkbench.jobs.cluster import Local
+from jerkbench.jobs.inputs import shared_inputs
 from jerkbench.results.manifest import read_manifest
 from jerkbench.results.store import Store
 from jerkbench.results.study import load_study
@@ -55,7 +54,7 @@ def run(plan, folder):
     """Do what `jerkbench run -m` does once it knows its cells; each of them gets a part of its own."""
     store = Store(folder)
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr("jerkbench.sweep.writer.HELD_S", 0.0)
+        patched.setattr("jerkbench.sweep.blocks.HELD_S", 0.0)
         code = run_plan(plan, store, 1, Local())
     conclude(store, plan.draws, SimpleNamespace(notes=["a note"], tags=[]))
     return code
@@ -222,7 +221,7 @@ def test_what_is_no_file_is_not_waited_for(whole, tmp_path, capsys, what):
 
 def test_a_plugin_that_fails_in_an_export_is_a_sentence(whole, tmp_path, capsys, monkeypatch):
     shared_inputs.cache_clear()
-    monkeypatch.setattr("jerkbench.execution.inputs.simulated", lambda *_: 1 / 0)
+    monkeypatch.setattr("jerkbench.jobs.inputs.simulated", lambda *_: 1 / 0)
 
     assert ending(["export", str(whole), "1", "--tum", str(tmp_path)]) == 2
     assert re.search("failed: ZeroDivisionError", capsys.readouterr().err)

@@ -11,12 +11,11 @@ import pytest
 from commands import SHORT, jerkbench, swept
 from jerkbench.adaptation.mtf import Mtf
 from jerkbench.adaptation.none import NoAdaptation
-from jerkbench.cells.cell import build
-from jerkbench.cells.protocol import Protocol
-from jerkbench.cells.provenance import plugin_digest
 from jerkbench.errors import PluginError
-from jerkbench.execution.cell_run import CellRun
-from jerkbench.execution.plugin_errors import TRACEBACK
+from jerkbench.jobs.cell import Protocol, build
+from jerkbench.jobs.key import plugin_digest
+from jerkbench.jobs.preflight import TRACEBACK
+from jerkbench.jobs.rows import CellRun
 
 MODULE = '''
 """A rule of our own."""

@@ -14,11 +14,11 @@ from jerkbench.disturbances.bias import Bias
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.errors import RecordingError
 from jerkbench.estimate import no_attitude
-from jerkbench.execution.inputs import attitude_of
 from jerkbench.filters.constant_velocity import ConstantVelocity
 from jerkbench.inspection.facts import facts_text
+from jerkbench.jobs.inputs import attitude_of
 from jerkbench.recording import Position, Recording, Reference, Velocity
-from jerkbench.timeline.timeline import build_timeline
+from jerkbench.timeline import build_timeline
 
 SIGMA_M = 0.5
 

@@ -44,11 +44,10 @@ from jerkbench.audit.study import campaign_key
 from jerkbench.campaigns.piece import Site
 from jerkbench.campaigns.protocol import HALVES, Scenario
 from jerkbench.campaigns.search import best_trials, levels_of, losses, mean_losses, seen
-from jerkbench.cells.provenance import code_digest, git_commit, versions
-from jerkbench.clusters.cluster import Cluster
-from jerkbench.clusters.local import Local
-from jerkbench.execution.processors import processors
 from jerkbench.files import write_text
+from jerkbench.jobs.cluster import Cluster, Local
+from jerkbench.jobs.key import code_digest, git_commit, versions
+from jerkbench.jobs.pool import processors
 from jerkbench.presets import preset
 from jerkbench.report.plots.style import MEASURED, OKABE_ITO, quiet, save_figure
 from jerkbench.tuning.samplers import sampler_of

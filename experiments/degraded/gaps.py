@@ -18,7 +18,7 @@ from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.estimate import no_attitude
 from jerkbench.presets import preset
 from jerkbench.recording import Recording
-from jerkbench.timeline.timeline import build_timeline
+from jerkbench.timeline import build_timeline
 
 AGES_S = (0.0, 0.5, 3.0, 10.0, 30.0, np.inf)
 """Bounds of the rows of the table."""

@@ -24,10 +24,10 @@ from jerkbench.audit.verdicts import DEFAULTS, TUNED, Losses
 from jerkbench.campaigns.protocol import Scenario
 from jerkbench.campaigns.ratios import NOMINAL
 from jerkbench.campaigns.search import levels_of
-from jerkbench.clusters.local import Local
 from jerkbench.evaluation.statistics.intervals.student import student_intervals
 from jerkbench.evaluation.statistics.judgement import LEVEL
 from jerkbench.files import write_text
+from jerkbench.jobs.cluster import Local
 from jerkbench.results.study import load_study
 
 CLAIMED = Method("jerk", "mtf")

@@ -18,10 +18,10 @@ import pandas as pd
 import yaml
 
 from jerkbench.campaigns.entrant import tried_settings
-from jerkbench.cells.cell import Cell
 from jerkbench.errors import PluginError
-from jerkbench.execution.inputs import Inputs
 from jerkbench.hydra_app.words import composed
+from jerkbench.jobs.cell import Cell
+from jerkbench.jobs.inputs import Inputs
 from jerkbench.tuning.evaluate import Evaluator
 from jerkbench.tuning.objectives import objective_of
 from jerkbench.tuning.space import Space, space_of

@@ -23,6 +23,6 @@ what is left out is what `jerkbench run` takes.
 from jerkbench.api.combination import run
 from jerkbench.api.steps import disturb, estimate, evaluate, figure, load
 from jerkbench.api.studies import report, sweep, table
-from jerkbench.cells.from_names import Part
+from jerkbench.jobs.names import Part
 
 __all__ = ["Part", "disturb", "estimate", "evaluate", "figure", "load", "report", "run", "sweep", "table"]

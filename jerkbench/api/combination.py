@@ -3,11 +3,10 @@
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from jerkbench.cells.data import data_fingerprint
-from jerkbench.cells.from_names import Part, cell_of_parts
-from jerkbench.cells.protocol import Protocol
-from jerkbench.cells.refusal import refusal
 from jerkbench.errors import PluginError
+from jerkbench.jobs.cell import Protocol
+from jerkbench.jobs.key import data_fingerprint
+from jerkbench.jobs.names import Part, cell_of_parts, refusal
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -52,7 +51,7 @@ def run(
     """
     import pandas as pd
 
-    from jerkbench.execution.cell_run import CellRun
+    from jerkbench.jobs.rows import CellRun
 
     single = {"dataset": dataset, "attitude": attitude, "filter": filter, "adaptation": adaptation, "engine": engine}
     protocol = Protocol(seeds=seeds, first_seed=first_seed, burn_in_s=burn_in_s)

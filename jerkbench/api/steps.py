@@ -6,11 +6,9 @@ from typing import TYPE_CHECKING
 
 from jerkbench import plugins
 from jerkbench.api.combination import listed
-from jerkbench.cells.from_names import Part, choose, is_plugin, plugin_of, process_noise
-from jerkbench.cells.metric_names import metric_names
-from jerkbench.cells.noise import replaced
-from jerkbench.cells.protocol import Protocol
 from jerkbench.estimate import Estimate
+from jerkbench.jobs.cell import Protocol, metric_names, replaced
+from jerkbench.jobs.names import Part, choose, is_plugin, plugin_of, process_noise
 from jerkbench.recording import Recording
 
 if TYPE_CHECKING:
@@ -58,8 +56,8 @@ def estimate(
     Raises:
         JerkbenchError: something is unknown or does not fit, or the recording lacks an input.
     """
-    from jerkbench.execution.cell_run import solution
-    from jerkbench.execution.inputs import attitude_of
+    from jerkbench.jobs.inputs import attitude_of
+    from jerkbench.jobs.rows import solution
 
     model = plugin_of("filter", filter)
     model = dataclasses.replace(model, **replaced(type(model), process_noise(noise).plain))

@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING
 
 from jerkbench import plugins
 from jerkbench.api.combination import listed
-from jerkbench.cells.cell import Cell
-from jerkbench.cells.from_names import Part, cell_of_parts
-from jerkbench.cells.protocol import Protocol
 from jerkbench.errors import PluginError
+from jerkbench.jobs.cell import Cell, Protocol
+from jerkbench.jobs.names import Part, cell_of_parts
 from jerkbench.notices import notify
 
 if TYPE_CHECKING:
@@ -152,7 +151,7 @@ def report(
     Raises:
         JerkbenchError: there are no results.
     """
-    from jerkbench.execution.processors import processors
+    from jerkbench.jobs.pool import processors
     from jerkbench.report.choice import figures_choice
     from jerkbench.results.replay import tell_left_out
     from jerkbench.results.study_figures import REPORT, Request, draw_study, write_report

@@ -6,11 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from jerkbench.arrays import FloatArray
+from jerkbench.arrays import FloatArray, require_not_negative, require_positive
 from jerkbench.attitude.common import COMPENSATIONS, attitude_from, filtered_yaw, intervals
 from jerkbench.attitude.tilt_filter import align, roll_pitch
 from jerkbench.attitude.yaw import YAW_SOURCES, require_headings, select_headings, yaw_remarks
-from jerkbench.checks import require_not_negative, require_positive
 from jerkbench.errors import PluginError, unknown
 from jerkbench.estimate import Attitude
 from jerkbench.plugins import register

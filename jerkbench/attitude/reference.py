@@ -5,9 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jerkbench.arrays import FloatArray, nearest_rows
+from jerkbench.arrays import FloatArray, nearest_rows, require_positive
 from jerkbench.attitude.common import COMPENSATIONS, attitude_from
-from jerkbench.checks import require_positive
 from jerkbench.errors import PluginError, RecordingError, unknown
 from jerkbench.estimate import Attitude
 from jerkbench.plugins import register

@@ -27,9 +27,9 @@ from jerkbench.audit.table import LEGEND, markdown_table, verdict_frame
 from jerkbench.audit.verdicts import Losses, MethodVerdict, losses_of, verdicts
 from jerkbench.campaigns.piece import Site
 from jerkbench.campaigns.protocol import Scenario
-from jerkbench.cells.provenance import code_digest, git_commit, versions
-from jerkbench.clusters.cluster import Cluster
 from jerkbench.files import write_atomically, write_text
+from jerkbench.jobs.cluster import Cluster
+from jerkbench.jobs.key import code_digest, git_commit, versions
 from jerkbench.report.plots.style import save_figure
 from jerkbench.tuning.space import Space
 

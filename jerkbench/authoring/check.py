@@ -15,7 +15,7 @@ from jerkbench.conformance.plugin import CHECKS, STAGES
 from jerkbench.conformance.requirements import changes_itself
 from jerkbench.engines.compiled_engine import obstacle
 from jerkbench.errors import PluginError
-from jerkbench.execution.plugin_errors import reason_of
+from jerkbench.jobs.preflight import reason_of
 
 # The plugins that a package offers: by its distribution, its module or its folder.
 

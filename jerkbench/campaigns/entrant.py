@@ -7,11 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from jerkbench.campaigns.protocol import Scenario
-from jerkbench.cells.cell import Cell
-from jerkbench.cells.from_names import Part, cell_of_parts
-from jerkbench.cells.protocol import Protocol
-from jerkbench.cells.refusal import refusal
 from jerkbench.errors import PluginError
+from jerkbench.jobs.cell import Cell, Protocol
+from jerkbench.jobs.names import Part, cell_of_parts, refusal
 from jerkbench.parameters import ranges_of
 from jerkbench.tuning.samplers import sampler_of
 from jerkbench.tuning.space import Setting, Space, space_of

@@ -14,15 +14,15 @@ import pyarrow.parquet as pq
 
 from jerkbench.campaigns.entrant import LIMITS, Entrant, knobs_of
 from jerkbench.campaigns.protocol import Scenario
-from jerkbench.cells.data import data_fingerprint
-from jerkbench.cells.protocol import Protocol
-from jerkbench.clusters.cluster import Cluster
-from jerkbench.clusters.scenario_dispatch import done_by_scenario
 from jerkbench.errors import JerkbenchError, PluginError
-from jerkbench.execution.cell_run import Row, run_settings
-from jerkbench.execution.inputs import Inputs
-from jerkbench.execution.progress import Progress
 from jerkbench.files import write_atomically
+from jerkbench.jobs.cell import Protocol
+from jerkbench.jobs.cluster import Cluster
+from jerkbench.jobs.inputs import Inputs
+from jerkbench.jobs.key import data_fingerprint
+from jerkbench.jobs.progress import Progress
+from jerkbench.jobs.rows import Row, run_settings
+from jerkbench.jobs.scenario_dispatch import done_by_scenario
 from jerkbench.tuning.space import Setting
 from jerkbench.tuning.trials import DAMAGE
 

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
-from jerkbench.cells.protocol import Protocol
 from jerkbench.errors import PluginError, unknown
+from jerkbench.jobs.cell import Protocol
 
 HALVES = ("first", "second")
 """What is tuned on one is scored on the other."""

@@ -24,8 +24,8 @@ from jerkbench.evaluation.sums import sums_from, sums_of
 from jerkbench.filters.jerk import Jerk
 from jerkbench.plugins import create
 from jerkbench.recording import Recording
-from jerkbench.streamed_run import RecordedRun
-from jerkbench.timeline.timeline import build_timeline
+from jerkbench.sums import RecordedRun
+from jerkbench.timeline import build_timeline
 
 # The check of an estimator's compiled way: it agrees with its `estimate`.
 

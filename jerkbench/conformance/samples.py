@@ -10,7 +10,7 @@ from jerkbench.estimate import Attitude
 from jerkbench.geometry import dcm_from_euler
 from jerkbench.random_streams import stream
 from jerkbench.recording import GRAVITY_MPS2, Heading, Imu, Origin, Position, Recording, Reference, Velocity
-from jerkbench.timeline.timeline import Timeline, build_timeline
+from jerkbench.timeline import Timeline, build_timeline
 
 RADIUS_M, RATE_RADPS, STAND_S, RAMP_S = 8.0, 0.25, 4.0, 4.0
 IMU_RATE_HZ, GNSS_RATE_HZ = 50, 5

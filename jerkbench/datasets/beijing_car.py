@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from jerkbench.checks import require_positive
+from jerkbench.arrays import require_positive
 from jerkbench.errors import RecordingError
 from jerkbench.io.columns import read_columns
 from jerkbench.io.files import find_file, fingerprint

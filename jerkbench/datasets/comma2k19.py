@@ -8,8 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from jerkbench.arrays import FloatArray
-from jerkbench.checks import require_positive
+from jerkbench.arrays import FloatArray, require_positive
 from jerkbench.errors import RecordingError
 from jerkbench.geometry import ecef_to_enu, enu_axes, euler_from_dcm, geodetic_to_enu, wrap_angle
 from jerkbench.io.files import fingerprint, recording_folder

@@ -5,8 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from jerkbench.arrays import FloatArray
-from jerkbench.checks import require_axes, require_multiple, require_not_negative, require_positive
+from jerkbench.arrays import FloatArray, require_axes, require_multiple, require_not_negative, require_positive
 from jerkbench.errors import PluginError
 from jerkbench.plugins import register
 from jerkbench.random_streams import stream

@@ -6,8 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from jerkbench.arrays import FloatArray
-from jerkbench.checks import require_not_negative, require_positive
+from jerkbench.arrays import FloatArray, require_not_negative, require_positive
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.io.files import fingerprint
 from jerkbench.io.text import parse_numbers, read_lines, require_increasing

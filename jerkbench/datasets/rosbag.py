@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
-from jerkbench.checks import require_choices
+from jerkbench.arrays import require_choices
 from jerkbench.io.files import fingerprint
 from jerkbench.io.ros.assembly import Loaded, load_bag, with_courses
 from jerkbench.io.ros.bag import Bag

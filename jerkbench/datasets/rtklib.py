@@ -6,8 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from jerkbench.arrays import FloatArray
-from jerkbench.checks import require_choices
+from jerkbench.arrays import FloatArray, require_choices
 from jerkbench.io.clocks import GPST_MINUS_UTC_S, utc_of, with_common_time
 from jerkbench.io.files import find_file, fingerprint, recording_folder
 from jerkbench.io.frames import axes_matrix, body_from_sensor, calibrated, first_rest_s, gravity_notes, imu_in_body

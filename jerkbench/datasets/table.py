@@ -6,7 +6,7 @@ The plugin: its parameters, `load`, and how the parameters become the maps of `_
 from dataclasses import dataclass
 from typing import ClassVar
 
-from jerkbench.checks import require_choices, require_not_negative, require_positive
+from jerkbench.arrays import require_choices, require_not_negative, require_positive
 from jerkbench.errors import PluginError
 from jerkbench.io.clocks import with_common_time
 from jerkbench.io.files import fingerprint, named_folder

@@ -6,8 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from jerkbench.arrays import FloatArray, nearest_rows
-from jerkbench.checks import require_positive
+from jerkbench.arrays import FloatArray, nearest_rows, require_positive
 from jerkbench.errors import PluginError
 from jerkbench.io.columns import Columns, read_columns
 from jerkbench.io.files import find_file, fingerprint

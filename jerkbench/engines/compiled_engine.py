@@ -12,8 +12,8 @@ from jerkbench.estimate import Estimate
 from jerkbench.notices import notify
 from jerkbench.optional import clocked
 from jerkbench.plugins import register
-from jerkbench.streamed_run import Run, Streamed
-from jerkbench.timeline.timeline import Timeline
+from jerkbench.sums import Run, Streamed
+from jerkbench.timeline import Timeline
 
 if TYPE_CHECKING:
     from jerkbench.kinematic.plugin_call import Rule  # what it imports takes half a second

@@ -25,8 +25,7 @@ from jerkbench.kalman import (
 from jerkbench.memory import empty_memory
 from jerkbench.optional import clocked, wants_truth
 from jerkbench.plugins import register
-from jerkbench.timeline.recorder import Recorder
-from jerkbench.timeline.timeline import Timeline
+from jerkbench.timeline import Recorder, Timeline
 
 COVARIANCES = ("joseph", "paper")
 

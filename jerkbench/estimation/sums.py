@@ -10,7 +10,7 @@ from jerkbench.arrays import FloatArray, FloatMatrix, FloatVector, IntVector
 from jerkbench.compilation.compiled_loop import compiled_loop
 from jerkbench.compilation.module_cache import can_compile
 from jerkbench.estimate import Estimate, Updates
-from jerkbench.streamed_run import Scoring, Streamed
+from jerkbench.sums import Scoring, Streamed
 
 TOTALS = (
     *("EAST", "NORTH", "UP", "VEAST", "VNORTH", "VUP", "WHOLE", "OUTAGE", "LARGEST", "FARTHEST"),
@@ -29,7 +29,7 @@ class Score(NamedTuple):
     """What the k visited rows of the reference count for, and the sums; nothing is scored where k is 0.
 
     Attributes:
-        truth: (k, 6) as in `jerkbench.streamed_run.Scoring`, like the next four.
+        truth: (k, 6) as in `jerkbench.sums.Scoring`, like the next four.
         counted: (k,) likewise.
         whole: (k,) likewise.
         moving: (k,) likewise.

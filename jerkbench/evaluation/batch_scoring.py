@@ -9,7 +9,7 @@ from jerkbench.evaluation.counted_rows import counted_rows
 from jerkbench.evaluation.counted_stamps import counting, known_axes
 from jerkbench.evaluation.sums import Scored, scoring_of
 from jerkbench.recording import Recording
-from jerkbench.timeline.timeline import Timeline
+from jerkbench.timeline import Timeline
 
 
 def can_stream(metric: Metric) -> bool:

@@ -6,7 +6,7 @@ from jerkbench.arrays import FloatArray
 from jerkbench.estimate import Estimate
 from jerkbench.evaluation.navigation_errors import position_error_m
 from jerkbench.recording import Recording
-from jerkbench.streamed_run import Streamed
+from jerkbench.sums import Streamed
 
 LIMIT_M = 1000.0
 """A larger position error is a divergence, unless `divergence_limit_m` says otherwise; the frozen suite has its own."""

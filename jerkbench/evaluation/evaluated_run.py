@@ -2,7 +2,7 @@
 
 A new column is a new metric, one file in `metrics`, also where nothing of the estimate enters (`position_bound`); here
 the answers are only put together. What a row says of the run itself, `RUN`, is filled by
-`jerkbench.execution.cell_run`, and asked for of stored rows by `jerkbench.results.parts`.
+`jerkbench.jobs.rows`, and asked for of stored rows by `jerkbench.results.parts`.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence

@@ -12,8 +12,7 @@ from jerkbench.estimate import Estimate
 from jerkbench.estimation.sums import scored_trajectory
 from jerkbench.evaluation.counted_stamps import POSITION_AXES, VELOCITY_AXES, Rows, counting, rows_of
 from jerkbench.recording import Recording
-from jerkbench.streamed_run import Scoring, Streamed
-from jerkbench.sums import Sums
+from jerkbench.sums import Scoring, Streamed, Sums
 
 
 class Numbers(NamedTuple):

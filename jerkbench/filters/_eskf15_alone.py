@@ -7,7 +7,7 @@ from jerkbench.contracts import Adaptation
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.filters.eskf15 import Eskf15
 from jerkbench.recording import Recording
-from jerkbench.streamed_run import RecordedRun, Streamed
+from jerkbench.sums import RecordedRun, Streamed
 
 
 @dataclass(frozen=True)

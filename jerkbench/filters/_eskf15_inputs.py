@@ -17,7 +17,7 @@ from jerkbench.inertial.run_inputs import Constraints, Journey, Settings
 from jerkbench.inertial.state import NavigationState
 from jerkbench.inertial.stillness import still_samples
 from jerkbench.recording import Recording
-from jerkbench.timeline.timeline import Timeline, build_timeline
+from jerkbench.timeline import Timeline, build_timeline
 
 YAW_WALK = 2e-4
 """Random walk of the yaw of the track [rad/sqrt(s)]; the attitude filters' own default."""

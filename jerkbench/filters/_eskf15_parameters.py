@@ -5,7 +5,7 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 
-from jerkbench.checks import require_not_negative
+from jerkbench.arrays import require_not_negative
 from jerkbench.errors import PluginError, unknown
 from jerkbench.inertial.error_model import SensorNoise
 from jerkbench.parameters import Origin, Range

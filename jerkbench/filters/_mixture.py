@@ -8,11 +8,10 @@ import numpy as np
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.contracts import Adaptation, Filter
 from jerkbench.estimate import Estimate
-from jerkbench.filters._linear import StepModels, initial, is_healthy, squared_distance, updated
+from jerkbench.filters.common import StepModels, initial, is_healthy, squared_distance, updated
 from jerkbench.memory import empty_memory
 from jerkbench.optional import clocked, wants_truth
-from jerkbench.timeline.recorder import Recorder
-from jerkbench.timeline.timeline import Timeline
+from jerkbench.timeline import Recorder, Timeline
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,8 @@ from jerkbench.contracts import Adaptation
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.optional import clocked
 from jerkbench.recording import Recording
-from jerkbench.streamed_run import RecordedRun, Run, Streamed
-from jerkbench.timeline.timeline import Timeline
-from jerkbench.timeline.timeline_cache import kept_timeline
+from jerkbench.sums import RecordedRun, Run, Streamed
+from jerkbench.timeline import Timeline, kept_timeline
 
 if TYPE_CHECKING:
     from jerkbench.kinematic.plugin_call import Rule  # what it imports takes half a second

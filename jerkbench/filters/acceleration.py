@@ -5,10 +5,8 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 
-from jerkbench.arrays import FloatArray
-from jerkbench.checks import require_not_negative
-from jerkbench.filters._lengths import ManyLengths, Models, identities, outer
-from jerkbench.filters._ranges import ACCEL_WALK, START, WALK
+from jerkbench.arrays import FloatArray, require_not_negative
+from jerkbench.filters.common import ACCEL_WALK, START, WALK, ManyLengths, Models, identities, outer
 from jerkbench.plugins import register
 
 

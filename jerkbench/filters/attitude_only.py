@@ -9,7 +9,7 @@ from jerkbench.contracts import Adaptation
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
-from jerkbench.timeline.timeline import nanoseconds
+from jerkbench.timeline import nanoseconds
 
 
 @register("filter", "attitude_only")

@@ -5,10 +5,8 @@ from typing import Annotated
 
 import numpy as np
 
-from jerkbench.arrays import FloatArray
-from jerkbench.checks import require_not_negative
-from jerkbench.filters._lengths import ManyLengths, Models, identities, outer
-from jerkbench.filters._ranges import ACCEL
+from jerkbench.arrays import FloatArray, require_not_negative
+from jerkbench.filters.common import ACCEL, ManyLengths, Models, identities, outer
 from jerkbench.parameters import Origin
 from jerkbench.plugins import register
 

@@ -5,10 +5,8 @@ from typing import Annotated
 
 import numpy as np
 
-from jerkbench.arrays import FloatArray
-from jerkbench.checks import require_not_negative
-from jerkbench.filters._lengths import ManyLengths, Models, identities, outer
-from jerkbench.filters._ranges import ACCEL, BIAS_WALK, FIELD, START
+from jerkbench.arrays import FloatArray, require_not_negative
+from jerkbench.filters.common import ACCEL, BIAS_WALK, FIELD, START, ManyLengths, Models, identities, outer
 from jerkbench.plugins import register
 
 

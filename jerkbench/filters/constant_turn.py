@@ -5,19 +5,14 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 
-from jerkbench.arrays import FloatArray
-from jerkbench.checks import require_not_negative
+from jerkbench.arrays import FloatArray, require_not_negative
 from jerkbench.contracts import Adaptation
 from jerkbench.estimate import Attitude, Estimate
-from jerkbench.filters._accepted import of_r_alone
-from jerkbench.filters._linear import is_healthy
-from jerkbench.filters._ranges import START, VELOCITY_WALK
-from jerkbench.filters._updates import MeasurementUpdates
+from jerkbench.filters.common import START, VELOCITY_WALK, MeasurementUpdates, is_healthy, of_r_alone
 from jerkbench.parameters import Origin, Range
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
-from jerkbench.timeline.recorder import Recorder
-from jerkbench.timeline.timeline import Timeline, build_timeline
+from jerkbench.timeline import Recorder, Timeline, build_timeline
 
 NOISES = ("velocity_walk_mps_per_sqrt_s", "turn_walk_radps_per_sqrt_s", "initial_turn_radps")
 STRAIGHT_RAD = 1e-4

@@ -5,9 +5,8 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 
-from jerkbench.arrays import FloatArray
-from jerkbench.checks import require_not_negative
-from jerkbench.filters._ranges import VELOCITY_WALK
+from jerkbench.arrays import FloatArray, require_not_negative
+from jerkbench.filters.common import VELOCITY_WALK
 from jerkbench.parameters import Origin
 from jerkbench.plugins import register
 

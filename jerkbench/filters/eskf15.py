@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING, ClassVar
 
 from jerkbench.contracts import Adaptation
 from jerkbench.estimate import Attitude, Estimate
-from jerkbench.filters._accepted import of_r_alone
 from jerkbench.filters._eskf15_inputs import aided, run_inputs
 from jerkbench.filters._eskf15_parameters import Eskf15Parameters
+from jerkbench.filters.common import of_r_alone
 from jerkbench.inertial.run import InertialRun, InertialSolution
 from jerkbench.inertial.run_inputs import Journey
 from jerkbench.optional import wants_truth
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
-from jerkbench.streamed_run import RecordedRun, Streamed
+from jerkbench.sums import RecordedRun, Streamed
 
 if TYPE_CHECKING:
     from jerkbench.inertial.compiled.solution import Prepared  # what it imports takes half a second

@@ -10,7 +10,7 @@ from jerkbench.contracts import Adaptation
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
-from jerkbench.timeline.timeline import Timeline, build_timeline
+from jerkbench.timeline import Timeline, build_timeline
 
 
 @register("filter", "gnss_only")

@@ -6,24 +6,22 @@ from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
-from jerkbench.arrays import FloatArray
-from jerkbench.checks import require_not_negative
+from jerkbench.arrays import FloatArray, require_not_negative
 from jerkbench.contracts import Adaptation, Filter
 from jerkbench.errors import PluginError, unknown
 from jerkbench.estimate import Attitude, Estimate
-from jerkbench.filters._accepted import of_r_alone
 from jerkbench.filters._mixture import Mixture, begin, embedded
 from jerkbench.filters._over_timelines import OverTimelines
-from jerkbench.filters._ranges import ACCEL, ACCEL_WALK, BIAS_WALK, JERK_WALK, STAYS
 from jerkbench.filters.acceleration import Acceleration
 from jerkbench.filters.baseline import Baseline
 from jerkbench.filters.bias import Bias
+from jerkbench.filters.common import ACCEL, ACCEL_WALK, BIAS_WALK, JERK_WALK, STAYS, of_r_alone
 from jerkbench.filters.jerk import Jerk
 from jerkbench.parameters import Origin
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
-from jerkbench.streamed_run import Run, Streamed
-from jerkbench.timeline.timeline import Timeline, build_timeline
+from jerkbench.sums import Run, Streamed
+from jerkbench.timeline import Timeline, build_timeline
 
 if TYPE_CHECKING:
     from jerkbench.kinematic.plugin_call import Rule

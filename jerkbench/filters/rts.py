@@ -6,25 +6,29 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import numpy as np
 
-from jerkbench.arrays import FloatArray
-from jerkbench.checks import require_not_negative
+from jerkbench.arrays import FloatArray, require_not_negative
 from jerkbench.contracts import Adaptation, Filter
 from jerkbench.errors import PluginError, unknown
 from jerkbench.estimate import Attitude, Estimate
-from jerkbench.filters._accepted import of_r_or_fading
-from jerkbench.filters._linear import StepModels, initial, is_healthy
 from jerkbench.filters._over_timelines import OverTimelines
-from jerkbench.filters._ranges import ACCEL, BIAS_WALK, JERK_WALK
-from jerkbench.filters._updates import MeasurementUpdates
 from jerkbench.filters.baseline import Baseline
 from jerkbench.filters.bias import Bias
+from jerkbench.filters.common import (
+    ACCEL,
+    BIAS_WALK,
+    JERK_WALK,
+    MeasurementUpdates,
+    StepModels,
+    initial,
+    is_healthy,
+    of_r_or_fading,
+)
 from jerkbench.filters.jerk import Jerk
 from jerkbench.parameters import Origin
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
-from jerkbench.streamed_run import Run, Streamed
-from jerkbench.timeline.recorder import Recorder
-from jerkbench.timeline.timeline import Timeline, build_timeline
+from jerkbench.sums import Run, Streamed
+from jerkbench.timeline import Recorder, Timeline, build_timeline
 
 if TYPE_CHECKING:
     from jerkbench.kinematic.plugin_call import Rule  # what it imports takes half a second

@@ -18,7 +18,7 @@ from jerkbench.hydra_app.typed_words import arranged_words
 from jerkbench.hydra_app.words import cluster_of
 from jerkbench.presets import config_folder
 from jerkbench.results.store import Store
-from jerkbench.sweep.auto_seeds import typed as typed_seeds
+from jerkbench.sweep.looks import typed as typed_seeds
 from jerkbench.sweep.sweep import LOCAL
 
 

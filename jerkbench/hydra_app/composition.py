@@ -17,11 +17,10 @@ from omegaconf import DictConfig, OmegaConf, open_dict
 from omegaconf.errors import OmegaConfBaseException
 
 from jerkbench import plugins
-from jerkbench.cells.from_names import choose, process_noise
-from jerkbench.cells.labels import GROUPS
-from jerkbench.cells.noise import Noise
 from jerkbench.errors import PluginError
 from jerkbench.hydra_app.configuration import Schema
+from jerkbench.jobs.cell import GROUPS, Noise
+from jerkbench.jobs.names import choose, process_noise
 from jerkbench.optional import preferred_attitude
 from jerkbench.presets import config_folder
 

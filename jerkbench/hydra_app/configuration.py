@@ -16,16 +16,13 @@ from omegaconf import MISSING, DictConfig, OmegaConf
 from yaml import YAMLError
 
 from jerkbench import plugins
-from jerkbench.cells.cell import Cell, build
-from jerkbench.cells.labels import GROUPS, labels_of
-from jerkbench.cells.noise import Noise
-from jerkbench.cells.protocol import Protocol
 from jerkbench.errors import PluginError, unknown
+from jerkbench.jobs.cell import GROUPS, Cell, Noise, Protocol, build, labels_of
 from jerkbench.optional import preferred_attitude
 from jerkbench.presets import environment_variable
 from jerkbench.removed import refuse_removed
 from jerkbench.report.choice import Choice, figures_choice
-from jerkbench.timeline.reported_noise import RScale
+from jerkbench.timeline import RScale
 from jerkbench.yaml_files import require_small
 
 ToldR = make_dataclass("ToldR", [(f.name, float, f.default) for f in fields(RScale)])

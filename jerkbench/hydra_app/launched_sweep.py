@@ -11,25 +11,24 @@ from hydra.core.config_loader import ConfigLoader
 from hydra.core.utils import JobReturn, JobStatus
 from omegaconf import DictConfig
 
-from jerkbench.clusters.cluster import Cluster, ClusterError
 from jerkbench.errors import INTERRUPTED, JerkbenchError, PluginError, exit_with
-from jerkbench.execution.data_mistakes import first_mistakes
-from jerkbench.execution.inputs import shared_inputs
-from jerkbench.execution.notes import first_remarks
-from jerkbench.execution.plugin_errors import first_complaints
-from jerkbench.execution.processors import processors
-from jerkbench.execution.pulse import Pulse, duration
 from jerkbench.files import write_text
 from jerkbench.filters.command import Command
 from jerkbench.hydra_app.composition import compose_jobs
 from jerkbench.hydra_app.configuration import cell_of, study_folder
 from jerkbench.hydra_app.words import cluster_of
+from jerkbench.jobs.cluster import Cluster, ClusterError
+from jerkbench.jobs.data_mistakes import first_mistakes
+from jerkbench.jobs.inputs import shared_inputs
+from jerkbench.jobs.pool import processors
+from jerkbench.jobs.preflight import first_complaints
+from jerkbench.jobs.progress import Pulse, duration
+from jerkbench.jobs.rows import first_remarks
 from jerkbench.report.choice import figures_choice
 from jerkbench.results.manifest import write_manifest
 from jerkbench.results.store import Store
 from jerkbench.results.study import Study, load_study, write_study
-from jerkbench.sweep.auto_seeds import planned_looks, run_looks
-from jerkbench.sweep.forecast import forecast, lines
+from jerkbench.sweep.looks import forecast, lines, planned_looks, run_looks
 from jerkbench.sweep.sweep import Plan, plan_sweep, run_sweep
 from jerkbench.sweep.tasks import Planned
 

@@ -5,10 +5,10 @@ import re
 from collections.abc import Sequence
 
 from jerkbench import plugins
-from jerkbench.cells.noise import Noise
 from jerkbench.errors import unknown
 from jerkbench.hydra_app.configuration import Schema, ToldR
 from jerkbench.hydra_app.typed_words import several_in_one, swept
+from jerkbench.jobs.cell import Noise
 
 NOISE = ("full_key", "object_type", "Config search", "provider=")
 """Beginnings of lines that help nobody."""

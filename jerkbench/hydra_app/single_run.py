@@ -11,19 +11,18 @@ from hydra.conf import HydraConf
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 
-from jerkbench.cells.cell import Cell
-from jerkbench.cells.refusal import refusal
 from jerkbench.contracts import Estimator, Preparing
 from jerkbench.errors import PluginError
 from jerkbench.estimate import Estimate
-from jerkbench.execution.cell_run import CellRun
-from jerkbench.execution.data_mistakes import first_mistakes
-from jerkbench.execution.inputs import shared_inputs
-from jerkbench.execution.notes import first_remarks
-from jerkbench.execution.pulse import Pulse, duration
 from jerkbench.hydra_app.configuration import cell_of, check_options, study_folder
 from jerkbench.hydra_app.launched_sweep import note_place, tell
 from jerkbench.hydra_app.words import Words, cluster_of
+from jerkbench.jobs.cell import Cell
+from jerkbench.jobs.data_mistakes import first_mistakes
+from jerkbench.jobs.inputs import shared_inputs
+from jerkbench.jobs.names import refusal
+from jerkbench.jobs.progress import Pulse, duration
+from jerkbench.jobs.rows import CellRun, first_remarks
 from jerkbench.recording import Recording
 from jerkbench.report.choice import Choice, figures_choice
 from jerkbench.results.content import Stored

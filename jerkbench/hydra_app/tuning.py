@@ -12,17 +12,17 @@ from hydra.errors import HydraException
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from jerkbench.cells.cell import Cell
-from jerkbench.cells.refusal import refusal
-from jerkbench.clusters.cluster import Cluster
 from jerkbench.errors import PluginError, unknown
-from jerkbench.execution.processors import processors
-from jerkbench.execution.progress import Progress
 from jerkbench.files import write_text
 from jerkbench.hydra_app.composition import owner
 from jerkbench.hydra_app.configuration import study_folder
 from jerkbench.hydra_app.typed_words import no_assignment
 from jerkbench.hydra_app.words import cluster_of, composed
+from jerkbench.jobs.cell import Cell
+from jerkbench.jobs.cluster import Cluster
+from jerkbench.jobs.names import refusal
+from jerkbench.jobs.pool import processors
+from jerkbench.jobs.progress import Progress
 from jerkbench.report.choice import Choice, figures_choice
 from jerkbench.report.tables.writers import passive
 from jerkbench.sweep.sweep import LOCAL

@@ -12,10 +12,10 @@ from hydra.core.override_parser.types import ChoiceSweep, Override
 from hydra.errors import HydraException
 
 from jerkbench import plugins
-from jerkbench.cells.from_names import words as as_words
-from jerkbench.cells.labels import GROUPS
 from jerkbench.errors import PluginError, unknown
 from jerkbench.hydra_app.composition import NO_GROUPS
+from jerkbench.jobs.cell import GROUPS
+from jerkbench.jobs.names import words as as_words
 from jerkbench.presets import preset_names
 
 NAMED = re.compile(rf"\+*(?:{'|'.join((*GROUPS, 'disturbance'))})=(?:\[.*\{{|\{{\s*name\s*:)")

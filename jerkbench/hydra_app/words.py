@@ -12,12 +12,12 @@ from hydra.utils import instantiate
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from jerkbench.cells.cell import Cell
-from jerkbench.clusters.cluster import Cluster
 from jerkbench.errors import JerkbenchError, PluginError, unknown
 from jerkbench.hydra_app.configuration import cell_of, check_options, register_hydra_parts, register_schemas
 from jerkbench.hydra_app.messages import hydra_sentence
 from jerkbench.hydra_app.typed_words import arranged_words
+from jerkbench.jobs.cell import Cell
+from jerkbench.jobs.cluster import Cluster
 from jerkbench.presets import config_folder, preset
 from jerkbench.removed import refuse_removed
 

@@ -11,7 +11,7 @@ from jerkbench.geometry import dcm_from_euler
 from jerkbench.inertial.error_model import SensorNoise, by_column
 from jerkbench.inertial.state import BA, BG, MA, MG, PHI, Deformation, NavigationState, V, error_states, has_deformation
 from jerkbench.recording import GRAVITY_MPS2, Recording
-from jerkbench.timeline.timeline import Timeline
+from jerkbench.timeline import Timeline
 
 LEVELLING_S = 1.0
 """How much rest the levelling takes, and needs."""

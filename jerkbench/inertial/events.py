@@ -6,7 +6,7 @@ import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.recording import Heading, Imu
-from jerkbench.timeline.timeline import Timeline, in_order, nanoseconds
+from jerkbench.timeline import Timeline, in_order, nanoseconds
 
 
 class Events(NamedTuple):

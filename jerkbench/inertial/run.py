@@ -19,8 +19,7 @@ from jerkbench.inertial.update import carried_over, correction, reset
 from jerkbench.memory import empty_memory
 from jerkbench.optional import clocked, wants_truth
 from jerkbench.recording import Heading, Imu
-from jerkbench.timeline.recorder import Recorder
-from jerkbench.timeline.timeline import Timeline
+from jerkbench.timeline import Recorder, Timeline
 
 STRETCH = 512
 """Most steps that are made at once: their Phi have to find room."""

@@ -8,7 +8,7 @@ from jerkbench.inertial.error_model import SensorNoise
 from jerkbench.inertial.events import Events
 from jerkbench.inertial.state import NavigationState
 from jerkbench.recording import Heading, Imu
-from jerkbench.timeline.timeline import Timeline
+from jerkbench.timeline import Timeline
 
 
 class Constraints(NamedTuple):

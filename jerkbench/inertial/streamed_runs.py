@@ -8,7 +8,7 @@ from jerkbench.inertial.compiled.solution import Prepared, stream_compiled
 from jerkbench.inertial.side_by_side.runs import goes_together, run_journeys
 from jerkbench.kinematic.plugin_call import Rule, compiled_rule
 from jerkbench.optional import clocked
-from jerkbench.streamed_run import Scoring, Streamed
+from jerkbench.sums import Scoring, Streamed
 
 
 def stream_all(

@@ -13,7 +13,7 @@ from jerkbench.estimate import Attitude
 from jerkbench.files import write_atomically, write_text
 from jerkbench.io.writing import reference_columns, table_of, write_frame
 from jerkbench.recording import GRAVITY_MPS2, Recording, Reference
-from jerkbench.timeline.timeline import nanoseconds
+from jerkbench.timeline import nanoseconds
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from jerkbench.arrays import FloatArray
-from jerkbench.checks import require_choices, require_not_negative
+from jerkbench.arrays import FloatArray, require_choices, require_not_negative
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.io.clocks import GPS_EPOCH_NS, GPST_MINUS_UTC_S, UNIX_EPOCH, WEEK_NS
 from jerkbench.io.columns import TIME_UNITS, Columns, read_columns, times_ns

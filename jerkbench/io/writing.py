@@ -13,7 +13,7 @@ from jerkbench.files import write_atomically, write_text
 from jerkbench.geometry import dcm_from_euler, enu_to_geodetic, quaternion_from_dcm
 from jerkbench.io.ros.frames import FROM_NED, swapped
 from jerkbench.recording import Imu, Recording
-from jerkbench.timeline.timeline import nanoseconds
+from jerkbench.timeline import nanoseconds
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -19,7 +19,7 @@ from jerkbench.kinematic.models import model_of
 from jerkbench.kinematic.packs import Kind, Pack, pack_runs
 from jerkbench.kinematic.plugin_call import Rule, rules_of
 from jerkbench.kinematic.single_run import updates_seen
-from jerkbench.streamed_run import Run, Streamed
+from jerkbench.sums import Run, Streamed
 
 Prepare = Callable[[Pack, Sequence[int]], tuple[Any, ...] | None]
 """A pack, and which places of the batch its WIDE runs have -> the loop, the type of its runs, its third argument, and

@@ -11,9 +11,8 @@ import numpy as np
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.vectors import WIDE
 from jerkbench.kinematic.arguments import Score, Steps
-from jerkbench.streamed_run import Run
-from jerkbench.timeline.lengths import step_lengths
-from jerkbench.timeline.timeline import Timeline
+from jerkbench.sums import Run
+from jerkbench.timeline import Timeline, step_lengths
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,8 +15,7 @@ from jerkbench.kinematic.layout import run_type
 from jerkbench.kinematic.loop import loop_for
 from jerkbench.kinematic.models import model_of
 from jerkbench.kinematic.plugin_call import Rule, rules_of
-from jerkbench.timeline.lengths import step_lengths
-from jerkbench.timeline.timeline import Timeline
+from jerkbench.timeline import Timeline, step_lengths
 
 NO_SCORE = Score(np.empty(0, dtype=np.int64), np.empty((0, 1)), np.empty((0, 6, 1)), np.empty((0, 4)), np.empty((0, 1)))
 

@@ -22,9 +22,8 @@ from jerkbench.kinematic.packs import Pack
 from jerkbench.kinematic.plugin_call import Rule
 from jerkbench.kinematic.single_run import run_alone
 from jerkbench.linear.mixing import Mixing, run_mixture
-from jerkbench.streamed_run import Run, Streamed
-from jerkbench.timeline.lengths import step_lengths
-from jerkbench.timeline.timeline import Timeline
+from jerkbench.sums import Run, Streamed
+from jerkbench.timeline import Timeline, step_lengths
 
 OWN = ("run_mixture", "begin", "move", "combine", "log_likelihood", "weigh", "mix", "correct_filter")
 """Kernels that stand alone: one body of all of them takes long to compile."""

@@ -53,9 +53,8 @@ from jerkbench.linear.adjoint import (
     tape_type,
     write_update,
 )
-from jerkbench.streamed_run import Run, Streamed
-from jerkbench.timeline.lengths import step_lengths
-from jerkbench.timeline.timeline import Timeline
+from jerkbench.sums import Run, Streamed
+from jerkbench.timeline import Timeline, step_lengths
 
 # Arguments of the loops besides those of the filter; WIDTH is the number of runs side by side.
 

@@ -11,7 +11,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from jerkbench.arrays import BoolArray, IntArray
-from jerkbench.cells.labels import Labels
+from jerkbench.jobs.cell import Labels
 from jerkbench.results.parts import CELL, COLUMNS, HEAD, KEY, PROCESSOR, RUNS, parsed
 
 OF_BLOCKS = ("cell.notes", "cell.seconds", "cell.created")

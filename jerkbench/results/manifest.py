@@ -9,8 +9,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from jerkbench.cells.provenance import git_commit, versions
 from jerkbench.files import exists, write_text
+from jerkbench.jobs.key import git_commit, versions
 
 MANIFEST = "manifest.json"
 

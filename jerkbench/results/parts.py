@@ -19,10 +19,10 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from jerkbench.cells.labels import Labels
 from jerkbench.errors import JerkbenchError
 from jerkbench.evaluation.evaluated_run import RUN
-from jerkbench.execution.cell_run import Row
+from jerkbench.jobs.cell import Labels
+from jerkbench.jobs.rows import Row
 
 NAME = re.compile(r"part-[A-Za-z0-9_]+-[0-9a-f]{32}-([0-9a-f]{32})")
 """Host, a number of its own and a hash of the content: no two parts have one name, and a flipped bit is found."""

@@ -9,17 +9,14 @@ from pathlib import Path
 from typing import Any
 
 from jerkbench import plugins
-from jerkbench.cells.cell import Cell, build
-from jerkbench.cells.data import require_data
-from jerkbench.cells.labels import Labels
-from jerkbench.cells.protocol import Protocol
-from jerkbench.cells.provenance import code_digest, versions
 from jerkbench.errors import JerkbenchError
 from jerkbench.estimate import Estimate
 from jerkbench.evaluation.evaluated_run import RUN
-from jerkbench.execution.cell_run import CellRun, Row
-from jerkbench.execution.plugin_errors import plugins_in_words
 from jerkbench.filters.command import Command
+from jerkbench.jobs.cell import Cell, Labels, Protocol, build
+from jerkbench.jobs.key import code_digest, require_data, versions
+from jerkbench.jobs.preflight import plugins_in_words
+from jerkbench.jobs.rows import CellRun, Row
 from jerkbench.plain import plain
 from jerkbench.recording import Recording
 from jerkbench.results.content import Stored

@@ -12,7 +12,7 @@ from jerkbench.attitude.tilt import Tilt
 from jerkbench.errors import JerkbenchError
 from jerkbench.estimate import Estimate
 from jerkbench.evaluation.navigation_errors import position_error_length_m
-from jerkbench.execution.inputs import shared_inputs
+from jerkbench.jobs.inputs import shared_inputs
 from jerkbench.recording import Recording
 from jerkbench.report.analysis.references import competes
 from jerkbench.report.drawings import Scene

@@ -3,11 +3,11 @@
 import time
 from typing import TYPE_CHECKING
 
-from jerkbench.cells.labels import Labels
 from jerkbench.errors import JerkbenchError
 from jerkbench.evaluation.evaluated_run import RUN
-from jerkbench.execution.cell_run import CellRun
-from jerkbench.execution.plugin_errors import plugins_in_words
+from jerkbench.jobs.cell import Labels
+from jerkbench.jobs.preflight import plugins_in_words
+from jerkbench.jobs.rows import CellRun
 from jerkbench.results.replay import StoredRow, row_of, runnable
 from jerkbench.results.store import Store
 from jerkbench.results.study import Study

@@ -12,7 +12,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from jerkbench.errors import JerkbenchError
-from jerkbench.execution.cell_run import Row
+from jerkbench.jobs.rows import Row
 from jerkbench.plain import plain
 from jerkbench.results.content import Content, Shown, Stored, codes_of, concatenated, content_of_tables
 from jerkbench.results.manifest import read_manifest

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from jerkbench.cells.labels import Labels
 from jerkbench.errors import JerkbenchError, unknown
 from jerkbench.files import write_atomically
+from jerkbench.jobs.cell import Labels
 from jerkbench.report.analysis.rule import SPENDS
 from jerkbench.results.conditions import Values, conditions, told_apart, with_one_name
 from jerkbench.results.content import Content, frame

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from jerkbench.errors import JerkbenchError
-from jerkbench.execution.pool import run_grouped
-from jerkbench.execution.progress import Progress
 from jerkbench.files import write_atomically, write_text
+from jerkbench.jobs.pool import run_grouped
+from jerkbench.jobs.progress import Progress
 from jerkbench.report.analysis.factors import METHOD
 from jerkbench.report.analysis.rule import RULE, Rule
 from jerkbench.report.choice import Choice

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from jerkbench.cells.labels import contradiction
+from jerkbench.jobs.cell import contradiction
 from jerkbench.plain import plain
 from jerkbench.report.analysis.references import FLOOR
 from jerkbench.results.shown_cells import Current

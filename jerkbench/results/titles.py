@@ -6,7 +6,7 @@ import textwrap
 from collections.abc import Sequence
 from dataclasses import replace
 
-from jerkbench.cells.cell import Cell
+from jerkbench.jobs.cell import Cell
 from jerkbench.recording import Recording
 
 WIDTH = 70

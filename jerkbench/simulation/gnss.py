@@ -4,8 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jerkbench.arrays import FloatArray
-from jerkbench.checks import require_axes, require_positive
+from jerkbench.arrays import FloatArray, require_axes, require_positive
 from jerkbench.errors import PluginError
 from jerkbench.geometry import dcm_from_euler, wrap_angle
 from jerkbench.random_streams import stream

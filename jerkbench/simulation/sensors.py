@@ -5,8 +5,7 @@ from datetime import UTC, datetime
 
 import numpy as np
 
-from jerkbench.arrays import FloatArray
-from jerkbench.checks import require_axes, require_multiple, require_not_negative, require_positive
+from jerkbench.arrays import FloatArray, require_axes, require_multiple, require_not_negative, require_positive
 from jerkbench.errors import PluginError, unknown
 from jerkbench.geometry import wrap_angle
 from jerkbench.recording import (

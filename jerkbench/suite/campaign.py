@@ -10,8 +10,8 @@ from jerkbench.campaigns.entrant import Entrant, knobs_of, tried_settings
 from jerkbench.campaigns.piece import Piece, Site
 from jerkbench.campaigns.protocol import HALVES
 from jerkbench.campaigns.search import best_trials, levels_of, losses, mean_losses, seen
-from jerkbench.cells.provenance import code_digest, plugin_digest, versions
 from jerkbench.contracts import ReadingFile
+from jerkbench.jobs.key import code_digest, plugin_digest, versions
 from jerkbench.suite.protocol import SuiteProtocol
 from jerkbench.tuning.space import Setting
 

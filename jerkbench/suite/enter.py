@@ -8,8 +8,8 @@ import pandas as pd
 
 from jerkbench.campaigns.entrant import Entrant, knobs_of
 from jerkbench.campaigns.piece import Site
-from jerkbench.cells.provenance import code_digest, git_commit, versions
 from jerkbench.files import cache_folder
+from jerkbench.jobs.key import code_digest, git_commit, versions
 from jerkbench.suite.campaign import ENTRY, PLAIN, ScoredEntrant, SuiteCampaign, plugins_digest, scored_plain
 from jerkbench.suite.entry import Settings, plain_score, write_entry
 from jerkbench.suite.frozen import FROZEN

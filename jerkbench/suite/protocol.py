@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 from jerkbench.campaigns.entrant import Entrant
 from jerkbench.campaigns.protocol import CampaignProtocol, protocol_of
-from jerkbench.cells.protocol import Protocol
 from jerkbench.errors import PluginError, unknown
+from jerkbench.jobs.cell import Protocol
 from jerkbench.presets import preset
 from jerkbench.suite.frozen import FROZEN
 

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.cells.data import data_fingerprint
 from jerkbench.errors import RecordingError
-from jerkbench.execution.inputs import Inputs
+from jerkbench.jobs.inputs import Inputs
+from jerkbench.jobs.key import data_fingerprint
 from jerkbench.recording import Recording
 from jerkbench.suite.frozen import FROZEN
 from jerkbench.suite.protocol import SuiteProtocol

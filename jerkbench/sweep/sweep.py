@@ -8,24 +8,21 @@ from operator import attrgetter
 from pathlib import Path
 from typing import NamedTuple
 
-from jerkbench.cells.cell import Cell
-from jerkbench.cells.data import data_fingerprint
-from jerkbench.cells.key import cell_key
-from jerkbench.cells.refusal import refusal
-from jerkbench.clusters.cluster import Cluster, Order
-from jerkbench.clusters.identity import identity_of
-from jerkbench.clusters.local import Local
 from jerkbench.errors import PluginError
-from jerkbench.execution.cell_run import CellRun, failed_rows
-from jerkbench.execution.preflight import require_inputs
-from jerkbench.execution.progress import Progress
+from jerkbench.jobs.cell import Cell
+from jerkbench.jobs.cluster import Cluster, Local, Order
+from jerkbench.jobs.identity import identity_of
+from jerkbench.jobs.key import cell_key, data_fingerprint
+from jerkbench.jobs.names import refusal
+from jerkbench.jobs.preflight import require_inputs
+from jerkbench.jobs.progress import Progress
+from jerkbench.jobs.rows import CellRun, failed_rows
 from jerkbench.notices import notify
 from jerkbench.results.store import Store
 from jerkbench.results.study_remarks import set_aside
+from jerkbench.sweep.blocks import Writer, missing, run_blocks
 from jerkbench.sweep.locks import FOLDER, Locks, Shared, plan_name
-from jerkbench.sweep.seed_blocks import missing, run_blocks
 from jerkbench.sweep.tasks import Planned, Result, Task, grouped, in_order
-from jerkbench.sweep.writer import Writer
 
 LOCAL = Local()
 """The own pool of processes."""

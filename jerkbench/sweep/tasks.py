@@ -7,11 +7,11 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import NamedTuple
 
-from jerkbench.cells.cell import Cell
-from jerkbench.cells.provenance import code_digest, git_commit, versions
 from jerkbench.contracts import PerSeed
-from jerkbench.execution.cell_run import Row
-from jerkbench.execution.inputs import KEPT
+from jerkbench.jobs.cell import Cell
+from jerkbench.jobs.inputs import KEPT
+from jerkbench.jobs.key import code_digest, git_commit, versions
+from jerkbench.jobs.rows import Row
 
 BUNDLES = 128
 """Bundles of a sweep, as long as none has more than `MOST_TASKS`."""

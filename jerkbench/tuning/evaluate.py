@@ -9,13 +9,13 @@ import numpy as np
 
 from jerkbench import plugins
 from jerkbench.arrays import FloatArray
-from jerkbench.cells.cell import Cell
-from jerkbench.clusters.cluster import Cluster
-from jerkbench.clusters.scenario_dispatch import done_by_scenario
 from jerkbench.contracts import Metric
 from jerkbench.errors import PluginError, RecordingError
-from jerkbench.execution.cell_run import Row, run_settings
-from jerkbench.execution.inputs import Inputs
+from jerkbench.jobs.cell import Cell
+from jerkbench.jobs.cluster import Cluster
+from jerkbench.jobs.inputs import Inputs
+from jerkbench.jobs.rows import Row, run_settings
+from jerkbench.jobs.scenario_dispatch import done_by_scenario
 from jerkbench.tuning.objectives import Objective
 from jerkbench.tuning.space import Setting, Space
 from jerkbench.tuning.splits import TuningCase

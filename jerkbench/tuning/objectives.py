@@ -8,7 +8,7 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.errors import PluginError, unknown
-from jerkbench.execution.cell_run import Row
+from jerkbench.jobs.rows import Row
 
 LOST = math.log(100.0)
 """What a lost run counts, and the most that any counts: a hundred times the error of the plain filter."""

@@ -4,8 +4,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from jerkbench.clusters.cluster import Cluster
-from jerkbench.execution.inputs import Inputs
+from jerkbench.jobs.cluster import Cluster
+from jerkbench.jobs.inputs import Inputs
 from jerkbench.tuning.evaluate import Evaluator, require_scorable
 from jerkbench.tuning.objectives import Objective
 from jerkbench.tuning.search import Budget, SearchOutcome, TuningScore, score, search

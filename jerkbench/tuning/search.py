@@ -9,9 +9,8 @@ from typing import Any, NamedTuple
 
 from jerkbench import plugins
 from jerkbench.arrays import FloatArray
-from jerkbench.cells.key import plugins_digests
-from jerkbench.cells.provenance import code_digest, plugin_digest, versions
 from jerkbench.errors import JerkbenchError, PluginError
+from jerkbench.jobs.key import code_digest, plugin_digest, plugins_digests, versions
 from jerkbench.tuning.evaluate import Evaluator
 from jerkbench.tuning.samplers import sampler_of
 from jerkbench.tuning.space import Setting

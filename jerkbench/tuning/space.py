@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from jerkbench.arrays import FloatArray
-from jerkbench.cells.cell import Cell
 from jerkbench.errors import PluginError, unknown
+from jerkbench.jobs.cell import Cell
 from jerkbench.parameters import Range, is_whole, ranges_of
-from jerkbench.timeline.reported_noise import RScale
+from jerkbench.timeline import RScale
 
 TOLD = Range(0.05, 20.0, log=True, source="ours: from a fifth to four times the reported sigma")
 """The range of each factor on the reported R."""

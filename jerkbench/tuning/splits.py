@@ -4,9 +4,9 @@ import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from jerkbench.cells.cell import Cell
-from jerkbench.cells.data import data_fingerprint
 from jerkbench.errors import PluginError
+from jerkbench.jobs.cell import Cell
+from jerkbench.jobs.key import data_fingerprint
 from jerkbench.tuning.excerpts import Excerpt
 
 PARTS = ("tune", "choose", "test")

@@ -84,8 +84,8 @@ def audit_verb(chosen: argparse.Namespace) -> None:
     """
     from jerkbench.audit.protocol import read_protocol
     from jerkbench.audit.study import FOLDER, run_audit, text_of
-    from jerkbench.execution.processors import processors
     from jerkbench.hydra_app.words import cluster_named
+    from jerkbench.jobs.pool import processors
 
     protocol, folder = read_protocol(chosen.scale), chosen.results / f"{FOLDER}{chosen.scale}"
     cluster, workers = cluster_named(chosen.cluster), chosen.workers or processors()
@@ -124,8 +124,8 @@ def suite_run_verb(chosen: argparse.Namespace) -> None:
         JerkbenchError: a word is unknown, the method does not fit, or the suite is not the frozen one.
     """
     from jerkbench.campaigns.piece import Site
-    from jerkbench.execution.processors import processors
     from jerkbench.hydra_app.words import cluster_named
+    from jerkbench.jobs.pool import processors
     from jerkbench.suite.enter import enter
 
     entrant = _entrant(chosen.words)

@@ -9,7 +9,7 @@ from jerkbench.verbs.arguments import argument, output, require_new, verb
 from jerkbench.verbs.source import SOURCE, dataset_of
 
 if TYPE_CHECKING:
-    from jerkbench.cells.cell import Cell
+    from jerkbench.jobs.cell import Cell
 
 TARGETS = {
     ".bag": "ROS 1 bag",
@@ -99,10 +99,10 @@ def data_export_verb(chosen: argparse.Namespace) -> None:
 
 
 def _write_seed(cell: "Cell", draw: int, folder: Path, chosen: argparse.Namespace) -> list[Path]:
-    from jerkbench.cells.data import data_fingerprint
-    from jerkbench.execution.inputs import shared_inputs
     from jerkbench.io.method_input import write_reference
     from jerkbench.io.recording_folder import write_recording
+    from jerkbench.jobs.inputs import shared_inputs
+    from jerkbench.jobs.key import data_fingerprint
 
     inputs = shared_inputs()
     recording = inputs.recording(cell, data_fingerprint(cell.dataset, cell.disturbances), draw)
@@ -181,9 +181,9 @@ def cache_verb(chosen: argparse.Namespace) -> None:
     Recordings that were fetched are not in it: they are data.
     """
     from jerkbench.compilation import module_cache
-    from jerkbench.execution import simulation_cache
     from jerkbench.files import cache_folder
     from jerkbench.io.ros import extract
+    from jerkbench.jobs import inputs as simulation_cache
 
     for title, name, patterns in (
         ("compiled filters and adaptations", module_cache.COMPILED, ("jerkbench_*", "__pycache__/jerkbench_*")),

@@ -132,7 +132,7 @@ def figures_verb(chosen: argparse.Namespace) -> None:
     Raises:
         JerkbenchError: there are no results, or no such method, scenario or seed.
     """
-    from jerkbench.execution.processors import processors
+    from jerkbench.jobs.pool import processors
     from jerkbench.report.choice import Choice
     from jerkbench.report.plots.palette import BETWEEN
     from jerkbench.results.replay import tell_left_out
@@ -178,7 +178,7 @@ def report_verb(chosen: argparse.Namespace) -> None:
     Raises:
         JerkbenchError: there are no results, or the file cannot be one.
     """
-    from jerkbench.execution.processors import processors
+    from jerkbench.jobs.pool import processors
     from jerkbench.results.replay import tell_left_out
     from jerkbench.results.study import load_study
     from jerkbench.results.study_figures import REPORT, Request, draw_study, write_report

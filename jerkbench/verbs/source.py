@@ -59,7 +59,7 @@ def dataset_of(source: str, name: str | None, words: Sequence[str]) -> Dataset:
     Raises:
         PluginError: nothing of that name, no data set for the file, or a parameter that does not fit.
     """
-    from jerkbench.cells.from_names import choose
+    from jerkbench.jobs.names import choose
 
     parameters = _parameters(words)
     path = Path(source).expanduser()

@@ -12,8 +12,8 @@ from jerkbench.datasets.field_v1 import FieldV1
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.evaluation.batch_scoring import scored
-from jerkbench.streamed_run import RecordedRun, Run
-from jerkbench.timeline.timeline import build_timeline
+from jerkbench.sums import RecordedRun, Run
+from jerkbench.timeline import build_timeline
 
 AFTER_S = 4.1
 

@@ -10,12 +10,11 @@ from omegaconf import OmegaConf
 
 import jerkbench
 from commands import verb as command_line
-from jerkbench.cells.from_names import cell_of_parts
-from jerkbench.cells.key import cell_key
-from jerkbench.cells.labels import GROUPS
-from jerkbench.cells.protocol import Protocol
 from jerkbench.errors import PluginError
 from jerkbench.hydra_app.configuration import Schema, cell_of, register_hydra_parts, register_schemas
+from jerkbench.jobs.cell import GROUPS, Protocol
+from jerkbench.jobs.key import cell_key
+from jerkbench.jobs.names import cell_of_parts
 from jerkbench.presets import config_folder, default_names
 from jerkbench.results.study import load_study
 

@@ -8,7 +8,7 @@ import pytest
 from jerkbench.audit.protocol import read_protocol
 from jerkbench.audit.study import run_audit
 from jerkbench.campaigns.piece import Piece
-from jerkbench.clusters.local import Local
+from jerkbench.jobs.cluster import Local
 
 GOLDEN = Path(__file__).parent / "golden"
 """verdicts.csv without times, and settings.csv, of the small audit; a change of what is computed makes them anew."""

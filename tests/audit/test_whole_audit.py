@@ -12,10 +12,10 @@ from jerkbench.audit.protocol import AuditProtocol, read_protocol
 from jerkbench.audit.study import run_audit
 from jerkbench.audit.table import verdict_frame
 from jerkbench.campaigns.piece import Piece
-from jerkbench.cells.provenance import code_digest
-from jerkbench.clusters.local import Local
 from jerkbench.errors import JerkbenchError
 from jerkbench.hydra_app.words import cluster_named
+from jerkbench.jobs.cluster import Local
+from jerkbench.jobs.key import code_digest
 
 FAMILIES = ("none", "outliers", "wheel_slip")
 

@@ -18,7 +18,7 @@ from jerkbench.estimate import Updates
 from jerkbench.evaluation.metrics.position import PositionRmse
 from jerkbench.filters.gnss_only import GnssOnly
 from jerkbench.filters.jerk import Jerk
-from jerkbench.streamed_run import Streamed
+from jerkbench.sums import Streamed
 
 
 def fails(check, plugin, sentence):

@@ -8,17 +8,16 @@ import pytest
 
 from jerkbench import plugins, testing
 from jerkbench.adaptation.mtf import Mtf
-from jerkbench.cells.cell import build
-from jerkbench.cells.protocol import Protocol
 from jerkbench.conformance.probe import complaint
 from jerkbench.disturbances.bias import Bias
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.errors import PluginError
 from jerkbench.evaluation.metrics.position import PositionRmse
-from jerkbench.execution.cell_run import CellRun
 from jerkbench.filters.eskf15 import Eskf15
 from jerkbench.filters.gnss_only import GnssOnly
 from jerkbench.filters.jerk import Jerk
+from jerkbench.jobs.cell import Protocol, build
+from jerkbench.jobs.rows import CellRun
 
 
 @dataclass(frozen=True)

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from jerkbench.cells.from_names import choose
 from jerkbench.conformance.plugin import check_plugin
 from jerkbench.errors import RecordingError
+from jerkbench.jobs.names import choose
 from jerkbench.plugins import create
 
 FAR_M = 1.5

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from jerkbench import run
-from jerkbench.cells.from_names import choose
 from jerkbench.datasets.field import Field
 from jerkbench.datasets.field_v1 import FieldV1
 from jerkbench.errors import PluginError
 from jerkbench.geometry import dcm_from_euler
+from jerkbench.jobs.names import choose
 from jerkbench.plugins import create
 from jerkbench.results.study import load_study
 

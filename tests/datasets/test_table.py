@@ -8,12 +8,12 @@ import pymap3d
 import pytest
 from scipy.spatial.transform import Rotation
 
-from jerkbench.cells.from_names import choose
 from jerkbench.conformance.plugin import check_plugin
 from jerkbench.conformance.samples import small_recording
 from jerkbench.datasets.table import Tables
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.io.writing import write_table
+from jerkbench.jobs.names import choose
 from jerkbench.plugins import create
 from jerkbench.recording import Origin
 

@@ -4,12 +4,10 @@ import numpy as np
 import pytest
 from scipy.stats import ks_2samp
 
-from jerkbench.cells.cell import build
-from jerkbench.cells.data import data_fingerprint
-from jerkbench.cells.key import cell_key
-from jerkbench.cells.protocol import Protocol
 from jerkbench.disturbances.replayed_gnss import ReplayedGnss
 from jerkbench.errors import PluginError, RecordingError
+from jerkbench.jobs.cell import Protocol, build
+from jerkbench.jobs.key import cell_key, data_fingerprint
 from jerkbench.recording import Position, Recording, Reference
 from jerkbench.traces import Trace, read_trace, trace_path, write_trace
 

@@ -16,7 +16,7 @@ from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.filters.baseline import Baseline
 from jerkbench.filters.jerk import Jerk
-from jerkbench.timeline.lengths import step_lengths
+from jerkbench.timeline import step_lengths
 from rough import rough_timeline
 
 FILTERS = [name for name in plugins.names("filter") if hasattr(plugins.get("filter", name), "axis_model")]

@@ -16,7 +16,7 @@ from jerkbench.filters.bias import Bias
 from jerkbench.filters.gnss_only import GnssOnly
 from jerkbench.filters.jerk import Jerk
 from jerkbench.recording import Position
-from jerkbench.timeline.timeline import build_timeline
+from jerkbench.timeline import build_timeline
 from synthetic import level_attitude, recording_at_rest
 
 

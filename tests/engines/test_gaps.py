@@ -10,8 +10,8 @@ from jerkbench import plugins
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.filters.jerk import Jerk
-from jerkbench.timeline.measurements import Measurements
-from jerkbench.timeline.timeline import Timeline
+from jerkbench.measurements import Measurements
+from jerkbench.timeline import Timeline
 
 ENGINES = [FilterpyEngine(), CompiledEngine()]
 GAP_S = 100.0

@@ -24,9 +24,9 @@ from jerkbench.filters.baseline import Baseline
 from jerkbench.filters.jerk import Jerk
 from jerkbench.kinematic.layout import run_type
 from jerkbench.kinematic.loop import ALONE, APART, run_steps
-from jerkbench.streamed_run import Run
-from jerkbench.timeline.measurements import Measurements
-from jerkbench.timeline.timeline import build_timeline
+from jerkbench.measurements import Measurements
+from jerkbench.sums import Run
+from jerkbench.timeline import build_timeline
 from rough import rough_recording
 from synthetic import level_attitude
 

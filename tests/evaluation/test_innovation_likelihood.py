@@ -12,7 +12,7 @@ from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.estimate import Updates
 from jerkbench.evaluation.metrics.innovation_likelihood import InnovationLikelihood
 from jerkbench.filters.constant_velocity import ConstantVelocity
-from jerkbench.timeline.timeline import build_timeline
+from jerkbench.timeline import build_timeline
 from synthetic import level_attitude, recording_at_rest
 
 ENGINES = [CompiledEngine(), FilterpyEngine()]

@@ -18,11 +18,11 @@ from jerkbench.evaluation.counted_rows import counted_rows
 from jerkbench.evaluation.metrics.position import PositionRmse
 from jerkbench.evaluation.metrics.position_bound import PositionBound
 from jerkbench.evaluation.riccati import Motion, Noise, position_variances
-from jerkbench.execution.simulation_cache import simulated
 from jerkbench.filters.baseline import Baseline
 from jerkbench.filters.bias import Bias
 from jerkbench.filters.jerk import Jerk
-from jerkbench.timeline.timeline import build_timeline
+from jerkbench.jobs.inputs import simulated
+from jerkbench.timeline import build_timeline
 
 SIGMA = 0.02
 FIELD = FieldV1(duration_s=40.0)

@@ -13,7 +13,7 @@ import jerkbench
 from experiment_scripts import experiment
 from jerkbench.audit.methods import Method
 from jerkbench.audit.page import sections_in
-from jerkbench.clusters.local import Local
+from jerkbench.jobs.cluster import Local
 
 attribution = experiment("attribution/attribution.py")
 games = experiment("attribution/shapley.py")

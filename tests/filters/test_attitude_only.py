@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 
 from jerkbench.adaptation.none import NoAdaptation
-from jerkbench.cells.cell import build
-from jerkbench.cells.protocol import Protocol
-from jerkbench.cells.refusal import refusal
 from jerkbench.evaluation.divergence import run_status
 from jerkbench.evaluation.evaluated_run import evaluate_run
 from jerkbench.filters.attitude_only import AttitudeOnly
+from jerkbench.jobs.cell import Protocol, build
+from jerkbench.jobs.names import refusal
 from jerkbench.plugins import create, names
 from synthetic import level_attitude, recording_at_rest
 

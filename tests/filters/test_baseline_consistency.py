@@ -10,7 +10,7 @@ from jerkbench.attitude.tilt import Tilt
 from jerkbench.datasets.field_v1 import FieldV1
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.filters.baseline import Baseline
-from jerkbench.timeline.timeline import build_timeline
+from jerkbench.timeline import build_timeline
 
 SIGMA_A_MPS2 = FieldV1().accel_sigma_mps2
 """The only error of u when the attitude is the true one: white, the same on each axis, however the body is turned."""

@@ -13,11 +13,11 @@ import pytest
 
 import jerkbench
 from commands import PATIENCE_S
-from jerkbench.cells.from_names import cell_of_parts
-from jerkbench.cells.key import cell_key
-from jerkbench.cells.protocol import Protocol
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.io.program import command_words, program_files
+from jerkbench.jobs.cell import Protocol
+from jerkbench.jobs.key import cell_key
+from jerkbench.jobs.names import cell_of_parts
 from processes import alive
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "any_language"

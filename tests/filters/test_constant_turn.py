@@ -12,7 +12,7 @@ from jerkbench.estimate import no_attitude
 from jerkbench.filters.constant_turn import ConstantTurn, turn_jacobian, turned
 from jerkbench.filters.constant_velocity import ConstantVelocity
 from jerkbench.recording import Position, Recording, Reference
-from jerkbench.timeline.timeline import build_timeline
+from jerkbench.timeline import build_timeline
 
 NONE = plugins.create("adaptation", {"name": "none"})
 

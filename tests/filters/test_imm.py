@@ -15,7 +15,7 @@ from jerkbench.filters._mixture import combined, log_density, mixed, weighed
 from jerkbench.filters.baseline import Baseline
 from jerkbench.filters.imm import InteractingMultipleModels
 from jerkbench.filters.jerk import Jerk
-from jerkbench.timeline.timeline import build_timeline
+from jerkbench.timeline import build_timeline
 from synthetic import level_attitude, recording_at_rest
 
 

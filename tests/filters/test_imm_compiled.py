@@ -15,10 +15,10 @@ from jerkbench.disturbances.noise_step import NoiseStep
 from jerkbench.evaluation.batch_scoring import scored
 from jerkbench.evaluation.counted_rows import counted_rows
 from jerkbench.evaluation.sums import sums_from, sums_of
-from jerkbench.filters._accepted import of_r_alone
+from jerkbench.filters.common import of_r_alone
 from jerkbench.filters.imm import InteractingMultipleModels
-from jerkbench.streamed_run import RecordedRun
-from jerkbench.timeline.timeline import build_timeline
+from jerkbench.sums import RecordedRun
+from jerkbench.timeline import build_timeline
 
 PAIRS = [("baseline", "jerk"), ("jerk", "baseline"), ("baseline", "baseline"), ("bias", "bias")]
 PAIRS += [("acceleration", "acceleration"), ("acceleration", "baseline")]

@@ -9,7 +9,7 @@ from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.filters.baseline import Baseline
 from jerkbench.filters.bias import Bias
 from jerkbench.filters.jerk import Jerk
-from jerkbench.timeline.timeline import build_timeline
+from jerkbench.timeline import build_timeline
 
 
 def test_jerk_and_bias_agree_to_a_millimetre_on_the_nominal_field():

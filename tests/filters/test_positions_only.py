@@ -16,7 +16,7 @@ from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.filters.baseline import Baseline
 from jerkbench.filters.eskf15 import Eskf15
 from jerkbench.filters.jerk import Jerk
-from jerkbench.timeline.timeline import build_timeline
+from jerkbench.timeline import build_timeline
 
 REAL = Tilt(sigma_accel_mps2=0.5, propagation="exact")
 MODELS = [

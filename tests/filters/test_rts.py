@@ -13,7 +13,7 @@ from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.errors import PluginError
 from jerkbench.filters.rts import RauchTungStriebel
 from jerkbench.recording import Reference
-from jerkbench.timeline.timeline import build_timeline
+from jerkbench.timeline import build_timeline
 from synthetic import level_attitude, recording_at_rest
 
 MODELS = ("baseline", "bias", "jerk")

@@ -5,10 +5,10 @@ import pytest
 
 from commands import SHORT, swept, verb
 from jerkbench import api
-from jerkbench.cells.from_names import cell_of_parts
-from jerkbench.cells.protocol import Protocol
+from jerkbench.jobs.cell import Protocol
+from jerkbench.jobs.names import cell_of_parts
 from jerkbench.results.store import Store
-from jerkbench.sweep.forecast import forecast, lines
+from jerkbench.sweep.looks import forecast, lines
 from jerkbench.sweep.sweep import plan_sweep
 
 FIELD = {"name": "field", "duration_s": 12}

@@ -15,15 +15,15 @@ from jerkbench.datasets.field_v1 import FieldV1
 from jerkbench.evaluation.batch_scoring import scored
 from jerkbench.evaluation.counted_rows import counted_rows
 from jerkbench.evaluation.sums import sums_from, sums_of
-from jerkbench.filters._accepted import of_r_alone
+from jerkbench.filters.common import of_r_alone
 from jerkbench.filters.eskf15 import Eskf15
 from jerkbench.filters.iekf import InvariantEkf
 from jerkbench.geometry import dcm_from_euler
 from jerkbench.inertial.compiled.solution import prepare, solve_compiled
 from jerkbench.inertial.run import InertialRun
 from jerkbench.recording import Heading, Velocity
-from jerkbench.streamed_run import RecordedRun
-from jerkbench.timeline.timeline import build_timeline
+from jerkbench.sums import RecordedRun
+from jerkbench.timeline import build_timeline
 
 BURN_IN_S = 2.0
 

@@ -12,7 +12,7 @@ from jerkbench.inertial.error_model import SensorNoise
 from jerkbench.inertial.events import merge_events
 from jerkbench.inertial.stillness import deviation, still_samples
 from jerkbench.recording import GRAVITY_MPS2, Heading, Imu, Position
-from jerkbench.timeline.timeline import build_timeline
+from jerkbench.timeline import build_timeline
 from synthetic import level_attitude, recording_at_rest
 
 NOISE = SensorNoise(angle=4e-6, velocity=9e-4, gyro_bias=0.0, accel_bias=0.0)

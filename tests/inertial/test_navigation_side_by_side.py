@@ -16,8 +16,8 @@ from jerkbench.evaluation.sums import sums_from, sums_of
 from jerkbench.filters.eskf15 import Eskf15
 from jerkbench.inertial.side_by_side.runs import goes_together, run_journeys
 from jerkbench.kinematic.plugin_call import compiled_rule
-from jerkbench.streamed_run import RecordedRun
-from jerkbench.timeline.timeline import build_timeline
+from jerkbench.sums import RecordedRun
+from jerkbench.timeline import build_timeline
 
 
 def scene_of(recording, attitude):

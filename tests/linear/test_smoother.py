@@ -21,8 +21,8 @@ from jerkbench.evaluation.sums import sums_from, sums_of
 from jerkbench.filters.rts import RauchTungStriebel
 from jerkbench.kinematic.plugin_call import compiled_rule
 from jerkbench.linear.smoother import smooth_one
-from jerkbench.streamed_run import RecordedRun
-from jerkbench.timeline.timeline import build_timeline
+from jerkbench.sums import RecordedRun
+from jerkbench.timeline import build_timeline
 
 MODELS = ("baseline", "bias", "jerk")
 

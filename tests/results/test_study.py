@@ -4,9 +4,8 @@ import re
 
 import pytest
 
-from jerkbench.cells.cell import build
-from jerkbench.cells.protocol import Protocol
 from jerkbench.errors import JerkbenchError, PluginError, RecordingError
+from jerkbench.jobs.cell import Protocol, build
 from jerkbench.report.analysis.findings import findings
 from jerkbench.report.analysis.study_verdicts import study_verdicts
 from jerkbench.report.tables.summary import summarise

@@ -4,10 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from jerkbench.cells.cell import build
-from jerkbench.cells.protocol import Protocol
-from jerkbench.execution.cell_run import CellRun
 from jerkbench.hydra_app import single_run as single
+from jerkbench.jobs.cell import Protocol, build
+from jerkbench.jobs.rows import CellRun
 from jerkbench.results.titles import file_stem, with_title
 from jerkbench.sweep.sweep import plan_sweep
 

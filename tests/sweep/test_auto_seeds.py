@@ -10,7 +10,7 @@ from jerkbench.errors import PluginError
 from jerkbench.report.analysis.rule import Rule
 from jerkbench.results.store import Store
 from jerkbench.results.study import load_study
-from jerkbench.sweep.auto_seeds import typed
+from jerkbench.sweep.looks import typed
 
 SHORT = ("dataset.duration_s=40", "figures=false", "workers=1")
 

@@ -5,11 +5,10 @@ import os
 import numpy as np
 import pytest
 
-from jerkbench.cells.cell import build
-from jerkbench.cells.protocol import Protocol
 from jerkbench.datasets.path import DrivenPath
-from jerkbench.execution.inputs import shared_inputs
 from jerkbench.io.files import fingerprint
+from jerkbench.jobs.cell import Protocol, build
+from jerkbench.jobs.inputs import shared_inputs
 from jerkbench.results.store import Store
 from jerkbench.sweep.sweep import plan_sweep, run_sweep
 

@@ -3,13 +3,12 @@
 import pandas as pd
 import pytest
 
-from jerkbench.cells.cell import build
-from jerkbench.cells.protocol import Protocol
-from jerkbench.execution.cell_run import CellRun
-from jerkbench.execution.inputs import KEPT
 from jerkbench.hydra_app.single_run import run_only_cell
+from jerkbench.jobs.cell import Protocol, build
+from jerkbench.jobs.inputs import KEPT
+from jerkbench.jobs.rows import CellRun
 from jerkbench.results.store import Store
-from jerkbench.sweep import seed_blocks as blocks
+from jerkbench.sweep import blocks
 from jerkbench.sweep.sweep import plan_sweep, run_sweep
 
 SEEDS = 2 * KEPT + 3

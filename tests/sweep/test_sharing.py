@@ -5,17 +5,14 @@ import threading
 import pytest
 
 from commands import PATIENCE_S
-from jerkbench.cells.cell import build
-from jerkbench.cells.labels import Labels
-from jerkbench.cells.protocol import Protocol
-from jerkbench.execution.cell_run import CellRun
-from jerkbench.execution.inputs import KEPT
+from jerkbench.jobs.cell import Labels, Protocol, build
+from jerkbench.jobs.inputs import KEPT
+from jerkbench.jobs.rows import CellRun
 from jerkbench.results.store import Store
 from jerkbench.sweep import sweep, tasks
+from jerkbench.sweep.blocks import Writer, block_of
 from jerkbench.sweep.locks import Locks, Shared
-from jerkbench.sweep.seed_blocks import block_of
 from jerkbench.sweep.sweep import plan_sweep, run_sweep
-from jerkbench.sweep.writer import Writer
 
 
 def cell(duration_s, seeds):

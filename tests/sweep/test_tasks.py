@@ -3,10 +3,9 @@
 import pandas as pd
 import pytest
 
-from jerkbench.cells.cell import build
-from jerkbench.cells.protocol import Protocol
-from jerkbench.execution.cell_run import CellRun
-from jerkbench.execution.inputs import KEPT
+from jerkbench.jobs.cell import Protocol, build
+from jerkbench.jobs.inputs import KEPT
+from jerkbench.jobs.rows import CellRun
 from jerkbench.results.store import Store
 from jerkbench.sweep.sweep import plan_sweep, run_sweep, run_task
 from jerkbench.sweep.tasks import grouped
@@ -91,8 +90,8 @@ def test_a_piece_that_is_lost_is_a_piece_of_failed_rows_and_runs_again(plan, tmp
 
 
 def test_a_worker_that_does_not_see_the_folder_stores_nothing(plan, tmp_path, monkeypatch):
-    monkeypatch.setattr("jerkbench.sweep.seed_blocks.KEEP_S", 0.0)
-    monkeypatch.setattr("jerkbench.sweep.seed_blocks.REST_S", 0.0)
+    monkeypatch.setattr("jerkbench.sweep.blocks.KEEP_S", 0.0)
+    monkeypatch.setattr("jerkbench.sweep.blocks.REST_S", 0.0)
     task, mark = grouped(plan.cells)[0][0], tmp_path / "here" / "mark"
     mark.parent.mkdir()
     mark.touch()

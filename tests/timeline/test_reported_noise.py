@@ -8,8 +8,7 @@ import pytest
 import jerkbench
 from jerkbench.errors import PluginError
 from jerkbench.recording import Velocity
-from jerkbench.timeline.reported_noise import RScale, scale_of, told, told_timeline
-from jerkbench.timeline.timeline import build_timeline
+from jerkbench.timeline import RScale, build_timeline, scale_of, told, told_timeline
 from synthetic import level_attitude, recording_at_rest
 
 SCALE = RScale(position=4.0, velocity=0.25)

@@ -5,10 +5,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from jerkbench.estimate import Attitude
+from jerkbench.measurements import INITIAL_SPEED_SIGMA_MPS, INPUT_SIGMA_MPS2, velocity_in_enu
 from jerkbench.recording import Velocity
-from jerkbench.timeline.measurements import velocity_in_enu
-from jerkbench.timeline.start import INITIAL_SPEED_SIGMA_MPS, INPUT_SIGMA_MPS2
-from jerkbench.timeline.timeline import build_timeline
+from jerkbench.timeline import build_timeline
 from synthetic import level_attitude, recording_at_rest
 
 YAW, PITCH, ROLL = 2.0, -0.2, 0.1

@@ -11,9 +11,9 @@ from jerkbench.filters.eskf15 import Eskf15
 from jerkbench.inertial.alignment import with_body_velocity
 from jerkbench.inertial.rotation import rotation_exp
 from jerkbench.inertial.state import NavigationState
+from jerkbench.measurements import INITIAL_SPEED_SIGMA_MPS, INPUT_SIGMA_MPS2, UNSEEN_SIGMA_MPS2
 from jerkbench.recording import Imu, Position, Velocity
-from jerkbench.timeline.start import INITIAL_SPEED_SIGMA_MPS, INPUT_SIGMA_MPS2, UNSEEN_SIGMA_MPS2
-from jerkbench.timeline.timeline import build_timeline
+from jerkbench.timeline import build_timeline
 from synthetic import level_attitude, recording_at_rest
 
 FULL = np.array([[0.04, 0.01, -0.02], [0.01, 0.09, 0.03], [-0.02, 0.03, 0.16]])

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from jerkbench.cells.from_names import choose
 from jerkbench.errors import RecordingError
+from jerkbench.jobs.names import choose
 from jerkbench.plugins import create
 from jerkbench.recording import Position, Recording, Reference
 from jerkbench.traces import (

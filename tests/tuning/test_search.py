@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from linear_gaussian import R_POSITION, R_VELOCITY, SIGMA_A, Level, LinearGaussian
 
-from jerkbench.cells.from_names import cell_of_parts
-from jerkbench.cells.protocol import Protocol
 from jerkbench.errors import JerkbenchError, PluginError
-from jerkbench.timeline.reported_noise import RScale
+from jerkbench.jobs.cell import Protocol
+from jerkbench.jobs.names import cell_of_parts
+from jerkbench.timeline import RScale
 from jerkbench.tuning import search as search_module
 from jerkbench.tuning.curves import budget_curve, intervals
 from jerkbench.tuning.evaluate import Evaluator

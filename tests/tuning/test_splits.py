@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from linear_gaussian import Level, LinearGaussian
 
-from jerkbench.cells.from_names import cell_of_parts
-from jerkbench.cells.protocol import Protocol
 from jerkbench.errors import PluginError, RecordingError
+from jerkbench.jobs.cell import Protocol
+from jerkbench.jobs.names import cell_of_parts
 from jerkbench.tuning.evaluate import Evaluator
 from jerkbench.tuning.excerpts import ended_at, scored_from
 from jerkbench.tuning.objectives import objective_of

@@ -8,9 +8,9 @@ import numpy as np
 from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.estimate import Estimate, Updates
 from jerkbench.evaluation.counted_stamps import first_counted_s
+from jerkbench.measurements import FLOOR
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
-from jerkbench.timeline.measurements import FLOOR
 
 INFLATED = 4.0
 """A variance that is so many times the reported one: twice the sigma."""

@@ -20,8 +20,8 @@ from jerkbench.inertial.run import InertialSolution
 from jerkbench.inertial.run_inputs import Journey
 from jerkbench.inertial.state import Deformation, NavigationState
 from jerkbench.optional import clocked
-from jerkbench.streamed_run import Scoring, Streamed
-from jerkbench.timeline.timeline import Timeline
+from jerkbench.sums import Scoring, Streamed
+from jerkbench.timeline import Timeline
 
 FRAMES = ("enu", "body", "speed")
 

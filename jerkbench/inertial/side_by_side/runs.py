@@ -18,7 +18,7 @@ from jerkbench.kinematic.loop import APART
 from jerkbench.kinematic.packs import Pack
 from jerkbench.kinematic.plugin_call import Rule
 from jerkbench.recording import Imu
-from jerkbench.streamed_run import Run, Scoring, Streamed
+from jerkbench.sums import Run, Scoring, Streamed
 
 OWN = (
     *("run_together", "begin", "mechanise", "propagate", "feed_back", "_carry", "fill_turn", "_fill_large"),

@@ -1,1 +1,0 @@
-"""The execution of a cell: shared inputs, runs side by side or alone, processes, progress."""

@@ -1,0 +1,189 @@
+"""What linear estimators share: the model of three axes, the start, one measurement update, ranges of noises."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from jerkbench import plugins
+from jerkbench.arrays import FloatArray
+from jerkbench.contracts import Adaptation, AdaptingGain, AdaptingPrior, Fading, Filter
+from jerkbench.memory import empty_memory
+from jerkbench.optional import clocked, wants_truth
+from jerkbench.parameters import Origin, Range
+from jerkbench.timeline import Recorder, Timeline
+
+
+class StepModel(NamedTuple):
+    """The model of one step for all three axes.
+
+    Attributes:
+        F: (n, n) A (x) I3.
+        B: (n, 3) b (x) I3.
+        Q: (n, n) Q (x) I3.
+    """
+
+    F: FloatArray
+    B: FloatArray
+    Q: FloatArray
+
+
+class StepModels:
+    """Step models of a filter, made once for each whole nanosecond."""
+
+    def __init__(self, model: Filter, dt0_s: float) -> None:
+        """Start without any."""
+        self._model, self._dt0_s = model, dt0_s
+        self._known: dict[int, StepModel] = {}
+
+    def of(self, dt_s: float) -> StepModel:
+        """Return the model of a step of ``dt_s``."""
+        key = round(dt_s * 1e9)
+        if key not in self._known:
+            A, b, Q = self._model.axis_model(dt_s, self._dt0_s)
+            self._known[key] = StepModel(_of_three_axes(A), _of_three_axes(b[:, None]), _of_three_axes(Q))
+        return self._known[key]
+
+
+def initial(timeline: Timeline, model: Filter) -> tuple[FloatArray, FloatArray]:
+    """Return x (n,) and P (n, n) at the start of ``timeline``."""
+    extra = np.repeat(model.initial_variances(), 3)
+    P = np.diag(np.concatenate([np.zeros(6), extra]))
+    P[:6, :6] = timeline.P0
+    return np.concatenate([timeline.x0, np.zeros(len(extra))]), P
+
+
+def updated(
+    x: FloatArray, P: FloatArray, innovation: FloatArray, H: FloatArray, R: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return x and P after an update; P in Joseph form, symmetrised."""
+    PHt = P @ H.T
+    K = np.linalg.solve(H @ PHt + R, PHt.T).T
+    residual = np.eye(len(x)) - K @ H
+    posterior = residual @ P @ residual.T + K @ R @ K.T
+    return x + K @ innovation, 0.5 * (posterior + posterior.T)
+
+
+def squared_distance(y: FloatArray, S: FloatArray) -> float:
+    """Return y' S^-1 y."""
+    return float(y @ np.linalg.solve(S, y))
+
+
+def is_healthy(x: FloatArray, P: FloatArray) -> bool:
+    """Whether the state is finite and the covariance positive definite."""
+    if not (np.isfinite(x).all() and np.isfinite(P).all()):
+        return False
+    try:
+        np.linalg.cholesky(P)
+    except np.linalg.LinAlgError:
+        return False
+    return True
+
+
+def _of_three_axes(matrix: FloatArray) -> FloatArray:
+    return np.asarray(np.kron(matrix, np.eye(3)), dtype=np.float64)
+
+
+# Models of one axis for many lengths of a step at once: an IMU with uneven stamps has as many as
+# samples.
+
+Models = tuple[FloatArray, FloatArray, FloatArray]
+"""A (k, n, n), b (k, n), Q (k, n, n)."""
+
+
+class ManyLengths:
+    """A filter that writes its model down for all lengths; that of one length is one of them."""
+
+    def axis_models(self, dt: FloatArray, dt0: float) -> Models:
+        """Return A (k, n, n), b (k, n), Q (k, n, n) for steps of ``dt`` (k,) seconds."""
+        raise NotImplementedError
+
+    def axis_model(self, dt: float, dt0: float) -> Models:
+        """Return A (n, n), b (n,), Q (n, n) for a step of ``dt`` seconds."""
+        A, b, Q = self.axis_models(np.array([dt]), dt0)
+        return A[0], b[0], Q[0]
+
+
+def identities(dt: FloatArray, n: int) -> FloatArray:
+    """Return the identity (k, n, n) for each of ``dt`` (k,)."""
+    return np.tile(np.eye(n), (len(dt), 1, 1))
+
+
+def outer(scale: FloatArray, b: FloatArray) -> FloatArray:
+    """Return scale b b' (k, n, n) of each ``scale`` (k,) and ``b`` (k, n)."""
+    return np.asarray(scale[:, None, None] * (b[:, :, None] * b[:, None, :]))
+
+
+# The measurement updates of an estimator whose state begins with position and velocity.
+
+
+class MeasurementUpdates:
+    """The measurement updates of one run, with the adaptation's memory."""
+
+    def __init__(self, timeline: Timeline, adaptation: Adaptation, recorder: Recorder) -> None:
+        """Start with an empty memory; an adaptation that asks for the true covariances gets them."""
+        measured = timeline.measurements
+        adaptation = clocked(adaptation, timeline)
+        self.measured, self.adaptation, self.recorder = measured, adaptation, recorder
+        self.R = measured.covariances(true=wants_truth(adaptation))
+        self.memory = empty_memory(adaptation)
+        self.fade = adaptation.fade if isinstance(adaptation, Fading) else None
+
+    def __call__(self, row: int, x: FloatArray, P: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return x and P after the measurement ``row``, and the prior covariance that it took, which may be faded.
+
+        Where every row of it is dropped the state stays as it is.
+        """
+        z = self.measured.z[row]
+        rows = np.flatnonzero(np.isfinite(z))
+        block = np.ix_(rows, rows)
+        innovation, R = z[rows] - x[rows], self.R[row][block]
+        S = P[block] + self.measured.R[row][block]
+        nis, log_det = squared_distance(innovation, S), float(np.linalg.slogdet(S)[1])
+        if self.fade is not None and len(rows):
+            P = P * self.fade(innovation, P[block], R, rows, self.memory)
+        prior = P
+        R = self.adaptation.adapt(innovation, P[block], R, rows, self.memory) if len(rows) else R
+        kept, used = np.isfinite(np.diag(R)), float("nan")
+        if kept.any():
+            few = np.ix_(kept, kept)
+            used = squared_distance(innovation[kept], P[block][few] + R[few])
+            x, P = updated(x, P, innovation[kept], np.eye(len(x))[rows[kept]], R[few])
+        self.recorder.update(row, rows, innovation, np.diag(R), nis, used, log_det)
+        return x, P, prior
+
+
+# The adaptations that an estimator can take.
+
+BEYOND_R = (Fading, AdaptingPrior, AdaptingGain)
+"""What an adaptation changes besides R: it needs the one prior covariance of one linear filter."""
+
+
+def of_r_alone() -> tuple[str, ...]:
+    """Names of all adaptations, also a third party's, that change R alone."""
+    names = plugins.names("adaptation")
+    return tuple(name for name in names if not isinstance(plugins.get("adaptation", name), BEYOND_R))
+
+
+def of_r_or_fading() -> tuple[str, ...]:
+    """Names of all that change R, or fade the prior covariance."""
+    names = plugins.names("adaptation")
+    return tuple(n for n in names if not isinstance(plugins.get("adaptation", n), (AdaptingPrior, AdaptingGain)))
+
+
+# The ranges and origins that the noises of several filters share.
+
+ACCEL = Range(
+    0.01,
+    10.0,
+    log=True,
+    source="ours: from half of the simulated accelerometer's noise to the best of the baseline on a real car",
+)
+JERK_WALK = Range(0.1, 100.0, log=True, source="ours: that of the bias walk, times 2/dt at 100 Hz, without its ends")
+BIAS_WALK = Range(1e-4, 1.0, log=True, source="ours: from a good MEMS sensor's wandering bias to leaking gravity")
+ACCEL_WALK = Range(0.05, 50.0, log=True, source="ours: from a ship's to a race car's changes of acceleration")
+VELOCITY_WALK = Range(0.01, 30.0, log=True, source="ours: from a slow robot's to a braking car's changes of velocity")
+STAYS = Range(0.5, 0.999, toward_one=True, source="ours: from a model that lasts two updates to one that lasts 1000")
+
+FIELD = Origin("tuned by hand on the simulated field; the paper gives no value")
+START = Origin("ours: wide enough not to matter after the first seconds of the simulated field")
+WALK = Origin("ours: a vehicle that changes its acceleration by 2 m/s2 within a second")

@@ -1,0 +1,152 @@
+"""The key of a cell: a hash of all that its rows depend on but their seeds: our code, the plugins', the data."""
+
+import hashlib
+import json
+import platform
+import secrets
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+
+from jerkbench.contracts import Dataset, Disturbance, ReadingFile
+from jerkbench.errors import PluginError, RecordingError
+from jerkbench.jobs.cell import Cell
+from jerkbench.jobs.sources import KNOWN, named_digests, sources_digest
+
+# The provenance of a result, besides its configuration: our own code, the plugins' code, the
+# libraries.
+
+PACKAGE = Path(__file__).parents[1]
+LIBRARIES = ("filterpy", "numba", "numpy", "scipy", "pandas", "pymap3d", "hydra-core")
+COMPUTING = (
+    *("adaptation", "attitude", "compilation", "datasets", "disturbances", "engines", "estimation"),
+    *("filters", "inertial", "io", "kinematic", "linear", "recording", "simulation", "measurements", "timeline"),
+    *("traces", "contracts", "evaluation/metrics", "arrays", "estimate", "geometry", "kalman"),
+    *("memory", "optional", "random_streams", "sums"),
+    *(f"jobs/{name}" for name in ("cell", "inputs", "rows")),
+    *(f"evaluation/{name}" for name in ("batch_scoring", "counted_rows", "counted_stamps", "divergence")),
+    *(f"evaluation/{name}" for name in ("evaluated_run", "faults", "navigation_errors", "riccati", "sums")),
+    *(f"evaluation/statistics/{name}" for name in ("gaussian_scores", "step_response", "whiteness")),
+    "evaluation/statistics/intervals/correlated_errors",
+)
+"""Rooms and modules of this package that the rows of a cell depend on: their code is in every key."""
+
+
+@cache
+def code_digest(*further: str) -> str:
+    """Hash of every source file that the rows of a cell depend on, and of every trace.
+
+    Args:
+        further: rooms on which a result depends besides.
+    """
+    digest = hashlib.sha256()
+    for path in sorted([*PACKAGE.rglob("*.py"), *PACKAGE.glob("traces/shipped/*.parquet")]):
+        inside = path.relative_to(PACKAGE)
+        places = {part.as_posix() for part in (inside.with_suffix(""), *inside.parents)}
+        if not places.isdisjoint((*COMPUTING, *further)):
+            digest.update(str(inside).encode() + path.read_bytes())
+    return digest.hexdigest()
+
+
+@cache
+def plugin_digest(cls: type) -> str:
+    """Hash of all that a plugin outside this package depends on, and that of its bases.
+
+    Empty for our own plugins, which `code_digest` covers. A class without a file, of an interactive session, has
+    another one in each process: nothing tells whether it changed.
+    """
+    named = [line for base in cls.__mro__ for line in _named(base)]
+    homes = {c.__module__.partition(".")[0] for c in cls.__mro__} - KNOWN - sys.stdlib_module_names
+    try:
+        texts = [*map(sources_digest, sorted(homes)), *named]
+        return hashlib.sha256("".join(texts).encode()).hexdigest() if texts else ""
+    except LookupError:
+        return _this_process()
+
+
+def _named(cls: type) -> Iterator[str]:
+    """Yield a line for each place that the class itself names in `depends_on`."""
+    file, names = getattr(sys.modules.get(cls.__module__), "__file__", None), vars(cls).get("depends_on", ())
+    if not isinstance(names, tuple) or not all(isinstance(name, str) for name in names):
+        raise PluginError(f'{cls.__name__}.depends_on is {names!r}; give a tuple of texts, such as ("gains.csv",).')
+    return named_digests(names, Path(file).parent if file else Path())
+
+
+@cache
+def _this_process() -> str:
+    return secrets.token_hex(32)
+
+
+@cache
+def versions() -> dict[str, str]:
+    """Versions of Python, this package and the libraries that compute."""
+    return {"python": platform.python_version(), **{name: version(name) for name in ("jerkbench", *LIBRARIES)}}
+
+
+@cache
+def git_commit() -> str:
+    """The commit of the checkout that the package runs from, with "+changes" if it has any; empty outside one."""
+
+    def git(*words: str) -> str:
+        done = subprocess.run(["git", "-C", str(PACKAGE), *words], capture_output=True, text=True, check=False)  # noqa: S603, S607 - fixed words
+        return done.stdout.strip() if done.returncode == 0 else ""
+
+    try:
+        tracked = git("ls-files", "--", "__init__.py")
+        commit = git("rev-parse", "HEAD") if tracked else ""
+        return commit + ("+changes" if commit and git("status", "--porcelain") else "")
+    except FileNotFoundError:  # no git on this machine
+        return ""
+
+
+SEEDS = ("seeds", "first_seed")
+"""Entries of a protocol that decide on which rows there are, and not on what is in them."""
+
+
+def cell_key(cell: Cell, fingerprint: str) -> str:
+    """Hash of all that the rows depend on besides their seeds: specification, protocol, code, libraries, data."""
+    everything = {
+        "labels": cell.labels,
+        "spec": cell.spec,
+        "protocol": {name: value for name, value in asdict(cell.protocol).items() if name not in SEEDS},
+        "code": code_digest(),
+        "versions": versions(),
+        "plugins": plugins_digests(cell),
+        "data": fingerprint,
+    }
+    return hashlib.sha256(json.dumps(everything, sort_keys=True).encode()).hexdigest()[:20]
+
+
+def plugins_digests(cell: Cell) -> list[str]:
+    """Return a hash of the code of each plugin, and one of the files that the filter reads."""
+    parts = [cell.dataset, *cell.disturbances, cell.attitude, cell.filter, cell.adaptation, cell.engine, *cell.metrics]
+    read = cell.filter.fingerprint() if isinstance(cell.filter, ReadingFile) else ""
+    return [*(plugin_digest(type(part)) for part in parts), read]
+
+
+# The identity of a cell's data: those of its data set, and files that its disturbances read.
+
+
+def data_fingerprint(dataset: Dataset, disturbances: Sequence[Disturbance]) -> str:
+    """Return the fingerprint of the data set, and that of each disturbance that reads a file after it."""
+    marks = [d.fingerprint() for d in disturbances if isinstance(d, ReadingFile)]
+    return "+".join([dataset.fingerprint(), *filter(None, marks)])
+
+
+def require_data(dataset: Dataset, disturbances: Sequence[Disturbance], fingerprint: str) -> None:
+    """Require that the data are still those of ``fingerprint``.
+
+    Raises:
+        RecordingError: they are others.
+    """
+    current = data_fingerprint(dataset, disturbances)
+    if current != fingerprint:
+        raise RecordingError(
+            f"The data of the data set {type(dataset).__name__} have changed since they were hashed: the hash was "
+            f"{fingerprint or 'empty'}, it is {current or 'empty'}. `jerkbench run` with the same words runs it with "
+            "the data that are there now."
+        )

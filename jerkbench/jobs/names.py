@@ -1,0 +1,211 @@
+"""A cell from names and mappings, as Python code gives them; Hydra does the same for the command line."""
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, fields, is_dataclass
+from typing import Any
+
+from jerkbench import plugins
+from jerkbench.contracts import Estimator, PerSeed
+from jerkbench.errors import PluginError, unknown
+from jerkbench.jobs.cell import Cell, Noise, Protocol, build, labels_of
+from jerkbench.optional import is_attitude_only, lacks_imu, preferred_attitude, uses_imu
+from jerkbench.presets import default_names, merged_values, preset, preset_names
+
+Part = Any
+"""A plugin or a preset by its name, {"name": ..., parameter: value, ...}, or a plugin itself."""
+
+Groups = Mapping[str, Part | None]
+
+
+@dataclass(frozen=True)
+class ChosenPlugin:
+    """A part of a combination.
+
+    Attributes:
+        name: what was chosen: a plugin or a preset.
+        overrides: what was given with it, as the command line has it: "filter.accel_mps2=0.2".
+        plain: the plugin's name and its parameters; of disturbances, such a mapping under each name.
+    """
+
+    name: str
+    overrides: list[str]
+    plain: dict[str, Any]
+
+
+def cell_of_parts(
+    single: Groups,
+    disturbances: Sequence[Part],
+    noise: Part | None,
+    protocol: Protocol,
+    metrics: Sequence[str] = (),
+    r_scale: Mapping[str, float] | None = None,
+) -> Cell:
+    """Make the cell that the parts describe, with the labels that it has on the command line.
+
+    Args:
+        single: a part for each group that holds one plugin; None: the default, for ``attitude`` that of the data set.
+        disturbances: in order; empty: `none`.
+        noise: a preset, or the fields to set, or both; None: the filter's own.
+        protocol: how it is run and scored.
+        metrics: names of those to compute; empty: those that are cheap.
+        r_scale: factors on the reported R, "position" and "velocity"; None: as reported.
+
+    Raises:
+        PluginError: something is unknown or does not fit together.
+    """
+    parts = {kind: _or_default(kind, part) for kind, part in single.items() if kind != "attitude"}
+    parts["attitude"] = single["attitude"] or _preferred_attitude(parts["dataset"])
+    choice = {kind: choose(kind, part) for kind, part in parts.items()}
+    several = [choose("disturbance", part) for part in disturbances or [default_names()["disturbance"]]]
+    process = process_noise(noise)
+    spec: dict[str, Any] = {kind: part.plain for kind, part in choice.items()}
+    spec["disturbance"] = [plain for part in several for plain in part.plain.values()]
+    spec["noise"], spec["r_scale"] = process.plain, dict(r_scale or {})
+    spec["metrics"] = list(metrics)
+    choices = {kind: part.name for kind, part in {**choice, "noise": process}.items()}
+    overrides = [f"disturbance=[{','.join(part.name for part in several)}]"]
+    overrides += [word for part in (*choice.values(), *several, process) for word in part.overrides]
+    return build(spec, protocol, labels_of(spec, choices, overrides))
+
+
+def choose(kind: str, part: Part) -> ChosenPlugin:
+    """Find a plugin or a preset, and put the given parameters over its own.
+
+    Raises:
+        PluginError: it has no name, or there is none of that name.
+    """
+    name, parameters = _split(kind, part)
+    if name in preset_names(kind):
+        return _preset(kind, name, parameters)
+    if name not in plugins.names(kind):
+        raise PluginError(plugins.no_such(kind, name, preset_names(kind)))
+    plain = {**parameters, "name": name}
+    if kind == "disturbance":
+        return ChosenPlugin(name, words(f"{kind}.{name}", parameters), {name: plain})
+    return ChosenPlugin(name, words(kind, parameters), plain)
+
+
+def _preset(kind: str, name: str, parameters: dict[str, Any]) -> ChosenPlugin:
+    below = preset(kind, name)
+    if kind != "disturbance":
+        return ChosenPlugin(name, words(kind, parameters), merged_values(below, parameters))
+    for key, value in parameters.items():  # each is the parameters of one of the preset's disturbances
+        if key not in below:
+            raise PluginError(unknown(f"disturbance in the preset {name}", key, below))
+        if not isinstance(value, dict):
+            raise PluginError(f"disturbance {name}, '{key}' is {value!r}; give its parameters: {{parameter: value}}.")
+    overrides = [word for key, values in parameters.items() for word in words(f"{kind}.{key}", values)]
+    return ChosenPlugin(name, overrides, merged_values(below, parameters))
+
+
+def plugin_of(kind: str, part: Part | None) -> Any:  # noqa: ANN401 - the kind decides the contract
+    """Return the plugin itself that ``part`` stands for; None: the default. One that is given need not be registered.
+
+    Raises:
+        PluginError: something is unknown or does not fit together.
+    """
+    if is_plugin(part):
+        return part
+    return plugins.create(kind, choose(kind, _or_default(kind, part)).plain)
+
+
+def is_plugin(part: object) -> bool:
+    """Whether ``part`` is a plugin itself, no name of one."""
+    return is_dataclass(part) and not isinstance(part, type)
+
+
+def process_noise(part: Part | None) -> ChosenPlugin:
+    """Return the process noise that replaces the filter's own; the group has presets only.
+
+    Raises:
+        PluginError: there is no such preset or parameter.
+    """
+    own = default_names()["noise"]
+    name, parameters = _split("noise", part if isinstance(part, str) else {"name": own, **(part or {})})
+    known = [f.name for f in fields(Noise)]
+    for key in parameters:
+        if key not in known:
+            raise PluginError(unknown("parameter of noise", key, known))
+    if name not in preset_names("noise"):
+        raise PluginError(unknown("noise", name, preset_names("noise")))
+    return _preset("noise", name, parameters)
+
+
+def _preferred_attitude(dataset: Part) -> str:
+    """The attitude filter that the data set names in ``default_attitude``."""
+    cls = plugins.get("dataset", choose("dataset", dataset).plain["name"])
+    return preferred_attitude(cls) or default_names()["attitude"]
+
+
+def _or_default(kind: str, part: Part | None) -> Part:
+    return default_names()[kind] if part is None else part
+
+
+def _split(kind: str, part: Part) -> tuple[str, dict[str, Any]]:
+    """The name, and the parameters given with it; of a plugin itself, those that are not its defaults."""
+    if isinstance(part, str):
+        return part, {}
+    if is_plugin(part):
+        return _registered(kind, part), _changed(part)
+    if "name" not in part:
+        raise PluginError(f"{kind} is {dict(part)}, which has no name; give {{'name': ..., parameter: value}}.")
+    parameters = {key: dict(value) if isinstance(value, Mapping) else value for key, value in part.items()}
+    return str(parameters.pop("name")), parameters
+
+
+def _registered(kind: str, plugin: object) -> str:
+    """The name of a plugin that somebody has made; stored results know it by that."""
+    for name in plugins.names(kind):
+        if plugins.get(kind, name) is type(plugin):
+            return name
+    own = type(plugin).__name__
+    raise PluginError(f"{own} has no name to store results by; write @jerkbench.register('{kind}', NAME) above it.")
+
+
+def _changed(plugin: Any) -> dict[str, Any]:  # noqa: ANN401 - a dataclass
+    values = asdict(plugin)
+    usual = {f.name: f.default_factory() if callable(f.default_factory) else f.default for f in fields(plugin)}
+    return {name: value for name, value in values.items() if value != usual[name]}
+
+
+def words(owner: str, parameters: Mapping[str, Any]) -> list[str]:
+    """Return parameters as overrides of the command line."""
+    return [f"{owner}.{key}={_word(value)}" for key, value in parameters.items()]
+
+
+def _word(value: object) -> str:
+    return value if isinstance(value, str) else json.dumps(value, separators=(",", ":"), default=str)
+
+
+# The refusal of a combination: a filter that does not take the data set, or the adaptation.
+
+
+def refusal(cell: Cell) -> str:
+    """Return why the filter does not take the data set or the adaptation, or an empty string."""
+    if is_attitude_only(cell.dataset) and not is_attitude_only(cell.filter):
+        return _lacking(cell, "position to navigate by", _filters(is_attitude_only))
+    if lacks_imu(cell.dataset) and uses_imu(cell.filter):
+        return _lacking(cell, "IMU", _filters(lambda cls: not uses_imu(cls)))
+    if isinstance(cell.filter, PerSeed) and not cell.filter.for_each_seed and len(cell.draws) > 1:
+        return (
+            f"the filter {cell.labels.filter} has one file for {len(cell.draws)} runs; write {{seed}} in the place"
+            " of the seed in its name, or give seeds=1"
+        )
+    name = cell.spec["adaptation"]["name"]
+    if not isinstance(cell.filter, Estimator) or name in cell.filter.adaptations:
+        return ""
+    accepted = ", ".join(cell.filter.adaptations)
+    return f"the filter {cell.spec['filter']['name']} takes no adaptation '{name}', only: {accepted}"
+
+
+def _lacking(cell: Cell, stream: str, filters: Sequence[str]) -> str:
+    dataset, model = (cell.spec[kind]["name"] for kind in ("dataset", "filter"))
+    return (
+        f"the data set {dataset} has no {stream}, so the filter {model} cannot run over it, only: {', '.join(filters)}"
+    )
+
+
+def _filters(fits: Callable[[type], bool]) -> list[str]:
+    """The filters whose class fits."""
+    return [name for name in plugins.names("filter") if fits(plugins.get("filter", name))]

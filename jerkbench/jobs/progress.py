@@ -1,0 +1,135 @@
+"""The progress of a sweep, with the time left."""
+
+import sys
+import threading
+from collections import Counter
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from time import monotonic
+from types import TracebackType
+from typing import Self
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import Progress as Bar
+
+from jerkbench.plain import plain_output, styled
+
+# A sign of life from work that has nothing to show yet: a line after a quarter of a minute, then
+# one a minute.
+
+FIRST_S = 15.0
+EVERY_S = 60.0
+
+
+class Pulse:
+    """Says from a thread of its own that the work inside ``with`` goes on."""
+
+    def __init__(
+        self,
+        line: Callable[[float], str],
+        write: Callable[[str], object] | None = None,
+        first_s: float = FIRST_S,
+        every_s: float = EVERY_S,
+    ) -> None:
+        """Prepare to say ``line`` of the seconds that have passed, on standard error or by ``write``."""
+        self._line, self._write = line, write or _to_standard_error
+        self._first_s, self._every_s = first_s, every_s
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._beat, daemon=True)
+
+    def __enter__(self) -> Self:
+        """Begin to count."""
+        self._began = monotonic()
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Say no more."""
+        self._ended.set()
+        self._thread.join()
+
+    def _beat(self) -> None:
+        wait_s = self._first_s
+        while not self._ended.wait(wait_s):
+            self._write(self._line(monotonic() - self._began))
+            wait_s = self._every_s
+
+
+def duration(seconds: float) -> str:
+    """Return a time as a person says it: 40 s, 3 min, 2.5 h."""
+    if seconds < 99.5:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 99.5 * 60 else f"{seconds / 3600:.1f} h"
+
+
+def _to_standard_error(line: str) -> None:
+    sys.stderr.write(f"{line}\n")
+    sys.stderr.flush()
+
+
+class Progress:
+    """A bar over the cells of a sweep (or other things), on standard error; says how many runs diverged or failed.
+
+    Where standard error is no terminal, a line a minute stands for it.
+    """
+
+    def __init__(self, count: int, already: int = 0, doing: str = "Sweep", unit: str = "cells") -> None:
+        """Prepare a bar for ``count`` ``things``, of which ``already`` many are done."""
+        self._counts: Counter[str] = Counter()
+        self._doing, self._things = doing, unit
+        columns = (
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TextColumn(unit),
+            TimeElapsedColumn(),
+            TextColumn("left"),
+            TimeRemainingColumn(),
+            TextColumn("{task.fields[trouble]}"),
+        )
+        self._bar = Bar(*columns, console=Console(file=styled(sys.stderr)))
+        self._plain = ExitStack()
+        self._left = count - already
+        self._task = self._bar.add_task(doing, total=self._left, trouble="")
+        self._pulse = None if self._bar.console.is_terminal else Pulse(self._line, self._write)
+        if already:
+            self._bar.console.print(f"{already} of {count} {unit} are done already.")
+
+    def advance(self, statuses: Sequence[str] = ()) -> None:
+        """Count one more, whose runs ended with ``statuses``."""
+        self._counts.update(statuses)
+        trouble = ", ".join(f"{self._counts[s]} runs {s}" for s in ("diverged", "failed") if self._counts[s])
+        self._bar.update(self._task, advance=1, trouble=trouble)
+
+    def __enter__(self) -> Self:
+        """Start drawing, unless nothing is left to do."""
+        if self._left:
+            self._bar.start()
+            self._plain.enter_context(plain_output())  # what is printed meanwhile goes through the bar
+            if self._pulse:
+                self._pulse.__enter__()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Stop drawing."""
+        if self._left:  # a bar that was never there would leave an empty line
+            if self._pulse:
+                self._pulse.__exit__(kind, error, trace)
+            self._plain.close()
+            self._bar.stop()
+
+    def _line(self, seconds: float) -> str:
+        """Return the progress as a line, for a reader of a file or a pipe."""
+        task = self._bar.tasks[self._task]
+        done = int(task.completed)
+        remaining = f", about {duration(seconds / done * (self._left - done))} left" if done else ""
+        trouble = f"; {task.fields['trouble']}" if task.fields["trouble"] else ""
+        return f"{self._doing}: {done} of {self._left} {self._things} after {duration(seconds)}{remaining}{trouble}."
+
+    def _write(self, line: str) -> None:
+        self._bar.console.print(line, highlight=False, soft_wrap=True)

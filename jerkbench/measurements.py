@@ -1,0 +1,180 @@
+"""(Recording, Attitude) -> Measurements: position and velocity as rows of z = [p; v]."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jerkbench.arrays import BoolArray, FloatArray, IntArray
+from jerkbench.estimate import Attitude
+from jerkbench.recording import Recording, Velocity
+
+FLOOR = 1e-6
+"""No variance is taken below (1 mm)^2 or (1 mm/s)^2."""
+
+ABSENT_SIGMA_MPS = 100.0
+"""One sigma of what a speed does not tell: far more than any vehicle's, and still well conditioned."""
+
+
+@dataclass(frozen=True, eq=False)
+class Measurements:
+    """Measurements in the order of time; what comes at the same time is one row.
+
+    Attributes:
+        t_ns: (m,) time at which they were true.
+        z: (m, 6) position and velocity in ENU; NaN: not there.
+        R: (m, 6, 6) as reported, the diagonal not below the floor.
+        R_true: (m, 6, 6) what the errors were drawn from, where it is known; else R.
+    """
+
+    t_ns: IntArray
+    z: FloatArray
+    R: FloatArray
+    R_true: FloatArray
+
+    def covariances(self, *, true: bool) -> FloatArray:
+        """Return (m, 6, 6) those that a filter gets."""
+        return self.R_true if true else self.R
+
+
+def gather(recording: Recording, attitude: Attitude) -> Measurements:
+    """Merge the position and velocity of ``recording`` into rows of z."""
+    streams = []
+    if recording.position is not None:
+        p = recording.position
+        true = p.covariance_m2 if p.true_covariance_m2 is None else p.true_covariance_m2
+        streams.append((0, p.t_s, p.enu_m, p.covariance_m2, true))
+    if recording.velocity is not None:
+        v = velocity_in_enu(recording.velocity, attitude)
+        true = v.covariance_m2ps2 if v.true_covariance_m2ps2 is None else v.true_covariance_m2ps2
+        streams.append((3, v.t_s, v.mps, v.covariance_m2ps2, true))
+    stamps = [np.round(t_s * 1e9).astype(np.int64) for _, t_s, *_ in streams]
+    t_ns = np.unique(np.concatenate([*stamps, np.empty(0, dtype=np.int64)]))
+    z, R, R_true = np.full((len(t_ns), 6), np.nan), *np.tile(np.eye(6), (2, len(t_ns), 1, 1))
+    for (at, _, values, reported, true), stamp in zip(streams, stamps, strict=True):
+        rows, block = np.searchsorted(t_ns, stamp), slice(at, at + 3)
+        z[rows, block], R[rows, block, block], R_true[rows, block, block] = values, reported, true
+    present = np.isfinite(z).any(axis=1)
+    return Measurements(t_ns[present], z[present], floored(R[present]), floored(R_true[present]))
+
+
+def velocity_in_enu(velocity: Velocity, attitude: Attitude) -> Velocity:
+    """Turn a velocity along the body's axes, and its covariances, into ENU; one that is in ENU stays as it is.
+
+    With Omega of the last IMU stamp before it, v in the frame "body" or "speed" and C its covariance::
+
+        z = Omega v;  R = Omega C Omega'
+
+    An axis of "speed" that nothing is known of is 0 with the variance (100 m/s)^2, uncorrelated: once turned, only that
+    much in R says that it is absent, for the rows of z are those of ENU. A speed alone is so one quantity in three
+    rows; a rule that adds up variances, or takes the diagonal alone, sees little in them.
+    """
+    if velocity.frame == "enu":
+        return velocity
+    sample = np.maximum(np.searchsorted(attitude.t_s, velocity.t_s, side="right") - 1, 0)
+    omega = attitude.dcm[sample]
+    absent = ~np.isfinite(velocity.mps)
+    absent[absent.all(axis=1)] = False  # such a row stays absent as a whole
+    true = velocity.true_covariance_m2ps2
+    return Velocity(
+        velocity.t_s,
+        np.einsum("nij,nj->ni", omega, np.where(absent, 0.0, velocity.mps)),
+        _turned(omega, _widened(velocity.covariance_m2ps2, absent)),
+        "enu",
+        None if true is None else _turned(omega, _widened(true, absent)),
+    )
+
+
+def floored(covariance: FloatArray) -> FloatArray:
+    """Raise each diagonal element to the floor; the off-diagonals stay."""
+    raised = covariance.copy()
+    diagonal = np.einsum("nii->ni", raised)
+    np.maximum(diagonal, FLOOR, out=diagonal)
+    return raised
+
+
+def _widened(covariance: FloatArray, absent: BoolArray) -> FloatArray:
+    """The covariance with the variance of an absent axis where ``nothing`` (n, 3) is known."""
+    either = absent[:, :, None] | absent[:, None, :]
+    return np.where(either, ABSENT_SIGMA_MPS**2 * np.eye(3), covariance)
+
+
+def _turned(omega: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Omega C Omega', symmetric to the bit."""
+    turned = np.einsum("nij,njk,nlk->nil", omega, covariance, omega)
+    return np.asarray(0.5 * (turned + turned.transpose(0, 2, 1)))
+
+
+# Position and velocity at the start of a run, and their covariance.
+
+INITIAL_SPEED_SIGMA_MPS = 10.0
+"""One sigma of a velocity axis that nothing measures in the last second before the start, or at it."""
+
+INITIAL_SPEED_AGE_S = 1.0
+"""The largest age of a velocity to start from."""
+
+INPUT_SIGMA_MPS2 = 0.5
+"""One sigma of what is wrong with u on each axis, alike over the second: above all gravity that leaks by the tilt."""
+
+UNSEEN_SIGMA_MPS2 = 2.0
+"""One sigma of the acceleration of a vehicle while no IMU sees it."""
+
+
+def start_motion(
+    measurements: Measurements, first: int, attitude: Attitude | None, dt0_s: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return x0 (6,) and P0 (6, 6): position of the fix ``first``, velocity as it was last measured, moved up to it.
+
+    Each velocity axis comes from its latest measurement of the last second up to the fix; axes of the same measurement
+    keep their covariances. With tau its age, and the input u of the part tau_u of it that the IMU saw (nothing where
+    ``attitude`` is None: there is no IMU)::
+
+        v = z + int u dt;  P = R + (tau_u .5 m/s2)^2 I + ((tau - tau_u) 2 m/s2)^2 I
+
+    An axis that was not measured by then is 0 +- 10 m/s: what comes later is an update, and must not be used twice. A
+    measurement that is no surer than that in some direction (a speed, across) is not taken there.
+    """
+    x0, P0 = np.zeros(6), np.diag([1.0] * 3 + [INITIAL_SPEED_SIGMA_MPS**2] * 3)
+    x0[:3], P0[:3, :3] = measurements.z[first, :3], measurements.R[first, :3, :3]
+    start_s = measurements.t_ns[first] * 1e-9
+    rows = latest_rows(measurements, first)
+    for row in np.unique(rows[rows >= 0]):
+        axes = 3 + np.flatnonzero(rows == row)
+        block = np.ix_(axes, axes)
+        z, R = measurements.z[row, axes], measurements.R[row][block]
+        age_s = (measurements.t_ns[first] - measurements.t_ns[row]) * 1e-9
+        if age_s > 0:
+            gained, seen_s = _gained(attitude, dt0_s, start_s - age_s, start_s)
+            grown = (seen_s * INPUT_SIGMA_MPS2) ** 2 + ((age_s - seen_s) * UNSEEN_SIGMA_MPS2) ** 2
+            z, R = z + gained[axes - 3], R + grown * np.eye(len(axes))
+        x0[axes], P0[block] = _bounded(z, R)
+    return x0, P0
+
+
+def latest_rows(measurements: Measurements, first: int) -> IntArray:
+    """Row of the latest measurement of each velocity axis (3,) in the last second up to the fix; -1: there is none."""
+    age_ns = measurements.t_ns[first] - measurements.t_ns
+    recent = (age_ns >= 0) & (age_ns <= round(INITIAL_SPEED_AGE_S * 1e9))
+    measured = recent[:, None] & np.isfinite(measurements.z[:, 3:])
+    last = len(measured) - 1 - np.argmax(measured[::-1], axis=0)
+    return np.where(measured.any(axis=0), last, -1)
+
+
+def _bounded(z: FloatArray, R: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """A velocity and its covariance, 0 +- 10 m/s along the principal axes where it is no surer."""
+    variances, axes = np.linalg.eigh(R)
+    sure = variances < INITIAL_SPEED_SIGMA_MPS**2
+    if sure.all():
+        return z, R
+    kept = axes[:, sure]
+    P = axes * np.where(sure, variances, INITIAL_SPEED_SIGMA_MPS**2) @ axes.T
+    return kept @ (kept.T @ z), 0.5 * (P + P.T)
+
+
+def _gained(attitude: Attitude | None, dt0_s: float, begin_s: float, end_s: float) -> tuple[FloatArray, float]:
+    """The integral (3,) of the input u between two times, and how much of that time an IMU saw."""
+    if attitude is None:
+        return np.zeros(3), 0.0
+    nodes_s = np.concatenate(([attitude.t_s[0] - dt0_s], attitude.t_s))
+    ends_s = np.clip(nodes_s, begin_s, end_s)
+    parts_s = np.diff(ends_s)
+    return parts_s @ attitude.accel_enu_mps2, float(parts_s.sum())

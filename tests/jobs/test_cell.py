@@ -1,0 +1,134 @@
+"""A cell from plain data: what it runs, what its key depends on, what it refuses."""
+
+from dataclasses import replace
+
+import pytest
+
+from jerkbench.errors import PluginError
+from jerkbench.jobs import key as keys_of_cells
+from jerkbench.jobs.cell import Protocol, build, joined
+from jerkbench.jobs.key import cell_key
+from jerkbench.jobs.names import refusal
+
+SPEC = {
+    "dataset": {"name": "field"},
+    "disturbance": [{"name": "none"}],
+    "attitude": {"name": "tilt"},
+    "filter": {"name": "baseline"},
+    "adaptation": {"name": "none"},
+    "engine": {"name": "filterpy"},
+}
+
+
+def cell(protocol=None, **changed):
+    return build({**SPEC, **changed}, protocol or Protocol())
+
+
+def test_noise_that_is_set_replaces_the_filters_own_and_the_rest_is_left_alone():
+    noise = {"accel_mps2": 0.7, "jerk_mps3_per_sqrt_s": 3.0, "bias_mps2_per_sqrt_s": None}
+
+    assert cell(noise=noise).filter.accel_mps2 == 0.7
+    assert cell(noise=noise, filter={"name": "jerk"}).filter.jerk_mps3_per_sqrt_s == 3.0
+    assert cell(noise=noise, filter={"name": "jerk"}).filter.initial_jerk_mps3 == 20.0
+    assert cell(noise=noise, filter={"name": "gnss_only"}).spec["filter"] == {"name": "gnss_only"}
+
+
+def test_a_random_cell_has_its_seeds_and_a_deterministic_one_its_phases():
+    drive = {"name": "rtklib", "folder": "anywhere"}
+
+    assert list(cell(Protocol(seeds=3, first_seed=7)).draws) == [7, 8, 9]
+    assert list(cell(dataset=drive).draws) == [0]
+    assert list(cell(dataset=drive, disturbance=[{"name": "withhold", "every": 4}]).draws) == [0, 1, 2, 3]
+    assert not cell(dataset=drive).seeded
+    assert cell(dataset=drive, disturbance=[{"name": "bias"}]).seeded
+
+
+def test_the_cell_can_be_made_again_from_its_own_specification():
+    first = cell(filter={"name": "jerk", "accel_mps2": 0.3}, noise={"jerk_mps3_per_sqrt_s": 5.0})
+    again = build(first.spec, first.protocol, first.labels)
+
+    assert cell_key(first, "data") == cell_key(again, "data")
+
+
+def test_the_key_depends_on_everything_that_the_rows_depend_on(monkeypatch):
+    keys = [
+        cell_key(one, data)
+        for one, data in [
+            (cell(), "data"),
+            (cell(), "other data"),
+            (cell(Protocol(burn_in_s=6.0)), "data"),
+            (cell(filter={"name": "baseline", "accel_mps2": 0.3}), "data"),
+            (cell(adaptation={"name": "mtf"}), "data"),
+            (cell(disturbance=[{"name": "bias"}]), "data"),
+            (cell(metrics=["position_rmse"]), "data"),
+        ]
+    ]
+    monkeypatch.setattr(keys_of_cells, "code_digest", lambda: "an edit")
+    keys.append(cell_key(cell(), "data"))
+
+    assert len(set(keys)) == len(keys)
+    assert cell_key(cell(), "data") == keys[-1]
+
+
+def test_the_order_of_disturbances_matters_and_the_label_names_them():
+    both = [{"name": "bias"}, {"name": "gnss_outage"}]
+
+    assert cell(disturbance=both).labels.disturbance == "bias+gnss_outage"
+    assert cell_key(cell(disturbance=both), "") != cell_key(cell(disturbance=both[::-1]), "")
+    assert joined(["none", "bias"]) == "bias"
+    assert joined(["none"]) == "none"
+
+
+def test_an_estimator_refuses_what_it_cannot_use_with_a_sentence():
+    assert refusal(cell(filter={"name": "gnss_only"})) == ""
+    assert "takes no adaptation 'mtf', only: none" in refusal(
+        cell(filter={"name": "gnss_only"}, adaptation={"name": "mtf"})
+    )
+
+
+def test_impossible_protocols_are_a_sentence():
+    with pytest.raises(PluginError, match="seeds is 0"):
+        Protocol(seeds=0)
+    with pytest.raises(PluginError, match="first_seed is -1"):
+        replace(Protocol(), first_seed=-1)
+
+
+@pytest.mark.parametrize("burn_in_s", [-0.1, float("inf"), float("nan")])
+def test_a_burn_in_is_a_number_of_seconds(burn_in_s):
+    with pytest.raises(PluginError, match=f"burn_in_s is {burn_in_s:g}; it must be"):
+        Protocol(burn_in_s=burn_in_s)
+
+
+@pytest.mark.parametrize("limit_m", [0.0, -1.0, float("-inf"), float("nan")])
+def test_a_divergence_limit_is_more_than_nothing(limit_m):
+    with pytest.raises(PluginError, match=f"divergence_limit_m is {limit_m:g}; it must be"):
+        Protocol(divergence_limit_m=limit_m)
+
+
+def test_no_burn_in_and_no_limit_are_possible():
+    protocol = Protocol(burn_in_s=0.0, divergence_limit_m=float("inf"))
+    assert (protocol.burn_in_s, protocol.divergence_limit_m) == (0.0, float("inf"))
+
+
+def test_seeds_do_not_change_the_key_of_a_cell():
+    few, many = (cell(Protocol(seeds=n, first_seed=n)) for n in (2, 20))
+
+    assert cell_key(few, "data") == cell_key(many, "data")
+
+
+def test_the_key_depends_on_the_versions_of_the_libraries(monkeypatch):
+    before = cell_key(cell(), "data")
+    monkeypatch.setattr(keys_of_cells, "versions", lambda: {"numpy": "another"})
+
+    assert cell_key(cell(), "data") != before
+
+
+METRICS = {"none": [], "all": ["all"], "two": ["log_score", "coverage", "log_score"]}
+
+
+def test_metrics_that_cost_time_are_computed_where_they_are_asked_for():
+    names = {one: [*build({**SPEC, "metrics": asked}, Protocol()).spec["metrics"]] for one, asked in METRICS.items()}
+    assert "position_rmse" in names["none"]
+    assert "coverage" not in names["none"]
+    assert set(names["all"]) > set(names["none"])
+    assert names["two"] == ["log_score", "coverage"]

@@ -1,0 +1,76 @@
+"""Rows of a cell: the same whether its seeds go side by side or alone."""
+
+import pytest
+
+from jerkbench.errors import PluginError
+from jerkbench.jobs import rows as run
+from jerkbench.jobs.cell import Protocol, build
+
+SPEC = {
+    "dataset": {"name": "field", "duration_s": 20.0},
+    "disturbance": [{"name": "bias"}],
+    "attitude": {"name": "tilt"},
+    "filter": {"name": "baseline"},
+    "adaptation": {"name": "scalar_r"},
+    "engine": {"name": "compiled"},
+}
+
+
+def rows_of(limit_m, **changed):
+    cell = build({**SPEC, **changed}, Protocol(seeds=3, divergence_limit_m=limit_m))
+    rows, notes = run.CellRun(cell, "").rows()
+    assert notes == ["Reference of field: simulated truth; independent of the measurements."]
+    return rows
+
+
+@pytest.mark.parametrize("limit_m", [1000.0, 0.05])
+def test_a_run_that_goes_too_far_has_the_row_that_it_has_alone(monkeypatch, limit_m):
+    together = rows_of(limit_m)
+    monkeypatch.setattr(run, "streams", lambda _: False)
+    alone = rows_of(limit_m)
+
+    for one, other in zip(together, alone, strict=True):
+        assert one["status"] == ("ok" if limit_m == 1000.0 else "diverged")
+        assert (one["reason"] != "") == (limit_m == 0.05)
+        assert one.keys() == other.keys()
+        for name, value in one.items():
+            assert value == (
+                pytest.approx(other[name], rel=1e-9, nan_ok=True) if isinstance(value, float) else other[name]
+            )
+
+
+@pytest.mark.slow
+def test_a_trajectory_is_scored_once_for_what_the_attitude_alone_decides(monkeypatch):
+    """And then again for another attitude."""
+    from jerkbench.evaluation.metrics.attitude import AttitudeRmse
+
+    asked, evaluate = [], AttitudeRmse.evaluate
+    monkeypatch.setattr(AttitudeRmse, "evaluate", lambda *given: asked.append(given) or evaluate(*given))
+    changed = {"dataset": {"name": "field", "duration_s": 21.0}, "adaptation": {"name": "none"}}
+    estimators = [{"name": "gnss_only"}, {"name": "rts"}]
+    rows = [rows_of(1000.0, **changed, filter=one) for one in estimators]
+
+    assert len(asked) == 3
+    assert [row["yaw_rmse_rad"] for row in rows[0]] == [row["yaw_rmse_rad"] for row in rows[1]]
+    other = rows_of(1000.0, **changed, filter=estimators[0], attitude={"name": "gyro_only"})
+    assert len(asked) == 6
+    assert other[0]["yaw_rmse_rad"] != rows[0][0]["yaw_rmse_rad"]
+
+
+def test_what_the_engine_raises_is_a_failed_row_and_no_slower_run(monkeypatch):
+    from jerkbench.engines.compiled_engine import CompiledEngine
+
+    def broken(*_, **__):
+        raise ArithmeticError("the engine is broken")
+
+    alone = []
+    monkeypatch.setattr(CompiledEngine, "run_settings", broken)
+    monkeypatch.setattr(CompiledEngine, "run", lambda *given: alone.append(given))
+    cell = build(SPEC, Protocol(seeds=3))
+    rows, _ = run.CellRun(cell, "").rows()
+
+    assert [row["status"] for row in rows] == ["failed"] * 3
+    assert all("the engine is broken" in row["reason"] for row in rows)
+    with pytest.raises(PluginError, match="the engine is broken"):
+        run.CellRun(cell, "", on_error="raise").rows()
+    assert alone == []

@@ -1,0 +1,111 @@
+"""Many settings at once give the rows that each gives by itself."""
+
+import dataclasses
+import gc
+import weakref
+
+import pytest
+
+from jerkbench.adaptation.mtf import Mtf
+from jerkbench.evaluation.metrics.position import PositionRmse
+from jerkbench.filters.eskf15 import Eskf15
+from jerkbench.filters.imm import InteractingMultipleModels
+from jerkbench.filters.jerk import Jerk
+from jerkbench.filters.rts import RauchTungStriebel
+from jerkbench.jobs.cell import Protocol
+from jerkbench.jobs.inputs import Inputs
+from jerkbench.jobs.names import cell_of_parts
+from jerkbench.jobs.rows import CellRun, run_settings
+from jerkbench.timeline import RScale
+
+FIELD = {"name": "field", "duration_s": 12.0}
+DRAWS = (3, 4, 5)
+
+
+def cell_of(model="jerk", adaptation="mtf", engine="compiled", disturbance="none"):
+    single = {"dataset": FIELD, "attitude": None, "filter": model, "adaptation": adaptation, "engine": engine}
+    cell = cell_of_parts(single, [disturbance], None, Protocol(seeds=3, first_seed=3))
+    return dataclasses.replace(cell, metrics=(PositionRmse(),), spec={**cell.spec, "metrics": ["position_rmse"]})
+
+
+def alone(cell):
+    return [(row["status"], row["position_rmse_m"]) for row in CellRun(cell, "").rows(DRAWS)[0]]
+
+
+def together(cells):
+    found = run_settings(cells, DRAWS, "", 1, Inputs())
+    return [[(row["status"], row["position_rmse_m"]) for row in rows] for rows in found]
+
+
+def settings_of(cell):
+    changes = [
+        {"filter": Jerk(accel_mps2=0.3)},
+        {"adaptation": Mtf(window=5)},
+        {"r_scale": RScale(position=3.0)},
+        {"filter": Jerk(jerk_mps3_per_sqrt_s=0.5), "r_scale": RScale(0.5, 2.0)},
+    ]
+    return [cell, *(dataclasses.replace(cell, **change) for change in changes)]
+
+
+@pytest.mark.parametrize("disturbance", ["none", "noise_step"])
+def test_each_setting_has_the_rows_that_it_has_alone(disturbance):
+    cells = settings_of(cell_of(disturbance=disturbance))
+
+    for many, one in zip(together(cells), map(alone, cells), strict=True):
+        assert many == one
+
+
+def test_a_base_that_is_told_something_is_not_told_it_twice():
+    cell = dataclasses.replace(cell_of(), r_scale=RScale(position=5.0))
+
+    assert together([cell])[0] == alone(cell)
+
+
+def test_a_lost_run_is_a_row_that_says_so():
+    cell = cell_of()
+    lost = dataclasses.replace(cell, protocol=dataclasses.replace(cell.protocol, divergence_limit_m=1e-3))
+
+    assert {status for status, _ in together([lost])[0]} == {"diverged"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "model"),
+    [
+        ("rts", RauchTungStriebel("jerk", 0.3)),
+        ("imm", InteractingMultipleModels(first_stays=0.8)),
+        ("eskf15", Eskf15(accel_turn_on_mg=40.0)),
+    ],
+)
+def test_settings_of_an_estimator_have_the_rows_that_they_have_alone(name, model):
+    cell = cell_of(name)
+    cells = [cell, *(dataclasses.replace(cell, **change) for change in ({"filter": model}, {"r_scale": RScale(4.0)}))]
+
+    rows = together(cells)
+
+    assert len({value for row in rows for _, value in row}) == 3 * len(DRAWS)
+    for many, one in zip(rows, map(alone, cells), strict=True):
+        assert [status for status, _ in many] == ["ok"] * len(DRAWS)
+        assert many == one
+
+
+@pytest.mark.parametrize(("model", "engine"), [("gnss_only", "compiled"), ("baseline", "filterpy")])
+def test_what_does_not_run_side_by_side_runs_one_after_the_other(model, engine):
+    cell = cell_of(model, "none", engine)
+    told = dataclasses.replace(cell, r_scale=RScale(position=4.0))
+
+    assert together([cell, told]) == [alone(cell), alone(told)]
+
+
+def test_inputs_go_with_their_last_reference():
+    """Without the collector, which comes seldom where there are few objects and large ones."""
+    gc.collect()
+    gc.disable()
+    try:
+        inputs = Inputs()
+        recording = weakref.ref(inputs.recording(cell_of(), "", 3))
+        assert recording() is not None
+        del inputs
+        assert recording() is None
+    finally:
+        gc.enable()
