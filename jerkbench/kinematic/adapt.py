@@ -1,7 +1,7 @@
 """The adaptation: it sees one run after the other, as its author wrote it.
 
 Vectors hold a number of each run, and it wants all numbers of one run: they are spread and gathered around its calls.
-What it does to P element by element (`adapt_prior`) is in `prior`; a rule that sees or gives whole matrices is `dense`.
+What it does to P as a whole (`adapt_prior`, an own gain) is in `whole_matrices`.
 """
 
 import numpy as np

@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 import numpy_sums
 import pytest
+from scored_run import make_estimate, make_recording
 
-from conftest import make_estimate, make_recording
 from jerkbench.evaluation.counted_rows import counted_rows
 from jerkbench.evaluation.sums import sums_of
 
