@@ -1,11 +1,11 @@
 """The store: the runs of a study's cells in parts, written at once and atomically, found again by their cells' keys."""
 
-import os
 import time
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
+from uuid import uuid4
 
 import numpy as np
 import pyarrow as pa
@@ -53,7 +53,7 @@ class Store:
         """
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
-            probe = self.folder / f".probe.{os.getpid()}"
+            probe = self.folder / f".probe.{uuid4().hex}"
             probe.touch()
             probe.unlink()
             for partial in self.folder.rglob(".*.partial"):
