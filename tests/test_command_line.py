@@ -419,7 +419,7 @@ main(sys.argv[1:])
 """
 PAUSING = """
 import signal
-from jerkbench.sweep import writer
+from jerkbench.sweep import blocks
 from jerkbench.sweep.sweep import Tally
 
 def pausing(tally, task, result, add=Tally.add, count=[0]):
@@ -429,7 +429,7 @@ def pausing(tally, task, result, add=Tally.add, count=[0]):
     return add(tally, task, result)
 
 Tally.add = pausing
-writer.HELD_S = 0.0
+blocks.HELD_S = 0.0
 """
 
 

@@ -24,6 +24,7 @@ def test_every_kind_of_column_is_written_as_pandas_does(tmp_path, monkeypatch):
     monkeypatch.setattr(csv_writer, "STRETCH", 7)
     write_rows_csv(rows, tmp_path / "rows.csv")
 
+    rows["text"] = rows["text"].str.replace("\r", r"\r")  # what ends a line for some and not for others is written out
     assert (tmp_path / "rows.csv").read_bytes() == rows.to_csv(index=False, lineterminator="\n").encode()
 
 
