@@ -7,6 +7,7 @@ import numpy as np
 from jerkbench.inspection.clocks import all_lags, clock_offsets
 from jerkbench.inspection.evidence import DEG_PER_RAD, Diagnosis, sure_turnings
 from jerkbench.inspection.frames import attitude_mistakes, exchanged_axes, exchanged_degrees
+from jerkbench.inspection.lags import Lag
 from jerkbench.inspection.mounting import EITHER_MIRRORED, TRACK_MIRRORED, mounting
 from jerkbench.inspection.sigmas import understated_noise
 from jerkbench.recording import GRAVITY_MPS2, Recording
@@ -15,9 +16,9 @@ TOLERANCE = 0.25
 """So far from 1 may the median of |f|/g be after the mistake is mended: a rough ride, a scale that is off."""
 
 
-def diagnoses(recording: Recording) -> list[Diagnosis]:
-    """Return the mistakes that are sure."""
-    return [*first_diagnoses(recording), *clock_offsets(all_lags(recording))]
+def diagnoses(recording: Recording, lags: list[Lag] | None = None) -> list[Diagnosis]:
+    """Return the mistakes that are sure; ``lags`` are `all_lags` of the recording, where they are known already."""
+    return [*first_diagnoses(recording), *clock_offsets(all_lags(recording) if lags is None else lags)]
 
 
 def first_diagnoses(recording: Recording) -> list[Diagnosis]:

@@ -8,8 +8,8 @@ from jerkbench.arrays import FloatArray
 from jerkbench.attitude.tilt import Tilt
 from jerkbench.attitude.track import Track
 from jerkbench.attitude.yaw import COARSE, UNKNOWN, is_coarse, select_headings
-from jerkbench.inspection.clocks import SHIFT_PARAMETERS, all_lags, clock_offsets
-from jerkbench.inspection.doctor import first_diagnoses
+from jerkbench.inspection.clocks import SHIFT_PARAMETERS, all_lags
+from jerkbench.inspection.doctor import diagnoses
 from jerkbench.inspection.evidence import moving_speed_mps
 from jerkbench.inspection.lags import LEAST_CORRELATION, WORST_S, Lag
 from jerkbench.inspection.noise import SHORTEST_REST_S, RestNoise, longest_rest, rest_noise
@@ -132,7 +132,7 @@ def findings_text(recording: Recording) -> str:
     if recording.imu is not None:
         lines += _noise_lines(recording, rest_noise(recording, rest))
     lines += [f"to check: {remark}" for remark in overstated_noise(recording, rest)]
-    mistakes = [*first_diagnoses(recording), *clock_offsets(lags)]
+    mistakes = diagnoses(recording, lags)
     lines += [f"mistake: {diagnosis}" for diagnosis in mistakes] or ["mistakes: none that is sure"]
     return "\n".join(lines)
 

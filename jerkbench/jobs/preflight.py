@@ -1,4 +1,4 @@
-"""The preflight: a recording that lacks what its filters ask for is refused before anything runs."""
+"""What is looked at before anything runs: inputs that filters ask for, plugins' contracts; and errors in words."""
 
 import os
 import traceback
@@ -36,9 +36,6 @@ def _ask(part: Requiring, cell: Cell) -> None:
     except Exception:  # noqa: BLE001 - a plugin that breaks becomes a row that says so, when it is run
         return
 
-
-# What is wrong with a plugin: found before it runs, where it is from elsewhere, or raised, as a
-# sentence.
 
 TRACEBACK = "JERKBENCH_TRACEBACK"
 """Environment variable: what a plugin raises in a single run is raised as it is, for its author."""

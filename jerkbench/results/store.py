@@ -57,13 +57,15 @@ class Store:
             probe.touch()
             probe.unlink()
             for partial in self.folder.rglob(".*.partial"):
-                if time.time() - partial.stat().st_mtime > ABANDONED_S:
-                    partial.unlink(missing_ok=True)
+                with suppress(FileNotFoundError):  # its process has just finished it
+                    if time.time() - partial.stat().st_mtime > ABANDONED_S:
+                        partial.unlink()
         except OSError as error:
             raise JerkbenchError(f"Results cannot be written to {self.folder}: {error.strerror or error}.") from error
         damaged = [name for name, table in self.files.each(None, SEEN) if table is None]
         for path in map(self.files.path, damaged):
-            path.rename(path.with_name(f"{path.name}.damaged"))
+            with suppress(FileNotFoundError):  # another process has just set it aside
+                path.rename(path.with_name(f"{path.name}.damaged"))
         return damaged
 
     def write(self, key: str, rows: Sequence[Row], metadata: Mapping[str, Any]) -> None:

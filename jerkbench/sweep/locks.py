@@ -42,9 +42,11 @@ class Locks:
 
     def __enter__(self) -> Self:
         """Say that this process is here."""
-        self._folder.mkdir(parents=True, exist_ok=True)
-        self._take(self.mark)
-        self.mark.touch()
+        while not self.mark.exists():
+            self._folder.mkdir(parents=True, exist_ok=True)
+            self._take(self.mark)
+            with suppress(FileNotFoundError):  # another process has just cleared the folder
+                self.mark.touch()
         return self
 
     def __exit__(

@@ -65,9 +65,6 @@ def require_cases(cells: Sequence[Cell]) -> None:
                 raise PluginError(f"A tuning is of one method, but its scenarios have different values of {name}.")
 
 
-SPLITS = ("auto", "seeds", "time", "recordings", "families")
-
-
 MOST_SEEDS = 100_000
 """Seeds of one part, as a cell has at most so many runs."""
 

@@ -7,7 +7,8 @@ import pytest
 from scipy.stats import beta, binomtest
 
 from jerkbench.evaluation.statistics.exact_tests import median_p, sign_p
-from jerkbench.evaluation.statistics.intervals.median import median_intervals, quantiles
+from jerkbench.evaluation.statistics.intervals.errors_over_seeds import centres
+from jerkbench.evaluation.statistics.intervals.median import median_intervals, quantiles_of_rows
 from jerkbench.evaluation.statistics.intervals.share import loss_bound, losses_text, seeds_without_loss, share_interval
 
 
@@ -46,11 +47,10 @@ def test_the_interval_lies_between_the_two_of_scipy():
 
 
 def test_lost_runs_stand_at_the_top():
-    found = quantiles(np.array([1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, np.inf, np.inf, np.nan]))
-    assert (found.median, found.quartiles, found.lost, found.n) == (5.0, (3.0, 7.0), 2, 9)
-    assert found.high == math.inf
-    assert quantiles(np.array([1.0, np.inf, np.inf])).median == math.inf
-    assert quantiles(np.array([])).n == 0
+    (found,) = centres([np.array([1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, np.inf, np.inf, np.nan])])
+    assert (found.value, found.quartiles, found.high) == (5.0, (3.0, 7.0), math.inf)
+    assert quantiles_of_rows(np.array([[1.0, np.inf, np.inf]]))[0] == math.inf
+    assert np.isnan(quantiles_of_rows(np.empty((1, 0)))).all()
 
 
 @pytest.mark.parametrize(("count", "n"), [(0, 1), (0, 20), (3, 20), (19, 20), (20, 20)])

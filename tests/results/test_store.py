@@ -1,5 +1,7 @@
 """The store: whole or not at all, and the same rows however they are spread over files."""
 
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -105,6 +107,18 @@ def test_a_file_that_is_cut_is_not_done_and_is_named_until_it_is_set_aside(store
     assert store.read() == ([], [path.stem])
     assert store.prepare() == [path.stem]
     assert store.read() == ([], [])
+    assert [left.name for left in files(store)] == [f"{path.name}.damaged"]
+
+
+def test_what_another_process_has_just_finished_or_set_aside_is_no_error(store, monkeypatch):
+    store.write("abc", ROWS, ABOUT)
+    (path,) = files(store)
+    path.write_bytes(b"cut")
+    rename = Path.rename
+    monkeypatch.setattr(Path, "rglob", lambda folder, _: [folder / ".part-gone.1.partial"])
+    monkeypatch.setattr(Path, "rename", lambda source, target: (rename(source, target), rename(source, target)))
+
+    assert store.prepare() == [path.stem]
     assert [left.name for left in files(store)] == [f"{path.name}.damaged"]
 
 

@@ -1,5 +1,6 @@
 """Of several processes on one folder, each bundle is one's; what a dead one has locked is another's."""
 
+import shutil
 import signal
 import subprocess
 import sys
@@ -72,3 +73,19 @@ def test_where_there_are_no_locks_everything_is_taken_and_it_is_said(two, monkey
 
     assert [first.take(9), second.take(9)] == [True, True]
     assert "can hold no locks" in said[0]
+
+
+def test_a_process_that_enters_while_another_clears_the_folder_makes_it_anew(tmp_path, monkeypatch):
+    taken = Locks._take
+
+    def cleared(locks, path):
+        monkeypatch.setattr(Locks, "_take", taken)
+        assert taken(locks, path)
+        shutil.rmtree(tmp_path / "locks")
+        return True
+
+    monkeypatch.setattr(Locks, "_take", cleared)
+    with Locks(tmp_path / "locks", "plan") as own:
+        assert own.mark.exists()
+        assert own.take(1)
+    assert not (tmp_path / "locks").exists()

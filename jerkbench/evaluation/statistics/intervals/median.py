@@ -1,41 +1,11 @@
 """The median with its interval, and the quartiles: whatever the distribution is, lost runs included."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from jerkbench.arrays import FloatArray
 
 NEARLY = 0.93
 """A median's interval that covers at least this is given; of 5 values the whole range covers 93.75 %."""
-
-
-@dataclass(frozen=True)
-class Quantiles:
-    """Median and quartiles over all runs, of which a lost one is larger than every number.
-
-    Attributes:
-        median: infinite where half of the runs or more were lost.
-        low: lower end of the median's interval; NaN where too few runs have none.
-        high: upper end; infinite where it reaches the lost runs.
-        quartiles: of the runs, lower and upper.
-        lost: how many were lost.
-        n: of how many.
-    """
-
-    median: float
-    low: float
-    high: float
-    quartiles: tuple[float, float]
-    lost: int
-    n: int
-
-
-def quantiles(values: FloatArray, confidence: float = 0.95) -> Quantiles:
-    """Return median and quartiles of (n,) values, infinite for a lost run; NaN (did not apply) is left out."""
-    kept = values[~np.isnan(values)]
-    middle, low, high, lower, upper = (float(column[0]) for column in quantiles_of_rows(kept[None], confidence))
-    return Quantiles(middle, low, high, (lower, upper), int(np.isposinf(kept).sum()), len(kept))
 
 
 def quantiles_of_rows(values: FloatArray, confidence: float = 0.95) -> tuple[FloatArray, ...]:
