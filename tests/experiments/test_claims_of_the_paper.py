@@ -10,7 +10,7 @@ from made_losses import JERK, losses
 
 of_paper = experiment("paper/claims.py")
 ten_times = experiment("paper/ten_times.py")
-CLAIMED, AGAINST = of_paper.CLAIMED, of_paper.BASELINE
+CLAIMED = of_paper.CLAIMED
 claim_frame, claim_table, where_it_holds = of_paper.claim_frame, of_paper.claim_table, of_paper.where_it_holds
 
 SEEDS = 20
