@@ -16,7 +16,7 @@ from jerkbench.arrays import FloatArray
 from jerkbench.attitude.tilt import Tilt
 from jerkbench.attitude.tilt_kernel import ADAPTATIONS
 from jerkbench.datasets.broad import Broad
-from jerkbench.evaluation.metrics.inclination import Inclination
+from jerkbench.evaluation.metrics.attitude import Inclination
 from jerkbench.filters.attitude_only import AttitudeOnly
 from jerkbench.recording import Recording
 

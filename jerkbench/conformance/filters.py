@@ -18,9 +18,8 @@ from jerkbench.conformance.samples import small_recording, small_timeline, true_
 from jerkbench.contracts import Adaptation, Batched, Estimator, Filter
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.estimate import Attitude, Estimate
-from jerkbench.evaluation.batch_scoring import scored
 from jerkbench.evaluation.counted_rows import counted_rows
-from jerkbench.evaluation.sums import sums_from, sums_of
+from jerkbench.evaluation.sums import scored, sums_from, sums_of
 from jerkbench.filters.jerk import Jerk
 from jerkbench.plugins import create
 from jerkbench.recording import Recording

@@ -18,7 +18,7 @@ import numpy as np
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.contracts import AttitudeFilter, Dataset, Disturbance, Metric
 from jerkbench.estimate import Attitude, Estimate, no_attitude
-from jerkbench.evaluation.batch_scoring import outlined, scored
+from jerkbench.evaluation.sums import outlined, scored
 from jerkbench.files import cache_folder, forget_oldest, write_atomically
 from jerkbench.jobs.cell import Cell
 from jerkbench.jobs.key import code_digest, plugin_digest, require_data, versions

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from jerkbench.conformance.junit import JunitCase, junit
-from jerkbench.evaluation.statistics.intervals.share import loss_bound
+from jerkbench.evaluation.statistics.intervals import loss_bound
 from jerkbench.report.analysis.changes import Change, change_rows
 from jerkbench.report.analysis.factors import FACTORS
 from jerkbench.report.analysis.quantities import quantity

@@ -176,8 +176,7 @@ def _over_scenarios(rows: "pd.DataFrame", metric: str, noise: str, palette: Pale
 
 def _ranked(rows: "pd.DataFrame", metric: str, noise: str, palette: Palette) -> Iterator[Drawing]:
     """Yield the mean ranks with the critical difference, where at least three methods ran in several scenarios."""
-    from jerkbench.evaluation.statistics.profiles import mean_ranks
-    from jerkbench.evaluation.statistics.ranks import critical_difference
+    from jerkbench.evaluation.statistics.ranks import critical_difference, mean_ranks
     from jerkbench.report.analysis.across import common_field
     from jerkbench.report.analysis.quantities import quantity
     from jerkbench.report.analysis.study_verdicts import study_verdicts

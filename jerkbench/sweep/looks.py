@@ -10,7 +10,7 @@ import numpy as np
 
 from jerkbench.errors import PluginError
 from jerkbench.evaluation.statistics.judgement import Verdict
-from jerkbench.evaluation.statistics.sequential import FIRST, levels, looks
+from jerkbench.evaluation.statistics.seeds import FIRST, levels, looks
 from jerkbench.jobs.cell import Labels
 from jerkbench.jobs.progress import duration
 from jerkbench.report.analysis.rule import Rule

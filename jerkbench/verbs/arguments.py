@@ -152,7 +152,7 @@ JUDGING = (
 
 def chosen_rule(chosen: argparse.Namespace) -> "Rule":
     """Return the rule that was asked for."""
-    from jerkbench.evaluation.statistics.multiplicity import Correction
+    from jerkbench.evaluation.statistics.families import Correction
     from jerkbench.report.analysis.rule import Rule
 
     return Rule(chosen.margin / 100, Correction(chosen.correction))

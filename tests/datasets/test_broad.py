@@ -9,7 +9,7 @@ from jerkbench.attitude.tilt import Tilt
 from jerkbench.conformance.plugin import check_plugin
 from jerkbench.datasets.broad import Broad
 from jerkbench.errors import RecordingError
-from jerkbench.evaluation.metrics.inclination import Inclination
+from jerkbench.evaluation.metrics.attitude import Inclination
 from jerkbench.filters.attitude_only import AttitudeOnly
 
 RATE_HZ, REST_S, TURN_S = 100.0, 4.0, 2.0

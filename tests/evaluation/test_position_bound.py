@@ -16,8 +16,7 @@ from jerkbench.disturbances.noise_step import NoiseStep
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.evaluation.counted_rows import counted_rows
 from jerkbench.evaluation.metrics.position import PositionRmse
-from jerkbench.evaluation.metrics.position_bound import PositionBound
-from jerkbench.evaluation.riccati import Motion, Noise, position_variances
+from jerkbench.evaluation.metrics.position_bound import Motion, Noise, PositionBound, position_variances
 from jerkbench.filters.baseline import Baseline
 from jerkbench.filters.bias import Bias
 from jerkbench.filters.jerk import Jerk

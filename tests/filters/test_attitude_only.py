@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from jerkbench.adaptation.none import NoAdaptation
-from jerkbench.evaluation.divergence import run_status
-from jerkbench.evaluation.evaluated_run import evaluate_run
+from jerkbench.evaluation.evaluated_run import evaluate_run, run_status
 from jerkbench.filters.attitude_only import AttitudeOnly
 from jerkbench.jobs.cell import Protocol, build
 from jerkbench.jobs.names import refusal

@@ -6,8 +6,8 @@ import numpy as np
 import numpy.typing as npt
 
 from jerkbench.arrays import FloatArray
-from jerkbench.evaluation.statistics.intervals.signed_over_seeds import FEW, mean_interval
-from jerkbench.evaluation.statistics.intervals.student import student_interval
+from jerkbench.evaluation.statistics.intervals import student_interval
+from jerkbench.evaluation.statistics.over_seeds import FEW, mean_interval
 
 CONSISTENT, OVERCONFIDENT, CAUTIOUS, UNKNOWN = "consistent", "overconfident", "too cautious", "not known"
 

@@ -9,9 +9,14 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.evaluation.statistics.judgement import LEVEL
-from jerkbench.evaluation.statistics.profiles import mean_ranks
-from jerkbench.evaluation.statistics.ranks import critical_difference, kendall_tau, rank_cliques, rank_range
-from jerkbench.evaluation.statistics.scenarios import over_scenarios
+from jerkbench.evaluation.statistics.ranks import (
+    critical_difference,
+    kendall_tau,
+    mean_ranks,
+    over_scenarios,
+    rank_cliques,
+    rank_range,
+)
 from jerkbench.report.analysis.quantities import quantity
 from jerkbench.report.analysis.study_verdicts import StudyVerdicts, study_verdicts
 from jerkbench.report.tables.table_model import number

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from jerkbench.arrays import IntArray
-from jerkbench.evaluation.statistics.selection import chosen_on_other_seeds
+from jerkbench.evaluation.statistics.seeds import chosen_on_other_seeds
 from jerkbench.report.analysis.factors import FACTORS
 from jerkbench.report.analysis.rows import checked
 

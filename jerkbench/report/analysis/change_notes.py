@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 
-from jerkbench.evaluation.statistics.multiplicity import Correction
+from jerkbench.evaluation.statistics.families import Correction
 from jerkbench.report.analysis.changes import Change
 from jerkbench.report.analysis.standings import Standing
 

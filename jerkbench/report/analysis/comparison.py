@@ -7,11 +7,11 @@ from functools import cached_property
 
 import numpy as np
 
-from jerkbench.evaluation.statistics.intervals.share import loss_bound, seeds_without_loss, up_to
+from jerkbench.evaluation.statistics.families import Correction
+from jerkbench.evaluation.statistics.intervals import loss_bound, seeds_without_loss, up_to
 from jerkbench.evaluation.statistics.judgement import LEVEL, NOT_EXCLUDED, Judgement, Verdict, judged
-from jerkbench.evaluation.statistics.log_ratio import LogRatios
-from jerkbench.evaluation.statistics.multiplicity import Correction
-from jerkbench.evaluation.statistics.seeds_needed import seeds_needed
+from jerkbench.evaluation.statistics.over_seeds import LogRatios
+from jerkbench.evaluation.statistics.seeds import seeds_needed
 from jerkbench.report.analysis.rule import RULE, Rule
 from jerkbench.report.analysis.runs import Combination, Pair
 

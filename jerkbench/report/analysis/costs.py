@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.evaluation.statistics.intervals.errors_over_seeds import centres_of
-from jerkbench.evaluation.statistics.multiplicity import LEAST_SEEDS
-from jerkbench.evaluation.statistics.samples import Samples
+from jerkbench.evaluation.statistics.errors_over_seeds import centres_of
+from jerkbench.evaluation.statistics.families import LEAST_SEEDS
+from jerkbench.evaluation.statistics.over_seeds import Samples
 from jerkbench.report.analysis.factors import FACTORS
 from jerkbench.report.analysis.quantities import quantity
 from jerkbench.report.analysis.references import competes

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from jerkbench.evaluation.statistics.intervals.share import up_to
+from jerkbench.evaluation.statistics.intervals import up_to
 from jerkbench.evaluation.statistics.judgement import Verdict
 from jerkbench.report.analysis.comparison import Comparison
 from jerkbench.report.analysis.duels import round_of

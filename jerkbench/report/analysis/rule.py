@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from jerkbench.errors import JerkbenchError
+from jerkbench.evaluation.statistics.families import Correction
 from jerkbench.evaluation.statistics.judgement import LEVEL, MARGIN
-from jerkbench.evaluation.statistics.multiplicity import Correction
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
-from jerkbench.evaluation.statistics.log_ratio import LogRatios, log_ratios_of
+from jerkbench.evaluation.statistics.over_seeds import LogRatios, log_ratios_of
 from jerkbench.report.analysis.factors import FACTORS
 
 if TYPE_CHECKING:

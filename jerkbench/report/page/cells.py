@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from jerkbench.evaluation.statistics.intervals.share import up_to
+from jerkbench.evaluation.statistics.intervals import up_to
 from jerkbench.report.analysis.comparison import Comparison
 from jerkbench.report.analysis.factors import FACTORS
 from jerkbench.report.analysis.quantities import quantity
@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from jerkbench.evaluation.statistics.consistency import NEAR, UNKNOWN, runs_verdict
-from jerkbench.evaluation.statistics.intervals.signed_over_seeds import FEW
+from jerkbench.evaluation.statistics.over_seeds import FEW
 from jerkbench.report.analysis.quantities import EXPECTED
 
 if TYPE_CHECKING:

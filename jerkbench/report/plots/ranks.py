@@ -7,8 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from jerkbench.arrays import FloatArray, IntArray
-from jerkbench.evaluation.statistics.profiles import mean_ranks, performance_profile
-from jerkbench.evaluation.statistics.ranks import rank_cliques
+from jerkbench.evaluation.statistics.ranks import mean_ranks, performance_profile, rank_cliques
 from jerkbench.report.plots.curves import coinciding, joined
 from jerkbench.report.plots.palette import Look
 from jerkbench.report.plots.style import REFERENCE, legend_below, literal, new_figure, quiet

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from jerkbench.arrays import FloatArray
-from jerkbench.evaluation.statistics.intervals.signed_over_seeds import mean_intervals
+from jerkbench.evaluation.statistics.over_seeds import mean_intervals
 from jerkbench.report.analysis.quantities import quantity
 from jerkbench.report.analysis.severity import NAME, SCENARIO, SIZE, crossings, smallest_noticed
 from jerkbench.report.plots.palette import Look, Palette, looks

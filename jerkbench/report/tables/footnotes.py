@@ -3,11 +3,10 @@
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from jerkbench.evaluation.statistics.intervals.correlated_errors import LEAST_TIMES
-from jerkbench.evaluation.statistics.intervals.errors_over_seeds import GEOMETRIC, MEAN, MEDIAN
-from jerkbench.evaluation.statistics.intervals.few_seeds import ENOUGH
-from jerkbench.evaluation.statistics.intervals.share import share_interval
-from jerkbench.evaluation.statistics.log_ratio import LOCKED_OUT
+from jerkbench.evaluation.statistics.correlated_errors import LEAST_TIMES
+from jerkbench.evaluation.statistics.errors_over_seeds import GEOMETRIC, MEAN, MEDIAN
+from jerkbench.evaluation.statistics.intervals import ENOUGH, share_interval
+from jerkbench.evaluation.statistics.over_seeds import LOCKED_OUT
 from jerkbench.report.analysis.quantities import quantity
 from jerkbench.report.analysis.references import standing_apart
 from jerkbench.report.tables.bounds import bound_note

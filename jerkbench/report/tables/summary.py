@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from jerkbench.evaluation.statistics.intervals.errors_over_seeds import MEAN
+from jerkbench.evaluation.statistics.errors_over_seeds import MEAN
 from jerkbench.report.analysis.comparison import Comparison, family_note
 from jerkbench.report.analysis.factors import FACTORS, constants
 from jerkbench.report.analysis.leading import contest

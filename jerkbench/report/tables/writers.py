@@ -10,7 +10,7 @@ from functools import cache
 from itertools import zip_longest
 from typing import Any
 
-from jerkbench.evaluation.statistics.intervals.share import share_interval
+from jerkbench.evaluation.statistics.intervals import share_interval
 from jerkbench.plain import plain
 from jerkbench.report.analysis.factors import FACTORS
 from jerkbench.report.markup import render

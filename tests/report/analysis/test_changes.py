@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from jerkbench.errors import JerkbenchError
-from jerkbench.evaluation.statistics.multiplicity import Correction
+from jerkbench.evaluation.statistics.families import Correction
 from jerkbench.report.analysis.change_notes import notes_of_tests, other_leaders
 from jerkbench.report.analysis.changes import change_rows, changes
 from jerkbench.report.analysis.rule import Rule

@@ -11,8 +11,8 @@ import pytest
 from scipy.stats import ttest_1samp, wilcoxon
 
 from jerkbench.errors import JerkbenchError
+from jerkbench.evaluation.statistics.families import Correction
 from jerkbench.evaluation.statistics.judgement import Verdict
-from jerkbench.evaluation.statistics.multiplicity import Correction
 from jerkbench.report.analysis.baseline import parse_baseline
 from jerkbench.report.analysis.findings import findings
 from jerkbench.report.analysis.rule import Rule
