@@ -14,9 +14,9 @@ import pandas as pd
 
 from jerkbench.evaluation.statistics.judgement import LEVEL, Judgement, Verdict, judged
 from jerkbench.report.analysis.answer import shows_something
-from jerkbench.report.analysis.baseline import with_values
-from jerkbench.report.analysis.comparison import Comparison
 from jerkbench.report.analysis.findings import losses, names, varying_factors
+from jerkbench.report.analysis.runs import with_values
+from jerkbench.report.analysis.standings import Comparison
 from jerkbench.report.analysis.study_verdicts import study_verdicts
 from jerkbench.report.tables.table_model import number
 from jerkbench.results.study import load_study

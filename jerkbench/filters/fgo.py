@@ -7,7 +7,7 @@ from jerkbench.contracts import Adaptation
 from jerkbench.errors import PluginError, RecordingError, unknown
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.filters._eskf15_alone import Eskf15Alone
-from jerkbench.filters._eskf15_parameters import DEFORMATION
+from jerkbench.filters._eskf15_inputs import DEFORMATION
 from jerkbench.inertial.factor_graph import Graph, Options
 from jerkbench.inertial.graph_solution import batch, estimate_of, fixed_lag
 from jerkbench.inertial.run_inputs import Journey

@@ -7,7 +7,7 @@ from jerkbench.contracts import Adaptation
 from jerkbench.errors import PluginError
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.filters._eskf15_alone import Eskf15Alone
-from jerkbench.filters._eskf15_parameters import DEFORMATION
+from jerkbench.filters._eskf15_inputs import DEFORMATION
 from jerkbench.inertial.unscented import UnscentedRun
 from jerkbench.parameters import Origin, Range
 from jerkbench.plugins import register

@@ -11,7 +11,7 @@ from jerkbench.arrays import FloatArray
 from jerkbench.errors import RecordingError
 from jerkbench.files import write_atomically, write_text
 from jerkbench.geometry import dcm_from_euler, enu_to_geodetic, quaternion_from_dcm
-from jerkbench.io.ros.frames import FROM_NED, swapped
+from jerkbench.io.ros.streams import FROM_NED, swapped
 from jerkbench.recording import Imu, Recording
 from jerkbench.timeline import nanoseconds
 

@@ -13,7 +13,7 @@ from jerkbench.evaluation.statistics.judgement import Verdict
 from jerkbench.evaluation.statistics.seeds import FIRST, levels, looks
 from jerkbench.jobs.cell import Labels
 from jerkbench.jobs.progress import duration
-from jerkbench.report.analysis.rule import Rule
+from jerkbench.report.analysis.runs import Rule
 from jerkbench.report.analysis.study_verdicts import study_verdicts
 from jerkbench.report.tables.summary import main_metric
 from jerkbench.results.content import Stored

@@ -11,8 +11,7 @@ from jerkbench.verbs.arguments import JUDGING, argument, chosen_method, chosen_r
 
 if TYPE_CHECKING:
     from jerkbench.report.analysis.changes import Change
-    from jerkbench.report.analysis.tolerances import Tolerances
-    from jerkbench.report.compared import Compared
+    from jerkbench.report.compared import Compared, Tolerances
     from jerkbench.results.study import Study
 
 FORMATS = ("terminal", "md", "json", "junit")
@@ -106,7 +105,7 @@ def _studies(chosen: argparse.Namespace) -> "tuple[Study, Study, list[str]]":
 
 
 def _tolerances(chosen: argparse.Namespace) -> "Tolerances":
-    from jerkbench.report.analysis.tolerances import Tolerances, read_tolerances
+    from jerkbench.report.compared import Tolerances, read_tolerances
 
     if chosen.tolerances is None:
         return Tolerances(otherwise=chosen.fail_above)
@@ -132,7 +131,7 @@ def _parts(chosen: argparse.Namespace, first: "Study", second: "Study", toleranc
 def _notes(
     chosen: argparse.Namespace, first: "Study", second: "Study", parts: "Sequence[Compared]", tolerances: "Tolerances"
 ) -> list[str]:
-    from jerkbench.report.analysis.change_notes import notes_of_tests, other_leaders
+    from jerkbench.report.analysis.changes import notes_of_tests, other_leaders
     from jerkbench.report.analysis.study_verdicts import study_verdicts
     from jerkbench.results.comparability import other_methods
 

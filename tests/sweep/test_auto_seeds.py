@@ -7,7 +7,7 @@ import pytest
 
 from commands import swept
 from jerkbench.errors import PluginError
-from jerkbench.report.analysis.rule import Rule
+from jerkbench.report.analysis.runs import Rule
 from jerkbench.results.store import Store
 from jerkbench.results.study import load_study
 from jerkbench.sweep.looks import typed

@@ -12,13 +12,24 @@ from jerkbench.geometry import dcm_from_euler, dcm_from_quaternion, euler_from_d
 from jerkbench.io.clocks import with_common_time
 from jerkbench.io.frames import calibrated, first_rest_s, gravity_notes
 from jerkbench.io.ros.bag import Messages
-from jerkbench.io.ros.cleaning import by_topic, clean_topics
 from jerkbench.io.ros.extract import Frames, Metadata, Planner, choices_of, extract
 from jerkbench.io.ros.files import bag_files, missing_parts
-from jerkbench.io.ros.frames import Place, axes_to_enu, body_axes, first_place, fixes_in_enu, frame_of
 from jerkbench.io.ros.options import BagOptions
-from jerkbench.io.ros.roles import TopicPlan
-from jerkbench.io.ros.streams import heading_of, imu_of, position_of, seconds, usable_fixes, velocity_of
+from jerkbench.io.ros.roles import TopicPlan, by_topic, clean_topics
+from jerkbench.io.ros.streams import (
+    Place,
+    axes_to_enu,
+    body_axes,
+    first_place,
+    fixes_in_enu,
+    frame_of,
+    heading_of,
+    imu_of,
+    position_of,
+    seconds,
+    usable_fixes,
+    velocity_of,
+)
 from jerkbench.io.sanitiser import Finding, Ledger, unit_quaternions
 from jerkbench.recording import Heading, Imu, Position, Recording, Reference, Velocity
 

@@ -1,7 +1,7 @@
 """Two sets of results: what became better or worse, combination by combination."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -9,18 +9,17 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.errors import JerkbenchError, NotComparableError
+from jerkbench.evaluation.statistics.families import Correction
 from jerkbench.evaluation.statistics.judgement import Judgement, Verdict
 from jerkbench.evaluation.statistics.other_seeds import judged_on_other_seeds, two_samples
-from jerkbench.report.analysis.comparison import judged_pairs
-from jerkbench.report.analysis.factors import FACTORS
-from jerkbench.report.analysis.quantities import quantity
-from jerkbench.report.analysis.rows import checked
-from jerkbench.report.analysis.rule import RULE, Rule
-from jerkbench.report.analysis.runs import Combination, Runs, grouped, on_common_seeds, paired
+from jerkbench.report.analysis.columns import FACTORS, checked, quantity
+from jerkbench.report.analysis.runs import RULE, Combination, Rule, Runs, grouped, on_common_seeds, paired
+from jerkbench.report.analysis.standings import Standing, judged_pairs
 from jerkbench.report.tables.table_model import factor_number, number
 
 if TYPE_CHECKING:
     import pandas as pd
+
 
 Two = tuple[Runs, Runs]
 """The runs of a combination in the first set, and in the second."""
@@ -188,3 +187,38 @@ def _average(values: FloatArray) -> float:
 def _mean(mean: float, runs: int, lost: int) -> str:
     text = number(mean) if math.isfinite(mean) else "n/a"
     return f"{text} ({lost}/{runs} lost)" if lost else text
+
+
+# The sentences below two sets of results: how they were judged, and where others lead.
+
+ON_THE_SAME = (
+    "On the same seeds: at most 5 % of such sets have any wrong verdict (largest studentised mean log ratio of "
+    "{count}, bootstrap over the seeds)."
+)
+BY_SENTENCE = "On the same seeds: of the verdicts 5 % may be wrong (Benjamini and Hochberg over {count})."
+ON_OTHERS = (
+    "On other seeds: at most 5 % of such sets have any wrong verdict (largest studentised difference of the mean "
+    "logarithms of {count}, bootstrap over the seeds of A and those of B); they show much less than the same seeds."
+)
+
+
+def notes_of_tests(changed: Iterable[Change]) -> list[str]:
+    """Return by what test the verdicts on the same seeds were found, and by what those on others."""
+    tested = [change for change in changed if not change.phases]
+    same, others = ([change for change in tested if change.paired is paired] for paired in (True, False))
+    by_sentence = bool(same) and same[0].rule.correction is Correction.FDR
+    families = ((BY_SENTENCE if by_sentence else ON_THE_SAME, same), (ON_OTHERS, others))
+    return [words.format(count=len(family)) for words, family in families if family]
+
+
+def other_leaders(first: Sequence[Standing], second: Sequence[Standing]) -> list[str]:
+    """Return a sentence for each scenario of both sets in which others lead in the second."""
+    before = {standing.scenario: standing.leaders for standing in first if standing.contest.decided}
+    notes = []
+    for standing in second:
+        leaders = before.get(standing.scenario)
+        if leaders is None or not standing.contest.decided or set(leaders) == set(standing.leaders):
+            continue
+        where = f"On {', '.join(standing.scenario)}" if standing.scenario else "In the lead"
+        notes.append(f"{where}: {', '.join(leaders)} in A, {', '.join(standing.leaders)} in B.")
+    return notes

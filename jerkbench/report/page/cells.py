@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from jerkbench.evaluation.statistics.intervals import up_to
-from jerkbench.report.analysis.comparison import Comparison
-from jerkbench.report.analysis.factors import FACTORS
-from jerkbench.report.analysis.quantities import quantity
+from jerkbench.report.analysis.columns import FACTORS, quantity
+from jerkbench.report.analysis.standings import Comparison
 from jerkbench.report.analysis.study_verdicts import StudyVerdicts
 from jerkbench.report.page.script_data import details
 from jerkbench.report.tables.summary import summarise
@@ -23,7 +22,7 @@ import numpy as np
 
 from jerkbench.evaluation.statistics.consistency import NEAR, UNKNOWN, runs_verdict
 from jerkbench.evaluation.statistics.over_seeds import FEW
-from jerkbench.report.analysis.quantities import EXPECTED
+from jerkbench.report.analysis.columns import EXPECTED
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -5,16 +5,16 @@ from dataclasses import dataclass
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
-from jerkbench.report.analysis.quantities import quantity
+from jerkbench.report.analysis.columns import quantity
 from jerkbench.report.analysis.review import Evidence, review
-from jerkbench.report.analysis.rule import RULE, Rule
+from jerkbench.report.analysis.runs import RULE, Rule
 from jerkbench.report.analysis.study_verdicts import StudyVerdicts, study_verdicts
 from jerkbench.report.drawings import Picture
 from jerkbench.report.markup import render
 from jerkbench.report.page.cells import by_combination, cells_view, combinations
 from jerkbench.report.page.first_screen import first_screen
 from jerkbench.report.page.script_data import Stretch, packed, payload
-from jerkbench.report.plots.palette import Palette
+from jerkbench.report.plots.style import Palette
 from jerkbench.report.tables.summary import main_metric, summarise
 from jerkbench.report.tables.writers import html_table
 

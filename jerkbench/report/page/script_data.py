@@ -11,9 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.report.analysis.factors import FACTORS
-from jerkbench.report.analysis.quantities import quantity
-from jerkbench.report.analysis.rows import metric_columns
+from jerkbench.report.analysis.columns import FACTORS, metric_columns, quantity
 from jerkbench.report.tables.table_model import number
 
 if TYPE_CHECKING:

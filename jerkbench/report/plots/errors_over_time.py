@@ -17,9 +17,21 @@ from jerkbench.evaluation.navigation_errors import (
     rms_norm,
 )
 from jerkbench.recording import Recording
-from jerkbench.report.plots.curves import coinciding, joined, thinned
-from jerkbench.report.plots.palette import Palette, looks
-from jerkbench.report.plots.style import SIGMAS, end_with, legend_below, literal, new_figure, quiet, say, shade_outages
+from jerkbench.report.plots.style import (
+    SIGMAS,
+    Palette,
+    coinciding,
+    end_with,
+    joined,
+    legend_below,
+    literal,
+    looks,
+    new_figure,
+    quiet,
+    say,
+    shade_outages,
+    thinned,
+)
 from jerkbench.report.tables.table_model import number
 
 LOGARITHMIC_FROM = 30.0

@@ -11,9 +11,19 @@ from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.estimate import Estimate
 from jerkbench.evaluation.navigation_errors import position_error_length_m
 from jerkbench.recording import Recording
-from jerkbench.report.plots.curves import coinciding, joined
-from jerkbench.report.plots.palette import Palette, looks
-from jerkbench.report.plots.style import MEASURED, OUTAGE, REFERENCE, legend_below, literal, new_figure, quiet
+from jerkbench.report.plots.style import (
+    MEASURED,
+    OUTAGE,
+    REFERENCE,
+    Palette,
+    coinciding,
+    joined,
+    legend_below,
+    literal,
+    looks,
+    new_figure,
+    quiet,
+)
 from jerkbench.report.tables.table_model import number
 
 WIDTH_IN = 7.0

@@ -9,8 +9,7 @@ from scipy.stats import kendalltau
 from scipy.stats import t as student
 
 from jerkbench.evaluation.statistics.ranks import over_scenarios
-from jerkbench.report.analysis.across import across, common_field
-from jerkbench.report.analysis.study_verdicts import study_verdicts
+from jerkbench.report.analysis.study_verdicts import across, common_field, study_verdicts
 from jerkbench.report.tables.table_model import number
 
 METRIC = "position_rmse_m"

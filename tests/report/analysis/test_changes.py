@@ -8,9 +8,8 @@ import pytest
 
 from jerkbench.errors import JerkbenchError
 from jerkbench.evaluation.statistics.families import Correction
-from jerkbench.report.analysis.change_notes import notes_of_tests, other_leaders
-from jerkbench.report.analysis.changes import change_rows, changes
-from jerkbench.report.analysis.rule import Rule
+from jerkbench.report.analysis.changes import change_rows, changes, notes_of_tests, other_leaders
+from jerkbench.report.analysis.runs import Rule
 from jerkbench.report.analysis.study_verdicts import study_verdicts
 
 SEEDS = 20

@@ -13,9 +13,8 @@ from scipy.stats import ttest_1samp, wilcoxon
 from jerkbench.errors import JerkbenchError
 from jerkbench.evaluation.statistics.families import Correction
 from jerkbench.evaluation.statistics.judgement import Verdict
-from jerkbench.report.analysis.baseline import parse_baseline
 from jerkbench.report.analysis.findings import findings
-from jerkbench.report.analysis.rule import Rule
+from jerkbench.report.analysis.runs import Rule, parse_baseline
 from jerkbench.report.analysis.study_verdicts import study_verdicts
 from jerkbench.report.tables.summary import summarise
 from jerkbench.report.tables.writers import html_table, latex, markdown, tidy_csv

@@ -10,10 +10,9 @@ from matplotlib.colors import to_hex
 from jerkbench.estimate import Estimate, Updates
 from jerkbench.recording import Position, Recording, Reference
 from jerkbench.report.drawings import of_rows, palette_of
-from jerkbench.report.plots.attitude import tilt_figure
-from jerkbench.report.plots.consistency import adapted_r_figure
+from jerkbench.report.plots.consistency import adapted_r_figure, tilt_figure
 from jerkbench.report.plots.errors_over_time import error_figure, inclination_figure, zoomed_error_figure
-from jerkbench.report.plots.palette import COLOURS, Palette, method_of
+from jerkbench.report.plots.style import COLOURS, Palette, method_of
 from jerkbench.report.plots.trajectory import inset_trajectory_figure, trajectory_figure
 
 N = 50
@@ -75,7 +74,7 @@ def drawn(figure):
 
 @pytest.mark.parametrize("chosen", [METHODS, METHODS[::-1], METHODS[2:]])
 def test_every_figure_of_runs_draws_a_method_alike_whatever_else_is_in_it(recording, estimates, chosen):
-    blue = {"jerk": COLOURS[2], "bias": COLOURS[3]}
+    blue = {"jerk": COLOURS[2], "bias": COLOURS_OF_A_FILE[3]}
     for kind, figure in figures(recording, {name: estimates[name] for name in chosen}).items():
         expected = {name: (blue[name[:4]].upper(), name.endswith("none")) for name in chosen}
         assert drawn(figure) == expected, kind
