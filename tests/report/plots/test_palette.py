@@ -74,7 +74,7 @@ def drawn(figure):
 
 @pytest.mark.parametrize("chosen", [METHODS, METHODS[::-1], METHODS[2:]])
 def test_every_figure_of_runs_draws_a_method_alike_whatever_else_is_in_it(recording, estimates, chosen):
-    blue = {"jerk": COLOURS[2], "bias": COLOURS_OF_A_FILE[3]}
+    blue = {"jerk": COLOURS[2], "bias": COLOURS[3]}
     for kind, figure in figures(recording, {name: estimates[name] for name in chosen}).items():
         expected = {name: (blue[name[:4]].upper(), name.endswith("none")) for name in chosen}
         assert drawn(figure) == expected, kind
