@@ -6,7 +6,7 @@ from typing import Annotated
 import numpy as np
 
 from jerkbench.adaptation._ranges import PROBABILITY, check_probability
-from jerkbench.adaptation.common import chi2_tail, squared_distance
+from jerkbench.adaptation.common import chi2_tail, innovation_distance
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
 from jerkbench.parameters import Origin, Range
@@ -59,7 +59,7 @@ class Chi2Gate:
         for block in range(2):
             at = np.flatnonzero(rows // 3 == block)
             if len(at) > 0:
-                nis = squared_distance(innovation[at], (HPHt + R)[at][:, at])
+                nis = innovation_distance(innovation[at], (HPHt + R)[at][:, at])
                 if chi2_tail(nis, len(at)) < 1.0 - self.probability and memory[block] < self.longest:
                     memory[block] += 1.0
                     for i in at:

@@ -5,7 +5,7 @@ from typing import Annotated
 
 from jerkbench.adaptation._ranges import check_sides
 from jerkbench.adaptation.common import PASSES, SMALLEST_WEIGHT, doubtable, settle, stack_of, weighed_prior
-from jerkbench.adaptation.linalg import root_of, weighed
+from jerkbench.adaptation.linalg import inverse_weighted, root_of
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
 from jerkbench.parameters import Origin, Range
@@ -81,7 +81,7 @@ class Huber:
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
     ) -> FloatArray:
         """Return R~."""
-        return weighed(root_of(R, len(R)), memory[: len(rows)])
+        return inverse_weighted(root_of(R, len(R)), memory[: len(rows)])
 
 
 def _weight(residual: float, threshold: float) -> float:

@@ -7,7 +7,7 @@ import numpy as np
 
 from jerkbench.adaptation._ranges import check_sides
 from jerkbench.adaptation.common import PASSES, SMALLEST_WEIGHT, has_settled
-from jerkbench.adaptation.linalg import diagonalise, part_of, shares
+from jerkbench.adaptation.linalg import diagonalise, explained_sums, submatrix
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError, unknown
 from jerkbench.parameters import Origin, Range
@@ -91,7 +91,7 @@ class StatisticalSimilarity:
         explained = prior = measured = 0.0
         d, w, steps, X = np.empty(m), np.empty(m), np.zeros((2, n)), np.empty((m, n + 1))
         _fill_columns(P, rows, innovation, X)
-        X = diagonalise(part_of(P, rows), R, d, X)
+        X = diagonalise(submatrix(P, rows), R, d, X)
         for k in range(PASSES):
             if k > 0:
                 g_x, g_z = n - explained + xi * prior, explained + xi * r * measured
@@ -99,7 +99,7 @@ class StatisticalSimilarity:
                     xi = _weight(self.function, n, g_x / xi, self.nu, self.sigma)
                 weight = _weight(self.function, m, g_z / weight, self.nu, self.sigma)
                 r = xi / weight
-            explained, prior, measured = shares(d, X[:, n], r, w)
+            explained, prior, measured = explained_sums(d, X[:, n], r, w)
             _take_step(X, w, steps)
             if has_settled(steps[0], steps[1], x):
                 break

@@ -6,7 +6,15 @@ from typing import Annotated
 import numpy as np
 
 from jerkbench.adaptation._ranges import FREEDOM, check_passes, check_sides
-from jerkbench.adaptation.common import distances, fill_square, first_distance, innovate, measured_of, mix, spread
+from jerkbench.adaptation.common import (
+    distances,
+    fill_blend,
+    fill_square,
+    first_distance,
+    innovate,
+    measured_of,
+    spread_part,
+)
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
 from jerkbench.parameters import Origin, Range
@@ -82,10 +90,10 @@ class StudentT:
                 fill_square(part, xi)
                 share /= xi
                 xi = (self.nu + n) / (self.nu + g_x)
-                mix(part.W, N, self.tau, part.D, xi)
+                fill_blend(part.W, N, self.tau, part.D, xi)
                 share = (self.tau + xi * share) / (self.tau + 1.0)
         memory[0] = weight
-        return spread(P, rows, part.W / xi, share / xi) if self.sides == "both" else P
+        return spread_part(P, rows, part.W / xi, share / xi) if self.sides == "both" else P
 
     def adapt(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from jerkbench.adaptation._ranges import FREEDOM
-from jerkbench.adaptation.common import squared_distance
+from jerkbench.adaptation.common import innovation_distance
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
 from jerkbench.parameters import Origin
@@ -44,5 +44,5 @@ class StudentTR:
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
     ) -> FloatArray:
         """Return R, scaled as a whole."""
-        nis = squared_distance(innovation, HPHt + R)
+        nis = innovation_distance(innovation, HPHt + R)
         return R * ((self.nu + nis) / (self.nu + len(rows)))

@@ -7,7 +7,7 @@ from typing import Annotated
 import numpy as np
 
 from jerkbench.adaptation._ranges import FORGETTING, check_passes
-from jerkbench.adaptation.common import Measured, fill_square, innovate, measured_of, mix, spread
+from jerkbench.adaptation.common import Measured, fill_blend, fill_square, innovate, measured_of, spread_part
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
 from jerkbench.parameters import Origin, Range
@@ -91,12 +91,12 @@ class VariationalPriorAndNoise:
                 innovate(part, innovation, 1.0, 1.0)
                 fill_square(part, 1.0)
             _gather(part, innovation, U, gathered)
-            mix(part.W, N, self.tau, part.D, 1.0)
+            fill_blend(part.W, N, self.tau, part.D, 1.0)
             for i in range(m):
                 for j in range(m):
                     part.R[i, j] = gathered[i, j] / (u + 1.0)
         known[0], known[1 : 1 + m * m] = u + m + 2.0, gathered.ravel()
-        return spread(P, rows, part.W, 1.0)
+        return spread_part(P, rows, part.W, 1.0)
 
     def adapt(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray

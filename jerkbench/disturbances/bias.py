@@ -11,7 +11,7 @@ from jerkbench.recording import Imu, Recording
 
 @register("disturbance", "bias")
 @dataclass(frozen=True)
-class Bias:
+class ImuBias:
     """A constant bias on each axis of accelerometer and gyro, drawn once a run.
 
     For each axis of the body::

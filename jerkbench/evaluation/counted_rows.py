@@ -55,7 +55,7 @@ def counting(index: IntArray, recording: Recording, counted: BoolArray) -> Rows:
     moving = known_axes(reference.velocity_mps, index)
     position = np.array([counted & on_all(located, axes) for axes in POSITION_AXES.values()])
     velocity = np.array([counted & on_all(moving, axes) for axes in VELOCITY_AXES.values()])
-    t_s, complete = rows_of(reference.t_s, index), on_all(located, (0, 1, 2))
+    t_s, complete = rows_at(reference.t_s, index), on_all(located, (0, 1, 2))
     start_s = first_counted_s(reference, index, counted)
     inside = inside_outages(t_s, recording.outages_s) & complete
     outages = _outages(inside & (t_s >= start_s), t_s, recording)
@@ -63,7 +63,7 @@ def counting(index: IntArray, recording: Recording, counted: BoolArray) -> Rows:
         position,
         velocity,
         position[0] & velocity[0],
-        rows_of(reference.scored, index) & complete,
+        rows_at(reference.scored, index) & complete,
         inside.any(axis=0) & counted,
         outages,
         t_s[outages],
@@ -86,7 +86,7 @@ def first_counted_s(reference: Reference, index: IntArray, counted: BoolArray) -
     return float(reference.t_s[index[first]]) if len(counted) and counted[first] else np.inf
 
 
-def rows_of(values: Any, index: IntArray) -> Any:  # noqa: ANN401 - an array of the same type
+def rows_at(values: Any, index: IntArray) -> Any:  # noqa: ANN401 - an array of the same type
     """Return ``values[index]``; a view of it where ``index``, which increases, leaves none out: that takes no time."""
     if len(index) and index[-1] - index[0] + 1 == len(index):
         return values[index[0] : index[-1] + 1]
@@ -119,7 +119,7 @@ def known_axes(truth: FloatArray | None, index: IntArray) -> BoolArray:
     """Return (k, 3) whether each axis of ``truth`` is a number."""
     if truth is None:
         return np.zeros((len(index), 3), dtype=bool)
-    return np.asarray(np.isfinite(rows_of(truth, index)))
+    return np.asarray(np.isfinite(rows_at(truth, index)))
 
 
 def inside_outages(t_s: FloatArray, outages_s: FloatArray) -> BoolArray:

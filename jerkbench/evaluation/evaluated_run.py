@@ -108,7 +108,7 @@ def evaluate_run(
         raise RecordingError(nothing_counts(recording, burn_in_s))
     summarised = any(isinstance(metric, Summarising) for metric in metrics)
     sums = sums_of(estimate, recording, counted) if summarised else None
-    return values_of(metrics, Summary(estimate, counted, sums), recording, evaluate)
+    return metric_values(metrics, Summary(estimate, counted, sums), recording, evaluate)
 
 
 class Summary(NamedTuple):
@@ -125,7 +125,7 @@ class Summary(NamedTuple):
     sums: Sums | None
 
 
-def values_of(
+def metric_values(
     metrics: Iterable[Metric], summary: Summary, recording: Recording, evaluate: Evaluate
 ) -> dict[str, float]:
     """Return the values of all metrics by column name, each from the least that it needs.

@@ -18,7 +18,7 @@ from jerkbench.evaluation.counted_rows import (
     counted_rows,
     counting,
     known_axes,
-    rows_of,
+    rows_at,
 )
 from jerkbench.recording import Recording
 from jerkbench.sums import Scoring, Streamed, Sums
@@ -111,9 +111,9 @@ def scoring_of(recording: Recording, index: IntArray, rows: Rows) -> Scoring:
     reference = recording.reference
     truth = np.zeros((len(index), 6))
     if reference.enu_m is not None:
-        truth[:, :3] = np.nan_to_num(rows_of(reference.enu_m, index))
+        truth[:, :3] = np.nan_to_num(rows_at(reference.enu_m, index))
     if reference.velocity_mps is not None:
-        truth[:, 3:] = np.nan_to_num(rows_of(reference.velocity_mps, index))
+        truth[:, 3:] = np.nan_to_num(rows_at(reference.velocity_mps, index))
     return Scoring(
         truth,
         rows.position[0].astype(np.float64),

@@ -20,7 +20,7 @@ from jerkbench.contracts import Adaptation
 from jerkbench.errors import PluginError, RecordingError, unknown
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.io.recording_folder import FORMATS, write_recording
-from jerkbench.io.trajectory import estimate_of
+from jerkbench.io.trajectory import estimate_at_reference
 from jerkbench.io.trajectory_files import TrajectoryForm, read_trajectory
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
@@ -268,7 +268,7 @@ class Command(TrajectoryForm):
         run_program(self._words(folder, out), folder, self.time_limit_s)
         if not out.is_file():
             raise RecordingError(f"The program {self.command} ended well and wrote no {self.out}.")
-        return estimate_of(read_trajectory(out, self, recording), recording, self.max_gap_s)
+        return estimate_at_reference(read_trajectory(out, self, recording), recording, self.max_gap_s)
 
     def _words(self, folder: Path, out: Path) -> list[str]:
         recording = folder / FORMATS[self.formats[0]]

@@ -76,7 +76,7 @@ class ConstantTurn:
         for k, dt in enumerate(timeline.dt_s.tolist()):
             if dt > 0:
                 F = turn_jacobian(x, dt)
-                x, P = turned(x, dt), F @ P @ F.T + self._noise(dt)
+                x, P = after_turn(x, dt), F @ P @ F.T + self._noise(dt)
             row, reference = int(timeline.update[k]), int(timeline.reference[k])
             if row >= 0:
                 x, P, _ = update(row, x, P)
@@ -94,7 +94,7 @@ class ConstantTurn:
         return Q
 
 
-def turned(x: FloatArray, dt: float) -> FloatArray:
+def after_turn(x: FloatArray, dt: float) -> FloatArray:
     """Return the state (7,) after ``dt`` seconds of its turn."""
     a, b, c, s, _, _ = _factors(x[6], dt)
     e, n, u, v_e, v_n, v_u, w = x
@@ -104,7 +104,7 @@ def turned(x: FloatArray, dt: float) -> FloatArray:
 
 
 def turn_jacobian(x: FloatArray, dt: float) -> FloatArray:
-    """Return the derivatives (7, 7) of `turned` with respect to the state."""
+    """Return the derivatives (7, 7) of `after_turn` with respect to the state."""
     a, b, c, s, da, db = _factors(x[6], dt)
     v_e, v_n = x[3:5]
     F = np.eye(7)

@@ -15,13 +15,13 @@ from jerkbench.inspection.evidence import (
     WITHIN,
     Diagnosis,
     correlation_of,
-    known,
     mean_velocity,
     slope,
     strength,
     sure_turnings,
     wheel_speeds,
     window_means,
+    without_nan_rows,
 )
 from jerkbench.inspection.lags import Lag
 from jerkbench.inspection.mounting import (
@@ -86,7 +86,7 @@ def exchanged_axes(recording: Recording) -> dict[str, Diagnosis]:
     told: dict[str, Diagnosis] = {}
     for length_s in LENGTHS_S:
         for stream, (t_s, values) in streams.items():
-            diagnosis = _exchanged(stream, *known(t_s, values), position, length_s)
+            diagnosis = _exchanged(stream, *without_nan_rows(t_s, values), position, length_s)
             if diagnosis is not None:
                 told.setdefault(stream, diagnosis)
     return told
@@ -95,7 +95,7 @@ def exchanged_axes(recording: Recording) -> dict[str, Diagnosis]:
 def _exchanged(
     stream: str, t_s: FloatArray, values: FloatArray, position: Position, length_s: float
 ) -> Diagnosis | None:
-    fix_s, places = known(position.t_s, position.enu_m[:, :2])
+    fix_s, places = without_nan_rows(position.t_s, position.enu_m[:, :2])
     if min(len(t_s), len(fix_s)) <= LEAST_ROWS:
         return None
     length_s = max(length_s, 2 * float(np.median(np.diff(fix_s))), 2 * float(np.median(np.diff(t_s))))
@@ -133,7 +133,7 @@ def exchanged_degrees(recording: Recording) -> list[Diagnosis]:
     position, origin, wheel = recording.position, recording.origin, wheel_speeds(recording)
     if position is None or origin is None or wheel is None:
         return []
-    t_s, places = known(position.t_s, position.enu_m[:, :2])
+    t_s, places = without_nan_rows(position.t_s, position.enu_m[:, :2])
     edges_s = np.arange(max(t_s[0], wheel[0][0]), min(t_s[-1], wheel[0][-1]), WAY_S) if len(t_s) else np.empty(0)
     if min(len(t_s), len(edges_s)) <= LEAST_WINDOWS:
         return []
@@ -168,7 +168,7 @@ def attitude_mistakes(recording: Recording) -> Iterator[Diagnosis]:
     if steepest > LARGEST_RAD:
         yield _in_degrees(f"roll or pitch reaches {steepest:.4g} where a half turn is 3.14")
         return
-    t_s, euler = known(reference.t_s, reference.euler_rad)
+    t_s, euler = without_nan_rows(reference.t_s, reference.euler_rad)
     if imu is None or len(t_s) < LEAST_ROWS:
         return
     edges_s = np.arange(max(t_s[0], imu.t_s[0]), min(t_s[-1], imu.t_s[-1]), ATTITUDE_S)

@@ -19,7 +19,7 @@ from jerkbench.inspection.sigmas import Sigma, overstated_noise, stated_against_
 from jerkbench.io.frames import felt_axis
 from jerkbench.io.sanitiser import repeated_samples
 from jerkbench.recording import Heading, Imu, Position, Recording, Reference, Velocity
-from jerkbench.report.plots.style import DOTS_PER_INCH, MEASURED, OKABE_ITO, OUTAGE, REFERENCE, literal, quiet, say
+from jerkbench.report.plots.style import DOTS_PER_INCH, MEASURED, OKABE_ITO, OUTAGE, REFERENCE, literal, say, style_axes
 
 Stream = Imu | Position | Velocity | Heading | Reference
 
@@ -252,7 +252,7 @@ def overview_figure(recording: Recording) -> Figure:
         for begin, end in recording.outages_s:
             axes.axvspan(begin, end, color=OUTAGE, alpha=0.28, linewidth=0)
     for axes in figure.axes:
-        quiet(axes)
+        style_axes(axes)
         if axes.get_legend_handles_labels()[1]:
             axes.legend(frameon=False, fontsize="small")
     figure.suptitle(literal(recording.name))

@@ -24,7 +24,7 @@ from jerkbench.jobs.cell import Cell
 from jerkbench.jobs.key import code_digest, plugin_digest, require_data, versions
 from jerkbench.optional import part_read
 from jerkbench.recording import Drawn, Heading, Imu, Origin, Position, Recording, Reference, Velocity
-from jerkbench.timeline import build_timeline, told
+from jerkbench.timeline import build_timeline, with_r_scale
 
 # Simulated recordings, kept in the user's cache: another sweep over the same seeds need not
 # simulate them again.
@@ -170,7 +170,7 @@ class Inputs:
         self._loaded = lru_cache(KEPT)(load)
         self._disturbed = lru_cache(KEPT)(partial(disturbed, self._loaded))
         self.attitude = lru_cache(KEPT)(attitude_of)
-        self.told = lru_cache(KEPT)(told)
+        self.told = lru_cache(KEPT)(with_r_scale)
         self.timeline = lru_cache(KEPT)(build_timeline)
         self.scored = lru_cache(KEPT)(scored)
         self._outline = lru_cache(KEPT)(_Outline.of)

@@ -135,7 +135,7 @@ def _rule(path: Path, number: int, rule: object) -> Tolerance:
 # A comparison of two sets of results, for a terminal, for a page, and for machines.
 
 
-class Compared(NamedTuple):
+class MetricChanges(NamedTuple):
     """A comparison by one metric.
 
     Attributes:
@@ -157,7 +157,7 @@ class Compared(NamedTuple):
         return [percent is not None and change.worse(percent) for change, percent in pairs]
 
 
-class Comparison(NamedTuple):
+class StudyComparison(NamedTuple):
     """A comparison by one metric or several.
 
     Attributes:
@@ -166,23 +166,23 @@ class Comparison(NamedTuple):
         failed: whether a combination is worse than it may be, or cannot be judged.
     """
 
-    parts: Sequence[Compared]
+    parts: Sequence[MetricChanges]
     notes: Sequence[str]
     failed: bool
 
 
-def print_comparison(comparison: Comparison) -> None:
+def print_comparison(comparison: StudyComparison) -> None:
     """Print the comparison in the terminal."""
     for grid in _grids(comparison):
         print_grid(*grid)
 
 
-def comparison_markdown(comparison: Comparison) -> str:
+def comparison_markdown(comparison: StudyComparison) -> str:
     """Return the comparison as sections of Markdown."""
     return "\n".join(markdown_grid(*grid) for grid in _grids(comparison))
 
 
-def comparison_json(comparison: Comparison) -> str:
+def comparison_json(comparison: StudyComparison) -> str:
     """Return the comparison as JSON; what is no number is null."""
     content = {
         "metrics": [part.metric for part in comparison.parts],
@@ -193,13 +193,13 @@ def comparison_json(comparison: Comparison) -> str:
     return json.dumps(content, indent=2) + "\n"
 
 
-def comparison_junit(comparison: Comparison) -> str:
+def comparison_junit(comparison: StudyComparison) -> str:
     """Return the comparison as a JUnit file: a case for each combination and metric."""
     title = f"jerkbench compare {', '.join(part.metric for part in comparison.parts)}"
     return junit(title, [case for part in comparison.parts for case in _cases(part)])
 
 
-WRITERS: Mapping[str, Callable[[Comparison], str]] = {
+WRITERS: Mapping[str, Callable[[StudyComparison], str]] = {
     "md": comparison_markdown,
     "json": comparison_json,
     "junit": comparison_junit,
@@ -207,14 +207,14 @@ WRITERS: Mapping[str, Callable[[Comparison], str]] = {
 """Formats that are text."""
 
 
-def _grids(comparison: Comparison) -> Iterator[tuple[str, list[str], list[list[str]], Sequence[str]]]:
+def _grids(comparison: StudyComparison) -> Iterator[tuple[str, list[str], list[list[str]], Sequence[str]]]:
     """The table of each metric; the notes stand below the last."""
     for part in comparison.parts:
         notes = comparison.notes if part is comparison.parts[-1] else ()
         yield quantity(part.metric).heading, *_grid(part), notes
 
 
-def _grid(part: Compared) -> tuple[list[str], list[list[str]]]:
+def _grid(part: MetricChanges) -> tuple[list[str], list[list[str]]]:
     """A column says what is allowed, where it is not the same for all."""
     header, rows = [*part.varying, "A", "B", "B/A", "95 %", "losses", ""], change_rows(part.changes, part.varying)
     for row, worse in zip(rows, part.worse, strict=True):
@@ -225,7 +225,7 @@ def _grid(part: Compared) -> tuple[list[str], list[list[str]]]:
     return [*header[:-1], "allowed", ""], [[*row[:-1], may, row[-1]] for row, may in zip(rows, allowed, strict=True)]
 
 
-def _records(part: Compared) -> Iterator[dict[str, Any]]:
+def _records(part: MetricChanges) -> Iterator[dict[str, Any]]:
     for change, percent, worse in zip(part.changes, part.allowed, part.worse, strict=True):
         judgement = change.judgement
         numbers = {"a": change.means[0], "b": change.means[1], "ratio": judgement.ratio}
@@ -244,7 +244,7 @@ def _records(part: Compared) -> Iterator[dict[str, Any]]:
         }
 
 
-def _cases(part: Compared) -> Iterator[JunitCase]:
+def _cases(part: MetricChanges) -> Iterator[JunitCase]:
     rows = change_rows(part.changes, part.varying)
     for change, row, percent, worse in zip(part.changes, rows, part.allowed, part.worse, strict=True):
         names, (a, b, ratio, interval, lost, verdict) = row[:-6], row[-6:]

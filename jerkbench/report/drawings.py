@@ -210,7 +210,7 @@ def _over_scenarios(rows: "pd.DataFrame", metric: str, noise: str, palette: Pale
 
 def _ranked(rows: "pd.DataFrame", metric: str, noise: str, palette: Palette) -> Iterator[Drawing]:
     """Yield the mean ranks with the critical difference, where at least three methods ran in several scenarios."""
-    from jerkbench.evaluation.statistics.ranks import critical_difference, mean_ranks
+    from jerkbench.evaluation.statistics.ranks import critical_difference
     from jerkbench.report.analysis.columns import quantity
     from jerkbench.report.analysis.study_verdicts import common_field, study_verdicts
     from jerkbench.report.plots.bars import critical_difference_figure
@@ -219,9 +219,8 @@ def _ranked(rows: "pd.DataFrame", metric: str, noise: str, palette: Palette) -> 
     field = common_field(verdicts)
     if field is None or len(field.methods) < 3:
         return
-    ranks = mean_ranks(field.logs.mean(axis=1))
     scenarios = len(field.scenarios)
-    least = critical_difference(len(ranks), scenarios)
+    least = critical_difference(len(field.methods), scenarios)
     looks = {
         standing.name(rival): palette.look((rival[FACTORS.index("filter")], rival[FACTORS.index("adaptation")]))
         for standing in verdicts.standings
@@ -230,10 +229,10 @@ def _ranked(rows: "pd.DataFrame", metric: str, noise: str, palette: Palette) -> 
     title = quantity(metric).heading
     drawn = [looks[name] for name in field.methods]
     caption = (
-        f"{title}: mean ranks of geometric means over {scenarios} scenarios; a line joins methods that are not told "
+        f"{title}: mean ranks over {scenarios} scenarios; a line joins methods that are not told "
         f"apart (Nemenyi, 5 %); hollow: with an adaptation.{noise}"
     )
-    figure = critical_difference_figure(ranks, least, field.methods, drawn, title, scenarios)
+    figure = critical_difference_figure(field.ranks, least, field.methods, drawn, title, scenarios)
     yield Drawing("critical-difference", caption, figure)
 
 

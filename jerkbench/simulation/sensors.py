@@ -20,7 +20,7 @@ from jerkbench.recording import (
     Reference,
     Velocity,
 )
-from jerkbench.simulation.imu import GRADES, SensorErrors, coloured, disturb, perfect_imu, saturate
+from jerkbench.simulation.imu import GRADES, SensorErrors, coloured, perfect_imu, saturate, with_sensor_errors
 from jerkbench.simulation.truth import Truth
 
 
@@ -219,9 +219,9 @@ class Sensors(SlowErrors):
         force, gyro = perfect_imu(truth)
         accel_errors, gyro_errors = self._sensor_errors()
         if self._on("accelerometer"):
-            force = disturb(force, accel_errors, 1.0 / self.imu_rate_hz, seed, "accelerometer")
+            force = with_sensor_errors(force, accel_errors, 1.0 / self.imu_rate_hz, seed, "accelerometer")
         if self._on("gyro"):
-            gyro = disturb(gyro, gyro_errors, 1.0 / self.imu_rate_hz, seed, "gyro")
+            gyro = with_sensor_errors(gyro, gyro_errors, 1.0 / self.imu_rate_hz, seed, "gyro")
         return Imu(truth.t_s[1:], saturate(force, false_mps2, self.accel_range_g), gyro)
 
     def heard(self, source: str, size: float) -> float:

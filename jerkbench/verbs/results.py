@@ -84,7 +84,7 @@ def _sentences(
     Without one: who leads, what holds over all scenarios, and the comparisons with the usual ones.
     """
     from jerkbench.report.analysis.findings import findings
-    from jerkbench.report.analysis.standings import summary
+    from jerkbench.report.analysis.standings import verdict_sentences
     from jerkbench.report.analysis.study_verdicts import across
 
     compared = findings(study.rows, verdicts, baseline)
@@ -94,7 +94,7 @@ def _sentences(
     if baseline:
         return compared
     over_all = across(study.rows, verdicts, metric)
-    return [*summary(verdicts.standings), *over_all, *compared]
+    return [*verdict_sentences(verdicts.standings), *over_all, *compared]
 
 
 def _write(table: "Table", name: str) -> None:

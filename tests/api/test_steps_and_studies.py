@@ -12,7 +12,7 @@ import pytest
 from commands import environment, swept
 from jerkbench import api, plugins
 from jerkbench.adaptation.none import NoAdaptation
-from jerkbench.disturbances.bias import Bias
+from jerkbench.disturbances.bias import ImuBias
 from jerkbench.errors import JerkbenchError
 from jerkbench.filters.jerk import Jerk
 from jerkbench.results.study import Study, load_study
@@ -38,7 +38,7 @@ def test_step_by_step_gives_the_row_of_a_run():
 def test_a_plugin_itself_stands_for_its_name():
     recording = api.load(SHORT)
     by_name = api.estimate(api.disturb(recording, FAULTS[0]), filter={"name": "jerk", "accel_mps2": 0.3})
-    itself = api.estimate(api.disturb(recording, Bias(accel_mps2=0.1)), filter=Jerk(accel_mps2=0.3))
+    itself = api.estimate(api.disturb(recording, ImuBias(accel_mps2=0.1)), filter=Jerk(accel_mps2=0.3))
 
     np.testing.assert_array_equal(itself.position_m, by_name.position_m)
     rows = api.run(dataset=SHORT, filter=Jerk(accel_mps2=0.3), seeds=1)

@@ -15,7 +15,7 @@ FLAT_M, FLAT_MPS = 1e4, 1e3
 """One sigma of position and of velocity before anything was measured: nothing is known of them."""
 
 
-class Noise(NamedTuple):
+class NoiseRows(NamedTuple):
     """Noise of a measurement, one row an update.
 
     Attributes:
@@ -62,7 +62,9 @@ class Motion:
         return np.asarray(self.accel_sigma_mps2**2 * self.dt_s**4 * squares)
 
 
-def position_variances(motion: Motion, updates: IntArray, position: Noise, velocity: Noise, steps: int) -> FloatArray:
+def position_variances(
+    motion: Motion, updates: IntArray, position: NoiseRows, velocity: NoiseRows, steps: int
+) -> FloatArray:
     """Return (steps + 1, 3): the variance of each axis's position after each input, and after the update there.
 
     Between updates P = A P A' + Q; at one, for position and then velocity, with h = [1, 0, l, 0] or [0, 1, 0, l]::
@@ -187,11 +189,11 @@ def _steps(t_s: FloatArray, imu_s: FloatArray) -> IntArray | None:
 
 def _noise(
     drawn: Position | Velocity, share: float, time_s: float, stream: Position | Velocity | None, t_s: FloatArray
-) -> Noise | None:
+) -> NoiseRows | None:
     """Return the noise of ``stream`` at ``t_s`` (m,); None where a value in it is not one that was ``drawn``."""
     white, lasting = np.full((len(t_s), 3), np.inf), np.zeros((len(t_s), 3))
     if stream is None:
-        return Noise(white, lasting, time_s)
+        return NoiseRows(white, lasting, time_s)
     (drawn_s, drawn_values, covariance), (own_s, values, _) = _parts(drawn), _parts(stream)
     rows = np.minimum(np.searchsorted(drawn_s, own_s), len(drawn_s) - 1)
     measured = np.isfinite(values)
@@ -201,7 +203,7 @@ def _noise(
     variance, at = np.diagonal(covariance[rows], axis1=1, axis2=2), np.searchsorted(t_s, own_s)
     white[at] = np.where(measured, (1 - share) * variance, np.inf)
     lasting[at] = np.where(measured, np.sqrt(share * variance), 0.0)
-    return Noise(white, lasting, time_s)
+    return NoiseRows(white, lasting, time_s)
 
 
 def _parts(stream: Position | Velocity) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -106,6 +106,12 @@ def centres_of(samples: Samples, confidence: float = 0.95, least: float | FloatA
     return made
 
 
+def costs_of(samples: Samples, least: float | FloatArray = LEAST_SEEDS) -> FloatArray:
+    """Return (k,) by what each sample is ranked: its centre, infinite where a run was lost."""
+    lost = samples.count(np.isposinf(samples.values)) > 0
+    return np.where(lost, np.inf, centres_of(samples, least=least).value)
+
+
 def _geometric(errors: FloatArray, confidence: float) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return geometric mean and ends of (k, n) errors; where they differ by rounding alone, the first."""
     with np.errstate(all="ignore"):

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jerkbench.arrays import IntArray
-from jerkbench.io.ros.decode import Block, block_of, field_table, joined_blocks
+from jerkbench.io.ros.decode import MessageBlock, field_table, joined_blocks, message_block
 from jerkbench.io.ros.salvage import CHUNK, INDEX, MAGIC, MESSAGE, Record, decompressed, header_fields
 
 Bytes = npt.NDArray[np.uint8]
@@ -325,7 +325,7 @@ class TopicMessages:
     """
 
     bag_ns: IntArray
-    block: Block
+    block: MessageBlock
 
 
 @dataclass
@@ -334,7 +334,7 @@ class _Waiting:
 
     bag_ns: list[IntArray] = field(default_factory=list)
     grids: list[Bytes] = field(default_factory=list)
-    blocks: list[Block] = field(default_factory=list)
+    blocks: list[MessageBlock] = field(default_factory=list)
 
 
 def read_in_bulk(
@@ -380,7 +380,7 @@ def _read(pending: _Waiting, msgtype: str, fields: Sequence[str], *, cdr: bool) 
     table = field_table(np.concatenate(pending.grids), msgtype, cdr=cdr)
     if table is None:
         raise NotInBulk
-    pending.blocks.append(block_of(table, msgtype, fields))
+    pending.blocks.append(message_block(table, msgtype, fields))
     pending.grids.clear()
 
 

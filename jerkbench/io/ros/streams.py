@@ -115,7 +115,7 @@ def swapped(matrix: FloatArray, vectors: FloatArray) -> FloatArray:
     return mirrored
 
 
-def turned(matrix: FloatArray, covariance: FloatArray) -> FloatArray:
+def rotated_covariance(matrix: FloatArray, covariance: FloatArray) -> FloatArray:
     """M C M' of covariances (n, 3, 3), symmetric to the bit."""
     product = np.asarray(matrix @ covariance @ matrix.T)
     return 0.5 * (product + product.transpose(0, 2, 1))
@@ -167,7 +167,7 @@ def position_of(
     """Return the fixes in ENU with their covariances."""
     frame = frame_of(messages, stated_frame)
     turn = axes_to_enu(frame, place, covariance_order)
-    covariance = turned(turn, messages["position_covariance"].reshape(-1, 3, 3))
+    covariance = rotated_covariance(turn, messages["position_covariance"].reshape(-1, 3, 3))
     return Position(seconds(messages.stamp_ns, zero_ns) - latency_s, fixes_in_enu(messages, frame, place), covariance)
 
 
@@ -187,7 +187,7 @@ def velocity_of(
     covariance = messages["velocity_covariance"].reshape(-1, 3, 3)
     t_s, latency_s = seconds(messages.stamp_ns, zero_ns), options.velocity_latency_s
     if frame in FROM:
-        mps, covariance = swapped(FROM[frame], mps), turned(FROM[frame], covariance)
+        mps, covariance = swapped(FROM[frame], mps), rotated_covariance(FROM[frame], covariance)
     if frame in ("enu", "ned"):
         return velocity_when_true(t_s, mps, covariance, latency_s)
     if len(set(latency_s)) > 1:
@@ -225,7 +225,7 @@ def heading_of(
     frame = frame_of(messages, stated_frame) if "position" in messages.values else "enu"
     covariance = messages["orientation_covariance"]
     turn = axes_to_enu(frame, place)
-    variance = turned(turn, covariance.reshape(-1, 3, 3))[:, 2, 2]
+    variance = rotated_covariance(turn, covariance.reshape(-1, 3, 3))[:, 2, 2]
     good = unit_quaternions(messages["orientation"]) & (variance > 0) & (variance < WORST_HEADING_RAD**2)
     ledger.add(label, "a heading without a usable covariance", ~good, messages.bag_ns, DROPPED)
     dcm = turn @ dcm_from_quaternion(messages["orientation"][good]) @ body_axes(frame)

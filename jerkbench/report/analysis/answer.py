@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from jerkbench.evaluation.statistics.judgement import Judgement, Verdict
 from jerkbench.report.analysis.columns import FACTORS
 from jerkbench.report.analysis.runs import Combination
-from jerkbench.report.analysis.standings import UNTESTED, Comparison, Standing, losses_of
+from jerkbench.report.analysis.standings import UNTESTED, Comparison, Standing, losses_range
 from jerkbench.report.tables.table_model import factor_number
 
 WON = (Verdict.BETTER, Verdict.FEWER_LOST)
@@ -240,4 +240,8 @@ def _named(names: Sequence[str]) -> str:
 def _seeds(tested: Sequence[Standing]) -> str:
     judgements = [pair.judgement for standing in tested for pair in _tests(standing)]
     low, high = (of(judgement.n for judgement in judgements) for of in (min, max))
-    return f"{low} seeds, {losses_of(judgements)}" if low == high else f"{low} to {high} seeds, {losses_of(judgements)}"
+    return (
+        f"{low} seeds, {losses_range(judgements)}"
+        if low == high
+        else f"{low} to {high} seeds, {losses_range(judgements)}"
+    )

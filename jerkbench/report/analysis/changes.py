@@ -13,7 +13,15 @@ from jerkbench.evaluation.statistics.families import Correction
 from jerkbench.evaluation.statistics.judgement import Judgement, Verdict
 from jerkbench.evaluation.statistics.other_seeds import judged_on_other_seeds, two_samples
 from jerkbench.report.analysis.columns import FACTORS, checked, quantity
-from jerkbench.report.analysis.runs import RULE, Combination, Rule, Runs, grouped, on_common_seeds, paired
+from jerkbench.report.analysis.runs import (
+    RULE,
+    Combination,
+    MethodRuns,
+    Rule,
+    on_common_seeds,
+    paired,
+    runs_by_combination,
+)
 from jerkbench.report.analysis.standings import Standing, judged_pairs
 from jerkbench.report.tables.table_model import factor_number, number
 
@@ -21,7 +29,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-Two = tuple[Runs, Runs]
+Two = tuple[MethodRuns, MethodRuns]
 """The runs of a combination in the first set, and in the second."""
 
 
@@ -105,7 +113,7 @@ def changes(before: "pd.DataFrame", after: "pd.DataFrame", metric: str, rule: Ru
     """
     if not quantity(metric).lowest_is_best:
         raise JerkbenchError(f"Of {metric} neither the lowest nor the highest is the best; compare another metric.")
-    first, second = (grouped(checked(rows, metric), metric) for rows in (before, after))
+    first, second = (runs_by_combination(checked(rows, metric), metric) for rows in (before, after))
     both = [(first[key], second[key]) for key in first if key in second]
     if not both and len(first) == len(second) == 1:
         both = list(zip(first.values(), second.values(), strict=True))
@@ -124,7 +132,7 @@ def _judgements(both: Sequence[Two], rule: Rule) -> list[Judgement]:
     return [next(same).judgement if _match(a, b) else next(others) for a, b in both]
 
 
-def _match(first: Runs, second: Runs) -> bool:
+def _match(first: MethodRuns, second: MethodRuns) -> bool:
     return len(np.intersect1d(first.seeds, second.seeds)) > 0
 
 

@@ -10,7 +10,7 @@ from jerkbench.evaluation.statistics.judgement import Verdict
 from jerkbench.report.analysis.answer import Duel, Round, duels, round_of
 from jerkbench.report.analysis.columns import FACTORS
 from jerkbench.report.analysis.runs import Combination
-from jerkbench.report.analysis.standings import Comparison, Contest, Standing, losses_of
+from jerkbench.report.analysis.standings import Comparison, Contest, Standing, losses_range
 from jerkbench.report.analysis.study_verdicts import StudyVerdicts
 from jerkbench.report.tables.table_model import factor_number, number
 
@@ -51,8 +51,8 @@ def compared(
 
 def sentence(comparison: Comparison, varying: Sequence[str]) -> str:
     """Say comparison comparison, with the factors that vary in the study."""
-    subject, baseline, where = names(comparison, varying)
-    judgement, lost = comparison.judgement, losses(comparison, subject, baseline)
+    subject, baseline, where = method_names(comparison, varying)
+    judgement, lost = comparison.judgement, losses_clause(comparison, subject, baseline)
     if judgement.n == 0:
         return f"{subject} cannot be compared with {baseline}{where}: no run of both has a value."
     if all(count == comparison.pair.runs for count in comparison.pair.lost):
@@ -127,7 +127,7 @@ def _baselines(rows: "pd.DataFrame") -> Iterator[dict[str, str]]:
             yield {key: value}
 
 
-def names(comparison: Comparison, varying: Sequence[str]) -> tuple[str, str, str]:
+def method_names(comparison: Comparison, varying: Sequence[str]) -> tuple[str, str, str]:
     """The names of both (what differs between them, filter and adaptation always), and where they are compared."""
     differ = [key for key, a, b in zip(FACTORS, comparison.subject, comparison.baseline, strict=True) if a != b]
     named = [key for key in FACTORS if key in differ or (key in ("filter", "adaptation") and key in varying)]
@@ -158,7 +158,7 @@ def _range(comparison: Comparison) -> str:
     return f"{written(ends[0])} to {written(ends[1])}"
 
 
-def losses(comparison: Comparison, subject: str, baseline: str) -> str:
+def losses_clause(comparison: Comparison, subject: str, baseline: str) -> str:
     """Say how many runs either lost, or locked out in, and how many may be; of phases nothing where all went well."""
     told, runs, phases = [], comparison.pair.runs, comparison.replicate == "phase"
     for name, lost, failed in zip(
@@ -241,7 +241,7 @@ def _tells(pair: Comparison, references: Mapping[str, str]) -> bool:
 def _sentence(duel: Duel) -> str:
     of = {verdict: [round_ for round_ in duel.rounds if round_.verdict is verdict] for verdict in WORDS}
     parts = [f"{WORDS[verdict]} {len(rounds)}{_most(rounds)}" for verdict, rounds in of.items() if rounds]
-    lost = losses_of(round_.judgement for round_ in duel.rounds)
+    lost = losses_range(round_.judgement for round_ in duel.rounds)
     return f"{duel.ours} against {duel.theirs} in {duel.scenarios} scenarios: {', '.join(parts)}; {lost}."
 
 

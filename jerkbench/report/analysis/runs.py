@@ -23,7 +23,7 @@ Combination = tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
-class Runs:
+class MethodRuns:
     """The runs of one combination.
 
     Attributes:
@@ -40,9 +40,9 @@ class Runs:
     lost: BoolArray
     phases: bool
 
-    def only(self, places: IntArray) -> "Runs":
+    def only(self, places: IntArray) -> "MethodRuns":
         """Return the runs at ``places``."""
-        return Runs(self.combination, self.seeds[places], self.errors[places], self.lost[places], self.phases)
+        return MethodRuns(self.combination, self.seeds[places], self.errors[places], self.lost[places], self.phases)
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +73,7 @@ class Pair:
         )
 
 
-def grouped(rows: "pd.DataFrame", metric: str) -> dict[Combination, Runs]:
+def runs_by_combination(rows: "pd.DataFrame", metric: str) -> dict[Combination, MethodRuns]:
     """Return the runs of each combination; the factors are text."""
     errors = np.where(rows["status"] == "ok", rows[metric].to_numpy(dtype=float), np.inf)
     seeds, ok = rows["seed"].to_numpy(), (rows["status"] == "ok").to_numpy()
@@ -84,24 +84,24 @@ def grouped(rows: "pd.DataFrame", metric: str) -> dict[Combination, Runs]:
     groups = {}
     for key, places in rows_of.items():
         order = np.array(places)[np.argsort(seeds[places], kind="stable")]
-        groups[key] = Runs(key, seeds[order], errors[order], ~ok[order], bool(phases[order].any()))
+        groups[key] = MethodRuns(key, seeds[order], errors[order], ~ok[order], bool(phases[order].any()))
     return groups
 
 
-def paired(runs: Iterable[tuple[Runs, Runs]]) -> list[Pair]:
+def paired(runs: Iterable[tuple[MethodRuns, MethodRuns]]) -> list[Pair]:
     """Return the runs of two combinations each, on the seeds that both have."""
     common = [on_common_seeds(ours, theirs) for ours, theirs in runs]
     ratios = log_ratios_of((ours.errors, theirs.errors) for ours, theirs in common)
     return [_pair(ours, theirs, own) for (ours, theirs), own in zip(common, ratios, strict=True)]
 
 
-def _pair(ours: Runs, theirs: Runs, ratios: LogRatios) -> Pair:
+def _pair(ours: MethodRuns, theirs: MethodRuns, ratios: LogRatios) -> Pair:
     lost = int(ours.lost.sum()), int(theirs.lost.sum())
     replicate = "phase" if ours.phases else "seed"
     return Pair(ours.combination, theirs.combination, ratios, lost, len(ours.seeds), replicate)
 
 
-def on_common_seeds(ours: Runs, theirs: Runs) -> tuple[Runs, Runs]:
+def on_common_seeds(ours: MethodRuns, theirs: MethodRuns) -> tuple[MethodRuns, MethodRuns]:
     """Return the runs of both on the seeds that both have."""
     if len(ours.seeds) == len(theirs.seeds) and (ours.seeds == theirs.seeds).all():
         return ours, theirs

@@ -106,7 +106,7 @@ def family_note(comparisons: Sequence[Comparison]) -> str:
         )
     if rule.level < LEVEL:
         test += f" Seeds were added in blocks: the last look spends {100 * rule.level:.2g} of these 5 %."
-    return f"{marks} {test}{_undecided(tested)} Of each method {losses_of(one.judgement for one in tested)}."
+    return f"{marks} {test}{_undecided(tested)} Of each method {losses_range(one.judgement for one in tested)}."
 
 
 def _undecided(tested: Sequence[Comparison]) -> str:
@@ -126,7 +126,7 @@ def not_excluded(compared: Iterable[Comparison]) -> str:
     return f", {within}, as {NOT_EXCLUDED} ({needed} seeds without one would)"
 
 
-def losses_of(judgements: Iterable[Judgement]) -> str:
+def losses_range(judgements: Iterable[Judgement]) -> str:
     """Say how many runs methods lost or locked out in, the fewest and the most, with the largest bound."""
     runs = {of for one in judgements for of in zip(one.failures, one.sizes, strict=True)}
     counts, sizes = (
@@ -215,7 +215,7 @@ class Standing:
         return [self.name(leader) for leader in self.contest.leaders]
 
 
-def summary(standings: Sequence[Standing]) -> list[str]:
+def verdict_sentences(standings: Sequence[Standing]) -> list[str]:
     """Return in sentences who leads how often, and how many pairs of methods are what."""
     decided = [standing for standing in standings if standing.contest.decided]
     compared = [pair for standing in standings for pair in standing.contest.comparisons if pair.judgement.n]
@@ -253,4 +253,4 @@ def _counts(verdicts: "Counter[Verdict]", standings: Sequence[Standing]) -> str:
         (undecided, f"are undecided{not_excluded(tested)}"),
     ]
     told = ", ".join(f"{count} {words}" for count, words in parts if count)
-    return f"Of {total} pairs of methods {told}; of each method {losses_of(pair.judgement for pair in tested)}."
+    return f"Of {total} pairs of methods {told}; of each method {losses_range(pair.judgement for pair in tested)}."

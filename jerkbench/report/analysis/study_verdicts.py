@@ -5,12 +5,15 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray
+from jerkbench.evaluation.statistics.errors_over_seeds import costs_of
 from jerkbench.evaluation.statistics.judgement import LEVEL
+from jerkbench.evaluation.statistics.over_seeds import Samples
 from jerkbench.evaluation.statistics.ranks import (
     critical_difference,
     kendall_tau,
@@ -20,7 +23,7 @@ from jerkbench.evaluation.statistics.ranks import (
     rank_range,
 )
 from jerkbench.report.analysis.columns import FACTORS, attitude_competes, checked, competes, default_method, quantity
-from jerkbench.report.analysis.runs import RULE, Combination, Rule, Runs, grouped, paired, partners
+from jerkbench.report.analysis.runs import RULE, Combination, MethodRuns, Rule, paired, partners, runs_by_combination
 from jerkbench.report.analysis.standings import MOST_PAIRS, Comparison, Standing, contest, judged_pairs
 from jerkbench.report.analysis.sweeps import at_best_noise
 from jerkbench.report.tables.table_model import number
@@ -45,8 +48,8 @@ class StudyVerdicts:
         rule: how they were judged.
     """
 
-    groups: Mapping[Combination, Runs]
-    entered: Mapping[Combination, Runs]
+    groups: Mapping[Combination, MethodRuns]
+    entered: Mapping[Combination, MethodRuns]
     judged: Mapping[Two, Comparison]
     standings: list[Standing]
     rule: Rule
@@ -93,14 +96,14 @@ def study_verdicts(
         JerkbenchError: there is no such metric.
     """
     rows, rule = checked(rows, metric), rule.of(rows)
-    groups = grouped(rows, metric)
+    groups = runs_by_combination(rows, metric)
     if not quantity(metric).lowest_is_best:
         return StudyVerdicts(groups, groups, {}, [], rule)
     method = tuple(method or default_method(rows))
     entered = groups
     if "noise" in method and _count(groups, method) > most:
         rows = at_best_noise(rows, metric)
-        entered = grouped(rows, metric)
+        entered = runs_by_combination(rows, metric)
     fields = _fields(entered, method)
     pairs = [pair for field in fields for pair in _pairs(field)] if _count(entered, method) <= most else []
     comparisons = judged_pairs(paired((entered[a], entered[b]) for a, b in pairs), rule)
@@ -168,7 +171,7 @@ OTHERS = ("velocity_rmse_mps", "position_max_m", "outage_rmse_m")
 
 
 @dataclass(frozen=True, eq=False)
-class Field:
+class CommonRuns:
     """The methods that ran in every scenario, on seeds that all have.
 
     Attributes:
@@ -181,6 +184,12 @@ class Field:
     methods: tuple[str, ...]
     logs: FloatArray
 
+    @cached_property
+    def ranks(self) -> FloatArray:
+        """(k,) mean ranks over the scenarios, by the tables' medians: a few runs that lock out do not decide them."""
+        cells = Samples.of([np.exp(logs) for scenario in self.logs for logs in scenario.T])
+        return mean_ranks(costs_of(cells).reshape(len(self.scenarios), -1))
+
 
 def across(rows: "pd.DataFrame", verdicts: StudyVerdicts, metric: str) -> list[str]:
     """Return sentences about the methods over all scenarios; none of fewer than two scenarios or methods."""
@@ -190,7 +199,7 @@ def across(rows: "pd.DataFrame", verdicts: StudyVerdicts, metric: str) -> list[s
     return [_places(field), *_ratios(field), _ranks(field), *_agreement(rows, field, metric)]
 
 
-def common_field(verdicts: StudyVerdicts) -> Field | None:
+def common_field(verdicts: StudyVerdicts) -> CommonRuns | None:
     """Return the methods that every scenario has, on common seeds; None of fewer than two, and of phases."""
     runs = [
         {standing.name(rival): verdicts.entered[rival] for rival in standing.contest.rivals}
@@ -208,10 +217,10 @@ def common_field(verdicts: StudyVerdicts) -> Field | None:
     if not (errors > 0).all():  # an error of 0, or a metric that did not apply, has no logarithm
         return None
     scenarios = tuple(", ".join(standing.scenario) for standing in verdicts.standings)
-    return Field(scenarios, tuple(methods), np.log(errors))
+    return CommonRuns(scenarios, tuple(methods), np.log(errors))
 
 
-def _places(field: Field) -> str:
+def _places(field: CommonRuns) -> str:
     ranges = rank_range(field.logs)
     order = np.argsort(ranges.place, kind="stable")[:TOLD]
     places = [f"{field.methods[k]} {ranges.place[k]} ({ranges.low[k]} to {ranges.high[k]})" for k in order]
@@ -221,11 +230,11 @@ def _places(field: Field) -> str:
     )
 
 
-def _more(field: Field) -> str:
+def _more(field: CommonRuns) -> str:
     return f", and {len(field.methods) - TOLD} others" if len(field.methods) > TOLD else ""
 
 
-def _ratios(field: Field) -> Iterator[str]:
+def _ratios(field: CommonRuns) -> Iterator[str]:
     """Say how the first compares with the second and with the last, of methods that lost no run.
 
     These two are chosen by the errors that are tested. The intervals therefore hold for all pairs at once (Bonferroni).
@@ -244,9 +253,9 @@ def _ratios(field: Field) -> Iterator[str]:
         )
 
 
-def _ranks(field: Field) -> str:
+def _ranks(field: CommonRuns) -> str:
     """Say from which difference of mean ranks on methods differ, and whom the first cannot be told from."""
-    ranks = mean_ranks(field.logs.mean(axis=1))
+    ranks = field.ranks
     least = critical_difference(len(ranks), len(field.scenarios))
     first = int(np.argmin(ranks))
     groups = [group for group in rank_cliques(ranks, least) if first in group]
@@ -256,7 +265,7 @@ def _ranks(field: Field) -> str:
     return f"Mean ranks differ from {least:.1f} on (Nemenyi, 5 %); {alone}: {', '.join(near)}{more}."
 
 
-def _agreement(rows: "pd.DataFrame", field: Field, metric: str) -> Iterator[str]:
+def _agreement(rows: "pd.DataFrame", field: CommonRuns, metric: str) -> Iterator[str]:
     """Say whether other metrics rank the methods alike."""
     told = []
     for other in OTHERS:
@@ -265,7 +274,7 @@ def _agreement(rows: "pd.DataFrame", field: Field, metric: str) -> Iterator[str]
         second = common_field(study_verdicts(rows, other, most=0))  # its places alone, nothing is judged
         if second is None or second.methods != field.methods:
             continue
-        tau, p = kendall_tau(*(mean_ranks(of.logs.mean(axis=1)) for of in (field, second)))
+        tau, p = kendall_tau(field.ranks, second.ranks)
         if math.isfinite(tau):
             told.append(f"{quantity(other).title} {tau:.2f} (p {number(p)})")
     if told:

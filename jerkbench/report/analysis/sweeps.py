@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
-from jerkbench.evaluation.statistics.errors_over_seeds import centres_of
+from jerkbench.evaluation.statistics.errors_over_seeds import costs_of
 from jerkbench.evaluation.statistics.families import LEAST_SEEDS
 from jerkbench.evaluation.statistics.over_seeds import Samples
 from jerkbench.evaluation.statistics.seeds import chosen_on_other_seeds
@@ -70,20 +70,13 @@ def costs(rows: "pd.DataFrame", metric: str) -> tuple[FloatArray, list[str], lis
     scenarios, names = (list(dict.fromkeys(named[key].astype(str))) for key in ("scenario", "method"))
     methods = named.groupby(["scenario", "seed"])["method"].transform("nunique")
     named = named[methods == named.groupby("scenario")["method"].transform("nunique")]
-    groups = {key: group.to_numpy(dtype=float) for key, group in named.groupby(["scenario", "method"])["cost"]}
+    groups = named.groupby(["scenario", "method"])
+    means = groups["cost"].mean()
     if quantity(metric).lowest_is_best and not (named["cost"] < 0).any():
-        phases = named.groupby(["scenario", "method"])["replicate"].first() == "phase"
-        means = centres_of(
-            Samples.of(list(groups.values())), least=np.where(phases, np.inf, LEAST_SEEDS)
-        ).value.tolist()
-    else:
-        means = [float(values.mean()) for values in groups.values()]
-    known = {
-        key: np.inf if np.isinf(values).any() else mean
-        for (key, values), mean in zip(groups.items(), means, strict=True)
-    }
-    cells = [[known.get((scenario, name), np.nan) for name in names] for scenario in scenarios]
-    return np.array(cells, dtype=float), scenarios, names
+        samples = Samples.of([values.to_numpy(dtype=float) for _, values in groups["cost"]])
+        means[:] = costs_of(samples, least=np.where(groups["replicate"].first() == "phase", np.inf, LEAST_SEEDS))
+    table = means.unstack()  # noqa: PD010 - a series has no pivot_table
+    return table.reindex(index=scenarios, columns=names).to_numpy(), scenarios, names
 
 
 def competing(rows: "pd.DataFrame", metric: str) -> list[bool]:

@@ -16,15 +16,14 @@ from jerkbench.report.plots.style import (
     MEASURED,
     PLAIN,
     REFERENCE,
-    Look,
     Method,
+    MethodStyle,
     Palette,
     coinciding,
-    joined,
     legend_below,
     literal,
     new_figure,
-    quiet,
+    style_axes,
 )
 from jerkbench.report.tables.table_model import Table, TableCell, number
 
@@ -53,7 +52,7 @@ class Bar(NamedTuple):
     """
 
     cell: TableCell
-    look: Look
+    look: MethodStyle
 
 
 def bars_figure(table: Table, palette: Palette | None = None) -> Figure:
@@ -76,7 +75,7 @@ def bars_figure(table: Table, palette: Palette | None = None) -> Figure:
     _name_columns(panels[0], names, scenes)
     _scale(panels[0], table)
     for axes in panels[: len(scenes)]:
-        quiet(axes)
+        style_axes(axes)
         axes.grid(visible=False, axis="x")
     figure.supylabel(literal(table.title), fontsize=9)
     legend_below(figure)
@@ -219,7 +218,7 @@ PROFILES = 8
 """As many methods are drawn, by their mean rank."""
 
 
-def profile_figure(costs: FloatArray, methods: Sequence[str], title: str, looks_of: Sequence[Look]) -> Figure:
+def profile_figure(costs: FloatArray, methods: Sequence[str], title: str, looks_of: Sequence[MethodStyle]) -> Figure:
     """Draw for each method in how many of the scenarios (p, s) it is within a factor of the best.
 
     On the left: how often it is the best; far right: how often it comes through at all. Drawn are the best by rank,
@@ -232,7 +231,7 @@ def profile_figure(costs: FloatArray, methods: Sequence[str], title: str, looks_
     order = np.argsort(ranks, kind="stable")[:PROFILES]
     for names in coinciding({methods[s]: shares[s] for s in order}):
         s = methods.index(names[0])
-        label = joined(f"{name} (mean rank {ranks[methods.index(name)]:.1f})" for name in names)
+        label = " = ".join(f"{name} (mean rank {ranks[methods.index(name)]:.1f})" for name in names)
         look = looks_of[s]
         axes.step(
             factors, 100 * shares[s], where="post", color=look.colour, linestyle=look.line, linewidth=1.3, label=label
@@ -240,7 +239,7 @@ def profile_figure(costs: FloatArray, methods: Sequence[str], title: str, looks_
     axes.set(xscale="log", xlim=(1.0, FURTHEST), ylim=(0.0, 103.0), title=literal(title))
     axes.set_xlabel(f"Times the best of a scenario ({len(costs)} scenarios)")
     axes.set_ylabel("Scenarios within [%]")
-    quiet(axes)
+    style_axes(axes)
     axes.set_xticks([1, 2, 5, 10, 20, 50, 100], ["1", "2", "5", "10", "20", "50", "100"])
     legend_below(figure)
     return figure
@@ -255,7 +254,7 @@ STRIP = 0.028
 
 
 def critical_difference_figure(
-    ranks: FloatArray, least: float, methods: Sequence[str], looks_of: Sequence[Look], title: str, scenarios: int
+    ranks: FloatArray, least: float, methods: Sequence[str], looks_of: Sequence[MethodStyle], title: str, scenarios: int
 ) -> Figure:
     """Draw the mean rank (k,) of each method; those that a line on the right joins do not differ.
 
@@ -278,7 +277,7 @@ def critical_difference_figure(
     right = max(float(ranks[order[-1]]), 1.0 + least) + 0.25
     axes.set(xlim=(0.75, right), ylim=(len(order) - 0.4, -1.9), title=literal(title))
     axes.set_xlabel(f"Mean rank over {scenarios} scenarios, 1 the best{_others(len(ranks) - len(order))}")
-    quiet(axes)
+    style_axes(axes)
     axes.grid(visible=False, axis="y")
     axes.set_yticks(range(len(order)), [f"{literal(methods[k])}  {ranks[k]:.1f}" for k in order])
     _draw_difference(axes, least)

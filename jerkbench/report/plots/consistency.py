@@ -18,14 +18,13 @@ from jerkbench.report.plots.style import (
     Palette,
     coinciding,
     end_with,
-    joined,
     legend_below,
     literal,
-    looks,
+    method_styles,
     new_figure,
-    quiet,
     say,
     shade_outages,
+    style_axes,
     thinned,
     with_gaps,
 )
@@ -46,7 +45,7 @@ def consistency_figure(runs: Sequence[tuple[Recording, Estimate]], name: str, pa
     above, below = figure.subplots(2, 1, sharex=True)
     recording = runs[0][0]
     above.set_title(literal(f"{recording.name}: {name}, {len(runs)} {'run' if len(runs) == 1 else 'runs'}"))
-    ((_, look),) = looks([name], palette)
+    ((_, look),) = method_styles([name], palette)
     _draw_nees(above, runs, look.colour)
     _draw_nis(below, runs, look.colour)
     end_with(below, recording.reference.t_s)
@@ -93,7 +92,7 @@ def _draw_nees(axes: Axes, runs: Sequence[tuple[Recording, Estimate]], colour: s
     label = f"NEES: {100 * inside:.0f} % of the time inside"
     axes.plot(*thinned(t_s, average), color=colour, linewidth=0.8, label=label)
     axes.set_yscale("log")
-    quiet(axes)
+    style_axes(axes)
 
 
 def _draw_nis(axes: Axes, runs: Sequence[tuple[Recording, Estimate]], colour: str) -> None:
@@ -116,7 +115,7 @@ def _draw_nis(axes: Axes, runs: Sequence[tuple[Recording, Estimate]], colour: st
     ]
     axes.fill_between(t_s, low, high, color=SIGMAS, linewidth=0)
     axes.set_yscale("log")
-    quiet(axes)
+    style_axes(axes)
 
 
 def _moving(values: FloatArray) -> FloatArray:
@@ -137,7 +136,7 @@ def adapted_r_figure(recording: Recording, estimates: Mapping[str, Estimate], pa
     figure = new_figure(6.0)
     panels = figure.subplots(3, 2, sharex=True)
     figure.suptitle(literal(recording.name), fontsize="medium")
-    look_of = dict(looks(estimates, palette))
+    look_of = dict(method_styles(estimates, palette))
     groups = coinciding({name: np.sqrt(estimate.updates.R_diagonal) for name, estimate in estimates.items()})
     for row in range(6):
         axes = panels[row % 3][row // 3]
@@ -145,7 +144,7 @@ def adapted_r_figure(recording: Recording, estimates: Mapping[str, Estimate], pa
             updates, look = estimates[names[0]].updates, look_of[names[0]]
             sigma = np.sqrt(updates.R_diagonal[:, row])
             known, dropped = np.isfinite(sigma), np.isinf(sigma)
-            label = joined(names) if row == 0 else None
+            label = " = ".join(names) if row == 0 else None
             curve = thinned(*with_gaps(updates.t_s, np.where(known, sigma, np.nan)))
             axes.plot(*curve, color=look.colour, linestyle=look.line, linewidth=1.0, label=label)
             axes.plot(
@@ -162,7 +161,7 @@ def adapted_r_figure(recording: Recording, estimates: Mapping[str, Estimate], pa
         end_with(axes, recording.reference.t_s)
         if any(np.isfinite(estimate.updates.R_diagonal[:, row]).any() for estimate in estimates.values()):
             axes.set_yscale("log")
-        quiet(axes)
+        style_axes(axes)
     for axes in panels[2]:
         axes.set_xlabel("Time [s]")
     legend_below(figure)
@@ -200,7 +199,7 @@ def _draw_angle(
     axes.set_ylabel(f"{ANGLES[axis]} [deg]")
     truth = recording.reference.euler_rad
     named = axis == 0
-    for name, look in looks(estimates, palette):
+    for name, look in method_styles(estimates, palette):
         estimate = estimates[name]
         curve = thinned(recording.reference.t_s[estimate.index], np.degrees(estimate.euler_rad[:, axis]))
         label = name if named else None
@@ -209,7 +208,7 @@ def _draw_angle(
         label = "reference" if named else None
         curve = thinned(recording.reference.t_s, np.degrees(truth[:, axis]))
         axes.plot(*curve, color=REFERENCE, linewidth=0.6, label=label)
-    quiet(axes)
+    style_axes(axes)
 
 
 def _draw_bars(
@@ -217,7 +216,7 @@ def _draw_bars(
 ) -> None:
     """Draw one bar an estimate; its value stands on it."""
     axes.set_ylabel(f"{ANGLES[axis]} RMSE [deg]")
-    for place, (name, look) in enumerate(looks(estimates, palette)):
+    for place, (name, look) in enumerate(method_styles(estimates, palette)):
         estimate = estimates[name]
         rows = known(recording.reference.euler_rad, estimate, (axis,)) & recording.reference.scored[estimate.index]
         error = euler_error_rad(estimate, recording)[rows][:, axis]
@@ -227,7 +226,7 @@ def _draw_bars(
             axes.bar_label(bar, [number(rmse_deg)], fontsize=8)
     axes.set_xticks([])
     axes.set_xlim(-1.0, max(len(estimates), 3))
-    quiet(axes)
+    style_axes(axes)
     axes.margins(y=0.2)
 
 
@@ -255,7 +254,7 @@ def acceleration_figure(recording: Recording, attitude: Attitude) -> Figure:
         axes.plot(*thinned(attitude.t_s, compensated), color=COMPENSATED, linewidth=0.6, label=label)
         axes.set_ylabel(f"{RAW[axis]} / {ENU[axis]} [m/s$^2$]")
         axes.set_ylim(*_limits(raw, compensated))
-        quiet(axes)
+        style_axes(axes)
     ticks = attitude.t_s[attitude.triggered]
     if len(ticks):
         panels[2].plot(

@@ -53,7 +53,7 @@ def shade_outages(axes: Axes, outages_s: FloatArray, label: str | None = None) -
         axes.axvspan(begin, end, color=OUTAGE, alpha=0.28, linewidth=0, label=label if k == 0 else None, zorder=0)
 
 
-def quiet(axes: Axes) -> None:
+def style_axes(axes: Axes) -> None:
     """Take away the box, put a light grid behind the lines, and let the ticks depend on the limits alone.
 
     Ticks that depend on the height too change after the layout has measured their labels, and labels get clipped.
@@ -169,7 +169,7 @@ Method = tuple[str, str]
 """Filter and adaptation."""
 
 
-class Look(NamedTuple):
+class MethodStyle(NamedTuple):
     """How a method is drawn.
 
     Attributes:
@@ -211,11 +211,11 @@ class Palette:
             tuple(dict.fromkeys([*plain, *adaptations])),
         )
 
-    def look(self, method: Method) -> Look:
+    def look(self, method: Method) -> MethodStyle:
         """Return the look of a method; one that the study has not comes after all others."""
         filter_name, adaptation = method
         dash = _place(self.adaptations, adaptation) % len(DASHES)
-        return Look(COLOURS[_place(self.filters, filter_name) % len(COLOURS)], DASHES[dash], HATCHES[dash])
+        return MethodStyle(COLOURS[_place(self.filters, filter_name) % len(COLOURS)], DASHES[dash], HATCHES[dash])
 
 
 def method_of(name: str) -> Method:
@@ -230,7 +230,7 @@ def method_of(name: str) -> Method:
     return filter_name, BETWEEN.split(rest.partition(" + ")[0])[0] or PLAIN
 
 
-def looks(names: Iterable[str], palette: Palette | None = None) -> Iterator[tuple[str, Look]]:
+def method_styles(names: Iterable[str], palette: Palette | None = None) -> Iterator[tuple[str, MethodStyle]]:
     """Yield each method's name with its look; without a palette in the order of the names."""
     names = list(names)
     palette = palette or Palette.of(map(method_of, names))
@@ -304,8 +304,3 @@ def _coincide(first: FloatArray, second: FloatArray) -> bool:
     with np.errstate(over="ignore"):
         largest = np.maximum(np.abs(first[known]), np.abs(second[known]))
         return bool(np.all(np.abs(first[known] - second[known]) <= COINCIDE * largest))
-
-
-def joined(names: Iterable[str]) -> str:
-    """Return the label of curves that coincide."""
-    return " = ".join(names)

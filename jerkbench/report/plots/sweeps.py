@@ -12,7 +12,16 @@ from jerkbench.arrays import FloatArray
 from jerkbench.evaluation.statistics.over_seeds import mean_intervals
 from jerkbench.report.analysis.columns import quantity
 from jerkbench.report.analysis.sweeps import NAME, SCENARIO, SIZE, crossings, smallest_noticed
-from jerkbench.report.plots.style import OKABE_ITO, Look, Palette, legend_below, literal, looks, new_figure, quiet
+from jerkbench.report.plots.style import (
+    OKABE_ITO,
+    MethodStyle,
+    Palette,
+    legend_below,
+    literal,
+    method_styles,
+    new_figure,
+    style_axes,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -40,7 +49,7 @@ def sensitivity_figure(rows: "pd.DataFrame", metric: str, palette: Palette | Non
             runs = swept[(swept["scene"] == scene) & (swept["method"] == name)]
             _draw_means(axes, runs, "sigma_a", np.sort(runs["sigma_a"].unique()), metric, look, name, panels[0])
         axes.set(title=literal(scene), ylabel=literal(quantity(metric).heading), xscale="log", yscale="log")
-        quiet(axes)
+        style_axes(axes)
     panels[-1].set_xlabel("sigma_a [m/s$^2$]")
     legend_below(figure)
     return figure
@@ -82,19 +91,19 @@ def severity_figure(swept: "pd.DataFrame", metric: str, palette: Palette | None 
         axes.set(title=literal(scenario), xlabel=literal(scene[NAME].iloc[0]), ylabel=heading, yscale="log")
         if scene[SIZE].min() > 0:
             axes.set_xscale("log")
-        quiet(axes)
+        style_axes(axes)
     legend_below(figure)
     return figure
 
 
-def _looks(swept: "pd.DataFrame", palette: Palette | None) -> Mapping[str, Look]:
+def _looks(swept: "pd.DataFrame", palette: Palette | None) -> Mapping[str, MethodStyle]:
     """Name the method of each row, and return the looks of all."""
     swept["method"] = swept["filter"].astype(str) + " + " + swept["adaptation"].astype(str)
-    return dict(looks(swept["method"].unique(), palette))
+    return dict(method_styles(swept["method"].unique(), palette))
 
 
 def _draw_means(
-    axes: Axes, runs: "pd.DataFrame", over: str, at: FloatArray, metric: str, look: Look, name: str, first: Axes
+    axes: Axes, runs: "pd.DataFrame", over: str, at: FloatArray, metric: str, look: MethodStyle, name: str, first: Axes
 ) -> FloatArray:
     """Draw and return a method's means at some values of the column ``over``; the ``first`` panel has its label."""
     groups = [runs[runs[over] == x] for x in at]
@@ -181,7 +190,7 @@ def _draw_profile(axes: Axes, profile: Profile, losses: FloatArray) -> None:
     axes.set_ylabel("loss", fontsize=8)
     low = float(losses.min())
     axes.set_ylim(low - 0.05, low + 1.5 * max(float(np.nanmax(profile.least)) - low, 0.1))
-    quiet(axes)
+    style_axes(axes)
 
 
 def _draw_curve(axes: Axes, curve: Sequence[tuple[int, float]]) -> None:
