@@ -10,7 +10,7 @@ from jerkbench.adaptation.common import PASSES, SMALLEST_WEIGHT, has_settled
 from jerkbench.adaptation.linalg import diagonalise, explained_sums, submatrix
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError, unknown
-from jerkbench.parameters import Origin, Range
+from jerkbench.parameters import DefaultOrigin, Range
 from jerkbench.plugins import register
 
 FUNCTIONS = ("log", "sqrt", "exp")
@@ -48,20 +48,20 @@ class StatisticalSimilarity:
         sides: whom the weights doubt, "both" or "measurement".
     """
 
-    function: Annotated[str, Origin("ours: of the paper's, the one nearest to Student's t")] = "log"
+    function: Annotated[str, DefaultOrigin("ours: of the paper's, the one nearest to Student's t")] = "log"
     nu: Annotated[
         float,
         Range(1.0, 100.0, log=True, source="ours: from Cauchy's tails to all but Gaussian ones"),
-        Origin("literature: 5 in the paper"),
+        DefaultOrigin("literature: 5 in the paper"),
     ] = 5.0
     sigma: Annotated[
         float,
         Range(
             1.0, 50.0, log=True, source="ours: from a kernel that rejects good measurements to one that rejects none"
         ),
-        Origin("literature: 5 in the paper"),
+        DefaultOrigin("literature: 5 in the paper"),
     ] = 5.0
-    sides: Annotated[str, Origin("literature: the paper weighs both")] = "both"
+    sides: Annotated[str, DefaultOrigin("literature: the paper weighs both")] = "both"
 
     def __post_init__(self) -> None:
         """Check the ranges."""

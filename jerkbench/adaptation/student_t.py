@@ -17,7 +17,7 @@ from jerkbench.adaptation.common import (
 )
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
-from jerkbench.parameters import Origin, Range
+from jerkbench.parameters import DefaultOrigin, Range
 from jerkbench.plugins import register
 
 
@@ -47,14 +47,14 @@ class StudentT:
         sides: whom the weights doubt, "both" or "measurement".
     """
 
-    nu: Annotated[float, FREEDOM, Origin("literature: 5 in the paper")] = 5.0
+    nu: Annotated[float, FREEDOM, DefaultOrigin("literature: 5 in the paper")] = 5.0
     tau: Annotated[
         float,
         Range(1.0, 100.0, log=True, source="ours: from a prior that counts half to one that is all but fixed"),
-        Origin("literature: 5 in the paper"),
+        DefaultOrigin("literature: 5 in the paper"),
     ] = 5.0
-    passes: Annotated[int, Origin("literature: 10 in the paper")] = 10
-    sides: Annotated[str, Origin("literature: the paper weighs both")] = "both"
+    passes: Annotated[int, DefaultOrigin("literature: 10 in the paper")] = 10
+    sides: Annotated[str, DefaultOrigin("literature: the paper weighs both")] = "both"
 
     def __post_init__(self) -> None:
         """Check the ranges."""

@@ -28,7 +28,7 @@ from jerkbench.io.rtklib_fixes import (
     require_three_columns,
     solution_notes,
     steady_fixes,
-    velocity_of,
+    velocity_of_fixes,
 )
 from jerkbench.io.rtklib_logs import ImuLog, ImuMap, read_imu_log, read_imu_table
 from jerkbench.io.sanitiser import possible_imu, repeat_notes
@@ -156,7 +156,7 @@ class RtklibDrive:
             imu=imu,
             reference=self._reference(t_s, position.enu_m, speed_mps),
             position=position,
-            velocity=velocity_of(fixes, t_s, self.velocity_latency_s),
+            velocity=velocity_of_fixes(fixes, t_s, self.velocity_latency_s),
             origin=origin,
             start_utc=utc_of(zero_ns, self.gpst_minus_utc_s),
             static_start_s=rest_s,

@@ -17,7 +17,7 @@ from jerkbench.inertial.events import merge_events
 from jerkbench.inertial.run_inputs import Constraints, Journey, Settings
 from jerkbench.inertial.state import NavigationState
 from jerkbench.inertial.stillness import still_samples
-from jerkbench.parameters import Origin, Range
+from jerkbench.parameters import DefaultOrigin, Range
 from jerkbench.recording import GRAVITY_MPS2, Recording
 from jerkbench.timeline import Timeline, build_timeline
 
@@ -92,45 +92,51 @@ class Eskf15Parameters:
     angle_random_walk_deg_per_sqrt_h: Annotated[
         float,
         Range(0.01, 60.0, log=True, source=GRADES),
-        Origin("data sheet: the simulated field's IMU, 0.0017 rad/s and 0.02 m/s2 a sample at 100 Hz"),
+        DefaultOrigin("data sheet: the simulated field's IMU, 0.0017 rad/s and 0.02 m/s2 a sample at 100 Hz"),
     ] = 0.6
     velocity_random_walk_mps_per_sqrt_h: Annotated[
         float,
         Range(0.005, 20.0, log=True, source=GRADES),
-        Origin("data sheet: the simulated field's IMU, 0.0017 rad/s and 0.02 m/s2 a sample at 100 Hz"),
+        DefaultOrigin("data sheet: the simulated field's IMU, 0.0017 rad/s and 0.02 m/s2 a sample at 100 Hz"),
     ] = 0.12
     gyro_instability_deg_per_h: Annotated[
-        float, Range(0.1, 500.0, log=True, source=GRADES), Origin("ours, of the order of an industrial MEMS module")
+        float,
+        Range(0.1, 500.0, log=True, source=GRADES),
+        DefaultOrigin("ours, of the order of an industrial MEMS module"),
     ] = 5.0
-    gyro_correlation_s: Annotated[float, Origin("ours: long against an outage")] = 1000.0
+    gyro_correlation_s: Annotated[float, DefaultOrigin("ours: long against an outage")] = 1000.0
     accel_instability_mg: Annotated[
-        float, Range(0.005, 10.0, log=True, source=GRADES), Origin("ours, of the order of an industrial MEMS module")
+        float,
+        Range(0.005, 10.0, log=True, source=GRADES),
+        DefaultOrigin("ours, of the order of an industrial MEMS module"),
     ] = 0.1
-    accel_correlation_s: Annotated[float, Origin("ours: long against an outage")] = 1000.0
-    gyro_turn_on_deg_per_h: Annotated[float, Origin("ours, of the order of an industrial MEMS module")] = 500.0
-    accel_turn_on_mg: Annotated[float, Origin("ours, of the order of an industrial MEMS module")] = 10.0
-    gyro_scale_ppm: Annotated[float, Origin("off: 18 states fewer")] = 0.0
-    accel_scale_ppm: Annotated[float, Origin("off")] = 0.0
-    misalignment_mrad: Annotated[float, Origin("off")] = 0.0
+    accel_correlation_s: Annotated[float, DefaultOrigin("ours: long against an outage")] = 1000.0
+    gyro_turn_on_deg_per_h: Annotated[float, DefaultOrigin("ours, of the order of an industrial MEMS module")] = 500.0
+    accel_turn_on_mg: Annotated[float, DefaultOrigin("ours, of the order of an industrial MEMS module")] = 10.0
+    gyro_scale_ppm: Annotated[float, DefaultOrigin("off: 18 states fewer")] = 0.0
+    accel_scale_ppm: Annotated[float, DefaultOrigin("off")] = 0.0
+    misalignment_mrad: Annotated[float, DefaultOrigin("off")] = 0.0
     gyro_bias_from_rest: bool = True
     yaw_source: str = "attitude"
-    initial_yaw_sigma_rad: Annotated[float, Origin("ours: 3 degrees")] = 0.05
+    initial_yaw_sigma_rad: Annotated[float, DefaultOrigin("ours: 3 degrees")] = 0.05
     track_least_m: float = 1.0
     position_sigma_m: float | None = None
     antenna_m: tuple[float, ...] = (0.0, 0.0, 0.0)
     use_velocity: bool = True
     use_heading: bool = True
     wheel_scale: bool = False
-    wheel_scale_sigma: Annotated[float, Origin("ours: 2 %, tyres")] = 0.02
+    wheel_scale_sigma: Annotated[float, DefaultOrigin("ours: 2 %, tyres")] = 0.02
     zero_velocity: bool = False
-    zero_velocity_sigma_mps: Annotated[float, Origin("ours")] = 0.02
+    zero_velocity_sigma_mps: Annotated[float, DefaultOrigin("ours")] = 0.02
     still_window_s: float = 1.0
     still_accel_mps2: float = 0.1
     still_gyro_radps: float = 0.01
     still_below_mps: float = 0.3
     nonholonomic: bool = False
     nonholonomic_sigma_mps: Annotated[
-        float, Range(0.02, 2.0, log=True, source="ours: from a car on rails to a tractor on a slope"), Origin("ours")
+        float,
+        Range(0.02, 2.0, log=True, source="ours: from a car on rails to a tractor on a slope"),
+        DefaultOrigin("ours"),
     ] = 0.2
     nonholonomic_point_m: tuple[float, ...] = (0.0, 0.0, 0.0)
     constraint_interval_s: float = 0.1

@@ -9,7 +9,7 @@ from jerkbench.arrays import FloatArray, require_not_negative
 from jerkbench.contracts import Adaptation
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.filters.common import START, VELOCITY_WALK, MeasurementUpdates, is_healthy, of_r_alone
-from jerkbench.parameters import Origin, Range
+from jerkbench.parameters import DefaultOrigin, Range
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 from jerkbench.timeline import Recorder, Timeline, build_timeline
@@ -45,12 +45,14 @@ class ConstantTurn:
     uses_imu: ClassVar[bool] = False
 
     velocity_walk_mps_per_sqrt_s: Annotated[
-        float, VELOCITY_WALK, Origin("the source's rule: a car that changes its velocity by 1 m/s within a second")
+        float,
+        VELOCITY_WALK,
+        DefaultOrigin("the source's rule: a car that changes its velocity by 1 m/s within a second"),
     ] = 1.0
     turn_walk_radps_per_sqrt_s: Annotated[
         float,
         Range(1e-3, 1.0, log=True, source="ours: from a straight road to a robot that turns on the spot"),
-        Origin("ours: a vehicle that changes its rate of turn by 3 deg/s within a second"),
+        DefaultOrigin("ours: a vehicle that changes its rate of turn by 3 deg/s within a second"),
     ] = 0.05
     initial_turn_radps: Annotated[float, START] = 0.1
 

@@ -23,7 +23,7 @@ from jerkbench.files import cache_folder, forget_oldest, write_atomically
 from jerkbench.jobs.cell import Cell
 from jerkbench.jobs.key import code_digest, plugin_digest, require_data, versions
 from jerkbench.optional import part_read
-from jerkbench.recording import Drawn, Heading, Imu, Origin, Position, Recording, Reference, Velocity
+from jerkbench.recording import ErrorLaw, Heading, Imu, Origin, Position, Recording, Reference, Velocity
 from jerkbench.timeline import build_timeline, with_r_scale
 
 # Simulated recordings, kept in the user's cache: another sweep over the same seeds need not
@@ -91,7 +91,7 @@ def _read(path: Path) -> Recording | None:
         values = arrays | header
         parts: dict[str, Any] = {name: PARTS[name](**own) for name in PARTS if (own := _of(name, values))}
         law = _of(LAW, values)
-        drawn = Drawn(parts["imu"], parts["position"], parts["velocity"], **law) if law else None
+        drawn = ErrorLaw(parts["imu"], parts["position"], parts["velocity"], **law) if law else None
         own = _of("", values)
         start = own.pop("start_utc")
         own |= {"start_utc": None if start is None else datetime.fromisoformat(start), "notes": tuple(own["notes"])}

@@ -11,7 +11,7 @@ from jerkbench.files import write_atomically, write_text
 from jerkbench.jobs.pool import run_grouped
 from jerkbench.jobs.progress import Progress
 from jerkbench.report.analysis.columns import METHOD
-from jerkbench.report.analysis.runs import RULE, Rule
+from jerkbench.report.analysis.runs import RULE, VerdictRule
 from jerkbench.report.drawings import (
     Choice,
     Drawing,
@@ -237,7 +237,7 @@ def present(study: Study, workers: int, choice: Choice, *, pdf: bool = False, ru
 
 
 def write_report(
-    study: Study, drawn: Drawn, path: Path, method: tuple[str, ...] | None = None, rule: Rule = RULE
+    study: Study, drawn: Drawn, path: Path, method: tuple[str, ...] | None = None, rule: VerdictRule = RULE
 ) -> None:
     """Write the report of a study as one HTML file, its methods made of ``method`` and judged by ``rule``."""
     from jerkbench.report.page.page import Results, page

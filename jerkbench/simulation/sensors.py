@@ -11,7 +11,7 @@ from jerkbench.geometry import dcm_from_euler, wrap_angle
 from jerkbench.random_streams import stream
 from jerkbench.recording import (
     GRAVITY_MPS2,
-    Drawn,
+    ErrorLaw,
     Heading,
     Imu,
     Origin,
@@ -238,13 +238,13 @@ class Sensors(SlowErrors):
         grade = GRADES[self.imu]
         return grade.accelerometer(self.imu_rate_hz), grade.gyro(self.imu_rate_hz)
 
-    def _drawn(self, imu: Imu, position: Position, velocity: Velocity) -> Drawn | None:
+    def _drawn(self, imu: Imu, position: Position, velocity: Velocity) -> ErrorLaw | None:
         """Return the law of the errors; None where a sensor has none, or its errors are more than white noise."""
         limit = np.inf if self.accel_range_g is None else self.accel_range_g * GRAVITY_MPS2
         cut_off = bool((np.abs(imu.accel_mps2) >= limit).any())
         if self.imu != "per_sample" or cut_off or not all(map(self._on, ("accelerometer", "position", "velocity"))):
             return None
-        return Drawn(
+        return ErrorLaw(
             *(imu, position, velocity, self.accel_sigma_mps2),
             *(self.position_coloured_share, self.position_coloured_time_s),
             *(self.velocity_coloured_share, self.velocity_coloured_time_s),

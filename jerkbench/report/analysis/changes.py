@@ -17,7 +17,7 @@ from jerkbench.report.analysis.runs import (
     RULE,
     Combination,
     MethodRuns,
-    Rule,
+    VerdictRule,
     on_common_seeds,
     paired,
     runs_by_combination,
@@ -56,7 +56,7 @@ class Change:
     combination: Combination
     means: tuple[float, float]
     judgement: Judgement
-    rule: Rule
+    rule: VerdictRule
     paired: bool
     phases: bool
     same: bool
@@ -105,7 +105,7 @@ class Change:
         return "" if self.phases or not self.judgement.n else self.judgement.losses
 
 
-def changes(before: "pd.DataFrame", after: "pd.DataFrame", metric: str, rule: Rule = RULE) -> list[Change]:
+def changes(before: "pd.DataFrame", after: "pd.DataFrame", metric: str, rule: VerdictRule = RULE) -> list[Change]:
     """Compare the combinations that both sets have; where each has a single one, these two, whatever they are called.
 
     Raises:
@@ -124,7 +124,7 @@ def changes(before: "pd.DataFrame", after: "pd.DataFrame", metric: str, rule: Ru
     return [_change(two, judgement, rule) for two, judgement in zip(both, _judgements(both, rule), strict=True)]
 
 
-def _judgements(both: Sequence[Two], rule: Rule) -> list[Judgement]:
+def _judgements(both: Sequence[Two], rule: VerdictRule) -> list[Judgement]:
     """Return those on the same seeds as one family, and those on others as another."""
     same = iter(judged_pairs(paired((b, a) for a, b in both if _match(a, b)), rule))
     samples = [two_samples(b.errors, a.errors) for a, b in both if not _match(a, b)]
@@ -136,7 +136,7 @@ def _match(first: MethodRuns, second: MethodRuns) -> bool:
     return len(np.intersect1d(first.seeds, second.seeds)) > 0
 
 
-def _change(two: Two, judgement: Judgement, rule: Rule) -> Change:
+def _change(two: Two, judgement: Judgement, rule: VerdictRule) -> Change:
     seeds_match = _match(*two)
     first, second = on_common_seeds(*two) if seeds_match else two
     well = [np.where(runs.lost, np.nan, runs.errors) for runs in (first, second)]

@@ -113,7 +113,7 @@ def on_common_seeds(ours: MethodRuns, theirs: MethodRuns) -> tuple[MethodRuns, M
 
 
 @dataclass(frozen=True)
-class Rule:
+class VerdictRule:
     """How the comparisons of a study are judged; see `jerkbench.evaluation.statistics.judgement.judged`.
 
     Attributes:
@@ -135,12 +135,12 @@ class Rule:
         if self.margin < 0:
             raise JerkbenchError(f"The margin of equality is {100 * self.margin:g} %; give 0 or more, for example 3.")
 
-    def of(self, rows: "pd.DataFrame") -> "Rule":
+    def of(self, rows: "pd.DataFrame") -> "VerdictRule":
         """Return the rule for the rows of a study, which know what their last look may spend."""
         return dataclasses.replace(self, level=min(self.level, rows.attrs.get(SPENDS, self.level)))
 
 
-RULE = Rule()
+RULE = VerdictRule()
 
 SPENDS = "level"
 """Among the attributes of a study's rows: see `Rule.level`."""

@@ -14,7 +14,7 @@ from jerkbench.evaluation.statistics.judgement import LEVEL, NOT_EXCLUDED, Judge
 from jerkbench.evaluation.statistics.over_seeds import LogRatios
 from jerkbench.evaluation.statistics.seeds import seeds_needed
 from jerkbench.report.analysis.columns import FACTORS
-from jerkbench.report.analysis.runs import RULE, Combination, Pair, Rule
+from jerkbench.report.analysis.runs import RULE, Combination, Pair, VerdictRule
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +32,7 @@ class Comparison:
     pair: Pair
     judgement: Judgement
     family: int
-    rule: Rule = RULE
+    rule: VerdictRule = RULE
 
     @property
     def subject(self) -> Combination:
@@ -79,7 +79,7 @@ class Comparison:
         return seeds_needed(ratios.d, max(1, self.family), self.rule.level, judgement.critical)
 
 
-def judged_pairs(pairs: Iterable[Pair], rule: Rule = RULE) -> list[Comparison]:
+def judged_pairs(pairs: Iterable[Pair], rule: VerdictRule = RULE) -> list[Comparison]:
     """Judge the pairs as one family; phases of one recording are not independent and have a range instead."""
     pairs = list(pairs)
     seeds = [pair for pair in pairs if pair.replicate != "phase"]

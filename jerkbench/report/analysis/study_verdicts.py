@@ -23,7 +23,15 @@ from jerkbench.evaluation.statistics.ranks import (
     rank_range,
 )
 from jerkbench.report.analysis.columns import FACTORS, attitude_competes, checked, competes, default_method, quantity
-from jerkbench.report.analysis.runs import RULE, Combination, MethodRuns, Rule, paired, partners, runs_by_combination
+from jerkbench.report.analysis.runs import (
+    RULE,
+    Combination,
+    MethodRuns,
+    VerdictRule,
+    paired,
+    partners,
+    runs_by_combination,
+)
 from jerkbench.report.analysis.standings import MOST_PAIRS, Comparison, Standing, contest, judged_pairs
 from jerkbench.report.analysis.sweeps import at_best_noise
 from jerkbench.report.tables.table_model import number
@@ -52,7 +60,7 @@ class StudyVerdicts:
     entered: Mapping[Combination, MethodRuns]
     judged: Mapping[Two, Comparison]
     standings: list[Standing]
-    rule: Rule
+    rule: VerdictRule
 
     def compare(self, pairs: Iterable[Two]) -> list[Comparison]:
         """Return the comparisons of ``pairs``; those that are not in the study's family are one of their own."""
@@ -75,7 +83,7 @@ def study_verdicts(
     rows: "pd.DataFrame",
     metric: str,
     method: Sequence[str] | None = None,
-    rule: Rule = RULE,
+    rule: VerdictRule = RULE,
     most: int = MOST_PAIRS,
 ) -> StudyVerdicts:
     """Return the verdicts of a study.

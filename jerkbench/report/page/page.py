@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from jerkbench.report.analysis.columns import quantity
 from jerkbench.report.analysis.review import Evidence, review
-from jerkbench.report.analysis.runs import RULE, Rule
+from jerkbench.report.analysis.runs import RULE, VerdictRule
 from jerkbench.report.analysis.study_verdicts import StudyVerdicts, study_verdicts
 from jerkbench.report.drawings import Picture
 from jerkbench.report.markup import render
@@ -57,7 +57,7 @@ class Results:
     about: Mapping[str, Mapping[str, Any]]
     notes: Sequence[str]
     provenance: Mapping[str, Any]
-    rule: Rule = RULE
+    rule: VerdictRule = RULE
     method: tuple[str, ...] | None = None
 
 
