@@ -17,7 +17,7 @@ from jerkbench.audit.protocol import read_protocol
 from jerkbench.audit.table import markdown_table
 from jerkbench.audit.verdicts import MethodVerdict
 from jerkbench.evaluation.statistics.judgement import Verdict
-from jerkbench.evaluation.statistics.scenarios import OverScenarios
+from jerkbench.evaluation.statistics.ranks import OverScenarios
 from jerkbench.report.tables.table_model import number
 from jerkbench.results.study import load_study
 

@@ -28,10 +28,8 @@ COMPUTING = (
     *("traces", "contracts", "evaluation/metrics", "arrays", "estimate", "geometry", "kalman"),
     *("memory", "optional", "random_streams", "renamed", "sums"),
     *(f"jobs/{name}" for name in ("cell", "inputs", "rows")),
-    *(f"evaluation/{name}" for name in ("batch_scoring", "counted_rows", "counted_stamps", "divergence")),
-    *(f"evaluation/{name}" for name in ("evaluated_run", "faults", "navigation_errors", "riccati", "sums")),
-    *(f"evaluation/statistics/{name}" for name in ("gaussian_scores", "step_response", "whiteness")),
-    "evaluation/statistics/intervals/correlated_errors",
+    *(f"evaluation/{name}" for name in ("counted_rows", "evaluated_run", "navigation_errors", "sums")),
+    "evaluation/statistics/correlated_errors",
 )
 """Rooms and modules of this package that the rows of a cell depend on: their code is in every key."""
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from jerkbench.jobs.cell import contradiction
 from jerkbench.plain import plain
-from jerkbench.report.analysis.references import FLOOR
+from jerkbench.report.analysis.columns import FLOOR
 from jerkbench.results.shown_cells import Current
 
 if TYPE_CHECKING:

@@ -7,12 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
-from jerkbench.evaluation.statistics.intervals.few_seeds import few_intervals
-from jerkbench.evaluation.statistics.intervals.median import quantiles_of_rows
-from jerkbench.evaluation.statistics.intervals.signed_over_seeds import ROUNDING
-from jerkbench.evaluation.statistics.log_ratio import LOCKED_OUT
-from jerkbench.evaluation.statistics.multiplicity import LEAST_SEEDS
-from jerkbench.evaluation.statistics.samples import Samples
+from jerkbench.evaluation.statistics.families import LEAST_SEEDS
+from jerkbench.evaluation.statistics.intervals import few_intervals, quantiles_of_rows
+from jerkbench.evaluation.statistics.over_seeds import LOCKED_OUT, ROUNDING, Samples
 
 GEOMETRIC, MEDIAN, MEAN = "geometric mean", "median", "mean"
 
@@ -107,6 +104,12 @@ def centres_of(samples: Samples, confidence: float = 0.95, least: float | FloatA
             for column, values in zip((made.value, made.low, made.high), ends, strict=True):
                 column[places[few[places]]] = values[few[places]]
     return made
+
+
+def costs_of(samples: Samples, least: float | FloatArray = LEAST_SEEDS) -> FloatArray:
+    """Return (k,) by what each sample is ranked: its centre, infinite where a run was lost."""
+    lost = samples.count(np.isposinf(samples.values)) > 0
+    return np.where(lost, np.inf, centres_of(samples, least=least).value)
 
 
 def _geometric(errors: FloatArray, confidence: float) -> tuple[FloatArray, FloatArray, FloatArray]:
