@@ -44,8 +44,7 @@ class Room(NamedTuple):
         a_prev: (3,) external acceleration [m/s2].
         squares: (mu, 3) ring of the latest e_i^2.
         turn: (3, 3) the rotation of one step.
-        F: (6, 6).
-        spare: (6, 6).
+        top: (3, 6) upper half of F P.
         e: (3,) innovation.
         noise: (3,) diagonal of M.
         dx: (6,).
@@ -58,8 +57,7 @@ class Room(NamedTuple):
     a_prev: FloatVector
     squares: FloatMatrix
     turn: FloatMatrix
-    F: FloatMatrix
-    spare: FloatMatrix
+    top: FloatMatrix
     e: FloatVector
     noise: FloatVector
     dx: FloatVector
@@ -70,7 +68,7 @@ def make_room(C: FloatArray, tilt_variance: float, bias_sigma: float, window: in
     """Return the room before the first sample: the rotation C (3, 3), no bias, no external acceleration."""
     P = np.diag([tilt_variance] * 3 + [bias_sigma**2] * 3)
     state = np.array(C, dtype=np.float64), np.zeros(3), P, np.zeros(3), np.zeros((window, 3))
-    matrices, vectors = (np.zeros((3, 3)), np.eye(6), np.zeros((6, 6))), (np.zeros(3), np.zeros(3))
+    matrices, vectors = (np.zeros((3, 3)), np.zeros((3, 6))), (np.zeros(3), np.zeros(3))
     return Room(*state, *matrices, *vectors, np.zeros(6), np.zeros(6))
 
 
@@ -95,30 +93,20 @@ def run_samples(
 
 
 def _predict(room: Room, gyro: FloatMatrix, dt: float, k: int, settings: Settings) -> None:
-    """Turn Omega by the gyro less its bias; P = F P F' + Q."""
-    P, F, FP = room.P, room.F, room.spare
+    """Turn Omega by the gyro less its bias; P = F P F' + Q, block by block: F is zero below, and I on the right."""
+    P, A, top = room.P, room.turn, room.top
     for i in range(3):
         room.dx[i] = dt * (gyro[k, i] - room.b[i])
     _turn(room)
+    for i in range(3):  # top rows of F P, with Exp(-w dt) = A'
+        for j in range(6):
+            top[i, j] = A[0, i] * P[0, j] + A[1, i] * P[1, j] + A[2, i] * P[2, j] - dt * P[i + 3, j]
     for i in range(3):
         for j in range(3):
-            F[i, j] = room.turn[j, i]  # Exp(-w dt)
-        F[i, i + 3] = -dt
-    _multiply(F, P, FP, transposed=False)
-    _multiply(FP, F, P, transposed=True)
-    for i in range(3):
+            P[i, j] = top[i, 0] * A[0, j] + top[i, 1] * A[1, j] + top[i, 2] * A[2, j] - dt * top[i, j + 3]
+            P[i, j + 3] = P[j + 3, i] = top[i, j + 3]
         P[i, i] += dt * settings.gyro_density**2
         P[i + 3, i + 3] += dt * settings.bias_density**2
-
-
-def _multiply(A: FloatArray, B: FloatArray, AB: FloatArray, transposed: bool) -> None:
-    """AB = A B, or A B'; of 6 x 6."""
-    for i in range(6):
-        for j in range(6):
-            total = 0.0
-            for m in range(6):
-                total += A[i, m] * (B[j, m] if transposed else B[m, j])
-            AB[i, j] = total
 
 
 def _turn(room: Room) -> None:

@@ -1,7 +1,7 @@
 """The attitude plugins ``vqf`` and ``offline_vqf``: the package vqf, with its own C++."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
@@ -57,7 +57,7 @@ class Vqf(TiltAndYaw):
 
     name: ClassVar[str] = "vqf"
 
-    alignment: str = "gravity"
+    alignment: str = field(default="gravity", kw_only=True)
     tau_acc_s: Annotated[
         float, Range(0.3, 300.0, log=True, source="ours: from a tenth to a hundred times the default"), OWN
     ] = 3.0

@@ -32,6 +32,7 @@ def test_on_broad_it_gives_the_numbers_of_the_package(trial, shared_folder):
 def test_its_parameters_are_the_package_s():
     drive, off = shaken(3000), {"rest_bias": False, "motion_bias": False}
     ours = Vqf(tau_acc_s=1.0, bias_forgetting_s=20.0, **off).verticals(drive)[0]
+    assert Vqf(1.0, False, False, 20.0) == Vqf(tau_acc_s=1.0, bias_forgetting_s=20.0, **off)  # noqa: FBT003 - in order
     same = {"tauAcc": 1.0, "restBiasEstEnabled": False, "motionBiasEstEnabled": False, "biasForgettingTime": 20.0}
     np.testing.assert_allclose(ours, alone(drive.imu, drive.imu.nominal_interval_s, **same), atol=1e-9)
     for other in ({"tau_acc_s": 2.0}, {"tau_acc_s": 1.0, "motion_bias": True}):
