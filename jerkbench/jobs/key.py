@@ -26,7 +26,7 @@ COMPUTING = (
     *("adaptation", "attitude", "compilation", "datasets", "disturbances", "engines", "estimation"),
     *("filters", "inertial", "io", "kinematic", "linear", "recording", "simulation", "measurements", "timeline"),
     *("traces", "contracts", "evaluation/metrics", "arrays", "estimate", "geometry", "kalman"),
-    *("memory", "optional", "random_streams", "sums"),
+    *("memory", "optional", "random_streams", "renamed", "sums"),
     *(f"jobs/{name}" for name in ("cell", "inputs", "rows")),
     *(f"evaluation/{name}" for name in ("batch_scoring", "counted_rows", "counted_stamps", "divergence")),
     *(f"evaluation/{name}" for name in ("evaluated_run", "faults", "navigation_errors", "riccati", "sums")),

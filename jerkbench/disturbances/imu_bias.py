@@ -9,9 +9,9 @@ from jerkbench.plugins import register
 from jerkbench.recording import Imu, Recording
 
 
-@register("disturbance", "bias")
+@register("disturbance", "imu_bias")
 @dataclass(frozen=True)
-class Bias:
+class ImuBias:
     """A constant bias on each axis of accelerometer and gyro, drawn once a run.
 
     For each axis of the body::
