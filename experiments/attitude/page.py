@@ -25,6 +25,9 @@ from jerkbench.evaluation.statistics.intervals.student import student_interval
 
 TUNINGS, EACH = 16, 16
 DOMAINS = {"broad": "BROAD, hand", "tstick": "TStick, hand", "kitti": "KITTI, vehicle"}
+KINEMATIC = ("baseline", "jerk")
+NAVIGATION = Path(__file__).parent / "navigation.parquet"
+
 COMPARATORS = ("constant", "vqf")
 """Chosen before the rows were seen: the plain filter, and the field's best."""
 
@@ -158,6 +161,26 @@ def of_luck(errors: Errors) -> str:
     return table(["method", *DOMAINS], rows)
 
 
+def of_navigation(errors: Errors) -> str:
+    """Position errors with each attitude against those with `constant`, and how much of the gap to eskf15 it closes."""
+    del errors
+    rows = pd.read_parquet(NAVIGATION)
+    rows["loss"] = np.log(rows["position_rmse_m"].astype(float))
+    mean = rows.pivot_table(index=["filter", "attitude"], columns="drive", values="loss")  # over the traces
+    (inertial,) = mean.drop(index=list(KINEMATIC), level="filter").to_numpy()
+    parts = []
+    for model in KINEMATIC:
+        own = {str(name): mean.loc[(model, name)].to_numpy()[None] for name in mean.loc[model].index}
+        gap = float((own["constant"] - inertial).mean())
+        gains = {name: (own["constant"] - own[name]).mean() for name in own}
+        closed = {name: f"{gain / gap:.2f}" if gap > 0 else "-" for name, gain in gains.items()}
+        found = verdicts(own, "constant")
+        head = [f"{model} (n = {len(inertial)})", "mean ratio", "median ratio", "wins", "p (Holm)", "verdict", "closed"]
+        parts.append(table(head, [[name, *cells, closed[name]] for name, cells in found.items()]))
+        parts.append(f"eskf15 has {np.exp(-gap):.2f} times the error of {model} with `constant`.")
+    return "\n\n".join(parts)
+
+
 def _times(loss: FloatArray, own: FloatArray) -> str:
     return f"{np.exp(np.median(loss - own, axis=0).mean()):.2f}"
 
@@ -172,15 +195,16 @@ TABLES: dict[str, Callable[[Errors], str]] = {
     "transfer": of_transfer,
     "switches": of_switches,
     "luck": of_luck,
+    "navigation": of_navigation,
 }
 
 
 def filled(page: str, errors: Errors) -> str:
     """Return the page with each of its tables from the rows."""
     for name, make in TABLES.items():
-        begin, end = f"<!-- {name} -->\n", "\n<!-- end -->"
+        begin, end = f"<!-- {name} -->\n", "<!-- end -->"
         before, rest = page.split(begin)
-        page = before + begin + make(errors) + end + rest.split(end, 1)[1]
+        page = f"{before}{begin}{make(errors)}\n{end}{rest.split(end, 1)[1]}"
     return page
 
 

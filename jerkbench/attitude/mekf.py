@@ -72,7 +72,7 @@ class Mekf(TiltAndYaw):
     ] = 1e-3
     accel_density: Annotated[
         float,
-        Range(0.01, 10.0, log=True, source="ours: from quiet ground to the accelerations of a car"),
+        Range(0.01, 30.0, log=True, source="ours: from quiet ground to hardly any trust in the accelerometer"),
         FIELD,
     ] = 0.1
     window_s: Annotated[
