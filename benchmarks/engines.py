@@ -20,7 +20,8 @@ from plain_loops import filterpy_loop
 
 from jerkbench import plugins
 from jerkbench.arrays import FloatArray
-from jerkbench.attitude.tilt_filter import TiltParameters, TiltStart, run_tilt, settings_of
+from jerkbench.attitude.alignment import TiltStart
+from jerkbench.attitude.tilt_filter import TiltParameters, run_tilt, settings_of
 from jerkbench.attitude.tilt_kernel import make_room, run_samples
 from jerkbench.contracts import Filter
 from jerkbench.engines.compiled_engine import CompiledEngine

@@ -27,6 +27,7 @@ TYPED = {
         "dataset.imu_rate_hz=20",
         "dataset.reference_rate_hz=20",
     ],
+    "attitude_filter": ["dataset=field_white", "dataset.imu_rate_hz=20", "dataset.reference_rate_hz=20"],
     "baseline": [],
     "gate": ["dataset.duration_s=12", "engine=filterpy"],
     "report": [],

@@ -15,7 +15,7 @@ from commands import environment, verb
 
 ROOT = Path(__file__).parents[1]
 STUDIES = sorted(path.parent.name for path in (ROOT / "experiments").glob("*/README.md"))
-RECORDINGS = {"drive": "rtklib_drive_0708", "replayed": "rtklib_drive_0708", "real_drives": ""}
+RECORDINGS = {"drive": "rtklib_drive_0708", "replayed": "rtklib_drive_0708", "real_drives": "", "attitude": ""}
 """Folder of a study's recording, where it is not called as the study is."""
 
 BLOCK = re.compile(r"<!-- small:\n(.*?)-->\n```sh\n(.*?)```", flags=re.DOTALL)

@@ -1,13 +1,28 @@
-"""What every attitude plugin ends with: yaw, Omega, gravity compensation."""
+"""What every attitude filter shares: its start, and what it ends with: yaw, Omega, gravity compensation."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
-from jerkbench.arrays import BoolArray, FloatArray
+from jerkbench.arrays import BoolArray, FloatArray, require_not_negative, require_positive
+from jerkbench.attitude.alignment import ALIGNMENTS, align
 from jerkbench.attitude.track import Track
-from jerkbench.attitude.yaw import Yaw, estimate_yaw, yaw_rate
+from jerkbench.attitude.yaw import (
+    YAW_SOURCES,
+    Yaw,
+    estimate_yaw,
+    require_headings,
+    select_headings,
+    yaw_rate,
+    yaw_remarks,
+)
+from jerkbench.errors import PluginError, unknown
 from jerkbench.estimate import Attitude
 from jerkbench.geometry import dcm_from_euler
-from jerkbench.recording import GRAVITY_MPS2, Heading, Imu
+from jerkbench.recording import GRAVITY_MPS2, Heading, Imu, Recording
 
 # Gravity compensation: specific force of the body -> acceleration in ENU.
 
@@ -63,3 +78,99 @@ def attitude_from(
     accel = compensate_gravity(dcm, imu.accel_mps2, compensation)
     never = np.zeros(len(imu.t_s), dtype=np.bool_)
     return Attitude(imu.t_s, dcm, euler_rad, accel, never if triggered is None else triggered, yaw_sigma_rad)
+
+
+def roll_pitch(x: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Roll and pitch [rad] of x (..., 3): roll = atan2(x2, x3), pitch = atan2(-x1, hypot(x2, x3))."""
+    return np.arctan2(x[..., 1], x[..., 2]), np.arctan2(-x[..., 0], np.hypot(x[..., 1], x[..., 2]))
+
+
+def quaternion_of(x: FloatArray) -> FloatArray:
+    """Return w, x, y, z (4,) of the rotation from the body to ENU whose vertical is x (3,), with yaw 0."""
+    roll, pitch = roll_pitch(x)
+    cr, sr, cp, sp = np.cos(roll / 2), np.sin(roll / 2), np.cos(pitch / 2), np.sin(pitch / 2)
+    return np.array([cr * cp, sr * cp, cr * sp, -sr * sp])
+
+
+def loop_arrays(*arrays: FloatArray) -> Iterator[FloatArray]:
+    """Return the arrays as a compiled loop takes them."""
+    return (np.require(array, np.float64, ["C", "W", "A"]) for array in arrays)
+
+
+Verticals = tuple[FloatArray, BoolArray | None]
+"""x = Omega^T e3 (n, 3) after each sample, and whether an external acceleration was seen there (n,); None: never."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TiltAndYaw(ABC):
+    """An attitude filter that finds the tilt its own way. The start, yaw and compensation are the same for all.
+
+    Start, as ``alignment`` says, with x = Omega^T e3, the vertical of ENU seen from the body::
+
+        gravity  x is the normalised mean specific force of the first second, in motion too
+        rest     the same if it is at rest for that second; in motion x is level
+        track    from the gyro and the velocities (or fixes) of the first 10 s (`jerkbench.attitude.alignment`)
+
+    Attributes:
+        alignment: gravity, rest or track.
+        compensation: midpoint or endpoint.
+        yaw_source: dual_antenna, odometry, course, track (of the fixes), gyro_only, or auto: the headings that the
+            recording has, whatever measured them, else the course of its velocity in ENU, else the track of its fixes,
+            else the gyro alone.
+        yaw_walk_rad_per_sqrt_s: random walk of yaw.
+        course_min_speed_mps: horizontal speed above which the course counts.
+        course_sigma_min_rad: least standard deviation of a course.
+    """
+
+    name: ClassVar[str]
+
+    alignment: str = "rest"
+    compensation: str = "midpoint"
+    yaw_source: str = "auto"
+    yaw_walk_rad_per_sqrt_s: float = 2e-4
+    course_min_speed_mps: float = 0.5
+    course_sigma_min_rad: float = 0.0087
+
+    def __post_init__(self) -> None:
+        """Check that every choice exists and every number makes sense."""
+        self._check_choices({"alignment": ALIGNMENTS, "compensation": COMPENSATIONS, "yaw_source": YAW_SOURCES})
+        require_positive(f"attitude {self.name}", self, ("course_min_speed_mps", "course_sigma_min_rad"))
+        require_not_negative(f"attitude {self.name}", self, ("yaw_walk_rad_per_sqrt_s",))
+
+    @abstractmethod
+    def verticals(self, recording: Recording) -> Verticals:
+        """Return x = Omega^T e3 (n, 3) after each sample, and whether it saw an external acceleration (n,), or None."""
+
+    def require(self, load: Callable[[], Recording]) -> None:
+        """Check, before a sweep begins, that the recording of ``load`` has what start and yaw were asked to use.
+
+        Raises:
+            RecordingError: the recording has no such yaw source, or no track to start from.
+        """
+        require_headings(load, self.yaw_source, self.course_min_speed_mps, self.course_sigma_min_rad)
+        if self.alignment == "track":
+            align(load(), None, "track")
+
+    def remarks(self, recording: Recording) -> tuple[str, ...]:
+        """Return what a reader of the table has to know: that nothing measures yaw."""
+        return yaw_remarks(recording, self.yaw_source, self.course_min_speed_mps, self.course_sigma_min_rad)
+
+    def estimate(self, recording: Recording) -> Attitude:
+        """Return attitude and ENU acceleration at the IMU's stamps.
+
+        Raises:
+            RecordingError: the recording lacks the yaw source that was asked for.
+        """
+        imu, sigma_min_rad = recording.inertial, self.course_sigma_min_rad
+        headings = select_headings(
+            recording, self.yaw_source, self.course_min_speed_mps, sigma_min_rad
+        )  # first, because a missing source should not cost the whole loop
+        x, triggered = self.verticals(recording)
+        roll, pitch = roll_pitch(x)
+        yaw = filtered_yaw(imu, roll, pitch, headings, self.yaw_walk_rad_per_sqrt_s, sigma_min_rad)
+        return attitude_from(imu, np.column_stack([roll, pitch, yaw.rad]), self.compensation, triggered, yaw.sigma_rad)
+
+    def _check_choices(self, choices: Mapping[str, Sequence[str]]) -> None:
+        for name, available in choices.items():
+            if getattr(self, name) not in available:
+                raise PluginError(unknown(f"{name} of attitude {self.name}", getattr(self, name), available))

@@ -1,17 +1,16 @@
 """The attitude plugin ``tilt``: tilt filter, yaw filter and gravity compensation one after the other."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
-from jerkbench.arrays import BoolArray, FloatArray
-from jerkbench.attitude.common import COMPENSATIONS, attitude_from, filtered_yaw, intervals
-from jerkbench.attitude.tilt_filter import TiltParameters, align, roll_pitch, run_tilt
+from jerkbench.arrays import require_not_negative
+from jerkbench.attitude.alignment import align
+from jerkbench.attitude.common import TiltAndYaw, Verticals, intervals
+from jerkbench.attitude.tilt_filter import TiltParameters, run_tilt
 from jerkbench.attitude.tilt_kernel import ADAPTATIONS
-from jerkbench.attitude.yaw import YAW_SOURCES, require_headings, select_headings, yaw_remarks
-from jerkbench.errors import PluginError, unknown
-from jerkbench.estimate import Attitude
+from jerkbench.errors import PluginError
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 
@@ -20,7 +19,7 @@ PROPAGATIONS = ("first_order", "exact")
 
 @register("attitude", "tilt")
 @dataclass(frozen=True)
-class Tilt:
+class Tilt(TiltAndYaw):
     """Tilt from gyro and accelerometer, adaptive to external acceleration; yaw from headings, course or track.
 
     Tilt, at the IMU rate, x = Omega^T e3 (the vertical of ENU seen from the body), g = 9.81 m/s2::
@@ -37,7 +36,7 @@ class Tilt:
         P = (I - gK) P- (I - gK)' + K M K', symmetrised;  x /= |x|;  a_prev = y_A - g x
         roll = atan2(x2, x3);  pitch = atan2(-x1, hypot(x2, x3))
 
-    Start: at rest for 1 s, x is the normalised mean of y_A, P = 1e-3 I; moving, x is level, P = .03 I. a_prev = 0.
+    Start: P = 1e-3 I at rest or by the track, .03 I moving. a_prev = 0.
 
     Yaw, one state::
 
@@ -68,15 +67,10 @@ class Tilt:
         window: mu, samples in the mean of mtf, this one included.
         normalise: bring x back to length 1 after each update.
         propagation: first_order, or exact for fast rotation.
-        compensation: midpoint or endpoint.
-        yaw_source: dual_antenna, odometry, course, track (of the fixes), gyro_only, or auto: the headings that the
-            recording has, whatever measured them, else the course of its velocity in ENU, else the track of its fixes,
-            else the gyro alone.
-        yaw_walk_rad_per_sqrt_s: random walk of yaw.
-        course_min_speed_mps: horizontal speed above which the course counts.
-        course_sigma_min_rad: least standard deviation of a course.
-        initial_tilt_variance: diagonal of the first P; null: 1e-3 at rest, .03 moving.
+        initial_tilt_variance: diagonal of the first P; null: 1e-3 at rest or by the track, .03 moving.
     """
+
+    name: ClassVar[str] = "tilt"
 
     adapt: str = "mtf"
     sigma_gyro_radps: float = 0.0017
@@ -85,43 +79,18 @@ class Tilt:
     window: int = 1
     normalise: bool = True
     propagation: str = "first_order"
-    compensation: str = "midpoint"
-    yaw_source: str = "auto"
-    yaw_walk_rad_per_sqrt_s: float = 2e-4
-    course_min_speed_mps: float = 0.5
-    course_sigma_min_rad: float = 0.0087
     initial_tilt_variance: float | None = None
 
     def __post_init__(self) -> None:
         """Check that every choice exists and every number makes sense."""
-        self._check_choices()
+        super().__post_init__()
+        self._check_choices({"adapt": ADAPTATIONS, "propagation": PROPAGATIONS})
         self._check_numbers()
 
-    def require(self, load: Callable[[], Recording]) -> None:
-        """Check, before a sweep begins, that the recording of ``load`` has the yaw source that was asked for.
-
-        Raises:
-            RecordingError: the recording has no such yaw source.
-        """
-        require_headings(load, self.yaw_source, self.course_min_speed_mps, self.course_sigma_min_rad)
-
-    def remarks(self, recording: Recording) -> tuple[str, ...]:
-        """Return what a reader of the table has to know: that nothing measures yaw."""
-        return yaw_remarks(recording, self.yaw_source, self.course_min_speed_mps, self.course_sigma_min_rad)
-
-    def estimate(self, recording: Recording) -> Attitude:
-        """Return attitude and ENU acceleration at the IMU's stamps.
-
-        Raises:
-            RecordingError: the recording lacks the yaw source that was asked for.
-        """
-        imu = recording.inertial
-        headings = select_headings(
-            recording, self.yaw_source, self.course_min_speed_mps, self.course_sigma_min_rad
-        )  # first, because a missing source should not cost the whole loop
-        roll, pitch, triggered = self._tilt(recording, intervals(imu))
-        yaw = filtered_yaw(imu, roll, pitch, headings, self.yaw_walk_rad_per_sqrt_s, self.course_sigma_min_rad)
-        return attitude_from(imu, np.column_stack([roll, pitch, yaw.rad]), self.compensation, triggered, yaw.sigma_rad)
+    def verticals(self, recording: Recording) -> Verticals:
+        """Return x after each sample, and whether it triggered."""
+        imu, start = recording.inertial, align(recording, self.initial_tilt_variance, self.alignment)
+        return run_tilt(start, imu.gyro_radps, imu.accel_mps2, intervals(imu), self.tilt_parameters())
 
     def tilt_parameters(self) -> TiltParameters:
         """Return the parameters of a tilt step, the null ones filled in."""
@@ -138,30 +107,12 @@ class Tilt:
             adapt=self.adapt,
         )
 
-    def _tilt(self, recording: Recording, dt_s: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
-        imu, start = recording.inertial, align(recording, self.initial_tilt_variance)
-        x, triggered = run_tilt(start, imu.gyro_radps, imu.accel_mps2, dt_s, self.tilt_parameters())
-        return *roll_pitch(x), triggered
-
-    def _check_choices(self) -> None:
-        choices = {
-            "adapt": ADAPTATIONS,
-            "propagation": PROPAGATIONS,
-            "compensation": COMPENSATIONS,
-            "yaw_source": YAW_SOURCES,
-        }
-        for name, available in choices.items():
-            if getattr(self, name) not in available:
-                raise PluginError(unknown(f"{name} of attitude tilt", getattr(self, name), available))
-
     def _check_numbers(self) -> None:
-        for name in ("sigma_accel_mps2", "initial_tilt_variance", "course_min_speed_mps", "course_sigma_min_rad"):
+        for name in ("sigma_accel_mps2", "initial_tilt_variance"):
             value = getattr(self, name)
             if value is not None and not 0 < value < np.inf:
                 raise PluginError(f"attitude tilt: {name} is {value}; it must be a positive number.")
-        for name in ("sigma_gyro_radps", "yaw_walk_rad_per_sqrt_s"):
-            if not 0 <= getattr(self, name) < np.inf:
-                raise PluginError(f"attitude tilt: {name} is {getattr(self, name)}; it must be zero or positive.")
+        require_not_negative("attitude tilt", self, ("sigma_gyro_radps",))
         if not 0 <= self.external_memory <= 1:
             raise PluginError(f"attitude tilt: external_memory is {self.external_memory}; it must be from 0 to 1.")
         if self.window < 1:

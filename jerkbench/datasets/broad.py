@@ -165,15 +165,7 @@ class Broad:
         path = self._path()
         trial = read_broad_trial(path)
         t_s = np.arange(len(trial.movement)) / trial.rate_hz
-        rest_s = _first_rest_s(trial)
-        imu = Imu(t_s, trial.accel_mps2, trial.gyro_radps)
-        return Recording(
-            name=path.stem,
-            imu=without_gyro_bias(imu, rest_s) if self.remove_gyro_bias else imu,
-            reference=_reference(t_s, trial),
-            static_start_s=rest_s,
-            notes=NOTES,
-        )
+        return recording_of(path.stem, t_s, trial, remove_gyro_bias=self.remove_gyro_bias)
 
     def fingerprint(self) -> str:
         """Return the SHA-256 over the bytes of the trial's file."""
@@ -192,6 +184,19 @@ class Broad:
             f"{folder} has {len(named)} files of trial {self.trial} (a name that begins with '{self.trial:02d}_');"
             f" there: {names}."
         )
+
+
+def recording_of(name: str, t_s: FloatArray, trial: BroadTrial, *, remove_gyro_bias: bool) -> Recording:
+    """Return the recording of a trial: a hand-held IMU beside motion capture, with stamps ``t_s`` (n,)."""
+    rest_s = _first_rest_s(trial)
+    imu = Imu(t_s, trial.accel_mps2, trial.gyro_radps)
+    return Recording(
+        name=name,
+        imu=without_gyro_bias(imu, rest_s) if remove_gyro_bias else imu,
+        reference=_reference(t_s, trial),
+        static_start_s=rest_s,
+        notes=NOTES,
+    )
 
 
 def _first_rest_s(trial: BroadTrial) -> float:

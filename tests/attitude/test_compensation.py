@@ -3,8 +3,7 @@ import json
 import numpy as np
 import pytest
 
-from jerkbench.attitude.common import compensate_gravity
-from jerkbench.attitude.tilt_filter import roll_pitch
+from jerkbench.attitude.common import compensate_gravity, roll_pitch
 from jerkbench.geometry import dcm_from_euler
 
 EULER = np.array([[0.1, -0.2, 0.3], [0.2, 0.1, 0.5], [-0.1, 0.0, 3.0]])

@@ -1,5 +1,4 @@
 import dataclasses
-import inspect
 
 import numpy as np
 import pytest
@@ -7,6 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from jerkbench.attitude.gyro_only import GyroOnly
 from jerkbench.attitude.tilt import Tilt
+from jerkbench.catalogue import docstrings
 from jerkbench.datasets.field_white import FieldWhite
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.geometry import dcm_from_euler
@@ -88,4 +88,5 @@ def test_what_makes_no_sense_is_one_sentence():
 
 
 def test_every_parameter_is_documented():
-    assert all(f"\n    {f.name}: " in inspect.getdoc(GyroOnly) for f in dataclasses.fields(GyroOnly))
+    described = "".join(docstrings(GyroOnly))
+    assert all(f"\n    {f.name}: " in described for f in dataclasses.fields(GyroOnly))

@@ -10,7 +10,9 @@ from scipy.spatial.transform import Rotation
 from tilt_oracle import G, tilt_samples
 
 from jerkbench.attitude import tilt_filter
-from jerkbench.attitude.tilt_filter import TiltParameters, TiltStart, roll_pitch, run_tilt, settings_of
+from jerkbench.attitude.alignment import TiltStart
+from jerkbench.attitude.common import roll_pitch
+from jerkbench.attitude.tilt_filter import TiltParameters, run_tilt, settings_of
 from jerkbench.attitude.tilt_kernel import ADAPTATIONS, make_room, run_samples
 
 LEVEL = np.array([0.0, 0.0, 1.0])

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from omegaconf import OmegaConf
 
+from jerkbench.attitude.alignment import align
 from jerkbench.attitude.tilt import Tilt
-from jerkbench.attitude.tilt_filter import align
+from jerkbench.catalogue import docstrings
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.geometry import dcm_from_euler
 from jerkbench.plugins import create, get
@@ -167,7 +168,7 @@ def test_a_value_that_makes_no_sense_is_one_sentence(field, value, reason):
 def test_it_is_registered_and_every_parameter_is_documented():
     assert get("attitude", "tilt") is Tilt
     for field in dataclasses.fields(Tilt):
-        assert f"        {field.name}: " in Tilt.__doc__
+        assert f"\n    {field.name}: " in "".join(docstrings(Tilt))
 
 
 @pytest.mark.parametrize(

@@ -22,12 +22,15 @@ FROM_ELSEWHERE = ("trajectory", "command")
 WITH_LOOPS = ("eskf15", "iekf", "imm", "rts")
 """Estimators that compile a loop of their own, or two."""
 
-WITHOUT_GTSAM = () if importlib.util.find_spec("gtsam") else ("fgo",)
+OF_PACKAGES = {"gtsam": ("fgo",), "vqf": ("vqf", "offline_vqf")}
+NOT_HERE = tuple(
+    name for package, names in OF_PACKAGES.items() if not importlib.util.find_spec(package) for name in names
+)
 
 
 def own(kind):
     names = [name for name in plugins.names(kind) if plugins.get(kind, name).__module__.startswith("jerkbench.")]
-    return [name for name in names if name not in (*FROM_ELSEWHERE, *WITHOUT_GTSAM)]
+    return [name for name in names if name not in (*FROM_ELSEWHERE, *NOT_HERE)]
 
 
 def plugin(kind, name):

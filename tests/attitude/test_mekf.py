@@ -1,0 +1,117 @@
+"""The multiplicative Kalman filter: its loop against plain matrices, closed forms, and what its options promise."""
+
+import numpy as np
+import pytest
+from moved import G, degrees_between, pushed, recording, shaken, turning
+from scipy.spatial.transform import Rotation
+
+from jerkbench.attitude import mekf
+from jerkbench.attitude.mekf import Mekf
+from jerkbench.attitude.mekf_kernel import make_room, run_samples
+from jerkbench.errors import PluginError
+
+
+def cross(v):
+    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+
+
+def in_plain_matrices(plugin, imu, C, P):
+    """The docstring's equations, with a whole gain and a Joseph update."""
+    b, a_prev, squares, x = np.zeros(3), np.zeros(3), [], []
+    window = max(1, round(plugin.window_s / 0.01))
+    for y_G, y_A in zip(imu.gyro_radps, imu.accel_mps2, strict=True):
+        dt = 0.01
+        step = Rotation.from_rotvec(dt * (y_G - b)).as_matrix()
+        F = np.block([[step.T, -dt * np.eye(3)], [np.zeros((3, 3)), np.eye(3)]])
+        noise = [plugin.gyro_density**2] * 3 + [(plugin.bias_density if plugin.bias else 0.0) ** 2] * 3
+        C, P = C @ step, F @ P @ F.T + dt * np.diag(noise)
+        c = plugin.external_memory if plugin.adapt == "lee" else 0.0
+        e = y_A - c * a_prev - G * C[2]
+        H = np.hstack([G * cross(C[2]), np.zeros((3, 3))])
+        white = plugin.accel_density**2 / dt
+        C0 = np.diag(H @ P @ H.T) + white
+        squares = [*squares, e**2][-window:]
+        many = max(1.0, plugin.window_s / dt)
+        extra = np.zeros(3)
+        if plugin.adapt == "mtf" and e @ e >= C0.sum():
+            extra = many * np.maximum(np.mean(squares, axis=0) - C0, 0.0)
+        if plugin.adapt == "lee":
+            extra = many * np.full(3, c**2 * (a_prev @ a_prev) / 3)
+        M = np.diag(white + extra)
+        K = P @ H.T @ np.linalg.inv(H @ P @ H.T + M)
+        dx, A = K @ e, np.eye(6) - K @ H
+        P = A @ P @ A.T + K @ M @ K.T
+        C, b = C @ Rotation.from_rotvec(dx[:3]).as_matrix(), b + dx[3:]
+        a_prev = y_A - G * C[2]
+        x.append(C[2])
+    return np.array(x), b, P
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+@pytest.mark.parametrize(
+    "plugin", [Mekf(), Mekf("mtf", window_s=0.05), Mekf("lee", external_memory=0.5, window_s=0.1), Mekf(bias=False)]
+)
+def test_the_loop_is_the_equations(plugin, compiled):
+    imu, C = shaken(400).imu, Rotation.from_rotvec([0.1, -0.2, 0.0]).as_matrix()
+    sigma = 0.005 if plugin.bias else 0.0
+    room = make_room(C, 0.03, sigma, max(1, round(plugin.window_s / 0.01)))
+    loop = mekf._compiled() if compiled else run_samples
+    x, triggered = np.empty((400, 3)), np.empty(400, dtype=bool)
+    loop(room, imu.gyro_radps.copy(), imu.accel_mps2.copy(), np.full(400, 0.01), plugin._settings(), x, triggered)
+    wanted, b, P = in_plain_matrices(plugin, imu, C, np.diag([0.03] * 3 + [sigma**2] * 3))
+    np.testing.assert_allclose(x, wanted, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(room.b, b, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(room.P, P, rtol=1e-6, atol=1e-12)
+    np.testing.assert_array_equal(room.P, room.P.T)
+    assert 0 < triggered.sum() < 400
+
+
+@pytest.mark.parametrize("adapt", ["none", "mtf", "lee"])
+def test_a_constant_rate_is_followed(adapt):
+    drive, truth = turning([0.3, -0.2, 0.5])
+    assert degrees_between(Mekf(adapt).verticals(drive)[0], truth).max() < 0.02
+
+
+def test_a_bias_is_found_and_without_its_states_it_tilts():
+    """In the steady state of the plain filter the correction's rate is N_G g/N_A: tilt = b/rate."""
+    n = 60000
+    drive = recording(np.tile([0.002, 0.0, 0.0], (n, 1)), np.tile([0.0, 0.0, G], (n, 1)), 2.0)
+    found, _ = Mekf().verticals(drive)
+    assert degrees_between(found[-1], [0.0, 0.0, 1.0]) < 0.01
+    left, _ = Mekf(bias=False).verticals(drive)
+    np.testing.assert_allclose(np.abs(left[-1, 1]), 0.002 / (1e-3 * G / 0.1), rtol=0.02)
+
+
+def test_a_constant_acceleration_is_taken_for_gravity_unless_it_is_recognised():
+    drive = pushed([1.0, 0.0, 0.0])
+    tilt = Mekf(bias=False).verticals(drive)[0][-1]
+    np.testing.assert_allclose(tilt[0] / tilt[2], 1.0 / G, rtol=1e-3)
+    quiet = Mekf("mtf", bias=False, accel_density=0.01, gyro_density=1e-4, window_s=1.0)
+    assert degrees_between(quiet.verticals(pushed([1.0, 0.0, 0.0], 20.0))[0][-1], [0.0, 0.0, 1.0]) < 1.0
+
+
+@pytest.mark.parametrize("plugin", [Mekf(), Mekf(bias=False), Mekf("lee", external_memory=0.5, window_s=0.2)])
+def test_a_setting_means_the_same_at_100_and_at_400_hz(plugin):
+    """The same motion and the same densities of noise."""
+    ends = []
+    for rate_hz in (100.0, 400.0):
+        drive = pushed([1.0, 0.5, 0.0], 12.0, rate_hz=rate_hz)
+        ends.append(plugin.verticals(drive)[0][-1])
+    assert degrees_between(*ends) < 0.1
+    assert degrees_between(ends[0], [0.0, 0.0, 1.0]) > 0.5
+
+
+@pytest.mark.parametrize(
+    ("values", "reason"),
+    [
+        ({"adapt": "scalar"}, "no adapt of attitude mekf 'scalar'"),
+        ({"accel_density": 0.0}, r"accel_density is 0\.0; it must be a positive number"),
+        ({"external_memory": 1.0}, r"external_memory is 1\.0; it must be between 0 and 1"),
+        ({"window_s": 0.0}, r"window_s is 0\.0"),
+        ({"gyro_density": -1.0}, r"gyro_density is -1\.0; it must be zero or positive"),
+        ({"alignment": "compass"}, "no alignment of attitude mekf 'compass'"),
+    ],
+)
+def test_what_makes_no_sense_is_one_sentence(values, reason):
+    with pytest.raises(PluginError, match=reason):
+        Mekf(**values)

@@ -1,0 +1,81 @@
+"""The attitude filters of the package vqf: what the package gives alone, closed forms, gaps, starts."""
+
+import numpy as np
+import pytest
+from moved import G, degrees_between, pushed, recording, shaken, turning
+
+from jerkbench.attitude.vqf import OfflineVqf, Vqf, vertical_of
+from jerkbench.datasets.broad import Broad
+from jerkbench.errors import PluginError, RecordingError
+
+package = pytest.importorskip("vqf")
+
+TRIALS = (1, 2, 4, 5, 6, 7, 8, 10, 11, 12, 14, 16, 21, 24, 25, 28, 30, 32, 33, 35)
+
+
+def alone(imu, step_s, offline=False, **parameters):
+    samples = imu.gyro_radps.copy(), imu.accel_mps2.copy()
+    if offline:
+        return vertical_of(package.offlineVQF(*samples, None, step_s, parameters)["quat6D"])
+    return vertical_of(package.VQF(step_s, **parameters).updateBatch(*samples)["quat6D"])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("trial", TRIALS)
+def test_on_broad_it_gives_the_numbers_of_the_package(trial, shared_folder):
+    drive = Broad(str(shared_folder / "data" / "broad"), trial).load(0)
+    step_s = drive.imu.t_s[1] - drive.imu.t_s[0]
+    assert degrees_between(Vqf().verticals(drive)[0], alone(drive.imu, step_s)).max() < 1e-3
+    assert degrees_between(OfflineVqf().verticals(drive)[0], alone(drive.imu, step_s, offline=True)).max() < 1e-3
+
+
+def test_its_parameters_are_the_package_s():
+    drive, off = shaken(3000), {"rest_bias": False, "motion_bias": False}
+    ours = Vqf(tau_acc_s=1.0, bias_forgetting_s=20.0, **off).verticals(drive)[0]
+    assert Vqf(1.0, False, False, 20.0) == Vqf(tau_acc_s=1.0, bias_forgetting_s=20.0, **off)  # noqa: FBT003 - in order
+    same = {"tauAcc": 1.0, "restBiasEstEnabled": False, "motionBiasEstEnabled": False, "biasForgettingTime": 20.0}
+    np.testing.assert_allclose(ours, alone(drive.imu, drive.imu.nominal_interval_s, **same), atol=1e-9)
+    for other in ({"tau_acc_s": 2.0}, {"tau_acc_s": 1.0, "motion_bias": True}):
+        assert np.abs(ours - Vqf(**off | other).verticals(drive)[0]).max() > 1e-4
+
+
+@pytest.mark.parametrize("plugin", [Vqf(), OfflineVqf(), Vqf(alignment="rest")])
+def test_a_constant_rate_is_followed(plugin):
+    drive, truth = turning([0.3, -0.2, 0.5])
+    assert degrees_between(plugin.verticals(drive)[0], truth).max() < 0.02
+
+
+def test_a_constant_acceleration_is_taken_for_gravity_after_its_time_constant():
+    """A step through a Butterworth low-pass of second order with the cut-off sqrt(2)/(2 pi tau): a closed form."""
+    tau = 3.0
+    x, _ = Vqf(tau_acc_s=tau, rest_bias=False, motion_bias=False).verticals(pushed([1.0, 0.0, 0.0], 40.0, rest_s=10.0))
+    after_s = np.arange(1, 3001) / 100.0
+    decay = np.exp(-after_s / tau)  # its poles are at (-1 +- i)/tau
+    level = 1.0 - decay * (np.cos(after_s / tau) + np.sin(after_s / tau))
+    np.testing.assert_allclose(x[1000:, 0] / x[1000:, 2], level / G, atol=2e-3)
+    np.testing.assert_allclose(x[-1, 0] / x[-1, 2], 1.0 / G, atol=1e-4)
+
+
+def test_over_a_gap_the_rate_of_its_end_holds():
+    """A second is missing in the middle of a turn."""
+    drive, truth = turning([0.0, 0.4, 0.0], seconds=10.0)
+    there = np.r_[0:500, 600:1000]
+    gap = recording(drive.imu.gyro_radps[there], drive.imu.accel_mps2[there], 2.0, t_s=drive.imu.t_s[there])
+    assert degrees_between(Vqf(tau_acc_s=100.0).verticals(gap)[0], truth[there]).max() < 0.3
+    with pytest.raises(RecordingError, match=r"moved has a gap of 1\.01 s"):
+        OfflineVqf().verticals(gap)
+
+
+def test_it_starts_where_it_is_told():
+    """In motion, gravity takes the acceleration for tilt, and rest starts level."""
+    drive = recording(np.zeros((200, 3)), np.tile([2.0, 0.0, G], (200, 1)))
+    slow = {"tau_acc_s": 30.0, "rest_bias": False}
+    assert degrees_between(Vqf(**slow).verticals(drive)[0][0], [0.0, 0.0, 1.0]) > 10.0
+    assert degrees_between(Vqf(**slow, alignment="rest").verticals(drive)[0][0], [0.0, 0.0, 1.0]) < 0.1
+
+
+def test_what_makes_no_sense_is_one_sentence():
+    with pytest.raises(PluginError, match=r"attitude vqf: tau_acc_s is 0\.0"):
+        Vqf(tau_acc_s=0.0)
+    with pytest.raises(PluginError, match="offline_vqf: alignment is rest"):
+        OfflineVqf(alignment="rest")

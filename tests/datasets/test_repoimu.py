@@ -1,0 +1,59 @@
+import numpy as np
+import pandas as pd
+import pytest
+
+from jerkbench import plugins
+from jerkbench.datasets.repoimu import ACCEL, ATTITUDE, GYRO, RepoImu
+from jerkbench.errors import RecordingError
+from jerkbench.testing import check_plugin
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """Six seconds at rest with a gyro bias, rolled by .3 rad; the last three count."""
+    n = 600
+    values = {
+        "t_s": 7.0 + np.arange(n) / 100,
+        **dict(zip(ACCEL, (0.0, 9.81 * np.sin(0.3), 9.81 * np.cos(0.3)), strict=True)),
+    }
+    values |= dict(zip(GYRO, (0.01, -0.02, 0.03), strict=True))
+    values |= dict(zip(ATTITUDE, (np.cos(0.15), np.sin(0.15), 0.0, 0.0), strict=True))
+    table = pd.DataFrame(values).assign(movement=(np.arange(n) >= 300).astype(int))
+    table.to_parquet(tmp_path / "TStick_Test03_Trial2.parquet")
+    return tmp_path
+
+
+def test_a_trial_is_a_recording_with_an_attitude_alone(folder):
+    recording = RepoImu(str(folder), 3, 2).load()
+    assert recording.name == "TStick_Test03_Trial2"
+    assert recording.static_start_s == pytest.approx(2.0)
+    assert recording.position is None
+    assert recording.imu.t_s[0] == 0.0
+    np.testing.assert_allclose(recording.imu.gyro_radps, 0.0, atol=1e-15)
+    np.testing.assert_allclose(recording.reference.euler_rad[:, :2], np.tile([0.3, 0.0], (600, 1)), atol=1e-12)
+    assert np.isnan(recording.reference.euler_rad[:, 2]).all()
+    np.testing.assert_array_equal(recording.reference.scored, np.arange(600) >= 300)
+
+
+def test_the_bias_may_stay(folder):
+    gyro = RepoImu(str(folder), 3, 2, remove_gyro_bias=False).load().imu.gyro_radps
+    np.testing.assert_allclose(gyro[7], [0.01, -0.02, 0.03])
+
+
+def test_it_conforms(folder):
+    check_plugin(
+        "dataset", plugins.create("dataset", {"name": "repoimu", "folder": str(folder), "test": 3, "trial": 2})
+    )
+
+
+def test_what_is_wrong_is_one_sentence(folder):
+    with pytest.raises(RecordingError, match="TStick_Test09_Trial1"):
+        RepoImu(str(folder), 9).load()
+    (folder / "TStick_Test04_Trial1.parquet").write_text("no Parquet")
+    with pytest.raises(RecordingError, match=r"TStick_Test04_Trial1.parquet cannot be read as a trial"):
+        RepoImu(str(folder), 4).load()
+    pd.read_parquet(folder / "TStick_Test03_Trial2.parquet").drop(columns="gx").to_parquet(
+        folder / "TStick_Test05_Trial1.parquet"
+    )
+    with pytest.raises(RecordingError, match="gx"):
+        RepoImu(str(folder), 5).load()
