@@ -59,7 +59,7 @@ def enter(scale: str, entrant: Entrant, name: str, place: Site, command: str) ->
 
 def plain_folder(protocol: SuiteProtocol) -> Path:
     """Return where the runs of the plain filter are kept for every entry."""
-    return cache_folder("suite") / protocol.name
+    return cache_folder("suite") / f"{protocol.name}-rows"
 
 
 def frozen_part(scale: str, protocol: SuiteProtocol) -> dict[str, object]:
