@@ -26,7 +26,7 @@ import numpy as np
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
-from jerkbench.datasets.field_v1 import FieldV1
+from jerkbench.datasets.field_white import FieldWhite
 from jerkbench.datasets.rosbag import RosBag
 from jerkbench.io.ros.bag import Messages, open_bag
 from jerkbench.io.ros.decode import MessageBlock, decode_each
@@ -61,7 +61,7 @@ def main() -> None:
 
 def write(path: Path, duration_s: float) -> None:
     """Write a simulated drive without velocities and headings of its own: those of the odometry are there."""
-    drive = FieldV1(duration_s=duration_s, gnss_rate_hz=10.0).load(0)
+    drive = FieldWhite(duration_s=duration_s, gnss_rate_hz=10.0).load(0)
     write_bag(dataclasses.replace(drive, velocity=None, heading=None), path)
 
 

@@ -93,7 +93,7 @@ Chosen = Mapping[tuple[Method, Corner, str], Setting]
 
 def naive() -> Mapping[str, float]:
     """Return the process noise that nobody tuned, by the name of a knob: the accelerometer's own."""
-    noise = preset("noise", "naive")
+    noise = preset("noise", "untuned")
     return {f"filter.{name}": float(value) for name, value in noise.items() if isinstance(value, (int, float))}
 
 

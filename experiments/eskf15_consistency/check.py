@@ -14,8 +14,8 @@ from scipy.stats import chi2
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.arrays import FloatArray
 from jerkbench.attitude.tilt import Tilt
-from jerkbench.datasets.field_v1 import FieldV1
-from jerkbench.disturbances.bias import ImuBias
+from jerkbench.datasets.field_white import FieldWhite
+from jerkbench.disturbances.imu_bias import ImuBias
 from jerkbench.filters.eskf15 import Eskf15
 from jerkbench.inertial.run import InertialSolution
 from jerkbench.recording import Imu, Recording
@@ -45,7 +45,7 @@ def check(seed: int, imu: str = "per_sample", duration_s: float = 150.0) -> Outc
         imu: per_sample (white noise, and the biases of the disturbance ``bias``), or a grade.
         duration_s: length of the drive.
     """
-    dataset = FieldV1(imu=imu, duration_s=duration_s, reference_rate_hz=1.0)
+    dataset = FieldWhite(imu=imu, duration_s=duration_s, reference_rate_hz=1.0)
     clean = dataset.load(seed)
     recording = ImuBias().apply(clean, seed) if imu == "per_sample" else clean
     solution = tuned(imu).solve(recording, Tilt().estimate(recording), NoAdaptation())
@@ -81,7 +81,7 @@ def tuned(imu: str) -> Eskf15:
     )
 
 
-def _true_bias(dataset: FieldV1, clean: Imu, recorded: Imu, seed: int) -> FloatArray:
+def _true_bias(dataset: FieldWhite, clean: Imu, recorded: Imu, seed: int) -> FloatArray:
     """(6,) gyro and accelerometer bias at the end: turn-on and wander."""
     if dataset.imu == "per_sample":
         gyro, accel = recorded.gyro_radps - clean.gyro_radps, recorded.accel_mps2 - clean.accel_mps2

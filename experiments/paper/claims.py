@@ -31,7 +31,7 @@ from jerkbench.jobs.cluster import Local
 from jerkbench.results.study import load_study
 
 CLAIMED = Method("jerk", "mtf")
-NAIVE, BASELINE = Method("baseline_naive", "none"), Method("baseline", "none")
+NAIVE, BASELINE = Method("baseline_untuned", "none"), Method("baseline", "none")
 ROLL_RAD, PITCH_RAD = 0.0051, 0.0076
 """The paper's errors of the tilt [rad]."""
 LOST_M = 1000.0

@@ -27,7 +27,7 @@ CLAIMED = 10.0
 CLAIM = {"filter": "jerk", "adaptation": "mtf"}
 """The combination of which that is said."""
 
-AGAINST = ("baseline", "baseline_naive")
+AGAINST = ("baseline", "baseline_untuned")
 """What it is said against, without adaptation: with a tuned process noise, and with one that was never tuned."""
 
 HOLDS, FAILS, OPEN = "holds", "does not hold", "stays open"

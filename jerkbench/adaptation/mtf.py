@@ -28,8 +28,8 @@ class Mtf:
     right, and may lock out. The guard limits that: of a row's hits (triggered, and w_i > h_i + r_i) only the first N in
     a sequence inflate; an update of the row without a hit starts anew.
 
-    A longer window takes most of that harm, and none of the good: position RMSE [m] of `jerk` on `field_v1`, geometric
-    means over 5 seeds::
+    A longer window takes most of that harm, and none of the good: position RMSE [m] of `jerk` on `field_white`,
+    geometric means over 5 seeds::
 
         mu                         1       4      10      25
         nothing wrong         0.0181  0.0172  0.0169  0.0168

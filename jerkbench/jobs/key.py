@@ -26,7 +26,7 @@ COMPUTING = (
     *("adaptation", "attitude", "compilation", "datasets", "disturbances", "engines", "estimation"),
     *("filters", "inertial", "io", "kinematic", "linear", "recording", "simulation", "measurements", "timeline"),
     *("traces", "contracts", "evaluation/metrics", "arrays", "estimate", "geometry", "kalman"),
-    *("memory", "optional", "random_streams", "sums"),
+    *("memory", "optional", "random_streams", "renamed", "sums"),
     *(f"jobs/{name}" for name in ("cell", "inputs", "rows")),
     *(f"evaluation/{name}" for name in ("counted_rows", "evaluated_run", "navigation_errors", "sums")),
     "evaluation/statistics/correlated_errors",

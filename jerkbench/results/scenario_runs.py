@@ -176,7 +176,7 @@ def _mean(cell: Stored, metric: str) -> float:
 
 def _name(cell: Stored) -> str:
     labels = cell.metadata["labels"]
-    noise = "" if labels["noise"] == "own" else f", {labels['noise']}"
+    noise = "" if labels["noise"] == "default" else f", {labels['noise']}"
     return f"{labels['filter']} + {labels['adaptation']}{noise}"
 
 

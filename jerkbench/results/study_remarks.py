@@ -87,7 +87,9 @@ def worse_than_fixes(rows: "pd.DataFrame", cells: Sequence[Metadata]) -> list[st
 
 def _losers(scenario: tuple[str, ...], worse: Mapping[tuple[str, ...], float], floor: float) -> str:
     ranked = sorted(worse.items(), key=lambda pair: -pair[1])
-    named = [f"{'+'.join(m for m in method if m not in ('none', 'own'))} ({_shown(error)})" for method, error in ranked]
+    named = [
+        f"{'+'.join(m for m in method if m not in ('none', 'default'))} ({_shown(error)})" for method, error in ranked
+    ]
     more = f" and {len(named) - TOLD} more" if len(named) > TOLD else ""
     where, worst = ", ".join(scenario), ", ".join(named[:TOLD])
     return f"Worse than {FLOOR} ({floor:.3g} m), which has no IMU, in {where}: {worst}{more}."

@@ -152,7 +152,7 @@ def plain_cell(cell: Cell) -> Cell:
         "adaptation": {"name": "none"},
         "r_scale": {"position": 1.0, "velocity": 1.0},
     }
-    labels = cell.labels._replace(filter=name, adaptation="none", noise="own")
+    labels = cell.labels._replace(filter=name, adaptation="none", noise="default")
     r_scale = type(cell.r_scale)()
     return dataclasses.replace(cell, filter=model, adaptation=none, r_scale=r_scale, spec=spec, labels=labels)
 

@@ -10,7 +10,7 @@ from scipy.linalg import block_diag, solve_discrete_are
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.attitude.reference import ReferenceAttitude
 from jerkbench.datasets.field import Field
-from jerkbench.datasets.field_v1 import FieldV1
+from jerkbench.datasets.field_white import FieldWhite
 from jerkbench.disturbances.gnss_outage import GnssOutage
 from jerkbench.disturbances.noise_step import NoiseStep
 from jerkbench.engines.compiled_engine import CompiledEngine
@@ -24,7 +24,7 @@ from jerkbench.jobs.inputs import simulated
 from jerkbench.timeline import build_timeline
 
 SIGMA = 0.02
-FIELD = FieldV1(duration_s=40.0)
+FIELD = FieldWhite(duration_s=40.0)
 OUTAGE = GnssOutage(windows_s=((20.0, 25.0),))
 
 

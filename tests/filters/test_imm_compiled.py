@@ -10,7 +10,7 @@ from jerkbench import plugins
 from jerkbench.adaptation.mtf import Mtf
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.attitude.tilt import Tilt
-from jerkbench.datasets.field_v1 import FieldV1
+from jerkbench.datasets.field_white import FieldWhite
 from jerkbench.disturbances.noise_step import NoiseStep
 from jerkbench.evaluation.counted_rows import counted_rows
 from jerkbench.evaluation.sums import scored, sums_from, sums_of
@@ -25,7 +25,7 @@ PAIRS += [("acceleration", "acceleration"), ("acceleration", "baseline")]
 
 @cache
 def recorded():
-    recording = NoiseStep().apply(FieldV1(duration_s=12.0).load(4), 0)
+    recording = NoiseStep().apply(FieldWhite(duration_s=12.0).load(4), 0)
     return recording, Tilt().estimate(recording)
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from logs import columns, kitti_like, ned_degrees
 
-from jerkbench.datasets.field_v1 import FieldV1
+from jerkbench.datasets.field_white import FieldWhite
 from jerkbench.errors import RecordingError
 from jerkbench.geometry import enu_to_geodetic
 from jerkbench.inspection.columns import parse_name
@@ -25,7 +25,7 @@ AT = Origin(48.0, 11.0, 500.0)
 
 @pytest.fixture(scope="module")
 def drive():
-    return FieldV1(duration_s=240.0).load(0)
+    return FieldWhite(duration_s=240.0).load(0)
 
 
 def guessed(log, folder):

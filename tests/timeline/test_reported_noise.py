@@ -91,7 +91,7 @@ def test_both_ways_to_run_see_what_is_told_and_scale_the_nis_with_it(model):
     (fast, slow), plain = (run(engine, {"position": 9.0}) for engine in ("compiled", "filterpy")), run("compiled", None)
 
     assert fast["noise"] == "r_scale.position=9"
-    assert plain["noise"] == "own"
+    assert plain["noise"] == "default"
     assert fast["position_rmse_m"] == pytest.approx(slow["position_rmse_m"], rel=1e-6)
     assert fast["position_rmse_m"] != pytest.approx(plain["position_rmse_m"], rel=1e-3)
     assert fast["anis_per_row"] == pytest.approx(slow["anis_per_row"], rel=1e-6)

@@ -20,7 +20,7 @@ LEVELS = {"best": 1.0, "middle": 1.3, "last": 3.0}
 @pytest.fixture
 def rows():
     rng = np.random.default_rng(11)
-    fixed = {"dataset": "field", "attitude": "tilt", "noise": "own", "adaptation": "none", "replicate": "seed"}
+    fixed = {"dataset": "field", "attitude": "tilt", "noise": "default", "adaptation": "none", "replicate": "seed"}
     made = []
     for scenario, name in itertools.product(("a", "b", "c", "d", "e"), LEVELS):
         for seed in range(8):

@@ -276,7 +276,7 @@ def test_all_lost_is_a_sentence(study):
 
 def test_a_baseline_is_read_and_a_wrong_one_is_a_sentence(study):
     assert parse_baseline("filter=baseline,adaptation=none") == {"filter": "baseline", "adaptation": "none"}
-    assert parse_baseline("filter=jerk(a=1, b=2);noise=own") == {"filter": "jerk(a=1, b=2)", "noise": "own"}
+    assert parse_baseline("filter=jerk(a=1, b=2);noise=default") == {"filter": "jerk(a=1, b=2)", "noise": "default"}
     with pytest.raises(JerkbenchError, match="not of the form FACTOR=NAME"):
         parse_baseline("none")
     with pytest.raises(JerkbenchError, match=r"no factor 'filtr'. Did you mean 'filter'"):

@@ -9,7 +9,7 @@ from jerkbench.plugins import register
 from jerkbench.recording import Imu, Recording
 
 
-@register("disturbance", "bias")
+@register("disturbance", "imu_bias")
 @dataclass(frozen=True)
 class ImuBias(Once):
     """A constant bias on each axis of accelerometer and gyro, drawn once a run.

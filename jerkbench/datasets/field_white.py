@@ -38,9 +38,9 @@ SENSOR_SAMPLES = 10
 """Samples within the accelerometer to one of the IMU, at the default rates: these are held for a short time only."""
 
 
-@register("dataset", "field_v1")
+@register("dataset", "field_white")
 @dataclass(frozen=True)
-class FieldV1(Sensors):
+class FieldWhite(Sensors):
     """A simulated farm robot that drives to and fro over rough ground, with RTK-fixed GNSS whose noise is white.
 
     The robot of the numbers published up to version 0.2; it stays what it was, to the bit.
@@ -96,7 +96,7 @@ class FieldV1(Sensors):
     """
 
     seeded: ClassVar[bool] = True
-    recording_name: ClassVar[str] = "field_v1"
+    recording_name: ClassVar[str] = "field_white"
 
     duration_s: float = 150.0
     sensor_rate_hz: float = 1000.0
