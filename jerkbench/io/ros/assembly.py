@@ -184,7 +184,7 @@ def _assembled(
     clean: dict[str, Messages],
     ledger: Ledger,
 ) -> Recording:
-    samples = _required(clean, plan, "imu")
+    samples = clean[plan.topics["imu"]]
     zero_ns = metadata.start_ns if metadata else int(samples.stamp_ns[0]) + round(options.imu_shift_s * 1e9)
     imu = imu_of(samples, options, zero_ns)
     fixes, place = _fixes(options, plan, frames, metadata, clean, ledger)
@@ -208,10 +208,6 @@ def _assembled(
         outages_s=np.array(metadata.outages_s if metadata else ()).reshape(-1, 2),
         notes=_dependence(plan),
     )
-
-
-def _required(clean: dict[str, Messages], plan: TopicPlan, role: str) -> Messages:
-    return clean[plan.topics[role]]  # type: ignore[index]  # a plan has an IMU
 
 
 def _fixes(
