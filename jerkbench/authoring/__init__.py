@@ -171,7 +171,8 @@ def _findings(candidate: Candidate) -> Iterator[PluginFinding]:
 
 
 def _of_class(candidate: Candidate, cls: type) -> Iterator[PluginFinding]:
-    lacking = [f.name for f in dataclasses.fields(cls) if _has_no_default(f)]
+    no = dataclasses.MISSING
+    lacking = [f.name for f in dataclasses.fields(cls) if f.default is no and f.default_factory is no]
     if lacking:
         names = ", ".join(lacking)
         yield PluginFinding(
@@ -210,10 +211,6 @@ def _complaint(check: Callable[[Any], None], plugin: Any) -> str:  # noqa: ANN40
 
 def _raised(cls: type, error: Exception) -> str:
     return f"{cls.__name__} raises {reason_of(error)}."
-
-
-def _has_no_default(f: "dataclasses.Field[Any]") -> bool:
-    return f.default is dataclasses.MISSING and f.default_factory is dataclasses.MISSING
 
 
 # A package for a plugin of one's own, to begin from.

@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from jerkbench.disturbances.common import OutageWindows, without
+from jerkbench.disturbances.common import OutageWindows, Phased, fixes_of, without
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.plugins import register
 from jerkbench.recording import Heading, Recording
@@ -65,13 +65,10 @@ class PositionOutage(OutageWindows):
         Raises:
             RecordingError: it has no position.
         """
-        if recording.position is None:
-            raise RecordingError(
-                f"{recording.name} has no position fixes, so none can be missing; leave position_outage out."
-            )
+        position = fixes_of(recording, "so none can be missing; leave position_outage out.")
         windows = self.windows_in(recording)
         outages_s = np.concatenate([recording.outages_s, windows])
-        return replace(recording, position=without(recording.position, windows), outages_s=outages_s)
+        return replace(recording, position=without(position, windows), outages_s=outages_s)
 
 
 # Intervals without velocity.
@@ -107,7 +104,7 @@ class VelocityOutage(OutageWindows):
 
 @register("disturbance", "outage_sweep")
 @dataclass(frozen=True)
-class OutageSweep:
+class OutageSweep(Phased):
     """Outages of GNSS (as `gnss_outage`), all of one length, that begin at many places of the drive.
 
     With the phase p = 0 ... phases - 1, and k = 0, 1, ... as long as the outage ends within the recording::
@@ -129,6 +126,7 @@ class OutageSweep:
     """
 
     seeded: ClassVar[bool] = False
+    cycle: ClassVar[str] = "phases"
 
     length_s: float = 10.0
     first_s: float = 20.0
@@ -143,8 +141,7 @@ class OutageSweep:
             raise PluginError(f"length_s is {self.length_s}; it must lie between 0 and every_s = {self.every_s}.")
         if self.phases < 1:
             raise PluginError(f"phases is {self.phases}; give 1 or more.")
-        if self.phase is not None and not 0 <= self.phase < self.phases:
-            raise PluginError(f"phase is {self.phase}; it must lie between 0 and phases - 1 = {self.phases - 1}.")
+        self.require_phase()
 
     def apply(self, recording: Recording, seed: int) -> Recording:
         """Return the recording with the outages of one phase.
@@ -152,8 +149,7 @@ class OutageSweep:
         Raises:
             RecordingError: it is too short for an outage.
         """
-        phase = seed % self.phases if self.phase is None else self.phase
-        first_s = self.first_s + phase * self.every_s / self.phases
+        first_s = self.first_s + self.phase_of(seed) * self.every_s / self.phases
         last_s = recording.duration_s - self.length_s
         if first_s > last_s:
             raise RecordingError(
@@ -163,7 +159,3 @@ class OutageSweep:
         count = int((last_s - first_s) // self.every_s) + 1
         outage = GnssOutage((), count, self.length_s, first_s, self.every_s, heading=self.heading)
         return outage.apply(recording, seed)
-
-    def replicates(self) -> int:
-        """Return how many phases there are."""
-        return self.phases if self.phase is None else 1

@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.disturbances.common import with_scaled_noise
+from jerkbench.disturbances.common import Once, with_scaled_noise
 from jerkbench.errors import PluginError
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
@@ -14,7 +14,7 @@ from jerkbench.recording import Recording
 
 @register("disturbance", "noise_step")
 @dataclass(frozen=True)
-class NoiseStep:
+class NoiseStep(Once):
     """Noise of position and velocity that doubles at each of the given times; the covariance does not say so.
 
     With n(t) the number of times up to t, the standard deviation of the noise is k(t) = factor^n(t) times the reported
@@ -48,10 +48,6 @@ class NoiseStep:
         """
         return with_scaled_noise(recording, seed, "noise_step", self.stream, self._factor)
 
-    def replicates(self) -> int:
-        """Return 1."""
-        return 1
-
     def _factor(self, t_s: FloatArray, random: np.random.Generator) -> FloatArray:
         steps = np.searchsorted(np.sort(self.times_s), t_s, side="right")
         return np.asarray(self.factor**steps)
@@ -62,7 +58,7 @@ class NoiseStep:
 
 @register("disturbance", "noise_sine")
 @dataclass(frozen=True)
-class NoiseSine:
+class NoiseSine(Once):
     """Noise of position and velocity whose standard deviation follows a sine; the covariance does not say so.
 
     The standard deviation is k(t) times the reported one, between 1 and the largest factor::
@@ -98,10 +94,6 @@ class NoiseSine:
             RecordingError: it has neither position nor velocity.
         """
         return with_scaled_noise(recording, seed, "noise_sine", self.stream, self._factor)
-
-    def replicates(self) -> int:
-        """Return 1."""
-        return 1
 
     def _factor(self, t_s: FloatArray, random: np.random.Generator) -> FloatArray:
         return np.asarray(1.0 + 0.5 * (self.largest - 1.0) * (1.0 - np.cos(2.0 * np.pi * t_s / self.period_s)))

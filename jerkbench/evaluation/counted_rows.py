@@ -67,7 +67,7 @@ def counting(index: IntArray, recording: Recording, counted: BoolArray) -> Rows:
         inside.any(axis=0) & counted,
         outages,
         t_s[outages],
-        _driven_m(reference, index[outages]),
+        np.diff(driven_m(reference)[index[outages]], axis=1)[:, 0] if len(outages) else np.empty(0),
         start_s,
         once_a_second(t_s, position[0]),
     )
@@ -99,11 +99,6 @@ def on_all(known: BoolArray, axes: tuple[int, ...]) -> BoolArray:
     for axis in axes[1:]:
         rows = rows & known[:, axis]
     return rows
-
-
-def _driven_m(reference: Reference, outages: IntArray) -> FloatArray:
-    """(j,) how far the reference went from the first to the last row of each."""
-    return np.diff(driven_m(reference)[outages], axis=1)[:, 0] if len(outages) else np.empty(0)
 
 
 def driven_m(reference: Reference) -> FloatArray:

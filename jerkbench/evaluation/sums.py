@@ -1,5 +1,6 @@
 """The sums of a run: what the built-in metrics need of it, from its trajectory or summed up as it went."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -72,6 +73,18 @@ def sums_of(estimate: Estimate, recording: Recording, counted: BoolArray) -> Sum
         position_m2=_over_axes([scored_trajectory(estimate, s).position_m2 for s in position], POSITION_AXES),
         velocity_m2ps2=_over_axes([scored_trajectory(estimate, s).velocity_m2ps2 for s in velocity], VELOCITY_AXES),
     )
+
+
+class Summed(ABC):
+    """A metric that needs the sums of a run alone, whether or not its trajectory was stored."""
+
+    @abstractmethod
+    def summarise(self, sums: Sums) -> dict[str, float]:
+        """Return the values by column name."""
+
+    def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
+        """Return the same of a trajectory."""
+        return self.summarise(sums_of(estimate, recording, counted))
 
 
 def sums_from(streamed: Streamed, scored: Scored, recording: Recording) -> Sums:

@@ -63,12 +63,10 @@ def _streams(recording: Recording) -> Iterator[str]:
 
 
 def _rates(stream: Stream) -> str:
-    return _velocity_rates(stream) if isinstance(stream, Velocity) else _rate(stream.t_s)
-
-
-def _velocity_rates(velocity: Velocity) -> str:
-    """Rows and rate; where axes were true at times of their own, of each of them."""
-    measured = np.isfinite(velocity.mps)
+    """Rows and rate; where axes of a velocity were true at times of their own, of each of them."""
+    if not isinstance(stream, Velocity):
+        return _rate(stream.t_s)
+    velocity, measured = stream, np.isfinite(stream.mps)
     groups = [group for group in np.unique(measured, axis=0) if group.any()]
     if len(groups) < 2 or np.sum(groups, axis=0).max() > 1:
         return _rate(velocity.t_s)

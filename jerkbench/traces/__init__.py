@@ -149,16 +149,15 @@ def read_trace(path: Path) -> Trace:
 def _read(path: Path, version: int) -> Trace:  # noqa: ARG001 - it says when to read it again
     try:
         table = pq.read_table(path)
-        values = {name: np.asarray(table[name].to_numpy(), dtype=np.float64) for name in _columns()}
+        values = {
+            name: np.asarray(table[name].to_numpy(), dtype=np.float64)
+            for name in ("t_s", *ERRORS, *SIGMAS, *CORRELATIONS)
+        }
         about = json.loads((table.schema.metadata or {})[KEY])
         origin = About(**{**about, "offset_m": tuple(about["offset_m"])})
     except (OSError, ValueError, KeyError, TypeError, pa.ArrowException) as error:
         raise RecordingError(f"{path} is no trace: {error}; make it with `jerkbench data trace`.") from error
     return Trace(values["t_s"], np.column_stack([values[name] for name in ERRORS]), _covariances(values), origin)
-
-
-def _columns() -> tuple[str, ...]:
-    return ("t_s", *ERRORS, *SIGMAS, *CORRELATIONS)
 
 
 def _short(values: FloatArray, decimals: int) -> Any:  # noqa: ANN401 - an array of pyarrow, which has no types

@@ -8,7 +8,7 @@ import numpy as np
 from jerkbench.arrays import BoolArray
 from jerkbench.estimate import Estimate
 from jerkbench.evaluation.navigation_errors import known, mean, position_error_m
-from jerkbench.evaluation.sums import sums_of
+from jerkbench.evaluation.sums import Summed
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 from jerkbench.sums import Sums
@@ -16,7 +16,7 @@ from jerkbench.sums import Sums
 
 @register("metric", "consistency")
 @dataclass(frozen=True)
-class Consistency:
+class Consistency(Summed):
     """Average NEES and NIS: more than expected is overconfident, less is too cautious.
 
     With e_i the errors of position and velocity and P_i their covariance, over the N counted rows whose reference is
@@ -33,12 +33,8 @@ class Consistency:
     Source: Bar-Shalom, Li and Kirubarajan, "Estimation with Applications to Tracking and Navigation", 5.4.
     """
 
-    def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
-        """Return the four values by column name."""
-        return self.summarise(sums_of(estimate, recording, counted))
-
     def summarise(self, sums: Sums) -> dict[str, float]:
-        """Return the same from the sums of a run."""
+        """Return the four values by column name."""
         return {
             "anees": mean(sums.nees, sums.nees_rows),
             "anees_position": mean(sums.nees_position, float(sums.position_rows[0])),

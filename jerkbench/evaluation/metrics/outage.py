@@ -7,7 +7,7 @@ from jerkbench.arrays import BoolArray
 from jerkbench.estimate import Estimate
 from jerkbench.evaluation.counted_rows import counting
 from jerkbench.evaluation.navigation_errors import mean, position_error_m, rms, rms_norm
-from jerkbench.evaluation.sums import sums_of
+from jerkbench.evaluation.sums import Summed
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 from jerkbench.sums import Sums
@@ -15,7 +15,7 @@ from jerkbench.sums import Sums
 
 @register("metric", "outage")
 @dataclass(frozen=True)
-class Outage:
+class Outage(Summed):
     """Position error inside the recording's outages, and at their ends.
 
     With e_i = p_i - p_ref,i [m], ENU, over rows whose reference is known, and row i inside outage j if
@@ -34,12 +34,8 @@ class Outage:
     the distance also where all stood still; all five without any outage.
     """
 
-    def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
-        """Return the five values by column name."""
-        return self.summarise(sums_of(estimate, recording, counted))
-
     def summarise(self, sums: Sums) -> dict[str, float]:
-        """Return the same from the sums of a run."""
+        """Return the five values by column name."""
         ends, driven_m = sums.outage_ends_m, float(sums.outage_driven_m.sum())
         return {
             "outage_rmse_m": rms(sums.outage_m2, sums.outage_rows),

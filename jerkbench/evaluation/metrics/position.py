@@ -9,7 +9,7 @@ from jerkbench.arrays import BoolArray
 from jerkbench.estimate import Estimate
 from jerkbench.evaluation.counted_rows import POSITION_AXES, VELOCITY_AXES
 from jerkbench.evaluation.navigation_errors import known, mean, position_error_m, rms
-from jerkbench.evaluation.sums import sums_of
+from jerkbench.evaluation.sums import Summed
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 from jerkbench.sums import Sums
@@ -17,7 +17,7 @@ from jerkbench.sums import Sums
 
 @register("metric", "position_rmse")
 @dataclass(frozen=True)
-class PositionRmse:
+class PositionRmse(Summed):
     """Root mean square and largest position error, without any alignment.
 
     With e_i = p_i - p_ref,i [m], ENU, over the N counted rows whose reference is known on the axes in question::
@@ -31,12 +31,8 @@ class PositionRmse:
     NaN without a single such row.
     """
 
-    def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
-        """Return the seven values by column name."""
-        return self.summarise(sums_of(estimate, recording, counted))
-
     def summarise(self, sums: Sums) -> dict[str, float]:
-        """Return the same from the sums of a run."""
+        """Return the seven values by column name."""
         each = zip(POSITION_AXES, sums.position_m2, sums.position_rows, strict=True)
         values = {f"position_rmse{name}_m": rms(square, rows) for name, square, rows in each}
         values["position_rmse_whole_m"] = rms(sums.whole_m2, sums.whole_rows)
@@ -49,7 +45,7 @@ class PositionRmse:
 
 @register("metric", "velocity_rmse")
 @dataclass(frozen=True)
-class VelocityRmse:
+class VelocityRmse(Summed):
     """Root mean square velocity error.
 
     With e_i = v_i - v_ref,i [m/s], ENU, over the N counted rows whose reference is known on the axes in question::
@@ -61,12 +57,8 @@ class VelocityRmse:
     NaN without a single such row.
     """
 
-    def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
-        """Return the three values by column name."""
-        return self.summarise(sums_of(estimate, recording, counted))
-
     def summarise(self, sums: Sums) -> dict[str, float]:
-        """Return the same from the sums of a run."""
+        """Return the three values by column name."""
         each = zip(VELOCITY_AXES, sums.velocity_m2ps2, sums.velocity_rows, strict=True)
         return {f"velocity_rmse{name}_mps": rms(square, rows) for name, square, rows in each}
 
@@ -106,7 +98,7 @@ class Percentiles:
 
 @register("metric", "outage_drift")
 @dataclass(frozen=True)
-class OutageDrift:
+class OutageDrift(Summed):
     """Growth of the position error over an outage, per second.
 
     With f(j) and l(j) the first and the last row inside outage j, as in the metric `outage`, and e_i the error [m]::
@@ -116,11 +108,7 @@ class OutageDrift:
     The error with which the outage began does not count. NaN without an outage of two rows.
     """
 
-    def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
-        """Return the value by column name."""
-        return self.summarise(sums_of(estimate, recording, counted))
-
     def summarise(self, sums: Sums) -> dict[str, float]:
-        """Return the same from the sums of a run."""
+        """Return the value by column name."""
         drifts = sums.outage_drifts_mps[~np.isnan(sums.outage_drifts_mps)]
         return {"outage_drift_mps": mean(float(drifts.sum()), float(drifts.size))}

@@ -5,17 +5,15 @@ from typing import ClassVar
 
 import numpy as np
 
-from jerkbench.arrays import BoolArray, FloatArray
-from jerkbench.estimate import Estimate
-from jerkbench.evaluation.sums import sums_of
+from jerkbench.arrays import FloatArray
+from jerkbench.evaluation.sums import Summed
 from jerkbench.plugins import register
-from jerkbench.recording import Recording
 from jerkbench.sums import Sums
 
 
 @register("metric", "log_score")
 @dataclass(frozen=True)
-class LogScore:
+class LogScore(Summed):
     """Mean negative log-density of the true position under the filter's own Gaussian; the lowest is the best.
 
     With e_i the position error [m] and P_i its covariance [m2], over the N rows that are the first counted one of a
@@ -30,12 +28,8 @@ class LogScore:
     Source: Gneiting and Raftery, "Strictly proper scoring rules, prediction, and estimation", JASA 102 (2007).
     """
 
-    def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
-        """Return the value by column name."""
-        return self.summarise(sums_of(estimate, recording, counted))
-
     def summarise(self, sums: Sums) -> dict[str, float]:
-        """Return the same from the sums of a run."""
+        """Return the value by column name."""
         return {"position_log_score": _mean_score(sums.sampled_m, sums.sampled_covariance_m2)}
 
 
@@ -104,7 +98,7 @@ def inclination_indicator(nees: FloatArray, ideal: FloatArray) -> float:
 
 @register("metric", "crps")
 @dataclass(frozen=True)
-class Crps:
+class Crps(Summed):
     """Mean continuous ranked probability score of the filter's own Gaussian of the position; the lowest is the best.
 
     With e_ia the error of axis a (east, north, up) [m], sigma_ia what the filter's covariance says of it, z = e/sigma,
@@ -118,12 +112,8 @@ class Crps:
     Source: Gneiting and Raftery, "Strictly proper scoring rules, prediction, and estimation", JASA 102 (2007), (21).
     """
 
-    def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
-        """Return the value by column name."""
-        return self.summarise(sums_of(estimate, recording, counted))
-
     def summarise(self, sums: Sums) -> dict[str, float]:
-        """Return the same from the sums of a run."""
+        """Return the value by column name."""
         error, variance = sums.sampled_m, sums.sampled_m2[:, [0, 3, 5]]
         if len(error) == 0 or not (variance >= 0).all():
             return {"position_crps_m": np.nan}
@@ -136,7 +126,7 @@ class Crps:
 
 @register("metric", "credibility")
 @dataclass(frozen=True)
-class Credibility:
+class Credibility(Summed):
     """Non-credibility index and inclination indicator of the position.
 
     With e_i the position error, P_i its covariance and S = 1/N sum e_i e_i' over the N rows that are the first counted
@@ -155,12 +145,8 @@ class Credibility:
 
     default: ClassVar[bool] = False
 
-    def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
-        """Return the two values by column name."""
-        return self.summarise(sums_of(estimate, recording, counted))
-
     def summarise(self, sums: Sums) -> dict[str, float]:
-        """Return the same from the sums of a run."""
+        """Return the two values by column name."""
         error = sums.sampled_m
         square = error.T @ error / max(1, len(error))
         if len(error) < 4 or not np.isfinite(square).all() or np.linalg.matrix_rank(square) < 3:

@@ -82,7 +82,7 @@ def judged_on_other_seeds(
         p[places, 0], critical[places] = largest.p(studentised(distance, error)), largest.critical(level)
     for k, samples in enumerate(comparisons):
         if not samples.plain and samples.n >= LEAST_SEEDS:
-            p[k] = np.minimum(1.0, 2 * total * np.array([_medians_p(samples), _losses_p(samples)]))
+            p[k] = np.minimum(1.0, 2 * total * np.array([_medians_p(samples), _exact_p(*samples.failed)]))
     return [
         judgement_of(_interval(samples, c), (p[k, 0], p[k, 1]), samples, critical=c, margin=margin, level=level)
         for k, (samples, c) in enumerate(zip(comparisons, critical.tolist(), strict=True))
@@ -124,10 +124,6 @@ def _medians_p(samples: TwoSamples) -> float:
     """Return the p of Mood's median test: who has more runs above the common median."""
     common = middle(np.sort(np.concatenate([samples.a, samples.b])))
     return _exact_p(samples.a > common, samples.b > common)
-
-
-def _losses_p(samples: TwoSamples) -> float:
-    return _exact_p(*samples.failed)
 
 
 def _exact_p(a: BoolArray, b: BoolArray) -> float:

@@ -149,16 +149,12 @@ def usable_fixes(messages: Messages, label: str, stated_frame: str, options: Bag
     messages = sound_covariances(label, messages, ledger, "position_covariance", sigma, "position_sigma_m")
     frame = frame_of(messages, stated_frame)
     middle = messages.rows(np.array([len(messages) // 2]))  # the first may be the one that leaps
-    messages = messages.with_values(enu_m=fixes_in_enu(messages, frame, _first_place(middle, frame)))
+    messages = messages.with_values(enu_m=fixes_in_enu(messages, frame, first_place(middle, frame, ())))
     messages = without_leaps(label, messages, ledger, "enu_m")
     report_jumps(label, messages, ledger, "enu_m", messages["status"][:, 0] if "status" in messages.values else None)
     if len(messages) < 2:
         raise RecordingError(f"{label}: {len(messages)} usable positions are left; at least 2 are needed.")
     return messages
-
-
-def _first_place(messages: Messages, frame: str) -> Place:
-    return first_place(messages, frame, ())  # type: ignore[arg-type]  # it comes from frame_of
 
 
 def position_of(

@@ -168,13 +168,10 @@ def _of_two(tested: Sequence[Standing]) -> str:
     counts = [(duel.count(Verdict.EQUAL), "equal in"), (duel.count(Verdict.UNDECIDED), "undecided in")]
     rest = [f"{words} {count}" for count, words in counts if count]
     if not duel.won + duel.lost:
-        return f"No difference between {duel.ours} and {duel.theirs} was shown: {', '.join(_of(rest, duel.scenarios))}"
+        rest[0] += f" of {duel.scenarios} scenarios"
+        return f"No difference between {duel.ours} and {duel.theirs} was shown: {', '.join(rest)}"
     won = f"{duel.ours} beats {duel.theirs} in {duel.won} of {duel.scenarios} scenarios"
     return ", ".join([won, f"loses in {duel.lost or 'none'}", *rest])
-
-
-def _of(rest: list[str], scenarios: int) -> list[str]:
-    return [f"{rest[0]} of {scenarios} scenarios", *rest[1:]]
 
 
 def _once(duel: Duel, standing: Standing) -> str:
@@ -240,8 +237,4 @@ def _named(names: Sequence[str]) -> str:
 def _seeds(tested: Sequence[Standing]) -> str:
     judgements = [pair.judgement for standing in tested for pair in _tests(standing)]
     low, high = (of(judgement.n for judgement in judgements) for of in (min, max))
-    return (
-        f"{low} seeds, {losses_range(judgements)}"
-        if low == high
-        else f"{low} to {high} seeds, {losses_range(judgements)}"
-    )
+    return f"{low if low == high else f'{low} to {high}'} seeds, {losses_range(judgements)}"

@@ -205,18 +205,14 @@ def largest(standings: Sequence[Standing]) -> list[tuple[float, Comparison]]:
     """Return each comparison of `strongest` that shows a difference, with what is certain of it, the largest first."""
     references = _references(standings)
     pairs = [pair for standing in standings for pair in _told(standing, references).contest.comparisons]
-    weighed = [(_weight(pair), pair) for pair in pairs if pair.replicate != "phase" and pair.judgement.n]
+    weighed = [(round_of(pair).weight, pair) for pair in pairs if pair.replicate != "phase" and pair.judgement.n]
     return sorted(((weight, pair) for weight, pair in weighed if weight > 0), key=lambda one: -one[0])
-
-
-def _weight(pair: Comparison) -> float:
-    return round_of(pair).weight
 
 
 def _of_one_scenario(contest: Contest) -> list[str]:
     """Return the comparisons' own sentences."""
     varying = [factor for k, factor in enumerate(FACTORS) if len({rival[k] for rival in contest.rivals}) > 1]
-    ranked = sorted(contest.comparisons, key=lambda pair: -_weight(pair))
+    ranked = sorted(contest.comparisons, key=lambda pair: -round_of(pair).weight)
     return [sentence(pair, varying) for pair in ranked]
 
 

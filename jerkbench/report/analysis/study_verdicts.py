@@ -2,7 +2,6 @@
 
 import itertools
 import math
-from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -109,11 +108,12 @@ def study_verdicts(
         return StudyVerdicts(groups, groups, {}, [], rule)
     method = tuple(method or default_method(rows))
     entered = groups
-    if "noise" in method and _count(groups, method) > most:
+    fields = _fields(entered, method)
+    if "noise" in method and _count(fields) > most:
         rows = at_best_noise(rows, metric)
         entered = runs_by_combination(rows, metric)
-    fields = _fields(entered, method)
-    pairs = [pair for field in fields for pair in _pairs(field)] if _count(entered, method) <= most else []
+        fields = _fields(entered, method)
+    pairs = [pair for field in fields for pair in _pairs(field)] if _count(fields) <= most else []
     comparisons = judged_pairs(paired((entered[a], entered[b]) for a, b in pairs), rule)
     judged = dict(zip(pairs, comparisons, strict=True))
     varying = [key for key in FACTORS if len(rows[key].unique()) > 1]
@@ -152,18 +152,14 @@ def _fields(combinations: Iterable[Combination], method: Sequence[str]) -> list[
     """Return the combinations of each scenario."""
     fields: dict[Combination, list[Combination]] = {}
     for key in combinations:
-        fields.setdefault(_scenario(key, method), []).append(key)
+        scenario = tuple("" if name in method else value for name, value in zip(FACTORS, key, strict=True))
+        fields.setdefault(scenario, []).append(key)
     return list(fields.values())
 
 
-def _scenario(key: Combination, method: Sequence[str]) -> Combination:
-    return tuple("" if name in method else value for name, value in zip(FACTORS, key, strict=True))
-
-
-def _count(combinations: Iterable[Combination], method: Sequence[str]) -> int:
+def _count(fields: Iterable[Sequence[Combination]]) -> int:
     """Return about how many pairs there are, without making them."""
-    counts = Counter(_scenario(key, method) for key in combinations)
-    return sum(count * (count - 1) // 2 for count in counts.values())
+    return sum(math.comb(len(field), 2) for field in fields)
 
 
 # Methods over all scenarios of a study: places and their range, ratios, mean ranks, agreement of metrics.

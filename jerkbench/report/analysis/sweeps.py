@@ -81,8 +81,7 @@ def costs(rows: "pd.DataFrame", metric: str) -> tuple[FloatArray, list[str], lis
 
 def competing(rows: "pd.DataFrame", metric: str) -> list[bool]:
     """Return which methods of `costs` can be the best; references cannot."""
-    named = _named(checked(rows, metric), metric).drop_duplicates("method")
-    return [competes({"filter": f, "adaptation": a}) for f, a in zip(named["filter"], named["adaptation"], strict=True)]
+    return [competes({"filter": f, "adaptation": a}) for f, a in method_labels(rows, metric)]
 
 
 def method_labels(rows: "pd.DataFrame", metric: str) -> list[tuple[str, str]]:

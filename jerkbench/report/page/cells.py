@@ -109,7 +109,8 @@ def cells_view(
     others = (column for column in COLUMNS if column != metric and column in rows and rows[column].notna().any())
     metrics = [metric, *others]
     cells = {column: by_combination(combinations(rows, column)) for column in metrics}
-    ratios, groups = _ratios(rows, verdicts), _groups(rows, keys)
+    ratios, by_key = _ratios(rows, verdicts), rows.assign(key=list(keys)).groupby("key", sort=False)
+    groups = {str(key): group for key, group in by_key}
     factors = tuple(key for key in FACTORS if len(rows[key].unique()) > 1) or ("filter",)
     lines: list[Line] = []
     for scenario in _scenarios(groups.values()):
@@ -131,11 +132,6 @@ def cells_view(
         explanation=nees_explanation(rows),
         details=details(groups, about, [column for column in metrics if column in rows]),
     )
-
-
-def _groups(rows: "pd.DataFrame", keys: Sequence[str]) -> "dict[str, pd.DataFrame]":
-    """Return the rows of each cell."""
-    return {str(key): group for key, group in rows.assign(key=list(keys)).groupby("key", sort=False)}
 
 
 def _scenarios(groups: "Iterable[pd.DataFrame]") -> list[list[tuple[str, tuple[str, ...]]]]:

@@ -276,17 +276,15 @@ def critical_difference_figure(
     axes.set_yticks(range(len(order)), [f"{literal(methods[k])}  {ranks[k]:.1f}" for k in order])
     right = max(float(ranks[order[-1]]), 1.0 + least) + 0.25
     axes.set(xlim=(0.75, right), ylim=(len(order) - 0.4, -1.9), title=literal(title))
-    axes.set_xlabel(f"Mean rank over {scenarios} scenarios, 1 the best{_others(len(ranks) - len(order))}")
+    left_out = len(ranks) - len(order)
+    others = f"; {left_out} worse ones are not drawn" if left_out else ""
+    axes.set_xlabel(f"Mean rank over {scenarios} scenarios, 1 the best{others}")
     style_axes(axes)
     axes.grid(visible=False, axis="y")
     axes.set_yticks(range(len(order)), [f"{literal(methods[k])}  {ranks[k]:.1f}" for k in order])
     _draw_difference(axes, least)
     _draw_cliques(axes, rank_cliques(ranks, least), order)
     return figure
-
-
-def _others(left_out: int) -> str:
-    return f"; {left_out} worse ones are not drawn" if left_out else ""
 
 
 def _draw_difference(axes: Axes, least: float) -> None:
