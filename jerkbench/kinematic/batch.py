@@ -1,6 +1,6 @@
 """Many runs from Python: packs of WIDE runs that share their steps, one pack a thread."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache, lru_cache
 from typing import Any
@@ -47,9 +47,15 @@ def run_batch(
 
 
 def run_packs(
-    runs: Sequence[Run], sizes: Sequence[int], rules: Sequence[Rule], prepare: Prepare, *, updates: bool, threads: int
+    runs: Sequence[Run],
+    sizes: Sequence[Hashable],
+    rules: Sequence[Rule],
+    prepare: Prepare,
+    *,
+    updates: bool,
+    threads: int,
 ) -> list[Streamed | None]:
-    """Pack runs that have the same ``sizes`` (quantities on each axis) and steps, and run one pack a thread.
+    """Pack runs that have the same ``sizes`` (of the state) and steps, and run one pack a thread.
 
     Returns one result for each run, as `run_batch` does.
     """
@@ -66,7 +72,7 @@ def run_packs(
             for place, result in zip(pack.members, _results_of(pack, kept, of, updates=updates), strict=True):
                 results[place] = result
 
-    kinds = [Kind(n, rule.wants_truth, rule.dense) for n, rule in zip(sizes, rules, strict=True)]
+    kinds = [Kind(size, rule.wants_truth, rule.dense) for size, rule in zip(sizes, rules, strict=True)]
     packs = _packs(tuple(runs), tuple(kinds))
     if threads <= 1 or len(packs) <= 1:
         for pack in packs:

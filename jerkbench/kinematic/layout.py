@@ -32,7 +32,7 @@ SHAPES: dict[str, tuple[int, ...]] = {
     "fine": (6,),  # 1 where a row is used and its R is less than H P H', else 0
     "doubt": (),  # above 0 where what an update leaves of a variance may be rounding
     "lost": (),  # above 0 once a matrix was not positive definite
-    "ended": (),  # row of z at which that was, or -1
+    "ended": (),  # step at whose end that was, or -1
     "e": (6,),  # error of position and velocity
     "square": (),  # of the position error
 }
@@ -49,28 +49,30 @@ TOTALS: dict[str, tuple[int, ...]] = {
 @cache
 def run_type(n: int, width: int, **sizes: int) -> RunView:
     """Return the type of ``width`` runs of a filter with ``n`` quantities on each axis; ``sizes`` are further ones."""
-    return type_with({}, n, width, **sizes)
+    return type_with({}, 3 * n, width, **sizes)
 
 
-def type_with(more: Mapping[str, tuple[int, ...]], n: int, width: int, **sizes: int) -> RunView:
-    """Return the same with ``more`` fields of these shapes."""
-    s = 3 * n
+def type_with(more: Mapping[str, tuple[int, ...]], s: int, width: int, **sizes: int) -> RunView:
+    """Return the type of runs of ``s`` states with ``more`` fields of these shapes."""
     shapes = {**SHAPES, **TOTALS, "x": (s,), "G": (6, s), "Z": (6, s), **more}  # G, Z = S^-1 G: see `correction`
-    run = with_covariance(shapes, n, width)
+    run = with_covariance(shapes, s, width)
     over_D = View((6,), run.fields["L"].places[::7], width)  # 1/D stands on the diagonal of L
     return RunView({**run.fields, "over_D": over_D}, {**run.sizes, **sizes}, width)
 
 
-def with_covariance(shapes: Mapping[str, tuple[int, ...]], n: int, width: int) -> RunView:
-    """Return the type of runs that have a covariance of 3 n states, and fields of these ``shapes``."""
-    s, alone = 3 * n, width == 1
+def with_covariance(shapes: Mapping[str, tuple[int, ...]], s: int, width: int) -> RunView:
+    """Return the type of runs that have a covariance of ``s`` states, and fields of these ``shapes``.
+
+    Their quantities on each axis are n = s/3, rounded up: what is left over of the last one is never used.
+    """
+    n, alone = -(-s // 3), width == 1
     stored = {"blocks": (n, n, WIDE) if alone else (PAIRS, n, n), "sames": (WIDE,)}
     views, length = fields_of({**stored, **shapes}, width)
     blocks = list(views.pop("blocks").places)
     pairs = blocks[::WIDE] if alone else blocks[: n * n]
     if alone:
         blocks = np.reshape(blocks, (n, n, WIDE))[:, :, :PAIRS].transpose(2, 0, 1).ravel().tolist()
-    P = np.reshape([blocks[e] for e in _covariance(n)], (s, s))
+    P = np.reshape([blocks[e] for e in _covariance(n)], (3 * n, 3 * n))[:s, :s]
     six = np.pad(P[:, :6], ((0, 0), (0, 2)), mode="edge")
     views["block"] = View((PAIRS, n, n), blocks, width)
     views["pairs"] = View((n, n), pairs, WIDE)  # of one run: the same element of all pairs

@@ -6,6 +6,7 @@ from typing import Any
 
 from jerkbench.arrays import FloatArray
 from jerkbench.compilation.compiled_loop import compiled_loop, is_compiled, run_beside
+from jerkbench.compilation.vectors import chosen
 from jerkbench.compilation.views import RunView, View, ask_for, copy, lane, row, runs_in, shared_row
 from jerkbench.kinematic.arguments import Kept, Model, Rules, Runs, Score, Steps
 from jerkbench.kinematic.layout import DENSE, RUN, run_type
@@ -46,7 +47,7 @@ def run_steps(steps: Steps, score: Score, model: Model, rules: Rules, kept: Kept
                 begun = k + 1
             update(run, steps, score, rules, kept, runs, steps.update[k], updates, states)
             updates += 1
-            if all_lost(run):
+            if all_lost(run, k):
                 return reached, updates
         if steps.reference[k] >= 0:
             keep(run, score, kept, steps.reference[k], reached)
@@ -102,8 +103,9 @@ def keep(run: RunView, score: Score, kept: Kept, reference: int, k: int) -> None
         compare(run, score, kept.errors, k)
 
 
-def all_lost(run: RunView) -> bool:
-    """Whether no run is left."""
+def all_lost(run: RunView, step: int) -> bool:
+    """Note ``step`` for the runs that are lost at its end; return whether none is left."""
+    run.ended = chosen(run.lost * (-0.5 - run.ended), 0.0, float(step), run.ended)
     k = 0
     while k < run.width and lane(run, k).lost > 0.0:
         k += 1

@@ -1,6 +1,6 @@
 """Runs of the same steps, packed into vectors."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from hashlib import blake2b
@@ -42,12 +42,12 @@ class Kind(NamedTuple):
     """What runs of one pack have in common besides their steps.
 
     Attributes:
-        n: quantities on each axis.
+        size: of the state, and what else the loop is compiled for.
         wants_truth: whether the adaptation gets the true covariance as R.
         dense: whether it sees whole matrices.
     """
 
-    n: int
+    size: Hashable
     wants_truth: bool
     dense: bool
 

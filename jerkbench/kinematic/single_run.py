@@ -25,16 +25,22 @@ def run_single(timeline: Timeline, model: Filter, rule: Rule) -> Estimate:
     lengths_s, which = step_lengths(timeline.dt_s)
     prepared = model_of([model], lengths_s, timeline.dt0_s)
     n = 2 + len(prepared.extra)
-    return run_alone(timeline, which, rule, (loop_for(n, 1, dense=rule.dense), run_type(n, 1), prepared))
+    return run_alone(timeline, which, rule, (loop_for(n, 1, dense=rule.dense), run_type(n, 1), prepared))[0]
 
 
-def run_alone(timeline: Timeline, which: IntArray, rule: Rule, prepared: tuple[Any, ...]) -> Estimate:
-    """Run over ``timeline``, whose steps have lengths number ``which``; ``prepared`` as in `batch`."""
+def run_alone(
+    timeline: Timeline, which: IntArray, rule: Rule, prepared: tuple[Any, ...]
+) -> tuple[Estimate, FloatArray]:
+    """Run over ``timeline``, whose steps have lengths number ``which``; ``prepared`` as in `batch`.
+
+    Returns:
+        The estimate, and the array of the run.
+    """
     loop, of, own, *more = prepared
     kept, steps = _room_of(timeline, of), _steps_of(timeline, which, wants_truth=rule.wants_truth)
     rules, room = rules_of([rule], of.sizes["s"]), empty_runs(of.sizes["n"], 1)
     states, updates = loop(steps, NO_SCORE, own, rules, kept, room, *more)
-    return _estimate_of(timeline, kept, states, updates, of)
+    return _estimate_of(timeline, kept, states, updates, of), kept.w
 
 
 def _steps_of(timeline: Timeline, which: IntArray, *, wants_truth: bool) -> Steps:
@@ -80,7 +86,7 @@ def _estimate_of(timeline: Timeline, kept: Kept, states: int, updates: int, of: 
     """What a run has left."""
     failed = int(kept.w[of.fields["ended"].places[0]])
     t_s: FloatArray = np.asarray(timeline.measurements.t_ns * 1e-9, dtype=np.float64)
-    failure = f"the covariance is no longer positive definite at {t_s[failed]:.2f} s" if failed >= 0 else ""
+    failure = f"the covariance is no longer positive definite at {timeline.t_s[failed]:.2f} s" if failed >= 0 else ""
     index, x, seen = kept.reference[:states], kept.x[:states, :, 0], kept.seen[:updates, :, 0]
     return Estimate(
         index,

@@ -80,12 +80,11 @@ def clear_absent(run: RunView) -> None:
 
 
 def finish(run: RunView, seen: View, score: Score, which: int, nis: float) -> None:
-    """Keep what the adapted R made of it, note where a run was lost, and count the update."""
+    """Keep what the adapted R made of it, and count the update."""
     seen[2] = _rows_used(run)
     seen[3] = chosen(seen[2], 0.0, nis, NAN)
     for r in range(6):
         seen[10 + r] = run.variance[r]
-    run.ended = chosen(run.lost * (-0.5 - run.ended), 0.0, float(which), run.ended)
     if len(score.counts) > 0:
         counts = row(score.counts, which, run, "1")[0]
         run.nis += chosen(seen[0], 0.0, counts * seen[1] / seen[0], 0.0)

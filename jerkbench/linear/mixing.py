@@ -154,7 +154,7 @@ def run_mixture(steps: Steps, score: Score, mixing: Mixing, rules: Rules, kept: 
         if steps.update[k] >= 0:
             update(combined, steps, score, mixing, rules, kept, runs, steps.update[k], updates, states)
             updates += 1
-            if all_lost(combined):
+            if all_lost(combined, k):
                 return reached, updates
         if steps.reference[k] >= 0:
             combine(mixing, combined)

@@ -65,7 +65,7 @@ def mix_alone(timeline: Timeline, start: Mixed, rule: Rule) -> Estimate | None:
     count, n = start.shape
     lengths_s, which = step_lengths(timeline.dt_s)
     mixing = mixing_of([start], lengths_s, timeline)
-    estimate = run_alone(timeline, which, rule, (mixture_for(n, 1, count), run_type(n, 1), mixing))
+    estimate, _ = run_alone(timeline, which, rule, (mixture_for(n, 1, count), run_type(n, 1), mixing))
     return None if estimate.failure else estimate
 
 

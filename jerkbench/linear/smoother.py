@@ -114,7 +114,7 @@ def run_forward(
         if due:
             update(run, steps, score, rules, kept, runs, steps.update[k], updates, states)
             updates += 1
-            if all_lost(run):
+            if all_lost(run, k):
                 return 0, reached, updates
         if steps.reference[k] >= 0:
             reached += 1
@@ -197,7 +197,7 @@ def smooth_one(timeline: Timeline, model: Filter, rule: Rule) -> Estimate | None
     """
     lengths_s, which = step_lengths(timeline.dt_s)
     prepared = _prepared([model], lengths_s, timeline.dt0_s, timeline.update)
-    estimate = None if prepared is None else run_alone(timeline, which, rule, prepared)
+    estimate = None if prepared is None else run_alone(timeline, which, rule, prepared)[0]
     return None if estimate is None or estimate.failure else estimate
 
 
