@@ -30,7 +30,6 @@ ORDER = [
     ["sums"],
     ["contracts"],
     ["memory", "optional"],
-    ["estimation"],
     ["kinematic"],
     ["inertial"],
     ["linear"],

@@ -1,22 +1,18 @@
 """The fast engine: the same filter, compiled. The kernel itself, fading and all, is in `jerkbench/kinematic/`."""
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
-from typing import TYPE_CHECKING, cast
 
 from jerkbench.compilation.module_cache import can_compile
 from jerkbench.contracts import Adaptation, Filter
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.estimate import Estimate
-from jerkbench.notices import notify
 from jerkbench.optional import clocked
 from jerkbench.plugins import register
 from jerkbench.sums import Run, Streamed
 from jerkbench.timeline import Timeline
 
-if TYPE_CHECKING:
-    from jerkbench.kinematic.plugin_call import Rule  # what it imports takes half a second
+ON_FILTERPY = "{} runs on the engine filterpy"
 
 
 @register("engine", "compiled")
@@ -39,13 +35,16 @@ class CompiledEngine:
     change in their last bits.
     """
 
+    # What `jerkbench.kinematic` imports takes half a second.
+
     def run(self, timeline: Timeline, model: Filter, adaptation: Adaptation) -> Estimate:
         """Run ``model`` with ``adaptation`` over ``timeline``; stops at the first sign of divergence."""
-        compiled = compiled_rule(clocked(adaptation, timeline))
+        from jerkbench.kinematic.plugin_call import compiled_rule
+        from jerkbench.kinematic.runs import run_single
+
+        compiled = compiled_rule(clocked(adaptation, timeline), ON_FILTERPY)
         if compiled is None:
             return FilterpyEngine().run(timeline, model, adaptation)
-        from jerkbench.kinematic.single_run import run_single
-
         return run_single(timeline, model, compiled)
 
     def prepare(self, model: Filter) -> None:
@@ -69,41 +68,16 @@ class CompiledEngine:
         Returns:
             The sums of each run; None where it is to be run alone by `run`, which says why.
         """
-        from jerkbench.kinematic.batch import run_batch
+        from jerkbench.kinematic.plugin_call import compiled_rule
+        from jerkbench.kinematic.runs import run_batch
 
         owned = [clocked(own, run.timeline) for own, run in zip(adaptations, runs, strict=True)]
-        known = {own: compiled_rule(own) for own in dict.fromkeys(owned)}  # equal ones are one, asked for once
+        known = {
+            own: compiled_rule(own, ON_FILTERPY) for own in dict.fromkeys(owned)
+        }  # equal ones are one, asked for once
         results: list[Streamed | None] = [None] * len(runs)
         rules = {k: rule for k, own in enumerate(owned) if (rule := known[own]) is not None}
         batch = [runs[k] for k in rules], [models[k] for k in rules], list(rules.values())
         for k, result in zip(rules, run_batch(*batch, updates=updates, threads=threads), strict=True):
             results[k] = result
         return results
-
-
-def compiled_rule(adaptation: Adaptation) -> "Rule | None":
-    """Return the compiled adaptation, or None, with one line that says why numba cannot compile it."""
-    if not can_compile():
-        notify("runs go on the engine filterpy, because NUMBA_DISABLE_JIT is set: numba compiles nothing")
-        return None
-    if reason := obstacle(cast("Hashable", adaptation)):
-        notify(f"{type(adaptation).__name__} runs on the engine filterpy: {reason}")
-        return None
-    from jerkbench.kinematic.plugin_call import rule_of
-
-    return rule_of(adaptation)
-
-
-@cache
-def obstacle(adaptation: Hashable) -> str:
-    """Return why numba cannot compile ``adaptation``, or an empty string."""
-    from numba.core.errors import NumbaError, UnsupportedBytecodeError  # the second is none of the first
-
-    from jerkbench.estimation.adaptation_call import first_sentence
-    from jerkbench.kinematic.plugin_call import rule_of
-
-    try:
-        rule_of(cast("Adaptation", adaptation))
-    except (NumbaError, UnsupportedBytecodeError, TypeError) as error:
-        return first_sentence(str(error))
-    return ""

@@ -9,8 +9,8 @@ import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.estimate import Estimate
-from jerkbench.estimation.sums import scored_trajectory
 from jerkbench.evaluation.counted_stamps import POSITION_AXES, VELOCITY_AXES, Rows, counting, rows_of
+from jerkbench.kinematic.trajectory_score import scored_trajectory
 from jerkbench.recording import Recording
 from jerkbench.sums import Scoring, Streamed, Sums
 

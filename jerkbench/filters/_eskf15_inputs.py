@@ -11,11 +11,9 @@ from jerkbench.errors import RecordingError
 from jerkbench.estimate import Attitude
 from jerkbench.filters._eskf15_parameters import DEG_PER_H, MG, Eskf15Parameters
 from jerkbench.inertial.alignment import StartSigmas, align, with_body_velocity
-from jerkbench.inertial.earth import earth_at
-from jerkbench.inertial.events import merge_events
-from jerkbench.inertial.run_inputs import Constraints, Journey, Settings
+from jerkbench.inertial.mechanisation import earth_at
+from jerkbench.inertial.run_inputs import Constraints, Journey, Settings, merge_events, still_samples
 from jerkbench.inertial.state import NavigationState
-from jerkbench.inertial.stillness import still_samples
 from jerkbench.recording import Recording
 from jerkbench.timeline import Timeline, build_timeline
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from jerkbench.arrays import require_not_negative
 from jerkbench.errors import PluginError, unknown
-from jerkbench.inertial.error_model import SensorNoise
+from jerkbench.inertial.mechanisation import SensorNoise
 from jerkbench.parameters import Origin, Range
 from jerkbench.recording import GRAVITY_MPS2
 

@@ -5,7 +5,7 @@ measured, h = [position; velocity], and the covariance that of its error: with T
 
     dh = T dx,    P_h = T P T',    and after the update    dx = T^-1 dh,    P = T^-1 P_h T^-1'
 
-`jerkbench.inertial.measurement_models` has the rows of T; the other states stay as they are.
+`jerkbench.inertial.update` has the rows of T; the other states stay as they are.
 """
 
 import math
@@ -162,7 +162,7 @@ def constrain(run: RunView, held: View, limits: View, point: View, states: int) 
     conclude(run)
 
 
-# The update with a measured yaw; `jerkbench.inertial.measurement_models.heading` has the equations.
+# The update with a measured yaw; `jerkbench.inertial.update.heading` has the equations.
 
 
 def take_heading(run: RunView, yaw: FloatArray, which: int) -> None:

@@ -17,11 +17,10 @@ from jerkbench.inertial.kernel import Inertial, inertial_type, run_navigation
 from jerkbench.inertial.run import InertialSolution
 from jerkbench.inertial.run_inputs import Journey, Settings
 from jerkbench.inertial.state import Deformation, NavigationState
-from jerkbench.kinematic.batch import run_packs
 from jerkbench.kinematic.loop import APART, runs_of
 from jerkbench.kinematic.packs import Pack
 from jerkbench.kinematic.plugin_call import compiled_rule
-from jerkbench.kinematic.single_run import run_alone
+from jerkbench.kinematic.runs import run_alone, run_packs
 from jerkbench.optional import clocked
 from jerkbench.recording import Imu
 from jerkbench.sums import Run, Scoring, Streamed

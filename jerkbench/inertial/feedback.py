@@ -1,7 +1,7 @@
 """The estimated error, put into the nominal state, and the covariance of what is left.
 
 `jerkbench.inertial.state` and `jerkbench.inertial.update` have the equations; of an invariant error
-`jerkbench.inertial.invariant` has them.
+`jerkbench.inertial.update` has them.
 """
 
 import math
@@ -119,7 +119,7 @@ def _shift(run: RunView) -> None:
 
 
 def _fill_jacobian_factors(alone: RunView) -> None:
-    """Of J of `jerkbench.inertial.rotation.left_jacobian`."""
+    """Of J of `jerkbench.inertial.state.left_jacobian`."""
     a = max(math.sqrt(alone.square_of_angle), TINY)
     half = math.sin(0.5 * a) / (0.5 * a)
     alone.sine = 0.5 * half * half
@@ -127,7 +127,7 @@ def _fill_jacobian_factors(alone: RunView) -> None:
 
 
 def _carry_error_on_group(c: View, run: RunView, _dt: float) -> None:
-    """Apply G of `jerkbench.inertial.invariant.reset_on_group`: dp - [p+ - p] phi, dv - [v+ - v] phi."""
+    """Apply G of `jerkbench.inertial.update.reset_on_group`: dp - [p+ - p] phi, dv - [v+ - v] phi."""
     for part in range(0, 6, 3):
         x, y, z = run.shift[part], run.shift[part + 1], run.shift[part + 2]
         c[part] -= y * c[8] - z * c[7]

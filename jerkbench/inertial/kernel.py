@@ -15,11 +15,9 @@ from jerkbench.inertial.aiding import conclude, constrain, observe, take_heading
 from jerkbench.inertial.feedback import feed_back
 from jerkbench.inertial.state import has_deformation, has_wheel
 from jerkbench.inertial.strapdown import mechanise, propagate, sense
-from jerkbench.kinematic.arguments import Kept, Rules, Runs, Score, Steps
+from jerkbench.kinematic.arguments import RUN, Kept, Rules, Runs, Score, Steps, type_with
 from jerkbench.kinematic.correction import check_definite
-from jerkbench.kinematic.layout import RUN, type_with
-from jerkbench.kinematic.loop import AHEAD, all_lost, keep
-from jerkbench.kinematic.update_step import update
+from jerkbench.kinematic.loop import AHEAD, all_lost, keep, update
 
 
 class Inertial(NamedTuple):

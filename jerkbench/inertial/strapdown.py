@@ -1,6 +1,6 @@
 """A step of the compiled navigation: nominal state and covariance of its error, of one run or of several.
 
-`jerkbench.inertial.mechanisation` and `jerkbench.inertial.error_model` have the equations.
+`jerkbench.inertial.mechanisation` and `jerkbench.inertial.mechanisation` have the equations.
 """
 
 import math
@@ -16,7 +16,7 @@ SMALL = 0.01
 
 
 def fill_turn(run: RunView, x: float, y: float, z: float) -> None:
-    """Make ``turn`` = Exp of the rotation vector (x, y, z), as in `jerkbench.inertial.rotation.rotation_exp`."""
+    """Make ``turn`` = Exp of the rotation vector (x, y, z), as in `jerkbench.inertial.state.rotation_exp`."""
     square = x * x + y * y + z * z
     run.square_of_angle = square
     run.sine = 1.0 - square / 6.0 * (1.0 - square / 20.0 * (1.0 - square / 42.0 * (1.0 - square / 72.0)))
@@ -144,9 +144,8 @@ def congruence(apply: Callable[..., None], first: int, last: int) -> Callable[[R
                 for k in range(first, last):
                     run.P[k, t] = c[k]
         for r in range(first, last):
-            _load_column(c, run, r)
-            for k in range(first, last):
-                c[k] = half[r - first, k - first]
+            for k in range(run.s):
+                c[k] = half[r - first, k - first] if first <= k < last else run.P[r, k]
             apply(c, run, dt)
             for k in range(r, last):
                 run.P[r, k] = c[k]
@@ -205,7 +204,7 @@ grow = congruence(_grow_error, 0, 9)
 
 
 def propagate(run: RunView, noise: View, dt: float) -> None:
-    """Carry the covariances over a step: Phi P Phi' + Q, as in `jerkbench.inertial.error_model.process_noise`."""
+    """Carry the covariances over a step: Phi P Phi' + Q, as in `jerkbench.inertial.mechanisation.process_noise`."""
     grow(run, dt)
     for i in range(3):
         run.P[i, i] += noise[1] * (dt * dt * dt / 3.0)

@@ -4,7 +4,7 @@ from functools import cache
 
 from jerkbench.compilation.vectors import WIDE, chosen
 from jerkbench.compilation.views import RunView, View, copy, eights, room, wide_room
-from jerkbench.kinematic.layout import with_covariance
+from jerkbench.kinematic.arguments import with_covariance
 from jerkbench.kinematic.predict import mirror
 
 

@@ -14,13 +14,11 @@ from jerkbench.compilation.compiled_loop import compiled_loop
 from jerkbench.compilation.vectors import WIDE, aligned_zeros
 from jerkbench.contracts import Filter
 from jerkbench.estimate import Estimate
-from jerkbench.kinematic.batch import run_packs
-from jerkbench.kinematic.layout import run_type
+from jerkbench.kinematic.arguments import run_type
 from jerkbench.kinematic.loop import APART, runs_of
-from jerkbench.kinematic.models import model_of
-from jerkbench.kinematic.packs import Pack
+from jerkbench.kinematic.packs import Pack, model_of
 from jerkbench.kinematic.plugin_call import Rule
-from jerkbench.kinematic.single_run import run_alone
+from jerkbench.kinematic.runs import run_alone, run_packs
 from jerkbench.linear.mixing import Mixing, run_mixture
 from jerkbench.sums import Run, Streamed
 from jerkbench.timeline import Timeline, step_lengths

@@ -31,17 +31,12 @@ from jerkbench.compilation.vectors import aligned_zeros
 from jerkbench.compilation.views import RunView, row, runs_in, shared_row
 from jerkbench.contracts import Filter
 from jerkbench.estimate import Estimate
-from jerkbench.kinematic.arguments import Kept, Model, Rules, Runs, Score, Steps
-from jerkbench.kinematic.batch import run_packs
-from jerkbench.kinematic.layout import RUN, run_type
-from jerkbench.kinematic.loop import APART, all_lost, move, runs_of, start
-from jerkbench.kinematic.models import model_of
-from jerkbench.kinematic.packs import Pack
+from jerkbench.kinematic.arguments import RUN, Kept, Model, Rules, Runs, Score, Steps, run_type
+from jerkbench.kinematic.loop import APART, all_lost, compare, move, runs_of, start, update
+from jerkbench.kinematic.packs import Pack, model_of
 from jerkbench.kinematic.plugin_call import Rule
 from jerkbench.kinematic.predict import mark_axes
-from jerkbench.kinematic.score import compare
-from jerkbench.kinematic.single_run import run_alone
-from jerkbench.kinematic.update_step import update
+from jerkbench.kinematic.runs import run_alone, run_packs
 from jerkbench.linear.adjoint import (
     ROW,
     SEGMENT,
