@@ -25,8 +25,8 @@ from jerkbench.audit.protocol import AuditProtocol
 from jerkbench.audit.stages import Stages
 from jerkbench.audit.table import LEGEND, markdown_table, verdict_frame
 from jerkbench.audit.verdicts import Losses, MethodVerdict, losses_of, verdicts
-from jerkbench.campaigns.piece import Site
 from jerkbench.campaigns.protocol import Scenario
+from jerkbench.campaigns.site import Site
 from jerkbench.files import write_atomically, write_text
 from jerkbench.jobs.cluster import Cluster
 from jerkbench.jobs.key import code_digest, git_commit, versions
@@ -73,8 +73,9 @@ def run_audit(
         OSError: nothing can be written.
     """
     known, place = protocol.scenarios, Site(folder / "runs", cluster, workers, only_stored)
-    stages = Stages(known, place, campaign_key())
-    compared = stages.stored_methods(methods(protocol)) if only_stored else methods(protocol)
+    stages, compared = Stages(known, place), methods(protocol)
+    if only_stored:
+        compared = stages.stored_methods(compared, protocol.seeds_to_tune_on)
     spaces = {method: method.space(known[0]) for method in compared}
     if not only_stored:
         write_text(folder / "protocol.json", _protocol_text(protocol))
@@ -90,11 +91,6 @@ def judged_audit(protocol: AuditProtocol, outcome: Outcome, known: Sequence[Scen
     overall = verdicts(outcome, protocol, known)
     by_family = family_verdicts(losses, [verdict.method for verdict in overall], protocol)
     return Audit(protocol, outcome, losses, overall, by_family)
-
-
-def campaign_key() -> str:
-    """Return a hash of the code, and the versions of the libraries, that the numbers of a run depend on."""
-    return f"{code_digest('campaigns', 'audit', 'tuning')} {sorted(versions().items())}"
 
 
 def text_of(audit: Audit) -> str:

@@ -2,17 +2,20 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from jerkbench.compilation.module_cache import can_compile
 from jerkbench.contracts import Adaptation, Filter
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.estimate import Estimate
+from jerkbench.notices import notify
 from jerkbench.optional import clocked
 from jerkbench.plugins import register
 from jerkbench.sums import Run, Streamed
 from jerkbench.timeline import Timeline
 
-ON_FILTERPY = "{} runs on the engine filterpy"
+if TYPE_CHECKING:
+    from jerkbench.kinematic.plugin_call import Rule  # what it imports takes half a second
 
 
 @register("engine", "compiled")
@@ -35,16 +38,13 @@ class CompiledEngine:
     change in their last bits.
     """
 
-    # What `jerkbench.kinematic` imports takes half a second.
-
     def run(self, timeline: Timeline, model: Filter, adaptation: Adaptation) -> Estimate:
         """Run ``model`` with ``adaptation`` over ``timeline``; stops at the first sign of divergence."""
-        from jerkbench.kinematic.plugin_call import compiled_rule
-        from jerkbench.kinematic.runs import run_single
-
-        compiled = compiled_rule(clocked(adaptation, timeline), ON_FILTERPY)
+        compiled = _compiled_rule(clocked(adaptation, timeline))
         if compiled is None:
             return FilterpyEngine().run(timeline, model, adaptation)
+        from jerkbench.kinematic.runs import run_single
+
         return run_single(timeline, model, compiled)
 
     def prepare(self, model: Filter) -> None:
@@ -68,16 +68,23 @@ class CompiledEngine:
         Returns:
             The sums of each run; None where it is to be run alone by `run`, which says why.
         """
-        from jerkbench.kinematic.plugin_call import compiled_rule
         from jerkbench.kinematic.runs import run_batch
 
         owned = [clocked(own, run.timeline) for own, run in zip(adaptations, runs, strict=True)]
-        known = {
-            own: compiled_rule(own, ON_FILTERPY) for own in dict.fromkeys(owned)
-        }  # equal ones are one, asked for once
+        known = {own: _compiled_rule(own) for own in dict.fromkeys(owned)}  # equal ones are one, asked for once
         results: list[Streamed | None] = [None] * len(runs)
         rules = {k: rule for k, own in enumerate(owned) if (rule := known[own]) is not None}
         batch = [runs[k] for k in rules], [models[k] for k in rules], list(rules.values())
         for k, result in zip(rules, run_batch(*batch, updates=updates, threads=threads), strict=True):
             results[k] = result
         return results
+
+
+def _compiled_rule(adaptation: Adaptation) -> "Rule | None":
+    """The compiled adaptation, or None, with one line that says why numba cannot compile it."""
+    if not can_compile():
+        notify("runs go on the engine filterpy, because NUMBA_DISABLE_JIT is set: numba compiles nothing")
+        return None
+    from jerkbench.kinematic.plugin_call import compiled_rule
+
+    return compiled_rule(adaptation, "{} runs on the engine filterpy")

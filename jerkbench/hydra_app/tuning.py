@@ -23,9 +23,10 @@ from jerkbench.jobs.cluster import Cluster
 from jerkbench.jobs.names import refusal
 from jerkbench.jobs.pool import processors
 from jerkbench.jobs.progress import Progress
-from jerkbench.report.choice import Choice, figures_choice
+from jerkbench.report.drawings import Choice, figures_choice
 from jerkbench.report.tables.writers import passive
 from jerkbench.sweep.sweep import LOCAL
+from jerkbench.tuning.evaluate import trial_table
 from jerkbench.tuning.foreign import EXPORTS
 from jerkbench.tuning.objectives import objective_of
 from jerkbench.tuning.outcome import Effort, Tuning, tune
@@ -34,7 +35,6 @@ from jerkbench.tuning.search import Budget
 from jerkbench.tuning.space import Space, space_of
 from jerkbench.tuning.splits import Cases, Seeds, by_families, by_recordings, by_seeds, by_time
 from jerkbench.tuning.summary import record, summary, table
-from jerkbench.tuning.trials import trial_table
 
 # The words behind `jerkbench tune`: the tuning's own, and those of `jerkbench run`, which may have
 # several values.
@@ -208,7 +208,7 @@ def _tuned(
                 progress.advance()
 
         for name, own, space, effort in zip(names, cases, spaces, efforts, strict=True):
-            tunings.append(tune(name, own, space, effort, folder / name, advance))
+            tunings.append(tune(name, own, space, effort, folder, advance))
     return tunings
 
 

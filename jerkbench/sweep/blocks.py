@@ -5,10 +5,10 @@ from collections.abc import Iterable, Sequence
 from typing import Self
 
 from jerkbench.jobs.pool import processor_kind
-from jerkbench.jobs.rows import Pieces, Row
+from jerkbench.jobs.rows import Piece
 from jerkbench.results.parts import Block
 from jerkbench.results.store import Store
-from jerkbench.sweep.tasks import Planned, Result, metadata_of
+from jerkbench.sweep.tasks import Planned, Result, Task, metadata_of
 
 KEEP_S = 2.0
 """A block that took longer is stored at once; storing it takes some milliseconds."""
@@ -18,8 +18,7 @@ REST_S = 1.0
 
 def block_of(planned: Planned, result: Result) -> Block:
     """Return the runs of ``result`` as they are stored."""
-    metadata = metadata_of(planned, result.notes, result.seconds, result.processor)
-    return Block(planned.key, len(planned.draws), result.rows, metadata)
+    return Block(planned.key, len(planned.draws), result.rows, metadata_of(planned, result))
 
 
 def missing(planned: Planned, known: Iterable[int]) -> Sequence[int]:
@@ -28,30 +27,40 @@ def missing(planned: Planned, known: Iterable[int]) -> Sequence[int]:
     return [draw for draw in planned.draws if draw not in done] if done else planned.draws
 
 
-def run_blocks(planned: Planned, pieces: Pieces, store: Store | None = None) -> Result:
-    """Run some seeds of a cell, and store what took long on the way; says how many of its rows that are.
+def run_blocks(
+    task: Task, pieces: Iterable[Sequence[Piece]], store: Store | None = None, inputs_s: float = 0.0
+) -> list[Result]:
+    """Run some seeds of a task's cells, and store what took long on the way; says how many of the rows that are.
 
     Args:
-        planned: the cell.
-        pieces: rows and notes of its seeds.
+        task: the cells.
+        pieces: rows and notes of each.
         store: where they are stored; default: nowhere.
+        inputs_s: time that their recordings and attitudes took [s].
     """
-    rows: list[Row] = []
-    block = empty = Result([], [], 0.0, processor=processor_kind())
+    share = 1.0 / len(task.cells)
+    empty = Result([], [], 0.0, processor=processor_kind())
+    held = [empty._replace(inputs_s=inputs_s * share)] * len(task.cells)
+    kept = [empty] * len(task.cells)
     began = time.perf_counter()
-    notes: list[str] = []
-    for new_rows, new_notes in pieces:
+
+    def keep(least_s: float) -> None:
+        nonlocal held, kept
+        if store is not None and sum(own.seconds for own in held) > least_s:
+            store.write_blocks(list(map(block_of, task.cells, held)))
+            kept = [joined_results(both) for both in zip(kept, held, strict=True)]
+            held = [empty] * len(task.cells)
+
+    for new in pieces:
         now = time.perf_counter()
-        block, began = joined_results([block, Result(new_rows, new_notes, now - began)]), now
-        if store is not None and block.seconds > KEEP_S:
-            store.write_blocks([block_of(planned, block)])
-            rows, notes = [*rows, *block.rows], [*notes, *block.notes]
-            block = empty
-    whole = block._replace(rows=[*rows, *block.rows], notes=_once([*notes, *block.notes]), stored=len(rows))
-    if store is not None and block.seconds > REST_S:
-        store.write_blocks([block_of(planned, block)])
-        return whole._replace(seconds=0.0, stored=len(whole.rows))
-    return whole
+        results = (Result(rows, notes, (now - began) * share) for rows, notes in new)
+        held, began = [joined_results(both) for both in zip(held, results, strict=True)], now
+        keep(KEEP_S)
+    keep(REST_S)
+    return [
+        rest._replace(rows=[*own.rows, *rest.rows], notes=_once([*own.notes, *rest.notes]), stored=len(own.rows))
+        for own, rest in zip(kept, held, strict=True)
+    ]
 
 
 def joined_results(parts: Sequence[Result]) -> Result:
@@ -59,7 +68,8 @@ def joined_results(parts: Sequence[Result]) -> Result:
     rows = [row for part in parts for row in part.rows]
     notes = _once(note for part in parts for note in part.notes)
     kinds = _once(part.processor for part in parts if part.processor)
-    return Result(rows, notes, sum(part.seconds for part in parts), processor=" and ".join(kinds))
+    seconds, inputs_s = (sum(times) for times in zip(*((part.seconds, part.inputs_s) for part in parts), strict=True))
+    return Result(rows, notes, seconds, processor=" and ".join(kinds), inputs_s=inputs_s)
 
 
 def _once(notes: Iterable[str]) -> list[str]:

@@ -123,7 +123,7 @@ def suite_run_verb(chosen: argparse.Namespace) -> None:
     Raises:
         JerkbenchError: a word is unknown, the method does not fit, or the suite is not the frozen one.
     """
-    from jerkbench.campaigns.piece import Site
+    from jerkbench.campaigns.site import Site
     from jerkbench.hydra_app.words import cluster_named
     from jerkbench.jobs.pool import processors
     from jerkbench.suite.enter import enter

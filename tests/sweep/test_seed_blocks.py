@@ -6,10 +6,11 @@ import pytest
 from jerkbench.hydra_app.single_run import run_only_cell
 from jerkbench.jobs.cell import Protocol, build
 from jerkbench.jobs.inputs import KEPT
-from jerkbench.jobs.rows import CellRun
+from jerkbench.jobs.rows import CellRun, pieces
 from jerkbench.results.store import Store
-from jerkbench.sweep import blocks
+from jerkbench.sweep import blocks, sweep
 from jerkbench.sweep.sweep import plan_sweep, run_sweep
+from jerkbench.sweep.tasks import Task
 
 SEEDS = 2 * KEPT + 3
 SPEC = {
@@ -41,16 +42,16 @@ def store(tmp_path):
 
 def spied(monkeypatch, stop_after=None):
     """Record the seeds of each piece that is run; the piece after the last that is wanted is interrupted."""
-    original, seen = CellRun.pieces, []
+    original, seen = sweep.pieces, []
 
-    def pieces(*given, **named):
-        for rows, notes in original(*given, **named):
+    def pieces(*given):
+        for ((rows, notes),) in original(*given):
             if stop_after is not None and len(seen) == stop_after:
                 raise KeyboardInterrupt
             seen.append([row["seed"] for row in rows])
-            yield rows, notes
+            yield [(rows, notes)]
 
-    monkeypatch.setattr(CellRun, "pieces", pieces)
+    monkeypatch.setattr(sweep, "pieces", pieces)
     return seen
 
 
@@ -113,7 +114,8 @@ def test_a_damaged_block_and_a_failed_run_are_run_again(store, monkeypatch):
     first, second = (list(planned.cell.draws)[k : k + KEPT] for k in (0, KEPT))
     paths = []
     for draws in (first, second):
-        result = blocks.run_blocks(planned, CellRun(planned.cell, "", on_error="raise").pieces(draws), store)
+        run = CellRun(planned.cell, "", on_error="raise")
+        (result,) = blocks.run_blocks(Task((planned,), draws), pieces([run], draws), store)
         assert result.stored == len(result.rows) == KEPT
         paths += [path for path in store.folder.iterdir() if path not in paths]
     paths[1].write_bytes(paths[1].read_bytes()[:-40])

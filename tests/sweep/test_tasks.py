@@ -1,13 +1,16 @@
 """Cells with many seeds run in pieces, and are whole again afterwards."""
 
+from dataclasses import replace
+
 import pandas as pd
 import pytest
 
+from jerkbench.filters.jerk import Jerk
 from jerkbench.jobs.cell import Protocol, build
 from jerkbench.jobs.inputs import KEPT
 from jerkbench.jobs.rows import CellRun
 from jerkbench.results.store import Store
-from jerkbench.sweep.sweep import plan_sweep, run_sweep, run_task
+from jerkbench.sweep.sweep import joined_plan, plan_sweep, planned, rows_of, run_sweep, run_task
 from jerkbench.sweep.tasks import grouped
 
 SEEDS = KEPT + 3
@@ -42,7 +45,7 @@ def plan():
 def test_the_pieces_of_a_group_share_their_seeds(plan):
     groups = grouped(plan.cells)
 
-    assert [[(task.planned.cell.labels.adaptation, task.draws) for task in group] for group in groups] == [
+    assert [[(task.cells[0].cell.labels.adaptation, task.draws) for task in group] for group in groups] == [
         [("none", range(4, 4 + KEPT)), ("mtf", range(4, 4 + KEPT))],
         [("none", range(4 + KEPT, 4 + SEEDS)), ("mtf", range(4 + KEPT, 4 + SEEDS))],
     ]
@@ -69,7 +72,7 @@ class Dying:
 
     def run(self, order, workers):
         for task in (task for group in order.groups for task in group):
-            died = task.planned is self.lost and task.draws[0] != 4
+            died = task.cells == (self.lost,) and task.draws[0] != 4
             yield task, ChildProcessError("it died") if died else order.work(task)
 
 
@@ -96,19 +99,51 @@ def test_a_worker_that_does_not_see_the_folder_stores_nothing(plan, tmp_path, mo
     mark.parent.mkdir()
     mark.touch()
 
-    assert run_task(tmp_path / "elsewhere", tmp_path / "elsewhere/mark", task).stored == 0
+    (result,) = run_task(tmp_path / "elsewhere", tmp_path / "elsewhere/mark", task)
+    assert result.stored == 0
     assert not (tmp_path / "elsewhere").exists()
-    assert run_task(mark.parent, mark, task).stored == KEPT
-    assert sorted(Store(mark.parent).known([task.planned.key])[task.planned.key]) == list(task.draws)
+    (result,) = run_task(mark.parent, mark, task)
+    assert result.stored == KEPT
+    (planned,) = task.cells
+    assert sorted(Store(mark.parent).known([planned.key])[planned.key]) == list(task.draws)
 
 
 def test_the_bundles_of_a_plan_are_the_same_whatever_is_left_of_it(plan, monkeypatch):
     monkeypatch.setattr("jerkbench.sweep.tasks.BUNDLES", 2)
-    of = {(task.planned.key, task.draws[0]): task.bundle for group in grouped(plan.cells) for task in group}
+    whole = [task for group in grouped(plan.cells) for task in group]
+    of = {(one.key, task.draws[0]): task.bundle for task in whole for one in task.cells}
     half = grouped(plan.cells, {plan.cells[0].key: ()})
 
     assert sorted(of.values()) == [0, 0, 1, 1]
-    assert [(task.planned.key, task.bundle) for group in half for task in group] == [
-        (plan.cells[1].key, 0),
-        (plan.cells[1].key, 1),
+    assert [([one.key for one in task.cells], task.bundle) for group in half for task in group] == [
+        ([plan.cells[1].key], 0),
+        ([plan.cells[1].key], 1),
     ]
+
+
+class Fragile:
+    """A cluster on which a task dies that has a certain cell."""
+
+    def __init__(self, bad):
+        self.bad, self.sizes = bad, []
+
+    def run(self, order, workers):
+        for task in (task for group in order.groups for task in order.admit(group)):
+            self.sizes.append(len(task.cells))
+            yield task, ChildProcessError("it died") if self.bad in task.cells else order.work(task)
+
+
+def test_of_cells_that_share_their_calls_the_one_that_ends_its_process_is_told_apart(tmp_path):
+    base = cell("none")
+    told = [{"name": "jerk", "accel_mps2": accel} for accel in (0.1, 0.2, 0.4)]
+    cells = [replace(base, filter=Jerk(own["accel_mps2"]), spec={**base.spec, "filter": own}) for own in told]
+    plan, store = joined_plan(planned((one, range(4)) for one in cells)), Store(tmp_path)
+    cluster = Fragile(plan.cells[1])
+
+    run_sweep(plan, store, workers=1, cluster=cluster, least=8)
+
+    assert cluster.sizes == [3, 1, 1, 1]
+    rows = rows_of(plan.cells, store, ["position_rmse_m"])
+    assert list(rows["status"]) == ["ok"] * 4 + ["failed"] * 4 + ["ok"] * 4
+    alone = [row["position_rmse_m"] for row in CellRun(cells[2], "").rows(range(4))[0]]
+    assert list(rows["position_rmse_m"][8:]) == alone

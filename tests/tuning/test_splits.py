@@ -51,10 +51,10 @@ class Drive:
         return dataclasses.replace(recording, position=position, velocity=velocity)
 
 
-def test_by_time_nothing_after_the_share_is_read_while_tuning():
+def test_by_time_nothing_after_the_share_is_read_while_tuning(tmp_path):
     trials = []
-    for cell in (drive(), drive(spoilt_after_s=6.0)):
-        evaluator = Evaluator(space_of(cell), objective_of("rmse"), threads=1)
+    for name, cell in {"whole": drive(), "spoilt": drive(spoilt_after_s=6.0)}.items():
+        evaluator = Evaluator(space_of(cell), objective_of("rmse"), 1, tmp_path / name)
         found = search(evaluator, by_time([cell], FEW), Budget(3))
         trials.append((found, score(evaluator, found.setting, by_time([cell], FEW).test)))
 
