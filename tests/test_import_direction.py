@@ -31,7 +31,6 @@ ORDER = [
     ["sums"],
     ["contracts"],
     ["memory", "optional"],
-    ["estimation"],
     ["kinematic"],
     ["inertial"],
     ["linear"],

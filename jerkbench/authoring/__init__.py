@@ -16,7 +16,6 @@ from typing import Any, Literal, NamedTuple
 from jerkbench import plugins
 from jerkbench.conformance.plugin import CHECKS, STAGES
 from jerkbench.conformance.requirements import changes_itself
-from jerkbench.engines.compiled_engine import obstacle
 from jerkbench.errors import PluginError, article, unknown
 from jerkbench.files import write_text
 from jerkbench.jobs.preflight import reason_of
@@ -190,7 +189,11 @@ def _of_class(candidate: Candidate, cls: type) -> Iterator[PluginFinding]:
 def _of_plugin(kind: str, plugin: Any) -> Iterator[PluginFinding]:  # noqa: ANN401 - a plugin of any kind
     sentences = [sentence for check in (*STAGES, CHECKS[kind]) if (sentence := _complaint(check, plugin))]
     yield from (PluginFinding("error", sentence) for sentence in sentences)
-    if kind == "adaptation" and not sentences and (reason := obstacle(plugin)):
+    if kind != "adaptation" or sentences:
+        return
+    from jerkbench.kinematic.plugin_call import obstacle  # what it imports takes half a second
+
+    if reason := obstacle(plugin):
         yield PluginFinding(
             "notice",
             f"{type(plugin).__name__} cannot be compiled and runs on the engine filterpy, many times slower: {reason}",

@@ -11,7 +11,6 @@ import numpy as np
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.contracts import Metric, Reading, Summarising
 from jerkbench.estimate import Estimate, Updates
-from jerkbench.estimation.sums import scored_trajectory
 from jerkbench.evaluation.counted_rows import (
     POSITION_AXES,
     VELOCITY_AXES,
@@ -21,6 +20,7 @@ from jerkbench.evaluation.counted_rows import (
     known_axes,
     rows_at,
 )
+from jerkbench.kinematic.trajectory_score import scored_trajectory
 from jerkbench.recording import Recording
 from jerkbench.sums import Scoring, Streamed, Sums
 from jerkbench.timeline import Timeline

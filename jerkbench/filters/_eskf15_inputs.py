@@ -11,12 +11,9 @@ from jerkbench.attitude.yaw import required_track
 from jerkbench.errors import PluginError, RecordingError, unknown
 from jerkbench.estimate import Attitude
 from jerkbench.inertial.alignment import StartSigmas, align, with_body_velocity
-from jerkbench.inertial.earth import earth_at
-from jerkbench.inertial.error_model import SensorNoise
-from jerkbench.inertial.events import merge_events
-from jerkbench.inertial.run_inputs import Constraints, Journey, Settings
+from jerkbench.inertial.mechanisation import SensorNoise, earth_at
+from jerkbench.inertial.run_inputs import Constraints, Journey, Settings, merge_events, still_samples
 from jerkbench.inertial.state import NavigationState
-from jerkbench.inertial.stillness import still_samples
 from jerkbench.parameters import DefaultOrigin, Range
 from jerkbench.recording import GRAVITY_MPS2, Recording
 from jerkbench.timeline import Timeline, build_timeline

@@ -22,7 +22,7 @@ from jerkbench.jobs.sources import KNOWN, named_digests, sources_digest
 PACKAGE = Path(__file__).parents[1]
 LIBRARIES = ("filterpy", "numba", "numpy", "scipy", "pandas", "pymap3d", "hydra-core")
 COMPUTING = (
-    *("adaptation", "attitude", "compilation", "datasets", "disturbances", "engines", "estimation"),
+    *("adaptation", "attitude", "compilation", "datasets", "disturbances", "engines"),
     *("filters", "inertial", "io", "kinematic", "linear", "recording", "simulation", "measurements", "timeline"),
     *("traces", "contracts", "evaluation/metrics", "arrays", "estimate", "geometry", "kalman"),
     *("memory", "optional", "random_streams", "renamed", "sums", "tuning/excerpts"),

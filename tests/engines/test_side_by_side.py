@@ -21,7 +21,7 @@ from jerkbench.evaluation.evaluated_run import evaluate_run
 from jerkbench.evaluation.sums import can_stream, scored, sums_from, with_updates
 from jerkbench.filters.baseline import Baseline
 from jerkbench.filters.jerk import Jerk
-from jerkbench.kinematic.layout import run_type
+from jerkbench.kinematic.arguments import run_type
 from jerkbench.kinematic.loop import ALONE, APART, run_steps
 from jerkbench.measurements import Measurements
 from jerkbench.sums import Run

@@ -1,4 +1,7 @@
-"""The sums of a run, step by step as it is computed, or from its trajectory; compiled."""
+"""The sums of a run from its trajectory, compiled where numba may compile.
+
+Unlike a run side by side it may hold numbers that are none, where they do not count.
+"""
 
 from collections.abc import Callable
 from functools import cache
@@ -9,24 +12,16 @@ import numpy as np
 from jerkbench.arrays import FloatArray, FloatMatrix, FloatVector, IntVector
 from jerkbench.compilation.compiled_loop import compiled_loop
 from jerkbench.compilation.module_cache import can_compile
-from jerkbench.estimate import Estimate, Updates
+from jerkbench.estimate import Estimate
 from jerkbench.sums import Scoring, Streamed
 
-TOTALS = (
-    *("EAST", "NORTH", "UP", "VEAST", "VNORTH", "VUP", "WHOLE", "OUTAGE", "LARGEST", "FARTHEST"),
-    *("NEES", "NEES_POSITION", "NIS", "UPDATES", "NIS_USED", "UPDATES_USED", "ODD"),
-)
-"""What is summed up over a run; LARGEST and FARTHEST are maxima of squares, ODD counts covariances that are none."""
-
 EAST, NORTH, UP, VEAST, VNORTH, VUP, WHOLE, OUTAGE, LARGEST, FARTHEST = range(10)
-NEES, NEES_POSITION, NIS, UPDATES, NIS_USED, UPDATES_USED, ODD = range(10, 17)
-
-SEEN = 16
-"""Numbers that are kept of what an update saw: rows, nis, rows kept, nis used, innovation (6), diagonal of R (6)."""
+NEES, NEES_POSITION, NIS, UPDATES, NIS_USED, UPDATES_USED = range(10, 16)
+"""Places of the sums; LARGEST and FARTHEST are maxima of squares."""
 
 
-class Score(NamedTuple):
-    """What the k visited rows of the reference count for, and the sums; nothing is scored where k is 0.
+class TrajectoryScore(NamedTuple):
+    """What the k visited rows of the reference count for, and the sums.
 
     Attributes:
         truth: (k, 6) as in `jerkbench.sums.Scoring`, like the next four.
@@ -37,7 +32,7 @@ class Score(NamedTuple):
         mark: (k,) row of ``errors``, or -1.
         errors: (marks, 9) position errors, and the upper triangle of their covariance.
         counts: (rows of z,) 1 where an update counts, else 0.
-        totals: (17,) the sums, in the order of TOTALS.
+        totals: (16,) the sums.
         room: (42,) for an elimination.
     """
 
@@ -53,17 +48,12 @@ class Score(NamedTuple):
     room: FloatVector
 
 
-def score_of(scoring: Scoring | None, update_s: FloatArray) -> Score:
-    """Return what is needed to score a run with measurements at ``update_s`` (m,); None: nothing is scored."""
-    nothing, totals, room = np.empty(0), np.zeros(len(TOTALS)), np.zeros(42)
-    if scoring is None:
-        none = np.empty(0, dtype=np.int64)
-        errors = np.empty((0, 9))
-        return Score(np.empty((0, 6)), nothing, nothing, nothing, nothing, none, errors, nothing, totals, room)
+def _score_of(scoring: Scoring, update_s: FloatArray) -> TrajectoryScore:
+    """What is needed to score a run with updates at ``update_s`` (m,)."""
     marks = np.unique(scoring.marks)
     mark = np.full(len(scoring.truth), -1, dtype=np.int64)
     mark[marks] = np.arange(len(marks))
-    return Score(
+    return TrajectoryScore(
         _plain(scoring.truth),
         _plain(scoring.counted),
         _plain(scoring.whole),
@@ -72,8 +62,8 @@ def score_of(scoring: Scoring | None, update_s: FloatArray) -> Score:
         mark,
         np.zeros((len(marks), 9)),
         (update_s >= scoring.start_s).astype(np.float64),
-        totals,
-        room,
+        np.zeros(16),
+        np.zeros(42),
     )
 
 
@@ -81,31 +71,14 @@ def _plain(array: FloatArray) -> FloatArray:
     return np.require(array, np.float64, ["C", "W", "A"])
 
 
-def streamed_from(score: Score, scoring: Scoring, updates: Updates, euler_rad: FloatArray | None) -> Streamed | None:
-    """Return the sums of a run; None where they are not finite, or a covariance was none."""
-    if not np.isfinite(score.totals).all() or score.totals[ODD] > 0:
-        return None
-    return _streamed(score, scoring, updates, euler_rad)
-
-
 def scored_trajectory(estimate: Estimate, scoring: Scoring) -> Streamed:
     """Return the sums of a trajectory; what is no number in it is none in them, where it counts."""
     updates = estimate.updates
     kept = updates.rows - np.isinf(updates.R_diagonal).sum(axis=1)
     seen = np.column_stack([updates.rows, updates.nis, kept, updates.nis_used])
-    score, x = score_of(scoring, updates.t_s), np.hstack([estimate.position_m, estimate.velocity_mps])
+    score, x = _score_of(scoring, updates.t_s), np.hstack([estimate.position_m, estimate.velocity_mps])
     with np.errstate(all="ignore"):
         _compiled()(score, x, _plain(estimate.covariance.reshape(-1, 36)), seen)
-    return _streamed(score, scoring, updates, estimate.euler_rad)
-
-
-@cache
-def _compiled() -> Callable[..., None]:
-    """The loop over the rows of a trajectory, compiled where numba may compile."""
-    return compiled_loop(add_trajectory, "the score of a trajectory") if can_compile() else add_trajectory
-
-
-def _streamed(score: Score, scoring: Scoring, updates: Updates, euler_rad: FloatArray | None) -> Streamed:
     totals = score.totals
     marked = score.errors[np.searchsorted(np.unique(scoring.marks), scoring.marks)]
     return Streamed(
@@ -124,11 +97,17 @@ def _streamed(score: Score, scoring: Scoring, updates: Updates, euler_rad: Float
         marked_m=marked[:, :3],
         marked_m2=marked[:, 3:],
         updates=updates,
-        euler_rad=euler_rad,
+        euler_rad=estimate.euler_rad,
     )
 
 
-def add_trajectory(score: Score, x: FloatMatrix, P: FloatMatrix, seen: FloatMatrix) -> None:
+@cache
+def _compiled() -> Callable[..., None]:
+    """The loop over the rows of a trajectory, compiled where numba may compile."""
+    return compiled_loop(add_trajectory, "the score of a trajectory") if can_compile() else add_trajectory
+
+
+def add_trajectory(score: TrajectoryScore, x: FloatMatrix, P: FloatMatrix, seen: FloatMatrix) -> None:
     """Score all rows of x (k, 6) and P (k, 36), and count all updates, of which ``seen`` (m, 4) is kept."""
     for row in range(len(x)):
         add_state(score, row, x[row], P[row])
@@ -136,10 +115,8 @@ def add_trajectory(score: Score, x: FloatMatrix, P: FloatMatrix, seen: FloatMatr
         add_update(score, which, seen[which])
 
 
-def add_state(score: Score, row: int, x: FloatArray, P: FloatArray) -> None:
-    """Score position and velocity x (6,) with covariance P (36,) at visited row ``row``; nothing where none is."""
-    if len(score.truth) == 0:
-        return
+def add_state(score: TrajectoryScore, row: int, x: FloatArray, P: FloatArray) -> None:
+    """Score position and velocity x (6,) with covariance P (36,) at visited row ``row``."""
     t, e = score.totals, score.room
     for s in range(6):
         e[36 + s] = x[s] - score.truth[row, s]
@@ -150,11 +127,9 @@ def add_state(score: Score, row: int, x: FloatArray, P: FloatArray) -> None:
         _add_nees(t, e, P, score.moving[row])
 
 
-def _add_squares(score: Score, row: int, square: float) -> None:
+def _add_squares(score: TrajectoryScore, row: int, square: float) -> None:
     """Add the squares of the errors; ``square`` is that of the position."""
     t, e = score.totals, score.room
-    if not square < np.inf:
-        t[ODD] += 1.0
     t[FARTHEST] = _larger(t[FARTHEST], square)
     if score.counted[row] > 0.0:
         for i in range(3):
@@ -189,7 +164,6 @@ def _add_nees(t: FloatArray, C: FloatArray, P: FloatArray, moving: float) -> Non
     total = 0.0
     for c in range(6):
         if not C[7 * c] > 0.0:
-            t[ODD] += 1.0
             C[7 * c] = np.nan
         scale = 1.0 / C[7 * c]
         scaled = C[36 + c] * scale
@@ -205,9 +179,9 @@ def _add_nees(t: FloatArray, C: FloatArray, P: FloatArray, moving: float) -> Non
         t[NEES] += total
 
 
-def add_update(score: Score, which: int, seen: FloatArray) -> None:
-    """Count an update of row ``which`` of z, of which ``seen`` (SEEN,) is kept."""
-    if len(score.truth) == 0 or score.counts[which] == 0.0:
+def add_update(score: TrajectoryScore, which: int, seen: FloatArray) -> None:
+    """Count an update of row ``which`` of z, of which ``seen`` (4,) is kept."""
+    if score.counts[which] == 0.0:
         return
     t = score.totals
     if seen[0] > 0.0:
