@@ -28,7 +28,7 @@ from jerkbench.audit.verdicts import Losses, MethodVerdict, losses_of, verdicts
 from jerkbench.campaigns.protocol import Scenario
 from jerkbench.campaigns.site import Site
 from jerkbench.files import write_atomically, write_text
-from jerkbench.jobs.cluster import Cluster
+from jerkbench.jobs.cluster import Cluster, Workers
 from jerkbench.jobs.key import code_digest, git_commit, versions
 from jerkbench.report.plots.style import save_figure
 from jerkbench.tuning.space import Space
@@ -72,14 +72,16 @@ def run_audit(
         JerkbenchError: a run failed, or is not stored and may not be run.
         OSError: nothing can be written.
     """
-    known, place = protocol.scenarios, Site(folder / "runs", cluster, workers, only_stored)
-    stages, compared = Stages(known, place), methods(protocol)
-    if only_stored:
-        compared = stages.stored_methods(compared, protocol.seeds_to_tune_on)
-    spaces = {method: method.space(known[0]) for method in compared}
-    if not only_stored:
-        write_text(folder / "protocol.json", _protocol_text(protocol))
-    outcome = AuditCampaign(protocol, spaces, stages).run()
+    known, compared = protocol.scenarios, methods(protocol)
+    with Workers(cluster, workers) as own:
+        place = Site(folder / "runs", own, only_stored)
+        stages = Stages(known, place)
+        if only_stored:
+            compared = stages.stored_methods(compared, protocol.seeds_to_tune_on)
+        else:
+            write_text(folder / "protocol.json", _protocol_text(protocol))
+        spaces = {method: method.space(known[0]) for method in compared}
+        outcome = AuditCampaign(protocol, spaces, stages).run()
     audit = judged_audit(protocol, outcome, known)
     _write(audit, folder, spaces, place.makers())
     return audit

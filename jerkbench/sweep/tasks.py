@@ -57,8 +57,7 @@ class Result(NamedTuple):
     Attributes:
         rows: of its seeds.
         notes: for their reader.
-        seconds: time of the rows that are not stored yet [s], without `inputs_s`.
-        stored: how many of the rows, from the first on, are stored already.
+        seconds: time of the rows [s], without `inputs_s`.
         processor: kind of the processor that ran it; empty: nothing was run.
         inputs_s: time that recordings and attitudes took [s].
     """
@@ -66,9 +65,20 @@ class Result(NamedTuple):
     rows: list[Row]
     notes: list[str]
     seconds: float
-    stored: int = 0
     processor: str = ""
     inputs_s: float = 0.0
+
+
+class Done(NamedTuple):
+    """What came of a task.
+
+    Attributes:
+        results: for each of its cells.
+        rest: what was left when its time was up.
+    """
+
+    results: list[Result]
+    rest: Task | None = None
 
 
 def metadata_of(planned: Planned, result: Result) -> dict[str, object]:

@@ -54,7 +54,7 @@ def test_two_sweeps_share_their_cells(durations, seeds, tmp_path, monkeypatch):
     monkeypatch.setattr(sweep, "pieces", pieces)
     store = Store(tmp_path)
     store.prepare()
-    sweeps = [threading.Thread(target=run_sweep, args=(plan, store, 1)) for _ in range(2)]
+    sweeps = [threading.Thread(target=run_sweep, args=(plan, store)) for _ in range(2)]
     for thread in sweeps:
         thread.start()
     for thread in sweeps:
