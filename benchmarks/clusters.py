@@ -27,7 +27,7 @@ FAILED = 1
 """Exit code where a run failed: the paper's outages begin after 30 s."""
 CELLS = 200
 MANY = (f"noise.accel_mps2=range(0.1,{CELLS / 10 + 0.1:g},0.1)", "filter=jerk", "dataset.duration_s=30", "seeds=4")
-SHORT = ("filter=gnss_only", "adaptation=none", "disturbance=none,bias", "dataset.duration_s=12", "seeds=1")
+SHORT = ("filter=gnss_only", "adaptation=none", "disturbance=none,imu_bias", "dataset.duration_s=12", "seeds=1")
 """A cell for each of two workers."""
 
 

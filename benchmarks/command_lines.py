@@ -46,7 +46,7 @@ FLAGS = (
         ["--info", "defaults-tree"],
         ["--info", "nope"],
         ["--config-name", "nope"],
-        ["--config-name", "filter/baseline_naive"],
+        ["--config-name", "filter/baseline_untuned"],
     ),
     *(
         ["--config-dir", "nope"],

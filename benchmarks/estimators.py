@@ -25,8 +25,8 @@ from jerkbench import plugins
 from jerkbench.adaptation.mtf import Mtf
 from jerkbench.attitude.tilt import Tilt
 from jerkbench.contracts import Batched
-from jerkbench.datasets.field_v1 import FieldV1
-from jerkbench.evaluation.batch_scoring import scored
+from jerkbench.datasets.field_white import FieldWhite
+from jerkbench.evaluation.sums import scored
 from jerkbench.sums import RecordedRun
 from jerkbench.timeline import build_timeline
 
@@ -40,7 +40,7 @@ def recorded_runs() -> list[RecordedRun]:
     """Different drives, with what their errors count for."""
     runs = []
     for seed in range(SEEDS):
-        recording = FieldV1().load(seed)
+        recording = FieldWhite().load(seed)
         attitude = Tilt().estimate(recording)
         timeline = build_timeline(recording, attitude)
         scene = scored(recording, timeline, BURN_IN_S)

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-CELLS = ("filter=baseline,jerk,bias", "adaptation=none,mtf", "disturbance=none,bias")
+CELLS = ("filter=baseline,jerk,bias", "adaptation=none,mtf", "disturbance=none,imu_bias")
 WORDS = ("run", "-m", *CELLS, "dataset.duration_s=60", "seeds=5", "workers=2", "figures=false")
 
 

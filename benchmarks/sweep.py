@@ -13,7 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from jerkbench.evaluation.batch_scoring import scored
+from jerkbench.evaluation.sums import scored
 from jerkbench.jobs.cell import Cell, Protocol, build
 from jerkbench.jobs.inputs import Inputs, attitude_of, simulated
 from jerkbench.jobs.rows import CellRun

@@ -12,7 +12,7 @@ from jerkbench.arrays import FloatArray
 from jerkbench.estimate import Estimate
 from jerkbench.recording import Recording
 
-DRIVE = {"name": "field_v1", "duration_s": 80.0, "imu_rate_hz": 20.0, "reference_rate_hz": 20.0}
+DRIVE = {"name": "field_white", "duration_s": 80.0, "imu_rate_hz": 20.0, "reference_rate_hz": 20.0}
 """Slow rates, so that all figures take seconds."""
 
 SEED = 3

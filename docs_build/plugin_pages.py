@@ -83,13 +83,13 @@ def _line(entry: CatalogueEntry) -> str:
 
 CAPTIONS = {
     "disturbance": (
-        "What each does to the same 80 s of `field_v1`. Fixes and velocities less the truth at their stamps, before "
+        "What each does to the same 80 s of `field_white`. Fixes and velocities less the truth at their stamps, before "
         "(grey) and after; what is added to the IMU; the sigma that is reported."
     ),
     "adaptation": (
-        "The baseline on the same 80 s of `field_v1` under bursts of multipath on one axis and, from 60 s on, a noise "
-        "that doubles: its error with the adaptation and without, and how much larger than reported the sigma of each "
-        "fix is taken to be (a row that is dropped is absent)."
+        "The baseline on the same 80 s of `field_white` under bursts of multipath on one axis and, from 60 s on, a "
+        "noise that doubles: its error with the adaptation and without, and how much larger than reported the sigma of "
+        "each fix is taken to be (a row that is dropped is absent)."
     ),
 }
 """What the figures of a kind show."""

@@ -16,6 +16,7 @@ from importlib.util import find_spec
 from typing import Any, TypeVar
 
 from jerkbench.errors import PluginError, unknown
+from jerkbench.renamed import new_name
 
 PACKAGES = {
     "dataset": "jerkbench.datasets",
@@ -57,10 +58,10 @@ def get(kind: str, name: str) -> type:
     Raises:
         PluginError: there is none; says what there is and the nearest match.
     """
-    known = _of_kind(kind)
-    if name not in known:
+    known, today = _of_kind(kind), new_name(kind, name)
+    if today not in known:
         raise PluginError(no_such(kind, name))
-    return known[name]
+    return known[today]
 
 
 def left_out(kind: str) -> Mapping[str, str]:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from jerkbench.errors import PluginError, unknown
+from jerkbench.renamed import new_name
 
 ASKED = "JERKBENCH_ENV"
 """The environment variable that names those which a configuration may read."""
@@ -44,10 +45,13 @@ def preset(kind: str, name: str) -> dict[str, Any]:
     Raises:
         PluginError: there is none, or it chooses parts of other groups, which only the command line can do.
     """
-    if name not in preset_names(kind):
+    today = new_name(kind, name)
+    if today not in preset_names(kind):
         raise PluginError(unknown(f"preset of {kind}", name, preset_names(kind)))
-    own = _read(config_folder() / kind / f"{name}.yaml")
+    own = _read(config_folder() / kind / f"{today}.yaml")
     defaults = own.pop("defaults", [])
+    if kind == "disturbance":
+        own = {new_name(kind, key): value for key, value in own.items()}
     if "_self_" not in defaults:
         defaults = [*defaults, "_self_"]
     values: dict[str, Any] = {}
@@ -98,8 +102,9 @@ def _default(kind: str, preset_name: str, entry: object) -> dict[str, Any]:
             f"The preset {kind}/{preset_name} has {entry} in its defaults; from Python only names of {kind} can stand "
             "there: give the other parts by their own arguments."
         )
-    if entry in preset_names(kind):
+    if new_name(kind, entry) in preset_names(kind):
         return preset(kind, entry)
     if kind == "noise":  # the schema: nothing is set
         return {}
-    return {entry: {"name": entry}} if kind == "disturbance" else {"name": entry}
+    plugin = new_name(kind, entry)
+    return {plugin: {"name": plugin}} if kind == "disturbance" else {"name": plugin}

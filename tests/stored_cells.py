@@ -9,7 +9,7 @@ LABELS = {
     "attitude": "field",
     "filter": "jerk",
     "adaptation": "none",
-    "noise": "own",
+    "noise": "default",
 }
 NAMED = ("dataset", "attitude", "filter", "adaptation", "engine")
 SPEC = {**{kind: {"name": LABELS.get(kind, "compiled")} for kind in NAMED}, "disturbance": [], "metrics": []}

@@ -29,10 +29,10 @@ def test_help_and_catalogue_answer(tmp_path):
     shown = verb("show", "disturbance", "gnss_outage", cwd=tmp_path).stdout
     assert "On the command line: disturbance=gnss_outage disturbance.gnss_outage.windows_s=..." in shown
     listed = verb("list", cwd=tmp_path).stdout
-    assert all(name in listed for name in ("field_ruts", "gnss_outage", "sage_husa", "baseline_naive", "paper"))
+    assert all(name in listed for name in ("field_ruts", "gnss_outage", "sage_husa", "baseline_untuned", "paper"))
     shown = verb("show", "adaptation", "mtf", cwd=tmp_path).stdout
     assert all(word in shown for word in ("y'y >= sum h + sum r", "window  = 1", "Source:", "[updates]"))
-    assert "0.02 # m/s2" in verb("show", "filter", "baseline_naive", cwd=tmp_path).stdout
+    assert "0.02 # m/s2" in verb("show", "filter", "baseline_untuned", cwd=tmp_path).stdout
 
 
 def test_a_single_run_prints_its_metrics_and_draws_two_figures(tmp_path):
@@ -52,7 +52,7 @@ def test_a_single_run_prints_its_metrics_and_draws_two_figures(tmp_path):
 @pytest.fixture(scope="module")
 def sweep(tmp_path_factory):
     folder = tmp_path_factory.mktemp("sweep")
-    return folder / "results" / "adhoc", swept(*CELLS, "disturbance=none,[bias,gnss_outage]", cwd=folder)
+    return folder / "results" / "adhoc", swept(*CELLS, "disturbance=none,[imu_bias,gnss_outage]", cwd=folder)
 
 
 def test_a_sweep_leaves_rows_tables_and_a_manifest(sweep):
@@ -64,7 +64,7 @@ def test_a_sweep_leaves_rows_tables_and_a_manifest(sweep):
     assert list(rows.columns[:9]) == [
         *("dataset", "disturbance", "attitude", "filter", "adaptation", "noise", "seed", "replicate", "status")
     ]
-    assert set(rows["disturbance"]) == {"none", "bias+gnss_outage"}
+    assert set(rows["disturbance"]) == {"none", "imu_bias+gnss_outage"}
     for name in ("table.md", "table.csv", "table.tex", "manifest.json"):
         assert (study / name).stat().st_size > 0
     assert "Position RMSE (3-D) [m]" in done.stdout
@@ -76,7 +76,7 @@ def test_a_sweep_goes_on_where_it_was_and_gives_the_same_rows(sweep):
     before = rows_of(study)
     store = Store(study)
     drop(store, store.keys_from("")[:1])
-    again = swept(*CELLS, "disturbance=none,[bias,gnss_outage]", cwd=study.parents[1])
+    again = swept(*CELLS, "disturbance=none,[imu_bias,gnss_outage]", cwd=study.parents[1])
 
     assert "9 of 10 cells are done already" in again.stderr
     pd.testing.assert_frame_equal(rows_of(study), before, check_exact=True)
@@ -108,7 +108,7 @@ def test_the_table_has_ratios_and_findings(sweep, tmp_path):
 @pytest.mark.slow
 def test_two_workers_give_the_rows_of_one(sweep):
     study, _ = sweep
-    swept(*CELLS, "disturbance=none,[bias,gnss_outage]", "workers=2", "study=two", cwd=study.parents[1])
+    swept(*CELLS, "disturbance=none,[imu_bias,gnss_outage]", "workers=2", "study=two", cwd=study.parents[1])
 
     pd.testing.assert_frame_equal(rows_of(study.parent / "two"), rows_of(study), check_exact=True)
 
@@ -116,7 +116,9 @@ def test_two_workers_give_the_rows_of_one(sweep):
 @pytest.mark.slow
 def test_hydras_own_launcher_gives_the_same_rows_in_planned_order_and_the_table(sweep):
     study, _ = sweep
-    swept(*CELLS, "disturbance=none,[bias,gnss_outage]", "hydra/launcher=basic", "study=basic", cwd=study.parents[1])
+    swept(
+        *CELLS, "disturbance=none,[imu_bias,gnss_outage]", "hydra/launcher=basic", "study=basic", cwd=study.parents[1]
+    )
 
     pd.testing.assert_frame_equal(rows_of(study.parent / "basic"), rows_of(study), check_exact=True)
     assert not (study.parent / "basic" / ".order").exists()
@@ -128,7 +130,7 @@ def test_swept_parameters_are_in_the_labels(tmp_path):
 
     assert list(zip(rows["filter"], rows["noise"], strict=True)) == [
         ("baseline", "accel_mps2=0.1"),
-        ("gnss_only", "own"),  # once: it has no such parameter
+        ("gnss_only", "default"),  # once: it has no such parameter
         ("baseline", "accel_mps2=0.2"),
     ]
 
@@ -149,7 +151,7 @@ def test_so_is_one_with_one_value(tmp_path):
 
 BAD = [
     (["filter=jrk"], "There is no filter 'jrk'. Did you mean 'jerk'?"),
-    (["disturbance=[bias,gnss_outag]"], "Did you mean 'gnss_outage'?"),
+    (["disturbance=[imu_bias,gnss_outag]"], "Did you mean 'gnss_outage'?"),
     (["sedds=3"], "There is no option 'sedds'. Did you mean 'seeds'?"),
     (["filter.acel_mps2=3"], "Did you mean 'filter.accel_mps2'?"),
     (["noise.accel_mps2=much"], "noise.accel_mps2: Value 'much'"),
@@ -169,16 +171,19 @@ BAD = [
         "give each parameter by itself: disturbance=gnss_outage disturbance.gnss_outage.windows_s=[[50,60]]",
     ),
     (
-        ["disturbance=[bias,{name:gnss_outage,windows_s:[[50,60]]}]"],
-        "disturbance=[bias,gnss_outage] disturbance.gnss_outage.windows_s=[[50,60]]",
+        ["disturbance=[imu_bias,{name:gnss_outage,windows_s:[[50,60]]}]"],
+        "disturbance=[imu_bias,gnss_outage] disturbance.gnss_outage.windows_s=[[50,60]]",
     ),
     (["filter={name:jerk,accel_mps2:0.3}"], "give each parameter by itself: filter=jerk filter.accel_mps2=0.3"),
     (
         ["disturbance=gnss_outage", "disturbance.windows_s=[[50,60]]"],
         "The parameters of a disturbance stand under its name: disturbance.gnss_outage.windows_s=...",
     ),
-    (["disturbance=bias", "disturbance.gnss_outage.length_s=3"], "The disturbance gnss_outage is not among the chosen"),
-    (["disturbance=bias", "disturbance.nonsense=3"], "There is no disturbance 'nonsense'"),
+    (
+        ["disturbance=imu_bias", "disturbance.gnss_outage.length_s=3"],
+        "The disturbance gnss_outage is not among the chosen",
+    ),
+    (["disturbance=imu_bias", "disturbance.nonsense=3"], "There is no disturbance 'nonsense'"),
     (["adaptation.window=5"], "The adaptation none has no parameters, so adaptation.window cannot be set."),
     (["workers=-3"], "workers is -3; give 0 (one for each processor) or more."),
     (["study=../x"], "study is '../x'; it must be the name of one folder"),
@@ -306,7 +311,7 @@ def test_a_preset_of_ones_own_that_names_no_disturbance_is_a_sentence(said_in_pr
 def test_a_list_in_quotes_is_told_to_drop_them(said_in_process, tmp_path):
     own = tmp_path / "own" / "experiment" / "mine.yaml"
     own.parent.mkdir(parents=True)
-    lists = 'none,"[bias,gnss_outage]"'
+    lists = 'none,"[imu_bias,gnss_outage]"'
     own.write_text(f"# @package _global_\nhydra:\n  sweeper:\n    params:\n      disturbance: {lists}\n")
 
     code, _, err = said_in_process("run", "-m", "--config-dir", str(tmp_path / "own"), "experiment=mine")

@@ -18,6 +18,7 @@ ORDER = [
         "plain",
         "random_streams",
         "removed",
+        "renamed",
         "presets",
         "yaml_files",
         "compilation",

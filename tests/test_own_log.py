@@ -15,14 +15,14 @@ ROOT = Path(__file__).parents[1]
 @pytest.fixture(scope="module")
 def reader(tmp_path_factory):
     """A folder with a log in NED and degrees, and each command of the page with its finished process."""
-    from jerkbench.datasets.field_v1 import FieldV1
+    from jerkbench.datasets.field_white import FieldWhite
 
     sys.path.insert(0, str(ROOT / "tests" / "inspection"))
     from logs import ned_degrees
 
     sys.path.pop(0)
     folder = tmp_path_factory.mktemp("reader")
-    ned_degrees(FieldV1(duration_s=100.0).load(0), units=True).to_csv(folder / "drive.csv", index=False)
+    ned_degrees(FieldWhite(duration_s=100.0).load(0), units=True).to_csv(folder / "drive.csv", index=False)
     (folder / "experiment").mkdir()
     (folder / "experiment" / "mine.yaml").write_text(pages.blocks("own_log", "yaml")[0])
     return folder, {line: typed(shlex.split(line)[1:], folder) for line in pages.lines("own_log")}

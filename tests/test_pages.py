@@ -23,7 +23,7 @@ TYPED = {
     "own_filter": [
         "engine=filterpy",
         "seeds=1",
-        "dataset=field_v1",
+        "dataset=field_white",
         "dataset.imu_rate_hz=20",
         "dataset.reference_rate_hz=20",
     ],

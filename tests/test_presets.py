@@ -42,7 +42,7 @@ def test_every_preset_that_is_shipped_is_what_hydra_makes_of_it(kind, name):
 
 
 def test_there_are_presets_to_compare():
-    assert {("filter", "baseline_naive"), ("disturbance", "combined"), ("attitude", "real")} <= set(SHIPPED)
+    assert {("filter", "baseline_untuned"), ("disturbance", "combined"), ("attitude", "real")} <= set(SHIPPED)
     assert {("noise", "tuned"), ("noise", "paper")} <= set(SHIPPED)
 
 
@@ -92,7 +92,7 @@ def test_disturbances_of_presets_are_merged_by_their_names(conf):
     conf("disturbance", "two", "defaults: [one]\nbias: {gyro_radps: 3.0}\n")
 
     assert preset("disturbance", "two") == {
-        "bias": {"name": "bias", "accel_mps2": 1.0, "gyro_radps": 3.0},
+        "imu_bias": {"name": "imu_bias", "accel_mps2": 1.0, "gyro_radps": 3.0},
         "gnss_outage": {"name": "gnss_outage"},
     }
 
@@ -112,8 +112,8 @@ def test_a_preset_that_reaches_into_another_group_is_a_sentence(conf):
 
 
 def test_an_unknown_preset_names_the_nearest():
-    with pytest.raises(PluginError, match="Did you mean 'baseline_naive'"):
-        preset("filter", "baseline_naiv")
+    with pytest.raises(PluginError, match="Did you mean 'baseline_untuned'"):
+        preset("filter", "baseline_untund")
 
 
 def test_a_preset_reads_an_environment_variable_only_on_request(conf, monkeypatch):

@@ -17,18 +17,18 @@ from jerkbench.audit.protocol import read_protocol
 from jerkbench.audit.table import markdown_table
 from jerkbench.audit.verdicts import MethodVerdict
 from jerkbench.evaluation.statistics.judgement import Verdict
-from jerkbench.evaluation.statistics.scenarios import OverScenarios
+from jerkbench.evaluation.statistics.ranks import OverScenarios
 from jerkbench.report.tables.table_model import number
 from jerkbench.results.study import load_study
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-COLUMNS = ("gnss_only", "baseline_naive", "baseline", "jerk", "bias")
+COLUMNS = ("gnss_only", "baseline_untuned", "baseline", "jerk", "bias")
 DISTURBANCES = {
     "nothing wrong": "none",
     "multipath on one axis": "multipath_single_axis",
-    "accelerometer and gyro bias": "bias",
-    "bias and two outages": "bias+gnss_outage",
+    "accelerometer and gyro bias": "imu_bias",
+    "bias and two outages": "imu_bias+gnss_outage",
 }
 
 
@@ -41,7 +41,7 @@ def table_after(words, page=README):
 @pytest.fixture(scope="module")
 def paper():
     rows = load_study(ROOT / "results" / "paper20").rows
-    return rows[rows["dataset"] == "field_v1"].set_index(["disturbance", "filter", "adaptation"]).sort_index()
+    return rows[rows["dataset"] == "field_white"].set_index(["disturbance", "filter", "adaptation"]).sort_index()
 
 
 def test_the_first_screen_is_that_of_the_committed_results():
@@ -97,8 +97,8 @@ def test_a_claim_on_the_tilt_is_that_of_the_geometric_mean(paper):
     """By hand, of one scenario: roll under a bias, which is far beyond what is claimed."""
     claims = experiment("paper/claims.py")
     roll = claims.claims(load_study(ROOT / "results" / "paper20").rows)[0]
-    place = [(scenario.noise, scenario.family) for scenario in roll.scenarios].index(("field_v1", "bias"))
-    own = paper.loc[("bias", "jerk", "mtf"), "roll_rmse_rad"]
+    place = [(scenario.noise, scenario.family) for scenario in roll.scenarios].index(("field_white", "imu_bias"))
+    own = paper.loc[("imu_bias", "jerk", "mtf"), "roll_rmse_rad"]
     assert roll.numbers[place, 0] == pytest.approx(np.exp(np.log(own).mean()))
     assert roll.words[place] == "does not hold"
 

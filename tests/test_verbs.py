@@ -189,7 +189,7 @@ def test_findings_are_of_the_baseline_that_was_asked_for(study):
     assert len(asked) == 4
     assert not set(asked) & set(usual)
     assert all("gnss_outage+" in line for line in asked)
-    wrong = verb("table", str(study), "--findings", "--baseline", "disturbance=bias", cwd=study)
+    wrong = verb("table", str(study), "--findings", "--baseline", "disturbance=imu_bias", cwd=study)
     assert wrong.returncode == 2
     assert "gnss_outage" in wrong.stderr
 

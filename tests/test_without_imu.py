@@ -10,7 +10,7 @@ from jerkbench import plugins
 from jerkbench.attitude.tilt import Tilt
 from jerkbench.cli import main
 from jerkbench.datasets.table import Tables
-from jerkbench.disturbances.bias import Bias
+from jerkbench.disturbances.imu_bias import ImuBias
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.errors import RecordingError
 from jerkbench.estimate import no_attitude
@@ -92,7 +92,7 @@ def test_there_is_no_attitude_and_what_needs_an_imu_says_so():
     attitude = attitude_of(recording, Tilt())
     assert np.isnan(attitude.euler_rad).all()
     with pytest.raises(RecordingError, match="curve has no IMU"):
-        Bias().apply(recording, 0)
+        ImuBias().apply(recording, 0)
     with pytest.raises(RecordingError, match="fewer than 2 position fixes"):
         dataclasses.replace(recording, position=None)
     body = Velocity(recording.position.t_s, np.ones((54, 3)), np.tile(np.eye(3), (54, 1, 1)), "body")

@@ -48,7 +48,7 @@ from jerkbench.jobs.cluster import Cluster, Local, Workers
 from jerkbench.jobs.key import code_digest, git_commit, versions
 from jerkbench.jobs.pool import processors
 from jerkbench.presets import preset
-from jerkbench.report.plots.style import MEASURED, OKABE_ITO, quiet, save_figure
+from jerkbench.report.plots.style import MEASURED, OKABE_ITO, save_figure, style_axes
 from jerkbench.tuning.samplers import sampler_of
 from jerkbench.tuning.space import Setting, Space
 
@@ -92,7 +92,7 @@ Chosen = Mapping[tuple[Method, Corner, str], Setting]
 
 def naive() -> Mapping[str, float]:
     """Return the process noise that nobody tuned, by the name of a knob: the accelerometer's own."""
-    noise = preset("noise", "naive")
+    noise = preset("noise", "untuned")
     return {f"filter.{name}": float(value) for name, value in noise.items() if isinstance(value, (int, float))}
 
 
@@ -303,7 +303,7 @@ def waterfall(rows: Sequence[Share], start: str, end: str) -> Figure:
         axes.vlines(after, place - 1.0, place, color=MEASURED, linewidth=0.8)
     axes.plot([1.0, whole.ratio.ratio], [places[0], places[-1]], "o", color=OKABE_ITO[0])
     axes.set_xscale("log")
-    quiet(axes)
+    style_axes(axes)
     axes.set_yticks(places, [start, *(f"{row.factor}, {row.ratio.ratio:.2f}" for row in factors), end])
     axes.set_xlabel(f"Position RMSE / {start}")
     return figure

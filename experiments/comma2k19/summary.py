@@ -18,7 +18,7 @@ def best(cells: pd.DataFrame) -> str:
     """Return horizontal / up of the lowest horizontal error, and the sigma_a that gives it."""
     sound = cells[cells["status"] == "ok"]
     row = sound.loc[sound[HORIZONTAL].idxmin()]
-    sigma = f" ({row['noise'].removeprefix('accel_mps2=')})" if row["noise"] != "own" else ""
+    sigma = f" ({row['noise'].removeprefix('accel_mps2=')})" if row["noise"] != "default" else ""
     return f"{number(row[HORIZONTAL])} / {number(row[UP])}{sigma}"
 
 

@@ -23,7 +23,7 @@ def best(rows: pd.DataFrame, metric: str) -> pd.DataFrame:
     means = np.exp(logs).rename("mean").reset_index()
     chosen = means.loc[means.groupby(["filter", "adaptation"], sort=False)["mean"].idxmin()]
     sigmas = (noise.removeprefix("accel_mps2=") for noise in chosen["noise"])
-    swept = [f" ({sigma})" if sigma != "own" else "" for sigma in sigmas]
+    swept = [f" ({sigma})" if sigma != "default" else "" for sigma in sigmas]
     texts = [f"{number(mean)}{sigma}" for mean, sigma in zip(chosen["mean"], swept, strict=True)]
     table = chosen.assign(text=texts).pivot_table(index="filter", columns="adaptation", values="text", aggfunc="first")
     return table.reindex(index=rows["filter"].unique(), columns=rows["adaptation"].unique())

@@ -14,12 +14,12 @@ from scipy.stats import chi2
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.arrays import FloatArray
 from jerkbench.attitude.tilt import Tilt
-from jerkbench.datasets.field_v1 import FieldV1
-from jerkbench.disturbances.bias import Bias
+from jerkbench.datasets.field_white import FieldWhite
+from jerkbench.disturbances.imu_bias import ImuBias
 from jerkbench.filters.eskf15 import Eskf15
 from jerkbench.inertial.run import InertialSolution
 from jerkbench.recording import Imu, Recording
-from jerkbench.simulation.imu import ALLAN_FLOOR, BIAS_TIME_S, GRADES, disturb
+from jerkbench.simulation.imu import ALLAN_FLOOR, BIAS_TIME_S, GRADES, with_sensor_errors
 
 
 @dataclass(frozen=True)
@@ -45,9 +45,9 @@ def check(seed: int, imu: str = "per_sample", duration_s: float = 150.0) -> Outc
         imu: per_sample (white noise, and the biases of the disturbance ``bias``), or a grade.
         duration_s: length of the drive.
     """
-    dataset = FieldV1(imu=imu, duration_s=duration_s, reference_rate_hz=1.0)
+    dataset = FieldWhite(imu=imu, duration_s=duration_s, reference_rate_hz=1.0)
     clean = dataset.load(seed)
-    recording = Bias().apply(clean, seed) if imu == "per_sample" else clean
+    recording = ImuBias().apply(clean, seed) if imu == "per_sample" else clean
     solution = tuned(imu).solve(recording, Tilt().estimate(recording), NoAdaptation())
     error = _error(recording, solution, _true_bias(dataset, clean.imu, recording.imu, seed))
     covariance = solution.covariance[:15, :15]
@@ -81,14 +81,16 @@ def tuned(imu: str) -> Eskf15:
     )
 
 
-def _true_bias(dataset: FieldV1, clean: Imu, recorded: Imu, seed: int) -> FloatArray:
+def _true_bias(dataset: FieldWhite, clean: Imu, recorded: Imu, seed: int) -> FloatArray:
     """(6,) gyro and accelerometer bias at the end: turn-on and wander."""
     if dataset.imu == "per_sample":
         gyro, accel = recorded.gyro_radps - clean.gyro_radps, recorded.accel_mps2 - clean.accel_mps2
     else:  # what a sensor shows that does not move, without its noise
         grade, rate, nothing = GRADES[dataset.imu], dataset.imu_rate_hz, np.zeros_like(clean.gyro_radps)
         sensors = (grade.gyro(rate), "gyro"), (grade.accelerometer(rate), "accelerometer")
-        gyro, accel = (disturb(nothing, replace(e, noise=0.0), 1.0 / rate, seed, name) for e, name in sensors)
+        gyro, accel = (
+            with_sensor_errors(nothing, replace(e, noise=0.0), 1.0 / rate, seed, name) for e, name in sensors
+        )
     return np.concatenate([gyro[-1], accel[-1]])
 
 

@@ -24,14 +24,14 @@ from jerkbench.audit.verdicts import DEFAULTS, TUNED, Losses
 from jerkbench.campaigns.protocol import Scenario
 from jerkbench.campaigns.ratios import NOMINAL
 from jerkbench.campaigns.search import levels_of
-from jerkbench.evaluation.statistics.intervals.student import student_intervals
+from jerkbench.evaluation.statistics.intervals import student_intervals
 from jerkbench.evaluation.statistics.judgement import LEVEL
 from jerkbench.files import write_text
 from jerkbench.jobs.cluster import Local
 from jerkbench.results.study import load_study
 
 CLAIMED = Method("jerk", "mtf")
-NAIVE, BASELINE = Method("baseline_naive", "none"), Method("baseline", "none")
+NAIVE, BASELINE = Method("baseline_untuned", "none"), Method("baseline", "none")
 ROLL_RAD, PITCH_RAD = 0.0051, 0.0076
 """The paper's errors of the tilt [rad]."""
 LOST_M = 1000.0

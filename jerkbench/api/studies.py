@@ -124,7 +124,7 @@ def table(
     Raises:
         JerkbenchError: there are no results, or no such metric, factor or baseline.
     """
-    from jerkbench.report.analysis.baseline import parse_baseline
+    from jerkbench.report.analysis.runs import parse_baseline
     from jerkbench.report.tables.summary import main_metric, summarise
 
     opened = _opened(study)
@@ -154,7 +154,7 @@ def report(
         JerkbenchError: there are no results.
     """
     from jerkbench.jobs.pool import processors
-    from jerkbench.report.choice import figures_choice
+    from jerkbench.report.drawings import figures_choice
     from jerkbench.results.replay import tell_left_out
     from jerkbench.results.study_figures import REPORT, Request, draw_study, write_report
 

@@ -9,7 +9,7 @@ from jerkbench.audit.campaign import Outcome
 from jerkbench.audit.methods import FLOOR, Method, by_method
 from jerkbench.audit.protocol import AuditProtocol
 from jerkbench.audit.verdicts import DEFAULTS, TUNED, Losses, MethodVerdict, own_rows
-from jerkbench.evaluation.statistics.scenarios import OverScenarios, over_scenarios
+from jerkbench.evaluation.statistics.ranks import OverScenarios, over_scenarios
 
 EXPECTED_ANEES = 6.0
 """Of a consistent filter: position and velocity have six components."""

@@ -10,7 +10,7 @@ from jerkbench.audit.methods import Method
 from jerkbench.audit.protocol import AuditProtocol
 from jerkbench.audit.verdicts import TUNED, Losses
 from jerkbench.campaigns.ratios import ratio_verdict
-from jerkbench.evaluation.statistics.intervals.student import student_intervals
+from jerkbench.evaluation.statistics.intervals import student_intervals
 from jerkbench.evaluation.statistics.judgement import LEVEL, Verdict
 
 

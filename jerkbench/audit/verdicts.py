@@ -15,8 +15,7 @@ from jerkbench.campaigns.protocol import HALVES, Scenario
 from jerkbench.campaigns.ratios import fastest_step_ns, nominal_of, of_families, of_unseen, ratio_verdict, worst_of
 from jerkbench.campaigns.search import ALL, levels_of, losses
 from jerkbench.evaluation.statistics.judgement import LEVEL, Verdict
-from jerkbench.evaluation.statistics.ranks import rank_range
-from jerkbench.evaluation.statistics.scenarios import OverScenarios, over_scenarios
+from jerkbench.evaluation.statistics.ranks import OverScenarios, over_scenarios, rank_range
 
 DEFAULTS = "defaults"
 TUNED = "tuned"

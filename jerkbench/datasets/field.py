@@ -3,13 +3,13 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-from jerkbench.datasets.field_v1 import FieldV1
+from jerkbench.datasets.field_white import FieldWhite
 from jerkbench.plugins import register
 
 
 @register("dataset", "field")
 @dataclass(frozen=True)
-class Field(FieldV1):
+class Field(FieldWhite):
     """The simulated farm robot with sensors whose errors last: coloured noise, a latency, a lever arm. Version 2.
 
     A filter that takes each measurement's noise for new is too sure of itself here, as it is on real fixes. Where the
@@ -22,7 +22,7 @@ class Field(FieldV1):
     - heading, share .5 and 30 s; latency .01 s and arm (1, 1, 2) cm: assumed, as what is left when lags were estimated
       and the arm was measured with a tape; no recording here shows them.
 
-    The robot's way, the ground and the parameters are those of `field_v1`.
+    The robot's way, the ground and the parameters are those of `field_white`.
     """
 
     recording_name: ClassVar[str] = "field"

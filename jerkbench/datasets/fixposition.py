@@ -9,11 +9,10 @@ from jerkbench.errors import PluginError, RecordingError, unknown
 from jerkbench.io.files import fingerprint
 from jerkbench.io.ros.assembly import Loaded, load_bag
 from jerkbench.io.ros.bag import Bag, Topic
-from jerkbench.io.ros.cleaning import is_ecef
 from jerkbench.io.ros.extract import Frames
 from jerkbench.io.ros.files import content_files
 from jerkbench.io.ros.options import BagOptions
-from jerkbench.io.ros.roles import FIX, IMU, ODOMETRY, Role, TopicPlan
+from jerkbench.io.ros.roles import FIX, IMU, ODOMETRY, Role, TopicPlan, is_ecef
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 

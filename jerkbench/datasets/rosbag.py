@@ -9,10 +9,9 @@ from jerkbench.io.ros.assembly import Loaded, load_bag, with_courses
 from jerkbench.io.ros.bag import Bag
 from jerkbench.io.ros.extract import Frames
 from jerkbench.io.ros.files import content_files
-from jerkbench.io.ros.frames import POSE_FRAMES
 from jerkbench.io.ros.options import BagOptions
 from jerkbench.io.ros.roles import TopicPlan, complete_plan
-from jerkbench.io.ros.streams import VELOCITY_FRAMES
+from jerkbench.io.ros.streams import POSE_FRAMES, VELOCITY_FRAMES
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 

@@ -10,7 +10,7 @@ from jerkbench.arrays import require_choices, require_not_negative, require_posi
 from jerkbench.errors import PluginError
 from jerkbench.io.clocks import with_common_time
 from jerkbench.io.files import fingerprint, named_folder
-from jerkbench.io.frames import LOCAL_FRAMES, axes_matrix, calibrated, gravity_notes, imu_in_body
+from jerkbench.io.frames import LOCAL_FRAMES, axes_matrix, calibrated_at_rest, gravity_notes, imu_in_body
 from jerkbench.io.sanitiser import possible_imu, repeat_notes
 from jerkbench.io.table import (
     CHOICES,
@@ -280,7 +280,7 @@ class Tables(TimedColumns):
         units, turn = (self.accel_unit, self.gyro_unit), axes_matrix(self.imu_axes)
         measured = (columns.numbers(self.imu_accel), columns.numbers(self.imu_gyro))
         imu = imu_in_body(samples.t_s(zero_ns), *measured, units, turn)
-        imu = calibrated(imu, self.static_start_s, gyro=self.remove_gyro_bias, accel=False)
+        imu = calibrated_at_rest(imu, self.static_start_s, gyro=self.remove_gyro_bias, accel=False)
         imu = possible_imu(columns.where, imu)
         return imu, (*gravity_notes(imu.accel_mps2, "imu_axes"), *repeat_notes(imu), *columns.notes)
 

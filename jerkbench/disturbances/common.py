@@ -31,11 +31,6 @@ def rows_of(stream: Stream, keep: BoolArray, **changes: Any) -> Stream:  # noqa:
     return dataclasses.replace(stream, **(arrays | changes))
 
 
-def nanoseconds(t_s: FloatArray) -> "np.ndarray[Any, np.dtype[np.int64]]":
-    """Whole nanoseconds, so that equal stamps are equal."""
-    return np.round(t_s * 1e9).astype(np.int64)
-
-
 Windows = tuple[tuple[float, ...], ...]
 
 

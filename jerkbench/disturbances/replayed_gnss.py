@@ -6,11 +6,12 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray, nearest_rows
-from jerkbench.disturbances.common import nanoseconds, own_stream, reported_covariance, rows_of, true_covariance
+from jerkbench.disturbances.common import own_stream, reported_covariance, rows_of, true_covariance
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.io.files import fingerprint
 from jerkbench.plugins import register
 from jerkbench.recording import Position, Recording, Reference
+from jerkbench.timeline import nanoseconds
 from jerkbench.traces import SHIPPED, Trace, read_trace, trace_path
 
 FLOOR_M2 = 1e-6

@@ -73,3 +73,18 @@ class RtkFloat(RegularWindows):
     def replicates(self) -> int:
         """Return 1."""
         return 1
+
+
+# RTK that falls back to a float solution and still reports a fixed one.
+
+
+@register("disturbance", "rtk_float_overconfident")
+@dataclass(frozen=True)
+class RtkFloatOverconfident(RtkFloat):
+    """RTK float in the given windows with the same errors as `rtk_float`, but reported as if it were fixed: R' = R.
+
+    Both draw from the same stream, so that the same seed gives the same errors and only the covariance differs.
+    Only the true covariance knows.
+    """
+
+    honest: ClassVar[bool] = False

@@ -6,10 +6,11 @@ from typing import ClassVar
 import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
-from jerkbench.disturbances.common import nanoseconds, rows_of
+from jerkbench.disturbances.common import rows_of
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.plugins import register
 from jerkbench.recording import Position, Recording, Reference, Velocity
+from jerkbench.timeline import nanoseconds
 
 SOURCE = "fixes of the same receiver, withheld from the filter"
 

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from jerkbench.contracts import Adaptation
 from jerkbench.estimate import Attitude, Estimate
-from jerkbench.filters._eskf15_inputs import aided, run_inputs
-from jerkbench.filters._eskf15_parameters import Eskf15Parameters
+from jerkbench.filters._eskf15_inputs import Eskf15Parameters, aided, run_inputs
 from jerkbench.filters.common import of_r_alone
 from jerkbench.inertial.run import InertialRun, InertialSolution
 from jerkbench.inertial.run_inputs import Journey

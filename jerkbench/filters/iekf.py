@@ -34,8 +34,8 @@ class InvariantEkf(Eskf15):
         dp+ = dp - [p+ - p] phi;  dv+ = dv - [v+ - v] phi             the covariance of xi stays as it is
 
     Both are of the second order: while the attitude is known to some degrees, iekf and eskf15 are the same filter. Six
-    drives of 14 s on `field_v1` without a heading, whose first yaw is wrong by as much as it says; the yaw's error at
-    the end, the worst, and NEES of position and velocity from 8 s on (6 expected), the median::
+    drives of 14 s on `field_white` without a heading, whose first yaw is wrong by as much as it says; the yaw's error
+    at the end, the worst, and NEES of position and velocity from 8 s on (6 expected), the median::
 
         first yaw wrong by      11      34      69     115 degrees
         eskf15, yaw [deg]      0.5     0.8     6.5     116         NEES  6.8   6.7   7.3   36

@@ -21,7 +21,8 @@ from jerkbench.jobs.cell import GROUPS, Cell, Noise, Protocol, build, labels_of
 from jerkbench.optional import preferred_attitude
 from jerkbench.presets import environment_variable
 from jerkbench.removed import refuse_removed
-from jerkbench.report.choice import Choice, figures_choice
+from jerkbench.renamed import RENAMED, new_name
+from jerkbench.report.drawings import Choice, figures_choice
 from jerkbench.timeline import RScale
 from jerkbench.yaml_files import require_small
 
@@ -89,6 +90,9 @@ def register_schemas() -> None:
     for kind in (*GROUPS, "disturbance"):
         group = store.repo.setdefault(kind, {})
         group.update({f"{name}.yaml": PluginNode(kind, name) for name in plugins.names(kind)})
+    for kind, names in RENAMED.items():
+        for old, new in names.items():
+            store.store(group=kind, name=old, node={"defaults": [new]})
 
 
 def study_folder(config: DictConfig) -> Path:
@@ -116,7 +120,8 @@ def cell_of(plain: Mapping[str, Any], choices: Mapping[str, Any], overrides: lis
     spec["disturbance"] = list(plain["disturbance"].values())
     spec.update({name: plain[name] for name in ("noise", "r_scale", "metrics")})
     protocol = Protocol(**{f.name: plain[f.name] for f in fields(Protocol)})
-    return build(spec, protocol, labels_of(spec, choices, overrides))
+    today = {group: new_name(group, str(choice)) for group, choice in choices.items()}
+    return build(spec, protocol, labels_of(spec, today, overrides))
 
 
 def require_whole(plain: Mapping[str, Any]) -> None:

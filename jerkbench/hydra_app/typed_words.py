@@ -3,6 +3,7 @@
 import argparse
 import os
 import re
+import sys
 from collections.abc import Sequence
 from typing import Any, NoReturn
 
@@ -17,6 +18,7 @@ from jerkbench.hydra_app.composition import NO_GROUPS
 from jerkbench.jobs.cell import GROUPS
 from jerkbench.jobs.names import words as as_words
 from jerkbench.presets import preset_names
+from jerkbench.renamed import new_word, renamed_notice
 
 NAMED = re.compile(rf"\+*(?:{'|'.join((*GROUPS, 'disturbance'))})=(?:\[.*\{{|\{{\s*name\s*:)")
 """A plugin with its parameters in one mapping, as Python code gives it; Hydra has names only."""
@@ -125,7 +127,10 @@ def arranged_words(words: Sequence[str]) -> list[str]:
     """
     parser = get_args_parser()
     setattr(parser, "error", _refuse)  # noqa: B010 - mypy lets no method be replaced
-    known = parser.parse_intermixed_args(quoted(words))
+    for word in words:
+        if sentence := renamed_notice(word):
+            print(sentence, file=sys.stderr)
+    known = parser.parse_intermixed_args(quoted([new_word(word) for word in words]))
     _require_sense(known)
     for word in known.overrides:
         _check(word, completing=known.shell_completion)

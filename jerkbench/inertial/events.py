@@ -6,7 +6,7 @@ import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.recording import Heading, Imu
-from jerkbench.timeline import Timeline, in_order, nanoseconds
+from jerkbench.timeline import Timeline, merged_times, nanoseconds
 
 
 class Events(NamedTuple):
@@ -39,7 +39,7 @@ def merge_events(timeline: Timeline, imu: Imu, headings: Heading | None, constra
     known = nanoseconds(timeline.t_s)
     more = nanoseconds(headings.t_s if headings is not None else np.empty(0))
     more = more[(more >= known[0]) & (more <= known[-1])]
-    t_ns = in_order(known, more) if len(more) else known
+    t_ns = merged_times(known, more) if len(more) else known
     at = np.searchsorted(t_ns, known)
     update, reference, heading = np.full((3, len(t_ns)), -1, dtype=np.int64)
     update[at], reference[at] = timeline.update, timeline.reference

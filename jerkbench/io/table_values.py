@@ -120,7 +120,7 @@ class AttitudeMap:
     imu_axes: tuple[str, ...]
 
 
-def attitude_of(columns: Columns, mapping: AttitudeMap) -> FloatArray | None:
+def read_attitude(columns: Columns, mapping: AttitudeMap) -> FloatArray | None:
     """Return (n, 3) roll, pitch, yaw [rad] of the FLU body in ENU, NaN where they are unknown; None without columns.
 
     Raises:
@@ -339,7 +339,7 @@ def read_reference(
         independent=mapping.independent,
         enu_m=None if enu_m is None else enu_m + mapping.offset_m,
         velocity_mps=axes_in_enu(columns.numbers(mapping.velocity), mapping.frame) if mapping.velocity else None,
-        euler_rad=attitude_of(columns, mapping.attitude),
+        euler_rad=read_attitude(columns, mapping.attitude),
     )
     return reference, origin, columns.notes
 

@@ -22,10 +22,11 @@ from jerkbench.contracts import (
     Metric,
 )
 from jerkbench.errors import PluginError
-from jerkbench.evaluation.divergence import LIMIT_M
+from jerkbench.evaluation.evaluated_run import LIMIT_M
 from jerkbench.notices import notify
 from jerkbench.optional import on_request
 from jerkbench.plain import plain
+from jerkbench.renamed import new_name
 from jerkbench.timeline import AS_REPORTED, RScale, scale_of
 
 # Labels of a combination: names of its choices, with the parameters that were set.
@@ -45,7 +46,7 @@ class Labels(NamedTuple):
 def default_labels(spec: Mapping[str, Any]) -> Labels:
     """The plugins' own names."""
     names = {kind: spec[kind]["name"] for kind in ("dataset", "attitude", "filter", "adaptation")}
-    noise = _with_told("own", spec)
+    noise = _with_told("default", spec)
     return Labels(disturbance=joined(d["name"] for d in spec["disturbance"]), noise=noise, **names)
 
 
@@ -75,8 +76,8 @@ def contradiction(labels: Mapping[str, str], spec: Mapping[str, Any]) -> str:
     that it gives itself.
     """
     disturbances = spec["disturbance"] or [{"name": "none"}]
-    ran = {kind: {spec[kind]["name"]} for kind in ("dataset", "attitude", "filter", "adaptation")}
-    ran["disturbance"] = {disturbance["name"] for disturbance in disturbances}
+    ran = {kind: {new_name(kind, spec[kind]["name"])} for kind in ("dataset", "attitude", "filter", "adaptation")}
+    ran["disturbance"] = {new_name("disturbance", disturbance["name"]) for disturbance in disturbances}
     for kind, names in ran.items():
         if labels[kind].endswith("(program)"):
             continue
@@ -99,19 +100,19 @@ def _disturbance_label(
 
 
 def _noise_label(spec: dict[str, Any], choices: Mapping[str, Any], changed: dict[str, list[str]]) -> str:
-    """The preset or the swept values; "own" for a filter that has none of the fields."""
+    """The preset or the swept values; "default" for a filter that has none of the fields."""
     own = {f.name for f in fields(plugins.get("filter", spec["filter"]["name"]))}
     if not own & {key for key, value in spec["noise"].items() if value is not None}:
-        return "own"
+        return "default"
     preset = str(choices["noise"])
     parameters = [p for p in changed.get("noise", []) if p.split("=")[0] in own]
-    return ", ".join(parameters) if preset == "own" else _named(preset, parameters)
+    return ", ".join(parameters) if preset == "default" else _named(preset, parameters)
 
 
 def _with_told(noise: str, spec: Mapping[str, Any]) -> str:
     """The noise with the factors on the reported R that are not 1: both are what the filter is told of noise."""
     told = [f"r_scale.{name}={value:g}" for name, value in scale_of(spec.get("r_scale")).changed.items()]
-    return ", ".join([*([noise] if noise != "own" or not told else []), *told])
+    return ", ".join([*([noise] if noise != "default" or not told else []), *told])
 
 
 def _parameters(overrides: list[str]) -> dict[str, list[str]]:
@@ -208,7 +209,7 @@ class Protocol:
         first_seed: the first of them.
         burn_in_s: errors count from this time on [s].
         divergence_limit_m: a larger position error is a divergence [m]; infinite: none is. The rule and the
-            limit where nothing is said: `jerkbench.evaluation.divergence`.
+            limit where nothing is said: `jerkbench.evaluation.evaluated_run`.
     """
 
     seeds: int = 5

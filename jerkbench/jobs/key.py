@@ -25,12 +25,10 @@ COMPUTING = (
     *("adaptation", "attitude", "compilation", "datasets", "disturbances", "engines", "estimation"),
     *("filters", "inertial", "io", "kinematic", "linear", "recording", "simulation", "measurements", "timeline"),
     *("traces", "contracts", "evaluation/metrics", "arrays", "estimate", "geometry", "kalman"),
-    *("memory", "optional", "random_streams", "sums", "tuning/excerpts"),
+    *("memory", "optional", "random_streams", "renamed", "sums", "tuning/excerpts"),
     *(f"jobs/{name}" for name in ("cell", "inputs", "rows")),
-    *(f"evaluation/{name}" for name in ("batch_scoring", "counted_rows", "counted_stamps", "divergence")),
-    *(f"evaluation/{name}" for name in ("evaluated_run", "faults", "navigation_errors", "riccati", "sums")),
-    *(f"evaluation/statistics/{name}" for name in ("gaussian_scores", "step_response", "whiteness")),
-    "evaluation/statistics/intervals/correlated_errors",
+    *(f"evaluation/{name}" for name in ("counted_rows", "evaluated_run", "navigation_errors", "sums")),
+    "evaluation/statistics/correlated_errors",
 )
 """Rooms and modules of this package that the rows of a cell depend on: their code is in every key."""
 

@@ -11,6 +11,7 @@ from jerkbench.errors import PluginError, unknown
 from jerkbench.jobs.cell import Cell, Noise, Protocol, build, labels_of
 from jerkbench.optional import is_attitude_only, lacks_imu, preferred_attitude, uses_imu
 from jerkbench.presets import default_names, merged_values, preset, preset_names
+from jerkbench.renamed import new_name
 
 Part = Any
 """A plugin or a preset by its name, {"name": ..., parameter: value, ...}, or a plugin itself."""
@@ -76,6 +77,7 @@ def choose(kind: str, part: Part) -> ChosenPlugin:
         PluginError: it has no name, or there is none of that name.
     """
     name, parameters = _split(kind, part)
+    name = new_name(kind, name)
     if name in preset_names(kind):
         return _preset(kind, name, parameters)
     if name not in plugins.names(kind):
@@ -90,6 +92,7 @@ def _preset(kind: str, name: str, parameters: dict[str, Any]) -> ChosenPlugin:
     below = preset(kind, name)
     if kind != "disturbance":
         return ChosenPlugin(name, words(kind, parameters), merged_values(below, parameters))
+    parameters = {new_name(kind, key): value for key, value in parameters.items()}
     for key, value in parameters.items():  # each is the parameters of one of the preset's disturbances
         if key not in below:
             raise PluginError(unknown(f"disturbance in the preset {name}", key, below))
@@ -127,6 +130,7 @@ def process_noise(part: Part | None) -> ChosenPlugin:
     for key in parameters:
         if key not in known:
             raise PluginError(unknown("parameter of noise", key, known))
+    name = new_name("noise", name)
     if name not in preset_names("noise"):
         raise PluginError(unknown("noise", name, preset_names("noise")))
     return _preset("noise", name, parameters)

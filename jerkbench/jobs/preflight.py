@@ -107,7 +107,7 @@ def _complaints(cell: Cell) -> Iterator[tuple[str, str]]:
     foreign = [(title, kind, plugin) for title, kind, plugin in _parts(cell) if not is_own(type(plugin))]
     if not foreign:
         return
-    from jerkbench.conformance.probe import complaint
+    from jerkbench.conformance.plugin import complaint
 
     for title, kind, plugin in foreign:
         if sentence := complaint(kind, plugin):

@@ -11,11 +11,9 @@ import numpy as np
 from jerkbench.contracts import Adaptation, Batched, Engine, Estimator, Filter, PerSeed, Remarking, SideBySide
 from jerkbench.errors import JerkbenchError, PluginError
 from jerkbench.estimate import Attitude, Estimate
-from jerkbench.evaluation.batch_scoring import can_stream, outlined, with_updates
 from jerkbench.evaluation.counted_rows import require_begin
-from jerkbench.evaluation.divergence import run_status, strays
-from jerkbench.evaluation.evaluated_run import Summary, evaluate_run, values_of
-from jerkbench.evaluation.sums import Scored, sums_from
+from jerkbench.evaluation.evaluated_run import Summary, evaluate_run, metric_values, run_status, strays
+from jerkbench.evaluation.sums import Scored, can_stream, outlined, sums_from, with_updates
 from jerkbench.jobs.cell import Cell
 from jerkbench.jobs.inputs import KEPT, Inputs, shared_inputs
 from jerkbench.jobs.preflight import plugins_in_words, reason_of, unfit
@@ -336,4 +334,4 @@ def _values(cell: Cell, seed: _Prepared, result: Streamed, inputs: Inputs) -> di
     if result.euler_rad is not None:  # an attitude of its own
         outline = outlined(outline.index, result.euler_rad)
     summary = Summary(with_updates(outline, result.updates), seed.scored.counted, sums)
-    return values_of(cell.metrics, summary, seed.recording, inputs.columns)
+    return metric_values(cell.metrics, summary, seed.recording, inputs.columns)

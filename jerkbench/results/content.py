@@ -12,6 +12,7 @@ import pyarrow.compute as pc
 
 from jerkbench.arrays import BoolArray, IntArray
 from jerkbench.jobs.cell import Labels
+from jerkbench.renamed import new_label
 from jerkbench.results.parts import CELL, COLUMNS, HEAD, KEY, PROCESSOR, RUNS, parsed
 
 OF_BLOCKS = ("cell.notes", "cell.seconds", "cell.created")
@@ -168,7 +169,8 @@ def _ranks(column: pa.ChunkedArray) -> IntArray:
 
 def _metadata(first: pa.Table) -> list[dict[str, Any]]:
     """The metadata of cells from a row of each; parts of equal text are one object."""
-    labels = zip(*(first[name].to_pylist() for name in Labels._fields), strict=True)
+    columns = {name: first[name].to_pylist() for name in Labels._fields}
+    labels = zip(*([new_label(kind, label) for label in own] for kind, own in columns.items()), strict=True)
     cells: list[dict[str, Any]] = [
         {"labels": dict(zip(Labels._fields, own, strict=True)), "spec": {}} for own in labels
     ]

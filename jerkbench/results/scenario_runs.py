@@ -14,7 +14,7 @@ from jerkbench.estimate import Estimate
 from jerkbench.evaluation.navigation_errors import position_error_length_m
 from jerkbench.jobs.inputs import shared_inputs
 from jerkbench.recording import Recording
-from jerkbench.report.analysis.references import competes
+from jerkbench.report.analysis.columns import competes
 from jerkbench.report.drawings import Scene
 from jerkbench.report.page.script_data import Stretch, largest_of_steps
 from jerkbench.results.content import Stored
@@ -176,7 +176,7 @@ def _mean(cell: Stored, metric: str) -> float:
 
 def _name(cell: Stored) -> str:
     labels = cell.metadata["labels"]
-    noise = "" if labels["noise"] == "own" else f", {labels['noise']}"
+    noise = "" if labels["noise"] == "default" else f", {labels['noise']}"
     return f"{labels['filter']} + {labels['adaptation']}{noise}"
 
 

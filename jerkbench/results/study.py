@@ -12,7 +12,7 @@ import pandas as pd
 from jerkbench.errors import JerkbenchError, unknown
 from jerkbench.files import write_atomically
 from jerkbench.jobs.cell import Labels
-from jerkbench.report.analysis.rule import SPENDS
+from jerkbench.report.analysis.runs import SPENDS
 from jerkbench.results.conditions import Values, conditions, told_apart, with_one_name
 from jerkbench.results.content import Content, frame
 from jerkbench.results.csv_writer import write_rows_csv

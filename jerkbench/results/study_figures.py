@@ -11,10 +11,10 @@ from jerkbench.files import write_atomically, write_text
 from jerkbench.jobs.cluster import Workers
 from jerkbench.jobs.dispatch import Order, outcomes
 from jerkbench.jobs.progress import Progress
-from jerkbench.report.analysis.factors import METHOD
-from jerkbench.report.analysis.rule import RULE, Rule
-from jerkbench.report.choice import Choice
+from jerkbench.report.analysis.columns import METHOD
+from jerkbench.report.analysis.runs import RULE, VerdictRule
 from jerkbench.report.drawings import (
+    Choice,
     Drawing,
     Methods,
     Picture,
@@ -25,7 +25,7 @@ from jerkbench.report.drawings import (
     telling_scenes,
 )
 from jerkbench.report.page.script_data import Stretch
-from jerkbench.report.plots.palette import Palette
+from jerkbench.report.plots.style import Palette
 from jerkbench.report.tables.summary import main_metric
 from jerkbench.results.manifest import read_manifest
 from jerkbench.results.scenario_runs import SCENARIO, Cells, load_scene, load_stretch, scene_cells, steps_of
@@ -239,7 +239,7 @@ def present(study: Study, workers: int, choice: Choice, *, pdf: bool = False, ru
 
 
 def write_report(
-    study: Study, drawn: Drawn, path: Path, method: tuple[str, ...] | None = None, rule: Rule = RULE
+    study: Study, drawn: Drawn, path: Path, method: tuple[str, ...] | None = None, rule: VerdictRule = RULE
 ) -> None:
     """Write the report of a study as one HTML file, its methods made of ``method`` and judged by ``rule``."""
     from jerkbench.report.page.page import Results, page

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from jerkbench.jobs.cell import contradiction
 from jerkbench.plain import plain
-from jerkbench.report.analysis.references import FLOOR
+from jerkbench.report.analysis.columns import FLOOR
 from jerkbench.results.shown_cells import Current
 
 if TYPE_CHECKING:
@@ -87,7 +87,9 @@ def worse_than_fixes(rows: "pd.DataFrame", cells: Sequence[Metadata]) -> list[st
 
 def _losers(scenario: tuple[str, ...], worse: Mapping[tuple[str, ...], float], floor: float) -> str:
     ranked = sorted(worse.items(), key=lambda pair: -pair[1])
-    named = [f"{'+'.join(m for m in method if m not in ('none', 'own'))} ({_shown(error)})" for method, error in ranked]
+    named = [
+        f"{'+'.join(m for m in method if m not in ('none', 'default'))} ({_shown(error)})" for method, error in ranked
+    ]
     more = f" and {len(named) - TOLD} more" if len(named) > TOLD else ""
     where, worst = ", ".join(scenario), ", ".join(named[:TOLD])
     return f"Worse than {FLOOR} ({floor:.3g} m), which has no IMU, in {where}: {worst}{more}."

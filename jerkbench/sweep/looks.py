@@ -10,10 +10,10 @@ import numpy as np
 
 from jerkbench.errors import PluginError
 from jerkbench.evaluation.statistics.judgement import Verdict
-from jerkbench.evaluation.statistics.sequential import FIRST, levels, looks
+from jerkbench.evaluation.statistics.seeds import FIRST, levels, looks
 from jerkbench.jobs.cell import Labels
 from jerkbench.jobs.progress import duration
-from jerkbench.report.analysis.rule import Rule
+from jerkbench.report.analysis.runs import VerdictRule
 from jerkbench.report.analysis.study_verdicts import study_verdicts
 from jerkbench.report.tables.summary import main_metric
 from jerkbench.results.content import Stored
@@ -86,7 +86,7 @@ def run_looks(
 
 def undecided(study: Study, level: float) -> int:
     """Return how many pairs of methods are undecided in the study's leading metric."""
-    verdicts = study_verdicts(study.rows, main_metric(study.rows), rule=Rule(level=level))
+    verdicts = study_verdicts(study.rows, main_metric(study.rows), rule=VerdictRule(level=level))
     return sum(
         pair.verdict is Verdict.UNDECIDED for standing in verdicts.standings for pair in standing.contest.comparisons
     )

@@ -8,10 +8,10 @@ import pytest
 from jerkbench import plugins
 from jerkbench.adaptation.mtf import Mtf
 from jerkbench.attitude.tilt import Tilt
-from jerkbench.datasets.field_v1 import FieldV1
+from jerkbench.datasets.field_white import FieldWhite
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.engines.filterpy_engine import FilterpyEngine
-from jerkbench.evaluation.batch_scoring import scored
+from jerkbench.evaluation.sums import scored
 from jerkbench.sums import RecordedRun, Run
 from jerkbench.timeline import build_timeline
 
@@ -23,7 +23,7 @@ def jumping():
     """Drives of nine seconds whose fixes are off by 3 m all the time but at the start, at 5 and at 2 Hz."""
     drives = []
     for rate_hz in (5.0, 2.0):
-        recording = FieldV1(duration_s=9.0, gnss_rate_hz=rate_hz).load(1)
+        recording = FieldWhite(duration_s=9.0, gnss_rate_hz=rate_hz).load(1)
         fixes = recording.position
         off = 3.0 * np.where(np.arange(len(fixes.t_s)) % 2, 1.0, -1.0)
         off[0] = 0.0

@@ -40,16 +40,20 @@ def by_parts(disturbance=(), noise=None, **single):
 
 
 def test_its_rows_are_those_of_the_command_line(tmp_path):
-    words = ["disturbance=[bias,gnss_outage]", "disturbance.bias.accel_mps2=0.1", "disturbance.gnss_outage.first_s=8"]
-    words += ["filter=baseline_naive", "adaptation=mtf", "attitude=real", "dataset.duration_s=12", "seeds=2"]
+    words = [
+        "disturbance=[imu_bias,gnss_outage]",
+        "disturbance.imu_bias.accel_mps2=0.1",
+        "disturbance.gnss_outage.first_s=8",
+    ]
+    words += ["filter=baseline_untuned", "adaptation=mtf", "attitude=real", "dataset.duration_s=12", "seeds=2"]
     done = command_line("run", "figures=false", *words, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     theirs = load_study(tmp_path / "results" / "adhoc").rows
 
     ours = jerkbench.run(
         dataset={"name": "field", "duration_s": 12},
-        disturbance=[{"name": "bias", "accel_mps2": 0.1}, {"name": "gnss_outage", "first_s": 8}],
-        filter="baseline_naive",
+        disturbance=[{"name": "imu_bias", "accel_mps2": 0.1}, {"name": "gnss_outage", "first_s": 8}],
+        filter="baseline_untuned",
         adaptation="mtf",
         attitude="real",
         seeds=2,
@@ -80,10 +84,14 @@ def test_its_rows_are_those_of_the_command_line(tmp_path):
         (["filter=jerk", "filter.accel_mps2=0.4"], {"filter": {"name": "jerk", "accel_mps2": 0.4}}),
         (["disturbance=[withhold,twelve_outages]"], {"disturbance": ["withhold", "twelve_outages"]}),
         (
-            ["disturbance=combined", "disturbance.bias.accel_mps2=0.5", "disturbance.gnss_outage.windows_s=[[3,4]]"],
+            [
+                "disturbance=combined",
+                "disturbance.imu_bias.accel_mps2=0.5",
+                "disturbance.gnss_outage.windows_s=[[3,4]]",
+            ],
             {
                 "disturbance": [
-                    {"name": "combined", "bias": {"accel_mps2": 0.5}, "gnss_outage": {"windows_s": [[3, 4]]}}
+                    {"name": "combined", "imu_bias": {"accel_mps2": 0.5}, "gnss_outage": {"windows_s": [[3, 4]]}}
                 ]
             },
         ),
@@ -100,14 +108,20 @@ def test_the_same_names_are_the_same_cell_as_on_the_command_line(words, argument
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        ({"filter": "baseline_naiv"}, "There is no filter 'baseline_naiv'. Did you mean 'baseline_naive'"),
+        ({"filter": "baseline_untund"}, "There is no filter 'baseline_untund'. Did you mean 'baseline_untuned'"),
         ({"attitude": "reel"}, "There is no attitude 'reel'. Did you mean 'real'"),
         ({"filter": {"accel_mps2": 1.0}}, "filter is .* which has no name"),
-        ({"filter": {"name": "baseline_naive", "acel_mps2": 1.0}}, "parameter of filter baseline 'acel_mps2'"),
+        ({"filter": {"name": "baseline_untuned", "acel_mps2": 1.0}}, "parameter of filter baseline 'acel_mps2'"),
         ({"noise": "tund"}, "There is no noise 'tund'. Did you mean 'tuned'"),
         ({"noise": {"acel_mps2": 1.0}}, "There is no parameter of noise 'acel_mps2'. Did you mean 'accel_mps2'"),
-        ({"disturbance": {"name": "combined", "bia": {}}}, "in the preset combined 'bia'. Did you mean 'bias'"),
-        ({"disturbance": {"name": "combined", "bias": 3}}, "disturbance combined, 'bias' is 3; give its parameters"),
+        (
+            {"disturbance": {"name": "combined", "imu_bia": {}}},
+            "in the preset combined 'imu_bia'. Did you mean 'imu_bias'",
+        ),
+        (
+            {"disturbance": {"name": "combined", "imu_bias": 3}},
+            "disturbance combined, 'imu_bias' is 3; give its parameters",
+        ),
     ],
 )
 def test_what_is_wrong_is_a_sentence(arguments, said):

@@ -12,14 +12,14 @@ import pytest
 from commands import environment, swept
 from jerkbench import api, plugins
 from jerkbench.adaptation.none import NoAdaptation
-from jerkbench.disturbances.bias import Bias
+from jerkbench.disturbances.imu_bias import ImuBias
 from jerkbench.errors import JerkbenchError
 from jerkbench.filters.jerk import Jerk
 from jerkbench.results.study import Study, load_study
 
 ROOT = Path(__file__).parents[2]
 SHORT = {"name": "field", "duration_s": 12}
-FAULTS = [{"name": "bias", "accel_mps2": 0.1}, {"name": "gnss_outage", "first_s": 8}]
+FAULTS = [{"name": "imu_bias", "accel_mps2": 0.1}, {"name": "gnss_outage", "first_s": 8}]
 
 
 def test_step_by_step_gives_the_row_of_a_run():
@@ -38,7 +38,7 @@ def test_step_by_step_gives_the_row_of_a_run():
 def test_a_plugin_itself_stands_for_its_name():
     recording = api.load(SHORT)
     by_name = api.estimate(api.disturb(recording, FAULTS[0]), filter={"name": "jerk", "accel_mps2": 0.3})
-    itself = api.estimate(api.disturb(recording, Bias(accel_mps2=0.1)), filter=Jerk(accel_mps2=0.3))
+    itself = api.estimate(api.disturb(recording, ImuBias(accel_mps2=0.1)), filter=Jerk(accel_mps2=0.3))
 
     np.testing.assert_array_equal(itself.position_m, by_name.position_m)
     rows = api.run(dataset=SHORT, filter=Jerk(accel_mps2=0.3), seeds=1)
@@ -70,7 +70,7 @@ def test_a_study_is_that_of_the_command_line(tmp_path):
         adaptation=["none", "mtf"],
         seeds=1,
     )
-    swept("filter=gnss_only,jerk", "adaptation=none,mtf", "disturbance=none,[bias,gnss_outage]", cwd=tmp_path)
+    swept("filter=gnss_only,jerk", "adaptation=none,mtf", "disturbance=none,[imu_bias,gnss_outage]", cwd=tmp_path)
     theirs = load_study(tmp_path / "results" / "adhoc").rows
     order = ["disturbance", "filter", "adaptation"]
 
@@ -121,7 +121,7 @@ def test_a_recording_and_an_estimate_are_one_short_line_as_text():
     ("call", "sentence"),
     [
         (lambda: api.load("feld"), "Did you mean 'field'"),
-        (lambda: api.disturb(api.load(SHORT), "bia"), "Did you mean 'bias'"),
+        (lambda: api.disturb(api.load(SHORT), "imu_bia"), "Did you mean 'imu_bias'"),
         (lambda: api.figure(api.load(SHORT), {}, "error"), "Did you mean 'errors'"),
         (lambda: api.estimate(api.load(SHORT), noise="tund"), "Did you mean 'tuned'"),
     ],

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from jerkbench.attitude.gyro_only import GyroOnly
 from jerkbench.attitude.tilt import Tilt
-from jerkbench.datasets.field_v1 import FieldV1
+from jerkbench.datasets.field_white import FieldWhite
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.geometry import dcm_from_euler
 from jerkbench.recording import Heading, Imu, Recording, Reference
@@ -65,7 +65,7 @@ def test_yaw_is_that_of_the_tilt_filter():
 
 def test_on_the_field_without_noise_it_stays_with_the_truth():
     """The gyro is exact there; what is left is the alignment's tilt error and the yaw's walk."""
-    drive = FieldV1(duration_s=40.0, noise=False).load(0)
+    drive = FieldWhite(duration_s=40.0, noise=False).load(0)
     attitude = GyroOnly().estimate(drive)
     np.testing.assert_allclose(attitude.euler_rad[:, :2], drive.reference.euler_rad[:, :2], atol=2e-6)
     first = drive.imu.accel_mps2[1:500]

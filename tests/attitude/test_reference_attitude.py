@@ -6,14 +6,14 @@ import pytest
 
 from jerkbench import plugins
 from jerkbench.attitude.reference import ReferenceAttitude
-from jerkbench.datasets.field_v1 import FieldV1
+from jerkbench.datasets.field_white import FieldWhite
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.recording import Imu, Recording, Reference
 from synthetic import recording_at_rest
 
 
 def test_on_the_field_it_is_the_truth_and_returns_the_true_acceleration():
-    drive = FieldV1(duration_s=30.0, noise=False).load(0)
+    drive = FieldWhite(duration_s=30.0, noise=False).load(0)
     attitude = plugins.create("attitude", {"name": "reference"}).estimate(drive)
     np.testing.assert_array_equal(attitude.euler_rad, drive.reference.euler_rad)
     u = np.diff(drive.reference.velocity_mps, axis=0) / 0.01
@@ -64,7 +64,7 @@ def test_no_attitude_and_a_gap_are_sentences():
 
 
 def test_what_the_reference_lacks_is_said_before_a_sweep_begins():
-    ReferenceAttitude().require(lambda: FieldV1(duration_s=5.0).load(0))
+    ReferenceAttitude().require(lambda: FieldWhite(duration_s=5.0).load(0))
     with pytest.raises(RecordingError, match="rest has a reference without attitude"):
         ReferenceAttitude().require(lambda: recording_at_rest(1.0))
     with pytest.raises(RecordingError, match="raise gap_s"):

@@ -8,7 +8,7 @@ import pytest
 from jerkbench.attitude.gyro_only import GyroOnly
 from jerkbench.attitude.tilt import Tilt
 from jerkbench.contracts import Remarking
-from jerkbench.datasets.field_v1 import FieldV1
+from jerkbench.datasets.field_white import FieldWhite
 from jerkbench.inspection.facts import yaw_line
 from jerkbench.recording import Heading, Position
 from synthetic import recording_at_rest
@@ -44,7 +44,7 @@ def test_what_is_not_measured_is_said(attitude, speed_mps, sigma_m, remark):
 
 
 def test_what_is_measured_or_asked_for_is_not_remarked_on():
-    field, rest = FieldV1(duration_s=10.0).load(0), driven(0.0, 1.0)
+    field, rest = FieldWhite(duration_s=10.0).load(0), driven(0.0, 1.0)
 
     for recording in (field, replace(field, heading=None), replace(field, position=None, heading=None, velocity=None)):
         assert Tilt().remarks(recording) == ()

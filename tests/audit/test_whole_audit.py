@@ -31,7 +31,7 @@ def protocol():
     return dataclasses.replace(
         small,
         duration_s=30.0,
-        fields={"white": "field_v1"},
+        fields={"white": "field_white"},
         filters=("baseline",),
         adaptations=("chi2",),
         families=families,

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from jerkbench.attitude.tilt import Tilt
-from jerkbench.datasets.field_v1 import FieldV1
+from jerkbench.datasets.field_white import FieldWhite
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 
@@ -22,7 +22,7 @@ def drive(monkeypatch):
 
 @pytest.fixture(scope="module")
 def given():
-    recording = FieldV1(duration_s=8.0).load(0)
+    recording = FieldWhite(duration_s=8.0).load(0)
     return recording, Tilt().estimate(recording)
 
 

@@ -8,8 +8,8 @@ import pytest
 
 from jerkbench import plugins, testing
 from jerkbench.adaptation.mtf import Mtf
-from jerkbench.conformance.probe import complaint
-from jerkbench.disturbances.bias import Bias
+from jerkbench.conformance.plugin import complaint
+from jerkbench.disturbances.imu_bias import ImuBias
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.errors import PluginError
 from jerkbench.evaluation.metrics.position import PositionRmse
@@ -80,7 +80,7 @@ class Meddling(GnssOnly):
         return super().estimate(recording, attitude, adaptation)
 
 
-class Shaken(Bias):
+class Shaken(ImuBias):
     """Another result each time."""
 
     def apply(self, recording, seed):
@@ -133,7 +133,7 @@ def test_one_that_cannot_be_hashed_is_a_sentence():
 
 
 RIGHT = [("adaptation", Plain()), ("adaptation", Mtf()), ("filter", Jerk()), ("filter", Eskf15())]
-RIGHT += [("disturbance", Bias()), ("metric", PositionRmse()), ("engine", FilterpyEngine())]
+RIGHT += [("disturbance", ImuBias()), ("metric", PositionRmse()), ("engine", FilterpyEngine())]
 
 
 @pytest.mark.parametrize(("kind", "plugin"), RIGHT)

@@ -4,7 +4,7 @@ import inspect
 import numpy as np
 import pytest
 
-from jerkbench.datasets.field_v1 import FieldV1
+from jerkbench.datasets.field_white import FieldWhite
 from jerkbench.datasets.path import DrivenPath
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.geometry import dcm_from_euler
@@ -154,7 +154,7 @@ def test_sensors_noise_and_streams_are_those_of_the_field():
         ]
 
     # Streams are read in order, so the shorter one is the beginning of the longer one.
-    for ours, theirs in zip(noises(DrivenPath, waypoints_m=long), noises(FieldV1, duration_s=60.0), strict=True):
+    for ours, theirs in zip(noises(DrivenPath, waypoints_m=long), noises(FieldWhite, duration_s=60.0), strict=True):
         n = min(len(ours), len(theirs))
         np.testing.assert_allclose(ours[:n], theirs[:n], atol=1e-9)
         assert ours.std() > 0

@@ -3,18 +3,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from jerkbench.datasets import field_v1
+from jerkbench.datasets import field_white
 from jerkbench.datasets.field import Field, FieldHeadland, FieldRuts, FieldVibration
-from jerkbench.datasets.field_v1 import FieldV1
+from jerkbench.datasets.field_white import FieldWhite
 from jerkbench.errors import PluginError
 from jerkbench.geometry import dcm_from_euler
 from jerkbench.plugins import create, get
 from jerkbench.random_streams import stream
-from jerkbench.simulation import gnss, imu
+from jerkbench.simulation import imu
+from jerkbench.simulation import sensors as simulated
 
 FIELDS = {
     "field": Field,
-    "field_v1": FieldV1,
+    "field_white": FieldWhite,
     "field_ruts": FieldRuts,
     "field_vibration": FieldVibration,
     "field_headland": FieldHeadland,
@@ -25,7 +26,7 @@ G = np.array([0.0, 0.0, 9.81])
 
 @pytest.fixture(scope="module")
 def drive():
-    return FieldV1().load(1)
+    return FieldWhite().load(1)
 
 
 def imu_arrays(recording):
@@ -86,13 +87,13 @@ def test_stamps_coincide_exactly(drive):
 
 
 def test_a_thinned_reference_keeps_rows_of_the_full_one(drive):
-    thin = FieldV1(reference_rate_hz=10.0).load(1).reference
+    thin = FieldWhite(reference_rate_hz=10.0).load(1).reference
     np.testing.assert_array_equal(thin.t_s, drive.reference.t_s[9::10])
     np.testing.assert_array_equal(thin.enu_m, drive.reference.enu_m[9::10])
 
 
 def test_it_stands_still_at_the_start():
-    recording = FieldV1(noise=False, duration_s=10.0).load(3)
+    recording = FieldWhite(noise=False, duration_s=10.0).load(3)
     rest = recording.imu.t_s <= recording.static_start_s
     assert rest.sum() == 300
     assert np.ptp(recording.reference.enu_m[rest], axis=0).max() == 0
@@ -103,7 +104,7 @@ def test_it_stands_still_at_the_start():
 
 
 def test_imu_noise_has_its_sigma(drive):
-    clean = FieldV1(noise=False).load(1)
+    clean = FieldWhite(noise=False).load(1)
     for name, sigma in (("accelerometer", 0.02), ("gyro", 0.0017)):
         noise = imu_arrays(drive)[name] - imu_arrays(clean)[name]
         np.testing.assert_allclose(noise.std(axis=0), sigma, rtol=0.03)
@@ -126,7 +127,7 @@ def test_measurement_noise_has_the_sigma_that_is_reported(drive):
 
 
 def test_without_noise_every_sensor_says_the_truth():
-    recording = FieldV1(noise=False).load(1)
+    recording = FieldWhite(noise=False).load(1)
     np.testing.assert_array_equal(recording.position.enu_m, recording.reference.enu_m[19::20])
     np.testing.assert_array_equal(recording.velocity.mps, recording.reference.velocity_mps[19::20])
     np.testing.assert_allclose(recording.heading.yaw_rad, recording.reference.euler_rad[19::20, 2], atol=1e-12)
@@ -135,13 +136,13 @@ def test_without_noise_every_sensor_says_the_truth():
 def test_headings_are_wrapped(drive):
     assert np.abs(drive.heading.yaw_rad).max() <= np.pi
     assert np.abs(drive.reference.euler_rad[:, 2]).max() <= np.pi
-    turns = (FieldV1().truth(1).euler_rad[1:, 2] - drive.reference.euler_rad[:, 2]) / (2 * np.pi)
+    turns = (FieldWhite().truth(1).euler_rad[1:, 2] - drive.reference.euler_rad[:, 2]) / (2 * np.pi)
     np.testing.assert_allclose(turns, np.round(turns), atol=1e-12)
     assert set(np.round(turns)) == {0.0, 1.0}
 
 
 def test_a_seed_is_one_recording():
-    short = FieldV1(duration_s=20.0)
+    short = FieldWhite(duration_s=20.0)
     assert changed(short.load(5), short.load(5)) == set()
     assert changed(short.load(5), short.load(6)) == {*sensors(short.load(5))}
 
@@ -163,12 +164,12 @@ def test_a_seed_is_one_recording():
     ],
 )
 def test_switching_one_source_does_not_move_the_others(switch, moves):
-    short = FieldV1(duration_s=12.0)
+    short = FieldWhite(duration_s=12.0)
     assert changed(short.load(1), replace(short, **switch).load(1)) == moves
 
 
 def test_a_silent_source_is_one_without_size():
-    short = replace(FieldV1(duration_s=12.0), impacts_per_s=3.0)
+    short = replace(FieldWhite(duration_s=12.0), impacts_per_s=3.0)
     sizes = {
         "terrain": {"roughness": 0.0},
         "vibration": {"vibration_mps2": 0.0, "vibration_rad": 0.0},
@@ -181,15 +182,17 @@ def test_a_silent_source_is_one_without_size():
 
 
 def test_a_silent_sensor_is_still_believed_as_before():
-    one, other = FieldV1(duration_s=12.0).load(1), FieldV1(duration_s=12.0, silent=("position",)).load(1)
+    one, other = FieldWhite(duration_s=12.0).load(1), FieldWhite(duration_s=12.0, silent=("position",)).load(1)
     np.testing.assert_array_equal(one.position.covariance_m2, other.position.covariance_m2)
     with pytest.raises(PluginError, match="mean 'position'"):
-        FieldV1(silent=("positon",))
+        FieldWhite(silent=("positon",))
 
 
 def test_switching_vibration_off_moves_neither_terrain_nor_noise(drive):
-    calm, calm_clean = (FieldV1(vibration_mps2=0.0, vibration_rad=0.0, noise=noise).load(1) for noise in (True, False))
-    clean = FieldV1(noise=False).load(1)
+    calm, calm_clean = (
+        FieldWhite(vibration_mps2=0.0, vibration_rad=0.0, noise=noise).load(1) for noise in (True, False)
+    )
+    clean = FieldWhite(noise=False).load(1)
     for name in ("position", "velocity"):
         with_vibration = sensors(drive)[name] - sensors(clean)[name]
         np.testing.assert_allclose(sensors(calm)[name] - sensors(calm_clean)[name], with_vibration, atol=1e-12)
@@ -212,7 +215,7 @@ def test_no_sample_is_beyond_the_range():
 
 
 def test_tilt_is_gentle_and_not_made_by_short_waves():
-    recording = FieldV1(noise=False).load(1)
+    recording = FieldWhite(noise=False).load(1)
     tilt = recording.reference.euler_rad[600:, :2]
     assert (tilt.std(axis=0) < 0.06).all()
     assert (tilt.std(axis=0) > 0.01).all()
@@ -221,14 +224,14 @@ def test_tilt_is_gentle_and_not_made_by_short_waves():
 
 
 def test_pitch_follows_the_climb_and_is_positive_nose_down():
-    recording = FieldV1(noise=False, vibration_mps2=0.0, vibration_rad=0.0).load(1)
+    recording = FieldWhite(noise=False, vibration_mps2=0.0, vibration_rad=0.0).load(1)
     velocity = recording.reference.velocity_mps[1000:]
     climb = np.arctan(velocity[:, 2] / np.hypot(velocity[:, 0], velocity[:, 1]))
     np.testing.assert_allclose(recording.reference.euler_rad[1000:, 1], -climb, atol=1e-9)
 
 
 def test_roll_lifts_the_left_side_where_the_hill_is_on_the_left():
-    north = FieldV1(duration_s=10.0, roughness=0.0, vibration_rad=0.0, vibration_mps2=0.0, heading_rad=np.pi / 2)
+    north = FieldWhite(duration_s=10.0, roughness=0.0, vibration_rad=0.0, vibration_mps2=0.0, heading_rad=np.pi / 2)
     roll = north.load(0).reference.euler_rad[0, 0]
     assert roll == pytest.approx(-np.arctan(0.4 * 2 * np.pi / 60))  # driving north, the hill rises to the right
 
@@ -253,12 +256,12 @@ def test_roll_lifts_the_left_side_where_the_hill_is_on_the_left():
 )
 def test_a_value_that_makes_no_sense_is_one_sentence(parameter, sentence):
     with pytest.raises(PluginError, match="dataset field") as error:
-        FieldV1(**parameter)
+        FieldWhite(**parameter)
     assert sentence in str(error.value)
 
 
 def test_ruts_out_of_time_do_not_matter_while_they_are_off():
-    assert FieldV1(rut_times_s=(1.0,)).ruts is False
+    assert FieldWhite(rut_times_s=(1.0,)).ruts is False
 
 
 def test_no_two_sources_of_randomness_share_a_stream(monkeypatch):
@@ -268,7 +271,7 @@ def test_no_two_sources_of_randomness_share_a_stream(monkeypatch):
         asked.append(names)
         return stream(seed, *names)
 
-    for module in (field_v1, gnss, imu):
+    for module in (field_white, simulated, imu):
         monkeypatch.setattr(module, "stream", noted)
     FieldVibration(duration_s=10.0, imu="consumer").load(1)
     assert len(asked) == len(set(asked)) >= 8

@@ -1,4 +1,4 @@
-"""Old numbers stay with field_v1; the sensors of field err as they say."""
+"""Old numbers stay with field_white; the sensors of field err as they say."""
 
 from pathlib import Path
 
@@ -7,7 +7,7 @@ import pytest
 
 from jerkbench import run
 from jerkbench.datasets.field import Field
-from jerkbench.datasets.field_v1 import FieldV1
+from jerkbench.datasets.field_white import FieldWhite
 from jerkbench.errors import PluginError
 from jerkbench.geometry import dcm_from_euler
 from jerkbench.jobs.names import choose
@@ -24,7 +24,7 @@ GOLDEN = {
 }
 """RMSE [m] and ANEES of seed 0 over 60 s, from the code before there was a second version."""
 
-COLOURED = {name for name, value in vars(FieldV1()).items() if value != vars(Field())[name]}
+COLOURED = {name for name, value in vars(FieldWhite()).items() if value != vars(Field())[name]}
 """The parameters by which the versions differ."""
 
 COMMITTED = {
@@ -37,7 +37,7 @@ COMMITTED = {
 @pytest.mark.parametrize("cell", GOLDEN)
 def test_old_numbers_stay(cell):
     disturbance, model, adaptation = cell
-    dataset = {"name": "field_v1", "duration_s": 60.0}
+    dataset = {"name": "field_white", "duration_s": 60.0}
     row = run(dataset=dataset, disturbance=disturbance, filter=model, adaptation=adaptation, seeds=1).iloc[0]
     assert (row.position_rmse_m, row.anees) == pytest.approx(GOLDEN[cell], rel=1e-12)
 
@@ -46,10 +46,10 @@ def test_old_numbers_stay(cell):
 @pytest.mark.parametrize("cell", COMMITTED)
 def test_the_committed_rows_are_those_of_the_first_version(cell):
     disturbance, model, adaptation = cell
-    rows = run(dataset="field_v1", disturbance=disturbance, filter=model, adaptation=adaptation, seeds=20)
+    rows = run(dataset="field_white", disturbance=disturbance, filter=model, adaptation=adaptation, seeds=20)
     assert f"{rows.position_rmse_m.mean():.4f}" == COMMITTED[cell]
     kept = load_study(KEPT).rows.set_index(["dataset", "disturbance", "filter", "adaptation"]).sort_index()
-    kept = kept.loc[("field_v1", *cell)].sort_values("seed")
+    kept = kept.loc[("field_white", *cell)].sort_values("seed")
     assert list(kept.seed) == list(rows.seed)
     for column in ("position_rmse_m", "anees"):
         assert list(rows[column]) == pytest.approx(list(kept[column]), rel=1e-12)
@@ -57,7 +57,7 @@ def test_the_committed_rows_are_those_of_the_first_version(cell):
 
 @pytest.mark.parametrize("variant", ["ruts", "vibration", "headland", "combined"])
 def test_a_preset_of_the_first_version_is_its_variant_but_for_the_sensors(variant):
-    old, new = (choose("dataset", f"{name}_{variant}").plain for name in ("field_v1", "field"))
+    old, new = (choose("dataset", f"{name}_{variant}").plain for name in ("field_white", "field"))
     old, new = (vars(create("dataset", plain)) for plain in (old, new))
     assert {name for name in old if old[name] != new[name]} == COLOURED
 

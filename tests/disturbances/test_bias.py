@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from jerkbench.disturbances.bias import Bias
+from jerkbench.disturbances.imu_bias import ImuBias
 from jerkbench.errors import PluginError
 
 
@@ -15,17 +15,17 @@ def biases(recording, plugin, seed):
 
 def test_constant_over_the_run_and_of_the_right_size_over_seeds(make):
     recording = make(duration_s=1.0)
-    drawn = np.array([biases(recording, Bias(), seed) for seed in range(400)])
+    drawn = np.array([biases(recording, ImuBias(), seed) for seed in range(400)])
     sigma = drawn.std(axis=0) / [0.08, 0.08, 0.08, 0.002, 0.002, 0.002]
     np.testing.assert_allclose(sigma, 1, atol=0.15)  # four standard errors of a standard deviation of 400
     assert np.abs(np.corrcoef(drawn.T) - np.eye(6)).max() < 0.2
 
 
 def test_switching_one_sensor_off_leaves_the_other(recording):
-    whole, no_accel = biases(recording, Bias(), 5), biases(recording, Bias(accel_mps2=0.0), 5)
+    whole, no_accel = biases(recording, ImuBias(), 5), biases(recording, ImuBias(accel_mps2=0.0), 5)
     np.testing.assert_allclose(no_accel, [0, 0, 0, *whole[3:]], atol=1e-12)
 
 
 def test_a_negative_sigma_is_refused():
     with pytest.raises(PluginError, match="gyro_radps is -1"):
-        Bias(gyro_radps=-1.0)
+        ImuBias(gyro_radps=-1.0)

@@ -17,7 +17,7 @@ NAMES = [
 ]
 SEEDED = [name for name in NAMES if plugins.get("disturbance", name).seeded]
 NEED_ATTITUDE = ("lever_arm",)  # which a reference of withheld fixes has not
-IMU_OR_STAMPS = ("bias", "imu_vibration", "dropout", "jitter")
+IMU_OR_STAMPS = ("imu_bias", "imu_vibration", "dropout", "jitter")
 CORRELATED = (
     "rtk_float",
     "rtk_float_overconfident",
@@ -47,7 +47,7 @@ def changed(one, other):
 def test_all_of_the_page_are_there():
     wanted = (
         "none gnss_outage position_outage velocity_outage multipath_single_axis multipath_all_axes rtk_float"
-        " rtk_float_overconfident bias wheel_slip imu_vibration dropout jitter outliers heavy_tailed noise_step"
+        " rtk_float_overconfident imu_bias wheel_slip imu_vibration dropout jitter outliers heavy_tailed noise_step"
         " noise_sine outage_sweep decimate_position withhold replayed_gnss coloured latency lever_arm"
         " stated_covariance false_fix"
     )

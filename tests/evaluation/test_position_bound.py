@@ -10,14 +10,13 @@ from scipy.linalg import block_diag, solve_discrete_are
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.attitude.reference import ReferenceAttitude
 from jerkbench.datasets.field import Field
-from jerkbench.datasets.field_v1 import FieldV1
+from jerkbench.datasets.field_white import FieldWhite
 from jerkbench.disturbances.gnss_outage import GnssOutage
 from jerkbench.disturbances.noise_step import NoiseStep
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.evaluation.counted_rows import counted_rows
 from jerkbench.evaluation.metrics.position import PositionRmse
-from jerkbench.evaluation.metrics.position_bound import PositionBound
-from jerkbench.evaluation.riccati import Motion, Noise, position_variances
+from jerkbench.evaluation.metrics.position_bound import Motion, NoiseRows, PositionBound, position_variances
 from jerkbench.filters.baseline import Baseline
 from jerkbench.filters.bias import Bias
 from jerkbench.filters.jerk import Jerk
@@ -25,7 +24,7 @@ from jerkbench.jobs.inputs import simulated
 from jerkbench.timeline import build_timeline
 
 SIGMA = 0.02
-FIELD = FieldV1(duration_s=40.0)
+FIELD = FieldWhite(duration_s=40.0)
 OUTAGE = GnssOutage(windows_s=((20.0, 25.0),))
 
 
@@ -80,7 +79,10 @@ def test_it_is_the_recursion_written_out(dataset, outage):
 def test_it_settles_where_the_algebraic_equation_does():
     """One axis with a fix after each input: scipy's steady state."""
     dt, p, v = 0.1, 0.04, 0.09
-    white = Noise(np.full((400, 3), p), np.zeros((400, 3)), 1.0), Noise(np.full((400, 3), v), np.zeros((400, 3)), 1.0)
+    white = (
+        NoiseRows(np.full((400, 3), p), np.zeros((400, 3)), 1.0),
+        NoiseRows(np.full((400, 3), v), np.zeros((400, 3)), 1.0),
+    )
     got = position_variances(Motion(dt, 0.5, (1.0, 1.0)), np.arange(1, 401), *white, 400)
     A, b, R = np.array([[1, dt], [0, 1]]), np.array([dt**2 / 2, dt]), np.diag([p, v])
     prior = solve_discrete_are(A.T, np.eye(2), 0.25 * np.outer(b, b), R)

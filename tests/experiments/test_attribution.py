@@ -74,7 +74,7 @@ def protocol():
         if family.name in ("none", "outliers", "wheel_slip")
     )
     return dataclasses.replace(
-        whole, duration_s=20.0, fields={"white": "field_v1"}, families=families, trials=3, tune_seeds=1, test_seeds=2
+        whole, duration_s=20.0, fields={"white": "field_white"}, families=families, trials=3, tune_seeds=1, test_seeds=2
     )
 
 
@@ -139,7 +139,7 @@ def test_untuned_corners_are_runs_of_the_naive_filters_with_the_gyros_attitude(p
 
     errors = {
         model: jerkbench.run(
-            dataset={"name": "field_v1", "duration_s": 20.0},
+            dataset={"name": "field_white", "duration_s": 20.0},
             attitude="gyro_only",
             filter={"name": model, "accel_mps2": 0.02},
             seeds=2,

@@ -59,7 +59,14 @@ def test_without_its_methods_there_is_no_claim():
     assert of_paper.audit_claims(known, dict.fromkeys(range(6), 1.0)) == []
 
 
-FACTORS = {"dataset": "field", "attitude": "tilt", "noise": "own", "replicate": "seed", "status": "ok", "reason": ""}
+FACTORS = {
+    "dataset": "field",
+    "attitude": "tilt",
+    "noise": "default",
+    "replicate": "seed",
+    "status": "ok",
+    "reason": "",
+}
 
 
 def rows(seeds, times):

@@ -7,18 +7,18 @@ from scipy.stats import chi2
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.attitude.reference import ReferenceAttitude
 from jerkbench.attitude.tilt import Tilt
-from jerkbench.datasets.field_v1 import FieldV1
+from jerkbench.datasets.field_white import FieldWhite
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.filters.baseline import Baseline
 from jerkbench.timeline import build_timeline
 
-SIGMA_A_MPS2 = FieldV1().accel_sigma_mps2
+SIGMA_A_MPS2 = FieldWhite().accel_sigma_mps2
 """The only error of u when the attitude is the true one: white, the same on each axis, however the body is turned."""
 
 
 @pytest.fixture(scope="module")
 def drives():
-    return [FieldV1(duration_s=60.0).load(seed) for seed in range(6)]
+    return [FieldWhite(duration_s=60.0).load(seed) for seed in range(6)]
 
 
 def squares(recording, attitude):

@@ -13,9 +13,8 @@ from jerkbench.adaptation.mtf import Mtf
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.attitude.tilt import Tilt
 from jerkbench.contracts import Estimator
-from jerkbench.datasets.field_v1 import FieldV1
-from jerkbench.disturbances.gnss_outage import GnssOutage
-from jerkbench.disturbances.position_outage import PositionOutage
+from jerkbench.datasets.field_white import FieldWhite
+from jerkbench.disturbances.gnss_outage import GnssOutage, PositionOutage
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.filters.eskf15 import Eskf15
 from jerkbench.filters.iekf import InvariantEkf
@@ -39,12 +38,12 @@ def check():
 @pytest.fixture(scope="module")
 def field():
     """A noise-free drive of the simulated robot; reference at the rate of the fixes."""
-    return FieldV1(duration_s=30.0, noise=False, reference_rate_hz=5.0).load(1)
+    return FieldWhite(duration_s=30.0, noise=False, reference_rate_hz=5.0).load(1)
 
 
 @pytest.fixture(scope="module")
 def noisy_field():
-    return FieldV1(duration_s=30.0, reference_rate_hz=5.0).load(2)
+    return FieldWhite(duration_s=30.0, reference_rate_hz=5.0).load(2)
 
 
 def position_errors(model, recording):

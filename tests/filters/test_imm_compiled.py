@@ -10,11 +10,10 @@ from jerkbench import plugins
 from jerkbench.adaptation.mtf import Mtf
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.attitude.tilt import Tilt
-from jerkbench.datasets.field_v1 import FieldV1
+from jerkbench.datasets.field_white import FieldWhite
 from jerkbench.disturbances.noise_step import NoiseStep
-from jerkbench.evaluation.batch_scoring import scored
 from jerkbench.evaluation.counted_rows import counted_rows
-from jerkbench.evaluation.sums import sums_from, sums_of
+from jerkbench.evaluation.sums import scored, sums_from, sums_of
 from jerkbench.filters.common import of_r_alone
 from jerkbench.filters.imm import InteractingMultipleModels
 from jerkbench.sums import RecordedRun
@@ -26,7 +25,7 @@ PAIRS += [("acceleration", "acceleration"), ("acceleration", "baseline")]
 
 @cache
 def recorded():
-    recording = NoiseStep().apply(FieldV1(duration_s=12.0).load(4), 0)
+    recording = NoiseStep().apply(FieldWhite(duration_s=12.0).load(4), 0)
     return recording, Tilt().estimate(recording)
 
 

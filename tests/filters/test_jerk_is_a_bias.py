@@ -4,7 +4,7 @@ import numpy as np
 
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.attitude.tilt import Tilt
-from jerkbench.datasets.field_v1 import FieldV1
+from jerkbench.datasets.field_white import FieldWhite
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.filters.baseline import Baseline
 from jerkbench.filters.bias import Bias
@@ -13,7 +13,7 @@ from jerkbench.timeline import build_timeline
 
 
 def test_jerk_and_bias_agree_to_a_millimetre_on_the_nominal_field():
-    recording = FieldV1().load(0)
+    recording = FieldWhite().load(0)
     timeline = build_timeline(recording, Tilt().estimate(recording))
     jerk, bias, baseline = (
         CompiledEngine().run(timeline, model, NoAdaptation()).position_m for model in (Jerk(), Bias(), Baseline())

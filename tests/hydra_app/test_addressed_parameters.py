@@ -20,14 +20,14 @@ def test_a_parameter_applies_where_its_plugin_is_chosen(tmp_path):
 
 @pytest.mark.slow
 def test_a_preset_is_addressed_by_its_own_name_and_by_that_of_its_plugin(tmp_path):
-    words = ["filter=baseline_naive,jerk", "filter.baseline_naive.accel_mps2=0.3", "filter.jerk.accel_mps2=0.1,0.2"]
+    words = ["filter=baseline_untuned,jerk", "filter.baseline_untuned.accel_mps2=0.3", "filter.jerk.accel_mps2=0.1,0.2"]
     swept(*words, cwd=tmp_path)
-    swept("filter=baseline_naive", "filter.baseline.accel_mps2=0.4", "study=plugin", cwd=tmp_path)
+    swept("filter=baseline_untuned", "filter.baseline.accel_mps2=0.4", "study=plugin", cwd=tmp_path)
     named = sorted(pd.read_csv(tmp_path / "results" / "adhoc" / "rows.csv")["filter"])
 
-    assert named == ["baseline_naive(accel_mps2=0.3)", "jerk(accel_mps2=0.1)", "jerk(accel_mps2=0.2)"]
+    assert named == ["baseline_untuned(accel_mps2=0.3)", "jerk(accel_mps2=0.1)", "jerk(accel_mps2=0.2)"]
     (other,) = pd.read_csv(tmp_path / "results" / "plugin" / "rows.csv")["filter"]
-    assert other == "baseline_naive(accel_mps2=0.4)"
+    assert other == "baseline_untuned(accel_mps2=0.4)"
 
 
 @pytest.mark.slow
@@ -54,6 +54,8 @@ def test_a_single_run_takes_the_address_of_what_it_has():
         without_addresses(["adaptation.mtf.window=4"])
 
 
-@pytest.mark.parametrize("word", ["adaptation.window=4", "disturbance.bias.accel_mps2=1", "-m", "hydra.sweep.dir=x.y"])
+@pytest.mark.parametrize(
+    "word", ["adaptation.window=4", "disturbance.imu_bias.accel_mps2=1", "-m", "hydra.sweep.dir=x.y"]
+)
 def test_other_words_have_no_address(word):
     assert address(word) is None

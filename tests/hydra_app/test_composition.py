@@ -20,7 +20,7 @@ JOBS = [
     ]
     for dataset in ("dataset=field", "dataset=rtklib")
     for disturbance in ("disturbance=none", "disturbance=[withhold,twelve_outages]")
-    for model in ("filter=jerk", "filter=baseline_naive")
+    for model in ("filter=jerk", "filter=baseline_untuned")
     for adaptation in ("adaptation=mtf", "adaptation=none")
     for noise in ("noise.accel_mps2=0.3", "noise.accel_mps2=null")
 ]
@@ -94,7 +94,7 @@ def test_every_data_set_is_what_hydra_makes_of_it_and_none_is_composed_as_a_whol
     names = [*plugins.names("dataset"), *preset_names("dataset")]
     jobs = [["experiment=paper", "burn_in_s=3", f"dataset={name}"] for name in names]
     jobs += [
-        ["experiment=paper", "burn_in_s=3", "dataset=field_v1", f"attitude={name}"] for name in ("tilt", "gyro_only")
+        ["experiment=paper", "burn_in_s=3", "dataset=field_white", f"attitude={name}"] for name in ("tilt", "gyro_only")
     ]
     together = of_parts(loader, config, jobs)
 
@@ -106,7 +106,7 @@ def test_parameters_of_other_data_sets_are_what_composing_each_gives(loader, com
     config = base(loader)
     jobs = [
         [f"dataset={name}", f"dataset.duration_s={length}", f"seeds={seeds}"]
-        for name in ("field", "field_v1_ruts")
+        for name in ("field", "field_white_ruts")
         for length in ("20", "30.5")
         for seeds in ("2", "3")
     ]
@@ -114,7 +114,7 @@ def test_parameters_of_other_data_sets_are_what_composing_each_gives(loader, com
     assert of_parts(loader, config, jobs) == [by_hydra(loader, config, job) for job in jobs]
 
 
-@pytest.mark.parametrize("names", [("field", "own", "field_v1"), ("own", "field", "other")])
+@pytest.mark.parametrize("names", [("field", "own", "field_white"), ("own", "field", "other")])
 def test_a_data_set_that_decides_more_is_composed_as_a_whole(loader, names, tmp_path):
     (tmp_path / "dataset").mkdir()
     for name, seeds in (("own", 7), ("other", 8)):
@@ -139,7 +139,7 @@ def test_an_experiment_that_decides_a_part_decides_it_for_whatever_takes_its_pla
     )
     words = [f"hydra.searchpath=[file://{tmp_path}]"]
     config = loader.load_configuration("config", words, run_mode=RunMode.MULTIRUN)
-    jobs = [["experiment=own", f"filter={name}"] for name in ("jerk", "baseline", "baseline_naive")]
+    jobs = [["experiment=own", f"filter={name}"] for name in ("jerk", "baseline", "baseline_untuned")]
     jobs += [["experiment=own", "filter=jerk", "filter.accel_mps2=3"]]
 
     made = of_parts(loader, config, jobs)
@@ -160,12 +160,13 @@ def test_what_an_experiment_says_of_any_group_is_as_hydra_has_it(loader, tmp_pat
     config = loader.load_configuration("config", words, run_mode=RunMode.MULTIRUN)
     jobs = [
         ["experiment=own", f"noise={noise}", f"disturbance={disturbance}", f"dataset={dataset}"]
-        for noise in ("paper", "own")
+        for noise in ("paper", "default")
         for disturbance in ("bias", "[bias,combined]")
         for dataset in ("tokyo_1105", "field")
     ]
     jobs += [
-        ["experiment=own", "disturbance=bias", "noise.accel_mps2=0.5", f"attitude={name}"] for name in ("tilt", "field")
+        ["experiment=own", "disturbance=imu_bias", "noise.accel_mps2=0.5", f"attitude={name}"]
+        for name in ("tilt", "field")
     ]
 
     assert of_parts(loader, config, jobs) == [by_hydra(loader, config, job) for job in jobs]
@@ -180,7 +181,7 @@ def test_a_file_of_ones_own_stands_for_the_plugin_of_its_name_wherever_that_is_c
     config = loader.load_configuration("config", words, run_mode=RunMode.MULTIRUN)
     jobs = [
         [f"filter={name}", f"adaptation={rule}"]
-        for name in ("baseline", "baseline_naive", "bias")
+        for name in ("baseline", "baseline_untuned", "bias")
         for rule in ("none", "mtf")
     ]
 

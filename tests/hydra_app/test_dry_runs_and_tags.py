@@ -24,7 +24,7 @@ def test_a_dry_sweep_says_what_it_would_do_and_does_nothing(tmp_path):
     done = verb("run", "-m", "--dry", *words, "filter=gnss_only,jerk", "adaptation=none,mtf", cwd=tmp_path)
 
     assert done.returncode == 0, done.stderr
-    same = "In every cell: dataset field(duration_s=12), disturbance none, attitude field, noise own."
+    same = "In every cell: dataset field(duration_s=12), disturbance none, attitude field, noise default."
     assert done.stdout.startswith(f"{same}\nfilter, adaptation:\n")
     assert "\n  jerk, mtf: 3 runs\n" in done.stdout
     assert "Left out 1 combination: the filter gnss_only takes no adaptation 'mtf'" in done.stdout
@@ -38,7 +38,7 @@ def test_a_dry_single_run_does_nothing_either(tmp_path):
 
     assert (done.returncode, done.stderr) == (0, "")
     assert (
-        "  field(duration_s=12), none, field, baseline, none, own: 1 run\n1 combination, 0 done; 1 run to do."
+        "  field(duration_s=12), none, field, baseline, none, default: 1 run\n1 combination, 0 done; 1 run to do."
         in done.stdout
     )
     assert not list(tmp_path.iterdir())
@@ -66,7 +66,7 @@ def test_what_is_done_is_not_counted(tmp_path):
     api.sweep(tmp_path / "mine", dataset=FIELD, filter="jerk", seeds=4)
     told = list(lines(forecast(plan_of("jerk"), Store(tmp_path / "mine")), 1))
 
-    assert told[1].endswith("jerk, none, own: is done")
+    assert told[1].endswith("jerk, none, default: is done")
     assert told[-1] == "1 combination, 1 done; 0 runs to do."
 
 

@@ -11,10 +11,9 @@ from jerkbench import plugins
 from jerkbench.adaptation.mtf import Mtf
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.attitude.tilt import Tilt
-from jerkbench.datasets.field_v1 import FieldV1
-from jerkbench.evaluation.batch_scoring import scored
+from jerkbench.datasets.field_white import FieldWhite
 from jerkbench.evaluation.counted_rows import counted_rows
-from jerkbench.evaluation.sums import sums_from, sums_of
+from jerkbench.evaluation.sums import scored, sums_from, sums_of
 from jerkbench.filters.common import of_r_alone
 from jerkbench.filters.eskf15 import Eskf15
 from jerkbench.filters.iekf import InvariantEkf
@@ -53,7 +52,7 @@ CASES = {
 @cache
 def recorded(kind):
     """A drive of the simulated robot with one way to measure velocity or heading."""
-    recording = FieldV1(duration_s=10.0).load(3)
+    recording = FieldWhite(duration_s=10.0).load(3)
     truth = recording.reference
     if kind == "heading":
         t_s = recording.position.t_s[20::3] + 0.0037

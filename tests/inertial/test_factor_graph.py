@@ -7,7 +7,7 @@ import pytest
 
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.attitude.tilt import Tilt
-from jerkbench.datasets.field_v1 import FieldV1
+from jerkbench.datasets.field_white import FieldWhite
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.filters.eskf15 import Eskf15
 from jerkbench.filters.eskf15_rts import Eskf15Smoother
@@ -26,7 +26,7 @@ def gtsam():
 
 
 def drive(duration_s):
-    recording = FieldV1(duration_s=duration_s, reference_rate_hz=5.0).load(1)
+    recording = FieldWhite(duration_s=duration_s, reference_rate_hz=5.0).load(1)
     return recording, Tilt().estimate(recording)
 
 

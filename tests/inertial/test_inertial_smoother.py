@@ -11,7 +11,7 @@ from test_error_state import BENT, STATE, WORN, derivative, difference
 from jerkbench.adaptation.mtf import Mtf
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.attitude.tilt import Tilt
-from jerkbench.datasets.field_v1 import FieldV1
+from jerkbench.datasets.field_white import FieldWhite
 from jerkbench.disturbances.gnss_outage import GnssOutage
 from jerkbench.filters.eskf15 import Eskf15
 from jerkbench.filters.eskf15_rts import Eskf15Smoother
@@ -114,7 +114,7 @@ def test_the_error_between_two_states_takes_one_to_the_other(about, states):
 
 
 def drive(seed):
-    recording = FieldV1(duration_s=30.0, reference_rate_hz=5.0).load(seed)
+    recording = FieldWhite(duration_s=30.0, reference_rate_hz=5.0).load(seed)
     return GnssOutage(windows_s=((18.0, 28.0),)).apply(recording, seed)
 
 
@@ -146,7 +146,7 @@ def test_its_last_estimate_is_the_filters_and_the_point_given_out_may_lie_elsewh
 def test_its_errors_are_as_large_as_it_says():
     nees = []
     for seed in range(12):
-        recording = FieldV1(duration_s=16.0, reference_rate_hz=5.0).load(seed)
+        recording = FieldWhite(duration_s=16.0, reference_rate_hz=5.0).load(seed)
         estimate = Eskf15Smoother().estimate(recording, Tilt().estimate(recording), NoAdaptation())
         k = 40  # eight seconds in
         truth = recording.reference

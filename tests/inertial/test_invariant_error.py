@@ -11,7 +11,7 @@ from test_error_state import BENT, STATE, derivative, difference
 
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.attitude.tilt import Tilt
-from jerkbench.datasets.field_v1 import FieldV1
+from jerkbench.datasets.field_white import FieldWhite
 from jerkbench.filters.eskf15 import Eskf15
 from jerkbench.filters.iekf import InvariantEkf
 from jerkbench.inertial.earth import FLAT
@@ -106,7 +106,7 @@ def test_the_left_jacobian_has_all_digits_at_small_and_at_large_angles():
 @pytest.fixture(scope="module")
 def drive():
     """Ten seconds from rest, with a first yaw that is 30 degrees off."""
-    recording = FieldV1(duration_s=16.0, reference_rate_hz=5.0).load(2)
+    recording = FieldWhite(duration_s=16.0, reference_rate_hz=5.0).load(2)
     recording = replace(recording, heading=None)
     attitude = Tilt().estimate(recording)
     turn = Rotation.from_euler("z", 0.5).as_matrix()
@@ -153,7 +153,7 @@ def test_the_two_corrections_differ_in_the_second_order_only():
 
 def test_a_whole_run_is_that_of_eskf15_while_errors_are_small():
     """To a twentieth of a sigma, with noise of the sensors as large as ever."""
-    recording = FieldV1(duration_s=20.0, reference_rate_hz=5.0).load(3)
+    recording = FieldWhite(duration_s=20.0, reference_rate_hz=5.0).load(3)
     attitude = Tilt().estimate(recording)
     small = {"initial_yaw_sigma_rad": 0.002, "accel_turn_on_mg": 0.05, "gyro_turn_on_deg_per_h": 5.0}
     mine, other = (f(**small).solve(recording, attitude, NoAdaptation()) for f in (InvariantEkf, Eskf15))

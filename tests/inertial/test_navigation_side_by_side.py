@@ -10,9 +10,8 @@ from engine_agreement import assert_same_sums
 from jerkbench import plugins
 from jerkbench.adaptation.mtf import Mtf
 from jerkbench.adaptation.none import NoAdaptation
-from jerkbench.evaluation.batch_scoring import scored
 from jerkbench.evaluation.counted_rows import counted_rows
-from jerkbench.evaluation.sums import sums_from, sums_of
+from jerkbench.evaluation.sums import scored, sums_from, sums_of
 from jerkbench.filters.eskf15 import Eskf15
 from jerkbench.inertial.side_by_side.runs import goes_together, run_journeys
 from jerkbench.kinematic.plugin_call import compiled_rule

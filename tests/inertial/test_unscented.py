@@ -13,7 +13,7 @@ from test_error_state import STATE, difference
 from jerkbench.adaptation.mtf import Mtf
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.attitude.tilt import Tilt
-from jerkbench.datasets.field_v1 import FieldV1
+from jerkbench.datasets.field_white import FieldWhite
 from jerkbench.errors import PluginError
 from jerkbench.filters.eskf15 import Eskf15
 from jerkbench.filters.ukf import Ukf
@@ -61,7 +61,7 @@ def test_an_error_of_attitude_is_a_rotation_vector():
 
 @pytest.fixture(scope="module")
 def field():
-    recording = FieldV1(duration_s=10.0, reference_rate_hz=5.0).load(3)
+    recording = FieldWhite(duration_s=10.0, reference_rate_hz=5.0).load(3)
     return recording, Tilt().estimate(recording)
 
 
@@ -114,7 +114,7 @@ def test_lever_arms_constraints_and_headings_are_those_of_eskf15(field):
 
 @pytest.mark.parametrize("frame", ["body", "speed"])
 def test_a_velocity_of_the_body_and_of_a_wheel_too(frame):
-    recording = FieldV1(duration_s=10.0).load(3)
+    recording = FieldWhite(duration_s=10.0).load(3)
     truth, velocity = recording.reference, recording.velocity
     rows = np.searchsorted(truth.t_s, velocity.t_s - 1e-6)
     in_body = np.einsum("nji,nj->ni", dcm_from_euler(truth.euler_rad[rows]), velocity.mps)

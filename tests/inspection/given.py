@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from jerkbench.datasets.field_v1 import FieldV1
+from jerkbench.datasets.field_white import FieldWhite
 from jerkbench.datasets.path import DrivenPath
 from jerkbench.recording import Imu, Position, Recording, Reference
 from jerkbench.verbs.source import dataset_of
@@ -73,7 +73,7 @@ def in_a_hand(lead_s, waypoints_m=None, speed_mps=1.4):
 def given(folder, name):
     """Load the recording ``name``; the folder is ../shared/data."""
     if name in ("field", "path"):
-        return {"field": FieldV1, "path": DrivenPath}[name]().load(0)
+        return {"field": FieldWhite, "path": DrivenPath}[name]().load(0)
     if name in LOADED:
         path, dataset = LOADED[name]
         return dataset_of(str(folder / path), dataset, []).load(0)

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from jerkbench.datasets.field_v1 import FieldV1
+from jerkbench.datasets.field_white import FieldWhite
 from jerkbench.inspection.facts import findings_text
 from jerkbench.inspection.noise import allan_deviation, longest_rest, nearest_grade, rest_noise
 from jerkbench.recording import Imu, Position, Recording, Reference
@@ -39,7 +39,7 @@ def test_white_noise_falls_and_a_random_walk_rises_with_the_root():
 
 @pytest.mark.parametrize("grade", list(GRADES))
 def test_the_grade_of_a_simulated_imu_is_found(grade):
-    noise = rest_noise(FieldV1(imu=grade, stand_s=40.0, duration_s=60.0).load(1))
+    noise = rest_noise(FieldWhite(imu=grade, stand_s=40.0, duration_s=60.0).load(1))
     stated = GRADES[grade]
     assert noise.grade == grade
     assert noise.angle_random_walk_deg_per_sqrt_h == pytest.approx(stated.angle_random_walk_deg_per_sqrt_h, rel=0.2)
@@ -50,7 +50,7 @@ def test_the_grade_of_a_simulated_imu_is_found(grade):
 
 
 def test_a_long_rest_shows_the_instability_as_well():
-    recording = FieldV1(imu="consumer", stand_s=70.0, duration_s=90.0).load(1)
+    recording = FieldWhite(imu="consumer", stand_s=70.0, duration_s=90.0).load(1)
     noise = rest_noise(recording)
     lowest = np.degrees(noise.gyro_radps.min(axis=0).max()) * 3600
     assert noise.gyro_instability_deg_per_h == pytest.approx(lowest / 0.664)

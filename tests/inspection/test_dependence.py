@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jerkbench.conformance.samples import small_recording
-from jerkbench.datasets.field_v1 import FieldV1
+from jerkbench.datasets.field_white import FieldWhite
 from jerkbench.inspection.sigmas import velocity_dependence
 from jerkbench.recording import Position, Velocity
 
@@ -19,7 +19,7 @@ def with_velocity(recording, mps):
 
 @pytest.mark.parametrize("late", [0, 1])
 def test_the_backward_difference_of_the_positions_is_found(late):
-    drive = FieldV1(duration_s=60.0).load(0)
+    drive = FieldWhite(duration_s=60.0).load(0)
     p, t = drive.position.enu_m, drive.position.t_s
     slope = np.vstack([np.zeros((1 + late, 3)), (np.diff(p, axis=0) / np.diff(t)[:, None])[: len(p) - 1 - late]])
     found = velocity_dependence(with_velocity(drive, slope))
@@ -30,7 +30,7 @@ def test_the_backward_difference_of_the_positions_is_found(late):
 
 
 def test_noise_of_its_own_is_found_too():
-    for one in velocity_dependence(FieldV1(duration_s=120.0).load(0)):
+    for one in velocity_dependence(FieldWhite(duration_s=120.0).load(0)):
         assert abs(one.correlation) < 0.2
 
 

@@ -7,7 +7,7 @@ import pytest
 from given import kitti
 from mistakes import MISTAKES, OTHERS, in_axes, is_found, ned, of_imu, of_sigmas
 
-from jerkbench.datasets.field_v1 import FieldV1
+from jerkbench.datasets.field_white import FieldWhite
 from jerkbench.inspection.doctor import diagnoses, first_diagnoses
 from jerkbench.inspection.facts import findings_text
 from jerkbench.inspection.mounting import IDENTITY, PLANE
@@ -18,7 +18,7 @@ CLOCK = "IMU's clock off by 1 s"
 
 @pytest.fixture(scope="module")
 def field():
-    return FieldV1().load(0)
+    return FieldWhite().load(0)
 
 
 def found_in(recording, mistake):
@@ -33,7 +33,7 @@ def test_each_mistake_is_found_in_the_field(field, mistake):
 
 @pytest.mark.parametrize("seed", [0, 1])
 def test_none_is_found_where_there_is_none(seed):
-    assert diagnoses(FieldV1().load(seed)) == []
+    assert diagnoses(FieldWhite().load(seed)) == []
 
 
 def test_a_remedy_mends(field):

@@ -7,7 +7,7 @@ import pytest
 from given import in_a_hand, kitti
 from mistakes import of_imu
 
-from jerkbench.datasets.field_v1 import FieldV1
+from jerkbench.datasets.field_white import FieldWhite
 from jerkbench.datasets.rtklib import RtklibDrive
 from jerkbench.inspection.clocks import late_imu
 from jerkbench.inspection.doctor import diagnoses
@@ -147,7 +147,7 @@ def test_a_lag_that_fits_many_is_none():
 @pytest.mark.parametrize("late_s", [-0.45, 0.0, 0.3, 0.41, 0.45, 1.03])
 def test_the_turning_tells_the_imus_lag_finer_than_the_fixes_step(late_s):
     """Fixes every .2 s of the simulated field; the lag was put in."""
-    recording = FieldV1().load(0)
+    recording = FieldWhite().load(0)
     imu = recording.imu
     late = dataclasses.replace(recording, imu=Imu(imu.t_s + late_s, imu.accel_mps2, imu.gyro_radps))
     lag = late_imu(late)
@@ -173,7 +173,7 @@ def test_a_hand_that_turns_before_its_walker_has_no_late_stamps_and_no_mirror(le
 @pytest.mark.parametrize("late_s", [-1.0, 1.0])
 def test_late_stamps_are_sure_without_a_wheel_and_an_attitude_where_the_forces_are_late_too(late_s):
     """The course of a vehicle alone could be that of a hand."""
-    field = FieldV1().load(0)
+    field = FieldWhite().load(0)
     imu = Imu(field.imu.t_s + late_s, field.imu.accel_mps2, field.imu.gyro_radps)
     reference = dataclasses.replace(field.reference, euler_rad=None)
     recording = dataclasses.replace(field, imu=imu, reference=reference, heading=None)

@@ -5,9 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from jerkbench.datasets.field_v1 import FieldV1
-from jerkbench.inspection.facts import findings_text
-from jerkbench.inspection.overview import overview_figure
+from jerkbench.datasets.field_white import FieldWhite
+from jerkbench.inspection.facts import findings_text, overview_figure
 from jerkbench.recording import Reference, Velocity
 from synthetic import recording_at_rest
 
@@ -24,7 +23,7 @@ def wheeled():
     return dataclasses.replace(recording, velocity=wheel, static_start_s=20.0, outages_s=np.array([[5.0, 8.0]]))
 
 
-@pytest.mark.parametrize("make", [bare, wheeled, lambda: FieldV1(duration_s=30.0).load(0)])
+@pytest.mark.parametrize("make", [bare, wheeled, lambda: FieldWhite(duration_s=30.0).load(0)])
 def test_every_recording_can_be_drawn_and_told(make, tmp_path):
     recording = make()
     path = tmp_path / "overview.png"
@@ -43,7 +42,7 @@ def test_a_rest_that_nobody_stated_is_not_denied(known_s, told):
 
 
 def test_the_panels_show_the_recording():
-    recording = FieldV1(duration_s=30.0).load(0)
+    recording = FieldWhite(duration_s=30.0).load(0)
     figure = overview_figure(recording)
     track = {line.get_label(): line.get_xydata() for line in figure.axes[0].lines}
     np.testing.assert_array_equal(track["measured"], recording.position.enu_m[:, :2])

@@ -7,7 +7,7 @@ import pytest
 
 import jerkbench
 from jerkbench.conformance.samples import small_recording
-from jerkbench.datasets.field_v1 import FieldV1
+from jerkbench.datasets.field_white import FieldWhite
 from jerkbench.datasets.fixposition import Fixposition
 from jerkbench.datasets.rosbag import RosBag
 from jerkbench.datasets.rtklib import RtklibDrive
@@ -26,7 +26,7 @@ def same(one, other, stream, *names, atol=1e-8):
 
 @pytest.mark.parametrize("suffix", [".bag", ".db3", ".mcap"])
 def test_a_simulated_field_comes_back(tmp_path, suffix):
-    field = FieldV1(**FIELD).load(3)
+    field = FieldWhite(**FIELD).load(3)
     write_bag(field, tmp_path / f"a{suffix}")
     back = Fixposition(str(tmp_path / f"a{suffix}")).load(0)
     same(back, field, "imu", "t_s", "accel_mps2", "gyro_radps")
@@ -44,10 +44,10 @@ def test_a_simulated_field_comes_back(tmp_path, suffix):
     ("dataset", "suffix"), [("fixposition", ".bag"), ("rosbag", ".db3"), ("fixposition", ".mcap"), ("rosbag", ".mcap")]
 )
 def test_the_table_is_the_same(tmp_path, dataset, suffix):
-    write_bag(FieldV1(**FIELD).load(0), tmp_path / f"a{suffix}")
+    write_bag(FieldWhite(**FIELD).load(0), tmp_path / f"a{suffix}")
     parts = {"filter": "jerk", "adaptation": "mtf", "attitude": "field", "disturbance": "gnss_outage", "seeds": 1}
     parts["disturbance"] = [{"name": "gnss_outage", "windows_s": [[8, 12]]}]
-    (simulated,) = jerkbench.run(dataset={"name": "field_v1", **FIELD}, **parts).to_dict("records")
+    (simulated,) = jerkbench.run(dataset={"name": "field_white", **FIELD}, **parts).to_dict("records")
     (read,) = jerkbench.run(dataset={"name": dataset, "file": str(tmp_path / f"a{suffix}")}, **parts).to_dict("records")
     numbers = [key for key, value in simulated.items() if isinstance(value, float)]
     assert "position_rmse_m" in numbers
@@ -57,7 +57,7 @@ def test_the_table_is_the_same(tmp_path, dataset, suffix):
 
 
 def test_covariances_keep_their_axes(tmp_path):
-    field = FieldV1(**FIELD).load(0)
+    field = FieldWhite(**FIELD).load(0)
     skew = np.array([[4e-4, 1e-4, -2e-4], [1e-4, 1e-4, 0], [-2e-4, 0, 9e-4]])
     position = dataclasses.replace(field.position, covariance_m2=np.tile(skew, (len(field.position.t_s), 1, 1)))
     write_bag(dataclasses.replace(field, position=position), tmp_path / "a.bag")
@@ -115,7 +115,7 @@ def test_what_is_partly_there_comes_back_so(tmp_path):
 
 
 def test_what_has_no_place_in_a_bag_is_said(tmp_path):
-    field = FieldV1(**FIELD).load(0)
+    field = FieldWhite(**FIELD).load(0)
     assert write_bag(field, tmp_path / "a.bag") == []
     position = dataclasses.replace(field.position, true_covariance_m2=field.position.covariance_m2)
     known = np.where(np.arange(2000)[:, None] < 1990, field.reference.euler_rad, np.nan)

@@ -13,7 +13,7 @@ from commands import verb
 from jerkbench.conformance.samples import small_recording, true_attitude
 from jerkbench.errors import RecordingError
 from jerkbench.io.method_input import input_table
-from jerkbench.io.other_tools import write_kf_gins, write_pyins
+from jerkbench.io.recording_folder import write_kf_gins, write_pyins
 
 FRD = np.array([1.0, -1.0, -1.0])
 
@@ -92,7 +92,7 @@ def test_a_recording_without_an_origin_is_refused_with_a_sentence(tmp_path, reco
 
 
 def test_the_verb_writes_a_folder_for_each_seed(tmp_path):
-    scenario = ["dataset=field", "dataset.duration_s=12", "disturbance=bias", "seeds=2"]
+    scenario = ["dataset=field", "dataset.duration_s=12", "disturbance=imu_bias", "seeds=2"]
     done = verb("data", "export", "drive", *scenario, "--format", "csv", "mcap", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
 

@@ -40,7 +40,7 @@ def test_a_random_cell_has_its_seeds_and_a_deterministic_one_its_phases():
     assert list(cell(dataset=drive).draws) == [0]
     assert list(cell(dataset=drive, disturbance=[{"name": "withhold", "every": 4}]).draws) == [0, 1, 2, 3]
     assert not cell(dataset=drive).seeded
-    assert cell(dataset=drive, disturbance=[{"name": "bias"}]).seeded
+    assert cell(dataset=drive, disturbance=[{"name": "imu_bias"}]).seeded
 
 
 def test_the_cell_can_be_made_again_from_its_own_specification():
@@ -59,7 +59,7 @@ def test_the_key_depends_on_everything_that_the_rows_depend_on(monkeypatch):
             (cell(Protocol(burn_in_s=6.0)), "data"),
             (cell(filter={"name": "baseline", "accel_mps2": 0.3}), "data"),
             (cell(adaptation={"name": "mtf"}), "data"),
-            (cell(disturbance=[{"name": "bias"}]), "data"),
+            (cell(disturbance=[{"name": "imu_bias"}]), "data"),
             (cell(metrics=["position_rmse"]), "data"),
         ]
     ]
@@ -71,11 +71,11 @@ def test_the_key_depends_on_everything_that_the_rows_depend_on(monkeypatch):
 
 
 def test_the_order_of_disturbances_matters_and_the_label_names_them():
-    both = [{"name": "bias"}, {"name": "gnss_outage"}]
+    both = [{"name": "imu_bias"}, {"name": "gnss_outage"}]
 
-    assert cell(disturbance=both).labels.disturbance == "bias+gnss_outage"
+    assert cell(disturbance=both).labels.disturbance == "imu_bias+gnss_outage"
     assert cell_key(cell(disturbance=both), "") != cell_key(cell(disturbance=both[::-1]), "")
-    assert joined(["none", "bias"]) == "bias"
+    assert joined(["none", "imu_bias"]) == "imu_bias"
     assert joined(["none"]) == "none"
 
 

@@ -8,7 +8,7 @@ from jerkbench.jobs.cell import Protocol, build
 
 SPEC = {
     "dataset": {"name": "field", "duration_s": 20.0},
-    "disturbance": [{"name": "bias"}],
+    "disturbance": [{"name": "imu_bias"}],
     "attitude": {"name": "tilt"},
     "filter": {"name": "baseline"},
     "adaptation": {"name": "scalar_r"},

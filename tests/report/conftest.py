@@ -9,7 +9,7 @@ FACTORS = ("dataset", "disturbance", "attitude", "filter", "adaptation", "noise"
 
 
 def make_row(seed=0, status="ok", reason="", replicate="seed", **values):
-    factors = {"dataset": "field", "disturbance": "none", "attitude": "tilt", "noise": "own"}
+    factors = {"dataset": "field", "disturbance": "none", "attitude": "tilt", "noise": "default"}
     return {**factors, "seed": seed, "replicate": replicate, "status": status, "reason": reason, **values}
 
 

@@ -8,15 +8,14 @@ import pytest
 
 from jerkbench import plugins
 from jerkbench.errors import JerkbenchError, PluginError
-from jerkbench.report.choice import Choice, figures_choice
-from jerkbench.report.drawings import by_difference, telling_scenes
+from jerkbench.report.drawings import Choice, by_difference, figures_choice, telling_scenes
 from jerkbench.results.content import Stored
 from jerkbench.results.scenario_runs import _chosen
 from jerkbench.results.selection import named_part
 from jerkbench.results.study import load_study
 from stored_cells import put
 
-SCENES = {f"field, {disturbance}, tilt": disturbance for disturbance in ("none", "bias", "outliers", "gnss_outage")}
+SCENES = {f"field, {disturbance}, tilt": disturbance for disturbance in ("none", "imu_bias", "outliers", "gnss_outage")}
 
 
 def rows_of(factors, seeds=20):
@@ -25,7 +24,7 @@ def rows_of(factors, seeds=20):
     rows = []
     for (filter_name, adaptation), of_scenes in factors.items():
         for disturbance, factor in zip(SCENES.values(), of_scenes, strict=True):
-            label = {"dataset": "field", "disturbance": disturbance, "attitude": "tilt", "noise": "own"}
+            label = {"dataset": "field", "disturbance": disturbance, "attitude": "tilt", "noise": "default"}
             label |= {"filter": filter_name, "adaptation": adaptation, "replicate": "seed", "status": "ok"}
             errors_m = factor * np.exp(0.05 * rng.standard_normal(seeds))
             rows += [label | {"seed": seed, "position_rmse_m": error} for seed, error in enumerate(errors_m)]
@@ -55,7 +54,7 @@ def test_few_are_the_scenarios_where_a_finding_is_most_certain_with_its_methods(
     )
     scenes = telling_scenes(by_difference(rows, "position_rmse_m", list(SCENES)))
     assert {name: set(methods) for name, methods in scenes.items()} == {
-        "field, bias, tilt": {("baseline", "none"), ("jerk", "none")},
+        "field, imu_bias, tilt": {("baseline", "none"), ("jerk", "none")},
         "field, outliers, tilt": {("jerk", "none"), ("jerk", "mtf")},
     }
 
@@ -77,7 +76,7 @@ def test_the_largest_difference_comes_first_and_of_many_scenarios_those_with_the
     )
     order = list(by_difference(rows, "position_rmse_m", list(SCENES)))
 
-    assert order == ["field, gnss_outage, tilt", "field, none, tilt", "field, bias, tilt", "field, outliers, tilt"]
+    assert order == ["field, gnss_outage, tilt", "field, none, tilt", "field, imu_bias, tilt", "field, outliers, tilt"]
     assert list(telling_scenes(by_difference(rows, "position_rmse_m", list(SCENES)))) == order[:3]
 
 
@@ -97,7 +96,7 @@ METHODS = ("mtf", "scalar_r", "sage_husa", "huber_r", "igg3", "none")
 def cell_of(place, filter_name, adaptation, **labels):
     """A stored cell, the better the smaller its place."""
     rows = pd.DataFrame({"seed": [0], "status": ["ok"], "replicate": ["seed"], "position_rmse_m": [1.0 + place]})
-    labels = {"filter": filter_name, "adaptation": adaptation, "noise": "own", **labels}
+    labels = {"filter": filter_name, "adaptation": adaptation, "noise": "default", **labels}
     spec = {kind: {"name": labels[kind].partition("(")[0]} for kind in ("filter", "adaptation")}
     return Stored(f"{place}", rows, {"labels": labels, "spec": spec})
 
@@ -130,7 +129,7 @@ def study(tmp_path):
             {"adaptation": "mtf"},
             {"adaptation": "mtf(window=4)", "conditions": {"spec": {"adaptation": {"name": "mtf", "window": 4}}}},
             {"filter": "baseline"},
-            {"disturbance": "bias(accel_mps2=0.1)+outliers"},
+            {"disturbance": "imu_bias(accel_mps2=0.1)+outliers"},
         ]
     ):
         put(tmp_path, f"{place}", 0.1, **cell)
@@ -150,7 +149,7 @@ def test_methods_are_named_with_their_parameters_or_without(study, names, keys):
     assert set(named_part(study, names, ("filter", "adaptation", "noise")).keys) == keys
 
 
-@pytest.mark.parametrize("name", ["bias+outliers", "bias(accel_mps2=0.1)+outliers"])
+@pytest.mark.parametrize("name", ["imu_bias+outliers", "imu_bias(accel_mps2=0.1)+outliers"])
 def test_scenarios_are_named_with_their_parameters_or_without(study, name):
     assert set(named_part(study, [name], ("dataset", "disturbance", "attitude")).keys) == {"3"}
 

@@ -16,7 +16,7 @@ from jerkbench.results.store import Store
 from processes import alive, children_of
 from stored_cells import drop
 
-CELLS = ["filter=baseline,jerk,gnss_only", "disturbance=none,bias", "noise.accel_mps2=0.1,0.2"]
+CELLS = ["filter=baseline,jerk,gnss_only", "disturbance=none,imu_bias", "noise.accel_mps2=0.1,0.2"]
 WORDS = ["run", "-m", *SHORT[:-1]]
 
 
@@ -119,7 +119,7 @@ def limited(blocks, *words, cwd):
 
 @pytest.mark.slow
 def test_where_there_is_no_room_nothing_finished_is_lost_and_it_is_said(tmp_path):
-    words = [*WORDS, *CELLS, "disturbance=none,bias,gnss_outage", "workers=1"]
+    words = [*WORDS, *CELLS, "disturbance=none,imu_bias,gnss_outage", "workers=1"]
     cells = tmp_path / "results" / "adhoc" / "cells"
     for blocks, sentence in (
         (4, "Results cannot be written"),  # not even the sweep's own configuration
@@ -132,7 +132,7 @@ def test_where_there_is_no_room_nothing_finished_is_lost_and_it_is_said(tmp_path
         assert "Traceback" not in full.stderr
         assert not [path for path in cells.glob("*") if path.suffix != ".parquet"]
     assert len(Store(cells.parent).keys_from("")) == 15
-    again = swept(*CELLS, "disturbance=none,bias,gnss_outage", cwd=tmp_path)
+    again = swept(*CELLS, "disturbance=none,imu_bias,gnss_outage", cwd=tmp_path)
     assert "15 of 15 cells are done already" in again.stderr
     assert len(rows_of(tmp_path)) == 15
 

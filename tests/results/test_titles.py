@@ -28,7 +28,7 @@ def cell(dataset, *disturbances):
     ("one", "said"),
     [
         (cell(FIELD, {"name": "none"}), "a, seed 7"),
-        (cell(FIELD, {"name": "bias"}), "a, bias, seed 7"),
+        (cell(FIELD, {"name": "imu_bias"}), "a, imu_bias, seed 7"),
         (cell(DRIVE, {"name": "none"}), "a"),
         (cell(DRIVE, {"name": "withhold", "every": 4}), "a, withhold, phase 7"),
     ],
@@ -38,17 +38,17 @@ def test_a_title_says_data_set_disturbance_and_seed(one, said, make_short):
 
 
 def test_a_long_title_has_several_lines(make_short):
-    name = with_title(make_short("a " * 50), cell(FIELD, {"name": "bias"}), 7).name
-    assert name.endswith("bias, seed 7")
+    name = with_title(make_short("a " * 50), cell(FIELD, {"name": "imu_bias"}), 7).name
+    assert name.endswith("imu_bias, seed 7")
     assert max(map(len, name.split("\n"))) <= 70
 
 
 def test_the_figures_of_a_single_run_have_it(tmp_path, monkeypatch):
     names = []
     monkeypatch.setattr(single, "draw_run", lambda cell, recording, *_, **__: names.append(recording.name))
-    (one,) = plan_sweep([cell(FIELD, {"name": "bias"})]).cells
+    (one,) = plan_sweep([cell(FIELD, {"name": "imu_bias"})]).cells
     single.draw_single(one, tmp_path)
-    assert names == ["field, bias, seed 7"]
+    assert names == ["field, imu_bias, seed 7"]
 
 
 @pytest.fixture(scope="module")
@@ -68,11 +68,11 @@ def test_a_title_with_many_parameters_has_a_few_lines(make_short):
 
 
 def test_names_of_files_are_short_and_the_same_for_the_same_labels():
-    plain = cell(FIELD, {"name": "bias"}).labels
+    plain = cell(FIELD, {"name": "imu_bias"}).labels
     long = plain._replace(dataset=f"table({', '.join(f'column_{k}=name_{k}' for k in range(40))})")
 
-    assert file_stem(plain) == "field-bias-tilt-baseline-none-own"
+    assert file_stem(plain) == "field-imu_bias-tilt-baseline-none-default"
     assert file_stem(long) == file_stem(long)
-    assert file_stem(long).startswith("table-bias-tilt-baseline-none-own-")
+    assert file_stem(long).startswith("table-imu_bias-tilt-baseline-none-default-")
     assert file_stem(long) != file_stem(long._replace(dataset=long.dataset.replace("name_3", "name_4")))
     assert len(file_stem(plain._replace(disturbance="+".join(["gnss_outage"] * 30)))) < 120

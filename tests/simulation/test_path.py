@@ -5,10 +5,10 @@ import pytest
 from scipy.integrate import quad
 
 from jerkbench.datasets.field import FieldHeadland
-from jerkbench.datasets.field_v1 import FieldV1
+from jerkbench.datasets.field_white import FieldWhite
 from jerkbench.simulation.motion import Path
 
-FIELD = FieldV1()._path()
+FIELD = FieldWhite()._path()
 HEADLAND = FieldHeadland()._path()
 
 

@@ -6,7 +6,7 @@ from scipy.integrate import cumulative_simpson
 from scipy.special import expit
 
 from jerkbench.datasets.field import FieldRuts
-from jerkbench.datasets.field_v1 import FieldV1
+from jerkbench.datasets.field_white import FieldWhite
 from jerkbench.simulation.truth import drive_course
 
 RUTS = FieldRuts()._ruts()
@@ -27,10 +27,10 @@ def test_no_ruts_no_change():
 
 
 def test_speed_dips_and_distance_is_still_its_integral():
-    course = drive_course(T, FieldV1()._path(), RUTS)
+    course = drive_course(T, FieldWhite()._path(), RUTS)
     assert course.speed_mps[4500] == pytest.approx(1.2, abs=1e-6)
     fine = np.arange(60001) / 1000
-    speed = drive_course(fine, FieldV1()._path(), RUTS).speed_mps
+    speed = drive_course(fine, FieldWhite()._path(), RUTS).speed_mps
     driven = cumulative_simpson(speed, x=fine, initial=0)[::10]
     np.testing.assert_allclose(course.distance_m[:6001], driven, atol=1e-8)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jerkbench.datasets.field import FieldVibration
-from jerkbench.datasets.field_v1 import FieldV1
+from jerkbench.datasets.field_white import FieldWhite
 from jerkbench.geometry import dcm_from_euler
 from jerkbench.simulation.imu import perfect_imu, saturate
 from jerkbench.simulation.truth import Truth
@@ -39,7 +39,7 @@ def mean_specific_force(field):
     return body.reshape(-1, 20, 3).mean(axis=1)
 
 
-@pytest.mark.parametrize("field", [FieldV1(duration_s=30.0), FieldVibration(duration_s=30.0)])
+@pytest.mark.parametrize("field", [FieldWhite(duration_s=30.0), FieldVibration(duration_s=30.0)])
 def test_accelerometer_is_the_mean_of_the_body_s_specific_force_to_second_order(field):
     difference = perfect_imu(field.truth(3))[0] - mean_specific_force(field)
     assert np.sqrt((difference**2).mean()) < 2e-3  # a tenth of the sensor's noise

@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from commands import jerkbench, verb
-from jerkbench.authoring.package import class_name
+from jerkbench.authoring import class_name
 from jerkbench.compilation.module_cache import COMPILED
 from jerkbench.files import cache_folder
 from jerkbench.suite.entry import HASHED

@@ -32,7 +32,7 @@ def cell(duration_s, seeds):
             "engine": {"name": "filterpy"},
         },
         Protocol(seeds=seeds, burn_in_s=0.0),
-        Labels(f"field({duration_s:g})", "none", "gyro_only", "gnss_only", "none", "own"),
+        Labels(f"field({duration_s:g})", "none", "gyro_only", "gnss_only", "none", "default"),
     )
 
 

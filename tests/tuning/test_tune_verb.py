@@ -90,7 +90,7 @@ def test_the_command_that_is_printed_runs_what_was_tuned_where_it_was_tuned(tune
 
 def test_the_command_keeps_what_was_given_and_not_tuned(tmp_path):
     given = ["filter=bias", "adaptation=mtf", "adaptation.window=3", "r_scale.position=2"]
-    words = [*given, "dataset=field_v1", "attitude=real", *FAST, "knobs=[filter.accel_mps2]"]
+    words = [*given, "dataset=field_white", "attitude=real", *FAST, "knobs=[filter.accel_mps2]"]
     done = verb("tune", *words, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
 
@@ -100,7 +100,7 @@ def test_the_command_keeps_what_was_given_and_not_tuned(tmp_path):
     ((stored,), _) = Store(tmp_path / "results/printed").read()
     spec = stored.metadata["spec"]
     labels = stored.metadata["labels"]
-    assert (labels["dataset"], labels["attitude"]) == ("field_v1(duration_s=12)", "real")
+    assert (labels["dataset"], labels["attitude"]) == ("field_white(duration_s=12)", "real")
     assert (spec["adaptation"]["window"], spec["r_scale"]["position"]) == (3, 2)
     record = json.loads(next(tmp_path.rglob("tuning.json")).read_text())
     assert spec["filter"]["accel_mps2"] == pytest.approx(record["setting"]["filter.accel_mps2"])

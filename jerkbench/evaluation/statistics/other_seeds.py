@@ -9,10 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from jerkbench.arrays import BoolArray, FloatArray
+from jerkbench.evaluation.statistics.families import LEAST_SEEDS, max_t_of_two, standard_errors, studentised
 from jerkbench.evaluation.statistics.judgement import LEVEL, MARGIN, Judgement, judgement_of, middle
-from jerkbench.evaluation.statistics.log_ratio import LOCKED_OUT
-from jerkbench.evaluation.statistics.max_t import max_t_of_two, standard_errors, studentised
-from jerkbench.evaluation.statistics.multiplicity import LEAST_SEEDS
+from jerkbench.evaluation.statistics.over_seeds import LOCKED_OUT
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,15 +10,26 @@ from jerkbench.arrays import BoolArray, FloatArray, nearest_rows
 from jerkbench.errors import RecordingError
 from jerkbench.geometry import dcm_from_euler, dcm_from_quaternion, euler_from_dcm
 from jerkbench.io.clocks import with_common_time
-from jerkbench.io.frames import calibrated, first_rest_s, gravity_notes
+from jerkbench.io.frames import calibrated_at_rest, first_rest_s, gravity_notes
 from jerkbench.io.ros.bag import Messages
-from jerkbench.io.ros.cleaning import by_topic, clean_topics
 from jerkbench.io.ros.extract import Frames, Metadata, Planner, choices_of, extract
 from jerkbench.io.ros.files import bag_files, missing_parts
-from jerkbench.io.ros.frames import Place, axes_to_enu, body_axes, first_place, fixes_in_enu, frame_of
 from jerkbench.io.ros.options import BagOptions
-from jerkbench.io.ros.roles import TopicPlan
-from jerkbench.io.ros.streams import heading_of, imu_of, position_of, seconds, usable_fixes, velocity_of
+from jerkbench.io.ros.roles import TopicPlan, by_topic, clean_topics
+from jerkbench.io.ros.streams import (
+    Place,
+    axes_to_enu,
+    body_axes,
+    first_place,
+    fixes_in_enu,
+    frame_of,
+    heading_of,
+    imu_of,
+    position_of,
+    seconds,
+    usable_fixes,
+    velocity_of,
+)
 from jerkbench.io.sanitiser import Finding, Ledger, unit_quaternions
 from jerkbench.recording import Heading, Imu, Position, Recording, Reference, Velocity
 
@@ -186,7 +197,7 @@ def _assembled(
     rest_s = _rest_s(options, metadata, velocity, float(imu.t_s[-1]))
     return Recording(
         name=metadata.name if metadata else options.path.stem,
-        imu=calibrated(imu, rest_s, gyro=options.remove_gyro_bias, accel=options.scale_accel_to_gravity),
+        imu=calibrated_at_rest(imu, rest_s, gyro=options.remove_gyro_bias, accel=options.scale_accel_to_gravity),
         reference=reference,
         position=None if position is None else at_body(position, reference, options.lever_arm_m),
         velocity=velocity,

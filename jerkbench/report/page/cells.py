@@ -5,10 +5,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from jerkbench.evaluation.statistics.intervals.share import up_to
-from jerkbench.report.analysis.comparison import Comparison
-from jerkbench.report.analysis.factors import FACTORS
-from jerkbench.report.analysis.quantities import quantity
+from jerkbench.evaluation.statistics.intervals import up_to
+from jerkbench.report.analysis.columns import FACTORS, quantity
+from jerkbench.report.analysis.standings import Comparison
 from jerkbench.report.analysis.study_verdicts import StudyVerdicts
 from jerkbench.report.page.script_data import details
 from jerkbench.report.tables.summary import summarise
@@ -22,8 +21,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from jerkbench.evaluation.statistics.consistency import NEAR, UNKNOWN, runs_verdict
-from jerkbench.evaluation.statistics.intervals.signed_over_seeds import FEW
-from jerkbench.report.analysis.quantities import EXPECTED
+from jerkbench.evaluation.statistics.over_seeds import FEW
+from jerkbench.report.analysis.columns import EXPECTED
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -10,9 +10,9 @@ from functools import cache
 from itertools import zip_longest
 from typing import Any
 
-from jerkbench.evaluation.statistics.intervals.share import share_interval
+from jerkbench.evaluation.statistics.intervals import share_interval
 from jerkbench.plain import plain
-from jerkbench.report.analysis.factors import FACTORS
+from jerkbench.report.analysis.columns import FACTORS
 from jerkbench.report.markup import render
 from jerkbench.report.tables.table_model import ABSENT, Part, Ratio, Table, TableCell, parts
 

@@ -21,7 +21,7 @@ def rows():
     factors = {
         "dataset": "field",
         "attitude": "tilt",
-        "noise": "own",
+        "noise": "default",
         "replicate": "seed",
         "status": "ok",
         "reason": "",

@@ -7,7 +7,14 @@ from jerkbench.report.analysis.study_verdicts import study_verdicts
 from jerkbench.report.page.cells import by_combination, combinations
 from jerkbench.report.page.first_screen import first_screen
 
-FACTORS = {"dataset": "field", "attitude": "tilt", "noise": "own", "replicate": "seed", "status": "ok", "reason": ""}
+FACTORS = {
+    "dataset": "field",
+    "attitude": "tilt",
+    "noise": "default",
+    "replicate": "seed",
+    "status": "ok",
+    "reason": "",
+}
 
 
 def rows(seeds, times):

@@ -347,7 +347,7 @@ def cell_rows():
             "dataset": "field",
             "disturbance": "none",
             "attitude": "tilt",
-            "noise": "own",
+            "noise": "default",
             "status": "ok",
             "reason": "",
         }

@@ -22,8 +22,8 @@ def test_columns_are_adaptations_and_rows_what_else_varies(rows):
     assert (table.row_keys, table.column_keys) == (("filter",), ("adaptation",))
     assert table.rows == (("jerk",), ("baseline",))  # order of appearance, not of the alphabet
     assert table.columns == (("none",), ("sage_husa",))
-    assert dict(table.constants) == {"dataset": "field", "disturbance": "none", "attitude": "tilt", "noise": "own"}
-    assert "In every cell: dataset field, disturbance none, attitude tilt, noise own." in table.footnotes
+    assert dict(table.constants) == {"dataset": "field", "disturbance": "none", "attitude": "tilt", "noise": "default"}
+    assert "In every cell: dataset field, disturbance none, attitude tilt, noise default." in table.footnotes
 
 
 def test_a_cell_of_few_seeds_is_the_geometric_mean_of_those_that_went_well(rows):

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from jerkbench.report.analysis.quantities import quantity
+from jerkbench.report.analysis.columns import quantity
 from jerkbench.report.tables import summary, terminal
 from jerkbench.report.tables.study_tables import write_tables
 from jerkbench.report.tables.summary import summarise
@@ -66,7 +66,7 @@ def test_markdown_has_aligned_pipes_bold_and_footnotes(rows):
     assert [text.strip() for text in re.split(r"(?<!\\)\|", grid[0])] == ["", "filter", "none", r"a\|b", ""]
     assert re.search(r"\| jerk +\| \*\*0\.0125\*\* \[0\.01\d\d, 0\.01\d\d\] gm 0\.0124 +\| 0\.0225 \[", grid[2])
     assert grid[3].split("|")[3].strip() == "–"  # noqa: RUF001 - the sign itself
-    assert "- In every cell: dataset field, disturbance none, attitude tilt, noise own." in lines
+    assert "- In every cell: dataset field, disturbance none, attitude tilt, noise default." in lines
 
 
 def test_latex_is_balanced_and_escaped(rows):
@@ -101,7 +101,7 @@ def test_csv_reads_back_with_all_digits(rows):
     assert tuple(float(first[name]) for name in ("mean", "low", "high")) == (cell.mean, cell.low, cell.high)
     (one,) = [line for line in lines if line["filter"] == "baseline" and line["metric"] == "position_rmse_m"]
     assert (one["runs"], one["diverged"], one["failed"], one["missing"], one["unit"]) == ("8", "4", "0", "0", "m")
-    assert (one["dataset"], one["adaptation"], one["noise"]) == ("field", "none", "own")
+    assert (one["dataset"], one["adaptation"], one["noise"]) == ("field", "none", "default")
 
 
 def test_csv_counts_the_runs_without_the_metric(rows):

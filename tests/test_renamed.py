@@ -1,0 +1,68 @@
+"""Old names of plugins and presets mean what the new ones mean: on the command line, in files, in stored rows."""
+
+import pytest
+
+from jerkbench import plugins
+from jerkbench.hydra_app.words import composed
+from jerkbench.jobs.names import choose
+from jerkbench.presets import preset_names
+from jerkbench.renamed import RENAMED, new_label, new_word
+
+PAIRS = [(kind, old, new) for kind, names in RENAMED.items() for old, new in names.items()]
+
+
+@pytest.mark.parametrize(("kind", "old", "new"), PAIRS)
+def test_an_old_name_is_the_new_one_everywhere(capsys, kind, old, new):
+    by_old, said = composed([f"{kind}={old}"]), capsys.readouterr().err
+    by_new, unsaid = composed([f"{kind}={new}"]), capsys.readouterr().err
+
+    assert by_old.cell().spec == by_new.cell().spec
+    assert by_old.cell().labels == by_new.cell().labels
+    assert said == f"{kind}={old} is now {kind}={new}; the old name will be removed in the next version.\n"
+    assert not unsaid
+    if kind != "noise":
+        assert choose(kind, old).plain == choose(kind, new).plain
+
+
+@pytest.mark.parametrize(("kind", "old", "new"), PAIRS)
+def test_only_the_new_name_is_listed(kind, old, new):
+    listed = [*preset_names(kind), *(plugins.names(kind) if kind in plugins.KINDS else ())]
+
+    assert new in listed
+    assert old not in listed
+
+
+def test_a_file_of_ones_own_may_still_have_old_names(tmp_path, typed):
+    folder = tmp_path / "own" / "experiment"
+    folder.mkdir(parents=True)
+    (folder / "mine.yaml").write_text(
+        "# @package _global_\ndefaults:\n  - override /dataset: field_v1_ruts\n  - override /disturbance: [bias]\n"
+        "  - override /noise: naive\n",
+        encoding="utf-8",
+    )
+
+    shown = typed("run", "--config-dir", str(tmp_path / "own"), "experiment=mine", "--cfg", "job")
+
+    assert shown.returncode == 0, shown.stderr
+    assert all(line in shown.stdout for line in ("  name: field_white", "    name: imu_bias", "  accel_mps2: 0.02"))
+
+
+@pytest.mark.parametrize(
+    ("kind", "stored", "shown"),
+    [
+        ("dataset", "field_v1_ruts(duration_s=20)", "field_white_ruts(duration_s=20)"),
+        ("disturbance", "bias(accel_mps2=0.1)+gnss_outage", "imu_bias(accel_mps2=0.1)+gnss_outage"),
+        ("disturbance", "stated_covariance(of=bias)", "stated_covariance(of=bias)"),
+        ("filter", "bias", "bias"),
+        ("filter", "baseline_naive(accel_mps2=0.1)", "baseline_untuned(accel_mps2=0.1)"),
+        ("noise", "own", "default"),
+        ("adaptation", "own", "own"),
+    ],
+)
+def test_labels_of_stored_rows_are_read_with_the_names_of_today(kind, stored, shown):
+    assert new_label(kind, stored) == shown
+
+
+@pytest.mark.parametrize("word", ["dataset.duration_s=3", "filter=bias,jerk", "study=field_v1", "noise.accel_mps2=0.1"])
+def test_other_words_stay(word):
+    assert new_word(word) == word
