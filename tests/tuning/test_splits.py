@@ -86,7 +86,7 @@ def test_a_family_that_is_held_out_is_scored_and_never_tuned_on_and_the_nominal_
     cases = by_families(cells, ["outliers", "bias"], FEW)
 
     assert [case.cell.labels.disturbance for case in cases.tune] == ["none", "wheel_slip"]
-    assert sorted(case.cell.labels.disturbance for case in cases.test) == ["bias", "none", "outliers"]
+    assert sorted(case.cell.labels.disturbance for case in cases.test) == ["imu_bias", "none", "outliers"]
     seen = {draw for case in (*cases.tune, *cases.choose) for draw in case.draws}
     assert not seen & {draw for case in cases.test for draw in case.draws}
 
