@@ -54,7 +54,7 @@ def run(plan, folder):
     """Do what `jerkbench run -m` does once it knows its cells; each of them gets a part of its own."""
     store = Store(folder)
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr("jerkbench.sweep.blocks.HELD_S", 0.0)
+        patched.setattr("jerkbench.sweep.tasks.HELD_S", 0.0)
         code = run_plan(plan, store, Workers())
     conclude(store, plan.draws, SimpleNamespace(notes=["a note"], tags=[]))
     return code

@@ -7,24 +7,30 @@ from pathlib import Path
 
 import pandas as pd
 
-from jerkbench.audit.answer import sentences
-from jerkbench.audit.campaign import AuditCampaign, Outcome
-from jerkbench.audit.comparisons import (
+from jerkbench.audit.answer import (
     metric_sentence,
     model_sentence,
     noise_sentence,
     power_sentence,
     reference_sentences,
+    sentences,
     tuning_sentence,
 )
-from jerkbench.audit.family_verdicts import FamilyVerdict, family_frame, family_verdicts
+from jerkbench.audit.campaign import AuditCampaign, Outcome
 from jerkbench.audit.figures import audit_severity_figure, family_figure, model_figure, ratio_figure
 from jerkbench.audit.methods import Method, methods
-from jerkbench.audit.page import Contents, audit_page, sections_in
+from jerkbench.audit.page import LEGEND, Contents, audit_page, markdown_table, sections_in, verdict_frame
 from jerkbench.audit.protocol import AuditProtocol
 from jerkbench.audit.stages import Stages
-from jerkbench.audit.table import LEGEND, markdown_table, verdict_frame
-from jerkbench.audit.verdicts import Losses, MethodVerdict, losses_of, verdicts
+from jerkbench.audit.verdicts import (
+    FamilyVerdict,
+    Losses,
+    MethodVerdict,
+    family_frame,
+    family_verdicts,
+    losses_of,
+    verdicts,
+)
 from jerkbench.campaigns.protocol import Scenario
 from jerkbench.campaigns.site import Site
 from jerkbench.files import write_atomically, write_text

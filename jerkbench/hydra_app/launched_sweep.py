@@ -18,10 +18,9 @@ from jerkbench.hydra_app.composition import compose_jobs
 from jerkbench.hydra_app.configuration import cell_of, study_folder
 from jerkbench.hydra_app.words import cluster_of
 from jerkbench.jobs.cluster import Cluster, ClusterError, Workers
-from jerkbench.jobs.data_mistakes import first_mistakes
 from jerkbench.jobs.inputs import shared_inputs
 from jerkbench.jobs.pool import processors
-from jerkbench.jobs.preflight import first_complaints
+from jerkbench.jobs.preflight import first_complaints, first_mistakes
 from jerkbench.jobs.progress import Pulse, duration
 from jerkbench.jobs.rows import first_remarks
 from jerkbench.report.drawings import figures_choice

@@ -18,9 +18,9 @@ from jerkbench.hydra_app.configuration import cell_of, check_options, study_fold
 from jerkbench.hydra_app.launched_sweep import note_place, tell
 from jerkbench.hydra_app.words import Words, cluster_of
 from jerkbench.jobs.cell import Cell
-from jerkbench.jobs.data_mistakes import first_mistakes
 from jerkbench.jobs.inputs import shared_inputs
 from jerkbench.jobs.names import refusal
+from jerkbench.jobs.preflight import first_mistakes
 from jerkbench.jobs.progress import Progress, Pulse, duration
 from jerkbench.jobs.rows import CellRun, first_remarks
 from jerkbench.recording import Recording

@@ -29,11 +29,10 @@ from jerkbench.tuning.evaluate import Runs, trial_table
 from jerkbench.tuning.foreign import EXPORTS
 from jerkbench.tuning.objectives import objective_of
 from jerkbench.tuning.outcome import Effort, Tuning, tune
-from jerkbench.tuning.presets import PARTS, preset_words, write_presets
 from jerkbench.tuning.search import Budget
 from jerkbench.tuning.space import Space, space_of
 from jerkbench.tuning.splits import Cases, Seeds, by_families, by_recordings, by_seeds, by_time
-from jerkbench.tuning.summary import record, summary, table
+from jerkbench.tuning.summary import PARTS, preset_words, record, summary, table, write_presets
 
 # The words behind `jerkbench tune`: the tuning's own, and those of `jerkbench run`, which may have
 # several values.

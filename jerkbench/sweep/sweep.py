@@ -25,9 +25,8 @@ from jerkbench.jobs.rows import CellRun, OnError, Piece, failed_rows, joined, pi
 from jerkbench.notices import notify
 from jerkbench.results.store import Store
 from jerkbench.results.study_remarks import set_aside
-from jerkbench.sweep.blocks import Writer, missing
 from jerkbench.sweep.locks import FOLDER, Locks, Shared, plan_name
-from jerkbench.sweep.tasks import Done, Planned, Result, Task, grouped, in_order
+from jerkbench.sweep.tasks import Done, Planned, Result, Task, Writer, grouped, in_order, missing
 
 BUDGET_S = 2.0
 """So long a task takes at most, or one call longer; the rest of it is another, so that little is lost with a worker."""

@@ -8,9 +8,9 @@ import pandas as pd
 import pytest
 
 import jerkbench
+from jerkbench.audit.page import verdict_frame
 from jerkbench.audit.protocol import AuditProtocol, read_protocol
 from jerkbench.audit.study import run_audit
-from jerkbench.audit.table import verdict_frame
 from jerkbench.errors import JerkbenchError
 from jerkbench.hydra_app.words import cluster_named
 from jerkbench.jobs.cluster import Local

@@ -8,7 +8,7 @@ from jerkbench.jobs.cell import Protocol, build
 from jerkbench.jobs.inputs import KEPT
 from jerkbench.jobs.rows import CellRun
 from jerkbench.results.store import Store
-from jerkbench.sweep import blocks, sweep
+from jerkbench.sweep import sweep, tasks
 from jerkbench.sweep.sweep import plan_sweep, run_sweep, run_task
 from jerkbench.sweep.tasks import Task
 
@@ -114,11 +114,11 @@ def test_a_damaged_block_and_a_failed_run_are_run_again(store):
     paths = []
     for draws in (first, second):
         (result,) = run_task(Task((planned,), draws)).results
-        store.write_blocks([blocks.block_of(planned, result)])
+        store.write_blocks([tasks.block_of(planned, result)])
         paths += [path for path in store.folder.iterdir() if path not in paths]
     paths[1].write_bytes(paths[1].read_bytes()[:-40])
 
     assert sorted(store.known([planned.key])[planned.key]) == first
     failed = [{**row, "status": "failed"} for row in result.rows[:3]]
-    store.write_blocks([blocks.block_of(planned, blocks.Result(failed, [], 0.0))])
+    store.write_blocks([tasks.block_of(planned, tasks.Result(failed, [], 0.0))])
     assert sorted(store.known([planned.key])[planned.key]) == first

@@ -10,9 +10,9 @@ from jerkbench.jobs.inputs import KEPT
 from jerkbench.jobs.rows import CellRun
 from jerkbench.results.store import Store
 from jerkbench.sweep import sweep, tasks
-from jerkbench.sweep.blocks import Writer, block_of
 from jerkbench.sweep.locks import Locks, Shared
 from jerkbench.sweep.sweep import plan_sweep, run_sweep
+from jerkbench.sweep.tasks import Writer, block_of
 
 
 def cell(duration_s, seeds):
