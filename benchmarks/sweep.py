@@ -18,8 +18,7 @@ from jerkbench.jobs.cell import Cell, Protocol, build
 from jerkbench.jobs.inputs import Inputs, attitude_of, simulated
 from jerkbench.jobs.rows import CellRun
 from jerkbench.results.store import Store
-from jerkbench.sweep.blocks import block_of
-from jerkbench.sweep.tasks import Planned, Result
+from jerkbench.sweep.tasks import Planned, Result, block_of
 from jerkbench.timeline import build_timeline
 
 ONCE, EACH = "once a recording", "each run"

@@ -10,11 +10,10 @@ import pytest
 from scipy.stats import spearmanr
 
 from experiment_scripts import experiment
-from jerkbench.audit.answer import sentences
-from jerkbench.audit.comparisons import off_by, power_sentence
+from jerkbench.audit.answer import off_by, power_sentence, sentences
 from jerkbench.audit.methods import Method
+from jerkbench.audit.page import markdown_table
 from jerkbench.audit.protocol import read_protocol
-from jerkbench.audit.table import markdown_table
 from jerkbench.audit.verdicts import MethodVerdict
 from jerkbench.evaluation.statistics.judgement import Verdict
 from jerkbench.evaluation.statistics.ranks import OverScenarios

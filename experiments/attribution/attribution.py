@@ -44,7 +44,7 @@ from jerkbench.campaigns.protocol import HALVES, Scenario
 from jerkbench.campaigns.search import best_trials, levels_of, losses, mean_losses, seen
 from jerkbench.campaigns.site import Site
 from jerkbench.files import write_text
-from jerkbench.jobs.cluster import Cluster, Local
+from jerkbench.jobs.cluster import Cluster, Local, Workers
 from jerkbench.jobs.key import code_digest, git_commit, versions
 from jerkbench.jobs.pool import processors
 from jerkbench.presets import preset
@@ -239,9 +239,10 @@ def run_attribution(protocol: AuditProtocol, folder: Path, cluster: Cluster, wor
     known, start = protocol.scenarios, naive()
     methods = methods_of(protocol).values()
     spaces = {method: naive_space(method.space(known[0]), start) for method in methods}
-    site = Site(folder / "runs", cluster, workers)
-    stages = {on: Stages(known, site, name) for on, name in ATTITUDES.items()}
-    scored = {on: AttributionRuns(protocol, spaces, own).scored() for on, own in stages.items()}
+    with Workers(cluster, workers) as own:
+        site = Site(folder / "runs", own)
+        stages = {on: Stages(known, site, name) for on, name in ATTITUDES.items()}
+        scored = {on: AttributionRuns(protocol, spaces, of).scored() for on, of in stages.items()}
     values = corner_values(scored, protocol)
     families = [scenario.family for scenario in known]
     attribution = Attribution(

@@ -77,6 +77,7 @@ def sweep(
 
 def _run(cells: Iterator[Cell], folder: Path, workers: int) -> dict[str, Sequence[int]]:
     """Run those of the cells that make sense and are not done; returns the seeds of all that make sense, by key."""
+    from jerkbench.jobs.cluster import Workers
     from jerkbench.results.store import Store
     from jerkbench.sweep.sweep import plan_sweep, run_sweep
 
@@ -87,7 +88,8 @@ def _run(cells: Iterator[Cell], folder: Path, workers: int) -> dict[str, Sequenc
         raise PluginError("There is nothing to run: every combination was left out.")
     if workers > 1:
         _require_modules(planned.cell for planned in plan.cells)
-    run_sweep(plan, Store(folder), workers)
+    with Workers(count=workers) as own:
+        run_sweep(plan, Store(folder), own)
     return plan.draws
 
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 from matplotlib.colors import LogNorm
 
-from jerkbench.audit.family_verdicts import FamilyVerdict
+from jerkbench.audit.verdicts import FamilyVerdict
 from jerkbench.evaluation.statistics.judgement import Verdict
 from jerkbench.report.plots.style import DOTS_PER_INCH
 

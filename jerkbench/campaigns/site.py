@@ -13,7 +13,7 @@ from jerkbench.campaigns.entrant import LIMITS, Entrant, knobs_of
 from jerkbench.campaigns.protocol import Scenario
 from jerkbench.errors import JerkbenchError
 from jerkbench.jobs.cell import Cell, Protocol
-from jerkbench.jobs.cluster import Cluster
+from jerkbench.jobs.cluster import Workers
 from jerkbench.jobs.progress import Progress
 from jerkbench.results.parts import parsed
 from jerkbench.results.store import Store
@@ -71,14 +71,12 @@ class Site:
 
     Attributes:
         folder: of what is stored.
-        cluster: what runs them.
-        workers: number of processes, where the cluster starts them.
+        workers: who runs them; None: this process.
         only_stored: read what other code may have computed, and run nothing.
     """
 
     folder: Path
-    cluster: Cluster
-    workers: int
+    workers: Workers | None = None
     only_stored: bool = False
 
     def rows(self, tries: Iterable[Try], rules: Rules, bar: Progress) -> pd.DataFrame:
@@ -120,7 +118,7 @@ class Site:
     def _rows(self, tries: Sequence[Try], rules: Rules, bar: Progress) -> pd.DataFrame:
         jobs, store = _planned(tries, rules), Store(self.folder)
         if not self.only_stored:
-            run_sweep(joined_plan(jobs), store, self.workers, self.cluster, strict=rules.strict, progress=bar)
+            run_sweep(joined_plan(jobs), store, self.workers, strict=rules.strict, progress=bar)
             store.compact()
         rows = rows_of(jobs, store, NUMBERS, any_code=self.only_stored)
         if rows["status"].isna().any():

@@ -28,7 +28,7 @@ from jerkbench.results.content import (
 )
 from jerkbench.results.manifest import read_manifest
 from jerkbench.results.part_files import PartFiles
-from jerkbench.results.parts import CELL, KEY, Block, host, table_of
+from jerkbench.results.parts import CELL, KEY, Block, table_of
 
 SEEN = [KEY, "seed", "status"]
 """The columns that say which runs are there."""
@@ -212,12 +212,6 @@ class Store:
         if content is None or not content.keys:
             raise JerkbenchError(f"{self.folder} holds no results.")
         return self.files.replace([name for name, _ in list(self.files.each(None))], content.table)
-
-    def forget(self, processes: Iterable[int]) -> None:
-        """Clear away what these ``processes``, which have ended, left half-written."""
-        for number in processes:
-            for partial in self.folder.glob(f".part-{host()}-*.{number}.partial"):
-                partial.unlink(missing_ok=True)
 
     def _tables(self, keys: Sequence[str] | None, columns: list[str] | None = None) -> tuple[list[pa.Table], list[str]]:
         """The rows of ``keys`` in each file, and the names of the files that are damaged."""

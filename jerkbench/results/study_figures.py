@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 from jerkbench.errors import JerkbenchError
 from jerkbench.files import write_atomically, write_text
-from jerkbench.jobs.pool import run_grouped
+from jerkbench.jobs.cluster import Workers
+from jerkbench.jobs.dispatch import Order, outcomes
 from jerkbench.jobs.progress import Progress
 from jerkbench.report.analysis.columns import METHOD
 from jerkbench.report.analysis.runs import RULE, VerdictRule
@@ -134,8 +135,9 @@ def draw_study(study: Study, request: Request, workers: int) -> Drawn:
     jobs = _jobs(study, request)
     done: dict[str, Drawn] = {}
     slowest_first = sorted(jobs, key=lambda job: job.methods is None and job.rows is None)
-    with Progress(len(jobs), doing="Figures", unit="sets of figures") as progress:
-        for job, result in run_grouped(draw, [[job] for job in slowest_first], workers):
+    with Progress(len(jobs), doing="Figures", unit="sets of figures") as progress, Workers(count=workers) as processes:
+        order = Order(draw, [[job] for job in slowest_first])
+        for job, result in outcomes(order, processes.lent(len(jobs))):
             if isinstance(result, Exception):
                 raise result
             done[job.scenario] = result

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 from jerkbench.jobs.cell import contradiction
 from jerkbench.plain import plain
 from jerkbench.report.analysis.columns import FLOOR
-from jerkbench.results.shown_cells import Current
+from jerkbench.results.conditions import Current
 
 if TYPE_CHECKING:
     import pandas as pd

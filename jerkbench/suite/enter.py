@@ -12,8 +12,7 @@ from jerkbench.files import cache_folder
 from jerkbench.jobs.key import code_digest, git_commit, versions
 from jerkbench.suite.campaign import ENTRY, PLAIN, ScoredEntrant, SuiteCampaign, plugins_digest, scored_plain
 from jerkbench.suite.entry import Settings, plain_score, write_entry
-from jerkbench.suite.frozen import FROZEN
-from jerkbench.suite.protocol import SuiteProtocol, read_suite
+from jerkbench.suite.protocol import FROZEN, SuiteProtocol, read_suite
 from jerkbench.suite.recordings import require_recordings
 from jerkbench.suite.scores import entry_page, entry_score
 

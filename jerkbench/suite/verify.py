@@ -20,7 +20,6 @@ from jerkbench.suite.enter import frozen_part
 from jerkbench.suite.entry import PAGE, Entry, file_hashes, plain_score
 from jerkbench.suite.protocol import SuiteProtocol, read_suite
 from jerkbench.suite.scores import entry_page, entry_score
-from jerkbench.sweep.sweep import LOCAL
 from jerkbench.tuning.space import Setting
 
 TOLERANCE = 1e-9
@@ -187,8 +186,7 @@ def _row_mistakes(
         for k, own in enumerate(stored)
     ]
     with TemporaryDirectory(prefix="jerkbench-") as folder:
-        site = Site(Path(folder), LOCAL, workers=1)
-        again = site.rows(tries, Rules(protocol.metrics, protocol.limits), Progress(0)).to_dict("records")
+        again = Site(Path(folder)).rows(tries, Rules(protocol.metrics, protocol.limits), Progress(0)).to_dict("records")
     for before, own in zip(stored, again, strict=True):
         if wrong := _difference(before, own):
             where = f"{scenarios[int(before['scenario'])].name}, seed {before['seed']}, {before['tuned_on']}"

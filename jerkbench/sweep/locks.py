@@ -12,8 +12,7 @@ from uuid import uuid4
 from filelock import FileLock, Timeout
 
 from jerkbench.notices import notify
-from jerkbench.sweep.blocks import Writer
-from jerkbench.sweep.tasks import Planned, Task
+from jerkbench.sweep.tasks import Planned, Task, Writer
 
 FOLDER = ".locks"
 """The folder of the locks, in the study's."""

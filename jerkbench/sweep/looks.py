@@ -20,9 +20,8 @@ from jerkbench.results.content import Stored
 from jerkbench.results.manifest import stretches
 from jerkbench.results.store import Store
 from jerkbench.results.study import Study
-from jerkbench.sweep.blocks import missing
 from jerkbench.sweep.sweep import Plan
-from jerkbench.sweep.tasks import Planned, in_order
+from jerkbench.sweep.tasks import Planned, in_order, missing
 
 AUTO = re.compile(r"seeds=auto(?:\(max=(\d+)\))?")
 MOST = 400

@@ -4,9 +4,8 @@ import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 from operator import attrgetter
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -14,22 +13,23 @@ import pandas as pd
 
 from jerkbench.errors import PluginError
 from jerkbench.jobs.cell import Cell
-from jerkbench.jobs.cluster import Cluster, Local, Order
+from jerkbench.jobs.cluster import Workers
+from jerkbench.jobs.dispatch import Order, outcomes
 from jerkbench.jobs.identity import identity_of
 from jerkbench.jobs.key import WHAT, cell_key, data_fingerprint
 from jerkbench.jobs.names import refusal
+from jerkbench.jobs.pool import processor_kind
 from jerkbench.jobs.preflight import require_inputs
 from jerkbench.jobs.progress import Progress
-from jerkbench.jobs.rows import CellRun, OnError, failed_rows, pieces
+from jerkbench.jobs.rows import CellRun, OnError, Piece, failed_rows, joined, pieces
 from jerkbench.notices import notify
 from jerkbench.results.store import Store
 from jerkbench.results.study_remarks import set_aside
-from jerkbench.sweep.blocks import Writer, missing, run_blocks
 from jerkbench.sweep.locks import FOLDER, Locks, Shared, plan_name
-from jerkbench.sweep.tasks import Planned, Result, Task, grouped, in_order
+from jerkbench.sweep.tasks import Done, Planned, Result, Task, Writer, grouped, in_order, missing
 
-LOCAL = Local()
-"""The own pool of processes."""
+BUDGET_S = 2.0
+"""So long a task takes at most, or one call longer; the rest of it is another, so that little is lost with a worker."""
 POLL_S = 1.0
 """So long we wait before we look again for what other processes have done."""
 
@@ -124,8 +124,7 @@ def rows_of(cells: Sequence[Planned], store: Store, metrics: Sequence[str], *, a
 def run_sweep(
     plan: Plan,
     store: Store,
-    workers: int,
-    cluster: Cluster = LOCAL,
+    workers: Workers | None = None,
     *,
     strict: bool = False,
     progress: Progress | None = None,
@@ -139,8 +138,7 @@ def run_sweep(
     Args:
         plan: what there is to run.
         store: where it goes.
-        workers: number of processes, where the cluster starts them itself.
-        cluster: where it runs.
+        workers: who does it; default: this process.
         strict: raise what is wrong with the input or a plugin, in words, instead of storing failed rows.
         progress: a bar that is told of every cell; default: one of the cells of the plan.
         threads: how many the engine may use in each process.
@@ -155,13 +153,12 @@ def run_sweep(
     left = _unfinished(plan.cells, store)
     folder = store.folder.parent / FOLDER
     tally, locks = Tally(), Locks(folder, plan_name(plan.cells))
-    places = store.folder.parent.absolute(), locks.mark.absolute()  # a worker is elsewhere
-    work = partial(run_task, *places, strict=strict, threads=threads)
+    work = partial(run_task, strict=strict, threads=threads)
     done = len(plan.cells) - len(left)
     with _shown(progress, len(plan.cells), done) as bar, locks, Writer(store) as writer:
         while left:
             suspects = len(tally.suspects)
-            _run_round(plan, left, _Round(work, writer, tally, locks, bar, cluster, workers, strict, least))
+            _run_round(plan, left, _Round(work, writer, tally, locks, bar, workers or Workers(), strict, least))
             left = [planned for planned in left if planned.key not in tally.whole]
             if len(tally.suspects) == suspects:
                 left = _wait_for_others(left, store, bar)
@@ -187,13 +184,12 @@ def _unfinished(cells: Sequence[Planned], store: Store) -> list[Planned]:
 class _Round(NamedTuple):
     """What a round of a sweep works with."""
 
-    work: Callable[[Task], list[Result]]
+    work: Callable[[Task], Done]
     writer: Writer
     tally: "Tally"
     locks: Locks
     progress: Progress
-    cluster: Cluster
-    workers: int
+    workers: Workers
     strict: bool
     least: int
 
@@ -217,15 +213,17 @@ def _run_round(plan: Plan, left: Sequence[Planned], of: _Round) -> None:
         groups=groups,
         bundle=attrgetter("bundle"),
         admit=shared.admitted,
-        identity=identity_of(planned.cell for planned in left),
-        ended=store.forget,
+        rest=attrgetter("rest"),
+        identity=cache(lambda: identity_of(planned.cell for planned in left)),
     )
-    for task, outcome in of.cluster.run(order, of.workers):
+    lent = of.workers.lent(sum(map(len, groups)))
+    for task, outcome in outcomes(order, lent):
         for planned, result in zip(task.cells, _results(task, outcome, of), strict=False):
             of.writer.add(planned, result)
             if statuses := of.tally.add(planned, result):
                 of.progress.advance(statuses)
-        shared.settle(task)
+        if isinstance(outcome, Exception) or outcome.rest is None:
+            shared.settle(task)
 
 
 def _wait_for_others(left: Sequence[Planned], store: Store, progress: Progress) -> list[Planned]:
@@ -238,23 +236,30 @@ def _wait_for_others(left: Sequence[Planned], store: Store, progress: Progress) 
     return waiting
 
 
-def run_task(folder: Path, mark: Path, task: Task, *, strict: bool = False, threads: int = 1) -> list[Result]:
-    """Run some seeds of some cells; what takes long is stored on the way, the rest by whoever gets it.
+def run_task(task: Task, *, strict: bool = False, threads: int = 1) -> Done:
+    """Run some seeds of some cells until the time is up.
 
     Args:
-        folder: the study's.
-        mark: a file in it; a worker that does not see it has another folder there, and only returns its rows.
         task: what to run.
         strict: whether what is wrong is raised.
         threads: how many the engine may use.
     """
     on_error: OnError = "raise" if strict else "row"
     runs = [CellRun(planned.cell, planned.fingerprint, on_error, threads) for planned in task.cells]
-    began = time.perf_counter()
+    begun = time.perf_counter()
     for draw in task.draws:  # beforehand: the time of a run is that of the filter
         runs[0].begin(draw)
-    inputs_s = time.perf_counter() - began
-    return run_blocks(task, pieces(runs, task.draws), Store(folder) if mark.exists() else None, inputs_s)
+    began = time.perf_counter()
+    done: list[list[Piece]] = []
+    for each in pieces(runs, task.draws):
+        done.append(each)
+        if time.perf_counter() - began > BUDGET_S:
+            break
+    share, kind = 1.0 / len(runs), processor_kind()
+    seconds, inputs_s = share * (time.perf_counter() - began), share * (began - begun)
+    results = [Result(*joined(of_cell), seconds, kind, inputs_s) for of_cell in zip(*done, strict=True)]
+    rest = task.draws[len(results[0].rows) :]
+    return Done(results, task._replace(draws=rest) if rest else None)
 
 
 class Tally:
@@ -289,13 +294,13 @@ class Tally:
         return list(self._statuses.pop(planned.key).values())
 
 
-def _results(task: Task, outcome: list[Result] | Exception, of: _Round) -> list[Result]:
+def _results(task: Task, outcome: Done | Exception, of: _Round) -> list[Result]:
     """The rows of a task; failed ones, where its process could not say what became of it.
 
     None of several cells, of which any may have ended it: each runs again by itself.
     """
     if not isinstance(outcome, Exception):
-        return outcome
+        return outcome.results
     if of.strict:
         raise outcome
     if len(task.cells) > 1:

@@ -3,16 +3,18 @@
 import itertools
 import math
 import time
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import lru_cache
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 from jerkbench.contracts import PerSeed
 from jerkbench.jobs.cell import Cell, Protocol
 from jerkbench.jobs.inputs import KEPT
 from jerkbench.jobs.key import code_digest, git_commit, versions
 from jerkbench.jobs.rows import Row, lane
+from jerkbench.results.parts import Block
+from jerkbench.results.store import Store
 
 BUNDLES = 128
 """Bundles of a sweep, as long as none has more than `MOST_TASKS`."""
@@ -57,8 +59,7 @@ class Result(NamedTuple):
     Attributes:
         rows: of its seeds.
         notes: for their reader.
-        seconds: time of the rows that are not stored yet [s], without `inputs_s`.
-        stored: how many of the rows, from the first on, are stored already.
+        seconds: time of the rows [s], without `inputs_s`.
         processor: kind of the processor that ran it; empty: nothing was run.
         inputs_s: time that recordings and attitudes took [s].
     """
@@ -66,9 +67,20 @@ class Result(NamedTuple):
     rows: list[Row]
     notes: list[str]
     seconds: float
-    stored: int = 0
     processor: str = ""
     inputs_s: float = 0.0
+
+
+class Done(NamedTuple):
+    """What came of a task.
+
+    Attributes:
+        results: for each of its cells.
+        rest: what was left when its time was up.
+    """
+
+    results: list[Result]
+    rest: Task | None = None
 
 
 def metadata_of(planned: Planned, result: Result) -> dict[str, object]:
@@ -159,3 +171,61 @@ def _blocks(draws: Sequence[int], remaining: Sequence[int], size: int) -> Iterat
     for begin in range(0, len(draws), size):
         block = draws[begin : begin + size]
         yield begin, block if wanted.issuperset(block) else [draw for draw in block if draw in wanted]
+
+
+# Results on their way into the store: those of many tasks become one part of it.
+
+
+def block_of(planned: Planned, result: Result) -> Block:
+    """Return the runs of ``result`` as they are stored."""
+    return Block(planned.key, len(planned.draws), result.rows, metadata_of(planned, result))
+
+
+def missing(planned: Planned, known: Iterable[int]) -> Sequence[int]:
+    """Return the seeds of a cell that are not ``known``."""
+    done = set(known)
+    return [draw for draw in planned.draws if draw not in done] if done else planned.draws
+
+
+# The writer of a sweep: results of many tasks become one part of the store.
+
+HELD_S = 1.0
+"""So long a result waits for others at most, while results come: so much is lost with the process."""
+HELD_ROWS = 20_000
+"""And so many rows are kept in memory."""
+
+
+class Writer:
+    """Results on their way into a store; what is held is stored at the end, whatever has ended it.
+
+    Attributes:
+        store: where they go.
+    """
+
+    def __init__(self, store: Store) -> None:
+        """Write into ``store``."""
+        self.store = store
+        self._held: list[Block] = []
+        self._written = time.monotonic()
+
+    def __enter__(self) -> Self:
+        """Begin with nothing."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Store what is held."""
+        self.flush()
+
+    def add(self, planned: Planned, result: Result) -> None:
+        """Take rows of a cell."""
+        if result.rows:
+            self._held.append(block_of(planned, result))
+        if time.monotonic() - self._written > HELD_S or sum(len(block.rows) for block in self._held) > HELD_ROWS:
+            self.flush()
+
+    def flush(self) -> None:
+        """Store what is held as one part."""
+        if self._held:
+            self.store.write_blocks(self._held)
+        self._held = []
+        self._written = time.monotonic()

@@ -14,11 +14,11 @@ from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.contracts import Metric
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.jobs.cell import Cell
-from jerkbench.jobs.cluster import Cluster
+from jerkbench.jobs.cluster import Workers
 from jerkbench.jobs.progress import Progress
 from jerkbench.jobs.rows import Row
 from jerkbench.results.store import Store
-from jerkbench.sweep.sweep import LOCAL, joined_plan, planned, rows_of, run_sweep
+from jerkbench.sweep.sweep import joined_plan, planned, rows_of, run_sweep
 from jerkbench.sweep.tasks import MOST_TASKS
 from jerkbench.tuning.objectives import Objective
 from jerkbench.tuning.space import Setting, Space
@@ -68,6 +68,19 @@ def joined_trials(parts: Sequence[Trials]) -> Trials:
     return Trials(settings, runs, parts[0].case, lost)
 
 
+@dataclass(frozen=True)
+class Runs:
+    """Where runs are done and stored.
+
+    Attributes:
+        folder: of what is stored.
+        workers: who does them; None: this process.
+    """
+
+    folder: Path
+    workers: Workers | None = None
+
+
 class Evaluator:
     """Runs settings over cases; a run that is stored already is not done again."""
 
@@ -76,20 +89,17 @@ class Evaluator:
         space: Space,
         objective: Objective,
         threads: int,
-        folder: Path,
-        cluster: Cluster | None = None,
+        runs: Runs,
     ) -> None:
         """Evaluate settings of ``space`` by ``objective``.
 
         Args:
             space: the knobs.
             objective: what a setting is worth.
-            threads: how many the engine may use; of a cluster, how many processes it starts.
-            folder: where runs are stored, those of other searches, too.
-            cluster: runs the cases; None: this process does.
+            threads: how many the engine may use in each process.
+            runs: where they are done and stored, those of other searches, too.
         """
-        self.space, self.objective, self._store = space, objective, Store(folder)
-        self._cluster, self._threads = cluster, threads
+        self.space, self.objective, self._threads, self._runs = space, objective, threads, runs
         self._metrics: tuple[Metric, ...] = (plugins.create("metric", {"name": objective.metric}),)
 
     def trials(self, settings: Sequence[Setting], cases: Sequence[TuningCase]) -> Trials:
@@ -106,17 +116,17 @@ class Evaluator:
     def rows(self, settings: Sequence[Setting], cases: Sequence[TuningCase]) -> list[list[list[Row]]]:
         """Return for each case the rows of each setting, and last those of the plain filter."""
         jobs = planned((cell, case.draws) for case in cases for cell in self._cells(settings, case))
+        store, quiet = Store(self._runs.folder), Progress(0)
         run_sweep(
             joined_plan(jobs),
-            self._store,
-            self._threads if self._cluster else 1,
-            self._cluster or LOCAL,
+            store,
+            self._runs.workers,
             strict=True,
-            progress=Progress(0),
-            threads=1 if self._cluster else self._threads,
+            progress=quiet,
+            threads=self._threads,
             least=MOST_TASKS,
         )
-        rows = rows_of(jobs, self._store, [self.objective.column])
+        rows = rows_of(jobs, store, [self.objective.column])
         each: Iterator[Any] = (own.to_dict("records") for _, own in rows.groupby("place", sort=False))
         return [[next(each) for _ in range(len(settings) + 1)] for _ in cases]
 

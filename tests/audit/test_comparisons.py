@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from jerkbench.audit.comparisons import (
+from jerkbench.audit.answer import (
     model_sentence,
     noise_sentence,
     off_by,

@@ -22,11 +22,11 @@ def folder(tmp_path_factory):
     folder, protocol = tmp_path_factory.mktemp("audit") / "audit-small", read_protocol("small")
     original, done = sweep.run_task, []
 
-    def stopped(*places, **how):
+    def stopped(task, **how):
         if len(done) == TASKS_BEFORE_THE_END:
             raise KeyboardInterrupt
-        done.append(places[-1])
-        return original(*places, **how)
+        done.append(task)
+        return original(task, **how)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sweep, "run_task", stopped)

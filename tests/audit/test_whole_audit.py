@@ -8,9 +8,9 @@ import pandas as pd
 import pytest
 
 import jerkbench
+from jerkbench.audit.page import verdict_frame
 from jerkbench.audit.protocol import AuditProtocol, read_protocol
 from jerkbench.audit.study import run_audit
-from jerkbench.audit.table import verdict_frame
 from jerkbench.errors import JerkbenchError
 from jerkbench.hydra_app.words import cluster_named
 from jerkbench.jobs.cluster import Local
@@ -44,6 +44,14 @@ def protocol():
     )
 
 
+@pytest.fixture(scope="module", autouse=True)
+def files_apart():
+    """Small files are not joined, so that one of them can be lost."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("jerkbench.results.store.MANY", 1000)
+        yield
+
+
 @pytest.fixture(scope="module")
 def finished(protocol, tmp_path_factory):
     folder = tmp_path_factory.mktemp("audit") / "audit-tiny"
@@ -63,10 +71,9 @@ def spied(monkeypatch):
     """Record key and seed of each run."""
     original, ran = sweep.run_task, []
 
-    def run_task(*places, **how):
-        task = places[-1]
+    def run_task(task, **how):
         ran.extend((planned.key, draw) for planned in task.cells for draw in task.draws)
-        return original(*places, **how)
+        return original(task, **how)
 
     monkeypatch.setattr(sweep, "run_task", run_task)
     return ran
@@ -150,8 +157,8 @@ def test_what_other_code_computed_is_judged_when_asked_for_and_nothing_is_run(
     pd.testing.assert_frame_equal(*both)
     made_by = json.loads((folder / "manifest.json").read_text())["rows_computed_by"]
     assert [maker.split()[0] for maker in made_by] == [code]
-    choosing = (path for path in folder.rglob("part-*") if protocol.seeds_to_choose_on[0] in seeds_in(path))
-    next(choosing).unlink()
+    choosing = set(protocol.seeds_to_choose_on)
+    next(path for path in folder.rglob("part-*.parquet") if seeds_in(path) == choosing).unlink()
     with pytest.raises(JerkbenchError, match=r"\d+ are missing or of other settings.*without --stored"):
         run_audit(protocol, folder, Local(), workers=1, only_stored=True)
 
@@ -167,7 +174,7 @@ def test_the_runs_that_score_are_not_read_before_every_setting_is_chosen(protoco
     monkeypatch.setattr(sweep, "pieces", poisoned)
     with pytest.raises(RuntimeError, match="test"):
         run_audit(protocol, tmp_path / "audit-tiny", Local(), workers=1)
-    seeds = {seed for path in tmp_path.rglob("part-*") for seed in seeds_in(path)}
+    seeds = {seed for path in tmp_path.rglob("part-*.parquet") for seed in seeds_in(path)}
     assert seeds == {*protocol.seeds_to_tune_on, *protocol.seeds_to_choose_on}
 
 

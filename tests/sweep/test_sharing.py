@@ -10,9 +10,9 @@ from jerkbench.jobs.inputs import KEPT
 from jerkbench.jobs.rows import CellRun
 from jerkbench.results.store import Store
 from jerkbench.sweep import sweep, tasks
-from jerkbench.sweep.blocks import Writer, block_of
 from jerkbench.sweep.locks import Locks, Shared
 from jerkbench.sweep.sweep import plan_sweep, run_sweep
+from jerkbench.sweep.tasks import Writer, block_of
 
 
 def cell(duration_s, seeds):
@@ -54,7 +54,7 @@ def test_two_sweeps_share_their_cells(durations, seeds, tmp_path, monkeypatch):
     monkeypatch.setattr(sweep, "pieces", pieces)
     store = Store(tmp_path)
     store.prepare()
-    sweeps = [threading.Thread(target=run_sweep, args=(plan, store, 1)) for _ in range(2)]
+    sweeps = [threading.Thread(target=run_sweep, args=(plan, store)) for _ in range(2)]
     for thread in sweeps:
         thread.start()
     for thread in sweeps:

@@ -1,15 +1,22 @@
 """Cells with many seeds run in pieces, and are whole again afterwards."""
 
+import pickle
+from concurrent.futures import Executor, Future
+from contextlib import nullcontext
 from dataclasses import replace
 
 import pandas as pd
 import pytest
 
+from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.filters.jerk import Jerk
 from jerkbench.jobs.cell import Protocol, build
+from jerkbench.jobs.cluster import Lent, Workers
+from jerkbench.jobs.dispatch import TRIES
 from jerkbench.jobs.inputs import KEPT
 from jerkbench.jobs.rows import CellRun
 from jerkbench.results.store import Store
+from jerkbench.sweep import sweep
 from jerkbench.sweep.sweep import joined_plan, plan_sweep, planned, rows_of, run_sweep, run_task
 from jerkbench.sweep.tasks import grouped
 
@@ -55,7 +62,7 @@ def test_a_cell_in_pieces_has_the_rows_of_the_whole_one(plan, tmp_path):
     store = Store(tmp_path)
     store.prepare()
 
-    run_sweep(plan, store, workers=1)
+    run_sweep(plan, store)
 
     for one in plan.cells:
         (stored,), _ = store.read([one.key])
@@ -64,48 +71,57 @@ def test_a_cell_in_pieces_has_the_rows_of_the_whole_one(plan, tmp_path):
         assert stored.metadata["notes"] == notes
 
 
-class Dying:
-    """A cluster on which the last seeds of a cell lose their worker."""
+class Fragile(Executor):
+    """A cluster without processes, on which some tasks lose their worker.
 
-    def __init__(self, lost):
-        self.lost = lost
+    Attributes:
+        dies: whether a task does.
+        sizes: how many cells each had.
+    """
 
-    def run(self, order, workers):
-        for task in (task for group in order.groups for task in group):
-            died = task.cells == (self.lost,) and task.draws[0] != 4
-            yield task, ChildProcessError("it died") if died else order.work(task)
+    def __init__(self, dies):
+        self.dies, self.sizes = dies, []
+
+    def open(self, workers):
+        return nullcontext(Lent(self, lambda: 1))
+
+    def submit(self, run, pack):
+        (task,) = pickle.loads(pack.content)[1]  # noqa: S301 - packed by this test
+        self.sizes.append(len(task.cells))
+        future = Future()
+        if self.dies(task):
+            future.set_exception(ChildProcessError("it died"))
+        else:
+            future.set_result(run(pack))
+        return future
 
 
 def test_a_piece_that_is_lost_is_a_piece_of_failed_rows_and_runs_again(plan, tmp_path):
     store, lost = Store(tmp_path), plan.cells[0]
     store.prepare()
 
-    run_sweep(plan, store, workers=1, cluster=Dying(lost))
+    run_sweep(plan, store, Workers(Fragile(lambda task: task.cells[0].key == lost.key and task.draws[0] != 4)))
     (stored,), _ = store.read([lost.key])
     assert list(stored.rows["seed"]) == list(range(4, 4 + SEEDS))
     assert list(stored.rows["status"]) == ["ok"] * KEPT + ["failed"] * 3
-    assert set(stored.rows["reason"][KEPT:]) == {"ChildProcessError: it died"}
+    assert set(stored.rows["reason"][KEPT:]) == {"ChildProcessError: the process that ran it died (it died)"}
     assert len(store.known([lost.key])[lost.key]) == KEPT
 
-    run_sweep(plan, store, workers=1)
+    run_sweep(plan, store)
     (again,), _ = store.read([lost.key])
     pd.testing.assert_frame_equal(again.rows, pd.DataFrame(CellRun(lost.cell, "").rows()[0]), check_exact=True)
 
 
-def test_a_worker_that_does_not_see_the_folder_stores_nothing(plan, tmp_path, monkeypatch):
-    monkeypatch.setattr("jerkbench.sweep.blocks.KEEP_S", 0.0)
-    monkeypatch.setattr("jerkbench.sweep.blocks.REST_S", 0.0)
-    task, mark = grouped(plan.cells)[0][0], tmp_path / "here" / "mark"
-    mark.parent.mkdir()
-    mark.touch()
+def test_a_task_whose_time_is_up_comes_back_with_its_rest(plan, monkeypatch):
+    monkeypatch.setattr(sweep, "BUDGET_S", 0.0)
+    alone = joined_plan(planned([(replace(plan.cells[0].cell, engine=FilterpyEngine()), range(4, 7))]))
+    task = grouped(alone.cells)[0][0]
 
-    (result,) = run_task(tmp_path / "elsewhere", tmp_path / "elsewhere/mark", task)
-    assert result.stored == 0
-    assert not (tmp_path / "elsewhere").exists()
-    (result,) = run_task(mark.parent, mark, task)
-    assert result.stored == KEPT
-    (planned,) = task.cells
-    assert sorted(Store(mark.parent).known([planned.key])[planned.key]) == list(task.draws)
+    done = run_task(task)
+
+    assert [len(result.rows) for result in done.results] == [1]
+    assert list(done.rest.draws) == [5, 6]
+    assert run_task(done.rest._replace(draws=[6])).rest is None
 
 
 def test_the_bundles_of_a_plan_are_the_same_whatever_is_left_of_it(plan, monkeypatch):
@@ -121,28 +137,17 @@ def test_the_bundles_of_a_plan_are_the_same_whatever_is_left_of_it(plan, monkeyp
     ]
 
 
-class Fragile:
-    """A cluster on which a task dies that has a certain cell."""
-
-    def __init__(self, bad):
-        self.bad, self.sizes = bad, []
-
-    def run(self, order, workers):
-        for task in (task for group in order.groups for task in order.admit(group)):
-            self.sizes.append(len(task.cells))
-            yield task, ChildProcessError("it died") if self.bad in task.cells else order.work(task)
-
-
 def test_of_cells_that_share_their_calls_the_one_that_ends_its_process_is_told_apart(tmp_path):
     base = cell("none")
     told = [{"name": "jerk", "accel_mps2": accel} for accel in (0.1, 0.2, 0.4)]
     cells = [replace(base, filter=Jerk(own["accel_mps2"]), spec={**base.spec, "filter": own}) for own in told]
     plan, store = joined_plan(planned((one, range(4)) for one in cells)), Store(tmp_path)
-    cluster = Fragile(plan.cells[1])
+    bad = plan.cells[1].key
+    cluster = Fragile(lambda task: bad in [one.key for one in task.cells])
 
-    run_sweep(plan, store, workers=1, cluster=cluster, least=8)
+    run_sweep(plan, store, Workers(cluster), least=8)
 
-    assert cluster.sizes == [3, 1, 1, 1]
+    assert cluster.sizes == [3] * TRIES + [1, 1, *[1] * TRIES]
     rows = rows_of(plan.cells, store, ["position_rmse_m"])
     assert list(rows["status"]) == ["ok"] * 4 + ["failed"] * 4 + ["ok"] * 4
     alone = [row["position_rmse_m"] for row in CellRun(cells[2], "").rows(range(4))[0]]

@@ -13,7 +13,7 @@ from jerkbench.jobs.names import cell_of_parts
 from jerkbench.sweep import sweep as sweep_module
 from jerkbench.timeline import RScale
 from jerkbench.tuning.curves import budget_curve, intervals
-from jerkbench.tuning.evaluate import Evaluator
+from jerkbench.tuning.evaluate import Evaluator, Runs
 from jerkbench.tuning.objectives import LOST, objective_of
 from jerkbench.tuning.outcome import Effort, tune
 from jerkbench.tuning.search import Budget, equal_budgets, score, search
@@ -37,7 +37,7 @@ def evaluator_of(tmp_path):
 
     def made(cell, objective="rmse", chosen=(), folder=None):
         place = folder or tmp_path / str(next(numbers))
-        return Evaluator(space_of(cell, chosen), objective_of(objective), 1, place)
+        return Evaluator(space_of(cell, chosen), objective_of(objective), 1, Runs(place))
 
     return made
 
@@ -207,7 +207,7 @@ def test_another_restart_is_another_scramble(tmp_path):
     cases = by_seeds([cell], Seeds(1, 0, 2))
     effort = Effort(objective_of("rmse"), Budget(4), restarts=3)
 
-    tuning = tune("baseline-none", cases, space_of(cell), effort, tmp_path)
+    tuning = tune("baseline-none", cases, space_of(cell), effort, Runs(tmp_path))
 
     assert len({restart.setting for restart in tuning.restarts} | {tuning.setting}) == 3
     assert tuning.setting == tuning.restarts[0].setting
