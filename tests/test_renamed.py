@@ -7,6 +7,8 @@ from jerkbench.hydra_app.words import composed
 from jerkbench.jobs.names import choose
 from jerkbench.presets import preset_names
 from jerkbench.renamed import RENAMED, new_label, new_word
+from jerkbench.report.analysis.runs import parse_baseline
+from jerkbench.results.selection import named_study
 
 PAIRS = [(kind, old, new) for kind, names in RENAMED.items() for old, new in names.items()]
 
@@ -61,6 +63,11 @@ def test_a_file_of_ones_own_may_still_have_old_names(tmp_path, typed):
 )
 def test_labels_of_stored_rows_are_read_with_the_names_of_today(kind, stored, shown):
     assert new_label(kind, stored) == shown
+
+
+def test_a_choice_of_stored_rows_may_have_old_names():
+    assert parse_baseline("noise=own;disturbance=bias") == {"noise": "default", "disturbance": "imu_bias"}
+    assert named_study("study:jerk+none+own").chosen == {"filter": "jerk", "adaptation": "none", "noise": "default"}
 
 
 @pytest.mark.parametrize("word", ["dataset.duration_s=3", "filter=bias,jerk", "study=field_v1", "noise.accel_mps2=0.1"])

@@ -2,12 +2,14 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import reduce
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from jerkbench.errors import JerkbenchError, unknown
+from jerkbench.renamed import new_label
 from jerkbench.report.analysis.columns import FACTORS, METHOD
 from jerkbench.results.study import Study
 from jerkbench.results.titles import bare
@@ -42,7 +44,7 @@ def named_study(words: str) -> Named:
             raise JerkbenchError(unknown("factor", factor, FACTORS))
         if factor in chosen:
             raise JerkbenchError(f"'{words}' names the {factor} twice; name it once.")
-        chosen[factor] = value
+        chosen[factor] = new_label(factor, value)
     return Named(Path(folder), chosen)
 
 
@@ -79,7 +81,7 @@ def named_part(study: Study, names: Sequence[str], factors: Sequence[str]) -> St
     rows = study.rows[[*factors]].astype(str)
     labels = {label: {label, bare(label)} for label in np.unique(rows)}
     fits = np.zeros(len(rows), dtype=bool)
-    for name in names:
+    for name in (reduce(lambda told, factor: new_label(factor, told), factors, name) for name in names):
         of_name = [
             np.any([rows[factor].map(lambda label, one=one: one in labels[label]) for factor in factors], axis=0)
             for one in ([name] if any(name in known for known in labels.values()) else name.split("+"))

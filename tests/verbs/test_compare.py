@@ -155,7 +155,7 @@ def test_a_method_that_is_not_clear_is_refused(before, tmp_path, a, b, sentence)
 def test_a_method_is_chosen_by_two_factors_of_one_study(before, tmp_path):
     put(before, 6.0, filter="baseline", adaptation="none", disturbance="none")
     put(before, 3.0, filter="baseline", adaptation="mtf", disturbance="none")
-    done = verb("compare", "before:baseline+none+own", "before:jerk+mtf+own", "--format", "json", cwd=tmp_path)
+    done = verb("compare", "before:baseline+none+default", "before:jerk+mtf+own", "--format", "json", cwd=tmp_path)
 
     assert done.returncode == 0, done.stderr
     (change,) = json.loads(done.stdout)["changes"]

@@ -12,6 +12,7 @@ from jerkbench.errors import JerkbenchError, unknown
 from jerkbench.evaluation.statistics.families import Correction
 from jerkbench.evaluation.statistics.judgement import LEVEL, MARGIN
 from jerkbench.evaluation.statistics.over_seeds import LogRatios, log_ratios_of
+from jerkbench.renamed import new_label
 from jerkbench.report.analysis.columns import FACTORS
 
 if TYPE_CHECKING:
@@ -163,7 +164,7 @@ def parse_baseline(text: str) -> dict[str, str]:
             raise JerkbenchError(f"The baseline '{text}' is not of the form FACTOR=NAME, for example adaptation=none.")
         if key not in FACTORS:
             raise JerkbenchError(unknown("factor", key, FACTORS))
-        values[key] = value
+        values[key] = new_label(key, value)
     return values
 
 
