@@ -27,6 +27,7 @@ TUNINGS, EACH = 16, 16
 DOMAINS = {"broad": "BROAD, hand", "tstick": "TStick, hand", "kitti": "KITTI, vehicle"}
 KINEMATIC = ("baseline", "jerk")
 NAVIGATION = Path(__file__).parent / "navigation.parquet"
+STARTS = Path(__file__).parent / "starts.parquet"
 
 COMPARATORS = ("constant", "vqf")
 """Chosen before the rows were seen: the plain filter, and the field's best."""
@@ -181,6 +182,14 @@ def of_navigation(errors: Errors) -> str:
     return "\n\n".join(parts)
 
 
+def of_starts(errors: Errors) -> str:
+    """The error of each alignment at the first sample."""
+    del errors
+    found = pd.read_parquet(STARTS).groupby("alignment", sort=False)["error_deg"]
+    cells = [[str(name), f"{own.median():.2f}", f"{own.max():.2f}"] for name, own in found]
+    return table(["alignment", "median [deg]", "worst [deg]"], cells)
+
+
 def _times(loss: FloatArray, own: FloatArray) -> str:
     return f"{np.exp(np.median(loss - own, axis=0).mean()):.2f}"
 
@@ -195,6 +204,7 @@ TABLES: dict[str, Callable[[Errors], str]] = {
     "transfer": of_transfer,
     "switches": of_switches,
     "luck": of_luck,
+    "starts": of_starts,
     "navigation": of_navigation,
 }
 

@@ -69,7 +69,7 @@ def whole(domain: str, recording: Recording) -> Trial:
 
 
 def kitti(folder: Path) -> Iterator[Trial]:
-    """The drives of KITTI: t; ax, ay, az; gx, gy, gz; ve, vn, vu; roll, pitch, yaw, 100 Hz. All of a piece counts."""
+    """The drives of KITTI: t; ax, ay, az; gx, gy, gz; e, n, u; ve, vn, vu; roll, pitch, yaw. All counts."""
     for path in sorted(folder.glob("*drive*.parquet")):
         drive = pd.read_parquet(path).astype(float)
         edges = [0, *(np.flatnonzero(np.diff(drive["t"]) > GAP_S) + 1), len(drive)]
@@ -81,12 +81,12 @@ def kitti(folder: Path) -> Iterator[Trial]:
 def piece(name: str, part: pd.DataFrame) -> tuple[Recording, FloatArray, BoolArray]:
     """A part of a drive; it is at rest at the start as long as its speed says."""
     t_s = (part["t"] - part["t"].iloc[0]).to_numpy()
-    accel, gyro, euler, velocity = (
-        part[names].to_numpy()
-        for names in (["ax", "ay", "az"], ["gx", "gy", "gz"], ["roll", "pitch", "yaw"], ["ve", "vn", "vu"])
+    accel, gyro, place, velocity, euler = (
+        part[names.split()].to_numpy() for names in ("ax ay az", "gx gy gz", "e n u", "ve vn vu", "roll pitch yaw")
     )
     moving = np.linalg.norm(velocity, axis=1) > STILL_MPS
     rest_s = float(t_s[np.argmax(moving)]) if moving.any() else float(t_s[-1])
-    reference = Reference(t_s, "the OXTS's own fused solution", independent=False, euler_rad=euler)
+    solution = {"enu_m": place, "velocity_mps": velocity, "euler_rad": euler}
+    reference = Reference(t_s, "the OXTS's own fused solution", independent=False, **solution)
     recording = Recording(name, Imu(t_s, accel, gyro), reference, static_start_s=rest_s)
     return recording, vertical_in_body(euler), np.ones(len(t_s), dtype=np.bool_)

@@ -86,7 +86,7 @@ def test_a_method_that_is_always_better_is_found():
 def test_a_piece_ends_where_samples_are_missing(tmp_path):
     trials = experiment("attitude/trials.py")
     t = np.concatenate([np.arange(0, 8, 0.01), np.arange(9, 12, 0.01), np.arange(13, 20, 0.01)])
-    names = ["ax", "ay", "az", "gx", "gy", "gz", "ve", "vn", "vu", "roll", "pitch", "yaw"]
+    names = ["ax", "ay", "az", "gx", "gy", "gz", "e", "n", "u", "ve", "vn", "vu", "roll", "pitch", "yaw"]
     drive = pd.DataFrame(0.0, index=range(len(t)), columns=names).assign(t=t, az=9.81)
     drive.loc[t > 3.0, "ve"] = 5.0
     drive.to_parquet(tmp_path / "a_drive.parquet")
