@@ -62,13 +62,9 @@ def outcomes(order: Order[Task, Result], lent: Lent | None) -> Iterator[tuple[Ta
     Raises:
         ClusterError: a worker has other code than the plan, or no result can come any more.
     """
-    if lent is None:
-        yield from _done_here(order)
-    else:
+    if lent is not None:
         yield from _Dispatch(order, lent).outcomes()
-
-
-def _done_here(order: Order[Task, Result]) -> Iterator[tuple[Task, Result]]:
+        return
     for group in order.groups:
         for first in group:
             task: Task | None = first
