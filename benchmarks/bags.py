@@ -29,7 +29,7 @@ from rosbags.typesys import Stores, get_typestore
 from jerkbench.datasets.field_white import FieldWhite
 from jerkbench.datasets.rosbag import RosBag
 from jerkbench.io.ros.bag import Messages, open_bag
-from jerkbench.io.ros.decode import Block, decode_each
+from jerkbench.io.ros.decode import MessageBlock, decode_each
 from jerkbench.io.ros.writing import write_bag
 
 FIELDS = {
@@ -91,7 +91,7 @@ def deserialised(path: Path) -> int:
         return sum(1 for c, _, raw in reader.messages(wanted) if reader.deserialize(raw, c.msgtype))
 
 
-def ordinarily(path: Path) -> dict[str, Block]:
+def ordinarily(path: Path) -> dict[str, MessageBlock]:
     """Deserialise every message of the topics, and put the fields into arrays."""
     raws: dict[str, list[bytes]] = {topic: [] for topic in FIELDS}
     with AnyReader([path], default_typestore=store(path)) as reader:
@@ -107,7 +107,7 @@ def quickly(path: Path) -> dict[str, Messages]:
         return bag.read(FIELDS)
 
 
-def equal(slow: dict[str, Block], fast: dict[str, Messages]) -> str:
+def equal(slow: dict[str, MessageBlock], fast: dict[str, Messages]) -> str:
     """Say whether all arrays have the same bytes."""
     pairs = [(slow[t].values[f], fast[t][f]) for t, fields in FIELDS.items() for f in fields]
     pairs += [(slow[t].stamp_ns, fast[t].stamp_ns) for t in FIELDS]

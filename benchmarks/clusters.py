@@ -169,19 +169,32 @@ def two(place: Path) -> None:
 
 COUNTING = """
 import os
-from dataclasses import dataclass, replace
-from functools import partial
+import pickle
+from dataclasses import dataclass
+from concurrent.futures import Executor
+from contextlib import contextmanager
 from jerkbench.jobs.cluster import Local
 
-def counted(work, task):
+def counted(run, pack):
     with open(f"ran.{os.getppid()}.{os.getpid()}", "a") as file:
-        file.write(task.planned.key + "\\n")
-    return work(task)
+        for task in pickle.loads(pack.content)[1]:
+            for planned in task.cells:
+                file.write(planned.key + "\\n")
+    return run(pack)
+
+@dataclass(frozen=True)
+class Counted(Executor):
+    executor: Executor
+
+    def submit(self, run, pack):
+        return self.executor.submit(counted, run, pack)
 
 @dataclass(frozen=True)
 class Counting:
-    def run(self, order, workers):
-        return Local().run(replace(order, work=partial(counted, order.work)), workers)
+    @contextmanager
+    def open(self, workers):
+        with Local().open(workers) as lent:
+            yield lent._replace(executor=Counted(lent.executor))
 """
 
 

@@ -29,7 +29,7 @@ from jerkbench.disturbances.withhold import Withhold
 from jerkbench.estimate import Attitude
 from jerkbench.filters.eskf15 import Eskf15
 from jerkbench.geometry import enu_to_geodetic, geodetic_to_enu
-from jerkbench.io.other_tools import imu_increments
+from jerkbench.io.recording_folder import imu_increments
 from jerkbench.recording import Recording
 
 SIGMA_M, ARW_DEG_PER_SQRT_H, VRW_MPS_PER_SQRT_H = 0.01, 6.0, 1.8

@@ -27,9 +27,8 @@ from jerkbench.results.manifest import write_manifest
 from jerkbench.results.parts import Block
 from jerkbench.results.store import Store
 from jerkbench.results.study import load_study, write_study
-from jerkbench.sweep.blocks import block_of
 from jerkbench.sweep.sweep import Plan, plan_sweep
-from jerkbench.sweep.tasks import Result
+from jerkbench.sweep.tasks import Result, block_of
 
 FILTERS, ADAPTATIONS = ("jerk", "baseline"), ("none", "mtf", "huber", "sage_husa")
 BUNDLE = 64

@@ -18,15 +18,12 @@ from functools import partial
 
 import numpy as np
 
-from jerkbench.evaluation.statistics.intervals.errors_over_seeds import GEOMETRIC, MEDIAN, centres
-from jerkbench.evaluation.statistics.intervals.few_seeds import ENOUGH, SHRUNK, hall_intervals
-from jerkbench.evaluation.statistics.intervals.share import share_interval
-from jerkbench.evaluation.statistics.intervals.student import student_intervals
+from jerkbench.evaluation.statistics.errors_over_seeds import GEOMETRIC, MEDIAN, centres
+from jerkbench.evaluation.statistics.intervals import ENOUGH, SHRUNK, hall_intervals, share_interval, student_intervals
 from jerkbench.evaluation.statistics.judgement import MARGIN, Judgement, Verdict, judged
-from jerkbench.evaluation.statistics.log_ratio import LogRatios, log_ratios
-from jerkbench.evaluation.statistics.scenarios import over_scenarios
-from jerkbench.evaluation.statistics.seeds_needed import seeds_needed
-from jerkbench.evaluation.statistics.sequential import levels, looks
+from jerkbench.evaluation.statistics.over_seeds import LogRatios, log_ratios
+from jerkbench.evaluation.statistics.ranks import over_scenarios
+from jerkbench.evaluation.statistics.seeds import levels, looks, seeds_needed
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 

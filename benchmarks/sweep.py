@@ -13,13 +13,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from jerkbench.evaluation.batch_scoring import scored
+from jerkbench.evaluation.sums import scored
 from jerkbench.jobs.cell import Cell, Protocol, build
 from jerkbench.jobs.inputs import Inputs, attitude_of, simulated
 from jerkbench.jobs.rows import CellRun
 from jerkbench.results.store import Store
-from jerkbench.sweep.blocks import block_of
-from jerkbench.sweep.tasks import Planned, Result
+from jerkbench.sweep.tasks import Planned, Result, block_of
 from jerkbench.timeline import build_timeline
 
 ONCE, EACH = "once a recording", "each run"

@@ -32,7 +32,6 @@ class ReadingFile(Protocol):
 
     def fingerprint(self) -> str:
         """Return a hash of the file's content; empty where this package's own code answers for it."""
-        ...
 
 
 @runtime_checkable
@@ -45,7 +44,6 @@ class Requiring(Protocol):
         Raises:
             RecordingError: it has not.
         """
-        ...
 
 
 @runtime_checkable
@@ -54,7 +52,6 @@ class Remarking(Protocol):
 
     def remarks(self, recording: Recording) -> tuple[str, ...]:
         """Return sentences that a reader of the table has to know, without numbers that change from seed to seed."""
-        ...
 
 
 @runtime_checkable
@@ -89,11 +86,9 @@ class Dataset(Hashable, Protocol):
 
     def load(self, seed: int) -> Recording:
         """Return the recording; of a simulation, the one that belongs to ``seed``."""
-        ...
 
     def fingerprint(self) -> str:
         """Return a hash of the data that `load` reads besides the parameters; empty where it reads none."""
-        ...
 
 
 @runtime_checkable
@@ -110,7 +105,6 @@ class WithoutImu(Protocol):
     @property
     def without_imu(self) -> bool:
         """Whether they do."""
-        ...
 
 
 # Disturbances.
@@ -127,11 +121,9 @@ class Disturbance(Hashable, Protocol):
 
     def apply(self, recording: Recording, seed: int) -> Recording:
         """Return the disturbed recording. Random numbers come from `jerkbench.random_streams.stream` alone."""
-        ...
 
     def replicates(self) -> int:
         """Return how many different results seeds 0, 1, 2, ... give without any randomness (phases of a decimation)."""
-        ...
 
 
 # Attitude filters.
@@ -142,7 +134,6 @@ class AttitudeFilter(Hashable, Protocol):
 
     def estimate(self, recording: Recording) -> Attitude:
         """Return the attitude and the gravity-compensated acceleration at the IMU's stamps."""
-        ...
 
 
 # Kinematic filters.
@@ -162,11 +153,9 @@ class Filter(Protocol):
         ``dt0`` is the nominal interval of the IMU: where a measurement splits a sample, white noise of the
         sample scales with dt0/dt, so that the velocity variances add up to the whole.
         """
-        ...
 
     def initial_variances(self) -> FloatArray:
         """Return (n - 2,) initial variances of the states after position and velocity, the same for each axis."""
-        ...
 
 
 @runtime_checkable
@@ -175,7 +164,6 @@ class ManyLengths(Protocol):
 
     def axis_models(self, dt: FloatArray, dt0: float) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return A (k, n, n), b (k, n), Q (k, n, n) for steps of ``dt`` (k,) seconds, as ``axis_model`` has each."""
-        ...
 
 
 @runtime_checkable
@@ -185,7 +173,6 @@ class UsingImu(Protocol):
     @property
     def uses_imu(self) -> bool:
         """Whether it does; a filter that does not say does."""
-        ...
 
 
 @runtime_checkable
@@ -195,7 +182,6 @@ class Labelled(Protocol):
     @property
     def table_label(self) -> str:
         """What tables call it."""
-        ...
 
 
 # Adaptations: rules on R.
@@ -223,7 +209,6 @@ class Adaptation(Protocol):
         Returns:
             (m, m). An infinite variance drops its row; with all dropped there is no update.
         """
-        ...
 
 
 @runtime_checkable
@@ -232,7 +217,6 @@ class Remembering(Protocol):
 
     def memory_size(self) -> int:
         """Return the length of the memory that `adapt` gets; without this method there is none."""
-        ...
 
 
 @runtime_checkable
@@ -241,7 +225,6 @@ class RememberingStates(Protocol):
 
     def memory_size_of(self, states: int) -> int:
         """Return the length of the memory over a filter of ``states`` states."""
-        ...
 
 
 @runtime_checkable
@@ -250,7 +233,6 @@ class Clocked(Protocol):
 
     def at_updates(self, since_start_s: FloatArray) -> Self:
         """Return the adaptation for a run whose updates are at these times (m,), seconds since its start."""
-        ...
 
 
 @runtime_checkable
@@ -274,7 +256,6 @@ class Fading(Protocol):
 
         Arguments are those of `Adaptation.adapt`.
         """
-        ...
 
 
 @runtime_checkable
@@ -311,7 +292,6 @@ class AdaptingPrior(Protocol):
         Returns:
             (n, n), symmetric and positive definite.
         """
-        ...
 
 
 @runtime_checkable
@@ -325,7 +305,6 @@ class AdaptingGain(Protocol):
 
         Arguments are those of `AdaptingPrior.adapt_prior`, P and R as adapted, without the rows that were dropped.
         """
-        ...
 
 
 # Estimators: filters that are no kinematic ones.
@@ -340,7 +319,6 @@ class Estimator(Protocol):
 
     def estimate(self, recording: Recording, attitude: Attitude, adaptation: Adaptation) -> Estimate:
         """Return the navigation solution at the reference's stamps."""
-        ...
 
 
 @runtime_checkable
@@ -354,7 +332,6 @@ class Batched(Protocol):
 
     def estimate_compiled(self, recording: Recording, attitude: Attitude, adaptation: Adaptation) -> Estimate | None:
         """Return what ``estimate`` returns."""
-        ...
 
     def run_settings(
         self,
@@ -379,7 +356,6 @@ class Batched(Protocol):
         Returns:
             The sums of each run, or None.
         """
-        ...
 
 
 @runtime_checkable
@@ -389,11 +365,9 @@ class PerSeed(Protocol):
     @property
     def for_each_seed(self) -> bool:
         """Whether it has something for each seed; if not, a cell of several seeds makes no sense."""
-        ...
 
     def of_seed(self, seed: int) -> Estimator:
         """Return the one of ``seed``."""
-        ...
 
 
 # Engines.
@@ -407,7 +381,6 @@ class Engine(Protocol):
 
     def run(self, timeline: Timeline, model: Filter, adaptation: Adaptation) -> Estimate:
         """Return the navigation solution at the reference's stamps."""
-        ...
 
 
 @runtime_checkable
@@ -432,7 +405,6 @@ class SideBySide(Protocol):
             updates: whether to keep what the updates saw.
             threads: how many to use.
         """
-        ...
 
 
 @runtime_checkable
@@ -441,7 +413,6 @@ class Preparing(Protocol):
 
     def prepare(self, model: Filter) -> None:
         """Begin with it."""
-        ...
 
 
 # Metrics.
@@ -459,7 +430,6 @@ class Metric(Protocol):
 
         ``counted`` (k,) says which rows of the estimate count: the reference is scored there, after the burn-in.
         """
-        ...
 
 
 @runtime_checkable
@@ -468,7 +438,6 @@ class Summarising(Protocol):
 
     def summarise(self, sums: Sums) -> dict[str, float]:
         """Return what `Metric.evaluate` does, from sums over the run alone."""
-        ...
 
 
 @runtime_checkable
@@ -489,35 +458,22 @@ class OnRequest(Protocol):
 
 
 OPTIONAL: Mapping[str, tuple[type, ...]] = {
-    "dataset": (PreferringAttitude, AttitudeOnly, WithoutImu, Cited, Depending),
-    "disturbance": (ReadingFile, Cited, Depending),
-    "attitude": (Requiring, Remarking, Cited, Depending),
-    "filter": (
-        ManyLengths,
-        Batched,
-        UsingImu,
-        AttitudeOnly,
-        Requiring,
-        PerSeed,
-        Labelled,
-        ReadingFile,
-        Remarking,
-        Cited,
-        Depending,
-    ),
-    "adaptation": (
-        Remembering,
-        RememberingStates,
-        Fading,
-        AdaptingPrior,
-        AdaptingGain,
-        Clocked,
-        TrueCovariance,
-        Cited,
-        Depending,
-    ),
-    "engine": (SideBySide, Preparing, Cited, Depending),
-    "metric": (Summarising, Reading, OnRequest, Cited, Depending),
+    kind: (*own, Cited, Depending)
+    for kind, own in (
+        ("dataset", (PreferringAttitude, AttitudeOnly, WithoutImu)),
+        ("disturbance", (ReadingFile,)),
+        ("attitude", (Requiring, Remarking)),
+        (
+            "filter",
+            (ManyLengths, Batched, UsingImu, AttitudeOnly, Requiring, PerSeed, Labelled, ReadingFile, Remarking),
+        ),
+        (
+            "adaptation",
+            (Remembering, RememberingStates, Fading, AdaptingPrior, AdaptingGain, Clocked, TrueCovariance),
+        ),
+        ("engine", (SideBySide, Preparing)),
+        ("metric", (Summarising, Reading, OnRequest)),
+    )
 }
 """The optional parts of each kind; a new one is a Protocol beside its contract, and a word here."""
 

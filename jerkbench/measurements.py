@@ -36,7 +36,7 @@ class Measurements:
         return self.R_true if true else self.R
 
 
-def gather(recording: Recording, attitude: Attitude) -> Measurements:
+def merged_measurements(recording: Recording, attitude: Attitude) -> Measurements:
     """Merge the position and velocity of ``recording`` into rows of z."""
     streams = []
     if recording.position is not None:

@@ -65,7 +65,7 @@ class Range:
 
 
 @dataclasses.dataclass(frozen=True)
-class Origin:
+class DefaultOrigin:
     """The origin of a default: literature, a data sheet, what it was tuned on.
 
     Attributes:
@@ -82,7 +82,7 @@ def ranges_of(cls: type) -> Mapping[str, Range]:
 
 def origins_of(cls: type) -> Mapping[str, str]:
     """Return the origin of the default of each field that says one."""
-    return {name: note.text for name, notes in _notes(cls).items() for note in notes if isinstance(note, Origin)}
+    return {name: note.text for name, notes in _notes(cls).items() for note in notes if isinstance(note, DefaultOrigin)}
 
 
 def is_whole(cls: type, name: str) -> bool:

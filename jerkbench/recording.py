@@ -245,7 +245,7 @@ class Reference:
 
 
 @dataclass(frozen=True, eq=False)
-class Drawn:
+class ErrorLaw:
     """The law of a simulation's errors, where it is linear and Gaussian; it holds for these streams and no others.
 
     Attributes:
@@ -306,7 +306,7 @@ class Recording:
     static_start_s: float = 0.0
     outages_s: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
     notes: tuple[str, ...] = ()
-    drawn: Drawn | None = None
+    drawn: ErrorLaw | None = None
 
     def __post_init__(self) -> None:
         """Check that an outage ends after it begins, and that there is something without an IMU."""

@@ -10,7 +10,7 @@ from jerkbench.timeline import Timeline
 
 
 class Sums(NamedTuple):
-    """Sums over the rows of a run; which rows, `jerkbench.evaluation.counted_stamps` says.
+    """Sums over the rows of a run; which rows, `jerkbench.evaluation.counted_rows` says.
 
     Attributes:
         position_m2: (5,) sum of |e|^2 over the axes of each of POSITION_AXES.

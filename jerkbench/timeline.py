@@ -15,7 +15,7 @@ import numpy as np
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError, RecordingError, unknown
 from jerkbench.estimate import Attitude, Estimate, Updates
-from jerkbench.measurements import FLOOR, Measurements, floored, gather, start_motion
+from jerkbench.measurements import FLOOR, Measurements, floored, merged_measurements, start_motion
 from jerkbench.recording import Position, Recording, Velocity
 
 
@@ -65,12 +65,12 @@ def build_timeline(recording: Recording, attitude: Attitude) -> Timeline:
     Raises:
         RecordingError: there is no complete position fix while the IMU runs.
     """
-    measurements = gather(recording, attitude)
+    measurements = merged_measurements(recording, attitude)
     clock, reference = nanoseconds(recording.clock_s), nanoseconds(recording.reference.t_s)
     dt0_s = float(np.median(np.diff(recording.clock_s)))
     first = _first_fix(measurements, clock[0] - round(dt0_s * 1e9), clock[-1], recording.name)
     start = measurements.t_ns[first]
-    events = in_order(clock, measurements.t_ns, reference)
+    events = merged_times(clock, measurements.t_ns, reference)
     events = events[(events >= start) & (events <= clock[-1])]
     x0, P0 = start_motion(measurements, first, attitude if recording.imu else None, dt0_s)
     update = _rows_at(events, measurements.t_ns)
@@ -90,7 +90,7 @@ def build_timeline(recording: Recording, attitude: Attitude) -> Timeline:
     )
 
 
-def in_order(*times_ns: IntArray) -> IntArray:
+def merged_times(*times_ns: IntArray) -> IntArray:
     """Return all of the times once, in increasing order; quick where each of them is in order already."""
     merged = np.sort(np.concatenate(times_ns), kind="stable")  # np.unique puts them into a table first
     is_new = np.append(True, merged[1:] != merged[:-1])
@@ -201,7 +201,7 @@ AS_REPORTED = RScale()
 """R as the receiver reports it."""
 
 
-def told(recording: Recording, scale: RScale) -> Recording:
+def with_r_scale(recording: Recording, scale: RScale) -> Recording:
     """Return ``recording`` with the covariances that a filter is told; what an oracle is told stays."""
     if not scale.changed:
         return recording
@@ -214,14 +214,18 @@ def told(recording: Recording, scale: RScale) -> Recording:
 
 
 def told_timeline(timeline: Timeline, recording: Recording, attitude: Attitude, scale: RScale) -> Timeline:
-    """Return what `build_timeline` makes of `told`, to the bit, from the ``timeline`` of ``recording`` itself.
+    """Return what `build_timeline` makes of `with_r_scale`, to the bit, from the ``timeline`` of ``recording`` itself.
 
     It takes a tenth of the time, and shares with ``timeline`` all that no covariance changes.
     """
     if not scale.changed:
         return timeline
     before = timeline.measurements
-    R = _scaled(before, scale) if _can_scale(before, recording) else gather(told(recording, scale), attitude).R
+    R = (
+        _scaled(before, scale)
+        if _can_scale(before, recording)
+        else merged_measurements(with_r_scale(recording, scale), attitude).R
+    )
     measurements = dataclasses.replace(before, R=R)
     first = int(np.searchsorted(before.t_ns, round(timeline.t_s[0] * 1e9)))
     x0, P0 = start_motion(measurements, first, attitude if recording.imu else None, timeline.dt0_s)

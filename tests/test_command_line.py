@@ -424,7 +424,7 @@ main(sys.argv[1:])
 """
 PAUSING = """
 import signal
-from jerkbench.sweep import blocks
+from jerkbench.sweep import tasks
 from jerkbench.sweep.sweep import Tally
 
 def pausing(tally, task, result, add=Tally.add, count=[0]):
@@ -434,7 +434,7 @@ def pausing(tally, task, result, add=Tally.add, count=[0]):
     return add(tally, task, result)
 
 Tally.add = pausing
-blocks.HELD_S = 0.0
+tasks.HELD_S = 0.0
 """
 
 

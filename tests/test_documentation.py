@@ -1,4 +1,4 @@
-"""The README's commands, typed on a shorter drive; its plugin is installed and swept."""
+"""The commands of the README and of two pages, typed on a shorter drive; the README's plugin is installed and swept."""
 
 import re
 import shlex
@@ -6,11 +6,13 @@ from pathlib import Path
 
 import pytest
 
+import pages
 from commands import jerkbench, verb
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-BRIEF = ("data", "report", "new", "check")
+TEXT = README + pages.text("everyday") + pages.text("inspect")
+BRIEF = ("data", "report", "new", "check", "compare", "cite")
 """Verbs of which some only name the file that they wrote."""
 QUICK = ["dataset.duration_s=80", "seeds=1", "workers=1"]
 
@@ -22,13 +24,13 @@ awk -F, 'NR == 1 { print "t_s,east_m,north_m,up_m" } NR > 1 { print $1 ",0,0,0" 
 """A reader's filter, which believes that it stands."""
 
 
-def blocks(language):
-    return re.findall(rf"```{language}\n(.*?)```", README, flags=re.DOTALL)
+def blocks(language, text=README):
+    return re.findall(rf"```{language}\n(.*?)```", text, flags=re.DOTALL)
 
 
 def commands():
-    """Every `jerkbench` command of the README, without those that the project's gate runs as they are."""
-    lines = [line for block in blocks("sh") for line in block.splitlines()]
+    """Every `jerkbench` command, without those of the README that the project's gate runs as they are."""
+    lines = [line for block in blocks("sh", TEXT) for line in block.splitlines()]
     return [shlex.split(line)[1:] for line in lines if line.startswith("jerkbench ")]
 
 
@@ -69,9 +71,7 @@ def typed(words, folder, plugin):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "words", [w for w in commands() if is_run(w) and "dataset.folder=FOLDER" not in w], ids=" ".join
-)
+@pytest.mark.parametrize("words", [w for w in commands() if is_run(w)], ids=" ".join)
 def test_the_runs_of_the_readme_go_well(folder, plugin, words):
     quick = [word for word in QUICK if "dataset=rosbag" not in words or not word.startswith("dataset.")]
     done = typed([*words, *quick], folder, plugin)
@@ -83,8 +83,9 @@ def test_the_runs_of_the_readme_go_well(folder, plugin, words):
 @pytest.mark.slow
 @pytest.mark.parametrize("words", [w for w in commands() if not is_run(w)], ids=" ".join)
 def test_the_other_commands_of_the_readme_go_well(folder, plugin, words):
-    if "results/adhoc" in words:  # of a sweep with outages
-        sweep = ["run", "-m", "filter=baseline,jerk", "adaptation=none,mtf", "disturbance=gnss_outage", "study=adhoc"]
+    if studies := [word for word in words if word.startswith("results/")]:  # of a sweep with outages
+        study = f"study={Path(studies[0]).name}"
+        sweep = ["run", "-m", "filter=baseline,jerk", "adaptation=none,mtf", "disturbance=gnss_outage", study]
         verb(*sweep, "dataset.duration_s=60", *QUICK[1:], cwd=folder)
     if words == ["check", "my_rule"] and not (folder / "my_rule").exists():  # its line may be another process's
         verb("new", "adaptation", "my_rule", cwd=folder)
@@ -95,12 +96,14 @@ def test_the_other_commands_of_the_readme_go_well(folder, plugin, words):
 
 
 @pytest.mark.slow
-def test_the_drive_of_the_readme_goes_well(folder, shared_folder):
-    (words,) = [w for w in commands() if "dataset.folder=FOLDER" in w]
+def test_the_drive_of_its_study_goes_well(folder, shared_folder):
+    page = (ROOT / "experiments" / "drive" / "README.md").read_text(encoding="utf-8")
+    (words,) = [shlex.split(line)[1:] for line in page.splitlines() if line.startswith("jerkbench run")]
     drive = f"dataset.folder={shared_folder / 'data' / 'rtklib_drive_0708'}"
     less = ["filter=gnss_only", "adaptation=none", "noise.accel_mps2=0.2", "disturbance=withhold"]
     done = verb(*words[:-1], drive, *less, cwd=folder)
 
+    assert words[-1] == "dataset.folder=FOLDER"
     assert done.returncode == 0, done.stderr
     assert "withheld from the filter; not independent" in done.stdout
 
@@ -113,7 +116,23 @@ def test_the_two_commands_of_the_readme_are_what_the_gate_runs():
         assert f"readme {name}" in gate
 
 
-def test_the_python_of_the_readme_runs(capsys):
-    exec(blocks("python")[1], {})  # noqa: S102 - our own README
+def test_the_python_of_everyday_use_runs(capsys):
+    exec(pages.files("everyday")["first_run.py"], {})  # noqa: S102 - our own page
 
     assert "outage_end_m" in capsys.readouterr().out
+
+
+def test_the_readme_is_short_and_its_sentences_are():
+    text = re.sub(r"```.*?```|<[^>]*>|^[|#][^\n]*", "\n\n", README, flags=re.DOTALL | re.MULTILINE)
+    text = re.sub(r"\]\([^)]*\)", "]", text)
+    sentences = [
+        sentence
+        for paragraph in re.split(r"\n\s*\n", text)
+        for sentence in re.split(r"(?<=[.!?:])\s+(?=[A-Z`\d*])", " ".join(paragraph.split()))
+        if sentence
+    ]
+    words = [len(sentence.split()) for sentence in sentences]
+
+    assert README.count("\n") <= 150
+    assert sum(words) <= 15 * len(words)
+    assert max(words) <= 30, max(sentences, key=lambda sentence: len(sentence.split()))

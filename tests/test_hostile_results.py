@@ -18,7 +18,7 @@ from jerkbench.cli import main
 from jerkbench.errors import JerkbenchError
 from jerkbench.hydra_app.launched_sweep import conclude, run_plan
 from jerkbench.jobs.cell import Protocol, build
-from jerkbench.jobs.cluster import Local
+from jerkbench.jobs.cluster import Workers
 from jerkbench.jobs.inputs import shared_inputs
 from jerkbench.results.manifest import read_manifest
 from jerkbench.results.store import Store
@@ -54,8 +54,8 @@ def run(plan, folder):
     """Do what `jerkbench run -m` does once it knows its cells; each of them gets a part of its own."""
     store = Store(folder)
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr("jerkbench.sweep.blocks.HELD_S", 0.0)
-        code = run_plan(plan, store, 1, Local())
+        patched.setattr("jerkbench.sweep.tasks.HELD_S", 0.0)
+        code = run_plan(plan, store, Workers())
     conclude(store, plan.draws, SimpleNamespace(notes=["a note"], tags=[]))
     return code
 
@@ -240,7 +240,7 @@ def test_a_worker_that_died_is_not_told_as_a_result_that_cannot_be_stored(plan, 
         raise ChildProcessError("the process that ran it died")
 
     monkeypatch.setattr("jerkbench.hydra_app.launched_sweep.run_sweep", die)
-    assert run_plan(plan, Store(tmp_path), 1, Local()) == 1
+    assert run_plan(plan, Store(tmp_path), Workers()) == 1
     printed = capsys.readouterr().err
     assert "the process that ran it died" in printed
     assert "stored" not in printed

@@ -14,7 +14,7 @@ from jerkbench.plain import plain
 from jerkbench.presets import ASKED, environment_variable
 from jerkbench.report.markup import policy
 from jerkbench.report.tables.writers import csv_escaped, inert, latex_escaped, markdown_grid
-from jerkbench.results.csv_writer import write_rows_csv
+from jerkbench.results.study import write_rows_csv
 
 
 @pytest.mark.parametrize("text", ["=1+1", "+cmd|' /C calc'!A0", "-2+3", "@SUM(A1)", "\t=1", "\r=1"])

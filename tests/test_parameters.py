@@ -9,7 +9,7 @@ import pytest
 from jerkbench import plugins
 from jerkbench.catalogue import show_text
 from jerkbench.conformance.plugin import _check_ranges
-from jerkbench.parameters import Origin, Range, origins_of, ranges_of
+from jerkbench.parameters import DefaultOrigin, Range, origins_of, ranges_of
 
 
 @pytest.mark.parametrize(
@@ -87,4 +87,4 @@ def test_a_plain_type_has_neither_range_nor_origin():
 
     assert not ranges_of(cls)
     assert not origins_of(cls)
-    assert origins_of(made(Annotated[float, Origin("data sheet")], 1.0)) == {"knob": "data sheet"}
+    assert origins_of(made(Annotated[float, DefaultOrigin("data sheet")], 1.0)) == {"knob": "data sheet"}

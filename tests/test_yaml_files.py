@@ -9,7 +9,7 @@ import yaml
 
 from commands import verb
 from jerkbench.errors import JerkbenchError
-from jerkbench.report.analysis.tolerances import read_tolerances
+from jerkbench.report.compared import read_tolerances
 from jerkbench.suite.entry import SETTINGS, read_entry
 from jerkbench.yaml_files import DEEPEST, MOST_VALUES, read_yaml
 

@@ -40,16 +40,15 @@ from jerkbench.audit.methods import Method, by_method
 from jerkbench.audit.page import SECTIONS
 from jerkbench.audit.protocol import AuditProtocol, read_protocol
 from jerkbench.audit.stages import Stages
-from jerkbench.audit.study import campaign_key
-from jerkbench.campaigns.piece import Site
 from jerkbench.campaigns.protocol import HALVES, Scenario
 from jerkbench.campaigns.search import best_trials, levels_of, losses, mean_losses, seen
+from jerkbench.campaigns.site import Site
 from jerkbench.files import write_text
-from jerkbench.jobs.cluster import Cluster, Local
+from jerkbench.jobs.cluster import Cluster, Local, Workers
 from jerkbench.jobs.key import code_digest, git_commit, versions
 from jerkbench.jobs.pool import processors
 from jerkbench.presets import preset
-from jerkbench.report.plots.style import MEASURED, OKABE_ITO, quiet, save_figure
+from jerkbench.report.plots.style import MEASURED, OKABE_ITO, save_figure, style_axes
 from jerkbench.tuning.samplers import sampler_of
 from jerkbench.tuning.space import Setting, Space
 
@@ -240,9 +239,10 @@ def run_attribution(protocol: AuditProtocol, folder: Path, cluster: Cluster, wor
     known, start = protocol.scenarios, naive()
     methods = methods_of(protocol).values()
     spaces = {method: naive_space(method.space(known[0]), start) for method in methods}
-    places = {on: Site(folder / "runs" / (name or "tilt"), cluster, workers) for on, name in ATTITUDES.items()}
-    stages = {on: Stages(known, places[on], campaign_key(), name) for on, name in ATTITUDES.items()}
-    scored = {on: AttributionRuns(protocol, spaces, own).scored() for on, own in stages.items()}
+    with Workers(cluster, workers) as own:
+        site = Site(folder / "runs", own)
+        stages = {on: Stages(known, site, name) for on, name in ATTITUDES.items()}
+        scored = {on: AttributionRuns(protocol, spaces, of).scored() for on, of in stages.items()}
     values = corner_values(scored, protocol)
     families = [scenario.family for scenario in known]
     attribution = Attribution(
@@ -250,7 +250,7 @@ def run_attribution(protocol: AuditProtocol, folder: Path, cluster: Cluster, wor
         tuple(dict.fromkeys(families)),
         shares(values, families),
     )
-    _write(attribution, protocol, folder, sorted({maker for place in places.values() for maker in place.makers()}))
+    _write(attribution, protocol, folder, site.makers())
     return attribution
 
 
@@ -303,7 +303,7 @@ def waterfall(rows: Sequence[Share], start: str, end: str) -> Figure:
         axes.vlines(after, place - 1.0, place, color=MEASURED, linewidth=0.8)
     axes.plot([1.0, whole.ratio.ratio], [places[0], places[-1]], "o", color=OKABE_ITO[0])
     axes.set_xscale("log")
-    quiet(axes)
+    style_axes(axes)
     axes.set_yticks(places, [start, *(f"{row.factor}, {row.ratio.ratio:.2f}" for row in factors), end])
     axes.set_xlabel(f"Position RMSE / {start}")
     return figure

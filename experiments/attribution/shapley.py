@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from jerkbench.arrays import FloatArray
-from jerkbench.evaluation.statistics.scenarios import OverScenarios, over_scenarios
+from jerkbench.evaluation.statistics.ranks import OverScenarios, over_scenarios
 
 MODEL, ADAPTATION, Q, R, ATTITUDE = "model", "adaptation", "tuning of Q", "tuning of R", "attitude"
 FACTORS = (MODEL, ADAPTATION, Q, R, ATTITUDE)

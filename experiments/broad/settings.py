@@ -16,8 +16,8 @@ from jerkbench.arrays import FloatArray
 from jerkbench.attitude.tilt import Tilt
 from jerkbench.attitude.tilt_kernel import ADAPTATIONS
 from jerkbench.datasets.broad import Broad
-from jerkbench.evaluation.metrics.inclination import Inclination
-from jerkbench.filters.attitude_only import AttitudeOnly
+from jerkbench.evaluation.metrics.attitude import Inclination
+from jerkbench.filters.attitude_only import AttitudeOnlyFilter
 from jerkbench.recording import Recording
 
 SIGMA_GYRO_RADPS = (0.001, 0.003, 0.01, 0.03, 0.1)
@@ -33,7 +33,7 @@ def trials(folder: Path, chosen: list[int]) -> list[Recording]:
 
 def score(recording: Recording, tilt: Tilt) -> float:
     """Return the RMSE of the inclination [deg]."""
-    estimate = AttitudeOnly().estimate(recording, tilt.estimate(recording), NoAdaptation())
+    estimate = AttitudeOnlyFilter().estimate(recording, tilt.estimate(recording), NoAdaptation())
     counted = recording.reference.scored[estimate.index]
     return Inclination().evaluate(estimate, recording, counted)["inclination_rmse_deg"]
 

@@ -19,7 +19,7 @@ from jerkbench.disturbances.imu_bias import ImuBias
 from jerkbench.filters.eskf15 import Eskf15
 from jerkbench.inertial.run import InertialSolution
 from jerkbench.recording import Imu, Recording
-from jerkbench.simulation.imu import ALLAN_FLOOR, BIAS_TIME_S, GRADES, disturb
+from jerkbench.simulation.imu import ALLAN_FLOOR, BIAS_TIME_S, GRADES, with_sensor_errors
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,9 @@ def _true_bias(dataset: FieldWhite, clean: Imu, recorded: Imu, seed: int) -> Flo
     else:  # what a sensor shows that does not move, without its noise
         grade, rate, nothing = GRADES[dataset.imu], dataset.imu_rate_hz, np.zeros_like(clean.gyro_radps)
         sensors = (grade.gyro(rate), "gyro"), (grade.accelerometer(rate), "accelerometer")
-        gyro, accel = (disturb(nothing, replace(e, noise=0.0), 1.0 / rate, seed, name) for e, name in sensors)
+        gyro, accel = (
+            with_sensor_errors(nothing, replace(e, noise=0.0), 1.0 / rate, seed, name) for e, name in sensors
+        )
     return np.concatenate([gyro[-1], accel[-1]])
 
 

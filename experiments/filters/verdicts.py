@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from jerkbench.evaluation.statistics.intervals.errors_over_seeds import Centre, centres
+from jerkbench.evaluation.statistics.errors_over_seeds import Centre, centres
 from jerkbench.evaluation.statistics.judgement import Verdict
-from jerkbench.report.analysis.factors import FACTORS
+from jerkbench.report.analysis.columns import FACTORS
 from jerkbench.report.analysis.study_verdicts import study_verdicts
 from jerkbench.report.tables.table_model import number
 from jerkbench.results.study import load_study

@@ -24,7 +24,7 @@ from jerkbench.audit.verdicts import DEFAULTS, TUNED, Losses
 from jerkbench.campaigns.protocol import Scenario
 from jerkbench.campaigns.ratios import NOMINAL
 from jerkbench.campaigns.search import levels_of
-from jerkbench.evaluation.statistics.intervals.student import student_intervals
+from jerkbench.evaluation.statistics.intervals import student_intervals
 from jerkbench.evaluation.statistics.judgement import LEVEL
 from jerkbench.files import write_text
 from jerkbench.jobs.cluster import Local

@@ -14,9 +14,9 @@ import pandas as pd
 
 from jerkbench.evaluation.statistics.judgement import LEVEL, Judgement, Verdict, judged
 from jerkbench.report.analysis.answer import shows_something
-from jerkbench.report.analysis.baseline import with_values
-from jerkbench.report.analysis.comparison import Comparison
-from jerkbench.report.analysis.findings import losses, names, varying_factors
+from jerkbench.report.analysis.findings import losses_clause, method_names, varying_factors
+from jerkbench.report.analysis.runs import with_values
+from jerkbench.report.analysis.standings import Comparison
 from jerkbench.report.analysis.study_verdicts import study_verdicts
 from jerkbench.report.tables.table_model import number
 from jerkbench.results.study import load_study
@@ -122,14 +122,14 @@ def _counted(words: Counter[str]) -> str:
 
 
 def _head(comparison: Comparison, varying: Sequence[str]) -> str:
-    subject, baseline, _ = names(comparison, varying)
+    subject, baseline, _ = method_names(comparison, varying)
     return f"The paper says that {subject} is more than {CLAIMED:g} times better than {baseline}."
 
 
 def _sentence(comparison: Comparison, varying: Sequence[str]) -> str:
     head, word = _head(comparison, varying), claim_word(comparison)
-    subject, baseline, where = names(comparison, varying)
-    lost = losses(comparison, subject, baseline)
+    subject, baseline, where = method_names(comparison, varying)
+    lost = losses_clause(comparison, subject, baseline)
     if (n := comparison.judgement.n) == 0:
         return f"{head} Nothing can be said{where}: no run of both has a value."
     times, low, high = map(number, better(comparison))

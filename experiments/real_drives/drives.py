@@ -11,6 +11,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from itertools import product
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -21,8 +22,7 @@ from jerkbench.campaigns.entrant import tried_settings
 from jerkbench.errors import PluginError
 from jerkbench.hydra_app.words import composed
 from jerkbench.jobs.cell import Cell
-from jerkbench.jobs.inputs import Inputs
-from jerkbench.tuning.evaluate import Evaluator
+from jerkbench.tuning.evaluate import Evaluator, Runs
 from jerkbench.tuning.objectives import objective_of
 from jerkbench.tuning.space import Space, space_of
 from jerkbench.tuning.splits import Seeds, by_time
@@ -61,7 +61,7 @@ def cell_of(drive: str, method: Sequence[str], folder: Path) -> Cell:
     return composed([*words, *own]).cell()
 
 
-def runs(drive: str, method: Sequence[str], folder: Path, trials: int, inputs: Inputs) -> Iterator[dict[str, Any]]:
+def runs(drive: str, method: Sequence[str], folder: Path, trials: int, place: Path) -> Iterator[dict[str, Any]]:
     """Yield the rows of every setting of a method on both halves of a drive: mean log RMSE over the phases."""
     cell = cell_of(drive, method, folder)
     try:
@@ -69,10 +69,11 @@ def runs(drive: str, method: Sequence[str], folder: Path, trials: int, inputs: I
     except PluginError:  # it has nothing to tune
         space = Space(())
     settings = tried_settings(trials, space) if space.knobs else ((),)
-    evaluator = Evaluator(space, objective_of("rmse"), threads=2, inputs=inputs)
+    evaluator = Evaluator(space, objective_of("rmse"), 2, Runs(place))
     cases = by_time([cell], Seeds(1, 0, 1))
     for half, (case,) in zip(HALVES, (cases.tune, cases.test), strict=True):
-        for trial, rows in enumerate(evaluator.rows(settings, case)):
+        (several,) = evaluator.rows(settings, [case])
+        for trial, rows in enumerate(several[:-1]):  # the last are the plain filter's
             errors = [row[ERROR] if row["status"] == "ok" else np.inf for row in rows]
             for phase, error in enumerate(errors):
                 yield {
@@ -89,10 +90,10 @@ def measure(folder: Path, trials: int, asked: Sequence[str]) -> pd.DataFrame:
     """Run every method on every drive; rows of drive, half, filter, adaptation, trial, phase, position_rmse_m."""
     rows: list[dict[str, Any]] = []
     for drive in protocol()["drives"]:
-        inputs = Inputs()
         for method in methods(asked):
             print(f"{drive}: {' + '.join(method)}", file=sys.stderr, flush=True)
-            rows += runs(drive, method, folder, trials, inputs)
+            with TemporaryDirectory(prefix="jerkbench-") as place:
+                rows += runs(drive, method, folder, trials, Path(place))
     return pd.DataFrame(rows)
 
 

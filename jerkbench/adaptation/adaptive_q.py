@@ -9,7 +9,7 @@ from jerkbench.adaptation._ranges import WINDOW, check_window
 from jerkbench.adaptation.common import is_full, windowed_mean
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
-from jerkbench.parameters import Origin, Range
+from jerkbench.parameters import DefaultOrigin, Range
 from jerkbench.plugins import register
 
 
@@ -38,12 +38,12 @@ class AdaptiveQ:
         high: hi, largest factor on the prior covariance [-].
     """
 
-    window: Annotated[int, WINDOW, Origin("ours")] = 20
-    low: Annotated[float, Origin("ours: the prior is not narrowed")] = 1.0
+    window: Annotated[int, WINDOW, DefaultOrigin("ours")] = 20
+    low: Annotated[float, DefaultOrigin("ours: the prior is not narrowed")] = 1.0
     high: Annotated[
         float,
         Range(2.0, 1e4, log=True, source="ours: from 1.4 to 100 times the prior's sigma"),
-        Origin("ours"),
+        DefaultOrigin("ours"),
     ] = 100.0
 
     def __post_init__(self) -> None:

@@ -7,10 +7,10 @@ import numpy as np
 
 from jerkbench.adaptation._ranges import BANDWIDTH, check_passes
 from jerkbench.adaptation.common import gaussian_kernel
-from jerkbench.adaptation.linalg import SMALLEST_RESIDUAL_WEIGHT, residuals_of, update, weighed
+from jerkbench.adaptation.linalg import SMALLEST_RESIDUAL_WEIGHT, inverse_weighted, residuals_of, update_residuals
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
-from jerkbench.parameters import Origin, Range
+from jerkbench.parameters import DefaultOrigin, Range
 from jerkbench.plugins import register
 
 
@@ -45,11 +45,13 @@ class CentredErrorEntropyR:
     """
 
     eta: Annotated[
-        float, Range(0.1, 1.0, source="literature: a share; below a tenth nothing centres the errors"), Origin("ours")
+        float,
+        Range(0.1, 1.0, source="literature: a share; below a tenth nothing centres the errors"),
+        DefaultOrigin("ours"),
     ] = 0.8
-    centre_bandwidth: Annotated[float, BANDWIDTH, Origin("ours, as maximum_correntropy")] = 5.0
-    pair_bandwidth: Annotated[float, BANDWIDTH, Origin("ours, as maximum_correntropy")] = 5.0
-    passes: Annotated[int, Origin("ours")] = 5
+    centre_bandwidth: Annotated[float, BANDWIDTH, DefaultOrigin("ours, as maximum_correntropy")] = 5.0
+    pair_bandwidth: Annotated[float, BANDWIDTH, DefaultOrigin("ours, as maximum_correntropy")] = 5.0
+    passes: Annotated[int, DefaultOrigin("ours")] = 5
 
     def __post_init__(self) -> None:
         """Check the ranges."""
@@ -69,12 +71,12 @@ class CentredErrorEntropyR:
         of = residuals_of(innovation, HPHt, R)
         pairs, eta = np.empty(len(rows)), self.eta if len(rows) > 1 else 1.0
         for _ in range(self.passes):
-            update(of)
+            update_residuals(of)
             _fill_pairs(of.e, self.pair_bandwidth, pairs)
             for i in range(len(rows)):
                 weight = eta * gaussian_kernel(of.e[i], self.centre_bandwidth) + (1.0 - eta) * pairs[i]
                 of.weights[i] = max(weight, SMALLEST_RESIDUAL_WEIGHT)
-        return weighed(of.U, of.weights)
+        return inverse_weighted(of.U, of.weights)
 
 
 def _fill_pairs(e: FloatArray, bandwidth: float, pairs: FloatArray) -> None:

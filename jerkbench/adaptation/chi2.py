@@ -6,10 +6,10 @@ from typing import Annotated
 import numpy as np
 
 from jerkbench.adaptation._ranges import PROBABILITY, check_probability
-from jerkbench.adaptation.common import chi2_tail, squared_distance
+from jerkbench.adaptation.common import chi2_tail, innovation_distance
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
-from jerkbench.parameters import Origin, Range
+from jerkbench.parameters import DefaultOrigin, Range
 from jerkbench.plugins import register
 
 
@@ -34,11 +34,11 @@ class Chi2Gate:
         longest: N, largest number of rejections in a row [updates].
     """
 
-    probability: Annotated[float, PROBABILITY, Origin("convention of such tests")] = 0.99
+    probability: Annotated[float, PROBABILITY, DefaultOrigin("convention of such tests")] = 0.99
     longest: Annotated[
         int,
         Range(1, 200, log=True, source="ours: from a fifth of a second to 40 s of fixes at 5 Hz"),
-        Origin("ours: five seconds of fixes at 5 Hz"),
+        DefaultOrigin("ours: five seconds of fixes at 5 Hz"),
     ] = 25
 
     def __post_init__(self) -> None:
@@ -59,7 +59,7 @@ class Chi2Gate:
         for block in range(2):
             at = np.flatnonzero(rows // 3 == block)
             if len(at) > 0:
-                nis = squared_distance(innovation[at], (HPHt + R)[at][:, at])
+                nis = innovation_distance(innovation[at], (HPHt + R)[at][:, at])
                 if chi2_tail(nis, len(at)) < 1.0 - self.probability and memory[block] < self.longest:
                     memory[block] += 1.0
                     for i in at:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jerkbench.adaptation.linalg import dot, factorise, forward_rows, part_of, quadratic, root_of, solve, solve_rows
+from jerkbench.adaptation.linalg import dot, factorise, forward_rows, quadratic, root_of, solve, solve_rows, submatrix
 from jerkbench.arrays import FloatArray, IntArray
 
 
@@ -87,7 +87,7 @@ FAR = 1400.0
 """Beyond it every tail for six rows is below 1e-290."""
 
 
-def squared_distance(innovation: FloatArray, S: FloatArray) -> float:
+def innovation_distance(innovation: FloatArray, S: FloatArray) -> float:
     """Return y' S^-1 y."""
     return float(np.sum(innovation * np.linalg.solve(S, innovation)))
 
@@ -292,7 +292,7 @@ class Measured(NamedTuple):
 def measured_of(P: FloatArray, R: FloatArray, rows: IntArray) -> Measured:
     """Return it before the first pass, x = x- and E = P-."""
     m = len(rows)
-    W, room, vectors = part_of(P, rows), np.empty((3, m, m)), np.zeros((2, m))
+    W, room, vectors = submatrix(P, rows), np.empty((3, m, m)), np.zeros((2, m))
     return Measured(W, R.copy(), root_of(R, m), room[0], room[1], vectors[0], vectors[1], W.copy(), room[2])
 
 
@@ -358,17 +358,17 @@ def _noise_share(part: Measured) -> float:
     return total
 
 
-def mix(W: FloatArray, N: FloatArray, tau: float, D: FloatArray, xi: float) -> None:
+def fill_blend(W: FloatArray, N: FloatArray, tau: float, D: FloatArray, xi: float) -> None:
     """Fill W = (tau N + xi D_x) / (tau + 1)."""
     for i in range(len(W)):
         for j in range(len(W)):
             W[i, j] = (tau * N[i, j] + xi * D[i, j]) / (tau + 1.0)
 
 
-def spread(P: FloatArray, rows: IntArray, W: FloatArray, share: float) -> FloatArray:
+def spread_part(P: FloatArray, rows: IntArray, W: FloatArray, share: float) -> FloatArray:
     """Return the whole E (n, n) of its measured part ``W`` and f, its ``share`` of P-; symmetric to the bit."""
     n, m = len(P), len(rows)
-    N, M, K, CK = part_of(P, rows), np.empty((m, m)), np.empty((m, n)), np.zeros((m, n))
+    N, M, K, CK = submatrix(P, rows), np.empty((m, m)), np.empty((m, n)), np.zeros((m, n))
     factorise(N, M)
     for i in range(m):
         for s in range(n):

@@ -7,7 +7,7 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
-from jerkbench.parameters import Origin, Range
+from jerkbench.parameters import DefaultOrigin, Range
 from jerkbench.plugins import register
 
 
@@ -37,7 +37,7 @@ class Federated:
         beta: share of the prior's information that goes to the position's filter [-].
     """
 
-    beta: Annotated[float, Range(0.05, 0.95, source="any share but nothing"), Origin("equal shares")] = 0.5
+    beta: Annotated[float, Range(0.05, 0.95, source="any share but nothing"), DefaultOrigin("equal shares")] = 0.5
 
     def __post_init__(self) -> None:
         """Check the ranges."""

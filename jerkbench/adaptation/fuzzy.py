@@ -7,7 +7,7 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
-from jerkbench.parameters import Origin, Range
+from jerkbench.parameters import DefaultOrigin, Range
 from jerkbench.plugins import register
 
 
@@ -37,15 +37,17 @@ class Fuzzy:
     """
 
     smoothing: Annotated[
-        float, Range(0.0, 0.95, source="ours: from no memory to one of 20 updates"), Origin("ours")
+        float, Range(0.0, 0.95, source="ours: from no memory to one of 20 updates"), DefaultOrigin("ours")
     ] = 0.5
     medium: Annotated[
         float,
         Range(1.0, 20.0, log=True, source="ours: from no inflation to 4.5 sigma"),
-        Origin("ours: twice the sigma"),
+        DefaultOrigin("ours: twice the sigma"),
     ] = 4.0
     large: Annotated[
-        float, Range(2.0, 1000.0, log=True, source="ours: from 1.4 to 30 sigma"), Origin("ours: five times the sigma")
+        float,
+        Range(2.0, 1000.0, log=True, source="ours: from 1.4 to 30 sigma"),
+        DefaultOrigin("ours: five times the sigma"),
     ] = 25.0
 
     def __post_init__(self) -> None:

@@ -5,10 +5,10 @@ from typing import Annotated
 
 from jerkbench.adaptation._ranges import check_sides
 from jerkbench.adaptation.common import PASSES, SMALLEST_WEIGHT, doubtable, settle, stack_of, weighed_prior
-from jerkbench.adaptation.linalg import root_of, weighed
+from jerkbench.adaptation.linalg import inverse_weighted, root_of
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
-from jerkbench.parameters import Origin, Range
+from jerkbench.parameters import DefaultOrigin, Range
 from jerkbench.plugins import register
 
 
@@ -40,9 +40,9 @@ class Huber:
     threshold: Annotated[
         float,
         Range(0.5, 10.0, log=True, source="ours: from all but the median to all but the mean"),
-        Origin("literature: 1.345, 95 % as efficient as the plain filter on Gaussian noise"),
+        DefaultOrigin("literature: 1.345, 95 % as efficient as the plain filter on Gaussian noise"),
     ] = 1.345
-    sides: Annotated[str, Origin("literature: the paper weighs both")] = "both"
+    sides: Annotated[str, DefaultOrigin("literature: the paper weighs both")] = "both"
 
     def __post_init__(self) -> None:
         """Check the ranges."""
@@ -81,7 +81,7 @@ class Huber:
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
     ) -> FloatArray:
         """Return R~."""
-        return weighed(root_of(R, len(R)), memory[: len(rows)])
+        return inverse_weighted(root_of(R, len(R)), memory[: len(rows)])
 
 
 def _weight(residual: float, threshold: float) -> float:

@@ -7,7 +7,7 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
-from jerkbench.parameters import Origin, Range
+from jerkbench.parameters import DefaultOrigin, Range
 from jerkbench.plugins import register
 
 
@@ -36,7 +36,7 @@ class HuberR:
     threshold: Annotated[
         float,
         Range(0.5, 5.0, log=True, source="ours: from nearly the median to nearly the mean"),
-        Origin("literature: 95 % efficient on Gaussian noise"),
+        DefaultOrigin("literature: 95 % efficient on Gaussian noise"),
     ] = 1.345
 
     def __post_init__(self) -> None:

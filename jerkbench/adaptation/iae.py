@@ -7,7 +7,7 @@ from jerkbench.adaptation._ranges import SHRINKING, WINDOW, check_window
 from jerkbench.adaptation.common import is_full, windowed_mean
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
-from jerkbench.parameters import Origin
+from jerkbench.parameters import DefaultOrigin
 from jerkbench.plugins import register
 
 
@@ -32,8 +32,8 @@ class InnovationBased:
         low: lo, lower bound as a multiple of the reported variance [-].
     """
 
-    window: Annotated[int, WINDOW, Origin("ours")] = 10
-    low: Annotated[float, SHRINKING, Origin("ours, as sage_husa")] = 0.1
+    window: Annotated[int, WINDOW, DefaultOrigin("ours")] = 10
+    low: Annotated[float, SHRINKING, DefaultOrigin("ours, as sage_husa")] = 0.1
 
     def __post_init__(self) -> None:
         """Check the ranges."""

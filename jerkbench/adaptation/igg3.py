@@ -7,7 +7,7 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
-from jerkbench.parameters import Origin, Range
+from jerkbench.parameters import DefaultOrigin, Range
 from jerkbench.plugins import register
 
 
@@ -39,12 +39,12 @@ class Igg3:
     keep: Annotated[
         float,
         Range(1.0, 3.5, source="literature: 1.5 to 3 is usual; a little more on either side"),
-        Origin("ours, wider than the usual 1.5, which cost 7 % where nothing is wrong"),
+        DefaultOrigin("ours, wider than the usual 1.5, which cost 7 % where nothing is wrong"),
     ] = 2.0
     drop: Annotated[
         float,
         Range(4.0, 15.0, log=True, source="literature: 3 to 8 is usual; above the largest k0, and beyond"),
-        Origin("ours, wider than the usual 4"),
+        DefaultOrigin("ours, wider than the usual 4"),
     ] = 6.0
 
     def __post_init__(self) -> None:

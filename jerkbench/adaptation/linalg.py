@@ -153,7 +153,7 @@ def whitened(U: FloatArray, A: FloatArray) -> FloatArray:
     return X
 
 
-def weighed(U: FloatArray, weights: FloatArray) -> FloatArray:
+def inverse_weighted(U: FloatArray, weights: FloatArray) -> FloatArray:
     """Return U' diag(1/weights) U, symmetric to the bit."""
     m = len(U)
     covariance = np.zeros((m, m))
@@ -185,7 +185,7 @@ def quadratic(A: FloatArray, b: FloatArray) -> float:
     return total
 
 
-def part_of(A: FloatArray, rows: IntArray) -> FloatArray:
+def submatrix(A: FloatArray, rows: IntArray) -> FloatArray:
     """Return H A H', H x being x[rows]."""
     part = np.empty((len(rows), len(rows)))
     for i in range(len(rows)):
@@ -214,12 +214,12 @@ def diagonalise(HPHt: FloatArray, R: FloatArray, d: FloatArray, X: FloatArray) -
     """
     m, columns = X.shape
     order = _ordered(HPHt, R)
-    U, turned = root_of(part_of(R, order), m), np.empty((m, columns))
+    U, turned = root_of(submatrix(R, order), m), np.empty((m, columns))
     for i in range(m):
         for c in range(columns):
             turned[i, c] = X[order[i], c]
     whiten_rows(U, turned, turned)
-    A = whitened(U, part_of(HPHt, order))
+    A = whitened(U, submatrix(HPHt, order))
     for _ in range(SWEEPS):
         if not _sweep(A, turned):
             break
@@ -271,7 +271,7 @@ def _rotate(A: FloatArray, X: FloatArray, p: int, q: int) -> None:
         X[p, k], X[q, k] = cosine * a - sine * b, sine * a + cosine * b
 
 
-def shares(d: FloatArray, a: FloatArray, r: float, w: FloatArray) -> tuple[float, float, float]:
+def explained_sums(d: FloatArray, a: FloatArray, r: float, w: FloatArray) -> tuple[float, float, float]:
     """Fill w, w_i = a_i / (d_i + r); return the sums of d / (d + r), of d w^2 and of w^2.
 
     With P~ = P- / xi, R~ = R / lambda and r = xi / lambda, L^-T V w is S^-1 y / xi. After the update it holds for n
@@ -301,7 +301,7 @@ class Residuals(NamedTuple):
     With R = L L' (Cholesky) the innovation and the prior are L^-1 y and L^-1 HPH' L^-T in standardised rows, in which R
     is the identity. What is left of y after an update with L D L' is D (L^-1 HPH' L^-T + D)^-1 L^-1 y, with
     D = diag(1/weights). D stands beside the prior, not L D L': in that a row without weight leaves no digits to its
-    neighbours. The adapted covariance L D L' is `weighed` (U, weights).
+    neighbours. The adapted covariance L D L' is `inverse_weighted` (U, weights).
 
     Attributes:
         U: (m, m) L'.
@@ -331,7 +331,7 @@ def residuals_of(innovation: FloatArray, HPHt: FloatArray, R: FloatArray) -> Res
     return Residuals(U, prior, vectors[0], vectors[1], vectors[2], prior.copy(), np.empty((m, m)))
 
 
-def update(of: Residuals) -> None:
+def update_residuals(of: Residuals) -> None:
     """Fill e with the weights as they are."""
     for i in range(len(of.e)):
         of.S[i, i] = of.prior[i, i] + 1.0 / of.weights[i]

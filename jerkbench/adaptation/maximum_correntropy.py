@@ -9,7 +9,7 @@ from jerkbench.adaptation.common import PASSES, SMALLEST_WEIGHT, doubtable, gain
 from jerkbench.adaptation.linalg import whiten
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError, unknown
-from jerkbench.parameters import Origin
+from jerkbench.parameters import DefaultOrigin
 from jerkbench.plugins import register
 
 STARTS = ("prediction", "update")
@@ -43,9 +43,9 @@ class MaximumCorrentropy:
         start: whose residuals the first weights are of, "prediction" or "update" (the Kalman update).
     """
 
-    bandwidth: Annotated[float, BANDWIDTH, Origin("literature: 2 to 10 in the paper")] = 5.0
-    sides: Annotated[str, Origin("literature: the paper weighs both")] = "both"
-    start: Annotated[str, Origin("literature: the paper starts at the prediction")] = "prediction"
+    bandwidth: Annotated[float, BANDWIDTH, DefaultOrigin("literature: 2 to 10 in the paper")] = 5.0
+    sides: Annotated[str, DefaultOrigin("literature: the paper weighs both")] = "both"
+    start: Annotated[str, DefaultOrigin("literature: the paper starts at the prediction")] = "prediction"
 
     def __post_init__(self) -> None:
         """Check the ranges."""

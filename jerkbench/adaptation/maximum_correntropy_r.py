@@ -5,10 +5,10 @@ from typing import Annotated
 
 from jerkbench.adaptation._ranges import BANDWIDTH, check_passes
 from jerkbench.adaptation.common import gaussian_kernel
-from jerkbench.adaptation.linalg import SMALLEST_RESIDUAL_WEIGHT, residuals_of, update, weighed
+from jerkbench.adaptation.linalg import SMALLEST_RESIDUAL_WEIGHT, inverse_weighted, residuals_of, update_residuals
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
-from jerkbench.parameters import Origin
+from jerkbench.parameters import DefaultOrigin
 from jerkbench.plugins import register
 
 
@@ -37,8 +37,8 @@ class MaximumCorrentropyR:
         passes: fixed-point passes of an update [-].
     """
 
-    bandwidth: Annotated[float, BANDWIDTH, Origin("literature: the source uses 2 to 10")] = 5.0
-    passes: Annotated[int, Origin("ours")] = 5
+    bandwidth: Annotated[float, BANDWIDTH, DefaultOrigin("literature: the source uses 2 to 10")] = 5.0
+    passes: Annotated[int, DefaultOrigin("ours")] = 5
 
     def __post_init__(self) -> None:
         """Check the ranges."""
@@ -52,7 +52,7 @@ class MaximumCorrentropyR:
         """Return R, reweighted."""
         of = residuals_of(innovation, HPHt, R)
         for _ in range(self.passes):
-            update(of)
+            update_residuals(of)
             for i in range(len(rows)):
                 of.weights[i] = max(gaussian_kernel(of.e[i], self.bandwidth), SMALLEST_RESIDUAL_WEIGHT)
-        return weighed(of.U, of.weights)
+        return inverse_weighted(of.U, of.weights)

@@ -9,7 +9,7 @@ from jerkbench.adaptation._ranges import SHORT_WINDOW, check_window
 from jerkbench.adaptation.common import inflated, inflation_memory, squared_length
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
-from jerkbench.parameters import Origin
+from jerkbench.parameters import DefaultOrigin
 from jerkbench.plugins import register
 
 
@@ -48,10 +48,10 @@ class Mtf:
         after_s: so much of the run passes before it begins; with ``after`` the later of the two [s].
     """
 
-    window: Annotated[int, SHORT_WINDOW, Origin("literature: the paper has mu = 1")] = 1
-    guard: Annotated[int, Origin("off, as in the paper")] = 0
-    after: Annotated[int, Origin("off; the paper's steady state has no number")] = 0
-    after_s: Annotated[float, Origin("off, likewise")] = 0.0
+    window: Annotated[int, SHORT_WINDOW, DefaultOrigin("literature: the paper has mu = 1")] = 1
+    guard: Annotated[int, DefaultOrigin("off, as in the paper")] = 0
+    after: Annotated[int, DefaultOrigin("off; the paper's steady state has no number")] = 0
+    after_s: Annotated[float, DefaultOrigin("off, likewise")] = 0.0
 
     def __post_init__(self) -> None:
         """Check the ranges."""

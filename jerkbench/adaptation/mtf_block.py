@@ -6,7 +6,7 @@ from typing import Annotated
 from jerkbench.adaptation._ranges import SHORT_WINDOW, check_window
 from jerkbench.adaptation.common import inflated, inflation_memory
 from jerkbench.arrays import FloatArray, IntArray
-from jerkbench.parameters import Origin
+from jerkbench.parameters import DefaultOrigin
 from jerkbench.plugins import register
 
 
@@ -32,8 +32,8 @@ class MtfBlock:
         guard: N, number of hits in a sequence that inflate; 0: no limit [updates].
     """
 
-    window: Annotated[int, SHORT_WINDOW, Origin("literature: the paper has mu = 1")] = 1
-    guard: Annotated[int, Origin("off, as in the paper")] = 0
+    window: Annotated[int, SHORT_WINDOW, DefaultOrigin("literature: the paper has mu = 1")] = 1
+    guard: Annotated[int, DefaultOrigin("off, as in the paper")] = 0
 
     def __post_init__(self) -> None:
         """Check the ranges."""

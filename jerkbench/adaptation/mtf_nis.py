@@ -4,9 +4,9 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from jerkbench.adaptation._ranges import PROBABILITY, SHORT_WINDOW, check_probability, check_window
-from jerkbench.adaptation.common import chi2_tail, inflated, inflation_memory, squared_distance
+from jerkbench.adaptation.common import chi2_tail, inflated, inflation_memory, innovation_distance
 from jerkbench.arrays import FloatArray, IntArray
-from jerkbench.parameters import Origin
+from jerkbench.parameters import DefaultOrigin
 from jerkbench.plugins import register
 
 
@@ -33,9 +33,9 @@ class MtfNis:
         guard: N, number of hits in a sequence that inflate; 0: no limit [updates].
     """
 
-    probability: Annotated[float, PROBABILITY, Origin("convention of such tests")] = 0.99
-    window: Annotated[int, SHORT_WINDOW, Origin("as mtf")] = 1
-    guard: Annotated[int, Origin("off, as mtf")] = 0
+    probability: Annotated[float, PROBABILITY, DefaultOrigin("convention of such tests")] = 0.99
+    window: Annotated[int, SHORT_WINDOW, DefaultOrigin("as mtf")] = 1
+    guard: Annotated[int, DefaultOrigin("off, as mtf")] = 0
 
     def __post_init__(self) -> None:
         """Check the ranges."""
@@ -50,6 +50,6 @@ class MtfNis:
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
     ) -> FloatArray:
         """Return R with the variances of the rows in question inflated."""
-        nis = squared_distance(innovation, HPHt + R)
+        nis = innovation_distance(innovation, HPHt + R)
         triggered = chi2_tail(nis, len(rows)) <= 1.0 - self.probability
         return inflated(innovation, HPHt, R, rows, memory, self.window, self.guard, (triggered, triggered))

@@ -7,7 +7,7 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
-from jerkbench.parameters import Origin, Range
+from jerkbench.parameters import DefaultOrigin, Range
 from jerkbench.plugins import register
 
 
@@ -35,15 +35,15 @@ class RelaxingGate:
     width: Annotated[
         float,
         Range(1.5, 10.0, log=True, source="ours: from a gate that drops one good row in seven to one for gross errors"),
-        Origin("ours, from no tuning: the usual three sigma"),
+        DefaultOrigin("ours, from no tuning: the usual three sigma"),
     ] = 3.0
     patience: Annotated[
-        int, Range(1, 100, log=True, source="ours: up to 20 s of fixes at 5 Hz"), Origin("ours, from no tuning")
+        int, Range(1, 100, log=True, source="ours: up to 20 s of fixes at 5 Hz"), DefaultOrigin("ours, from no tuning")
     ] = 5
     growth: Annotated[
         float,
         Range(1.05, 3.0, source="ours: a gate that hardly opens to one that opens at once"),
-        Origin("ours, from no tuning"),
+        DefaultOrigin("ours, from no tuning"),
     ] = 1.5
 
     def __post_init__(self) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 from jerkbench.adaptation._ranges import FORGETTING, SHRINKING
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
-from jerkbench.parameters import Origin, Range
+from jerkbench.parameters import DefaultOrigin, Range
 from jerkbench.plugins import register
 
 
@@ -34,12 +34,12 @@ class SageHusa:
         high: hi, upper bound as a multiple of the reported variance [-].
     """
 
-    forgetting: Annotated[float, FORGETTING, Origin("literature: 0.95 to 0.99 is usual")] = 0.97
-    low: Annotated[float, SHRINKING, Origin("ours: keeps R positive")] = 0.1
+    forgetting: Annotated[float, FORGETTING, DefaultOrigin("literature: 0.95 to 0.99 is usual")] = 0.97
+    low: Annotated[float, SHRINKING, DefaultOrigin("ours: keeps R positive")] = 0.1
     high: Annotated[
         float,
         Range(10.0, 1e6, log=True, source="ours: from 3 to 1000 times the reported sigma"),
-        Origin("ours: a hundred times the reported sigma"),
+        DefaultOrigin("ours: a hundred times the reported sigma"),
     ] = 1e4
 
     def __post_init__(self) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 from jerkbench.adaptation._ranges import FORGETTING, SHRINKING
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
-from jerkbench.parameters import Origin, Range
+from jerkbench.parameters import DefaultOrigin, Range
 from jerkbench.plugins import register
 
 GROWING = Range(10.0, 1e6, log=True, source="ours: from 3 to 1000 times the reported sigma")
@@ -43,10 +43,10 @@ class SageHusaBoth:
         high_process: hi of Q [-].
     """
 
-    forgetting: Annotated[float, FORGETTING, Origin("literature: 0.95 to 0.99 is usual")] = 0.97
-    low: Annotated[float, SHRINKING, Origin("ours: keeps R and Q positive")] = 0.1
-    high: Annotated[float, GROWING, Origin("ours: a hundred times the reported sigma")] = 1e4
-    high_process: Annotated[float, GROWING, Origin("ours: ten times the sigma of the model")] = 1e2
+    forgetting: Annotated[float, FORGETTING, DefaultOrigin("literature: 0.95 to 0.99 is usual")] = 0.97
+    low: Annotated[float, SHRINKING, DefaultOrigin("ours: keeps R and Q positive")] = 0.1
+    high: Annotated[float, GROWING, DefaultOrigin("ours: a hundred times the reported sigma")] = 1e4
+    high_process: Annotated[float, GROWING, DefaultOrigin("ours: ten times the sigma of the model")] = 1e2
 
     def __post_init__(self) -> None:
         """Check the ranges."""

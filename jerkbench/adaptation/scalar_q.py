@@ -7,7 +7,7 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
-from jerkbench.parameters import Origin, Range
+from jerkbench.parameters import DefaultOrigin, Range
 from jerkbench.plugins import register
 
 
@@ -36,7 +36,7 @@ class ScalarQ:
     limit: Annotated[
         float,
         Range(1.5, 1e5, log=True, source="ours: from 1.2 to 300 times the prior's sigma"),
-        Origin("ours: keeps unmeasured states within bounds"),
+        DefaultOrigin("ours: keeps unmeasured states within bounds"),
     ] = 1e3
 
     def __post_init__(self) -> None:

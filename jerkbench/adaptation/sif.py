@@ -7,7 +7,7 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
-from jerkbench.parameters import Origin, Range
+from jerkbench.parameters import DefaultOrigin, Range
 from jerkbench.plugins import register
 
 
@@ -35,7 +35,7 @@ class SlidingInnovation:
     width: Annotated[
         float,
         Range(1.0, 100.0, log=True, source="ours: from a gain of one to one of a hundredth"),
-        Origin("ours: a gain of about a tenth where nothing is wrong"),
+        DefaultOrigin("ours: a gain of about a tenth where nothing is wrong"),
     ] = 10.0
 
     def __post_init__(self) -> None:

@@ -7,10 +7,10 @@ import numpy as np
 
 from jerkbench.adaptation._ranges import check_sides
 from jerkbench.adaptation.common import PASSES, SMALLEST_WEIGHT, has_settled
-from jerkbench.adaptation.linalg import diagonalise, part_of, shares
+from jerkbench.adaptation.linalg import diagonalise, explained_sums, submatrix
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError, unknown
-from jerkbench.parameters import Origin, Range
+from jerkbench.parameters import DefaultOrigin, Range
 from jerkbench.plugins import register
 
 FUNCTIONS = ("log", "sqrt", "exp")
@@ -48,20 +48,20 @@ class StatisticalSimilarity:
         sides: whom the weights doubt, "both" or "measurement".
     """
 
-    function: Annotated[str, Origin("ours: of the paper's, the one nearest to Student's t")] = "log"
+    function: Annotated[str, DefaultOrigin("ours: of the paper's, the one nearest to Student's t")] = "log"
     nu: Annotated[
         float,
         Range(1.0, 100.0, log=True, source="ours: from Cauchy's tails to all but Gaussian ones"),
-        Origin("literature: 5 in the paper"),
+        DefaultOrigin("literature: 5 in the paper"),
     ] = 5.0
     sigma: Annotated[
         float,
         Range(
             1.0, 50.0, log=True, source="ours: from a kernel that rejects good measurements to one that rejects none"
         ),
-        Origin("literature: 5 in the paper"),
+        DefaultOrigin("literature: 5 in the paper"),
     ] = 5.0
-    sides: Annotated[str, Origin("literature: the paper weighs both")] = "both"
+    sides: Annotated[str, DefaultOrigin("literature: the paper weighs both")] = "both"
 
     def __post_init__(self) -> None:
         """Check the ranges."""
@@ -91,7 +91,7 @@ class StatisticalSimilarity:
         explained = prior = measured = 0.0
         d, w, steps, X = np.empty(m), np.empty(m), np.zeros((2, n)), np.empty((m, n + 1))
         _fill_columns(P, rows, innovation, X)
-        X = diagonalise(part_of(P, rows), R, d, X)
+        X = diagonalise(submatrix(P, rows), R, d, X)
         for k in range(PASSES):
             if k > 0:
                 g_x, g_z = n - explained + xi * prior, explained + xi * r * measured
@@ -99,7 +99,7 @@ class StatisticalSimilarity:
                     xi = _weight(self.function, n, g_x / xi, self.nu, self.sigma)
                 weight = _weight(self.function, m, g_z / weight, self.nu, self.sigma)
                 r = xi / weight
-            explained, prior, measured = shares(d, X[:, n], r, w)
+            explained, prior, measured = explained_sums(d, X[:, n], r, w)
             _take_step(X, w, steps)
             if has_settled(steps[0], steps[1], x):
                 break

@@ -7,10 +7,10 @@ from typing import Annotated
 import numpy as np
 
 from jerkbench.adaptation._ranges import FREEDOM, check_passes
-from jerkbench.adaptation.linalg import diagonalise, shares
+from jerkbench.adaptation.linalg import diagonalise, explained_sums
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
-from jerkbench.parameters import Origin
+from jerkbench.parameters import DefaultOrigin
 from jerkbench.plugins import register
 
 
@@ -41,8 +41,8 @@ class StatisticalSimilarityR:
         passes: fixed-point passes of an update [-].
     """
 
-    nu: Annotated[float, FREEDOM, Origin("literature: the source uses 5; ours for R alone")] = 3.0
-    passes: Annotated[int, Origin("ours")] = 10
+    nu: Annotated[float, FREEDOM, DefaultOrigin("literature: the source uses 5; ours for R alone")] = 3.0
+    passes: Annotated[int, DefaultOrigin("ours")] = 10
 
     def __post_init__(self) -> None:
         """Check the ranges."""
@@ -59,7 +59,7 @@ class StatisticalSimilarityR:
         X = diagonalise(HPHt, R, d, innovation.copy().reshape(m, 1))
         for _ in range(self.passes):
             before = scale
-            explained, _prior, measured = shares(d, X[:, 0], scale, w)
+            explained, _prior, measured = explained_sums(d, X[:, 0], scale, w)
             scale = math.sqrt((self.nu + scale * (explained + scale * measured)) / (self.nu + m))
             if scale == before:
                 break

@@ -8,7 +8,7 @@ import numpy as np
 from jerkbench.adaptation._ranges import FORGETTING
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
-from jerkbench.parameters import Origin, Range
+from jerkbench.parameters import DefaultOrigin, Range
 from jerkbench.plugins import register
 
 SHARE = Range(0.01, 100.0, log=True, source="ours: a hundredth and a hundred times the share of the position")
@@ -42,15 +42,15 @@ class StrongTracking:
         other: alpha of all states that are not measured [-].
     """
 
-    forgetting: Annotated[float, FORGETTING, Origin("literature: 0.95 in the paper")] = 0.95
+    forgetting: Annotated[float, FORGETTING, DefaultOrigin("literature: 0.95 in the paper")] = 0.95
     softening: Annotated[
         float,
         Range(1.0, 20.0, log=True, source="ours: from no softening to innovations of four sigma"),
-        Origin("ours: no softening"),
+        DefaultOrigin("ours: no softening"),
     ] = 1.0
-    position: Annotated[float, SHARE, Origin("ours: all states alike")] = 1.0
-    velocity: Annotated[float, SHARE, Origin("ours: all states alike")] = 1.0
-    other: Annotated[float, SHARE, Origin("ours: all states alike")] = 1.0
+    position: Annotated[float, SHARE, DefaultOrigin("ours: all states alike")] = 1.0
+    velocity: Annotated[float, SHARE, DefaultOrigin("ours: all states alike")] = 1.0
+    other: Annotated[float, SHARE, DefaultOrigin("ours: all states alike")] = 1.0
 
     def __post_init__(self) -> None:
         """Check the ranges."""

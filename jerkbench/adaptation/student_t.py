@@ -6,10 +6,18 @@ from typing import Annotated
 import numpy as np
 
 from jerkbench.adaptation._ranges import FREEDOM, check_passes, check_sides
-from jerkbench.adaptation.common import distances, fill_square, first_distance, innovate, measured_of, mix, spread
+from jerkbench.adaptation.common import (
+    distances,
+    fill_blend,
+    fill_square,
+    first_distance,
+    innovate,
+    measured_of,
+    spread_part,
+)
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
-from jerkbench.parameters import Origin, Range
+from jerkbench.parameters import DefaultOrigin, Range
 from jerkbench.plugins import register
 
 
@@ -39,14 +47,14 @@ class StudentT:
         sides: whom the weights doubt, "both" or "measurement".
     """
 
-    nu: Annotated[float, FREEDOM, Origin("literature: 5 in the paper")] = 5.0
+    nu: Annotated[float, FREEDOM, DefaultOrigin("literature: 5 in the paper")] = 5.0
     tau: Annotated[
         float,
         Range(1.0, 100.0, log=True, source="ours: from a prior that counts half to one that is all but fixed"),
-        Origin("literature: 5 in the paper"),
+        DefaultOrigin("literature: 5 in the paper"),
     ] = 5.0
-    passes: Annotated[int, Origin("literature: 10 in the paper")] = 10
-    sides: Annotated[str, Origin("literature: the paper weighs both")] = "both"
+    passes: Annotated[int, DefaultOrigin("literature: 10 in the paper")] = 10
+    sides: Annotated[str, DefaultOrigin("literature: the paper weighs both")] = "both"
 
     def __post_init__(self) -> None:
         """Check the ranges."""
@@ -82,10 +90,10 @@ class StudentT:
                 fill_square(part, xi)
                 share /= xi
                 xi = (self.nu + n) / (self.nu + g_x)
-                mix(part.W, N, self.tau, part.D, xi)
+                fill_blend(part.W, N, self.tau, part.D, xi)
                 share = (self.tau + xi * share) / (self.tau + 1.0)
         memory[0] = weight
-        return spread(P, rows, part.W / xi, share / xi) if self.sides == "both" else P
+        return spread_part(P, rows, part.W / xi, share / xi) if self.sides == "both" else P
 
     def adapt(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray

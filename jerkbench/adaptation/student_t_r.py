@@ -4,10 +4,10 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from jerkbench.adaptation._ranges import FREEDOM
-from jerkbench.adaptation.common import squared_distance
+from jerkbench.adaptation.common import innovation_distance
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
-from jerkbench.parameters import Origin
+from jerkbench.parameters import DefaultOrigin
 from jerkbench.plugins import register
 
 
@@ -33,7 +33,7 @@ class StudentTR:
         nu: degrees of freedom; the smaller, the heavier the tails [-].
     """
 
-    nu: Annotated[float, FREEDOM, Origin("literature: 3 to 5 is usual")] = 4.0
+    nu: Annotated[float, FREEDOM, DefaultOrigin("literature: 3 to 5 is usual")] = 4.0
 
     def __post_init__(self) -> None:
         """Check the ranges."""
@@ -44,5 +44,5 @@ class StudentTR:
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
     ) -> FloatArray:
         """Return R, scaled as a whole."""
-        nis = squared_distance(innovation, HPHt + R)
+        nis = innovation_distance(innovation, HPHt + R)
         return R * ((self.nu + nis) / (self.nu + len(rows)))

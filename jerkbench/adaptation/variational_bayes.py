@@ -9,7 +9,7 @@ import numpy as np
 from jerkbench.adaptation._ranges import FORGETTING, check_passes
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
-from jerkbench.parameters import Origin, Range
+from jerkbench.parameters import DefaultOrigin, Range
 from jerkbench.plugins import register
 
 
@@ -39,13 +39,13 @@ class VariationalBayes:
         passes: fixed-point passes of an update [-].
     """
 
-    forgetting: Annotated[float, FORGETTING, Origin("literature: rho of the source")] = 1.0 - math.exp(-4.0)
+    forgetting: Annotated[float, FORGETTING, DefaultOrigin("literature: rho of the source")] = 1.0 - math.exp(-4.0)
     start: Annotated[
         float,
         Range(0.5, 50.0, log=True, source="ours: the reported R counts from one update to 100"),
-        Origin("ours: the reported R counts six half updates"),
+        DefaultOrigin("ours: the reported R counts six half updates"),
     ] = 3.0
-    passes: Annotated[int, Origin("literature: the source finds two enough")] = 2
+    passes: Annotated[int, DefaultOrigin("literature: the source finds two enough")] = 2
 
     def __post_init__(self) -> None:
         """Check the ranges."""

@@ -7,10 +7,10 @@ from typing import Annotated
 import numpy as np
 
 from jerkbench.adaptation._ranges import FORGETTING, check_passes
-from jerkbench.adaptation.common import Measured, fill_square, innovate, measured_of, mix, spread
+from jerkbench.adaptation.common import Measured, fill_blend, fill_square, innovate, measured_of, spread_part
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
-from jerkbench.parameters import Origin, Range
+from jerkbench.parameters import DefaultOrigin, Range
 from jerkbench.plugins import register
 
 SETS, SLOT = 64, 37
@@ -50,10 +50,12 @@ class VariationalPriorAndNoise:
         passes: N, of an update [-].
     """
 
-    tau: Annotated[float, EVIDENCE, Origin("literature: 3 in the paper")] = 3.0
-    start: Annotated[float, EVIDENCE, Origin("ours: as much as the prior")] = 3.0
-    forgetting: Annotated[float, FORGETTING, Origin("literature: 1 - exp(-4) in the paper")] = 1.0 - math.exp(-4.0)
-    passes: Annotated[int, Origin("literature: 10 in the paper")] = 10
+    tau: Annotated[float, EVIDENCE, DefaultOrigin("literature: 3 in the paper")] = 3.0
+    start: Annotated[float, EVIDENCE, DefaultOrigin("ours: as much as the prior")] = 3.0
+    forgetting: Annotated[float, FORGETTING, DefaultOrigin("literature: 1 - exp(-4) in the paper")] = 1.0 - math.exp(
+        -4.0
+    )
+    passes: Annotated[int, DefaultOrigin("literature: 10 in the paper")] = 10
 
     def __post_init__(self) -> None:
         """Check the ranges."""
@@ -91,12 +93,12 @@ class VariationalPriorAndNoise:
                 innovate(part, innovation, 1.0, 1.0)
                 fill_square(part, 1.0)
             _gather(part, innovation, U, gathered)
-            mix(part.W, N, self.tau, part.D, 1.0)
+            fill_blend(part.W, N, self.tau, part.D, 1.0)
             for i in range(m):
                 for j in range(m):
                     part.R[i, j] = gathered[i, j] / (u + 1.0)
         known[0], known[1 : 1 + m * m] = u + m + 2.0, gathered.ravel()
-        return spread(P, rows, part.W, 1.0)
+        return spread_part(P, rows, part.W, 1.0)
 
     def adapt(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray

@@ -77,6 +77,7 @@ def sweep(
 
 def _run(cells: Iterator[Cell], folder: Path, workers: int) -> dict[str, Sequence[int]]:
     """Run those of the cells that make sense and are not done; returns the seeds of all that make sense, by key."""
+    from jerkbench.jobs.cluster import Workers
     from jerkbench.results.store import Store
     from jerkbench.sweep.sweep import plan_sweep, run_sweep
 
@@ -87,7 +88,8 @@ def _run(cells: Iterator[Cell], folder: Path, workers: int) -> dict[str, Sequenc
         raise PluginError("There is nothing to run: every combination was left out.")
     if workers > 1:
         _require_modules(planned.cell for planned in plan.cells)
-    run_sweep(plan, Store(folder), workers)
+    with Workers(count=workers) as own:
+        run_sweep(plan, Store(folder), own)
     return plan.draws
 
 
@@ -122,7 +124,7 @@ def table(
     Raises:
         JerkbenchError: there are no results, or no such metric, factor or baseline.
     """
-    from jerkbench.report.analysis.baseline import parse_baseline
+    from jerkbench.report.analysis.runs import parse_baseline
     from jerkbench.report.tables.summary import main_metric, summarise
 
     opened = _opened(study)
@@ -152,7 +154,7 @@ def report(
         JerkbenchError: there are no results.
     """
     from jerkbench.jobs.pool import processors
-    from jerkbench.report.choice import figures_choice
+    from jerkbench.report.drawings import figures_choice
     from jerkbench.results.replay import tell_left_out
     from jerkbench.results.study_figures import REPORT, Request, draw_study, write_report
 

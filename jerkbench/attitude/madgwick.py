@@ -13,7 +13,7 @@ from jerkbench.attitude.alignment import align
 from jerkbench.attitude.common import TiltAndYaw, Verticals, intervals, loop_arrays, quaternion_of
 from jerkbench.compilation.compiled_loop import compiled_loop
 from jerkbench.compilation.module_cache import can_compile
-from jerkbench.parameters import Origin, Range
+from jerkbench.parameters import DefaultOrigin, Range
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 
@@ -47,7 +47,7 @@ class Madgwick(TiltAndYaw):
     gain_per_s: Annotated[
         float,
         Range(3e-4, 1.0, log=True, source="ours: from a car's slow correction to ten times a hand's"),
-        Origin("literature: the paper's .033 for gyro and accelerometer"),
+        DefaultOrigin("literature: the paper's .033 for gyro and accelerometer"),
     ] = 0.033
 
     def __post_init__(self) -> None:

@@ -13,7 +13,7 @@ from jerkbench.attitude.alignment import align
 from jerkbench.attitude.common import TiltAndYaw, Verticals, intervals, loop_arrays, quaternion_of
 from jerkbench.compilation.compiled_loop import compiled_loop
 from jerkbench.compilation.module_cache import can_compile
-from jerkbench.parameters import Origin, Range
+from jerkbench.parameters import DefaultOrigin, Range
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 
@@ -46,12 +46,12 @@ class Mahony(TiltAndYaw):
     proportional_per_s: Annotated[
         float,
         Range(1e-3, 3.0, log=True, source="ours: time constants from a third of a second to 1000 s"),
-        Origin("literature: the paper's 1"),
+        DefaultOrigin("literature: the paper's 1"),
     ] = 1.0
     integral_per_s2: Annotated[
         float,
         Range(1e-6, 0.3, log=True, source="ours: from a bias that is found in an hour to the paper's"),
-        Origin("literature: the paper's .3"),
+        DefaultOrigin("literature: the paper's .3"),
     ] = 0.3
 
     def __post_init__(self) -> None:

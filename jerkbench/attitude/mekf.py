@@ -15,11 +15,11 @@ from jerkbench.compilation.compiled_loop import compiled_loop
 from jerkbench.compilation.module_cache import can_compile
 from jerkbench.errors import PluginError
 from jerkbench.geometry import dcm_from_euler
-from jerkbench.parameters import Origin, Range
+from jerkbench.parameters import DefaultOrigin, Range
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 
-FIELD = Origin("ours: a consumer MEMS IMU in a hand")
+FIELD = DefaultOrigin("ours: a consumer MEMS IMU in a hand")
 
 
 @register("attitude", "mekf")
@@ -85,7 +85,7 @@ class Mekf(TiltAndYaw):
     bias_density: Annotated[
         float, Range(1e-6, 1e-3, log=True, source="ours: from a bias that stays to one that follows the motion"), FIELD
     ] = 1e-5
-    initial_bias_radps: Annotated[float, Origin("a data sheet's turn-on bias of a consumer MEMS gyro")] = 0.005
+    initial_bias_radps: Annotated[float, DefaultOrigin("a data sheet's turn-on bias of a consumer MEMS gyro")] = 0.005
 
     def __post_init__(self) -> None:
         """Check that every choice exists and every number makes sense."""

@@ -10,7 +10,7 @@ from jerkbench.arrays import FloatArray, require_positive
 from jerkbench.attitude.alignment import align
 from jerkbench.attitude.common import TiltAndYaw, Verticals, intervals
 from jerkbench.errors import PluginError, RecordingError
-from jerkbench.parameters import Origin, Range
+from jerkbench.parameters import DefaultOrigin, Range
 from jerkbench.plugins import register
 from jerkbench.recording import GRAVITY_MPS2, Imu, Recording
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 GAP_S = 0.1
 """Over a longer interval the filter sees several steps of the gyro, each as long as the others."""
 
-OWN = Origin("literature: the package's default")
+OWN = DefaultOrigin("literature: the package's default")
 
 
 @register("attitude", "vqf")

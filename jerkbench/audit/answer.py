@@ -2,9 +2,15 @@
 
 from collections.abc import Sequence
 
+import numpy as np
+
+from jerkbench.arrays import FloatArray
+from jerkbench.audit.campaign import Outcome
+from jerkbench.audit.methods import FLOOR, Method, by_method
 from jerkbench.audit.protocol import AuditProtocol
-from jerkbench.audit.verdicts import MethodVerdict
+from jerkbench.audit.verdicts import DEFAULTS, TUNED, Losses, MethodVerdict, own_rows
 from jerkbench.evaluation.statistics.judgement import Verdict
+from jerkbench.evaluation.statistics.ranks import OverScenarios, over_scenarios
 
 
 def last_line(verdicts: Sequence[MethodVerdict], protocol: AuditProtocol) -> str:
@@ -78,3 +84,125 @@ def _defaults(verdicts: Sequence[MethodVerdict]) -> list[str]:
 def _luck(verdicts: Sequence[MethodVerdict]) -> list[str]:
     spread = max(verdict.restarts[1] / verdict.restarts[0] for verdict in verdicts)
     return [f"Between the restarts of a search the ratio of one method differs by up to {100 * (spread - 1):.0f} %."]
+
+
+# What is said beside the answer.
+
+
+EXPECTED_ANEES = 6.0
+"""Of a consistent filter: position and velocity have six components."""
+
+
+def tuning_sentence(known: Losses, protocol: AuditProtocol) -> str:
+    """Say what tuning alone does to the plain filters, on faults that it has not seen."""
+    parts = []
+    for model in protocol.filters:
+        plain = Method(model, protocol.plain)
+        change = _over(known, known.by_kind[plain, TUNED, 0] - known.by_kind[plain, DEFAULTS, 0])
+        parts.append(f"{_interval(change)} ({model})")
+    head = "Tuning alone multiplies the error of the plain filter, on faults that it was not tuned on, by"
+    return f"{head} {', '.join(parts)}."
+
+
+def reference_sentences(known: Losses, protocol: AuditProtocol) -> list[str]:
+    """Say where the tuned plain filters stand between GNSS alone and the filter that is told the true R."""
+    floor = Method(FLOOR, protocol.plain)
+    plains = [Method(model, protocol.plain) for model in protocol.filters]
+    told = "The same filter told the true R"
+    pairs = [
+        (plain, other, words)
+        for plain in plains
+        for other, words in [(floor, "GNSS alone"), *((Method(plain.filter, r), told) for r in protocol.references)]
+    ]
+    return [
+        f"{words} has {_interval(_over(known, known.by_kind[other, TUNED, 0] - known.by_kind[plain, TUNED, 0]))} of the"
+        f" error of {plain.name}, tuned."
+        for plain, other, words in pairs
+        if (other, TUNED, 0) in known.by_kind
+    ]
+
+
+def model_sentence(known: Losses, protocol: AuditProtocol) -> str:
+    """Say what another model does without any adaptation, tuned alike; empty where there is one model."""
+    first, *others = [Method(name, protocol.plain) for name in (*protocol.filters, *protocol.apart)]
+    plain = known.by_kind[first, TUNED, 0]
+    parts = [
+        f"{method.filter} {_interval(_over(known, known.by_kind[method, TUNED, 0] - plain))}"
+        for method in others
+        if (method, TUNED, 0) in known.by_kind
+    ]
+    head = f"Without any adaptation, of the error of {first.name} and tuned like it, another model has"
+    return f"{head}: {', '.join(parts)}." if parts else ""
+
+
+def noise_sentence(known: Losses, verdicts: Sequence[MethodVerdict], protocol: AuditProtocol) -> str:
+    """Say whether the order with white GNSS noise is that with coloured noise; empty of one kind of noise."""
+    kinds = list(protocol.fields)
+    if len(kinds) < 2 or len(verdicts) < 3:
+        return ""
+    ratios = {kind: np.array([_on(known, verdict.method, protocol, kind) for verdict in verdicts]) for kind in kinds}
+    ahead = ", ".join(f"{int((ratios[kind] < 1).sum())} of {len(verdicts)} with {kind} noise" for kind in kinds)
+    lead = ", ".join(f"{verdicts[int(ratios[kind].argmin())].method.name} with {kind} noise" for kind in kinds)
+    turned = int(((ratios[kinds[0]] < 1) != (ratios[kinds[1]] < 1)).sum())
+    return (
+        f"White against coloured noise: ahead of the tuned plain filter, whatever the interval, are {ahead}; {turned}"
+        f" change sides. The lowest ratio has {lead}. Rank correlation of the two orders:"
+        f" {_rank_correlation(*ratios.values()):.2f}."
+    )
+
+
+def metric_sentence(outcome: Outcome, known: Losses, verdicts: Sequence[MethodVerdict], protocol: AuditProtocol) -> str:
+    """Say whether what is good by the error is consistent as well (ANEES against the 6 that is expected)."""
+    if len(verdicts) < 3:
+        return ""
+    rows = by_method(outcome.test)
+    plains = [Method(model, protocol.plain) for model in protocol.filters]
+    plain = {m.filter: off_by(float(own_rows(rows[m], m, outcome, known.scenarios)["anees"].median())) for m in plains}
+    ahead = [verdict for verdict in verdicts if verdict.tuned.ratio < 1]
+    closer = sum(off_by(verdict.anees) < plain[verdict.method.filter] for verdict in ahead)
+    orders = np.array([(verdict.tuned.ratio, off_by(verdict.anees)) for verdict in verdicts]).T
+    return (
+        f"Metric against metric: of the {len(ahead)} with a smaller error than the tuned plain filter, {closer} have an"
+        f" ANEES closer to the expected {EXPECTED_ANEES:g} as well. Rank correlation of error and consistency:"
+        f" {_rank_correlation(*orders):.2f}."
+    )
+
+
+def power_sentence(verdicts: Sequence[MethodVerdict], protocol: AuditProtocol) -> str:
+    """Say what the intervals over families could have shown."""
+    spans = [float(np.sqrt(verdict.high / verdict.low)) for verdict in verdicts]
+    alone = [float(np.sqrt(verdict.tuned.high / verdict.tuned.low)) for verdict in verdicts]
+    middle, own = float(np.median(spans)), float(np.median(alone))
+    return (
+        f"Power: with {len(protocol.families)} families the interval for all methods at once reaches, of the method in"
+        f" the middle, a factor of {middle:.2f} either way (by itself {own:.2f}): a mean ratio has to lie below"
+        f" {1 / middle:.2f} to be shown better. Families are what is few, not seeds, and undecided is not equal."
+    )
+
+
+def off_by(anees: float) -> float:
+    """Return how far an ANEES is from the expected one, as a logarithm: too small and too large count alike."""
+    return abs(float(np.log(anees / EXPECTED_ANEES)))
+
+
+def _over(known: Losses, difference: FloatArray) -> OverScenarios:
+    return over_scenarios(known.of_families(difference))
+
+
+def _interval(mean: OverScenarios) -> str:
+    return f"{mean.ratio:.2f} ({mean.low:.2f} to {mean.high:.2f})"
+
+
+def _on(known: Losses, method: Method, protocol: AuditProtocol, noise: str) -> float:
+    """Ratio to the tuned plain filter with one kind of noise; families count alike."""
+    d = known.by_kind[method, TUNED, 0] - known.by_kind[Method(method.filter, protocol.plain), TUNED, 0]
+    here = [k for k, scenario in enumerate(known.scenarios) if scenario.noise == noise]
+    families = np.array([known.scenarios[k].family for k in here])
+    means = [d[here][families == family].mean() for family in dict.fromkeys(families.tolist())]
+    return float(np.exp(np.mean(means)))
+
+
+def _rank_correlation(a: FloatArray, b: FloatArray) -> float:
+    from scipy.stats import spearmanr
+
+    return float(spearmanr(a, b).statistic)

@@ -10,14 +10,14 @@ from jerkbench.audit.methods import Method
 from jerkbench.audit.protocol import AuditProtocol
 from jerkbench.audit.verdicts import TUNED, Losses, MethodVerdict
 from jerkbench.campaigns.protocol import HALVES
-from jerkbench.report.plots.style import OKABE_ITO, quiet
+from jerkbench.report.plots.style import OKABE_ITO, style_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 from matplotlib.colors import LogNorm
 
-from jerkbench.audit.family_verdicts import FamilyVerdict
+from jerkbench.audit.verdicts import FamilyVerdict
 from jerkbench.evaluation.statistics.judgement import Verdict
 from jerkbench.report.plots.style import DOTS_PER_INCH
 
@@ -41,7 +41,7 @@ def ratio_figure(verdicts: Sequence[MethodVerdict], margin: float) -> Figure:
     )
     axes.set_xscale("log")
     axes.set_ylim(-1, len(rows))
-    quiet(axes)
+    style_axes(axes)
     axes.set_yticks(rows, [verdict.method.name for verdict in verdicts])
     axes.set_xlabel("Position RMSE / tuned plain filter")
     figure.legend(loc="outside lower center", ncols=3, fontsize="small")
@@ -62,7 +62,7 @@ def audit_severity_figure(known: Losses, verdicts: Sequence[MethodVerdict], prot
             _draw_family(axes, known, method, protocol, family.name, colour)
         axes.axhline(1.0, color="0.6", linewidth=0.8)
         axes.set_yscale("log")
-        quiet(axes)
+        style_axes(axes)
     for axes in panels[len(families) :]:
         axes.set_axis_off()
     figure.supylabel("Position RMSE / tuned plain filter", fontsize="small")
@@ -147,7 +147,7 @@ def model_figure(verdicts: Sequence[MethodVerdict], margin: float) -> Figure:
     axes.set_xticks(TICKS, [f"{tick:g}" for tick in TICKS])
     axes.set_xticks([], minor=True)
     axes.set_ylim(-1, len(ratios))
-    quiet(axes)
+    style_axes(axes)
     axes.set_yticks(rows, list(ratios))
     axes.set_xlabel("RMSE / plain filter of the same model, tuned alike, scored unseen")
     figure.legend(loc="outside lower center", ncols=5, fontsize="small")

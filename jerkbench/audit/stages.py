@@ -8,10 +8,11 @@ import pandas as pd
 
 from jerkbench.audit.methods import Method
 from jerkbench.campaigns.entrant import ERROR
-from jerkbench.campaigns.piece import Piece, Site, mark_of
 from jerkbench.campaigns.protocol import HALVES, Scenario
 from jerkbench.campaigns.search import ALL
+from jerkbench.campaigns.site import Rules, Site, Try
 from jerkbench.errors import JerkbenchError
+from jerkbench.jobs.progress import Progress
 from jerkbench.tuning.space import Setting
 
 TEST = "test"
@@ -54,13 +55,11 @@ class Stages:
     Attributes:
         scenarios: of the audit, in order.
         place: where runs are done and stored.
-        key: of the code and the libraries.
         attitude: name of the plugin; None: that of the data set.
     """
 
     scenarios: Sequence[Scenario]
     place: Site
-    key: str
     attitude: str | None = None
 
     def run(
@@ -84,48 +83,34 @@ class Stages:
         """
         if needed is None:
             needed = [{method: tuple(range(len(own))) for method, own in of.items()} for of in settings]
-        pieces = list(self._pieces(name, seeds, settings, needed))
-        rows = self.place.rows(pieces, f"Audit, {TITLES.get(name, name)}", "filters and scenarios")
-        keys = zip(rows["scenario"], rows["filter"], rows["adaptation"], rows["trial"], strict=True)
-        rows["trial"] = [needed[number][Method(model, adaptation)][trial] for number, model, adaptation, trial in keys]
+        count = sum(len(trials) for of in needed for trials in of.values())
+        with Progress(count, doing=f"Audit, {TITLES.get(name, name)}", unit="settings and scenarios") as bar:
+            rows = self.place.rows(self._tries(seeds, settings, needed), self._rules(name), bar)
         return rows.drop(columns="reason")
 
-    def stored_methods(self, methods: Iterable[Method]) -> list[Method]:
-        """Return those of the ``methods`` that were run: adaptations may have come into the tree since.
+    def stored_methods(self, methods: Sequence[Method], seeds: tuple[int, ...]) -> list[Method]:
+        """Return those of the ``methods`` that were run on ``seeds``: adaptations may have come into the tree since.
 
         Raises:
             JerkbenchError: none was.
         """
-        folder = self.place.folder
-        names = {name for path in folder.glob("tune-000-*.parquet") for name in (mark_of(path) or [{}])[-1]}
-        if stored := [method for method in methods if method.name in names]:
+        first = self.scenarios[0]
+        tries = [Try(0, first, method.entrant, method.space(first).start, 0, seeds) for method in methods]
+        missing = {each.entrant.name for each in self.place.missing(tries, self._rules("tune"))}
+        if stored := [method for method in methods if method.name not in missing]:
             return stored
-        raise JerkbenchError(f"No run of this audit is stored in {folder}; run the audit without --stored first.")
+        raise JerkbenchError(
+            f"No run of this audit is stored in {self.place.folder}; run the audit without --stored first."
+        )
 
-    def _pieces(
-        self, name: str, seeds: tuple[int, ...], settings: Sequence[Settings], needed: Sequence[Trials]
-    ) -> Iterator[Piece]:
-        """One for each scenario and filter."""
-        metrics = (ERROR, "consistency") if name == TEST else (ERROR,)
+    def _rules(self, name: str) -> Rules:
+        return Rules((ERROR, "consistency") if name == TEST else (ERROR,), attitude=self.attitude, strict=True)
+
+    def _tries(self, seeds: tuple[int, ...], settings: Sequence[Settings], needed: Sequence[Trials]) -> Iterator[Try]:
         for number, (scenario, all_of, trials) in enumerate(zip(self.scenarios, settings, needed, strict=True)):
-            for model in dict.fromkeys(method.filter for method in trials):
-                tries = tuple(
-                    (method.entrant, tuple(all_of[method][trial] for trial in own))
-                    for method, own in trials.items()
-                    if method.filter == model
-                )
-                yield Piece(
-                    name=f"{name}-{number:03}-{model}",
-                    number=number,
-                    scenario=scenario,
-                    tries=tries,
-                    seeds=seeds,
-                    metrics=metrics,
-                    key=self.key,
-                    folder=self.place.folder,
-                    attitude=self.attitude,
-                    strict=True,
-                )
+            for method, own in trials.items():
+                entrant = method.entrant
+                yield from (Try(number, scenario, entrant, all_of[method][trial], trial, seeds) for trial in own)
 
 
 def needed_trials(

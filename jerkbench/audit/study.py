@@ -7,28 +7,34 @@ from pathlib import Path
 
 import pandas as pd
 
-from jerkbench.audit.answer import sentences
-from jerkbench.audit.campaign import AuditCampaign, Outcome
-from jerkbench.audit.comparisons import (
+from jerkbench.audit.answer import (
     metric_sentence,
     model_sentence,
     noise_sentence,
     power_sentence,
     reference_sentences,
+    sentences,
     tuning_sentence,
 )
-from jerkbench.audit.family_verdicts import FamilyVerdict, family_frame, family_verdicts
+from jerkbench.audit.campaign import AuditCampaign, Outcome
 from jerkbench.audit.figures import audit_severity_figure, family_figure, model_figure, ratio_figure
 from jerkbench.audit.methods import Method, methods
-from jerkbench.audit.page import Contents, audit_page, sections_in
+from jerkbench.audit.page import LEGEND, Contents, audit_page, markdown_table, sections_in, verdict_frame
 from jerkbench.audit.protocol import AuditProtocol
 from jerkbench.audit.stages import Stages
-from jerkbench.audit.table import LEGEND, markdown_table, verdict_frame
-from jerkbench.audit.verdicts import Losses, MethodVerdict, losses_of, verdicts
-from jerkbench.campaigns.piece import Site
+from jerkbench.audit.verdicts import (
+    FamilyVerdict,
+    Losses,
+    MethodVerdict,
+    family_frame,
+    family_verdicts,
+    losses_of,
+    verdicts,
+)
 from jerkbench.campaigns.protocol import Scenario
+from jerkbench.campaigns.site import Site
 from jerkbench.files import write_atomically, write_text
-from jerkbench.jobs.cluster import Cluster
+from jerkbench.jobs.cluster import Cluster, Workers
 from jerkbench.jobs.key import code_digest, git_commit, versions
 from jerkbench.report.plots.style import save_figure
 from jerkbench.tuning.space import Space
@@ -72,13 +78,16 @@ def run_audit(
         JerkbenchError: a run failed, or is not stored and may not be run.
         OSError: nothing can be written.
     """
-    known, place = protocol.scenarios, Site(folder / "runs", cluster, workers, only_stored)
-    stages = Stages(known, place, campaign_key())
-    compared = stages.stored_methods(methods(protocol)) if only_stored else methods(protocol)
-    spaces = {method: method.space(known[0]) for method in compared}
-    if not only_stored:
-        write_text(folder / "protocol.json", _protocol_text(protocol))
-    outcome = AuditCampaign(protocol, spaces, stages).run()
+    known, compared = protocol.scenarios, methods(protocol)
+    with Workers(cluster, workers) as own:
+        place = Site(folder / "runs", own, only_stored)
+        stages = Stages(known, place)
+        if only_stored:
+            compared = stages.stored_methods(compared, protocol.seeds_to_tune_on)
+        else:
+            write_text(folder / "protocol.json", _protocol_text(protocol))
+        spaces = {method: method.space(known[0]) for method in compared}
+        outcome = AuditCampaign(protocol, spaces, stages).run()
     audit = judged_audit(protocol, outcome, known)
     _write(audit, folder, spaces, place.makers())
     return audit
@@ -90,11 +99,6 @@ def judged_audit(protocol: AuditProtocol, outcome: Outcome, known: Sequence[Scen
     overall = verdicts(outcome, protocol, known)
     by_family = family_verdicts(losses, [verdict.method for verdict in overall], protocol)
     return Audit(protocol, outcome, losses, overall, by_family)
-
-
-def campaign_key() -> str:
-    """Return a hash of the code, and the versions of the libraries, that the numbers of a run depend on."""
-    return f"{code_digest('campaigns', 'audit', 'tuning')} {sorted(versions().items())}"
 
 
 def text_of(audit: Audit) -> str:

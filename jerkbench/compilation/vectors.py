@@ -1,8 +1,8 @@
 """Vectors of numbers for compiled code: one number of each of several runs, which the processor works on at once.
 
-Kernels are written for numbers. Given an array of vectors (`vectors`) in the place of an array of numbers they work on
-several runs side by side, because numba compiles a function anew for each type of its arguments. Two things have
-to be said differently: a choice between two values, and the largest (`chosen`). A vector of one number is that number.
+Kernels are written for numbers. Given a `jerkbench.compilation.views.RunView` of several runs they work on all of them
+side by side, because numba compiles a function anew for each type of its arguments. Two things have to be said
+differently: a choice between two values, and the largest (`chosen`). A vector of one number is that number.
 """
 
 import math
@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from llvmlite import ir
 from numba import types
-from numba.core import cgutils
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, lower_cast, models, register_model
 
@@ -24,9 +23,6 @@ WIDE = 8
 
 NUMBER, INDEX = ir.DoubleType(), ir.IntType(32)
 """As LLVM knows them."""
-
-BLOCK = 8
-"""Numbers of a run that `scatter` moves at once."""
 
 
 class Vector(types.Type):
@@ -48,25 +44,10 @@ class Vector(types.Type):
         return Conversion.promote if isinstance(other, types.Float) else None
 
 
-class Vectors(types.Type):
-    """An array of vectors: the address of its first number."""
-
-    def __init__(self, width: int) -> None:
-        """Name the type after its width."""
-        self.width, self.element = width, vector_of(width)
-        super().__init__(name=f"vectors{width}")
-
-
 @cache
 def vector_of(width: int) -> Any:  # noqa: ANN401 - numba has no types
     """Return numba's type of a vector of ``width`` numbers."""
     return types.float64 if width == 1 else Vector(width)
-
-
-@cache
-def vectors_of(width: int) -> Vectors:
-    """Return numba's type of an array of them."""
-    return Vectors(width)
 
 
 def llvm_vector(width: int) -> Any:  # noqa: ANN401 - llvmlite has no types
@@ -78,12 +59,6 @@ def llvm_vector(width: int) -> Any:  # noqa: ANN401 - llvmlite has no types
 class _VectorModel(models.PrimitiveModel):
     def __init__(self, manager: Any, of: Any) -> None:  # noqa: ANN401 - numba has no types
         super().__init__(manager, of, llvm_vector(of.width))
-
-
-@register_model(Vectors)
-class _VectorsModel(models.PrimitiveModel):
-    def __init__(self, manager: Any, of: Any) -> None:  # noqa: ANN401 - numba has no types
-        super().__init__(manager, of, NUMBER.as_pointer())
 
 
 def _repeated(builder: Any, number: Any, width: int) -> Any:  # noqa: ANN401 - llvmlite has no types
@@ -130,59 +105,6 @@ _define((operator.mul, operator.imul), "fmul")
 _define((operator.truediv, operator.itruediv), "fdiv")
 
 
-def address_in(builder: Any, first: Any, index: Any, width: int) -> Any:  # noqa: ANN401 - as above
-    """Return the address of vector ``index``, in LLVM."""
-    place = builder.gep(first, [builder.mul(index, ir.Constant(index.type, width))])
-    return builder.bitcast(place, llvm_vector(width).as_pointer())
-
-
-@infer_global(operator.getitem)
-class _Get(AbstractTemplate):
-    def generic(self, args: Any, _kws: Any) -> Any:  # noqa: ANN401 - as above
-        """Return the types of ``vectors[k]``, or None where these are none."""
-        mine = isinstance(args[0], Vectors) and isinstance(args[1], types.Integer)
-        return signature(args[0].element, args[0], types.intp) if mine else None
-
-
-@lower_builtin(operator.getitem, Vectors, types.Integer)
-def _load(_context: Any, builder: Any, sig: Any, args: Any) -> Any:  # noqa: ANN401 - as above
-    loaded = builder.load(address_in(builder, args[0], args[1], sig.args[0].width))
-    loaded.align = 8
-    return loaded
-
-
-@infer_global(operator.setitem)
-class _Set(AbstractTemplate):
-    def generic(self, args: Any, _kws: Any) -> Any:  # noqa: ANN401 - as above
-        """Return the types of ``vectors[k] = vector``, or None where these are none."""
-        mine = isinstance(args[0], Vectors) and isinstance(args[1], types.Integer)
-        return signature(types.none, args[0], types.intp, args[0].element) if mine else None
-
-
-@lower_builtin(operator.setitem, Vectors, types.Integer, Vector)
-@lower_builtin(operator.setitem, Vectors, types.Integer, types.Float)
-def _store(context: Any, builder: Any, sig: Any, args: Any) -> Any:  # noqa: ANN401 - as above
-    builder.store(args[2], address_in(builder, args[0], args[1], sig.args[0].width)).align = 8
-    return context.get_dummy_value()
-
-
-@intrinsic
-def vectors(_typing: Any, array: Any, width: Any) -> Any:  # noqa: ANN401 - as above
-    """See a contiguous array as vectors of ``width`` (a constant): number l of vector k is element width k + l.
-
-    Keep the array alive. An array of vectors may be seen in another width, too.
-    """
-    if not isinstance(width, types.IntegerLiteral):
-        return None  # numba asks again with the constant
-
-    def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:  # noqa: ANN401 - as above
-        """Write it in LLVM."""
-        seen = isinstance(sig.args[0], Vectors)
-        return args[0] if seen else context.make_array(sig.args[0])(context, builder, args[0]).data
-
-    return vectors_of(width.literal_value)(array, width), generate
-
-
 @intrinsic
 def chosen(_typing: Any, left: Any, right: Any, yes: Any, no: Any) -> Any:  # noqa: ANN401 - as above
     """``yes`` where left > right, else ``no`` (also where one of them is NaN): of numbers, or in each run."""
@@ -205,26 +127,6 @@ def turned(builder: Any, rows: Any) -> Any:  # noqa: ANN401 - as above
         pairs = [(rows[k & ~bit], rows[k | bit], masks[bool(k & bit)]) for k in range(WIDE)]
         rows = [builder.shuffle_vector(*pair) for pair in pairs]
     return rows
-
-
-@intrinsic
-def scatter(_typing: Any, into: Any, at: Any, step: Any, rows: Any) -> Any:  # noqa: ANN401 - as above
-    """Write BLOCK vectors ``rows`` run by run: number k of each into block ``at + k step`` of ``into``, for all k."""
-
-    def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:  # noqa: ANN401 - as above
-        """Write it in LLVM."""
-        rows = cgutils.unpack_tuple(builder, args[3], BLOCK)
-        first, step = (context.cast(builder, args[k], sig.args[k], types.intp) for k in (1, 2))
-        if sig.args[0].width == 1:
-            places = [builder.add(builder.mul(first, first.type(BLOCK)), first.type(k)) for k in range(BLOCK)]
-        else:
-            rows = turned(builder, rows)
-            places = [builder.add(first, builder.mul(step, step.type(k))) for k in range(BLOCK)]
-        for row, place in zip(rows, places, strict=True):
-            builder.store(row, address_in(builder, args[0], place, sig.args[0].width)).align = 8
-        return context.get_dummy_value()
-
-    return types.void(into, at, step, rows), generate
 
 
 def aligned_zeros(*shape: int) -> FloatArray:

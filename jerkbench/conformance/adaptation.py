@@ -9,11 +9,11 @@ from jerkbench.arrays import FloatArray
 from jerkbench.conformance.requirements import (
     Plugin,
     identical,
-    require,
     require_covariance,
     require_finite,
     require_methods,
     require_shape,
+    require_that,
 )
 from jerkbench.conformance.samples import ROWS, SIGMAS, STATES, Prior, Update, every_kind, ordinary
 from jerkbench.contracts import AdaptingGain, AdaptingPrior, Fading, Remembering, RememberingStates
@@ -41,8 +41,8 @@ def _memory_size(subject: str, plugin: Plugin) -> int:
         name, size = f"memory_size_of({STATES})", plugin.memory_size_of(STATES)
     elif isinstance(plugin, Remembering):
         size = plugin.memory_size()
-    require(isinstance(size, int), f"{subject}.{name} is {size!r}; it must be a whole number.")
-    require(size >= 0, f"{subject}.{name} is {size}; it must not be negative.")
+    require_that(isinstance(size, int), f"{subject}.{name} is {size!r}; it must be a whole number.")
+    require_that(size >= 0, f"{subject}.{name} is {size}; it must not be negative.")
     return size
 
 
@@ -59,7 +59,7 @@ def probe_adaptation(plugin: Plugin) -> None:
 
 
 def _require_same(subject: str, first: list[Any], second: list[Any]) -> None:
-    require(
+    require_that(
         identical(first, second),
         f"{subject} gives another result in a second run with the same updates; its state must stand in memory.",
     )
@@ -91,8 +91,8 @@ def _faded(plugin: Plugin, update: Update, memory: FloatArray) -> float:
         return 1.0
     subject = f"{type(plugin).__name__}.fade()"
     factor = float(_untouched(subject, plugin.fade, update._asdict(), memory))
-    require(np.isfinite(factor), f"{subject} is {factor}; the factor on the prior covariance must be finite.")
-    require(factor > 0, f"{subject} is {factor}; the factor on the prior covariance must be positive.")
+    require_that(np.isfinite(factor), f"{subject} is {factor}; the factor on the prior covariance must be finite.")
+    require_that(factor > 0, f"{subject} is {factor}; the factor on the prior covariance must be positive.")
     return factor
 
 
@@ -128,7 +128,7 @@ def _adapted(plugin: Plugin, update: Update, memory: FloatArray, *, thorough: bo
     m = len(update.rows)
     adapted: FloatArray = _untouched(subject, plugin.adapt, update._asdict(), memory)
     require_shape(subject, adapted, (m, m))
-    require(not np.isnan(np.diag(adapted)).any(), f"{subject} has NaN as a variance; infinity drops a row.")
+    require_that(not np.isnan(np.diag(adapted)).any(), f"{subject} has NaN as a variance; infinity drops a row.")
     if not thorough:
         return adapted
     kept = np.diag(adapted) != np.inf
@@ -140,5 +140,5 @@ def _untouched(subject: str, method: Any, inputs: dict[str, Any], memory: FloatA
     before = copy.deepcopy(inputs)
     result = method(*inputs.values(), memory)
     for name, array in inputs.items():
-        require(identical(before[name], array), f"{subject} changes {name} in place; it must work on a copy.")
+        require_that(identical(before[name], array), f"{subject} changes {name} in place; it must work on a copy.")
     return result

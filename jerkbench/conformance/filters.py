@@ -8,19 +8,18 @@ from jerkbench.arrays import FloatArray
 from jerkbench.conformance.requirements import (
     Plugin,
     pure_result,
-    require,
     require_covariance,
     require_finite,
     require_methods,
     require_shape,
+    require_that,
 )
 from jerkbench.conformance.samples import small_recording, small_timeline, true_attitude
 from jerkbench.contracts import Adaptation, Batched, Estimator, Filter
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.estimate import Attitude, Estimate
-from jerkbench.evaluation.batch_scoring import scored
 from jerkbench.evaluation.counted_rows import counted_rows
-from jerkbench.evaluation.sums import sums_from, sums_of
+from jerkbench.evaluation.sums import scored, sums_from, sums_of
 from jerkbench.filters.jerk import Jerk
 from jerkbench.plugins import create
 from jerkbench.recording import Recording
@@ -53,13 +52,17 @@ def check_batched(
 
 
 def _check_estimate(subject: str, got: Estimate, wanted: Estimate) -> None:
-    require(np.array_equal(got.index, wanted.index), f"{subject} reaches other rows of the reference than estimate().")
+    require_that(
+        np.array_equal(got.index, wanted.index), f"{subject} reaches other rows of the reference than estimate()."
+    )
     for name in ("position_m", "velocity_mps"):
         apart = np.abs(getattr(got, name) - getattr(wanted, name)).max()
-        require(apart <= AGREEMENT_M, f"{name} of {subject} is {apart:.3g} off estimate(); {AGREEMENT_M:g} is allowed.")
+        require_that(
+            apart <= AGREEMENT_M, f"{name} of {subject} is {apart:.3g} off estimate(); {AGREEMENT_M:g} is allowed."
+        )
     sigma = np.sqrt(np.einsum("nii->ni", wanted.covariance))
     apart = np.abs((got.covariance - wanted.covariance) / (sigma[:, :, None] * sigma[:, None, :])).max()
-    require(apart <= AGREEMENT, f"covariance of {subject} is {apart:.3g} of itself off estimate().")
+    require_that(apart <= AGREEMENT, f"covariance of {subject} is {apart:.3g} of itself off estimate().")
 
 
 def _check_sums(
@@ -74,11 +77,11 @@ def _check_sums(
     expected = sums_of(wanted, recording, counted_rows(wanted, recording, BURN_IN_S))
     settings = [plugin, plugin], [adaptation, adaptation]
     results = plugin.run_settings([run, run], *settings, updates=False, attitude=False, threads=1)
-    require(len(results) == 2, f"{subject} gives {len(results)} results for 2 runs.")
+    require_that(len(results) == 2, f"{subject} gives {len(results)} results for 2 runs.")
     for got in (sums_from(result, scene, recording) for result in results if result is not None):
         for name in ("position_m2", "velocity_m2ps2", "nees", "nis_per_row"):
             near = np.allclose(getattr(got, name), getattr(expected, name), rtol=AGREEMENT, atol=AGREEMENT_M**2)
-            require(near, f"{name} of {subject} is not that of estimate().")
+            require_that(near, f"{name} of {subject} is not that of estimate().")
 
 
 INTERVALS_S = ((0.01, 0.01), (0.01 / 3.0, 0.01), (0.004, 0.004), (0.02, 0.02))
@@ -120,7 +123,7 @@ def axis_model_of(
     """Return A, b and Q, checked for their shapes, and for being the same the second time."""
     model = pure_result(subject, plugin.axis_model, dt, dt0)
     three = isinstance(model, tuple) and len(model) == 3
-    require(three, f"{subject} gives a {type(model).__name__}; it must be the three matrices A, b, Q.")
+    require_that(three, f"{subject} gives a {type(model).__name__}; it must be the three matrices A, b, Q.")
     for name, part, shape in zip("AbQ", model, [(n, n), (n,), (n, n)], strict=True):
         require_shape(f"{name} of {subject}", part, shape)
     A, b, Q = model
@@ -132,7 +135,7 @@ def _check_model(subject: str, plugin: Filter, n: int, dt: float, dt0: float) ->
     for name, part in [("A", A), ("b", b), ("Q", Q)]:
         require_finite(f"{name} of {subject}", part)
     require_covariance(f"Q of {subject}", Q)
-    require(
+    require_that(
         np.allclose(A[0, :2], [1.0, dt], rtol=1e-2, atol=0.0),
         f"A of {subject} begins with {A[0, 0]:.6g}, {A[0, 1]:.6g}; position (the first state) must follow velocity (the"
         f" second): 1, {dt:g}.",
@@ -148,7 +151,7 @@ def _check_instant(plugin: Filter, n: int) -> None:
         and (np.abs(b) <= 1e-4 * np.abs(b0)).all()
         and (np.diag(Q) <= 1e-4 * np.diag(Q0)).all()
     )
-    require(
+    require_that(
         unchanged,
         f"{type(plugin).__name__}.axis_model(): a step of a nanosecond still moves or blurs the state; A must go to I,"
         " b and Q to 0 with dt, also where dt0 stays.",
@@ -158,25 +161,25 @@ def _check_instant(plugin: Filter, n: int) -> None:
 def _check_estimator(plugin: Estimator) -> None:
     subject = type(plugin).__name__
     accepted = plugin.adaptations
-    require(isinstance(accepted, tuple), f"{subject}.adaptations is {accepted!r}; it must be a tuple of names.")
-    require(accepted, f"{subject}.adaptations is empty; it must name at least one adaptation, none for instance.")
+    require_that(isinstance(accepted, tuple), f"{subject}.adaptations is {accepted!r}; it must be a tuple of names.")
+    require_that(accepted, f"{subject}.adaptations is empty; it must name at least one adaptation, none for instance.")
     recording = small_recording()
     attitude = true_attitude(recording)
     adaptation = create("adaptation", {"name": accepted[0]})
     estimate = pure_result(f"{subject}.estimate()", plugin.estimate, recording, attitude, adaptation)
     check_estimate(subject, estimate)
     renamed = "has run_many(); it is run_settings(runs, estimators, adaptations, ...) now."
-    require(not hasattr(plugin, "run_many"), f"{subject} {renamed}")
+    require_that(not hasattr(plugin, "run_many"), f"{subject} {renamed}")
     if isinstance(plugin, Batched):
         check_batched(subject, plugin, recording, attitude, adaptation, estimate)
 
 
 def check_estimate(subject: str, estimate: Estimate) -> None:
     """Check the shapes of an estimate, that it got to the end, and that its covariances are such."""
-    require(not estimate.failure, f"{subject} fails on a small recording: {estimate.failure}.")
+    require_that(not estimate.failure, f"{subject} fails on a small recording: {estimate.failure}.")
     k = len(estimate.index)
-    require(k > 0, f"{subject} estimates nothing on a small recording.")
-    require((np.diff(estimate.index) > 0).all(), f"{subject}: the rows of the reference in index do not increase.")
+    require_that(k > 0, f"{subject} estimates nothing on a small recording.")
+    require_that((np.diff(estimate.index) > 0).all(), f"{subject}: the rows of the reference in index do not increase.")
     for name in ("position_m", "velocity_mps", "euler_rad"):
         values: FloatArray = getattr(estimate, name)
         require_shape(f"{subject}: {name}", values, (k, 3))
@@ -206,11 +209,13 @@ def check_engine(plugin: Plugin) -> None:
     estimate = pure_result(f"{subject}.run()", plugin.run, timeline, Jerk(), Mtf())
     check_estimate(subject, estimate)
     wanted = FilterpyEngine().run(timeline, Jerk(), Mtf())
-    require(np.array_equal(estimate.index, wanted.index), f"{subject} reaches other rows than the reference engine.")
+    require_that(
+        np.array_equal(estimate.index, wanted.index), f"{subject} reaches other rows than the reference engine."
+    )
     difference = max(
         np.abs(estimate.position_m - wanted.position_m).max(), np.abs(estimate.velocity_mps - wanted.velocity_mps).max()
     )
-    require(
+    require_that(
         difference <= ENGINE_AGREEMENT_M,
         f"{subject} is {difference:.3g} m (or m/s) off the reference engine; {ENGINE_AGREEMENT_M:g} is allowed.",
     )

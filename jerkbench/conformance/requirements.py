@@ -1,10 +1,11 @@
-"""What checks of a plugin require: a condition with its sentence, equality to the bit, matrices, methods."""
+"""What a check requires, and its report as JUnit XML."""
 
 import copy
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import FrozenInstanceError
-from typing import Any
+from typing import Any, NamedTuple
+from xml.etree import ElementTree as ET
 
 import numpy as np
 
@@ -20,7 +21,7 @@ class Unfit(AssertionError):  # noqa: N818 - pytest shows an assertion's sentenc
     """Something that a plugin promises and does not keep; other assertions are the plugin's own."""
 
 
-def require(ok: object, sentence: str) -> None:
+def require_that(ok: object, sentence: str) -> None:
     """Raise an `Unfit` with ``sentence`` unless ``ok``; unlike `assert` also under ``python -O``."""
     if not ok:
         raise Unfit(sentence)
@@ -63,9 +64,9 @@ def pure_result(subject: str, call: Callable[..., Any], *arguments: Any) -> Any:
     before, state = copy.deepcopy(arguments), _global_random_state()
     first = call(*arguments)
     second = call(*arguments)
-    require(identical(before, arguments), f"{subject} changes its input in place; it must work on a copy.")
-    require(identical(first, second), f"{subject} gives another result the second time with the same input.")
-    require(
+    require_that(identical(before, arguments), f"{subject} changes its input in place; it must work on a copy.")
+    require_that(identical(first, second), f"{subject} gives another result the second time with the same input.")
+    require_that(
         state == _global_random_state(),
         f"{subject} draws from NumPy's global random numbers; they must come from jerkbench.random_streams.stream.",
     )
@@ -89,26 +90,28 @@ def require_shape(
     shape: tuple[int, ...],
 ) -> None:
     """Raise an AssertionError unless ``array`` is a float64 array of ``shape``."""
-    require(isinstance(array, np.ndarray), f"{subject} is a {type(array).__name__}; it must be a NumPy array.")
-    require(array.dtype == np.float64, f"{subject} is of {array.dtype}; it must be float64.")
-    require(array.shape == shape, f"{subject} has shape {array.shape}; it must be {shape}.")
+    require_that(isinstance(array, np.ndarray), f"{subject} is a {type(array).__name__}; it must be a NumPy array.")
+    require_that(array.dtype == np.float64, f"{subject} is of {array.dtype}; it must be float64.")
+    require_that(array.shape == shape, f"{subject} has shape {array.shape}; it must be {shape}.")
 
 
 def require_finite(subject: str, array: FloatArray) -> None:
     """Raise an AssertionError where ``array`` holds NaN or infinity."""
-    require(np.isfinite(array).all(), f"{subject} holds NaN or infinity.")
+    require_that(np.isfinite(array).all(), f"{subject} holds NaN or infinity.")
 
 
 def require_covariance(subject: str, matrix: FloatArray) -> None:
     """Raise an AssertionError unless ``matrix`` is finite, symmetric and positive semidefinite."""
     require_finite(subject, matrix)
     variances = np.diag(matrix)
-    require((variances >= 0).all(), f"{subject} has a negative variance, {variances.min(initial=0.0):.3g}.")
+    require_that((variances >= 0).all(), f"{subject} has a negative variance, {variances.min(initial=0.0):.3g}.")
     sigma = np.sqrt(np.where(variances > 0, variances, 1.0))
     scaled = matrix / np.outer(sigma, sigma)
-    require(np.abs(scaled - scaled.T).max(initial=0.0) <= TOLERANCE, f"{subject} is not symmetric.")
+    require_that(np.abs(scaled - scaled.T).max(initial=0.0) <= TOLERANCE, f"{subject} is not symmetric.")
     lowest = np.linalg.eigvalsh(scaled).min(initial=0.0)
-    require(lowest >= -TOLERANCE * len(matrix), f"{subject} is not positive semidefinite (eigenvalue {lowest:.3g}).")
+    require_that(
+        lowest >= -TOLERANCE * len(matrix), f"{subject} is not positive semidefinite (eigenvalue {lowest:.3g})."
+    )
 
 
 # The methods and attributes that a plugin of each kind cannot do without.
@@ -123,17 +126,54 @@ def require_methods(kind: str, plugin: Plugin) -> None:
     subject = type(plugin).__name__
     sorts = {kind: REQUIRED[kind][0]} if kind != "filter" else {"kinematic filter": Filter, "estimator": Estimator}
     having = [sort for sort, contract in sorts.items() if kind != "filter" or hasattr(plugin, _methods(contract)[0])]
-    require(having, f"{subject} has neither axis_model() nor estimate(); it needs one of them.")
+    require_that(having, f"{subject} has neither axis_model() nor estimate(); it needs one of them.")
     sort = having[0]
     for name in _methods(sorts[sort]):
         has = callable(getattr(plugin, name, None))
-        require(has, f"{subject} has no method {name}(); {article(sort)} {sort} needs it (see jerkbench.contracts).")
+        require_that(
+            has, f"{subject} has no method {name}(); {article(sort)} {sort} needs it (see jerkbench.contracts)."
+        )
     if sort in ("dataset", "disturbance"):
         seeded = getattr(plugin, "seeded", None)
-        require(isinstance(seeded, bool), f"{subject}.seeded is {seeded!r}; it must be True or False.")
+        require_that(isinstance(seeded, bool), f"{subject}.seeded is {seeded!r}; it must be True or False.")
     if sort == "estimator":
-        require(hasattr(plugin, "adaptations"), f"{subject} has no adaptations; it must name those that it accepts.")
+        require_that(
+            hasattr(plugin, "adaptations"), f"{subject} has no adaptations; it must name those that it accepts."
+        )
 
 
 def _methods(contract: type) -> list[str]:
     return [name for name, value in vars(contract).items() if callable(value) and not name.startswith("_")]
+
+
+# Results of checks as JUnit XML, which machines that build software read.
+
+
+class JunitCase(NamedTuple):
+    """One thing that was checked.
+
+    Attributes:
+        group: what it belongs to.
+        name: of it.
+        failures: sentences; none: it went well.
+        remarks: sentences that are no failure.
+    """
+
+    group: str
+    name: str
+    failures: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
+
+
+def junit(suite: str, cases: Sequence[JunitCase]) -> str:
+    """Return the text of a JUnit file with one suite."""
+    failed = sum(bool(case.failures) for case in cases)
+    root = ET.Element("testsuite", name=suite, tests=str(len(cases)), failures=str(failed), errors="0")
+    for case in cases:
+        element = ET.SubElement(root, "testcase", classname=case.group, name=case.name)
+        for sentence in case.failures:
+            ET.SubElement(element, "failure", message=sentence).text = sentence
+        if case.remarks:
+            ET.SubElement(element, "system-out").text = "\n".join(case.remarks)
+    ET.indent(root)
+    return ET.tostring(root, encoding="unicode", xml_declaration=True) + "\n"

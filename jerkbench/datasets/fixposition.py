@@ -1,21 +1,15 @@
 """Recordings of a Fixposition Vision-RTK 2 in ROS bags."""
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
 from jerkbench.errors import PluginError, RecordingError, unknown
-from jerkbench.io.files import fingerprint
-from jerkbench.io.ros.assembly import Loaded, load_bag
+from jerkbench.io.ros.assembly import BagDataset
 from jerkbench.io.ros.bag import Bag, Topic
-from jerkbench.io.ros.cleaning import is_ecef
 from jerkbench.io.ros.extract import Frames
-from jerkbench.io.ros.files import content_files
-from jerkbench.io.ros.options import BagOptions
-from jerkbench.io.ros.roles import FIX, IMU, ODOMETRY, Role, TopicPlan
+from jerkbench.io.ros.roles import FIX, IMU, ODOMETRY, Role, TopicPlan, is_ecef
 from jerkbench.plugins import register
-from jerkbench.recording import Recording
 
 # The topics of the Fixposition Vision-RTK 2 driver, versions 4 to 8.
 
@@ -106,7 +100,7 @@ HEADINGS = ("none", "odometry")
 
 @register("dataset", "fixposition")
 @dataclass(frozen=True)
-class Fixposition(BagOptions):
+class Fixposition(BagDataset):
     """A recording of a Fixposition Vision-RTK 2 (ROS driver versions 4 to 8).
 
     The topics are found by their last parts, in whatever namespace::
@@ -129,9 +123,6 @@ class Fixposition(BagOptions):
         heading: odometry, or none.
     """
 
-    seeded: ClassVar[bool] = False
-    default_attitude: ClassVar[str] = "real"
-
     earliest_utc: str = "2017-01-01"
     covariance_order: str = "neu"
     namespace: str = ""
@@ -147,23 +138,8 @@ class Fixposition(BagOptions):
             if getattr(self, name) not in available:
                 raise PluginError(unknown(f"{name} of fixposition", getattr(self, name), available))
 
-    def load(self, seed: int = 0) -> Recording:
-        """Return the drive; ``seed`` changes nothing.
-
-        Raises:
-            RecordingError: the bag is damaged, a topic is missing, or nothing usable is left.
-        """
-        return self.loaded().recording
-
-    def loaded(self) -> Loaded:
-        """Return the drive with the sanitiser's report and the topics."""
-        return load_bag(self, self._plan)
-
-    def fingerprint(self) -> str:
-        """Return the SHA-256 over the bytes of the bag's files."""
-        return fingerprint(content_files(self.path))
-
-    def _plan(self, bag: Bag) -> tuple[TopicPlan, Frames]:
+    def plan(self, bag: Bag) -> tuple[TopicPlan, Frames]:
+        """Return the topics of the driver, and their frames."""
         velocity, heading = self.velocity == "odometry", self.heading == "odometry"
         plan = plan_topics(bag, self.namespace, self.imu, self.gnss, velocity=velocity, heading=heading)
         source = f"the sensor's own fusion ({plan.topics['reference']})"

@@ -60,8 +60,8 @@ class RepoImu:
             table = pd.read_parquet(path, columns=["t_s", *ACCEL, *GYRO, *ATTITUDE, "movement"]).astype(float)
         except (OSError, ValueError, KeyError) as error:  # pyarrow's errors are of the first two
             raise RecordingError(f"{path} cannot be read as a trial of RepoIMU ({error}).") from error
-        samples = (table[columns].to_numpy() for columns in (ACCEL, GYRO, ATTITUDE))
-        trial = BroadTrial(RATE_HZ, *samples, movement=table["movement"].to_numpy() > 0)
+        accel, gyro, attitude = (table[columns].to_numpy() for columns in (ACCEL, GYRO, ATTITUDE))
+        trial = BroadTrial(RATE_HZ, accel, gyro, attitude, table["movement"].to_numpy() > 0)
         t_s = (table["t_s"] - table["t_s"].iloc[0]).to_numpy()
         return recording_of(path.stem, t_s, trial, remove_gyro_bias=self.remove_gyro_bias)
 

@@ -1,25 +1,19 @@
 """Any ROS bag: a map from topics to what they measure, or a guess that says what it chose."""
 
 from dataclasses import dataclass, replace
-from typing import ClassVar
 
 from jerkbench.arrays import require_choices
-from jerkbench.io.files import fingerprint
-from jerkbench.io.ros.assembly import Loaded, load_bag, with_courses
+from jerkbench.io.ros.assembly import BagDataset, Loaded, with_courses
 from jerkbench.io.ros.bag import Bag
 from jerkbench.io.ros.extract import Frames
-from jerkbench.io.ros.files import content_files
-from jerkbench.io.ros.frames import POSE_FRAMES
-from jerkbench.io.ros.options import BagOptions
 from jerkbench.io.ros.roles import TopicPlan, complete_plan
-from jerkbench.io.ros.streams import VELOCITY_FRAMES
+from jerkbench.io.ros.streams import POSE_FRAMES, VELOCITY_FRAMES
 from jerkbench.plugins import register
-from jerkbench.recording import Recording
 
 
 @register("dataset", "rosbag")
 @dataclass(frozen=True)
-class RosBag(BagOptions):
+class RosBag(BagDataset):
     """Any ROS 1 or ROS 2 bag with an IMU and positions, by a map from topics to their roles.
 
     A topic that is not given is guessed: the IMU that feels gravity and has the most messages; the NavSatFix that has
@@ -49,9 +43,6 @@ class RosBag(BagOptions):
         course_over_s: time between the fixes of a course; 0: no courses.
     """
 
-    seeded: ClassVar[bool] = False
-    default_attitude: ClassVar[str] = "real"
-
     imu_topic: str = ""
     position_topic: str = ""
     velocity_topic: str = ""
@@ -76,26 +67,15 @@ class RosBag(BagOptions):
         }
         require_choices(self, choices)
 
-    def load(self, seed: int = 0) -> Recording:
-        """Return the drive; ``seed`` changes nothing.
-
-        Raises:
-            RecordingError: the bag is damaged, a topic is missing, or nothing usable is left.
-        """
-        return self.loaded().recording
-
     def loaded(self) -> Loaded:
         """Return the drive with the sanitiser's report and the topics."""
-        loaded = load_bag(self, self._plan)
+        loaded = super().loaded()
         if not self.course_over_s:
             return loaded
         return replace(loaded, recording=with_courses(loaded.recording, self.course_over_s))
 
-    def fingerprint(self) -> str:
-        """Return the SHA-256 over the bytes of the bag's files."""
-        return fingerprint(content_files(self.path))
-
-    def _plan(self, bag: Bag) -> tuple[TopicPlan, Frames]:
+    def plan(self, bag: Bag) -> tuple[TopicPlan, Frames]:
+        """Return the topics that are given, the others guessed, and their frames."""
         plan = complete_plan(
             bag,
             {

@@ -9,7 +9,14 @@ import numpy as np
 from jerkbench.arrays import FloatArray, require_choices
 from jerkbench.io.clocks import GPST_MINUS_UTC_S, utc_of, with_common_time
 from jerkbench.io.files import find_file, fingerprint, recording_folder
-from jerkbench.io.frames import axes_matrix, body_from_sensor, calibrated, first_rest_s, gravity_notes, imu_in_body
+from jerkbench.io.frames import (
+    axes_matrix,
+    body_from_sensor,
+    calibrated_at_rest,
+    first_rest_s,
+    gravity_notes,
+    imu_in_body,
+)
 from jerkbench.io.rtklib import read_rtklib_pos
 from jerkbench.io.rtklib_fixes import (
     CHOICES,
@@ -21,7 +28,7 @@ from jerkbench.io.rtklib_fixes import (
     require_three_columns,
     solution_notes,
     steady_fixes,
-    velocity_of,
+    velocity_of_fixes,
 )
 from jerkbench.io.rtklib_logs import ImuLog, ImuMap, read_imu_log, read_imu_table
 from jerkbench.io.sanitiser import possible_imu, repeat_notes
@@ -143,13 +150,13 @@ class RtklibDrive:
         speed_mps = ground_speed(fixes, position)
         rest_s = first_rest_s(t_s, speed_mps, log.t_s[-1]) if self.rest_s is None else self.rest_s
         imu = possible_imu(str(imu_path), self._in_body(log))
-        imu = calibrated(imu, rest_s, gyro=self.remove_gyro_bias, accel=self.scale_accel_to_gravity)
+        imu = calibrated_at_rest(imu, rest_s, gyro=self.remove_gyro_bias, accel=self.scale_accel_to_gravity)
         recording = Recording(
             name=pos_path.parent.resolve().name,
             imu=imu,
             reference=self._reference(t_s, position.enu_m, speed_mps),
             position=position,
-            velocity=velocity_of(fixes, t_s, self.velocity_latency_s),
+            velocity=velocity_of_fixes(fixes, t_s, self.velocity_latency_s),
             origin=origin,
             start_utc=utc_of(zero_ns, self.gpst_minus_utc_s),
             static_start_s=rest_s,

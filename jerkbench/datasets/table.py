@@ -1,17 +1,32 @@
 """Any recording in tables: CSV, text, Parquet or MATLAB, with a map from columns to fields.
 
-The plugin: its parameters, `load`, and how the parameters become the maps of `_table_values`, a stream at a time.
+The plugin: its parameters, and `load`, a stream at a time. Each stream is read from columns or, where its file ends in
+.pos, from RTKLIB's solution.
 """
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Literal
+
+import numpy as np
 
 from jerkbench.arrays import require_choices, require_not_negative, require_positive
-from jerkbench.errors import PluginError
+from jerkbench.errors import PluginError, RecordingError
+from jerkbench.geometry import enu_axes
 from jerkbench.io.clocks import with_common_time
 from jerkbench.io.files import fingerprint, named_folder
-from jerkbench.io.frames import LOCAL_FRAMES, axes_matrix, calibrated, gravity_notes, imu_in_body
-from jerkbench.io.sanitiser import possible_imu, repeat_notes
+from jerkbench.io.frames import (
+    LOCAL_FRAMES,
+    axes_in_enu,
+    axes_matrix,
+    axes_to_judge,
+    calibrated_at_rest,
+    gravity_notes,
+    imu_in_body,
+    in_degrees,
+    in_enu,
+    origin_of,
+)
+from jerkbench.io.sanitiser import possible_imu, repeat_notes, steady_rows
 from jerkbench.io.table import (
     CHOICES,
     COVARIANCE_FRAMES,
@@ -21,22 +36,29 @@ from jerkbench.io.table import (
     require_columns,
     require_origin,
 )
-from jerkbench.io.table_values import (
-    AttitudeMap,
-    CovarianceMap,
-    Fixes,
-    PositionMap,
-    ReferenceMap,
-    VelocityMap,
-    fixes_as_reference,
-    read_fixes,
-    read_reference,
-    read_velocity,
-)
+from jerkbench.io.table_values import AttitudeMap, CovarianceMap, covariances_of, read_attitude
 from jerkbench.plugins import register
-from jerkbench.recording import Imu, Origin, Recording, Reference, Velocity
+from jerkbench.recording import Imu, Origin, Position, Recording, Reference, Velocity
 
 NO_IMU = "There is no IMU: attitude, tilt and yaw do not apply."
+
+KEPT_FRAMES: dict[str, Literal["body", "speed"]] = {"body": "body", "speed": "speed"}
+"""Frames of velocities that a recording has too; all others are turned into ENU."""
+
+
+@dataclass(frozen=True)
+class Fixes:
+    """What a table says about where it was.
+
+    Attributes:
+        position: the fixes that do not leap, or None.
+        origin: of their ENU; None where nothing is known of it.
+        notes: what was dropped, in sentences.
+    """
+
+    position: Position | None
+    origin: Origin | None
+    notes: tuple[str, ...] = ()
 
 
 @register("dataset", "table")
@@ -227,10 +249,10 @@ class Tables(TimedColumns):
 
     def _require_one_origin(self) -> None:
         """Raise a PluginError where fixes and reference are about two origins: one is local, the other is not."""
-        reference = self._reference_source()
+        reference = self._source("reference")
         if not (self.position_file and self.reference_file and (self.reference_position or reference.solved)):
             return
-        solved = self._position_source().solved
+        solved = self._source("position").solved
         parameter = f"position_file {self.position_file}" if solved else "position_frame"
         frame = "geodetic" if solved else self.position_frame
         of_reference = "geodetic" if reference.solved else self.reference_frame
@@ -241,20 +263,13 @@ class Tables(TimedColumns):
                 " that zero), or fixes and reference of one kind."
             )
 
-    def _position_source(self) -> Source:
-        """Return where the fixes stand."""
-        at = (self.position_file, self.position_time, self.position_shift_s, self.position_time_unit)
-        return Source("position", *at, self.position_quality)
-
-    def _velocity_source(self) -> Source:
-        """Return where the velocities stand."""
-        at = (self.velocity_file, self.velocity_time, self.velocity_shift_s, self.velocity_time_unit)
-        return Source("velocity", *at, self.position_quality)
-
-    def _reference_source(self) -> Source:
-        """Return where the reference stands."""
-        at = (self.reference_file, self.reference_time, self.reference_shift_s, self.reference_time_unit)
-        return Source("reference", *at, self.reference_quality)
+    def _source(self, stream: str) -> Source:
+        """Return where position, velocity or reference stand."""
+        file, time, shift_s, unit = (
+            getattr(self, f"{stream}_{name}") for name in ("file", "time", "shift_s", "time_unit")
+        )
+        qualities = self.reference_quality if stream == "reference" else self.position_quality
+        return Source(stream, file, time, shift_s, unit, qualities)
 
     def _samples(self) -> Stream | None:
         """Return the rows of the IMU; None where there is none."""
@@ -266,7 +281,7 @@ class Tables(TimedColumns):
     def _first_ns(self, samples: Stream | None) -> int:
         """Return time 0: that of the first sample, or, without an IMU, of the first fix."""
         if samples is None:
-            source = self._position_source()
+            source = self._source("position")
             if source.solved:
                 return int(self.solution_of(source)[0][0])
             samples = self.read(source).only(self.position_columns)
@@ -280,54 +295,102 @@ class Tables(TimedColumns):
         units, turn = (self.accel_unit, self.gyro_unit), axes_matrix(self.imu_axes)
         measured = (columns.numbers(self.imu_accel), columns.numbers(self.imu_gyro))
         imu = imu_in_body(samples.t_s(zero_ns), *measured, units, turn)
-        imu = calibrated(imu, self.static_start_s, gyro=self.remove_gyro_bias, accel=False)
+        imu = calibrated_at_rest(imu, self.static_start_s, gyro=self.remove_gyro_bias, accel=False)
         imu = possible_imu(columns.where, imu)
         return imu, (*gravity_notes(imu.accel_mps2, "imu_axes"), *repeat_notes(imu), *columns.notes)
 
     def _fixes(self, zero_ns: int) -> Fixes:
-        """Return the fixes."""
-        mapping = PositionMap(
-            source=self._position_source(),
-            place=self.position_columns,
-            frame=self.position_frame,
-            angle_unit=self.angle_unit,
-            covariance=CovarianceMap(
-                sigma=self.position_sigma,
-                covariance=self.position_covariance,
-                frame=self.position_covariance_frame,
-                sigma_otherwise=self.position_sigma_m,
-                scale=self.position_sigma_scale,
-            ),
+        """Return the fixes about the origin; without one, about the first complete one that does not leap."""
+        source, origin = self._source("position"), Origin(*self.origin) if self.origin else None
+        if not source.file:
+            return Fixes(None, origin)
+        if source.solved:
+            t_s, solution, leaps = self.read_solution(source, zero_ns)
+            return Fixes(*(solution.with_axes_at(origin) if origin else solution).position(t_s, origin), leaps)
+        stream = self.read(source).only(self.position_columns)
+        t_s = stream.t_s(zero_ns)
+        places = in_degrees(stream.columns.numbers(self.position_columns), self.position_frame, self.angle_unit)
+        steady, leaps = np.ones(len(t_s), dtype=np.bool_), ()
+        if self.drop_leaps:
+            steady, leaps = steady_rows(t_s, axes_to_judge(places, self.position_frame))
+        origin = origin or origin_of(places[steady], self.position_frame)
+        mapping = CovarianceMap(
+            sigma=self.position_sigma,
+            covariance=self.position_covariance,
+            frame=self.position_covariance_frame,
+            sigma_otherwise=self.position_sigma_m,
+            scale=self.position_sigma_scale,
         )
-        return read_fixes(self, mapping, zero_ns, Origin(*self.origin) if self.origin else None)
+        covariance, rounded = covariances_of(stream.columns.only(steady), mapping, origin)
+        position = Position(t_s[steady], in_enu(places[steady], self.position_frame, origin), covariance)
+        return Fixes(position, origin, (*stream.columns.notes, *leaps, *rounded))
 
     def _velocity(self, zero_ns: int, origin: Origin | None) -> tuple[Velocity | None, tuple[str, ...]]:
         """Return the velocities, None where there are none, and what was dropped."""
-        axes = self.velocity_frame if self.velocity_frame in COVARIANCE_FRAMES else "enu"
-        mapping = VelocityMap(
-            source=self._velocity_source(),
-            axes=self.velocity_columns,
-            frame=self.velocity_frame,
-            covariance=CovarianceMap(self.velocity_sigma, self.velocity_covariance, axes, self.velocity_sigma_mps),
-        )
-        return read_velocity(self, mapping, zero_ns, origin)
+        source, frame = self._source("velocity"), self.velocity_frame
+        if not source.file:
+            return None, ()
+        if source.solved:
+            return self._solved_velocity(source, zero_ns)
+        stream = self.read(source).only(self.velocity_columns)
+        columns = stream.columns
+        axes = frame if frame in COVARIANCE_FRAMES else "enu"
+        mapping = CovarianceMap(self.velocity_sigma, self.velocity_covariance, axes, self.velocity_sigma_mps)
+        covariance, notes = covariances_of(columns, mapping, origin)
+        values = columns.numbers(self.velocity_columns)
+        if frame == "speed":
+            values = np.column_stack([values, np.full((len(values), 2), np.nan)])
+        elif frame == "ecef":
+            if origin is None:
+                raise RecordingError(
+                    f"{columns.where} has velocities in ECEF, and where it is on the Earth is not known; give origin."
+                )
+            values = values @ enu_axes(origin).T
+        mps = axes_in_enu(values, frame)
+        velocity = Velocity(stream.t_s(zero_ns), mps, covariance, KEPT_FRAMES.get(frame, "enu"))
+        return velocity, (*columns.notes, *notes)
+
+    def _solved_velocity(self, source: Source, zero_ns: int) -> tuple[Velocity, tuple[str, ...]]:
+        t_s, solution, notes = self.read_solution(source, zero_ns)
+        if solution.velocity_enu_mps is None or solution.velocity_covariance_m2ps2 is None:
+            raise RecordingError(
+                f"dataset table: {source.file} has no velocities; let RTKLIB write them (out-outvel=on), or leave"
+                f" {source.parameter} empty."
+            )
+        return Velocity(t_s, solution.velocity_enu_mps, solution.velocity_covariance_m2ps2), notes
 
     def _reference(self, zero_ns: int, fixes: Fixes) -> tuple[Reference, Origin | None, tuple[str, ...]]:
-        """Return the reference, the origin of ENU, and what was dropped."""
-        if not self.reference_file:
-            return fixes_as_reference(fixes.position), fixes.origin, ()
-        frame = self.attitude_frame or self.reference_frame
-        mapping = ReferenceMap(
-            source=self._reference_source(),
-            place=self.reference_position,
-            velocity=self.reference_velocity,
-            attitude=AttitudeMap(
-                self.reference_attitude, self.attitude_unit, frame, self.reference_body, self.imu_axes
-            ),
-            frame=self.reference_frame,
-            angle_unit=self.angle_unit,
-            comes_from=self.reference_source,
-            independent=self.reference_independent,
-            offset_m=self.reference_offset_m,
+        """Return the reference, the origin of ENU, and what was dropped; without a file the fixes are their own."""
+        source, origin = self._source("reference"), fixes.origin
+        if not source.file:
+            p = fixes.position
+            if p is None:
+                return Reference(np.array([0.0]), source="none", independent=False), origin, ()
+            return Reference(p.t_s, "the fixes themselves", independent=False, enu_m=p.enu_m), origin, ()
+        said: tuple[str, bool] = (self.reference_source, self.reference_independent)
+        if source.solved:
+            t_s, solution, notes = self.read_solution(source, zero_ns)
+            solution = solution.with_axes_at(origin) if origin else solution
+            position, origin = solution.position(t_s, origin)
+            enu_m, mps = position.enu_m + self.reference_offset_m, solution.velocity_enu_mps
+            notes = tuple(f"Reference: {note}" for note in notes)
+            return Reference(t_s, *said, enu_m=enu_m, velocity_mps=mps), origin, notes
+        stream, frame = self.read(source), self.reference_frame
+        if named := (*self.reference_position, *self.reference_velocity, *self.reference_attitude):
+            stream = stream.only(named)
+        columns, places = stream.columns, None
+        if self.reference_position:
+            places = in_degrees(columns.numbers(self.reference_position), frame, self.angle_unit)
+            origin = origin or origin_of(places, frame)
+        local, body = self.attitude_frame or frame, self.reference_body
+        attitude = AttitudeMap(self.reference_attitude, self.attitude_unit, local, body, self.imu_axes)
+        reference = Reference(
+            stream.t_s(zero_ns),
+            *said,
+            enu_m=None if places is None else in_enu(places, frame, origin) + self.reference_offset_m,
+            velocity_mps=axes_in_enu(columns.numbers(self.reference_velocity), frame)
+            if self.reference_velocity
+            else None,
+            euler_rad=read_attitude(columns, attitude),
         )
-        return read_reference(self, mapping, zero_ns, fixes.origin)
+        return reference, origin, columns.notes

@@ -5,8 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from jerkbench.arrays import FloatArray
-from jerkbench.disturbances.common import Measured, own_stream, reported_covariance, values_of, with_errors
+from jerkbench.disturbances.common import Measured, Once, own_stream, reported_covariance, roots_of, with_errors
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
@@ -15,7 +14,7 @@ from jerkbench.simulation.imu import gauss_markov
 
 @register("disturbance", "coloured")
 @dataclass(frozen=True)
-class Coloured:
+class Coloured(Once):
     """A slow error on top of the noise of position and velocity: a share of the variance then lasts.
 
     With R as reported and L L' = R, a Gauss-Markov process b(t) of unit variance and f = s/(1 - s)::
@@ -69,10 +68,6 @@ class Coloured:
             velocity=self._slow(recording.velocity, "velocity", seed),
         )
 
-    def replicates(self) -> int:
-        """Return 1."""
-        return 1
-
     def _slow(self, measured: Measured | None, part: str, seed: int) -> Measured | None:
         share, time_s = getattr(self, f"{part}_share"), getattr(self, f"{part}_time_s")
         if measured is None or not share or not len(measured.t_s):
@@ -80,11 +75,5 @@ class Coloured:
         process = gauss_markov(measured.t_s, time_s, own_stream(seed, "coloured", self.stream, part))
         R = reported_covariance(measured)
         f = share / (1.0 - share)
-        errors = np.sqrt(f) * np.einsum("mij,mj->mi", _roots(measured, R), process)
+        errors = np.sqrt(f) * np.einsum("mij,mj->mi", roots_of(measured, R), process)
         return with_errors(measured, errors, f * R, reported_growth=f * R if self.reported else 0.0)
-
-
-def _roots(measured: Measured, R: FloatArray) -> FloatArray:
-    """Return L (m, 3, 3); an axis that was not measured has an error of its own, which nobody sees."""
-    present = np.isfinite(values_of(measured))
-    return np.linalg.cholesky(np.where(present[:, :, None] & present[:, None, :], R, np.eye(3)))

@@ -15,6 +15,37 @@ from jerkbench.random_streams import stream
 from jerkbench.recording import Heading, Position, Recording, Reference, Velocity
 
 
+class Once:
+    """A disturbance without phases: its seeds differ by what is drawn, or not at all."""
+
+    def replicates(self) -> int:
+        """Return 1."""
+        return 1
+
+
+class Phased:
+    """A disturbance whose replicates are phases of one recording: seed s has the phase s mod n, unless one is fixed."""
+
+    cycle: ClassVar[str] = "every"
+    """The parameter that is n."""
+
+    phase: int | None
+
+    def require_phase(self) -> None:
+        """Raise a PluginError unless the fixed phase is one of them."""
+        count = getattr(self, self.cycle)
+        if self.phase is not None and not 0 <= self.phase < count:
+            raise PluginError(f"phase is {self.phase}; it must lie between 0 and {self.cycle} - 1 = {count - 1}.")
+
+    def phase_of(self, seed: int) -> int:
+        """Return the phase of a seed."""
+        return int(seed % getattr(self, self.cycle)) if self.phase is None else self.phase
+
+    def replicates(self) -> int:
+        """Return how many phases there are."""
+        return int(getattr(self, self.cycle)) if self.phase is None else 1
+
+
 def own_stream(seed: int, disturbance: str, label: str, *parts: str) -> np.random.Generator:
     """Return the stream of a disturbance; another ``label`` gives another one, for a second of the name in a list."""
     named = (label,) if label else ()
@@ -29,11 +60,6 @@ def rows_of(stream: Stream, keep: BoolArray, **changes: Any) -> Stream:  # noqa:
     values = {f.name: getattr(stream, f.name) for f in dataclasses.fields(stream)}
     arrays = {name: value[keep] for name, value in values.items() if isinstance(value, np.ndarray)}
     return dataclasses.replace(stream, **(arrays | changes))
-
-
-def nanoseconds(t_s: FloatArray) -> "np.ndarray[Any, np.dtype[np.int64]]":
-    """Whole nanoseconds, so that equal stamps are equal."""
-    return np.round(t_s * 1e9).astype(np.int64)
 
 
 Windows = tuple[tuple[float, ...], ...]
@@ -66,7 +92,7 @@ def in_any(t_s: FloatArray, windows_s: FloatArray) -> BoolArray:
 
 
 @dataclass(frozen=True)
-class RegularWindows:
+class RegularWindows(Once):
     """When a fault is, and for how long.
 
     It acts where begin <= t < end. With ``count`` above 0 the windows are, for k = 0 ... count - 1::
@@ -122,10 +148,6 @@ class OutageWindows(RegularWindows):
         windows = np.clip(as_array(self._windows()), start_s, end_s)
         return np.asarray(windows[windows[:, 0] < windows[:, 1]])
 
-    def replicates(self) -> int:
-        """Return 1."""
-        return 1
-
 
 def without(measured: Stream | None, windows_s: FloatArray) -> Stream | None:
     """Return the stream without the rows inside the windows (k, 2)."""
@@ -142,6 +164,17 @@ def values_of(measured: Position | Velocity) -> FloatArray:
     return measured.enu_m if isinstance(measured, Position) else measured.mps
 
 
+def fixes_of(recording: Recording, consequence: str) -> Position:
+    """Return the fixes of a recording.
+
+    Raises:
+        RecordingError: it has none; ``consequence`` ends the sentence.
+    """
+    if recording.position is None:
+        raise RecordingError(f"{recording.name} has no position fixes, {consequence}")
+    return recording.position
+
+
 def reported_covariance(measured: Position | Velocity) -> FloatArray:
     """Return the covariance as reported (m, 3, 3)."""
     return measured.covariance_m2 if isinstance(measured, Position) else measured.covariance_m2ps2
@@ -151,6 +184,12 @@ def true_covariance(measured: Position | Velocity) -> FloatArray:
     """Return the true covariance (m, 3, 3) where it is known, else the reported one."""
     true = measured.true_covariance_m2 if isinstance(measured, Position) else measured.true_covariance_m2ps2
     return reported_covariance(measured) if true is None else true
+
+
+def roots_of(measured: Position | Velocity, R: FloatArray) -> FloatArray:
+    """Return L (m, 3, 3), L L' = R; an axis that was not measured has an error of its own, which nobody sees."""
+    present = np.isfinite(values_of(measured))
+    return np.linalg.cholesky(np.where(present[:, :, None] & present[:, None, :], R, np.eye(3)))
 
 
 def with_errors(
@@ -208,14 +247,12 @@ def _scaled(measured: Measured | None, factor: Factor, random: np.random.Generat
         return None
     excess = factor(measured.t_s, random) ** 2 - 1.0
     R = reported_covariance(measured)
-    present = np.isfinite(values_of(measured))
-    block = np.where(present[:, :, None] & present[:, None, :], R, np.eye(3))
-    unit = np.einsum("mij,mj->mi", np.linalg.cholesky(block), random.standard_normal((len(R), 3)))
+    unit = np.einsum("mij,mj->mi", roots_of(measured, R), random.standard_normal((len(R), 3)))
     return with_errors(measured, np.sqrt(excess)[:, None] * unit, excess[:, None, None] * R)
 
 
 @dataclass(frozen=True)
-class Bursts:
+class Bursts(Once):
     """When the bursts are, and how large.
 
     A burst begins at random and lasts T ~ U(shortest, longest); an offset is d ~ U(smallest, largest) with a random
@@ -270,18 +307,11 @@ class Bursts:
         Raises:
             RecordingError: it has no position, or is too short for so many bursts.
         """
-        position = recording.position
-        if position is None:
-            raise RecordingError(f"{recording.name} has no position fixes, so there is nothing for multipath to move.")
+        position = fixes_of(recording, "so there is nothing for multipath to move.")
         random = own_stream(seed, self.stream_name, self.stream)
         begin, end = self._windows(random, recording).T
-        inside = (position.t_s[:, None] >= begin) & (position.t_s[:, None] < end)
-        shift = inside @ self._offsets(random)
+        shift = ((position.t_s[:, None] >= begin) & (position.t_s[:, None] < end)) @ self._offsets(random)
         return replace(recording, position=with_errors(position, shift, squares(shift)))
-
-    def replicates(self) -> int:
-        """Return 1."""
-        return 1
 
     def _windows(self, random: np.random.Generator, recording: Recording) -> FloatArray:
         """Return (bursts, 2): the time that is left over is cut at random points into the gaps between the bursts."""

@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from jerkbench.disturbances.common import rows_of
+from jerkbench.disturbances.common import Phased, rows_of
 from jerkbench.errors import PluginError
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
@@ -13,7 +13,7 @@ from jerkbench.recording import Recording
 
 @register("disturbance", "decimate_position")
 @dataclass(frozen=True)
-class DecimatePosition:
+class DecimatePosition(Phased):
     """Only every n-th position fix reaches the filter; velocity and reference stay.
 
     Fix i = 0, 1, 2, ... is kept where i mod every = phase. The phases are the replicates: seed s has the phase
@@ -33,17 +33,13 @@ class DecimatePosition:
         """Check that phase and every fit."""
         if self.every < 1:
             raise PluginError(f"every is {self.every}; give 1 (all fixes) or more.")
-        if self.phase is not None and not 0 <= self.phase < self.every:
-            raise PluginError(f"phase is {self.phase}; it must lie between 0 and every - 1 = {self.every - 1}.")
+        self.require_phase()
 
     def apply(self, recording: Recording, seed: int) -> Recording:
         """Return the recording with the fixes of one phase."""
         position = recording.position
         if position is None:
             return recording
-        phase = seed % self.every if self.phase is None else self.phase
-        return replace(recording, position=rows_of(position, np.arange(len(position.t_s)) % self.every == phase))
-
-    def replicates(self) -> int:
-        """Return how many phases there are."""
-        return self.every if self.phase is None else 1
+        return replace(
+            recording, position=rows_of(position, np.arange(len(position.t_s)) % self.every == self.phase_of(seed))
+        )

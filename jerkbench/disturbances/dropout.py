@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from jerkbench.arrays import BoolArray
-from jerkbench.disturbances.common import own_stream
+from jerkbench.disturbances.common import Once, own_stream
 from jerkbench.errors import PluginError
 from jerkbench.plugins import register
 from jerkbench.recording import Imu, Recording
@@ -14,7 +14,7 @@ from jerkbench.recording import Imu, Recording
 
 @register("disturbance", "dropout")
 @dataclass(frozen=True)
-class Dropout:
+class Dropout(Once):
     """IMU samples are missing, one or a few in a row.
 
     From each sample on, with the given probability, N ~ U{1 ... longest} samples are missing. The first and the last
@@ -46,10 +46,6 @@ class Dropout:
         keep = ~self._missing(len(imu.t_s), seed)
         keep[[0, -1]] = True
         return replace(recording, imu=Imu(imu.t_s[keep], imu.accel_mps2[keep], imu.gyro_radps[keep]))
-
-    def replicates(self) -> int:
-        """Return 1."""
-        return 1
 
     def _missing(self, n: int, seed: int) -> BoolArray:
         random = own_stream(seed, "dropout", self.stream)

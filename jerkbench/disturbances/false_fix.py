@@ -10,12 +10,13 @@ from jerkbench.disturbances.common import (
     RegularWindows,
     Windows,
     as_array,
+    fixes_of,
     own_stream,
     require_apart,
     squares,
     with_errors,
 )
-from jerkbench.errors import PluginError, RecordingError
+from jerkbench.errors import PluginError
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 
@@ -54,18 +55,12 @@ class FalseFix(RegularWindows):
         Raises:
             RecordingError: it has no position.
         """
-        position = recording.position
-        if position is None:
-            raise RecordingError(f"{recording.name} has no position fixes, so none can be false; leave false_fix out.")
+        position = fixes_of(recording, "so none can be false; leave false_fix out.")
         windows = as_array(self._windows())
         begin, end = windows.T
         inside = (position.t_s[:, None] >= begin) & (position.t_s[:, None] < end)
         shift = inside @ self._offsets(len(windows), seed)
         return replace(recording, position=with_errors(position, shift, squares(shift)))
-
-    def replicates(self) -> int:
-        """Return 1."""
-        return 1
 
     def _offsets(self, windows: int, seed: int) -> FloatArray:
         """Return (windows, 3) ENU."""

@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.disturbances.common import with_scaled_noise
+from jerkbench.disturbances.common import Once, with_scaled_noise
 from jerkbench.errors import PluginError
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
@@ -14,7 +14,7 @@ from jerkbench.recording import Recording
 
 @register("disturbance", "heavy_tailed")
 @dataclass(frozen=True)
-class HeavyTailed:
+class HeavyTailed(Once):
     """Heavy-tailed noise of position and velocity: a tenth of it has ten sigma; the covariance does not say so.
 
     Tukey's contaminated normal, at the level of what is reported::
@@ -53,10 +53,6 @@ class HeavyTailed:
             RecordingError: it has neither position nor velocity.
         """
         return with_scaled_noise(recording, seed, "heavy_tailed", self.stream, self._factor)
-
-    def replicates(self) -> int:
-        """Return 1."""
-        return 1
 
     def _factor(self, t_s: FloatArray, random: np.random.Generator) -> FloatArray:
         return np.where(random.uniform(size=len(t_s)) < self.probability, self.factor, 1.0)

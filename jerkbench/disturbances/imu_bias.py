@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
-from jerkbench.disturbances.common import own_stream
+from jerkbench.disturbances.common import Once, own_stream
 from jerkbench.errors import PluginError
 from jerkbench.plugins import register
 from jerkbench.recording import Imu, Recording
@@ -11,7 +11,7 @@ from jerkbench.recording import Imu, Recording
 
 @register("disturbance", "imu_bias")
 @dataclass(frozen=True)
-class ImuBias:
+class ImuBias(Once):
     """A constant bias on each axis of accelerometer and gyro, drawn once a run.
 
     For each axis of the body::
@@ -46,7 +46,3 @@ class ImuBias:
         imu = recording.inertial
         biased = Imu(imu.t_s, imu.accel_mps2 + self.accel_mps2 * accel, imu.gyro_radps + self.gyro_radps * gyro)
         return replace(recording, imu=biased)
-
-    def replicates(self) -> int:
-        """Return 1."""
-        return 1

@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.disturbances.common import own_stream
+from jerkbench.disturbances.common import Once, own_stream
 from jerkbench.errors import PluginError
 from jerkbench.plugins import register
 from jerkbench.recording import Imu, Recording
@@ -18,7 +18,7 @@ SINES = 64
 
 @register("disturbance", "imu_vibration")
 @dataclass(frozen=True)
-class ImuVibration:
+class ImuVibration(Once):
     """Band-limited noise on accelerometer and gyro: a vibration of the IMU's mounting that the vehicle does not make.
 
     On each axis of the body::
@@ -59,10 +59,6 @@ class ImuVibration:
         noise = self._noise(imu.t_s, seed)
         accel = imu.accel_mps2 + self.accel_mps2 * noise[:, :3]
         return replace(recording, imu=Imu(imu.t_s, accel, imu.gyro_radps + self.gyro_radps * noise[:, 3:]))
-
-    def replicates(self) -> int:
-        """Return 1."""
-        return 1
 
     def _noise(self, t_s: FloatArray, seed: int) -> FloatArray:
         """Return noise (n, 6) of unit variance, accelerometer and gyro."""

@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.disturbances.common import Stream, own_stream
+from jerkbench.disturbances.common import Once, Stream, own_stream
 from jerkbench.errors import PluginError
 from jerkbench.plugins import register
 from jerkbench.recording import Imu, Recording
@@ -17,7 +17,7 @@ ROOM = 0.45
 
 @register("disturbance", "jitter")
 @dataclass(frozen=True)
-class Jitter:
+class Jitter(Once):
     """Stamps of the IMU and of the measurements are off at random; the values and the reference stay.
 
     t_k' = t_k + e_k,  e_k ~ N(0, sigma^2), cut off at .45 of the interval to the neighbour, so that stamps go on
@@ -51,10 +51,6 @@ class Jitter:
             velocity=self._restamped(recording.velocity, seed, "velocity"),
             heading=self._restamped(recording.heading, seed, "heading"),
         )
-
-    def replicates(self) -> int:
-        """Return 1."""
-        return 1
 
     def _restamped_imu(self, imu: Imu, seed: int) -> Imu:
         t_s = jittered(imu.t_s, self.imu_s, own_stream(seed, "jitter", self.stream, "imu"))

@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from jerkbench.disturbances.common import Stream, rows_of
+from jerkbench.disturbances.common import Once, Stream, rows_of
 from jerkbench.errors import PluginError
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
@@ -13,7 +13,7 @@ from jerkbench.recording import Recording
 
 @register("disturbance", "latency")
 @dataclass(frozen=True)
-class Latency:
+class Latency(Once):
     """Stamps that are later than the time at which the values were true; nobody is told.
 
     t' = t + d. A measurement whose stamp comes after the end of the recording is left out. The error that it makes is
@@ -46,10 +46,6 @@ class Latency:
             velocity=_later(recording.velocity, self.velocity_s, end_s),
             heading=_later(recording.heading, self.heading_s, end_s),
         )
-
-    def replicates(self) -> int:
-        """Return 1."""
-        return 1
 
 
 def _later(measured: Stream | None, late_s: float, end_s: float) -> Stream | None:

@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from jerkbench.arrays import nearest_rows
-from jerkbench.disturbances.common import squares, with_errors
+from jerkbench.disturbances.common import Once, fixes_of, squares, with_errors
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.geometry import dcm_from_euler
 from jerkbench.plugins import register
@@ -15,7 +15,7 @@ from jerkbench.recording import Recording
 
 @register("disturbance", "lever_arm")
 @dataclass(frozen=True)
-class LeverArm:
+class LeverArm(Once):
     """Fixes of an antenna whose lever arm is off: an error that turns with the vehicle and tilts with it.
 
     With the attitude Omega of the reference at the stamp nearest to the fix, and what is left of the arm l (forward,
@@ -49,11 +49,10 @@ class LeverArm:
         Raises:
             RecordingError: it has no position, or its reference knows no attitude.
         """
-        position, reference = recording.position, recording.reference
-        if position is None:
-            raise RecordingError(
-                f"{recording.name} has no position fixes, so no antenna can be moved; leave lever_arm out."
-            )
+        position, reference = (
+            fixes_of(recording, "so no antenna can be moved; leave lever_arm out."),
+            recording.reference,
+        )
         euler = reference.euler_rad
         if euler is None or not len(euler):
             raise RecordingError(
@@ -64,7 +63,3 @@ class LeverArm:
         arm = np.array([self.forward_m, self.left_m, self.up_m])
         offset = np.where(known, dcm_from_euler(np.where(known, at_fixes, 0.0)) @ arm, 0.0)
         return replace(recording, position=with_errors(position, offset, squares(offset)))
-
-    def replicates(self) -> int:
-        """Return 1."""
-        return 1

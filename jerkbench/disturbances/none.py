@@ -3,13 +3,14 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
+from jerkbench.disturbances.common import Once
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 
 
 @register("disturbance", "none")
 @dataclass(frozen=True)
-class NoDisturbance:
+class NoDisturbance(Once):
     """The recording as it is.
 
     The row that every disturbance is compared with.
@@ -20,7 +21,3 @@ class NoDisturbance:
     def apply(self, recording: Recording, seed: int) -> Recording:
         """Return ``recording`` itself."""
         return recording
-
-    def replicates(self) -> int:
-        """Return 1."""
-        return 1

@@ -6,15 +6,15 @@ from typing import ClassVar
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.disturbances.common import own_stream, squares, with_errors
-from jerkbench.errors import PluginError, RecordingError
+from jerkbench.disturbances.common import Once, fixes_of, own_stream, squares, with_errors
+from jerkbench.errors import PluginError
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 
 
 @register("disturbance", "outliers")
 @dataclass(frozen=True)
-class Outliers:
+class Outliers(Once):
     """Single position fixes that are off by metres; the reported covariance does not change.
 
     Each fix, with the given probability and independent of the others, is moved by o = d u: d ~ U(smallest, largest),
@@ -55,16 +55,10 @@ class Outliers:
         Raises:
             RecordingError: it has no position.
         """
-        position = recording.position
-        if position is None:
-            raise RecordingError(f"{recording.name} has no position fixes, so none can be an outlier; leave it out.")
+        position = fixes_of(recording, "so none can be an outlier; leave it out.")
         shift = self._offsets(len(position.t_s), seed)
         shift[position.t_s < self.start_s] = 0.0
         return replace(recording, position=with_errors(position, shift, squares(shift)))
-
-    def replicates(self) -> int:
-        """Return 1."""
-        return 1
 
     def _offsets(self, m: int, seed: int) -> FloatArray:
         """Return (m, 3) ENU, zero where a fix is none."""

@@ -6,11 +6,12 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray, nearest_rows
-from jerkbench.disturbances.common import nanoseconds, own_stream, reported_covariance, rows_of, true_covariance
-from jerkbench.errors import PluginError, RecordingError
+from jerkbench.disturbances.common import Once, fixes_of, own_stream, reported_covariance, rows_of, true_covariance
+from jerkbench.errors import PluginError
 from jerkbench.io.files import fingerprint
 from jerkbench.plugins import register
 from jerkbench.recording import Position, Recording, Reference
+from jerkbench.timeline import nanoseconds
 from jerkbench.traces import SHIPPED, Trace, read_trace, trace_path
 
 FLOOR_M2 = 1e-6
@@ -36,7 +37,7 @@ class Replayed(NamedTuple):
 
 @register("disturbance", "replayed_gnss")
 @dataclass(frozen=True)
-class ReplayedGnss:
+class ReplayedGnss(Once):
     """Fixes that are off as a real receiver's were, and that report what it reported.
 
     A trace holds errors e_j (fix less a better reference) and reported covariances R_j of a real drive: jumps, false
@@ -94,21 +95,13 @@ class ReplayedGnss:
         Raises:
             RecordingError: it has no position.
         """
-        position = recording.position
-        if position is None:
-            raise RecordingError(
-                f"{recording.name} has no position fixes, so no receiver's errors can be laid over them."
-            )
+        position = fixes_of(recording, "so no receiver's errors can be laid over them.")
         trace = read_trace(trace_path(self.trace))
         laid = _laid(self._replayed(trace, position.t_s, seed), position, *_places(recording.reference, position))
         note = (
             f"The errors of its fixes are replayed: those of {trace.about.recording} against {trace.about.reference}."
         )
         return replace(recording, position=laid, notes=(*recording.notes, note))
-
-    def replicates(self) -> int:
-        """Return 1."""
-        return 1
 
     def _replayed(self, trace: Trace, t_s: FloatArray, seed: int) -> Replayed:
         random = own_stream(seed, "replayed_gnss", self.stream)

@@ -5,8 +5,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from jerkbench.disturbances.common import RegularWindows, Windows, as_array, in_any, own_stream, with_errors
-from jerkbench.errors import PluginError, RecordingError
+from jerkbench.disturbances.common import RegularWindows, Windows, as_array, fixes_of, in_any, own_stream, with_errors
+from jerkbench.errors import PluginError
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 from jerkbench.simulation.imu import gauss_markov
@@ -59,9 +59,7 @@ class RtkFloat(RegularWindows):
         Raises:
             RecordingError: it has no position.
         """
-        position = recording.position
-        if position is None:
-            raise RecordingError(f"{recording.name} has no position fixes, so none can be float; leave rtk_float out.")
+        position = fixes_of(recording, "so none can be float; leave rtk_float out.")
         random = own_stream(seed, "rtk_float", self.stream)
         sigma_m = self.factor * np.array(self.sigma_m)
         process = gauss_markov(position.t_s, self.time_s, random) * sigma_m
@@ -70,6 +68,17 @@ class RtkFloat(RegularWindows):
         moved = with_errors(position, inside[:, None] * process, growth, reported_growth=growth if self.honest else 0.0)
         return replace(recording, position=moved)
 
-    def replicates(self) -> int:
-        """Return 1."""
-        return 1
+
+# RTK that falls back to a float solution and still reports a fixed one.
+
+
+@register("disturbance", "rtk_float_overconfident")
+@dataclass(frozen=True)
+class RtkFloatOverconfident(RtkFloat):
+    """RTK float in the given windows with the same errors as `rtk_float`, but reported as if it were fixed: R' = R.
+
+    Both draw from the same stream, so that the same seed gives the same errors and only the covariance differs.
+    Only the true covariance knows.
+    """
+
+    honest: ClassVar[bool] = False

@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from jerkbench.disturbances.common import true_covariance
+from jerkbench.disturbances.common import Once, true_covariance
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.plugins import register
 from jerkbench.recording import Position, Recording, Velocity
@@ -13,7 +13,7 @@ from jerkbench.recording import Position, Recording, Velocity
 
 @register("disturbance", "stated_covariance")
 @dataclass(frozen=True)
-class StatedCovariance:
+class StatedCovariance(Once):
     """Only what is reported changes: standard deviations of position and velocity are stated k times as large.
 
     R' = k^2 R, values and R_true as they were (where nothing better is known, R_true is the R reported before).
@@ -48,10 +48,6 @@ class StatedCovariance:
         return replace(
             recording, position=self._position(recording.position), velocity=self._velocity(recording.velocity)
         )
-
-    def replicates(self) -> int:
-        """Return 1."""
-        return 1
 
     def _position(self, position: Position | None) -> Position | None:
         if position is None:

@@ -60,10 +60,6 @@ class WheelSlip(RegularWindows):
         offset[~in_any(velocity.t_s, as_array(self._windows()))] = 0.0
         return replace(recording, velocity=with_errors(velocity, offset, squares(offset)))
 
-    def replicates(self) -> int:
-        """Return 1."""
-        return 1
-
 
 def _along(velocity: Velocity, reference: Reference) -> FloatArray:
     """Return (h'v) h (m, 3), zero where it is not known."""

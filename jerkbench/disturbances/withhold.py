@@ -6,10 +6,11 @@ from typing import ClassVar
 import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
-from jerkbench.disturbances.common import nanoseconds, rows_of
-from jerkbench.errors import PluginError, RecordingError
+from jerkbench.disturbances.common import Phased, fixes_of, rows_of
+from jerkbench.errors import PluginError
 from jerkbench.plugins import register
 from jerkbench.recording import Position, Recording, Reference, Velocity
+from jerkbench.timeline import nanoseconds
 
 SOURCE = "fixes of the same receiver, withheld from the filter"
 
@@ -19,7 +20,7 @@ SAME_RATE = 0.1
 
 @register("disturbance", "withhold")
 @dataclass(frozen=True)
-class Withhold:
+class Withhold(Phased):
     """The filter gets every n-th GNSS epoch; the others become the reference.
 
     Epoch i = 0, 1, 2, ... goes to the filter where i mod every = phase. The phases are the replicates: seed s has
@@ -48,8 +49,7 @@ class Withhold:
         """Check that phase and every fit."""
         if self.every < 2:
             raise PluginError(f"every is {self.every}; give 2 or more, or nothing is withheld.")
-        if self.phase is not None and not 0 <= self.phase < self.every:
-            raise PluginError(f"phase is {self.phase}; it must lie between 0 and every - 1 = {self.every - 1}.")
+        self.require_phase()
 
     def apply(self, recording: Recording, seed: int) -> Recording:
         """Return the recording with one phase of its GNSS epochs, and the others as reference.
@@ -57,11 +57,8 @@ class Withhold:
         Raises:
             RecordingError: it has no position.
         """
-        position, velocity = recording.position, recording.velocity
-        if position is None:
-            raise RecordingError(f"{recording.name} has no position fixes, so none can be withheld.")
-        phase = seed % self.every if self.phase is None else self.phase
-        kept = np.arange(len(position.t_s)) % self.every == phase
+        position, velocity = fixes_of(recording, "so none can be withheld."), recording.velocity
+        kept = np.arange(len(position.t_s)) % self.every == self.phase_of(seed)
         if velocity is not None and self.velocity:
             velocity = rows_of(velocity, _kept_velocity(velocity, position.t_s, kept))
         return replace(
@@ -70,10 +67,6 @@ class Withhold:
             velocity=velocity,
             reference=_reference(recording.reference, position, ~kept),
         )
-
-    def replicates(self) -> int:
-        """Return how many phases there are."""
-        return self.every if self.phase is None else 1
 
 
 def _kept_velocity(velocity: Velocity, fixes_t_s: FloatArray, kept: BoolArray) -> BoolArray:

@@ -1,9 +1,8 @@
 """The fast engine: the same filter, compiled. The kernel itself, fading and all, is in `jerkbench/kinematic/`."""
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 from jerkbench.compilation.module_cache import can_compile
 from jerkbench.contracts import Adaptation, Filter
@@ -41,10 +40,10 @@ class CompiledEngine:
 
     def run(self, timeline: Timeline, model: Filter, adaptation: Adaptation) -> Estimate:
         """Run ``model`` with ``adaptation`` over ``timeline``; stops at the first sign of divergence."""
-        compiled = compiled_rule(clocked(adaptation, timeline))
+        compiled = _compiled_rule(clocked(adaptation, timeline))
         if compiled is None:
             return FilterpyEngine().run(timeline, model, adaptation)
-        from jerkbench.kinematic.single_run import run_single
+        from jerkbench.kinematic.runs import run_single
 
         return run_single(timeline, model, compiled)
 
@@ -69,10 +68,10 @@ class CompiledEngine:
         Returns:
             The sums of each run; None where it is to be run alone by `run`, which says why.
         """
-        from jerkbench.kinematic.batch import run_batch
+        from jerkbench.kinematic.runs import run_batch
 
         owned = [clocked(own, run.timeline) for own, run in zip(adaptations, runs, strict=True)]
-        known = {own: compiled_rule(own) for own in dict.fromkeys(owned)}  # equal ones are one, asked for once
+        known = {own: _compiled_rule(own) for own in dict.fromkeys(owned)}  # equal ones are one, asked for once
         results: list[Streamed | None] = [None] * len(runs)
         rules = {k: rule for k, own in enumerate(owned) if (rule := known[own]) is not None}
         batch = [runs[k] for k in rules], [models[k] for k in rules], list(rules.values())
@@ -81,29 +80,11 @@ class CompiledEngine:
         return results
 
 
-def compiled_rule(adaptation: Adaptation) -> "Rule | None":
-    """Return the compiled adaptation, or None, with one line that says why numba cannot compile it."""
+def _compiled_rule(adaptation: Adaptation) -> "Rule | None":
+    """The compiled adaptation, or None, with one line that says why numba cannot compile it."""
     if not can_compile():
         notify("runs go on the engine filterpy, because NUMBA_DISABLE_JIT is set: numba compiles nothing")
         return None
-    if reason := obstacle(cast("Hashable", adaptation)):
-        notify(f"{type(adaptation).__name__} runs on the engine filterpy: {reason}")
-        return None
-    from jerkbench.kinematic.plugin_call import rule_of
+    from jerkbench.kinematic.plugin_call import compiled_rule
 
-    return rule_of(adaptation)
-
-
-@cache
-def obstacle(adaptation: Hashable) -> str:
-    """Return why numba cannot compile ``adaptation``, or an empty string."""
-    from numba.core.errors import NumbaError, UnsupportedBytecodeError  # the second is none of the first
-
-    from jerkbench.estimation.adaptation_call import first_sentence
-    from jerkbench.kinematic.plugin_call import rule_of
-
-    try:
-        rule_of(cast("Adaptation", adaptation))
-    except (NumbaError, UnsupportedBytecodeError, TypeError) as error:
-        return first_sentence(str(error))
-    return ""
+    return compiled_rule(adaptation, "{} runs on the engine filterpy")

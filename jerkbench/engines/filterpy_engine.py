@@ -7,9 +7,9 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.contracts import Adaptation, AdaptingGain, AdaptingPrior, Fading, Filter
-from jerkbench.engines.transition import Transition
 from jerkbench.errors import PluginError, unknown
 from jerkbench.estimate import Estimate
+from jerkbench.filters.common import StepModels, initial
 from jerkbench.kalman import (
     ROUNDING,
     gain_and_rest,
@@ -69,7 +69,7 @@ class _Run:
 
     def __init__(self, timeline: Timeline, model: Filter, adaptation: Adaptation, *, joseph: bool) -> None:
         adaptation = clocked(adaptation, timeline)
-        self.timeline, self.model, self.adaptation, self.joseph = timeline, model, adaptation, joseph
+        self.timeline, self.adaptation, self.joseph = timeline, adaptation, joseph
         measured = timeline.measurements
         self.z, self.reported = measured.z, measured.R
         self.R = measured.covariances(true=wants_truth(adaptation))
@@ -79,7 +79,7 @@ class _Run:
         self.adapt_prior = adaptation.adapt_prior if isinstance(adaptation, AdaptingPrior) else None
         self.adapt_gain = adaptation.adapt_gain if isinstance(adaptation, AdaptingGain) else None
         self.since = Transition(len(self.kf.x))
-        self.models: dict[int, tuple[FloatArray, FloatArray, FloatArray]] = {}
+        self.models = StepModels(model, timeline.dt0_s)
         self.recorder = Recorder(timeline)
 
     def to_the_end(self) -> Estimate:
@@ -96,18 +96,10 @@ class _Run:
         return self.recorder.estimate()
 
     def _predict(self, dt: float, u: FloatArray) -> None:
-        F, B, Q = self._model(dt)
+        F, B, Q = self.models.of(dt)
         self.kf.predict(u=u, B=B, F=F, Q=Q)
         if self.adapt_prior is not None:
             self.since.add(F, Q)
-
-    def _model(self, dt: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """F, B, Q of three axes for a step of dt, made once for each whole nanosecond."""
-        key = round(dt * 1e9)
-        if key not in self.models:
-            A, b, Q = self.model.axis_model(dt, self.timeline.dt0_s)
-            self.models[key] = _of_three_axes(A), _of_three_axes(b[:, None]), _of_three_axes(Q)
-        return self.models[key]
 
     def _update(self, update: int) -> str:
         """Adapt R and update; return the reason if the filter has diverged."""
@@ -176,14 +168,27 @@ class _Run:
 def _new_filter(timeline: Timeline, model: Filter) -> Any:  # noqa: ANN401 - filterpy has no types
     from filterpy.kalman import KalmanFilter  # a second, because it imports pyplot
 
-    extra = model.initial_variances()
-    n = 6 + 3 * len(extra)
-    kf = KalmanFilter(dim_x=n, dim_z=6)
-    kf.x = np.concatenate([timeline.x0, np.zeros(n - 6)])[:, None]
-    kf.P = np.diag(np.concatenate([np.zeros(6), np.repeat(extra, 3)]))
-    kf.P[:6, :6] = timeline.P0
+    x, P = initial(timeline, model)
+    kf = KalmanFilter(dim_x=len(x), dim_z=6)
+    kf.x, kf.P = x[:, None], P
     return kf
 
 
-def _of_three_axes(matrix: FloatArray) -> FloatArray:
-    return np.asarray(np.kron(matrix, np.eye(3)), dtype=np.float64)
+# From one update to the next.
+
+
+class Transition:
+    """F and Q of all steps since the last update, so that P- = F P+ F' + Q with its posterior P+.
+
+    Attributes:
+        F: (n, n) product of the transitions.
+        Q: (n, n) process noise that has gathered.
+    """
+
+    def __init__(self, states: int) -> None:
+        """Begin at an update of a filter with ``states`` states."""
+        self.F, self.Q = np.eye(states), np.zeros((states, states))
+
+    def add(self, F: FloatArray, Q: FloatArray) -> None:
+        """Go one step on."""
+        self.F, self.Q = F @ self.F, F @ self.Q @ F.T + Q

@@ -1,12 +1,149 @@
-"""The rows of an estimate that count, and what an estimate must reach for them."""
+"""The stamps of an estimate at which errors count: after the burn-in, and where the reference knows something."""
+
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from jerkbench.arrays import BoolArray
+from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.errors import RecordingError
 from jerkbench.estimate import Estimate
-from jerkbench.evaluation.counted_stamps import known_axes
-from jerkbench.recording import Recording
+from jerkbench.recording import Recording, Reference
+
+POSITION_AXES = {"": (0, 1, 2), "_horizontal": (0, 1), "_east": (0,), "_north": (1,), "_up": (2,)}
+"""The part of a column's name for each error of position, and its axes."""
+
+VELOCITY_AXES = {"": (0, 1, 2), "_horizontal": (0, 1), "_up": (2,)}
+"""The same of velocity errors."""
+
+OLDEST = 2 + 1e-6
+"""Intervals of the reference that the last error may be older than the end; more than two by the rounding of stamps."""
+
+
+class Rows(NamedTuple):
+    """Which of k rows count; in each case only those whose reference is known on the axes in question.
+
+    Attributes:
+        position: (5, k) counted, for each of POSITION_AXES.
+        velocity: (3, k) counted, for each of VELOCITY_AXES.
+        both: (k,) counted, position and velocity known.
+        whole: (k,) scored, the burn-in too.
+        outage: (k,) counted, inside an outage.
+        outages: (j, 2) the first and the last row inside each outage that the reference follows to its end, scored or
+            not.
+        outages_s: (j, 2) their times.
+        outages_driven_m: (j,) how far the reference went between the two.
+        start_s: time of the first counted row; infinite without one.
+        sampled: (s,) the first row of each second whose position counts.
+    """
+
+    position: BoolArray
+    velocity: BoolArray
+    both: BoolArray
+    whole: BoolArray
+    outage: BoolArray
+    outages: IntArray
+    outages_s: FloatArray
+    outages_driven_m: FloatArray
+    start_s: float
+    sampled: IntArray
+
+
+def counting(index: IntArray, recording: Recording, counted: BoolArray) -> Rows:
+    """Return what the rows ``index`` (k,) of the reference count for, given those (k,) that are counted at all."""
+    reference = recording.reference
+    located = known_axes(reference.enu_m, index)
+    moving = known_axes(reference.velocity_mps, index)
+    position = np.array([counted & on_all(located, axes) for axes in POSITION_AXES.values()])
+    velocity = np.array([counted & on_all(moving, axes) for axes in VELOCITY_AXES.values()])
+    t_s, complete = rows_at(reference.t_s, index), on_all(located, (0, 1, 2))
+    start_s = first_counted_s(reference, index, counted)
+    inside = inside_outages(t_s, recording.outages_s) & complete
+    outages = _outages(inside & (t_s >= start_s), t_s, recording)
+    return Rows(
+        position,
+        velocity,
+        position[0] & velocity[0],
+        rows_at(reference.scored, index) & complete,
+        inside.any(axis=0) & counted,
+        outages,
+        t_s[outages],
+        np.diff(driven_m(reference)[index[outages]], axis=1)[:, 0] if len(outages) else np.empty(0),
+        start_s,
+        once_a_second(t_s, position[0]),
+    )
+
+
+def once_a_second(t_s: FloatArray, counted: BoolArray) -> IntArray:
+    """Return (s,) the first row of each whole second that is ``counted`` (k,), of stamps ``t_s`` (k,) that increase."""
+    places = np.flatnonzero(counted)
+    _, first = np.unique(np.floor(t_s[places]), return_index=True)
+    return np.asarray(places[first])
+
+
+def first_counted_s(reference: Reference, index: IntArray, counted: BoolArray) -> float:
+    """Return the time of the first row of ``index`` (k,), which increases, that is ``counted`` (k,); else infinity."""
+    first = int(np.argmax(counted)) if len(counted) else 0
+    return float(reference.t_s[index[first]]) if len(counted) and counted[first] else np.inf
+
+
+def rows_at(values: Any, index: IntArray) -> Any:  # noqa: ANN401 - an array of the same type
+    """Return ``values[index]``; a view of it where ``index``, which increases, leaves none out: that takes no time."""
+    if len(index) and index[-1] - index[0] + 1 == len(index):
+        return values[index[0] : index[-1] + 1]
+    return values[index]
+
+
+def on_all(known: BoolArray, axes: tuple[int, ...]) -> BoolArray:
+    """Return (k,) whether all ``axes`` are ``known`` (k, 3); NumPy's `all` over threes takes ten times as long."""
+    rows: BoolArray = known[:, axes[0]]
+    for axis in axes[1:]:
+        rows = rows & known[:, axis]
+    return rows
+
+
+def driven_m(reference: Reference) -> FloatArray:
+    """Return (k,) the distance up to each row, straight from each known position to the next."""
+    steps = np.zeros(len(reference.t_s))
+    if reference.enu_m is not None:
+        known = np.flatnonzero(np.isfinite(reference.enu_m).all(axis=1))
+        steps[known[1:]] = np.linalg.norm(np.diff(reference.enu_m[known], axis=0), axis=1)
+    return np.cumsum(steps)
+
+
+def known_axes(truth: FloatArray | None, index: IntArray) -> BoolArray:
+    """Return (k, 3) whether each axis of ``truth`` is a number."""
+    if truth is None:
+        return np.zeros((len(index), 3), dtype=bool)
+    return np.asarray(np.isfinite(rows_at(truth, index)))
+
+
+def inside_outages(t_s: FloatArray, outages_s: FloatArray) -> BoolArray:
+    """Return (j, k) whether time k lies in outage j; at the end itself a fix may already have come."""
+    begin, end = outages_s[:, :1], outages_s[:, 1:]
+    rows: BoolArray = (t_s >= begin) & (t_s < end)
+    return rows
+
+
+def _outages(inside: BoolArray, t_s: FloatArray, recording: Recording) -> IntArray:
+    """The first and the last row inside each outage, (j, k) rows, where the last is near the outage's end."""
+    spans = [
+        (np.flatnonzero(rows)[[0, -1]], end)
+        for rows, (_, end) in zip(inside, recording.outages_s, strict=True)
+        if rows.any()
+    ]
+    oldest_s = OLDEST * _interval_s(recording.reference) if spans else 0.0
+    return np.array([pair for pair, end in spans if end - t_s[pair[1]] <= oldest_s], dtype=np.int64).reshape(-1, 2)
+
+
+def _interval_s(reference: Reference) -> float:
+    """Return the median interval [s] between the stamps at which the position is known; 0 of fewer than two."""
+    if reference.enu_m is None:
+        return 0.0
+    known_s = reference.t_s[np.isfinite(reference.enu_m).all(axis=1)]
+    return float(np.median(np.diff(known_s))) if len(known_s) > 1 else 0.0
+
+
+# The rows of an estimate that count, and what an estimate must reach for them.
 
 
 def counted_rows(estimate: Estimate, recording: Recording, burn_in_s: float) -> BoolArray:

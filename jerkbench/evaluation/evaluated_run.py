@@ -1,22 +1,76 @@
-"""A run as its metrics see it, and what they say of it: the columns of its row in rows.csv.
-
-A new column is a new metric, one file in `metrics`, also where nothing of the estimate enters (`position_bound`); here
-the answers are only put together. What a row says of the run itself, `RUN`, is filled by
-`jerkbench.jobs.rows`, and asked for of stored rows by `jerkbench.results.parts`.
-"""
+"""Divergence: how far a run may stray, and which runs are lost."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import NamedTuple
 
-from jerkbench.arrays import BoolArray
+import numpy as np
+
+from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.contracts import Metric, Summarising
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.estimate import Estimate
 from jerkbench.evaluation.counted_rows import counted_rows, nothing_counts
-from jerkbench.evaluation.divergence import why_stopped
+from jerkbench.evaluation.navigation_errors import position_error_m
 from jerkbench.evaluation.sums import sums_of
 from jerkbench.recording import Recording
-from jerkbench.sums import Sums
+from jerkbench.sums import Streamed, Sums
+
+LIMIT_M = 1000.0
+"""A larger position error is a divergence, unless `divergence_limit_m` says otherwise; the frozen suite has its own."""
+
+
+def run_status(estimate: Estimate, recording: Recording, limit_m: float) -> tuple[str, str]:
+    """Return ("ok", "") or ("diverged", why).
+
+    A run diverged if it stopped early, reached none of the reference's stamps, has a position or velocity (of one that
+    estimates the attitude only: an angle) that is not finite, or a position error over ``limit_m`` on the axes that the
+    reference knows (also where it is not scored).
+    """
+    reason = why_stopped(estimate) or _too_far(estimate, recording, limit_m)
+    return ("diverged", reason) if reason else ("ok", "")
+
+
+def strays(result: Streamed, limit_m: float) -> bool:
+    """Whether a position error of a run without a trajectory was over ``limit_m``.
+
+    Such a run is run alone and judged by `run_status`: a stricter rule there is asked for here, too.
+    """
+    return result.farthest_m2 > limit_m**2
+
+
+def why_stopped(estimate: Estimate) -> str:
+    """Return why the run stopped early, or an empty string."""
+    if estimate.failure or len(estimate.index):
+        return estimate.failure
+    return "The run reached none of the reference's stamps."
+
+
+def _too_far(estimate: Estimate, recording: Recording, limit_m: float) -> str:
+    t_s = recording.reference.t_s[estimate.index]
+    finite = np.isfinite(_state(estimate)).all(axis=1)
+    if not finite.all():
+        return f"The state is not finite at {t_s[np.argmin(finite)]:.2f} s."
+    with np.errstate(over="ignore"):
+        distance_m = np.sqrt(np.nansum(position_error_m(estimate, recording) ** 2, axis=1))
+    far = distance_m > limit_m
+    if not far.any():
+        return ""
+    first = int(np.argmax(far))
+    return f"The position error is {distance_m[first]:.0f} m at {t_s[first]:.2f} s; the limit is {limit_m:g} m."
+
+
+def _state(estimate: Estimate) -> FloatArray:
+    """What was estimated (k, n): position and velocity, or one of them and the angles alone."""
+    if estimate.attitude_only:
+        return estimate.euler_rad
+    return estimate.position_m if estimate.position_only else np.hstack([estimate.position_m, estimate.velocity_mps])
+
+
+# A run as its metrics see it, and what they say of it: the columns of its row in rows.csv.
+#
+# A new column is a new metric, one file in `metrics`, also where nothing of the estimate enters (`position_bound`);
+# here the answers are only put together. What a row says of the run itself, `RUN`, is filled by
+# `jerkbench.jobs.rows`, and asked for of stored rows by `jerkbench.results.parts`.
 
 RUN = ("seed", "replicate", "status", "reason")
 """The columns of a run's row between its labels and its metrics."""
@@ -54,7 +108,7 @@ def evaluate_run(
         raise RecordingError(nothing_counts(recording, burn_in_s))
     summarised = any(isinstance(metric, Summarising) for metric in metrics)
     sums = sums_of(estimate, recording, counted) if summarised else None
-    return values_of(metrics, Summary(estimate, counted, sums), recording, evaluate)
+    return metric_values(metrics, Summary(estimate, counted, sums), recording, evaluate)
 
 
 class Summary(NamedTuple):
@@ -71,7 +125,7 @@ class Summary(NamedTuple):
     sums: Sums | None
 
 
-def values_of(
+def metric_values(
     metrics: Iterable[Metric], summary: Summary, recording: Recording, evaluate: Evaluate
 ) -> dict[str, float]:
     """Return the values of all metrics by column name, each from the least that it needs.

@@ -1,5 +1,6 @@
 """The sums of a run: what the built-in metrics need of it, from its trajectory or summed up as it went."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -8,15 +9,25 @@ from typing import NamedTuple
 import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
-from jerkbench.estimate import Estimate
-from jerkbench.estimation.sums import scored_trajectory
-from jerkbench.evaluation.counted_stamps import POSITION_AXES, VELOCITY_AXES, Rows, counting, rows_of
+from jerkbench.contracts import Metric, Reading, Summarising
+from jerkbench.estimate import Estimate, Updates
+from jerkbench.evaluation.counted_rows import (
+    POSITION_AXES,
+    VELOCITY_AXES,
+    Rows,
+    counted_rows,
+    counting,
+    known_axes,
+    rows_at,
+)
+from jerkbench.kinematic.trajectory_score import scored_trajectory
 from jerkbench.recording import Recording
 from jerkbench.sums import Scoring, Streamed, Sums
+from jerkbench.timeline import Timeline
 
 
 class Numbers(NamedTuple):
-    """Numbers of rows, as in `jerkbench.evaluation.counted_stamps.Rows`."""
+    """Numbers of rows, as in `jerkbench.evaluation.counted_rows.Rows`."""
 
     position: FloatArray
     velocity: FloatArray
@@ -64,6 +75,18 @@ def sums_of(estimate: Estimate, recording: Recording, counted: BoolArray) -> Sum
     )
 
 
+class Summed(ABC):
+    """A metric that needs the sums of a run alone, whether or not its trajectory was stored."""
+
+    @abstractmethod
+    def summarise(self, sums: Sums) -> dict[str, float]:
+        """Return the values by column name."""
+
+    def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
+        """Return the same of a trajectory."""
+        return self.summarise(sums_of(estimate, recording, counted))
+
+
 def sums_from(streamed: Streamed, scored: Scored, recording: Recording) -> Sums:
     """Return the sums of a run; the reference knows all axes at the same stamps, of position and of velocity."""
     rows, numbers = scored.rows, scored.numbers
@@ -101,9 +124,9 @@ def scoring_of(recording: Recording, index: IntArray, rows: Rows) -> Scoring:
     reference = recording.reference
     truth = np.zeros((len(index), 6))
     if reference.enu_m is not None:
-        truth[:, :3] = np.nan_to_num(rows_of(reference.enu_m, index))
+        truth[:, :3] = np.nan_to_num(rows_at(reference.enu_m, index))
     if reference.velocity_mps is not None:
-        truth[:, 3:] = np.nan_to_num(rows_of(reference.velocity_mps, index))
+        truth[:, 3:] = np.nan_to_num(rows_at(reference.velocity_mps, index))
     return Scoring(
         truth,
         rows.position[0].astype(np.float64),
@@ -125,3 +148,45 @@ def _drifts_mps(error_m: FloatArray, t_s: FloatArray) -> FloatArray:
     with np.errstate(all="ignore"):
         grown = np.linalg.norm(error_m[:, 1] - error_m[:, 0], axis=1)
         return np.asarray(grown / np.where(t_s[:, 1] > t_s[:, 0], t_s[:, 1] - t_s[:, 0], np.nan))
+
+
+# The scoring of a run that keeps no trajectory: its counted rows and its sums.
+
+
+def can_stream(metric: Metric) -> bool:
+    """Whether the metric needs no trajectory."""
+    return isinstance(metric, Summarising | Reading)
+
+
+def scored(recording: Recording, timeline: Timeline, burn_in_s: float) -> Scored | None:
+    """Return how runs over ``timeline`` are scored, or None where that needs a trajectory.
+
+    It does where the reference does not know a whole position at each of its stamps, or parts of a velocity, and where
+    nothing counts.
+    """
+    outline = outline_of(timeline)
+    counted = counted_rows(outline, recording, burn_in_s)
+    rows = counting(outline.index, recording, counted)
+    located = known_axes(recording.reference.enu_m, outline.index).all()
+    if not (located and counted.any() and (rows.velocity == rows.velocity[0]).all()):
+        return None
+    return Scored(scoring_of(recording, outline.index, rows), rows, counted, outline)
+
+
+def outline_of(timeline: Timeline) -> Estimate:
+    """Return an estimate without position, velocity and covariance (NaN)."""
+    index = timeline.reference[timeline.reference >= 0]
+    return outlined(index, timeline.euler_rad[index])
+
+
+def outlined(index: IntArray, euler_rad: FloatArray) -> Estimate:
+    """Return the same for rows ``index`` (k,) of the reference, with the attitude (k, 3) there."""
+    unknown = np.broadcast_to(np.nan, (len(index), 6, 6))
+    return Estimate(index, unknown[:, 0, :3], unknown[:, 0, :3], unknown, euler_rad)
+
+
+def with_updates(outline: Estimate, updates: Updates) -> Estimate:
+    """Return the outline with what the updates saw."""
+    return Estimate(
+        outline.index, outline.position_m, outline.velocity_mps, outline.covariance, outline.euler_rad, updates
+    )

@@ -14,7 +14,7 @@ from jerkbench.timeline import nanoseconds
 
 @register("filter", "attitude_only")
 @dataclass(frozen=True)
-class AttitudeOnly:
+class AttitudeOnlyFilter:
     """Hands the attitude on, and estimates neither position nor velocity.
 
     With the attitude filter's angles at the IMU's stamps t_i, at each stamp t of the reference from t_0 on::

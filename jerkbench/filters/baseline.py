@@ -7,7 +7,7 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray, require_not_negative
 from jerkbench.filters.common import ACCEL, ManyLengths, Models, identities, outer
-from jerkbench.parameters import Origin
+from jerkbench.parameters import DefaultOrigin
 from jerkbench.plugins import register
 
 
@@ -33,7 +33,7 @@ class Baseline(ManyLengths):
     accel_mps2: Annotated[
         float,
         ACCEL,
-        Origin(
+        DefaultOrigin(
             "tuned by hand on the simulated field: near the best of the nominal case (0.1), and not lost under a bias"
         ),
     ] = 0.2

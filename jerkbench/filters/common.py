@@ -9,7 +9,7 @@ from jerkbench.arrays import FloatArray
 from jerkbench.contracts import Adaptation, AdaptingGain, AdaptingPrior, Fading, Filter
 from jerkbench.memory import empty_memory
 from jerkbench.optional import clocked, wants_truth
-from jerkbench.parameters import Origin, Range
+from jerkbench.parameters import DefaultOrigin, Range
 from jerkbench.timeline import Recorder, Timeline
 
 
@@ -184,6 +184,6 @@ ACCEL_WALK = Range(0.05, 50.0, log=True, source="ours: from a ship's to a race c
 VELOCITY_WALK = Range(0.01, 30.0, log=True, source="ours: from a slow robot's to a braking car's changes of velocity")
 STAYS = Range(0.5, 0.999, toward_one=True, source="ours: from a model that lasts two updates to one that lasts 1000")
 
-FIELD = Origin("tuned by hand on the simulated field; the paper gives no value")
-START = Origin("ours: wide enough not to matter after the first seconds of the simulated field")
-WALK = Origin("ours: a vehicle that changes its acceleration by 2 m/s2 within a second")
+FIELD = DefaultOrigin("tuned by hand on the simulated field; the paper gives no value")
+START = DefaultOrigin("ours: wide enough not to matter after the first seconds of the simulated field")
+WALK = DefaultOrigin("ours: a vehicle that changes its acceleration by 2 m/s2 within a second")

@@ -9,7 +9,7 @@ from jerkbench.arrays import FloatArray, require_not_negative
 from jerkbench.contracts import Adaptation
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.filters.common import START, VELOCITY_WALK, MeasurementUpdates, is_healthy, of_r_alone
-from jerkbench.parameters import Origin, Range
+from jerkbench.parameters import DefaultOrigin, Range
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 from jerkbench.timeline import Recorder, Timeline, build_timeline
@@ -45,12 +45,14 @@ class ConstantTurn:
     uses_imu: ClassVar[bool] = False
 
     velocity_walk_mps_per_sqrt_s: Annotated[
-        float, VELOCITY_WALK, Origin("the source's rule: a car that changes its velocity by 1 m/s within a second")
+        float,
+        VELOCITY_WALK,
+        DefaultOrigin("the source's rule: a car that changes its velocity by 1 m/s within a second"),
     ] = 1.0
     turn_walk_radps_per_sqrt_s: Annotated[
         float,
         Range(1e-3, 1.0, log=True, source="ours: from a straight road to a robot that turns on the spot"),
-        Origin("ours: a vehicle that changes its rate of turn by 3 deg/s within a second"),
+        DefaultOrigin("ours: a vehicle that changes its rate of turn by 3 deg/s within a second"),
     ] = 0.05
     initial_turn_radps: Annotated[float, START] = 0.1
 
@@ -76,7 +78,7 @@ class ConstantTurn:
         for k, dt in enumerate(timeline.dt_s.tolist()):
             if dt > 0:
                 F = turn_jacobian(x, dt)
-                x, P = turned(x, dt), F @ P @ F.T + self._noise(dt)
+                x, P = after_turn(x, dt), F @ P @ F.T + self._noise(dt)
             row, reference = int(timeline.update[k]), int(timeline.reference[k])
             if row >= 0:
                 x, P, _ = update(row, x, P)
@@ -94,7 +96,7 @@ class ConstantTurn:
         return Q
 
 
-def turned(x: FloatArray, dt: float) -> FloatArray:
+def after_turn(x: FloatArray, dt: float) -> FloatArray:
     """Return the state (7,) after ``dt`` seconds of its turn."""
     a, b, c, s, _, _ = _factors(x[6], dt)
     e, n, u, v_e, v_n, v_u, w = x
@@ -104,7 +106,7 @@ def turned(x: FloatArray, dt: float) -> FloatArray:
 
 
 def turn_jacobian(x: FloatArray, dt: float) -> FloatArray:
-    """Return the derivatives (7, 7) of `turned` with respect to the state."""
+    """Return the derivatives (7, 7) of `after_turn` with respect to the state."""
     a, b, c, s, da, db = _factors(x[6], dt)
     v_e, v_n = x[3:5]
     F = np.eye(7)

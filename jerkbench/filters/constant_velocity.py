@@ -7,7 +7,7 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray, require_not_negative
 from jerkbench.filters.common import VELOCITY_WALK
-from jerkbench.parameters import Origin
+from jerkbench.parameters import DefaultOrigin
 from jerkbench.plugins import register
 
 
@@ -34,7 +34,9 @@ class ConstantVelocity:
     uses_imu: ClassVar[bool] = False
 
     velocity_walk_mps_per_sqrt_s: Annotated[
-        float, VELOCITY_WALK, Origin("the source's rule: a car that changes its velocity by 1 m/s within a second")
+        float,
+        VELOCITY_WALK,
+        DefaultOrigin("the source's rule: a car that changes its velocity by 1 m/s within a second"),
     ] = 1.0
 
     def __post_init__(self) -> None:

@@ -3,22 +3,17 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 from jerkbench.contracts import Adaptation
 from jerkbench.estimate import Attitude, Estimate
-from jerkbench.filters._eskf15_inputs import aided, run_inputs
-from jerkbench.filters._eskf15_parameters import Eskf15Parameters
+from jerkbench.filters._eskf15_inputs import Eskf15Parameters, aided, run_inputs
 from jerkbench.filters.common import of_r_alone
 from jerkbench.inertial.run import InertialRun, InertialSolution
 from jerkbench.inertial.run_inputs import Journey
-from jerkbench.optional import wants_truth
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 from jerkbench.sums import RecordedRun, Streamed
-
-if TYPE_CHECKING:
-    from jerkbench.inertial.compiled.solution import Prepared  # what it imports takes half a second
 
 
 @register("filter", "eskf15")
@@ -108,9 +103,9 @@ class Eskf15(Eskf15Parameters):
 
     def estimate_compiled(self, recording: Recording, attitude: Attitude, adaptation: Adaptation) -> Estimate | None:
         """Return the same as `estimate`; None where numba cannot compile the adaptation."""
-        from jerkbench.inertial.compiled.solution import solve_compiled
+        from jerkbench.inertial.compiled_runs import solve_compiled  # what it imports takes half a second
 
-        solution = solve_compiled(_prepared(self, recording, attitude, wants_truth(adaptation)), adaptation)
+        solution = solve_compiled(_journey(self, recording, attitude), adaptation)
         return None if solution is None else solution.estimate
 
     def run_settings(
@@ -125,16 +120,18 @@ class Eskf15(Eskf15Parameters):
     ) -> Sequence[Streamed | None]:
         """Return the sums of each run, with its own of ``estimators`` and ``adaptations``.
 
-        Runs whose measurements are states of the filter go eight side by side, the others one at a time.
+        Runs of like steps go eight side by side.
         """
-        from jerkbench.inertial.streamed_runs import stream_all
+        from jerkbench.inertial.compiled_runs import stream_journeys
 
-        def prepared(k: int) -> "Prepared":
-            """Return run ``k``."""
-            return _prepared(estimators[k], runs[k].recording, runs[k].attitude, wants_truth(adaptations[k]))
+        def journey(k: int) -> Journey | None:
+            try:
+                return _journey(estimators[k], runs[k].recording, runs[k].attitude)
+            except Exception:  # noqa: BLE001 - whoever runs it alone sees it
+                return None
 
-        scorings = [run.scoring for run in runs]
-        return stream_all(prepared, scorings, adaptations, updates=updates, attitude=attitude, threads=threads)
+        scorings, journeys = [run.scoring for run in runs], [journey(k) for k in range(len(runs))]
+        return stream_journeys(journeys, scorings, adaptations, updates=updates, attitude=attitude, threads=threads)
 
     def journey(self, recording: Recording, attitude: Attitude) -> Journey:
         """Return everything that a run needs besides its adaptation."""
@@ -142,8 +139,5 @@ class Eskf15(Eskf15Parameters):
 
 
 @lru_cache(maxsize=32)  # as many as a process keeps recordings; for the next adaptation
-def _prepared(model: Eskf15, recording: Recording, attitude: Attitude, wants_truth: bool) -> "Prepared":
-    """Everything that a compiled run needs besides its adaptation."""
-    from jerkbench.inertial.compiled.solution import prepare
-
-    return prepare(model.journey(recording, attitude), wants_truth=wants_truth)
+def _journey(model: Eskf15, recording: Recording, attitude: Attitude) -> Journey:
+    return model.journey(recording, attitude)

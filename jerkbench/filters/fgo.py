@@ -7,12 +7,12 @@ from jerkbench.contracts import Adaptation
 from jerkbench.errors import PluginError, RecordingError, unknown
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.filters._eskf15_alone import Eskf15Alone
-from jerkbench.filters._eskf15_parameters import DEFORMATION
+from jerkbench.filters._eskf15_inputs import DEFORMATION
 from jerkbench.inertial.factor_graph import Graph, Options
 from jerkbench.inertial.graph_solution import batch, estimate_of, fixed_lag
 from jerkbench.inertial.run_inputs import Journey
 from jerkbench.inertial.smoother import forward_states
-from jerkbench.parameters import Origin, Range
+from jerkbench.parameters import DefaultOrigin, Range
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 
@@ -69,10 +69,10 @@ class FactorGraph(Eskf15Alone):
     loss_scale: Annotated[
         float,
         Range(0.5, 20.0, log=True, source="ours: from half of a three-axis residual's mean to where none is left"),
-        Origin("literature: Huber's 95 % efficiency for one axis, GTSAM's default"),
+        DefaultOrigin("literature: Huber's 95 % efficiency for one axis, GTSAM's default"),
     ] = 1.345
-    lag_s: Annotated[float, Origin("off: the whole drive")] = 0.0
-    iterations: Annotated[int, Origin("GTSAM's default")] = 100
+    lag_s: Annotated[float, DefaultOrigin("off: the whole drive")] = 0.0
+    iterations: Annotated[int, DefaultOrigin("GTSAM's default")] = 100
 
     def __post_init__(self) -> None:
         """Check the ranges, and that nothing is asked for that it has not."""

@@ -48,7 +48,7 @@ class InvariantEkf(Eskf15):
     Left out: the Earth's turning in Phi, as in eskf15; with it the error is no longer exactly autonomous. Position and
     velocity are left-invariant observations: with this right-invariant error their H holds the estimate.
 
-    The engine `filterpy` runs it in NumPy, the definition of right, `compiled` the same compiled, a run at a time.
+    The engine `filterpy` runs it in NumPy, the definition of right, `compiled` the same compiled.
 
     Source: A. Barrau, S. Bonnabel, "The invariant extended Kalman filter as a stable observer", IEEE Transactions on
     Automatic Control 62(4), 2017, doi:10.1109/TAC.2016.2594085; biases and discrete time: R. Hartley, M. Ghaffari,

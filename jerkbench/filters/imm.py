@@ -17,7 +17,7 @@ from jerkbench.filters.baseline import Baseline
 from jerkbench.filters.bias import Bias
 from jerkbench.filters.common import ACCEL, ACCEL_WALK, BIAS_WALK, JERK_WALK, STAYS, of_r_alone
 from jerkbench.filters.jerk import Jerk
-from jerkbench.parameters import Origin
+from jerkbench.parameters import DefaultOrigin
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 from jerkbench.sums import Run, Streamed
@@ -84,20 +84,20 @@ class InteractingMultipleModels(OverTimelines):
 
     first: str = "baseline"
     second: str = "jerk"
-    first_stays: Annotated[float, STAYS, Origin("ours: a model lasts 20 updates")] = 0.95
-    second_stays: Annotated[float, STAYS, Origin("ours: a model lasts 20 updates")] = 0.95
-    first_probability: Annotated[float, Origin("ours: neither model is preferred")] = 0.5
-    first_accel_mps2: Annotated[float, ACCEL, Origin("that of the filter by itself")] = 0.2
-    second_accel_mps2: Annotated[float, ACCEL, Origin("that of the filter by itself")] = 0.1
-    jerk_mps3_per_sqrt_s: Annotated[float, JERK_WALK, Origin("that of the filter by itself")] = 6.0
-    initial_jerk_mps3: Annotated[float, Origin("that of the filter by itself")] = 20.0
-    bias_mps2_per_sqrt_s: Annotated[float, BIAS_WALK, Origin("that of the filter by itself")] = 0.03
-    initial_bias_mps2: Annotated[float, Origin("that of the filter by itself")] = 0.1
-    first_walk_mps2_per_sqrt_s: Annotated[float, ACCEL_WALK, Origin("that of the filter by itself")] = 2.0
+    first_stays: Annotated[float, STAYS, DefaultOrigin("ours: a model lasts 20 updates")] = 0.95
+    second_stays: Annotated[float, STAYS, DefaultOrigin("ours: a model lasts 20 updates")] = 0.95
+    first_probability: Annotated[float, DefaultOrigin("ours: neither model is preferred")] = 0.5
+    first_accel_mps2: Annotated[float, ACCEL, DefaultOrigin("that of the filter by itself")] = 0.2
+    second_accel_mps2: Annotated[float, ACCEL, DefaultOrigin("that of the filter by itself")] = 0.1
+    jerk_mps3_per_sqrt_s: Annotated[float, JERK_WALK, DefaultOrigin("that of the filter by itself")] = 6.0
+    initial_jerk_mps3: Annotated[float, DefaultOrigin("that of the filter by itself")] = 20.0
+    bias_mps2_per_sqrt_s: Annotated[float, BIAS_WALK, DefaultOrigin("that of the filter by itself")] = 0.03
+    initial_bias_mps2: Annotated[float, DefaultOrigin("that of the filter by itself")] = 0.1
+    first_walk_mps2_per_sqrt_s: Annotated[float, ACCEL_WALK, DefaultOrigin("that of the filter by itself")] = 2.0
     second_walk_mps2_per_sqrt_s: Annotated[
-        float, ACCEL_WALK, Origin("ours: a tenth of the first, for calm driving")
+        float, ACCEL_WALK, DefaultOrigin("ours: a tenth of the first, for calm driving")
     ] = 0.2
-    initial_accel_mps2: Annotated[float, Origin("that of the filter by itself")] = 1.0
+    initial_accel_mps2: Annotated[float, DefaultOrigin("that of the filter by itself")] = 1.0
 
     def __post_init__(self) -> None:
         """Check the pair of models, the noises and the probabilities."""

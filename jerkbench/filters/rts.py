@@ -24,7 +24,7 @@ from jerkbench.filters.common import (
     of_r_or_fading,
 )
 from jerkbench.filters.jerk import Jerk
-from jerkbench.parameters import Origin
+from jerkbench.parameters import DefaultOrigin
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 from jerkbench.sums import Run, Streamed
@@ -77,11 +77,11 @@ class RauchTungStriebel(OverTimelines):
     """
 
     model: str = "bias"
-    accel_mps2: Annotated[float, ACCEL, Origin("that of the filter by itself")] = 0.1
-    jerk_mps3_per_sqrt_s: Annotated[float, JERK_WALK, Origin("that of the filter by itself")] = 6.0
-    initial_jerk_mps3: Annotated[float, Origin("that of the filter by itself")] = 20.0
-    bias_mps2_per_sqrt_s: Annotated[float, BIAS_WALK, Origin("that of the filter by itself")] = 0.03
-    initial_bias_mps2: Annotated[float, Origin("that of the filter by itself")] = 0.1
+    accel_mps2: Annotated[float, ACCEL, DefaultOrigin("that of the filter by itself")] = 0.1
+    jerk_mps3_per_sqrt_s: Annotated[float, JERK_WALK, DefaultOrigin("that of the filter by itself")] = 6.0
+    initial_jerk_mps3: Annotated[float, DefaultOrigin("that of the filter by itself")] = 20.0
+    bias_mps2_per_sqrt_s: Annotated[float, BIAS_WALK, DefaultOrigin("that of the filter by itself")] = 0.03
+    initial_bias_mps2: Annotated[float, DefaultOrigin("that of the filter by itself")] = 0.1
 
     def __post_init__(self) -> None:
         """Check the name of the model and the noises, those of the other models too."""

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from jerkbench.contracts import Adaptation
 from jerkbench.estimate import Attitude, Estimate
-from jerkbench.io.trajectory import estimate_of
+from jerkbench.io.trajectory import estimate_at_reference
 from jerkbench.io.trajectory_files import SEED, TrajectoryForm, files_digest, path_of_seed, read_trajectory
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
@@ -74,4 +74,6 @@ class TrajectoryFile(TrajectoryForm):
         Raises:
             RecordingError: the file cannot be read, or has gaps.
         """
-        return estimate_of(read_trajectory(Path(self.file).expanduser(), self, recording), recording, self.max_gap_s)
+        return estimate_at_reference(
+            read_trajectory(Path(self.file).expanduser(), self, recording), recording, self.max_gap_s
+        )

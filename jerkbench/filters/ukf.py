@@ -7,9 +7,9 @@ from jerkbench.contracts import Adaptation
 from jerkbench.errors import PluginError
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.filters._eskf15_alone import Eskf15Alone
-from jerkbench.filters._eskf15_parameters import DEFORMATION
+from jerkbench.filters._eskf15_inputs import DEFORMATION
 from jerkbench.inertial.unscented import UnscentedRun
-from jerkbench.parameters import Origin, Range
+from jerkbench.parameters import DefaultOrigin, Range
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 
@@ -55,10 +55,10 @@ class Ukf(Eskf15Alone):
     alpha: Annotated[
         float,
         Range(0.01, 1.0, log=True, source="the paper: 1e-4 to 1; below .01 a double has too few digits"),
-        Origin("ours: within the paper's 1e-4 to 1, with digits to spare"),
+        DefaultOrigin("ours: within the paper's 1e-4 to 1, with digits to spare"),
     ] = 0.1
-    beta: Annotated[float, Origin(LITERATURE)] = 2.0
-    kappa: Annotated[float, Origin(LITERATURE)] = 0.0
+    beta: Annotated[float, DefaultOrigin(LITERATURE)] = 2.0
+    kappa: Annotated[float, DefaultOrigin(LITERATURE)] = 0.0
 
     def __post_init__(self) -> None:
         """Check the ranges, and that nothing is asked for that it has not."""

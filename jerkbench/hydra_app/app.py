@@ -16,10 +16,10 @@ from jerkbench.hydra_app.single_run import run_job
 from jerkbench.hydra_app.sweep_words import swept_addresses, without_addresses
 from jerkbench.hydra_app.typed_words import arranged_words
 from jerkbench.hydra_app.words import cluster_of
+from jerkbench.jobs.cluster import LOCAL
 from jerkbench.presets import config_folder
 from jerkbench.results.store import Store
 from jerkbench.sweep.looks import typed as typed_seeds
-from jerkbench.sweep.sweep import LOCAL
 
 
 def run_app(arguments: Sequence[str]) -> None:

@@ -17,14 +17,13 @@ from jerkbench.filters.command import Command
 from jerkbench.hydra_app.composition import compose_jobs
 from jerkbench.hydra_app.configuration import cell_of, study_folder
 from jerkbench.hydra_app.words import cluster_of
-from jerkbench.jobs.cluster import Cluster, ClusterError
-from jerkbench.jobs.data_mistakes import first_mistakes
+from jerkbench.jobs.cluster import Cluster, ClusterError, Workers
 from jerkbench.jobs.inputs import shared_inputs
 from jerkbench.jobs.pool import processors
-from jerkbench.jobs.preflight import first_complaints
+from jerkbench.jobs.preflight import first_complaints, first_mistakes
 from jerkbench.jobs.progress import Pulse, duration
 from jerkbench.jobs.rows import first_remarks
-from jerkbench.report.choice import figures_choice
+from jerkbench.report.drawings import figures_choice
 from jerkbench.results.manifest import write_manifest
 from jerkbench.results.store import Store
 from jerkbench.results.study import Study, load_study, write_study
@@ -179,12 +178,13 @@ def _planned(loader: ConfigLoader, config: DictConfig, jobs: Sequence[Sequence[s
 
 def _finished(plan: Plan, store: Store, config: DictConfig, cluster: Cluster) -> int:
     """Run the plan, with as many seeds as are asked for, and conclude; returns the exit code."""
-    last, code = run_looks(
-        planned_looks(plan, config.seeds, config.max_seeds),
-        store,
-        lambda plan: run_plan(plan, store, config.workers or processors(), cluster),
-        lambda look: load_study(store.folder.parent, list(look.plan.draws), look.plan.draws),
-    )
+    with Workers(cluster, config.workers or processors()) as workers:
+        last, code = run_looks(
+            planned_looks(plan, config.seeds, config.max_seeds),
+            store,
+            lambda plan: run_plan(plan, store, workers),
+            lambda look: load_study(store.folder.parent, list(look.plan.draws), look.plan.draws),
+        )
     seeds = last.plan.draws
     try:
         study = conclude(store, seeds, config, last.level if config.max_seeds else None)
@@ -197,11 +197,11 @@ def _finished(plan: Plan, store: Store, config: DictConfig, cluster: Cluster) ->
     return code or failed(study) or lost(store, seeds)
 
 
-def run_plan(plan: Plan, store: Store, workers: int, cluster: Cluster) -> int:
+def run_plan(plan: Plan, store: Store, workers: Workers) -> int:
     """Run the plan; returns the exit code of a sweep that did not come to its end, or 0."""
     try:
         with terminated_like_interrupted():
-            run_sweep(plan, store, workers, cluster)
+            run_sweep(plan, store, workers)
     except KeyboardInterrupt:
         print("Interrupted. What is done is stored; the same command goes on from there.", file=sys.stderr)
         return INTERRUPTED

@@ -18,13 +18,13 @@ from jerkbench.hydra_app.configuration import cell_of, check_options, study_fold
 from jerkbench.hydra_app.launched_sweep import note_place, tell
 from jerkbench.hydra_app.words import Words, cluster_of
 from jerkbench.jobs.cell import Cell
-from jerkbench.jobs.data_mistakes import first_mistakes
 from jerkbench.jobs.inputs import shared_inputs
 from jerkbench.jobs.names import refusal
-from jerkbench.jobs.progress import Pulse, duration
+from jerkbench.jobs.preflight import first_mistakes
+from jerkbench.jobs.progress import Progress, Pulse, duration
 from jerkbench.jobs.rows import CellRun, first_remarks
 from jerkbench.recording import Recording
-from jerkbench.report.choice import Choice, figures_choice
+from jerkbench.report.drawings import Choice, figures_choice
 from jerkbench.results.content import Stored
 from jerkbench.results.manifest import stretches, write_manifest
 from jerkbench.results.store import Store
@@ -43,7 +43,7 @@ def run_only_cell(plan: Plan, folder: Path) -> Stored:
     What is wrong with the input or a plugin ends the run with a sentence, and the cell is not stored.
     """
     store = Store(folder)
-    run_sweep(plan, store, 1, strict=True, shown=False, threads=os.cpu_count() or 1)
+    run_sweep(plan, store, strict=True, progress=Progress(0), threads=os.cpu_count() or 1)
     (stored,), _ = store.read(plan.draws, {key: stretches(own) for key, own in plan.draws.items()})
     return stored
 
@@ -120,7 +120,7 @@ def run_job(config: DictConfig, job: HydraConf) -> None:
         tell(plan, Store(folder), config)
     elif sweeping:
         note_place(folder, int(job.job.num), planned)
-        run_sweep(plan, Store(folder), 1, shown=False)
+        run_sweep(plan, Store(folder), progress=Progress(0))
     else:
         _run_and_show(plan, folder, config)
 

@@ -19,22 +19,20 @@ from jerkbench.hydra_app.configuration import study_folder
 from jerkbench.hydra_app.typed_words import no_assignment
 from jerkbench.hydra_app.words import cluster_of, composed
 from jerkbench.jobs.cell import Cell
-from jerkbench.jobs.cluster import Cluster
+from jerkbench.jobs.cluster import LOCAL, Workers
 from jerkbench.jobs.names import refusal
 from jerkbench.jobs.pool import processors
 from jerkbench.jobs.progress import Progress
-from jerkbench.report.choice import Choice, figures_choice
+from jerkbench.report.drawings import Choice, figures_choice
 from jerkbench.report.tables.writers import passive
-from jerkbench.sweep.sweep import LOCAL
+from jerkbench.tuning.evaluate import Runs, trial_table
 from jerkbench.tuning.foreign import EXPORTS
 from jerkbench.tuning.objectives import objective_of
 from jerkbench.tuning.outcome import Effort, Tuning, tune
-from jerkbench.tuning.presets import PARTS, preset_words, write_presets
 from jerkbench.tuning.search import Budget
 from jerkbench.tuning.space import Space, space_of
 from jerkbench.tuning.splits import Cases, Seeds, by_families, by_recordings, by_seeds, by_time
-from jerkbench.tuning.summary import record, summary, table
-from jerkbench.tuning.trials import trial_table
+from jerkbench.tuning.summary import PARTS, preset_words, record, summary, table, write_presets
 
 # The words behind `jerkbench tune`: the tuning's own, and those of `jerkbench run`, which may have
 # several values.
@@ -152,7 +150,9 @@ def tune_all(words: TuneWords) -> None:
     config = methods[0][0].config
     cells = [[composition.cell() for composition in scenarios] for scenarios in methods]
     chosen = cluster_of(config)
-    effort = _effort(options, config.workers, None if chosen == LOCAL else chosen)
+    count = config.workers or processors()
+    workers, threads = (Workers(), count) if chosen == LOCAL else (Workers(chosen, count), 1)
+    effort = _effort(options, threads)
     efforts = [effort for _ in cells]
     spaces = [space_of(scenarios[0], options.knobs) for scenarios in cells]
     for scenarios in cells:
@@ -160,7 +160,8 @@ def tune_all(words: TuneWords) -> None:
     cases = [cases_of(scenarios, options, config.first_seed) for scenarios in cells]
     folder = study_folder(config) / "tune"
     names = _names([scenarios[0] for scenarios in cells])
-    tunings = _tuned(names, cases, spaces, efforts, folder)
+    with workers:
+        tunings = _tuned(names, cases, spaces, efforts, Runs(folder, workers))
     for tuning, method in zip(tunings, words.methods, strict=True):
         own = folder / tuning.name
         command = _command(tuning, own / "conf", words, method)
@@ -184,10 +185,10 @@ def cases_of(cells: Sequence[Cell], options: TuneOptions, first_seed: int) -> Ca
     return (by_recordings if split == "recordings" else by_families)(cells, options.held_out, seeds)
 
 
-def _effort(options: TuneOptions, workers: int, cluster: Cluster | None) -> Effort:
+def _effort(options: TuneOptions, threads: int) -> Effort:
     budget = Budget(options.trials, options.sampler, options.finalists, options.sampler_seed)
     objective, knobs = objective_of(options.objective), tuple(options.knobs)
-    return Effort(objective, budget, options.restarts, knobs, workers or processors(), cluster)
+    return Effort(objective, budget, options.restarts, knobs, threads)
 
 
 def _require_sense(cells: Sequence[Cell]) -> None:
@@ -197,7 +198,7 @@ def _require_sense(cells: Sequence[Cell]) -> None:
 
 
 def _tuned(
-    names: Sequence[str], cases: Sequence[Cases], spaces: Sequence[Space], efforts: Sequence[Effort], folder: Path
+    names: Sequence[str], cases: Sequence[Cases], spaces: Sequence[Space], efforts: Sequence[Effort], runs: Runs
 ) -> list[Tuning]:
     tunings = []
     count = sum(effort.budget.trials * effort.restarts for effort in efforts)
@@ -208,7 +209,7 @@ def _tuned(
                 progress.advance()
 
         for name, own, space, effort in zip(names, cases, spaces, efforts, strict=True):
-            tunings.append(tune(name, own, space, effort, folder / name, advance))
+            tunings.append(tune(name, own, space, effort, runs, advance))
     return tunings
 
 

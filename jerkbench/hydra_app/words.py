@@ -89,8 +89,8 @@ def cluster_of(config: DictConfig) -> Cluster:
     except InstantiationException as error:
         reason = " ".join(str(error).splitlines()[0].split()).rstrip(".")
         raise PluginError(f"The cluster {chosen['_target_']} cannot be made: {reason}.") from error
-    if not callable(getattr(cluster, "run", None)):
-        raise PluginError(f"{chosen['_target_']} is no cluster: it has no run(order, workers).")
+    if not callable(getattr(cluster, "open", None)):
+        raise PluginError(f"{chosen['_target_']} is no cluster: it has no open(workers).")
     return cast("Cluster", cluster)
 
 

@@ -8,7 +8,7 @@ from jerkbench.arrays import FloatArray
 from jerkbench.errors import RecordingError
 from jerkbench.estimate import Attitude
 from jerkbench.geometry import dcm_from_euler
-from jerkbench.inertial.error_model import SensorNoise, by_column
+from jerkbench.inertial.mechanisation import SensorNoise, by_column
 from jerkbench.inertial.state import BA, BG, MA, MG, PHI, Deformation, NavigationState, V, error_states, has_deformation
 from jerkbench.recording import GRAVITY_MPS2, Recording
 from jerkbench.timeline import Timeline

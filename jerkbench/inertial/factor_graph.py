@@ -1,27 +1,82 @@
-"""The factors of an inertial navigation on GTSAM, node by node; `graph_solution`, beside it, has what solves them.
-
-A node for the start and for each time of a measurement: pose X, velocity V, biases B. Between two nodes stands
-GTSAM's CombinedImuFactor, of the samples between them preintegrated; at a node a GPSFactor and a prior of V, or the
-same with a switch each, and a heading. The start is one factor of X, V and B together, with every correlation that the
-levelling left.
-
-GTSAM's errors are those of the body, R Exp(w) and t + R s; with C the attitude they are eskf15's by phi = C w and
-dp = C s.
-"""
+"""The factor graph of an inertial navigation: its factors, and how it is put together."""
 
 import importlib
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.errors import PluginError
-from jerkbench.inertial.graph_factors import Expected, expected_antenna, expected_velocity, measured_heading, switched
+from jerkbench.geometry import wrap_angle
 from jerkbench.inertial.mechanisation import calibrated
-from jerkbench.inertial.rotation import rotation_exp
 from jerkbench.inertial.run_inputs import Journey
-from jerkbench.inertial.state import BA, BG, PHI, STATES, NavigationState, P, V
+from jerkbench.inertial.state import BA, BG, PHI, STATES, NavigationState, P, V, rotation_exp, skew
+from jerkbench.inertial.update import yaw_of
 from jerkbench.recording import GRAVITY_MPS2
+
+# Factors that GTSAM's Python has not: a measurement with a switch, and a heading, each as its CustomFactor.
+#
+# GTSAM's errors of a pose are those of the body, [w, s]: R Exp(w) and t + R s.
+
+Expected = Callable[[Any], tuple[FloatArray, FloatArray]]
+"""From values: what a measurement (m,) is expected to be, and the Jacobian (m, d) of its state."""
+
+
+def expected_antenna(pose: int, antenna_m: FloatArray) -> Expected:
+    """Expect the antenna's place t + R l of the pose with this key."""
+    arm = skew(antenna_m)
+
+    def expected(values: Any) -> tuple[FloatArray, FloatArray]:  # noqa: ANN401 - GTSAM has no types
+        """Return the place (3,) [m] and its Jacobian (3, 6)."""
+        at = values.atPose3(pose)
+        dcm = at.rotation().matrix()
+        return at.translation() + dcm @ antenna_m, np.hstack([-dcm @ arm, dcm])
+
+    return expected
+
+
+def expected_velocity(velocity: int) -> Expected:
+    """Expect the velocity with this key."""
+    return lambda values: (values.atVector(velocity), np.eye(3))
+
+
+def switched(gtsam: Any, state: int, switch: int, expected: Expected, z: FloatArray, noise: Any) -> Any:  # noqa: ANN401
+    """Return the factor with the residual s (h(x) - z): ``switch`` is the key of s, ``state`` that of x."""
+
+    def residual(_: Any, values: Any, jacobians: list[FloatArray] | None) -> FloatArray:  # noqa: ANN401
+        """Return s (h(x) - z) (m,), and fill in the Jacobians in the state and in s."""
+        s, (h, H) = float(values.atVector(switch)[0]), expected(values)
+        if jacobians is not None:
+            jacobians[0], jacobians[1] = s * H, (h - z)[:, None]
+        return s * (h - z)
+
+    return gtsam.CustomFactor(noise, [state, switch], residual)
+
+
+def measured_heading(gtsam: Any, pose: int, yaw_rad: float, sigma_rad: float) -> Any:  # noqa: ANN401
+    """Return the factor of a heading of the pose with this key."""
+
+    def residual(_: Any, values: Any, jacobians: list[FloatArray] | None) -> FloatArray:  # noqa: ANN401
+        """Return the difference (1,) [rad], and fill in the Jacobian in the pose."""
+        dcm = values.atPose3(pose).rotation().matrix()
+        h, H = yaw_of(dcm)
+        if jacobians is not None:
+            jacobians[0] = np.concatenate([H @ dcm, np.zeros(3)])[None, :]
+        return np.array([wrap_angle(np.array(h - yaw_rad))])
+
+    return gtsam.CustomFactor(gtsam.noiseModel.Isotropic.Sigma(1, sigma_rad), [pose], residual)
+
+
+# The factors of an inertial navigation on GTSAM, node by node; `graph_solution`, beside it, has what solves them.
+#
+# A node for the start and for each time of a measurement: pose X, velocity V, biases B. Between two nodes stands
+# GTSAM's CombinedImuFactor, of the samples between them preintegrated; at a node a GPSFactor and a prior of V, or the
+# same with a switch each, and a heading. The start is one factor of X, V and B together, with every correlation that
+# the levelling left.
+#
+# GTSAM's errors are those of the body, R Exp(w) and t + R s; with C the attitude they are eskf15's by phi = C w and
+# dp = C s.
 
 INTEGRATION = 1e-10
 """Variance of the integration of a position [m2/s]: GTSAM asks for one above 0."""

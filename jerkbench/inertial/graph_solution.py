@@ -8,10 +8,8 @@ import numpy as np
 from jerkbench.arrays import FloatArray
 from jerkbench.estimate import Estimate, Updates
 from jerkbench.geometry import euler_from_dcm
-from jerkbench.inertial.earth import FLAT
-from jerkbench.inertial.error_model import propagated, step_noise, transition
 from jerkbench.inertial.factor_graph import Graph, Known, to_eskf
-from jerkbench.inertial.mechanisation import advance, calibrated
+from jerkbench.inertial.mechanisation import FLAT, advance, calibrated, propagated, step_noise, transition
 from jerkbench.inertial.run_inputs import Journey
 from jerkbench.inertial.state import STATES, NavigationState
 

@@ -8,14 +8,21 @@ import numpy as np
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.estimate import Estimate
 from jerkbench.geometry import euler_from_dcm
-from jerkbench.inertial.error_model import propagated, step_noise, transition
-from jerkbench.inertial.events import Events
-from jerkbench.inertial.invariant import corrected_on_group, reset_on_group
-from jerkbench.inertial.measurement_models import heading, point_in_enu, velocity_in_body, wheel_speed, widened
-from jerkbench.inertial.mechanisation import advance, calibrated
-from jerkbench.inertial.run_inputs import Settings
+from jerkbench.inertial.mechanisation import advance, calibrated, propagated, step_noise, transition
+from jerkbench.inertial.run_inputs import Events, Settings
 from jerkbench.inertial.state import PHI, NavigationState, corrected, is_finite
-from jerkbench.inertial.update import carried_over, correction, reset
+from jerkbench.inertial.update import (
+    carried_over,
+    corrected_on_group,
+    correction,
+    heading,
+    point_in_enu,
+    reset,
+    reset_on_group,
+    velocity_in_body,
+    wheel_speed,
+    widened,
+)
 from jerkbench.memory import empty_memory
 from jerkbench.optional import clocked, wants_truth
 from jerkbench.recording import Heading, Imu

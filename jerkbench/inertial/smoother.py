@@ -20,9 +20,8 @@ from jerkbench.arrays import FloatArray
 from jerkbench.errors import RecordingError
 from jerkbench.estimate import Estimate
 from jerkbench.geometry import euler_from_dcm
-from jerkbench.inertial.events import Events
 from jerkbench.inertial.run import Adapts, InertialRun, InertialSolution, given_out
-from jerkbench.inertial.run_inputs import Journey
+from jerkbench.inertial.run_inputs import Events, Journey
 from jerkbench.inertial.state import PHI, NavigationState, corrected, error_between
 from jerkbench.inertial.update import carried_over, reset
 

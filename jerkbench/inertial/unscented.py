@@ -13,12 +13,10 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.geometry import wrap_angle
-from jerkbench.inertial.events import Events
-from jerkbench.inertial.measurement_models import heading, point_in_enu, velocity_in_body, wheel_speed
-from jerkbench.inertial.rotation import orthonormal, rotation_exp
 from jerkbench.inertial.run import Adapts, InertialRun, InertialSolution
-from jerkbench.inertial.run_inputs import Journey
-from jerkbench.inertial.state import BA, BG, PHI, STATES, NavigationState, P, V
+from jerkbench.inertial.run_inputs import Events, Journey
+from jerkbench.inertial.state import BA, BG, PHI, STATES, NavigationState, P, V, orthonormal, rotation_exp
+from jerkbench.inertial.update import heading, point_in_enu, velocity_in_body, wheel_speed
 from jerkbench.notices import notify
 from jerkbench.recording import GRAVITY_MPS2
 

@@ -9,7 +9,6 @@ from jerkbench.arrays import FloatArray
 from jerkbench.inspection.evidence import (
     Diagnosis,
     correlation_of,
-    known,
     means_of,
     moving_speed_mps,
     over_lengths,
@@ -17,6 +16,7 @@ from jerkbench.inspection.evidence import (
     track_windows,
     wheel_speeds,
     wheel_windows,
+    without_nan_rows,
 )
 from jerkbench.inspection.lags import LEAST_ROWS, NAN, Lag, best_lag, estimated_lags
 from jerkbench.io.frames import felt_axis
@@ -172,7 +172,7 @@ def _attitude_and_gyro(recording: Recording, length_s: float) -> Pairs | None:
     imu, reference = recording.imu, recording.reference
     if imu is None or reference.euler_rad is None:
         return None
-    t_s, euler_rad = known(reference.t_s, reference.euler_rad)
+    t_s, euler_rad = without_nan_rows(reference.t_s, reference.euler_rad)
     if len(t_s) < LEAST_ROWS or np.median(np.diff(t_s)) > LONGEST_GAP_S:
         return None
     edges_s, means = np.arange(t_s[0], t_s[-1], length_s), means_of(imu.t_s, imu.gyro_radps)

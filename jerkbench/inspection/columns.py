@@ -62,7 +62,7 @@ class Name(NamedTuple):
     unit: str
 
 
-def parsed(column: str) -> Name | None:
+def parse_name(column: str) -> Name | None:
     """Return what the name of a column says; None where it says nothing that is known."""
     words, unit = _words(column)
     quantity, axis = _meaning("".join(words))
@@ -123,7 +123,7 @@ MOVING = LOCAL | {("forward", "left", "up"): "body"}
 """The same of velocities."""
 
 
-class Vector(NamedTuple):
+class Triple(NamedTuple):
     """Three columns.
 
     Attributes:
@@ -140,35 +140,35 @@ class Vector(NamedTuple):
         return tuple(name.column for name in self.names)
 
 
-def sensors_of(names: Sequence[Name]) -> tuple[Vector, Vector] | None:
+def sensors_of(names: Sequence[Name]) -> tuple[Triple, Triple] | None:
     """Return the first accelerometer and gyro that are whole, on the same axes."""
     for axes in SENSOR_AXES:
         accel, gyro = triple(names, "accel", axes), triple(names, "gyro", axes)
         if accel and gyro:
-            return Vector(accel, ""), Vector(gyro, "")
+            return Triple(accel, ""), Triple(gyro, "")
     return None
 
 
-def position_of(names: Sequence[Name]) -> Vector | None:
+def position_columns(names: Sequence[Name]) -> Triple | None:
     """Return the columns of places: latitude, longitude and height before local axes."""
     angles = [[name for name in names if name.quantity == word] for word in ("latitude", "longitude", "height")]
     if all(len(columns) == 1 for columns in angles):
-        return Vector(tuple(columns[0] for columns in angles), "geodetic")
+        return Triple(tuple(columns[0] for columns in angles), "geodetic")
     return _first(names, "position", LOCAL)
 
 
-def velocity_of(names: Sequence[Name]) -> Vector | None:
+def velocity_columns(names: Sequence[Name]) -> Triple | None:
     """Return the columns of velocities."""
     return _first(names, "velocity", MOVING)
 
 
-def sigma_of(names: Sequence[Name]) -> Vector | None:
+def sigma_of(names: Sequence[Name]) -> Triple | None:
     """Return the columns of the standard deviations of places, where they say their axes."""
     return _first(names, "sigma", {axes: frame for axes, frame in LOCAL.items() if frame})
 
 
-def _first(names: Sequence[Name], quantity: str, frames: dict[tuple[str, str, str], str]) -> Vector | None:
+def _first(names: Sequence[Name], quantity: str, frames: dict[tuple[str, str, str], str]) -> Triple | None:
     for axes, frame in frames.items():
         if columns := triple(names, quantity, axes):
-            return Vector(columns, frame)
+            return Triple(columns, frame)
     return None

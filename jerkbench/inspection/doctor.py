@@ -1,16 +1,228 @@
-"""The doctor: mistakes that a person makes in a log, found by what its streams say of each other."""
+"""Streams that do not agree on east and north, and a reference whose attitude is in degrees or of other axes."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 
-from jerkbench.inspection.clocks import all_lags, clock_offsets
-from jerkbench.inspection.evidence import DEG_PER_RAD, Diagnosis, sure_turnings
-from jerkbench.inspection.frames import attitude_mistakes, exchanged_axes, exchanged_degrees
+from jerkbench.arrays import FloatArray
+from jerkbench.inspection.clocks import LONGEST_GAP_S, all_lags, attitude_rates, clock_offsets
+from jerkbench.inspection.evidence import (
+    DEG_PER_RAD,
+    LEAST_WINDOWS,
+    SLOWEST_MPS,
+    SURE,
+    WITHIN,
+    Diagnosis,
+    correlation_of,
+    mean_velocity,
+    slope,
+    strength,
+    sure_turnings,
+    wheel_speeds,
+    window_means,
+    without_nan_rows,
+)
 from jerkbench.inspection.lags import Lag
-from jerkbench.inspection.mounting import EITHER_MIRRORED, TRACK_MIRRORED, mounting
+from jerkbench.inspection.mounting import (
+    EITHER_MIRRORED,
+    EXCHANGED,
+    IDENTITY,
+    PLANE,
+    TRACK_MIRRORED,
+    axes_text,
+    mended,
+    mounting,
+)
 from jerkbench.inspection.sigmas import understated_noise
-from jerkbench.recording import GRAVITY_MPS2, Recording
+from jerkbench.io.frames import felt_axis
+from jerkbench.recording import GRAVITY_MPS2, Imu, Position, Recording
+
+LENGTHS_S = (1.0, 8.0, 32.0)
+"""Slow and coarse fixes say where they went over half a minute, not over a second."""
+
+LEAST_ROWS = 20
+
+LEAST_FIT = 0.9
+LEAST_GAIN = 0.2
+"""Mended axes fit at least so well, and by so much better than the axes as they are (cosines of both series)."""
+
+WAY_S = 5.0
+"""Over shorter windows the noise of a fix is much of the way, over longer ones the bends are."""
+
+WAY_WITHIN = 0.15
+"""So far from 1 may the middle of way over way be where the axes are right: bends, slip, a wheel's scale."""
+
+WAY_APART = 0.3
+"""So far from 1 it has to be for the axes as they are."""
+
+LARGEST_RAD = 4 * np.pi
+"""Angles that are unwrapped may pass pi; roll and pitch never this."""
+
+LARGEST_DEGREE = 4.0
+"""An attitude whose yaw stays below may be in radians."""
+
+HALF_TURN_DEG = 90.0
+"""No vehicle turns so far in half a second; an angle that jumps back by 360 degrees does."""
+
+ATTITUDE_S = 0.5
+LEAST_CORRELATION = 0.5
+
+
+def exchanged_axes(recording: Recording) -> dict[str, Diagnosis]:
+    """Return which of ENU velocity and reference does not have the fixes' east and north, by the stream's name.
+
+    Both as mean velocities over 1, 8 and 32 s, the cosine of the two series is taken for each exchange of axes and
+    signs; each stream once.
+    """
+    position, velocity, reference = recording.position, recording.velocity, recording.reference
+    if position is None:
+        return {}
+    streams = {}
+    if velocity is not None and velocity.frame == "enu":
+        streams["velocity"] = velocity.t_s, velocity.mps[:, :2]
+    if reference.enu_m is not None:
+        streams["reference"] = reference.t_s, reference.enu_m[:, :2]
+    told: dict[str, Diagnosis] = {}
+    for length_s in LENGTHS_S:
+        for stream, (t_s, values) in streams.items():
+            diagnosis = _exchanged(stream, *without_nan_rows(t_s, values), position, length_s)
+            if diagnosis is not None:
+                told.setdefault(stream, diagnosis)
+    return told
+
+
+def _exchanged(
+    stream: str, t_s: FloatArray, values: FloatArray, position: Position, length_s: float
+) -> Diagnosis | None:
+    fix_s, places = without_nan_rows(position.t_s, position.enu_m[:, :2])
+    if min(len(t_s), len(fix_s)) <= LEAST_ROWS:
+        return None
+    length_s = max(length_s, 2 * float(np.median(np.diff(fix_s))), 2 * float(np.median(np.diff(t_s))))
+    edges_s = np.arange(max(t_s[0], fix_s[0]), min(t_s[-1], fix_s[-1]), length_s)
+    if len(edges_s) <= LEAST_ROWS:
+        return None
+    given_mps = (mean_velocity if stream == "reference" else window_means)(t_s, values, edges_s)
+    right_mps = mean_velocity(fix_s, places, edges_s)
+    size = float(np.sqrt(np.sum(given_mps**2) * np.sum(right_mps**2)))
+    if size == 0:
+        return None
+    scores = {way: float(np.sum(mended(given_mps, way) * right_mps)) / size for way in PLANE}
+    best = max(scores, key=lambda way: scores[way])
+    if best == IDENTITY or scores[best] < LEAST_FIT or scores[best] - scores[IDENTITY] < LEAST_GAIN:
+        return None
+    east, north = axes_text(best, ("east", "north"))
+    ned = ": NED for ENU, or latitude and longitude exchanged, in one of the two" if best == EXCHANGED else ""
+    return Diagnosis(
+        f"{stream} against fixes: {best}",
+        f"({east}, {north}) of the {stream} fit the fixes (cosine {scores[best]:.3f}; as they are"
+        f" {scores[IDENTITY]:.3f})",
+        f"The {stream} and the fixes do not have the same east and north{ned}",
+        f"Set {stream}_frame=ned or position_frame=ned, whichever is, or put the columns of one in order",
+    )
+
+
+def exchanged_degrees(recording: Recording) -> list[Diagnosis]:
+    """Return whether the way of the fixes has its length only with latitude and longitude exchanged.
+
+    Read the wrong way round, a degree of latitude counts as one of longitude: east was cos(longitude) times north, and
+    north east over cos(latitude), so that the length of a way depends on its direction::
+
+        |way|^2 = (north' cos(latitude))^2 + (east'/cos(longitude))^2
+    """
+    position, origin, wheel = recording.position, recording.origin, wheel_speeds(recording)
+    if position is None or origin is None or wheel is None:
+        return []
+    t_s, places = without_nan_rows(position.t_s, position.enu_m[:, :2])
+    edges_s = np.arange(max(t_s[0], wheel[0][0]), min(t_s[-1], wheel[0][-1]), WAY_S) if len(t_s) else np.empty(0)
+    if min(len(t_s), len(edges_s)) <= LEAST_WINDOWS:
+        return []
+    driven_mps = window_means(wheel[0], np.abs(wheel[1])[:, None], edges_s)
+    use = driven_mps[:, 0] > SLOWEST_MPS
+    if use.sum() < LEAST_WINDOWS:
+        return []
+    ways = mean_velocity(t_s, places, edges_s)[use] / driven_mps[use]
+    cosines = np.abs(np.cos(np.radians([origin.latitude_deg, origin.longitude_deg])))
+    scales = [[1.0, 1.0], *([1.0 / max(b, 0.01), a] for a, b in (cosines, cosines[::-1]))]
+    as_given, *mended_ways = (float(np.median(np.linalg.norm(ways * scale, axis=1))) for scale in scales)
+    best = min(mended_ways, key=lambda ratio: abs(ratio - 1.0))
+    if abs(as_given - 1.0) < WAY_APART or abs(best - 1.0) > WAY_WITHIN:
+        return []
+    return [
+        Diagnosis(
+            f"speed against fixes: {EXCHANGED}",
+            f"the fixes go {as_given:.2f} times as far as the wheels, and {best:.2f} times with latitude and longitude"
+            " exchanged",
+            "Latitude and longitude are exchanged",
+            "Exchange the first two of position_columns",
+        )
+    ]
+
+
+def attitude_mistakes(recording: Recording) -> Iterator[Diagnosis]:
+    """Tell whether roll and pitch are in degrees, or turn against the gyro."""
+    imu, reference = recording.imu, recording.reference
+    if reference.euler_rad is None:
+        return
+    steepest = float(np.nan_to_num(np.abs(reference.euler_rad[:, :2])).max(initial=0.0))
+    if steepest > LARGEST_RAD:
+        yield _in_degrees(f"roll or pitch reaches {steepest:.4g} where a half turn is 3.14")
+        return
+    t_s, euler = without_nan_rows(reference.t_s, reference.euler_rad)
+    if imu is None or len(t_s) < LEAST_ROWS:
+        return
+    edges_s = np.arange(max(t_s[0], imu.t_s[0]), min(t_s[-1], imu.t_s[-1]), ATTITUDE_S)
+    if len(edges_s) > LEAST_ROWS:
+        gyro = window_means(imu.t_s, imu.gyro_radps, edges_s)
+        in_degrees = list(_yaw_in_degrees(t_s, euler[:, 2], edges_s, gyro[:, 2]))
+        yield from in_degrees or _reversed_angles(imu, t_s, euler, edges_s, gyro)
+
+
+def _in_degrees(measured: str) -> Diagnosis:
+    return Diagnosis("attitude in degrees", measured, "The attitude is in degrees", "Set attitude_unit=deg")
+
+
+def _yaw_in_degrees(t_s: FloatArray, yaw: FloatArray, edges_s: FloatArray, rate: FloatArray) -> Iterator[Diagnosis]:
+    """Compare the changes of yaw with the gyro's z axis, but for those that are a whole turn in degrees."""
+    change, turn_rad = np.diff(np.interp(edges_s, t_s, yaw)), rate * ATTITUDE_S
+    plain = np.abs(change) < HALF_TURN_DEG
+    if np.abs(yaw).max() < LARGEST_DEGREE or plain.sum() < LEAST_ROWS or not turn_rad[plain].any():
+        return
+    change, turn_rad = change[plain], turn_rad[plain]
+    correlation, factor = correlation_of(change, turn_rad), abs(slope(change, turn_rad))
+    sure = abs(strength(correlation, len(change))) >= SURE and abs(correlation) >= LEAST_CORRELATION
+    if sure and 1 / WITHIN < factor / DEG_PER_RAD < WITHIN:
+        yield _in_degrees(f"yaw turns {factor:.3g} times as fast as the gyro says (correlation {correlation:.2f})")
+
+
+def _reversed_angles(
+    imu: Imu, t_s: FloatArray, euler_rad: FloatArray, edges_s: FloatArray, gyro: FloatArray
+) -> Iterator[Diagnosis]:
+    """Compare the turning of the attitude with the gyro, axis by axis.
+
+    FRD for FLU, or NED for ENU, turns pitch and yaw, q and r, the other way, and leaves roll. An IMU that is left in
+    FRD does the same: nothing is said while gravity is not on +z.
+    """
+    if felt_axis(imu.accel_mps2) != "+z" or np.median(np.diff(t_s)) > LONGEST_GAP_S:
+        return
+    rates = attitude_rates(t_s, euler_rad, edges_s)
+    correlations = [correlation_of(rates[:, axis], gyro[:, axis]) for axis in range(3)]
+    against = [
+        name
+        for name, correlation in zip(("roll", "pitch", "yaw"), correlations, strict=True)
+        if correlation < -LEAST_CORRELATION and strength(correlation, len(rates)) < -SURE
+    ]
+    if "pitch" in against or "yaw" in against:
+        shown = ", ".join(f"{value:.2f}" for value in correlations)
+        yield Diagnosis(
+            "attitude of FRD",
+            f"{' and '.join(against)} turn against the gyro (correlations about x, y, z: {shown})",
+            "The attitude is not that of FLU in ENU",
+            "Set reference_body=frd and attitude_frame=ned, as the file's maker defines them, or correct imu_axes",
+        )
+
+
+# The doctor: mistakes that a person makes in a log, found by what its streams say of each other.
 
 TOLERANCE = 0.25
 """So far from 1 may the median of |f|/g be after the mistake is mended: a rough ride, a scale that is off."""

@@ -81,7 +81,7 @@ WindowsAt = Callable[[float], Windows | None]
 """The windows, the IMU's stamps less so many seconds being right; None with fewer than 20 in motion."""
 
 
-def known(t_s: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+def without_nan_rows(t_s: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the rows whose values (n, k) are all there."""
     rows = np.isfinite(values).all(axis=1)
     return t_s[rows], values[rows]
@@ -112,7 +112,7 @@ def mean_velocity(t_s: FloatArray, places: FloatArray, edges_s: FloatArray) -> F
 
 def moving_speed_mps(position: Position) -> float:
     """Return the median speed from fix to fix where it moves; NaN where it never does."""
-    t_s, places = known(position.t_s, position.enu_m[:, :2])
+    t_s, places = without_nan_rows(position.t_s, position.enu_m[:, :2])
     speed = np.linalg.norm(mean_velocity(t_s, places, t_s), axis=1) if len(t_s) > 1 else np.empty(0)
     return float(np.median(speed[speed > SLOWEST_MPS])) if (speed > SLOWEST_MPS).any() else float("nan")
 
@@ -122,7 +122,7 @@ def wheel_speeds(recording: Recording) -> tuple[FloatArray, FloatArray] | None:
     velocity = recording.velocity
     if velocity is None or velocity.frame == "enu":
         return None
-    t_s, mps = known(velocity.t_s, velocity.mps[:, :1])
+    t_s, mps = without_nan_rows(velocity.t_s, velocity.mps[:, :1])
     return (t_s, mps[:, 0]) if len(t_s) > LEAST_WINDOWS else None
 
 
@@ -137,7 +137,7 @@ def track_windows(recording: Recording, length_s: float) -> WindowsAt | None:
     imu, position = recording.imu, recording.position
     if imu is None or position is None:
         return None
-    t_s, places = known(position.t_s, position.enu_m[:, :2])
+    t_s, places = without_nan_rows(position.t_s, position.enu_m[:, :2])
     if len(t_s) <= LEAST_WINDOWS or np.median(np.diff(t_s)) > length_s * 1.01:
         return None
     edges_s = np.arange(max(t_s[0], imu.t_s[0]), min(t_s[-1], imu.t_s[-1]), length_s)

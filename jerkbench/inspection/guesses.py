@@ -11,12 +11,12 @@ from jerkbench.inspection.evidence import (
     DEG_PER_RAD,
     SURE,
     Turning,
-    known,
     mean_velocity,
     slope,
     sure_turnings,
     turning_track,
     window_means,
+    without_nan_rows,
 )
 from jerkbench.inspection.mounting import IDENTITY, UPRIGHT, UPRIGHT_SHARE, axes_text, gravity_share, plane_fit
 from jerkbench.recording import GRAVITY_MPS2, Recording
@@ -181,8 +181,8 @@ def _ways(recording: Recording) -> tuple[FloatArray, FloatArray]:
     position, velocity = recording.position, recording.velocity
     if position is None or velocity is None:
         return np.empty((0, 3)), np.empty((0, 3))
-    fix_s, places = known(position.t_s, position.enu_m)
-    t_s, mps = known(velocity.t_s, velocity.mps)
+    fix_s, places = without_nan_rows(position.t_s, position.enu_m)
+    t_s, mps = without_nan_rows(velocity.t_s, velocity.mps)
     edges_s = np.arange(max(fix_s[0], t_s[0]), min(fix_s[-1], t_s[-1]), WINDOW_S)
     if len(edges_s) < LEAST_EDGES:
         return np.empty((0, 3)), np.empty((0, 3))

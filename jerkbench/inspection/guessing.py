@@ -12,13 +12,13 @@ from jerkbench.datasets.table import Tables
 from jerkbench.errors import RecordingError
 from jerkbench.inspection.columns import (
     Name,
-    Vector,
+    Triple,
     common_unit,
-    parsed,
-    position_of,
+    parse_name,
+    position_columns,
     sensors_of,
     sigma_of,
-    velocity_of,
+    velocity_columns,
 )
 from jerkbench.inspection.guesses import (
     Guess,
@@ -112,9 +112,9 @@ def guess_table(path: Path) -> Draft:
         first = lines.readline()
     separator = next((mark for mark in SEPARATORS if mark in first), "")
     columns = read_columns((path,), TextFormat(separator))
-    names = [name for column in columns.names if (name := parsed(column)) is not None]
+    names = [name for column in columns.names if (name := parse_name(column)) is not None]
     draft = Draft(path, separator, columns, names)
-    sensors, position, velocity = sensors_of(names), position_of(names), velocity_of(names)
+    sensors, position, velocity = sensors_of(names), position_columns(names), velocity_columns(names)
     if sensors is None and position is None:
         raise RecordingError(
             f"{path} has the columns {', '.join(columns.names)}: no three of them are called a place, no six an"
@@ -146,7 +146,7 @@ def _times(draft: Draft, *, imu: bool, position: bool) -> None:
     draft.add(unit, epoch if date else Guess("epoch", "none", "measured", "the stamps are no dates of our time"))
 
 
-def _imu(draft: Draft, accel: Vector, gyro: Vector) -> None:
+def _imu(draft: Draft, accel: Triple, gyro: Triple) -> None:
     draft.name("it has an IMU", imu_file=draft.path.name)
     draft.name("their names", imu_accel=accel.columns, imu_gyro=gyro.columns)
     force = draft.columns.numbers(accel.columns)
@@ -154,7 +154,7 @@ def _imu(draft: Draft, accel: Vector, gyro: Vector) -> None:
     draft.add(guess_accel_unit(force, common_unit(accel.names, ACCEL_UNITS)), guess_upright(force))
 
 
-def _position(draft: Draft, position: Vector) -> None:
+def _position(draft: Draft, position: Triple) -> None:
     draft.name("it has places", position_file=draft.path.name)
     draft.name("their names", position_columns=position.columns)
     places = draft.columns.numbers(position.columns)
@@ -185,7 +185,7 @@ def _sigma(draft: Draft, fixes: BoolArray) -> None:
     draft.add(Guess("position_sigma_scale", SIGMA_UNITS[unit or "m"], grade, why))  # type: ignore[arg-type]
 
 
-def _measure_imu(draft: Draft, gyro: Vector, position: Vector | None) -> None:
+def _measure_imu(draft: Draft, gyro: Triple, position: Triple | None) -> None:
     """Weigh the gyro's unit first: all else compares turns or forces with the track."""
     upright = draft.guesses["imu_axes"]
     draft.add(guess_gyro_unit(draft.load(gyro_unit="rad/s"), common_unit(gyro.names, GYRO_UNITS)))
@@ -206,7 +206,7 @@ def _turned_frame(draft: Draft) -> Guess:
     return replace(frame, grade="unsure", why=why)
 
 
-def _velocity(draft: Draft, velocity: Vector) -> None:
+def _velocity(draft: Draft, velocity: Triple) -> None:
     draft.name("it has velocities", velocity_file=draft.path.name)
     draft.name("its name", velocity_time=draft.guesses["position_time"].value)
     draft.name("their names", velocity_columns=velocity.columns)

@@ -8,8 +8,8 @@ import numpy as np
 from jerkbench.arrays import FloatArray
 from jerkbench.inspection.evidence import (
     correlation_of,
-    known,
     mean_velocity,
+    without_nan_rows,
 )
 from jerkbench.recording import Imu, Position, Recording, Reference, Velocity
 
@@ -96,7 +96,11 @@ def estimated_lags(recording: Recording) -> list[Lag]:
     if position is not None and (truth := _places(reference, position)) is not None:
         lags.append(_position_lag(position, *truth))
     of_velocity = []
-    if position is not None and velocity is not None and len(known(position.t_s, position.enu_m)[0]) > LEAST_ROWS:
+    if (
+        position is not None
+        and velocity is not None
+        and len(without_nan_rows(position.t_s, position.enu_m)[0]) > LEAST_ROWS
+    ):
         axes = {"velocity, horizontal": (0, 1), "velocity, up": (2,)} if velocity.frame == "enu" else {"speed": (0,)}
         of_velocity = [_velocity_lag(name, position, velocity, columns) for name, columns in axes.items()]
     speed = _speeds(recording, of_velocity)
@@ -152,7 +156,7 @@ def _places(reference: Reference, position: Position) -> tuple[FloatArray, Float
         return None
     if np.array_equal(reference.t_s, position.t_s) and np.array_equal(reference.enu_m, position.enu_m, equal_nan=True):
         return None
-    t_s, enu_m = known(reference.t_s, reference.enu_m)
+    t_s, enu_m = without_nan_rows(reference.t_s, reference.enu_m)
     return (t_s, enu_m) if len(t_s) > LEAST_ROWS else None
 
 
@@ -161,7 +165,7 @@ def _position_lag(position: Position, t_s: FloatArray, enu_m: FloatArray) -> Lag
     from scipy.interpolate import CubicSpline
 
     largest_s, way = _largest_s(t_s), CubicSpline(t_s, enu_m[:, :2])
-    fix_s, places = known(position.t_s, position.enu_m[:, :2])
+    fix_s, places = without_nan_rows(position.t_s, position.enu_m[:, :2])
     begin, end = fix_s[:-1], fix_s[1:]
     use = (end - begin < LONGEST_STEP_S) & (begin > t_s[0] + largest_s) & (end < t_s[-1] - largest_s)
     begin, end, moved = begin[use], end[use], np.diff(places, axis=0)[use]
@@ -176,10 +180,10 @@ def _velocity_lag(name: str, position: Position, velocity: Velocity, axes: tuple
     """Compare the velocity with the slope of the positions on ``axes``; a speed with the slope's length."""
     from scipy.interpolate import CubicSpline
 
-    fix_s, enu_m = known(position.t_s, position.enu_m)
+    fix_s, enu_m = without_nan_rows(position.t_s, position.enu_m)
     slope, largest_s = CubicSpline(fix_s, enu_m).derivative(), _largest_s(fix_s)
     begin_s, end_s = fix_s[[0, -1]] + np.array([1, -1]) * (MARGIN_S + largest_s)
-    t_s, mps = known(velocity.t_s, velocity.mps[:, axes])
+    t_s, mps = without_nan_rows(velocity.t_s, velocity.mps[:, axes])
     rows = (t_s > begin_s) & (t_s < end_s)
     t_s, mps = t_s[rows], mps[rows]
 
@@ -195,12 +199,12 @@ def _speeds(recording: Recording, lags: list[Lag]) -> tuple[str, FloatArray, Flo
     velocity, reference, position = recording.velocity, recording.reference, recording.position
     if velocity is not None:
         enu = velocity.frame == "enu"
-        t_s, mps = known(velocity.t_s, velocity.mps[:, (0, 1) if enu else (0,)])
+        t_s, mps = without_nan_rows(velocity.t_s, velocity.mps[:, (0, 1) if enu else (0,)])
         late_s = lags[0].lag_s if lags and np.isfinite(lags[0].lag_s) else 0.0
         against = "differentiated velocity" if enu else "differentiated speed of the wheel"
         return against, t_s - late_s, np.linalg.norm(mps, axis=1)
     if reference.velocity_mps is not None:
-        t_s, mps = known(reference.t_s, reference.velocity_mps[:, :2])
+        t_s, mps = without_nan_rows(reference.t_s, reference.velocity_mps[:, :2])
         return "the reference's differentiated velocity", t_s, np.linalg.norm(mps, axis=1)
     if reference.enu_m is not None:
         return "the reference's places, differentiated twice", *_from_place_to_place(reference.t_s, reference.enu_m)
@@ -211,7 +215,7 @@ def _speeds(recording: Recording, lags: list[Lag]) -> tuple[str, FloatArray, Flo
 
 def _from_place_to_place(t_s: FloatArray, enu_m: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Times half-way between places, and the mean speed there."""
-    t_s, places = known(t_s, enu_m[:, :2])
+    t_s, places = without_nan_rows(t_s, enu_m[:, :2])
     every = _every(t_s)
     t_s, places = t_s[::every], places[::every]
     return 0.5 * (t_s[1:] + t_s[:-1]), np.linalg.norm(mean_velocity(t_s, places, t_s), axis=1)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray
-from jerkbench.inspection.evidence import known, window_means
+from jerkbench.inspection.evidence import window_means, without_nan_rows
 from jerkbench.recording import GRAVITY_MPS2, Imu, Recording
 from jerkbench.simulation.imu import ALLAN_FLOOR, GRADES
 
@@ -128,10 +128,12 @@ def _moves(recording: Recording, rest: Rest) -> bool:
     """Whether velocities or fixes move during a rest."""
     position, velocity = recording.position, recording.velocity
     if velocity is not None:
-        mps = rest.rows_of(*known(velocity.t_s, velocity.mps[:, : 2 if velocity.frame == "enu" else 1]))
+        mps = rest.rows_of(*without_nan_rows(velocity.t_s, velocity.mps[:, : 2 if velocity.frame == "enu" else 1]))
         if len(mps) and np.linalg.norm(np.median(mps, axis=0)) > MOVES_MPS:
             return True
-    places = np.empty((0, 2)) if position is None else rest.rows_of(*known(position.t_s, position.enu_m[:, :2]))
+    places = (
+        np.empty((0, 2)) if position is None else rest.rows_of(*without_nan_rows(position.t_s, position.enu_m[:, :2]))
+    )
     third = max(1, len(places) // 3)
     moved_m = np.linalg.norm(places[-third:].mean(axis=0) - places[:third].mean(axis=0)) if len(places) > 1 else 0.0
     return bool(moved_m > MOVES_MPS * (rest.end_s - rest.begin_s))

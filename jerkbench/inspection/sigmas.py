@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.inspection.evidence import Diagnosis, correlation_of, known, slope, window_means
+from jerkbench.inspection.evidence import Diagnosis, correlation_of, slope, window_means, without_nan_rows
 from jerkbench.inspection.noise import Rest
 from jerkbench.recording import Imu, Position, Recording
 
@@ -296,7 +296,7 @@ def velocity_dependence(recording: Recording) -> list[Dependence]:
         return []
     dependences = []
     for name, axes in (("velocity, horizontal", [0, 1]), ("velocity, up", [2])):
-        _, mps = known(velocity.t_s, velocity.mps[:, axes])
+        _, mps = without_nan_rows(velocity.t_s, velocity.mps[:, axes])
         if len(mps) == len(position.t_s) >= MIDDLE_ROWS:
             way_mps = np.diff(position.enu_m[:, axes], axis=0) / np.diff(position.t_s)[:, None]
             inside = slice(max(SHIFTS), -max(SHIFTS))  # rolled over the ends

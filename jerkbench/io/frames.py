@@ -188,7 +188,7 @@ def first_rest_s(t_s: FloatArray, speed_mps: FloatArray, end_s: float) -> float:
     return float(np.clip(moving[0] - MARGIN_S, 0.0, end_s)) if moving.size else end_s
 
 
-def calibrated(imu: Imu, rest_s: float, *, gyro: bool, accel: bool) -> Imu:
+def calibrated_at_rest(imu: Imu, rest_s: float, *, gyro: bool, accel: bool) -> Imu:
     """Return the samples without the gyro's bias, and with the accelerometer scaled, where that is asked for.
 
     Raises:

@@ -11,7 +11,7 @@ import numpy as np
 from jerkbench.arrays import FloatArray
 from jerkbench.estimate import Attitude
 from jerkbench.files import write_atomically, write_text
-from jerkbench.io.writing import reference_columns, table_of, write_frame
+from jerkbench.io.writing import recording_table, reference_columns, write_frame
 from jerkbench.recording import GRAVITY_MPS2, Recording, Reference
 from jerkbench.timeline import nanoseconds
 
@@ -63,7 +63,7 @@ def input_table(recording: Recording, attitude: Attitude | None = None) -> "pd.D
     ``evaluated`` is 1 where the reference has a stamp; of the reference itself nothing is in it.
     """
     bare = Reference(recording.reference.t_s, "not told", independent=False)
-    table = table_of(replace(recording, reference=bare))
+    table = recording_table(replace(recording, reference=bare))
     t_ns = nanoseconds(table["t_s"].to_numpy())
     table.insert(1, EVALUATED, np.isin(t_ns, nanoseconds(bare.t_s)).astype(np.int64))
     if attitude is None or recording.imu is None:

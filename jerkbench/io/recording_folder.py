@@ -1,16 +1,201 @@
-"""A recording in a folder, in every format that is asked for."""
+"""A recording as the input files of other tools: folders of tables, bags, KF-GINS, pyins."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from jerkbench.arrays import FloatArray
 from jerkbench.errors import RecordingError
 from jerkbench.estimate import Attitude
+from jerkbench.files import write_atomically, write_text
+from jerkbench.geometry import dcm_from_euler, enu_to_geodetic, euler_from_dcm
+from jerkbench.io.clocks import GPS_EPOCH_NS, GPST_MINUS_UTC_S, UNIX_EPOCH, WEEK_NS
+from jerkbench.io.frames import axes_in_enu, enu_from
 from jerkbench.io.method_input import input_table, write_input
-from jerkbench.io.other_tools import write_kf_gins, write_pyins
 from jerkbench.io.ros.writing import write_bag
-from jerkbench.recording import Recording, Reference
+from jerkbench.recording import Imu, Position, Recording, Reference
+
+FLU_FROM_FRD = np.diag([1.0, -1.0, -1.0])
+CONFIGURATION = """\
+imupath: "{folder}/imu.txt"
+gnsspath: "{folder}/gnss.txt"
+outputpath: "{folder}"
+imudatalen: 7
+imudatarate: {rate_hz} # [Hz]
+starttime: {start_s} # [s of the GPS week {week}]
+endtime: {end_s} # [s]
+initpos: {position} # latitude, longitude [deg], height [m]
+initvel: {velocity} # north, east, down [m/s]
+initatt: {attitude} # roll, pitch, yaw, NED and FRD [deg]
+initgyrbias: [0, 0, 0] # [deg/h]
+initaccbias: [0, 0, 0] # [mGal]
+initgyrscale: [0, 0, 0] # [ppm]
+initaccscale: [0, 0, 0] # [ppm]
+initposstd: {position_sd} # north, east, down [m]
+initvelstd: [0.1, 0.1, 0.1] # [m/s]
+initattstd: [1.0, 1.0, 3.0] # [deg]
+imunoise: # of a small consumer IMU; put in what yours has
+  arw: [0.3, 0.3, 0.3] # [deg/sqrt(h)]
+  vrw: [0.3, 0.3, 0.3] # [m/s/sqrt(h)]
+  gbstd: [30.0, 30.0, 30.0] # [deg/h]
+  abstd: [500.0, 500.0, 500.0] # [mGal]
+  gsstd: [300.0, 300.0, 300.0] # [ppm]
+  asstd: [300.0, 300.0, 300.0] # [ppm]
+  corrtime: 1.0 # [h]
+antlever: [0.0, 0.0, 0.0] # forward, right, down [m]
+"""
+
+
+def write_kf_gins(recording: Recording, attitude: Attitude | None, folder: Path) -> list[Path]:
+    """Write imu.txt, gnss.txt and kf-gins.yaml; KF-GINS takes no velocity and no heading. Returns the files.
+
+    Times are GPS seconds of the week in which the recording begins. The configuration starts at the first fix, with
+    its place, the last velocity until then and the attitude there, and is meant to be edited.
+
+    Raises:
+        RecordingError: the recording has no IMU, fix, attitude, origin or start.
+    """
+    position = recording.position
+    if position is None or recording.origin is None or recording.start_utc is None or attitude is None:
+        raise RecordingError(
+            f"{recording.name} cannot be written for KF-GINS, which needs an IMU, fixes, an origin on the Earth and a"
+            " start in UTC."
+        )
+    week, zero_s = _gps_week(recording)
+    whole = np.isfinite(position.enu_m).all(axis=1)
+    text = CONFIGURATION.format(
+        folder=folder.resolve(),
+        week=week,
+        rate_hz=round(1.0 / recording.inertial.nominal_interval_s),
+        start_s=f"{zero_s + float(position.t_s[whole][0]):.9f}",
+        end_s=f"{zero_s + recording.duration_s:.9f}",
+        **_initial(recording, position, attitude, int(np.argmax(whole))),
+    )
+    lines = {
+        "imu.txt": _lines(imu_increments(recording.inertial, zero_s), "%.9f" + " %.12e" * 6),
+        "gnss.txt": _lines(_fixes(recording, position, zero_s)[whole], "%.9f %.11f %.11f %.5f %.5f %.5f %.5f"),
+        "kf-gins.yaml": text,
+    }
+    for name, content in lines.items():
+        write_text(folder / name, content)
+    return [folder / name for name in lines]
+
+
+def imu_increments(imu: Imu, zero_s: float) -> FloatArray:
+    """Return (n, 7): time, rotation [rad] and change of velocity [m/s] over the interval that ends there, FRD."""
+    interval_s = np.diff(imu.t_s, prepend=imu.t_s[0] - imu.nominal_interval_s)[:, None]
+    turned = [values @ FLU_FROM_FRD * interval_s for values in (imu.gyro_radps, imu.accel_mps2)]
+    return np.column_stack([zero_s + imu.t_s, *turned])
+
+
+def _fixes(recording: Recording, position: Position, zero_s: float) -> FloatArray:
+    """(m, 7): time, latitude, longitude [deg], height [m], standard deviations north, east, down [m]."""
+    assert recording.origin is not None  # noqa: S101 - asked for above
+    sigma = np.sqrt(np.diagonal(position.covariance_m2, axis1=1, axis2=2))[:, [1, 0, 2]]
+    return np.column_stack([zero_s + position.t_s, enu_to_geodetic(position.enu_m, recording.origin), sigma])
+
+
+def _initial(recording: Recording, position: Position, attitude: Attitude, first: int) -> dict[str, list[float]]:
+    t_s = position.t_s[first]
+    at = min(int(np.searchsorted(attitude.t_s, t_s)), len(attitude.t_s) - 1)
+    ned_from_frd = enu_from("ned").T @ dcm_from_euler(attitude.euler_rad[at]) @ FLU_FROM_FRD
+    row = _fixes(recording, position, 0.0)[first]
+    return {
+        "position": [round(float(value), 10) for value in row[1:4]],
+        "velocity": _velocity_ned(recording, t_s),
+        "attitude": [round(float(value), 6) for value in np.degrees(euler_from_dcm(ned_from_frd[None])[0])],
+        "position_sd": [round(float(value), 4) for value in row[4:]],
+    }
+
+
+def _velocity_ned(recording: Recording, t_s: float) -> list[float]:
+    """The last velocity in ENU that is whole until ``t_s``; zero where there is none."""
+    velocity = recording.velocity
+    if velocity is None or velocity.frame != "enu":
+        return [0.0, 0.0, 0.0]
+    rows = np.flatnonzero((velocity.t_s <= t_s) & np.isfinite(velocity.mps).all(axis=1))
+    east, north, up = velocity.mps[rows[-1]] if len(rows) else (0.0, 0.0, 0.0)
+    return [round(float(north), 4), round(float(east), 4), round(float(-up), 4)]
+
+
+def _gps_week(recording: Recording) -> tuple[int, float]:
+    """The GPS week of the recording's start, and its second of the week."""
+    assert recording.start_utc is not None  # noqa: S101 - asked for above
+    since = recording.start_utc - UNIX_EPOCH
+    gps_ns = (since.days * 86_400_000_000 + since.seconds * 1_000_000 + since.microseconds) * 1000 - GPS_EPOCH_NS
+    week, rest_ns = divmod(gps_ns + round(GPST_MINUS_UTC_S * 1e9), WEEK_NS)
+    return week, rest_ns * 1e-9
+
+
+def _lines(table: FloatArray, row: str) -> str:
+    return "".join(row % tuple(values) + "\n" for values in table.tolist())
+
+
+# A recording as the tables of pyins (python-ins): its names, NED, the body FRD, degrees.
+
+PLACE, VELOCITY, ANGLES = ("lat", "lon", "alt"), ("VN", "VE", "VD"), ("roll", "pitch", "heading")
+IMU = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
+
+Frame = dict[str, FloatArray]
+
+
+def write_pyins(recording: Recording, attitude: Attitude | None, folder: Path) -> list[Path]:
+    """Write imu.csv, position.csv and, where there are such, velocity.csv and attitude.csv; returns the files.
+
+    The first column is the time, the index of pyins' tables; ``sd`` is the root of the mean variance, as pyins takes
+    one standard deviation for all axes and times.
+
+    Raises:
+        RecordingError: the recording has no IMU or no origin.
+    """
+    frames = pyins_frames(recording, attitude)
+    for name, frame in frames.items():
+        write_atomically(folder / f"{name}.csv", partial(_write, frame))
+    return [folder / f"{name}.csv" for name in frames]
+
+
+def pyins_frames(recording: Recording, attitude: Attitude | None) -> dict[str, Frame]:
+    """Return each table as its columns.
+
+    Raises:
+        RecordingError: as above.
+    """
+    if recording.imu is None or recording.origin is None:
+        raise RecordingError(f"{recording.name} cannot be written for pyins, which needs an IMU and an origin.")
+    imu, position, velocity = recording.imu, recording.position, recording.velocity
+    measured = np.hstack([imu.gyro_radps @ FLU_FROM_FRD, imu.accel_mps2 @ FLU_FROM_FRD])
+    frames = {"imu": _frame(imu.t_s, IMU, measured)}
+    if position is not None:
+        places = _frame(position.t_s, PLACE, enu_to_geodetic(position.enu_m, recording.origin))
+        frames["position"] = places | {"sd": _deviations(position.covariance_m2)}
+    if velocity is not None and velocity.frame == "enu":
+        ned = _frame(velocity.t_s, VELOCITY, axes_in_enu(velocity.mps, "ned"))  # the exchange is its own inverse
+        frames["velocity"] = ned | {"sd": _deviations(velocity.covariance_m2ps2)}
+    if attitude is not None:
+        turns = enu_from("ned").T @ dcm_from_euler(attitude.euler_rad) @ FLU_FROM_FRD
+        frames["attitude"] = _frame(attitude.t_s, ANGLES, np.degrees(euler_from_dcm(turns)))
+    return frames
+
+
+def _write(frame: Frame, path: Path) -> None:
+    import pandas as pd
+
+    pd.DataFrame(frame).to_csv(path, index=False, float_format="%.14g")
+
+
+def _frame(t_s: FloatArray, names: tuple[str, ...], values: FloatArray) -> Frame:
+    return {"time": t_s, **dict(zip(names, values.T, strict=True))}
+
+
+def _deviations(covariance: FloatArray) -> FloatArray:
+    return np.asarray(np.sqrt(np.trace(covariance, axis1=1, axis2=2) / 3.0))
+
+
+# A recording in a folder, in every format that is asked for.
 
 Write = Callable[[Recording, Attitude | None, Path], list[Path]]
 

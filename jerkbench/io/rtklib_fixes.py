@@ -55,7 +55,7 @@ def ground_speed(fixes: PosSolution, position: Position) -> FloatArray:
     return np.asarray(np.hypot(*np.gradient(position.enu_m[:, :2], position.t_s, axis=0).T))
 
 
-def velocity_of(fixes: PosSolution, t_s: FloatArray, latency_s: tuple[float, ...]) -> Velocity | None:
+def velocity_of_fixes(fixes: PosSolution, t_s: FloatArray, latency_s: tuple[float, ...]) -> Velocity | None:
     """Return the velocities of the fixes at ``t_s`` (m,) when they were true; None where the file has none."""
     if fixes.velocity_enu_mps is None or fixes.velocity_covariance_m2ps2 is None:
         return None

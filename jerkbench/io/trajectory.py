@@ -40,7 +40,7 @@ class Trajectory:
     covariance: FloatArray | None = None
 
 
-def estimate_of(trajectory: Trajectory, recording: Recording, max_gap_s: float) -> Estimate:
+def estimate_at_reference(trajectory: Trajectory, recording: Recording, max_gap_s: float) -> Estimate:
     """Return the estimate at the reference's stamps from the trajectory's first sample to its last; nothing is aligned.
 
     A stamp between two samples that are no more than ``max_gap_s`` [s] apart is interpolated between them: position,

@@ -15,7 +15,7 @@ from jerkbench.errors import PluginError, RecordingError
 from jerkbench.io.clocks import GPS_EPOCH_NS, GPST_MINUS_UTC_S, UNIX_EPOCH, WEEK_NS
 from jerkbench.io.columns import TIME_UNITS, Columns, read_columns, times_ns
 from jerkbench.io.frames import ANGLE_UNITS, FRAMES, LOCAL_FRAMES, axes_in_enu, in_degrees, in_enu
-from jerkbench.io.table_values import AttitudeMap, attitude_of
+from jerkbench.io.table_values import AttitudeMap, read_attitude
 from jerkbench.io.text import TextFormat
 from jerkbench.io.trajectory import BAGS, Trajectory, read_odometry
 from jerkbench.recording import Recording
@@ -239,7 +239,7 @@ def _attitude(path: Path, columns: Columns, form: TrajectoryForm) -> FloatArray 
     mapping = AttitudeMap(
         tuple(angles), form.attitude_unit if form.attitude else "rad", frame, form.body, ("x", "y", "z")
     )
-    euler_rad = attitude_of(columns, mapping)
+    euler_rad = read_attitude(columns, mapping)
     nothing = path.suffix == ".tum" and euler_rad is not None and bool((np.nan_to_num(euler_rad) == STILL).all())
     return None if nothing else euler_rad  # TUM has no way to leave a rotation out: the identity stands for it
 

@@ -11,7 +11,7 @@ from jerkbench.arrays import FloatArray
 from jerkbench.errors import RecordingError
 from jerkbench.files import write_atomically, write_text
 from jerkbench.geometry import dcm_from_euler, enu_to_geodetic, quaternion_from_dcm
-from jerkbench.io.ros.frames import FROM_NED, swapped
+from jerkbench.io.ros.streams import FROM_NED, swapped
 from jerkbench.recording import Imu, Recording
 from jerkbench.timeline import nanoseconds
 
@@ -33,7 +33,7 @@ UPPER = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]
 Columns = dict[str, FloatArray]
 
 
-def table_of(recording: Recording, coordinates: str = "enu") -> "pd.DataFrame":
+def recording_table(recording: Recording, coordinates: str = "enu") -> "pd.DataFrame":
     """Return the table; times are seconds since the recording's start, units are in the names.
 
     Variances stay in the order of the columns of their stream; with "geodetic" they are of east, north and up.
@@ -56,7 +56,7 @@ def table_of(recording: Recording, coordinates: str = "enu") -> "pd.DataFrame":
 
 def write_table(recording: Recording, path: Path, coordinates: str = "enu") -> None:
     """Write a .csv or .parquet file."""
-    write_frame(table_of(recording, coordinates), path)
+    write_frame(recording_table(recording, coordinates), path)
 
 
 def write_frame(table: "pd.DataFrame", path: Path) -> None:

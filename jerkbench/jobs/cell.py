@@ -22,7 +22,7 @@ from jerkbench.contracts import (
     Metric,
 )
 from jerkbench.errors import PluginError
-from jerkbench.evaluation.divergence import LIMIT_M
+from jerkbench.evaluation.evaluated_run import LIMIT_M
 from jerkbench.notices import notify
 from jerkbench.optional import on_request
 from jerkbench.plain import plain
@@ -209,7 +209,7 @@ class Protocol:
         first_seed: the first of them.
         burn_in_s: errors count from this time on [s].
         divergence_limit_m: a larger position error is a divergence [m]; infinite: none is. The rule and the
-            limit where nothing is said: `jerkbench.evaluation.divergence`.
+            limit where nothing is said: `jerkbench.evaluation.evaluated_run`.
     """
 
     seeds: int = 5

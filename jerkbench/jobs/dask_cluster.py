@@ -1,18 +1,16 @@
-"""Dask: processes of this machine, or a scheduler with workers anywhere."""
+"""Dask: processes of this machine, a scheduler with workers anywhere, or the jobs of a queue."""
 
 import logging
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import CancelledError, Future
-from contextlib import AbstractContextManager, contextmanager, suppress
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from concurrent.futures import CancelledError
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
 
-from jerkbench.jobs.bundles import run_bundles
-from jerkbench.jobs.cluster import ClusterError, Order, Result, Task, required
-from jerkbench.notices import shared_notices
+from jerkbench.jobs.cluster import ClusterError, Lent, required
 
 ANSWER_S = 30.0
 """So long a scheduler may take to answer."""
@@ -36,25 +34,8 @@ far more than what the thread does.
 """
 
 
-class OverDask:
-    """A cluster whose bundles go through a client of Dask."""
-
-    def connect(self, workers: int) -> "AbstractContextManager[DaskConnection]":
-        """Start the workers, or reach them.
-
-        Raises:
-            ClusterError: a package is not installed, or nobody answers.
-        """
-        raise NotImplementedError
-
-    def run(self, order: Order[Task, Result], workers: int) -> Iterator[tuple[Task, Result | Exception]]:
-        """Send the order's bundles through it."""
-        with shared_notices(), self.connect(workers) as connection:
-            yield from run_bundles(connection, order)
-
-
 @dataclass(frozen=True)
-class Dask(OverDask):
+class Dask:
     """A Dask cluster.
 
     Attributes:
@@ -64,7 +45,7 @@ class Dask(OverDask):
     address: str = ""
 
     @contextmanager
-    def connect(self, workers: int) -> Iterator["DaskConnection"]:
+    def open(self, workers: int) -> Iterator[Lent]:
         """Reach the scheduler, or start processes."""
         distributed = required("distributed", "dask")
         with (
@@ -73,7 +54,7 @@ class Dask(OverDask):
             ended(self._cluster(distributed, workers)) as cluster,
             client_of(distributed, cluster) as client,
         ):
-            yield DaskConnection(client, workers, self.address or "of this process")
+            yield from lent_by(client, workers, self.address or "of this process")
 
     def _cluster(self, distributed: Any, workers: int) -> Any:  # noqa: ANN401 - Dask has no types
         if self.address:
@@ -88,41 +69,38 @@ class Dask(OverDask):
         )
 
 
-class DaskConnection:
-    """A client of a scheduler, which sends what a lost worker had to another one by itself."""
+def lent_by(client: Any, workers: int, name: str) -> Iterator[Lent]:  # noqa: ANN401 - Dask has no types
+    """Lend the workers of a scheduler, which sends what a lost one had to another by itself.
 
-    def __init__(self, client: Any, workers: int, name: str) -> None:  # noqa: ANN401 - Dask has no types
-        """Send by ``client``; ``workers`` is a guess until they are there."""
-        self._client, self._name, self._workers = client, name, workers
+    Args:
+        client: of the scheduler.
+        workers: a guess of how many there are, until they are there.
+        name: of the scheduler, for sentences.
+    """
+    executor = client.get_executor(pure=False)  # the same bundle twice is run twice
+    gone = f"The Dask scheduler {name} is gone. What is done is stored; the same command goes on from there."
+    try:
+        yield Lent(executor, Slots(client, workers), lambda: "" if client.status == "running" else gone, elsewhere=True)
+    finally:
+        with suppress(CancelledError, OSError, TimeoutError):
+            executor.shutdown(wait=False)
+
+
+class Slots:
+    """How much work may be on its way: twice the number of threads that there were a moment ago."""
+
+    def __init__(self, client: Any, workers: int) -> None:  # noqa: ANN401 - Dask has no types
+        """Ask by ``client``; ``workers`` is a guess until they are there."""
+        self._client, self._workers = client, workers
         self._threads, self._asked_s = 0, -math.inf
-        self._executor = client.get_executor(pure=False)  # the same bundle twice is run twice
 
-    def submit(self, work: Callable[..., Any], *arguments: Any) -> "Future[Any]":  # noqa: ANN401 - goes to the work
-        """Hand over a piece of work."""
-        future: Future[Any] = self._executor.submit(work, *arguments)
-        return future
-
-    def room(self) -> int:
-        """Return twice the number of threads that there were a moment ago; a scheduler that is gone names none."""
+    def __call__(self) -> int:
+        """Return it; a scheduler that is gone names no threads."""
         now_s = time.monotonic()
         if now_s >= self._asked_s + BELIEVED_S:
-            self._threads, self._asked_s = self._count(), now_s
+            workers = self._client.scheduler_info(n_workers=-1).get("workers", {})
+            self._threads, self._asked_s = sum(worker["nthreads"] for worker in workers.values()), now_s
         return 2 * (self._threads or self._workers)
-
-    def trouble(self) -> str:
-        """Say that the scheduler is gone."""
-        if self._client.status == "running":
-            return ""
-        return f"The Dask scheduler {self._name} is gone. What is done is stored; the same command goes on from there."
-
-    def close(self) -> None:
-        """Cancel what waits; what a worker is running it runs to its end."""
-        with suppress(CancelledError, OSError, TimeoutError):
-            self._executor.shutdown(wait=False)
-
-    def _count(self) -> int:
-        workers = self._client.scheduler_info(n_workers=-1).get("workers", {})
-        return sum(worker["nthreads"] for worker in workers.values())
 
 
 @contextmanager
@@ -182,3 +160,73 @@ def exports() -> list[str]:
 def variable(name: str) -> str:
     """Return the environment variable that Dask reads a setting from."""
     return "DASK_" + name.upper().replace("-", "_").replace(".", "__")
+
+
+# Job queues: workers of Dask that SLURM, PBS or LSF starts, and starts again where a job is lost.
+
+
+@dataclass(frozen=True)
+class JobQueue:
+    """Jobs of a queue, each with some worker processes; the scheduler is this process.
+
+    Attributes:
+        system: slurm, pbs or lsf.
+        jobs: how many jobs are kept in the queue.
+        processes: worker processes of a job, one core each.
+        memory: of a job, "8GB".
+        walltime: of a job, as the queue writes it: "01:00:00".
+        queue: partition or queue; empty: the system's default.
+        account: what is charged; empty: the system's default.
+        interface: network interface by which workers reach this process, "ib0"; empty: Dask looks for one.
+        directives: more lines for the head of a job's script: ["--exclusive"].
+        prologue: commands of a job before its workers start: ["module load python"].
+        python: the interpreter of the workers; empty: this one, at the same path.
+        logs: folder of the jobs' output; empty: as the system has it.
+    """
+
+    system: str
+    jobs: int = 2
+    processes: int = 1
+    memory: str = "4GB"
+    walltime: str = "01:00:00"
+    queue: str = ""
+    account: str = ""
+    interface: str = ""
+    directives: list[str] = field(default_factory=list)
+    prologue: list[str] = field(default_factory=list)
+    python: str = ""
+    logs: str = ""
+
+    @contextmanager
+    def open(self, workers: int) -> Iterator[Lent]:
+        """Submit the jobs; work begins with the first that runs."""
+        del workers  # jobs and processes say how many
+        distributed = required("distributed", self.system)
+        with quiet(), sparing(), ended(self._cluster()) as cluster, client_of(distributed, cluster) as client:
+            cluster.adapt(minimum_jobs=self.jobs, maximum_jobs=self.jobs)  # which submits another where one is lost
+            yield from lent_by(client, self.jobs * self.processes, "of this process")
+
+    def _cluster(self) -> Any:  # noqa: ANN401 - dask-jobqueue has no types
+        jobqueue = required("dask_jobqueue", self.system)
+        kind = {"slurm": jobqueue.SLURMCluster, "pbs": jobqueue.PBSCluster, "lsf": jobqueue.LSFCluster}[self.system]
+        named = {
+            "queue": self.queue,
+            "project" if self.system == "lsf" else "account": self.account,
+            "interface": self.interface,
+            "python": self.python,
+            "log_directory": self.logs,
+        }
+        try:
+            return kind(
+                cores=self.processes,
+                processes=self.processes,
+                memory=self.memory,
+                walltime=self.walltime,
+                job_extra_directives=self.directives,
+                job_script_prologue=[*exports(), *self.prologue],
+                worker_extra_args=["--no-dashboard"],
+                scheduler_options={"dashboard": False},
+                **{name: value for name, value in named.items() if value},
+            )
+        except (OSError, ValueError, RuntimeError) as error:
+            raise ClusterError(f"cluster={self.system} cannot start: {error}.") from error

@@ -18,13 +18,13 @@ import numpy as np
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.contracts import AttitudeFilter, Dataset, Disturbance, Metric
 from jerkbench.estimate import Attitude, Estimate, no_attitude
-from jerkbench.evaluation.batch_scoring import outlined, scored
+from jerkbench.evaluation.sums import outlined, scored
 from jerkbench.files import cache_folder, forget_oldest, write_atomically
 from jerkbench.jobs.cell import Cell
 from jerkbench.jobs.key import code_digest, plugin_digest, require_data, versions
 from jerkbench.optional import part_read
-from jerkbench.recording import Drawn, Heading, Imu, Origin, Position, Recording, Reference, Velocity
-from jerkbench.timeline import build_timeline, told
+from jerkbench.recording import ErrorLaw, Heading, Imu, Origin, Position, Recording, Reference, Velocity
+from jerkbench.timeline import build_timeline, with_r_scale
 
 # Simulated recordings, kept in the user's cache: another sweep over the same seeds need not
 # simulate them again.
@@ -91,7 +91,7 @@ def _read(path: Path) -> Recording | None:
         values = arrays | header
         parts: dict[str, Any] = {name: PARTS[name](**own) for name in PARTS if (own := _of(name, values))}
         law = _of(LAW, values)
-        drawn = Drawn(parts["imu"], parts["position"], parts["velocity"], **law) if law else None
+        drawn = ErrorLaw(parts["imu"], parts["position"], parts["velocity"], **law) if law else None
         own = _of("", values)
         start = own.pop("start_utc")
         own |= {"start_utc": None if start is None else datetime.fromisoformat(start), "notes": tuple(own["notes"])}
@@ -170,7 +170,7 @@ class Inputs:
         self._loaded = lru_cache(KEPT)(load)
         self._disturbed = lru_cache(KEPT)(partial(disturbed, self._loaded))
         self.attitude = lru_cache(KEPT)(attitude_of)
-        self.told = lru_cache(KEPT)(told)
+        self.told = lru_cache(KEPT)(with_r_scale)
         self.timeline = lru_cache(KEPT)(build_timeline)
         self.scored = lru_cache(KEPT)(scored)
         self._outline = lru_cache(KEPT)(_Outline.of)

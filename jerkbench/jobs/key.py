@@ -7,7 +7,6 @@ import secrets
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
@@ -23,15 +22,13 @@ from jerkbench.jobs.sources import KNOWN, named_digests, sources_digest
 PACKAGE = Path(__file__).parents[1]
 LIBRARIES = ("filterpy", "numba", "numpy", "scipy", "pandas", "pymap3d", "hydra-core")
 COMPUTING = (
-    *("adaptation", "attitude", "compilation", "datasets", "disturbances", "engines", "estimation"),
+    *("adaptation", "attitude", "compilation", "datasets", "disturbances", "engines"),
     *("filters", "inertial", "io", "kinematic", "linear", "recording", "simulation", "measurements", "timeline"),
     *("traces", "contracts", "evaluation/metrics", "arrays", "estimate", "geometry", "kalman"),
-    *("memory", "optional", "random_streams", "renamed", "sums"),
+    *("memory", "optional", "random_streams", "renamed", "sums", "tuning/excerpts"),
     *(f"jobs/{name}" for name in ("cell", "inputs", "rows")),
-    *(f"evaluation/{name}" for name in ("batch_scoring", "counted_rows", "counted_stamps", "divergence")),
-    *(f"evaluation/{name}" for name in ("evaluated_run", "faults", "navigation_errors", "riccati", "sums")),
-    *(f"evaluation/statistics/{name}" for name in ("gaussian_scores", "step_response", "whiteness")),
-    "evaluation/statistics/intervals/correlated_errors",
+    *(f"evaluation/{name}" for name in ("counted_rows", "evaluated_run", "navigation_errors", "sums")),
+    "evaluation/statistics/correlated_errors",
 )
 """Rooms and modules of this package that the rows of a cell depend on: their code is in every key."""
 
@@ -107,25 +104,28 @@ SEEDS = ("seeds", "first_seed")
 """Entries of a protocol that decide on which rows there are, and not on what is in them."""
 
 
+WHAT = 16
+"""So many digits of a key say what is run; the others, by which code."""
+
+
 def cell_key(cell: Cell, fingerprint: str) -> str:
-    """Hash of all that the rows depend on besides their seeds: specification, protocol, code, libraries, data."""
-    everything = {
+    """Hash of all that the rows depend on besides their seeds.
+
+    First of specification, protocol and data, then of the code, the libraries and the plugins' code.
+    """
+    parts = [cell.dataset, *cell.disturbances, cell.attitude, cell.filter, cell.adaptation, cell.engine, *cell.metrics]
+    what = {
         "labels": cell.labels,
         "spec": cell.spec,
-        "protocol": {name: value for name, value in asdict(cell.protocol).items() if name not in SEEDS},
-        "code": code_digest(),
-        "versions": versions(),
-        "plugins": plugins_digests(cell),
-        "data": fingerprint,
+        "protocol": {name: value for name, value in vars(cell.protocol).items() if name not in SEEDS},
+        "data": [fingerprint, cell.filter.fingerprint() if isinstance(cell.filter, ReadingFile) else ""],
     }
-    return hashlib.sha256(json.dumps(everything, sort_keys=True).encode()).hexdigest()[:20]
+    code = [code_digest(), *versions().values(), *(plugin_digest(type(part)) for part in parts)]
+    return _hash(json.dumps(what, sort_keys=True))[:WHAT] + _hash("\n".join(code))[:8]
 
 
-def plugins_digests(cell: Cell) -> list[str]:
-    """Return a hash of the code of each plugin, and one of the files that the filter reads."""
-    parts = [cell.dataset, *cell.disturbances, cell.attitude, cell.filter, cell.adaptation, cell.engine, *cell.metrics]
-    read = cell.filter.fingerprint() if isinstance(cell.filter, ReadingFile) else ""
-    return [*(plugin_digest(type(part)) for part in parts), read]
+def _hash(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
 # The identity of a cell's data: those of its data set, and files that its disturbances read.

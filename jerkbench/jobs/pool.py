@@ -1,4 +1,4 @@
-"""The pool of processes; a process goes on with cells of the recording that it has already."""
+"""The own pool: processes of this machine as a `concurrent.futures.Executor`; one that dies costs its task alone."""
 
 import multiprocessing
 import multiprocessing.connection
@@ -6,146 +6,88 @@ import os
 import signal
 import sys
 import threading
-from collections import deque
-from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from collections.abc import Callable, Iterable
+from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from functools import cache
+from contextlib import suppress
+from functools import cache, partial
 from importlib import import_module
 from multiprocessing.context import SpawnContext, SpawnProcess
-from multiprocessing.process import BaseProcess
 from types import ModuleType
-from typing import Generic, TypeVar
+from typing import Any, NamedTuple
 
 from jerkbench import plugins
 from jerkbench.errors import PluginError
-from jerkbench.notices import shared_notices
 from jerkbench.plain import keep_output_plain
-
-Task = TypeVar("Task")
-Result = TypeVar("Result")
 
 GRACE_S = 5.0
 """So long a process may take to end."""
 
 
-def run_grouped(
-    work: Callable[[Task], Result],
-    groups: Iterable[list[Task]],
-    workers: int,
-    ended: Callable[[list[int]], None] | None = None,
-    admit: Callable[[Task], bool] | None = None,
-) -> Iterator[tuple[Task, Result | Exception]]:
-    """Yield each task with its result as it is done, or with what kept it from being done (its process died).
+class _Worker(NamedTuple):
+    """A process, and what came of its first work, the import of the user's plugins: without them it cannot go on."""
 
-    A worker takes the tasks of one group in their order. When no group is left it helps with the longest.
+    executor: ProcessPoolExecutor
+    imported: "Future[None]"
 
-    Args:
-        work: what is done with a task.
-        groups: tasks.
-        workers: number of processes; with one it is done here.
-        ended: is told the numbers of the processes that were ended, whatever they were doing.
-        admit: is asked when a task's turn has come; what it refuses is left out.
+
+class OwnPool(Executor):
+    """Processes that are started as they are needed; what is submitted goes to the one that was free last.
+
+    So a process goes on with the recording that it has in memory, if whoever waits for it submits what is next.
     """
-    waiting = [group for group in groups if group]
-    workers = min(workers, sum(map(len, waiting)))
-    if workers <= 1:
-        yield from ((task, work(task)) for group in waiting for task in group if admit is None or admit(task))
-        return
-    with shared_notices():
-        yield from _pooled(_Pool(work, Groups(waiting, workers, admit), workers), ended)
 
+    def __init__(self) -> None:
+        """Begin without a process."""
+        self._idle: list[_Worker] = []
+        self._all: list[_Worker] = []
 
-def _pooled(
-    pool: "_Pool[Task, Result]", ended: Callable[[list[int]], None] | None
-) -> Iterator[tuple[Task, Result | Exception]]:
-    """Yield what the pool does, and end its processes, whatever happens."""
-    try:
-        yield from pool.results()
-    finally:
-        numbers = pool.close()
-        if ended is not None:
-            ended(numbers)
+    def submit(self, work: Callable[..., Any], /, *arguments: Any, **named: Any) -> "Future[Any]":  # noqa: ANN401 - goes to the work
+        """Give work to a process that has none."""
+        told: Future[Any] = Future()
+        told.set_running_or_notify_cancel()
+        while True:
+            worker = self._idle.pop() if self._idle else self._started()
+            with suppress(BrokenProcessPool):  # it has died while it had nothing to do
+                done = worker.executor.submit(work, *arguments, **named)
+                done.add_done_callback(partial(self._tell, worker, told))
+                return told
 
+    def _started(self) -> _Worker:
+        executor = ProcessPoolExecutor(1, _Spawning(), initializer=_prepare)
+        self._all.append(_Worker(executor, executor.submit(_import, plugins.modules_of_user())))
+        return self._all[-1]
 
-class Groups(Generic[Task]):
-    """Who is to do which task next."""
+    def _tell(self, worker: _Worker, told: "Future[Any]", done: "Future[Any]") -> None:
+        """Pass on what became of some work; a process that has died is not given any more."""
+        error = ChildProcessError("it was ended") if done.cancelled() else done.exception()
+        dead = done.cancelled() or isinstance(error, BrokenProcessPool)
+        if not dead:
+            self._idle.append(worker)
+        if error is None:
+            told.set_result(done.result())
+        else:
+            died = ChildProcessError("the process that ran it died") if dead else error
+            told.set_exception(_lacking(worker) or died)
 
-    def __init__(self, groups: Iterable[list[Task]], workers: int, admit: Callable[[Task], bool] | None = None) -> None:
-        """Nobody has begun."""
-        self._admit = admit
-        self.waiting = [deque(group) for group in groups if group]
-        self._current: list[deque[Task] | None] = [None] * workers
-
-    def next_task(self, worker: int) -> Task | None:
-        """Take the next task of the worker's group; of another, where its own is done; None where none is left."""
-        while (task := self._pop(worker)) is not None:
-            if self._admit is None or self._admit(task):
-                return task
-        return None
-
-    def _pop(self, worker: int) -> Task | None:
-        group = self._current[worker]
-        if not group:
-            untouched = [g for g in self.waiting if g and not any(g is current for current in self._current)]
-            group = max(untouched or self.waiting, key=len)
-            self._current[worker] = group
-        return group.popleft() if group else None
-
-
-class _Pool(Generic[Task, Result]):
-    """One single-process executor a worker, so that it is known who has which recording in memory."""
-
-    def __init__(self, work: Callable[[Task], Result], groups: Groups[Task], workers: int) -> None:
-        self.work, self.groups = work, groups
-        self.executors = [_executor() for _ in range(workers)]
-
-    def results(self) -> Iterator[tuple[Task, Result | Exception]]:
-        """Yield each task with its result, or with what kept it from being done."""
-        running: dict[Future[Result], tuple[int, Task]] = {}
-        for worker in range(len(self.executors)):
-            self._start(worker, running)
-        while running:
-            finished, _ = wait(running, return_when=FIRST_COMPLETED)
-            for future in finished:
-                worker, task = running.pop(future)
-                yield task, self._result(future, worker)
-                self._start(worker, running)
-
-    def close(self) -> list[int]:
-        """End the workers at once, whatever they are doing: what is done is stored, the rest is not wanted."""
-        children = multiprocessing.active_children()
-        for executor, _ in self.executors:
-            executor.shutdown(wait=False, cancel_futures=True)
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:  # noqa: ARG002 - Executor's signature
+        """End the processes at once, whatever they are doing: what is done was told, the rest is not wanted."""
+        children = [child for child in multiprocessing.active_children() if isinstance(child, _Process)]
+        for worker in self._all:
+            worker.executor.shutdown(wait=False, cancel_futures=True)
         for child in children:
             child.terminate()
         for child in children:
             child.join(GRACE_S)
-        return [child.pid for child in children if child.pid is not None and _has_ended(child)]
-
-    def _start(self, worker: int, running: dict[Future[Result], tuple[int, Task]]) -> None:
-        if (task := self.groups.next_task(worker)) is not None:
-            running[self.executors[worker][0].submit(self.work, task)] = (worker, task)
-
-    def _result(self, future: Future[Result], worker: int) -> Result | Exception:
-        try:
-            return future.result()
-        except OSError:  # nothing more can be stored: the sweep has to end
-            raise
-        except BrokenProcessPool:
-            failed = self.executors[worker][1].exception()
-            self.executors[worker] = _executor()
-            if failed is None or isinstance(failed, BrokenProcessPool):
-                return ChildProcessError("the process that ran it died")
-            said = f"{type(failed).__name__}: {failed}"
-            return PluginError(f"A module of plugins cannot be imported where the runs are ({said}); correct it.")
-        except Exception as error:  # noqa: BLE001 - a plugin that cannot be sent to a process, for example
-            return error
 
 
-def _has_ended(child: BaseProcess) -> bool:
-    """Whether a process is gone; `is_alive` says no for a moment where the executor's thread has waited for it, too."""
-    return bool(multiprocessing.connection.wait([child.sentinel], 0))
+def _lacking(worker: _Worker) -> PluginError | None:
+    """Say that a process could not import the user's plugins."""
+    failed = worker.imported.exception() if worker.imported.done() and not worker.imported.cancelled() else None
+    if failed is None or isinstance(failed, BrokenProcessPool):
+        return None
+    said = f"{type(failed).__name__}: {failed}"
+    return PluginError(f"A module of plugins cannot be imported where the runs are ({said}); correct it.")
 
 
 def _end_with_parent() -> None:
@@ -173,12 +115,6 @@ class _Spawning(SpawnContext):
     """Spawn: a forked process may hang in libraries that hold threads."""
 
     Process = _Process
-
-
-def _executor() -> tuple[ProcessPoolExecutor, Future[None]]:
-    """A process, and what came of its first work, the import of the user's plugins: without them it cannot go on."""
-    executor = ProcessPoolExecutor(1, _Spawning(), initializer=_prepare)
-    return executor, executor.submit(_import, plugins.modules_of_user())
 
 
 def _import(modules: Iterable[str]) -> None:

@@ -6,9 +6,11 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from jerkbench.contracts import Requiring
+from jerkbench.contracts import Dataset, Requiring
 from jerkbench.errors import NO_ROOM, JerkbenchError, PluginError
+from jerkbench.inspection.doctor import first_diagnoses
 from jerkbench.jobs.cell import Cell
+from jerkbench.jobs.inputs import Inputs
 from jerkbench.plugins import is_own
 
 
@@ -107,7 +109,7 @@ def _complaints(cell: Cell) -> Iterator[tuple[str, str]]:
     foreign = [(title, kind, plugin) for title, kind, plugin in _parts(cell) if not is_own(type(plugin))]
     if not foreign:
         return
-    from jerkbench.conformance.probe import complaint
+    from jerkbench.conformance.plugin import complaint
 
     for title, kind, plugin in foreign:
         if sentence := complaint(kind, plugin):
@@ -121,3 +123,26 @@ def _parts(cell: Cell) -> Iterator[tuple[str, str, Any]]:
         yield f"disturbance {spec['name']}", "disturbance", disturbance
     for name, metric in zip(cell.spec["metrics"], cell.metrics, strict=True):
         yield f"metric {name}", "metric", metric
+
+
+# Mistakes in recorded drives, told before they run.
+
+
+def first_mistakes(cells: Iterable[Cell], inputs: Inputs) -> list[str]:
+    """Return what is surely wrong with each recorded drive, without disturbances; `data inspect` finds more.
+
+    Args:
+        cells: what is going to run.
+        inputs: recordings that are shared.
+    """
+    drives: dict[Dataset, Cell] = {cell.dataset: cell for cell in cells if not cell.dataset.seeded}
+    return [line for cell in drives.values() for line in _of_drive(cell, inputs)]
+
+
+def _of_drive(cell: Cell, inputs: Inputs) -> list[str]:
+    name = cell.labels.dataset.partition("(")[0]
+    try:
+        recording = inputs.undisturbed(cell.dataset, cell.draws[0])
+    except Exception:  # noqa: BLE001 - what cannot be loaded becomes a row that says so, when it is run
+        return []
+    return [f"{name}: {diagnosis}" for diagnosis in first_diagnoses(recording)]

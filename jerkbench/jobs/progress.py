@@ -98,11 +98,11 @@ class Progress:
         if already:
             self._bar.console.print(f"{already} of {count} {unit} are done already.")
 
-    def advance(self, statuses: Sequence[str] = ()) -> None:
-        """Count one more, whose runs ended with ``statuses``."""
+    def advance(self, statuses: Sequence[str] = (), count: int = 1) -> None:
+        """Count more of them, whose runs ended with ``statuses``."""
         self._counts.update(statuses)
         trouble = ", ".join(f"{self._counts[s]} runs {s}" for s in ("diverged", "failed") if self._counts[s])
-        self._bar.update(self._task, advance=1, trouble=trouble)
+        self._bar.update(self._task, advance=count, trouble=trouble)
 
     def __enter__(self) -> Self:
         """Start drawing, unless nothing is left to do."""

@@ -1,7 +1,9 @@
 """Runs become rows: the seeds and the settings of a cell side by side where its plugins can, else one at a time."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
+from operator import methodcaller
 from typing import Any, Literal, NamedTuple, cast
 
 import numpy as np
@@ -9,11 +11,9 @@ import numpy as np
 from jerkbench.contracts import Adaptation, Batched, Engine, Estimator, Filter, PerSeed, Remarking, SideBySide
 from jerkbench.errors import JerkbenchError, PluginError
 from jerkbench.estimate import Attitude, Estimate
-from jerkbench.evaluation.batch_scoring import can_stream, outlined, with_updates
 from jerkbench.evaluation.counted_rows import require_begin
-from jerkbench.evaluation.divergence import run_status, strays
-from jerkbench.evaluation.evaluated_run import Summary, evaluate_run, values_of
-from jerkbench.evaluation.sums import Scored, sums_from
+from jerkbench.evaluation.evaluated_run import Summary, evaluate_run, metric_values, run_status, strays
+from jerkbench.evaluation.sums import Scored, can_stream, outlined, sums_from, with_updates
 from jerkbench.jobs.cell import Cell
 from jerkbench.jobs.inputs import KEPT, Inputs, shared_inputs
 from jerkbench.jobs.preflight import plugins_in_words, reason_of, unfit
@@ -97,7 +97,7 @@ def _name(cell: Cell) -> str:
 Row = dict[str, Any]
 Piece = tuple[list[Row], list[str]]
 """Rows of some seeds that are done together, and what a reader of them has to know."""
-Pieces = Iterator[Piece]
+OnError = Literal["row", "raise"]
 OK = {"status": "ok", "reason": ""}
 
 
@@ -116,7 +116,7 @@ class CellRun:
 
     cell: Cell
     fingerprint: str
-    on_error: Literal["row", "raise"] = "row"
+    on_error: OnError = "row"
     threads: int = 1
     inputs: Inputs = field(default_factory=shared_inputs)
 
@@ -126,23 +126,20 @@ class CellRun:
         Raises:
             JerkbenchError: what is wrong, unless it is to be a row.
         """
-        pieces = list(self.pieces(draws or self.cell.draws))
-        notes = dict.fromkeys(note for _, notes in pieces for note in notes)
-        return [row for rows, _ in pieces for row in rows], list(notes)
+        return joined(self.pieces(draws or self.cell.draws))
 
-    def pieces(self, draws: Sequence[int]) -> Pieces:
+    def begin(self, draw: int) -> None:
+        """Have the recording and the attitude of a seed in memory; what is wrong with them is said by its run."""
+        with suppress(Exception):
+            self.inputs.attitude(self.inputs.recording(self.cell, self.fingerprint, draw), self.cell.attitude)
+
+    def pieces(self, draws: Sequence[int]) -> Iterator[Piece]:
         """`rows`, piece by piece: the seeds that run side by side, or one that runs alone.
 
         Raises:
             JerkbenchError: as above.
         """
-        if sentence := unfit(self.cell):
-            yield self._failed(draws, PluginError(sentence))
-            return
-        together = streams(self.cell)
-        for begin in range(0, len(draws), KEPT if together else 1):
-            block = draws[begin : begin + (KEPT if together else 1)]
-            yield self._side_by_side(block) if together else self._row(block[0])
+        yield from (piece for (piece,) in pieces([self], draws))
 
     def once(self, draw: int) -> tuple[Recording, Estimate]:
         """Run one seed; returns what the filter saw and what it made of it. What is raised is raised as it is."""
@@ -156,22 +153,14 @@ class CellRun:
         timeline = told_timeline(inputs.timeline(recording, attitude), recording, attitude, cell.r_scale)
         return recording, cell.engine.run(timeline, model, cell.adaptation)
 
-    def _side_by_side(self, draws: Sequence[int]) -> Piece:
-        try:
-            streamed = _streamed([self.cell], draws, self.fingerprint, self.threads, self.inputs)
-        except Exception as error:  # noqa: BLE001 - whatever an engine raises becomes rows, or a sentence
-            return self._failed(draws, error)
-        rows, notes = zip(*(self.finished(draw, streamed.get((0, draw))) for draw in draws), strict=True)
-        return [row for (row,) in rows], [note for of_row in notes for note in of_row]
-
     def finished(self, draw: int, streamed: "_Sums | None") -> Piece:
         """Return the row of a seed; one that stopped, or went too far, is run alone, which says where and when."""
         if streamed is None or streamed.far:
-            return self._row(draw, streamed.values if streamed else None)
+            return self.alone(draw, streamed.values if streamed else None)
         return [{**_head(self.cell, draw), **OK, **streamed.values}], notes_of(self.cell, streamed.recording)
 
-    def _row(self, draw: int, values: Mapping[str, float] | None = None) -> Piece:
-        """Run a seed alone; ``values`` are its metrics, where they are known."""
+    def alone(self, draw: int, values: Mapping[str, float] | None = None) -> Piece:
+        """Return the row of a seed that is run alone; ``values`` are its metrics, where they are known."""
         protocol = self.cell.protocol
         try:
             recording, estimate = self.once(draw)
@@ -183,32 +172,54 @@ class CellRun:
             row = {**_head(self.cell, draw), "status": status, "reason": plain(reason), **values}
             return [row], notes_of(self.cell, recording)
         except Exception as error:  # noqa: BLE001 - whatever a plugin raises becomes a row, or a sentence
-            return self._failed([draw], error)
+            return self.failed([draw], error)
 
-    def _failed(self, draws: Sequence[int], error: Exception) -> Piece:
+    def failed(self, draws: Sequence[int], error: Exception) -> Piece:
+        """Return the rows of seeds in which something was wrong, or raise it."""
         if self.on_error == "raise":
             with plugins_in_words(self.cell):
                 raise error
         return failed_rows(self.cell, draws, str(error) if isinstance(error, JerkbenchError) else reason_of(error)), []
 
 
-def run_settings(
-    cells: Sequence[Cell], draws: Sequence[int], fingerprint: str, threads: int, inputs: Inputs
-) -> list[list[Row]]:
-    """Return the rows of each cell, one for each of ``draws``, as `CellRun` has them; all run side by side.
+def pieces(runs: Sequence[CellRun], draws: Sequence[int]) -> Iterator[list[Piece]]:
+    """Yield a piece for each of some cells that may share a call: of the seeds that run side by side, or of one.
 
     Args:
-        cells: they differ in filter (of one class), adaptation and r_scale alone.
+        runs: of one `lane`, with the same data and inputs.
         draws: seeds, or phases.
-        fingerprint: of their data.
-        threads: how many the engine may use.
-        inputs: recordings, attitudes and timelines that are shared.
     """
-    runs = [CellRun(cell, fingerprint, threads=threads, inputs=inputs) for cell in cells]
-    if not all(map(streams, cells)):
-        return [run.rows(draws)[0] for run in runs]
-    streamed = _streamed(cells, draws, fingerprint, threads, inputs)
-    return [[run.finished(draw, streamed.get((k, draw)))[0][0] for draw in draws] for k, run in enumerate(runs)]
+    if sentence := unfit(runs[0].cell):
+        yield [run.failed(draws, PluginError(sentence)) for run in runs]
+        return
+    together = streams(runs[0].cell)
+    for begin in range(0, len(draws), KEPT if together else 1):
+        block = draws[begin : begin + (KEPT if together else 1)]
+        yield _side_by_side(runs, block) if together else list(map(methodcaller("alone", block[0]), runs))
+
+
+def _side_by_side(runs: Sequence[CellRun], draws: Sequence[int]) -> list[Piece]:
+    first = runs[0]
+    try:
+        streamed = _streamed([run.cell for run in runs], draws, first.fingerprint, first.threads, first.inputs)
+    except Exception as error:  # noqa: BLE001 - whatever an engine raises becomes rows, or a sentence
+        if len(runs) == 1:
+            return [first.failed(draws, error)]
+        return [piece for run in runs for piece in _side_by_side([run], draws)]  # which tells the culprit
+    return [joined(run.finished(draw, streamed.get((k, draw))) for draw in draws) for k, run in enumerate(runs)]
+
+
+def joined(several: Iterable[Piece]) -> Piece:
+    """Return the rows of several pieces of a cell as one, each note once."""
+    rows, notes = zip(*several, strict=True)
+    return [row for own in rows for row in own], list(dict.fromkeys(note for own in notes for note in own))
+
+
+def lane(cell: Cell) -> object:
+    """Return what cells of one scenario that may share a call have in common; a cell by itself where none may."""
+    if not streams(cell) or unfit(cell):
+        return cell
+    return type(cell.filter), type(cell.adaptation), cell.engine, cell.metrics, cell.protocol
 
 
 def streams(cell: Cell) -> bool:
@@ -323,4 +334,4 @@ def _values(cell: Cell, seed: _Prepared, result: Streamed, inputs: Inputs) -> di
     if result.euler_rad is not None:  # an attitude of its own
         outline = outlined(outline.index, result.euler_rad)
     summary = Summary(with_updates(outline, result.updates), seed.scored.counted, sums)
-    return values_of(cell.metrics, summary, seed.recording, inputs.columns)
+    return metric_values(cell.metrics, summary, seed.recording, inputs.columns)

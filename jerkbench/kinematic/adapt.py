@@ -9,9 +9,8 @@ import numpy as np
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.vectors import chosen
 from jerkbench.compilation.views import RunView, gather, lane, spread
-from jerkbench.kinematic.arguments import Packed, Rules, Runs, packed_of
+from jerkbench.kinematic.arguments import DENSE, Packed, Rules, Runs, packed_of
 from jerkbench.kinematic.correction import NAN
-from jerkbench.kinematic.layout import DENSE
 from jerkbench.kinematic.plugin_call import call_adapt, call_fade
 from jerkbench.kinematic.whole_matrices import adapt_prior
 

@@ -229,7 +229,7 @@ def check_definite(run: RunView) -> None:
 
 def _eliminate(C: View, first: int, s: int, lost: float) -> float:
     """Eliminate three columns, of the upper triangle; return ``lost``, and more where a pivot is not positive."""
-    for c in range(first, first + 3):
+    for c in range(first, min(first + 3, s)):
         lost += chosen(C[c, c], 0.0, 0.0, 1.0)
         scale = 1.0 / C[c, c]
         for r in range(c + 1, s):

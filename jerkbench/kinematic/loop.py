@@ -1,4 +1,4 @@
-"""The loop of the kernel: the steps of a timeline, one after the other."""
+"""The loop of the kernel: prediction, update, adaptation and score of each step of a timeline."""
 
 import os
 from functools import cache
@@ -6,13 +6,159 @@ from typing import Any
 
 from jerkbench.arrays import FloatArray
 from jerkbench.compilation.compiled_loop import compiled_loop, is_compiled, run_beside
-from jerkbench.compilation.views import RunView, View, ask_for, copy, lane, row, runs_in, shared_row
-from jerkbench.kinematic.arguments import Kept, Model, Rules, Runs, Score, Steps
-from jerkbench.kinematic.layout import DENSE, RUN, run_type
+from jerkbench.compilation.vectors import chosen
+from jerkbench.compilation.views import RunView, View, ask_for, copy, lane, room, row, runs_in, shared_row
+from jerkbench.kinematic.adapt import adapt_runs
+from jerkbench.kinematic.arguments import DENSE, RUN, Kept, Model, Rules, Runs, Score, Steps, run_type
+from jerkbench.kinematic.correction import NAN, check_definite, correct, determinant, mahalanobis
 from jerkbench.kinematic.predict import mark_axes, mirror, predict
-from jerkbench.kinematic.score import compare
-from jerkbench.kinematic.update_step import update
-from jerkbench.kinematic.whole_matrices import advance
+from jerkbench.kinematic.whole_matrices import advance, find_gains, put_gains
+
+
+def compare(run: RunView, score: Score, errors: FloatArray, k: int) -> None:
+    """Score the state with row ``k`` of the reference."""
+    add_row(run, row(score.truth, k, run, "6"), score.weights[k])
+    if score.mark[k] >= 0:
+        marked = row(errors, score.mark[k], run, "marked")
+        for i in range(3):
+            marked[i], marked[3 + i] = run.e[i], run.P[0, i]
+        marked[6], marked[7], marked[8] = run.P[1, 1], run.P[1, 2], run.P[2, 2]
+    if len(score.outage) > 0:
+        run.outage += row(score.outage, k, run, "1")[0] * run.square
+
+
+def add_row(run: RunView, truth: View, weights: FloatArray) -> None:
+    """Add the errors of the state to the sums; ``weights`` (4,) in the order of `arguments.WEIGHTS`."""
+    counted, whole, moving = weights[0], weights[1], weights[2]
+    for s in range(6):
+        run.e[s] = run.x[s] - truth[s]
+    for i in range(3):
+        run.position[i] += counted * (run.e[i] * run.e[i])
+        run.velocity[i] += moving * (run.e[3 + i] * run.e[3 + i])
+    square = run.e[0] * run.e[0] + run.e[1] * run.e[1] + run.e[2] * run.e[2]
+    run.square = square
+    run.whole += whole * square
+    run.farthest = chosen(square, run.farthest, square, run.farthest)
+    run.largest = chosen(counted * square, run.largest, square, run.largest)
+    _add_nees(run, counted, weights[3])
+
+
+def _add_nees(run: RunView, counted: float, both: float) -> None:
+    """Add e' P^-1 e of position, and of position and velocity, by elimination."""
+    C, e, total = room(run, "6 6"), room(run, "6"), run.zero
+    for r in range(6):
+        e[r] = run.e[r]
+        for c in range(r, 6):
+            C[r, c] = run.P[r, c]
+    for c in range(6):
+        pivot = C[c, c]
+        run.lost += chosen(pivot, 0.0, 0.0, 1.0)
+        scale = 1.0 / pivot
+        scaled = e[c] * scale
+        total += e[c] * scaled
+        for r in range(c + 1, 6):
+            e[r] -= C[c, r] * scaled
+            factor = C[c, r] * scale
+            for j in range(r, 6):
+                C[r, j] -= factor * C[c, j]
+        if c == 2:
+            run.nees_position += counted * total
+    run.nees += both * total
+
+
+# An update: what was measured, what the adaptation makes of it, what is kept of it, and how it counts.
+
+
+def update(
+    run: RunView, steps: Steps, score: Score, rules: Rules, kept: Kept, runs: Runs, which: int, place: int, states: int
+) -> None:
+    """Take row ``which`` of the measurements, the ``place``-th update, of filters with so many ``states``."""
+    seen = seen_of(run, kept, place)
+    kept.which[place] = which
+    nis = expect(run, steps, rules, runs, seen, which)
+    if DENSE == 1:
+        find_gains(run, runs, rules)
+    correct(run, states)
+    if DENSE == 1:
+        put_gains(run, runs)
+        mirror(run)
+    check_definite(run)
+    finish(run, seen, score, which, nis)
+
+
+def seen_of(run: RunView, kept: Kept, place: int) -> View:
+    """Return where what the ``place``-th update sees is kept."""
+    seen: View = row(kept.seen, place if len(kept.seen) > 1 else 0, run, "seen")
+    return seen
+
+
+def expect(run: RunView, steps: Steps, rules: Rules, runs: Runs, seen: View, which: int) -> float:
+    """Fill innovation and adapted R; return y' S^-1 y with it."""
+    complete = _innovate(run, row(steps.z, which, run, "6"), steps.z, which)
+    _take_covariance(run, row(steps.reported, which, run, "6 6"), complete)
+    if run.width > 1:
+        ask_for(row(steps.reported, which + 1, run, "6 6"))
+    nis = mahalanobis(run)
+    seen[0], seen[1], seen[16] = _rows_used(run), nis, determinant(run)
+    for r in range(6):
+        seen[4 + r] = chosen(run.used[r], 0.0, run.y[r], NAN)
+    if len(steps.R) > 0:
+        _take_covariance(run, row(steps.R, which, run, "6 6"), complete)
+    same = adapt_runs(run, runs, rules, complete)
+    if not same or len(steps.R) > 0:
+        nis = mahalanobis(run)
+    return nis
+
+
+def _innovate(run: RunView, z: View, numbers: FloatArray, which: int) -> bool:
+    """Make y = z - H x; return whether all rows of all runs are there."""
+    absent = 0.0
+    for r in range(6):
+        run.used[r] = chosen(1.0, z[r] * 0.0, 1.0, 0.0)
+        run.y[r] = chosen(run.used[r], 0.0, z[r] - run.x[r], 0.0)
+        for k in range(run.width):
+            absent += numbers[which, r, k] * 0.0
+    return absent == 0.0
+
+
+def _take_covariance(run: RunView, R: View, complete: bool) -> None:
+    """Take R, 0 where a row is not there."""
+    for r in range(6):
+        for c in range(6):
+            run.R[r, c] = R[r, c]
+    if not complete:
+        clear_absent(run)
+
+
+def clear_absent(run: RunView) -> None:
+    """Make R zero where a row is not there."""
+    for r in range(6):
+        for c in range(6):
+            run.R[r, c] = chosen(run.used[r] * run.used[c], 0.0, run.R[r, c], 0.0)
+
+
+def finish(run: RunView, seen: View, score: Score, which: int, nis: float) -> None:
+    """Keep what the adapted R made of it, and count the update."""
+    seen[2] = _rows_used(run)
+    seen[3] = chosen(seen[2], 0.0, nis, NAN)
+    for r in range(6):
+        seen[10 + r] = run.variance[r]
+    if len(score.counts) > 0:
+        counts = row(score.counts, which, run, "1")[0]
+        run.nis += chosen(seen[0], 0.0, counts * seen[1] / seen[0], 0.0)
+        run.updates += chosen(seen[0], 0.0, counts, 0.0)
+        run.nis_used += chosen(seen[2], 0.0, counts * seen[3] / seen[2], 0.0)
+        run.updates_used += chosen(seen[2], 0.0, counts, 0.0)
+
+
+def _rows_used(run: RunView) -> float:
+    rows: float = run.used[0]
+    for r in range(1, 6):
+        rows += run.used[r]
+    return rows
+
+
+# The loop of the kernel: the steps of a timeline, one after the other.
 
 Models = tuple[FloatArray, FloatArray, FloatArray]
 
@@ -46,7 +192,7 @@ def run_steps(steps: Steps, score: Score, model: Model, rules: Rules, kept: Kept
                 begun = k + 1
             update(run, steps, score, rules, kept, runs, steps.update[k], updates, states)
             updates += 1
-            if all_lost(run):
+            if all_lost(run, k):
                 return reached, updates
         if steps.reference[k] >= 0:
             keep(run, score, kept, steps.reference[k], reached)
@@ -102,8 +248,9 @@ def keep(run: RunView, score: Score, kept: Kept, reference: int, k: int) -> None
         compare(run, score, kept.errors, k)
 
 
-def all_lost(run: RunView) -> bool:
-    """Whether no run is left."""
+def all_lost(run: RunView, step: int) -> bool:
+    """Note ``step`` for the runs that are lost at its end; return whether none is left."""
+    run.ended = chosen(run.lost * (-0.5 - run.ended), 0.0, float(step), run.ended)
     k = 0
     while k < run.width and lane(run, k).lost > 0.0:
         k += 1

@@ -7,17 +7,38 @@ from typing import NamedTuple, cast
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.compilation.calls import ask, fill_by, try_ask, try_fill_by
-from jerkbench.compilation.methods import Method, address_of, compiled_method, parameter_vector
+from jerkbench.compilation.methods import (
+    Method,
+    address_of,
+    ask,
+    compiled_method,
+    fill_by,
+    parameter_vector,
+    try_ask,
+    try_fill_by,
+)
+from jerkbench.compilation.module_cache import can_compile
+from jerkbench.compilation.views import RunView
 from jerkbench.contracts import Adaptation, AdaptingGain, AdaptingPrior, Fading
-from jerkbench.estimation.adaptation_call import ADAPT, GIVEN, made_or_said
-from jerkbench.kinematic.arguments import Packed, Rules
-from jerkbench.kinematic.whole_matrices import GAIN, PRIOR
+from jerkbench.kinematic.arguments import Packed, Rules, Whole
 from jerkbench.memory import memory_size
+from jerkbench.notices import notify
 from jerkbench.optional import wants_truth
 
+# The methods as the author of an adaptation writes them: what each is given, and what it returns.
+
+MEASURED = (
+    ("innovation", "float64", "m"),
+    ("R", "float64", "(m, m)"),
+    ("rows", "int64", "m"),
+    ("memory", "float64", "size"),
+)
+GIVEN = (MEASURED[0], ("HPHt", "float64", "(m, m)"), *MEASURED[1:])
+STATE = (("x", "float64", "n"), *((name, "float64", "(n, n)") for name in ("P", "F", "Q")))
+ADAPT = Method("adapt", GIVEN, ("m", "size"), (("m", 6),), "(m, m)")
 FADE = Method("fade", GIVEN, ("m", "size"), (("m", 6),), "")
-"""As the author of an adaptation writes it: what it is given, and a number that it returns."""
+PRIOR = Method("adapt_prior", (*STATE, *MEASURED), ("m", "size", "n"), (("m", 6), ("n", 9)), "(n, n)")
+GAIN = Method("adapt_gain", (*STATE[:2], *MEASURED), ("m", "size", "n"), (("m", 6), ("n", 9)), "(n, m)")
 
 
 class Rule(NamedTuple):
@@ -47,26 +68,44 @@ class Rule(NamedTuple):
         return self.prior != 0 or self.gain != 0
 
 
-def rule_of(adaptation: Adaptation) -> Rule:
-    """Return the compiled adaptation.
+IN_PYTHON = "estimators with {} run in plain Python"
 
-    Raises:
-        numba.core.errors.NumbaError: numba cannot compile it.
-        numba.core.errors.UnsupportedBytecodeError: likewise; it is no NumbaError.
-        TypeError: `adapt` is no plain function.
+
+def compiled_rule(adaptation: Adaptation, otherwise: str = IN_PYTHON) -> Rule | None:
+    """Return the compiled adaptation; None where numba cannot compile it, and one line with the reason.
+
+    ``otherwise``: what that line says of the name of the adaptation.
     """
-    addresses = _addresses(cast("Hashable", adaptation))
-    return Rule(adaptation, parameter_vector(adaptation), *addresses, wants_truth(adaptation))
+    if reason := obstacle(cast("Hashable", adaptation)):
+        notify(f"{otherwise.format(type(adaptation).__name__)}: {reason}")
+        return None
+    return Rule(
+        adaptation, parameter_vector(adaptation), *_addresses(cast("Hashable", adaptation)), wants_truth(adaptation)
+    )
 
 
-def compiled_rule(adaptation: Adaptation) -> Rule | None:
-    """Return the same for an estimator; None, and one line that says why, where numba cannot compile it."""
-    return _compiled(cast("Hashable", adaptation))
+def obstacle(adaptation: Hashable) -> str:
+    """Return why numba cannot compile ``adaptation``, or an empty string."""
+    return _obstacle(adaptation) if can_compile() else "NUMBA_DISABLE_JIT is set: numba compiles nothing"
 
 
 @lru_cache(maxsize=256)
-def _compiled(adaptation: Hashable) -> Rule | None:
-    return made_or_said(lambda: rule_of(cast("Adaptation", adaptation)), adaptation)
+def _obstacle(adaptation: Hashable) -> str:
+    from numba.core.errors import NumbaError, UnsupportedBytecodeError  # the second is none of the first
+
+    try:
+        _addresses(adaptation)
+        parameter_vector(adaptation)
+    except (NumbaError, UnsupportedBytecodeError, TypeError) as error:
+        return _first_sentence(str(error))
+    return ""
+
+
+def _first_sentence(message: str) -> str:
+    """The line of numba's message that names the obstacle."""
+    lines = [line.strip() for line in message.splitlines() if line.strip()]
+    telling = [line for line in lines if not line.startswith(("Failed in", "During:", "File", "[1"))]
+    return (telling or lines or ["numba cannot compile it"])[0]
 
 
 @lru_cache(maxsize=256)
@@ -102,6 +141,27 @@ def call_fade(rules: Rules, k: int, packed: Packed, m: int) -> tuple[bool, float
         answer: tuple[bool, float] = try_ask(rules.fade[k], seen, (m, rules.sizes[k]))
         return answer
     return True, ask(rules.fade[k], seen, (m, rules.sizes[k]))
+
+
+def call_prior(alone: RunView, rules: Rules, k: int, whole: Whole, packed: Packed, m: int) -> bool:
+    """Fill the adapted prior covariance of a run; return whether `adapt_prior` raised no error."""
+    given = rules.parameters[k], whole.x, whole.P, whole.F, whole.Q, packed.y, packed.R, packed.rows
+    seen = (*given, rules.memory[k], whole.answer)
+    if len(rules.adapt) > 1:
+        well: bool = try_fill_by(rules.prior[k], seen, (m, rules.sizes[k], alone.s))
+        return well
+    fill_by(rules.prior[k], seen, (m, rules.sizes[k], alone.s))
+    return True
+
+
+def call_gain(alone: RunView, rules: Rules, k: int, whole: Whole, packed: Packed, m: int) -> bool:
+    """Fill the gain of a run; return whether `adapt_gain` raised no error."""
+    seen = rules.parameters[k], whole.x, whole.P, packed.y, packed.R, packed.rows, rules.memory[k], whole.answer
+    if len(rules.adapt) > 1:
+        well: bool = try_fill_by(rules.gain[k], seen, (m, rules.sizes[k], alone.s))
+        return well
+    fill_by(rules.gain[k], seen, (m, rules.sizes[k], alone.s))
+    return True
 
 
 def rules_of(rules: Sequence[Rule], states: int) -> Rules:

@@ -1,16 +1,10 @@
 """The prior covariance of one run in whole matrices, for an adaptation that changes it."""
 
 from jerkbench.arrays import FloatArray
-from jerkbench.compilation.calls import fill_by, try_fill_by
-from jerkbench.compilation.methods import Method
 from jerkbench.compilation.views import RunView, View, lane, room
-from jerkbench.estimation.adaptation_call import GIVEN
 from jerkbench.kalman import EXPOSED, FLOOR, ROUNDING
 from jerkbench.kinematic.arguments import Model, Packed, Rules, Runs, Steps, Whole, packed_of
-
-STATE = (("x", "float64", "n"), *((name, "float64", "(n, n)") for name in ("P", "F", "Q")))
-MEASURED = tuple(argument for argument in GIVEN if argument[0] != "HPHt")
-PRIOR = Method("adapt_prior", (*STATE, *MEASURED), ("m", "size", "n"), (("m", 6), ("n", 9)), "(n, n)")
+from jerkbench.kinematic.plugin_call import call_gain, call_prior
 
 
 def advance(run: RunView, runs: Runs, model: Model, steps: Steps, begin: int, end: int) -> None:
@@ -57,17 +51,6 @@ def adapt_prior(alone: RunView, runs: Runs, k: int, packed: Packed, rules: Rules
     return well
 
 
-def call_prior(alone: RunView, rules: Rules, k: int, whole: Whole, packed: Packed, m: int) -> bool:
-    """Fill the adapted prior covariance of a run; return whether `adapt_prior` raised no error."""
-    given = rules.parameters[k], whole.x, whole.P, whole.F, whole.Q, packed.y, packed.R, packed.rows
-    seen = (*given, rules.memory[k], whole.answer)
-    if len(rules.adapt) > 1:
-        well: bool = try_fill_by(rules.prior[k], seen, (m, rules.sizes[k], alone.s))
-        return well
-    fill_by(rules.prior[k], seen, (m, rules.sizes[k], alone.s))
-    return True
-
-
 def whole_of(alone: RunView, runs: Runs) -> Whole:
     """Point at the room for the state of one run."""
     own, s = runs.whole, alone.s
@@ -106,8 +89,6 @@ def put_covariance(alone: RunView, P: FloatArray) -> None:
 
 # The update of a run whose adaptation has a gain of its own, in whole matrices.
 
-GAIN = Method("adapt_gain", (*STATE[:2], *MEASURED), ("m", "size", "n"), (("m", 6), ("n", 9)), "(n, m)")
-
 
 def find_gains(run: RunView, runs: Runs, rules: Rules) -> None:
     """Work out the update of the runs that have a gain of their own, from the prior and the adapted R."""
@@ -124,16 +105,6 @@ def find_gains(run: RunView, runs: Runs, rules: Rules) -> None:
             well = call_gain(alone, rules, k, whole, packed, m)
             runs.own[k, 0], runs.own[k, 1] = 1.0, 0.0 if well else 1.0
             _own_update(alone, runs.own[k], whole, packed, m)
-
-
-def call_gain(alone: RunView, rules: Rules, k: int, whole: Whole, packed: Packed, m: int) -> bool:
-    """Fill the gain of a run; return whether `adapt_gain` raised no error."""
-    seen = rules.parameters[k], whole.x, whole.P, packed.y, packed.R, packed.rows, rules.memory[k], whole.answer
-    if len(rules.adapt) > 1:
-        well: bool = try_fill_by(rules.gain[k], seen, (m, rules.sizes[k], alone.s))
-        return well
-    fill_by(rules.gain[k], seen, (m, rules.sizes[k], alone.s))
-    return True
 
 
 def _take_used(alone: RunView, packed: Packed) -> int:

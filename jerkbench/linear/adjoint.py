@@ -4,7 +4,7 @@ from functools import cache
 
 from jerkbench.compilation.vectors import WIDE, chosen
 from jerkbench.compilation.views import RunView, View, copy, eights, room, wide_room
-from jerkbench.kinematic.layout import with_covariance
+from jerkbench.kinematic.arguments import with_covariance
 from jerkbench.kinematic.predict import mirror
 
 
@@ -211,7 +211,7 @@ def tape_type(n: int, width: int) -> RunView:
         "inverse": (6, 6),  # of S, its lower half
         "weighed": (6,),  # S^-1 y
     }
-    return with_covariance(shapes, n, width)
+    return with_covariance(shapes, s, width)
 
 
 ROW = tape_type(3, WIDE)

@@ -9,12 +9,10 @@ from typing import NamedTuple
 from jerkbench.arrays import FloatArray, FloatCube, FloatMatrix, FloatStack
 from jerkbench.compilation.vectors import chosen
 from jerkbench.compilation.views import RunView, View, lane, room, row, runs_in
-from jerkbench.kinematic.arguments import Kept, Rules, Runs, Score, Steps
+from jerkbench.kinematic.arguments import RUN, Kept, Rules, Runs, Score, Steps
 from jerkbench.kinematic.correction import check_definite, correct, mahalanobis
-from jerkbench.kinematic.layout import RUN
-from jerkbench.kinematic.loop import all_lost, keep, move_by
+from jerkbench.kinematic.loop import all_lost, expect, finish, keep, move_by, seen_of
 from jerkbench.kinematic.predict import mark_axes, mirror
-from jerkbench.kinematic.update_step import expect, finish, seen_of
 
 # Arguments of the loop besides those of its filters; WIDTH is the number of runs side by side.
 
@@ -154,7 +152,7 @@ def run_mixture(steps: Steps, score: Score, mixing: Mixing, rules: Rules, kept: 
         if steps.update[k] >= 0:
             update(combined, steps, score, mixing, rules, kept, runs, steps.update[k], updates, states)
             updates += 1
-            if all_lost(combined):
+            if all_lost(combined, k):
                 return reached, updates
         if steps.reference[k] >= 0:
             combine(mixing, combined)

@@ -14,13 +14,11 @@ from jerkbench.compilation.compiled_loop import compiled_loop
 from jerkbench.compilation.vectors import WIDE, aligned_zeros
 from jerkbench.contracts import Filter
 from jerkbench.estimate import Estimate
-from jerkbench.kinematic.batch import run_packs
-from jerkbench.kinematic.layout import run_type
+from jerkbench.kinematic.arguments import run_type
 from jerkbench.kinematic.loop import APART, runs_of
-from jerkbench.kinematic.models import model_of
-from jerkbench.kinematic.packs import Pack
+from jerkbench.kinematic.packs import Pack, model_of
 from jerkbench.kinematic.plugin_call import Rule
-from jerkbench.kinematic.single_run import run_alone
+from jerkbench.kinematic.runs import run_alone, run_packs
 from jerkbench.linear.mixing import Mixing, run_mixture
 from jerkbench.sums import Run, Streamed
 from jerkbench.timeline import Timeline, step_lengths
@@ -65,7 +63,7 @@ def mix_alone(timeline: Timeline, start: Mixed, rule: Rule) -> Estimate | None:
     count, n = start.shape
     lengths_s, which = step_lengths(timeline.dt_s)
     mixing = mixing_of([start], lengths_s, timeline)
-    estimate = run_alone(timeline, which, rule, (mixture_for(n, 1, count), run_type(n, 1), mixing))
+    estimate, _ = run_alone(timeline, which, rule, (mixture_for(n, 1, count), run_type(n, 1), mixing))
     return None if estimate.failure else estimate
 
 

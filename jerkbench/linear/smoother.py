@@ -31,17 +31,12 @@ from jerkbench.compilation.vectors import aligned_zeros
 from jerkbench.compilation.views import RunView, row, runs_in, shared_row
 from jerkbench.contracts import Filter
 from jerkbench.estimate import Estimate
-from jerkbench.kinematic.arguments import Kept, Model, Rules, Runs, Score, Steps
-from jerkbench.kinematic.batch import run_packs
-from jerkbench.kinematic.layout import RUN, run_type
-from jerkbench.kinematic.loop import APART, all_lost, move, runs_of, start
-from jerkbench.kinematic.models import model_of
-from jerkbench.kinematic.packs import Pack
+from jerkbench.kinematic.arguments import RUN, Kept, Model, Rules, Runs, Score, Steps, run_type
+from jerkbench.kinematic.loop import APART, all_lost, compare, move, runs_of, start, update
+from jerkbench.kinematic.packs import Pack, model_of
 from jerkbench.kinematic.plugin_call import Rule
 from jerkbench.kinematic.predict import mark_axes
-from jerkbench.kinematic.score import compare
-from jerkbench.kinematic.single_run import run_alone
-from jerkbench.kinematic.update_step import update
+from jerkbench.kinematic.runs import run_alone, run_packs
 from jerkbench.linear.adjoint import (
     ROW,
     SEGMENT,
@@ -114,7 +109,7 @@ def run_forward(
         if due:
             update(run, steps, score, rules, kept, runs, steps.update[k], updates, states)
             updates += 1
-            if all_lost(run):
+            if all_lost(run, k):
                 return 0, reached, updates
         if steps.reference[k] >= 0:
             reached += 1
@@ -197,7 +192,7 @@ def smooth_one(timeline: Timeline, model: Filter, rule: Rule) -> Estimate | None
     """
     lengths_s, which = step_lengths(timeline.dt_s)
     prepared = _prepared([model], lengths_s, timeline.dt0_s, timeline.update)
-    estimate = None if prepared is None else run_alone(timeline, which, rule, prepared)
+    estimate = None if prepared is None else run_alone(timeline, which, rule, prepared)[0]
     return None if estimate is None or estimate.failure else estimate
 
 

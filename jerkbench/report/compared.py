@@ -1,20 +1,141 @@
-"""A comparison of two sets of results, for a terminal, for a page, and for machines."""
+"""Two sets of results: how far one may fall behind, and the comparison as text, Markdown, JSON and JUnit."""
 
 import json
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import tomllib
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from pathlib import Path
 from typing import Any, NamedTuple
 
-from jerkbench.conformance.junit import JunitCase, junit
-from jerkbench.evaluation.statistics.intervals.share import loss_bound
+from jerkbench.conformance.requirements import JunitCase, junit
+from jerkbench.errors import JerkbenchError, unknown
+from jerkbench.evaluation.statistics.intervals import loss_bound
 from jerkbench.report.analysis.changes import Change, change_rows
-from jerkbench.report.analysis.factors import FACTORS
-from jerkbench.report.analysis.quantities import quantity
+from jerkbench.report.analysis.columns import FACTORS, METHOD, quantity
+from jerkbench.report.analysis.runs import Combination
 from jerkbench.report.tables.terminal import print_grid
 from jerkbench.report.tables.writers import markdown_grid
+from jerkbench.yaml_files import read_yaml
+
+KEY = "tolerances"
+"""The list in the file."""
+
+ANY = "*"
+LINE = "{metric: position_rmse_m, method: mtf, scenario: gnss_outage, ratio: 1.05}"
+"""An example of a rule."""
 
 
-class Compared(NamedTuple):
+@dataclass(frozen=True)
+class Tolerance:
+    """One rule.
+
+    Attributes:
+        ratio: B/A up to which a combination passes.
+        metric: pattern (``*``, ``?``, ``[...]``) of a column of rows.csv.
+        method: pattern of a filter, an adaptation or a noise, or of these joined by ``+``.
+        scenario: pattern of a data set, a disturbance or an attitude, or of these joined by ``+``.
+    """
+
+    ratio: float
+    metric: str = ANY
+    method: str = ANY
+    scenario: str = ANY
+
+    def fits(self, metric: str, combination: Combination) -> bool:
+        """Whether the rule is about this metric of this combination."""
+        values = dict(zip(FACTORS, combination, strict=True))
+        scenario = [value for factor, value in values.items() if factor not in METHOD]
+        method = [values[factor] for factor in METHOD]
+        return (
+            fnmatchcase(metric, self.metric) and _any_fits(method, self.method) and _any_fits(scenario, self.scenario)
+        )
+
+    @property
+    def percent(self) -> float:
+        """By how many percent a combination may be worse."""
+        return 100 * (self.ratio - 1)
+
+
+def _any_fits(values: Sequence[str], pattern: str) -> bool:
+    return any(fnmatchcase(text, pattern) for text in (*values, "+".join(values)))
+
+
+@dataclass(frozen=True)
+class Tolerances:
+    """All rules of a file, and what holds where none fits; the first that fits counts.
+
+    Attributes:
+        rules: in the order of the file.
+        otherwise: percent where no rule fits; None: nobody asked.
+    """
+
+    rules: tuple[Tolerance, ...] = ()
+    otherwise: float | None = None
+
+    def percent(self, metric: str, combination: Combination) -> float | None:
+        """Return by how many percent a combination may be worse; None: it cannot fail."""
+        fitting = (rule.percent for rule in self.rules if rule.fits(metric, combination))
+        return next(fitting, self.otherwise)
+
+    def metrics(self, main: str, columns: Iterable[str]) -> list[str]:
+        """Return what is to be compared: the main metric, if a rule leaves it open, and the columns that rules name."""
+        named = [rule.metric for rule in self.rules if rule.metric != ANY]
+        chosen = [column for column in columns if any(fnmatchcase(column, pattern) for pattern in named)]
+        return chosen if named and len(named) == len(self.rules) else list(dict.fromkeys([main, *chosen]))
+
+    def idle(self, compared: Iterable[tuple[str, Combination]]) -> list[str]:
+        """Return a sentence for each rule that fits nothing that was compared."""
+        pairs = list(compared)
+        return [
+            f"Tolerance {number} fits no combination (metric {rule.metric}, method {rule.method}, scenario "
+            f"{rule.scenario})."
+            for number, rule in enumerate(self.rules, start=1)
+            if not any(rule.fits(*pair) for pair in pairs)
+        ]
+
+
+def read_tolerances(path: Path, otherwise: float | None = None) -> Tolerances:
+    """Read a file of tolerances: YAML, or TOML if its name ends so.
+
+    Raises:
+        JerkbenchError: it cannot be read, or a rule is none.
+    """
+    content = _content(path)
+    rules = content.get(KEY) if isinstance(content, Mapping) and set(content) == {KEY} else None
+    if not isinstance(rules, list) or not rules:
+        raise JerkbenchError(f"{path} has no list of tolerances: write {KEY}:, and below it lines as - {LINE}.")
+    return Tolerances(tuple(_rule(path, number, rule) for number, rule in enumerate(rules, start=1)), otherwise)
+
+
+def _content(path: Path) -> Any:  # noqa: ANN401 - whatever stands there
+    import yaml
+
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8")) if path.suffix == ".toml" else read_yaml(path)
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError, yaml.YAMLError) as error:
+        raise JerkbenchError(f"{path} cannot be read: {' '.join(str(error).split())}.") from error
+
+
+def _rule(path: Path, number: int, rule: object) -> Tolerance:
+    where = f"{path}, tolerance {number}"
+    if not isinstance(rule, Mapping):
+        raise JerkbenchError(f"{where} is {rule!r}; write it as {LINE}.")
+    known = ("metric", "method", "scenario", "ratio")
+    for key in rule:
+        if key not in known:
+            raise JerkbenchError(f"{where}: {unknown('key', str(key), known)}")
+    ratio = rule.get("ratio")
+    if isinstance(ratio, bool) or not isinstance(ratio, int | float) or not 0 < ratio < math.inf:
+        raise JerkbenchError(f"{where}: ratio is {ratio!r}; it must be a number above 0, 1.05 for 5 % worse at most.")
+    return Tolerance(float(ratio), **{key: str(value) for key, value in rule.items() if key != "ratio"})
+
+
+# A comparison of two sets of results, for a terminal, for a page, and for machines.
+
+
+class MetricChanges(NamedTuple):
     """A comparison by one metric.
 
     Attributes:
@@ -36,7 +157,7 @@ class Compared(NamedTuple):
         return [percent is not None and change.worse(percent) for change, percent in pairs]
 
 
-class Comparison(NamedTuple):
+class StudyComparison(NamedTuple):
     """A comparison by one metric or several.
 
     Attributes:
@@ -45,23 +166,23 @@ class Comparison(NamedTuple):
         failed: whether a combination is worse than it may be, or cannot be judged.
     """
 
-    parts: Sequence[Compared]
+    parts: Sequence[MetricChanges]
     notes: Sequence[str]
     failed: bool
 
 
-def print_comparison(comparison: Comparison) -> None:
+def print_comparison(comparison: StudyComparison) -> None:
     """Print the comparison in the terminal."""
     for grid in _grids(comparison):
         print_grid(*grid)
 
 
-def comparison_markdown(comparison: Comparison) -> str:
+def comparison_markdown(comparison: StudyComparison) -> str:
     """Return the comparison as sections of Markdown."""
     return "\n".join(markdown_grid(*grid) for grid in _grids(comparison))
 
 
-def comparison_json(comparison: Comparison) -> str:
+def comparison_json(comparison: StudyComparison) -> str:
     """Return the comparison as JSON; what is no number is null."""
     content = {
         "metrics": [part.metric for part in comparison.parts],
@@ -72,13 +193,13 @@ def comparison_json(comparison: Comparison) -> str:
     return json.dumps(content, indent=2) + "\n"
 
 
-def comparison_junit(comparison: Comparison) -> str:
+def comparison_junit(comparison: StudyComparison) -> str:
     """Return the comparison as a JUnit file: a case for each combination and metric."""
     title = f"jerkbench compare {', '.join(part.metric for part in comparison.parts)}"
     return junit(title, [case for part in comparison.parts for case in _cases(part)])
 
 
-WRITERS: Mapping[str, Callable[[Comparison], str]] = {
+WRITERS: Mapping[str, Callable[[StudyComparison], str]] = {
     "md": comparison_markdown,
     "json": comparison_json,
     "junit": comparison_junit,
@@ -86,14 +207,14 @@ WRITERS: Mapping[str, Callable[[Comparison], str]] = {
 """Formats that are text."""
 
 
-def _grids(comparison: Comparison) -> Iterator[tuple[str, list[str], list[list[str]], Sequence[str]]]:
+def _grids(comparison: StudyComparison) -> Iterator[tuple[str, list[str], list[list[str]], Sequence[str]]]:
     """The table of each metric; the notes stand below the last."""
     for part in comparison.parts:
         notes = comparison.notes if part is comparison.parts[-1] else ()
         yield quantity(part.metric).heading, *_grid(part), notes
 
 
-def _grid(part: Compared) -> tuple[list[str], list[list[str]]]:
+def _grid(part: MetricChanges) -> tuple[list[str], list[list[str]]]:
     """A column says what is allowed, where it is not the same for all."""
     header, rows = [*part.varying, "A", "B", "B/A", "95 %", "losses", ""], change_rows(part.changes, part.varying)
     for row, worse in zip(rows, part.worse, strict=True):
@@ -104,7 +225,7 @@ def _grid(part: Compared) -> tuple[list[str], list[list[str]]]:
     return [*header[:-1], "allowed", ""], [[*row[:-1], may, row[-1]] for row, may in zip(rows, allowed, strict=True)]
 
 
-def _records(part: Compared) -> Iterator[dict[str, Any]]:
+def _records(part: MetricChanges) -> Iterator[dict[str, Any]]:
     for change, percent, worse in zip(part.changes, part.allowed, part.worse, strict=True):
         judgement = change.judgement
         numbers = {"a": change.means[0], "b": change.means[1], "ratio": judgement.ratio}
@@ -123,7 +244,7 @@ def _records(part: Compared) -> Iterator[dict[str, Any]]:
         }
 
 
-def _cases(part: Compared) -> Iterator[JunitCase]:
+def _cases(part: MetricChanges) -> Iterator[JunitCase]:
     rows = change_rows(part.changes, part.varying)
     for change, row, percent, worse in zip(part.changes, rows, part.allowed, part.worse, strict=True):
         names, (a, b, ratio, interval, lost, verdict) = row[:-6], row[-6:]

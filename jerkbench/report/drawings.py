@@ -1,20 +1,57 @@
-"""Every figure of a study, with its caption; the scenarios and methods that carry its findings."""
+"""The choice of figures: few, all or none."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import TYPE_CHECKING, TypedDict
 
+from jerkbench.errors import PluginError, unknown
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.recording import Recording
-from jerkbench.report.analysis.factors import FACTORS, METHOD
-from jerkbench.report.analysis.strongest import largest
+from jerkbench.report.analysis.columns import FACTORS, METHOD
+from jerkbench.report.analysis.findings import largest
 from jerkbench.report.analysis.study_verdicts import study_verdicts
-from jerkbench.report.plots.palette import Palette
+from jerkbench.report.plots.style import Palette
 from jerkbench.report.tables.summary import main_metric, summarise
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
+
+
+class Choice(StrEnum):
+    """Whose runs are drawn.
+
+    Attributes:
+        FEW: those of the scenarios and methods that carry a finding.
+        ALL: those of every scenario.
+        NONE: there is no figure.
+    """
+
+    FEW = "few"
+    ALL = "all"
+    NONE = "none"
+
+
+SWITCHES = {"true": Choice.ALL, "false": Choice.NONE}
+"""What the option was before it had three values."""
+
+
+def figures_choice(text: str) -> Choice:
+    """Read ``few``, ``all`` or ``none``; ``true`` is all, ``false`` none.
+
+    Raises:
+        PluginError: it is another word.
+    """
+    word = text.strip().lower()
+    if word in SWITCHES:
+        return SWITCHES[word]
+    if word not in list(Choice):
+        raise PluginError(unknown("choice of figures", text, list(Choice)))
+    return Choice(word)
+
+
+# Every figure of a study, with its caption; the scenarios and methods that carry its findings.
 
 AT_BEST = "Each method has its best noise of the sweep, on these very runs."
 
@@ -109,9 +146,8 @@ def palette_of(rows: "pd.DataFrame") -> Palette:
 
 def of_rows(rows: "pd.DataFrame", palette: Palette | None = None) -> Iterator[Drawing]:
     """Yield the figures that need the rows alone."""
-    from jerkbench.report.analysis.best_noise import at_best_noise
-    from jerkbench.report.analysis.quantities import quantity
-    from jerkbench.report.analysis.severity import with_severity
+    from jerkbench.report.analysis.columns import quantity
+    from jerkbench.report.analysis.sweeps import at_best_noise, with_severity
     from jerkbench.report.plots.bars import bars_figure
     from jerkbench.report.plots.sweeps import sensitivity_figure, severity_figure, with_sigma
 
@@ -139,11 +175,9 @@ def of_rows(rows: "pd.DataFrame", palette: Palette | None = None) -> Iterator[Dr
 
 def _over_scenarios(rows: "pd.DataFrame", metric: str, noise: str, palette: Palette) -> Iterator[Drawing]:
     """Yield the heat map, and the profiles of the methods that compete, where there are several scenarios."""
-    from jerkbench.report.analysis.costs import competing, costs, method_labels, of_all_methods
-    from jerkbench.report.analysis.quantities import quantity
-    from jerkbench.report.analysis.references import competes
-    from jerkbench.report.plots.heat_map import heat_map_figure
-    from jerkbench.report.plots.ranks import profile_figure
+    from jerkbench.report.analysis.columns import competes, quantity
+    from jerkbench.report.analysis.sweeps import competing, costs, method_labels, of_all_methods
+    from jerkbench.report.plots.bars import heat_map_figure, profile_figure
 
     title = quantity(metric).heading
     values, _, methods = costs(rows, metric)
@@ -176,20 +210,17 @@ def _over_scenarios(rows: "pd.DataFrame", metric: str, noise: str, palette: Pale
 
 def _ranked(rows: "pd.DataFrame", metric: str, noise: str, palette: Palette) -> Iterator[Drawing]:
     """Yield the mean ranks with the critical difference, where at least three methods ran in several scenarios."""
-    from jerkbench.evaluation.statistics.profiles import mean_ranks
     from jerkbench.evaluation.statistics.ranks import critical_difference
-    from jerkbench.report.analysis.across import common_field
-    from jerkbench.report.analysis.quantities import quantity
-    from jerkbench.report.analysis.study_verdicts import study_verdicts
-    from jerkbench.report.plots.ranks import critical_difference_figure
+    from jerkbench.report.analysis.columns import quantity
+    from jerkbench.report.analysis.study_verdicts import common_field, study_verdicts
+    from jerkbench.report.plots.bars import critical_difference_figure
 
     verdicts = study_verdicts(rows, metric, most=0)
     field = common_field(verdicts)
     if field is None or len(field.methods) < 3:
         return
-    ranks = mean_ranks(field.logs.mean(axis=1))
     scenarios = len(field.scenarios)
-    least = critical_difference(len(ranks), scenarios)
+    least = critical_difference(len(field.methods), scenarios)
     looks = {
         standing.name(rival): palette.look((rival[FACTORS.index("filter")], rival[FACTORS.index("adaptation")]))
         for standing in verdicts.standings
@@ -198,17 +229,21 @@ def _ranked(rows: "pd.DataFrame", metric: str, noise: str, palette: Palette) -> 
     title = quantity(metric).heading
     drawn = [looks[name] for name in field.methods]
     caption = (
-        f"{title}: mean ranks of geometric means over {scenarios} scenarios; a line joins methods that are not told "
+        f"{title}: mean ranks over {scenarios} scenarios; a line joins methods that are not told "
         f"apart (Nemenyi, 5 %); hollow: with an adaptation.{noise}"
     )
-    figure = critical_difference_figure(ranks, least, field.methods, drawn, title, scenarios)
+    figure = critical_difference_figure(field.ranks, least, field.methods, drawn, title, scenarios)
     yield Drawing("critical-difference", caption, figure)
 
 
 def of_scene(scene: Scene, palette: Palette) -> Iterator[Drawing]:
     """Yield the figures of one scenario's runs."""
-    from jerkbench.report.plots.attitude import acceleration_figure, tilt_figure
-    from jerkbench.report.plots.consistency import adapted_r_figure, consistency_figure
+    from jerkbench.report.plots.consistency import (
+        acceleration_figure,
+        adapted_r_figure,
+        consistency_figure,
+        tilt_figure,
+    )
     from jerkbench.report.plots.errors_over_time import disturbed_window_s, error_figure, zoomed_error_figure
     from jerkbench.report.plots.trajectory import inset_trajectory_figure
 

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping
 
 from jerkbench.errors import NotComparableError
-from jerkbench.report.analysis.factors import FACTORS
+from jerkbench.report.analysis.columns import FACTORS
 from jerkbench.report.analysis.runs import Combination
 from jerkbench.results.conditions import MEASURED, PARTS, Values, differing_conditions
 from jerkbench.results.study import Study

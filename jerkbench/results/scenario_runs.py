@@ -14,7 +14,7 @@ from jerkbench.estimate import Estimate
 from jerkbench.evaluation.navigation_errors import position_error_length_m
 from jerkbench.jobs.inputs import shared_inputs
 from jerkbench.recording import Recording
-from jerkbench.report.analysis.references import competes
+from jerkbench.report.analysis.columns import competes
 from jerkbench.report.drawings import Scene
 from jerkbench.report.page.script_data import Stretch, largest_of_steps
 from jerkbench.results.content import Stored

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jerkbench.errors import JerkbenchError, unknown
-from jerkbench.report.analysis.factors import FACTORS, METHOD
+from jerkbench.report.analysis.columns import FACTORS, METHOD
 from jerkbench.results.study import Study
 from jerkbench.results.titles import bare
 

@@ -8,19 +8,36 @@ from typing import Any
 from uuid import uuid4
 
 import numpy as np
+import pandas as pd
 import pyarrow as pa
 import pyarrow.compute as pc
 
 from jerkbench.errors import JerkbenchError
+from jerkbench.jobs.key import WHAT
 from jerkbench.jobs.rows import Row
 from jerkbench.plain import plain
-from jerkbench.results.content import Content, Shown, Stored, codes_of, concatenated, content_of_tables
+from jerkbench.results.content import (
+    Content,
+    Shown,
+    Stored,
+    codes_of,
+    concatenated,
+    content_of_tables,
+    frame,
+    ordered_runs,
+)
 from jerkbench.results.manifest import read_manifest
 from jerkbench.results.part_files import PartFiles
-from jerkbench.results.parts import KEY, Block, host, table_of
+from jerkbench.results.parts import CELL, KEY, Block, table_of
 
 SEEN = [KEY, "seed", "status"]
 """The columns that say which runs are there."""
+
+FACTS = {
+    **{name: name for name in ("seed", "status", "reason")},
+    **{f"{CELL}{name}": name for name in ("code", "versions", "run_s")},
+}
+"""Columns that `Store.rows` has of each run besides its metrics, by their names in a file."""
 
 ABANDONED_S = 3600.0
 """A half-written file that is older belongs to nobody any more."""
@@ -118,6 +135,37 @@ class Store:
         known = read_manifest(self.folder.parent).get("seeds", {}) if shown is None else shown
         return content_of_tables(tables, known), damaged
 
+    def rows(self, keys: Collection[str], metrics: Sequence[str], *, any_code: bool = False) -> pd.DataFrame:
+        """Return the runs of some cells: what, seed, status, reason, the metrics, code, versions, run_s [s].
+
+        Of a run that is there more than once one that did not fail, the newest.
+
+        Args:
+            keys: of the cells; `what` are the first digits of a key.
+            metrics: the columns that are wanted.
+            any_code: take what other code has computed, too.
+        """
+        wanted = pa.array({key[:WHAT] for key in keys} if any_code else list(keys), pa.string())
+        tables = []
+        for _, table in self.files.each(None, [KEY, *FACTS, "cell.created", *metrics]):
+            if table is not None:
+                key = table[KEY].cast(pa.string())
+                what = pc.utf8_slice_codeunits(key, 0, WHAT)
+                named = table.set_column(table.column_names.index(KEY), KEY, what)
+                tables.append(named.filter(pc.is_in(what if any_code else key, wanted)))
+        if not tables:
+            return pd.DataFrame(columns=["what", *FACTS.values(), *metrics])
+        table = concatenated(tables)
+        rows = frame(table.take(pa.array(ordered_runs(table)[1])), table.column_names)
+        rows = rows.rename(columns={KEY: "what", **FACTS}).reindex(columns=["what", *FACTS.values(), *metrics])
+        return rows.assign(run_s=rows["run_s"].astype(float))
+
+    def makers(self) -> set[tuple[str, str]]:
+        """Return the code, and the versions of libraries, that made what is stored, as JSON."""
+        tables = (table for _, table in self.files.each(None, ["cell.code", "cell.versions"]) if table is not None)
+        columns = (zip(*(table[name].to_pylist() for name in table.column_names), strict=True) for table in tables)
+        return {(code, versions) for own in columns for code, versions in own}
+
     def newer_runs(self, seen: set[str]) -> set[tuple[str, int]]:
         """Return key and seed of what has run, and not failed, in the files that are not ``seen``; then they are."""
         runs: set[tuple[str, int]] = set()
@@ -164,12 +212,6 @@ class Store:
         if content is None or not content.keys:
             raise JerkbenchError(f"{self.folder} holds no results.")
         return self.files.replace([name for name, _ in list(self.files.each(None))], content.table)
-
-    def forget(self, processes: Iterable[int]) -> None:
-        """Clear away what these ``processes``, which have ended, left half-written."""
-        for number in processes:
-            for partial in self.folder.glob(f".part-{host()}-*.{number}.partial"):
-                partial.unlink(missing_ok=True)
 
     def _tables(self, keys: Sequence[str] | None, columns: list[str] | None = None) -> tuple[list[pa.Table], list[str]]:
         """The rows of ``keys`` in each file, and the names of the files that are damaged."""

@@ -1,6 +1,6 @@
 """A study's folder: its rows, tables and manifest, made from the cells that are there, as often as one likes."""
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain
 from pathlib import Path
@@ -12,18 +12,18 @@ import pandas as pd
 from jerkbench.errors import JerkbenchError, unknown
 from jerkbench.files import write_atomically
 from jerkbench.jobs.cell import Labels
-from jerkbench.report.analysis.rule import SPENDS
-from jerkbench.results.conditions import Values, conditions, told_apart, with_one_name
+from jerkbench.report.analysis.runs import SPENDS
+from jerkbench.report.tables.writers import csv_escaped, csv_line, csv_number
+from jerkbench.results.conditions import Values, conditions, current, told_apart, with_one_name
 from jerkbench.results.content import Content, frame
-from jerkbench.results.csv_writer import write_rows_csv
 from jerkbench.results.manifest import read_manifest, stretches
 from jerkbench.results.parts import HEAD
-from jerkbench.results.shown_cells import current
 from jerkbench.results.store import Store
 from jerkbench.results.study_remarks import code_of, notes_of, remarks_on, worse_than_fixes
 
 if TYPE_CHECKING:
     from jerkbench.report.tables.table_model import Table
+
 
 TAGS = "tags"
 """Column of rows, where any cell has tags: separated by blanks."""
@@ -165,3 +165,30 @@ def write_study(study: Study) -> "Table":
 
     write_atomically(study.folder / "rows.csv", lambda path: write_rows_csv(study.rows, path))
     return write_tables(study.rows, study.folder, study.notes)
+
+
+# rows.csv.
+
+
+STRETCH = 20_000
+"""So many rows are in memory as text."""
+
+
+def write_rows_csv(rows: pd.DataFrame, path: Path) -> None:
+    """Write a header and one line a row; what is missing is empty."""
+    with path.open("w", encoding="utf-8", newline="") as file:
+        file.write(csv_line(csv_escaped(str(name)) for name in rows.columns))
+        for begin in range(0, len(rows), STRETCH):
+            file.writelines(_lines(rows.iloc[begin : begin + STRETCH]))
+
+
+def _lines(rows: pd.DataFrame) -> Iterator[str]:
+    columns = [_texts(rows.iloc[:, place]) for place in range(rows.shape[1])]
+    return map(csv_line, zip(*columns, strict=True))
+
+
+def _texts(column: pd.Series) -> list[str]:
+    if column.dtype == np.float64:
+        return list(map(csv_number, column.tolist()))
+    missing = column.isna().to_numpy()
+    return ["" if absent else csv_escaped(str(value)) for value, absent in zip(column.tolist(), missing, strict=True)]

@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING
 
 from jerkbench.errors import JerkbenchError
 from jerkbench.files import write_atomically, write_text
-from jerkbench.jobs.pool import run_grouped
+from jerkbench.jobs.cluster import Workers
+from jerkbench.jobs.dispatch import Order, outcomes
 from jerkbench.jobs.progress import Progress
-from jerkbench.report.analysis.factors import METHOD
-from jerkbench.report.analysis.rule import RULE, Rule
-from jerkbench.report.choice import Choice
+from jerkbench.report.analysis.columns import METHOD
+from jerkbench.report.analysis.runs import RULE, VerdictRule
 from jerkbench.report.drawings import (
+    Choice,
     Drawing,
     Methods,
     Picture,
@@ -24,7 +25,7 @@ from jerkbench.report.drawings import (
     telling_scenes,
 )
 from jerkbench.report.page.script_data import Stretch
-from jerkbench.report.plots.palette import Palette
+from jerkbench.report.plots.style import Palette
 from jerkbench.report.tables.summary import main_metric
 from jerkbench.results.manifest import read_manifest
 from jerkbench.results.scenario_runs import SCENARIO, Cells, load_scene, load_stretch, scene_cells, steps_of
@@ -134,8 +135,9 @@ def draw_study(study: Study, request: Request, workers: int) -> Drawn:
     jobs = _jobs(study, request)
     done: dict[str, Drawn] = {}
     slowest_first = sorted(jobs, key=lambda job: job.methods is None and job.rows is None)
-    with Progress(len(jobs), doing="Figures", unit="sets of figures") as progress:
-        for job, result in run_grouped(draw, [[job] for job in slowest_first], workers):
+    with Progress(len(jobs), doing="Figures", unit="sets of figures") as progress, Workers(count=workers) as processes:
+        order = Order(draw, [[job] for job in slowest_first])
+        for job, result in outcomes(order, processes.lent(len(jobs))):
             if isinstance(result, Exception):
                 raise result
             done[job.scenario] = result
@@ -237,7 +239,7 @@ def present(study: Study, workers: int, choice: Choice, *, pdf: bool = False, ru
 
 
 def write_report(
-    study: Study, drawn: Drawn, path: Path, method: tuple[str, ...] | None = None, rule: Rule = RULE
+    study: Study, drawn: Drawn, path: Path, method: tuple[str, ...] | None = None, rule: VerdictRule = RULE
 ) -> None:
     """Write the report of a study as one HTML file, its methods made of ``method`` and judged by ``rule``."""
     from jerkbench.report.page.page import Results, page

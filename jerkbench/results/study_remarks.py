@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 from jerkbench.jobs.cell import contradiction
 from jerkbench.plain import plain
-from jerkbench.report.analysis.references import FLOOR
-from jerkbench.results.shown_cells import Current
+from jerkbench.report.analysis.columns import FLOOR
+from jerkbench.results.conditions import Current
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -137,7 +137,7 @@ GRADES = {
 """Orders of magnitude: a phone's sensor, a factory-calibrated MEMS module, and the Safran STIM300's data sheet."""
 
 
-def disturb(true: FloatArray, errors: SensorErrors, interval_s: float, seed: int, sensor: str) -> FloatArray:
+def with_sensor_errors(true: FloatArray, errors: SensorErrors, interval_s: float, seed: int, sensor: str) -> FloatArray:
     """Return (n, 3) with the errors added; every error has a random stream of its own.
 
     Args:

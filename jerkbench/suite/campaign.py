@@ -1,17 +1,17 @@
 """The campaign of an entrant: settings tried on each half of the faults, the best of each scored on the other half."""
 
-import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import pandas as pd
 
 from jerkbench.campaigns.entrant import Entrant, knobs_of, tried_settings
-from jerkbench.campaigns.piece import Piece, Site
 from jerkbench.campaigns.protocol import HALVES
 from jerkbench.campaigns.search import best_trials, levels_of, losses, mean_losses, seen
+from jerkbench.campaigns.site import Rules, Site, Try
 from jerkbench.contracts import ReadingFile
-from jerkbench.jobs.key import code_digest, plugin_digest, versions
+from jerkbench.jobs.key import plugin_digest
+from jerkbench.jobs.progress import Progress
 from jerkbench.suite.protocol import SuiteProtocol
 from jerkbench.tuning.space import Setting
 
@@ -47,14 +47,12 @@ class SuiteCampaign:
         self._entrant, self._protocol, self._place, self._doing = entrant, protocol, place, doing
         self.space = knobs_of(entrant.cell(protocol.scenarios[0], protocol.limits))
         self._tried = tried_settings(protocol.trials, self.space)
-        code = code_digest("campaigns", "audit", "suite", "tuning")
-        self._key = f"{code} {sorted(versions().items())} {plugins_digest(entrant, protocol)} {entrant.text}"
 
     def tuned(self) -> pd.DataFrame:
         """Return the rows of every setting on the seeds to tune on."""
         protocol = self._protocol
         settings = [self._tried] * len(protocol.scenarios)
-        return self._run("tune", settings, protocol.seeds_to_tune_on, protocol.metrics[:1])
+        return self._run(settings, protocol.seeds_to_tune_on, protocol.metrics[:1])
 
     def scored(self, levels: Mapping[int, float]) -> ScoredEntrant:
         """Search where there is something to search, and score what came out.
@@ -65,7 +63,7 @@ class SuiteCampaign:
         settings = {GIVEN: self._tried[0], **(self._searched(levels) if self.space.knobs else {})}
         halves = [half_settings(settings, scenario.half) for scenario in self._protocol.scenarios]
         by_scenario = [tuple(own.values()) for own in halves]
-        rows = self._run("test", by_scenario, self._protocol.seeds_to_test_on, self._protocol.metrics)
+        rows = self._run(by_scenario, self._protocol.seeds_to_test_on, self._protocol.metrics)
         names = [list(own) for own in halves]
         where = zip(rows["scenario"], rows["trial"], strict=True)
         rows.insert(0, "tuned_on", [names[scenario][trial] for scenario, trial in where])
@@ -78,24 +76,15 @@ class SuiteCampaign:
         return {half: self._tried[best_trials(of, 1)[0]] for half, of in means.items()}
 
     def _run(
-        self, stage: str, settings: Sequence[tuple[Setting, ...]], seeds: tuple[int, ...], metrics: tuple[str, ...]
+        self, settings: Sequence[tuple[Setting, ...]], seeds: tuple[int, ...], metrics: tuple[str, ...]
     ) -> pd.DataFrame:
-        own = hashlib.sha256(f"{self._protocol.digest} {self._key}".encode()).hexdigest()[:12]
-        pieces = [
-            Piece(
-                name=f"{stage}-{number:03}-{own}",  # of the plain filter there may be files of several versions
-                number=number,
-                scenario=scenario,
-                tries=((self._entrant, tried),),
-                seeds=seeds,
-                metrics=metrics,
-                key=self._key,
-                folder=self._place.folder,
-                limits=self._protocol.limits,
-            )
-            for number, (scenario, tried) in enumerate(zip(self._protocol.scenarios, settings, strict=True))
+        tries = [
+            Try(number, scenario, self._entrant, setting, trial, seeds)
+            for number, (scenario, own) in enumerate(zip(self._protocol.scenarios, settings, strict=True))
+            for trial, setting in enumerate(own)
         ]
-        return self._place.rows(pieces, self._doing, "scenarios")
+        with Progress(len(tries), doing=self._doing, unit="settings and scenarios") as bar:
+            return self._place.rows(tries, Rules(metrics, self._protocol.limits), bar)
 
 
 def half_settings(settings: Mapping[str, Setting], half: str) -> dict[str, Setting]:

@@ -1,19 +1,18 @@
 """The way of a method into a suite: from its parts to its entry."""
 
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import pandas as pd
 
 from jerkbench.campaigns.entrant import Entrant, knobs_of
-from jerkbench.campaigns.piece import Site
+from jerkbench.campaigns.site import Site
 from jerkbench.files import cache_folder
 from jerkbench.jobs.key import code_digest, git_commit, versions
 from jerkbench.suite.campaign import ENTRY, PLAIN, ScoredEntrant, SuiteCampaign, plugins_digest, scored_plain
 from jerkbench.suite.entry import Settings, plain_score, write_entry
-from jerkbench.suite.frozen import FROZEN
-from jerkbench.suite.protocol import SuiteProtocol, read_suite
+from jerkbench.suite.protocol import FROZEN, SuiteProtocol, read_suite
 from jerkbench.suite.recordings import require_recordings
 from jerkbench.suite.scores import entry_page, entry_score
 
@@ -34,9 +33,9 @@ def enter(scale: str, entrant: Entrant, name: str, place: Site, command: str) ->
         JerkbenchError: it cannot be made or does not fit, or the suite is not the frozen one.
     """
     protocol = read_suite(scale)
-    campaign = SuiteCampaign(entrant, protocol, Site(place.folder / "runs", place.cluster, place.workers), name)
+    campaign = SuiteCampaign(entrant, protocol, replace(place, folder=place.folder / "runs"), name)
     require_recordings(scale, protocol)
-    levels, plain = scored_plain(protocol, Site(plain_folder(protocol), place.cluster, place.workers))
+    levels, plain = scored_plain(protocol, replace(place, folder=plain_folder(protocol)))
     scored = campaign.scored(levels)
     rows = _joined(scored, plain)
     score = entry_score(rows, protocol)
@@ -59,7 +58,7 @@ def enter(scale: str, entrant: Entrant, name: str, place: Site, command: str) ->
 
 def plain_folder(protocol: SuiteProtocol) -> Path:
     """Return where the runs of the plain filter are kept for every entry."""
-    return cache_folder("suite") / protocol.name
+    return cache_folder("suite") / f"{protocol.name}-rows"
 
 
 def frozen_part(scale: str, protocol: SuiteProtocol) -> dict[str, object]:

@@ -10,8 +10,7 @@ from jerkbench.errors import RecordingError
 from jerkbench.jobs.inputs import Inputs
 from jerkbench.jobs.key import data_fingerprint
 from jerkbench.recording import Recording
-from jerkbench.suite.frozen import FROZEN
-from jerkbench.suite.protocol import SuiteProtocol
+from jerkbench.suite.protocol import FROZEN, SuiteProtocol
 
 STRETCHES = 16
 """Each array is cut into so many; what is hashed is mean and mean square of each."""

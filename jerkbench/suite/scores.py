@@ -9,7 +9,7 @@ from jerkbench.arrays import FloatArray
 from jerkbench.campaigns.protocol import HALVES
 from jerkbench.campaigns.ratios import fastest_step_ns, nominal_of, of_families, of_unseen, ratio_verdict, worst_of
 from jerkbench.campaigns.search import losses
-from jerkbench.evaluation.statistics.scenarios import over_scenarios
+from jerkbench.evaluation.statistics.ranks import over_scenarios
 from jerkbench.report.tables.writers import passive
 from jerkbench.suite.campaign import ENTRY, GIVEN, PLAIN, suite_levels
 from jerkbench.suite.protocol import SuiteProtocol

@@ -3,15 +3,18 @@
 import math
 import random
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 import pandas as pd
 
 from jerkbench.campaigns.entrant import Entrant, knobs_of, tried_settings
-from jerkbench.campaigns.piece import NUMBERS, Piece
+from jerkbench.campaigns.site import NUMBERS, Rules, Site, Try
 from jerkbench.errors import JerkbenchError
+from jerkbench.jobs.progress import Progress
 from jerkbench.suite.campaign import ENTRY, GIVEN, PLAIN, half_settings, plugins_digest
 from jerkbench.suite.enter import frozen_part
 from jerkbench.suite.entry import PAGE, Entry, file_hashes, plain_score
@@ -167,22 +170,30 @@ def _row_mistakes(
     entry: Entry, method: str, entrant: Entrant, sample: pd.DataFrame, protocol: SuiteProtocol
 ) -> Iterator[str]:
     """Compute rows once more, and yield a sentence for each that comes out differently."""
-    names = [scenario.name for scenario in protocol.scenarios]
-    for _, rows in sample.groupby(["scenario", "tuned_on"]):
-        number, tuned_on = int(rows["scenario"].iloc[0]), str(rows["tuned_on"].iloc[0])
-        setting, seeds = entry.setting(method, tuned_on), tuple(int(seed) for seed in rows["seed"])
-        tries, scenario = ((entrant, (setting,)),), protocol.scenarios[number]
-        again = Piece("", number, scenario, tries, seeds, protocol.metrics, "", None, protocol.limits).run()
-        for seed, stored, own in zip(seeds, _records(rows), _records(again), strict=True):
-            if wrong := _difference(stored, own):
-                yield f"The {method} in {names[number]}, seed {seed}, {tuned_on}: {wrong}."
+    if sample.empty:
+        return
+    stored = sample.sort_values(["scenario", "tuned_on"]).to_dict("records")
+    scenarios = protocol.scenarios
+    tries = [
+        Try(
+            own["scenario"],
+            scenarios[own["scenario"]],
+            entrant,
+            entry.setting(method, own["tuned_on"]),
+            k,
+            [own["seed"]],
+        )
+        for k, own in enumerate(stored)
+    ]
+    with TemporaryDirectory(prefix="jerkbench-") as folder:
+        again = Site(Path(folder)).rows(tries, Rules(protocol.metrics, protocol.limits), Progress(0)).to_dict("records")
+    for before, own in zip(stored, again, strict=True):
+        if wrong := _difference(before, own):
+            where = f"{scenarios[int(before['scenario'])].name}, seed {before['seed']}, {before['tuned_on']}"
+            yield f"The {method} in {where}: {wrong}."
 
 
-def _records(rows: pd.DataFrame) -> list[dict[str, Any]]:
-    return [{str(key): value for key, value in row.items()} for row in rows.to_dict("records")]
-
-
-def _difference(stored: dict[str, Any], own: dict[str, Any]) -> str:
+def _difference(stored: Mapping[Any, Any], own: Mapping[Any, Any]) -> str:
     for key in ("status", *NUMBERS):
         if not same(stored[key], own[key]):
             return f"{key} is stored as {stored[key]}, and comes out as {own[key]}"

@@ -12,8 +12,7 @@ from uuid import uuid4
 from filelock import FileLock, Timeout
 
 from jerkbench.notices import notify
-from jerkbench.sweep.blocks import Writer
-from jerkbench.sweep.tasks import Planned, Task
+from jerkbench.sweep.tasks import Planned, Task, Writer
 
 FOLDER = ".locks"
 """The folder of the locks, in the study's."""
@@ -116,10 +115,13 @@ class Shared:
         if not self._taken[bundle]:
             return []
         self._done.update(self._writer.store.newer_runs(self._seen))
-        done = [task for task in tasks if all((task.planned.key, draw) in self._done for draw in task.draws)]
+        done = [task for task in tasks if self._is_done(task)]
         for task in done:
             self.settle(task)
         return [task for task in tasks if task not in done]
+
+    def _is_done(self, task: Task) -> bool:
+        return all((planned.key, draw) in self._done for planned in task.cells for draw in task.draws)
 
     def settle(self, task: Task) -> None:
         """Count a task as done; with the last one the bundle is anybody's again."""

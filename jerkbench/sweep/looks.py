@@ -10,19 +10,18 @@ import numpy as np
 
 from jerkbench.errors import PluginError
 from jerkbench.evaluation.statistics.judgement import Verdict
-from jerkbench.evaluation.statistics.sequential import FIRST, levels, looks
+from jerkbench.evaluation.statistics.seeds import FIRST, levels, looks
 from jerkbench.jobs.cell import Labels
 from jerkbench.jobs.progress import duration
-from jerkbench.report.analysis.rule import Rule
+from jerkbench.report.analysis.runs import VerdictRule
 from jerkbench.report.analysis.study_verdicts import study_verdicts
 from jerkbench.report.tables.summary import main_metric
 from jerkbench.results.content import Stored
 from jerkbench.results.manifest import stretches
 from jerkbench.results.store import Store
 from jerkbench.results.study import Study
-from jerkbench.sweep.blocks import missing
 from jerkbench.sweep.sweep import Plan
-from jerkbench.sweep.tasks import Planned, in_order
+from jerkbench.sweep.tasks import Planned, in_order, missing
 
 AUTO = re.compile(r"seeds=auto(?:\(max=(\d+)\))?")
 MOST = 400
@@ -86,7 +85,7 @@ def run_looks(
 
 def undecided(study: Study, level: float) -> int:
     """Return how many pairs of methods are undecided in the study's leading metric."""
-    verdicts = study_verdicts(study.rows, main_metric(study.rows), rule=Rule(level=level))
+    verdicts = study_verdicts(study.rows, main_metric(study.rows), rule=VerdictRule(level=level))
     return sum(
         pair.verdict is Verdict.UNDECIDED for standing in verdicts.standings for pair in standing.contest.comparisons
     )

@@ -1,31 +1,35 @@
 """The sweep: runs the cells that are not done yet, stores each at once, and ends with the table, whatever happens."""
 
 import time
-from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
-from functools import partial
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import cache, partial
 from operator import attrgetter
-from pathlib import Path
 from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
 
 from jerkbench.errors import PluginError
 from jerkbench.jobs.cell import Cell
-from jerkbench.jobs.cluster import Cluster, Local, Order
+from jerkbench.jobs.cluster import Workers
+from jerkbench.jobs.dispatch import Order, outcomes
 from jerkbench.jobs.identity import identity_of
-from jerkbench.jobs.key import cell_key, data_fingerprint
+from jerkbench.jobs.key import WHAT, cell_key, data_fingerprint
 from jerkbench.jobs.names import refusal
+from jerkbench.jobs.pool import processor_kind
 from jerkbench.jobs.preflight import require_inputs
 from jerkbench.jobs.progress import Progress
-from jerkbench.jobs.rows import CellRun, failed_rows
+from jerkbench.jobs.rows import CellRun, OnError, Piece, failed_rows, joined, pieces
 from jerkbench.notices import notify
 from jerkbench.results.store import Store
 from jerkbench.results.study_remarks import set_aside
-from jerkbench.sweep.blocks import Writer, missing, run_blocks
 from jerkbench.sweep.locks import FOLDER, Locks, Shared, plan_name
-from jerkbench.sweep.tasks import Planned, Result, Task, grouped, in_order
+from jerkbench.sweep.tasks import Done, Planned, Result, Task, Writer, grouped, in_order, missing
 
-LOCAL = Local()
-"""The own pool of processes."""
+BUDGET_S = 2.0
+"""So long a task takes at most, or one call longer; the rest of it is another, so that little is lost with a worker."""
 POLL_S = 1.0
 """So long we wait before we look again for what other processes have done."""
 
@@ -55,38 +59,77 @@ def plan_sweep(cells: Sequence[Cell]) -> Plan:
         RecordingError: the data of a cell are not there, or lack what its filters were asked to use.
         PluginError: two cells would have the same name in the table.
     """
-    planned: dict[str, tuple[Cell, str]] = {}
-    draws: dict[str, set[int]] = {}
     refused: dict[str, int] = {}
-    fingerprints: dict[object, str] = {}
     checked: set[tuple[object, object]] = set()
+    sensible = []
     for cell in cells:
         if reason := refusal(cell):
             refused[reason] = refused.get(reason, 0) + 1
             continue
+        require_inputs(cell, checked)
+        sensible.append(cell)
+    plan = joined_plan(planned((cell, cell.draws) for cell in sensible))
+    _require_names([each.cell for each in plan.cells])
+    lines = tuple(f"Left out {count} combination{'s' * (count > 1)}: {reason}." for reason, count in refused.items())
+    return replace(plan, refused=lines)
+
+
+def planned(cells: Iterable[tuple[Cell, Sequence[int]]]) -> list[Planned]:
+    """Find the key of each cell with its draws."""
+    fingerprints: dict[object, str] = {}
+    found = []
+    for cell, draws in cells:
         source = cell.dataset, cell.disturbances
         if source not in fingerprints:
             fingerprints[source] = data_fingerprint(*source)
-        require_inputs(cell, checked)
-        fingerprint = fingerprints[source]
-        key = cell_key(cell, fingerprint)
-        planned.setdefault(key, (cell, fingerprint))
-        draws.setdefault(key, set()).update(cell.draws)
-    _require_names([cell for cell, _ in planned.values()])
-    lines = tuple(f"Left out {count} combination{'s' * (count > 1)}: {reason}." for reason, count in refused.items())
-    entries = ((key, cell, fingerprint) for key, (cell, fingerprint) in planned.items())
-    return Plan(tuple(Planned(cell, key, data, in_order(draws[key])) for key, cell, data in entries), lines)
+        found.append(Planned(cell, cell_key(cell, fingerprints[source]), fingerprints[source], draws))
+    return found
+
+
+def joined_plan(cells: Iterable[Planned], refused: Iterable[str] = ()) -> Plan:
+    """Return the plan of some cells, with the seeds of what is there twice joined."""
+    first: dict[str, Planned] = {}
+    draws: dict[str, set[int]] = {}
+    for each in cells:
+        first.setdefault(each.key, each)
+        draws.setdefault(each.key, set()).update(each.draws)
+    whole = (replace(each, draws=in_order(draws[key])) for key, each in first.items())
+    return Plan(tuple(whole), tuple(refused))
+
+
+def rows_of(cells: Sequence[Planned], store: Store, metrics: Sequence[str], *, any_code: bool = False) -> pd.DataFrame:
+    """Return the stored rows of some cells, in their order and that of their seeds; without a status: not stored.
+
+    Args:
+        cells: with the seeds that are wanted.
+        store: where they are.
+        metrics: the columns that are wanted besides those of `Store.rows`.
+        any_code: take what other code has computed, too.
+
+    Returns:
+        Their place (``place``) and the columns of `Store.rows`.
+    """
+    counts = [len(each.draws) for each in cells]
+    wanted = pd.DataFrame(
+        {
+            "place": np.repeat(np.arange(len(cells)), counts),
+            "what": np.repeat(np.array([each.key[:WHAT] for each in cells], dtype=object), counts),
+            "seed": np.concatenate([[*each.draws] for each in cells]) if cells else [],
+        }
+    )
+    stored = store.rows({each.key for each in cells}, metrics, any_code=any_code)
+    return wanted.merge(stored, on=["what", "seed"], how="left").drop(columns="what")
 
 
 def run_sweep(
     plan: Plan,
     store: Store,
-    workers: int,
-    cluster: Cluster = LOCAL,
+    workers: Workers | None = None,
     *,
     strict: bool = False,
-    shown: bool = True,
+    progress: Progress | None = None,
     threads: int = 1,
+    least: int = 1,
 ) -> None:
     """Run what is missing, on a cluster, with a progress bar; store every cell as it is finished.
 
@@ -95,11 +138,11 @@ def run_sweep(
     Args:
         plan: what there is to run.
         store: where it goes.
-        workers: number of processes, where the cluster starts them itself.
-        cluster: where it runs.
+        workers: who does it; default: this process.
         strict: raise what is wrong with the input or a plugin, in words, instead of storing failed rows.
-        shown: draw the bar.
+        progress: a bar that is told of every cell; default: one of the cells of the plan.
         threads: how many the engine may use in each process.
+        least: so many cells that can share their calls do, if there are as many.
 
     Raises:
         JerkbenchError: nothing can be written there, or as ``strict`` says.
@@ -110,13 +153,26 @@ def run_sweep(
     left = _unfinished(plan.cells, store)
     folder = store.folder.parent / FOLDER
     tally, locks = Tally(), Locks(folder, plan_name(plan.cells))
-    places = store.folder.parent.absolute(), locks.mark.absolute()  # a worker is elsewhere
-    work = partial(run_task, *places, strict=strict, threads=threads)
-    cells = len(plan.cells) if shown else 0
-    with Progress(cells, already=cells - len(left) if shown else 0) as progress, locks, Writer(store) as writer:
+    work = partial(run_task, strict=strict, threads=threads)
+    done = len(plan.cells) - len(left)
+    with _shown(progress, len(plan.cells), done) as bar, locks, Writer(store) as writer:
         while left:
-            _run_round(plan, left, _Round(work, writer, tally, locks, progress, cluster, workers))
-            left = _wait_for_others([planned for planned in left if planned.key not in tally.whole], store, progress)
+            suspects = len(tally.suspects)
+            _run_round(plan, left, _Round(work, writer, tally, locks, bar, workers or Workers(), strict, least))
+            left = [planned for planned in left if planned.key not in tally.whole]
+            if len(tally.suspects) == suspects:
+                left = _wait_for_others(left, store, bar)
+
+
+@contextmanager
+def _shown(progress: Progress | None, cells: int, done: int) -> Iterator[Progress]:
+    """Show the bar that is given, and count what is done already; or draw one."""
+    if progress is None:
+        with Progress(cells, done) as bar:
+            yield bar
+    else:
+        progress.advance(count=done)
+        yield progress
 
 
 def _unfinished(cells: Sequence[Planned], store: Store) -> list[Planned]:
@@ -128,13 +184,14 @@ def _unfinished(cells: Sequence[Planned], store: Store) -> list[Planned]:
 class _Round(NamedTuple):
     """What a round of a sweep works with."""
 
-    work: Callable[[Task], Result]
+    work: Callable[[Task], Done]
     writer: Writer
     tally: "Tally"
     locks: Locks
     progress: Progress
-    cluster: Cluster
-    workers: int
+    workers: Workers
+    strict: bool
+    least: int
 
 
 def _run_round(plan: Plan, left: Sequence[Planned], of: _Round) -> None:
@@ -147,7 +204,7 @@ def _run_round(plan: Plan, left: Sequence[Planned], of: _Round) -> None:
         remaining[planned.key], statuses = of.tally.resume(planned, known.get(planned.key, ()))
         if not remaining[planned.key]:
             of.progress.advance(statuses)
-    groups = grouped(plan.cells, remaining)
+    groups = grouped(plan.cells, remaining, of.least, of.tally.suspects)
     shared = Shared(of.locks, of.writer, groups, seen)
     if not groups:
         return
@@ -156,42 +213,53 @@ def _run_round(plan: Plan, left: Sequence[Planned], of: _Round) -> None:
         groups=groups,
         bundle=attrgetter("bundle"),
         admit=shared.admitted,
-        identity=identity_of(planned.cell for planned in left),
-        ended=store.forget,
+        rest=attrgetter("rest"),
+        identity=cache(lambda: identity_of(planned.cell for planned in left)),
     )
-    for task, outcome in of.cluster.run(order, of.workers):
-        result = _result(task, outcome)
-        of.writer.add(task.planned, result)
-        if statuses := of.tally.add(task, result):
-            of.progress.advance(statuses)
-        shared.settle(task)
+    lent = of.workers.lent(sum(map(len, groups)))
+    for task, outcome in outcomes(order, lent):
+        for planned, result in zip(task.cells, _results(task, outcome, of), strict=False):
+            of.writer.add(planned, result)
+            if statuses := of.tally.add(planned, result):
+                of.progress.advance(statuses)
+        if isinstance(outcome, Exception) or outcome.rest is None:
+            shared.settle(task)
 
 
 def _wait_for_others(left: Sequence[Planned], store: Store, progress: Progress) -> list[Planned]:
     """Return what other processes have not done either, after a moment if there is any."""
     waiting = _unfinished(left, store) if left else []
-    for _ in range(len(left) - len(waiting)):
-        progress.advance()
+    progress.advance(count=len(left) - len(waiting))
     if waiting:
         notify("another process is running the rest of this sweep; its results are waited for")
         time.sleep(POLL_S)
     return waiting
 
 
-def run_task(folder: Path, mark: Path, task: Task, *, strict: bool = False, threads: int = 1) -> Result:
-    """Run some seeds of a cell; what takes long is stored on the way, the rest by whoever gets it.
+def run_task(task: Task, *, strict: bool = False, threads: int = 1) -> Done:
+    """Run some seeds of some cells until the time is up.
 
     Args:
-        folder: the study's.
-        mark: a file in it; a worker that does not see it has another folder there, and only returns its rows.
         task: what to run.
         strict: whether what is wrong is raised.
         threads: how many the engine may use.
     """
-    planned = task.planned
-    run = CellRun(planned.cell, planned.fingerprint, on_error="raise" if strict else "row", threads=threads)
-    pieces = run.pieces(task.draws)
-    return run_blocks(planned, pieces, Store(folder) if mark.exists() else None)
+    on_error: OnError = "raise" if strict else "row"
+    runs = [CellRun(planned.cell, planned.fingerprint, on_error, threads) for planned in task.cells]
+    begun = time.perf_counter()
+    for draw in task.draws:  # beforehand: the time of a run is that of the filter
+        runs[0].begin(draw)
+    began = time.perf_counter()
+    done: list[list[Piece]] = []
+    for each in pieces(runs, task.draws):
+        done.append(each)
+        if time.perf_counter() - began > BUDGET_S:
+            break
+    share, kind = 1.0 / len(runs), processor_kind()
+    seconds, inputs_s = share * (time.perf_counter() - began), share * (began - begun)
+    results = [Result(*joined(of_cell), seconds, kind, inputs_s) for of_cell in zip(*done, strict=True)]
+    rest = task.draws[len(results[0].rows) :]
+    return Done(results, task._replace(draws=rest) if rest else None)
 
 
 class Tally:
@@ -199,11 +267,13 @@ class Tally:
 
     Attributes:
         whole: keys of the cells of which none is.
+        suspects: keys of the cells that lost a process together.
     """
 
     def __init__(self) -> None:
         """Begin with nothing."""
         self.whole: set[str] = set()
+        self.suspects: set[str] = set()
         self._statuses: dict[str, dict[int, str]] = {}
 
     def resume(self, planned: Planned, known: Collection[int]) -> tuple[Sequence[int], list[str]]:
@@ -211,11 +281,11 @@ class Tally:
         self._statuses[planned.key] = {draw: "" for draw in planned.draws if draw in known}
         return missing(planned, known), self._whole(planned)
 
-    def add(self, task: Task, result: Result) -> list[str]:
-        """Add the runs of ``task``; returns the status of every run of its cell with the last of them."""
-        statuses = self._statuses.setdefault(task.planned.key, {})
+    def add(self, planned: Planned, result: Result) -> list[str]:
+        """Add runs of a cell; returns the status of every run of its cell with the last of them."""
+        statuses = self._statuses.setdefault(planned.key, {})
         statuses.update({int(row["seed"]): row["status"] for row in result.rows})
-        return self._whole(task.planned)
+        return self._whole(planned)
 
     def _whole(self, planned: Planned) -> list[str]:
         if len(self._statuses[planned.key]) < len(planned.draws):
@@ -224,11 +294,20 @@ class Tally:
         return list(self._statuses.pop(planned.key).values())
 
 
-def _result(task: Task, outcome: Result | Exception) -> Result:
-    """The rows of a task; failed ones, where its process could not say what became of it."""
-    if isinstance(outcome, Exception):
-        return Result(failed_rows(task.planned.cell, task.draws, f"{type(outcome).__name__}: {outcome}"), [], 0.0)
-    return outcome
+def _results(task: Task, outcome: Done | Exception, of: _Round) -> list[Result]:
+    """The rows of a task; failed ones, where its process could not say what became of it.
+
+    None of several cells, of which any may have ended it: each runs again by itself.
+    """
+    if not isinstance(outcome, Exception):
+        return outcome.results
+    if of.strict:
+        raise outcome
+    if len(task.cells) > 1:
+        of.tally.suspects.update(planned.key for planned in task.cells)
+        return []
+    (planned,) = task.cells
+    return [Result(failed_rows(planned.cell, task.draws, f"{type(outcome).__name__}: {outcome}"), [], 0.0)]
 
 
 def _require_names(cells: Sequence[Cell]) -> None:

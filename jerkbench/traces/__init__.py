@@ -149,16 +149,15 @@ def read_trace(path: Path) -> Trace:
 def _read(path: Path, version: int) -> Trace:  # noqa: ARG001 - it says when to read it again
     try:
         table = pq.read_table(path)
-        values = {name: np.asarray(table[name].to_numpy(), dtype=np.float64) for name in _columns()}
+        values = {
+            name: np.asarray(table[name].to_numpy(), dtype=np.float64)
+            for name in ("t_s", *ERRORS, *SIGMAS, *CORRELATIONS)
+        }
         about = json.loads((table.schema.metadata or {})[KEY])
         origin = About(**{**about, "offset_m": tuple(about["offset_m"])})
     except (OSError, ValueError, KeyError, TypeError, pa.ArrowException) as error:
         raise RecordingError(f"{path} is no trace: {error}; make it with `jerkbench data trace`.") from error
     return Trace(values["t_s"], np.column_stack([values[name] for name in ERRORS]), _covariances(values), origin)
-
-
-def _columns() -> tuple[str, ...]:
-    return ("t_s", *ERRORS, *SIGMAS, *CORRELATIONS)
 
 
 def _short(values: FloatArray, decimals: int) -> Any:  # noqa: ANN401 - an array of pyarrow, which has no types
@@ -189,7 +188,7 @@ def trace_text(trace: Trace) -> str:
     gaps = steps[steps > GAP * trace.interval_s]
     level = np.hypot(trace.error_m[:, 0], trace.error_m[:, 1])
     nees = np.einsum("mi,mij,mj->m", trace.error_m, np.linalg.inv(trace.covariance_m2), trace.error_m)
-    correlation = ", ".join(f"{value:.2f}" for value in (autocorrelation(trace, lag)[:2].mean() for lag in LAGS_S))
+    correlation = ", ".join(f"{value:.2f}" for value in (lagged_correlation(trace, lag)[:2].mean() for lag in LAGS_S))
     return (
         f"errors of {len(trace.t_s)} fixes of {trace.about.recording} against {trace.about.reference}\n"
         f"{1 / trace.interval_s:.3g} Hz over {trace.period_s:.0f} s; {len(gaps)} gaps, the longest"
@@ -201,7 +200,7 @@ def trace_text(trace: Trace) -> str:
     )
 
 
-def autocorrelation(trace: Trace, lag_s: float) -> FloatArray:
+def lagged_correlation(trace: Trace, lag_s: float) -> FloatArray:
     """Return (3,) of the errors about their mean, over all pairs of fixes that are ``lag_s`` apart."""
     error = trace.error_m - trace.error_m.mean(axis=0)
     later = np.searchsorted(trace.t_s, trace.t_s + lag_s - 0.25 * trace.interval_s)

@@ -3,9 +3,9 @@
 import numpy as np
 
 from jerkbench.arrays import FloatArray
+from jerkbench.tuning.evaluate import Trials
 from jerkbench.tuning.search import SearchOutcome
 from jerkbench.tuning.space import Space
-from jerkbench.tuning.trials import Trials
 
 LOOKS = (1, 4, 16, 64, 256, 1024)
 """Budgets at which the curve is read."""

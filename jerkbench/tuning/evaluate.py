@@ -1,87 +1,106 @@
-"""The evaluation of settings on cases."""
+"""The evaluation of settings on cases: their runs, as losses against the plain filter."""
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from jerkbench import plugins
-from jerkbench.arrays import FloatArray
+from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.contracts import Metric
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.jobs.cell import Cell
-from jerkbench.jobs.cluster import Cluster
-from jerkbench.jobs.inputs import Inputs
-from jerkbench.jobs.rows import Row, run_settings
-from jerkbench.jobs.scenario_dispatch import done_by_scenario
+from jerkbench.jobs.cluster import Workers
+from jerkbench.jobs.progress import Progress
+from jerkbench.jobs.rows import Row
+from jerkbench.results.store import Store
+from jerkbench.sweep.sweep import joined_plan, planned, rows_of, run_sweep
+from jerkbench.sweep.tasks import MOST_TASKS
 from jerkbench.tuning.objectives import Objective
 from jerkbench.tuning.space import Setting, Space
 from jerkbench.tuning.splits import TuningCase
-from jerkbench.tuning.trials import Trials
-
-
-class Worth(NamedTuple):
-    """What settings are worth on one case.
-
-    Attributes:
-        losses: (n, draws) of each run.
-        lost: (n,) how many runs of each setting were lost.
-    """
-
-    losses: FloatArray
-    lost: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
-class CaseTask:
-    """Settings to try on one case, as a cluster gets them.
+class Trials:
+    """Settings, in the order in which they were tried.
 
     Attributes:
-        number: of the case.
-        case: the case.
-        settings: to try.
-        space: whose they are.
-        objective: what they are worth.
+        settings: n of them.
+        runs: (n, r) loss of each of its runs.
+        case: (r,) which case each of them is of.
+        lost: (n,) how many of its runs were lost.
     """
 
-    number: int
-    case: TuningCase
     settings: tuple[Setting, ...]
-    space: Space
-    objective: Objective
+    runs: FloatArray
+    case: IntArray
+    lost: FloatArray
 
-    def run(self) -> tuple[int, Worth]:
-        """Return the number of the case with what came out."""
-        return self.number, Evaluator(self.space, self.objective, threads=1).worth(self.settings, self.case)
+    @property
+    def losses(self) -> FloatArray:
+        """(n, cases) mean loss on each case, over its draws."""
+        cases = range(int(self.case.max(initial=-1)) + 1)
+        return np.column_stack([self.runs[:, self.case == k].mean(axis=1) for k in cases])
+
+    @property
+    def means(self) -> FloatArray:
+        """(n,) mean loss over the cases: the objective."""
+        return np.asarray(self.losses.mean(axis=1))
+
+    def best(self, count: int) -> list[int]:
+        """Return the places of the ``count`` best, the best first; of equals the earlier."""
+        return [int(k) for k in np.argsort(self.means, kind="stable")[:count]]
+
+    def __len__(self) -> int:
+        """Return how many there are."""
+        return len(self.settings)
+
+
+def joined_trials(parts: Sequence[Trials]) -> Trials:
+    """Return several as one."""
+    settings = tuple(setting for part in parts for setting in part.settings)
+    runs, lost = (np.concatenate(arrays) for arrays in ([p.runs for p in parts], [p.lost for p in parts]))
+    return Trials(settings, runs, parts[0].case, lost)
+
+
+@dataclass(frozen=True)
+class Runs:
+    """Where runs are done and stored.
+
+    Attributes:
+        folder: of what is stored.
+        workers: who does them; None: this process.
+    """
+
+    folder: Path
+    workers: Workers | None = None
 
 
 class Evaluator:
-    """Runs settings over cases; what the plain filter has there is found once for each case."""
+    """Runs settings over cases; a run that is stored already is not done again."""
 
     def __init__(
         self,
         space: Space,
         objective: Objective,
         threads: int,
-        inputs: Inputs | None = None,
-        cluster: Cluster | None = None,
+        runs: Runs,
     ) -> None:
         """Evaluate settings of ``space`` by ``objective``.
 
         Args:
             space: the knobs.
             objective: what a setting is worth.
-            threads: how many the engine may use; of a cluster, how many processes it starts.
-            inputs: recordings that are known already.
-            cluster: runs the cases; None: this process does.
+            threads: how many the engine may use in each process.
+            runs: where they are done and stored, those of other searches, too.
         """
-        self.space, self.objective = space, objective
-        self._cluster = cluster
-        self._threads, self._inputs = threads, inputs or Inputs()
+        self.space, self.objective, self._threads, self._runs = space, objective, threads, runs
         self._metrics: tuple[Metric, ...] = (plugins.create("metric", {"name": objective.metric}),)
-        self._levels: dict[int, tuple[TuningCase, float]] = {}
 
     def trials(self, settings: Sequence[Setting], cases: Sequence[TuningCase]) -> Trials:
         """Try each of ``settings`` on each of ``cases``.
@@ -89,37 +108,41 @@ class Evaluator:
         Raises:
             JerkbenchError: a run failed for another reason than that the filter diverged.
         """
+        worths = [self._worth(rows, case) for rows, case in zip(self.rows(settings, cases), cases, strict=True)]
         numbers = np.repeat(np.arange(len(cases)), [len(case.draws) for case in cases])
-        tried = self._elsewhere(settings, cases) if self._cluster else [self.worth(settings, case) for case in cases]
-        losses = np.hstack([own.losses for own in tried])
-        return Trials(tuple(settings), losses, numbers, np.sum([own.lost for own in tried], axis=0))
+        losses, lost = zip(*worths, strict=True)
+        return Trials(tuple(settings), np.hstack(losses), numbers, np.sum(lost, axis=0, dtype=np.float64))
 
-    def worth(self, settings: Sequence[Setting], case: TuningCase) -> Worth:
-        """Try each of ``settings`` on one case."""
-        level, runs = self.level(case), self.rows(settings, case)
-        lost = np.array([sum(run["status"] != "ok" for run in rows) for rows in runs], dtype=np.float64)
-        return Worth(np.array([self.objective.losses(rows, level) for rows in runs]), lost)
+    def rows(self, settings: Sequence[Setting], cases: Sequence[TuningCase]) -> list[list[list[Row]]]:
+        """Return for each case the rows of each setting, and last those of the plain filter."""
+        jobs = planned((cell, case.draws) for case in cases for cell in self._cells(settings, case))
+        store, quiet = Store(self._runs.folder), Progress(0)
+        run_sweep(
+            joined_plan(jobs),
+            store,
+            self._runs.workers,
+            strict=True,
+            progress=quiet,
+            threads=self._threads,
+            least=MOST_TASKS,
+        )
+        rows = rows_of(jobs, store, [self.objective.column])
+        each: Iterator[Any] = (own.to_dict("records") for _, own in rows.groupby("place", sort=False))
+        return [[next(each) for _ in range(len(settings) + 1)] for _ in cases]
 
-    def _elsewhere(self, settings: Sequence[Setting], cases: Sequence[TuningCase]) -> list[Worth]:
-        """Try them on the cluster, each case by itself."""
-        assert self._cluster is not None  # noqa: S101 - for mypy
-        tasks = [CaseTask(k, case, tuple(settings), self.space, self.objective) for k, case in enumerate(cases)]
-        cells = [case.cell for case in cases]
-        done = dict(done_by_scenario(CaseTask.run, tasks, cells, self._cluster, self._threads))
-        return [done[number] for number in range(len(cases))]
+    def _cells(self, settings: Sequence[Setting], case: TuningCase) -> Iterator[Cell]:
+        """The cell of each setting, and that of the plain filter, with the objective as their only metric."""
+        names = [self.objective.metric]
+        for cell in (*(self.space.applied(case.cell, setting) for setting in settings), plain_cell(case.cell)):
+            yield dataclasses.replace(cell, metrics=self._metrics, spec={**cell.spec, "metrics": names})
 
-    def rows(self, settings: Sequence[Setting], case: TuningCase) -> list[list[Row]]:
-        """Return the rows of the runs of each setting."""
-        return self._run([self.space.applied(case.cell, setting) for setting in settings], case)
-
-    def level(self, case: TuningCase) -> float:
-        """Return the objective's level of the plain filter: the same one at its defaults, R as reported."""
-        known = self._levels.get(id(case))
-        if known is None or known[0] is not case:
-            (rows,) = self._run([plain_cell(case.cell)], case)
-            self._require_value(rows, case)
-            self._levels[id(case)] = known = case, self.objective.level(rows, case.cell.protocol.divergence_limit_m)
-        return known[1]
+    def _worth(self, rows: Sequence[list[Row]], case: TuningCase) -> tuple[FloatArray, list[int]]:
+        """Return (n, draws) the loss of each run, and how many runs of each setting were lost."""
+        *tried, plain = rows
+        self._require_value(plain, case)
+        level = self.objective.level(plain, case.cell.protocol.divergence_limit_m)
+        losses = np.array([self.objective.losses(own, level) for own in tried])
+        return losses, [sum(run["status"] != "ok" for run in own) for own in tried]
 
     def _require_value(self, rows: Sequence[Row], case: TuningCase) -> None:
         """Check that runs that came to their end have a value, or every setting would count as lost."""
@@ -129,17 +152,6 @@ class Evaluator:
                 f"The filter {case.cell.spec['filter']['name']} has no {column} over {case.scenario}, so"
                 f" objective={self.objective.name} cannot be used; take another objective."
             )
-
-    def _run(self, cells: Sequence[Cell], case: TuningCase) -> list[list[Row]]:
-        names = [self.objective.metric]
-        measured = [
-            dataclasses.replace(cell, metrics=self._metrics, spec={**cell.spec, "metrics": names}) for cell in cells
-        ]
-        runs = run_settings(measured, case.draws, case.fingerprint, self._threads, self._inputs)
-        failed = next((row for rows in runs for row in rows if row["status"] == "failed"), None)
-        if failed is not None:
-            raise PluginError(f"A run over {case.scenario} failed: {failed['reason']}")
-        return runs
 
 
 def plain_cell(cell: Cell) -> Cell:
@@ -152,9 +164,17 @@ def plain_cell(cell: Cell) -> Cell:
         "adaptation": {"name": "none"},
         "r_scale": {"position": 1.0, "velocity": 1.0},
     }
-    labels = cell.labels._replace(filter=name, adaptation="none", noise="default")
     r_scale = type(cell.r_scale)()
-    return dataclasses.replace(cell, filter=model, adaptation=none, r_scale=r_scale, spec=spec, labels=labels)
+    return dataclasses.replace(cell, filter=model, adaptation=none, r_scale=r_scale, spec=spec)
+
+
+def trial_table(trials: Trials, names: Sequence[str], scenarios: Sequence[str]) -> pd.DataFrame:
+    """Return a row for each trial: its number, its values, the loss of each scenario and their mean."""
+    values = np.array(trials.settings, dtype=np.float64).reshape(len(trials), len(names))
+    columns: dict[str, Any] = {"trial": range(len(trials))}
+    columns |= {name: values[:, k] for k, name in enumerate(names)}
+    columns |= {f"loss: {scenario}": trials.losses[:, k] for k, scenario in enumerate(scenarios)}
+    return pd.DataFrame({**columns, "loss": trials.means, "lost_runs": trials.lost})
 
 
 def require_scorable(objective: Objective, cases: Sequence[TuningCase], load: Callable[[TuningCase], object]) -> None:

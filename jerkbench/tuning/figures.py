@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from jerkbench.report.plots.search import Map, Profile, search_figure
+from jerkbench.report.plots.sweeps import Map, Profile, search_figure
 from jerkbench.tuning.curves import budget_curve, importance, loss_map, profile
 from jerkbench.tuning.outcome import Tuning
 

@@ -2,11 +2,9 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from pathlib import Path
 
-from jerkbench.jobs.cluster import Cluster
-from jerkbench.jobs.inputs import Inputs
-from jerkbench.tuning.evaluate import Evaluator, require_scorable
+from jerkbench.jobs.inputs import shared_inputs
+from jerkbench.tuning.evaluate import Evaluator, Runs, require_scorable
 from jerkbench.tuning.objectives import Objective
 from jerkbench.tuning.search import Budget, SearchOutcome, TuningScore, score, search
 from jerkbench.tuning.space import Setting, Space
@@ -22,8 +20,7 @@ class Effort:
         budget: of each search.
         restarts: searches; the first one's setting is taken, the others show how much is luck.
         knobs: names of those to change; empty: all.
-        threads: how many the engine may use; of a cluster, how many processes it starts.
-        cluster: runs the cases; None: this process does.
+        threads: how many the engine may use in each process.
     """
 
     objective: Objective
@@ -31,7 +28,6 @@ class Effort:
     restarts: int = 1
     knobs: tuple[str, ...] = ()
     threads: int = 1
-    cluster: Cluster | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,31 +77,27 @@ class Tuning:
 
 
 def tune(
-    name: str, cases: Cases, space: Space, effort: Effort, folder: Path | None, advance: Callable[[int], object] = int
+    name: str, cases: Cases, space: Space, effort: Effort, runs: Runs, advance: Callable[[int], object] = int
 ) -> Tuning:
-    """Tune one method; what is stored in ``folder`` is not run again.
+    """Tune one method; what is stored is not run again.
 
     Args:
         name: of the method.
         cases: to tune, to choose and to test on.
         space: the knobs.
         effort: how.
-        folder: where trials are stored; None: nowhere.
+        runs: where they are done and stored, those of other methods, too.
         advance: is told how many settings more are done.
 
     Raises:
         JerkbenchError: a recording lacks what the objective asks for, or a run failed.
     """
-    inputs = Inputs()
-    evaluator = Evaluator(space, effort.objective, effort.threads, inputs, effort.cluster)
+    evaluator = Evaluator(space, effort.objective, effort.threads, runs)
     first = cases.tune[0]
-    recording = inputs.recording(first.cell, first.fingerprint, first.draws[0])
+    recording = shared_inputs().recording(first.cell, first.fingerprint, first.draws[0])
     require_scorable(effort.objective, cases.tune[:1], lambda _: recording)
-    outcomes: list[SearchOutcome] = []
-    for k in range(effort.restarts):
-        budget = replace(effort.budget, seed=effort.budget.seed + k)
-        place = folder / f"restart-{k}" if folder is not None else None
-        outcomes.append(search(evaluator, cases, budget, place, advance))
+    budgets = [replace(effort.budget, seed=effort.budget.seed + k) for k in range(effort.restarts)]
+    outcomes = [search(evaluator, cases, budget, advance) for budget in budgets]
     restarts = tuple(Restart(outcome.setting, score(evaluator, outcome.setting, cases.test)) for outcome in outcomes)
     interval_s = recording.imu.nominal_interval_s if recording.imu is not None else None
     return Tuning(name, space, cases, effort, outcomes[0], restarts, interval_s)

@@ -1,24 +1,18 @@
 """The search: settings tried, one chosen; and its score on runs that the search has not seen."""
 
-import hashlib
-import json
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
-from pathlib import Path
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import NamedTuple
 
-from jerkbench import plugins
 from jerkbench.arrays import FloatArray
 from jerkbench.errors import JerkbenchError, PluginError
-from jerkbench.jobs.key import code_digest, plugin_digest, plugins_digests, versions
-from jerkbench.tuning.evaluate import Evaluator
+from jerkbench.tuning.evaluate import Evaluator, Trials, joined_trials
 from jerkbench.tuning.samplers import sampler_of
 from jerkbench.tuning.space import Setting
 from jerkbench.tuning.splits import Cases, TuningCase
-from jerkbench.tuning.trials import Trials, TrialStore, joined_trials
 
 BLOCK = 16
-"""Settings that are tried together: stored at once, and what a learning sampler learns from next."""
+"""Settings that are tried together: what a learning sampler learns from next."""
 
 
 @dataclass(frozen=True)
@@ -80,47 +74,29 @@ class TuningScore(NamedTuple):
     runs: int
 
 
-def settings_key(evaluator: Evaluator, budget: Budget, cases: Sequence[TuningCase]) -> str:
-    """Return a hash of all that the trials of a search depend on."""
-    everything: dict[str, Any] = {
-        "knobs": [asdict(knob) for knob in evaluator.space.knobs],
-        "objective": evaluator.objective.name,
-        "sampler": [budget.sampler, budget.seed],
-        "cases": [[case.cell.spec, asdict(case.cell.protocol), case.draws, case.fingerprint] for case in cases],
-        "code": code_digest("tuning"),
-        "plugins": [plugins_digests(case.cell) for case in cases],
-        "metric": plugin_digest(plugins.get("metric", evaluator.objective.metric)),
-        "versions": versions(),
-    }
-    return hashlib.sha256(json.dumps(everything, sort_keys=True, default=str).encode()).hexdigest()[:20]
-
-
 def search(
     evaluator: Evaluator,
     cases: Cases,
     budget: Budget,
-    folder: Path | None = None,
     advance: Callable[[int], object] = int,
 ) -> SearchOutcome:
-    """Try ``budget.trials`` settings and choose one; what is stored in ``folder`` is not run again.
+    """Try ``budget.trials`` settings and choose one.
 
     Args:
         evaluator: of the method's space.
         cases: of which those to test on are not looked at.
         budget: what may be spent.
-        folder: where trials are stored; None: nowhere.
         advance: is told how many settings more are done.
 
     Raises:
         JerkbenchError: the sampler is unknown, or a run failed.
     """
-    store = TrialStore(folder, settings_key(evaluator, budget, [*cases.tune, *cases.choose]))
-    trials = _tried(evaluator, cases.tune, budget, store, advance)
+    trials = _tried(evaluator, cases.tune, budget, advance)
     best = trials.best(budget.finalists if cases.choose else 1)
     if not cases.choose:
         return SearchOutcome(trials.settings[best[0]], best[0], trials, None)
     settings = [trials.settings[place] for place in best]
-    finalists = _block(evaluator, settings, cases.choose, store, "finalists", 0)
+    finalists = evaluator.trials(settings, cases.choose)
     place = best[finalists.best(1)[0]]
     return SearchOutcome(trials.settings[place], place, trials, finalists)
 
@@ -154,7 +130,6 @@ def _tried(
     evaluator: Evaluator,
     cases: Sequence[TuningCase],
     budget: Budget,
-    store: TrialStore,
     advance: Callable[[int], object],
 ) -> Trials:
     """Try the setting before the search, and then those of the sampler, block by block."""
@@ -166,27 +141,10 @@ def _tried(
         first = [space.start] if done == 0 else []
         count = min(BLOCK, budget.trials - done) - len(first)
         settings = [*first, *(space.setting(shares) for shares in (sampler.ask(count) if count else ()))]
-        trials = _block(evaluator, settings, cases, store, "tune", done)
+        trials = evaluator.trials(settings, cases)
         if count:
             sampler.tell(trials.means[len(first) :].tolist())
         parts.append(trials)
         done += len(settings)
         advance(len(settings))
     return joined_trials(parts)
-
-
-def _block(
-    evaluator: Evaluator,
-    settings: Sequence[Setting],
-    cases: Sequence[TuningCase],
-    store: TrialStore,
-    name: str,
-    begin: int,
-) -> Trials:
-    """Take a block of trials from the store, or run and store it."""
-    known = store.read(name, begin, settings)
-    if known is not None:
-        return known
-    trials = evaluator.trials(settings, cases)
-    store.write(name, begin, trials)
-    return trials

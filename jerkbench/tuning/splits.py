@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from jerkbench.errors import PluginError
 from jerkbench.jobs.cell import Cell
 from jerkbench.jobs.key import data_fingerprint
+from jerkbench.renamed import new_name
 from jerkbench.tuning.excerpts import Excerpt
 
 PARTS = ("tune", "choose", "test")
@@ -167,6 +168,7 @@ def by_families(cells: Sequence[Cell], held_out: Sequence[str], seeds: Seeds) ->
 
     Where nothing is wrong (`none`) a setting has to be good as well: it is on both sides.
     """
+    held_out = [new_name("disturbance", name) for name in held_out]
     held = [cell.labels.disturbance in held_out for cell in cells]
     words = f"family: tuned without {', '.join(held_out)}, scored on these"
     cases = by_group(cells, held, seeds, words)
@@ -176,6 +178,7 @@ def by_families(cells: Sequence[Cell], held_out: Sequence[str], seeds: Seeds) ->
 
 def by_recordings(cells: Sequence[Cell], held_out: Sequence[str], seeds: Seeds) -> Cases:
     """Return the scenarios over other recordings than ``held_out`` (labels of data sets) to tune on."""
+    held_out = [new_name("dataset", name) for name in held_out]
     held = [cell.labels.dataset in held_out for cell in cells]
     return by_group(cells, held, seeds, f"recording: tuned without {', '.join(held_out)}, scored on these")
 

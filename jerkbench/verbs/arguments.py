@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from jerkbench.errors import JerkbenchError
 
 if TYPE_CHECKING:
-    from jerkbench.report.analysis.rule import Rule
+    from jerkbench.report.analysis.runs import VerdictRule
 
     Parsers = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001 - argparse has no public name for it
 
@@ -150,12 +150,12 @@ JUDGING = (
 """How a study's methods are judged."""
 
 
-def chosen_rule(chosen: argparse.Namespace) -> "Rule":
+def chosen_rule(chosen: argparse.Namespace) -> "VerdictRule":
     """Return the rule that was asked for."""
-    from jerkbench.evaluation.statistics.multiplicity import Correction
-    from jerkbench.report.analysis.rule import Rule
+    from jerkbench.evaluation.statistics.families import Correction
+    from jerkbench.report.analysis.runs import VerdictRule
 
-    return Rule(chosen.margin / 100, Correction(chosen.correction))
+    return VerdictRule(chosen.margin / 100, Correction(chosen.correction))
 
 
 def chosen_method(chosen: argparse.Namespace) -> tuple[str, ...] | None:
@@ -164,6 +164,6 @@ def chosen_method(chosen: argparse.Namespace) -> tuple[str, ...] | None:
     Raises:
         JerkbenchError: there is no such factor, or none.
     """
-    from jerkbench.report.analysis.factors import parse_method
+    from jerkbench.report.analysis.columns import parse_method
 
     return parse_method(chosen.method) if chosen.method is not None else None

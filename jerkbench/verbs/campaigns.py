@@ -123,8 +123,9 @@ def suite_run_verb(chosen: argparse.Namespace) -> None:
     Raises:
         JerkbenchError: a word is unknown, the method does not fit, or the suite is not the frozen one.
     """
-    from jerkbench.campaigns.piece import Site
+    from jerkbench.campaigns.site import Site
     from jerkbench.hydra_app.words import cluster_named
+    from jerkbench.jobs.cluster import Workers
     from jerkbench.jobs.pool import processors
     from jerkbench.suite.enter import enter
 
@@ -133,10 +134,10 @@ def suite_run_verb(chosen: argparse.Namespace) -> None:
     folder = chosen.out or Path("results") / f"suite-{chosen.scale}" / (
         re.sub(r"[^\w.]+", "-", name).strip("-.") or "entry"
     )
-    place = Site(folder, cluster_named(chosen.cluster), chosen.workers or processors())
     scale = [] if chosen.scale == "v1" else ["--scale", chosen.scale]
     command = shlex.join(["jerkbench", "suite", "run", *chosen.words, *scale])
-    print(enter(chosen.scale, entrant, name, place, command))
+    with Workers(cluster_named(chosen.cluster), chosen.workers or processors()) as workers:
+        print(enter(chosen.scale, entrant, name, Site(folder, workers), command))
     print(f"Written to {folder}.")
 
 

@@ -11,8 +11,7 @@ from jerkbench.verbs.arguments import JUDGING, argument, chosen_method, chosen_r
 
 if TYPE_CHECKING:
     from jerkbench.report.analysis.changes import Change
-    from jerkbench.report.analysis.tolerances import Tolerances
-    from jerkbench.report.compared import Compared
+    from jerkbench.report.compared import MetricChanges, Tolerances
     from jerkbench.results.study import Study
 
 FORMATS = ("terminal", "md", "json", "junit")
@@ -72,14 +71,14 @@ def compare_verb(chosen: argparse.Namespace) -> None:
         JerkbenchError: there are no results, nothing is in both, or they were not measured alike.
         SystemExit: 3, where B is worse than it may be; 4, where nothing is, but B lacks results that A has.
     """
-    from jerkbench.report.compared import WRITERS, Comparison, print_comparison
+    from jerkbench.report.compared import WRITERS, StudyComparison, print_comparison
 
     first, second, chosen_of = _studies(chosen)
     tolerances = _tolerances(chosen)
     parts = _parts(chosen, first, second, tolerances)
     has_tolerances = tolerances.otherwise is not None or bool(tolerances.rules)
     sentences, code = _failures(parts, first, second, chosen.tolerances) if has_tolerances else ([], 0)
-    comparison = Comparison(parts, [*chosen_of, *_notes(chosen, first, second, parts, tolerances)], bool(code))
+    comparison = StudyComparison(parts, [*chosen_of, *_notes(chosen, first, second, parts, tolerances)], bool(code))
     if chosen.format in WRITERS:
         print(WRITERS[chosen.format](comparison), end="")
     else:
@@ -106,17 +105,19 @@ def _studies(chosen: argparse.Namespace) -> "tuple[Study, Study, list[str]]":
 
 
 def _tolerances(chosen: argparse.Namespace) -> "Tolerances":
-    from jerkbench.report.analysis.tolerances import Tolerances, read_tolerances
+    from jerkbench.report.compared import Tolerances, read_tolerances
 
     if chosen.tolerances is None:
         return Tolerances(otherwise=chosen.fail_above)
     return read_tolerances(chosen.tolerances, chosen.fail_above)
 
 
-def _parts(chosen: argparse.Namespace, first: "Study", second: "Study", tolerances: "Tolerances") -> "list[Compared]":
+def _parts(
+    chosen: argparse.Namespace, first: "Study", second: "Study", tolerances: "Tolerances"
+) -> "list[MetricChanges]":
     from jerkbench.report.analysis.changes import changes
     from jerkbench.report.analysis.findings import varying_factors
-    from jerkbench.report.compared import Compared
+    from jerkbench.report.compared import MetricChanges
     from jerkbench.report.tables.summary import main_metric
 
     rule, varying = chosen_rule(chosen), varying_factors(first.rows)
@@ -125,14 +126,18 @@ def _parts(chosen: argparse.Namespace, first: "Study", second: "Study", toleranc
     for metric in metrics:
         changed = changes(first.rows, second.rows, metric, rule)
         allowed = [tolerances.percent(metric, change.combination) for change in changed]
-        parts.append(Compared(metric, changed, varying, allowed))
+        parts.append(MetricChanges(metric, changed, varying, allowed))
     return parts
 
 
 def _notes(
-    chosen: argparse.Namespace, first: "Study", second: "Study", parts: "Sequence[Compared]", tolerances: "Tolerances"
+    chosen: argparse.Namespace,
+    first: "Study",
+    second: "Study",
+    parts: "Sequence[MetricChanges]",
+    tolerances: "Tolerances",
 ) -> list[str]:
-    from jerkbench.report.analysis.change_notes import notes_of_tests, other_leaders
+    from jerkbench.report.analysis.changes import notes_of_tests, other_leaders
     from jerkbench.report.analysis.study_verdicts import study_verdicts
     from jerkbench.results.comparability import other_methods
 
@@ -145,7 +150,9 @@ def _notes(
     return [*notes, *other_leaders(*(of.standings for of in verdicts))]
 
 
-def _failures(parts: "Sequence[Compared]", first: "Study", second: "Study", file: Path | None) -> tuple[list[str], int]:
+def _failures(
+    parts: "Sequence[MetricChanges]", first: "Study", second: "Study", file: Path | None
+) -> tuple[list[str], int]:
     """Return what is worse and what cannot be judged, in sentences, and the exit code."""
     sentences = [_counted(part, file) for part in parts]
     changed = parts[0].changes
@@ -161,7 +168,7 @@ def _failures(parts: "Sequence[Compared]", first: "Study", second: "Study", file
     return sentences, WORSE if any(any(part.worse) for part in parts) else unjudged
 
 
-def _counted(part: "Compared", file: Path | None) -> str:
+def _counted(part: "MetricChanges", file: Path | None) -> str:
     limits = {percent for percent in part.allowed if percent is not None}
     by = f"{limits.pop():g} %" if len(limits) == 1 and file is None else f"{file} allows"
     subject = "combinations" if file is None else f"combinations, by {part.metric},"

@@ -121,7 +121,7 @@ def _describe(recording: "Recording", dataset: "Dataset", figure: Path | None) -
     if shifts_text:
         print(f"Times are shifted already by {', '.join(shifts_text)}: what is left of the lags is above.")
     if figure is not None:
-        from jerkbench.inspection.overview import overview_figure
+        from jerkbench.inspection.facts import overview_figure
         from jerkbench.report.plots.style import save_figure
 
         save_figure(overview_figure(recording), figure)

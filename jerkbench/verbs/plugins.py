@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from jerkbench.verbs.arguments import FORMAT, argument, output, print_json, verb
 
 if TYPE_CHECKING:
-    from jerkbench.authoring.check import CheckedPlugin
+    from jerkbench.authoring import CheckedPlugin
 
 
 @verb(argument("kind", nargs="?", help="dataset, disturbance, attitude, filter, adaptation, ..."), FORMAT)
@@ -59,7 +59,7 @@ def new_verb(chosen: argparse.Namespace) -> None:
     Raises:
         PluginError: no such kind, no possible name, one that is taken, or there is something in the folder.
     """
-    from jerkbench.authoring.package import write_package
+    from jerkbench.authoring import write_package
 
     for path in write_package(chosen.kind, chosen.name, chosen.out or Path(chosen.name)):
         print(path)
@@ -87,7 +87,7 @@ def _json(package: str, checked: "Sequence[CheckedPlugin]") -> str:
 
 
 def _junit(package: str, checked: "Sequence[CheckedPlugin]") -> str:
-    from jerkbench.conformance.junit import JunitCase, junit
+    from jerkbench.conformance.requirements import JunitCase, junit
 
     def sentences(plugin: "CheckedPlugin", severity: str) -> tuple[str, ...]:
         return tuple(finding.sentence for finding in plugin.findings if finding.severity == severity)
@@ -115,7 +115,7 @@ def check_verb(chosen: argparse.Namespace) -> None:
         PluginError: there is no such package, or it has no plugin.
         SystemExit: 1, where a plugin does not keep its contract.
     """
-    from jerkbench.authoring.check import check_package
+    from jerkbench.authoring import check_package
 
     checked = check_package(chosen.package)
     print(FINDINGS[chosen.format](chosen.package, checked))

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from jerkbench.errors import JerkbenchError
-from jerkbench.report.choice import Choice
+from jerkbench.report.drawings import Choice
 from jerkbench.verbs.arguments import JUDGING, RUN_PROGRAMS, argument, chosen_method, chosen_rule, count, output, verb
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ def table_verb(chosen: argparse.Namespace) -> None:
     Raises:
         JerkbenchError: there are no results, or no such metric, factor or baseline.
     """
-    from jerkbench.report.analysis.baseline import parse_baseline
+    from jerkbench.report.analysis.runs import parse_baseline
     from jerkbench.report.analysis.study_verdicts import study_verdicts
     from jerkbench.report.tables.summary import main_metric, summarise
     from jerkbench.results.study import load_study, tagged
@@ -83,9 +83,9 @@ def _sentences(
 
     Without one: who leads, what holds over all scenarios, and the comparisons with the usual ones.
     """
-    from jerkbench.report.analysis.across import across
     from jerkbench.report.analysis.findings import findings
-    from jerkbench.report.analysis.standings import summary
+    from jerkbench.report.analysis.standings import verdict_sentences
+    from jerkbench.report.analysis.study_verdicts import across
 
     compared = findings(study.rows, verdicts, baseline)
     left = 0 if every else max(0, len(compared) - TOLD)
@@ -94,7 +94,7 @@ def _sentences(
     if baseline:
         return compared
     over_all = across(study.rows, verdicts, metric)
-    return [*summary(verdicts.standings), *over_all, *compared]
+    return [*verdict_sentences(verdicts.standings), *over_all, *compared]
 
 
 def _write(table: "Table", name: str) -> None:
@@ -133,8 +133,8 @@ def figures_verb(chosen: argparse.Namespace) -> None:
         JerkbenchError: there are no results, or no such method, scenario or seed.
     """
     from jerkbench.jobs.pool import processors
-    from jerkbench.report.choice import Choice
-    from jerkbench.report.plots.palette import BETWEEN
+    from jerkbench.report.drawings import Choice
+    from jerkbench.report.plots.style import BETWEEN
     from jerkbench.results.replay import tell_left_out
     from jerkbench.results.study import load_study
     from jerkbench.results.study_figures import FIGURES, LIMIT, Request, draw_study

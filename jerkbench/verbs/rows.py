@@ -63,7 +63,7 @@ def export_verb(chosen: argparse.Namespace) -> None:
         JerkbenchError: nothing is, there is no such row, its data have changed, or it has no reference or no updates.
     """
     from jerkbench.results.replay import stored_row
-    from jerkbench.results.updates_table import write_updates
+    from jerkbench.results.tum import write_updates
 
     if chosen.tum is None and chosen.updates is None:
         raise JerkbenchError(NOTHING_ASKED)

@@ -6,8 +6,7 @@ from numba import njit
 from sequences import sequence
 
 from jerkbench import plugins
-from jerkbench.compilation.calls import ask, fill_by
-from jerkbench.compilation.methods import address_of, compiled_method, parameter_vector
+from jerkbench.compilation.methods import address_of, ask, compiled_method, fill_by, parameter_vector
 from jerkbench.conformance.samples import STATES, ordinary
 from jerkbench.kinematic.plugin_call import ADAPT, FADE, GAIN, PRIOR
 from jerkbench.memory import empty_memory

@@ -7,29 +7,29 @@ from scipy.linalg import eigh
 from jerkbench.adaptation.common import (
     SEEN,
     distances,
+    fill_blend,
     fill_square,
     first_distance,
     gain_of,
     innovate,
     measured_of,
-    mix,
     settle,
-    spread,
+    spread_part,
     stack_of,
     weighed_prior,
 )
 from jerkbench.adaptation.linalg import (
     diagonalise,
+    explained_sums,
     factorise,
     forward_rows,
-    part_of,
+    inverse_weighted,
     residuals_of,
     root_of,
-    shares,
     solve,
     solve_rows,
-    update,
-    weighed,
+    submatrix,
+    update_residuals,
     whiten,
     whiten_rows,
     whitened,
@@ -84,13 +84,13 @@ def test_both_covariances_are_diagonal_in_their_own_coordinates(rows, largest):
     """Against scipy's generalised eigenvalues, and sums of the update in whole matrices."""
     P, R, y, _H = case(rows)
     scale = np.where(np.arange(9) == 0, np.sqrt(largest), 1.0)
-    N, xi, weight = part_of(P * scale * scale[:, None], rows), 0.7, 1.6
+    N, xi, weight = submatrix(P * scale * scale[:, None], rows), 0.7, 1.6
     m = len(rows)
     d, w, X = np.empty(m), np.empty(m), np.column_stack([N, y])
     X = diagonalise(N, R, d, X)
     np.testing.assert_allclose(np.sort(d), eigh(N, R, eigvals_only=True), rtol=1e-9 * np.sqrt(largest))
 
-    explained, prior, measured = shares(d, X[:, m], xi / weight, w)
+    explained, prior, measured = explained_sums(d, X[:, m], xi / weight, w)
     S = N / xi + R / weight
     v = np.linalg.solve(S, y)
     assert explained == pytest.approx(np.trace(np.linalg.solve(S, N)) / xi, rel=1e-9)
@@ -102,12 +102,12 @@ def test_both_covariances_are_diagonal_in_their_own_coordinates(rows, largest):
 @pytest.mark.parametrize("rows", ROWS, ids=str)
 def test_residuals_are_those_after_an_update_with_the_weighed_covariance(rows):
     P, R, y, _H = case(rows)
-    N, L = part_of(P, rows), np.linalg.cholesky(R)
+    N, L = submatrix(P, rows), np.linalg.cholesky(R)
     of = residuals_of(y, N, R)
     of.weights[:] = np.linspace(0.1, 0.9, len(rows))
-    update(of)
+    update_residuals(of)
     weighted = L @ np.diag(1.0 / of.weights) @ L.T
-    np.testing.assert_allclose(weighed(of.U, of.weights), weighted, rtol=1e-10, atol=1e-11)
+    np.testing.assert_allclose(inverse_weighted(of.U, of.weights), weighted, rtol=1e-10, atol=1e-11)
     after = y - N @ np.linalg.solve(N + weighted, y)
     np.testing.assert_allclose(of.e, np.linalg.solve(L, after), rtol=1e-8, atol=1e-10)
 
@@ -143,7 +143,7 @@ def test_a_pass_with_weights_is_the_update_with_the_weighed_covariances(rows):
     Rw = Br @ np.diag(1.0 / stack.weights[p:]) @ Br.T
     K = Pw @ H.T @ np.linalg.inv(H @ Pw @ H.T + Rw)
     np.testing.assert_allclose(weighed_prior(P, stack), Pw, rtol=1e-10, atol=1e-10)
-    np.testing.assert_allclose(weighed(Br.T, stack.weights[p:]), Rw, rtol=1e-10, atol=1e-10)
+    np.testing.assert_allclose(inverse_weighted(Br.T, stack.weights[p:]), Rw, rtol=1e-10, atol=1e-10)
     np.testing.assert_allclose(gain_of(stack), K, rtol=1e-9, atol=1e-11)
     np.testing.assert_allclose(stack.steps[0], K @ y, rtol=1e-9, atol=1e-11)
     np.testing.assert_allclose(stack.residual[p:], np.linalg.solve(Br, y - H @ K @ y), rtol=1e-9, atol=1e-11)
@@ -156,7 +156,7 @@ def test_a_pass_with_weights_is_the_update_with_the_weighed_covariances(rows):
 def test_two_passes_over_the_measured_rows_are_those_over_all_states(rows):
     """E of all nine states, mixed as Student's t mixes it."""
     P, R, y, H = case(rows)
-    part, N, share, E, xi, weight = measured_of(P, R, rows), part_of(P, rows), 1.0, P, 0.7, 0.4
+    part, N, share, E, xi, weight = measured_of(P, R, rows), submatrix(P, rows), 1.0, P, 0.7, 0.4
     assert first_distance(part, y) == pytest.approx(np.trace((N + np.outer(y, y)) @ np.linalg.inv(R)))
     for following in (0.6, 1.3):
         innovate(part, y, xi, weight)
@@ -171,6 +171,6 @@ def test_two_passes_over_the_measured_rows_are_those_over_all_states(rows):
         np.testing.assert_allclose(part.D, H @ D_x @ H.T, rtol=1e-8, atol=1e-9)
 
         E = (5.0 * P + following * D_x) / 6.0
-        mix(part.W, N, 5.0, part.D, following)
+        fill_blend(part.W, N, 5.0, part.D, following)
         share, xi = (5.0 + following * share / xi) / 6.0, following
-        np.testing.assert_allclose(spread(P, rows, part.W, share), E, rtol=1e-8, atol=1e-9)
+        np.testing.assert_allclose(spread_part(P, rows, part.W, share), E, rtol=1e-8, atol=1e-9)

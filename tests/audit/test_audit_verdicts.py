@@ -19,7 +19,7 @@ from jerkbench.campaigns.protocol import FaultFamily
 from jerkbench.campaigns.ratios import ratio_verdict
 from jerkbench.campaigns.search import ALL
 from jerkbench.evaluation.statistics.judgement import Verdict
-from jerkbench.evaluation.statistics.scenarios import over_scenarios
+from jerkbench.evaluation.statistics.ranks import over_scenarios
 
 HALF = {"none": "both", "a": "first", "b": "first", "c": "second", "d": "second"}
 PROTOCOL = AuditProtocol(

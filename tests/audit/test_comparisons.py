@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from jerkbench.audit.comparisons import (
+from jerkbench.audit.answer import (
     model_sentence,
     noise_sentence,
     off_by,
@@ -15,7 +15,7 @@ from jerkbench.audit.comparisons import (
 )
 from jerkbench.audit.methods import Method
 from jerkbench.audit.verdicts import TUNED
-from jerkbench.evaluation.statistics.scenarios import over_scenarios
+from jerkbench.evaluation.statistics.ranks import over_scenarios
 from made_losses import AGAINST, CLAIMED, JERK, PROTOCOL, losses
 
 

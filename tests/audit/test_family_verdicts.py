@@ -5,10 +5,9 @@ import pytest
 from scipy import stats
 from test_audit_verdicts import HALF, PROTOCOL, SCENARIOS
 
-from jerkbench.audit.family_verdicts import family_frame, family_sentences, family_verdicts
 from jerkbench.audit.figures import family_figure
 from jerkbench.audit.methods import Method
-from jerkbench.audit.verdicts import TUNED, Losses
+from jerkbench.audit.verdicts import TUNED, Losses, family_frame, family_sentences, family_verdicts
 from jerkbench.evaluation.statistics.judgement import Verdict
 
 METHODS = [Method("baseline", "mtf"), Method("baseline", "chi2")]

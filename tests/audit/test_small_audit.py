@@ -7,34 +7,38 @@ import pytest
 
 from jerkbench.audit.protocol import read_protocol
 from jerkbench.audit.study import run_audit
-from jerkbench.campaigns.piece import Piece
 from jerkbench.jobs.cluster import Local
+from jerkbench.results.store import Store
+from jerkbench.sweep import sweep
 
 GOLDEN = Path(__file__).parent / "golden"
 """verdicts.csv without times, and settings.csv, of the small audit; a change of what is computed makes them anew."""
-STAGES_BEFORE_THE_END = 25
+TASKS_BEFORE_THE_END = 200
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     """Of an audit that was stopped in its first stage, and gone on with by two processes."""
     folder, protocol = tmp_path_factory.mktemp("audit") / "audit-small", read_protocol("small")
-    runs, run = [], Piece.run
+    original, done = sweep.run_task, []
 
-    def stopped(stage):
-        if len(runs) == STAGES_BEFORE_THE_END:
+    def stopped(task, **how):
+        if len(done) == TASKS_BEFORE_THE_END:
             raise KeyboardInterrupt
-        runs.append(stage.path)
-        return run(stage)
+        done.append(task)
+        return original(task, **how)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Piece, "run", stopped)
+        patch.setattr(sweep, "run_task", stopped)
         with pytest.raises(KeyboardInterrupt):
             run_audit(protocol, folder, Local(), workers=1)
-    assert len(list((folder / "runs").iterdir())) == STAGES_BEFORE_THE_END
-    before = {path: path.stat().st_mtime_ns for path in (folder / "runs").iterdir()}
+    ran = {(planned.key, draw) for task in done for planned in task.cells for draw in task.draws}
+    keys = {key for key, _ in ran}
+    known = Store(folder / "runs").known(keys)
+    assert {(key, draw) for key, draws in known.items() for draw in draws} == ran
     run_audit(protocol, folder, Local(), workers=2)
-    assert {path: path.stat().st_mtime_ns for path in before} == before
+    tables = [pd.read_parquet(path, columns=["cell.key", "seed"]) for path in folder.rglob("part-*")]
+    assert not pd.concat(tables).duplicated().any()  # nothing was run twice
     return folder
 
 

@@ -8,14 +8,14 @@ import pandas as pd
 import pytest
 
 import jerkbench
+from jerkbench.audit.page import verdict_frame
 from jerkbench.audit.protocol import AuditProtocol, read_protocol
 from jerkbench.audit.study import run_audit
-from jerkbench.audit.table import verdict_frame
-from jerkbench.campaigns.piece import Piece
 from jerkbench.errors import JerkbenchError
 from jerkbench.hydra_app.words import cluster_named
 from jerkbench.jobs.cluster import Local
 from jerkbench.jobs.key import code_digest
+from jerkbench.sweep import sweep
 
 FAMILIES = ("none", "outliers", "wheel_slip")
 
@@ -44,10 +44,39 @@ def protocol():
     )
 
 
+@pytest.fixture(scope="module", autouse=True)
+def files_apart():
+    """Small files are not joined, so that one of them can be lost."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("jerkbench.results.store.MANY", 1000)
+        yield
+
+
 @pytest.fixture(scope="module")
 def finished(protocol, tmp_path_factory):
     folder = tmp_path_factory.mktemp("audit") / "audit-tiny"
     return folder, run_audit(protocol, folder, Local(), workers=1)
+
+
+def seeds_in(path):
+    return {seed for _, seed in runs_in([path])}
+
+
+def runs_in(paths):
+    tables = [pd.read_parquet(path) for path in paths]
+    return [run for table in tables for run in zip(table["cell.key"], table["seed"], strict=True)]
+
+
+def spied(monkeypatch):
+    """Record key and seed of each run."""
+    original, ran = sweep.run_task, []
+
+    def run_task(task, **how):
+        ran.extend((planned.key, draw) for planned in task.cells for draw in task.draws)
+        return original(task, **how)
+
+    monkeypatch.setattr(sweep, "run_task", run_task)
+    return ran
 
 
 def test_a_row_is_what_a_run_of_its_setting_gives(protocol, finished):
@@ -99,14 +128,14 @@ def test_a_setting_is_run_only_where_a_verdict_reads_it(protocol, finished):
 
 def test_an_audit_that_was_stopped_goes_on_and_comes_out_the_same(protocol, finished, monkeypatch):
     folder, audit = finished
-    files = sorted((folder / "runs").iterdir())
-    for path in files[::3]:
-        path.unlink()
+    files = sorted((folder / "runs" / "cells").iterdir())
+    assert len(files) >= 3  # one a stage at least
+    lost = runs_in([files[0], files[1]])
+    files[0].unlink()
     files[1].write_bytes(b"damaged")
-    runs, run = [], Piece.run
-    monkeypatch.setattr(Piece, "run", lambda stage: runs.append(stage.path.name) or run(stage))
+    ran = spied(monkeypatch)
     again = run_audit(protocol, folder, Local(), workers=1)
-    assert set(runs) == {path.name for path in files[::3]} | {files[1].name}
+    assert sorted(ran) == sorted(lost)
     timeless = [frame.drop(columns="seconds") for frame in (audit.outcome.test, again.outcome.test)]
     pd.testing.assert_frame_equal(*timeless)
     assert again.outcome.chosen == audit.outcome.chosen
@@ -116,8 +145,9 @@ def test_what_other_code_computed_is_judged_when_asked_for_and_nothing_is_run(
     protocol, finished, monkeypatch, tmp_path
 ):
     folder = shutil.copytree(finished[0], tmp_path / "audit-tiny")
-    monkeypatch.setattr("jerkbench.audit.study.code_digest", lambda *_: "another")
-    monkeypatch.setattr(Piece, "run", lambda _: pytest.fail("a run"))
+    code = code_digest()
+    monkeypatch.setattr("jerkbench.jobs.key.code_digest", lambda *_: "another")
+    monkeypatch.setattr(sweep, "run_task", lambda *_, **__: pytest.fail("a run"))
     with_one_more = dataclasses.replace(protocol, adaptations=("chi2", "mtf"))
     monkeypatch.setattr(AuditProtocol, "digest", protocol.digest)  # of "every adaptation", to which one has come
 
@@ -126,25 +156,26 @@ def test_what_other_code_computed_is_judged_when_asked_for_and_nothing_is_run(
     both = [verdict_frame(audit.verdicts).drop(columns="step_ns") for audit in (finished[1], again)]
     pd.testing.assert_frame_equal(*both)
     made_by = json.loads((folder / "manifest.json").read_text())["rows_computed_by"]
-    assert [maker.split()[0] for maker in made_by] == [code_digest("campaigns", "audit", "tuning")]
-    next((folder / "runs").glob("choose-*")).unlink()
-    with pytest.raises(JerkbenchError, match=r"1 are missing or of other settings.*without --stored"):
+    assert [maker.split()[0] for maker in made_by] == [code]
+    choosing = set(protocol.seeds_to_choose_on)
+    next(path for path in folder.rglob("part-*.parquet") if seeds_in(path) == choosing).unlink()
+    with pytest.raises(JerkbenchError, match=r"\d+ are missing or of other settings.*without --stored"):
         run_audit(protocol, folder, Local(), workers=1, only_stored=True)
 
 
 def test_the_runs_that_score_are_not_read_before_every_setting_is_chosen(protocol, tmp_path, monkeypatch):
-    test, run = set(protocol.seeds_to_test_on), Piece.run
+    test, original = set(protocol.seeds_to_test_on), sweep.pieces
 
-    def poisoned(stage):
-        if test & set(stage.seeds):
-            raise RuntimeError(stage.name)
-        return run(stage)
+    def poisoned(runs, draws):
+        if test & set(draws):
+            raise RuntimeError("test")
+        return original(runs, draws)
 
-    monkeypatch.setattr(Piece, "run", poisoned)
+    monkeypatch.setattr(sweep, "pieces", poisoned)
     with pytest.raises(RuntimeError, match="test"):
         run_audit(protocol, tmp_path / "audit-tiny", Local(), workers=1)
-    names = {path.name.split("-")[0] for path in (tmp_path / "audit-tiny" / "runs").iterdir()}
-    assert names == {"tune", "choose"}
+    seeds = {seed for path in tmp_path.rglob("part-*.parquet") for seed in seeds_in(path)}
+    assert seeds == {*protocol.seeds_to_tune_on, *protocol.seeds_to_choose_on}
 
 
 def test_the_folder_says_what_was_done(protocol, finished):

@@ -6,8 +6,15 @@ import numpy as np
 import pytest
 from numba import njit
 
-from jerkbench.compilation.calls import ask, fill_by, try_ask, try_fill_by
-from jerkbench.compilation.methods import address_of, compiled_method, parameter_vector
+from jerkbench.compilation.methods import (
+    address_of,
+    ask,
+    compiled_method,
+    fill_by,
+    parameter_vector,
+    try_ask,
+    try_fill_by,
+)
 from jerkbench.kinematic.plugin_call import ADAPT, FADE
 
 

@@ -27,7 +27,7 @@ SCRIPT = """
 import sys
 import numpy as np
 from numba import njit
-from jerkbench.compilation.calls import fill_by
+from jerkbench.compilation.methods import fill_by
 from jerkbench.kinematic.plugin_call import ADAPT, address_of, compiled_method, parameter_vector
 from rule import Rule
 

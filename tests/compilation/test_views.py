@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numba import njit
 
-from jerkbench.compilation.vectors import WIDE, aligned_zeros, scatter, vectors
+from jerkbench.compilation.vectors import WIDE, aligned_zeros
 from jerkbench.compilation.views import (
     RunView,
     View,
@@ -101,25 +101,13 @@ def by_way_of_rooms(given, result):
 def eight_numbers(given, result):
     six = room(runs_in(given, ONE), "2 8")
     copy(six, row(given, 0, runs_in(given, ONE), "2 8"))
-    vectors(result, WIDE)[0] = eights(six)[0] + eights(six)[1]
+    row(result, 0, runs_in(result, EIGHT), "1")[0] = eights(six)[0] + eights(six)[1]
 
 
 @njit
 def ask(given, index):
     ask_for(row(given, index, runs_in(given, EIGHT), "2"))
     return given[0]
-
-
-@njit
-def turn(given, result, at, step):
-    w = vectors(given, WIDE)
-    scatter(vectors(result, WIDE), at, step, (w[0], w[1], w[2], w[3], w[4], w[5], w[6], w[7]))
-
-
-@njit
-def turn_one(given, result, at):
-    w = vectors(given, 1)
-    scatter(vectors(result, 1), at, 5, (w[0], w[1], w[2], w[3], w[4], w[5], w[6], w[7]))
 
 
 def test_the_fields_of_one_run_lie_where_its_type_says():
@@ -164,20 +152,6 @@ def test_of_a_single_run_they_move_its_numbers():
     np.testing.assert_array_equal(into[0, :10], given[7:][list(SCATTERED)])
     np.testing.assert_array_equal(back[7:][list(SCATTERED)], given[7:][list(SCATTERED)])
     assert np.count_nonzero(back) == 10
-
-
-@pytest.mark.parametrize(("at", "step"), [(0, 1), (2, 1), (1, 3)])
-def test_scatter_writes_rows_as_columns(at, step):
-    given, result = np.random.default_rng(0).normal(size=(WIDE, WIDE)), np.zeros((at + step * WIDE, WIDE))
-    turn(given, result, at, step)
-    np.testing.assert_array_equal(result[at::step][:WIDE], given.T)
-    assert np.count_nonzero(result) == WIDE**2
-
-
-def test_of_a_single_run_scatter_moves_eight_numbers():
-    given, result = np.arange(1.0, 9.0), np.zeros(24)
-    turn_one(given, result, 2)
-    np.testing.assert_array_equal(result, [*np.zeros(16), *given])
 
 
 def test_a_room_keeps_what_is_written():

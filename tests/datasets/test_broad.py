@@ -9,8 +9,8 @@ from jerkbench.attitude.tilt import Tilt
 from jerkbench.conformance.plugin import check_plugin
 from jerkbench.datasets.broad import Broad
 from jerkbench.errors import RecordingError
-from jerkbench.evaluation.metrics.inclination import Inclination
-from jerkbench.filters.attitude_only import AttitudeOnly
+from jerkbench.evaluation.metrics.attitude import Inclination
+from jerkbench.filters.attitude_only import AttitudeOnlyFilter
 
 RATE_HZ, REST_S, TURN_S = 100.0, 4.0, 2.0
 TURN_RAD = 0.5
@@ -80,7 +80,7 @@ def test_the_bias_stays_when_asked(tmp_path):
 def test_a_perfect_imu_has_no_inclination_error(tmp_path, attitude):
     write_hdf5(tmp_path / "07_x.hdf5", trial_fields())
     recording = Broad(str(tmp_path), trial=7).load(0)
-    estimate = AttitudeOnly().estimate(recording, attitude.estimate(recording), NoAdaptation())
+    estimate = AttitudeOnlyFilter().estimate(recording, attitude.estimate(recording), NoAdaptation())
     values = Inclination().evaluate(estimate, recording, recording.reference.scored[estimate.index])
 
     assert values["inclination_rmse_deg"] < 1e-6
@@ -129,7 +129,7 @@ def test_the_real_trials_have_the_published_facts(shared_folder):
         removed = (raw.imu.gyro_radps - recording.imu.gyro_radps)[0]
         assert np.degrees(np.linalg.norm(removed)) == pytest.approx(bias_dps, abs=0.01)
         rows = np.flatnonzero(recording.reference.scored)
-        estimate = AttitudeOnly().estimate(recording, GyroOnly().estimate(recording), NoAdaptation())
+        estimate = AttitudeOnlyFilter().estimate(recording, GyroOnly().estimate(recording), NoAdaptation())
         values = Inclination().evaluate(estimate, recording, recording.reference.scored)
         assert 1 / recording.imu.nominal_interval_s == pytest.approx(285.71, abs=0.01)
         assert 0.09 < values["inclination_floor_deg"] < 0.43

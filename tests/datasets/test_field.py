@@ -10,7 +10,8 @@ from jerkbench.errors import PluginError
 from jerkbench.geometry import dcm_from_euler
 from jerkbench.plugins import create, get
 from jerkbench.random_streams import stream
-from jerkbench.simulation import gnss, imu
+from jerkbench.simulation import imu
+from jerkbench.simulation import sensors as simulated
 
 FIELDS = {
     "field": Field,
@@ -270,7 +271,7 @@ def test_no_two_sources_of_randomness_share_a_stream(monkeypatch):
         asked.append(names)
         return stream(seed, *names)
 
-    for module in (field_white, gnss, imu):
+    for module in (field_white, simulated, imu):
         monkeypatch.setattr(module, "stream", noted)
     FieldVibration(duration_s=10.0, imu="consumer").load(1)
     assert len(asked) == len(set(asked)) >= 8

@@ -7,8 +7,7 @@ from jerkbench.disturbances.coloured import Coloured
 from jerkbench.disturbances.false_fix import FalseFix
 from jerkbench.disturbances.latency import Latency
 from jerkbench.disturbances.lever_arm import LeverArm
-from jerkbench.disturbances.multipath_all_axes import MultipathAllAxes
-from jerkbench.disturbances.multipath_single_axis import MultipathSingleAxis
+from jerkbench.disturbances.multipath import MultipathAllAxes, MultipathSingleAxis
 from jerkbench.disturbances.outliers import Outliers
 from jerkbench.disturbances.rtk_float import RtkFloat
 from jerkbench.disturbances.stated_covariance import StatedCovariance

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from jerkbench.disturbances.heavy_tailed import HeavyTailed
-from jerkbench.disturbances.multipath_all_axes import MultipathAllAxes
-from jerkbench.disturbances.noise_sine import NoiseSine
-from jerkbench.disturbances.noise_step import NoiseStep
+from jerkbench.disturbances.multipath import MultipathAllAxes
+from jerkbench.disturbances.noise_step import NoiseSine, NoiseStep
 from jerkbench.disturbances.outliers import Outliers
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.recording import Position, Velocity

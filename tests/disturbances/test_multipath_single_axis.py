@@ -5,7 +5,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from jerkbench.disturbances.multipath_single_axis import MultipathSingleAxis
+from jerkbench.disturbances.multipath import MultipathSingleAxis
 from jerkbench.errors import PluginError, RecordingError
 
 

@@ -2,9 +2,7 @@ import numpy as np
 import pytest
 
 from jerkbench import plugins
-from jerkbench.disturbances.outage_sweep import OutageSweep
-from jerkbench.disturbances.position_outage import PositionOutage
-from jerkbench.disturbances.velocity_outage import VelocityOutage
+from jerkbench.disturbances.gnss_outage import OutageSweep, PositionOutage, VelocityOutage
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.estimate import Estimate
 from jerkbench.evaluation.metrics.outage import Outage

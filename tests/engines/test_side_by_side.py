@@ -17,12 +17,11 @@ from jerkbench.compilation.compiled_loop import signature_of
 from jerkbench.compilation.jitted import jitted
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.engines.filterpy_engine import FilterpyEngine
-from jerkbench.evaluation.batch_scoring import can_stream, scored, with_updates
 from jerkbench.evaluation.evaluated_run import evaluate_run
-from jerkbench.evaluation.sums import sums_from
+from jerkbench.evaluation.sums import can_stream, scored, sums_from, with_updates
 from jerkbench.filters.baseline import Baseline
 from jerkbench.filters.jerk import Jerk
-from jerkbench.kinematic.layout import run_type
+from jerkbench.kinematic.arguments import run_type
 from jerkbench.kinematic.loop import ALONE, APART, run_steps
 from jerkbench.measurements import Measurements
 from jerkbench.sums import Run

@@ -4,7 +4,7 @@ import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.estimate import Estimate, Updates
-from jerkbench.evaluation.counted_stamps import POSITION_AXES, VELOCITY_AXES, Rows, counting
+from jerkbench.evaluation.counted_rows import POSITION_AXES, VELOCITY_AXES, Rows, counting
 from jerkbench.evaluation.navigation_errors import position_error_m, velocity_error_mps
 from jerkbench.recording import Recording
 from jerkbench.sums import Sums

@@ -7,12 +7,12 @@ import pytest
 from scipy.signal import lfilter
 from scipy.stats import t
 
-from jerkbench.evaluation.statistics.intervals.correlated_errors import (
+from jerkbench.evaluation.statistics.correlated_errors import (
     autocorrelation,
     block_interval,
     correlation_rows,
 )
-from jerkbench.evaluation.statistics.intervals.signed_over_seeds import mean_interval
+from jerkbench.evaluation.statistics.over_seeds import mean_interval
 
 
 def autoregressive(phi, n, seed, count=1):

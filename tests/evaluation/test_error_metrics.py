@@ -11,8 +11,7 @@ import pytest
 from jerkbench.evaluation.counted_rows import counted_rows
 from jerkbench.evaluation.metrics.attitude import AttitudeRmse
 from jerkbench.evaluation.metrics.outage import Outage
-from jerkbench.evaluation.metrics.position import PositionRmse
-from jerkbench.evaluation.metrics.velocity import VelocityRmse
+from jerkbench.evaluation.metrics.position import PositionRmse, VelocityRmse
 
 BURN_IN_S = 5.0
 

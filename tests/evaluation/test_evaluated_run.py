@@ -12,8 +12,7 @@ from jerkbench import plugins
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.estimate import Updates
 from jerkbench.evaluation.counted_rows import counted_rows
-from jerkbench.evaluation.divergence import run_status
-from jerkbench.evaluation.evaluated_run import evaluate_run
+from jerkbench.evaluation.evaluated_run import evaluate_run, run_status
 
 LIMIT_M = 1000.0
 METRICS = ("attitude_rmse", "consistency", "outage", "position_rmse", "velocity_rmse")

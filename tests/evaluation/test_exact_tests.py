@@ -6,10 +6,16 @@ import numpy as np
 import pytest
 from scipy.stats import beta, binomtest
 
-from jerkbench.evaluation.statistics.exact_tests import median_p, sign_p
-from jerkbench.evaluation.statistics.intervals.errors_over_seeds import centres
-from jerkbench.evaluation.statistics.intervals.median import median_intervals, quantiles_of_rows
-from jerkbench.evaluation.statistics.intervals.share import loss_bound, losses_text, seeds_without_loss, share_interval
+from jerkbench.evaluation.statistics.errors_over_seeds import centres
+from jerkbench.evaluation.statistics.families import median_p, sign_p
+from jerkbench.evaluation.statistics.intervals import (
+    loss_bound,
+    losses_text,
+    median_intervals,
+    quantiles_of_rows,
+    seeds_without_loss,
+    share_interval,
+)
 
 
 @pytest.mark.parametrize(("count", "n"), [(0, 5), (1, 20), (12, 20), (20, 20)])

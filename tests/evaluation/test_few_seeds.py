@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from jerkbench.evaluation.statistics.intervals.few_seeds import SHRUNK, few_intervals, hall_intervals
-from jerkbench.evaluation.statistics.intervals.student import student_intervals
+from jerkbench.evaluation.statistics.intervals import SHRUNK, few_intervals, hall_intervals, student_intervals
 from roots import hall_ends, mean_ends
 
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from jerkbench.evaluation.counted_rows import counted_rows
-from jerkbench.evaluation.metrics.attitude import AttitudeRmse
-from jerkbench.evaluation.metrics.inclination import Inclination
+from jerkbench.evaluation.metrics.attitude import AttitudeRmse, Inclination
 from jerkbench.geometry import dcm_from_euler
 from jerkbench.recording import Imu, Position, Recording, Reference, Velocity
 

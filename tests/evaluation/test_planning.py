@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, norm, ttest_1samp
 
+from jerkbench.evaluation.statistics.families import max_t
 from jerkbench.evaluation.statistics.judgement import Verdict, judged
-from jerkbench.evaluation.statistics.log_ratio import log_ratios
-from jerkbench.evaluation.statistics.max_t import max_t
-from jerkbench.evaluation.statistics.seeds_needed import critical_t, seeds_needed
-from jerkbench.evaluation.statistics.sequential import levels, looks
+from jerkbench.evaluation.statistics.over_seeds import log_ratios
+from jerkbench.evaluation.statistics.seeds import critical_t, levels, looks, seeds_needed
 
 
 def judge(d):

@@ -16,8 +16,7 @@ from jerkbench.disturbances.noise_step import NoiseStep
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.evaluation.counted_rows import counted_rows
 from jerkbench.evaluation.metrics.position import PositionRmse
-from jerkbench.evaluation.metrics.position_bound import PositionBound
-from jerkbench.evaluation.riccati import Motion, Noise, position_variances
+from jerkbench.evaluation.metrics.position_bound import Motion, NoiseRows, PositionBound, position_variances
 from jerkbench.filters.baseline import Baseline
 from jerkbench.filters.bias import Bias
 from jerkbench.filters.jerk import Jerk
@@ -80,7 +79,10 @@ def test_it_is_the_recursion_written_out(dataset, outage):
 def test_it_settles_where_the_algebraic_equation_does():
     """One axis with a fix after each input: scipy's steady state."""
     dt, p, v = 0.1, 0.04, 0.09
-    white = Noise(np.full((400, 3), p), np.zeros((400, 3)), 1.0), Noise(np.full((400, 3), v), np.zeros((400, 3)), 1.0)
+    white = (
+        NoiseRows(np.full((400, 3), p), np.zeros((400, 3)), 1.0),
+        NoiseRows(np.full((400, 3), v), np.zeros((400, 3)), 1.0),
+    )
     got = position_variances(Motion(dt, 0.5, (1.0, 1.0)), np.arange(1, 401), *white, 400)
     A, b, R = np.array([[1, dt], [0, 1]]), np.array([dt**2 / 2, dt]), np.diag([p, v])
     prior = solve_discrete_are(A.T, np.eye(2), 0.25 * np.outer(b, b), R)

@@ -11,11 +11,11 @@ from scipy.stats import kendalltau, t
 from jerkbench.evaluation.statistics.ranks import (
     critical_difference,
     kendall_tau,
+    over_scenarios,
     rank_cliques,
     rank_range,
 )
-from jerkbench.evaluation.statistics.scenarios import over_scenarios
-from jerkbench.evaluation.statistics.selection import chosen_on_other_seeds
+from jerkbench.evaluation.statistics.seeds import chosen_on_other_seeds
 
 
 def drawn(scenarios, seeds, sigmas=(0.3, 0.15, 0.1), seed=3):

@@ -7,8 +7,8 @@ import pytest
 from scipy.integrate import quad
 from scipy.stats import norm
 
-from jerkbench.evaluation.statistics.gaussian_scores import crps, inclination_indicator, non_credibility_index
-from jerkbench.evaluation.statistics.step_response import step_response
+from jerkbench.evaluation.metrics.recovery import step_response
+from jerkbench.evaluation.metrics.scores import crps, inclination_indicator, non_credibility_index
 
 
 @pytest.mark.parametrize(("error", "sigma"), [(0.0, 1.0), (0.7, 0.5), (-2.0, 0.3)])

@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import chi2
 
 from jerkbench.evaluation.statistics.consistency import chi2_band, runs_verdict
-from jerkbench.evaluation.statistics.whiteness import whiteness
+from jerkbench.evaluation.statistics.correlated_errors import whiteness
 
 A = np.array([[1.0, 0.1], [0.0, 1.0]])
 Q = np.array([[0.1**3 / 3, 0.1**2 / 2], [0.1**2 / 2, 0.1]])

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from jerkbench.adaptation.none import NoAdaptation
-from jerkbench.evaluation.divergence import run_status
-from jerkbench.evaluation.evaluated_run import evaluate_run
-from jerkbench.filters.attitude_only import AttitudeOnly
+from jerkbench.evaluation.evaluated_run import evaluate_run, run_status
+from jerkbench.filters.attitude_only import AttitudeOnlyFilter
 from jerkbench.jobs.cell import Protocol, build
 from jerkbench.jobs.names import refusal
 from jerkbench.plugins import create, names
@@ -28,7 +27,7 @@ def test_the_angles_are_the_last_ones_at_or_before_each_stamp():
         recording.reference, t_s=stamps, enu_m=None, velocity_mps=None, euler_rad=np.zeros((5, 3)), scored=None
     )
     recording = dataclasses.replace(recording, reference=reference)
-    estimate = AttitudeOnly().estimate(recording, attitude_turning(recording), NoAdaptation())
+    estimate = AttitudeOnlyFilter().estimate(recording, attitude_turning(recording), NoAdaptation())
 
     assert estimate.index.tolist() == [1, 2, 3]  # before the first sample and after the last nothing is known
     np.testing.assert_allclose(estimate.euler_rad[:, 0], [1.0, 2.0, 3.0])
@@ -37,7 +36,7 @@ def test_the_angles_are_the_last_ones_at_or_before_each_stamp():
 
 def test_it_goes_well_without_a_position_and_has_no_error_of_one():
     recording = recording_at_rest(10.0)
-    estimate = AttitudeOnly().estimate(recording, level_attitude(recording), NoAdaptation())
+    estimate = AttitudeOnlyFilter().estimate(recording, level_attitude(recording), NoAdaptation())
     values = evaluate_run(estimate, recording, 1.0, [create("metric", {"name": name}) for name in names("metric")])
 
     assert run_status(estimate, recording, limit_m=1000.0) == ("ok", "")
@@ -48,7 +47,9 @@ def test_an_angle_that_is_no_number_is_a_divergence():
     recording = recording_at_rest(10.0)
     attitude = level_attitude(recording)
     attitude.euler_rad[500] = np.nan
-    status, why = run_status(AttitudeOnly().estimate(recording, attitude, NoAdaptation()), recording, limit_m=1000.0)
+    status, why = run_status(
+        AttitudeOnlyFilter().estimate(recording, attitude, NoAdaptation()), recording, limit_m=1000.0
+    )
 
     assert status == "diverged"
     assert "not finite at 5.01 s" in why

@@ -14,7 +14,7 @@ import pytest
 import jerkbench
 from commands import PATIENCE_S
 from jerkbench.errors import PluginError, RecordingError
-from jerkbench.io.program import command_words, program_files
+from jerkbench.filters.command import command_words, program_files
 from jerkbench.jobs.cell import Protocol
 from jerkbench.jobs.key import cell_key
 from jerkbench.jobs.names import cell_of_parts
@@ -113,7 +113,7 @@ def test_a_run_that_is_ended_ends_its_program(tmp_path, number):
     begun = tmp_path / "begun"
     code = (
         "import signal; signal.signal(signal.SIGINT, signal.default_int_handler);"  # it may be ignored here
-        "from jerkbench.io.program import run_program; from pathlib import Path;"
+        "from jerkbench.filters.command import run_program; from pathlib import Path;"
         f"words = ['sh', '-c', 'echo $$ > {begun}; exec sleep {PATIENCE_S}'];"
         f"run_program(words, Path({str(tmp_path)!r}), {2 * PATIENCE_S})"
     )
@@ -131,7 +131,7 @@ def test_a_run_that_is_ended_ends_its_program(tmp_path, number):
 STARTED = """
 import os, signal, subprocess, sys, time
 from pathlib import Path
-from jerkbench.io.program import run_program
+from jerkbench.filters.command import run_program
 
 class Interrupted(subprocess.Popen):
     def __init__(self, *words, **options):

@@ -9,7 +9,7 @@ from jerkbench import plugins
 from jerkbench.conformance.plugin import check_plugin
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.estimate import no_attitude
-from jerkbench.filters.constant_turn import ConstantTurn, turn_jacobian, turned
+from jerkbench.filters.constant_turn import ConstantTurn, after_turn, turn_jacobian
 from jerkbench.filters.constant_velocity import ConstantVelocity
 from jerkbench.recording import Position, Recording, Reference
 from jerkbench.timeline import build_timeline
@@ -35,12 +35,12 @@ def test_a_step_is_an_arc_and_its_jacobian_that_of_differences(w, dt):
     start = x[3] + 1j * x[4]
     fine = (np.arange(20000) + 0.5) * dt / 20000
     moved = np.sum(start * np.exp(1j * w * fine)) * dt / 20000  # the velocity, integrated
-    arrived = turned(x, dt)
+    arrived = after_turn(x, dt)
     np.testing.assert_allclose(arrived[:2] - x[:2], [moved.real, moved.imag], atol=1e-7)
     np.testing.assert_allclose(np.hypot(*arrived[3:5]), abs(start))
     assert arrived[2] == pytest.approx(1.0 - 0.5 * dt)
     steps = 1e-6 * np.eye(7)
-    differences = np.column_stack([(turned(x + h, dt) - turned(x - h, dt)) / 2e-6 for h in steps])
+    differences = np.column_stack([(after_turn(x + h, dt) - after_turn(x - h, dt)) / 2e-6 for h in steps])
     np.testing.assert_allclose(turn_jacobian(x, dt), differences, atol=1e-6)
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from jerkbench import plugins
 from jerkbench.errors import PluginError
-from jerkbench.filters._eskf15_parameters import DEFORMATION, SIGMAS
+from jerkbench.filters._eskf15_inputs import DEFORMATION, SIGMAS
 
 PROBABILITIES = ("first_stays", "second_stays", "first_probability")
 KINEMATIC = ("acceleration", "baseline", "bias", "constant_turn", "constant_velocity", "imm", "jerk", "rts")

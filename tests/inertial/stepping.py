@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from jerkbench.inertial import error_model
+from jerkbench.inertial import mechanisation
 from jerkbench.inertial.mechanisation import advance, calibrated
 
 
@@ -17,4 +17,4 @@ def mechanise(state, accel_mps2, gyro_radps, dt_s, earth):
 def transition(dt_s, dcm, force, states=15, sensed=None):
     """Phi of one step."""
     seen = None if sensed is None else tuple(part[None] for part in sensed)
-    return error_model.transition(np.array([dt_s]), dcm[None], force[None], states, seen)[0]
+    return mechanisation.transition(np.array([dt_s]), dcm[None], force[None], states, seen)[0]

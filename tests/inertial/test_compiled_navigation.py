@@ -12,14 +12,13 @@ from jerkbench.adaptation.mtf import Mtf
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.attitude.tilt import Tilt
 from jerkbench.datasets.field_white import FieldWhite
-from jerkbench.evaluation.batch_scoring import scored
 from jerkbench.evaluation.counted_rows import counted_rows
-from jerkbench.evaluation.sums import sums_from, sums_of
+from jerkbench.evaluation.sums import scored, sums_from, sums_of
 from jerkbench.filters.common import of_r_alone
 from jerkbench.filters.eskf15 import Eskf15
 from jerkbench.filters.iekf import InvariantEkf
 from jerkbench.geometry import dcm_from_euler
-from jerkbench.inertial.compiled.solution import prepare, solve_compiled
+from jerkbench.inertial.compiled_runs import solve_compiled
 from jerkbench.inertial.run import InertialRun
 from jerkbench.recording import Heading, Velocity
 from jerkbench.sums import RecordedRun
@@ -118,8 +117,7 @@ def compare(kind, fields, adaptation, model=Eskf15):
     recording, attitude = recorded(kind)
     journey = model(**fields).journey(recording, attitude)
     wanted = reference_run(journey, adaptation)
-    truth = getattr(adaptation, "wants_true_covariance", False)
-    got = solve_compiled(prepare(journey, wants_truth=truth), adaptation)
+    got = solve_compiled(journey, adaptation)
 
     @cache
     def changed(seed):
@@ -172,7 +170,7 @@ def test_it_stops_where_numpy_stops():
     measured = replace(journey.timeline.measurements, R=R, R_true=R)
     journey = journey._replace(timeline=replace(journey.timeline, measurements=measured))
     wanted = reference_run(journey, NoAdaptation()).estimate
-    got = solve_compiled(prepare(journey, wants_truth=False), NoAdaptation()).estimate
+    got = solve_compiled(journey, NoAdaptation()).estimate
 
     assert wanted.failure
     assert got.failure == wanted.failure

@@ -6,12 +6,18 @@ from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 from stepping import mechanise, transition
 
-from jerkbench.inertial.earth import FLAT
-from jerkbench.inertial.error_model import SensorNoise, process_noise, propagated, step_noise
-from jerkbench.inertial.measurement_models import heading, point_in_enu, velocity_in_body, wheel_speed, widened
-from jerkbench.inertial.mechanisation import calibrated
+from jerkbench.inertial.mechanisation import FLAT, SensorNoise, calibrated, process_noise, propagated, step_noise
 from jerkbench.inertial.state import Deformation, NavigationState, corrected
-from jerkbench.inertial.update import carried_over, correction, reset
+from jerkbench.inertial.update import (
+    carried_over,
+    correction,
+    heading,
+    point_in_enu,
+    reset,
+    velocity_in_body,
+    wheel_speed,
+    widened,
+)
 from jerkbench.recording import GRAVITY_MPS2
 
 NOISE = SensorNoise(angle=3e-6, velocity=1e-3, gyro_bias=2e-9, accel_bias=4e-7)

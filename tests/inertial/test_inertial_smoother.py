@@ -15,8 +15,7 @@ from jerkbench.datasets.field_white import FieldWhite
 from jerkbench.disturbances.gnss_outage import GnssOutage
 from jerkbench.filters.eskf15 import Eskf15
 from jerkbench.filters.eskf15_rts import Eskf15Smoother
-from jerkbench.inertial.earth import FLAT
-from jerkbench.inertial.error_model import process_noise
+from jerkbench.inertial.mechanisation import FLAT, process_noise
 from jerkbench.inertial.smoother import ForwardRun, backward
 from jerkbench.inertial.state import corrected, error_between
 from synthetic import level_attitude, recording_at_rest

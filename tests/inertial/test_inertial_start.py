@@ -8,9 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from jerkbench.errors import RecordingError
 from jerkbench.inertial.alignment import MOVING_TILT_RAD, StartSigmas, align, levelled
-from jerkbench.inertial.error_model import SensorNoise
-from jerkbench.inertial.events import merge_events
-from jerkbench.inertial.stillness import deviation, still_samples
+from jerkbench.inertial.mechanisation import SensorNoise
+from jerkbench.inertial.run_inputs import deviation, merge_events, still_samples
 from jerkbench.recording import GRAVITY_MPS2, Heading, Imu, Position
 from jerkbench.timeline import build_timeline
 from synthetic import level_attitude, recording_at_rest

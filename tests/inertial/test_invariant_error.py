@@ -14,10 +14,9 @@ from jerkbench.attitude.tilt import Tilt
 from jerkbench.datasets.field_white import FieldWhite
 from jerkbench.filters.eskf15 import Eskf15
 from jerkbench.filters.iekf import InvariantEkf
-from jerkbench.inertial.earth import FLAT
-from jerkbench.inertial.invariant import corrected_on_group, reset_on_group
-from jerkbench.inertial.mechanisation import advance
+from jerkbench.inertial.mechanisation import FLAT, advance
 from jerkbench.inertial.state import corrected
+from jerkbench.inertial.update import corrected_on_group, reset_on_group
 
 LARGE = np.array([40.0, -25.0, 9.0, 3.0, -6.0, 2.0, 0.9, -0.6, 1.1])
 """dp, dv, phi: an error far beyond what is linear."""

@@ -4,19 +4,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from test_compiled_navigation import ARMS, BURN_IN_S, EARTH, HELD, SCALES, recorded, reference_run
+from test_compiled_navigation import ARMS, BURN_IN_S, CASES, EARTH, HELD, SCALES, recorded, reference_run
 
 from engine_agreement import assert_same_sums
 from jerkbench import plugins
 from jerkbench.adaptation.mtf import Mtf
 from jerkbench.adaptation.none import NoAdaptation
-from jerkbench.evaluation.batch_scoring import scored
 from jerkbench.evaluation.counted_rows import counted_rows
-from jerkbench.evaluation.sums import sums_from, sums_of
+from jerkbench.evaluation.sums import scored, sums_from, sums_of
 from jerkbench.filters.eskf15 import Eskf15
-from jerkbench.inertial.side_by_side.runs import goes_together, run_journeys
-from jerkbench.kinematic.plugin_call import compiled_rule
-from jerkbench.sums import RecordedRun
+from jerkbench.filters.iekf import InvariantEkf
+from jerkbench.inertial.compiled_runs import stream_journeys
 from jerkbench.timeline import build_timeline
 
 
@@ -26,9 +24,7 @@ def scene_of(recording, attitude):
 
 def together(journeys, scenes, adaptations):
     scorings = [scene.scoring for scene in scenes]
-    rules = [compiled_rule(adaptation) for adaptation in adaptations]
-    assert all(map(goes_together, journeys, scorings))
-    return run_journeys(journeys, scorings, rules, updates=True, attitude=True, threads=1)
+    return stream_journeys(journeys, scorings, adaptations, updates=True, attitude=True, threads=1)
 
 
 def assert_same(result, scene, recording, estimate):
@@ -84,19 +80,47 @@ def test_a_turn_of_more_than_a_tenth_of_a_radian_in_a_step():
     assert_same(plain, scene, recording, reference_run(journey, NoAdaptation()).estimate)
 
 
-@pytest.mark.parametrize(
-    "fields",
-    [ARMS, HELD, pytest.param(SCALES, marks=pytest.mark.slow), EARTH],  # scales have a loop of their own
-    ids=["arms", "held", "scales", "earth"],
-)
-def test_what_has_other_equations_goes_alone_and_gives_the_same(fields):
-    (recording, attitude), model = recorded("enu"), Eskf15(**fields)
+MEASURED = {
+    "arms": ("enu", ARMS),
+    "body": ("body", ARMS),
+    "wheel": ("speed", {"nonholonomic_point_m": (-0.5, 0.2, -0.3)}),
+    "held": ("enu", HELD),
+    "earth": ("enu", EARTH),
+    "heading": ("heading", {}),
+    "scales": pytest.param("speed", {**SCALES, **ARMS, **HELD, "wheel_scale": True}, marks=pytest.mark.slow),
+}
+
+
+@pytest.mark.parametrize(("kind", "fields"), MEASURED.values(), ids=MEASURED)
+def test_whatever_it_measures(kind, fields):
+    (recording, attitude), model = recorded(kind), Eskf15(**fields)
+    journey, scene = model.journey(recording, attitude), scene_of(recording, attitude)
+
+    (result,) = together([journey], [scene], [Mtf()])
+
+    assert_same(result, scene, recording, reference_run(journey, Mtf()).estimate)
+
+
+def test_runs_of_one_vector_have_their_own_lever_arms_constraints_and_earth():
+    recording, attitude = recorded("enu")
+    fields = [{}, ARMS, HELD, EARTH, {**ARMS, **HELD, **EARTH}]
+    journeys = [Eskf15(**own).journey(recording, attitude) for own in fields]
     scene = scene_of(recording, attitude)
-    run = RecordedRun(recording, attitude, build_timeline(recording, attitude), scene.scoring)
-    assert not goes_together(model.journey(recording, attitude), scene.scoring)
 
-    models = [model, Eskf15()]
-    results = model.run_settings([run] * 2, models, [Mtf()] * 2, updates=True, attitude=True, threads=1)
+    results = together(journeys, [scene] * 5, [Mtf()] * 5)
 
-    for own, result in zip(models, results, strict=True):
-        assert_same(result, scene, recording, own.estimate(recording, attitude, Mtf()))
+    for journey, result in zip(journeys, results, strict=True):
+        assert_same(result, scene, recording, reference_run(journey, Mtf()).estimate)
+    assert len({tuple(result.position_m2) for result in results}) == 5
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", ["lever arms", "heading", "scales and wheel"])
+def test_the_invariant_one_too(case):
+    kind, fields = CASES[case]
+    (recording, attitude), model = recorded(kind), InvariantEkf(**fields, initial_yaw_sigma_rad=0.5)
+    journey, scene = model.journey(recording, attitude), scene_of(recording, attitude)
+
+    (result,) = together([journey], [scene], [Mtf()])
+
+    assert_same(result, scene, recording, reference_run(journey, Mtf()).estimate)

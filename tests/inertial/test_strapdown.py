@@ -5,9 +5,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 from stepping import mechanise
 
-from jerkbench.inertial.earth import FLAT, RADIUS_M, RATE_RADPS, earth_at, gravity_enu
-from jerkbench.inertial.rotation import cross, orthonormal, rotation_exp, skew
-from jerkbench.inertial.state import NavigationState
+from jerkbench.inertial.mechanisation import FLAT, RADIUS_M, RATE_RADPS, earth_at, gravity_enu
+from jerkbench.inertial.state import NavigationState, cross, orthonormal, rotation_exp, skew
 from jerkbench.recording import GRAVITY_MPS2, Origin
 
 AMES = Origin(42.0, -93.6, 300.0)

@@ -18,7 +18,7 @@ from jerkbench.errors import PluginError
 from jerkbench.filters.eskf15 import Eskf15
 from jerkbench.filters.ukf import Ukf
 from jerkbench.geometry import dcm_from_euler
-from jerkbench.inertial.earth import FLAT
+from jerkbench.inertial.mechanisation import FLAT
 from jerkbench.inertial.unscented import UnscentedRun, added, step_all
 from jerkbench.recording import Heading, Velocity
 

@@ -23,8 +23,8 @@ NOT_FOUND = {
     "zurich_mav": {CLOCK, "IMU turned by 90 degrees", "IMU turned by 180 degrees"},
     **dict.fromkeys(THREE_DRIVES, frozenset()),
 }
-"""Of the ten, as in the README, with why: xsens and husky state placeholders, 10 to 100 times too large, and have no
-reference; a quadrotor feels no force of its own acceleration, and flies sideways, so that its course says nothing of
+"""Of the ten, as in docs/inspect.md, with why: xsens and husky state placeholders, 10 to 100 times too large, and have
+no reference; a quadrotor feels no force of its own acceleration, and flies sideways, so that its course says nothing of
 its IMU."""
 
 MAY_BE_TOO_LARGE = {

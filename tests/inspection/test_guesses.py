@@ -7,7 +7,7 @@ from logs import columns, kitti_like, ned_degrees
 from jerkbench.datasets.field_white import FieldWhite
 from jerkbench.errors import RecordingError
 from jerkbench.geometry import enu_to_geodetic
-from jerkbench.inspection.columns import parsed
+from jerkbench.inspection.columns import parse_name
 from jerkbench.inspection.guesses import is_date
 from jerkbench.inspection.guessing import guess_table
 from jerkbench.recording import Origin
@@ -148,11 +148,11 @@ def test_names_that_say_nothing_are_not_guessed(drive, tmp_path):
     ],
 )
 def test_a_name_is_taken_apart(column, meaning):
-    assert parsed(column)[1:] == meaning
+    assert parse_name(column)[1:] == meaning
 
 
 @pytest.mark.parametrize(
     "column", ["c1", "temperature", "north_mm", "sdne_mm", "reference_east_m", "navstat", "speed_limit"]
 )
 def test_a_name_that_says_nothing_known_is_none(column):
-    assert parsed(column) is None
+    assert parse_name(column) is None

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from jerkbench.datasets.field_white import FieldWhite
-from jerkbench.inspection.facts import findings_text
-from jerkbench.inspection.overview import overview_figure
+from jerkbench.inspection.facts import findings_text, overview_figure
 from jerkbench.recording import Reference, Velocity
 from synthetic import recording_at_rest
 

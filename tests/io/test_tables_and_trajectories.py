@@ -8,7 +8,7 @@ import pytest
 from commands import verb
 from jerkbench.conformance.samples import small_recording
 from jerkbench.errors import RecordingError
-from jerkbench.io.writing import table_of, write_kml, write_table, write_tum
+from jerkbench.io.writing import recording_table, write_kml, write_table, write_tum
 from jerkbench.recording import Velocity
 
 EARTH = (6378137.0, 0.00669437999014)
@@ -43,7 +43,7 @@ def test_ned_turns_everything_that_is_in_the_navigation_frame(recording):
     skew = np.tile(np.array([[4.0, 1, 2], [1, 5, 3], [2, 3, 6]]), (len(recording.position.t_s), 1, 1))
     position = dataclasses.replace(recording.position, covariance_m2=skew)
     given = dataclasses.replace(recording, position=position)
-    enu, ned = at(table_of(given), 15.0), at(table_of(given, "ned"), 15.0)
+    enu, ned = at(recording_table(given), 15.0), at(recording_table(given, "ned"), 15.0)
     for stream in ("position", "reference"):
         assert ned[f"{stream}_north_m"] == enu[f"{stream}_north_m"]
         assert ned[f"{stream}_down_m"] == -enu[f"{stream}_up_m"]
@@ -55,12 +55,12 @@ def test_ned_turns_everything_that_is_in_the_navigation_frame(recording):
 
 def test_a_velocity_in_the_body_stays_there(recording):
     body = Velocity(recording.velocity.t_s, recording.velocity.mps, recording.velocity.covariance_m2ps2, "body")
-    table = table_of(dataclasses.replace(recording, velocity=body), "ned")
+    table = recording_table(dataclasses.replace(recording, velocity=body), "ned")
     np.testing.assert_array_equal(table["velocity_left_mps"].dropna(), recording.velocity.mps[:, 1])
 
 
 def test_geodetic_positions_lie_where_they_should(recording):
-    table = table_of(recording, "geodetic")
+    table = recording_table(recording, "geodetic")
     first, last = at(table, 5.0), at(table, 15.0)
     a, e2 = EARTH
     lat = np.radians(48.0)
@@ -72,7 +72,7 @@ def test_geodetic_positions_lie_where_they_should(recording):
     moved = np.diff(recording.reference.enu_m[rows], axis=0)[0]
     np.testing.assert_allclose([east, north], moved[:2], atol=1e-4)
     with pytest.raises(RecordingError, match="choose --coordinates enu or ned"):
-        table_of(dataclasses.replace(recording, origin=None), "geodetic")
+        recording_table(dataclasses.replace(recording, origin=None), "geodetic")
 
 
 def test_tum_is_what_the_field_reads(tmp_path, recording):

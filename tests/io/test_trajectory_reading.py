@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from jerkbench.conformance.samples import small_recording
 from jerkbench.errors import RecordingError
-from jerkbench.io.trajectory import estimate_of
+from jerkbench.io.trajectory import estimate_at_reference
 from jerkbench.io.trajectory_files import TrajectoryForm, read_trajectory
 
 START, SPEED = np.array([10.0, -5.0, 2.0]), np.array([1.0, 2.0, -0.1])
@@ -35,7 +35,7 @@ def table(path, names, columns):
 
 def scored(path, recording, **form):
     given = TrajectoryForm(**form)
-    return estimate_of(read_trajectory(path, given, recording), recording, given.max_gap_s)
+    return estimate_at_reference(read_trajectory(path, given, recording), recording, given.max_gap_s)
 
 
 def at_reference(recording):

@@ -9,11 +9,11 @@ from jerkbench.jobs.cell import metric_names
 from jerkbench.plugins import PACKAGES, _registry
 
 PACKAGE = Path(jerkbench.__file__).parent
-RUNNING = ("jobs/rows",)
+RUNNING = ("jobs/rows", "tuning/excerpts")
 NO_NUMBERS = {
     *("api", "conformance", "errors", "fetching", "files", "notebook", "notices", "parameters", "places", "plain"),
     *("plugins", "presets"),
-    *(f"jobs/{name}" for name in ("data_mistakes", "key", "names", "preflight", "sources")),
+    *(f"jobs/{name}" for name in ("key", "names", "preflight", "sources")),
 }
 """Rooms and modules that refuse, name or say something; what they import is not followed."""
 

@@ -9,8 +9,7 @@ import pytest
 import pages
 from commands import PATIENCE_S, environment
 from jerkbench.jobs import dask_cluster
-from jerkbench.jobs.dask_cluster import SPARING, Dask, DaskConnection, exports
-from jerkbench.jobs.job_queues import JobQueue
+from jerkbench.jobs.dask_cluster import SPARING, Dask, JobQueue, Slots, exports
 
 dask = pytest.importorskip("dask")
 pytest.importorskip("distributed")
@@ -23,8 +22,8 @@ def periods_ms(dask_worker):
 
 def test_a_worker_that_is_started_here_is_not_watched_while_it_runs():
     before = dask.config.get("distributed.admin.tick.interval")
-    with Dask().connect(1) as connection:
-        (periods,) = connection._client.run(periods_ms).values()
+    with Dask().open(1) as lent:
+        (periods,) = lent.executor._client.run(periods_ms).values()
 
     assert "profile" not in periods
     assert {name: periods[name] for name in ("tick", "monitor")} == {"tick": 1000.0, "monitor": 10_000.0}
@@ -68,9 +67,6 @@ class FakeClient:
     def __init__(self):
         self.asked = 0
 
-    def get_executor(self, *, pure):
-        return pure
-
     def scheduler_info(self, n_workers):
         self.asked += 1
         return {"workers": {number: {"nthreads": 2} for number in range(self.asked)}}
@@ -79,9 +75,9 @@ class FakeClient:
 def test_the_scheduler_is_asked_for_its_threads_once_a_second(monkeypatch):
     client, now_s = FakeClient(), [100.0]
     monkeypatch.setattr(dask_cluster.time, "monotonic", lambda: now_s[0])
-    connection = DaskConnection(client, 1, "")
+    slots = Slots(client, 1)
 
-    assert [connection.room() for _ in range(5)] == [4] * 5
+    assert [slots() for _ in range(5)] == [4] * 5
     now_s[0] += dask_cluster.BELIEVED_S
-    assert [connection.room() for _ in range(5)] == [8] * 5
+    assert [slots() for _ in range(5)] == [8] * 5
     assert client.asked == 2

@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import pytest
 
-from jerkbench.jobs.bundles import Pack, run_packed
 from jerkbench.jobs.cell import Protocol, build
 from jerkbench.jobs.cluster import ClusterError
+from jerkbench.jobs.dispatch import Pack, run_packed
 from jerkbench.jobs.identity import Foreign, identity_of, refusal
 
 SPEC = {

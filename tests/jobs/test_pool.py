@@ -1,7 +1,10 @@
-"""Work in processes: grouped, helping each other, surviving a death."""
+"""Work in processes of our own: grouped, helping each other, surviving a death."""
 
 import os
+import pickle
+import threading
 import time
+from concurrent.futures import Executor, Future
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -9,8 +12,15 @@ from pathlib import Path
 import pytest
 
 from jerkbench.errors import PluginError
-from jerkbench.jobs.pool import Groups, run_grouped
+from jerkbench.jobs.cluster import Lent, Workers
+from jerkbench.jobs.dispatch import Order, outcomes
+from jerkbench.jobs.pool import OwnPool
 from jerkbench.notices import notify
+
+
+def run_grouped(work, groups, workers):
+    with Workers(count=workers) as own:
+        yield from outcomes(Order(work, groups), own.lent(sum(map(len, groups))))
 
 
 def where(task):
@@ -55,11 +65,33 @@ def test_every_task_is_done_once_and_in_another_process(tmp_path):
     assert os.getpid() not in {process for _, process in done}
 
 
-def test_a_worker_keeps_its_group_and_then_helps_with_the_longest():
-    groups = Groups([[1, 2], [11, 12, 13, 14], [21]], workers=2)
-    asked = (0, 1, 1, 0, 1, 1, 0, 0, 1)
+class Recorded(Executor):
+    """Does nothing by itself.
 
-    assert [groups.next_task(worker) for worker in asked] == [11, 1, 2, 12, 21, 13, 14, None, None]
+    Attributes:
+        waiting: what was submitted, by its task.
+    """
+
+    def __init__(self):
+        self.waiting = {}
+
+    def submit(self, run, pack):
+        (task,) = pickle.loads(pack.content)[1]  # noqa: S301 - packed by this test
+        return self.waiting.setdefault(task, Future())
+
+
+def test_a_worker_keeps_its_group_and_then_helps_with_the_longest():
+    executor = Recorded()
+    done = outcomes(Order(where, [[1, 2], [11, 12, 13, 14], [21]]), Lent(executor, lambda: 2))
+    asker = threading.Thread(target=lambda: list(done), daemon=True)
+    asker.start()
+    for number, task in enumerate((1, 2, 11, 12, 21, 13, 14), start=2):
+        while len(executor.waiting) < min(number, 7):
+            time.sleep(0.001)
+        executor.waiting[task].set_result([None])
+    asker.join()
+
+    assert list(executor.waiting) == [11, 1, 2, 21, 12, 13, 14]
 
 
 def test_a_process_that_dies_costs_its_own_task_only():
@@ -82,21 +114,20 @@ def test_a_module_of_plugins_that_fails_in_another_process_is_no_death(tmp_path,
     monkeypatch.setattr("jerkbench.plugins.modules_of_user", lambda: [module])
 
     done = dict(run_grouped(import_module(module).work, [[1], [2]], workers=2))
+    assert len(done) == 2
 
     for error in done.values():
         assert isinstance(error, PluginError)
         assert "ValueError: no licence on this machine" in str(error)
 
 
-def test_whoever_stops_early_is_told_which_processes_were_ended(tmp_path):
-    ended = []
-    done = run_grouped(Meeting(tmp_path), [[1], [2, 3, 4, 5, 6, 7, 8, 9]], 2, ended.extend)
-    first = next(done)[1]
-    done.close()
+def test_whoever_stops_early_has_no_process_left(tmp_path):
+    with OwnPool() as pool:
+        first, second, _ = [pool.submit(Meeting(tmp_path), task) for task in (1, 2, 3)]
+        numbers = {first.result(), second.result()}
 
-    assert len(ended) == 2
-    assert first in ended
-    for number in ended:
+    assert len(numbers) == 2
+    for number in numbers:
         with pytest.raises(ProcessLookupError):
             os.kill(number, 0)
 

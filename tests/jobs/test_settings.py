@@ -15,7 +15,7 @@ from jerkbench.filters.rts import RauchTungStriebel
 from jerkbench.jobs.cell import Protocol
 from jerkbench.jobs.inputs import Inputs
 from jerkbench.jobs.names import cell_of_parts
-from jerkbench.jobs.rows import CellRun, run_settings
+from jerkbench.jobs.rows import CellRun, pieces
 from jerkbench.timeline import RScale
 
 FIELD = {"name": "field", "duration_s": 12.0}
@@ -33,8 +33,9 @@ def alone(cell):
 
 
 def together(cells):
-    found = run_settings(cells, DRAWS, "", 1, Inputs())
-    return [[(row["status"], row["position_rmse_m"]) for row in rows] for rows in found]
+    inputs = Inputs()
+    done = zip(*pieces([CellRun(cell, "", inputs=inputs) for cell in cells], DRAWS), strict=True)
+    return [[(row["status"], row["position_rmse_m"]) for rows, _ in of_cell for row in rows] for of_cell in done]
 
 
 def settings_of(cell):

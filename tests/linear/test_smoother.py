@@ -15,9 +15,8 @@ from jerkbench.attitude.tilt import Tilt
 from jerkbench.datasets.field import Field
 from jerkbench.disturbances.noise_step import NoiseStep
 from jerkbench.engines.compiled_engine import CompiledEngine
-from jerkbench.evaluation.batch_scoring import scored
 from jerkbench.evaluation.counted_rows import counted_rows
-from jerkbench.evaluation.sums import sums_from, sums_of
+from jerkbench.evaluation.sums import scored, sums_from, sums_of
 from jerkbench.filters.rts import RauchTungStriebel
 from jerkbench.kinematic.plugin_call import compiled_rule
 from jerkbench.linear.smoother import smooth_one

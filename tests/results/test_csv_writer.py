@@ -3,8 +3,8 @@
 import numpy as np
 import pandas as pd
 
-from jerkbench.results import csv_writer
-from jerkbench.results.csv_writer import write_rows_csv
+from jerkbench.results import study
+from jerkbench.results.study import write_rows_csv
 
 
 def test_every_kind_of_column_is_written_as_pandas_does(tmp_path, monkeypatch):
@@ -21,7 +21,7 @@ def test_every_kind_of_column_is_written_as_pandas_does(tmp_path, monkeypatch):
             "empty": np.nan,
         }
     )
-    monkeypatch.setattr(csv_writer, "STRETCH", 7)
+    monkeypatch.setattr(study, "STRETCH", 7)
     write_rows_csv(rows, tmp_path / "rows.csv")
 
     rows["text"] = rows["text"].str.replace("\r", r"\r")  # what ends a line for some and not for others is written out

@@ -240,18 +240,6 @@ def test_seeds_of_a_new_command_take_the_place_of_those_that_they_overlap_and_jo
     assert read_manifest(tmp_path)["seeds"] == {"abc": shown}
 
 
-def test_what_an_ended_process_left_half_written_is_forgotten(store):
-    store.write("abc", ROWS, ABOUT)
-    (path,) = files(store)
-    left = [path.with_name(f".{path.stem}.{number}.partial") for number in (11, 12)]
-    for partial in left:
-        partial.touch()
-
-    store.forget([11, 13])
-
-    assert [partial.exists() for partial in left] == [False, True]
-
-
 def test_a_cell_in_the_format_of_before_there_were_parts_is_a_sentence(store):
     store.write("0b", ROWS, ABOUT)
     (store.folder / f"{'0a' * 10}.parquet").write_bytes(b"PAR1")

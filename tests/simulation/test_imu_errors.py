@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from jerkbench.simulation.imu import GRADES, SensorErrors, disturb
+from jerkbench.simulation.imu import GRADES, SensorErrors, with_sensor_errors
 
 STILL = np.zeros((20000, 3))
 
@@ -15,14 +15,14 @@ def allan(rate, interval, cluster):
 
 def test_white_noise_integrates_to_the_angle_random_walk_of_the_data_sheet():
     sheet = GRADES["tactical"].gyro(100.0)
-    noise = disturb(STILL, SensorErrors(sheet.noise), 0.01, 1, "gyro")
+    noise = with_sensor_errors(STILL, SensorErrors(sheet.noise), 0.01, 1, "gyro")
     one_second = np.degrees(np.mean([allan(axis, 0.01, 1.0) for axis in noise.T]))
     assert one_second * 60 == pytest.approx(0.15, rel=0.08)  # deg/sqrt(h)
 
 
 def test_white_noise_integrates_to_the_velocity_random_walk_of_the_data_sheet():
     sheet = GRADES["tactical"].accelerometer(100.0)
-    noise = disturb(STILL, SensorErrors(sheet.noise), 0.01, 1, "accelerometer")
+    noise = with_sensor_errors(STILL, SensorErrors(sheet.noise), 0.01, 1, "accelerometer")
     assert np.mean([allan(axis, 0.01, 1.0) for axis in noise.T]) * 60 == pytest.approx(0.06, rel=0.08)
 
 
@@ -43,7 +43,9 @@ def test_grades_are_ordered():
 
 
 def test_a_wandering_bias_is_stationary_and_correlated_over_100_s():
-    ends = np.array([disturb(np.zeros((101, 3)), SensorErrors(0.0, wander=2.0), 1.0, s, "gyro") for s in range(500)])
+    ends = np.array(
+        [with_sensor_errors(np.zeros((101, 3)), SensorErrors(0.0, wander=2.0), 1.0, s, "gyro") for s in range(500)]
+    )
     start, end = ends[:, 0].ravel(), ends[:, -1].ravel()
     assert start.std() == pytest.approx(2.0, rel=0.1)
     assert end.std() == pytest.approx(2.0, rel=0.1)
@@ -51,13 +53,17 @@ def test_a_wandering_bias_is_stationary_and_correlated_over_100_s():
 
 
 def test_a_turn_on_bias_is_one_constant_for_each_axis_and_seed():
-    biases = np.array([disturb(STILL[:3], SensorErrors(0.0, turn_on=0.5), 0.01, s, "gyro") for s in range(500)])
+    biases = np.array(
+        [with_sensor_errors(STILL[:3], SensorErrors(0.0, turn_on=0.5), 0.01, s, "gyro") for s in range(500)]
+    )
     assert np.ptp(biases, axis=1).max() == 0
     assert biases[:, 0].std() == pytest.approx(0.5, rel=0.1)
 
 
 def test_scale_and_misalignment_are_the_diagonal_and_the_rest():
-    matrices = np.array([disturb(np.eye(3), SensorErrors(0.0, 0.0, 0.0, 0.1, 0.01), 1, s, "a") for s in range(500)])
+    matrices = np.array(
+        [with_sensor_errors(np.eye(3), SensorErrors(0.0, 0.0, 0.0, 0.1, 0.01), 1, s, "a") for s in range(500)]
+    )
     errors = matrices.transpose(0, 2, 1) - np.eye(3)
     diagonal = np.eye(3, dtype=bool)
     assert errors[:, diagonal].std() == pytest.approx(0.1, rel=0.1)

@@ -7,7 +7,7 @@ import pytest
 
 from commands import swept
 from jerkbench.errors import PluginError
-from jerkbench.report.analysis.rule import Rule
+from jerkbench.report.analysis.runs import VerdictRule
 from jerkbench.results.store import Store
 from jerkbench.results.study import load_study
 from jerkbench.sweep.looks import typed
@@ -53,7 +53,7 @@ def test_seeds_are_added_until_the_most_and_runs_are_kept(tmp_path):
     assert len(Store(folder).keys_from("")) == 2  # those of the last look alone
     levels = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))["levels"]
     assert 0 < min(levels.values()) < 0.05
-    assert Rule().of(first.rows).level == min(levels.values())
+    assert VerdictRule().of(first.rows).level == min(levels.values())
     done = swept(*words, cwd=tmp_path)
     assert "2 of 2 cells are done already" in done.stderr
     pd.testing.assert_frame_equal(load_study(folder).rows, first.rows)

@@ -47,7 +47,7 @@ def _nothing_in_memory():
 def rows_after_sweep(plan, folder):
     store = Store(folder)
     store.prepare()
-    run_sweep(plan, store, workers=1)
+    run_sweep(plan, store)
     (stored,), _ = store.read()
     return stored.rows
 

@@ -8,8 +8,9 @@ from jerkbench.jobs.cell import Protocol, build
 from jerkbench.jobs.inputs import KEPT
 from jerkbench.jobs.rows import CellRun
 from jerkbench.results.store import Store
-from jerkbench.sweep import blocks
-from jerkbench.sweep.sweep import plan_sweep, run_sweep
+from jerkbench.sweep import sweep, tasks
+from jerkbench.sweep.sweep import plan_sweep, run_sweep, run_task
+from jerkbench.sweep.tasks import Task
 
 SEEDS = 2 * KEPT + 3
 SPEC = {
@@ -41,16 +42,16 @@ def store(tmp_path):
 
 def spied(monkeypatch, stop_after=None):
     """Record the seeds of each piece that is run; the piece after the last that is wanted is interrupted."""
-    original, seen = CellRun.pieces, []
+    original, seen = sweep.pieces, []
 
-    def pieces(*given, **named):
-        for rows, notes in original(*given, **named):
+    def pieces(*given):
+        for ((rows, notes),) in original(*given):
             if stop_after is not None and len(seen) == stop_after:
                 raise KeyboardInterrupt
             seen.append([row["seed"] for row in rows])
-            yield rows, notes
+            yield [(rows, notes)]
 
-    monkeypatch.setattr(CellRun, "pieces", pieces)
+    monkeypatch.setattr(sweep, "pieces", pieces)
     return seen
 
 
@@ -67,11 +68,11 @@ def test_a_sweep_goes_on_within_a_cell(store, monkeypatch):
     with monkeypatch.context() as patched:
         spied(patched, stop_after=2)
         with pytest.raises(KeyboardInterrupt):
-            run_sweep(plan, store, workers=1)
+            run_sweep(plan, store)
     assert len(store.known(plan.draws)[plan.cells[0].key]) == 2 * KEPT
 
     ran = spied(monkeypatch)
-    run_sweep(plan, store, workers=1)
+    run_sweep(plan, store)
 
     assert ran == [[4 + 2 * KEPT, 5 + 2 * KEPT, 6 + 2 * KEPT]]
     require_undisturbed(store, plan.cells[0])
@@ -79,7 +80,7 @@ def test_a_sweep_goes_on_within_a_cell(store, monkeypatch):
 
 def test_a_single_run_goes_on_within_its_cell(tmp_path, monkeypatch):
     plan = plan_of(seeds=KEPT + 2)
-    monkeypatch.setattr(blocks, "KEEP_S", 0.0)
+    monkeypatch.setattr(sweep, "BUDGET_S", 0.0)
     with monkeypatch.context() as patched:
         spied(patched, stop_after=1)
         with pytest.raises(KeyboardInterrupt):
@@ -94,31 +95,30 @@ def test_a_single_run_goes_on_within_its_cell(tmp_path, monkeypatch):
 
 def test_runs_that_go_alone_are_stored_one_after_the_other_where_they_take_long(store, monkeypatch):
     plan = plan_of(seeds=4, filter={"name": "gnss_only"})
-    monkeypatch.setattr(blocks, "KEEP_S", 0.0)
+    monkeypatch.setattr(sweep, "BUDGET_S", 0.0)
     with monkeypatch.context() as patched:
         spied(patched, stop_after=3)
         with pytest.raises(KeyboardInterrupt):
-            run_sweep(plan, store, workers=1)
+            run_sweep(plan, store)
 
     ran = spied(monkeypatch)
-    run_sweep(plan, store, workers=1)
+    run_sweep(plan, store)
 
     assert ran == [[7]]
     require_undisturbed(store, plan.cells[0])
 
 
-def test_a_damaged_block_and_a_failed_run_are_run_again(store, monkeypatch):
+def test_a_damaged_block_and_a_failed_run_are_run_again(store):
     (planned,) = plan_of(seeds=2 * KEPT).cells
-    monkeypatch.setattr(blocks, "KEEP_S", 0.0)
     first, second = (list(planned.cell.draws)[k : k + KEPT] for k in (0, KEPT))
     paths = []
     for draws in (first, second):
-        result = blocks.run_blocks(planned, CellRun(planned.cell, "", on_error="raise").pieces(draws), store)
-        assert result.stored == len(result.rows) == KEPT
+        (result,) = run_task(Task((planned,), draws)).results
+        store.write_blocks([tasks.block_of(planned, result)])
         paths += [path for path in store.folder.iterdir() if path not in paths]
     paths[1].write_bytes(paths[1].read_bytes()[:-40])
 
     assert sorted(store.known([planned.key])[planned.key]) == first
     failed = [{**row, "status": "failed"} for row in result.rows[:3]]
-    store.write_blocks([blocks.block_of(planned, blocks.Result(failed, [], 0.0))])
+    store.write_blocks([tasks.block_of(planned, tasks.Result(failed, [], 0.0))])
     assert sorted(store.known([planned.key])[planned.key]) == first

@@ -10,9 +10,9 @@ from jerkbench.jobs.inputs import KEPT
 from jerkbench.jobs.rows import CellRun
 from jerkbench.results.store import Store
 from jerkbench.sweep import sweep, tasks
-from jerkbench.sweep.blocks import Writer, block_of
 from jerkbench.sweep.locks import Locks, Shared
 from jerkbench.sweep.sweep import plan_sweep, run_sweep
+from jerkbench.sweep.tasks import Writer, block_of
 
 
 def cell(duration_s, seeds):
@@ -42,19 +42,19 @@ def test_two_sweeps_share_their_cells(durations, seeds, tmp_path, monkeypatch):
     monkeypatch.setattr(tasks, "BUNDLES", 3)
     monkeypatch.setattr(sweep, "POLL_S", 0.02)
     plan = plan_sweep([cell(float(duration), seeds) for duration in durations])
-    original, ran, both, met = CellRun.pieces, [], threading.Barrier(2, timeout=PATIENCE_S), set()
+    original, ran, both, met = sweep.pieces, [], threading.Barrier(2, timeout=PATIENCE_S), set()
 
-    def pieces(run, draws):
+    def pieces(runs, draws):
         if threading.get_ident() not in met:
             met.add(threading.get_ident())
             both.wait()
-        ran.append((run.cell.labels.dataset, tuple(draws)))
-        yield from original(run, draws)
+        ran.extend((run.cell.labels.dataset, tuple(draws)) for run in runs)
+        yield from original(runs, draws)
 
-    monkeypatch.setattr(CellRun, "pieces", pieces)
+    monkeypatch.setattr(sweep, "pieces", pieces)
     store = Store(tmp_path)
     store.prepare()
-    sweeps = [threading.Thread(target=run_sweep, args=(plan, store, 1)) for _ in range(2)]
+    sweeps = [threading.Thread(target=run_sweep, args=(plan, store)) for _ in range(2)]
     for thread in sweeps:
         thread.start()
     for thread in sweeps:

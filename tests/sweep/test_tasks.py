@@ -1,13 +1,23 @@
 """Cells with many seeds run in pieces, and are whole again afterwards."""
 
+import pickle
+from concurrent.futures import Executor, Future
+from contextlib import nullcontext
+from dataclasses import replace
+
 import pandas as pd
 import pytest
 
+from jerkbench.engines.filterpy_engine import FilterpyEngine
+from jerkbench.filters.jerk import Jerk
 from jerkbench.jobs.cell import Protocol, build
+from jerkbench.jobs.cluster import Lent, Workers
+from jerkbench.jobs.dispatch import TRIES
 from jerkbench.jobs.inputs import KEPT
 from jerkbench.jobs.rows import CellRun
 from jerkbench.results.store import Store
-from jerkbench.sweep.sweep import plan_sweep, run_sweep, run_task
+from jerkbench.sweep import sweep
+from jerkbench.sweep.sweep import joined_plan, plan_sweep, planned, rows_of, run_sweep, run_task
 from jerkbench.sweep.tasks import grouped
 
 SEEDS = KEPT + 3
@@ -42,7 +52,7 @@ def plan():
 def test_the_pieces_of_a_group_share_their_seeds(plan):
     groups = grouped(plan.cells)
 
-    assert [[(task.planned.cell.labels.adaptation, task.draws) for task in group] for group in groups] == [
+    assert [[(task.cells[0].cell.labels.adaptation, task.draws) for task in group] for group in groups] == [
         [("none", range(4, 4 + KEPT)), ("mtf", range(4, 4 + KEPT))],
         [("none", range(4 + KEPT, 4 + SEEDS)), ("mtf", range(4 + KEPT, 4 + SEEDS))],
     ]
@@ -52,7 +62,7 @@ def test_a_cell_in_pieces_has_the_rows_of_the_whole_one(plan, tmp_path):
     store = Store(tmp_path)
     store.prepare()
 
-    run_sweep(plan, store, workers=1)
+    run_sweep(plan, store)
 
     for one in plan.cells:
         (stored,), _ = store.read([one.key])
@@ -61,54 +71,84 @@ def test_a_cell_in_pieces_has_the_rows_of_the_whole_one(plan, tmp_path):
         assert stored.metadata["notes"] == notes
 
 
-class Dying:
-    """A cluster on which the last seeds of a cell lose their worker."""
+class Fragile(Executor):
+    """A cluster without processes, on which some tasks lose their worker.
 
-    def __init__(self, lost):
-        self.lost = lost
+    Attributes:
+        dies: whether a task does.
+        sizes: how many cells each had.
+    """
 
-    def run(self, order, workers):
-        for task in (task for group in order.groups for task in group):
-            died = task.planned is self.lost and task.draws[0] != 4
-            yield task, ChildProcessError("it died") if died else order.work(task)
+    def __init__(self, dies):
+        self.dies, self.sizes = dies, []
+
+    def open(self, workers):
+        return nullcontext(Lent(self, lambda: 1))
+
+    def submit(self, run, pack):
+        (task,) = pickle.loads(pack.content)[1]  # noqa: S301 - packed by this test
+        self.sizes.append(len(task.cells))
+        future = Future()
+        if self.dies(task):
+            future.set_exception(ChildProcessError("it died"))
+        else:
+            future.set_result(run(pack))
+        return future
 
 
 def test_a_piece_that_is_lost_is_a_piece_of_failed_rows_and_runs_again(plan, tmp_path):
     store, lost = Store(tmp_path), plan.cells[0]
     store.prepare()
 
-    run_sweep(plan, store, workers=1, cluster=Dying(lost))
+    run_sweep(plan, store, Workers(Fragile(lambda task: task.cells[0].key == lost.key and task.draws[0] != 4)))
     (stored,), _ = store.read([lost.key])
     assert list(stored.rows["seed"]) == list(range(4, 4 + SEEDS))
     assert list(stored.rows["status"]) == ["ok"] * KEPT + ["failed"] * 3
-    assert set(stored.rows["reason"][KEPT:]) == {"ChildProcessError: it died"}
+    assert set(stored.rows["reason"][KEPT:]) == {"ChildProcessError: the process that ran it died (it died)"}
     assert len(store.known([lost.key])[lost.key]) == KEPT
 
-    run_sweep(plan, store, workers=1)
+    run_sweep(plan, store)
     (again,), _ = store.read([lost.key])
     pd.testing.assert_frame_equal(again.rows, pd.DataFrame(CellRun(lost.cell, "").rows()[0]), check_exact=True)
 
 
-def test_a_worker_that_does_not_see_the_folder_stores_nothing(plan, tmp_path, monkeypatch):
-    monkeypatch.setattr("jerkbench.sweep.blocks.KEEP_S", 0.0)
-    monkeypatch.setattr("jerkbench.sweep.blocks.REST_S", 0.0)
-    task, mark = grouped(plan.cells)[0][0], tmp_path / "here" / "mark"
-    mark.parent.mkdir()
-    mark.touch()
+def test_a_task_whose_time_is_up_comes_back_with_its_rest(plan, monkeypatch):
+    monkeypatch.setattr(sweep, "BUDGET_S", 0.0)
+    alone = joined_plan(planned([(replace(plan.cells[0].cell, engine=FilterpyEngine()), range(4, 7))]))
+    task = grouped(alone.cells)[0][0]
 
-    assert run_task(tmp_path / "elsewhere", tmp_path / "elsewhere/mark", task).stored == 0
-    assert not (tmp_path / "elsewhere").exists()
-    assert run_task(mark.parent, mark, task).stored == KEPT
-    assert sorted(Store(mark.parent).known([task.planned.key])[task.planned.key]) == list(task.draws)
+    done = run_task(task)
+
+    assert [len(result.rows) for result in done.results] == [1]
+    assert list(done.rest.draws) == [5, 6]
+    assert run_task(done.rest._replace(draws=[6])).rest is None
 
 
 def test_the_bundles_of_a_plan_are_the_same_whatever_is_left_of_it(plan, monkeypatch):
     monkeypatch.setattr("jerkbench.sweep.tasks.BUNDLES", 2)
-    of = {(task.planned.key, task.draws[0]): task.bundle for group in grouped(plan.cells) for task in group}
+    whole = [task for group in grouped(plan.cells) for task in group]
+    of = {(one.key, task.draws[0]): task.bundle for task in whole for one in task.cells}
     half = grouped(plan.cells, {plan.cells[0].key: ()})
 
     assert sorted(of.values()) == [0, 0, 1, 1]
-    assert [(task.planned.key, task.bundle) for group in half for task in group] == [
-        (plan.cells[1].key, 0),
-        (plan.cells[1].key, 1),
+    assert [([one.key for one in task.cells], task.bundle) for group in half for task in group] == [
+        ([plan.cells[1].key], 0),
+        ([plan.cells[1].key], 1),
     ]
+
+
+def test_of_cells_that_share_their_calls_the_one_that_ends_its_process_is_told_apart(tmp_path):
+    base = cell("none")
+    told = [{"name": "jerk", "accel_mps2": accel} for accel in (0.1, 0.2, 0.4)]
+    cells = [replace(base, filter=Jerk(own["accel_mps2"]), spec={**base.spec, "filter": own}) for own in told]
+    plan, store = joined_plan(planned((one, range(4)) for one in cells)), Store(tmp_path)
+    bad = plan.cells[1].key
+    cluster = Fragile(lambda task: bad in [one.key for one in task.cells])
+
+    run_sweep(plan, store, Workers(cluster), least=8)
+
+    assert cluster.sizes == [3] * TRIES + [1, 1, *[1] * TRIES]
+    rows = rows_of(plan.cells, store, ["position_rmse_m"])
+    assert list(rows["status"]) == ["ok"] * 4 + ["failed"] * 4 + ["ok"] * 4
+    alone = [row["position_rmse_m"] for row in CellRun(cells[2], "").rows(range(4))[0]]
+    assert list(rows["position_rmse_m"][8:]) == alone

@@ -8,7 +8,7 @@ import pytest
 import jerkbench
 from jerkbench.errors import PluginError
 from jerkbench.recording import Velocity
-from jerkbench.timeline import RScale, build_timeline, scale_of, told, told_timeline
+from jerkbench.timeline import RScale, build_timeline, scale_of, told_timeline, with_r_scale
 from synthetic import level_attitude, recording_at_rest
 
 SCALE = RScale(position=4.0, velocity=0.25)
@@ -27,7 +27,7 @@ def noisy(**replaced):
 def test_covariances_are_scaled_and_nothing_else():
     recording = noisy()
 
-    seen = told(recording, SCALE)
+    seen = with_r_scale(recording, SCALE)
 
     assert np.array_equal(seen.position.enu_m, recording.position.enu_m)
     assert seen.position.covariance_m2[0, 0, 0] == pytest.approx(4 * 0.01**2)
@@ -37,7 +37,7 @@ def test_covariances_are_scaled_and_nothing_else():
 
 
 def test_an_oracle_is_told_the_covariance_that_the_data_have():
-    seen = told(noisy(), SCALE)
+    seen = with_r_scale(noisy(), SCALE)
 
     assert np.array_equal(seen.position.true_covariance_m2, noisy().position.covariance_m2)
     assert np.array_equal(seen.velocity.true_covariance_m2ps2, noisy().velocity.covariance_m2ps2)
@@ -67,7 +67,7 @@ def along_the_body(recording):
 @pytest.mark.parametrize("scale", [SCALE, RScale(position=0.1), RScale(2.7, 0.3)])
 def test_the_quick_way_makes_the_timeline_of_what_is_told(recording, scale):
     attitude = level_attitude(recording)
-    whole = build_timeline(told(recording, scale), attitude)
+    whole = build_timeline(with_r_scale(recording, scale), attitude)
     before = build_timeline(recording, attitude)
 
     quick = told_timeline(before, recording, attitude, scale)

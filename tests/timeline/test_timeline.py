@@ -6,7 +6,7 @@ import pytest
 from jerkbench.errors import RecordingError
 from jerkbench.measurements import INITIAL_SPEED_SIGMA_MPS, INPUT_SIGMA_MPS2
 from jerkbench.recording import Position, Reference, Velocity
-from jerkbench.timeline import build_timeline, in_order
+from jerkbench.timeline import build_timeline, merged_times
 from synthetic import level_attitude, recording_at_rest
 
 COVARIANCE = 0.01 * np.eye(3)
@@ -151,5 +151,5 @@ def test_times_in_order_are_those_of_a_set():
     rng = np.random.default_rng(3)
     times = [np.sort(rng.integers(0, 60, n)) for n in (40, 0, 25)]
 
-    np.testing.assert_array_equal(in_order(*times), sorted(set(np.concatenate(times).tolist())))
-    assert len(in_order(times[1])) == 0
+    np.testing.assert_array_equal(merged_times(*times), sorted(set(np.concatenate(times).tolist())))
+    assert len(merged_times(times[1])) == 0

@@ -10,7 +10,7 @@ from jerkbench.recording import Position, Recording, Reference
 from jerkbench.traces import (
     SHIPPED,
     Trace,
-    autocorrelation,
+    lagged_correlation,
     read_trace,
     shipped,
     trace_of,
@@ -98,7 +98,7 @@ def test_the_autocorrelation_of_a_gauss_markov_process_is_an_exponential():
     for k in range(1, len(error)):
         error[k] = 0.9 * error[k - 1] + np.sqrt(1 - 0.81) * error[k]
     trace = Trace(np.arange(20000) * 1.0, error, np.tile(np.eye(3), (20000, 1, 1)))
-    np.testing.assert_allclose(autocorrelation(trace, 5.0), 0.9**5, atol=0.06)
+    np.testing.assert_allclose(lagged_correlation(trace, 5.0), 0.9**5, atol=0.06)
 
 
 @pytest.mark.parametrize("name", shipped())
@@ -118,8 +118,8 @@ def test_tokyos_trace_is_what_was_measured_elsewhere():
     assert np.sqrt(np.mean(level**2)) == pytest.approx(1.4, abs=0.05)
     assert np.quantile(level, 0.95) == pytest.approx(3.1, abs=0.05)
     assert level.max() == pytest.approx(20, abs=0.5)
-    assert autocorrelation(trace, 1.0)[:2].mean() == pytest.approx(0.65, abs=0.05)
-    np.testing.assert_allclose(np.sort(autocorrelation(trace, 10.0)[:2]), [0.23, 0.42], atol=0.05)
+    assert lagged_correlation(trace, 1.0)[:2].mean() == pytest.approx(0.65, abs=0.05)
+    np.testing.assert_allclose(np.sort(lagged_correlation(trace, 10.0)[:2]), [0.23, 0.42], atol=0.05)
     assert "NEES" in trace_text(trace)
 
 

@@ -1,6 +1,7 @@
 """The search finds what is true, is blind to what it is scored on, goes on where it was, and spends the same."""
 
 import dataclasses
+import itertools
 
 import numpy as np
 import pytest
@@ -9,13 +10,13 @@ from linear_gaussian import R_POSITION, R_VELOCITY, SIGMA_A, Level, LinearGaussi
 from jerkbench.errors import JerkbenchError, PluginError
 from jerkbench.jobs.cell import Protocol
 from jerkbench.jobs.names import cell_of_parts
+from jerkbench.sweep import sweep as sweep_module
 from jerkbench.timeline import RScale
-from jerkbench.tuning import search as search_module
 from jerkbench.tuning.curves import budget_curve, intervals
-from jerkbench.tuning.evaluate import Evaluator
+from jerkbench.tuning.evaluate import Evaluator, Runs
 from jerkbench.tuning.objectives import LOST, objective_of
 from jerkbench.tuning.outcome import Effort, tune
-from jerkbench.tuning.search import Budget, equal_budgets, score, search, settings_key
+from jerkbench.tuning.search import Budget, equal_budgets, score, search
 from jerkbench.tuning.space import space_of
 from jerkbench.tuning.splits import Seeds, by_seeds
 
@@ -29,11 +30,19 @@ def cell_of(dataset=SHORT, model="baseline", adaptation="none", **replaced):
     return dataclasses.replace(cell, dataset=dataset, attitude=Level(), **replaced)
 
 
-def evaluator_of(cell, objective="rmse", chosen=()):
-    return Evaluator(space_of(cell, chosen), objective_of(objective), threads=1)
+@pytest.fixture
+def evaluator_of(tmp_path):
+    """Make an evaluator that stores in a folder of its own."""
+    numbers = itertools.count()
+
+    def made(cell, objective="rmse", chosen=(), folder=None):
+        place = folder or tmp_path / str(next(numbers))
+        return Evaluator(space_of(cell, chosen), objective_of(objective), 1, Runs(place))
+
+    return made
 
 
-def test_the_likelihood_finds_the_true_noises():
+def test_the_likelihood_finds_the_true_noises(evaluator_of):
     cell = cell_of(LinearGaussian())
     evaluator = evaluator_of(cell, "likelihood")
 
@@ -50,7 +59,7 @@ def test_the_likelihood_finds_the_true_noises():
 
 
 @pytest.mark.parametrize("objective", ["likelihood", "rmse"])
-def test_the_truth_lies_in_the_intervals_of_what_cannot_be_told_apart(objective):
+def test_the_truth_lies_in_the_intervals_of_what_cannot_be_told_apart(objective, evaluator_of):
     """An error says nothing of the scale of Q and R together: that of the position is told, the rest is found."""
     cell = cell_of(LinearGaussian(), r_scale=RScale(position=R_POSITION))
     evaluator = evaluator_of(cell, objective, ["filter.accel_mps2", "r_scale.velocity"])
@@ -81,7 +90,7 @@ class Guarded(LinearGaussian):
 
 
 @pytest.mark.parametrize("objective", ["likelihood", "rmse"])
-def test_test_data_are_never_read_while_tuning(objective):
+def test_test_data_are_never_read_while_tuning(objective, evaluator_of):
     seeds = Seeds(tune=2, choose=2, test=3)
     cell = cell_of(Guarded(duration_s=12.0, forbidden=seeds.parts[2]))
     cases, evaluator = by_seeds([cell], seeds), evaluator_of(cell, objective)
@@ -100,9 +109,11 @@ def test_the_parts_share_no_seed():
     assert len({*tune, *choose, *test}) == 15
 
 
-def test_an_interrupted_search_goes_on_where_it_was_with_the_same_result(tmp_path):
+def test_an_interrupted_search_goes_on_where_it_was_with_the_same_result(tmp_path, monkeypatch, evaluator_of):
     cell, tried = cell_of(), []
     cases = by_seeds([cell], Seeds(1, 1, 1))
+    original, ran = sweep_module.pieces, []
+    monkeypatch.setattr(sweep_module, "pieces", lambda runs, draws: ran.append(len(runs)) or original(runs, draws))
     whole = search(evaluator_of(cell), cases, Budget(40, finalists=2))
 
     def stop(count):
@@ -111,30 +122,28 @@ def test_an_interrupted_search_goes_on_where_it_was_with_the_same_result(tmp_pat
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        search(evaluator_of(cell), cases, Budget(40, finalists=2), tmp_path, stop)
-    again = evaluator_of(cell)
-    run, calls = again.trials, []
-    again.trials = lambda settings, of: calls.append(len(settings)) or run(settings, of)
-    resumed = search(again, cases, Budget(40, finalists=2), tmp_path)
+        search(evaluator_of(cell, folder=tmp_path), cases, Budget(40, finalists=2), stop)
+    del ran[:]
+    resumed = search(evaluator_of(cell, folder=tmp_path), cases, Budget(40, finalists=2))
 
     assert tried == [16, 16]
-    assert calls == [8, 2]
+    assert ran == [8, 3]  # the finalists with the plain filter
     assert resumed.setting == whole.setting
     assert np.array_equal(resumed.trials.runs, whole.trials.runs)
 
 
 @pytest.mark.parametrize("damage", [b"", b"PAR1"])
-def test_a_damaged_block_is_run_again(tmp_path, damage):
+def test_a_damaged_block_is_run_again(tmp_path, damage, evaluator_of):
     cell = cell_of()
     cases = by_seeds([cell], Seeds(1, 0, 1))
-    first = search(evaluator_of(cell), cases, Budget(3), tmp_path)
+    first = search(evaluator_of(cell, folder=tmp_path), cases, Budget(3))
     (path,) = tmp_path.rglob("*.parquet")
     path.write_bytes(damage)
 
-    assert search(evaluator_of(cell), cases, Budget(3), tmp_path).setting == first.setting
+    assert search(evaluator_of(cell, folder=tmp_path), cases, Budget(3)).setting == first.setting
 
 
-def test_the_setting_before_the_search_is_one_of_the_trials_and_a_larger_budget_begins_alike():
+def test_the_setting_before_the_search_is_one_of_the_trials_and_a_larger_budget_begins_alike(evaluator_of):
     cell = cell_of()
     cases, evaluator = by_seeds([cell], Seeds(1, 0, 1)), evaluator_of(cell)
     small, large = (search(evaluator, cases, Budget(count)).trials for count in (5, 20))
@@ -146,7 +155,7 @@ def test_the_setting_before_the_search_is_one_of_the_trials_and_a_larger_budget_
 
 
 @pytest.mark.parametrize("sampler", ["tpe", "cma_es"])
-def test_a_learning_sampler_gives_the_same_settings_again(sampler):
+def test_a_learning_sampler_gives_the_same_settings_again(sampler, evaluator_of):
     pytest.importorskip("optuna")
     cell = cell_of()
     cases = by_seeds([cell], Seeds(1, 0, 1))
@@ -170,7 +179,7 @@ def test_a_lost_run_counts_log_100_and_none_counts_more():
     assert objective.level(rows[1:2], 1000.0) == pytest.approx(1000.0)
 
 
-def test_equal_budgets_are_checked_and_said():
+def test_equal_budgets_are_checked_and_said(evaluator_of):
     cell = cell_of()
     cases, evaluator = by_seeds([cell], Seeds(1, 0, 1)), evaluator_of(cell)
     two, three = (search(evaluator, cases, Budget(count)) for count in (2, 3))
@@ -185,7 +194,7 @@ def test_what_has_no_range_cannot_be_tuned():
         space_of(cell_of(model="gnss_only"))
 
 
-def test_the_likelihood_of_an_estimator_that_keeps_none_is_refused():
+def test_the_likelihood_of_an_estimator_that_keeps_none_is_refused(evaluator_of):
     cell = cell_of(model="eskf15")
     rows, (case,) = [{"status": "ok", "innovation_log_loss": float("nan")}], by_seeds([cell], Seeds(1, 0, 1)).tune
 
@@ -193,12 +202,12 @@ def test_the_likelihood_of_an_estimator_that_keeps_none_is_refused():
         evaluator_of(cell, "likelihood")._require_value(rows, case)
 
 
-def test_another_restart_is_another_scramble():
+def test_another_restart_is_another_scramble(tmp_path):
     cell = cell_of()
     cases = by_seeds([cell], Seeds(1, 0, 2))
     effort = Effort(objective_of("rmse"), Budget(4), restarts=3)
 
-    tuning = tune("baseline-none", cases, space_of(cell), effort, None)
+    tuning = tune("baseline-none", cases, space_of(cell), effort, Runs(tmp_path))
 
     assert len({restart.setting for restart in tuning.restarts} | {tuning.setting}) == 3
     assert tuning.setting == tuning.restarts[0].setting
@@ -225,12 +234,16 @@ def test_whole_numbers_stay_whole():
     assert applied.spec["adaptation"]["window"] == 7
 
 
-@pytest.mark.parametrize("edited", ["plugins_digests", "plugin_digest", "code_digest"])
-def test_an_edited_plugin_gets_none_of_its_old_losses(edited, monkeypatch):
-    cell = cell_of()
-    evaluator, cases = evaluator_of(cell), by_seeds([cell], Seeds(2, 0, 2)).tune
-    before = settings_key(evaluator, Budget(1), cases)
-    assert settings_key(evaluator, Budget(1), cases) == before
-    monkeypatch.setattr(search_module, edited, lambda *_: "an edit")
+@pytest.mark.parametrize("edited", ["plugin_digest", "code_digest"])
+def test_an_edited_plugin_gets_none_of_its_old_losses(edited, monkeypatch, tmp_path, evaluator_of):
+    cell, ran = cell_of(), []
+    cases, original = by_seeds([cell], Seeds(2, 0, 2)), sweep_module.pieces
+    monkeypatch.setattr(sweep_module, "pieces", lambda runs, draws: ran.append(len(runs)) or original(runs, draws))
+    for _ in range(2):
+        search(evaluator_of(cell, folder=tmp_path), cases, Budget(2))
+    assert ran == [2]  # the setting before the search is the plain filter's
 
-    assert settings_key(evaluator, Budget(1), cases) != before
+    monkeypatch.setattr("jerkbench.jobs.key." + edited, lambda *_: "an edit")
+    search(evaluator_of(cell, folder=tmp_path), cases, Budget(2))
+
+    assert ran == [2, 2]

@@ -1,11 +1,14 @@
 """Consistency of the errors with the filter's own covariances."""
 
 from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
 
 from jerkbench.arrays import BoolArray
 from jerkbench.estimate import Estimate
-from jerkbench.evaluation.navigation_errors import mean
-from jerkbench.evaluation.sums import sums_of
+from jerkbench.evaluation.navigation_errors import known, mean, position_error_m
+from jerkbench.evaluation.sums import Summed
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 from jerkbench.sums import Sums
@@ -13,7 +16,7 @@ from jerkbench.sums import Sums
 
 @register("metric", "consistency")
 @dataclass(frozen=True)
-class Consistency:
+class Consistency(Summed):
     """Average NEES and NIS: more than expected is overconfident, less is too cautious.
 
     With e_i the errors of position and velocity and P_i their covariance, over the N counted rows whose reference is
@@ -30,15 +33,40 @@ class Consistency:
     Source: Bar-Shalom, Li and Kirubarajan, "Estimation with Applications to Tracking and Navigation", 5.4.
     """
 
-    def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
-        """Return the four values by column name."""
-        return self.summarise(sums_of(estimate, recording, counted))
-
     def summarise(self, sums: Sums) -> dict[str, float]:
-        """Return the same from the sums of a run."""
+        """Return the four values by column name."""
         return {
             "anees": mean(sums.nees, sums.nees_rows),
             "anees_position": mean(sums.nees_position, float(sums.position_rows[0])),
             "anis_per_row": mean(sums.nis_per_row, sums.nis_updates),
             "anis_used_per_row": mean(sums.nis_used_per_row, sums.nis_used_updates),
         }
+
+
+# The share of position errors within the sigmas that the filter claims.
+
+SIGMAS = (1, 2, 3)
+
+
+@register("metric", "coverage")
+@dataclass(frozen=True)
+class Coverage:
+    """Share of the position errors within one, two and three sigmas.
+
+    With e_ia the error of axis a at counted row i and P_i the covariance, over the N rows and three axes::
+
+        coverage_k_sigma_percent = 100/(3 N) |{i, a: |e_ia| <= k sqrt(P_i,aa)}|     expect 68.3, 95.4, 99.7
+
+    NaN without a row. Not computed unless asked for: ``metrics=[coverage]``.
+    """
+
+    default: ClassVar[bool] = False
+
+    def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
+        """Return the three values by column name."""
+        rows = counted & known(recording.reference.enu_m, estimate)
+        error = np.abs(position_error_m(estimate, recording)[rows])
+        with np.errstate(invalid="ignore"):
+            sigma = np.sqrt(np.diagonal(estimate.covariance[rows], axis1=1, axis2=2)[:, :3])
+            shares = {k: float(np.mean(error <= k * sigma)) if rows.any() else np.nan for k in SIGMAS}
+        return {f"coverage_{k}_sigma_percent": 100 * share for k, share in shares.items()}

@@ -7,7 +7,7 @@ import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.estimate import Estimate, Updates
-from jerkbench.evaluation.counted_stamps import first_counted_s
+from jerkbench.evaluation.counted_rows import first_counted_s
 from jerkbench.measurements import FLOOR
 from jerkbench.plugins import register
 from jerkbench.recording import Recording

@@ -8,7 +8,7 @@ import numpy as np
 from jerkbench.arrays import BoolArray
 from jerkbench.estimate import Estimate
 from jerkbench.evaluation.navigation_errors import known, position_error_m
-from jerkbench.evaluation.statistics.intervals.correlated_errors import block_interval
+from jerkbench.evaluation.statistics.correlated_errors import block_interval
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 

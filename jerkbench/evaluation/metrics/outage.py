@@ -1,11 +1,13 @@
 """Position errors while there is no aiding."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 from jerkbench.arrays import BoolArray
 from jerkbench.estimate import Estimate
-from jerkbench.evaluation.navigation_errors import mean, rms
-from jerkbench.evaluation.sums import sums_of
+from jerkbench.evaluation.counted_rows import counting
+from jerkbench.evaluation.navigation_errors import mean, position_error_m, rms, rms_norm
+from jerkbench.evaluation.sums import Summed
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 from jerkbench.sums import Sums
@@ -13,7 +15,7 @@ from jerkbench.sums import Sums
 
 @register("metric", "outage")
 @dataclass(frozen=True)
-class Outage:
+class Outage(Summed):
     """Position error inside the recording's outages, and at their ends.
 
     With e_i = p_i - p_ref,i [m], ENU, over rows whose reference is known, and row i inside outage j if
@@ -32,12 +34,8 @@ class Outage:
     the distance also where all stood still; all five without any outage.
     """
 
-    def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
-        """Return the five values by column name."""
-        return self.summarise(sums_of(estimate, recording, counted))
-
     def summarise(self, sums: Sums) -> dict[str, float]:
-        """Return the same from the sums of a run."""
+        """Return the five values by column name."""
         ends, driven_m = sums.outage_ends_m, float(sums.outage_driven_m.sum())
         return {
             "outage_rmse_m": rms(sums.outage_m2, sums.outage_rows),
@@ -46,3 +44,28 @@ class Outage:
             "outage_end_percent": mean(100 * float(ends.sum()), driven_m),
             "outages_counted": float(ends.size) if sums.outages else float("nan"),
         }
+
+
+# Position errors while there is no aiding, horizontal and vertical apart.
+
+
+@register("metric", "outage_axes")
+@dataclass(frozen=True)
+class OutageAxes:
+    """Position error inside the recording's outages, horizontal and vertical apart.
+
+    With e_i = p_i - p_ref,i [m], ENU, over the N counted rows inside any outage, as in `outage`::
+
+        outage_rmse_horizontal_m  = sqrt(1/N sum (e_east^2 + e_north^2))
+        outage_rmse_up_m          = sqrt(1/N sum e_up^2)
+
+    A wheel's speed holds the one and leaves the other to the attitude. NaN without such a row.
+    """
+
+    default: ClassVar[bool] = False
+
+    def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
+        """Return the two values by column name."""
+        inside = counting(estimate.index, recording, counted).outage
+        error = position_error_m(estimate, recording)[inside]
+        return {"outage_rmse_horizontal_m": rms_norm(error[:, :2]), "outage_rmse_up_m": rms_norm(error[:, 2:])}

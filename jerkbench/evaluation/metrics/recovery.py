@@ -1,4 +1,4 @@
-"""The time that a filter takes to recover from a fault."""
+"""How an estimate comes back after a fault: the windows of faults, and the step response to each."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,13 +6,92 @@ from typing import ClassVar
 
 import numpy as np
 
-from jerkbench.arrays import BoolArray
+from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.estimate import Estimate
-from jerkbench.evaluation.faults import fault_windows_s
 from jerkbench.evaluation.navigation_errors import known, position_error_m
-from jerkbench.evaluation.statistics.step_response import step_response
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
+
+LARGER = 4.0
+"""So many times its reported variance is the true one of a measurement at fault: two sigma stand for one."""
+
+
+def fault_windows_s(recording: Recording) -> FloatArray:
+    """Return (k, 2) begin and end of each fault, by their begins: outages, and measurements worse than they say.
+
+    A measurement is at fault where the true variance of an axis, which simulated and disturbed recordings carry, is
+    `LARGER` times the reported one; such measurements of a stream that follow each other are one fault, which ends with
+    the first that is none. Windows that overlap are one.
+    """
+    position, velocity = recording.position, recording.velocity
+    windows = [recording.outages_s]
+    if position is not None and position.true_covariance_m2 is not None:
+        windows.append(_windows(position.t_s, position.covariance_m2, position.true_covariance_m2))
+    if velocity is not None and velocity.true_covariance_m2ps2 is not None:
+        windows.append(_windows(velocity.t_s, velocity.covariance_m2ps2, velocity.true_covariance_m2ps2))
+    return _joined(np.concatenate(windows))
+
+
+def _windows(t_s: FloatArray, reported: FloatArray, true: FloatArray) -> FloatArray:
+    """Return (k, 2) first stamp at fault and first that is not any more, or the last of all."""
+    says, is_ = (np.diagonal(covariance, axis1=1, axis2=2) for covariance in (reported, true))
+    at_fault: BoolArray = np.any(is_ > LARGER * says, axis=1)
+    edges = np.diff(np.concatenate([[False], at_fault, [False]]).astype(np.int8))
+    begins, ends = np.flatnonzero(edges > 0), np.flatnonzero(edges < 0)
+    return np.column_stack([t_s[begins], t_s[np.minimum(ends, len(t_s) - 1)]])
+
+
+def _joined(windows_s: FloatArray) -> FloatArray:
+    """Return windows that do not overlap, from windows (k, 2)."""
+    joined: list[list[float]] = []
+    for begin, end in windows_s[np.argsort(windows_s[:, 0], kind="stable")].tolist():
+        if joined and begin <= joined[-1][1]:
+            joined[-1][1] = max(joined[-1][1], end)
+        else:
+            joined.append([begin, end])
+    return np.array(joined).reshape(-1, 2)
+
+
+# The answer to a fault: how large the error grows, and how long it takes to halve again.
+
+
+@dataclass(frozen=True)
+class StepResponse:
+    """The error after a fault.
+
+    Attributes:
+        before: root mean square of the errors before it.
+        peak: the largest error from its beginning on.
+        peak_s: time of that after the beginning [s].
+        halved_s: time from the peak until the error is at most halfway back and stays there; NaN where it never does.
+    """
+
+    before: float
+    peak: float
+    peak_s: float
+    halved_s: float
+
+
+def step_response(t_s: FloatArray, error: FloatArray, begin_s: float, end_s: float) -> StepResponse:
+    """Return how (n,) errors at ``t_s`` answer a fault at ``begin_s``, looked at before ``end_s``.
+
+    With e0 the error before the fault, halfway back is (peak + e0)/2, or half of the peak where e0 is no smaller.
+    """
+    earlier, during = t_s < begin_s, (t_s >= begin_s) & (t_s < end_s)
+    before = float(np.sqrt(np.mean(error[earlier] ** 2))) if earlier.any() else np.nan
+    if not during.any():
+        return StepResponse(before, np.nan, np.nan, np.nan)
+    t_s, error = t_s[during], error[during]
+    top = int(np.argmax(error))
+    peak = float(error[top])
+    half = (peak + before) / 2 if before < peak else peak / 2
+    above = np.flatnonzero(error > half)
+    last = int(above[-1]) if len(above) else top
+    halved_s = float(t_s[last + 1] - t_s[top]) if last + 1 < len(t_s) else np.nan
+    return StepResponse(before, peak, float(t_s[top] - begin_s), halved_s)
+
+
+# The time that a filter takes to recover from a fault.
 
 
 @register("metric", "recovery")

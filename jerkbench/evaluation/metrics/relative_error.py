@@ -8,7 +8,7 @@ import numpy as np
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.errors import PluginError
 from jerkbench.estimate import Estimate
-from jerkbench.evaluation.counted_stamps import driven_m
+from jerkbench.evaluation.counted_rows import driven_m
 from jerkbench.evaluation.navigation_errors import known, position_error_m, rms_norm
 from jerkbench.plugins import register
 from jerkbench.recording import Recording

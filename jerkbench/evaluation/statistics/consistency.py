@@ -6,8 +6,8 @@ import numpy as np
 import numpy.typing as npt
 
 from jerkbench.arrays import FloatArray
-from jerkbench.evaluation.statistics.intervals.signed_over_seeds import FEW, mean_interval
-from jerkbench.evaluation.statistics.intervals.student import student_interval
+from jerkbench.evaluation.statistics.intervals import student_interval
+from jerkbench.evaluation.statistics.over_seeds import FEW, mean_interval
 
 CONSISTENT, OVERCONFIDENT, CAUTIOUS, UNKNOWN = "consistent", "overconfident", "too cautious", "not known"
 
@@ -16,7 +16,7 @@ NEAR = (0.5, 2.0)
 
 
 @dataclass(frozen=True)
-class Verdict:
+class ConsistencyVerdict:
     """An average with the band in which a consistent filter's lies; of whole runs, with its own interval.
 
     Attributes:
@@ -43,7 +43,9 @@ def chi2_band(dof: float, samples: float, confidence: float = 0.95) -> tuple[flo
     return float(low), float(high)
 
 
-def runs_verdict(averages: npt.ArrayLike, expected: float, confidence: float = 0.95, lost: int = 0) -> Verdict:
+def runs_verdict(
+    averages: npt.ArrayLike, expected: float, confidence: float = 0.95, lost: int = 0
+) -> ConsistencyVerdict:
     """Judge (n,) averages of independent runs by the interval of their mean; of one run nothing is known.
 
     ::
@@ -62,7 +64,7 @@ def runs_verdict(averages: npt.ArrayLike, expected: float, confidence: float = 0
     low, high = _ends(kept, confidence)
     word = _word(low, high, expected)
     known = word == OVERCONFIDENT or lost + len(values) == len(kept)
-    return Verdict(float(kept.mean()) if len(kept) else np.nan, low, high, word if known else UNKNOWN)
+    return ConsistencyVerdict(float(kept.mean()) if len(kept) else np.nan, low, high, word if known else UNKNOWN)
 
 
 def _ends(values: FloatArray, confidence: float) -> tuple[float, float]:

@@ -9,12 +9,9 @@ from typing import Protocol
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.evaluation.statistics.intervals.median import median_intervals
-from jerkbench.evaluation.statistics.intervals.share import loss_bound, losses_text
-from jerkbench.evaluation.statistics.log_ratio import LogRatios
-from jerkbench.evaluation.statistics.max_t import standard_errors
-from jerkbench.evaluation.statistics.multiplicity import LEAST_SEEDS, Correction, Family, family
-from jerkbench.evaluation.statistics.samples import Samples
+from jerkbench.evaluation.statistics.families import LEAST_SEEDS, Correction, Family, family, standard_errors
+from jerkbench.evaluation.statistics.intervals import loss_bound, losses_text, median_intervals
+from jerkbench.evaluation.statistics.over_seeds import LogRatios, Samples
 
 MARGIN = 0.03
 """Ratios from 1/1.03 to 1.03 are equal for every practical purpose."""

@@ -9,10 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from jerkbench.arrays import BoolArray, FloatArray
+from jerkbench.evaluation.statistics.families import LEAST_SEEDS, max_t_of_two, standard_errors, studentised
 from jerkbench.evaluation.statistics.judgement import LEVEL, MARGIN, Judgement, judgement_of, middle
-from jerkbench.evaluation.statistics.log_ratio import LOCKED_OUT
-from jerkbench.evaluation.statistics.max_t import max_t_of_two, standard_errors, studentised
-from jerkbench.evaluation.statistics.multiplicity import LEAST_SEEDS
+from jerkbench.evaluation.statistics.over_seeds import LOCKED_OUT
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +82,7 @@ def judged_on_other_seeds(
         p[places, 0], critical[places] = largest.p(studentised(distance, error)), largest.critical(level)
     for k, samples in enumerate(comparisons):
         if not samples.plain and samples.n >= LEAST_SEEDS:
-            p[k] = np.minimum(1.0, 2 * total * np.array([_medians_p(samples), _losses_p(samples)]))
+            p[k] = np.minimum(1.0, 2 * total * np.array([_medians_p(samples), _exact_p(*samples.failed)]))
     return [
         judgement_of(_interval(samples, c), (p[k, 0], p[k, 1]), samples, critical=c, margin=margin, level=level)
         for k, (samples, c) in enumerate(zip(comparisons, critical.tolist(), strict=True))
@@ -125,10 +124,6 @@ def _medians_p(samples: TwoSamples) -> float:
     """Return the p of Mood's median test: who has more runs above the common median."""
     common = middle(np.sort(np.concatenate([samples.a, samples.b])))
     return _exact_p(samples.a > common, samples.b > common)
-
-
-def _losses_p(samples: TwoSamples) -> float:
-    return _exact_p(*samples.failed)
 
 
 def _exact_p(a: BoolArray, b: BoolArray) -> float:

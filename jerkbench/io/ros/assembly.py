@@ -1,8 +1,10 @@
 """A bag and a plan -> a recording: read, clean, turn, order by time; its headings and its reference."""
 
 import dataclasses
+from abc import abstractmethod
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
+from typing import ClassVar
 
 import numpy as np
 
@@ -10,15 +12,27 @@ from jerkbench.arrays import BoolArray, FloatArray, nearest_rows
 from jerkbench.errors import RecordingError
 from jerkbench.geometry import dcm_from_euler, dcm_from_quaternion, euler_from_dcm
 from jerkbench.io.clocks import with_common_time
-from jerkbench.io.frames import calibrated, first_rest_s, gravity_notes
-from jerkbench.io.ros.bag import Messages
-from jerkbench.io.ros.cleaning import by_topic, clean_topics
+from jerkbench.io.files import fingerprint
+from jerkbench.io.frames import calibrated_at_rest, first_rest_s, gravity_notes
+from jerkbench.io.ros.bag import Bag, Messages
 from jerkbench.io.ros.extract import Frames, Metadata, Planner, choices_of, extract
-from jerkbench.io.ros.files import bag_files, missing_parts
-from jerkbench.io.ros.frames import Place, axes_to_enu, body_axes, first_place, fixes_in_enu, frame_of
+from jerkbench.io.ros.files import bag_files, content_files, missing_parts
 from jerkbench.io.ros.options import BagOptions
-from jerkbench.io.ros.roles import TopicPlan
-from jerkbench.io.ros.streams import heading_of, imu_of, position_of, seconds, usable_fixes, velocity_of
+from jerkbench.io.ros.roles import TopicPlan, by_topic, clean_topics
+from jerkbench.io.ros.streams import (
+    Place,
+    axes_to_enu,
+    body_axes,
+    first_place,
+    fixes_in_enu,
+    frame_of,
+    heading_of,
+    imu_of,
+    position_of,
+    seconds,
+    usable_fixes,
+    velocity_of,
+)
 from jerkbench.io.sanitiser import Finding, Ledger, unit_quaternions
 from jerkbench.recording import Heading, Imu, Position, Recording, Reference, Velocity
 
@@ -139,6 +153,33 @@ class Loaded:
     findings: tuple[Finding, ...]
 
 
+class BagDataset(BagOptions):
+    """A data set that is read from a ROS bag."""
+
+    seeded: ClassVar[bool] = False
+    default_attitude: ClassVar[str] = "real"
+
+    def loaded(self) -> Loaded:
+        """Return the drive with the sanitiser's report and the topics."""
+        return load_bag(self, self.plan)
+
+    @abstractmethod
+    def plan(self, bag: Bag) -> tuple[TopicPlan, Frames]:
+        """Return which topic has which role, and in which frames."""
+
+    def load(self, seed: int = 0) -> Recording:  # noqa: ARG002 - a file has no seeds
+        """Return the drive; ``seed`` changes nothing.
+
+        Raises:
+            RecordingError: the bag is damaged, a topic is missing, or nothing usable is left.
+        """
+        return self.loaded().recording
+
+    def fingerprint(self) -> str:
+        """Return the SHA-256 over the bytes of the bag's files."""
+        return fingerprint(content_files(self.path))
+
+
 def load_bag(options: BagOptions, planner: Planner) -> Loaded:
     """Read the bag of ``options`` into a recording.
 
@@ -173,7 +214,7 @@ def _assembled(
     clean: dict[str, Messages],
     ledger: Ledger,
 ) -> Recording:
-    samples = _required(clean, plan, "imu")
+    samples = clean[plan.topics["imu"]]
     zero_ns = metadata.start_ns if metadata else int(samples.stamp_ns[0]) + round(options.imu_shift_s * 1e9)
     imu = imu_of(samples, options, zero_ns)
     fixes, place = _fixes(options, plan, frames, metadata, clean, ledger)
@@ -186,7 +227,7 @@ def _assembled(
     rest_s = _rest_s(options, metadata, velocity, float(imu.t_s[-1]))
     return Recording(
         name=metadata.name if metadata else options.path.stem,
-        imu=calibrated(imu, rest_s, gyro=options.remove_gyro_bias, accel=options.scale_accel_to_gravity),
+        imu=calibrated_at_rest(imu, rest_s, gyro=options.remove_gyro_bias, accel=options.scale_accel_to_gravity),
         reference=reference,
         position=None if position is None else at_body(position, reference, options.lever_arm_m),
         velocity=velocity,
@@ -197,10 +238,6 @@ def _assembled(
         outages_s=np.array(metadata.outages_s if metadata else ()).reshape(-1, 2),
         notes=_dependence(plan),
     )
-
-
-def _required(clean: dict[str, Messages], plan: TopicPlan, role: str) -> Messages:
-    return clean[plan.topics[role]]  # type: ignore[index]  # a plan has an IMU
 
 
 def _fixes(

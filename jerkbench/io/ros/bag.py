@@ -11,7 +11,7 @@ import numpy as np
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.errors import unknown
 from jerkbench.io.ros.bulk import read_in_bulk
-from jerkbench.io.ros.decode import LAYOUTS, Block, decode, source_of
+from jerkbench.io.ros.decode import LAYOUTS, MessageBlock, decode, source_of
 from jerkbench.io.ros.files import BagError, bag_errors, bag_files, storage_files, way_out
 
 if TYPE_CHECKING:
@@ -104,7 +104,7 @@ class _Collected:
     bag_ns: list[int] = field(default_factory=list)
     stamps: list[IntArray] = field(default_factory=list)
     raw: list[bytes] = field(default_factory=list)
-    blocks: list[Block] = field(default_factory=list)
+    blocks: list[MessageBlock] = field(default_factory=list)
 
 
 class Bag:

@@ -201,7 +201,7 @@ class Deserialise(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class Block:
+class MessageBlock:
     """Some messages of one topic.
 
     Attributes:
@@ -214,18 +214,24 @@ class Block:
     stamp_ns: IntArray
     values: dict[str, FloatArray]
 
-    def rows(self, rows: IntArray) -> "Block":
+    def rows(self, rows: IntArray) -> "MessageBlock":
         """Return only ``rows``, in this order."""
-        return Block(self.strings, self.stamp_ns[rows], {name: value[rows] for name, value in self.values.items()})
+        return MessageBlock(
+            self.strings, self.stamp_ns[rows], {name: value[rows] for name, value in self.values.items()}
+        )
 
 
-def decode(raw: Sequence[bytes], msgtype: str, fields: Sequence[str], deserialise: Deserialise, *, cdr: bool) -> Block:
+def decode(
+    raw: Sequence[bytes], msgtype: str, fields: Sequence[str], deserialise: Deserialise, *, cdr: bool
+) -> MessageBlock:
     """Return the ``fields`` of the messages, fast where their layout is fixed."""
     table = read_table(raw, msgtype, cdr=cdr)
-    return block_of(table, msgtype, fields) if table is not None else decode_each(raw, msgtype, fields, deserialise)
+    return (
+        message_block(table, msgtype, fields) if table is not None else decode_each(raw, msgtype, fields, deserialise)
+    )
 
 
-def decode_each(raw: Sequence[bytes], msgtype: str, fields: Sequence[str], deserialise: Deserialise) -> Block:
+def decode_each(raw: Sequence[bytes], msgtype: str, fields: Sequence[str], deserialise: Deserialise) -> MessageBlock:
     """Return the same with the ordinary deserialiser, message by message."""
     sources = {name: source_of(msgtype, name) for name in fields}
     stamp_ns = np.empty(len(raw), dtype=np.int64)
@@ -238,10 +244,10 @@ def decode_each(raw: Sequence[bytes], msgtype: str, fields: Sequence[str], deser
         for name, part in parts.items():
             whole[name][k] = _numbers(message, part)
         strings = strings if k else (message.header.frame_id, getattr(message, "child_frame_id", ""))
-    return Block(strings, stamp_ns, {name: _block(whole[part.name], at) for name, (part, at) in sources.items()})
+    return MessageBlock(strings, stamp_ns, {name: _block(whole[part.name], at) for name, (part, at) in sources.items()})
 
 
-def block_of(table: FieldTable, msgtype: str, fields: Sequence[str]) -> Block:
+def message_block(table: FieldTable, msgtype: str, fields: Sequence[str]) -> MessageBlock:
     """Return the ``fields`` of messages of equal layout."""
     rows, values = table.rows, {}
     for name in fields:
@@ -249,13 +255,13 @@ def block_of(table: FieldTable, msgtype: str, fields: Sequence[str]) -> Block:
         whole = rows[part.name].reshape(len(rows), -1)
         values[name] = _block(whole, first).astype(np.float64)
     stamp_ns = rows["sec"].astype(np.int64) * 1_000_000_000 + rows["nanosec"]
-    return Block((table.frame_id, table.child_frame_id), stamp_ns, values)
+    return MessageBlock((table.frame_id, table.child_frame_id), stamp_ns, values)
 
 
-def joined_blocks(blocks: Sequence[Block]) -> Block:
+def joined_blocks(blocks: Sequence[MessageBlock]) -> MessageBlock:
     """Return blocks, at least one, as one; takes the values out of them."""
     values = {name: np.concatenate([block.values.pop(name) for block in blocks]) for name in list(blocks[0].values)}
-    return Block(blocks[0].strings, np.concatenate([block.stamp_ns for block in blocks]), values)
+    return MessageBlock(blocks[0].strings, np.concatenate([block.stamp_ns for block in blocks]), values)
 
 
 def _block(whole: FloatArray, first: int | None) -> FloatArray:

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from jerkbench.arrays import FloatArray
-from jerkbench.errors import PluginError, RecordingError, unknown
+from jerkbench.arrays import FloatArray, require_choices
+from jerkbench.errors import PluginError, RecordingError
 from jerkbench.geometry import dcm_from_euler
 from jerkbench.io.files import fetched_folder
 from jerkbench.io.sanitiser import MODES
@@ -86,9 +86,7 @@ class BagOptions:
             PluginError: names the parameter.
         """
         choices = {"sanitise": MODES, "time_source": TIME_SOURCES, "covariance_order": COVARIANCE_ORDERS}
-        for name, available in choices.items():
-            if getattr(self, name) not in available:
-                raise PluginError(unknown(name, getattr(self, name), available))
+        require_choices(self, choices)
         for name, lengths in LENGTHS.items():
             if len(getattr(self, name)) not in lengths:
                 raise PluginError(f"{name} is {list(getattr(self, name))}; give three numbers.")

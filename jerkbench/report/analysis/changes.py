@@ -1,7 +1,7 @@
 """Two sets of results: what became better or worse, combination by combination."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -9,20 +9,27 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.errors import JerkbenchError, NotComparableError
+from jerkbench.evaluation.statistics.families import Correction
 from jerkbench.evaluation.statistics.judgement import Judgement, Verdict
 from jerkbench.evaluation.statistics.other_seeds import judged_on_other_seeds, two_samples
-from jerkbench.report.analysis.comparison import judged_pairs
-from jerkbench.report.analysis.factors import FACTORS
-from jerkbench.report.analysis.quantities import quantity
-from jerkbench.report.analysis.rows import checked
-from jerkbench.report.analysis.rule import RULE, Rule
-from jerkbench.report.analysis.runs import Combination, Runs, grouped, on_common_seeds, paired
+from jerkbench.report.analysis.columns import FACTORS, checked, quantity
+from jerkbench.report.analysis.runs import (
+    RULE,
+    Combination,
+    MethodRuns,
+    VerdictRule,
+    on_common_seeds,
+    paired,
+    runs_by_combination,
+)
+from jerkbench.report.analysis.standings import Standing, judged_pairs
 from jerkbench.report.tables.table_model import factor_number, number
 
 if TYPE_CHECKING:
     import pandas as pd
 
-Two = tuple[Runs, Runs]
+
+Two = tuple[MethodRuns, MethodRuns]
 """The runs of a combination in the first set, and in the second."""
 
 
@@ -49,7 +56,7 @@ class Change:
     combination: Combination
     means: tuple[float, float]
     judgement: Judgement
-    rule: Rule
+    rule: VerdictRule
     paired: bool
     phases: bool
     same: bool
@@ -98,7 +105,7 @@ class Change:
         return "" if self.phases or not self.judgement.n else self.judgement.losses
 
 
-def changes(before: "pd.DataFrame", after: "pd.DataFrame", metric: str, rule: Rule = RULE) -> list[Change]:
+def changes(before: "pd.DataFrame", after: "pd.DataFrame", metric: str, rule: VerdictRule = RULE) -> list[Change]:
     """Compare the combinations that both sets have; where each has a single one, these two, whatever they are called.
 
     Raises:
@@ -106,7 +113,7 @@ def changes(before: "pd.DataFrame", after: "pd.DataFrame", metric: str, rule: Ru
     """
     if not quantity(metric).lowest_is_best:
         raise JerkbenchError(f"Of {metric} neither the lowest nor the highest is the best; compare another metric.")
-    first, second = (grouped(checked(rows, metric), metric) for rows in (before, after))
+    first, second = (runs_by_combination(checked(rows, metric), metric) for rows in (before, after))
     both = [(first[key], second[key]) for key in first if key in second]
     if not both and len(first) == len(second) == 1:
         both = list(zip(first.values(), second.values(), strict=True))
@@ -117,7 +124,7 @@ def changes(before: "pd.DataFrame", after: "pd.DataFrame", metric: str, rule: Ru
     return [_change(two, judgement, rule) for two, judgement in zip(both, _judgements(both, rule), strict=True)]
 
 
-def _judgements(both: Sequence[Two], rule: Rule) -> list[Judgement]:
+def _judgements(both: Sequence[Two], rule: VerdictRule) -> list[Judgement]:
     """Return those on the same seeds as one family, and those on others as another."""
     same = iter(judged_pairs(paired((b, a) for a, b in both if _match(a, b)), rule))
     samples = [two_samples(b.errors, a.errors) for a, b in both if not _match(a, b)]
@@ -125,11 +132,11 @@ def _judgements(both: Sequence[Two], rule: Rule) -> list[Judgement]:
     return [next(same).judgement if _match(a, b) else next(others) for a, b in both]
 
 
-def _match(first: Runs, second: Runs) -> bool:
+def _match(first: MethodRuns, second: MethodRuns) -> bool:
     return len(np.intersect1d(first.seeds, second.seeds)) > 0
 
 
-def _change(two: Two, judgement: Judgement, rule: Rule) -> Change:
+def _change(two: Two, judgement: Judgement, rule: VerdictRule) -> Change:
     seeds_match = _match(*two)
     first, second = on_common_seeds(*two) if seeds_match else two
     well = [np.where(runs.lost, np.nan, runs.errors) for runs in (first, second)]
@@ -188,3 +195,38 @@ def _average(values: FloatArray) -> float:
 def _mean(mean: float, runs: int, lost: int) -> str:
     text = number(mean) if math.isfinite(mean) else "n/a"
     return f"{text} ({lost}/{runs} lost)" if lost else text
+
+
+# The sentences below two sets of results: how they were judged, and where others lead.
+
+ON_THE_SAME = (
+    "On the same seeds: at most 5 % of such sets have any wrong verdict (largest studentised mean log ratio of "
+    "{count}, bootstrap over the seeds)."
+)
+BY_SENTENCE = "On the same seeds: of the verdicts 5 % may be wrong (Benjamini and Hochberg over {count})."
+ON_OTHERS = (
+    "On other seeds: at most 5 % of such sets have any wrong verdict (largest studentised difference of the mean "
+    "logarithms of {count}, bootstrap over the seeds of A and those of B); they show much less than the same seeds."
+)
+
+
+def notes_of_tests(changed: Iterable[Change]) -> list[str]:
+    """Return by what test the verdicts on the same seeds were found, and by what those on others."""
+    tested = [change for change in changed if not change.phases]
+    same, others = ([change for change in tested if change.paired is paired] for paired in (True, False))
+    by_sentence = bool(same) and same[0].rule.correction is Correction.FDR
+    families = ((BY_SENTENCE if by_sentence else ON_THE_SAME, same), (ON_OTHERS, others))
+    return [words.format(count=len(family)) for words, family in families if family]
+
+
+def other_leaders(first: Sequence[Standing], second: Sequence[Standing]) -> list[str]:
+    """Return a sentence for each scenario of both sets in which others lead in the second."""
+    before = {standing.scenario: standing.leaders for standing in first if standing.contest.decided}
+    notes = []
+    for standing in second:
+        leaders = before.get(standing.scenario)
+        if leaders is None or not standing.contest.decided or set(leaders) == set(standing.leaders):
+            continue
+        where = f"On {', '.join(standing.scenario)}" if standing.scenario else "In the lead"
+        notes.append(f"{where}: {', '.join(leaders)} in A, {', '.join(standing.leaders)} in B.")
+    return notes

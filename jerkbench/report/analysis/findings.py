@@ -1,15 +1,16 @@
 """The comparisons with a study's baselines in sentences."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from jerkbench.evaluation.statistics.intervals.share import up_to
+from jerkbench.evaluation.statistics.intervals import up_to
 from jerkbench.evaluation.statistics.judgement import Verdict
-from jerkbench.report.analysis.comparison import Comparison
-from jerkbench.report.analysis.duels import round_of
-from jerkbench.report.analysis.factors import FACTORS
+from jerkbench.report.analysis.answer import Duel, Round, duels, round_of
+from jerkbench.report.analysis.columns import FACTORS
 from jerkbench.report.analysis.runs import Combination
+from jerkbench.report.analysis.standings import Comparison, Contest, Standing, losses_range
 from jerkbench.report.analysis.study_verdicts import StudyVerdicts
 from jerkbench.report.tables.table_model import factor_number, number
 
@@ -50,8 +51,8 @@ def compared(
 
 def sentence(comparison: Comparison, varying: Sequence[str]) -> str:
     """Say comparison comparison, with the factors that vary in the study."""
-    subject, baseline, where = names(comparison, varying)
-    judgement, lost = comparison.judgement, losses(comparison, subject, baseline)
+    subject, baseline, where = method_names(comparison, varying)
+    judgement, lost = comparison.judgement, losses_clause(comparison, subject, baseline)
     if judgement.n == 0:
         return f"{subject} cannot be compared with {baseline}{where}: no run of both has a value."
     if all(count == comparison.pair.runs for count in comparison.pair.lost):
@@ -126,7 +127,7 @@ def _baselines(rows: "pd.DataFrame") -> Iterator[dict[str, str]]:
             yield {key: value}
 
 
-def names(comparison: Comparison, varying: Sequence[str]) -> tuple[str, str, str]:
+def method_names(comparison: Comparison, varying: Sequence[str]) -> tuple[str, str, str]:
     """The names of both (what differs between them, filter and adaptation always), and where they are compared."""
     differ = [key for key, a, b in zip(FACTORS, comparison.subject, comparison.baseline, strict=True) if a != b]
     named = [key for key in FACTORS if key in differ or (key in ("filter", "adaptation") and key in varying)]
@@ -157,7 +158,7 @@ def _range(comparison: Comparison) -> str:
     return f"{written(ends[0])} to {written(ends[1])}"
 
 
-def losses(comparison: Comparison, subject: str, baseline: str) -> str:
+def losses_clause(comparison: Comparison, subject: str, baseline: str) -> str:
     """Say how many runs either lost, or locked out in, and how many may be; of phases nothing where all went well."""
     told, runs, phases = [], comparison.pair.runs, comparison.replicate == "phase"
     for name, lost, failed in zip(
@@ -169,3 +170,80 @@ def losses(comparison: Comparison, subject: str, baseline: str) -> str:
     if told:
         return f"; {' and '.join(told)}, which counts as worse than any error"
     return "" if phases else f"; {comparison.judgement.losses}"
+
+
+# The findings of a study by size and certainty: every method against what it changes, over all scenarios.
+
+REFERENCES = {"filter": "baseline", "adaptation": "none"}
+"""What the other values of a factor are held against in a study that has it."""
+
+WORDS = {
+    Verdict.BETTER: "better in",
+    Verdict.FEWER_LOST: "fewer runs lost in",
+    Verdict.WORSE: "worse in",
+    Verdict.MORE_LOST: "more runs lost in",
+    Verdict.EQUAL: "equal in",
+    Verdict.UNDECIDED: "undecided in",
+}
+"""What stands before a number of scenarios."""
+
+
+def strongest(standings: Sequence[Standing]) -> list[str]:
+    """Return a sentence for every two methods that differ in one factor, over all scenarios, strongest first.
+
+    Of a factor that has its reference (`REFERENCES`) in the study the others are held against that, else every two.
+    The order is that of `Duel.weight`: the mean over the scenarios of what is certain of the difference.
+    """
+    references = _references(standings)
+    told = [_told(standing, references) for standing in standings]
+    if len(told) == 1:
+        return _of_one_scenario(told[0].contest)
+    return [_sentence(duel) for duel in sorted(duels(told), key=lambda duel: -duel.weight)]
+
+
+def largest(standings: Sequence[Standing]) -> list[tuple[float, Comparison]]:
+    """Return each comparison of `strongest` that shows a difference, with what is certain of it, the largest first."""
+    references = _references(standings)
+    pairs = [pair for standing in standings for pair in _told(standing, references).contest.comparisons]
+    weighed = [(round_of(pair).weight, pair) for pair in pairs if pair.replicate != "phase" and pair.judgement.n]
+    return sorted(((weight, pair) for weight, pair in weighed if weight > 0), key=lambda one: -one[0])
+
+
+def _of_one_scenario(contest: Contest) -> list[str]:
+    """Return the comparisons' own sentences."""
+    varying = [factor for k, factor in enumerate(FACTORS) if len({rival[k] for rival in contest.rivals}) > 1]
+    ranked = sorted(contest.comparisons, key=lambda pair: -round_of(pair).weight)
+    return [sentence(pair, varying) for pair in ranked]
+
+
+def _references(standings: Iterable[Standing]) -> dict[str, str]:
+    rivals = {rival for standing in standings for rival in standing.contest.rivals}
+    values = {factor: {rival[k] for rival in rivals} for k, factor in enumerate(FACTORS)}
+    return {factor: name for factor, name in REFERENCES.items() if name in values[factor]}
+
+
+def _told(standing: Standing, references: Mapping[str, str]) -> Standing:
+    """Return the standing with those comparisons alone that say something about one factor."""
+    kept = tuple(pair for pair in standing.contest.comparisons if _tells(pair, references))
+    return replace(standing, contest=replace(standing.contest, comparisons=kept))
+
+
+def _tells(pair: Comparison, references: Mapping[str, str]) -> bool:
+    values = zip(FACTORS, pair.subject, pair.baseline, strict=True)
+    differ = [(factor, {ours, theirs}) for factor, ours, theirs in values if ours != theirs]
+    return len(differ) == 1 and all(factor not in references or references[factor] in both for factor, both in differ)
+
+
+def _sentence(duel: Duel) -> str:
+    of = {verdict: [round_ for round_ in duel.rounds if round_.verdict is verdict] for verdict in WORDS}
+    parts = [f"{WORDS[verdict]} {len(rounds)}{_most(rounds)}" for verdict, rounds in of.items() if rounds]
+    lost = losses_range(round_.judgement for round_ in duel.rounds)
+    return f"{duel.ours} against {duel.theirs} in {duel.scenarios} scenarios: {', '.join(parts)}; {lost}."
+
+
+def _most(rounds: Sequence[Round]) -> str:
+    """Say where the difference is most certain."""
+    largest = max(rounds, key=lambda round_: round_.weight)
+    if largest.weight == 0:
+        return ""
+    return f" ({'most ' if len(rounds) > 1 else ''}on {largest.scenario}: {largest.words})"

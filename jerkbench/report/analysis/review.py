@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from jerkbench.evaluation.statistics.consistency import NEAR
-from jerkbench.report.analysis.costs import competing, costs
-from jerkbench.report.analysis.factors import FACTORS
-from jerkbench.report.analysis.references import competes
+from jerkbench.report.analysis.columns import FACTORS, competes
+from jerkbench.report.analysis.sweeps import competing, costs
 from jerkbench.report.tables.summary import summarise
 
 if TYPE_CHECKING:

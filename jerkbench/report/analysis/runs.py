@@ -1,24 +1,29 @@
-"""The runs of each combination of a study, and of two on common seeds."""
+"""Rows -> runs by combination and seed, pairs of methods, and the rule by which they are judged."""
 
-from collections.abc import Iterable
+import dataclasses
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
-from jerkbench.evaluation.statistics.log_ratio import LogRatios, log_ratios_of
-from jerkbench.report.analysis.factors import FACTORS
+from jerkbench.errors import JerkbenchError, unknown
+from jerkbench.evaluation.statistics.families import Correction
+from jerkbench.evaluation.statistics.judgement import LEVEL, MARGIN
+from jerkbench.evaluation.statistics.over_seeds import LogRatios, log_ratios_of
+from jerkbench.report.analysis.columns import FACTORS
 
 if TYPE_CHECKING:
     import pandas as pd
+
 
 Combination = tuple[str, ...]
 """The values of the six factors."""
 
 
 @dataclass(frozen=True, eq=False)
-class Runs:
+class MethodRuns:
     """The runs of one combination.
 
     Attributes:
@@ -35,9 +40,9 @@ class Runs:
     lost: BoolArray
     phases: bool
 
-    def only(self, places: IntArray) -> "Runs":
+    def only(self, places: IntArray) -> "MethodRuns":
         """Return the runs at ``places``."""
-        return Runs(self.combination, self.seeds[places], self.errors[places], self.lost[places], self.phases)
+        return MethodRuns(self.combination, self.seeds[places], self.errors[places], self.lost[places], self.phases)
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +73,7 @@ class Pair:
         )
 
 
-def grouped(rows: "pd.DataFrame", metric: str) -> dict[Combination, Runs]:
+def runs_by_combination(rows: "pd.DataFrame", metric: str) -> dict[Combination, MethodRuns]:
     """Return the runs of each combination; the factors are text."""
     errors = np.where(rows["status"] == "ok", rows[metric].to_numpy(dtype=float), np.inf)
     seeds, ok = rows["seed"].to_numpy(), (rows["status"] == "ok").to_numpy()
@@ -79,26 +84,114 @@ def grouped(rows: "pd.DataFrame", metric: str) -> dict[Combination, Runs]:
     groups = {}
     for key, places in rows_of.items():
         order = np.array(places)[np.argsort(seeds[places], kind="stable")]
-        groups[key] = Runs(key, seeds[order], errors[order], ~ok[order], bool(phases[order].any()))
+        groups[key] = MethodRuns(key, seeds[order], errors[order], ~ok[order], bool(phases[order].any()))
     return groups
 
 
-def paired(runs: Iterable[tuple[Runs, Runs]]) -> list[Pair]:
+def paired(runs: Iterable[tuple[MethodRuns, MethodRuns]]) -> list[Pair]:
     """Return the runs of two combinations each, on the seeds that both have."""
     common = [on_common_seeds(ours, theirs) for ours, theirs in runs]
     ratios = log_ratios_of((ours.errors, theirs.errors) for ours, theirs in common)
     return [_pair(ours, theirs, own) for (ours, theirs), own in zip(common, ratios, strict=True)]
 
 
-def _pair(ours: Runs, theirs: Runs, ratios: LogRatios) -> Pair:
+def _pair(ours: MethodRuns, theirs: MethodRuns, ratios: LogRatios) -> Pair:
     lost = int(ours.lost.sum()), int(theirs.lost.sum())
     replicate = "phase" if ours.phases else "seed"
     return Pair(ours.combination, theirs.combination, ratios, lost, len(ours.seeds), replicate)
 
 
-def on_common_seeds(ours: Runs, theirs: Runs) -> tuple[Runs, Runs]:
+def on_common_seeds(ours: MethodRuns, theirs: MethodRuns) -> tuple[MethodRuns, MethodRuns]:
     """Return the runs of both on the seeds that both have."""
     if len(ours.seeds) == len(theirs.seeds) and (ours.seeds == theirs.seeds).all():
         return ours, theirs
     _, first, second = np.intersect1d(ours.seeds, theirs.seeds, return_indices=True)
     return ours.only(first), theirs.only(second)
+
+
+# The rule by which the comparisons of a study are judged.
+
+
+@dataclass(frozen=True)
+class VerdictRule:
+    """How the comparisons of a study are judged; see `jerkbench.evaluation.statistics.judgement.judged`.
+
+    Attributes:
+        margin: ratios up to 1 + margin are equal for every practical purpose.
+        correction: what 5 % are 5 % of: studies with any wrong sentence, or sentences.
+        level: these 5 %, or what a look at seeds that were added in blocks may spend of them.
+    """
+
+    margin: float = MARGIN
+    correction: Correction = Correction.MAX_T
+    level: float = LEVEL
+
+    def __post_init__(self) -> None:
+        """Check the margin.
+
+        Raises:
+            JerkbenchError: it is below 0.
+        """
+        if self.margin < 0:
+            raise JerkbenchError(f"The margin of equality is {100 * self.margin:g} %; give 0 or more, for example 3.")
+
+    def of(self, rows: "pd.DataFrame") -> "VerdictRule":
+        """Return the rule for the rows of a study, which know what their last look may spend."""
+        return dataclasses.replace(self, level=min(self.level, rows.attrs.get(SPENDS, self.level)))
+
+
+RULE = VerdictRule()
+
+SPENDS = "level"
+"""Among the attributes of a study's rows: see `Rule.level`."""
+
+
+# The combination that each one is held against: like it but for some factors.
+
+
+def parse_baseline(text: str) -> dict[str, str]:
+    """Read ``factor=value[;factor=value]`` (a comma does as well, where no value has one).
+
+    Raises:
+        JerkbenchError: it is not of that form, or names no factor.
+    """
+    parts = text.split(";") if ";" in text else text.split(",") if text.count("=") > 1 and "(" not in text else [text]
+    values = {}
+    for part in parts:
+        key, equals, value = (word.strip() for word in part.partition("="))
+        if not equals or not value:
+            raise JerkbenchError(f"The baseline '{text}' is not of the form FACTOR=NAME, for example adaptation=none.")
+        if key not in FACTORS:
+            raise JerkbenchError(unknown("factor", key, FACTORS))
+        values[key] = value
+    return values
+
+
+def partners(
+    combinations: Collection[Combination], baseline: Mapping[str, str]
+) -> list[tuple[Combination, Combination]]:
+    """Return every combination with the one that is like it but for the factors of ``baseline``.
+
+    What has no such partner, or is the partner itself, is left out.
+
+    Raises:
+        JerkbenchError: no combination has the values of the baseline.
+    """
+    pairs = [(key, with_values(key, baseline)) for key in combinations]
+    if not any(partner in combinations for _, partner in pairs):
+        raise JerkbenchError(_no_baseline(combinations, baseline))
+    return [(key, partner) for key, partner in pairs if partner in combinations and partner != key]
+
+
+def with_values(combination: Combination, values: Mapping[str, str]) -> Combination:
+    """Return the combination with some of its factors replaced."""
+    return tuple(values.get(key, value) for key, value in zip(FACTORS, combination, strict=True))
+
+
+def _no_baseline(combinations: Iterable[Combination], baseline: Mapping[str, str]) -> str:
+    labels = {factor: set(values) for factor, values in zip(FACTORS, zip(*combinations, strict=True), strict=True)}
+    key, value = next(((k, v) for k, v in baseline.items() if v not in labels[k]), next(iter(baseline.items())))
+    if value in labels[key]:
+        factors = ", ".join(f"{k}={v}" for k, v in baseline.items())
+        return f"No combination has {factors} together; `jerkbench table DIR` shows those that there are."
+    return unknown(key, value, labels[key])

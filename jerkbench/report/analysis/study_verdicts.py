@@ -1,25 +1,43 @@
 """The verdicts of a study: every two methods of a scenario, judged once, for tables and page alike."""
 
 import itertools
-from collections import Counter
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
-from jerkbench.report.analysis.baseline import partners
-from jerkbench.report.analysis.best_noise import at_best_noise
-from jerkbench.report.analysis.comparison import Comparison, judged_pairs
-from jerkbench.report.analysis.factors import FACTORS, default_method
-from jerkbench.report.analysis.leading import contest
-from jerkbench.report.analysis.quantities import quantity
-from jerkbench.report.analysis.references import attitude_competes, competes
-from jerkbench.report.analysis.rows import checked
-from jerkbench.report.analysis.rule import RULE, Rule
-from jerkbench.report.analysis.runs import Combination, Runs, grouped, paired
-from jerkbench.report.analysis.standings import MOST_PAIRS, Standing
+import numpy as np
+
+from jerkbench.arrays import FloatArray
+from jerkbench.evaluation.statistics.errors_over_seeds import costs_of
+from jerkbench.evaluation.statistics.judgement import LEVEL
+from jerkbench.evaluation.statistics.over_seeds import Samples
+from jerkbench.evaluation.statistics.ranks import (
+    critical_difference,
+    kendall_tau,
+    mean_ranks,
+    over_scenarios,
+    rank_cliques,
+    rank_range,
+)
+from jerkbench.report.analysis.columns import FACTORS, attitude_competes, checked, competes, default_method, quantity
+from jerkbench.report.analysis.runs import (
+    RULE,
+    Combination,
+    MethodRuns,
+    VerdictRule,
+    paired,
+    partners,
+    runs_by_combination,
+)
+from jerkbench.report.analysis.standings import MOST_PAIRS, Comparison, Standing, contest, judged_pairs
+from jerkbench.report.analysis.sweeps import at_best_noise
+from jerkbench.report.tables.table_model import number
 
 if TYPE_CHECKING:
     import pandas as pd
+
 
 Two = tuple[Combination, Combination]
 """Subject and baseline."""
@@ -37,11 +55,11 @@ class StudyVerdicts:
         rule: how they were judged.
     """
 
-    groups: Mapping[Combination, Runs]
-    entered: Mapping[Combination, Runs]
+    groups: Mapping[Combination, MethodRuns]
+    entered: Mapping[Combination, MethodRuns]
     judged: Mapping[Two, Comparison]
     standings: list[Standing]
-    rule: Rule
+    rule: VerdictRule
 
     def compare(self, pairs: Iterable[Two]) -> list[Comparison]:
         """Return the comparisons of ``pairs``; those that are not in the study's family are one of their own."""
@@ -64,7 +82,7 @@ def study_verdicts(
     rows: "pd.DataFrame",
     metric: str,
     method: Sequence[str] | None = None,
-    rule: Rule = RULE,
+    rule: VerdictRule = RULE,
     most: int = MOST_PAIRS,
 ) -> StudyVerdicts:
     """Return the verdicts of a study.
@@ -85,16 +103,17 @@ def study_verdicts(
         JerkbenchError: there is no such metric.
     """
     rows, rule = checked(rows, metric), rule.of(rows)
-    groups = grouped(rows, metric)
+    groups = runs_by_combination(rows, metric)
     if not quantity(metric).lowest_is_best:
         return StudyVerdicts(groups, groups, {}, [], rule)
     method = tuple(method or default_method(rows))
     entered = groups
-    if "noise" in method and _count(groups, method) > most:
-        rows = at_best_noise(rows, metric)
-        entered = grouped(rows, metric)
     fields = _fields(entered, method)
-    pairs = [pair for field in fields for pair in _pairs(field)] if _count(entered, method) <= most else []
+    if "noise" in method and _count(fields) > most:
+        rows = at_best_noise(rows, metric)
+        entered = runs_by_combination(rows, metric)
+        fields = _fields(entered, method)
+    pairs = [pair for field in fields for pair in _pairs(field)] if _count(fields) <= most else []
     comparisons = judged_pairs(paired((entered[a], entered[b]) for a, b in pairs), rule)
     judged = dict(zip(pairs, comparisons, strict=True))
     varying = [key for key in FACTORS if len(rows[key].unique()) > 1]
@@ -133,15 +152,134 @@ def _fields(combinations: Iterable[Combination], method: Sequence[str]) -> list[
     """Return the combinations of each scenario."""
     fields: dict[Combination, list[Combination]] = {}
     for key in combinations:
-        fields.setdefault(_scenario(key, method), []).append(key)
+        scenario = tuple("" if name in method else value for name, value in zip(FACTORS, key, strict=True))
+        fields.setdefault(scenario, []).append(key)
     return list(fields.values())
 
 
-def _scenario(key: Combination, method: Sequence[str]) -> Combination:
-    return tuple("" if name in method else value for name, value in zip(FACTORS, key, strict=True))
-
-
-def _count(combinations: Iterable[Combination], method: Sequence[str]) -> int:
+def _count(fields: Iterable[Sequence[Combination]]) -> int:
     """Return about how many pairs there are, without making them."""
-    counts = Counter(_scenario(key, method) for key in combinations)
-    return sum(count * (count - 1) // 2 for count in counts.values())
+    return sum(math.comb(len(field), 2) for field in fields)
+
+
+# Methods over all scenarios of a study: places and their range, ratios, mean ranks, agreement of metrics.
+
+TOLD = 5
+"""So many methods are named."""
+
+LEAST_SCENARIOS = 5
+"""Fewer scenarios do not tell how much scenarios differ: there is no mixed model."""
+
+OTHERS = ("velocity_rmse_mps", "position_max_m", "outage_rmse_m")
+"""Metrics whose ranking is held against that of the leading one, where they have values."""
+
+
+@dataclass(frozen=True, eq=False)
+class CommonRuns:
+    """The methods that ran in every scenario, on seeds that all have.
+
+    Attributes:
+        scenarios: names of the S scenarios.
+        methods: names of the k methods.
+        logs: (S, n, k) logarithms of the errors; infinite where the run was lost.
+    """
+
+    scenarios: tuple[str, ...]
+    methods: tuple[str, ...]
+    logs: FloatArray
+
+    @cached_property
+    def ranks(self) -> FloatArray:
+        """(k,) mean ranks over the scenarios, by the tables' medians: a few runs that lock out do not decide them."""
+        cells = Samples.of([np.exp(logs) for scenario in self.logs for logs in scenario.T])
+        return mean_ranks(costs_of(cells).reshape(len(self.scenarios), -1))
+
+
+def across(rows: "pd.DataFrame", verdicts: StudyVerdicts, metric: str) -> list[str]:
+    """Return sentences about the methods over all scenarios; none of fewer than two scenarios or methods."""
+    field = common_field(verdicts)
+    if field is None:
+        return []
+    return [_places(field), *_ratios(field), _ranks(field), *_agreement(rows, field, metric)]
+
+
+def common_field(verdicts: StudyVerdicts) -> CommonRuns | None:
+    """Return the methods that every scenario has, on common seeds; None of fewer than two, and of phases."""
+    runs = [
+        {standing.name(rival): verdicts.entered[rival] for rival in standing.contest.rivals}
+        for standing in verdicts.standings
+    ]
+    if len(runs) < 2 or any(of.phases for scenario in runs for of in scenario.values()):
+        return None
+    methods = [name for name in runs[0] if all(name in scenario for scenario in runs)]
+    seeds = set.intersection(*(set(of.seeds.tolist()) for scenario in runs for of in scenario.values()))
+    if len(methods) < 2 or not seeds:
+        return None
+    errors = np.array(
+        [[scenario[name].errors[np.isin(scenario[name].seeds, list(seeds))] for name in methods] for scenario in runs]
+    ).transpose(0, 2, 1)
+    if not (errors > 0).all():  # an error of 0, or a metric that did not apply, has no logarithm
+        return None
+    scenarios = tuple(", ".join(standing.scenario) for standing in verdicts.standings)
+    return CommonRuns(scenarios, tuple(methods), np.log(errors))
+
+
+def _places(field: CommonRuns) -> str:
+    ranges = rank_range(field.logs)
+    order = np.argsort(ranges.place, kind="stable")[:TOLD]
+    places = [f"{field.methods[k]} {ranges.place[k]} ({ranges.low[k]} to {ranges.high[k]})" for k in order]
+    return (
+        f"Places over {len(field.scenarios)} scenarios by geometric mean, with their 95 % range over other scenarios "
+        f"of this kind and other seeds (bootstrap): {', '.join(places)}{_more(field)}."
+    )
+
+
+def _more(field: CommonRuns) -> str:
+    return f", and {len(field.methods) - TOLD} others" if len(field.methods) > TOLD else ""
+
+
+def _ratios(field: CommonRuns) -> Iterator[str]:
+    """Say how the first compares with the second and with the last, of methods that lost no run.
+
+    These two are chosen by the errors that are tested. The intervals therefore hold for all pairs at once (Bonferroni).
+    """
+    if len(field.scenarios) < LEAST_SCENARIOS:
+        return
+    pairs = math.comb(len(field.methods), 2)
+    means = field.logs.mean(axis=(0, 1))
+    whole = [k for k in np.argsort(means, kind="stable") if math.isfinite(means[k])]
+    for k in dict.fromkeys((whole[1], whole[-1])) if len(whole) > 1 else ():
+        model = over_scenarios(field.logs[:, :, whole[0]] - field.logs[:, :, k], 1 - LEVEL / pairs)
+        yield (
+            f"{field.methods[whole[0]]} over {field.methods[k]}: {number(model.ratio)} times (95 % {number(model.low)} "
+            f"to {number(model.high)} for all {pairs} pairs at once, mixed model of scenarios and seeds), at worst "
+            f"{number(model.worst_ratio)} times on {field.scenarios[model.worst]}."
+        )
+
+
+def _ranks(field: CommonRuns) -> str:
+    """Say from which difference of mean ranks on methods differ, and whom the first cannot be told from."""
+    ranks = field.ranks
+    least = critical_difference(len(ranks), len(field.scenarios))
+    first = int(np.argmin(ranks))
+    groups = [group for group in rank_cliques(ranks, least) if first in group]
+    near = [f"{field.methods[k]} {ranks[k]:.1f}" for k in (groups[0][:TOLD] if groups else [first])]
+    more = f", and {len(groups[0]) - TOLD} others" if groups and len(groups[0]) > TOLD else ""
+    alone = "the first is alone" if len(near) == 1 else "not told apart from the first"
+    return f"Mean ranks differ from {least:.1f} on (Nemenyi, 5 %); {alone}: {', '.join(near)}{more}."
+
+
+def _agreement(rows: "pd.DataFrame", field: CommonRuns, metric: str) -> Iterator[str]:
+    """Say whether other metrics rank the methods alike."""
+    told = []
+    for other in OTHERS:
+        if other == metric or other not in rows or rows[other].isna().all():
+            continue
+        second = common_field(study_verdicts(rows, other, most=0))  # its places alone, nothing is judged
+        if second is None or second.methods != field.methods:
+            continue
+        tau, p = kendall_tau(field.ranks, second.ranks)
+        if math.isfinite(tau):
+            told.append(f"{quantity(other).title} {tau:.2f} (p {number(p)})")
+    if told:
+        yield f"Kendall's tau of the mean ranks by {quantity(metric).title} with those by: {', '.join(told)}."

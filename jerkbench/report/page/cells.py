@@ -5,10 +5,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from jerkbench.evaluation.statistics.intervals.share import up_to
-from jerkbench.report.analysis.comparison import Comparison
-from jerkbench.report.analysis.factors import FACTORS
-from jerkbench.report.analysis.quantities import quantity
+from jerkbench.evaluation.statistics.intervals import up_to
+from jerkbench.report.analysis.columns import FACTORS, quantity
+from jerkbench.report.analysis.standings import Comparison
 from jerkbench.report.analysis.study_verdicts import StudyVerdicts
 from jerkbench.report.page.script_data import details
 from jerkbench.report.tables.summary import summarise
@@ -22,8 +21,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from jerkbench.evaluation.statistics.consistency import NEAR, UNKNOWN, runs_verdict
-from jerkbench.evaluation.statistics.intervals.signed_over_seeds import FEW
-from jerkbench.report.analysis.quantities import EXPECTED
+from jerkbench.evaluation.statistics.over_seeds import FEW
+from jerkbench.report.analysis.columns import EXPECTED
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -110,7 +109,8 @@ def cells_view(
     others = (column for column in COLUMNS if column != metric and column in rows and rows[column].notna().any())
     metrics = [metric, *others]
     cells = {column: by_combination(combinations(rows, column)) for column in metrics}
-    ratios, groups = _ratios(rows, verdicts), _groups(rows, keys)
+    ratios, by_key = _ratios(rows, verdicts), rows.assign(key=list(keys)).groupby("key", sort=False)
+    groups = {str(key): group for key, group in by_key}
     factors = tuple(key for key in FACTORS if len(rows[key].unique()) > 1) or ("filter",)
     lines: list[Line] = []
     for scenario in _scenarios(groups.values()):
@@ -132,11 +132,6 @@ def cells_view(
         explanation=nees_explanation(rows),
         details=details(groups, about, [column for column in metrics if column in rows]),
     )
-
-
-def _groups(rows: "pd.DataFrame", keys: Sequence[str]) -> "dict[str, pd.DataFrame]":
-    """Return the rows of each cell."""
-    return {str(key): group for key, group in rows.assign(key=list(keys)).groupby("key", sort=False)}
 
 
 def _scenarios(groups: "Iterable[pd.DataFrame]") -> list[list[tuple[str, tuple[str, ...]]]]:

@@ -7,16 +7,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from jerkbench.evaluation.statistics.judgement import Verdict
-from jerkbench.report.analysis.across import across
-from jerkbench.report.analysis.answer import answer
-from jerkbench.report.analysis.comparison import Comparison
-from jerkbench.report.analysis.duels import round_of
-from jerkbench.report.analysis.factors import FACTORS
-from jerkbench.report.analysis.findings import compared, sentence, varying_factors
+from jerkbench.report.analysis.answer import answer, round_of
+from jerkbench.report.analysis.columns import FACTORS
+from jerkbench.report.analysis.findings import compared, sentence, strongest, varying_factors
 from jerkbench.report.analysis.runs import Combination
-from jerkbench.report.analysis.standings import Standing, summary
-from jerkbench.report.analysis.strongest import strongest
-from jerkbench.report.analysis.study_verdicts import StudyVerdicts
+from jerkbench.report.analysis.standings import Comparison, Standing, verdict_sentences
+from jerkbench.report.analysis.study_verdicts import StudyVerdicts, across
 from jerkbench.report.tables.table_model import TableCell
 
 if TYPE_CHECKING:
@@ -97,7 +93,7 @@ def first_screen(
     every = _every(compared(rows, verdicts), varying_factors(rows))
     return FirstScreen(
         answer=answer(standings),
-        summary=summary(standings),
+        summary=verdict_sentences(standings),
         leads=leads,
         baseline=any(lead.against for lead in leads),
         findings=findings[:MOST],

@@ -5,16 +5,16 @@ from dataclasses import dataclass
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
-from jerkbench.report.analysis.quantities import quantity
+from jerkbench.report.analysis.columns import quantity
 from jerkbench.report.analysis.review import Evidence, review
-from jerkbench.report.analysis.rule import RULE, Rule
+from jerkbench.report.analysis.runs import RULE, VerdictRule
 from jerkbench.report.analysis.study_verdicts import StudyVerdicts, study_verdicts
 from jerkbench.report.drawings import Picture
 from jerkbench.report.markup import render
 from jerkbench.report.page.cells import by_combination, cells_view, combinations
 from jerkbench.report.page.first_screen import first_screen
-from jerkbench.report.page.script_data import Stretch, packed, payload
-from jerkbench.report.plots.palette import Palette
+from jerkbench.report.page.script_data import Stretch, packed_json, payload
+from jerkbench.report.plots.style import Palette
 from jerkbench.report.tables.summary import main_metric, summarise
 from jerkbench.report.tables.writers import html_table
 
@@ -57,7 +57,7 @@ class Results:
     about: Mapping[str, Mapping[str, Any]]
     notes: Sequence[str]
     provenance: Mapping[str, Any]
-    rule: Rule = RULE
+    rule: VerdictRule = RULE
     method: tuple[str, ...] | None = None
 
 
@@ -83,7 +83,7 @@ def page(results: Results, pictures: Sequence[Picture], stretches: Sequence[Stre
         gallery=gallery(pictures, without=("errors", "zoom") if stretches else ()),
         checks=[(check, *WORDS[check.passed]) for check in checks],
         cells=cells,
-        details=packed(cells.details),
+        details=packed_json(cells.details),
         traces=_traces(results.about, stretches),
         independence=[note for note in results.notes if "ndependent of" in note] or ["Nothing is said."],
         provenance=[(name, _plain(value)) for name, value in results.provenance.items()],

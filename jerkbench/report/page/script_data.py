@@ -11,9 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.report.analysis.factors import FACTORS
-from jerkbench.report.analysis.quantities import quantity
-from jerkbench.report.analysis.rows import metric_columns
+from jerkbench.report.analysis.columns import FACTORS, metric_columns, quantity
 from jerkbench.report.tables.table_model import number
 
 if TYPE_CHECKING:
@@ -99,7 +97,7 @@ EACH = 3
 """So many metrics are told of each run, the first ones; of the others the spread."""
 
 
-class Shared:
+class SharedValues:
     """Values that stand once, each with a number."""
 
     def __init__(self) -> None:
@@ -126,18 +124,20 @@ def details(
         about: what is stored beside them.
         metrics: those of the table, the leading one first.
     """
-    shared = Shared()
+    shared = SharedValues()
     cells = {key: _cell(group, about[key], metrics, shared) for key, group in groups.items()}
     return {"shared": shared.items, "seeds": [quantity(column).heading for column in metrics[:EACH]], "cells": cells}
 
 
-def packed(content: Mapping[str, Any]) -> str:
+def packed_json(content: Mapping[str, Any]) -> str:
     """Return ``content`` as JSON, by gzip and base64: a fifth as long."""
     text = json.dumps(content, separators=(",", ":"))
     return base64.b64encode(gzip.compress(text.encode(), mtime=0)).decode()
 
 
-def _cell(group: "pd.DataFrame", about: Mapping[str, Any], metrics: Sequence[str], shared: Shared) -> dict[str, Any]:
+def _cell(
+    group: "pd.DataFrame", about: Mapping[str, Any], metrics: Sequence[str], shared: SharedValues
+) -> dict[str, Any]:
     return {
         "labels": [[factor, str(about["labels"][factor])] for factor in FACTORS],
         "spec": {kind: shared.place(part) for kind, part in about["spec"].items()},
@@ -150,7 +150,7 @@ def _cell(group: "pd.DataFrame", about: Mapping[str, Any], metrics: Sequence[str
     }
 
 
-def _spreads(group: "pd.DataFrame", metrics: Sequence[str], shared: Shared) -> list[list[Any]]:
+def _spreads(group: "pd.DataFrame", metrics: Sequence[str], shared: SharedValues) -> list[list[Any]]:
     """Return of each metric its title's number, and the median, the lowest and the highest of the runs with a value.
 
     Those of the table of cells come first.

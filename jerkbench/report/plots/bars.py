@@ -1,4 +1,4 @@
-"""The figure of a metric as bars with intervals (the paper's Fig. 3)."""
+"""Figures over methods and scenarios: bars, heat map, performance profile, mean ranks."""
 
 import itertools
 import math
@@ -7,10 +7,24 @@ from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
-from jerkbench.report.plots.palette import PLAIN, Look, Method, Palette
-from jerkbench.report.plots.style import MEASURED, legend_below, literal, new_figure, quiet
+from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.evaluation.statistics.ranks import mean_ranks, performance_profile, rank_cliques
+from jerkbench.report.plots.style import (
+    MEASURED,
+    PLAIN,
+    REFERENCE,
+    Method,
+    MethodStyle,
+    Palette,
+    coinciding,
+    legend_below,
+    literal,
+    new_figure,
+    style_axes,
+)
 from jerkbench.report.tables.table_model import Table, TableCell, number
 
 LOGARITHMIC_FROM = 30.0
@@ -38,7 +52,7 @@ class Bar(NamedTuple):
     """
 
     cell: TableCell
-    look: Look
+    look: MethodStyle
 
 
 def bars_figure(table: Table, palette: Palette | None = None) -> Figure:
@@ -61,7 +75,7 @@ def bars_figure(table: Table, palette: Palette | None = None) -> Figure:
     _name_columns(panels[0], names, scenes)
     _scale(panels[0], table)
     for axes in panels[: len(scenes)]:
-        quiet(axes)
+        style_axes(axes)
         axes.grid(visible=False, axis="x")
     figure.supylabel(literal(table.title), fontsize=9)
     legend_below(figure)
@@ -151,3 +165,151 @@ def _scale(axes: Axes, table: Table) -> None:
         axes.set_ylim(bottom=0.5 * min(means), top=highest)
     else:
         axes.margins(y=0.15)
+
+
+# The figure of methods by scenarios: what is best where, and by how much the others miss it.
+
+WORST = 100.0
+"""The colour goes no further than so many times the best."""
+
+
+def heat_map_figure(table: Table, competing: Sequence[bool]) -> Figure:
+    """Draw the cells of ``table``: each number as it is there, its colour by the ratio to the best of its scenario.
+
+    Columns of the table, the methods, make the rows, its rows, the scenarios, the columns. A cell that lost runs has no
+    colour and is no best: below its number stands how many it lost. A combination that was not run is an empty field.
+    What does not compete is in parentheses, and is no best.
+    """
+    scenarios = [", ".join(values) for values in table.rows]
+    names = [" + ".join(values) for values in table.columns]
+    methods = [name if competes else f"({name})" for name, competes in zip(names, competing, strict=True)]
+    height = 1.3 + 0.085 * max(map(len, scenarios)) + 0.24 * len(methods)
+    figure = new_figure(height, 2.2 + 0.085 * max(map(len, methods)) + 0.56 * len(scenarios))
+    axes = figure.add_subplot()
+    whole = np.array([[cell.mean if cell and cell.complete else np.nan for cell in row] for row in table.cells])
+    best = np.where(np.isfinite(whole) & np.asarray(competing), whole, np.inf).min(axis=1, keepdims=True)
+    ratio = whole / best
+    image = axes.imshow(np.clip(ratio, 1.0, WORST).T, cmap="cividis_r", norm=LogNorm(1.0, WORST), aspect="auto")
+    for p, row in enumerate(table.cells):
+        for s, cell in enumerate(row):
+            if cell is None:
+                continue
+            look = {"color": "white" if ratio[p, s] > 10 else "black", "fontsize": 7.0}
+            if competing[s] and whole[p, s] == best[p]:
+                look["weight"] = "bold"
+            text = cell.number
+            if lost := cell.diverged + cell.failed:
+                text, look = f"{text}\n{lost}/{cell.runs}".strip(), {"color": "#555555", "fontsize": 6.0}
+            axes.text(p, s, text, ha="center", va="center", **look)  # type: ignore[arg-type]  # as documented
+    axes.set_xticks(range(len(scenarios)), map(literal, scenarios), rotation=90, fontsize=8)
+    axes.set_yticks(range(len(methods)), map(literal, methods), fontsize=8)
+    axes.set_title(literal(table.title), fontsize="medium")
+    axes.spines[:].set_visible(False)
+    axes.tick_params(length=0)
+    bar = figure.colorbar(image, ax=axes, ticks=[1, 2, 5, 10, 20, 50, 100], format="%g")
+    bar.set_label(f"Times the best of the scenario (up to {WORST:g})", fontsize=8)
+    return figure
+
+
+# Figures of methods over scenarios: performance profiles, mean ranks with the critical difference.
+
+FURTHEST = 100.0
+PROFILES = 8
+"""As many methods are drawn, by their mean rank."""
+
+
+def profile_figure(costs: FloatArray, methods: Sequence[str], title: str, looks_of: Sequence[MethodStyle]) -> Figure:
+    """Draw for each method in how many of the scenarios (p, s) it is within a factor of the best.
+
+    On the left: how often it is the best; far right: how often it comes through at all. Drawn are the best by rank,
+    each with its look.
+    """
+    figure = new_figure(3.6)
+    axes = figure.add_subplot()
+    factors = np.geomspace(1.0, FURTHEST, 400)
+    shares, ranks = performance_profile(costs, factors), mean_ranks(costs)
+    order = np.argsort(ranks, kind="stable")[:PROFILES]
+    for names in coinciding({methods[s]: shares[s] for s in order}):
+        s = methods.index(names[0])
+        label = " = ".join(f"{name} (mean rank {ranks[methods.index(name)]:.1f})" for name in names)
+        look = looks_of[s]
+        axes.step(
+            factors, 100 * shares[s], where="post", color=look.colour, linestyle=look.line, linewidth=1.3, label=label
+        )
+    axes.set(xscale="log", xlim=(1.0, FURTHEST), ylim=(0.0, 103.0), title=literal(title))
+    axes.set_xlabel(f"Times the best of a scenario ({len(costs)} scenarios)")
+    axes.set_ylabel("Scenarios within [%]")
+    style_axes(axes)
+    axes.set_xticks([1, 2, 5, 10, 20, 50, 100], ["1", "2", "5", "10", "20", "50", "100"])
+    legend_below(figure)
+    return figure
+
+
+RANKED = 24
+"""As many methods are drawn, the best by mean rank."""
+
+ROW_IN = 0.24
+STRIP = 0.028
+"""Width that a group's line takes beside the ranks, of that of the axes."""
+
+
+def critical_difference_figure(
+    ranks: FloatArray, least: float, methods: Sequence[str], looks_of: Sequence[MethodStyle], title: str, scenarios: int
+) -> Figure:
+    """Draw the mean rank (k,) of each method; those that a line on the right joins do not differ.
+
+    Args:
+        ranks: mean ranks over the scenarios, 1 the best.
+        least: the critical difference.
+        methods: their names.
+        looks_of: how each is drawn; the marker has the filter's colour, and is hollow with an adaptation.
+        title: of the metric.
+        scenarios: how many.
+    """
+    order = np.argsort(ranks, kind="stable")[:RANKED]
+    figure = new_figure(1.5 + ROW_IN * len(order))
+    axes = figure.add_subplot()
+    for row, k in enumerate(order):
+        axes.plot([0, ranks[k]], [row, row], color="#D0D0D0", linewidth=0.8, zorder=1)
+        face = looks_of[k].colour if not looks_of[k].dash else "white"
+        axes.plot(ranks[k], row, "o", color=looks_of[k].colour, markerfacecolor=face, markersize=5.0, zorder=2)
+    axes.set_yticks(range(len(order)), [f"{literal(methods[k])}  {ranks[k]:.1f}" for k in order])
+    right = max(float(ranks[order[-1]]), 1.0 + least) + 0.25
+    axes.set(xlim=(0.75, right), ylim=(len(order) - 0.4, -1.9), title=literal(title))
+    left_out = len(ranks) - len(order)
+    others = f"; {left_out} worse ones are not drawn" if left_out else ""
+    axes.set_xlabel(f"Mean rank over {scenarios} scenarios, 1 the best{others}")
+    style_axes(axes)
+    axes.grid(visible=False, axis="y")
+    axes.set_yticks(range(len(order)), [f"{literal(methods[k])}  {ranks[k]:.1f}" for k in order])
+    _draw_difference(axes, least)
+    _draw_cliques(axes, rank_cliques(ranks, least), order)
+    return figure
+
+
+def _draw_difference(axes: Axes, least: float) -> None:
+    """Draw the critical difference to scale."""
+    axes.errorbar([1 + least / 2], [-1.0], xerr=least / 2, color=REFERENCE, capsize=3.0, linewidth=1.2)
+    axes.text(1.0, -1.25, f"critical difference {least:.1f} (Nemenyi, 5 %)", fontsize="small", va="bottom")
+
+
+def _draw_cliques(axes: Axes, groups: Sequence[IntArray], order: IntArray) -> None:
+    """Draw a line for each group beside the ranks, as far left as others leave room."""
+    place_of = {int(method): row for row, method in enumerate(order)}
+    ends: list[int] = []
+    for group in groups:
+        rows = [place_of[int(k)] for k in group if int(k) in place_of]
+        if len(rows) < 2:
+            continue
+        lane = next((lane for lane, end in enumerate(ends) if end < rows[0]), len(ends))
+        ends[lane : lane + 1] = [rows[-1]]
+        x = 1.02 + STRIP * lane
+        axes.plot(
+            [x, x],
+            [rows[0] - 0.3, rows[-1] + 0.3],
+            transform=axes.get_yaxis_transform(),
+            color=REFERENCE,
+            linewidth=2.2,
+            solid_capstyle="butt",
+            clip_on=False,
+        )

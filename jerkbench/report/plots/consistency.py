@@ -1,4 +1,4 @@
-"""Figures of what a filter believes: NEES and NIS with the band of a consistent filter, the adapted R."""
+"""Figures of consistency (NEES, NIS, adapted noise) and of attitude."""
 
 from collections.abc import Mapping, Sequence
 
@@ -7,23 +7,28 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from jerkbench.arrays import FloatArray
-from jerkbench.estimate import Estimate
-from jerkbench.evaluation.navigation_errors import known, position_error_m, velocity_error_mps
+from jerkbench.estimate import Attitude, Estimate
+from jerkbench.evaluation.navigation_errors import euler_error_rad, known, position_error_m, velocity_error_mps
 from jerkbench.evaluation.statistics.consistency import chi2_band
 from jerkbench.recording import Recording
-from jerkbench.report.plots.curves import coinciding, joined, thinned, with_gaps
-from jerkbench.report.plots.palette import Palette, looks
 from jerkbench.report.plots.style import (
     MEASURED,
+    REFERENCE,
     SIGMAS,
+    Palette,
+    coinciding,
     end_with,
     legend_below,
     literal,
+    method_styles,
     new_figure,
-    quiet,
     say,
     shade_outages,
+    style_axes,
+    thinned,
+    with_gaps,
 )
+from jerkbench.report.tables.table_model import number
 
 WINDOW = 21
 """Updates over which NIS is averaged; odd."""
@@ -40,7 +45,7 @@ def consistency_figure(runs: Sequence[tuple[Recording, Estimate]], name: str, pa
     above, below = figure.subplots(2, 1, sharex=True)
     recording = runs[0][0]
     above.set_title(literal(f"{recording.name}: {name}, {len(runs)} {'run' if len(runs) == 1 else 'runs'}"))
-    ((_, look),) = looks([name], palette)
+    ((_, look),) = method_styles([name], palette)
     _draw_nees(above, runs, look.colour)
     _draw_nis(below, runs, look.colour)
     end_with(below, recording.reference.t_s)
@@ -87,7 +92,7 @@ def _draw_nees(axes: Axes, runs: Sequence[tuple[Recording, Estimate]], colour: s
     label = f"NEES: {100 * inside:.0f} % of the time inside"
     axes.plot(*thinned(t_s, average), color=colour, linewidth=0.8, label=label)
     axes.set_yscale("log")
-    quiet(axes)
+    style_axes(axes)
 
 
 def _draw_nis(axes: Axes, runs: Sequence[tuple[Recording, Estimate]], colour: str) -> None:
@@ -110,7 +115,7 @@ def _draw_nis(axes: Axes, runs: Sequence[tuple[Recording, Estimate]], colour: st
     ]
     axes.fill_between(t_s, low, high, color=SIGMAS, linewidth=0)
     axes.set_yscale("log")
-    quiet(axes)
+    style_axes(axes)
 
 
 def _moving(values: FloatArray) -> FloatArray:
@@ -131,7 +136,7 @@ def adapted_r_figure(recording: Recording, estimates: Mapping[str, Estimate], pa
     figure = new_figure(6.0)
     panels = figure.subplots(3, 2, sharex=True)
     figure.suptitle(literal(recording.name), fontsize="medium")
-    look_of = dict(looks(estimates, palette))
+    look_of = dict(method_styles(estimates, palette))
     groups = coinciding({name: np.sqrt(estimate.updates.R_diagonal) for name, estimate in estimates.items()})
     for row in range(6):
         axes = panels[row % 3][row // 3]
@@ -139,7 +144,7 @@ def adapted_r_figure(recording: Recording, estimates: Mapping[str, Estimate], pa
             updates, look = estimates[names[0]].updates, look_of[names[0]]
             sigma = np.sqrt(updates.R_diagonal[:, row])
             known, dropped = np.isfinite(sigma), np.isinf(sigma)
-            label = joined(names) if row == 0 else None
+            label = " = ".join(names) if row == 0 else None
             curve = thinned(*with_gaps(updates.t_s, np.where(known, sigma, np.nan)))
             axes.plot(*curve, color=look.colour, linestyle=look.line, linewidth=1.0, label=label)
             axes.plot(
@@ -156,8 +161,123 @@ def adapted_r_figure(recording: Recording, estimates: Mapping[str, Estimate], pa
         end_with(axes, recording.reference.t_s)
         if any(np.isfinite(estimate.updates.R_diagonal[:, row]).any() for estimate in estimates.values()):
             axes.set_yscale("log")
-        quiet(axes)
+        style_axes(axes)
     for axes in panels[2]:
         axes.set_xlabel("Time [s]")
     legend_below(figure)
     return figure
+
+
+# Figures of the attitude: the tilt against the truth (the paper's Fig. 4), the compensated acceleration (Fig. 6).
+
+ANGLES = ("Roll", "Pitch")
+
+
+def tilt_figure(recording: Recording, estimates: Mapping[str, Estimate], palette: Palette | None = None) -> Figure:
+    """Draw roll and pitch [deg] over time with the reference's, and their RMSE [deg] over the scored stamps as bars.
+
+    Without a reference of the attitude there are no bars.
+    """
+    judged = recording.reference.euler_rad is not None
+    figure = new_figure(6.0 if judged else 4.2)
+    panels = figure.subplot_mosaic("RR;PP;rp" if judged else "R;P")
+    panels["R"].set_title(literal(recording.name) + ("" if judged else ": no reference of the attitude"))
+    for axis, letter in enumerate("RP"):
+        _draw_angle(panels[letter], recording, estimates, axis, palette)
+        if judged:
+            _draw_bars(panels[letter.lower()], recording, estimates, axis, palette)
+    panels["P"].sharex(panels["R"])
+    end_with(panels["P"], recording.reference.t_s)
+    panels["P"].set_xlabel("Time [s]")
+    legend_below(figure)
+    return figure
+
+
+def _draw_angle(
+    axes: Axes, recording: Recording, estimates: Mapping[str, Estimate], axis: int, palette: Palette | None
+) -> None:
+    axes.set_ylabel(f"{ANGLES[axis]} [deg]")
+    truth = recording.reference.euler_rad
+    named = axis == 0
+    for name, look in method_styles(estimates, palette):
+        estimate = estimates[name]
+        curve = thinned(recording.reference.t_s[estimate.index], np.degrees(estimate.euler_rad[:, axis]))
+        label = name if named else None
+        axes.plot(*curve, color=look.colour, linestyle=look.line, linewidth=1.0, label=label)
+    if truth is not None:
+        label = "reference" if named else None
+        curve = thinned(recording.reference.t_s, np.degrees(truth[:, axis]))
+        axes.plot(*curve, color=REFERENCE, linewidth=0.6, label=label)
+    style_axes(axes)
+
+
+def _draw_bars(
+    axes: Axes, recording: Recording, estimates: Mapping[str, Estimate], axis: int, palette: Palette | None
+) -> None:
+    """Draw one bar an estimate; its value stands on it."""
+    axes.set_ylabel(f"{ANGLES[axis]} RMSE [deg]")
+    for place, (name, look) in enumerate(method_styles(estimates, palette)):
+        estimate = estimates[name]
+        rows = known(recording.reference.euler_rad, estimate, (axis,)) & recording.reference.scored[estimate.index]
+        error = euler_error_rad(estimate, recording)[rows][:, axis]
+        if len(error):
+            rmse_deg = float(np.degrees(np.sqrt(np.mean(error**2))))
+            bar = axes.bar([place], [rmse_deg], width=0.6, color=look.colour, hatch=look.hatch, edgecolor="white")
+            axes.bar_label(bar, [number(rmse_deg)], fontsize=8)
+    axes.set_xticks([])
+    axes.set_xlim(-1.0, max(len(estimates), 3))
+    style_axes(axes)
+    axes.margins(y=0.2)
+
+
+RAW = ("Forward", "Left", "Up")
+ENU = ("east", "north", "up")
+COMPENSATED, TRIGGERED = "#20405A", "#B00020"
+"""Colours that no filter has."""
+
+
+def acceleration_figure(recording: Recording, attitude: Attitude) -> Figure:
+    """Draw the raw specific force [m/s2] of each body axis and, over it, the gravity-compensated one in ENU.
+
+    Where the tilt filter saw an external acceleration, a tick stands on the lower edge.
+    """
+    figure = new_figure(6.0)
+    panels = figure.subplots(3, 1, sharex=True)
+    panels[0].set_title(literal(recording.name))
+    t_s = recording.inertial.t_s
+    for axis, axes in enumerate(panels):
+        raw = recording.inertial.accel_mps2[:, axis]
+        named = axis == 0
+        axes.plot(*thinned(t_s, raw), color=MEASURED, linewidth=0.5, label="raw, body (FLU)" if named else None)
+        compensated = attitude.accel_enu_mps2[:, axis]
+        label = "compensated, ENU" if named else None
+        axes.plot(*thinned(attitude.t_s, compensated), color=COMPENSATED, linewidth=0.6, label=label)
+        axes.set_ylabel(f"{RAW[axis]} / {ENU[axis]} [m/s$^2$]")
+        axes.set_ylim(*_limits(raw, compensated))
+        style_axes(axes)
+    ticks = attitude.t_s[attitude.triggered]
+    if len(ticks):
+        panels[2].plot(
+            ticks,
+            np.full(len(ticks), 0.02),
+            "|",
+            color=TRIGGERED,
+            markersize=4.0,
+            transform=panels[2].get_xaxis_transform(),
+            label=f"external acceleration seen ({100 * attitude.triggered.mean():.0f} % of samples)",
+        )
+    panels[2].set_xlabel("Time [s]")
+    end_with(panels[2], t_s)
+    figure.align_ylabels()
+    legend_below(figure)
+    return figure
+
+
+def _limits(*series: FloatArray) -> tuple[float, float]:
+    """Room for all but the rarest spikes: an impact must not flatten the rest."""
+    values = np.concatenate([curve[np.isfinite(curve)] for curve in series])
+    if len(values) == 0:
+        return -1.0, 1.0
+    low, high = np.percentile(values, [0.05, 99.95])
+    room = 0.15 * max(high - low, 0.1)
+    return float(low - room), float(high + room)

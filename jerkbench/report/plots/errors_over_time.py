@@ -17,9 +17,20 @@ from jerkbench.evaluation.navigation_errors import (
     rms_norm,
 )
 from jerkbench.recording import Recording
-from jerkbench.report.plots.curves import coinciding, joined, thinned
-from jerkbench.report.plots.palette import Palette, looks
-from jerkbench.report.plots.style import SIGMAS, end_with, legend_below, literal, new_figure, quiet, say, shade_outages
+from jerkbench.report.plots.style import (
+    SIGMAS,
+    Palette,
+    coinciding,
+    end_with,
+    legend_below,
+    literal,
+    method_styles,
+    new_figure,
+    say,
+    shade_outages,
+    style_axes,
+    thinned,
+)
 from jerkbench.report.tables.table_model import number
 
 LOGARITHMIC_FROM = 30.0
@@ -57,14 +68,14 @@ def error_figure(
     top, *below = figure.subplots(panels, 1, sharex=True, squeeze=False, height_ratios=ratios)[:, 0]
     _draw_norms(top, recording, estimates, burn_in_s, window_s or (-np.inf, np.inf), palette)
     top.set_title(literal(recording.name))
-    for name, look in looks(estimates, palette):
+    for name, look in method_styles(estimates, palette):
         for axis, axes in enumerate(below):
             _draw_axis(axes, recording, estimates[name], axis, look.colour)
     if window_s is None:
         end_with(top, recording.reference.t_s)
     for axes in (top, *below):
         shade_outages(axes, recording.outages_s, "outage" if axes is top else None)
-        quiet(axes)
+        style_axes(axes)
     (below or [top])[-1].set_xlabel("Time [s]")
     figure.align_ylabels()
     legend_below(figure)
@@ -84,7 +95,7 @@ def _draw_norms(
         say(axes, "The recording has no position reference.")
         return
     norms = {name: position_error_length_m(estimate, recording) for name, estimate in estimates.items()}
-    look_of = dict(looks(estimates, palette))
+    look_of = dict(method_styles(estimates, palette))
     for place, names in enumerate(coinciding(norms)):
         name = names[0]
         t_s = recording.reference.t_s[estimates[name].index]
@@ -95,7 +106,7 @@ def _draw_norms(
             color=look_of[name].colour,
             linestyle=look_of[name].line,
             linewidth=1.0,
-            label=f"{joined(names)}: {', '.join(rmses)}",
+            label=f"{' = '.join(names)}: {', '.join(rmses)}",
             zorder=3 - 0.01 * place,  # the first on top
         )
     if _spread(norms) > LOGARITHMIC_FROM:
@@ -189,7 +200,7 @@ def inclination_figure(
     """Draw the error of the inclination [deg] over time [s]; thin where it is not scored, RMSE over what is."""
     figure = new_figure(3.2)
     axes = figure.add_subplot()
-    for name, look in looks(estimates, palette):
+    for name, look in method_styles(estimates, palette):
         colour, dash = look.colour, look.line
         index = estimates[name].index
         t_s, scored = recording.reference.t_s[index], recording.reference.scored[index]
@@ -201,6 +212,6 @@ def inclination_figure(
     axes.set(xlabel="Time [s]", ylabel="Inclination error [deg]", title=literal(recording.name))
     axes.set_ylim(bottom=0.0)
     end_with(axes, recording.reference.t_s)
-    quiet(axes)
+    style_axes(axes)
     legend_below(figure)
     return figure

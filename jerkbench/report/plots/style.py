@@ -1,8 +1,11 @@
-"""The look of figures, for the colour-blind too, and their files; without pyplot, whose import takes half a second."""
+"""The style of every figure: sizes, colours of methods, curves with gaps, files."""
 
 import io
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -50,7 +53,7 @@ def shade_outages(axes: Axes, outages_s: FloatArray, label: str | None = None) -
         axes.axvspan(begin, end, color=OUTAGE, alpha=0.28, linewidth=0, label=label if k == 0 else None, zorder=0)
 
 
-def quiet(axes: Axes) -> None:
+def style_axes(axes: Axes) -> None:
     """Take away the box, put a light grid behind the lines, and let the ticks depend on the limits alone.
 
     Ticks that depend on the height too change after the layout has measured their labels, and labels get clipped.
@@ -109,7 +112,7 @@ def say(axes: Axes, sentence: str) -> None:
     axes.text(0.5, 0.5, sentence, transform=axes.transAxes, ha="center", va="center", color="#555555")
 
 
-COLOURS = 128
+COLOURS_OF_A_FILE = 128
 """Of a PNG's palette: lines and areas need no more, and the file is a third as large."""
 
 
@@ -128,7 +131,9 @@ def png_bytes(figure: Figure) -> bytes:
     pixels = np.asarray(canvas.buffer_rgba())  # type: ignore[no-untyped-call]
     image = Image.fromarray(pixels).convert("RGB")
     data = io.BytesIO()
-    image.quantize(COLOURS, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE).save(data, format="png")
+    image.quantize(COLOURS_OF_A_FILE, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE).save(
+        data, format="png"
+    )
     return data.getvalue()
 
 
@@ -138,3 +143,164 @@ def save_pdf(figure: Figure, path: Path) -> None:
 
     figure.set_layout_engine("none")
     write_atomically(path, FigureCanvasPdf(figure).print_pdf)
+
+
+# The look of each method: one colour a filter, one line style an adaptation, in every figure and on the page.
+
+COLOURS = (*OKABE_ITO, "#332288", "#882255", "#117733", "#999933", "#661100", "#44AA99")
+"""Okabe and Ito's, then the darker ones of Paul Tol's muted palette (2021)."""
+
+DASHES = ((), (8, 4), (2, 3), (10, 3, 2, 3), (4, 2), (1, 2))
+"""Lengths of dashes and gaps, in pixels; the first is a full line."""
+
+HATCHES = ("", "////", "....", "xxxx", "----", "\\\\\\\\")
+"""What stands for the dashes where a method is an area."""
+
+PLAIN = "none"
+"""The adaptation that has the full line, wherever it stands."""
+
+POINTS = 0.5
+"""Lengths of dashes in a figure, for one pixel of the page, in line widths."""
+
+BETWEEN = re.compile(r", *(?![^()]*\))")
+"""A comma that is in no parentheses."""
+
+Method = tuple[str, str]
+"""Filter and adaptation."""
+
+
+class MethodStyle(NamedTuple):
+    """How a method is drawn.
+
+    Attributes:
+        colour: of its filter.
+        dash: of its adaptation, as on the page.
+        hatch: of its adaptation, where it is an area.
+    """
+
+    colour: str
+    dash: tuple[int, ...]
+    hatch: str
+
+    @property
+    def line(self) -> str | tuple[float, tuple[float, ...]]:
+        """The line style as matplotlib has it."""
+        return (0.0, tuple(POINTS * length for length in self.dash)) if self.dash else "-"
+
+
+@dataclass(frozen=True)
+class Palette:
+    """The filters and adaptations of a study, in the order in which they take colours and line styles.
+
+    Attributes:
+        filters: their labels.
+        adaptations: their labels.
+    """
+
+    filters: tuple[str, ...]
+    adaptations: tuple[str, ...]
+
+    @classmethod
+    def of(cls, methods: Iterable[Method]) -> "Palette":
+        """Return the palette of ``methods``."""
+        methods = list(methods)
+        adaptations = dict.fromkeys(adaptation for _, adaptation in methods)
+        plain = [PLAIN] * (PLAIN in adaptations)
+        return cls(
+            tuple(dict.fromkeys(filter_name for filter_name, _ in methods)),
+            tuple(dict.fromkeys([*plain, *adaptations])),
+        )
+
+    def look(self, method: Method) -> MethodStyle:
+        """Return the look of a method; one that the study has not comes after all others."""
+        filter_name, adaptation = method
+        dash = _place(self.adaptations, adaptation) % len(DASHES)
+        return MethodStyle(COLOURS[_place(self.filters, filter_name) % len(COLOURS)], DASHES[dash], HATCHES[dash])
+
+
+def method_of(name: str) -> Method:
+    """Return filter and adaptation of a method's name.
+
+    >>> method_of("jerk(a=1, b=2) + mtf, accel_mps2=0.1")
+    ('jerk(a=1, b=2)', 'mtf')
+    >>> method_of("gnss_only")
+    ('gnss_only', 'none')
+    """
+    filter_name, _, rest = name.partition(" + ")
+    return filter_name, BETWEEN.split(rest.partition(" + ")[0])[0] or PLAIN
+
+
+def method_styles(names: Iterable[str], palette: Palette | None = None) -> Iterator[tuple[str, MethodStyle]]:
+    """Yield each method's name with its look; without a palette in the order of the names."""
+    names = list(names)
+    palette = palette or Palette.of(map(method_of, names))
+    return ((name, palette.look(method_of(name))) for name in names)
+
+
+def _place(labels: tuple[str, ...], label: str) -> int:
+    return labels.index(label) if label in labels else len(labels)
+
+
+# Curves over time: thinned to what a pixel shows, those that coincide found.
+
+COLUMNS = 1000
+"""Pixels of a figure's width; of each the lowest and the highest value are kept."""
+
+COINCIDE = 0.01
+"""Curves that are nowhere further apart than this share of the larger one are one line for the eye."""
+
+
+def thinned(t_s: FloatArray, values: FloatArray, columns: int = COLUMNS) -> tuple[FloatArray, FloatArray]:
+    """Return times and values of a curve with at most two points a column: the lowest and the highest.
+
+    A value that is not known ends the line, and stays. What is short enough is returned as it is.
+    """
+    if len(t_s) <= 2 * columns:
+        return t_s, values
+    edges = np.searchsorted(t_s, np.linspace(t_s[0], t_s[-1], columns + 1)[:-1])
+    starts = np.unique(edges)
+    known = np.isfinite(values)
+    places = [
+        _extremes(np.where(known, values, fill), starts, function)
+        for fill, function in ((np.inf, np.minimum), (-np.inf, np.maximum))
+    ]
+    gaps = np.flatnonzero(~known & np.r_[True, known[:-1]])
+    kept = np.unique(np.concatenate([[0, len(t_s) - 1], *places, gaps]))
+    return t_s[kept], values[kept]
+
+
+def with_gaps(t_s: FloatArray, values: FloatArray, longest: float = 3.0) -> tuple[FloatArray, FloatArray]:
+    """Return a curve with an unknown value wherever two times are more than ``longest`` median steps apart."""
+    steps = np.diff(t_s)
+    places = np.flatnonzero(steps > longest * np.median(steps)) + 1 if len(steps) else np.empty(0, dtype=int)
+    return np.insert(t_s, places, t_s[places - 1]), np.insert(values, places, np.nan)
+
+
+def _extremes(values: FloatArray, starts: np.ndarray, function: np.ufunc) -> np.ndarray:
+    """Return the first place of the extreme of each part that begins at ``starts``."""
+    extremes = function.reduceat(values, starts)
+    lengths = np.diff(np.r_[starts, len(values)])
+    hits = np.flatnonzero((values == np.repeat(extremes, lengths)) & np.isfinite(values))
+    parts = np.searchsorted(starts, hits, side="right") - 1
+    return hits[np.unique(parts, return_index=True)[1]]
+
+
+def coinciding(curves: Mapping[str, FloatArray]) -> list[list[str]]:
+    """Return the names of curves in groups that coincide within `COINCIDE`, each with the first of its group."""
+    groups: list[list[str]] = []
+    for name, values in curves.items():
+        group = next((names for names in groups if _coincide(curves[names[0]], values)), None)
+        if group is None:
+            groups.append([name])
+        else:
+            group.append(name)
+    return groups
+
+
+def _coincide(first: FloatArray, second: FloatArray) -> bool:
+    if first.shape != second.shape or not np.array_equal(np.isfinite(first), np.isfinite(second)):
+        return False
+    known = np.isfinite(first)
+    with np.errstate(over="ignore"):
+        largest = np.maximum(np.abs(first[known]), np.abs(second[known]))
+        return bool(np.all(np.abs(first[known] - second[known]) <= COINCIDE * largest))

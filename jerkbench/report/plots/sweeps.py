@@ -1,22 +1,31 @@
-"""Figures of a metric over what was swept: the process noise, or the size of a fault."""
+"""Figures over a parameter: process noise, size of a fault, and the parameters of a search."""
 
 import re
-from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from jerkbench.arrays import FloatArray
-from jerkbench.evaluation.statistics.intervals.signed_over_seeds import mean_intervals
-from jerkbench.report.analysis.quantities import quantity
-from jerkbench.report.analysis.severity import NAME, SCENARIO, SIZE, crossings, smallest_noticed
-from jerkbench.report.plots.palette import Look, Palette, looks
-from jerkbench.report.plots.style import legend_below, literal, new_figure, quiet
+from jerkbench.evaluation.statistics.over_seeds import mean_intervals
+from jerkbench.report.analysis.columns import quantity
+from jerkbench.report.analysis.sweeps import NAME, SCENARIO, SIZE, crossings, smallest_noticed
+from jerkbench.report.plots.style import (
+    OKABE_ITO,
+    MethodStyle,
+    Palette,
+    legend_below,
+    literal,
+    method_styles,
+    new_figure,
+    style_axes,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
+
 
 SIGMA = re.compile(r"(?:^|[ (,])accel_mps2=([0-9.eE+-]+)")
 
@@ -40,7 +49,7 @@ def sensitivity_figure(rows: "pd.DataFrame", metric: str, palette: Palette | Non
             runs = swept[(swept["scene"] == scene) & (swept["method"] == name)]
             _draw_means(axes, runs, "sigma_a", np.sort(runs["sigma_a"].unique()), metric, look, name, panels[0])
         axes.set(title=literal(scene), ylabel=literal(quantity(metric).heading), xscale="log", yscale="log")
-        quiet(axes)
+        style_axes(axes)
     panels[-1].set_xlabel("sigma_a [m/s$^2$]")
     legend_below(figure)
     return figure
@@ -82,19 +91,19 @@ def severity_figure(swept: "pd.DataFrame", metric: str, palette: Palette | None 
         axes.set(title=literal(scenario), xlabel=literal(scene[NAME].iloc[0]), ylabel=heading, yscale="log")
         if scene[SIZE].min() > 0:
             axes.set_xscale("log")
-        quiet(axes)
+        style_axes(axes)
     legend_below(figure)
     return figure
 
 
-def _looks(swept: "pd.DataFrame", palette: Palette | None) -> Mapping[str, Look]:
+def _looks(swept: "pd.DataFrame", palette: Palette | None) -> Mapping[str, MethodStyle]:
     """Name the method of each row, and return the looks of all."""
     swept["method"] = swept["filter"].astype(str) + " + " + swept["adaptation"].astype(str)
-    return dict(looks(swept["method"].unique(), palette))
+    return dict(method_styles(swept["method"].unique(), palette))
 
 
 def _draw_means(
-    axes: Axes, runs: "pd.DataFrame", over: str, at: FloatArray, metric: str, look: Look, name: str, first: Axes
+    axes: Axes, runs: "pd.DataFrame", over: str, at: FloatArray, metric: str, look: MethodStyle, name: str, first: Axes
 ) -> FloatArray:
     """Draw and return a method's means at some values of the column ``over``; the ``first`` panel has its label."""
     groups = [runs[runs[over] == x] for x in at]
@@ -108,3 +117,97 @@ def _draw_means(
         face = look.colour if len(values) == len(group) else "white"
         axes.plot([x], [interval.mean], "o", color=look.colour, markerfacecolor=face, markersize=4.0)
     return means
+
+
+# The figure of a search: the profile of each parameter, the map of two of them, the budget's curve.
+
+COLUMNS = 3
+
+
+class Profile(NamedTuple):
+    """The trials seen along one parameter.
+
+    Attributes:
+        name: the parameter.
+        values: (n,) its value in each trial.
+        middles: (b,) middles of parts of its range.
+        least: (b,) least loss of a trial in each part; NaN: none is there.
+        chosen: its value in the chosen setting.
+        log: whether its range is logarithmic.
+    """
+
+    name: str
+    values: FloatArray
+    middles: FloatArray
+    least: FloatArray
+    chosen: float
+    log: bool
+
+
+class Map(NamedTuple):
+    """The least loss over two parameters.
+
+    Attributes:
+        first: name of that of the rows.
+        second: name of that of the columns.
+        least: (b, b) NaN: no trial is there.
+        chosen: (2,) share of the way through both ranges of the chosen setting.
+    """
+
+    first: str
+    second: str
+    least: FloatArray
+    chosen: tuple[float, float]
+
+
+def search_figure(
+    profiles: Sequence[Profile], losses: FloatArray, most: Map | None, curve: Sequence[tuple[int, float]], title: str
+) -> Figure:
+    """Draw one panel for each parameter with the losses (n,) of all trials, the map, and the curve of the budget."""
+    count = len(profiles) + (most is not None) + 1
+    rows = -(-count // COLUMNS)
+    figure = new_figure(2.7 * rows, 3.3 * min(count, COLUMNS))
+    axes = list(np.ravel(figure.subplots(rows, min(count, COLUMNS), squeeze=False)))
+    for panel, profile in zip(axes, profiles, strict=False):
+        _draw_profile(panel, profile, losses)
+    _draw_curve(axes[len(profiles)], curve)
+    if most is not None:
+        _draw_map(figure, axes[len(profiles) + 1], most)
+    for panel in axes[count:]:
+        panel.set_axis_off()
+    figure.suptitle(literal(title), fontsize="medium")
+    return figure
+
+
+def _draw_profile(axes: Axes, profile: Profile, losses: FloatArray) -> None:
+    known = np.isfinite(profile.least)
+    axes.plot(profile.values, losses, ".", color="#B0B0B0", markersize=3.0)
+    axes.plot(profile.middles[known], profile.least[known], "-o", color=OKABE_ITO[0], markersize=3.0, linewidth=1.2)
+    axes.axvline(profile.chosen, color=OKABE_ITO[1], linewidth=1.0, linestyle="--")
+    if profile.log:
+        axes.set_xscale("log")
+    axes.set_xlabel(profile.name, fontsize=8)
+    axes.set_ylabel("loss", fontsize=8)
+    low = float(losses.min())
+    axes.set_ylim(low - 0.05, low + 1.5 * max(float(np.nanmax(profile.least)) - low, 0.1))
+    style_axes(axes)
+
+
+def _draw_curve(axes: Axes, curve: Sequence[tuple[int, float]]) -> None:
+    sizes, best = zip(*curve, strict=True)
+    axes.plot(sizes, best, "-o", color=OKABE_ITO[2], markersize=3.0, linewidth=1.2)
+    axes.set_xscale("log", base=4)
+    axes.set_xticks(sizes, [str(size) for size in sizes])
+    axes.set_xlabel("settings tried", fontsize=8)
+    axes.set_ylabel("least loss", fontsize=8)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.grid(visible=True, color="#E4E4E4", linewidth=0.6)
+
+
+def _draw_map(figure: Figure, axes: Axes, most: Map) -> None:
+    image = axes.imshow(most.least, origin="lower", extent=(0.0, 1.0, 0.0, 1.0), aspect="auto", cmap="cividis")
+    axes.plot(most.chosen[1], most.chosen[0], "x", color="white", markersize=7.0)
+    axes.set_xlabel(f"{most.second}, low to high", fontsize=8)
+    axes.set_ylabel(f"{most.first}, low to high", fontsize=8)
+    axes.set(xticks=[], yticks=[])
+    figure.colorbar(image, ax=axes).set_label("least loss", fontsize=8)

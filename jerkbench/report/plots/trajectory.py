@@ -11,9 +11,18 @@ from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.estimate import Estimate
 from jerkbench.evaluation.navigation_errors import position_error_length_m
 from jerkbench.recording import Recording
-from jerkbench.report.plots.curves import coinciding, joined
-from jerkbench.report.plots.palette import Palette, looks
-from jerkbench.report.plots.style import MEASURED, OUTAGE, REFERENCE, legend_below, literal, new_figure, quiet
+from jerkbench.report.plots.style import (
+    MEASURED,
+    OUTAGE,
+    REFERENCE,
+    Palette,
+    coinciding,
+    legend_below,
+    literal,
+    method_styles,
+    new_figure,
+    style_axes,
+)
 from jerkbench.report.tables.table_model import number
 
 WIDTH_IN = 7.0
@@ -35,9 +44,9 @@ def trajectory_figure(
     figure = new_figure(map_in + LABELS_IN, WIDTH_IN, layout="compressed")
     axes = figure.add_subplot()
     _draw_recording(axes, recording)
-    look_of = dict(looks(estimates, palette))
+    look_of = dict(method_styles(estimates, palette))
     for names in distinct(recording, estimates):
-        name, look = joined(names), look_of[names[0]]
+        name, look = " = ".join(names), look_of[names[0]]
         path = estimates[names[0]].position_m[:, :2]
         inside = ((path >= low) & (path <= high)).all()
         label = name if inside else f"{name} (leaves the picture)"
@@ -46,7 +55,7 @@ def trajectory_figure(
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), xlabel="East [m]", ylabel="North [m]")
     axes.set_title(literal(recording.name))
     axes.set_aspect("equal", adjustable="box")
-    quiet(axes)
+    style_axes(axes)
     legend_below(figure)
     return figure
 
@@ -127,7 +136,7 @@ def inset_trajectory_figure(
     inset = figure.add_subplot(grid[1])
     if recording.position is not None:
         inset.plot(*recording.position.enu_m[:, :2].T, ".", color=MEASURED, markersize=4.0, alpha=0.6, zorder=1)
-    look_of = dict(looks(estimates, palette))
+    look_of = dict(method_styles(estimates, palette))
     for name, *_ in distinct(recording, estimates):
         path, look = estimates[name].position_m[:, :2], look_of[name]
         near = np.abs(path - middle).max(axis=1) < 20 * half
@@ -138,7 +147,7 @@ def inset_trajectory_figure(
     inset.set(xlim=(middle[0] - half, middle[0] + half), ylim=(middle[1] - half / 2, middle[1] + half / 2))
     inset.set(xlabel="East [m]", ylabel="North [m]", aspect="equal")
     inset.set_title(f"Enlarged {number(width_m / (2 * half))} times", fontsize="medium")
-    quiet(inset)
+    style_axes(inset)
     _draw_scale(inset, 2 * half)
     main.indicate_inset_zoom(inset, edgecolor="black")
     return figure

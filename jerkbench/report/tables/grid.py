@@ -9,13 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
-from jerkbench.evaluation.statistics.intervals.errors_over_seeds import MEAN, Centres, centres_of
-from jerkbench.evaluation.statistics.intervals.signed_over_seeds import mean_intervals_of
-from jerkbench.evaluation.statistics.multiplicity import LEAST_SEEDS
-from jerkbench.evaluation.statistics.samples import Samples
-from jerkbench.report.analysis.factors import layout
-from jerkbench.report.analysis.quantities import quantity
-from jerkbench.report.analysis.rows import with_text_factors
+from jerkbench.evaluation.statistics.errors_over_seeds import MEAN, Centres, centres_of
+from jerkbench.evaluation.statistics.families import LEAST_SEEDS
+from jerkbench.evaluation.statistics.over_seeds import Samples, mean_intervals_of
+from jerkbench.report.analysis.columns import layout, quantity, with_text_factors
 from jerkbench.report.tables.table_model import TableCell
 
 if TYPE_CHECKING:

@@ -10,9 +10,7 @@ import numpy as np
 
 from jerkbench.arrays import IntArray
 from jerkbench.files import write_atomically, write_text
-from jerkbench.report.analysis.factors import constants
-from jerkbench.report.analysis.quantities import quantity
-from jerkbench.report.analysis.rows import metric_columns, with_metric
+from jerkbench.report.analysis.columns import constants, metric_columns, quantity, with_metric
 from jerkbench.report.tables.grid import CellColumns, Grid, arranged, cell_columns
 from jerkbench.report.tables.summary import beside_others, main_metric, summarise
 from jerkbench.report.tables.table_model import Table

@@ -7,17 +7,12 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from jerkbench.evaluation.statistics.intervals.errors_over_seeds import MEAN
-from jerkbench.report.analysis.comparison import Comparison, family_note
-from jerkbench.report.analysis.factors import FACTORS, constants
-from jerkbench.report.analysis.leading import contest
-from jerkbench.report.analysis.quantities import quantity
-from jerkbench.report.analysis.rows import metric_columns, with_metric
+from jerkbench.evaluation.statistics.errors_over_seeds import MEAN
+from jerkbench.report.analysis.columns import FACTORS, constants, metric_columns, quantity, with_metric
 from jerkbench.report.analysis.runs import Combination
-from jerkbench.report.analysis.standings import MOST_PAIRS
+from jerkbench.report.analysis.standings import MOST_PAIRS, Comparison, contest, family_note
 from jerkbench.report.analysis.study_verdicts import StudyVerdicts, rival, study_verdicts
-from jerkbench.report.tables.bounds import with_bounds
-from jerkbench.report.tables.footnotes import footnotes
+from jerkbench.report.tables.footnotes import footnotes, with_bounds
 from jerkbench.report.tables.grid import CellColumns, Grid, Values, arranged, cell_columns
 from jerkbench.report.tables.table_model import Ratio, Table, TableCell
 

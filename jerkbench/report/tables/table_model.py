@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from jerkbench.evaluation.statistics.intervals.errors_over_seeds import MEAN, MEDIAN
+from jerkbench.evaluation.statistics.errors_over_seeds import MEAN, MEDIAN
 
 Part = tuple[str, str]
 """A text of a cell, and its style: number, best, interval, factor, trouble or absent."""

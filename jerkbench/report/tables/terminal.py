@@ -7,9 +7,7 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from jerkbench.plain import plain, styled
-from jerkbench.report.analysis.factors import FACTORS
-from jerkbench.report.analysis.quantities import quantity
-from jerkbench.report.analysis.rows import metric_columns
+from jerkbench.report.analysis.columns import FACTORS, metric_columns, quantity
 from jerkbench.report.tables.summary import main_metric, summarise, summarise_each
 from jerkbench.report.tables.table_model import ABSENT, Part, Table, TableCell, parts
 

@@ -10,9 +10,9 @@ from functools import cache
 from itertools import zip_longest
 from typing import Any
 
-from jerkbench.evaluation.statistics.intervals.share import share_interval
+from jerkbench.evaluation.statistics.intervals import share_interval
 from jerkbench.plain import plain
-from jerkbench.report.analysis.factors import FACTORS
+from jerkbench.report.analysis.columns import FACTORS
 from jerkbench.report.markup import render
 from jerkbench.report.tables.table_model import ABSENT, Part, Ratio, Table, TableCell, parts
 
@@ -92,7 +92,7 @@ LOST = "lost"
 def markdown(table: Table, level: int = 2) -> str:
     """Return the table as a section with a heading of ``level``, aligned pipes and its footnotes as a list."""
     rows = [
-        [*map(_inactive, values), *(" ".join(map(_starred, parts(cell))) for cell in cells)]
+        [*map(_inactive, values), *(" ".join(_starred(*part) for part in parts(cell)) for cell in cells)]
         for values, cells in zip(table.rows, table.cells, strict=True)
     ]
     return _section(table.title, [[*map(_inactive, table.header)], *rows], table.footnotes, level)
@@ -119,8 +119,8 @@ def _section(title: str, lines: Sequence[Sequence[str]], footnotes: Sequence[str
     return "\n".join(["#" * level + f" {_inactive(title)}", "", head, rule, *body, *[""] * bool(notes), *notes, ""])
 
 
-def _starred(part: Part) -> str:
-    return f"**{part[0]}**" if part[1] == "best" else part[0]
+def _starred(text: str, style: str) -> str:
+    return f"**{text}**" if style == "best" else text
 
 
 def _inactive(text: str) -> str:

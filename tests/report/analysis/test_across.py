@@ -8,9 +8,9 @@ import pytest
 from scipy.stats import kendalltau
 from scipy.stats import t as student
 
-from jerkbench.evaluation.statistics.scenarios import over_scenarios
-from jerkbench.report.analysis.across import across, common_field
-from jerkbench.report.analysis.study_verdicts import study_verdicts
+from jerkbench.evaluation.statistics.ranks import mean_ranks, over_scenarios
+from jerkbench.report.analysis.study_verdicts import across, common_field, study_verdicts
+from jerkbench.report.analysis.sweeps import costs
 from jerkbench.report.tables.table_model import number
 
 METRIC = "position_rmse_m"
@@ -47,6 +47,15 @@ def test_the_field_has_the_logarithms_in_order(rows):
     assert field.logs.shape == (5, 8, 3)
     of = rows[(rows["disturbance"] == field.scenarios[2]) & (rows["filter"] == field.methods[1])]
     np.testing.assert_allclose(field.logs[2, :, 1], np.log(of.sort_values("seed")[METRIC]))
+
+
+def test_ranks_are_those_of_the_profiles_and_one_run_that_locks_out_decides_none(rows):
+    rows.loc[(rows["filter"] == "best") & (rows["seed"] == 0), METRIC] *= 1000
+    field = common_field(study_verdicts(rows, METRIC))
+    values, _, methods = costs(rows, METRIC)
+    assert methods == list(field.methods)
+    np.testing.assert_array_equal(field.ranks, mean_ranks(values))
+    np.testing.assert_array_equal(field.ranks, [1, 2, 3])
 
 
 def test_who_loses_runs_is_last_and_has_no_ratio(rows):

@@ -5,9 +5,8 @@ import pandas as pd
 import pytest
 
 from jerkbench.evaluation.statistics.judgement import Verdict
-from jerkbench.report.analysis.answer import answer, shows_something
-from jerkbench.report.analysis.duels import Round, duels
-from jerkbench.report.analysis.strongest import strongest
+from jerkbench.report.analysis.answer import Round, answer, duels, shows_something
+from jerkbench.report.analysis.findings import strongest
 from jerkbench.report.analysis.study_verdicts import study_verdicts
 
 SCENES = ("none", "bias", "gnss_outage")

@@ -7,10 +7,9 @@ import pandas as pd
 import pytest
 
 from jerkbench.errors import JerkbenchError
-from jerkbench.evaluation.statistics.multiplicity import Correction
-from jerkbench.report.analysis.change_notes import notes_of_tests, other_leaders
-from jerkbench.report.analysis.changes import change_rows, changes
-from jerkbench.report.analysis.rule import Rule
+from jerkbench.evaluation.statistics.families import Correction
+from jerkbench.report.analysis.changes import change_rows, changes, notes_of_tests, other_leaders
+from jerkbench.report.analysis.runs import VerdictRule
 from jerkbench.report.analysis.study_verdicts import study_verdicts
 
 SEEDS = 20
@@ -122,12 +121,12 @@ def test_what_is_within_three_percent_is_equal(before):
     assert {(one.verdict, one.losses) for one in near} == {
         ("undecided, as losses are not excluded", "0 of 20 lost (up to 14 %)")
     }
-    equal = changes(before, scaled(before, 1.005, 0.01), METRIC, Rule(0.15))
+    equal = changes(before, scaled(before, 1.005, 0.01), METRIC, VerdictRule(0.15))
     assert {one.verdict for one in equal} == {"equal within 15 %"}
 
 
 def test_the_margin_and_the_correction_are_those_that_were_asked_for(before):
-    rule = Rule(0.2, Correction.FDR)
+    rule = VerdictRule(0.2, Correction.FDR)
     changed = changes(before, scaled(before, 1.1, 0.02), METRIC, rule)
     assert {change.verdict for change in changed} == {"equal within 20 %"}
     assert "Benjamini and Hochberg over 2" in notes_of_tests(changed)[0]

@@ -11,11 +11,10 @@ import pytest
 from scipy.stats import ttest_1samp, wilcoxon
 
 from jerkbench.errors import JerkbenchError
+from jerkbench.evaluation.statistics.families import Correction
 from jerkbench.evaluation.statistics.judgement import Verdict
-from jerkbench.evaluation.statistics.multiplicity import Correction
-from jerkbench.report.analysis.baseline import parse_baseline
 from jerkbench.report.analysis.findings import findings
-from jerkbench.report.analysis.rule import Rule
+from jerkbench.report.analysis.runs import VerdictRule, parse_baseline
 from jerkbench.report.analysis.study_verdicts import study_verdicts
 from jerkbench.report.tables.summary import summarise
 from jerkbench.report.tables.writers import html_table, latex, markdown, tidy_csv
@@ -65,7 +64,9 @@ def test_each_cell_meets_its_own_baseline_seed_by_seed(study):
     assert found["jerk", "chance"].verdict is Verdict.UNDECIDED
     copy = found["jerk", "copy"]
     assert (copy.verdict, copy.mark, copy.judgement.reason) == (Verdict.UNDECIDED, "", "losses are not excluded")
-    wide = {one.subject[4]: one for one in study_verdicts(study, "position_rmse_m", rule=Rule(0.15)).against(NONE)}
+    wide = {
+        one.subject[4]: one for one in study_verdicts(study, "position_rmse_m", rule=VerdictRule(0.15)).against(NONE)
+    }
     assert (wide["copy"].verdict, wide["copy"].mark) == (Verdict.EQUAL, "=")
 
 
@@ -177,7 +178,7 @@ def test_the_table_has_ratios_marks_and_what_they_mean(study):
 
 
 def test_the_margin_and_the_correction_can_be_chosen(study):
-    rule = Rule(0.5, Correction.FDR)
+    rule = VerdictRule(0.5, Correction.FDR)
     found = by_adaptation(study_verdicts(study, "position_rmse_m", rule=rule).against(NONE))
     assert found["chance"].verdict is Verdict.EQUAL
     said = " ".join(

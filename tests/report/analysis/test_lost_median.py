@@ -5,7 +5,7 @@ import math
 import pytest
 
 from jerkbench.evaluation.statistics.judgement import Verdict
-from jerkbench.report.analysis.duels import ALL_LOST, Round
+from jerkbench.report.analysis.answer import ALL_LOST, Round
 
 
 @pytest.mark.parametrize(

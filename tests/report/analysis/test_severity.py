@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from jerkbench.report.analysis.severity import crossings, smallest_noticed, with_severity
+from jerkbench.report.analysis.sweeps import crossings, smallest_noticed, with_severity
 from jerkbench.report.plots.sweeps import severity_figure
 
 

@@ -8,10 +8,10 @@ import pytest
 
 from jerkbench.evaluation.statistics.ranks import critical_difference
 from jerkbench.report.drawings import of_rows
-from jerkbench.report.plots.palette import Look
-from jerkbench.report.plots.ranks import RANKED, critical_difference_figure
+from jerkbench.report.plots.bars import RANKED, critical_difference_figure
+from jerkbench.report.plots.style import MethodStyle
 
-FULL, DASHED = Look("#112233", (), ""), Look("#445566", (8, 4), "////")
+FULL, DASHED = MethodStyle("#112233", (), ""), MethodStyle("#445566", (8, 4), "////")
 
 
 def drawn(ranks, least):

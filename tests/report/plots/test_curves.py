@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from jerkbench.report.plots.curves import coinciding, thinned
+from jerkbench.report.plots.style import coinciding, thinned
 
 T_S = 0.01 * np.arange(50_000)
 

@@ -12,24 +12,25 @@ from matplotlib.image import imread
 from scipy.stats import chi2
 
 from jerkbench.estimate import Attitude, Estimate, Updates
-from jerkbench.inspection.overview import overview_figure
+from jerkbench.inspection.facts import overview_figure
 from jerkbench.recording import Imu, Position, Recording, Reference
-from jerkbench.report.analysis.best_noise import at_best_noise
-from jerkbench.report.analysis.costs import costs
+from jerkbench.report.analysis.sweeps import at_best_noise, costs
 from jerkbench.report.drawings import of_rows
-from jerkbench.report.plots.attitude import acceleration_figure, tilt_figure
-from jerkbench.report.plots.bars import PALE, bars_figure
-from jerkbench.report.plots.consistency import adapted_r_figure, consistency_figure, nees
+from jerkbench.report.plots.bars import PALE, bars_figure, critical_difference_figure, heat_map_figure, profile_figure
+from jerkbench.report.plots.consistency import (
+    acceleration_figure,
+    adapted_r_figure,
+    consistency_figure,
+    nees,
+    tilt_figure,
+)
 from jerkbench.report.plots.errors_over_time import (
     disturbed_window_s,
     error_figure,
     inclination_figure,
     zoomed_error_figure,
 )
-from jerkbench.report.plots.heat_map import heat_map_figure
-from jerkbench.report.plots.palette import Palette
-from jerkbench.report.plots.ranks import critical_difference_figure, profile_figure
-from jerkbench.report.plots.style import save_figure
+from jerkbench.report.plots.style import Palette, save_figure
 from jerkbench.report.plots.sweeps import sensitivity_figure, with_sigma
 from jerkbench.report.plots.trajectory import inset_trajectory_figure, trajectory_figure
 from jerkbench.report.tables.summary import summarise

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from jerkbench.report.analysis.rows import metric_columns
+from jerkbench.report.analysis.columns import metric_columns
 from jerkbench.report.tables import study_tables
 from jerkbench.report.tables.study_tables import write_tables
 from jerkbench.report.tables.summary import main_metric, summarise

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from jerkbench.report.analysis.baseline import parse_baseline
+from jerkbench.report.analysis.runs import parse_baseline
 from jerkbench.report.tables.summary import summarise
 from jerkbench.report.tables.writers import table_json
 

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from jerkbench.report.analysis.quantities import quantity
+from jerkbench.report.analysis.columns import quantity
 from jerkbench.report.tables import summary, terminal
 from jerkbench.report.tables.study_tables import write_tables
 from jerkbench.report.tables.summary import summarise

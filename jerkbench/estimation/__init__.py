@@ -1,1 +1,0 @@
-"""Parts that compiled estimators share: the adaptation's call, room for results, the sums of a run, threads."""

@@ -1,0 +1,271 @@
+"""Values of many cells over their seeds, and means, log ratios and intervals of them."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from jerkbench.arrays import BoolArray, FloatArray, IntArray
+from jerkbench.evaluation.statistics.intervals import bca_ends
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Many samples, one after the other.
+
+    Attributes:
+        values: (n,) of all samples.
+        sizes: (k,) how many of them each sample has.
+    """
+
+    values: FloatArray
+    sizes: IntArray
+
+    @classmethod
+    def of(cls, samples: Sequence[npt.ArrayLike]) -> "Samples":
+        """Take (n_1,), (n_2,), ... values."""
+        arrays = [np.asarray(values, dtype=np.float64) for values in samples]
+        sizes = np.array([len(array) for array in arrays], dtype=np.int64)
+        return cls(np.concatenate([np.empty(0), *arrays]), sizes)
+
+    @cached_property
+    def owner(self) -> IntArray:
+        """(n,) the sample of each value."""
+        return np.repeat(np.arange(len(self.sizes)), self.sizes)
+
+    def count(self, which: BoolArray) -> IntArray:
+        """Return (k,) for how many values of each sample ``which`` (n,) holds."""
+        return np.bincount(self.owner[which], minlength=len(self.sizes))
+
+    def only(self, which: BoolArray) -> "Samples":
+        """Return the samples with those values for which ``which`` (n,) holds; some may be empty."""
+        return Samples(self.values[which], self.count(which))
+
+    def without_nan(self) -> "Samples":
+        """Return the samples without what is no number."""
+        return self.only(~np.isnan(self.values))
+
+    def by_size(self) -> Iterator[tuple[IntArray, FloatArray]]:
+        """Yield for each size the places (j,) of the samples that have it, and their values (j, size)."""
+        starts = np.cumsum(self.sizes) - self.sizes
+        for size in np.unique(self.sizes).tolist():
+            places = np.flatnonzero(self.sizes == size)
+            yield places, self.values[starts[places][:, None] + np.arange(size)]
+
+
+# The arithmetic mean over seeds with its interval: of signed metrics, and those with an expected value.
+
+RESAMPLES = 4999
+"""Bootstrap resamples: the ends of the interval move by some 2 % of its width from one draw to another."""
+
+HIGHEST = 1 - 2 / RESAMPLES
+"""So many resamples know no higher level."""
+
+ROWS_AT_ONCE = 128
+"""Samples that go through the bootstrap together; more costs memory and saves no time."""
+
+FEW = 5
+"""Of fewer values the interval is Student's: the bootstrap's would be too short."""
+
+MANY = 2000
+"""From so many values on the mean is normal enough for Student's interval."""
+
+ROUNDING = 1e-14
+"""Values that differ by less, relative to their mean, are equal: the bootstrap would divide rounding by rounding."""
+
+SEED = 20
+"""Fixed: the same rows give the same table."""
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A mean with its bootstrap interval.
+
+    Attributes:
+        mean: arithmetic mean; NaN of no values.
+        low: lower end; NaN where there is none (see `mean_interval`).
+        high: upper end.
+        n: how many values it is the mean of.
+    """
+
+    mean: float
+    low: float
+    high: float
+    n: int
+
+
+def mean_interval(values: npt.ArrayLike, confidence: float = 0.95) -> Interval:
+    """Return the mean of (n,) independent values with its BCa bootstrap interval.
+
+    NaN values (the metric did not apply) are left out, ``n`` says how many stay. One value has no interval (NaN); of
+    equal values it is the mean itself; an infinite mean has none. The result depends (but for rounding) on the values
+    alone: neither on their order nor on what else is computed.
+
+    A bootstrap of n values is too narrow by sqrt((n - 1)/n), and knows nothing of Student's tails; both are made up for
+    by a higher level, Phi(z) with z = t_{n-1} sqrt(n/(n - 1)). Simulated: of 5, 10 and 20 values it holds the mean
+    of a Gaussian in 93, 95 and 95 % of cases (without: 85, 91 and 93 %). Of fewer than 5 values it is Student's.
+
+    Source: Efron, "Better Bootstrap Confidence Intervals", JASA 82 (1987), see `bca_ends`; for the level
+    Hesterberg, "What Teachers Should Know About the Bootstrap", The American Statistician 69 (2015), 4.
+    """
+    return mean_intervals([values], confidence)[0]
+
+
+def mean_intervals(samples: Sequence[npt.ArrayLike], confidence: float = 0.95) -> list[Interval]:
+    """Return what `mean_interval` gives for each sample; faster for many of one size."""
+    together = Samples.of(samples)
+    columns = (column.tolist() for column in (*mean_intervals_of(together, confidence), together.without_nan().sizes))
+    return list(map(Interval, *columns))
+
+
+def mean_intervals_of(samples: Samples, confidence: float = 0.95) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return mean, lower and upper end, (k,) each, as `mean_interval` gives them for each sample."""
+    mean, low, high = (np.full(len(samples.sizes), np.nan) for _ in range(3))
+    for places, values in samples.without_nan().by_size():
+        if values.shape[1]:
+            mean[places], low[places], high[places] = _of_one_size(np.sort(values, axis=1), confidence)
+    return mean, low, high
+
+
+def _of_one_size(values: FloatArray, confidence: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return mean and ends of (k, n) values in ascending order, n > 0."""
+    n = values.shape[1]
+    with np.errstate(invalid="ignore", over="ignore"):
+        mean, spread = values.mean(axis=1), values[:, -1] - values[:, 0]
+        equal = np.isfinite(mean) & (spread <= ROUNDING * np.abs(mean)) & (n > 1)
+    low, high = np.where(equal, mean, np.nan), np.where(equal, mean, np.nan)
+    varying = np.flatnonzero(np.isfinite(mean) & np.isfinite(spread) & ~equal)
+    if 1 < n < FEW or n >= MANY:
+        low[varying], high[varying] = _student(values[varying], confidence)
+    elif n > 1 and len(varying):
+        for rows in np.array_split(varying, -(-len(varying) // ROWS_AT_ONCE)):
+            low[rows], high[rows] = _bca(values[rows], confidence)
+    return mean, low, high
+
+
+def _student(values: FloatArray, confidence: float) -> tuple[FloatArray, FloatArray]:
+    """Return Student's interval: of few values the bootstrap's is too short, of many it is the same."""
+    from scipy.special import stdtrit
+
+    mean, spread, n = values.mean(axis=1), values[:, -1] - values[:, 0], values.shape[1]
+    with np.errstate(over="ignore"):  # of a few huge values the interval may be beyond all numbers
+        scatter = spread * np.std((values - mean[:, None]) / spread[:, None], axis=1, ddof=1)
+        half = scatter * stdtrit(n - 1, (1 + confidence) / 2) / np.sqrt(n)
+        half[~np.isfinite(half)] = np.nan
+    return mean - half, mean + half
+
+
+def _bca(values: FloatArray, confidence: float) -> tuple[FloatArray, FloatArray]:
+    """Return the ends (k,), (k,) for (k, n) values."""
+    # The interval moves and stretches with the values: brought to one scale, no square under- or overflows.
+    mean, spread = values.mean(axis=1), values[:, -1] - values[:, 0]
+    scaled = (values - mean[:, None]) / spread[:, None]
+    ends = bca_ends(scaled, expanded(confidence, values.shape[1]), RESAMPLES, SEED)
+    low, high = (np.clip(mean + spread * end, values[:, 0], values[:, -1]) for end in ends)  # no RMSE of -1e-17
+    return low, high
+
+
+def expanded(confidence: float, n: float) -> float:
+    """Return the level at which the bootstrap of n values (more than 1) is as wide as Student's interval."""
+    from scipy.special import ndtr, stdtrit  # scipy.stats takes half a second to import, in the first table too
+
+    z = stdtrit(n - 1, (1 + confidence) / 2) * np.sqrt(n / (n - 1))
+    return min(float(2 * ndtr(z) - 1), HIGHEST)
+
+
+# Two methods on common seeds: their log ratios, with the runs that either lost or that locked out.
+
+LOCKED_OUT = 10.0
+"""A run whose ratio is so many times its median has locked out: it is no scatter, and no mean describes it."""
+
+
+@dataclass(frozen=True, eq=False)
+class LogRatios:
+    """d_i = log(a_i/b_i) over the seeds that both have; a lost run is larger than every number.
+
+    Attributes:
+        d: (n,) infinite where a alone lost the run, minus infinite where b alone did, 0 where both did.
+        lost: (n, 2) whether a, and whether b, lost the run.
+        locked: (n, 2) whether a, and whether b, locked out: its ratio is `LOCKED_OUT` times the median ratio.
+    """
+
+    d: FloatArray
+    lost: BoolArray
+    locked: BoolArray
+
+    @property
+    def n(self) -> int:
+        """Seeds that both have."""
+        return len(self.d)
+
+    @property
+    def sizes(self) -> tuple[int, int]:
+        """Seeds of a, and of b, which are the same."""
+        return self.n, self.n
+
+    @property
+    def turned(self) -> "LogRatios":
+        """Those of b to a."""
+        return LogRatios(-self.d, self.lost[:, ::-1], self.locked[:, ::-1])
+
+    @cached_property
+    def plain(self) -> bool:
+        """Whether every run went well, and a mean may stand for them."""
+        return not (self.lost.any() or self.locked.any() or np.isinf(self.d).any())
+
+    @cached_property
+    def failures(self) -> tuple[int, int]:
+        """Runs that a, and that b, lost or locked out in."""
+        failed = self.lost | self.locked
+        return int(failed[:, 0].sum()), int(failed[:, 1].sum())
+
+
+def log_ratios(a: npt.ArrayLike, b: npt.ArrayLike) -> LogRatios:
+    """Return the log ratios of (n,) errors of a to those of b, of which the i-th belong to the same seed.
+
+    An infinite error is a lost run; of a seed where either is NaN (the metric did not apply), or negative, nothing is
+    said. What differs by rounding is equal. An error of 0 beside another that is not is smaller by any factor.
+    """
+    return log_ratios_of([(np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64))])[0]
+
+
+def log_ratios_of(errors: Iterable[tuple[FloatArray, FloatArray]]) -> list[LogRatios]:
+    """Return what `log_ratios` gives for each pair of errors; those of one size are computed together."""
+    known = [_known(a, b) for a, b in errors]
+    first, second = (Samples.of([pair[side] for pair in known]) for side in (0, 1))
+    ratios: dict[int, LogRatios] = {}
+    for (places, ours), (_, theirs) in zip(first.by_size(), second.by_size(), strict=True):
+        ratios.update(zip(places.tolist(), _ratios_of_one_size(ours, theirs), strict=True))
+    return [ratios[place] for place in range(len(known))]
+
+
+def _known(first: FloatArray, second: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Leave out the seeds of which nothing is said."""
+    known = (first >= 0) & (second >= 0)
+    return (first, second) if known.all() else (first[known], second[known])
+
+
+def _ratios_of_one_size(first: FloatArray, second: FloatArray) -> list[LogRatios]:
+    """Return the log ratios of the rows of two (k, n) errors."""
+    lost = np.stack([np.isinf(first), np.isinf(second)], axis=-1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        d = np.log(first) - np.log(second)
+        near = np.abs(first - second) <= ROUNDING * np.minimum(first, second)
+    same = (first == second) | (near & ~lost.any(axis=-1))
+    d = np.where(same, 0.0, d)
+    return list(map(LogRatios, d, lost, _locked(d)))
+
+
+def _locked(d: FloatArray) -> BoolArray:
+    """Return (k, n, 2) which finite ratios (k, n) lie `LOCKED_OUT` times above, and below, the median of their row."""
+    finite, limit = np.isfinite(d), np.log(LOCKED_OUT)
+    locked = np.zeros((*d.shape, 2), dtype=bool)
+    if d.size:
+        with np.errstate(invalid="ignore"):
+            wide = ~(finite.all(axis=1) & (d.max(axis=1) - d.min(axis=1) <= limit)) & finite.any(axis=1)
+        for row in np.flatnonzero(wide):
+            away = np.where(finite[row], d[row] - np.median(d[row][finite[row]]), 0.0)
+            locked[row] = np.column_stack([away > limit, away < -limit])
+    return locked

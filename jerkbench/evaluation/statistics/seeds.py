@@ -1,0 +1,148 @@
+"""How many seeds a verdict needs, looks at seeds added in blocks, and a choice judged on seeds of its own."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from jerkbench.arrays import FloatArray, IntArray
+
+POWER = 0.8
+"""So likely is it, at least, that so many seeds decide."""
+
+CAUTION = 0.8
+"""The scatter that is planned with is larger than the true one in so many cases."""
+
+MOST = 10_000
+"""More seeds than these nobody runs: none are named."""
+
+
+def seeds_needed(d: FloatArray, comparisons: int = 1, level: float = 0.05, critical: float = np.nan) -> int | None:
+    """Return how many seeds show that a and b differ; None where they may be equal, and over `MOST`.
+
+    Of N seeds the mean falls at mu + s Z/sqrt(N), and decides where it is more than c standard errors from 0. The
+    answer is the smallest N, of the grid 1.05^k, that does so with a probability of at least `POWER` wherever in the
+    95 % interval of the mean that was seen mu lies; an interval with 0 in it has none. s is the upper `CAUTION` bound
+    of the standard deviation, c that of `critical_t`, as many times as large as ``critical`` is of theirs: a study
+    whose comparisons go together asks for less, a heavy tail for more.
+
+    Args:
+        d: (n,) log ratios of the seeds that went well; at least two.
+        comparisons: of the whole study.
+        level: of the whole study.
+        critical: |t| that the n seeds had to reach; without it, or where none is enough, that of `critical_t`.
+    """
+    from scipy.special import chdtri, ndtri, stdtrit
+
+    n, s, mean = len(d), float(np.std(d, ddof=1)), abs(float(d.mean()))
+    nearest = mean - float(stdtrit(n - 1, 0.975)) * s / np.sqrt(n)
+    if nearest <= 0:
+        return None
+    if np.ptp(d) == 0:
+        return n
+    sizes = _sizes()
+    sizes = sizes[sizes > n]
+    planned = critical_t(np.append(n, sizes), comparisons, level)
+    c = planned[1:] * (critical / planned[0] if np.isfinite(critical) else 1.0)
+    error = s * np.sqrt((n - 1) / chdtri(n - 1, CAUTION)) / np.sqrt(sizes)
+    enough = np.flatnonzero(nearest / error - c >= ndtri(POWER))
+    return int(sizes[enough[0]]) if len(enough) else None
+
+
+def critical_t(n: FloatArray, comparisons: int, level: float) -> FloatArray:
+    """Return about how large the critical |t| of `max_t` is for (k,) numbers of seeds and normal log ratios.
+
+    Bonferroni's Student quantile, wider by 1 + (8 + 7 log m)/n^2: fitted to the bootstrap's of 6 to 50 seeds and
+    1 to 180 comparisons, to plan with; no verdict uses it.
+    """
+    from scipy.special import stdtrit
+
+    wider = 1 + (8 + 7 * np.log(comparisons)) / n**2
+    return np.asarray(stdtrit(n - 1, 1 - level / (2 * comparisons)) * wider, dtype=np.float64)
+
+
+@lru_cache(maxsize=1)
+def _sizes() -> FloatArray:
+    return np.unique(np.ceil(6 * 1.05 ** np.arange(np.ceil(np.log(MOST / 6) / np.log(1.05)))))
+
+
+# Seeds added in blocks until everything is decided: the level that each look at the results may spend.
+
+FIRST = 20
+"""Seeds before the first look: fewer decide little, as the bootstrap of many comparisons is wide."""
+
+
+def looks(most: int, first: int = FIRST) -> list[int]:
+    """Return the numbers of seeds at which one looks: ``first``, twice as many each time, ``most`` at the end.
+
+    >>> looks(400)
+    [20, 40, 80, 160, 320, 400]
+    """
+    sizes = []
+    size = first
+    while size < most:
+        sizes.append(size)
+        size *= 2
+    return [*sizes, most]
+
+
+def levels(sizes: list[int], level: float = 0.05) -> FloatArray:
+    """Return the level (k,) of each look at ``sizes`` seeds; together they spend ``level`` and no more.
+
+    With t the share of the seeds of the last look, alpha(t) = level log(1 + (e - 1) t) is spent by each look; its own
+    level is what the look adds. The sum, not the joint distribution of the looks, holds the level: that is valid for
+    the largest of many comparisons as well, of which different ones may be the largest at different looks.
+
+    Source: Lan and DeMets, "Discrete sequential boundaries for clinical trials", Biometrika 70 (1983), Pocock's type.
+    """
+    t = np.asarray(sizes, dtype=np.float64) / sizes[-1]
+    spent = level * np.log1p((np.e - 1) * t)
+    return np.diff(spent, prepend=0.0)
+
+
+# The winner's curse: what the best of several settings is worth on seeds that did not choose it.
+
+
+@dataclass(frozen=True, eq=False)
+class Chosen:
+    """The best of k settings.
+
+    Attributes:
+        best: index of the lowest over all seeds.
+        picked: (n,) index that the other seeds choose for each seed.
+        values: (n,) the error of each seed with the setting that the others chose.
+        optimism: mean log of these over those of ``best``: by so much the best's own seeds flatter it.
+    """
+
+    best: int
+    picked: IntArray
+    values: FloatArray
+    optimism: float
+
+
+def chosen_on_other_seeds(errors: FloatArray) -> Chosen:
+    """Return the best of (k, n) errors of k settings on n seeds, each seed scored by what the others choose.
+
+    The lowest mean log is the best; a setting with fewer lost (infinite) runs goes before. Of one seed there is no
+    other: it chooses for itself.
+
+    Source: Stone, "Cross-validatory choice and assessment of statistical predictions", JRSS B 36 (1974).
+    """
+    lost = np.isinf(errors)
+    logs = np.log(np.where(lost, 1.0, np.maximum(errors, np.finfo(float).tiny)))
+    best = _best(lost.sum(axis=1)[:, None], logs.sum(axis=1)[:, None], (~lost).sum(axis=1)[:, None])[0]
+    if errors.shape[1] < 2:
+        return Chosen(int(best), np.full(errors.shape[1], best), errors[best], 0.0)
+    others = (lost.sum(axis=1, keepdims=True) - lost, logs.sum(axis=1, keepdims=True) - logs)
+    picked = _best(*others, (~lost).sum(axis=1, keepdims=True) - ~lost)
+    values = errors[picked, np.arange(errors.shape[1])]
+    both = np.isfinite(values) & np.isfinite(errors[best])
+    optimism = float(np.mean(np.log(values[both] / errors[best][both]))) if both.any() else np.nan
+    return Chosen(int(best), picked, values, optimism)
+
+
+def _best(lost: FloatArray, total: FloatArray, count: FloatArray) -> IntArray:
+    """Return (n,) the setting with the fewest lost runs, and of these the lowest mean log."""
+    mean = total / np.maximum(1, count)
+    candidates = np.where(lost == lost.min(axis=0), mean, np.inf)
+    return np.asarray(np.argmin(candidates, axis=0), dtype=np.int64)

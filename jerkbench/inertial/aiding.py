@@ -1,0 +1,198 @@
+"""What aids the compiled navigation: position and velocity of a point, yaw, and what the vehicle cannot do.
+
+The kernel of kinematic filters takes measurements of the first six states. So for an update these states become what is
+measured, h = [position; velocity], and the covariance that of its error: with T of the error state, which is regular,
+
+    dh = T dx,    P_h = T P T',    and after the update    dx = T^-1 dh,    P = T^-1 P_h T^-1'
+
+`jerkbench.inertial.update` has the rows of T; the other states stay as they are.
+"""
+
+import math
+
+import numpy as np
+
+from jerkbench.arrays import FloatArray
+from jerkbench.compilation.vectors import chosen
+from jerkbench.compilation.views import RunView, View, lane, room, row
+from jerkbench.inertial.strapdown import congruence, multiply, multiply_transposed
+from jerkbench.kinematic.correction import correct, mahalanobis
+
+
+def observe(run: RunView, arm: View, velocity_arm: View, frame: View) -> None:
+    """Put what is measured in the place of position and velocity.
+
+    Args:
+        run: the runs.
+        arm: (3,) of the point whose position is measured.
+        velocity_arm: (3,) of that whose velocity is.
+        frame: (2,) 1 where the velocity is along the body, else 0 (ENU); 1 where a wheel shows it, else 0.
+    """
+    C, a, w = run.C, velocity_arm, run.rate
+    swing, v, in_enu = room(run, "3"), room(run, "3"), room(run, "3")
+    swing[0], swing[1], swing[2] = w[1] * a[2] - w[2] * a[1], w[2] * a[0] - w[0] * a[2], w[0] * a[1] - w[1] * a[0]
+    for i in range(3):
+        v[i] = run.x[3 + i]
+        in_enu[i] = C[i, 0] * swing[0] + C[i, 1] * swing[1] + C[i, 2] * swing[2]  # C (w x l)
+        run.arm[i] = C[i, 0] * arm[0] + C[i, 1] * arm[1] + C[i, 2] * arm[2]
+        run.x[i] += run.arm[i]
+    levers, by_gyro, skewed, tilted = room(run, "3 3"), room(run, "3 3"), room(run, "3 3"), room(run, "3 3")
+    _fill_skew(levers, a)
+    multiply(C, levers, by_gyro)  # C [l]
+    _fill_skew(skewed, v)
+    multiply_transposed(C, skewed, tilted)  # C' [v]
+    _fill_skew(skewed, in_enu)
+    body, scale = frame[0], 1.0 + frame[1] * run.wheel
+    for i in range(3):
+        along = C[0, i] * v[0] + C[1, i] * v[1] + C[2, i] * v[2] + swing[i]  # C' v + w x l
+        shown = scale if i == 0 else run.zero + 1.0
+        if i == 0:
+            run.wheel_slope = frame[1] * along
+        run.x[3 + i] = chosen(body, 0.5, shown * along, v[i] + in_enu[i])
+        for j in range(3):
+            same = 1.0 if i == j else 0.0
+            run.of_velocity[i, j] = chosen(body, 0.5, shown * C[j, i], same)
+            run.from_velocity[j, i] = chosen(body, 0.5, C[j, i] / shown, same)
+            run.of_attitude[i, j] = chosen(body, 0.5, shown * tilted[i, j], 0.0 - skewed[i, j])
+            run.of_gyro[i, j] = chosen(body, 0.5, shown * levers[i, j], by_gyro[i, j])
+    for s in range(6):
+        run.expected[s] = run.x[s]
+    to_measured(run, 0.0)
+
+
+def _fill_skew(S: View, a: View) -> None:
+    """Make S b = a x b."""
+    for i in range(3):
+        S[i, i] = a[i] * 0.0
+    S[2, 1], S[0, 2], S[1, 0] = a[0], a[1], a[2]
+    S[1, 2], S[2, 0], S[0, 1] = 0.0 - a[0], 0.0 - a[1], 0.0 - a[2]
+
+
+def conclude(run: RunView) -> None:
+    """Put position and velocity back into their place, with the estimated error."""
+    error = room(run, "s")
+    for s in range(run.s):
+        error[s] = run.x[s]
+    for s in range(6):
+        error[s] = run.x[s] - run.expected[s]
+    _from_measured(error, run, 0.0)
+    for s in range(6):
+        run.x[s] = run.nominal[s] + error[s]
+    to_states(run, 0.0)
+
+
+def _to_measured(c: View, run: RunView, _dt: float) -> None:
+    """Apply T."""
+    dv, other = room(run, "3"), room(run, "3")
+    _fill_others(other, c, run)
+    for i in range(3):
+        dv[i] = c[3 + i]
+    for i in range(3):
+        A = run.of_velocity
+        c[3 + i] = A[i, 0] * dv[0] + A[i, 1] * dv[1] + A[i, 2] * dv[2] + other[i]
+    x, y, z = run.arm[0], run.arm[1], run.arm[2]
+    c[0] -= y * c[8] - z * c[7]
+    c[1] -= z * c[6] - x * c[8]
+    c[2] -= x * c[7] - y * c[6]
+
+
+def _from_measured(c: View, run: RunView, _dt: float) -> None:
+    """Apply T^-1."""
+    dh, other = room(run, "3"), room(run, "3")
+    _fill_others(other, c, run)
+    for i in range(3):
+        dh[i] = c[3 + i] - other[i]
+    for i in range(3):
+        A = run.from_velocity
+        c[3 + i] = A[i, 0] * dh[0] + A[i, 1] * dh[1] + A[i, 2] * dh[2]
+    x, y, z = run.arm[0], run.arm[1], run.arm[2]
+    c[0] += y * c[8] - z * c[7]
+    c[1] += z * c[6] - x * c[8]
+    c[2] += x * c[7] - y * c[6]
+
+
+def _fill_others(other: View, c: View, run: RunView) -> None:
+    """What errors of the attitude, the gyro and the wheel's scale do to a measured velocity."""
+    ga, gb, gc = c[9], c[10], c[11]
+    if run.deformed == 1:
+        for j in range(3):
+            ga += run.rate[j] * c[15 + 3 * j]
+            gb += run.rate[j] * c[16 + 3 * j]
+            gc += run.rate[j] * c[17 + 3 * j]
+    B, D = run.of_attitude, run.of_gyro
+    for i in range(3):
+        other[i] = B[i, 0] * c[6] + B[i, 1] * c[7] + B[i, 2] * c[8] + (D[i, 0] * ga + D[i, 1] * gb + D[i, 2] * gc)
+    if run.wheeled == 1:
+        other[0] += run.wheel_slope * c[run.s - 1]
+
+
+to_measured = congruence(_to_measured, 0, 6)
+to_states = congruence(_from_measured, 0, 6)
+
+
+# What the vehicle cannot do.
+
+
+def constrain(run: RunView, held: View, limits: View, point: View, states: int) -> None:
+    """Take a velocity of zero when it stands still, else none sideways and upwards.
+
+    Args:
+        run: the runs.
+        held: () 2 where the IMU stands still, 1 where it does not, 0 where no constraint is due.
+        limits: (3,) still_below_mps, still_sigma_mps, sideways_sigma_mps of `run_inputs.Constraints`.
+        point: (3,) where nothing moves sideways.
+        states: their number, as for `correct`.
+    """
+    square = run.x[3] * run.x[3] + run.x[4] * run.x[4] + run.x[5] * run.x[5]
+    rests = chosen(held[0], 1.5, chosen(limits[0] * limits[0], square, 1.0, 0.0), 0.0)
+    sideways = (1.0 - rests) * chosen(held[0], 0.5, chosen(limits[2], 0.0, 1.0, 0.0), 0.0)
+    arm, here, frame = room(run, "3"), room(run, "3"), room(run, "2")
+    frame[0], frame[1] = sideways, run.zero
+    for i in range(3):
+        arm[i], here[i] = sideways * point[i], run.zero
+    observe(run, here, arm, frame)
+    sigma = chosen(rests, 0.5, limits[1], limits[2])
+    for r in range(6):
+        run.used[r] = run.zero if r < 3 else rests if r == 3 else rests + sideways
+        run.y[r] = chosen(run.used[r], 0.0, 0.0 - run.x[r], 0.0)
+        for c in range(6):
+            run.R[r, c] = run.used[r] * (sigma * sigma) if r == c else run.zero
+    mahalanobis(run)
+    correct(run, states)
+    conclude(run)
+
+
+# The update with a measured yaw; `jerkbench.inertial.update.heading` has the equations.
+
+
+def take_heading(run: RunView, yaw: FloatArray, which: int) -> None:
+    """Estimate the error from row ``which`` of the yaws, in the runs that have one: K = P H'/S, P - K S K'.
+
+    Args:
+        run: the runs, whose error is zero; of position and velocity it is put into the nominal state.
+        yaw: (rows, 2, WIDTH) measured yaw [rad], NaN where there is none, and its sigma.
+        which: the row.
+    """
+    for k in range(run.width):
+        _innovate(lane(run, k), yaw[which, 0, k])
+    e, n, u = run.C[0, 0], run.C[1, 0], run.C[2, 0]
+    level = e * e + n * n
+    of_east, of_north = 0.0 - u * e / level, 0.0 - u * n / level
+    sigma, column = row(yaw, which, run, "2")[1], room(run, "s")
+    for s in range(run.s):  # P H'
+        column[s] = of_east * run.P[s, 6] + of_north * run.P[s, 7] + run.P[s, 8]
+    share = run.measured / (of_east * column[6] + of_north * column[7] + column[8] + sigma * sigma)
+    for s in range(run.s):
+        gain = share * column[s]
+        run.x[s] += gain * run.innovation
+        for t in range(s + 1):
+            run.P[s, t] = run.P[s, t] - gain * column[t]
+
+
+def _innovate(alone: RunView, yaw: float) -> None:
+    """Fill the innovation, between -pi and pi, and 1 in ``measured``; both are 0 where nothing is measured."""
+    measured = np.isfinite(yaw)
+    apart = yaw - math.atan2(alone.C[1, 0], alone.C[0, 0]) + math.pi
+    wrapped = apart - 2.0 * math.pi * math.floor(apart / (2.0 * math.pi)) - math.pi if measured else 0.0
+    alone.innovation = wrapped
+    alone.measured = 1.0 if measured else 0.0

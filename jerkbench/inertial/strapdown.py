@@ -1,0 +1,215 @@
+"""A step of the compiled navigation: nominal state and covariance of its error, of one run or of several.
+
+`jerkbench.inertial.mechanisation` and `jerkbench.inertial.mechanisation` have the equations.
+"""
+
+import math
+from collections.abc import Callable
+
+from jerkbench.compilation.views import RunView, View, lane, room
+from jerkbench.recording import GRAVITY_MPS2
+
+# Rotations, one of each run.
+
+SMALL = 0.01
+"""Square of an angle below which a series to the tenth power gives sine and cosine to the last digit."""
+
+
+def fill_turn(run: RunView, x: float, y: float, z: float) -> None:
+    """Make ``turn`` = Exp of the rotation vector (x, y, z), as in `jerkbench.inertial.state.rotation_exp`."""
+    square = x * x + y * y + z * z
+    run.square_of_angle = square
+    run.sine = 1.0 - square / 6.0 * (1.0 - square / 20.0 * (1.0 - square / 42.0 * (1.0 - square / 72.0)))
+    run.cosine = 0.5 - square / 24.0 * (1.0 - square / 30.0 * (1.0 - square / 56.0 * (1.0 - square / 90.0)))
+    for k in range(run.width):
+        if lane(run, k).square_of_angle >= SMALL:
+            _fill_large(lane(run, k))
+    fill_by_factors(run, x, y, z)
+
+
+def _fill_large(alone: RunView) -> None:
+    a = math.sqrt(alone.square_of_angle)
+    half = math.sin(0.5 * a) / (0.5 * a)
+    alone.sine = math.sin(a) / a
+    alone.cosine = 0.5 * half * half
+
+
+def fill_by_factors(run: RunView, x: float, y: float, z: float) -> None:
+    """Make ``turn`` = I + sine [(x, y, z)] + cosine [(x, y, z)]^2."""
+    s, c, turn = run.sine, run.cosine, run.turn
+    turn[0, 0], turn[1, 1], turn[2, 2] = 1.0 - c * (y * y + z * z), 1.0 - c * (x * x + z * z), 1.0 - c * (x * x + y * y)
+    turn[0, 1], turn[1, 0] = c * x * y - s * z, c * x * y + s * z
+    turn[0, 2], turn[2, 0] = c * x * z + s * y, c * x * z - s * y
+    turn[1, 2], turn[2, 1] = c * y * z - s * x, c * y * z + s * x
+
+
+def multiply(left: View, right: View, into: View) -> None:
+    """Put the product of two matrices into a third."""
+    for i in range(3):
+        for j in range(3):
+            into[i, j] = left[i, 0] * right[0, j] + left[i, 1] * right[1, j] + left[i, 2] * right[2, j]
+
+
+def multiply_transposed(left: View, right: View, into: View) -> None:
+    """Put the product of the transposed left and the right matrix into a third."""
+    for i in range(3):
+        for j in range(3):
+            into[i, j] = left[0, i] * right[0, j] + left[1, i] * right[1, j] + left[2, i] * right[2, j]
+
+
+# The nominal state.
+
+
+def sense(run: RunView, accel: View, gyro: View) -> None:
+    """Make specific force and rate of a sample, without what is known of the sensors' errors."""
+    for i in range(3):
+        run.force[i] = accel[i] - run.accel_bias[i]
+        run.rate[i] = gyro[i] - run.gyro_bias[i]
+    if run.deformed == 1:
+        _straighten(run.force, run.accel_matrix)
+        _straighten(run.rate, run.gyro_matrix)
+
+
+def _straighten(seen: View, M: View) -> None:
+    """Make y - M y of y."""
+    a, b, c = seen[0], seen[1], seen[2]
+    for i in range(3):
+        seen[i] -= M[i, 0] * a + M[i, 1] * b + M[i, 2] * c
+
+
+def mechanise(run: RunView, earth: View, rotates: bool, dt: float) -> None:
+    """Carry the nominal states over a step of ``dt``; ``earth`` (4,) is the Earth's rate and 1/R."""
+    fill_turn(run, dt * run.rate[0], dt * run.rate[1], dt * run.rate[2])
+    multiply(run.C, run.turn, run.next)
+    if rotates:
+        fill_turn(run, -dt * earth[0], -dt * earth[1], -dt * earth[2])
+        for i in range(3):
+            for j in range(3):
+                run.before[i, j] = run.next[i, j]
+        multiply(run.turn, run.before, run.next)
+    for i in range(3):  # C in the middle of the step
+        for j in range(3):
+            run.lever[i, j] = 0.5 * (run.C[i, j] + run.next[i, j])
+            run.C[i, j] = run.next[i, j]
+    for i in range(3):
+        run.twist[i] = run.lever[i, 0] * run.force[0] + run.lever[i, 1] * run.force[1] + run.lever[i, 2] * run.force[2]
+    _move(run, earth, rotates, dt)
+    for i in range(3):
+        run.twist[i] *= 0.0 - dt
+        for j in range(3):
+            run.lever[i, j] *= 0.0 - dt
+
+
+def _move(run: RunView, earth: View, rotates: bool, dt: float) -> None:
+    """Position and velocity; ``twist`` holds the specific force in ENU."""
+    v, a, g = room(run, "3"), room(run, "3"), GRAVITY_MPS2
+    for i in range(3):
+        v[i] = run.x[3 + i]
+    a[0] = run.twist[0] - g * run.x[0] * earth[3]
+    a[1] = run.twist[1] - g * run.x[1] * earth[3]
+    a[2] = run.twist[2] - g * (1.0 - 2.0 * run.x[2] * earth[3])
+    if rotates:
+        a[0] -= 2.0 * (earth[1] * v[2] - earth[2] * v[1])
+        a[1] -= 2.0 * (earth[2] * v[0] - earth[0] * v[2])
+        a[2] -= 2.0 * (earth[0] * v[1] - earth[1] * v[0])
+    for i in range(3):
+        run.x[3 + i] = v[i] + a[i] * dt
+        run.x[i] += (v[i] + run.x[3 + i]) * (0.5 * dt)
+
+
+# The covariance.
+
+
+def congruence(apply: Callable[..., None], first: int, last: int) -> Callable[[RunView, float], None]:
+    """Return a kernel that makes P = T P T'.
+
+    Args:
+        apply: (c, run, dt) makes T c of a column c.
+        first: of the states whose rows T changes, at most nine.
+        last: the state behind them.
+    """
+
+    def transform_covariance(run: RunView, dt: float) -> None:
+        """First the columns, of which those of the changed states wait, then the rows."""
+        c, half = room(run, "s"), room(run, "9 9")
+        for t in range(first, last):
+            _load_column(c, run, t)
+            apply(c, run, dt)
+            for k in range(first, last):
+                half[k - first, t - first] = c[k]
+        for t in range(run.s):
+            if t < first or t >= last:
+                _load_column(c, run, t)
+                apply(c, run, dt)
+                for k in range(first, last):
+                    run.P[k, t] = c[k]
+        for r in range(first, last):
+            for k in range(run.s):
+                c[k] = half[r - first, k - first] if first <= k < last else run.P[r, k]
+            apply(c, run, dt)
+            for k in range(r, last):
+                run.P[r, k] = c[k]
+
+    return transform_covariance
+
+
+def _load_column(c: View, run: RunView, t: int) -> None:
+    for k in range(run.s):
+        c[k] = run.P[k, t]
+
+
+def _grow_error(c: View, run: RunView, dt: float) -> None:
+    """Apply Phi to an error of the state, by its blocks that are not zero.
+
+    With D = -dt C and [E] = -dt [a], a = C f, g the error of the gyro and h that of the accelerometer (biases, and
+    deformations times what was sensed)::
+
+        d = D g,  q = E x phi + D h,  r = E x d
+        phi+ = phi + d
+        dv+ = dv + q + r/2
+        dp+ = dp + dt dv + dt/2 q + dt/6 r
+    """
+    D, (x, y, z) = run.lever, (run.twist[0], run.twist[1], run.twist[2])
+    ga, gb, gc = c[9], c[10], c[11]
+    ha, hb, hc = c[12], c[13], c[14]
+    if run.deformed == 1:
+        for j in range(3):
+            rate, force = run.rate[j], run.force[j]
+            ga += rate * c[15 + 3 * j]
+            gb += rate * c[16 + 3 * j]
+            gc += rate * c[17 + 3 * j]
+            ha += force * c[24 + 3 * j]
+            hb += force * c[25 + 3 * j]
+            hc += force * c[26 + 3 * j]
+    da = D[0, 0] * ga + D[0, 1] * gb + D[0, 2] * gc
+    db = D[1, 0] * ga + D[1, 1] * gb + D[1, 2] * gc
+    dc = D[2, 0] * ga + D[2, 1] * gb + D[2, 2] * gc
+    qa = y * c[8] - z * c[7] + (D[0, 0] * ha + D[0, 1] * hb + D[0, 2] * hc)
+    qb = z * c[6] - x * c[8] + (D[1, 0] * ha + D[1, 1] * hb + D[1, 2] * hc)
+    qc = x * c[7] - y * c[6] + (D[2, 0] * ha + D[2, 1] * hb + D[2, 2] * hc)
+    ra, rb, rc = y * dc - z * db, z * da - x * dc, x * db - y * da
+    half, sixth = 0.5 * dt, dt / 6.0
+    c[0] += dt * c[3] + half * qa + sixth * ra
+    c[1] += dt * c[4] + half * qb + sixth * rb
+    c[2] += dt * c[5] + half * qc + sixth * rc
+    c[3] += qa + 0.5 * ra
+    c[4] += qb + 0.5 * rb
+    c[5] += qc + 0.5 * rc
+    c[6] += da
+    c[7] += db
+    c[8] += dc
+
+
+grow = congruence(_grow_error, 0, 9)
+
+
+def propagate(run: RunView, noise: View, dt: float) -> None:
+    """Carry the covariances over a step: Phi P Phi' + Q, as in `jerkbench.inertial.mechanisation.process_noise`."""
+    grow(run, dt)
+    for i in range(3):
+        run.P[i, i] += noise[1] * (dt * dt * dt / 3.0)
+        run.P[i, 3 + i] += noise[1] * (dt * dt / 2.0)
+        run.P[3 + i, 3 + i] += noise[1] * dt
+        run.P[6 + i, 6 + i] += noise[0] * dt
+        run.P[9 + i, 9 + i] += noise[2] * dt
+        run.P[12 + i, 12 + i] += noise[3] * dt

@@ -1,0 +1,246 @@
+"""Tasks on their way to workers: those of one group to one worker, and again where a worker was lost."""
+
+import os
+import pickle
+import time
+from collections import deque
+from collections.abc import Callable, Hashable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
+from dataclasses import dataclass
+from functools import cache
+from itertools import groupby
+from pathlib import Path
+from typing import Any, Generic, NamedTuple, TypeVar
+
+from jerkbench.errors import JerkbenchError
+from jerkbench.jobs.cluster import ClusterError, Lent
+from jerkbench.jobs.identity import Identity, identity_of, refusal
+from jerkbench.plain import keep_output_plain
+
+Task = TypeVar("Task")
+Result = TypeVar("Result")
+
+TRIES = 3
+"""So often a task may lose its worker: in its bundle, and then by itself."""
+LOOK_S = 2.0
+"""So long we wait for a result before it is asked whether one can still come."""
+BUNDLE_S = 2.0
+"""So long a worker goes on with a bundle before it gives back what it has: so much is lost with it."""
+
+
+@dataclass(frozen=True)
+class Order(Generic[Task, Result]):
+    """The work of a round.
+
+    Attributes:
+        work: what is done with a task.
+        groups: tasks that share their recordings, together.
+        bundle: names the stretch of its group that a task belongs to.
+        admit: is given tasks of one bundle when their turn has come, and returns those that are to be done.
+        rest: what is left of a task after a result of it; None: nothing.
+        identity: code, versions and plugins that a worker elsewhere must have.
+    """
+
+    work: Callable[[Task], Result]
+    groups: Sequence[Sequence[Task]]
+    bundle: Callable[[Task], Hashable] = id
+    admit: Callable[[Sequence[Task]], list[Task]] = list
+    rest: Callable[[Result], Task | None] = lambda _: None
+    identity: Callable[[], Identity] = lambda: identity_of(())
+
+
+def outcomes(order: Order[Task, Result], lent: Lent | None) -> Iterator[tuple[Task, Result | Exception]]:
+    """Yield each task with its result as it is done, or with what kept it from being done.
+
+    The tasks of a bundle that loses its worker are sent again, each by itself: the one that ends its worker is told
+    apart. One that lost three is given up.
+
+    Args:
+        order: what is to be done.
+        lent: who does it; None: this process, where what is raised is raised.
+
+    Raises:
+        ClusterError: a worker has other code than the plan, or no result can come any more.
+    """
+    if lent is None:
+        yield from _done_here(order)
+    else:
+        yield from _Dispatch(order, lent).outcomes()
+
+
+def _done_here(order: Order[Task, Result]) -> Iterator[tuple[Task, Result]]:
+    for group in order.groups:
+        for first in group:
+            task: Task | None = first
+            while task is not None and order.admit([task]):
+                result = order.work(task)
+                yield task, result
+                task = order.rest(result)
+
+
+class _Bundle(NamedTuple, Generic[Task]):
+    """Tasks that are sent together; ``tries`` of them lost their worker."""
+
+    tasks: list[Task]
+    tries: int = 0
+
+
+class _Dispatch(Generic[Task, Result]):
+    """What waits, and what is on its way."""
+
+    def __init__(self, order: Order[Task, Result], lent: Lent) -> None:
+        self.order, self.lent = order, lent
+        self.groups = [deque(self._bundles(group)) for group in order.groups]
+        self.lost: deque[_Bundle[Task]] = deque()
+        self.running: dict[Future[list[Any]], tuple[_Bundle[Task], deque[_Bundle[Task]]]] = {}
+        self.freed: list[deque[_Bundle[Task]]] = []
+
+    def outcomes(self) -> Iterator[tuple[Task, Result | Exception]]:
+        """Yield what comes, until nothing is left."""
+        try:
+            while True:
+                yield from self._send()
+                if not self.running:
+                    return
+                finished, _ = wait(self.running, LOOK_S, FIRST_COMPLETED)
+                for future in finished:
+                    yield from self._received(future)
+                    yield from self._send()
+                if not finished and (trouble := self.lent.trouble()):
+                    raise ClusterError(trouble)
+        finally:
+            for future in self.running:
+                future.cancel()
+
+    def _bundles(self, group: Sequence[Task]) -> Iterator[_Bundle[Task]]:
+        if not self.lent.elsewhere:
+            return (_Bundle([task]) for task in group)
+        return (_Bundle(list(tasks)) for _, tasks in groupby(group, self.order.bundle))
+
+    def _send(self) -> Iterator[tuple[Task, Result | Exception]]:
+        """Send as many bundles as there is room for; what cannot even be packed comes back at once."""
+        while len(self.running) < self.lent.slots() and (group := self._group()) is not None:
+            bundle = group.popleft()
+            if group is not self.lost:
+                bundle = bundle._replace(tasks=self.order.admit(bundle.tasks))
+            if not bundle.tasks:
+                continue
+            try:
+                pack = packed(self.order, bundle.tasks, elsewhere=self.lent.elsewhere)
+            except Exception as error:  # noqa: BLE001 - a plugin decides on what pickling raises
+                yield from ((task, error) for task in bundle.tasks)
+                continue
+            self.running[self.lent.executor.submit(run_packed, pack)] = bundle, group
+
+    def _group(self) -> deque[_Bundle[Task]] | None:
+        """Whose turn it is: the group of which a worker has just done some, one that nobody has, or the longest."""
+        last = self.freed.pop() if self.freed else None
+        if last:
+            return last
+        at_work = {id(group) for _, group in self.running.values()}
+        left = [group for group in self.groups if group]
+        untouched = [group for group in left if id(group) not in at_work]
+        return max(untouched or left, key=len, default=self.lost or None)
+
+    def _received(self, future: "Future[list[Any]]") -> Iterator[tuple[Task, Result | Exception]]:
+        bundle, group = self.running.pop(future)
+        self.freed = [] if group is self.lost else [group]
+        try:
+            results = future.result()
+        except (ClusterError, CancelledError) as error:
+            raise self._ended(error) from error
+        except JerkbenchError as error:
+            yield from ((task, error) for task in bundle.tasks)
+            return
+        except Exception as error:  # noqa: BLE001 - each engine has errors of its own for a worker that is lost
+            yield from self._again(bundle, error)
+            return
+        rests = [self.order.rest(result) for result in results if not isinstance(result, Exception)]
+        if left := [*(rest for rest in rests if rest is not None), *bundle.tasks[len(results) :]]:
+            group.appendleft(_Bundle(left))
+        yield from zip(bundle.tasks, results, strict=False)
+
+    def _again(self, bundle: _Bundle[Task], error: Exception) -> Iterator[tuple[Task, Result | Exception]]:
+        """Let each task wait for another worker, or give it up."""
+        tries = bundle.tries + 1
+        if tries < TRIES:
+            self.lost.extend(_Bundle([task], tries) for task in bundle.tasks)
+            return
+        died = "the process that ran it died"
+        said = " ".join(str(error).split())
+        reason = died if said == died else f"{died} ({said})"
+        yield from ((task, ChildProcessError(reason)) for task in bundle.tasks)
+
+    def _ended(self, error: BaseException) -> ClusterError:
+        if isinstance(error, ClusterError):
+            return error
+        return ClusterError(self.lent.trouble() or "The cluster has cancelled what was on its way.")
+
+
+class RefusedError(ClusterError):
+    """A worker that has other code, versions or plugins than the plan."""
+
+
+@dataclass(frozen=True)
+class Pack:
+    """A bundle as it is sent; nothing of it is read before the identity is the worker's own.
+
+    Attributes:
+        identity: what the worker must have; None: it is one of ours.
+        folder: working directory of the plan; a worker that has it too works there.
+        content: the work and its tasks, pickled.
+    """
+
+    identity: Identity | None
+    folder: str
+    content: bytes
+
+
+def packed(order: Order[Task, Result], tasks: Sequence[Task], *, elsewhere: bool) -> Pack:
+    """Pack some tasks.
+
+    Raises:
+        Exception: they cannot be pickled; a plugin decides on what is raised.
+    """
+    identity = order.identity() if elsewhere else None
+    return Pack(identity, str(Path.cwd()), pickle.dumps((order.work, list(tasks))))
+
+
+def run_packed(pack: Pack) -> list[Any]:
+    """Run the tasks of a bundle, in a worker; returns the result of each, or what it raised.
+
+    Where the time is up they are those of the first tasks only.
+
+    Raises:
+        RefusedError: this worker is not fit for the plan.
+    """
+    if pack.identity and (sentence := refusal(pack.identity)):
+        raise RefusedError(sentence)
+    _prepare(pack.folder)
+    work, tasks = pickle.loads(pack.content)  # noqa: S301 - from the process that planned, by way of its own cluster
+    results: list[Any] = []
+    begun = time.monotonic()
+    while len(results) < len(tasks) and (not results or time.monotonic() - begun < BUNDLE_S):
+        results.append(_outcome(work, tasks[len(results)]))
+    return results
+
+
+def _outcome(work: Callable[[Task], Result], task: Task) -> Result | Exception:
+    """What came of a task; errors of anybody's own classes as text, which can always be sent."""
+    try:
+        return work(task)
+    except JerkbenchError as error:
+        return error
+    except Exception as error:  # noqa: BLE001 - whatever a plugin raises becomes failed rows
+        return ChildProcessError(f"{type(error).__name__}: {error}")
+
+
+@cache
+def _prepare(folder: str) -> None:
+    """One thread a process, as in the own pool, and the plan's working directory: paths may be relative to it."""
+    from threadpoolctl import threadpool_limits
+
+    keep_output_plain()
+    threadpool_limits(1)
+    if Path(folder).is_dir():
+        os.chdir(folder)

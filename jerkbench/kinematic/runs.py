@@ -1,0 +1,246 @@
+"""Runs from Python: one with its trajectory, or many in packs of WIDE that share their steps, one pack a thread."""
+
+from collections.abc import Callable, Hashable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache, lru_cache
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.compilation.vectors import WIDE, aligned_zeros
+from jerkbench.compilation.views import RunView
+from jerkbench.contracts import Filter
+from jerkbench.estimate import Estimate, Updates
+from jerkbench.kinematic.arguments import MARKED, SEEN, TOTALS, Kept, Score, Steps, empty_runs, run_type
+from jerkbench.kinematic.loop import loop_for
+from jerkbench.kinematic.packs import Kind, Pack, model_of, pack_runs
+from jerkbench.kinematic.plugin_call import Rule, rules_of
+from jerkbench.sums import Run, Streamed
+from jerkbench.timeline import Timeline, step_lengths
+
+NO_SCORE = Score(np.empty(0, dtype=np.int64), np.empty((0, 1)), np.empty((0, 6, 1)), np.empty((0, 4)), np.empty((0, 1)))
+
+
+def run_single(timeline: Timeline, model: Filter, rule: Rule) -> Estimate:
+    """Run ``model`` with the compiled adaptation over ``timeline``; stops at the first sign of divergence."""
+    lengths_s, which = step_lengths(timeline.dt_s)
+    prepared = model_of([model], lengths_s, timeline.dt0_s)
+    n = 2 + len(prepared.extra)
+    return run_alone(timeline, which, rule, (loop_for(n, 1, dense=rule.dense), run_type(n, 1), prepared))[0]
+
+
+def run_alone(
+    timeline: Timeline, which: IntArray, rule: Rule, prepared: tuple[Any, ...]
+) -> tuple[Estimate, FloatArray]:
+    """Run over ``timeline``, whose steps have lengths number ``which``; ``prepared`` as `Prepare` says.
+
+    Returns:
+        The estimate, and the array of the run.
+    """
+    loop, of, own, *more = prepared
+    kept, steps = _room_of(timeline, of), _steps_of(timeline, which, wants_truth=rule.wants_truth)
+    rules, room = rules_of([rule], of.sizes["s"]), empty_runs(of.sizes["n"], 1)
+    states, updates = loop(steps, NO_SCORE, own, rules, kept, room, *more)
+    return _estimate_of(timeline, kept, states, updates, of), kept.w
+
+
+def _steps_of(timeline: Timeline, which: IntArray, *, wants_truth: bool) -> Steps:
+    """The steps as arrays of the layout that the compiled loop takes."""
+    measured = timeline.measurements
+    return Steps(
+        which,
+        _plain(timeline.sample, np.int64),
+        _plain(timeline.update, np.int64),
+        _plain(timeline.reference, np.int64),
+        _plain(timeline.accel_enu_mps2, np.float64)[:, :, None],
+        _plain(measured.z, np.float64)[:, :, None],
+        _plain(measured.R_true[: len(measured.z) if wants_truth else 0], np.float64).reshape(-1, 36, 1),
+        _plain(measured.R, np.float64).reshape(-1, 36, 1),
+        _plain(timeline.x0, np.float64)[:, None],
+        _plain(timeline.P0, np.float64).reshape(36, 1),
+    )
+
+
+def _plain(array: Any, dtype: npt.DTypeLike) -> Any:  # noqa: ANN401 - any array
+    """Make ``array`` contiguous and writeable, copied only if it is not: a compiled signature is exact."""
+    flags = array.flags
+    if array.dtype == dtype and flags.c_contiguous and flags.writeable and flags.aligned:
+        return array
+    return np.require(array, dtype, ["C", "W", "A"])
+
+
+def _room_of(timeline: Timeline, of: RunView) -> Kept:
+    """Room for every stamp of the reference and every update of ``timeline``."""
+    k, m = int(np.count_nonzero(timeline.reference >= 0)), int(np.count_nonzero(timeline.update >= 0))
+    return Kept(
+        aligned_zeros(of.sizes["length"]),
+        np.empty(k, dtype=np.int64),
+        np.empty((k, 6, 1)),
+        np.empty((k, 36, 1)),
+        np.empty((0, MARKED, 1)),
+        np.empty(m, dtype=np.int64),
+        np.empty((max(m, 1), SEEN, 1)),
+    )
+
+
+def _estimate_of(timeline: Timeline, kept: Kept, states: int, updates: int, of: RunView) -> Estimate:
+    """What a run has left."""
+    failed = int(kept.w[of.fields["ended"].places[0]])
+    t_s: FloatArray = np.asarray(timeline.measurements.t_ns * 1e-9, dtype=np.float64)
+    failure = f"the covariance is no longer positive definite at {timeline.t_s[failed]:.2f} s" if failed >= 0 else ""
+    index, x, seen = kept.reference[:states], kept.x[:states, :, 0], kept.seen[:updates, :, 0]
+    return Estimate(
+        index,
+        x[:, :3],
+        x[:, 3:],
+        kept.P[:states].reshape(-1, 6, 6),
+        _rows(timeline.euler_rad, index),
+        updates_seen(t_s[kept.which[:updates]], seen),
+        failure,
+    )
+
+
+def updates_seen(t_s: FloatArray, seen: FloatArray) -> Updates:
+    """Return the updates at ``t_s`` (m,) from ``seen`` (m, SEEN), in the order of `jerkbench.kinematic.arguments`."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        log_det = np.asarray(np.log(seen[:, 16]), dtype=np.float64)
+    return Updates(t_s, seen[:, 0], seen[:, 1], seen[:, 3], seen[:, 4:10], seen[:, 10:16], log_det)
+
+
+def _rows(array: FloatArray, increasing: IntArray) -> FloatArray:
+    """Return ``array[increasing]``, quicker; where these are all of its rows it is a view, which cannot be written."""
+    if len(increasing) != len(array) or (increasing != np.arange(len(array))).any():
+        return array.take(increasing, axis=0)
+    view = array.view()
+    view.flags.writeable = False
+    return view
+
+
+# Many runs from Python: packs of WIDE runs that share their steps, one pack a thread.
+
+Prepare = Callable[[Pack, Sequence[int]], tuple[Any, ...] | None]
+"""A pack, and which places of the batch its WIDE runs have -> the loop, the type of its runs, its third argument, and
+those behind the sixth; None where it is not to be run so."""
+
+NOTHING = Updates.empty()
+
+
+def run_batch(
+    runs: Sequence[Run], models: Sequence[Filter], rules: Sequence[Rule], *, updates: bool, threads: int
+) -> list[Streamed | None]:
+    """Run all ``runs``, each with its own filter and compiled adaptation.
+
+    Returns one result for each: None where the run is to be repeated alone, because it diverged, came near to it, or
+    its adaptation raised an error.
+    """
+
+    def prepare(pack: Pack, lanes: Sequence[int]) -> tuple[Any, ...]:
+        model = model_of([models[k] for k in lanes], pack.lengths_s, pack.timelines[0].dt0_s)
+        n = 2 + len(model.extra)
+        return loop_for(n, WIDE, dense=rules[lanes[0]].dense), run_type(n, WIDE), model
+
+    sizes = [2 + len(model.initial_variances()) for model in models]
+    return run_packs(runs, sizes, rules, prepare, updates=updates, threads=threads)
+
+
+def run_packs(
+    runs: Sequence[Run],
+    sizes: Sequence[Hashable],
+    rules: Sequence[Rule],
+    prepare: Prepare,
+    *,
+    updates: bool,
+    threads: int,
+) -> list[Streamed | None]:
+    """Pack runs that have the same ``sizes`` (of the state) and steps, and run one pack a thread.
+
+    Returns one result for each run, as `run_batch` does.
+    """
+    results: list[Streamed | None] = [None] * len(runs)
+
+    def run_pack(pack: Pack) -> None:
+        """Run one pack, filled with its last run, and put the results in their places."""
+        lanes = [*pack.members, *[pack.members[-1]] * (WIDE - len(pack.members))]
+        prepared = prepare(pack, lanes)
+        if prepared is not None:
+            loop, of, own, *more = prepared
+            kept, rule = _room_of_pack(pack, of, updates=updates), rules_of([rules[k] for k in lanes], of.sizes["s"])
+            loop(pack.steps, pack.score, own, rule, kept, empty_runs(of.sizes["n"], WIDE), *more)
+            for place, result in zip(pack.members, _results_of(pack, kept, of, updates=updates), strict=True):
+                results[place] = result
+
+    kinds = [Kind(size, rule.wants_truth, rule.dense) for size, rule in zip(sizes, rules, strict=True)]
+    packs = _packs(tuple(runs), tuple(kinds))
+    if threads <= 1 or len(packs) <= 1:
+        for pack in packs:
+            run_pack(pack)
+    else:
+        list(_pool(threads).map(run_pack, packs))
+    return results
+
+
+@cache
+def _pool(threads: int) -> ThreadPoolExecutor:
+    """To start threads takes as long as a run."""
+    return ThreadPoolExecutor(threads, "jerkbench-runs")
+
+
+_packs = lru_cache(maxsize=2)(pack_runs)  # for the next filter; some 10 MB for each vector of 150 s at 100 Hz
+
+
+def _room_of_pack(pack: Pack, of: RunView, *, updates: bool) -> Kept:
+    """Room for the sums of a pack, and for what its updates saw."""
+    m, marks = len(pack.steps.z), int(pack.score.mark.max(initial=-1)) + 1
+    return Kept(
+        aligned_zeros(of.sizes["length"]),
+        np.empty(len(pack.score.truth), dtype=np.int64),
+        np.empty((0, 6, WIDE)),
+        np.empty((0, 36, WIDE)),
+        np.zeros((marks, MARKED, WIDE)),
+        np.empty(m, dtype=np.int64),
+        np.empty((max(m, 1) if updates else 1, SEEN, WIDE)),
+    )
+
+
+def _results_of(pack: Pack, kept: Kept, of: RunView, *, updates: bool) -> list[Streamed | None]:
+    """The sums of each member of a pack; None where they are not finite, or the run is lost."""
+    w = kept.w.reshape(-1, WIDE)
+    totals = {name: w[np.array(of.fields[name].places) // WIDE] for name in TOTALS}
+    finite = np.isfinite(np.concatenate(list(totals.values()))).all(axis=0)
+    healthy = finite & (w[of.fields["lost"].places[0] // WIDE] == 0.0)
+    return [
+        _result(pack, kept, {name: total[:, lane] for name, total in totals.items()}, lane, updates=updates)
+        if healthy[lane]
+        else None
+        for lane in range(len(pack.members))
+    ]
+
+
+def _result(pack: Pack, kept: Kept, total: dict[str, FloatArray], lane: int, *, updates: bool) -> Streamed:
+    return Streamed(
+        position_m2=total["position"],
+        velocity_m2ps2=total["velocity"],
+        whole_m2=float(total["whole"][0]),
+        outage_m2=float(total["outage"][0]),
+        largest_m2=float(total["largest"][0]),
+        farthest_m2=float(total["farthest"][0]),
+        nees=float(total["nees"][0]),
+        nees_position=float(total["nees_position"][0]),
+        nis_per_row=float(total["nis"][0]),
+        nis_updates=float(total["updates"][0]),
+        nis_used_per_row=float(total["nis_used"][0]),
+        nis_used_updates=float(total["updates_used"][0]),
+        marked_m=kept.errors[pack.marks[lane], :3, lane],
+        marked_m2=kept.errors[pack.marks[lane], 3:, lane],
+        updates=_updates(pack, kept.seen, lane) if updates else NOTHING,
+    )
+
+
+def _updates(pack: Pack, seen: FloatArray, lane: int) -> Updates:
+    """What the updates of one run saw; it may lack some that others have."""
+    seen = seen[: len(pack.steps.z)]  # of no update there is a row all the same
+    mine = seen[:, 0, lane] > 0
+    own = seen[mine, :, lane]
+    return updates_seen(pack.update_s[mine], own)

@@ -1,0 +1,306 @@
+"""The columns of a study's rows: quantities with their units, factors, references, and checks of both."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from jerkbench.errors import JerkbenchError, unknown
+from jerkbench.evaluation.evaluated_run import RUN
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+UNITS = {
+    "m": "m",
+    "mps": "m/s",
+    "rad": "rad",
+    "deg": "deg",
+    "radps": "rad/s",
+    "s": "s",
+    "us": "µs",
+    "ns": "ns",
+    "db": "dB",
+    "percent": "%",
+}
+"""Last part of a column's name, and the unit that it stands for."""
+
+WORDS = {"rmse": "RMSE", "anees": "ANEES", "anis": "ANIS", "max": "maximum"}
+"""Parts of column names that are not plain words."""
+
+TITLES = {
+    "position_rmse_m": "Position RMSE (3-D)",
+    "position_bound_m": "Posterior Cramér-Rao bound of the position RMSE (3-D)",
+    "position_rmse_whole_m": "Position RMSE (3-D), burn-in included",
+    "position_max_m": "Largest position error (3-D)",
+    "velocity_rmse_mps": "Velocity RMSE (3-D)",
+    "outage_rmse_m": "Position RMSE (3-D) during outages",
+    "outage_rmse_horizontal_m": "Position RMSE during outages, horizontal",
+    "outage_rmse_up_m": "Position RMSE during outages, up",
+    "outage_end_m": "Position error (3-D) at the end of an outage, mean over the outages",
+    "outage_end_max_m": "Position error (3-D) at the end of an outage, the largest",
+    "outage_drift_mps": "Growth of the position error (3-D) in an outage",
+    "position_rmse_low_m": "Position RMSE (3-D), lower end of the recording's own interval",
+    "position_rmse_high_m": "Position RMSE (3-D), upper end of the recording's own interval",
+    "step_ns": "Time a step: one run alone, the quickest of five",
+    "position_crps_m": "CRPS of the position, mean of the axes",
+    "non_credibility_db": "Non-credibility index of the position",
+    "inclination_db": "Inclination indicator of the covariances of the position",
+    "recovery_s": "Time until the error (3-D) after a fault is halfway back, median over the faults",
+    "recovery_peak_m": "Largest position error (3-D) after the begin of a fault, median over the faults",
+    "position_log_score": "Log score of the true position, lower is better",
+    "relative_error_percent": "Error of the displacement (3-D), of the distance",
+    "inflated_percent": "Updates with an inflated position",
+    "rejected_percent": "Updates with a rejected position",
+    "lockout_s": "Longest streak of inflated positions",
+    "innovation_correlation": "Correlation of successive innovations",
+    "innovation_white_percent": "Rows with white innovations",
+    "faults_counted": "Faults that begin after the burn-in",
+    "outages_counted": "Outages with a known error at the end",
+    "inclination_rmse_rad": "RMSE of the inclination",
+    "inclination_rmse_deg": "RMSE of the inclination",
+    "inclination_max_deg": "Largest error of the inclination",
+    "inclination_floor_deg": "Floor of the inclination: accelerometer against reference at rest",
+    "anees": "ANEES of position and velocity",
+    "anees_position": "ANEES of position",
+    "anis_per_row": "ANIS per row, with the reported R",
+    "anis_used_per_row": "ANIS per row, with the R that was used",
+}
+"""Titles that say more than the column's name."""
+
+EXPECTED = {
+    "anees": 6,
+    "anees_position": 3,
+    "anis_per_row": 1,
+    "anis_used_per_row": 1,
+    "coverage_1_sigma_percent": 68.3,
+    "coverage_2_sigma_percent": 95.4,
+    "coverage_3_sigma_percent": 99.7,
+    "innovation_correlation": 0,
+    "inclination_db": 0,
+    "innovation_white_percent": 95,
+}
+"""What a consistent filter gives; of these neither the lowest nor the highest is the best."""
+
+READING = {
+    **{f"coverage_{k}_sigma_percent": "less is overconfident, more too cautious" for k in (1, 2, 3)},
+    "innovation_correlation": "more lags behind the measurements, less overshoots",
+    "innovation_white_percent": "less means that innovations follow each other",
+}
+"""How to read what is not as expected, where it is not "more is overconfident"."""
+
+COUNTS = (
+    *(
+        "outages_counted",
+        "faults_counted",
+        "error_correlation_rows",
+        "inflated_percent",
+        "rejected_percent",
+        "lockout_s",
+    ),
+    *("inclination_floor_deg", "position_bound_m"),
+)
+"""What tells how much was scored, how well, how well at best, or what an adaptation did: no quality of a filter."""
+
+NATS = ("position_log_score", "innovation_log_loss")
+"""Logarithms of densities, below 0 as well: the lowest is the best, but no ratio says by how much."""
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A metric's column.
+
+    Attributes:
+        title: in words.
+        unit: "" for a ratio.
+        expected: what a consistent filter gives, or None.
+        lowest_is_best: whether the lowest is the best, and a ratio says by how much; if not, nothing is judged.
+        reading: what more or less than expected means.
+    """
+
+    title: str
+    unit: str
+    expected: float | None = None
+    lowest_is_best: bool = True
+    reading: str = "more is overconfident, less too cautious"
+
+    @property
+    def heading(self) -> str:
+        """Title and unit."""
+        return f"{self.title} [{self.unit}]" if self.unit else self.title
+
+
+def quantity(column: str) -> Quantity:
+    """Return what a column's name means; names that are not known here speak for themselves.
+
+    >>> quantity("position_rmse_up_m").heading
+    'Position RMSE up [m]'
+    """
+    stem, _, last = column.rpartition("_")
+    unit = UNITS.get(last, "") if stem else ""
+    words = [WORDS.get(word, word) for word in (stem if unit else column).split("_")]
+    plain = " ".join(words)
+    title = TITLES.get(column, plain[:1].upper() + plain[1:])
+    reading = READING.get(column, Quantity.reading)
+    return Quantity(title, unit, EXPECTED.get(column), column not in (*EXPECTED, *COUNTS, *NATS), reading)
+
+
+# The factors of a study in a table: those of its rows, those of its columns, and those that are alike everywhere.
+
+FACTORS = ("dataset", "disturbance", "attitude", "filter", "adaptation", "noise")
+"""What a cell is a combination of, in the order of the data's way."""
+
+METHOD = ("filter", "adaptation", "noise")
+"""What a method is made of, unless one says otherwise; the other factors make a scenario."""
+
+
+def parse_method(text: str) -> tuple[str, ...]:
+    """Read ``factor,factor``.
+
+    Raises:
+        JerkbenchError: there is no such factor, or none.
+    """
+    keys = tuple(word.strip() for word in text.split(",") if word.strip())
+    for key in keys:
+        if key not in FACTORS:
+            raise JerkbenchError(unknown("factor", key, FACTORS))
+    if not keys:
+        raise JerkbenchError("A method is made of at least one factor, for example filter,adaptation,noise.")
+    return keys
+
+
+def default_method(rows: "pd.DataFrame") -> tuple[str, ...]:
+    """Return what a method is made of where nobody says: `METHOD`, or the attitude where it alone varies."""
+    varying = {key for key in (*METHOD, "attitude") if len(rows[key].unique()) > 1}
+    return ("attitude",) if varying == {"attitude"} else METHOD
+
+
+def layout(
+    rows: "pd.DataFrame", row_keys: Sequence[str] | None, column_keys: Sequence[str] | None
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the factors of the rows and of the columns.
+
+    A factor that varies and is not asked for becomes one of the rows: unlike runs are never averaged. The columns for
+    which none is asked are the adaptation (or the filter); the attitude, where it alone of the three varies.
+
+    Raises:
+        JerkbenchError: a key that is no factor, or one that is asked for twice.
+    """
+    keys = [*(row_keys or ()), *(column_keys or ())]
+    _check(keys)
+    varying = [key for key in FACTORS if len(rows[key].unique()) > 1]
+    if column_keys is None:
+        free = [key for key in ("adaptation", "filter") if key not in keys]
+        tilting = "attitude" in varying and "attitude" not in keys and not {"adaptation", "filter"} & set(varying)
+        column_keys = ["attitude"] if tilting else free[:1]
+    placed = {*(row_keys or ()), *column_keys}
+    extra = [key for key in varying if key not in placed]
+    first = [*(row_keys or ()), *extra] or [key for key in ("filter", "dataset") if key not in placed][:1]
+    return tuple(first), tuple(column_keys)
+
+
+def constants(rows: "pd.DataFrame", placed: Iterable[str]) -> tuple[tuple[str, str], ...]:
+    """Return the factors that are neither rows nor columns, each with its one value."""
+    if len(rows) == 0:
+        return ()
+    used = set(placed)
+    return tuple((key, str(rows[key].iloc[0])) for key in FACTORS if key not in used)
+
+
+def _check(keys: Sequence[str]) -> None:
+    for key in keys:
+        if key not in FACTORS:
+            raise JerkbenchError(unknown("factor", key, FACTORS))
+        if keys.count(key) > 1:
+            raise JerkbenchError(f"The factor '{key}' is asked for twice; it can be a row or a column, once.")
+
+
+# Combinations that stand in a study as a reference and compete with nobody.
+
+ORACLE, FLOOR = "oracle", "gnss_only"
+
+WHY = {
+    "adaptation": {ORACLE: "is told the true covariance"},
+    "filter": {FLOOR: "is the floor, without an IMU"},
+}
+"""Factor -> label without its parameters -> why it does not compete."""
+
+TOLD_ATTITUDE = "reference"
+"""This attitude is the reference's own; it makes a scenario, and competes with no other attitude."""
+
+
+def competes(values: Mapping[str, str]) -> bool:
+    """Whether a combination can be the best, by the labels of some of its factors.
+
+    >>> competes({"filter": "jerk", "adaptation": "oracle"})
+    False
+    """
+    return not any(_name(values.get(factor, "")) in references for factor, references in WHY.items())
+
+
+def attitude_competes(attitude: str) -> bool:
+    """Whether an attitude can be the best of several."""
+    return _name(attitude) != TOLD_ATTITUDE
+
+
+def standing_apart(labels: Mapping[str, set[str]]) -> str:
+    """Return a sentence about those that are among the labels of each factor; empty where none is."""
+    apart = [
+        f"{name} ({why})"
+        for factor, references in WHY.items()
+        for name, why in references.items()
+        if name in {_name(label) for label in labels.get(factor, ())}
+    ]
+    return f"{' and '.join(apart)} {'do' if len(apart) > 1 else 'does'} not compete." if apart else ""
+
+
+def _name(label: str) -> str:
+    return label.partition("(")[0]
+
+
+# Rows of runs: which columns are metrics, and whether they can be tabulated.
+
+IDENTITY = (*FACTORS, *RUN)
+"""Columns of a row that are not metrics."""
+
+
+def metric_columns(rows: "pd.DataFrame") -> list[str]:
+    """Return the columns that hold metrics: numbers that are not part of a row's identity."""
+    numbers = rows.select_dtypes("number").columns
+    return [str(column) for column in numbers if column not in IDENTITY]
+
+
+def checked(rows: "pd.DataFrame", metric: str) -> "pd.DataFrame":
+    """Return a copy with the factors as text and the metric as `with_metric` has it."""
+    return with_text_factors(with_metric(rows, metric))
+
+
+def with_metric(rows: "pd.DataFrame", metric: str) -> "pd.DataFrame":
+    """Return ``rows`` with a column of the metric, which is missing only where no run went well.
+
+    Raises:
+        JerkbenchError: there is no such metric; what tells rows apart, and text, is none.
+    """
+    if metric in metric_columns(rows):
+        return rows
+    if metric not in IDENTITY and metric in rows.columns and rows[metric].isna().all():
+        return rows.assign(**{metric: np.nan})  # no run has a value
+    if metric in IDENTITY or (rows["status"] == "ok").any():
+        raise JerkbenchError(unknown("metric", metric, metric_columns(rows)))
+    return rows.assign(**{metric: np.nan})
+
+
+def with_text_factors(rows: "pd.DataFrame") -> "pd.DataFrame":
+    """Return a copy with the factors as text; no combination may have a seed twice."""
+    rows = rows.assign(**{key: rows[key].astype(str) for key in FACTORS})
+    repeated = rows[rows.duplicated([*FACTORS, "seed"])]
+    if len(repeated):
+        first = repeated.iloc[0]
+        names = ", ".join(f"{key} {first[key]}" for key in FACTORS)
+        raise JerkbenchError(
+            f"{len(repeated)} rows repeat a combination and seed, first {names}, seed {first['seed']}; "
+            "give combinations with different parameters different names, or keep one row of each."
+        )
+    return rows

@@ -1,0 +1,211 @@
+"""Rows over noise, scenarios and the size of a fault: the best noise, a matrix of costs, crossings."""
+
+import re
+from collections.abc import Mapping, Sequence
+from itertools import combinations
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.evaluation.statistics.errors_over_seeds import costs_of
+from jerkbench.evaluation.statistics.families import LEAST_SEEDS
+from jerkbench.evaluation.statistics.over_seeds import Samples
+from jerkbench.evaluation.statistics.seeds import chosen_on_other_seeds
+from jerkbench.report.analysis.columns import FACTORS, METHOD, checked, competes, quantity
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+ALL_BUT_NOISE = FACTORS[:-1]
+"""The factors without the noise, the last of them."""
+BEST = "best"
+"""Stands for the noise of those rows."""
+
+
+def at_best_noise(rows: "pd.DataFrame", metric: str) -> "pd.DataFrame":
+    """Return the rows of each combination at its best noise: fewest lost runs, then the lowest mean of the logarithms.
+
+    Each seed has the noise that the other seeds choose: on the very runs that chose it the best of several flatters
+    itself. Where only one noise is there, the rows are as they were; noises with seeds of their own are left out.
+
+    Raises:
+        JerkbenchError: no such metric.
+    """
+    rows = checked(rows, metric)
+    if rows["noise"].nunique() < 2:
+        return rows
+    rows = rows.reset_index(drop=True)
+    kept = [_chosen(group, metric) for _, group in rows.groupby([*ALL_BUT_NOISE], sort=False)]
+    return rows.loc[np.concatenate(kept)].assign(noise=BEST)
+
+
+def _chosen(group: "pd.DataFrame", metric: str) -> IntArray:
+    """Return the index of the row of each seed at the noise that the other seeds choose."""
+    places = group.assign(row=group.index).pivot_table(index="noise", columns="seed", values="row", sort=False)
+    full = places[places.notna().sum(axis=1) == places.notna().sum(axis=1).max()].dropna(axis=1)
+    index = full.to_numpy(dtype=np.int64)
+    value = group[metric].where(group["status"] == "ok", np.inf).fillna(np.inf)
+    picked = chosen_on_other_seeds(value.loc[index.ravel()].to_numpy(dtype=float).reshape(index.shape)).picked
+    rows: IntArray = index[picked, np.arange(index.shape[1])]
+    return rows
+
+
+# Rows -> a matrix of scenarios by methods.
+
+
+def costs(rows: "pd.DataFrame", metric: str) -> tuple[FloatArray, list[str], list[str]]:
+    """Return (p, s) means of ``metric``, the names of the p scenarios and of the s methods, as they appear.
+
+    Infinite where a run was lost or has no value, NaN where the combination was not run. Names say what varies. Means
+    are those of the tables: of errors the median, of few seeds and of phases the geometric mean. Only the seeds count
+    that all methods of a scenario have.
+
+    Args:
+        rows: one row a cell and seed.
+        metric: the column.
+    """
+    named = _named(checked(rows, metric), metric)
+    scenarios, names = (list(dict.fromkeys(named[key].astype(str))) for key in ("scenario", "method"))
+    methods = named.groupby(["scenario", "seed"])["method"].transform("nunique")
+    named = named[methods == named.groupby("scenario")["method"].transform("nunique")]
+    groups = named.groupby(["scenario", "method"])
+    means = groups["cost"].mean()
+    if quantity(metric).lowest_is_best and not (named["cost"] < 0).any():
+        samples = Samples.of([values.to_numpy(dtype=float) for _, values in groups["cost"]])
+        means[:] = costs_of(samples, least=np.where(groups["replicate"].first() == "phase", np.inf, LEAST_SEEDS))
+    table = means.unstack()  # noqa: PD010 - a series has no pivot_table
+    return table.reindex(index=scenarios, columns=names).to_numpy(), scenarios, names
+
+
+def competing(rows: "pd.DataFrame", metric: str) -> list[bool]:
+    """Return which methods of `costs` can be the best; references cannot."""
+    return [competes({"filter": f, "adaptation": a}) for f, a in method_labels(rows, metric)]
+
+
+def method_labels(rows: "pd.DataFrame", metric: str) -> list[tuple[str, str]]:
+    """Return filter and adaptation of the s methods of `costs`."""
+    named = _named(checked(rows, metric), metric).drop_duplicates("method")
+    return [(str(f), str(a)) for f, a in zip(named["filter"], named["adaptation"], strict=True)]
+
+
+def _named(rows: "pd.DataFrame", metric: str) -> "pd.DataFrame":
+    """Return the rows with their cost, and the names of their scenario and method."""
+    varying = [key for key in FACTORS if len(rows[key].unique()) > 1]
+    of_method = [key for key in METHOD if key in varying] or ["filter"]
+    of_scenario = [key for key in FACTORS if key in varying and key not in METHOD] or ["dataset"]
+    value = rows[metric].where(rows["status"] == "ok", np.inf).fillna(np.inf)
+    scenario, method = (rows[keys].agg(sep.join, axis=1) for keys, sep in ((of_scenario, ", "), (of_method, " + ")))
+    return rows.assign(cost=value, scenario=scenario, method=method)
+
+
+def of_all_methods(values: FloatArray) -> tuple[FloatArray, str]:
+    """Return the scenarios of (p, s) costs in which every method was run, and, where others are left out, words for it.
+
+    A method that was not run in a scenario has not lost it: no rank can be given there.
+    """
+    complete = ~np.isnan(values).any(axis=1)
+    words = "" if complete.all() else f" in which every method was run (of {len(values)})"
+    return values[complete], words
+
+
+# Errors over the size of a fault: where methods cross, and from which size on a fault is noticed.
+
+PARAMETER = re.compile(r"([A-Za-z_0-9]+)=(-?[0-9.]+(?:[eE][+-]?[0-9]+)?)(?=[,)])")
+LEAST_SIZES = 3
+"""Fewer sizes of a fault are no curve."""
+
+NOTICED = ("rejected_percent", "inflated_percent")
+"""Metrics that tell whether an adaptation acted."""
+
+SCENARIO, SIZE, NAME = "severity_of", "severity", "severity_name"
+
+
+class Crossing(NamedTuple):
+    """Where two methods are equally good.
+
+    Attributes:
+        size: of the fault.
+        cost: of both.
+        better_below: the method that is better at smaller faults.
+        better_above: the other one.
+    """
+
+    size: float
+    cost: float
+    better_below: str
+    better_above: str
+
+
+def with_severity(rows: "pd.DataFrame") -> "pd.DataFrame":
+    """Return the rows whose disturbance differs from others in the value of one parameter alone.
+
+    Columns are added: ``severity`` (that value), ``severity_name`` (the parameter), and ``severity_of`` (data set and
+    disturbance without the value). A parameter with fewer than three values is none of them.
+    """
+    labels = rows["disturbance"].astype(str)
+    places = {label: list(PARAMETER.finditer(label)) for label in labels.unique()}
+    sizes: dict[tuple[str, str], set[float]] = {}
+    for label, matches in places.items():
+        for match in matches:
+            sizes.setdefault((_without(label, match), match[1]), set()).add(float(match[2]))
+    chosen = {label: _most(label, matches, sizes) for label, matches in places.items()}
+    kept = labels.map(lambda label: chosen[label] is not None).to_numpy(dtype=bool)
+    swept = rows[kept].copy()
+    parameters = [chosen[label] for label in labels[kept]]
+    swept[SIZE] = [float(match[2]) for match in parameters if match is not None]
+    swept[NAME] = [match[1] for match in parameters if match is not None]
+    rests = [_without(label, match) for label, match in zip(labels[kept], parameters, strict=True) if match is not None]
+    swept[SCENARIO] = swept["dataset"].astype(str) + ": " + np.array(rests, dtype=object)
+    return swept
+
+
+def _without(label: str, match: re.Match[str]) -> str:
+    return f"{label[: match.start(2)]}...{label[match.end(2) :]}"
+
+
+def _most(
+    label: str, matches: Sequence[re.Match[str]], sizes: Mapping[tuple[str, str], set[float]]
+) -> re.Match[str] | None:
+    """Return the parameter of a label that has the most values; None where none has enough."""
+    best = max(matches, key=lambda match: len(sizes[_without(label, match), match[1]]), default=None)
+    return best if best is not None and len(sizes[_without(label, best), best[1]]) >= LEAST_SIZES else None
+
+
+def crossings(sizes: FloatArray, costs: Mapping[str, FloatArray]) -> list[Crossing]:
+    """Return where each two methods cross, with costs (k,) over sizes (k,), straight lines between.
+
+    Straight as the figure draws them: over the log of the size, where all are positive, and in the log of the cost. A
+    cost that is not finite, or not positive, makes no line.
+    """
+    crossed = []
+    logarithmic = bool(sizes.min() > 0)
+    places = np.log(sizes) if logarithmic else sizes
+    for first, second in combinations(costs, 2):
+        with np.errstate(invalid="ignore", divide="ignore"):
+            apart = np.log(costs[first]) - np.log(costs[second])
+        for k in np.flatnonzero(np.isfinite(apart[:-1] * apart[1:]) & (apart[:-1] * apart[1:] < 0)):
+            share = apart[k] / (apart[k] - apart[k + 1])
+            place = float(places[k] + share * (places[k + 1] - places[k]))
+            size = float(np.exp(place)) if logarithmic else place
+            logs = np.log(costs[first][[k, k + 1]])
+            below, above = (first, second) if apart[k] < 0 else (second, first)
+            crossed.append(Crossing(size, float(np.exp(logs[0] + share * (logs[1] - logs[0]))), below, above))
+    return sorted(crossed)
+
+
+def smallest_noticed(runs: "pd.DataFrame") -> float:
+    """Return the smallest size from which on the adaptation of one method acts on the fault, NaN where it never does.
+
+    It acts where it rejects or inflates more updates, in the median run, than in any run at the smallest size.
+    """
+    columns = [name for name in NOTICED if name in runs.columns]
+    if not columns:
+        return float("nan")
+    share = runs[columns].fillna(0.0).sum(axis=1)
+    sizes = np.sort(runs[SIZE].unique())
+    usual = share[runs[SIZE] == sizes[0]].max()
+    acts = [bool(share[runs[SIZE] == size].median() > usual) for size in sizes[1:]]
+    first = next((k for k in range(len(acts)) if all(acts[k:])), None)
+    return float("nan") if first is None else float(sizes[1 + first])
