@@ -15,13 +15,12 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from jerkbench.evaluation.statistics.exact_tests import sign_p
-from jerkbench.evaluation.statistics.intervals.median import quantiles_of_rows
-from jerkbench.evaluation.statistics.intervals.student import student_interval
 from methods import AS_THEY_COME, METHODS, SETTINGS
 from run import KEPT
 
 from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.evaluation.statistics.families import sign_p
+from jerkbench.evaluation.statistics.intervals import quantiles_of_rows, student_interval
 
 TUNINGS, EACH = 16, 16
 DOMAINS = {"broad": "BROAD, hand", "tstick": "TStick, hand", "kitti": "KITTI, vehicle"}
