@@ -23,7 +23,7 @@ from jerkbench.jobs.pool import processors
 from jerkbench.jobs.preflight import first_complaints, first_mistakes
 from jerkbench.jobs.progress import Pulse, duration
 from jerkbench.jobs.rows import first_remarks
-from jerkbench.report.drawings import figures_choice
+from jerkbench.report.choice import figures_choice
 from jerkbench.results.manifest import write_manifest
 from jerkbench.results.store import Store
 from jerkbench.results.study import Study, load_study, write_study

@@ -24,7 +24,7 @@ from jerkbench.jobs.preflight import first_mistakes
 from jerkbench.jobs.progress import Progress, Pulse, duration
 from jerkbench.jobs.rows import CellRun, first_remarks
 from jerkbench.recording import Recording
-from jerkbench.report.drawings import Choice, figures_choice
+from jerkbench.report.choice import Choice, figures_choice
 from jerkbench.results.content import Stored
 from jerkbench.results.manifest import stretches, write_manifest
 from jerkbench.results.store import Store

@@ -23,7 +23,7 @@ from jerkbench.jobs.cluster import LOCAL, Workers
 from jerkbench.jobs.names import refusal
 from jerkbench.jobs.pool import processors
 from jerkbench.jobs.progress import Progress
-from jerkbench.report.drawings import Choice, figures_choice
+from jerkbench.report.choice import Choice, figures_choice
 from jerkbench.report.tables.writers import passive
 from jerkbench.tuning.evaluate import Runs, trial_table
 from jerkbench.tuning.foreign import EXPORTS

@@ -1,11 +1,9 @@
-"""The choice of figures: few, all or none."""
+"""Every figure of a study, with its caption; the scenarios and methods that carry its findings."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from enum import StrEnum
 from typing import TYPE_CHECKING, TypedDict
 
-from jerkbench.errors import PluginError, unknown
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.recording import Recording
 from jerkbench.report.analysis.columns import FACTORS, METHOD
@@ -18,40 +16,6 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-
-class Choice(StrEnum):
-    """Whose runs are drawn.
-
-    Attributes:
-        FEW: those of the scenarios and methods that carry a finding.
-        ALL: those of every scenario.
-        NONE: there is no figure.
-    """
-
-    FEW = "few"
-    ALL = "all"
-    NONE = "none"
-
-
-SWITCHES = {"true": Choice.ALL, "false": Choice.NONE}
-"""What the option was before it had three values."""
-
-
-def figures_choice(text: str) -> Choice:
-    """Read ``few``, ``all`` or ``none``; ``true`` is all, ``false`` none.
-
-    Raises:
-        PluginError: it is another word.
-    """
-    word = text.strip().lower()
-    if word in SWITCHES:
-        return SWITCHES[word]
-    if word not in list(Choice):
-        raise PluginError(unknown("choice of figures", text, list(Choice)))
-    return Choice(word)
-
-
-# Every figure of a study, with its caption; the scenarios and methods that carry its findings.
 
 AT_BEST = "Each method has its best noise of the sweep, on these very runs."
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from jerkbench.errors import JerkbenchError
-from jerkbench.report.drawings import Choice
+from jerkbench.report.choice import Choice
 from jerkbench.verbs.arguments import JUDGING, RUN_PROGRAMS, argument, chosen_method, chosen_rule, count, output, verb
 
 if TYPE_CHECKING:
@@ -133,7 +133,7 @@ def figures_verb(chosen: argparse.Namespace) -> None:
         JerkbenchError: there are no results, or no such method, scenario or seed.
     """
     from jerkbench.jobs.pool import processors
-    from jerkbench.report.drawings import Choice
+    from jerkbench.report.choice import Choice
     from jerkbench.report.plots.style import BETWEEN
     from jerkbench.results.replay import tell_left_out
     from jerkbench.results.study import load_study

@@ -8,7 +8,8 @@ import pytest
 
 from jerkbench import plugins
 from jerkbench.errors import JerkbenchError, PluginError
-from jerkbench.report.drawings import Choice, by_difference, figures_choice, telling_scenes
+from jerkbench.report.choice import Choice, figures_choice
+from jerkbench.report.drawings import by_difference, telling_scenes
 from jerkbench.results.content import Stored
 from jerkbench.results.scenario_runs import _chosen
 from jerkbench.results.selection import named_part
