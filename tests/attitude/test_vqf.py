@@ -39,6 +39,13 @@ def test_its_parameters_are_the_package_s():
         assert np.abs(ours - Vqf(**off | other).verticals(drive)[0]).max() > 1e-4
 
 
+def test_the_time_of_its_bias_is_the_package_s():
+    drive = shaken(3000)
+    ours = Vqf(bias_forgetting_s=2.0).verticals(drive)[0]
+    np.testing.assert_allclose(ours, alone(drive.imu, drive.imu.nominal_interval_s, biasForgettingTime=2.0), atol=1e-9)
+    assert np.abs(ours - Vqf().verticals(drive)[0]).max() > 1e-6
+
+
 @pytest.mark.parametrize("plugin", [Vqf(), OfflineVqf(), Vqf(alignment="rest")])
 def test_a_constant_rate_is_followed(plugin):
     drive, truth = turning([0.3, -0.2, 0.5])

@@ -93,4 +93,4 @@ def test_a_piece_ends_where_samples_are_missing(tmp_path):
     (trial,) = trials.kitti(Path(tmp_path))
     assert [len(piece[1]) for piece in trial.pieces] == [800, 700]
     assert [piece[0].static_start_s for piece in trial.pieces] == [pytest.approx(3.01), 0.0]
-    assert run.error_deg(methods.METHODS["vqf"].default, trial) < 1e-6
+    assert run.error_deg(methods.METHODS["mekf"].default, trial) < 1e-6
