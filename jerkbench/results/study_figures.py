@@ -13,8 +13,8 @@ from jerkbench.jobs.dispatch import Order, outcomes
 from jerkbench.jobs.progress import Progress
 from jerkbench.report.analysis.columns import METHOD
 from jerkbench.report.analysis.runs import RULE, VerdictRule
+from jerkbench.report.choice import Choice
 from jerkbench.report.drawings import (
-    Choice,
     Drawing,
     Methods,
     Picture,
