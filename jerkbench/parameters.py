@@ -2,7 +2,7 @@
 
 A field that one would tune says within which bounds, and on which scale::
 
-    accel_mps2: Annotated[float, Range(0.01, 10.0, log=True, source="..."), Origin("...")] = 0.2
+    accel_mps2: Annotated[float, Range(0.01, 10.0, log=True, source="..."), DefaultOrigin("...")] = 0.2
 """
 
 import dataclasses
