@@ -41,8 +41,9 @@ def new_word(word: str) -> str:
     ('disturbance=none,[imu_bias,gnss_outage]', 'disturbance.imu_bias.accel_mps2=0.1')
     """
     key, equals, value = word.partition("=")
-    if key in RENAMED:
-        return f"{key}{equals}{new_label(key, value)}"
+    group = key.lstrip("+~").partition("@")[0]
+    if group in RENAMED:
+        return f"{key}{equals}{new_label(group, value)}"
     kind, *rest = key.split(".")
     if kind in RENAMED and len(rest) > 1:
         return ".".join([kind, new_name(kind, rest[0]), *rest[1:]]) + equals + value

@@ -58,6 +58,6 @@ def test_attitudes_and_the_path_are_chosen_by_name(attitude):
 
 
 def test_two_of_the_same_disturbance_under_keys_of_their_own():
-    words = ["disturbance=imu_bias", "+disturbance@disturbance.second=bias", "disturbance.second.stream=second"]
+    words = ["disturbance=imu_bias", "+disturbance@disturbance.second=imu_bias", "disturbance.second.stream=second"]
     first, second = cell(*words).disturbances
     assert (first.stream, second.stream) == ("", "second")

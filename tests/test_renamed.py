@@ -70,6 +70,19 @@ def test_a_choice_of_stored_rows_may_have_old_names():
     assert named_study("study:jerk+none+own").chosen == {"filter": "jerk", "adaptation": "none", "noise": "default"}
 
 
+@pytest.mark.parametrize(
+    ("typed", "today"),
+    [
+        ("disturbance=none,[bias,gnss_outage]", "disturbance=none,[imu_bias,gnss_outage]"),
+        ("disturbance.bias.accel_mps2=0.1", "disturbance.imu_bias.accel_mps2=0.1"),
+        ("+disturbance@disturbance.second=bias", "+disturbance@disturbance.second=imu_bias"),
+        ("filter=jerk,baseline_naive", "filter=jerk,baseline_untuned"),
+    ],
+)
+def test_a_word_has_its_names_of_today(typed, today):
+    assert new_word(typed) == today
+
+
 @pytest.mark.parametrize("word", ["dataset.duration_s=3", "filter=bias,jerk", "study=field_v1", "noise.accel_mps2=0.1"])
 def test_other_words_stay(word):
     assert new_word(word) == word

@@ -107,7 +107,7 @@ def test_the_verb_writes_a_folder_for_each_seed(tmp_path):
     assert told["streams"]["velocity"]["frame"] == "enu"
     assert told["origin"]["latitude_deg"] == 42.03
     assert told["made_of"]["seed"] == 1
-    assert told["made_of"]["disturbance"][0]["name"] == "bias"
+    assert told["made_of"]["disturbance"][0]["name"] == "imu_bias"
     first, second = (pd.read_csv(tmp_path / "drive" / seed / "recording.csv") for seed in "01")
     assert not first["accel_up_mps2"].equals(second["accel_up_mps2"])
     assert "is there already" in verb("data", "export", "drive", *scenario, cwd=tmp_path).stderr
