@@ -53,7 +53,7 @@ def _answer(verdicts: pd.DataFrame, families: pd.DataFrame) -> str:
         " between faults\n"
         "   that an average stays uncertain."
         f" Taken alone, {alone} methods would count as better; tested together, none does.\n\n"
-        "All drives are simulated; one kind of fault replays real receivers. Four methods are void"
+        "All drives are simulated; one kind of fault replays real receivers. The rows of four are void"
         " ([why, and all others](experiments/audit/README.md)).\nRatio of the position RMSE to the same filter without"
         " adaptation, on faults that were not used for tuning, of the three\nlowest and the paper's method:"
     )

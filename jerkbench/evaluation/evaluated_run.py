@@ -1,4 +1,4 @@
-"""Divergence: how far a run may stray, and which runs are lost."""
+"""When a run counts as diverged, and the evaluation of one run: its status, its metrics, the columns of its row."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import NamedTuple

@@ -1,4 +1,4 @@
-"""The prior covariance of one run in whole matrices, for an adaptation that changes it."""
+"""One run in whole matrices: for an adaptation that changes the prior covariance or has a gain of its own."""
 
 from jerkbench.arrays import FloatArray
 from jerkbench.compilation.views import RunView, View, lane, room

@@ -1,4 +1,4 @@
-"""The sweep: runs the cells that are not done yet, stores each at once, and ends with the table, whatever happens."""
+"""The rows of a sweep: what is planned, what runs, what is stored. Tables are made by whoever asks for it."""
 
 import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence

@@ -1,4 +1,4 @@
-"""The posterior Cramer-Rao bound of each scenario: a row below its filters that competes with none."""
+"""What stands below a table: its footnotes, and the posterior Cramer-Rao bound of each scenario, which competes with none."""
 
 import dataclasses
 import math
