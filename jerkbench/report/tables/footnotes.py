@@ -1,4 +1,4 @@
-"""What stands below a table: its footnotes, and the posterior Cramer-Rao bound of each scenario, which competes with none."""
+"""The footnotes of a table, and the posterior Cramer-Rao bound of each scenario, which competes with no filter."""
 
 import dataclasses
 import math
