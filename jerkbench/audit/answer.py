@@ -17,11 +17,10 @@ def last_line(verdicts: Sequence[MethodVerdict], protocol: AuditProtocol) -> str
     """Return the answer to the audit's question, in one line."""
     better = [verdict for verdict in verdicts if verdict.verdict is Verdict.BETTER]
     harmless = [verdict for verdict in better if verdict.worst_ratio <= 1 + protocol.margin]
-    percent = f"{100 * protocol.margin:g} %"
-    return (
-        f"{len(better)} of {len(verdicts)} beat a tuned Kalman filter; {len(harmless)} of them harm nowhere by more"
-        f" than {percent}."
-    )
+    answer = f"{len(better)} of {len(verdicts)} are shown to beat a tuned Kalman filter on average over all faults."
+    if not better:
+        return answer
+    return f"{answer} {len(harmless)} of these are nowhere more than {100 * protocol.margin:g} % worse."
 
 
 def sentences(verdicts: Sequence[MethodVerdict], protocol: AuditProtocol, tuning: str) -> list[str]:
@@ -45,45 +44,45 @@ def _alone(verdicts: Sequence[MethodVerdict]) -> str:
     """Say what intervals of single methods show, which nobody may pick the best of."""
     names = [verdict.method.name for verdict in verdicts if verdict.tuned.high < 1]
     which = f": {', '.join(names)}" if names else ""
-    return f"That holds for all methods at once; by its own 95 % interval {len(names)} would{which}."
+    return f"All methods were tested together. Tested alone, {len(names)} would count as better{which}."
 
 
 def _best(verdicts: Sequence[MethodVerdict]) -> list[str]:
     best = min(verdicts, key=lambda verdict: verdict.tuned.ratio)
     interval = f"95 % over families {best.tuned.low:.2f} to {best.tuned.high:.2f}"
-    worst = f"its worst scenario is {best.worst} with {best.worst_ratio:.2f}"
-    lowest = f"The lowest ratio to the tuned plain filter has {best.method.name}: {best.tuned.ratio:.2f}"
-    return [f"{lowest} ({interval}); {worst}."]
+    lowest = f"{best.method.name} has the lowest ratio to the tuned plain filter, {best.tuned.ratio:.2f} ({interval})"
+    return [f"{lowest}. In its worst scenario ({best.worst}) the ratio is {best.worst_ratio:.2f}."]
 
 
 def _price(verdicts: Sequence[MethodVerdict], protocol: AuditProtocol) -> str:
     dear = [verdict for verdict in verdicts if verdict.nominal > 1 + protocol.margin]
-    advice = ": adapt only where a fault is expected" if 2 * len(dear) > len(verdicts) else ""
+    advice = " So adapt only where you expect a fault." if 2 * len(dear) > len(verdicts) else ""
     percent = f"{100 * protocol.margin:g} %"
-    return f"Where nothing is wrong {len(dear)} of {len(verdicts)} cost more than {percent}, tuned{advice}."
+    return f"Without a fault, the tuned error of {len(dear)} of {len(verdicts)} is more than {percent} higher.{advice}"
 
 
 def _harmless(verdicts: Sequence[MethodVerdict], protocol: AuditProtocol) -> str:
-    """Say how many harm nowhere, whatever their mean: that can be, where none is shown to be better."""
+    """Say how many are nowhere worse, and how bad the worst scenario of a typical method is."""
     harmless = [verdict for verdict in verdicts if verdict.worst_ratio <= 1 + protocol.margin]
     middle = sorted(verdict.worst_ratio for verdict in verdicts)[len(verdicts) // 2]
+    worse = len(verdicts) - len(harmless)
     return (
-        f"Whatever their mean, {len(harmless)} of {len(verdicts)} harm in no scenario by more than"
-        f" {100 * protocol.margin:g} %; the one in the middle is {middle:.1f} times worse than plain where it is worst."
+        f"{worse} of {len(verdicts)} are more than {100 * protocol.margin:g} % worse than the plain filter in at least"
+        f" one scenario. In its worst scenario, the median method has {middle:.1f} times the error of the plain filter."
     )
 
 
 def _defaults(verdicts: Sequence[MethodVerdict]) -> list[str]:
     better = sum(verdict.default < 1 for verdict in verdicts)
     changed = sum((verdict.default < 1) != (verdict.tuned.ratio < 1) for verdict in verdicts)
-    return [
-        f"At their defaults {better} of {len(verdicts)} are ahead of the tuned plain filter; tuning turns {changed}."
-    ]
+    ahead = f"At their defaults, {better} of {len(verdicts)} have a smaller error than the tuned plain filter."
+    return [f"{ahead} Tuning changes the side of {changed}."]
 
 
 def _luck(verdicts: Sequence[MethodVerdict]) -> list[str]:
     spread = max(verdict.restarts[1] / verdict.restarts[0] for verdict in verdicts)
-    return [f"Between the restarts of a search the ratio of one method differs by up to {100 * (spread - 1):.0f} %."]
+    percent = f"{100 * (spread - 1):.0f} %"
+    return [f"Searches with other random numbers change the ratio of one method by up to {percent}."]
 
 
 # What is said beside the answer.
@@ -174,9 +173,10 @@ def power_sentence(verdicts: Sequence[MethodVerdict], protocol: AuditProtocol) -
     alone = [float(np.sqrt(verdict.tuned.high / verdict.tuned.low)) for verdict in verdicts]
     middle, own = float(np.median(spans)), float(np.median(alone))
     return (
-        f"Power: with {len(protocol.families)} families the interval for all methods at once reaches, of the method in"
-        f" the middle, a factor of {middle:.2f} either way (by itself {own:.2f}): a mean ratio has to lie below"
-        f" {1 / middle:.2f} to be shown better. Families are what is few, not seeds, and undecided is not equal."
+        f"Power: there are {len(protocol.families)} families. Tested together with all others, the interval of a"
+        f" typical method spans a factor of {middle:.2f} either way (alone {own:.2f}). So only a mean ratio below"
+        f" {1 / middle:.2f} can be shown to be better. More seeds would not help, more kinds of faults would. Undecided"
+        " does not mean equal."
     )
 
 

@@ -131,7 +131,8 @@ def test_the_page_says_what_the_verdicts_say():
     audit = judged_audit(PROTOCOL, outcome(), SCENARIOS)
     text = audit_page(contents_of(audit, "small"))
     head = text.splitlines()[:10]
-    assert any("1 of 2 beat a tuned Kalman filter; 1 of them harm nowhere by more than 3 %." in line for line in head)
+    answer = "1 of 2 are shown to beat a tuned Kalman filter on average over all faults. 1 of these are nowhere"
+    assert any(answer in line for line in head)
     assert any("on faults that it was not tuned on, by 0.50 (0.50 to 0.50) (baseline)." in line for line in head)
     assert any("0 of 2 cost more than 3 %" in line and "2 of 2 harm in no scenario" in line for line in head)
     assert "baseline + mtf" in text
