@@ -66,6 +66,6 @@ def test_another_model_is_told_from_an_adaptation():
 
 def test_the_power_is_that_of_the_interval_in_the_middle():
     text = power_sentence([Judged(CLAIMED)] * 3, PROTOCOL)
-    assert "with 3 families" in text
+    assert "there are 3 families" in text
     assert "a factor of 2.00 either way" in text
     assert "below 0.50" in text
