@@ -282,7 +282,7 @@ def verdict_counts(duel: Duel) -> list[str]:
 
     For example "better in 2 of 3 scenarios (most on none: 2.0 times better, 95 % 1.9 to 2.1)", "undecided in 1".
     """
-    told = []
+    told: list[str] = []
     for verdict, words in WORDS.items():
         bouts = [bout for bout in duel.rounds if bout.verdict is verdict]
         if bouts:
