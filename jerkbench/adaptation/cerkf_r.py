@@ -1,7 +1,7 @@
 """Centred error entropy, the measurement alone."""
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from jerkbench.adaptation.common import gaussian_kernel
 from jerkbench.adaptation.linalg import SMALLEST_RESIDUAL_WEIGHT, inverse_weighted, residuals_of, update_residuals
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
-from jerkbench.parameters import DefaultOrigin, Range
+from jerkbench.parameters import DefaultOrigin, Provenance, Range
 from jerkbench.plugins import register
 
 
@@ -43,6 +43,12 @@ class CentredErrorEntropyR:
         pair_bandwidth: s2, kernel of the pairs, in the same unit [-].
         passes: fixed-point passes of an update [-].
     """
+
+    provenance: ClassVar[Provenance] = Provenance(
+        "simplified",
+        "doi:10.34133/2022/9854601",
+        "Only R is adapted, and rows are not coupled; a fixed number of passes.",
+    )
 
     eta: Annotated[
         float,

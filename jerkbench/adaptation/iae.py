@@ -1,13 +1,13 @@
 """Innovation-based adaptive estimation of R."""
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from jerkbench.adaptation._ranges import SHRINKING, WINDOW, check_window
 from jerkbench.adaptation.common import is_full, windowed_mean
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
-from jerkbench.parameters import DefaultOrigin
+from jerkbench.parameters import DefaultOrigin, Provenance
 from jerkbench.plugins import register
 
 
@@ -31,6 +31,12 @@ class InnovationBased:
         window: N, number of squared innovations in the mean, this one included [updates].
         low: lo, lower bound as a multiple of the reported variance [-].
     """
+
+    provenance: ClassVar[Provenance] = Provenance(
+        "simplified",
+        "doi:10.1007/s001900050236",
+        "The diagonal of R alone, with the prior covariance of now in place of the window's.",
+    )
 
     window: Annotated[int, WINDOW, DefaultOrigin("ours")] = 10
     low: Annotated[float, SHRINKING, DefaultOrigin("ours, as sage_husa")] = 0.1

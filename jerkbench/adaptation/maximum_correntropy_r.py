@@ -1,14 +1,14 @@
 """Maximum correntropy, the measurement alone."""
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from jerkbench.adaptation._ranges import BANDWIDTH, check_passes
 from jerkbench.adaptation.common import gaussian_kernel
 from jerkbench.adaptation.linalg import SMALLEST_RESIDUAL_WEIGHT, inverse_weighted, residuals_of, update_residuals
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
-from jerkbench.parameters import DefaultOrigin
+from jerkbench.parameters import DefaultOrigin, Provenance
 from jerkbench.plugins import register
 
 
@@ -36,6 +36,12 @@ class MaximumCorrentropyR:
         bandwidth: sigma, of the kernel, in standard deviations of the measurement [-].
         passes: fixed-point passes of an update [-].
     """
+
+    provenance: ClassVar[Provenance] = Provenance(
+        "simplified",
+        "doi:10.1016/j.automatica.2016.10.004",
+        "Weighs the measurement alone, in a few passes that start from the Kalman update.",
+    )
 
     bandwidth: Annotated[float, BANDWIDTH, DefaultOrigin("literature: the source uses 2 to 10")] = 5.0
     passes: Annotated[int, DefaultOrigin("ours")] = 5

@@ -1,8 +1,10 @@
 """No adaptation."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.parameters import Provenance
 from jerkbench.plugins import register
 
 
@@ -15,6 +17,8 @@ class NoAdaptation:
 
     Source: the Kalman filter (R. E. Kalman, 1960, doi:10.1115/1.3662552).
     """
+
+    provenance: ClassVar[Provenance] = Provenance("published", "doi:10.1115/1.3662552")
 
     def adapt(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray

@@ -1,13 +1,13 @@
 """A common factor on the whole of the prior covariance."""
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
-from jerkbench.parameters import DefaultOrigin, Range
+from jerkbench.parameters import DefaultOrigin, Provenance, Range
 from jerkbench.plugins import register
 
 
@@ -32,6 +32,12 @@ class ScalarQ:
     Attributes:
         limit: largest factor on the prior covariance [-].
     """
+
+    provenance: ClassVar[Provenance] = Provenance(
+        "simplified",
+        "doi:10.1080/00207179608921698",
+        "One factor for all states, from one innovation, on the whole prior covariance.",
+    )
 
     limit: Annotated[
         float,

@@ -1,10 +1,12 @@
 """A common factor on the whole of R."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.parameters import Provenance
 from jerkbench.plugins import register
 
 
@@ -22,6 +24,10 @@ class ScalarR:
     Source: single-factor innovation adaptation (A. H. Mohamed and K. P. Schwarz, 1999, doi:10.1007/s001900050236,
     reduced to one scalar), the scalar scheme that the paper compares with.
     """
+
+    provenance: ClassVar[Provenance] = Provenance(
+        "simplified", "doi:10.1007/s001900050236", "One factor for all of R, from one innovation, behind a trace test."
+    )
 
     def adapt(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray

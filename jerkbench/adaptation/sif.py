@@ -1,13 +1,13 @@
 """The sliding innovation filter."""
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
-from jerkbench.parameters import DefaultOrigin, Range
+from jerkbench.parameters import DefaultOrigin, Provenance, Range
 from jerkbench.plugins import register
 
 
@@ -31,6 +31,12 @@ class SlidingInnovation:
     Attributes:
         width: k, of the sliding layer, in standard deviations of the measurement [-].
     """
+
+    provenance: ClassVar[Provenance] = Provenance(
+        "simplified",
+        "doi:10.1109/ACCESS.2020.2995345",
+        "The width of the sliding layer follows the reported sigma, and is no length of its own.",
+    )
 
     width: Annotated[
         float,

@@ -7,6 +7,7 @@ import numpy as np
 
 from jerkbench.contracts import Adaptation
 from jerkbench.estimate import Attitude, Estimate
+from jerkbench.parameters import Provenance
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 from jerkbench.timeline import nanoseconds
@@ -24,6 +25,8 @@ class AttitudeOnlyFilter:
     It is the one filter for a recording that has an attitude reference and nothing to navigate by (`broad`). The
     metrics of position and velocity have no value with it.
     """
+
+    provenance: ClassVar[Provenance] = Provenance("own", "", "Hands the attitude on; it navigates by nothing.")
 
     adaptations: ClassVar[tuple[str, ...]] = ("none",)
     attitude_only: ClassVar[bool] = True

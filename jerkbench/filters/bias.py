@@ -1,12 +1,13 @@
 """The control experiment of the jerk filter: an acceleration bias in ENU."""
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray, require_not_negative
 from jerkbench.filters.common import ACCEL, BIAS_WALK, FIELD, START, ManyLengths, Models, identities, outer
+from jerkbench.parameters import Provenance
 from jerkbench.plugins import register
 
 
@@ -30,6 +31,10 @@ class Bias(ManyLengths):
         bias_mps2_per_sqrt_s: sigma_b, random walk of the bias [m/s2/sqrt(s)].
         initial_bias_mps2: one sigma of the bias at the start [m/s2].
     """
+
+    provenance: ClassVar[Provenance] = Provenance(
+        "own", "doi:10.1109/TAC.1969.1099223", "The control of `jerk`: a third state that is an acceleration bias."
+    )
 
     accel_mps2: Annotated[float, ACCEL, FIELD] = 0.1
     bias_mps2_per_sqrt_s: Annotated[float, BIAS_WALK, FIELD] = 0.03

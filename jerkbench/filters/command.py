@@ -22,6 +22,7 @@ from jerkbench.estimate import Attitude, Estimate
 from jerkbench.io.recording_folder import FORMATS, write_recording
 from jerkbench.io.trajectory import estimate_at_reference
 from jerkbench.io.trajectory_files import TrajectoryForm, read_trajectory
+from jerkbench.parameters import Provenance
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 
@@ -198,6 +199,8 @@ class Command(TrajectoryForm):
         time_limit_s: so long it may run.
         seed: what {seed} stands for; a run sets it.
     """
+
+    provenance: ClassVar[Provenance] = Provenance("own", "", "A program of the user's; what it is, its author knows.")
 
     adaptations: ClassVar[tuple[str, ...]] = ("none",)
     for_each_seed: ClassVar[bool] = True

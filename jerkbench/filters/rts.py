@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -24,7 +24,7 @@ from jerkbench.filters.common import (
     of_r_or_fading,
 )
 from jerkbench.filters.jerk import Jerk
-from jerkbench.parameters import DefaultOrigin
+from jerkbench.parameters import DefaultOrigin, Provenance
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 from jerkbench.sums import Run, Streamed
@@ -75,6 +75,8 @@ class RauchTungStriebel(OverTimelines):
         bias_mps2_per_sqrt_s: sigma_b, random walk of the bias [m/s2/sqrt(s)].
         initial_bias_mps2: one sigma of the bias at the start [m/s2].
     """
+
+    provenance: ClassVar[Provenance] = Provenance("published", "doi:10.2514/3.3166")
 
     model: str = "bias"
     accel_mps2: Annotated[float, ACCEL, DefaultOrigin("that of the filter by itself")] = 0.1

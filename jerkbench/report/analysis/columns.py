@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from jerkbench.errors import JerkbenchError, unknown
-from jerkbench.evaluation.evaluated_run import RUN
+from jerkbench.evaluation.evaluated_run import DRAWN, RUN
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -267,9 +267,9 @@ IDENTITY = (*FACTORS, *RUN)
 
 
 def metric_columns(rows: "pd.DataFrame") -> list[str]:
-    """Return the columns that hold metrics: numbers that are not part of a row's identity."""
+    """Return the columns that hold metrics: numbers that are neither part of a row's identity nor what was drawn."""
     numbers = rows.select_dtypes("number").columns
-    return [str(column) for column in numbers if column not in IDENTITY]
+    return [str(column) for column in numbers if column not in IDENTITY and not str(column).startswith(DRAWN)]
 
 
 def checked(rows: "pd.DataFrame", metric: str) -> "pd.DataFrame":
