@@ -23,6 +23,7 @@ from jerkbench.jobs.cluster import LOCAL, Workers
 from jerkbench.jobs.names import refusal
 from jerkbench.jobs.pool import processors
 from jerkbench.jobs.progress import Progress
+from jerkbench.presets import user_folders
 from jerkbench.report.choice import Choice, figures_choice
 from jerkbench.report.tables.writers import passive
 from jerkbench.tuning.evaluate import Runs, trial_table
@@ -226,7 +227,8 @@ def _command(tuning: Tuning, presets: Path, words: TuneWords, method: Sequence[s
     covered = {part for part in PARTS if tuning.space.of_part(part, tuning.setting)} | tuned
     kept = [word for word in method if not {owner(word), word.partition("=")[0]} & covered]
     several = ["-m"] if len(words.scenarios) > 1 else []
-    return shlex.join(["jerkbench", "run", *several, "--config-dir", str(presets), *words.shared, *kept, *chosen])
+    folders = [word for folder in (presets, *user_folders()) for word in ("--config-dir", str(folder))]
+    return shlex.join(["jerkbench", "run", *several, *folders, *words.shared, *kept, *chosen])
 
 
 def _write(tuning: Tuning, folder: Path, command: str, *, figures: bool) -> None:

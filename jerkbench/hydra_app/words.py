@@ -18,7 +18,7 @@ from jerkbench.hydra_app.messages import hydra_sentence
 from jerkbench.hydra_app.typed_words import arranged_words
 from jerkbench.jobs.cell import Cell
 from jerkbench.jobs.cluster import Cluster
-from jerkbench.presets import config_folder, preset
+from jerkbench.presets import config_folder, folder_words, preset
 from jerkbench.removed import refuse_removed
 
 
@@ -61,7 +61,7 @@ def composed(words: Sequence[str]) -> Words:
     register_hydra_parts()
     try:
         with initialize_config_dir(str(config_folder()), version_base="1.3"):
-            whole = compose("config", overrides, return_hydra_config=True)
+            whole = compose("config", [*folder_words(), *overrides], return_hydra_config=True)
         choices: Any = OmegaConf.to_container(whole.hydra.runtime.choices)
         config = OmegaConf.masked_copy(whole, [str(key) for key in whole if key != "hydra"])
         check_options(config)
