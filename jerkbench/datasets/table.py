@@ -370,9 +370,9 @@ class Tables(TimedColumns):
         said: tuple[str, bool] = (self.reference_source, self.reference_independent)
         if source.solved:
             t_s, solution, notes = self.read_solution(source, zero_ns)
-            solution = solution.with_axes_at(origin) if origin else solution
-            position, origin = solution.position(t_s, origin)
-            enu_m, mps = position.enu_m + self.reference_offset_m, solution.velocity_enu_mps
+            origin = origin or solution.first
+            solution = solution.with_axes_at(origin)
+            enu_m, mps = solution.enu_m(origin) + self.reference_offset_m, solution.velocity_enu_mps
             notes = tuple(f"Reference: {note}" for note in notes)
             return Reference(t_s, *said, enu_m=enu_m, velocity_mps=mps), origin, notes
         stream, frame = self.read(source), self.reference_frame
