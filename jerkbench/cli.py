@@ -205,7 +205,11 @@ def _answer(words: list[str]) -> None:
     """Answer a verb; a file that it cannot read or write becomes a sentence."""
     if words[:1] in ([], ["help"]):
         words = [*words[1:], "--help"]
-    chosen = _parser().parse_args(words)
+    chosen, behind = _parser().parse_known_args(words)
+    if behind and (not hasattr(chosen, "words") or any(word.startswith("-") for word in behind)):
+        _parser().error(f"unrecognized arguments: {' '.join(behind)}")
+    if behind:  # KEY=VALUE behind an option, which argparse does not put to those before it
+        chosen.words = [*chosen.words, *behind]
     try:
         chosen.answer(chosen)
     except BrokenPipeError:

@@ -36,10 +36,11 @@ class Words:
     choices: dict[str, Any]
     overrides: list[str]
 
-    def cell(self, **filter_parameters: object) -> Cell:
+    def cell(self, dataset: Mapping[str, object] | None = None, **filter_parameters: object) -> Cell:
         """Return the cell.
 
         Args:
+            dataset: parameters of the data set beside the words.
             filter_parameters: what is set beside the words, without Hydra's rules for quotation marks.
 
         Raises:
@@ -47,6 +48,7 @@ class Words:
         """
         plain: Any = OmegaConf.to_container(self.config, resolve=True)
         plain["filter"] = {**plain["filter"], **filter_parameters}
+        plain["dataset"] = {**plain["dataset"], **(dataset or {})}
         return cell_of(plain, self.choices, self.overrides)
 
 

@@ -51,6 +51,9 @@ def _table(path: Path, rows: list[Row], notes: tuple[str, ...], what: str) -> tu
         raise RecordingError(f"{path} has no fix with a time: {what}.")
     table = pd.DataFrame(placed).reindex(columns=list(ORDER))
     table["t"] = pd.to_datetime(table["t"], format="ISO8601", utc=True)
+    if table["height"].isna().all():
+        table["height"] = 0.0
+        notes = (*notes, f"{path.name} has no heights: all are taken to be 0.")
     kept = [name for name in ORDER if name in PLACE or table[name].notna().any()]
     others = len(rows) - len(placed)
     without = (f"{path.name}: {others} of {len(rows)} reports have no fix or no time: they are dropped.",)
