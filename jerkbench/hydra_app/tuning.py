@@ -20,9 +20,11 @@ from jerkbench.hydra_app.typed_words import no_assignment
 from jerkbench.hydra_app.words import cluster_of, composed
 from jerkbench.jobs.cell import Cell
 from jerkbench.jobs.cluster import LOCAL, Workers
+from jerkbench.jobs.inputs import shared_inputs
 from jerkbench.jobs.names import refusal
 from jerkbench.jobs.pool import processors
 from jerkbench.jobs.progress import Progress
+from jerkbench.presets import user_folders
 from jerkbench.report.choice import Choice, figures_choice
 from jerkbench.report.tables.writers import passive
 from jerkbench.tuning.evaluate import Runs, trial_table
@@ -30,7 +32,7 @@ from jerkbench.tuning.foreign import EXPORTS
 from jerkbench.tuning.objectives import objective_of
 from jerkbench.tuning.outcome import Effort, Tuning, tune
 from jerkbench.tuning.search import Budget
-from jerkbench.tuning.space import Space, space_of
+from jerkbench.tuning.space import STREAMS, Space, space_of
 from jerkbench.tuning.splits import Cases, Seeds, by_families, by_recordings, by_seeds, by_time
 from jerkbench.tuning.summary import PARTS, preset_words, record, summary, table, write_presets
 
@@ -154,9 +156,10 @@ def tune_all(words: TuneWords) -> None:
     workers, threads = (Workers(), count) if chosen == LOCAL else (Workers(chosen, count), 1)
     effort = _effort(options, threads)
     efforts = [effort for _ in cells]
-    spaces = [space_of(scenarios[0], options.knobs) for scenarios in cells]
     for scenarios in cells:
         _require_sense(scenarios)
+    measured = _streams(cells[0])
+    spaces = [space_of(scenarios[0], options.knobs, measured) for scenarios in cells]
     cases = [cases_of(scenarios, options, config.first_seed) for scenarios in cells]
     folder = study_folder(config) / "tune"
     names = _names([scenarios[0] for scenarios in cells])
@@ -168,6 +171,12 @@ def tune_all(words: TuneWords) -> None:
         _write(tuning, own, command, figures=figures_choice(config.figures) is not Choice.NONE)
     print(table(tunings))
     print(f"\nSettings, presets and trials: {folder}")
+
+
+def _streams(cells: Sequence[Cell]) -> list[str]:
+    """The streams that the recording of any scenario has, of those whose R is tuned."""
+    recordings = [shared_inputs().undisturbed(cell.dataset, cell.draws[0]) for cell in cells]
+    return [name for name in STREAMS if any(getattr(recording, name) is not None for recording in recordings)]
 
 
 def cases_of(cells: Sequence[Cell], options: TuneOptions, first_seed: int) -> Cases:
@@ -226,7 +235,8 @@ def _command(tuning: Tuning, presets: Path, words: TuneWords, method: Sequence[s
     covered = {part for part in PARTS if tuning.space.of_part(part, tuning.setting)} | tuned
     kept = [word for word in method if not {owner(word), word.partition("=")[0]} & covered]
     several = ["-m"] if len(words.scenarios) > 1 else []
-    return shlex.join(["jerkbench", "run", *several, "--config-dir", str(presets), *words.shared, *kept, *chosen])
+    folders = [word for folder in (presets, *user_folders()) for word in ("--config-dir", str(folder))]
+    return shlex.join(["jerkbench", "run", *several, *folders, *words.shared, *kept, *chosen])
 
 
 def _write(tuning: Tuning, folder: Path, command: str, *, figures: bool) -> None:

@@ -17,6 +17,9 @@ TOLD = Range(0.05, 20.0, log=True, source="ours: from a fifth to four times the 
 EDGE = 0.02
 """A share of the way that is as good as a bound."""
 
+STREAMS = tuple(f.name for f in dataclasses.fields(RScale))
+"""Streams of which a filter is told R: position, velocity."""
+
 Setting = tuple[float, ...]
 """A value for each knob, in their order."""
 
@@ -117,12 +120,13 @@ class Space:
         return sentences
 
 
-def space_of(cell: Cell, chosen: Collection[str] = ()) -> Space:
+def space_of(cell: Cell, chosen: Collection[str] = (), measured: Collection[str] = STREAMS) -> Space:
     """Return the knobs of the method of a cell: fields with a range, and what is told of R.
 
     Args:
         cell: with the values to begin from.
         chosen: names of the knobs to change; empty: all there are.
+        measured: the streams that the recordings have; R of others tells nothing.
 
     Raises:
         PluginError: there is none, or none of a chosen name.
@@ -131,7 +135,7 @@ def space_of(cell: Cell, chosen: Collection[str] = ()) -> Space:
     if not own:
         names = " nor ".join(f"the {part} {cell.spec[part]['name']}" for part in ("filter", "adaptation"))
         raise PluginError(f"There is nothing to tune: neither {names} has a parameter with a range (`jerkbench show`).")
-    knobs = [*own, *_told(cell.r_scale)]
+    knobs = [*own, *(knob for knob in _told(cell.r_scale) if knob.field in measured)]
     known = [knob.name for knob in knobs]
     for name in chosen:
         if name not in known:
