@@ -10,7 +10,7 @@ from jerkbench.arrays import FloatArray, require_positive
 from jerkbench.attitude.alignment import align
 from jerkbench.attitude.common import TiltAndYaw, Verticals, intervals
 from jerkbench.errors import PluginError, RecordingError
-from jerkbench.parameters import DefaultOrigin, Range
+from jerkbench.parameters import SWITCH, DefaultOrigin, Range
 from jerkbench.plugins import register
 from jerkbench.recording import GRAVITY_MPS2, Imu, Recording
 
@@ -61,8 +61,8 @@ class Vqf(TiltAndYaw):
     tau_acc_s: Annotated[
         float, Range(0.3, 300.0, log=True, source="ours: from a tenth to a hundred times the default"), OWN
     ] = 3.0
-    rest_bias: Annotated[bool, OWN] = True
-    motion_bias: Annotated[bool, OWN] = True
+    rest_bias: Annotated[bool, SWITCH, OWN] = True
+    motion_bias: Annotated[bool, SWITCH, OWN] = True
     bias_forgetting_s: Annotated[
         float, Range(10.0, 1e4, log=True, source="ours: from a tenth to a hundred times the default"), OWN
     ] = 100.0

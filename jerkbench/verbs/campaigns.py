@@ -19,6 +19,7 @@ the scenarios of one tuning; several of filter and adaptation are methods, each 
   jerkbench tune filter=jerk adaptation=mtf disturbance=none,noise_step trials=64
   jerkbench tune -m filter=baseline,jerk adaptation=none,mtf,chi2 disturbance=none,outliers study=alike
   jerkbench tune filter=bias dataset=husky_bag dataset.folder=DIR objective=likelihood      one's own log, no reference
+  jerkbench tune -m filter=attitude_only attitude=vqf,mahony dataset=field                  attitude filters alone
 
 What is tuned: every parameter with a range (`jerkbench show filter jerk`), and what the filter is told of the reported
 R (r_scale.position, r_scale.velocity); knobs=[filter.accel_mps2,...] names fewer.
@@ -26,7 +27,7 @@ R (r_scale.position, r_scale.velocity); knobs=[filter.accel_mps2,...] names fewe
   trials=64            settings that are tried, the one before the search among them
   sampler=sobol        sobol (for comparisons), tpe, cma_es (the extra `tune`); sampler_seed=1: another scramble
   objective=rmse       rmse: log of the ratio to the plain filter at its defaults, a lost run counts log 100;
-                       likelihood: of the innovations, without a reference
+                       likelihood: of the innovations, without a reference; inclination: of an attitude filter alone
   split=auto           seeds; time (share=0.5: tuned on the first half, tested on the second);
                        recordings, families (held_out=[NAME,...]: tested on these, tuned without them)
   tune_seeds=16 choose_seeds=16 test_seeds=40 first_seed=0      disjoint; the test seeds are read at the end
