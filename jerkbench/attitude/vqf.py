@@ -1,6 +1,7 @@
 """The attitude plugins ``vqf`` and ``offline_vqf``: the package vqf, with its own C++."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
@@ -71,6 +72,15 @@ class Vqf(TiltAndYaw):
         """Check the choices and the times."""
         super().__post_init__()
         require_positive(f"attitude {self.name}", self, ("tau_acc_s", "bias_forgetting_s"))
+
+    def require(self, load: Callable[[], Recording]) -> None:
+        """Check, before a sweep begins, that the package is installed and the recording has what was asked to be used.
+
+        Raises:
+            PluginError: the package is not installed.
+        """
+        _package()
+        super().require(load)
 
     def verticals(self, recording: Recording) -> Verticals:
         """Return x after each sample."""
