@@ -17,7 +17,7 @@ from jerkbench.attitude.mahony import Mahony
 from jerkbench.attitude.mekf import Mekf
 from jerkbench.attitude.tilt import Tilt
 from jerkbench.attitude.vqf import OfflineVqf, Vqf
-from jerkbench.parameters import Range, ranges_of
+from jerkbench.parameters import SWITCH, Range, ranges_of
 from jerkbench.tuning.samplers import Sobol
 
 Setting = Mapping[str, float]
@@ -111,7 +111,7 @@ def mahony(setting: Setting, rate_hz: float) -> Mahony:
 
 
 def _of(cls: type, names: tuple[str, ...]) -> dict[str, Range]:
-    return {name: bounds for name, bounds in ranges_of(cls).items() if name in names}
+    return {name: bounds for name, bounds in ranges_of(cls).items() if name in names and bounds is not SWITCH}
 
 
 METHODS = {
@@ -123,7 +123,7 @@ METHODS = {
     "mekf_lee": mekf("lee"),
     "madgwick": Method(dict(ranges_of(Madgwick)), ("gravity",), madgwick, Madgwick()),
     "mahony": Method(dict(ranges_of(Mahony)), ("bias", "gravity"), mahony, Mahony()),
-    "vqf": Method(dict(ranges_of(Vqf)), ("rest_bias", "motion_bias", "gravity"), vqf, Vqf()),
+    "vqf": Method(_of(Vqf, ("tau_acc_s", "bias_forgetting_s")), ("rest_bias", "motion_bias", "gravity"), vqf, Vqf()),
 }
 """Those that are tuned and ranked."""
 

@@ -1,6 +1,7 @@
 """The attitude plugins ``vqf`` and ``offline_vqf``: the package vqf, with its own C++."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
@@ -10,7 +11,7 @@ from jerkbench.arrays import FloatArray, require_positive
 from jerkbench.attitude.alignment import align
 from jerkbench.attitude.common import TiltAndYaw, Verticals, intervals
 from jerkbench.errors import PluginError, RecordingError
-from jerkbench.parameters import DefaultOrigin, Range
+from jerkbench.parameters import SWITCH, DefaultOrigin, Range
 from jerkbench.plugins import register
 from jerkbench.recording import GRAVITY_MPS2, Imu, Recording
 
@@ -61,8 +62,8 @@ class Vqf(TiltAndYaw):
     tau_acc_s: Annotated[
         float, Range(0.3, 300.0, log=True, source="ours: from a tenth to a hundred times the default"), OWN
     ] = 3.0
-    rest_bias: Annotated[bool, OWN] = True
-    motion_bias: Annotated[bool, OWN] = True
+    rest_bias: Annotated[bool, SWITCH, OWN] = True
+    motion_bias: Annotated[bool, SWITCH, OWN] = True
     bias_forgetting_s: Annotated[
         float, Range(10.0, 1e4, log=True, source="ours: from a tenth to a hundred times the default"), OWN
     ] = 100.0
@@ -71,6 +72,15 @@ class Vqf(TiltAndYaw):
         """Check the choices and the times."""
         super().__post_init__()
         require_positive(f"attitude {self.name}", self, ("tau_acc_s", "bias_forgetting_s"))
+
+    def require(self, load: Callable[[], Recording]) -> None:
+        """Check, before a sweep begins, that the package is installed and the recording has what was asked to be used.
+
+        Raises:
+            PluginError: the package is not installed.
+        """
+        _package()
+        super().require(load)
 
     def verticals(self, recording: Recording) -> Verticals:
         """Return x after each sample."""

@@ -3,9 +3,9 @@
 import argparse
 import re
 import shlex
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from jerkbench.verbs.arguments import RUN_PROGRAMS, WHERE, argument, count, output, verb
 
@@ -19,6 +19,7 @@ the scenarios of one tuning; several of filter and adaptation are methods, each 
   jerkbench tune filter=jerk adaptation=mtf disturbance=none,noise_step trials=64
   jerkbench tune -m filter=baseline,jerk adaptation=none,mtf,chi2 disturbance=none,outliers study=alike
   jerkbench tune filter=bias dataset=husky_bag dataset.folder=DIR objective=likelihood      one's own log, no reference
+  jerkbench tune -m filter=attitude_only attitude=vqf,mahony dataset=field                  attitude filters alone
 
 What is tuned: every parameter with a range (`jerkbench show filter jerk`), and what the filter is told of the reported
 R (r_scale.position, r_scale.velocity); knobs=[filter.accel_mps2,...] names fewer.
@@ -26,7 +27,7 @@ R (r_scale.position, r_scale.velocity); knobs=[filter.accel_mps2,...] names fewe
   trials=64            settings that are tried, the one before the search among them
   sampler=sobol        sobol (for comparisons), tpe, cma_es (the extra `tune`); sampler_seed=1: another scramble
   objective=rmse       rmse: log of the ratio to the plain filter at its defaults, a lost run counts log 100;
-                       likelihood: of the innovations, without a reference
+                       likelihood: of the innovations, without a reference; inclination: of an attitude filter alone
   split=auto           seeds; time (share=0.5: tuned on the first half, tested on the second);
                        recordings, families (held_out=[NAME,...]: tested on these, tuned without them)
   tune_seeds=16 choose_seeds=16 test_seeds=40 first_seed=0      disjoint; the test seeds are read at the end
@@ -96,12 +97,17 @@ def audit_verb(chosen: argparse.Namespace) -> None:
 METHOD = ("filter", "adaptation", "noise", "r_scale")
 """Groups of a method; all else is the suite's."""
 
+ATTITUDES = "attitude-"
+"""The names of suites of attitude filters begin so."""
+
 ENTER = """\
 KEY=VALUE are those of `jerkbench run` that make a method: filter, adaptation, noise, r_scale and what is in them.
 
   jerkbench suite run filter=jerk adaptation=mtf
   jerkbench suite run filter=baseline adaptation=my_rule --scale tiny       seconds: does it run?
   jerkbench suite run filter=command filter.command="./mine {recording} {out}" --name mine
+  jerkbench suite run attitude=madgwick --scale attitude-v1                 of attitude filters; attitude-tiny: seconds
+  jerkbench suite run filter=attitude_command filter.command="./mine {recording} {out}" --scale attitude-v1 --name mine
 
 A method whose parameters have ranges is tuned on one half of the faults and scored on the other, and the reverse; one
 without, and a program, is scored as it is given. The plain filter is tuned alike. The same command goes on where it was
@@ -129,7 +135,7 @@ def suite_run_verb(chosen: argparse.Namespace) -> None:
     from jerkbench.jobs.pool import processors
     from jerkbench.suite.enter import enter
 
-    entrant = _entrant(chosen.words)
+    entrant = (_attitude_entrant if chosen.scale.startswith(ATTITUDES) else _entrant)(chosen.words)
     name = chosen.name or entrant.name
     folder = chosen.out or Path("results") / f"suite-{chosen.scale}" / (
         re.sub(r"[^\w.]+", "-", name).strip("-.") or "entry"
@@ -143,18 +149,33 @@ def suite_run_verb(chosen: argparse.Namespace) -> None:
 
 def _entrant(words: Sequence[str]) -> "Entrant":
     from jerkbench.campaigns.entrant import Entrant
+
+    spec = _spec(words, METHOD, "filter=jerk adaptation=mtf adaptation.window=3")
+    return Entrant(**{kind: dict(spec[kind]) for kind in ("filter", "adaptation", "r_scale")})
+
+
+def _attitude_entrant(words: Sequence[str]) -> "Entrant":
+    """An attitude filter, or a program: of that the attitude of the data set is never asked."""
+    from jerkbench.campaigns.entrant import Entrant
+
+    given = words if any(word.startswith("filter=") for word in words) else ["filter=attitude_only", *words]
+    spec = _spec(given, ("filter", "attitude"), "attitude=vqf attitude.tau_acc_s=5")
+    attitude = dict(spec["attitude"]) if any(word.startswith("attitude") for word in words) else None
+    return Entrant(dict(spec["filter"]), {"name": "none"}, {}, attitude)
+
+
+def _spec(words: Sequence[str], groups: Sequence[str], example: str) -> "Mapping[str, Any]":
     from jerkbench.errors import PluginError
     from jerkbench.hydra_app.composition import owner
     from jerkbench.hydra_app.words import composed
 
     for word in words:
-        if owner(word) not in METHOD:
+        if owner(word) not in groups:
             raise PluginError(
-                f"'{word}' is not part of a method; the suite sets all else. Give {', '.join(METHOD)} and what is in"
-                " them, for example filter=jerk adaptation=mtf adaptation.window=3."
+                f"'{word}' is not part of a method; the suite sets all else. Give {', '.join(groups)} and what is in"
+                f" them, for example {example}."
             )
-    spec = composed(words).cell().spec
-    return Entrant(**{kind: dict(spec[kind]) for kind in ("filter", "adaptation", "r_scale")})
+    return composed(words).cell().spec
 
 
 @verb(
