@@ -132,7 +132,7 @@ def updated(
 ) -> tuple[FloatArray, FloatArray]:
     """Return x and P after an update with rows H (m, n) of any kind: the plain text, for a definition in NumPy."""
     PHt = P @ H.T
-    K = np.linalg.solve(H @ PHt + R, PHt.T).T
+    K: FloatArray = np.asarray(np.linalg.solve(H @ PHt + R, PHt.T).T, dtype=np.float64)
     return x + K @ innovation, joseph(P, K, np.eye(len(x)) - K @ H, R)
 
 
