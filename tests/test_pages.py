@@ -43,16 +43,11 @@ ELSEWHERE = {"agents", "any_language", "suite"}
 """Pages whose own test holds what they show as output."""
 
 LONG = {
-    "agents",
-    "any_language",
     "architecture",
     "attitude_filter",
-    "cluster",
-    "gate",
     "inspect",
     "one_bag",
     "own_log",
-    "reference",
 }
 """Pages whose sentences may still be long; no page is added."""
 
