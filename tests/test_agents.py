@@ -22,7 +22,7 @@ def answers(tmp_path_factory):
 
 
 def typed(words, folder):
-    short = [SHORT[0], *SHORT[2:]] if words[0] == "run" else []  # its own seeds
+    short = [SHORT[0], *SHORT[2:]] if words[0] == "run" and "--dry" not in words else []  # its own seeds
     return verb(*words, *short, cwd=folder)
 
 
@@ -32,6 +32,13 @@ def test_every_command_goes_well(answers):
     for command, done in answers.items():
         assert done.returncode == 0, (command, done.stderr)
         assert done.stdout, command
+
+
+def test_it_is_what_the_page_shows(answers):
+    shown = pages.outputs("agents")
+    assert len(shown) > 3
+    for line, part in shown.items():
+        assert pages.agree(part, answers[line.removeprefix("jerkbench ")].stdout), line
 
 
 def test_every_answer_in_json_is_one_strict_value(answers):

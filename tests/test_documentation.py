@@ -1,4 +1,4 @@
-"""The commands of the README and of two pages, typed on a shorter drive; the README's plugin is installed and swept."""
+"""The commands of the README and of a page, typed on a shorter drive; the README's plugin is installed and swept."""
 
 import re
 import shlex
@@ -11,7 +11,7 @@ from commands import jerkbench, verb
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-TEXT = README + pages.text("everyday") + pages.text("inspect")
+TEXT = README + pages.text("inspect")
 BRIEF = ("data", "report", "new", "check", "compare", "cite")
 """Verbs of which some only name the file that they wrote."""
 QUICK = ["dataset.duration_s=80", "seeds=1", "workers=1"]
@@ -127,23 +127,9 @@ def test_what_was_drawn_can_be_asked_of_the_rows(tmp_path, monkeypatch, capsys):
     assert "drawn.faults\n2.0" in capsys.readouterr().out
 
 
-def test_the_python_of_everyday_use_runs(capsys):
-    exec(pages.files("everyday")["first_run.py"], {})  # noqa: S102 - our own page
-
-    assert "outage_end_m" in capsys.readouterr().out
-
-
 def test_the_readme_is_short_and_its_sentences_are():
-    text = re.sub(r"```.*?```|<[^>]*>|^[|#][^\n]*", "\n\n", README, flags=re.DOTALL | re.MULTILINE)
-    text = re.sub(r"\]\([^)]*\)", "]", text)
-    sentences = [
-        sentence
-        for paragraph in re.split(r"\n\s*\n", text)
-        for sentence in re.split(r"(?<=[.!?:])\s+(?=[A-Z`\d*])", " ".join(paragraph.split()))
-        if sentence
-    ]
-    words = [len(sentence.split()) for sentence in sentences]
+    mean, longest = pages.longest(README)
 
     assert README.count("\n") <= 150
-    assert sum(words) <= 15 * len(words)
-    assert max(words) <= 30, max(sentences, key=lambda sentence: len(sentence.split()))
+    assert mean <= 15
+    assert len(longest.split()) <= 30, longest
