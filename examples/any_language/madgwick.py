@@ -2,12 +2,13 @@
 
     python madgwick.py RECORDING.csv OUT.csv
 
-It reads its columns by name. Numbers: SI units, the body is forward, left, up; at rest the accelerometer shows +g upwards.
+It reads its columns by name. Units are SI, the body is forward, left, up. At rest the accelerometer shows +g upwards.
 """
 
 import csv
 import math
 import sys
+from pathlib import Path
 
 BETA = 0.033  # 1/s: the rate of the correction, of the paper
 GYRO = ("gyro_forward_radps", "gyro_left_radps", "gyro_up_radps")
@@ -34,7 +35,7 @@ def step(q, gyro, accel, dt):
     return [value / math.hypot(*q) for value in q]
 
 
-with open(sys.argv[1], newline="") as recording, open(sys.argv[2], "w", newline="") as out:
+with Path(sys.argv[1]).open(newline="") as recording, Path(sys.argv[2]).open("w", newline="") as out:
     rows = [{key: float(row[key]) for key in ("t_s", *GYRO, *ACCEL)} for row in csv.DictReader(recording)]
     before, q = 2 * rows[0]["t_s"] - rows[1]["t_s"], level(*(rows[0][key] for key in ACCEL))
     write = csv.writer(out)

@@ -14,6 +14,7 @@ from jerkbench.io.columns import read_columns
 from jerkbench.io.recording_folder import write_recording
 from jerkbench.io.table_values import AttitudeMap, read_attitude
 from jerkbench.io.text import TextFormat
+from jerkbench.parameters import Provenance
 from jerkbench.plugins import register
 from jerkbench.recording import Recording, Reference
 
@@ -42,6 +43,7 @@ class AttitudeCommand(Command):
         attitude: the columns of the attitude: four (w, x, y, z) or three (roll, pitch, yaw).
     """
 
+    provenance: ClassVar[Provenance] = Provenance("own", "", "A program of the user's; what it is, its author knows.")
     attitude_only: ClassVar[bool] = True
 
     attitude: tuple[str, ...] = ("qw", "qx", "qy", "qz")
