@@ -43,7 +43,6 @@ ELSEWHERE = {"agents", "any_language", "suite"}
 """Pages whose own test holds what they show as output."""
 
 LONG = {
-    "architecture",
     "attitude_filter",
     "inspect",
     "one_bag",
