@@ -15,6 +15,7 @@ from commands import jerkbench, verb
 SHORTER = {
     "run": ["dataset.duration_s=60", "seeds=2", "workers=1", "figures=false"],
     "tune": ["dataset.duration_s=60", "trials=2", "tune_seeds=1", "choose_seeds=1", "test_seeds=2", "finalists=1"],
+    "figures": ["--methods", "baseline"],
     "report": ["--figures", "none"],
 }
 """Words behind those of a page, by verb; of runs none where a page shows their output."""
@@ -69,7 +70,7 @@ def _type(page, folder):
     shown = pages.outputs(page)
     for line in (line for line in pages.lines(page) if line.startswith("jerkbench ")):
         words = shlex.split(line)[1:]
-        whole = shown and not TYPED[page] and words[0] != "report"
+        whole = shown and not TYPED[page] and words[0] not in {"figures", "report"}
         more = [] if whole else SHORTER.get(words[0], [])
         done = _typed([*words, *more], TYPED[page], folder)
         assert done.returncode == 0, (words, done.stderr, done.stdout)
