@@ -151,6 +151,14 @@ def test_every_output_of_a_page_is_held():
         assert set(pages.outputs(page)) <= set(pages.lines(page))
 
 
+def test_every_picture_is_drawn_by_the_script_and_shown():
+    script = (pages.DOCS.parent / "docs_build" / "pictures.py").read_text(encoding="utf-8")
+    shown = {name for page in pages.DOCS.glob("*.md") for name in re.findall(r"\]\(img/(\S+)\)", page.read_text())}
+
+    assert shown == {path.name for path in (pages.DOCS / "img").iterdir()}
+    assert all(f'"{name}"' in script for name in shown)
+
+
 def test_no_page_is_left_untyped():
     tests = (path.read_text(encoding="utf-8") for path in Path(__file__).parent.rglob("test_*.py"))
     elsewhere = {page for text in tests for page in re.findall(r'pages\.\w+\("(\w+)"', text)}
