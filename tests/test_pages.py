@@ -51,6 +51,11 @@ LONG = {
 }
 """Pages whose sentences may still be long; no page is added."""
 
+STUDIES = pages.DOCS.parent / "experiments"
+
+LONG_STUDIES = {"attitude", "audit"}
+"""Studies with long sentences; none is added."""
+
 
 @pytest.fixture(scope="module")
 def typed(tmp_path_factory):
@@ -137,6 +142,14 @@ def test_the_python_of_everyday_use_runs(capsys):
 @pytest.mark.parametrize("page", sorted({path.stem for path in pages.DOCS.glob("*.md")} - LONG))
 def test_the_sentences_of_a_page_are_short(page):
     mean, longest = pages.longest(pages.text(page))
+
+    assert mean <= 15
+    assert len(longest.split()) <= 30, longest
+
+
+@pytest.mark.parametrize("study", sorted({path.parent.name for path in STUDIES.glob("*/README.md")} - LONG_STUDIES))
+def test_the_sentences_of_a_study_are_short(study):
+    mean, longest = pages.longest((STUDIES / study / "README.md").read_text(encoding="utf-8"))
 
     assert mean <= 15
     assert len(longest.split()) <= 30, longest
