@@ -15,6 +15,7 @@ from commands import jerkbench, verb
 SHORTER = {
     "run": ["dataset.duration_s=60", "seeds=2", "workers=1", "figures=false"],
     "tune": ["dataset.duration_s=60", "trials=2", "tune_seeds=1", "choose_seeds=1", "test_seeds=2", "finalists=1"],
+    "figures": ["--methods", "baseline"],
     "report": ["--figures", "none"],
 }
 """Words behind those of a page, by verb; of runs none where a page shows their output."""
@@ -43,13 +44,17 @@ ELSEWHERE = {"agents", "any_language", "suite"}
 """Pages whose own test holds what they show as output."""
 
 LONG = {
-    "architecture",
     "attitude_filter",
     "inspect",
     "one_bag",
     "own_log",
 }
 """Pages whose sentences may still be long; no page is added."""
+
+STUDIES = pages.DOCS.parent / "experiments"
+
+LONG_STUDIES = {"attitude", "audit"}
+"""Studies with long sentences; none is added."""
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +75,7 @@ def _type(page, folder):
     shown = pages.outputs(page)
     for line in (line for line in pages.lines(page) if line.startswith("jerkbench ")):
         words = shlex.split(line)[1:]
-        whole = shown and not TYPED[page] and words[0] != "report"
+        whole = shown and not TYPED[page] and words[0] not in {"figures", "report"}
         more = [] if whole else SHORTER.get(words[0], [])
         done = _typed([*words, *more], TYPED[page], folder)
         assert done.returncode == 0, (words, done.stderr, done.stdout)
@@ -142,6 +147,14 @@ def test_the_sentences_of_a_page_are_short(page):
     assert len(longest.split()) <= 30, longest
 
 
+@pytest.mark.parametrize("study", sorted({path.parent.name for path in STUDIES.glob("*/README.md")} - LONG_STUDIES))
+def test_the_sentences_of_a_study_are_short(study):
+    mean, longest = pages.longest((STUDIES / study / "README.md").read_text(encoding="utf-8"))
+
+    assert mean <= 15
+    assert len(longest.split()) <= 30, longest
+
+
 def test_every_output_of_a_page_is_held():
     shown = {path.stem for path in pages.DOCS.glob("*.md") if "<!-- output -->" in path.read_text(encoding="utf-8")}
 
@@ -149,6 +162,14 @@ def test_every_output_of_a_page_is_held():
     for page in shown:
         assert pages.text(page).count("<!-- output -->") == len(pages.outputs(page))
         assert set(pages.outputs(page)) <= set(pages.lines(page))
+
+
+def test_every_picture_is_drawn_by_the_script_and_shown():
+    script = (pages.DOCS.parent / "docs_build" / "pictures.py").read_text(encoding="utf-8")
+    shown = {name for page in pages.DOCS.glob("*.md") for name in re.findall(r"\]\(img/(\S+)\)", page.read_text())}
+
+    assert shown == {path.name for path in (pages.DOCS / "img").iterdir()}
+    assert all(f'"{name}"' in script for name in shown)
 
 
 def test_no_page_is_left_untyped():

@@ -13,30 +13,30 @@ if TYPE_CHECKING:
     from jerkbench.campaigns.entrant import Entrant
 
 TUNE = """\
-KEY=VALUE are those of `jerkbench run`. Several values, separated by commas, of dataset, disturbance and attitude are
-the scenarios of one tuning; several of filter and adaptation are methods, each tuned with the same budget (-m).
+KEY=VALUE are those of `jerkbench run`. Several values of dataset, disturbance and attitude, separated by commas, are
+the scenarios of one tuning. Several values of filter and adaptation are methods, all tuned with the same budget (-m).
 
   jerkbench tune filter=jerk adaptation=mtf disturbance=none,noise_step trials=64
   jerkbench tune -m filter=baseline,jerk adaptation=none,mtf,chi2 disturbance=none,outliers study=alike
-  jerkbench tune filter=bias dataset=husky_bag dataset.folder=DIR objective=likelihood      one's own log, no reference
+  jerkbench tune filter=bias dataset=husky_bag dataset.folder=DIR objective=likelihood      your own log, no reference
   jerkbench tune -m filter=attitude_only attitude=vqf,mahony dataset=field                  attitude filters alone
 
-What is tuned: every parameter with a range (`jerkbench show filter jerk`), and what the filter is told of the reported
-R (r_scale.position, r_scale.velocity); knobs=[filter.accel_mps2,...] names fewer.
+It tunes every parameter with a range (`jerkbench show filter jerk`), and the factors on the reported R
+(r_scale.position, r_scale.velocity). knobs=[filter.accel_mps2,...] selects fewer.
 
-  trials=64            settings that are tried, the one before the search among them
-  sampler=sobol        sobol (for comparisons), tpe, cma_es (the extra `tune`); sampler_seed=1: another scramble
+  trials=64            how many settings are tried, the default setting among them
+  sampler=sobol        sobol (for comparisons), tpe, cma_es (the extra `tune`); sampler_seed=1: other settings
   objective=rmse       rmse: log of the ratio to the plain filter at its defaults, a lost run counts log 100;
                        likelihood: of the innovations, without a reference; inclination: of an attitude filter alone
   split=auto           seeds; time (share=0.5: tuned on the first half, tested on the second);
                        recordings, families (held_out=[NAME,...]: tested on these, tuned without them)
   tune_seeds=16 choose_seeds=16 test_seeds=40 first_seed=0      disjoint; the test seeds are read at the end
-  finalists=8          the best, tried again on the seeds to choose on
-  restarts=1           more searches with other scrambles: their spread is luck
+  finalists=8          so many of the best settings are tried again on the seeds to choose on
+  restarts=1           how many searches with different settings: their spread is luck
   cluster=local        threads of this process; dask, slurm, ...: each scenario goes to a worker (docs/cluster.md)
 
 Written to results/STUDY/tune/METHOD: tuning.md, presets for `jerkbench run --config-dir`, settings for
-robot_localization, KF-GINS and eskf15, every trial. The same command goes on where it was stopped.
+robot_localization, KF-GINS and eskf15, every trial. If you stop it, the same command continues.
 """
 
 
@@ -46,7 +46,7 @@ robot_localization, KF-GINS and eskf15, every trial. The same command goes on wh
     epilog=TUNE,
 )
 def tune_verb(chosen: argparse.Namespace) -> None:
-    """Find the best setting of a method, and score it on runs that were not seen.
+    """Find the best setting of a method, and score it on runs that the search has not seen.
 
     Raises:
         JerkbenchError: a word is unknown, or what it asks for cannot be tuned.
@@ -78,7 +78,7 @@ verdicts.csv, settings.csv, rows.parquet, manifest.json, protocol.json.
     epilog=AUDIT,
 )
 def audit_verb(chosen: argparse.Namespace) -> None:
-    """Tune every adaptive filter and the plain one alike, score them unseen.
+    """Tune every adaptive filter and the plain one alike, and score them on unseen runs.
 
     Raises:
         JerkbenchError: there is no such protocol, or a run failed.
