@@ -55,7 +55,7 @@ class RandomDrive:
     def __post_init__(self) -> None:
         """Check that every name exists, every law can be drawn from, and the probabilities are some."""
         for base in self.bases:
-            if not plugins.get("dataset", base).seeded or base == "random_drive":
+            if not getattr(plugins.get("dataset", base), "seeded", False) or base == "random_drive":
                 raise PluginError(
                     f"random_drive: {base} is no simulated data set, so that nothing can be drawn for it."
                 )

@@ -144,7 +144,7 @@ def metric_values(
             return metric.summarise(sums)
         return evaluate(metric, estimate, recording, counted)
 
-    return gathered((metric, columns(metric)) for metric in metrics) | recording.parameters
+    return {**gathered((metric, columns(metric)) for metric in metrics), **recording.parameters}
 
 
 def gathered(results: Iterable[tuple[Metric, Mapping[str, float]]]) -> dict[str, float]:

@@ -33,7 +33,9 @@ class Bias(ManyLengths):
     """
 
     provenance: ClassVar[Provenance] = Provenance(
-        "own", "doi:10.1109/TAC.1969.1099223", "The control of `jerk`: a third state that is an acceleration bias."
+        "simplified",
+        "doi:10.1109/TAC.1969.1099223",
+        "The bias walks and is a state like the others; theirs is constant, and estimated apart.",
     )
 
     accel_mps2: Annotated[float, ACCEL, FIELD] = 0.1

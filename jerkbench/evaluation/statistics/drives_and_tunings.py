@@ -104,7 +104,7 @@ class Statements(NamedTuple):
 
 def log_losses(error_m: FloatArray, lost: BoolArray, level_m: FloatArray, factor: float = 100.0) -> FloatArray:
     """Return log errors; a lost run costs ``factor`` times what baseline + none has there at its defaults."""
-    return np.log(np.where(lost, factor * level_m, error_m))
+    return np.asarray(np.log(np.where(lost, factor * level_m, error_m)))
 
 
 def mixture_weights(member: BoolArray, share: float) -> FloatArray:
