@@ -121,7 +121,7 @@ def mixture_weights(member: BoolArray, share: float) -> FloatArray:
             " 1, of what was drawn."
         )
     each = shares / np.maximum(count, 1)
-    return np.where(member, each[0], each[1])
+    return np.asarray(np.where(member, each[0], each[1]))
 
 
 def comparisons(losses: Losses) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
