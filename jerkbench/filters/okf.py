@@ -1,7 +1,7 @@
 """The baseline with a free process noise: what an optimised Kalman filter tunes."""
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 import numpy as np
 
@@ -40,10 +40,10 @@ class OptimisedKalmanFilter(ManyLengths):
         correlation: rho, of the two, from -1 to 1 [-].
     """
 
-    provenance: ClassVar[Provenance] = Provenance(
+    provenance = Provenance(
         "simplified",
         "doi:10.48550/arXiv.2310.00675",
-        "One Q for all axes, R as reported but for a factor, and a search in place of gradients.",
+        "One Q for all axes, R but for a factor as reported, no gradients.",
     )
 
     position_walk_m_per_sqrt_s: Annotated[
