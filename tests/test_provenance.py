@@ -83,7 +83,7 @@ def test_the_catalogue_tells_and_counts_it():
 def test_the_note_of_a_table_names_what_is_not_as_published(tmp_path):
     swept("adaptation=none,huber,huber_r,mtf_block,oracle", "filter=baseline,gnss_only,bias", "study=s", cwd=tmp_path)
 
-    told = "Not as published: simplified: huber_r; own: mtf_block, bias."
+    told = "Not as published: simplified: huber_r, bias; own: mtf_block."
     assert told in " ".join(verb("table", "results/s", cwd=tmp_path).stdout.split())
 
 

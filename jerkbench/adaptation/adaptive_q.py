@@ -1,7 +1,7 @@
 """Process noise by innovations, through the prior covariance."""
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 import numpy as np
 
@@ -38,10 +38,8 @@ class AdaptiveQ:
         high: hi, largest factor on the prior covariance [-].
     """
 
-    provenance: ClassVar[Provenance] = Provenance(
-        "simplified",
-        "doi:10.1017/S0373463307004316",
-        "The factor acts on the whole prior covariance, not on Q, and is never below 1.",
+    provenance = Provenance(
+        "simplified", "doi:10.1017/S0373463307004316", "On the whole prior covariance, not on Q; never below 1."
     )
 
     window: Annotated[int, WINDOW, DefaultOrigin("ours")] = 20

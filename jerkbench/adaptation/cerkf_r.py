@@ -1,7 +1,7 @@
 """Centred error entropy, the measurement alone."""
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 import numpy as np
 
@@ -44,10 +44,8 @@ class CentredErrorEntropyR:
         passes: fixed-point passes of an update [-].
     """
 
-    provenance: ClassVar[Provenance] = Provenance(
-        "simplified",
-        "doi:10.34133/2022/9854601",
-        "Only R is adapted, and rows are not coupled; a fixed number of passes.",
+    provenance = Provenance(
+        "simplified", "doi:10.34133/2022/9854601", "R alone, rows not coupled, a fixed number of passes."
     )
 
     eta: Annotated[

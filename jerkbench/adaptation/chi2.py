@@ -1,7 +1,7 @@
 """The chi-square gate."""
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 import numpy as np
 
@@ -34,10 +34,8 @@ class Chi2Gate:
         longest: N, largest number of rejections in a row [updates].
     """
 
-    provenance: ClassVar[Provenance] = Provenance(
-        "simplified",
-        "doi:10.1002/0471221279",
-        "Position and velocity are tested apart, and at most 25 in a row are dropped.",
+    provenance = Provenance(
+        "simplified", "doi:10.1002/0471221279", "Position and velocity apart; at most 25 in a row are dropped."
     )
 
     probability: Annotated[float, PROBABILITY, DefaultOrigin("convention of such tests")] = 0.99

@@ -1,7 +1,7 @@
 """The federated filter with two locals."""
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 import numpy as np
 
@@ -37,7 +37,7 @@ class Federated:
         beta: share of the prior's information that goes to the position's filter [-].
     """
 
-    provenance: ClassVar[Provenance] = Provenance(
+    provenance = Provenance(
         "own", "doi:10.1109/7.106130", "Carlson's federated filter, in whose locals `scalar_r` adapts R."
     )
 

@@ -1,7 +1,7 @@
 """Fuzzy rules on R."""
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 import numpy as np
 
@@ -36,7 +36,7 @@ class Fuzzy:
         large: factor on R of the rule "large" [-].
     """
 
-    provenance: ClassVar[Provenance] = Provenance(
+    provenance = Provenance(
         "simplified", "Escamilla-Ambrosio and Mort, 2002", "Three rules on one ratio, and one factor for all of R."
     )
 

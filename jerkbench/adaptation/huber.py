@@ -1,7 +1,7 @@
 """Huber's weights on prior and measurement."""
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 from jerkbench.adaptation._ranges import check_sides
 from jerkbench.adaptation.common import PASSES, SMALLEST_WEIGHT, doubtable, settle, stack_of, weighed_prior
@@ -37,7 +37,7 @@ class Huber:
         sides: whom the weights doubt, "both" or "measurement".
     """
 
-    provenance: ClassVar[Provenance] = Provenance("published", "doi:10.2514/1.G000799")
+    provenance = Provenance("published", "doi:10.2514/1.G000799")
 
     threshold: Annotated[
         float,

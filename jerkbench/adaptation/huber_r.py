@@ -1,7 +1,7 @@
 """Huber's weight as a rule on R alone, in one pass."""
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 import numpy as np
 
@@ -33,7 +33,7 @@ class HuberR:
         threshold: k, in standard deviations of the innovation [-].
     """
 
-    provenance: ClassVar[Provenance] = Provenance(
+    provenance = Provenance(
         "simplified", "doi:10.1214/aoms/1177703732", "Weighs the measurement alone, row by row, in one step."
     )
 

@@ -1,7 +1,7 @@
 """Innovation-based adaptive estimation of R."""
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 from jerkbench.adaptation._ranges import SHRINKING, WINDOW, check_window
 from jerkbench.adaptation.common import is_full, windowed_mean
@@ -32,10 +32,8 @@ class InnovationBased:
         low: lo, lower bound as a multiple of the reported variance [-].
     """
 
-    provenance: ClassVar[Provenance] = Provenance(
-        "simplified",
-        "doi:10.1007/s001900050236",
-        "The diagonal of R alone, with the prior covariance of now in place of the window's.",
+    provenance = Provenance(
+        "simplified", "doi:10.1007/s001900050236", "The diagonal of R alone, with the prior covariance of now."
     )
 
     window: Annotated[int, WINDOW, DefaultOrigin("ours")] = 10

@@ -1,7 +1,7 @@
 """The three-part weight IGG-III."""
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 import numpy as np
 
@@ -36,10 +36,10 @@ class Igg3:
         drop: k1, beyond it a row is dropped, in standard deviations of the innovation [-].
     """
 
-    provenance: ClassVar[Provenance] = Provenance(
+    provenance = Provenance(
         "simplified",
         "Yang, Song and Xu, 2002",
-        "The innovation in place of an adjustment's residual, row by row, without iterations.",
+        "The innovation in place of a residual, row by row, without iterations.",
     )
 
     keep: Annotated[

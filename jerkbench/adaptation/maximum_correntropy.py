@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 from jerkbench.adaptation._ranges import BANDWIDTH, check_sides
 from jerkbench.adaptation.common import PASSES, SMALLEST_WEIGHT, doubtable, gain_of, settle, stack_of
@@ -43,7 +43,7 @@ class MaximumCorrentropy:
         start: whose residuals the first weights are of, "prediction" or "update" (the Kalman update).
     """
 
-    provenance: ClassVar[Provenance] = Provenance("published", "doi:10.1016/j.automatica.2016.10.004")
+    provenance = Provenance("published", "doi:10.1016/j.automatica.2016.10.004")
 
     bandwidth: Annotated[float, BANDWIDTH, DefaultOrigin("literature: 2 to 10 in the paper")] = 5.0
     sides: Annotated[str, DefaultOrigin("literature: the paper weighs both")] = "both"

@@ -1,7 +1,7 @@
 """Maximum correntropy, the measurement alone."""
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 from jerkbench.adaptation._ranges import BANDWIDTH, check_passes
 from jerkbench.adaptation.common import gaussian_kernel
@@ -37,10 +37,8 @@ class MaximumCorrentropyR:
         passes: fixed-point passes of an update [-].
     """
 
-    provenance: ClassVar[Provenance] = Provenance(
-        "simplified",
-        "doi:10.1016/j.automatica.2016.10.004",
-        "Weighs the measurement alone, in a few passes that start from the Kalman update.",
+    provenance = Provenance(
+        "simplified", "doi:10.1016/j.automatica.2016.10.004", "The measurement alone, in a few passes."
     )
 
     bandwidth: Annotated[float, BANDWIDTH, DefaultOrigin("literature: the source uses 2 to 10")] = 5.0

@@ -1,7 +1,7 @@
 """Multiple tuning factors: each axis has its own."""
 
 from dataclasses import dataclass, replace
-from typing import Annotated, ClassVar, Self
+from typing import Annotated, Self
 
 import numpy as np
 
@@ -48,10 +48,8 @@ class Mtf:
         after_s: so much of the run passes before it begins; with ``after`` the later of the two [s].
     """
 
-    provenance: ClassVar[Provenance] = Provenance(
-        "simplified",
-        "doi:10.1016/j.isatra.2010.04.001",
-        "Begun by the trace test of Candan, Atallah, Servadio and Arabi, with whom it belongs to a tilt filter.",
+    provenance = Provenance(
+        "simplified", "doi:10.1016/j.isatra.2010.04.001", "Behind a trace test, as in the paper of `jerk`."
     )
 
     window: Annotated[int, SHORT_WINDOW, DefaultOrigin("literature: the paper has mu = 1")] = 1

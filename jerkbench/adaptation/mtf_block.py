@@ -1,7 +1,7 @@
 """Multiple tuning factors with one test for position and one for velocity."""
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 from jerkbench.adaptation._ranges import SHORT_WINDOW, check_window
 from jerkbench.adaptation.common import inflated, inflation_memory
@@ -32,7 +32,7 @@ class MtfBlock:
         guard: N, number of hits in a sequence that inflate; 0: no limit [updates].
     """
 
-    provenance: ClassVar[Provenance] = Provenance(
+    provenance = Provenance(
         "own", "doi:10.1016/j.isatra.2010.04.001", "`mtf` with one test for position and one for velocity."
     )
 

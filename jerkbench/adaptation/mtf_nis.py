@@ -1,7 +1,7 @@
 """Multiple tuning factors with a chi-square test of the whole innovation."""
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 from jerkbench.adaptation._ranges import PROBABILITY, SHORT_WINDOW, check_probability, check_window
 from jerkbench.adaptation.common import chi2_tail, inflated, inflation_memory, innovation_distance
@@ -33,7 +33,7 @@ class MtfNis:
         guard: N, number of hits in a sequence that inflate; 0: no limit [updates].
     """
 
-    provenance: ClassVar[Provenance] = Provenance(
+    provenance = Provenance(
         "own", "doi:10.1016/j.isatra.2010.04.001", "`mtf` with a chi-square test of the whole innovation."
     )
 

@@ -1,7 +1,6 @@
 """No adaptation."""
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.parameters import Provenance
@@ -18,7 +17,7 @@ class NoAdaptation:
     Source: the Kalman filter (R. E. Kalman, 1960, doi:10.1115/1.3662552).
     """
 
-    provenance: ClassVar[Provenance] = Provenance("published", "doi:10.1115/1.3662552")
+    provenance = Provenance("published", "doi:10.1115/1.3662552")
 
     def adapt(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray

@@ -18,7 +18,7 @@ class Oracle:
     gain. Where nothing is known beyond the reported R it equals `none`.
     """
 
-    provenance: ClassVar[Provenance] = Provenance("own", "", "A reference that is told the true R; no method.")
+    provenance = Provenance("own", "", "A reference that is told the true R; no method.")
 
     wants_true_covariance: ClassVar[bool] = True
 

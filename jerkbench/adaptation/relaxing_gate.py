@@ -1,7 +1,7 @@
 """The gate that opens again after a streak of rejections."""
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 import numpy as np
 
@@ -32,9 +32,7 @@ class RelaxingGate:
         growth: f, factor by which each further rejection widens it [-].
     """
 
-    provenance: ClassVar[Provenance] = Provenance(
-        "own", "", "A gate as receivers and flight controllers have it, with our numbers."
-    )
+    provenance = Provenance("own", "", "A gate as receivers and flight controllers have it, with our numbers.")
 
     width: Annotated[
         float,

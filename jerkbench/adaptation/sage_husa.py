@@ -1,7 +1,7 @@
 """Sage and Husa: a recursive estimate of R from the innovations."""
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 import numpy as np
 
@@ -34,7 +34,7 @@ class SageHusa:
         high: hi, upper bound as a multiple of the reported variance [-].
     """
 
-    provenance: ClassVar[Provenance] = Provenance(
+    provenance = Provenance(
         "simplified", "Sage and Husa, 1969", "The diagonal of R alone, within bounds; no means, and no Q."
     )
 

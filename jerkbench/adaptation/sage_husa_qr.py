@@ -1,7 +1,7 @@
 """Sage and Husa on both noises: recursive estimates of R and of Q."""
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 import numpy as np
 
@@ -44,7 +44,7 @@ class SageHusaBoth:
         high_process: hi of Q [-].
     """
 
-    provenance: ClassVar[Provenance] = Provenance(
+    provenance = Provenance(
         "own", "Sage and Husa, 1969", "Their recursion for the diagonal of R; for Q, one factor for each state."
     )
 

@@ -1,7 +1,7 @@
 """A common factor on the whole of the prior covariance."""
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 import numpy as np
 
@@ -33,10 +33,8 @@ class ScalarQ:
         limit: largest factor on the prior covariance [-].
     """
 
-    provenance: ClassVar[Provenance] = Provenance(
-        "simplified",
-        "doi:10.1080/00207179608921698",
-        "One factor for all states, from one innovation, on the whole prior covariance.",
+    provenance = Provenance(
+        "simplified", "doi:10.1080/00207179608921698", "One factor for all states, on the whole prior covariance."
     )
 
     limit: Annotated[

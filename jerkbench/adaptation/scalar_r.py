@@ -1,7 +1,6 @@
 """A common factor on the whole of R."""
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -25,7 +24,7 @@ class ScalarR:
     reduced to one scalar), the scalar scheme that the paper compares with.
     """
 
-    provenance: ClassVar[Provenance] = Provenance(
+    provenance = Provenance(
         "simplified", "doi:10.1007/s001900050236", "One factor for all of R, from one innovation, behind a trace test."
     )
 

@@ -1,7 +1,7 @@
 """The sliding innovation filter."""
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 import numpy as np
 
@@ -32,10 +32,8 @@ class SlidingInnovation:
         width: k, of the sliding layer, in standard deviations of the measurement [-].
     """
 
-    provenance: ClassVar[Provenance] = Provenance(
-        "simplified",
-        "doi:10.1109/ACCESS.2020.2995345",
-        "The width of the sliding layer follows the reported sigma, and is no length of its own.",
+    provenance = Provenance(
+        "simplified", "doi:10.1109/ACCESS.2020.2995345", "The sliding layer is as wide as the reported sigma says."
     )
 
     width: Annotated[

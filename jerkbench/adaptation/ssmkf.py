@@ -1,7 +1,7 @@
 """The statistical similarity measure on prior and measurement."""
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 import numpy as np
 
@@ -48,7 +48,7 @@ class StatisticalSimilarity:
         sides: whom the weights doubt, "both" or "measurement".
     """
 
-    provenance: ClassVar[Provenance] = Provenance("published", "doi:10.1109/TAC.2020.3011443")
+    provenance = Provenance("published", "doi:10.1109/TAC.2020.3011443")
 
     function: Annotated[str, DefaultOrigin("ours: of the paper's, the one nearest to Student's t")] = "log"
     nu: Annotated[

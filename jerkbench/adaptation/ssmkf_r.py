@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 import numpy as np
 
@@ -41,10 +41,8 @@ class StatisticalSimilarityR:
         passes: fixed-point passes of an update [-].
     """
 
-    provenance: ClassVar[Provenance] = Provenance(
-        "simplified",
-        "doi:10.1109/TAC.2020.3011443",
-        "R alone is scaled, by the square root, in a fixed number of passes.",
+    provenance = Provenance(
+        "simplified", "doi:10.1109/TAC.2020.3011443", "R alone, by the square root, in a fixed number of passes."
     )
 
     nu: Annotated[float, FREEDOM, DefaultOrigin("literature: the source uses 5; ours for R alone")] = 3.0

@@ -1,7 +1,7 @@
 """Strong tracking with several fading factors."""
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 import numpy as np
 
@@ -42,10 +42,8 @@ class StrongTracking:
         other: alpha of all states that are not measured [-].
     """
 
-    provenance: ClassVar[Provenance] = Provenance(
-        "simplified",
-        "doi:10.1080/00207179608921698",
-        "The faded covariance is made symmetric, and the model is linear.",
+    provenance = Provenance(
+        "simplified", "doi:10.1080/00207179608921698", "The faded covariance is symmetric; a linear model."
     )
 
     forgetting: Annotated[float, FORGETTING, DefaultOrigin("literature: 0.95 in the paper")] = 0.95

@@ -1,7 +1,7 @@
 """Student's t distributions of prior and measurement."""
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 import numpy as np
 
@@ -47,7 +47,7 @@ class StudentT:
         sides: whom the weights doubt, "both" or "measurement".
     """
 
-    provenance: ClassVar[Provenance] = Provenance("published", "doi:10.1109/TAES.2017.2651684")
+    provenance = Provenance("published", "doi:10.1109/TAES.2017.2651684")
 
     nu: Annotated[float, FREEDOM, DefaultOrigin("literature: 5 in the paper")] = 5.0
     tau: Annotated[

@@ -1,7 +1,7 @@
 """Student's t as a rule on R alone, in one pass."""
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 from jerkbench.adaptation._ranges import FREEDOM
 from jerkbench.adaptation.common import innovation_distance
@@ -33,9 +33,7 @@ class StudentTR:
         nu: degrees of freedom; the smaller, the heavier the tails [-].
     """
 
-    provenance: ClassVar[Provenance] = Provenance(
-        "simplified", "doi:10.1109/ICRA.2011.5979605", "R is scaled, not estimated, in one pass from the innovation."
-    )
+    provenance = Provenance("simplified", "doi:10.1109/ICRA.2011.5979605", "R is scaled, not estimated, in one pass.")
 
     nu: Annotated[float, FREEDOM, DefaultOrigin("literature: 3 to 5 is usual")] = 4.0
 

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 import numpy as np
 
@@ -39,7 +39,7 @@ class VariationalBayes:
         passes: fixed-point passes of an update [-].
     """
 
-    provenance: ClassVar[Provenance] = Provenance("published", "doi:10.1109/TAC.2008.2008348")
+    provenance = Provenance("published", "doi:10.1109/TAC.2008.2008348")
 
     forgetting: Annotated[float, FORGETTING, DefaultOrigin("literature: rho of the source")] = 1.0 - math.exp(-4.0)
     start: Annotated[

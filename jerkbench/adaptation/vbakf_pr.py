@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 import numpy as np
 
@@ -50,10 +50,8 @@ class VariationalPriorAndNoise:
         passes: N, of an update [-].
     """
 
-    provenance: ClassVar[Provenance] = Provenance(
-        "simplified",
-        "doi:10.1109/TAC.2017.2730480",
-        "A memory of R for each set of rows that comes together, and a weight of the reported R.",
+    provenance = Provenance(
+        "simplified", "doi:10.1109/TAC.2017.2730480", "One memory of R for each set of rows that comes together."
     )
 
     tau: Annotated[float, EVIDENCE, DefaultOrigin("literature: 3 in the paper")] = 3.0

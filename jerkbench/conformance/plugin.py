@@ -235,8 +235,8 @@ def _check_provenance(cls: type) -> None:
     known = provenance_of(cls)
     require_that(
         known is not None or not (is_own(cls) or "provenance" in vars(cls)),
-        f'{cls.__name__} does not say what it is; write provenance: ClassVar[Provenance] = Provenance("published",'
-        ' "doi:..."), or with "simplified" or "own" and a note.',
+        f'{cls.__name__} does not say what it is; write provenance = Provenance("published", "doi:..."), or with'
+        ' "simplified" or "own" and a note.',
     )
     wrong = known.mistake() if known else ""
     require_that(not wrong, f"The provenance of {cls.__name__} makes no sense: {wrong}.")

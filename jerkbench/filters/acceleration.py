@@ -32,7 +32,7 @@ class Acceleration(ManyLengths):
         initial_accel_mps2: one sigma of the acceleration at the start [m/s2].
     """
 
-    provenance: ClassVar[Provenance] = Provenance("published", "doi:10.1002/0471221279")
+    provenance = Provenance("published", "doi:10.1002/0471221279")
 
     uses_imu: ClassVar[bool] = False
 

@@ -27,7 +27,7 @@ class AttitudeOnlyFilter:
     metrics of position and velocity have no value with it.
     """
 
-    provenance: ClassVar[Provenance] = Provenance("own", "", "Hands the attitude on; it navigates by nothing.")
+    provenance = Provenance("own", "", "Hands the attitude on; it navigates by nothing.")
 
     adaptations: ClassVar[tuple[str, ...]] = ("none",)
     attitude_only: ClassVar[bool] = True

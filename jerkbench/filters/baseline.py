@@ -1,7 +1,7 @@
 """The baseline: position and velocity, driven by the measured acceleration."""
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 import numpy as np
 
@@ -30,7 +30,7 @@ class Baseline(ManyLengths):
         accel_mps2: sigma_a, noise of one sample of u [m/s2].
     """
 
-    provenance: ClassVar[Provenance] = Provenance("published", "Candan, Atallah, Servadio and Arabi")
+    provenance = Provenance("published", "Candan, Atallah, Servadio and Arabi")
 
     accel_mps2: Annotated[
         float,

@@ -1,7 +1,7 @@
 """The control experiment of the jerk filter: an acceleration bias in ENU."""
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 import numpy as np
 
@@ -32,8 +32,8 @@ class Bias(ManyLengths):
         initial_bias_mps2: one sigma of the bias at the start [m/s2].
     """
 
-    provenance: ClassVar[Provenance] = Provenance(
-        "own", "doi:10.1109/TAC.1969.1099223", "The control of `jerk`: a third state that is an acceleration bias."
+    provenance = Provenance(
+        "simplified", "doi:10.1109/TAC.1969.1099223", "The bias walks, and is a state like the others."
     )
 
     accel_mps2: Annotated[float, ACCEL, FIELD] = 0.1

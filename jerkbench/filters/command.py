@@ -200,7 +200,7 @@ class Command(TrajectoryForm):
         seed: what {seed} stands for; a run sets it.
     """
 
-    provenance: ClassVar[Provenance] = Provenance("own", "", "A program of the user's; what it is, its author knows.")
+    provenance = Provenance("own", "", "A program of the user's; what it is, its author knows.")
 
     adaptations: ClassVar[tuple[str, ...]] = ("none",)
     for_each_seed: ClassVar[bool] = True

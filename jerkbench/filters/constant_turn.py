@@ -43,7 +43,7 @@ class ConstantTurn:
         initial_turn_radps: one sigma of the rate of turn at the start [rad/s].
     """
 
-    provenance: ClassVar[Provenance] = Provenance("published", "doi:10.1002/0471221279")
+    provenance = Provenance("published", "doi:10.1002/0471221279")
 
     uses_imu: ClassVar[bool] = False
 

@@ -31,7 +31,7 @@ class ConstantVelocity:
         velocity_walk_mps_per_sqrt_s: q, random walk of the velocity [m/s/sqrt(s)]; a car's 1 m/s2 over a second is 1.
     """
 
-    provenance: ClassVar[Provenance] = Provenance("published", "doi:10.1002/0471221279")
+    provenance = Provenance("published", "doi:10.1002/0471221279")
 
     uses_imu: ClassVar[bool] = False
 

@@ -75,10 +75,10 @@ class Eskf15(Eskf15Parameters):
     chapters 5 and 14, reduced to a tangent plane.
     """
 
-    provenance: ClassVar[Provenance] = Provenance(
+    provenance = Provenance(
         "simplified",
         "Groves, 2nd ed., chapters 5 and 14",
-        "In a tangent plane; the Earth's rotation and curvature only where switched on.",
+        "In a tangent plane; the Earth turns only where switched on.",
     )
 
     title: ClassVar[str] = "eskf15"

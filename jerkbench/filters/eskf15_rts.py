@@ -38,9 +38,7 @@ class Eskf15Smoother(Eskf15Alone):
     Inertial, and Multisensor Integrated Navigation Systems", 2nd ed., section 3.4.5.
     """
 
-    provenance: ClassVar[Provenance] = Provenance(
-        "simplified", "doi:10.2514/3.3166", "Over `eskf15`, linearised about its forward pass."
-    )
+    provenance = Provenance("simplified", "doi:10.2514/3.3166", "Over `eskf15`, linearised about its forward pass.")
 
     title: ClassVar[str] = "eskf15_rts"
 

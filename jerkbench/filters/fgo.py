@@ -63,10 +63,8 @@ class FactorGraph(Eskf15Alone):
         iterations: most of the whole drive's optimisation.
     """
 
-    provenance: ClassVar[Provenance] = Provenance(
-        "simplified",
-        "doi:10.1109/TRO.2016.2597321",
-        "Fixes and velocities in place of vision; everything else is GTSAM's.",
+    provenance = Provenance(
+        "simplified", "doi:10.1109/TRO.2016.2597321", "Fixes and velocities in place of vision; all else is GTSAM's."
     )
 
     title: ClassVar[str] = "fgo"

@@ -27,7 +27,7 @@ class GnssOnly:
     measurement, so outages of position and of velocity alone are handled alike.
     """
 
-    provenance: ClassVar[Provenance] = Provenance("own", "", "The floor: the last fix, carried on with its velocity.")
+    provenance = Provenance("own", "", "The floor: the last fix, carried on with its velocity.")
 
     adaptations: ClassVar[tuple[str, ...]] = ("none",)
     uses_imu: ClassVar[bool] = False

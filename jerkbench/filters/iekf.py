@@ -58,10 +58,10 @@ class InvariantEkf(Eskf15):
     noise: the defaults are eskf15's.
     """
 
-    provenance: ClassVar[Provenance] = Provenance(
+    provenance = Provenance(
         "simplified",
         "doi:10.1109/TAC.2016.2594085",
-        "Biases are additive, and the Earth's turning is left out of the error's equation.",
+        "Biases are additive; the error's equation leaves out the Earth's turning.",
     )
 
     title: ClassVar[str] = "iekf"

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
@@ -82,7 +82,7 @@ class InteractingMultipleModels(OverTimelines):
         initial_accel_mps2: one sigma of the acceleration at the start, of an acceleration filter [m/s2].
     """
 
-    provenance: ClassVar[Provenance] = Provenance("published", "doi:10.1109/9.1299")
+    provenance = Provenance("published", "doi:10.1109/9.1299")
 
     first: str = "baseline"
     second: str = "jerk"

@@ -1,7 +1,7 @@
 """The jerk-augmented filter of the paper."""
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 import numpy as np
 
@@ -33,7 +33,7 @@ class Jerk(ManyLengths):
         initial_jerk_mps3: one sigma of the jerk at the start [m/s3].
     """
 
-    provenance: ClassVar[Provenance] = Provenance("published", "Candan, Atallah, Servadio and Arabi")
+    provenance = Provenance("published", "Candan, Atallah, Servadio and Arabi")
 
     accel_mps2: Annotated[float, ACCEL, FIELD] = 0.1
     jerk_mps3_per_sqrt_s: Annotated[float, JERK_WALK, FIELD] = 6.0

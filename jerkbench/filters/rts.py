@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import numpy as np
 
@@ -76,7 +76,7 @@ class RauchTungStriebel(OverTimelines):
         initial_bias_mps2: one sigma of the bias at the start [m/s2].
     """
 
-    provenance: ClassVar[Provenance] = Provenance("published", "doi:10.2514/3.3166")
+    provenance = Provenance("published", "doi:10.2514/3.3166")
 
     model: str = "bias"
     accel_mps2: Annotated[float, ACCEL, DefaultOrigin("that of the filter by itself")] = 0.1

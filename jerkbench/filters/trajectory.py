@@ -32,7 +32,7 @@ class TrajectoryFile(TrajectoryForm):
         label: what tables call it, before "(external)"; empty: the file's name.
     """
 
-    provenance: ClassVar[Provenance] = Provenance("own", "", "A file of the user's; what made it, its author knows.")
+    provenance = Provenance("own", "", "A file of the user's; what made it, its author knows.")
 
     adaptations: ClassVar[tuple[str, ...]] = ("none",)
     uses_imu: ClassVar[bool] = False

@@ -50,11 +50,7 @@ class Ukf(Eskf15Alone):
         kappa: shifts weight to sigma point 0.
     """
 
-    provenance: ClassVar[Provenance] = Provenance(
-        "simplified",
-        "doi:10.1109/ASSPCC.2000.882463",
-        "Over the error state of `eskf15`; the mean goes into the nominal state at once.",
-    )
+    provenance = Provenance("simplified", "doi:10.1109/ASSPCC.2000.882463", "Over the error state of `eskf15`.")
 
     title: ClassVar[str] = "ukf"
 
