@@ -148,3 +148,28 @@ def _print_topics(path: Path) -> None:
     with open_bag(path) as bag:
         for line in survey(bag):
             print(line)
+
+
+@verb(*SOURCE, argument("--figure", type=Path, metavar="FILE", help="draw the errors and their memory (.png, .pdf)"))
+def receiver_verb(chosen: argparse.Namespace) -> None:
+    """Measure how far off a receiver's covariance is, and say what to put into a filter.
+
+    Raises:
+        JerkbenchError: there are too few fixes, or no such kind of figure.
+    """
+    from jerkbench.inspection.receiver import HEADER, advice, receiver_errors, receiver_figure, table_rows
+    from jerkbench.report.plots.style import save_figure
+    from jerkbench.report.tables.terminal import print_grid
+
+    if chosen.figure is not None and chosen.figure.suffix not in FIGURES:
+        raise JerkbenchError(unknown("suffix of a figure", chosen.figure.suffix, FIGURES))
+    recording = dataset_of(chosen.source, chosen.dataset, chosen.set).load(chosen.seed)
+    errors = receiver_errors(recording)
+    if errors is None:
+        raise JerkbenchError(f"{recording.name} has too few fixes to say anything about their covariance.")
+    compared = f"compared with {errors.source}" if errors.source else "compared with each other"
+    title = f"{recording.name}: fixes each {errors.step_s:.3g} s, {compared}"
+    print_grid(title, HEADER, list(table_rows(errors)), list(advice(errors)))
+    if chosen.figure is not None:
+        save_figure(receiver_figure(recording, errors), chosen.figure)
+        print(f"Figure: {chosen.figure}")
