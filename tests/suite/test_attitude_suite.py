@@ -198,4 +198,4 @@ def test_the_board_shows_every_committed_entry_with_its_score():
         score = json.loads((folder / MANIFEST).read_text())["score"]
         assert f"{score['hand ratio']:.3f} [{score['hand low']:.3f}, {score['hand high']:.3f}]" in board
         assert f"{score['drive ratio']:.3f} [{score['drive low']:.3f}, {score['drive high']:.3f}]" in board
-    assert len(ENTRIES) >= 2
+    assert len(ENTRIES) >= 4
