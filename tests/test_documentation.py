@@ -118,7 +118,7 @@ def test_the_two_commands_of_the_readme_are_what_the_gate_runs():
 
 
 def test_what_was_drawn_can_be_asked_of_the_rows(tmp_path, monkeypatch, capsys):
-    (words,) = [words for words in commands() if "dataset=mixture" in words]
+    (words,) = [words for words in pages.commands("everyday") if "dataset=mixture" in words]
     done = verb(*words, "seeds=3", "workers=1", cwd=tmp_path)
     monkeypatch.chdir(tmp_path)
     exec(pages.files("everyday")["by_faults.py"], {})  # noqa: S102 - our own page

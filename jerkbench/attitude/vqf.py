@@ -79,13 +79,13 @@ class Vqf(TiltAndYaw):
         Raises:
             PluginError: the package is not installed.
         """
-        _package()
+        vqf_package()
         super().require(load)
 
     def verticals(self, recording: Recording) -> Verticals:
         """Return x after each sample."""
         imu = recording.inertial
-        package, step_s = _package(), imu.nominal_interval_s
+        package, step_s = vqf_package(), imu.nominal_interval_s
         filter_ = package.VQF(step_s, **self._parameters())
         if self.alignment != "gravity":
             self._settle(filter_, align(recording, alignment=self.alignment).x, step_s)
@@ -145,7 +145,7 @@ class OfflineVqf(Vqf):
                 f"{recording.name} has a gap of {intervals(imu).max():.2f} s between two samples, and attitude"
                 f" offline_vqf takes samples of one rate; take vqf, or a part without a gap above {GAP_S} s."
             )
-        smoothed = _package().offlineVQF(
+        smoothed = vqf_package().offlineVQF(
             *_samples(imu, 0, len(imu.t_s)), None, imu.nominal_interval_s, self._parameters()
         )
         return vertical_of(smoothed["quat6D"]), None
@@ -162,7 +162,12 @@ def _samples(imu: Imu, begin: int, end: int) -> tuple[FloatArray, FloatArray]:
     return imu.gyro_radps[begin:end].copy(), imu.accel_mps2[begin:end].copy()
 
 
-def _package() -> Any:  # noqa: ANN401 - a module that may be missing
+def vqf_package() -> Any:  # noqa: ANN401 - a module that may be missing
+    """Return the package vqf.
+
+    Raises:
+        PluginError: it is not installed.
+    """
     try:
         import vqf
     except ImportError as error:

@@ -10,7 +10,7 @@ import pandas as pd
 from jerkbench.arrays import FloatArray
 from jerkbench.campaigns.ratios import of_families
 from jerkbench.suite.attitude_scores import attitude_log_ratios, attitude_page, attitude_score
-from jerkbench.suite.protocol import AttitudeSuite, SuiteProtocol
+from jerkbench.suite.protocol import HAND, AttitudeSuite, SuiteProtocol
 from jerkbench.suite.scores import entry_log_ratios, entry_page, entry_score
 
 
@@ -115,11 +115,14 @@ class ByTilt:
     def about(self) -> str:
         """What is compared with what."""
         protocol = self.protocol
-        domains = f"Domains: {', '.join(protocol.domains)}, tuned and scored apart"
+        trials = sum(map(len, protocol.hand.values()))
+        counts = {domain: f"n = {trials} trials of BROAD" for domain in [HAND] if trials}
+        counts |= dict.fromkeys(protocol.fields, f"n = {protocol.test_seeds} simulated drives")
+        domains = ", ".join(f"{domain} ({count})" for domain, count in counts.items())
         return (
-            f"{protocol.name} (digest {protocol.digest}). {domains}; {protocol.test_seeds} simulated drives. Ratios of"
-            f" the inclination RMSE to {protocol.plain_entrant.name}, tuned with the same {protocol.trials} settings on"
-            " the other half; below 1 is better."
+            f"{protocol.name} (digest {protocol.digest}). Tuned and scored apart: {domains}. Ratios of the inclination"
+            f" RMSE to {protocol.plain_entrant.name}, tuned with the same {protocol.trials} settings on the other half;"
+            " below 1 is better."
         )
 
     def score(self, rows: pd.DataFrame) -> dict[str, Any]:

@@ -63,14 +63,21 @@ are written before anything runs, and the seeds to score on follow from the hash
   jerkbench audit --scale small      minutes: shows that all of it runs, answers nothing
   jerkbench audit --scale medium     two models, without what iterates: half an hour
   jerkbench audit                    the whole protocol: 90 minutes on two cores
+  jerkbench audit attitude           of attitude filters, by the error of the tilt: ten minutes (needs the package vqf)
 
 The same command goes on where it was stopped; --stored judges what is stored, whatever version computed it (its digest
-stands in manifest.json), and runs nothing. RESULTS/audit-SCALE has README.md with the answer, its figures, table.md,
-verdicts.csv, settings.csv, rows.parquet, manifest.json, protocol.json.
+stands in manifest.json), and runs nothing. `attitude` has a protocol of its own: BROAD, RepoIMU's TStick, KITTI and the
+simulated field, apart; what is not in --data is left out.
+
+RESULTS/audit-SCALE has README.md with the answer, its figures, table.md, verdicts.csv, settings.csv, rows.parquet,
+manifest.json, protocol.json.
 """
 
 
 @verb(
+    argument("what", nargs="?", choices=("attitude",), help="attitude filters, in place of navigation filters"),
+    argument("--data", type=Path, help="folder of broad, repoimu, kitti (default: where `data fetch` puts them)"),
+    argument("--settings", type=count, default=64, help="of each attitude filter; fewer than 64 give rows, no tables"),
     argument("--scale", default="full", help="name of the protocol (default: full)"),
     argument("--results", type=output, default=Path("results"), help="folder of all results"),
     argument("--stored", action="store_true", help="judge the stored rows of any version, and run nothing"),
@@ -88,6 +95,9 @@ def audit_verb(chosen: argparse.Namespace) -> None:
     from jerkbench.hydra_app.words import cluster_named
     from jerkbench.jobs.pool import processors
 
+    if chosen.what:
+        _audit_attitude(chosen, chosen.results / f"{FOLDER}{chosen.what}", chosen.workers or processors())
+        return
     protocol, folder = read_protocol(chosen.scale), chosen.results / f"{FOLDER}{chosen.scale}"
     cluster, workers = cluster_named(chosen.cluster), chosen.workers or processors()
     print(text_of(run_audit(protocol, folder, cluster, workers, only_stored=chosen.stored)))
@@ -113,6 +123,14 @@ A method whose parameters have ranges is tuned on one half of the faults and sco
 without, and a program, is scored as it is given. The plain filter is tuned alike. The same command goes on where it was
 stopped. Written: entry.md, rows.parquet, settings.yaml, manifest.json (docs/suite.md).
 """
+
+
+def _audit_attitude(chosen: argparse.Namespace, folder: Path, workers: int) -> None:
+    from jerkbench.audit.attitude.study import run_attitude_audit
+    from jerkbench.io.files import fetched_folder
+
+    print(run_attitude_audit(chosen.data or fetched_folder(""), folder, workers, chosen.settings))
+    print(f"Written to {folder}.")
 
 
 @verb(
@@ -156,10 +174,15 @@ def _entrant(words: Sequence[str]) -> "Entrant":
 
 def _attitude_entrant(words: Sequence[str]) -> "Entrant":
     """An attitude filter, or a program: of that the attitude of the data set is never asked."""
+    from jerkbench import plugins
     from jerkbench.campaigns.entrant import Entrant
+    from jerkbench.errors import PluginError
+    from jerkbench.optional import is_attitude_only
 
     given = words if any(word.startswith("filter=") for word in words) else ["filter=attitude_only", *words]
     spec = _spec(given, ("filter", "attitude"), "attitude=vqf attitude.tau_acc_s=5")
+    if not is_attitude_only(plugins.get("filter", spec["filter"]["name"])):
+        raise PluginError(f"The filter {spec['filter']['name']} is no attitude filter; give attitude=NAME.")
     attitude = dict(spec["attitude"]) if any(word.startswith("attitude") for word in words) else None
     return Entrant(dict(spec["filter"]), {"name": "none"}, {}, attitude)
 
