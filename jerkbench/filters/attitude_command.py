@@ -43,7 +43,7 @@ class AttitudeCommand(Command):
         attitude: the columns of the attitude: four (w, x, y, z) or three (roll, pitch, yaw).
     """
 
-    provenance: ClassVar[Provenance] = Provenance("own", "", "A program of the user's; what it is, its author knows.")
+    provenance = Provenance("own", "", "A program of the user's; what it is, its author knows.")
     attitude_only: ClassVar[bool] = True
 
     attitude: tuple[str, ...] = ("qw", "qx", "qy", "qz")
