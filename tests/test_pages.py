@@ -33,6 +33,7 @@ TYPED = {
     ],
     "attitude_filter": ["dataset=field_white", "dataset.imu_rate_hz=20", "dataset.reference_rate_hz=20"],
     "baseline": [],
+    "faults": ["dataset.duration_s=90", "seeds=1"],
     "gate": ["dataset.duration_s=12", "engine=filterpy"],
     "faq": [],
     "report": [],

@@ -109,7 +109,7 @@ def receiver_errors(recording: Recording) -> ReceiverErrors | None:
     t_s, enu_m = position.t_s, position.enu_m
     sigma_m = np.sqrt(np.diagonal(position.covariance_m2, axis1=1, axis2=2))
     error_m = enu_m - truth_at(recording, "position", t_s, LONGEST_GAP_S)
-    compared = np.isfinite(error_m).any(axis=1)
+    compared = np.asarray(np.isfinite(error_m).any(axis=1), dtype=np.bool_)
     if compared.sum() < LEAST_FIXES or not np.nan_to_num(error_m).any():
         error_m, compared = np.full_like(enu_m, np.nan), np.zeros(len(t_s), dtype=np.bool_)
     second_m = np.full_like(enu_m, np.nan)
@@ -170,7 +170,7 @@ def _autocorrelation(
     pairs = np.fft.irfft(np.abs(np.fft.rfft(there.astype(float), size, axis=0)) ** 2, axis=0)
     most = max(2, int(LONGEST_LAG * len(grid)))
     mean = power[:most] / np.maximum(np.round(pairs[:most]), 1)
-    return step_s * np.arange(most), mean / np.where(mean[0] > 0, mean[0], np.nan)
+    return step_s * np.arange(most, dtype=np.float64), mean / np.where(mean[0] > 0, mean[0], np.nan)
 
 
 # The page: a table, and what to put into a filter.
