@@ -133,12 +133,6 @@ def test_the_first_page_installs_as_the_readme_does():
     assert "\n".join(pages.lines("first_table")[:2]) in readme
 
 
-def test_the_python_of_everyday_use_runs(capsys):
-    exec(pages.files("everyday")["first_run.py"], {})  # noqa: S102 - our own page
-
-    assert "outage_end_m" in capsys.readouterr().out
-
-
 @pytest.mark.parametrize("page", sorted({path.stem for path in pages.DOCS.glob("*.md")} - LONG))
 def test_the_sentences_of_a_page_are_short(page):
     mean, longest = pages.longest(pages.text(page))
