@@ -46,7 +46,6 @@ ELSEWHERE = {"agents", "any_language", "suite"}
 LONG = {
     "attitude_filter",
     "inspect",
-    "one_bag",
     "own_log",
 }
 """Pages whose sentences may still be long; no page is added."""
