@@ -1,4 +1,4 @@
-"""The commands of the README and of a page, typed on a shorter drive; the README's plugin is installed and swept."""
+"""The commands of the README and of two pages, typed on a shorter drive; the README's plugin is installed and swept."""
 
 import re
 import shlex
@@ -11,9 +11,11 @@ from commands import jerkbench, verb
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-TEXT = README + pages.text("inspect")
+TEXT = README + pages.text("everyday") + pages.text("inspect")
 BRIEF = ("data", "report", "new", "check", "compare", "cite")
 """Verbs of which some only name the file that they wrote."""
+IN_FULL = pages.commands("everyday")
+"""They are typed by `test_pages.py`, which compares what they print."""
 QUICK = ["dataset.duration_s=80", "seeds=1", "workers=1"]
 
 
@@ -71,7 +73,7 @@ def typed(words, folder, plugin):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("words", [w for w in commands() if is_run(w)], ids=" ".join)
+@pytest.mark.parametrize("words", [w for w in commands() if is_run(w) and w not in IN_FULL], ids=" ".join)
 def test_the_runs_of_the_readme_go_well(folder, plugin, words):
     lasting = {"dataset=rosbag", "dataset=mixture"} & set(words)  # a drive that cannot be shortened
     quick = [word for word in QUICK if not lasting or not word.startswith("dataset.")]
@@ -82,7 +84,7 @@ def test_the_runs_of_the_readme_go_well(folder, plugin, words):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("words", [w for w in commands() if not is_run(w)], ids=" ".join)
+@pytest.mark.parametrize("words", [w for w in commands() if not is_run(w) and w not in IN_FULL], ids=" ".join)
 def test_the_other_commands_of_the_readme_go_well(folder, plugin, words):
     if studies := [word for word in words if word.startswith("results/")]:  # of a sweep with outages
         study = f"study={Path(studies[0]).name}"
@@ -125,6 +127,12 @@ def test_what_was_drawn_can_be_asked_of_the_rows(tmp_path, monkeypatch, capsys):
 
     assert done.returncode == 0, done.stderr
     assert "drawn.faults\n2.0" in capsys.readouterr().out
+
+
+def test_the_python_of_everyday_use_runs(capsys):
+    exec(pages.files("everyday")["first_run.py"], {})  # noqa: S102 - our own page
+
+    assert "outage_end_m" in capsys.readouterr().out
 
 
 def test_the_readme_is_short_and_its_sentences_are():

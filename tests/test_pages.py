@@ -47,7 +47,6 @@ ELSEWHERE = {"agents", "any_language", "suite"}
 LONG = {
     "attitude_filter",
     "inspect",
-    "one_bag",
     "own_log",
 }
 """Pages whose sentences may still be long; no page is added."""
@@ -135,12 +134,6 @@ def test_the_first_page_installs_as_the_readme_does():
     readme = (pages.DOCS.parent / "README.md").read_text(encoding="utf-8")
 
     assert "\n".join(pages.lines("first_table")[:2]) in readme
-
-
-def test_the_python_of_everyday_use_runs(capsys):
-    exec(pages.files("everyday")["first_run.py"], {})  # noqa: S102 - our own page
-
-    assert "outage_end_m" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("page", sorted({path.stem for path in pages.DOCS.glob("*.md")} - LONG))

@@ -82,7 +82,7 @@ def count(text: str) -> int:
         ArgumentTypeError: it is none.
     """
     if not text.isdecimal():
-        raise argparse.ArgumentTypeError(f"'{text}' is no number of scenarios; give 0 or more")
+        raise argparse.ArgumentTypeError(f"'{text}' is no whole number; give 0 or more")
     return int(text)
 
 
