@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from scipy import stats
+from scipy import optimize, stats
 
 from jerkbench.errors import PluginError
 from jerkbench.evaluation.statistics import drives_and_tunings
@@ -34,8 +34,14 @@ def drawn_losses(random, sigma_a=0.08):
     return Losses(*of, *tuned, np.arange(M) % P, averaged, ~averaged)
 
 
-def test_one_comparison_is_the_analysis_of_variance_of_two_crossed_factors():
-    y = crossed(np.random.default_rng(1), 1, 0.2, 0.4, 0.3, 5, 9)[0]
+def hall_end(q, bend):
+    """Where Hall's cubic is q, found by a search."""
+    return optimize.brentq(lambda t: t + bend * t**2 / 3 + bend**2 * t**3 / 27 + bend / 6 - q, -50, 50)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_one_comparison_is_the_analysis_of_variance_of_two_crossed_factors(seed):
+    y = crossed(np.random.default_rng(seed), 1, 0.2, 0.4, 0.3, 5, 9)[0]
     grand, rows, columns = y.mean(), y.mean(axis=1), y.mean(axis=0)
     ms_rows = 9 * sum((row - grand) ** 2 for row in rows) / 4
     ms_columns = 5 * sum((column - grand) ** 2 for column in columns) / 8
@@ -43,11 +49,14 @@ def test_one_comparison_is_the_analysis_of_variance_of_two_crossed_factors():
     variance = (ms_rows + ms_columns - ms_rest) / 45
     of_rows = (ms_rows - ms_rest) / 45
     dof = variance**2 / (of_rows**2 / 4 + (ms_columns / 45) ** 2 / 8)
-    half = stats.t.ppf(0.975, dof) * np.sqrt(variance)
+    q, error = stats.t.ppf(0.975, dof), np.sqrt(variance)
+    third = stats.kstat(rows, 3) / 5**2 + sum((column - grand) ** 3 for column in columns) / 9**3 * (9 / 8)
+    bend = 0.6 * third / error**3
+    low, high = (grand - hall_end(end, bend) * error for end in (q, -q))
 
-    mean, low, high, tuning = (float(part[0]) for part in crossed_intervals(y[None], 0.05))
-    np.testing.assert_allclose([mean, low, high], [grand, grand - half, grand + half], rtol=1e-12)
-    np.testing.assert_allclose(tuning, (ms_rows - ms_rest) / 9)
+    found = [float(part[0]) for part in crossed_intervals(y[None], 0.05)]
+    expected = [grand, min(low, grand - q * error), max(high, grand + q * error), (ms_rows - ms_rest) / 9]
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
 
 
 def test_the_variance_of_the_tunings_is_the_larger_of_the_own_and_that_of_all():

@@ -14,8 +14,9 @@ A drive has the weight w_d, the sum of which is 1. With S_k = sum w^k and c = S_
     V      = V_d + max(own sigma_a^2, mean sigma_a^2 of the family)/R
 
 Without weights it is the analysis of variance of two crossed factors. The search of a method may have been lucky or
-not 16 times, which says little of how much luck there is: hence the family's mean. Student's t has the degrees of
-freedom of Satterthwaite, V^2/(V_d^2/(S_2^2/S_4 - 1) + (V - V_d)^2/(R - 1)).
+not 16 times, which says little of how much luck there is: hence the family's mean. The interval is Student's, with the
+degrees of freedom of Satterthwaite, V^2/(V_d^2/(S_2^2/S_4 - 1) + (V - V_d)^2/(R - 1)), and the shortest that holds it
+and Hall's, which removes most of the skewness of the mean (`intervals.few_intervals`): the luck of a search is skewed.
 
 Three families of hypotheses share an error of 5 % alike, without a gate: H1, the average adaptation against the plain
 filters of its models; H2, in each tuning whoever has the lowest error on the tuning drives, against the plain filter
@@ -33,6 +34,7 @@ import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.errors import PluginError
+from jerkbench.evaluation.statistics.intervals import SHRUNK, untransformed
 from jerkbench.evaluation.statistics.judgement import LEVEL, Verdict
 
 FAMILIES = 3
@@ -171,10 +173,18 @@ def crossed_intervals(y: FloatArray, level: float, weights: FloatArray | None = 
     own = of_tuning.var(axis=1, ddof=1) - V_e
     V_a = np.maximum(own, own.mean()) / tunings
     V = V_d + V_a
+    third = c * (of_drive - mean[:, None]) ** 3 @ w**3 + _third(of_tuning - mean[:, None])
     with np.errstate(divide="ignore", invalid="ignore"):  # without any variance nothing is known: NaN, undecided
         dof = V**2 / (V_d**2 / (S2**2 / S4 - 1.0) + V_a**2 / (tunings - 1))
-        half = stdtrit(dof, 1.0 - level / 2.0) * np.sqrt(V)
-    return mean, mean - half, mean + half, tunings * V_a
+        q, error = stdtrit(dof, 1.0 - level / 2.0), np.sqrt(V)
+        ends = [mean - untransformed(end, SHRUNK * third / error**3) * error for end in (q, -q)]
+    return mean, np.fmin(ends[0], mean - q * error), np.fmax(ends[1], mean + q * error), tunings * V_a
+
+
+def _third(apart: FloatArray) -> FloatArray:
+    """Return the third cumulant of the mean of (k, n) values, given apart from their mean."""
+    n = apart.shape[1]
+    return np.asarray((apart**3).sum(axis=1) / (n * (n - 1) * (n - 2)))
 
 
 def _judged(mean: FloatArray, low: FloatArray, high: FloatArray, variance: FloatArray) -> Iterator[Statement]:

@@ -67,11 +67,11 @@ def hall_intervals(d: FloatArray, confidence: float, share: float = 1.0) -> tupl
     with np.errstate(divide="ignore", invalid="ignore"):
         skewness = n / ((n - 1) * (n - 2)) * np.sum(((d - mean[:, None]) / s[:, None]) ** 3, axis=1)
     q, bend = float(stdtrit(n - 1, (1 + confidence) / 2)), share * skewness / np.sqrt(n)
-    low, high = (mean - _untransformed(end, bend) * s / np.sqrt(n) for end in (q, -q))
+    low, high = (mean - untransformed(end, bend) * s / np.sqrt(n) for end in (q, -q))
     return low, high
 
 
-def _untransformed(y: float, bend: FloatArray) -> FloatArray:
+def untransformed(y: FloatArray | float, bend: FloatArray) -> FloatArray:
     """Return t (k,) where g(t) = y; ``bend`` (k,) is c/sqrt(n)."""
     straight = y - bend / 6
     curved = np.abs(bend) > STRAIGHT
