@@ -14,6 +14,7 @@ from typing import NoReturn
 
 from jerkbench.errors import INTERRUPTED, JerkbenchError, exit_with
 from jerkbench.plain import plain_output
+from jerkbench.presets import take_folders
 from jerkbench.removed import refuse_removed
 from jerkbench.verbs import VERBS
 
@@ -42,6 +43,7 @@ r_scale.position=2 r_scale.velocity=0.5 scale the reported R that the filter get
 
 Other KEYs: study, results, seeds, first_seed, burn_in_s, divergence_limit_m, metrics, workers, cluster, figures,
 figures_pdf, report, notes, tags. --dry prints what would run, what is left out and how long it takes, and runs nothing.
+--config-dir DIR, with any verb, adds a folder with presets of your own (DIR/dataset/mine.yaml); several may be given.
 Results are in results/STUDY. A combination that is done is not run again. If you stop a sweep, the same command
 continues it.
 
@@ -84,6 +86,7 @@ def _guarded(words: list[str]) -> None:
         _require_installed()
         _require_date()
         refuse_removed(words)
+        words = take_folders(words)
         _require_room()
         with warnings.catch_warnings():
             warnings.showwarning = _one_line
@@ -204,7 +207,11 @@ def _answer(words: list[str]) -> None:
     """Answer a verb; a file that it cannot read or write becomes a sentence."""
     if words[:1] in ([], ["help"]):
         words = [*words[1:], "--help"]
-    chosen = _parser().parse_args(words)
+    chosen, behind = _parser().parse_known_args(words)
+    if behind and (not hasattr(chosen, "words") or any(word.startswith("-") for word in behind)):
+        _parser().error(f"unrecognized arguments: {' '.join(behind)}")
+    if behind:  # KEY=VALUE behind an option, which argparse does not put to those before it
+        chosen.words = [*chosen.words, *behind]
     try:
         chosen.answer(chosen)
     except BrokenPipeError:
@@ -228,6 +235,8 @@ def _parser() -> argparse.ArgumentParser:
         prog="jerkbench", description="Which navigation filter is better, by how much, on which recordings, and why?"
     )
     parser.add_argument("--version", action="version", version=_version())
+    presets = "a folder with presets of your own (DIR/dataset/mine.yaml), for every verb; it may be given several times"
+    parser.add_argument("--config-dir", metavar="DIR", help=presets)
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB")
     verbs.add_parser("run", help="run one combination, or with -m a sweep (jerkbench run --help)")
     for verb in VERBS:

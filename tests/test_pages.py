@@ -33,6 +33,7 @@ TYPED = {
     ],
     "attitude_filter": ["dataset=field_white", "dataset.imu_rate_hz=20", "dataset.reference_rate_hz=20"],
     "baseline": [],
+    "faults": ["dataset.duration_s=90", "seeds=1"],
     "gate": ["dataset.duration_s=12", "engine=filterpy"],
     "faq": [],
     "report": [],
@@ -93,14 +94,17 @@ def _prepare(page, folder):
         shutil.copytree(pages.DOCS.parent / "examples" / "plugin", folder / "benchmarks" / "plugin")
         pages.install(folder / "benchmarks" / "plugin")
         _write(folder, pages.files(page))
+    if page == "attitude_filter":
+        _write(folder, {name: text for name, text in pages.files(page).items() if "/" not in name})
 
 
 def _typed(words, more, folder):
-    if words[0] not in {"run", "tune"}:
+    if words[0] not in {"run", "tune", "suite"} or words[1] in {"verify", "board"}:
         return verb(*words, cwd=folder)
     packages = os.pathsep.join(str(place.parent) for place in folder.rglob("pyproject.toml"))
     if not packages:
         return verb(*words, *more, cwd=folder)
+    more = ["--workers", "1"] if words[0] == "suite" else more
     return jerkbench(*words, *more, cwd=folder, PYTHONPATH=packages)
 
 
