@@ -23,10 +23,11 @@ TITLES = {
 METRICS_HEAD = """\
 # Every metric by its equation
 
-A metric is computed from one run: the estimate and the reference at the reference's own stamps, from `burn_in_s` on.
-Nothing is aligned and nothing interpolated. The name of a column ends with its unit. Averages over seeds are geometric
-means with 95 % intervals, and lost runs are counted beside them: [how to read them](report.md). `metrics=[all]`
-computes all; those that say so are computed only when they are asked for.
+This page defines every metric. A metric is computed from one run. It compares the estimate with the reference at the
+stamps of the reference, from `burn_in_s` on. Nothing is aligned, and nothing is interpolated. The name of a column ends
+with its unit. A table shows the median over the seeds with its 95 % interval: [how to read a result](report.md).
+
+`metrics=[all]` computes all metrics. Some are computed only if you ask for them; their text says so.
 """
 
 
@@ -59,7 +60,7 @@ def metrics_page() -> str:
 
 
 def _list_page(kind: str, title: str, listed: list[CatalogueEntry], figures: Mapping[str, bytes]) -> str:
-    shown_by = f"`jerkbench list {kind}`; `jerkbench show {kind} NAME` has the same words in a terminal."
+    shown_by = f"In a terminal, `jerkbench list {kind}` prints this list, and `jerkbench show {kind} NAME` each page."
     lines = [f"# {title}", "", shown_by, "", "| name | what it is |", "|---|---|", *map(_line, listed)]
     if figures:
         lines += ["", "## Gallery", "", CAPTIONS[kind], "", *_gallery(list(figures))]
@@ -83,13 +84,13 @@ def _line(entry: CatalogueEntry) -> str:
 
 CAPTIONS = {
     "disturbance": (
-        "What each does to the same 80 s of `field_white`. Fixes and velocities less the truth at their stamps, before "
-        "(grey) and after; what is added to the IMU; the sigma that is reported."
+        "What each does to the same 80 s of `field_white`. The panels show the errors of fixes and velocities, what is "
+        "added to the IMU, and the reported sigma. Grey: without the disturbance."
     ),
     "adaptation": (
-        "The baseline on the same 80 s of `field_white` under bursts of multipath on one axis and, from 60 s on, a "
-        "noise that doubles: its error with the adaptation and without, and how much larger than reported the sigma of "
-        "each fix is taken to be (a row that is dropped is absent)."
+        "The baseline on the same 80 s of `field_white`, with bursts of multipath on one axis. From 60 s on the noise "
+        "doubles. Above: its error with the adaptation and without. Below: the sigma that the adaptation uses for each "
+        "fix, divided by the reported one. A row that is dropped is not drawn."
     ),
 }
 """What the figures of a kind show."""
@@ -108,7 +109,7 @@ def _chosen(kind: str, name: str) -> str:
 
 def _preset_body(kind: str, name: str, figure: str) -> str:
     text = preset_files(kind)[name].read_text(encoding="utf-8").rstrip()
-    return f"A preset: a file of values, `conf/{kind}/{name}.yaml`.\n\n```yaml\n{text}\n```\n\n{figure}"
+    return f"This is a preset: a file of values, `conf/{kind}/{name}.yaml`.\n\n```yaml\n{text}\n```\n\n{figure}"
 
 
 def _plugin_body(kind: str, name: str, figure: str) -> str:
@@ -128,11 +129,7 @@ def _parameters(kind: str, name: str, described: Mapping[str, str]) -> str:
     rows = [_row(parameter, described) for parameter in shown_json(kind, name)["parameters"]]
     if not rows:
         return "It has no parameters."
-    head = [
-        "| parameter | default | what it is | range of `tune` | where the default comes from |",
-        "|---|---|---|---|---|",
-    ]
-    return "\n".join([*head, *rows])
+    return "\n".join([PARAMETERS_HEAD, *rows])
 
 
 def _row(parameter: Mapping[str, Any], described: Mapping[str, str]) -> str:

@@ -130,6 +130,17 @@ def test_filters_of_the_reader_stand_beside_ours(typed):
     assert {"held", "wearing_off", "baseline"} <= set(rows["filter"])
 
 
+@pytest.mark.slow
+def test_the_mistake_of_the_page_is_reported_as_it_shows(typed, tmp_path):
+    shutil.copytree(typed("own_filter") / "gentle", tmp_path / "gentle")
+    module = tmp_path / "gentle" / "gentle.py"
+    module.write_text(module.read_text().replace("return adapted\n", "return adapted[:1]\n"))
+    done = jerkbench("check", "gentle", cwd=tmp_path)
+
+    assert done.returncode == 1
+    assert done.stdout in pages.blocks("own_filter", "text")
+
+
 def test_the_first_page_installs_as_the_readme_does():
     readme = (pages.DOCS.parent / "README.md").read_text(encoding="utf-8")
 
