@@ -38,7 +38,7 @@ EXAMPLES: Mapping[str, Sequence[str]] = {
     ),
     "data receiver": (
         "jerkbench data receiver drive.bag --figure receiver.png",
-        "jerkbench data receiver field --set duration_s=60",
+        "jerkbench data receiver field --set duration_s=60 --seed 1",
     ),
     "data salvage": (
         "jerkbench data salvage cut.bag whole.bag",
