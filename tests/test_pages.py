@@ -44,13 +44,6 @@ TYPED = {
 ELSEWHERE = {"agents", "any_language", "suite"}
 """Pages whose own test holds what they show as output."""
 
-LONG = {
-    "attitude_filter",
-    "inspect",
-    "own_log",
-}
-"""Pages whose sentences may still be long; no page is added."""
-
 STUDIES = pages.DOCS.parent / "experiments"
 
 LONG_STUDIES = {"attitude", "audit"}
@@ -147,7 +140,7 @@ def test_the_first_page_installs_as_the_readme_does():
     assert "\n".join(pages.lines("first_table")[:2]) in readme
 
 
-@pytest.mark.parametrize("page", sorted({path.stem for path in pages.DOCS.glob("*.md")} - LONG))
+@pytest.mark.parametrize("page", sorted(path.stem for path in pages.DOCS.glob("*.md")))
 def test_the_sentences_of_a_page_are_short(page):
     mean, longest = pages.longest(pages.text(page))
 

@@ -17,11 +17,12 @@ from jerkbench.campaigns.search import seen
 from jerkbench.errors import RecordingError
 from jerkbench.io.files import VARIABLE
 from jerkbench.suite.attitude_scores import attitude_log_ratios, attitude_score
+from jerkbench.suite.board import Board, html
 from jerkbench.suite.campaign import half_settings
 from jerkbench.suite.entry import MANIFEST, read_entry
 from jerkbench.suite.protocol import FROZEN, read_suite
 from jerkbench.suite.recordings import data_digests, require_recordings
-from jerkbench.suite.scoring import scoring_of
+from jerkbench.suite.scoring import BoardValue, scoring_of
 from jerkbench.suite.verify import file_mistakes, frozen_mistakes, missing_mistakes, score_mistakes
 
 DIGESTS = {"attitude-v1": "5255c08c840d", "attitude-tiny": "6dc25bed7045"}
@@ -119,6 +120,16 @@ def made(tmp_path_factory):
     done = verb("suite", "run", "attitude=mahony", *TINY, cwd=folder)
     assert done.returncode == 0, done.stderr
     return folder, done.stdout, folder / "results/suite-attitude-tiny/mahony"
+
+
+def test_the_boards_page_says_of_each_domain_who_beats_the_plain_filter():
+    heads = ("hand: rank (95 %)", "entry", "hand: verdict", "drive: verdict")
+    lines = [[BoardValue("1"), BoardValue("vqf"), BoardValue("better"), BoardValue("worse")]]
+    page = html(Board("attitude-v1", "two domains", heads, lines, []))
+
+    assert "hand: 1 of 1 entries beat the tuned plain filter: vqf<" in page
+    assert "drive: 0 of 1 entries beat the tuned plain filter<" in page
+    assert "<strong>vqf</strong>" in page
 
 
 def test_an_entry_has_its_settings_and_comes_out_again(made):
