@@ -21,7 +21,7 @@ from jerkbench.verbs import VERBS
 RUN_HELP = """\
 jerkbench run [-m] [GROUP=NAME ...] [KEY=VALUE ...]
 
-Runs one combination, or with -m every combination of the values that are separated by commas.
+Runs one combination, or with -m all combinations of the values between commas.
 
   jerkbench run                                             the defaults: the baseline on the simulated field
   jerkbench run filter=jerk adaptation=mtf seeds=20
@@ -29,29 +29,31 @@ Runs one combination, or with -m every combination of the values that are separa
   jerkbench run -m noise.accel_mps2=0.1,0.2,0.5             a sweep of the process noise
   jerkbench run -m experiment=paper                         the paper's whole comparison
 
-GROUPs: dataset, disturbance, attitude, filter, adaptation, noise, engine, experiment. `jerkbench list` names what there
-is, `jerkbench show KIND NAME` the parameters. Several disturbances act in order: disturbance=[bias,gnss_outage].
+GROUPs: dataset, disturbance, attitude, filter, adaptation, noise, engine, experiment. `jerkbench list` names the
+plugins and presets, `jerkbench show KIND NAME` the parameters. Several disturbances act in order:
+disturbance=[imu_bias,gnss_outage].
 
-A parameter stands under its GROUP, and that of a disturbance under its name, as there may be several:
+Set a parameter as GROUP.PARAMETER=VALUE. For disturbances use disturbance.NAME.PARAMETER=VALUE, because a run can have
+several:
 
   jerkbench run adaptation=mtf adaptation.window=3
   jerkbench run disturbance=gnss_outage disturbance.gnss_outage.windows_s=[[50,60]]
 
-What a filter is told of the reported R, with the data as they are: r_scale.position=2 r_scale.velocity=0.5.
+r_scale.position=2 r_scale.velocity=0.5 scale the reported R that the filter gets; the data stay as they are.
 
 Other KEYs: study, results, seeds, first_seed, burn_in_s, divergence_limit_m, metrics, workers, cluster, figures,
-figures_pdf, report, notes, tags. With --dry it says what would run, what is left out and about how long it
-takes, and runs nothing.
+figures_pdf, report, notes, tags. --dry prints what would run, what is left out and how long it takes, and runs nothing.
 --config-dir DIR, with any verb, adds a folder with presets of your own (DIR/dataset/mine.yaml); several may be given.
-Results are in results/STUDY. A cell that is done is not run again; a sweep that was stopped goes on where it was.
+Results are in results/STUDY. A combination that is done is not run again. If you stop a sweep, the same command
+continues it.
 
-A configuration reads an environment variable (${oc.env:NAME}) only if JERKBENCH_ENV=NAME,... names it: its value
-would stand in names and tables.
+A configuration reads an environment variable (${oc.env:NAME}) only if JERKBENCH_ENV=NAME,... names it, because its
+value appears in names and tables.
 
-Exit codes: 0 all has run, also where a run diverged, which is a result; 1 a run failed, or something cannot be stored;
-2 the input is at fault; 130 interrupted.
+Exit codes: 0 all runs are done (a run that diverged is a result); 1 a run failed, or something cannot be stored;
+2 the input is wrong; 130 interrupted.
 
-What a plugin raises is a sentence; JERKBENCH_TRACEBACK=1 in the environment shows the traceback of a single run.
+An error of a plugin is one sentence. JERKBENCH_TRACEBACK=1 in the environment shows the traceback of a single run.
 
 It is a Hydra 1.3 app: --cfg job, --info, hydra/launcher=... and the rest work as Hydra documents them.
 """

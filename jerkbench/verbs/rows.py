@@ -25,7 +25,7 @@ ROW = (
 
 @verb(*ROW)
 def rerun_verb(chosen: argparse.Namespace) -> None:
-    """Run one row again, from its own stored configuration: the same numbers?.
+    """Run one row again from its stored configuration, and compare all numbers.
 
     Raises:
         JerkbenchError: there is no such row, or its data have changed.
@@ -58,7 +58,7 @@ NOTHING_ASKED = (
     ),
 )
 def export_verb(chosen: argparse.Namespace) -> None:
-    """Write one row's trajectories (TUM), or its updates with the adapted R.
+    """Write the trajectories of one row (TUM), or its updates with the adapted R.
 
     Raises:
         JerkbenchError: nothing is, there is no such row, its data have changed, or it has no reference or no updates.
@@ -88,9 +88,9 @@ def _write_trajectories(chosen: argparse.Namespace, row: "StoredRow") -> None:
 
 
 SCORE = """\
-KEY=VALUE are those of `jerkbench run`: they say which recording it is (dataset, disturbance, and their parameters,
-first_seed), how it is scored (burn_in_s, metrics), and where the rows go (study, results); name=NAME is what tables
-call the method, and filter.KEY=VALUE says which columns are what (`jerkbench show filter trajectory`).
+KEY=VALUE are those of `jerkbench run`. They name the recording (dataset, disturbance, their parameters, first_seed),
+the scoring (burn_in_s, metrics), and where the rows go (study, results). name=NAME is the name of the method in tables.
+filter.KEY=VALUE names the columns of the file (`jerkbench show filter trajectory`).
 
   jerkbench score mine.tum dataset=field disturbance=gnss_outage name=mine study=duel
   jerkbench score 'run_{seed}.csv' dataset=field name=mine study=duel filter.frame=ned
@@ -113,7 +113,7 @@ NAME = "name="
     epilog=SCORE,
 )
 def score_verb(chosen: argparse.Namespace) -> None:
-    """Score trajectories from anywhere, as rows beside those of our filters.
+    """Score trajectories of other programs, as rows beside those of our filters.
 
     Raises:
         JerkbenchError: no file is given or there is none, or the words describe no recording.

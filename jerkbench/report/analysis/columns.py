@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from jerkbench.errors import JerkbenchError, unknown
-from jerkbench.evaluation.evaluated_run import RUN
+from jerkbench.evaluation.evaluated_run import DRAWN, RUN
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -56,8 +56,8 @@ TITLES = {
     "inflated_percent": "Updates with an inflated position",
     "rejected_percent": "Updates with a rejected position",
     "lockout_s": "Longest streak of inflated positions",
-    "silent_error_percent": "Position errors beyond three of the filter's own sigmas",
-    "silent_error_s": "Longest time of position errors beyond three of the filter's own sigmas",
+    "silent_error_percent": "Position errors above 3 sigma of the filter",
+    "silent_error_s": "Longest time of a position error above 3 sigma of the filter",
     "spike_taken_m": "Largest displaced fix that was taken",
     "spike_refused_m": "Smallest displaced fix that was not taken",
     "spike_step_m": "Largest step of the position at a displaced fix",
@@ -277,9 +277,9 @@ IDENTITY = (*FACTORS, *RUN)
 
 
 def metric_columns(rows: "pd.DataFrame") -> list[str]:
-    """Return the columns that hold metrics: numbers that are not part of a row's identity."""
+    """Return the columns that hold metrics: numbers that are neither part of a row's identity nor what was drawn."""
     numbers = rows.select_dtypes("number").columns
-    return [str(column) for column in numbers if column not in IDENTITY]
+    return [str(column) for column in numbers if column not in IDENTITY and not str(column).startswith(DRAWN)]
 
 
 def checked(rows: "pd.DataFrame", metric: str) -> "pd.DataFrame":
