@@ -36,6 +36,10 @@ EXAMPLES: Mapping[str, Sequence[str]] = {
         "jerkbench data inspect drive.bag --figure overview.png",
         "jerkbench data inspect field --set duration_s=30 --seed 1",
     ),
+    "data receiver": (
+        "jerkbench data receiver drive.bag --figure receiver.png",
+        "jerkbench data receiver field --set duration_s=60 --seed 1",
+    ),
     "data salvage": (
         "jerkbench data salvage cut.bag whole.bag",
         "jerkbench data salvage drive.bag.active saved.bag",
