@@ -214,6 +214,7 @@ class Reference:
         velocity_mps: (k, 3) in ENU, or None.
         euler_rad: (k, 3) roll, pitch, yaw, or None.
         scored: (k,) whether errors count there (default: everywhere).
+        sigma_m: (k, 3) one standard deviation of its position, east, north, up; None: not known.
     """
 
     t_s: FloatArray
@@ -223,12 +224,13 @@ class Reference:
     velocity_mps: FloatArray | None = None
     euler_rad: FloatArray | None = None
     scored: BoolArray = None  # type: ignore[assignment]  # filled in below
+    sigma_m: FloatArray | None = None
 
     def __post_init__(self) -> None:
         """Check shapes and times; fill in ``scored``."""
         freeze(self, t_s=(None,))
         k = len(self.t_s)
-        freeze(self, enu_m=(k, 3), velocity_mps=(k, 3), euler_rad=(k, 3))
+        freeze(self, enu_m=(k, 3), velocity_mps=(k, 3), euler_rad=(k, 3), sigma_m=(k, 3))
         require_times(self, self.t_s)
         scored = np.ones(k, dtype=bool) if self.scored is None else np.array(self.scored, dtype=bool)
         if scored.shape != (k,):

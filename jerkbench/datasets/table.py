@@ -9,10 +9,11 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
-from jerkbench.arrays import require_choices, require_not_negative, require_positive
+from jerkbench.arrays import FloatArray, require_choices, require_not_negative, require_positive
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.geometry import enu_axes
 from jerkbench.io.clocks import with_common_time, with_own_outages
+from jerkbench.io.columns import Columns
 from jerkbench.io.files import fingerprint, named_folder
 from jerkbench.io.frames import (
     LOCAL_FRAMES,
@@ -26,6 +27,7 @@ from jerkbench.io.frames import (
     in_enu,
     origin_of,
 )
+from jerkbench.io.reference_sigma import with_sigma
 from jerkbench.io.sanitiser import possible_imu, repeat_notes, steady_rows
 from jerkbench.io.table import (
     CHOICES,
@@ -141,6 +143,10 @@ class Tables(TimedColumns):
         reference_shift_s: added to its stamps.
         reference_source: one phrase: where the reference comes from.
         reference_independent: whether it shares nothing with the measurements.
+        reference_sigma: columns of one standard deviation of its place [m]: one for all axes, or east, north, up.
+        reference_sigma_m: the same as a number, where there are no columns; 0: not known.
+        reference_worst_m: where its sigma (root of the sum of the axes' variances) is larger, errors do not count; 0:
+            they count everywhere.
         outage_s: a gap between fixes that is longer is an outage, which the outage metrics score against the reference;
             0: none is.
     """
@@ -196,6 +202,9 @@ class Tables(TimedColumns):
     reference_shift_s: float = 0.0
     reference_source: str = "a table"
     reference_independent: bool = False
+    reference_sigma: tuple[str, ...] = ()
+    reference_sigma_m: float = 0.0
+    reference_worst_m: float = 0.0
     outage_s: float = 0.0
 
     def __post_init__(self) -> None:
@@ -206,7 +215,9 @@ class Tables(TimedColumns):
         self._require_one_origin()
         axes_matrix(self.imu_axes)
         require_positive("dataset table", self, ("position_sigma_m", "position_sigma_scale", "velocity_sigma_mps"))
-        require_not_negative("dataset table", self, ("static_start_s", "outage_s"))
+        require_not_negative(
+            "dataset table", self, ("static_start_s", "outage_s", "reference_sigma_m", "reference_worst_m")
+        )
         if len(self.reference_offset_m) != 3:
             raise PluginError(
                 f"dataset table: reference_offset_m is {self.reference_offset_m}; give east, north and up [m]."
@@ -378,7 +389,9 @@ class Tables(TimedColumns):
             solution = solution.with_axes_at(origin)
             enu_m, mps = solution.enu_m(origin) + self.reference_offset_m, solution.velocity_enu_mps
             notes = tuple(f"Reference: {note}" for note in notes)
-            return Reference(t_s, *said, enu_m=enu_m, velocity_mps=mps), origin, notes
+            reference = Reference(t_s, *said, enu_m=enu_m, velocity_mps=mps)
+            reference, of_sigma = with_sigma(reference, self._reference_sigma(None, len(t_s)), self.reference_worst_m)
+            return reference, origin, (*notes, *of_sigma)
         stream, frame = self.read(source), self.reference_frame
         if named := (*self.reference_position, *self.reference_velocity, *self.reference_attitude):
             stream = stream.only(named)
@@ -397,4 +410,12 @@ class Tables(TimedColumns):
             else None,
             euler_rad=read_attitude(columns, attitude),
         )
-        return reference, origin, columns.notes
+        sigma_m = self._reference_sigma(columns, len(columns))
+        reference, of_sigma = with_sigma(reference, sigma_m, self.reference_worst_m)
+        return reference, origin, (*columns.notes, *of_sigma)
+
+    def _reference_sigma(self, columns: Columns | None, rows: int) -> FloatArray | None:
+        """Return (rows, 3) one standard deviation of the reference's places; None where nobody says it."""
+        if self.reference_sigma and columns is not None:
+            return np.asarray(np.broadcast_to(columns.numbers(self.reference_sigma), (rows, 3)))
+        return np.full((rows, 3), self.reference_sigma_m) if self.reference_sigma_m else None

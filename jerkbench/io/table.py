@@ -58,6 +58,7 @@ COUNTS = {
     "velocity_sigma": SIGMAS,
     "velocity_covariance": COVARIANCES,
     "reference_position": (0, 3),
+    "reference_sigma": (0, 1, 3),
     "reference_velocity": (0, 3),
     "reference_attitude": (0, 3, 4),
 }

@@ -45,6 +45,7 @@ TITLES = {
     "position_rmse_low_m": "Position RMSE (3-D), lower end of the recording's own interval",
     "position_rmse_high_m": "Position RMSE (3-D), upper end of the recording's own interval",
     "step_ns": "Time a step: one run alone, the quickest of five",
+    "reference_floor_m": "Floor of the position RMSE (3-D): the reference's own sigma",
     "position_crps_m": "CRPS of the position, mean of the axes",
     "non_credibility_db": "Non-credibility index of the position",
     "inclination_db": "Inclination indicator of the covariances of the position",

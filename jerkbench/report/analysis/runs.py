@@ -19,6 +19,9 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
+FLOOR = "reference_floor_m"
+"""The column with the floor that the reference's own sigma puts under a position RMSE."""
+
 Combination = tuple[str, ...]
 """The values of the six factors."""
 
@@ -33,6 +36,7 @@ class MethodRuns:
         errors: (n,) the metric, infinite where the run was lost.
         lost: (n,) whether it was.
         phases: whether they are phases of one recording.
+        floor: of the metric, by the reference's own sigma; 0: not known.
     """
 
     combination: Combination
@@ -40,10 +44,18 @@ class MethodRuns:
     errors: FloatArray
     lost: BoolArray
     phases: bool
+    floor: float = 0.0
 
     def only(self, places: IntArray) -> "MethodRuns":
         """Return the runs at ``places``."""
-        return MethodRuns(self.combination, self.seeds[places], self.errors[places], self.lost[places], self.phases)
+        chosen = self.seeds[places], self.errors[places], self.lost[places]
+        return MethodRuns(self.combination, *chosen, self.phases, self.floor)
+
+    @property
+    def typical(self) -> float:
+        """The root mean square of the errors."""
+        with np.errstate(over="ignore"):
+            return float(np.sqrt(np.mean(self.errors**2))) if len(self.errors) else np.nan
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +69,7 @@ class Pair:
         lost: how many of the subject's runs, and of the baseline's, diverged or failed.
         runs: seeds that both have.
         replicate: "seed" or "phase".
+        below_floor: whether they differ by less than the reference knows.
     """
 
     subject: Combination
@@ -65,6 +78,7 @@ class Pair:
     lost: tuple[int, int]
     runs: int
     replicate: str
+    below_floor: bool = False
 
     @property
     def turned(self) -> "Pair":
@@ -79,13 +93,16 @@ def runs_by_combination(rows: "pd.DataFrame", metric: str) -> dict[Combination, 
     errors = np.where(rows["status"] == "ok", rows[metric].to_numpy(dtype=float), np.inf)
     seeds, ok = rows["seed"].to_numpy(), (rows["status"] == "ok").to_numpy()
     phases = (rows["replicate"] == "phase").to_numpy()
+    floored = metric == "position_rmse_m" and FLOOR in rows
+    floors = rows[FLOOR].to_numpy(dtype=float) if floored else np.zeros(len(rows))
     rows_of: dict[Combination, list[int]] = {}
     for place, key in enumerate(zip(*(rows[factor].tolist() for factor in FACTORS), strict=True)):
         rows_of.setdefault(key, []).append(place)
     groups = {}
     for key, places in rows_of.items():
         order = np.array(places)[np.argsort(seeds[places], kind="stable")]
-        groups[key] = MethodRuns(key, seeds[order], errors[order], ~ok[order], bool(phases[order].any()))
+        floor = float(np.nan_to_num(floors[order]).max(initial=0.0))
+        groups[key] = MethodRuns(key, seeds[order], errors[order], ~ok[order], bool(phases[order].any()), floor)
     return groups
 
 
@@ -99,7 +116,8 @@ def paired(runs: Iterable[tuple[MethodRuns, MethodRuns]]) -> list[Pair]:
 def _pair(ours: MethodRuns, theirs: MethodRuns, ratios: LogRatios) -> Pair:
     lost = int(ours.lost.sum()), int(theirs.lost.sum())
     replicate = "phase" if ours.phases else "seed"
-    return Pair(ours.combination, theirs.combination, ratios, lost, len(ours.seeds), replicate)
+    below = abs(ours.typical - theirs.typical) < max(ours.floor, theirs.floor)
+    return Pair(ours.combination, theirs.combination, ratios, lost, len(ours.seeds), replicate, below)
 
 
 def on_common_seeds(ours: MethodRuns, theirs: MethodRuns) -> tuple[MethodRuns, MethodRuns]:

@@ -84,10 +84,20 @@ def judged_pairs(pairs: Iterable[Pair], rule: VerdictRule = RULE) -> list[Compar
     pairs = list(pairs)
     seeds = [pair for pair in pairs if pair.replicate != "phase"]
     verdicts = iter(judged([pair.ratios for pair in seeds], rule.margin, rule.level, rule.correction))
-    return [
+    compared = [
         Comparison(pair, _of_phases(pair.ratios) if pair.replicate == "phase" else next(verdicts), len(seeds), rule)
         for pair in pairs
     ]
+    return [_floored(one) if one.pair.below_floor else one for one in compared]
+
+
+BELOW_FLOOR = "the reference is not known so well"
+
+
+def _floored(comparison: Comparison) -> Comparison:
+    """The same without a verdict: the two differ by less than the reference's own sigma."""
+    judgement = dataclasses.replace(comparison.judgement, verdict=Verdict.UNDECIDED, reason=BELOW_FLOOR)
+    return dataclasses.replace(comparison, judgement=judgement)
 
 
 def family_note(comparisons: Sequence[Comparison]) -> str:
@@ -114,7 +124,9 @@ def _undecided(tested: Sequence[Comparison]) -> str:
     count = sum(comparison.verdict is Verdict.UNDECIDED for comparison in tested)
     if not count:
         return ""
-    return f" Of the {len(tested)} here {count} {'is' if count == 1 else 'are'} undecided{not_excluded(tested)}."
+    floored = sum(comparison.pair.below_floor for comparison in tested)
+    why = f", {floored} of them because they differ by less than the reference's own sigma" if floored else ""
+    return f" Of the {len(tested)} here {count} {'is' if count == 1 else 'are'} undecided{not_excluded(tested)}{why}."
 
 
 def not_excluded(compared: Iterable[Comparison]) -> str:
