@@ -13,6 +13,7 @@ from jerkbench import plugins
 from jerkbench.errors import PluginError, unknown
 from jerkbench.notices import notify
 from jerkbench.parameters import origins_of, provenance_of, ranges_of
+from jerkbench.presets import preset_files
 
 PRESET_GROUPS = ("noise", "experiment")
 """Groups that hold presets only."""
@@ -78,13 +79,6 @@ def entries(kind: str) -> list[CatalogueEntry]:
         name: CatalogueEntry(name, _first_comment(path), preset=True) for name, path in preset_files(kind).items()
     }
     return [by_name[name] for name in sorted(by_name)]
-
-
-def preset_files(kind: str) -> dict[str, Path]:
-    """Return the file of each preset of a kind."""
-    from jerkbench.presets import config_folder
-
-    return {path.stem: path for path in sorted((config_folder() / kind).glob("*.yaml"))}
 
 
 def plugin_class(kind: str, name: str) -> type:

@@ -65,6 +65,10 @@ class Range:
         return f"{self.low:g} to {self.high:g}{scale}"
 
 
+SWITCH = Range(0.0, 1.0, source="off or on")
+"""Beside the type of a switch that a search may turn."""
+
+
 @dataclasses.dataclass(frozen=True)
 class DefaultOrigin:
     """The origin of a default: literature, a data sheet, what it was tuned on.
@@ -127,6 +131,11 @@ def origins_of(cls: type) -> Mapping[str, str]:
 def is_whole(cls: type, name: str) -> bool:
     """Whether a field holds whole numbers."""
     return typing.get_type_hints(cls)[name] is int
+
+
+def is_switch(cls: type, name: str) -> bool:
+    """Whether a field is on or off."""
+    return typing.get_type_hints(cls)[name] is bool
 
 
 def _bounded(bounds: Range, value: float) -> float:

@@ -33,7 +33,7 @@ from jerkbench.filters.baseline import Baseline
 from jerkbench.filters.gnss_only import GnssOnly
 from jerkbench.geometry import dcm_from_euler
 from jerkbench.optional import is_attitude_only
-from jerkbench.parameters import is_whole, provenance_of, ranges_of
+from jerkbench.parameters import is_switch, is_whole, provenance_of, ranges_of
 from jerkbench.plugins import create, is_own
 from jerkbench.recording import Recording
 
@@ -264,7 +264,7 @@ def _check_ranges(cls: type) -> None:
         subject = f"{cls.__name__}.{name}"
         require_that(not bounds.mistake(), f"The range of {subject} makes no sense: {bounds.mistake()}.")
         default = defaults[name]
-        number = isinstance(default, int | float) and not isinstance(default, bool)
+        number = isinstance(default, int | float) and isinstance(default, bool) == is_switch(cls, name)
         require_that(
             number, f"{subject} has a range and the default {default!r}; a search needs a number to begin from."
         )

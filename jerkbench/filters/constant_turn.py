@@ -8,7 +8,8 @@ import numpy as np
 from jerkbench.arrays import FloatArray, require_not_negative
 from jerkbench.contracts import Adaptation
 from jerkbench.estimate import Attitude, Estimate
-from jerkbench.filters.common import START, VELOCITY_WALK, MeasurementUpdates, is_healthy, of_r_alone
+from jerkbench.filters.common import START, VELOCITY_WALK, MeasurementUpdates, of_r_alone
+from jerkbench.kalman import is_healthy
 from jerkbench.parameters import DefaultOrigin, Provenance, Range
 from jerkbench.plugins import register
 from jerkbench.recording import Recording

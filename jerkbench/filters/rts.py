@@ -20,10 +20,10 @@ from jerkbench.filters.common import (
     MeasurementUpdates,
     StepModels,
     initial,
-    is_healthy,
     of_r_or_fading,
 )
 from jerkbench.filters.jerk import Jerk
+from jerkbench.kalman import is_healthy
 from jerkbench.parameters import DefaultOrigin, Provenance
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
