@@ -15,7 +15,7 @@ SHORT = {"duration_s": 12.0, "stand_s": 2.0, "rut_times_s": (8.0,)}
 """A simulated drive of a few seconds is as good as a long one here."""
 
 
-FROM_ELSEWHERE = ("trajectory", "command")
+FROM_ELSEWHERE = ("trajectory", "command", "attitude_command")
 """Filters that need something of the user's."""
 
 

@@ -10,15 +10,15 @@ from jerkbench import plugins
 from jerkbench.errors import PluginError
 from jerkbench.filters._eskf15_inputs import DEFORMATION, SIGMAS
 
-PROBABILITIES = ("first_stays", "second_stays", "first_probability")
-KINEMATIC = ("acceleration", "baseline", "bias", "constant_turn", "constant_velocity", "imm", "jerk", "rts")
+NO_NOISES = ("first_stays", "second_stays", "first_probability", "correlation")
+KINEMATIC = ("acceleration", "baseline", "bias", "constant_turn", "constant_velocity", "imm", "jerk", "okf", "rts")
 
 
 def noises(name):
     """The fields of a filter that are noises."""
     cls = plugins.get("filter", name)
     types = get_type_hints(cls)
-    return [f.name for f in dataclasses.fields(cls) if types[f.name] is float and f.name not in PROBABILITIES]
+    return [f.name for f in dataclasses.fields(cls) if types[f.name] is float and f.name not in NO_NOISES]
 
 
 EVERY = [(name, field) for name in KINEMATIC for field in noises(name)]
