@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from jerkbench.audit.attitude.tables import TILT_TABLES, VERDICT_HEADS, markdown, verdict_cells
+from jerkbench.audit.attitude.tables import TILT_TABLES, VERDICT_HEADS, plain_table, verdict_cells
 from jerkbench.audit.attitude.tuned import TiltErrors, errors_of, tilt_verdicts
 
 HERE = Path(__file__).parent
@@ -35,7 +35,7 @@ def of_navigation(errors: TiltErrors) -> str:
         closed = {name: f"{gain / gap:.2f}" if gap > 0 else "-" for name, gain in gains.items()}
         found = tilt_verdicts(own, "constant")
         head = [f"{model} (n = {len(inertial)})", *VERDICT_HEADS, "closed"]
-        parts.append(markdown(head, [[name, *verdict_cells(of), closed[name]] for name, of in found.items()]))
+        parts.append(plain_table(head, [[name, *verdict_cells(of), closed[name]] for name, of in found.items()]))
         parts.append(f"eskf15 has {np.exp(-gap):.2f} times the error of {model} with `constant`.")
     return "\n\n".join(parts)
 
@@ -45,7 +45,7 @@ def of_starts(errors: TiltErrors) -> str:
     del errors
     found = pd.read_parquet(STARTS).groupby("alignment", sort=False)["error_deg"]
     cells = [[str(name), f"{own.median():.2f}", f"{own.max():.2f}"] for name, own in found]
-    return markdown(["alignment", "median [deg]", "worst [deg]"], cells)
+    return plain_table(["alignment", "median [deg]", "worst [deg]"], cells)
 
 
 TABLES: dict[str, Callable[[TiltErrors], str]] = {**TILT_TABLES, "starts": of_starts, "navigation": of_navigation}

@@ -15,7 +15,7 @@ from jerkbench.plain import plain
 from jerkbench.report.markup import environment
 from jerkbench.suite.entry import MANIFEST, Entry, read_entry
 from jerkbench.suite.protocol import SuiteProtocol, read_suite
-from jerkbench.suite.scoring import BoardValue, Scoring, scoring_of
+from jerkbench.suite.scoring import BoardValue, EntryScoring, entry_scoring
 from jerkbench.suite.verify import CheckedEntry, verify
 
 Places = Sequence[tuple[int, int, int]]
@@ -76,7 +76,7 @@ def board_of(entries: Sequence[Entry], checks: Sequence[CheckedEntry], protocol:
     remarks = [
         plain(f"{entry.name}: {text}") for entry, own in zip(entries, checks, strict=True) for text in _said(own)
     ]
-    scoring = scoring_of(protocol)
+    scoring = entry_scoring(protocol)
     places = _places([scoring.costs(entries[k].rows) for k in whole])
     scored = sorted(zip(zip(*places.values(), strict=True), whole, strict=True))
     lines = [_line(own, entries[k], scoring, checks[k]) for own, k in scored]
@@ -127,7 +127,7 @@ def _said(checked: CheckedEntry) -> tuple[str, ...]:
     return (*checked.mistakes, *checked.remarks)
 
 
-def _line(places: Places, entry: Entry, scoring: Scoring, own: CheckedEntry) -> list[BoardValue]:
+def _line(places: Places, entry: Entry, scoring: EntryScoring, own: CheckedEntry) -> list[BoardValue]:
     ranks = [BoardValue(f"{place} ({low} to {high})", f"{place}") for place, low, high in places]
     tuned = BoardValue("yes" if entry.manifest.get("tuned") else "no")
     return [*ranks, BoardValue(entry.name), *scoring.fields(entry.rows), tuned, BoardValue(_verified(own))]

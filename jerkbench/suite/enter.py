@@ -14,7 +14,7 @@ from jerkbench.suite.campaign import ENTRY, PLAIN, ScoredEntrant, SuiteCampaign,
 from jerkbench.suite.entry import Settings, write_entry
 from jerkbench.suite.protocol import FROZEN, SuiteProtocol, read_suite
 from jerkbench.suite.recordings import require_recordings
-from jerkbench.suite.scoring import scoring_of
+from jerkbench.suite.scoring import entry_scoring
 
 
 def enter(scale: str, entrant: Entrant, name: str, place: Site, command: str) -> str:
@@ -38,7 +38,7 @@ def enter(scale: str, entrant: Entrant, name: str, place: Site, command: str) ->
     levels, plain = scored_plain(protocol, replace(place, folder=plain_folder(protocol)))
     scored = campaign.scored(levels)
     rows = _joined(scored, plain)
-    scoring = scoring_of(protocol)
+    scoring = entry_scoring(protocol)
     page = scoring.page(name, rows)
     manifest = {
         "entry": name,

@@ -27,7 +27,7 @@ class BoardValue:
     sorting: str = ""
 
 
-class Scoring(Protocol):
+class EntryScoring(Protocol):
     """How the entries of a suite are scored and shown."""
 
     @property
@@ -156,7 +156,7 @@ class ByTilt:
         ]
 
 
-def scoring_of(protocol: SuiteProtocol) -> Scoring:
+def entry_scoring(protocol: SuiteProtocol) -> EntryScoring:
     """Return how the entries of a suite are scored."""
     return ByTilt(protocol) if isinstance(protocol, AttitudeSuite) else ByPosition(protocol)
 

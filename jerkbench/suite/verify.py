@@ -21,7 +21,7 @@ from jerkbench.suite.campaign import ENTRY, GIVEN, PLAIN, half_settings, plugins
 from jerkbench.suite.enter import frozen_part
 from jerkbench.suite.entry import PAGE, Entry, file_hashes
 from jerkbench.suite.protocol import SuiteProtocol, read_suite
-from jerkbench.suite.scoring import scoring_of
+from jerkbench.suite.scoring import entry_scoring
 from jerkbench.tuning.space import Setting
 
 TOLERANCE = 1e-9
@@ -70,7 +70,7 @@ def missing_mistakes(entry: Entry, protocol: SuiteProtocol) -> list[str]:
 
 def score_mistakes(entry: Entry, protocol: SuiteProtocol) -> Iterator[str]:
     """Yield a sentence for each number of the score, and for the page, that the rows do not show."""
-    scoring, stated = scoring_of(protocol), entry.manifest["score"]
+    scoring, stated = entry_scoring(protocol), entry.manifest["score"]
     for key, own in scoring.score(entry.rows).items():
         if not same(own, stated.get(key)):
             yield f"The manifest says {key} = {stated.get(key)}, the rows show {own}."

@@ -63,7 +63,7 @@ are written before anything runs, and the seeds to score on follow from the hash
   jerkbench audit --scale small      minutes: shows that all of it runs, answers nothing
   jerkbench audit --scale medium     two models, without what iterates: half an hour
   jerkbench audit                    the whole protocol: 90 minutes on two cores
-  jerkbench audit attitude           of attitude filters, by the error of the tilt: ten minutes (needs the package vqf)
+  jerkbench audit attitude           of attitude filters, by the tilt: four minutes (needs the package vqf)
 
 The same command goes on where it was stopped; --stored judges what is stored, whatever version computed it (its digest
 stands in manifest.json), and runs nothing. `attitude` has a protocol of its own: BROAD, RepoIMU's TStick, KITTI and the

@@ -11,7 +11,7 @@ from jerkbench.audit.attitude.methods import AS_THEY_COME, METHODS, SETTINGS
 from jerkbench.audit.attitude.rows import audit_rows, error_deg
 from jerkbench.audit.attitude.study import attitude_answer, attitude_audit_page
 from jerkbench.audit.attitude.trials import all_trials, field, kitti
-from jerkbench.audit.attitude.tuned import EACH, TUNINGS, chosen, holm, scored, tilt_verdicts, tried
+from jerkbench.audit.attitude.tuned import EACH, TUNINGS, holm, losses_left_out, settings_left_out, tilt_verdicts, tried
 
 KEPT = Path(__file__).parents[2] / "experiments" / "attitude" / "errors.parquet"
 
@@ -21,12 +21,12 @@ def test_a_trial_does_not_choose_its_own_setting():
     loss = np.ones((SETTINGS, 5))
     for subset in tried():
         loss[subset[0], :4], loss[subset[0], 4] = 0.0, 9.0
-    taken = chosen(loss)
+    taken = settings_left_out(loss)
     for r, subset in enumerate(tried()):
         assert taken[r, 4] in subset
         assert loss[taken[r, 4], 4] == 9.0
         assert loss[taken[r, 0], 4] == 1.0
-    np.testing.assert_array_equal(scored(loss, taken)[:, 4], 9.0)
+    np.testing.assert_array_equal(losses_left_out(loss, taken)[:, 4], 9.0)
 
 
 def test_every_method_is_tuned_with_the_same_numbers():

@@ -22,7 +22,7 @@ from jerkbench.suite.campaign import half_settings
 from jerkbench.suite.entry import MANIFEST, read_entry
 from jerkbench.suite.protocol import FROZEN, read_suite
 from jerkbench.suite.recordings import data_digests, require_recordings
-from jerkbench.suite.scoring import BoardValue, scoring_of
+from jerkbench.suite.scoring import BoardValue, entry_scoring
 from jerkbench.suite.verify import file_mistakes, frozen_mistakes, missing_mistakes, score_mistakes
 
 DIGESTS = {"attitude-v1": "5255c08c840d", "attitude-tiny": "6dc25bed7045"}
@@ -104,7 +104,7 @@ def test_a_lost_run_counts_a_half_turn_and_a_hundred_times_what_the_plain_filter
 
 
 def test_the_board_says_each_domain_and_what_it_ranks_by():
-    scoring = scoring_of(PROTOCOL)
+    scoring = entry_scoring(PROTOCOL)
 
     assert len(scoring.fields(rows())) == len(scoring.heads) == 10
     assert {name: cost.shape for name, cost in scoring.costs(rows()).items()} == {

@@ -10,8 +10,8 @@ from jerkbench.audit.attitude.trials import DOMAINS
 from jerkbench.audit.attitude.tuned import (
     TiltErrors,
     TiltVerdict,
-    chosen,
-    scored,
+    losses_left_out,
+    settings_left_out,
     tilt_verdicts,
     tried,
     tuned,
@@ -26,7 +26,7 @@ RECORDED = ("broad", "tstick", "kitti")
 VERDICT_HEADS = ("mean ratio", "median ratio", "wins", "p (Holm)", "verdict")
 
 
-def markdown(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+def plain_table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """Return a Markdown table."""
     lines = [head, ["---"] * len(head), *rows]
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
@@ -42,7 +42,8 @@ def of_errors(errors: TiltErrors) -> str:
             deg = np.exp(np.median(loss, axis=0))
             cells.append(f"{np.median(deg):.2f} / {deg.mean():.2f} / {deg.max():.2f}")
         rows.append(cells)
-    return markdown(["method", *(f"{DOMAINS[d]} (n = {own['constant'].shape[1]})" for d, own in errors.items())], rows)
+    heads = (f"{DOMAINS[domain]} (n = {own['constant'].shape[1]})" for domain, own in errors.items())
+    return plain_table(["method", *heads], rows)
 
 
 def of_verdicts(errors: TiltErrors) -> str:
@@ -53,7 +54,7 @@ def of_verdicts(errors: TiltErrors) -> str:
         for comparator in COMPARATORS:
             found = tilt_verdicts(losses, comparator)
             head = [f"{DOMAINS[domain]}: against {comparator}", *VERDICT_HEADS]
-            parts.append(markdown(head, [[name, *verdict_cells(verdict)] for name, verdict in found.items()]))
+            parts.append(plain_table(head, [[name, *verdict_cells(verdict)] for name, verdict in found.items()]))
     return "\n\n".join(parts)
 
 
@@ -70,18 +71,18 @@ def of_transfer(errors: TiltErrors) -> str:
     rows = []
     for method in METHODS:
         loss = {domain: errors[domain][method] for domain in domains}
-        own = {domain: scored(loss[domain], chosen(loss[domain])) for domain in domains}
+        own = {domain: losses_left_out(loss[domain], settings_left_out(loss[domain])) for domain in domains}
         means = {domain: loss[domain].mean(axis=1) for domain in domains}
         cells = [method]
         for domain in domains:
             others = np.sum([means[d] for d in domains if d != domain], axis=0)
-            cells.append(_times(scored(loss[domain], chosen(loss[domain], others)), own[domain]))
+            cells.append(_times(losses_left_out(loss[domain], settings_left_out(loss[domain], others)), own[domain]))
         for source, domain in pairs:
             best = [subset[means[source][subset].argmin()] for subset in tried()]
             cells.append(_times(loss[domain][best], own[domain]))
         rows.append(cells)
     heads = [*(f"all on {domain}" for domain in domains), *(f"{source} on {domain}" for source, domain in pairs)]
-    return markdown(["method", *heads], rows)
+    return plain_table(["method", *heads], rows)
 
 
 def _times(loss: FloatArray, own: FloatArray) -> str:
@@ -95,15 +96,15 @@ def of_switches(errors: TiltErrors) -> str:
         settings = method.settings()
         for switch in method.switches:
             on = np.array([setting[switch] for setting in settings])
-            rows.append([name, switch, *(f"{on[chosen(own[name])].mean():.2f}" for own in errors.values())])
-    return markdown(["method", "switch", *errors], rows)
+            rows.append([name, switch, *(f"{on[settings_left_out(own[name])].mean():.2f}" for own in errors.values())])
+    return plain_table(["method", "switch", *errors], rows)
 
 
 def of_luck(errors: TiltErrors) -> str:
     """Standard deviation over the tunings of the mean log error."""
     by_domain = [tuned(own) for own in errors.values()]
     rows = [[name, *(f"{own[name].mean(axis=1).std(ddof=1):.2f}" for own in by_domain)] for name in METHODS]
-    return markdown(["method", *errors], rows)
+    return plain_table(["method", *errors], rows)
 
 
 TILT_TABLES: dict[str, Callable[[TiltErrors], str]] = {

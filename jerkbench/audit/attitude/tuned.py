@@ -43,7 +43,7 @@ def tried() -> list[IntArray]:
     return [np.sort(np.random.default_rng(r).choice(SETTINGS, EACH, replace=False)) for r in range(TUNINGS)]
 
 
-def chosen(loss: FloatArray, others: FloatArray | float = 0.0) -> IntArray:
+def settings_left_out(loss: FloatArray, others: FloatArray | float = 0.0) -> IntArray:
     """Return (16, n) the setting that each tuning takes where a trial is left out.
 
     ``loss`` (64, n) counts by the mean over the trials that stay; ``others`` (64,) is added to it.
@@ -52,14 +52,14 @@ def chosen(loss: FloatArray, others: FloatArray | float = 0.0) -> IntArray:
     return np.array([subset[left[subset].argmin(axis=0)] for subset in tried()])
 
 
-def scored(loss: FloatArray, setting: IntArray) -> FloatArray:
+def losses_left_out(loss: FloatArray, setting: IntArray) -> FloatArray:
     """Return (16, n) the loss of the settings on the trials that were left out."""
     return loss[setting, np.arange(loss.shape[1])]
 
 
 def tuned(errors: DomainErrors) -> dict[str, FloatArray]:
     """Return (16, n) for each method that is tuned."""
-    return {method: scored(errors[method], chosen(errors[method])) for method in METHODS}
+    return {method: losses_left_out(errors[method], settings_left_out(errors[method])) for method in METHODS}
 
 
 def holm(p: Sequence[float]) -> list[float]:
