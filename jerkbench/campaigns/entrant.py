@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from jerkbench.campaigns.protocol import Scenario
+from jerkbench.campaigns.protocol import FaultScenario
 from jerkbench.errors import PluginError
-from jerkbench.jobs.cell import Cell, Protocol
-from jerkbench.jobs.names import Part, cell_of_parts, refusal
+from jerkbench.jobs.job import Job, Method, Protocol
+from jerkbench.jobs.names import Part, job_of_parts, refusal
 from jerkbench.parameters import ranges_of
 from jerkbench.tuning.samplers import sampler_of
 from jerkbench.tuning.space import Setting, Space, space_of
@@ -49,14 +49,14 @@ class Entrant:
         """All of it, the same for the same method."""
         return json.dumps(dataclasses.asdict(self), sort_keys=True)
 
-    def cell(
+    def job(
         self,
-        scenario: Scenario,
+        scenario: FaultScenario,
         limits: Protocol = LIMITS,
         metrics: Sequence[str] = (ERROR,),
         attitude: Part | None = None,
-    ) -> Cell:
-        """Return its cell on a scenario; without ``attitude`` it has that of the data set.
+    ) -> Job:
+        """Return its job on a scenario; without ``attitude`` it has that of the data set.
 
         Raises:
             PluginError: it cannot be made, or its parts do not fit together.
@@ -68,18 +68,16 @@ class Entrant:
             "adaptation": self.adaptation,
             "engine": "compiled",
         }
-        cell = cell_of_parts(single, [scenario.disturbance], None, limits, metrics, self.r_scale or None)
-        if reason := refusal(cell):
+        job = job_of_parts(single, [scenario.disturbance], None, limits, metrics, self.r_scale or None)
+        if reason := refusal(job):
             raise PluginError(f"This method cannot enter: {reason}.")
-        return dataclasses.replace(
-            cell, labels=cell.labels._replace(dataset=scenario.noise, disturbance=scenario.fault)
-        )
+        return dataclasses.replace(job, labels=job.labels._replace(dataset=scenario.noise, disturbance=scenario.fault))
 
 
-def knobs_of(cell: Cell) -> Space:
+def knobs_of(method: Method) -> Space:
     """Return what may be tuned of a method; nothing where no part has a parameter with a range, as of a program."""
-    tunable = any(ranges_of(type(part)) for part in (cell.filter, cell.adaptation))
-    return space_of(cell) if tunable else Space(())
+    tunable = any(ranges_of(type(part)) for part in (method.filter, method.adaptation))
+    return space_of(method) if tunable else Space(())
 
 
 def tried_settings(trials: int, space: Space, restart: int = 0) -> tuple[Setting, ...]:

@@ -8,7 +8,7 @@ import pandas as pd
 from jerkbench.campaigns.entrant import Entrant, knobs_of, tried_settings
 from jerkbench.campaigns.protocol import HALVES
 from jerkbench.campaigns.search import best_trials, levels_of, losses, mean_losses, seen
-from jerkbench.campaigns.site import Rules, Site, Try
+from jerkbench.campaigns.site import RunRules, Site, Try
 from jerkbench.contracts import ReadingFile
 from jerkbench.jobs.key import plugin_digest
 from jerkbench.jobs.progress import Progress
@@ -45,7 +45,7 @@ class SuiteCampaign:
             JerkbenchError: the entrant cannot be made.
         """
         self._entrant, self._protocol, self._place, self._doing = entrant, protocol, place, doing
-        self.space = knobs_of(entrant.cell(protocol.scenarios[0], protocol.limits))
+        self.space = knobs_of(entrant.job(protocol.scenarios[0], protocol.limits).method)
         self._tried = tried_settings(protocol.trials, self.space)
 
     def tuned(self) -> pd.DataFrame:
@@ -84,7 +84,7 @@ class SuiteCampaign:
             for trial, setting in enumerate(own)
         ]
         with Progress(len(tries), doing=self._doing, unit="settings and scenarios") as bar:
-            return self._place.rows(tries, Rules(metrics, self._protocol.limits), bar)
+            return self._place.rows(tries, RunRules(metrics, self._protocol.limits), bar)
 
 
 def half_settings(settings: Mapping[str, Setting], half: str) -> dict[str, Setting]:
@@ -98,9 +98,9 @@ def plugins_digest(entrant: Entrant, protocol: SuiteProtocol) -> str:
     Raises:
         RecordingError: the program, or a file that the filter reads, is not on this machine.
     """
-    cell = entrant.cell(protocol.scenarios[0], protocol.limits)
-    plugins = "".join(plugin_digest(type(part)) for part in (cell.filter, cell.adaptation))
-    return plugins + (cell.filter.fingerprint() if isinstance(cell.filter, ReadingFile) else "")
+    method = entrant.job(protocol.scenarios[0], protocol.limits).method
+    plugins = "".join(plugin_digest(type(part)) for part in (method.filter, method.adaptation))
+    return plugins + (method.filter.fingerprint() if isinstance(method.filter, ReadingFile) else "")
 
 
 def scored_plain(protocol: SuiteProtocol, place: Site) -> tuple[dict[int, float], ScoredEntrant]:

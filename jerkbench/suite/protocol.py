@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from jerkbench.campaigns.entrant import Entrant
 from jerkbench.campaigns.protocol import CampaignProtocol, protocol_of
 from jerkbench.errors import PluginError, unknown
-from jerkbench.jobs.cell import Protocol
+from jerkbench.jobs.job import Protocol
 from jerkbench.presets import preset
 
 

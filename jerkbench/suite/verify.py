@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from jerkbench.campaigns.entrant import Entrant, knobs_of, tried_settings
-from jerkbench.campaigns.site import NUMBERS, Rules, Site, Try
+from jerkbench.campaigns.site import NUMBERS, RunRules, Site, Try
 from jerkbench.errors import JerkbenchError
 from jerkbench.jobs.progress import Progress
 from jerkbench.suite.campaign import ENTRY, GIVEN, PLAIN, half_settings, plugins_digest
@@ -156,7 +156,7 @@ def _checked(entry: Entry, method: str, entrant: Entrant, protocol: SuiteProtoco
 
 def _settings_mistakes(entry: Entry, method: str, entrant: Entrant, protocol: SuiteProtocol) -> Iterator[str]:
     """Yield a sentence for each setting that the search of the suite does not try."""
-    space = knobs_of(entrant.cell(protocol.scenarios[0], protocol.limits))
+    space = knobs_of(entrant.job(protocol.scenarios[0], protocol.limits).method)
     tried = tried_settings(protocol.trials, space)
     for tuned_on, values in entry.settings[method].items():
         allowed = tried[:1] if tuned_on == GIVEN else tried
@@ -186,7 +186,9 @@ def _row_mistakes(
         for k, own in enumerate(stored)
     ]
     with TemporaryDirectory(prefix="jerkbench-") as folder:
-        again = Site(Path(folder)).rows(tries, Rules(protocol.metrics, protocol.limits), Progress(0)).to_dict("records")
+        again = (
+            Site(Path(folder)).rows(tries, RunRules(protocol.metrics, protocol.limits), Progress(0)).to_dict("records")
+        )
     for before, own in zip(stored, again, strict=True):
         if wrong := _difference(before, own):
             where = f"{scenarios[int(before['scenario'])].name}, seed {before['seed']}, {before['tuned_on']}"

@@ -7,7 +7,7 @@ from typing import Any
 
 from jerkbench.arrays import FloatArray
 from jerkbench.errors import PluginError, unknown
-from jerkbench.jobs.cell import Cell
+from jerkbench.jobs.job import Method
 from jerkbench.parameters import Range, is_whole, ranges_of
 from jerkbench.timeline import RScale
 
@@ -87,23 +87,13 @@ class Space:
         pairs = zip(self.knobs, setting, strict=True)
         return {knob.field: knob.typed(value) for knob, value in pairs if knob.part == part}
 
-    def applied(self, cell: Cell, setting: Setting) -> Cell:
-        """Return the cell with the values of ``setting``; its specification says them too.
+    def applied(self, method: Method, setting: Setting) -> Method:
+        """Return the method with the values of ``setting``.
 
         Raises:
             PluginError: the plugin does not take values that are each in their range.
         """
-        parts = {part: self.of_part(part, setting) for part in ("filter", "adaptation", "r_scale")}
-        model: Any = cell.filter
-        rule: Any = cell.adaptation
-        spec = {**cell.spec, **{part: {**cell.spec.get(part, {}), **values} for part, values in parts.items()}}
-        return dataclasses.replace(
-            cell,
-            spec=spec,
-            filter=dataclasses.replace(model, **parts["filter"]),
-            adaptation=dataclasses.replace(rule, **parts["adaptation"]),
-            r_scale=dataclasses.replace(cell.r_scale, **parts["r_scale"]),
-        )
+        return method.at({part: self.of_part(part, setting) for part in ("filter", "adaptation", "r_scale")})
 
     def at_edge(self, setting: Setting) -> list[str]:
         """Return a sentence for each knob whose value lies on a bound of its range."""
@@ -117,21 +107,21 @@ class Space:
         return sentences
 
 
-def space_of(cell: Cell, chosen: Collection[str] = ()) -> Space:
-    """Return the knobs of the method of a cell: fields with a range, and what is told of R.
+def space_of(method: Method, chosen: Collection[str] = ()) -> Space:
+    """Return the knobs of a method: fields with a range, and what is told of R.
 
     Args:
-        cell: with the values to begin from.
+        method: with the values to begin from.
         chosen: names of the knobs to change; empty: all there are.
 
     Raises:
         PluginError: there is none, or none of a chosen name.
     """
-    own = [*_knobs("filter", cell.filter), *_knobs("adaptation", cell.adaptation)]
+    own = [*_knobs("filter", method.filter), *_knobs("adaptation", method.adaptation)]
     if not own:
-        names = " nor ".join(f"the {part} {cell.spec[part]['name']}" for part in ("filter", "adaptation"))
+        names = " nor ".join(f"the {part} {method.plain[part]['name']}" for part in ("filter", "adaptation"))
         raise PluginError(f"There is nothing to tune: neither {names} has a parameter with a range (`jerkbench show`).")
-    knobs = [*own, *_told(cell.r_scale)]
+    knobs = [*own, *_told(method.r_scale)]
     known = [knob.name for knob in knobs]
     for name in chosen:
         if name not in known:

@@ -153,7 +153,7 @@ def _entrant(words: Sequence[str]) -> "Entrant":
                 f"'{word}' is not part of a method; the suite sets all else. Give {', '.join(METHOD)} and what is in"
                 " them, for example filter=jerk adaptation=mtf adaptation.window=3."
             )
-    spec = composed(words).cell().spec
+    spec = composed(words).job().spec
     return Entrant(**{kind: dict(spec[kind]) for kind in ("filter", "adaptation", "r_scale")})
 
 
