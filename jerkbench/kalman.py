@@ -50,8 +50,13 @@ def innovation_factor(S: FloatArray) -> FloatArray | None:
     return L if (np.diag(L) ** 2 > ROUNDING * variances).all() else None
 
 
-def squared_distance(y: FloatArray, L: FloatArray) -> float:
-    """Return y' S^-1 y, L the factor of S."""
+def squared_distance(y: FloatArray, S: FloatArray) -> float:
+    """Return y' S^-1 y."""
+    return float(y @ np.linalg.solve(S, y))
+
+
+def squared_distance_by(y: FloatArray, L: FloatArray) -> float:
+    """Return the same by the factor of S = L L'."""
     white = np.linalg.solve(L, y)
     return float(white @ white)
 
@@ -120,6 +125,31 @@ def joseph(P: FloatArray, K: FloatArray, rest: FloatArray, R: FloatArray) -> Flo
     """Return (I - K H) P (I - K H)' + K R K', symmetrised; ``rest`` is I - K H."""
     posterior = rest @ P @ rest.T + K @ R @ K.T
     return np.asarray(0.5 * (posterior + posterior.T), dtype=np.float64)
+
+
+def updated(
+    x: FloatArray, P: FloatArray, innovation: FloatArray, H: FloatArray, R: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return x and P after an update with rows H (m, n) of any kind: the plain text, for a definition in NumPy."""
+    PHt = P @ H.T
+    K: FloatArray = np.asarray(np.linalg.solve(H @ PHt + R, PHt.T).T, dtype=np.float64)
+    return x + K @ innovation, joseph(P, K, np.eye(len(x)) - K @ H, R)
+
+
+def is_healthy(x: FloatArray, P: FloatArray) -> bool:
+    """Whether the state is finite and the covariance positive definite."""
+    return bool(np.isfinite(x).all()) and has_factor(P)
+
+
+def has_factor(P: FloatArray) -> bool:
+    """Whether P is finite and has a Cholesky factor."""
+    if not np.isfinite(P).all():
+        return False
+    try:
+        np.linalg.cholesky(P)
+    except np.linalg.LinAlgError:
+        return False
+    return True
 
 
 def is_positive_definite(P: FloatArray) -> bool:

@@ -65,7 +65,7 @@ def runs(drive: str, method: Sequence[str], folder: Path, trials: int, place: Pa
     """Yield the rows of every setting of a method on both halves of a drive: mean log RMSE over the phases."""
     job = job_of(drive, method, folder)
     try:
-        space = space_of(job.method)
+        space = space_of(job)
     except PluginError:  # it has nothing to tune
         space = Space(())
     settings = tried_settings(trials, space) if space.knobs else ((),)

@@ -9,7 +9,7 @@ from jerkbench.adaptation.common import PASSES, SMALLEST_WEIGHT, doubtable, gain
 from jerkbench.adaptation.linalg import whiten
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError, unknown
-from jerkbench.parameters import DefaultOrigin
+from jerkbench.parameters import DefaultOrigin, Provenance
 from jerkbench.plugins import register
 
 STARTS = ("prediction", "update")
@@ -42,6 +42,8 @@ class MaximumCorrentropy:
         sides: whom the weights doubt, "both" or "measurement".
         start: whose residuals the first weights are of, "prediction" or "update" (the Kalman update).
     """
+
+    provenance = Provenance("published", "doi:10.1016/j.automatica.2016.10.004")
 
     bandwidth: Annotated[float, BANDWIDTH, DefaultOrigin("literature: 2 to 10 in the paper")] = 5.0
     sides: Annotated[str, DefaultOrigin("literature: the paper weighs both")] = "both"

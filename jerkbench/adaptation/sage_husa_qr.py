@@ -6,9 +6,10 @@ from typing import Annotated
 import numpy as np
 
 from jerkbench.adaptation._ranges import FORGETTING, SHRINKING
+from jerkbench.adaptation.linalg import factorise, forward_rows, solve, submatrix
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
-from jerkbench.parameters import DefaultOrigin, Range
+from jerkbench.parameters import DefaultOrigin, Provenance, Range
 from jerkbench.plugins import register
 
 GROWING = Range(10.0, 1e6, log=True, source="ours: from 3 to 1000 times the reported sigma")
@@ -43,6 +44,10 @@ class SageHusaBoth:
         high_process: hi of Q [-].
     """
 
+    provenance = Provenance(
+        "own", "Sage and Husa, 1969", "Their recursion for the diagonal of R; for Q, one factor for each state."
+    )
+
     forgetting: Annotated[float, FORGETTING, DefaultOrigin("literature: 0.95 to 0.99 is usual")] = 0.97
     low: Annotated[float, SHRINKING, DefaultOrigin("ours: keeps R and Q positive")] = 0.1
     high: Annotated[float, GROWING, DefaultOrigin("ours: a hundred times the reported sigma")] = 1e4
@@ -76,22 +81,22 @@ class SageHusaBoth:
         """Return P~; estimate R for `adapt`, and Q for the next update."""
         if memory[18] == 0:
             memory[RATIOS:] = 1.0
-        root = np.sqrt(memory[RATIOS:])
-        carried = P - Q
-        prior = carried + Q * np.outer(root, root)
+        root, prior = np.sqrt(memory[RATIOS:]), np.empty(P.shape)
+        for s in range(len(P)):
+            for t in range(len(P)):
+                prior[s, t] = P[s, t] - Q[s, t] + Q[s, t] * (root[s] * root[t])
         for i, row in enumerate(rows):
             r, d = R[i, i], _share(memory, COUNT + row, FADED + row, self.forgetting)
             estimate = (1.0 - d) * memory[row] + d * (innovation[i] ** 2 - prior[row, row])
             memory[row] = r if d == 1.0 else min(max(estimate, self.low * r), self.high * r)
-        Rh = np.diag(memory[rows])
-        step, posterior = _update_of(prior, innovation, Rh, rows)
+        step, posterior = _update_of(prior, innovation, memory[rows], rows)
         d = _share(memory, 18, 19, self.forgetting)
         for s in range(len(x)):
             if d < 1.0 and Q[s, s] > 0:
-                seen = (step[s] ** 2 + posterior[s, s] - carried[s, s]) / Q[s, s]
+                seen = (step[s] ** 2 + posterior[s] - P[s, s] + Q[s, s]) / Q[s, s]
                 ratio = (1.0 - d) * memory[RATIOS + s] + d * seen
                 memory[RATIOS + s] = min(max(ratio, self.low), self.high_process)
-        return np.asarray(prior, dtype=np.float64)
+        return prior
 
     def adapt(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
@@ -107,12 +112,23 @@ def _share(memory: FloatArray, count: int, faded: int, forgetting: float) -> flo
     return float((1.0 - forgetting) / (1.0 - power * forgetting))
 
 
-def _update_of(P: FloatArray, innovation: FloatArray, R: FloatArray, rows: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Return d (n,) and P - P H' (H P H' + R)^-1 H P (n, n), symmetric to the bit."""
-    PHt = P[:, rows]
-    n, m = PHt.shape
-    right = np.empty((m, n + 1))  # one solution for both: each takes long to compile
-    right[:, :n], right[:, n] = PHt.T, innovation
-    solved = PHt @ np.linalg.solve(PHt[rows] + R, right)
-    posterior = P - solved[:, :n]
-    return solved[:, n].copy(), 0.5 * (posterior + posterior.T)
+def _update_of(P: FloatArray, innovation: FloatArray, r: FloatArray, rows: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Return d (n,) and the variances (n,) of P - P H' (H P H' + R)^-1 H P, R = diag(``r``)."""
+    m, n = len(rows), len(P)
+    S, M, W, v = submatrix(P, rows), np.empty((m, m)), np.empty((m, n)), np.empty(m)
+    step, posterior = np.zeros(n), np.empty(n)
+    for i in range(m):
+        S[i, i] += r[i]
+        for s in range(n):
+            W[i, s] = P[rows[i], s]
+    factorise(S, M)
+    solve(M, innovation, v)
+    for i in range(m):
+        for s in range(n):
+            step[s] += W[i, s] * v[i]
+    forward_rows(M, W, W)  # P H' S^-1 H P = (L^-1 H P)' D^-1 L^-1 H P
+    for s in range(n):
+        posterior[s] = P[s, s]
+        for i in range(m):
+            posterior[s] -= W[i, s] * M[i, i] * W[i, s]
+    return step, posterior

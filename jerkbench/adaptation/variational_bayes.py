@@ -9,7 +9,7 @@ import numpy as np
 from jerkbench.adaptation._ranges import FORGETTING, check_passes
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
-from jerkbench.parameters import DefaultOrigin, Range
+from jerkbench.parameters import DefaultOrigin, Provenance, Range
 from jerkbench.plugins import register
 
 
@@ -38,6 +38,8 @@ class VariationalBayes:
         start: a0, alpha at the start: the weight of the reported variance, in half updates [-].
         passes: fixed-point passes of an update [-].
     """
+
+    provenance = Provenance("published", "doi:10.1109/TAC.2008.2008348")
 
     forgetting: Annotated[float, FORGETTING, DefaultOrigin("literature: rho of the source")] = 1.0 - math.exp(-4.0)
     start: Annotated[

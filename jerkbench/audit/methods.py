@@ -37,7 +37,7 @@ class AuditMethod:
 
     def space(self, scenario: FaultScenario) -> Space:
         """Return its knobs; empty where there is none."""
-        return knobs_of(self.entrant.job(scenario).method)
+        return knobs_of(self.entrant.job(scenario))
 
 
 def methods(protocol: AuditProtocol) -> list[AuditMethod]:

@@ -1,6 +1,6 @@
 """Vectors of numbers for compiled code: one number of each of several runs, which the processor works on at once.
 
-Kernels are written for numbers. Given a `jerkbench.compilation.views.RunView` of several runs they work on all of them
+Kernels are written for numbers. Given a `jerkbench.compilation.views.Lanes` of several runs they work on all of them
 side by side, because numba compiles a function anew for each type of its arguments. Two things have to be said
 differently: a choice between two values, and the largest (`chosen`). A vector of one number is that number.
 """

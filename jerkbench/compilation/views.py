@@ -1,6 +1,6 @@
 """Runs and matrices in compiled code: ``run.P[s, t]``, ``run.y[r]``, one source for one run and for several.
 
-A `RunView` is the array of one or several runs, a `View` a part of such an array. Both are one address; what lies where
+`Lanes` are the array of one or several runs, a `View` is a part of such an array. Both are one address; what lies where
 stands in their types, so that the compiler folds it. An element is a vector of ``width`` numbers, one of each run
 (`jerkbench.compilation.vectors`); of one run it is a number.
 """
@@ -41,17 +41,17 @@ class View(types.Type):
         super().__init__(name=f"View{shape}x{width}@{_short(self.places)}")
 
 
-class RunView(types.Type):
+class Lanes(types.Type):
     """The array of ``width`` runs; its attributes are its fields, its sizes, ``width``, and ``zero``.
 
-    A field without axes is read and set itself. The part of one of the runs (`lane`) is a RunView of width 1, too.
+    A field without axes is read and set itself. The part of one of the runs (`lane`) are Lanes of width 1, too.
     """
 
     def __init__(self, fields: Mapping[str, View], sizes: Mapping[str, int], width: int) -> None:
         """Name the type after all that it is."""
         self.fields, self.sizes, self.width = fields, {**sizes, "width": width}, width
         places = [(name, view.shape, view.places, view.width) for name, view in fields.items()]
-        super().__init__(name=f"RunView{sorted(self.sizes.items())}@{_short(places)}")
+        super().__init__(name=f"Lanes{sorted(self.sizes.items())}@{_short(places)}")
 
 
 def _short(places: object) -> str:
@@ -59,7 +59,7 @@ def _short(places: object) -> str:
 
 
 @register_model(View)
-@register_model(RunView)
+@register_model(Lanes)
 class _AddressModel(models.PrimitiveModel):
     def __init__(self, manager: Untyped, of: Untyped) -> None:
         super().__init__(manager, of, NUMBER.as_pointer())
@@ -151,9 +151,9 @@ def _set_element(context: Untyped, builder: Untyped, sig: Untyped, args: Untyped
 
 @infer_getattr
 class _Attributes(AttributeTemplate):
-    key = RunView
+    key = Lanes
 
-    def generic_resolve(self, run: RunView, name: str) -> Untyped:
+    def generic_resolve(self, run: Lanes, name: str) -> Untyped:
         """Return the type of a run's attribute, or None where there is none."""
         if name in run.sizes:
             return types.intp
@@ -163,8 +163,8 @@ class _Attributes(AttributeTemplate):
         return view if view is None or view.shape else view.element
 
 
-@lower_getattr_generic(RunView)
-def _get_field(_context: Untyped, builder: Untyped, run: RunView, value: Untyped, name: str) -> Untyped:
+@lower_getattr_generic(Lanes)
+def _get_field(_context: Untyped, builder: Untyped, run: Lanes, value: Untyped, name: str) -> Untyped:
     if name in run.sizes:
         return LONG(run.sizes[name])
     if name == "zero":
@@ -173,7 +173,7 @@ def _get_field(_context: Untyped, builder: Untyped, run: RunView, value: Untyped
     return value if view.shape else _load(builder, value, LONG(view.places[0]), view.width)
 
 
-@lower_setattr_generic(RunView)
+@lower_setattr_generic(Lanes)
 def _set_field(_context: Untyped, builder: Untyped, sig: Untyped, args: Untyped, name: str) -> None:
     view = sig.args[0].fields[name]
     _store(builder, args[1], args[0], LONG(view.places[0]), view.width)
@@ -188,7 +188,7 @@ def _data(context: Untyped, builder: Untyped, kind: Untyped, array: Untyped) -> 
 
 @intrinsic
 def runs_in(_typing: Untyped, array: Untyped, kind: Untyped) -> Untyped:
-    """See a contiguous array as the `RunView` type ``kind``. Keep the array alive."""
+    """See a contiguous array as the `Lanes` type ``kind``. Keep the array alive."""
 
     def generate(context: Untyped, builder: Untyped, sig: Untyped, args: Untyped) -> Untyped:
         """Write it in LLVM."""
@@ -200,7 +200,7 @@ def runs_in(_typing: Untyped, array: Untyped, kind: Untyped) -> Untyped:
 @intrinsic
 def lane(_typing: Untyped, run: Untyped, k: Untyped) -> Untyped:
     """Return run number ``k`` of several, as it is alone: what is written to it is written to them."""
-    alone = RunView({name: View(v.shape, v.places, 1) for name, v in run.fields.items()}, run.sizes, 1)
+    alone = Lanes({name: View(v.shape, v.places, 1) for name, v in run.fields.items()}, run.sizes, 1)
 
     def generate(context: Untyped, builder: Untyped, sig: Untyped, args: Untyped) -> Untyped:
         """Write it in LLVM."""
@@ -209,7 +209,7 @@ def lane(_typing: Untyped, run: Untyped, k: Untyped) -> Untyped:
     return alone(run, k), generate
 
 
-def _regular(run: RunView, dims: Untyped, width: int) -> View | None:
+def _regular(run: Lanes, dims: Untyped, width: int) -> View | None:
     """A matrix of its own, of ``dims`` (a constant): sizes of the run, or numbers; ask again with the constant."""
     if not isinstance(dims, types.StringLiteral):
         return None

@@ -19,7 +19,7 @@ from jerkbench.kalman import (
     moved,
     rounding_noise,
     spread_by,
-    squared_distance,
+    squared_distance_by,
     without_measured,
 )
 from jerkbench.memory import empty_memory
@@ -110,7 +110,7 @@ class _Run:
         nis = used = log_det = np.nan
         variances, healthy = np.full(len(rows), np.nan), False
         if factor is not None:
-            nis, log_det = squared_distance(innovation, factor), 2.0 * float(np.log(np.diag(factor)).sum())
+            nis, log_det = squared_distance_by(innovation, factor), 2.0 * float(np.log(np.diag(factor)).sum())
             R = self._adapted(innovation, HPHt, update, rows)
             variances, (used, healthy) = np.diag(R), self._correct(innovation, R, rows)
         self.recorder.update(update, rows, innovation, variances, nis, used, log_det)
@@ -152,7 +152,7 @@ class _Run:
             step, rest = K @ y, without_measured(K, rows)
         kf.x = kf.x + step[:, None]
         kf.P = joseph(prior, K, rest, R) if self.joseph or self.adapt_gain else prior - K @ S @ K.T
-        return squared_distance(y, factor), self._is_sound(spread_by(K, rest, prior, R, rows))
+        return squared_distance_by(y, factor), self._is_sound(spread_by(K, rest, prior, R, rows))
 
     def _is_sound(self, spread: FloatArray) -> bool:
         """Whether state and covariance are what they should be, and more than what rounding leaves of ``spread``."""

@@ -8,7 +8,8 @@ import numpy as np
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.contracts import Adaptation, Filter
 from jerkbench.estimate import Estimate
-from jerkbench.filters.common import StepModels, initial, is_healthy, squared_distance, updated
+from jerkbench.filters.common import StepModels, initial
+from jerkbench.kalman import is_healthy, squared_distance, updated
 from jerkbench.memory import empty_memory
 from jerkbench.optional import clocked, wants_truth
 from jerkbench.timeline import Recorder, Timeline

@@ -1,4 +1,4 @@
-"""What linear estimators share: the model of three axes, the start, one measurement update, ranges of noises."""
+"""What linear estimators share: the model of three axes, the start, the measurement updates, ranges of noises."""
 
 from typing import NamedTuple
 
@@ -7,6 +7,7 @@ import numpy as np
 from jerkbench import plugins
 from jerkbench.arrays import FloatArray
 from jerkbench.contracts import Adaptation, AdaptingGain, AdaptingPrior, Fading, Filter
+from jerkbench.kalman import squared_distance, updated
 from jerkbench.memory import empty_memory
 from jerkbench.optional import clocked, wants_truth
 from jerkbench.parameters import DefaultOrigin, Range
@@ -50,33 +51,6 @@ def initial(timeline: Timeline, model: Filter) -> tuple[FloatArray, FloatArray]:
     P = np.diag(np.concatenate([np.zeros(6), extra]))
     P[:6, :6] = timeline.P0
     return np.concatenate([timeline.x0, np.zeros(len(extra))]), P
-
-
-def updated(
-    x: FloatArray, P: FloatArray, innovation: FloatArray, H: FloatArray, R: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return x and P after an update; P in Joseph form, symmetrised."""
-    PHt = P @ H.T
-    K = np.linalg.solve(H @ PHt + R, PHt.T).T
-    residual = np.eye(len(x)) - K @ H
-    posterior = residual @ P @ residual.T + K @ R @ K.T
-    return x + K @ innovation, 0.5 * (posterior + posterior.T)
-
-
-def squared_distance(y: FloatArray, S: FloatArray) -> float:
-    """Return y' S^-1 y."""
-    return float(y @ np.linalg.solve(S, y))
-
-
-def is_healthy(x: FloatArray, P: FloatArray) -> bool:
-    """Whether the state is finite and the covariance positive definite."""
-    if not (np.isfinite(x).all() and np.isfinite(P).all()):
-        return False
-    try:
-        np.linalg.cholesky(P)
-    except np.linalg.LinAlgError:
-        return False
-    return True
 
 
 def _of_three_axes(matrix: FloatArray) -> FloatArray:

@@ -2,7 +2,7 @@
 
 import os
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -43,7 +43,7 @@ from jerkbench.jobs.plan import Plan, planned
 from jerkbench.jobs.preflight import first_remarks
 from jerkbench.jobs.progress import Progress, Pulse, duration
 from jerkbench.jobs.run import run_missing
-from jerkbench.presets import config_folder
+from jerkbench.presets import config_folder, folder_words
 from jerkbench.report.choice import Choice, figures_choice
 from jerkbench.results.manifest import stretches, write_manifest
 from jerkbench.results.store import Store
@@ -63,7 +63,7 @@ def run_app(arguments: Sequence[str]) -> None:
     arguments = ["dry=true" if word == "--dry" else word for word in arguments]
     words = [typed for word in arguments for typed in typed_seeds(word)]
     words = swept_addresses(words) if {"-m", "--multirun"} & set(arguments) else without_addresses(words)
-    sys.argv = ["jerkbench run", *arranged_words(words)]
+    sys.argv = ["jerkbench run", *arranged_words([*folder_words(), *words])]
     app()
 
 
@@ -122,18 +122,20 @@ def one(config: DictConfig) -> None:
             print(f"Figure: {path}")
 
 
-def score_files(words: Words, pattern: str, label: str) -> None:
+def score_files(words: Words, pattern: str, label: str, dataset: Mapping[str, Any] | None = None) -> None:
     """Score the files of ``pattern``, store their rows, and print them.
 
     Args:
         words: the recording, the protocol and the study.
         pattern: a file, or one for each seed.
         label: what tables call the method; empty: the file's name.
+        dataset: parameters of the data set beside its words.
 
     Raises:
         JerkbenchError: a file cannot be scored; nothing is stored then.
     """
-    plan, store = _planned_alone(words.job(file=pattern, label=label)), Store(study_folder(words.config))
+    plan = _planned_alone(words.job(dataset or {}, file=pattern, label=label))
+    store = Store(study_folder(words.config))
     run_missing(plan, store, strict=True, progress=Progress(0), threads=os.cpu_count() or 1)
     _show(plan, store, words.config)
     print(f"\nRows, tables and manifest: {study_folder(words.config)}")

@@ -14,12 +14,13 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.compilation.vectors import chosen
-from jerkbench.compilation.views import RunView, View, lane, room, row
+from jerkbench.compilation.views import Lanes, View, lane, room, row
+from jerkbench.inertial.state import ATTITUDE, GYRO, GYRO_MATRIX, POSITION, VELOCITY
 from jerkbench.inertial.strapdown import congruence, multiply, multiply_transposed
 from jerkbench.kinematic.correction import correct, mahalanobis
 
 
-def observe(run: RunView, arm: View, velocity_arm: View, frame: View) -> None:
+def observe(run: Lanes, arm: View, velocity_arm: View, frame: View) -> None:
     """Put what is measured in the place of position and velocity.
 
     Args:
@@ -68,7 +69,7 @@ def _fill_skew(S: View, a: View) -> None:
     S[1, 2], S[2, 0], S[0, 1] = 0.0 - a[0], 0.0 - a[1], 0.0 - a[2]
 
 
-def conclude(run: RunView) -> None:
+def conclude(run: Lanes) -> None:
     """Put position and velocity back into their place, with the estimated error."""
     error = room(run, "s")
     for s in range(run.s):
@@ -81,59 +82,57 @@ def conclude(run: RunView) -> None:
     to_states(run, 0.0)
 
 
-def _to_measured(c: View, run: RunView, _dt: float) -> None:
+def _to_measured(c: View, run: Lanes, _dt: float) -> None:
     """Apply T."""
     dv, other = room(run, "3"), room(run, "3")
     _fill_others(other, c, run)
     for i in range(3):
-        dv[i] = c[3 + i]
+        dv[i] = c[VELOCITY + i]
     for i in range(3):
         A = run.of_velocity
-        c[3 + i] = A[i, 0] * dv[0] + A[i, 1] * dv[1] + A[i, 2] * dv[2] + other[i]
-    x, y, z = run.arm[0], run.arm[1], run.arm[2]
-    c[0] -= y * c[8] - z * c[7]
-    c[1] -= z * c[6] - x * c[8]
-    c[2] -= x * c[7] - y * c[6]
+        c[VELOCITY + i] = A[i, 0] * dv[0] + A[i, 1] * dv[1] + A[i, 2] * dv[2] + other[i]
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        c[POSITION + i] -= run.arm[j] * c[ATTITUDE + k] - run.arm[k] * c[ATTITUDE + j]
 
 
-def _from_measured(c: View, run: RunView, _dt: float) -> None:
+def _from_measured(c: View, run: Lanes, _dt: float) -> None:
     """Apply T^-1."""
     dh, other = room(run, "3"), room(run, "3")
     _fill_others(other, c, run)
     for i in range(3):
-        dh[i] = c[3 + i] - other[i]
+        dh[i] = c[VELOCITY + i] - other[i]
     for i in range(3):
         A = run.from_velocity
-        c[3 + i] = A[i, 0] * dh[0] + A[i, 1] * dh[1] + A[i, 2] * dh[2]
-    x, y, z = run.arm[0], run.arm[1], run.arm[2]
-    c[0] += y * c[8] - z * c[7]
-    c[1] += z * c[6] - x * c[8]
-    c[2] += x * c[7] - y * c[6]
-
-
-def _fill_others(other: View, c: View, run: RunView) -> None:
-    """What errors of the attitude, the gyro and the wheel's scale do to a measured velocity."""
-    ga, gb, gc = c[9], c[10], c[11]
-    if run.deformed == 1:
-        for j in range(3):
-            ga += run.rate[j] * c[15 + 3 * j]
-            gb += run.rate[j] * c[16 + 3 * j]
-            gc += run.rate[j] * c[17 + 3 * j]
-    B, D = run.of_attitude, run.of_gyro
+        c[VELOCITY + i] = A[i, 0] * dh[0] + A[i, 1] * dh[1] + A[i, 2] * dh[2]
     for i in range(3):
-        other[i] = B[i, 0] * c[6] + B[i, 1] * c[7] + B[i, 2] * c[8] + (D[i, 0] * ga + D[i, 1] * gb + D[i, 2] * gc)
+        j, k = (i + 1) % 3, (i + 2) % 3
+        c[POSITION + i] += run.arm[j] * c[ATTITUDE + k] - run.arm[k] * c[ATTITUDE + j]
+
+
+def _fill_others(other: View, c: View, run: Lanes) -> None:
+    """What errors of the attitude, the gyro and the wheel's scale do to a measured velocity."""
+    B, D, g = run.of_attitude, run.of_gyro, room(run, "3")
+    for i in range(3):
+        g[i] = c[GYRO + i]
+        if run.deformed == 1:
+            for j in range(3):
+                g[i] += run.rate[j] * c[GYRO_MATRIX + 3 * j + i]
+    for i in range(3):
+        by_attitude = B[i, 0] * c[ATTITUDE] + B[i, 1] * c[ATTITUDE + 1] + B[i, 2] * c[ATTITUDE + 2]
+        other[i] = by_attitude + (D[i, 0] * g[0] + D[i, 1] * g[1] + D[i, 2] * g[2])
     if run.wheeled == 1:
         other[0] += run.wheel_slope * c[run.s - 1]
 
 
-to_measured = congruence(_to_measured, 0, 6)
-to_states = congruence(_from_measured, 0, 6)
+to_measured = congruence(_to_measured, POSITION, ATTITUDE)
+to_states = congruence(_from_measured, POSITION, ATTITUDE)
 
 
 # What the vehicle cannot do.
 
 
-def constrain(run: RunView, held: View, limits: View, point: View, states: int) -> None:
+def constrain(run: Lanes, held: View, limits: View, point: View, states: int) -> None:
     """Take a velocity of zero when it stands still, else none sideways and upwards.
 
     Args:
@@ -165,7 +164,7 @@ def constrain(run: RunView, held: View, limits: View, point: View, states: int) 
 # The update with a measured yaw; `jerkbench.inertial.update.heading` has the equations.
 
 
-def take_heading(run: RunView, yaw: FloatArray, which: int) -> None:
+def take_heading(run: Lanes, yaw: FloatArray, which: int) -> None:
     """Estimate the error from row ``which`` of the yaws, in the runs that have one: K = P H'/S, P - K S K'.
 
     Args:
@@ -189,7 +188,7 @@ def take_heading(run: RunView, yaw: FloatArray, which: int) -> None:
             run.P[s, t] = run.P[s, t] - gain * column[t]
 
 
-def _innovate(alone: RunView, yaw: float) -> None:
+def _innovate(alone: Lanes, yaw: float) -> None:
     """Fill the innovation, between -pi and pi, and 1 in ``measured``; both are 0 where nothing is measured."""
     measured = np.isfinite(yaw)
     apart = yaw - math.atan2(alone.C[1, 0], alone.C[0, 0]) + math.pi

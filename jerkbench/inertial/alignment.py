@@ -9,7 +9,7 @@ from jerkbench.errors import RecordingError
 from jerkbench.estimate import Attitude
 from jerkbench.geometry import dcm_from_euler
 from jerkbench.inertial.mechanisation import SensorNoise, by_column
-from jerkbench.inertial.state import BA, BG, MA, MG, PHI, Deformation, NavigationState, V, error_states, has_deformation
+from jerkbench.inertial.state import BA, BG, LAYOUTS, MA, MG, PHI, Deformation, ErrorLayout, NavigationState, V
 from jerkbench.recording import GRAVITY_MPS2, Recording
 from jerkbench.timeline import Timeline
 
@@ -101,7 +101,7 @@ def with_body_velocity(state: NavigationState, P: FloatArray, dcm: FloatArray) -
 
 def _of_sensors(sigmas: StartSigmas) -> FloatArray:
     """The covariance (n, n) of what is not known of the sensors, the rest zero."""
-    states = error_states(deformation=sigmas.deformed, wheel=sigmas.wheel_scale > 0.0)
+    states = ErrorLayout(deformed=sigmas.deformed, wheeled=sigmas.wheel_scale > 0.0).size
     variances = np.zeros(states)
     variances[BG], variances[BA] = sigmas.gyro_bias_radps**2, sigmas.accel_bias_mps2**2
     if sigmas.deformed:
@@ -146,7 +146,7 @@ def _couple_tilt(P: FloatArray, C: FloatArray) -> None:
     """
     J = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]) @ C / GRAVITY_MPS2
     of_errors = [(BA, J)]
-    if has_deformation(len(P)):
+    if LAYOUTS[len(P)].deformed:
         of_errors.append((MA, by_column(J, GRAVITY_MPS2 * C[2])))
     for at, block in of_errors:
         P[PHI, at] = block @ P[at, at]

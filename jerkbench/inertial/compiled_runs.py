@@ -10,7 +10,7 @@ import numpy as np
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.compiled_loop import compiled_loop
 from jerkbench.compilation.vectors import WIDE
-from jerkbench.compilation.views import RunView
+from jerkbench.compilation.views import Lanes
 from jerkbench.contracts import Adaptation
 from jerkbench.geometry import euler_from_rotations
 from jerkbench.inertial.kernel import Inertial, inertial_type, run_navigation
@@ -98,7 +98,7 @@ def stream_journeys(
     return results
 
 
-def _type_of(journey: Journey, width: int) -> RunView:
+def _type_of(journey: Journey, width: int) -> Lanes:
     return inertial_type(len(journey.start[1]), width, invariant=journey.settings.invariant)
 
 
@@ -223,7 +223,7 @@ def _numbers(state: NavigationState) -> FloatArray:
     return np.concatenate([np.ravel(part) for part in (*state[:5], *deformation, state.wheel_scale)])
 
 
-def _end(w: FloatArray, of: RunView) -> tuple[NavigationState, FloatArray]:
+def _end(w: FloatArray, of: Lanes) -> tuple[NavigationState, FloatArray]:
     """State and covariance where a run has ended."""
 
     def part(name: str) -> FloatArray:

@@ -10,12 +10,12 @@ from functools import cache
 from typing import NamedTuple
 
 from jerkbench.arrays import FloatCube, FloatMatrix, FloatVector, IntVector
-from jerkbench.compilation.views import RunView, ask_for, room, row, runs_in
+from jerkbench.compilation.views import Lanes, ask_for, room, row, runs_in
 from jerkbench.inertial.aiding import conclude, constrain, observe, take_heading
 from jerkbench.inertial.feedback import feed_back
-from jerkbench.inertial.state import has_deformation, has_wheel
+from jerkbench.inertial.state import LAYOUTS
 from jerkbench.inertial.strapdown import mechanise, propagate, sense
-from jerkbench.kinematic.arguments import RUN, Kept, Rules, Runs, Score, Steps, type_with
+from jerkbench.kinematic.arguments import RUN, Exchange, Kept, Rules, Score, Steps, type_with
 from jerkbench.kinematic.correction import check_definite
 from jerkbench.kinematic.loop import AHEAD, all_lost, keep, update
 
@@ -68,7 +68,9 @@ class Inertial(NamedTuple):
     dcm: FloatCube
 
 
-def run_navigation(steps: Steps, score: Score, own: Inertial, rules: Rules, kept: Kept, runs: Runs) -> tuple[int, int]:
+def run_navigation(
+    steps: Steps, score: Score, own: Inertial, rules: Rules, kept: Kept, exchange: Exchange
+) -> tuple[int, int]:
     """Run all steps, or up to where the last run is lost; arguments as those of `jerkbench.kinematic.loop.run_steps`.
 
     Returns:
@@ -80,7 +82,7 @@ def run_navigation(steps: Steps, score: Score, own: Inertial, rules: Rules, kept
     for k in range(len(steps.model)):
         move(run, own, steps.model[k], steps.sample[k])
         if steps.update[k] >= 0:
-            take_update(run, own, steps, score, rules, kept, runs, steps.update[k], updates)
+            take_update(run, own, steps, score, rules, kept, exchange, steps.update[k], updates)
             updates += 1
         if own.heading[k] >= 0:
             remember(run)
@@ -101,7 +103,7 @@ def run_navigation(steps: Steps, score: Score, own: Inertial, rules: Rules, kept
     return reached, updates
 
 
-def begin(run: RunView, own: Inertial) -> None:
+def begin(run: Lanes, own: Inertial) -> None:
     """Put the start into the runs, which are zero."""
     nominal0, P0 = row(own.nominal0, 0, run, "40"), row(own.P0, 0, run, "s s")
     for s in range(6):
@@ -119,7 +121,7 @@ def begin(run: RunView, own: Inertial) -> None:
     run.ended = run.ended - 1.0
 
 
-def move(run: RunView, own: Inertial, length: int, sample: int) -> None:
+def move(run: Lanes, own: Inertial, length: int, sample: int) -> None:
     """Carry the nominal states and the covariances over a step of length number ``length``; -1: no time passes."""
     accel, gyro = own.accel_mps2, own.gyro_radps
     ask_for(row(accel, sample + AHEAD, run, "3"))
@@ -130,20 +132,20 @@ def move(run: RunView, own: Inertial, length: int, sample: int) -> None:
         propagate(run, row(own.noise, 0, run, "4"), own.dt_s[length])
 
 
-def remember(run: RunView) -> None:
+def remember(run: Lanes) -> None:
     """Note position and velocity before something is taken."""
     for s in range(6):
         run.nominal[s] = run.x[s]
 
 
 def take_update(
-    run: RunView,
+    run: Lanes,
     own: Inertial,
     steps: Steps,
     score: Score,
     rules: Rules,
     kept: Kept,
-    runs: Runs,
+    exchange: Exchange,
     which: int,
     place: int,
 ) -> None:
@@ -151,13 +153,13 @@ def take_update(
     remember(run)
     if not own.direct:
         observe(run, row(own.arms, 0, run, "3"), row(own.arms, 1, run, "3"), row(own.frame, 0, run, "2"))
-    update(run, steps, score, rules, kept, runs, which, place, own.states)
+    update(run, steps, score, rules, kept, exchange, which, place, own.states)
     if not own.direct:
         conclude(run)
     feed_back(run)
 
 
-def give_out(run: RunView, own: Inertial, score: Score, kept: Kept, reference: int, k: int) -> None:
+def give_out(run: Lanes, own: Inertial, score: Score, kept: Kept, reference: int, k: int) -> None:
     """Keep, and score, what is known at the ``k``-th visited stamp of the point whose position is given out."""
     if own.centred:
         keep(run, score, kept, reference, k)
@@ -170,7 +172,7 @@ def give_out(run: RunView, own: Inertial, score: Score, kept: Kept, reference: i
                 dcm[i, j] = run.C[i, j]
 
 
-def keep_point(run: RunView, own: Inertial, score: Score, kept: Kept, reference: int, k: int) -> None:
+def keep_point(run: Lanes, own: Inertial, score: Score, kept: Kept, reference: int, k: int) -> None:
     """Do so with another point than the IMU, and leave state and covariance as they were."""
     P, arm, frame = room(run, "6 s"), row(own.arms, 3, run, "3"), room(run, "2")
     frame[0] = frame[1] = run.zero
@@ -221,7 +223,7 @@ SHAPES: dict[str, tuple[int, ...]] = {
 
 
 @cache
-def inertial_type(states: int, width: int, *, invariant: bool) -> RunView:
+def inertial_type(states: int, width: int, *, invariant: bool) -> Lanes:
     """Return the type of ``width`` runs with an error state of that size, invariant or additive."""
-    kinds = {"deformed": has_deformation(states), "wheeled": has_wheel(states), "invariant": invariant}
+    kinds = {**LAYOUTS[states]._asdict(), "invariant": invariant}
     return type_with(SHAPES, states, width, **{name: int(holds) for name, holds in kinds.items()})

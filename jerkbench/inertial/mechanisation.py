@@ -8,6 +8,7 @@ from jerkbench.arrays import FloatArray
 from jerkbench.inertial.state import (
     BA,
     BG,
+    LAYOUTS,
     MA,
     MG,
     PHI,
@@ -16,7 +17,6 @@ from jerkbench.inertial.state import (
     P,
     V,
     cross,
-    has_deformation,
     rotation_exp,
     skew,
 )
@@ -206,7 +206,7 @@ def transition(
         dt_s: (k,) lengths.
         dcm: (k, 3, 3) C.
         force_enu_mps2: (k, 3) a.
-        states: n, as in `jerkbench.inertial.state.error_states`; what is not named above is constant.
+        states: n, as in `jerkbench.inertial.state.ErrorLayout`; what is not named above is constant.
         sensed: f and w (k, 3) in the body, for the deformations only: dM y acts as a bias, so column j of dM_g as db_g
             times w_j, and column j of dM_a as db_a times f_j.
     """
@@ -218,7 +218,7 @@ def transition(
     Phi[:, V, PHI], Phi[:, V, BG], Phi[:, V, BA] = -dt * a, (dt**2 / 2.0) * aC, -dt * dcm
     Phi[:, P, PHI], Phi[:, P, BG], Phi[:, P, BA] = (-(dt**2) / 2.0) * a, (dt**3 / 6.0) * aC, (-(dt**2) / 2.0) * dcm
     Phi[:, PHI, BG] = -dt * dcm
-    if sensed is not None and has_deformation(states):
+    if sensed is not None and LAYOUTS[states].deformed:
         Phi[:, :9, MG], Phi[:, :9, MA] = by_column(Phi[:, :9, BG], sensed[1]), by_column(Phi[:, :9, BA], sensed[0])
     return Phi
 

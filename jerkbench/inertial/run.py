@@ -23,6 +23,7 @@ from jerkbench.inertial.update import (
     wheel_speed,
     widened,
 )
+from jerkbench.kalman import has_factor
 from jerkbench.memory import empty_memory
 from jerkbench.optional import clocked, wants_truth
 from jerkbench.recording import Heading, Imu
@@ -48,7 +49,7 @@ class InertialSolution(NamedTuple):
     Attributes:
         estimate: at the reference's stamps.
         state: nominal state at the end.
-        covariance: (n, n) of its error, n as in `jerkbench.inertial.state.error_states`.
+        covariance: (n, n) of its error, n as in `jerkbench.inertial.state.ErrorLayout`.
     """
 
     estimate: Estimate
@@ -150,7 +151,7 @@ class InertialRun:
             self._take_heading(float(self.headings.yaw_rad[row]), float(self.headings.sigma_rad[row]))
         if constrained:
             self._constrain(int(events.sample[at]))
-        return self._is_healthy()
+        return is_finite(self.state) and has_factor(self.P)
 
     def _update(self, update: int) -> None:
         """Adapt R and take position and velocity."""
@@ -210,15 +211,6 @@ class InertialRun:
         """Keep position and velocity of the reference point, and the attitude."""
         self.recorder.state(reference, *given_out(self.state, self.P, self.rate, self.settings.reference_point_m))
         self.dcms.append(self.state.dcm)
-
-    def _is_healthy(self) -> bool:
-        if not (is_finite(self.state) and np.isfinite(self.P).all()):
-            return False
-        try:
-            np.linalg.cholesky(self.P)
-        except np.linalg.LinAlgError:
-            return False
-        return True
 
     def _solution(self, failure: str = "") -> InertialSolution:
         estimate = self.recorder.estimate(failure)

@@ -61,27 +61,35 @@ def orthonormal(C: FloatArray) -> FloatArray:
 # The nominal state, and where its errors stand in the error state.
 
 STATES = 15
-P, V, PHI, BG, BA = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12), slice(12, 15)
+POSITION, VELOCITY, ATTITUDE, GYRO, ACCEL = range(0, STATES, 3)
+"""Where the errors of position, velocity, attitude and both biases begin, three each."""
 
-DEFORMED = 33
-"""Size of the error state with the deformations of both sensors."""
-MG, MA = slice(15, 24), slice(24, 33)
-"""Where those stand: M column by column, gyro and accelerometer."""
+GYRO_MATRIX, ACCEL_MATRIX, DEFORMED = 15, 24, 33
+"""Where the deformations of both sensors begin, M column by column, and where they end."""
 
-
-def error_states(*, deformation: bool, wheel: bool) -> int:
-    """Size of the error state; the wheel's scale is the last of them."""
-    return (DEFORMED if deformation else STATES) + wheel
+P, V, PHI, BG, BA = (slice(first, first + 3) for first in (POSITION, VELOCITY, ATTITUDE, GYRO, ACCEL))
+MG, MA = slice(GYRO_MATRIX, ACCEL_MATRIX), slice(ACCEL_MATRIX, DEFORMED)
 
 
-def has_deformation(states: int) -> bool:
-    """Whether an error state of that size has the deformations."""
-    return states >= DEFORMED
+class ErrorLayout(NamedTuple):
+    """What stands in an error state behind its first fifteen places.
+
+    Attributes:
+        deformed: the deformations of both sensors.
+        wheeled: the scale of a wheel, in the last place.
+    """
+
+    deformed: bool
+    wheeled: bool
+
+    @property
+    def size(self) -> int:
+        """How many numbers the error state has."""
+        return (DEFORMED if self.deformed else STATES) + self.wheeled
 
 
-def has_wheel(states: int) -> bool:
-    """Whether an error state of that size has the wheel's scale."""
-    return states in (STATES + 1, DEFORMED + 1)
+LAYOUTS = {own.size: own for own in (ErrorLayout(d, w) for d in (False, True) for w in (False, True))}
+"""Every layout by its size; no two have the same."""
 
 
 class Deformation(NamedTuple):
@@ -119,7 +127,7 @@ class NavigationState(NamedTuple):
 
 
 def corrected(state: NavigationState, dx: FloatArray) -> NavigationState:
-    """Return ``state`` with the estimated error dx (n,), n as in `error_states`, put into it.
+    """Return ``state`` with the estimated error dx (n,), n as in `ErrorLayout`, put into it.
 
     Tilt and accelerometer bias are found together, because levelling has hidden the one in the other. With a the force
     that holds the body up, C+ = Exp(phi) C and c = db_a + dM_a C' a, the bias becomes the one with which that force
@@ -133,7 +141,7 @@ def corrected(state: NavigationState, dx: FloatArray) -> NavigationState:
     dcm = orthonormal(rotation_exp(dx[PHI]) @ state.dcm)
     up = GRAVITY_MPS2 * state.dcm[2]  # C' a
     change, of_accel = dx[BA], np.zeros((3, 3))
-    if has_deformation(states):
+    if LAYOUTS[states].deformed:
         known = deformation or Deformation(np.zeros((3, 3)), np.zeros((3, 3)))
         of_gyro, of_accel = dx[MG].reshape(3, 3).T, dx[MA].reshape(3, 3).T
         deformation = Deformation(known.gyro + of_gyro, known.accel + of_accel)
@@ -148,7 +156,7 @@ def corrected(state: NavigationState, dx: FloatArray) -> NavigationState:
         state.gyro_bias_radps + dx[BG],
         state.accel_bias_mps2 + up - shown - of_accel @ shown,
         deformation,
-        state.wheel_scale + float(dx[-1]) if has_wheel(states) else state.wheel_scale,
+        state.wheel_scale + float(dx[-1]) if LAYOUTS[states].wheeled else state.wheel_scale,
     )
 
 
@@ -179,7 +187,7 @@ def error_between(after: NavigationState, before: NavigationState, states: int) 
             after.gyro_bias_radps - before.gyro_bias_radps,
             dcm.T @ (force - after.dcm @ shown) - of_accel @ up,
             deformed,
-            [after.wheel_scale - before.wheel_scale] if has_wheel(states) else [],
+            [after.wheel_scale - before.wheel_scale] if LAYOUTS[states].wheeled else [],
         ]
     )
 

@@ -1,12 +1,13 @@
 """A step of the compiled navigation: nominal state and covariance of its error, of one run or of several.
 
-`jerkbench.inertial.mechanisation` and `jerkbench.inertial.mechanisation` have the equations.
+`jerkbench.inertial.mechanisation` has the equations.
 """
 
 import math
 from collections.abc import Callable
 
-from jerkbench.compilation.views import RunView, View, lane, room
+from jerkbench.compilation.views import Lanes, View, lane, room
+from jerkbench.inertial.state import ACCEL, ACCEL_MATRIX, ATTITUDE, GYRO, GYRO_MATRIX, POSITION, VELOCITY
 from jerkbench.recording import GRAVITY_MPS2
 
 # Rotations, one of each run.
@@ -15,7 +16,7 @@ SMALL = 0.01
 """Square of an angle below which a series to the tenth power gives sine and cosine to the last digit."""
 
 
-def fill_turn(run: RunView, x: float, y: float, z: float) -> None:
+def fill_turn(run: Lanes, x: float, y: float, z: float) -> None:
     """Make ``turn`` = Exp of the rotation vector (x, y, z), as in `jerkbench.inertial.state.rotation_exp`."""
     square = x * x + y * y + z * z
     run.square_of_angle = square
@@ -27,14 +28,14 @@ def fill_turn(run: RunView, x: float, y: float, z: float) -> None:
     fill_by_factors(run, x, y, z)
 
 
-def _fill_large(alone: RunView) -> None:
+def _fill_large(alone: Lanes) -> None:
     a = math.sqrt(alone.square_of_angle)
     half = math.sin(0.5 * a) / (0.5 * a)
     alone.sine = math.sin(a) / a
     alone.cosine = 0.5 * half * half
 
 
-def fill_by_factors(run: RunView, x: float, y: float, z: float) -> None:
+def fill_by_factors(run: Lanes, x: float, y: float, z: float) -> None:
     """Make ``turn`` = I + sine [(x, y, z)] + cosine [(x, y, z)]^2."""
     s, c, turn = run.sine, run.cosine, run.turn
     turn[0, 0], turn[1, 1], turn[2, 2] = 1.0 - c * (y * y + z * z), 1.0 - c * (x * x + z * z), 1.0 - c * (x * x + y * y)
@@ -60,7 +61,7 @@ def multiply_transposed(left: View, right: View, into: View) -> None:
 # The nominal state.
 
 
-def sense(run: RunView, accel: View, gyro: View) -> None:
+def sense(run: Lanes, accel: View, gyro: View) -> None:
     """Make specific force and rate of a sample, without what is known of the sensors' errors."""
     for i in range(3):
         run.force[i] = accel[i] - run.accel_bias[i]
@@ -77,7 +78,7 @@ def _straighten(seen: View, M: View) -> None:
         seen[i] -= M[i, 0] * a + M[i, 1] * b + M[i, 2] * c
 
 
-def mechanise(run: RunView, earth: View, rotates: bool, dt: float) -> None:
+def mechanise(run: Lanes, earth: View, rotates: bool, dt: float) -> None:
     """Carry the nominal states over a step of ``dt``; ``earth`` (4,) is the Earth's rate and 1/R."""
     fill_turn(run, dt * run.rate[0], dt * run.rate[1], dt * run.rate[2])
     multiply(run.C, run.turn, run.next)
@@ -100,7 +101,7 @@ def mechanise(run: RunView, earth: View, rotates: bool, dt: float) -> None:
             run.lever[i, j] *= 0.0 - dt
 
 
-def _move(run: RunView, earth: View, rotates: bool, dt: float) -> None:
+def _move(run: Lanes, earth: View, rotates: bool, dt: float) -> None:
     """Position and velocity; ``twist`` holds the specific force in ENU."""
     v, a, g = room(run, "3"), room(run, "3"), GRAVITY_MPS2
     for i in range(3):
@@ -120,7 +121,7 @@ def _move(run: RunView, earth: View, rotates: bool, dt: float) -> None:
 # The covariance.
 
 
-def congruence(apply: Callable[..., None], first: int, last: int) -> Callable[[RunView, float], None]:
+def congruence(apply: Callable[..., None], first: int, last: int) -> Callable[[Lanes, float], None]:
     """Return a kernel that makes P = T P T'.
 
     Args:
@@ -129,7 +130,7 @@ def congruence(apply: Callable[..., None], first: int, last: int) -> Callable[[R
         last: the state behind them.
     """
 
-    def transform_covariance(run: RunView, dt: float) -> None:
+    def transform_covariance(run: Lanes, dt: float) -> None:
         """First the columns, of which those of the changed states wait, then the rows."""
         c, half = room(run, "s"), room(run, "9 9")
         for t in range(first, last):
@@ -153,12 +154,12 @@ def congruence(apply: Callable[..., None], first: int, last: int) -> Callable[[R
     return transform_covariance
 
 
-def _load_column(c: View, run: RunView, t: int) -> None:
+def _load_column(c: View, run: Lanes, t: int) -> None:
     for k in range(run.s):
         c[k] = run.P[k, t]
 
 
-def _grow_error(c: View, run: RunView, dt: float) -> None:
+def _grow_error(c: View, run: Lanes, dt: float) -> None:
     """Apply Phi to an error of the state, by its blocks that are not zero.
 
     With D = -dt C and [E] = -dt [a], a = C f, g the error of the gyro and h that of the accelerometer (biases, and
@@ -169,47 +170,37 @@ def _grow_error(c: View, run: RunView, dt: float) -> None:
         dv+ = dv + q + r/2
         dp+ = dp + dt dv + dt/2 q + dt/6 r
     """
-    D, (x, y, z) = run.lever, (run.twist[0], run.twist[1], run.twist[2])
-    ga, gb, gc = c[9], c[10], c[11]
-    ha, hb, hc = c[12], c[13], c[14]
-    if run.deformed == 1:
-        for j in range(3):
-            rate, force = run.rate[j], run.force[j]
-            ga += rate * c[15 + 3 * j]
-            gb += rate * c[16 + 3 * j]
-            gc += rate * c[17 + 3 * j]
-            ha += force * c[24 + 3 * j]
-            hb += force * c[25 + 3 * j]
-            hc += force * c[26 + 3 * j]
-    da = D[0, 0] * ga + D[0, 1] * gb + D[0, 2] * gc
-    db = D[1, 0] * ga + D[1, 1] * gb + D[1, 2] * gc
-    dc = D[2, 0] * ga + D[2, 1] * gb + D[2, 2] * gc
-    qa = y * c[8] - z * c[7] + (D[0, 0] * ha + D[0, 1] * hb + D[0, 2] * hc)
-    qb = z * c[6] - x * c[8] + (D[1, 0] * ha + D[1, 1] * hb + D[1, 2] * hc)
-    qc = x * c[7] - y * c[6] + (D[2, 0] * ha + D[2, 1] * hb + D[2, 2] * hc)
-    ra, rb, rc = y * dc - z * db, z * da - x * dc, x * db - y * da
-    half, sixth = 0.5 * dt, dt / 6.0
-    c[0] += dt * c[3] + half * qa + sixth * ra
-    c[1] += dt * c[4] + half * qb + sixth * rb
-    c[2] += dt * c[5] + half * qc + sixth * rc
-    c[3] += qa + 0.5 * ra
-    c[4] += qb + 0.5 * rb
-    c[5] += qc + 0.5 * rc
-    c[6] += da
-    c[7] += db
-    c[8] += dc
+    D, E = run.lever, run.twist
+    g, h, d, q, r = room(run, "3"), room(run, "3"), room(run, "3"), room(run, "3"), room(run, "3")
+    for i in range(3):
+        g[i], h[i] = c[GYRO + i], c[ACCEL + i]
+        if run.deformed == 1:
+            for j in range(3):
+                g[i] += run.rate[j] * c[GYRO_MATRIX + 3 * j + i]
+                h[i] += run.force[j] * c[ACCEL_MATRIX + 3 * j + i]
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        d[i] = D[i, 0] * g[0] + D[i, 1] * g[1] + D[i, 2] * g[2]
+        q[i] = E[j] * c[ATTITUDE + k] - E[k] * c[ATTITUDE + j] + (D[i, 0] * h[0] + D[i, 1] * h[1] + D[i, 2] * h[2])
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        r[i] = E[j] * d[k] - E[k] * d[j]
+        c[POSITION + i] += dt * c[VELOCITY + i] + (0.5 * dt) * q[i] + (dt / 6.0) * r[i]
+        c[VELOCITY + i] += q[i] + 0.5 * r[i]
+        c[ATTITUDE + i] += d[i]
 
 
-grow = congruence(_grow_error, 0, 9)
+grow = congruence(_grow_error, POSITION, GYRO)
 
 
-def propagate(run: RunView, noise: View, dt: float) -> None:
+def propagate(run: Lanes, noise: View, dt: float) -> None:
     """Carry the covariances over a step: Phi P Phi' + Q, as in `jerkbench.inertial.mechanisation.process_noise`."""
     grow(run, dt)
     for i in range(3):
-        run.P[i, i] += noise[1] * (dt * dt * dt / 3.0)
-        run.P[i, 3 + i] += noise[1] * (dt * dt / 2.0)
-        run.P[3 + i, 3 + i] += noise[1] * dt
-        run.P[6 + i, 6 + i] += noise[0] * dt
-        run.P[9 + i, 9 + i] += noise[2] * dt
-        run.P[12 + i, 12 + i] += noise[3] * dt
+        p, v, phi, gyro, accel = POSITION + i, VELOCITY + i, ATTITUDE + i, GYRO + i, ACCEL + i
+        run.P[p, p] += noise[1] * (dt * dt * dt / 3.0)
+        run.P[p, v] += noise[1] * (dt * dt / 2.0)
+        run.P[v, v] += noise[1] * dt
+        run.P[phi, phi] += noise[0] * dt
+        run.P[gyro, gyro] += noise[2] * dt
+        run.P[accel, accel] += noise[3] * dt

@@ -9,6 +9,7 @@ from jerkbench.inertial.mechanisation import by_column
 from jerkbench.inertial.state import (
     BA,
     BG,
+    LAYOUTS,
     MA,
     MG,
     PHI,
@@ -18,8 +19,6 @@ from jerkbench.inertial.state import (
     P,
     V,
     cross,
-    has_deformation,
-    has_wheel,
     left_jacobian,
     orthonormal,
     rotation_exp,
@@ -85,9 +84,9 @@ def widened(H: FloatArray, states: int, rate_radps: FloatArray) -> FloatArray:
         return H
     wide = np.zeros((len(H), states))
     wide[:, :STATES] = H[:, :STATES]
-    if has_deformation(states):
+    if LAYOUTS[states].deformed:
         wide[:, MG] = by_column(H[:, BG], rate_radps)
-    if has_wheel(states) and H.shape[1] > STATES:
+    if LAYOUTS[states].wheeled and H.shape[1] > STATES:
         wide[:, -1] = H[:, -1]
     return wide
 
@@ -138,7 +137,7 @@ def reset(before: NavigationState, after: NavigationState, turn_rad: FloatArray,
     G[PHI, PHI] += half
     G[BA, BA] = back
     G[BA, PHI] = -after.dcm.T @ skew(UP_MPS2) @ half
-    if has_deformation(states):
+    if LAYOUTS[states].deformed:
         G[BA, MA] = by_column(back, before.dcm.T @ UP_MPS2) - by_column(np.eye(3), after.dcm.T @ UP_MPS2)
     return G
 
@@ -172,7 +171,7 @@ def correction(
 
 
 def corrected_on_group(state: NavigationState, dx: FloatArray) -> NavigationState:
-    """Return ``state`` with the estimated error dx (n,), n as in `error_states`, put into it: Exp(T dx) Xh.
+    """Return ``state`` with the estimated error dx (n,), n as in `ErrorLayout`, put into it: Exp(T dx) Xh.
 
     With the left Jacobian J of phi, for which J [phi] = Exp(phi) - I::
 
@@ -181,7 +180,7 @@ def corrected_on_group(state: NavigationState, dx: FloatArray) -> NavigationStat
     so that it does not matter where the origin lies.
     """
     J, deformation = left_jacobian(dx[PHI]), state.deformation
-    if has_deformation(len(dx)):
+    if LAYOUTS[len(dx)].deformed:
         known = deformation or Deformation(np.zeros((3, 3)), np.zeros((3, 3)))
         deformation = Deformation(known.gyro + dx[MG].reshape(3, 3).T, known.accel + dx[MA].reshape(3, 3).T)
     return NavigationState(
@@ -191,7 +190,7 @@ def corrected_on_group(state: NavigationState, dx: FloatArray) -> NavigationStat
         state.gyro_bias_radps + dx[BG],
         state.accel_bias_mps2 + dx[BA],
         deformation,
-        state.wheel_scale + float(dx[-1]) if has_wheel(len(dx)) else state.wheel_scale,
+        state.wheel_scale + float(dx[-1]) if LAYOUTS[len(dx)].wheeled else state.wheel_scale,
     )
 
 

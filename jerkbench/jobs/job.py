@@ -186,16 +186,6 @@ class Method:
     r_scale: RScale
     plain: Config
 
-    def at(self, values: Mapping[str, Config]) -> "Method":
-        """Return the method with other values of some parameters: "filter", "adaptation" or "r_scale" -> values.
-
-        Raises:
-            PluginError: the plugin does not take values that are each in their range.
-        """
-        parts: dict[str, Any] = {name: dataclasses.replace(getattr(self, name), **own) for name, own in values.items()}
-        plain = {name: {**self.plain[name], **own} for name, own in values.items()}
-        return dataclasses.replace(self, **parts, plain={**self.plain, **plain})
-
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Scoring:
@@ -250,11 +240,30 @@ class Job:
         what = {"labels": self.labels, "spec": self.spec, "protocol": self.scoring.limits, "data": data}
         return key_of(what, (type(plugin) for _, _, plugin in self.parts()))
 
+    def part(self, kind: str) -> Any:  # noqa: ANN401 - the kind decides the contract
+        """Return the only plugin of a kind."""
+        return getattr(self.scenario if kind in self.scenario.plain else self.method, kind)
+
+    def at(self, values: Mapping[str, Config]) -> "Job":
+        """Return the job with other values of some parameters: filter, adaptation, r_scale, attitude -> values.
+
+        Raises:
+            PluginError: the plugin does not take values that are each in their range.
+        """
+        owners: dict[str, Any] = {"scenario": self.scenario, "method": self.method}
+        for kind, own in values.items():
+            name = "scenario" if kind in self.scenario.plain else "method"
+            owner = owners[name]
+            plain = {**owner.plain, kind: {**owner.plain[kind], **own}}
+            plugin = dataclasses.replace(getattr(owner, kind), **own)
+            owners[name] = dataclasses.replace(owner, plain=plain, **{kind: plugin}) if own else owner
+        return dataclasses.replace(self, **owners)
+
     def parts(self) -> Iterator[tuple[str, str, Any]]:
         """Yield kind and name of each plugin, and itself."""
         spec = self.spec
         for kind in GROUPS:
-            yield kind, spec[kind]["name"], getattr(self.scenario if kind in self.scenario.plain else self.method, kind)
+            yield kind, spec[kind]["name"], self.part(kind)
         for own, disturbance in zip(spec["disturbance"], self.scenario.disturbances, strict=True):
             yield "disturbance", own["name"], disturbance
         for name, metric in zip(self.scoring.names, self.scoring.metrics, strict=True):

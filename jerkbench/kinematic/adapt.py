@@ -8,70 +8,77 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.vectors import chosen
-from jerkbench.compilation.views import RunView, gather, lane, spread
-from jerkbench.kinematic.arguments import DENSE, Packed, Rules, Runs, packed_of
+from jerkbench.compilation.views import Lanes, gather, lane, spread
+from jerkbench.kinematic.arguments import DENSE, Exchange, Packed, Rules, packed_of
 from jerkbench.kinematic.correction import NAN
 from jerkbench.kinematic.plugin_call import call_adapt, call_fade
 from jerkbench.kinematic.whole_matrices import adapt_prior
 
 
-def adapt_runs(run: RunView, runs: Runs, rules: Rules, complete: bool) -> bool:
+def adapt_runs(run: Lanes, exchange: Exchange, rules: Rules, complete: bool) -> bool:
     """Put the adapted R of all runs in the place of what the adaptation gets, without rows of no finite variance.
 
     Args:
         run: the runs.
-        runs: room for what they show to the adaptation, and for what it says.
+        exchange: room for what they show to the adaptation, and for what it says.
         rules: the adaptation.
         complete: whether all rows of all runs are there.
 
     Returns:
         Whether neither R nor P has changed.
     """
-    spread(runs.HPHt, run.P_measured)
-    spread(runs.given, run.R)
-    spread(runs.y, run.y)
-    spread(runs.kept, run.used)
-    some = packed_of(runs)
+    spread(exchange.HPHt, run.P_measured)
+    spread(exchange.given, run.R)
+    spread(exchange.y, run.y)
+    spread(exchange.kept, run.used)
+    some = packed_of(exchange)
     for r in range(6):
-        runs.rows[r] = r
+        exchange.rows[r] = r
     same, whole = complete, complete
     for k in range(run.width):
         alone = lane(run, k)
-        m = 6 if complete else _find_rows(runs.kept[k], runs.rows)
+        m = 6 if complete else _find_rows(exchange.kept[k], exchange.rows)
         if alone.lost > 0.0:
             m = 0  # what is left of it is nothing to show
             whole = False
-            _unpack(runs, k, some, m)
+            _unpack(exchange, k, some, m)
         else:
-            whole = _adapt_run(alone, runs, k, some, rules, m) and whole
-        same = same and whole and _leaves_prior(rules, k) and _unchanged(runs.given[k], runs.adapted[k])
-    _take(run, runs, whole)
+            whole = _adapt_run(alone, exchange, k, some, rules, m) and whole
+        same = same and whole and _leaves_prior(rules, k) and _unchanged(exchange.given[k], exchange.adapted[k])
+    _take(run, exchange, whole)
     return same
 
 
-def _take(run: RunView, runs: Runs, whole: bool) -> None:
+def _take(run: Lanes, exchange: Exchange, whole: bool) -> None:
     """Take the adapted R; unless all rows are used the variances and which rows are, too. Then y of the others is 0."""
-    gather(run.R, runs.adapted)
+    gather(run.R, exchange.adapted)
     for r in range(6):
         run.variance[r] = run.R[r, r]
     if not whole:
-        gather(run.variance, runs.variance)
-        gather(run.used, runs.kept)
+        gather(run.variance, exchange.variance)
+        gather(run.used, exchange.kept)
         for r in range(6):
             run.y[r] = chosen(run.used[r], 0.0, run.y[r], 0.0)
 
 
-def _adapt_run(alone: RunView, runs: Runs, k: int, some: Packed, rules: Rules, m: int) -> bool:
+def _adapt_run(alone: Lanes, exchange: Exchange, k: int, some: Packed, rules: Rules, m: int) -> bool:
     """Adapt R of ``m`` rows of run ``k``; return whether all six are used."""
     if m == 6:
-        _call(alone, runs, k, Packed(some.rows, runs.y[k], runs.HPHt[k], runs.given[k], runs.adapted[k]), rules, m)
+        _call(
+            alone,
+            exchange,
+            k,
+            Packed(some.rows, exchange.y[k], exchange.HPHt[k], exchange.given[k], exchange.adapted[k]),
+            rules,
+            m,
+        )
     else:
-        _pack(runs, k, some, m)
+        _pack(exchange, k, some, m)
         if m > 0:
-            _call(alone, runs, k, some, rules, m)
-    whole = m == 6 and _finite(runs.adapted[k], runs.variance[k])
+            _call(alone, exchange, k, some, rules, m)
+    whole = m == 6 and _finite(exchange.adapted[k], exchange.variance[k])
     if not whole:
-        _unpack(runs, k, some, m)
+        _unpack(exchange, k, some, m)
     return whole
 
 
@@ -85,19 +92,19 @@ def _find_rows(kept: FloatArray, rows: IntArray) -> int:
     return m
 
 
-def _call(alone: RunView, runs: Runs, k: int, packed: Packed, rules: Rules, m: int) -> None:
+def _call(alone: Lanes, exchange: Exchange, k: int, packed: Packed, rules: Rules, m: int) -> None:
     """Fade, adapt the prior, then R; a run in which one of them raises an error is lost."""
     well = True
     if rules.fade[k] != 0:
         well, factor = call_fade(rules, k, packed, m)
         fade_prior(alone, packed, factor)
     if DENSE == 1:
-        well = adapt_prior(alone, runs, k, packed, rules, m) and well
+        well = adapt_prior(alone, exchange, k, packed, rules, m) and well
     if not (well and call_adapt(rules, k, packed, m)):
         alone.lost = 1.0
 
 
-def fade_prior(alone: RunView, packed: Packed, factor: float) -> None:
+def fade_prior(alone: Lanes, packed: Packed, factor: float) -> None:
     """Scale the prior covariance, and what the adaptation sees of it."""
     for e in range(36):
         packed.HPHt[e] *= factor
@@ -129,20 +136,20 @@ def _finite(adapted: FloatArray, variance: FloatArray) -> bool:
     return total == 0.0
 
 
-def _pack(runs: Runs, k: int, some: Packed, m: int) -> None:
+def _pack(exchange: Exchange, k: int, some: Packed, m: int) -> None:
     """Show the rows that are there."""
     for i in range(m):
         r = some.rows[i]
-        some.y[i] = runs.y[k, r]
+        some.y[i] = exchange.y[k, r]
         for j in range(m):
             c = some.rows[j]
-            some.HPHt[m * i + j] = runs.HPHt[k, 6 * r + c]
-            some.R[m * i + j] = runs.given[k, 6 * r + c]
+            some.HPHt[m * i + j] = exchange.HPHt[k, 6 * r + c]
+            some.R[m * i + j] = exchange.given[k, 6 * r + c]
 
 
-def _unpack(runs: Runs, k: int, some: Packed, m: int) -> None:
+def _unpack(exchange: Exchange, k: int, some: Packed, m: int) -> None:
     """Note the variances; write the adapted R without the rows that have no finite one, and drop these."""
-    adapted, variance = runs.adapted[k], runs.variance[k]
+    adapted, variance = exchange.adapted[k], exchange.variance[k]
     if m == 6:
         for e in range(36):
             some.adapted[e] = adapted[e]
@@ -158,4 +165,4 @@ def _unpack(runs: Runs, k: int, some: Packed, m: int) -> None:
                 if np.isfinite(some.adapted[(m + 1) * j]):
                     adapted[6 * r + some.rows[j]] = some.adapted[m * i + j]
         else:
-            runs.kept[k, r] = 0.0
+            exchange.kept[k, r] = 0.0

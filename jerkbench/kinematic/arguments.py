@@ -8,7 +8,7 @@ import numpy as np
 
 from jerkbench.arrays import FloatCube, FloatMatrix, FloatVector, IntVector
 from jerkbench.compilation.vectors import WIDE, aligned_zeros
-from jerkbench.compilation.views import RunView, View, fields_of
+from jerkbench.compilation.views import Lanes, View, fields_of
 
 SIX, MATRIX = 8, 40
 """Six numbers, and 36, with room up to the next whole eight."""
@@ -129,7 +129,7 @@ class Kept(NamedTuple):
     seen: FloatCube
 
 
-class Runs(NamedTuple):
+class Exchange(NamedTuple):
     """What the runs show to the adaptation, run by run without gaps; the ends of the rows mean nothing.
 
     Attributes:
@@ -195,20 +195,20 @@ class Whole(NamedTuple):
     answer: FloatVector
 
 
-def empty_runs(n: int, width: int) -> Runs:
+def exchange_for(n: int, width: int) -> Exchange:
     """Make room for ``width`` runs of a filter with ``n`` quantities on each axis."""
     HPHt, given, adapted = (aligned_zeros(width, MATRIX) for _ in range(3))
     y, kept, variance = (aligned_zeros(width, SIX) for _ in range(3))
     since = np.tile(np.concatenate([np.eye(n).ravel(), np.zeros(n * n)]), (width, 1))
     s = 3 * n
     room = np.zeros(114), np.zeros(6, dtype=np.int64), since, np.zeros(s + 4 * s * s), np.zeros((width, 2 + s + s * s))
-    return Runs(HPHt, y, kept, given, adapted, variance, *room)
+    return Exchange(HPHt, y, kept, given, adapted, variance, *room)
 
 
-def packed_of(runs: Runs) -> Packed:
+def packed_of(exchange: Exchange) -> Packed:
     """Point at what an adaptation sees where some rows are missing, and at room for what it says."""
-    some = runs.some
-    return Packed(runs.rows, some[108:114], some[:36], some[36:72], some[72:108])
+    some = exchange.some
+    return Packed(exchange.rows, some[108:114], some[:36], some[36:72], some[72:108])
 
 
 # The parts of a run, and where in its array they lie.
@@ -251,20 +251,20 @@ TOTALS: dict[str, tuple[int, ...]] = {
 
 
 @cache
-def run_type(n: int, width: int, **sizes: int) -> RunView:
+def run_type(n: int, width: int, **sizes: int) -> Lanes:
     """Return the type of ``width`` runs of a filter with ``n`` quantities on each axis; ``sizes`` are further ones."""
     return type_with({}, 3 * n, width, **sizes)
 
 
-def type_with(more: Mapping[str, tuple[int, ...]], s: int, width: int, **sizes: int) -> RunView:
+def type_with(more: Mapping[str, tuple[int, ...]], s: int, width: int, **sizes: int) -> Lanes:
     """Return the type of runs of ``s`` states with ``more`` fields of these shapes."""
     shapes = {**SHAPES, **TOTALS, "x": (s,), "G": (6, s), "Z": (6, s), **more}  # G, Z = S^-1 G: see `correction`
     run = with_covariance(shapes, s, width)
     over_D = View((6,), run.fields["L"].places[::7], width)  # 1/D stands on the diagonal of L
-    return RunView({**run.fields, "over_D": over_D}, {**run.sizes, "seen": SEEN, "marked": MARKED, **sizes}, width)
+    return Lanes({**run.fields, "over_D": over_D}, {**run.sizes, "seen": SEEN, "marked": MARKED, **sizes}, width)
 
 
-def with_covariance(shapes: Mapping[str, tuple[int, ...]], s: int, width: int) -> RunView:
+def with_covariance(shapes: Mapping[str, tuple[int, ...]], s: int, width: int) -> Lanes:
     """Return the type of runs that have a covariance of ``s`` states, and fields of these ``shapes``.
 
     Their quantities on each axis are n = s/3, rounded up: what is left over of the last one is never used.
@@ -284,7 +284,7 @@ def with_covariance(shapes: Mapping[str, tuple[int, ...]], s: int, width: int) -
     views["P"] = View((s, s), P.ravel().tolist(), width)
     views["P_measured"] = View((6, 6), P[:6, :6].ravel().tolist(), width)  # of position and velocity: H P H'
     views["P_six"] = View((s, WIDE), six.ravel().tolist(), width)  # six columns, and two that mean nothing
-    return RunView(views, {"n": n, "s": s, "length": length}, width)
+    return Lanes(views, {"n": n, "s": s, "length": length}, width)
 
 
 def _covariance(n: int) -> list[int]:

@@ -16,7 +16,7 @@ for two states of the first kind, two of the second, and one of each. Rounding i
 """
 
 from jerkbench.compilation.vectors import chosen
-from jerkbench.compilation.views import RunView, View, lane, room
+from jerkbench.compilation.views import Lanes, View, lane, room
 from jerkbench.kalman import EXPOSED, FLOOR, INDEFINITE, ROUNDING, SYMMETRIC
 from jerkbench.kinematic.predict import mirror
 
@@ -28,7 +28,7 @@ UNEQUAL = SYMMETRIC * SYMMETRIC
 NAN = float("nan")
 
 
-def mahalanobis(run: RunView) -> float:
+def mahalanobis(run: Lanes) -> float:
     """Return y' S^-1 y of the rows that are used; NaN where the run is lost.
 
     It is lost by an S that is not symmetric and positive definite beyond rounding.
@@ -46,7 +46,7 @@ def mahalanobis(run: RunView) -> float:
     return distance
 
 
-def determinant(run: RunView) -> float:
+def determinant(run: Lanes) -> float:
     """Return det S of the rows that are used, from the factors that `mahalanobis` has found."""
     product: float = run.over_D[0]
     for r in range(1, 6):
@@ -54,7 +54,7 @@ def determinant(run: RunView) -> float:
     return 1.0 / product
 
 
-def _fill_innovation_covariance(run: RunView) -> None:
+def _fill_innovation_covariance(run: Lanes) -> None:
     """Put H P H' + R into L; a row that is not used becomes one of the identity."""
     lost = run.lost
     for r in range(6):
@@ -68,7 +68,7 @@ def _fill_innovation_covariance(run: RunView) -> None:
     run.lost = lost
 
 
-def _factorise(run: RunView) -> None:
+def _factorise(run: Lanes) -> None:
     """S = L D L'. No root is drawn: one division follows the other six times, and each step waits for them."""
     for r in range(6):
         run.L[r, r] = run.S_diagonal[r]
@@ -84,7 +84,7 @@ def _factorise(run: RunView) -> None:
     run.lost = lost
 
 
-def solve_innovation(run: RunView) -> None:
+def solve_innovation(run: Lanes) -> None:
     """Make v = S^-1 y = L^-1' D^-1 L^-1 y."""
     for r in range(5, -1, -1):
         rest = run.white[r] * run.over_D[r]
@@ -93,7 +93,7 @@ def solve_innovation(run: RunView) -> None:
         run.v[r] = rest
 
 
-def solve_column(run: RunView, s: int) -> None:
+def solve_column(run: Lanes, s: int) -> None:
     """Make column ``s`` of Z = S^-1 G."""
     g = room(run, "6")
     for r in range(6):
@@ -112,7 +112,7 @@ BOUND = 4.0 * EXPOSED
 """More than (1 + e) EXPOSED (`_may_be_rounding`)."""
 
 
-def correct(run: RunView, states: int) -> None:
+def correct(run: Lanes, states: int) -> None:
     """Update state and covariance with the rows that are used.
 
     ``states`` is their number: as a constant it would make the compiler unroll the loops, and use the stack for what no
@@ -141,7 +141,7 @@ def correct(run: RunView, states: int) -> None:
     mirror(run)
 
 
-def _correct_measured(run: RunView) -> None:
+def _correct_measured(run: Lanes) -> None:
     """Position and velocity: x + y - G' v or x + G' v; R - G' Z, P - G' Z, or G' Z."""
     for s in range(6):
         moved = _g_times_v(run, s)
@@ -152,7 +152,7 @@ def _correct_measured(run: RunView) -> None:
             run.P[s, t] = chosen(run.fine[s] * run.fine[t], 0.0, run.R[s, t] - product, mixed)
 
 
-def _correct_others(run: RunView, states: int) -> None:
+def _correct_others(run: Lanes, states: int) -> None:
     """The states that are not measured, among each other and with position and velocity."""
     for s in range(6, states):
         run.x[s] += _g_times_v(run, s)
@@ -163,21 +163,21 @@ def _correct_others(run: RunView, states: int) -> None:
             run.P[s, t] = run.P[s, t] - _g_times_z(run, s, t)
 
 
-def _g_times_v(run: RunView, s: int) -> float:
+def _g_times_v(run: Lanes, s: int) -> float:
     total: float = run.G[0, s] * run.v[0]
     for r in range(1, 6):
         total += run.G[r, s] * run.v[r]
     return total
 
 
-def _g_times_z(run: RunView, s: int, t: int) -> float:
+def _g_times_z(run: Lanes, s: int, t: int) -> float:
     total: float = run.Z[0, s] * run.G[0, t]
     for r in range(1, 6):
         total += run.Z[r, s] * run.G[r, t]
     return total
 
 
-def _may_be_rounding(run: RunView, taken_from: View) -> bool:
+def _may_be_rounding(run: Lanes, taken_from: View) -> bool:
     """Whether `_widen` may have something to do, of a run that is not lost.
 
     Of G' Z = Z' S Z = ``taken_from`` - posterior, with C the matrix of S's correlations and of m rows, it holds that
@@ -200,7 +200,7 @@ def _may_be_rounding(run: RunView, taken_from: View) -> bool:
     return total > 0.0
 
 
-def _widen(run: RunView, taken_from: View) -> None:
+def _widen(run: Lanes, taken_from: View) -> None:
     """Add rounding to the variances (`jerkbench.kalman.spread_by`); lost where one is nothing else."""
     lost = run.lost
     for s in range(run.s):
@@ -214,7 +214,7 @@ def _widen(run: RunView, taken_from: View) -> None:
     run.lost = lost
 
 
-def check_definite(run: RunView) -> None:
+def check_definite(run: Lanes) -> None:
     """Lost where the covariance has no factors L D L' with D > 0 but for rounding, or the state is no number."""
     C, lost = room(run, "s s"), run.lost
     for s in range(run.s):

@@ -7,15 +7,15 @@ from typing import Any
 from jerkbench.arrays import FloatArray
 from jerkbench.compilation.compiled_loop import compiled_loop, is_compiled, run_beside
 from jerkbench.compilation.vectors import chosen
-from jerkbench.compilation.views import RunView, View, ask_for, copy, lane, room, row, runs_in, shared_row
+from jerkbench.compilation.views import Lanes, View, ask_for, copy, lane, room, row, runs_in, shared_row
 from jerkbench.kinematic.adapt import adapt_runs
-from jerkbench.kinematic.arguments import DENSE, RUN, Kept, Model, Rules, Runs, Score, Steps, run_type
+from jerkbench.kinematic.arguments import DENSE, RUN, Exchange, Kept, Model, Rules, Score, Steps, run_type
 from jerkbench.kinematic.correction import NAN, check_definite, correct, determinant, mahalanobis
 from jerkbench.kinematic.predict import mark_axes, mirror, predict
 from jerkbench.kinematic.whole_matrices import advance, find_gains, put_gains
 
 
-def compare(run: RunView, score: Score, errors: FloatArray, k: int) -> None:
+def compare(run: Lanes, score: Score, errors: FloatArray, k: int) -> None:
     """Score the state with row ``k`` of the reference."""
     add_row(run, row(score.truth, k, run, "6"), score.weights[k])
     if score.mark[k] >= 0:
@@ -27,7 +27,7 @@ def compare(run: RunView, score: Score, errors: FloatArray, k: int) -> None:
         run.outage += row(score.outage, k, run, "1")[0] * run.square
 
 
-def add_row(run: RunView, truth: View, weights: FloatArray) -> None:
+def add_row(run: Lanes, truth: View, weights: FloatArray) -> None:
     """Add the errors of the state to the sums; ``weights`` (4,) in the order of `arguments.WEIGHTS`."""
     counted, whole, moving = weights[0], weights[1], weights[2]
     for s in range(6):
@@ -43,7 +43,7 @@ def add_row(run: RunView, truth: View, weights: FloatArray) -> None:
     _add_nees(run, counted, weights[3])
 
 
-def _add_nees(run: RunView, counted: float, both: float) -> None:
+def _add_nees(run: Lanes, counted: float, both: float) -> None:
     """Add e' P^-1 e of position, and of position and velocity, by elimination."""
     C, e, total = room(run, "6 6"), room(run, "6"), run.zero
     for r in range(6):
@@ -70,29 +70,37 @@ def _add_nees(run: RunView, counted: float, both: float) -> None:
 
 
 def update(
-    run: RunView, steps: Steps, score: Score, rules: Rules, kept: Kept, runs: Runs, which: int, place: int, states: int
+    run: Lanes,
+    steps: Steps,
+    score: Score,
+    rules: Rules,
+    kept: Kept,
+    exchange: Exchange,
+    which: int,
+    place: int,
+    states: int,
 ) -> None:
     """Take row ``which`` of the measurements, the ``place``-th update, of filters with so many ``states``."""
     seen = seen_of(run, kept, place)
     kept.which[place] = which
-    nis = expect(run, steps, rules, runs, seen, which)
+    nis = expect(run, steps, rules, exchange, seen, which)
     if DENSE == 1:
-        find_gains(run, runs, rules)
+        find_gains(run, exchange, rules)
     correct(run, states)
     if DENSE == 1:
-        put_gains(run, runs)
+        put_gains(run, exchange)
         mirror(run)
     check_definite(run)
     finish(run, seen, score, which, nis)
 
 
-def seen_of(run: RunView, kept: Kept, place: int) -> View:
+def seen_of(run: Lanes, kept: Kept, place: int) -> View:
     """Return where what the ``place``-th update sees is kept."""
     seen: View = row(kept.seen, place if len(kept.seen) > 1 else 0, run, "seen")
     return seen
 
 
-def expect(run: RunView, steps: Steps, rules: Rules, runs: Runs, seen: View, which: int) -> float:
+def expect(run: Lanes, steps: Steps, rules: Rules, exchange: Exchange, seen: View, which: int) -> float:
     """Fill innovation and adapted R; return y' S^-1 y with it."""
     complete = _innovate(run, row(steps.z, which, run, "6"), steps.z, which)
     _take_covariance(run, row(steps.reported, which, run, "6 6"), complete)
@@ -104,13 +112,13 @@ def expect(run: RunView, steps: Steps, rules: Rules, runs: Runs, seen: View, whi
         seen[4 + r] = chosen(run.used[r], 0.0, run.y[r], NAN)
     if len(steps.R) > 0:
         _take_covariance(run, row(steps.R, which, run, "6 6"), complete)
-    same = adapt_runs(run, runs, rules, complete)
+    same = adapt_runs(run, exchange, rules, complete)
     if not same or len(steps.R) > 0:
         nis = mahalanobis(run)
     return nis
 
 
-def _innovate(run: RunView, z: View, numbers: FloatArray, which: int) -> bool:
+def _innovate(run: Lanes, z: View, numbers: FloatArray, which: int) -> bool:
     """Make y = z - H x; return whether all rows of all runs are there."""
     absent = 0.0
     for r in range(6):
@@ -121,7 +129,7 @@ def _innovate(run: RunView, z: View, numbers: FloatArray, which: int) -> bool:
     return absent == 0.0
 
 
-def _take_covariance(run: RunView, R: View, complete: bool) -> None:
+def _take_covariance(run: Lanes, R: View, complete: bool) -> None:
     """Take R, 0 where a row is not there."""
     for r in range(6):
         for c in range(6):
@@ -130,14 +138,14 @@ def _take_covariance(run: RunView, R: View, complete: bool) -> None:
         clear_absent(run)
 
 
-def clear_absent(run: RunView) -> None:
+def clear_absent(run: Lanes) -> None:
     """Make R zero where a row is not there."""
     for r in range(6):
         for c in range(6):
             run.R[r, c] = chosen(run.used[r] * run.used[c], 0.0, run.R[r, c], 0.0)
 
 
-def finish(run: RunView, seen: View, score: Score, which: int, nis: float) -> None:
+def finish(run: Lanes, seen: View, score: Score, which: int, nis: float) -> None:
     """Keep what the adapted R made of it, and count the update."""
     seen[2] = _rows_used(run)
     seen[3] = chosen(seen[2], 0.0, nis, NAN)
@@ -151,7 +159,7 @@ def finish(run: RunView, seen: View, score: Score, which: int, nis: float) -> No
         run.updates_used += chosen(seen[2], 0.0, counts, 0.0)
 
 
-def _rows_used(run: RunView) -> float:
+def _rows_used(run: Lanes) -> float:
     rows: float = run.used[0]
     for r in range(1, 6):
         rows += run.used[r]
@@ -166,7 +174,9 @@ AHEAD = 64
 """So many rows before it is needed the memory is asked for it: about ten microseconds."""
 
 
-def run_steps(steps: Steps, score: Score, model: Model, rules: Rules, kept: Kept, runs: Runs) -> tuple[int, int]:
+def run_steps(
+    steps: Steps, score: Score, model: Model, rules: Rules, kept: Kept, exchange: Exchange
+) -> tuple[int, int]:
     """Run all steps, or up to where the last run is lost.
 
     Args:
@@ -175,7 +185,7 @@ def run_steps(steps: Steps, score: Score, model: Model, rules: Rules, kept: Kept
         model: the filter.
         rules: the adaptation.
         kept: gets what comes out.
-        runs: room.
+        exchange: room.
 
     Returns:
         How many stamps of the reference were visited, and how many updates there were.
@@ -188,9 +198,9 @@ def run_steps(steps: Steps, score: Score, model: Model, rules: Rules, kept: Kept
         move(run, steps, model, k)
         if steps.update[k] >= 0:
             if DENSE == 1:
-                advance(run, runs, model, steps, begun, k + 1)
+                advance(run, exchange, model, steps, begun, k + 1)
                 begun = k + 1
-            update(run, steps, score, rules, kept, runs, steps.update[k], updates, states)
+            update(run, steps, score, rules, kept, exchange, steps.update[k], updates, states)
             updates += 1
             if all_lost(run, k):
                 return reached, updates
@@ -200,7 +210,7 @@ def run_steps(steps: Steps, score: Score, model: Model, rules: Rules, kept: Kept
     return reached, updates
 
 
-def start(run: RunView, x0: View, P0: View, model: Model) -> None:
+def start(run: Lanes, x0: View, P0: View, model: Model) -> None:
     """Put the initial state and covariance into the run, which is zero."""
     for s in range(6):
         run.x[s] = x0[s]
@@ -213,12 +223,12 @@ def start(run: RunView, x0: View, P0: View, model: Model) -> None:
     mark_axes(run)
 
 
-def move(run: RunView, steps: Steps, model: Model, k: int) -> None:
+def move(run: Lanes, steps: Steps, model: Model, k: int) -> None:
     """Predict over step ``k``, if time passes."""
     move_by(run, steps, (model.A, model.b, model.Q), model.triangular, k)
 
 
-def move_by(run: RunView, steps: Steps, models: Models, triangular: bool, k: int) -> None:
+def move_by(run: Lanes, steps: Steps, models: Models, triangular: bool, k: int) -> None:
     """The same by ``models`` A, b, Q of all lengths of a step: all runs have the same, or each its own."""
     m, (A, b, Q) = steps.model[k], models
     if m < 0:
@@ -234,7 +244,7 @@ def move_by(run: RunView, steps: Steps, models: Models, triangular: bool, k: int
         predict(run, (row(A, m, run, "n n"), row(b, m, run, "n"), row(Q, m, run, "n n")), triangular, u)
 
 
-def keep(run: RunView, score: Score, kept: Kept, reference: int, k: int) -> None:
+def keep(run: Lanes, score: Score, kept: Kept, reference: int, k: int) -> None:
     """Keep, and score, the state at the ``k``-th visited stamp of the reference."""
     kept.reference[k] = reference
     if len(kept.x) > 0:
@@ -248,7 +258,7 @@ def keep(run: RunView, score: Score, kept: Kept, reference: int, k: int) -> None
         compare(run, score, kept.errors, k)
 
 
-def all_lost(run: RunView, step: int) -> bool:
+def all_lost(run: Lanes, step: int) -> bool:
     """Note ``step`` for the runs that are lost at its end; return whether none is left."""
     run.ended = chosen(run.lost * (-0.5 - run.ended), 0.0, float(step), run.ended)
     k = 0

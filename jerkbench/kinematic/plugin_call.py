@@ -18,7 +18,7 @@ from jerkbench.compilation.methods import (
     try_fill_by,
 )
 from jerkbench.compilation.module_cache import can_compile
-from jerkbench.compilation.views import RunView
+from jerkbench.compilation.views import Lanes
 from jerkbench.contracts import Adaptation, AdaptingGain, AdaptingPrior, Fading
 from jerkbench.kinematic.arguments import Packed, Rules, Whole
 from jerkbench.memory import memory_size
@@ -143,7 +143,7 @@ def call_fade(rules: Rules, k: int, packed: Packed, m: int) -> tuple[bool, float
     return True, ask(rules.fade[k], seen, (m, rules.sizes[k]))
 
 
-def call_prior(alone: RunView, rules: Rules, k: int, whole: Whole, packed: Packed, m: int) -> bool:
+def call_prior(alone: Lanes, rules: Rules, k: int, whole: Whole, packed: Packed, m: int) -> bool:
     """Fill the adapted prior covariance of a run; return whether `adapt_prior` raised no error."""
     given = rules.parameters[k], whole.x, whole.P, whole.F, whole.Q, packed.y, packed.R, packed.rows
     seen = (*given, rules.memory[k], whole.answer)
@@ -154,7 +154,7 @@ def call_prior(alone: RunView, rules: Rules, k: int, whole: Whole, packed: Packe
     return True
 
 
-def call_gain(alone: RunView, rules: Rules, k: int, whole: Whole, packed: Packed, m: int) -> bool:
+def call_gain(alone: Lanes, rules: Rules, k: int, whole: Whole, packed: Packed, m: int) -> bool:
     """Fill the gain of a run; return whether `adapt_gain` raised no error."""
     seen = rules.parameters[k], whole.x, whole.P, packed.y, packed.R, packed.rows, rules.memory[k], whole.answer
     if len(rules.adapt) > 1:

@@ -1,12 +1,12 @@
 """Prediction with F = A (x) I3: the same product for each pair of axes, of which half of the covariance is enough."""
 
-from jerkbench.compilation.views import RunView, View, eights, room, wide_room
+from jerkbench.compilation.views import Lanes, View, eights, room, wide_room
 
 Model = tuple[View, View, View]
 """A, b and Q of one axis, for one length of a step: numbers, or vectors where each run has its own."""
 
 
-def predict(run: RunView, model: Model, triangular: bool, u: View) -> None:
+def predict(run: Lanes, model: Model, triangular: bool, u: View) -> None:
     """Make x = F x + B u and P = F P F' + Q (x) I3; ``triangular``: A is upper triangular with ones on its diagonal."""
     A, b, Q = room(run, "n n"), room(run, "n"), room(run, "n n")  # copies: the compiler knows that nothing overlaps
     for a in range(run.n):
@@ -30,7 +30,7 @@ def predict(run: RunView, model: Model, triangular: bool, u: View) -> None:
                 _predict_pair(run, A, Q, i, j)
 
 
-def _predict_pairs(run: RunView, A: View, Q: View) -> None:
+def _predict_pairs(run: Lanes, A: View, Q: View) -> None:
     """All pairs of axes of one run at once: a tenth faster than one after the other."""
     M = wide_room(run, "n n")
     for a in range(run.n):
@@ -42,7 +42,7 @@ def _predict_pairs(run: RunView, A: View, Q: View) -> None:
             run.pairs[a, c] = M[a, c] + run.same * Q[a, c]
 
 
-def _predict_pair(run: RunView, A: View, Q: View, i: int, j: int) -> None:
+def _predict_pair(run: Lanes, A: View, Q: View, i: int, j: int) -> None:
     """The covariance of two axes; of equal ones the upper triangle."""
     M = room(run, "n n")
     for a in range(run.n):
@@ -66,7 +66,7 @@ def _transform(M: View, A: View, n: int, half: int) -> None:
                 M[a, b] += A[b, d] * M[a, d]
 
 
-def predict_any(run: RunView, A: View, b: View, Q: View, u: View) -> None:
+def predict_any(run: Lanes, A: View, b: View, Q: View, u: View) -> None:
     """The same for any A."""
     old = room(run, "n")
     for i in range(3):
@@ -80,7 +80,7 @@ def predict_any(run: RunView, A: View, b: View, Q: View, u: View) -> None:
             _predict_any_pair(run, A, Q, i, j)
 
 
-def _predict_any_pair(run: RunView, A: View, Q: View, i: int, j: int) -> None:
+def _predict_any_pair(run: Lanes, A: View, Q: View, i: int, j: int) -> None:
     AP = room(run, "n n")
     for a in range(run.n):
         for c in range(run.n):
@@ -95,7 +95,7 @@ def _predict_any_pair(run: RunView, A: View, Q: View, i: int, j: int) -> None:
             run.P[3 * a + i, 3 * c + j] = total
 
 
-def mirror(run: RunView) -> None:
+def mirror(run: Lanes) -> None:
     """Fill the other half of the covariance of an axis with itself, where all pairs are predicted alike."""
     if run.width == 1:
         for i in range(3):
@@ -104,7 +104,7 @@ def mirror(run: RunView) -> None:
                     run.block[i * (7 - i) // 2, a, b] = run.block[i * (7 - i) // 2, b, a]
 
 
-def mark_axes(run: RunView) -> None:
+def mark_axes(run: Lanes) -> None:
     """Note which pairs of axes are one axis with itself, likewise."""
     if run.width == 1:
         marks = room(run, "8")

@@ -10,10 +10,10 @@ import numpy.typing as npt
 
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.vectors import WIDE, aligned_zeros
-from jerkbench.compilation.views import RunView
+from jerkbench.compilation.views import Lanes
 from jerkbench.contracts import Filter
 from jerkbench.estimate import Estimate, Updates
-from jerkbench.kinematic.arguments import MARKED, SEEN, TOTALS, Kept, Score, Steps, empty_runs, run_type
+from jerkbench.kinematic.arguments import MARKED, SEEN, TOTALS, Kept, Score, Steps, exchange_for, run_type
 from jerkbench.kinematic.loop import loop_for
 from jerkbench.kinematic.packs import Kind, Pack, model_of, pack_runs
 from jerkbench.kinematic.plugin_call import Rule, rules_of
@@ -41,7 +41,7 @@ def run_alone(
     """
     loop, of, own, *more = prepared
     kept, steps = _room_of(timeline, of), _steps_of(timeline, which, wants_truth=rule.wants_truth)
-    rules, room = rules_of([rule], of.sizes["s"]), empty_runs(of.sizes["n"], 1)
+    rules, room = rules_of([rule], of.sizes["s"]), exchange_for(of.sizes["n"], 1)
     states, updates = loop(steps, NO_SCORE, own, rules, kept, room, *more)
     return _estimate_of(timeline, kept, states, updates, of), kept.w
 
@@ -71,7 +71,7 @@ def _plain(array: Any, dtype: npt.DTypeLike) -> Any:  # noqa: ANN401 - any array
     return np.require(array, dtype, ["C", "W", "A"])
 
 
-def _room_of(timeline: Timeline, of: RunView) -> Kept:
+def _room_of(timeline: Timeline, of: Lanes) -> Kept:
     """Room for every stamp of the reference and every update of ``timeline``."""
     k, m = int(np.count_nonzero(timeline.reference >= 0)), int(np.count_nonzero(timeline.update >= 0))
     return Kept(
@@ -85,7 +85,7 @@ def _room_of(timeline: Timeline, of: RunView) -> Kept:
     )
 
 
-def _estimate_of(timeline: Timeline, kept: Kept, states: int, updates: int, of: RunView) -> Estimate:
+def _estimate_of(timeline: Timeline, kept: Kept, states: int, updates: int, of: Lanes) -> Estimate:
     """What a run has left."""
     failed = int(kept.w[of.fields["ended"].places[0]])
     t_s: FloatArray = np.asarray(timeline.measurements.t_ns * 1e-9, dtype=np.float64)
@@ -167,7 +167,7 @@ def run_packs(
         if prepared is not None:
             loop, of, own, *more = prepared
             kept, rule = _room_of_pack(pack, of, updates=updates), rules_of([rules[k] for k in lanes], of.sizes["s"])
-            loop(pack.steps, pack.score, own, rule, kept, empty_runs(of.sizes["n"], WIDE), *more)
+            loop(pack.steps, pack.score, own, rule, kept, exchange_for(of.sizes["n"], WIDE), *more)
             for place, result in zip(pack.members, _results_of(pack, kept, of, updates=updates), strict=True):
                 results[place] = result
 
@@ -190,7 +190,7 @@ def _pool(threads: int) -> ThreadPoolExecutor:
 _packs = lru_cache(maxsize=2)(pack_runs)  # for the next filter; some 10 MB for each vector of 150 s at 100 Hz
 
 
-def _room_of_pack(pack: Pack, of: RunView, *, updates: bool) -> Kept:
+def _room_of_pack(pack: Pack, of: Lanes, *, updates: bool) -> Kept:
     """Room for the sums of a pack, and for what its updates saw."""
     m, marks = len(pack.steps.z), int(pack.score.mark.max(initial=-1)) + 1
     return Kept(
@@ -204,7 +204,7 @@ def _room_of_pack(pack: Pack, of: RunView, *, updates: bool) -> Kept:
     )
 
 
-def _results_of(pack: Pack, kept: Kept, of: RunView, *, updates: bool) -> list[Streamed | None]:
+def _results_of(pack: Pack, kept: Kept, of: Lanes, *, updates: bool) -> list[Streamed | None]:
     """The sums of each member of a pack; None where they are not finite, or the run is lost."""
     w = kept.w.reshape(-1, WIDE)
     totals = {name: w[np.array(of.fields[name].places) // WIDE] for name in TOTALS}

@@ -1,21 +1,21 @@
 """One run in whole matrices: for an adaptation that changes the prior covariance or has a gain of its own."""
 
 from jerkbench.arrays import FloatArray
-from jerkbench.compilation.views import RunView, View, lane, room
+from jerkbench.compilation.views import Lanes, View, lane, room
 from jerkbench.kalman import EXPOSED, FLOOR, ROUNDING
-from jerkbench.kinematic.arguments import Model, Packed, Rules, Runs, Steps, Whole, packed_of
+from jerkbench.kinematic.arguments import Exchange, Model, Packed, Rules, Steps, Whole, packed_of
 from jerkbench.kinematic.plugin_call import call_gain, call_prior
 
 
-def advance(run: RunView, runs: Runs, model: Model, steps: Steps, begin: int, end: int) -> None:
+def advance(run: Lanes, exchange: Exchange, model: Model, steps: Steps, begin: int, end: int) -> None:
     """Take the transition of each run on over steps ``begin`` to ``end`` (not included)."""
     for step in range(begin, end):
         if steps.model[step] >= 0:
             for k in range(run.width):
-                _advance_step(lane(run, k), runs.since[k], model, steps.model[step], min(k, model.A.shape[2] - 1))
+                _advance_step(lane(run, k), exchange.since[k], model, steps.model[step], min(k, model.A.shape[2] - 1))
 
 
-def _advance_step(alone: RunView, since: FloatArray, model: Model, k: int, own: int) -> None:
+def _advance_step(alone: Lanes, since: FloatArray, model: Model, k: int, own: int) -> None:
     """Make A of ``since`` the A of the step times A, and Q A Q A' + Q."""
     gone, gathered, AQ, n = room(alone, "n n"), room(alone, "n n"), room(alone, "n n"), alone.n
     for a in range(n):
@@ -36,13 +36,13 @@ def _advance_step(alone: RunView, since: FloatArray, model: Model, k: int, own: 
             since[n * n + n * a + b] = noise
 
 
-def adapt_prior(alone: RunView, runs: Runs, k: int, packed: Packed, rules: Rules, m: int) -> bool:
+def adapt_prior(alone: Lanes, exchange: Exchange, k: int, packed: Packed, rules: Rules, m: int) -> bool:
     """Put the adapted prior covariance of run ``k`` into its place, if it has one; return whether it raised nothing."""
     if rules.prior[k] == 0:
         return True
-    whole = whole_of(alone, runs)
+    whole = whole_of(alone, exchange)
     take_whole(alone, whole)
-    _take_transition(alone, runs.since[k], whole)
+    _take_transition(alone, exchange.since[k], whole)
     well = call_prior(alone, rules, k, whole, packed, m)
     put_covariance(alone, whole.answer)
     for i in range(m):
@@ -51,14 +51,14 @@ def adapt_prior(alone: RunView, runs: Runs, k: int, packed: Packed, rules: Rules
     return well
 
 
-def whole_of(alone: RunView, runs: Runs) -> Whole:
+def whole_of(alone: Lanes, exchange: Exchange) -> Whole:
     """Point at the room for the state of one run."""
-    own, s = runs.whole, alone.s
+    own, s = exchange.whole, alone.s
     P, F, Q, answer = s, s + s * s, s + 2 * s * s, s + 3 * s * s
     return Whole(own[:s], own[P:F], own[F:Q], own[Q:answer], own[answer : answer + s * s])
 
 
-def take_whole(alone: RunView, whole: Whole) -> None:
+def take_whole(alone: Lanes, whole: Whole) -> None:
     """Fill x and P."""
     for s in range(alone.s):
         whole.x[s] = alone.x[s]
@@ -66,7 +66,7 @@ def take_whole(alone: RunView, whole: Whole) -> None:
             whole.P[alone.s * s + t] = alone.P[s, t]
 
 
-def _take_transition(alone: RunView, since: FloatArray, whole: Whole) -> None:
+def _take_transition(alone: Lanes, since: FloatArray, whole: Whole) -> None:
     """Fill F and Q, and begin anew with the identity and nothing."""
     n = alone.n
     for e in range(alone.s * alone.s):
@@ -80,7 +80,7 @@ def _take_transition(alone: RunView, since: FloatArray, whole: Whole) -> None:
             since[n * n + n * a + b] = 0.0
 
 
-def put_covariance(alone: RunView, P: FloatArray) -> None:
+def put_covariance(alone: Lanes, P: FloatArray) -> None:
     """Put P into the place of the covariance, where half of it lies."""
     for s in range(alone.s):
         for t in range(s + 1):
@@ -90,24 +90,24 @@ def put_covariance(alone: RunView, P: FloatArray) -> None:
 # The update of a run whose adaptation has a gain of its own, in whole matrices.
 
 
-def find_gains(run: RunView, runs: Runs, rules: Rules) -> None:
+def find_gains(run: Lanes, exchange: Exchange, rules: Rules) -> None:
     """Work out the update of the runs that have a gain of their own, from the prior and the adapted R."""
-    packed = packed_of(runs)
+    packed = packed_of(exchange)
     for k in range(run.width):
         alone = lane(run, k)
-        runs.own[k, 0] = 0.0
+        exchange.own[k, 0] = 0.0
         if rules.gain[k] == 0 or alone.lost > 0.0:
             continue
         m = _take_used(alone, packed)
         if m > 0:
-            whole = whole_of(alone, runs)
+            whole = whole_of(alone, exchange)
             take_whole(alone, whole)
             well = call_gain(alone, rules, k, whole, packed, m)
-            runs.own[k, 0], runs.own[k, 1] = 1.0, 0.0 if well else 1.0
-            _own_update(alone, runs.own[k], whole, packed, m)
+            exchange.own[k, 0], exchange.own[k, 1] = 1.0, 0.0 if well else 1.0
+            _own_update(alone, exchange.own[k], whole, packed, m)
 
 
-def _take_used(alone: RunView, packed: Packed) -> int:
+def _take_used(alone: Lanes, packed: Packed) -> int:
     """Fill rows, innovation and adapted R of the rows that are used; return how many they are."""
     m = 0
     for r in range(6):
@@ -120,7 +120,7 @@ def _take_used(alone: RunView, packed: Packed) -> int:
     return m
 
 
-def _own_update(alone: RunView, own: FloatArray, whole: Whole, packed: Packed, m: int) -> None:
+def _own_update(alone: Lanes, own: FloatArray, whole: Whole, packed: Packed, m: int) -> None:
     """Put x + K y, and (I - K H) P (I - K H)' + K R K', into ``own``; K is the answer of the adaptation.
 
     I - K H is worked out first, and its rows and columns of states that are not measured are taken as they are: P may
@@ -178,12 +178,12 @@ def _note_rounding(n: int, own: FloatArray, rest: View, whole: Whole, packed: Pa
             own[2 + n + (n + 1) * s] += FLOOR * spread
 
 
-def put_gains(run: RunView, runs: Runs) -> None:
+def put_gains(run: Lanes, exchange: Exchange) -> None:
     """Put these updates into the place of those that the runs would have had."""
     for k in range(run.width):
-        if runs.own[k, 0] > 0.0:
+        if exchange.own[k, 0] > 0.0:
             alone = lane(run, k)
-            alone.lost = runs.own[k, 1]
+            alone.lost = exchange.own[k, 1]
             for s in range(run.s):
-                alone.x[s] = runs.own[k, 2 + s]
-            put_covariance(alone, runs.own[k, 2 + run.s :])
+                alone.x[s] = exchange.own[k, 2 + s]
+            put_covariance(alone, exchange.own[k, 2 + run.s :])

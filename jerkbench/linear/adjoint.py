@@ -3,12 +3,12 @@
 from functools import cache
 
 from jerkbench.compilation.vectors import WIDE, chosen
-from jerkbench.compilation.views import RunView, View, copy, eights, room, wide_room
+from jerkbench.compilation.views import Lanes, View, copy, eights, room, wide_room
 from jerkbench.kinematic.arguments import with_covariance
 from jerkbench.kinematic.predict import mirror
 
 
-def absorb(a: RunView, tape: RunView, states: int) -> None:
+def absorb(a: Lanes, tape: Lanes, states: int) -> None:
     """Take the adjoint to before the update that stands in a row of the tape.
 
     ``states`` is their number, which as a constant would make the compiler unroll the loops.
@@ -31,7 +31,7 @@ def absorb(a: RunView, tape: RunView, states: int) -> None:
     mirror(a)
 
 
-def _absorb_vector(a: RunView, tape: RunView) -> None:
+def _absorb_vector(a: Lanes, tape: Lanes) -> None:
     """Make lambda = (I - K H)' lambda - H' S^-1 y."""
     moved = room(a, "6")
     for r in range(6):
@@ -42,7 +42,7 @@ def _absorb_vector(a: RunView, tape: RunView) -> None:
         a.x[r] = moved[r]
 
 
-def retreat(a: RunView, model: View) -> None:
+def retreat(a: Lanes, model: View) -> None:
     """Take the adjoint to before a step: A' lambda and A' Lambda A, A upper triangular with ones on its diagonal."""
     A = room(a, "n n")
     for q in range(a.n):
@@ -60,7 +60,7 @@ def retreat(a: RunView, model: View) -> None:
                 _retreat_pair(a, A, i, j)
 
 
-def _retreat_pairs(a: RunView, A: View) -> None:
+def _retreat_pairs(a: Lanes, A: View) -> None:
     """All pairs of axes of one run at once."""
     M = wide_room(a, "n n")
     for r in range(a.n):
@@ -72,7 +72,7 @@ def _retreat_pairs(a: RunView, A: View) -> None:
             a.pairs[r, c] = M[r, c]
 
 
-def _retreat_pair(a: RunView, A: View, i: int, j: int) -> None:
+def _retreat_pair(a: Lanes, A: View, i: int, j: int) -> None:
     M = room(a, "n n")
     for r in range(a.n):
         for c in range(a.n):
@@ -98,7 +98,7 @@ def _transform(M: View, A: View, n: int) -> None:
 # The smoothed position and velocity from filtered state and adjoint: x - P lambda, P - P Lambda P.
 
 
-def smooth(run: RunView, filtered: RunView, a: RunView) -> None:
+def smooth(run: Lanes, filtered: Lanes, a: Lanes) -> None:
     """Put them into ``run``."""
     weighed = room(run, "s")
     for s in range(6):
@@ -119,7 +119,7 @@ def smooth(run: RunView, filtered: RunView, a: RunView) -> None:
             run.P[s, r] = filtered.P[s, r] - total
 
 
-def smooth_alone(x: View, P: View, filtered: RunView, a: RunView) -> None:
+def smooth_alone(x: View, P: View, filtered: Lanes, a: Lanes) -> None:
     """Put them into a row of a trajectory: the same of one run, six columns at a time."""
     columns, weighed = room(filtered, "s 8"), wide_room(filtered, "s")
     copy(columns, filtered.P_six)
@@ -148,7 +148,7 @@ def smooth_alone(x: View, P: View, filtered: RunView, a: RunView) -> None:
 # The tape: filtered states, and what each update made of them.
 
 
-def copy_state(into: RunView, given: RunView) -> None:
+def copy_state(into: Lanes, given: Lanes) -> None:
     """Copy the filtered state, from a run to a row of the tape or back."""
     for a in range(given.n):
         for b in range(given.n):
@@ -161,7 +161,7 @@ def copy_state(into: RunView, given: RunView) -> None:
         into.x[s] = given.x[s]
 
 
-def write_update(tape: RunView, run: RunView) -> None:
+def write_update(tape: Lanes, run: Lanes) -> None:
     """Write I - K H, S^-1 and S^-1 y of the update that ``run`` has just seen.
 
     Column s of K' = S^-1 H P lies in Z; of a measured state whose R is the finer, it is that of S^-1 R, which is what
@@ -177,7 +177,7 @@ def write_update(tape: RunView, run: RunView) -> None:
     _write_inverse(tape, run)
 
 
-def _write_inverse(tape: RunView, run: RunView) -> None:
+def _write_inverse(tape: Lanes, run: Lanes) -> None:
     """S^-1 = L^-1' D^-1 L^-1 from the factors of S; 0 where a row is not used."""
     inner = room(run, "6 6")  # L^-1
     for c in range(6):
@@ -202,7 +202,7 @@ SEGMENT = 32
 
 
 @cache
-def tape_type(n: int, width: int) -> RunView:
+def tape_type(n: int, width: int) -> Lanes:
     """Return the type of a row, for ``width`` runs of a filter with ``n`` quantities on each axis."""
     s = 3 * n
     shapes = {

@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 from jerkbench.arrays import FloatArray, FloatCube, FloatMatrix, FloatStack
 from jerkbench.compilation.vectors import chosen
-from jerkbench.compilation.views import RunView, View, lane, room, row, runs_in
-from jerkbench.kinematic.arguments import RUN, Kept, Rules, Runs, Score, Steps
+from jerkbench.compilation.views import Lanes, View, lane, room, row, runs_in
+from jerkbench.kinematic.arguments import RUN, Exchange, Kept, Rules, Score, Steps
 from jerkbench.kinematic.correction import check_definite, correct, mahalanobis
 from jerkbench.kinematic.loop import all_lost, expect, finish, keep, move_by, seen_of
 from jerkbench.kinematic.predict import mark_axes, mirror
@@ -45,7 +45,7 @@ class Mixing(NamedTuple):
     filters: FloatMatrix
 
 
-def combine(mixing: Mixing, into: RunView) -> None:
+def combine(mixing: Mixing, into: Lanes) -> None:
     """Put mean and covariance of position and velocity of the mixture into the run ``into``."""
     weights, apart = row(mixing.weights, 0, into, "count"), room(into, "count 6")
     for s in range(6):  # sum_j c_j x_j
@@ -63,7 +63,7 @@ def combine(mixing: Mixing, into: RunView) -> None:
             into.P[s, t] = total
 
 
-def log_likelihood(run: RunView, distance: float, mu: FloatArray, j: int) -> None:
+def log_likelihood(run: Lanes, distance: float, mu: FloatArray, j: int) -> None:
     """Put log N(y; 0, S) of filter ``j`` into ``mu``, but for what all filters have in common.
 
     ``distance`` is y' S^-1 y; the run has the reciprocals of D of S = L D L'.
@@ -90,7 +90,7 @@ def weigh(mixing: Mixing) -> None:
             mu[j, k] /= total
 
 
-def mix(mixing: Mixing, run: RunView, rows: float) -> None:
+def mix(mixing: Mixing, run: Lanes, rows: float) -> None:
     """Mix the states by mu and Pi in the runs that have used one of their ``rows``; the others stay as they are."""
     mu, weights = row(mixing.mu, 0, run, "count"), row(mixing.weights, 0, run, "count")
     transitions = row(mixing.transitions, 0, run, "count count")
@@ -114,7 +114,7 @@ def mix(mixing: Mixing, run: RunView, rows: float) -> None:
             runs_in(mixing.filters[j], RUN).x[s] = mean[j, s]
 
 
-def _mix_covariances(mixing: Mixing, run: RunView, joint: View, mean: View) -> None:
+def _mix_covariances(mixing: Mixing, run: Lanes, joint: View, mean: View) -> None:
     """The states are still those before the mixture."""
     mixed = room(run, "count")
     for s in range(run.s):
@@ -133,7 +133,9 @@ def _mix_covariances(mixing: Mixing, run: RunView, joint: View, mean: View) -> N
 # The loop of mixed filters: the steps of a timeline, one after the other.
 
 
-def run_mixture(steps: Steps, score: Score, mixing: Mixing, rules: Rules, kept: Kept, runs: Runs) -> tuple[int, int]:
+def run_mixture(
+    steps: Steps, score: Score, mixing: Mixing, rules: Rules, kept: Kept, exchange: Exchange
+) -> tuple[int, int]:
     """Run all steps, or up to where the last run is lost; arguments as those of `jerkbench.kinematic.loop.run_steps`.
 
     The array of ``kept`` holds the combined state, and the sums.
@@ -150,7 +152,7 @@ def run_mixture(steps: Steps, score: Score, mixing: Mixing, rules: Rules, kept: 
             models = mixing.A[j], mixing.b[j], mixing.Q[j]
             move_by(runs_in(mixing.filters[j], RUN), steps, models, mixing.triangular, k)
         if steps.update[k] >= 0:
-            update(combined, steps, score, mixing, rules, kept, runs, steps.update[k], updates, states)
+            update(combined, steps, score, mixing, rules, kept, exchange, steps.update[k], updates, states)
             updates += 1
             if all_lost(combined, k):
                 return reached, updates
@@ -161,7 +163,7 @@ def run_mixture(steps: Steps, score: Score, mixing: Mixing, rules: Rules, kept: 
     return reached, updates
 
 
-def begin(mixing: Mixing, combined: RunView) -> None:
+def begin(mixing: Mixing, combined: Lanes) -> None:
     """Put the states at the start into the arrays of the filters, which are zero."""
     for j in range(combined.count):
         run = runs_in(mixing.filters[j], RUN)
@@ -176,13 +178,13 @@ def begin(mixing: Mixing, combined: RunView) -> None:
 
 
 def update(
-    combined: RunView,
+    combined: Lanes,
     steps: Steps,
     score: Score,
     mixing: Mixing,
     rules: Rules,
     kept: Kept,
-    runs: Runs,
+    exchange: Exchange,
     which: int,
     place: int,
     states: int,
@@ -191,7 +193,7 @@ def update(
     seen = seen_of(combined, kept, place)
     kept.which[place] = which
     combine(mixing, combined)
-    nis = expect(combined, steps, rules, runs, seen, which)
+    nis = expect(combined, steps, rules, exchange, seen, which)
     rows = combined.used[0]
     for r in range(1, 6):
         rows += combined.used[r]
@@ -204,9 +206,7 @@ def update(
     finish(combined, seen, score, which, nis)
 
 
-def correct_filter(
-    combined: RunView, run: RunView, steps: Steps, mixing: Mixing, j: int, which: int, states: int
-) -> None:
+def correct_filter(combined: Lanes, run: Lanes, steps: Steps, mixing: Mixing, j: int, which: int, states: int) -> None:
     """Update filter ``j`` with the rows and the R of the mixture, and put its log likelihood into mu."""
     z = row(steps.z, which, run, "6")
     for r in range(6):

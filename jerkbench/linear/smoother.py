@@ -28,10 +28,10 @@ import numpy as np
 from jerkbench.arrays import FloatArray, FloatMatrix, FloatVector, IntArray, IntVector
 from jerkbench.compilation.compiled_loop import compiled_loop
 from jerkbench.compilation.vectors import aligned_zeros
-from jerkbench.compilation.views import RunView, row, runs_in, shared_row
+from jerkbench.compilation.views import Lanes, row, runs_in, shared_row
 from jerkbench.contracts import Filter
 from jerkbench.estimate import Estimate
-from jerkbench.kinematic.arguments import RUN, Kept, Model, Rules, Runs, Score, Steps, run_type
+from jerkbench.kinematic.arguments import RUN, Exchange, Kept, Model, Rules, Score, Steps, run_type
 from jerkbench.kinematic.loop import APART, all_lost, compare, move, runs_of, start, update
 from jerkbench.kinematic.packs import Pack, model_of
 from jerkbench.kinematic.plugin_call import Rule
@@ -78,7 +78,7 @@ class Tape(NamedTuple):
 
 
 def run_smoother(
-    steps: Steps, score: Score, model: Model, rules: Rules, kept: Kept, runs: Runs, tape: Tape
+    steps: Steps, score: Score, model: Model, rules: Rules, kept: Kept, exchange: Exchange, tape: Tape
 ) -> tuple[int, int]:
     """Run all steps forward and back; only forward where the last run is lost on the way.
 
@@ -88,14 +88,14 @@ def run_smoother(
         How many stamps of the reference were visited, and how many updates there were.
     """
     states = 3 * (2 + len(model.extra))
-    rows, reached, updates = run_forward(steps, score, model, rules, kept, runs, tape, states)
+    rows, reached, updates = run_forward(steps, score, model, rules, kept, exchange, tape, states)
     if rows > 0:
         run_back(steps, score, model, kept, tape, rows, reached, states)
     return reached, updates
 
 
 def run_forward(
-    steps: Steps, score: Score, model: Model, rules: Rules, kept: Kept, runs: Runs, tape: Tape, states: int
+    steps: Steps, score: Score, model: Model, rules: Rules, kept: Kept, exchange: Exchange, tape: Tape, states: int
 ) -> tuple[int, int, int]:
     """Filter, and fill the tape; returns its rows (0: lost), the stamps of the reference, and the updates."""
     run = runs_in(kept.w, RUN)
@@ -107,7 +107,7 @@ def run_forward(
         move(run, steps, model, k)
         due = steps.update[k] >= 0
         if due:
-            update(run, steps, score, rules, kept, runs, steps.update[k], updates, states)
+            update(run, steps, score, rules, kept, exchange, steps.update[k], updates, states)
             updates += 1
             if all_lost(run, k):
                 return 0, reached, updates
@@ -144,7 +144,7 @@ def run_back(
             step_back(a, steps, model, k)
 
 
-def step_back(a: RunView, steps: Steps, model: Model, k: int) -> None:
+def step_back(a: Lanes, steps: Steps, model: Model, k: int) -> None:
     """Take the adjoint to before step ``k``, if time passes in it."""
     if steps.model[k] >= 0:
         if a.width == 1 or model.A.shape[2] == 1:
@@ -153,7 +153,7 @@ def step_back(a: RunView, steps: Steps, model: Model, k: int) -> None:
             retreat(a, row(model.A, steps.model[k], a, "n n"))
 
 
-def give(steps: Steps, score: Score, kept: Kept, k: int, filtered: RunView, a: RunView, left: int) -> int:
+def give(steps: Steps, score: Score, kept: Kept, k: int, filtered: Lanes, a: Lanes, left: int) -> int:
     """Keep, or score, the smoothed state after step ``k``, if the reference is there; return how many are left."""
     if steps.reference[k] < 0:
         return left

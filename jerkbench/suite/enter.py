@@ -1,79 +1,20 @@
-"""The digests of the recordings that a suite simulates: whether they are those on which the others were scored."""
+"""The way of a method into a suite: from its parts to its entry."""
 
-import hashlib
-from collections.abc import Iterator, Mapping
-from dataclasses import asdict, replace
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 
-from jerkbench.arrays import FloatArray
 from jerkbench.campaigns.entrant import Entrant, knobs_of
 from jerkbench.campaigns.site import Site
-from jerkbench.errors import RecordingError
 from jerkbench.files import cache_folder
-from jerkbench.jobs.inputs import Inputs
 from jerkbench.jobs.key import code_digest, git_commit, versions
-from jerkbench.recording import Recording
 from jerkbench.suite.campaign import ENTRY, PLAIN, ScoredEntrant, SuiteCampaign, plugins_digest, scored_plain
-from jerkbench.suite.entry import Settings, plain_score, write_entry
+from jerkbench.suite.entry import Settings, write_entry
 from jerkbench.suite.protocol import FROZEN, SuiteProtocol, read_suite
-from jerkbench.suite.scores import entry_page, entry_score
-
-STRETCHES = 16
-"""Each array is cut into so many; what is hashed is mean and mean square of each."""
-STEP = 1e-4
-"""They are rounded to this, in their SI unit: what the last bits of another processor do does not count."""
-
-
-def require_recordings(scale: str, protocol: SuiteProtocol) -> None:
-    """Require that the simulated recordings are the frozen ones.
-
-    Raises:
-        RecordingError: one is another.
-    """
-    for scenario, frozen, own in zip(protocol.scenarios, FROZEN[scale].data, data_digests(protocol), strict=True):
-        if own != frozen:
-            raise RecordingError(
-                f"The recordings of {scenario.name} are not those of {protocol.name}: their digest is {own}, the frozen"
-                f" one {frozen}. Other simulated data are another suite; use a version of jerkbench that makes these."
-            )
-
-
-def data_digests(protocol: SuiteProtocol) -> Iterator[str]:
-    """Yield the digest of the recording of each scenario, for the first seed to test on."""
-    plain, inputs, seed = protocol.plain_entrant, Inputs(), protocol.seeds_to_test_on[0]
-    for scenario in protocol.scenarios:
-        yield recording_digest(inputs.recording(plain.job(scenario, protocol.limits).scenario, seed))
-
-
-def recording_digest(recording: Recording) -> str:
-    """Return the first 8 digits of the SHA-256 of rounded means of all that it measures, and of its reference."""
-    sha = hashlib.sha256()
-    for array in _arrays(recording):
-        stretches = np.array_split(np.nan_to_num(array), STRETCHES)
-        means = np.array([(stretch.mean(axis=0), np.square(stretch).mean(axis=0)) for stretch in stretches])
-        sha.update(f"{array.shape}".encode() + np.rint(means / STEP).astype("<i8").tobytes())
-    return sha.hexdigest()[:8]
-
-
-def _arrays(recording: Recording) -> Iterator[FloatArray]:
-    imu, position, velocity, heading = recording.imu, recording.position, recording.velocity, recording.heading
-    if imu is not None:
-        yield from (imu.t_s, imu.accel_mps2, imu.gyro_radps)
-    if position is not None:
-        yield from (position.t_s, position.enu_m, position.covariance_m2)
-    if velocity is not None:
-        yield from (velocity.t_s, velocity.mps)
-    if heading is not None:
-        yield from (heading.t_s, heading.yaw_rad)
-    for truth in (recording.reference.enu_m, recording.reference.velocity_mps):
-        if truth is not None:
-            yield truth
-
-
-# The way of a method into a suite: from its parts to its entry.
+from jerkbench.suite.recordings import require_recordings
+from jerkbench.suite.scoring import scoring_of
 
 
 def enter(scale: str, entrant: Entrant, name: str, place: Site, command: str) -> str:
@@ -97,19 +38,19 @@ def enter(scale: str, entrant: Entrant, name: str, place: Site, command: str) ->
     levels, plain = scored_plain(protocol, replace(place, folder=plain_folder(protocol)))
     scored = campaign.scored(levels)
     rows = _joined(scored, plain)
-    score = entry_score(rows, protocol)
-    page = entry_page(name, score, rows, protocol)
+    scoring = scoring_of(protocol)
+    page = scoring.page(name, rows)
     manifest = {
         "entry": name,
         **frozen_part(scale, protocol),
-        "method": asdict(entrant),
+        "method": entrant.parts,
         "tuned": bool(campaign.space.knobs),
         "command": command,
         "code": code_digest(),
         "plugins": plugins_digest(entrant, protocol),
         "git_commit": git_commit(),
         "versions": versions(),
-        "score": plain_score(score),
+        "score": scoring.score(rows),
     }
     write_entry(place.folder, manifest, rows, _settings(entrant, scored, plain, protocol), page)
     return page
@@ -134,9 +75,7 @@ def _settings(entrant: Entrant, scored: ScoredEntrant, plain: ScoredEntrant, pro
     """The settings with the names of their knobs."""
     both = ((ENTRY, entrant, scored), (PLAIN, protocol.plain_entrant, plain))
     first, limits = protocol.scenarios[0], protocol.limits
-    return {
-        method: _named(knobs_of(own.job(first, limits).method).names, tested.settings) for method, own, tested in both
-    }
+    return {method: _named(knobs_of(own.job(first, limits)).names, tested.settings) for method, own, tested in both}
 
 
 def _named(names: tuple[str, ...], settings: Mapping[str, tuple[float, ...]]) -> dict[str, dict[str, float]]:

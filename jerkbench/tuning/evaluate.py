@@ -14,13 +14,15 @@ from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.contracts import Metric
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.jobs.cluster import Workers
-from jerkbench.jobs.job import Job, Method
+from jerkbench.jobs.job import Job
 from jerkbench.jobs.plan import MOST_TASKS, Plan, joined_jobs
 from jerkbench.jobs.progress import Progress
 from jerkbench.jobs.rows import Row
 from jerkbench.jobs.run import run_missing
+from jerkbench.optional import is_attitude_only
 from jerkbench.recording import Recording
 from jerkbench.results.store import Store
+from jerkbench.timeline import RScale
 from jerkbench.tuning.objectives import Objective
 from jerkbench.tuning.space import Setting, Space
 
@@ -133,8 +135,8 @@ class Evaluator:
     def _jobs(self, settings: Sequence[Setting], case: Job) -> Iterator[Job]:
         """The job of each setting, and that of the plain filter, with the objective as their only metric."""
         scoring = dataclasses.replace(case.scoring, metrics=self._metrics, names=(self.objective.metric,))
-        for method in (*(self.space.applied(case.method, setting) for setting in settings), plain_method(case.method)):
-            yield dataclasses.replace(case, method=method, scoring=scoring)
+        for job in (*(self.space.applied(case, setting) for setting in settings), plain_job(case)):
+            yield dataclasses.replace(job, scoring=scoring)
 
     def _worth(self, rows: Sequence[list[Row]], case: Job) -> tuple[FloatArray, list[int]]:
         """Return (n, draws) the loss of each run, and how many runs of each setting were lost."""
@@ -154,15 +156,27 @@ class Evaluator:
             )
 
 
-def plain_method(method: Method) -> Method:
-    """Return the method with its filter at its defaults, without adaptation, with R as reported."""
+def plain_job(job: Job) -> Job:
+    """Return the job with its filter at its defaults, without adaptation, with R as reported.
+
+    Where nothing is navigated it is `mekf` at its defaults: a Kalman filter without adaptation.
+    """
+    scenario, method = job.scenario, job.method
+    if is_attitude_only(method.filter):
+        mekf = plugins.create("attitude", {"name": "mekf"})
+        plain = {**scenario.plain, "attitude": {"name": "mekf", **dataclasses.asdict(mekf)}}
+        return dataclasses.replace(job, scenario=dataclasses.replace(scenario, attitude=mekf, plain=plain))
     name = method.plain["filter"]["name"]
     model, none = plugins.create("filter", {"name": name}), plugins.create("adaptation", {"name": "none"})
-    told = {f.name: f.default for f in dataclasses.fields(method.r_scale)}
-    plain = {"filter": {"name": name, **dataclasses.asdict(model)}, "adaptation": {"name": "none"}, "r_scale": told}
-    return dataclasses.replace(
-        method, filter=model, adaptation=none, r_scale=type(method.r_scale)(), plain={**method.plain, **plain}
-    )
+    told = RScale()
+    plain = {
+        **method.plain,
+        "filter": {"name": name, **dataclasses.asdict(model)},
+        "adaptation": {"name": "none"},
+        "r_scale": dataclasses.asdict(told),
+    }
+    own = dataclasses.replace(method, filter=model, adaptation=none, r_scale=told, plain=plain)
+    return dataclasses.replace(job, method=own)
 
 
 def trial_table(trials: Trials, names: Sequence[str], scenarios: Sequence[str]) -> pd.DataFrame:
@@ -174,14 +188,25 @@ def trial_table(trials: Trials, names: Sequence[str], scenarios: Sequence[str]) 
     return pd.DataFrame({**columns, "loss": trials.means, "lost_runs": trials.lost})
 
 
+LACKING = {
+    "enu_m": (
+        "position",
+        "use objective=likelihood, or withhold fixes: disturbance=withhold; of an attitude alone objective=inclination",
+    ),
+    "euler_rad": ("attitude", "use objective=rmse"),
+}
+"""What a recording without that part of the reference lacks, and what else there is."""
+
+
 def require_scorable(objective: Objective, case: Job, recording: Recording) -> None:
     """Check that a recording has what the objective asks for.
 
     Raises:
-        RecordingError: it has no reference position, and the objective compares with it.
+        RecordingError: it has no such reference.
     """
-    if objective.needs_reference and recording.reference.enu_m is None:
+    if objective.reference and getattr(recording.reference, objective.reference, None) is None:
+        what, other = LACKING[objective.reference]
         raise RecordingError(
-            f"{case.labels.dataset} has no reference position, so objective={objective.name} has nothing to"
-            " compare with; use objective=likelihood, or withhold fixes: disturbance=withhold."
+            f"{case.labels.dataset} has no reference {what}, so objective={objective.name} has nothing to"
+            f" compare with; {other}."
         )

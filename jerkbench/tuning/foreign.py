@@ -64,7 +64,7 @@ def kf_gins(tuning: Tuning) -> str:
 def eskf15(tuning: Tuning) -> str:
     """Return a preset of our eskf15, an experiment for `jerkbench run --config-dir`."""
     values = _values(tuning)
-    name = tuning.method.plain["filter"]["name"]
+    name = tuning.job.spec["filter"]["name"]
     comments = [
         "jerkbench's eskf15, as an experiment. Maps: sigma_a as velocity random walk, the reported R.",
         "Does not map: the gyro (eskf15 estimates the attitude itself), the noise of jerk or turn.",
@@ -91,7 +91,7 @@ EXPORTS: dict[str, Callable[[Tuning], str]] = {
 
 def _values(tuning: Tuning) -> dict[str, float]:
     """The numbers of filter, adaptation and r_scale, the tuned ones among them, by name."""
-    plain = tuning.space.applied(tuning.method, tuning.setting).plain
+    plain = tuning.space.applied(tuning.job, tuning.setting).spec
     parts: dict[str, dict[str, Any]] = {name: plain[name] for name in ("filter", "adaptation", "r_scale")}
     return {
         f"{part}.{key}": float(value)
@@ -137,7 +137,7 @@ def _gate(values: dict[str, float]) -> list[float]:
 
 
 def _adaptation(tuning: Tuning, values: dict[str, float]) -> list[str]:
-    name = tuning.method.plain["adaptation"]["name"]
+    name = tuning.job.spec["adaptation"]["name"]
     if name == "none":
         return []
     if name == "chi2" and (gates := _gate(values)):

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from jerkbench.jobs.inputs import shared_inputs
-from jerkbench.jobs.job import Method
+from jerkbench.jobs.job import Job
 from jerkbench.tuning.evaluate import Evaluator, RunPlace, require_scorable
 from jerkbench.tuning.objectives import Objective
 from jerkbench.tuning.search import Budget, SearchOutcome, TuningScore, score, search
@@ -67,9 +67,9 @@ class Tuning:
     interval_s: float | None
 
     @property
-    def method(self) -> Method:
-        """The method before the search."""
-        return self.cases.tune[0].method
+    def job(self) -> Job:
+        """The first scenario with the method before the search."""
+        return self.cases.tune[0]
 
     @property
     def setting(self) -> Setting:

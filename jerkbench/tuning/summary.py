@@ -112,7 +112,7 @@ def _shown(tuning: Tuning, losses: Any) -> str:  # noqa: ANN401 - a number or an
 # What was tuned as presets.
 
 
-PARTS = ("filter", "adaptation")
+PARTS = ("filter", "adaptation", "attitude")
 
 
 def preset_words(tuning: Tuning, *, typed: bool) -> list[str]:
@@ -124,8 +124,8 @@ def preset_words(tuning: Tuning, *, typed: bool) -> list[str]:
     """
     if not typed:
         return [f"experiment={_name(tuning)}"]
-    plain, setting = tuning.method.plain, tuning.setting
-    parts = [f"{part}={plain[part]['name']}_tuned" for part in PARTS if tuning.space.of_part(part, setting)]
+    spec, setting = tuning.job.spec, tuning.setting
+    parts = [f"{part}={spec[part]['name']}_tuned" for part in PARTS if tuning.space.of_part(part, setting)]
     return parts + [f"r_scale.{key}={value}" for key, value in tuning.space.of_part("r_scale", setting).items()]
 
 
@@ -137,12 +137,13 @@ def write_presets(tuning: Tuning, folder: Path, remarks: str) -> None:
         folder: below which the groups are.
         remarks: what stands at the top of each file, one line.
     """
-    plain, chosen = tuning.method.plain, {}
+    spec, chosen = tuning.job.spec, {}
     for part in PARTS:
-        plugin, values = str(plain[part]["name"]), tuning.space.of_part(part, tuning.setting)
-        chosen[part] = f"{plugin}_tuned" if values else plugin
+        plugin, values = str(spec[part]["name"]), tuning.space.of_part(part, tuning.setting)
+        if values or part != "attitude":
+            chosen[part] = f"{plugin}_tuned" if values else plugin
         if values:
-            kept = {**_given(plain[part]), **values}
+            kept = {**_given(spec[part]), **values}
             write_text(folder / part / f"{plugin}_tuned.yaml", _text(remarks, {"defaults": [plugin, "_self_"], **kept}))
     told = tuning.space.of_part("r_scale", tuning.setting)
     defaults = [{f"override /{part}": preset} for part, preset in chosen.items()]

@@ -6,7 +6,7 @@ from numba import njit
 
 from jerkbench.compilation.vectors import WIDE, aligned_zeros
 from jerkbench.compilation.views import (
-    RunView,
+    Lanes,
     View,
     ask_for,
     copy,
@@ -30,7 +30,7 @@ def run_type(width):
     fields, length = fields_of({"lost": (), "A": (2, 3), "many": (40,)}, width)
     begin = fields["many"].places[0]
     odd = View((5, 2), [begin + width * place for place in SCATTERED], width)
-    return RunView({**fields, "odd": odd}, {"n": 3, "length": length}, width)
+    return Lanes({**fields, "odd": odd}, {"n": 3, "length": length}, width)
 
 
 ONE, EIGHT = run_type(1), run_type(WIDE)
@@ -174,8 +174,8 @@ def test_what_is_asked_for_may_lie_beyond_the_end():
 
 def test_types_that_lie_otherwise_have_other_names():
     """The name of a type is its content for numba, and in the key of what is kept on the disk."""
-    moved = RunView({**ONE.fields, "odd": View((5, 2), range(10), 1)}, {"n": 3, "length": 47}, 1)
-    assert len({ONE.name, EIGHT.name, moved.name, RunView(ONE.fields, {"n": 4, "length": 47}, 1).name}) == 4
+    moved = Lanes({**ONE.fields, "odd": View((5, 2), range(10), 1)}, {"n": 3, "length": 47}, 1)
+    assert len({ONE.name, EIGHT.name, moved.name, Lanes(ONE.fields, {"n": 4, "length": 47}, 1).name}) == 4
     assert run_type(1) == ONE
     assert View((2, 3), range(6), 1) != View((3, 2), range(6), 1)
 

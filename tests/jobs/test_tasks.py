@@ -140,8 +140,8 @@ def test_the_bundles_of_a_plan_are_the_same_whatever_is_left_of_it(plan, monkeyp
 def test_of_cells_that_share_their_calls_the_one_that_ends_its_process_is_told_apart(tmp_path):
     base = cell("none")
     told = [{"accel_mps2": accel} for accel in (0.1, 0.2, 0.4)]
-    methods = [base.method.at({"filter": own}) for own in told]
-    plan, store = Plan(tuple(replace(base, method=own, draws=range(4)) for own in methods)), Store(tmp_path)
+    plan = Plan(tuple(replace(base.at({"filter": own}), draws=range(4)) for own in told))
+    store = Store(tmp_path)
     bad = plan.jobs[1].key
     cluster = Fragile(lambda task: bad in [one.key for one in task.jobs])
 

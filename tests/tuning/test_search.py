@@ -38,7 +38,7 @@ def evaluator_of(tmp_path):
 
     def made(cell, objective="rmse", chosen=(), folder=None):
         place = folder or tmp_path / str(next(numbers))
-        return Evaluator(space_of(cell.method, chosen), objective_of(objective), 1, RunPlace(place))
+        return Evaluator(space_of(cell, chosen), objective_of(objective), 1, RunPlace(place))
 
     return made
 
@@ -192,7 +192,7 @@ def test_equal_budgets_are_checked_and_said(evaluator_of):
 
 def test_what_has_no_range_cannot_be_tuned():
     with pytest.raises(PluginError, match="neither the filter gnss_only nor the adaptation none"):
-        space_of(cell_of(model="gnss_only").method)
+        space_of(cell_of(model="gnss_only"))
 
 
 def test_the_likelihood_of_an_estimator_that_keeps_none_is_refused(evaluator_of):
@@ -208,7 +208,7 @@ def test_another_restart_is_another_scramble(tmp_path):
     cases = by_seeds([cell], Seeds(1, 0, 2))
     effort = Effort(objective_of("rmse"), Budget(4), restarts=3)
 
-    tuning = tune("baseline-none", cases, space_of(cell.method), effort, RunPlace(tmp_path))
+    tuning = tune("baseline-none", cases, space_of(cell), effort, RunPlace(tmp_path))
 
     assert len({restart.setting for restart in tuning.restarts} | {tuning.setting}) == 3
     assert tuning.setting == tuning.restarts[0].setting
@@ -216,7 +216,7 @@ def test_another_restart_is_another_scramble(tmp_path):
 
 
 def test_a_best_on_an_edge_is_told():
-    space = space_of(cell_of().method)
+    space = space_of(cell_of())
 
     assert space.at_edge((9.9, 1.0, 1.0)) == [
         "filter.accel_mps2 = 9.9 lies at the high end of its range (0.01 to 10, logarithmic); the best may lie beyond."
@@ -225,14 +225,14 @@ def test_a_best_on_an_edge_is_told():
 
 
 def test_whole_numbers_stay_whole():
-    method = cell_of(model="jerk", adaptation="mtf").method
-    space = space_of(method)
-    applied = space.applied(method, space.setting(np.full(len(space.knobs), 0.5)))
+    cell = cell_of(model="jerk", adaptation="mtf")
+    space = space_of(cell)
+    applied = space.applied(cell, space.setting(np.full(len(space.knobs), 0.5)))
 
-    assert applied.adaptation.window == 7
-    assert isinstance(applied.adaptation.window, int)
-    assert applied.filter.accel_mps2 == pytest.approx(np.sqrt(0.01 * 10.0))
-    assert applied.plain["adaptation"]["window"] == 7
+    assert applied.method.adaptation.window == 7
+    assert isinstance(applied.method.adaptation.window, int)
+    assert applied.method.filter.accel_mps2 == pytest.approx(np.sqrt(0.01 * 10.0))
+    assert applied.spec["adaptation"]["window"] == 7
 
 
 @pytest.mark.parametrize("edited", ["plugin_digest", "code_digest"])

@@ -55,7 +55,7 @@ class Drive:
 def test_by_time_nothing_after_the_share_is_read_while_tuning(tmp_path):
     trials = []
     for name, cell in {"whole": drive(), "spoilt": drive(spoilt_after_s=6.0)}.items():
-        evaluator = Evaluator(space_of(cell.method), objective_of("rmse"), 1, RunPlace(tmp_path / name))
+        evaluator = Evaluator(space_of(cell), objective_of("rmse"), 1, RunPlace(tmp_path / name))
         found = search(evaluator, by_time([cell], FEW), Budget(3))
         trials.append((found, score(evaluator, found.setting, by_time([cell], FEW).test)))
 
