@@ -8,7 +8,8 @@ from typing import TypeVar
 
 from jerkbench import plugins
 from jerkbench.hydra_app.configuration import Schema
-from jerkbench.jobs.cell import GROUPS, Noise
+from jerkbench.jobs.job import Noise
+from jerkbench.jobs.labels import GROUPS
 from jerkbench.presets import preset_names
 
 T = TypeVar("T")

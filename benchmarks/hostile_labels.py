@@ -29,7 +29,7 @@ from hostile_programs import with_text
 from hostile_results import QUIET, SWEEP, answered, sign
 from markdown_it import MarkdownIt
 
-from jerkbench.jobs.cell import Labels
+from jerkbench.jobs.labels import Labels
 from jerkbench.plain import is_plain
 
 PATIENCE_S = 120

@@ -20,15 +20,14 @@ from typing import Any
 
 import numpy as np
 
-from jerkbench.jobs.cell import Protocol, build
-from jerkbench.jobs.rows import CellRun
+from jerkbench.jobs.job import Protocol, build
+from jerkbench.jobs.plan import Plan, planned
+from jerkbench.jobs.rows import Result, job_rows
+from jerkbench.jobs.run import Block, block_of
 from jerkbench.report.tables.terminal import print_beginning
 from jerkbench.results.manifest import write_manifest
-from jerkbench.results.parts import Block
 from jerkbench.results.store import Store
 from jerkbench.results.study import load_study, write_study
-from jerkbench.sweep.sweep import Plan, plan_sweep
-from jerkbench.sweep.tasks import Result, block_of
 
 FILTERS, ADAPTATIONS = ("jerk", "baseline"), ("none", "mtf", "huber", "sage_husa")
 BUNDLE = 64
@@ -61,22 +60,21 @@ def plan_of(cells: int, seeds: int) -> Plan:
                 }
                 cell = build(spec, Protocol(seeds=seeds))
                 made.append(replace(cell, labels=cell.labels._replace(noise=f"accel_mps2={0.01 * (value + 1):.2f}")))
-    return plan_sweep(made[:cells])
+    return planned(made[:cells])
 
 
 def blocks(plan: Plan) -> Iterator[Block]:
     """Made-up rows: those of one run, with every number a little off."""
-    first = plan.cells[0]
-    (model,), notes = CellRun(first.cell, first.fingerprint).rows([0])
+    (model,), notes = job_rows(plan.jobs[0], [0])
     metrics = {name: value for name, value in model.items() if isinstance(value, float)}
     rng = np.random.default_rng(1)
-    for planned in plan.cells:
-        factors = rng.lognormal(0.0, 0.1, (len(planned.cell.draws), len(metrics)))
+    for job in plan.jobs:
+        factors = rng.lognormal(0.0, 0.1, (len(job.draws), len(metrics)))
         rows = [
-            {**model, **planned.cell.labels._asdict(), "seed": seed, **dict(zip(metrics, own, strict=True))}
-            for seed, own in zip(planned.cell.draws, factors * list(metrics.values()), strict=True)
+            {**model, **job.labels._asdict(), "seed": seed, **dict(zip(metrics, own, strict=True))}
+            for seed, own in zip(job.draws, factors * list(metrics.values()), strict=True)
         ]
-        yield block_of(planned, Result(rows, notes, 0.0))
+        yield block_of(job, Result(rows, notes))
 
 
 def store_all(plan: Plan, store: Store) -> None:

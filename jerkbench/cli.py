@@ -7,7 +7,8 @@ import os
 import signal
 import sys
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import NoReturn
@@ -71,8 +72,23 @@ def main(arguments: Sequence[str] | None = None) -> None:
         _collect_seldom()
         signal.signal(signal.SIGTERM, _interrupt)
     _open_closed()
-    with plain_output():
-        _guarded(words)
+    with plain_output(), _errors_in_words():
+        _require_installed()
+        _require_date()
+        refuse_removed(words)
+        words = take_folders(words)
+        _require_room()
+        if words[:2] == ["help", "run"] or (words[:1] == ["run"] and {"-h", "--help"} & set(words)):
+            print(RUN_HELP, end="")
+        elif words[:1] == ["run"]:
+            with _hydra_in_words(words[1:]):
+                from jerkbench.hydra_app.app import run_app
+
+                run_app(words[1:])
+        else:
+            with _files_in_words("{path} cannot be read or written: {reason}; correct the path."):
+                chosen = _chosen(words)
+                chosen.answer(chosen)
 
 
 def _open_closed() -> None:
@@ -81,18 +97,13 @@ def _open_closed() -> None:
     sys.stderr = sys.stderr or os.fdopen(os.open(os.devnull, os.O_WRONLY), "w")
 
 
-def _guarded(words: list[str]) -> None:
+@contextmanager
+def _errors_in_words() -> Iterator[None]:
+    """Turn what ends a command into a sentence and an exit code, and warnings into a line each."""
     try:
-        _require_installed()
-        _require_date()
-        refuse_removed(words)
-        words = take_folders(words)
-        _require_room()
         with warnings.catch_warnings():
             warnings.showwarning = _one_line
-            if words[:2] == ["help", "run"]:
-                words = ["run", "--help"]
-            _run(words[1:]) if words[:1] == ["run"] else _answer(words)
+            yield
     except JerkbenchError as error:
         if _is_interrupted(error):
             _end_interrupted()
@@ -177,56 +188,45 @@ def _collect_seldom() -> None:
     atexit.register(gc.freeze)
 
 
-def _run(words: list[str]) -> None:
-    """Hand over to Hydra; what it has to say about the configuration becomes one sentence."""
-    if {"-h", "--help"} & set(words):
-        print(RUN_HELP, end="")
-        return
+@contextmanager
+def _hydra_in_words(words: list[str]) -> Iterator[None]:
+    """Turn what Hydra has to say about the configuration into one sentence."""
     os.environ["HYDRA_FULL_ERROR"] = "1"  # let errors through, instead of printing them and exiting
     from hydra.errors import HydraException
     from omegaconf.errors import OmegaConfBaseException
 
-    from jerkbench.hydra_app.app import run_app
     from jerkbench.hydra_app.messages import hydra_sentence
-    from jerkbench.hydra_app.typed_words import refuse_mappings
 
-    refuse_mappings(words)
+    with _files_in_words("Results cannot be written: {error}."):
+        try:
+            yield
+        except (HydraException, OmegaConfBaseException) as error:  # some are an OSError, too
+            raise JerkbenchError(hydra_sentence(error, words)) from error
+
+
+@contextmanager
+def _files_in_words(sentence: str) -> Iterator[None]:
+    """Turn what is wrong with a file, or a worker, into a sentence about ``path``, ``reason`` or ``error``."""
     try:
-        run_app(words)
-    except (HydraException, OmegaConfBaseException) as error:
-        raise JerkbenchError(hydra_sentence(error, words)) from error
+        yield
     except BrokenPipeError:
         raise
     except ChildProcessError as error:
-        raise _of_a_worker(error) from error
+        raise JerkbenchError(f"A worker ended before its work was done: {error}. Start the command again.") from error
     except OSError as error:
-        raise JerkbenchError(f"Results cannot be written: {error}.") from error
+        path, reason = error.filename or "A file", error.strerror or error
+        raise JerkbenchError(sentence.format(path=path, reason=reason, error=error)) from error
 
 
-def _answer(words: list[str]) -> None:
-    """Answer a verb; a file that it cannot read or write becomes a sentence."""
-    if words[:1] in ([], ["help"]):
-        words = [*words[1:], "--help"]
-    chosen, behind = _parser().parse_known_args(words)
+def _chosen(words: list[str]) -> argparse.Namespace:
+    """Read the words of a verb; help where there are none."""
+    parser = _parser()
+    chosen, behind = parser.parse_known_args(words if words[:1] not in ([], ["help"]) else [*words[1:], "--help"])
     if behind and (not hasattr(chosen, "words") or any(word.startswith("-") for word in behind)):
-        _parser().error(f"unrecognized arguments: {' '.join(behind)}")
+        parser.error(f"unrecognized arguments: {' '.join(behind)}")
     if behind:  # KEY=VALUE behind an option, which argparse does not put to those before it
         chosen.words = [*chosen.words, *behind]
-    try:
-        chosen.answer(chosen)
-    except BrokenPipeError:
-        raise
-    except ChildProcessError as error:
-        raise _of_a_worker(error) from error
-    except OSError as error:
-        path = error.filename or "A file"
-        raise JerkbenchError(
-            f"{path} cannot be read or written: {error.strerror or error}; correct the path."
-        ) from error
-
-
-def _of_a_worker(error: ChildProcessError) -> JerkbenchError:
-    return JerkbenchError(f"A worker ended before its work was done: {error}. Start the command again.")
+    return chosen
 
 
 @cache

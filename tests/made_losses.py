@@ -4,13 +4,13 @@ import dataclasses
 
 import numpy as np
 
-from jerkbench.audit.methods import Method
+from jerkbench.audit.methods import AuditMethod
 from jerkbench.audit.protocol import read_protocol
 from jerkbench.audit.verdicts import DEFAULTS, TUNED, Losses
 from jerkbench.campaigns.protocol import FaultFamily
 
 FAMILIES = ("none", "a", "b")
-CLAIMED, AGAINST = Method("jerk", "mtf"), Method("baseline", "none")
+CLAIMED, AGAINST = AuditMethod("jerk", "mtf"), AuditMethod("baseline", "none")
 PROTOCOL = dataclasses.replace(
     read_protocol("small"),
     filters=("baseline",),
@@ -36,7 +36,7 @@ def losses(jerk=JERK, coloured=1.0):
         (AGAINST, TUNED, 0): common,
         (CLAIMED, DEFAULTS, 0): own + np.log(2.0),
         (CLAIMED, TUNED, 0): own,
-        (Method("gnss_only", "none"), TUNED, 0): common + np.log(3.0),
-        (Method("baseline", "oracle"), TUNED, 0): common + np.log(0.25),
+        (AuditMethod("gnss_only", "none"), TUNED, 0): common + np.log(3.0),
+        (AuditMethod("baseline", "oracle"), TUNED, 0): common + np.log(0.25),
     }
     return Losses(FAMILIES, SCENARIOS, known)

@@ -1,6 +1,6 @@
 """Stored cells as a run leaves them, made without one."""
 
-from jerkbench.results.parts import Block
+from jerkbench.jobs.run import Block
 from jerkbench.results.store import Store
 
 LABELS = {

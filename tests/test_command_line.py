@@ -350,11 +350,14 @@ def test_an_interrupt_that_a_library_turns_into_its_own_error_is_one_all_the_sam
 def test_two_thousand_values_are_planned_without_composing_each(loader_calls, said_in_process, monkeypatch):
     from jerkbench.hydra_app import launched_sweep
 
-    monkeypatch.setattr(launched_sweep, "run_plan", lambda *_: 7)
-    monkeypatch.setattr(launched_sweep, "conclude", lambda *_: None)
+    def full(*_):
+        raise OSError("no room")
+
+    monkeypatch.setattr(launched_sweep, "run_missing", full)
+    monkeypatch.setattr(launched_sweep, "conclude_study", lambda *_: None)
     code, _, _ = said_in_process("run", "-m", "noise.accel_mps2=range(1,2001)")
 
-    assert code == 7
+    assert code == 1
     assert len(loader_calls) < 10
 
 
@@ -424,8 +427,8 @@ main(sys.argv[1:])
 """
 PAUSING = """
 import signal
-from jerkbench.sweep import tasks
-from jerkbench.sweep.sweep import Tally
+from jerkbench.jobs import run
+from jerkbench.jobs.run import Tally
 
 def pausing(tally, task, result, add=Tally.add, count=[0]):
     count[0] += 1
@@ -434,7 +437,7 @@ def pausing(tally, task, result, add=Tally.add, count=[0]):
     return add(tally, task, result)
 
 Tally.add = pausing
-tasks.HELD_S = 0.0
+run.HELD_S = 0.0
 """
 
 

@@ -6,7 +6,7 @@ import pytest
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
-from jerkbench.hydra_app.configuration import cell_of, register_hydra_parts, register_schemas
+from jerkbench.hydra_app.configuration import job_of, register_hydra_parts, register_schemas
 from jerkbench.presets import config_folder
 
 
@@ -18,19 +18,20 @@ def cell(*overrides):
         config = compose("config", list(overrides), return_hydra_config=True)
         bare = {key: value for key, value in config.items() if key != "hydra"}
         plain = OmegaConf.to_container(OmegaConf.create(bare), resolve=True)
-        return cell_of(plain, config.hydra.runtime.choices, list(overrides))
+        return job_of(plain, config.hydra.runtime.choices, list(overrides))
 
 
 def test_everything_at_once_as_the_page_says():
     one = cell("experiment=field_combined")
     assert one.labels.dataset == "field_combined"
-    assert (one.dataset.ruts, one.dataset.vibration_mps2, one.dataset.impacts_per_s, one.dataset.roughness) == (
+    dataset = one.scenario.dataset
+    assert (dataset.ruts, dataset.vibration_mps2, dataset.impacts_per_s, dataset.roughness) == (
         True,
         1.0,
         0.1,
         2.0,
     )
-    bias, multipath, rtk_float, outage = one.disturbances
+    bias, multipath, rtk_float, outage = one.scenario.disturbances
     assert (bias.accel_mps2, bias.gyro_radps) == (0.05, 0.001)
     assert multipath.bursts == 4
     assert sum(end - begin for begin, end in rtk_float.windows_s) == 15
@@ -39,25 +40,25 @@ def test_everything_at_once_as_the_page_says():
 
 def test_it_can_be_put_together_by_hand_too():
     by_hand = cell("dataset=field_combined", "disturbance=combined")
-    assert by_hand.disturbances == cell("experiment=field_combined").disturbances
-    assert cell("disturbance=combined", "disturbance.rtk_float.time_s=5.0").disturbances[2].time_s == 5
+    assert by_hand.scenario.disturbances == cell("experiment=field_combined").scenario.disturbances
+    assert cell("disturbance=combined", "disturbance.rtk_float.time_s=5.0").scenario.disturbances[2].time_s == 5
 
 
 def test_the_sweep_of_outages_has_a_seed_for_each_phase():
     one = cell("experiment=outage_sweep", "disturbance.outage_sweep.length_s=30")
-    assert one.disturbances[0].length_s == 30
-    assert len(one.draws) == one.disturbances[0].replicates()
+    assert one.scenario.disturbances[0].length_s == 30
+    assert len(one.draws) == one.scenario.disturbances[0].replicates()
     assert one.labels.disturbance == "outage_sweep(length_s=30)"
 
 
 @pytest.mark.parametrize("attitude", ["gyro_only", "reference"])
 def test_attitudes_and_the_path_are_chosen_by_name(attitude):
     one = cell("dataset=path", "dataset.waypoints_m=[[0,0],[9,0]]", f"attitude={attitude}")
-    assert one.dataset.waypoints_m == ((0, 0), (9, 0))
+    assert one.scenario.dataset.waypoints_m == ((0, 0), (9, 0))
     assert one.spec["attitude"]["name"] == attitude
 
 
 def test_two_of_the_same_disturbance_under_keys_of_their_own():
     words = ["disturbance=imu_bias", "+disturbance@disturbance.second=imu_bias", "disturbance.second.stream=second"]
-    first, second = cell(*words).disturbances
+    first, second = cell(*words).scenario.disturbances
     assert (first.stream, second.stream) == ("", "second")

@@ -13,7 +13,7 @@ OWN = str(Path(jerkbench.__file__).parent)
 WORDS = ("filter=baseline", "adaptation=mtf", "engine=filterpy", "dataset.duration_s=8", "seeds=1", "figures=false")
 
 
-@pytest.mark.parametrize(("first", "most"), [(("run",), 19), (("run", "-m", "workers=1"), 20)], ids=["one", "sweep"])
+@pytest.mark.parametrize(("first", "most"), [(("run",), 12), (("run", "-m", "workers=1"), 12)], ids=["one", "sweep"])
 def test_the_way_to_adapt_is_no_longer_than_it_was(first, most, tmp_path, monkeypatch):
     stacks, adapt = [], Mtf.adapt
 

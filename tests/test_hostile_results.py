@@ -16,14 +16,14 @@ import pytest
 
 from jerkbench.cli import main
 from jerkbench.errors import JerkbenchError
-from jerkbench.hydra_app.launched_sweep import conclude, run_plan
-from jerkbench.jobs.cell import Protocol, build
-from jerkbench.jobs.cluster import Workers
+from jerkbench.hydra_app.launched_sweep import End, conclude_study
 from jerkbench.jobs.inputs import shared_inputs
+from jerkbench.jobs.job import Protocol, build
+from jerkbench.jobs.plan import planned
+from jerkbench.jobs.run import run_missing
 from jerkbench.results.manifest import read_manifest
 from jerkbench.results.store import Store
 from jerkbench.results.study import load_study
-from jerkbench.sweep.sweep import plan_sweep
 
 DAMAGES = 200
 BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
@@ -47,17 +47,18 @@ def hostile():
 @pytest.fixture(scope="module")
 def plan():
     adaptations = ("none", "mtf")
-    return plan_sweep([build({**SPEC, "adaptation": {"name": name}}, Protocol(seeds=2)) for name in adaptations])
+    return planned([build({**SPEC, "adaptation": {"name": name}}, Protocol(seeds=2)) for name in adaptations])
 
 
 def run(plan, folder):
     """Do what `jerkbench run -m` does once it knows its cells; each of them gets a part of its own."""
     store = Store(folder)
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr("jerkbench.sweep.tasks.HELD_S", 0.0)
-        code = run_plan(plan, store, Workers())
-    conclude(store, plan.draws, SimpleNamespace(notes=["a note"], tags=[]))
-    return code
+        patched.setattr("jerkbench.jobs.run.HELD_S", 0.0)
+        with End() as end:
+            run_missing(plan, store)
+    conclude_study(store, plan.draws, SimpleNamespace(notes=["a note"], tags=[]))
+    return end.code
 
 
 @pytest.fixture(scope="module")
@@ -125,7 +126,7 @@ def test_a_damaged_study_is_run_again(whole, plan, hostile, tmp_path):
         shutil.copytree(whole, folder)
         what = hostile.damage(folder, rng)
         assert run(plan, folder) in (0, 1), what
-        assert {planned.key for planned in plan.cells} <= set(load_study(folder).keys) | {"abc"}, what
+        assert {job.key for job in plan.jobs} <= set(load_study(folder).keys) | {"abc"}, what
 
 
 @pytest.mark.parametrize("content", [b"[]", b"null", b'{"cells": 3}', b'{"last": [1]}', b"\xff{}", b"[" * 100_000, b""])
@@ -235,12 +236,11 @@ def test_a_method_without_any_error_has_no_ratio(whole, tmp_path):
     assert ending(["report", str(folder), "--scenarios", "0"]) == 0
 
 
-def test_a_worker_that_died_is_not_told_as_a_result_that_cannot_be_stored(plan, tmp_path, monkeypatch, capsys):
-    def die(*_):
+def test_a_worker_that_died_is_not_told_as_a_result_that_cannot_be_stored(capsys):
+    end = End()
+    with end:
         raise ChildProcessError("the process that ran it died")
-
-    monkeypatch.setattr("jerkbench.hydra_app.launched_sweep.run_sweep", die)
-    assert run_plan(plan, Store(tmp_path), Workers()) == 1
+    assert end.code == 1
     printed = capsys.readouterr().err
     assert "the process that ran it died" in printed
     assert "stored" not in printed

@@ -11,7 +11,7 @@ from jerkbench import notices, plugins
 from jerkbench.adaptation.mtf import Mtf
 from jerkbench.catalogue import list_text, show_text
 from jerkbench.errors import PluginError
-from jerkbench.jobs.cell import metric_names
+from jerkbench.jobs.job import metric_names
 from jerkbench.jobs.names import choose
 
 

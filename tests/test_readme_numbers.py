@@ -11,7 +11,7 @@ from scipy.stats import spearmanr
 
 from experiment_scripts import experiment
 from jerkbench.audit.answer import off_by, power_sentence, sentences
-from jerkbench.audit.methods import Method
+from jerkbench.audit.methods import AuditMethod
 from jerkbench.audit.page import markdown_table
 from jerkbench.audit.protocol import read_protocol
 from jerkbench.audit.verdicts import MethodVerdict
@@ -99,7 +99,7 @@ def verdict_of_row(row):
     tuned = OverScenarios(row["tuned"], row["low"], row["high"], nan, nan, nan, nan, 0, nan, 0)
     same = ("default", "p_better", "all_ratio", "bound", "worst", "worst_ratio", "nominal", "lost", "anees", "step_ns")
     return MethodVerdict(
-        method=Method(row["filter"], row["adaptation"]),
+        method=AuditMethod(row["filter"], row["adaptation"]),
         tuned=tuned,
         low=row["low_of_all"],
         high=row["high_of_all"],

@@ -18,8 +18,8 @@ def test_an_old_name_is_the_new_one_everywhere(capsys, kind, old, new):
     by_old, said = composed([f"{kind}={old}"]), capsys.readouterr().err
     by_new, unsaid = composed([f"{kind}={new}"]), capsys.readouterr().err
 
-    assert by_old.cell().spec == by_new.cell().spec
-    assert by_old.cell().labels == by_new.cell().labels
+    assert by_old.job().spec == by_new.job().spec
+    assert by_old.job().labels == by_new.job().labels
     assert said == f"{kind}={old} is now {kind}={new}; the old name will be removed in the next version.\n"
     assert not unsaid
     if kind != "noise":

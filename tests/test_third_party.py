@@ -3,7 +3,6 @@
 import importlib
 import subprocess
 import sys
-from dataclasses import replace
 
 import pandas as pd
 import pytest
@@ -12,10 +11,11 @@ from commands import SHORT, jerkbench, swept
 from jerkbench.adaptation.mtf import Mtf
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.errors import PluginError
-from jerkbench.jobs.cell import Protocol, build
+from jerkbench.jobs.job import Protocol, build
 from jerkbench.jobs.key import plugin_digest
 from jerkbench.jobs.preflight import TRACEBACK
-from jerkbench.jobs.rows import CellRun
+from jerkbench.jobs.rows import job_rows
+from made_jobs import with_method
 
 MODULE = '''
 """A rule of our own."""
@@ -182,9 +182,9 @@ class Clumsy(NoAdaptation):
 def test_its_author_can_see_the_traceback(monkeypatch):
     spec = {kind: {"name": name} for kind, name in (("filter", "baseline"), ("engine", "compiled"))}
     spec |= {"dataset": {"name": "field", "duration_s": 12.0}, "attitude": {"name": "tilt"}, "disturbance": []}
-    cell = replace(build({**spec, "adaptation": {"name": "none"}}, Protocol(seeds=1)), adaptation=Clumsy())
+    cell = with_method(build({**spec, "adaptation": {"name": "none"}}, Protocol(seeds=1)), adaptation=Clumsy())
     with pytest.raises(PluginError, match="that was clumsy"):
-        CellRun(cell, "", on_error="raise").rows()
+        job_rows(cell, strict=True)
     monkeypatch.setenv(TRACEBACK, "1")
     with pytest.raises(ZeroDivisionError, match="that was clumsy"):
-        CellRun(cell, "", on_error="raise").rows()
+        job_rows(cell, strict=True)

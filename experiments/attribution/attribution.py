@@ -36,11 +36,11 @@ from shapley import (
 )
 
 from jerkbench.arrays import FloatArray
-from jerkbench.audit.methods import Method, by_method
+from jerkbench.audit.methods import AuditMethod, by_method
 from jerkbench.audit.page import SECTIONS
 from jerkbench.audit.protocol import AuditProtocol, read_protocol
 from jerkbench.audit.stages import Stages
-from jerkbench.campaigns.protocol import HALVES, Scenario
+from jerkbench.campaigns.protocol import HALVES, FaultScenario
 from jerkbench.campaigns.search import best_trials, levels_of, losses, mean_losses, seen
 from jerkbench.campaigns.site import Site
 from jerkbench.files import write_text
@@ -86,7 +86,7 @@ SUBSETS: tuple[Corner, ...] = tuple(frozenset(names) for names in ((), (Q,), (R,
 CORNERS = "corners"
 """The stage of the runs that score."""
 
-Chosen = Mapping[tuple[Method, Corner, str], Setting]
+Chosen = Mapping[tuple[AuditMethod, Corner, str], Setting]
 """The setting of a method by what was tuned of it, and on which half."""
 
 
@@ -115,12 +115,12 @@ def _varied(space: Space, shares: Mapping[int, float]) -> Setting:
     return tuple(knob.value(shares[k]) if k in shares else knob.start for k, knob in enumerate(space.knobs))
 
 
-def methods_of(protocol: AuditProtocol) -> dict[Corner, Method]:
+def methods_of(protocol: AuditProtocol) -> dict[Corner, AuditMethod]:
     """Return the method where model and adaptation are off and on: the first and the last of the protocol's."""
     models = {False: protocol.filters[0], True: protocol.filters[-1]}
     rules = {False: protocol.plain, True: protocol.compared[-1]}
     return {
-        frozenset(name for name, on in ((MODEL, jerk), (ADAPTATION, mtf)) if on): Method(models[jerk], rules[mtf])
+        frozenset(name for name, on in ((MODEL, jerk), (ADAPTATION, mtf)) if on): AuditMethod(models[jerk], rules[mtf])
         for jerk, mtf in product((False, True), repeat=2)
     }
 
@@ -141,7 +141,7 @@ class Scored:
 class AttributionRuns:
     """The runs with one attitude, which go on where they were stopped."""
 
-    def __init__(self, protocol: AuditProtocol, spaces: Mapping[Method, Space], stages: Stages) -> None:
+    def __init__(self, protocol: AuditProtocol, spaces: Mapping[AuditMethod, Space], stages: Stages) -> None:
         """Prepare to search the ``spaces``, which begin from the naive values."""
         self._protocol, self._spaces, self._stages = protocol, spaces, stages
 
@@ -178,7 +178,7 @@ def _union(several: Sequence[Sequence[Setting]]) -> tuple[Setting, ...]:
     return tuple(dict.fromkeys(setting for settings in several for setting in settings))
 
 
-def _keys_of(scenario: Scenario) -> list[tuple[Corner, str]]:
+def _keys_of(scenario: FaultScenario) -> list[tuple[Corner, str]]:
     """What is scored in a scenario: each subset, tuned on the half or the halves that the scenario is not of."""
     halves = [half for half in HALVES if half != scenario.half]
     return [(subset, half) for subset in SUBSETS for half in halves]

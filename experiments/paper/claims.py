@@ -16,12 +16,12 @@ import numpy as np
 import pandas as pd
 
 from jerkbench.arrays import FloatArray
-from jerkbench.audit.methods import Method
+from jerkbench.audit.methods import AuditMethod
 from jerkbench.audit.page import SECTIONS
 from jerkbench.audit.protocol import read_protocol
 from jerkbench.audit.study import FOLDER, run_audit
 from jerkbench.audit.verdicts import DEFAULTS, TUNED, Losses
-from jerkbench.campaigns.protocol import Scenario
+from jerkbench.campaigns.protocol import FaultScenario
 from jerkbench.campaigns.ratios import NOMINAL
 from jerkbench.campaigns.search import levels_of
 from jerkbench.evaluation.statistics.intervals import student_intervals
@@ -30,8 +30,8 @@ from jerkbench.files import write_text
 from jerkbench.jobs.cluster import Local
 from jerkbench.results.study import load_study
 
-CLAIMED = Method("jerk", "mtf")
-NAIVE, BASELINE = Method("baseline_untuned", "none"), Method("baseline", "none")
+CLAIMED = AuditMethod("jerk", "mtf")
+NAIVE, BASELINE = AuditMethod("baseline_untuned", "none"), AuditMethod("baseline", "none")
 ROLL_RAD, PITCH_RAD = 0.0051, 0.0076
 """The paper's errors of the tilt [rad]."""
 LOST_M = 1000.0
@@ -75,7 +75,7 @@ class Claim:
     unit: str
     numbers: FloatArray
     bound: float
-    scenarios: tuple[Scenario, ...]
+    scenarios: tuple[FaultScenario, ...]
 
     @property
     def words(self) -> list[str]:
@@ -89,7 +89,7 @@ def _word(low: float, high: float, bound: float) -> str:
     return FAILS if low >= bound else OPEN
 
 
-def logs(rows: pd.DataFrame, method: Method, metric: str) -> pd.DataFrame:
+def logs(rows: pd.DataFrame, method: AuditMethod, metric: str) -> pd.DataFrame:
     """Return the logarithm of a metric: a line for each scenario, a column for each seed."""
     own = rows[(rows["filter"] == method.filter) & (rows["adaptation"] == method.adaptation)]
     values = own[metric].where((own["status"] == "ok") | (metric != "position_rmse_m"), LOST_M)
@@ -114,7 +114,7 @@ def claims(rows: pd.DataFrame) -> list[Claim]:
 
 
 def _claim(name: str, against: str, values: pd.DataFrame, bound: float, unit: str = "") -> Claim:
-    scenarios = tuple(Scenario(field, {}, fault, fault, "both", {}) for field, fault in values.index)
+    scenarios = tuple(FaultScenario(field, {}, fault, fault, "both", {}) for field, fault in values.index)
     return Claim(name, against or "-", unit, _intervals(values.to_numpy()), bound, scenarios)
 
 

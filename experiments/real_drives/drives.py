@@ -21,8 +21,8 @@ import yaml
 from jerkbench.campaigns.entrant import tried_settings
 from jerkbench.errors import PluginError
 from jerkbench.hydra_app.words import composed
-from jerkbench.jobs.cell import Cell
-from jerkbench.tuning.evaluate import Evaluator, Runs
+from jerkbench.jobs.job import Job
+from jerkbench.tuning.evaluate import Evaluator, RunPlace
 from jerkbench.tuning.objectives import objective_of
 from jerkbench.tuning.space import Space, space_of
 from jerkbench.tuning.splits import Seeds, by_time
@@ -52,25 +52,25 @@ def methods(asked: Sequence[str]) -> list[tuple[str, ...]]:
     return [tuple(word.split("+")) for word in asked] or pairs
 
 
-def cell_of(drive: str, method: Sequence[str], folder: Path) -> Cell:
-    """Return the cell of a method on a drive."""
+def job_of(drive: str, method: Sequence[str], folder: Path) -> Job:
+    """Return the job of a method on a drive."""
     known = protocol()
     words = [word.replace("FOLDER", str(folder)) for word in known["drives"][drive]]
     model, rule = method
     own = [f"filter={model}", f"adaptation={rule}", f"disturbance={known['disturbance']}"]
-    return composed([*words, *own]).cell()
+    return composed([*words, *own]).job()
 
 
 def runs(drive: str, method: Sequence[str], folder: Path, trials: int, place: Path) -> Iterator[dict[str, Any]]:
     """Yield the rows of every setting of a method on both halves of a drive: mean log RMSE over the phases."""
-    cell = cell_of(drive, method, folder)
+    job = job_of(drive, method, folder)
     try:
-        space = space_of(cell)
+        space = space_of(job)
     except PluginError:  # it has nothing to tune
         space = Space(())
     settings = tried_settings(trials, space) if space.knobs else ((),)
-    evaluator = Evaluator(space, objective_of("rmse"), 2, Runs(place))
-    cases = by_time([cell], Seeds(1, 0, 1))
+    evaluator = Evaluator(space, objective_of("rmse"), 2, RunPlace(place))
+    cases = by_time([job], Seeds(1, 0, 1))
     for half, (case,) in zip(HALVES, (cases.tune, cases.test), strict=True):
         (several,) = evaluator.rows(settings, [case])
         for trial, rows in enumerate(several[:-1]):  # the last are the plain filter's

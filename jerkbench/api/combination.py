@@ -4,9 +4,8 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from jerkbench.errors import PluginError
-from jerkbench.jobs.cell import Protocol
-from jerkbench.jobs.key import data_fingerprint
-from jerkbench.jobs.names import Part, cell_of_parts, refusal
+from jerkbench.jobs.job import Protocol
+from jerkbench.jobs.names import Part, job_of_parts, refusal
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -51,14 +50,14 @@ def run(
     """
     import pandas as pd
 
-    from jerkbench.jobs.rows import CellRun
+    from jerkbench.jobs.rows import job_rows
 
     single = {"dataset": dataset, "attitude": attitude, "filter": filter, "adaptation": adaptation, "engine": engine}
     protocol = Protocol(seeds=seeds, first_seed=first_seed, burn_in_s=burn_in_s)
-    cell = cell_of_parts(single, listed(disturbance), noise, protocol, metrics, r_scale)
-    if reason := refusal(cell):
+    job = job_of_parts(single, listed(disturbance), noise, protocol, metrics, r_scale)
+    if reason := refusal(job):
         raise PluginError(f"This combination makes no sense: {reason}.")
-    rows, _ = CellRun(cell, data_fingerprint(cell.dataset, cell.disturbances)).rows()
+    rows, _ = job_rows(job)
     return pd.DataFrame(rows)
 
 

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 from jerkbench import plugins
 from jerkbench.api.combination import listed
 from jerkbench.estimate import Estimate
-from jerkbench.jobs.cell import Protocol, metric_names, replaced
-from jerkbench.jobs.names import Part, choose, is_plugin, plugin_of, process_noise
+from jerkbench.jobs.job import Protocol, metric_names, replaced
+from jerkbench.jobs.names import Part, choose, is_plugin, noise_of, plugin_of
 from jerkbench.recording import Recording
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ def estimate(
     from jerkbench.jobs.rows import solution
 
     model = plugin_of("filter", filter)
-    model = dataclasses.replace(model, **replaced(type(model), process_noise(noise).plain))
+    model = dataclasses.replace(model, **replaced(type(model), noise_of(noise).plain))
     oriented = attitude_of(recording, plugin_of("attitude", attitude))
     return solution(recording, oriented, model, plugin_of("adaptation", adaptation), plugin_of("engine", engine))
 

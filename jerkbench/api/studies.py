@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 from jerkbench import plugins
 from jerkbench.api.combination import listed
 from jerkbench.errors import PluginError
-from jerkbench.jobs.cell import Cell, Protocol
-from jerkbench.jobs.names import Part, cell_of_parts
+from jerkbench.jobs.job import Job, Protocol
+from jerkbench.jobs.names import Part, job_of_parts
 from jerkbench.notices import notify
 
 if TYPE_CHECKING:
@@ -69,35 +69,35 @@ def sweep(
 
     axes = {"dataset": dataset, "attitude": attitude, "filter": filter, "adaptation": adaptation, "engine": [engine]}
     protocol = Protocol(seeds=seeds, first_seed=first_seed, burn_in_s=burn_in_s)
-    ran = _run(_cells({**axes, "disturbance": disturbance, "noise": noise}, protocol, metrics), Path(folder), workers)
+    ran = _run(_jobs({**axes, "disturbance": disturbance, "noise": noise}, protocol, metrics), Path(folder), workers)
     write_manifest(Path(folder), ran, list(notes), sys.argv, tags=tags)
     write_study(load_study(Path(folder), prefer=list(ran)))
     return Study.open(folder)
 
 
-def _run(cells: Iterator[Cell], folder: Path, workers: int) -> dict[str, Sequence[int]]:
-    """Run those of the cells that make sense and are not done; returns the seeds of all that make sense, by key."""
+def _run(jobs: Iterator[Job], folder: Path, workers: int) -> dict[str, Sequence[int]]:
+    """Run those of the jobs that make sense and are not done; returns the seeds of all that make sense, by key."""
     from jerkbench.jobs.cluster import Workers
+    from jerkbench.jobs.plan import planned
+    from jerkbench.jobs.run import run_missing
     from jerkbench.results.store import Store
-    from jerkbench.sweep.sweep import plan_sweep, run_sweep
 
-    plan = plan_sweep(list(cells))
+    plan = planned(jobs)
     for sentence in plan.refused:
         notify(sentence)
-    if not plan.cells:
+    if not plan.jobs:
         raise PluginError("There is nothing to run: every combination was left out.")
     if workers > 1:
-        _require_modules(planned.cell for planned in plan.cells)
+        _require_modules(plan.jobs)
     with Workers(count=workers) as own:
-        run_sweep(plan, Store(folder), own)
+        run_missing(plan, Store(folder), own)
     return plan.draws
 
 
-def _require_modules(cells: Iterable[Cell]) -> None:
+def _require_modules(jobs: Iterable[Job]) -> None:
     """Refuse plugins that other processes cannot import."""
-    for cell in cells:
-        single = cell.dataset, cell.attitude, cell.filter, cell.adaptation, cell.engine
-        for plugin in (*single, *cell.disturbances, *cell.metrics):
+    for job in jobs:
+        for _, _, plugin in job.parts():
             if plugins.of_script(type(plugin)):
                 raise PluginError(
                     f"{type(plugin).__name__} is defined in the script itself, where other processes cannot find it: "
@@ -173,8 +173,8 @@ def _opened(study: "Study | Path | str") -> "Study":
     return Study.open(study) if isinstance(study, Path | str) else study
 
 
-def _cells(axes: dict[str, Parts], protocol: Protocol, metrics: Sequence[str]) -> Iterator[Cell]:
+def _jobs(axes: dict[str, Parts], protocol: Protocol, metrics: Sequence[str]) -> Iterator[Job]:
     for values in itertools.product(*map(listed, axes.values())):
         parts = dict(zip(axes, values, strict=True))
         disturbance, noise = parts.pop("disturbance"), parts.pop("noise")
-        yield cell_of_parts(parts, [] if disturbance is None else listed(disturbance), noise, protocol, metrics)
+        yield job_of_parts(parts, [] if disturbance is None else listed(disturbance), noise, protocol, metrics)

@@ -6,7 +6,7 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.audit.campaign import Outcome
-from jerkbench.audit.methods import FLOOR, Method, by_method
+from jerkbench.audit.methods import FLOOR, AuditMethod, by_method
 from jerkbench.audit.protocol import AuditProtocol
 from jerkbench.audit.verdicts import DEFAULTS, TUNED, Losses, MethodVerdict, own_rows
 from jerkbench.evaluation.statistics.judgement import Verdict
@@ -96,7 +96,7 @@ def tuning_sentence(known: Losses, protocol: AuditProtocol) -> str:
     """Say what tuning alone does to the plain filters, on faults that it has not seen."""
     parts = []
     for model in protocol.filters:
-        plain = Method(model, protocol.plain)
+        plain = AuditMethod(model, protocol.plain)
         change = _over(known, known.by_kind[plain, TUNED, 0] - known.by_kind[plain, DEFAULTS, 0])
         parts.append(f"{_interval(change)} ({model})")
     head = "Tuning alone multiplies the error of the plain filter, on faults that it was not tuned on, by"
@@ -105,13 +105,16 @@ def tuning_sentence(known: Losses, protocol: AuditProtocol) -> str:
 
 def reference_sentences(known: Losses, protocol: AuditProtocol) -> list[str]:
     """Say where the tuned plain filters stand between GNSS alone and the filter that is told the true R."""
-    floor = Method(FLOOR, protocol.plain)
-    plains = [Method(model, protocol.plain) for model in protocol.filters]
+    floor = AuditMethod(FLOOR, protocol.plain)
+    plains = [AuditMethod(model, protocol.plain) for model in protocol.filters]
     told = "The same filter told the true R"
     pairs = [
         (plain, other, words)
         for plain in plains
-        for other, words in [(floor, "GNSS alone"), *((Method(plain.filter, r), told) for r in protocol.references)]
+        for other, words in [
+            (floor, "GNSS alone"),
+            *((AuditMethod(plain.filter, r), told) for r in protocol.references),
+        ]
     ]
     return [
         f"{words} has {_interval(_over(known, known.by_kind[other, TUNED, 0] - known.by_kind[plain, TUNED, 0]))} of the"
@@ -123,7 +126,7 @@ def reference_sentences(known: Losses, protocol: AuditProtocol) -> list[str]:
 
 def model_sentence(known: Losses, protocol: AuditProtocol) -> str:
     """Say what another model does without any adaptation, tuned alike; empty where there is one model."""
-    first, *others = [Method(name, protocol.plain) for name in (*protocol.filters, *protocol.apart)]
+    first, *others = [AuditMethod(name, protocol.plain) for name in (*protocol.filters, *protocol.apart)]
     plain = known.by_kind[first, TUNED, 0]
     parts = [
         f"{method.filter} {_interval(_over(known, known.by_kind[method, TUNED, 0] - plain))}"
@@ -155,7 +158,7 @@ def metric_sentence(outcome: Outcome, known: Losses, verdicts: Sequence[MethodVe
     if len(verdicts) < 3:
         return ""
     rows = by_method(outcome.test)
-    plains = [Method(model, protocol.plain) for model in protocol.filters]
+    plains = [AuditMethod(model, protocol.plain) for model in protocol.filters]
     plain = {m.filter: off_by(float(own_rows(rows[m], m, outcome, known.scenarios)["anees"].median())) for m in plains}
     ahead = [verdict for verdict in verdicts if verdict.tuned.ratio < 1]
     closer = sum(off_by(verdict.anees) < plain[verdict.method.filter] for verdict in ahead)
@@ -193,9 +196,9 @@ def _interval(mean: OverScenarios) -> str:
     return f"{mean.ratio:.2f} ({mean.low:.2f} to {mean.high:.2f})"
 
 
-def _on(known: Losses, method: Method, protocol: AuditProtocol, noise: str) -> float:
+def _on(known: Losses, method: AuditMethod, protocol: AuditProtocol, noise: str) -> float:
     """Ratio to the tuned plain filter with one kind of noise; families count alike."""
-    d = known.by_kind[method, TUNED, 0] - known.by_kind[Method(method.filter, protocol.plain), TUNED, 0]
+    d = known.by_kind[method, TUNED, 0] - known.by_kind[AuditMethod(method.filter, protocol.plain), TUNED, 0]
     here = [k for k, scenario in enumerate(known.scenarios) if scenario.noise == noise]
     families = np.array([known.scenarios[k].family for k in here])
     means = [d[here][families == family].mean() for family in dict.fromkeys(families.tolist())]

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import pandas as pd
 
-from jerkbench.audit.methods import Method, by_method
+from jerkbench.audit.methods import AuditMethod, by_method
 from jerkbench.audit.protocol import AuditProtocol
 from jerkbench.audit.stages import TEST, LookedAt, Search, Settings, Stages, Trials, needed_trials, searches
 from jerkbench.campaigns.entrant import tried_settings
@@ -26,14 +26,14 @@ class Outcome:
 
     chosen: Mapping[Search, Setting]
     trial: Mapping[Search, int]
-    bound: Mapping[Method, int]
+    bound: Mapping[AuditMethod, int]
     test: pd.DataFrame
 
 
 class AuditCampaign:
     """The three stages, each of which goes on where it was stopped."""
 
-    def __init__(self, protocol: AuditProtocol, spaces: Mapping[Method, Space], stages: Stages) -> None:
+    def __init__(self, protocol: AuditProtocol, spaces: Mapping[AuditMethod, Space], stages: Stages) -> None:
         """Prepare to search the ``spaces`` of the methods."""
         self._protocol, self._spaces, self._stages = protocol, spaces, stages
         self._restarts = {
@@ -59,13 +59,13 @@ class AuditCampaign:
 
     def _losses(
         self, name: str, seeds: tuple[int, ...], settings: Settings, needed: Sequence[Trials] | None = None
-    ) -> dict[Method, pd.DataFrame]:
+    ) -> dict[AuditMethod, pd.DataFrame]:
         """Run what is needed of the same settings on every scenario; returns each method's rows with their loss."""
         rows = self._stages.run(name, seeds, [settings] * len(self._stages.scenarios), needed)
         rows["loss"] = losses(rows, levels_of(rows, self._protocol.plain))
         return by_method(rows)
 
-    def _finalists(self, tuned: Mapping[Method, pd.DataFrame], search: Search) -> tuple[Setting, ...]:
+    def _finalists(self, tuned: Mapping[AuditMethod, pd.DataFrame], search: Search) -> tuple[Setting, ...]:
         """The best settings of a search on the seeds to tune on."""
         tried = self._tried[search.method]
         own = {tried.index(setting) for setting in self._restarts[search.method][search.restart]}
@@ -73,20 +73,24 @@ class AuditCampaign:
         means = mean_losses(rows[rows["trial"].isin(own)], seen(search.tuned_on, self._stages.scenarios))
         return tuple(tried[trial] for trial in best_trials(means, self._protocol.finalists))
 
-    def _union(self, method: Method, settings: Mapping[Search, tuple[Setting, ...]]) -> tuple[Setting, ...]:
+    def _union(self, method: AuditMethod, settings: Mapping[Search, tuple[Setting, ...]]) -> tuple[Setting, ...]:
         """The settings of all searches of a method, each once; the defaults first."""
         own = [setting for search, several in settings.items() if search.method == method for setting in several]
         return tuple(dict.fromkeys([self._spaces[method].start, *own]))
 
     def _best(
-        self, again: Mapping[Method, pd.DataFrame], search: Search, finalists: tuple[Setting, ...], common: Settings
+        self,
+        again: Mapping[AuditMethod, pd.DataFrame],
+        search: Search,
+        finalists: tuple[Setting, ...],
+        common: Settings,
     ) -> Setting:
         settings, rows = common[search.method], again[search.method]
         trials = [settings.index(setting) for setting in finalists]
         means = mean_losses(rows[rows["trial"].isin(trials)], seen(search.tuned_on, self._stages.scenarios))
         return settings[best_trials(means, 1)[0]]
 
-    def _scored(self, tuned: Mapping[Method, pd.DataFrame], chosen: Mapping[Search, Setting]) -> Outcome:
+    def _scored(self, tuned: Mapping[AuditMethod, pd.DataFrame], chosen: Mapping[Search, Setting]) -> Outcome:
         """Score the defaults, the chosen settings, and as a bound what was best for each scenario itself."""
         several = {search: (setting,) for search, setting in chosen.items()}
         common = {method: self._union(method, several) for method in self._spaces}
@@ -109,5 +113,5 @@ class AuditCampaign:
         places = {search: [common[search.method].index(s) for s in settings] for search, settings in several.items()}
         return needed_trials(places, common, self._stages.scenarios, looked_at)
 
-    def _best_for(self, rows: pd.DataFrame, method: Method, scenario: int) -> Setting:
+    def _best_for(self, rows: pd.DataFrame, method: AuditMethod, scenario: int) -> Setting:
         return self._tried[method][best_trials(mean_losses(rows, [scenario]), 1)[0]]

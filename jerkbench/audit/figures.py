@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
-from jerkbench.audit.methods import Method
+from jerkbench.audit.methods import AuditMethod
 from jerkbench.audit.protocol import AuditProtocol
 from jerkbench.audit.verdicts import TUNED, Losses, MethodVerdict
 from jerkbench.campaigns.protocol import HALVES
@@ -71,9 +71,9 @@ def audit_severity_figure(known: Losses, verdicts: Sequence[MethodVerdict], prot
 
 
 def _draw_family(
-    axes: "Axes", known: Losses, method: Method, protocol: AuditProtocol, family: str, colour: str
+    axes: "Axes", known: Losses, method: AuditMethod, protocol: AuditProtocol, family: str, colour: str
 ) -> None:
-    plain = Method(method.filter, protocol.plain)
+    plain = AuditMethod(method.filter, protocol.plain)
     difference = (known.by_kind[method, TUNED, 0] - known.by_kind[plain, TUNED, 0]).mean(axis=1)
     words = list(dict.fromkeys(scenario.severity for scenario in known.scenarios if scenario.family == family))
     faults = np.array([f"{scenario.family} {scenario.severity}" for scenario in known.scenarios])

@@ -6,7 +6,7 @@ import pandas as pd
 
 from jerkbench.audit.protocol import AuditProtocol
 from jerkbench.campaigns.entrant import Entrant, knobs_of
-from jerkbench.campaigns.protocol import Scenario
+from jerkbench.campaigns.protocol import FaultScenario
 from jerkbench.tuning.space import Space
 
 FLOOR = "gnss_only"
@@ -14,7 +14,7 @@ FLOOR = "gnss_only"
 
 
 @dataclass(frozen=True, order=True)
-class Method:
+class AuditMethod:
     """A filter with an adaptation.
 
     Attributes:
@@ -35,19 +35,19 @@ class Method:
         """The method at its defaults."""
         return Entrant.named(self.filter, self.adaptation)
 
-    def space(self, scenario: Scenario) -> Space:
+    def space(self, scenario: FaultScenario) -> Space:
         """Return its knobs; empty where there is none."""
-        return knobs_of(self.entrant.cell(scenario))
+        return knobs_of(self.entrant.job(scenario))
 
 
-def methods(protocol: AuditProtocol) -> list[Method]:
+def methods(protocol: AuditProtocol) -> list[AuditMethod]:
     """Return every method, those of one filter together, the plain one first."""
     adaptations = (*protocol.compared, *protocol.references)
-    kinematic = [Method(model, adaptation) for model in protocol.filters for adaptation in adaptations]
-    return [*kinematic, *(Method(name, protocol.plain) for name in (FLOOR, *protocol.apart))]
+    kinematic = [AuditMethod(model, adaptation) for model in protocol.filters for adaptation in adaptations]
+    return [*kinematic, *(AuditMethod(name, protocol.plain) for name in (FLOOR, *protocol.apart))]
 
 
-def by_method(rows: pd.DataFrame) -> dict[Method, pd.DataFrame]:
+def by_method(rows: pd.DataFrame) -> dict[AuditMethod, pd.DataFrame]:
     """Return the rows of each method."""
     groups = rows.groupby(["filter", "adaptation"])
-    return {Method(str(model), str(adaptation)): group for (model, adaptation), group in groups}
+    return {AuditMethod(str(model), str(adaptation)): group for (model, adaptation), group in groups}

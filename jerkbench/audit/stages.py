@@ -6,11 +6,11 @@ from typing import NamedTuple
 
 import pandas as pd
 
-from jerkbench.audit.methods import Method
+from jerkbench.audit.methods import AuditMethod
 from jerkbench.campaigns.entrant import ERROR
-from jerkbench.campaigns.protocol import HALVES, Scenario
+from jerkbench.campaigns.protocol import HALVES, FaultScenario
 from jerkbench.campaigns.search import ALL
-from jerkbench.campaigns.site import Rules, Site, Try
+from jerkbench.campaigns.site import RunRules, Site, Try
 from jerkbench.errors import JerkbenchError
 from jerkbench.jobs.progress import Progress
 from jerkbench.tuning.space import Setting
@@ -18,13 +18,13 @@ from jerkbench.tuning.space import Setting
 TEST = "test"
 TITLES = {"tune": "settings tried", "choose": "finalists", TEST: "scored unseen"}
 
-Settings = Mapping[Method, tuple[Setting, ...]]
+Settings = Mapping[AuditMethod, tuple[Setting, ...]]
 """What is run of each method."""
 
-Trials = Mapping[Method, tuple[int, ...]]
+Trials = Mapping[AuditMethod, tuple[int, ...]]
 """Places of settings, of each method; 0 are its defaults."""
 
-LookedAt = Callable[[str, Iterable[Scenario]], list[int]]
+LookedAt = Callable[[str, Iterable[FaultScenario]], list[int]]
 """The numbers of the scenarios that belong to what a search was tuned on: `seen` or `unseen`."""
 
 
@@ -37,12 +37,12 @@ class Search(NamedTuple):
         restart: which scramble.
     """
 
-    method: Method
+    method: AuditMethod
     tuned_on: str
     restart: int
 
 
-def searches(methods: Iterable[Method], restarts: int) -> list[Search]:
+def searches(methods: Iterable[AuditMethod], restarts: int) -> list[Search]:
     """Return every search: each method on each half with each scramble, and once on all with the first."""
     halves = [(half, restart) for half in HALVES for restart in range(restarts)]
     return [Search(method, *how) for method in methods for how in (*halves, (ALL, 0))]
@@ -58,7 +58,7 @@ class Stages:
         attitude: name of the plugin; None: that of the data set.
     """
 
-    scenarios: Sequence[Scenario]
+    scenarios: Sequence[FaultScenario]
     place: Site
     attitude: str | None = None
 
@@ -88,7 +88,7 @@ class Stages:
             rows = self.place.rows(self._tries(seeds, settings, needed), self._rules(name), bar)
         return rows.drop(columns="reason")
 
-    def stored_methods(self, methods: Sequence[Method], seeds: tuple[int, ...]) -> list[Method]:
+    def stored_methods(self, methods: Sequence[AuditMethod], seeds: tuple[int, ...]) -> list[AuditMethod]:
         """Return those of the ``methods`` that were run on ``seeds``: adaptations may have come into the tree since.
 
         Raises:
@@ -103,8 +103,8 @@ class Stages:
             f"No run of this audit is stored in {self.place.folder}; run the audit without --stored first."
         )
 
-    def _rules(self, name: str) -> Rules:
-        return Rules((ERROR, "consistency") if name == TEST else (ERROR,), attitude=self.attitude, strict=True)
+    def _rules(self, name: str) -> RunRules:
+        return RunRules((ERROR, "consistency") if name == TEST else (ERROR,), attitude=self.attitude, strict=True)
 
     def _tries(self, seeds: tuple[int, ...], settings: Sequence[Settings], needed: Sequence[Trials]) -> Iterator[Try]:
         for number, (scenario, all_of, trials) in enumerate(zip(self.scenarios, settings, needed, strict=True)):
@@ -114,7 +114,10 @@ class Stages:
 
 
 def needed_trials(
-    trials: Mapping[Search, Iterable[int]], methods: Iterable[Method], scenarios: Sequence[Scenario], of: LookedAt
+    trials: Mapping[Search, Iterable[int]],
+    methods: Iterable[AuditMethod],
+    scenarios: Sequence[FaultScenario],
+    of: LookedAt,
 ) -> list[Trials]:
     """Return for each scenario the defaults and the ``trials`` of those searches that it belongs to.
 

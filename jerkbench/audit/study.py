@@ -18,7 +18,7 @@ from jerkbench.audit.answer import (
 )
 from jerkbench.audit.campaign import AuditCampaign, Outcome
 from jerkbench.audit.figures import audit_severity_figure, family_figure, model_figure, ratio_figure
-from jerkbench.audit.methods import Method, methods
+from jerkbench.audit.methods import AuditMethod, methods
 from jerkbench.audit.page import LEGEND, Contents, audit_page, markdown_table, sections_in, verdict_frame
 from jerkbench.audit.protocol import AuditProtocol
 from jerkbench.audit.stages import Stages
@@ -31,7 +31,7 @@ from jerkbench.audit.verdicts import (
     losses_of,
     verdicts,
 )
-from jerkbench.campaigns.protocol import Scenario
+from jerkbench.campaigns.protocol import FaultScenario
 from jerkbench.campaigns.site import Site
 from jerkbench.files import write_atomically, write_text
 from jerkbench.jobs.cluster import Cluster, Workers
@@ -93,7 +93,7 @@ def run_audit(
     return audit
 
 
-def judged_audit(protocol: AuditProtocol, outcome: Outcome, known: Sequence[Scenario]) -> Audit:
+def judged_audit(protocol: AuditProtocol, outcome: Outcome, known: Sequence[FaultScenario]) -> Audit:
     """Return the verdicts of what was run."""
     losses = losses_of(outcome, protocol, known)
     overall = verdicts(outcome, protocol, known)
@@ -134,7 +134,7 @@ def contents_of(audit: Audit, scale: str, sections: str = "") -> Contents:
     )
 
 
-def settings_frame(outcome: Outcome, spaces: Mapping[Method, Space]) -> pd.DataFrame:
+def settings_frame(outcome: Outcome, spaces: Mapping[AuditMethod, Space]) -> pd.DataFrame:
     """Return the setting that each search chose, a knob a row."""
     return pd.DataFrame(
         [
@@ -152,7 +152,7 @@ def settings_frame(outcome: Outcome, spaces: Mapping[Method, Space]) -> pd.DataF
     )
 
 
-def _write(audit: Audit, folder: Path, spaces: Mapping[Method, Space], makers: list[str]) -> None:
+def _write(audit: Audit, folder: Path, spaces: Mapping[AuditMethod, Space], makers: list[str]) -> None:
     texts = {
         "README.md": audit_page(contents_of(audit, folder.name.removeprefix(FOLDER), sections_in(folder))),
         "table.md": text_of(audit),

@@ -8,10 +8,10 @@ import pandas as pd
 
 from jerkbench.arrays import FloatArray
 from jerkbench.audit.campaign import Outcome
-from jerkbench.audit.methods import Method, by_method
+from jerkbench.audit.methods import AuditMethod, by_method
 from jerkbench.audit.protocol import AuditProtocol
 from jerkbench.audit.stages import Search
-from jerkbench.campaigns.protocol import HALVES, Scenario
+from jerkbench.campaigns.protocol import HALVES, FaultScenario
 from jerkbench.campaigns.ratios import fastest_step_ns, nominal_of, of_families, of_unseen, ratio_verdict, worst_of
 from jerkbench.campaigns.search import ALL, levels_of, losses
 from jerkbench.evaluation.statistics.intervals import student_intervals
@@ -48,7 +48,7 @@ class MethodVerdict:
         places: its place among all methods, and the range of it (95 %).
     """
 
-    method: Method
+    method: AuditMethod
     default: float
     tuned: OverScenarios
     low: float
@@ -78,22 +78,22 @@ class Losses:
     """
 
     families: tuple[str, ...]
-    scenarios: Sequence[Scenario]
-    by_kind: Mapping[tuple[Method, str, int], FloatArray]
+    scenarios: Sequence[FaultScenario]
+    by_kind: Mapping[tuple[AuditMethod, str, int], FloatArray]
 
     def of_families(self, values: FloatArray) -> FloatArray:
         """Return (F, n) means over the scenarios of each family."""
         return of_families(values, self.scenarios)
 
 
-def losses_of(outcome: Outcome, protocol: AuditProtocol, scenarios: Sequence[Scenario]) -> Losses:
+def losses_of(outcome: Outcome, protocol: AuditProtocol, scenarios: Sequence[FaultScenario]) -> Losses:
     """Return the losses of the test; a setting is scored on the half that its search has not seen.
 
     A scenario of both halves is scored with the settings of both, and their mean counts.
     """
     test = outcome.test
     test = test.assign(loss=losses(test, levels_of(test, protocol.plain)))
-    by_kind: dict[tuple[Method, str, int], FloatArray] = {}
+    by_kind: dict[tuple[AuditMethod, str, int], FloatArray] = {}
     for method, rows in by_method(test).items():
         cube = rows.pivot_table(index="scenario", columns=["trial", "seed"], values="loss").sort_index()
         by_kind[method, DEFAULTS, 0] = cube[0].to_numpy()
@@ -106,7 +106,7 @@ def losses_of(outcome: Outcome, protocol: AuditProtocol, scenarios: Sequence[Sce
     return Losses(families, scenarios, by_kind)
 
 
-def verdicts(outcome: Outcome, protocol: AuditProtocol, scenarios: Sequence[Scenario]) -> list[MethodVerdict]:
+def verdicts(outcome: Outcome, protocol: AuditProtocol, scenarios: Sequence[FaultScenario]) -> list[MethodVerdict]:
     """Return the verdict of every method but the plain ones and the references, the best first."""
     known = losses_of(outcome, protocol, scenarios)
     ranked = [m for m in outcome.bound if m.adaptation in protocol.compared and m.filter in protocol.filters]
@@ -118,7 +118,7 @@ def verdicts(outcome: Outcome, protocol: AuditProtocol, scenarios: Sequence[Scen
 
 
 def _verdict(
-    method: Method,
+    method: AuditMethod,
     known: Losses,
     outcome: Outcome,
     protocol: AuditProtocol,
@@ -126,7 +126,7 @@ def _verdict(
     count: int,
     places: tuple[int, int, int],
 ) -> MethodVerdict:
-    plain = Method(method.filter, protocol.plain)
+    plain = AuditMethod(method.filter, protocol.plain)
     d = _difference(known, method, plain, TUNED)
     tuned = over_scenarios(known.of_families(d))
     wide = over_scenarios(known.of_families(d), 1 - LEVEL / count)
@@ -164,7 +164,7 @@ def probability_below(mean: OverScenarios, ratio: float) -> float:
     return float(stdtr(mean.dof, (np.log(ratio) - np.log(mean.ratio)) / error))
 
 
-def _difference(known: Losses, method: Method, plain: Method, kind: str, restart: int = 0) -> FloatArray:
+def _difference(known: Losses, method: AuditMethod, plain: AuditMethod, kind: str, restart: int = 0) -> FloatArray:
     return known.by_kind[method, kind, restart] - known.by_kind[plain, kind, restart]
 
 
@@ -173,7 +173,9 @@ def _ratio(known: Losses, difference: FloatArray) -> float:
     return float(np.exp(known.of_families(difference).mean()))
 
 
-def own_rows(rows: pd.DataFrame, method: Method, outcome: Outcome, scenarios: Sequence[Scenario]) -> pd.DataFrame:
+def own_rows(
+    rows: pd.DataFrame, method: AuditMethod, outcome: Outcome, scenarios: Sequence[FaultScenario]
+) -> pd.DataFrame:
     """Return the rows of a method with the setting that was tuned on the other half, of the first restart."""
     trial = {half: outcome.trial[Search(method, half, 0)] for half in HALVES}
     wanted = {"first": {trial["second"]}, "second": {trial["first"]}, "both": set(trial.values())}
@@ -181,7 +183,7 @@ def own_rows(rows: pd.DataFrame, method: Method, outcome: Outcome, scenarios: Se
     return rows[[key in pairs for key in zip(rows["scenario"], rows["trial"], strict=True)]]
 
 
-def _places(known: Losses, methods: Sequence[Method]) -> dict[Method, tuple[int, int, int]]:
+def _places(known: Losses, methods: Sequence[AuditMethod]) -> dict[AuditMethod, tuple[int, int, int]]:
     """Place of each method by its mean log error, the range over families and seeds."""
     costs = np.stack([known.of_families(known.by_kind[m, TUNED, 0]) for m in methods], axis=-1)
     ranks = rank_range(costs)
@@ -204,7 +206,7 @@ class FamilyVerdict:
         verdict: by that interval.
     """
 
-    method: Method
+    method: AuditMethod
     family: str
     ratio: float
     low: float
@@ -212,7 +214,7 @@ class FamilyVerdict:
     verdict: Verdict
 
 
-def family_verdicts(known: Losses, methods: Sequence[Method], protocol: AuditProtocol) -> list[FamilyVerdict]:
+def family_verdicts(known: Losses, methods: Sequence[AuditMethod], protocol: AuditProtocol) -> list[FamilyVerdict]:
     """Return the verdict of every method under every family, methods in the given order.
 
     The seeds are the sample, and the scenarios are what they are: Student's interval of the mean log ratio, for all
@@ -249,8 +251,8 @@ def family_sentences(verdicts: Sequence[FamilyVerdict]) -> list[str]:
     return [_sentence(family, members) for family, members in kindest]
 
 
-def _of_method(known: Losses, method: Method, protocol: AuditProtocol, confidence: float) -> list[FamilyVerdict]:
-    plain = Method(method.filter, protocol.plain)
+def _of_method(known: Losses, method: AuditMethod, protocol: AuditProtocol, confidence: float) -> list[FamilyVerdict]:
+    plain = AuditMethod(method.filter, protocol.plain)
     d = known.of_families(known.by_kind[method, TUNED, 0] - known.by_kind[plain, TUNED, 0])
     low, high = (np.exp(ends) for ends in student_intervals(d, confidence))
     numbers = zip(known.families, np.exp(d.mean(axis=1)).tolist(), low.tolist(), high.tolist(), strict=True)

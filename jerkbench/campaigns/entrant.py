@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from jerkbench.campaigns.protocol import Scenario
+from jerkbench.campaigns.protocol import FaultScenario
 from jerkbench.errors import PluginError
-from jerkbench.jobs.cell import Cell, Protocol
-from jerkbench.jobs.names import Part, cell_of_parts, refusal
+from jerkbench.jobs.job import Job, Protocol
+from jerkbench.jobs.names import Part, job_of_parts, refusal
 from jerkbench.optional import is_attitude_only
 from jerkbench.parameters import ranges_of
 from jerkbench.tuning.samplers import sampler_of
@@ -59,14 +59,14 @@ class Entrant:
         """What it was given, as plain data."""
         return {name: value for name, value in dataclasses.asdict(self).items() if value is not None}
 
-    def cell(
+    def job(
         self,
-        scenario: Scenario,
+        scenario: FaultScenario,
         limits: Protocol = LIMITS,
         metrics: Sequence[str] = (ERROR,),
         attitude: Part | None = None,
-    ) -> Cell:
-        """Return its cell on a scenario; without ``attitude`` it has its own, or that of the data set.
+    ) -> Job:
+        """Return its job on a scenario; without ``attitude`` it has its own, or that of the data set.
 
         Raises:
             PluginError: it cannot be made, or its parts do not fit together.
@@ -78,19 +78,18 @@ class Entrant:
             "adaptation": self.adaptation,
             "engine": "compiled",
         }
-        cell = cell_of_parts(single, [scenario.disturbance], None, limits, metrics, self.r_scale or None)
-        if reason := refusal(cell):
+        job = job_of_parts(single, [scenario.disturbance], None, limits, metrics, self.r_scale or None)
+        if reason := refusal(job):
             raise PluginError(f"This method cannot enter: {reason}.")
-        return dataclasses.replace(
-            cell, labels=cell.labels._replace(dataset=scenario.noise, disturbance=scenario.fault)
-        )
+        return dataclasses.replace(job, labels=job.labels._replace(dataset=scenario.noise, disturbance=scenario.fault))
 
 
-def knobs_of(cell: Cell) -> Space:
+def knobs_of(job: Job) -> Space:
     """Return what may be tuned of a method; nothing where no part has a parameter with a range, as of a program."""
-    parts = (cell.attitude,) if is_attitude_only(cell.filter) else (cell.filter, cell.adaptation)
+    scenario, method = job.scenario, job.method
+    parts = (scenario.attitude,) if is_attitude_only(method.filter) else (method.filter, method.adaptation)
     tunable = any(ranges_of(type(part)) for part in parts)
-    return space_of(cell) if tunable else Space(())
+    return space_of(job) if tunable else Space(())
 
 
 def tried_settings(trials: int, space: Space, restart: int = 0) -> tuple[Setting, ...]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 from jerkbench.errors import PluginError, unknown
-from jerkbench.jobs.cell import Protocol
+from jerkbench.jobs.job import Protocol
 
 HALVES = ("first", "second")
 """What is tuned on one is scored on the other."""
@@ -57,7 +57,7 @@ class FaultFamily:
 
 
 @dataclass(frozen=True)
-class Scenario:
+class FaultScenario:
     """A fault on a field.
 
     Attributes:
@@ -139,7 +139,7 @@ class CampaignProtocol:
         return tuple(range(first, first + self.test_seeds))
 
     @property
-    def scenarios(self) -> tuple[Scenario, ...]:
+    def scenarios(self) -> tuple[FaultScenario, ...]:
         """Every family at every severity, on every field, in order."""
         return tuple(
             self._scenario(noise, dataset, family, severity)
@@ -148,13 +148,13 @@ class CampaignProtocol:
             for severity in family.severities
         )
 
-    def _scenario(self, noise: str, dataset: str, family: FaultFamily, severity: str) -> Scenario:
+    def _scenario(self, noise: str, dataset: str, family: FaultFamily, severity: str) -> FaultScenario:
         """Put the severity's parameters where they belong: into what makes the fault, data set or disturbance."""
         parameters = dict(family.severities[severity])
         of_field = {**family.dataset, **parameters} if family.dataset else {}
         drive = {"name": dataset, "duration_s": self.duration_s, **of_field}
         disturbance = {"name": family.disturbance, **({} if family.dataset else parameters)}
-        return Scenario(noise, drive, family.name, severity, family.half, disturbance)
+        return FaultScenario(noise, drive, family.name, severity, family.half, disturbance)
 
 
 def protocol_of(cls: type[Stated], stated: Mapping[str, Any], where: str) -> Stated:

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from jerkbench.arrays import FloatArray
-from jerkbench.campaigns.protocol import HALVES, Scenario
+from jerkbench.campaigns.protocol import HALVES, FaultScenario
 from jerkbench.evaluation.statistics.judgement import Verdict
 
 NOMINAL = "none"
@@ -16,13 +16,13 @@ IMU_HZ = 100.0
 """Steps a second of the simulated fields."""
 
 
-def of_families(values: FloatArray, scenarios: Sequence[Scenario]) -> FloatArray:
+def of_families(values: FloatArray, scenarios: Sequence[FaultScenario]) -> FloatArray:
     """Return (F, n) means over the scenarios of each family: severities and fields of one fault are one unit."""
     names = np.array([scenario.family for scenario in scenarios])
     return np.array([values[names == family].mean(axis=0) for family in dict.fromkeys(names.tolist())])
 
 
-def of_unseen(halves: Sequence[FloatArray], scenarios: Sequence[Scenario]) -> FloatArray:
+def of_unseen(halves: Sequence[FloatArray], scenarios: Sequence[FaultScenario]) -> FloatArray:
     """Take each scenario from the search that did not see its half; of both, the mean.
 
     Args:
@@ -33,14 +33,14 @@ def of_unseen(halves: Sequence[FloatArray], scenarios: Sequence[Scenario]) -> Fl
     return np.array([np.stack(halves)[own, k].mean(axis=0) for k, own in enumerate(wanted)])
 
 
-def worst_of(d: FloatArray, scenarios: Sequence[Scenario]) -> tuple[str, float]:
+def worst_of(d: FloatArray, scenarios: Sequence[FaultScenario]) -> tuple[str, float]:
     """Return the scenario where log ratios (S, n) are worst, and the ratio there."""
     by_scenario = d.mean(axis=1)
     worst = int(np.argmax(by_scenario))
     return scenarios[worst].name, float(np.exp(by_scenario[worst]))
 
 
-def nominal_of(d: FloatArray, scenarios: Sequence[Scenario]) -> float:
+def nominal_of(d: FloatArray, scenarios: Sequence[FaultScenario]) -> float:
     """Return the ratio where nothing is wrong: the price."""
     nominal = np.array([scenario.family == NOMINAL for scenario in scenarios])
     return float(np.exp(d.mean(axis=1)[nominal].mean()))

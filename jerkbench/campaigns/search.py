@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 import pandas as pd
 
-from jerkbench.campaigns.protocol import BOTH, Scenario, domain_of
+from jerkbench.campaigns.protocol import BOTH, FaultScenario, domain_of
 from jerkbench.errors import JerkbenchError
 from jerkbench.tuning.objectives import LOST
 
@@ -49,12 +49,12 @@ def levels_of(rows: pd.DataFrame, plain: str, error: str = ERROR_COLUMN) -> dict
     return {int(scenario): float(level) for scenario, level in lowest.items()}
 
 
-def seen(tuned_on: str, scenarios: Iterable[Scenario]) -> list[int]:
+def seen(tuned_on: str, scenarios: Iterable[FaultScenario]) -> list[int]:
     """Return the numbers of the scenarios that a search of ``tuned_on`` looks at."""
     return [k for k, s in enumerate(scenarios) if tuned_on == ALL or s.half in (tuned_on, domain_of(tuned_on) + BOTH)]
 
 
-def unseen(tuned_on: str, scenarios: Iterable[Scenario]) -> list[int]:
+def unseen(tuned_on: str, scenarios: Iterable[FaultScenario]) -> list[int]:
     """Return the numbers of the scenarios that its setting is scored on: all but its own; `none` is in both."""
     return [k for k, s in enumerate(scenarios) if tuned_on == ALL or s.half != tuned_on]
 

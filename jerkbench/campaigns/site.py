@@ -1,7 +1,7 @@
 """Where a campaign's settings are run over its scenarios: what is stored is not run again."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby
 from operator import attrgetter
 from pathlib import Path
@@ -10,22 +10,22 @@ from typing import NamedTuple
 import pandas as pd
 
 from jerkbench.campaigns.entrant import LIMITS, Entrant, knobs_of
-from jerkbench.campaigns.protocol import Scenario
+from jerkbench.campaigns.protocol import FaultScenario
 from jerkbench.errors import JerkbenchError
-from jerkbench.jobs.cell import Cell, Protocol
 from jerkbench.jobs.cluster import Workers
+from jerkbench.jobs.job import Job, Protocol
+from jerkbench.jobs.plan import Plan, joined_jobs, sharing_scenarios
 from jerkbench.jobs.progress import Progress
+from jerkbench.jobs.run import run_missing
 from jerkbench.results.parts import parsed
 from jerkbench.results.store import Store
-from jerkbench.sweep.sweep import joined_plan, planned, rows_of, run_sweep
-from jerkbench.sweep.tasks import Planned
 from jerkbench.tuning.space import Setting
 
 NUMBERS = ("position_rmse_m", "anees")
 """What is kept of a run that navigates."""
 
 TOGETHER = 20_000
-"""So many settings are planned at once: their cells are in memory."""
+"""So many settings are planned at once: their jobs are in memory."""
 
 
 class Try(NamedTuple):
@@ -41,7 +41,7 @@ class Try(NamedTuple):
     """
 
     number: int
-    scenario: Scenario
+    scenario: FaultScenario
     entrant: Entrant
     setting: Setting
     trial: int
@@ -49,7 +49,7 @@ class Try(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Rules:
+class RunRules:
     """How the runs of a campaign are made and judged.
 
     Attributes:
@@ -81,7 +81,7 @@ class Site:
     workers: Workers | None = None
     only_stored: bool = False
 
-    def rows(self, tries: Iterable[Try], rules: Rules, bar: Progress) -> pd.DataFrame:
+    def rows(self, tries: Iterable[Try], rules: RunRules, bar: Progress) -> pd.DataFrame:
         """Run the settings that are not stored yet, and return the rows of all, in their order.
 
         Args:
@@ -107,9 +107,9 @@ class Site:
             parts.append(self._rows(waiting, rules, bar))
         return pd.concat(parts, ignore_index=True)
 
-    def missing(self, tries: Sequence[Try], rules: Rules) -> list[Try]:
+    def missing(self, tries: Sequence[Try], rules: RunRules) -> list[Try]:
         """Return the settings of which no run is stored, whatever code computed it."""
-        rows = rows_of(_planned(tries, rules), Store(self.folder), (), any_code=True)
+        rows = Store(self.folder).rows(_jobs(tries, rules), (), any_code=True)
         return [tries[place] for place in rows.loc[rows["status"].isna(), "place"].unique()]
 
     def makers(self) -> list[str]:
@@ -117,12 +117,12 @@ class Site:
         made = Store(self.folder).makers()
         return sorted(f"{parsed(code)} {sorted(parsed(versions).items())}" for code, versions in made)
 
-    def _rows(self, tries: Sequence[Try], rules: Rules, bar: Progress) -> pd.DataFrame:
-        jobs, store = _planned(tries, rules), Store(self.folder)
+    def _rows(self, tries: Sequence[Try], rules: RunRules, bar: Progress) -> pd.DataFrame:
+        jobs, store = _jobs(tries, rules), Store(self.folder)
         if not self.only_stored:
-            run_sweep(joined_plan(jobs), store, self.workers, strict=rules.strict, progress=bar)
+            run_missing(Plan(joined_jobs(jobs)), store, self.workers, strict=rules.strict, progress=bar)
             store.compact()
-        rows = rows_of(jobs, store, rules.numbers, any_code=self.only_stored)
+        rows = store.rows(jobs, rules.numbers, any_code=self.only_stored)
         if rows["status"].isna().any():
             lost = tries[rows.loc[rows["status"].isna(), "place"].iloc[0]]
             raise JerkbenchError(
@@ -132,15 +132,15 @@ class Site:
         return _named(rows, tries, rules.numbers)
 
 
-def _planned(tries: Sequence[Try], rules: Rules) -> list[Planned]:
-    cells: list[tuple[Cell, Sequence[int]]] = []
+def _jobs(tries: Sequence[Try], rules: RunRules) -> list[Job]:
+    jobs: list[Job] = []
     for _, own in groupby(tries, lambda each: (each.number, each.entrant.text)):
         several = list(own)
         first = several[0]
-        cell = first.entrant.cell(first.scenario, rules.limits, rules.metrics, rules.attitude)
-        space = knobs_of(cell)
-        cells += [(space.applied(cell, each.setting), each.seeds) for each in several]
-    return planned(cells)
+        job = first.entrant.job(first.scenario, rules.limits, rules.metrics, rules.attitude)
+        space = knobs_of(job)
+        jobs += [replace(space.applied(job, each.setting), draws=each.seeds) for each in several]
+    return sharing_scenarios(jobs)
 
 
 def _named(rows: pd.DataFrame, tries: Sequence[Try], numbers: tuple[str, ...]) -> pd.DataFrame:

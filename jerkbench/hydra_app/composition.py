@@ -19,8 +19,9 @@ from omegaconf.errors import OmegaConfBaseException
 from jerkbench import plugins
 from jerkbench.errors import PluginError
 from jerkbench.hydra_app.configuration import Schema
-from jerkbench.jobs.cell import GROUPS, Noise
-from jerkbench.jobs.names import choose, process_noise
+from jerkbench.jobs.job import Noise
+from jerkbench.jobs.labels import GROUPS
+from jerkbench.jobs.names import choose, noise_of
 from jerkbench.optional import preferred_attitude
 from jerkbench.presets import config_folder
 
@@ -172,7 +173,7 @@ def _names(choice: str) -> list[str]:
 def _alone(group: str, name: str) -> DictConfig:
     """Return what stands under a group where ``name`` is chosen and nothing else is said."""
     if group == "noise":
-        return cast("DictConfig", OmegaConf.merge(Noise, process_noise(name).plain))
+        return cast("DictConfig", OmegaConf.merge(Noise, noise_of(name).plain))
     plain = choose(group, name).plain
     if group == "disturbance":
         return OmegaConf.create({key: _with_schema(group, part) for key, part in plain.items()})

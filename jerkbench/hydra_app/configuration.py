@@ -17,7 +17,8 @@ from yaml import YAMLError
 
 from jerkbench import plugins
 from jerkbench.errors import PluginError, unknown
-from jerkbench.jobs.cell import GROUPS, Cell, Noise, Protocol, build, labels_of
+from jerkbench.jobs.job import Job, Noise, Protocol, build
+from jerkbench.jobs.labels import GROUPS, labels_of
 from jerkbench.optional import preferred_attitude
 from jerkbench.presets import environment_variable
 from jerkbench.removed import refuse_removed
@@ -101,8 +102,8 @@ def study_folder(config: DictConfig) -> Path:
     return Path(str(config.results)) / str(config.study)
 
 
-def cell_of(plain: Mapping[str, Any], choices: Mapping[str, Any], overrides: list[str]) -> Cell:
-    """Make the cell that a composed configuration describes.
+def job_of(plain: Mapping[str, Any], choices: Mapping[str, Any], overrides: list[str]) -> Job:
+    """Make the job that a composed configuration describes.
 
     Args:
         plain: the configuration without its ``hydra`` part, resolved, as plain data.

@@ -1,11 +1,11 @@
 """A sweep of our own launcher: planned, run, concluded; and what a sweep of another launcher needs of it."""
 
 import json
-import signal
 import sys
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import TracebackType
+from typing import Self
 
 from hydra.core.config_loader import ConfigLoader
 from hydra.core.utils import JobReturn, JobStatus
@@ -15,38 +15,21 @@ from jerkbench.errors import INTERRUPTED, JerkbenchError, PluginError, exit_with
 from jerkbench.files import write_text
 from jerkbench.filters.command import Command
 from jerkbench.hydra_app.composition import compose_jobs
-from jerkbench.hydra_app.configuration import cell_of, study_folder
+from jerkbench.hydra_app.configuration import job_of, study_folder
+from jerkbench.hydra_app.looks import Look, forecast, lines, looks_left, planned_looks, undecided
 from jerkbench.hydra_app.words import cluster_of
 from jerkbench.jobs.cluster import Cluster, ClusterError, Workers
 from jerkbench.jobs.inputs import shared_inputs
+from jerkbench.jobs.job import Job
+from jerkbench.jobs.plan import Plan, planned
 from jerkbench.jobs.pool import processors
-from jerkbench.jobs.preflight import first_complaints, first_mistakes
+from jerkbench.jobs.preflight import first_complaints, first_remarks
 from jerkbench.jobs.progress import Pulse, duration
-from jerkbench.jobs.rows import first_remarks
+from jerkbench.jobs.run import run_missing
 from jerkbench.report.choice import figures_choice
 from jerkbench.results.manifest import write_manifest
 from jerkbench.results.store import Store
 from jerkbench.results.study import Study, load_study, write_study
-from jerkbench.sweep.looks import forecast, lines, planned_looks, run_looks
-from jerkbench.sweep.sweep import Plan, plan_sweep, run_sweep
-from jerkbench.sweep.tasks import Planned
-
-# The end of a sweep by SIGTERM.
-
-
-@contextmanager
-def terminated_like_interrupted() -> Iterator[None]:
-    """Let SIGTERM end a sweep as Ctrl-C does."""
-
-    def interrupt(*_: object) -> None:
-        raise KeyboardInterrupt
-
-    before = signal.signal(signal.SIGTERM, interrupt)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
-
 
 # The end of a sweep: manifest, tables, figures, report, and the exit code that they come to.
 
@@ -58,7 +41,7 @@ Seeds = Mapping[str, Sequence[int]]
 """Of cells that were run, by their keys."""
 
 
-def conclude(store: Store, seeds: Seeds, config: DictConfig, level: float | None = None) -> Study | None:
+def conclude_study(store: Store, seeds: Seeds, config: DictConfig, level: float | None = None) -> Study | None:
     """Write and print the tables of what is there; returns the cells that were run, or nothing where none is whole."""
     from jerkbench.report.tables.terminal import print_beginning, print_table
 
@@ -80,7 +63,7 @@ def conclude(store: Store, seeds: Seeds, config: DictConfig, level: float | None
     return shown
 
 
-def failed(study: Study | None) -> int:
+def failed_code(study: Study | None) -> int:
     """The exit code for a study of which a run failed, or 0."""
     return FAILED if study is not None and (study.rows["status"] == "failed").any() else 0
 
@@ -117,9 +100,8 @@ def draw_and_report(study: Study, config: DictConfig, *, run_programs: bool = Fa
     from jerkbench.results.study_figures import present
 
     try:
-        with terminated_like_interrupted():
-            choice = figures_choice(config.figures)
-            present(study, config.workers or processors(), choice, pdf=config.figures_pdf, run_programs=run_programs)
+        choice = figures_choice(config.figures)
+        present(study, config.workers or processors(), choice, pdf=config.figures_pdf, run_programs=run_programs)
     except KeyboardInterrupt:
         print(f"Interrupted. The results are complete; `jerkbench report {study.folder}` draws again.", file=sys.stderr)
         return INTERRUPTED
@@ -147,12 +129,51 @@ def launch(loader: ConfigLoader, config: DictConfig, jobs: Sequence[Sequence[str
         SystemExit: a run failed, or the sweep was interrupted.
     """
     plan, cluster = _planned(loader, config, jobs)
-    store = Store(study_folder(config))
+    store, end = Store(study_folder(config)), End()
     if config.dry:
         tell(plan, store, config)
-    elif code := _finished(plan, store, config, cluster):
-        raise SystemExit(code)
+    else:
+        with end, Workers(cluster, config.workers or processors()) as workers:
+            for end.look in looks_left(planned_looks(plan, config.seeds, config.max_seeds), store):
+                run_missing(end.look.plan, store, workers)
+                draws = end.look.plan.draws
+                if end.look.last or not undecided(load_study(store.folder.parent, list(draws), draws), end.look.level):
+                    break
+        if code := _concluded(end, store, config):
+            raise SystemExit(code)
     return [JobReturn(status=JobStatus.COMPLETED) for _ in jobs]
+
+
+class End:
+    """The end of a sweep, also of one that cannot go on: what is done is stored, and can be concluded.
+
+    Attributes:
+        look: the last that was begun.
+        code: exit code of a sweep that did not come to its end, or 0.
+    """
+
+    look: Look
+    code = 0
+
+    def __enter__(self) -> Self:
+        """Begin."""
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None) -> bool:
+        """Say why it ended; an input at fault ends the command."""
+        if isinstance(error, KeyboardInterrupt):
+            self.code = INTERRUPTED
+            sentence = "Interrupted. What is done is stored; the same command goes on from there."
+        elif isinstance(error, ClusterError | ChildProcessError):
+            self.code, sentence = FAILED, f"jerkbench: the sweep ends here: {error}"
+        elif isinstance(error, OSError):
+            self.code = FAILED
+            sentence = f"jerkbench: the sweep ends here, because a result cannot be stored: {error}."
+        elif isinstance(error, JerkbenchError):
+            exit_with(error)
+        if self.code:
+            print(sentence, file=sys.stderr)
+        return bool(self.code)
 
 
 def _planned(loader: ConfigLoader, config: DictConfig, jobs: Sequence[Sequence[str]]) -> tuple[Plan, Cluster]:
@@ -160,60 +181,33 @@ def _planned(loader: ConfigLoader, config: DictConfig, jobs: Sequence[Sequence[s
     try:
         with Pulse(lambda seconds: f"Planning {len(jobs)} combinations for {duration(seconds)}."):
             composed = compose_jobs(loader, config, jobs)
-            plan = plan_sweep([cell_of(job.plain, job.choices, job.overrides) for job in composed])
+            plan = planned(job_of(job.plain, job.choices, job.overrides) for job in composed)
         cluster = cluster_of(config)
     except JerkbenchError as error:
         exit_with(error)
     for line in (
         *plan.refused,
-        *first_complaints(planned.cell for planned in plan.cells),
-        *first_mistakes((planned.cell for planned in plan.cells), shared_inputs()),
-        *first_remarks(((planned.cell, planned.fingerprint) for planned in plan.cells), shared_inputs()),
+        *first_complaints(plan.jobs),
+        *first_remarks(plan.jobs, shared_inputs()),
     ):
         print(line, file=sys.stderr)
-    if not plan.cells:
+    if not plan.jobs:
         exit_with(PluginError("There is nothing to run: every combination was left out."))
     return plan, cluster
 
 
-def _finished(plan: Plan, store: Store, config: DictConfig, cluster: Cluster) -> int:
-    """Run the plan, with as many seeds as are asked for, and conclude; returns the exit code."""
-    with Workers(cluster, config.workers or processors()) as workers:
-        last, code = run_looks(
-            planned_looks(plan, config.seeds, config.max_seeds),
-            store,
-            lambda plan: run_plan(plan, store, workers),
-            lambda look: load_study(store.folder.parent, list(look.plan.draws), look.plan.draws),
-        )
-    seeds = last.plan.draws
+def _concluded(end: End, store: Store, config: DictConfig) -> int:
+    """Write and print what came of a sweep; returns its exit code."""
+    code, plan = end.code, end.look.plan
     try:
-        study = conclude(store, seeds, config, last.level if config.max_seeds else None)
+        study = conclude_study(store, plan.draws, config, end.look.level if config.max_seeds else None)
     except OSError as error:
         print(f"jerkbench: the tables cannot be written: {error}. What is done is stored.", file=sys.stderr)
         return FAILED
     if study is not None and not code:
-        asked = any(isinstance(planned.cell.filter, Command) for planned in last.plan.cells)
+        asked = any(isinstance(job.method.filter, Command) for job in plan.jobs)
         code = draw_and_report(study, config, run_programs=asked)
-    return code or failed(study) or lost(store, seeds)
-
-
-def run_plan(plan: Plan, store: Store, workers: Workers) -> int:
-    """Run the plan; returns the exit code of a sweep that did not come to its end, or 0."""
-    try:
-        with terminated_like_interrupted():
-            run_sweep(plan, store, workers)
-    except KeyboardInterrupt:
-        print("Interrupted. What is done is stored; the same command goes on from there.", file=sys.stderr)
-        return INTERRUPTED
-    except (ClusterError, ChildProcessError) as error:
-        print(f"jerkbench: the sweep ends here: {error}", file=sys.stderr)
-        return FAILED
-    except OSError as error:
-        print(f"jerkbench: the sweep ends here, because a result cannot be stored: {error}.", file=sys.stderr)
-        return FAILED
-    except JerkbenchError as error:
-        exit_with(error)
-    return 0
+    return code or failed_code(study) or lost(store, plan.draws)
 
 
 # The planned order of a sweep whose jobs another launcher than ours runs, each in a process of its
@@ -229,9 +223,9 @@ def forget_order(folder: Path) -> None:
         path.unlink(missing_ok=True)
 
 
-def note_place(folder: Path, number: int, planned: Planned) -> None:
+def note_place(folder: Path, number: int, job: Job) -> None:
     """Note what the job ``number`` is: a cell, and its seeds."""
-    write_text(folder / FOLDER / f"{number:07d}", json.dumps([planned.key, list(planned.draws)]))
+    write_text(folder / FOLDER / f"{number:07d}", json.dumps([job.key, list(job.draws)]))
 
 
 def take_order(folder: Path) -> dict[str, list[int]]:

@@ -8,7 +8,7 @@ from jerkbench import plugins
 from jerkbench.errors import unknown
 from jerkbench.hydra_app.configuration import Schema, ToldR
 from jerkbench.hydra_app.typed_words import several_in_one, swept
-from jerkbench.jobs.cell import Noise
+from jerkbench.jobs.job import Noise
 
 NOISE = ("full_key", "object_type", "Config search", "provider=")
 """Beginnings of lines that help nobody."""

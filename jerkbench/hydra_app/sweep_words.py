@@ -18,7 +18,7 @@ from omegaconf import DictConfig
 from jerkbench import plugins
 from jerkbench.errors import PluginError
 from jerkbench.hydra_app.composition import Composed, Job, compose_jobs, owner
-from jerkbench.jobs.cell import GROUPS
+from jerkbench.jobs.labels import GROUPS
 from jerkbench.presets import default_names, preset_names
 
 MOST = 100_000

@@ -18,9 +18,9 @@ from jerkbench.hydra_app.composition import owner
 from jerkbench.hydra_app.configuration import study_folder
 from jerkbench.hydra_app.typed_words import no_assignment
 from jerkbench.hydra_app.words import cluster_of, composed
-from jerkbench.jobs.cell import Cell
 from jerkbench.jobs.cluster import LOCAL, Workers
 from jerkbench.jobs.inputs import shared_inputs
+from jerkbench.jobs.job import Job
 from jerkbench.jobs.names import refusal
 from jerkbench.jobs.pool import processors
 from jerkbench.jobs.progress import Progress
@@ -28,14 +28,14 @@ from jerkbench.optional import is_attitude_only
 from jerkbench.presets import user_folders
 from jerkbench.report.choice import Choice, figures_choice
 from jerkbench.report.tables.writers import passive
-from jerkbench.tuning.evaluate import Runs, trial_table
+from jerkbench.tuning.evaluate import RunPlace, trial_table
 from jerkbench.tuning.foreign import EXPORTS
 from jerkbench.tuning.objectives import objective_of
 from jerkbench.tuning.outcome import Effort, Tuning, tune
 from jerkbench.tuning.search import Budget
 from jerkbench.tuning.space import STREAMS, Space, space_of
 from jerkbench.tuning.splits import Cases, Seeds, by_families, by_recordings, by_seeds, by_time
-from jerkbench.tuning.summary import PARTS, preset_words, record, summary, table, write_presets
+from jerkbench.tuning.summary import PARTS, preset_words, record, summary, tunings_table, write_presets
 
 # The words behind `jerkbench tune`: the tuning's own, and those of `jerkbench run`, which may have
 # several values.
@@ -156,48 +156,48 @@ def tune_all(words: TuneWords) -> None:
     options = words.options
     methods = [[composed([*scenario, *method]) for scenario in words.scenarios] for method in words.methods]
     config = methods[0][0].config
-    cells = [[composition.cell() for composition in scenarios] for scenarios in methods]
+    jobs = [[composition.job() for composition in scenarios] for scenarios in methods]
     chosen = cluster_of(config)
     count = config.workers or processors()
     workers, threads = (Workers(), count) if chosen == LOCAL else (Workers(chosen, count), 1)
-    effort = _effort(options, threads, alone=is_attitude_only(cells[0][0].filter))
-    efforts = [effort for _ in cells]
-    for scenarios in cells:
+    effort = _effort(options, threads, alone=is_attitude_only(jobs[0][0].method.filter))
+    efforts = [effort for _ in jobs]
+    for scenarios in jobs:
         _require_sense(scenarios)
-    measured = _streams(cells[0])
-    spaces = [space_of(scenarios[0], options.knobs, measured) for scenarios in cells]
-    cases = [cases_of(scenarios, options, config.first_seed) for scenarios in cells]
+    measured = _streams(jobs[0])
+    spaces = [space_of(scenarios[0], options.knobs, measured) for scenarios in jobs]
+    cases = [cases_of(scenarios, options, config.first_seed) for scenarios in jobs]
     folder = study_folder(config) / "tune"
-    names = _names([scenarios[0] for scenarios in cells])
+    names = _names([scenarios[0] for scenarios in jobs])
     with workers:
-        tunings = _tuned(names, cases, spaces, efforts, Runs(folder, workers))
+        tunings = _tuned(names, cases, spaces, efforts, RunPlace(folder, workers))
     for tuning, method in zip(tunings, words.methods, strict=True):
         own = folder / tuning.name
         command = _command(tuning, own / "conf", words, method)
         _write(tuning, own, command, figures=figures_choice(config.figures) is not Choice.NONE)
-    print(table(tunings))
+    print(tunings_table(tunings))
     print(f"\nSettings, presets and trials: {folder}")
 
 
-def _streams(cells: Sequence[Cell]) -> list[str]:
+def _streams(jobs: Sequence[Job]) -> list[str]:
     """The streams that the recording of any scenario has, of those whose R is tuned."""
-    recordings = [shared_inputs().undisturbed(cell.dataset, cell.draws[0]) for cell in cells]
+    recordings = [shared_inputs().undisturbed(job.scenario.dataset, job.draws[0]) for job in jobs]
     return [name for name in STREAMS if any(getattr(recording, name) is not None for recording in recordings)]
 
 
-def cases_of(cells: Sequence[Cell], options: TuneOptions, first_seed: int) -> Cases:
+def cases_of(jobs: Sequence[Job], options: TuneOptions, first_seed: int) -> Cases:
     """Return what is tuned, chosen and tested on."""
     seeds = Seeds(options.tune_seeds, options.choose_seeds, options.test_seeds, first_seed)
     split = options.split
     if split == "auto":
-        split = "seeds" if all(cell.seeded for cell in cells) else "time"
+        split = "seeds" if all(job.scenario.seeded for job in jobs) else "time"
     if split in ("recordings", "families") and not options.held_out:
         raise PluginError(f"split={split} needs the names to test on: held_out=[...]")
     if split == "seeds":
-        return by_seeds(cells, seeds)
+        return by_seeds(jobs, seeds)
     if split == "time":
-        return by_time(cells, seeds, options.share)
-    return (by_recordings if split == "recordings" else by_families)(cells, options.held_out, seeds)
+        return by_time(jobs, seeds, options.share)
+    return (by_recordings if split == "recordings" else by_families)(jobs, options.held_out, seeds)
 
 
 def _effort(options: TuneOptions, threads: int, *, alone: bool) -> Effort:
@@ -206,14 +206,14 @@ def _effort(options: TuneOptions, threads: int, *, alone: bool) -> Effort:
     return Effort(objective_of(name), budget, options.restarts, tuple(options.knobs), threads)
 
 
-def _require_sense(cells: Sequence[Cell]) -> None:
-    for cell in cells:
-        if reason := refusal(cell):
+def _require_sense(jobs: Sequence[Job]) -> None:
+    for job in jobs:
+        if reason := refusal(job):
             raise PluginError(f"This combination makes no sense: {reason}.")
 
 
 def _tuned(
-    names: Sequence[str], cases: Sequence[Cases], spaces: Sequence[Space], efforts: Sequence[Effort], runs: Runs
+    names: Sequence[str], cases: Sequence[Cases], spaces: Sequence[Space], efforts: Sequence[Effort], runs: RunPlace
 ) -> list[Tuning]:
     tunings = []
     count = sum(effort.budget.trials * effort.restarts for effort in efforts)
@@ -228,16 +228,16 @@ def _tuned(
     return tunings
 
 
-def _names(cells: Sequence[Cell]) -> list[str]:
+def _names(jobs: Sequence[Job]) -> list[str]:
     """A name for each method, fit for a folder: filter and adaptation, with a number where that is not enough.
 
     An attitude filter alone has its own.
     """
     names = [
-        cell.spec["attitude"]["name"]
-        if is_attitude_only(cell.filter)
-        else f"{cell.spec['filter']['name']}-{cell.spec['adaptation']['name']}"
-        for cell in cells
+        job.spec["attitude"]["name"]
+        if is_attitude_only(job.method.filter)
+        else f"{job.spec['filter']['name']}-{job.spec['adaptation']['name']}"
+        for job in jobs
     ]
     return [f"{name}-{names[:k].count(name) + 1}" if names.count(name) > 1 else name for k, name in enumerate(names)]
 
@@ -261,10 +261,10 @@ def _write(tuning: Tuning, folder: Path, command: str, *, figures: bool) -> None
     page = f"{passive(summary(tuning))}\nTake it with: {command}\n"
     write_text(folder / "tuning.md", page)
     write_text(folder / "tuning.json", json.dumps(record(tuning), indent=1) + "\n")
-    scenarios = [case.scenario for case in tuning.cases.tune]
+    scenarios = [case.labels.scenario for case in tuning.cases.tune]
     trials = trial_table(outcome.trials, tuning.space.names, scenarios)
     write_text(folder / "trials.csv", trials.to_csv(index=False, lineterminator="\n"))
-    for name, export in EXPORTS.items() if not is_attitude_only(tuning.cases.tune[0].cell.filter) else ():
+    for name, export in EXPORTS.items() if not is_attitude_only(tuning.job.method.filter) else ():
         write_text(folder / "export" / name, export(tuning))
     print(page)
     if figures:

@@ -15,7 +15,7 @@ from hydra.errors import HydraException
 from jerkbench import plugins
 from jerkbench.errors import PluginError, unknown
 from jerkbench.hydra_app.composition import NO_GROUPS
-from jerkbench.jobs.cell import GROUPS
+from jerkbench.jobs.labels import GROUPS
 from jerkbench.jobs.names import words as as_words
 from jerkbench.presets import preset_names
 from jerkbench.renamed import new_word, renamed_notice

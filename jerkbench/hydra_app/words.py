@@ -13,11 +13,11 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from jerkbench.errors import JerkbenchError, PluginError, unknown
-from jerkbench.hydra_app.configuration import cell_of, check_options, register_hydra_parts, register_schemas
+from jerkbench.hydra_app.configuration import check_options, job_of, register_hydra_parts, register_schemas
 from jerkbench.hydra_app.messages import hydra_sentence
 from jerkbench.hydra_app.typed_words import arranged_words
-from jerkbench.jobs.cell import Cell
 from jerkbench.jobs.cluster import Cluster
+from jerkbench.jobs.job import Job
 from jerkbench.presets import config_folder, folder_words, preset
 from jerkbench.removed import refuse_removed
 
@@ -36,8 +36,8 @@ class Words:
     choices: dict[str, Any]
     overrides: list[str]
 
-    def cell(self, dataset: Mapping[str, object] | None = None, **filter_parameters: object) -> Cell:
-        """Return the cell.
+    def job(self, dataset: Mapping[str, object] | None = None, **filter_parameters: object) -> Job:
+        """Return the job.
 
         Args:
             dataset: parameters of the data set beside the words.
@@ -49,7 +49,7 @@ class Words:
         plain: Any = OmegaConf.to_container(self.config, resolve=True)
         plain["filter"] = {**plain["filter"], **filter_parameters}
         plain["dataset"] = {**plain["dataset"], **(dataset or {})}
-        return cell_of(plain, self.choices, self.overrides)
+        return job_of(plain, self.choices, self.overrides)
 
 
 def composed(words: Sequence[str]) -> Words:

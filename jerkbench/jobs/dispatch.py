@@ -14,7 +14,7 @@ from typing import Any, Generic, NamedTuple, TypeVar
 
 from jerkbench.errors import JerkbenchError
 from jerkbench.jobs.cluster import ClusterError, Lent
-from jerkbench.jobs.identity import Identity, identity_of, refusal
+from jerkbench.jobs.identity import Identity, identity_of, worker_refusal
 from jerkbench.plain import keep_output_plain
 
 Task = TypeVar("Task")
@@ -38,6 +38,7 @@ class Order(Generic[Task, Result]):
         bundle: names the stretch of its group that a task belongs to.
         admit: is given tasks of one bundle when their turn has come, and returns those that are to be done.
         rest: what is left of a task after a result of it; None: nothing.
+        alone: the parts of a task of which one may be the culprit where its worker is lost.
         identity: code, versions and plugins that a worker elsewhere must have.
     """
 
@@ -46,14 +47,15 @@ class Order(Generic[Task, Result]):
     bundle: Callable[[Task], Hashable] = id
     admit: Callable[[Sequence[Task]], list[Task]] = list
     rest: Callable[[Result], Task | None] = lambda _: None
+    alone: Callable[[Task], list[Task]] = lambda task: [task]
     identity: Callable[[], Identity] = lambda: identity_of(())
 
 
 def outcomes(order: Order[Task, Result], lent: Lent | None) -> Iterator[tuple[Task, Result | Exception]]:
     """Yield each task with its result as it is done, or with what kept it from being done.
 
-    The tasks of a bundle that loses its worker are sent again, each by itself: the one that ends its worker is told
-    apart. One that lost three is given up.
+    The tasks of a bundle that loses its worker are sent again, each part by itself: the one that ends its worker is
+    told apart. One that lost three is given up.
 
     Args:
         order: what is to be done.
@@ -124,7 +126,8 @@ class _Dispatch(Generic[Task, Result]):
             try:
                 pack = packed(self.order, bundle.tasks, elsewhere=self.lent.elsewhere)
             except Exception as error:  # noqa: BLE001 - a plugin decides on what pickling raises
-                yield from ((task, error) for task in bundle.tasks)
+                for task in bundle.tasks:
+                    yield from self._failed(task, error)
                 continue
             self.running[self.lent.executor.submit(run_packed, pack)] = bundle, group
 
@@ -146,7 +149,8 @@ class _Dispatch(Generic[Task, Result]):
         except (ClusterError, CancelledError) as error:
             raise self._ended(error) from error
         except JerkbenchError as error:
-            yield from ((task, error) for task in bundle.tasks)
+            for task in bundle.tasks:
+                yield from self._failed(task, error)
             return
         except Exception as error:  # noqa: BLE001 - each engine has errors of its own for a worker that is lost
             yield from self._again(bundle, error)
@@ -154,13 +158,25 @@ class _Dispatch(Generic[Task, Result]):
         rests = [self.order.rest(result) for result in results if not isinstance(result, Exception)]
         if left := [*(rest for rest in rests if rest is not None), *bundle.tasks[len(results) :]]:
             group.appendleft(_Bundle(left))
-        yield from zip(bundle.tasks, results, strict=False)
+        for task, result in zip(bundle.tasks, results, strict=False):
+            if isinstance(result, Exception):
+                yield from self._failed(task, result)
+            else:
+                yield task, result
+
+    def _failed(self, task: Task, error: Exception) -> Iterator[tuple[Task, Exception]]:
+        """Yield a task that raised something; one of several parts is sent again, each part by itself."""
+        parts = self.order.alone(task)
+        if len(parts) > 1:
+            self.lost.extend(_Bundle([part]) for part in parts)
+        else:
+            yield task, error
 
     def _again(self, bundle: _Bundle[Task], error: Exception) -> Iterator[tuple[Task, Result | Exception]]:
-        """Let each task wait for another worker, or give it up."""
+        """Let each part of each task wait for another worker, or give it up."""
         tries = bundle.tries + 1
         if tries < TRIES:
-            self.lost.extend(_Bundle([task], tries) for task in bundle.tasks)
+            self.lost.extend(_Bundle([part], tries) for task in bundle.tasks for part in self.order.alone(task))
             return
         died = "the process that ran it died"
         said = " ".join(str(error).split())
@@ -178,7 +194,7 @@ class RefusedError(ClusterError):
 
 
 @dataclass(frozen=True)
-class Pack:
+class Parcel:
     """A bundle as it is sent; nothing of it is read before the identity is the worker's own.
 
     Attributes:
@@ -192,17 +208,17 @@ class Pack:
     content: bytes
 
 
-def packed(order: Order[Task, Result], tasks: Sequence[Task], *, elsewhere: bool) -> Pack:
+def packed(order: Order[Task, Result], tasks: Sequence[Task], *, elsewhere: bool) -> Parcel:
     """Pack some tasks.
 
     Raises:
         Exception: they cannot be pickled; a plugin decides on what is raised.
     """
     identity = order.identity() if elsewhere else None
-    return Pack(identity, str(Path.cwd()), pickle.dumps((order.work, list(tasks))))
+    return Parcel(identity, str(Path.cwd()), pickle.dumps((order.work, list(tasks))))
 
 
-def run_packed(pack: Pack) -> list[Any]:
+def run_packed(pack: Parcel) -> list[Any]:
     """Run the tasks of a bundle, in a worker; returns the result of each, or what it raised.
 
     Where the time is up they are those of the first tasks only.
@@ -210,7 +226,7 @@ def run_packed(pack: Pack) -> list[Any]:
     Raises:
         RefusedError: this worker is not fit for the plan.
     """
-    if pack.identity and (sentence := refusal(pack.identity)):
+    if pack.identity and (sentence := worker_refusal(pack.identity)):
         raise RefusedError(sentence)
     _prepare(pack.folder)
     work, tasks = pickle.loads(pack.content)  # noqa: S301 - from the process that planned, by way of its own cluster

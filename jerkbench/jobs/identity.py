@@ -7,14 +7,12 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
-from jerkbench.jobs.cell import Cell
+from jerkbench.jobs.job import Job
 from jerkbench.jobs.key import code_digest, plugin_digest, versions
 from jerkbench.plugins import is_own
 
-SENT = ("audit", "campaigns", "jobs", "results", "suite", "sweep", "tuning")
+SENT = ("audit", "campaigns", "jobs", "results", "suite", "tuning")
 """Rooms whose objects are sent to workers, besides those that compute."""
-
-SINGLE = ("dataset", "attitude", "filter", "adaptation", "engine")
 
 
 @dataclass(frozen=True, order=True)
@@ -49,14 +47,14 @@ class Identity:
     plugins: tuple[Foreign, ...] = ()
 
 
-def identity_of(cells: Iterable[Cell]) -> Identity:
-    """Return what a worker must have to run ``cells``."""
-    plugins = {foreign for cell in cells for foreign in map(_foreign, *_parts(cell)) if foreign is not None}
+def identity_of(jobs: Iterable[Job]) -> Identity:
+    """Return what a worker must have to run ``jobs``."""
+    plugins = {foreign for job in jobs for part in job.parts() if (foreign := _foreign(*part)) is not None}
     return Identity(code_digest(*SENT), tuple(versions().items()), tuple(sorted(plugins)))
 
 
 @cache
-def refusal(identity: Identity) -> str:
+def worker_refusal(identity: Identity) -> str:
     """Return why this process may not run what belongs to ``identity``, or an empty string."""
     host = socket.gethostname()
     own = versions()
@@ -91,18 +89,9 @@ def _lacking(foreign: Foreign, host: str) -> str:
     return ""
 
 
-def _parts(cell: Cell) -> tuple[list[str], list[object]]:
-    """Names and plugins of a cell."""
-    named = [(f"{kind} {cell.spec[kind]['name']}", getattr(cell, kind)) for kind in SINGLE]
-    several = zip(cell.spec["disturbance"], cell.disturbances, strict=True)
-    named += [(f"disturbance {spec['name']}", disturbance) for spec, disturbance in several]
-    named += [(f"metric {name}", metric) for name, metric in zip(cell.spec["metrics"], cell.metrics, strict=True)]
-    return [name for name, _ in named], [plugin for _, plugin in named]
-
-
-def _foreign(name: str, plugin: object) -> Foreign | None:
+def _foreign(kind: str, name: str, plugin: object) -> Foreign | None:
     cls: Any = type(plugin)
-    return None if is_own(cls) else _of_class(name, cls)
+    return None if is_own(cls) else _of_class(f"{kind} {name}", cls)
 
 
 @cache

@@ -20,7 +20,7 @@ from jerkbench.contracts import AttitudeFilter, Dataset, Disturbance, Metric
 from jerkbench.estimate import Attitude, Estimate, no_attitude
 from jerkbench.evaluation.sums import outlined, scored
 from jerkbench.files import cache_folder, forget_oldest, write_atomically
-from jerkbench.jobs.cell import Cell
+from jerkbench.jobs.job import Scenario
 from jerkbench.jobs.key import code_digest, plugin_digest, require_data, versions
 from jerkbench.optional import part_read
 from jerkbench.recording import ErrorLaw, Heading, Imu, Origin, Position, Recording, Reference, Velocity
@@ -167,7 +167,7 @@ class Inputs:
 
     def __init__(self) -> None:
         """Begin with nothing."""
-        self._loaded = lru_cache(KEPT)(load)
+        self._loaded = lru_cache(KEPT)(loaded)
         self._disturbed = lru_cache(KEPT)(partial(disturbed, self._loaded))
         self.attitude = lru_cache(KEPT)(attitude_of)
         self.told = lru_cache(KEPT)(with_r_scale)
@@ -176,9 +176,9 @@ class Inputs:
         self._outline = lru_cache(KEPT)(_Outline.of)
         self._columns = lru_cache(8 * KEPT)(_columns)
 
-    def recording(self, cell: Cell, fingerprint: str, draw: int) -> Recording:
-        """Return the recording of ``draw`` after all disturbances; ``fingerprint`` tells changed files apart."""
-        return self._disturbed(cell.dataset, cell.disturbances, fingerprint, draw)
+    def recording(self, scenario: Scenario, draw: int) -> Recording:
+        """Return the recording of ``draw`` after all disturbances; changed files are other data."""
+        return self._disturbed(scenario.dataset, scenario.disturbances, scenario.data, draw)
 
     def undisturbed(self, dataset: Dataset, draw: int) -> Recording:
         """Return the recording of ``draw`` as it was loaded."""
@@ -196,7 +196,7 @@ class Inputs:
 
 @cache
 def shared_inputs() -> Inputs:
-    """Return the inputs that all cells of this process share, where none are given."""
+    """Return the inputs that all jobs of this process share, where none are given."""
     return Inputs()
 
 
@@ -219,7 +219,7 @@ def disturbed(
     return recording
 
 
-def load(dataset: Dataset, fingerprint: str, seed: int) -> Recording:
+def loaded(dataset: Dataset, fingerprint: str, seed: int) -> Recording:
     """Load a recording, or take it from the cache of simulated ones; its data are those of ``fingerprint``."""
     in_tree = type(dataset).__module__.startswith("jerkbench.")  # what others simulate may depend on anything
     if in_tree and dataset.seeded and not fingerprint:

@@ -6,14 +6,14 @@ import platform
 import secrets
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 from jerkbench.contracts import Dataset, Disturbance, ReadingFile
 from jerkbench.errors import PluginError, RecordingError
-from jerkbench.jobs.cell import Cell
 from jerkbench.jobs.sources import KNOWN, named_digests, sources_digest
 
 # The provenance of a result, besides its configuration: our own code, the plugins' code, the
@@ -26,7 +26,7 @@ COMPUTING = (
     *("filters", "inertial", "io", "kinematic", "linear", "recording", "simulation", "measurements", "timeline"),
     *("traces", "contracts", "evaluation/metrics", "arrays", "estimate", "geometry", "kalman"),
     *("memory", "optional", "random_streams", "renamed", "sums", "tuning/excerpts"),
-    *(f"jobs/{name}" for name in ("cell", "inputs", "rows")),
+    *(f"jobs/{name}" for name in ("inputs", "job", "labels", "rows")),
     *(f"evaluation/{name}" for name in ("counted_rows", "evaluated_run", "navigation_errors", "sums")),
     "evaluation/statistics/correlated_errors",
 )
@@ -84,6 +84,20 @@ def versions() -> dict[str, str]:
     return {"python": platform.python_version(), **{name: version(name) for name in ("jerkbench", *LIBRARIES)}}
 
 
+ARITHMETIC = ("amx", "avx", "fma", "neon", "sse", "sve")
+"""Beginnings of the names of instructions that decide in which order, and how often, sums are rounded."""
+
+
+@cache
+def processor_kind() -> str:
+    """Return what machine code is made for here: the processor's family, and its instructions for arithmetic."""
+    from llvmlite import binding
+
+    features = binding.get_host_cpu_features()
+    names = sorted(name for name, present in features.items() if present and name.startswith(ARITHMETIC))
+    return f"{binding.get_host_cpu_name()}: {' '.join(names)}"
+
+
 @cache
 def git_commit() -> str:
     """The commit of the checkout that the package runs from, with "+changes" if it has any; empty outside one."""
@@ -100,27 +114,13 @@ def git_commit() -> str:
         return ""
 
 
-SEEDS = ("seeds", "first_seed")
-"""Entries of a protocol that decide on which rows there are, and not on what is in them."""
-
-
 WHAT = 16
 """So many digits of a key say what is run; the others, by which code."""
 
 
-def cell_key(cell: Cell, fingerprint: str) -> str:
-    """Hash of all that the rows depend on besides their seeds.
-
-    First of specification, protocol and data, then of the code, the libraries and the plugins' code.
-    """
-    parts = [cell.dataset, *cell.disturbances, cell.attitude, cell.filter, cell.adaptation, cell.engine, *cell.metrics]
-    what = {
-        "labels": cell.labels,
-        "spec": cell.spec,
-        "protocol": {name: value for name, value in vars(cell.protocol).items() if name not in SEEDS},
-        "data": [fingerprint, cell.filter.fingerprint() if isinstance(cell.filter, ReadingFile) else ""],
-    }
-    code = [code_digest(), *versions().values(), *(plugin_digest(type(part)) for part in parts)]
+def key_of(what: Mapping[str, Any], classes: Iterable[type]) -> str:
+    """Hash what is run, then the code that runs it: ours, the libraries and the plugins'."""
+    code = [code_digest(), *versions().values(), *map(plugin_digest, classes)]
     return _hash(json.dumps(what, sort_keys=True))[:WHAT] + _hash("\n".join(code))[:8]
 
 
@@ -128,7 +128,7 @@ def _hash(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-# The identity of a cell's data: those of its data set, and files that its disturbances read.
+# The identity of a scenario's data: those of its data set, and files that its disturbances read.
 
 
 def data_fingerprint(dataset: Dataset, disturbances: Sequence[Disturbance]) -> str:

@@ -1,4 +1,4 @@
-"""A cell from names and mappings, as Python code gives them; Hydra does the same for the command line."""
+"""A job from names and mappings, as Python code gives them; Hydra does the same for the command line."""
 
 import json
 from collections.abc import Callable, Mapping, Sequence
@@ -8,7 +8,8 @@ from typing import Any
 from jerkbench import plugins
 from jerkbench.contracts import Estimator, PerSeed
 from jerkbench.errors import PluginError, unknown
-from jerkbench.jobs.cell import Cell, Noise, Protocol, build, labels_of
+from jerkbench.jobs.job import Job, Noise, Protocol, build
+from jerkbench.jobs.labels import labels_of
 from jerkbench.optional import is_attitude_only, lacks_imu, preferred_attitude, uses_imu
 from jerkbench.presets import default_names, merged_values, preset, preset_names
 from jerkbench.renamed import new_name
@@ -34,21 +35,21 @@ class ChosenPlugin:
     plain: dict[str, Any]
 
 
-def cell_of_parts(
+def job_of_parts(
     single: Groups,
     disturbances: Sequence[Part],
     noise: Part | None,
     protocol: Protocol,
     metrics: Sequence[str] = (),
     r_scale: Mapping[str, float] | None = None,
-) -> Cell:
-    """Make the cell that the parts describe, with the labels that it has on the command line.
+) -> Job:
+    """Make the job that the parts describe, with the labels that it has on the command line.
 
     Args:
         single: a part for each group that holds one plugin; None: the default, for ``attitude`` that of the data set.
         disturbances: in order; empty: `none`.
         noise: a preset, or the fields to set, or both; None: the filter's own.
-        protocol: how it is run and scored.
+        protocol: its seeds, and how runs are judged.
         metrics: names of those to compute; empty: those that are cheap.
         r_scale: factors on the reported R, "position" and "velocity"; None: as reported.
 
@@ -59,7 +60,7 @@ def cell_of_parts(
     parts["attitude"] = single["attitude"] or _preferred_attitude(parts["dataset"])
     choice = {kind: choose(kind, part) for kind, part in parts.items()}
     several = [choose("disturbance", part) for part in disturbances or [default_names()["disturbance"]]]
-    process = process_noise(noise)
+    process = noise_of(noise)
     spec: dict[str, Any] = {kind: part.plain for kind, part in choice.items()}
     spec["disturbance"] = [plain for part in several for plain in part.plain.values()]
     spec["noise"], spec["r_scale"] = process.plain, dict(r_scale or {})
@@ -118,7 +119,7 @@ def is_plugin(part: object) -> bool:
     return is_dataclass(part) and not isinstance(part, type)
 
 
-def process_noise(part: Part | None) -> ChosenPlugin:
+def noise_of(part: Part | None) -> ChosenPlugin:
     """Return the process noise that replaces the filter's own; the group has presets only.
 
     Raises:
@@ -185,26 +186,27 @@ def _word(value: object) -> str:
 # The refusal of a combination: a filter that does not take the data set, or the adaptation.
 
 
-def refusal(cell: Cell) -> str:
+def refusal(job: Job) -> str:
     """Return why the filter does not take the data set or the adaptation, or an empty string."""
-    if is_attitude_only(cell.dataset) and not is_attitude_only(cell.filter):
-        return _lacking(cell, "position to navigate by", _filters(is_attitude_only))
-    if lacks_imu(cell.dataset) and uses_imu(cell.filter):
-        return _lacking(cell, "IMU", _filters(lambda cls: not uses_imu(cls)))
-    if isinstance(cell.filter, PerSeed) and not cell.filter.for_each_seed and len(cell.draws) > 1:
+    dataset, model = job.scenario.dataset, job.method.filter
+    if is_attitude_only(dataset) and not is_attitude_only(model):
+        return _lacking(job, "position to navigate by", _filters(is_attitude_only))
+    if lacks_imu(dataset) and uses_imu(model):
+        return _lacking(job, "IMU", _filters(lambda cls: not uses_imu(cls)))
+    if isinstance(model, PerSeed) and not model.for_each_seed and len(job.draws) > 1:
         return (
-            f"the filter {cell.labels.filter} has one file for {len(cell.draws)} runs; write {{seed}} in the place"
+            f"the filter {job.labels.filter} has one file for {len(job.draws)} runs; write {{seed}} in the place"
             " of the seed in its name, or give seeds=1"
         )
-    name = cell.spec["adaptation"]["name"]
-    if not isinstance(cell.filter, Estimator) or name in cell.filter.adaptations:
+    name = job.spec["adaptation"]["name"]
+    if not isinstance(model, Estimator) or name in model.adaptations:
         return ""
-    accepted = ", ".join(cell.filter.adaptations)
-    return f"the filter {cell.spec['filter']['name']} takes no adaptation '{name}', only: {accepted}"
+    accepted = ", ".join(model.adaptations)
+    return f"the filter {job.spec['filter']['name']} takes no adaptation '{name}', only: {accepted}"
 
 
-def _lacking(cell: Cell, stream: str, filters: Sequence[str]) -> str:
-    dataset, model = (cell.spec[kind]["name"] for kind in ("dataset", "filter"))
+def _lacking(job: Job, stream: str, filters: Sequence[str]) -> str:
+    dataset, model = (job.spec[kind]["name"] for kind in ("dataset", "filter"))
     return (
         f"the data set {dataset} has no {stream}, so the filter {model} cannot run over it, only: {', '.join(filters)}"
     )

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
-from functools import cache, partial
+from functools import partial
 from importlib import import_module
 from multiprocessing.context import SpawnContext, SpawnProcess
 from types import ModuleType
@@ -132,22 +132,6 @@ def _prepare() -> None:
     threadpool_limits(1)
 
 
-# The processors that we may use: how many, and which instructions they have.
-
-ARITHMETIC = ("amx", "avx", "fma", "neon", "sse", "sve")
-"""Beginnings of the names of instructions that decide in which order, and how often, sums are rounded."""
-
-
 def processors() -> int:
     """Return how many this process may use, which can be fewer than there are."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-@cache
-def processor_kind() -> str:
-    """Return what machine code is made for here: the processor's family, and its instructions for arithmetic."""
-    from llvmlite import binding
-
-    features = binding.get_host_cpu_features()
-    names = sorted(name for name, present in features.items() if present and name.startswith(ARITHMETIC))
-    return f"{binding.get_host_cpu_name()}: {' '.join(names)}"

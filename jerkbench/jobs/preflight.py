@@ -1,38 +1,41 @@
-"""What is looked at before anything runs: inputs that filters ask for, plugins' contracts; and errors in words."""
+"""What is said of a job: before anything runs, of an error, and under its table."""
 
 import os
 import traceback
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any
 
-from jerkbench.contracts import Dataset, Requiring
+import numpy as np
+
+from jerkbench.contracts import Remarking, Requiring
 from jerkbench.errors import NO_ROOM, JerkbenchError, PluginError
 from jerkbench.inspection.doctor import first_diagnoses
-from jerkbench.jobs.cell import Cell
 from jerkbench.jobs.inputs import Inputs
+from jerkbench.jobs.job import Job
+from jerkbench.plain import plain
 from jerkbench.plugins import is_own
+from jerkbench.recording import Recording
 
 
-def require_inputs(cell: Cell, checked: set[tuple[object, object]]) -> None:
+def require_inputs(job: Job, checked: set[tuple[object, object]]) -> None:
     """Ask attitude filter and filter whether the recording of the first seed has what they need.
 
     Args:
-        cell: the combination; its recording is loaded only if one of them has such a question.
+        job: the combination; its recording is loaded only if one of them has such a question.
         checked: data sets with the parts that were asked before; grows.
 
     Raises:
         JerkbenchError: the recording lacks an input, or there is no recording.
     """
-    for part in (cell.attitude, cell.filter):
-        if isinstance(part, Requiring) and (cell.dataset, part) not in checked:
-            _ask(part, cell)
-            checked.add((cell.dataset, part))
+    for part in (job.scenario.attitude, job.method.filter):
+        if isinstance(part, Requiring) and (job.scenario.dataset, part) not in checked:
+            _ask(part, job)
+            checked.add((job.scenario.dataset, part))
 
 
-def _ask(part: Requiring, cell: Cell) -> None:
+def _ask(part: Requiring, job: Job) -> None:
     try:
-        part.require(lambda: cell.dataset.load(cell.draws[0]))
+        part.require(lambda: job.scenario.dataset.load(job.draws[0]))
     except JerkbenchError:
         raise
     except Exception:  # noqa: BLE001 - a plugin that breaks becomes a row that says so, when it is run
@@ -50,7 +53,7 @@ def reason_of(error: Exception) -> str:
 
 
 @contextmanager
-def plugins_in_words(cell: Cell) -> Iterator[None]:
+def plugins_in_words(job: Job) -> Iterator[None]:
     """Turn what a plugin of ``cell`` raises into a sentence; what is one already, and a full disk, stay what they are.
 
     Raises:
@@ -63,86 +66,119 @@ def plugins_in_words(cell: Cell) -> Iterator[None]:
     except Exception as error:
         if os.environ.get(TRACEBACK) or (isinstance(error, OSError) and error.errno in NO_ROOM):
             raise
-        culprit, why = _culprit(cell, error), reason_of(error)
+        culprit, why = _culprit(job, error), reason_of(error)
         raise PluginError(f"{culprit} failed: {why}. Set {TRACEBACK}=1 to see the whole traceback.") from error
 
 
-def _culprit(cell: Cell, error: Exception) -> str:
-    """The plugin in whose method it was raised; where in none, as of a wrong result, those that may have caused it."""
-    named = _named(cell)
+def _culprit(job: Job, error: Exception) -> str:
+    """The plugin in whose method it was raised; where in none, as of a wrong result, those that may have caused it.
+
+    The engine is never blamed: it runs the others.
+    """
+    named = [(f"{kind} {name}", plugin) for kind, name, plugin in job.parts() if kind != "engine"]
     frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
     for frame in reversed(frames):
         own = frame.f_locals.get("self")
-        names = [name for name, plugin in named.items() if plugin is own]
-        if names:
+        if names := [name for name, plugin in named if plugin is own]:
             return f"The {names[0]}"
-    return f"The filter {cell.spec['filter']['name']} with the adaptation {cell.spec['adaptation']['name']}"
+    return f"The filter {job.spec['filter']['name']} with the adaptation {job.spec['adaptation']['name']}"
 
 
-def _named(cell: Cell) -> dict[str, object]:
-    """The plugins of a cell by kind and name; the engine is not among them, it runs the others."""
-    named: dict[str, object] = {
-        f"{kind} {cell.spec[kind]['name']}": getattr(cell, kind)
-        for kind in ("dataset", "attitude", "filter", "adaptation")
-    }
-    for spec, disturbance in zip(cell.spec["disturbance"], cell.disturbances, strict=True):
-        named[f"disturbance {spec['name']}"] = disturbance
-    return named | {f"metric {spec}": metric for spec, metric in zip(cell.spec["metrics"], cell.metrics, strict=True)}
+def unfit(job: Job) -> str:
+    """Return what is the matter with the first plugin of ``job`` that does not keep its contract, or nothing."""
+    return next((sentence for _, sentence in _complaints(job)), "")
 
 
-SINGLE = ("dataset", "attitude", "filter", "adaptation", "engine")
+def _complaints(job: Job) -> Iterator[tuple[str, str]]:
+    """Kind and name of each plugin from elsewhere that does not keep its contract, and what is the matter."""
+    for kind, name, plugin in job.parts():
+        if not is_own(type(plugin)):
+            from jerkbench.conformance.plugin import complaint
+
+            if sentence := complaint(kind, plugin):
+                yield f"{kind} {name}", sentence
 
 
-def unfit(cell: Cell) -> str:
-    """Return what is the matter with the first plugin of ``cell`` that does not keep its contract, or nothing."""
-    return next((sentence for _, sentence in _complaints(cell)), "")
+# What is said before anything runs.
 
 
-def first_complaints(cells: Iterable[Cell]) -> list[str]:
-    """Return a sentence for each plugin of ``cells`` whose runs will fail, because it does not keep its contract."""
-    complaints = dict(complaint for cell in cells for complaint in _complaints(cell))
+def first_complaints(jobs: Iterable[Job]) -> list[str]:
+    """Return a sentence for each plugin of ``jobs`` whose runs will fail, because it does not keep its contract."""
+    complaints = dict(complaint for job in jobs for complaint in _complaints(job))
     return [f"Every run with the {title} will fail: {sentence}" for title, sentence in complaints.items()]
 
 
-def _complaints(cell: Cell) -> Iterator[tuple[str, str]]:
-    """Kind and name of each plugin from elsewhere that does not keep its contract, and what is the matter."""
-    foreign = [(title, kind, plugin) for title, kind, plugin in _parts(cell) if not is_own(type(plugin))]
-    if not foreign:
-        return
-    from jerkbench.conformance.plugin import complaint
+def first_remarks(jobs: Sequence[Job], inputs: Inputs) -> list[str]:
+    """Return what is to be said of recorded drives before they run: what is surely wrong, and remarks on the attitude.
 
-    for title, kind, plugin in foreign:
-        if sentence := complaint(kind, plugin):
-            yield title, sentence
-
-
-def _parts(cell: Cell) -> Iterator[tuple[str, str, Any]]:
-    """What tables call each plugin, its kind, and itself."""
-    yield from ((f"{kind} {cell.spec[kind]['name']}", kind, getattr(cell, kind)) for kind in SINGLE)
-    for spec, disturbance in zip(cell.spec["disturbance"], cell.disturbances, strict=True):
-        yield f"disturbance {spec['name']}", "disturbance", disturbance
-    for name, metric in zip(cell.spec["metrics"], cell.metrics, strict=True):
-        yield f"metric {name}", "metric", metric
-
-
-# Mistakes in recorded drives, told before they run.
-
-
-def first_mistakes(cells: Iterable[Cell], inputs: Inputs) -> list[str]:
-    """Return what is surely wrong with each recorded drive, without disturbances; `data inspect` finds more.
-
-    Args:
-        cells: what is going to run.
-        inputs: recordings that are shared.
+    `data inspect` finds more mistakes. Simulated drives are remarked on under the table.
     """
-    drives: dict[Dataset, Cell] = {cell.dataset: cell for cell in cells if not cell.dataset.seeded}
-    return [line for cell in drives.values() for line in _of_drive(cell, inputs)]
+    recorded = [job for job in jobs if not job.scenario.dataset.seeded]
+    drives = {job.scenario.dataset: job for job in recorded}
+    firsts: dict[object, Job] = {}
+    for job in recorded:
+        firsts.setdefault((job.scenario.dataset, job.scenario.disturbances, job.scenario.attitude), job)
+    remarks = dict.fromkeys(line for job in firsts.values() for line in _first_remarks(job, inputs))
+    return [*(line for job in drives.values() for line in _mistakes(job, inputs)), *remarks]
 
 
-def _of_drive(cell: Cell, inputs: Inputs) -> list[str]:
-    name = cell.labels.dataset.partition("(")[0]
+def _mistakes(job: Job, inputs: Inputs) -> list[str]:
+    """What is surely wrong with a recorded drive, without disturbances."""
     try:
-        recording = inputs.undisturbed(cell.dataset, cell.draws[0])
+        recording = inputs.undisturbed(job.scenario.dataset, job.draws[0])
     except Exception:  # noqa: BLE001 - what cannot be loaded becomes a row that says so, when it is run
         return []
-    return [f"{name}: {diagnosis}" for diagnosis in first_diagnoses(recording)]
+    return [f"{_name(job)}: {diagnosis}" for diagnosis in first_diagnoses(recording)]
+
+
+def _first_remarks(job: Job, inputs: Inputs) -> list[str]:
+    if not isinstance(job.scenario.attitude, Remarking):
+        return []
+    try:
+        return _remarks(job, inputs.recording(job.scenario, job.draws[0]))
+    except Exception:  # noqa: BLE001 - as above
+        return []
+
+
+# The notes on a job: where the reference comes from, what the recording and its filters have to
+# say.
+
+GAP_S = 0.2
+"""A longer step between two samples of the IMU is told: in it a vehicle turns and brakes."""
+
+
+def notes_of(job: Job, recording: Recording) -> list[str]:
+    """Return what stands under the table of a job; once for all its parameters."""
+    return [plain(note) for note in (*_reference_notes(job, recording), *_remarks(job, recording))]
+
+
+def _reference_notes(job: Job, recording: Recording) -> list[str]:
+    reference, name = recording.reference, _name(job)
+    notes = [f"{name}: {note}" for note in (*recording.notes, *_gaps(recording))]
+    if reference.empty:
+        return [f"{name} has no reference: {reference.source}.", *notes]
+    independence = "independent of" if reference.independent else "not independent of"
+    return [f"Reference of {name}: {reference.source}; {independence} the measurements.", *notes]
+
+
+def _gaps(recording: Recording) -> list[str]:
+    if recording.imu is None:
+        return []
+    steps_s = np.diff(recording.imu.t_s)
+    gaps_s = steps_s[steps_s > max(GAP_S, 2.5 * recording.imu.nominal_interval_s)]
+    if not len(gaps_s):
+        return []
+    count = "1 gap" if len(gaps_s) == 1 else f"{len(gaps_s)} gaps"
+    lost = "one sample stands for all: a turn or a change of speed there is lost, for every filter that uses the IMU"
+    return [f"the IMU has {count} of up to {gaps_s.max():.2f} s, in which {lost}. Cut the recording there."]
+
+
+def _remarks(job: Job, recording: Recording) -> list[str]:
+    of_attitude = job.scenario.attitude.remarks(recording) if isinstance(job.scenario.attitude, Remarking) else ()
+    of_filter = job.method.filter.remarks(recording) if isinstance(job.method.filter, Remarking) else ()
+    return [*(f"{_name(job)}: {remark}" for remark in of_attitude), *of_filter]
+
+
+def _name(job: Job) -> str:
+    """The data set's name, without its parameters."""
+    return job.labels.dataset.partition("(")[0]

@@ -11,7 +11,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from jerkbench.arrays import BoolArray, IntArray
-from jerkbench.jobs.cell import Labels
+from jerkbench.jobs.labels import Labels
 from jerkbench.renamed import new_label
 from jerkbench.results.parts import CELL, COLUMNS, HEAD, KEY, PROCESSOR, RUNS, parsed
 

@@ -1,19 +1,17 @@
-"""A part of the store: one Parquet file with runs of many cells, its digest in its name.
-
-A row is a run: the labels of its cell, its seed and status, its metrics, and in columns that begin with ``cell.`` what
-else is known of its cell, as JSON. Those columns repeat from row to row, so that Parquet keeps each text once.
-"""
+"""The files of a store: Parquet with runs of many cells, the digest in the name; listed, loaded, written atomically."""
 
 import hashlib
 import io
 import json
+import os
 import re
 import socket
 import uuid
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from functools import lru_cache
 from itertools import chain
-from typing import Any, NamedTuple
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -21,8 +19,14 @@ import pyarrow.parquet as pq
 
 from jerkbench.errors import JerkbenchError
 from jerkbench.evaluation.evaluated_run import RUN
-from jerkbench.jobs.cell import Labels
-from jerkbench.jobs.rows import Row
+from jerkbench.files import exists
+from jerkbench.jobs.labels import Labels
+from jerkbench.jobs.run import Block
+
+# A part of the store: one Parquet file with runs of many cells, its digest in its name.
+#
+# A row is a run: the labels of its cell, its seed and status, its metrics, and in columns that begin with ``cell.``
+# what else is known of its cell, as JSON. Those columns repeat from row to row, so that Parquet keeps each text once.
 
 NAME = re.compile(r"part-[A-Za-z0-9_]+-[0-9a-f]{32}-([0-9a-f]{32})")
 """Host, a number of its own and a hash of the content: no two parts have one name, and a flipped bit is found."""
@@ -52,22 +56,6 @@ REQUIRED = {*HEAD, KEY, RUNS, COLUMNS, *(CELL + name for name in ABOUT), *(f"{CE
 """The columns of every part; a file that lacks one is damaged."""
 
 
-class Block(NamedTuple):
-    """Runs of a cell that are stored together.
-
-    Attributes:
-        key: of the cell.
-        runs: how many the cell has in all.
-        rows: one for each of these runs.
-        metadata: of the cell: labels, specification, protocol, data, notes and times.
-    """
-
-    key: str
-    runs: int
-    rows: Sequence[Row]
-    metadata: Mapping[str, Any]
-
-
 def content_of(table: pa.Table) -> bytes:
     """Return the content of a file."""
     sink = io.BytesIO()
@@ -78,7 +66,7 @@ def content_of(table: pa.Table) -> bytes:
 
 def part_name(content: bytes) -> str:
     """Return a new name for a part with this content."""
-    return f"part-{host()}-{uuid.uuid4().hex}-{digest(content)}"
+    return f"part-{host()}-{uuid.uuid4().hex}-{content_digest(content)}"
 
 
 def host() -> str:
@@ -86,7 +74,7 @@ def host() -> str:
     return re.sub("[^A-Za-z0-9_]", "_", socket.gethostname())[:40] or "_"
 
 
-def digest(content: bytes) -> str:
+def content_digest(content: bytes) -> str:
     """Return the hash of a file's content."""
     return hashlib.sha256(content).hexdigest()[:32]
 
@@ -99,7 +87,7 @@ def part_of(content: bytes, expected: str, columns: list[str] | None = None) -> 
         expected: its digest.
         columns: which are read; default: all.
     """
-    if digest(content) != expected:
+    if content_digest(content) != expected:
         return None
     try:
         # Not read_table: its threads may let go of the content when the interpreter has ended, which aborts it.
@@ -181,3 +169,100 @@ def _repeated(values: Sequence[str | None], counts: Sequence[int]) -> pa.Array:
     places = np.repeat([codes.get(value or "", -1) for value in values], counts)
     indices = pa.array(places, pa.int32(), mask=places < 0)
     return pa.DictionaryArray.from_arrays(indices, pa.array(list(codes), pa.string()))
+
+
+# The files of a store: listed, loaded, written atomically, replaced.
+
+OLD = re.compile("[0-9a-f]{20}")
+"""The name of a file with one cell, as it was stored before there were parts: its key."""
+
+LISTINGS = 20
+"""So often the files are listed again, where some of them have just been joined."""
+
+
+class PartFiles:
+    """The Parquet files in one folder, each by its name without the ending."""
+
+    def __init__(self, folder: Path) -> None:
+        """Take the folder as it is, there or not."""
+        self.folder = folder
+
+    def path(self, name: str) -> Path:
+        """Return where the file of this name lies."""
+        return self.folder / f"{name}.parquet"
+
+    def names(self) -> list[str]:
+        """Return the names of all files."""
+        names = sorted(path.name.removesuffix(".parquet") for path in self.folder.glob("*.parquet"))
+        _require_parts(self.folder, names)
+        return names
+
+    def each(
+        self, keys: Sequence[str] | None, columns: list[str] | None = None, seen: set[str] | None = None
+    ) -> Iterator[tuple[str, pa.Table | None]]:
+        """Each file that may hold ``keys``, by its name, with its rows (default: whole); None where it is damaged.
+
+        Files that are ``seen`` are left out; those that were given are then.
+        """
+        seen = set() if seen is None else seen
+        wanted = None if keys is None else set(keys)
+        for _ in range(LISTINGS):
+            names = self.names()
+            vanished = False
+            for name in names:
+                if name in seen or (wanted is not None and not NAME.fullmatch(name) and name not in wanted):
+                    continue
+                try:
+                    yield name, self.load(name, columns)
+                    seen.add(name)
+                except FileNotFoundError:
+                    vanished = True
+            if not vanished:
+                return
+
+    def load(self, name: str, columns: list[str] | None) -> pa.Table | None:
+        """Load a file, or some of its columns; None where it is not as it was written.
+
+        Raises:
+            FileNotFoundError: it is gone.
+        """
+        path = self.path(name)
+        if not path.is_file():
+            if exists(path):
+                return None
+            raise FileNotFoundError(path)
+        try:
+            content = path.read_bytes()
+        except PermissionError as error:
+            raise JerkbenchError(f"{path} cannot be read: {error.strerror}.") from error
+        match = NAME.fullmatch(name)
+        return part_of(content, match[1], columns) if match else None
+
+    def put(self, table: pa.Table) -> Path:
+        """Write rows as a new part, at once and whole; returns its path."""
+        content = content_of(table)
+        path = self.path(part_name(content))
+        self.folder.mkdir(parents=True, exist_ok=True)
+        partial = path.with_name(f".{path.stem}.{os.getpid()}.partial")
+        try:
+            partial.write_bytes(content)
+            partial.replace(path)
+        finally:
+            partial.unlink(missing_ok=True)
+        return path
+
+    def replace(self, names: Sequence[str], table: pa.Table) -> Path:
+        """Store rows of some parts as one, then delete these; a reader in between sees rows twice, never none."""
+        path = self.put(table) if table.num_rows else self.folder
+        for name in names:
+            self.path(name).unlink(missing_ok=True)
+        return path
+
+
+def _require_parts(folder: Path, names: Sequence[str]) -> None:
+    """Refuse cells in the format of before there were parts."""
+    if old := next(filter(OLD.fullmatch, names), None):
+        raise JerkbenchError(
+            f"{folder / old}.parquet has a format of earlier versions, which is no longer read; run the study's command"
+            " (it stands in manifest.json) again into a new one (study=NAME)."
+        )

@@ -1,27 +1,33 @@
-"""The replay of a stored row from its own configuration."""
+"""The replay of a stored row from its own configuration, and the time that a step of it takes."""
 
 import json
 import math
 import sys
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from jerkbench import plugins
 from jerkbench.errors import JerkbenchError
 from jerkbench.estimate import Estimate
 from jerkbench.evaluation.evaluated_run import RUN
 from jerkbench.filters.command import Command
-from jerkbench.jobs.cell import Cell, Labels, Protocol, build
+from jerkbench.jobs.job import Job, Protocol, build
 from jerkbench.jobs.key import code_digest, require_data, versions
+from jerkbench.jobs.labels import Labels
 from jerkbench.jobs.preflight import plugins_in_words
-from jerkbench.jobs.rows import CellRun, Row
+from jerkbench.jobs.rows import Row, job_rows, run_seed
 from jerkbench.plain import plain
 from jerkbench.recording import Recording
 from jerkbench.results.content import Stored
 from jerkbench.results.store import Store
 from jerkbench.results.study import Study, load_study
+
+if TYPE_CHECKING:
+    import pandas as pd
+
 
 LARGEST = 100_000
 """Characters of a stored specification: the longest of this project's own studies has some thousands."""
@@ -35,16 +41,14 @@ class StoredRow:
     """A row, and all that is needed to make it again.
 
     Attributes:
-        cell: made from the stored specification.
+        job: made from the stored specification.
         draw: its seed, or phase.
-        fingerprint: of the data that it was made from.
         row: as it was stored.
         metadata: what else is stored of its cell.
     """
 
-    cell: Cell
+    job: Job
     draw: int
-    fingerprint: str
     row: Row
     metadata: dict[str, Any]
 
@@ -54,9 +58,9 @@ class StoredRow:
         Raises:
             JerkbenchError: the data are other data now.
         """
-        require_data(self.cell.dataset, self.cell.disturbances, self.fingerprint)
-        with plugins_in_words(self.cell):
-            return CellRun(self.cell, self.fingerprint).once(self.draw)
+        self._require_data()
+        with plugins_in_words(self.job):
+            return run_seed(self.job, self.draw)
 
     def score(self) -> Row:
         """Run it again as the sweep did; returns its row.
@@ -64,9 +68,12 @@ class StoredRow:
         Raises:
             JerkbenchError: the data are other data now.
         """
-        require_data(self.cell.dataset, self.cell.disturbances, self.fingerprint)
-        (row,), _ = CellRun(self.cell, self.fingerprint, on_error="raise").rows([self.draw])
+        self._require_data()
+        (row,), _ = job_rows(self.job, [self.draw], strict=True)
         return row
+
+    def _require_data(self) -> None:
+        require_data(self.job.scenario.dataset, self.job.scenario.disturbances, self.metadata["data"])
 
     @property
     def code_changed(self) -> bool:
@@ -108,8 +115,8 @@ def row_of(stored: Stored, seed: int | None = None, *, run_programs: bool = Fals
     if draw not in seeds:
         raise JerkbenchError(f"The cell {stored.key} has no seed {draw}; it has {', '.join(map(str, seeds))}.")
     metadata = stored.metadata
-    cell = _cell_of(stored)
-    return StoredRow(cell, draw, metadata["data"], stored.rows.to_dict("records")[seeds.index(draw)], metadata)  # type: ignore[arg-type]  # keys are strings
+    row = stored.rows.to_dict("records")[seeds.index(draw)]
+    return StoredRow(_job_of(stored), draw, row, metadata)  # type: ignore[arg-type]  # keys are strings
 
 
 def program_of(spec: Mapping[str, Any]) -> str:
@@ -141,8 +148,8 @@ def tell_left_out(study: Study, *, run_programs: bool) -> None:
         )
 
 
-def _cell_of(stored: Stored) -> Cell:
-    """The cell that the stored configuration describes.
+def _job_of(stored: Stored) -> Job:
+    """The job that the stored configuration describes.
 
     Raises:
         JerkbenchError: it describes none, at least not for this version of the plugins, or is too large to be true.
@@ -178,7 +185,7 @@ def replay_differences(stored: StoredRow) -> list[tuple[str, float, float]]:
         raise JerkbenchError(
             f"The run was {stored.row['status']} and is {replayed['status']} now: {replayed['reason']}"
         )
-    skip = {*stored.cell.labels._fields, *RUN}
+    skip = {*stored.job.labels._fields, *RUN}
     names = [name for name in stored.row if name not in skip]  # one that is gone differs
     return [(name, float(stored.row[name]), float(replayed.get(name, math.nan))) for name in names]
 
@@ -204,3 +211,56 @@ def _by_key(folder: Path, which: str) -> tuple[str, int | None]:
             "rows.csv (from 1), or KEY:SEED, with the name of a file in cells/."
         )
     return keys[0], int(seed) if seed else None
+
+
+# The time that a step of each method takes, measured again on this machine.
+
+SCENARIO = ("dataset", "disturbance", "attitude")
+REPEATS = 5
+"""Of so many runs the quickest counts: what else the machine does makes a run slower, never quicker."""
+
+COLUMN = "step_ns"
+
+
+def step_costs(study: Study, *, run_programs: bool = False) -> "pd.DataFrame":
+    """Return a row for each method of a study's first scenario, with its cost in the column `COLUMN`.
+
+    Each method runs a seed that went well again, with its trajectory, alone. A step is an IMU sample, of a recording
+    without an IMU a fix. Recording, attitude and compilation are not counted. Methods that are programs are
+    left out unless ``run_programs``.
+
+    Raises:
+        JerkbenchError: no run of the scenario went well, or its data are not there any more.
+    """
+    rows = study.rows.assign(key=study.keys.to_numpy())
+    scenario = (rows[[*SCENARIO]] == rows[[*SCENARIO]].iloc[0]).all(axis=1)
+    chosen = rows[scenario & (rows["status"] == "ok")].drop_duplicates("key")
+    if chosen.empty:
+        raise JerkbenchError(f"No run of the first scenario of {study.folder} went well, so no step can be timed.")
+    cells, _ = Store(study.folder).read(list(chosen["key"]))
+    by_key = {cell.key: cell for cell in runnable(cells, run_programs=run_programs)}
+    chosen = chosen[chosen["key"].isin(list(by_key))]
+    stored = [
+        row_of(by_key[key], int(seed), run_programs=run_programs)
+        for key, seed in zip(chosen["key"], chosen["seed"], strict=True)
+    ]
+    timed = chosen.assign(replicate="phase", **{COLUMN: [step_ns(row) for row in stored]})
+    kept = [name for name in timed if name in {*Labels._fields, *RUN}]
+    return timed[[*kept, COLUMN]].reset_index(drop=True)
+
+
+def step_ns(stored: StoredRow) -> float:
+    """Return the time a step [ns] of the quickest of `REPEATS` runs, after one that prepares everything.
+
+    Raises:
+        JerkbenchError: the data are other data now, or a plugin raises an error.
+    """
+    recording, _ = stored.run()
+    with plugins_in_words(stored.job):
+        return min(_once_s(stored) for _ in range(REPEATS)) / len(recording.clock_s) * 1e9
+
+
+def _once_s(stored: StoredRow) -> float:
+    began_s = time.perf_counter()
+    run_seed(stored.job, stored.draw)
+    return time.perf_counter() - began_s

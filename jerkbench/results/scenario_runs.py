@@ -108,22 +108,23 @@ def _scene(name: str, chosen: Mapping[str, Stored], seed: int | None, *, run_pro
     return Scene(
         name,
         stem=file_stem([name]),
-        recording=with_title(recording, row.cell, row.draw),
-        attitude=shared_inputs().attitude(recording, row.cell.attitude),
+        recording=with_title(recording, row.job, row.draw),
+        attitude=shared_inputs().attitude(recording, row.job.scenario.attitude),
         estimates={method: estimate for method, (_, estimate) in runs.items()},
         tilts=_tilts(row, estimate),
         best=best,
         best_runs=tuple(_best_runs(chosen[best], run_programs=run_programs)),
-        burn_in_s=row.cell.protocol.burn_in_s,
+        burn_in_s=row.job.scoring.burn_in_s,
     )
 
 
 def _tilts(row: StoredRow, own: Estimate) -> dict[str, Estimate]:
-    attitude = row.cell.attitude
+    scenario, attitude = row.job.scenario, row.job.scenario.attitude
     if not isinstance(attitude, Tilt):
-        return {row.cell.labels.attitude: own}
-    varied = {adapt: replace(row.cell, attitude=replace(attitude, adapt=adapt)) for adapt in TILTS}
-    return {f"tilt + {adapt}": replace(row, cell=cell).run()[1] for adapt, cell in varied.items()}
+        return {row.job.labels.attitude: own}
+    varied = {adapt: replace(scenario, attitude=replace(attitude, adapt=adapt)) for adapt in TILTS}
+    jobs = {adapt: replace(row.job, scenario=own) for adapt, own in varied.items()}
+    return {f"tilt + {adapt}": replace(row, job=job).run()[1] for adapt, job in jobs.items()}
 
 
 def _best_runs(stored: Stored, *, run_programs: bool) -> Iterator[tuple[Recording, Estimate]]:
@@ -225,5 +226,5 @@ def _stretch(
         key: largest_of_steps(seen.reference.t_s[estimate.index], position_error_length_m(estimate, seen), edges_s)
         for key, (seen, estimate) in runs.items()
     }
-    draw = f"{'seed' if first.cell.seeded else 'phase'} {first.draw}"
+    draw = f"{'seed' if first.job.scenario.seeded else 'phase'} {first.draw}"
     return Stretch(scenario, draw, float(edges_s[0]), float(edges_s[1] - edges_s[0]), recording.outages_s, errors_m)

@@ -13,8 +13,11 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from jerkbench.errors import JerkbenchError
+from jerkbench.jobs.job import Job
 from jerkbench.jobs.key import WHAT
 from jerkbench.jobs.rows import Row
+from jerkbench.jobs.run import Block
+from jerkbench.notices import notify
 from jerkbench.plain import plain
 from jerkbench.results.content import (
     Content,
@@ -27,8 +30,8 @@ from jerkbench.results.content import (
     ordered_runs,
 )
 from jerkbench.results.manifest import read_manifest
-from jerkbench.results.part_files import PartFiles
-from jerkbench.results.parts import CELL, KEY, Block, table_of
+from jerkbench.results.parts import CELL, KEY, PartFiles, table_of
+from jerkbench.results.study_remarks import set_aside
 
 SEEN = [KEY, "seed", "status"]
 """The columns that say which runs are there."""
@@ -83,6 +86,8 @@ class Store:
         for path in map(self.files.path, damaged):
             with suppress(FileNotFoundError):  # another process has just set it aside
                 path.rename(path.with_name(f"{path.name}.damaged"))
+        if damaged:
+            notify(set_aside(damaged))
         return damaged
 
     def write(self, key: str, rows: Sequence[Row], metadata: Mapping[str, Any]) -> None:
@@ -101,10 +106,13 @@ class Store:
         """
         self.files.put(table_of(blocks))
 
-    def known(self, keys: Iterable[str], *, failed: bool = False) -> dict[str, set[int]]:
-        """Return the seeds of the runs of ``keys`` that are stored; of those that failed only where ``failed`` asks."""
+    def known(self, keys: Iterable[str], *, failed: bool = False, seen: set[str] | None = None) -> dict[str, set[int]]:
+        """Return the seeds of the runs of ``keys`` that are stored; of those that failed only where ``failed`` asks.
+
+        Files that are ``seen`` are left out; those that are read now are seen then.
+        """
         known: dict[str, set[int]] = {}
-        tables, _ = self._tables(list(keys), SEEN)
+        tables, _ = self._tables(list(keys), SEEN, seen)
         for table in tables:
             wanted = table if failed else table.filter(pc.not_equal(table["status"].cast(pa.string()), "failed"))
             codes, seeds = codes_of(wanted[KEY]), wanted["seed"].to_numpy()
@@ -135,16 +143,32 @@ class Store:
         known = read_manifest(self.folder.parent).get("seeds", {}) if shown is None else shown
         return content_of_tables(tables, known), damaged
 
-    def rows(self, keys: Collection[str], metrics: Sequence[str], *, any_code: bool = False) -> pd.DataFrame:
-        """Return the runs of some cells: what, seed, status, reason, the metrics, code, versions, run_s [s].
+    def rows(self, jobs: Sequence[Job], metrics: Sequence[str], *, any_code: bool = False) -> pd.DataFrame:
+        """Return the runs of some jobs, in their order and that of their seeds; without a status: not stored.
 
         Of a run that is there more than once one that did not fail, the newest.
 
         Args:
-            keys: of the cells; `what` are the first digits of a key.
-            metrics: the columns that are wanted.
+            jobs: with the seeds that are wanted.
+            metrics: the columns that are wanted besides.
             any_code: take what other code has computed, too.
+
+        Returns:
+            The place of the job (``place``), seed, status, reason, code, versions, run_s [s] and the metrics.
         """
+        counts = [len(job.draws) for job in jobs]
+        asked = pd.DataFrame(
+            {
+                "place": np.repeat(np.arange(len(jobs)), counts),
+                "what": np.repeat(np.array([job.key[:WHAT] for job in jobs], dtype=object), counts),
+                "seed": np.concatenate([[*job.draws] for job in jobs]) if jobs else [],
+            }
+        )
+        stored = self._rows({job.key for job in jobs}, metrics, any_code=any_code)
+        return asked.merge(stored, on=["what", "seed"], how="left").drop(columns="what")
+
+    def _rows(self, keys: Collection[str], metrics: Sequence[str], *, any_code: bool) -> pd.DataFrame:
+        """The stored runs of ``keys``, each once; ``what`` are the first digits of a key."""
         wanted = pa.array({key[:WHAT] for key in keys} if any_code else list(keys), pa.string())
         tables = []
         for _, table in self.files.each(None, [KEY, *FACTS, "cell.created", *metrics]):
@@ -165,17 +189,6 @@ class Store:
         tables = (table for _, table in self.files.each(None, ["cell.code", "cell.versions"]) if table is not None)
         columns = (zip(*(table[name].to_pylist() for name in table.column_names), strict=True) for table in tables)
         return {(code, versions) for own in columns for code, versions in own}
-
-    def newer_runs(self, seen: set[str]) -> set[tuple[str, int]]:
-        """Return key and seed of what has run, and not failed, in the files that are not ``seen``; then they are."""
-        runs: set[tuple[str, int]] = set()
-        for name in set(self.files.names()) - seen:
-            with suppress(FileNotFoundError):  # it has just been joined with others
-                table = self.files.load(name, SEEN)
-                columns = (table[column].to_pylist() for column in SEEN) if table is not None else ()
-                runs.update((key, seed) for key, seed, status in zip(*columns, strict=True) if status != "failed")
-            seen.add(name)
-        return runs
 
     def keys_from(self, beginning: str) -> list[str]:
         """The keys that begin so, of all cells that are there, whole, damaged or begun."""
@@ -213,11 +226,13 @@ class Store:
             raise JerkbenchError(f"{self.folder} holds no results.")
         return self.files.replace([name for name, _ in list(self.files.each(None))], content.table)
 
-    def _tables(self, keys: Sequence[str] | None, columns: list[str] | None = None) -> tuple[list[pa.Table], list[str]]:
-        """The rows of ``keys`` in each file, and the names of the files that are damaged."""
+    def _tables(
+        self, keys: Sequence[str] | None, columns: list[str] | None = None, seen: set[str] | None = None
+    ) -> tuple[list[pa.Table], list[str]]:
+        """The rows of ``keys`` in each file that is not ``seen``, and the names of the files that are damaged."""
         tables, damaged = [], []
         wanted = None if keys is None else frozenset(keys)
-        for name, table in self.files.each(keys, columns):
+        for name, table in self.files.each(keys, columns, seen):
             if table is None:
                 damaged.append(name)
             elif rows := _rows_of(table, wanted):

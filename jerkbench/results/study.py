@@ -11,7 +11,7 @@ import pandas as pd
 
 from jerkbench.errors import JerkbenchError, unknown
 from jerkbench.files import write_atomically
-from jerkbench.jobs.cell import Labels
+from jerkbench.jobs.labels import Labels
 from jerkbench.report.analysis.runs import SPENDS
 from jerkbench.report.tables.writers import csv_escaped, csv_line, csv_number
 from jerkbench.results.conditions import Values, conditions, current, told_apart, with_one_name
@@ -19,7 +19,7 @@ from jerkbench.results.content import Content, frame
 from jerkbench.results.manifest import read_manifest, stretches
 from jerkbench.results.parts import HEAD
 from jerkbench.results.store import Store
-from jerkbench.results.study_remarks import code_of, not_as_published, notes_of, remarks_on, worse_than_fixes
+from jerkbench.results.study_remarks import code_of, not_as_published, remarks_on, study_notes, worse_than_fixes
 
 if TYPE_CHECKING:
     from jerkbench.report.tables.table_model import Table
@@ -123,7 +123,7 @@ def load_study(folder: Path, prefer: Collection[str] = (), seeds: Mapping[str, S
     rows.attrs.update({SPENDS: min(spent)} if spent else {})
     notes = [
         *unlike,
-        *notes_of(keys, cells, manifest),
+        *study_notes(keys, cells, manifest),
         *remarks_on(cells, chosen, broken),
         *not_as_published(cells),
         *worse_than_fixes(rows, cells),

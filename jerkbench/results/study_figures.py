@@ -78,7 +78,7 @@ class Request:
 
 
 @dataclass(frozen=True, eq=False)
-class Job:
+class Picturing:
     """The figures of all rows, or of one scenario.
 
     Attributes:
@@ -148,7 +148,7 @@ def draw_study(study: Study, request: Request, workers: int) -> Drawn:
     )
 
 
-def _jobs(study: Study, request: Request) -> list[Job]:
+def _jobs(study: Study, request: Request) -> list[Picturing]:
     """Return what is to be done, in the order in which it is shown."""
     metric, palette = main_metric(study.rows), palette_of(study.rows)
     study = _requested(study, request)
@@ -162,9 +162,9 @@ def _jobs(study: Study, request: Request) -> list[Job]:
         shown = telling_scenes(ranked) if few else shown
     steps = steps_of(scenes.values()) if request.traces else 0
     return [
-        Job(request, study.folder, "", {}, metric, palette, study.rows),
+        Picturing(request, study.folder, "", {}, metric, palette, study.rows),
         *(
-            Job(request, study.folder, name, cells, metric, palette, methods=shown.get(name), steps=steps)
+            Picturing(request, study.folder, name, cells, metric, palette, methods=shown.get(name), steps=steps)
             for name, cells in scenes.items()
             if steps or name in shown
         ),
@@ -181,7 +181,7 @@ def _requested(study: Study, request: Request) -> Study:
     return study
 
 
-def draw(job: Job) -> Drawn:
+def draw(job: Picturing) -> Drawn:
     """Draw the figures of ``job``; none where its runs cannot be run again, which is told on standard error."""
     programs = job.request.run_programs
     try:
@@ -195,7 +195,7 @@ def draw(job: Job) -> Drawn:
         return Drawn()
 
 
-def _drawings(job: Job) -> Iterator[Drawing]:
+def _drawings(job: Picturing) -> Iterator[Drawing]:
     if job.rows is not None:
         yield from of_rows(job.rows, job.palette)
     elif job.methods is not None:
@@ -204,7 +204,7 @@ def _drawings(job: Job) -> Iterator[Drawing]:
         yield from of_scene(load_scene(*where, job.metric, job.methods, seed, run_programs=programs), job.palette)
 
 
-def _picture(drawing: Drawing, job: Job) -> Picture:
+def _picture(drawing: Drawing, job: Picturing) -> Picture:
     """Render a figure once for the page and the file, and once more as PDF where that is wanted."""
     from jerkbench.report.plots.style import png_bytes, save_pdf
 

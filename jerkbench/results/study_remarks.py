@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from jerkbench import plugins
-from jerkbench.jobs.cell import contradiction
+from jerkbench.jobs.labels import contradiction
 from jerkbench.parameters import provenance_of
 from jerkbench.plain import plain
 from jerkbench.report.analysis.columns import FLOOR, WHY
@@ -26,7 +26,7 @@ Metadata = Mapping[str, Any]
 """What is known of a cell."""
 
 
-def notes_of(keys: Sequence[str], cells: Sequence[Metadata], manifest: dict[str, Any]) -> list[str]:
+def study_notes(keys: Sequence[str], cells: Sequence[Metadata], manifest: dict[str, Any]) -> list[str]:
     """Return the notes of the configuration, and then of the recordings, about the cells that are shown."""
     configured = [note for key in keys for note in manifest.get("notes", {}).get(key, [])]
     return list(dict.fromkeys([*configured, *(note for cell in cells for note in cell["notes"])]))

@@ -6,7 +6,7 @@ import textwrap
 from collections.abc import Sequence
 from dataclasses import replace
 
-from jerkbench.jobs.cell import Cell
+from jerkbench.jobs.job import Job
 from jerkbench.recording import Recording
 
 WIDTH = 70
@@ -17,11 +17,11 @@ LONGEST = 100
 """Letters of a file's name before its hash; a file system takes 255 bytes, endings included."""
 
 
-def with_title(recording: Recording, cell: Cell, draw: int) -> Recording:
+def with_title(recording: Recording, job: Job, draw: int) -> Recording:
     """Return the recording with a name that says its disturbance too (if any), and its seed or phase."""
-    disturbance = cell.labels.disturbance
+    disturbance = job.labels.disturbance
     disturbed = () if disturbance == "none" else (disturbance,)
-    drawn = (f"seed {draw}",) if cell.seeded else (f"phase {draw}",) if len(cell.draws) > 1 else ()
+    drawn = (f"seed {draw}",) if job.scenario.seeded else (f"phase {draw}",) if len(job.draws) > 1 else ()
     return replace(recording, name=_fitted((recording.name, *disturbed), drawn))
 
 

@@ -8,7 +8,7 @@ import pandas as pd
 from jerkbench.campaigns.entrant import Entrant, knobs_of, tried_settings
 from jerkbench.campaigns.protocol import domain_of
 from jerkbench.campaigns.search import best_trials, levels_of, losses, mean_losses, seen
-from jerkbench.campaigns.site import Rules, Site, Try
+from jerkbench.campaigns.site import RunRules, Site, Try
 from jerkbench.contracts import ReadingFile
 from jerkbench.jobs.key import plugin_digest
 from jerkbench.jobs.progress import Progress
@@ -45,7 +45,7 @@ class SuiteCampaign:
             JerkbenchError: the entrant cannot be made.
         """
         self._entrant, self._protocol, self._place, self._doing = entrant, protocol, place, doing
-        self.space = knobs_of(entrant.cell(protocol.scenarios[0], protocol.limits))
+        self.space = knobs_of(entrant.job(protocol.scenarios[0], protocol.limits))
         self._tried = tried_settings(protocol.trials, self.space)
 
     def tuned(self) -> pd.DataFrame:
@@ -75,7 +75,7 @@ class SuiteCampaign:
         means = {half: mean_losses(rows, seen(half, self._protocol.scenarios)) for half in self._protocol.searches}
         return {half: self._tried[best_trials(of, 1)[0]] for half, of in means.items()}
 
-    def _run(self, settings: Sequence[tuple[Setting, ...]], seeds: tuple[int, ...], rules: Rules) -> pd.DataFrame:
+    def _run(self, settings: Sequence[tuple[Setting, ...]], seeds: tuple[int, ...], rules: RunRules) -> pd.DataFrame:
         tries = [
             Try(number, scenario, self._entrant, setting, trial, self._protocol.seeds_of(scenario, seeds))
             for number, (scenario, own) in enumerate(zip(self._protocol.scenarios, settings, strict=True))
@@ -100,12 +100,13 @@ def plugins_digest(entrant: Entrant, protocol: SuiteProtocol) -> str:
     Raises:
         RecordingError: the program, or a file that the filter reads, is not on this machine.
     """
-    cell = entrant.cell(protocol.scenarios[0], protocol.limits)
-    parts: list[type] = [type(cell.filter), type(cell.adaptation)]
+    job = entrant.job(protocol.scenarios[0], protocol.limits)
+    model = job.method.filter
+    parts: list[type] = [type(model), type(job.method.adaptation)]
     if entrant.attitude:
-        parts.append(type(cell.attitude))
+        parts.append(type(job.scenario.attitude))
     plugins = "".join(map(plugin_digest, parts))
-    return plugins + (cell.filter.fingerprint() if isinstance(cell.filter, ReadingFile) else "")
+    return plugins + (model.fingerprint() if isinstance(model, ReadingFile) else "")
 
 
 def scored_plain(protocol: SuiteProtocol, place: Site) -> tuple[dict[int, float], ScoredEntrant]:

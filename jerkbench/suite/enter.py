@@ -75,7 +75,7 @@ def _settings(entrant: Entrant, scored: ScoredEntrant, plain: ScoredEntrant, pro
     """The settings with the names of their knobs."""
     both = ((ENTRY, entrant, scored), (PLAIN, protocol.plain_entrant, plain))
     first, limits = protocol.scenarios[0], protocol.limits
-    return {method: _named(knobs_of(own.cell(first, limits)).names, tested.settings) for method, own, tested in both}
+    return {method: _named(knobs_of(own.job(first, limits)).names, tested.settings) for method, own, tested in both}
 
 
 def _named(names: tuple[str, ...], settings: Mapping[str, tuple[float, ...]]) -> dict[str, dict[str, float]]:

@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from jerkbench.campaigns.entrant import Entrant
-from jerkbench.campaigns.protocol import HALVES, CampaignProtocol, Scenario, protocol_of
-from jerkbench.campaigns.site import NUMBERS, Rules
+from jerkbench.campaigns.protocol import HALVES, CampaignProtocol, FaultScenario, protocol_of
+from jerkbench.campaigns.site import NUMBERS, RunRules
 from jerkbench.errors import PluginError, unknown
-from jerkbench.jobs.cell import Protocol
+from jerkbench.jobs.job import Protocol
 from jerkbench.presets import preset
 
 
@@ -48,14 +48,14 @@ class SuiteProtocol(CampaignProtocol):
         """What a method is tuned on, search by search."""
         return HALVES
 
-    def seeds_of(self, scenario: Scenario, seeds: tuple[int, ...]) -> tuple[int, ...]:
+    def seeds_of(self, scenario: FaultScenario, seeds: tuple[int, ...]) -> tuple[int, ...]:
         """Return those of ``seeds`` that a scenario has: all, where it is simulated."""
         del scenario
         return seeds
 
-    def rules(self, count: int | None = None) -> Rules:
+    def rules(self, count: int | None = None) -> RunRules:
         """Return how runs are made, with the first ``count`` of the metrics."""
-        return Rules(self.metrics[:count], self.limits, numbers=self.numbers)
+        return RunRules(self.metrics[:count], self.limits, numbers=self.numbers)
 
 
 HAND = "hand"
@@ -85,10 +85,10 @@ class AttitudeSuite(SuiteProtocol):
         return tuple(f"{domain} {half}" for domain in self.domains for half in HALVES)
 
     @property
-    def scenarios(self) -> tuple[Scenario, ...]:
+    def scenarios(self) -> tuple[FaultScenario, ...]:
         """Every trial, and every family on every simulated field."""
         trials = tuple(
-            Scenario(
+            FaultScenario(
                 noise=HAND,
                 dataset={"name": "broad", "trial": number},
                 family=f"trial {number}",
@@ -101,7 +101,7 @@ class AttitudeSuite(SuiteProtocol):
         )
         return (*trials, *(replace(drive, half=f"{drive.noise} {drive.half}") for drive in super().scenarios))
 
-    def seeds_of(self, scenario: Scenario, seeds: tuple[int, ...]) -> tuple[int, ...]:
+    def seeds_of(self, scenario: FaultScenario, seeds: tuple[int, ...]) -> tuple[int, ...]:
         """A recorded trial is one run."""
         return (0,) if scenario.noise == HAND else seeds
 

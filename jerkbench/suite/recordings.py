@@ -9,7 +9,6 @@ from jerkbench.arrays import FloatArray
 from jerkbench.errors import RecordingError
 from jerkbench.geometry import vertical_in_body
 from jerkbench.jobs.inputs import Inputs
-from jerkbench.jobs.key import data_fingerprint
 from jerkbench.recording import Recording
 from jerkbench.suite.protocol import FROZEN, AttitudeSuite, SuiteProtocol
 
@@ -37,10 +36,9 @@ def data_digests(protocol: SuiteProtocol) -> Iterator[str]:
     """Yield the digest of the recording of each scenario, for the first seed to test on."""
     plain, inputs, seed = protocol.plain_entrant, Inputs(), protocol.seeds_to_test_on[0]
     for scenario in protocol.scenarios:
-        cell = plain.cell(scenario, protocol.limits)
-        fingerprint = data_fingerprint(cell.dataset, cell.disturbances)
+        job = plain.job(scenario, protocol.limits)
         own = protocol.seeds_of(scenario, (seed,))[0]
-        recording = inputs.recording(cell, fingerprint, own)
+        recording = inputs.recording(job.scenario, own)
         yield arrays_digest(_of_tilt(recording) if isinstance(protocol, AttitudeSuite) else _arrays(recording))
 
 

@@ -163,15 +163,15 @@ def _require_data(entrant: Entrant, protocol: SuiteProtocol) -> None:
     Raises:
         JerkbenchError: a recording was not fetched, or a package is not installed.
     """
-    cells = [entrant.cell(scenario, protocol.limits) for scenario in protocol.scenarios]
-    for cell in cells:
-        data_fingerprint(cell.dataset, cell.disturbances)
-    require_inputs(cells[0], set())
+    jobs = [entrant.job(scenario, protocol.limits) for scenario in protocol.scenarios]
+    for job in jobs:
+        data_fingerprint(job.scenario.dataset, job.scenario.disturbances)
+    require_inputs(jobs[0], set())
 
 
 def _settings_mistakes(entry: Entry, method: str, entrant: Entrant, protocol: SuiteProtocol) -> Iterator[str]:
     """Yield a sentence for each setting that the search of the suite does not try."""
-    space = knobs_of(entrant.cell(protocol.scenarios[0], protocol.limits))
+    space = knobs_of(entrant.job(protocol.scenarios[0], protocol.limits))
     tried = tried_settings(protocol.trials, space)
     for tuned_on, values in entry.settings[method].items():
         allowed = tried[:1] if tuned_on == GIVEN else tried

@@ -63,7 +63,7 @@ def indistinct(outcome: SearchOutcome) -> list[int]:
     return [int(k) for k in np.flatnonzero(difference.mean(axis=1) <= 1.96 * error)]
 
 
-def intervals(space: Space, outcome: SearchOutcome) -> list[tuple[float, float]]:
+def knob_intervals(space: Space, outcome: SearchOutcome) -> list[tuple[float, float]]:
     """Return for each knob the least and the largest value that cannot be told from the chosen one.
 
     Those of `indistinct` trials, and beyond them half of the distance at which n trials lie in d dimensions, n^(-1/d)

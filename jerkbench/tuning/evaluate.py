@@ -1,7 +1,7 @@
 """The evaluation of settings on cases: their runs, as losses against the plain filter."""
 
 import dataclasses
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,17 +13,18 @@ from jerkbench import plugins
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.contracts import Metric
 from jerkbench.errors import PluginError, RecordingError
-from jerkbench.jobs.cell import Cell
 from jerkbench.jobs.cluster import Workers
+from jerkbench.jobs.job import Job
+from jerkbench.jobs.plan import MOST_TASKS, Plan, joined_jobs
 from jerkbench.jobs.progress import Progress
 from jerkbench.jobs.rows import Row
+from jerkbench.jobs.run import run_missing
 from jerkbench.optional import is_attitude_only
+from jerkbench.recording import Recording
 from jerkbench.results.store import Store
-from jerkbench.sweep.sweep import joined_plan, planned, rows_of, run_sweep
-from jerkbench.sweep.tasks import MOST_TASKS
+from jerkbench.timeline import RScale
 from jerkbench.tuning.objectives import Objective
 from jerkbench.tuning.space import Setting, Space
-from jerkbench.tuning.splits import TuningCase
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +71,7 @@ def joined_trials(parts: Sequence[Trials]) -> Trials:
 
 
 @dataclass(frozen=True)
-class Runs:
+class RunPlace:
     """Where runs are done and stored.
 
     Attributes:
@@ -90,7 +91,7 @@ class Evaluator:
         space: Space,
         objective: Objective,
         threads: int,
-        runs: Runs,
+        runs: RunPlace,
     ) -> None:
         """Evaluate settings of ``space`` by ``objective``.
 
@@ -103,7 +104,7 @@ class Evaluator:
         self.space, self.objective, self._threads, self._runs = space, objective, threads, runs
         self._metrics: tuple[Metric, ...] = (plugins.create("metric", {"name": objective.metric}),)
 
-    def trials(self, settings: Sequence[Setting], cases: Sequence[TuningCase]) -> Trials:
+    def trials(self, settings: Sequence[Setting], cases: Sequence[Job]) -> Trials:
         """Try each of ``settings`` on each of ``cases``.
 
         Raises:
@@ -114,12 +115,12 @@ class Evaluator:
         losses, lost = zip(*worths, strict=True)
         return Trials(tuple(settings), np.hstack(losses), numbers, np.sum(lost, axis=0, dtype=np.float64))
 
-    def rows(self, settings: Sequence[Setting], cases: Sequence[TuningCase]) -> list[list[list[Row]]]:
+    def rows(self, settings: Sequence[Setting], cases: Sequence[Job]) -> list[list[list[Row]]]:
         """Return for each case the rows of each setting, and last those of the plain filter."""
-        jobs = planned((cell, case.draws) for case in cases for cell in self._cells(settings, case))
+        jobs = [job for case in cases for job in self._jobs(settings, case)]
         store, quiet = Store(self._runs.folder), Progress(0)
-        run_sweep(
-            joined_plan(jobs),
+        run_missing(
+            Plan(joined_jobs(jobs)),
             store,
             self._runs.workers,
             strict=True,
@@ -127,53 +128,55 @@ class Evaluator:
             threads=self._threads,
             least=MOST_TASKS,
         )
-        rows = rows_of(jobs, store, [self.objective.column])
+        rows = store.rows(jobs, [self.objective.column])
         each: Iterator[Any] = (own.to_dict("records") for _, own in rows.groupby("place", sort=False))
         return [[next(each) for _ in range(len(settings) + 1)] for _ in cases]
 
-    def _cells(self, settings: Sequence[Setting], case: TuningCase) -> Iterator[Cell]:
-        """The cell of each setting, and that of the plain filter, with the objective as their only metric."""
-        names = [self.objective.metric]
-        for cell in (*(self.space.applied(case.cell, setting) for setting in settings), plain_cell(case.cell)):
-            yield dataclasses.replace(cell, metrics=self._metrics, spec={**cell.spec, "metrics": names})
+    def _jobs(self, settings: Sequence[Setting], case: Job) -> Iterator[Job]:
+        """The job of each setting, and that of the plain filter, with the objective as their only metric."""
+        scoring = dataclasses.replace(case.scoring, metrics=self._metrics, names=(self.objective.metric,))
+        for job in (*(self.space.applied(case, setting) for setting in settings), plain_job(case)):
+            yield dataclasses.replace(job, scoring=scoring)
 
-    def _worth(self, rows: Sequence[list[Row]], case: TuningCase) -> tuple[FloatArray, list[int]]:
+    def _worth(self, rows: Sequence[list[Row]], case: Job) -> tuple[FloatArray, list[int]]:
         """Return (n, draws) the loss of each run, and how many runs of each setting were lost."""
         *tried, plain = rows
         self._require_value(plain, case)
-        level = self.objective.level(plain, case.cell.protocol.divergence_limit_m)
+        level = self.objective.level(plain, case.scoring.divergence_limit_m)
         losses = np.array([self.objective.losses(own, level) for own in tried])
-        return losses, [sum(run["status"] != "ok" for run in own) for own in tried]
+        return losses, [sum(row["status"] != "ok" for row in own) for own in tried]
 
-    def _require_value(self, rows: Sequence[Row], case: TuningCase) -> None:
+    def _require_value(self, rows: Sequence[Row], case: Job) -> None:
         """Check that runs that came to their end have a value, or every setting would count as lost."""
         column = self.objective.column
         if any(row["status"] == "ok" and np.isnan(row.get(column, np.nan)) for row in rows):
             raise PluginError(
-                f"The filter {case.cell.spec['filter']['name']} has no {column} over {case.scenario}, so"
+                f"The filter {case.method.plain['filter']['name']} has no {column} over {case.labels.scenario}, so"
                 f" objective={self.objective.name} cannot be used; take another objective."
             )
 
 
-def plain_cell(cell: Cell) -> Cell:
-    """Return the cell with its filter at its defaults, without adaptation, with R as reported.
+def plain_job(job: Job) -> Job:
+    """Return the job with its filter at its defaults, without adaptation, with R as reported.
 
     Where nothing is navigated it is `mekf` at its defaults: a Kalman filter without adaptation.
     """
-    name = cell.spec["filter"]["name"]
-    if is_attitude_only(cell.filter):
-        plain = plugins.create("attitude", {"name": "mekf"})
-        spec = {**cell.spec, "attitude": {"name": "mekf", **dataclasses.asdict(plain)}}
-        return dataclasses.replace(cell, attitude=plain, spec=spec)
+    scenario, method = job.scenario, job.method
+    if is_attitude_only(method.filter):
+        mekf = plugins.create("attitude", {"name": "mekf"})
+        plain = {**scenario.plain, "attitude": {"name": "mekf", **dataclasses.asdict(mekf)}}
+        return dataclasses.replace(job, scenario=dataclasses.replace(scenario, attitude=mekf, plain=plain))
+    name = method.plain["filter"]["name"]
     model, none = plugins.create("filter", {"name": name}), plugins.create("adaptation", {"name": "none"})
-    spec = {
-        **cell.spec,
+    told = RScale()
+    plain = {
+        **method.plain,
         "filter": {"name": name, **dataclasses.asdict(model)},
         "adaptation": {"name": "none"},
-        "r_scale": {"position": 1.0, "velocity": 1.0},
+        "r_scale": dataclasses.asdict(told),
     }
-    r_scale = type(cell.r_scale)()
-    return dataclasses.replace(cell, filter=model, adaptation=none, r_scale=r_scale, spec=spec)
+    own = dataclasses.replace(method, filter=model, adaptation=none, r_scale=told, plain=plain)
+    return dataclasses.replace(job, method=own)
 
 
 def trial_table(trials: Trials, names: Sequence[str], scenarios: Sequence[str]) -> pd.DataFrame:
@@ -195,17 +198,15 @@ LACKING = {
 """What a recording without that part of the reference lacks, and what else there is."""
 
 
-def require_scorable(objective: Objective, cases: Sequence[TuningCase], load: Callable[[TuningCase], object]) -> None:
-    """Check that the recordings have what the objective asks for.
+def require_scorable(objective: Objective, case: Job, recording: Recording) -> None:
+    """Check that a recording has what the objective asks for.
 
     Raises:
-        RecordingError: one has no such reference.
+        RecordingError: it has no such reference.
     """
-    for case in cases:
-        reference = getattr(load(case), "reference", None)
-        if objective.reference and getattr(reference, objective.reference, None) is None:
-            what, other = LACKING[objective.reference]
-            raise RecordingError(
-                f"{case.cell.labels.dataset} has no reference {what}, so objective={objective.name} has nothing to"
-                f" compare with; {other}."
-            )
+    if objective.reference and getattr(recording.reference, objective.reference, None) is None:
+        what, other = LACKING[objective.reference]
+        raise RecordingError(
+            f"{case.labels.dataset} has no reference {what}, so objective={objective.name} has nothing to"
+            f" compare with; {other}."
+        )

@@ -64,7 +64,7 @@ def kf_gins(tuning: Tuning) -> str:
 def eskf15(tuning: Tuning) -> str:
     """Return a preset of our eskf15, an experiment for `jerkbench run --config-dir`."""
     values = _values(tuning)
-    name = tuning.cases.tune[0].cell.spec["filter"]["name"]
+    name = tuning.job.spec["filter"]["name"]
     comments = [
         "jerkbench's eskf15, as an experiment. Maps: sigma_a as velocity random walk, the reported R.",
         "Does not map: the gyro (eskf15 estimates the attitude itself), the noise of jerk or turn.",
@@ -91,9 +91,8 @@ EXPORTS: dict[str, Callable[[Tuning], str]] = {
 
 def _values(tuning: Tuning) -> dict[str, float]:
     """The numbers of filter, adaptation and r_scale, the tuned ones among them, by name."""
-    cell = tuning.space.applied(tuning.cases.tune[0].cell, tuning.setting)
-    parts: dict[str, dict[str, Any]] = {name: cell.spec[name] for name in ("filter", "adaptation")}
-    parts["r_scale"] = {"position": cell.r_scale.position, "velocity": cell.r_scale.velocity}
+    plain = tuning.space.applied(tuning.job, tuning.setting).spec
+    parts: dict[str, dict[str, Any]] = {name: plain[name] for name in ("filter", "adaptation", "r_scale")}
     return {
         f"{part}.{key}": float(value)
         for part, fields in parts.items()
@@ -138,7 +137,7 @@ def _gate(values: dict[str, float]) -> list[float]:
 
 
 def _adaptation(tuning: Tuning, values: dict[str, float]) -> list[str]:
-    name = tuning.cases.tune[0].cell.spec["adaptation"]["name"]
+    name = tuning.job.spec["adaptation"]["name"]
     if name == "none":
         return []
     if name == "chi2" and (gates := _gate(values)):

@@ -4,7 +4,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from jerkbench.jobs.inputs import shared_inputs
-from jerkbench.tuning.evaluate import Evaluator, Runs, require_scorable
+from jerkbench.jobs.job import Job
+from jerkbench.tuning.evaluate import Evaluator, RunPlace, require_scorable
 from jerkbench.tuning.objectives import Objective
 from jerkbench.tuning.search import Budget, SearchOutcome, TuningScore, score, search
 from jerkbench.tuning.space import Setting, Space
@@ -66,6 +67,11 @@ class Tuning:
     interval_s: float | None
 
     @property
+    def job(self) -> Job:
+        """The first scenario with the method before the search."""
+        return self.cases.tune[0]
+
+    @property
     def setting(self) -> Setting:
         """The chosen setting: that of the first search, so that all methods spend the same."""
         return self.outcome.setting
@@ -77,7 +83,7 @@ class Tuning:
 
 
 def tune(
-    name: str, cases: Cases, space: Space, effort: Effort, runs: Runs, advance: Callable[[int], object] = int
+    name: str, cases: Cases, space: Space, effort: Effort, runs: RunPlace, advance: Callable[[int], object] = int
 ) -> Tuning:
     """Tune one method; what is stored is not run again.
 
@@ -94,8 +100,8 @@ def tune(
     """
     evaluator = Evaluator(space, effort.objective, effort.threads, runs)
     first = cases.tune[0]
-    recording = shared_inputs().recording(first.cell, first.fingerprint, first.draws[0])
-    require_scorable(effort.objective, cases.tune[:1], lambda _: recording)
+    recording = shared_inputs().recording(first.scenario, first.draws[0])
+    require_scorable(effort.objective, first, recording)
     budgets = [replace(effort.budget, seed=effort.budget.seed + k) for k in range(effort.restarts)]
     outcomes = [search(evaluator, cases, budget, advance) for budget in budgets]
     restarts = tuple(Restart(outcome.setting, score(evaluator, outcome.setting, cases.test)) for outcome in outcomes)

@@ -6,10 +6,11 @@ from typing import NamedTuple
 
 from jerkbench.arrays import FloatArray
 from jerkbench.errors import JerkbenchError, PluginError
+from jerkbench.jobs.job import Job
 from jerkbench.tuning.evaluate import Evaluator, Trials, joined_trials
 from jerkbench.tuning.samplers import sampler_of
 from jerkbench.tuning.space import Setting
-from jerkbench.tuning.splits import Cases, TuningCase
+from jerkbench.tuning.splits import Cases
 
 BLOCK = 16
 """Settings that are tried together: what a learning sampler learns from next."""
@@ -101,7 +102,7 @@ def search(
     return SearchOutcome(trials.settings[place], place, trials, finalists)
 
 
-def score(evaluator: Evaluator, setting: Setting, cases: Sequence[TuningCase]) -> TuningScore:
+def score(evaluator: Evaluator, setting: Setting, cases: Sequence[Job]) -> TuningScore:
     """Return what the setting before the search and ``setting`` are worth on cases that the search has not seen."""
     both = evaluator.trials([evaluator.space.start, setting], cases)
     lost_before, lost = (int(count) for count in both.lost)
@@ -128,7 +129,7 @@ def equal_budgets(outcomes: dict[str, SearchOutcome]) -> str:
 
 def _tried(
     evaluator: Evaluator,
-    cases: Sequence[TuningCase],
+    cases: Sequence[Job],
     budget: Budget,
     advance: Callable[[int], object],
 ) -> Trials:

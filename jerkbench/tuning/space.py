@@ -7,7 +7,7 @@ from typing import Any
 
 from jerkbench.arrays import FloatArray
 from jerkbench.errors import PluginError, unknown
-from jerkbench.jobs.cell import Cell
+from jerkbench.jobs.job import Job
 from jerkbench.optional import is_attitude_only
 from jerkbench.parameters import Range, is_switch, is_whole, ranges_of
 from jerkbench.timeline import RScale
@@ -93,25 +93,13 @@ class Space:
         pairs = zip(self.knobs, setting, strict=True)
         return {knob.field: knob.typed(value) for knob, value in pairs if knob.part == part}
 
-    def applied(self, cell: Cell, setting: Setting) -> Cell:
-        """Return the cell with the values of ``setting``; its specification says them too.
+    def applied(self, job: Job, setting: Setting) -> Job:
+        """Return the job with the values of ``setting``.
 
         Raises:
             PluginError: the plugin does not take values that are each in their range.
         """
-        parts = {part: self.of_part(part, setting) for part in ("filter", "adaptation", "r_scale", "attitude")}
-        model: Any = cell.filter
-        rule: Any = cell.adaptation
-        attitude: Any = cell.attitude
-        spec = {**cell.spec, **{part: {**cell.spec.get(part, {}), **values} for part, values in parts.items()}}
-        return dataclasses.replace(
-            cell,
-            spec=spec,
-            filter=dataclasses.replace(model, **parts["filter"]),
-            adaptation=dataclasses.replace(rule, **parts["adaptation"]),
-            r_scale=dataclasses.replace(cell.r_scale, **parts["r_scale"]),
-            attitude=dataclasses.replace(attitude, **parts["attitude"]),
-        )
+        return job.at({part: self.of_part(part, setting) for part in ("filter", "adaptation", "r_scale", "attitude")})
 
     def at_edge(self, setting: Setting) -> list[str]:
         """Return a sentence for each knob, no switch, whose value lies on a bound of its range."""
@@ -125,26 +113,27 @@ class Space:
         return sentences
 
 
-def space_of(cell: Cell, chosen: Collection[str] = (), measured: Collection[str] = STREAMS) -> Space:
-    """Return the knobs of the method of a cell: fields with a range, and what is told of R.
+def space_of(job: Job, chosen: Collection[str] = (), measured: Collection[str] = STREAMS) -> Space:
+    """Return the knobs of the method of a job: fields with a range, and what is told of R.
 
     Where nothing is navigated they are those of the attitude filter.
 
     Args:
-        cell: with the values to begin from.
+        job: with the values to begin from.
         chosen: names of the knobs to change; empty: all there are.
         measured: the streams that the recordings have; R of others tells nothing.
 
     Raises:
         PluginError: there is none, or none of a chosen name.
     """
-    parts = ("attitude",) if is_attitude_only(cell.filter) else ("filter", "adaptation")
-    own = [knob for part in parts for knob in _knobs(part, getattr(cell, part))]
+    parts = ("attitude",) if is_attitude_only(job.method.filter) else ("filter", "adaptation")
+    own = [knob for part in parts for knob in _knobs(part, job.part(part))]
     if not own:
-        names = " nor ".join(f"the {part} {cell.spec[part]['name']}" for part in parts)
+        names = " nor ".join(f"the {part} {job.spec[part]['name']}" for part in parts)
         lacking = f"neither {names} has a" if len(parts) > 1 else f"{names} has no"
         raise PluginError(f"There is nothing to tune: {lacking} parameter with a range (`jerkbench show`).")
-    knobs = own if parts == ("attitude",) else [*own, *(knob for knob in _told(cell.r_scale) if knob.field in measured)]
+    told = [knob for knob in _told(job.method.r_scale) if knob.field in measured]
+    knobs = own if parts == ("attitude",) else [*own, *told]
     known = [knob.name for knob in knobs]
     for name in chosen:
         if name not in known:

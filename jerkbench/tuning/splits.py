@@ -5,33 +5,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from jerkbench.errors import PluginError
-from jerkbench.jobs.cell import Cell
-from jerkbench.jobs.key import data_fingerprint
+from jerkbench.jobs.job import MOST_SEEDS, Job
 from jerkbench.renamed import new_name
 from jerkbench.tuning.excerpts import Excerpt
 
 PARTS = ("tune", "choose", "test")
-
-
-@dataclass(frozen=True, eq=False)
-class TuningCase:
-    """A scenario with the draws that are run of it.
-
-    Attributes:
-        cell: the scenario with the method as it is before the search.
-        draws: seeds, or phases of a decimation.
-        fingerprint: of its data.
-    """
-
-    cell: Cell
-    draws: tuple[int, ...]
-    fingerprint: str
-
-    @property
-    def scenario(self) -> str:
-        """What tables call it."""
-        labels = self.cell.labels
-        return f"{labels.dataset}, {labels.disturbance}, {labels.attitude}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,29 +23,25 @@ class Cases:
         split: how they were told apart, one phrase.
     """
 
-    tune: tuple[TuningCase, ...]
-    choose: tuple[TuningCase, ...]
-    test: tuple[TuningCase, ...]
+    tune: tuple[Job, ...]
+    choose: tuple[Job, ...]
+    test: tuple[Job, ...]
     split: str
 
 
-def require_cases(cells: Sequence[Cell]) -> None:
-    """Check that the cells are scenarios of one method.
+def require_cases(jobs: Sequence[Job]) -> None:
+    """Check that the jobs are of one method.
 
     Raises:
         PluginError: there is none, or they differ in filter, adaptation, noise or engine.
     """
-    if not cells:
+    if not jobs:
         raise PluginError("There is no scenario to tune on; give dataset=... and disturbance=...")
-    first = cells[0]
-    for cell in cells:
+    first = jobs[0].method
+    for job in jobs:
         for name in ("filter", "adaptation", "r_scale", "engine"):
-            if getattr(cell, name) != getattr(first, name):
+            if getattr(job.method, name) != getattr(first, name):
                 raise PluginError(f"A tuning is of one method, but its scenarios have different values of {name}.")
-
-
-MOST_SEEDS = 100_000
-"""Seeds of one part, as a cell has at most so many runs."""
 
 
 @dataclass(frozen=True)
@@ -107,92 +81,92 @@ class Seeds:
         return tuple(range(self.first, begin)), tuple(range(begin, middle)), tuple(range(middle, middle + self.test))
 
 
-def by_seeds(cells: Sequence[Cell], seeds: Seeds) -> Cases:
+def by_seeds(jobs: Sequence[Job], seeds: Seeds) -> Cases:
     """Return the same scenarios with other seeds.
 
     Raises:
         PluginError: a scenario has nothing random.
     """
-    require_cases(cells)
-    for cell in cells:
-        if not cell.seeded:
+    require_cases(jobs)
+    for job in jobs:
+        if not job.scenario.seeded:
             raise PluginError(
-                f"Nothing in {cell.labels.dataset} with {cell.labels.disturbance} is random, so other seeds would be"
+                f"Nothing in {job.labels.dataset} with {job.labels.disturbance} is random, so other seeds would be"
                 " the same run: use split=time, or split=recordings."
             )
     tune, choose, test = seeds.parts
     words = f"seeds {_span(tune)} to tune, {_span(choose) or 'none'} to choose, {_span(test)} to test"
-    return Cases(_cases(cells, tune), _cases(cells, choose) if choose else (), _cases(cells, test), words)
+    return Cases(_cases(jobs, tune), _cases(jobs, choose) if choose else (), _cases(jobs, test), words)
 
 
-def by_time(cells: Sequence[Cell], seeds: Seeds, share: float = 0.5) -> Cases:
+def by_time(jobs: Sequence[Job], seeds: Seeds, share: float = 0.5) -> Cases:
     """Return the first part of each recording to tune on, and the rest to test on.
 
     While tuning the recording ends at ``share`` of its duration: nothing later is in it. The test runs over all of it,
     and errors count from there on.
     """
-    require_cases(cells)
+    require_cases(jobs)
     if not 0 < share < 1:
         raise PluginError(f"The share of the time to tune on is {share:g}; it must lie between 0 and 1.")
     tune, test = (
-        _cases([_cut(cell, Excerpt(share, late=late)) for cell in cells], seeds.parts[0]) for late in (False, True)
+        _cases([_cut(job, Excerpt(share, late=late)) for job in jobs], seeds.parts[0]) for late in (False, True)
     )
     return Cases(tune, (), test, f"the first {100 * share:g} % of the time to tune, the rest to test")
 
 
-def by_group(cells: Sequence[Cell], held_out: Sequence[bool], seeds: Seeds, words: str) -> Cases:
+def by_group(jobs: Sequence[Job], held_out: Sequence[bool], seeds: Seeds, words: str) -> Cases:
     """Return some scenarios to tune on, and others, of which the search sees nothing, to test on.
 
     Args:
-        cells: the scenarios.
-        held_out: (len(cells),) whether each is to test on.
+        jobs: the scenarios.
+        held_out: (len(jobs),) whether each is to test on.
         seeds: of those with anything random, disjoint as well.
         words: how they were told apart.
 
     Raises:
         PluginError: one of the two is empty.
     """
-    require_cases(cells)
-    seen = [cell for cell, held in zip(cells, held_out, strict=True) if not held]
-    unseen = [cell for cell, held in zip(cells, held_out, strict=True) if held]
+    require_cases(jobs)
+    seen = [job for job, held in zip(jobs, held_out, strict=True) if not held]
+    unseen = [job for job, held in zip(jobs, held_out, strict=True) if held]
     if not seen or not unseen:
         raise PluginError(f"A split by {words} needs scenarios on both sides; there are {len(seen)} and {len(unseen)}.")
     tune, choose, test = seeds.parts
-    if not all(cell.seeded for cell in seen):
+    if not all(job.scenario.seeded for job in seen):
         choose = ()
     return Cases(_cases(seen, tune), _cases(seen, choose) if choose else (), _cases(unseen, test), words)
 
 
-def by_families(cells: Sequence[Cell], held_out: Sequence[str], seeds: Seeds) -> Cases:
+def by_families(jobs: Sequence[Job], held_out: Sequence[str], seeds: Seeds) -> Cases:
     """Return the scenarios whose disturbance is none of ``held_out`` to tune on, and those of ``held_out`` to test on.
 
     Where nothing is wrong (`none`) a setting has to be good as well: it is on both sides.
     """
     held_out = [new_name("disturbance", name) for name in held_out]
-    held = [cell.labels.disturbance in held_out for cell in cells]
+    held = [job.labels.disturbance in held_out for job in jobs]
     words = f"family: tuned without {', '.join(held_out)}, scored on these"
-    cases = by_group(cells, held, seeds, words)
-    nominal = [cell for cell in cells if cell.labels.disturbance == "none" and "none" not in held_out]
+    cases = by_group(jobs, held, seeds, words)
+    nominal = [job for job in jobs if job.labels.disturbance == "none" and "none" not in held_out]
     return dataclasses.replace(cases, test=cases.test + _cases(nominal, seeds.parts[2]))
 
 
-def by_recordings(cells: Sequence[Cell], held_out: Sequence[str], seeds: Seeds) -> Cases:
+def by_recordings(jobs: Sequence[Job], held_out: Sequence[str], seeds: Seeds) -> Cases:
     """Return the scenarios over other recordings than ``held_out`` (labels of data sets) to tune on."""
     held_out = [new_name("dataset", name) for name in held_out]
-    held = [cell.labels.dataset in held_out for cell in cells]
-    return by_group(cells, held, seeds, f"recording: tuned without {', '.join(held_out)}, scored on these")
+    held = [job.labels.dataset in held_out for job in jobs]
+    return by_group(jobs, held, seeds, f"recording: tuned without {', '.join(held_out)}, scored on these")
 
 
-def _cases(cells: Sequence[Cell], draws: tuple[int, ...]) -> tuple[TuningCase, ...]:
-    return tuple(
-        TuningCase(cell, draws if cell.seeded else tuple(cell.draws), data_fingerprint(cell.dataset, cell.disturbances))
-        for cell in cells
-    )
+def _cases(jobs: Sequence[Job], draws: tuple[int, ...]) -> tuple[Job, ...]:
+    return tuple(dataclasses.replace(job, draws=draws) if job.scenario.seeded else job for job in jobs)
 
 
-def _cut(cell: Cell, excerpt: Excerpt) -> Cell:
-    spec = {**cell.spec, "disturbance": [*cell.spec["disturbance"], {"name": "excerpt", **dataclasses.asdict(excerpt)}]}
-    return dataclasses.replace(cell, spec=spec, disturbances=(*cell.disturbances, excerpt))
+def _cut(job: Job, excerpt: Excerpt) -> Job:
+    own = job.scenario
+    several = [*own.plain["disturbance"], {"name": "excerpt", **dataclasses.asdict(excerpt)}]
+    plain = {**own.plain, "disturbance": several}
+    scenario = dataclasses.replace(own, disturbances=(*own.disturbances, excerpt), plain=plain)
+    return dataclasses.replace(job, scenario=scenario)
 
 
 def _span(draws: Sequence[int]) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 from omegaconf import OmegaConf
 
 from jerkbench.files import write_text
-from jerkbench.tuning.curves import budget_curve, intervals
+from jerkbench.tuning.curves import budget_curve, knob_intervals
 from jerkbench.tuning.outcome import Tuning
 from jerkbench.tuning.search import equal_budgets
 
@@ -19,7 +19,7 @@ def summary(tuning: Tuning) -> str:
     return "\n".join([f"# {tuning.name}, tuned", "", *_spent(tuning), "", *_knobs(tuning), "", *_worth(tuning), ""])
 
 
-def table(tunings: Sequence[Tuning]) -> str:
+def tunings_table(tunings: Sequence[Tuning]) -> str:
     """Return the tuned methods side by side, and whether they were tuned alike.
 
     Raises:
@@ -44,9 +44,9 @@ def record(tuning: Tuning) -> Mapping[str, Any]:
         "split": tuning.cases.split,
         "setting": dict(zip(tuning.space.names, tuning.setting, strict=True)),
         "before": dict(zip(tuning.space.names, tuning.space.start, strict=True)),
-        "intervals": dict(zip(tuning.space.names, intervals(tuning.space, tuning.outcome), strict=True)),
+        "intervals": dict(zip(tuning.space.names, knob_intervals(tuning.space, tuning.outcome), strict=True)),
         "unseen": {
-            case.scenario: {"before": float(before), "tuned": float(chosen)}
+            case.labels.scenario: {"before": float(before), "tuned": float(chosen)}
             for case, before, chosen in zip(tuning.cases.test, tuning.score.before, tuning.score.chosen, strict=True)
         },
         "lost": tuning.score.lost,
@@ -80,7 +80,7 @@ def _spent(tuning: Tuning) -> Iterator[str]:
 def _knobs(tuning: Tuning) -> Iterator[str]:
     yield "| knob | before | tuned | cannot be told apart | range |"
     yield "|---|---|---|---|---|"
-    columns = zip(tuning.space.knobs, tuning.setting, intervals(tuning.space, tuning.outcome), strict=True)
+    columns = zip(tuning.space.knobs, tuning.setting, knob_intervals(tuning.space, tuning.outcome), strict=True)
     for knob, value, (low, high) in columns:
         yield f"| {knob.name} | {knob.start:.4g} | {value:.4g} | {low:.3g} to {high:.3g} | {knob.bounds} |"
 
@@ -91,7 +91,7 @@ def _worth(tuning: Tuning) -> Iterator[str]:
     yield "| scenario | before | tuned |"
     yield "|---|---|---|"
     for case, before, chosen in zip(tuning.cases.test, tuning.score.before, tuning.score.chosen, strict=True):
-        yield f"| {case.scenario} | {_shown(tuning, before)} | {_shown(tuning, chosen)} |"
+        yield f"| {case.labels.scenario} | {_shown(tuning, before)} | {_shown(tuning, chosen)} |"
     yield ""
     yield f"Lost runs: {tuning.score.lost} of {tuning.score.runs} (before: {tuning.score.lost_before})."
     curve = ", ".join(f"{size}: {_shown(tuning, loss)}" for size, loss in budget_curve(tuning.outcome.trials))
@@ -124,7 +124,7 @@ def preset_words(tuning: Tuning, *, typed: bool) -> list[str]:
     """
     if not typed:
         return [f"experiment={_name(tuning)}"]
-    spec, setting = tuning.cases.tune[0].cell.spec, tuning.setting
+    spec, setting = tuning.job.spec, tuning.setting
     parts = [f"{part}={spec[part]['name']}_tuned" for part in PARTS if tuning.space.of_part(part, setting)]
     return parts + [f"r_scale.{key}={value}" for key, value in tuning.space.of_part("r_scale", setting).items()]
 
@@ -137,14 +137,13 @@ def write_presets(tuning: Tuning, folder: Path, remarks: str) -> None:
         folder: below which the groups are.
         remarks: what stands at the top of each file, one line.
     """
-    cell = tuning.cases.tune[0].cell
-    chosen = {}
+    spec, chosen = tuning.job.spec, {}
     for part in PARTS:
-        plugin, values = str(cell.spec[part]["name"]), tuning.space.of_part(part, tuning.setting)
+        plugin, values = str(spec[part]["name"]), tuning.space.of_part(part, tuning.setting)
         if values or part != "attitude":
             chosen[part] = f"{plugin}_tuned" if values else plugin
         if values:
-            kept = {**_given(cell.spec[part]), **values}
+            kept = {**_given(spec[part]), **values}
             write_text(folder / part / f"{plugin}_tuned.yaml", _text(remarks, {"defaults": [plugin, "_self_"], **kept}))
     told = tuning.space.of_part("r_scale", tuning.setting)
     defaults = [{f"override /{part}": preset} for part, preset in chosen.items()]

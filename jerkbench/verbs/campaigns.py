@@ -198,7 +198,7 @@ def _spec(words: Sequence[str], groups: Sequence[str], example: str) -> "Mapping
                 f"'{word}' is not part of a method; the suite sets all else. Give {', '.join(groups)} and what is in"
                 f" them, for example {example}."
             )
-    return composed(words).cell().spec
+    return composed(words).job().spec
 
 
 @verb(

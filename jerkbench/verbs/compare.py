@@ -94,8 +94,7 @@ def compare_verb(chosen: argparse.Namespace) -> None:
 
 def _studies(chosen: argparse.Namespace) -> "tuple[Study, Study, list[str]]":
     """Both studies, with one method of each under the same name where methods were chosen, and a sentence about it."""
-    from jerkbench.results.comparability import require_alike
-    from jerkbench.results.selection import in_the_place_of, named_study, selected, told
+    from jerkbench.results.selection import in_the_place_of, named_study, require_alike, selected, told
     from jerkbench.results.study import load_study
 
     named = (named_study(chosen.first), named_study(chosen.second))
@@ -142,7 +141,7 @@ def _notes(
 ) -> list[str]:
     from jerkbench.report.analysis.changes import notes_of_tests, other_leaders
     from jerkbench.report.analysis.study_verdicts import study_verdicts
-    from jerkbench.results.comparability import other_methods
+    from jerkbench.results.selection import other_methods
 
     rule, method, changed = chosen_rule(chosen), chosen_method(chosen), parts[0].changes
     notes = [f"A: {chosen.first}, {first.code}", f"B: {chosen.second}, {second.code}", *other_methods(first, second)]

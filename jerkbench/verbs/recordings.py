@@ -9,7 +9,7 @@ from jerkbench.verbs.arguments import argument, output, require_new, verb
 from jerkbench.verbs.source import SOURCE, dataset_of
 
 if TYPE_CHECKING:
-    from jerkbench.jobs.cell import Cell
+    from jerkbench.jobs.job import Job
 
 TARGETS = {
     ".bag": "ROS 1 bag",
@@ -92,22 +92,21 @@ def data_export_verb(chosen: argparse.Namespace) -> None:
         if name not in FORMATS:
             raise JerkbenchError(unknown("format", name, FORMATS))
     require_new(folder)
-    cell = composed(chosen.words).cell()
-    for draw in cell.draws:
-        for path in _write_seed(cell, draw, folder / str(draw), chosen):
+    job = composed(chosen.words).job()
+    for draw in job.draws:
+        for path in _write_seed(job, draw, folder / str(draw), chosen):
             print(path)
 
 
-def _write_seed(cell: "Cell", draw: int, folder: Path, chosen: argparse.Namespace) -> list[Path]:
+def _write_seed(job: "Job", draw: int, folder: Path, chosen: argparse.Namespace) -> list[Path]:
     from jerkbench.io.method_input import write_reference
     from jerkbench.io.recording_folder import write_recording
     from jerkbench.jobs.inputs import shared_inputs
-    from jerkbench.jobs.key import data_fingerprint
 
     inputs = shared_inputs()
-    recording = inputs.recording(cell, data_fingerprint(cell.dataset, cell.disturbances), draw)
-    source = {"seed": draw, **{kind: cell.spec[kind] for kind in ("dataset", "disturbance", "attitude")}}
-    attitude = inputs.attitude(recording, cell.attitude)
+    recording = inputs.recording(job.scenario, draw)
+    source = {"seed": draw, **job.scenario.plain}
+    attitude = inputs.attitude(recording, job.scenario.attitude)
     paths = write_recording(recording, attitude, folder, chosen.format, {"made_of": source})
     if chosen.without_reference:
         return paths

@@ -68,8 +68,7 @@ def table_verb(chosen: argparse.Namespace) -> None:
         return
     _write(table, chosen.format)
     if chosen.costs:
-        from jerkbench.results.replay import tell_left_out
-        from jerkbench.results.step_costs import COLUMN, step_costs
+        from jerkbench.results.replay import COLUMN, step_costs, tell_left_out
 
         tell_left_out(study, run_programs=chosen.run_programs)
         if len(costs := step_costs(study, run_programs=chosen.run_programs)):

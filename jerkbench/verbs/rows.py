@@ -38,7 +38,7 @@ def rerun_verb(chosen: argparse.Namespace) -> None:
     numbers = replay_differences(row)
     lines = [[name, repr(a), repr(b), "" if equal_or_nan(a, b) else "differs"] for name, a, b in numbers]
     notes = ["The code or a library is another than when the row was stored."] if row.code_changed else []
-    print_grid(f"{', '.join(row.cell.labels)}, {row.row['replicate']} {row.draw}", ["", "was", "is", ""], lines, notes)
+    print_grid(f"{', '.join(row.job.labels)}, {row.row['replicate']} {row.draw}", ["", "was", "is", ""], lines, notes)
     differing = sum(not equal_or_nan(a, b) for _, a, b in numbers)
     print(f"{differing} of {len(numbers)} numbers differ.")
     if differing:
@@ -82,7 +82,7 @@ def _write_trajectories(chosen: argparse.Namespace, row: "StoredRow") -> None:
     from jerkbench.results.tum import write_tum_pair
 
     recording, estimate = row.run()
-    counted = counted_rows(estimate, recording, row.cell.protocol.burn_in_s)
+    counted = counted_rows(estimate, recording, row.job.scoring.burn_in_s)
     for path in write_tum_pair(chosen.tum, recording, estimate, counted):
         print(path)
 
@@ -118,7 +118,7 @@ def score_verb(chosen: argparse.Namespace) -> None:
     Raises:
         JerkbenchError: no file is given or there is none, or the words describe no recording.
     """
-    from jerkbench.hydra_app.single_run import score_files
+    from jerkbench.hydra_app.app import score_files
     from jerkbench.hydra_app.words import composed
     from jerkbench.io.trajectory_files import SEED, pattern_of, seeds_of
 

@@ -11,12 +11,13 @@ from omegaconf import OmegaConf
 import jerkbench
 from commands import verb as command_line
 from jerkbench.errors import PluginError
-from jerkbench.hydra_app.configuration import Schema, cell_of, register_hydra_parts, register_schemas
-from jerkbench.jobs.cell import GROUPS, Protocol
-from jerkbench.jobs.key import cell_key
-from jerkbench.jobs.names import cell_of_parts
+from jerkbench.hydra_app.configuration import Schema, job_of, register_hydra_parts, register_schemas
+from jerkbench.jobs.job import Protocol
+from jerkbench.jobs.labels import GROUPS
+from jerkbench.jobs.names import job_of_parts
 from jerkbench.presets import config_folder, default_names
 from jerkbench.results.study import load_study
+from made_jobs import with_data
 
 DRIVE = {"name": "rtklib", "folder": "anywhere"}
 
@@ -30,13 +31,13 @@ def by_words(*overrides):
         config = compose("config", list(overrides), return_hydra_config=True)
         bare = {key: value for key, value in config.items() if key != "hydra"}
         plain = OmegaConf.to_container(OmegaConf.create(bare), resolve=True)
-        return cell_of(plain, config.hydra.runtime.choices, list(overrides))
+        return job_of(plain, config.hydra.runtime.choices, list(overrides))
 
 
 def by_parts(disturbance=(), noise=None, **single):
     """The cell that Python's arguments make."""
     usual = {"dataset": "field", "attitude": None, "filter": "baseline", "adaptation": "none", "engine": "compiled"}
-    return cell_of_parts({**usual, **single}, disturbance, noise, Protocol())
+    return job_of_parts({**usual, **single}, disturbance, noise, Protocol())
 
 
 def test_its_rows_are_those_of_the_command_line(tmp_path):
@@ -102,7 +103,7 @@ def test_the_same_names_are_the_same_cell_as_on_the_command_line(words, argument
     theirs, ours = by_words(*words), by_parts(**arguments)
 
     assert ours.labels == theirs.labels
-    assert cell_key(ours, "data") == cell_key(theirs, "data")  # of all that the rows depend on
+    assert with_data(ours, "data").key == with_data(theirs, "data").key  # of all that the rows depend on
 
 
 @pytest.mark.parametrize(
@@ -132,7 +133,7 @@ def test_what_is_wrong_is_a_sentence(arguments, said):
 def test_the_attitude_filter_is_what_the_data_set_prefers_unless_one_is_given():
     drive = by_parts(dataset=DRIVE)
 
-    assert (drive.labels.attitude, drive.attitude.sigma_accel_mps2, drive.attitude.propagation) == (
+    assert (drive.labels.attitude, drive.scenario.attitude.sigma_accel_mps2, drive.scenario.attitude.propagation) == (
         "real",
         0.5,
         "exact",

@@ -8,8 +8,8 @@ def test_every_scenario_of_the_committed_protocols_can_be_built():
     for scale in ("full", "small"):
         protocol = read_protocol(scale)
         for scenario in protocol.scenarios:
-            cell = Entrant.named(protocol.filters[0], protocol.plain).cell(scenario)
-            assert cell.seeded
+            cell = Entrant.named(protocol.filters[0], protocol.plain).job(scenario)
+            assert cell.scenario.seeded
 
 
 def test_each_family_stands_in_one_half_and_the_halves_have_the_same_number_of_scenarios():

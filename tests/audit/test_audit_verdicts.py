@@ -9,7 +9,7 @@ import pytest
 
 from jerkbench.audit.campaign import Outcome
 from jerkbench.audit.figures import model_figure, ratios_by_adaptation
-from jerkbench.audit.methods import Method
+from jerkbench.audit.methods import AuditMethod
 from jerkbench.audit.page import audit_page
 from jerkbench.audit.protocol import AuditProtocol
 from jerkbench.audit.stages import Search
@@ -70,7 +70,7 @@ def outcome(lost=()):
                             "seconds": 0.001,
                         }
                     )
-    methods = [Method("baseline", name) for name in FACTORS]
+    methods = [AuditMethod("baseline", name) for name in FACTORS]
     trial = {Search(m, half, 0): k for m in methods for half, k in (("first", 1), ("second", 2), (ALL, 1))}
     return Outcome(dict.fromkeys(trial, ()), trial, dict.fromkeys(methods, 3), pd.DataFrame(rows))
 
@@ -159,7 +159,7 @@ def test_each_adaptation_stands_once_with_all_its_models_the_best_first():
     """By hand: geometric means of (0.5, 2) and (0.9, 0.9) are 1 and 0.9."""
     judged = {("mtf", "baseline"): 0.5, ("mtf", "jerk"): 2.0, ("chi2", "baseline"): 0.9, ("chi2", "jerk"): 0.9}
     known = [
-        SimpleNamespace(method=Method(model, adaptation), tuned=SimpleNamespace(ratio=ratio))
+        SimpleNamespace(method=AuditMethod(model, adaptation), tuned=SimpleNamespace(ratio=ratio))
         for (adaptation, model), ratio in judged.items()
     ]
     ratios = ratios_by_adaptation(known)

@@ -13,7 +13,7 @@ from jerkbench.audit.answer import (
     reference_sentences,
     tuning_sentence,
 )
-from jerkbench.audit.methods import Method
+from jerkbench.audit.methods import AuditMethod
 from jerkbench.audit.verdicts import TUNED
 from jerkbench.evaluation.statistics.ranks import over_scenarios
 from made_losses import AGAINST, CLAIMED, JERK, PROTOCOL, losses
@@ -35,7 +35,7 @@ def test_a_consistent_filter_is_off_by_nothing_and_both_sides_count_alike():
 class Judged:
     """What two sentences read of a verdict."""
 
-    method: Method
+    method: AuditMethod
     low: float = 0.5
     high: float = 2.0
     tuned: object = dataclasses.field(default_factory=lambda: over_scenarios(np.array([[-0.1, 0.1], [0.1, 0.3]])))
@@ -44,7 +44,7 @@ class Judged:
 def test_white_and_coloured_noise_are_told_apart():
     """Three methods: 0.31, twice and three times that with coloured noise only, so that two change sides."""
     known = losses()
-    names = [Method("baseline", f"r{k}") for k in (1, 4, 6)]
+    names = [AuditMethod("baseline", f"r{k}") for k in (1, 4, 6)]
     for method, factor in zip(names, (1, 4, 6), strict=True):
         jerk = {family: ratio * (1 + factor / 100) for family, ratio in JERK.items()}
         known.by_kind[method, TUNED, 0] = losses(jerk, factor).by_kind[CLAIMED, TUNED, 0]
@@ -57,7 +57,7 @@ def test_another_model_is_told_from_an_adaptation():
     """jerk without adaptation at half of the baseline's error everywhere, imm at a fifth; eskf15 was not run."""
     known = losses()
     for name, ratio in (("jerk", 0.5), ("imm", 0.2)):
-        known.by_kind[Method(name, "none"), TUNED, 0] = known.by_kind[AGAINST, TUNED, 0] + np.log(ratio)
+        known.by_kind[AuditMethod(name, "none"), TUNED, 0] = known.by_kind[AGAINST, TUNED, 0] + np.log(ratio)
     protocol = dataclasses.replace(PROTOCOL, filters=("baseline", "jerk"), apart=("imm", "eskf15"))
     text = model_sentence(known, protocol)
     assert text.endswith("another model has: jerk 0.50 (0.50 to 0.50), imm 0.20 (0.20 to 0.20).")

@@ -6,11 +6,11 @@ from scipy import stats
 from test_audit_verdicts import HALF, PROTOCOL, SCENARIOS
 
 from jerkbench.audit.figures import family_figure
-from jerkbench.audit.methods import Method
+from jerkbench.audit.methods import AuditMethod
 from jerkbench.audit.verdicts import TUNED, Losses, family_frame, family_sentences, family_verdicts
 from jerkbench.evaluation.statistics.judgement import Verdict
 
-METHODS = [Method("baseline", "mtf"), Method("baseline", "chi2")]
+METHODS = [AuditMethod("baseline", "mtf"), AuditMethod("baseline", "chi2")]
 SEEDS = 12
 
 
@@ -18,7 +18,7 @@ def losses(effects, sigma=0.05):
     """Of the plain filter, and of the methods as many times that as ``effects`` says, by family."""
     rng = np.random.default_rng(5)
     plain = rng.normal(0.0, 1.0, (len(SCENARIOS), SEEDS))
-    kinds = {(Method("baseline", "none"), TUNED, 0): plain}
+    kinds = {(AuditMethod("baseline", "none"), TUNED, 0): plain}
     for method in METHODS:
         factor = np.array([effects.get((method.adaptation, scenario.family), 1.0) for scenario in SCENARIOS])
         kinds[method, TUNED, 0] = plain + np.log(factor)[:, None] + rng.normal(0.0, sigma, plain.shape)
@@ -29,7 +29,7 @@ def test_intervals_are_those_of_a_t_test_for_all_pairs_at_once():
     known = losses({("mtf", "a"): 0.5})
     pairs = len(METHODS) * len(HALF)
     for verdict in family_verdicts(known, METHODS, PROTOCOL):
-        ours = known.by_kind[verdict.method, TUNED, 0] - known.by_kind[Method("baseline", "none"), TUNED, 0]
+        ours = known.by_kind[verdict.method, TUNED, 0] - known.by_kind[AuditMethod("baseline", "none"), TUNED, 0]
         d = ours[[scenario.family == verdict.family for scenario in SCENARIOS]].mean(axis=0)
         interval = stats.ttest_1samp(d, 0.0).confidence_interval(1 - 0.05 / pairs)
         assert verdict.ratio == pytest.approx(stats.gmean(np.exp(d)), rel=1e-12)
@@ -47,7 +47,7 @@ def test_a_method_is_better_in_one_family_and_worse_in_another():
 def test_of_noise_alone_hardly_any_study_has_a_verdict():
     """Five per cent of studies may; of 10 pairs each at 5 %, four of ten would."""
     rng = np.random.default_rng(7)
-    plain = Method("baseline", "none")
+    plain = AuditMethod("baseline", "none")
     false = 0
     for _ in range(400):
         kinds = {(m, TUNED, 0): rng.normal(0.0, 0.3, (len(SCENARIOS), SEEDS)) for m in (plain, *METHODS)}

@@ -7,9 +7,9 @@ import pytest
 
 from jerkbench.audit.protocol import read_protocol
 from jerkbench.audit.study import run_audit
+from jerkbench.jobs import run as loop
 from jerkbench.jobs.cluster import Local
 from jerkbench.results.store import Store
-from jerkbench.sweep import sweep
 
 GOLDEN = Path(__file__).parent / "golden"
 """verdicts.csv without times, and settings.csv, of the small audit; a change of what is computed makes them anew."""
@@ -20,7 +20,7 @@ TASKS_BEFORE_THE_END = 200
 def folder(tmp_path_factory):
     """Of an audit that was stopped in its first stage, and gone on with by two processes."""
     folder, protocol = tmp_path_factory.mktemp("audit") / "audit-small", read_protocol("small")
-    original, done = sweep.run_task, []
+    original, done = loop.work, []
 
     def stopped(task, **how):
         if len(done) == TASKS_BEFORE_THE_END:
@@ -29,10 +29,10 @@ def folder(tmp_path_factory):
         return original(task, **how)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(sweep, "run_task", stopped)
+        patch.setattr(loop, "work", stopped)
         with pytest.raises(KeyboardInterrupt):
             run_audit(protocol, folder, Local(), workers=1)
-    ran = {(planned.key, draw) for task in done for planned in task.cells for draw in task.draws}
+    ran = {(job.key, draw) for task in done for job in task.jobs for draw in task.draws}
     keys = {key for key, _ in ran}
     known = Store(folder / "runs").known(keys)
     assert {(key, draw) for key, draws in known.items() for draw in draws} == ran

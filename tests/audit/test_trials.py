@@ -1,11 +1,11 @@
 """The trials that a scenario needs, by hand."""
 
-from jerkbench.audit.methods import Method
+from jerkbench.audit.methods import AuditMethod
 from jerkbench.audit.protocol import read_protocol
 from jerkbench.audit.stages import Search, needed_trials
 from jerkbench.campaigns.search import ALL, seen, unseen
 
-MTF, PLAIN = Method("baseline", "mtf"), Method("baseline", "none")
+MTF, PLAIN = AuditMethod("baseline", "mtf"), AuditMethod("baseline", "none")
 KNOWN = list(read_protocol("small").scenarios)
 TRIALS = {Search(MTF, "first", 0): [3, 1], Search(MTF, "second", 0): [2], Search(MTF, ALL, 0): [5]}
 EXPECTED = {

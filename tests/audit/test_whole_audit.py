@@ -13,9 +13,9 @@ from jerkbench.audit.protocol import AuditProtocol, read_protocol
 from jerkbench.audit.study import run_audit
 from jerkbench.errors import JerkbenchError
 from jerkbench.hydra_app.words import cluster_named
+from jerkbench.jobs import run as loop
 from jerkbench.jobs.cluster import Local
 from jerkbench.jobs.key import code_digest
-from jerkbench.sweep import sweep
 
 FAMILIES = ("none", "outliers", "wheel_slip")
 
@@ -69,13 +69,13 @@ def runs_in(paths):
 
 def spied(monkeypatch):
     """Record key and seed of each run."""
-    original, ran = sweep.run_task, []
+    original, ran = loop.work, []
 
-    def run_task(task, **how):
-        ran.extend((planned.key, draw) for planned in task.cells for draw in task.draws)
+    def work(task, **how):
+        ran.extend((job.key, draw) for job in task.jobs for draw in task.draws)
         return original(task, **how)
 
-    monkeypatch.setattr(sweep, "run_task", run_task)
+    monkeypatch.setattr(loop, "work", work)
     return ran
 
 
@@ -147,7 +147,7 @@ def test_what_other_code_computed_is_judged_when_asked_for_and_nothing_is_run(
     folder = shutil.copytree(finished[0], tmp_path / "audit-tiny")
     code = code_digest()
     monkeypatch.setattr("jerkbench.jobs.key.code_digest", lambda *_: "another")
-    monkeypatch.setattr(sweep, "run_task", lambda *_, **__: pytest.fail("a run"))
+    monkeypatch.setattr(loop, "work", lambda *_, **__: pytest.fail("a run"))
     with_one_more = dataclasses.replace(protocol, adaptations=("chi2", "mtf"))
     monkeypatch.setattr(AuditProtocol, "digest", protocol.digest)  # of "every adaptation", to which one has come
 
@@ -164,14 +164,14 @@ def test_what_other_code_computed_is_judged_when_asked_for_and_nothing_is_run(
 
 
 def test_the_runs_that_score_are_not_read_before_every_setting_is_chosen(protocol, tmp_path, monkeypatch):
-    test, original = set(protocol.seeds_to_test_on), sweep.pieces
+    test, original = set(protocol.seeds_to_test_on), loop.work
 
-    def poisoned(runs, draws):
-        if test & set(draws):
+    def poisoned(task, **how):
+        if test & set(task.draws):
             raise RuntimeError("test")
-        return original(runs, draws)
+        return original(task, **how)
 
-    monkeypatch.setattr(sweep, "pieces", poisoned)
+    monkeypatch.setattr(loop, "work", poisoned)
     with pytest.raises(RuntimeError, match="test"):
         run_audit(protocol, tmp_path / "audit-tiny", Local(), workers=1)
     seeds = {seed for path in tmp_path.rglob("part-*.parquet") for seed in seeds_in(path)}

@@ -16,8 +16,9 @@ from jerkbench.evaluation.metrics.position import PositionRmse
 from jerkbench.filters.eskf15 import Eskf15
 from jerkbench.filters.gnss_only import GnssOnly
 from jerkbench.filters.jerk import Jerk
-from jerkbench.jobs.cell import Protocol, build
-from jerkbench.jobs.rows import CellRun
+from jerkbench.jobs.job import Protocol, build
+from jerkbench.jobs.rows import job_rows
+from made_jobs import with_method
 
 
 @dataclass(frozen=True)
@@ -144,22 +145,22 @@ def test_one_that_is_right_passes(kind, plugin):
 def cell_with(adaptation):
     spec = {kind: {"name": name} for kind, name in (("filter", "baseline"), ("engine", "filterpy"))}
     spec |= {"dataset": {"name": "field", "duration_s": 12.0}, "attitude": {"name": "gyro_only"}, "disturbance": []}
-    return replace(build({**spec, "adaptation": {"name": "none"}}, Protocol(seeds=2)), adaptation=adaptation)
+    return with_method(build({**spec, "adaptation": {"name": "none"}}, Protocol(seeds=2)), adaptation=adaptation)
 
 
 @pytest.mark.parametrize("adaptation", [InPlace(), Growing(), Slim()])
 def test_it_is_said_before_the_run_and_every_seed_is_a_row_that_says_so(adaptation):
     cell = cell_with(adaptation)
-    rows, _ = CellRun(cell, "").rows()
+    rows, _ = job_rows(cell)
 
     assert [row["status"] for row in rows] == ["failed", "failed"]
     assert {row["reason"] for row in rows} == {complaint("adaptation", adaptation)}
     with pytest.raises(PluginError, match=type(adaptation).__name__):
-        CellRun(cell, "", on_error="raise").rows()
+        job_rows(cell, strict=True)
 
 
 def test_one_without_memory_size_runs_on_the_reference_engine():
-    rows, _ = CellRun(cell_with(Plain()), "").rows()
+    rows, _ = job_rows(cell_with(Plain()))
     assert [row["status"] for row in rows] == ["ok", "ok"]
 
 

@@ -6,8 +6,7 @@ from scipy.stats import ks_2samp
 
 from jerkbench.disturbances.replayed_gnss import ReplayedGnss
 from jerkbench.errors import PluginError, RecordingError
-from jerkbench.jobs.cell import Protocol, build
-from jerkbench.jobs.key import cell_key, data_fingerprint
+from jerkbench.jobs.job import Protocol, build
 from jerkbench.recording import Position, Recording, Reference
 from jerkbench.traces import Trace, read_trace, trace_path, write_trace
 
@@ -140,7 +139,7 @@ def test_the_content_of_a_trace_stands_in_the_key(tmp_path):
         spec = {kind: {"name": name} for kind, name in PARTS.items()}
         spec["disturbance"] = [{"name": "replayed_gnss", "trace": trace}]
         cell = build(spec, Protocol())
-        return cell_key(cell, data_fingerprint(cell.dataset, cell.disturbances))
+        return cell.key
 
     path = own_trace(tmp_path, np.arange(20), np.ones((20, 3)))
     before = key(path)

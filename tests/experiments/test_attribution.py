@@ -11,7 +11,7 @@ import pytest
 
 import jerkbench
 from experiment_scripts import experiment
-from jerkbench.audit.methods import Method
+from jerkbench.audit.methods import AuditMethod
 from jerkbench.audit.page import sections_in
 from jerkbench.jobs.cluster import Local
 
@@ -93,7 +93,7 @@ def test_an_audit_takes_the_section_and_the_figure_along(tmp_path):
 
 def test_only_the_knobs_that_are_tuned_differ_from_the_naive_ones(protocol):
     scenario = protocol.scenarios[0]
-    space = naive_space(Method("jerk", "mtf").space(scenario), naive())
+    space = naive_space(AuditMethod("jerk", "mtf").space(scenario), naive())
     assert dict(zip(space.names, space.start, strict=True))["filter.accel_mps2"] == 0.02  # conf/noise/naive.yaml
     for subset, parts in (({Q}, {"filter"}), ({R}, {"r_scale", "adaptation"}), (set(), set())):
         settings = np.array(subset_settings(space, frozenset(subset), 8))

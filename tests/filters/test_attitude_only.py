@@ -8,7 +8,7 @@ import pytest
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.evaluation.evaluated_run import evaluate_run, run_status
 from jerkbench.filters.attitude_only import AttitudeOnlyFilter
-from jerkbench.jobs.cell import Protocol, build
+from jerkbench.jobs.job import Protocol, build
 from jerkbench.jobs.names import refusal
 from jerkbench.plugins import create, names
 from synthetic import level_attitude, recording_at_rest

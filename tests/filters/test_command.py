@@ -15,9 +15,8 @@ import jerkbench
 from commands import PATIENCE_S
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.filters.command import command_words, program_files
-from jerkbench.jobs.cell import Protocol
-from jerkbench.jobs.key import cell_key
-from jerkbench.jobs.names import cell_of_parts
+from jerkbench.jobs.job import Protocol
+from jerkbench.jobs.names import job_of_parts
 from processes import alive
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "any_language"
@@ -161,7 +160,7 @@ def test_another_build_of_a_program_is_another_result(tmp_path):
     def key():
         filter_part = {"name": "command", "command": command}
         single = {"dataset": SHORT, "attitude": None, "filter": filter_part, "adaptation": "none", "engine": "compiled"}
-        return cell_key(cell_of_parts(single, [], None, Protocol()), "")
+        return job_of_parts(single, [], None, Protocol()).key
 
     command = script(tmp_path, "exit 0")
     first, again = key(), key()

@@ -5,18 +5,18 @@ import pytest
 
 from commands import SHORT, swept, verb
 from jerkbench import api
-from jerkbench.jobs.cell import Protocol
-from jerkbench.jobs.names import cell_of_parts
+from jerkbench.hydra_app.looks import forecast, lines
+from jerkbench.jobs.job import Protocol
+from jerkbench.jobs.names import job_of_parts
+from jerkbench.jobs.plan import planned
 from jerkbench.results.store import Store
-from jerkbench.sweep.looks import forecast, lines
-from jerkbench.sweep.sweep import plan_sweep
 
 FIELD = {"name": "field", "duration_s": 12}
 
 
 def plan_of(*filters, seeds=4):
     single = {"dataset": FIELD, "attitude": None, "adaptation": None, "engine": None}
-    return plan_sweep([cell_of_parts({**single, "filter": f}, [], None, Protocol(seeds=seeds)) for f in filters])
+    return planned([job_of_parts({**single, "filter": f}, [], None, Protocol(seeds=seeds)) for f in filters])
 
 
 def test_a_dry_sweep_says_what_it_would_do_and_does_nothing(tmp_path):

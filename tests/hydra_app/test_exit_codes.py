@@ -16,7 +16,7 @@ def test_a_single_run_that_diverged_is_a_result(tmp_path):
 def test_a_sweep_with_a_diverged_run_is_one_too_and_one_with_a_failed_run_is_not(tmp_path, monkeypatch):
     done = verb("run", "-m", *SHORT, "divergence_limit_m=1e-9", "adaptation=none,mtf", cwd=tmp_path)
     assert done.returncode == 0
-    monkeypatch.setattr("jerkbench.jobs.rows.CellRun.once", lambda *_: 1 / 0)
+    monkeypatch.setattr("jerkbench.jobs.rows.run_seed", lambda *_: 1 / 0)
     monkeypatch.setattr("jerkbench.jobs.rows.streams", lambda _: False)
     assert verb("run", "-m", *SHORT, "study=failing", "adaptation=none,mtf", cwd=tmp_path).returncode == 1
 

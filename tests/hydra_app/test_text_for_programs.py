@@ -36,7 +36,7 @@ def test_other_words_and_those_in_quotation_marks_stay_as_they_are():
 
 def test_the_words_of_run_describe_the_same_cell():
     words = composed(["dataset=field", "dataset.duration_s=30", "filter=command", "filter.command=sh {out}", "seeds=2"])
-    cell = words.cell(label="mine")
+    cell = words.job(label="mine")
 
     assert cell.labels.dataset == "field(duration_s=30)"
     assert cell.labels.filter == "mine(program)"

@@ -6,9 +6,10 @@ import pytest
 
 from jerkbench.errors import PluginError
 from jerkbench.jobs import key as keys_of_cells
-from jerkbench.jobs.cell import Protocol, build, joined
-from jerkbench.jobs.key import cell_key
+from jerkbench.jobs.job import Protocol, build
+from jerkbench.jobs.labels import joined
 from jerkbench.jobs.names import refusal
+from made_jobs import with_data
 
 SPEC = {
     "dataset": {"name": "field"},
@@ -27,9 +28,9 @@ def cell(protocol=None, **changed):
 def test_noise_that_is_set_replaces_the_filters_own_and_the_rest_is_left_alone():
     noise = {"accel_mps2": 0.7, "jerk_mps3_per_sqrt_s": 3.0, "bias_mps2_per_sqrt_s": None}
 
-    assert cell(noise=noise).filter.accel_mps2 == 0.7
-    assert cell(noise=noise, filter={"name": "jerk"}).filter.jerk_mps3_per_sqrt_s == 3.0
-    assert cell(noise=noise, filter={"name": "jerk"}).filter.initial_jerk_mps3 == 20.0
+    assert cell(noise=noise).method.filter.accel_mps2 == 0.7
+    assert cell(noise=noise, filter={"name": "jerk"}).method.filter.jerk_mps3_per_sqrt_s == 3.0
+    assert cell(noise=noise, filter={"name": "jerk"}).method.filter.initial_jerk_mps3 == 20.0
     assert cell(noise=noise, filter={"name": "gnss_only"}).spec["filter"] == {"name": "gnss_only"}
 
 
@@ -39,20 +40,20 @@ def test_a_random_cell_has_its_seeds_and_a_deterministic_one_its_phases():
     assert list(cell(Protocol(seeds=3, first_seed=7)).draws) == [7, 8, 9]
     assert list(cell(dataset=drive).draws) == [0]
     assert list(cell(dataset=drive, disturbance=[{"name": "withhold", "every": 4}]).draws) == [0, 1, 2, 3]
-    assert not cell(dataset=drive).seeded
-    assert cell(dataset=drive, disturbance=[{"name": "imu_bias"}]).seeded
+    assert not cell(dataset=drive).scenario.seeded
+    assert cell(dataset=drive, disturbance=[{"name": "imu_bias"}]).scenario.seeded
 
 
 def test_the_cell_can_be_made_again_from_its_own_specification():
     first = cell(filter={"name": "jerk", "accel_mps2": 0.3}, noise={"jerk_mps3_per_sqrt_s": 5.0})
-    again = build(first.spec, first.protocol, first.labels)
+    again = build(first.spec, Protocol(), first.labels)
 
-    assert cell_key(first, "data") == cell_key(again, "data")
+    assert with_data(first, "data").key == with_data(again, "data").key
 
 
 def test_the_key_depends_on_everything_that_the_rows_depend_on(monkeypatch):
     keys = [
-        cell_key(one, data)
+        with_data(one, data).key
         for one, data in [
             (cell(), "data"),
             (cell(), "other data"),
@@ -64,17 +65,17 @@ def test_the_key_depends_on_everything_that_the_rows_depend_on(monkeypatch):
         ]
     ]
     monkeypatch.setattr(keys_of_cells, "code_digest", lambda: "an edit")
-    keys.append(cell_key(cell(), "data"))
+    keys.append(with_data(cell(), "data").key)
 
     assert len(set(keys)) == len(keys)
-    assert cell_key(cell(), "data") == keys[-1]
+    assert with_data(cell(), "data").key == keys[-1]
 
 
 def test_the_order_of_disturbances_matters_and_the_label_names_them():
     both = [{"name": "imu_bias"}, {"name": "gnss_outage"}]
 
     assert cell(disturbance=both).labels.disturbance == "imu_bias+gnss_outage"
-    assert cell_key(cell(disturbance=both), "") != cell_key(cell(disturbance=both[::-1]), "")
+    assert with_data(cell(disturbance=both), "").key != with_data(cell(disturbance=both[::-1]), "").key
     assert joined(["none", "imu_bias"]) == "imu_bias"
     assert joined(["none"]) == "none"
 
@@ -113,14 +114,14 @@ def test_no_burn_in_and_no_limit_are_possible():
 def test_seeds_do_not_change_the_key_of_a_cell():
     few, many = (cell(Protocol(seeds=n, first_seed=n)) for n in (2, 20))
 
-    assert cell_key(few, "data") == cell_key(many, "data")
+    assert with_data(few, "data").key == with_data(many, "data").key
 
 
 def test_the_key_depends_on_the_versions_of_the_libraries(monkeypatch):
-    before = cell_key(cell(), "data")
+    before = with_data(cell(), "data").key
     monkeypatch.setattr(keys_of_cells, "versions", lambda: {"numpy": "another"})
 
-    assert cell_key(cell(), "data") != before
+    assert with_data(cell(), "data").key != before
 
 
 METRICS = {"none": [], "all": ["all"], "two": ["log_score", "coverage", "log_score"]}

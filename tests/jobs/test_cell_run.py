@@ -4,7 +4,7 @@ import pytest
 
 from jerkbench.errors import PluginError
 from jerkbench.jobs import rows as run
-from jerkbench.jobs.cell import Protocol, build
+from jerkbench.jobs.job import Protocol, build
 
 SPEC = {
     "dataset": {"name": "field", "duration_s": 20.0},
@@ -18,7 +18,7 @@ SPEC = {
 
 def rows_of(limit_m, **changed):
     cell = build({**SPEC, **changed}, Protocol(seeds=3, divergence_limit_m=limit_m))
-    rows, notes = run.CellRun(cell, "").rows()
+    rows, notes = run.job_rows(cell)
     assert notes == ["Reference of field: simulated truth; independent of the measurements."]
     return rows
 
@@ -67,10 +67,10 @@ def test_what_the_engine_raises_is_a_failed_row_and_no_slower_run(monkeypatch):
     monkeypatch.setattr(CompiledEngine, "run_settings", broken)
     monkeypatch.setattr(CompiledEngine, "run", lambda *given: alone.append(given))
     cell = build(SPEC, Protocol(seeds=3))
-    rows, _ = run.CellRun(cell, "").rows()
+    rows, _ = run.job_rows(cell)
 
     assert [row["status"] for row in rows] == ["failed"] * 3
     assert all("the engine is broken" in row["reason"] for row in rows)
     with pytest.raises(PluginError, match="the engine is broken"):
-        run.CellRun(cell, "", on_error="raise").rows()
+        run.job_rows(cell, strict=True)
     assert alone == []

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import jerkbench
 from jerkbench.jobs import key
-from jerkbench.jobs.cell import metric_names
+from jerkbench.jobs.job import metric_names
 from jerkbench.plugins import PACKAGES, _registry
 
 PACKAGE = Path(jerkbench.__file__).parent
@@ -71,7 +71,7 @@ def test_every_computing_room_exists():
 
 def test_an_edit_counts_where_something_is_computed(tmp_path, monkeypatch):
     monkeypatch.setattr(key, "PACKAGE", tmp_path)
-    names = ("filters/one.py", "hydra_app/messages.py", "tuning/search.py", "jobs/cell.py", "jobs/key.py")
+    names = ("filters/one.py", "hydra_app/messages.py", "tuning/search.py", "jobs/job.py", "jobs/key.py")
     for name in names:
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text("1")
@@ -83,8 +83,8 @@ def test_an_edit_counts_where_something_is_computed(tmp_path, monkeypatch):
             if key.code_digest.__wrapped__(*rooms) != before:
                 yield name
 
-    assert list(changes()) == ["filters/one.py", "jobs/cell.py"]
-    assert list(changes("tuning")) == ["filters/one.py", "tuning/search.py", "jobs/cell.py"]
+    assert list(changes()) == ["filters/one.py", "jobs/job.py"]
+    assert list(changes("tuning")) == ["filters/one.py", "tuning/search.py", "jobs/job.py"]
 
 
 def test_a_metric_from_elsewhere_is_computed_where_it_is_asked_for(monkeypatch):

@@ -3,8 +3,8 @@
 import pytest
 
 from jerkbench.filters.imm import InteractingMultipleModels
-from jerkbench.jobs.cell import Protocol, build
-from jerkbench.jobs.rows import CellRun
+from jerkbench.jobs.job import Protocol, build
+from jerkbench.jobs.rows import job_rows as rows_of_job
 
 SPEC = {
     "dataset": {"name": "field", "duration_s": 10.0},
@@ -16,7 +16,7 @@ SPEC = {
 
 
 def rows_of(engine):
-    rows, _ = CellRun(build({**SPEC, "engine": {"name": engine}}, Protocol(seeds=2)), "").rows()
+    rows, _ = rows_of_job(build({**SPEC, "engine": {"name": engine}}, Protocol(seeds=2)))
     return rows
 
 

@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import pytest
 
-from jerkbench.jobs.cell import Protocol, build
 from jerkbench.jobs.cluster import ClusterError
-from jerkbench.jobs.dispatch import Pack, run_packed
-from jerkbench.jobs.identity import Foreign, identity_of, refusal
+from jerkbench.jobs.dispatch import Parcel, run_packed
+from jerkbench.jobs.identity import Foreign, identity_of, worker_refusal
+from jerkbench.jobs.job import Protocol, build
 
 SPEC = {
     "dataset": {"name": "field"},
@@ -27,23 +27,23 @@ def identity():
 
 def test_the_process_that_planned_may_run_its_plan(identity):
     assert identity.plugins == ()
-    assert refusal(identity) == ""
+    assert worker_refusal(identity) == ""
 
 
 def test_other_versions_are_named_with_both(identity):
     other = tuple((name, "1.2.3" if name == "numpy" else version) for name, version in identity.versions)
-    sentence = refusal(replace(identity, versions=other))
+    sentence = worker_refusal(replace(identity, versions=other))
 
     assert f"The worker on {socket.gethostname()} has numpy {dict(identity.versions)['numpy']} for 1.2.3;" in sentence
 
 
 def test_other_code_is_refused(identity):
-    assert "has other code of jerkbench" in refusal(replace(identity, code="0" * 64))
+    assert "has other code of jerkbench" in worker_refusal(replace(identity, code="0" * 64))
 
 
 def test_a_plugin_that_the_worker_does_not_have_is_named(identity):
     missing = Foreign("filter doubting", "doubting_elsewhere", "Doubting", "")
-    sentence = refusal(replace(identity, plugins=(missing,)))
+    sentence = worker_refusal(replace(identity, plugins=(missing,)))
 
     assert "lacks the filter doubting (doubting_elsewhere): ModuleNotFoundError" in sentence
     assert "Install its package there" in sentence
@@ -52,9 +52,9 @@ def test_a_plugin_that_the_worker_does_not_have_is_named(identity):
 def test_another_version_of_a_plugin_is_refused(identity):
     other = Foreign("filter jerk", "jerkbench.filters.jerk", "Jerk", "another")
 
-    assert "another version of the filter jerk" in refusal(replace(identity, plugins=(other,)))
+    assert "another version of the filter jerk" in worker_refusal(replace(identity, plugins=(other,)))
 
 
 def test_nothing_of_a_plan_is_read_before_the_identity_is_known(identity):
     with pytest.raises(ClusterError, match="other code"):
-        run_packed(Pack(replace(identity, code=""), "", b"no pickle"))
+        run_packed(Parcel(replace(identity, code=""), "", b"no pickle"))

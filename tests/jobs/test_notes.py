@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from jerkbench.jobs.cell import Protocol, build
+from jerkbench.jobs.job import Protocol, build
 from jerkbench.jobs.rows import notes_of
 from jerkbench.recording import Imu
 
@@ -12,7 +12,7 @@ def told(without_s):
     names = {"attitude": "tilt", "filter": "baseline", "adaptation": "none", "engine": "compiled"}
     parts = {part: {"name": name} for part, name in names.items()}
     cell = build({"dataset": {"name": "field", "duration_s": 8.0}, "disturbance": [], **parts}, Protocol(seeds=1))
-    recording = cell.dataset.load(0)
+    recording = cell.scenario.dataset.load(0)
     imu = recording.imu
     kept = (imu.t_s <= 3.0) | (imu.t_s > 3.0 + without_s)
     silent = replace(recording, imu=Imu(imu.t_s[kept], imu.accel_mps2[kept], imu.gyro_radps[kept]))

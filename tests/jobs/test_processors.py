@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from jerkbench.jobs.pool import processor_kind
+from jerkbench.jobs.key import processor_kind
 
 CPUINFO = Path("/proc/cpuinfo")
 FLAGS = {"sse2": "sse2", "sse4.2": "sse4_2", "avx": "avx", "avx2": "avx2", "fma": "fma", "avx512f": "avx512f"}

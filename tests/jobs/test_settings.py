@@ -7,16 +7,16 @@ import weakref
 import pytest
 
 from jerkbench.adaptation.mtf import Mtf
-from jerkbench.evaluation.metrics.position import PositionRmse
 from jerkbench.filters.eskf15 import Eskf15
 from jerkbench.filters.imm import InteractingMultipleModels
 from jerkbench.filters.jerk import Jerk
 from jerkbench.filters.rts import RauchTungStriebel
-from jerkbench.jobs.cell import Protocol
 from jerkbench.jobs.inputs import Inputs
-from jerkbench.jobs.names import cell_of_parts
-from jerkbench.jobs.rows import CellRun, pieces
+from jerkbench.jobs.job import Protocol
+from jerkbench.jobs.names import job_of_parts
+from jerkbench.jobs.rows import Task, job_rows, work
 from jerkbench.timeline import RScale
+from made_jobs import with_method
 
 FIELD = {"name": "field", "duration_s": 12.0}
 DRAWS = (3, 4, 5)
@@ -24,18 +24,20 @@ DRAWS = (3, 4, 5)
 
 def cell_of(model="jerk", adaptation="mtf", engine="compiled", disturbance="none"):
     single = {"dataset": FIELD, "attitude": None, "filter": model, "adaptation": adaptation, "engine": engine}
-    cell = cell_of_parts(single, [disturbance], None, Protocol(seeds=3, first_seed=3))
-    return dataclasses.replace(cell, metrics=(PositionRmse(),), spec={**cell.spec, "metrics": ["position_rmse"]})
+    return job_of_parts(single, [disturbance], None, Protocol(seeds=3, first_seed=3), ["position_rmse"])
 
 
 def alone(cell):
-    return [(row["status"], row["position_rmse_m"]) for row in CellRun(cell, "").rows(DRAWS)[0]]
+    return [(row["status"], row["position_rmse_m"]) for row in job_rows(cell, DRAWS)[0]]
 
 
 def together(cells):
-    inputs = Inputs()
-    done = zip(*pieces([CellRun(cell, "", inputs=inputs) for cell in cells], DRAWS), strict=True)
-    return [[(row["status"], row["position_rmse_m"]) for rows, _ in of_cell for row in rows] for of_cell in done]
+    inputs, rest, rows = Inputs(), Task(tuple(cells), DRAWS), [[] for _ in cells]
+    while rest is not None:
+        results, rest = work(rest, inputs=inputs)
+        for own, result in zip(rows, results, strict=True):
+            own += [(row["status"], row["position_rmse_m"]) for row in result.rows]
+    return rows
 
 
 def settings_of(cell):
@@ -45,7 +47,7 @@ def settings_of(cell):
         {"r_scale": RScale(position=3.0)},
         {"filter": Jerk(jerk_mps3_per_sqrt_s=0.5), "r_scale": RScale(0.5, 2.0)},
     ]
-    return [cell, *(dataclasses.replace(cell, **change) for change in changes)]
+    return [cell, *(with_method(cell, **change) for change in changes)]
 
 
 @pytest.mark.parametrize("disturbance", ["none", "noise_step"])
@@ -57,14 +59,14 @@ def test_each_setting_has_the_rows_that_it_has_alone(disturbance):
 
 
 def test_a_base_that_is_told_something_is_not_told_it_twice():
-    cell = dataclasses.replace(cell_of(), r_scale=RScale(position=5.0))
+    cell = with_method(cell_of(), r_scale=RScale(position=5.0))
 
     assert together([cell])[0] == alone(cell)
 
 
 def test_a_lost_run_is_a_row_that_says_so():
     cell = cell_of()
-    lost = dataclasses.replace(cell, protocol=dataclasses.replace(cell.protocol, divergence_limit_m=1e-3))
+    lost = dataclasses.replace(cell, scoring=dataclasses.replace(cell.scoring, divergence_limit_m=1e-3))
 
     assert {status for status, _ in together([lost])[0]} == {"diverged"}
 
@@ -80,7 +82,7 @@ def test_a_lost_run_is_a_row_that_says_so():
 )
 def test_settings_of_an_estimator_have_the_rows_that_they_have_alone(name, model):
     cell = cell_of(name)
-    cells = [cell, *(dataclasses.replace(cell, **change) for change in ({"filter": model}, {"r_scale": RScale(4.0)}))]
+    cells = [cell, *(with_method(cell, **change) for change in ({"filter": model}, {"r_scale": RScale(4.0)}))]
 
     rows = together(cells)
 
@@ -93,7 +95,7 @@ def test_settings_of_an_estimator_have_the_rows_that_they_have_alone(name, model
 @pytest.mark.parametrize(("model", "engine"), [("gnss_only", "compiled"), ("baseline", "filterpy")])
 def test_what_does_not_run_side_by_side_runs_one_after_the_other(model, engine):
     cell = cell_of(model, "none", engine)
-    told = dataclasses.replace(cell, r_scale=RScale(position=4.0))
+    told = with_method(cell, r_scale=RScale(position=4.0))
 
     assert together([cell, told]) == [alone(cell), alone(told)]
 
@@ -104,7 +106,7 @@ def test_inputs_go_with_their_last_reference():
     gc.disable()
     try:
         inputs = Inputs()
-        recording = weakref.ref(inputs.recording(cell_of(), "", 3))
+        recording = weakref.ref(inputs.recording(cell_of().scenario, 3))
         assert recording() is not None
         del inputs
         assert recording() is None

@@ -7,10 +7,10 @@ import pytest
 
 from commands import SHORT, verb
 from jerkbench.files import write_text
+from jerkbench.jobs import run
+from jerkbench.jobs.run import Tally
 from jerkbench.results.manifest import MANIFEST, read_manifest
 from jerkbench.results.store import Store
-from jerkbench.sweep import tasks
-from jerkbench.sweep.sweep import Tally
 
 WORDS = ("run", "-m", *SHORT, "filter=jerk,baseline", "adaptation=none,mtf")
 
@@ -32,7 +32,7 @@ def interrupted_after(cells, monkeypatch):
         return add(tally, task, result)
 
     monkeypatch.setattr(Tally, "add", adding)
-    monkeypatch.setattr(tasks, "HELD_S", 0.0)
+    monkeypatch.setattr(run, "HELD_S", 0.0)
 
 
 @pytest.mark.slow

@@ -5,7 +5,7 @@ import pytest
 from commands import verb
 from jerkbench import api
 from jerkbench.filters.command import Command
-from jerkbench.jobs.cell import replaced
+from jerkbench.jobs.job import replaced
 from jerkbench.results.replay import program_of, runnable
 from jerkbench.results.store import Store
 from jerkbench.results.study import load_study

@@ -7,10 +7,10 @@ import pandas as pd
 import pytest
 
 from jerkbench.errors import JerkbenchError
+from jerkbench.jobs.run import Block
 from jerkbench.results import store as store_of_cells
 from jerkbench.results.manifest import read_manifest, write_manifest
-from jerkbench.results.part_files import PartFiles
-from jerkbench.results.parts import Block
+from jerkbench.results.parts import PartFiles
 from jerkbench.results.store import MANY, Store
 from stored_cells import about, row
 

@@ -5,16 +5,16 @@ import re
 import pytest
 
 from jerkbench.errors import JerkbenchError, PluginError, RecordingError
-from jerkbench.jobs.cell import Protocol, build
+from jerkbench.jobs.job import Protocol, build
+from jerkbench.jobs.plan import planned
+from jerkbench.jobs.run import Block
 from jerkbench.report.analysis.findings import findings
 from jerkbench.report.analysis.study_verdicts import study_verdicts
 from jerkbench.report.tables.summary import summarise
-from jerkbench.results.comparability import other_methods, require_alike
 from jerkbench.results.manifest import write_manifest
-from jerkbench.results.parts import Block
+from jerkbench.results.selection import other_methods, require_alike
 from jerkbench.results.store import Store
 from jerkbench.results.study import load_study, write_study
-from jerkbench.sweep.sweep import plan_sweep
 from stored_cells import LABELS, about, put, row
 
 KEYS_OF_TWO = ("a" * 20, "b" * 20)
@@ -147,8 +147,8 @@ def shards(*first_seeds, seeds=2, **changed):
 
 
 def test_shards_of_one_cell_are_planned_as_one_and_no_seed_runs_twice():
-    assert [list(one.draws) for one in plan_sweep(shards(0, 2, 7)).cells] == [[0, 1, 2, 3, 7, 8]]
-    assert [list(one.draws) for one in plan_sweep(shards(0, 2, seeds=4)).cells] == [list(range(6))]
+    assert [list(one.draws) for one in planned(shards(0, 2, 7)).jobs] == [[0, 1, 2, 3, 7, 8]]
+    assert [list(one.draws) for one in planned(shards(0, 2, seeds=4)).jobs] == [list(range(6))]
 
 
 def test_rows_of_shards_are_joined_and_other_seeds_are_left_out_and_said(tmp_path):
@@ -170,7 +170,7 @@ def test_two_combinations_that_the_table_could_not_tell_apart_are_refused_before
     cells = [build({**SPEC, "engine": {"name": name}}, Protocol()) for name in ("filterpy", "compiled")]
 
     with pytest.raises(PluginError, match="differ in engine"):
-        plan_sweep(cells)
+        planned(cells)
 
 
 @pytest.mark.parametrize("name", ["tilt", "gyro_only"])
@@ -179,9 +179,9 @@ def test_a_yaw_source_that_no_recording_has_ends_the_sweep_before_anything_runs(
     there = build({**SPEC, "dataset": dataset, "attitude": {"name": name, "yaw_source": "dual_antenna"}}, Protocol())
     absent = build({**SPEC, "dataset": dataset, "attitude": {"name": name, "yaw_source": "odometry"}}, Protocol())
 
-    assert len(plan_sweep([there]).cells) == 1
+    assert len(planned([there]).jobs) == 1
     with pytest.raises(RecordingError, match="dual_antenna"):
-        plan_sweep([there, absent])
+        planned([there, absent])
 
 
 @pytest.mark.parametrize(("first", "second", "words"), UNLIKE.values(), ids=UNLIKE)

@@ -5,10 +5,10 @@ from dataclasses import replace
 import pytest
 
 from jerkbench.hydra_app import single_run as single
-from jerkbench.jobs.cell import Protocol, build
-from jerkbench.jobs.rows import CellRun
+from jerkbench.jobs.job import Protocol, build
+from jerkbench.jobs.plan import planned
+from jerkbench.jobs.rows import run_seed
 from jerkbench.results.titles import file_stem, with_title
-from jerkbench.sweep.sweep import plan_sweep
 
 SPEC = {
     "attitude": {"name": "tilt"},
@@ -46,14 +46,14 @@ def test_a_long_title_has_several_lines(make_short):
 def test_the_figures_of_a_single_run_have_it(tmp_path, monkeypatch):
     names = []
     monkeypatch.setattr(single, "draw_run", lambda cell, recording, *_, **__: names.append(recording.name))
-    (one,) = plan_sweep([cell(FIELD, {"name": "imu_bias"})]).cells
+    (one,) = planned([cell(FIELD, {"name": "imu_bias"})]).jobs
     single.draw_single(one, tmp_path)
     assert names == ["field, imu_bias, seed 7"]
 
 
 @pytest.fixture(scope="module")
 def make_short():
-    recording, _ = CellRun(cell(FIELD, {"name": "none"}), "").once(7)
+    recording, _ = run_seed(cell(FIELD, {"name": "none"}), 7)
     return lambda name: replace(recording, name=name)
 
 

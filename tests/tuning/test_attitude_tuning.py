@@ -1,14 +1,15 @@
 """`jerkbench tune` of attitude filters alone: their own ranges and switches, scored by the inclination."""
 
 import json
+from types import SimpleNamespace
 
 import pytest
 import yaml
 
 from commands import jerkbench, verb
 from jerkbench.errors import RecordingError
-from jerkbench.jobs.cell import Protocol
-from jerkbench.jobs.names import cell_of_parts
+from jerkbench.jobs.job import Protocol
+from jerkbench.jobs.names import job_of_parts
 from jerkbench.tuning.evaluate import require_scorable
 from jerkbench.tuning.objectives import objective_of
 from jerkbench.tuning.space import space_of
@@ -29,7 +30,7 @@ def tuned(tmp_path_factory):
 
 def cell_of(attitude, model="attitude_only"):
     single = {"dataset": "field", "attitude": attitude, "filter": model, "adaptation": "none", "engine": "compiled"}
-    return cell_of_parts(single, [], None, Protocol())
+    return job_of_parts(single, [], None, Protocol())
 
 
 def test_several_attitude_filters_are_several_methods_with_equal_budgets(tuned):
@@ -66,7 +67,7 @@ def test_under_a_filter_that_navigates_the_attitude_is_no_part_of_the_search():
 
 
 def test_what_lacks_an_attitude_is_refused():
-    cases = by_seeds([cell_of("mekf")], Seeds(1, 0, 1)).tune
+    (case,) = by_seeds([cell_of("mekf")], Seeds(1, 0, 1)).tune
 
     with pytest.raises(RecordingError, match="no reference attitude, so objective=inclination has nothing"):
-        require_scorable(objective_of("inclination"), cases, lambda _: None)
+        require_scorable(objective_of("inclination"), case, SimpleNamespace(reference=None))

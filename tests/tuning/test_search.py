@@ -8,17 +8,18 @@ import pytest
 from linear_gaussian import R_POSITION, R_VELOCITY, SIGMA_A, Level, LinearGaussian
 
 from jerkbench.errors import JerkbenchError, PluginError
-from jerkbench.jobs.cell import Protocol
-from jerkbench.jobs.names import cell_of_parts
-from jerkbench.sweep import sweep as sweep_module
+from jerkbench.jobs import run as loop
+from jerkbench.jobs.job import Protocol
+from jerkbench.jobs.names import job_of_parts
 from jerkbench.timeline import RScale
-from jerkbench.tuning.curves import budget_curve, intervals
-from jerkbench.tuning.evaluate import Evaluator, Runs
+from jerkbench.tuning.curves import budget_curve, knob_intervals
+from jerkbench.tuning.evaluate import Evaluator, RunPlace
 from jerkbench.tuning.objectives import LOST, objective_of
 from jerkbench.tuning.outcome import Effort, tune
 from jerkbench.tuning.search import Budget, equal_budgets, score, search
 from jerkbench.tuning.space import space_of
 from jerkbench.tuning.splits import Seeds, by_seeds
+from made_jobs import with_method, with_scenario
 
 TRUTH = {"filter.accel_mps2": SIGMA_A, "r_scale.position": R_POSITION, "r_scale.velocity": R_VELOCITY}
 SHORT = LinearGaussian(duration_s=12.0)
@@ -26,8 +27,8 @@ SHORT = LinearGaussian(duration_s=12.0)
 
 def cell_of(dataset=SHORT, model="baseline", adaptation="none", **replaced):
     single = {"dataset": "field", "attitude": None, "filter": model, "adaptation": adaptation, "engine": "compiled"}
-    cell = cell_of_parts(single, ["none"], None, Protocol())
-    return dataclasses.replace(cell, dataset=dataset, attitude=Level(), **replaced)
+    job = job_of_parts(single, ["none"], None, Protocol())
+    return with_method(with_scenario(job, dataset=dataset, attitude=Level()), **replaced)
 
 
 @pytest.fixture
@@ -37,7 +38,7 @@ def evaluator_of(tmp_path):
 
     def made(cell, objective="rmse", chosen=(), folder=None):
         place = folder or tmp_path / str(next(numbers))
-        return Evaluator(space_of(cell, chosen), objective_of(objective), 1, Runs(place))
+        return Evaluator(space_of(cell, chosen), objective_of(objective), 1, RunPlace(place))
 
     return made
 
@@ -49,7 +50,7 @@ def test_the_likelihood_finds_the_true_noises(evaluator_of):
     found = search(evaluator, by_seeds([cell], Seeds(8, 0, 8)), Budget(256))
 
     for name, value, (low, high) in zip(
-        evaluator.space.names, found.setting, intervals(evaluator.space, found), strict=True
+        evaluator.space.names, found.setting, knob_intervals(evaluator.space, found), strict=True
     ):
         assert value == pytest.approx(TRUTH[name], rel=0.4), name
         assert low <= TRUTH[name] <= high < 12 * low, name
@@ -67,7 +68,7 @@ def test_the_truth_lies_in_the_intervals_of_what_cannot_be_told_apart(objective,
     found = search(evaluator, by_seeds([cell], Seeds(8, 0, 8)), Budget(128))
 
     for name, value, (low, high) in zip(
-        evaluator.space.names, found.setting, intervals(evaluator.space, found), strict=True
+        evaluator.space.names, found.setting, knob_intervals(evaluator.space, found), strict=True
     ):
         assert low <= TRUTH[name] <= high, (name, value)
         assert high / low < 12, name
@@ -112,8 +113,8 @@ def test_the_parts_share_no_seed():
 def test_an_interrupted_search_goes_on_where_it_was_with_the_same_result(tmp_path, monkeypatch, evaluator_of):
     cell, tried = cell_of(), []
     cases = by_seeds([cell], Seeds(1, 1, 1))
-    original, ran = sweep_module.pieces, []
-    monkeypatch.setattr(sweep_module, "pieces", lambda runs, draws: ran.append(len(runs)) or original(runs, draws))
+    original, ran = loop.work, []
+    monkeypatch.setattr(loop, "work", lambda task, **how: ran.append(len(task.jobs)) or original(task, **how))
     whole = search(evaluator_of(cell), cases, Budget(40, finalists=2))
 
     def stop(count):
@@ -207,7 +208,7 @@ def test_another_restart_is_another_scramble(tmp_path):
     cases = by_seeds([cell], Seeds(1, 0, 2))
     effort = Effort(objective_of("rmse"), Budget(4), restarts=3)
 
-    tuning = tune("baseline-none", cases, space_of(cell), effort, Runs(tmp_path))
+    tuning = tune("baseline-none", cases, space_of(cell), effort, RunPlace(tmp_path))
 
     assert len({restart.setting for restart in tuning.restarts} | {tuning.setting}) == 3
     assert tuning.setting == tuning.restarts[0].setting
@@ -228,17 +229,17 @@ def test_whole_numbers_stay_whole():
     space = space_of(cell)
     applied = space.applied(cell, space.setting(np.full(len(space.knobs), 0.5)))
 
-    assert applied.adaptation.window == 7
-    assert isinstance(applied.adaptation.window, int)
-    assert applied.filter.accel_mps2 == pytest.approx(np.sqrt(0.01 * 10.0))
+    assert applied.method.adaptation.window == 7
+    assert isinstance(applied.method.adaptation.window, int)
+    assert applied.method.filter.accel_mps2 == pytest.approx(np.sqrt(0.01 * 10.0))
     assert applied.spec["adaptation"]["window"] == 7
 
 
 @pytest.mark.parametrize("edited", ["plugin_digest", "code_digest"])
 def test_an_edited_plugin_gets_none_of_its_old_losses(edited, monkeypatch, tmp_path, evaluator_of):
     cell, ran = cell_of(), []
-    cases, original = by_seeds([cell], Seeds(2, 0, 2)), sweep_module.pieces
-    monkeypatch.setattr(sweep_module, "pieces", lambda runs, draws: ran.append(len(runs)) or original(runs, draws))
+    cases, original = by_seeds([cell], Seeds(2, 0, 2)), loop.work
+    monkeypatch.setattr(loop, "work", lambda task, **how: ran.append(len(task.jobs)) or original(task, **how))
     for _ in range(2):
         search(evaluator_of(cell, folder=tmp_path), cases, Budget(2))
     assert ran == [2]  # the setting before the search is the plain filter's

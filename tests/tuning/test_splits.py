@@ -7,27 +7,28 @@ import pytest
 from linear_gaussian import Level, LinearGaussian
 
 from jerkbench.errors import PluginError, RecordingError
-from jerkbench.jobs.cell import Protocol
-from jerkbench.jobs.names import cell_of_parts
-from jerkbench.tuning.evaluate import Evaluator, Runs
+from jerkbench.jobs.job import Protocol
+from jerkbench.jobs.names import job_of_parts
+from jerkbench.tuning.evaluate import Evaluator, RunPlace
 from jerkbench.tuning.excerpts import ended_at, scored_from
 from jerkbench.tuning.objectives import objective_of
 from jerkbench.tuning.search import Budget, score, search
 from jerkbench.tuning.space import space_of
 from jerkbench.tuning.splits import Seeds, by_families, by_recordings, by_seeds, by_time
+from made_jobs import with_scenario
 
 SINGLE = {"dataset": "field", "attitude": None, "filter": "baseline", "adaptation": "none", "engine": "compiled"}
 FEW = Seeds(tune=2, choose=1, test=2)
 
 
 def cell_of(disturbance="none", dataset="field"):
-    return cell_of_parts({**SINGLE, "dataset": dataset}, [disturbance], None, Protocol())
+    return job_of_parts({**SINGLE, "dataset": dataset}, [disturbance], None, Protocol())
 
 
 def drive(**changed):
     """A recording on which nothing is random, and the cell over it."""
-    cell = dataclasses.replace(cell_of(), dataset=Drive(**changed), attitude=Level())
-    assert not cell.seeded
+    cell = with_scenario(cell_of(), dataset=Drive(**changed), attitude=Level())
+    assert not cell.scenario.seeded
     return cell
 
 
@@ -54,7 +55,7 @@ class Drive:
 def test_by_time_nothing_after_the_share_is_read_while_tuning(tmp_path):
     trials = []
     for name, cell in {"whole": drive(), "spoilt": drive(spoilt_after_s=6.0)}.items():
-        evaluator = Evaluator(space_of(cell), objective_of("rmse"), 1, Runs(tmp_path / name))
+        evaluator = Evaluator(space_of(cell), objective_of("rmse"), 1, RunPlace(tmp_path / name))
         found = search(evaluator, by_time([cell], FEW), Budget(3))
         trials.append((found, score(evaluator, found.setting, by_time([cell], FEW).test)))
 
@@ -85,8 +86,8 @@ def test_a_family_that_is_held_out_is_scored_and_never_tuned_on_and_the_nominal_
 
     cases = by_families(cells, ["outliers", "imu_bias"], FEW)
 
-    assert [case.cell.labels.disturbance for case in cases.tune] == ["none", "wheel_slip"]
-    assert sorted(case.cell.labels.disturbance for case in cases.test) == ["imu_bias", "none", "outliers"]
+    assert [case.labels.disturbance for case in cases.tune] == ["none", "wheel_slip"]
+    assert sorted(case.labels.disturbance for case in cases.test) == ["imu_bias", "none", "outliers"]
     seen = {draw for case in (*cases.tune, *cases.choose) for draw in case.draws}
     assert not seen & {draw for case in cases.test for draw in case.draws}
 
@@ -96,8 +97,8 @@ def test_a_recording_that_is_held_out_is_never_tuned_on():
 
     cases = by_recordings(cells, ["field_combined"], FEW)
 
-    assert [case.cell.labels.dataset for case in cases.tune] == ["field"]
-    assert [case.cell.labels.dataset for case in cases.test] == ["field_combined"]
+    assert [case.labels.dataset for case in cases.tune] == ["field"]
+    assert [case.labels.dataset for case in cases.test] == ["field_combined"]
 
 
 def test_seeds_of_what_is_not_random_are_refused():
@@ -106,7 +107,7 @@ def test_seeds_of_what_is_not_random_are_refused():
 
 
 def test_scenarios_of_two_methods_are_refused():
-    other = cell_of_parts({**SINGLE, "filter": "jerk"}, ["none"], None, Protocol())
+    other = job_of_parts({**SINGLE, "filter": "jerk"}, ["none"], None, Protocol())
 
     with pytest.raises(PluginError, match="different values of filter"):
         by_seeds([cell_of(), other], FEW)

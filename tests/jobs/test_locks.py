@@ -8,12 +8,12 @@ import sys
 import filelock
 import pytest
 
-from jerkbench.sweep import locks as module
-from jerkbench.sweep.locks import Locks
+from jerkbench.jobs import locks as module
+from jerkbench.jobs.locks import Locks
 
 OTHER = """
 import sys, pathlib
-from jerkbench.sweep.locks import Locks
+from jerkbench.jobs.locks import Locks
 with Locks(pathlib.Path(sys.argv[1]), "plan") as own:
     print(own.take(7), flush=True)
     sys.stdin.read()

@@ -9,16 +9,16 @@ import pandas as pd
 import pytest
 
 from jerkbench.engines.filterpy_engine import FilterpyEngine
-from jerkbench.filters.jerk import Jerk
-from jerkbench.jobs.cell import Protocol, build
+from jerkbench.jobs import rows as rows_module
 from jerkbench.jobs.cluster import Lent, Workers
 from jerkbench.jobs.dispatch import TRIES
 from jerkbench.jobs.inputs import KEPT
-from jerkbench.jobs.rows import CellRun
+from jerkbench.jobs.job import Protocol, build
+from jerkbench.jobs.plan import Plan, grouped, planned
+from jerkbench.jobs.rows import job_rows, work
+from jerkbench.jobs.run import run_missing
 from jerkbench.results.store import Store
-from jerkbench.sweep import sweep
-from jerkbench.sweep.sweep import joined_plan, plan_sweep, planned, rows_of, run_sweep, run_task
-from jerkbench.sweep.tasks import grouped
+from made_jobs import with_method
 
 SEEDS = KEPT + 3
 
@@ -46,13 +46,13 @@ def cell(adaptation, **dataset):
 
 @pytest.fixture
 def plan():
-    return plan_sweep([cell("none"), cell("mtf")])
+    return planned([cell("none"), cell("mtf")])
 
 
 def test_the_pieces_of_a_group_share_their_seeds(plan):
-    groups = grouped(plan.cells)
+    groups = grouped(plan.jobs)
 
-    assert [[(task.cells[0].cell.labels.adaptation, task.draws) for task in group] for group in groups] == [
+    assert [[(task.jobs[0].labels.adaptation, task.draws) for task in group] for group in groups] == [
         [("none", range(4, 4 + KEPT)), ("mtf", range(4, 4 + KEPT))],
         [("none", range(4 + KEPT, 4 + SEEDS)), ("mtf", range(4 + KEPT, 4 + SEEDS))],
     ]
@@ -62,11 +62,11 @@ def test_a_cell_in_pieces_has_the_rows_of_the_whole_one(plan, tmp_path):
     store = Store(tmp_path)
     store.prepare()
 
-    run_sweep(plan, store)
+    run_missing(plan, store)
 
-    for one in plan.cells:
+    for one in plan.jobs:
         (stored,), _ = store.read([one.key])
-        rows, notes = CellRun(one.cell, one.fingerprint).rows()
+        rows, notes = job_rows(one)
         pd.testing.assert_frame_equal(stored.rows, pd.DataFrame(rows), check_exact=True)
         assert stored.metadata["notes"] == notes
 
@@ -87,7 +87,7 @@ class Fragile(Executor):
 
     def submit(self, run, pack):
         (task,) = pickle.loads(pack.content)[1]  # noqa: S301 - packed by this test
-        self.sizes.append(len(task.cells))
+        self.sizes.append(len(task.jobs))
         future = Future()
         if self.dies(task):
             future.set_exception(ChildProcessError("it died"))
@@ -97,58 +97,58 @@ class Fragile(Executor):
 
 
 def test_a_piece_that_is_lost_is_a_piece_of_failed_rows_and_runs_again(plan, tmp_path):
-    store, lost = Store(tmp_path), plan.cells[0]
+    store, lost = Store(tmp_path), plan.jobs[0]
     store.prepare()
 
-    run_sweep(plan, store, Workers(Fragile(lambda task: task.cells[0].key == lost.key and task.draws[0] != 4)))
+    run_missing(plan, store, Workers(Fragile(lambda task: task.jobs[0].key == lost.key and task.draws[0] != 4)))
     (stored,), _ = store.read([lost.key])
     assert list(stored.rows["seed"]) == list(range(4, 4 + SEEDS))
     assert list(stored.rows["status"]) == ["ok"] * KEPT + ["failed"] * 3
     assert set(stored.rows["reason"][KEPT:]) == {"ChildProcessError: the process that ran it died (it died)"}
     assert len(store.known([lost.key])[lost.key]) == KEPT
 
-    run_sweep(plan, store)
+    run_missing(plan, store)
     (again,), _ = store.read([lost.key])
-    pd.testing.assert_frame_equal(again.rows, pd.DataFrame(CellRun(lost.cell, "").rows()[0]), check_exact=True)
+    pd.testing.assert_frame_equal(again.rows, pd.DataFrame(job_rows(lost)[0]), check_exact=True)
 
 
 def test_a_task_whose_time_is_up_comes_back_with_its_rest(plan, monkeypatch):
-    monkeypatch.setattr(sweep, "BUDGET_S", 0.0)
-    alone = joined_plan(planned([(replace(plan.cells[0].cell, engine=FilterpyEngine()), range(4, 7))]))
-    task = grouped(alone.cells)[0][0]
+    monkeypatch.setattr(rows_module, "BUDGET_S", 0.0)
+    alone = replace(with_method(plan.jobs[0], engine=FilterpyEngine()), draws=range(4, 7))
+    task = grouped([alone])[0][0]
 
-    done = run_task(task)
+    done = work(task)
 
     assert [len(result.rows) for result in done.results] == [1]
     assert list(done.rest.draws) == [5, 6]
-    assert run_task(done.rest._replace(draws=[6])).rest is None
+    assert work(done.rest._replace(draws=[6])).rest is None
 
 
 def test_the_bundles_of_a_plan_are_the_same_whatever_is_left_of_it(plan, monkeypatch):
-    monkeypatch.setattr("jerkbench.sweep.tasks.BUNDLES", 2)
-    whole = [task for group in grouped(plan.cells) for task in group]
-    of = {(one.key, task.draws[0]): task.bundle for task in whole for one in task.cells}
-    half = grouped(plan.cells, {plan.cells[0].key: ()})
+    monkeypatch.setattr("jerkbench.jobs.plan.BUNDLES", 2)
+    whole = [task for group in grouped(plan.jobs) for task in group]
+    of = {(one.key, task.draws[0]): task.bundle for task in whole for one in task.jobs}
+    half = grouped(plan.jobs, {plan.jobs[0].key: ()})
 
     assert sorted(of.values()) == [0, 0, 1, 1]
-    assert [([one.key for one in task.cells], task.bundle) for group in half for task in group] == [
-        ([plan.cells[1].key], 0),
-        ([plan.cells[1].key], 1),
+    assert [([one.key for one in task.jobs], task.bundle) for group in half for task in group] == [
+        ([plan.jobs[1].key], 0),
+        ([plan.jobs[1].key], 1),
     ]
 
 
 def test_of_cells_that_share_their_calls_the_one_that_ends_its_process_is_told_apart(tmp_path):
     base = cell("none")
-    told = [{"name": "jerk", "accel_mps2": accel} for accel in (0.1, 0.2, 0.4)]
-    cells = [replace(base, filter=Jerk(own["accel_mps2"]), spec={**base.spec, "filter": own}) for own in told]
-    plan, store = joined_plan(planned((one, range(4)) for one in cells)), Store(tmp_path)
-    bad = plan.cells[1].key
-    cluster = Fragile(lambda task: bad in [one.key for one in task.cells])
+    told = [{"accel_mps2": accel} for accel in (0.1, 0.2, 0.4)]
+    plan = Plan(tuple(replace(base.at({"filter": own}), draws=range(4)) for own in told))
+    store = Store(tmp_path)
+    bad = plan.jobs[1].key
+    cluster = Fragile(lambda task: bad in [one.key for one in task.jobs])
 
-    run_sweep(plan, store, Workers(cluster), least=8)
+    run_missing(plan, store, Workers(cluster), least=8)
 
-    assert cluster.sizes == [3] * TRIES + [1, 1, *[1] * TRIES]
-    rows = rows_of(plan.cells, store, ["position_rmse_m"])
+    assert cluster.sizes == [3] + [1] * (2 + TRIES - 1)  # the first loss was its too
+    rows = store.rows(plan.jobs, ["position_rmse_m"])
     assert list(rows["status"]) == ["ok"] * 4 + ["failed"] * 4 + ["ok"] * 4
-    alone = [row["position_rmse_m"] for row in CellRun(cells[2], "").rows(range(4))[0]]
+    alone = [row["position_rmse_m"] for row in job_rows(plan.jobs[2])[0]]
     assert list(rows["position_rmse_m"][8:]) == alone

@@ -1,8 +1,7 @@
 """Bundles shared with other processes: locked before they run, left out where another process has run them already."""
 
 import hashlib
-from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
@@ -12,17 +11,16 @@ from uuid import uuid4
 from filelock import FileLock, Timeout
 
 from jerkbench.notices import notify
-from jerkbench.sweep.tasks import Planned, Task, Writer
 
 FOLDER = ".locks"
 """The folder of the locks, in the study's."""
 
 
-def plan_name(cells: Iterable[Planned]) -> str:
-    """Name a plan, whose bundles have the same numbers in every process that has it."""
+def plan_name(draws: Mapping[str, Sequence[int]]) -> str:
+    """Name a plan by its keys and their seeds; its bundles have the same numbers in every process."""
     sha = hashlib.sha256()
-    for planned in cells:
-        sha.update(f"{planned.key} {planned.draws}\n".encode())
+    for key, own in draws.items():
+        sha.update(f"{key} {own}\n".encode())
     return sha.hexdigest()[:12]
 
 
@@ -94,38 +92,3 @@ class Locks:
             return False
         self._release(mark.name)
         return True
-
-
-class Shared:
-    """The tasks of one round, as far as they are for this process."""
-
-    def __init__(self, locks: Locks, writer: Writer, groups: Iterable[Sequence[Task]], seen: set[str]) -> None:
-        """Begin with ``groups`` of which the runs in the files ``seen`` are left out already."""
-        self._locks, self._writer = locks, writer
-        self._left = Counter(task.bundle for group in groups for task in group)
-        self._taken: dict[int, bool] = {}
-        self._done: set[tuple[str, int]] = set()
-        self._seen = seen
-
-    def admitted(self, tasks: Sequence[Task]) -> list[Task]:
-        """Return those of some tasks of one bundle that are to run here."""
-        bundle = tasks[0].bundle
-        if bundle not in self._taken:
-            self._taken[bundle] = self._locks.take(bundle)
-        if not self._taken[bundle]:
-            return []
-        self._done.update(self._writer.store.newer_runs(self._seen))
-        done = [task for task in tasks if self._is_done(task)]
-        for task in done:
-            self.settle(task)
-        return [task for task in tasks if task not in done]
-
-    def _is_done(self, task: Task) -> bool:
-        return all((planned.key, draw) in self._done for planned in task.cells for draw in task.draws)
-
-    def settle(self, task: Task) -> None:
-        """Count a task as done; with the last one the bundle is anybody's again."""
-        self._left[task.bundle] -= 1
-        if not self._left[task.bundle]:
-            self._writer.flush()  # before anybody else may have the bundle
-            self._locks.release(task.bundle)

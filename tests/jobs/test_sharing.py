@@ -5,14 +5,17 @@ import threading
 import pytest
 
 from commands import PATIENCE_S
-from jerkbench.jobs.cell import Labels, Protocol, build
+from jerkbench.jobs import plan as planning
+from jerkbench.jobs import rows as rows_module
+from jerkbench.jobs import run as loop
 from jerkbench.jobs.inputs import KEPT
-from jerkbench.jobs.rows import CellRun
+from jerkbench.jobs.job import Protocol, build
+from jerkbench.jobs.labels import Labels
+from jerkbench.jobs.locks import Locks
+from jerkbench.jobs.plan import planned
+from jerkbench.jobs.rows import Result, job_rows
+from jerkbench.jobs.run import Known, Shared, Writer, block_of, run_missing
 from jerkbench.results.store import Store
-from jerkbench.sweep import sweep, tasks
-from jerkbench.sweep.locks import Locks, Shared
-from jerkbench.sweep.sweep import plan_sweep, run_sweep
-from jerkbench.sweep.tasks import Writer, block_of
 
 
 def cell(duration_s, seeds):
@@ -39,22 +42,23 @@ def cell(duration_s, seeds):
 @pytest.mark.parametrize(("durations", "seeds"), [(range(4, 10), 1), (range(4, 6), KEPT + 2)])
 def test_two_sweeps_share_their_cells(durations, seeds, tmp_path, monkeypatch):
     """Each waits in its first run until the other has come to its own: both are at work."""
-    monkeypatch.setattr(tasks, "BUNDLES", 3)
-    monkeypatch.setattr(sweep, "POLL_S", 0.02)
-    plan = plan_sweep([cell(float(duration), seeds) for duration in durations])
-    original, ran, both, met = sweep.pieces, [], threading.Barrier(2, timeout=PATIENCE_S), set()
+    monkeypatch.setattr(planning, "BUNDLES", 3)
+    monkeypatch.setattr(loop, "POLL_S", 0.02)
+    monkeypatch.setattr(rows_module, "BUDGET_S", PATIENCE_S)  # on a slow machine, too, a task is one piece
+    plan = planned([cell(float(duration), seeds) for duration in durations])
+    original, ran, both, met = loop.work, [], threading.Barrier(2, timeout=PATIENCE_S), set()
 
-    def pieces(runs, draws):
+    def work(task, **how):
         if threading.get_ident() not in met:
             met.add(threading.get_ident())
             both.wait()
-        ran.extend((run.cell.labels.dataset, tuple(draws)) for run in runs)
-        yield from original(runs, draws)
+        ran.extend((job.labels.dataset, tuple(task.draws)) for job in task.jobs)
+        return original(task, **how)
 
-    monkeypatch.setattr(sweep, "pieces", pieces)
+    monkeypatch.setattr(loop, "work", work)
     store = Store(tmp_path)
     store.prepare()
-    sweeps = [threading.Thread(target=run_sweep, args=(plan, store)) for _ in range(2)]
+    sweeps = [threading.Thread(target=run_missing, args=(plan, store)) for _ in range(2)]
     for thread in sweeps:
         thread.start()
     for thread in sweeps:
@@ -67,14 +71,14 @@ def test_two_sweeps_share_their_cells(durations, seeds, tmp_path, monkeypatch):
 
 
 def test_what_another_process_has_stored_meanwhile_is_left_out(tmp_path):
-    plan = plan_sweep([cell(4.0, 1), cell(5.0, 1)])
-    groups = tasks.grouped(plan.cells)
+    plan = planned([cell(4.0, 1), cell(5.0, 1)])
+    groups = planning.grouped(plan.jobs)
     store = Store(tmp_path)
     store.prepare()
     with Locks(tmp_path / ".locks", "plan") as locks, Writer(store) as writer:
-        shared = Shared(locks, writer, groups, set())
-        planned = plan.cells[0]
-        (row,), notes = CellRun(planned.cell, planned.fingerprint).rows()
-        Store(tmp_path).write_blocks([block_of(planned, tasks.Result([row], notes, 0.1))])
+        shared = Shared(groups, Known(store, plan.jobs), locks, writer)
+        job = plan.jobs[0]
+        (row,), notes = job_rows(job)
+        Store(tmp_path).write_blocks([block_of(job, Result([row], notes))])
 
         assert [shared.admitted(group) for group in groups] == [[], groups[1]]

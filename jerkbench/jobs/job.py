@@ -1,12 +1,10 @@
-"""A cell: one combination of data set, disturbances, attitude, filter, adaptation and noise, with all its seeds."""
+"""A job: one combination of a scenario, a method and a way to score it, with the seeds to run of it."""
 
 import dataclasses
 import json
 import math
-import re
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import fields
-from functools import cache, lru_cache
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cache, cached_property, lru_cache
 from typing import Any, NamedTuple
 
 from jerkbench import plugins
@@ -20,115 +18,16 @@ from jerkbench.contracts import (
     Filter,
     Labelled,
     Metric,
+    ReadingFile,
 )
 from jerkbench.errors import PluginError
 from jerkbench.evaluation.evaluated_run import LIMIT_M
+from jerkbench.jobs.key import data_fingerprint, key_of
+from jerkbench.jobs.labels import GROUPS, Labels, default_labels
 from jerkbench.notices import notify
 from jerkbench.optional import on_request
 from jerkbench.plain import plain
-from jerkbench.renamed import new_name
-from jerkbench.timeline import AS_REPORTED, RScale, scale_of
-
-# Labels of a combination: names of its choices, with the parameters that were set.
-
-
-class Labels(NamedTuple):
-    """The names of the parts of a cell in the tables."""
-
-    dataset: str
-    disturbance: str
-    attitude: str
-    filter: str
-    adaptation: str
-    noise: str
-
-
-def default_labels(spec: Mapping[str, Any]) -> Labels:
-    """The plugins' own names."""
-    names = {kind: spec[kind]["name"] for kind in ("dataset", "attitude", "filter", "adaptation")}
-    noise = _with_told("default", spec)
-    return Labels(disturbance=joined(d["name"] for d in spec["disturbance"]), noise=noise, **names)
-
-
-def joined(names: Iterable[str]) -> str:
-    """One name for a list of disturbances; `none` only when it is the only one."""
-    several = list(names)
-    return "+".join(name for name in several if name != "none") or "none"
-
-
-GROUPS = ("dataset", "attitude", "filter", "adaptation", "engine")
-"""Groups of which a configuration holds one plugin; `disturbance` holds several."""
-
-
-def labels_of(spec: dict[str, Any], choices: Mapping[str, Any], overrides: list[str]) -> Labels:
-    """Names of the choices, with the parameters that the overrides set in parentheses."""
-    changed = _parameters(overrides)
-    names = {kind: _named(str(choices[kind]), changed.get(kind, [])) for kind in GROUPS if kind != "engine"}
-    disturbance = _disturbance_label(spec, choices, overrides, changed)
-    noise = _with_told(_noise_label(spec, choices, changed), spec)
-    return Labels(disturbance=disturbance, noise=noise, **names)
-
-
-def contradiction(labels: Mapping[str, str], spec: Mapping[str, Any]) -> str:
-    """Return how the label of a stored cell names another plugin than the one that ran; empty where none does.
-
-    A label that is no plugin's name is a preset's, maybe of another machine: it is believed. A program has the name
-    that it gives itself.
-    """
-    disturbances = spec["disturbance"] or [{"name": "none"}]
-    ran = {kind: {new_name(kind, spec[kind]["name"])} for kind in ("dataset", "attitude", "filter", "adaptation")}
-    ran["disturbance"] = {new_name("disturbance", disturbance["name"]) for disturbance in disturbances}
-    for kind, names in ran.items():
-        if labels[kind].endswith("(program)"):
-            continue
-        heads = re.sub(r"\([^()]*\)", "", labels[kind]).split("+")
-        wrong = [head for head in heads if head not in names and head in plugins.names(kind)]
-        if wrong:
-            return f"{kind}={wrong[0]} is {', '.join(sorted(map(str, names)))}"
-    return ""
-
-
-def _disturbance_label(
-    spec: dict[str, Any], choices: Mapping[str, Any], overrides: list[str], changed: dict[str, list[str]]
-) -> str:
-    """The chosen names, presets too, in their order; parameters stand with the plugin that they belong to."""
-    listed = [word.partition("=")[2].strip("[]") for word in overrides if word.startswith("disturbance=")]
-    chosen = listed[-1] if listed else str(choices.get("disturbance") or "")
-    names = [name.strip() for name in chosen.split(",") if name.strip()] or [d["name"] for d in spec["disturbance"]]
-    also = [d["name"] for d in spec["disturbance"] if d["name"] not in names and f"disturbance.{d['name']}" in changed]
-    return joined(_named(name, changed.get(f"disturbance.{name}", [])) for name in [*names, *also])
-
-
-def _noise_label(spec: dict[str, Any], choices: Mapping[str, Any], changed: dict[str, list[str]]) -> str:
-    """The preset or the swept values; "default" for a filter that has none of the fields."""
-    own = {f.name for f in fields(plugins.get("filter", spec["filter"]["name"]))}
-    if not own & {key for key, value in spec["noise"].items() if value is not None}:
-        return "default"
-    preset = str(choices["noise"])
-    parameters = [p for p in changed.get("noise", []) if p.split("=")[0] in own]
-    return ", ".join(parameters) if preset == "default" else _named(preset, parameters)
-
-
-def _with_told(noise: str, spec: Mapping[str, Any]) -> str:
-    """The noise with the factors on the reported R that are not 1: both are what the filter is told of noise."""
-    told = [f"r_scale.{name}={value:g}" for name, value in scale_of(spec.get("r_scale")).changed.items()]
-    return ", ".join([*([noise] if noise != "default" or not told else []), *told])
-
-
-def _parameters(overrides: list[str]) -> dict[str, list[str]]:
-    """Parameters set by overrides, "key=value", for each plugin; places of files are no label."""
-    parameters: dict[str, dict[str, str]] = {}
-    for override in overrides:
-        key, _, value = override.lstrip("+~").partition("=")
-        owner, _, name = key.rpartition(".")
-        if owner and not key.startswith("hydra") and "/" not in value and name not in ("folder", "file"):
-            parameters.setdefault(owner, {})[name] = value.lower() if value in ("True", "False") else value
-    return {owner: [f"{name}={value}" for name, value in values.items()] for owner, values in parameters.items()}
-
-
-def _named(name: str, parameters: list[str]) -> str:
-    return f"{name}({', '.join(parameters)})" if parameters else name
-
+from jerkbench.timeline import RScale, scale_of
 
 # The names of the metrics of a cell: those that are asked for, or those by default.
 
@@ -237,79 +136,174 @@ Config = Mapping[str, Any]
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Cell:
-    """A cell, ready to run.
+class Scenario:
+    """What is driven, and what goes wrong.
 
     Attributes:
-        labels: what tables call its parts.
-        spec: its parts as plain data: kind -> {"name": ..., parameters}; `build` makes the same cell from it.
-        protocol: how it is run and scored.
         dataset: source of the recordings.
         disturbances: applied in this order.
         attitude: attitude filter.
-        filter: kinematic filter, or estimator.
-        adaptation: rule that adapts R.
-        engine: what runs a kinematic filter.
-        metrics: what is computed from each run.
-        r_scale: what the filter is told of the reported R.
+        plain: the same as plain data: kind -> {"name": ..., parameters}, of the disturbances a list.
     """
 
-    labels: Labels
-    spec: Config
-    protocol: Protocol
     dataset: Dataset
     disturbances: tuple[Disturbance, ...]
     attitude: AttitudeFilter
-    filter: Filter | Estimator
-    adaptation: Adaptation
-    engine: Engine
-    metrics: tuple[Metric, ...]
-    r_scale: RScale = AS_REPORTED
+    plain: Config
+
+    @cached_property
+    def data(self) -> str:
+        """The identity of its data, when it was first asked for."""
+        return data_fingerprint(self.dataset, self.disturbances)
 
     @property
     def seeded(self) -> bool:
         """Whether anything in it is random."""
         return self.dataset.seeded or any(d.seeded for d in self.disturbances)
 
-    @property
-    def draws(self) -> range:
-        """The seeds to run; of a deterministic cell, the phases of its decimation."""
+    def draws(self, protocol: Protocol) -> range:
+        """Return the seeds to run; where nothing is random, the phases of its decimation."""
         if self.seeded:
-            return range(self.protocol.first_seed, self.protocol.first_seed + self.protocol.seeds)
+            return range(protocol.first_seed, protocol.first_seed + protocol.seeds)
         return range(max((d.replicates() for d in self.disturbances), default=1))
 
 
-def build(spec: Config, protocol: Protocol, labels: Labels | None = None) -> Cell:
-    """Make a cell from plain data.
+@dataclasses.dataclass(frozen=True, eq=False)
+class Method:
+    """What navigates.
+
+    Attributes:
+        filter: kinematic filter, or estimator.
+        adaptation: rule that adapts R.
+        engine: what runs a kinematic filter.
+        r_scale: what the filter is told of the reported R.
+        plain: the same as plain data, by the names of these.
+    """
+
+    filter: Filter | Estimator
+    adaptation: Adaptation
+    engine: Engine
+    r_scale: RScale
+    plain: Config
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Scoring:
+    """How runs are judged.
+
+    Attributes:
+        metrics: what is computed from each run.
+        names: of the metrics.
+        burn_in_s: errors count from this time on [s].
+        divergence_limit_m: a larger position error is a divergence [m].
+    """
+
+    metrics: tuple[Metric, ...]
+    names: tuple[str, ...]
+    burn_in_s: float
+    divergence_limit_m: float
+
+    @property
+    def limits(self) -> dict[str, float]:
+        """The numbers, by their names."""
+        return {"burn_in_s": self.burn_in_s, "divergence_limit_m": self.divergence_limit_m}
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Job:
+    """A combination, ready to run.
+
+    Attributes:
+        labels: what tables call its parts.
+        scenario: what is driven.
+        method: what navigates.
+        scoring: how runs are judged.
+        draws: its seeds, or phases, in order.
+    """
+
+    labels: Labels
+    scenario: Scenario
+    method: Method
+    scoring: Scoring
+    draws: Sequence[int]
+
+    @property
+    def spec(self) -> dict[str, Any]:
+        """Its parts as plain data; `build` makes the same job from it."""
+        return {**self.scenario.plain, **self.method.plain, "metrics": list(self.scoring.names)}
+
+    @cached_property
+    def key(self) -> str:
+        """A hash of all that its rows depend on but their seeds."""
+        model = self.method.filter
+        data = [self.scenario.data, model.fingerprint() if isinstance(model, ReadingFile) else ""]
+        what = {"labels": self.labels, "spec": self.spec, "protocol": self.scoring.limits, "data": data}
+        return key_of(what, (type(plugin) for _, _, plugin in self.parts()))
+
+    def part(self, kind: str) -> Any:  # noqa: ANN401 - the kind decides the contract
+        """Return the only plugin of a kind."""
+        return getattr(self.scenario if kind in self.scenario.plain else self.method, kind)
+
+    def at(self, values: Mapping[str, Config]) -> "Job":
+        """Return the job with other values of some parameters: filter, adaptation, r_scale, attitude -> values.
+
+        Raises:
+            PluginError: the plugin does not take values that are each in their range.
+        """
+        owners: dict[str, Any] = {"scenario": self.scenario, "method": self.method}
+        for kind, own in values.items():
+            name = "scenario" if kind in self.scenario.plain else "method"
+            owner = owners[name]
+            plain = {**owner.plain, kind: {**owner.plain[kind], **own}}
+            plugin = dataclasses.replace(getattr(owner, kind), **own)
+            owners[name] = dataclasses.replace(owner, plain=plain, **{kind: plugin}) if own else owner
+        return dataclasses.replace(self, **owners)
+
+    def parts(self) -> Iterator[tuple[str, str, Any]]:
+        """Yield kind and name of each plugin, and itself."""
+        spec = self.spec
+        for kind in GROUPS:
+            yield kind, spec[kind]["name"], self.part(kind)
+        for own, disturbance in zip(spec["disturbance"], self.scenario.disturbances, strict=True):
+            yield "disturbance", own["name"], disturbance
+        for name, metric in zip(self.scoring.names, self.scoring.metrics, strict=True):
+            yield "metric", name, metric
+
+
+def build(spec: Config, protocol: Protocol, labels: Labels | None = None) -> Job:
+    """Make a job from plain data.
 
     Args:
         spec: dataset, attitude, filter, adaptation, engine: {"name": ..., parameters}; disturbance: a list of such;
             noise (optional): parameters that replace the filter's own; r_scale (optional): factors on the reported R;
             metrics (optional): names, or "all".
-        protocol: how it is run and scored.
+        protocol: its seeds, and how runs are judged.
         labels: what tables call its parts; default: the plugins' names.
 
     Raises:
         PluginError: something is unknown or does not fit together.
     """
     noise = replaced(plugins.get("filter", spec["filter"]["name"]), spec.get("noise", {}))
-    single = {kind: _part(kind, spec[kind]) for kind in ("dataset", "attitude", "adaptation", "engine")}
-    single["filter"] = _part("filter", {**spec["filter"], **noise})
-    disturbances = [_part("disturbance", part) for part in spec["disturbance"]]
-    seeded = any(part.plugin.seeded for part in (single["dataset"], *disturbances))
-    metrics, r_scale = metric_names(spec.get("metrics") or (), seeded=seeded), scale_of(spec.get("r_scale"))
-    effective: dict[str, Any] = {kind: part.plain for kind, part in single.items()}
-    effective["r_scale"] = dataclasses.asdict(r_scale)
-    effective["disturbance"] = [part.plain for part in disturbances]
-    return Cell(
-        labels=_labels(labels or default_labels(effective), single["filter"].plugin),
-        spec={**effective, "metrics": list(metrics)},
-        protocol=protocol,
-        r_scale=r_scale,
-        disturbances=tuple(part.plugin for part in disturbances),
-        metrics=tuple(_part("metric", {"name": name}).plugin for name in metrics),
-        **{kind: part.plugin for kind, part in single.items()},
+    one = {kind: _part(kind, {**spec[kind], **(noise if kind == "filter" else {})}) for kind in GROUPS}
+    several, r_scale = [_part("disturbance", part) for part in spec["disturbance"]], scale_of(spec.get("r_scale"))
+    scenario = Scenario(
+        one["dataset"].plugin,
+        tuple(part.plugin for part in several),
+        one["attitude"].plugin,
+        {
+            "dataset": one["dataset"].plain,
+            "disturbance": [part.plain for part in several],
+            "attitude": one["attitude"].plain,
+        },
     )
+    own = {kind: one[kind] for kind in ("filter", "adaptation", "engine")}
+    plain = {**{kind: part.plain for kind, part in own.items()}, "r_scale": dataclasses.asdict(r_scale)}
+    method = Method(**{kind: part.plugin for kind, part in own.items()}, r_scale=r_scale, plain=plain)
+    names = metric_names(spec.get("metrics") or (), seeded=scenario.seeded)
+    metrics = tuple(_part("metric", {"name": name}).plugin for name in names)
+    scoring = Scoring(metrics, names, protocol.burn_in_s, protocol.divergence_limit_m)
+    named = _labels(labels or default_labels({**scenario.plain, **plain}), method.filter)
+    return Job(named, scenario, method, scoring, scenario.draws(protocol))
 
 
 def _labels(labels: Labels, model: Filter | Estimator) -> Labels:

@@ -7,10 +7,11 @@ import pytest
 
 from jerkbench.datasets.path import DrivenPath
 from jerkbench.io.files import fingerprint
-from jerkbench.jobs.cell import Protocol, build
 from jerkbench.jobs.inputs import shared_inputs
+from jerkbench.jobs.job import Protocol, build
+from jerkbench.jobs.plan import planned
+from jerkbench.jobs.run import run_missing
 from jerkbench.results.store import Store
-from jerkbench.sweep.sweep import plan_sweep, run_sweep
 
 
 def write(path, radius_m):
@@ -36,7 +37,7 @@ def plan(table):
         "adaptation": {"name": "none"},
         "engine": {"name": "compiled"},
     }
-    return plan_sweep([build(spec, Protocol(seeds=2))])
+    return planned([build(spec, Protocol(seeds=2))])
 
 
 @pytest.fixture(autouse=True)
@@ -47,7 +48,7 @@ def _nothing_in_memory():
 def rows_after_sweep(plan, folder):
     store = Store(folder)
     store.prepare()
-    run_sweep(plan, store)
+    run_missing(plan, store)
     (stored,), _ = store.read()
     return stored.rows
 

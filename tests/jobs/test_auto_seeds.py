@@ -7,10 +7,10 @@ import pytest
 
 from commands import swept
 from jerkbench.errors import PluginError
+from jerkbench.hydra_app.looks import typed
 from jerkbench.report.analysis.runs import VerdictRule
 from jerkbench.results.store import Store
 from jerkbench.results.study import load_study
-from jerkbench.sweep.looks import typed
 
 SHORT = ("dataset.duration_s=40", "figures=false", "workers=1")
 

@@ -2,7 +2,7 @@
 
 import dataclasses
 import re
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -11,7 +11,9 @@ import numpy as np
 from jerkbench.errors import PluginError
 from jerkbench.evaluation.statistics.judgement import Verdict
 from jerkbench.evaluation.statistics.seeds import FIRST, levels, looks
-from jerkbench.jobs.cell import Labels
+from jerkbench.jobs.job import Job
+from jerkbench.jobs.labels import Labels
+from jerkbench.jobs.plan import Plan, in_order, missing
 from jerkbench.jobs.progress import duration
 from jerkbench.report.analysis.runs import VerdictRule
 from jerkbench.report.analysis.study_verdicts import study_verdicts
@@ -20,8 +22,6 @@ from jerkbench.results.content import Stored
 from jerkbench.results.manifest import stretches
 from jerkbench.results.store import Store
 from jerkbench.results.study import Study
-from jerkbench.sweep.sweep import Plan
-from jerkbench.sweep.tasks import Planned, in_order, missing
 
 AUTO = re.compile(r"seeds=auto(?:\(max=(\d+)\))?")
 MOST = 400
@@ -59,28 +59,17 @@ def typed(word: str) -> list[str]:
 
 def planned_looks(plan: Plan, first: int, most: int) -> list[Look]:
     """Return every look, from ``first`` seeds to ``most``; where nothing is random, one."""
-    if most <= first or not any(planned.cell.seeded for planned in plan.cells):
+    if most <= first or not any(job.scenario.seeded for job in plan.jobs):
         return [Look(plan, 0.05, last=True)]
     sizes = looks(most, first)
     spent = zip(sizes, levels(sizes), strict=True)
     return [Look(_with_seeds(plan, size), float(level), size == most) for size, level in spent]
 
 
-def run_looks(
-    planned: Sequence[Look], store: Store, run: Callable[[Plan], int], load: Callable[[Look], Study]
-) -> tuple[Look, int]:
-    """Run the looks one after the other until all is decided; returns the last that was run, and its exit code.
-
-    The runs of a look are in the next one; what is stored of a later look is gone on from.
-    """
+def looks_left(planned: Sequence[Look], store: Store) -> Sequence[Look]:
+    """Return the last look whose runs are all stored, and those after it; the runs of a look are in the next one."""
     known = store.known(planned[-1].plan.draws)
-    begin = max((k for k, look in enumerate(planned) if _done(look, known)), default=0)
-    for look in planned[begin:]:
-        if code := run(look.plan):
-            return look, code
-        if look.last or not undecided(load(look), look.level):
-            return look, 0
-    raise AssertionError("The last look is the last.")
+    return planned[max((k for k, look in enumerate(planned) if _done(look, known)), default=0) :]
 
 
 def undecided(study: Study, level: float) -> int:
@@ -92,18 +81,18 @@ def undecided(study: Study, level: float) -> int:
 
 
 def _with_seeds(plan: Plan, seeds: int) -> Plan:
-    return dataclasses.replace(plan, cells=tuple(_planned(planned, seeds) for planned in plan.cells))
+    return dataclasses.replace(plan, jobs=tuple(_job_with_seeds(job, seeds) for job in plan.jobs))
 
 
-def _planned(planned: Planned, seeds: int) -> Planned:
-    if not planned.cell.seeded:
-        return planned
-    draws = {seed for first, _ in stretches(planned.draws) for seed in range(first, first + seeds)}
-    return dataclasses.replace(planned, draws=in_order(draws))
+def _job_with_seeds(job: Job, seeds: int) -> Job:
+    if not job.scenario.seeded:
+        return job
+    draws = {seed for first, _ in stretches(job.draws) for seed in range(first, first + seeds)}
+    return dataclasses.replace(job, draws=in_order(draws))
 
 
 def _done(look: Look, known: Mapping[str, Collection[int]]) -> bool:
-    return not any(missing(planned, known.get(planned.key, ())) for planned in look.plan.cells)
+    return not any(missing(job, known.get(job.key, ())) for job in look.plan.jobs)
 
 
 # The forecast of a sweep: what would run, what is there already, and about how long it takes.
@@ -128,9 +117,9 @@ class Forecast(NamedTuple):
 def forecast(plan: Plan, store: Store) -> Forecast:
     """Return the forecast of a plan, from the times of the cells in its study's folder and in those beside it."""
     known = store.known(plan.draws)
-    counts = {planned.key: len(missing(planned, known.get(planned.key, ()))) for planned in plan.cells}
+    counts = {job.key: len(missing(job, known.get(job.key, ()))) for job in plan.jobs}
     stored = [cell for folder in _studies(store.folder.parent) for cell in Store(folder).read()[0]]
-    seconds = float(sum(_run_s(planned, stored) * counts[planned.key] for planned in plan.cells if counts[planned.key]))
+    seconds = float(sum(_run_s(job, stored) * counts[job.key] for job in plan.jobs if counts[job.key]))
     return Forecast(plan, counts, seconds, len(stored))
 
 
@@ -139,20 +128,20 @@ def lines(forecast: Forecast, workers: int) -> Iterator[str]:
     yield from _constants(forecast.plan)
     varying = _varying(forecast.plan)
     yield f"{', '.join(varying)}:"
-    for planned in forecast.plan.cells:
-        left = forecast.missing[planned.key]
+    for job in forecast.plan.jobs:
+        left = forecast.missing[job.key]
         state = _count(left, "run") if left else "is done"
-        yield f"  {', '.join(getattr(planned.cell.labels, factor) for factor in varying)}: {state}"
+        yield f"  {', '.join(getattr(job.labels, factor) for factor in varying)}: {state}"
     yield from forecast.plan.refused
     runs, done = sum(forecast.missing.values()), list(forecast.missing.values()).count(0)
-    yield f"{_count(len(forecast.plan.cells), 'combination')}, {done} done; {_count(runs, 'run')} to do."
+    yield f"{_count(len(forecast.plan.jobs), 'combination')}, {done} done; {_count(runs, 'run')} to do."
     if runs:
         yield _time(forecast, workers)
 
 
 def _varying(plan: Plan) -> list[str]:
     """Return the factors that tell the cells apart; of a single cell all."""
-    labels = [planned.cell.labels for planned in plan.cells]
+    labels = [job.labels for job in plan.jobs]
     varying = [factor for factor in Labels._fields if len({getattr(of, factor) for of in labels}) > 1]
     return varying or list(Labels._fields)
 
@@ -161,7 +150,7 @@ def _constants(plan: Plan) -> Iterator[str]:
     """What is the same in every cell, where anything differs."""
     same = [factor for factor in Labels._fields if factor not in _varying(plan)]
     if same:
-        labels = plan.cells[0].cell.labels
+        labels = plan.jobs[0].labels
         yield f"In every cell: {', '.join(f'{factor} {getattr(labels, factor)}' for factor in same)}."
 
 
@@ -182,9 +171,9 @@ def _studies(folder: Path) -> Sequence[Path]:
     return sorted(path.parent for path in folder.parent.glob("*/cells") if path.is_dir())
 
 
-def _run_s(planned: Planned, known: Sequence[Stored]) -> float:
+def _run_s(job: Job, known: Sequence[Stored]) -> float:
     """The time of a run of a cell [s]: the median over what is most like it; NaN where nothing is."""
-    names = [planned.cell.spec[kind]["name"] for kind in ("dataset", "filter", "adaptation")]
+    names = [job.spec[kind]["name"] for kind in ("dataset", "filter", "adaptation")]
     for alike in (3, 2, 1):
         times = [
             cell.metadata["seconds"] / max(len(cell.rows), 1)
