@@ -8,7 +8,7 @@ from typing import Any, Literal, NamedTuple, cast
 
 import numpy as np
 
-from jerkbench.contracts import Adaptation, Batched, Engine, Estimator, Filter, PerSeed, Remarking, SideBySide
+from jerkbench.contracts import Adaptation, Batched, Engine, Estimator, Filter, PerSeed, Reading, Remarking, SideBySide
 from jerkbench.errors import JerkbenchError, PluginError
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.evaluation.counted_rows import require_begin
@@ -311,7 +311,8 @@ def _run_all(runs: Sequence[tuple[Cell, _Prepared]], threads: int, inputs: Input
     updates, attitude = "updates" in reads, "attitude" in reads
     models: list[Any] = [cell.filter for cell, _ in runs]
     rules = [cell.adaptation for cell, _ in runs]
-    bare = [Run(_told(cell, seed), seed.scored.scoring) for cell, seed in runs]
+    nees = any(getattr(metric, "reads_nees", not isinstance(metric, Reading)) for metric in first.metrics)
+    bare = [Run(_told(cell, seed), seed.scored.scoring if nees else seed.scored.errors_alone) for cell, seed in runs]
     if not isinstance(first.filter, Batched):
         engine = cast("SideBySide", first.engine)
         return engine.run_settings(bare, models, rules, updates=updates, threads=threads)
