@@ -4,6 +4,7 @@ import dataclasses
 import inspect
 import itertools
 import typing
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -11,7 +12,8 @@ from typing import Any, NamedTuple
 from jerkbench import plugins
 from jerkbench.errors import PluginError, unknown
 from jerkbench.notices import notify
-from jerkbench.parameters import origins_of, ranges_of
+from jerkbench.parameters import origins_of, provenance_of, ranges_of
+from jerkbench.presets import preset_files
 
 PRESET_GROUPS = ("noise", "experiment")
 """Groups that hold presets only."""
@@ -25,12 +27,14 @@ class CatalogueEntry(NamedTuple):
         summary: one line about it.
         preset: whether it is a file of values, and no class.
         package: the distribution's package that it comes from.
+        provenance: of a method: "published", "simplified" or "own".
     """
 
     name: str
     summary: str
     preset: bool = False
     package: str = "jerkbench"
+    provenance: str = ""
 
 
 def kinds_asked(kind: str | None) -> tuple[str, ...]:
@@ -77,13 +81,6 @@ def entries(kind: str) -> list[CatalogueEntry]:
     return [by_name[name] for name in sorted(by_name)]
 
 
-def preset_files(kind: str) -> dict[str, Path]:
-    """Return the file of each preset of a kind."""
-    from jerkbench.presets import config_folder
-
-    return {path.stem: path for path in sorted((config_folder() / kind).glob("*.yaml"))}
-
-
 def plugin_class(kind: str, name: str) -> type:
     """Return the class of a plugin.
 
@@ -101,9 +98,9 @@ def plugin_class(kind: str, name: str) -> type:
 def _plugins(kind: str) -> Iterator[CatalogueEntry]:
     for name in plugins.names(kind):
         cls = plugins.get(kind, name)
-        yield CatalogueEntry(
-            name, (inspect.getdoc(cls) or "").split("\n", 1)[0], package=cls.__module__.partition(".")[0]
-        )
+        summary, package = (inspect.getdoc(cls) or "").split("\n", 1)[0], cls.__module__.partition(".")[0]
+        known = provenance_of(cls)
+        yield CatalogueEntry(name, summary, package=package, provenance=known.kind if known else "")
 
 
 def _first_comment(path: Path) -> str:
@@ -136,7 +133,8 @@ def show_text(kind: str, name: str) -> str:
         return f"{kind} {name}: a preset\n\n{presets[name].read_text(encoding='utf-8').rstrip()}"
     cls = plugin_class(kind, name)
     usage = _usage(name, cls) if kind == "disturbance" else []
-    return "\n\n".join([f"{kind} {name}", *docstrings(cls), _defaults(cls), *usage, f"Defined in {home(cls)}."])
+    known = [f"Method: {known}"] if (known := provenance_of(cls)) else []
+    return "\n\n".join([f"{kind} {name}", *docstrings(cls), *known, _defaults(cls), *usage, f"Defined in {home(cls)}."])
 
 
 def _usage(name: str, cls: type) -> list[str]:
@@ -155,13 +153,16 @@ def docstrings(cls: type) -> list[str]:
 def _list_kind(kind: str) -> str:
     listed = entries(kind)
     width = max((len(entry.name) for entry in listed), default=0)
-    return "\n".join([kind, *(f"  {entry.name:<{width}}  {_line(entry)}" for entry in listed)])
+    counted = Counter(entry.provenance for entry in listed if entry.provenance)
+    heading = f"{kind} ({', '.join(f'{count} {name}' for name, count in counted.most_common())})" if counted else kind
+    return "\n".join([heading, *(f"  {entry.name:<{width}}  {_line(entry)}" for entry in listed)])
 
 
 def _line(entry: CatalogueEntry) -> str:
     if entry.preset:
         return f"{entry.summary} (preset)"
-    return entry.summary if entry.package == "jerkbench" else f"{entry.summary} [{entry.package}]"
+    said = ", ".join(filter(None, [entry.provenance, entry.package if entry.package != "jerkbench" else ""]))
+    return f"{entry.summary} [{said}]" if said else entry.summary
 
 
 def _defaults(cls: type) -> str:
@@ -221,7 +222,8 @@ def shown_json(kind: str, name: str) -> dict[str, Any]:
 
         return {**head, "values": OmegaConf.to_container(OmegaConf.load(presets[name]))}
     cls = plugin_class(kind, name)
-    return {**head, "docstrings": docstrings(cls), "parameters": _parameters(cls), "defined_in": home(cls)}
+    known = {"provenance": dataclasses.asdict(known)} if (known := provenance_of(cls)) else {}
+    return {**head, **known, "docstrings": docstrings(cls), "parameters": _parameters(cls), "defined_in": home(cls)}
 
 
 def _parameters(cls: type) -> list[dict[str, Any]]:

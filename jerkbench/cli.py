@@ -14,13 +14,14 @@ from typing import NoReturn
 
 from jerkbench.errors import INTERRUPTED, JerkbenchError, exit_with
 from jerkbench.plain import plain_output
+from jerkbench.presets import take_folders
 from jerkbench.removed import refuse_removed
 from jerkbench.verbs import VERBS
 
 RUN_HELP = """\
 jerkbench run [-m] [GROUP=NAME ...] [KEY=VALUE ...]
 
-Runs one combination, or with -m every combination of the values that are separated by commas.
+Runs one combination, or with -m all combinations of the values between commas.
 
   jerkbench run                                             the defaults: the baseline on the simulated field
   jerkbench run filter=jerk adaptation=mtf seeds=20
@@ -28,28 +29,31 @@ Runs one combination, or with -m every combination of the values that are separa
   jerkbench run -m noise.accel_mps2=0.1,0.2,0.5             a sweep of the process noise
   jerkbench run -m experiment=paper                         the paper's whole comparison
 
-GROUPs: dataset, disturbance, attitude, filter, adaptation, noise, engine, experiment. `jerkbench list` names what there
-is, `jerkbench show KIND NAME` the parameters. Several disturbances act in order: disturbance=[bias,gnss_outage].
+GROUPs: dataset, disturbance, attitude, filter, adaptation, noise, engine, experiment. `jerkbench list` names the
+plugins and presets, `jerkbench show KIND NAME` the parameters. Several disturbances act in order:
+disturbance=[imu_bias,gnss_outage].
 
-A parameter stands under its GROUP, and that of a disturbance under its name, as there may be several:
+Set a parameter as GROUP.PARAMETER=VALUE. For disturbances use disturbance.NAME.PARAMETER=VALUE, because a run can have
+several:
 
   jerkbench run adaptation=mtf adaptation.window=3
   jerkbench run disturbance=gnss_outage disturbance.gnss_outage.windows_s=[[50,60]]
 
-What a filter is told of the reported R, with the data as they are: r_scale.position=2 r_scale.velocity=0.5.
+r_scale.position=2 r_scale.velocity=0.5 scale the reported R that the filter gets; the data stay as they are.
 
 Other KEYs: study, results, seeds, first_seed, burn_in_s, divergence_limit_m, metrics, workers, cluster, figures,
-figures_pdf, report, notes, tags. With --dry it says what would run, what is left out and about how long it
-takes, and runs nothing.
-Results are in results/STUDY. A cell that is done is not run again; a sweep that was stopped goes on where it was.
+figures_pdf, report, notes, tags. --dry prints what would run, what is left out and how long it takes, and runs nothing.
+--config-dir DIR, with any verb, adds a folder with presets of your own (DIR/dataset/mine.yaml); several may be given.
+Results are in results/STUDY. A combination that is done is not run again. If you stop a sweep, the same command
+continues it.
 
-A configuration reads an environment variable (${oc.env:NAME}) only if JERKBENCH_ENV=NAME,... names it: its value
-would stand in names and tables.
+A configuration reads an environment variable (${oc.env:NAME}) only if JERKBENCH_ENV=NAME,... names it, because its
+value appears in names and tables.
 
-Exit codes: 0 all has run, also where a run diverged, which is a result; 1 a run failed, or something cannot be stored;
-2 the input is at fault; 130 interrupted.
+Exit codes: 0 all runs are done (a run that diverged is a result); 1 a run failed, or something cannot be stored;
+2 the input is wrong; 130 interrupted.
 
-What a plugin raises is a sentence; JERKBENCH_TRACEBACK=1 in the environment shows the traceback of a single run.
+An error of a plugin is one sentence. JERKBENCH_TRACEBACK=1 in the environment shows the traceback of a single run.
 
 It is a Hydra 1.3 app: --cfg job, --info, hydra/launcher=... and the rest work as Hydra documents them.
 """
@@ -82,6 +86,7 @@ def _guarded(words: list[str]) -> None:
         _require_installed()
         _require_date()
         refuse_removed(words)
+        words = take_folders(words)
         _require_room()
         with warnings.catch_warnings():
             warnings.showwarning = _one_line
@@ -202,7 +207,11 @@ def _answer(words: list[str]) -> None:
     """Answer a verb; a file that it cannot read or write becomes a sentence."""
     if words[:1] in ([], ["help"]):
         words = [*words[1:], "--help"]
-    chosen = _parser().parse_args(words)
+    chosen, behind = _parser().parse_known_args(words)
+    if behind and (not hasattr(chosen, "words") or any(word.startswith("-") for word in behind)):
+        _parser().error(f"unrecognized arguments: {' '.join(behind)}")
+    if behind:  # KEY=VALUE behind an option, which argparse does not put to those before it
+        chosen.words = [*chosen.words, *behind]
     try:
         chosen.answer(chosen)
     except BrokenPipeError:
@@ -226,6 +235,8 @@ def _parser() -> argparse.ArgumentParser:
         prog="jerkbench", description="Which navigation filter is better, by how much, on which recordings, and why?"
     )
     parser.add_argument("--version", action="version", version=_version())
+    presets = "a folder with presets of your own (DIR/dataset/mine.yaml), for every verb; it may be given several times"
+    parser.add_argument("--config-dir", metavar="DIR", help=presets)
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB")
     verbs.add_parser("run", help="run one combination, or with -m a sweep (jerkbench run --help)")
     for verb in VERBS:

@@ -12,6 +12,7 @@ from typing import ClassVar, Literal, Protocol, Self, runtime_checkable
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.estimate import Attitude, Estimate
+from jerkbench.parameters import Provenance
 from jerkbench.recording import Recording
 from jerkbench.sums import RecordedRun, Run, Streamed, Sums
 from jerkbench.timeline import Timeline
@@ -70,6 +71,13 @@ class Depending(Protocol):
     """
 
     depends_on: ClassVar[tuple[str, ...]]
+
+
+@runtime_checkable
+class Classified(Protocol):
+    """A filter or an adaptation that says what it is: as published, simplified, or its author's own."""
+
+    provenance: ClassVar[Provenance]
 
 
 # Data sets.
@@ -476,11 +484,17 @@ OPTIONAL: Mapping[str, tuple[type, ...]] = {
         ("attitude", (Requiring, Remarking)),
         (
             "filter",
-            (ManyLengths, Batched, UsingImu, AttitudeOnly, Requiring, PerSeed, Labelled, ReadingFile, Remarking),
+            (
+                *(Classified, ManyLengths, Batched, UsingImu, AttitudeOnly, Requiring, PerSeed, Labelled, ReadingFile),
+                Remarking,
+            ),
         ),
         (
             "adaptation",
-            (Remembering, RememberingStates, Fading, AdaptingPrior, AdaptingGain, Clocked, TrueCovariance, InLanes),
+            (
+                *(Classified, Remembering, RememberingStates, Fading, AdaptingPrior, AdaptingGain, Clocked),
+                *(TrueCovariance, InLanes),
+            ),
         ),
         ("engine", (SideBySide, Preparing)),
         ("metric", (Summarising, Reading, OnRequest)),

@@ -1,4 +1,4 @@
-"""The range and the origin of a plugin's parameter, written beside its type.
+"""What a method is; and the range and the origin of a plugin's parameter, written beside its type.
 
 A field that one would tune says within which bounds, and on which scale::
 
@@ -10,6 +10,7 @@ import math
 import typing
 from collections.abc import Mapping
 from functools import cache
+from typing import Literal, get_args
 
 
 @dataclasses.dataclass(frozen=True)
@@ -64,6 +65,10 @@ class Range:
         return f"{self.low:g} to {self.high:g}{scale}"
 
 
+SWITCH = Range(0.0, 1.0, source="off or on")
+"""Beside the type of a switch that a search may turn."""
+
+
 @dataclasses.dataclass(frozen=True)
 class DefaultOrigin:
     """The origin of a default: literature, a data sheet, what it was tuned on.
@@ -73,6 +78,44 @@ class DefaultOrigin:
     """
 
     text: str
+
+
+@dataclasses.dataclass(frozen=True)
+class Provenance:
+    """What a method is: as published, simplified, or its author's own.
+
+    Attributes:
+        kind: "published" (as in its source), "simplified" (something is left out or changed) or "own".
+        source: a DOI, or authors and year; of an own method, what it builds on.
+        note: what is left out or changed, or what an own method is: one sentence.
+    """
+
+    kind: Literal["published", "simplified", "own"]
+    source: str
+    note: str = ""
+
+    def mistake(self) -> str:
+        """Return what is missing or too much, or an empty string."""
+        if self.kind not in get_args(Provenance.__annotations__["kind"]):
+            return f"kind is {self.kind!r}; it is published, simplified or own"
+        if self.kind != "own" and not self.source:
+            return f"a {self.kind} method has a source: a DOI, or authors and year"
+        if (self.kind == "published") != (not self.note):
+            return "what is published as it is needs no note; all else needs one: what is left out, or what it is"
+        return (
+            "" if not self.note or self.note.endswith(".") else "the note is no sentence: it ends without a full stop"
+        )
+
+    def __str__(self) -> str:
+        """Say it in one line."""
+        source = f" ({self.source})" if self.source else ""
+        return f"{self.kind}{source}: {self.note}" if self.note else f"{self.kind}{source}"
+
+
+def provenance_of(cls: type) -> Provenance | None:
+    """Return what a method says that it is, not what it is a variant of; None where it does not say."""
+    known = vars(cls).get("provenance")
+    return known if isinstance(known, Provenance) else None
 
 
 def ranges_of(cls: type) -> Mapping[str, Range]:
@@ -88,6 +131,11 @@ def origins_of(cls: type) -> Mapping[str, str]:
 def is_whole(cls: type, name: str) -> bool:
     """Whether a field holds whole numbers."""
     return typing.get_type_hints(cls)[name] is int
+
+
+def is_switch(cls: type, name: str) -> bool:
+    """Whether a field is on or off."""
+    return typing.get_type_hints(cls)[name] is bool
 
 
 def _bounded(bounds: Range, value: float) -> float:

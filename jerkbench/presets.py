@@ -1,8 +1,8 @@
-"""The folder of the presets, and a preset as plain data."""
+"""The folders of the presets, ours and the user's, and a preset as plain data."""
 
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -21,6 +21,49 @@ def config_folder() -> Path:
     return beside if (beside / "config.yaml").is_file() else inside
 
 
+_of_user: list[Path] = []
+"""Folders that --config-dir names; a preset of ours goes before one of the same name there."""
+
+
+def take_folders(words: Sequence[str]) -> list[str]:
+    """Take each ``--config-dir DIR`` out of a command line: its presets count from here on, and no earlier ones.
+
+    Raises:
+        PluginError: there is no such folder, or no word behind the last --config-dir.
+    """
+    _of_user.clear()
+    others, remaining = [], iter(words)
+    for word in remaining:
+        option, equals, value = word.partition("=")
+        if option not in ("--config-dir", "-cd"):
+            others.append(word)
+            continue
+        folder = value if equals else next(remaining, "")
+        if not folder or not Path(folder).expanduser().is_dir():
+            raise PluginError(
+                f"There is no folder '{folder}'; --config-dir names one with presets (dataset/mine.yaml)."
+            )
+        _of_user.append(Path(folder).expanduser().resolve())
+    return others
+
+
+def folder_words() -> list[str]:
+    """Return the override by which Hydra finds the user's presets; none where there are none."""
+    paths = ",".join(f'"file://{folder}"' for folder in _of_user)
+    return [f"hydra.searchpath=[{paths}]"] if paths else []
+
+
+def user_folders() -> tuple[Path, ...]:
+    """Return the folders that --config-dir has named."""
+    return tuple(_of_user)
+
+
+def preset_files(kind: str) -> dict[str, Path]:
+    """Return the file of each preset of a group, by its name, sorted."""
+    files = [path for folder in (*reversed(_of_user), config_folder()) for path in (folder / kind).glob("*.yaml")]
+    return dict(sorted({path.stem: path for path in files}.items()))
+
+
 @cache
 def default_names() -> Mapping[str, str]:
     """Return what conf/config.yaml chooses for each group: the one place of these defaults."""
@@ -33,7 +76,7 @@ def default_names() -> Mapping[str, str]:
 
 def preset_names(kind: str) -> list[str]:
     """Names of the presets of a group, sorted."""
-    return sorted(path.stem for path in (config_folder() / kind).glob("*.yaml"))
+    return list(preset_files(kind))
 
 
 def preset(kind: str, name: str) -> dict[str, Any]:
@@ -46,9 +89,10 @@ def preset(kind: str, name: str) -> dict[str, Any]:
         PluginError: there is none, or it chooses parts of other groups, which only the command line can do.
     """
     today = new_name(kind, name)
-    if today not in preset_names(kind):
-        raise PluginError(unknown(f"preset of {kind}", name, preset_names(kind)))
-    own = _read(config_folder() / kind / f"{today}.yaml")
+    files = preset_files(kind)
+    if today not in files:
+        raise PluginError(unknown(f"preset of {kind}", name, files))
+    own = _read(files[today])
     defaults = own.pop("defaults", [])
     if kind == "disturbance":
         own = {new_name(kind, key): value for key, value in own.items()}
@@ -71,8 +115,15 @@ def merged_values(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any
 
 def _read(path: Path) -> dict[str, Any]:
     from omegaconf import OmegaConf
+    from yaml import YAMLError
 
-    content = OmegaConf.load(path)
+    from jerkbench.yaml_files import require_small
+
+    try:
+        require_small(path.read_text(encoding="utf-8"), path)
+        content = OmegaConf.load(path)
+    except (OSError, UnicodeDecodeError, YAMLError) as error:
+        raise PluginError(f"{path} cannot be read: {' '.join(str(error).split())}.") from error
     for name in re.findall(r"\$\{oc\.env:(\w+)", OmegaConf.to_yaml(content)):
         environment_variable(name, None)
     values: Any = OmegaConf.to_container(content, resolve=True)

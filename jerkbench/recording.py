@@ -6,6 +6,7 @@ down. Specific force at rest and level is (0, 0, +g). Times are seconds from the
 time at which the value was true (the stamp less the latency). A value that is NaN is not there.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Any, Literal, Self
@@ -293,6 +294,7 @@ class Recording:
         outages_s: (k, 2) begin and end of each interval without aiding (for the metrics).
         notes: sentences that a reader of the table has to know.
         drawn: the law of its errors, where a simulation knows it, with the streams as they were drawn; or None.
+        parameters: numbers that are random themselves, such as a random drive's speed, by the name of their column.
     """
 
     name: str
@@ -307,6 +309,7 @@ class Recording:
     outages_s: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
     notes: tuple[str, ...] = ()
     drawn: ErrorLaw | None = None
+    parameters: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Check that an outage ends after it begins, and that there is something without an IMU."""

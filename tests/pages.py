@@ -1,5 +1,6 @@
 """The pages of docs/ as a reader has them: their commands, their blocks, the files that they say to write."""
 
+import doctest
 import re
 import shlex
 import tomllib
@@ -31,6 +32,35 @@ def commands(page):
 def files(page):
     """The files to write by name: blocks below `<!-- file: NAME -->`."""
     return dict(re.findall(r"<!-- file: (\S+) -->\n```\w+\n(.*?)```", text(page), flags=re.DOTALL))
+
+
+def outputs(page):
+    """What the page shows as the output of a line, by that line: the part between `<!-- output -->` marks below it."""
+    marked = r"```sh\n([^`]*)```\n\n<!-- output -->\n(.*?)<!-- /output -->"
+    shown = re.findall(marked, text(page), flags=re.DOTALL)
+    return {block.splitlines()[-1]: re.sub(r"```\w*\n", "", part) for block, part in shown}
+
+
+def agree(shown, printed):
+    """Whether a command printed what a page shows; `...` in the page stands for anything."""
+    want, got = ("".join(f"{line.rstrip()}\n" for line in part.strip().splitlines()) for part in (shown, printed))
+    return doctest.OutputChecker().check_output(want, got, doctest.ELLIPSIS)
+
+
+def sentences(markdown):
+    """The sentences of a text, without code, tables, headings and the targets of links."""
+    prose = re.sub(
+        r"^:::.*?(?=\n\S|\Z)|```.*?```|<[^>]*>|^[|#][^\n]*", "\n\n", markdown, flags=re.DOTALL | re.MULTILINE
+    )
+    prose = re.sub(r"\]\([^)]*\)", "]", re.sub(r"^\s*(?:[-*]|\d+\.) ", "\n\n", prose, flags=re.MULTILINE))
+    paragraphs = (" ".join(paragraph.split()) for paragraph in re.split(r"\n\s*\n", prose))
+    return [sentence for one in paragraphs for sentence in re.split(r"(?<=[.!?:])\s+(?=[A-Z`\d*\[])", one) if sentence]
+
+
+def longest(markdown):
+    """The mean number of words of the sentences of a text, and the longest sentence."""
+    found = sentences(markdown)
+    return sum(len(one.split()) for one in found) / len(found), max(found, key=lambda one: len(one.split()))
 
 
 def install(package):

@@ -1,4 +1,4 @@
-"""The commands of docs/agents.md, typed on a shorter drive, and its statements about the JSON."""
+"""The commands of docs/agents.md, typed, and its statements about the JSON."""
 
 import json
 import re
@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import pages
-from commands import SHORT, verb
+from commands import verb
 
 ROOT = Path(__file__).parents[1]
 PAGE = pages.text("agents")
@@ -18,12 +18,7 @@ WORDS = pages.commands("agents")
 def answers(tmp_path_factory):
     """Each command of the page with its finished process."""
     folder = tmp_path_factory.mktemp("program")
-    return {" ".join(words): typed(words, folder) for words in WORDS}
-
-
-def typed(words, folder):
-    short = [SHORT[0], *SHORT[2:]] if words[0] == "run" else []  # its own seeds
-    return verb(*words, *short, cwd=folder)
+    return {" ".join(words): verb(*words, cwd=folder) for words in WORDS}
 
 
 @pytest.mark.slow
@@ -32,6 +27,13 @@ def test_every_command_goes_well(answers):
     for command, done in answers.items():
         assert done.returncode == 0, (command, done.stderr)
         assert done.stdout, command
+
+
+def test_it_is_what_the_page_shows(answers):
+    shown = pages.outputs("agents")
+    assert len(shown) > 3
+    for line, part in shown.items():
+        assert pages.agree(part, answers[line.removeprefix("jerkbench ")].stdout), line
 
 
 def test_every_answer_in_json_is_one_strict_value(answers):

@@ -14,22 +14,20 @@ ROOT = Path(__file__).parents[1]
 
 @pytest.fixture(scope="module")
 def reader(tmp_path_factory):
-    """A folder with a log in NED and degrees, and each command of the page with its finished process."""
-    from jerkbench.datasets.field_white import FieldWhite
-
+    """A folder with a log in g, degrees and mm, and each command of the page with its finished process."""
     sys.path.insert(0, str(ROOT / "tests" / "inspection"))
-    from logs import ned_degrees
+    from logs import car_log
 
     sys.path.pop(0)
     folder = tmp_path_factory.mktemp("reader")
-    ned_degrees(FieldWhite(duration_s=100.0).load(0), units=True).to_csv(folder / "drive.csv", index=False)
+    car_log(folder)
     (folder / "experiment").mkdir()
     (folder / "experiment" / "mine.yaml").write_text(pages.blocks("own_log", "yaml")[0])
     return folder, {line: typed(shlex.split(line)[1:], folder) for line in pages.lines("own_log")}
 
 
 def typed(words, folder):
-    return verb(*words, *(["workers=1", "figures=false"] if words[0] == "run" else []), cwd=folder)
+    return verb(*words, *(["workers=1", "figures=false"] if words[0] in ("run", "tune") else []), cwd=folder)
 
 
 @pytest.mark.slow
@@ -42,15 +40,30 @@ def test_every_command_goes_well(reader):
 def test_the_guess_says_its_reasons_and_what_is_unsure(reader):
     said = next(iter(reader[1].values())).stdout
 
-    assert "measured  gyro_unit = deg/s: the track turns 0.01" in said
-    assert "measured  position_frame = ned" in said
-    assert "Say yourself: position_sigma_m, velocity_sigma_mps." in said
+    shown = [
+        line for line in pages.text("own_log").splitlines() if line.startswith(("measured  ", "named     ", "Say "))
+    ]
+
+    assert len(shown) == 8
+    assert all(line in said for line in shown), [line for line in shown if line not in said]
     assert "jerkbench run --config-dir . dataset=my_drive" in said
-    assert "gravity is felt on +z" in said
+
+
+@pytest.mark.slow
+def test_the_logs_own_outage_is_scored_and_its_settings_are_written(reader):
+    folder, done = reader
+    table = next(finished.stdout for line, finished in done.items() if "outage_end_m" in line)
+    errors_m = {
+        line.split()[0]: float(line.split()[1]) for line in table.splitlines() if line.startswith((" e", " g", " j"))
+    }
+
+    assert errors_m["eskf15"] < 0.1 * errors_m["gnss_only"]
+    assert "Outages of a run with a known error at the end: 1." in table
+    assert (folder / "results/first/tune/bias-none/export/robot_localization.yaml").is_file()
 
 
 @pytest.mark.slow
 def test_a_preset_is_not_overwritten_and_belongs_to_a_csv(reader):
-    words = ("data", "inspect", "drive.csv", "--preset", "my_drive.yaml")
+    words = ("data", "inspect", "gnss.csv", "--preset", "my_drive.yaml")
     assert "dataset/my_drive.yaml is there already" in verb(*words, cwd=reader[0]).stderr
     assert "is none." in verb("data", "inspect", "field", "--preset", "a.yaml", cwd=reader[0]).stderr

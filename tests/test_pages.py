@@ -2,6 +2,7 @@
 
 import os
 import re
+import shlex
 import shutil
 from pathlib import Path
 
@@ -14,11 +15,14 @@ from commands import jerkbench, verb
 SHORTER = {
     "run": ["dataset.duration_s=60", "seeds=2", "workers=1", "figures=false"],
     "tune": ["dataset.duration_s=60", "trials=2", "tune_seeds=1", "choose_seeds=1", "test_seeds=2", "finalists=1"],
+    "figures": ["--methods", "baseline"],
     "report": ["--figures", "none"],
 }
-"""Words behind those of a page, by verb."""
+"""Words behind those of a page, by verb; of runs none where a page shows their output."""
 
 TYPED = {
+    "everyday": [],
+    "index": [],
     "first_table": [],
     "own_filter": [
         "engine=filterpy",
@@ -29,10 +33,28 @@ TYPED = {
     ],
     "attitude_filter": ["dataset=field_white", "dataset.imu_rate_hz=20", "dataset.reference_rate_hz=20"],
     "baseline": [],
+    "faults": ["dataset.duration_s=90", "seeds=1"],
     "gate": ["dataset.duration_s=12", "engine=filterpy"],
+    "faq": [],
     "report": [],
+    "statistics": [],
 }
 """The pages that are typed here, with more words for their runs."""
+
+ELSEWHERE = {"agents", "any_language", "suite"}
+"""Pages whose own test holds what they show as output."""
+
+LONG = {
+    "attitude_filter",
+    "inspect",
+    "own_log",
+}
+"""Pages whose sentences may still be long; no page is added."""
+
+STUDIES = pages.DOCS.parent / "experiments"
+
+LONG_STUDIES = {"attitude", "audit"}
+"""Studies with long sentences; none is added."""
 
 
 @pytest.fixture(scope="module")
@@ -50,10 +72,15 @@ def typed(tmp_path_factory):
 
 def _type(page, folder):
     _prepare(page, folder)
-    for words in pages.commands(page):
-        done = _typed(words, TYPED[page], folder)
+    shown = pages.outputs(page)
+    for line in (line for line in pages.lines(page) if line.startswith("jerkbench ")):
+        words = shlex.split(line)[1:]
+        whole = shown and not TYPED[page] and words[0] not in {"figures", "report"}
+        more = [] if whole else SHORTER.get(words[0], [])
+        done = _typed([*words, *more], TYPED[page], folder)
         assert done.returncode == 0, (words, done.stderr, done.stdout)
         assert done.stdout
+        assert pages.agree(shown.get(line, "..."), done.stdout), f"{line}\n{done.stdout}"
         if words[0] == "new":
             package = words[2]
             _write(folder, {name: text for name, text in pages.files(page).items() if name.startswith(f"{package}/")})
@@ -67,15 +94,17 @@ def _prepare(page, folder):
         shutil.copytree(pages.DOCS.parent / "examples" / "plugin", folder / "benchmarks" / "plugin")
         pages.install(folder / "benchmarks" / "plugin")
         _write(folder, pages.files(page))
+    if page == "attitude_filter":
+        _write(folder, {name: text for name, text in pages.files(page).items() if "/" not in name})
 
 
 def _typed(words, more, folder):
-    words = [*words, *SHORTER.get(words[0], [])]
-    if words[0] not in {"run", "tune"}:
+    if words[0] not in {"run", "tune", "suite"} or words[1] in {"verify", "board"}:
         return verb(*words, cwd=folder)
     packages = os.pathsep.join(str(place.parent) for place in folder.rglob("pyproject.toml"))
     if not packages:
         return verb(*words, *more, cwd=folder)
+    more = ["--workers", "1"] if words[0] == "suite" else more
     return jerkbench(*words, *more, cwd=folder, PYTHONPATH=packages)
 
 
@@ -105,6 +134,39 @@ def test_the_first_page_installs_as_the_readme_does():
     readme = (pages.DOCS.parent / "README.md").read_text(encoding="utf-8")
 
     assert "\n".join(pages.lines("first_table")[:2]) in readme
+
+
+@pytest.mark.parametrize("page", sorted({path.stem for path in pages.DOCS.glob("*.md")} - LONG))
+def test_the_sentences_of_a_page_are_short(page):
+    mean, longest = pages.longest(pages.text(page))
+
+    assert mean <= 15
+    assert len(longest.split()) <= 30, longest
+
+
+@pytest.mark.parametrize("study", sorted({path.parent.name for path in STUDIES.glob("*/README.md")} - LONG_STUDIES))
+def test_the_sentences_of_a_study_are_short(study):
+    mean, longest = pages.longest((STUDIES / study / "README.md").read_text(encoding="utf-8"))
+
+    assert mean <= 15
+    assert len(longest.split()) <= 30, longest
+
+
+def test_every_output_of_a_page_is_held():
+    shown = {path.stem for path in pages.DOCS.glob("*.md") if "<!-- output -->" in path.read_text(encoding="utf-8")}
+
+    assert shown <= {*TYPED, *ELSEWHERE}
+    for page in shown:
+        assert pages.text(page).count("<!-- output -->") == len(pages.outputs(page))
+        assert set(pages.outputs(page)) <= set(pages.lines(page))
+
+
+def test_every_picture_is_drawn_by_the_script_and_shown():
+    script = (pages.DOCS.parent / "docs_build" / "pictures.py").read_text(encoding="utf-8")
+    shown = {name for page in pages.DOCS.glob("*.md") for name in re.findall(r"\]\(img/(\S+)\)", page.read_text())}
+
+    assert shown == {path.name for path in (pages.DOCS / "img").iterdir()}
+    assert all(f'"{name}"' in script for name in shown)
 
 
 def test_no_page_is_left_untyped():

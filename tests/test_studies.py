@@ -55,5 +55,6 @@ def test_the_commands_of_a_study_go_well(study, tmp_path, request):
         if program == "python":
             assert len(run_python(*arguments, cwd=tmp_path)) > 100
         else:
-            done = verb(*arguments, "workers=1", cwd=tmp_path)
+            alone = ["--workers", "1"] if arguments[0] == "audit" else ["workers=1"]
+            done = verb(*arguments, *alone, cwd=tmp_path)
             assert done.returncode == 0, done.stderr

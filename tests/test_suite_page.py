@@ -1,5 +1,7 @@
 """The commands of docs/suite.md, typed, but for the installation."""
 
+import shlex
+
 import pytest
 
 import pages
@@ -25,9 +27,12 @@ def folder(tmp_path_factory):
 
 @pytest.mark.slow
 def test_the_commands_of_the_page_go_well(folder):
-    for words in pages.commands("suite"):
+    shown = pages.outputs("suite")
+    for line in (line for line in pages.lines("suite") if line.startswith("jerkbench ")):
+        words = shlex.split(line)[1:]
         alone = ["--workers", "1"] if "run" in words else []
         done = jerkbench(*words, *alone, cwd=folder, PYTHONPATH=str(folder / "mine"))
         assert done.returncode == 0, done.stderr + done.stdout
+        assert pages.agree(shown.get(line, "..."), done.stdout), done.stdout
 
     assert "my_filter" in (folder / "results/suite-tiny/board.md").read_text(encoding="utf-8")

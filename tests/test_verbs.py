@@ -146,7 +146,7 @@ def test_every_figure_of_a_study_is_drawn(study, tmp_path):
     ("words", "said"),
     [
         (("export", "1", "--tum", "rows.csv/x"), "rows.csv/x cannot be read or written: Not a directory;"),
-        (("report", "--scenarios", "-1"), "'-1' is no number of scenarios; give 0 or more"),
+        (("report", "--scenarios", "-1"), "'-1' is no whole number; give 0 or more"),
         (("figures", "--scenarios", "two"), "There is no scenario 'two'."),
         (("figures", "--methods", "jrk"), "There is no method 'jrk'. Did you mean 'jerk'?"),
         (("figures", "--methods", "baseline+jerk"), "There is no method 'baseline+jerk'."),

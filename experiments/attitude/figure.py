@@ -11,27 +11,32 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 import pandas as pd
-from methods import AS_THEY_COME
-from page import DOMAINS, errors_of, tuned
-from run import KEPT
-from trials import broad
+from page import KEPT
 
+from jerkbench.audit.attitude.methods import AS_THEY_COME
+from jerkbench.audit.attitude.trials import DOMAINS, broad
+from jerkbench.audit.attitude.tuned import errors_of, tuned
 from jerkbench.evaluation.navigation_errors import angle_between
 
 mpl.use("Agg")
 from matplotlib import pyplot as plt
 
 HERE = Path(__file__).parent
-TICKS_DEG = {"broad": (0.3, 1, 3, 10), "tstick": (1, 3, 10, 30, 100), "kitti": (0.6, 1, 2, 5)}
+TICKS_DEG = {
+    "broad": (0.3, 1, 3, 10),
+    "tstick": (1, 3, 10, 30, 100),
+    "kitti": (0.6, 1, 2, 5),
+    "field": (0.03, 0.1, 0.3),
+}
 TRIAL = "21_undisturbed_fast_combined"
 
 
 def dots() -> None:
     """Inclination error of each method on each trial, tuned, with the median."""
     errors = errors_of(pd.read_parquet(KEPT))
-    figure, panels = plt.subplots(1, len(DOMAINS), figsize=(11, 4), sharey=True, layout="constrained")
+    figure, panels = plt.subplots(1, len(DOMAINS), figsize=(13, 4), sharey=True, layout="constrained")
     for panel, (domain, title) in zip(panels, DOMAINS.items(), strict=True):
-        losses = tuned(errors, domain)
+        losses = tuned(errors[domain])
         for row, loss in enumerate(losses.values()):
             deg = np.exp(np.median(loss, axis=0))
             jitter = np.linspace(-0.25, 0.25, len(deg))
@@ -52,7 +57,7 @@ def dots() -> None:
 def over_time(folder: Path) -> None:
     """The error of a fast trial over time, and the specific force's norm below."""
     (trial,) = (trial for trial in broad(folder / "broad") if trial.name == TRIAL)
-    recording, truth, counted = trial.pieces[0]
+    recording, truth, counted = trial.pieces()[0]
     figure, (above, below) = plt.subplots(2, 1, figsize=(9, 5), sharex=True, layout="constrained")
     for name in ("madgwick, default", "mtf, default", "vqf, default"):
         x, _ = AS_THEY_COME[name].verticals(recording)

@@ -14,12 +14,12 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from methods import METHODS
-from page import KINEMATIC, NAVIGATION, Errors, errors_of
-from run import KEPT, WORKERS
+from page import KEPT, KINEMATIC, NAVIGATION
 
 from jerkbench.api import disturb, estimate, evaluate
 from jerkbench.attitude.reference import ReferenceAttitude
+from jerkbench.audit.attitude.methods import METHODS
+from jerkbench.audit.attitude.tuned import TiltErrors, errors_of
 from jerkbench.recording import Imu, Position, Recording, Reference
 
 UNSOUND = ("2011_09_30_drive_0028", "2011_09_26_drive_0093")
@@ -29,6 +29,7 @@ TRACES = ("tokyo_1105", "pixel4")
 TILTS = ("constant", "mtf", "mekf", "madgwick", "mahony", "vqf")
 INERTIAL = "eskf15_tactical"
 ERROR = "position_rmse_m"
+WORKERS = 2
 EVERY = 20
 """Samples from fix to fix: 5 Hz."""
 
@@ -53,7 +54,7 @@ def drive(path: Path) -> Recording:
     )
 
 
-def setting_for(errors: Errors, method: str, number: int) -> int:
+def setting_for(errors: TiltErrors, method: str, number: int) -> int:
     """The best setting on all drives but one."""
     others = np.delete(errors["kitti"][method], number, axis=1)
     return int(others.mean(axis=1).argmin())

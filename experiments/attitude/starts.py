@@ -13,10 +13,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from page import STARTS
-from trials import kitti
 
 from jerkbench.arrays import FloatArray
 from jerkbench.attitude.alignment import align
+from jerkbench.audit.attitude.trials import kitti
 from jerkbench.evaluation.navigation_errors import angle_between
 from jerkbench.recording import Position, Recording, Velocity
 
@@ -41,7 +41,7 @@ def with_noise(recording: Recording, source: str, seed: int) -> Recording:
 def rows(folder: Path) -> Iterator[tuple[str, str, float]]:
     """Drive, alignment, error [deg]."""
     for seed, trial in enumerate(kitti(folder)):
-        recording, truth, _ = max(trial.pieces, key=lambda piece: len(piece[1]))
+        recording, truth, _ = max(trial.pieces(), key=lambda piece: len(piece[1]))
         for alignment in ("rest", "gravity"):
             yield trial.name, alignment, _off(recording, alignment, truth)
         for source in SOURCES:

@@ -9,7 +9,7 @@ from jerkbench.adaptation._ranges import WINDOW, check_window
 from jerkbench.adaptation.common import is_full, windowed_mean
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
-from jerkbench.parameters import DefaultOrigin, Range
+from jerkbench.parameters import DefaultOrigin, Provenance, Range
 from jerkbench.plugins import register
 
 
@@ -37,6 +37,10 @@ class AdaptiveQ:
         low: lo, smallest factor on the prior covariance [-].
         high: hi, largest factor on the prior covariance [-].
     """
+
+    provenance = Provenance(
+        "simplified", "doi:10.1017/S0373463307004316", "On the whole prior covariance, not on Q; never below 1."
+    )
 
     window: Annotated[int, WINDOW, DefaultOrigin("ours")] = 20
     low: Annotated[float, DefaultOrigin("ours: the prior is not narrowed")] = 1.0

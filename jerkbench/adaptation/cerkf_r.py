@@ -10,7 +10,7 @@ from jerkbench.adaptation.common import gaussian_kernel
 from jerkbench.adaptation.linalg import SMALLEST_RESIDUAL_WEIGHT, inverse_weighted, residuals_of, update_residuals
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
-from jerkbench.parameters import DefaultOrigin, Range
+from jerkbench.parameters import DefaultOrigin, Provenance, Range
 from jerkbench.plugins import register
 
 
@@ -43,6 +43,10 @@ class CentredErrorEntropyR:
         pair_bandwidth: s2, kernel of the pairs, in the same unit [-].
         passes: fixed-point passes of an update [-].
     """
+
+    provenance = Provenance(
+        "simplified", "doi:10.34133/2022/9854601", "R alone, rows not coupled, a fixed number of passes."
+    )
 
     eta: Annotated[
         float,

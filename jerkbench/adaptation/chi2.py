@@ -9,7 +9,7 @@ from jerkbench.adaptation._ranges import PROBABILITY, check_probability
 from jerkbench.adaptation.common import chi2_tail, innovation_distance
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
-from jerkbench.parameters import DefaultOrigin, Range
+from jerkbench.parameters import DefaultOrigin, Provenance, Range
 from jerkbench.plugins import register
 
 
@@ -33,6 +33,10 @@ class Chi2Gate:
         probability: p, of the chi-square test: how often a consistent filter passes it [-].
         longest: N, largest number of rejections in a row [updates].
     """
+
+    provenance = Provenance(
+        "simplified", "doi:10.1002/0471221279", "Position and velocity apart; at most 25 in a row are dropped."
+    )
 
     probability: Annotated[float, PROBABILITY, DefaultOrigin("convention of such tests")] = 0.99
     longest: Annotated[

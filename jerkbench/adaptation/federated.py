@@ -7,7 +7,7 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
-from jerkbench.parameters import DefaultOrigin, Range
+from jerkbench.parameters import DefaultOrigin, Provenance, Range
 from jerkbench.plugins import register
 
 
@@ -36,6 +36,10 @@ class Federated:
     Attributes:
         beta: share of the prior's information that goes to the position's filter [-].
     """
+
+    provenance = Provenance(
+        "own", "doi:10.1109/7.106130", "Carlson's federated filter, in whose locals `scalar_r` adapts R."
+    )
 
     beta: Annotated[float, Range(0.05, 0.95, source="any share but nothing"), DefaultOrigin("equal shares")] = 0.5
 

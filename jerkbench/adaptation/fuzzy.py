@@ -7,7 +7,7 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
-from jerkbench.parameters import DefaultOrigin, Range
+from jerkbench.parameters import DefaultOrigin, Provenance, Range
 from jerkbench.plugins import register
 
 
@@ -35,6 +35,10 @@ class Fuzzy:
         medium: factor on R of the rule "medium" [-].
         large: factor on R of the rule "large" [-].
     """
+
+    provenance = Provenance(
+        "simplified", "Escamilla-Ambrosio and Mort, 2002", "Three rules on one ratio, and one factor for all of R."
+    )
 
     smoothing: Annotated[
         float, Range(0.0, 0.95, source="ours: from no memory to one of 20 updates"), DefaultOrigin("ours")

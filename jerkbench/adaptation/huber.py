@@ -9,7 +9,7 @@ from jerkbench.adaptation.linalg import inverse_weighted, root_of
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.lanes import anywhere, chosen
 from jerkbench.errors import PluginError
-from jerkbench.parameters import DefaultOrigin, Range
+from jerkbench.parameters import DefaultOrigin, Provenance, Range
 from jerkbench.plugins import register
 
 
@@ -37,6 +37,8 @@ class Huber:
         threshold: gamma, in standard deviations of the whitened residual [-].
         sides: whom the weights doubt, "both" or "measurement".
     """
+
+    provenance = Provenance("published", "doi:10.2514/1.G000799")
 
     threshold: Annotated[
         float,

@@ -6,7 +6,7 @@ from typing import Annotated, ClassVar
 
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
-from jerkbench.parameters import DefaultOrigin, Range
+from jerkbench.parameters import DefaultOrigin, Provenance, Range
 from jerkbench.plugins import register
 
 
@@ -31,6 +31,10 @@ class HuberR:
     Attributes:
         threshold: k, in standard deviations of the innovation [-].
     """
+
+    provenance = Provenance(
+        "simplified", "doi:10.1214/aoms/1177703732", "Weighs the measurement alone, row by row, in one step."
+    )
 
     threshold: Annotated[
         float,

@@ -7,7 +7,7 @@ from jerkbench.adaptation._ranges import SHRINKING, WINDOW, check_window
 from jerkbench.adaptation.common import is_full, windowed_mean
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
-from jerkbench.parameters import DefaultOrigin
+from jerkbench.parameters import DefaultOrigin, Provenance
 from jerkbench.plugins import register
 
 
@@ -31,6 +31,10 @@ class InnovationBased:
         window: N, number of squared innovations in the mean, this one included [updates].
         low: lo, lower bound as a multiple of the reported variance [-].
     """
+
+    provenance = Provenance(
+        "simplified", "doi:10.1007/s001900050236", "The diagonal of R alone, with the prior covariance of now."
+    )
 
     window: Annotated[int, WINDOW, DefaultOrigin("ours")] = 10
     low: Annotated[float, SHRINKING, DefaultOrigin("ours, as sage_husa")] = 0.1

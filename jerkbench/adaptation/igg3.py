@@ -7,7 +7,7 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
-from jerkbench.parameters import DefaultOrigin, Range
+from jerkbench.parameters import DefaultOrigin, Provenance, Range
 from jerkbench.plugins import register
 
 
@@ -35,6 +35,12 @@ class Igg3:
         keep: k0, up to here a row keeps its weight, in standard deviations of the innovation [-].
         drop: k1, beyond it a row is dropped, in standard deviations of the innovation [-].
     """
+
+    provenance = Provenance(
+        "simplified",
+        "Yang, Song and Xu, 2002",
+        "The innovation in place of a residual, row by row, without iterations.",
+    )
 
     keep: Annotated[
         float,

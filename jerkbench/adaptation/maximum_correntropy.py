@@ -10,7 +10,7 @@ from jerkbench.adaptation.linalg import whiten
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.lanes import anywhere, chosen
 from jerkbench.errors import PluginError, unknown
-from jerkbench.parameters import DefaultOrigin
+from jerkbench.parameters import DefaultOrigin, Provenance
 from jerkbench.plugins import register
 
 STARTS = ("prediction", "update")
@@ -43,6 +43,8 @@ class MaximumCorrentropy:
         sides: whom the weights doubt, "both" or "measurement".
         start: whose residuals the first weights are of, "prediction" or "update" (the Kalman update).
     """
+
+    provenance = Provenance("published", "doi:10.1016/j.automatica.2016.10.004")
 
     bandwidth: Annotated[float, BANDWIDTH, DefaultOrigin("literature: 2 to 10 in the paper")] = 5.0
     sides: Annotated[str, DefaultOrigin("literature: the paper weighs both")] = "both"

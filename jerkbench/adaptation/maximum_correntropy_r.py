@@ -8,7 +8,7 @@ from jerkbench.adaptation.common import gaussian_kernel
 from jerkbench.adaptation.linalg import SMALLEST_RESIDUAL_WEIGHT, inverse_weighted, residuals_of, update_residuals
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
-from jerkbench.parameters import DefaultOrigin
+from jerkbench.parameters import DefaultOrigin, Provenance
 from jerkbench.plugins import register
 
 
@@ -36,6 +36,10 @@ class MaximumCorrentropyR:
         bandwidth: sigma, of the kernel, in standard deviations of the measurement [-].
         passes: fixed-point passes of an update [-].
     """
+
+    provenance = Provenance(
+        "simplified", "doi:10.1016/j.automatica.2016.10.004", "The measurement alone, in a few passes."
+    )
 
     bandwidth: Annotated[float, BANDWIDTH, DefaultOrigin("literature: the source uses 2 to 10")] = 5.0
     passes: Annotated[int, DefaultOrigin("ours")] = 5

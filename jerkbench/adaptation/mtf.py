@@ -9,7 +9,7 @@ from jerkbench.adaptation._ranges import SHORT_WINDOW, check_window
 from jerkbench.adaptation.common import inflated, inflation_memory, squared_length
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
-from jerkbench.parameters import DefaultOrigin
+from jerkbench.parameters import DefaultOrigin, Provenance
 from jerkbench.plugins import register
 
 
@@ -47,6 +47,10 @@ class Mtf:
         after: so many updates of the run pass before it begins, because the paper starts in the steady state [updates].
         after_s: so much of the run passes before it begins; with ``after`` the later of the two [s].
     """
+
+    provenance = Provenance(
+        "simplified", "doi:10.1016/j.isatra.2010.04.001", "Behind a trace test, as in the paper of `jerk`."
+    )
 
     window: Annotated[int, SHORT_WINDOW, DefaultOrigin("literature: the paper has mu = 1")] = 1
     guard: Annotated[int, DefaultOrigin("off, as in the paper")] = 0

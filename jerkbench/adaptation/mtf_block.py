@@ -6,7 +6,7 @@ from typing import Annotated
 from jerkbench.adaptation._ranges import SHORT_WINDOW, check_window
 from jerkbench.adaptation.common import inflated, inflation_memory
 from jerkbench.arrays import FloatArray, IntArray
-from jerkbench.parameters import DefaultOrigin
+from jerkbench.parameters import DefaultOrigin, Provenance
 from jerkbench.plugins import register
 
 
@@ -31,6 +31,10 @@ class MtfBlock:
         window: mu, number of squared innovations in the mean, this one included [updates].
         guard: N, number of hits in a sequence that inflate; 0: no limit [updates].
     """
+
+    provenance = Provenance(
+        "own", "doi:10.1016/j.isatra.2010.04.001", "`mtf` with one test for position and one for velocity."
+    )
 
     window: Annotated[int, SHORT_WINDOW, DefaultOrigin("literature: the paper has mu = 1")] = 1
     guard: Annotated[int, DefaultOrigin("off, as in the paper")] = 0

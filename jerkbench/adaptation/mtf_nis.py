@@ -6,7 +6,7 @@ from typing import Annotated
 from jerkbench.adaptation._ranges import PROBABILITY, SHORT_WINDOW, check_probability, check_window
 from jerkbench.adaptation.common import chi2_tail, inflated, inflation_memory, innovation_distance
 from jerkbench.arrays import FloatArray, IntArray
-from jerkbench.parameters import DefaultOrigin
+from jerkbench.parameters import DefaultOrigin, Provenance
 from jerkbench.plugins import register
 
 
@@ -32,6 +32,10 @@ class MtfNis:
         window: mu, number of squared innovations in the mean, this one included [updates].
         guard: N, number of hits in a sequence that inflate; 0: no limit [updates].
     """
+
+    provenance = Provenance(
+        "own", "doi:10.1016/j.isatra.2010.04.001", "`mtf` with a chi-square test of the whole innovation."
+    )
 
     probability: Annotated[float, PROBABILITY, DefaultOrigin("convention of such tests")] = 0.99
     window: Annotated[int, SHORT_WINDOW, DefaultOrigin("as mtf")] = 1

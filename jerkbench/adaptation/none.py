@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.parameters import Provenance
 from jerkbench.plugins import register
 
 
@@ -15,6 +16,8 @@ class NoAdaptation:
 
     Source: the Kalman filter (R. E. Kalman, 1960, doi:10.1115/1.3662552).
     """
+
+    provenance = Provenance("published", "doi:10.1115/1.3662552")
 
     def adapt(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.parameters import Provenance
 from jerkbench.plugins import register
 
 
@@ -16,6 +17,8 @@ class Oracle:
     axis. No adaptation of R can be expected to do better: what lies between `none` and this row is what there is to
     gain. Where nothing is known beyond the reported R it equals `none`.
     """
+
+    provenance = Provenance("own", "", "A reference that is told the true R; no method.")
 
     wants_true_covariance: ClassVar[bool] = True
 

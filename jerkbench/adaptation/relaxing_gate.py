@@ -7,7 +7,7 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
-from jerkbench.parameters import DefaultOrigin, Range
+from jerkbench.parameters import DefaultOrigin, Provenance, Range
 from jerkbench.plugins import register
 
 
@@ -31,6 +31,8 @@ class RelaxingGate:
         patience: N, rejections of a row in sequence before the gate widens [updates].
         growth: f, factor by which each further rejection widens it [-].
     """
+
+    provenance = Provenance("own", "", "A gate as receivers and flight controllers have it, with our numbers.")
 
     width: Annotated[
         float,

@@ -8,7 +8,7 @@ import numpy as np
 from jerkbench.adaptation._ranges import FORGETTING, SHRINKING
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
-from jerkbench.parameters import DefaultOrigin, Range
+from jerkbench.parameters import DefaultOrigin, Provenance, Range
 from jerkbench.plugins import register
 
 
@@ -33,6 +33,10 @@ class SageHusa:
         low: lo, lower bound as a multiple of the reported variance [-].
         high: hi, upper bound as a multiple of the reported variance [-].
     """
+
+    provenance = Provenance(
+        "simplified", "Sage and Husa, 1969", "The diagonal of R alone, within bounds; no means, and no Q."
+    )
 
     forgetting: Annotated[float, FORGETTING, DefaultOrigin("literature: 0.95 to 0.99 is usual")] = 0.97
     low: Annotated[float, SHRINKING, DefaultOrigin("ours: keeps R positive")] = 0.1

@@ -11,7 +11,7 @@ from jerkbench.adaptation.linalg import diagonal, factorise, forward_rows, solve
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.lanes import chosen
 from jerkbench.errors import PluginError
-from jerkbench.parameters import DefaultOrigin, Range
+from jerkbench.parameters import DefaultOrigin, Provenance, Range
 from jerkbench.plugins import register
 
 GROWING = Range(10.0, 1e6, log=True, source="ours: from 3 to 1000 times the reported sigma")
@@ -45,6 +45,10 @@ class SageHusaBoth:
         high: hi, upper bound of R as a multiple of the reported variance [-].
         high_process: hi of Q [-].
     """
+
+    provenance = Provenance(
+        "own", "Sage and Husa, 1969", "Their recursion for the diagonal of R; for Q, one factor for each state."
+    )
 
     forgetting: Annotated[float, FORGETTING, DefaultOrigin("literature: 0.95 to 0.99 is usual")] = 0.97
     low: Annotated[float, SHRINKING, DefaultOrigin("ours: keeps R and Q positive")] = 0.1

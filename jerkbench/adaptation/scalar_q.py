@@ -7,7 +7,7 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
-from jerkbench.parameters import DefaultOrigin, Range
+from jerkbench.parameters import DefaultOrigin, Provenance, Range
 from jerkbench.plugins import register
 
 
@@ -32,6 +32,10 @@ class ScalarQ:
     Attributes:
         limit: largest factor on the prior covariance [-].
     """
+
+    provenance = Provenance(
+        "simplified", "doi:10.1080/00207179608921698", "One factor for all states, on the whole prior covariance."
+    )
 
     limit: Annotated[
         float,

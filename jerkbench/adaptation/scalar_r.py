@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.parameters import Provenance
 from jerkbench.plugins import register
 
 
@@ -22,6 +23,10 @@ class ScalarR:
     Source: single-factor innovation adaptation (A. H. Mohamed and K. P. Schwarz, 1999, doi:10.1007/s001900050236,
     reduced to one scalar), the scalar scheme that the paper compares with.
     """
+
+    provenance = Provenance(
+        "simplified", "doi:10.1007/s001900050236", "One factor for all of R, from one innovation, behind a trace test."
+    )
 
     def adapt(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray

@@ -7,7 +7,7 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
-from jerkbench.parameters import DefaultOrigin, Range
+from jerkbench.parameters import DefaultOrigin, Provenance, Range
 from jerkbench.plugins import register
 
 
@@ -31,6 +31,10 @@ class SlidingInnovation:
     Attributes:
         width: k, of the sliding layer, in standard deviations of the measurement [-].
     """
+
+    provenance = Provenance(
+        "simplified", "doi:10.1109/ACCESS.2020.2995345", "The sliding layer is as wide as the reported sigma says."
+    )
 
     width: Annotated[
         float,

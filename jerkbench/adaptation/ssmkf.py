@@ -11,7 +11,7 @@ from jerkbench.adaptation.linalg import diagonalise, explained_sums, submatrix
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.lanes import anywhere
 from jerkbench.errors import PluginError, unknown
-from jerkbench.parameters import DefaultOrigin, Range
+from jerkbench.parameters import DefaultOrigin, Provenance, Range
 from jerkbench.plugins import register
 
 FUNCTIONS = ("log", "sqrt", "exp")
@@ -48,6 +48,8 @@ class StatisticalSimilarity:
         sigma: width of exp [-].
         sides: whom the weights doubt, "both" or "measurement".
     """
+
+    provenance = Provenance("published", "doi:10.1109/TAC.2020.3011443")
 
     function: Annotated[str, DefaultOrigin("ours: of the paper's, the one nearest to Student's t")] = "log"
     nu: Annotated[

@@ -10,7 +10,7 @@ from jerkbench.adaptation._ranges import FREEDOM, check_passes
 from jerkbench.adaptation.linalg import diagonalise, explained_sums
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
-from jerkbench.parameters import DefaultOrigin
+from jerkbench.parameters import DefaultOrigin, Provenance
 from jerkbench.plugins import register
 
 
@@ -40,6 +40,10 @@ class StatisticalSimilarityR:
         nu: offset in the square root; with nu -> infinity it is `none` [-].
         passes: fixed-point passes of an update [-].
     """
+
+    provenance = Provenance(
+        "simplified", "doi:10.1109/TAC.2020.3011443", "R alone, by the square root, in a fixed number of passes."
+    )
 
     nu: Annotated[float, FREEDOM, DefaultOrigin("literature: the source uses 5; ours for R alone")] = 3.0
     passes: Annotated[int, DefaultOrigin("ours")] = 10

@@ -8,7 +8,7 @@ import numpy as np
 from jerkbench.adaptation._ranges import FORGETTING
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
-from jerkbench.parameters import DefaultOrigin, Range
+from jerkbench.parameters import DefaultOrigin, Provenance, Range
 from jerkbench.plugins import register
 
 SHARE = Range(0.01, 100.0, log=True, source="ours: a hundredth and a hundred times the share of the position")
@@ -41,6 +41,10 @@ class StrongTracking:
         velocity: alpha of the velocities [-].
         other: alpha of all states that are not measured [-].
     """
+
+    provenance = Provenance(
+        "simplified", "doi:10.1080/00207179608921698", "The faded covariance is symmetric; a linear model."
+    )
 
     forgetting: Annotated[float, FORGETTING, DefaultOrigin("literature: 0.95 in the paper")] = 0.95
     softening: Annotated[

@@ -16,7 +16,7 @@ from jerkbench.adaptation.common import (
 from jerkbench.adaptation.linalg import divided
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
-from jerkbench.parameters import DefaultOrigin, Range
+from jerkbench.parameters import DefaultOrigin, Provenance, Range
 from jerkbench.plugins import register
 
 
@@ -45,6 +45,8 @@ class StudentT:
         passes: N, of an update [-].
         sides: whom the weights doubt, "both" or "measurement".
     """
+
+    provenance = Provenance("published", "doi:10.1109/TAES.2017.2651684")
 
     nu: Annotated[float, FREEDOM, DefaultOrigin("literature: 5 in the paper")] = 5.0
     tau: Annotated[

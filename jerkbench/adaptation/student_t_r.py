@@ -7,7 +7,7 @@ from jerkbench.adaptation._ranges import FREEDOM
 from jerkbench.adaptation.common import innovation_distance
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
-from jerkbench.parameters import DefaultOrigin
+from jerkbench.parameters import DefaultOrigin, Provenance
 from jerkbench.plugins import register
 
 
@@ -32,6 +32,8 @@ class StudentTR:
     Attributes:
         nu: degrees of freedom; the smaller, the heavier the tails [-].
     """
+
+    provenance = Provenance("simplified", "doi:10.1109/ICRA.2011.5979605", "R is scaled, not estimated, in one pass.")
 
     nu: Annotated[float, FREEDOM, DefaultOrigin("literature: 3 to 5 is usual")] = 4.0
 

@@ -11,7 +11,7 @@ from jerkbench.adaptation.linalg import diagonal, factorise, fill_inverse_diagon
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.lanes import chosen
 from jerkbench.errors import PluginError
-from jerkbench.parameters import DefaultOrigin, Range
+from jerkbench.parameters import DefaultOrigin, Provenance, Range
 from jerkbench.plugins import register
 
 
@@ -40,6 +40,8 @@ class VariationalBayes:
         start: a0, alpha at the start: the weight of the reported variance, in half updates [-].
         passes: fixed-point passes of an update [-].
     """
+
+    provenance = Provenance("published", "doi:10.1109/TAC.2008.2008348")
 
     forgetting: Annotated[float, FORGETTING, DefaultOrigin("literature: rho of the source")] = 1.0 - math.exp(-4.0)
     start: Annotated[

@@ -11,7 +11,7 @@ from jerkbench.adaptation.common import Measured, fill_blend, fill_square, innov
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.lanes import chosen
 from jerkbench.errors import PluginError
-from jerkbench.parameters import DefaultOrigin, Range
+from jerkbench.parameters import DefaultOrigin, Provenance, Range
 from jerkbench.plugins import register
 
 SETS, SLOT = 64, 37
@@ -50,6 +50,10 @@ class VariationalPriorAndNoise:
         forgetting: rho, share of the old knowledge of R that an update keeps [-].
         passes: N, of an update [-].
     """
+
+    provenance = Provenance(
+        "simplified", "doi:10.1109/TAC.2017.2730480", "One memory of R for each set of rows that comes together."
+    )
 
     tau: Annotated[float, EVIDENCE, DefaultOrigin("literature: 3 in the paper")] = 3.0
     start: Annotated[float, EVIDENCE, DefaultOrigin("ours: as much as the prior")] = 3.0

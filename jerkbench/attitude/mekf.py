@@ -15,7 +15,7 @@ from jerkbench.compilation.compiled_loop import compiled_loop
 from jerkbench.compilation.module_cache import can_compile
 from jerkbench.errors import PluginError
 from jerkbench.geometry import dcm_from_euler
-from jerkbench.parameters import DefaultOrigin, Range
+from jerkbench.parameters import SWITCH, DefaultOrigin, Range
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 
@@ -81,7 +81,7 @@ class Mekf(TiltAndYaw):
     external_memory: Annotated[
         float, Range(0.05, 0.95, source="ours: from hardly any memory to hardly any tilt that is seen"), FIELD
     ] = 0.3
-    bias: bool = True
+    bias: Annotated[bool, SWITCH, DefaultOrigin("ours: MEMS gyros have one")] = True
     bias_density: Annotated[
         float, Range(1e-6, 1e-3, log=True, source="ours: from a bias that stays to one that follows the motion"), FIELD
     ] = 1e-5

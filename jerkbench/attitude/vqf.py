@@ -1,6 +1,7 @@
 """The attitude plugins ``vqf`` and ``offline_vqf``: the package vqf, with its own C++."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
@@ -10,7 +11,7 @@ from jerkbench.arrays import FloatArray, require_positive
 from jerkbench.attitude.alignment import align
 from jerkbench.attitude.common import TiltAndYaw, Verticals, intervals
 from jerkbench.errors import PluginError, RecordingError
-from jerkbench.parameters import DefaultOrigin, Range
+from jerkbench.parameters import SWITCH, DefaultOrigin, Range
 from jerkbench.plugins import register
 from jerkbench.recording import GRAVITY_MPS2, Imu, Recording
 
@@ -61,8 +62,8 @@ class Vqf(TiltAndYaw):
     tau_acc_s: Annotated[
         float, Range(0.3, 300.0, log=True, source="ours: from a tenth to a hundred times the default"), OWN
     ] = 3.0
-    rest_bias: Annotated[bool, OWN] = True
-    motion_bias: Annotated[bool, OWN] = True
+    rest_bias: Annotated[bool, SWITCH, OWN] = True
+    motion_bias: Annotated[bool, SWITCH, OWN] = True
     bias_forgetting_s: Annotated[
         float, Range(10.0, 1e4, log=True, source="ours: from a tenth to a hundred times the default"), OWN
     ] = 100.0
@@ -72,10 +73,19 @@ class Vqf(TiltAndYaw):
         super().__post_init__()
         require_positive(f"attitude {self.name}", self, ("tau_acc_s", "bias_forgetting_s"))
 
+    def require(self, load: Callable[[], Recording]) -> None:
+        """Check, before a sweep begins, that the package is installed and the recording has what was asked to be used.
+
+        Raises:
+            PluginError: the package is not installed.
+        """
+        vqf_package()
+        super().require(load)
+
     def verticals(self, recording: Recording) -> Verticals:
         """Return x after each sample."""
         imu = recording.inertial
-        package, step_s = _package(), imu.nominal_interval_s
+        package, step_s = vqf_package(), imu.nominal_interval_s
         filter_ = package.VQF(step_s, **self._parameters())
         if self.alignment != "gravity":
             self._settle(filter_, align(recording, alignment=self.alignment).x, step_s)
@@ -135,7 +145,7 @@ class OfflineVqf(Vqf):
                 f"{recording.name} has a gap of {intervals(imu).max():.2f} s between two samples, and attitude"
                 f" offline_vqf takes samples of one rate; take vqf, or a part without a gap above {GAP_S} s."
             )
-        smoothed = _package().offlineVQF(
+        smoothed = vqf_package().offlineVQF(
             *_samples(imu, 0, len(imu.t_s)), None, imu.nominal_interval_s, self._parameters()
         )
         return vertical_of(smoothed["quat6D"]), None
@@ -152,7 +162,12 @@ def _samples(imu: Imu, begin: int, end: int) -> tuple[FloatArray, FloatArray]:
     return imu.gyro_radps[begin:end].copy(), imu.accel_mps2[begin:end].copy()
 
 
-def _package() -> Any:  # noqa: ANN401 - a module that may be missing
+def vqf_package() -> Any:  # noqa: ANN401 - a module that may be missing
+    """Return the package vqf.
+
+    Raises:
+        PluginError: it is not installed.
+    """
     try:
         import vqf
     except ImportError as error:

@@ -1,4 +1,4 @@
-"""A method as a campaign runs it: a filter with an adaptation, its cell on a scenario, and what may be tuned of it."""
+"""A method as a campaign runs it: its parts, its cell on a scenario, and what may be tuned of it."""
 
 import dataclasses
 import json
@@ -10,6 +10,7 @@ from jerkbench.campaigns.protocol import Scenario
 from jerkbench.errors import PluginError
 from jerkbench.jobs.cell import Cell, Protocol
 from jerkbench.jobs.names import Part, cell_of_parts, refusal
+from jerkbench.optional import is_attitude_only
 from jerkbench.parameters import ranges_of
 from jerkbench.tuning.samplers import sampler_of
 from jerkbench.tuning.space import Setting, Space, space_of
@@ -22,32 +23,41 @@ LIMITS = Protocol()
 
 @dataclass(frozen=True)
 class Entrant:
-    """A filter with an adaptation, as it was given.
+    """A filter with an adaptation, or an attitude filter, as it was given.
 
     Attributes:
         filter: {"name": ..., parameters}.
         adaptation: likewise.
         r_scale: what it is told of the reported R.
+        attitude: the attitude filter, where it is the method; None: that of the data set.
     """
 
     filter: Mapping[str, Any]
     adaptation: Mapping[str, Any]
     r_scale: Mapping[str, float]
+    attitude: Mapping[str, Any] | None = None
 
     @classmethod
-    def named(cls, model: str, adaptation: str) -> "Entrant":
-        """Return a filter with an adaptation at their defaults."""
-        return cls({"name": model}, {"name": adaptation}, {})
+    def named(cls, filter: str, adaptation: str, attitude: str = "") -> "Entrant":  # noqa: A002 - as the group is called
+        """Return plugins at their defaults."""
+        return cls({"name": filter}, {"name": adaptation}, {}, {"name": attitude} if attitude else None)
 
     @property
     def name(self) -> str:
-        """Its filter and its adaptation."""
+        """Its filter and its adaptation, or its attitude filter."""
+        if self.attitude:
+            return str(self.attitude["name"])
         return f"{self.filter['name']} + {self.adaptation['name']}"
 
     @property
     def text(self) -> str:
         """All of it, the same for the same method."""
-        return json.dumps(dataclasses.asdict(self), sort_keys=True)
+        return json.dumps(self.parts, sort_keys=True)
+
+    @property
+    def parts(self) -> dict[str, Any]:
+        """What it was given, as plain data."""
+        return {name: value for name, value in dataclasses.asdict(self).items() if value is not None}
 
     def cell(
         self,
@@ -56,14 +66,14 @@ class Entrant:
         metrics: Sequence[str] = (ERROR,),
         attitude: Part | None = None,
     ) -> Cell:
-        """Return its cell on a scenario; without ``attitude`` it has that of the data set.
+        """Return its cell on a scenario; without ``attitude`` it has its own, or that of the data set.
 
         Raises:
             PluginError: it cannot be made, or its parts do not fit together.
         """
         single = {
             "dataset": scenario.dataset,
-            "attitude": attitude,
+            "attitude": attitude or self.attitude,
             "filter": self.filter,
             "adaptation": self.adaptation,
             "engine": "compiled",
@@ -78,7 +88,8 @@ class Entrant:
 
 def knobs_of(cell: Cell) -> Space:
     """Return what may be tuned of a method; nothing where no part has a parameter with a range, as of a program."""
-    tunable = any(ranges_of(type(part)) for part in (cell.filter, cell.adaptation))
+    parts = (cell.attitude,) if is_attitude_only(cell.filter) else (cell.filter, cell.adaptation)
+    tunable = any(ranges_of(type(part)) for part in parts)
     return space_of(cell) if tunable else Space(())
 
 

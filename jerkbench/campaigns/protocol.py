@@ -13,6 +13,9 @@ from jerkbench.jobs.cell import Protocol
 HALVES = ("first", "second")
 """What is tuned on one is scored on the other."""
 
+BOTH = "both"
+"""Of what is tuned on with each half, and scored with each."""
+
 LATER = {"later": True}
 """Of a field that came after protocols had been published: empty, it is no part of the digest."""
 
@@ -20,6 +23,11 @@ TEST_FROM = 1_000_000
 """The seeds to test on begin here, plus a number that only the protocol's digest tells: nobody has tuned on them."""
 
 Stated = TypeVar("Stated", bound="CampaignProtocol")
+
+
+def domain_of(half: str) -> str:
+    """Return what stands before a half, "hand " of "hand first"; empty where there is one domain."""
+    return half.removesuffix(half.rpartition(" ")[2])
 
 
 @dataclass(frozen=True)
@@ -42,8 +50,8 @@ class FaultFamily:
 
     def __post_init__(self) -> None:
         """Check the half and that there is a severity."""
-        if self.half not in (*HALVES, "both"):
-            raise PluginError(f"family {self.name}: " + unknown("half", self.half, [*HALVES, "both"]))
+        if self.half not in (*HALVES, BOTH):
+            raise PluginError(f"family {self.name}: " + unknown("half", self.half, [*HALVES, BOTH]))
         if not self.severities:
             raise PluginError(f"family {self.name} has no severity; give at least one: severities: {{usual: {{}}}}.")
 
@@ -57,7 +65,7 @@ class Scenario:
         dataset: the field with its parameters.
         family: of the fault.
         severity: of the fault.
-        half: "first", "second" or "both".
+        half: "first", "second" or "both"; where domains are tuned apart, with the domain before it: "hand first".
         disturbance: with its parameters.
     """
 

@@ -5,30 +5,34 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 import pandas as pd
 
-from jerkbench.campaigns.protocol import Scenario
+from jerkbench.campaigns.protocol import BOTH, Scenario, domain_of
 from jerkbench.errors import JerkbenchError
 from jerkbench.tuning.objectives import LOST
+
+ERROR_COLUMN = "position_rmse_m"
+"""What a navigation filter is tuned for."""
 
 ALL = "all"
 """Tuned on everything: what one setting for all faults can reach; no fair score, and marked so."""
 
 
-def losses(rows: pd.DataFrame, levels: Mapping[int, float]) -> pd.Series:
+def losses(rows: pd.DataFrame, levels: Mapping[int, float], error: str = ERROR_COLUMN) -> pd.Series:
     """Return the loss of each run: log(RMSE / level of its scenario), at most log 100, which a lost run counts.
 
     Args:
-        rows: scenario, status, position_rmse_m.
-        levels: of each scenario [m].
+        rows: scenario, status, and the column ``error``.
+        levels: of each scenario, in the unit of the error.
+        error: the column that counts.
     """
     level = rows["scenario"].map(dict(levels)).to_numpy()
     with np.errstate(divide="ignore", invalid="ignore"):
-        log = np.log(rows["position_rmse_m"].to_numpy() / level)
+        log = np.log(rows[error].to_numpy() / level)
     lost = (rows["status"] != "ok").to_numpy() | ~np.isfinite(log)
     return pd.Series(np.minimum(np.where(lost, LOST, log), LOST), index=rows.index)
 
 
-def levels_of(rows: pd.DataFrame, plain: str) -> dict[int, float]:
-    """Return what the best plain filter has at its defaults (trial 0) in each scenario: geometric mean of its runs [m].
+def levels_of(rows: pd.DataFrame, plain: str, error: str = ERROR_COLUMN) -> dict[int, float]:
+    """Return what the best plain filter has at its defaults (trial 0) in each scenario: geometric mean of its runs.
 
     Estimators that stand apart, and GNSS alone, are plain filters too: a lost run counts a hundredfold of the best.
 
@@ -36,7 +40,7 @@ def levels_of(rows: pd.DataFrame, plain: str) -> dict[int, float]:
         JerkbenchError: every plain filter was lost in some scenario, so that it has no level.
     """
     own = rows[(rows["adaptation"] == plain) & (rows["trial"] == 0) & (rows["status"] == "ok")]
-    means = np.log(own["position_rmse_m"]).groupby([own["scenario"], own["filter"]]).mean()
+    means = np.log(own[error]).groupby([own["scenario"], own["filter"]]).mean()
     lowest = np.exp(means.groupby("scenario").min())
     if missing := sorted(set(rows["scenario"]) - set(lowest.index)):
         raise JerkbenchError(
@@ -47,7 +51,7 @@ def levels_of(rows: pd.DataFrame, plain: str) -> dict[int, float]:
 
 def seen(tuned_on: str, scenarios: Iterable[Scenario]) -> list[int]:
     """Return the numbers of the scenarios that a search of ``tuned_on`` looks at."""
-    return [k for k, s in enumerate(scenarios) if tuned_on == ALL or s.half in (tuned_on, "both")]
+    return [k for k, s in enumerate(scenarios) if tuned_on == ALL or s.half in (tuned_on, domain_of(tuned_on) + BOTH)]
 
 
 def unseen(tuned_on: str, scenarios: Iterable[Scenario]) -> list[int]:

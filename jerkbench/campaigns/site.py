@@ -22,7 +22,7 @@ from jerkbench.sweep.tasks import Planned
 from jerkbench.tuning.space import Setting
 
 NUMBERS = ("position_rmse_m", "anees")
-"""What is kept of a run."""
+"""What is kept of a run that navigates."""
 
 TOGETHER = 20_000
 """So many settings are planned at once: their cells are in memory."""
@@ -57,12 +57,14 @@ class Rules:
         limits: how each run is judged.
         attitude: name of the plugin; None: that of the data set.
         strict: whether a run that failed, for another reason than that the filter diverged, is an error.
+        numbers: columns that are kept of a run.
     """
 
     metrics: tuple[str, ...]
     limits: Protocol = LIMITS
     attitude: str | None = None
     strict: bool = False
+    numbers: tuple[str, ...] = NUMBERS
 
 
 @dataclass(frozen=True)
@@ -88,7 +90,7 @@ class Site:
             bar: is told of every setting that is done.
 
         Returns:
-            scenario, filter, adaptation, trial, seed, status, reason, `NUMBERS`, seconds.
+            scenario, filter, adaptation, trial, seed, status, reason, the numbers of the rules, seconds.
 
         Raises:
             JerkbenchError: a run failed, or is not stored and may not be run.
@@ -120,14 +122,14 @@ class Site:
         if not self.only_stored:
             run_sweep(joined_plan(jobs), store, self.workers, strict=rules.strict, progress=bar)
             store.compact()
-        rows = rows_of(jobs, store, NUMBERS, any_code=self.only_stored)
+        rows = rows_of(jobs, store, rules.numbers, any_code=self.only_stored)
         if rows["status"].isna().any():
             lost = tries[rows.loc[rows["status"].isna(), "place"].iloc[0]]
             raise JerkbenchError(
                 f"Of {len(rows)} runs in {self.folder}, {rows['status'].isna().sum()} are missing or of other settings,"
                 f" first one of {lost.entrant.name} in {lost.scenario.name}; run the audit without --stored."
             )
-        return _named(rows, tries)
+        return _named(rows, tries, rules.numbers)
 
 
 def _planned(tries: Sequence[Try], rules: Rules) -> list[Planned]:
@@ -141,11 +143,11 @@ def _planned(tries: Sequence[Try], rules: Rules) -> list[Planned]:
     return planned(cells)
 
 
-def _named(rows: pd.DataFrame, tries: Sequence[Try]) -> pd.DataFrame:
+def _named(rows: pd.DataFrame, tries: Sequence[Try], numbers: tuple[str, ...]) -> pd.DataFrame:
     """Return the rows of tries with what campaigns find them by."""
     heads = [(each.number, each.entrant.filter["name"], each.entrant.adaptation["name"], each.trial) for each in tries]
     head = pd.DataFrame(heads, columns=["scenario", "filter", "adaptation", "trial"])
     named = head.iloc[rows["place"].to_numpy()].reset_index(drop=True)
     named[["seed", "status", "reason"]] = rows[["seed", "status", "reason"]]
-    named[list(NUMBERS)] = rows[list(NUMBERS)].astype(float)
+    named[list(numbers)] = rows[list(numbers)].astype(float)
     return named.assign(seconds=rows["run_s"])

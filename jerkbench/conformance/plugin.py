@@ -33,8 +33,8 @@ from jerkbench.filters.baseline import Baseline
 from jerkbench.filters.gnss_only import GnssOnly
 from jerkbench.geometry import dcm_from_euler
 from jerkbench.optional import is_attitude_only
-from jerkbench.parameters import is_whole, ranges_of
-from jerkbench.plugins import create
+from jerkbench.parameters import is_switch, is_whole, provenance_of, ranges_of
+from jerkbench.plugins import create, is_own
 from jerkbench.recording import Recording
 
 # The checks of a data set and of a disturbance.
@@ -222,7 +222,24 @@ def check_plugin(kind: str, plugin: Plugin) -> None:
     for check in STAGES:
         check(plugin)
     require_methods(kind, plugin)
+    if kind in CLASSIFIED:
+        _check_provenance(type(plugin))
     CHECKS[kind](plugin)
+
+
+CLASSIFIED = ("filter", "adaptation")
+"""Kinds of plugins that are methods; each of this package says what it is."""
+
+
+def _check_provenance(cls: type) -> None:
+    known = provenance_of(cls)
+    require_that(
+        known is not None or not (is_own(cls) or "provenance" in vars(cls)),
+        f'{cls.__name__} does not say what it is; write provenance = Provenance("published", "doi:..."), or with'
+        ' "simplified" or "own" and a note.',
+    )
+    wrong = known.mistake() if known else ""
+    require_that(not wrong, f"The provenance of {cls.__name__} makes no sense: {wrong}.")
 
 
 def _check_class(plugin: Plugin) -> None:
@@ -247,7 +264,7 @@ def _check_ranges(cls: type) -> None:
         subject = f"{cls.__name__}.{name}"
         require_that(not bounds.mistake(), f"The range of {subject} makes no sense: {bounds.mistake()}.")
         default = defaults[name]
-        number = isinstance(default, int | float) and not isinstance(default, bool)
+        number = isinstance(default, int | float) and isinstance(default, bool) == is_switch(cls, name)
         require_that(
             number, f"{subject} has a range and the default {default!r}; a search needs a number to begin from."
         )

@@ -12,7 +12,7 @@ import numpy as np
 from jerkbench.arrays import require_choices, require_not_negative, require_positive
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.geometry import enu_axes
-from jerkbench.io.clocks import with_common_time
+from jerkbench.io.clocks import with_common_time, with_own_outages
 from jerkbench.io.files import fingerprint, named_folder
 from jerkbench.io.frames import (
     LOCAL_FRAMES,
@@ -141,6 +141,8 @@ class Tables(TimedColumns):
         reference_shift_s: added to its stamps.
         reference_source: one phrase: where the reference comes from.
         reference_independent: whether it shares nothing with the measurements.
+        outage_s: a gap between fixes that is longer is an outage, which the outage metrics score against the reference;
+            0: none is.
     """
 
     seeded: ClassVar[bool] = False
@@ -194,6 +196,7 @@ class Tables(TimedColumns):
     reference_shift_s: float = 0.0
     reference_source: str = "a table"
     reference_independent: bool = False
+    outage_s: float = 0.0
 
     def __post_init__(self) -> None:
         """Check every choice, every number of columns, and every sigma."""
@@ -203,7 +206,7 @@ class Tables(TimedColumns):
         self._require_one_origin()
         axes_matrix(self.imu_axes)
         require_positive("dataset table", self, ("position_sigma_m", "position_sigma_scale", "velocity_sigma_mps"))
-        require_not_negative("dataset table", self, ("static_start_s",))
+        require_not_negative("dataset table", self, ("static_start_s", "outage_s"))
         if len(self.reference_offset_m) != 3:
             raise PluginError(
                 f"dataset table: reference_offset_m is {self.reference_offset_m}; give east, north and up [m]."
@@ -240,7 +243,8 @@ class Tables(TimedColumns):
             static_start_s=self.static_start_s,
             notes=tuple(dict.fromkeys(notes)),
         )
-        return with_common_time(recording, "check the columns of times and their unit")
+        recording = with_common_time(recording, "check the columns of times and their unit")
+        return with_own_outages(recording, self.outage_s)
 
     def fingerprint(self) -> str:
         """Return the SHA-256 over the bytes of the files."""
@@ -370,9 +374,9 @@ class Tables(TimedColumns):
         said: tuple[str, bool] = (self.reference_source, self.reference_independent)
         if source.solved:
             t_s, solution, notes = self.read_solution(source, zero_ns)
-            solution = solution.with_axes_at(origin) if origin else solution
-            position, origin = solution.position(t_s, origin)
-            enu_m, mps = position.enu_m + self.reference_offset_m, solution.velocity_enu_mps
+            origin = origin or solution.first
+            solution = solution.with_axes_at(origin)
+            enu_m, mps = solution.enu_m(origin) + self.reference_offset_m, solution.velocity_enu_mps
             notes = tuple(f"Reference: {note}" for note in notes)
             return Reference(t_s, *said, enu_m=enu_m, velocity_mps=mps), origin, notes
         stream, frame = self.read(source), self.reference_frame

@@ -75,6 +75,9 @@ def _state(estimate: Estimate) -> FloatArray:
 RUN = ("seed", "replicate", "status", "reason")
 """The columns of a run's row between its labels and its metrics."""
 
+DRAWN = "drawn."
+"""The columns of what a random drive drew begin so; they are no metrics."""
+
 Evaluate = Callable[[Metric, Estimate, Recording, BoolArray], Mapping[str, float]]
 
 
@@ -128,7 +131,7 @@ class Summary(NamedTuple):
 def metric_values(
     metrics: Iterable[Metric], summary: Summary, recording: Recording, evaluate: Evaluate
 ) -> dict[str, float]:
-    """Return the values of all metrics by column name, each from the least that it needs.
+    """Return the values of all metrics by column name, each from the least that it needs, and what the drive drew.
 
     Raises:
         PluginError: two metrics give the same column.
@@ -141,7 +144,7 @@ def metric_values(
             return metric.summarise(sums)
         return evaluate(metric, estimate, recording, counted)
 
-    return gathered((metric, columns(metric)) for metric in metrics)
+    return {**gathered((metric, columns(metric)) for metric in metrics), **recording.parameters}
 
 
 def gathered(results: Iterable[tuple[Metric, Mapping[str, float]]]) -> dict[str, float]:

@@ -7,6 +7,7 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray, require_not_negative
 from jerkbench.filters.common import ACCEL_WALK, START, WALK, ManyLengths, Models, identities, outer
+from jerkbench.parameters import Provenance
 from jerkbench.plugins import register
 
 
@@ -30,6 +31,8 @@ class Acceleration(ManyLengths):
         accel_walk_mps2_per_sqrt_s: sigma_w, random walk of the acceleration [m/s2/sqrt(s)].
         initial_accel_mps2: one sigma of the acceleration at the start [m/s2].
     """
+
+    provenance = Provenance("published", "doi:10.1002/0471221279")
 
     uses_imu: ClassVar[bool] = False
 

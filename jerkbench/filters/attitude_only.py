@@ -5,8 +5,10 @@ from typing import ClassVar
 
 import numpy as np
 
+from jerkbench.arrays import FloatArray
 from jerkbench.contracts import Adaptation
 from jerkbench.estimate import Attitude, Estimate
+from jerkbench.parameters import Provenance
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 from jerkbench.timeline import nanoseconds
@@ -25,14 +27,24 @@ class AttitudeOnlyFilter:
     metrics of position and velocity have no value with it.
     """
 
+    provenance = Provenance("own", "", "Hands the attitude on; it navigates by nothing.")
+
     adaptations: ClassVar[tuple[str, ...]] = ("none",)
     attitude_only: ClassVar[bool] = True
 
     def estimate(self, recording: Recording, attitude: Attitude, adaptation: Adaptation) -> Estimate:
         """Return the attitude at the reference's stamps that the IMU covers."""
-        imu, stamps = nanoseconds(attitude.t_s), nanoseconds(recording.reference.t_s)
-        index = np.flatnonzero((stamps >= imu[0]) & (stamps <= imu[-1])).astype(np.int64)
-        sample = np.searchsorted(imu, stamps[index], side="right") - 1
-        absent = np.full((len(index), 3), np.nan)
-        covariance = np.full((len(index), 6, 6), np.nan)
-        return Estimate(index, absent, absent, covariance, attitude.euler_rad[sample], attitude_only=True)
+        return attitude_at_reference(attitude.t_s, attitude.euler_rad, recording)
+
+
+def attitude_at_reference(t_s: FloatArray, euler_rad: FloatArray, recording: Recording) -> Estimate:
+    """Return angles (n, 3) at ``t_s`` (n,) as an estimate: at each stamp of the reference those of the last until then.
+
+    Stamps that they do not cover have none.
+    """
+    imu, stamps = nanoseconds(t_s), nanoseconds(recording.reference.t_s)
+    index = np.flatnonzero((stamps >= imu[0]) & (stamps <= imu[-1])).astype(np.int64)
+    sample = np.searchsorted(imu, stamps[index], side="right") - 1
+    absent = np.full((len(index), 3), np.nan)
+    covariance = np.full((len(index), 6, 6), np.nan)
+    return Estimate(index, absent, absent, covariance, euler_rad[sample], attitude_only=True)

@@ -7,7 +7,7 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray, require_not_negative
 from jerkbench.filters.common import ACCEL, ManyLengths, Models, identities, outer
-from jerkbench.parameters import DefaultOrigin
+from jerkbench.parameters import DefaultOrigin, Provenance
 from jerkbench.plugins import register
 
 
@@ -29,6 +29,8 @@ class Baseline(ManyLengths):
     Attributes:
         accel_mps2: sigma_a, noise of one sample of u [m/s2].
     """
+
+    provenance = Provenance("published", "Candan, Atallah, Servadio and Arabi")
 
     accel_mps2: Annotated[
         float,

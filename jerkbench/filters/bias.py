@@ -7,6 +7,7 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray, require_not_negative
 from jerkbench.filters.common import ACCEL, BIAS_WALK, FIELD, START, ManyLengths, Models, identities, outer
+from jerkbench.parameters import Provenance
 from jerkbench.plugins import register
 
 
@@ -30,6 +31,10 @@ class Bias(ManyLengths):
         bias_mps2_per_sqrt_s: sigma_b, random walk of the bias [m/s2/sqrt(s)].
         initial_bias_mps2: one sigma of the bias at the start [m/s2].
     """
+
+    provenance = Provenance(
+        "simplified", "doi:10.1109/TAC.1969.1099223", "The bias walks, and is a state like the others."
+    )
 
     accel_mps2: Annotated[float, ACCEL, FIELD] = 0.1
     bias_mps2_per_sqrt_s: Annotated[float, BIAS_WALK, FIELD] = 0.03

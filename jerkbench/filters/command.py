@@ -22,6 +22,7 @@ from jerkbench.estimate import Attitude, Estimate
 from jerkbench.io.recording_folder import FORMATS, write_recording
 from jerkbench.io.trajectory import estimate_at_reference
 from jerkbench.io.trajectory_files import TrajectoryForm, read_trajectory
+from jerkbench.parameters import Provenance
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 
@@ -199,6 +200,8 @@ class Command(TrajectoryForm):
         seed: what {seed} stands for; a run sets it.
     """
 
+    provenance = Provenance("own", "", "A program of the user's; what it is, its author knows.")
+
     adaptations: ClassVar[tuple[str, ...]] = ("none",)
     for_each_seed: ClassVar[bool] = True
 
@@ -257,18 +260,24 @@ class Command(TrajectoryForm):
         """
         with TemporaryDirectory(prefix="jerkbench_") as name:
             folder = Path(name)
-            write_recording(recording, attitude, folder, self.formats, {"seed": self.seed})
+            self._write(recording, attitude, folder)
             try:
                 return self._run(recording, folder)
             except RecordingError as error:  # the folder has another name each time
                 raise RecordingError(str(error).replace(f"{folder}{os.sep}", "")) from error
+
+    def _write(self, recording: Recording, attitude: Attitude, folder: Path) -> None:
+        write_recording(recording, attitude, folder, self.formats, {"seed": self.seed})
+
+    def _read(self, out: Path, recording: Recording) -> Estimate:
+        return estimate_at_reference(read_trajectory(out, self, recording), recording, self.max_gap_s)
 
     def _run(self, recording: Recording, folder: Path) -> Estimate:
         out = folder / self.out
         run_program(self._words(folder, out), folder, self.time_limit_s)
         if not out.is_file():
             raise RecordingError(f"The program {self.command} ended well and wrote no {self.out}.")
-        return estimate_at_reference(read_trajectory(out, self, recording), recording, self.max_gap_s)
+        return self._read(out, recording)
 
     def _words(self, folder: Path, out: Path) -> list[str]:
         recording = folder / FORMATS[self.formats[0]]

@@ -10,7 +10,7 @@ from jerkbench.contracts import Adaptation
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.filters.common import START, VELOCITY_WALK, MeasurementUpdates, of_r_alone
 from jerkbench.kalman import is_healthy
-from jerkbench.parameters import DefaultOrigin, Range
+from jerkbench.parameters import DefaultOrigin, Provenance, Range
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 from jerkbench.timeline import Recorder, Timeline, build_timeline
@@ -42,6 +42,8 @@ class ConstantTurn:
         turn_walk_radps_per_sqrt_s: q_w, random walk of the rate of turn [rad/s/sqrt(s)].
         initial_turn_radps: one sigma of the rate of turn at the start [rad/s].
     """
+
+    provenance = Provenance("published", "doi:10.1002/0471221279")
 
     uses_imu: ClassVar[bool] = False
 

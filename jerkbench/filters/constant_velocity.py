@@ -7,7 +7,7 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray, require_not_negative
 from jerkbench.filters.common import VELOCITY_WALK
-from jerkbench.parameters import DefaultOrigin
+from jerkbench.parameters import DefaultOrigin, Provenance
 from jerkbench.plugins import register
 
 
@@ -30,6 +30,8 @@ class ConstantVelocity:
     Attributes:
         velocity_walk_mps_per_sqrt_s: q, random walk of the velocity [m/s/sqrt(s)]; a car's 1 m/s2 over a second is 1.
     """
+
+    provenance = Provenance("published", "doi:10.1002/0471221279")
 
     uses_imu: ClassVar[bool] = False
 

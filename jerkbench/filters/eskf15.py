@@ -11,6 +11,7 @@ from jerkbench.filters._eskf15_inputs import Eskf15Parameters, aided, run_inputs
 from jerkbench.filters.common import of_r_alone
 from jerkbench.inertial.run import InertialRun, InertialSolution
 from jerkbench.inertial.run_inputs import Journey
+from jerkbench.parameters import Provenance
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 from jerkbench.sums import RecordedRun, Streamed
@@ -73,6 +74,12 @@ class Eskf15(Eskf15Parameters):
     Source: P. D. Groves, "Principles of GNSS, Inertial, and Multisensor Integrated Navigation Systems", 2nd ed.,
     chapters 5 and 14, reduced to a tangent plane.
     """
+
+    provenance = Provenance(
+        "simplified",
+        "Groves, 2nd ed., chapters 5 and 14",
+        "In a tangent plane; the Earth turns only where switched on.",
+    )
 
     title: ClassVar[str] = "eskf15"
     invariant: ClassVar[bool] = False

@@ -7,6 +7,7 @@ from jerkbench.contracts import Adaptation
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.filters._eskf15_alone import Eskf15Alone
 from jerkbench.inertial.smoother import smooth
+from jerkbench.parameters import Provenance
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 
@@ -36,6 +37,8 @@ class Eskf15Smoother(Eskf15Alone):
     Journal 3(8), 1965, doi:10.2514/3.3166; over the errors of a navigation: P. D. Groves, "Principles of GNSS,
     Inertial, and Multisensor Integrated Navigation Systems", 2nd ed., section 3.4.5.
     """
+
+    provenance = Provenance("simplified", "doi:10.2514/3.3166", "Over `eskf15`, linearised about its forward pass.")
 
     title: ClassVar[str] = "eskf15_rts"
 

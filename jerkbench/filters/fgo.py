@@ -12,7 +12,7 @@ from jerkbench.inertial.factor_graph import Graph, Options
 from jerkbench.inertial.graph_solution import batch, estimate_of, fixed_lag
 from jerkbench.inertial.run_inputs import Journey
 from jerkbench.inertial.smoother import forward_states
-from jerkbench.parameters import DefaultOrigin, Range
+from jerkbench.parameters import DefaultOrigin, Provenance, Range
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 
@@ -62,6 +62,10 @@ class FactorGraph(Eskf15Alone):
         lag_s: how much of the drive is kept; 0: all of it [s].
         iterations: most of the whole drive's optimisation.
     """
+
+    provenance = Provenance(
+        "simplified", "doi:10.1109/TRO.2016.2597321", "Fixes and velocities in place of vision; all else is GTSAM's."
+    )
 
     title: ClassVar[str] = "fgo"
 

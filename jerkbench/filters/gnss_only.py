@@ -8,6 +8,7 @@ import numpy as np
 from jerkbench.arrays import FloatArray
 from jerkbench.contracts import Adaptation
 from jerkbench.estimate import Attitude, Estimate
+from jerkbench.parameters import Provenance
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 from jerkbench.timeline import Timeline, build_timeline
@@ -25,6 +26,8 @@ class GnssOnly:
     What a filter adds to this row is what it is worth. Axes are carried on separately, each from its own last
     measurement, so outages of position and of velocity alone are handled alike.
     """
+
+    provenance = Provenance("own", "", "The floor: the last fix, carried on with its velocity.")
 
     adaptations: ClassVar[tuple[str, ...]] = ("none",)
     uses_imu: ClassVar[bool] = False

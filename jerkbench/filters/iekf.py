@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from jerkbench.filters.eskf15 import Eskf15
+from jerkbench.parameters import Provenance
 from jerkbench.plugins import register
 
 
@@ -56,6 +57,12 @@ class InvariantEkf(Eskf15):
     International Journal of Robotics Research 39(4), 2020, doi:10.1177/0278364919894385. Neither recommends sensor
     noise: the defaults are eskf15's.
     """
+
+    provenance = Provenance(
+        "simplified",
+        "doi:10.1109/TAC.2016.2594085",
+        "Biases are additive; the error's equation leaves out the Earth's turning.",
+    )
 
     title: ClassVar[str] = "iekf"
     invariant: ClassVar[bool] = True

@@ -17,7 +17,7 @@ from jerkbench.filters.baseline import Baseline
 from jerkbench.filters.bias import Bias
 from jerkbench.filters.common import ACCEL, ACCEL_WALK, BIAS_WALK, JERK_WALK, STAYS, of_r_alone
 from jerkbench.filters.jerk import Jerk
-from jerkbench.parameters import DefaultOrigin
+from jerkbench.parameters import DefaultOrigin, Provenance
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 from jerkbench.sums import Run, Streamed
@@ -81,6 +81,8 @@ class InteractingMultipleModels(OverTimelines):
         second_walk_mps2_per_sqrt_s: sigma_w of the second, likewise [m/s2/sqrt(s)].
         initial_accel_mps2: one sigma of the acceleration at the start, of an acceleration filter [m/s2].
     """
+
+    provenance = Provenance("published", "doi:10.1109/9.1299")
 
     first: str = "baseline"
     second: str = "jerk"

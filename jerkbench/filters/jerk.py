@@ -7,6 +7,7 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray, require_not_negative
 from jerkbench.filters.common import ACCEL, FIELD, JERK_WALK, START, ManyLengths, Models, identities, outer
+from jerkbench.parameters import Provenance
 from jerkbench.plugins import register
 
 
@@ -31,6 +32,8 @@ class Jerk(ManyLengths):
         jerk_mps3_per_sqrt_s: sigma_j, random walk of the jerk [m/s3/sqrt(s)].
         initial_jerk_mps3: one sigma of the jerk at the start [m/s3].
     """
+
+    provenance = Provenance("published", "Candan, Atallah, Servadio and Arabi")
 
     accel_mps2: Annotated[float, ACCEL, FIELD] = 0.1
     jerk_mps3_per_sqrt_s: Annotated[float, JERK_WALK, FIELD] = 6.0

@@ -24,7 +24,7 @@ from jerkbench.filters.common import (
 )
 from jerkbench.filters.jerk import Jerk
 from jerkbench.kalman import is_healthy
-from jerkbench.parameters import DefaultOrigin
+from jerkbench.parameters import DefaultOrigin, Provenance
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 from jerkbench.sums import Run, Streamed
@@ -75,6 +75,8 @@ class RauchTungStriebel(OverTimelines):
         bias_mps2_per_sqrt_s: sigma_b, random walk of the bias [m/s2/sqrt(s)].
         initial_bias_mps2: one sigma of the bias at the start [m/s2].
     """
+
+    provenance = Provenance("published", "doi:10.2514/3.3166")
 
     model: str = "bias"
     accel_mps2: Annotated[float, ACCEL, DefaultOrigin("that of the filter by itself")] = 0.1

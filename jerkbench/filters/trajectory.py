@@ -8,6 +8,7 @@ from jerkbench.contracts import Adaptation
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.io.trajectory import estimate_at_reference
 from jerkbench.io.trajectory_files import SEED, TrajectoryForm, files_digest, path_of_seed, read_trajectory
+from jerkbench.parameters import Provenance
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 
@@ -30,6 +31,8 @@ class TrajectoryFile(TrajectoryForm):
         file: its path, or a pattern with {seed} in the place of the seed's number, of whose files each is one run.
         label: what tables call it, before "(external)"; empty: the file's name.
     """
+
+    provenance = Provenance("own", "", "A file of the user's; what made it, its author knows.")
 
     adaptations: ClassVar[tuple[str, ...]] = ("none",)
     uses_imu: ClassVar[bool] = False

@@ -9,7 +9,7 @@ from jerkbench.estimate import Attitude, Estimate
 from jerkbench.filters._eskf15_alone import Eskf15Alone
 from jerkbench.filters._eskf15_inputs import DEFORMATION
 from jerkbench.inertial.unscented import UnscentedRun
-from jerkbench.parameters import DefaultOrigin, Range
+from jerkbench.parameters import DefaultOrigin, Provenance, Range
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 
@@ -49,6 +49,8 @@ class Ukf(Eskf15Alone):
         beta: of the prior's fourth moment; 2 is a Gaussian's.
         kappa: shifts weight to sigma point 0.
     """
+
+    provenance = Provenance("simplified", "doi:10.1109/ASSPCC.2000.882463", "Over the error state of `eskf15`.")
 
     title: ClassVar[str] = "ukf"
 

@@ -17,7 +17,7 @@ from jerkbench.hydra_app.sweep_words import swept_addresses, without_addresses
 from jerkbench.hydra_app.typed_words import arranged_words
 from jerkbench.hydra_app.words import cluster_of
 from jerkbench.jobs.cluster import LOCAL
-from jerkbench.presets import config_folder
+from jerkbench.presets import config_folder, folder_words
 from jerkbench.results.store import Store
 from jerkbench.sweep.looks import typed as typed_seeds
 
@@ -34,7 +34,7 @@ def run_app(arguments: Sequence[str]) -> None:
     arguments = ["dry=true" if word == "--dry" else word for word in arguments]
     words = [typed for word in arguments for typed in typed_seeds(word)]
     words = swept_addresses(words) if {"-m", "--multirun"} & set(arguments) else without_addresses(words)
-    sys.argv = ["jerkbench run", *arranged_words(words)]
+    sys.argv = ["jerkbench run", *arranged_words([*folder_words(), *words])]
     app()
 
 

@@ -141,6 +141,8 @@ class _Composer:
 
     def _is_ours(self, group: str, name: str) -> bool:
         """Whether a plugin, or a preset, is made of nothing that the user's own folders have."""
+        if (group, name) in self._of_user:
+            return False
         try:
             alone = _alone(group, name)
         except (PluginError, OmegaConfBaseException):

@@ -2,7 +2,7 @@
 
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -140,18 +140,19 @@ def _run_and_show(plan: Plan, folder: Path, config: DictConfig) -> None:
 # Trajectories from elsewhere as a cell of a study: stored, and shown as a single run is.
 
 
-def score_files(words: Words, pattern: str, label: str) -> None:
+def score_files(words: Words, pattern: str, label: str, dataset: Mapping[str, Any] | None = None) -> None:
     """Score the files of ``pattern``, store their rows, and print them.
 
     Args:
         words: the recording, the protocol and the study.
         pattern: a file, or one for each seed.
         label: what tables call the method; empty: the file's name.
+        dataset: parameters of the data set beside its words.
 
     Raises:
         JerkbenchError: a file cannot be scored; nothing is stored then.
     """
-    cell = words.cell(file=pattern, label=label)
+    cell = words.cell(dataset or {}, file=pattern, label=label)
     if reason := refusal(cell):
         raise PluginError(f"This combination makes no sense: {reason}.")
     plan, folder = plan_sweep([cell]), study_folder(words.config)

@@ -20,9 +20,12 @@ from jerkbench.hydra_app.typed_words import no_assignment
 from jerkbench.hydra_app.words import cluster_of, composed
 from jerkbench.jobs.cell import Cell
 from jerkbench.jobs.cluster import LOCAL, Workers
+from jerkbench.jobs.inputs import shared_inputs
 from jerkbench.jobs.names import refusal
 from jerkbench.jobs.pool import processors
 from jerkbench.jobs.progress import Progress
+from jerkbench.optional import is_attitude_only
+from jerkbench.presets import user_folders
 from jerkbench.report.choice import Choice, figures_choice
 from jerkbench.report.tables.writers import passive
 from jerkbench.tuning.evaluate import Runs, trial_table
@@ -30,7 +33,7 @@ from jerkbench.tuning.foreign import EXPORTS
 from jerkbench.tuning.objectives import objective_of
 from jerkbench.tuning.outcome import Effort, Tuning, tune
 from jerkbench.tuning.search import Budget
-from jerkbench.tuning.space import Space, space_of
+from jerkbench.tuning.space import STREAMS, Space, space_of
 from jerkbench.tuning.splits import Cases, Seeds, by_families, by_recordings, by_seeds, by_time
 from jerkbench.tuning.summary import PARTS, preset_words, record, summary, table, write_presets
 
@@ -39,6 +42,9 @@ from jerkbench.tuning.summary import PARTS, preset_words, record, summary, table
 
 METHOD_GROUPS = ("filter", "adaptation", "noise", "engine", "r_scale")
 """Groups of which several values are several methods; several of the others are scenarios of one tuning."""
+
+ALONE = "filter=attitude_only"
+"""With this word the attitude filter is the method."""
 
 
 @dataclass
@@ -49,7 +55,8 @@ class TuneOptions:
         trials: settings that are tried, the one before the search among them.
         sampler: sobol, tpe or cma_es.
         sampler_seed: another one is another scramble.
-        objective: rmse, or likelihood (of the innovations), which needs no reference.
+        objective: rmse, likelihood (of the innovations), which needs no reference, or inclination, of an attitude
+            filter alone; auto: this one there, else rmse.
         split: auto (seeds, or time where nothing is random), seeds, time, recordings or families.
         share: with split=time, the share of the time to tune on.
         held_out: with split=recordings or families, names of the data sets or disturbances to test on.
@@ -64,7 +71,7 @@ class TuneOptions:
     trials: int = 64
     sampler: str = "sobol"
     sampler_seed: int = 0
-    objective: str = "rmse"
+    objective: str = "auto"
     split: str = "auto"
     share: float = 0.5
     held_out: list[str] = field(default_factory=list)
@@ -102,10 +109,11 @@ def tuning_words(words: Sequence[str], *, several: bool) -> TuneWords:
     names = {f.name for f in fields(TuneOptions)}
     own = [word for word in words if word.partition("=")[0] in names]
     others = [word for word in words if word not in own]
-    methods = _combinations([word for word in others if owner(word) in METHOD_GROUPS])
+    groups = (*METHOD_GROUPS, "attitude") if ALONE in others else METHOD_GROUPS
+    methods = _combinations([word for word in others if owner(word) in groups])
     if len(methods) > 1 and not several:
         raise PluginError(f"There are {len(methods)} methods; add -m to tune each of them with the same budget.")
-    shared = [word for word in others if owner(word) not in METHOD_GROUPS]
+    shared = [word for word in others if owner(word) not in groups]
     return TuneWords(_options(own), methods, _combinations(shared), tuple(shared))
 
 
@@ -152,11 +160,12 @@ def tune_all(words: TuneWords) -> None:
     chosen = cluster_of(config)
     count = config.workers or processors()
     workers, threads = (Workers(), count) if chosen == LOCAL else (Workers(chosen, count), 1)
-    effort = _effort(options, threads)
+    effort = _effort(options, threads, alone=is_attitude_only(cells[0][0].filter))
     efforts = [effort for _ in cells]
-    spaces = [space_of(scenarios[0], options.knobs) for scenarios in cells]
     for scenarios in cells:
         _require_sense(scenarios)
+    measured = _streams(cells[0])
+    spaces = [space_of(scenarios[0], options.knobs, measured) for scenarios in cells]
     cases = [cases_of(scenarios, options, config.first_seed) for scenarios in cells]
     folder = study_folder(config) / "tune"
     names = _names([scenarios[0] for scenarios in cells])
@@ -168,6 +177,12 @@ def tune_all(words: TuneWords) -> None:
         _write(tuning, own, command, figures=figures_choice(config.figures) is not Choice.NONE)
     print(table(tunings))
     print(f"\nSettings, presets and trials: {folder}")
+
+
+def _streams(cells: Sequence[Cell]) -> list[str]:
+    """The streams that the recording of any scenario has, of those whose R is tuned."""
+    recordings = [shared_inputs().undisturbed(cell.dataset, cell.draws[0]) for cell in cells]
+    return [name for name in STREAMS if any(getattr(recording, name) is not None for recording in recordings)]
 
 
 def cases_of(cells: Sequence[Cell], options: TuneOptions, first_seed: int) -> Cases:
@@ -185,10 +200,10 @@ def cases_of(cells: Sequence[Cell], options: TuneOptions, first_seed: int) -> Ca
     return (by_recordings if split == "recordings" else by_families)(cells, options.held_out, seeds)
 
 
-def _effort(options: TuneOptions, threads: int) -> Effort:
+def _effort(options: TuneOptions, threads: int, *, alone: bool) -> Effort:
+    name = ("inclination" if alone else "rmse") if options.objective == "auto" else options.objective
     budget = Budget(options.trials, options.sampler, options.finalists, options.sampler_seed)
-    objective, knobs = objective_of(options.objective), tuple(options.knobs)
-    return Effort(objective, budget, options.restarts, knobs, threads)
+    return Effort(objective_of(name), budget, options.restarts, tuple(options.knobs), threads)
 
 
 def _require_sense(cells: Sequence[Cell]) -> None:
@@ -214,8 +229,16 @@ def _tuned(
 
 
 def _names(cells: Sequence[Cell]) -> list[str]:
-    """A name for each method, fit for a folder: filter and adaptation, with a number where that is not enough."""
-    names = [f"{cell.spec['filter']['name']}-{cell.spec['adaptation']['name']}" for cell in cells]
+    """A name for each method, fit for a folder: filter and adaptation, with a number where that is not enough.
+
+    An attitude filter alone has its own.
+    """
+    names = [
+        cell.spec["attitude"]["name"]
+        if is_attitude_only(cell.filter)
+        else f"{cell.spec['filter']['name']}-{cell.spec['adaptation']['name']}"
+        for cell in cells
+    ]
     return [f"{name}-{names[:k].count(name) + 1}" if names.count(name) > 1 else name for k, name in enumerate(names)]
 
 
@@ -226,7 +249,8 @@ def _command(tuning: Tuning, presets: Path, words: TuneWords, method: Sequence[s
     covered = {part for part in PARTS if tuning.space.of_part(part, tuning.setting)} | tuned
     kept = [word for word in method if not {owner(word), word.partition("=")[0]} & covered]
     several = ["-m"] if len(words.scenarios) > 1 else []
-    return shlex.join(["jerkbench", "run", *several, "--config-dir", str(presets), *words.shared, *kept, *chosen])
+    folders = [word for folder in (presets, *user_folders()) for word in ("--config-dir", str(folder))]
+    return shlex.join(["jerkbench", "run", *several, *folders, *words.shared, *kept, *chosen])
 
 
 def _write(tuning: Tuning, folder: Path, command: str, *, figures: bool) -> None:
@@ -240,7 +264,7 @@ def _write(tuning: Tuning, folder: Path, command: str, *, figures: bool) -> None
     scenarios = [case.scenario for case in tuning.cases.tune]
     trials = trial_table(outcome.trials, tuning.space.names, scenarios)
     write_text(folder / "trials.csv", trials.to_csv(index=False, lineterminator="\n"))
-    for name, export in EXPORTS.items():
+    for name, export in EXPORTS.items() if not is_attitude_only(tuning.cases.tune[0].cell.filter) else ():
         write_text(folder / "export" / name, export(tuning))
     print(page)
     if figures:

@@ -18,7 +18,7 @@ from jerkbench.hydra_app.messages import hydra_sentence
 from jerkbench.hydra_app.typed_words import arranged_words
 from jerkbench.jobs.cell import Cell
 from jerkbench.jobs.cluster import Cluster
-from jerkbench.presets import config_folder, preset
+from jerkbench.presets import config_folder, folder_words, preset
 from jerkbench.removed import refuse_removed
 
 
@@ -36,10 +36,11 @@ class Words:
     choices: dict[str, Any]
     overrides: list[str]
 
-    def cell(self, **filter_parameters: object) -> Cell:
+    def cell(self, dataset: Mapping[str, object] | None = None, **filter_parameters: object) -> Cell:
         """Return the cell.
 
         Args:
+            dataset: parameters of the data set beside the words.
             filter_parameters: what is set beside the words, without Hydra's rules for quotation marks.
 
         Raises:
@@ -47,6 +48,7 @@ class Words:
         """
         plain: Any = OmegaConf.to_container(self.config, resolve=True)
         plain["filter"] = {**plain["filter"], **filter_parameters}
+        plain["dataset"] = {**plain["dataset"], **(dataset or {})}
         return cell_of(plain, self.choices, self.overrides)
 
 
@@ -61,7 +63,7 @@ def composed(words: Sequence[str]) -> Words:
     register_hydra_parts()
     try:
         with initialize_config_dir(str(config_folder()), version_base="1.3"):
-            whole = compose("config", overrides, return_hydra_config=True)
+            whole = compose("config", [*folder_words(), *overrides], return_hydra_config=True)
         choices: Any = OmegaConf.to_container(whole.hydra.runtime.choices)
         config = OmegaConf.masked_copy(whole, [str(key) for key in whole if key != "hydra"])
         check_options(config)

@@ -32,7 +32,8 @@ AXES = {"x": "x", "y": "y", "z": "z", "e": "east", "n": "north", "u": "up", "d":
 """Letters of axes; the words stand for themselves."""
 
 SCALARS = {
-    "time": "t time timestamp stamp",
+    "time": "t time timestamp stamp tow itow sow timeofweek secondsofweek gpsseconds",
+    "week": "week wn weeknumber gpsweek",
     "latitude": "lat latitude",
     "longitude": "lon long lng longitude",
     "height": "h height alt altitude",
@@ -50,8 +51,8 @@ class Name(NamedTuple):
 
     Attributes:
         column: the name.
-        quantity: accel, gyro, velocity, position, sigma (of a position), time, latitude, longitude, height, roll,
-            pitch or yaw.
+        quantity: accel, gyro, velocity, position, sigma (of a position), time, week, latitude, longitude, height,
+            roll, pitch or yaw.
         axis: x, y, z, east, north, up, down, forward, left, right, or nothing.
         unit: that the name says, or nothing.
     """

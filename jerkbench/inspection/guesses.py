@@ -183,6 +183,8 @@ def _ways(recording: Recording) -> tuple[FloatArray, FloatArray]:
         return np.empty((0, 3)), np.empty((0, 3))
     fix_s, places = without_nan_rows(position.t_s, position.enu_m)
     t_s, mps = without_nan_rows(velocity.t_s, velocity.mps)
+    if not (len(fix_s) and len(t_s)):
+        return np.empty((0, 3)), np.empty((0, 3))
     edges_s = np.arange(max(fix_s[0], t_s[0]), min(fix_s[-1], t_s[-1]), WINDOW_S)
     if len(edges_s) < LEAST_EDGES:
         return np.empty((0, 3)), np.empty((0, 3))

@@ -1,15 +1,18 @@
-"""A table of unknown columns -> guesses with their reasons, in the order in which one rests on the other; a preset."""
+"""Tables of unknown columns -> guesses with their reasons, in the order in which one rests on the other; a preset."""
 
 import json
+import os
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from jerkbench.arrays import BoolArray
+from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.datasets.table import Tables
 from jerkbench.errors import RecordingError
+from jerkbench.inspection.clocks import CLOCK_CORRELATION, SHIFT_PARAMETERS, all_lags
 from jerkbench.inspection.columns import (
     Name,
     Triple,
@@ -33,16 +36,19 @@ from jerkbench.inspection.guesses import (
     is_date,
     turns_with_gyro,
 )
+from jerkbench.inspection.noise import longest_rest
+from jerkbench.io.clocks import GPST_MINUS_UTC_S
 from jerkbench.io.columns import Columns, read_columns
 from jerkbench.io.frames import ACCEL_UNITS, GYRO_UNITS
 from jerkbench.io.text import TextFormat
+from jerkbench.io.tracks import track_reader
 from jerkbench.recording import Recording
 
 SEPARATORS = (",", ";", "\t")
 OTHER = {"enu": "ned", "ned": "enu"}
 SIGMA_UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 HEAD = """\
-# {name}: guessed from the columns of {file}. Correct what is unsure; `jerkbench show dataset table` lists the rest.
+# {name}: guessed from the columns of {files}. Correct what is unsure; `jerkbench show dataset table` lists the rest.
 defaults:
   - table
   - _self_
@@ -54,23 +60,49 @@ separator: {separator}
 ECEF_M = (6.3e6, 6.45e6)
 """So far is the ground from the centre of the Earth."""
 
+LEAST_SHIFT_S = 0.05
+"""A smaller lag is left to the filter."""
 
-@dataclass
-class Draft:
-    """What is known of a table so far.
+LEAST_FIXES = 10
+OUTAGE_S, OUTAGE_STEPS = 5.0, 5.0
+"""A gap between fixes that is longer, and has so many times the usual step, is an outage."""
+
+SOON_S = 1.0
+"""A rest that begins later is not one at the start."""
+
+
+@dataclass(frozen=True)
+class Table:
+    """A file with columns.
 
     Attributes:
         path: the file.
-        separator: between its columns.
+        separator: between its columns; None: it has none (NMEA, GPX, gpsd's JSON).
         columns: what was read.
         names: those that say something.
-        guesses: in order.
     """
 
     path: Path
-    separator: str
+    separator: str | None
     columns: Columns
     names: list[Name]
+
+    @property
+    def is_placed(self) -> bool:
+        """Whether it has places."""
+        return position_columns(self.names) is not None
+
+
+@dataclass
+class Draft:
+    """What is known of a log so far.
+
+    Attributes:
+        tables: the table of each stream: imu, position, velocity, reference; one table may have several.
+        guesses: in order.
+    """
+
+    tables: dict[str, Table]
     guesses: dict[str, Guess] = field(default_factory=dict)
 
     def add(self, *guesses: Guess) -> None:
@@ -82,16 +114,32 @@ class Draft:
         self.add(*(Guess(parameter, value, "named", why) for parameter, value in values.items()))
 
     @property
+    def paths(self) -> list[Path]:
+        """The files."""
+        return list(dict.fromkeys(table.path for table in self.tables.values()))
+
+    @property
+    def folder(self) -> Path:
+        """The folder that all files are in, or below."""
+        return Path(os.path.commonpath([path.parent for path in self.paths]))
+
+    def file(self, stream: str) -> str:
+        """The name of a stream's file in the folder."""
+        return self.tables[stream].path.relative_to(self.folder).as_posix()
+
+    @property
     def settings(self) -> dict[str, Any]:
         """The parameters of the data set table."""
-        fixed = {"folder": str(self.path.parent.resolve()), "separator": self.separator, "imu_file": ""}
+        separators = {table.separator for table in self.tables.values() if table.separator is not None}
+        fixed = {"folder": str(self.folder), "separator": next(iter(separators), ","), "imu_file": ""}
         return fixed | {name: guess.value for name, guess in self.guesses.items()}
 
     @property
     def unused(self) -> list[str]:
         """Columns that no guess takes."""
         taken = {name for guess in self.guesses.values() for name in _words(guess.value)}
-        return [column for column in self.columns.names if column not in taken]
+        tables = {table.path: table for table in self.tables.values()}.values()
+        return list(dict.fromkeys(name for table in tables for name in table.columns.names if name not in taken))
 
     def load(self, **other: Any) -> Recording:  # noqa: ANN401 - parameters of any type
         """Return the recording that the guesses make."""
@@ -102,94 +150,170 @@ def _words(value: Value) -> tuple[str, ...]:
     return value if isinstance(value, tuple) else (str(value),)
 
 
-def guess_table(path: Path) -> Draft:
-    """Return what the columns of a CSV are.
+def guess_tables(*paths: Path) -> Draft:
+    """Return what the columns of one file, or of several, are.
+
+    The first file with an accelerometer and a gyro is the IMU's. The first one with places has the fixes, a second one
+    the reference.
 
     Raises:
-        RecordingError: it has no column of times, or neither an IMU nor places, by their names.
+        RecordingError: a file has no column of times, or neither an IMU nor places, by their names; or the files do not
+            fit together.
     """
-    with path.open(encoding="utf-8", errors="replace") as lines:
-        first = lines.readline()
-    separator = next((mark for mark in SEPARATORS if mark in first), "")
-    columns = read_columns((path,), TextFormat(separator))
-    names = [name for column in columns.names if (name := parse_name(column)) is not None]
-    draft = Draft(path, separator, columns, names)
-    sensors, position, velocity = sensors_of(names), position_columns(names), velocity_columns(names)
-    if sensors is None and position is None:
-        raise RecordingError(
-            f"{path} has the columns {', '.join(columns.names)}: no three of them are called a place, no six an"
-            " accelerometer and a gyro; name them in the header, for example t, ax, gx, lat."
-        )
-    _times(draft, imu=sensors is not None, position=position is not None)
-    if sensors is not None:
-        _imu(draft, *sensors)
-    if position is not None:
+    draft = Draft(_streams([_table(path.resolve()) for path in paths]))
+    imu, position = draft.tables.get("imu"), draft.tables.get("position")
+    sensors = sensors_of(imu.names) if imu else None
+    _times(draft)
+    if imu and sensors:
+        _imu(draft, imu, *sensors)
+    if position:
         _position(draft, position)
-    if sensors is not None:
-        _measure_imu(draft, sensors[1], position)
-    if velocity is not None and position is not None:
-        _velocity(draft, velocity)
+    if sensors:
+        _measure_imu(draft, sensors[1])
+    if "velocity" in draft.tables:
+        _velocity(draft, draft.tables["velocity"])
+    if "reference" in draft.tables:
+        _reference(draft, draft.tables["reference"])
+    if imu and position:
+        _shifts(draft)
+    if "reference" in draft.tables:
+        _outages(draft)
+    if imu:
+        _rest(draft)
     return draft
 
 
-def _times(draft: Draft, *, imu: bool, position: bool) -> None:
-    times = [name for name in draft.names if name.quantity == "time"]
-    if len(times) != 1:
-        count = "none" if not times else ", ".join(name.column for name in times)
-        raise RecordingError(f"{draft.path} needs one column of times, and has {count}; call one of them t.")
-    column, stamps = times[0].column, draft.columns.numbers([times[0].column])[:, 0]
-    streams = [name for name, present in (("imu", imu), ("position", position)) if present]
-    draft.name("its name", **{f"{stream}_time": column for stream in streams})
-    unit = guess_time_unit(stamps, times[0].unit)
-    date = is_date(stamps, str(unit.value))
-    epoch = Guess("epoch", "unix", "unsure", "the stamps are dates; of UTC, or of GPS time, 18 s ahead")
-    draft.add(unit, epoch if date else Guess("epoch", "none", "measured", "the stamps are no dates of our time"))
+def _table(path: Path) -> Table:
+    separator = None
+    if track_reader(path) is None:
+        with path.open(encoding="utf-8", errors="replace") as lines:
+            first = lines.readline()
+        separator = next((mark for mark in SEPARATORS if mark in first), "")
+    columns = read_columns((path,), TextFormat(separator or ""))
+    names = [name for column in columns.names if (name := parse_name(column)) is not None]
+    return Table(path, separator, columns, names)
 
 
-def _imu(draft: Draft, accel: Triple, gyro: Triple) -> None:
-    draft.name("it has an IMU", imu_file=draft.path.name)
+def _streams(tables: Sequence[Table]) -> dict[str, Table]:
+    inertial = [table for table in tables if sensors_of(table.names)]
+    placed = [table for table in tables if table.is_placed]
+    for table in tables:
+        if table not in (*inertial, *placed):
+            raise RecordingError(
+                f"{table.path} has the columns {', '.join(table.columns.names)}: no three of them are called a place,"
+                " no six an accelerometer and a gyro; name them in the header, for example t, ax, gx, lat."
+            )
+    separators = {table.separator for table in tables if table.separator is not None}
+    if len(inertial) > 1 or len(placed) > 2 or len(separators) > 1:
+        names = ", ".join(table.path.name for table in tables)
+        raise RecordingError(
+            f"{names}: give one file with an IMU, one with fixes and one with a reference, in this order, separated by"
+            f" the same sign (here {' and '.join(map(repr, sorted(separators)))})."
+        )
+    streams = dict(zip(("imu",), inertial, strict=False)) | dict(zip(("position", "reference"), placed, strict=False))
+    if placed and velocity_columns(placed[0].names):
+        streams["velocity"] = placed[0]
+    return streams
+
+
+def _times(draft: Draft) -> None:
+    """Guess column and unit of each stream's times, and what they count from: the same for all but dates."""
+    epochs: dict[str, Guess] = {}
+    for stream, table in draft.tables.items():
+        times = [name for name in table.names if name.quantity == "time"]
+        if len(times) != 1:
+            count = "none" if not times else ", ".join(name.column for name in times)
+            raise RecordingError(f"{table.path} needs one column of times, and has {count}; call one of them t.")
+        draft.name("its name", **{f"{stream}_time": times[0].column})
+        if table.columns.dates_ns(times[0].column, GPST_MINUS_UTC_S) is not None:
+            epochs.setdefault("dates", Guess("epoch", "unix", "measured", "the stamps are dates"))
+            continue
+        stamps = table.columns.numbers([times[0].column])[:, 0]
+        unit = guess_time_unit(stamps[np.isfinite(stamps)], times[0].unit)
+        common = draft.guesses.get("time_unit", unit)
+        if unit.grade == "unsure":
+            unit = common
+        if unit.value != common.value:
+            unit = replace(unit, parameter=f"{stream}_time_unit")
+        draft.add(unit)
+        epoch = _epoch(draft, table, dated=is_date(stamps, str(unit.value)))
+        epochs[str(epoch.value)] = epoch
+    counted = [epoch for name, epoch in epochs.items() if name != "dates"]
+    if len(counted) > 1 or ("dates" in epochs and "none" in epochs):
+        raise RecordingError(
+            f"{', '.join(path.name for path in draft.paths)}: some stamps are dates and others are not, or they count"
+            " from another day; write the times of all files by one clock."
+        )
+    draft.add(*(counted or epochs.values()))
+
+
+def _epoch(draft: Draft, table: Table, *, dated: bool) -> Guess:
+    weeks = [name.column for name in table.names if name.quantity == "week"]
+    if len(weeks) == 1:
+        draft.name("its name", time_week=weeks[0])
+        return Guess("epoch", "gps", "named", "it has a column of weeks")
+    if dated:
+        return Guess("epoch", "unix", "unsure", "the stamps are dates; of UTC, or of GPS time, 18 s ahead")
+    return Guess("epoch", "none", "measured", "the stamps are no dates of our time")
+
+
+def _imu(draft: Draft, table: Table, accel: Triple, gyro: Triple) -> None:
+    draft.name("it has an IMU", imu_file=draft.file("imu"))
     draft.name("their names", imu_accel=accel.columns, imu_gyro=gyro.columns)
-    force = draft.columns.numbers(accel.columns)
+    force = table.columns.numbers(accel.columns)
     force = force[np.isfinite(force).all(axis=1)]
     draft.add(guess_accel_unit(force, common_unit(accel.names, ACCEL_UNITS)), guess_upright(force))
 
 
-def _position(draft: Draft, position: Triple) -> None:
-    draft.name("it has places", position_file=draft.path.name)
-    draft.name("their names", position_columns=position.columns)
-    places = draft.columns.numbers(position.columns)
-    _sigma(draft, np.asarray(np.isfinite(places).all(axis=1)))
-    if position.frame == "geodetic":
-        draft.name("the columns say so", position_frame="geodetic")
-        draft.add(guess_angle_unit(places[:, 0], places[:, 1], common_unit(position.names[:2], {"deg": 0, "rad": 0})))
-        return
+def _position(draft: Draft, table: Table) -> None:
+    draft.name("it has places", position_file=draft.file("position"))
+    places = _places(draft, table, "position_columns", "position_frame")
+    _sigma(draft, table, np.asarray(np.isfinite(places).all(axis=1)))
+
+
+def _places(draft: Draft, table: Table, columns: str, frame: str) -> FloatArray:
+    """Guess which columns are places and in which frame; return them (n, 3)."""
+    position = position_columns(table.names)
+    if position is None:  # a stream of places has them
+        raise RecordingError(f"{table.path} has no places.")
+    draft.name("their names", **{columns: position.columns})
+    places = table.columns.numbers(position.columns)
     distance_m = float(np.nanmedian(np.linalg.norm(places, axis=1)))
-    if ECEF_M[0] < distance_m < ECEF_M[1]:
-        draft.add(Guess("position_frame", "ecef", "measured", f"{distance_m:.0f} m from zero, the Earth's radius"))
-    elif position.frame:
-        draft.name("the columns say so", position_frame=position.frame)
+    if position.frame:
+        draft.name("the columns say so", **{frame: position.frame})
+    elif ECEF_M[0] < distance_m < ECEF_M[1]:
+        draft.add(Guess(frame, "ecef", "measured", f"{distance_m:.0f} m from zero, the Earth's radius"))
     else:
-        draft.add(Guess("position_frame", "enu", "unsure", "x, y, z: the columns do not say it"))
+        draft.add(Guess(frame, "enu", "unsure", "x, y, z: the columns do not say it"))
+    if position.frame == "geodetic" and "angle_unit" not in draft.guesses:
+        named = common_unit(position.names[:2], {"deg": 0, "rad": 0})
+        draft.add(guess_angle_unit(places[:, 0], places[:, 1], named))
+    return places
 
 
-def _sigma(draft: Draft, fixes: BoolArray) -> None:
+def _sigma(draft: Draft, table: Table, fixes: BoolArray) -> None:
     """Guess the standard deviations of the fixes in the rows ``fixes``: three columns that are positive there."""
-    sigma = sigma_of(draft.names)
-    if sigma is None or not (draft.columns.numbers(sigma.columns)[fixes] > 0).all():
+    sigma = sigma_of(table.names)
+    if sigma is None or not _is_sigma(table.columns.numbers(sigma.columns)[fixes]):
         why = "the default: no column of it is guessed; give position_sigma"
         draft.add(Guess("position_sigma_m", 1.0, "unsure", why))
         return
-    unit = common_unit(sigma.names, SIGMA_UNITS)
+    unit = common_unit(sigma.names, SIGMA_UNITS) or ("m" if table.separator is None else "")
     grade, why = ("named", "the columns say so") if unit else ("unsure", "m: the columns do not say it")
     draft.name("their names", position_sigma=sigma.columns, position_covariance_frame=sigma.frame)
     draft.add(Guess("position_sigma_scale", SIGMA_UNITS[unit or "m"], grade, why))  # type: ignore[arg-type]
 
 
-def _measure_imu(draft: Draft, gyro: Triple, position: Triple | None) -> None:
+def _is_sigma(values: FloatArray) -> bool:
+    """Whether standard deviations are positive where they are; they may be missing at some fixes."""
+    return bool((values > 0).any() and not (values <= 0).any())
+
+
+def _measure_imu(draft: Draft, gyro: Triple) -> None:
     """Weigh the gyro's unit first: all else compares turns or forces with the track."""
     upright = draft.guesses["imu_axes"]
     draft.add(guess_gyro_unit(draft.load(gyro_unit="rad/s"), common_unit(gyro.names, GYRO_UNITS)))
-    if position is not None:
+    if "position" in draft.tables:
         draft.add(_turned_frame(draft))
     draft.add(guess_forward(draft.load(), _words(upright.value), upright))
 
@@ -206,16 +330,67 @@ def _turned_frame(draft: Draft) -> Guess:
     return replace(frame, grade="unsure", why=why)
 
 
-def _velocity(draft: Draft, velocity: Triple) -> None:
-    draft.name("it has velocities", velocity_file=draft.path.name)
-    draft.name("its name", velocity_time=draft.guesses["position_time"].value)
+def _velocity(draft: Draft, table: Table) -> None:
+    velocity = velocity_columns(table.names)
+    if velocity is None:
+        return
+    draft.name("it has velocities", velocity_file=draft.file("velocity"))
     draft.name("their names", velocity_columns=velocity.columns)
     why = "the default: no column of it is guessed; give velocity_sigma"
     draft.add(Guess("velocity_sigma_mps", 0.1, "unsure", why))
-    if velocity.frame == "body":
-        draft.name("the columns say so", velocity_frame="body")
+    if velocity.frame == "body" or table.separator is None:
+        draft.name("the columns say so", velocity_frame=velocity.frame)
     else:
         draft.add(guess_velocity_frame(draft.load(velocity_frame="enu"), velocity.frame))
+
+
+def _reference(draft: Draft, table: Table) -> None:
+    draft.name("a second file with places", reference_file=draft.file("reference"))
+    _places(draft, table, "reference_position", "reference_frame")
+    velocity, frame = velocity_columns(table.names), draft.guesses["reference_frame"].value
+    if velocity and velocity.frame == ("ned" if frame == "ned" else "enu"):
+        draft.name("their names", reference_velocity=velocity.columns)
+    draft.name("its file", reference_source=table.path.name)
+    why = "whether it shares nothing with the fixes is yours to say"
+    draft.add(Guess("reference_independent", value=False, grade="unsure", why=why))
+
+
+def _shifts(draft: Draft) -> None:
+    """Guess what is added to the stamps of streams that are late or early for sure."""
+    try:
+        lags = all_lags(draft.load())
+    except RecordingError:  # fixes and reference of two kinds: what the guesses lack is said where they are loaded
+        return
+    for lag in lags:
+        strong = lag.sure and lag.correlation >= CLOCK_CORRELATION and abs(lag.lag_s) > 2 * lag.within_s
+        if strong and abs(lag.lag_s) >= LEAST_SHIFT_S and SHIFT_PARAMETERS[lag.stream] not in draft.guesses:
+            why = f"it is {lag.lag_s:+.2f} s late against {lag.against}, give or take {lag.within_s:.2f} s"
+            draft.add(Guess(SHIFT_PARAMETERS[lag.stream], round(-lag.lag_s, 2), "measured", why))
+
+
+def _outages(draft: Draft) -> None:
+    """Guess which gaps between fixes are outages to score: of five seconds, and of five times the usual step."""
+    try:
+        position = draft.load().position
+    except RecordingError:
+        return
+    if position is None or len(position.t_s) < LEAST_FIXES:
+        return
+    steps_s = np.diff(position.t_s)
+    shortest_s = float(max(OUTAGE_S, OUTAGE_STEPS * np.median(steps_s)))
+    if gaps := int((steps_s > shortest_s).sum()):
+        draft.add(Guess("outage_s", shortest_s, "measured", f"{gaps} gaps are longer, {steps_s.max():.1f} s at most"))
+
+
+def _rest(draft: Draft) -> None:
+    """Guess how long it stands still at the start, where it does."""
+    try:
+        rest = longest_rest(draft.load())
+    except RecordingError:
+        return
+    if rest and rest.begin_s < SOON_S:
+        why = "until then the IMU is quiet, and the fixes do not contradict"
+        draft.add(Guess("static_start_s", float(int(rest.end_s)), "measured", why))
 
 
 def preset_text(draft: Draft, name: str) -> str:
@@ -225,7 +400,8 @@ def preset_text(draft: Draft, name: str) -> str:
     for guess in draft.guesses.values():
         value = json.dumps(guess.value, ensure_ascii=False)
         lines.append(f"{guess.parameter}: {value} # {guess.grade}: {guess.why}")
-    return HEAD.format(name=name, file=draft.path.name, **quoted) + "\n".join(lines) + "\n"
+    files = " and ".join(path.name for path in draft.paths)
+    return HEAD.format(name=name, files=files, **quoted) + "\n".join(lines) + "\n"
 
 
 def preset_path(path: Path) -> Path:

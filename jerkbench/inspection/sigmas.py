@@ -95,7 +95,7 @@ def stated_against_real_sigma(recording: Recording, rest: Rest | None = None) ->
         if _enough(values[still]):
             centre = np.nanmean(values[still], axis=0) if name == "position" else np.zeros(3)
             sigmas.append(_sigma(name, unit, REST, values[still] - centre, covariance[still]))
-        error = values - _truth(recording, name, t_s)
+        error = values - truth_at(recording, name, t_s)
         inside = np.isfinite(error).any(axis=1)
         if _enough(error[inside]) and (np.nan_to_num(error) != 0).any():
             sigmas.append(_sigma(name, unit, REFERENCE, error[inside], covariance[inside]))
@@ -119,8 +119,8 @@ def stated_streams(recording: Recording) -> list[tuple[str, str, FloatArray, Flo
     return streams
 
 
-def _truth(recording: Recording, stream: str, t_s: FloatArray, near_s: float = NEAR_S) -> FloatArray:
-    """(m, 3) the reference at ``t_s``; NaN where it is not known near."""
+def truth_at(recording: Recording, stream: str, t_s: FloatArray, near_s: float = NEAR_S) -> FloatArray:
+    """Return (m, 3) the reference at ``t_s``; NaN where it is not known near."""
     reference = recording.reference
     values = reference.enu_m if stream == "position" else reference.velocity_mps
     if values is None or len(reference.t_s) < 2:
@@ -216,7 +216,7 @@ def _spread(recording: Recording) -> Iterator[tuple[str, float, str]]:
     position = recording.position
     if position is None or len(recording.reference.t_s) < MIDDLE_ROWS:
         return
-    error = position.enu_m - _truth(recording, "position", position.t_s, LONGEST_GAP_S)
+    error = position.enu_m - truth_at(recording, "position", position.t_s, LONGEST_GAP_S)
     rows = np.isfinite(error).all(axis=1)
     if rows.sum() >= MIDDLE_ROWS and error[rows].any():
         sigmas = np.sqrt(np.diagonal(position.covariance_m2[rows], axis1=1, axis2=2))

@@ -1,6 +1,7 @@
 """Clocks and stamps: GPST and UTC, dates as text, latency of streams, and the time that streams have in common."""
 
 import re
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 
 import numpy as np
@@ -117,3 +118,32 @@ def with_common_time(recording: Recording, way_out: str) -> Recording:
 
 def _meet(one_s: FloatArray, other_s: FloatArray) -> bool:
     return bool(one_s[0] <= other_s[-1] and other_s[0] <= one_s[-1])
+
+
+# The log's own outages.
+
+
+def with_own_outages(recording: Recording, shortest_s: float) -> Recording:
+    """Return the recording with each gap between two fixes that is longer than ``shortest_s`` as an outage.
+
+    Args:
+        recording: the recording.
+        shortest_s: 0: no gap is an outage.
+
+    Raises:
+        RecordingError: the reference knows no places in the gaps, as where it is the fixes themselves.
+    """
+    if not shortest_s or recording.position is None:
+        return recording
+    fix_s = recording.position.t_s[np.isfinite(recording.position.enu_m[:, :2]).all(axis=1)]
+    long = np.flatnonzero(np.diff(fix_s) > shortest_s)
+    windows_s = np.column_stack([fix_s[long], fix_s[long + 1]])
+    begin_s, end_s = recording.outages_s[:, 0], recording.outages_s[:, 1]
+    windows_s = windows_s[~((windows_s[:, :1] < end_s) & (windows_s[:, 1:] > begin_s)).any(axis=1)]
+    truth_s = recording.reference.t_s if recording.reference.enu_m is not None else np.empty(0)
+    if len(windows_s) and not ((truth_s > windows_s[:, :1]) & (truth_s < windows_s[:, 1:])).any():
+        raise RecordingError(
+            f"{recording.name}: outage_s is {shortest_s:g}, and the reference has no place in any of the"
+            f" {len(windows_s)} gaps; give a reference of its own, or outage_s=0."
+        )
+    return replace(recording, outages_s=np.concatenate([recording.outages_s, windows_s]))

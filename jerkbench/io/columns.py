@@ -8,8 +8,9 @@ import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.errors import RecordingError, unknown
-from jerkbench.io.clocks import WEEK_NS, calendar_ns
+from jerkbench.io.clocks import GPS_EPOCH_NS, WEEK_NS, calendar_ns
 from jerkbench.io.text import LARGEST, TextFormat, read_lines, read_text, require_content
+from jerkbench.io.tracks import track_reader
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -106,6 +107,10 @@ LARGEST_NS = 9.2e18
 """Nanoseconds that fit into 64 bits: 292 years."""
 
 
+WEEK_AND_TIME = r"\d{1,4}:\d{1,6}(\.\d{1,9})?"
+DATE_AND_TIME = r"(19|20)\d\d-\d\d-\d\d[T ]\d\d"
+
+
 class Columns:
     """A table that was read."""
 
@@ -180,6 +185,35 @@ class Columns:
         if np.issubdtype(values.dtype, np.integer):
             return np.asarray(values.astype(np.int64) * scale)
         return np.round(values.astype(np.float64) * scale).astype(np.int64)
+
+    def dates_ns(self, name: str, gpst_minus_utc_s: float) -> IntArray | None:
+        """Return (n,) UTC nanoseconds since 1970 of a column of dates; None where it holds numbers.
+
+        A cell is a date and time as in ISO 8601 (without a zone: UTC), or GPS week and time of week, ``2374:243258.5``.
+
+        Raises:
+            RecordingError: there is no such column, or some cells are dates and another one is none.
+        """
+        import pandas as pd
+
+        column = self._table.iloc[:, self._place(name)]
+        if pd.api.types.is_numeric_dtype(column) or column.empty:
+            return None
+        text = column.astype(str)
+        if text.str.fullmatch(WEEK_AND_TIME).all():
+            week, time_s = text.str.split(":", expand=True).to_numpy(dtype=np.float64).T
+            gpst_ns = GPS_EPOCH_NS + week.astype(np.int64) * WEEK_NS
+            return np.asarray(gpst_ns + np.round((time_s - gpst_minus_utc_s) * 1e9).astype(np.int64))
+        dates = text.str.match(DATE_AND_TIME)
+        if not dates.any():
+            return None
+        stamps = pd.to_datetime(column.where(dates), format="ISO8601", utc=True, errors="coerce")
+        if stamps.isna().any():
+            row = int(np.argmax(stamps.isna().to_numpy()))
+            raise RecordingError(
+                f"{self.where}, row {self._number(row)}, column {name}: '{column.iloc[row]}' is no date, others are."
+            )
+        return np.asarray(stamps.dt.tz_localize(None).to_numpy(dtype="datetime64[ns]").astype(np.int64))
 
     def _number(self, row: int) -> int:
         """The number, from 1, that a row had when it was read."""
@@ -299,6 +333,8 @@ def _read(path: Path, text: TextFormat) -> tuple["pd.DataFrame", tuple[str, ...]
     if path.suffix == ".mat":
         return read_matlab(path), ()
     require_content(path)
+    if reader := track_reader(path):
+        return reader(path)
     try:
         return (pd.read_parquet(path), ()) if path.suffix == ".parquet" else read_text(path, text)
     except RecordingError:

@@ -182,8 +182,11 @@ class PosSolution:
     def position(self, t_s: FloatArray, origin: Origin | None = None) -> tuple[Position, Origin]:
         """Return the fixes at the times ``t_s`` (m,), and the origin of their ENU: ``origin``, or the first one."""
         origin = origin or self.first
-        enu_m = geodetic_to_enu(self.latitude_deg, self.longitude_deg, self.height_m, origin)
-        return Position(t_s, enu_m, self.covariance_m2), origin
+        return Position(t_s, self.enu_m(origin), self.covariance_m2), origin
+
+    def enu_m(self, origin: Origin) -> FloatArray:
+        """Return the places (m, 3) in ENU."""
+        return geodetic_to_enu(self.latitude_deg, self.longitude_deg, self.height_m, origin)
 
     def select(self, rows: BoolArray) -> "PosSolution":
         """Return the solution with only the ``rows`` (m,) that are True; ``axes_at`` is the first of these."""

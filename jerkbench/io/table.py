@@ -195,10 +195,11 @@ class TimedColumns:
         folder: where the files are; "fetched:NAME" is what `jerkbench data fetch NAME` has fetched.
         separator: between the columns of a text; empty: white space. Parquet needs none.
         header: whether a line above the data names the columns: the first of as many fields (others, a title or units,
-            are left out); if not, they are numbered from 1.
+            are left out). If not, and in a file without such a line, they are numbered from 1.
         comment: what a line to be left out begins with.
         time_unit: of every column of times: s, ms, us or ns; a stream may have one of its own.
-        time_week: the column of GPS weeks, in every file, where the times are those of the week; empty: they are not.
+        time_week: the column of GPS weeks, where the times are those of the week; empty: they are not. Dates (ISO 8601)
+            and stamps such as 2374:243258.5 (week and time of week) say all themselves.
         time_file: a file, or a pattern, of UTC dates and times, one a row, for a stream whose column of times is empty.
         epoch: what the times count from: unix (1970, UTC), gps (1980, GPS time), or none (unknown).
         gpst_minus_utc_s: leap seconds; 18 since 2017.
@@ -254,17 +255,24 @@ class TimedColumns:
             PluginError: the tables' clock is not known.
             RecordingError: a file is missing or damaged, or several cannot be joined.
         """
-        if self.epoch == "none":
-            raise PluginError(
-                f"dataset table: {source.parameter} is '{source.file}', in GPS time; epoch must be gps or unix."
-            )
         files = self.files(source.file, source.parameter)
         solution = read_pos_files(files, self.gpst_minus_utc_s)
         if source.qualities:
             solution = accepted_fixes(solution, source.qualities, files[0])
         solution, leaps = steady_fixes(solution) if self.drop_leaps else (solution, ())
-        offset_ns = GPS_EPOCH_NS if self.epoch == "gps" else round(self.gpst_minus_utc_s * 1e9)
-        return solution.gpst_ns - offset_ns + source.shift_ns, solution, (*solution.notes, *leaps)
+        return solution.gpst_ns - self._zero_gpst_ns(source) + source.shift_ns, solution, (*solution.notes, *leaps)
+
+    def _zero_gpst_ns(self, source: Source) -> int:
+        """The GPST, in nanoseconds of its calendar since 1970, from which the tables' times count.
+
+        Raises:
+            PluginError: nobody knows.
+        """
+        if self.epoch == "none":
+            raise PluginError(
+                f"dataset table: {source.parameter} is '{source.file}', in GPS time or UTC; epoch must be gps or unix."
+            )
+        return GPS_EPOCH_NS if self.epoch == "gps" else round(self.gpst_minus_utc_s * 1e9)
 
     def start_utc(self, zero_ns: int) -> datetime | None:
         """Return the UTC of ``zero_ns``; None where nobody knows what the times count from."""
@@ -274,5 +282,8 @@ class TimedColumns:
 
     def _stamps_ns(self, columns: Columns, source: Source) -> IntArray:
         if source.time:
+            dates_ns = columns.dates_ns(source.time, self.gpst_minus_utc_s)
+            if dates_ns is not None:
+                return dates_ns + round(self.gpst_minus_utc_s * 1e9) - self._zero_gpst_ns(source)
             return times_ns(columns, source.time, source.unit or self.time_unit, self.time_week)
         return np.concatenate([read_datetimes_ns(path) for path in self.files(self.time_file, "time_file")])

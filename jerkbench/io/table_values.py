@@ -41,24 +41,33 @@ class CovarianceMap:
 def covariances_of(
     columns: Columns, mapping: CovarianceMap, origin: Origin | None
 ) -> tuple[FloatArray, tuple[str, ...]]:
-    """Return (n, 3, 3) in ENU, and a note that counts those that are not positive definite, or none.
+    """Return (n, 3, 3) in ENU, and notes that count those that are not positive definite, and rows that have none.
 
-    Of these the sizes of the variances alone are used: rounding makes them so, or a solution that was no minimum, of
-    which RTKLIB writes a negative standard deviation.
+    Of the first the sizes of the variances alone are used: rounding makes them so, or a solution that was no minimum,
+    of which RTKLIB writes a negative standard deviation. A row with empty cells has ``sigma_otherwise``.
 
     Raises:
         RecordingError: there is no such column, a cell is no number, or the axes are those of ECEF and the place on
             Earth is not known.
     """
+    otherwise = mapping.sigma_otherwise**2 * np.eye(3)
     if not mapping.covariance and not mapping.sigma:
-        return np.tile(mapping.sigma_otherwise**2 * np.eye(3), (len(columns), 1, 1)), ()
+        return np.tile(otherwise, (len(columns), 1, 1)), ()
     matrices = _matrices(columns, mapping)
+    empty = ~columns.rows_of(mapping.covariance or mapping.sigma)
+    matrices = np.where(empty[:, None, None], otherwise, matrices)
     diagonal = np.abs(matrices * np.eye(3))
     sound = _positive_definite(matrices) | ~_positive_definite(diagonal)
     turned = _in_enu(columns.where, np.where(sound[:, None, None], matrices, diagonal), mapping.frame, origin)
     count = int((~sound).sum())
-    few = f"{count} of {len(columns)} covariances of {Path(columns.where).name} are not positive definite"
-    return turned, (f"{few}: the sizes of their variances alone are used.",) if count else ()
+    name, notes = Path(columns.where).name, []
+    if count:
+        few = f"{count} of {len(columns)} covariances of {name} are not positive definite"
+        notes.append(f"{few}: the sizes of their variances alone are used.")
+    if empty.any():
+        few = f"{int(empty.sum())} of {len(columns)} rows of {name} have no standard deviation"
+        notes.append(f"{few}: {mapping.sigma_otherwise:g} is taken.")
+    return turned, tuple(notes)
 
 
 def _matrices(columns: Columns, mapping: CovarianceMap) -> FloatArray:

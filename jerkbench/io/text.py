@@ -228,8 +228,8 @@ class TextFormat:
 
     Attributes:
         separator: between columns; empty: white space.
-        header: whether a line names the columns: the first above the data that has as many fields; others, such as a
-            title or the units, are left out.
+        header: whether a line may name the columns: the first above the data that has as many fields; others, such as
+            a title or the units, are left out. Without a line above the data the columns are numbered.
         comment: what a line to be left out begins with; empty: nothing.
     """
 
@@ -248,11 +248,13 @@ class Ends:
 
     Attributes:
         skipped: numbers, from 0, of the lines above the data that name nothing, and of a first row that was cut.
+        named: whether a line above the data names the columns.
         first: whether the first row was cut.
         last: whether the last row was.
     """
 
     skipped: tuple[int, ...]
+    named: bool
     first: bool
     last: bool
 
@@ -271,7 +273,7 @@ def read_text(path: Path, text: TextFormat) -> tuple["pd.DataFrame", tuple[str, 
     table = pd.read_csv(
         path,
         sep=text.separator or r"\s+",
-        header=0 if text.header else None,
+        header=0 if ends.named else None,
         comment=text.comment or None,
         skiprows=list(ends.skipped),
         skipinitialspace=True,
@@ -288,15 +290,15 @@ def _ends(path: Path, text: TextFormat) -> Ends:
     use = [k for k, line in enumerate(lines) if line.strip() and not (text.comment and line.startswith(text.comment))]
     data = next((k for k in use[:HEADER_LINES] if _is_data(lines[k], text)), None)
     if data is None:
-        return Ends((), first=False, last=False)
+        return Ends((), named=text.header, first=False, last=False)
     above = [k for k in use if k < data]
     names = _naming(above, lines, data, text) if text.header else None
-    rows = [lines[k] for k in use if k >= data and not (text.header and names is None and k == data)]
+    rows = [lines[k] for k in use if k >= data]
     rows += [line for line in tail if line.strip()]
     first, last = cut_ends(rows, text.separator or None) if len(rows) >= LEAST_LINES else (False, False)
-    first = first and not text.header  # below a line of names a log begins with a whole row
+    first = first and names is None  # below a line of names a log begins with a whole row
     skipped = [k for k in above if k != names] + ([data] if first else [])
-    return Ends(tuple(skipped), first=first, last=last)
+    return Ends(tuple(skipped), named=names is not None, first=first, last=last)
 
 
 def _sample(path: Path) -> tuple[list[str], list[str]]:

@@ -18,9 +18,7 @@ from jerkbench.kinematic.whole_matrices import advance, begin_transition, find_g
 
 def compare(run: Lanes, score: Score, errors: FloatArray, k: int) -> None:
     """Score the state with row ``k`` of the reference."""
-    add_row(run, row(score.truth, k, run, "6"), score.weights[k])
-    if score.consistency:
-        add_nees(run, score.weights[k])
+    add_row(run, row(score.truth, k, run, "6"), score.weights[k], score.consistency)
     if score.mark[k] >= 0:
         marked = row(errors, score.mark[k], run, "marked")
         for i in range(3):
@@ -30,7 +28,7 @@ def compare(run: Lanes, score: Score, errors: FloatArray, k: int) -> None:
         run.outage += row(score.outage, k, run, "1")[0] * run.square
 
 
-def add_row(run: Lanes, truth: View, weights: FloatArray) -> None:
+def add_row(run: Lanes, truth: View, weights: FloatArray, consistency: bool) -> None:
     """Add the errors of the state to the sums; ``weights`` (4,) in the order of `arguments.WEIGHTS`."""
     counted, whole, moving = weights[0], weights[1], weights[2]
     for s in range(6):
@@ -43,11 +41,12 @@ def add_row(run: Lanes, truth: View, weights: FloatArray) -> None:
     run.whole += whole * square
     run.farthest = chosen(square, run.farthest, square, run.farthest)
     run.largest = chosen(counted * square, run.largest, square, run.largest)
+    if consistency:
+        _add_nees(run, counted, weights[3])
 
 
-def add_nees(run: Lanes, weights: FloatArray) -> None:
+def _add_nees(run: Lanes, counted: float, both: float) -> None:
     """Add e' P^-1 e of position, and of position and velocity, by elimination."""
-    counted, both = weights[0], weights[3]
     C, e, total = room(run, "6 6"), room(run, "6"), run.zero
     for r in range(6):
         e[r] = run.e[r]
@@ -278,7 +277,7 @@ def all_lost(run: Lanes, step: int) -> bool:
 
 # The compiled loop.
 
-ALONE = ("run_steps", "predict", "add_row", "add_nees", "mahalanobis", "correct", "check_definite")
+ALONE = ("run_steps", "predict", "add_row", "mahalanobis", "correct", "check_definite")
 SELDOM = (
     *(
         "predict_any",

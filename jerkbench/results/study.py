@@ -19,7 +19,7 @@ from jerkbench.results.content import Content, frame
 from jerkbench.results.manifest import read_manifest, stretches
 from jerkbench.results.parts import HEAD
 from jerkbench.results.store import Store
-from jerkbench.results.study_remarks import code_of, notes_of, remarks_on, worse_than_fixes
+from jerkbench.results.study_remarks import code_of, not_as_published, notes_of, remarks_on, worse_than_fixes
 
 if TYPE_CHECKING:
     from jerkbench.report.tables.table_model import Table
@@ -125,6 +125,7 @@ def load_study(folder: Path, prefer: Collection[str] = (), seeds: Mapping[str, S
         *unlike,
         *notes_of(keys, cells, manifest),
         *remarks_on(cells, chosen, broken),
+        *not_as_published(cells),
         *worse_than_fixes(rows, cells),
     ]
     by_key = dict(zip(keys, known, strict=True))

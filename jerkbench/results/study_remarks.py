@@ -3,9 +3,11 @@
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from jerkbench import plugins
 from jerkbench.jobs.cell import contradiction
+from jerkbench.parameters import provenance_of
 from jerkbench.plain import plain
-from jerkbench.report.analysis.columns import FLOOR
+from jerkbench.report.analysis.columns import FLOOR, WHY
 from jerkbench.results.conditions import Current
 
 if TYPE_CHECKING:
@@ -57,6 +59,17 @@ def remarks_on(cells: Sequence[Metadata], chosen: Current, broken: list[str]) ->
     if broken:
         remarks.append(f"{damaged(broken)} left out: {', '.join(map(plain, broken))}.")
     return remarks
+
+
+def not_as_published(cells: Sequence[Metadata]) -> list[str]:
+    """Return which of the methods are simplified or nobody's but ours; what competes with nobody is left out."""
+    told: dict[str, list[str]] = {"simplified": [], "own": []}
+    for kind, name in sorted({(kind, str(cell["spec"][kind]["name"])) for cell in cells for kind in WHY}):
+        known = provenance_of(plugins.get(kind, name)) if name in plugins.names(kind) else None
+        if known and known.kind in told and name not in WHY[kind]:
+            told[known.kind].append(name)
+    named = "; ".join(f"{kind}: {', '.join(names)}" for kind, names in told.items() if names)
+    return [f"Not as published: {named}. `jerkbench show` says what differs."] if named else []
 
 
 def worse_than_fixes(rows: "pd.DataFrame", cells: Sequence[Metadata]) -> list[str]:

@@ -1,13 +1,13 @@
 """The board of a suite: every entry with its place, as a page that needs nothing else, and as Markdown."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
 
-from jerkbench.campaigns.ratios import of_families
+from jerkbench.arrays import FloatArray
 from jerkbench.errors import JerkbenchError
 from jerkbench.evaluation.statistics.ranks import rank_range
 from jerkbench.files import write_text
@@ -15,34 +15,11 @@ from jerkbench.plain import plain
 from jerkbench.report.markup import environment
 from jerkbench.suite.entry import MANIFEST, Entry, read_entry
 from jerkbench.suite.protocol import SuiteProtocol, read_suite
-from jerkbench.suite.scores import EntryScore, entry_log_ratios, entry_score
+from jerkbench.suite.scoring import BoardValue, Scoring, scoring_of
 from jerkbench.suite.verify import CheckedEntry, verify
 
-HEADS = (
-    "rank (95 %)",
-    "entry",
-    "ratio to tuned plain [95 %]",
-    "verdict",
-    "worst scenario",
-    "nothing wrong",
-    "lost [%]",
-    "ns a step",
-    "tuned",
-    "verified",
-)
-
-
-@dataclass(frozen=True)
-class BoardValue:
-    """One field of the board.
-
-    Attributes:
-        text: what is shown.
-        sorting: the number to sort by; empty: by the text.
-    """
-
-    text: str
-    sorting: str = ""
+Places = Sequence[tuple[int, int, int]]
+"""A place, and the best and the worst within its range."""
 
 
 @dataclass(frozen=True)
@@ -50,12 +27,16 @@ class Board:
     """The entries of one suite.
 
     Attributes:
-        protocol: of the suite.
+        name: of the suite.
+        about: what a reader has to know.
+        heads: what stands above the fields.
         lines: the fields of each entry, the best first.
         remarks: sentences under the table.
     """
 
-    protocol: SuiteProtocol
+    name: str
+    about: str
+    heads: tuple[str, ...]
     lines: list[list[BoardValue]]
     remarks: list[str]
 
@@ -95,26 +76,30 @@ def board_of(entries: Sequence[Entry], checks: Sequence[CheckedEntry], protocol:
     remarks = [
         plain(f"{entry.name}: {text}") for entry, own in zip(entries, checks, strict=True) for text in _said(own)
     ]
-    lines = []
-    if whole:
-        costs = [of_families(entry_log_ratios(entries[k].rows, protocol), protocol.scenarios) for k in whole]
-        ranks = rank_range(np.stack(costs, axis=-1))
-        places = zip(ranks.place, ranks.low, ranks.high, strict=True)
-        scored = [(place, entries[k], checks[k]) for place, k in zip(places, whole, strict=True)]
-        scored.sort(key=lambda line: int(line[0][0]))
-        lines = [
-            _line((int(place), int(low), int(high)), entry, entry_score(entry.rows, protocol), own)
-            for (place, low, high), entry, own in scored
-        ]
-    return Board(protocol, lines, remarks)
+    scoring = scoring_of(protocol)
+    places = _places([scoring.costs(entries[k].rows) for k in whole])
+    scored = sorted(zip(zip(*places.values(), strict=True), whole, strict=True))
+    lines = [_line(own, entries[k], scoring, checks[k]) for own, k in scored]
+    heads = (*places, "entry", *scoring.heads, "tuned", "verified")
+    return Board(protocol.name, scoring.about, heads, lines, remarks)
+
+
+def _places(costs: Sequence[Mapping[str, FloatArray]]) -> dict[str, Places]:
+    """The place of each entry in each ranking, with its range."""
+    places: dict[str, Places] = {}
+    for name in costs[0] if costs else ():
+        ranks = rank_range(np.stack([own[name] for own in costs], axis=-1))
+        places[name] = list(zip(*(each.tolist() for each in (ranks.place, ranks.low, ranks.high)), strict=True))
+    return places
 
 
 def board_markdown(board: Board) -> str:
     """Return the board as Markdown."""
-    rows = [HEADS, ["---"] * len(HEADS), *([_escaped(value.text) for value in line] for line in board.lines)]
+    fields = ([_escaped(value.text) for value in line] for line in board.lines)
+    rows = [board.heads, ["---"] * len(board.heads), *fields]
     table = "".join(f"| {' | '.join(row)} |\n" for row in rows)
     remarks = "".join(f"- {_escaped(text)}\n" for text in board.remarks)
-    return f"# {board.protocol.name}\n\n{_about(board.protocol)}\n\n{table}\n{remarks}"
+    return f"# {board.name}\n\n{board.about}\n\n{table}\n{remarks}"
 
 
 def html(board: Board) -> str:
@@ -127,8 +112,6 @@ def html(board: Board) -> str:
     template = environment().overlay(loader=PackageLoader("jerkbench.suite")).get_template("board.html")
     return template.render(
         board=board,
-        heads=HEADS,
-        about=_about(board.protocol),
         styles=Markup(styles),  # noqa: S704 - our own file
         script=Markup(script),  # noqa: S704 - our own file
     )
@@ -140,37 +123,14 @@ def _whole(entry: Entry, protocol: SuiteProtocol) -> bool:
     return not missing_mistakes(entry, protocol)
 
 
-def _about(protocol: SuiteProtocol) -> str:
-    plain = " + ".join(protocol.plain.values())
-    return (
-        f"{protocol.name} (digest {protocol.digest}): {len(protocol.scenarios)} scenarios, {protocol.test_seeds} seeds"
-        f" each. Ratios of the position RMSE to {plain}, tuned with the same {protocol.trials} settings on the other"
-        " half of the faults; below 1 is better. Times are those of the machine that made the entry."
-    )
-
-
 def _said(checked: CheckedEntry) -> tuple[str, ...]:
     return (*checked.mistakes, *checked.remarks)
 
 
-def _line(places: tuple[int, int, int], entry: Entry, score: EntryScore, checked: CheckedEntry) -> list[BoardValue]:
-    place, low, high = places
-    return [
-        BoardValue(f"{place} ({low} to {high})", f"{place}"),
-        BoardValue(entry.name),
-        BoardValue(f"{score.ratio:.3f} [{score.low:.3f}, {score.high:.3f}]", f"{score.ratio:.9g}"),
-        BoardValue(score.verdict),
-        BoardValue(f"{score.worst} {score.worst_ratio:.2f}", f"{score.worst_ratio:.9g}"),
-        _number(score.nominal, ".3f"),
-        _number(100 * score.lost, ".1f"),
-        _number(score.step_ns, ".0f"),
-        BoardValue("yes" if entry.manifest.get("tuned") else "no"),
-        BoardValue(_verified(checked)),
-    ]
-
-
-def _number(value: float, form: str) -> BoardValue:
-    return BoardValue(f"{value:{form}}", f"{value:.9g}")
+def _line(places: Places, entry: Entry, scoring: Scoring, own: CheckedEntry) -> list[BoardValue]:
+    ranks = [BoardValue(f"{place} ({low} to {high})", f"{place}") for place, low, high in places]
+    tuned = BoardValue("yes" if entry.manifest.get("tuned") else "no")
+    return [*ranks, BoardValue(entry.name), *scoring.fields(entry.rows), tuned, BoardValue(_verified(own))]
 
 
 def _verified(checked: CheckedEntry) -> str:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import pandas as pd
 
 from jerkbench.campaigns.entrant import Entrant, knobs_of, tried_settings
-from jerkbench.campaigns.protocol import HALVES
+from jerkbench.campaigns.protocol import domain_of
 from jerkbench.campaigns.search import best_trials, levels_of, losses, mean_losses, seen
 from jerkbench.campaigns.site import Rules, Site, Try
 from jerkbench.contracts import ReadingFile
@@ -27,7 +27,7 @@ class ScoredEntrant:
     """An entrant after its campaign.
 
     Attributes:
-        settings: by what they were tuned on: "given", and where it could be tuned "first" and "second".
+        settings: by what they were tuned on: "given", and where it could be tuned each search of the protocol.
         rows: of the test: tuned_on, scenario, seed, status, reason, metrics, seconds.
     """
 
@@ -52,18 +52,18 @@ class SuiteCampaign:
         """Return the rows of every setting on the seeds to tune on."""
         protocol = self._protocol
         settings = [self._tried] * len(protocol.scenarios)
-        return self._run(settings, protocol.seeds_to_tune_on, protocol.metrics[:1])
+        return self._run(settings, protocol.seeds_to_tune_on, protocol.rules(1))
 
     def scored(self, levels: Mapping[int, float]) -> ScoredEntrant:
         """Search where there is something to search, and score what came out.
 
         Args:
-            levels: of each scenario, what the plain filter has in it [m].
+            levels: of each scenario, what the plain filter has in it, in the unit of the error.
         """
         settings = {GIVEN: self._tried[0], **(self._searched(levels) if self.space.knobs else {})}
         halves = [half_settings(settings, scenario.half) for scenario in self._protocol.scenarios]
         by_scenario = [tuple(own.values()) for own in halves]
-        rows = self._run(by_scenario, self._protocol.seeds_to_test_on, self._protocol.metrics)
+        rows = self._run(by_scenario, self._protocol.seeds_to_test_on, self._protocol.rules())
         names = [list(own) for own in halves]
         where = zip(rows["scenario"], rows["trial"], strict=True)
         rows.insert(0, "tuned_on", [names[scenario][trial] for scenario, trial in where])
@@ -71,25 +71,27 @@ class SuiteCampaign:
 
     def _searched(self, levels: Mapping[int, float]) -> dict[str, Setting]:
         rows = self.tuned()
-        rows["loss"] = losses(rows, levels)
-        means = {half: mean_losses(rows, seen(half, self._protocol.scenarios)) for half in HALVES}
+        rows["loss"] = losses(rows, levels, self._protocol.numbers[0])
+        means = {half: mean_losses(rows, seen(half, self._protocol.scenarios)) for half in self._protocol.searches}
         return {half: self._tried[best_trials(of, 1)[0]] for half, of in means.items()}
 
-    def _run(
-        self, settings: Sequence[tuple[Setting, ...]], seeds: tuple[int, ...], metrics: tuple[str, ...]
-    ) -> pd.DataFrame:
+    def _run(self, settings: Sequence[tuple[Setting, ...]], seeds: tuple[int, ...], rules: Rules) -> pd.DataFrame:
         tries = [
-            Try(number, scenario, self._entrant, setting, trial, seeds)
+            Try(number, scenario, self._entrant, setting, trial, self._protocol.seeds_of(scenario, seeds))
             for number, (scenario, own) in enumerate(zip(self._protocol.scenarios, settings, strict=True))
             for trial, setting in enumerate(own)
         ]
         with Progress(len(tries), doing=self._doing, unit="settings and scenarios") as bar:
-            return self._place.rows(tries, Rules(metrics, self._protocol.limits), bar)
+            return self._place.rows(tries, rules, bar)
 
 
 def half_settings(settings: Mapping[str, Setting], half: str) -> dict[str, Setting]:
-    """Return what is scored in a scenario of ``half``: the setting as given, and what was tuned without that half."""
-    return {name: setting for name, setting in settings.items() if name != half}
+    """Return what is scored in a scenario of ``half``: the setting as given, and what was tuned without that half.
+
+    What was tuned on another domain is not scored there.
+    """
+    own = domain_of(half)
+    return {name: of for name, of in settings.items() if name == GIVEN or (name != half and domain_of(name) == own)}
 
 
 def plugins_digest(entrant: Entrant, protocol: SuiteProtocol) -> str:
@@ -99,21 +101,24 @@ def plugins_digest(entrant: Entrant, protocol: SuiteProtocol) -> str:
         RecordingError: the program, or a file that the filter reads, is not on this machine.
     """
     cell = entrant.cell(protocol.scenarios[0], protocol.limits)
-    plugins = "".join(plugin_digest(type(part)) for part in (cell.filter, cell.adaptation))
+    parts: list[type] = [type(cell.filter), type(cell.adaptation)]
+    if entrant.attitude:
+        parts.append(type(cell.attitude))
+    plugins = "".join(map(plugin_digest, parts))
     return plugins + (cell.filter.fingerprint() if isinstance(cell.filter, ReadingFile) else "")
 
 
 def scored_plain(protocol: SuiteProtocol, place: Site) -> tuple[dict[int, float], ScoredEntrant]:
     """Return what the plain filter has in each scenario as it comes [m], and the plain filter tuned and scored."""
     campaign = SuiteCampaign(protocol.plain_entrant, protocol, place, "The plain filter")
-    levels = suite_levels(campaign.tuned())
+    levels = suite_levels(campaign.tuned(), protocol)
     return levels, campaign.scored(levels)
 
 
-def suite_levels(rows: pd.DataFrame) -> dict[int, float]:
-    """Return the level of each scenario: what trial 0 of the plain filter has, geometric mean over its runs [m].
+def suite_levels(rows: pd.DataFrame, protocol: SuiteProtocol) -> dict[int, float]:
+    """Return the level of each scenario: what trial 0 of the plain filter has, geometric mean over its runs.
 
     Raises:
         JerkbenchError: it was lost in all runs of some scenario.
     """
-    return levels_of(rows.assign(filter=PLAIN, adaptation=PLAIN), PLAIN)
+    return levels_of(rows.assign(filter=PLAIN, adaptation=PLAIN), PLAIN, protocol.numbers[0])

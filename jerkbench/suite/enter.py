@@ -1,7 +1,7 @@
 """The way of a method into a suite: from its parts to its entry."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 
 import pandas as pd
@@ -11,10 +11,10 @@ from jerkbench.campaigns.site import Site
 from jerkbench.files import cache_folder
 from jerkbench.jobs.key import code_digest, git_commit, versions
 from jerkbench.suite.campaign import ENTRY, PLAIN, ScoredEntrant, SuiteCampaign, plugins_digest, scored_plain
-from jerkbench.suite.entry import Settings, plain_score, write_entry
+from jerkbench.suite.entry import Settings, write_entry
 from jerkbench.suite.protocol import FROZEN, SuiteProtocol, read_suite
 from jerkbench.suite.recordings import require_recordings
-from jerkbench.suite.scores import entry_page, entry_score
+from jerkbench.suite.scoring import scoring_of
 
 
 def enter(scale: str, entrant: Entrant, name: str, place: Site, command: str) -> str:
@@ -38,19 +38,19 @@ def enter(scale: str, entrant: Entrant, name: str, place: Site, command: str) ->
     levels, plain = scored_plain(protocol, replace(place, folder=plain_folder(protocol)))
     scored = campaign.scored(levels)
     rows = _joined(scored, plain)
-    score = entry_score(rows, protocol)
-    page = entry_page(name, score, rows, protocol)
+    scoring = scoring_of(protocol)
+    page = scoring.page(name, rows)
     manifest = {
         "entry": name,
         **frozen_part(scale, protocol),
-        "method": asdict(entrant),
+        "method": entrant.parts,
         "tuned": bool(campaign.space.knobs),
         "command": command,
         "code": code_digest(),
         "plugins": plugins_digest(entrant, protocol),
         "git_commit": git_commit(),
         "versions": versions(),
-        "score": plain_score(score),
+        "score": scoring.score(rows),
     }
     write_entry(place.folder, manifest, rows, _settings(entrant, scored, plain, protocol), page)
     return page

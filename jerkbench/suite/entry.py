@@ -4,8 +4,8 @@ import hashlib
 import json
 import math
 import sys
-from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,12 +15,11 @@ import pyarrow.parquet as pq
 import yaml
 
 from jerkbench.campaigns.entrant import Entrant
-from jerkbench.campaigns.protocol import HALVES
 from jerkbench.errors import JerkbenchError
 from jerkbench.files import write_atomically, write_text
 from jerkbench.plain import is_plain, plain
 from jerkbench.results.replay import program_of
-from jerkbench.suite.scores import EntryScore
+from jerkbench.suite.protocol import FROZEN, Frozen
 from jerkbench.tuning.space import Setting
 from jerkbench.yaml_files import read_yaml
 
@@ -28,15 +27,14 @@ ROWS, SETTINGS, PAGE, MANIFEST = "rows.parquet", "settings.yaml", "entry.md", "m
 HASHED = (ROWS, SETTINGS, PAGE)
 """Files whose hashes stand in the manifest."""
 
-TEXTS, COUNTS, NUMBERS = (
-    ("method", "tuned_on", "status", "reason"),
-    ("scenario", "seed"),
-    ("position_rmse_m", "anees", "seconds"),
-)
+TEXTS, COUNTS = ("method", "tuned_on", "status", "reason"), ("scenario", "seed")
 """Columns of the rows, by their types."""
 
-COLUMNS = (*TEXTS[:2], *COUNTS, *TEXTS[2:], *NUMBERS)
-"""Of the rows."""
+
+def row_columns(numbers: Sequence[str]) -> tuple[str, ...]:
+    """Return the columns of the rows: with what a suite keeps of a run, and the time that it took."""
+    return (*TEXTS[:2], *COUNTS, *TEXTS[2:], *numbers, "seconds")
+
 
 Test = Callable[[Any], bool]
 
@@ -86,7 +84,7 @@ def write_entry(folder: Path, manifest: Mapping[str, Any], rows: pd.DataFrame, s
     Raises:
         OSError: it cannot be written.
     """
-    kept = rows[list(COLUMNS)]
+    kept = rows[list(row_columns(_kind(manifest["suite"]).kind.numbers))]
     write_atomically(folder / ROWS, lambda path: kept.to_parquet(path, index=False))
     write_text(folder / SETTINGS, yaml.safe_dump(settings, sort_keys=False))
     write_text(folder / PAGE, page)
@@ -107,32 +105,39 @@ def read_entry(folder: Path) -> Entry:
     _require(folder / MANIFEST, {"": isinstance(manifest, dict) or "a JSON object"})
     _require(folder / MANIFEST, {f"'{key}'": test(manifest.get(key)) or what for key, (test, what) in FACTS.items()})
     settings = _read(folder / SETTINGS, read_yaml)
-    _require(folder / SETTINGS, {"": _are_settings(settings) or SETTINGS_SHAPE})
+    suite = _kind(manifest["suite"])
+    _require(folder / SETTINGS, {"": _are_settings(settings, suite.searches) or SETTINGS_SHAPE})
     _read(folder / PAGE, Path.read_bytes)
-    return Entry(folder, manifest, _rows(folder / ROWS), settings)
+    return Entry(folder, manifest, _rows(folder / ROWS, suite.kind.numbers), settings)
 
 
-def _rows(path: Path) -> pd.DataFrame:
-    """Read the rows, and check the columns that an entry has."""
+def _kind(scale: str) -> Frozen:
+    """The suite of an entry; one that is not known here may be of any kind, and is refused later."""
+    return FROZEN.get(scale, Frozen("", ()))
+
+
+def _rows(path: Path, numbers: Sequence[str]) -> pd.DataFrame:
+    """Read the rows, and check the columns that an entry has; the first of the ``numbers`` is the error."""
     table, names = _read(path, _table)
-    types = {**dict.fromkeys(TEXTS, _is_string), **dict.fromkeys(COUNTS, pa.types.is_int64)}
-    types.update(dict.fromkeys(NUMBERS, pa.types.is_float64))
+    error, own = numbers[0], row_columns(numbers)
+    types = {**dict.fromkeys(own, pa.types.is_float64), **dict.fromkeys(TEXTS, _is_string)}
+    types.update(dict.fromkeys(COUNTS, pa.types.is_int64))
     kinds = {**dict.fromkeys(TEXTS, "text"), **dict.fromkeys(COUNTS, "whole numbers")}
     columns = {
         f"column '{name}'": (
             names.count(name) == 1
             and types[name](table[name].type)
-            and (name in NUMBERS or table[name].null_count == 0)
+            and (name not in (*TEXTS, *COUNTS) or table[name].null_count == 0)
         )
         or f"there once, with {kinds.get(name, 'numbers')} in every row"
-        for name in COLUMNS
+        for name in own
     }
     _require(path, columns)
-    rows: pd.DataFrame = table.select(list(COLUMNS)).to_pandas(ignore_metadata=True)
-    of_ok = rows.loc[rows["status"] == "ok", "position_rmse_m"]
+    rows: pd.DataFrame = table.select(list(own)).to_pandas(ignore_metadata=True)
+    of_ok = rows.loc[rows["status"] == "ok", error]
     times = rows["seconds"]
     positive = ((of_ok > 0) & (of_ok < math.inf)).all()
-    _require(path, {"column 'position_rmse_m'": bool(positive) or "positive and finite where the status is ok"})
+    _require(path, {f"column '{error}'": bool(positive) or "positive and finite where the status is ok"})
     _require(path, {"column 'seconds'": bool(((times >= 0) & (times < math.inf)).all()) or "finite and not negative"})
     return rows
 
@@ -189,10 +194,9 @@ def _is_method(value: object) -> bool:
     """Whether it is what an `Entrant` is made of; an interpolation would be filled in where it is opened."""
     return (
         isinstance(value, dict)
-        and set(value) == {"filter", "adaptation", "r_scale"}
-        and all(
-            isinstance(value[kind], dict) and _is_text(value[kind].get("name")) for kind in ("filter", "adaptation")
-        )
+        and set(value) | {"attitude"} == {"filter", "adaptation", "r_scale", "attitude"}
+        and all(isinstance(own, dict) for own in value.values())
+        and all(_is_text(value[kind].get("name")) for kind in value if kind != "r_scale")
         and _is_mapping_of(_is_number)(value["r_scale"])
         and "${" not in json.dumps(value)
     )
@@ -207,7 +211,7 @@ FACTS: Mapping[str, tuple[Test, str]] = {
     "suite": (_is_text, "the name of its suite"),
     "protocol": (_is_text, "a digest"),
     "data": (_are_texts, "a list of digests"),
-    "method": (_is_method, "a filter and an adaptation, with name and plain values, and r_scale with numbers"),
+    "method": (_is_method, "filter, adaptation (attitude) with name and plain values, and r_scale with numbers"),
     "tuned": (lambda value: isinstance(value, bool), "true or false"),
     "score": (_is_mapping_of(_is_of_score), "numbers and words by their names"),
     "files": (_is_mapping_of(_is_text), "hashes by the names of the files"),
@@ -215,17 +219,17 @@ FACTS: Mapping[str, tuple[Test, str]] = {
 """What a check reads of the manifest, with a test of its value and what it has to be."""
 
 SETTINGS_SHAPE = (
-    "under 'entry' and 'plain' a number for each parameter of 'given'; if tuned, of 'first' and 'second' too"
+    "under 'entry' and 'plain' a number for each parameter of 'given'; if tuned, of each search of the suite too"
 )
 
 
-def _are_settings(value: object) -> bool:
-    """Whether both methods have the values of their knobs: as given, and where they were tuned on each half."""
+def _are_settings(value: object, searches: Sequence[str]) -> bool:
+    """Whether both methods have the values of their knobs: as given, and where they were tuned of each search."""
     return (
         _is_mapping_of(_is_mapping_of(_is_mapping_of(_is_number)))(value)
         and isinstance(value, dict)
         and set(value) == {"entry", "plain"}
-        and all(set(own) in ({"given"}, {"given", *HALVES}) for own in value.values())
+        and all(set(own) in ({"given"}, {"given", *searches}) for own in value.values())
     )
 
 
@@ -236,8 +240,3 @@ def file_hashes(folder: Path) -> dict[str, str]:
         OSError: one cannot be read.
     """
     return {name: hashlib.sha256((folder / name).read_bytes()).hexdigest() for name in HASHED}
-
-
-def plain_score(score: EntryScore) -> dict[str, Any]:
-    """Return a score as JSON has it: what has no value is null."""
-    return {key: None if isinstance(v, float) and math.isnan(v) else v for key, v in asdict(score).items()}

@@ -1,10 +1,12 @@
 """The protocol of a suite, read from conf/suite; refused if it is not what was frozen."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import ClassVar
 
 from jerkbench.campaigns.entrant import Entrant
-from jerkbench.campaigns.protocol import CampaignProtocol, protocol_of
+from jerkbench.campaigns.protocol import HALVES, CampaignProtocol, Scenario, protocol_of
+from jerkbench.campaigns.site import NUMBERS, Rules
 from jerkbench.errors import PluginError, unknown
 from jerkbench.jobs.cell import Protocol
 from jerkbench.presets import preset
@@ -16,11 +18,14 @@ class SuiteProtocol(CampaignProtocol):
 
     Attributes:
         name: of the suite.
-        plain: names of the filter and the adaptation that every entry is compared with.
+        plain: names of the plugins that every entry is compared with, by their group.
         metrics: what is computed from each run; the first one is tuned for.
         burn_in_s: errors count from this time on [s].
         divergence_limit_m: a larger position error is a lost run [m].
     """
+
+    numbers: ClassVar[tuple[str, ...]] = NUMBERS
+    """Columns of a run's row that are kept; the first is the error."""
 
     name: str
     plain: Mapping[str, str]
@@ -36,7 +41,69 @@ class SuiteProtocol(CampaignProtocol):
     @property
     def plain_entrant(self) -> Entrant:
         """The plain filter that every entry is compared with."""
-        return Entrant.named(self.plain["filter"], self.plain["adaptation"])
+        return Entrant.named(**self.plain)
+
+    @property
+    def searches(self) -> tuple[str, ...]:
+        """What a method is tuned on, search by search."""
+        return HALVES
+
+    def seeds_of(self, scenario: Scenario, seeds: tuple[int, ...]) -> tuple[int, ...]:
+        """Return those of ``seeds`` that a scenario has: all, where it is simulated."""
+        del scenario
+        return seeds
+
+    def rules(self, count: int | None = None) -> Rules:
+        """Return how runs are made, with the first ``count`` of the metrics."""
+        return Rules(self.metrics[:count], self.limits, numbers=self.numbers)
+
+
+HAND = "hand"
+"""The domain of the recorded trials."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class AttitudeSuite(SuiteProtocol):
+    """A suite of attitude filters: recorded trials of a hand (BROAD) and simulated drives, tuned and scored apart.
+
+    Attributes:
+        hand: numbers of the trials in each half.
+    """
+
+    numbers: ClassVar[tuple[str, ...]] = ("inclination_rmse_deg",)
+
+    hand: Mapping[str, tuple[int, ...]]
+
+    @property
+    def domains(self) -> tuple[str, ...]:
+        """The domains: the trials, where there are any, and the simulated fields."""
+        return (*([HAND] if any(self.hand.values()) else []), *self.fields)
+
+    @property
+    def searches(self) -> tuple[str, ...]:
+        """Each half of each domain."""
+        return tuple(f"{domain} {half}" for domain in self.domains for half in HALVES)
+
+    @property
+    def scenarios(self) -> tuple[Scenario, ...]:
+        """Every trial, and every family on every simulated field."""
+        trials = tuple(
+            Scenario(
+                noise=HAND,
+                dataset={"name": "broad", "trial": number},
+                family=f"trial {number}",
+                severity=f"trial {number}",
+                half=f"{HAND} {half}",
+                disturbance={"name": "none"},
+            )
+            for half, numbers in self.hand.items()
+            for number in numbers
+        )
+        return (*trials, *(replace(drive, half=f"{drive.noise} {drive.half}") for drive in super().scenarios))
+
+    def seeds_of(self, scenario: Scenario, seeds: tuple[int, ...]) -> tuple[int, ...]:
+        """A recorded trial is one run."""
+        return (0,) if scenario.noise == HAND else seeds
 
 
 def read_suite(scale: str) -> SuiteProtocol:
@@ -47,7 +114,7 @@ def read_suite(scale: str) -> SuiteProtocol:
     """
     if scale not in FROZEN:
         raise PluginError(unknown("suite", scale, FROZEN))
-    protocol = protocol_of(SuiteProtocol, preset("suite", scale), f"conf/suite/{scale}.yaml")
+    protocol = protocol_of(FROZEN[scale].kind, preset("suite", scale), f"conf/suite/{scale}.yaml")
     if protocol.digest != FROZEN[scale].protocol:
         raise PluginError(
             f"conf/suite/{scale}.yaml is not {protocol.name} any more: its digest is {protocol.digest}, the frozen one"
@@ -66,10 +133,14 @@ class Frozen:
     Attributes:
         protocol: digest of its protocol.
         data: of each scenario: digest of the recording of the first seed to test on.
+        kind: what its file is read as.
+        searches: those of its protocol.
     """
 
     protocol: str
     data: tuple[str, ...]
+    kind: type[SuiteProtocol] = SuiteProtocol
+    searches: tuple[str, ...] = HALVES
 
 
 FROZEN = {
@@ -104,6 +175,41 @@ FROZEN = {
     ),
     "tiny": Frozen(
         protocol="c8613f7239bd", data=("c7cb2e2d", "a9681d79", "2cef4710", "41700fac", "9e31e6df", "7f9195ec")
+    ),
+    "attitude-v1": Frozen(
+        "5255c08c840d",
+        (
+            "5e5c4ecb",
+            "d615a6ac",
+            "8d95027e",
+            "b3a83245",
+            "d57beb6c",
+            "300ce697",
+            "c3da44a5",
+            "c5aed814",
+            "4bd480ed",
+            "48744b21",
+            "bb61e341",
+            "cf51c83c",
+            "1dd900a8",
+            "3eb4018d",
+            "6925cd38",
+            "e394b60c",
+            "7e62796b",
+            "c8734c8c",
+            "a4645342",
+            "fcb8bead",
+            "4d1eff0c",
+            "f7be6479",
+            "fb1a55c1",
+            "21b8c5f5",
+            "0648cacc",
+        ),
+        AttitudeSuite,
+        ("hand first", "hand second", "drive first", "drive second"),
+    ),
+    "attitude-tiny": Frozen(
+        "6dc25bed7045", ("40a6f056", "4cf6d4d0", "5c5843fa"), AttitudeSuite, ("drive first", "drive second")
     ),
 }
 """Never edited: what changes is a new suite with a name of its own."""

@@ -1,4 +1,4 @@
-"""The digests of the recordings that a suite simulates: whether they are those on which the others were scored."""
+"""The digests of the recordings of a suite: whether they are those on which the others were scored."""
 
 import hashlib
 from collections.abc import Iterator
@@ -7,10 +7,11 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.errors import RecordingError
+from jerkbench.geometry import vertical_in_body
 from jerkbench.jobs.inputs import Inputs
 from jerkbench.jobs.key import data_fingerprint
 from jerkbench.recording import Recording
-from jerkbench.suite.protocol import FROZEN, SuiteProtocol
+from jerkbench.suite.protocol import FROZEN, AttitudeSuite, SuiteProtocol
 
 STRETCHES = 16
 """Each array is cut into so many; what is hashed is mean and mean square of each."""
@@ -19,7 +20,7 @@ STEP = 1e-4
 
 
 def require_recordings(scale: str, protocol: SuiteProtocol) -> None:
-    """Require that the simulated recordings are the frozen ones.
+    """Require that the recordings are the frozen ones.
 
     Raises:
         RecordingError: one is another.
@@ -28,7 +29,7 @@ def require_recordings(scale: str, protocol: SuiteProtocol) -> None:
         if own != frozen:
             raise RecordingError(
                 f"The recordings of {scenario.name} are not those of {protocol.name}: their digest is {own}, the frozen"
-                f" one {frozen}. Other simulated data are another suite; use a version of jerkbench that makes these."
+                f" one {frozen}. Other data are another suite; use a version of jerkbench that makes these."
             )
 
 
@@ -38,17 +39,27 @@ def data_digests(protocol: SuiteProtocol) -> Iterator[str]:
     for scenario in protocol.scenarios:
         cell = plain.cell(scenario, protocol.limits)
         fingerprint = data_fingerprint(cell.dataset, cell.disturbances)
-        yield recording_digest(inputs.recording(cell, fingerprint, seed))
+        own = protocol.seeds_of(scenario, (seed,))[0]
+        recording = inputs.recording(cell, fingerprint, own)
+        yield arrays_digest(_of_tilt(recording) if isinstance(protocol, AttitudeSuite) else _arrays(recording))
 
 
-def recording_digest(recording: Recording) -> str:
-    """Return the first 8 digits of the SHA-256 of rounded means of all that it measures, and of its reference."""
+def arrays_digest(arrays: Iterator[FloatArray]) -> str:
+    """Return the first 8 digits of the SHA-256 of rounded means of a recording's arrays."""
     sha = hashlib.sha256()
-    for array in _arrays(recording):
+    for array in arrays:
         stretches = np.array_split(np.nan_to_num(array), STRETCHES)
         means = np.array([(stretch.mean(axis=0), np.square(stretch).mean(axis=0)) for stretch in stretches])
         sha.update(f"{array.shape}".encode() + np.rint(means / STEP).astype("<i8").tobytes())
     return sha.hexdigest()[:8]
+
+
+def _of_tilt(recording: Recording) -> Iterator[FloatArray]:
+    """What an attitude filter sees, the true vertical, and where it counts."""
+    imu, reference = recording.inertial, recording.reference
+    yield from (imu.t_s, imu.accel_mps2, imu.gyro_radps, reference.scored.astype(np.float64))
+    if reference.euler_rad is not None:
+        yield vertical_in_body(np.nan_to_num(reference.euler_rad))
 
 
 def _arrays(recording: Recording) -> Iterator[FloatArray]:

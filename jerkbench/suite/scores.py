@@ -78,7 +78,7 @@ def entry_log_ratios(rows: pd.DataFrame, protocol: SuiteProtocol, *, as_given: b
         as_given: take the entry at the setting that it came with, also where it was tuned.
     """
     start = rows[(rows["method"] == PLAIN) & (rows["tuned_on"] == GIVEN)].assign(trial=0)
-    rows = rows.assign(loss=losses(rows, suite_levels(start)))
+    rows = rows.assign(loss=losses(rows, suite_levels(start, protocol)))
     entry, plain = (_scored(rows[rows["method"] == method], protocol) for method in (ENTRY, PLAIN))
     return np.asarray((entry[GIVEN] if as_given else entry["tuned"]) - plain["tuned"])
 

@@ -3,7 +3,7 @@
 import math
 import random
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -12,14 +12,16 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from jerkbench.campaigns.entrant import Entrant, knobs_of, tried_settings
-from jerkbench.campaigns.site import NUMBERS, Rules, Site, Try
+from jerkbench.campaigns.site import Site, Try
 from jerkbench.errors import JerkbenchError
+from jerkbench.jobs.key import data_fingerprint
+from jerkbench.jobs.preflight import require_inputs
 from jerkbench.jobs.progress import Progress
 from jerkbench.suite.campaign import ENTRY, GIVEN, PLAIN, half_settings, plugins_digest
 from jerkbench.suite.enter import frozen_part
-from jerkbench.suite.entry import PAGE, Entry, file_hashes, plain_score
+from jerkbench.suite.entry import PAGE, Entry, file_hashes
 from jerkbench.suite.protocol import SuiteProtocol, read_suite
-from jerkbench.suite.scores import entry_page, entry_score
+from jerkbench.suite.scoring import scoring_of
 from jerkbench.tuning.space import Setting
 
 TOLERANCE = 1e-9
@@ -68,13 +70,12 @@ def missing_mistakes(entry: Entry, protocol: SuiteProtocol) -> list[str]:
 
 def score_mistakes(entry: Entry, protocol: SuiteProtocol) -> Iterator[str]:
     """Yield a sentence for each number of the score, and for the page, that the rows do not show."""
-    score = entry_score(entry.rows, protocol)
-    stated = entry.manifest["score"]
-    for key, own in plain_score(score).items():
+    scoring, stated = scoring_of(protocol), entry.manifest["score"]
+    for key, own in scoring.score(entry.rows).items():
         if not same(own, stated.get(key)):
             yield f"The manifest says {key} = {stated.get(key)}, the rows show {own}."
     page = (entry.folder / PAGE).read_text(encoding="utf-8", errors="replace")
-    if page != entry_page(entry.name, score, entry.rows, protocol):
+    if page != scoring.page(entry.name, entry.rows):
         yield "entry.md does not say what the rows show."
 
 
@@ -91,7 +92,8 @@ def _keys(entry: Entry, protocol: SuiteProtocol) -> Iterator[Key]:
         settings: dict[str, Setting] = dict.fromkeys([GIVEN, *entry.settings.get(method, {})], ())
         for number, scenario in enumerate(protocol.scenarios):
             for tuned_on in half_settings(settings, scenario.half):
-                yield from (Key(method, number, tuned_on, seed) for seed in protocol.seeds_to_test_on)
+                seeds = protocol.seeds_of(scenario, protocol.seeds_to_test_on)
+                yield from (Key(method, number, tuned_on, seed) for seed in seeds)
 
 
 @dataclass(frozen=True)
@@ -139,6 +141,7 @@ def _checked(entry: Entry, method: str, entrant: Entrant, protocol: SuiteProtoco
     """Check settings and rows of one of the two methods of an entry, where it can be made here."""
     try:
         digest = plugins_digest(entrant, protocol)
+        _require_data(entrant, protocol)
         wrong = list(_settings_mistakes(entry, method, entrant, protocol))
     except JerkbenchError as error:
         return CheckedEntry(
@@ -152,6 +155,18 @@ def _checked(entry: Entry, method: str, entrant: Entrant, protocol: SuiteProtoco
     rows = entry.rows[entry.rows["method"] == method]
     sample = rows.iloc[random.SystemRandom().sample(range(len(rows)), min(count, len(rows)))]
     return CheckedEntry(tuple(_row_mistakes(entry, method, entrant, sample, protocol)), remarks, len(sample))
+
+
+def _require_data(entrant: Entrant, protocol: SuiteProtocol) -> None:
+    """Require that what the rows are computed with is on this machine.
+
+    Raises:
+        JerkbenchError: a recording was not fetched, or a package is not installed.
+    """
+    cells = [entrant.cell(scenario, protocol.limits) for scenario in protocol.scenarios]
+    for cell in cells:
+        data_fingerprint(cell.dataset, cell.disturbances)
+    require_inputs(cells[0], set())
 
 
 def _settings_mistakes(entry: Entry, method: str, entrant: Entrant, protocol: SuiteProtocol) -> Iterator[str]:
@@ -186,15 +201,15 @@ def _row_mistakes(
         for k, own in enumerate(stored)
     ]
     with TemporaryDirectory(prefix="jerkbench-") as folder:
-        again = Site(Path(folder)).rows(tries, Rules(protocol.metrics, protocol.limits), Progress(0)).to_dict("records")
+        again = Site(Path(folder)).rows(tries, protocol.rules(), Progress(0)).to_dict("records")
     for before, own in zip(stored, again, strict=True):
-        if wrong := _difference(before, own):
+        if wrong := _difference(before, own, ("status", *protocol.numbers)):
             where = f"{scenarios[int(before['scenario'])].name}, seed {before['seed']}, {before['tuned_on']}"
             yield f"The {method} in {where}: {wrong}."
 
 
-def _difference(stored: Mapping[Any, Any], own: Mapping[Any, Any]) -> str:
-    for key in ("status", *NUMBERS):
+def _difference(stored: Mapping[Any, Any], own: Mapping[Any, Any], keys: Iterable[str]) -> str:
+    for key in keys:
         if not same(stored[key], own[key]):
             return f"{key} is stored as {stored[key]}, and comes out as {own[key]}"
     return ""

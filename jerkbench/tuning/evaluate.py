@@ -17,6 +17,7 @@ from jerkbench.jobs.cell import Cell
 from jerkbench.jobs.cluster import Workers
 from jerkbench.jobs.progress import Progress
 from jerkbench.jobs.rows import Row
+from jerkbench.optional import is_attitude_only
 from jerkbench.results.store import Store
 from jerkbench.sweep.sweep import joined_plan, planned, rows_of, run_sweep
 from jerkbench.sweep.tasks import MOST_TASKS
@@ -155,8 +156,15 @@ class Evaluator:
 
 
 def plain_cell(cell: Cell) -> Cell:
-    """Return the cell with its filter at its defaults, without adaptation, with R as reported."""
+    """Return the cell with its filter at its defaults, without adaptation, with R as reported.
+
+    Where nothing is navigated it is `mekf` at its defaults: a Kalman filter without adaptation.
+    """
     name = cell.spec["filter"]["name"]
+    if is_attitude_only(cell.filter):
+        plain = plugins.create("attitude", {"name": "mekf"})
+        spec = {**cell.spec, "attitude": {"name": "mekf", **dataclasses.asdict(plain)}}
+        return dataclasses.replace(cell, attitude=plain, spec=spec)
     model, none = plugins.create("filter", {"name": name}), plugins.create("adaptation", {"name": "none"})
     spec = {
         **cell.spec,
@@ -177,17 +185,27 @@ def trial_table(trials: Trials, names: Sequence[str], scenarios: Sequence[str]) 
     return pd.DataFrame({**columns, "loss": trials.means, "lost_runs": trials.lost})
 
 
+LACKING = {
+    "enu_m": (
+        "position",
+        "use objective=likelihood, or withhold fixes: disturbance=withhold; of an attitude alone objective=inclination",
+    ),
+    "euler_rad": ("attitude", "use objective=rmse"),
+}
+"""What a recording without that part of the reference lacks, and what else there is."""
+
+
 def require_scorable(objective: Objective, cases: Sequence[TuningCase], load: Callable[[TuningCase], object]) -> None:
     """Check that the recordings have what the objective asks for.
 
     Raises:
-        RecordingError: one has no reference position, and the objective compares with it.
+        RecordingError: one has no such reference.
     """
     for case in cases:
-        recording = load(case)
-        reference = getattr(recording, "reference", None)
-        if objective.needs_reference and (reference is None or reference.enu_m is None):
+        reference = getattr(load(case), "reference", None)
+        if objective.reference and getattr(reference, objective.reference, None) is None:
+            what, other = LACKING[objective.reference]
             raise RecordingError(
-                f"{case.cell.labels.dataset} has no reference position, so objective={objective.name} has nothing to"
-                " compare with; use objective=likelihood, or withhold fixes: disturbance=withhold."
+                f"{case.cell.labels.dataset} has no reference {what}, so objective={objective.name} has nothing to"
+                f" compare with; {other}."
             )

@@ -23,7 +23,7 @@ class Objective:
         metric: the metric that gives the column.
         column: of a row.
         relative: whether the logarithm of the ratio to the plain filter counts, or the difference.
-        needs_reference: whether a recording without one cannot be tuned on.
+        reference: the part of the reference that a recording needs to be tuned on; empty: none.
         meaning: what its numbers say, one phrase.
     """
 
@@ -31,7 +31,7 @@ class Objective:
     metric: str
     column: str
     relative: bool
-    needs_reference: bool
+    reference: str
     meaning: str
 
     def losses(self, rows: Sequence[Row], plain: float) -> FloatArray:
@@ -64,16 +64,20 @@ class Objective:
 
 
 RATIO = "position RMSE as a ratio to the plain filter at its defaults, geometric mean; a lost run counts 100"
+TILT = "inclination RMSE as a ratio to mekf at its defaults, geometric mean; a lost run counts 100"
 NATS = "nats an update by which the measurements are less likely than under the plain filter at its defaults"
 
 OBJECTIVES = {
-    "rmse": Objective("rmse", "position_rmse", "position_rmse_m", relative=True, needs_reference=True, meaning=RATIO),
+    "rmse": Objective("rmse", "position_rmse", "position_rmse_m", relative=True, reference="enu_m", meaning=RATIO),
+    "inclination": Objective(
+        "inclination", "inclination", "inclination_rmse_deg", relative=True, reference="euler_rad", meaning=TILT
+    ),
     "likelihood": Objective(
         "likelihood",
         "innovation_likelihood",
         "innovation_log_loss",
         relative=False,
-        needs_reference=False,
+        reference="",
         meaning=NATS,
     ),
 }

@@ -8,7 +8,8 @@ from typing import Any
 from jerkbench.arrays import FloatArray
 from jerkbench.errors import PluginError, unknown
 from jerkbench.jobs.cell import Cell
-from jerkbench.parameters import Range, is_whole, ranges_of
+from jerkbench.optional import is_attitude_only
+from jerkbench.parameters import Range, is_switch, is_whole, ranges_of
 from jerkbench.timeline import RScale
 
 TOLD = Range(0.05, 20.0, log=True, source="ours: from a fifth to four times the reported sigma")
@@ -16,6 +17,9 @@ TOLD = Range(0.05, 20.0, log=True, source="ours: from a fifth to four times the 
 
 EDGE = 0.02
 """A share of the way that is as good as a bound."""
+
+STREAMS = tuple(f.name for f in dataclasses.fields(RScale))
+"""Streams of which a filter is told R: position, velocity."""
 
 Setting = tuple[float, ...]
 """A value for each knob, in their order."""
@@ -26,11 +30,12 @@ class Knob:
     """A parameter that a search may change.
 
     Attributes:
-        part: "filter", "adaptation" or "r_scale".
+        part: "filter", "adaptation", "r_scale" or "attitude".
         field: its name there.
         bounds: the values to try.
         whole: whether it holds whole numbers.
         start: its value before the search.
+        switch: whether it is on or off, which are 1 and 0.
     """
 
     part: str
@@ -38,6 +43,7 @@ class Knob:
     bounds: Range
     whole: bool
     start: float
+    switch: bool = False
 
     @property
     def name(self) -> str:
@@ -47,7 +53,7 @@ class Knob:
     def value(self, share: float) -> float:
         """Return the value at ``share`` of the way from low to high."""
         value = self.bounds.value(share)
-        return float(round(value)) if self.whole else value
+        return float(round(value)) if self.whole or self.switch else value
 
     def share(self, value: float) -> float:
         """Return how much of the way from low to high ``value`` is, 0 to 1."""
@@ -55,7 +61,7 @@ class Knob:
 
     def typed(self, value: float) -> float:
         """Return ``value`` as the field holds it."""
-        return round(value) if self.whole else value
+        return bool(value) if self.switch else round(value) if self.whole else value
 
 
 @dataclass(frozen=True)
@@ -63,7 +69,7 @@ class Space:
     """The knobs of a method.
 
     Attributes:
-        knobs: in order: those of the filter, of the adaptation, of the reported R.
+        knobs: in order: those of the filter, of the adaptation, of the reported R; or those of the attitude filter.
     """
 
     knobs: tuple[Knob, ...]
@@ -93,9 +99,10 @@ class Space:
         Raises:
             PluginError: the plugin does not take values that are each in their range.
         """
-        parts = {part: self.of_part(part, setting) for part in ("filter", "adaptation", "r_scale")}
+        parts = {part: self.of_part(part, setting) for part in ("filter", "adaptation", "r_scale", "attitude")}
         model: Any = cell.filter
         rule: Any = cell.adaptation
+        attitude: Any = cell.attitude
         spec = {**cell.spec, **{part: {**cell.spec.get(part, {}), **values} for part, values in parts.items()}}
         return dataclasses.replace(
             cell,
@@ -103,13 +110,14 @@ class Space:
             filter=dataclasses.replace(model, **parts["filter"]),
             adaptation=dataclasses.replace(rule, **parts["adaptation"]),
             r_scale=dataclasses.replace(cell.r_scale, **parts["r_scale"]),
+            attitude=dataclasses.replace(attitude, **parts["attitude"]),
         )
 
     def at_edge(self, setting: Setting) -> list[str]:
-        """Return a sentence for each knob whose value lies on a bound of its range."""
+        """Return a sentence for each knob, no switch, whose value lies on a bound of its range."""
         sentences = []
         for knob, value in zip(self.knobs, setting, strict=True):
-            share = knob.share(value)
+            share = 0.5 if knob.switch else knob.share(value)
             if share <= EDGE or share >= 1.0 - EDGE:
                 end = "low" if share <= EDGE else "high"
                 where = f"{knob.name} = {value:g} lies at the {end} end of its range ({knob.bounds})"
@@ -117,21 +125,26 @@ class Space:
         return sentences
 
 
-def space_of(cell: Cell, chosen: Collection[str] = ()) -> Space:
+def space_of(cell: Cell, chosen: Collection[str] = (), measured: Collection[str] = STREAMS) -> Space:
     """Return the knobs of the method of a cell: fields with a range, and what is told of R.
+
+    Where nothing is navigated they are those of the attitude filter.
 
     Args:
         cell: with the values to begin from.
         chosen: names of the knobs to change; empty: all there are.
+        measured: the streams that the recordings have; R of others tells nothing.
 
     Raises:
         PluginError: there is none, or none of a chosen name.
     """
-    own = [*_knobs("filter", cell.filter), *_knobs("adaptation", cell.adaptation)]
+    parts = ("attitude",) if is_attitude_only(cell.filter) else ("filter", "adaptation")
+    own = [knob for part in parts for knob in _knobs(part, getattr(cell, part))]
     if not own:
-        names = " nor ".join(f"the {part} {cell.spec[part]['name']}" for part in ("filter", "adaptation"))
-        raise PluginError(f"There is nothing to tune: neither {names} has a parameter with a range (`jerkbench show`).")
-    knobs = [*own, *_told(cell.r_scale)]
+        names = " nor ".join(f"the {part} {cell.spec[part]['name']}" for part in parts)
+        lacking = f"neither {names} has a" if len(parts) > 1 else f"{names} has no"
+        raise PluginError(f"There is nothing to tune: {lacking} parameter with a range (`jerkbench show`).")
+    knobs = own if parts == ("attitude",) else [*own, *(knob for knob in _told(cell.r_scale) if knob.field in measured)]
     known = [knob.name for knob in knobs]
     for name in chosen:
         if name not in known:
@@ -142,7 +155,7 @@ def space_of(cell: Cell, chosen: Collection[str] = ()) -> Space:
 def _knobs(part: str, plugin: object) -> Sequence[Knob]:
     cls = type(plugin)
     return [
-        Knob(part, name, bounds, is_whole(cls, name), float(getattr(plugin, name)))
+        Knob(part, name, bounds, is_whole(cls, name), float(getattr(plugin, name)), is_switch(cls, name))
         for name, bounds in ranges_of(cls).items()
     ]
 

@@ -112,7 +112,7 @@ def _shown(tuning: Tuning, losses: Any) -> str:  # noqa: ANN401 - a number or an
 # What was tuned as presets.
 
 
-PARTS = ("filter", "adaptation")
+PARTS = ("filter", "adaptation", "attitude")
 
 
 def preset_words(tuning: Tuning, *, typed: bool) -> list[str]:
@@ -141,7 +141,8 @@ def write_presets(tuning: Tuning, folder: Path, remarks: str) -> None:
     chosen = {}
     for part in PARTS:
         plugin, values = str(cell.spec[part]["name"]), tuning.space.of_part(part, tuning.setting)
-        chosen[part] = f"{plugin}_tuned" if values else plugin
+        if values or part != "attitude":
+            chosen[part] = f"{plugin}_tuned" if values else plugin
         if values:
             kept = {**_given(cell.spec[part]), **values}
             write_text(folder / part / f"{plugin}_tuned.yaml", _text(remarks, {"defaults": [plugin, "_self_"], **kept}))

@@ -5,14 +5,20 @@ from jerkbench.verbs.arguments import group
 
 SUITE = group(
     "suite",
-    "enter a frozen comparison with a method of your own: run, verify, board",
+    "compare your method with published ones on a fixed test set: run, verify, board",
     *(campaigns.suite_run_verb, campaigns.suite_verify_verb, campaigns.suite_board_verb),
 )
 
 DATA = group(
     "data",
-    "look after recordings: inspect, convert, export, salvage, fetch, trace, cache",
-    *(inspecting.inspect_verb, recordings.convert_verb, recordings.data_export_verb, recordings.salvage_verb),
+    "work with recordings: inspect, receiver, convert, export, salvage, fetch, trace, cache",
+    *(
+        inspecting.inspect_verb,
+        inspecting.receiver_verb,
+        recordings.convert_verb,
+        recordings.data_export_verb,
+        recordings.salvage_verb,
+    ),
     *(recordings.fetch_verb, recordings.trace_verb, recordings.cache_verb),
 )
 

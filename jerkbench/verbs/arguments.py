@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from jerkbench.errors import JerkbenchError
+from jerkbench.verbs.examples import epilog_of
 
 if TYPE_CHECKING:
     from jerkbench.report.analysis.runs import VerdictRule
@@ -30,9 +31,10 @@ def verb(*arguments: Argument, epilog: str = "") -> Callable[[Answer], Declarati
         title = str(answer.__doc__).partition("\n")[0]
 
         def declare(parsers: "Parsers") -> None:
-            raw = argparse.RawDescriptionHelpFormatter if "\n" in epilog else argparse.HelpFormatter
             help_line = f"{title[0].lower()}{title[1:-1]}"
-            parser = parsers.add_parser(name, help=help_line, description=title, epilog=epilog, formatter_class=raw)
+            parser = parsers.add_parser(name, help=help_line, description=title)
+            parser.epilog = epilog_of(parser.prog.removeprefix("jerkbench "), epilog)
+            parser.formatter_class = argparse.RawDescriptionHelpFormatter
             for names, options in arguments:
                 parser.add_argument(*names, **options)
             parser.set_defaults(answer=answer)
@@ -80,7 +82,7 @@ def count(text: str) -> int:
         ArgumentTypeError: it is none.
     """
     if not text.isdecimal():
-        raise argparse.ArgumentTypeError(f"'{text}' is no number of scenarios; give 0 or more")
+        raise argparse.ArgumentTypeError(f"'{text}' is no whole number; give 0 or more")
     return int(text)
 
 

@@ -3,9 +3,9 @@
 import argparse
 import re
 import shlex
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from jerkbench.verbs.arguments import RUN_PROGRAMS, WHERE, argument, count, output, verb
 
@@ -13,29 +13,30 @@ if TYPE_CHECKING:
     from jerkbench.campaigns.entrant import Entrant
 
 TUNE = """\
-KEY=VALUE are those of `jerkbench run`. Several values, separated by commas, of dataset, disturbance and attitude are
-the scenarios of one tuning; several of filter and adaptation are methods, each tuned with the same budget (-m).
+KEY=VALUE are those of `jerkbench run`. Several values of dataset, disturbance and attitude, separated by commas, are
+the scenarios of one tuning. Several values of filter and adaptation are methods, all tuned with the same budget (-m).
 
   jerkbench tune filter=jerk adaptation=mtf disturbance=none,noise_step trials=64
   jerkbench tune -m filter=baseline,jerk adaptation=none,mtf,chi2 disturbance=none,outliers study=alike
-  jerkbench tune filter=bias dataset=husky_bag dataset.folder=DIR objective=likelihood      one's own log, no reference
+  jerkbench tune filter=bias dataset=husky_bag dataset.folder=DIR objective=likelihood      your own log, no reference
+  jerkbench tune -m filter=attitude_only attitude=vqf,mahony dataset=field                  attitude filters alone
 
-What is tuned: every parameter with a range (`jerkbench show filter jerk`), and what the filter is told of the reported
-R (r_scale.position, r_scale.velocity); knobs=[filter.accel_mps2,...] names fewer.
+It tunes every parameter with a range (`jerkbench show filter jerk`), and the factors on the reported R
+(r_scale.position, r_scale.velocity). knobs=[filter.accel_mps2,...] selects fewer.
 
-  trials=64            settings that are tried, the one before the search among them
-  sampler=sobol        sobol (for comparisons), tpe, cma_es (the extra `tune`); sampler_seed=1: another scramble
+  trials=64            how many settings are tried, the default setting among them
+  sampler=sobol        sobol (for comparisons), tpe, cma_es (the extra `tune`); sampler_seed=1: other settings
   objective=rmse       rmse: log of the ratio to the plain filter at its defaults, a lost run counts log 100;
-                       likelihood: of the innovations, without a reference
+                       likelihood: of the innovations, without a reference; inclination: of an attitude filter alone
   split=auto           seeds; time (share=0.5: tuned on the first half, tested on the second);
                        recordings, families (held_out=[NAME,...]: tested on these, tuned without them)
   tune_seeds=16 choose_seeds=16 test_seeds=40 first_seed=0      disjoint; the test seeds are read at the end
-  finalists=8          the best, tried again on the seeds to choose on
-  restarts=1           more searches with other scrambles: their spread is luck
+  finalists=8          so many of the best settings are tried again on the seeds to choose on
+  restarts=1           how many searches with different settings: their spread is luck
   cluster=local        threads of this process; dask, slurm, ...: each scenario goes to a worker (docs/cluster.md)
 
 Written to results/STUDY/tune/METHOD: tuning.md, presets for `jerkbench run --config-dir`, settings for
-robot_localization, KF-GINS and eskf15, every trial. The same command goes on where it was stopped.
+robot_localization, KF-GINS and eskf15, every trial. If you stop it, the same command continues.
 """
 
 
@@ -45,7 +46,7 @@ robot_localization, KF-GINS and eskf15, every trial. The same command goes on wh
     epilog=TUNE,
 )
 def tune_verb(chosen: argparse.Namespace) -> None:
-    """Find the best setting of a method, and score it on runs that were not seen.
+    """Find the best setting of a method, and score it on runs that the search has not seen.
 
     Raises:
         JerkbenchError: a word is unknown, or what it asks for cannot be tuned.
@@ -62,14 +63,21 @@ are written before anything runs, and the seeds to score on follow from the hash
   jerkbench audit --scale small      minutes: shows that all of it runs, answers nothing
   jerkbench audit --scale medium     two models, without what iterates: half an hour
   jerkbench audit                    the whole protocol: 90 minutes on two cores
+  jerkbench audit attitude           of attitude filters, by the error of the tilt: ten minutes (needs the package vqf)
 
 The same command goes on where it was stopped; --stored judges what is stored, whatever version computed it (its digest
-stands in manifest.json), and runs nothing. RESULTS/audit-SCALE has README.md with the answer, its figures, table.md,
-verdicts.csv, settings.csv, rows.parquet, manifest.json, protocol.json.
+stands in manifest.json), and runs nothing. `attitude` has a protocol of its own: BROAD, RepoIMU's TStick, KITTI and the
+simulated field, apart; what is not in --data is left out.
+
+RESULTS/audit-SCALE has README.md with the answer, its figures, table.md, verdicts.csv, settings.csv, rows.parquet,
+manifest.json, protocol.json.
 """
 
 
 @verb(
+    argument("what", nargs="?", choices=("attitude",), help="attitude filters, in place of navigation filters"),
+    argument("--data", type=Path, help="folder of broad, repoimu, kitti (default: where `data fetch` puts them)"),
+    argument("--settings", type=count, default=64, help="of each attitude filter; fewer than 64 give rows, no tables"),
     argument("--scale", default="full", help="name of the protocol (default: full)"),
     argument("--results", type=output, default=Path("results"), help="folder of all results"),
     argument("--stored", action="store_true", help="judge the stored rows of any version, and run nothing"),
@@ -77,7 +85,7 @@ verdicts.csv, settings.csv, rows.parquet, manifest.json, protocol.json.
     epilog=AUDIT,
 )
 def audit_verb(chosen: argparse.Namespace) -> None:
-    """Tune every adaptive filter and the plain one alike, score them unseen.
+    """Tune every adaptive filter and the plain one alike, and score them on unseen runs.
 
     Raises:
         JerkbenchError: there is no such protocol, or a run failed.
@@ -87,6 +95,9 @@ def audit_verb(chosen: argparse.Namespace) -> None:
     from jerkbench.hydra_app.words import cluster_named
     from jerkbench.jobs.pool import processors
 
+    if chosen.what:
+        _audit_attitude(chosen, chosen.results / f"{FOLDER}{chosen.what}", chosen.workers or processors())
+        return
     protocol, folder = read_protocol(chosen.scale), chosen.results / f"{FOLDER}{chosen.scale}"
     cluster, workers = cluster_named(chosen.cluster), chosen.workers or processors()
     print(text_of(run_audit(protocol, folder, cluster, workers, only_stored=chosen.stored)))
@@ -96,17 +107,30 @@ def audit_verb(chosen: argparse.Namespace) -> None:
 METHOD = ("filter", "adaptation", "noise", "r_scale")
 """Groups of a method; all else is the suite's."""
 
+ATTITUDES = "attitude-"
+"""The names of suites of attitude filters begin so."""
+
 ENTER = """\
 KEY=VALUE are those of `jerkbench run` that make a method: filter, adaptation, noise, r_scale and what is in them.
 
   jerkbench suite run filter=jerk adaptation=mtf
   jerkbench suite run filter=baseline adaptation=my_rule --scale tiny       seconds: does it run?
   jerkbench suite run filter=command filter.command="./mine {recording} {out}" --name mine
+  jerkbench suite run attitude=madgwick --scale attitude-v1                 of attitude filters; attitude-tiny: seconds
+  jerkbench suite run filter=attitude_command filter.command="./mine {recording} {out}" --scale attitude-v1 --name mine
 
 A method whose parameters have ranges is tuned on one half of the faults and scored on the other, and the reverse; one
 without, and a program, is scored as it is given. The plain filter is tuned alike. The same command goes on where it was
 stopped. Written: entry.md, rows.parquet, settings.yaml, manifest.json (docs/suite.md).
 """
+
+
+def _audit_attitude(chosen: argparse.Namespace, folder: Path, workers: int) -> None:
+    from jerkbench.audit.attitude.study import run_attitude_audit
+    from jerkbench.io.files import fetched_folder
+
+    print(run_attitude_audit(chosen.data or fetched_folder(""), folder, workers, chosen.settings))
+    print(f"Written to {folder}.")
 
 
 @verb(
@@ -129,7 +153,7 @@ def suite_run_verb(chosen: argparse.Namespace) -> None:
     from jerkbench.jobs.pool import processors
     from jerkbench.suite.enter import enter
 
-    entrant = _entrant(chosen.words)
+    entrant = (_attitude_entrant if chosen.scale.startswith(ATTITUDES) else _entrant)(chosen.words)
     name = chosen.name or entrant.name
     folder = chosen.out or Path("results") / f"suite-{chosen.scale}" / (
         re.sub(r"[^\w.]+", "-", name).strip("-.") or "entry"
@@ -143,18 +167,38 @@ def suite_run_verb(chosen: argparse.Namespace) -> None:
 
 def _entrant(words: Sequence[str]) -> "Entrant":
     from jerkbench.campaigns.entrant import Entrant
+
+    spec = _spec(words, METHOD, "filter=jerk adaptation=mtf adaptation.window=3")
+    return Entrant(**{kind: dict(spec[kind]) for kind in ("filter", "adaptation", "r_scale")})
+
+
+def _attitude_entrant(words: Sequence[str]) -> "Entrant":
+    """An attitude filter, or a program: of that the attitude of the data set is never asked."""
+    from jerkbench import plugins
+    from jerkbench.campaigns.entrant import Entrant
+    from jerkbench.errors import PluginError
+    from jerkbench.optional import is_attitude_only
+
+    given = words if any(word.startswith("filter=") for word in words) else ["filter=attitude_only", *words]
+    spec = _spec(given, ("filter", "attitude"), "attitude=vqf attitude.tau_acc_s=5")
+    if not is_attitude_only(plugins.get("filter", spec["filter"]["name"])):
+        raise PluginError(f"The filter {spec['filter']['name']} is no attitude filter; give attitude=NAME.")
+    attitude = dict(spec["attitude"]) if any(word.startswith("attitude") for word in words) else None
+    return Entrant(dict(spec["filter"]), {"name": "none"}, {}, attitude)
+
+
+def _spec(words: Sequence[str], groups: Sequence[str], example: str) -> "Mapping[str, Any]":
     from jerkbench.errors import PluginError
     from jerkbench.hydra_app.composition import owner
     from jerkbench.hydra_app.words import composed
 
     for word in words:
-        if owner(word) not in METHOD:
+        if owner(word) not in groups:
             raise PluginError(
-                f"'{word}' is not part of a method; the suite sets all else. Give {', '.join(METHOD)} and what is in"
-                " them, for example filter=jerk adaptation=mtf adaptation.window=3."
+                f"'{word}' is not part of a method; the suite sets all else. Give {', '.join(groups)} and what is in"
+                f" them, for example {example}."
             )
-    spec = composed(words).cell().spec
-    return Entrant(**{kind: dict(spec[kind]) for kind in ("filter", "adaptation", "r_scale")})
+    return composed(words).cell().spec
 
 
 @verb(

@@ -20,11 +20,14 @@ WORSE = 3
 """Exit code where the second set is worse than it may be."""
 
 COMPARE = """\
-A and B are folders, or one method of each, compared with one another: `jerkbench compare old:jerk+mtf new:mine+none`
-(filter, adaptation, noise; FACTOR=VALUE for another factor).
+A and B are folders. FOLDER:METHOD is one method of a folder: filter, adaptation and noise, joined by +, or
+FACTOR=VALUE.
 
---tolerances FILE (YAML; or TOML, where each is a [[tolerances]]) says what may become worse by how much; the first line
-that fits a combination counts, --fail-above where none does. Patterns are as those of file names:
+  jerkbench compare results/first results/second --fail-above 3
+  jerkbench compare results/first:jerk+none results/second:jerk+mtf --format md
+
+--tolerances FILE says how much worse a result may become (YAML, or TOML with a list of [[tolerances]]). The first line
+that fits a combination counts; if none fits, --fail-above counts. Patterns work as in file names:
 
   tolerances:
     - {metric: position_rmse_m, method: mtf, scenario: gnss_outage, ratio: 1.10}

@@ -1,4 +1,4 @@
-"""`jerkbench data inspect`: the streams of a recording, and their faults; of a .csv, what its columns may be."""
+"""`jerkbench data inspect`: the streams of a recording, and their faults; of tables, what their columns may be."""
 
 import argparse
 from pathlib import Path
@@ -17,15 +17,22 @@ SUFFIX = ".csv"
 
 
 def _guesses_columns(chosen: argparse.Namespace) -> bool:
-    """Whether the source is a table whose columns nobody named.
+    """Whether the sources are tables whose columns nobody named.
 
     Raises:
-        JerkbenchError: a preset was asked for, of something else.
+        JerkbenchError: several sources or a preset were asked for, of something else.
     """
-    path = Path(chosen.source).expanduser()
-    guesses = path.suffix.lower() == SUFFIX and chosen.dataset is None and path.is_file()
-    if chosen.preset is not None and not guesses:
-        raise JerkbenchError(f"--preset is written for a .csv whose columns are guessed, and {chosen.source} is none.")
+    from jerkbench.io.tracks import track_reader
+
+    paths = [Path(source).expanduser() for source in chosen.source]
+    tables = [path for path in paths if path.is_file() and (path.suffix.lower() == SUFFIX or track_reader(path))]
+    guesses = chosen.dataset is None and tables == paths
+    if not guesses and (chosen.preset is not None or len(paths) > 1):
+        which = next((path for path in paths if path not in tables), paths[0])
+        raise JerkbenchError(
+            "--preset, and several files, are for tables (.csv, NMEA, GPX, gpsd's JSON) whose columns are guessed, and"
+            f" {which} is none."
+        )
     return guesses
 
 
@@ -37,9 +44,9 @@ def _print_guesses(chosen: argparse.Namespace) -> None:
         JerkbenchError: the preset is there already.
     """
     from jerkbench.datasets.table import Tables
-    from jerkbench.inspection.guessing import guess_table
+    from jerkbench.inspection.guessing import guess_tables
 
-    draft = guess_table(Path(chosen.source).expanduser())
+    draft = guess_tables(*(Path(source).expanduser() for source in chosen.source))
     _print_draft(draft)
     if chosen.preset is not None:
         _write_preset(draft, chosen.preset)
@@ -81,10 +88,16 @@ FIGURES = (".pdf", ".png", ".svg")
 
 
 @verb(
-    *SOURCE,
+    argument(
+        "source",
+        nargs="+",
+        metavar="SOURCE",
+        help="a file or folder, a data set or its preset; or the tables of one log: IMU, fixes, reference",
+    ),
+    *SOURCE[1:],
     argument("--figure", type=Path, metavar="FILE", help="draw an overview of the recording too (.png, .pdf)"),
     argument(
-        "--preset", type=output, metavar="NAME.yaml", help="of a .csv: write the guesses to dataset/NAME.yaml, to edit"
+        "--preset", type=output, metavar="NAME.yaml", help="of tables: write the guesses to dataset/NAME.yaml, to edit"
     ),
 )
 def inspect_verb(chosen: argparse.Namespace) -> None:
@@ -96,7 +109,7 @@ def inspect_verb(chosen: argparse.Namespace) -> None:
     if _guesses_columns(chosen):
         _print_guesses(chosen)
         return
-    dataset = dataset_of(chosen.source, chosen.dataset, chosen.set)
+    dataset = dataset_of(chosen.source[0], chosen.dataset, chosen.set)
     if not isinstance(dataset, BagOptions):
         _describe(dataset.load(chosen.seed), dataset, chosen.figure)
         return
@@ -135,3 +148,28 @@ def _print_topics(path: Path) -> None:
     with open_bag(path) as bag:
         for line in survey(bag):
             print(line)
+
+
+@verb(*SOURCE, argument("--figure", type=Path, metavar="FILE", help="draw the errors and their memory (.png, .pdf)"))
+def receiver_verb(chosen: argparse.Namespace) -> None:
+    """Measure how far off a receiver's covariance is, and say what to put into a filter.
+
+    Raises:
+        JerkbenchError: there are too few fixes, or no such kind of figure.
+    """
+    from jerkbench.inspection.receiver import HEADER, advice, receiver_errors, receiver_figure, table_rows
+    from jerkbench.report.plots.style import save_figure
+    from jerkbench.report.tables.terminal import print_grid
+
+    if chosen.figure is not None and chosen.figure.suffix not in FIGURES:
+        raise JerkbenchError(unknown("suffix of a figure", chosen.figure.suffix, FIGURES))
+    recording = dataset_of(chosen.source, chosen.dataset, chosen.set).load(chosen.seed)
+    errors = receiver_errors(recording)
+    if errors is None:
+        raise JerkbenchError(f"{recording.name} has too few fixes to say anything about their covariance.")
+    compared = f"compared with {errors.source}" if errors.source else "compared with each other"
+    title = f"{recording.name}: fixes each {errors.step_s:.3g} s, {compared}"
+    print_grid(title, HEADER, list(table_rows(errors)), list(advice(errors)))
+    if chosen.figure is not None:
+        save_figure(receiver_figure(recording, errors), chosen.figure)
+        print(f"Figure: {chosen.figure}")

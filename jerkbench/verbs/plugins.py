@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 @verb(argument("kind", nargs="?", help="dataset, disturbance, attitude, filter, adaptation, ..."), FORMAT)
 def list_verb(chosen: argparse.Namespace) -> None:
-    """Name what there is, of every kind or of one.
+    """List all plugins and presets, or those of one kind.
 
     Raises:
         PluginError: no such kind.
@@ -109,7 +109,7 @@ FINDINGS: "Mapping[str, Callable[[str, Sequence[CheckedPlugin]], str]]" = {
     argument("--format", choices=tuple(FINDINGS), default="text", help="default: text"),
 )
 def check_verb(chosen: argparse.Namespace) -> None:
-    """Say in sentences what the plugins of a package do not keep of their contracts.
+    """Check whether the plugins of a package keep their contracts.
 
     Raises:
         PluginError: there is no such package, or it has no plugin.

@@ -46,7 +46,7 @@ FACTORS = "dataset, disturbance, attitude, filter, adaptation, noise; separated 
     argument("--format", choices=TABLE_FORMATS, default="terminal"),
 )
 def table_verb(chosen: argparse.Namespace) -> None:
-    """Print the table of a study once more, arranged as you like.
+    """Print the table of a study, with rows, columns and metric of your choice.
 
     Raises:
         JerkbenchError: there are no results, or no such metric, factor or baseline.
@@ -118,7 +118,7 @@ def _factors(words: str | None) -> list[str] | None:
         "--scenarios",
         default="20",
         metavar="NAMES",
-        help="these alone, for example none,bias+gnss_outage; or the runs of so many (default: 20)",
+        help="these alone, for example none,imu_bias+gnss_outage; or the runs of so many (default: 20)",
     ),
     argument("--methods", metavar="NAMES", help="these alone, for example baseline,jerk+mtf"),
     argument("--seed", type=int, help="the run of each scenario that is drawn (default: the first)"),
@@ -173,7 +173,7 @@ def figures_verb(chosen: argparse.Namespace) -> None:
     *JUDGING,
 )
 def report_verb(chosen: argparse.Namespace) -> None:
-    """Write a study as one HTML file: findings, every cell, figures, a review.
+    """Write a study as one HTML file, with findings, table, figures and a review.
 
     Raises:
         JerkbenchError: there are no results, or the file cannot be one.
@@ -197,7 +197,7 @@ def report_verb(chosen: argparse.Namespace) -> None:
 
 @verb(argument("folder", type=Path, help="the study's folder"))
 def pack_verb(chosen: argparse.Namespace) -> None:
-    """Join a study's rows into one file, and leave out cells that are not whole.
+    """Join the rows of a study into one file, without incomplete cells.
 
     Raises:
         JerkbenchError: there are no results, or some are damaged.

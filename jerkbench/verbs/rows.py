@@ -2,10 +2,11 @@
 
 import argparse
 import re
+from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from jerkbench.errors import JerkbenchError, PluginError
+from jerkbench.errors import JerkbenchError, PluginError, RecordingError
 from jerkbench.verbs.arguments import RUN_PROGRAMS, argument, output, verb
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ ROW = (
 
 @verb(*ROW)
 def rerun_verb(chosen: argparse.Namespace) -> None:
-    """Run one row again, from its own stored configuration: the same numbers?.
+    """Run one row again from its stored configuration, and compare all numbers.
 
     Raises:
         JerkbenchError: there is no such row, or its data have changed.
@@ -57,7 +58,7 @@ NOTHING_ASKED = (
     ),
 )
 def export_verb(chosen: argparse.Namespace) -> None:
-    """Write one row's trajectories (TUM), or its updates with the adapted R.
+    """Write the trajectories of one row (TUM), or its updates with the adapted R.
 
     Raises:
         JerkbenchError: nothing is, there is no such row, its data have changed, or it has no reference or no updates.
@@ -87,12 +88,13 @@ def _write_trajectories(chosen: argparse.Namespace, row: "StoredRow") -> None:
 
 
 SCORE = """\
-KEY=VALUE are those of `jerkbench run`: they say which recording it is (dataset, disturbance, and their parameters,
-first_seed), how it is scored (burn_in_s, metrics), and where the rows go (study, results); name=NAME is what tables
-call the method, and filter.KEY=VALUE says which columns are what (`jerkbench show filter trajectory`).
+KEY=VALUE are those of `jerkbench run`. They name the recording (dataset, disturbance, their parameters, first_seed),
+the scoring (burn_in_s, metrics), and where the rows go (study, results). name=NAME is the name of the method in tables.
+filter.KEY=VALUE names the columns of the file (`jerkbench show filter trajectory`).
 
   jerkbench score mine.tum dataset=field disturbance=gnss_outage name=mine study=duel
   jerkbench score 'run_{seed}.csv' dataset=field name=mine study=duel filter.frame=ned
+  jerkbench score mine.tum --reference truth.tum       on the reference's own clock and axes; nothing is aligned
 """
 
 WORD = re.compile(r"[+~]*[A-Za-z_][\w./@]*=")
@@ -107,10 +109,11 @@ NAME = "name="
         metavar="FILE | KEY=VALUE",
         help="a trajectory (.tum, .csv, .parquet, .nav of KF-GINS, a bag); for each seed one, or a pattern with {seed}",
     ),
+    argument("--reference", type=Path, metavar="FILE", help="score against this trajectory (.tum, .pos, a table)"),
     epilog=SCORE,
 )
 def score_verb(chosen: argparse.Namespace) -> None:
-    """Score trajectories from anywhere, as rows beside those of our filters.
+    """Score trajectories of other programs, as rows beside those of our filters.
 
     Raises:
         JerkbenchError: no file is given or there is none, or the words describe no recording.
@@ -119,8 +122,8 @@ def score_verb(chosen: argparse.Namespace) -> None:
     from jerkbench.hydra_app.words import composed
     from jerkbench.io.trajectory_files import SEED, pattern_of, seeds_of
 
-    words = [word for word in chosen.words if WORD.match(word)]
     files = [word for word in chosen.words if not WORD.match(word)]
+    words = [word for word in chosen.words if WORD.match(word)]
     if not files:
         raise JerkbenchError("No trajectory is given; name its file, or a pattern with {seed} in place of the seed.")
     pattern = pattern_of(files)
@@ -129,7 +132,40 @@ def score_verb(chosen: argparse.Namespace) -> None:
         raise JerkbenchError(f"There is no trajectory {pattern}; correct its name.")
     label = next((word.removeprefix(NAME) for word in words if word.startswith(NAME)), "")
     others = [word for word in words if not word.startswith(NAME)]
-    score_files(composed(["filter=trajectory", *_seed_words(seeds, words), *others]), pattern, label)
+    others = ["filter=trajectory", *_seed_words(seeds, words), *others]
+    if chosen.reference is None:
+        score_files(composed(others), pattern, label)
+        return
+    name = str(chosen.reference.name).replace("'", "\\'")
+    dataset = ["dataset=table", f"dataset.reference_file='{name}'"]  # it names the recording in tables
+    clock = ["filter.clock=unix"] if {chosen.reference.suffix, Path(files[0]).suffix} == {".tum"} else []
+    settings = _reference_settings(chosen.reference.expanduser(), words)
+    score_files(composed([*dataset, *clock, *others]), pattern, label, settings)
+
+
+def _reference_settings(path: Path, words: list[str]) -> dict[str, Any]:
+    """The parameters of `dataset=table` by which a trajectory alone is a recording; ``words`` may have others.
+
+    Raises:
+        RecordingError: there is no such file, or it has no places and times that are known by their names.
+    """
+    from jerkbench.datasets.table import Tables
+    from jerkbench.inspection.guessing import guess_tables
+    from jerkbench.io.trajectory_files import TUM
+
+    if not path.is_file():
+        raise RecordingError(f"There is no reference {path}; correct its name.")
+    said: dict[str, Any] = {"folder": str(path.resolve().parent), "position_file": path.name}
+    if path.suffix == ".tum":
+        said |= TUM | {"position_time": TUM["time"], "position_columns": TUM["position"], "position_frame": "enu"}
+    elif path.suffix != ".pos":
+        said |= guess_tables(path).settings
+    names = ("file", "time", "time_unit", "frame")
+    said |= {f"reference_{name}": said[key] for name in names if (key := f"position_{name}") in said}
+    said |= {"reference_position": said.get("position_columns", ()), "drop_leaps": False, "imu_file": ""}
+    said |= {"velocity_file": "", "reference_independent": True, "reference_source": f"{path.name}, as it is given"}
+    typed = {word.partition("=")[0].removeprefix("dataset.") for word in words}
+    return {f.name: said[f.name] for f in fields(Tables) if f.name in said and f.name not in typed}
 
 
 def _first_seed(words: list[str]) -> int:

@@ -2,14 +2,14 @@
 
 import numpy as np
 import pytest
-from logs import columns, kitti_like, ned_degrees
+from logs import GAP_S, LATE_S, SIGMA_M, car_log, columns, kitti_like, ned_degrees
 
 from jerkbench.datasets.field_white import FieldWhite
 from jerkbench.errors import RecordingError
 from jerkbench.geometry import enu_to_geodetic
 from jerkbench.inspection.columns import parse_name
 from jerkbench.inspection.guesses import is_date
-from jerkbench.inspection.guessing import guess_table
+from jerkbench.inspection.guessing import guess_tables
 from jerkbench.recording import Origin
 
 RIGHT = {
@@ -30,7 +30,7 @@ def drive():
 
 def guessed(log, folder):
     log.to_csv(folder / "drive.csv", index=False)
-    return guess_table(folder / "drive.csv")
+    return guess_tables(folder / "drive.csv")
 
 
 @pytest.mark.parametrize("units", [True, False])
@@ -156,3 +156,55 @@ def test_a_name_is_taken_apart(column, meaning):
 )
 def test_a_name_that_says_nothing_known_is_none(column):
     assert parse_name(column) is None
+
+
+# A log in two files or three, one for the IMU, one for the fixes, one for the truth.
+
+
+@pytest.mark.parametrize("week", [False, True])
+def test_a_log_in_three_files_comes_out_right_with_its_late_imu_and_its_outage(tmp_path, week):
+    car = car_log(tmp_path, week=week)
+    draft = guess_tables(*car.paths)
+    values = {name: guess.value for name, guess in draft.guesses.items()}
+    recording = draft.load()
+    since_s = np.round(LATE_S + values["imu_shift_s"], 6)  # what is left of the IMU's lateness, at time 0
+
+    assert since_s == pytest.approx(0.0, abs=0.02)
+    assert values["epoch"] == ("gps" if week else "unix")
+    assert (values["outage_s"], values["static_start_s"]) == (5.0, 9.0)
+    np.testing.assert_allclose(recording.imu.accel_mps2, car.force_mps2, atol=1e-6)
+    np.testing.assert_allclose(recording.imu.gyro_radps, car.rate_radps, atol=1e-8)
+    np.testing.assert_allclose(recording.position.t_s, car.fix_s - since_s, atol=2e-6)
+    np.testing.assert_allclose(recording.position.covariance_m2, np.tile(np.diag(SIGMA_M**2), (len(car.fix_s), 1, 1)))
+    driven_m = recording.reference.enu_m - recording.reference.enu_m[0]
+    np.testing.assert_allclose(driven_m[:, :2], car.true_m[:, :2], atol=0.2)  # linear in the angles, over 1 km
+    np.testing.assert_allclose(recording.outages_s, [np.array(GAP_S) - since_s], atol=0.21)
+    assert recording.start_utc.isoformat()[:19] == "2024-05-14T14:00:00"
+
+
+def test_files_by_two_clocks_are_a_sentence(tmp_path):
+    import pandas as pd
+
+    paths = car_log(tmp_path).paths
+    table = pd.read_csv(paths[0])
+    table["timestamp"] -= table["timestamp"][0]
+    table.to_csv(paths[0], index=False)
+
+    with pytest.raises(RecordingError, match="write the times of all files by one clock"):
+        guess_tables(*paths)
+
+
+def test_two_imus_are_a_sentence(tmp_path):
+    paths = car_log(tmp_path).paths
+
+    with pytest.raises(RecordingError, match="give one file with an IMU, one with fixes"):
+        guess_tables(paths[0], paths[0], paths[1])
+
+
+def test_a_track_of_a_receiver_needs_no_names(tmp_path):
+    rows = "".join(f"<trkpt lat='48.1' lon='11.{k:04}'><time>2024-05-14T12:35:{k:02}Z</time></trkpt>" for k in range(9))
+    (tmp_path / "a.gpx").write_text(f"<gpx><trk><trkseg>{rows}</trkseg></trk></gpx>")
+    draft = guess_tables(tmp_path / "a.gpx")
+
+    assert len(draft.load().position.t_s) == 9
+    assert draft.guesses["position_frame"].value == "geodetic"

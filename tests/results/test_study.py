@@ -111,7 +111,9 @@ def test_notes_belong_to_the_cells_that_they_were_given_for(tmp_path):
     put(tmp_path, "2", 0.2, filter="bias")
     write_manifest(tmp_path, {"2": [0]}, ["a note on bias"], ["jerkbench"])
 
-    assert load_study(tmp_path).notes == ("a corrected note", "a note on bias", "recording of 1", "recording of 2")
+    told = "Not as published: simplified: bias. `jerkbench show` says what differs."
+    notes = load_study(tmp_path).notes
+    assert notes == ("a corrected note", "a note on bias", "recording of 1", "recording of 2", told)
 
 
 def test_rows_stand_in_the_order_of_the_sweeps(tmp_path):

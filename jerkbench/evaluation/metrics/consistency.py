@@ -70,3 +70,37 @@ class Coverage:
             sigma = np.sqrt(np.diagonal(estimate.covariance[rows], axis1=1, axis2=2)[:, :3])
             shares = {k: float(np.mean(error <= k * sigma)) if rows.any() else np.nan for k in SIGMAS}
         return {f"coverage_{k}_sigma_percent": 100 * share for k, share in shares.items()}
+
+
+# Errors that the filter rules out: it is wrong and does not know.
+
+RULED_OUT = 3.0
+"""Sigmas, in three dimensions: a consistent filter is beyond them in 2.9 % of the rows."""
+
+
+@register("metric", "silent_error")
+@dataclass(frozen=True)
+class SilentError(Summed):
+    """Share and longest time of position errors beyond three sigmas of the filter's own covariance.
+
+    With e_i the position error [m] and P_i its covariance [m2], over the N rows that are the first counted one of a
+    second, row i is silent where sqrt(e_i' P_i^-1 e_i) > 3::
+
+        silent_error_percent = 100/N |{i: silent}|          expect 2.9: chi-square with 3 degrees of freedom beyond 9
+        silent_error_s       = the most silent rows in a row, one a second [s]
+
+    A filter may be accurate on average and wild for a minute without saying so. NaN without a row, or where a
+    covariance is not positive definite.
+    """
+
+    def summarise(self, sums: Sums) -> dict[str, float]:
+        """Return the two values by column name."""
+        error, covariance = sums.sampled_m, sums.sampled_covariance_m2
+        definite = np.isfinite(covariance).all(axis=(1, 2)) & np.isfinite(error).all(axis=1)
+        if not len(error) or not definite.all() or not (np.linalg.eigvalsh(covariance)[:, 0] > 0).all():
+            return {"silent_error_percent": np.nan, "silent_error_s": np.nan}
+        white = np.linalg.solve(covariance, error[:, :, None])[:, :, 0]
+        silent = (error * white).sum(axis=1) > RULED_OUT**2
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], silent.astype(np.int8), [0]])))
+        longest = np.max(edges[1::2] - edges[::2], initial=0)
+        return {"silent_error_percent": 100 * float(silent.mean()), "silent_error_s": float(longest)}

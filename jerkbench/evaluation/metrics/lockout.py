@@ -37,7 +37,7 @@ class Lockout:
     def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
         """Return the three values by column name."""
         updates = estimate.updates
-        used, reported = _variances(updates, recording)
+        used, reported = used_and_reported(updates, recording)
         start_s = first_counted_s(recording.reference, estimate.index, counted)
         rows = (updates.t_s >= start_s) & np.isfinite(reported).any(axis=0) & ~np.isnan(used).all(axis=0)
         if not rows.any():
@@ -59,7 +59,7 @@ def longest_streak_s(flags: BoolArray, t_s: FloatArray) -> float:
     return float(np.max(t_s[end] - t_s[begin], initial=0.0))
 
 
-def _variances(updates: Updates, recording: Recording) -> tuple[FloatArray, FloatArray]:
+def used_and_reported(updates: Updates, recording: Recording) -> tuple[FloatArray, FloatArray]:
     """Return (3, m) the variances used and reported of the position in each update; NaN where it had none."""
     used = np.ascontiguousarray(updates.R_diagonal[:, :3].T)  # over short rows NumPy is slow
     reported = np.full_like(used, np.nan)

@@ -125,13 +125,13 @@ class Recovery:
         ends = np.append(begins, np.inf)[1:]
         answers = [step_response(t_s, error, begin, end) for begin, end in zip(begins, ends, strict=True)]
         return {
-            "recovery_s": _median([answer.halved_s for answer in answers]),
-            "recovery_peak_m": _median([answer.peak for answer in answers]),
+            "recovery_s": median_time_s([answer.halved_s for answer in answers]),
+            "recovery_peak_m": median_time_s([answer.peak for answer in answers]),
             "faults_counted": float(len(answers)),
         }
 
 
-def _median(values: Sequence[float]) -> float:
+def median_time_s(values: Sequence[float]) -> float:
     """Return the median of values of which NaN is the largest; NaN where that is one, or of none."""
     if not values:
         return np.nan

@@ -11,7 +11,7 @@ import numpy as np
 from jerkbench.arrays import BoolArray, FloatArray, nearest_rows
 from jerkbench.errors import RecordingError
 from jerkbench.geometry import dcm_from_euler, dcm_from_quaternion, euler_from_dcm
-from jerkbench.io.clocks import with_common_time
+from jerkbench.io.clocks import with_common_time, with_own_outages
 from jerkbench.io.files import fingerprint
 from jerkbench.io.frames import calibrated_at_rest, first_rest_s, gravity_notes
 from jerkbench.io.ros.bag import Bag, Messages
@@ -225,7 +225,7 @@ def _assembled(
     velocity = _velocity(options, plan, frames, clean, ledger, zero_ns)
     reference = _reference(plan, frames, clean, place, zero_ns, imu if position is None else position)
     rest_s = _rest_s(options, metadata, velocity, float(imu.t_s[-1]))
-    return Recording(
+    recording = Recording(
         name=metadata.name if metadata else options.path.stem,
         imu=calibrated_at_rest(imu, rest_s, gyro=options.remove_gyro_bias, accel=options.scale_accel_to_gravity),
         reference=reference,
@@ -238,6 +238,7 @@ def _assembled(
         outages_s=np.array(metadata.outages_s if metadata else ()).reshape(-1, 2),
         notes=_dependence(plan),
     )
+    return with_own_outages(recording, options.outage_s)
 
 
 def _fixes(

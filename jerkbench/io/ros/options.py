@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from jerkbench.arrays import FloatArray, require_choices
+from jerkbench.arrays import FloatArray, require_choices, require_not_negative
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.geometry import dcm_from_euler
 from jerkbench.io.files import fetched_folder
@@ -58,6 +58,8 @@ class BagOptions:
         remove_gyro_bias: subtract the gyro's mean over the rest.
         scale_accel_to_gravity: scale the accelerometer so that its mean over the rest has the magnitude 9.81 m/s2.
         remarks: sentences that belong under every table of this recording.
+        outage_s: a gap between fixes that is longer is an outage, which the outage metrics score against the reference;
+            0: none is.
     """
 
     file: str
@@ -78,6 +80,7 @@ class BagOptions:
     remove_gyro_bias: bool = False
     scale_accel_to_gravity: bool = False
     remarks: tuple[str, ...] = ()
+    outage_s: float = 0.0
 
     def check_options(self) -> None:
         """Check that every choice exists and every list has its length.
@@ -87,6 +90,7 @@ class BagOptions:
         """
         choices = {"sanitise": MODES, "time_source": TIME_SOURCES, "covariance_order": COVARIANCE_ORDERS}
         require_choices(self, choices)
+        require_not_negative("dataset", self, ("outage_s",))
         for name, lengths in LENGTHS.items():
             if len(getattr(self, name)) not in lengths:
                 raise PluginError(f"{name} is {list(getattr(self, name))}; give three numbers.")

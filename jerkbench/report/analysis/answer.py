@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from jerkbench.evaluation.statistics.judgement import Judgement, Verdict
@@ -128,28 +128,42 @@ def round_of(pair: Comparison, scenario: str = "") -> Round:
     return Round(scenario, pair.judgement)
 
 
-# The answer of a study in one sentence, about what it varies: who leads where, and who beats whom how often.
+# The answer of a study: a title that says who won and by how much, and what it rests on in up to three sentences.
 
 NAMED = 3
 """So many leaders are named."""
 
 
-def answer(standings: Sequence[Standing]) -> str:
-    """Return one sentence about the methods of a study, over all its scenarios."""
-    tested = [standing for standing in standings if _tests(standing)]
+@dataclass(frozen=True)
+class Answer:
+    """What a study says about its methods.
+
+    Attributes:
+        title: who won, and by how much.
+        sentences: where, where not, and over how many runs.
+    """
+
+    title: str
+    sentences: tuple[str, ...] = ()
+
+
+def answer(standings: Sequence[Standing]) -> Answer:
+    """Return what a study says about its methods, over all its scenarios."""
+    tested = [standing for standing in standings if tested_pairs(standing)]
     if not tested:
-        return _untested(standings)
+        return Answer(_untested(standings))
     methods = {standing.name(rival) for standing in tested for rival in standing.contest.rivals}
-    words = _of_two(tested) if len(methods) == 2 else _of_many(tested, len(methods))
-    return f"{words}; {_seeds(tested)}."
+    said = _of_two(tested) if len(methods) == 2 else _of_many(tested, len(methods))
+    return Answer(said.title, (*said.sentences, _basis(tested)))
 
 
 def shows_something(standings: Iterable[Standing]) -> bool:
     """Whether any two methods were shown to differ, or to be equal."""
-    return any(pair.verdict is not Verdict.UNDECIDED for standing in standings for pair in _tests(standing))
+    return any(pair.verdict is not Verdict.UNDECIDED for standing in standings for pair in tested_pairs(standing))
 
 
-def _tests(standing: Standing) -> list[Comparison]:
+def tested_pairs(standing: Standing) -> list[Comparison]:
+    """Return the comparisons of a scenario that a test has judged: phases of one recording are none."""
     return [pair for pair in standing.contest.comparisons if pair.replicate != "phase" and pair.judgement.n]
 
 
@@ -161,80 +175,153 @@ def _untested(standings: Sequence[Standing]) -> str:
     return UNTESTED
 
 
-def _of_two(tested: Sequence[Standing]) -> str:
+def _of_two(tested: Sequence[Standing]) -> Answer:
     (duel,) = duels(tested)
     if duel.scenarios == 1:
         return _once(duel, tested[0])
-    counts = [(duel.count(Verdict.EQUAL), "equal in"), (duel.count(Verdict.UNDECIDED), "undecided in")]
-    rest = [f"{words} {count}" for count, words in counts if count]
-    if not duel.won + duel.lost:
-        rest[0] += f" of {duel.scenarios} scenarios"
-        return f"No difference between {duel.ours} and {duel.theirs} was shown: {', '.join(rest)}"
-    won = f"{duel.ours} beats {duel.theirs} in {duel.won} of {duel.scenarios} scenarios"
-    return ", ".join([won, f"loses in {duel.lost or 'none'}", *rest])
+    if duel.won + duel.lost:
+        return Answer(f"{duel.ours} beats {duel.theirs} in {duel.won} of {duel.scenarios} scenarios", _rounds(duel))
+    return Answer(f"No difference between {duel.ours} and {duel.theirs} was shown", _rounds(duel))
 
 
-def _once(duel: Duel, standing: Standing) -> str:
+def _once(duel: Duel, standing: Standing) -> Answer:
     (only,) = duel.rounds
     if only.verdict is Verdict.EQUAL:
-        return f"{duel.ours} and {duel.theirs} are equal within {_margin(standing)}"
+        return Answer(f"{duel.ours} and {duel.theirs} are equal within {_margin(standing)}")
     if only.verdict is Verdict.UNDECIDED:
-        return f"No difference between {duel.ours} and {duel.theirs} was shown"
-    return f"{duel.ours} beats {duel.theirs}: {only.words}"
+        return Answer(f"No difference between {duel.ours} and {duel.theirs} was shown")
+    return Answer(f"{duel.ours} beats {duel.theirs}: {only.words}")
 
 
-def _of_many(tested: Sequence[Standing], methods: int) -> str:
+def _of_many(tested: Sequence[Standing], methods: int) -> Answer:
     decided = [standing for standing in tested if standing.contest.decided]
     if not decided:
-        return _of_none(tested, methods)
+        return Answer(_of_none(tested, methods))
     counts = Counter(name for standing in decided for name in standing.leaders)
-    most = max(counts.values())
-    leaders = [name for name, count in counts.items() if count == most]
+    most, reference = max(counts.values()), reference_of(tested)
+    compared = [against(standing, reference) for standing in tested]
+    leaders = sorted(
+        (name for name, count in counts.items() if count == most), key=lambda name: mean_log_ratio(compared, name)
+    )
     verb = "leads" if len(leaders) == 1 else "lead"
-    if len(tested) == 1:
-        who = "it" if len(leaders) == 1 else "them"
-        return f"Of {methods} methods {_named(leaders)} {verb}: nobody was shown to beat {who}"
-    places = f"in {most} of {len(tested)} scenarios, beaten in {len(decided) - most or 'none'}"
-    nobody = f", nobody leads in {len(tested) - len(decided)}" if len(decided) < len(tested) else ""
-    baseline = _against_the_baseline(tested, leaders[0])
-    return f"Of {methods} methods {_named(leaders)} {verb} most often: {places}{nobody}{baseline}"
+    where = f" in {most} of {len(tested)} scenarios" if len(tested) > 1 else ""
+    title = f"Of {methods} methods {named(leaders)} {verb}{where}"
+    duel = next((duel for duel in duels(tested) if {duel.ours, duel.theirs} == {leaders[0], reference}), None)
+    sentences = [f"No difference between methods was shown on {named(open_)}."] if (open_ := _open(tested)) else []
+    if duel and duel.won + duel.lost:
+        duel = duel if duel.ours == leaders[0] else duel.turned
+        title += _by_how_much(duel, alone=len(leaders) == 1)
+        sentences = [*_rounds(duel), *sentences]
+    return Answer(title, tuple(sentences))
+
+
+def _by_how_much(duel: Duel, *, alone: bool) -> str:
+    """Say how much better the first of two methods is at most; nothing where it is nowhere better."""
+    best = max(duel.rounds, key=lambda bout: bout.weight if bout.verdict is Verdict.BETTER else -1.0)
+    times = best.judgement.turned.ratio
+    if best.verdict is not Verdict.BETTER or not 0 < times < math.inf:
+        return ""
+    who = " and is" if alone else f"; {duel.ours} is"
+    return f"{who} {'up to ' if duel.scenarios > 1 else ''}{factor_number(times)} times better than {duel.theirs}"
+
+
+def _open(tested: Iterable[Standing]) -> list[str]:
+    """Return the scenarios in which no difference was shown."""
+    return [", ".join(standing.scenario) for standing in tested if not standing.contest.decided]
 
 
 def _of_none(tested: Sequence[Standing], methods: int) -> str:
-    if all(pair.verdict is Verdict.EQUAL for standing in tested for pair in _tests(standing)):
+    if all(pair.verdict is Verdict.EQUAL for standing in tested for pair in tested_pairs(standing)):
         return f"All {methods} methods are equal within {_margin(tested[0])}"
     where = f" in any of {len(tested)} scenarios" if len(tested) > 1 else ""
     return f"None of {methods} methods was shown to beat another{where}"
 
 
-def _against_the_baseline(tested: Sequence[Standing], leader: str) -> str:
-    """Say how often the leader beats the baseline without adaptation, where that is there and another."""
-    baselines = {
-        standing.name(rival) for standing in tested for rival in standing.contest.rivals if _is_baseline(rival)
-    }
-    for duel in duels(tested):
-        seen = duel if duel.ours == leader else duel.turned
-        if seen.ours == leader and seen.theirs in baselines and seen.won + seen.lost:
-            return f"; {leader} beats {seen.theirs} in {seen.won or 'none'}, loses in {seen.lost or 'none'}"
-    return ""
+def reference_of(tested: Iterable[Standing]) -> str:
+    """Return the method that others are held against.
+
+    Of those that most scenarios have: the baseline without adaptation, else the first without, else the first.
+    """
+    names: dict[str, list[Combination]] = {}
+    for standing in tested:
+        for rival in standing.contest.rivals:
+            names.setdefault(standing.name(rival), []).append(rival)
+    return max(names, key=lambda name: (len(names[name]), *_plain(names[name][0])))
 
 
-def _is_baseline(rival: Combination) -> bool:
+def _plain(rival: Combination) -> tuple[bool, bool]:
     values = dict(zip(FACTORS, rival, strict=True))
-    return values["filter"] == "baseline" and values["adaptation"] == "none"
+    return values["filter"] == "baseline" and values["adaptation"] == "none", values["adaptation"] == "none"
+
+
+def against(standing: Standing, reference: str) -> dict[str, Comparison]:
+    """Return each method's comparison with the reference in a scenario."""
+    of: dict[str, Comparison] = {}
+    for pair in tested_pairs(standing):
+        ours, theirs = standing.name(pair.subject), standing.name(pair.baseline)
+        if theirs == reference:
+            of[ours] = pair
+        elif ours == reference:
+            of[theirs] = pair.turned
+    return of
+
+
+def mean_log_ratio(compared: Iterable[Mapping[str, Comparison]], name: str) -> float:
+    """Return the mean over scenarios of a method's log ratio to the reference: 0 of that, infinite where it is lost."""
+    ratios = [of[name].judgement.ratio for of in compared if name in of]
+    return sum(math.log(ratio) if ratio > 0 else 0.0 for ratio in ratios) / max(1, len(ratios))
+
+
+def _rounds(duel: Duel) -> tuple[str, ...]:
+    """Say in which scenarios the first is better, worse, equal or undecided, with the largest certain difference."""
+    return (f"{duel.ours} against {duel.theirs}: {'; '.join(verdict_counts(duel))}.",)
+
+
+def verdict_counts(duel: Duel) -> list[str]:
+    """Return each verdict with its number of scenarios, and the scenario where it is most certain.
+
+    For example "better in 2 of 3 scenarios (most on none: 2.0 times better, 95 % 1.9 to 2.1)", "undecided in 1".
+    """
+    told: list[str] = []
+    for verdict, words in WORDS.items():
+        bouts = [bout for bout in duel.rounds if bout.verdict is verdict]
+        if bouts:
+            of = f" of {duel.scenarios} scenarios" if not told and duel.scenarios > 1 else ""
+            told.append(f"{words} in {len(bouts)}{of}{_most(bouts)}")
+    return told
+
+
+WORDS = {
+    Verdict.BETTER: "better",
+    Verdict.FEWER_LOST: "fewer runs lost",
+    Verdict.WORSE: "worse",
+    Verdict.MORE_LOST: "more runs lost",
+    Verdict.EQUAL: "equal",
+    Verdict.UNDECIDED: "undecided",
+}
+"""Each verdict in a sentence, in the order in which they are told."""
+
+
+def _most(bouts: Sequence[Round]) -> str:
+    """Say where the difference is most certain."""
+    largest = max(bouts, key=lambda bout: bout.weight)
+    if largest.weight == 0:
+        return ""
+    return f" ({'most ' if len(bouts) > 1 else ''}on {largest.scenario}: {largest.words})"
 
 
 def _margin(standing: Standing) -> str:
-    return f"{100 * _tests(standing)[0].rule.margin:g} %"
+    return f"{100 * tested_pairs(standing)[0].rule.margin:g} %"
 
 
-def _named(names: Sequence[str]) -> str:
+def named(names: Sequence[str]) -> str:
+    """Return names as a person lists them, the first few."""
     if len(names) > NAMED:
         return f"{', '.join(names[:NAMED])} and {len(names) - NAMED} more"
     return " and ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
 
 
-def _seeds(tested: Sequence[Standing]) -> str:
-    judgements = [pair.judgement for standing in tested for pair in _tests(standing)]
+def _basis(tested: Sequence[Standing]) -> str:
+    judgements = [pair.judgement for standing in tested for pair in tested_pairs(standing)]
     low, high = (of(judgement.n for judgement in judgements) for of in (min, max))
-    return f"{low if low == high else f'{low} to {high}'} seeds, {losses_range(judgements)}"
+    return f"Each comparison uses {low if low == high else f'{low} to {high}'} seeds; {losses_range(judgements)}."

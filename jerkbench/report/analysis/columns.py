@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from jerkbench.errors import JerkbenchError, unknown
-from jerkbench.evaluation.evaluated_run import RUN
+from jerkbench.evaluation.evaluated_run import DRAWN, RUN
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -55,6 +55,15 @@ TITLES = {
     "inflated_percent": "Updates with an inflated position",
     "rejected_percent": "Updates with a rejected position",
     "lockout_s": "Longest streak of inflated positions",
+    "silent_error_percent": "Position errors above 3 sigma of the filter",
+    "silent_error_s": "Longest time of a position error above 3 sigma of the filter",
+    "spike_taken_m": "Largest displaced fix that was taken",
+    "spike_refused_m": "Smallest displaced fix that was not taken",
+    "spike_step_m": "Largest step of the position at a displaced fix",
+    "spike_recovery_s": "Time until the error (3-D) after a displaced fix is halfway back, median",
+    "captured_percent": "False returns that the filter followed",
+    "returned_percent": "False returns after which the filter came back",
+    "return_s": "Time from the first right fix until the filter is back, median",
     "innovation_correlation": "Correlation of successive innovations",
     "innovation_white_percent": "Rows with white innovations",
     "faults_counted": "Faults that begin after the burn-in",
@@ -267,9 +276,9 @@ IDENTITY = (*FACTORS, *RUN)
 
 
 def metric_columns(rows: "pd.DataFrame") -> list[str]:
-    """Return the columns that hold metrics: numbers that are not part of a row's identity."""
+    """Return the columns that hold metrics: numbers that are neither part of a row's identity nor what was drawn."""
     numbers = rows.select_dtypes("number").columns
-    return [str(column) for column in numbers if column not in IDENTITY]
+    return [str(column) for column in numbers if column not in IDENTITY and not str(column).startswith(DRAWN)]
 
 
 def checked(rows: "pd.DataFrame", metric: str) -> "pd.DataFrame":

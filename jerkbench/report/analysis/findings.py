@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 from jerkbench.evaluation.statistics.intervals import up_to
 from jerkbench.evaluation.statistics.judgement import Verdict
-from jerkbench.report.analysis.answer import Duel, Round, duels, round_of
+from jerkbench.report.analysis.answer import Duel, duels, round_of, verdict_counts
 from jerkbench.report.analysis.columns import FACTORS
 from jerkbench.report.analysis.runs import Combination
-from jerkbench.report.analysis.standings import Comparison, Contest, Standing, losses_range
+from jerkbench.report.analysis.standings import Comparison, Contest, Standing
 from jerkbench.report.analysis.study_verdicts import StudyVerdicts
 from jerkbench.report.tables.table_model import factor_number, number
 
@@ -177,16 +177,6 @@ def losses_clause(comparison: Comparison, subject: str, baseline: str) -> str:
 REFERENCES = {"filter": "baseline", "adaptation": "none"}
 """What the other values of a factor are held against in a study that has it."""
 
-WORDS = {
-    Verdict.BETTER: "better in",
-    Verdict.FEWER_LOST: "fewer runs lost in",
-    Verdict.WORSE: "worse in",
-    Verdict.MORE_LOST: "more runs lost in",
-    Verdict.EQUAL: "equal in",
-    Verdict.UNDECIDED: "undecided in",
-}
-"""What stands before a number of scenarios."""
-
 
 def strongest(standings: Sequence[Standing]) -> list[str]:
     """Return a sentence for every two methods that differ in one factor, over all scenarios, strongest first.
@@ -235,15 +225,5 @@ def _tells(pair: Comparison, references: Mapping[str, str]) -> bool:
 
 
 def _sentence(duel: Duel) -> str:
-    of = {verdict: [round_ for round_ in duel.rounds if round_.verdict is verdict] for verdict in WORDS}
-    parts = [f"{WORDS[verdict]} {len(rounds)}{_most(rounds)}" for verdict, rounds in of.items() if rounds]
-    lost = losses_range(round_.judgement for round_ in duel.rounds)
-    return f"{duel.ours} against {duel.theirs} in {duel.scenarios} scenarios: {', '.join(parts)}; {lost}."
-
-
-def _most(rounds: Sequence[Round]) -> str:
-    """Say where the difference is most certain."""
-    largest = max(rounds, key=lambda round_: round_.weight)
-    if largest.weight == 0:
-        return ""
-    return f" ({'most ' if len(rounds) > 1 else ''}on {largest.scenario}: {largest.words})"
+    """Say how two methods compare: "jerk is better than baseline in 1 of 3 scenarios (on ...); undecided in 2"."""
+    return f"{duel.ours} against {duel.theirs}: {'; '.join(verdict_counts(duel))}."

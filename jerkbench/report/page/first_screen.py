@@ -1,51 +1,45 @@
-"""The first screen of a report: the answer in a sentence, who leads where, the findings."""
+"""The first screen of a report: the answer, methods x scenarios in one picture, settings, the findings."""
 
+import json
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from jerkbench.evaluation.statistics.judgement import Verdict
-from jerkbench.report.analysis.answer import answer, round_of
+from jerkbench.report.analysis.answer import Answer, answer
 from jerkbench.report.analysis.columns import FACTORS
 from jerkbench.report.analysis.findings import compared, sentence, strongest, varying_factors
-from jerkbench.report.analysis.runs import Combination
-from jerkbench.report.analysis.standings import Comparison, Standing, verdict_sentences
+from jerkbench.report.analysis.standings import Comparison, verdict_sentences
 from jerkbench.report.analysis.study_verdicts import StudyVerdicts, across
-from jerkbench.report.tables.table_model import TableCell
+from jerkbench.report.page.matrix import Matrix, matrix
+from jerkbench.report.tables.table_model import number
 
 if TYPE_CHECKING:
     import pandas as pd
 
 SCENARIO = ("dataset", "disturbance", "attitude")
 
-NAMED = 4
-"""So many leaders are named."""
-
 MOST = 10
 """So many findings are read; the others are behind a fold."""
 
+PARTS = ("filter", "adaptation")
+"""Parts of a method; the noise is among the parameters of the filter."""
+
 
 @dataclass(frozen=True)
-class Lead:
-    """The leading group of a scenario.
+class Settings:
+    """The parameters of one method in a study.
 
     Attributes:
-        scenario: its name.
-        names: of the leaders, the lowest error first; empty where nobody leads.
-        more: how many further leaders there are.
-        rivals: how many methods there are.
-        cell: of the first leader.
-        against: how the first leader compares with the baseline; empty where there is none.
+        method: filter and adaptation.
+        tried: how many settings it ran with in a scenario, the most.
+        parameters: each with its value, or with its values where there are several.
     """
 
-    scenario: str
-    names: tuple[str, ...]
-    more: int
-    rivals: int
-    cell: TableCell | None
-    against: str
+    method: str
+    tried: int
+    parameters: str
 
 
 @dataclass(frozen=True)
@@ -53,20 +47,20 @@ class FirstScreen:
     """What a reader sees first.
 
     Attributes:
-        answer: of the study, in one sentence.
+        answer: who won and by how much, and what that rests on.
+        matrix: methods x scenarios; None where nothing was compared.
+        settings: values of each method's parameters.
         summary: who leads how often, how many pairs of methods are what.
-        leads: one a scenario.
-        baseline: whether any of them is held against the baseline.
         findings: sentences by size and certainty.
         more: further ones.
         across: sentences about all scenarios together.
         every: heading and sentences of each scenario's comparisons with the baselines.
     """
 
-    answer: str
+    answer: Answer
+    matrix: Matrix | None
+    settings: list[Settings]
     summary: list[str]
-    leads: list[Lead]
-    baseline: bool
     findings: list[str]
     more: list[str]
     across: list[str]
@@ -74,10 +68,7 @@ class FirstScreen:
 
 
 def first_screen(
-    rows: "pd.DataFrame",
-    verdicts: StudyVerdicts,
-    metric: str,
-    cells: Mapping[Combination, TableCell],
+    rows: "pd.DataFrame", verdicts: StudyVerdicts, metric: str, about: Mapping[str, Mapping[str, Any]]
 ) -> FirstScreen:
     """Return what a reader sees first.
 
@@ -85,50 +76,47 @@ def first_screen(
         rows: one row a cell and seed.
         verdicts: of the study, in the leading metric.
         metric: that.
-        cells: of each combination.
+        about: what is stored beside each cell's rows, by key.
     """
     standings = verdicts.standings
-    leads = [_lead(standing, cells) for standing in standings if standing.contest.comparisons]
     findings = strongest(standings)
-    every = _every(compared(rows, verdicts), varying_factors(rows))
     return FirstScreen(
         answer=answer(standings),
+        matrix=matrix(standings),
+        settings=settings(about.values()),
         summary=verdict_sentences(standings),
-        leads=leads,
-        baseline=any(lead.against for lead in leads),
         findings=findings[:MOST],
         more=findings[MOST:],
         across=across(rows, verdicts, metric),
-        every=every,
+        every=_every(compared(rows, verdicts), varying_factors(rows)),
     )
 
 
-def _lead(standing: Standing, cells: Mapping[Combination, TableCell]) -> Lead:
-    contest = standing.contest
-    leaders = sorted(contest.leaders, key=lambda key: _size(cells.get(key))) if contest.decided else []
-    return Lead(
-        scenario=", ".join(standing.scenario) or "the only one",
-        names=tuple(map(standing.name, leaders[:NAMED])),
-        more=max(0, len(leaders) - NAMED),
-        rivals=len(contest.rivals),
-        cell=cells.get(leaders[0]) if leaders else None,
-        against=_against_baseline(contest.comparisons, leaders[0]) if leaders else "",
-    )
+def settings(about: Iterable[Mapping[str, Any]]) -> list[Settings]:
+    """Return each method's parameters, of the filter and the adaptation."""
+    values: dict[str, dict[str, dict[str, None]]] = {}
+    tried: dict[str, dict[tuple[str, str], set[str]]] = {}
+    for cell in about:
+        spec, labels = cell["spec"], cell["labels"]
+        method = " + ".join(str(labels[factor]) for factor in ("filter", "adaptation"))
+        own = {f"{kind}.{name}": value for kind in PARTS for name, value in spec[kind].items() if name != "name"}
+        for name, value in own.items():
+            values.setdefault(method, {}).setdefault(name, {})[_short(value)] = None
+        scenario = (str(labels["dataset"]), str(labels["disturbance"]))
+        tried.setdefault(method, {}).setdefault(scenario, set()).add(json.dumps(own, sort_keys=True, default=str))
+    return [
+        Settings(
+            method,
+            max(map(len, tried[method].values())),
+            ", ".join(f"{name} {' or '.join(list(of)[:MOST])}" for name, of in values.get(method, {}).items())
+            or "none",
+        )
+        for method in tried
+    ]
 
 
-def _size(cell: TableCell | None) -> float:
-    return math.inf if cell is None or math.isnan(cell.mean) else cell.mean
-
-
-def _against_baseline(comparisons: Sequence[Comparison], leader: Combination) -> str:
-    """Say how a leader compares with the baseline without adaptation, where that is a rival."""
-    for pair in comparisons:
-        for ours, theirs in ((pair.subject, pair.baseline), (pair.baseline, pair.subject)):
-            if ours == leader and theirs[3:5] == ("baseline", "none"):
-                seen = round_of(pair) if ours == pair.subject else round_of(pair).turned
-                shown = seen.verdict not in {Verdict.EQUAL, Verdict.UNDECIDED}
-                return f"{seen.words if shown else seen.verdict.value}; {seen.judgement.losses}"
-    return "is the baseline" if leader[3:5] == ("baseline", "none") else ""
+def _short(value: object) -> str:
+    return number(value) if isinstance(value, float) else str(value)
 
 
 def _every(comparisons: Sequence[Comparison], varying: Sequence[str]) -> list[tuple[str, list[str]]]:

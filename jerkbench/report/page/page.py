@@ -11,7 +11,7 @@ from jerkbench.report.analysis.runs import RULE, VerdictRule
 from jerkbench.report.analysis.study_verdicts import StudyVerdicts, study_verdicts
 from jerkbench.report.drawings import Picture
 from jerkbench.report.markup import render
-from jerkbench.report.page.cells import by_combination, cells_view, combinations
+from jerkbench.report.page.cells import cells_view
 from jerkbench.report.page.first_screen import first_screen
 from jerkbench.report.page.script_data import Stretch, packed_json, payload
 from jerkbench.report.plots.style import Palette
@@ -64,7 +64,6 @@ class Results:
 def page(results: Results, pictures: Sequence[Picture], stretches: Sequence[Stretch] = ()) -> str:
     """Return the report."""
     rows, metric = results.rows, main_metric(results.rows)
-    leading = combinations(rows, metric)
     checks = review(Evidence(rows, list(results.about.values()), metric))
     verdicts = study_verdicts(rows, metric, results.method, results.rule)
     cells = cells_view(rows, results.keys, results.about, metric, verdicts)
@@ -75,8 +74,8 @@ def page(results: Results, pictures: Sequence[Picture], stretches: Sequence[Stre
         scripts=_assets(SCRIPTS),
         subtitle=_subtitle(results, quantity(metric).heading),
         tiles=_tiles(results),
-        first=first_screen(rows, verdicts, metric, by_combination(leading)),
-        title=leading.title,
+        first=first_screen(rows, verdicts, metric, results.about),
+        title=quantity(metric).heading,
         objections=[check for check in checks if check.passed is False],
         answered=sum(check.passed is not None for check in checks),
         table=_table(results, metric, verdicts),

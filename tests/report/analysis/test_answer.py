@@ -32,56 +32,77 @@ def said(rows):
     return answer(study_verdicts(rows, "position_rmse_m").standings)
 
 
+BASIS = "Each comparison uses 20 seeds; 0 of 20 lost (up to 14 %)."
+
+
 def test_of_two_methods_it_says_who_beats_whom_how_often(study):
-    assert said(study({"gauss": (0.5, 0.8, 1.0), "jerk": (1.0, 1.0, 1.0)})) == (
-        "gauss beats jerk in 2 of 3 scenarios, loses in none, undecided in 1; 20 seeds, 0 of 20 lost (up to 14 %)."
-    )
-    assert said(study({"gauss": (2.0, 0.8, 3.0), "jerk": (1.0, 1.0, 1.0)})) == (
-        "jerk beats gauss in 2 of 3 scenarios, loses in 1; 20 seeds, 0 of 20 lost (up to 14 %)."
-    )
+    told = said(study({"gauss": (0.5, 0.8, 1.0), "jerk": (1.0, 1.0, 1.0)}))
+    assert told.title == "gauss beats jerk in 2 of 3 scenarios"
+    assert told.sentences[0].startswith("gauss against jerk: better in 2 of 3 scenarios (most on none: 2.")
+    assert told.sentences[0].endswith("; undecided in 1.")
+    assert told.sentences[1] == BASIS
+    told = said(study({"gauss": (2.0, 0.8, 3.0), "jerk": (1.0, 1.0, 1.0)}))
+    assert told.title == "jerk beats gauss in 2 of 3 scenarios"
+    assert "; worse in 1 (on bias: 1.2" in told.sentences[0]
 
 
 def test_of_two_methods_in_one_scenario_it_says_by_how_much(study):
     told = said(study({"gauss": (0.5,), "jerk": (1.0,)}, scenes=("none",)))
-    assert told.startswith("gauss beats jerk: ")
-    assert float(told.split(": ")[1].split()[0]) == pytest.approx(2.0, rel=0.03)
+    assert told.title.startswith("gauss beats jerk: ")
+    assert float(told.title.split(": ")[1].split()[0]) == pytest.approx(2.0, rel=0.03)
     equal = said(study({"gauss": (1.0,), "jerk": (1.0,)}, scenes=("none",), seeds=120))
-    assert equal == "gauss and jerk are equal within 3 %; 120 seeds, 0 of 120 lost (up to 2.5 %)."
+    assert equal.title == "gauss and jerk are equal within 3 %"
+    assert equal.sentences == ("Each comparison uses 120 seeds; 0 of 120 lost (up to 2.5 %).",)
 
 
-def test_of_several_methods_it_names_the_leaders_and_the_baseline(study):
+def test_of_several_methods_it_names_the_leader_and_by_how_much_it_beats_the_baseline(study):
     told = said(study({"gauss": (0.5, 0.5, 4.0), "jerk": (1.0, 1.0, 2.0), "baseline": (2.0, 2.0, 1.0)}))
-    assert told == (
-        "Of 3 methods gauss leads most often: in 2 of 3 scenarios, beaten in 1;"
-        " gauss beats baseline in 2, loses in 1; 20 seeds, 0 of 20 lost (up to 14 %)."
-    )
+    begin, times = told.title.split(" and is up to ")
+    assert begin == "Of 3 methods gauss leads in 2 of 3 scenarios"
+    assert times.endswith(" times better than baseline")
+    assert float(times.split()[0]) == pytest.approx(4.0, rel=0.03)
+    against, basis = told.sentences
+    assert against.startswith("gauss against baseline: better in 2 of 3 scenarios (most on ")
+    assert "; worse in 1 (on gnss_outage: " in against
+    assert basis == BASIS
+
+
+def test_where_nothing_differs_in_a_scenario_it_says_so(study):
+    told = said(study({"gauss": (0.5, 0.5, 1.0), "jerk": (1.0, 1.0, 1.0), "baseline": (2.0, 2.0, 1.0)}))
+    assert told.sentences[1] == "No difference between methods was shown on gnss_outage."
+
+
+def test_of_leaders_that_tie_the_one_with_the_lowest_error_comes_first(study):
+    told = said(study({"none": (1.0, 1.0), "far": (0.1, 0.9), "near": (0.9, 0.2)}, scenes=SCENES[:2]))
+    assert told.title.startswith("Of 3 methods far and near lead in 1 of 2 scenarios; far is up to ")
+    told = said(study({"none": (1.0, 1.0), "far": (0.2, 0.9), "near": (0.9, 0.1)}, scenes=SCENES[:2]))
+    assert told.title.startswith("Of 3 methods near and far lead in 1 of 2 scenarios; near is up to ")
 
 
 def test_few_seeds_show_nothing_and_it_says_so(study):
     rows = study({"gauss": (0.5, 0.5, 4.0), "jerk": (1.0, 1.0, 2.0), "bias": (2.0, 2.0, 1.0)}, seeds=2)
-    assert (
-        said(rows)
-        == "None of 3 methods was shown to beat another in any of 3 scenarios; 2 seeds, 0 of 2 lost (up to 78 %)."
-    )
+    told = said(rows)
+    assert told.title == "None of 3 methods was shown to beat another in any of 3 scenarios"
+    assert told.sentences == ("Each comparison uses 2 seeds; 0 of 2 lost (up to 78 %).",)
     assert not shows_something(study_verdicts(rows, "position_rmse_m").standings)
 
 
 def test_one_method_and_phases_are_no_comparison(study):
     rows = study({"jerk": (1.0, 1.0, 1.0)})
-    assert "nothing to compare" in said(rows)
+    assert "nothing to compare" in said(rows).title
     phases = study({"jerk": (1.0,), "bias": (2.0,)}, scenes=("none",)).assign(replicate="phase")
-    assert said(phases).startswith("Nothing is tested")
+    assert said(phases).title.startswith("Nothing is tested")
 
 
 def test_the_largest_finding_comes_first_and_only_one_factor_differs(study):
     factors = {"baseline": (1.0, 1.0, 1.0), "jerk": (0.9, 0.9, 0.9), "bias": (0.1, 0.2, 0.3)}
     rows = pd.concat([study(factors), study({k: [4 * x for x in v] for k, v in factors.items()}, adaptation="mtf")])
     told = strongest(study_verdicts(rows, "position_rmse_m").standings)
-    pairs = [line.split(" in 3 scenarios")[0] for line in told]
+    pairs = [line.split(":")[0] for line in told]
     assert pairs[0] in {"bias+none against baseline+none", "bias+mtf against baseline+mtf"}
     assert not any("jerk" in pair and "bias" in pair for pair in pairs)
     assert len(told) == 7  # two filters against the baseline with two adaptations, three filters with mtf against none
-    assert "(most on none: " in told[0]
+    assert "better in 3 of 3 scenarios (most on none: " in told[0]
 
 
 def test_a_lost_run_weighs_and_the_other_side_sees_the_reverse(judgement):

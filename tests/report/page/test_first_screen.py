@@ -1,11 +1,10 @@
-"""The first screen: who leads, and nothing that was not shown."""
+"""The first screen: the answer, the picture of methods and scenarios, the settings."""
 
 import numpy as np
 import pandas as pd
 
 from jerkbench.report.analysis.study_verdicts import study_verdicts
-from jerkbench.report.page.cells import by_combination, combinations
-from jerkbench.report.page.first_screen import first_screen
+from jerkbench.report.page.first_screen import first_screen, settings
 
 FACTORS = {
     "dataset": "field",
@@ -29,16 +28,58 @@ def rows(seeds, times):
 
 
 def screen(frame):
-    cells = by_combination(combinations(frame, "position_rmse_m"))
-    verdicts = study_verdicts(frame, "position_rmse_m")
-    return first_screen(frame, verdicts, "position_rmse_m", cells)
+    return first_screen(frame, study_verdicts(frame, "position_rmse_m"), "position_rmse_m", {})
 
 
 def test_where_nothing_is_shown_nobody_is_said_to_lead():
-    assert screen(rows(2, 12.0)).answer.startswith("None of 3 methods was shown to beat another")
+    seen = screen(rows(2, 12.0))
+    assert seen.answer.title.startswith("None of 3 methods was shown to beat another")
+    assert not any(cell.leads for _, cells in seen.matrix.lines for cell in cells)
+    assert {cell.style for _, cells in seen.matrix.lines for cell in cells} == {"undecided", "reference"}
 
 
-def test_the_leader_is_held_against_the_baseline():
-    lead, _ = screen(rows(20, 30.0)).leads
-    assert lead.names == ("jerk+mtf",)
-    assert "times better" in lead.against
+def test_the_picture_has_ratios_to_the_baseline_and_colours_what_was_shown():
+    frame = rows(20, 30.0)
+    seen = screen(frame).matrix
+    assert seen.reference == "baseline+none"
+    assert seen.columns == ("none", "bias")
+    assert [label for label, _ in seen.lines] == ["jerk+mtf", "jerk+none", "baseline+none"]
+    best, _, reference = (cells for _, cells in seen.lines)
+    logs = np.log(frame["position_rmse_m"]).groupby([frame["disturbance"], frame["adaptation"], frame["filter"]]).mean()
+    for scenario, cell in zip(seen.columns, best, strict=True):
+        ratio = np.exp(logs[scenario, "mtf", "jerk"] - logs[scenario, "none", "baseline"])
+        assert abs(float(cell.text) / ratio - 1) < 0.01
+        assert (cell.style, cell.leads) == ("better3", True)
+        assert "times better" in cell.hint
+    assert [(cell.text, cell.style) for cell in reference] == [("1", "reference")] * 2
+    (_, _, where), *_ = seen.worst
+    assert where in seen.columns
+
+
+def test_a_method_that_loses_runs_is_marked_and_at_its_worst_there():
+    frame = rows(20, 1.0)
+    lost = (frame["adaptation"] == "mtf") & (frame["disturbance"] == "bias")
+    frame.loc[lost, "status"] = "diverged"
+    seen = screen(frame).matrix
+    (cell,) = (cells[1] for label, cells in seen.lines if label == "jerk+mtf")
+    assert (cell.text, cell.style, cell.lost) == ("lost", "worse3", "20 of 20 lost")
+    assert ("jerk+mtf", "lost", "bias") in seen.worst
+
+
+def test_many_scenarios_stand_in_rows():
+    frame = pd.concat([rows(6, 12.0).assign(attitude=f"tilt{k}") for k in range(5)])
+    seen = screen(frame).matrix
+    assert seen.corner == "scenario"
+    assert len(seen.lines) == 10
+    assert len(seen.columns) == 3
+
+
+def test_settings_have_every_value_that_a_method_ran_with():
+    def cell(accel, disturbance):
+        spec = {"filter": {"name": "jerk", "accel_mps2": accel}, "adaptation": {"name": "mtf", "window": 1}}
+        labels = {"filter": "jerk", "adaptation": "mtf", "dataset": "field", "disturbance": disturbance}
+        return {"spec": spec, "labels": labels}
+
+    (one,) = settings([cell(0.2, "none"), cell(0.5, "none"), cell(0.2, "bias")])
+    assert (one.method, one.tried) == ("jerk + mtf", 2)
+    assert one.parameters == "filter.accel_mps2 0.200 or 0.500, adaptation.window 1"

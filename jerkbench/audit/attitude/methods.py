@@ -7,6 +7,7 @@ setting means the same at 100 and at 286 Hz. The defaults are not among the sett
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -17,10 +18,10 @@ from jerkbench.attitude.mahony import Mahony
 from jerkbench.attitude.mekf import Mekf
 from jerkbench.attitude.tilt import Tilt
 from jerkbench.attitude.vqf import OfflineVqf, Vqf
-from jerkbench.parameters import Range, ranges_of
+from jerkbench.parameters import SWITCH, Range, ranges_of
 from jerkbench.tuning.samplers import Sobol
 
-Setting = Mapping[str, float]
+TiltSetting = Mapping[str, float]
 """Values of the ranges, and 0 or 1 of the switches."""
 
 SETTINGS = 64
@@ -30,8 +31,8 @@ PLAIN = ("gyro_density", "accel_density")
 
 
 @dataclass(frozen=True)
-class Method:
-    """A method.
+class TiltMethod:
+    """An attitude filter with what may be tuned of it.
 
     Attributes:
         ranges: of its numbers.
@@ -42,10 +43,10 @@ class Method:
 
     ranges: Mapping[str, Range]
     switches: tuple[str, ...]
-    make: Callable[[Setting, float], TiltAndYaw]
+    make: Callable[[TiltSetting, float], TiltAndYaw]
     default: TiltAndYaw
 
-    def settings(self) -> list[Setting]:
+    def settings(self) -> list[TiltSetting]:
         """Return the first points of a scrambled Sobol sequence, with all switches."""
         names = [*self.ranges, *self.switches]
         points = Sobol(len(names), 0).ask(SETTINGS)
@@ -55,16 +56,16 @@ class Method:
         return self.ranges[name].value(float(share)) if name in self.ranges else float(share >= 0.5)
 
 
-def start_of(setting: Setting) -> str:
+def _start(setting: TiltSetting) -> str:
     """How it starts in motion: the accelerometer's first second, or level."""
     return "gravity" if setting["gravity"] else "rest"
 
 
-def tilt(adapt: str) -> Method:
+def _tilt(adapt: str) -> TiltMethod:
     """The paper's filter; its noise of a sample follows from the density."""
     names = PLAIN + {"none": (), "mtf": ("window_s",), "lee": ("external_memory",)}[adapt]
 
-    def make(setting: Setting, rate_hz: float) -> Tilt:
+    def make(setting: TiltSetting, rate_hz: float) -> Tilt:
         return Tilt(
             adapt,
             setting["gyro_density"] * np.sqrt(rate_hz),
@@ -72,58 +73,60 @@ def tilt(adapt: str) -> Method:
             setting.get("external_memory", 0.0),
             max(1, round(setting.get("window_s", 0.0) * rate_hz)),
             propagation="exact",
-            alignment=start_of(setting),
+            alignment=_start(setting),
         )
 
-    return Method(_of(Mekf, names), ("gravity",), make, Tilt("mtf", sigma_accel_mps2=0.5, propagation="exact"))
+    return TiltMethod(_of(Mekf, names), ("gravity",), make, Tilt("mtf", sigma_accel_mps2=0.5, propagation="exact"))
 
 
-def mekf(adapt: str) -> Method:
+def _mekf(adapt: str) -> TiltMethod:
     """The multiplicative filter; the walk of the bias counts where it has one."""
     names = (*PLAIN, "bias_density", *{"none": (), "mtf": ("window_s",), "lee": ("window_s", "external_memory")}[adapt])
 
-    def make(setting: Setting, rate_hz: float) -> Mekf:
+    def make(setting: TiltSetting, rate_hz: float) -> Mekf:
         del rate_hz
-        numbers = {name: setting[name] for name in names}
-        return Mekf(adapt, **numbers, bias=bool(setting["bias"]), alignment=start_of(setting))
+        numbers: Any = {name: setting[name] for name in names}
+        return Mekf(adapt, **numbers, bias=bool(setting["bias"]), alignment=_start(setting))
 
-    return Method(_of(Mekf, names), ("bias", "gravity"), make, Mekf(adapt))
+    return TiltMethod(_of(Mekf, names), ("bias", "gravity"), make, Mekf(adapt))
 
 
-def vqf(setting: Setting, rate_hz: float) -> Vqf:
+def _vqf(setting: TiltSetting, rate_hz: float) -> Vqf:
     """VQF; its start is its own, or level."""
     del rate_hz
     bias = bool(setting["rest_bias"]), bool(setting["motion_bias"])
-    return Vqf(setting["tau_acc_s"], *bias, setting["bias_forgetting_s"], alignment=start_of(setting))
+    return Vqf(setting["tau_acc_s"], *bias, setting["bias_forgetting_s"], alignment=_start(setting))
 
 
-def madgwick(setting: Setting, rate_hz: float) -> Madgwick:
+def _madgwick(setting: TiltSetting, rate_hz: float) -> Madgwick:
     """Madgwick's filter, which has no bias."""
     del rate_hz
-    return Madgwick(setting["gain_per_s"], alignment=start_of(setting))
+    return Madgwick(setting["gain_per_s"], alignment=_start(setting))
 
 
-def mahony(setting: Setting, rate_hz: float) -> Mahony:
+def _mahony(setting: TiltSetting, rate_hz: float) -> Mahony:
     """Mahony's filter, with the integral or without."""
     del rate_hz
     integral = setting["integral_per_s2"] if setting["bias"] else 0.0
-    return Mahony(setting["proportional_per_s"], integral, alignment=start_of(setting))
+    return Mahony(setting["proportional_per_s"], integral, alignment=_start(setting))
 
 
 def _of(cls: type, names: tuple[str, ...]) -> dict[str, Range]:
-    return {name: bounds for name, bounds in ranges_of(cls).items() if name in names}
+    return {name: bounds for name, bounds in ranges_of(cls).items() if name in names and bounds is not SWITCH}
 
 
 METHODS = {
-    "constant": tilt("none"),
-    "mtf": tilt("mtf"),
-    "lee": tilt("lee"),
-    "mekf": mekf("none"),
-    "mekf_mtf": mekf("mtf"),
-    "mekf_lee": mekf("lee"),
-    "madgwick": Method(dict(ranges_of(Madgwick)), ("gravity",), madgwick, Madgwick()),
-    "mahony": Method(dict(ranges_of(Mahony)), ("bias", "gravity"), mahony, Mahony()),
-    "vqf": Method(dict(ranges_of(Vqf)), ("rest_bias", "motion_bias", "gravity"), vqf, Vqf()),
+    "constant": _tilt("none"),
+    "mtf": _tilt("mtf"),
+    "lee": _tilt("lee"),
+    "mekf": _mekf("none"),
+    "mekf_mtf": _mekf("mtf"),
+    "mekf_lee": _mekf("lee"),
+    "madgwick": TiltMethod(dict(ranges_of(Madgwick)), ("gravity",), _madgwick, Madgwick()),
+    "mahony": TiltMethod(dict(ranges_of(Mahony)), ("bias", "gravity"), _mahony, Mahony()),
+    "vqf": TiltMethod(
+        _of(Vqf, ("tau_acc_s", "bias_forgetting_s")), ("rest_bias", "motion_bias", "gravity"), _vqf, Vqf()
+    ),
 }
 """Those that are tuned and ranked."""
 

@@ -1,0 +1,149 @@
+"""Whether a gate works: the spikes that a filter takes, and what it does with a return to a wrong place."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from jerkbench.arrays import BoolArray, FloatArray
+from jerkbench.estimate import Estimate
+from jerkbench.evaluation.metrics.lockout import INFLATED, used_and_reported
+from jerkbench.evaluation.metrics.recovery import LARGER, median_time_s, step_response
+from jerkbench.evaluation.navigation_errors import known, position_error_m
+from jerkbench.plugins import register
+from jerkbench.recording import Recording
+
+
+@dataclass(frozen=True, eq=False)
+class _Displaced:
+    """Fixes that follow each other and are worse than they say: the rows first to last, and by how much [m]."""
+
+    first: int
+    last: int
+    size_m: float
+
+
+def _displaced(recording: Recording) -> list[_Displaced]:
+    """Streaks of displaced fixes by |o|^2 = trace(R_true - R), the largest of a streak."""
+    position = recording.position
+    if position is None or position.true_covariance_m2 is None:
+        return []
+    says, is_ = (np.diagonal(c, axis1=1, axis2=2) for c in (position.covariance_m2, position.true_covariance_m2))
+    size_m = np.sqrt(np.maximum((is_ - says).sum(axis=1), 0.0))
+    at_fault = np.concatenate([[False], (is_ > LARGER * says).any(axis=1), [False]])
+    edges = np.flatnonzero(np.diff(at_fault.astype(np.int8)))
+    return [_Displaced(int(a), int(b) - 1, float(size_m[a:b].max())) for a, b in edges.reshape(-1, 2)]
+
+
+def _errors(estimate: Estimate, recording: Recording, counted: BoolArray) -> tuple[FloatArray, FloatArray]:
+    """Times (k,) and position errors (k, 3) of the counted rows."""
+    rows = counted & known(recording.reference.enu_m, estimate)
+    return recording.reference.t_s[estimate.index[rows]], position_error_m(estimate, recording)[rows]
+
+
+@register("metric", "gate")
+@dataclass(frozen=True)
+class Gate:
+    """Which single displaced fixes a filter takes, what they do to it, and how long it takes to recover.
+
+    A spike is one fix whose true variance on an axis is more than four times the reported one (the fixes beside it are
+    sound); its size is the root of trace(R_true - R). It is taken unless the update with it was dropped on all axes, or
+    its R was made more than four times the reported one on one of them. With e the position error [m], over the spikes
+    after the first counted row::
+
+        spike_taken_m       the largest spike that was taken; 0 where none was
+        spike_refused_m     the smallest spike that was not taken; NaN where all were
+        spike_step_m        the largest |e(t+) - e(t-)|: the counted rows next to a spike, before and at or after it
+        spike_recovery_s    median time from the peak after a spike until |e| is halfway back and stays there
+
+    A gate that never works takes the largest spike of all. A sharp gate has both limits at the same size; the noise of
+    the fixes spreads them. NaN without a spike. Not computed unless asked for: ``metrics=[gate]``, with the disturbance
+    `spike_sweep`.
+    """
+
+    default: ClassVar[bool] = False
+
+    def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
+        """Return the four values by column name."""
+        t_s, error = _errors(estimate, recording, counted)
+        position = recording.position
+        columns = ("spike_taken_m", "spike_refused_m", "spike_step_m", "spike_recovery_s")
+        spikes = [d for d in _displaced(recording) if d.first == d.last]
+        if position is None or not spikes or len(t_s) == 0:
+            return dict.fromkeys(columns, np.nan)
+        spikes = [spike for spike in spikes if position.t_s[spike.first] > t_s[0]]
+        at_s = np.array([position.t_s[spike.first] for spike in spikes])
+        size_m, taken = np.array([spike.size_m for spike in spikes]), _taken(estimate, recording, at_s)
+        if not len(at_s):
+            return dict.fromkeys(columns, np.nan)
+        after = np.minimum(np.searchsorted(t_s, at_s - 1e-9), len(t_s) - 1)
+        with np.errstate(over="ignore", invalid="ignore"):
+            steps_m = np.linalg.norm(error[after] - error[np.maximum(after - 1, 0)], axis=1)
+            length_m = np.linalg.norm(error, axis=1)
+        ends_s = np.append(at_s[1:], np.inf)
+        answers = [step_response(t_s, length_m, begin, end) for begin, end in zip(at_s, ends_s, strict=True)]
+        values = (
+            float(np.max(size_m[taken], initial=0.0)),
+            float(np.min(size_m[~taken])) if not taken.all() else np.nan,
+            float(np.max(steps_m)),
+            median_time_s([answer.halved_s for answer in answers]),
+        )
+        return dict(zip(columns, values, strict=True))
+
+
+def _taken(estimate: Estimate, recording: Recording, at_s: FloatArray) -> BoolArray:
+    """Whether the updates at the times ``at_s`` (s,) used the position as it was reported, or nearly so."""
+    updates = estimate.updates
+    if not len(updates.t_s):
+        return np.ones(len(at_s), dtype=np.bool_)
+    used, reported = used_and_reported(updates, recording)
+    update = np.clip(np.searchsorted(updates.t_s, at_s - 1e-6), 0, len(updates.t_s) - 1)
+    kept = np.isfinite(used[:, update]) & (used[:, update] <= INFLATED * reported[:, update])
+    same = np.abs(updates.t_s[update] - at_s) < 1e-5
+    return np.asarray(kept.all(axis=0) & same, dtype=np.bool_)
+
+
+@register("metric", "capture")
+@dataclass(frozen=True)
+class Capture:
+    """What a filter does with fixes that agree with each other in a wrong place, and with the right ones after them.
+
+    A false stretch is two or more successive fixes whose true variance on an axis is more than four times the reported
+    one; its size d is the largest root of trace(R_true - R) in it. With |e| the position error [m] at counted rows::
+
+        captured_percent    share of the stretches at whose last row |e| > d/2: the filter followed
+        returned_percent    share after which |e| <= d/2 by the next stretch or the end, and stays: it came back
+        return_s            median time from the first right fix until then; longer than all others where it never is
+
+    A filter that rejects for ever is not captured, and does not return where it has drifted away. NaN without a false
+    stretch. Not computed unless asked for: ``metrics=[capture]``, with the disturbance `false_return`.
+    """
+
+    default: ClassVar[bool] = False
+
+    def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
+        """Return the three values by column name."""
+        t_s, error = _errors(estimate, recording, counted)
+        position = recording.position
+        fix_s = np.empty(0) if position is None else position.t_s
+        stretches = [d for d in _displaced(recording) if d.last > d.first]
+        captured, times_s = [], []
+        with np.errstate(over="ignore", invalid="ignore"):
+            length_m = np.linalg.norm(error, axis=1)
+        for k, stretch in enumerate(stretches):
+            end_s = float(fix_s[stretch.last + 1]) if stretch.last + 1 < len(fix_s) else np.inf
+            next_s = float(fix_s[stretches[k + 1].first]) if k + 1 < len(stretches) else np.inf
+            before, behind = t_s < end_s, (t_s >= end_s) & (t_s < next_s)
+            if not (before.any() and behind.any()):
+                continue
+            captured.append(bool(length_m[before][-1] > stretch.size_m / 2))
+            far = np.flatnonzero(~(length_m[behind] <= stretch.size_m / 2))
+            back = 0 if not len(far) else int(far[-1]) + 1
+            times_s.append(float(t_s[behind][back] - end_s) if back < behind.sum() else np.nan)
+        if not captured:
+            return dict.fromkeys(("captured_percent", "returned_percent", "return_s"), np.nan)
+        return {
+            "captured_percent": 100 * float(np.mean(captured)),
+            "returned_percent": 100 * float(np.mean(np.isfinite(times_s))),
+            "return_s": median_time_s(times_s),
+        }

@@ -1,0 +1,222 @@
+"""Statements over random drives and independent tunings: methods against plain filters that were tuned alike.
+
+Every method m was tuned R times, and each result judged on the same D drives. y_rd is the difference of its log error
+and a plain filter's; both the tunings a_r and the drives b_d are random, and crossed::
+
+    y_rd = mu + a_r + b_d + e_rd,    ratio = exp(mu)
+
+A drive has the weight w_d, the sum of which is 1. With S_k = sum w^k and c = S_2/(S_2 - 2 S_3 + S_2^2)::
+
+    mean   = sum_rd w_d y_rd/R
+    V_d    = c sum_d w_d^2 (y_.d - mean)^2                              of drives: sigma_b^2 S_2 + sigma_e^2 S_2/R
+    V_e    = c sum_rd w_d^2 (y_rd - y_r. - y_.d + mean)^2/(R - 1)       sigma_e^2 S_2
+    sigma_a^2 = sum_r (y_r. - mean)^2/(R - 1) - V_e                     of tunings; may be negative, and stays so
+    V      = V_d + max(own sigma_a^2, mean sigma_a^2 of the family)/R
+
+Without weights it is the analysis of variance of two crossed factors. The search of a method may have been lucky or
+not 16 times, which says little of how much luck there is: hence the family's mean. Student's t has the degrees of
+freedom of Satterthwaite, V^2/(V_d^2/(S_2^2/S_4 - 1) + (V - V_d)^2/(R - 1)).
+
+Three families of hypotheses share an error of 5 % alike, without a gate: H1, the average adaptation against the plain
+filters of its models; H2, in each tuning whoever has the lowest error on the tuning drives, against the plain filter
+that has, with as many settings tried; H3, every method against the plain filter of its model and against the best one.
+
+Source: F. E. Satterthwaite, "An approximate distribution of estimates of variance components", Biometrics Bulletin
+2(6), 110-114, 1946, doi:10.2307/3002019.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from jerkbench.arrays import BoolArray, FloatArray, IntArray
+from jerkbench.errors import PluginError
+from jerkbench.evaluation.statistics.judgement import LEVEL, Verdict
+
+FAMILIES = 3
+MARGIN = 0.1
+"""Ratios from 1/1.1 to 1.1 are equal."""
+AUDITS = 2000
+
+
+class Losses(NamedTuple):
+    """Log errors of an audit: M methods and P plain filters, in R tunings, on D drives.
+
+    Attributes:
+        methods: (M, R, D) of each method, as tuned, on the drives to judge on.
+        plains: (P, R, D) of each plain filter, likewise.
+        wide: (P, R, D) of the plain filters with as many settings tried as all methods together.
+        tuned: (M, R) of each method on the drives to tune on.
+        tuned_plains: (P, R) likewise.
+        tuned_wide: (P, R) likewise.
+        model: (M,) which plain filter has the model of each method.
+        averaged: (M,) which methods are the average adaptation of H1.
+        picked: (M,) among which methods H2 picks.
+    """
+
+    methods: FloatArray
+    plains: FloatArray
+    wide: FloatArray
+    tuned: FloatArray
+    tuned_plains: FloatArray
+    tuned_wide: FloatArray
+    model: IntArray
+    averaged: BoolArray
+    picked: BoolArray
+
+
+@dataclass(frozen=True)
+class Statement:
+    """What is said of one ratio; below 1 is better.
+
+    Attributes:
+        ratio: geometric mean over drives and tunings.
+        low: lower end of its interval, at the level of its family.
+        high: upper end.
+        verdict: by the interval.
+        small: whether all of the interval is within 10 % of 1: better or worse, but by less than 10 %.
+        tuning_sd: standard deviation between tunings that was counted, of log ratios; negative variances count as 0.
+    """
+
+    ratio: float
+    low: float
+    high: float
+    verdict: Verdict
+    small: bool
+    tuning_sd: float
+
+    def __str__(self) -> str:
+        """Say ratio, interval and verdict."""
+        less = f", by less than {MARGIN:.0%}" if self.small and self.verdict is not Verdict.EQUAL else ""
+        return f"{self.ratio:.3f} [{self.low:.3f}, {self.high:.3f}] {self.verdict}{less}"
+
+
+class Statements(NamedTuple):
+    """The statements of an audit; those of H3 in the order of the methods."""
+
+    average: Statement
+    pick: Statement
+    own_plain: tuple[Statement, ...]
+    best_plain: tuple[Statement, ...]
+
+
+def log_losses(error_m: FloatArray, lost: BoolArray, level_m: FloatArray, factor: float = 100.0) -> FloatArray:
+    """Return log errors; a lost run costs ``factor`` times what baseline + none has there at its defaults."""
+    return np.asarray(np.log(np.where(lost, factor * level_m, error_m)))
+
+
+def mixture_weights(member: BoolArray, share: float) -> FloatArray:
+    """Return weights of drives (D,), as if ``share`` of all were those that are ``member``: of another mixture.
+
+    Raises:
+        PluginError: the share is none, or there are no such drives: what was never drawn cannot be added.
+    """
+    count = np.array([member.sum(), (~member).sum()])
+    shares = np.array([share, 1.0 - share])
+    if not 0.0 <= share <= 1.0 or (shares[count == 0] > 0).any():
+        raise PluginError(
+            f"{count[0]} of {count.sum()} drives are of that kind, so its share cannot be {share:g}; give one from 0 to"
+            " 1, of what was drawn."
+        )
+    each = shares / np.maximum(count, 1)
+    return np.asarray(np.where(member, each[0], each[1]))
+
+
+def comparisons(losses: Losses) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return y of H1 (1, R, D), H2 (1, R, D), and of H3 (M, R, D) against the own and against the best plain filter."""
+    own = losses.methods - losses.plains[losses.model]
+    best = losses.methods - _lowest(losses.plains, losses.tuned_plains)
+    pick = _lowest(losses.methods[losses.picked], losses.tuned[losses.picked])
+    average = own[losses.averaged].mean(axis=0)
+    return average[None], (pick - _lowest(losses.wide, losses.tuned_wide))[None], own, best
+
+
+def statements(losses: Losses, weights: FloatArray | None = None) -> Statements:
+    """Return what an audit says, at an error of 5 % for all of it together; ``weights`` (D,): of another mixture."""
+    each = [list(_judged(*row)) for row in _intervals(comparisons(losses), weights)]
+    return Statements(each[0][0], each[1][0], tuple(each[2]), tuple(each[3]))
+
+
+def _lowest(judged: FloatArray, tuned: FloatArray) -> FloatArray:
+    """Return (R, D): in each tuning those of the one with the lowest error on its tuning drives (k, R)."""
+    return np.asarray(judged[np.argmin(tuned, axis=0), np.arange(judged.shape[1])])
+
+
+Interval = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
+"""Mean, lower and upper end of the logarithms, and the variance of the tunings, each (k,)."""
+
+
+def _intervals(families: tuple[FloatArray, ...], weights: FloatArray | None) -> Iterator[Interval]:
+    """Yield the intervals of each of the four; H3 is two of them, whose statements share its level."""
+    counts = [1, 1, 2 * len(families[2]), 2 * len(families[3])]
+    for y, count in zip(families, counts, strict=True):
+        yield crossed_intervals(y, LEVEL / FAMILIES / count, weights)
+
+
+def crossed_intervals(y: FloatArray, level: float, weights: FloatArray | None = None) -> Interval:
+    """Return the intervals of the means of y (k, R, D), each at ``level``; their tunings' variances are pooled."""
+    from scipy.special import stdtrit
+
+    tunings, drives = y.shape[1:]
+    w = np.full(drives, 1.0 / drives) if weights is None else weights / weights.sum()
+    S2, S3, S4 = (float((w**k).sum()) for k in (2, 3, 4))
+    c = S2 / (S2 - 2.0 * S3 + S2**2)
+    of_tuning, of_drive = y @ w, y.mean(axis=1)
+    mean = of_tuning.mean(axis=1)
+    V_d = c * (of_drive - mean[:, None]) ** 2 @ w**2
+    rest = y - of_tuning[:, :, None] - of_drive[:, None, :] + mean[:, None, None]
+    V_e = c * np.einsum("krd,krd,d->k", rest, rest, w**2) / (tunings - 1)
+    own = of_tuning.var(axis=1, ddof=1) - V_e
+    V_a = np.maximum(own, own.mean()) / tunings
+    V = V_d + V_a
+    with np.errstate(divide="ignore", invalid="ignore"):  # without any variance nothing is known: NaN, undecided
+        dof = V**2 / (V_d**2 / (S2**2 / S4 - 1.0) + V_a**2 / (tunings - 1))
+        half = stdtrit(dof, 1.0 - level / 2.0) * np.sqrt(V)
+    return mean, mean - half, mean + half, tunings * V_a
+
+
+def _judged(mean: FloatArray, low: FloatArray, high: FloatArray, variance: FloatArray) -> Iterator[Statement]:
+    ends = zip(*np.exp([mean, low, high]), np.sqrt(np.maximum(variance, 0.0)), strict=True)
+    for ratio, below, above, sd in ends:
+        small = bool(below >= 1.0 / (1.0 + MARGIN) and above <= 1.0 + MARGIN)
+        shown = Verdict.BETTER if above < 1.0 else Verdict.WORSE if below > 1.0 else None
+        verdict = shown or (Verdict.EQUAL if small else Verdict.UNDECIDED)
+        yield Statement(float(ratio), float(below), float(above), verdict, small, float(sd))
+
+
+# The error of the whole procedure.
+
+
+class Error(NamedTuple):
+    """How often the whole procedure errs.
+
+    Attributes:
+        audits: how many were resampled.
+        wrong: in how many of them a method that is no better and no worse was said to be so.
+        low: lower end of the one-sided 95 % interval of their share (Clopper and Pearson); at most .05 is as promised.
+    """
+
+    audits: int
+    wrong: int
+    low: float
+
+
+def procedure_error(losses: Losses, audits: int = AUDITS, seed: int = 0) -> Error:
+    """Return the error of audits that are drawn from the rows of one, in which no method differs from its plain filter.
+
+    Each comparison is centred, so that its ratio is 1; tunings and drives are drawn with replacement, apart, and with a
+    tuning goes whoever it picks. Every statement but "equal" and "undecided" is then false.
+    """
+    from scipy.special import betaincinv
+
+    tunings, drives = losses.methods.shape[1:]
+    centred = [y - y.mean(axis=(1, 2), keepdims=True) for y in comparisons(losses)]
+    random, wrong = np.random.default_rng(seed), 0
+    for _ in range(audits):
+        r, d = random.integers(tunings, size=tunings), random.integers(drives, size=drives)
+        drawn = tuple(y[:, r][:, :, d] for y in centred)
+        wrong += any((low > 0).any() or (high < 0).any() for _, low, high, _ in _intervals(drawn, None))
+    low = float(betaincinv(wrong, audits - wrong + 1, LEVEL)) if wrong else 0.0
+    return Error(audits, wrong, low)

@@ -1,0 +1,254 @@
+"""How far off a receiver's covariance is: declared sigma, scatter from fix to fix, error, its memory, gross errors."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from jerkbench.arrays import BoolArray, FloatArray
+from jerkbench.inspection.sigmas import LONGEST_GAP_S, truth_at
+from jerkbench.recording import Recording
+from jerkbench.report.plots.style import DOTS_PER_INCH, literal, say, style_axes
+
+AXES = ("east", "north", "up")
+LEVELS_M = (0.0, 0.05, 0.5, 5.0, np.inf)
+"""A receiver's status shows in the sigma that it declares: fixed, float, single point, lost. No more is recorded."""
+
+LEAST_FIXES = 30
+SIGMA_OF_MEDIAN = 1.4826
+"""The standard deviation of a normal law over the median of its absolute values."""
+
+SECOND_DIFFERENCE = 1.5
+"""Variance of x_i - (x_i-1 + x_i+1)/2 of white noise with variance 1."""
+
+GROSS = 5.0
+"""So many robust sigmas from the median an error is gross; of normal errors one in two million is."""
+
+LONGEST_LAG = 0.25
+"""Of the time that was compared, no larger part is tried as a lag."""
+
+
+@dataclass(frozen=True)
+class AxisErrors:
+    """One axis of the fixes that declare alike.
+
+    Attributes:
+        level: the declared sigma, in words.
+        axis: east, north or up.
+        fixes: how many.
+        declared_m: root of the median declared variance.
+        scatter_m: from fix to fix: the middle of x_i - (x_i-1 + x_i+1)/2, as a sigma of white noise. Slow errors do
+            not show in it, and bends of the way do.
+        error_m: the middle of the error about its median, as a sigma; NaN without a reference.
+        bias_m: the median error; NaN without a reference.
+        gross_percent: share of errors over their sigma that are further than `GROSS` times factor from the median.
+        factor: error_m/declared_m fix by fix; without a reference that of the scatter, the least that it can be.
+    """
+
+    level: str
+    axis: str
+    fixes: int
+    declared_m: float
+    scatter_m: float
+    error_m: float
+    bias_m: float
+    gross_percent: float
+    factor: float
+
+
+@dataclass(frozen=True, eq=False)
+class ReceiverErrors:
+    """What the fixes of a recording say about their covariance.
+
+    Attributes:
+        source: what they were compared with; empty: nothing but each other.
+        step_s: the median time from fix to fix.
+        axes: three for each level of the declared sigma, and three for all.
+        lags_s: (k,) lags.
+        correlation: (k, 3) autocorrelation of the error of each axis; none without a reference.
+        standardised: (n, 3) errors about their median over the declared sigma.
+    """
+
+    source: str
+    step_s: float
+    axes: tuple[AxisErrors, ...]
+    lags_s: FloatArray
+    correlation: FloatArray
+    standardised: FloatArray
+
+    @property
+    def overall(self) -> tuple[AxisErrors, ...]:
+        """The three axes of all fixes."""
+        return self.axes[:3]
+
+    @property
+    def memory_s(self) -> FloatArray:
+        """(3,) the lag at which the error's autocorrelation falls below 1/e; NaN where it does not, or is not known."""
+        below = self.correlation < np.exp(-1.0)
+        first = np.argmax(below, axis=0) if len(below) else np.zeros(3, dtype=int)
+        times = np.full(3, np.nan)
+        for axis in np.flatnonzero(below.any(axis=0)) if len(below) else ():
+            k = int(first[axis])
+            above, under = self.correlation[k - 1, axis], self.correlation[k, axis]
+            part = (above - np.exp(-1.0)) / (above - under)
+            times[axis] = self.lags_s[k - 1] + part * (self.lags_s[k] - self.lags_s[k - 1])
+        return times
+
+
+def receiver_errors(recording: Recording) -> ReceiverErrors | None:
+    """Return what the fixes say; None where there are fewer than `LEAST_FIXES`.
+
+    The reference is taken linearly between stamps that are at most 1.1 s apart. Fixes that are the reference
+    themselves say nothing about their errors.
+    """
+    position = recording.position
+    if position is None or np.isfinite(position.enu_m).all(axis=1).sum() < LEAST_FIXES:
+        return None
+    t_s, enu_m = position.t_s, position.enu_m
+    sigma_m = np.sqrt(np.diagonal(position.covariance_m2, axis1=1, axis2=2))
+    error_m = enu_m - truth_at(recording, "position", t_s, LONGEST_GAP_S)
+    compared = np.asarray(np.isfinite(error_m).any(axis=1), dtype=np.bool_)
+    if compared.sum() < LEAST_FIXES or not np.nan_to_num(error_m).any():
+        error_m, compared = np.full_like(enu_m, np.nan), np.zeros(len(t_s), dtype=np.bool_)
+    second_m = np.full_like(enu_m, np.nan)
+    second_m[1:-1] = enu_m[1:-1] - 0.5 * (enu_m[2:] + enu_m[:-2])
+    declared_m = np.sqrt((sigma_m[:, :2] ** 2).mean(axis=1))
+    groups = [("all", np.ones(len(t_s), dtype=np.bool_))]
+    for low, high in pairwise(LEVELS_M):
+        rows = (declared_m >= low) & (declared_m < high)
+        name = f"below {high:g} m" if np.isfinite(high) else f"from {low:g} m on"
+        groups += [(name, rows)] if LEAST_FIXES <= rows.sum() < len(t_s) else []
+    axes = tuple(
+        _axis(level, axis, sigma_m[rows, axis], second_m[rows, axis], error_m[rows, axis])
+        for level, rows in groups
+        for axis in range(3)
+    )
+    centred_m = error_m - (np.nanmedian(error_m[compared], axis=0) if compared.any() else 0.0)
+    step_s = float(np.median(np.diff(t_s)))
+    lags_s, correlation = _autocorrelation(t_s, centred_m, step_s, compared)
+    source = recording.reference.source if compared.any() else ""
+    return ReceiverErrors(source, step_s, axes, lags_s, correlation, (centred_m / sigma_m)[compared])
+
+
+def _axis(level: str, axis: int, sigma_m: FloatArray, second_m: FloatArray, error_m: FloatArray) -> AxisErrors:
+    known, inner = np.isfinite(error_m), np.isfinite(second_m)
+    scatter_m = _middle(second_m[inner]) / np.sqrt(SECOND_DIFFERENCE)
+    bias_m = error_size_m = gross = np.nan
+    factor = _middle(second_m[inner] / sigma_m[inner]) / np.sqrt(SECOND_DIFFERENCE)
+    if np.nan_to_num(error_m).any():
+        bias_m = float(np.median(error_m[known]))
+        centred_m = error_m[known] - bias_m
+        error_size_m, factor = _middle(centred_m), _middle(centred_m / sigma_m[known])
+        gross = 100 * float(np.mean(np.abs(centred_m / sigma_m[known]) > GROSS * factor))
+    declared_m = float(np.median(sigma_m))
+    return AxisErrors(
+        level, AXES[axis], len(sigma_m), declared_m, scatter_m, error_size_m, bias_m, gross, float(factor)
+    )
+
+
+def _middle(values: FloatArray) -> float:
+    """The standard deviation of a normal law whose absolute values have the same median: no tail counts."""
+    return SIGMA_OF_MEDIAN * float(np.median(np.abs(values))) if len(values) else float("nan")
+
+
+def _autocorrelation(
+    t_s: FloatArray, error_m: FloatArray, step_s: float, compared: BoolArray
+) -> tuple[FloatArray, FloatArray]:
+    """Lags (k,) and the autocorrelation (k, 3) of errors on a grid of the usual step; gross errors are cut off."""
+    if not compared.any():
+        return np.empty(0), np.empty((0, 3))
+    place = np.round((t_s - t_s[0]) / step_s).astype(int)
+    grid = np.full((place[-1] + 1, 3), np.nan)
+    limit_m = GROSS * np.array([_middle(error[np.isfinite(error)]) for error in error_m.T])
+    grid[place] = np.clip(error_m, -limit_m, limit_m)
+    there = np.isfinite(grid)
+    filled = np.where(there, grid, 0.0)
+    size = 1 << int(np.ceil(np.log2(2 * len(grid))))  # by the Wiener-Khinchin theorem, gaps left out of both sums
+    power = np.fft.irfft(np.abs(np.fft.rfft(filled, size, axis=0)) ** 2, axis=0)
+    pairs = np.fft.irfft(np.abs(np.fft.rfft(there.astype(float), size, axis=0)) ** 2, axis=0)
+    most = max(2, int(LONGEST_LAG * len(grid)))
+    mean = power[:most] / np.maximum(np.round(pairs[:most]), 1)
+    return step_s * np.arange(most, dtype=np.float64), mean / np.where(mean[0] > 0, mean[0], np.nan)
+
+
+# The page: a table, and what to put into a filter.
+
+
+def table_rows(errors: ReceiverErrors) -> Iterator[list[str]]:
+    """Yield the rows of the table as texts, under `HEADER`."""
+    for e in errors.axes:
+        memory = dict(zip(AXES, errors.memory_s, strict=True))[e.axis] if e.level == "all" else np.nan
+        numbers = (e.declared_m, e.scatter_m, e.error_m, e.bias_m, e.factor, memory, e.gross_percent)
+        texts = ["" if np.isnan(number) else f"{number:.3g}" for number in numbers]
+        texts[5] = "none" if memory <= errors.step_s else texts[5]
+        yield [e.level, e.axis, str(e.fixes), *texts]
+
+
+HEADER = (
+    *("declared sigma", "axis", "fixes", "declared [m]", "scatter [m]", "error [m]", "bias [m]", "factor"),
+    *("memory [s]", "gross [%]"),
+)
+
+
+def advice(errors: ReceiverErrors) -> Iterator[str]:
+    """Yield what to put into a filter: factors, sigmas and the time constant."""
+    horizontal, up = horizontal_and_up(errors.overall)
+    if not errors.source:
+        yield "There is no reference: the factor is that of the scatter from fix to fix. Slow errors come on top."
+        if horizontal < 1:
+            yield "Nothing shows that the declared sigmas are too small. Only a reference shows if they are too large."
+            return
+    yield f"Multiply the declared sigmas by {horizontal:.3g} (east, north) and {up:.3g} (up)."
+    yield (
+        f"robot_localization, fusioncore: multiply the covariance in the message by {horizontal**2:.3g} and"
+        f" {up**2:.3g}. KF-GINS: the same factors on the standard deviations in the file of the fixes. Here:"
+        f" r_scale.position={horizontal**2:.3g}."
+    )
+    memory_s = np.nanmax(errors.memory_s[:2]) if np.isfinite(errors.memory_s[:2]).any() else np.nan
+    if np.isfinite(memory_s) and memory_s > errors.step_s:
+        share = np.exp(-errors.step_s / memory_s)
+        more = (1 + share) / (1 - share)
+        yield (
+            f"The errors have a memory of {memory_s:.3g} s, and fixes come each {errors.step_s:.3g} s. A filter that"
+            f" takes them as independent is right on average with {more:.3g} times that covariance"
+            f" ({more * horizontal**2:.3g}); or give it a Gauss-Markov state with {memory_s:.3g} s."
+        )
+
+
+def horizontal_and_up(axes: Sequence[AxisErrors]) -> tuple[float, float]:
+    """Return the root mean square of the factors east and north, and the factor up, or the first where it is 0."""
+    east, north, up = (axis.factor for axis in axes)
+    horizontal = float(np.sqrt(0.5 * (east**2 + north**2)))
+    return horizontal, up or horizontal  # heights that are all alike were not measured
+
+
+def receiver_figure(recording: Recording, errors: ReceiverErrors) -> Figure:
+    """Draw the errors against what the declared sigmas promise, and their autocorrelation."""
+    from scipy.special import ndtri
+
+    figure = Figure(figsize=(9.0, 4.0), dpi=DOTS_PER_INCH, layout="constrained")
+    sizes, memory = figure.subplots(1, 2)
+    if not errors.source:
+        say(sizes, "There is no reference.")
+        say(memory, "There is no reference.")
+    for axis, name in enumerate(AXES if errors.source else ()):
+        size = np.sort(np.abs(errors.standardised[np.isfinite(errors.standardised[:, axis]), axis]))
+        expected = ndtri(0.5 + (np.arange(len(size)) + 0.5) / (2 * len(size)))
+        sizes.loglog(expected, np.maximum(size, 1e-4), label=name)
+        memory.plot(errors.lags_s, errors.correlation[:, axis], label=name)
+    if errors.source:
+        sizes.loglog([0.01, 4], [0.01, 4], color="0.5", linestyle="--", label="as declared")
+        memory.axhline(np.exp(-1.0), color="0.5", linestyle="--", label="1/e")
+        sizes.legend(frameon=False, fontsize="small")
+        memory.legend(frameon=False, fontsize="small")
+        sizes.set(xlim=(0.01, 5), ylim=(0.005, None))
+        longest_s = np.nanmax([*errors.memory_s, errors.step_s])
+        memory.set_xlim(0, min(10 * longest_s, errors.lags_s[-1]))
+    sizes.set(xlabel="Expected |error| / declared sigma", ylabel="Measured |error| / declared sigma")
+    memory.set(xlabel="Lag [s]", ylabel="Autocorrelation of the error")
+    for axes in (sizes, memory):
+        style_axes(axes)
+    figure.suptitle(literal(recording.name))
+    return figure

@@ -1,0 +1,238 @@
+"""Fixes in a receiver's own formats (NMEA 0183, GPX, gpsd's JSON) -> a table with the columns of `dataset=table`.
+
+Columns: t (UTC), latitude, longitude [deg], height [m]; where the format says them sigma_east, sigma_north, sigma_up
+[m], hdop, quality, and ve, vn, vu [m/s]. What a row does not say is empty.
+"""
+
+import json
+import re
+from collections.abc import Callable, Iterator
+from functools import reduce
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from xml.etree import ElementTree as ET
+
+import numpy as np
+
+from jerkbench.errors import RecordingError
+from jerkbench.io.text import read_lines, require_content
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Row = dict[str, Any]
+
+MPS_PER_KNOT = 1852.0 / 3600.0
+DAY_MS = 86_400_000
+PLACE = ("latitude", "longitude", "height")
+ORDER = ("t", *PLACE, "sigma_east", "sigma_north", "sigma_up", "hdop", "quality", "ve", "vn", "vu")
+
+
+def track_reader(path: Path) -> Callable[[Path], tuple["pd.DataFrame", tuple[str, ...]]] | None:
+    """Return what reads the file, by its first bytes; None: it is no track."""
+    if not path.is_file():
+        return None
+    with path.open("rb") as file:
+        head = file.read(400).lstrip(b"\xef\xbb\xbf \t\r\n")
+    if re.match(rb"[$!][A-Z]{4,5},|\$P[A-Z]", head):
+        return read_nmea
+    if head.startswith(b"<") and b"<gpx" in head:
+        return read_gpx
+    return read_gpsd if re.match(rb'\{\s*"class"\s*:', head) else None
+
+
+def _table(path: Path, rows: list[Row], notes: tuple[str, ...], what: str) -> tuple["pd.DataFrame", tuple[str, ...]]:
+    """The rows that have a place, in their order, without columns that none has."""
+    import pandas as pd
+
+    rows = [row for row in rows if row]
+    placed = [row for row in rows if {"latitude", "longitude", "t"} <= row.keys()]
+    if not placed:
+        raise RecordingError(f"{path} has no fix with a time: {what}.")
+    table = pd.DataFrame(placed).reindex(columns=list(ORDER))
+    table["t"] = pd.to_datetime(table["t"], format="ISO8601", utc=True)
+    if table["height"].isna().all():
+        table["height"] = 0.0
+        notes = (*notes, f"{path.name} has no heights: all are taken to be 0.")
+    kept = [name for name in ORDER if name in PLACE or table[name].notna().any()]
+    others = len(rows) - len(placed)
+    without = (f"{path.name}: {others} of {len(rows)} reports have no fix or no time: they are dropped.",)
+    return table[kept], (*notes, *(without if others else ()))
+
+
+# NMEA 0183: what the sentences GGA, RMC, GST and ZDA of one time of day say together.
+
+
+def read_nmea(path: Path) -> tuple["pd.DataFrame", tuple[str, ...]]:
+    """Return the fixes of the sentences GGA and RMC, with GST's standard deviations and RMC's velocity.
+
+    A sentence with a wrong checksum is dropped. Heights are above the ellipsoid where GGA says how far the geoid is
+    above it. The dates are RMC's or ZDA's; a time of day that begins anew is the next day's.
+
+    Raises:
+        RecordingError: the file is missing, or no sentence has a place, or none has a date.
+    """
+    epochs: dict[int, Row] = {}
+    dates: dict[int, str] = {}
+    damaged, day, last_ms = 0, 0, 0
+    for _, line in read_lines(path):
+        fields, sound = _sentence(line)
+        damaged += not sound
+        kind = fields[0][-3:] if sound and fields[0].startswith("$") else ""
+        if kind not in READ or len(fields) < LEAST_FIELDS[kind] or not re.fullmatch(r"\d{6}(\.\d*)?", fields[1]):
+            continue
+        time_ms = _time_of_day_ms(fields[1])
+        day += time_ms < last_ms - DAY_MS / 2
+        last_ms = time_ms
+        row = epochs.setdefault(DAY_MS * day + time_ms, {})
+        row |= {name: value for name, value in READ[kind](fields) if value is not None}
+        if "date" in row:
+            dates.setdefault(day, row["date"])
+    if not dates:
+        raise RecordingError(f"{path} has no date: let the receiver write RMC or ZDA beside GGA.")
+    first, date = next(iter(dates.items()))
+    for since_ms, row in epochs.items():
+        if row.get("quality") != 0 and row.get("status") != "V":
+            row["t"] = np.datetime64(date, "ms") + np.timedelta64(since_ms - DAY_MS * first, "ms")
+    notes = (f"{path.name}: {damaged} sentences have a wrong checksum: they are dropped.",) if damaged else ()
+    return _table(path, list(epochs.values()), notes, "let the receiver write GGA and RMC")
+
+
+def _sentence(line: str) -> tuple[list[str], bool]:
+    """Its fields, and whether its checksum, the exclusive or of what is between $ and *, is right."""
+    body, star, given = line.strip().partition("*")
+    checksum = reduce(lambda a, b: a ^ b, body[1:].encode(), 0)
+    return body.split(","), not star or given.upper() == f"{checksum:02X}"
+
+
+def _time_of_day_ms(text: str) -> int:
+    return 3_600_000 * int(text[:2]) + 60_000 * int(text[2:4]) + round(1000 * float(text[4:]))
+
+
+def _number(text: str) -> float | None:
+    return float(text) if re.fullmatch(r"[-+]?\d*\.?\d+|\d+\.", text) else None
+
+
+def _angle_deg(text: str, side: str) -> float | None:
+    """Of ddmm.mmmm or dddmm.mmmm and a letter N, S, E or W."""
+    value = _number(text)
+    if value is None or not side:
+        return None
+    degrees = value // 100
+    return (degrees + (value - 100 * degrees) / 60) * (-1 if side in "SW" else 1)
+
+
+def _gga(fields: list[str]) -> Iterator[tuple[str, Any]]:
+    height_m, geoid_m = _number(fields[9]), _number(fields[11])
+    yield "latitude", _angle_deg(fields[2], fields[3])
+    yield "longitude", _angle_deg(fields[4], fields[5])
+    yield "quality", _number(fields[6])
+    yield "hdop", _number(fields[8])
+    yield "height", None if height_m is None else height_m + (geoid_m or 0.0)
+
+
+def _rmc(fields: list[str]) -> Iterator[tuple[str, Any]]:
+    speed, course = _number(fields[7]), _number(fields[8])
+    yield "status", fields[2]
+    yield "latitude", _angle_deg(fields[3], fields[4])
+    yield "longitude", _angle_deg(fields[5], fields[6])
+    if re.fullmatch(r"\d{6}", fields[9]):
+        yield "date", f"20{fields[9][4:]}-{fields[9][2:4]}-{fields[9][:2]}"
+    if speed is not None and (course is not None or speed == 0):
+        ve, vn = _along(speed * MPS_PER_KNOT, course or 0.0)
+        yield from (("ve", ve), ("vn", vn))
+
+
+def _gst(fields: list[str]) -> Iterator[tuple[str, Any]]:
+    for name, text in zip(("sigma_north", "sigma_east", "sigma_up"), fields[6:9], strict=True):
+        yield name, _number(text)
+
+
+def _zda(fields: list[str]) -> Iterator[tuple[str, Any]]:
+    if all(map(str.isdigit, fields[2:5])):
+        yield "date", f"{fields[4]}-{fields[3]:0>2}-{fields[2]:0>2}"
+
+
+READ: dict[str, Callable[[list[str]], Iterator[tuple[str, Any]]]] = {"GGA": _gga, "RMC": _rmc, "GST": _gst, "ZDA": _zda}
+LEAST_FIELDS = {"GGA": 12, "RMC": 10, "GST": 9, "ZDA": 5}
+
+
+def _along(speed_mps: float, course_deg: float) -> tuple[float, float]:
+    """East and north of a speed along a course from north, clockwise."""
+    course = np.radians(course_deg)
+    return float(speed_mps * np.sin(course)), float(speed_mps * np.cos(course))
+
+
+# GPX 1.0 and 1.1: the points of all tracks, one after the other.
+
+
+def read_gpx(path: Path) -> tuple["pd.DataFrame", tuple[str, ...]]:
+    """Return the points of all tracks that have a time.
+
+    Raises:
+        RecordingError: the file is missing or damaged, or no point has a time.
+    """
+    require_content(path)
+    if b"<!ENTITY" in path.read_bytes():
+        raise RecordingError(f"{path} has entities of XML, which no track needs; remove them.")
+    rows = []
+    try:
+        for _, node in ET.iterparse(path):  # noqa: S314 - a file without entities
+            if _tag(node) == "trkpt":
+                said = {_tag(child): (child.text or "").strip() for child in node}
+                row = {"latitude": node.get("lat"), "longitude": node.get("lon"), "t": said.get("time")}
+                row |= {"height": said.get("ele"), "hdop": said.get("hdop")}
+                rows.append({name: text if name == "t" else float(text) for name, text in row.items() if text})
+                node.clear()
+        return _table(path, rows, (), "a recorded track has a <time> in each <trkpt>")
+    except (ET.ParseError, ValueError) as error:
+        raise RecordingError(f"{path} cannot be read as GPX: {error}; export it again.") from error
+
+
+def _tag(node: ET.Element) -> str:
+    """The name of an element without its namespace."""
+    return node.tag.rpartition("}")[2]
+
+
+# gpsd's JSON (`gpspipe -w`): the reports of the class TPV.
+
+TPV = {
+    "t": ("time",),
+    "latitude": ("lat",),
+    "longitude": ("lon",),
+    "height": ("altHAE", "alt", "altMSL"),
+    "sigma_east": ("epx",),
+    "sigma_north": ("epy",),
+    "sigma_up": ("epv",),
+    "ve": ("velE",),
+    "vn": ("velN",),
+    "vu": ("climb",),
+}
+"""Where each column stands in a report: the first of these that it has. What gpsd means by an error (epx) it leaves
+open: `data receiver` measures it."""
+
+
+def read_gpsd(path: Path) -> tuple["pd.DataFrame", tuple[str, ...]]:
+    """Return the reports TPV that have a fix, as gpsd writes them, one a line.
+
+    Raises:
+        RecordingError: the file is missing, or a line but the last is no JSON, or there is no fix.
+    """
+    rows, lines = [], read_lines(path)
+    for number, line in lines:
+        try:
+            report = json.loads(line)
+        except ValueError as error:
+            if (number, line) == lines[-1]:
+                continue
+            raise RecordingError(f"{path}, line {number} is no JSON: {error}; remove it.") from error
+        if isinstance(report, dict) and report.get("class") == "TPV" and report.get("mode", 0) >= 2:
+            row = {name: next((report[key] for key in keys if key in report), None) for name, keys in TPV.items()}
+            if row["ve"] is None and "speed" in report and "track" in report:
+                row["ve"], row["vn"] = _along(report["speed"], report["track"])
+            rows.append({name: value for name, value in row.items() if value is not None})
+    repeated = {row.get("t"): row for row in rows}  # a device reports a time again as it learns more
+    try:
+        return _table(path, list(repeated.values()), (), "it needs reports of the class TPV with time, lat and lon")
+    except (TypeError, ValueError) as error:
+        raise RecordingError(f"{path} has a report with a time that is none: {error}.") from error

@@ -1,0 +1,63 @@
+"""The examples of `--help`: each verb has two, and those of `jerkbench/verbs/examples.py` go well."""
+
+import re
+import shlex
+import shutil
+
+import pytest
+
+from commands import swept, verb
+from jerkbench.cli import _parser
+from jerkbench.verbs.examples import EXAMPLES
+
+NOT_RUN = ("jerkbench data fetch broad", "jerkbench data cache --clear")
+"""They need the network, and delete what the tests have compiled."""
+
+SMALL = {"report": ["--figures", "none", "--scenarios", "0"], "figures": ["--few"]}
+"""Words behind an example that takes long."""
+
+
+def verbs(parser, words=()):
+    """The words of every verb that does something."""
+    groups = [action.choices for action in parser._subparsers._group_actions] if parser._subparsers else []
+    if not groups:
+        yield words
+    for name, other in (pair for group in groups for pair in group.items()):
+        yield from verbs(other, (*words, name))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Two studies, an entry of the suite, a bag that was cut, and one after a power loss."""
+    folder = tmp_path_factory.mktemp("examples")
+    for study in ("first", "second"):
+        words = ["filter=baseline,jerk", "adaptation=none,mtf", "disturbance=none,outliers", "seeds=2"]
+        swept(*words, f"study={study}", cwd=folder)
+    done = verb("suite", "run", "filter=jerk", "--scale", "tiny", "--workers", "1", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    verb("data", "convert", "field", "whole_drive.bag", "--set", "duration_s=12", cwd=folder)
+    whole = (folder / "whole_drive.bag").read_bytes()
+    (folder / "cut.bag").write_bytes(whole[: len(whole) // 2])
+    shutil.copy(folder / "cut.bag", folder / "drive.bag.active")
+    return folder
+
+
+@pytest.mark.parametrize("words", list(verbs(_parser())), ids=" ".join)
+def test_the_help_of_a_verb_has_two_examples(tmp_path, words):
+    helped = verb(*words, "--help", cwd=tmp_path).stdout
+
+    assert len(re.findall(r"^  +jerkbench ", helped, re.MULTILINE)) >= 2
+
+
+@pytest.mark.slow
+def test_the_examples_go_well(folder):
+    """In their order: some read what one before them wrote."""
+    assert set(EXAMPLES) <= {" ".join(words) for words in verbs(_parser())}
+    for name, lines in EXAMPLES.items():
+        for line in lines:
+            assert line == f"jerkbench {name}" or line.startswith(f"jerkbench {name} ")
+            if line in NOT_RUN:
+                continue
+            done = verb(*shlex.split(line)[1:], *SMALL.get(name, []), cwd=folder)
+            assert done.returncode == 0, (line, done.stderr)
+            assert done.stdout, line
