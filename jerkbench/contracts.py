@@ -250,6 +250,17 @@ class TrueCovariance(Protocol):
     wants_true_covariance: ClassVar[bool]
 
 
+@runtime_checkable
+class InLanes(Protocol):
+    """An adaptation that many runs ask at once, if the attribute is True; `jerkbench.compilation.lanes` says how.
+
+    It may not branch on what it is given: numbers are vectors then, one number of each run. One that fades, or has a
+    gain of its own, is asked by each run all the same.
+    """
+
+    lanes: ClassVar[bool]
+
+
 # Adaptations that change more than R: the prior covariance, the gain.
 
 
@@ -482,7 +493,7 @@ OPTIONAL: Mapping[str, tuple[type, ...]] = {
             "adaptation",
             (
                 *(Classified, Remembering, RememberingStates, Fading, AdaptingPrior, AdaptingGain, Clocked),
-                TrueCovariance,
+                *(TrueCovariance, InLanes),
             ),
         ),
         ("engine", (SideBySide, Preparing)),

@@ -152,11 +152,10 @@ def start_motion(
 
 def latest_rows(measurements: Measurements, first: int) -> IntArray:
     """Row of the latest measurement of each velocity axis (3,) in the last second up to the fix; -1: there is none."""
-    age_ns = measurements.t_ns[first] - measurements.t_ns
-    recent = (age_ns >= 0) & (age_ns <= round(INITIAL_SPEED_AGE_S * 1e9))
-    measured = recent[:, None] & np.isfinite(measurements.z[:, 3:])
-    last = len(measured) - 1 - np.argmax(measured[::-1], axis=0)
-    return np.where(measured.any(axis=0), last, -1)
+    t_ns = measurements.t_ns
+    begin = int(np.searchsorted(t_ns, t_ns[first] - round(INITIAL_SPEED_AGE_S * 1e9)))
+    measured = np.isfinite(measurements.z[begin : first + 1, 3:])
+    return np.where(measured.any(axis=0), first - np.argmax(measured[::-1], axis=0), -1)
 
 
 def _bounded(z: FloatArray, R: FloatArray) -> tuple[FloatArray, FloatArray]:

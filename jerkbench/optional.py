@@ -12,9 +12,12 @@ from jerkbench.arrays import FloatArray
 from jerkbench.contracts import (
     OPTIONAL,
     REQUIRED,
+    AdaptingGain,
     AttitudeOnly,
     Clocked,
+    Fading,
     Filter,
+    InLanes,
     ManyLengths,
     OnRequest,
     PreferringAttitude,
@@ -75,6 +78,12 @@ def clocked(adaptation: A, timeline: Timeline) -> A:
 def wants_truth(adaptation: object) -> bool:
     """Whether an adaptation gets the true covariance as R."""
     return isinstance(adaptation, TrueCovariance) and adaptation.wants_true_covariance
+
+
+def asked_in_lanes(adaptation: object) -> bool:
+    """Whether many runs ask an adaptation at once; one that fades, or has a gain of its own, each asks by itself."""
+    beyond = isinstance(adaptation, Fading | AdaptingGain)
+    return isinstance(adaptation, InLanes) and adaptation.lanes and not beyond
 
 
 def on_request(metric: object) -> bool:

@@ -82,6 +82,7 @@ class Scoring:
         outage: (k,) 1 where they count for the outages, else 0.
         marks: (j,) rows whose position errors are kept, with their covariance.
         start_s: from when on updates count.
+        consistency: whether the sums of e' P^-1 e are wanted: they take a quarter of a run without a trajectory.
     """
 
     truth: FloatArray
@@ -91,6 +92,7 @@ class Scoring:
     outage: FloatArray
     marks: IntArray
     start_s: float
+    consistency: bool = True
 
 
 class Run(NamedTuple):
@@ -119,7 +121,7 @@ class Streamed(NamedTuple):
         outage_m2: of the position, inside the outages.
         largest_m2: the largest of the position, where it counts.
         farthest_m2: the largest of all.
-        nees: sum of e' P^-1 e.
+        nees: sum of e' P^-1 e; NaN where it was not wanted.
         nees_position: the same of the position alone.
         nis_per_row: sum of nis/m over the updates that count.
         nis_updates: their number.

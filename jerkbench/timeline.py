@@ -253,11 +253,12 @@ def _can_scale(measurements: Measurements, recording: Recording) -> bool:
 
 
 def _scaled(measurements: Measurements, scale: RScale) -> FloatArray:
-    R = measurements.R.copy()
-    for block, factor in ((slice(0, 3), scale.position), (slice(3, 6), scale.velocity)):
-        present = np.isfinite(measurements.z[:, block]).any(axis=1)
-        R[present, block, block] *= factor
-    return floored(R)
+    present = np.asarray(np.isfinite(measurements.z).reshape(-1, 2, 3).any(axis=2))
+    factors = np.ones((1 if present.all() else len(present), 6, 6))
+    for k, factor in enumerate((scale.position, scale.velocity)):
+        block = slice(3 * k, 3 * k + 3)
+        factors[:, block, block] = factor if len(factors) == 1 else np.where(present[:, k], factor, 1.0)[:, None, None]
+    return floored(factors * measurements.R)
 
 
 # The recorder of a run: its states and updates, in arrays that are made once.

@@ -1,7 +1,7 @@
 """Centred error entropy, the measurement alone."""
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 
@@ -57,6 +57,8 @@ class CentredErrorEntropyR:
     pair_bandwidth: Annotated[float, BANDWIDTH, DefaultOrigin("ours, as maximum_correntropy")] = 5.0
     passes: Annotated[int, DefaultOrigin("ours")] = 5
 
+    lanes: ClassVar[bool] = True
+
     def __post_init__(self) -> None:
         """Check the ranges."""
         if not 0 <= self.eta <= 1:
@@ -73,7 +75,7 @@ class CentredErrorEntropyR:
     ) -> FloatArray:
         """Return R, reweighted."""
         of = residuals_of(innovation, HPHt, R)
-        pairs, eta = np.empty(len(rows)), self.eta if len(rows) > 1 else 1.0
+        pairs, eta = np.empty(len(rows), R.dtype), self.eta if len(rows) > 1 else 1.0
         for _ in range(self.passes):
             update_residuals(of)
             _fill_pairs(of.e, self.pair_bandwidth, pairs)
@@ -86,8 +88,8 @@ class CentredErrorEntropyR:
 def _fill_pairs(e: FloatArray, bandwidth: float, pairs: FloatArray) -> None:
     """Fill the mean of the kernel over the pairs of each row; zero for a row alone."""
     m = len(e)
-    pairs[:] = 0.0
     for i in range(m):
+        pairs[i] = 0.0
         for j in range(i):
             near = gaussian_kernel(e[i] - e[j], bandwidth) / (m - 1)
             pairs[i] += near

@@ -15,6 +15,7 @@ import numpy as np
 
 from jerkbench.adaptation.linalg import dot, factorise, forward_rows, quadratic, root_of, solve, solve_rows, submatrix
 from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.compilation.lanes import chosen
 
 
 def windowed_mean(memory: FloatArray, window: int, row: int, value: float) -> float:
@@ -110,7 +111,7 @@ def chi2_tail(x: float, rows: int) -> float:
 
 def gaussian_kernel(error: float, bandwidth: float) -> float:
     """Return exp(-e^2/(2 bandwidth^2))."""
-    return math.exp(-0.5 * (error / bandwidth) ** 2)
+    return math.exp(-0.5 * ((error / bandwidth) * (error / bandwidth)))
 
 
 PASSES = 50
@@ -166,24 +167,27 @@ def stack_of(P: FloatArray, R: FloatArray, rows: IntArray, innovation: FloatArra
     """Return the stack before the first pass, with weights of 1."""
     n, m, p = len(P), len(rows), min(SEEN, len(P))
     Up, Ur = root_of(P, p), root_of(R, m)
-    columns, stacked, matrices, v = np.empty((p + m, m)), np.ones((2, p + m)), np.zeros((2, m, m)), np.empty(m)
+    columns, stacked = np.empty((p + m, m), P.dtype), np.empty((2, p + m), P.dtype)
+    matrices, v, steps = np.zeros((2, m, m), P.dtype), np.empty(m, P.dtype), np.zeros((2, n), P.dtype)
+    for c in range(p + m):
+        stacked[0, c] = 1.0
     for i in range(m):
         for c in range(p):
             columns[c, i] = Up[c, rows[i]]
         for c in range(m):
             columns[p + c, i] = Ur[c, i]
-    return Stack(Up, columns, innovation, stacked[0], stacked[1], matrices[0], matrices[1], v, np.zeros((2, n)))
+    return Stack(Up, columns, innovation, stacked[0], stacked[1], matrices[0], matrices[1], v, steps)
 
 
-def settle(stack: Stack, x: FloatArray) -> bool:
-    """Make a pass with the weights as they are; return whether it has moved the state by next to nothing."""
+def settle(stack: Stack, x: FloatArray) -> float:
+    """Make a pass with the weights as they are; return 1, or 0 where it has moved the state by next to nothing."""
     _fill_covariance(stack)
     factorise(stack.S, stack.M)
     solve(stack.M, stack.y, stack.v)
     for c in range(len(stack.residual)):
         stack.residual[c] = dot(stack.columns[c], stack.v) / stack.weights[c]
     _take_step(stack)
-    return has_settled(stack.steps[0], stack.steps[1], x)
+    return still_moves(stack.steps[0], stack.steps[1], x)
 
 
 def _fill_covariance(stack: Stack) -> None:
@@ -224,7 +228,7 @@ def weighed_prior(P: FloatArray, stack: Stack) -> FloatArray:
 def gain_of(stack: Stack) -> FloatArray:
     """Return K = P~ H' S^-1 (n, m) of the last pass."""
     n, m = stack.Up.shape[1], len(stack.v)
-    HP, K = np.zeros((m, n)), np.empty((n, m))
+    HP, K = np.zeros((m, n), stack.v.dtype), np.empty((n, m), stack.v.dtype)
     for i in range(m):
         for c in range(len(stack.Up)):
             share = stack.columns[c, i] / stack.weights[c]
@@ -242,13 +246,13 @@ def doubtable(stack: Stack) -> int:
     return len(stack.Up)
 
 
-def has_settled(step: FloatArray, before: FloatArray, x: FloatArray) -> bool:
-    """Whether a pass has moved the state, from x + ``before`` to x + ``step``, by next to nothing of x + ``before``."""
+def still_moves(step: FloatArray, before: FloatArray, x: FloatArray) -> float:
+    """Return 1, or 0 where a pass has moved the state, x + ``before``, to x + ``step`` by next to nothing of itself."""
     moved = size = 0.0
     for s in range(len(x)):
-        moved += (step[s] - before[s]) ** 2
-        size += (x[s] + before[s]) ** 2
-    return bool(moved <= CLOSE * CLOSE * size)
+        moved += (step[s] - before[s]) * (step[s] - before[s])
+        size += (x[s] + before[s]) * (x[s] + before[s])
+    return chosen(moved, CLOSE * CLOSE * size, 1.0, 0.0)
 
 
 class Measured(NamedTuple):
@@ -292,7 +296,7 @@ class Measured(NamedTuple):
 def measured_of(P: FloatArray, R: FloatArray, rows: IntArray) -> Measured:
     """Return it before the first pass, x = x- and E = P-."""
     m = len(rows)
-    W, room, vectors = submatrix(P, rows), np.empty((3, m, m)), np.zeros((2, m))
+    W, room, vectors = submatrix(P, rows), np.empty((3, m, m), P.dtype), np.zeros((2, m), P.dtype)
     return Measured(W, R.copy(), root_of(R, m), room[0], room[1], vectors[0], vectors[1], W.copy(), room[2])
 
 
@@ -368,7 +372,8 @@ def fill_blend(W: FloatArray, N: FloatArray, tau: float, D: FloatArray, xi: floa
 def spread_part(P: FloatArray, rows: IntArray, W: FloatArray, share: float) -> FloatArray:
     """Return the whole E (n, n) of its measured part ``W`` and f, its ``share`` of P-; symmetric to the bit."""
     n, m = len(P), len(rows)
-    N, M, K, CK = submatrix(P, rows), np.empty((m, m)), np.empty((m, n)), np.zeros((m, n))
+    N, M = submatrix(P, rows), np.empty((m, m), P.dtype)
+    K, CK = np.empty((m, n), P.dtype), np.zeros((m, n), P.dtype)
     factorise(N, M)
     for i in range(m):
         for s in range(n):
@@ -384,7 +389,7 @@ def spread_part(P: FloatArray, rows: IntArray, W: FloatArray, share: float) -> F
 
 def _joined(P: FloatArray, K: FloatArray, CK: FloatArray, share: float) -> FloatArray:
     """Return f P + K' CK, of which one half is worked out."""
-    E = np.empty(P.shape)
+    E = np.empty(P.shape, P.dtype)
     for s in range(len(P)):
         for t in range(s + 1):
             E[s, t] = share * P[s, t]

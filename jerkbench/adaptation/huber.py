@@ -1,12 +1,13 @@
 """Huber's weights on prior and measurement."""
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from jerkbench.adaptation._ranges import check_sides
 from jerkbench.adaptation.common import PASSES, SMALLEST_WEIGHT, doubtable, settle, stack_of, weighed_prior
 from jerkbench.adaptation.linalg import inverse_weighted, root_of
 from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.compilation.lanes import anywhere, chosen
 from jerkbench.errors import PluginError
 from jerkbench.parameters import DefaultOrigin, Provenance, Range
 from jerkbench.plugins import register
@@ -46,6 +47,8 @@ class Huber:
     ] = 1.345
     sides: Annotated[str, DefaultOrigin("literature: the paper weighs both")] = "both"
 
+    lanes: ClassVar[bool] = True
+
     def __post_init__(self) -> None:
         """Check the ranges."""
         check_sides("huber", self.sides)
@@ -70,11 +73,14 @@ class Huber:
         """Return P~, and leave the weights of the rows in the memory."""
         stack = stack_of(P, R, rows, innovation)
         first = 0 if self.sides == "both" else doubtable(stack)
+        moves = 1.0
         for k in range(PASSES):
             if k > 0:
                 for i in range(first, len(stack.weights)):
-                    stack.weights[i] = _weight(stack.residual[i], self.threshold)
-            if settle(stack, x):
+                    weight = _weight(stack.residual[i], self.threshold)
+                    stack.weights[i] = chosen(moves, 0.0, weight, stack.weights[i])
+            moves = settle(stack, x)
+            if not anywhere(moves):
                 break
         memory[: len(rows)] = stack.weights[doubtable(stack) :]
         return weighed_prior(P, stack)

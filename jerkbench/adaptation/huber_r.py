@@ -1,9 +1,8 @@
 """Huber's weight as a rule on R alone, in one pass."""
 
+import math
 from dataclasses import dataclass
-from typing import Annotated
-
-import numpy as np
+from typing import Annotated, ClassVar
 
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
@@ -43,6 +42,8 @@ class HuberR:
         DefaultOrigin("literature: 95 % efficient on Gaussian noise"),
     ] = 1.345
 
+    lanes: ClassVar[bool] = True
+
     def __post_init__(self) -> None:
         """Check the ranges."""
         if not self.threshold > 0:
@@ -54,6 +55,6 @@ class HuberR:
         """Return R with the variances of the rows beyond the threshold inflated."""
         adapted = R.copy()
         for i in range(len(rows)):
-            distance = abs(innovation[i]) / np.sqrt(HPHt[i, i] + R[i, i])
+            distance = abs(innovation[i]) / math.sqrt(HPHt[i, i] + R[i, i])
             adapted[i, i] = R[i, i] * max(1.0, distance / self.threshold)
         return adapted

@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.compilation.lanes import above
 from jerkbench.kalman import INDEFINITE, ROUNDING
 
 
@@ -50,7 +51,7 @@ def root_of(A: FloatArray, p: int) -> FloatArray:
         LinAlgError: the first p rows and columns are not positive definite.
     """
     n = len(A)
-    U = np.zeros((p, n))
+    U = np.zeros((p, n), A.dtype)
     for c in range(p):
         for r in range(c, n):
             U[c, r] = A[r, c]
@@ -70,9 +71,7 @@ def root_of(A: FloatArray, p: int) -> FloatArray:
 
 def _checked(pivot: float, variance: float) -> float:
     """Return a pivot, not below what rounding may leave of its diagonal element."""
-    if not pivot > -INDEFINITE * variance:
-        raise np.linalg.LinAlgError("Matrix is not positive definite")
-    return max(pivot, ROUNDING * variance)
+    return max(above(pivot, -INDEFINITE * variance), ROUNDING * variance)
 
 
 def solve(M: FloatArray, b: FloatArray, x: FloatArray) -> None:
@@ -139,7 +138,7 @@ def whiten_rows(U: FloatArray, B: FloatArray, X: FloatArray) -> None:
 def whitened(U: FloatArray, A: FloatArray) -> FloatArray:
     """Return U^-T A U^-1, symmetric to the bit; A is symmetric."""
     m = len(A)
-    X = np.empty((m, m))
+    X = np.empty((m, m), A.dtype)
     whiten_rows(U, A, X)
     for r in range(m):  # the other side: rows of X' , of which those above the diagonal are known already
         for i in range(r, m):
@@ -156,7 +155,7 @@ def whitened(U: FloatArray, A: FloatArray) -> FloatArray:
 def inverse_weighted(U: FloatArray, weights: FloatArray) -> FloatArray:
     """Return U' diag(1/weights) U, symmetric to the bit."""
     m = len(U)
-    covariance = np.zeros((m, m))
+    covariance = np.zeros((m, m), U.dtype)
     for c in range(m):
         inverse = 1.0 / weights[c]
         for i in range(c, m):
@@ -187,11 +186,41 @@ def quadratic(A: FloatArray, b: FloatArray) -> float:
 
 def submatrix(A: FloatArray, rows: IntArray) -> FloatArray:
     """Return H A H', H x being x[rows]."""
-    part = np.empty((len(rows), len(rows)))
+    part = np.empty((len(rows), len(rows)), A.dtype)
     for i in range(len(rows)):
         for j in range(len(rows)):
             part[i, j] = A[rows[i], rows[j]]
     return part
+
+
+def fill_inverse_diagonal(M: FloatArray, X: FloatArray, d: FloatArray) -> None:
+    """Fill d (m,) with the diagonal of (L D L')^-1 = L^-1' D^-1 L^-1 from the factors; X (m, m) is room for L^-1."""
+    for c in range(len(d)):
+        X[c, c] = 1.0
+        d[c] = M[c, c]
+        for r in range(c + 1, len(d)):
+            rest = -M[r, c]
+            for k in range(c + 1, r):
+                rest -= M[r, k] * X[k, c]
+            X[r, c] = rest
+            d[c] += rest * rest * M[r, r]
+
+
+def diagonal(d: FloatArray) -> FloatArray:
+    """Return diag(d)."""
+    D = np.zeros((len(d), len(d)), d.dtype)
+    for i in range(len(d)):
+        D[i, i] = d[i]
+    return D
+
+
+def divided(A: FloatArray, divisor: float) -> FloatArray:
+    """Return A / divisor."""
+    quotient = np.empty(A.shape, A.dtype)
+    for i in range(A.shape[0]):
+        for j in range(A.shape[1]):
+            quotient[i, j] = A[i, j] / divisor
+    return quotient
 
 
 SWEEPS = 30
@@ -325,10 +354,12 @@ class Residuals(NamedTuple):
 def residuals_of(innovation: FloatArray, HPHt: FloatArray, R: FloatArray) -> Residuals:
     """Return the update before the first pass, with weights of 1."""
     m = len(innovation)
-    U, vectors = root_of(R, m), np.ones((3, m))
+    U, vectors = root_of(R, m), np.empty((3, m), R.dtype)
     prior = whitened(U, HPHt)
     whiten(U, innovation, vectors[0])
-    return Residuals(U, prior, vectors[0], vectors[1], vectors[2], prior.copy(), np.empty((m, m)))
+    for i in range(m):
+        vectors[1, i] = 1.0
+    return Residuals(U, prior, vectors[0], vectors[1], vectors[2], prior.copy(), np.empty((m, m), R.dtype))
 
 
 def update_residuals(of: Residuals) -> None:

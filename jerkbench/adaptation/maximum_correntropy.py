@@ -8,6 +8,7 @@ from jerkbench.adaptation._ranges import BANDWIDTH, check_sides
 from jerkbench.adaptation.common import PASSES, SMALLEST_WEIGHT, doubtable, gain_of, settle, stack_of
 from jerkbench.adaptation.linalg import whiten
 from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.compilation.lanes import anywhere, chosen
 from jerkbench.errors import PluginError, unknown
 from jerkbench.parameters import DefaultOrigin, Provenance
 from jerkbench.plugins import register
@@ -73,11 +74,14 @@ class MaximumCorrentropy:
         if self.start == "prediction":  # r_p = 0, r_r = B_r^-1 (z - H x-)
             stack.residual[:p] = 0.0
             whiten(stack.columns[p:], innovation, stack.residual[p:])
+        moves = 1.0
         for k in range(PASSES):
             if k > 0 or self.start == "prediction":
                 for i in range(first, len(stack.weights)):
-                    stack.weights[i] = _kernel(stack.residual[i], self.bandwidth)
-            if settle(stack, x):
+                    weight = _kernel(stack.residual[i], self.bandwidth)
+                    stack.weights[i] = chosen(moves, 0.0, weight, stack.weights[i])
+            moves = settle(stack, x)
+            if not anywhere(moves):
                 break
         return gain_of(stack)
 

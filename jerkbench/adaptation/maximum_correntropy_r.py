@@ -1,7 +1,7 @@
 """Maximum correntropy, the measurement alone."""
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from jerkbench.adaptation._ranges import BANDWIDTH, check_passes
 from jerkbench.adaptation.common import gaussian_kernel
@@ -43,6 +43,8 @@ class MaximumCorrentropyR:
 
     bandwidth: Annotated[float, BANDWIDTH, DefaultOrigin("literature: the source uses 2 to 10")] = 5.0
     passes: Annotated[int, DefaultOrigin("ours")] = 5
+
+    lanes: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         """Check the ranges."""

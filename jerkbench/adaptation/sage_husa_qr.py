@@ -1,13 +1,15 @@
 """Sage and Husa on both noises: recursive estimates of R and of Q."""
 
+import math
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 
 from jerkbench.adaptation._ranges import FORGETTING, SHRINKING
-from jerkbench.adaptation.linalg import factorise, forward_rows, solve, submatrix
+from jerkbench.adaptation.linalg import diagonal, factorise, forward_rows, solve, submatrix
 from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.compilation.lanes import chosen
 from jerkbench.errors import PluginError
 from jerkbench.parameters import DefaultOrigin, Provenance, Range
 from jerkbench.plugins import register
@@ -53,6 +55,8 @@ class SageHusaBoth:
     high: Annotated[float, GROWING, DefaultOrigin("ours: a hundred times the reported sigma")] = 1e4
     high_process: Annotated[float, GROWING, DefaultOrigin("ours: ten times the sigma of the model")] = 1e2
 
+    lanes: ClassVar[bool] = True
+
     def __post_init__(self) -> None:
         """Check the ranges."""
         if not 0 < self.forgetting < 1:
@@ -79,44 +83,52 @@ class SageHusaBoth:
         memory: FloatArray,
     ) -> FloatArray:
         """Return P~; estimate R for `adapt`, and Q for the next update."""
-        if memory[18] == 0:
-            memory[RATIOS:] = 1.0
-        root, prior = np.sqrt(memory[RATIOS:]), np.empty(P.shape)
-        for s in range(len(P)):
-            for t in range(len(P)):
+        n, m = len(P), len(rows)
+        prior, root, r = np.empty(P.shape, P.dtype), np.empty(n, P.dtype), np.empty(m, P.dtype)
+        for s in range(n):
+            memory[RATIOS + s] = chosen(memory[18], 0.0, memory[RATIOS + s], 1.0)
+            root[s] = math.sqrt(memory[RATIOS + s])
+        for s in range(n):
+            for t in range(n):
                 prior[s, t] = P[s, t] - Q[s, t] + Q[s, t] * (root[s] * root[t])
-        for i, row in enumerate(rows):
-            r, d = R[i, i], _share(memory, COUNT + row, FADED + row, self.forgetting)
-            estimate = (1.0 - d) * memory[row] + d * (innovation[i] ** 2 - prior[row, row])
-            memory[row] = r if d == 1.0 else min(max(estimate, self.low * r), self.high * r)
-        step, posterior = _update_of(prior, innovation, memory[rows], rows)
+        for i in range(m):
+            row, reported = rows[i], R[i, i]
+            d = _share(memory, COUNT + row, FADED + row, self.forgetting)
+            estimate = (1.0 - d) * memory[row] + d * (innovation[i] * innovation[i] - prior[row, row])
+            clipped = min(max(estimate, self.low * reported), self.high * reported)
+            r[i] = chosen(1.0, d, clipped, reported)
+            memory[row] = r[i]
+        step, posterior = _update_of(prior, innovation, r, rows)
         d = _share(memory, 18, 19, self.forgetting)
-        for s in range(len(x)):
-            if d < 1.0 and Q[s, s] > 0:
-                seen = (step[s] ** 2 + posterior[s] - P[s, s] + Q[s, s]) / Q[s, s]
-                ratio = (1.0 - d) * memory[RATIOS + s] + d * seen
-                memory[RATIOS + s] = min(max(ratio, self.low), self.high_process)
+        for s in range(n):
+            noise = chosen(Q[s, s], 0.0, Q[s, s], 1.0)
+            seen = (step[s] * step[s] + posterior[s] - P[s, s] + Q[s, s]) / noise
+            ratio = min(max((1.0 - d) * memory[RATIOS + s] + d * seen, self.low), self.high_process)
+            memory[RATIOS + s] = chosen(min(1.0 - d, Q[s, s]), 0.0, ratio, memory[RATIOS + s])
         return prior
 
     def adapt(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
     ) -> FloatArray:
         """Return the diagonal R of the estimated variances."""
-        return np.diag(memory[rows])
+        r = np.empty(len(rows), R.dtype)
+        for i in range(len(rows)):
+            r[i] = memory[rows[i]]
+        return diagonal(r)
 
 
 def _share(memory: FloatArray, count: int, faded: int, forgetting: float) -> float:
     """Return d of the k-th update, 1 at the first, and count it; b^k is faster to remember than to raise."""
-    k, power = memory[count], memory[faded] if memory[count] > 0 else 1.0
+    k, power = memory[count], chosen(memory[count], 0.0, memory[faded], 1.0)
     memory[count], memory[faded] = k + 1.0, power * forgetting
-    return float((1.0 - forgetting) / (1.0 - power * forgetting))
+    return (1.0 - forgetting) / (1.0 - power * forgetting)
 
 
 def _update_of(P: FloatArray, innovation: FloatArray, r: FloatArray, rows: IntArray) -> tuple[FloatArray, FloatArray]:
     """Return d (n,) and the variances (n,) of P - P H' (H P H' + R)^-1 H P, R = diag(``r``)."""
     m, n = len(rows), len(P)
-    S, M, W, v = submatrix(P, rows), np.empty((m, m)), np.empty((m, n)), np.empty(m)
-    step, posterior = np.zeros(n), np.empty(n)
+    S, M, W, v = submatrix(P, rows), np.empty((m, m), P.dtype), np.empty((m, n), P.dtype), np.empty(m, P.dtype)
+    step, posterior = np.zeros(n, P.dtype), np.empty(n, P.dtype)
     for i in range(m):
         S[i, i] += r[i]
         for s in range(n):

@@ -6,9 +6,10 @@ from typing import Annotated
 import numpy as np
 
 from jerkbench.adaptation._ranges import check_sides
-from jerkbench.adaptation.common import PASSES, SMALLEST_WEIGHT, has_settled
+from jerkbench.adaptation.common import PASSES, SMALLEST_WEIGHT, still_moves
 from jerkbench.adaptation.linalg import diagonalise, explained_sums, submatrix
 from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.compilation.lanes import anywhere
 from jerkbench.errors import PluginError, unknown
 from jerkbench.parameters import DefaultOrigin, Provenance, Range
 from jerkbench.plugins import register
@@ -103,7 +104,7 @@ class StatisticalSimilarity:
                 r = xi / weight
             explained, prior, measured = explained_sums(d, X[:, n], r, w)
             _take_step(X, w, steps)
-            if has_settled(steps[0], steps[1], x):
+            if not anywhere(still_moves(steps[0], steps[1], x)):
                 break
         memory[0] = weight
         return np.asarray(P / xi, dtype=np.float64)

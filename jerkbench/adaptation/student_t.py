@@ -1,9 +1,7 @@
 """Student's t distributions of prior and measurement."""
 
 from dataclasses import dataclass
-from typing import Annotated
-
-import numpy as np
+from typing import Annotated, ClassVar
 
 from jerkbench.adaptation._ranges import FREEDOM, check_passes, check_sides
 from jerkbench.adaptation.common import (
@@ -15,6 +13,7 @@ from jerkbench.adaptation.common import (
     measured_of,
     spread_part,
 )
+from jerkbench.adaptation.linalg import divided
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError
 from jerkbench.parameters import DefaultOrigin, Provenance, Range
@@ -58,6 +57,8 @@ class StudentT:
     passes: Annotated[int, DefaultOrigin("literature: 10 in the paper")] = 10
     sides: Annotated[str, DefaultOrigin("literature: the paper weighs both")] = "both"
 
+    lanes: ClassVar[bool] = True
+
     def __post_init__(self) -> None:
         """Check the ranges."""
         check_sides("student_t", self.sides)
@@ -95,10 +96,10 @@ class StudentT:
                 fill_blend(part.W, N, self.tau, part.D, xi)
                 share = (self.tau + xi * share) / (self.tau + 1.0)
         memory[0] = weight
-        return spread_part(P, rows, part.W / xi, share / xi) if self.sides == "both" else P
+        return spread_part(P, rows, divided(part.W, xi), share / xi) if self.sides == "both" else P
 
     def adapt(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
     ) -> FloatArray:
         """Return R~."""
-        return np.asarray(R / memory[0], dtype=np.float64)
+        return divided(R, memory[0])

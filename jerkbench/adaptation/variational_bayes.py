@@ -2,12 +2,14 @@
 
 import math
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 
 from jerkbench.adaptation._ranges import FORGETTING, check_passes
+from jerkbench.adaptation.linalg import diagonal, factorise, fill_inverse_diagonal, solve
 from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.compilation.lanes import chosen
 from jerkbench.errors import PluginError
 from jerkbench.parameters import DefaultOrigin, Provenance, Range
 from jerkbench.plugins import register
@@ -49,6 +51,8 @@ class VariationalBayes:
     ] = 3.0
     passes: Annotated[int, DefaultOrigin("literature: the source finds two enough")] = 2
 
+    lanes: ClassVar[bool] = True
+
     def __post_init__(self) -> None:
         """Check the ranges."""
         if not 0 < self.forgetting < 1:
@@ -65,16 +69,24 @@ class VariationalBayes:
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
     ) -> FloatArray:
         """Return the diagonal R of the estimated variances."""
-        begun = memory[rows] > 0.0
-        alpha = self.forgetting * np.where(begun, memory[rows], self.start) + 0.5
-        kept = self.forgetting * np.where(begun, memory[rows + 6], self.start * np.diag(R))
-        beta = kept
-        r = beta / alpha
+        m = len(rows)
+        vectors, S, M, room = np.zeros((6, m), R.dtype), HPHt.copy(), np.empty((m, m), R.dtype), R.copy()
+        alpha, kept, beta, r, v, inverse = vectors[0], vectors[1], vectors[2], vectors[3], vectors[4], vectors[5]
+        for i in range(m):
+            begun, variance = memory[rows[i]], memory[rows[i] + 6]
+            alpha[i] = self.forgetting * chosen(begun, 0.0, begun, self.start) + 0.5
+            beta[i] = kept[i] = self.forgetting * chosen(begun, 0.0, variance, self.start * R[i, i])
+            r[i] = beta[i] / alpha[i]
         for _ in range(self.passes):
-            r = beta / alpha
-            S = HPHt + np.diag(r)
-            residual = r * np.linalg.solve(S, innovation)
-            posterior = r - r * np.diag(np.linalg.solve(S, np.diag(r)))
-            beta = kept + 0.5 * (residual**2 + posterior)
-        memory[rows], memory[rows + 6] = alpha, beta
-        return np.diag(r)
+            for i in range(m):
+                r[i] = beta[i] / alpha[i]
+                S[i, i] = HPHt[i, i] + r[i]
+            factorise(S, M)
+            solve(M, innovation, v)
+            fill_inverse_diagonal(M, room, inverse)
+            for i in range(m):
+                residual = r[i] * v[i]
+                beta[i] = kept[i] + 0.5 * (residual * residual + (r[i] - r[i] * r[i] * inverse[i]))
+        for i in range(m):
+            memory[rows[i]], memory[rows[i] + 6] = alpha[i], beta[i]
+        return diagonal(r)

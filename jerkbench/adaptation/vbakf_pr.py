@@ -2,13 +2,14 @@
 
 import math
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 
 from jerkbench.adaptation._ranges import FORGETTING, check_passes
 from jerkbench.adaptation.common import Measured, fill_blend, fill_square, innovate, measured_of, spread_part
 from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.compilation.lanes import chosen
 from jerkbench.errors import PluginError
 from jerkbench.parameters import DefaultOrigin, Provenance, Range
 from jerkbench.plugins import register
@@ -61,6 +62,8 @@ class VariationalPriorAndNoise:
     )
     passes: Annotated[int, DefaultOrigin("literature: 10 in the paper")] = 10
 
+    lanes: ClassVar[bool] = True
+
     def __post_init__(self) -> None:
         """Check the ranges."""
         if not 0 < self.forgetting <= 1:
@@ -87,11 +90,12 @@ class VariationalPriorAndNoise:
         """Return P~, and keep u and U in the memory."""
         m, slot = len(rows), SLOT * _set_of(rows)
         known = memory[slot : slot + SLOT]
-        begun = known[0] > 0
-        u = self.forgetting * (known[0] - m - 1.0 if begun else self.start)  # less m + 1
-        U = self.forgetting * (known[1 : 1 + m * m].copy().reshape(m, m) if begun else self.start * R)
-        part = measured_of(P, R, rows)
-        N, gathered = part.W.copy(), np.empty((m, m))
+        begun, U, part = known[0], np.empty((m, m), R.dtype), measured_of(P, R, rows)
+        u = self.forgetting * chosen(begun, 0.0, begun - m - 1.0, self.start)  # less m + 1
+        for i in range(m):
+            for j in range(m):
+                U[i, j] = self.forgetting * chosen(begun, 0.0, known[1 + m * i + j], self.start * R[i, j])
+        N, gathered = part.W.copy(), np.empty((m, m), R.dtype)
         for k in range(self.passes):
             if k > 0:
                 innovate(part, innovation, 1.0, 1.0)
@@ -101,7 +105,10 @@ class VariationalPriorAndNoise:
             for i in range(m):
                 for j in range(m):
                     part.R[i, j] = gathered[i, j] / (u + 1.0)
-        known[0], known[1 : 1 + m * m] = u + m + 2.0, gathered.ravel()
+        known[0] = u + m + 2.0
+        for i in range(m):
+            for j in range(m):
+                known[1 + m * i + j] = gathered[i, j]
         return spread_part(P, rows, part.W, 1.0)
 
     def adapt(
@@ -109,9 +116,11 @@ class VariationalPriorAndNoise:
     ) -> FloatArray:
         """Return R~ of the last pass."""
         m, slot = len(rows), SLOT * _set_of(rows)
-        return np.asarray(
-            memory[slot + 1 : slot + 1 + m * m].copy().reshape(m, m) / (memory[slot] - m - 1.0), dtype=np.float64
-        )
+        Rt = np.empty((m, m), R.dtype)
+        for i in range(m):
+            for j in range(m):
+                Rt[i, j] = memory[slot + 1 + m * i + j] / (memory[slot] - m - 1.0)
+        return Rt
 
 
 def _gather(part: Measured, innovation: FloatArray, U: FloatArray, gathered: FloatArray) -> None:

@@ -78,7 +78,7 @@ class _Jit:
     def _scope(self, function: types.FunctionType) -> dict[str, Any]:
         """The globals of ``function`` with dispatchers in place of functions."""
         values = {name: self._value(value) for name, value in reached(function).items()}
-        replaced = {name: self.constants[name] for name in values if name in self.constants}
+        replaced = {name: self._value(self.constants[name]) for name in values if name in self.constants}
         return {**values, **replaced, "__name__": self.home, "__builtins__": __builtins__}
 
     def _cell(self, cell: types.CellType) -> types.CellType:

@@ -4,6 +4,7 @@ import dataclasses
 import re
 from collections import namedtuple
 from collections.abc import Iterator
+from functools import lru_cache
 from types import ModuleType
 from typing import Any, NamedTuple
 
@@ -15,7 +16,10 @@ from numba.extending import intrinsic
 from jerkbench.arrays import FloatArray
 from jerkbench.compilation.code_digest import digest, own_function
 from jerkbench.compilation.jitted import jitted
+from jerkbench.compilation.lanes import above_in_lanes
 from jerkbench.compilation.module_cache import load_entry
+from jerkbench.compilation.vectors import WIDE, anywhere, chosen, vector_of
+from jerkbench.compilation.views import View, data_of
 
 # Calls of compiled functions by their address: a caller that is kept on the disk cannot know them by name.
 #
@@ -47,17 +51,34 @@ def try_ask(_typing: Any, address: Any, arrays: Any, numbers: Any) -> Any:  # no
     return _call_at(types.float64, address, arrays, numbers, guarded=types.Tuple([types.boolean, types.float64]))
 
 
-def _call_at(result: Any, address: Any, arrays: Any, numbers: Any, guarded: Any = None) -> Any:  # noqa: ANN401 - as above
+@intrinsic
+def try_fill_lanes_by(_typing: Any, address: Any, arrays: Any, numbers: Any) -> Any:  # noqa: ANN401 - as above
+    """The same as `try_fill_by` of a function for several runs: of numbers, ``arrays`` and views hold vectors."""
+    return _call_at(types.void, address, arrays, numbers, guarded=types.boolean, width=WIDE)
+
+
+def _call_at(
+    result: Any,  # noqa: ANN401 - as above
+    address: Any,  # noqa: ANN401 - as above
+    arrays: Any,  # noqa: ANN401 - as above
+    numbers: Any,  # noqa: ANN401 - as above
+    guarded: Any = None,  # noqa: ANN401 - as above
+    width: int = 1,
+) -> Any:  # noqa: ANN401 - as above
     """Typing and code of a call in numba's convention.
 
     An error that the function raises goes on to the caller's, unless the type ``guarded`` has room to say so.
     """
-    takes = [types.CPointer(array.dtype) for array in arrays] + list(numbers)
+    takes = [types.CPointer(_element(array, width)) for array in arrays] + list(numbers)
 
     def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:  # noqa: ANN401 - as above
         """Write it in LLVM."""
         given = cgutils.unpack_tuple(builder, args[1], len(arrays))
-        values = [context.make_array(t)(context, builder, value).data for t, value in zip(arrays, given, strict=True)]
+        firsts = [
+            value if isinstance(t, View) else data_of(context, builder, t, value)
+            for t, value in zip(arrays, given, strict=True)
+        ]
+        values = [builder.bitcast(first, context.get_value_type(t)) for first, t in zip(firsts, takes, strict=False)]
         values += cgutils.unpack_tuple(builder, args[2], len(numbers))
         convention = context.call_conv
         pointer = builder.inttoptr(args[0], convention.get_function_type(result, takes).as_pointer())
@@ -70,6 +91,11 @@ def _call_at(result: Any, address: Any, arrays: Any, numbers: Any, guarded: Any 
         return context.get_dummy_value() if sig.return_type == types.void else returned
 
     return (guarded or result)(address, arrays, numbers), generate
+
+
+def _element(array: Any, width: int) -> Any:  # noqa: ANN401 - as above
+    """The type of what the called function sees there."""
+    return vector_of(width) if isinstance(array, View) or array.dtype == types.float64 else array.dtype
 
 
 # Methods of a plugin, compiled as they are: `self` becomes a named tuple that is rebuilt from a vector of numbers.
@@ -96,14 +122,34 @@ class Method(NamedTuple):
 
 def parameter_vector(plugin: object) -> FloatArray:
     """Return the numbers among the plugin's fields, in their order."""
-    return np.array([number for _, value in _attributes(plugin) for number in _numbers(value)], dtype=np.float64)
+    return np.array([number for _, value in _attributes(plugin) for number in _flat(value)], dtype=np.float64)
 
 
-def compiled_method(plugin: object, method: Method) -> Any:  # noqa: ANN401 - numba has no types
+def whole_numbers(plugin: object) -> list[int]:
+    """Return the whole ones among the same numbers, and 0 for each of the others."""
+    numbers = [number for _, value in _attributes(plugin) for number in _flat(value)]
+    return [0 if isinstance(number, float) else int(number) for number in numbers]
+
+
+def compiled_shape(plugin: object) -> tuple[object, ...]:
+    """Return what `compiled_method` makes of the values of a plugin: the types of numbers, and all else as it is."""
+    return tuple((name, _shape(value)) for name, value in _attributes(plugin))
+
+
+def _shape(value: object) -> object:
+    if isinstance(value, (tuple, list)):
+        return tuple(map(_shape, value))
+    return type(value) if isinstance(value, (bool, int, float)) else value
+
+
+def compiled_method(plugin: object, method: Method, width: int = 1) -> Any:  # noqa: ANN401 - numba has no types
     """Return the plugin's method as a compiled function for `jerkbench.compilation.methods`.
 
     It takes the addresses of the parameters, of each argument, and of the array that it fills if there is one; then
     the sizes. One compilation serves all values of the numeric parameters.
+
+    Of several runs side by side it gets vectors of ``width`` numbers in the place of numbers. Then two arrays of
+    parameters come first: the vectors, and the whole numbers, which the runs have in common.
 
     Raises:
         numba.core.errors.NumbaError: numba cannot compile it.
@@ -114,19 +160,25 @@ def compiled_method(plugin: object, method: Method) -> Any:  # noqa: ANN401 - nu
     if function is None:
         raise TypeError(f"{type(plugin).__name__}.{method.name} is not a plain function")
     fields = [name for name, _ in _attributes(plugin)]
-    source = _entry_source(plugin, method)
+    source = _entry_source(plugin, method, width)
+    replaced = IN_LANES if width > 1 else {}
 
     def namespace(home: str) -> dict[str, Any]:
         """Return what the entry point's text refers to."""
         return {
             "Parameters": namedtuple("Parameters", fields),  # noqa: PYI024 - its fields are known at run time only
-            "method": jitted(function, home),
+            "method": jitted(function, home, replaced),
             "fill": jitted(_fill, home),
+            "number": vector_of(width),
         }
 
-    title = f"{type(plugin).__name__}.{method.name}"
-    module: ModuleType = load_entry(title, source, digest(function, fields=fields), namespace)
+    title = f"{type(plugin).__name__}.{method.name}{f' for {width} runs' if width > 1 else ''}"
+    module: ModuleType = load_entry(title, source, digest(function, fields=fields, width=width), namespace)
     return module.entry
+
+
+IN_LANES = {"chosen": chosen, "anywhere": anywhere, "above": above_in_lanes}
+"""What stands for the functions of `jerkbench.compilation.lanes` side by side."""
 
 
 def address_of(function: Any) -> int:  # noqa: ANN401 - numba has no types
@@ -138,7 +190,7 @@ def address_of(function: Any) -> int:  # noqa: ANN401 - numba has no types
 ENTRY = '''"""Made by jerkbench: {title} for compiled code."""
 
 from numba import carray, njit
-from numba.types import CPointer, float64, int64, void
+from numba.types import CPointer, int64, void
 
 
 @njit({result}({types}), cache=True, error_model="numpy", nogil=True)
@@ -153,31 +205,32 @@ BODY = """\
         {else_}"""
 
 
-def _entry_source(plugin: object, method: Method) -> str:
+def _entry_source(plugin: object, method: Method, width: int) -> str:
     """Text of the entry point: rebuild self, call the method."""
-    arrays = [("parameters", "float64"), *(argument[:2] for argument in method.arguments)]
-    arrays += [("result", "float64")] if method.result else []
+    arrays = [("parameters", "number"), *([("whole", "int64")] if width > 1 else [])]
+    arrays += [(name, "number" if of == "float64" else of) for name, of, _ in method.arguments]
+    arrays += [("result", "number")] if method.result else []
     return ENTRY.format(
         title=f"{type(plugin).__name__}.{method.name}",
-        result="void" if method.result else "float64",
+        result="void" if method.result else "number",
         types=", ".join([f"CPointer({of})" for _, of in arrays] + ["int64"] * len(method.sizes)),
         names=", ".join([name for name, _ in arrays] + list(method.sizes)),
-        body=_body(plugin, method),
+        body=_body(plugin, method, width),
     )
 
 
-def _body(plugin: object, method: Method) -> str:
+def _body(plugin: object, method: Method, width: int) -> str:
     """Text of the call; of two where some sizes are usual."""
     if not method.usual:
-        return f"    {_call(plugin, method, {})}"
+        return f"    {_call(plugin, method, {}, width)}"
     return BODY.format(
         usual=" and ".join(f"{name} == {size}" for name, size in method.usual),
-        often=_call(plugin, method, dict(method.usual)),
-        else_=_call(plugin, method, {}),
+        often=_call(plugin, method, dict(method.usual), width),
+        else_=_call(plugin, method, {}, width),
     )
 
 
-def _call(plugin: object, method: Method, known: dict[str, int]) -> str:
+def _call(plugin: object, method: Method, known: dict[str, int], width: int) -> str:
     """Text of the call, with numbers in the place of the sizes that are ``known``."""
 
     def sized(shape: str) -> str:
@@ -185,7 +238,7 @@ def _call(plugin: object, method: Method, known: dict[str, int]) -> str:
         return "".join(names.get(word, word) for word in re.split(r"(\w+)", shape))
 
     arrays = ", ".join(f"carray({name}, {sized(shape)})" for name, _, shape in method.arguments)
-    call = f"method(Parameters({', '.join(_rebuilt(plugin))}), {arrays})"
+    call = f"method(Parameters({', '.join(_rebuilt(plugin, 'parameters' if width == 1 else 'whole'))}), {arrays})"
     return f"fill(carray(result, {sized(method.result)}), {call})" if method.result else f"return {call}"
 
 
@@ -200,41 +253,50 @@ def _fill(result: FloatArray, given: FloatArray) -> None:
 
 def _attributes(plugin: object) -> list[tuple[str, Any]]:
     """The fields, then the plain constants of the class."""
-    fields = [(f.name, getattr(plugin, f.name)) for f in dataclasses.fields(plugin)]  # type: ignore[arg-type]  # a plugin is a dataclass
-    known = {name for name, _ in fields}
+    names, constants = _attributes_of(type(plugin))  # type: ignore[arg-type]  # mypy takes a type for no key
+    return [*((name, getattr(plugin, name)) for name in names), *constants]
+
+
+@lru_cache(maxsize=256)
+def _attributes_of(cls: type[Any]) -> tuple[list[str], list[tuple[str, Any]]]:
+    """Names of the fields, and the constants with their values."""
+    fields = [field.name for field in dataclasses.fields(cls)]
     constants = {
         name: value
-        for cls in reversed(type(plugin).__mro__)
-        for name, value in vars(cls).items()
-        if not name.startswith("_") and name not in known and _is_constant(value)
+        for base in reversed(cls.__mro__)
+        for name, value in vars(base).items()
+        if not name.startswith("_") and name not in fields and _is_constant(value)
     }
-    return fields + sorted(constants.items())
+    return fields, sorted(constants.items())
 
 
 def _is_constant(value: object) -> bool:
     return isinstance(value, (bool, int, float, str)) or (isinstance(value, tuple) and all(map(_is_constant, value)))
 
 
-def _numbers(value: object) -> list[float]:
+def _flat(value: object) -> list[float]:
     if isinstance(value, (tuple, list)):
-        return [number for item in value for number in _numbers(item)]
-    return [float(value)] if isinstance(value, (bool, int, float)) else []
+        return [number for item in value for number in _flat(item)]
+    return [value] if isinstance(value, (bool, int, float)) else []
 
 
-def _rebuilt(plugin: object) -> list[str]:
-    """Source text that makes each attribute from the vector of numbers; what is no number is written out."""
+def _rebuilt(plugin: object, whole: str) -> list[str]:
+    """Source text that makes each attribute from the vector of numbers; what is no number is written out.
+
+    ``whole``: where the numbers of whole numbers stand.
+    """
     place = iter(range(10**6))
-    return [_text(value, place) for _, value in _attributes(plugin)]
+    return [_text(value, place, whole) for _, value in _attributes(plugin)]
 
 
-def _text(value: object, place: Iterator[int]) -> str:
+def _text(value: object, place: Iterator[int], whole: str) -> str:
     if isinstance(value, (tuple, list)):
-        items = "".join(f"{_text(item, place)}, " for item in value)
+        items = "".join(f"{_text(item, place, whole)}, " for item in value)
         return f"({items})"
     if isinstance(value, bool):
-        return f"parameters[{next(place)}] != 0.0"
+        return f"{whole}[{next(place)}] != 0"
     if isinstance(value, int):
-        return f"int(parameters[{next(place)}])"
+        return f"int({whole}[{next(place)}])"
     if isinstance(value, float):
         return f"parameters[{next(place)}]"
     return repr(value)

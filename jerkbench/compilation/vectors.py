@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from llvmlite import ir
 from numba import types
+from numba.core import cgutils
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, lower_cast, models, register_model
 
@@ -35,13 +36,13 @@ class Vector(types.Type):
 
     def unify(self, _: Any, other: Any) -> Any:  # noqa: ANN401 - numba has no types
         """Return what both are."""
-        return self if isinstance(other, types.Float) else None
+        return self if isinstance(other, types.Float | types.Integer) else None
 
     def can_convert_from(self, _: Any, other: Any) -> Any:  # noqa: ANN401 - numba has no types
         """Take a number where a vector belongs."""
         from numba.core.typeconv import Conversion
 
-        return Conversion.promote if isinstance(other, types.Float) else None
+        return Conversion.promote if isinstance(other, types.Float | types.Integer) else None
 
 
 @cache
@@ -72,30 +73,42 @@ def _cast(_context: Any, builder: Any, _from: Any, to: Any, number: Any) -> Any:
     return _repeated(builder, number, to.width)
 
 
+@lower_cast(types.Integer, Vector)
+def _cast_integer(context: Any, builder: Any, of: Any, to: Any, number: Any) -> Any:  # noqa: ANN401 - as above
+    return _repeated(builder, context.cast(builder, number, of, types.float64), to.width)
+
+
 def _common(kinds: Any) -> Any:  # noqa: ANN401 - as above
     """The type of a result of ``kinds``: a vector if one of them is, or None if they are of several widths."""
     wide = {kind for kind in kinds if isinstance(kind, Vector)}
     return wide.pop() if len(wide) == 1 else None if wide else types.float64
 
 
+PAIRS = (
+    *((Vector, kind) for kind in (Vector, types.Float, types.Integer)),
+    *((kind, Vector) for kind in (types.Float, types.Integer)),
+)
+"""Kinds of two values of which one is a vector."""
+
+
 def _define(symbols: tuple[Any, ...], instruction: str) -> None:
     """Teach numba an operator between vectors, and between a vector and a number."""
+    flags = ("contract",)
 
     def generic(_self: Any, args: Any, _kws: Any) -> Any:  # noqa: ANN401 - as above
         """Return the types of the operator, or None where it is not between vectors."""
-        known = len(args) == 2 and all(isinstance(arg, Vector | types.Float) for arg in args)
+        known = len(args) == 2 and all(isinstance(arg, Vector | types.Float | types.Integer) for arg in args)
         result = _common(args) if known else None
         return signature(result, *args) if isinstance(result, Vector) else None
 
-    def lower(_context: Any, builder: Any, sig: Any, args: Any) -> Any:  # noqa: ANN401 - as above
+    def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:  # noqa: ANN401 - as above
         """Return the LLVM instruction; a number is repeated over the width."""
-        given, width = zip(sig.args, args, strict=True), sig.return_type.width
-        both = [x if isinstance(kind, Vector) else _repeated(builder, x, width) for kind, x in given]
-        return getattr(builder, instruction)(*both, flags=("contract",))
+        both = [context.cast(builder, x, kind, sig.return_type) for kind, x in zip(sig.args, args, strict=True)]
+        return getattr(builder, instruction)(*both, flags=flags)
 
     for symbol in symbols:
         infer_global(symbol)(type("_Operator", (AbstractTemplate,), {"key": symbol, "generic": generic}))
-        for pair in ((Vector, Vector), (Vector, types.Float), (types.Float, Vector)):
+        for pair in PAIRS:
             lower_builtin(symbol, *pair)(lower)
 
 
@@ -116,6 +129,67 @@ def chosen(_typing: Any, left: Any, right: Any, yes: Any, no: Any) -> Any:  # no
         return builder.select(builder.fcmp_ordered(">", given[0], given[1]), given[2], given[3])
 
     return (result(left, right, yes, no), generate) if result else None
+
+
+# What plain functions of a number may call (`jerkbench.compilation.lanes`).
+
+
+def _teach(function: Any, takes: int, write: Any) -> None:  # noqa: ANN401 - as above
+    """Teach numba a function of ``takes`` vectors or numbers; ``write`` gets the builder and the vectors."""
+
+    def generic(_self: Any, args: Any, _kws: Any) -> Any:  # noqa: ANN401 - as above
+        """Return the types of the function, or None where it gets no vector."""
+        known = len(args) == takes and all(isinstance(arg, Vector | types.Float | types.Integer) for arg in args)
+        result = _common(args) if known else None
+        return signature(result, *args) if isinstance(result, Vector) else None
+
+    def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:  # noqa: ANN401 - as above
+        """Write it in LLVM."""
+        of = sig.return_type
+        return write(builder, *(context.cast(builder, x, t, of) for x, t in zip(args, sig.args, strict=True)))
+
+    infer_global(function)(type("_Function", (AbstractTemplate,), {"key": function, "generic": generic}))
+    for kinds in PAIRS if takes == 2 else ((Vector,),):
+        lower_builtin(function, *kinds)(lower)
+
+
+def _intrinsic(name: str) -> Any:  # noqa: ANN401 - as above
+    def write(builder: Any, x: Any) -> Any:  # noqa: ANN401 - as above
+        """Call the intrinsic of LLVM for vectors."""
+        of = ir.FunctionType(x.type, [x.type])
+        return builder.call(cgutils.get_or_insert_function(builder.module, of, f"llvm.{name}.v{x.type.count}f64"), [x])
+
+    return write
+
+
+def _larger(builder: Any, a: Any, b: Any) -> Any:  # noqa: ANN401 - as above
+    return builder.select(builder.fcmp_ordered(">", b, a), b, a)
+
+
+def _smaller(builder: Any, a: Any, b: Any) -> Any:  # noqa: ANN401 - as above
+    return builder.select(builder.fcmp_ordered("<", b, a), b, a)
+
+
+_teach(abs, 1, _intrinsic("fabs"))
+_teach(math.sqrt, 1, _intrinsic("sqrt"))
+_teach(math.exp, 1, _intrinsic("exp"))
+_teach(max, 2, _larger)
+_teach(min, 2, _smaller)
+_teach(operator.neg, 1, lambda builder, x: builder.fneg(x))
+
+
+@intrinsic
+def anywhere(_typing: Any, flag: Any) -> Any:  # noqa: ANN401 - as above
+    """Whether a number is above zero in any of the runs."""
+
+    def generate(_context: Any, builder: Any, sig: Any, args: Any) -> Any:  # noqa: ANN401 - as above
+        """Write it in LLVM."""
+        width = sig.args[0].width
+        above = builder.fcmp_ordered(">", args[0], ir.Constant(llvm_vector(width), [0.0] * width))
+        bits = builder.bitcast(above, ir.IntType(width))
+        return builder.icmp_unsigned("!=", bits, ir.Constant(ir.IntType(width), 0))
+
+    return (types.boolean(flag), generate) if isinstance(flag, Vector) else None
 
 
 def turned(builder: Any, rows: Any) -> Any:  # noqa: ANN401 - as above

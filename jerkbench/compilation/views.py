@@ -182,7 +182,8 @@ def _set_field(_context: Untyped, builder: Untyped, sig: Untyped, args: Untyped,
 # Runs and rows of arrays
 
 
-def _data(context: Untyped, builder: Untyped, kind: Untyped, array: Untyped) -> Untyped:
+def data_of(context: Untyped, builder: Untyped, kind: Untyped, array: Untyped) -> Untyped:
+    """Return the address of an array's first element."""
     return context.make_array(kind)(context, builder, array).data
 
 
@@ -192,7 +193,7 @@ def runs_in(_typing: Untyped, array: Untyped, kind: Untyped) -> Untyped:
 
     def generate(context: Untyped, builder: Untyped, sig: Untyped, args: Untyped) -> Untyped:
         """Write it in LLVM."""
-        return _data(context, builder, sig.args[0], args[0])
+        return data_of(context, builder, sig.args[0], args[0])
 
     return kind.instance_type(array, kind), generate
 
@@ -244,7 +245,7 @@ def _row(*, shared: bool) -> Untyped:
 
         def generate(context: Untyped, builder: Untyped, sig: Untyped, args: Untyped) -> Untyped:
             view, k = sig.return_type, context.cast(builder, args[1], sig.args[1], types.intp)
-            data = _data(context, builder, sig.args[0], args[0])
+            data = data_of(context, builder, sig.args[0], args[0])
             return builder.gep(data, [builder.mul(k, LONG(view.width * len(view.places)))])
 
         return view and (view(array, k, run, dims), generate)
@@ -340,7 +341,7 @@ def spread(_typing: Untyped, into: Untyped, view: Untyped) -> Untyped:
 
     def generate(context: Untyped, builder: Untyped, sig: Untyped, args: Untyped) -> Untyped:
         """Write it in LLVM."""
-        data, view = _data(context, builder, sig.args[0], args[0]), sig.args[1]
+        data, view = data_of(context, builder, sig.args[0], args[0]), sig.args[1]
         blocks = _blocks(view.places)
         for b, block in enumerate(blocks):
             elements = [_load(builder, args[1], LONG(place), view.width) for place in block]
@@ -358,7 +359,7 @@ def gather(_typing: Untyped, view: Untyped, given: Untyped) -> Untyped:
 
     def generate(context: Untyped, builder: Untyped, sig: Untyped, args: Untyped) -> Untyped:
         """Write it in LLVM."""
-        data, view = _data(context, builder, sig.args[1], args[1]), sig.args[0]
+        data, view = data_of(context, builder, sig.args[1], args[1]), sig.args[0]
         blocks = _blocks(view.places)
         for b, block in enumerate(blocks):
             at = [WIDE * b + k if view.width == 1 else WIDE * (len(blocks) * k + b) for k in range(WIDE)]

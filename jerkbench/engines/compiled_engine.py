@@ -71,7 +71,9 @@ class CompiledEngine:
         from jerkbench.kinematic.runs import run_batch
 
         owned = [clocked(own, run.timeline) for own, run in zip(adaptations, runs, strict=True)]
-        known = {own: _compiled_rule(own) for own in dict.fromkeys(owned)}  # equal ones are one, asked for once
+        known = {
+            own: _compiled_rule(own, side_by_side=True) for own in dict.fromkeys(owned)
+        }  # equal ones are one, asked for once
         results: list[Streamed | None] = [None] * len(runs)
         rules = {k: rule for k, own in enumerate(owned) if (rule := known[own]) is not None}
         batch = [runs[k] for k in rules], [models[k] for k in rules], list(rules.values())
@@ -80,11 +82,11 @@ class CompiledEngine:
         return results
 
 
-def _compiled_rule(adaptation: Adaptation) -> "Rule | None":
+def _compiled_rule(adaptation: Adaptation, *, side_by_side: bool = False) -> "Rule | None":
     """The compiled adaptation, or None, with one line that says why numba cannot compile it."""
     if not can_compile():
         notify("runs go on the engine filterpy, because NUMBA_DISABLE_JIT is set: numba compiles nothing")
         return None
     from jerkbench.kinematic.plugin_call import compiled_rule
 
-    return compiled_rule(adaptation, "{} runs on the engine filterpy")
+    return compiled_rule(adaptation, "{} runs on the engine filterpy", side_by_side=side_by_side)

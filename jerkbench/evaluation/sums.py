@@ -4,7 +4,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -53,6 +53,11 @@ class Scored:
     outline: Estimate
 
     @cached_property
+    def errors_alone(self) -> Scoring:
+        """What the engine scores where no metric asks how consistent the errors are with the covariances."""
+        return replace(self.scoring, consistency=False)
+
+    @cached_property
     def numbers(self) -> Numbers:
         """The numbers of counted rows: the same for every run."""
         rows = self.rows
@@ -77,6 +82,9 @@ def sums_of(estimate: Estimate, recording: Recording, counted: BoolArray) -> Sum
 
 class Summed(ABC):
     """A metric that needs the sums of a run alone, whether or not its trajectory was stored."""
+
+    reads_nees: ClassVar[bool] = True
+    """Whether it reads the sums of e' P^-1 e; of a metric that does not say so it is taken that it does."""
 
     @abstractmethod
     def summarise(self, sums: Sums) -> dict[str, float]:

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, cast
 
 import numpy as np
 
-from jerkbench.contracts import Adaptation, Batched, Engine, Estimator, Filter, PerSeed, SideBySide
+from jerkbench.contracts import Adaptation, Batched, Engine, Estimator, Filter, PerSeed, Reading, SideBySide
 from jerkbench.errors import JerkbenchError, PluginError
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.evaluation.counted_rows import require_begin
@@ -307,8 +307,12 @@ def _run_all(runs: Sequence[tuple[Job, _Prepared]], how: How) -> Sequence[Stream
     updates, attitude = "updates" in reads, "attitude" in reads
     models: list[Any] = [job.method.filter for job, _ in runs]
     rules = [job.method.adaptation for job, _ in runs]
+    nees = any(getattr(metric, "reads_nees", not isinstance(metric, Reading)) for metric in first.scoring.metrics)
     bare = [
-        Run(told_timeline(seed.timeline, seed.recording, seed.attitude, job.method.r_scale), seed.scored.scoring)
+        Run(
+            told_timeline(seed.timeline, seed.recording, seed.attitude, job.method.r_scale),
+            seed.scored.scoring if nees else seed.scored.errors_alone,
+        )
         for job, seed in runs
     ]
     if not isinstance(first.method.filter, Batched):

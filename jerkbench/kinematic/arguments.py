@@ -57,6 +57,7 @@ class Score(NamedTuple):
         truth: (k, 6, WIDTH).
         weights: (k, 4) in the order of `WEIGHTS`.
         outage: (k, WIDTH) 1 where a row counts for the outages, else 0; or no row where there are none.
+        consistency: whether e' P^-1 e is summed up.
     """
 
     mark: IntVector
@@ -64,6 +65,7 @@ class Score(NamedTuple):
     truth: FloatCube
     weights: FloatMatrix
     outage: FloatMatrix
+    consistency: bool
 
 
 class Model(NamedTuple):
@@ -85,19 +87,21 @@ class Model(NamedTuple):
 
 
 class Rules(NamedTuple):
-    """The adaptation of each run.
+    """The adaptation of each run; or one that all runs ask at once, in vectors (a last axis of WIDTH).
 
     Attributes:
-        parameters: (WIDTH, any) its numbers.
+        parameters: (WIDTH, any) its numbers; (any, WIDTH) of all runs at once.
+        whole: (any,) of all runs at once the same, where they are whole numbers and so the same; else nothing.
         adapt: (WIDTH,) address of its `adapt`, compiled.
         fade: (WIDTH,) address of its `fade`, or 0: it has none.
         prior: (WIDTH,) likewise of its `adapt_prior`.
         gain: (WIDTH,) likewise of its `adapt_gain`.
-        memory: (WIDTH, any) what it remembers, zero at the start.
+        memory: (WIDTH, any) what it remembers, zero at the start; (any, WIDTH) of all at once, and room for as much.
         sizes: (WIDTH,) how much of that is its own.
     """
 
     parameters: FloatMatrix
+    whole: IntVector
     adapt: IntVector
     fade: IntVector
     prior: IntVector
@@ -141,7 +145,6 @@ class Exchange(NamedTuple):
         variance: (WIDTH, 8) its diagonal, before rows without a finite one are left out.
         some: (114,) the same of one run, where some rows are missing.
         rows: (6,) which these are.
-        since: (WIDTH, 2 N N) A and Q of one axis, from the last update of each run to this one.
         whole: (S + 4 S S,) room for the state of one run as `Whole` has it.
         own: (WIDTH, 2 + S + S S) of a run with a gain of its own 1, LOST, x and P after this update; of any other 0.
     """
@@ -154,7 +157,6 @@ class Exchange(NamedTuple):
     variance: FloatMatrix
     some: FloatVector
     rows: IntVector
-    since: FloatMatrix
     whole: FloatVector
     own: FloatMatrix
 
@@ -199,9 +201,8 @@ def exchange_for(n: int, width: int) -> Exchange:
     """Make room for ``width`` runs of a filter with ``n`` quantities on each axis."""
     HPHt, given, adapted = (aligned_zeros(width, MATRIX) for _ in range(3))
     y, kept, variance = (aligned_zeros(width, SIX) for _ in range(3))
-    since = np.tile(np.concatenate([np.eye(n).ravel(), np.zeros(n * n)]), (width, 1))
     s = 3 * n
-    room = np.zeros(114), np.zeros(6, dtype=np.int64), since, np.zeros(s + 4 * s * s), np.zeros((width, 2 + s + s * s))
+    room = np.zeros(114), np.zeros(6, dtype=np.int64), np.zeros(s + 4 * s * s), np.zeros((width, 2 + s + s * s))
     return Exchange(HPHt, y, kept, given, adapted, variance, *room)
 
 
@@ -237,6 +238,8 @@ SHAPES: dict[str, tuple[int, ...]] = {
     "doubt": (),  # above 0 where what an update leaves of a variance may be rounding
     "lost": (),  # above 0 once a matrix was not positive definite
     "ended": (),  # step at whose end that was, or -1
+    "waits": (),  # 1 where an adaptation of all runs at once is still to be asked
+    "asks": (),  # 1 where it is being asked
     "e": (6,),  # error of position and velocity
     "square": (),  # of the position error
 }
@@ -258,7 +261,9 @@ def run_type(n: int, width: int, **sizes: int) -> Lanes:
 
 def type_with(more: Mapping[str, tuple[int, ...]], s: int, width: int, **sizes: int) -> Lanes:
     """Return the type of runs of ``s`` states with ``more`` fields of these shapes."""
+    n = -(-s // 3)
     shapes = {**SHAPES, **TOTALS, "x": (s,), "G": (6, s), "Z": (6, s), **more}  # G, Z = S^-1 G: see `correction`
+    shapes |= {"since_A": (n, n), "since_Q": (n, n)}  # of one axis, from the last update to this one
     run = with_covariance(shapes, s, width)
     over_D = View((6,), run.fields["L"].places[::7], width)  # 1/D stands on the diagonal of L
     return Lanes({**run.fields, "over_D": over_D}, {**run.sizes, "seen": SEEN, "marked": MARKED, **sizes}, width)
@@ -298,6 +303,9 @@ def _covariance(n: int) -> list[int]:
 
 RUN = run_type(3, WIDE)
 """The type of the runs at hand: a compilation replaces it."""
+
+LANES = 0
+"""Whether the adaptation is one of all runs at once, likewise."""
 
 DENSE = 1
 """Whether an adaptation of these runs sees whole matrices, likewise: they are shown to nobody else."""

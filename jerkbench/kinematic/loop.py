@@ -9,15 +9,16 @@ from jerkbench.compilation.compiled_loop import compiled_loop, is_compiled, run_
 from jerkbench.compilation.vectors import chosen
 from jerkbench.compilation.views import Lanes, View, ask_for, copy, lane, room, row, runs_in, shared_row
 from jerkbench.kinematic.adapt import adapt_runs
-from jerkbench.kinematic.arguments import DENSE, RUN, Exchange, Kept, Model, Rules, Score, Steps, run_type
+from jerkbench.kinematic.adapt_lanes import adapt_lanes
+from jerkbench.kinematic.arguments import DENSE, LANES, RUN, Exchange, Kept, Model, Rules, Score, Steps, run_type
 from jerkbench.kinematic.correction import NAN, check_definite, correct, determinant, mahalanobis
 from jerkbench.kinematic.predict import mark_axes, mirror, predict
-from jerkbench.kinematic.whole_matrices import advance, find_gains, put_gains
+from jerkbench.kinematic.whole_matrices import advance, begin_transition, find_gains, put_gains
 
 
 def compare(run: Lanes, score: Score, errors: FloatArray, k: int) -> None:
     """Score the state with row ``k`` of the reference."""
-    add_row(run, row(score.truth, k, run, "6"), score.weights[k])
+    add_row(run, row(score.truth, k, run, "6"), score.weights[k], score.consistency)
     if score.mark[k] >= 0:
         marked = row(errors, score.mark[k], run, "marked")
         for i in range(3):
@@ -27,7 +28,7 @@ def compare(run: Lanes, score: Score, errors: FloatArray, k: int) -> None:
         run.outage += row(score.outage, k, run, "1")[0] * run.square
 
 
-def add_row(run: Lanes, truth: View, weights: FloatArray) -> None:
+def add_row(run: Lanes, truth: View, weights: FloatArray, consistency: bool) -> None:
     """Add the errors of the state to the sums; ``weights`` (4,) in the order of `arguments.WEIGHTS`."""
     counted, whole, moving = weights[0], weights[1], weights[2]
     for s in range(6):
@@ -40,7 +41,8 @@ def add_row(run: Lanes, truth: View, weights: FloatArray) -> None:
     run.whole += whole * square
     run.farthest = chosen(square, run.farthest, square, run.farthest)
     run.largest = chosen(counted * square, run.largest, square, run.largest)
-    _add_nees(run, counted, weights[3])
+    if consistency:
+        _add_nees(run, counted, weights[3])
 
 
 def _add_nees(run: Lanes, counted: float, both: float) -> None:
@@ -112,7 +114,11 @@ def expect(run: Lanes, steps: Steps, rules: Rules, exchange: Exchange, seen: Vie
         seen[4 + r] = chosen(run.used[r], 0.0, run.y[r], NAN)
     if len(steps.R) > 0:
         _take_covariance(run, row(steps.R, which, run, "6 6"), complete)
-    same = adapt_runs(run, exchange, rules, complete)
+    same = False
+    if LANES == 1:
+        adapt_lanes(run, exchange.rows, rules, complete)
+    else:
+        same = adapt_runs(run, exchange, rules, complete)
     if not same or len(steps.R) > 0:
         nis = mahalanobis(run)
     return nis
@@ -198,7 +204,7 @@ def run_steps(
         move(run, steps, model, k)
         if steps.update[k] >= 0:
             if DENSE == 1:
-                advance(run, exchange, model, steps, begun, k + 1)
+                advance(run, model, steps, begun, k + 1)
                 begun = k + 1
             update(run, steps, score, rules, kept, exchange, steps.update[k], updates, states)
             updates += 1
@@ -219,6 +225,8 @@ def start(run: Lanes, x0: View, P0: View, model: Model) -> None:
     for s in range(6, run.s):
         run.P[s, s] = row(model.extra, (s - 6) // 3, run, "1")[0]
     run.ended = run.ended - 1.0
+    if DENSE == 1:
+        begin_transition(run)
     mirror(run)
     mark_axes(run)
 
@@ -271,7 +279,16 @@ def all_lost(run: Lanes, step: int) -> bool:
 
 ALONE = ("run_steps", "predict", "add_row", "mahalanobis", "correct", "check_definite")
 SELDOM = (
-    *("predict_any", "clear_absent", "_pack", "fade_prior", "_unpack"),
+    *(
+        "predict_any",
+        "clear_absent",
+        "_pack",
+        "fade_prior",
+        "_unpack",
+        "adapt_lanes",
+        "_keep_memory",
+        "_restore_memory",
+    ),
     *("advance", "adapt_prior", "take_whole", "put_covariance", "find_gains", "put_gains", "_own_update", "_widen"),
 )
 APART = ALONE + SELDOM
@@ -279,12 +296,13 @@ APART = ALONE + SELDOM
 
 
 @cache
-def loop_for(n: int, width: int, *, dense: bool = False) -> Any:  # noqa: ANN401 - numba has no types
+def loop_for(n: int, width: int, *, dense: bool = False, lanes: bool = False) -> Any:  # noqa: ANN401 - numba has no types
     """Return the compiled loop of ``width`` runs for filters with ``n`` quantities on each axis.
 
-    ``dense``: for adaptations that see whole matrices; all others have a loop without any of that.
+    ``dense``: for adaptations that see whole matrices; all others have a loop without any of that. ``lanes``: for one
+    that is asked by all runs at once.
     """
-    return compiled_loop(run_steps, *_named(n, width, dense=dense))
+    return compiled_loop(run_steps, *_named(n, width, dense=dense, lanes=lanes))
 
 
 def runs_of(width: int) -> str:
@@ -294,10 +312,12 @@ def runs_of(width: int) -> str:
 
 def compile_beside(n: int) -> None:
     """Let another process compile the loop of one run, if it is not on the disk and there is a processor for it."""
-    if (os.cpu_count() or 1) > 1 and not is_compiled(run_steps, *_named(n, 1, dense=False)):
+    if (os.cpu_count() or 1) > 1 and not is_compiled(run_steps, *_named(n, 1)):
         run_beside(f"from {__name__} import loop_for; loop_for({n}, 1)")
 
 
-def _named(n: int, width: int, *, dense: bool) -> tuple[str, dict[str, Any], tuple[str, ...]]:
-    title = f"the loop for {runs_of(width)} of {3 * n} states{', dense' * dense}"
-    return title, {"RUN": run_type(n, width), "DENSE": int(dense)}, APART
+def _named(
+    n: int, width: int, *, dense: bool = False, lanes: bool = False
+) -> tuple[str, dict[str, Any], tuple[str, ...]]:
+    title = f"the loop for {runs_of(width)} of {3 * n} states{', dense' * dense}{', asked at once' * lanes}"
+    return title, {"RUN": run_type(n, width), "DENSE": int(dense), "LANES": int(lanes)}, APART

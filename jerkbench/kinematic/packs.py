@@ -144,7 +144,7 @@ class _Course:
 def _structure(course: _Course) -> bytes:
     """What runs of one pack have in common, as a hash."""
     t, s = course.run.timeline, course.run.scoring
-    shared = (np.array([t.dt0_s]), t.dt_s, t.sample, t.reference, s.counted, s.whole, s.moving)
+    shared = (np.array([t.dt0_s, s.consistency]), t.dt_s, t.sample, t.reference, s.counted, s.whole, s.moving)
     return blake2b(b"|".join(np.ascontiguousarray(array).tobytes() for array in shared)).digest()
 
 
@@ -214,6 +214,7 @@ def _score(lanes: Sequence[Run], marks: IntArray, update_s: FloatArray) -> Score
         _stacked(lanes, lambda run: run.scoring.truth),
         np.column_stack([first.counted, first.whole, first.moving, first.counted * first.moving]),
         _outages(lanes),
+        first.consistency,
     )
 
 

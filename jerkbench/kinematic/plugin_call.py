@@ -1,8 +1,8 @@
 """The call of an adaptation from compiled code, as its author wrote it."""
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Sequence
 from functools import lru_cache
-from typing import NamedTuple, cast
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,18 +12,21 @@ from jerkbench.compilation.methods import (
     address_of,
     ask,
     compiled_method,
+    compiled_shape,
     fill_by,
     parameter_vector,
     try_ask,
     try_fill_by,
+    whole_numbers,
 )
 from jerkbench.compilation.module_cache import can_compile
+from jerkbench.compilation.vectors import WIDE, aligned_zeros
 from jerkbench.compilation.views import Lanes
 from jerkbench.contracts import Adaptation, AdaptingGain, AdaptingPrior, Fading
 from jerkbench.kinematic.arguments import Packed, Rules, Whole
 from jerkbench.memory import memory_size
 from jerkbench.notices import notify
-from jerkbench.optional import wants_truth
+from jerkbench.optional import asked_in_lanes, wants_truth
 
 # The methods as the author of an adaptation writes them: what each is given, and what it returns.
 
@@ -42,60 +45,77 @@ GAIN = Method("adapt_gain", (*STATE[:2], *MEASURED), ("m", "size", "n"), (("m", 
 
 
 class Rule(NamedTuple):
-    """A compiled adaptation.
+    """An adaptation that compiles.
 
     Attributes:
         adaptation: itself, which knows how much it remembers.
         parameters: its numbers.
-        adapt: address of its `adapt`.
-        fade: address of its `fade`, or 0: it has none.
-        prior: likewise of its `adapt_prior`.
-        gain: likewise of its `adapt_gain`.
+        kind: what it is but for its numbers.
+        lanes: whether runs side by side ask it all at once.
         wants_truth: whether it gets the true covariance as R.
     """
 
     adaptation: Adaptation
     parameters: FloatArray
-    adapt: int
-    fade: int
-    prior: int
-    gain: int
+    kind: "_Kind"
+    lanes: bool
     wants_truth: bool
 
     @property
     def dense(self) -> bool:
         """Whether it sees whole matrices, which a loop of its own shows."""
-        return self.prior != 0 or self.gain != 0
+        _, _, prior, gain = _addresses(self.kind, self.lanes)
+        return prior != 0 or gain != 0
+
+    @property
+    def together(self) -> object:
+        """What those that are asked at once have in common; None where each is asked by itself."""
+        return (self.kind, tuple(whole_numbers(self.adaptation))) if self.lanes else None
 
 
 IN_PYTHON = "estimators with {} run in plain Python"
 
 
-def compiled_rule(adaptation: Adaptation, otherwise: str = IN_PYTHON) -> Rule | None:
+def compiled_rule(adaptation: Adaptation, otherwise: str = IN_PYTHON, *, side_by_side: bool = False) -> Rule | None:
     """Return the compiled adaptation; None where numba cannot compile it, and one line with the reason.
 
-    ``otherwise``: what that line says of the name of the adaptation.
+    Args:
+        adaptation: the adaptation.
+        otherwise: what that line says of its name.
+        side_by_side: whether a loop that asks for all runs at once (`jerkbench.kinematic.adapt_lanes`) is to call it.
     """
-    if reason := obstacle(cast("Hashable", adaptation)):
+    lanes = side_by_side and asked_in_lanes(adaptation)
+    if reason := obstacle(adaptation, lanes=lanes):
         notify(f"{otherwise.format(type(adaptation).__name__)}: {reason}")
         return None
-    return Rule(
-        adaptation, parameter_vector(adaptation), *_addresses(cast("Hashable", adaptation)), wants_truth(adaptation)
-    )
+    return Rule(adaptation, parameter_vector(adaptation), _Kind(adaptation), lanes, wants_truth(adaptation))
 
 
-def obstacle(adaptation: Hashable) -> str:
-    """Return why numba cannot compile ``adaptation``, or an empty string."""
-    return _obstacle(adaptation) if can_compile() else "NUMBA_DISABLE_JIT is set: numba compiles nothing"
+def obstacle(adaptation: Adaptation, *, lanes: bool = False) -> str:
+    """Return why numba cannot compile ``adaptation``, by itself or for all runs at once; or an empty string."""
+    return _obstacle(_Kind(adaptation), lanes) if can_compile() else "NUMBA_DISABLE_JIT is set: numba compiles nothing"
+
+
+class _Kind:
+    """An adaptation but for its numbers, which are handed over with each call: equal ones are compiled alike."""
+
+    def __init__(self, adaptation: Adaptation) -> None:
+        self.example, self._key = adaptation, (type(adaptation), compiled_shape(adaptation))
+
+    def __hash__(self) -> int:
+        return hash(self._key)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Kind) and self._key == other._key
 
 
 @lru_cache(maxsize=256)
-def _obstacle(adaptation: Hashable) -> str:
+def _obstacle(kind: _Kind, lanes: bool) -> str:
     from numba.core.errors import NumbaError, UnsupportedBytecodeError  # the second is none of the first
 
     try:
-        _addresses(adaptation)
-        parameter_vector(adaptation)
+        _addresses(kind, lanes)
+        parameter_vector(kind.example)
     except (NumbaError, UnsupportedBytecodeError, TypeError) as error:
         return _first_sentence(str(error))
     return ""
@@ -109,15 +129,16 @@ def _first_sentence(message: str) -> str:
 
 
 @lru_cache(maxsize=256)
-def _addresses(adaptation: Hashable) -> tuple[int, int, int, int]:
+def _addresses(kind: _Kind, lanes: bool) -> tuple[int, int, int, int]:
     """Of `adapt`, and of the methods that it may have, 0 where it has not."""
+    own = kind.example
 
     def address(method: Method) -> int:
-        return address_of(compiled_method(adaptation, method))
+        return address_of(compiled_method(own, method, WIDE if lanes else 1))
 
-    fade = address(FADE) if isinstance(adaptation, Fading) else 0
-    prior = address(PRIOR) if isinstance(adaptation, AdaptingPrior) else 0
-    gain = address(GAIN) if isinstance(adaptation, AdaptingGain) else 0
+    fade = address(FADE) if isinstance(own, Fading) else 0
+    prior = address(PRIOR) if isinstance(own, AdaptingPrior) else 0
+    gain = address(GAIN) if isinstance(own, AdaptingGain) else 0
     return address(ADAPT), fade, prior, gain
 
 
@@ -166,11 +187,20 @@ def call_gain(alone: Lanes, rules: Rules, k: int, whole: Whole, packed: Packed, 
 
 def rules_of(rules: Sequence[Rule], states: int) -> Rules:
     """Return the adaptations of all runs, of filters of ``states`` states, as arrays; each memory is zero."""
-    parameters = np.zeros((len(rules), max(len(rule.parameters) for rule in rules)))
+    first, lanes = rules[0], rules[0].lanes and len(rules) == WIDE
+    sizes = np.array([memory_size(rule.adaptation, states) for rule in rules])
+    adapt, fade, prior, gain = np.array([_addresses(rule.kind, lanes) for rule in rules]).T.copy()
+    whole = np.array(whole_numbers(first.adaptation) if lanes else [], dtype=np.int64)
+    parameters = aligned_zeros(len(rules), max(len(rule.parameters) for rule in rules))
     for run, rule in enumerate(rules):
         parameters[run, : len(rule.parameters)] = rule.parameters
-    sizes = np.array([memory_size(rule.adaptation, states) for rule in rules])
-    adapt, fade = np.array([rule.adapt for rule in rules]), np.array([rule.fade for rule in rules])
-    prior, gain = np.array([rule.prior for rule in rules]), np.array([rule.gain for rule in rules])
-    memory = np.zeros((len(rules), sizes.max()))
-    return Rules(parameters, adapt, fade, prior, gain, memory, sizes)
+    if lanes:
+        parameters = _aligned(parameters.T)
+    memory = aligned_zeros(max(1, 2 * sizes.max()), WIDE) if lanes else np.zeros((len(rules), sizes.max()))
+    return Rules(parameters, whole, adapt, fade, prior, gain, memory, sizes)
+
+
+def _aligned(array: FloatArray) -> FloatArray:
+    copy = aligned_zeros(*array.shape)
+    copy[...] = array
+    return copy

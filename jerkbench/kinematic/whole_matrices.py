@@ -1,39 +1,39 @@
 """One run in whole matrices: for an adaptation that changes the prior covariance or has a gain of its own."""
 
 from jerkbench.arrays import FloatArray
-from jerkbench.compilation.views import Lanes, View, lane, room
+from jerkbench.compilation.views import Lanes, View, lane, room, row, shared_row
 from jerkbench.kalman import EXPOSED, FLOOR, ROUNDING
 from jerkbench.kinematic.arguments import Exchange, Model, Packed, Rules, Steps, Whole, packed_of
 from jerkbench.kinematic.plugin_call import call_gain, call_prior
 
 
-def advance(run: Lanes, exchange: Exchange, model: Model, steps: Steps, begin: int, end: int) -> None:
+def advance(run: Lanes, model: Model, steps: Steps, begin: int, end: int) -> None:
     """Take the transition of each run on over steps ``begin`` to ``end`` (not included)."""
     for step in range(begin, end):
-        if steps.model[step] >= 0:
-            for k in range(run.width):
-                _advance_step(lane(run, k), exchange.since[k], model, steps.model[step], min(k, model.A.shape[2] - 1))
+        k = steps.model[step]
+        if k >= 0:
+            if run.width == 1 or model.A.shape[2] == 1:
+                _advance_step(run, shared_row(model.A, k, run, "n n"), shared_row(model.Q, k, run, "n n"))
+            else:
+                _advance_step(run, row(model.A, k, run, "n n"), row(model.Q, k, run, "n n"))
 
 
-def _advance_step(alone: Lanes, since: FloatArray, model: Model, k: int, own: int) -> None:
-    """Make A of ``since`` the A of the step times A, and Q A Q A' + Q."""
-    gone, gathered, AQ, n = room(alone, "n n"), room(alone, "n n"), room(alone, "n n"), alone.n
+def _advance_step(run: Lanes, A: View, Q: View) -> None:
+    """Make the transition A times what it was, and its noise A Q A' + Q."""
+    gone, AQ, n = room(run, "n n"), room(run, "n n"), run.n
     for a in range(n):
         for b in range(n):
-            gone[a, b], gathered[a, b] = since[n * a + b], since[n * n + n * a + b]
-    for a in range(n):
-        for b in range(n):
-            moved = noise = 0.0
+            moved = noise = run.zero
             for c in range(n):
-                moved += model.A[k, n * a + c, own] * gone[c, b]
-                noise += model.A[k, n * a + c, own] * gathered[c, b]
-            since[n * a + b], AQ[a, b] = moved, noise
+                moved += A[a, c] * run.since_A[c, b]
+                noise += A[a, c] * run.since_Q[c, b]
+            gone[a, b], AQ[a, b] = moved, noise
     for a in range(n):
         for b in range(n):
-            noise = model.Q[k, n * a + b, own]
+            noise = run.zero + Q[a, b]
             for c in range(n):
-                noise += AQ[a, c] * model.A[k, n * b + c, own]
-            since[n * n + n * a + b] = noise
+                noise += AQ[a, c] * A[b, c]
+            run.since_A[a, b], run.since_Q[a, b] = gone[a, b], noise
 
 
 def adapt_prior(alone: Lanes, exchange: Exchange, k: int, packed: Packed, rules: Rules, m: int) -> bool:
@@ -42,7 +42,7 @@ def adapt_prior(alone: Lanes, exchange: Exchange, k: int, packed: Packed, rules:
         return True
     whole = whole_of(alone, exchange)
     take_whole(alone, whole)
-    _take_transition(alone, exchange.since[k], whole)
+    _take_transition(alone, whole)
     well = call_prior(alone, rules, k, whole, packed, m)
     put_covariance(alone, whole.answer)
     for i in range(m):
@@ -66,7 +66,7 @@ def take_whole(alone: Lanes, whole: Whole) -> None:
             whole.P[alone.s * s + t] = alone.P[s, t]
 
 
-def _take_transition(alone: Lanes, since: FloatArray, whole: Whole) -> None:
+def _take_transition(alone: Lanes, whole: Whole) -> None:
     """Fill F and Q, and begin anew with the identity and nothing."""
     n = alone.n
     for e in range(alone.s * alone.s):
@@ -75,9 +75,16 @@ def _take_transition(alone: Lanes, since: FloatArray, whole: Whole) -> None:
         for b in range(n):
             for i in range(3):
                 e = alone.s * (3 * a + i) + 3 * b + i
-                whole.F[e], whole.Q[e] = since[n * a + b], since[n * n + n * a + b]
-            since[n * a + b] = 1.0 if a == b else 0.0
-            since[n * n + n * a + b] = 0.0
+                whole.F[e], whole.Q[e] = alone.since_A[a, b], alone.since_Q[a, b]
+    begin_transition(alone)
+
+
+def begin_transition(run: Lanes) -> None:
+    """Make the transition since the last update the identity, and its noise nothing."""
+    for a in range(run.n):
+        for b in range(run.n):
+            run.since_A[a, b] = run.zero + (1.0 if a == b else 0.0)
+            run.since_Q[a, b] = run.zero
 
 
 def put_covariance(alone: Lanes, P: FloatArray) -> None:

@@ -308,3 +308,23 @@ def test_what_stands_apart_in_the_loop_is_there_once_and_not_in_what_calls_it():
     (text,) = entry.inspect_llvm().values()
     made = " ".join(line for line in text.splitlines() if line.startswith("define"))
     assert [name for name in ALONE if not re.search(rf"\d{name}B\d", made)] == []
+
+
+def test_a_run_without_consistency_has_all_other_sums(several):
+    score = [scored(recording, timeline, BURN_IN_S) for recording, timeline in several[:3]]
+    both = [
+        CompiledEngine().run_settings(
+            [Run(timeline, scoring) for (_, timeline), scoring in zip(several, scorings, strict=False)],
+            [Jerk()] * 3,
+            [Mtf()] * 3,
+            updates=False,
+            threads=1,
+        )
+        for scorings in ([s.scoring for s in score], [s.errors_alone for s in score])
+    ]
+
+    for whole, bare in zip(*both, strict=True):
+        assert np.isnan([bare.nees, bare.nees_position]).all()
+        assert np.isfinite([whole.nees, whole.nees_position]).all()
+        for name in ("position_m2", "velocity_m2ps2", "largest_m2", "nis_per_row", "nis_used_per_row", "marked_m2"):
+            np.testing.assert_array_equal(getattr(bare, name), getattr(whole, name))

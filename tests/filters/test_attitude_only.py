@@ -55,7 +55,10 @@ def test_an_angle_that_is_no_number_is_a_divergence():
     assert "not finite at 5.01 s" in why
 
 
-@pytest.mark.parametrize(("name", "said"), [("jerk", "filter jerk cannot run over it, only: attitude_command, attitude_only"), ("", "")])
+NOT_JERK = "filter jerk cannot run over it, only: attitude_command, attitude_only"
+
+
+@pytest.mark.parametrize(("name", "said"), [("jerk", NOT_JERK), ("", "")])
 def test_a_data_set_without_position_takes_no_other_filter(name, said):
     parts = {"attitude": "tilt", "adaptation": "none", "engine": "filterpy", "filter": name or "attitude_only"}
     spec = {kind: {"name": one} for kind, one in parts.items()}

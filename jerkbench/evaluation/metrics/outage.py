@@ -34,6 +34,8 @@ class Outage(Summed):
     the distance also where all stood still; all five without any outage.
     """
 
+    reads_nees: ClassVar[bool] = False
+
     def summarise(self, sums: Sums) -> dict[str, float]:
         """Return the five values by column name."""
         ends, driven_m = sums.outage_ends_m, float(sums.outage_driven_m.sum())

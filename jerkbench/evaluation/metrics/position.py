@@ -31,6 +31,8 @@ class PositionRmse(Summed):
     NaN without a single such row.
     """
 
+    reads_nees: ClassVar[bool] = False
+
     def summarise(self, sums: Sums) -> dict[str, float]:
         """Return the seven values by column name."""
         each = zip(POSITION_AXES, sums.position_m2, sums.position_rows, strict=True)
@@ -56,6 +58,8 @@ class VelocityRmse(Summed):
 
     NaN without a single such row.
     """
+
+    reads_nees: ClassVar[bool] = False
 
     def summarise(self, sums: Sums) -> dict[str, float]:
         """Return the three values by column name."""
@@ -107,6 +111,8 @@ class OutageDrift(Summed):
 
     The error with which the outage began does not count. NaN without an outage of two rows.
     """
+
+    reads_nees: ClassVar[bool] = False
 
     def summarise(self, sums: Sums) -> dict[str, float]:
         """Return the value by column name."""

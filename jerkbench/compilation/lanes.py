@@ -1,0 +1,35 @@
+"""Choices that a method of a plugin makes for one run; compiled for several side by side it makes one in each.
+
+A method that says ``lanes = True`` may not branch on data: what it is given are vectors then, one number of each run
+(`jerkbench.compilation.vectors`). These three stand for the branches that it needs; by name they are replaced.
+Besides them it may use ``+ - * /``, abs, min, max, math.sqrt and math.exp, and make arrays of the type of those that it
+is given: ``np.empty(shape, P.dtype)``.
+"""
+
+import numpy as np
+
+
+def chosen(left: float, right: float, yes: float, no: float) -> float:
+    """Return ``yes`` where left > right, else ``no`` (also where one of them is NaN)."""
+    return yes if left > right else no
+
+
+def anywhere(flag: float) -> bool:
+    """Return whether a number is above zero in any of the runs."""
+    return flag > 0.0
+
+
+def above(pivot: float, least: float) -> float:
+    """Return ``pivot``, which must lie above ``least``; side by side it is NaN in the runs where it does not.
+
+    Raises:
+        LinAlgError: it does not, in a run by itself.
+    """
+    if not pivot > least:
+        raise np.linalg.LinAlgError("Matrix is not positive definite")
+    return pivot
+
+
+def above_in_lanes(pivot: float, least: float) -> float:
+    """The same side by side: NaN in the runs where it does not."""
+    return chosen(pivot, least, pivot, float("nan"))

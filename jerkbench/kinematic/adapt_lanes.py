@@ -1,0 +1,126 @@
+"""The adaptation of several runs at once: one that says ``lanes = True`` is compiled for vectors, like the kernel.
+
+It is asked once for all runs that have the same rows, nearly always all of them. A run for which it finds no answer (a
+matrix that is not positive definite) gets NaN, and is lost; alone it then raises its error.
+"""
+
+from jerkbench.arrays import IntArray
+from jerkbench.compilation.methods import try_fill_lanes_by
+from jerkbench.compilation.vectors import chosen
+from jerkbench.compilation.views import Lanes, View, lane, room, row
+from jerkbench.kinematic.arguments import DENSE, Rules
+from jerkbench.kinematic.correction import NAN
+
+
+def adapt_lanes(run: Lanes, rows: IntArray, rules: Rules, complete: bool) -> None:
+    """Put the adapted R of all runs in the place of what the adaptation gets, without rows of no finite variance.
+
+    Args:
+        run: the runs.
+        rows: (6,) room for the numbers of the rows that are there.
+        rules: the adaptation.
+        complete: whether all rows of all runs are there.
+    """
+    for r in range(6):
+        rows[r] = r
+        run.variance[r] = run.zero + NAN
+    run.waits = chosen(run.lost, 0.0, 0.0, 1.0)
+    if complete:
+        run.asks = run.waits
+        _adapt_rows(run, rows, rules, 6)
+        return
+    for k in range(run.width):
+        if lane(run, k).waits > 0.0:
+            m = _find_rows(run, lane(run, k), rows)
+            if m > 0:
+                _keep_memory(run, rules)
+                _adapt_rows(run, rows, rules, m)
+                _restore_memory(run, rules)
+            run.waits = chosen(run.asks, 0.0, 0.0, run.waits)
+
+
+def _find_rows(run: Lanes, alone: Lanes, rows: IntArray) -> int:
+    """Fill the numbers of the rows that a run has, and mark those that have the same; return how many they are."""
+    m = 0
+    asks = run.waits
+    for r in range(6):
+        there = alone.used[r]
+        asks *= chosen(run.used[r], 0.5, there, 1.0 - there)
+        if there > 0.0:
+            rows[m] = r
+            m += 1
+    run.asks = asks
+    return m
+
+
+def _keep_memory(run: Lanes, rules: Rules) -> None:
+    """Copy the memory behind itself."""
+    for e in range(rules.sizes[0]):
+        row(rules.memory, rules.sizes[0] + e, run, "1")[0] = row(rules.memory, e, run, "1")[0]
+
+
+def _restore_memory(run: Lanes, rules: Rules) -> None:
+    """Take it back from there in the runs that have not asked."""
+    for e in range(rules.sizes[0]):
+        memory, kept = row(rules.memory, e, run, "1"), row(rules.memory, rules.sizes[0] + e, run, "1")
+        memory[0] = chosen(run.asks, 0.0, memory[0], kept[0])
+
+
+def _adapt_rows(run: Lanes, rows: IntArray, rules: Rules, m: int) -> None:
+    """Adapt R of the ``m`` rows of the runs that ask, and before it P where the adaptation does that."""
+    y, R, HPHt, adapted = room(run, "6"), room(run, "36"), room(run, "36"), room(run, "36")
+    for i in range(m):
+        y[i] = run.y[rows[i]]
+        for j in range(m):
+            R[m * i + j] = run.R[rows[i], rows[j]]
+    well = True
+    if DENSE == 1:
+        well = _adapt_prior(run, y, R, rows, rules, m)
+    for i in range(m):
+        for j in range(m):
+            HPHt[m * i + j] = run.P[rows[i], rows[j]]
+    seen = rules.parameters, rules.whole, y, HPHt, R, rows, rules.memory, adapted
+    well = try_fill_lanes_by(rules.adapt[0], seen, (m, rules.sizes[0])) and well
+    _take(run, adapted, rows, m)
+    if not well:
+        run.lost = run.lost + run.asks
+
+
+def _adapt_prior(run: Lanes, y: View, R: View, rows: IntArray, rules: Rules, m: int) -> bool:
+    """Put the adapted prior covariance into its place; return whether it raised nothing."""
+    x, P, F, Q, answer = room(run, "s"), room(run, "s s"), room(run, "s s"), room(run, "s s"), room(run, "s s")
+    for s in range(run.s):
+        x[s] = run.x[s]
+        for t in range(run.s):
+            P[s, t] = run.P[s, t]
+            F[s, t] = run.since_A[s // 3, t // 3] if s % 3 == t % 3 else run.zero
+            Q[s, t] = run.since_Q[s // 3, t // 3] if s % 3 == t % 3 else run.zero
+    seen = rules.parameters, rules.whole, x, P, F, Q, y, R, rows, rules.memory, answer
+    well: bool = try_fill_lanes_by(rules.prior[0], seen, (m, rules.sizes[0], run.s))
+    for s in range(run.s):
+        for t in range(s + 1):
+            run.P[s, t] = chosen(run.asks, 0.0, 0.5 * (answer[s, t] + answer[t, s]), run.P[s, t])
+    for a in range(run.n):
+        for b in range(run.n):
+            same = 1.0 if a == b else 0.0
+            run.since_A[a, b] = chosen(run.asks, 0.0, same, run.since_A[a, b])
+            run.since_Q[a, b] = chosen(run.asks, 0.0, 0.0, run.since_Q[a, b])
+    return well
+
+
+def _take(run: Lanes, adapted: View, rows: IntArray, m: int) -> None:
+    """Take the adapted R in the runs that ask; a row without a finite variance is not used, and one of NaN is lost."""
+    asks, lost = run.asks, run.lost
+    for i in range(m):
+        variance = adapted[(m + 1) * i]
+        known = chosen(1.0, variance * 0.0, 1.0, 0.0)
+        lost += asks * (1.0 - known) * chosen(variance, 0.0, 0.0, 1.0)
+        run.variance[rows[i]] = chosen(asks, 0.0, variance, run.variance[rows[i]])
+        run.used[rows[i]] = chosen(asks, 0.0, known, run.used[rows[i]])
+        run.y[rows[i]] = chosen(run.used[rows[i]], 0.0, run.y[rows[i]], 0.0)
+    run.lost = lost
+    for i in range(m):
+        for j in range(m):
+            r, c = rows[i], rows[j]
+            used = chosen(run.used[r] * run.used[c], 0.0, adapted[m * i + j], 0.0)
+            run.R[r, c] = chosen(asks, 0.0, used, run.R[r, c])

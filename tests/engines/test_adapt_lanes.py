@@ -1,0 +1,98 @@
+"""Adaptations that many runs ask at once, against each run by itself."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import pytest
+from test_side_by_side import assert_same, one, side_by_side, trajectory
+
+from jerkbench import plugins
+from jerkbench.adaptation.none import NoAdaptation
+from jerkbench.adaptation.variational_bayes import VariationalBayes
+from jerkbench.adaptation.vbakf_pr import VariationalPriorAndNoise
+from jerkbench.compilation.lanes import above, chosen
+from jerkbench.engines.compiled_engine import CompiledEngine
+from jerkbench.filters.baseline import Baseline
+from jerkbench.filters.jerk import Jerk
+from jerkbench.optional import asked_in_lanes
+
+
+@pytest.fixture(scope="module")
+def rough():
+    """Runs of the same steps, of which some lack velocities for a while."""
+    return [one(seed) for seed in range(6)]
+
+
+def test_the_iterating_methods_are_asked_at_once():
+    lanes = {name for name in plugins.names("adaptation") if asked_in_lanes(plugins.get("adaptation", name))}
+
+    assert lanes >= {"student_t", "huber", "vbakf_pr", "variational_bayes", "cerkf_r", "maximum_correntropy_r"}
+
+
+@pytest.mark.parametrize("cls", [VariationalBayes, pytest.param(VariationalPriorAndNoise, marks=pytest.mark.slow)])
+def test_each_run_has_its_own_numbers_and_its_own_memory(rough, cls):
+    rules = [cls(forgetting=value) for value in (0.999, 0.99, 0.98, 0.95, 0.9, 0.8)]
+
+    together = side_by_side(rough, Jerk(), rules)
+    backwards = side_by_side(rough[::-1], Jerk(), rules[::-1])[::-1]
+
+    assert len({tuple(result.values()) for result in together}) == len(rules)
+    for a, b, pair, rule in zip(together, backwards, rough, rules, strict=True):
+        np.testing.assert_array_equal(list(a.values()), list(b.values()))
+        assert_same(a, trajectory(*pair, Jerk(), rule), {})
+
+
+def test_runs_with_other_whole_numbers_go_apart(rough):
+    rules = [VariationalBayes(passes=passes) for passes in (1, 2, 5)]
+
+    for got, pair, rule in zip(side_by_side(rough[:3], Jerk(), rules), rough, rules, strict=False):
+        assert_same(got, trajectory(*pair, Jerk(), rule), {})
+
+
+@dataclass(frozen=True)
+class Bounded(NoAdaptation):
+    """Finds no answer where the innovation is too large; drops what is too large for it by half."""
+
+    limit: float = 1e9
+    lanes: ClassVar[bool] = True
+
+    def adapt(self, innovation, HPHt, R, rows, memory):
+        adapted = R.copy()
+        for i in range(len(rows)):
+            size = abs(innovation[i])
+            adapted[i, i] = chosen(2.0 * size, self.limit, np.inf, R[i, i]) + 0.0 * above(self.limit, size)
+        return adapted
+
+
+def test_a_run_without_an_answer_is_lost_and_harms_no_other(rough):
+    rules = [Bounded(), Bounded(0.3), Bounded(1e8)]
+
+    healthy, lost, other = side_by_side(rough[:3], Baseline(), rules)
+
+    assert lost is None
+    with pytest.raises(np.linalg.LinAlgError, match="not positive definite"):
+        CompiledEngine().run(rough[1][1], Baseline(), rules[1])
+    for got, pair in ((healthy, rough[0]), (other, rough[2])):
+        assert_same(got, trajectory(*pair, Baseline(), NoAdaptation()), {})
+
+
+@dataclass(frozen=True)
+class Fades(Bounded):
+    """Fades as well, which nobody does at once."""
+
+    def fade(self, innovation, HPHt, R, rows, memory):
+        return 1.5
+
+
+def test_one_that_fades_is_asked_by_each_run(rough):
+    assert not asked_in_lanes(Fades())
+    for got, pair in zip(side_by_side(rough[:2], Baseline(), Fades()), rough, strict=False):
+        assert_same(got, trajectory(*pair, Baseline(), Fades()), {})
+
+
+def test_a_row_of_infinite_variance_is_dropped(rough):
+    rules = [Bounded(limit) for limit in (4.0, 5.0, 6.0)]
+
+    for got, pair, rule in zip(side_by_side(rough[:3], Baseline(), rules), rough, rules, strict=False):
+        assert_same(got, trajectory(*pair, Baseline(), rule), {})
