@@ -198,6 +198,8 @@ def entry({names}):
 {body}
 '''
 
+AS_ARRAY = "    parameters = carray(parameters, {})  # of vectors an array knows how they lie in memory\n"
+
 BODY = """\
     if {usual}:  # with constant sizes its loops are unrolled
         {often}
@@ -215,7 +217,7 @@ def _entry_source(plugin: object, method: Method, width: int) -> str:
         result="void" if method.result else "number",
         types=", ".join([f"CPointer({of})" for _, of in arrays] + ["int64"] * len(method.sizes)),
         names=", ".join([name for name, _ in arrays] + list(method.sizes)),
-        body=_body(plugin, method, width),
+        body=(AS_ARRAY.format(len(parameter_vector(plugin))) if width > 1 else "") + _body(plugin, method, width),
     )
 
 

@@ -58,8 +58,19 @@ def llvm_vector(width: int) -> Any:  # noqa: ANN401 - llvmlite has no types
 
 @register_model(Vector)
 class _VectorModel(models.PrimitiveModel):
+    """In memory it is packed: numba's arrays begin anywhere, and LLVM takes a plain vector to begin at 64 bytes."""
+
     def __init__(self, manager: Any, of: Any) -> None:  # noqa: ANN401 - numba has no types
         super().__init__(manager, of, llvm_vector(of.width))
+
+    def get_data_type(self) -> Any:  # noqa: ANN401 - llvmlite has no types
+        return ir.LiteralStructType([self.get_value_type()], packed=True)
+
+    def as_data(self, builder: Any, value: Any) -> Any:  # noqa: ANN401 - as above
+        return builder.insert_value(ir.Constant(self.get_data_type(), ir.Undefined), value, 0)
+
+    def from_data(self, builder: Any, value: Any) -> Any:  # noqa: ANN401 - as above
+        return builder.extract_value(value, 0)
 
 
 def _repeated(builder: Any, number: Any, width: int) -> Any:  # noqa: ANN401 - llvmlite has no types
