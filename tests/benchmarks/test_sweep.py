@@ -6,7 +6,6 @@ from pathlib import Path
 sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
 
 import pytest
-
 import sweep
 
 STAGES = ("read from the disk", "disturbed", "attitude", "timeline", "filtered and scored", "stored", "looked up")
