@@ -25,7 +25,7 @@ DATA = group(
 VERBS = (
     *(plugins.list_verb, plugins.show_verb, DATA),
     *(results.table_verb, results.figures_verb, results.report_verb, compare.compare_verb, rows.score_verb),
-    *(campaigns.tune_verb, campaigns.audit_verb, SUITE),
+    *(inspecting.smooth_verb, campaigns.tune_verb, campaigns.audit_verb, SUITE),
     *(rows.rerun_verb, rows.export_verb, results.pack_verb),
     *(plugins.new_verb, plugins.check_verb, results.cite_verb),
 )

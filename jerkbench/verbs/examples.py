@@ -40,6 +40,10 @@ EXAMPLES: Mapping[str, Sequence[str]] = {
         "jerkbench data receiver drive.bag --figure receiver.png",
         "jerkbench data receiver field --set duration_s=60 --seed 1",
     ),
+    "smooth": (
+        "jerkbench smooth ride.gpx --to smooth.gpx --figure smooth.png",
+        "jerkbench smooth field --set duration_s=60 --to kml",
+    ),
     "data salvage": (
         "jerkbench data salvage cut.bag whole.bag",
         "jerkbench data salvage drive.bag.active saved.bag",
