@@ -148,8 +148,9 @@ def fetch_verb(chosen: argparse.Namespace) -> None:
             print(f"{public.name}: {public.title} ({public.licence}); {state}")
         return
     recording, folder = public_recording(chosen.name), fetched_folder(chosen.name)
+    print(f"{recording.name}: {recording.title}; licence {recording.licence}, {len(recording.files)} files")
     fetch(recording, folder, print)
-    print(f"{recording.name} ({recording.licence}) is in {folder}")
+    print(f"{recording.name} is in {folder}")
 
 
 @verb(
