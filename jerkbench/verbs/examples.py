@@ -54,6 +54,7 @@ EXAMPLES: Mapping[str, Sequence[str]] = {
         "jerkbench data trace field biased.parquet --set duration_s=30 --offset keep",
     ),
     "data cache": ("jerkbench data cache", "jerkbench data cache --clear"),
+    "completion": ("jerkbench completion bash", "jerkbench completion zsh"),
     "suite verify": (
         "jerkbench suite verify results/suite-tiny/jerk-none",
         "jerkbench suite verify results/suite-tiny/jerk-none --rows 2",
