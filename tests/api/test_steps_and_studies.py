@@ -88,7 +88,7 @@ def test_a_table_is_markdown_as_text_and_html_in_a_notebook(tmp_path):
 
     assert str(table).startswith("## Velocity RMSE (3-D) [m/s]\n\n| filter ")
     assert table._repr_html_().startswith("<section")
-    assert table.to_latex().startswith(r"% \usepackage{booktabs,siunitx,longtable}")
+    assert table.to_latex().startswith(r"% \usepackage{booktabs,siunitx}")
     assert "Position RMSE" in Study.open(tmp_path)._repr_html_()
     assert repr(Study.open(tmp_path)) == f"Study({str(tmp_path)!r}, 4 combinations, 8 runs, 0 lost)"
     assert api.report(tmp_path, scenarios=0) == tmp_path / "report.html"

@@ -167,7 +167,7 @@ class Table:
         return markdown(self)
 
     def to_latex(self) -> str:
-        """Return it as LaTeX, as `jerkbench table --format tex` prints it; its first line names the packages that it needs."""
+        """Return it as LaTeX, as `jerkbench table --format tex` prints it; the first line names the packages."""
         from jerkbench.report.tables.writers import latex
 
         return latex(self)
