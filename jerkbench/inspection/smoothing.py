@@ -9,18 +9,18 @@ from scipy.optimize import minimize
 from scipy.special import gammaln
 
 from jerkbench import plugins
+from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.arrays import FloatArray
-from jerkbench.contracts import Adaptation
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.errors import RecordingError
-from jerkbench.estimate import Updates, no_attitude
+from jerkbench.estimate import Estimate, Updates, no_attitude
 from jerkbench.filters.constant_turn import TURN_WALK, ConstantTurn
 from jerkbench.filters.rts import SmoothedFixes
 from jerkbench.inspection.sigmas import LONGEST_GAP_S, truth_at
 from jerkbench.parameters import ranges_of
-from jerkbench.recording import Recording, Reference
+from jerkbench.recording import Position, Recording, Reference
 from jerkbench.report.plots.style import DOTS_PER_INCH, literal, style_axes
-from jerkbench.timeline import Timeline, build_timeline
+from jerkbench.timeline import build_timeline
 
 LEAST_FIXES = 10
 
@@ -31,7 +31,10 @@ FREEDOM = 4.0
 """Degrees of freedom of the innovations' Student's t: the fixes of real receivers have heavy tails."""
 
 RULE = {"name": "student_t_r", "nu": FREEDOM}
-"""Weighs down a fix that is far from the prediction; it changes R alone, so that a smoother takes it."""
+"""Weighs down a fix that is far from the prediction, while noises are searched."""
+
+PASSES = 10
+"""So often the weights of the fixes are found anew."""
 
 SCALES = (0.01, 100.0)
 """So much the sigmas of the fixes may be multiplied by."""
@@ -75,22 +78,24 @@ def smooth_fixes(recording: Recording) -> SmoothedTrack:
 
     For each model of motion, the noise of its walk and one factor on the sigmas of the fixes minimise the mean of
     -log p(y) over the innovations y, p Student's t with `FREEDOM` degrees and the scale S = H P H' + R. The model with
-    the lowest mean is smoothed. All of it is robust: the adaptation `student_t_r` weighs down wild fixes.
+    the lowest mean is smoothed, with the errors of the fixes as Student's t, by expectation and maximisation: of n axes,
+    with r the distance from the smoothed place and Ps its covariance, again and again::
+
+        w = (nu + n) / (nu + r' R^-1 r + tr(R^-1 Ps)),    R = R / w
+
+    Source: G. Agamennoni, J. I. Nieto, E. M. Nebot, "An outlier-robust Kalman filter", IEEE International Conference on
+    Robotics and Automation, 2011, doi:10.1109/ICRA.2011.5979605, whose R is estimated too.
 
     Raises:
         RecordingError: there are fewer than `LEAST_FIXES` fixes, or no model explains them.
     """
-    position, velocity = recording.position, recording.velocity
-    if position is None or len(position.t_s) < LEAST_FIXES:
-        raise RecordingError(f"{recording.name} has fewer than {LEAST_FIXES} fixes: there is no track to smooth.")
+    position, velocity = _fixes(recording), recording.velocity
     if velocity is not None and velocity.frame != "enu":
         velocity = None  # without an attitude nothing says where it points
     own = Reference(position.t_s, "the fixes themselves", independent=False, enu_m=position.enu_m)
     alone = replace(recording, imu=None, heading=None, velocity=velocity, reference=own)
     smoother, scale = _most_likely(alone)
-    estimate = smoother.smooth(_timeline(alone, scale), _rule())
-    if estimate.failure:
-        raise RecordingError(f"{recording.name} cannot be smoothed: {estimate.failure}.")
+    estimate = _robust(alone, smoother, scale)
     distance_m = np.sqrt(np.nansum((position.enu_m - estimate.position_m) ** 2, axis=1))
     track = Reference(
         position.t_s,
@@ -114,12 +119,32 @@ def smooth_fixes(recording: Recording) -> SmoothedTrack:
     )
 
 
-def _timeline(alone: Recording, scale: float) -> Timeline:
-    position = alone.position
-    assert position is not None  # noqa: S101 - required by the caller
-    scaled = replace(position, covariance_m2=scale**2 * position.covariance_m2)
-    recording = replace(alone, position=scaled)
-    return build_timeline(recording, no_attitude(recording.clock_s))
+def _robust(alone: Recording, smoother: SmoothedFixes, scale: float) -> Estimate:
+    """Smooth again and again, each time with the weights that the last pass gave the fixes."""
+    attitude, rule, fixes = no_attitude(alone.clock_s), NoAdaptation(), _fixes(alone)
+    R = scale**2 * fixes.covariance_m2
+    weight = np.ones(len(R))
+    for _ in range(PASSES):
+        recording = _declaring(alone, R / weight[:, None, None])
+        estimate = smoother.estimate_compiled(recording, attitude, rule) or smoother.estimate(recording, attitude, rule)
+        if estimate.failure:
+            raise RecordingError(f"{alone.name} cannot be smoothed: {estimate.failure}.")
+        r = fixes.enu_m - estimate.position_m
+        spread = np.nan_to_num(r[:, :, None] * r[:, None, :]) + estimate.covariance[:, :3, :3]
+        distance = np.trace(np.linalg.solve(R, spread), axis1=1, axis2=2)
+        weight = (FREEDOM + np.isfinite(r).sum(axis=1)) / (FREEDOM + distance)
+    return estimate
+
+
+def _fixes(recording: Recording) -> Position:
+    if recording.position is None or len(recording.position.t_s) < LEAST_FIXES:
+        raise RecordingError(f"{recording.name} has fewer than {LEAST_FIXES} fixes: there is no track to smooth.")
+    return recording.position
+
+
+def _declaring(alone: Recording, covariance_m2: FloatArray) -> Recording:
+    """The same fixes with other covariances."""
+    return replace(alone, position=replace(_fixes(alone), covariance_m2=covariance_m2))
 
 
 def _most_likely(alone: Recording) -> tuple[SmoothedFixes, float]:
@@ -151,14 +176,11 @@ def _searched(alone: Recording, model: str) -> tuple[SmoothedFixes, float]:
     return setting(found.x)
 
 
-def _rule() -> Adaptation:
-    rule: Adaptation = plugins.create("adaptation", RULE)
-    return rule
-
-
 def _surprise(alone: Recording, smoother: SmoothedFixes, scale: float) -> float:
     """The mean of -log p over the innovations of the forward pass; infinite where it stops."""
-    model, rule, timeline = smoother.kinematic_filter(), _rule(), _timeline(alone, scale)
+    recording = _declaring(alone, scale**2 * _fixes(alone).covariance_m2)
+    timeline, model = build_timeline(recording, no_attitude(recording.clock_s)), smoother.kinematic_filter()
+    rule = plugins.create("adaptation", RULE)
     if isinstance(model, ConstantTurn):
         estimate = model.filtered(timeline, rule)
     else:
