@@ -57,20 +57,22 @@ def tune_verb(chosen: argparse.Namespace) -> None:
 
 
 AUDIT = """\
-SCALE is a protocol in conf/audit: what is compared, under which faults, with which budget. The protocol and its hash
-are written before anything runs, and the seeds to score on follow from the hash.
+SCALE is a protocol in conf/audit: what is compared, on which random drives, with which budget. The protocol and its
+hash are written before anything runs. Every drive and every setting follows from the hash.
 
   jerkbench audit --scale small      minutes: shows that all of it runs, answers nothing
-  jerkbench audit --scale medium     two models, without what iterates: half an hour
-  jerkbench audit                    the whole protocol: 90 minutes on two cores
+  jerkbench audit --scale medium     two models, without what iterates
+  jerkbench audit                    the whole protocol: hours on two cores; --cluster and --workers for more
+  jerkbench audit --scale second     the same with other drives and other tunings
   jerkbench audit attitude           of attitude filters, by the tilt: four minutes (needs the package vqf)
 
-The same command goes on where it was stopped; --stored judges what is stored, whatever version computed it (its digest
-stands in manifest.json), and runs nothing. `attitude` has a protocol of its own: BROAD, RepoIMU's TStick, KITTI and the
-simulated field, apart; what is not in --data is left out.
+The same command goes on where it was stopped. --stored judges what is stored, whatever version computed it, and runs
+nothing. `attitude` has a protocol of its own: BROAD, RepoIMU's TStick, KITTI and the simulated field, apart; what is
+not in --data is left out.
 
-RESULTS/audit-SCALE has README.md with the answer, its figures, table.md, verdicts.csv, settings.csv, rows.parquet,
-manifest.json, protocol.json.
+RESULTS/audit-SCALE has README.md with the answer and its figure, answer.json with its numbers, the rows that they
+follow from (judged.parquet, tuned.parquet, drives.parquet, settings.parquet, costs.parquet), manifest.json and
+protocol.json.
 """
 
 
@@ -85,13 +87,13 @@ manifest.json, protocol.json.
     epilog=AUDIT,
 )
 def audit_verb(chosen: argparse.Namespace) -> None:
-    """Tune every adaptive filter and the plain one alike, and score them on unseen runs.
+    """Tune every adaptive filter and the plain one alike, and judge them on unseen drives.
 
     Raises:
         JerkbenchError: there is no such protocol, or a run failed.
     """
     from jerkbench.audit.protocol import read_protocol
-    from jerkbench.audit.study import FOLDER, run_audit, text_of
+    from jerkbench.audit.study import FOLDER, run_audit
     from jerkbench.hydra_app.words import cluster_named
     from jerkbench.jobs.pool import processors
 
@@ -100,7 +102,7 @@ def audit_verb(chosen: argparse.Namespace) -> None:
         return
     protocol, folder = read_protocol(chosen.scale), chosen.results / f"{FOLDER}{chosen.scale}"
     cluster, workers = cluster_named(chosen.cluster), chosen.workers or processors()
-    print(text_of(run_audit(protocol, folder, cluster, workers, only_stored=chosen.stored)))
+    run_audit(protocol, folder, cluster, workers, only_stored=chosen.stored)
     print(f"Written to {folder}.")
 
 
