@@ -24,8 +24,8 @@ from jerkbench.jobs.key import code_digest, git_commit, versions
 from jerkbench.jobs.rows import Task, work
 from jerkbench.tuning.space import Setting, Space
 
-TOGETHER = 4
-"""Settings that go into one call with all drives of a block: enough for full vectors, little enough for memory."""
+TOGETHER = 8
+"""Settings that go into one call with all drives of a block: those of one drive fill a vector, and share its data."""
 
 ERROR = "position_rmse_m"
 """The metric that counts."""

@@ -1,0 +1,293 @@
+"""What the rows of an audit say, as numbers: of all together, of each method, under each kind of fault."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from jerkbench import plugins
+from jerkbench.arrays import BoolArray, FloatArray
+from jerkbench.audit.losses import cubes, defaults, losses_of, lost_shares
+from jerkbench.audit.protocol import AuditMethod
+from jerkbench.audit.stored import AuditRows
+from jerkbench.errors import PluginError, unknown
+from jerkbench.evaluation.statistics.drives_and_tunings import (
+    Error,
+    Losses,
+    Statement,
+    Statements,
+    comparisons,
+    mixture_weights,
+    procedure_error,
+    stated,
+    statements,
+)
+from jerkbench.evaluation.statistics.intervals import share_interval
+from jerkbench.evaluation.statistics.judgement import LEVEL, Verdict
+from jerkbench.parameters import provenance_of
+
+NO_FAULT, FAULTY = "no fault", "faulty"
+FEWEST = 5
+"""Drives of a kind of which a ratio is told: fewer have no interval worth the name."""
+WORSE = {"worse_3": 1.03, "worse_100": 2.0}
+"""Ratios above which a single drive counts as worse, by the name of the column."""
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What an audit says.
+
+    Attributes:
+        rows: from which all follows.
+        losses: log errors by method, tuning and drive.
+        said: the three families of hypotheses.
+        at_costs: the same with other costs of a lost run.
+        methods: a method a row; the lowest ratio to the plain filter of its model first.
+        kinds: a method and a kind of fault a row.
+        adaptations: the mean over the models of each adaptation, and a kind of fault, a row.
+        apart: an estimator that is shown apart a row.
+        take: a situation a row: which method to take.
+        error: of the whole procedure.
+    """
+
+    rows: AuditRows
+    losses: Losses
+    said: Statements
+    at_costs: Mapping[float, Statements]
+    methods: pd.DataFrame
+    kinds: pd.DataFrame
+    adaptations: pd.DataFrame
+    apart: pd.DataFrame
+    take: pd.DataFrame
+    error: Error
+
+
+def answered(rows: AuditRows) -> Answer:
+    """Return what the rows of an audit say."""
+    protocol, losses = rows.protocol, losses_of(rows)
+    said = statements(losses)
+    own = comparisons(losses)[2]
+    names = [name for name in protocol.compared if name in protocol.adaptations]
+    of_adaptation = own.reshape(len(protocol.filters), len(names), *own.shape[1:]).mean(axis=0)
+    kinds = kind_frame(own, [method._asdict() for method in protocol.methods], rows)
+    return Answer(
+        rows=rows,
+        losses=losses,
+        said=said,
+        at_costs={cost: statements(losses_of(rows, cost)) for cost in protocol.lost_costs_shown},
+        methods=method_frame(rows, losses, said, kinds),
+        kinds=kinds,
+        adaptations=kind_frame(of_adaptation, [{"adaptation": name} for name in names], rows),
+        apart=apart_frame(rows),
+        take=take_frame(rows, losses),
+        error=procedure_error(losses, protocol.resampled_audits),
+    )
+
+
+def reweighted(rows: AuditRows, mixture: str) -> Statements:
+    """Return what an audit would say of another mixture: ``faulty=0.05``, or a kind of fault in place of "faulty".
+
+    Raises:
+        PluginError: there is no such kind, or its share cannot be that.
+    """
+    name, _, share = mixture.partition("=")
+    drives = kinds_of(rows)
+    member = ~drives[NO_FAULT] if name == FAULTY else drives.get(name)
+    if member is None:
+        raise PluginError(unknown("kind of fault", name, [FAULTY, *drives]))
+    try:
+        wanted = float(share)
+    except ValueError:
+        raise PluginError(f"'{mixture}' gives no share; write for example {name}=0.05.") from None
+    return statements(losses_of(rows), mixture_weights(member, wanted))
+
+
+def kinds_of(rows: AuditRows) -> dict[str, BoolArray]:
+    """Return which of the judged drives (D,) have no fault, and which have each kind; a drive may have several."""
+    faulty = rows.faulty(pd.Index(rows.protocol.seeds_to_judge_on))
+    return {NO_FAULT: ~faulty.to_numpy().any(axis=1), **{kind: faulty[kind].to_numpy() for kind in rows.kinds}}
+
+
+# Under each kind of fault.
+
+
+def kind_frame(y: FloatArray, names: Sequence[Mapping[str, str]], rows: AuditRows) -> pd.DataFrame:
+    """Return the ratio of each of y (k, R, D) under each kind of fault; the intervals hold for all of them at once.
+
+    A kind of which too few drives were drawn is left out.
+    """
+    known = {kind: drives for kind, drives in kinds_of(rows).items() if drives.sum() >= FEWEST}
+    level = LEVEL / (len(y) * len(known)) if known else LEVEL
+    return pd.DataFrame(
+        [
+            {**name, "kind": kind, "drives": int(drives.sum()), **numbers_of(said)}
+            for kind, drives in known.items()
+            for name, said in zip(names, stated(y[:, :, drives], level), strict=True)
+        ],
+        columns=[*names[0], "kind", "drives", *numbers_of(_nothing())],
+    )
+
+
+def numbers_of(said: Statement, prefix: str = "") -> dict[str, object]:
+    """Return a statement as columns."""
+    own = {"ratio": said.ratio, "low": said.low, "high": said.high, "verdict": str(said.verdict), "small": said.small}
+    return {prefix + name: value for name, value in own.items()}
+
+
+def _nothing() -> Statement:
+    return Statement(np.nan, np.nan, np.nan, Verdict.UNDECIDED, small=False, tuning_sd=np.nan)
+
+
+# Of each method.
+
+
+def method_frame(rows: AuditRows, losses: Losses, said: Statements, kinds: pd.DataFrame) -> pd.DataFrame:
+    """Return a method a row.
+
+    Returns:
+        filter, adaptation; is, source (what it is); own_*, best_* (against the plain filter of its model and the best
+        one); untuned; no_fault_* ; better_kinds, worse_kinds; worst_kind, worst_ratio, worst_high; pays_from (share of
+        faulty drives); worse_3, worse_100 with _low and _high (share of drives where it is worse by 3 % and by 100 %);
+        lost (share of runs).
+    """
+    protocol, (_, _, own, _) = rows.protocol, comparisons(losses)
+    plain = losses.plains[losses.model].mean(axis=1)
+    untuned = np.exp((defaults(rows, protocol.methods) - plain).mean(axis=1))
+    table = pd.DataFrame(
+        [
+            {**method._asdict(), **what_it_is(method), **numbers_of(mine, "own_"), **numbers_of(best, "best_")}
+            for method, mine, best in zip(protocol.methods, said.own_plain, said.best_plain, strict=True)
+        ]
+    ).assign(untuned=untuned, tuning_sd=[one.tuning_sd for one in said.own_plain])
+    of_method = [kinds[(kinds[["filter", "adaptation"]] == method).all(axis=1)] for method in protocol.methods]
+    table = table.join(pd.DataFrame([_over_kinds(each) for each in of_method]))
+    table["pays_from"] = pays_from(own.mean(axis=1), kinds_of(rows)[NO_FAULT])
+    for name, ratio in WORSE.items():
+        counts = (own.mean(axis=1) > np.log(ratio)).sum(axis=1)
+        table[name] = counts / own.shape[2]
+        ends = [share_interval(int(count), own.shape[2]) for count in counts]
+        table[f"{name}_low"], table[f"{name}_high"] = zip(*ends, strict=True)
+    table["lost"] = lost_shares(rows, protocol.methods)
+    return table.sort_values("own_ratio", kind="stable", ignore_index=True)
+
+
+def what_it_is(method: AuditMethod) -> dict[str, str]:
+    """Return what the adaptation of a method is, and its source."""
+    known = provenance_of(plugins.get("adaptation", method.adaptation))
+    return {"is": known.kind, "source": known.source} if known else {"is": "", "source": ""}
+
+
+def _over_kinds(own: pd.DataFrame) -> dict[str, object]:
+    faults, without = own[own["kind"] != NO_FAULT], own[own["kind"] == NO_FAULT]
+    price = without.iloc[0] if len(without) else pd.Series(numbers_of(_nothing()))
+    shown = faults["verdict"].value_counts()
+    worst = faults.loc[faults["high"].idxmax()] if len(faults) else pd.Series(numbers_of(_nothing()) | {"kind": ""})
+    return {
+        **{f"no_fault_{name}": price[name] for name in numbers_of(_nothing())},
+        "better_kinds": int(shown.get(str(Verdict.BETTER), 0)),
+        "worse_kinds": int(shown.get(str(Verdict.WORSE), 0)),
+        "worst_kind": worst["kind"],
+        "worst_ratio": worst["ratio"],
+        "worst_high": worst["high"],
+    }
+
+
+def pays_from(d: FloatArray, without: BoolArray) -> FloatArray:
+    """Return from which share of faulty drives on the log ratios d (M, D) are below 0; NaN: from none."""
+    price, gain = d[:, without].mean(axis=1), d[:, ~without].mean(axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(np.where(gain < 0.0, np.maximum(price / (price - gain), 0.0), np.nan))
+
+
+# Estimators that stand apart.
+
+
+def apart_frame(rows: AuditRows) -> pd.DataFrame:
+    """Return an estimator a row: against the best plain filter and, adapted, against itself without adaptation."""
+    protocol, methods = rows.protocol, rows.protocol.beside
+    if not methods:
+        return pd.DataFrame()
+    own = cubes(rows, methods)
+    R, D = own.tuned.shape[1:]
+    plains = cubes(rows, protocol.plains)
+    lowest = np.argmin(plains.on_tuning[:, :R], axis=0)
+    best = plains.tuned[lowest, np.arange(R), :D]
+    plain = {method.filter: place for place, method in enumerate(methods) if method.adaptation == protocol.plain}
+    itself = own.tuned[[plain[method.filter] for method in methods]]
+    level = LEVEL / (2 * len(methods) - len(plain))
+    adapted = [place for place, method in enumerate(methods) if method.adaptation != protocol.plain]
+    against = dict(zip(adapted, stated((own.tuned - itself)[adapted], level), strict=True)) if adapted else {}
+    return pd.DataFrame(
+        [
+            {
+                **method._asdict(),
+                **numbers_of(said, "best_"),
+                **numbers_of(against.get(place, _nothing()), "own_"),
+                "tunings": R,
+                "drives": D,
+            }
+            for place, (method, said) in enumerate(zip(methods, stated(own.tuned - best, level), strict=True))
+        ]
+    ).assign(lost=lost_shares(rows, methods))
+
+
+# What to take.
+
+
+def take_frame(rows: AuditRows, losses: Losses) -> pd.DataFrame:
+    """Return what to take in each situation: picked on every other drive, its ratio told of the other ones.
+
+    So the luck of the pick is not in the number. The comparator is the best plain filter, tuned alike; plain filters of
+    other models may be picked too.
+
+    Returns:
+        when, take, drives (of the ratio), ratio, low, high.
+    """
+    methods = [*rows.protocol.methods, *rows.protocol.plains]
+    tuned = np.concatenate([losses.methods, losses.plains])
+    best = losses.plains[np.argmin(losses.tuned_plains, axis=0), np.arange(losses.plains.shape[1])]
+    y, drives = tuned - best, kinds_of(rows)
+    picking = np.arange(y.shape[2]) % 2 == 0
+    situations = {"nothing known": np.ones_like(picking), **drives}
+    situations = {w: own for w, own in situations.items() if min((own & picking).sum(), (own & ~picking).sum()) >= FEWEST / 2}
+    lines = []
+    for when, own in situations.items():
+        best_one = int(np.argmin(y[:, :, own & picking].mean(axis=(1, 2))))
+        said = stated(y[:, :, own & ~picking], LEVEL)[best_one]
+        lines.append({"when": when, "take": methods[best_one].name, "drives": int((own & ~picking).sum()), **numbers_of(said)})
+    return pd.DataFrame([*lines, *_smallest_worst_case(y, methods, drives, picking)])
+
+
+def _smallest_worst_case(
+    y: FloatArray, methods: Sequence[AuditMethod], drives: Mapping[str, BoolArray], picking: BoolArray
+) -> list[dict[str, object]]:
+    """The method whose worst kind is the least bad, and its worst kind on the other drives."""
+    known = [own for own in drives.values() if min((own & picking).sum(), (own & ~picking).sum()) >= FEWEST / 2]
+    if not known:
+        return []
+    worst = np.max([y[:, :, own & picking].mean(axis=(1, 2)) for own in known], axis=0)
+    least = int(np.argmin(worst))
+    there = max(known, key=lambda own: float(y[least][:, own & ~picking].mean()))
+    said = stated(y[:, :, there & ~picking], LEVEL)[least]
+    count = int((there & ~picking).sum())
+    return [{"when": "the worst kind shall be least bad", "take": methods[least].name, "drives": count, **numbers_of(said)}]
+
+
+# Two audits.
+
+
+def changed_verdicts(first: Statements, second: Statements, methods: Sequence[AuditMethod]) -> pd.DataFrame:
+    """Return which verdicts of H3 two audits of the same ``methods`` do not share.
+
+    Returns:
+        filter, adaptation, against ("own" or "best"), first, second (verdicts).
+    """
+    pairs = {"own": (first.own_plain, second.own_plain), "best": (first.best_plain, second.best_plain)}
+    lines = [
+        {**method._asdict(), "against": against, "first": str(one.verdict), "second": str(other.verdict)}
+        for against, (left, right) in pairs.items()
+        for method, one, other in zip(methods, left, right, strict=True)
+        if one.verdict is not other.verdict
+    ]
+    return pd.DataFrame(lines, columns=["filter", "adaptation", "against", "first", "second"])
