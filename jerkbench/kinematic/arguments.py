@@ -23,15 +23,18 @@ MARKED = 9
 class Steps(NamedTuple):
     """The steps that the runs share, and in vectors (a last axis of WIDTH) what they do not.
 
+    The runs of one recording share it: then W is 1, else WIDTH.
+
     Attributes:
         model: (n,) row of A, b, Q, or -1: no time passes.
         sample: (n,) row of u.
         update: (n,) row of z, or -1.
         reference: (n,) row of the reference, or -1.
-        u: (samples, 3, WIDTH).
-        z: (m, 6, WIDTH) measurements, NaN where there is none.
-        R: (m, 36, WIDTH) what the adaptation gets; or no row where that is what was reported.
-        reported: (m, 36, WIDTH) what the receiver reported.
+        u: (samples, 3, W).
+        z: (m, 6, W) measurements, NaN where there is none.
+        R: (m, 36, W) what the adaptation gets; or no row where that is what it is told.
+        reported: (m, 36, W) what the receiver reported.
+        told: (3, WIDTH) factors on that of position and of velocity, and the least variance; of one run none.
         x0: (6, WIDTH) position and velocity at the start.
         P0: (36, WIDTH) their covariance.
     """
@@ -44,19 +47,20 @@ class Steps(NamedTuple):
     z: FloatCube
     R: FloatCube
     reported: FloatCube
+    told: FloatMatrix
     x0: FloatMatrix
     P0: FloatMatrix
 
 
 class Score(NamedTuple):
-    """What the k visited rows of the reference count for; nothing is scored where there are none.
+    """What the k visited rows of the reference count for, W as in `Steps`; nothing is scored where there are none.
 
     Attributes:
         mark: (k,) row of the errors that are kept, or -1.
-        counts: (m, WIDTH) 1 where an update counts, else 0.
-        truth: (k, 6, WIDTH).
+        counts: (m, W) 1 where an update counts, else 0.
+        truth: (k, 6, W).
         weights: (k, 4) in the order of `WEIGHTS`.
-        outage: (k, WIDTH) 1 where a row counts for the outages, else 0; or no row where there are none.
+        outage: (k, W) 1 where a row counts for the outages, else 0; or no row where there are none.
         consistency: whether e' P^-1 e is summed up.
     """
 

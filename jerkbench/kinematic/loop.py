@@ -7,7 +7,7 @@ from typing import Any
 from jerkbench.arrays import FloatArray
 from jerkbench.compilation.compiled_loop import compiled_loop, is_compiled, run_beside
 from jerkbench.compilation.vectors import chosen
-from jerkbench.compilation.views import Lanes, View, ask_for, copy, lane, room, row, runs_in, shared_row
+from jerkbench.compilation.views import Lanes, View, ask_for, copy, lane, room, row, runs_in, shared_row, taken
 from jerkbench.kinematic.adapt import adapt_runs
 from jerkbench.kinematic.adapt_lanes import adapt_lanes
 from jerkbench.kinematic.arguments import DENSE, LANES, RUN, Exchange, Kept, Model, Rules, Score, Steps, run_type
@@ -18,14 +18,14 @@ from jerkbench.kinematic.whole_matrices import advance, begin_transition, find_g
 
 def compare(run: Lanes, score: Score, errors: FloatArray, k: int) -> None:
     """Score the state with row ``k`` of the reference."""
-    add_row(run, row(score.truth, k, run, "6"), score.weights[k], score.consistency)
+    add_row(run, taken(score.truth, k, run, "6"), score.weights[k], score.consistency)
     if score.mark[k] >= 0:
         marked = row(errors, score.mark[k], run, "marked")
         for i in range(3):
             marked[i], marked[3 + i] = run.e[i], run.P[0, i]
         marked[6], marked[7], marked[8] = run.P[1, 1], run.P[1, 2], run.P[2, 2]
     if len(score.outage) > 0:
-        run.outage += row(score.outage, k, run, "1")[0] * run.square
+        run.outage += taken(score.outage, k, run, "1")[0] * run.square
 
 
 def add_row(run: Lanes, truth: View, weights: FloatArray, consistency: bool) -> None:
@@ -104,16 +104,18 @@ def seen_of(run: Lanes, kept: Kept, place: int) -> View:
 
 def expect(run: Lanes, steps: Steps, rules: Rules, exchange: Exchange, seen: View, which: int) -> float:
     """Fill innovation and adapted R; return y' S^-1 y with it."""
-    complete = _innovate(run, row(steps.z, which, run, "6"), steps.z, which)
-    _take_covariance(run, row(steps.reported, which, run, "6 6"), complete)
+    complete = _innovate(run, taken(steps.z, which, run, "6"), steps.z, which)
+    _take_covariance(run, taken(steps.reported, which, run, "6 6"), complete)
     if run.width > 1:
-        ask_for(row(steps.reported, which + 1, run, "6 6"))
+        _scale(run, row(steps.told, 0, run, "3"))
+        if steps.reported.shape[2] > 1:
+            ask_for(row(steps.reported, which + 1, run, "6 6"))
     nis = mahalanobis(run)
     seen[0], seen[1], seen[16] = _rows_used(run), nis, determinant(run)
     for r in range(6):
         seen[4 + r] = chosen(run.used[r], 0.0, run.y[r], NAN)
     if len(steps.R) > 0:
-        _take_covariance(run, row(steps.R, which, run, "6 6"), complete)
+        _take_covariance(run, taken(steps.R, which, run, "6 6"), complete)
     same = False
     if LANES == 1:
         adapt_lanes(run, exchange.rows, rules, complete)
@@ -130,7 +132,7 @@ def _innovate(run: Lanes, z: View, numbers: FloatArray, which: int) -> bool:
     for r in range(6):
         run.used[r] = chosen(1.0, z[r] * 0.0, 1.0, 0.0)
         run.y[r] = chosen(run.used[r], 0.0, z[r] - run.x[r], 0.0)
-        for k in range(run.width):
+        for k in range(numbers.shape[2]):
             absent += numbers[which, r, k] * 0.0
     return absent == 0.0
 
@@ -142,6 +144,15 @@ def _take_covariance(run: Lanes, R: View, complete: bool) -> None:
             run.R[r, c] = R[r, c]
     if not complete:
         clear_absent(run)
+
+
+def _scale(run: Lanes, told: View) -> None:
+    """Make of the reported R the one that each run is told (`jerkbench.measurements.ScaledMeasurements`)."""
+    for b in range(2):
+        for r in range(3 * b, 3 * b + 3):
+            for c in range(3 * b, 3 * b + 3):
+                run.R[r, c] *= told[b]
+            run.R[r, r] = chosen(told[2], run.R[r, r], told[2], run.R[r, r])
 
 
 def clear_absent(run: Lanes) -> None:
@@ -158,7 +169,7 @@ def finish(run: Lanes, seen: View, score: Score, which: int, nis: float) -> None
     for r in range(6):
         seen[10 + r] = run.variance[r]
     if len(score.counts) > 0:
-        counts = row(score.counts, which, run, "1")[0]
+        counts = taken(score.counts, which, run, "1")[0]
         run.nis += chosen(seen[0], 0.0, counts * seen[1] / seen[0], 0.0)
         run.updates += chosen(seen[0], 0.0, counts, 0.0)
         run.nis_used += chosen(seen[2], 0.0, counts * seen[3] / seen[2], 0.0)
@@ -241,8 +252,8 @@ def move_by(run: Lanes, steps: Steps, models: Models, triangular: bool, k: int) 
     m, (A, b, Q) = steps.model[k], models
     if m < 0:
         return
-    u = row(steps.u, steps.sample[k], run, "3")
-    if run.width > 1:  # a single run's numbers come by themselves
+    u = taken(steps.u, steps.sample[k], run, "3")
+    if steps.u.shape[2] > 1:  # the numbers of one run, and of one recording, come by themselves
         ask_for(row(steps.u, steps.sample[k] + AHEAD, run, "3"))
     if run.width == 1 or A.shape[2] == 1:
         predict(
@@ -261,7 +272,7 @@ def keep(run: Lanes, score: Score, kept: Kept, reference: int, k: int) -> None:
             x[s] = run.x[s]
         copy(row(kept.P, k, run, "6 6"), run.P_measured)
     if len(score.mark) > 0:
-        if run.width > 1:
+        if score.truth.shape[2] > 1:
             ask_for(row(score.truth, k + AHEAD, run, "6"))
         compare(run, score, kept.errors, k)
 

@@ -66,6 +66,7 @@ def _steps_of(timeline: Timeline, which: IntArray, *, wants_truth: bool) -> Step
         _plain(measured.z, np.float64)[:, :, None],
         _plain(measured.R_true[: len(measured.z) if wants_truth else 0], np.float64).reshape(-1, 36, 1),
         _plain(measured.R, np.float64).reshape(-1, 36, 1),
+        np.empty((0, 1)),
         _plain(timeline.x0, np.float64)[:, None],
         _plain(timeline.P0, np.float64).reshape(36, 1),
     )
