@@ -8,8 +8,7 @@ from jerkbench import plugins
 from jerkbench.arrays import FloatArray
 from jerkbench.contracts import Adaptation, AdaptingGain, AdaptingPrior, Fading, Filter
 from jerkbench.kalman import squared_distance, updated
-from jerkbench.memory import empty_memory
-from jerkbench.optional import clocked, wants_truth
+from jerkbench.optional import clocked, empty_memory, wants_truth
 from jerkbench.parameters import DefaultOrigin, Range
 from jerkbench.timeline import Recorder, Timeline
 
