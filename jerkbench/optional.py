@@ -98,7 +98,7 @@ READABLE = get_args(Reading.__annotations__["reads"].__args__[0])
 PARAMETERS = (bool, int, float, str, tuple)
 """Types of the values that parameters have."""
 
-DEFAULTS = {bool: (bool,), int: (int,), float: (float, int), str: (str,)}
+DEFAULT_TYPES = {bool: (bool,), int: (int,), float: (float, int), str: (str,)}
 """Types that the default of a parameter may have, by the parameter's."""
 
 ALIKE = 0.8
@@ -223,7 +223,7 @@ def _wrong_default(cls: type) -> str:
     """Return a sentence about a parameter whose default is not of its type."""
     hints = get_type_hints(cls)
     for field in fields(cls):
-        suitable = DEFAULTS.get(hints[field.name])
+        suitable = DEFAULT_TYPES.get(hints[field.name])
         if suitable and field.default is not MISSING and type(field.default) not in suitable:
             return (
                 f"{cls.__name__}.{field.name} has the type {hints[field.name].__name__} and the default"

@@ -15,7 +15,7 @@ import numpy as np
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError, RecordingError, unknown
 from jerkbench.estimate import Attitude, Estimate, Updates
-from jerkbench.measurements import FLOOR, Measurements, floored, merged_measurements, start_motion
+from jerkbench.measurements import VARIANCE_FLOOR, Measurements, floored, merged_measurements, start_motion
 from jerkbench.recording import Position, Recording, Velocity
 
 
@@ -249,7 +249,7 @@ def _told_velocity(velocity: Velocity, factor: float) -> Velocity:
 def _can_scale(measurements: Measurements, recording: Recording) -> bool:
     """Whether R is the reported covariance itself: not turned, and no variance was raised to the floor."""
     as_it_is = recording.velocity is None or recording.velocity.frame == "enu"
-    return as_it_is and bool((np.einsum("nii->ni", measurements.R) > FLOOR).all())
+    return as_it_is and bool((np.einsum("nii->ni", measurements.R) > VARIANCE_FLOOR).all())
 
 
 def _scaled(measurements: Measurements, scale: RScale) -> FloatArray:

@@ -21,19 +21,18 @@ LONGEST = 500
 
 MOST_FILES, MOST_FOLDERS = 419, 37
 """Of Python code; the aim is 280 and 22."""
-MOST_CODE = 34_126
+MOST_CODE = 34_155
 """Lines without docstrings, comments, blanks and imports; the aim is 28 000."""
 MOST_LONE = 47
 """Modules that one other module imports; the aim is none."""
-MOST_CONSTANTS = 156
+MOST_CONSTANTS = 126
 """Names of constants in two or more modules."""
 
 DOUBLES = {
-    *("Answer", "Block", "Cells", "Columns", "Frame", "Interval", "Job", "Known", "Line", "Losses", "ManyLengths"),
-    *("Measured", "Metadata", "Method", "Model", "Models", "Named", "Part", "Piece", "Result", "Room", "Row"),
-    *("Scenario", "Scoring", "Seeds", "Settings", "Shown", "Stream", "Table", "Task", "Trials", "Two", "Value"),
-    *("Values", "Windows", "Words", "advance", "align", "anywhere", "begin", "chosen", "make_room", "move"),
-    *("propagate", "reference_of", "run_samples", "smooth", "update", "with_sigma"),
+    *("Cells", "Columns", "Frame", "Interval", "Line", "Losses", "Measured", "Method", "Model", "Models"),
+    *("Part", "Room", "Row", "Scenario", "Settings", "Stream", "Table", "Trials", "Two", "Value", "Windows"),
+    *("advance", "align", "anywhere", "begin", "chosen", "make_room", "move", "propagate", "reference_of"),
+    *("run_samples", "smooth", "update", "with_sigma"),
 }
 """Classes, types and functions whose name stands for several things."""
 

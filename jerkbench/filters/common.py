@@ -63,7 +63,7 @@ Models = tuple[FloatArray, FloatArray, FloatArray]
 """A (k, n, n), b (k, n), Q (k, n, n)."""
 
 
-class ManyLengths:
+class AxisModels:
     """A filter that writes its model down for all lengths; that of one length is one of them."""
 
     def axis_models(self, dt: FloatArray, dt0: float) -> Models:
