@@ -187,7 +187,7 @@ def cache_verb(chosen: argparse.Namespace) -> None:
     for title, name, patterns in (
         ("compiled filters and adaptations", module_cache.COMPILED, ("jerkbench_*", "__pycache__/jerkbench_*")),
         ("messages of bags", extract.BAGS, (extract.PATTERN,)),
-        ("simulated recordings", simulation_cache.SIMULATED, (simulation_cache.PATTERN,)),
+        ("simulated recordings", simulation_cache.SIMULATED, (simulation_cache.SIMULATED_PATTERN,)),
     ):
         folder = cache_folder(name)
         files = [path for pattern in patterns for path in sorted(folder.glob(pattern)) if path.is_file()]
