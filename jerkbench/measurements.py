@@ -9,7 +9,7 @@ from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.estimate import Attitude
 from jerkbench.recording import Recording, Velocity
 
-FLOOR = 1e-6
+VARIANCE_FLOOR = 1e-6
 """No variance is taken below (1 mm)^2 or (1 mm/s)^2."""
 
 ABSENT_SIGMA_MPS = 100.0
@@ -39,7 +39,7 @@ class Measurements:
     @cached_property
     def above_floor(self) -> bool:
         """Whether no variance that is reported was raised to the floor."""
-        return bool((np.einsum("nii->ni", self.R) > FLOOR).all())
+        return bool((np.einsum("nii->ni", self.R) > VARIANCE_FLOOR).all())
 
 
 class ScaledMeasurements(Measurements):
@@ -121,7 +121,7 @@ def floored(covariance: FloatArray) -> FloatArray:
     """Raise each diagonal element to the floor; the off-diagonals stay."""
     raised = covariance.copy()
     diagonal = np.einsum("nii->ni", raised)
-    np.maximum(diagonal, FLOOR, out=diagonal)
+    np.maximum(diagonal, VARIANCE_FLOOR, out=diagonal)
     return raised
 
 

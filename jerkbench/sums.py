@@ -71,7 +71,7 @@ class Sums(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Scoring:
+class ErrorWeights:
     """The weights of a run's errors, at the k stamps of the reference that it visits.
 
     Attributes:
@@ -99,7 +99,7 @@ class Run(NamedTuple):
     """A run without its filter."""
 
     timeline: Timeline
-    scoring: Scoring
+    scoring: ErrorWeights
 
 
 class RecordedRun(NamedTuple):
@@ -108,7 +108,7 @@ class RecordedRun(NamedTuple):
     recording: Recording
     attitude: Attitude
     timeline: Timeline
-    scoring: Scoring
+    scoring: ErrorWeights
 
 
 class Streamed(NamedTuple):

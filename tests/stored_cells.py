@@ -1,6 +1,6 @@
 """Stored cells as a run leaves them, made without one."""
 
-from jerkbench.jobs.run import Block
+from jerkbench.jobs.run import RowBlock
 from jerkbench.results.store import Store
 
 LABELS = {
@@ -52,4 +52,4 @@ def drop(store, keys):
         path.unlink()
     for cell in cells:
         if cell.key not in keys:
-            store.write_blocks([Block(cell.key, len(cell.rows), cell.rows.to_dict("records"), cell.metadata)])
+            store.write_blocks([RowBlock(cell.key, len(cell.rows), cell.rows.to_dict("records"), cell.metadata)])

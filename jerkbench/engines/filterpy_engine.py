@@ -22,8 +22,7 @@ from jerkbench.kalman import (
     squared_distance_by,
     without_measured,
 )
-from jerkbench.memory import empty_memory
-from jerkbench.optional import clocked, wants_truth
+from jerkbench.optional import clocked, empty_memory, wants_truth
 from jerkbench.plugins import register
 from jerkbench.timeline import Recorder, Timeline
 

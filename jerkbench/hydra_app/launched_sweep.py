@@ -37,11 +37,9 @@ FAILED = 1
 """Exit code of a sweep of which a run failed."""
 
 
-Seeds = Mapping[str, Sequence[int]]
-"""Of cells that were run, by their keys."""
-
-
-def conclude_study(store: Store, seeds: Seeds, config: DictConfig, level: float | None = None) -> Study | None:
+def conclude_study(
+    store: Store, seeds: Mapping[str, Sequence[int]], config: DictConfig, level: float | None = None
+) -> Study | None:
     """Write and print the tables of what is there; returns the cells that were run, or nothing where none is whole."""
     from jerkbench.report.tables.terminal import print_beginning, print_table
 
@@ -68,13 +66,13 @@ def failed_code(study: Study | None) -> int:
     return FAILED if study is not None and (study.rows["status"] == "failed").any() else 0
 
 
-def _not_whole(store: Store, seeds: Seeds) -> list[str]:
+def _not_whole(store: Store, seeds: Mapping[str, Sequence[int]]) -> list[str]:
     """Return the cells of which a run is neither done nor failed."""
     known = store.known(seeds, failed=True)
     return [key for key, own in seeds.items() if not known.get(key, set()).issuperset(own)]
 
 
-def lost(store: Store, seeds: Seeds) -> int:
+def lost(store: Store, seeds: Mapping[str, Sequence[int]]) -> int:
     """The exit code for cells that have run and are not there, or 0."""
     gone = len(_not_whole(store, seeds))
     if gone:
@@ -213,7 +211,7 @@ def _concluded(end: End, store: Store, config: DictConfig) -> int:
 # The planned order of a sweep whose jobs another launcher than ours runs, each in a process of its
 # own.
 
-FOLDER = ".order"
+ORDER_FOLDER = ".order"
 """In the study's folder: a file for each job, named by its number."""
 
 
@@ -225,7 +223,7 @@ def forget_order(folder: Path) -> None:
 
 def note_place(folder: Path, number: int, job: Job) -> None:
     """Note what the job ``number`` is: a cell, and its seeds."""
-    write_text(folder / FOLDER / f"{number:07d}", json.dumps([job.key, list(job.draws)]))
+    write_text(folder / ORDER_FOLDER / f"{number:07d}", json.dumps([job.key, list(job.draws)]))
 
 
 def take_order(folder: Path) -> dict[str, list[int]]:
@@ -235,10 +233,10 @@ def take_order(folder: Path) -> dict[str, list[int]]:
         key, draws = json.loads(path.read_text(encoding="utf-8"))
         found.setdefault(key, set()).update(draws)
     forget_order(folder)
-    if (folder / FOLDER).is_dir():
-        (folder / FOLDER).rmdir()
+    if (folder / ORDER_FOLDER).is_dir():
+        (folder / ORDER_FOLDER).rmdir()
     return {key: sorted(draws) for key, draws in found.items()}
 
 
 def _files(folder: Path) -> list[Path]:
-    return sorted(path for path in (folder / FOLDER).glob("*") if path.name.isdecimal())
+    return sorted(path for path in (folder / ORDER_FOLDER).glob("*") if path.name.isdecimal())

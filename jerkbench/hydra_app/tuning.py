@@ -33,9 +33,9 @@ from jerkbench.tuning.foreign import EXPORTS
 from jerkbench.tuning.objectives import objective_of
 from jerkbench.tuning.outcome import Effort, Tuning, tune
 from jerkbench.tuning.search import Budget
-from jerkbench.tuning.space import STREAMS, Space, space_of
+from jerkbench.tuning.space import R_STREAMS, Space, space_of
 from jerkbench.tuning.splits import Cases, Seeds, by_families, by_recordings, by_seeds, by_time
-from jerkbench.tuning.summary import PARTS, preset_words, record, summary, tunings_table, write_presets
+from jerkbench.tuning.summary import TUNED_PARTS, preset_words, record, summary, tunings_table, write_presets
 
 # The words behind `jerkbench tune`: the tuning's own, and those of `jerkbench run`, which may have
 # several values.
@@ -43,7 +43,7 @@ from jerkbench.tuning.summary import PARTS, preset_words, record, summary, tunin
 METHOD_GROUPS = ("filter", "adaptation", "noise", "engine", "r_scale")
 """Groups of which several values are several methods; several of the others are scenarios of one tuning."""
 
-ALONE = "filter=attitude_only"
+ATTITUDE_ALONE = "filter=attitude_only"
 """With this word the attitude filter is the method."""
 
 
@@ -109,7 +109,7 @@ def tuning_words(words: Sequence[str], *, several: bool) -> TuneWords:
     names = {f.name for f in fields(TuneOptions)}
     own = [word for word in words if word.partition("=")[0] in names]
     others = [word for word in words if word not in own]
-    groups = (*METHOD_GROUPS, "attitude") if ALONE in others else METHOD_GROUPS
+    groups = (*METHOD_GROUPS, "attitude") if ATTITUDE_ALONE in others else METHOD_GROUPS
     methods = _combinations([word for word in others if owner(word) in groups])
     if len(methods) > 1 and not several:
         raise PluginError(f"There are {len(methods)} methods; add -m to tune each of them with the same budget.")
@@ -182,7 +182,7 @@ def tune_all(words: TuneWords) -> None:
 def _streams(jobs: Sequence[Job]) -> list[str]:
     """The streams that the recording of any scenario has, of those whose R is tuned."""
     recordings = [shared_inputs().undisturbed(job.scenario.dataset, job.draws[0]) for job in jobs]
-    return [name for name in STREAMS if any(getattr(recording, name) is not None for recording in recordings)]
+    return [name for name in R_STREAMS if any(getattr(recording, name) is not None for recording in recordings)]
 
 
 def cases_of(jobs: Sequence[Job], options: TuneOptions, first_seed: int) -> Cases:
@@ -246,7 +246,7 @@ def _command(tuning: Tuning, presets: Path, words: TuneWords, method: Sequence[s
     """The command that runs what was tuned: its presets, on the data sets and under the faults of the tuning."""
     chosen = preset_words(tuning, typed="experiment" in map(owner, words.shared))
     tuned = {f"r_scale.{name}" for name in tuning.space.of_part("r_scale", tuning.setting)}
-    covered = {part for part in PARTS if tuning.space.of_part(part, tuning.setting)} | tuned
+    covered = {part for part in TUNED_PARTS if tuning.space.of_part(part, tuning.setting)} | tuned
     kept = [word for word in method if not {owner(word), word.partition("=")[0]} & covered]
     several = ["-m"] if len(words.scenarios) > 1 else []
     folders = [word for folder in (presets, *user_folders()) for word in ("--config-dir", str(folder))]

@@ -20,7 +20,7 @@ from jerkbench.jobs.names import words as as_words
 from jerkbench.presets import preset_names
 from jerkbench.renamed import new_word, renamed_notice
 
-NAMED = re.compile(rf"\+*(?:{'|'.join((*GROUPS, 'disturbance'))})=(?:\[.*\{{|\{{\s*name\s*:)")
+MAPPING_WORD = re.compile(rf"\+*(?:{'|'.join((*GROUPS, 'disturbance'))})=(?:\[.*\{{|\{{\s*name\s*:)")
 """A plugin with its parameters in one mapping, as Python code gives it; Hydra has names only."""
 
 
@@ -49,7 +49,7 @@ def refuse_mappings(typed: Sequence[str]) -> None:
         PluginError: there is one; says how to give its parameters.
     """
     for word in typed:
-        if NAMED.match(word):
+        if MAPPING_WORD.match(word):
             raise PluginError(
                 f"{word}: a plugin is chosen by its name alone; give each parameter by itself: {_by_itself(word)}."
             )
@@ -110,7 +110,7 @@ def _parameters(group: str, part: dict[str, Any]) -> list[str]:
 # The words behind `jerkbench run`, checked before Hydra sees them, and in the order in which it
 # takes them.
 
-CHOSEN = (*GROUPS, "disturbance", "noise", "experiment", "cluster")
+NAMED_GROUPS = (*GROUPS, "disturbance", "noise", "experiment", "cluster")
 """Groups of which a name is chosen."""
 COMMANDS = ("run", "multirun", "cfg", "info", "shell_completion")
 """Options of Hydra that say what is to be done; one of them at a time."""
@@ -180,12 +180,12 @@ def _check(word: str, *, completing: bool) -> None:
 
 
 def _is_group(key: str) -> bool:
-    return key in CHOSEN or key.startswith("hydra/")
+    return key in NAMED_GROUPS or key.startswith("hydra/")
 
 
 def _check_deletion(override: Override) -> None:
     key = override.key_or_group
-    if key in NO_GROUPS or (key in CHOSEN and key != "experiment"):
+    if key in NO_GROUPS or (key in NAMED_GROUPS and key != "experiment"):
         raise PluginError(f"~{key}: a run cannot be without {key}; leave it out for the default, or give {key}=...")
 
 

@@ -29,7 +29,7 @@ from jerkbench.timeline import build_timeline, with_r_scale
 # Simulated recordings, kept in the user's cache: another sweep over the same seeds need not
 # simulate them again.
 
-PARTS = {
+RECORDING_PARTS = {
     "imu": Imu,
     "reference": Reference,
     "position": Position,
@@ -43,11 +43,11 @@ LAW = "drawn"
 SIMULATED = "simulated"
 """The kind of cache that holds simulated recordings."""
 
-PATTERN = "simulated_*"
-MOST_BYTES = 2_000_000_000
+SIMULATED_PATTERN = "simulated_*"
+MOST_CACHED_BYTES = 2_000_000_000
 """About 700 drives of 150 s; then the longest unused go."""
 
-DAMAGE = (OSError, ValueError, KeyError, TypeError)
+DAMAGED_ARRAYS = (OSError, ValueError, KeyError, TypeError)
 
 
 def simulated(dataset: Dataset, seed: int) -> Recording:
@@ -60,7 +60,7 @@ def simulated(dataset: Dataset, seed: int) -> Recording:
     with suppress(OSError):  # no room, or no right to write: then it is simulated again the next time
         _write(recording, path)
         if seed % 16 == 0:
-            forget_oldest(path.parent, PATTERN, MOST_BYTES)
+            forget_oldest(path.parent, SIMULATED_PATTERN, MOST_CACHED_BYTES)
     return recording
 
 
@@ -73,13 +73,13 @@ def _key(dataset: Dataset, seed: int) -> str:
 def _write(recording: Recording, path: Path) -> None:
     arrays: dict[str, Any] = {}
     header: dict[str, Any] = {}
-    for part in ("", LAW, *PARTS):
+    for part in ("", LAW, *RECORDING_PARTS):
         owner = getattr(recording, part) if part else recording
         for each in dataclasses.fields(owner) if owner is not None else ():
             value = getattr(owner, each.name)
             if isinstance(value, np.ndarray):
                 arrays[f"{part}.{each.name}"] = value
-            elif each.name not in (*PARTS, LAW):
+            elif each.name not in (*RECORDING_PARTS, LAW):
                 header[f"{part}.{each.name}"] = value.isoformat() if isinstance(value, datetime) else value
     write_atomically(path, lambda partial: write_arrays(partial, arrays, header))
 
@@ -89,7 +89,9 @@ def _read(path: Path) -> Recording | None:
     try:
         arrays, header = read_arrays(path)
         values = arrays | header
-        parts: dict[str, Any] = {name: PARTS[name](**own) for name in PARTS if (own := _of(name, values))}
+        parts: dict[str, Any] = {
+            name: RECORDING_PARTS[name](**own) for name in RECORDING_PARTS if (own := _of(name, values))
+        }
         law = _of(LAW, values)
         drawn = ErrorLaw(parts["imu"], parts["position"], parts["velocity"], **law) if law else None
         own = _of("", values)
@@ -98,7 +100,7 @@ def _read(path: Path) -> Recording | None:
         with suppress(OSError):
             os.utime(path)  # used just now: others go first
         return Recording(**own, **parts, drawn=drawn)
-    except DAMAGE:
+    except DAMAGED_ARRAYS:
         return None
 
 
@@ -107,7 +109,7 @@ def _of(part: str, values: dict[str, Any]) -> dict[str, Any]:
     return {name.partition(".")[2]: value for name, value in values.items() if name.partition(".")[0] == part}
 
 
-MAGIC = b"jerkbench arrays 1\n"
+ARRAYS_MAGIC = b"jerkbench arrays 1\n"
 ALIGNED = 64
 """Arrays begin at multiples of so many bytes."""
 
@@ -121,7 +123,7 @@ def write_arrays(path: Path, arrays: dict[str, Any], header: dict[str, Any]) -> 
     for array in plain.values():
         content += _padded(array.tobytes())
     sizes = np.array([len(described), zlib.crc32(content)], dtype="<u8").tobytes()
-    path.write_bytes(_padded(MAGIC + sizes) + content)
+    path.write_bytes(_padded(ARRAYS_MAGIC + sizes) + content)
 
 
 def read_arrays(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -132,9 +134,11 @@ def read_arrays(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
         ValueError: it is not what `write_arrays` has written.
     """
     content = np.fromfile(path, dtype=np.uint8)
-    if content[: len(MAGIC)].tobytes() != MAGIC or len(content) < ALIGNED:
+    if content[: len(ARRAYS_MAGIC)].tobytes() != ARRAYS_MAGIC or len(content) < ALIGNED:
         raise ValueError(f"{path} holds no arrays.")
-    length, checksum = np.frombuffer(content[len(MAGIC) : len(MAGIC) + 16].tobytes(), dtype="<u8").tolist()
+    length, checksum = np.frombuffer(
+        content[len(ARRAYS_MAGIC) : len(ARRAYS_MAGIC) + 16].tobytes(), dtype="<u8"
+    ).tolist()
     if zlib.crc32(content[ALIGNED:]) != checksum:  # type: ignore[arg-type]  # an array is a buffer
         raise ValueError(f"{path} is damaged.")
     described = json.loads(content[ALIGNED : ALIGNED + length].tobytes())
@@ -155,26 +159,26 @@ def _rounded(size: int) -> int:
     return -(-size // ALIGNED) * ALIGNED
 
 
-KEPT = 32
+KEPT_INPUTS = 32
 """The number of each kind that is kept; a recording of 150 s at 100 Hz has some 2 MB."""
 
 
 class Inputs:
-    """Recordings, attitudes, timelines and scorings, each made once and the latest `KEPT` of each kind kept.
+    """Recordings, attitudes, timelines and scorings, each made once and the latest `KEPT_INPUTS` of each kind kept.
 
     No cache holds the object that holds it, so that all of them go with the last reference, some 100 MB.
     """
 
     def __init__(self) -> None:
         """Begin with nothing."""
-        self._loaded = lru_cache(KEPT)(loaded)
-        self._disturbed = lru_cache(KEPT)(partial(disturbed, self._loaded))
-        self.attitude = lru_cache(KEPT)(attitude_of)
-        self.told = lru_cache(KEPT)(with_r_scale)
-        self.timeline = lru_cache(KEPT)(build_timeline)
-        self.scored = lru_cache(KEPT)(scored)
-        self._outline = lru_cache(KEPT)(_Outline.of)
-        self._columns = lru_cache(8 * KEPT)(_columns)
+        self._loaded = lru_cache(KEPT_INPUTS)(loaded)
+        self._disturbed = lru_cache(KEPT_INPUTS)(partial(disturbed, self._loaded))
+        self.attitude = lru_cache(KEPT_INPUTS)(attitude_of)
+        self.told = lru_cache(KEPT_INPUTS)(with_r_scale)
+        self.timeline = lru_cache(KEPT_INPUTS)(build_timeline)
+        self.scored = lru_cache(KEPT_INPUTS)(scored)
+        self._outline = lru_cache(KEPT_INPUTS)(_Outline.of)
+        self._columns = lru_cache(8 * KEPT_INPUTS)(_columns)
 
     def recording(self, scenario: Scenario, draw: int) -> Recording:
         """Return the recording of ``draw`` after all disturbances; changed files are other data."""

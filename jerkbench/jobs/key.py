@@ -14,18 +14,18 @@ from typing import Any
 
 from jerkbench.contracts import Dataset, Disturbance, ReadingFile
 from jerkbench.errors import PluginError, RecordingError
-from jerkbench.jobs.sources import KNOWN, named_digests, sources_digest
+from jerkbench.jobs.sources import KNOWN_MODULES, named_digests, sources_digest
 
 # The provenance of a result, besides its configuration: our own code, the plugins' code, the
 # libraries.
 
-PACKAGE = Path(__file__).parents[1]
-LIBRARIES = ("filterpy", "numba", "numpy", "scipy", "pandas", "pymap3d", "hydra-core")
+PACKAGE_FOLDER = Path(__file__).parents[1]
+KEY_LIBRARIES = ("filterpy", "numba", "numpy", "scipy", "pandas", "pymap3d", "hydra-core")
 COMPUTING = (
     *("adaptation", "attitude", "compilation", "datasets", "disturbances", "engines"),
     *("filters", "inertial", "io", "kinematic", "linear", "recording", "simulation", "measurements", "timeline"),
     *("traces", "contracts", "evaluation/metrics", "arrays", "estimate", "geometry", "kalman"),
-    *("memory", "optional", "random_streams", "renamed", "sums", "tuning/excerpts"),
+    *("optional", "random_streams", "renamed", "sums", "tuning/excerpts"),
     *(f"jobs/{name}" for name in ("inputs", "job", "labels", "rows")),
     *(f"evaluation/{name}" for name in ("counted_rows", "evaluated_run", "navigation_errors", "sums")),
     "evaluation/statistics/correlated_errors",
@@ -41,8 +41,8 @@ def code_digest(*further: str) -> str:
         further: rooms on which a result depends besides.
     """
     digest = hashlib.sha256()
-    for path in sorted([*PACKAGE.rglob("*.py"), *PACKAGE.glob("traces/shipped/*.parquet")]):
-        inside = path.relative_to(PACKAGE)
+    for path in sorted([*PACKAGE_FOLDER.rglob("*.py"), *PACKAGE_FOLDER.glob("traces/shipped/*.parquet")]):
+        inside = path.relative_to(PACKAGE_FOLDER)
         places = {part.as_posix() for part in (inside.with_suffix(""), *inside.parents)}
         if not places.isdisjoint((*COMPUTING, *further)):
             digest.update(str(inside).encode() + path.read_bytes())
@@ -57,7 +57,7 @@ def plugin_digest(cls: type) -> str:
     another one in each process: nothing tells whether it changed.
     """
     named = [line for base in cls.__mro__ for line in _named(base)]
-    homes = {c.__module__.partition(".")[0] for c in cls.__mro__} - KNOWN - sys.stdlib_module_names
+    homes = {c.__module__.partition(".")[0] for c in cls.__mro__} - KNOWN_MODULES - sys.stdlib_module_names
     try:
         texts = [*map(sources_digest, sorted(homes)), *named]
         return hashlib.sha256("".join(texts).encode()).hexdigest() if texts else ""
@@ -81,7 +81,7 @@ def _this_process() -> str:
 @cache
 def versions() -> dict[str, str]:
     """Versions of Python, this package and the libraries that compute."""
-    return {"python": platform.python_version(), **{name: version(name) for name in ("jerkbench", *LIBRARIES)}}
+    return {"python": platform.python_version(), **{name: version(name) for name in ("jerkbench", *KEY_LIBRARIES)}}
 
 
 ARITHMETIC = ("amx", "avx", "fma", "neon", "sse", "sve")
@@ -107,7 +107,7 @@ def git_commit() -> str:
     """The commit of the checkout that the package runs from, with "+changes" if it has any; empty outside one."""
 
     def git(*words: str) -> str:
-        done = subprocess.run(["git", "-C", str(PACKAGE), *words], capture_output=True, text=True, check=False)  # noqa: S603, S607 - fixed words
+        done = subprocess.run(["git", "-C", str(PACKAGE_FOLDER), *words], capture_output=True, text=True, check=False)  # noqa: S603, S607 - fixed words
         return done.stdout.strip() if done.returncode == 0 else ""
 
     try:

@@ -12,7 +12,7 @@ from filelock import FileLock, Timeout
 
 from jerkbench.notices import notify
 
-FOLDER = ".locks"
+LOCKS_FOLDER = ".locks"
 """The folder of the locks, in the study's."""
 
 

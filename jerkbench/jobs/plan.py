@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from jerkbench.contracts import PerSeed
 from jerkbench.errors import PluginError
-from jerkbench.jobs.inputs import KEPT
+from jerkbench.jobs.inputs import KEPT_INPUTS
 from jerkbench.jobs.job import Job, Scenario
 from jerkbench.jobs.names import refusal
 from jerkbench.jobs.preflight import require_inputs
@@ -121,8 +121,8 @@ def grouped(
     groups: dict[object, dict[object, list[Task]]] = {}
     for job in jobs:
         scenario = job.scenario
-        size = 1 if isinstance(job.method.filter, PerSeed) else KEPT  # programs of the user's: each seed on its own
-        for block, draws in _blocks(job.draws, wanted.get(job.key, job.draws), size):
+        each_alone = isinstance(job.method.filter, PerSeed)  # a program of the user's
+        for block, draws in _blocks(job.draws, wanted.get(job.key, job.draws), 1 if each_alone else KEPT_INPUTS):
             near = groups.setdefault((scenario.dataset, scenario.data, block), {})
             near.setdefault((scenario.disturbances, scenario.attitude), []).append(Task((job,), draws))
     numbered = _numbered([group for near in groups.values() for group in near.values()], least)

@@ -144,7 +144,7 @@ def _first_remarks(job: Job, inputs: Inputs) -> list[str]:
 # The notes on a job: where the reference comes from, what the recording and its filters have to
 # say.
 
-GAP_S = 0.2
+IMU_GAP_S = 0.2
 """A longer step between two samples of the IMU is told: in it a vehicle turns and brakes."""
 
 
@@ -166,9 +166,9 @@ def _gaps(recording: Recording) -> list[str]:
     if recording.imu is None:
         return []
     steps_s = np.diff(recording.imu.t_s)
-    if steps_s.max() <= GAP_S:
+    if steps_s.max() <= IMU_GAP_S:
         return []
-    gaps_s = steps_s[steps_s > max(GAP_S, 2.5 * recording.imu.nominal_interval_s)]
+    gaps_s = steps_s[steps_s > max(IMU_GAP_S, 2.5 * recording.imu.nominal_interval_s)]
     if not len(gaps_s):
         return []
     count = "1 gap" if len(gaps_s) == 1 else f"{len(gaps_s)} gaps"

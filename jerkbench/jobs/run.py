@@ -15,7 +15,7 @@ from jerkbench.jobs.dispatch import Order, outcomes
 from jerkbench.jobs.identity import identity_of
 from jerkbench.jobs.job import Job
 from jerkbench.jobs.key import code_digest, git_commit, versions
-from jerkbench.jobs.locks import FOLDER, Locks, plan_name
+from jerkbench.jobs.locks import LOCKS_FOLDER, Locks, plan_name
 from jerkbench.jobs.plan import Plan, grouped, missing
 from jerkbench.jobs.progress import Progress
 from jerkbench.jobs.rows import Done, Result, Row, Task, failed_rows, work
@@ -29,7 +29,7 @@ HELD_ROWS = 20_000
 """And so many rows are kept in memory."""
 
 
-class Block(NamedTuple):
+class RowBlock(NamedTuple):
     """Runs of a job that are stored together.
 
     Attributes:
@@ -56,7 +56,7 @@ class RowStore(Protocol):
     def known(self, keys: Collection[str], *, seen: set[str]) -> Mapping[str, Collection[int]]:
         """Return the seeds of ``keys`` that did not fail in files that are not ``seen``; then they are."""
 
-    def write_blocks(self, blocks: Sequence[Block]) -> None:
+    def write_blocks(self, blocks: Sequence[RowBlock]) -> None:
         """Store the blocks, all or none."""
 
 
@@ -88,9 +88,9 @@ def run_missing(
         ClusterError: the cluster cannot go on; what is done is stored.
     """
     store.prepare()
-    known = Known(store, plan.jobs)
+    known = KnownSeeds(store, plan.jobs)
     left = known.unfinished(plan.jobs)
-    locks = Locks(store.folder.parent / FOLDER, plan_name(plan.draws))
+    locks = Locks(store.folder.parent / LOCKS_FOLDER, plan_name(plan.draws))
     with _shown(progress, len(plan.jobs), len(plan.jobs) - len(left)) as bar, locks, Writer(store) as writer:
         tally = Tally(bar)
         while left:
@@ -127,7 +127,7 @@ def _shown(progress: Progress | None, jobs: int, done: int) -> Iterator[Progress
         yield progress
 
 
-class Known(dict[str, set[int]]):
+class KnownSeeds(dict[str, set[int]]):
     """The seeds of the jobs of a plan that are stored, by key, as far as was looked."""
 
     def __init__(self, store: RowStore, jobs: Sequence[Job]) -> None:
@@ -156,7 +156,7 @@ def _done(task: Task, outcome: Done | Exception, *, strict: bool) -> Done:
     return Done([Result(failed_rows(job, task.draws, reason), []) for job in task.jobs])
 
 
-def _wait_for_others(left: Sequence[Job], known: Known, progress: Progress) -> list[Job]:
+def _wait_for_others(left: Sequence[Job], known: KnownSeeds, progress: Progress) -> list[Job]:
     """Return what other processes have not done either, after a moment if there is any."""
     waiting = known.unfinished(left) if left else []
     progress.advance(count=len(left) - len(waiting))
@@ -209,7 +209,7 @@ class Writer:
     def __init__(self, store: RowStore) -> None:
         """Write into ``store``."""
         self.store = store
-        self._held: list[Block] = []
+        self._held: list[RowBlock] = []
         self._written = time.monotonic()
 
     def __enter__(self) -> Self:
@@ -235,7 +235,7 @@ class Writer:
         self._written = time.monotonic()
 
 
-def block_of(job: Job, result: Result) -> Block:
+def block_of(job: Job, result: Result) -> RowBlock:
     """Return the runs of ``result`` as they are stored."""
     about = {
         "labels": job.labels._asdict(),
@@ -251,13 +251,13 @@ def block_of(job: Job, result: Result) -> Block:
         "run_s": float(f"{result.seconds / len(result.rows):.4g}"),
         "processor": result.processor,
     }
-    return Block(job.key, len(job.draws), result.rows, about)
+    return RowBlock(job.key, len(job.draws), result.rows, about)
 
 
 class Shared:
     """The tasks of one round, as far as they are for this process: other processes may work in the same folder."""
 
-    def __init__(self, groups: Iterable[Sequence[Task]], known: Known, locks: Locks, writer: Writer) -> None:
+    def __init__(self, groups: Iterable[Sequence[Task]], known: KnownSeeds, locks: Locks, writer: Writer) -> None:
         """Begin with ``groups`` of which what is ``known`` is left out already."""
         self._known, self._locks, self._writer = known, locks, writer
         self._left = Counter[int]()

@@ -15,16 +15,16 @@ from importlib.util import find_spec
 from pathlib import Path
 from types import FunctionType, ModuleType
 
-KNOWN = {"jerkbench", "numpy", "scipy", "numba", "pandas", "filterpy", "pymap3d", "hydra", "omegaconf"}
+KNOWN_MODULES = {"jerkbench", "numpy", "scipy", "numba", "pandas", "filterpy", "pymap3d", "hydra", "omegaconf"}
 """Modules whose version or code is in every key."""
 
-MOST_BYTES = 64_000_000
+MOST_HASHED_BYTES = 64_000_000
 """A larger file counts by its size and the time of its last change."""
 
 CACHES, RESULTS = "__pycache__", "results"
 """Folders on which nothing depends."""
 
-Named = tuple[str, Path]
+NamedFile = tuple[str, Path]
 """A file, and what it is called: its place in its package."""
 
 
@@ -52,7 +52,9 @@ def _lines(module: str) -> Iterator[str]:
             continue
         files = list(_loose(top, required=top == own) if installed is None else _whole(installed, top))
         yield from (f"{name} {_content(path)}" for name, path in files)
-        for name in sorted(_reached(top, [path for _, path in files]) - visited - KNOWN - sys.stdlib_module_names):
+        for name in sorted(
+            _reached(top, [path for _, path in files]) - visited - KNOWN_MODULES - sys.stdlib_module_names
+        ):
             visited.add(name)
             waiting.append(name)
 
@@ -117,7 +119,7 @@ def _place(top: str) -> Path | None:
     return Path(place).resolve() if place else None
 
 
-def _distributed(installed: Distribution) -> Iterator[Named]:
+def _distributed(installed: Distribution) -> Iterator[NamedFile]:
     """Yield every file that was installed with it."""
     for file in installed.files or ():
         path = Path(str(file.locate()))
@@ -125,14 +127,14 @@ def _distributed(installed: Distribution) -> Iterator[Named]:
             yield str(file), path
 
 
-def _whole(installed: Distribution, top: str) -> Iterator[Named]:
+def _whole(installed: Distribution, top: str) -> Iterator[NamedFile]:
     """Yield every file of a distribution, and what was put into the package's folder later."""
     yield from _distributed(installed)
     if (place := _place(top)) is not None and place.is_dir():
         yield from _loose(top, required=False)
 
 
-def _loose(top: str, *, required: bool) -> Iterator[Named]:
+def _loose(top: str, *, required: bool) -> Iterator[NamedFile]:
     """Yield the files of a package; of a module that stands alone, itself, and the data beside it."""
     place = _place(top)
     if place is None:
@@ -173,7 +175,7 @@ def named_digests(names: Iterable[str], home: Path) -> Iterator[str]:
 
 def _content(path: Path) -> str:
     stat = path.stat()
-    if stat.st_size > MOST_BYTES:
+    if stat.st_size > MOST_HASHED_BYTES:
         return f"{stat.st_size} {stat.st_mtime_ns}"
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()

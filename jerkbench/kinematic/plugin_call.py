@@ -24,9 +24,8 @@ from jerkbench.compilation.vectors import WIDE, aligned_zeros
 from jerkbench.compilation.views import Lanes
 from jerkbench.contracts import Adaptation, AdaptingGain, AdaptingPrior, Fading
 from jerkbench.kinematic.arguments import Packed, Rules, Whole
-from jerkbench.memory import memory_size
 from jerkbench.notices import notify
-from jerkbench.optional import asked_in_lanes, wants_truth
+from jerkbench.optional import asked_in_lanes, memory_size, wants_truth
 
 # The methods as the author of an adaptation writes them: what each is given, and what it returns.
 

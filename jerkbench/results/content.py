@@ -13,14 +13,14 @@ import pyarrow.compute as pc
 from jerkbench.arrays import BoolArray, IntArray
 from jerkbench.jobs.labels import Labels
 from jerkbench.renamed import new_label
-from jerkbench.results.parts import CELL, COLUMNS, HEAD, KEY, PROCESSOR, RUNS, parsed
+from jerkbench.results.parts import CELL, COLUMNS, HEAD_COLUMNS, KEY, PROCESSOR, RUNS, parsed
 
 OF_BLOCKS = ("cell.notes", "cell.seconds", "cell.created")
 """What differs from block to block of a cell."""
 
 Stretches = Sequence[Sequence[int]]
 """Seeds that follow each other: the first, and how many."""
-Shown = Mapping[str, Stretches]
+ShownSeeds = Mapping[str, Stretches]
 """The seeds that are shown, by the keys of their cells."""
 
 
@@ -67,7 +67,7 @@ class Content:
     def stored(self) -> Iterator[Stored]:
         """Yield every cell with its rows."""
         for place, key in enumerate(self.keys):
-            rows = frame(self.rows_of(place), [*HEAD, *self.columns[place]])
+            rows = frame(self.rows_of(place), [*HEAD_COLUMNS, *self.columns[place]])
             yield Stored(key, rows, self.metadata[place])
 
     def rows_in_order(self, places: Sequence[int]) -> pa.Table:
@@ -76,7 +76,7 @@ class Content:
         return self.table.take(pa.array(np.concatenate(ranges)))
 
 
-def content_of_tables(tables: Sequence[pa.Table], shown: Shown) -> Content:
+def content_of_tables(tables: Sequence[pa.Table], shown: ShownSeeds) -> Content:
     """Join parts: of a run that was stored more than once one that did not fail, the newest; cells that are whole.
 
     Args:
@@ -185,7 +185,7 @@ def _metadata(first: pa.Table) -> list[dict[str, Any]]:
 
 def _metrics(first: pa.Table) -> list[list[str]]:
     """The metrics of each cell, in its own order; cells with the same ones share the list."""
-    columns = {name for name in first.column_names if name not in HEAD and not name.startswith(CELL)}
+    columns = {name for name in first.column_names if name not in HEAD_COLUMNS and not name.startswith(CELL)}
     texts = first[COLUMNS].to_pylist()
     named = {text: [name for name in dict.fromkeys(parsed(text)) if name in columns] for text in set(texts)}
     return [named[text] for text in texts]

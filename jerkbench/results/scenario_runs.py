@@ -14,7 +14,7 @@ from jerkbench.estimate import Estimate
 from jerkbench.evaluation.navigation_errors import position_error_length_m
 from jerkbench.jobs.inputs import shared_inputs
 from jerkbench.recording import Recording
-from jerkbench.report.analysis.columns import competes
+from jerkbench.report.analysis.columns import SCENARIO_FACTORS, competes
 from jerkbench.report.drawings import Scene
 from jerkbench.report.page.script_data import Stretch, largest_of_steps
 from jerkbench.results.content import Stored
@@ -23,16 +23,13 @@ from jerkbench.results.store import Store
 from jerkbench.results.study import Study
 from jerkbench.results.titles import file_stem, with_title
 
-SCENARIO = ("dataset", "disturbance", "attitude")
-"""Factors whose labels are a scenario's name."""
-
 WANTED = (("baseline", "none"), ("jerk", "mtf"), ("jerk", "none"), ("gnss_only", "none"))
 """Filters and adaptations that are drawn where they are there, beside the best one."""
 
-SHOWN = 5
+SHOWN_METHODS = 5
 """Methods in one picture, unless more are the user's own, or wanted by name."""
 
-Cells = Mapping[str, Mapping[str, str]]
+SceneCells = Mapping[str, Mapping[str, str]]
 """Key and labels of each cell."""
 
 TILTS = ("none", "scalar", "mtf")
@@ -47,22 +44,22 @@ SEEDS = 10
 MOST_CELLS = 40
 """Cells of a scenario whose errors are kept, the user's own and the best ones."""
 
-KEPT = 120_000
+KEPT_ERRORS = 120_000
 """Errors of all cells together: two bytes each, so that the file stays small."""
 
-STEPS = (100, 600)
+STRETCH_STEPS = (100, 600)
 """Fewest and most steps of a recording."""
 
 
-def scene_cells(study: Study) -> dict[str, Cells]:
+def scene_cells(study: Study) -> dict[str, SceneCells]:
     """Return the names of the scenarios of a study, in their order, each with its cells."""
     scenarios: dict[str, dict[str, Mapping[str, str]]] = {}
     for key, labels in study.labels.items():
-        scenarios.setdefault(", ".join(labels[factor] for factor in SCENARIO), {})[key] = labels
+        scenarios.setdefault(", ".join(labels[factor] for factor in SCENARIO_FACTORS), {})[key] = labels
     return dict(scenarios)
 
 
-def read_cells(folder: Path, cells: Cells, *, run_programs: bool) -> list[Stored]:
+def read_cells(folder: Path, cells: SceneCells, *, run_programs: bool) -> list[Stored]:
     """Return the cells that may run again, with their labels."""
     stored, _ = Store(folder).read(list(cells))
     allowed = runnable(stored, run_programs=run_programs)
@@ -72,7 +69,7 @@ def read_cells(folder: Path, cells: Cells, *, run_programs: bool) -> list[Stored
 def load_scene(
     folder: Path,
     name: str,
-    cells: Cells,
+    cells: SceneCells,
     metric: str,
     methods: Sequence[tuple[str, str]] = (),
     seed: int | None = None,
@@ -147,7 +144,7 @@ def _chosen(group: list[Stored], metric: str, wanted: Sequence[tuple[str, str]])
             own.setdefault(plugin, method)
     best, *others = methods
     known = [method for method in wanted or WANTED if method in methods]
-    most = len(methods) if wanted else max(SHOWN, 1 + len(own))
+    most = len(methods) if wanted else max(SHOWN_METHODS, 1 + len(own))
     places = list(dict.fromkeys([best, *own.values(), *known, *([] if wanted else others)]))
     return {_name(methods[key]): methods[key] for key in places[:most]}
 
@@ -181,18 +178,18 @@ def _name(cell: Stored) -> str:
     return f"{labels['filter']} + {labels['adaptation']}{noise}"
 
 
-def steps_of(scenarios: Iterable[Cells]) -> int:
+def steps_of(scenarios: Iterable[SceneCells]) -> int:
     """Return into how many steps the recordings are cut, so that the errors of all cells fit.
 
     Args:
         scenarios: the cells of each.
     """
     lines = sum(min(len(cells), MOST_CELLS) for cells in scenarios)
-    return int(np.clip(KEPT // max(1, lines), *STEPS))
+    return int(np.clip(KEPT_ERRORS // max(1, lines), *STRETCH_STEPS))
 
 
 def load_stretch(
-    folder: Path, scenario: str, cells: Cells, metric: str, steps: int, *, run_programs: bool = False
+    folder: Path, scenario: str, cells: SceneCells, metric: str, steps: int, *, run_programs: bool = False
 ) -> Stretch | None:
     """Run one run of each of the best and of the user's own cells again; None where the position is not known.
 

@@ -16,12 +16,12 @@ from jerkbench.errors import JerkbenchError
 from jerkbench.jobs.job import Job
 from jerkbench.jobs.key import WHAT
 from jerkbench.jobs.rows import Row
-from jerkbench.jobs.run import Block
+from jerkbench.jobs.run import RowBlock
 from jerkbench.notices import notify
 from jerkbench.plain import plain
 from jerkbench.results.content import (
     Content,
-    Shown,
+    ShownSeeds,
     Stored,
     codes_of,
     concatenated,
@@ -33,10 +33,10 @@ from jerkbench.results.manifest import read_manifest
 from jerkbench.results.parts import CELL, KEY, PartFiles, table_of
 from jerkbench.results.study_remarks import set_aside
 
-SEEN = [KEY, "seed", "status"]
+SEEN_COLUMNS = [KEY, "seed", "status"]
 """The columns that say which runs are there."""
 
-FACTS = {
+RUN_COLUMNS = {
     **{name: name for name in ("seed", "status", "reason")},
     **{f"{CELL}{name}": name for name in ("code", "versions", "run_s")},
 }
@@ -45,11 +45,11 @@ FACTS = {
 ABANDONED_S = 3600.0
 """A half-written file that is older belongs to nobody any more."""
 
-SMALL = 20_000
+SMALL_ROWS = 20_000
 """Rows of a part that is not worth joining with others."""
 JOINED = 100_000
 """Rows of which joined parts have no more: so many are in memory at once."""
-MANY = 16
+MANY_PARTS = 16
 """Small parts from which on they are joined."""
 
 
@@ -82,7 +82,7 @@ class Store:
                         partial.unlink()
         except OSError as error:
             raise JerkbenchError(f"Results cannot be written to {self.folder}: {error.strerror or error}.") from error
-        damaged = [name for name, table in self.files.each(None, SEEN) if table is None]
+        damaged = [name for name, table in self.files.each(None, SEEN_COLUMNS) if table is None]
         for path in map(self.files.path, damaged):
             with suppress(FileNotFoundError):  # another process has just set it aside
                 path.rename(path.with_name(f"{path.name}.damaged"))
@@ -96,9 +96,9 @@ class Store:
         Raises:
             JerkbenchError: no reader would take it for a cell.
         """
-        self.write_blocks([Block(key, len(rows), rows, metadata)])
+        self.write_blocks([RowBlock(key, len(rows), rows, metadata)])
 
-    def write_blocks(self, blocks: Sequence[Block]) -> None:
+    def write_blocks(self, blocks: Sequence[RowBlock]) -> None:
         """Store runs of some cells as one part; a reader sees the whole of it or nothing.
 
         Raises:
@@ -112,7 +112,7 @@ class Store:
         Files that are ``seen`` are left out; those that are read now are seen then.
         """
         known: dict[str, set[int]] = {}
-        tables, _ = self._tables(list(keys), SEEN, seen)
+        tables, _ = self._tables(list(keys), SEEN_COLUMNS, seen)
         for table in tables:
             wanted = table if failed else table.filter(pc.not_equal(table["status"].cast(pa.string()), "failed"))
             codes, seeds = codes_of(wanted[KEY]), wanted["seed"].to_numpy()
@@ -121,7 +121,9 @@ class Store:
                 known.setdefault(names[codes[places[0]]], set()).update(seeds[places].tolist())
         return known
 
-    def read(self, keys: Iterable[str] | None = None, shown: Shown | None = None) -> tuple[list[Stored], list[str]]:
+    def read(
+        self, keys: Iterable[str] | None = None, shown: ShownSeeds | None = None
+    ) -> tuple[list[Stored], list[str]]:
         """Return the cells that `content` has, in the order of ``keys``, and the names of damaged files."""
         wanted = None if keys is None else list(keys)
         content, damaged = self.content(wanted, shown)
@@ -129,7 +131,7 @@ class Store:
         return [cells[key] for key in (sorted(cells) if wanted is None else wanted) if key in cells], damaged
 
     def content(
-        self, keys: Sequence[str] | None = None, shown: Shown | None = None
+        self, keys: Sequence[str] | None = None, shown: ShownSeeds | None = None
     ) -> tuple[Content | None, list[str]]:
         """Return the whole cells among ``keys`` in one table, and the names of damaged files.
 
@@ -171,17 +173,18 @@ class Store:
         """The stored runs of ``keys``, each once; ``what`` are the first digits of a key."""
         wanted = pa.array({key[:WHAT] for key in keys} if any_code else list(keys), pa.string())
         tables = []
-        for _, table in self.files.each(None, [KEY, *FACTS, "cell.created", *metrics]):
+        for _, table in self.files.each(None, [KEY, *RUN_COLUMNS, "cell.created", *metrics]):
             if table is not None:
                 key = table[KEY].cast(pa.string())
                 what = pc.utf8_slice_codeunits(key, 0, WHAT)
                 named = table.set_column(table.column_names.index(KEY), KEY, what)
                 tables.append(named.filter(pc.is_in(what if any_code else key, wanted)))
         if not tables:
-            return pd.DataFrame(columns=["what", *FACTS.values(), *metrics])
+            return pd.DataFrame(columns=["what", *RUN_COLUMNS.values(), *metrics])
         table = concatenated(tables)
         rows = frame(table.take(pa.array(ordered_runs(table)[1])), table.column_names)
-        rows = rows.rename(columns={KEY: "what", **FACTS}).reindex(columns=["what", *FACTS.values(), *metrics])
+        names = ["what", *RUN_COLUMNS.values(), *metrics]
+        rows = rows.rename(columns={KEY: "what", **RUN_COLUMNS}).reindex(columns=names)
         return rows.assign(run_s=rows["run_s"].astype(float))
 
     def makers(self) -> set[tuple[str, str]]:
@@ -199,8 +202,8 @@ class Store:
     def compact(self) -> None:
         """Join small parts, where there are many."""
         parts = self.files.each(None, [KEY])
-        small = [(name, table.num_rows) for name, table in parts if table is not None and table.num_rows < SMALL]
-        if len(small) >= MANY:
+        small = [(name, table.num_rows) for name, table in parts if table is not None and table.num_rows < SMALL_ROWS]
+        if len(small) >= MANY_PARTS:
             for names in _stretches(small):
                 self._join(names)
 

@@ -14,10 +14,10 @@ from jerkbench.files import write_atomically
 from jerkbench.jobs.labels import Labels
 from jerkbench.report.analysis.runs import SPENDS
 from jerkbench.report.tables.writers import csv_escaped, csv_line, csv_number
-from jerkbench.results.conditions import Values, conditions, current, told_apart, with_one_name
+from jerkbench.results.conditions import Conditions, conditions, current, told_apart, with_one_name
 from jerkbench.results.content import Content, frame
 from jerkbench.results.manifest import read_manifest, stretches
-from jerkbench.results.parts import HEAD
+from jerkbench.results.parts import HEAD_COLUMNS
 from jerkbench.results.store import Store
 from jerkbench.results.study_remarks import code_of, not_as_published, remarks_on, study_notes, worse_than_fixes
 
@@ -49,7 +49,7 @@ class Study:
     notes: tuple[str, ...]
     keys: pd.Series
     code: str = ""
-    conditions: Mapping[str, Mapping[str, Values]] = field(default_factory=dict)
+    conditions: Mapping[str, Conditions] = field(default_factory=dict)
     damaged: tuple[str, ...] = ()
     unlike: tuple[str, ...] = ()
 
@@ -140,7 +140,7 @@ def _rows(
 ) -> tuple[pd.DataFrame, list[int]]:
     """The rows of some cells, in this order and with these labels, and the number of rows of each."""
     orders = {id(content.columns[place]): content.columns[place] for place in places}
-    rows = frame(content.rows_in_order(places), dict.fromkeys([*HEAD, *chain(*orders.values())]))
+    rows = frame(content.rows_in_order(places), dict.fromkeys([*HEAD_COLUMNS, *chain(*orders.values())]))
     counts = [int(content.starts[place + 1] - content.starts[place]) for place in places]
     for name in Labels._fields:
         rows[name] = pd.Series(np.repeat(np.array([own[name] for own in labels], dtype=object), counts), dtype="str")
@@ -171,7 +171,7 @@ def write_study(study: Study) -> "Table":
 # rows.csv.
 
 
-STRETCH = 20_000
+ROWS_AS_TEXT = 20_000
 """So many rows are in memory as text."""
 
 
@@ -179,8 +179,8 @@ def write_rows_csv(rows: pd.DataFrame, path: Path) -> None:
     """Write a header and one line a row; what is missing is empty."""
     with path.open("w", encoding="utf-8", newline="") as file:
         file.write(csv_line(csv_escaped(str(name)) for name in rows.columns))
-        for begin in range(0, len(rows), STRETCH):
-            file.writelines(_lines(rows.iloc[begin : begin + STRETCH]))
+        for begin in range(0, len(rows), ROWS_AS_TEXT):
+            file.writelines(_lines(rows.iloc[begin : begin + ROWS_AS_TEXT]))
 
 
 def _lines(rows: pd.DataFrame) -> Iterator[str]:

@@ -11,7 +11,7 @@ from jerkbench.files import write_atomically, write_text
 from jerkbench.jobs.cluster import Workers
 from jerkbench.jobs.dispatch import Order, outcomes
 from jerkbench.jobs.progress import Progress
-from jerkbench.report.analysis.columns import METHOD
+from jerkbench.report.analysis.columns import METHOD, SCENARIO_FACTORS
 from jerkbench.report.analysis.runs import RULE, VerdictRule
 from jerkbench.report.choice import Choice
 from jerkbench.report.drawings import (
@@ -28,7 +28,7 @@ from jerkbench.report.page.script_data import Stretch
 from jerkbench.report.plots.style import Palette
 from jerkbench.report.tables.summary import main_metric
 from jerkbench.results.manifest import read_manifest
-from jerkbench.results.scenario_runs import SCENARIO, Cells, load_scene, load_stretch, scene_cells, steps_of
+from jerkbench.results.scenario_runs import SceneCells, load_scene, load_stretch, scene_cells, steps_of
 from jerkbench.results.selection import named_part
 from jerkbench.results.store import Store
 from jerkbench.results.study import Study
@@ -96,7 +96,7 @@ class Picturing:
     request: Request
     study: Path
     scenario: str
-    cells: Cells
+    cells: SceneCells
     metric: str
     palette: Palette
     rows: "pd.DataFrame | None" = None
@@ -173,7 +173,7 @@ def _jobs(study: Study, request: Request) -> list[Picturing]:
 
 def _requested(study: Study, request: Request) -> Study:
     """Return the part of a study that has the names of the request."""
-    for names, factors in ((request.scenarios, SCENARIO), (request.methods, METHOD)):
+    for names, factors in ((request.scenarios, SCENARIO_FACTORS), (request.methods, METHOD)):
         study = named_part(study, names, factors) if names else study
     seeds = sorted(set(study.rows["seed"]))
     if request.seed is not None and request.seed not in seeds:

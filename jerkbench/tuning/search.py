@@ -12,7 +12,7 @@ from jerkbench.tuning.samplers import sampler_of
 from jerkbench.tuning.space import Setting
 from jerkbench.tuning.splits import Cases
 
-BLOCK = 16
+SETTINGS_AT_ONCE = 16
 """Settings that are tried together: what a learning sampler learns from next."""
 
 
@@ -140,7 +140,7 @@ def _tried(
     done = 0
     while done < budget.trials:
         first = [space.start] if done == 0 else []
-        count = min(BLOCK, budget.trials - done) - len(first)
+        count = min(SETTINGS_AT_ONCE, budget.trials - done) - len(first)
         settings = [*first, *(space.setting(shares) for shares in (sampler.ask(count) if count else ()))]
         trials = evaluator.trials(settings, cases)
         if count:

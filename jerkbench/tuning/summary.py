@@ -112,7 +112,7 @@ def _shown(tuning: Tuning, losses: Any) -> str:  # noqa: ANN401 - a number or an
 # What was tuned as presets.
 
 
-PARTS = ("filter", "adaptation", "attitude")
+TUNED_PARTS = ("filter", "adaptation", "attitude")
 
 
 def preset_words(tuning: Tuning, *, typed: bool) -> list[str]:
@@ -125,7 +125,7 @@ def preset_words(tuning: Tuning, *, typed: bool) -> list[str]:
     if not typed:
         return [f"experiment={_name(tuning)}"]
     spec, setting = tuning.job.spec, tuning.setting
-    parts = [f"{part}={spec[part]['name']}_tuned" for part in PARTS if tuning.space.of_part(part, setting)]
+    parts = [f"{part}={spec[part]['name']}_tuned" for part in TUNED_PARTS if tuning.space.of_part(part, setting)]
     return parts + [f"r_scale.{key}={value}" for key, value in tuning.space.of_part("r_scale", setting).items()]
 
 
@@ -138,7 +138,7 @@ def write_presets(tuning: Tuning, folder: Path, remarks: str) -> None:
         remarks: what stands at the top of each file, one line.
     """
     spec, chosen = tuning.job.spec, {}
-    for part in PARTS:
+    for part in TUNED_PARTS:
         plugin, values = str(spec[part]["name"]), tuning.space.of_part(part, tuning.setting)
         if values or part != "attitude":
             chosen[part] = f"{plugin}_tuned" if values else plugin

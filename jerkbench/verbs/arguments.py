@@ -18,15 +18,15 @@ if TYPE_CHECKING:
 Argument = tuple[tuple[str, ...], dict[str, Any]]
 """What `argparse.ArgumentParser.add_argument` takes."""
 
-Answer = Callable[[argparse.Namespace], None]
+Answering = Callable[[argparse.Namespace], None]
 
 Declaration = Callable[["Parsers"], None]
 
 
-def verb(*arguments: Argument, epilog: str = "") -> Callable[[Answer], Declaration]:
+def verb(*arguments: Argument, epilog: str = "") -> Callable[[Answering], Declaration]:
     """Make a verb of the function that answers it: ``data_convert_verb`` of ``convert``, titled as it is documented."""
 
-    def declaration(answer: Answer) -> Declaration:
+    def declaration(answer: Answering) -> Declaration:
         name = answer.__name__.removesuffix("_verb").rpartition("_")[2]
         title = str(answer.__doc__).partition("\n")[0]
 
@@ -112,7 +112,7 @@ def percentage(text: str) -> float:
     return value
 
 
-FORMAT = argument("--format", choices=("terminal", "json"), default="terminal", help="default: terminal")
+ANSWER_FORMAT = argument("--format", choices=("terminal", "json"), default="terminal", help="default: terminal")
 """Lets a verb answer a program too."""
 
 RUN_PROGRAMS = argument(

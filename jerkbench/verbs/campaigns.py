@@ -106,7 +106,7 @@ def audit_verb(chosen: argparse.Namespace) -> None:
     print(f"Written to {folder}.")
 
 
-METHOD = ("filter", "adaptation", "noise", "r_scale")
+ENTRANT_GROUPS = ("filter", "adaptation", "noise", "r_scale")
 """Groups of a method; all else is the suite's."""
 
 ATTITUDES = "attitude-"
@@ -170,7 +170,7 @@ def suite_run_verb(chosen: argparse.Namespace) -> None:
 def _entrant(words: Sequence[str]) -> "Entrant":
     from jerkbench.campaigns.entrant import Entrant
 
-    spec = _spec(words, METHOD, "filter=jerk adaptation=mtf adaptation.window=3")
+    spec = _spec(words, ENTRANT_GROUPS, "filter=jerk adaptation=mtf adaptation.window=3")
     return Entrant(**{kind: dict(spec[kind]) for kind in ("filter", "adaptation", "r_scale")})
 
 

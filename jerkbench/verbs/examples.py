@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from textwrap import fill
 
-EXAMPLES: Mapping[str, Sequence[str]] = {
+VERB_EXAMPLES: Mapping[str, Sequence[str]] = {
     "list": ("jerkbench list adaptation", "jerkbench list metric --format json"),
     "show": ("jerkbench show adaptation mtf", "jerkbench show filter jerk --format json"),
     "table": (
@@ -65,4 +65,4 @@ EXAMPLES: Mapping[str, Sequence[str]] = {
 def epilog_of(verb: str, text: str) -> str:
     """Return what `--help` of a verb ends with: its text, and its examples."""
     words = text.strip("\n") if "\n" in text else fill(text, 116)
-    return "\n\n".join(filter(None, (words, "\n".join(f"  {line}" for line in EXAMPLES.get(verb, ())))))
+    return "\n\n".join(filter(None, (words, "\n".join(f"  {line}" for line in VERB_EXAMPLES.get(verb, ())))))

@@ -7,11 +7,11 @@ import pandas as pd
 import pytest
 
 from jerkbench.errors import JerkbenchError
-from jerkbench.jobs.run import Block
+from jerkbench.jobs.run import RowBlock
 from jerkbench.results import store as store_of_cells
 from jerkbench.results.manifest import read_manifest, write_manifest
 from jerkbench.results.parts import PartFiles
-from jerkbench.results.store import MANY, Store
+from jerkbench.results.store import MANY_PARTS, Store
 from stored_cells import about, row
 
 ROWS = [row()]
@@ -46,7 +46,9 @@ def test_what_is_written_is_read_to_the_bit(store):
 def test_many_cells_of_one_part_keep_their_own_columns_in_their_own_order(store):
     first = [{**row(seed=seed), "lost": seed, "velocity_rmse_mps": 0.5 * seed} for seed in (3, 1)]
     second = [{**row(), "height_m": 1.0, "lost": 0.5}]
-    store.write_blocks([Block("a", 2, first, about(notes=["of a"])), Block("b", 1, second, about(notes=["of b"]))])
+    store.write_blocks(
+        [RowBlock("a", 2, first, about(notes=["of a"])), RowBlock("b", 1, second, about(notes=["of b"]))]
+    )
     a, b = store.read()[0]
 
     assert list(a.rows.columns[10:]) == ["position_rmse_m", "lost", "velocity_rmse_mps"]
@@ -59,7 +61,7 @@ def test_many_cells_of_one_part_keep_their_own_columns_in_their_own_order(store)
 def test_a_cell_is_whole_when_its_last_block_is_there(store):
     last, first = ([row(0.1 * k, k) for k in seeds] for seeds in ((3, 4), (0, 1, 2)))
     blocks = [
-        Block("abc", 5, rows, about(notes=[name, "both"], seconds=2.0))
+        RowBlock("abc", 5, rows, about(notes=[name, "both"], seconds=2.0))
         for name, rows in (("second", last), ("first", first))
     ]
     store.write_blocks(blocks[:1])
@@ -82,7 +84,7 @@ def test_a_cell_with_a_failed_run_is_there_but_not_done_until_that_run_went_well
     assert done(store) == [0]
     assert store.known(["abc"], failed=True) == {"abc": {0, 1}}
     assert list(store.read()[0][0].rows["status"]) == ["ok", "failed"]
-    store.write_blocks([Block("abc", 2, [row(0.7, seed=1)], about(created="2026-02-01T00:00:00Z"))])
+    store.write_blocks([RowBlock("abc", 2, [row(0.7, seed=1)], about(created="2026-02-01T00:00:00Z"))])
     assert done(store) == [0, 1]
     (cell,), _ = store.read()
     assert list(cell.rows["position_rmse_m"]) == [0.1 + 0.2, 0.7]
@@ -155,7 +157,7 @@ def test_what_is_no_number_is_not_stored(store, value):
 
 
 def test_many_small_parts_become_one_with_the_same_cells(store):
-    for k in range(MANY):
+    for k in range(MANY_PARTS):
         store.write(f"a{k:x}", [row(0.1 * k), row(0.3, seed=1)], about(notes=[f"of {k}"]))
     before, _ = store.read()
     store.compact()
@@ -171,7 +173,7 @@ def test_many_small_parts_become_one_with_the_same_cells(store):
 
 
 def test_a_file_that_is_joined_while_the_store_is_read_is_found_again(store, monkeypatch):
-    for k in range(MANY):
+    for k in range(MANY_PARTS):
         store.write(f"a{k:x}", ROWS, ABOUT)
     load, calls = PartFiles.load, []
 
@@ -182,17 +184,17 @@ def test_a_file_that_is_joined_while_the_store_is_read_is_found_again(store, mon
         return load(opened, name, columns)
 
     monkeypatch.setattr(PartFiles, "load", joined_meanwhile)
-    assert len(store.read()[0]) == MANY
+    assert len(store.read()[0]) == MANY_PARTS
 
 
 def test_many_parts_are_joined_in_stretches(store, monkeypatch):
     monkeypatch.setattr(store_of_cells, "JOINED", 5)
-    for k in range(MANY + 2):
+    for k in range(MANY_PARTS + 2):
         store.write(f"a{k:x}", ROWS, ABOUT)
     before = [(cell.key, cell.rows.to_dict("records")) for cell in store.read()[0]]
     store.compact()
 
-    assert len(files(store)) == -(-(MANY + 2) // 5)
+    assert len(files(store)) == -(-(MANY_PARTS + 2) // 5)
     assert [(cell.key, cell.rows.to_dict("records")) for cell in store.read()[0]] == before
 
 

@@ -159,11 +159,14 @@ def quantity(column: str) -> Quantity:
 
 # The factors of a study in a table: those of its rows, those of its columns, and those that are alike everywhere.
 
-FACTORS = ("dataset", "disturbance", "attitude", "filter", "adaptation", "noise")
-"""What a cell is a combination of, in the order of the data's way."""
-
 METHOD = ("filter", "adaptation", "noise")
 """What a method is made of, unless one says otherwise; the other factors make a scenario."""
+
+SCENARIO_FACTORS = ("dataset", "disturbance", "attitude")
+"""What methods are compared on."""
+
+FACTORS = (*SCENARIO_FACTORS, *METHOD)
+"""What a cell is a combination of, in the order of the data's way."""
 
 
 def parse_method(text: str) -> tuple[str, ...]:
