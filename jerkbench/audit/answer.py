@@ -250,12 +250,16 @@ def take_frame(rows: AuditRows, losses: Losses) -> pd.DataFrame:
     y, drives = tuned - best, kinds_of(rows)
     picking = np.arange(y.shape[2]) % 2 == 0
     situations = {"nothing known": np.ones_like(picking), **drives}
-    situations = {w: own for w, own in situations.items() if min((own & picking).sum(), (own & ~picking).sum()) >= FEWEST / 2}
+    situations = {
+        w: own for w, own in situations.items() if min((own & picking).sum(), (own & ~picking).sum()) >= FEWEST / 2
+    }
     lines = []
     for when, own in situations.items():
         best_one = int(np.argmin(y[:, :, own & picking].mean(axis=(1, 2))))
         said = stated(y[:, :, own & ~picking], LEVEL)[best_one]
-        lines.append({"when": when, "take": methods[best_one].name, "drives": int((own & ~picking).sum()), **numbers_of(said)})
+        lines.append(
+            {"when": when, "take": methods[best_one].name, "drives": int((own & ~picking).sum()), **numbers_of(said)}
+        )
     return pd.DataFrame([*lines, *_smallest_worst_case(y, methods, drives, picking)])
 
 
@@ -271,7 +275,9 @@ def _smallest_worst_case(
     there = max(known, key=lambda own: float(y[least][:, own & ~picking].mean()))
     said = stated(y[:, :, there & ~picking], LEVEL)[least]
     count = int((there & ~picking).sum())
-    return [{"when": "the worst kind shall be least bad", "take": methods[least].name, "drives": count, **numbers_of(said)}]
+    return [
+        {"when": "the worst kind shall be least bad", "take": methods[least].name, "drives": count, **numbers_of(said)}
+    ]
 
 
 # Two audits.

@@ -8,11 +8,12 @@ from typing import cast
 
 import numpy as np
 
-from jerkbench.contracts import Remarking, Requiring, has_methods
+from jerkbench.contracts import Remarking, Requiring
 from jerkbench.errors import NO_ROOM, JerkbenchError, PluginError
 from jerkbench.inspection.doctor import first_diagnoses
 from jerkbench.jobs.inputs import Inputs
 from jerkbench.jobs.job import Job
+from jerkbench.optional import has_methods
 from jerkbench.plain import plain
 from jerkbench.plugins import is_own
 from jerkbench.recording import Recording

@@ -12,7 +12,7 @@ from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.vectors import WIDE
 from jerkbench.contracts import Filter
 from jerkbench.kinematic.arguments import Model, Score, Steps
-from jerkbench.measurements import FLOOR, Measurements, ScaledMeasurements
+from jerkbench.measurements import VARIANCE_FLOOR, Measurements, ScaledMeasurements
 from jerkbench.optional import axis_models
 from jerkbench.sums import Run
 from jerkbench.timeline import Timeline, step_lengths
@@ -200,7 +200,9 @@ def _pack(runs: Sequence[Run], members: tuple[int, ...], *, wants_truth: bool) -
     )
     update_s = lanes[0].timeline.t_s[shared.updated]
     timelines = tuple(run.timeline for run in lanes)
-    return Pack(members, timelines, steps, shared.score, shared.lengths_s, update_s, shared.marks * (WIDE // len(shared.marks)))
+    return Pack(
+        members, timelines, steps, shared.score, shared.lengths_s, update_s, shared.marks * (WIDE // len(shared.marks))
+    )
 
 
 @lru_cache(maxsize=8)  # some 5 MB each
@@ -273,7 +275,7 @@ def _told(run: Run) -> tuple[Measurements, FloatArray]:
     """What was reported to a run, and what of `Steps.told` it makes of it."""
     measured = run.timeline.measurements
     if isinstance(measured, ScaledMeasurements):
-        return measured.reported, np.array([measured.position, measured.velocity, FLOOR])
+        return measured.reported, np.array([measured.position, measured.velocity, VARIANCE_FLOOR])
     return measured, AS_REPORTED
 
 
