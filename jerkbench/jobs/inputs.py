@@ -24,7 +24,7 @@ from jerkbench.jobs.job import Scenario
 from jerkbench.jobs.key import code_digest, plugin_digest, require_data, versions
 from jerkbench.optional import part_read
 from jerkbench.recording import ErrorLaw, Heading, Imu, Origin, Position, Recording, Reference, Velocity
-from jerkbench.timeline import build_timeline, with_r_scale
+from jerkbench.timeline import build_timeline, told_timeline, with_r_scale
 
 # Simulated recordings, kept in the user's cache: another sweep over the same seeds need not
 # simulate them again.
@@ -172,6 +172,7 @@ class Inputs:
         self.attitude = lru_cache(KEPT)(attitude_of)
         self.told = lru_cache(KEPT)(with_r_scale)
         self.timeline = lru_cache(KEPT)(build_timeline)
+        self.told_timeline = lru_cache(8 * KEPT)(told_timeline)
         self.scored = lru_cache(KEPT)(scored)
         self._outline = lru_cache(KEPT)(_Outline.of)
         self._columns = lru_cache(8 * KEPT)(_columns)
