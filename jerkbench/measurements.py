@@ -59,7 +59,7 @@ class ScaledMeasurements(Measurements):
     @cached_property
     def R(self) -> FloatArray:  # noqa: N802 - read like the field
         """(m, 6, 6) the factors times R; of what is not there it stays."""
-        R, there = self.reported.R.copy(), np.isfinite(self.z).reshape(-1, 2, 3).any(axis=2)
+        R, there = self.reported.R.copy(), np.asarray(np.isfinite(self.z).reshape(-1, 2, 3).any(axis=2))
         for k, factor in enumerate((self.position, self.velocity)):
             rows: slice | BoolArray = slice(None) if there[:, k].all() else there[:, k]
             R[rows, 3 * k : 3 * k + 3, 3 * k : 3 * k + 3] *= factor
