@@ -86,6 +86,11 @@ def asked_in_lanes(adaptation: object) -> bool:
     return isinstance(adaptation, InLanes) and adaptation.lanes and not beyond
 
 
+def changes_nothing(adaptation: object) -> bool:
+    """Whether the class of an adaptation states itself that it leaves R as it is."""
+    return bool(vars(type(adaptation)).get("changes_nothing", False))
+
+
 def on_request(metric: object) -> bool:
     """Whether a metric, or its class, is only computed where it is asked for."""
     return isinstance(metric, OnRequest) and not metric.default

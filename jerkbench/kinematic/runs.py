@@ -167,7 +167,7 @@ def run_batch(
         model = model_of([models[k] for k in lanes], pack.lengths_s, pack.timelines[0].dt0_s)
         n = 2 + len(model.extra)
         first = rules[lanes[0]]
-        return loop_for(n, WIDE, dense=first.dense, lanes=first.lanes), run_type(n, WIDE), model
+        return loop_for(n, WIDE, dense=first.dense, asked=first.asked), run_type(n, WIDE), model
 
     sizes = [(2 + len(model.initial_variances()), rule.together) for model, rule in zip(models, rules, strict=True)]
     return run_packs(runs, sizes, rules, prepare, updates=updates, threads=threads)
