@@ -59,14 +59,13 @@ class ScaledMeasurements(Measurements):
     @cached_property
     def R(self) -> FloatArray:  # noqa: N802 - read like the field
         """(m, 6, 6) the factors times R; of what is not there it stays."""
-        present = np.asarray(np.isfinite(self.z).reshape(-1, 2, 3).any(axis=2))
-        factors = np.ones((1 if present.all() else len(present), 6, 6))
+        R, there = self.reported.R.copy(), np.asarray(np.isfinite(self.z).reshape(-1, 2, 3).any(axis=2))
         for k, factor in enumerate((self.position, self.velocity)):
-            block = slice(3 * k, 3 * k + 3)
-            factors[:, block, block] = (
-                factor if len(factors) == 1 else np.where(present[:, k], factor, 1.0)[:, None, None]
-            )
-        return floored(factors * self.reported.R)
+            rows: slice | BoolArray = slice(None) if there[:, k].all() else there[:, k]
+            R[rows, 3 * k : 3 * k + 3, 3 * k : 3 * k + 3] *= factor
+        variances = R.reshape(-1, 36)[:, ::7]
+        np.maximum(variances, FLOOR, out=variances)
+        return R
 
 
 def merged_measurements(recording: Recording, attitude: Attitude) -> Measurements:

@@ -16,6 +16,7 @@ from jerkbench.contracts import (
     AttitudeFilter,
     AttitudeOnly,
     Batched,
+    ChangingNothing,
     Cited,
     Classified,
     Clocked,
@@ -68,7 +69,7 @@ OPTIONAL: Mapping[str, tuple[type, ...]] = {
             "adaptation",
             (
                 *(Classified, Remembering, RememberingStates, Fading, AdaptingPrior, AdaptingGain, Clocked),
-                *(TrueCovariance, InLanes),
+                *(TrueCovariance, InLanes, ChangingNothing),
             ),
         ),
         ("engine", (SideBySide, Preparing)),
@@ -172,6 +173,11 @@ def asked_in_lanes(adaptation: object) -> bool:
     """Whether many runs ask an adaptation at once; one that fades, or has a gain of its own, each asks by itself."""
     beyond = isinstance(adaptation, Fading | AdaptingGain)
     return isinstance(adaptation, InLanes) and adaptation.lanes and not beyond
+
+
+def changes_nothing(adaptation: object) -> bool:
+    """Whether the class of an adaptation states itself that it leaves R as it is."""
+    return bool(vars(type(adaptation)).get("changes_nothing", False))
 
 
 def on_request(metric: object) -> bool:

@@ -268,6 +268,7 @@ def type_with(more: Mapping[str, tuple[int, ...]], s: int, width: int, **sizes: 
     n = -(-s // 3)
     shapes = {**SHAPES, **TOTALS, "x": (s,), "G": (6, s), "Z": (6, s), **more}  # G, Z = S^-1 G: see `correction`
     shapes |= {"since_A": (n, n), "since_Q": (n, n)}  # of one axis, from the last update to this one
+    shapes |= {"gone_A": (n, n), "gone_Q": (n, n)}  # likewise, from where P was predicted to the state
     run = with_covariance(shapes, s, width)
     over_D = View((6,), run.fields["L"].places[::7], width)  # 1/D stands on the diagonal of L
     return Lanes({**run.fields, "over_D": over_D}, {**run.sizes, "seen": SEEN, "marked": MARKED, **sizes}, width)
@@ -308,8 +309,11 @@ def _covariance(n: int) -> list[int]:
 RUN = run_type(3, WIDE)
 """The type of the runs at hand: a compilation replaces it."""
 
-LANES = 0
-"""Whether the adaptation is one of all runs at once, likewise."""
+EACH, AT_ONCE, NEVER = range(3)
+"""Who asks the adaptation: each run by itself, all runs at once, or nobody, for it leaves R as it is."""
+
+ASKED = EACH
+"""Which of these, likewise."""
 
 DENSE = 1
 """Whether an adaptation of these runs sees whole matrices, likewise: they are shown to nobody else."""

@@ -10,10 +10,33 @@ from jerkbench.compilation.vectors import chosen
 from jerkbench.compilation.views import Lanes, View, ask_for, copy, lane, room, row, runs_in, shared_row, taken
 from jerkbench.kinematic.adapt import adapt_runs
 from jerkbench.kinematic.adapt_lanes import adapt_lanes
-from jerkbench.kinematic.arguments import DENSE, LANES, RUN, Exchange, Kept, Model, Rules, Score, Steps, run_type
+from jerkbench.kinematic.arguments import (
+    ASKED,
+    AT_ONCE,
+    DENSE,
+    EACH,
+    NEVER,
+    RUN,
+    Exchange,
+    Kept,
+    Model,
+    Rules,
+    Score,
+    Steps,
+    run_type,
+)
 from jerkbench.kinematic.correction import NAN, check_definite, correct, determinant, mahalanobis
-from jerkbench.kinematic.predict import mark_axes, mirror, predict
-from jerkbench.kinematic.whole_matrices import advance, begin_transition, find_gains, put_gains
+from jerkbench.kinematic.predict import (
+    ANY,
+    LATER,
+    TRIANGULAR,
+    begin_to_join,
+    mark_axes,
+    mirror,
+    predict,
+    predict_covariance,
+)
+from jerkbench.kinematic.whole_matrices import advance, advance_by, begin_transition, find_gains, put_gains
 
 
 def compare(run: Lanes, score: Score, errors: FloatArray, k: int) -> None:
@@ -117,8 +140,12 @@ def expect(run: Lanes, steps: Steps, rules: Rules, exchange: Exchange, seen: Vie
     if len(steps.R) > 0:
         _take_covariance(run, taken(steps.R, which, run, "6 6"), complete)
     same = False
-    if LANES == 1:
+    if ASKED == AT_ONCE:
         adapt_lanes(run, exchange.rows, rules, complete)
+    elif ASKED == NEVER:
+        same = True
+        for r in range(6):
+            run.variance[r] = chosen(run.used[r], 0.0, run.R[r, r], NAN)
     else:
         same = adapt_runs(run, exchange, rules, complete)
     if not same or len(steps.R) > 0:
@@ -211,10 +238,17 @@ def run_steps(
     start(run, row(steps.x0, 0, run, "6"), row(steps.P0, 0, run, "6 6"), model)
     reached = updates = begun = 0
     states = 3 * (2 + len(model.extra))
+    how = way_of(model)
+    if run.width > 1 and how == TRIANGULAR and not score.consistency:
+        how = LATER  # nobody reads P but updates and marks
     for k in range(len(steps.model)):
-        move(run, steps, model, k)
-        if steps.update[k] >= 0:
+        move(run, steps, model, how, k)
+        if how == LATER and (steps.update[k] >= 0 or (steps.reference[k] >= 0 and score.mark[reached] >= 0)):
             if DENSE == 1:
+                advance_by(run, run.gone_A, run.gone_Q)
+            predict_covariance(run)
+        if steps.update[k] >= 0:
+            if DENSE == 1 and how != LATER:
                 advance(run, model, steps, begun, k + 1)
                 begun = k + 1
             update(run, steps, score, rules, kept, exchange, steps.update[k], updates, states)
@@ -238,16 +272,22 @@ def start(run: Lanes, x0: View, P0: View, model: Model) -> None:
     run.ended = run.ended - 1.0
     if DENSE == 1:
         begin_transition(run)
+    begin_to_join(run)
     mirror(run)
     mark_axes(run)
 
 
-def move(run: Lanes, steps: Steps, model: Model, k: int) -> None:
-    """Predict over step ``k``, if time passes."""
-    move_by(run, steps, (model.A, model.b, model.Q), model.triangular, k)
+def way_of(model: Model) -> int:
+    """Return how the covariance is predicted at each step (`jerkbench.kinematic.predict`)."""
+    return TRIANGULAR if model.triangular else ANY
 
 
-def move_by(run: Lanes, steps: Steps, models: Models, triangular: bool, k: int) -> None:
+def move(run: Lanes, steps: Steps, model: Model, how: int, k: int) -> None:
+    """Predict over step ``k``, if time passes, as ``how`` says (`jerkbench.kinematic.predict`)."""
+    move_by(run, steps, (model.A, model.b, model.Q), how, k)
+
+
+def move_by(run: Lanes, steps: Steps, models: Models, how: int, k: int) -> None:
     """The same by ``models`` A, b, Q of all lengths of a step: all runs have the same, or each its own."""
     m, (A, b, Q) = steps.model[k], models
     if m < 0:
@@ -256,11 +296,9 @@ def move_by(run: Lanes, steps: Steps, models: Models, triangular: bool, k: int) 
     if steps.u.shape[2] > 1:  # the numbers of one run, and of one recording, come by themselves
         ask_for(row(steps.u, steps.sample[k] + AHEAD, run, "3"))
     if run.width == 1 or A.shape[2] == 1:
-        predict(
-            run, (shared_row(A, m, run, "n n"), shared_row(b, m, run, "n"), shared_row(Q, m, run, "n n")), triangular, u
-        )
+        predict(run, (shared_row(A, m, run, "n n"), shared_row(b, m, run, "n"), shared_row(Q, m, run, "n n")), how, u)
     else:
-        predict(run, (row(A, m, run, "n n"), row(b, m, run, "n"), row(Q, m, run, "n n")), triangular, u)
+        predict(run, (row(A, m, run, "n n"), row(b, m, run, "n"), row(Q, m, run, "n n")), how, u)
 
 
 def keep(run: Lanes, score: Score, kept: Kept, reference: int, k: int) -> None:
@@ -288,7 +326,7 @@ def all_lost(run: Lanes, step: int) -> bool:
 
 # The compiled loop.
 
-ALONE = ("run_steps", "predict", "add_row", "mahalanobis", "correct", "check_definite")
+ALONE = ("run_steps", "predict", "predict_covariance", "add_row", "mahalanobis", "correct", "check_definite")
 SELDOM = (
     *(
         "predict_any",
@@ -306,14 +344,18 @@ APART = ALONE + SELDOM
 """Kernels that stand alone, and those that are seldom called: one body of all of them takes long to compile."""
 
 
+ASKS = ("", ", asked at once", ", never asked")
+"""How a message says who asks the adaptation."""
+
+
 @cache
-def loop_for(n: int, width: int, *, dense: bool = False, lanes: bool = False) -> Any:  # noqa: ANN401 - numba has no types
+def loop_for(n: int, width: int, *, dense: bool = False, asked: int = EACH) -> Any:  # noqa: ANN401 - numba has no types
     """Return the compiled loop of ``width`` runs for filters with ``n`` quantities on each axis.
 
-    ``dense``: for adaptations that see whole matrices; all others have a loop without any of that. ``lanes``: for one
-    that is asked by all runs at once.
+    ``dense``: for adaptations that see whole matrices; all others have a loop without any of that. ``asked``: by whom
+    (`jerkbench.kinematic.arguments`).
     """
-    return compiled_loop(run_steps, *_named(n, width, dense=dense, lanes=lanes))
+    return compiled_loop(run_steps, *_named(n, width, dense=dense, asked=asked))
 
 
 def runs_of(width: int) -> str:
@@ -328,7 +370,7 @@ def compile_beside(n: int) -> None:
 
 
 def _named(
-    n: int, width: int, *, dense: bool = False, lanes: bool = False
+    n: int, width: int, *, dense: bool = False, asked: int = EACH
 ) -> tuple[str, dict[str, Any], tuple[str, ...]]:
-    title = f"the loop for {runs_of(width)} of {3 * n} states{', dense' * dense}{', asked at once' * lanes}"
-    return title, {"RUN": run_type(n, width), "DENSE": int(dense), "LANES": int(lanes)}, APART
+    title = f"the loop for {runs_of(width)} of {3 * n} states{', dense' * dense}{ASKS[asked]}"
+    return title, {"RUN": run_type(n, width), "DENSE": int(dense), "ASKED": asked}, APART

@@ -178,7 +178,7 @@ def _pack(runs: Sequence[Run], members: tuple[int, ...], *, wants_truth: bool) -
     lanes = [runs[place] for place in members]
     lanes += [lanes[-1]] * (WIDE - len(lanes))
     courses = dict.fromkeys(map(_Course, lanes))
-    shared = _courses(tuple(courses) if len(courses) == 1 else tuple(map(_Course, lanes)))
+    shared = _one_course(tuple(courses)) if len(courses) == 1 else _courses(tuple(map(_Course, lanes)))
     reported, told = zip(*map(_told, lanes), strict=True)
     one = len(courses) == 1 and all(own.R is reported[0].R and own.R_true is reported[0].R_true for own in reported)
     R, R_true = zip(
@@ -205,8 +205,7 @@ def _pack(runs: Sequence[Run], members: tuple[int, ...], *, wants_truth: bool) -
     )
 
 
-@lru_cache(maxsize=8)  # some 5 MB each
-def _courses(courses: tuple[_Course, ...]) -> _Stacked:
+def _stacked_courses(courses: tuple[_Course, ...]) -> _Stacked:
     lanes = [course.run for course in courses]
     first = lanes[0].timeline
     lengths_s, model = step_lengths(first.dt_s)
@@ -226,6 +225,10 @@ def _courses(courses: tuple[_Course, ...]) -> _Stacked:
     )
 
 
+_courses = lru_cache(maxsize=8)(_stacked_courses)  # some 10 MB each
+_one_course = lru_cache(maxsize=64)(_stacked_courses)  # less than 1 MB each
+
+
 def _score(lanes: Sequence[Run], marks: IntArray, update_s: FloatArray) -> Score:
     first = lanes[0].scoring
     return Score(
@@ -243,8 +246,9 @@ def _stacked(lanes: Sequence[Run], part: Callable[[Run], FloatArray]) -> FloatAr
 
 
 def _stack(parts: Sequence[FloatArray]) -> FloatArray:
-    """One vector of each element; a compiled signature wants it contiguous."""
-    return np.ascontiguousarray(np.stack(parts, axis=-1))
+    """One vector of each element; a compiled signature is exact, so it is contiguous and may be written."""
+    stacked = np.stack(parts, axis=-1) if len(parts) > 1 else parts[0][..., None]
+    return np.require(stacked, requirements=["C", "W", "A"])
 
 
 def _outages(lanes: Sequence[Run]) -> FloatArray:

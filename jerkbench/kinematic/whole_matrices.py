@@ -13,12 +13,12 @@ def advance(run: Lanes, model: Model, steps: Steps, begin: int, end: int) -> Non
         k = steps.model[step]
         if k >= 0:
             if run.width == 1 or model.A.shape[2] == 1:
-                _advance_step(run, shared_row(model.A, k, run, "n n"), shared_row(model.Q, k, run, "n n"))
+                advance_by(run, shared_row(model.A, k, run, "n n"), shared_row(model.Q, k, run, "n n"))
             else:
-                _advance_step(run, row(model.A, k, run, "n n"), row(model.Q, k, run, "n n"))
+                advance_by(run, row(model.A, k, run, "n n"), row(model.Q, k, run, "n n"))
 
 
-def _advance_step(run: Lanes, A: View, Q: View) -> None:
+def advance_by(run: Lanes, A: View, Q: View) -> None:
     """Make the transition A times what it was, and its noise A Q A' + Q."""
     gone, AQ, n = room(run, "n n"), room(run, "n n"), run.n
     for a in range(n):

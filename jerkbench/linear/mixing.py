@@ -150,7 +150,7 @@ def run_mixture(
     for k in range(len(steps.model)):
         for j in range(combined.count):
             models = mixing.A[j], mixing.b[j], mixing.Q[j]
-            move_by(runs_in(mixing.filters[j], RUN), steps, models, mixing.triangular, k)
+            move_by(runs_in(mixing.filters[j], RUN), steps, models, 1 if mixing.triangular else 0, k)
         if steps.update[k] >= 0:
             update(combined, steps, score, mixing, rules, kept, exchange, steps.update[k], updates, states)
             updates += 1
