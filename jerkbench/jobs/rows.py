@@ -319,7 +319,7 @@ def _run_all(runs: Sequence[tuple[Job, _Prepared]], how: How) -> Sequence[Stream
         engine = cast("SideBySide", first.method.engine)
         return engine.run_settings(bare, models, rules, updates=updates, threads=how.threads)
     recorded = [
-        RecordedRun(how.inputs.told(seed.recording, job.method.r_scale), seed.attitude, *run)
+        RecordedRun(seed.recording, seed.attitude, *run, job.method.r_scale)
         for (job, seed), run in zip(runs, bare, strict=True)
     ]
     return first.method.filter.run_settings(
