@@ -28,6 +28,7 @@ from jerkbench.evaluation.statistics.judgement import LEVEL, Verdict
 from jerkbench.parameters import provenance_of
 
 NO_FAULT, FAULTY = "no fault", "faulty"
+NOTHING_KNOWN, LEAST_BAD = "nothing known", "the worst kind shall be least bad"
 FEWEST = 5
 """Drives of a kind of which a ratio is told: fewer have no interval worth the name."""
 WORSE = {"worse_3": 1.03, "worse_100": 2.0}
@@ -45,7 +46,8 @@ class Answer:
         at_costs: the same with other costs of a lost run.
         methods: a method a row; the lowest ratio to the plain filter of its model first.
         kinds: a method and a kind of fault a row.
-        adaptations: the mean over the models of each adaptation, and a kind of fault, a row.
+        adaptations: the mean over the models of each adaptation a row; the lowest ratio first.
+        adaptations_by_kind: such a mean and a kind of fault a row.
         apart: an estimator that is shown apart a row.
         take: a situation a row: which method to take.
         error: of the whole procedure.
@@ -58,6 +60,7 @@ class Answer:
     methods: pd.DataFrame
     kinds: pd.DataFrame
     adaptations: pd.DataFrame
+    adaptations_by_kind: pd.DataFrame
     apart: pd.DataFrame
     take: pd.DataFrame
     error: Error
@@ -67,9 +70,9 @@ def answered(rows: AuditRows) -> Answer:
     """Return what the rows of an audit say."""
     protocol, losses = rows.protocol, losses_of(rows)
     said = statements(losses)
-    own = comparisons(losses)[2]
-    names = [name for name in protocol.compared if name in protocol.adaptations]
-    of_adaptation = own.reshape(len(protocol.filters), len(names), *own.shape[1:]).mean(axis=0)
+    _, _, own, best = comparisons(losses)
+    of_models = (len(protocol.filters), len(protocol.compared), *own.shape[1:])
+    means = {"own": own.reshape(of_models).mean(axis=0), "best": best.reshape(of_models).mean(axis=0)}
     kinds = kind_frame(own, [method._asdict() for method in protocol.methods], rows)
     return Answer(
         rows=rows,
@@ -78,7 +81,8 @@ def answered(rows: AuditRows) -> Answer:
         at_costs={cost: statements(losses_of(rows, cost)) for cost in protocol.lost_costs_shown},
         methods=method_frame(rows, losses, said, kinds),
         kinds=kinds,
-        adaptations=kind_frame(of_adaptation, [{"adaptation": name} for name in names], rows),
+        adaptations=adaptation_frame(means, protocol.compared),
+        adaptations_by_kind=kind_frame(means["own"], [{"adaptation": name} for name in protocol.compared], rows),
         apart=apart_frame(rows),
         take=take_frame(rows, losses),
         error=procedure_error(losses, protocol.resampled_audits),
@@ -106,7 +110,8 @@ def reweighted(rows: AuditRows, mixture: str) -> Statements:
 def kinds_of(rows: AuditRows) -> dict[str, BoolArray]:
     """Return which of the judged drives (D,) have no fault, and which have each kind; a drive may have several."""
     faulty = rows.faulty(pd.Index(rows.protocol.seeds_to_judge_on))
-    return {NO_FAULT: ~faulty.to_numpy().any(axis=1), **{kind: faulty[kind].to_numpy() for kind in rows.kinds}}
+    none = np.asarray(~faulty.to_numpy(dtype=bool).any(axis=1))
+    return {NO_FAULT: none, **{kind: faulty[kind].to_numpy(dtype=bool) for kind in rows.kinds}}
 
 
 # Under each kind of fault.
@@ -127,6 +132,15 @@ def kind_frame(y: FloatArray, names: Sequence[Mapping[str, str]], rows: AuditRow
         ],
         columns=[*names[0], "kind", "drives", *numbers_of(_nothing())],
     )
+
+
+def adaptation_frame(means: Mapping[str, FloatArray], names: Sequence[str]) -> pd.DataFrame:
+    """Return the mean over the models of each adaptation: adaptation, own_*, best_*; intervals hold for all at once."""
+    level = LEVEL / (len(means) * len(names))
+    columns = {against: [numbers_of(said, f"{against}_") for said in stated(y, level)] for against, y in means.items()}
+    both = zip(names, *columns.values(), strict=True)
+    table = pd.DataFrame([{"adaptation": name, **own, **best} for name, own, best in both])
+    return table.sort_values("own_ratio", kind="stable", ignore_index=True)
 
 
 def numbers_of(said: Statement, prefix: str = "") -> dict[str, object]:
@@ -182,7 +196,9 @@ def _over_kinds(own: pd.DataFrame) -> dict[str, object]:
     faults, without = own[own["kind"] != NO_FAULT], own[own["kind"] == NO_FAULT]
     price = without.iloc[0] if len(without) else pd.Series(numbers_of(_nothing()))
     shown = faults["verdict"].value_counts()
-    worst = faults.loc[faults["high"].idxmax()] if len(faults) else pd.Series(numbers_of(_nothing()) | {"kind": ""})
+    worst = (
+        faults.iloc[int(faults["high"].argmax())] if len(faults) else pd.Series(numbers_of(_nothing()) | {"kind": ""})
+    )
     return {
         **{f"no_fault_{name}": price[name] for name in numbers_of(_nothing())},
         "better_kinds": int(shown.get(str(Verdict.BETTER), 0)),
@@ -242,42 +258,28 @@ def take_frame(rows: AuditRows, losses: Losses) -> pd.DataFrame:
     other models may be picked too.
 
     Returns:
-        when, take, drives (of the ratio), ratio, low, high.
+        when, take, drives (of the ratio), ratio, low, high. The last situation is that the worst kind of fault shall be
+        the least bad; its ratio is that of this worst kind.
     """
     methods = [*rows.protocol.methods, *rows.protocol.plains]
     tuned = np.concatenate([losses.methods, losses.plains])
     best = losses.plains[np.argmin(losses.tuned_plains, axis=0), np.arange(losses.plains.shape[1])]
-    y, drives = tuned - best, kinds_of(rows)
-    picking = np.arange(y.shape[2]) % 2 == 0
-    situations = {"nothing known": np.ones_like(picking), **drives}
-    situations = {
-        w: own for w, own in situations.items() if min((own & picking).sum(), (own & ~picking).sum()) >= FEWEST / 2
-    }
-    lines = []
-    for when, own in situations.items():
-        best_one = int(np.argmin(y[:, :, own & picking].mean(axis=(1, 2))))
-        said = stated(y[:, :, own & ~picking], LEVEL)[best_one]
-        lines.append(
-            {"when": when, "take": methods[best_one].name, "drives": int((own & ~picking).sum()), **numbers_of(said)}
-        )
-    return pd.DataFrame([*lines, *_smallest_worst_case(y, methods, drives, picking)])
+    y, first = tuned - best, np.arange(tuned.shape[2]) % 2 == 0
+    halves = {kind: (own & first, own & ~first) for kind, own in kinds_of(rows).items()}
+    halves = {kind: own for kind, own in halves.items() if min(own[0].sum(), own[1].sum()) >= FEWEST}
 
+    def told(when: str, pick: int, other: BoolArray) -> dict[str, object]:
+        said = stated(y[:, :, other], LEVEL)[pick]
+        return {"when": when, "take": methods[pick].name, "drives": int(other.sum()), **numbers_of(said)}
 
-def _smallest_worst_case(
-    y: FloatArray, methods: Sequence[AuditMethod], drives: Mapping[str, BoolArray], picking: BoolArray
-) -> list[dict[str, object]]:
-    """The method whose worst kind is the least bad, and its worst kind on the other drives."""
-    known = [own for own in drives.values() if min((own & picking).sum(), (own & ~picking).sum()) >= FEWEST / 2]
-    if not known:
-        return []
-    worst = np.max([y[:, :, own & picking].mean(axis=(1, 2)) for own in known], axis=0)
-    least = int(np.argmin(worst))
-    there = max(known, key=lambda own: float(y[least][:, own & ~picking].mean()))
-    said = stated(y[:, :, there & ~picking], LEVEL)[least]
-    count = int((there & ~picking).sum())
-    return [
-        {"when": "the worst kind shall be least bad", "take": methods[least].name, "drives": count, **numbers_of(said)}
-    ]
+    means = {kind: y[:, :, own].mean(axis=(1, 2)) for kind, (own, _) in halves.items()}
+    lines = [told(NOTHING_KNOWN, int(y[:, :, first].mean(axis=(1, 2)).argmin()), ~first)]
+    lines += [told(kind, int(means[kind].argmin()), other) for kind, (_, other) in halves.items()]
+    if halves:
+        least = int(np.max(list(means.values()), axis=0).argmin())
+        worst = max((other for _, other in halves.values()), key=lambda other: float(y[least][:, other].mean()))
+        lines.append(told(LEAST_BAD, least, worst))
+    return pd.DataFrame(lines)
 
 
 # Two audits.

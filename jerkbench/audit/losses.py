@@ -85,7 +85,7 @@ def _known(table: pd.DataFrame, methods: Sequence[AuditMethod]) -> "np.ndarray[t
     return np.asarray(_numbers(table, methods) >= 0)
 
 
-def _places(table: pd.DataFrame, methods: Sequence[AuditMethod]) -> tuple["np.ndarray", "np.ndarray"]:  # type: ignore[type-arg]
+def _places(table: pd.DataFrame, methods: Sequence[AuditMethod]) -> tuple["np.ndarray", "np.ndarray"]:
     """The places of the rows of ``methods``: the method's number and the tuning's."""
     numbers = _numbers(table, methods)
     return numbers[numbers >= 0], table["tuning"].to_numpy()[numbers >= 0].astype(int)

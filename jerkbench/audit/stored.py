@@ -141,7 +141,7 @@ def write_protocol(protocol: AuditProtocol, folder: Path) -> None:
     write_text(path, json.dumps({"digest": protocol.digest, **dataclasses.asdict(protocol)}, indent=1))
 
 
-def manifest(protocol: AuditProtocol, makers: list[dict[str, str]]) -> dict[str, object]:
+def manifest(protocol: AuditProtocol, makers: list[dict[str, str]]) -> dict[str, Any]:
     """Return what says which code made an audit; a commit that ends with "+changes" can be had by nobody."""
     return {
         "protocol": protocol.digest,

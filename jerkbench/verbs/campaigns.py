@@ -64,6 +64,8 @@ hash are written before anything runs. Every drive and every setting follows fro
   jerkbench audit --scale medium     two models, without what iterates
   jerkbench audit                    the whole protocol: hours on two cores; --cluster and --workers for more
   jerkbench audit --scale second     the same with other drives and other tunings
+  jerkbench audit --reweight faulty=0.05             the answer where 5 % of drives have a fault, from stored rows
+  jerkbench audit --against results/audit-second     which verdicts the second one does not share; for the page
   jerkbench audit attitude           of attitude filters, by the tilt: four minutes (needs the package vqf)
 
 The same command goes on where it was stopped. --stored judges what is stored, whatever version computed it, and runs
@@ -83,6 +85,12 @@ protocol.json.
     argument("--scale", default="full", help="name of the protocol (default: full)"),
     argument("--results", type=output, default=Path("results"), help="folder of all results"),
     argument("--stored", action="store_true", help="judge the stored rows of any version, and run nothing"),
+    argument(
+        "--reweight", metavar="KIND=SHARE", default="", help="print the answer for another share of a kind of fault"
+    ),
+    argument(
+        "--against", type=Path, metavar="FOLDER", help="say which verdicts another audit in FOLDER does not share"
+    ),
     *WHERE,
     epilog=AUDIT,
 )
@@ -93,7 +101,9 @@ def audit_verb(chosen: argparse.Namespace) -> None:
         JerkbenchError: there is no such protocol, or a run failed.
     """
     from jerkbench.audit.protocol import read_protocol
-    from jerkbench.audit.study import FOLDER, run_audit
+    from jerkbench.audit.stored import read_rows
+    from jerkbench.audit.study import FOLDER, compare_audits, run_audit
+    from jerkbench.audit.words import reweighted_text, three_sentences
     from jerkbench.hydra_app.words import cluster_named
     from jerkbench.jobs.pool import processors
 
@@ -101,8 +111,15 @@ def audit_verb(chosen: argparse.Namespace) -> None:
         _audit_attitude(chosen, chosen.results / f"{FOLDER}{chosen.what}", chosen.workers or processors())
         return
     protocol, folder = read_protocol(chosen.scale), chosen.results / f"{FOLDER}{chosen.scale}"
+    if chosen.reweight:
+        print(reweighted_text(read_rows(folder), chosen.reweight))
+        return
+    if chosen.against:
+        print(compare_audits(folder, chosen.against))
+        return
     cluster, workers = cluster_named(chosen.cluster), chosen.workers or processors()
-    run_audit(protocol, folder, cluster, workers, only_stored=chosen.stored)
+    answer = run_audit(protocol, folder, cluster, workers, only_stored=chosen.stored)
+    print("\n".join(three_sentences(answer)))
     print(f"Written to {folder}.")
 
 
