@@ -64,7 +64,7 @@ class ScaledMeasurements(Measurements):
             rows: slice | BoolArray = slice(None) if there[:, k].all() else there[:, k]
             R[rows, 3 * k : 3 * k + 3, 3 * k : 3 * k + 3] *= factor
         variances = R.reshape(-1, 36)[:, ::7]
-        np.maximum(variances, FLOOR, out=variances)
+        np.maximum(variances, VARIANCE_FLOOR, out=variances)
         return R
 
 
