@@ -3,10 +3,10 @@
 import dataclasses
 
 import numpy as np
-
 from jerkbench.audit.methods import AuditMethod
-from jerkbench.audit.protocol import read_protocol
 from jerkbench.audit.verdicts import DEFAULTS, TUNED, Losses
+
+from jerkbench.audit.protocol import read_protocol
 from jerkbench.campaigns.protocol import FaultFamily
 
 FAMILIES = ("none", "a", "b")

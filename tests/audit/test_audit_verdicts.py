@@ -6,15 +6,15 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
+from jerkbench.audit.methods import AuditMethod
+from jerkbench.audit.stages import Search
+from jerkbench.audit.verdicts import probability_below, verdicts
 
 from jerkbench.audit.campaign import Outcome
 from jerkbench.audit.figures import model_figure, ratios_by_adaptation
-from jerkbench.audit.methods import AuditMethod
 from jerkbench.audit.page import audit_page
 from jerkbench.audit.protocol import AuditProtocol
-from jerkbench.audit.stages import Search
 from jerkbench.audit.study import contents_of, judged_audit
-from jerkbench.audit.verdicts import probability_below, verdicts
 from jerkbench.campaigns.protocol import FaultFamily
 from jerkbench.campaigns.ratios import ratio_verdict
 from jerkbench.campaigns.search import ALL

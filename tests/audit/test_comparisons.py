@@ -4,6 +4,8 @@ import dataclasses
 
 import numpy as np
 import pytest
+from jerkbench.audit.methods import AuditMethod
+from jerkbench.audit.verdicts import TUNED
 
 from jerkbench.audit.answer import (
     model_sentence,
@@ -13,8 +15,6 @@ from jerkbench.audit.answer import (
     reference_sentences,
     tuning_sentence,
 )
-from jerkbench.audit.methods import AuditMethod
-from jerkbench.audit.verdicts import TUNED
 from jerkbench.evaluation.statistics.ranks import over_scenarios
 from made_losses import AGAINST, CLAIMED, JERK, PROTOCOL, losses
 

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from jerkbench.audit.methods import AuditMethod
+from jerkbench.audit.verdicts import TUNED, Losses, family_frame, family_sentences, family_verdicts
 from scipy import stats
 from test_audit_verdicts import HALF, PROTOCOL, SCENARIOS
 
 from jerkbench.audit.figures import family_figure
-from jerkbench.audit.methods import AuditMethod
-from jerkbench.audit.verdicts import TUNED, Losses, family_frame, family_sentences, family_verdicts
 from jerkbench.evaluation.statistics.judgement import Verdict
 
 METHODS = [AuditMethod("baseline", "mtf"), AuditMethod("baseline", "chi2")]

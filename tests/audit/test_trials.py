@@ -1,8 +1,9 @@
 """The trials that a scenario needs, by hand."""
 
 from jerkbench.audit.methods import AuditMethod
-from jerkbench.audit.protocol import read_protocol
 from jerkbench.audit.stages import Search, needed_trials
+
+from jerkbench.audit.protocol import read_protocol
 from jerkbench.campaigns.search import ALL, seen, unseen
 
 MTF, PLAIN = AuditMethod("baseline", "mtf"), AuditMethod("baseline", "none")

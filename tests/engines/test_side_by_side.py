@@ -24,7 +24,7 @@ from jerkbench.filters.baseline import Baseline
 from jerkbench.filters.jerk import Jerk
 from jerkbench.kinematic.arguments import run_type
 from jerkbench.kinematic.loop import ALONE, APART, run_steps
-from jerkbench.measurements import FLOOR, Measurements, ScaledMeasurements
+from jerkbench.measurements import VARIANCE_FLOOR, Measurements, ScaledMeasurements
 from jerkbench.sums import Run
 from jerkbench.timeline import build_timeline
 from rough import rough_recording
@@ -204,7 +204,7 @@ def test_a_filter_is_told_the_covariances_that_it_would_be_told_alone(several):
     scaled = told(small, 0.2, 3.0)
     wanted = replace(timeline.measurements, R=scaled[1].measurements.R)
 
-    assert wanted.R[0, 0, 0] == FLOOR
+    assert wanted.R[0, 0, 0] == VARIANCE_FLOOR
     eager = side_by_side([(recording, replace(timeline, measurements=wanted))], Jerk(), Mtf())[0]
     assert_same(side_by_side([scaled], Jerk(), Mtf())[0], eager, {})
 

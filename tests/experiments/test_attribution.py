@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from jerkbench.audit.methods import AuditMethod
 
 import jerkbench
 from experiment_scripts import experiment
-from jerkbench.audit.methods import AuditMethod
 from jerkbench.audit.page import sections_in
 from jerkbench.jobs.cluster import Local
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pandas as pd
 import pytest
+from jerkbench.audit.verdicts import DEFAULTS, TUNED
 
 from experiment_scripts import EXPERIMENTS, experiment
-from jerkbench.audit.verdicts import DEFAULTS, TUNED
 from made_losses import JERK, losses
 
 of_paper = experiment("paper/claims.py")
