@@ -341,7 +341,7 @@ def test_an_interrupt_that_a_library_turns_into_its_own_error_is_one_all_the_sam
         finally:
             raise ConfigAttributeError("Missing key _flags_cache")  # as OmegaConf, tidying up what it had half made
 
-    monkeypatch.setattr("jerkbench.hydra_app.app.run_app", composing)
+    monkeypatch.setattr("jerkbench.hydra_app.app.prepared_app", composing)
     with pytest.raises(SystemExit) as end:
         main(["run"])
     assert (end.value.code, capsys.readouterr().err) == (130, "jerkbench: interrupted.\n")

@@ -2,7 +2,7 @@
 
 import os
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -50,8 +50,8 @@ from jerkbench.results.store import Store
 from jerkbench.results.study import load_study, write_study
 
 
-def run_app(arguments: Sequence[str]) -> None:
-    """Run the app with Hydra's command line ``arguments``."""
+def prepared_app(arguments: Sequence[str]) -> Callable[[], Any]:
+    """Return the app for Hydra's command line ``arguments``; it runs when it is called."""
     if {"-m", "--multirun"} & set(arguments) and {"-c", "--cfg"} & set(arguments):
         exit_with(
             PluginError("--cfg shows the configuration of one run: leave out -m, and give each option one value.")
@@ -59,12 +59,12 @@ def run_app(arguments: Sequence[str]) -> None:
     refuse_mappings(arguments)
     register_schemas()
     register_hydra_parts()
-    app = hydra.main(version_base="1.3", config_path=str(config_folder()), config_name="config")(one)
+    app: Callable[[], Any] = hydra.main(version_base="1.3", config_path=str(config_folder()), config_name="config")(one)
     arguments = ["dry=true" if word == "--dry" else word for word in arguments]
     words = [typed for word in arguments for typed in typed_seeds(word)]
     words = swept_addresses(words) if {"-m", "--multirun"} & set(arguments) else without_addresses(words)
     sys.argv = ["jerkbench run", *arranged_words([*folder_words(), *words])]
-    app()
+    return app
 
 
 class Conclude(Callback):
