@@ -37,17 +37,16 @@ from jerkbench.hydra_app.typed_words import arranged_words, refuse_mappings
 from jerkbench.hydra_app.words import Words, cluster_of
 from jerkbench.jobs.cluster import LOCAL
 from jerkbench.jobs.inputs import shared_inputs
-from jerkbench.jobs.job import Job
-from jerkbench.jobs.names import refusal
+from jerkbench.jobs.names import refusal, require_sensible
 from jerkbench.jobs.plan import Plan, planned
 from jerkbench.jobs.preflight import first_remarks
 from jerkbench.jobs.progress import Progress, Pulse, duration
 from jerkbench.jobs.run import run_missing
 from jerkbench.presets import config_folder, folder_words
 from jerkbench.report.choice import Choice, figures_choice
-from jerkbench.results.manifest import stretches, write_manifest
+from jerkbench.results.manifest import stretches
 from jerkbench.results.store import Store
-from jerkbench.results.study import load_study, write_study
+from jerkbench.results.study import concluded
 
 
 def prepared_app(arguments: Sequence[str]) -> Callable[[], Any]:
@@ -102,7 +101,8 @@ def one(config: DictConfig) -> None:
         if (reason := refusal(job)) and sweeping:
             print(f"Left out: {reason}.", file=sys.stderr)
             return
-        plan = _planned_alone(job)
+        require_sensible(job)
+        plan = planned([job])
         for line in first_remarks(plan.jobs, shared_inputs()):
             print(line, file=sys.stderr)
         if config.dry:
@@ -134,7 +134,9 @@ def score_files(words: Words, pattern: str, label: str, dataset: Mapping[str, An
     Raises:
         JerkbenchError: a file cannot be scored; nothing is stored then.
     """
-    plan = _planned_alone(words.job(dataset or {}, file=pattern, label=label))
+    job = words.job(dataset or {}, file=pattern, label=label)
+    require_sensible(job)
+    plan = planned([job])
     store = Store(study_folder(words.config))
     run_missing(plan, store, strict=True, progress=Progress(0), threads=os.cpu_count() or 1)
     _show(plan, store, words.config)
@@ -150,13 +152,6 @@ def _sentences() -> Iterator[None]:
         exit_with(error)
 
 
-def _planned_alone(job: Job) -> Plan:
-    """The plan of one job; refuses one that makes no sense."""
-    if reason := refusal(job):
-        raise PluginError(f"This combination makes no sense: {reason}.")
-    return planned([job])
-
-
 def _show(plan: Plan, store: Store, config: DictConfig) -> None:
     """Print rows and notes at once, for files and figures take longer than the run; then write the study."""
     from jerkbench.report.tables.terminal import print_run
@@ -166,5 +161,4 @@ def _show(plan: Plan, store: Store, config: DictConfig) -> None:
     print_run(stored.rows)
     for note in stored.metadata["notes"]:
         print(note, flush=True)
-    write_manifest(folder, plan.draws, list(config.notes), sys.argv, tags=list(config.tags))
-    write_study(load_study(folder, prefer=list(plan.draws)))
+    concluded(folder, plan.draws, list(config.notes), sys.argv, tags=list(config.tags))

@@ -27,9 +27,8 @@ from jerkbench.jobs.preflight import first_complaints, first_remarks
 from jerkbench.jobs.progress import Pulse, duration
 from jerkbench.jobs.run import run_missing
 from jerkbench.report.choice import figures_choice
-from jerkbench.results.manifest import write_manifest
 from jerkbench.results.store import Store
-from jerkbench.results.study import Study, load_study, write_study
+from jerkbench.results.study import Study, concluded, load_study
 
 # The end of a sweep: manifest, tables, figures, report, and the exit code that they come to.
 
@@ -49,9 +48,7 @@ def conclude_study(
         return None
     store.compact()
     there = {key: () if key in gone else own for key, own in seeds.items()}
-    write_manifest(folder, there, list(config.notes), sys.argv, level, list(config.tags))
-    study = load_study(folder, prefer=list(seeds))
-    table = write_study(study)
+    study, table = concluded(folder, there, list(config.notes), sys.argv, level, list(config.tags))
     shown = study.only(seeds)
     if len(shown.rows) == len(study.rows):
         print_beginning(table)
@@ -135,7 +132,7 @@ def launch(loader: ConfigLoader, config: DictConfig, jobs: Sequence[Sequence[str
             for end.look in looks_left(planned_looks(plan, config.seeds, config.max_seeds), store):
                 run_missing(end.look.plan, store, workers)
                 draws = end.look.plan.draws
-                if end.look.last or not undecided(load_study(store.folder.parent, list(draws), draws), end.look.level):
+                if end.look.last or not undecided(load_study(store.folder.parent, draws), end.look.level):
                     break
         if code := _concluded(end, store, config):
             raise SystemExit(code)

@@ -21,7 +21,7 @@ from jerkbench.hydra_app.words import cluster_of, composed
 from jerkbench.jobs.cluster import LOCAL, Workers
 from jerkbench.jobs.inputs import shared_inputs
 from jerkbench.jobs.job import Job
-from jerkbench.jobs.names import refusal
+from jerkbench.jobs.names import require_sensible
 from jerkbench.jobs.pool import processors
 from jerkbench.jobs.progress import Progress
 from jerkbench.optional import is_attitude_only
@@ -162,8 +162,8 @@ def tune_all(words: TuneWords) -> None:
     workers, threads = (Workers(), count) if chosen == LOCAL else (Workers(chosen, count), 1)
     effort = _effort(options, threads, alone=is_attitude_only(jobs[0][0].method.filter))
     efforts = [effort for _ in jobs]
-    for scenarios in jobs:
-        _require_sense(scenarios)
+    for job in itertools.chain.from_iterable(jobs):
+        require_sensible(job)
     measured = _streams(jobs[0])
     spaces = [space_of(scenarios[0], options.knobs, measured) for scenarios in jobs]
     cases = [cases_of(scenarios, options, config.first_seed) for scenarios in jobs]
@@ -204,12 +204,6 @@ def _effort(options: TuneOptions, threads: int, *, alone: bool) -> Effort:
     name = ("inclination" if alone else "rmse") if options.objective == "auto" else options.objective
     budget = Budget(options.trials, options.sampler, options.finalists, options.sampler_seed)
     return Effort(objective_of(name), budget, options.restarts, tuple(options.knobs), threads)
-
-
-def _require_sense(jobs: Sequence[Job]) -> None:
-    for job in jobs:
-        if reason := refusal(job):
-            raise PluginError(f"This combination makes no sense: {reason}.")
 
 
 def _tuned(
