@@ -33,7 +33,7 @@ def test_of_two_results_of_one_name_the_planned_one_is_shown_even_if_it_is_older
     put(tmp_path, "4e", 0.2, created="2026-02-01T00:00:00Z", code="b")
 
     assert shown(load_study(tmp_path)) == {"4e": 0.2}
-    assert shown(load_study(tmp_path, prefer=["01d"])) == {"01d": 0.1}
+    assert shown(load_study(tmp_path, {"01d": [0]})) == {"01d": 0.1}
     write_manifest(tmp_path, {"01d": [0]}, [], ["jerkbench"])
     assert shown(load_study(tmp_path)) == {"01d": 0.1}
     write_study(load_study(tmp_path))  # it raised where two rows had one name
