@@ -233,7 +233,7 @@ def report(
     Raises:
         JerkbenchError: there are no results.
     """
-    from jerkbench.jobs.pool import processors
+    from jerkbench.jobs.cluster import processors
     from jerkbench.report.choice import figures_choice
     from jerkbench.results.replay import tell_left_out
     from jerkbench.results.study_figures import REPORT, Request, draw_study, write_report

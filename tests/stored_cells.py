@@ -1,6 +1,6 @@
 """Stored cells as a run leaves them, made without one."""
 
-from jerkbench.jobs.run import RowBlock
+from jerkbench.jobs.blocks import RowBlock
 from jerkbench.results.store import Store
 
 LABELS = {

@@ -427,17 +427,16 @@ main(sys.argv[1:])
 """
 PAUSING = """
 import signal
-from jerkbench.jobs import run
-from jerkbench.jobs.run import Tally
+from jerkbench.jobs import blocks
 
-def pausing(tally, task, result, add=Tally.add, count=[0]):
+def pausing(writer, job, result, add=blocks.Writer.add, count=[0]):
+    add(writer, job, result)
     count[0] += 1
     if count[0] > 3:
         signal.pause()  # until Ctrl-C, however slow its sender is
-    return add(tally, task, result)
 
-Tally.add = pausing
-run.HELD_S = 0.0
+blocks.Writer.add = pausing
+blocks.HELD_S = 0.0
 """
 
 

@@ -54,7 +54,7 @@ def run(plan, folder):
     """Do what `jerkbench run -m` does once it knows its cells; each of them gets a part of its own."""
     store = Store(folder)
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr("jerkbench.jobs.run.HELD_S", 0.0)
+        patched.setattr("jerkbench.jobs.blocks.HELD_S", 0.0)
         with End() as end:
             run_missing(plan, store)
     conclude_study(store, plan.draws, SimpleNamespace(notes=["a note"], tags=[]))

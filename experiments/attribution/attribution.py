@@ -44,9 +44,8 @@ from jerkbench.campaigns.protocol import HALVES, FaultScenario
 from jerkbench.campaigns.search import best_trials, levels_of, losses, mean_losses, seen
 from jerkbench.campaigns.site import Site
 from jerkbench.files import write_text
-from jerkbench.jobs.cluster import Cluster, Local, Workers
+from jerkbench.jobs.cluster import Cluster, Local, Workers, processors
 from jerkbench.jobs.key import code_digest, git_commit, versions
-from jerkbench.jobs.pool import processors
 from jerkbench.presets import preset
 from jerkbench.report.plots.style import MEASURED, OKABE_ITO, save_figure, style_axes
 from jerkbench.tuning.samplers import sampler_of

@@ -18,11 +18,10 @@ from jerkbench.hydra_app.composition import compose_jobs
 from jerkbench.hydra_app.configuration import job_of, study_folder
 from jerkbench.hydra_app.looks import Look, forecast, lines, looks_left, planned_looks, undecided
 from jerkbench.hydra_app.words import cluster_of
-from jerkbench.jobs.cluster import Cluster, ClusterError, Workers
+from jerkbench.jobs.cluster import Cluster, ClusterError, Workers, processors
 from jerkbench.jobs.inputs import shared_inputs
 from jerkbench.jobs.job import Job
 from jerkbench.jobs.plan import Plan, planned
-from jerkbench.jobs.pool import processors
 from jerkbench.jobs.preflight import first_complaints, first_remarks
 from jerkbench.jobs.progress import Pulse, duration
 from jerkbench.jobs.run import run_missing

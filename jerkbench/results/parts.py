@@ -20,8 +20,8 @@ import pyarrow.parquet as pq
 from jerkbench.errors import JerkbenchError
 from jerkbench.evaluation.evaluated_run import RUN
 from jerkbench.files import exists
+from jerkbench.jobs.blocks import RowBlock
 from jerkbench.jobs.labels import Labels
-from jerkbench.jobs.run import RowBlock
 
 # A part of the store: one Parquet file with runs of many cells, its digest in its name.
 #

@@ -13,10 +13,10 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from jerkbench.errors import JerkbenchError
+from jerkbench.jobs.blocks import RowBlock
 from jerkbench.jobs.job import Job
 from jerkbench.jobs.key import WHAT
 from jerkbench.jobs.rows import Row
-from jerkbench.jobs.run import RowBlock
 from jerkbench.notices import notify
 from jerkbench.plain import plain
 from jerkbench.results.content import (

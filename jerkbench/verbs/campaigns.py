@@ -93,7 +93,7 @@ def audit_verb(chosen: argparse.Namespace) -> None:
     from jerkbench.audit.protocol import read_protocol
     from jerkbench.audit.study import FOLDER, run_audit, text_of
     from jerkbench.hydra_app.words import cluster_named
-    from jerkbench.jobs.pool import processors
+    from jerkbench.jobs.cluster import processors
 
     if chosen.what:
         _audit_attitude(chosen, chosen.results / f"{FOLDER}{chosen.what}", chosen.workers or processors())
@@ -149,8 +149,7 @@ def suite_run_verb(chosen: argparse.Namespace) -> None:
     """
     from jerkbench.campaigns.site import Site
     from jerkbench.hydra_app.words import cluster_named
-    from jerkbench.jobs.cluster import Workers
-    from jerkbench.jobs.pool import processors
+    from jerkbench.jobs.cluster import Workers, processors
     from jerkbench.suite.enter import enter
 
     entrant = (_attitude_entrant if chosen.scale.startswith(ATTITUDES) else _entrant)(chosen.words)

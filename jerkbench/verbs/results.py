@@ -131,7 +131,7 @@ def figures_verb(chosen: argparse.Namespace) -> None:
     Raises:
         JerkbenchError: there are no results, or no such method, scenario or seed.
     """
-    from jerkbench.jobs.pool import processors
+    from jerkbench.jobs.cluster import processors
     from jerkbench.report.choice import Choice
     from jerkbench.report.plots.style import BETWEEN
     from jerkbench.results.replay import tell_left_out
@@ -177,7 +177,7 @@ def report_verb(chosen: argparse.Namespace) -> None:
     Raises:
         JerkbenchError: there are no results, or the file cannot be one.
     """
-    from jerkbench.jobs.pool import processors
+    from jerkbench.jobs.cluster import processors
     from jerkbench.results.replay import tell_left_out
     from jerkbench.results.study import load_study
     from jerkbench.results.study_figures import REPORT, Request, draw_study, write_report

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from jerkbench.errors import JerkbenchError
-from jerkbench.jobs.run import RowBlock
+from jerkbench.jobs.blocks import RowBlock
 from jerkbench.results import store as store_of_cells
 from jerkbench.results.manifest import read_manifest, write_manifest
 from jerkbench.results.parts import PartFiles

@@ -5,9 +5,9 @@ import re
 import pytest
 
 from jerkbench.errors import JerkbenchError, PluginError, RecordingError
+from jerkbench.jobs.blocks import RowBlock
 from jerkbench.jobs.job import Protocol, build
 from jerkbench.jobs.plan import planned
-from jerkbench.jobs.run import RowBlock
 from jerkbench.report.analysis.findings import findings
 from jerkbench.report.analysis.study_verdicts import study_verdicts
 from jerkbench.report.tables.summary import summarise
