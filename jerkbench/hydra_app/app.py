@@ -12,6 +12,7 @@ from hydra.experimental.callback import Callback
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 
+from jerkbench.contracts import Estimator, Preparing
 from jerkbench.errors import JerkbenchError, PluginError, exit_with
 from jerkbench.hydra_app.configuration import (
     LAUNCHER,
@@ -31,7 +32,6 @@ from jerkbench.hydra_app.launched_sweep import (
     tell,
 )
 from jerkbench.hydra_app.looks import typed as typed_seeds
-from jerkbench.hydra_app.single_run import draw_single, prepare_drawing
 from jerkbench.hydra_app.sweep_words import swept_addresses, without_addresses
 from jerkbench.hydra_app.typed_words import arranged_words, refuse_mappings
 from jerkbench.hydra_app.words import Words, cluster_of
@@ -45,6 +45,7 @@ from jerkbench.jobs.run import run_missing
 from jerkbench.presets import config_folder, folder_words
 from jerkbench.report.choice import Choice, figures_choice
 from jerkbench.results.manifest import stretches
+from jerkbench.results.run_figures import draw_single
 from jerkbench.results.store import Store
 from jerkbench.results.study import concluded
 
@@ -113,8 +114,9 @@ def one(config: DictConfig) -> None:
             run_missing(plan, store, progress=Progress(0))
             return
         drawing = figures_choice(config.figures) is not Choice.NONE
-        if drawing:
-            prepare_drawing(job)
+        engine, model = job.method.engine, job.method.filter
+        if drawing and isinstance(engine, Preparing) and not isinstance(model, Estimator):
+            engine.prepare(model)  # what a trajectory needs and sums do not: to compile it takes as long as all else
         with Pulse(lambda seconds: f"Running for {duration(seconds)}."):
             run_missing(plan, store, strict=True, progress=Progress(0), threads=os.cpu_count() or 1)
         _show(plan, store, config)

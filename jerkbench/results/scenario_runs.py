@@ -19,9 +19,9 @@ from jerkbench.report.drawings import Scene
 from jerkbench.report.page.script_data import Stretch, largest_of_steps
 from jerkbench.results.content import Stored
 from jerkbench.results.replay import StoredRow, row_of, runnable
+from jerkbench.results.run_figures import file_stem, with_title
 from jerkbench.results.store import Store
 from jerkbench.results.study import Study
-from jerkbench.results.titles import file_stem, with_title
 
 WANTED = (("baseline", "none"), ("jerk", "mtf"), ("jerk", "none"), ("gnss_only", "none"))
 """Filters and adaptations that are drawn where they are there, beside the best one."""
