@@ -16,7 +16,7 @@ from jerkbench.files import write_text
 from jerkbench.filters.command import Command
 from jerkbench.hydra_app.composition import compose_jobs
 from jerkbench.hydra_app.configuration import job_of, study_folder
-from jerkbench.hydra_app.looks import Look, forecast, lines, looks_left, planned_looks, undecided
+from jerkbench.hydra_app.looks import Look, forecast, looks_left, planned_looks, undecided
 from jerkbench.hydra_app.words import cluster_of
 from jerkbench.jobs.cluster import Cluster, ClusterError, Workers, processors
 from jerkbench.jobs.inputs import shared_inputs
@@ -110,7 +110,7 @@ def draw_and_report(study: Study, config: DictConfig, *, run_programs: bool = Fa
 
 def tell(plan: Plan, store: Store, config: DictConfig) -> None:
     """Say what would run."""
-    for line in lines(forecast(plan, store), config.workers or processors()):
+    for line in forecast(plan, store, config.workers or processors()):
         print(line)
     if config.max_seeds:
         print(f"That is the first look; seeds are added up to {config.max_seeds} where a comparison is undecided.")
