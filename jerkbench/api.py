@@ -236,14 +236,15 @@ def report(
     from jerkbench.jobs.cluster import processors
     from jerkbench.report.choice import figures_choice
     from jerkbench.results.replay import tell_left_out
-    from jerkbench.results.study_figures import REPORT, Request, draw_study, write_report
+    from jerkbench.results.study_figures import Request
+    from jerkbench.results.study_report import REPORT, write_report
 
     opened = _opened(study)
     written = Path(path) if path else opened.folder / REPORT
     request = Request(figures_choice(figures), scenarios, run_programs=run_programs)
     workers = 1 if plugins.any_of_script() else processors()
     tell_left_out(opened, run_programs=run_programs)
-    write_report(opened, draw_study(opened, request, workers), written)
+    write_report(opened, written, request, workers)
     return written
 
 

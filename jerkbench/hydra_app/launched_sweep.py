@@ -91,7 +91,7 @@ def draw_and_report(study: Study, config: DictConfig, *, run_programs: bool = Fa
     """
     if not config.report:
         return 0
-    from jerkbench.results.study_figures import present
+    from jerkbench.results.study_report import present
 
     try:
         choice = figures_choice(config.figures)

@@ -155,8 +155,8 @@ def frame(table: pa.Table, names: Iterable[str]) -> pd.DataFrame:
 def _ranks(column: pa.ChunkedArray) -> IntArray:
     """Return the place of each text among the texts in order."""
     encoded = column.combine_chunks().dictionary_encode()
-    ranks: IntArray = np.argsort(np.argsort(np.array(encoded.dictionary.to_pylist(), dtype=object)))
-    return ranks[encoded.indices.to_numpy()]
+    ranks = np.argsort(np.argsort(np.array(encoded.dictionary.to_pylist(), dtype=object)))
+    return np.asarray(ranks[encoded.indices.to_numpy()], np.int64)
 
 
 def _metadata(first: pa.Table) -> list[dict[str, Any]]:
