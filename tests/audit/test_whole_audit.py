@@ -48,7 +48,7 @@ def protocol():
 def files_apart():
     """Small files are not joined, so that one of them can be lost."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("jerkbench.results.store.MANY", 1000)
+        patch.setattr("jerkbench.results.store.MANY_PARTS", 1000)
         yield
 
 
